@@ -1,0 +1,66 @@
+"""liemech: mechanics on Lie groups, with integrators that keep the geometry.
+
+    import liemech as lm
+
+    body = lm.RigidBody([1.0, 1.5, 2.0])
+    start = body.state(mu=[0.5, 0.0, 0.75**0.5], g=np.eye(3))
+    run = lm.integrate(body, lm.RKMK(order=4), start, h=0.1, steps=10_000)
+
+Spaces are objects and their elements arrays; a system is stepped by a method, `integrate` owns the loop, a `Trajectory` the samples.
+"""
+
+from . import errors
+from .groups.coadjoint import CoadjointAction, coadjoint
+from .groups.lie_algebra import LieAlgebra
+from .groups.lie_group import LieGroup
+from .groups.so3 import SO3, SO3Algebra
+from .integrate import integrate
+from .integrators.method import Method
+from .integrators.rkmk import RKMK
+from .integrators.variational import CovariantVariational
+from .models.rigid_body import RigidBody
+from .native import Mat, Record, Vec, cross, dot, mat, norm, outer, record, vec
+from .retractions import Cayley, Exponential, Retraction
+from .systems.hamiltonian import Hamiltonian
+from .systems.kinetic_energy import KineticEnergy
+from .systems.lagrangian import Lagrangian
+from .systems.lie_poisson import BodyState, LiePoissonSystem
+from .tableaus.butcher import ButcherTableau
+from .trajectory import Trajectory
+
+__version__ = "0.1.0"
+
+__all__ = [
+    "SO3",
+    "BodyState",
+    "ButcherTableau",
+    "Cayley",
+    "CoadjointAction",
+    "CovariantVariational",
+    "Exponential",
+    "Hamiltonian",
+    "KineticEnergy",
+    "Lagrangian",
+    "LieAlgebra",
+    "LieGroup",
+    "LiePoissonSystem",
+    "Mat",
+    "Method",
+    "RKMK",
+    "Record",
+    "Retraction",
+    "RigidBody",
+    "SO3Algebra",
+    "Trajectory",
+    "Vec",
+    "coadjoint",
+    "cross",
+    "dot",
+    "errors",
+    "integrate",
+    "mat",
+    "norm",
+    "outer",
+    "record",
+    "vec",
+]

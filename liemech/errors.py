@@ -1,0 +1,84 @@
+"""Everything that liemech raises, one tree.
+
+    LiemechError
+    ├── InvalidInput         a wrong call: names the argument, the value and the cure             (also a ValueError)
+    ├── InvalidType          a wrong call: an argument of the wrong type                           (also a TypeError)
+    ├── IncompatibleSystem   this method does not accept this system; says which methods do        (also a TypeError)
+    ├── NotCompilable        a formula uses what native code cannot express: class, method, line   (also a TypeError)
+    ├── MissingExtra         an optional package is needed; says how to install it                 (also an ImportError)
+    ├── LawViolation         a group, algebra, tableau or structure breaks a law it must obey      (also a ValueError)
+    └── IntegrationFailure   a run that ended early; `.trajectory` holds every accepted sample     (also an ArithmeticError)
+        ├── NoConvergence       an implicit step could not be solved
+        ├── OutsideChart        the step leaves the domain where the retraction is a chart
+        ├── NotFinite           a step produced inf or nan
+        └── InconsistentState   the state is off the group, the orbit or the constraint
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from .trajectory import Trajectory
+
+
+class LiemechError(Exception):
+    """Base of every error raised by liemech."""
+
+
+class InvalidInput(LiemechError, ValueError):
+    """An argument has a value that cannot be meant."""
+
+
+class InvalidType(LiemechError, TypeError):
+    """An argument is of a type that cannot be meant."""
+
+
+class IncompatibleSystem(LiemechError, TypeError):
+    """The method does not accept the system."""
+
+
+class NotCompilable(LiemechError, TypeError):
+    """A formula cannot be turned into native code; it still runs in plain Python."""
+
+
+class MissingExtra(LiemechError, ImportError):
+    """An optional package is needed: the message ends with the command that installs it."""
+
+    def __init__(self, message: str, extra: str) -> None:
+        super().__init__(f'{message}: pip install "liemech[{extra}]"')
+        self.extra = extra
+
+
+class LawViolation(LiemechError, ValueError):
+    """A law of the mathematics does not hold for an object that claims it."""
+
+
+class InertiaWarning(UserWarning):
+    """The inertia can be integrated but belongs to no rigid body made of positive masses."""
+
+
+class NotCompiledWarning(UserWarning):
+    """A formula could not be compiled and runs, much slower, in plain Python."""
+
+
+class IntegrationFailure(LiemechError, ArithmeticError):
+    """A run ended before its last step; `trajectory` holds every sample that was accepted."""
+
+    trajectory: Trajectory | None = None
+
+
+class NoConvergence(IntegrationFailure):
+    """An implicit step could not be solved."""
+
+
+class OutsideChart(IntegrationFailure):
+    """The step leaves the domain on which the retraction is a chart of the group."""
+
+
+class NotFinite(IntegrationFailure):
+    """A step produced an infinity or a nan."""
+
+
+class InconsistentState(IntegrationFailure):
+    """The state is not on the group, the orbit or the constraint manifold."""

@@ -1,0 +1,1 @@
+"""Geometry: Lie groups, their algebras and their coadjoint actions."""

@@ -1,0 +1,77 @@
+"""A Lie group acting on the dual of its algebra: the home of momenta."""
+
+from __future__ import annotations
+
+from typing import final
+
+import numpy as np
+
+from ..native import Mat, Record, Vec, dot, record
+from .lie_group import LieGroup
+
+
+@record
+class CoadjointAction(Record):
+    """The coadjoint action of a group, its orbits, and the Poisson bracket whose symplectic leaves they are.
+
+    Two actions go by this name.  `Ad_star(g, mu)`, the dual of Ad_g, is a right action; `K(g, mu) = Ad_star(g^-1, mu)` is a left
+    action.  If g turns body into space, K takes a body momentum to space and Ad_star a spatial momentum to the body.
+
+    1. A subclass writes nothing: `group` is enough.
+    2. It may add `casimirs` where the group knows none.
+    3. The rest follows.
+
+    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., sections 13.1, 14.1 and 14.3.
+    """
+
+    group: LieGroup
+
+    # ---------------------------------------------------------------- 2. closed forms are welcome
+
+    def casimirs(self, mu: Vec) -> Vec:
+        """The Casimir functions at mu, constant on orbits.  mu : (dim,)."""
+        return self.group.casimirs(mu)
+
+    # ---------------------------------------------------------------- 3. what follows
+
+    @final
+    def Ad_star(self, g: Mat, mu: Vec) -> Vec:
+        """The right action, <Ad*_g mu, xi> = <mu, Ad_g xi>.  g : (n, n), mu : (dim,)."""
+        return self.group.Ad_star(g, mu)
+
+    @final
+    def K(self, g: Mat, mu: Vec) -> Vec:
+        """The left action K_g mu = Ad*_{g^-1} mu.  g : (n, n), mu : (dim,)."""
+        return self.group.K(g, mu)
+
+    @final
+    def ad_star(self, xi: Vec, mu: Vec) -> Vec:
+        """The infinitesimal right action, d/ds Ad*_exp(s xi) mu = ad*_xi mu at s = 0.  xi, mu : (dim,)."""
+        return self.group.ad_star(xi, mu)
+
+    @final
+    def poisson_structure(self, mu: Vec) -> Mat:
+        """The minus Lie-Poisson structure B(mu): mu' = B(mu) grad H(mu).  mu : (dim,), B : (dim, dim)."""
+        return self.group.algebra.poisson_structure(mu)
+
+    @final
+    def symplectic_form(self, mu: Vec, xi: Vec, eta: Vec) -> float:
+        """The Kirillov-Kostant-Souriau form of the orbit at mu, on the tangent vectors ad*_xi mu and ad*_eta mu: -<mu, [xi, eta]>.
+
+        mu, xi, eta : (dim,).  Source: Marsden and Ratiu, theorem 14.4.1, minus sign.
+        """
+        return -dot(mu, self.group.ad(xi, eta))
+
+    @final
+    def on_same_orbit(self, mu: Vec, nu: Vec, tolerance: float = 1e-12) -> bool:
+        """Do the known Casimirs of mu and nu agree, relative to their size?  Necessary; sufficient on SO(3).  mu, nu : (dim,)."""
+        a, b = np.array(self.casimirs(mu), dtype=float), np.array(self.casimirs(nu), dtype=float)
+        return bool(np.all(np.abs(a - b) <= tolerance * np.maximum(np.abs(a), np.abs(b))))
+
+    def _shape(self, argument: str, axes: int) -> tuple[int, ...] | None:
+        return self.group._shape(argument, axes)
+
+
+def coadjoint(group: LieGroup) -> CoadjointAction:
+    """The coadjoint action of a group."""
+    return CoadjointAction(group)

@@ -1,0 +1,106 @@
+"""Lie algebras: the vector space of velocities, its bracket, and what follows from them."""
+
+from __future__ import annotations
+
+from typing import final
+
+import numpy as np
+
+from ..errors import LawViolation
+from ..native import Mat, Record, Vec, dot, identity_matrix, mat, record, vec
+
+Constants = tuple[tuple[tuple[float, ...], ...], ...]
+
+
+@record
+class LieAlgebra(Record):
+    """A real Lie algebra, in coordinates with respect to a basis E_1, ..., E_dim.
+
+    Its elements, velocities, are coordinate vectors `xi` of shape (dim,).  The elements of its dual, momenta, are coordinate
+    vectors `mu` with respect to the dual basis, so that the pairing <mu, xi> is the scalar product.
+
+    1. A subclass writes `dim` and `structure_constants`.
+    2. It may replace `bracket`, `ad_star`, `hat` and `vee` by closed forms.
+    3. The rest follows.
+
+    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., sections 9.1, 13.1 and 14.1.
+    """
+
+    # ---------------------------------------------------------------- 1. a subclass writes
+
+    @property
+    def dim(self) -> int:
+        """The dimension of the algebra and of its group."""
+        raise NotImplementedError(f"{type(self).__name__} must define `dim`")
+
+    @property
+    def structure_constants(self) -> Constants:
+        """c[k][i][j] with [E_i, E_j] = sum_k c[k][i][j] E_k, as nested tuples of numbers."""
+        raise NotImplementedError(f"{type(self).__name__} must define `structure_constants`")
+
+    # ---------------------------------------------------------------- 2. closed forms are welcome
+
+    def bracket(self, xi: Vec, eta: Vec) -> Vec:
+        """The Lie bracket, [xi, eta]^k = c^k_ij xi^i eta^j.  xi, eta : (dim,)."""
+        return vec(*[_bilinear(c, xi, eta) for c in self.structure_constants])
+
+    def ad_star(self, xi: Vec, mu: Vec) -> Vec:
+        """The dual of the bracket, <ad*_xi mu, eta> = <mu, [xi, eta]>, the plain transpose of ad_xi.
+
+        Momenta obey the Euler-Poincare equation mu' = ad*_xi mu.  xi, mu : (dim,).
+        """
+        return vec(*[dot(mu, self.bracket(xi, unit)) for unit in identity_matrix(self.dim)])
+
+    def hat(self, xi: Vec) -> Mat:
+        """The matrix that represents xi, for algebras of matrices.  xi : (dim,)."""
+        raise NotImplementedError(f"{type(self).__name__} is not given as an algebra of matrices")
+
+    def vee(self, matrix: Mat) -> Vec:
+        """The coordinates of a matrix of the algebra: the inverse of `hat`."""
+        raise NotImplementedError(f"{type(self).__name__} is not given as an algebra of matrices")
+
+    # ---------------------------------------------------------------- 3. what follows
+
+    @final
+    def ad(self, xi: Vec, eta: Vec) -> Vec:
+        """The adjoint representation, ad_xi eta = [xi, eta].  xi, eta : (dim,)."""
+        return self.bracket(xi, eta)
+
+    @final
+    def poisson_structure(self, mu: Vec) -> Mat:
+        """The minus Lie-Poisson structure matrix, B_ij(mu) = -c^k_ij mu_k: mu' = B(mu) grad H(mu).  mu : (dim,), B : (dim, dim)."""
+        return mat(*[self.ad_star(unit, mu) for unit in identity_matrix(self.dim)]).T
+
+    @final
+    def check(self) -> None:
+        """Verify that the bracket is antisymmetric and obeys the Jacobi identity, to rounding.
+
+        c^k_ij = -c^k_ji and c^a_ib c^b_jk + cyclic(i, j, k) = 0.  Raises LawViolation with the largest defect and where it is.
+        """
+        basis = list(identity_matrix(self.dim))
+        c = np.array([[self.bracket(a, b) for b in basis] for a in basis], dtype=float)  # c[i, j] = [E_i, E_j]
+        scale = np.abs(c).max(initial=0.0)
+        antisymmetry = c + c.transpose(1, 0, 2)
+        nested = np.einsum("jkb,iba->ijka", c, c)
+        jacobi = nested + nested.transpose(1, 2, 0, 3) + nested.transpose(2, 0, 1, 3)
+        for law, defect, size in (("antisymmetry", antisymmetry, scale), ("the Jacobi identity", jacobi, scale**2)):
+            worst = np.unravel_index(np.abs(defect).argmax(), defect.shape)
+            if abs(defect[worst]) > 64 * np.finfo(float).eps * size:
+                indices = tuple(int(i) + 1 for i in worst[:-1])
+                raise LawViolation(
+                    f"{type(self).__name__}.bracket breaks {law} at the basis elements {indices}: "
+                    f"defect {defect[worst]:.1e}, structure constants up to {scale:.1e}"
+                )
+
+    def _shape(self, argument: str, axes: int) -> tuple[int, ...] | None:
+        return (self.dim,) if axes == 1 else None
+
+
+def _bilinear(c: tuple[tuple[float, ...], ...], xi: Vec, eta: Vec) -> float:
+    """sum_ij c_ij xi^i eta^j over the constants that are not zero."""
+    total = 0.0
+    for i in range(len(xi)):
+        for j in range(len(eta)):
+            if c[i][j] != 0.0:
+                total = total + c[i][j] * (xi[i] * eta[j])
+    return total

@@ -1,0 +1,58 @@
+"""From a rotation matrix back to its axis and angle, by way of the unit quaternion.
+
+Accurate for every angle from 0 to pi, both included.  The formula (theta/(2 sin theta)) vee(R - R^T) of the textbooks
+loses all digits at pi, and the angle from arccos((tr R - 1)/2) loses half of them at 0.
+"""
+
+from __future__ import annotations
+
+from ..native import atan2, sqrt
+from ..native import Mat, Vec, vec
+
+
+def rotation_quaternion(R: Mat) -> Vec:
+    """Unit quaternion (x, y, z, w) of a rotation matrix, scalar part last and w >= 0.
+
+    R = (w^2 - |v|^2) 1 + 2 v v^T + 2 w hat(v) with v = (x, y, z), so the entries of R hold the products of the
+    components.  The four products with one of the components are, up to a factor, the quaternion; a component of at
+    least 1/2 is taken, so nothing small is divided by.  A matrix that is orthogonal only up to rounding gives a unit
+    quaternion just the same.
+
+    R : (3, 3), a rotation (not checked);  returns (4,).
+
+    At half a turn q and -q both have w = 0; the component belonging to the largest diagonal entry is then positive,
+    the first of them if several are equal.
+
+    Source: Shepperd, Quaternion from rotation matrix, J. Guidance and Control 1 (1978), 223.
+    """
+    a, b, c = R[0, 0], R[1, 1], R[2, 2]
+    if a + b + c >= 0.0:
+        q = vec(R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1], 1.0 + (a + b + c))
+    elif a >= b and a >= c:
+        q = vec(1.0 + (a - b - c), R[0, 1] + R[1, 0], R[0, 2] + R[2, 0], R[2, 1] - R[1, 2])
+    elif b >= c:
+        q = vec(R[0, 1] + R[1, 0], 1.0 + (b - c - a), R[1, 2] + R[2, 1], R[0, 2] - R[2, 0])
+    else:
+        q = vec(R[0, 2] + R[2, 0], R[1, 2] + R[2, 1], 1.0 + (c - a - b), R[1, 0] - R[0, 1])
+    size = sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
+    if q[3] < 0.0:
+        size = -size
+    return q / size
+
+
+def rotation_vector(R: Mat) -> Vec:
+    """Rotation vector w of a rotation matrix, exp(hat(w)) = R: axis times angle, 0 <= |w| <= pi.
+
+    w = 2 atan2(|v|, q_w) v/|v| for the quaternion (v, q_w).  The error is below 3 eps |w| for every angle.
+
+    R : (3, 3), a rotation (not checked);  returns (3,), radians.
+
+    The identity gives exact zeros.  At half a turn w and -w are both right; the component belonging to the largest
+    diagonal entry of R is then positive, the first of them if several are equal.
+    """
+    q = rotation_quaternion(R)
+    v = vec(q[0], q[1], q[2])
+    size = sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+    if size == 0.0:
+        return 2.0 * v  # v is zero or its square underflows; q_w is 1
+    return (2.0 * atan2(size, q[3]) / size) * v

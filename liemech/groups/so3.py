@@ -1,0 +1,200 @@
+"""The rotation group SO(3), its algebra of angular velocities, and its action on angular momenta."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..native import Mat, Vec, cross, dot, mat, outer, record, vec
+from .lie_algebra import Constants, LieAlgebra
+from .lie_group import LieGroup
+from .rotation_coefficients import bernoulli, bernoulli_slope, segment, sinc, versine
+from .rotation_logarithm import rotation_quaternion, rotation_vector
+
+TOLERANCE = 1e-6
+"""Matrices farther than this from orthogonal are no rotations with rounding errors but mistakes."""
+
+
+@record
+class SO3Algebra(LieAlgebra):
+    """so(3): angular velocities w in R^3 with the vector product, [hat a, hat b] = hat(a x b).
+
+    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 9.2.
+    """
+
+    @property
+    def dim(self) -> int:
+        """Three."""
+        return 3
+
+    @property
+    def structure_constants(self) -> Constants:
+        """The Levi-Civita symbol."""
+        return (
+            ((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, -1.0, 0.0)),
+            ((0.0, 0.0, -1.0), (0.0, 0.0, 0.0), (1.0, 0.0, 0.0)),
+            ((0.0, 1.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 0.0, 0.0)),
+        )
+
+    def bracket(self, xi: Vec, eta: Vec) -> Vec:
+        """xi x eta."""
+        return cross(xi, eta)
+
+    def ad_star(self, xi: Vec, mu: Vec) -> Vec:
+        """mu x xi: Euler's equation is mu' = mu x xi."""
+        return cross(mu, xi)
+
+    def hat(self, xi: Vec) -> Mat:
+        """The antisymmetric matrix with hat(w) x = w x x."""
+        return mat(vec(0.0, -xi[2], xi[1]), vec(xi[2], 0.0, -xi[0]), vec(-xi[1], xi[0], 0.0))
+
+    def vee(self, matrix: Mat) -> Vec:
+        """The vector of an antisymmetric matrix, of the antisymmetric part of any other."""
+        m = matrix
+        return 0.5 * vec(m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1])
+
+
+@record
+class SO3(LieGroup):
+    """Rotations: g is the orthogonal matrix that turns body coordinates into space coordinates.
+
+    With th = |w|, x = th^2, W = hat(w):  exp w = 1 + (sin th/th) W + ((1 - cos th)/x) W^2,  cay w = 1 + 4/(4 + x) (W + W^2/2).
+
+    Source: Iserles et al., Lie-group methods, Acta Numerica 9 (2000), appendix B; Hairer, Lubich, Wanner, IV.8.3.
+    """
+
+    @property
+    def algebra(self) -> SO3Algebra:
+        """so(3)."""
+        return SO3Algebra()
+
+    def identity(self) -> Mat:
+        """The unit matrix."""
+        return mat(vec(1.0, 0.0, 0.0), vec(0.0, 1.0, 0.0), vec(0.0, 0.0, 1.0))
+
+    def inverse(self, g: Mat) -> Mat:
+        """The transpose."""
+        return g.T
+
+    def Ad(self, g: Mat, xi: Vec) -> Vec:
+        """g xi."""
+        return g @ xi
+
+    def Ad_star(self, g: Mat, mu: Vec) -> Vec:
+        """g^T mu."""
+        return mu @ g
+
+    def objection(self, g: np.ndarray) -> str | None:
+        """Orthogonal to 1e-6 and no reflection."""
+        defect = np.abs(np.swapaxes(g, -1, -2) @ g - np.eye(3)).max(axis=(-1, -2), initial=0.0)
+        worst = float(defect.max(initial=0.0))
+        if not worst <= TOLERANCE:
+            return f"g^T g differs from the unit matrix by {worst:.1e}, more than {TOLERANCE:.0e}"
+        if (np.linalg.det(g) < 0).any():
+            return "its determinant is -1, it is a reflection"
+        return None
+
+    def casimirs(self, mu: Vec) -> Vec:
+        """|mu|^2: momenta move on spheres."""
+        return vec(dot(mu, mu))
+
+    # ---------------------------------------------------------------- exponential
+
+    def exp(self, xi: Vec) -> Mat:
+        """The rotation about xi by the angle |xi|."""
+        x = dot(xi, xi)
+        return _rotation(sinc(x), versine(x), xi)
+
+    def log(self, g: Mat) -> Vec:
+        """The rotation vector, of length at most pi."""
+        return rotation_vector(g)
+
+    def quaternion(self, g: Mat) -> Vec:
+        """The unit quaternion (x, y, z, w) of a rotation, scalar last and not negative.  g : (3, 3)."""
+        return rotation_quaternion(g)
+
+    def exp_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
+        """exp(-hat xi) mu, without forming the matrix."""
+        x, w = dot(xi, xi), cross(xi, mu)
+        return mu + (versine(x) * cross(xi, w) - sinc(x) * w)
+
+    def dexp(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
+        """eta + b xi x eta + c xi x (xi x eta), b = (1 - cos th)/th^2, c = (th - sin th)/th^3."""
+        u = xi if side == "right" else -xi
+        x, w = dot(u, u), cross(u, eta)
+        return eta + (versine(x) * w + segment(x) * cross(u, w))
+
+    def dexp_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
+        """eta - xi x eta/2 + d xi x (xi x eta), d = (1 - (th/2) cot(th/2))/th^2; defined for |xi| < 2 pi."""
+        u = xi if side == "right" else -xi
+        w = cross(u, eta)
+        return eta + (bernoulli(dot(u, u)) * cross(u, w) - 0.5 * w)
+
+    def dexp_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+        """mu + xi x mu/2 + d xi x (xi x mu): the other side's inverse differential."""
+        return self.dexp_inv(xi, mu, "left" if side == "right" else "right")
+
+    def dexp_inv_dual_derivatives(self, xi: Vec, mu: Vec) -> tuple[Mat, Mat]:
+        """Of mu + xi x mu/2 + d(x) xi x (xi x mu), x = |xi|^2:
+
+        by mu  1 + W/2 + d (xi xi^T - x),
+        by xi  -hat(mu)/2 + d ((xi . mu) + xi mu^T - 2 mu xi^T) + 2 d'(x) (xi x (xi x mu)) xi^T.
+        """
+        x, twice = dot(xi, xi), cross(xi, cross(xi, mu))
+        d, slope = bernoulli(x), 2.0 * bernoulli_slope(x)
+        by_xi = outer(d * xi, mu) + outer(slope * twice - (2.0 * d) * mu, xi)
+        return _rotation(0.5, d, xi), _plus(by_xi - 0.5 * self.algebra.hat(mu), d * dot(xi, mu))
+
+    # ---------------------------------------------------------------- Cayley map
+
+    def cayley(self, xi: Vec) -> Mat:
+        """The rotation about xi by the angle 2 atan(|xi|/2)."""
+        f = 4.0 / (4.0 + dot(xi, xi))
+        return _rotation(f, 0.5 * f, xi)
+
+    def cayley_inv(self, g: Mat) -> Vec:
+        """2 tan(angle/2) times the axis; infinite at half a turn."""
+        q = rotation_quaternion(g)
+        return (2.0 / q[3]) * vec(q[0], q[1], q[2])
+
+    def cayley_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
+        """cay(-hat xi) mu, without forming the matrix."""
+        f, w = 4.0 / (4.0 + dot(xi, xi)), cross(xi, mu)
+        return mu + f * (0.5 * cross(xi, w) - w)
+
+    def dcayley(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
+        """4/(4 + |xi|^2) (eta + xi x eta/2)."""
+        u = xi if side == "right" else -xi
+        return (4.0 / (4.0 + dot(u, u))) * (eta + 0.5 * cross(u, eta))
+
+    def dcayley_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
+        """eta - xi x eta/2 + xi (xi . eta)/4."""
+        u = xi if side == "right" else -xi
+        return eta + ((0.25 * dot(u, eta)) * u - 0.5 * cross(u, eta))
+
+    def dcayley_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+        """mu + xi x mu/2 + xi (xi . mu)/4: the other side's inverse differential."""
+        return self.dcayley_inv(xi, mu, "left" if side == "right" else "right")
+
+    def dcayley_inv_dual_derivatives(self, xi: Vec, mu: Vec) -> tuple[Mat, Mat]:
+        """Of mu + xi x mu/2 + xi (xi . mu)/4:  by mu  1 + W/2 + xi xi^T/4,  by xi  -hat(mu)/2 + ((xi . mu) + xi mu^T)/4."""
+        quarter = 0.25 * xi
+        by_mu = outer(quarter, xi) + 0.5 * self.algebra.hat(xi)
+        by_xi = outer(quarter, mu) - 0.5 * self.algebra.hat(mu)
+        return _plus(by_mu, 1.0), _plus(by_xi, dot(quarter, mu))
+
+
+def _plus(m: Mat, s: float) -> Mat:
+    """m + s 1."""
+    return mat(vec(m[0, 0] + s, m[0, 1], m[0, 2]), vec(m[1, 0], m[1, 1] + s, m[1, 2]), vec(m[2, 0], m[2, 1], m[2, 2] + s))
+
+
+def _rotation(s: float, b: float, w: Vec) -> Mat:
+    """1 + s hat(w) + b hat(w)^2, the diagonal without cancellation."""
+    xx, yy, zz = w[0] * w[0], w[1] * w[1], w[2] * w[2]
+    xy, xz, yz = b * (w[0] * w[1]), b * (w[0] * w[2]), b * (w[1] * w[2])
+    sx, sy, sz = s * w[0], s * w[1], s * w[2]
+    return mat(
+        vec(1.0 - b * (yy + zz), xy - sz, xz + sy),
+        vec(xy + sz, 1.0 - b * (xx + zz), yz - sx),
+        vec(xz - sy, yz + sx, 1.0 - b * (xx + yy)),
+    )

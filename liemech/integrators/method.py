@@ -1,0 +1,50 @@
+"""What a method is: data, claims, and one pure step."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+from ..errors import IncompatibleSystem
+from ..native import Record, record
+from ..systems.lie_poisson import BodyState
+
+
+@record
+class Method(Record):
+    """A one-step method; subclass it to write your own.
+
+    1. A subclass claims `order`, `symmetric` and `symplectic`, and writes `step`.
+    2. It may say what it needs (`needs`) and keep its own memory from step to step (`start`, `observe`).
+    3. Whoever owns the loop calls `start` once and `step` again and again; `integrate` is such a loop.
+
+    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., II.1 and V.
+    """
+
+    symmetric: ClassVar[bool] = False
+    symplectic: ClassVar[bool] = False
+    needs: ClassVar[tuple[str, ...]] = ("group", "hamiltonian")
+
+    @property
+    def name(self) -> str:
+        """A short name for tables and pictures."""
+        return repr(self)
+
+    def step(self, system: Any, t: float, state: Any, h: float) -> Any:
+        """The state after one step of length h from time t: a formula, without side effects."""
+        raise NotImplementedError(f"{type(self).__name__} must define `step`")
+
+    def start(self, system: Any, state: BodyState, h: float) -> Any:
+        """What `step` carries along, from a state; the state itself unless the method has a memory."""
+        return state
+
+    def observe(self, memory: Any) -> BodyState:
+        """The state in what `step` carries along."""
+        return memory
+
+    def require(self, system: Any) -> None:
+        """Raise IncompatibleSystem, saying what to use instead, unless the method accepts the system."""
+        for need in self.needs:
+            if not hasattr(system, need):
+                raise IncompatibleSystem(
+                    f"{self!r} needs a system with a {need}; {system!r} has none. RKMK accepts every Lie-Poisson system."
+                )

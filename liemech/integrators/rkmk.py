@@ -1,0 +1,100 @@
+"""Runge-Kutta-Munthe-Kaas methods: a Runge-Kutta method for the velocity in the algebra."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ..errors import InvalidInput
+from ..native import Vec, record
+from ..retractions import Exponential, Retraction
+from ..systems.lie_poisson import BodyState
+from ..tableaus.butcher import BY_ORDER, ButcherTableau
+from .method import Method
+
+
+@record
+class RKMK(Method):
+    """A Runge-Kutta-Munthe-Kaas method: momenta stay on their coadjoint orbit and attitudes on the group, whatever the step.
+
+    With g = g_n tau(Omega), mu = Ad*_tau(Omega) mu_n the motion is  Omega' = dtau^-1_Omega xi(t, mu)  (left-trivialised); it is solved
+    by the tableau from Omega = 0:
+
+        Omega_i = h sum_j a_ij k_j,   k_i = dtau^-1_Omega_i xi(t + c_i h, Ad*_tau(Omega_i) mu_n),
+        mu_n+1 = Ad*_tau(Omega) mu_n,   g_n+1 = g_n tau(Omega),   Omega = h sum_j b_j k_j.
+
+    order : of the tableau chosen, 1 to 4; or give a `tableau`.
+    truncation : cut the series of dexp^-1 after ad^truncation; "closed" for its closed form.  The default, order - 2, is enough.
+    Mu and g move by the same increment, so the spatial momentum and the Casimirs are kept to rounding.  The energy is not: it drifts.
+
+    Source: Munthe-Kaas, Appl. Numer. Math. 29 (1999); Hairer, Lubich, Wanner, IV.8.2, algorithm 8.4.
+    """
+
+    order: int = 4
+    tableau: ButcherTableau | None = None
+    truncation: int | str | None = None
+    retraction: Retraction = Exponential()
+
+    def __post_init__(self) -> None:
+        if self.tableau is None:
+            if self.order not in BY_ORDER:
+                raise InvalidInput(f"RKMK: order {self.order!r} has no tableau of its own; choose one of {sorted(BY_ORDER)} or give a tableau")
+            object.__setattr__(self, "tableau", BY_ORDER[self.order])
+        elif not isinstance(self.tableau, ButcherTableau):
+            raise InvalidInput(f"RKMK: tableau must be a ButcherTableau; got {self.tableau!r}")
+        object.__setattr__(self, "order", self.tableau.order)
+        if not isinstance(self.retraction, Retraction):
+            raise InvalidInput(f"RKMK: retraction must be Exponential(), Cayley() or one of yours; got {self.retraction!r}")
+        closed = "closed" if not isinstance(self.retraction, Exponential) else max(self.order - 2, 0)
+        if self.truncation is None:
+            object.__setattr__(self, "truncation", closed)
+        q = self.truncation
+        if q != "closed" and not (type(q) is int and 0 <= q <= 12):
+            raise InvalidInput(f'RKMK: truncation is a number of terms from 0 to 12 or "closed"; got {q!r}')
+        if closed == "closed" and q != "closed":
+            raise InvalidInput(f"RKMK: {self.retraction!r} has a closed differential and no series to cut; leave truncation out")
+        if q != "closed" and q < self.order - 2:
+            raise InvalidInput(f"RKMK: order {self.order} needs truncation >= {self.order - 2}; {q} would lower the order silently")
+
+    @property
+    def name(self) -> str:
+        """RKMK and the order."""
+        return f"RKMK{self.order}"
+
+    def step(self, system: Any, t: float, state: BodyState, h: float) -> BodyState:
+        """One step in the chart at (mu_n, g_n)."""
+        slopes: list[Vec] = []
+        for row, c in zip(self.tableau.A, self.tableau.c):  # type: ignore[union-attr]
+            slopes = [*slopes, self.slope(system, t + c * h, _combination(row, slopes, h), state.mu)]
+        omega = _combination(self.tableau.b, slopes, h)  # type: ignore[union-attr]
+        mu = self.retraction.tau_Ad_star(system.group, omega, state.mu)
+        if state.g is None:
+            return BodyState(mu, None)
+        return BodyState(mu, system.group.compose(state.g, self.retraction.tau(system.group, omega)))
+
+    def slope(self, system: Any, t: float, omega: Vec | None, mu: Vec) -> Vec:
+        """dtau^-1_Omega xi(t, Ad*_tau(Omega) mu), left-trivialised; Omega None is zero."""
+        if omega is None:
+            return system.velocity(mu)
+        xi = system.velocity(self.retraction.tau_Ad_star(system.group, omega, mu))
+        if self.truncation == "closed":
+            return self.retraction.dtau_inv(system.group, omega, xi, "left")
+        return system.group.dexp_inv_series(omega, xi, self.truncation, "left")
+
+    def __repr__(self) -> str:
+        parts = [f"order={self.order}"]
+        if self.tableau is not BY_ORDER.get(self.order):
+            parts = [f"tableau={self.tableau!r}"]
+        if self.truncation != max(self.order - 2, 0):
+            parts.append(f"truncation={self.truncation!r}")
+        if self.retraction != Exponential():
+            parts.append(f"retraction={self.retraction!r}")
+        return f"RKMK({', '.join(parts)})"
+
+
+def _combination(weights: tuple[float, ...], slopes: list[Vec], h: float) -> Vec | None:
+    """h sum_j weights_j slopes_j over the weights that are not zero."""
+    total: Vec | None = None
+    for w, k in zip(weights, slopes):
+        if w != 0.0:
+            total = (h * w) * k if total is None else total + (h * w) * k
+    return total

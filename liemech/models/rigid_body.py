@@ -1,0 +1,96 @@
+"""The free rigid body."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import field
+from typing import Any
+
+import numpy as np
+
+from ..errors import InertiaWarning, InvalidInput
+from ..groups.so3 import SO3
+from ..native import Mat, Vec, real_array, record
+from ..systems.kinetic_energy import KineticEnergy
+from ..systems.lie_poisson import BodyState, LiePoissonSystem
+
+SYMMETRY = 1e-12
+"""An inertia matrix less symmetric than this, relative to its size, is a mistake and not a rounding error."""
+
+
+@record
+class RigidBody(LiePoissonSystem):
+    """A rigid body that turns freely about its centre of mass: Euler's equation mu' = mu x J^-1 mu, and g' = g hat(J^-1 mu).
+
+    inertia : the principal moments, shape (3,), or the symmetric positive matrix J, shape (3, 3), in kg m^2.
+    mu is the angular momentum in the body, in kg m^2/s; g the rotation from body to space.
+
+    Raises InvalidInput if J is not symmetric and positive.  Warns (InertiaWarning) if J breaks the triangle inequality
+    J_1 + J_2 >= J_3: the equations are as good, but no distribution of mass has such moments.
+
+    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., chapter 15.
+    """
+
+    group: SO3 = field(init=False, repr=False, default=SO3())
+    hamiltonian: KineticEnergy = field(init=False, repr=False)
+    inertia: Vec | Mat
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "inertia", _inertia(self.inertia))
+        object.__setattr__(self, "hamiltonian", KineticEnergy(self.inertia))
+
+    @property
+    def lagrangian(self) -> KineticEnergy:
+        """l(xi) = xi . J xi/2."""
+        return self.hamiltonian
+
+    def exact(self, start: BodyState, t: Any) -> BodyState:
+        """The exact motion, by elliptic functions: no integration, any time, error about 1e-13 (1 + |omega| t).
+
+        t : () or (n,), in s, from the start.  Returns mu : (..., 3) and, if the start has a g, g : (..., 3, 3).
+        """
+        from .exact_rigid_body import exact_rigid_body
+
+        times = real_array(t, "RigidBody.exact: t")
+        if times.ndim > 1 or not np.isfinite(times).all():
+            raise InvalidInput(f"RigidBody.exact: t must be a finite time or a row of times; got shape {times.shape}")
+        if start.bodies is not None:
+            raise InvalidInput("RigidBody.exact takes one body at a time; loop over the ensemble")
+        g = None if start.g is None else np.array(start.g)
+        mu, g = exact_rigid_body(np.array(self.inertia), np.array(start.mu), g, times)
+        return BodyState(mu, g)
+
+    def period(self, start: BodyState) -> float:
+        """The time after which the body momentum returns; infinite on the separatrix."""
+        from .exact_rigid_body import momentum_period
+
+        return momentum_period(np.array(self.inertia), np.array(start.mu))
+
+
+def _inertia(value: Any) -> Vec | Mat:
+    """The inertia, checked."""
+    name = "RigidBody: inertia"
+    array = real_array(value, name)
+    if array.shape not in ((3,), (3, 3)):
+        raise InvalidInput(f"{name} has shape {array.shape}; give three principal moments or a 3x3 matrix")
+    bad = np.argwhere(~np.isfinite(array))
+    if len(bad):
+        raise InvalidInput(f"{name}{bad[0].tolist()} is {array[tuple(bad[0])]}; every entry must be finite")
+    moments = array
+    if array.ndim == 2:
+        skew = float(np.abs(array - array.T).max())
+        if skew > SYMMETRY * np.abs(array).max():
+            raise InvalidInput(f"{name} is not symmetric: J and its transpose differ by {skew:.1e}")
+        array = 0.5 * (array + array.T)
+        moments = np.linalg.eigvalsh(array)
+    if moments.min() <= 0.0:
+        raise InvalidInput(f"{name} has the principal moment {moments.min():g}; all must be positive")
+    a, b, c = np.sort(moments)
+    if a + b < c * (1.0 - 4 * np.finfo(float).eps):
+        warnings.warn(
+            f"the principal moments {a:g}, {b:g}, {c:g} break the triangle inequality ({a:g} + {b:g} < {c:g}): "
+            "the motion is computed all the same, but no body made of positive masses has them",
+            InertiaWarning,
+            stacklevel=5,
+        )
+    return Vec.of(array.tolist()) if array.ndim == 1 else Mat.of(array.tolist())

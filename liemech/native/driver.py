@@ -1,0 +1,53 @@
+"""What a driver, the loop that Python starts, needs beyond formulas; in plain Python and, by the compiler, in native code.
+
+A driver is a plain function of values, integers and arrays of float64.  It reads a state out of an array, marches and writes
+results into arrays.  Compiled for an ensemble it does so for several bodies at once, each with its own column of every array.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from .values import Layout, build, layout_of, leaves
+
+
+class Rejected:
+    """What an attempted step gives in plain Python when it raises."""
+
+
+REJECTED = Rejected()
+
+
+def read(array: np.ndarray, start: int, layout: Layout) -> Any:
+    """The value of this layout that lies at `array[start:]`."""
+    return build(layout, iter(array[start : start + layout.width].tolist()))
+
+
+def write(array: np.ndarray, start: int, value: Any) -> None:
+    """Lay the numbers of a value down at `array[start:]`."""
+    for i, x in enumerate(leaves(value, layout_of(value))):
+        array[start + i] = x
+
+
+def attempt(function: Callable[..., Any], *args: Any) -> Any:
+    """`function(*args)`, where formulas may raise; ask `accepted` before using the result."""
+    try:
+        return function(*args)
+    except ArithmeticError:
+        return REJECTED
+
+
+def accepted(value: Any) -> bool:
+    """Did the attempt go through, with a finite result?"""
+    if value is REJECTED:
+        return False
+    return all(map(math.isfinite, leaves(value, layout_of(value))))
+
+
+def any_body(condition: bool) -> bool:
+    """Does the condition hold for any of the bodies that run together?"""
+    return condition

@@ -1,0 +1,505 @@
+"""The compiler's front half: it walks a formula's syntax tree with run-time numbers in place of floats.
+
+What Python knows now it does now: constants fold, static loops are written out, branches on static values disappear, methods
+resolve through the class (inheritance, overriding and `super` included) and are inlined.  Only what depends on run-time numbers
+becomes native code.  The same source serves a single body and an ensemble in lanes, and gives every lane the bits of a single run.
+"""
+
+from __future__ import annotations
+
+import ast
+import builtins
+import dataclasses
+import inspect
+import math
+import operator
+import types
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+from llvmlite import ir
+
+from ..errors import NotCompilable
+from . import functions, vectors
+from .flow import LIVE, NOBODY, RETURN, UNROLL, Env, Flow, Frame, Open, Retype, Undefined
+from .numbers import Emitter, Num
+from .records import Record
+from .source import source_of
+from .values import fill, layout_of, leaves
+from .vectors import Mat, Vec
+
+DEPTH = 100  # nested calls
+
+_OPERATORS: dict[type, Callable[..., Any]] = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
+    ast.FloorDiv: operator.floordiv,
+    ast.Mod: operator.mod,
+    ast.Pow: operator.pow,
+    ast.MatMult: operator.matmul,
+    ast.BitAnd: operator.and_,
+    ast.BitOr: operator.or_,
+    ast.USub: operator.neg,
+    ast.UAdd: operator.pos,
+    ast.Lt: operator.lt,
+    ast.LtE: operator.le,
+    ast.Gt: operator.gt,
+    ast.GtE: operator.ge,
+    ast.Eq: operator.eq,
+    ast.NotEq: operator.ne,
+    ast.Is: operator.is_,
+    ast.IsNot: operator.is_not,
+    ast.In: lambda a, b: a in b,
+    ast.NotIn: lambda a, b: a not in b,
+}
+_REFUSED = {print, input, open, eval, exec, setattr, delattr, globals, locals}
+_STATIC = {f for f in vars(builtins).values() if callable(f) and f not in _REFUSED}
+
+
+class Interpreter(Flow):
+    """Translates formulas into the instructions of one native function."""
+
+    def __init__(self, emitter: Emitter) -> None:
+        super().__init__(emitter)
+        self.failed: ir.Value | None = None  # where a formula that raises says so
+        self.lines: list[str] = []  # innermost first, where translation stopped
+        self.intrinsics: dict[Any, Callable[..., Any]] = {
+            functions.where: self.where,
+            isinstance: _isinstance,
+            min: lambda *x: self.extreme(operator.lt, *x),
+            max: lambda *x: self.extreme(operator.gt, *x),
+            float: lambda x: emitter.num(emitter.cast(x, "f", x.varying)) if isinstance(x, Num) else float(x),
+            bool: self.truth,
+            super: self.super,
+            layout_of: layout_of,
+            math.fabs: abs,
+            np.abs: abs,
+            np.dot: lambda a, b: self.call(vectors.dot, a, b),
+            np.cross: lambda a, b: self.call(vectors.cross, a, b),
+        }
+        for f in (functions.sqrt, *functions.LIBM):
+            name = f.__name__
+            intrinsic = self.elementary(f, "llvm.sqrt" if name == "sqrt" else name)
+            numpy_name = name.replace("asin", "arcsin").replace("acos", "arccos").replace("atan", "arctan")
+            self.intrinsics |= {f: intrinsic, getattr(math, name): intrinsic, getattr(np, numpy_name): intrinsic}
+
+    # -------------------------------------------------------------- calls
+
+    def call(self, function: Any, *args: Any, **options: Any) -> Any:
+        """The value of a call: an intrinsic, a record, a formula to inline, or Python itself on what is known now."""
+        if isinstance(function, types.MethodType):
+            return self.call(function.__func__, function.__self__, *args, **options)
+        intrinsic = self.intrinsics.get(function) if function.__hash__ else None
+        if intrinsic is not None:
+            return intrinsic(*args, **options)
+        if isinstance(function, type) and issubclass(function, Record):
+            return self.construct(function, args, options)
+        if function in (Vec, Mat) or function in _STATIC or getattr(function, "__module__", None) == Vec.of.__module__:
+            if isinstance(function, types.FunctionType) and not function.__qualname__.startswith(("Vec.", "Mat.")):
+                return self.inline(function, args, options)
+            return function(*args, **options)
+        if isinstance(function, types.FunctionType):
+            return self.inline(function, args, options)
+        raise NotCompilable(f"{getattr(function, '__qualname__', repr(function))} is not known to native code")
+
+    def inline(self, function: types.FunctionType, args: tuple[Any, ...], options: dict[str, Any]) -> Any:
+        if len(self.frames) > DEPTH:
+            raise NotCompilable("formulas call each other without end")
+        source = source_of(inspect.unwrap(function))
+        frame = Frame(source, _arguments(source.function, args, options))
+        base, depth = self.base, self.depth
+        if self.frames:
+            self.base = self.active(self.frames[-1].env)
+        self.depth = 0
+        self.frames.append(frame)
+        if isinstance(source.node, ast.Lambda):
+            result = self.expression(source.node.body, frame.env)
+        else:
+            if self.block(source.node.body, frame.env):
+                frame.returns.append(Open(self.builder.block, {RETURN: None}))
+            if not frame.returns:
+                raise NotCompilable("every way through the formula raises")
+            returned: Env = {}
+            self.join(frame.returns, returned)
+            result = returned[RETURN]
+            if isinstance(result, Undefined):
+                raise NotCompilable(f"the returned value has no one form: {result.reason}")
+        self.frames.pop()
+        self.base, self.depth = base, depth
+        return result
+
+    def construct(self, cls: type, args: tuple[Any, ...], options: dict[str, Any]) -> Any:
+        """A record made by a formula: its fields, without the checks of its border."""
+        fields = dataclasses.fields(cls)  # type: ignore[arg-type]
+        given = dict(zip([f.name for f in fields if f.init], args, strict=False)) | options
+        for f in fields:
+            if f.name not in given:
+                if f.default is dataclasses.MISSING or not f.init:
+                    raise NotCompilable(f"{cls.__name__} needs its field {f.name} (derived fields cannot be made by formulas)")
+                given[f.name] = f.default
+        if len(given) != len(fields):
+            raise NotCompilable(f"{cls.__name__} has the fields {[f.name for f in fields]}")
+        return fill(cls, {f.name: given[f.name] for f in fields})
+
+    def super(self) -> Any:
+        source = self.frames[-1].source
+        code = source.function.__code__
+        return super(source.outer("__class__"), self.frames[-1].env[code.co_varnames[0]])  # type: ignore[misc]
+
+    def elementary(self, function: Callable[..., Any], name: str) -> Callable[..., Any]:
+        def value(*x: Any) -> Any:
+            return self.emitter.call(name, *x) if any(isinstance(a, Num) for a in x) else function(*x)
+
+        return value
+
+    def where(self, condition: Any, yes: Any, no: Any) -> Any:
+        condition = self.truth(condition)
+        if isinstance(condition, bool):
+            return yes if condition else no
+        result = self.blend(condition, yes, no)
+        if isinstance(result, Undefined):
+            raise NotCompilable(f"`where`: {result.reason}")
+        return result
+
+    def extreme(self, better: Callable[[Any, Any], Any], *items: Any) -> Any:
+        result, *others = items if len(items) > 1 else items[0]
+        for x in others:
+            result = self.where(better(x, result), x, result)
+        return result
+
+    def truth(self, value: Any) -> Any:
+        if isinstance(value, Num):
+            return value if value.kind == "b" else value != 0
+        return bool(value)
+
+    def attempt(self, function: Any, *args: Any) -> Any:
+        """The value of a call in which formulas may raise; after it, `accepted` tells whether one did."""
+        b, varying = self.builder, self.emitter.lanes > 1
+        if self.failed is None:
+            with b.goto_entry_block():
+                self.failed = b.alloca(self.emitter.type("b", varying))
+        b.store(self.emitter.constant(False, "b", varying).value, self.failed)
+        self.escapes.append([])
+        result = self.call(function, *args)
+        escapes = self.escapes.pop()
+        joined: Env = {}
+        self.join([Open(b.block, {"": result}), *(Open(o.block, {"": self.blank(result)}) for o in escapes)], joined)
+        return joined[""]
+
+    def accepted(self, value: Any) -> Num:
+        """Did the attempt go through, with a finite result?"""
+        total: Any = 0.0
+        for x in leaves(value, layout_of(value)):
+            total = total + x
+        finite = total - total == 0.0
+        failed = self.emitter.num(self.builder.load(self.failed))
+        return self.emitter.logic("and_", finite, self.emitter.negation(failed))
+
+    # -------------------------------------------------------------- statements
+
+    def block(self, statements: list[ast.stmt], env: Env) -> bool:
+        """Translate statements; False if control never comes to their end."""
+        frame = self.frames[-1]
+        for i, node in enumerate(statements):
+            frame.node, frame.env = node, env
+            rest = statements[i + 1 :]
+            if isinstance(node, ast.If) and rest and not node.orelse and _leaves(node.body):
+                test = self.truth(self.expression(node.test, env))
+                if isinstance(test, Num):  # what follows runs only where the branch was not taken
+                    return self.branch(test, node.body, rest, env) and self.running(env)
+                if test:
+                    return self.block(node.body, env)
+                continue
+            if not self.statement(node, env):
+                return False
+            if env.get(LIVE) is NOBODY:
+                return self.running(env)
+        return True
+
+    def running(self, env: Env) -> bool:
+        """True, unless every lane has returned from the call and it can end here."""
+        frame = self.frames[-1]
+        if env.get(LIVE) is not NOBODY or self.depth or frame.loops:
+            return True
+        frame.returns.append(Open(self.builder.block, {RETURN: env.get(RETURN)}))
+        return False
+
+    def statement(self, node: ast.stmt, env: Env) -> bool:
+        match node:
+            case ast.Return():
+                return self.returned(self.expression(node.value, env) if node.value else None, env)
+            case ast.Assign():
+                value = self.expression(node.value, env)
+                for target in node.targets:
+                    self.assign(target, value, env)
+            case ast.AnnAssign():
+                if node.value:
+                    self.assign(node.target, self.expression(node.value, env), env)
+            case ast.AugAssign():
+                old = self.expression(ast.parse(ast.unparse(node.target), mode="eval").body, env)
+                self.assign(node.target, _OPERATORS[type(node.op)](old, self.expression(node.value, env)), env)
+            case ast.Expr():
+                self.expression(node.value, env)
+            case ast.If():
+                test = self.truth(self.expression(node.test, env))
+                if isinstance(test, Num):
+                    return self.branch(test, node.body, node.orelse, env)
+                return self.block(node.body if test else node.orelse, env)
+            case ast.While():
+                return self.while_loop(node, env)
+            case ast.For():
+                return self.for_loop(node, env)
+            case ast.Break():
+                return self.leave(self.frames[-1].loops[-1], "break", env)
+            case ast.Continue():
+                return self.leave(self.frames[-1].loops[-1], "continue", env)
+            case ast.Raise():
+                return self.raised(env)
+            case ast.Pass():
+                pass
+            case _:
+                raise NotCompilable(f"`{ast.unparse(node).splitlines()[0]}`: this statement has no place in a formula")
+        return True
+
+    def assign(self, target: ast.expr, value: Any, env: Env) -> None:
+        match target:
+            case ast.Name(id=name):
+                if isinstance(env.get(LIVE), Num) and name in env:  # lanes that have left keep what they had
+                    value = self.blend(env[LIVE], value, env[name])
+                env[name] = value
+            case ast.Tuple(elts=targets) | ast.List(elts=targets):
+                items = list(value)
+                if len(items) != len(targets):
+                    raise NotCompilable(f"{len(items)} values are assigned to {len(targets)} names")
+                for t, v in zip(targets, items, strict=True):
+                    self.assign(t, v, env)
+            case ast.Subscript(value=ast.Name(id=name)) if isinstance(env.get(name), list):
+                changed = list(env[name])
+                changed[self.expression(target.slice, env)] = value
+                self.assign(target.value, changed, env)
+            case _:
+                raise NotCompilable(f"`{ast.unparse(target)} = ...`: formulas do not change objects in place")
+
+    def returned(self, value: Any, env: Env) -> bool:
+        frame = self.frames[-1]
+        if any(loop.dynamic for loop in frame.loops):
+            raise NotCompilable("`return` inside a loop of unknown length: set a variable, `break`, and return after it")
+        if RETURN in env:
+            value = self.blend(self.everyone(self.active(env)), value, env[RETURN])
+        if self.depth == 0:
+            frame.returns.append(Open(self.builder.block, {RETURN: value}))
+            return False
+        env[RETURN], env[LIVE] = value, NOBODY
+        return True
+
+    def raised(self, env: Env) -> bool:
+        """The step is marked as failed.  Plain Python, run again on it, raises the error with its message."""
+        b, mask = self.builder, self.active(env)
+        if self.failed is None:
+            raise NotCompilable("`raise` outside an attempted step")
+        everyone = self.emitter.constant(True, "b", self.emitter.lanes > 1).value
+        b.store(everyone if mask is None else b.or_(b.load(self.failed), self.emitter.cast(mask, "b", True)), self.failed)
+        if self.depth == 0 and mask is None:
+            self.escapes[-1].append(Open(b.block, {}))
+            return False
+        loops = self.frames[-1].loops
+        if loops and loops[-1].dynamic and loops[-1].masked:
+            return self.leave(loops[-1], "break", env)
+        env[LIVE] = NOBODY
+        return True
+
+    def while_loop(self, node: ast.While, env: Env) -> bool:
+        if node.orelse:
+            raise NotCompilable("`while ... else`")
+
+        def test(variables: Env) -> Any:
+            return self.truth(self.expression(node.test, variables))
+
+        def turn(variables: Env) -> Any:
+            value = test(variables)
+            if isinstance(value, Num):
+                raise Retype(None)
+            return value
+
+        def too_many(variables: Env) -> Any:
+            raise Retype(None)
+
+        if not isinstance(node.test, ast.Constant):
+            forget, before = self.mark(), dict(env)
+            try:
+                return self.written_out([*[turn] * UNROLL, too_many], node.body, env)
+            except Retype:
+                forget()
+                env.clear()
+                env.update(before)
+        return self.loop(test, lambda variables: None, node.body, env)
+
+    def for_loop(self, node: ast.For, env: Env) -> bool:
+        if node.orelse:
+            raise NotCompilable("`for ... else`")
+        iterable = node.iter
+        if isinstance(iterable, ast.Call) and isinstance(iterable.func, ast.Name) and iterable.func.id == "range":
+            bounds = [self.expression(a, env) for a in iterable.args]
+            if any(isinstance(n, Num) for n in bounds) or len(range(*bounds)) > UNROLL:
+                start, stop = bounds if len(bounds) > 1 else (0, bounds[0])
+                if len(bounds) > 2 or not isinstance(node.target, ast.Name):
+                    raise NotCompilable("a loop over a long range has the form `for i in range(start, stop)`")
+                counter = f"<{node.target.id}>"
+                env[counter] = start
+
+                def below(variables: Env) -> Any:
+                    variables[node.target.id] = variables[counter]  # type: ignore[union-attr]
+                    return variables[counter] < stop
+
+                def advance(variables: Env) -> None:
+                    variables[counter] = variables[counter] + 1
+
+                return self.loop(below, advance, node.body, env, (counter,))
+            items = iter(range(*bounds))
+        else:
+            items = iter(self.expression(iterable, env))
+
+        def turn(value: Any) -> Callable[[Env], None]:
+            return lambda variables: self.assign(node.target, value, variables)
+
+        return self.written_out([turn(item) for item in items], node.body, env)
+
+    # -------------------------------------------------------------- expressions
+
+    def expression(self, node: ast.expr, env: Env) -> Any:
+        match node:
+            case ast.Constant():
+                return node.value
+            case ast.Name(id=name):
+                value = env[name] if name in env else self.frames[-1].source.outer(name)
+                if isinstance(value, Undefined):
+                    raise NotCompilable(f"`{name}` has no one value here: {value.reason}")
+                return value
+            case ast.Attribute():
+                return self.attribute(self.expression(node.value, env), node.attr)
+            case ast.BinOp():
+                return _OPERATORS[type(node.op)](self.expression(node.left, env), self.expression(node.right, env))
+            case ast.UnaryOp(op=ast.Not()):
+                return self.emitter.negation(self.truth(self.expression(node.operand, env)))
+            case ast.UnaryOp():
+                return _OPERATORS[type(node.op)](self.expression(node.operand, env))
+            case ast.BoolOp():
+                return self.boolean(node, env)
+            case ast.Compare():
+                return self.comparison(node, env)
+            case ast.IfExp():
+                return self.choice(node, env)
+            case ast.Subscript():
+                return self.item(self.expression(node.value, env), self.expression(node.slice, env))
+            case ast.Slice():
+                return slice(*(self.expression(x, env) if x else None for x in (node.lower, node.upper, node.step)))
+            case ast.Call():
+                function = self.expression(node.func, env)
+                options = {k.arg: self.expression(k.value, env) for k in node.keywords if k.arg}
+                if len(options) < len(node.keywords):
+                    raise NotCompilable("`**options` in a formula")
+                return self.call(function, *self.items(node.args, env), **options)
+            case ast.Tuple():
+                return tuple(self.items(node.elts, env))
+            case ast.List():
+                return self.items(node.elts, env)
+            case ast.ListComp() | ast.GeneratorExp():
+                return list(self.comprehension(node.elt, node.generators, env))
+            case ast.JoinedStr():
+                return "..."  # the text of an error that plain Python will raise
+        raise NotCompilable(f"`{ast.unparse(node)}`: this expression has no place in a formula")
+
+    def items(self, nodes: list[ast.expr], env: Env) -> list[Any]:
+        found: list[Any] = []
+        for n in nodes:
+            found += list(self.expression(n.value, env)) if isinstance(n, ast.Starred) else [self.expression(n, env)]
+        return found
+
+    def comprehension(self, element: ast.expr, generators: list[ast.comprehension], env: Env) -> Iterator[Any]:
+        if not generators:
+            yield self.expression(element, env)
+            return
+        first, *rest = generators
+        for item in self.expression(first.iter, env):
+            inner = dict(env)
+            inner.pop(LIVE, None)
+            self.assign(first.target, item, inner)
+            tests = [self.truth(self.expression(test, inner)) for test in first.ifs]
+            if any(isinstance(t, Num) for t in tests):
+                raise NotCompilable("a comprehension whose length depends on run-time numbers")
+            if all(tests):
+                yield from self.comprehension(element, rest, inner)
+
+    def attribute(self, value: Any, name: str) -> Any:
+        if isinstance(value, Num):
+            raise NotCompilable(f"a number has no attribute `{name}`")
+        if isinstance(value, Record):
+            member = inspect.getattr_static(type(value), name, None)
+            if isinstance(member, property) and member.fget is not None:
+                return self.call(member.fget, value)
+        return getattr(value, name)
+
+    def item(self, value: Any, index: Any) -> Any:
+        if not isinstance(index, Num):
+            return value[index]
+        items = list(value)  # an index known at run time: pick by comparison
+        result = items[0]
+        for i, other in enumerate(items[1:], 1):
+            result = self.where(index == i, other, result)
+        return result
+
+    def boolean(self, node: ast.BoolOp, env: Env) -> Any:
+        stop = isinstance(node.op, ast.Or)
+        result: Any = not stop
+        for operand in node.values:
+            value = self.truth(self.expression(operand, env))
+            if value is stop:
+                return stop
+            result = self.emitter.logic("or_" if stop else "and_", result, value)
+        return result
+
+    def comparison(self, node: ast.Compare, env: Env) -> Any:
+        result: Any = True
+        left = self.expression(node.left, env)
+        for op, right_node in zip(node.ops, node.comparators, strict=True):
+            right = self.expression(right_node, env)
+            result = self.emitter.logic("and_", result, self.truth(_OPERATORS[type(op)](left, right)))
+            left = right
+        return result
+
+    def choice(self, node: ast.IfExp, env: Env) -> Any:
+        """`a if c else b`, by the same rules as the statement."""
+        test = self.truth(self.expression(node.test, env))
+        if not isinstance(test, Num):
+            return self.expression(node.body if test else node.orelse, env)
+        name = "<choice>"
+        inner = dict(env)
+        bodies = [[ast.Assign([ast.Name(name, ast.Store())], x)] for x in (node.body, node.orelse)]
+        self.branch(test, bodies[0], bodies[1], inner)  # type: ignore[arg-type]
+        self.frames[-1].env = env
+        if isinstance(inner[name], Undefined):
+            raise NotCompilable(f"`{ast.unparse(node)}`: {inner[name].reason}")
+        return inner[name]
+
+
+def _isinstance(value: Any, kind: Any) -> bool:
+    if isinstance(value, Num):
+        return {"f": float, "i": int, "b": bool}[value.kind] in (kind if isinstance(kind, tuple) else (kind,))
+    return isinstance(value, kind)
+
+
+def _leaves(body: list[ast.stmt]) -> bool:
+    """Does control never come to the end of these statements?"""
+    last = body[-1]
+    if isinstance(last, ast.If) and last.orelse:
+        return _leaves(last.body) and _leaves(last.orelse)
+    return isinstance(last, (ast.Return, ast.Break, ast.Continue, ast.Raise))
+
+
+def _arguments(function: types.FunctionType, args: tuple[Any, ...], options: dict[str, Any]) -> Env:
+    bound = inspect.signature(function).bind(*args, **options)
+    bound.apply_defaults()
+    return dict(bound.arguments)

@@ -1,0 +1,210 @@
+"""Native kernels: a driver and the layouts of its arguments become machine code, kept on disk for the next process.
+
+The only place that knows LLVM's binding.  Without llvmlite, or with LIEMECH_COMPILE=0 or NUMBA_DISABLE_JIT=1 in the environment,
+nothing here is used and every driver runs in plain Python.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import ctypes.util
+import functools
+import os
+import threading
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from ..errors import NotCompilable
+from . import cache, driver
+from .functions import LIBM
+from .source import fingerprint
+from .values import Layout, layout_of, leaves
+
+Kind = Layout | str  # of an argument: the layout of a value, "integer" or "array"
+
+_lock = threading.RLock()
+_kernels: dict[Any, Kernel] = {}
+
+
+def available() -> str | None:
+    """None if native code can be made here, else the reason why not."""
+    if os.environ.get("LIEMECH_COMPILE") == "0" or os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):
+        return "compilation is switched off in the environment (LIEMECH_COMPILE=0 or NUMBA_DISABLE_JIT=1)"
+    try:
+        import llvmlite.binding  # noqa: F401
+    except ImportError:
+        return "llvmlite is not installed"
+    return None
+
+
+class Kernel:
+    """Machine code of one driver for arguments of one layout, for one body (lanes = 1) or several at once."""
+
+    def __init__(self, entry: Callable[..., Any], kinds: tuple[Kind, ...], lanes: int) -> None:
+        self.entry, self.kinds, self.lanes = entry, kinds, lanes
+        key = fingerprint(entry, *kinds, lanes, *_machine())
+        object_code = cache.load(key)
+        self.cached = object_code is not None
+        if object_code is None:
+            object_code = _compile(entry, kinds, lanes)
+            cache.store(key, object_code)
+        self._engine, address = _link(object_code)
+        pointer = ctypes.c_void_p
+        self._call = ctypes.CFUNCTYPE(None, pointer, pointer, pointer, ctypes.c_int64, ctypes.c_int64, ctypes.c_int64)(address)
+
+    def __call__(self, *args: Any, bodies: int = 1, begin: int = 0, end: int = 1) -> None:
+        """Run on these arguments; arrays hold a column for each of `bodies`, of which begin to end (whole lanes) are marched."""
+        numbers: list[float] = []
+        integers: list[int] = []
+        arrays: list[np.ndarray] = []
+        for value, kind in zip(args, self.kinds, strict=True):
+            if isinstance(kind, Layout):
+                numbers += leaves(value, kind)
+            else:
+                (integers if kind == "integer" else arrays).append(value)
+        packed = [np.array(numbers, dtype=np.float64), np.array(integers, dtype=np.int64)]
+        packed.append(np.array([a.ctypes.data for a in arrays], dtype=np.intp))
+        self._call(*(a.ctypes.data for a in packed), bodies, begin, end)
+
+    def assembly(self) -> str:
+        """The machine code as text, for those who want to see what became of a formula."""
+        return _target().emit_assembly(_optimised(self.entry, self.kinds, self.lanes))
+
+
+def kernel(entry: Callable[..., Any], *args: Any, lanes: int = 1) -> Kernel:
+    """The kernel for a driver and arguments like these.
+
+    An int among the arguments is a run-time integer, an array is written and read in place; everything else is described by its layout.
+    Raises NotCompilable.
+    """
+    kinds = tuple(
+        "array" if isinstance(a, np.ndarray) else "integer" if type(a) is int else layout_of(a) for a in args
+    )
+    key = entry, kinds, lanes
+    with _lock:
+        if key not in _kernels:
+            _kernels[key] = Kernel(entry, kinds, lanes)
+        return _kernels[key]
+
+
+# ------------------------------------------------------------------ translation
+
+
+def _compile(entry: Callable[..., Any], kinds: tuple[Kind, ...], lanes: int) -> bytes:
+    return _target().emit_object(_optimised(entry, kinds, lanes))
+
+
+def _optimised(entry: Callable[..., Any], kinds: tuple[Kind, ...], lanes: int) -> Any:
+    import llvmlite.binding as llvm
+
+    module = llvm.parse_assembly(str(_translated(entry, kinds, lanes)))
+    module.verify()
+    tuning = llvm.create_pipeline_tuning_options(speed_level=3)
+    tuning.loop_vectorization = tuning.slp_vectorization = False  # lanes are explicit; formulas are scalar on purpose
+    passes = llvm.create_pass_builder(_target(), tuning)
+    passes.getModulePassManager().run(module, passes)
+    return module
+
+
+def _translated(entry: Callable[..., Any], kinds: tuple[Kind, ...], lanes: int) -> Any:
+    """The kernel in LLVM's language: a loop over bodies around the driver, inlined."""
+    import llvmlite.binding as llvm
+    from llvmlite import ir
+
+    from .interpreter import Interpreter
+    from .memory import Array, arguments
+    from .numbers import F64, I64, Emitter
+
+    module = ir.Module("liemech")
+    module.triple = llvm.get_process_triple()
+    signature = ir.FunctionType(ir.VoidType(), [F64.as_pointer(), I64.as_pointer(), F64.as_pointer().as_pointer(), I64, I64, I64])
+    function = ir.Function(module, signature, "kernel")
+    for pointer in function.args[:3]:
+        pointer.add_attribute("noalias")
+    builder = ir.IRBuilder(function.append_basic_block("entry"))
+    head, body, done = (function.append_basic_block(n) for n in ("head", "body", "done"))
+    emitter = Emitter(builder, lanes)
+    args = arguments(emitter, kinds, function)
+    start = builder.block
+    builder.branch(head)
+    builder.position_at_end(head)
+    index = builder.phi(I64)
+    index.add_incoming(function.args[4], start)
+    builder.cbranch(builder.icmp_signed("<", index, function.args[5]), body, done)
+    builder.position_at_end(body)
+    for a in args:
+        if isinstance(a, Array):
+            a.column = index
+    interpreter = Interpreter(emitter)
+    interpreter.intrinsics |= {
+        driver.read: lambda array, at, layout: array.read(at, layout),
+        driver.write: lambda array, at, value: array.write(at, value, interpreter),
+        driver.attempt: interpreter.attempt,
+        driver.accepted: interpreter.accepted,
+        driver.any_body: emitter.any,
+    }
+    try:
+        interpreter.call(entry, *args)
+    except Exception as error:
+        raise _located(error, interpreter) from error
+    index.add_incoming(builder.add(index, ir.Constant(I64, lanes)), builder.block)
+    builder.branch(head)
+    builder.position_at_end(done)
+    builder.ret_void()
+    return module
+
+
+def _located(error: Exception, interpreter: Any) -> Exception:
+    """The error with the class, method and line of the formula that could not be translated."""
+    if not interpreter.frames:
+        return error
+    frame = interpreter.frames[-1]
+    line = getattr(frame.node, "lineno", frame.source.function.__code__.co_firstlineno)
+    reason = str(error) if isinstance(error, NotCompilable) else f"{type(error).__name__}: {error}"
+    return NotCompilable(f"{frame.source.name} ({os.path.basename(frame.source.file)}, line {line}) cannot be compiled: {reason}")
+
+
+# ------------------------------------------------------------------ LLVM
+
+
+def _machine() -> tuple[str, ...]:
+    """What else the object code depends on: this package, LLVM and the processor."""
+    import llvmlite
+    import llvmlite.binding as llvm
+
+    features = ",".join(f"{k}={v}" for k, v in sorted(llvm.get_host_cpu_features().items()))
+    return cache.own_source(), llvmlite.__version__, llvm.get_process_triple(), llvm.get_host_cpu_name(), features
+
+
+@functools.cache
+def _target() -> Any:
+    import llvmlite.binding as llvm
+
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+    libm = ctypes.CDLL(ctypes.util.find_library("m") or None)
+    for f in (*LIBM, pow):  # under names that LLVM does not know, so that it changes nothing about them
+        llvm.add_symbol(f"liemech_{f.__name__}", ctypes.cast(getattr(libm, f.__name__), ctypes.c_void_p).value)
+    return llvm.Target.from_triple(llvm.get_process_triple()).create_target_machine(
+        cpu=llvm.get_host_cpu_name(), features=llvm.get_host_cpu_features().flatten(), opt=3, jit=True
+    )
+
+
+def _link(object_code: bytes) -> tuple[Any, int]:
+    import llvmlite.binding as llvm
+
+    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _target())
+    engine.add_object_file(llvm.ObjectFileRef.from_data(object_code))
+    engine.finalize_object()
+    return engine, engine.get_function_address("kernel")
+
+
+@functools.cache
+def lanes() -> int:
+    """How many bodies run side by side: two of the widest vector registers."""
+    import llvmlite.binding as llvm
+
+    features = llvm.get_host_cpu_features()
+    return 16 if features.get("avx512f") else 8 if features.get("avx2") else 4

@@ -1,0 +1,203 @@
+"""Records: the classes people subclass, and what compiled code sees as plain numbers.
+
+A record is a frozen dataclass.  Its fields of type float, `Vec`, `Mat` or another record are numbers at run time; ints, bools,
+strings, tuples of numbers, functions and None are part of its type: loops over them are written out before compilation and
+branches on them disappear.  Its methods are formulas.  Called with NumPy arrays they check the shapes and broadcast over leading
+axes; called with small vectors (from other formulas) they are the bare formula.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import inspect
+import math
+from collections.abc import Callable
+from typing import Any, TypeVar, dataclass_transform
+
+import numpy as np
+
+from ..errors import InvalidInput, InvalidType
+from .vectors import Mat, Vec
+
+_ARRAYS = (np.ndarray, list)
+_AXES = {"float": 0, "Vec": 1, "Mat": 2}
+T = TypeVar("T", bound=type)
+
+
+class Record:
+    """Base of everything that compiles: frozen dataclasses whose methods are formulas."""
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        for name, member in vars(cls).copy().items():
+            if inspect.isfunction(member) and not name.startswith("_"):
+                kinds = _kinds(cls, name, member)
+                if kinds:
+                    setattr(cls, name, _bordered(member, kinds))
+
+    def __post_init__(self) -> None:
+        for name, convert in _converters(type(self)):
+            object.__setattr__(self, name, convert(self, name, getattr(self, name)))
+
+    def _shape(self, argument: str, axes: int) -> tuple[int, ...] | None:
+        """The shape that an array argument with this many axes must have; None if any will do.  Subclasses know."""
+        return None
+
+
+@dataclass_transform(frozen_default=True)
+def record(cls: T) -> T:
+    """Make a subclass of `Record` (a group, a Hamiltonian, a system, a method, ...) a frozen dataclass that compiles."""
+    if not issubclass(cls, Record):
+        raise InvalidType(f"@record is for subclasses of Record, such as liemech.Hamiltonian; {cls.__name__} is not one")
+    return dataclasses.dataclass(frozen=True)(cls)
+
+
+def _annotation(annotation: Any) -> str:
+    text = annotation if isinstance(annotation, str) else getattr(annotation, "__name__", str(annotation))
+    return " | ".join(part.strip().split(".")[-1] for part in text.split("|"))
+
+
+# ------------------------------------------------------------------ fields
+
+
+def _number(owner: Any, name: str, value: Any) -> Any:
+    if isinstance(value, (bool, complex)) or (isinstance(value, np.ndarray) and value.ndim):
+        raise InvalidType(f"{type(owner).__name__}.{name} is a number; got {value!r}")
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        if isinstance(value, str) or not hasattr(value, "free_symbols"):
+            raise InvalidType(f"{type(owner).__name__}.{name} is a number; got {value!r}") from None
+        return value
+
+
+def _small(owner: Any, name: str, value: Any, allowed: tuple[type, ...]) -> Any:
+    if isinstance(value, allowed):
+        return value
+    array = real_array(value, f"{type(owner).__name__}.{name}")
+    for kind in allowed:
+        if array.ndim == _AXES[kind.__name__]:
+            return kind.of(array.tolist())  # type: ignore[attr-defined]
+    expected = " or ".join({"Vec": "a vector", "Mat": "a matrix"}[k.__name__] for k in allowed)
+    raise InvalidInput(f"{type(owner).__name__}.{name} is {expected}; got an array of shape {array.shape}")
+
+
+@functools.cache
+def _converters(cls: type) -> tuple[tuple[str, Callable[[Any, str, Any], Any]], ...]:
+    found: list[tuple[str, Callable[[Any, str, Any], Any]]] = []
+    for field in dataclasses.fields(cls):  # type: ignore[arg-type]
+        kinds = _annotation(field.type).split(" | ")
+        allowed = tuple(kind for kind in (Vec, Mat) if kind.__name__ in kinds)
+        if not field.init:
+            continue
+        if kinds == ["float"]:
+            found.append((field.name, lambda o, n, v: v if type(v) is float else _number(o, n, v)))
+        elif allowed:
+            optional = (*allowed, type(None)) if "None" in kinds else allowed
+
+            def convert(o: Any, n: str, v: Any, allowed: Any = allowed, optional: Any = optional) -> Any:
+                return v if isinstance(v, optional) else _small(o, n, v, allowed)
+
+            found.append((field.name, convert))
+    return tuple(found)
+
+
+def real_array(value: Any, name: str) -> np.ndarray:
+    """`value` as a float64 array, or a clear refusal: complex, object, string and ragged input is not guessed at."""
+    if isinstance(value, np.ma.MaskedArray) and np.ma.is_masked(value):
+        raise InvalidInput(f"{name} has masked entries; fill or drop them first")
+    try:
+        array = np.asarray(value)
+    except ValueError:
+        raise InvalidInput(f"{name} is ragged: its rows have different lengths") from None
+    if array.dtype.kind not in "iuf":
+        raise InvalidType(f"{name} must be real numbers; got dtype {array.dtype}")
+    return array.astype(np.float64, copy=False)
+
+
+# ------------------------------------------------------------------ methods
+
+
+def _kinds(cls: type, name: str, method: Callable[..., Any]) -> dict[str, int] | None:
+    """How many axes each argument has, from the annotations of the method or of the one it overrides."""
+    arguments = list(inspect.signature(method).parameters)[1:]
+    kinds: dict[str, int] = {}
+    for base in cls.__mro__:
+        known = vars(base).get(name)
+        if known is None:
+            continue
+        given = list(inspect.signature(known).parameters.values())[1:]
+        for argument, other in zip(arguments, given, strict=False):
+            kind = _AXES.get(_annotation(other.annotation))
+            if kind is not None:
+                kinds.setdefault(argument, kind)
+    return kinds if set(kinds.values()) & {1, 2} else None
+
+
+def _bordered(formula: Callable[..., Any], kinds: dict[str, int]) -> Callable[..., Any]:
+    """The formula with a border: array arguments are checked and broadcast, small vectors pass straight through."""
+    names = list(inspect.signature(formula).parameters)[1:]
+
+    @functools.wraps(formula)
+    def method(self: Any, *args: Any, **options: Any) -> Any:
+        for a in args:
+            if isinstance(a, _ARRAYS):
+                return _broadcast(formula, kinds, self, dict(zip(names, args, strict=False)) | options)
+        if options and any(isinstance(a, _ARRAYS) for a in options.values()):
+            return _broadcast(formula, kinds, self, dict(zip(names, args, strict=False)) | options)
+        return formula(self, *args, **options)
+
+    return method
+
+
+def _broadcast(formula: Callable[..., Any], kinds: dict[str, int], self: Any, arguments: dict[str, Any]) -> Any:
+    where = f"{type(self).__name__}.{formula.__name__}"
+    arrays: dict[str, np.ndarray] = {}
+    for name, value in arguments.items():
+        if name not in kinds or value is None or isinstance(value, (bool, str, Record)):
+            continue
+        array = real_array(value, f"{where}: {name}")
+        axes = kinds[name]
+        shape = self._shape(name, axes) if axes else ()
+        core = array.shape[array.ndim - axes :] if axes else ()
+        if array.ndim < axes or (shape is not None and core != shape):
+            expected = shape if shape is not None else ("n",) * axes
+            raise InvalidInput(f"{where}: {name} has shape {array.shape}; its last axes must be {expected}")
+        if not np.isfinite(array).all():
+            at = tuple(map(int, np.argwhere(~np.isfinite(array))[0]))
+            raise InvalidInput(f"{where}: {name}{list(at)} is {array[at]}; every entry must be finite")
+        arrays[name] = array
+    lead = {name: a.shape[: a.ndim - kinds[name]] for name, a in arrays.items()}
+    try:
+        batch = np.broadcast_shapes(*lead.values())
+    except ValueError:
+        raise InvalidInput(f"{where}: the leading axes {lead} do not broadcast") from None
+    rest = {k: v for k, v in arguments.items() if k not in arrays}
+    flat = {k: _flattened(a, batch, a.shape[len(lead[k]) :]) for k, a in arrays.items()}
+    bodies = math.prod(batch)
+    from . import batch as many
+
+    if bodies >= many.WORTHWHILE:
+        results = many.evaluate(formula, self, flat, rest)
+        if results is not None:
+            return _unflattened(results, batch)
+    results = [formula(self, **many.element(flat, i), **rest) for i in range(bodies)]
+    return _unflattened(_stacked(results), batch) if results else np.empty((*batch, 0))
+
+
+def _flattened(array: np.ndarray, batch: tuple[int, ...], core: tuple[int, ...]) -> np.ndarray:
+    return np.broadcast_to(array, batch + core).reshape(-1, *core)
+
+
+def _unflattened(result: Any, batch: tuple[int, ...]) -> Any:
+    if isinstance(result, tuple):
+        return tuple(_unflattened(part, batch) for part in result)
+    shaped = result.reshape(batch + result.shape[1:])
+    return shaped if shaped.ndim else float(shaped)
+
+
+def _stacked(results: list[Any]) -> Any:
+    if isinstance(results[0], tuple) and not isinstance(results[0], Vec):
+        return tuple(_stacked(list(part)) for part in zip(*results, strict=True))
+    return np.array(results, dtype=float)

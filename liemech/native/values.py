@@ -1,0 +1,117 @@
+"""Layouts: how a value made of numbers (a float, a `Vec`, a `Mat`, a record, a tuple of these) lies flat in memory.
+
+The layout of an argument decides which native code is used: two arguments of one layout share it.  A part that is no number at
+run time (an int, a string, a tableau, None) belongs to the layout itself.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Iterator
+from typing import Any
+
+from .records import Record
+from .vectors import Mat, Vec
+
+
+@dataclasses.dataclass(frozen=True)
+class Layout:
+    """The structure of a value: `kind` is number, vec, mat, tuple, record or static."""
+
+    kind: str
+    parts: tuple[Layout, ...] = ()
+    detail: Any = None  # the class and field names of a record, the object of a static part
+
+    @property
+    def width(self) -> int:
+        """How many numbers the value holds."""
+        return 1 if self.kind == "number" else sum(part.width for part in self.parts)
+
+    def __hash__(self) -> int:
+        return hash((self.kind, self.parts, repr(self.detail)))
+
+    def __eq__(self, other: object) -> bool:
+        return (
+            isinstance(other, Layout)
+            and (self.kind, self.parts) == (other.kind, other.parts)
+            and type(self.detail) is type(other.detail)
+            and repr(self.detail) == repr(other.detail)  # 1 is not True, 0.0 is not -0.0, nan is nan
+            and self.detail == other.detail
+        )
+
+    def __repr__(self) -> str:
+        inside = ", ".join(map(repr, self.parts))
+        if self.kind == "record":
+            cls, names = self.detail
+            fields = ", ".join(f"{n}={p!r}" for n, p in zip(names, self.parts, strict=True))
+            return f"{cls.__module__}.{cls.__qualname__}({fields})"
+        return repr(self.detail) if self.kind == "static" else f"{self.kind}({inside})" if inside else self.kind
+
+
+NUMBER = Layout("number")
+
+
+def is_number(value: Any) -> bool:
+    """A float, or the compiler's stand-in for a number (ints and bools inside values are static)."""
+    return isinstance(value, float) or type(value).__name__ == "Num"
+
+
+def is_any_number(value: Any) -> bool:
+    """A number of any kind: what may differ between the branches of a formula."""
+    return isinstance(value, (bool, int, float)) or type(value).__name__ == "Num"
+
+
+def layout_of(value: Any, number: Callable[[Any], bool] = is_number) -> Layout:
+    """The layout of a value; tuples that hold no vector, matrix or record are static, like the rows of a tableau."""
+    if number(value):
+        return NUMBER
+    if isinstance(value, Vec):
+        return Layout("vec", tuple(layout_of(x, is_any_number) for x in value))
+    if isinstance(value, Mat):
+        return Layout("mat", tuple(layout_of(row) for row in value.rows))
+    if isinstance(value, Record):
+        names = tuple(f.name for f in dataclasses.fields(value))  # type: ignore[arg-type]
+        return Layout("record", tuple(layout_of(getattr(value, n), number) for n in names), (type(value), names))
+    if isinstance(value, list) or (isinstance(value, tuple) and (number is is_any_number or not is_static(value))):
+        return Layout(type(value).__name__, tuple(layout_of(x, number) for x in value))
+    return Layout("static", (), value)
+
+
+def is_static(value: Any) -> bool:
+    """A tuple of plain constants, however nested."""
+    if isinstance(value, tuple) and not isinstance(value, Vec):
+        return all(map(is_static, value))
+    return not isinstance(value, (Vec, Mat, Record)) and type(value).__name__ != "Num"
+
+
+def leaves(value: Any, layout: Layout) -> Iterator[Any]:
+    """The numbers of a value, in order."""
+    if layout.kind == "number":
+        yield value
+    elif layout.kind == "record":
+        for name, part in zip(layout.detail[1], layout.parts, strict=True):
+            yield from leaves(getattr(value, name), part)
+    elif layout.kind != "static":
+        for item, part in zip(value, layout.parts, strict=True):
+            yield from leaves(item, part)
+
+
+def build(layout: Layout, numbers: Iterator[Any]) -> Any:
+    """The value of this layout with the given numbers; records are filled in without running their checks."""
+    if layout.kind == "number":
+        return next(numbers)
+    if layout.kind == "static":
+        return layout.detail
+    parts = [build(part, numbers) for part in layout.parts]
+    if layout.kind == "record":
+        cls, names = layout.detail
+        return fill(cls, dict(zip(names, parts, strict=True)))
+    return {"vec": lambda p: Vec(*p), "mat": lambda p: Mat(*p), "tuple": tuple, "list": list}[layout.kind](parts)
+
+
+def fill(cls: type, fields: dict[str, Any]) -> Any:
+    """An instance of a record class with these fields, unchecked."""
+    made = object.__new__(cls)
+    for name, value in fields.items():
+        object.__setattr__(made, name, value)
+    return made

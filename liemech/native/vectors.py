@@ -1,0 +1,290 @@
+"""Small vectors and matrices: the arithmetic of formulas.
+
+`Vec` and `Mat` are immutable and hold plain floats (or symbols).  The order of every operation is fixed and written out
+here, never left to BLAS, so that a formula gives the same bits in plain Python, in native code and in an ensemble.
+Native code knows the operators and keeps components in registers; the functions at the end are formulas like any other.
+"""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Callable, Iterable, Iterator
+from typing import Any, cast
+
+import numpy as np
+
+from .functions import sqrt
+
+_make = tuple.__new__
+
+
+class Vec(tuple[Any, ...]):
+    """A small vector, `Vec(1.0, 2.0, 3.0)`; `+ - * /` act component by component, scalars multiply and divide."""
+
+    __slots__ = ()
+    __array_ufunc__ = None  # NumPy leaves `array + vec` to us
+
+    def __new__(cls, *components: Any) -> Vec:
+        return _make(cls, components)
+
+    @classmethod
+    def of(cls, values: Iterable[Any]) -> Vec:
+        """The vector with the given components, numbers made floats."""
+        return _make(cls, [float(v) if isinstance(v, (int, np.number)) else v for v in values])
+
+    def __add__(self, other: Any) -> Vec:
+        return _make(Vec, map(operator.add, self, _same_length(self, other)))
+
+    def __radd__(self, other: Any) -> Vec:
+        return _make(Vec, map(operator.add, _same_length(self, other), self))
+
+    def __sub__(self, other: Any) -> Vec:
+        return _make(Vec, map(operator.sub, self, _same_length(self, other)))
+
+    def __rsub__(self, other: Any) -> Vec:
+        return _make(Vec, map(operator.sub, _same_length(self, other), self))
+
+    def __mul__(self, other: Any) -> Vec:  # type: ignore[override]
+        if isinstance(other, _VECTORS):
+            return _make(Vec, map(operator.mul, self, _same_length(self, other)))
+        return _make(Vec, [x * other for x in self])
+
+    def __rmul__(self, other: Any) -> Vec:  # type: ignore[override]
+        if isinstance(other, _VECTORS):
+            return _make(Vec, map(operator.mul, _same_length(self, other), self))
+        return _make(Vec, [other * x for x in self])
+
+    def __truediv__(self, other: Any) -> Vec:
+        if isinstance(other, _VECTORS):
+            return _make(Vec, map(operator.truediv, self, _same_length(self, other)))
+        return _make(Vec, [x / other for x in self])
+
+    def __rtruediv__(self, other: Any) -> Vec:
+        if isinstance(other, _VECTORS):
+            return _make(Vec, map(operator.truediv, _same_length(self, other), self))
+        return _make(Vec, [other / x for x in self])
+
+    def __neg__(self) -> Vec:
+        return _make(Vec, [-x for x in self])
+
+    def __matmul__(self, other: Any) -> Any:
+        if isinstance(other, Mat):
+            return _make(Vec, [_product(self, column) for column in zip(*other.rows, strict=True)])
+        return _product(self, _same_length(self, other))
+
+    def __repr__(self) -> str:
+        return f"Vec({', '.join(map(str, self))})"
+
+
+_VECTORS = (Vec, np.ndarray, list)
+
+
+def _same_length(v: Vec, other: Any) -> Any:
+    if isinstance(other, _VECTORS) and len(other) == len(v):
+        return other
+    kind = f"a vector of {len(other)} components" if isinstance(other, _VECTORS) else type(other).__name__
+    raise TypeError(f"a Vec of {len(v)} components cannot be combined with {kind}")
+
+
+def _product(a: Iterable[Any], b: Iterable[Any]) -> Any:
+    """a_1 b_1 + a_2 b_2 + ..., from left to right."""
+    terms = map(operator.mul, a, b)
+    total = next(terms)
+    for term in terms:
+        total = total + term
+    return total
+
+
+class Mat:
+    """A small matrix, `Mat((1.0, 0.0), (0.0, 1.0))` by rows; `@` multiplies, `.T` transposes, `A[i, j]` picks an entry."""
+
+    __slots__ = ("rows",)
+    __array_ufunc__ = None
+    rows: tuple[Vec, ...]
+
+    def __init__(self, *rows: Iterable[Any]) -> None:
+        object.__setattr__(self, "rows", tuple(_make(Vec, row) for row in rows))
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        raise AttributeError("a Mat is immutable")
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Mat, tuple(tuple(row) for row in self.rows)
+
+    @classmethod
+    def of(cls, rows: Iterable[Iterable[Any]]) -> Mat:
+        """The matrix with the given rows, numbers made floats."""
+        return cls(*(Vec.of(row) for row in rows))
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        return len(self.rows), len(self.rows[0])
+
+    @property
+    def T(self) -> Mat:
+        return Mat(*zip(*self.rows, strict=True))
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def __iter__(self) -> Iterator[Vec]:
+        return iter(self.rows)
+
+    def __getitem__(self, index: Any) -> Any:
+        if isinstance(index, tuple):
+            i, j = index
+            return self.rows[i][j]
+        return self.rows[index]
+
+    def _by_rows(self, op: Callable[[Any, Any], Any], other: Any) -> Mat:
+        if isinstance(other, np.ndarray) and other.ndim == 2:
+            other = Mat.of(other)
+        if isinstance(other, Mat):
+            if other.shape != self.shape:
+                raise TypeError(f"matrices of shapes {self.shape} and {other.shape} cannot be combined")
+            return Mat(*map(op, self.rows, other.rows))
+        if op in (operator.add, operator.sub):
+            raise TypeError(f"a Mat cannot be added to or subtracted from {type(other).__name__}")
+        return Mat(*(op(row, other) for row in self.rows))
+
+    def __add__(self, other: Any) -> Mat:
+        return self._by_rows(operator.add, other)
+
+    def __sub__(self, other: Any) -> Mat:
+        return self._by_rows(operator.sub, other)
+
+    def __mul__(self, other: Any) -> Mat:
+        return self._by_rows(operator.mul, other)
+
+    def __rmul__(self, other: Any) -> Mat:
+        return Mat(*(other * row for row in self.rows))
+
+    def __truediv__(self, other: Any) -> Mat:
+        return self._by_rows(operator.truediv, other)
+
+    def __neg__(self) -> Mat:
+        return Mat(*(-row for row in self.rows))
+
+    def __matmul__(self, other: Any) -> Any:
+        if isinstance(other, np.ndarray) and other.ndim == 2:
+            other = Mat.of(other)
+        inner = len(other)
+        if self.shape[1] != inner:
+            raise TypeError(f"a matrix of shape {self.shape} cannot multiply one with {inner} rows")
+        if isinstance(other, Mat):
+            columns = tuple(zip(*other.rows, strict=True))
+            return Mat(*([_product(row, column) for column in columns] for row in self.rows))
+        return _make(Vec, [_product(row, other) for row in self.rows])
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Mat) and self.rows == other.rows
+
+    def __hash__(self) -> int:
+        return hash(self.rows)
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
+        return np.array([tuple(row) for row in self.rows], dtype=dtype)
+
+    def __repr__(self) -> str:
+        return f"Mat({', '.join(repr(tuple(row)) for row in self.rows)})"
+
+
+def vec(*components: Any) -> Vec:
+    """Small vector from its components."""
+    return Vec(*components)
+
+
+def mat(*rows: Any) -> Mat:
+    """Small matrix from its rows."""
+    return Mat(*rows)
+
+
+# ------------------------------------------------------------------ formulas, in both worlds
+
+
+def dot(a: Any, b: Any) -> Any:
+    """Scalar product a . b."""
+    total = a[0] * b[0]
+    for i in range(1, len(a)):
+        total = total + a[i] * b[i]
+    return total
+
+
+def cross(a: Any, b: Any) -> Vec:
+    """Vector product a x b in R^3."""
+    return vec(a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
+
+
+def norm(a: Any) -> Any:
+    """Euclidean length |a|."""
+    return sqrt(dot(a, a))
+
+
+def outer(a: Any, b: Any) -> Mat:
+    """The matrix a b^T."""
+    return mat(*[x * b for x in a])
+
+
+def transpose(m: Any) -> Any:
+    """The transpose of a small matrix."""
+    return m.T
+
+
+def identity_matrix(n: int) -> Mat:
+    """The n by n unit matrix."""
+    return mat(*[vec(*[1.0 if i == j else 0.0 for j in range(n)]) for i in range(n)])
+
+
+def diagonal(v: Any) -> Mat:
+    """The diagonal matrix with the entries of v."""
+    return mat(*[vec(*[v[i] if i == j else 0.0 for j in range(len(v))]) for i in range(len(v))])
+
+
+def solve(m: Mat, rhs: Any) -> Vec:
+    """The solution x of m x = rhs by Gaussian elimination with partial pivoting; a singular matrix gives inf or nan.
+
+    m : (n, n), rhs : (n,).
+    """
+    n = len(rhs)
+    rows = [vec(*m[i], rhs[i]) for i in range(n)]
+    for k in range(n):
+        for i in range(k + 1, n):  # a compare-and-swap network brings the largest entry of the column to row k
+            larger = abs(rows[i][k]) > abs(rows[k][k])
+            rows[k], rows[i] = _exchange(larger, rows[k], rows[i])
+        for i in range(k + 1, n):
+            rows[i] = rows[i] - (rows[i][k] / rows[k][k]) * rows[k]
+    x = [0.0] * n
+    for k in range(n - 1, -1, -1):
+        remainder = rows[k][n]
+        for j in range(k + 1, n):
+            remainder = remainder - rows[k][j] * x[j]
+        x[k] = remainder / rows[k][k]
+    return vec(*x)
+
+
+def _exchange(condition: Any, a: Vec, b: Vec) -> tuple[Vec, Vec]:
+    """(b, a) where the condition holds, else (a, b)."""
+    if condition:
+        return b, a
+    return a, b
+
+
+def solve3(m: Mat, rhs: Any) -> Vec:
+    """The solution of a 3 by 3 system by Cramer's rule: one division, no branch; for well-conditioned Newton steps.
+
+    x_i = det(m with column i replaced by rhs) / det m.
+    """
+    a, b, c = m.T
+    bc = cross(b, c)
+    scale = 1.0 / dot(a, bc)
+    return vec(scale * dot(rhs, bc), scale * dot(rhs, cross(c, a)), scale * dot(rhs, cross(a, b)))
+
+
+def as_vec(value: Any) -> Vec:
+    """A Vec from anything with one axis."""
+    return value if isinstance(value, Vec) else Vec.of(cast("Iterable[Any]", value))
+
+
+def as_mat(value: Any) -> Mat:
+    """A Mat from anything with two axes."""
+    return value if isinstance(value, Mat) else Mat.of(cast("Iterable[Iterable[Any]]", value))

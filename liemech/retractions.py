@@ -1,0 +1,121 @@
+"""Retractions: maps from the algebra to the group that replace the exponential, and their trivialised differentials.
+
+    right:  d/de tau(xi + e eta) = (dtau_xi eta) tau(xi)          left:  d/de tau(xi + e eta) = tau(xi) (dtau_xi eta)
+
+Source: Bou-Rabee and Marsden, Hamilton-Pontryagin integrators on Lie groups, Found. Comput. Math. 9 (2009), section 4.
+"""
+
+from __future__ import annotations
+
+from .groups.lie_group import LieGroup
+from .native import Mat, Record, Vec, record
+
+
+@record
+class Retraction(Record):
+    """A map tau with tau(0) = e, dtau_0 = 1 and tau(-xi) = tau(xi)^-1 that carries small steps from the algebra to the group.
+
+    Source: Bou-Rabee and Marsden (2009), definition 4.1.
+    """
+
+    def tau(self, group: LieGroup, xi: Vec) -> Mat:
+        """The group element tau(xi).  xi : (dim,)."""
+        raise NotImplementedError(f"{type(self).__name__} must define `tau`")
+
+    def tau_inv(self, group: LieGroup, g: Mat) -> Vec:
+        """The xi with tau(xi) = g.  g : (n, n)."""
+        raise NotImplementedError(f"{type(self).__name__} must define `tau_inv`")
+
+    def tau_Ad_star(self, group: LieGroup, xi: Vec, mu: Vec) -> Vec:
+        """Ad*_tau(xi) mu.  xi, mu : (dim,)."""
+        return group.Ad_star(self.tau(group, xi), mu)
+
+    def dtau(self, group: LieGroup, xi: Vec, eta: Vec, side: str = "right") -> Vec:
+        """The trivialised differential.  xi, eta : (dim,)."""
+        raise NotImplementedError(f"{type(self).__name__} must define `dtau`")
+
+    def dtau_inv(self, group: LieGroup, xi: Vec, eta: Vec, side: str = "right") -> Vec:
+        """Its inverse.  xi, eta : (dim,)."""
+        raise NotImplementedError(f"{type(self).__name__} must define `dtau_inv`")
+
+    def dtau_inv_dual(self, group: LieGroup, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+        """The dual of the inverse, <dtau_inv_dual_xi mu, eta> = <mu, dtau_inv_xi eta>.  xi, mu : (dim,)."""
+        raise NotImplementedError(f"{type(self).__name__} must define `dtau_inv_dual`")
+
+    def dtau_inv_dual_derivatives(self, group: LieGroup, xi: Vec, mu: Vec) -> tuple[Mat, Mat]:
+        """The derivatives of (xi, mu) -> dtau_inv_dual_xi mu with respect to mu and to xi, for Newton's method.  Both (dim, dim)."""
+        raise NotImplementedError(f"{type(self).__name__} must define `dtau_inv_dual_derivatives`")
+
+
+@record
+class Exponential(Retraction):
+    """The exponential map: follows a constant velocity exactly.
+
+    Source: Iserles et al., Lie-group methods, Acta Numerica 9 (2000), section 2.4.
+    """
+
+    def tau(self, group: LieGroup, xi: Vec) -> Mat:
+        """exp(xi)."""
+        return group.exp(xi)
+
+    def tau_inv(self, group: LieGroup, g: Mat) -> Vec:
+        """log(g)."""
+        return group.log(g)
+
+    def tau_Ad_star(self, group: LieGroup, xi: Vec, mu: Vec) -> Vec:
+        """Ad*_exp(xi) mu."""
+        return group.exp_Ad_star(xi, mu)
+
+    def dtau(self, group: LieGroup, xi: Vec, eta: Vec, side: str = "right") -> Vec:
+        """dexp_xi eta = sum_k ad_xi^k eta/(k + 1)! (right)."""
+        return group.dexp(xi, eta, side)
+
+    def dtau_inv(self, group: LieGroup, xi: Vec, eta: Vec, side: str = "right") -> Vec:
+        """dexp_xi^-1 eta = sum_k B_k/k! ad_xi^k eta (right)."""
+        return group.dexp_inv(xi, eta, side)
+
+    def dtau_inv_dual(self, group: LieGroup, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+        """(dexp_xi^-1)* mu."""
+        return group.dexp_inv_dual(xi, mu, side)
+
+    def dtau_inv_dual_derivatives(self, group: LieGroup, xi: Vec, mu: Vec) -> tuple[Mat, Mat]:
+        """Of (dexp_xi^-1)* mu."""
+        return group.dexp_inv_dual_derivatives(xi, mu)
+
+
+@record
+class Cayley(Retraction):
+    """The Cayley map (1 - xi/2)^-1 (1 + xi/2): no sine, no root, and an implicit step that has a solution for every step size.
+
+    On groups of matrices whose algebra is closed under x y x: SO(n), Sp(2n), U(n), SU(2), SL(2), SE(3).
+
+    Source: Hairer, Lubich, Wanner, IV.8.3; Bou-Rabee and Marsden (2009), section 4.4.
+    """
+
+    def tau(self, group: LieGroup, xi: Vec) -> Mat:
+        """cay(xi)."""
+        return group.cayley(xi)
+
+    def tau_inv(self, group: LieGroup, g: Mat) -> Vec:
+        """2 (g - 1)(g + 1)^-1."""
+        return group.cayley_inv(g)
+
+    def tau_Ad_star(self, group: LieGroup, xi: Vec, mu: Vec) -> Vec:
+        """Ad*_cay(xi) mu."""
+        return group.cayley_Ad_star(xi, mu)
+
+    def dtau(self, group: LieGroup, xi: Vec, eta: Vec, side: str = "right") -> Vec:
+        """(1 - xi/2)^-1 eta (1 + xi/2)^-1 (right)."""
+        return group.dcayley(xi, eta, side)
+
+    def dtau_inv(self, group: LieGroup, xi: Vec, eta: Vec, side: str = "right") -> Vec:
+        """(1 - xi/2) eta (1 + xi/2) (right)."""
+        return group.dcayley_inv(xi, eta, side)
+
+    def dtau_inv_dual(self, group: LieGroup, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+        """The dual of (1 - xi/2) eta (1 + xi/2)."""
+        return group.dcayley_inv_dual(xi, mu, side)
+
+    def dtau_inv_dual_derivatives(self, group: LieGroup, xi: Vec, mu: Vec) -> tuple[Mat, Mat]:
+        """Of the dual of (1 - xi/2) eta (1 + xi/2)."""
+        return group.dcayley_inv_dual_derivatives(xi, mu)

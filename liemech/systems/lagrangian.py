@@ -1,0 +1,25 @@
+"""Lagrangians on a Lie algebra."""
+
+from __future__ import annotations
+
+from ..native import Mat, Record, Vec, record
+
+
+@record
+class Lagrangian(Record):
+    """A left-invariant Lagrangian as a function of the body velocity, l(xi).
+
+    A subclass writes `value`, `momentum` and `hessian`; its fields are the parameters.
+    """
+
+    def value(self, xi: Vec) -> float:
+        """l(xi).  xi : (dim,)."""
+        raise NotImplementedError(f"{type(self).__name__} must define `value`")
+
+    def momentum(self, xi: Vec) -> Vec:
+        """The momentum mu = dl/dxi.  xi : (dim,)."""
+        raise NotImplementedError(f"{type(self).__name__} must define `momentum`")
+
+    def hessian(self, xi: Vec) -> Mat | Vec:
+        """The second derivative d2l/dxi2, the inertia at xi; a Vec if it is diagonal.  xi : (dim,), result : (dim, dim) or (dim,)."""
+        raise NotImplementedError(f"{type(self).__name__} must define `hessian`")

@@ -1,0 +1,114 @@
+"""Lie-Poisson systems: a group and an energy that depends on the body momentum alone."""
+
+from __future__ import annotations
+
+from typing import Any, final
+
+import numpy as np
+
+from ..errors import InvalidInput
+from ..groups.lie_group import LieGroup
+from ..native import Mat, Record, Vec, real_array, record
+from .hamiltonian import Hamiltonian
+
+@record
+class BodyState(Record):
+    """Where a body is and how it moves: body momentum `mu`, and the group element `g` from body to space (None: not asked for).
+
+    mu : (dim,) or, for an ensemble, (bodies, dim);  g : (n, n) or (bodies, n, n).
+    """
+
+    mu: Any
+    g: Any = None
+
+    @property
+    def bodies(self) -> int | None:
+        """How many bodies; None for a single one."""
+        return len(self.mu) if isinstance(self.mu, np.ndarray) else None
+
+
+@record
+class LiePoissonSystem(Record):
+    """Motion on the dual of a Lie algebra, mu' = ad*_xi mu with xi = dH/dmu, and on the group above it, g' = g xi.
+
+    group : the configuration space.  hamiltonian : the energy as a function of the body momentum.
+
+    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., sections 13.1, 13.5 and 13.7.
+    """
+
+    group: LieGroup
+    hamiltonian: Hamiltonian
+
+    # ---------------------------------------------------------------- formulas
+
+    @final
+    def velocity(self, mu: Vec) -> Vec:
+        """The body velocity xi = dH/dmu.  mu : (dim,)."""
+        return self.hamiltonian.gradient(mu)
+
+    @final
+    def energy(self, mu: Vec) -> float:
+        """H(mu).  mu : (dim,)."""
+        return self.hamiltonian.energy(mu)
+
+    @final
+    def casimirs(self, mu: Vec) -> Vec:
+        """The Casimir functions of the group: constant whatever the energy.  mu : (dim,)."""
+        return self.group.casimirs(mu)
+
+    @final
+    def spatial_momentum(self, mu: Vec, g: Mat) -> Vec:
+        """The momentum seen from space, K_g mu = Ad*_{g^-1} mu: constant by Noether's theorem.  mu : (dim,), g : (n, n)."""
+        return self.group.K(g, mu)
+
+    # ---------------------------------------------------------------- the border
+
+    @final
+    def state(self, mu: Any, g: Any = None) -> BodyState:
+        """A start for `integrate`: body momentum mu and, if the motion on the group is wanted, the element g.
+
+        mu : (dim,) for one body, (bodies, dim) for an ensemble;  g : (n, n), or (bodies, n, n).
+        Raises InvalidInput for wrong shapes, entries that are not finite, and a g that is not on the group.
+        """
+        name = f"{type(self).__name__}.state"
+        momenta = real_array(mu, f"{name}: mu")
+        dim = self.group.dim
+        if momenta.ndim not in (1, 2) or momenta.shape[-1] != dim:
+            raise InvalidInput(
+                f"{name}: mu has shape {momenta.shape}; a momentum on {self.group!r} has shape ({dim},), an ensemble (bodies, {dim})"
+            )
+        _finite(momenta, f"{name}: mu")
+        if g is None:
+            return BodyState(Vec.of(momenta.tolist()) if momenta.ndim == 1 else _frozen(momenta))
+        elements = real_array(g.as_matrix() if hasattr(g, "as_matrix") else g, f"{name}: g")
+        shape = self.group.identity().shape
+        if elements.ndim not in (2, 3) or elements.shape[-2:] != shape:
+            raise InvalidInput(f"{name}: g has shape {elements.shape}; an element of {self.group!r} has shape {shape}")
+        _finite(elements, f"{name}: g")
+        objection = self.group.objection(elements)
+        if objection:
+            raise InvalidInput(f"{name}: g is not in {self.group!r}: {objection}")
+        if momenta.ndim == 1 and elements.ndim == 2:
+            return BodyState(Vec.of(momenta.tolist()), Mat.of(elements.tolist()))
+        bodies = len(momenta) if momenta.ndim == 2 else len(elements)
+        if elements.ndim == 3 and len(elements) != bodies:
+            raise InvalidInput(f"{name}: {bodies} momenta and {len(elements)} group elements")
+        return BodyState(
+            _frozen(np.broadcast_to(momenta, (bodies, dim))), _frozen(np.broadcast_to(elements, (bodies, *shape)))
+        )
+
+    def _shape(self, argument: str, axes: int) -> tuple[int, ...] | None:
+        return self.group._shape(argument, axes)
+
+
+def _frozen(array: np.ndarray) -> np.ndarray:
+    copy = np.array(array)
+    copy.flags.writeable = False
+    return copy
+
+
+def _finite(array: np.ndarray, name: str) -> None:
+    bad = np.argwhere(~np.isfinite(array))
+    if len(bad):
+        at = tuple(int(i) for i in bad[0])
+        raise InvalidInput(f"{name}{list(at)} is {array[at]}; every entry must be finite")

@@ -1,0 +1,156 @@
+"""What a run leaves behind: the samples, and what can be told from them, computed when asked for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .errors import InvalidInput
+from .systems.lie_poisson import BodyState, LiePoissonSystem
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
+
+    from .integrators.method import Method
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Trajectory:
+    """Samples of a motion, and the quantities that should stay constant along it.
+
+    t : (n,) times in s.  mu : (n, dim) body momentum.  g : (n, k, k) group elements, None if they were not recorded.
+    In an ensemble of m bodies mu is (n, m, dim) and g is (n, m, k, k).
+    stopped : for an ensemble, the bodies that did not reach the end and the number of steps each of them took.
+    """
+
+    system: LiePoissonSystem
+    method: Method
+    h: float
+    t: np.ndarray
+    mu: np.ndarray
+    g: np.ndarray | None
+    steps: int
+    compiled: bool = False
+    stopped: dict[int, int] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    @property
+    def bodies(self) -> int | None:
+        """How many bodies an ensemble has; None for a single trajectory."""
+        return self.mu.shape[1] if self.mu.ndim == 3 else None
+
+    @cached_property
+    def energy(self) -> np.ndarray:
+        """H(mu) at every sample, in J.  (n,)"""
+        return self.system.energy(self.mu)
+
+    @cached_property
+    def casimirs(self) -> np.ndarray:
+        """The Casimir functions at every sample; |mu|^2 on SO(3).  (n, number of Casimirs)"""
+        return self.system.casimirs(self.mu)
+
+    @cached_property
+    def spatial_momentum(self) -> np.ndarray:
+        """The momentum seen from space, K_g mu, at every sample.  (n, dim)"""
+        return self.system.spatial_momentum(self.mu, self._attitude("spatial_momentum"))
+
+    @cached_property
+    def rotation(self) -> Rotation:
+        """The attitudes as SciPy rotations, body to space."""
+        from scipy.spatial.transform import Rotation
+
+        g = self._attitude("rotation")
+        if g.shape[-2:] != (3, 3):
+            raise InvalidInput(f"Trajectory.rotation is for rotations; elements of {self.system.group!r} have shape {g.shape[-2:]}")
+        return Rotation.from_matrix(g)
+
+    @property
+    def last(self) -> BodyState:
+        """The last state, from which a run can be continued."""
+        return self.system.state(self.mu[-1], None if self.g is None else self.g[-1])
+
+    def drift(self) -> Drift:
+        """How well the constants of the motion were kept: bounded or drifting, and how fast."""
+        return Drift.of(self)
+
+    def _attitude(self, what: str) -> np.ndarray:
+        if self.g is None:
+            raise InvalidInput(f"Trajectory.{what} needs the attitude; start from a state with a g and record it")
+        return self.g
+
+    def __repr__(self) -> str:
+        many = "" if self.bodies is None else f"{self.bodies} bodies, "
+        return (
+            f"Trajectory({self.method!r}: {many}{len(self)} samples to t = {self.t[-1]:g}, h = {self.h:g}, "
+            f"{'compiled' if self.compiled else 'plain'}; {'mu' if self.g is None else 'mu, g'})"
+        )
+
+
+@dataclass(frozen=True)
+class Kept:
+    """How well one quantity was kept: its size, the largest deviation, the trend, and how sure the trend is."""
+
+    name: str
+    size: float
+    largest: float
+    slope: float
+    spread: float
+    duration: float
+
+    @property
+    def verdict(self) -> str:
+        """`exact` (rounding only), `bounded` (oscillates about its first value) or `drifting` (the trend dominates)."""
+        if self.largest <= 1e-12:
+            return "exact"
+        return "drifting" if abs(self.slope) * self.duration > 4.0 * self.spread else "bounded"
+
+    def __str__(self) -> str:
+        trend = f", {self.slope:+.1e} per unit time" if self.verdict == "drifting" else ""
+        return f"{self.name:<18}{self.verdict:<10}largest change {self.largest:.1e} of {self.size:.6g}{trend}"
+
+
+@dataclass(frozen=True)
+class Drift:
+    """The structure report of a run; `print` it."""
+
+    kept: tuple[Kept, ...]
+
+    @classmethod
+    def of(cls, run: Trajectory) -> Drift:
+        """Measure energy, Casimirs and, if the attitude is there, the spatial momentum.  Changes are relative."""
+        if len(run) < 2:
+            raise InvalidInput("Trajectory.drift needs at least two samples")
+        series = {"energy": np.asarray(run.energy)}
+        casimirs = np.asarray(run.casimirs)
+        series |= {f"Casimir {i + 1}": casimirs[..., i] for i in range(casimirs.shape[-1])}
+        kept = [_kept(name, run.t, values[..., None]) for name, values in series.items()]
+        if run.g is not None:
+            kept.append(_kept("spatial momentum", run.t, np.asarray(run.spatial_momentum)))
+        return cls(tuple(kept))
+
+    def __getitem__(self, name: str) -> Kept:
+        return next(k for k in self.kept if k.name == name)
+
+    def __str__(self) -> str:
+        return "\n".join(map(str, self.kept))
+
+
+def _kept(name: str, t: np.ndarray, values: np.ndarray) -> Kept:
+    """The change of a vector quantity along a run: its largest norm, and a straight line through it by least squares."""
+    change = values - values[0]
+    size = np.linalg.norm(values[0], axis=-1)
+    scale = np.where(size > 0.0, size, 1.0)
+    relative = change / scale[..., None]
+    largest = np.linalg.norm(relative, axis=-1)
+    worst = np.unravel_index(np.argmax(largest), largest.shape)[1:]
+    series = relative[(slice(None), *worst)]
+    component = series[:, np.abs(series[-1]).argmax()]
+    time = t - t.mean()
+    slope = float(time @ component / (time @ time))
+    spread = float(np.std(component - slope * time))
+    return Kept(name, float(np.max(size)), float(largest.max()), slope, spread, float(abs(t[-1] - t[0])))

@@ -1,0 +1,113 @@
+"""The C++ opponent of `baseline.cpp`, compiled on the spot and called through ctypes."""
+
+import ctypes
+import hashlib
+import os
+import re
+import shutil
+import subprocess
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+SOURCE = Path(__file__).with_name("baseline.cpp")
+FLAGS = ("-std=c++17", "-O3", "-march=native", "-fno-math-errno", "-shared", "-fPIC")
+CONTRACTIONS = ("off", "fast")
+
+METHODS = {"RKMK4": 0, "Algorithm 1, Cayley": 1, "Algorithm 1, exp": 2, "Algorithm 1, Cayley, one unknown": 3}
+FIXED_NEWTON = {
+    "Cayley, 2 solves": 4,
+    "Cayley, 3 solves": 5,
+    "exp, 2 solves": 6,
+    "exp, 3 solves": 7,
+}  # only in a sweep build; two solves are too few in the first steps, where nothing can be extrapolated yet
+
+
+@dataclass(frozen=True)
+class Baseline:
+    """One build of the kernels; `contraction` is GCC's -ffp-contract, off or fast."""
+
+    contraction: str
+    path: Path
+    width: int
+    _library: ctypes.CDLL
+
+    def lanes(self, groups: int = 3) -> int:
+        """Bodies advanced together by the ensemble kernel: SIMD width times registers per variable (3 is the best)."""
+        return self.width * groups
+
+    def advance(
+        self, method: int, lanes: int, mu: np.ndarray, g: np.ndarray | None, inertia: np.ndarray, h: float, steps: int
+    ) -> float:
+        """Advance momenta (3, n) and attitudes (9, n) or None in place; returns Newton solves per step."""
+        n = mu.shape[1]
+        if n % lanes:
+            raise ValueError(f"{n} bodies are not a multiple of {lanes} lanes")
+        attitude = ctypes.c_void_p() if g is None else ctypes.c_void_p(g.ctypes.data)
+        solves = self._library.advance(
+            method,
+            lanes,
+            ctypes.c_void_p(mu.ctypes.data),
+            attitude,
+            ctypes.c_void_p(inertia.ctypes.data),
+            ctypes.c_double(h),
+            ctypes.c_long(n),
+            ctypes.c_long(steps),
+        )
+        if solves < 0:
+            raise ValueError(f"no kernel for method {method} with {lanes} lanes in this build")
+        return solves / (steps * (n // lanes))
+
+    def packed(self) -> dict[str, dict[str, int]]:
+        """Arithmetic instructions of each ensemble kernel by register: zmm, ymm (packed) and scalar. Needs objdump."""
+        if shutil.which("objdump") is None:
+            return {}
+        listing = subprocess.run(
+            ["objdump", "-d", "-C", "--no-show-raw-insn", str(self.path)], capture_output=True, text=True, check=True
+        ).stdout
+        counts: dict[str, dict[str, int]] = {}
+        for block in listing.split("\n\n"):
+            head = re.search(r"<(?:long )?march<(.*), Lanes<(\d)>, (true|false)>", block)
+            if head:
+                records = "mu, g" if head[3] == "true" else "mu"
+                name = f"{head[1]}, {int(head[2]) * self.width} lanes, {records}"
+                operations = re.findall(r"\sv(?:add|sub|mul|div|fn?m(?:add|sub)\d+)(pd|sd)\s+(.*)", block)
+                count = counts.setdefault(name, {"zmm": 0, "ymm": 0, "scalar": 0})  # a kernel may come in parts
+                for kind, registers in operations:
+                    count["scalar" if kind == "sd" else "zmm" if "zmm" in registers else "ymm"] += 1
+        return counts
+
+
+def build(*, sweep: bool = False) -> dict[str, Baseline]:
+    """Compile the kernels in each contraction mode, side by side; empty without g++. Kept in the temporary folder."""
+    compiler = os.environ.get("CXX") or shutil.which("g++")
+    if not compiler:
+        return {}
+    version = subprocess.run([compiler, "--version"], capture_output=True, text=True, check=True).stdout
+    processor = Path("/proc/cpuinfo").read_text().split("\n\n")[0] if Path("/proc/cpuinfo").exists() else ""
+    native = [
+        line for line in processor.splitlines() if line.startswith(("model", "flags"))
+    ]  # -march=native is no portable key
+    folder = Path(tempfile.gettempdir()) / f"liemech-benchmarks-{os.getuid() if hasattr(os, 'getuid') else 0}"
+    folder.mkdir(mode=0o700, exist_ok=True)
+    paths, jobs = {}, []
+    for contraction in CONTRACTIONS:
+        command = [compiler, *FLAGS, f"-ffp-contract={contraction}", *(["-DSWEEP"] if sweep else []), str(SOURCE)]
+        key = hashlib.sha256("\n".join([version, *native, *command, SOURCE.read_text()]).encode()).hexdigest()[:16]
+        paths[contraction] = folder / f"baseline-{contraction}-{key}.so"
+        if not paths[contraction].exists():
+            unfinished = paths[contraction].with_suffix(f".{os.getpid()}")
+            jobs.append((subprocess.Popen([*command, "-o", str(unfinished)]), unfinished, paths[contraction]))
+    for job, unfinished, path in jobs:
+        if job.wait():
+            raise RuntimeError(f"{compiler} failed on {SOURCE.name}")
+        unfinished.replace(path)
+    return {contraction: _load(contraction, path) for contraction, path in paths.items()}
+
+
+def _load(contraction: str, path: Path) -> Baseline:
+    library = ctypes.CDLL(str(path))
+    library.advance.restype = ctypes.c_long
+    return Baseline(contraction, path, library.simd_width(), library)

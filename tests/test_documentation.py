@@ -1,0 +1,117 @@
+"""What the pages say is true: their Python runs, the examples run, and CI runs the commands of the README.
+
+A page is one program: its ```python blocks share one namespace and run in order, in an empty folder. A block tagged
+```python no-run is left out, and the paragraph before it must say that it is not run, and why.
+"""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+PAGES = [page for page in [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))] if page.exists()]
+EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
+
+LANGUAGES = {"python", "python no-run", "sh", "bash", "text", "math", "json", "bibtex"}
+"""Every fence says what it holds, so that no program hides from this test behind a misspelt tag."""
+
+TIME_LIMIT = 120  # seconds for one page or one example
+
+
+@dataclass(frozen=True)
+class Block:
+    """A fenced block of a page: what its fence says, its lines, where they begin, and the paragraph before it."""
+
+    language: str
+    lines: tuple[str, ...]
+    start: int
+    before: str
+
+
+def blocks(page: Path) -> list[Block]:
+    found: list[Block] = []
+    fence, language, start = "", "", 0
+    lines = page.read_text(encoding="utf-8").splitlines()
+    for number, line in enumerate(lines):
+        if fence:
+            if line.strip() == fence:
+                before = "\n".join(lines[: start - 1]).rstrip().rpartition("\n\n")[2]
+                found.append(Block(language, tuple(lines[start:number]), start, before))
+                fence = ""
+        elif mark := re.match(r"(`{3,})(.*)", line):
+            fence, language, start = mark[1], mark[2].strip(), number + 1
+    assert not fence, f"{page.name}: the fence opened in line {start} is not closed"
+    return found
+
+
+def page_name(page: Path) -> str:
+    return str(page.relative_to(ROOT))
+
+
+def run(program: Path, folder: Path) -> str:
+    """What a program prints when it runs in a folder of its own."""
+    done = subprocess.run(
+        [sys.executable, str(program)], cwd=folder, capture_output=True, text=True, timeout=TIME_LIMIT, check=False
+    )
+    assert done.returncode == 0, f"{program.name} failed:\n{done.stdout[-2000:]}\n{done.stderr[-6000:]}"
+    return done.stdout
+
+
+@pytest.mark.parametrize("page", PAGES, ids=page_name)
+def test_fences_say_what_they_hold(page: Path) -> None:
+    for block in blocks(page):
+        place = f"{page_name(page)}, line {block.start}"
+        assert block.language in LANGUAGES, f"{place}: ```{block.language} is not known here"
+        if block.language == "python no-run":
+            assert "not run" in block.before, f"{place}: say in the paragraph before it why it is not run"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=page_name)
+def test_page_runs(page: Path, tmp_path: Path) -> None:
+    # The program has its lines where the page has them, so a traceback points into the page; and a file, which the
+    # compiler of formulas reads.
+    program = [""] * len(page.read_text(encoding="utf-8").splitlines())
+    for block in blocks(page):
+        if block.language == "python":
+            program[block.start : block.start + len(block.lines)] = block.lines
+    if not any(program):
+        return
+    file = tmp_path / f"{page.stem}.md.py"
+    file.write_text("\n".join(program) + "\n", encoding="utf-8")
+    run(file, tmp_path)
+
+
+@pytest.mark.parametrize("example", EXAMPLES, ids=lambda example: example.stem)
+def test_example_runs_and_shows_something(example: Path, tmp_path: Path) -> None:
+    printed = run(example, tmp_path)
+    assert printed.strip() or any(tmp_path.iterdir()), f"{example.name} ends with neither a number nor a picture"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=page_name)
+def test_links_inside_the_tree_lead_somewhere(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    text = re.sub(r"^```.*?^```$|`[^`\n]+`", "", text, flags=re.MULTILINE | re.DOTALL)  # links stand outside code
+    for target in re.findall(r"\]\(([^)#\s]+)", text):
+        if "://" not in target and not target.startswith("mailto:"):
+            assert (page.parent / target).exists(), f"{page_name(page)} links to {target}, which does not exist"
+
+
+def test_readme_has_two_commands_and_ci_runs_them() -> None:
+    readme = ROOT / "README.md"
+    if not readme.exists():
+        pytest.skip("no README yet")
+    commands = [list(block.lines) for block in blocks(readme) if block.language in ("sh", "bash")]
+    assert commands == [
+        ['pip install ".[plot]" && python -m liemech'],
+        ['pip install ".[test]" && python -m pytest'],
+    ]
+    for number, expected in enumerate(commands, start=1):
+        show = ["bash", str(ROOT / ".ci" / "run"), "--show", str(number)]
+        shown = subprocess.run(show, capture_output=True, text=True, check=True, timeout=60)
+        assert shown.stdout.splitlines() == expected
