@@ -60,7 +60,8 @@ def exact_rigid_body(
     Raises nothing: the caller has checked the arguments. Finite arguments give finite results.
 
     The error is a few rounding errors times 1 + |w| t, next to the separatrix too: principal moments and mu are taken
-    to be exact. An inertia that is not diagonal is diagonalised first, with the rounding errors of its eigenvectors.
+    to be exact. Started at a small angle d from the middle axis, it is about log(1/d) times that. An inertia
+    that is not diagonal is diagonalised first, with the rounding errors of its eigenvectors.
 
     Source: Whittaker, Analytical Dynamics, 4th ed., sections 69-71, in the form of this module's first lines.
     """
