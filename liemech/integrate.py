@@ -64,6 +64,13 @@ def march(
     write(taken, 0, count)
 
 
+def begin(method: Any, system: Any, given: Any, h: float, starts: Any, states: Any, out: Any) -> None:
+    """The driver before the first step: what the method carries along, and the first sample, from the start."""
+    memory = method.start(system, read(starts, 0, given), h)
+    write(states, 0, memory)
+    write(out, 0, method.observe(memory))
+
+
 def integrate(
     system: LiePoissonSystem,
     method: Method,
@@ -129,9 +136,9 @@ class _Run:
         self.steps, self.every, self.progress, self.workers = steps, every, progress, workers
         self.bodies = start.bodies
         count = self.bodies or 1
-        first = method.start(system, _member(start, 0), h)
-        self.layout = layout_of(first)
-        self.shown = layout_of(method.observe(first))
+        one = _member(start, 0)
+        self.given, first = layout_of(one), method.start(system, one, h)
+        self.layout, self.shown = layout_of(first), layout_of(method.observe(first))
         self.compiled = self._decide(compiled, count)
         self.lanes = kernel.lanes() if self.compiled and self.bodies is not None else 1
         self.columns = -(-count // self.lanes) * self.lanes
@@ -140,10 +147,14 @@ class _Run:
         self.out = np.empty((self.samples + 1, self.shown.width, self.columns))
         self.states = np.empty((self.layout.width, self.columns))
         self.taken = np.zeros(self.columns)
-        for i in range(self.columns):
-            member = method.start(system, _member(start, min(i, count - 1)), h)
-            self.states[:, i] = list(leaves(member, self.layout))
-            self.out[0, :, i] = list(leaves(method.observe(member), self.shown))
+        self._run(begin, (method, system, self.given, h), self._columns_of(start), self.states, self.out[0])
+
+    def _columns_of(self, start: BodyState) -> np.ndarray:
+        """The start with a column for each body; the last lanes, if there are too many, repeat the last body."""
+        count = self.bodies or 1
+        parts = [np.asarray(x, dtype=float).reshape(count, -1) for x in (start.mu, start.g) if x is not None]
+        columns = np.concatenate(parts, axis=1).T
+        return np.ascontiguousarray(columns[:, np.minimum(np.arange(self.columns), count - 1)])
 
     def _decide(self, compiled: bool | None, bodies: int) -> bool:
         if compiled is False:
@@ -187,7 +198,7 @@ class _Run:
                 keeps = samples > 1 or (done + every) % self.every == 0
                 target = self.out[row : row + samples] if keeps else np.empty((1, *self.out.shape[1:]))
                 before = self.taken.copy()
-                self._march(done, every, samples, target)
+                self._run(march, self._arguments(done, every, samples), self.states, target, self.taken)
                 done += every * samples
                 self.taken += before
                 used = time.perf_counter() - begun
@@ -200,22 +211,23 @@ class _Run:
                     per_call = max(1, per_call // 2)
         return self._result(self.samples + 1)
 
-    def _march(self, first: int, every: int, samples: int, out: np.ndarray) -> None:
+    def _run(self, driver: Any, values: tuple[Any, ...], *arrays: np.ndarray) -> None:
+        """Run a driver on all bodies: one after the other in plain Python, or in native code and, if asked for, in threads."""
         if not self.compiled:
             for i in range(self.columns):
-                state, shown, taken = (np.ascontiguousarray(a[..., i]).ravel() for a in (self.states, out, self.taken[None]))
-                march(*self._arguments(first, every, samples), state, shown, taken)
-                self.states[:, i], out[..., i], self.taken[i] = state, shown.reshape(out.shape[:-1]), taken[0]
+                columns = [np.ascontiguousarray(a[..., i]).ravel() for a in arrays]
+                driver(*values, *columns)
+                for a, column in zip(arrays, columns, strict=True):
+                    a[..., i] = column.reshape(a.shape[:-1])
             return
-        run = self._kernel(self.lanes)
-        arguments = *self._arguments(first, every, samples), self.states, out, self.taken
+        run = kernel.kernel(driver, *values, *arrays, lanes=self.lanes)
         share = -(-self.columns // (self.workers * self.lanes)) * self.lanes
         parts = [(i, min(i + share, self.columns)) for i in range(0, self.columns, share)]
         if len(parts) == 1:
-            run(*arguments, bodies=self.columns, end=self.columns)
+            run(*values, *arrays, bodies=self.columns, end=self.columns)
             return
         with ThreadPoolExecutor(len(parts)) as pool:  # native code does not hold the interpreter's lock
-            for part in [pool.submit(run, *arguments, bodies=self.columns, begin=a, end=b) for a, b in parts]:
+            for part in [pool.submit(run, *values, *arrays, bodies=self.columns, begin=a, end=b) for a, b in parts]:
                 part.result()
 
     # ---------------------------------------------------------------- results

@@ -42,9 +42,13 @@ class Retraction(Record):
         """The dual of the inverse, <dtau_inv_dual_xi mu, eta> = <mu, dtau_inv_xi eta>.  xi, mu : (dim,)."""
         raise NotImplementedError(f"{type(self).__name__} must define `dtau_inv_dual`")
 
-    def dtau_inv_dual_derivatives(self, group: LieGroup, xi: Vec, mu: Vec) -> tuple[Mat, Mat]:
-        """The derivatives of (xi, mu) -> dtau_inv_dual_xi mu with respect to mu and to xi, for Newton's method.  Both (dim, dim)."""
-        raise NotImplementedError(f"{type(self).__name__} must define `dtau_inv_dual_derivatives`")
+    def mismatch(self, group: LieGroup, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
+        """How far p = dl/dxi is from fitting the momentum mu at the start of a step tau(xi): r = p - (dtau_xi)* mu, or a multiple.
+
+        r = 0 is the discrete Legendre transform (dtau_xi^-1)* p = mu, freed of the inverse.  Returns r, dr/dp (a number) and dr/dxi
+        (a matrix), for Newton's method.  xi, p, mu : (dim,).
+        """
+        raise NotImplementedError(f"{type(self).__name__} must define `mismatch`")
 
 
 @record
@@ -78,9 +82,9 @@ class Exponential(Retraction):
         """(dexp_xi^-1)* mu."""
         return group.dexp_inv_dual(xi, mu, side)
 
-    def dtau_inv_dual_derivatives(self, group: LieGroup, xi: Vec, mu: Vec) -> tuple[Mat, Mat]:
-        """Of (dexp_xi^-1)* mu."""
-        return group.dexp_inv_dual_derivatives(xi, mu)
+    def mismatch(self, group: LieGroup, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
+        """p - (dexp_xi)* mu."""
+        return group.exp_mismatch(xi, p, mu)
 
 
 @record
@@ -116,6 +120,6 @@ class Cayley(Retraction):
         """The dual of (1 - xi/2) eta (1 + xi/2)."""
         return group.dcayley_inv_dual(xi, mu, side)
 
-    def dtau_inv_dual_derivatives(self, group: LieGroup, xi: Vec, mu: Vec) -> tuple[Mat, Mat]:
-        """Of the dual of (1 - xi/2) eta (1 + xi/2)."""
-        return group.dcayley_inv_dual_derivatives(xi, mu)
+    def mismatch(self, group: LieGroup, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
+        """A multiple of p - (dcay_xi)* mu without its division."""
+        return group.cayley_mismatch(xi, p, mu)

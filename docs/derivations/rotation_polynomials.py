@@ -42,9 +42,12 @@ def bernoulli(x: mpf) -> mpf:
     return (1 - half * mp.cot(half)) / x
 
 
-def bernoulli_slope(x: mpf) -> mpf:
-    half = mp.sqrt(x) / 2
-    return (half * mp.cot(half) + (half / mp.sin(half)) ** 2 - 2) / (2 * x**2)
+def stumpff4(x: mpf) -> mpf:
+    return (mpf(1) / 2 - versine(x)) / x
+
+
+def stumpff5(x: mpf) -> mpf:
+    return (mpf(1) / 6 - segment(x)) / x
 
 
 POLYNOMIALS: dict[str, tuple[Function, Fraction, tuple[float, ...]]] = {
@@ -52,7 +55,8 @@ POLYNOMIALS: dict[str, tuple[Function, Fraction, tuple[float, ...]]] = {
     "VERSINE": (versine, Fraction(1, 2), code.VERSINE),
     "SEGMENT": (segment, Fraction(1, 6), code.SEGMENT),
     "BERNOULLI": (bernoulli, Fraction(1, 12), code.BERNOULLI),
-    "BERNOULLI_SLOPE": (bernoulli_slope, Fraction(1, 720), code.BERNOULLI_SLOPE),
+    "STUMPFF4": (stumpff4, Fraction(1, 24), code.STUMPFF4),
+    "STUMPFF5": (stumpff5, Fraction(1, 120), code.STUMPFF5),
 }
 """Name in the code: the function, its value at zero, the coefficients in the code."""
 

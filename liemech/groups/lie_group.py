@@ -108,9 +108,26 @@ class LieGroup(Record):
         """The dual of `dexp_inv`, <dexp_inv_dual_xi mu, eta> = <mu, dexp_inv_xi eta>.  xi, mu : (dim,)."""
         return vec(*[dot(mu, self.dexp_inv(xi, unit, side)) for unit in identity_matrix(self.dim)])
 
-    def dexp_inv_dual_derivatives(self, xi: Vec, mu: Vec) -> tuple[Mat, Mat]:
-        """The derivatives of dexp_inv_dual_xi mu with respect to mu and to xi, for Newton's method.  xi, mu : (dim,)."""
-        raise NotImplementedError(f"{type(self).__name__} has no derivative of dexp_inv_dual")
+    def dexp_inv_series(self, xi: Vec, eta: Vec, terms: int, side: str = "right") -> Vec:
+        """`dexp_inv` cut after ad_xi^terms: eta - [xi, eta]/2 + [xi, [xi, eta]]/12 - ...
+
+        Converges for |ad_xi| < 2 pi.  Source: Hairer, Lubich, Wanner, III.4, equation (4.4).
+        """
+        x = xi if side == "right" else -xi
+        power = eta
+        total = eta
+        for k in range(1, terms + 1):
+            power = self.ad(x, power)
+            if BERNOULLI[k] != 0.0:
+                total = total + BERNOULLI[k] * power
+        return total
+
+    def exp_mismatch(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
+        """How far the momentum p is from being carried by exp(xi) to mu: r = p - (dexp_xi)* mu, or a multiple of it.
+
+        Returns r, dr/dp (a number) and dr/dxi (a matrix), for Newton's method.  xi, p, mu : (dim,).
+        """
+        raise NotImplementedError(f"{type(self).__name__} has no derivative of dexp")
 
     def cayley(self, xi: Vec) -> Mat:
         """The Cayley map (1 - xi/2)^-1 (1 + xi/2), where the algebra is closed under x y x.  xi : (dim,)."""
@@ -136,8 +153,8 @@ class LieGroup(Record):
         """The dual of `dcayley_inv`.  xi, mu : (dim,)."""
         return vec(*[dot(mu, self.dcayley_inv(xi, unit, side)) for unit in identity_matrix(self.dim)])
 
-    def dcayley_inv_dual_derivatives(self, xi: Vec, mu: Vec) -> tuple[Mat, Mat]:
-        """The derivatives of dcayley_inv_dual_xi mu with respect to mu and to xi.  xi, mu : (dim,)."""
+    def cayley_mismatch(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
+        """r = p - (dcayley_xi)* mu, or a multiple of it, with dr/dp and dr/dxi as in `exp_mismatch`.  xi, p, mu : (dim,)."""
         raise NotImplementedError(f"{type(self).__name__} has no Cayley map")
 
     def casimirs(self, mu: Vec) -> Vec:
@@ -174,21 +191,6 @@ class LieGroup(Record):
     def K(self, g: Mat, mu: Vec) -> Vec:
         """The left coadjoint action K_g = Ad*_{g^-1}: a body momentum seen from space.  g : (n, n), mu : (dim,)."""
         return self.Ad_star(self.inverse(g), mu)
-
-    @final
-    def dexp_inv_series(self, xi: Vec, eta: Vec, terms: int, side: str = "right") -> Vec:
-        """`dexp_inv` cut after ad_xi^terms: eta - [xi, eta]/2 + [xi, [xi, eta]]/12 - ...
-
-        Converges for |ad_xi| < 2 pi.  Source: Hairer, Lubich, Wanner, III.4, equation (4.4).
-        """
-        x = xi if side == "right" else -xi
-        power = eta
-        total = eta
-        for k in range(1, terms + 1):
-            power = self.ad(x, power)
-            if BERNOULLI[k] != 0.0:
-                total = total + BERNOULLI[k] * power
-        return total
 
     def _shape(self, argument: str, axes: int) -> tuple[int, ...] | None:
         return (self.dim,) if axes == 1 else self.identity().shape

@@ -77,32 +77,43 @@ BERNOULLI = (
     8.123247447490993e-15,
     3.0022949434740904e-16,
 )
-BERNOULLI_SLOPE = (
-    0.001388888888888889,
-    6.613756613756828e-05,
-    2.480158730124356e-06,
-    8.350702814078168e-08,
-    2.6420945592198425e-09,
-    8.029599468782154e-11,
-    2.37206706071434e-12,
-    6.908527237974464e-14,
-    1.825381192792499e-15,
-    7.856388521744005e-17,
+STUMPFF4 = (
+    0.041666666666666664,
+    -0.001388888888888889,
+    2.4801587301587715e-05,
+    -2.755731922411423e-07,
+    2.0876757008961226e-09,
+    -1.1470747631569332e-11,
+    4.779596343019204e-14,
+    -1.5660804094467186e-16,
+    4.909204026232286e-19,
+    -7.371304633292864e-21,
 )
-
+STUMPFF5 = (
+    0.008333333333333333,
+    -0.0001984126984126984,
+    2.7557319223985876e-06,
+    -2.505210838543672e-08,
+    1.605904383596632e-10,
+    -7.647163647079502e-13,
+    2.8114521968315275e-15,
+    -8.218839202066883e-18,
+    1.9222618087719137e-20,
+    -9.544650731907881e-24,
+)
 
 
 def polynomial(c: tuple[float, ...], x: float) -> float:
     """The polynomial of ten coefficients, c_0 + c_1 x + ... + c_9 x^9.
 
-    Summed in groups (after Estrin), it is seven operations deep; one coefficient after the other, eighteen.  c_0 comes
-    last, so that for small x the error is that of one rounding.
+    Summed in groups (after Estrin), it is six operations deep; one coefficient after the other, eighteen.
     """
     x2 = x * x
     x3 = x * x2
-    low = (c[1] * x + c[2] * x2) + x3 * ((c[3] + c[4] * x) + c[5] * x2)
+    low = c[0] + (c[1] * x + c[2] * x2)
+    middle = (c[3] + c[4] * x) + c[5] * x2
     high = (c[6] + c[7] * x) + x2 * (c[8] + c[9] * x)
-    return c[0] + (low + (x3 * x3) * high)
+    return (low + x3 * middle) + (x3 * x3) * high
 
 
 def sin_cos_root(x: float) -> tuple[float, float]:
@@ -120,20 +131,27 @@ def sin_cos_root(x: float) -> tuple[float, float]:
     return s + e * c, c - e * s
 
 
+def exp_coefficients(x: float) -> tuple[float, float]:
+    """`sinc` and `versine`, what the exponential needs.
+
+    The polynomials are evaluated in any case: the rare branch then stands aside of the common path and costs it nothing.
+    """
+    a, b = polynomial(SINC, x), polynomial(VERSINE, x)
+    if x > LIMIT:
+        s, _ = sin_cos_root(x)
+        half, _ = sin_cos_root(0.25 * x)
+        a, b = s / sqrt(x), 2.0 * half * half / x
+    return a, b
+
+
 def sinc(x: float) -> float:
     """Sine over angle, sin(theta)/theta with x = theta^2; 1 at zero."""
-    if x <= LIMIT:
-        return polynomial(SINC, x)
-    s, _ = sin_cos_root(x)
-    return s / sqrt(x)
+    return exp_coefficients(x)[0]
 
 
 def versine(x: float) -> float:
     """Versed sine over angle squared, (1 - cos theta)/theta^2 with x = theta^2; 1/2 at zero."""
-    if x <= LIMIT:
-        return polynomial(VERSINE, x)
-    s, _ = sin_cos_root(0.25 * x)
-    return 2.0 * s * s / x
+    return exp_coefficients(x)[1]
 
 
 def segment(x: float) -> float:
@@ -142,6 +160,20 @@ def segment(x: float) -> float:
         return polynomial(SEGMENT, x)
     t = sqrt(x)
     return (t - sin(t)) / (x * t)
+
+
+def dexp_coefficients(x: float) -> tuple[float, float, float, float]:
+    """`versine` and `segment`, what the differential of the exponential needs, and their derivatives with respect to x.
+
+    With the next two Stumpff functions c_4, c_5:  versine = 1/2 - x c_4, segment = 1/6 - x c_5, and
+    versine' = c_4 - segment/2, segment' = (3 c_5 - c_4)/2.
+    """
+    c4, c5 = polynomial(STUMPFF4, x), polynomial(STUMPFF5, x)
+    b, c = 0.5 - x * c4, 1 / 6 - x * c5
+    if x > LIMIT:
+        b, c = versine(x), segment(x)
+        c4, c5 = (0.5 - b) / x, (1 / 6 - c) / x
+    return b, c, c4 - 0.5 * c, 0.5 * (3.0 * c5 - c4)
 
 
 def bernoulli(x: float) -> float:
@@ -159,25 +191,3 @@ def bernoulli(x: float) -> float:
         return 0.25 * (polynomial(BERNOULLI, 0.25 * x) + tan(0.25 * t) / t)
     s, c = sin_cos_root(0.25 * x)
     return (1.0 - 0.5 * sqrt(x) * c / s) / x
-
-
-def bernoulli_slope(x: float) -> float:
-    """Derivative of `bernoulli` with respect to x = theta^2, (a + b - 2)/(2 x^2); 1/720 at zero.
-
-    a = (theta/2) cot(theta/2), b = (theta/2)^2/sin^2(theta/2).  Doubling of the angle gives a sum of positive terms:
-
-        d'(x) = d'(x/4)/16 + segment(x/4)/(128 cos^2(theta/4)).
-    """
-    if x <= LIMIT:
-        return polynomial(BERNOULLI_SLOPE, x)
-    if x > 16.0 * LIMIT:  # beyond the pole; also keeps the loop below finite
-        s, c = sin_cos_root(0.25 * x)
-        return (0.25 / (s * s) + (0.5 * sqrt(x) * c / s - 2.0) / x) / (2.0 * x)
-    total = 0.0
-    weight = 1.0
-    while x > LIMIT:
-        x = 0.25 * x
-        _, c = sin_cos_root(0.25 * x)
-        total = total + weight * segment(x) / (128.0 * c * c)
-        weight = weight / 16.0
-    return total + weight * polynomial(BERNOULLI_SLOPE, x)

@@ -6,8 +6,8 @@ import numpy as np
 
 from ..native import Mat, Vec, cross, dot, mat, outer, record, vec
 from .lie_algebra import Constants, LieAlgebra
-from .lie_group import LieGroup
-from .rotation_coefficients import bernoulli, bernoulli_slope, segment, sinc, versine
+from .lie_group import BERNOULLI, LieGroup
+from .rotation_coefficients import bernoulli, dexp_coefficients, exp_coefficients
 from .rotation_logarithm import rotation_quaternion, rotation_vector
 
 TOLERANCE = 1e-6
@@ -101,8 +101,8 @@ class SO3(LieGroup):
 
     def exp(self, xi: Vec) -> Mat:
         """The rotation about xi by the angle |xi|."""
-        x = dot(xi, xi)
-        return _rotation(sinc(x), versine(x), xi)
+        a, b = exp_coefficients(dot(xi, xi))
+        return _rotation(a, b, xi)
 
     def log(self, g: Mat) -> Vec:
         """The rotation vector, of length at most pi."""
@@ -114,14 +114,16 @@ class SO3(LieGroup):
 
     def exp_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
         """exp(-hat xi) mu, without forming the matrix."""
-        x, w = dot(xi, xi), cross(xi, mu)
-        return mu + (versine(x) * cross(xi, w) - sinc(x) * w)
+        a, b = exp_coefficients(dot(xi, xi))
+        w = cross(xi, mu)
+        return mu + (b * cross(xi, w) - a * w)
 
     def dexp(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
         """eta + b xi x eta + c xi x (xi x eta), b = (1 - cos th)/th^2, c = (th - sin th)/th^3."""
         u = xi if side == "right" else -xi
-        x, w = dot(u, u), cross(u, eta)
-        return eta + (versine(x) * w + segment(x) * cross(u, w))
+        b, c, _, _ = dexp_coefficients(dot(u, u))
+        w = cross(u, eta)
+        return eta + (b * w + c * cross(u, w))
 
     def dexp_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
         """eta - xi x eta/2 + d xi x (xi x eta), d = (1 - (th/2) cot(th/2))/th^2; defined for |xi| < 2 pi."""
@@ -133,16 +135,26 @@ class SO3(LieGroup):
         """mu + xi x mu/2 + d xi x (xi x mu): the other side's inverse differential."""
         return self.dexp_inv(xi, mu, "left" if side == "right" else "right")
 
-    def dexp_inv_dual_derivatives(self, xi: Vec, mu: Vec) -> tuple[Mat, Mat]:
-        """Of mu + xi x mu/2 + d(x) xi x (xi x mu), x = |xi|^2:
+    def dexp_inv_series(self, xi: Vec, eta: Vec, terms: int, side: str = "right") -> Vec:
+        """Since ad^3 = -x ad, the series is 1 - W/2 + (1/12 + x/720 + ...) W^2: a matrix, ready before eta is."""
+        u = xi if side == "right" else -xi
+        x = dot(u, u)
+        power, total = 1.0, 0.0
+        for k in range(2, terms + 1, 2):
+            total = total + BERNOULLI[k] * power
+            power = -x * power
+        return _rotation(-0.5 if terms else 0.0, total, u) @ eta
 
-        by mu  1 + W/2 + d (xi xi^T - x),
-        by xi  -hat(mu)/2 + d ((xi . mu) + xi mu^T - 2 mu xi^T) + 2 d'(x) (xi x (xi x mu)) xi^T.
+    def exp_mismatch(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
+        """r = p - mu + b xi x mu - c xi x (xi x mu), with  dr/dxi = c (2 mu xi^T - (xi . mu) - xi mu^T) - b hat(mu) + r' xi^T,
+        r' = 2 b' xi x mu - 2 c' xi x (xi x mu);  b = (1 - cos th)/th^2, c = (th - sin th)/th^3, primes with respect to th^2.
         """
-        x, twice = dot(xi, xi), cross(xi, cross(xi, mu))
-        d, slope = bernoulli(x), 2.0 * bernoulli_slope(x)
-        by_xi = outer(d * xi, mu) + outer(slope * twice - (2.0 * d) * mu, xi)
-        return _rotation(0.5, d, xi), _plus(by_xi - 0.5 * self.algebra.hat(mu), d * dot(xi, mu))
+        w = cross(xi, mu)
+        u = cross(xi, w)
+        b, c, b_slope, c_slope = dexp_coefficients(dot(xi, xi))
+        along = (2.0 * c) * mu + ((2.0 * b_slope) * w - (2.0 * c_slope) * u)
+        by_xi = (outer(along, xi) - outer(c * xi, mu)) - self.algebra.hat(b * mu)
+        return (p - mu) + (b * w - c * u), 1.0, _plus(by_xi, -c * dot(xi, mu))
 
     # ---------------------------------------------------------------- Cayley map
 
@@ -175,12 +187,11 @@ class SO3(LieGroup):
         """mu + xi x mu/2 + xi (xi . mu)/4: the other side's inverse differential."""
         return self.dcayley_inv(xi, mu, "left" if side == "right" else "right")
 
-    def dcayley_inv_dual_derivatives(self, xi: Vec, mu: Vec) -> tuple[Mat, Mat]:
-        """Of mu + xi x mu/2 + xi (xi . mu)/4:  by mu  1 + W/2 + xi xi^T/4,  by xi  -hat(mu)/2 + ((xi . mu) + xi mu^T)/4."""
-        quarter = 0.25 * xi
-        by_mu = outer(quarter, xi) + 0.5 * self.algebra.hat(xi)
-        by_xi = outer(quarter, mu) - 0.5 * self.algebra.hat(mu)
-        return _plus(by_mu, 1.0), _plus(by_xi, dot(quarter, mu))
+    def cayley_mismatch(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
+        """r = (1 + |xi|^2/4) p + xi x mu/2 - mu,  dr/dp = 1 + |xi|^2/4,  dr/dxi = p xi^T/2 - hat(mu)/2."""
+        half = 0.5 * xi
+        scale = 1.0 + dot(half, half)
+        return scale * p + (cross(half, mu) - mu), scale, outer(p, half) - self.algebra.hat(0.5 * mu)
 
 
 def _plus(m: Mat, s: float) -> Mat:

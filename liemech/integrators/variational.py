@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 from ..errors import InvalidInput, NoConvergence
-from ..native import Mat, Record, Vec, norm, record
+from ..native import Mat, Record, Vec, mat, norm, record, vec
 from ..retractions import Exponential, Retraction
 from ..solvers import LIMIT, TOLERANCE, correction
 from ..systems.lie_poisson import BodyState
@@ -14,20 +14,20 @@ from .method import Method
 
 @record
 class Memory(Record):
-    """What the method carries from step to step: the state at the node and the velocities of the last three intervals."""
+    """What the method carries from step to step: the state at the node and the displacements h xi of the last three intervals."""
 
     mu: Vec
     g: Mat | None
-    xi: Vec
-    xi_1: Vec
-    xi_2: Vec
+    last: Vec
+    last_1: Vec
+    last_2: Vec
 
 
 @record
 class CovariantVariational(Method):
     """Algorithm 1: the discrete Euler-Poincare equations of the action sum h l(xi_i) with g_i+1 = g_i tau(h xi_i).
 
-        (dtau^-1_{h xi_i})* dl/dxi(xi_i) = mu_i            solved for xi_i by Newton's method
+        (dtau^-1_{h xi_i})* dl/dxi(xi_i) = mu_i            solved for h xi_i by Newton's method
         mu_i+1 = Ad*_tau(h xi_i) mu_i,   g_i+1 = g_i tau(h xi_i)
 
     retraction : Cayley() has a solution for every step size, Exponential() is the more accurate one.
@@ -57,48 +57,43 @@ class CovariantVariational(Method):
 
     def start(self, system: Any, state: BodyState, h: float) -> Memory:
         """The first guess is the velocity at the start, J^-1 mu."""
-        xi = system.velocity(state.mu)
-        return Memory(state.mu, state.g, xi, xi, xi)
+        displacement = h * system.velocity(state.mu)
+        return Memory(state.mu, state.g, displacement, displacement, displacement)
 
     def observe(self, memory: Memory) -> BodyState:
         """Momentum and attitude at the node."""
         return BodyState(memory.mu, memory.g)
 
     def step(self, system: Any, t: float, state: Memory, h: float) -> Memory:
-        """Solve for the velocity of the interval from the extrapolated one, then move momentum and attitude by the same increment."""
-        guess = 3.0 * (state.xi - state.xi_1) + state.xi_2
-        xi = self.solve(system, h, state.mu, guess)
-        group, increment = system.group, h * xi
-        mu = self.retraction.tau_Ad_star(group, increment, state.mu)
-        g = None if state.g is None else group.compose(state.g, self.retraction.tau(group, increment))
-        return Memory(mu, g, xi, state.xi, state.xi_1)
+        """Solve for the displacement of the interval from the extrapolated one, then move momentum and attitude by it."""
+        group, guess = system.group, 3.0 * state.last + (state.last_2 - 3.0 * state.last_1)
+        new = self.displacement(system, h, state.mu, guess)
+        mu = self.retraction.tau_Ad_star(group, new, state.mu)
+        g = None if state.g is None else group.compose(state.g, self.retraction.tau(group, new))
+        return Memory(mu, g, new, state.last, state.last_1)
 
-    def residual(self, system: Any, h: float, mu: Vec, xi: Vec) -> Vec:
-        """(dtau^-1_{h xi})* dl/dxi - mu.  xi, mu : (dim,)."""
-        return self.retraction.dtau_inv_dual(system.group, h * xi, system.lagrangian.momentum(xi)) - mu
-
-    def jacobian(self, system: Any, h: float, xi: Vec) -> Mat:
-        """Its derivative with respect to xi.  xi : (dim,), result : (dim, dim)."""
-        p = system.lagrangian.momentum(xi)
-        by_p, by_xi = self.retraction.dtau_inv_dual_derivatives(system.group, h * xi, p)
-        inertia = system.lagrangian.hessian(xi)
-        return (by_p * inertia if isinstance(inertia, Vec) else by_p @ inertia) + h * by_xi
-
-    def solve(self, system: Any, h: float, mu: Vec, xi: Vec) -> Vec:
-        """The velocity with residual zero: test the residual against the data, then apply its correction once more."""
+    def displacement(self, system: Any, h: float, mu: Vec, guess: Vec) -> Vec:
+        """The x = h xi whose momentum dl/dxi fits mu: test the mismatch against the data, then apply its correction once more."""
+        x, rate = guess, 1.0 / h
         enough = TOLERANCE * norm(mu)
-        size = enough
-        iterations = 0
+        size, iterations = enough, 0
         while True:
-            r = self.residual(system, h, mu, xi)
-            xi = xi - correction(self.jacobian(system, h, xi), r)
-            size = norm(r)
-            iterations = iterations + 1
+            xi = rate * x
+            r, by_p, by_x = self.retraction.mismatch(system.group, x, system.lagrangian.momentum(xi), mu)
+            x = x - correction(_plus(by_x, (rate * by_p) * system.lagrangian.hessian(xi)), r)
+            size, iterations = norm(r), iterations + 1
             if size <= enough or iterations >= LIMIT:
                 break
         if not size <= enough:
             raise NoConvergence(
-                f"{self!r}: Newton's method did not converge in {LIMIT} iterations: residual {size:.1e}, wanted {enough:.1e}, "
-                f"h|xi| = {abs(h) * norm(xi):.2g}. The step h = {h:g} is too large for this motion; try {h / 4:g}"
+                f"{self!r}: Newton's method did not converge in {LIMIT} iterations: mismatch {size:.1e}, wanted {enough:.1e}, "
+                f"h|xi| = {norm(x):.2g}. The step h = {h:g} is too large for this motion; try {0.25 * h:g}"
             )
-        return xi
+        return x
+
+
+def _plus(m: Mat, inertia: Mat | Vec) -> Mat:
+    """m + inertia, a Vec standing for a diagonal matrix."""
+    if isinstance(inertia, Mat):
+        return m + inertia
+    return mat(*[vec(*[m[i, j] + inertia[i] if i == j else m[i, j] for j in range(len(m))]) for i in range(len(m))])

@@ -119,9 +119,12 @@ class Emitter:
         intrinsic = name.startswith("llvm.")
         type_ = self.type("f", varying and intrinsic)
         symbol = name + (f".v{self.lanes}f64" if varying else ".f64") if intrinsic else f"liemech_{name}"
-        function = b.module.globals.get(symbol) or ir.Function(
-            b.module, ir.FunctionType(type_, [type_] * len(args)), symbol
-        )
+        function = b.module.globals.get(symbol)
+        if function is None:
+            function = ir.Function(b.module, ir.FunctionType(type_, [type_] * len(args)), symbol)
+            function.attributes.add("nounwind")
+            if not intrinsic:
+                function.attributes.add("cold")  # calls stand aside: registers are spilled there and not on the common path
         if intrinsic or not varying:
             return self.num(b.call(function, values))
         result = ir.Constant(self.type("f", True), ir.Undefined)
