@@ -19,6 +19,7 @@ from .numbers import Emitter, Num
 from .source import Source
 from .values import Layout, build, is_any_number, layout_of, leaves
 
+RARE = 1000000  # how much rarer than the other a rare branch is
 UNROLL = 64  # a static loop with more turns than this stays a loop
 
 LIVE = "<live>"  # lanes still running at this point, where some have left (absent: all for which the code was entered)
@@ -186,15 +187,23 @@ class Flow:
         if test.varying:
             self.masked_branch(test, body, orelse, env)
             return True
-        b, opens = self.builder, []
+        b, opens, calls = self.builder, [], [self.emitter.calls]
         starts = b.append_basic_block(), b.append_basic_block()
-        b.cbranch(test.value, *starts)
+        fork = b.cbranch(test.value, *starts)
         for start, statements in zip(starts, (body, orelse), strict=True):
             b.position_at_end(start)
             branch = dict(env)
             if self.block(statements, branch):
                 opens.append(Open(b.block, branch))
+            calls.append(self.emitter.calls)
+        self._weigh(fork, calls[1] > calls[0], calls[2] > calls[1])
         return self.join(opens, env)
+
+    @staticmethod
+    def _weigh(fork: ir.Instruction, yes_calls: bool, no_calls: bool) -> None:
+        """A branch that calls the C library is the rare one: its spills and reloads belong on its own way."""
+        if yes_calls is not no_calls:
+            fork.set_weights([1, RARE] if yes_calls else [RARE, 1])
 
     def masked_branch(self, test: Num, body: list[ast.stmt], orelse: list[ast.stmt], env: Env) -> None:
         e, b = self.emitter, self.builder
@@ -207,7 +216,7 @@ class Flow:
             if not statements:
                 ends.append(lanes)
                 continue
-            some, skip = e.any(lanes), b.block
+            some, skip, calls = e.any(lanes), b.block, e.calls
             start = b.append_basic_block()
             b.position_at_end(start)
             inside = dict(before)
@@ -228,7 +237,7 @@ class Flow:
             self.join(
                 [
                     Open(end_of_body, after),
-                    Open(skip, skipped, lambda into, some=some, start=start: b.cbranch(some.value, start, into)),  # type: ignore[misc]
+                    Open(skip, skipped, self._entering(some, start, e.calls > calls)),
                 ],
                 merged,
             )
@@ -242,6 +251,9 @@ class Flow:
             env[LIVE] = NOBODY if not ends else ends[0] if len(ends) == 1 else e.logic("or_", *ends)
         elif live is not None:
             env[LIVE] = live
+
+    def _entering(self, some: Num, start: ir.Block, rare: bool) -> Callable[[ir.Block], None]:
+        return lambda into: self._weigh(self.builder.cbranch(some.value, start, into), rare, False)
 
     # -------------------------------------------------------------- loops
 

@@ -15,6 +15,7 @@ from ..errors import NotCompilable
 
 F64, I64, I1 = ir.DoubleType(), ir.IntType(64), ir.IntType(1)
 TYPES = {"f": F64, "i": I64, "b": I1}
+ASIDE = "preserve_allcc"
 
 
 class Emitter:
@@ -23,6 +24,7 @@ class Emitter:
     def __init__(self, builder: ir.IRBuilder, lanes: int) -> None:
         self.builder = builder
         self.lanes = lanes
+        self.calls = 0  # of the C library so far: a branch that has some is the rare one
 
     def type(self, kind: str, varying: bool) -> ir.Type:
         return ir.VectorType(TYPES[kind], self.lanes) if varying else TYPES[kind]
@@ -117,22 +119,41 @@ class Emitter:
         varying = any(n.varying for n in numbers)
         values = [self.cast(n, "f", varying) for n in numbers]
         intrinsic = name.startswith("llvm.")
-        type_ = self.type("f", varying and intrinsic)
-        symbol = name + (f".v{self.lanes}f64" if varying else ".f64") if intrinsic else f"liemech_{name}"
-        function = b.module.globals.get(symbol)
-        if function is None:
-            function = ir.Function(b.module, ir.FunctionType(type_, [type_] * len(args)), symbol)
-            function.attributes.add("nounwind")
-            if not intrinsic:
-                function.attributes.add("cold")  # calls stand aside: registers are spilled there and not on the common path
-        if intrinsic or not varying:
-            return self.num(b.call(function, values))
+        if intrinsic:
+            type_ = self.type("f", varying)
+            symbol = name + (f".v{self.lanes}f64" if varying else ".f64")
+            return self.num(b.call(self._declared(symbol, type_, len(args)), values))
+        self.calls += 1
+        function = self._aside(name, len(args))
+        if not varying:
+            return self.num(b.call(function, values, cconv=ASIDE))
         result = ir.Constant(self.type("f", True), ir.Undefined)
         for lane in range(self.lanes):
             at = ir.Constant(ir.IntType(32), lane)
-            one = b.call(function, [b.extract_element(v, at) for v in values])
+            one = b.call(function, [b.extract_element(v, at) for v in values], cconv=ASIDE)
             result = b.insert_element(result, one, at)
         return self.num(result)
+
+    def _declared(self, symbol: str, type_: ir.Type, arguments: int) -> ir.Function:
+        module = self.builder.module
+        function = module.globals.get(symbol)
+        if function is None:
+            function = ir.Function(module, ir.FunctionType(type_, [type_] * arguments), symbol)
+            function.attributes.add("nounwind")
+        return function
+
+    def _aside(self, name: str, arguments: int) -> ir.Function:
+        """The C function, wrapped so that a call leaves the caller's registers alone: what happens rarely must not cost always."""
+        module = self.builder.module
+        function = module.globals.get(f"aside_{name}")
+        if function is None:
+            function = ir.Function(module, ir.FunctionType(F64, [F64] * arguments), f"aside_{name}")
+            function.calling_convention, function.linkage = ASIDE, "internal"
+            for attribute in ("noinline", "nounwind"):
+                function.attributes.add(attribute)
+            inside = ir.IRBuilder(function.append_basic_block())
+            inside.ret(inside.call(self._declared(f"liemech_{name}", F64, arguments), function.args))
+        return function
 
 
 class Num:
