@@ -12,6 +12,9 @@
         ├── OutsideChart        the step leaves the domain where the retraction is a chart
         ├── NotFinite           a step produced inf or nan
         └── InconsistentState   the state is off the group, the orbit or the constraint
+
+    KeyboardInterrupt
+    └── IntegrationInterrupted   Ctrl-C during a run; `.trajectory` holds the samples so far
 """
 
 from __future__ import annotations
@@ -82,3 +85,9 @@ class NotFinite(IntegrationFailure):
 
 class InconsistentState(IntegrationFailure):
     """The state is not on the group, the orbit or the constraint manifold."""
+
+
+class IntegrationInterrupted(KeyboardInterrupt):
+    """Ctrl-C ended a run; `trajectory` holds every sample that was recorded before."""
+
+    trajectory: Trajectory | None = None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import sys
 import time
 import warnings
 from collections.abc import Iterable
@@ -12,16 +13,27 @@ from typing import Any
 
 import numpy as np
 
-from .errors import InvalidInput, InvalidType, IntegrationFailure, NotCompilable, NotCompiledWarning, NotFinite
+from .errors import (
+    IntegrationFailure,
+    IntegrationInterrupted,
+    InvalidInput,
+    InvalidType,
+    NotCompilable,
+    NotCompiledWarning,
+    NotFinite,
+)
 from .integrators.method import Method
-from .native import Mat, Vec, kernel
+from .native import Mat, Vec, kernel, real_array, where
 from .native.driver import accepted, any_body, attempt, read, write
-from .native.values import Layout, build, layout_of, leaves
+from .native.values import NUMBER, build, layout_of
 from .systems.lie_poisson import BodyState, LiePoissonSystem
 from .trajectory import Trajectory
 
 COMPILE_FROM = 3000
-"""Steps times bodies from which native code pays although it may have to be compiled first; the result is the same to the bit."""
+"""Steps times bodies from which native code pays, although it may have to be compiled first."""
+
+MOST = 2**53
+"""Counts up to this are exact as floating-point numbers, and so are the times t0 + n h up to rounding."""
 
 PATIENCE = 0.25
 """Seconds of native code between two looks at the progress bar and the keyboard."""
@@ -40,22 +52,27 @@ def march(
     out: Any,
     taken: Any,
 ) -> None:
-    """The driver: `samples` times `every` steps from step number `first`, in plain Python or compiled, for one body or many.
+    """The driver: `samples` times `every` steps from step number `first`, in plain Python or compiled, for one or many.
 
-    states holds what the method carries along, before and after; out the samples; taken the number of steps that went through.
-    A body whose step fails stays where it is.
+    states holds what the method carries along, before and after; out the samples; taken the number of steps that went
+    through.  A body whose step fails stays where it is, for good.
     """
     memory = read(states, 0, layout)
-    count = 0.0
-    running = True
+    count = read(taken, 0, NUMBER)
+    running = count == first
     for k in range(samples):
         for j in range(every):
             new = attempt(method.step, system, t0 + (first + (k * every + j)) * h, memory, h)
-            if not (running and accepted(new)):
-                running = False
-                break
-            memory = new
-            count = count + 1.0
+            good = running and accepted(new, method.observe)
+            if any_body(not good):
+                running = good
+                if not any_body(running):
+                    break
+                memory = where(good, new, memory)
+                count = where(good, count + 1.0, count)
+            else:
+                memory = new
+                count = count + 1.0
         shown = method.observe(memory)
         write(out, k * layout_of(shown).width, shown)
         if not any_body(running):
@@ -85,33 +102,36 @@ def integrate(
     progress: bool | None = None,
     workers: int = 1,
 ) -> Trajectory:
-    """Follow a motion for `steps` steps of length h and keep every `every`-th state.
+    """Follow a motion for `steps` steps of length h; keep the start, every `every`-th state after it, and the last one.
 
     start : `system.state(mu, g)`; with a leading axis an ensemble, which runs in SIMD lanes.
     h : the step, in s; negative runs backwards.  Times are t0 + n h.
     record : ("mu",) or ("mu", "g"); what is not recorded is not computed.  Default: what the start has.
-    compiled : True for native code, False for plain Python, None to choose by the amount of work; the result is the same to the bit.
+    compiled : True for native code, False for plain Python, None to choose by the amount of work; same bits.
     progress : True or False; None shows a bar when a run takes longer than a second.
     workers : threads among which the bodies of an ensemble are divided.
 
-    Returns a Trajectory.  Raises InvalidInput, IncompatibleSystem, or an IntegrationFailure whose `.trajectory` has every sample
-    recorded before the step that failed.  In an ensemble a body that fails stays at its last state, is named in
-    `Trajectory.stopped` and in a warning, and disturbs no other.
+    Returns a Trajectory.  Raises InvalidInput, InvalidType, IncompatibleSystem, or an IntegrationFailure whose
+    `.trajectory` has every sample recorded before the step that failed; so has the IntegrationInterrupted of a Ctrl-C.
+    In an ensemble a body that fails stays at its last state, is named in `Trajectory.stopped` and in a warning, and
+    disturbs no other.
     """
-    if not isinstance(method, Method):
-        raise InvalidType(f"integrate: method must be a method such as RKMK(order=4); got {method!r}")
-    method.require(system)
+    _matching(system, method)
     h, t0 = _real(h, "h"), _real(t0, "t0")
     steps, every = _count(steps, "steps", 0), _count(every, "every", 1)
     workers = _count(workers, "workers", 1)
-    if h == 0.0:
-        raise InvalidInput("integrate: h must not be zero")
+    _choice(compiled, "compiled")
+    _choice(progress, "progress")
+    if abs(h) < sys.float_info.min:
+        raise InvalidInput(f"integrate: h = {h:g} is no step; it must not be zero, nor so small that 1/h overflows")
     end = t0 + steps * h
     if not math.isfinite(end):
         raise InvalidInput(f"integrate: {steps} steps of h = {h:g} lead to t = {end}")
     if steps and max(abs(t0), abs(end)) + abs(h) == max(abs(t0), abs(end)):
         smallest = np.spacing(max(abs(t0), abs(end)))
-        raise InvalidInput(f"integrate: h = {h:g} is lost beside t = {end:g}; the smallest useful step there is {smallest:.1e}")
+        raise InvalidInput(
+            f"integrate: h = {h:g} is lost beside t = {end:g}; the smallest useful step there is {smallest:.1e}"
+        )
     start = _started(system, start, record)
     return _Run(system, method, start, h, steps, every, t0, compiled, progress, workers).trajectory()
 
@@ -142,9 +162,9 @@ class _Run:
         self.compiled = self._decide(compiled, count)
         self.lanes = kernel.lanes() if self.compiled and self.bodies is not None else 1
         self.columns = -(-count // self.lanes) * self.lanes
-        self.samples = steps // every
-        _affordable((self.samples + 1) * self.shown.width * self.columns * 8, steps, every)
-        self.out = np.empty((self.samples + 1, self.shown.width, self.columns))
+        rows = self._rows(steps)
+        _affordable(rows * self.shown.width * self.columns * 8, steps, every)
+        self.out = np.empty((rows, self.shown.width, self.columns))
         self.states = np.empty((self.layout.width, self.columns))
         self.taken = np.zeros(self.columns)
         self._run(begin, (method, system, self.given, h), self._columns_of(start), self.states, self.out[0])
@@ -166,7 +186,8 @@ class _Run:
             except NotCompilable as error:
                 if compiled:
                     raise
-                warnings.warn(f"{error}. Running in plain Python instead, much slower", NotCompiledWarning, stacklevel=5)
+                slower = f"{error}. Running in plain Python instead, much slower"
+                warnings.warn(slower, NotCompiledWarning, stacklevel=5)
                 return False
             return True
         if compiled:
@@ -182,37 +203,48 @@ class _Run:
 
     # ---------------------------------------------------------------- marching
 
+    def _rows(self, steps: int) -> int:
+        """How many samples there are after this many steps: the start, one for each `every`, and the very last."""
+        return steps // self.every + 1 + (steps == self.steps and steps % self.every > 0)
+
     def trajectory(self) -> Trajectory:
         """March to the end, in pieces short enough to show progress and to be interrupted."""
-        done = 0
-        with _Bar(self.progress, self.steps * (self.bodies or 1)) as bar:
-            per_call, used = max(1, min(self.steps, 256)), 0.0
-            while done < self.samples * self.every or done < self.steps:
-                begun = time.perf_counter()
-                pending = min(self.every - done % self.every, self.steps - done)
-                if pending < self.every or per_call < self.every:  # part of one sample
-                    every, samples = min(pending, per_call), 1
-                else:
-                    every, samples = self.every, min(per_call // self.every, self.samples - done // self.every)
-                row = done // self.every + 1
-                keeps = samples > 1 or (done + every) % self.every == 0
-                target = self.out[row : row + samples] if keeps else np.empty((1, *self.out.shape[1:]))
-                before = self.taken.copy()
-                self._run(march, self._arguments(done, every, samples), self.states, target, self.taken)
-                done += every * samples
-                self.taken += before
-                used = time.perf_counter() - begun
-                bar.advance(every * samples * (self.bodies or 1))
-                if self.bodies is None and self.taken[0] < done:
-                    self._fail(int(self.taken[0]))
-                if used < PATIENCE / 2:
-                    per_call *= 2
-                elif used > 2 * PATIENCE:
-                    per_call = max(1, per_call // 2)
-        return self._result(self.samples + 1)
+        done, per_call = 0, max(1, 256 // self.columns)
+        try:
+            with _Bar(self.progress, self.steps * (self.bodies or 1)) as bar:
+                while done < self.steps:
+                    begun = time.perf_counter()
+                    pending = min(self.every - done % self.every, self.steps - done)
+                    if pending < self.every or per_call < self.every:  # part of one sample
+                        every, samples = min(pending, per_call), 1
+                    else:
+                        every, samples = self.every, min(per_call, self.steps - done) // self.every
+                    after = done + every * samples
+                    first = self._rows(done)
+                    target = self.out[first : self._rows(after)]
+                    if not len(target):
+                        target = np.empty((1, *self.out.shape[1:]))
+                    self._run(march, self._arguments(done, every, samples), self.states, target, self.taken)
+                    if self.bodies is None and self.taken[0] < after:
+                        raise self._failure(0)
+                    done = after
+                    used = time.perf_counter() - begun
+                    bar.advance(every * samples * (self.bodies or 1))
+                    if used < PATIENCE / 2:
+                        per_call *= 2
+                    elif used > 2 * PATIENCE:
+                        per_call = max(1, per_call // 2)
+        except KeyboardInterrupt:
+            stopped = IntegrationInterrupted(
+                f"integrate: interrupted after {done} of {self.steps} steps; "
+                f"{self._rows(done)} samples are in `.trajectory`"
+            )
+            stopped.trajectory = self._result(done)
+            raise stopped from None
+        return self._result(self.steps)
 
     def _run(self, driver: Any, values: tuple[Any, ...], *arrays: np.ndarray) -> None:
-        """Run a driver on all bodies: one after the other in plain Python, or in native code and, if asked for, in threads."""
+        """Run a driver on all bodies: one after the other in plain Python, or in native code, perhaps in threads."""
         if not self.compiled:
             for i in range(self.columns):
                 columns = [np.ascontiguousarray(a[..., i]).ravel() for a in arrays]
@@ -232,41 +264,52 @@ class _Run:
 
     # ---------------------------------------------------------------- results
 
-    def _result(self, rows: int) -> Trajectory:
-        count = self.bodies or 1
+    def _result(self, steps: int) -> Trajectory:
+        """The samples of the first `steps` steps."""
+        count, rows = self.bodies or 1, self._rows(steps)
+        stopped = {int(i): int(self.taken[i]) for i in np.flatnonzero(self.taken[:count] < steps)}
+        for i, n in stopped.items():  # the first sample after the failure holds the last state; some later ones nothing
+            self.out[n // self.every + 2 : rows, :, i] = self.out[n // self.every + 1, :, i]
         parts = self.out[:rows, :, :count]
-        if self.bodies is None:
-            flat = parts[..., 0]
-        else:
-            flat = np.moveaxis(parts, 1, -1)
+        flat = parts[..., 0] if self.bodies is None else np.moveaxis(parts, 1, -1)
         dim = self.system.group.dim
         has_g = self.shown.width > dim
         shape = self.system.group.identity().shape if has_g else ()
+        mu = np.ascontiguousarray(flat[..., :dim])
         g = np.ascontiguousarray(flat[..., dim:]).reshape(*flat.shape[:-1], *shape) if has_g else None
-        stopped = {int(i): int(self.taken[i]) for i in np.flatnonzero(self.taken[:count] < self.steps)} if self.bodies else {}
-        if stopped and rows == self.samples + 1:
+        t = self.t0 + np.minimum(np.arange(rows) * self.every, steps) * self.h
+        if stopped:
             some = ", ".join(f"body {i} after {n} steps" for i, n in list(stopped.items())[:5])
-            warnings.warn(f"integrate: {len(stopped)} of {count} bodies stopped early: {some}", RuntimeWarning, stacklevel=5)
-        t = self.t0 + np.arange(rows) * self.every * self.h
-        return Trajectory(
-            self.system, self.method, self.h, t, np.ascontiguousarray(flat[..., :dim]), g, self.steps, self.compiled, stopped
-        )
+            warnings.warn(
+                f"integrate: {len(stopped)} of {count} bodies stopped early: {some}. {self._failure(min(stopped))}",
+                RuntimeWarning,
+                stacklevel=4,
+            )
+        return Trajectory(self.system, self.method, self.h, t, mu, g, steps, self.compiled, stopped)
 
-    def _fail(self, step: int) -> None:
-        """Run the failing step again in plain Python, for the error that says why."""
-        memory = build(self.layout, iter(self.states[:, 0].tolist()))
+    def _failure(self, body: int) -> IntegrationFailure:
+        """Why a body stopped: its failing step, run again in plain Python."""
+        step = int(self.taken[body])
         t = self.t0 + step * self.h
+        memory = build(self.layout, iter(self.states[:, body].tolist()))
+        cause: Exception | None = None
         try:
             new = self.method.step(self.system, t, memory, self.h)
-            error: IntegrationFailure = NotFinite(f"{self.method!r}: the step gave {new!r}")
+            error: IntegrationFailure = NotFinite(f"{self.method!r}: the step gave {self.method.observe(new)!r}")
         except IntegrationFailure as raised:
-            error = raised
+            error = cause = raised
         except ArithmeticError as raised:
-            error = NotFinite(f"{self.method!r}: {raised}")
-        rows = step // self.every + 1
-        failure = type(error)(f"{error} [step {step + 1} of {self.steps}, t = {t:g}; {rows} samples are in `.trajectory`]")
-        failure.trajectory = self._result(rows)
-        raise failure from (error if error.__traceback__ else None)
+            error, cause = NotFinite(f"{self.method!r}: {raised}"), raised
+        except Exception as raised:
+            error, cause = IntegrationFailure(f"{self.method!r}: {type(raised).__name__}: {raised}"), raised
+        at = f"step {step + 1} of {self.steps}, t = {t:g}"
+        if self.bodies is None:
+            at += f"; {self._rows(step)} samples are in `.trajectory`"
+        failure = type(error)(f"{error} [{at}]")
+        failure.__cause__ = cause
+        if self.bodies is None:
+            failure.trajectory = self._result(step)
+        return failure
 
 
 class _Bar:
@@ -298,15 +341,29 @@ class _Bar:
 # ------------------------------------------------------------------ the border
 
 
+def _matching(system: Any, method: Any) -> None:
+    if isinstance(system, Method) and isinstance(method, LiePoissonSystem):
+        raise InvalidType("integrate: system and method are swapped; write integrate(system, method, start, ...)")
+    if not isinstance(method, Method):
+        cure = f"; write {method.__name__}(...), with the brackets" if isinstance(method, type) else ""
+        raise InvalidType(f"integrate: method must be a method such as RKMK(order=4); got {method!r}{cure}")
+    if not isinstance(system, LiePoissonSystem):
+        raise InvalidType(f"integrate: system must be a system such as RigidBody([1.0, 1.5, 2.0]); got {system!r}")
+    method.require(system)
+
+
 def _started(system: LiePoissonSystem, start: Any, record: Iterable[str] | None) -> BodyState:
     if not isinstance(start, BodyState):
         raise InvalidType(f"integrate: start must come from system.state(mu=..., g=...); got {type(start).__name__}")
     start = system.state(np.asarray(start.mu), None if start.g is None else np.asarray(start.g))
     if record is None:
         return start
-    wanted = (record,) if isinstance(record, str) else tuple(record)
-    if not set(wanted) <= {"mu", "g"} or "mu" not in wanted:
-        raise InvalidInput(f'integrate: record is ("mu",) or ("mu", "g"); got {wanted!r}')
+    try:
+        wanted = (record,) if isinstance(record, str) else tuple(record)
+    except TypeError:
+        raise InvalidType(f'integrate: record is ("mu",) or ("mu", "g"); got {record!r}') from None
+    if any(name not in ("mu", "g") for name in wanted) or "mu" not in wanted:
+        raise InvalidInput(f'integrate: record is ("mu",) or ("mu", "g"), all else follows from them; got {record!r}')
     if "g" in wanted and start.g is None:
         raise InvalidInput("integrate: record asks for g, but the start has none; give system.state a g")
     return start if "g" in wanted else BodyState(start.mu)
@@ -319,12 +376,13 @@ def _member(start: BodyState, i: int) -> BodyState:
 
 
 def _real(value: Any, name: str) -> float:
-    if isinstance(value, (bool, str)) or isinstance(value, complex):
-        raise InvalidType(f"integrate: {name} must be a number; got {value!r}")
     try:
-        number = float(value)
-    except (TypeError, ValueError):
-        raise InvalidType(f"integrate: {name} must be a number; got {value!r}") from None
+        array = real_array(value, f"integrate: {name}")
+    except InvalidType:
+        array = None
+    if array is None or array.ndim:
+        raise InvalidType(f"integrate: {name} must be a number; got {value!r}")
+    number = float(array)
     if not math.isfinite(number):
         raise InvalidInput(f"integrate: {name} must be finite; got {number}")
     return number
@@ -333,9 +391,14 @@ def _real(value: Any, name: str) -> float:
 def _count(value: Any, name: str, least: int) -> int:
     if isinstance(value, (bool, np.bool_)) or not isinstance(value, (int, np.integer)):
         raise InvalidType(f"integrate: {name} must be a whole number; got {value!r}")
-    if value < least:
-        raise InvalidInput(f"integrate: {name} must be at least {least}; got {value}")
+    if not least <= value <= MOST:
+        raise InvalidInput(f"integrate: {name} must be at least {least} and at most 2**53; got {value}")
     return int(value)
+
+
+def _choice(value: Any, name: str) -> None:
+    if value not in (True, False, None):
+        raise InvalidType(f"integrate: {name} must be True, False or None; got {value!r}")
 
 
 def _affordable(size: int, steps: int, every: int) -> None:
@@ -346,6 +409,6 @@ def _affordable(size: int, steps: int, every: int) -> None:
         memory = 2**36
     if size > 0.8 * memory:
         raise InvalidInput(
-            f"integrate: {steps} steps, every {every}, need {size / 2**30:.3g} GiB for the samples and this machine has {memory / 2**30:.3g}; "
-            "keep fewer with a larger `every`"
+            f"integrate: {steps} steps, every {every}, need {size / 2**30:.3g} GiB for the samples and this machine "
+            f"has {memory / 2**30:.3g}; keep fewer with a larger `every`"
         )

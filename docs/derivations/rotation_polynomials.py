@@ -1,8 +1,8 @@
 """The polynomials of `liemech.groups.rotation_coefficients`, computed from scratch in 60-digit arithmetic.
 
-Ten coefficients for f(x) = c_0 + c_1 x + ... on [0, L]: keep c_0 .. c_{j-1}, interpolate the rest.  The nodes are the
-zeros of the Chebyshev polynomial T_10, stretched so that the smallest zero falls on x = 0 and the point u = 1 on x = L.
-Then the error, which is nearly const x prod (x - x_k), is T_10 itself: it swings evenly between its bounds, and the
+Seven coefficients for f(x) = c_0 + c_1 x + ... on [0, L]: keep c_0 .. c_{j-1}, interpolate the rest.  The nodes are the
+zeros of the Chebyshev polynomial T_7, stretched so that the smallest zero falls on x = 0 and the point u = 1 on x = L.
+Then the error, which is nearly const x prod (x - x_k), is T_7 itself: it swings evenly between its bounds, and the
 polynomial is nearly the best one.
 
 c_0 is the Taylor coefficient.  Each further coefficient is rounded before the next is computed, so that the later ones
@@ -21,7 +21,7 @@ from mpmath import mp, mpf
 from liemech.groups import rotation_coefficients as code
 
 Function = Callable[[mpf], mpf]
-TERMS = 10
+TERMS = 7
 DIGITS = 60
 
 
@@ -53,7 +53,6 @@ def stumpff5(x: mpf) -> mpf:
 POLYNOMIALS: dict[str, tuple[Function, Fraction, tuple[float, ...]]] = {
     "SINC": (sinc, Fraction(1), code.SINC),
     "VERSINE": (versine, Fraction(1, 2), code.VERSINE),
-    "SEGMENT": (segment, Fraction(1, 6), code.SEGMENT),
     "BERNOULLI": (bernoulli, Fraction(1, 12), code.BERNOULLI),
     "STUMPFF4": (stumpff4, Fraction(1, 24), code.STUMPFF4),
     "STUMPFF5": (stumpff5, Fraction(1, 120), code.STUMPFF5),
@@ -62,7 +61,7 @@ POLYNOMIALS: dict[str, tuple[Function, Fraction, tuple[float, ...]]] = {
 
 
 def coefficients(f: Function, at_zero: Fraction, limit: float) -> tuple[float, ...]:
-    """Ten doubles c for which c_0 + c_1 x + ... + c_9 x^9 is nearly the best approximation of f on [0, limit]."""
+    """Seven doubles c for which c_0 + c_1 x + ... + c_6 x^6 is nearly the best approximation of f on [0, limit]."""
     with mp.workdps(DIGITS):
         zeros = [mp.cos((2 * k - 1) * mp.pi / (2 * TERMS)) for k in range(1, TERMS + 1)]
         nodes = [limit * (u - zeros[-1]) / (1 - zeros[-1]) for u in zeros]

@@ -188,10 +188,9 @@ class SO3(LieGroup):
         return self.dcayley_inv(xi, mu, "left" if side == "right" else "right")
 
     def cayley_mismatch(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
-        """r = (1 + |xi|^2/4) p + xi x mu/2 - mu,  dr/dp = 1 + |xi|^2/4,  dr/dxi = p xi^T/2 - hat(mu)/2."""
-        half = 0.5 * xi
-        scale = 1.0 + dot(half, half)
-        return scale * p + (cross(half, mu) - mu), scale, outer(p, half) - self.algebra.hat(0.5 * mu)
+        """r = (4 + |xi|^2) p + 2 xi x mu - 4 mu,  dr/dp = 4 + |xi|^2,  dr/dxi = 2 p xi^T - 2 hat(mu)."""
+        scale, twice = 4.0 + dot(xi, xi), 2.0 * mu
+        return scale * p + (cross(xi, twice) - 4.0 * mu), scale, outer(2.0 * p, xi) - self.algebra.hat(twice)
 
 
 def _plus(m: Mat, s: float) -> Mat:

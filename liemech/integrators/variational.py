@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 from ..errors import InvalidInput, NoConvergence
-from ..native import Mat, Record, Vec, mat, norm, record, vec
+from ..native import Mat, Record, Vec, dot, mat, norm, record, sqrt, vec
 from ..retractions import Exponential, Retraction
 from ..solvers import LIMIT, TOLERANCE, correction
 from ..systems.lie_poisson import BodyState
@@ -75,18 +75,18 @@ class CovariantVariational(Method):
     def displacement(self, system: Any, h: float, mu: Vec, guess: Vec) -> Vec:
         """The x = h xi whose momentum dl/dxi fits mu: test the mismatch against the data, then apply its correction once more."""
         x, rate = guess, 1.0 / h
-        enough = TOLERANCE * norm(mu)
-        size, iterations = enough, 0
-        while True:
+        goal = TOLERANCE * TOLERANCE * dot(mu, mu)
+        size = enough = goal
+        for _ in range(LIMIT):
             xi = rate * x
             r, by_p, by_x = self.retraction.mismatch(system.group, x, system.lagrangian.momentum(xi), mu)
-            x = x - correction(_plus(by_x, (rate * by_p) * system.lagrangian.hessian(xi)), r)
-            size, iterations = norm(r), iterations + 1
-            if size <= enough or iterations >= LIMIT:
+            x = x - correction(_plus(by_x, by_p * (rate * system.lagrangian.hessian(xi))), r)
+            size, enough = dot(r, r), (by_p * by_p) * goal
+            if size <= enough:
                 break
         if not size <= enough:
             raise NoConvergence(
-                f"{self!r}: Newton's method did not converge in {LIMIT} iterations: mismatch {size:.1e}, wanted {enough:.1e}, "
+                f"{self!r}: Newton's method did not converge in {LIMIT} iterations: mismatch {sqrt(size):.1e}, wanted {sqrt(enough):.1e}, "
                 f"h|xi| = {norm(x):.2g}. The step h = {h:g} is too large for this motion; try {0.25 * h:g}"
             )
         return x

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import NotCompilable
-from .driver import accepted, attempt, read, write
+from .driver import accepted, attempt, itself, read, write
 from .functions import where
 from .values import NUMBER, Layout, layout_of, leaves
 from .vectors import Mat, Vec
@@ -61,7 +61,7 @@ def _each(formula: Any, owner: Any, layouts: Any, rest: Any, shown: Any, data: A
         start = start + part.width
     value = attempt(formula, owner, *arguments, *rest)
     write(out, 0, value)
-    write(out, shown.width, where(accepted(value), 1.0, 0.0))
+    write(out, shown.width, where(accepted(value, itself), 1.0, 0.0))
 
 
 def _assembled(example: Any, layout: Layout, rows: Any) -> Any:

@@ -37,15 +37,21 @@ def attempt(function: Callable[..., Any], *args: Any) -> Any:
     """`function(*args)`, where formulas may raise; ask `accepted` before using the result."""
     try:
         return function(*args)
-    except ArithmeticError:
+    except Exception:  # run again outside, the call raises it once more
         return REJECTED
 
 
-def accepted(value: Any) -> bool:
-    """Did the attempt go through, with a finite result?"""
+def accepted(value: Any, shown: Callable[[Any], Any]) -> bool:
+    """Did the attempt go through, and is what it shows finite?"""
     if value is REJECTED:
         return False
-    return all(map(math.isfinite, leaves(value, layout_of(value))))
+    part = shown(value)
+    return all(map(math.isfinite, leaves(part, layout_of(part))))
+
+
+def itself(value: Any) -> Any:
+    """The whole value, for `accepted`."""
+    return value
 
 
 def any_body(condition: bool) -> bool:

@@ -20,7 +20,7 @@ from .source import Source
 from .values import Layout, build, is_any_number, layout_of, leaves
 
 RARE = 1000000  # how much rarer than the other a rare branch is
-UNROLL = 64  # a static loop with more turns than this stays a loop
+UNROLL = 32  # a static loop with more turns than this stays a loop
 
 LIVE = "<live>"  # lanes still running at this point, where some have left (absent: all for which the code was entered)
 BROKEN = "<broken>"  # lanes that left the present loop by `break`

@@ -189,10 +189,11 @@ class Interpreter(Flow):
         self.join([Open(b.block, {"": result}), *(Open(o.block, {"": self.blank(result)}) for o in escapes)], joined)
         return joined[""]
 
-    def accepted(self, value: Any) -> Num:
-        """Did the attempt go through, with a finite result?"""
-        total: Any = 0.0
-        for x in leaves(value, layout_of(value)):
+    def accepted(self, value: Any, shown: Any) -> Num:
+        """Did the attempt go through, and is what it shows finite?  A sum is finite only if its terms are."""
+        part = self.call(shown, value)
+        total, *others = leaves(part, layout_of(part))
+        for x in others:
             total = total + x
         finite = total - total == 0.0
         failed = self.emitter.num(self.builder.load(self.failed))

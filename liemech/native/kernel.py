@@ -203,10 +203,8 @@ def _link(object_code: bytes) -> tuple[Any, int]:
 
 @functools.cache
 def lanes() -> int:
-    """How many bodies run side by side: three of the widest vector registers, to hide the latency of each."""
+    """How many bodies run side by side: two of the widest vector registers, so that one works while the other waits."""
     import llvmlite.binding as llvm
 
-    if os.environ.get("LM_LANES"):
-        return int(os.environ["LM_LANES"])
     features = llvm.get_host_cpu_features()
-    return 24 if features.get("avx512f") else 12 if features.get("avx2") else 6
+    return 16 if features.get("avx512f") else 8 if features.get("avx2") else 4

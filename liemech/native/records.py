@@ -45,7 +45,7 @@ class Record:
         return None
 
 
-@dataclass_transform(frozen_default=True)
+@dataclass_transform(frozen_default=True, field_specifiers=(dataclasses.field,))
 def record(cls: T) -> T:
     """Make a subclass of `Record` (a group, a Hamiltonian, a system, a method, ...) a frozen dataclass that compiles."""
     if not issubclass(cls, Record):
