@@ -25,6 +25,8 @@ METHODS: dict[str, tuple[str, lm.Method]] = {
 SAMPLES = 100_000  # of longer runs not every state is kept
 MOST_STEPS = 10**12  # more would take days, however fast they are
 
+VIEW = (55.0, 35.0)  # azimuth and elevation from which most of the usual curve lies in front
+
 PHYSICS = """\
 the physics:
   A rigid body turns freely about its centre of mass. In the body, its angular
@@ -39,7 +41,7 @@ the physics:
 examples:
   python -m liemech
   python -m liemech --h 0.05 --steps 2000 --methods rkmk4 exp
-  python -m liemech --inertia 1 2 3 --mu 0.001 1 0 --h 0.1 --out flips.png
+  python -m liemech --inertia 1 2 3 --mu 0.001 1 0 --h 0.2 --steps 1000
       a body spun about its middle axis turns over, again and again
   python -m liemech --steps 1e6 --h 0.1
       long runs are compiled: much faster, and the same to the bit
@@ -70,9 +72,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     rows.append(compare(body, "exact", exact, exact, seconds))
     if not options.quiet:
         compiled = any(run.compiled for _, run, _ in runs)
-        how = "compiled" if compiled else "plain Python, for so short a run is not worth compiling"
+        how = "native code" if compiled else "plain Python: so short a run is not worth compiling"
         print(header(body, start, step, notes), table(rows), f"Steps ran in {how}.", sep="\n\n")
-    captions = [f"momentum error {row[1]}, energy error {row[3]}" for row in rows]
+    captions = [f"momentum error {row[1]}\nenergy error {row[3]}" for row in rows]
     panels = [(name, run.mu, text, exact.mu[-1]) for (name, run, _), text in zip(runs, captions)]
     drawn = draw(body, start, panels, options.out, options.quiet)
     return 0 if drawn and len(runs) == len(options.methods) else 1
@@ -166,7 +168,7 @@ def draw(body: lm.RigidBody, start: lm.BodyState, panels: list[Any], file: Path,
     period = body.period(start)
     lap = body.exact(start, np.linspace(0.0, period if 0.0 < period < math.inf else 1.0, 400))
     try:
-        plots.save(plots.figure_one(panels, lap.mu, np.array(body.inertia)), file)
+        plots.save(plots.figure_one(panels, lap.mu, np.array(body.inertia), view=VIEW), file)
     except lm.errors.MissingExtra as missing:
         print(f"No picture: {missing}", file=sys.stderr if quiet else sys.stdout)
         return not quiet  # who wants no table wants the picture
@@ -202,7 +204,7 @@ def parse(arguments: Sequence[str] | None) -> tuple[argparse.Namespace, Parser]:
     add("--inertia", **three, default=(2 / 3, 1.0, 2.0), metavar="J", help="principal moments in kg m^2 (2/3 1 2)")
     add("--mu", **three, default=(0.5, 0.0, 0.75**0.5), metavar="M", help="momentum in kg m^2/s (0.5 0 sqrt(3)/2)")
     names = " ".join(METHODS)
-    add("--methods", nargs="+", choices=METHODS, default=[*METHODS], metavar="NAME", help=f"among {names} (all of them)")
+    add("--methods", nargs="+", choices=METHODS, default=[*METHODS], metavar="NAME", help=f"among {names} (all)")
     where = "folder for rigid_body.png, or a .png, .svg or .pdf file (here)"
     add("--out", type=picture, default="", metavar="PATH", help=where)
     add("--quiet", action="store_true", help="print nothing but errors; the picture is still drawn")

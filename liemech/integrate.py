@@ -187,7 +187,7 @@ class _Run:
                 if compiled:
                     raise
                 slower = f"{error}. Running in plain Python instead, much slower"
-                warnings.warn(slower, NotCompiledWarning, stacklevel=5)
+                warnings.warn(slower, NotCompiledWarning, stacklevel=4)
                 return False
             return True
         if compiled:

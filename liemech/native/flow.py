@@ -15,7 +15,7 @@ from typing import Any
 from llvmlite import ir
 
 from ..errors import NotCompilable
-from .numbers import Emitter, Num
+from .numbers import Emitter, Num, Values
 from .source import Source
 from .values import Layout, build, is_any_number, layout_of, leaves
 
@@ -24,6 +24,8 @@ UNROLL = 32  # a static loop with more turns than this stays a loop
 
 LIVE = "<live>"  # lanes still running at this point, where some have left (absent: all for which the code was entered)
 BROKEN = "<broken>"  # lanes that left the present loop by `break`
+CONTINUED = "<continued>"  # lanes that left the present turn of a written-out loop by `continue`
+LEFT = (BROKEN, CONTINUED)
 RETURN = "<return>"  # what lanes that have left the call return
 NOBODY = "no lane is running"  # value of LIVE when every lane has left
 
@@ -84,6 +86,8 @@ class Flow:
         self.base: Any = None  # lanes for which the present code was entered (None: all)
         self.depth = 0  # enclosing conditions of the present call that differ between lanes
         self.escapes: list[list[Open]] = []  # where control goes when a formula raises
+        self.failed: Any = None  # where a formula that raises says so
+        self.raises = 0  # places so far that do
 
     def block(self, statements: list[ast.stmt], env: Env) -> bool:
         raise NotImplementedError
@@ -102,7 +106,7 @@ class Flow:
 
         def arbitrary(x: Any) -> Num:
             x = e.lift(x)
-            return Num(e, ir.Constant(x.value.type, ir.Undefined), x.kind)
+            return e.each(lambda v: ir.Constant(v.type, ir.Undefined), x.values)
 
         return self._numberwise([value], arbitrary)
 
@@ -162,10 +166,15 @@ class Flow:
             self.builder.position_at_end(block)
             incoming.append((self.emitter.cast(x, kind, varying), block))
         self.builder.position_at_end(into)
-        phi = self.builder.phi(self.emitter.type(kind, varying))
-        for value, block in incoming:
-            phi.add_incoming(value, block)
-        return self.emitter.num(phi)
+        phi = self.phi(kind, varying)
+        for values, block in incoming:
+            come_from(phi, values, block)
+        return phi
+
+    def phi(self, kind: str, varying: bool) -> Num:
+        """A number whose value depends on where control comes from; `come_from` says how."""
+        e = self.emitter
+        return e.num([self.builder.phi(e.type(kind, varying)) for _ in range(e.registers(varying))])
 
     def _align_masks(self, opens: list[Open]) -> None:
         """Give every open place the masks that any of them has."""
@@ -173,9 +182,10 @@ class Flow:
             for o in opens:
                 mask = self.active(o.env)
                 o.env[LIVE] = self.emitter.constant(True, "b", True) if mask is None else mask
-        if any(BROKEN in o.env for o in opens):
-            for o in opens:
-                o.env.setdefault(BROKEN, False)
+        for name in LEFT:
+            if any(name in o.env for o in opens):
+                for o in opens:
+                    o.env.setdefault(name, False)
         returned = next((o.env[RETURN] for o in opens if RETURN in o.env), None)
         if returned is not None:
             for o in opens:
@@ -220,14 +230,13 @@ class Flow:
             start = b.append_basic_block()
             b.position_at_end(start)
             inside = dict(before)
-            if BROKEN in merged:
-                inside[BROKEN] = merged[BROKEN]
+            inside |= {n: merged[n] for n in LEFT if n in merged}
             self.base = lanes
             self.block(statements, inside)
             left = inside.pop(LIVE, None)
             changed = {n: v for n, v in inside.items() if v is not before.get(n, inside)}
-            after = {n: self.blend(mask, v, merged[n]) if n in merged and n != BROKEN else v for n, v in changed.items()}
-            skipped = dict(merged) | {n: False if n == BROKEN else self.blank(v) for n, v in after.items() if n not in merged}
+            after = {n: self.blend(mask, v, merged[n]) if n in merged and n not in LEFT else v for n, v in changed.items()}
+            skipped = dict(merged) | {n: False if n in LEFT else self.blank(v) for n, v in after.items() if n not in merged}
             after = skipped | after
             if isinstance(left, Num):
                 after["<end>"], skipped["<end>"] = left, lanes
@@ -260,22 +269,21 @@ class Flow:
     def leave(self, loop: Loop, how: str, env: Env) -> bool:
         """`break` or `continue`: control goes elsewhere, or the lanes running here are switched off."""
         places = {"break": loop.breaks, "continue": loop.continues}[how]
-        if self.depth == loop.depth and not loop.masked:
+        if self.depth == loop.depth and not loop.masked and LIVE not in env:
             places.append(Open(self.builder.block, dict(env)))
             return False
         if loop.dynamic and not loop.masked:
             raise Retype(None)
-        if how == "break":
-            env[BROKEN] = self.emitter.logic("or_", env.get(BROKEN, False), self.everyone(self.active(env)))
-        elif not loop.dynamic:
-            raise NotCompilable("`continue` in a written-out loop, on a condition that differs between bodies: use `if`")
+        if how == "break" or not loop.dynamic:  # a dynamic loop takes those up again that are not broken
+            name = BROKEN if how == "break" else CONTINUED
+            env[name] = self.emitter.logic("or_", env.get(name, False), self.everyone(self.active(env)))
         env[LIVE] = NOBODY
         return True
 
     def written_out(self, turns: Iterable[Callable[[Env], Any]], body: list[ast.stmt], env: Env) -> bool:
         """A loop with a static number of turns; each first sets its variables, or ends the loop by returning False."""
         loop = Loop(dynamic=False, depth=self.depth)
-        loops, outer_broken = self.frames[-1].loops, env.pop(BROKEN, None)
+        loops, outer = self.frames[-1].loops, {name: env.pop(name) for name in LEFT if name in env}
         loops.append(loop)
         alive = True
         for begin in turns:
@@ -285,15 +293,20 @@ class Flow:
             opens = loop.continues + ([Open(self.builder.block, dict(env))] if alive else [])
             loop.continues = []
             alive = self.join(opens, env)
+            self._take_up(CONTINUED, env)
             if not alive or env.get(LIVE) is NOBODY:
                 break
         loops.pop()
-        broken = env.pop(BROKEN, False)
-        if broken is not False and LIVE in env:
-            env[LIVE] = broken if env[LIVE] is NOBODY else self.emitter.logic("or_", broken, env[LIVE])
-        if outer_broken is not None:
-            env[BROKEN] = outer_broken
-        return self.join(loop.breaks + ([Open(self.builder.block, dict(env))] if alive else []), env)
+        self._take_up(BROKEN, env)
+        alive = self.join(loop.breaks + ([Open(self.builder.block, dict(env))] if alive else []), env)
+        env |= outer
+        return alive
+
+    def _take_up(self, name: str, env: Env) -> None:
+        """Lanes that left the turn or the loop run again."""
+        lanes = env.pop(name, False)
+        if lanes is not False and LIVE in env:
+            env[LIVE] = lanes if env[LIVE] is NOBODY else self.emitter.logic("or_", lanes, env[LIVE])
 
     def loop(
         self, test: Callable[[Env], Any], step: Callable[[Env], None], body: list[ast.stmt], env: Env, counters: tuple[str, ...] = ()
@@ -345,7 +358,7 @@ class Flow:
         before, head, outer = b.block, b.append_basic_block(), self.base
         here = self.active(env)
         layouts = {name: layout_of(env[name], is_any_number) for name in carried}
-        phis: list[tuple[Num, ir.Instruction]] = []
+        phis: list[Num] = []
 
         def entering(x: Any) -> Num:
             x = e.lift(x)
@@ -353,12 +366,12 @@ class Flow:
             b.position_at_end(before)
             value = e.cast(x, kind, varying)
             b.position_at_end(head)
-            phi = b.phi(e.type(kind, varying))
-            phi.add_incoming(value, before)
-            phis.append((e.num(phi), phi))
-            return phis[-1][0]
+            phis.append(self.phi(kind, varying))
+            come_from(phis[-1], value, before)
+            return phis[-1]
 
-        at_head = {n: v for n, v in env.items() if n not in (LIVE, BROKEN)}
+        masks = {n: v for n, v in env.items() if n in (LIVE, *LEFT)}
+        at_head = {n: v for n, v in env.items() if n not in masks}
         for name in carried:
             at_head[name] = build(layouts[name], iter([entering(x) for x in leaves(env[name], layouts[name])]))
         active = None
@@ -378,7 +391,7 @@ class Flow:
         head_end, start = b.block, b.append_basic_block()
         b.position_at_end(start)
         inside = dict(at_head)
-        loop = Loop(True, self.depth, masked)
+        loop, raises = Loop(True, self.depth, masked), self.raises
         frame.loops.append(loop)
         self.base = lanes
         alive = self.block(body, inside)
@@ -393,17 +406,19 @@ class Flow:
                     what = new.reason if isinstance(new, Undefined) else f"from {layouts[name]} to {layout}"
                     raise NotCompilable(f"`{name}` changes its structure in the loop: {what}")
                 for x, y in zip(leaves(new, layout), leaves(old, layout), strict=True):
-                    phi_number, phi = phis[index]
+                    phi = phis[index]
                     leaf = e.lift(x if not masked or x is y else e.select(lanes, x, y))
-                    kind = max(leaf.kind, phi_number.kind, key="bif".index)
-                    varying = leaf.varying or phi_number.varying
-                    if (kind, varying) != (phi_number.kind, phi_number.varying):
+                    kind = max(leaf.kind, phi.kind, key="bif".index)
+                    varying = leaf.varying or phi.varying
+                    if (kind, varying) != (phi.kind, phi.varying):
                         raise Retype(index, kind, varying)
-                    phi.add_incoming(e.cast(leaf, kind, varying), b.block)
+                    come_from(phi, e.cast(leaf, kind, varying), b.block)
                     index += 1
             if masked:
                 broken = inside.get(BROKEN, False)
-                active.value.add_incoming(e.cast(e.logic("and_", lanes, e.negation(broken)), "b", True), b.block)
+                if self.raises > raises:  # a lane that has failed holds anything, and might never end
+                    broken = e.logic("or_", broken, e.load(self.failed))
+                come_from(active, e.cast(e.logic("and_", lanes, e.negation(broken)), "b", True), b.block)
             b.branch(head)
         self.base = outer
         exits = list(loop.breaks)
@@ -415,15 +430,20 @@ class Flow:
             b.branch(start)
         if not exits:
             raise NotCompilable("the loop never ends: no `break` is reached")
-        keep = {k: env[k] for k in (LIVE, BROKEN) if k in env}
         for o in exits:
-            for k in (LIVE, BROKEN):
-                o.env.pop(k, None)
+            for name in (LIVE, *LEFT):
+                o.env.pop(name, None)
         self.join(exits, env, b.append_basic_block() if len(exits) == 1 else None)
-        env |= keep
+        env |= masks
         for name in local:
-            env[name] = Undefined(f"`{name}` exists inside the loop only: give it a value before")
+            env[name] = Undefined("it gets one inside the loop only, which may have no turn: give it a value before")
         return True
+
+
+def come_from(phi: Num, values: Values, block: ir.Block) -> None:
+    """Let a phi have these values when control comes from this block."""
+    for register, value in zip(phi.values, values, strict=True):
+        register.add_incoming(value, block)
 
 
 def _alike(numbers: tuple[Any, ...]) -> bool:

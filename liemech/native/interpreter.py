@@ -64,8 +64,6 @@ class Interpreter(Flow):
 
     def __init__(self, emitter: Emitter) -> None:
         super().__init__(emitter)
-        self.failed: ir.Value | None = None  # where a formula that raises says so
-        self.lines: list[str] = []  # innermost first, where translation stopped
         self.intrinsics: dict[Any, Callable[..., Any]] = {
             functions.where: self.where,
             isinstance: _isinstance,
@@ -177,11 +175,10 @@ class Interpreter(Flow):
 
     def attempt(self, function: Any, *args: Any) -> Any:
         """The value of a call in which formulas may raise; after it, `accepted` tells whether one did."""
-        b, varying = self.builder, self.emitter.lanes > 1
+        b, e = self.builder, self.emitter
         if self.failed is None:
-            with b.goto_entry_block():
-                self.failed = b.alloca(self.emitter.type("b", varying))
-        b.store(self.emitter.constant(False, "b", varying).value, self.failed)
+            self.failed = e.slot()
+        e.store(False, self.failed)
         self.escapes.append([])
         result = self.call(function, *args)
         escapes = self.escapes.pop()
@@ -196,7 +193,7 @@ class Interpreter(Flow):
         for x in others:
             total = total + x
         finite = total - total == 0.0
-        failed = self.emitter.num(self.builder.load(self.failed))
+        failed = self.emitter.load(self.failed)
         return self.emitter.logic("and_", finite, self.emitter.negation(failed))
 
     # -------------------------------------------------------------- statements
@@ -301,8 +298,9 @@ class Interpreter(Flow):
         b, mask = self.builder, self.active(env)
         if self.failed is None:
             raise NotCompilable("`raise` outside an attempted step")
-        everyone = self.emitter.constant(True, "b", self.emitter.lanes > 1).value
-        b.store(everyone if mask is None else b.or_(b.load(self.failed), self.emitter.cast(mask, "b", True)), self.failed)
+        self.raises += 1
+        e = self.emitter
+        e.store(True if mask is None else e.logic("or_", e.load(self.failed), mask), self.failed)
         if self.depth == 0 and mask is None:
             self.escapes[-1].append(Open(b.block, {}))
             return False
@@ -348,17 +346,14 @@ class Interpreter(Flow):
                 start, stop = bounds if len(bounds) > 1 else (0, bounds[0])
                 if len(bounds) > 2 or not isinstance(node.target, ast.Name):
                     raise NotCompilable("a loop over a long range has the form `for i in range(start, stop)`")
-                counter = f"<{node.target.id}>"
+                counter = f"<{node.target.id} of line {node.lineno}>"
                 env[counter] = start
-
-                def below(variables: Env) -> Any:
-                    variables[node.target.id] = variables[counter]  # type: ignore[union-attr]
-                    return variables[counter] < stop
+                first = ast.copy_location(ast.Assign([node.target], ast.Name(counter, ast.Load())), node)
 
                 def advance(variables: Env) -> None:
                     variables[counter] = variables[counter] + 1
 
-                return self.loop(below, advance, node.body, env, (counter,))
+                return self.loop(lambda variables: variables[counter] < stop, advance, [first, *node.body], env, (counter,))
             items = iter(range(*bounds))
         else:
             items = iter(self.expression(iterable, env))
@@ -425,8 +420,8 @@ class Interpreter(Flow):
             return
         first, *rest = generators
         for item in self.expression(first.iter, env):
-            inner = dict(env)
-            inner.pop(LIVE, None)
+            own = {n.id for n in ast.walk(first.target) if isinstance(n, ast.Name)}
+            inner = {name: value for name, value in env.items() if name not in own}
             self.assign(first.target, item, inner)
             tests = [self.truth(self.expression(test, inner)) for test in first.ifs]
             if any(isinstance(t, Num) for t in tests):
@@ -453,14 +448,23 @@ class Interpreter(Flow):
         return result
 
     def boolean(self, node: ast.BoolOp, env: Env) -> Any:
-        stop = isinstance(node.op, ast.Or)
-        result: Any = not stop
-        for operand in node.values:
-            value = self.truth(self.expression(operand, env))
-            if value is stop:
-                return stop
-            result = self.emitter.logic("or_" if stop else "and_", result, value)
-        return result
+        """`a and b`, `a or b`: the operand that decides.  The second is computed in any case if that needs no control flow."""
+        first, *others = node.values
+        value, either = self.expression(first, env), isinstance(node.op, ast.Or)
+        test = self.truth(value)
+        rest = ast.copy_location(ast.BoolOp(node.op, others), node) if len(others) > 1 else others[0]
+        if not isinstance(test, Num):
+            return value if test is either else self.expression(rest, env)
+        forget, block = self.mark(), self.builder.block
+        other = self.expression(rest, env)
+        if self.builder.block is block:
+            if all(isinstance(x, bool) or (isinstance(x, Num) and x.kind == "b") for x in (value, other)):
+                return self.emitter.logic("or_" if either else "and_", test, other)
+            return self.where(test, value, other) if either else self.where(test, other, value)
+        forget()
+        known = ast.Name("<first>", ast.Load())
+        choice = ast.IfExp(known, known, rest) if either else ast.IfExp(known, rest, known)
+        return self.choice(ast.copy_location(choice, node), env | {"<first>": value})
 
     def comparison(self, node: ast.Compare, env: Env) -> Any:
         result: Any = True
@@ -478,7 +482,7 @@ class Interpreter(Flow):
             return self.expression(node.body if test else node.orelse, env)
         name = "<choice>"
         inner = dict(env)
-        bodies = [[ast.Assign([ast.Name(name, ast.Store())], x)] for x in (node.body, node.orelse)]
+        bodies = [[ast.copy_location(ast.Assign([ast.Name(name, ast.Store())], x), x)] for x in (node.body, node.orelse)]
         self.branch(test, bodies[0], bodies[1], inner)  # type: ignore[arg-type]
         self.frames[-1].env = env
         if isinstance(inner[name], Undefined):

@@ -125,7 +125,7 @@ def _translated(entry: Callable[..., Any], kinds: tuple[Kind, ...], lanes: int) 
         pointer.add_attribute("noalias")
     builder = ir.IRBuilder(function.append_basic_block("entry"))
     head, body, done = (function.append_basic_block(n) for n in ("head", "body", "done"))
-    emitter = Emitter(builder, lanes)
+    emitter = Emitter(builder, lanes, width())
     args = arguments(emitter, kinds, function)
     start = builder.block
     builder.branch(head)
@@ -140,7 +140,7 @@ def _translated(entry: Callable[..., Any], kinds: tuple[Kind, ...], lanes: int) 
     interpreter = Interpreter(emitter)
     interpreter.intrinsics |= {
         driver.read: lambda array, at, layout: array.read(at, layout),
-        driver.write: lambda array, at, value: array.write(at, value, interpreter),
+        driver.write: lambda array, at, value: array.write(at, value),
         driver.attempt: interpreter.attempt,
         driver.accepted: interpreter.accepted,
         driver.any_body: emitter.any,
@@ -202,9 +202,14 @@ def _link(object_code: bytes) -> tuple[Any, int]:
 
 
 @functools.cache
-def lanes() -> int:
-    """How many bodies run side by side: two of the widest vector registers, so that one works while the other waits."""
+def width() -> int:
+    """How many doubles a vector register of this processor holds."""
     import llvmlite.binding as llvm
 
     features = llvm.get_host_cpu_features()
-    return 16 if features.get("avx512f") else 8 if features.get("avx2") else 4
+    return 8 if features.get("avx512f") else 4 if features.get("avx2") else 2
+
+
+def lanes() -> int:
+    """How many bodies run side by side: as many registers for each number as can work while one waits for a result."""
+    return 2 * width()

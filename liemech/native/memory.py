@@ -6,7 +6,7 @@ from typing import Any
 
 from llvmlite import ir
 
-from .numbers import F64, I64, Emitter, Num
+from .numbers import F64, I64, Emitter
 from .values import Layout, build, layout_of, leaves
 
 
@@ -17,24 +17,28 @@ class Array:
         self.emitter, self.pointer, self.bodies = emitter, pointer, bodies
         self.column: Any = None
 
-    def address(self, at: Any) -> ir.Value:
+    def address(self, at: Any, register: int = 0) -> ir.Value:
         e, b = self.emitter, self.emitter.builder
-        row = b.mul(e.cast(at, "i", False), self.bodies)
-        place = b.gep(self.pointer, [b.add(row, self.column)], source_etype=F64)
+        row = b.mul(e.cast(at, "i", False)[0], self.bodies)
+        column = b.add(self.column, ir.Constant(I64, register * e.width))
+        place = b.gep(self.pointer, [b.add(row, column)], source_etype=F64)
         return place if e.lanes == 1 else b.bitcast(place, e.type("f", True).as_pointer())
 
     def read(self, start: Any, layout: Layout) -> Any:
+        e, varying = self.emitter, self.emitter.lanes > 1
+
         def numbers() -> Any:
             for i in range(layout.width):
-                e = self.emitter
-                yield e.num(e.builder.load(self.address(start + i), align=8, typ=e.type("f", e.lanes > 1)))
+                places = [self.address(start + i, r) for r in range(e.registers(varying))]
+                yield e.num([e.builder.load(place, align=8, typ=e.type("f", varying)) for place in places])
 
         return build(layout, numbers())
 
-    def write(self, start: Any, value: Any, interpreter: Any) -> None:
+    def write(self, start: Any, value: Any) -> None:
+        e, varying = self.emitter, self.emitter.lanes > 1
         for i, x in enumerate(leaves(value, layout_of(value))):
-            e = self.emitter
-            e.builder.store(e.cast(x, "f", e.lanes > 1), self.address(start + i), align=8)
+            for r, v in enumerate(e.cast(x, "f", varying)):
+                e.builder.store(v, self.address(start + i, r), align=8)
 
 
 def arguments(emitter: Emitter, kinds: Any, function: ir.Function) -> list[Any]:
@@ -52,14 +56,14 @@ def arguments(emitter: Emitter, kinds: Any, function: ir.Function) -> list[Any]:
 
     def floats() -> Any:
         while True:
-            yield Num(emitter, load(numbers, "number", F64), "f")
+            yield emitter.num([load(numbers, "number", F64)])
 
     args: list[Any] = []
     for kind in kinds:
         if isinstance(kind, Layout):
             args.append(build(kind, floats()))
         elif kind == "integer":
-            args.append(Num(emitter, load(integers, "integer", I64), "i"))
+            args.append(emitter.num([load(integers, "integer", I64)]))
         else:
             args.append(Array(emitter, load(arrays, "array", F64.as_pointer()), bodies))
     return args

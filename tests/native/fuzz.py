@@ -155,7 +155,7 @@ class Writer:
         self.names = self.names[:-1]
 
     def give(self) -> str:
-        return f"return {self.expression(1)}, {self.name()}, {self.name()}, {self.expression(1)}"
+        return f"return vec({self.expression(1)}, {self.name()}, {self.name()}, {self.expression(1)})"
 
     def formula(self, name: str, arguments: str, depth: int) -> str:
         self.lines = []
@@ -168,7 +168,7 @@ class Writer:
         for _ in range(self.random.randint(1, 4)):
             if self.statement(1, depth, ()):
                 break
-        self.put(1, f"return {self.name()}, a + s[0], b, c * s[1] - s[2]")
+        self.put(1, f"return vec({self.name()}, a + s[0], b, c * s[1] - s[2])")
         return "\n".join(self.lines) + "\n\n\n"
 
     def module(self) -> str:

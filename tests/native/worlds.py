@@ -85,7 +85,8 @@ def same_in_all_worlds(
     expected = [plain(formula, row, turns) for row in rows]
     lengths = {len(e) for e in expected if not isinstance(e, str)}
     assert len(lengths) <= 1, "a formula must return the same number of numbers on every way"
-    width = lengths.pop() if lengths else 1
+    assert lengths, "not one row of arguments goes through"
+    width = lengths.pop()
     for count in lanes or (1, kernel.lanes()):
         found = native(formula, rows, width, turns, count)
         for row, right, got in zip(rows, expected, found, strict=True):
