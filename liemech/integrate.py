@@ -8,7 +8,6 @@ import sys
 import time
 import warnings
 from collections.abc import Iterable
-from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -258,6 +257,8 @@ class _Run:
         if len(parts) == 1:
             run(*values, *arrays, bodies=self.columns, end=self.columns)
             return
+        from concurrent.futures import ThreadPoolExecutor
+
         with ThreadPoolExecutor(len(parts)) as pool:  # native code does not hold the interpreter's lock
             for part in [pool.submit(run, *values, *arrays, bodies=self.columns, begin=a, end=b) for a, b in parts]:
                 part.result()
@@ -294,8 +295,10 @@ class _Run:
         memory = build(self.layout, iter(self.states[:, body].tolist()))
         cause: Exception | None = None
         try:
-            new = self.method.step(self.system, t, memory, self.h)
-            error: IntegrationFailure = NotFinite(f"{self.method!r}: the step gave {self.method.observe(new)!r}")
+            self.method.step(self.system, t, memory, self.h)
+            error: IntegrationFailure = NotFinite(
+                f"{self.method!r}: the step overflowed or left the domain of a formula; a smaller h may help"
+            )
         except IntegrationFailure as raised:
             error = cause = raised
         except ArithmeticError as raised:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import final
+from typing import Any, final
 
 import numpy as np
 
@@ -194,3 +194,11 @@ class LieGroup(Record):
 
     def _shape(self, argument: str, axes: int) -> tuple[int, ...] | None:
         return (self.dim,) if axes == 1 else self.identity().shape
+
+    def _objection(self, argument: str, value: Any) -> str | None:
+        if argument == "side" and value not in ("right", "left"):
+            return f'is "right" or "left"; got {value!r}'
+        if argument in ("g", "h"):
+            objection = self.objection(value)
+            return objection and f"is not in {self!r}: {objection}"
+        return None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..errors import InvalidInput
+from ..errors import InvalidInput, InvalidType
 from ..native import Vec, record
 from ..retractions import Exponential, Retraction
 from ..systems.lie_poisson import BodyState
@@ -36,14 +36,14 @@ class RKMK(Method):
 
     def __post_init__(self) -> None:
         if self.tableau is None:
-            if self.order not in BY_ORDER:
+            if type(self.order) is not int or self.order not in BY_ORDER:
                 raise InvalidInput(f"RKMK: order {self.order!r} has no tableau of its own; choose one of {sorted(BY_ORDER)} or give a tableau")
             object.__setattr__(self, "tableau", BY_ORDER[self.order])
         elif not isinstance(self.tableau, ButcherTableau):
-            raise InvalidInput(f"RKMK: tableau must be a ButcherTableau; got {self.tableau!r}")
+            raise InvalidType(f"RKMK: tableau must be a ButcherTableau; got {self.tableau!r}")
         object.__setattr__(self, "order", self.tableau.order)
         if not isinstance(self.retraction, Retraction):
-            raise InvalidInput(f"RKMK: retraction must be Exponential(), Cayley() or one of yours; got {self.retraction!r}")
+            raise InvalidType(f"RKMK: retraction must be Exponential(), Cayley() or your own; got {self.retraction!r}")
         closed = "closed" if not isinstance(self.retraction, Exponential) else max(self.order - 2, 0)
         if self.truncation is None:
             object.__setattr__(self, "truncation", closed)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InertiaWarning, InvalidInput
+from ..errors import InertiaWarning, InvalidInput, InvalidType
 from ..groups.so3 import SO3
 from ..native import Mat, Vec, real_array, record
 from ..systems.kinetic_energy import KineticEnergy
@@ -51,11 +51,12 @@ class RigidBody(LiePoissonSystem):
         """
         from .exact_rigid_body import exact_rigid_body
 
+        _single(start, "RigidBody.exact")
         times = real_array(t, "RigidBody.exact: t")
-        if times.ndim > 1 or not np.isfinite(times).all():
-            raise InvalidInput(f"RigidBody.exact: t must be a finite time or a row of times; got shape {times.shape}")
-        if start.bodies is not None:
-            raise InvalidInput("RigidBody.exact takes one body at a time; loop over the ensemble")
+        if times.ndim > 1:
+            raise InvalidInput(f"RigidBody.exact: t must be a time or a row of times; got shape {times.shape}")
+        if not np.isfinite(times).all():
+            raise InvalidInput(f"RigidBody.exact: t must be finite; got {times[~np.isfinite(times)][0]}")
         g = None if start.g is None else np.array(start.g)
         mu, g = exact_rigid_body(np.array(self.inertia), np.array(start.mu), g, times)
         return BodyState(mu, g)
@@ -64,7 +65,15 @@ class RigidBody(LiePoissonSystem):
         """The time after which the body momentum returns; infinite on the separatrix."""
         from .exact_rigid_body import momentum_period
 
+        _single(start, "RigidBody.period")
         return momentum_period(np.array(self.inertia), np.array(start.mu))
+
+
+def _single(start: Any, name: str) -> None:
+    if not isinstance(start, BodyState):
+        raise InvalidType(f"{name}: start must come from body.state(mu=..., g=...); got {type(start).__name__}")
+    if start.bodies is not None:
+        raise InvalidInput(f"{name} takes one body at a time; loop over the ensemble")
 
 
 def _inertia(value: Any) -> Vec | Mat:
@@ -76,21 +85,26 @@ def _inertia(value: Any) -> Vec | Mat:
     bad = np.argwhere(~np.isfinite(array))
     if len(bad):
         raise InvalidInput(f"{name}{bad[0].tolist()} is {array[tuple(bad[0])]}; every entry must be finite")
-    moments = array
+    moments, known = array, 0.0
     if array.ndim == 2:
         skew = float(np.abs(array - array.T).max())
         if skew > SYMMETRY * np.abs(array).max():
             raise InvalidInput(f"{name} is not symmetric: J and its transpose differ by {skew:.1e}")
-        array = 0.5 * (array + array.T)
-        moments = np.linalg.eigvalsh(array)
-    if moments.min() <= 0.0:
-        raise InvalidInput(f"{name} has the principal moment {moments.min():g}; all must be positive")
+        array = 0.5 * array + 0.5 * array.T
+        scale = float(np.abs(array).max()) or 1.0
+        moments = scale * np.linalg.eigvalsh(array / scale)
+        known = 4 * np.finfo(float).eps * scale  # below this, rounding decides the sign of a moment
+    if moments.min() <= known:
+        least = f"{moments.min():g}" + (", which is zero up to rounding" if abs(moments.min()) <= known > 0.0 else "")
+        raise InvalidInput(f"{name} has the principal moment {least}; all must be positive")
+    if not 1.0 / np.finfo(float).max <= moments.min() <= moments.max() <= np.finfo(float).max:
+        raise InvalidInput(f"{name} has the principal moments {moments.tolist()}; they and their inverses must not overflow")
     a, b, c = np.sort(moments)
-    if a + b < c * (1.0 - 4 * np.finfo(float).eps):
+    if a < c - b - 4 * np.finfo(float).eps * c:
         warnings.warn(
             f"the principal moments {a:g}, {b:g}, {c:g} break the triangle inequality ({a:g} + {b:g} < {c:g}): "
             "the motion is computed all the same, but no body made of positive masses has them",
             InertiaWarning,
-            stacklevel=5,
+            stacklevel=4,
         )
     return Vec.of(array.tolist()) if array.ndim == 1 else Mat.of(array.tolist())

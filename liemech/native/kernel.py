@@ -7,7 +7,6 @@ nothing here is used and every driver runs in plain Python.
 from __future__ import annotations
 
 import ctypes
-import ctypes.util
 import functools
 import os
 import threading
@@ -17,9 +16,8 @@ from typing import Any
 import numpy as np
 
 from ..errors import NotCompilable
-from . import cache, driver
+from . import driver
 from .functions import LIBM
-from .source import fingerprint
 from .values import Layout, layout_of, leaves
 
 Kind = Layout | str  # of an argument: the layout of a value, "integer" or "array"
@@ -43,6 +41,9 @@ class Kernel:
     """Machine code of one driver for arguments of one layout, for one body (lanes = 1) or several at once."""
 
     def __init__(self, entry: Callable[..., Any], kinds: tuple[Kind, ...], lanes: int) -> None:
+        from . import cache
+        from .source import fingerprint
+
         self.entry, self.kinds, self.lanes = entry, kinds, lanes
         key = fingerprint(entry, *kinds, lanes, *_machine())
         object_code = cache.load(key)
@@ -174,12 +175,16 @@ def _machine() -> tuple[str, ...]:
     import llvmlite
     import llvmlite.binding as llvm
 
+    from . import cache
+
     features = ",".join(f"{k}={v}" for k, v in sorted(llvm.get_host_cpu_features().items()))
     return cache.own_source(), llvmlite.__version__, llvm.get_process_triple(), llvm.get_host_cpu_name(), features
 
 
 @functools.cache
 def _target() -> Any:
+    import ctypes.util
+
     import llvmlite.binding as llvm
 
     llvm.initialize_native_target()

@@ -44,6 +44,10 @@ class Record:
         """The shape that an array argument with this many axes must have; None if any will do.  Subclasses know."""
         return None
 
+    def _objection(self, argument: str, value: Any) -> str | None:
+        """What is wrong with the value of an argument, an array or an option; None if nothing is.  Subclasses know."""
+        return None
+
 
 @dataclass_transform(frozen_default=True, field_specifiers=(dataclasses.field,))
 def record(cls: T) -> T:
@@ -121,30 +125,33 @@ def real_array(value: Any, name: str) -> np.ndarray:
 
 def _kinds(cls: type, name: str, method: Callable[..., Any]) -> dict[str, int] | None:
     """How many axes each argument has, from the annotations of the method or of the one it overrides."""
-    arguments = list(inspect.signature(method).parameters)[1:]
     kinds: dict[str, int] = {}
     for base in cls.__mro__:
-        known = vars(base).get(name)
-        if known is None:
-            continue
-        given = list(inspect.signature(known).parameters.values())[1:]
-        for argument, other in zip(arguments, given, strict=False):
-            kind = _AXES.get(_annotation(other.annotation))
-            if kind is not None:
-                kinds.setdefault(argument, kind)
+        known = inspect.unwrap(vars(base)[name]) if inspect.isfunction(vars(base).get(name)) else None
+        if known is not None:
+            for argument, other in zip(_arguments(method), _arguments(known), strict=False):
+                kind = _AXES.get(_annotation(known.__annotations__.get(other, "")))
+                if kind is not None:
+                    kinds.setdefault(argument, kind)
     return kinds if set(kinds.values()) & {1, 2} else None
+
+
+def _arguments(method: Callable[..., Any]) -> tuple[str, ...]:
+    """The names of the arguments after `self`; much quicker than `inspect.signature`, and every class pays for it on import."""
+    code = method.__code__
+    return code.co_varnames[1 : code.co_argcount]
 
 
 def _bordered(formula: Callable[..., Any], kinds: dict[str, int]) -> Callable[..., Any]:
     """The formula with a border: array arguments are checked and broadcast, small vectors pass straight through."""
-    names = list(inspect.signature(formula).parameters)[1:]
+    names = _arguments(formula)
 
     @functools.wraps(formula)
     def method(self: Any, *args: Any, **options: Any) -> Any:
         for a in args:
-            if isinstance(a, _ARRAYS):
+            if isinstance(a, _ARRAYS) or type(a) is tuple:
                 return _broadcast(formula, kinds, self, dict(zip(names, args, strict=False)) | options)
-        if options and any(isinstance(a, _ARRAYS) for a in options.values()):
+        if options and any(isinstance(a, _ARRAYS) or type(a) is tuple for a in options.values()):
             return _broadcast(formula, kinds, self, dict(zip(names, args, strict=False)) | options)
         return formula(self, *args, **options)
 
@@ -153,13 +160,15 @@ def _bordered(formula: Callable[..., Any], kinds: dict[str, int]) -> Callable[..
 
 def _broadcast(formula: Callable[..., Any], kinds: dict[str, int], self: Any, arguments: dict[str, Any]) -> Any:
     where = f"{type(self).__name__}.{formula.__name__}"
+    space = arguments.get("group", self)  # who knows the shapes
     arrays: dict[str, np.ndarray] = {}
     for name, value in arguments.items():
         if name not in kinds or value is None or isinstance(value, (bool, str, Record)):
+            _refuse(space, where, name, value)
             continue
         array = real_array(value, f"{where}: {name}")
         axes = kinds[name]
-        shape = self._shape(name, axes) if axes else ()
+        shape = space._shape(name, axes) if axes else ()
         core = array.shape[array.ndim - axes :] if axes else ()
         if array.ndim < axes or (shape is not None and core != shape):
             expected = shape if shape is not None else ("n",) * axes
@@ -167,6 +176,7 @@ def _broadcast(formula: Callable[..., Any], kinds: dict[str, int], self: Any, ar
         if not np.isfinite(array).all():
             at = tuple(map(int, np.argwhere(~np.isfinite(array))[0]))
             raise InvalidInput(f"{where}: {name}{list(at)} is {array[at]}; every entry must be finite")
+        _refuse(space, where, name, array)
         arrays[name] = array
     lead = {name: a.shape[: a.ndim - kinds[name]] for name, a in arrays.items()}
     try:
@@ -178,12 +188,41 @@ def _broadcast(formula: Callable[..., Any], kinds: dict[str, int], self: Any, ar
     bodies = math.prod(batch)
     from . import batch as many
 
+    if not bodies:  # an element of the right shape tells the shape of nothing
+        some = {k: np.eye(*a.shape[1:])[None] if a.ndim == 3 else np.zeros((1, *a.shape[1:])) for k, a in flat.items()}
+        return _unflattened(_none_of(_stacked([formula(self, **many.element(some, 0), **rest)])), batch)
+    results = None
     if bodies >= many.WORTHWHILE:
         results = many.evaluate(formula, self, flat, rest)
-        if results is not None:
-            return _unflattened(results, batch)
-    results = [formula(self, **many.element(flat, i), **rest) for i in range(bodies)]
-    return _unflattened(_stacked(results), batch) if results else np.empty((*batch, 0))
+    try:
+        if results is None:
+            results = _stacked([formula(self, **many.element(flat, i), **rest) for i in range(bodies)])
+    except (ZeroDivisionError, OverflowError) as error:
+        raise InvalidInput(f"{where} has no finite value for these arguments: {error}") from error
+    _defined(results, where, flat)
+    return _unflattened(results, batch)
+
+
+def _refuse(space: Any, where: str, name: str, value: Any) -> None:
+    objection = space._objection(name, value)
+    if objection:
+        raise InvalidInput(f"{where}: {name} {objection}")
+
+
+def _defined(results: Any, where: str, flat: dict[str, np.ndarray]) -> None:
+    """Refuse to hand out what is no number."""
+    if isinstance(results, tuple):
+        for part in results:
+            _defined(part, where, flat)
+        return
+    bad = np.flatnonzero(~np.isfinite(results.reshape(len(results), -1)).all(axis=1))
+    if len(bad):
+        at = ", ".join(f"{name} = {a[bad[0]].tolist()}" for name, a in flat.items())
+        raise InvalidInput(f"{where} has no finite value at {at}")
+
+
+def _none_of(one: Any) -> Any:
+    return tuple(map(_none_of, one)) if isinstance(one, tuple) else one[:0]
 
 
 def _flattened(array: np.ndarray, batch: tuple[int, ...], core: tuple[int, ...]) -> np.ndarray:

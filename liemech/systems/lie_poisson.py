@@ -11,6 +11,7 @@ from ..groups.lie_group import LieGroup
 from ..native import Mat, Record, Vec, real_array, record
 from .hamiltonian import Hamiltonian
 
+
 @record
 class BodyState(Record):
     """Where a body is and how it moves: body momentum `mu`, and the group element `g` from body to space (None: not asked for).
@@ -77,6 +78,8 @@ class LiePoissonSystem(Record):
             raise InvalidInput(
                 f"{name}: mu has shape {momenta.shape}; a momentum on {self.group!r} has shape ({dim},), an ensemble (bodies, {dim})"
             )
+        if not len(momenta):
+            raise InvalidInput(f"{name}: mu has shape {momenta.shape}; an ensemble needs at least one body")
         _finite(momenta, f"{name}: mu")
         if g is None:
             return BodyState(Vec.of(momenta.tolist()) if momenta.ndim == 1 else _frozen(momenta))
@@ -84,6 +87,8 @@ class LiePoissonSystem(Record):
         shape = self.group.identity().shape
         if elements.ndim not in (2, 3) or elements.shape[-2:] != shape:
             raise InvalidInput(f"{name}: g has shape {elements.shape}; an element of {self.group!r} has shape {shape}")
+        if not len(elements):
+            raise InvalidInput(f"{name}: g has shape {elements.shape}; an ensemble needs at least one body")
         _finite(elements, f"{name}: g")
         objection = self.group.objection(elements)
         if objection:

@@ -31,6 +31,9 @@ class ButcherTableau(Record):
     source: str = ""
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "A", tuple(tuple(map(float, row)) for row in self.A))
+        object.__setattr__(self, "b", tuple(map(float, self.b)))
+        object.__setattr__(self, "c", tuple(map(float, self.c)))
         s = self.stages
         if len(self.A) != s or len(self.c) != s or any(len(row) != i for i, row in enumerate(self.A)):
             raise LawViolation(f"{self.name}: {s} weights need A with rows of 0, 1, ..., {s - 1} entries and {s} nodes")

@@ -1,0 +1,18 @@
+"""A body spun about its middle axis turns over again and again, the later the better it was aimed.
+
+Exactly on the axis it would never do so; the time between two flips grows like the logarithm of the error of aim.
+"""
+
+import numpy as np
+
+import liemech as lm
+
+body = lm.RigidBody([1.0, 2.0, 3.0])
+t = np.linspace(0.0, 500.0, 100_001)
+
+for offset in 1e-2, 1e-4, 1e-6, 1e-8:
+    start = body.state(mu=[offset, 1.0, 0.0])
+    exact = body.exact(start, t)  # closed form: no steps, no error that grows
+    upside_down = exact.mu[:, 1] < 0.0
+    flips = t[1:][upside_down[1:] != upside_down[:-1]]
+    print(f"offset {offset:.0e}: {len(flips):2} flips, one every {body.period(start) / 2:6.2f} s")
