@@ -158,6 +158,7 @@ class _Run:
         one = _member(start, 0)
         self.given, first = layout_of(one), method.start(system, one, h)
         self.layout, self.shown = layout_of(first), layout_of(method.observe(first))
+        self.kernels: dict[Any, kernel.Kernel] = {}
         self.compiled = self._decide(compiled, count)
         self.lanes = kernel.lanes() if self.compiled and self.bodies is not None else 1
         self.columns = -(-count // self.lanes) * self.lanes
@@ -181,7 +182,9 @@ class _Run:
         why_not = kernel.available()
         if why_not is None and (compiled or self.steps * bodies >= COMPILE_FROM):
             try:
-                self._kernel(kernel.lanes() if self.bodies is not None else 1)
+                array, lanes = np.empty(0), kernel.lanes() if self.bodies is not None else 1
+                values = self._arguments(0, 1, 1)
+                self.kernels[march] = kernel.kernel(march, *values, array, array, array, lanes=lanes)
             except NotCompilable as error:
                 if compiled:
                     raise
@@ -195,10 +198,6 @@ class _Run:
 
     def _arguments(self, first: int, every: int, samples: int) -> tuple[Any, ...]:
         return self.method, self.system, self.layout, self.t0, self.h, first, every, samples
-
-    def _kernel(self, lanes: int) -> kernel.Kernel:
-        array = np.empty(0)
-        return kernel.kernel(march, *self._arguments(0, 1, 1), array, array, array, lanes=lanes)
 
     # ---------------------------------------------------------------- marching
 
@@ -251,7 +250,9 @@ class _Run:
                 for a, column in zip(arrays, columns, strict=True):
                     a[..., i] = column.reshape(a.shape[:-1])
             return
-        run = kernel.kernel(driver, *values, *arrays, lanes=self.lanes)
+        if driver not in self.kernels:
+            self.kernels[driver] = kernel.kernel(driver, *values, *arrays, lanes=self.lanes)
+        run = self.kernels[driver]
         share = -(-self.columns // (self.workers * self.lanes)) * self.lanes
         parts = [(i, min(i + share, self.columns)) for i in range(0, self.columns, share)]
         if len(parts) == 1:

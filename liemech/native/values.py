@@ -7,6 +7,7 @@ run time (an int, a string, a tableau, None) belongs to the layout itself.
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -22,22 +23,29 @@ class Layout:
     parts: tuple[Layout, ...] = ()
     detail: Any = None  # the class and field names of a record, the object of a static part
 
-    @property
+    @functools.cached_property
     def width(self) -> int:
         """How many numbers the value holds."""
         return 1 if self.kind == "number" else sum(part.width for part in self.parts)
 
+    def _identity(self) -> Any:
+        """What tells two details apart: of constants the text, since 1 is not True, 0.0 is not -0.0 and nan is nan."""
+        plain = self.kind == "static" and not isinstance(self.detail, Layout)
+        return (type(self.detail), repr(self.detail)) if plain else self.detail
+
+    @functools.cached_property
+    def _hash(self) -> int:
+        return hash((self.kind, self.parts, self._identity()))
+
     def __hash__(self) -> int:
-        return hash((self.kind, self.parts, repr(self.detail)))
+        return self._hash
 
     def __eq__(self, other: object) -> bool:
-        return (
-            isinstance(other, Layout)
-            and (self.kind, self.parts) == (other.kind, other.parts)
-            and type(self.detail) is type(other.detail)
-            and repr(self.detail) == repr(other.detail)  # 1 is not True, 0.0 is not -0.0, nan is nan
-            and self.detail == other.detail
-        )
+        if self is other:
+            return True
+        if not isinstance(other, Layout) or (self.kind, self.parts) != (other.kind, other.parts):
+            return False
+        return self.detail is other.detail or self._identity() == other._identity()
 
     def __repr__(self) -> str:
         inside = ", ".join(map(repr, self.parts))

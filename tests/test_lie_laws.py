@@ -1,0 +1,474 @@
+"""The laws of groups, algebras and coadjoint actions: once, for every group, at the identity, close to it, anywhere, near pi.
+
+Two more groups live here that write only what a group must write: rotations again, to compare the formulas that follow
+from the laws with the closed forms, and the motions of the plane, where no closed form hides a wrong general one.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+import mpmath as mp
+import numpy as np
+import pytest
+from scenes import hat, rotation
+from scipy.linalg import expm
+
+import liemech as lm
+from liemech.native import cos, dot, sin
+
+EPS = np.finfo(float).eps
+
+
+# ---------------------------------------------------------------- groups that write only what they must
+
+
+@lm.record
+class BareRotationAlgebra(lm.LieAlgebra):
+    """so(3) by its structure constants."""
+
+    @property
+    def dim(self) -> int:
+        return 3
+
+    @property
+    def structure_constants(self) -> tuple:
+        return lm.SO3Algebra().structure_constants
+
+
+@lm.record
+class BareRotations(lm.LieGroup):
+    """SO(3) without closed forms; for the Cayley family, only its smallest part."""
+
+    @property
+    def algebra(self) -> BareRotationAlgebra:
+        return BareRotationAlgebra()
+
+    def identity(self) -> lm.Mat:
+        return lm.SO3().identity()
+
+    def inverse(self, g: lm.Mat) -> lm.Mat:
+        return g.T
+
+    def exp(self, xi: lm.Vec) -> lm.Mat:
+        return lm.SO3().exp(xi)
+
+    def Ad(self, g: lm.Mat, xi: lm.Vec) -> lm.Vec:
+        return g @ xi
+
+    def cayley(self, xi: lm.Vec) -> lm.Mat:
+        return lm.SO3().cayley(xi)
+
+    def dcayley_inv(self, xi: lm.Vec, eta: lm.Vec, side: str = "right") -> lm.Vec:
+        return lm.SO3().dcayley_inv(xi, eta, side)
+
+
+@lm.record
+class PlaneAlgebra(lm.LieAlgebra):
+    """se(2) with the basis rotation, x, y: [E1, E2] = E3, [E1, E3] = -E2."""
+
+    @property
+    def dim(self) -> int:
+        return 3
+
+    @property
+    def structure_constants(self) -> tuple:
+        zero = (0.0, 0.0, 0.0)
+        return (zero, zero, zero), ((0.0, 0.0, -1.0), zero, (1.0, 0.0, 0.0)), ((0.0, 1.0, 0.0), (-1.0, 0.0, 0.0), zero)
+
+    def hat(self, xi: lm.Vec) -> lm.Mat:
+        return lm.mat(lm.vec(0.0, -xi[0], xi[1]), lm.vec(xi[0], 0.0, xi[2]), lm.vec(0.0, 0.0, 0.0))
+
+    def vee(self, matrix: lm.Mat) -> lm.Vec:
+        return lm.vec(matrix[1, 0], matrix[0, 2], matrix[1, 2])
+
+
+@lm.record
+class PlaneMotions(lm.LieGroup):
+    """SE(2), the motions of the plane: not compact, its adjoint action not orthogonal."""
+
+    @property
+    def algebra(self) -> PlaneAlgebra:
+        return PlaneAlgebra()
+
+    def identity(self) -> lm.Mat:
+        return lm.SO3().identity()
+
+    def inverse(self, g: lm.Mat) -> lm.Mat:
+        x, y = g[0, 2], g[1, 2]
+        return lm.mat(
+            lm.vec(g[0, 0], g[1, 0], -(g[0, 0] * x + g[1, 0] * y)),
+            lm.vec(g[0, 1], g[1, 1], -(g[0, 1] * x + g[1, 1] * y)),
+            lm.vec(0.0, 0.0, 1.0),
+        )
+
+    def exp(self, xi: lm.Vec) -> lm.Mat:
+        w = xi[0]
+        s, v = (sin(w) / w, 2.0 * sin(0.5 * w) * sin(0.5 * w) / w) if w != 0.0 else (1.0, 0.0)
+        x, y = s * xi[1] - v * xi[2], v * xi[1] + s * xi[2]
+        return lm.mat(lm.vec(cos(w), -sin(w), x), lm.vec(sin(w), cos(w), y), lm.vec(0.0, 0.0, 1.0))
+
+    def Ad(self, g: lm.Mat, xi: lm.Vec) -> lm.Vec:
+        return lm.vec(
+            xi[0],
+            g[0, 0] * xi[1] + g[0, 1] * xi[2] + g[1, 2] * xi[0],
+            g[1, 0] * xi[1] + g[1, 1] * xi[2] - g[0, 2] * xi[0],
+        )
+
+
+def plane_hat(xi: np.ndarray) -> np.ndarray:
+    return np.array([[0.0, -xi[0], xi[1]], [xi[0], 0.0, xi[2]], [0.0, 0.0, 0.0]])
+
+
+HATS: dict[type, Callable[[np.ndarray], np.ndarray]] = {lm.SO3: hat, BareRotations: hat, PlaneMotions: plane_hat}
+GROUPS = (lm.SO3(), BareRotations(), PlaneMotions())
+SIZES = {"identity": 0.0, "1e-8": 1e-8, "random": 1.3, "near pi": math.pi - 1e-6}
+
+
+@dataclass
+class Case:
+    """A group, three of its velocities of one size, and momenta and velocities of size one."""
+
+    group: lm.LieGroup
+    size: float
+    xi: np.ndarray
+    eta: np.ndarray
+    mu: np.ndarray
+
+    @property
+    def hat(self) -> Callable[[np.ndarray], np.ndarray]:
+        return HATS[type(self.group)]
+
+    def vee(self, matrix: np.ndarray) -> np.ndarray:
+        """Coordinates, by least squares over the basis."""
+        basis = np.stack([self.hat(e).ravel() for e in np.eye(3)], axis=1)
+        found, *_ = np.linalg.lstsq(basis, matrix.ravel(), rcond=None)
+        assert np.abs(basis @ found - matrix.ravel()).max() < 1e-12
+        return found
+
+
+@pytest.fixture(params=[(g, s) for g in GROUPS for s in SIZES], ids=lambda p: f"{type(p[0]).__name__}-{p[1]}")
+def case(request: pytest.FixtureRequest) -> Case:
+    group, label = request.param
+    rng = np.random.default_rng([3, len(label)])
+    xi = rng.normal(size=(3, 3))
+    xi *= SIZES[label] / np.linalg.norm(xi, axis=1, keepdims=True)
+    return Case(group, SIZES[label], xi, *rng.normal(size=(2, 3)))
+
+
+def close(a: object, b: object, ulps: float = 32) -> bool:
+    a, b = np.asarray(a, dtype=float), np.asarray(b, dtype=float)
+    return bool(np.abs(a - b).max() <= ulps * EPS * max(1.0, np.abs(b).max()))
+
+
+# ---------------------------------------------------------------- group
+
+
+def test_group_axioms(case: Case) -> None:
+    G, (a, b, c) = case.group, case.group.exp(case.xi)
+    e = np.array(G.identity())
+    assert close(G.compose(G.compose(a, b), c), G.compose(a, G.compose(b, c)))
+    assert np.array_equal(G.compose(a, e), a)
+    assert np.array_equal(G.compose(e, a), a)
+    assert close(G.compose(a, G.inverse(a)), e)
+    assert close(G.compose(G.inverse(a), a), e)
+    assert close(G.compose(a, b), a @ b)
+
+
+def test_exponential_is_that_of_matrices(case: Case) -> None:
+    assert close(case.group.exp(case.xi[0]), expm(case.hat(case.xi[0])))
+
+
+def test_exponential_follows_a_constant_velocity(case: Case) -> None:
+    """exp((s + t) xi) = exp(s xi) exp(t xi), and exp(-xi) is the inverse."""
+    G, xi = case.group, case.xi[0]
+    assert close(G.exp(xi), G.compose(G.exp(0.25 * xi), G.exp(0.75 * xi)))
+    assert close(G.exp(-xi), G.inverse(G.exp(xi)))
+
+
+def test_adjoint_action_is_conjugation(case: Case) -> None:
+    G, g = case.group, case.group.exp(case.xi[0])
+    assert close(case.hat(G.Ad(g, case.eta)), g @ case.hat(case.eta) @ np.linalg.inv(g))
+
+
+def test_adjoint_action_is_a_left_action_by_automorphisms(case: Case) -> None:
+    G, (a, b, _) = case.group, case.group.exp(case.xi)
+    zeta = case.xi[2] + 0.5
+    assert close(G.Ad(G.compose(a, b), case.eta), G.Ad(a, G.Ad(b, case.eta)))
+    assert close(G.Ad(a, G.ad(case.eta, zeta)), G.ad(G.Ad(a, case.eta), G.Ad(a, zeta)))
+
+
+def test_bracket_is_the_commutator(case: Case) -> None:
+    a, b = case.hat(case.xi[0] + 0.3), case.hat(case.eta)
+    assert close(case.hat(case.group.ad(case.xi[0] + 0.3, case.eta)), a @ b - b @ a)
+
+
+def test_adjoint_of_the_exponential_is_the_exponential_of_ad(case: Case) -> None:
+    G, xi = case.group, case.xi[0]
+    ad = np.stack([G.ad(xi, e) for e in np.eye(3)], axis=1)
+    assert close(G.Ad(G.exp(xi), case.eta), expm(ad) @ case.eta)
+
+
+# ---------------------------------------------------------------- coadjoint action
+
+
+def test_coadjoint_action_is_the_transpose(case: Case) -> None:
+    G, g = lm.coadjoint(case.group), case.group.exp(case.xi[0])
+    assert np.dot(G.Ad_star(g, case.mu), case.eta) == pytest.approx(
+        np.dot(case.mu, case.group.Ad(g, case.eta)), abs=32 * EPS
+    )
+
+
+def test_ad_star_is_a_right_action_and_k_a_left_action(case: Case) -> None:
+    G, (a, b, _), mu = lm.coadjoint(case.group), case.group.exp(case.xi), case.mu
+    ab = case.group.compose(a, b)
+    assert close(G.Ad_star(ab, mu), G.Ad_star(b, G.Ad_star(a, mu)))
+    assert close(G.K(ab, mu), G.K(a, G.K(b, mu)))
+    assert close(G.K(a, mu), G.Ad_star(case.group.inverse(a), mu))
+    assert close(G.K(a, G.Ad_star(a, mu)), mu)
+
+
+def test_order_of_the_actions_matters(rng: np.random.Generator) -> None:
+    """The two laws above are not the same law: on SO(3), at random, the wrong order fails by far."""
+    G, (a, b), mu = lm.coadjoint(lm.SO3()), (rotation(rng), rotation(rng)), rng.normal(size=3)
+    assert np.abs(G.Ad_star(a @ b, mu) - G.Ad_star(a, G.Ad_star(b, mu))).max() > 0.1
+
+
+def test_ad_star_pairing(case: Case) -> None:
+    G = lm.coadjoint(case.group)
+    xi = case.xi[0] + 0.3
+    assert np.dot(G.ad_star(xi, case.mu), case.eta) == pytest.approx(
+        np.dot(case.mu, case.group.ad(xi, case.eta)), abs=32 * EPS
+    )
+
+
+def test_ad_star_is_the_derivative_of_ad_star_along_exp(case: Case) -> None:
+    G, s = lm.coadjoint(case.group), 1e-3
+    at = [G.Ad_star(case.group.exp(k * s * case.eta), case.mu) for k in (-2, -1, 1, 2)]
+    slope = (8 * (at[2] - at[1]) - (at[3] - at[0])) / (12 * s)
+    assert np.abs(slope - G.ad_star(case.eta, case.mu)).max() < 1e-10
+
+
+def test_exponential_coadjoint_shortcut(case: Case) -> None:
+    G = case.group
+    assert close(G.exp_Ad_star(case.xi[0], case.mu), G.Ad_star(G.exp(case.xi[0]), case.mu))
+
+
+def test_poisson_structure(case: Case) -> None:
+    """B is antisymmetric, B grad H = ad*_{grad H} mu, and the bracket {F, H} = grad F . B grad H is -<mu, [dF, dH]>."""
+    G, dF, dH = lm.coadjoint(case.group), case.xi[0] + 0.3, case.eta
+    B = G.poisson_structure(case.mu)
+    assert np.array_equal(B, -B.T)
+    assert close(B @ dH, G.ad_star(dH, case.mu))
+    assert dF @ B @ dH == pytest.approx(-np.dot(case.mu, case.group.ad(dF, dH)), abs=32 * EPS)
+    for gradient in np.eye(3) * 2 * case.mu if isinstance(case.group, lm.SO3) else []:
+        assert np.abs(B @ (2 * case.mu)).max() <= 8 * EPS * np.abs(gradient).max()
+
+
+def test_poisson_bracket_obeys_jacobi(case: Case) -> None:
+    """sum_l dB_ij/dmu_l B_lk + cyclic = 0; B is linear in mu, so its derivative is B itself at the basis."""
+    structure = case.group.algebra.poisson_structure
+    B, dB = structure(case.mu), np.stack([structure(e) for e in np.eye(3)], axis=-1)
+    first = np.einsum("ijl,lk->ijk", dB, B)
+    assert np.abs(first + first.transpose(2, 0, 1) + first.transpose(1, 2, 0)).max() < 8 * EPS
+
+
+def test_symplectic_form_of_the_orbit(case: Case) -> None:
+    """It pairs with the Poisson bracket, is antisymmetric and the group leaves it alone."""
+    G, g, xi = lm.coadjoint(case.group), case.group.exp(case.xi[0]), case.xi[1] + 0.4
+    value = G.symplectic_form(case.mu, xi, case.eta)
+    assert value == pytest.approx(np.dot(xi, G.poisson_structure(case.mu) @ case.eta), abs=32 * EPS)
+    assert value == pytest.approx(-G.symplectic_form(case.mu, case.eta, xi), abs=32 * EPS)
+    moved = [case.group.Ad(g, v) for v in (xi, case.eta)]
+    assert value == pytest.approx(G.symplectic_form(G.K(g, case.mu), *moved), abs=64 * EPS * (1 + case.size**2))
+
+
+def test_orbits_of_rotations() -> None:
+    G = lm.coadjoint(lm.SO3())
+    mu = np.array([0.3, -0.2, 0.9])
+    assert G.on_same_orbit(mu, lm.SO3().K(lm.SO3().exp(np.array([1.0, 2.0, 3.0])), mu))
+    assert G.on_same_orbit(1e-40 * mu, -1e-40 * mu)
+    assert not G.on_same_orbit(mu, 1.0001 * mu)
+    assert not G.on_same_orbit(1e-40 * mu, 1.0001e-40 * mu)
+
+
+# ---------------------------------------------------------------- algebra
+
+
+@pytest.mark.parametrize("group", GROUPS, ids=lambda g: type(g).__name__)
+def test_algebras_obey_their_laws(group: lm.LieGroup) -> None:
+    algebra, c = group.algebra, np.array(group.algebra.structure_constants)
+    algebra.check()
+    assert np.array_equal(c, -c.transpose(0, 2, 1))
+    e = np.eye(3)
+    for i in range(3):
+        for j in range(3):
+            assert np.array_equal(algebra.bracket(e[i], e[j]), c[:, i, j])
+
+
+@lm.record
+class Broken(lm.LieAlgebra):
+    """so(3) with one structure constant changed."""
+
+    constants: tuple = ()
+
+    @property
+    def dim(self) -> int:
+        return 3
+
+    @property
+    def structure_constants(self) -> tuple:
+        return self.constants
+
+
+@pytest.mark.parametrize("scale", [1e-40, 1.0, 1e40])
+@pytest.mark.parametrize("what", ["antisymmetry", "Jacobi"])
+def test_check_finds_a_broken_algebra(what: str, scale: float) -> None:
+    c = scale * np.array(lm.SO3Algebra().structure_constants)
+    if what == "antisymmetry":
+        c[2, 0, 1] *= 1 + 1e-12
+    else:  # [E1, E2] gets a part along E1: antisymmetric, but no Lie algebra
+        c[0, 0, 1] += 1e-12 * scale
+        c[0, 1, 0] -= 1e-12 * scale
+    constants = tuple(tuple(map(tuple, plane)) for plane in c.tolist())
+    with pytest.raises(lm.errors.LawViolation, match=what):
+        Broken(constants).check()
+
+
+def test_check_accepts_an_abelian_algebra() -> None:
+    zero = ((0.0,) * 3,) * 3
+    Broken((zero,) * 3).check()
+
+
+# ---------------------------------------------------------------- differentials, from their definition in 50 digits
+
+
+def mp_hat(case: Case, xi: Iterable) -> mp.matrix:
+    total = mp.zeros(3)
+    for x, e in zip(xi, np.eye(3), strict=True):
+        total += mp.mpf(x) * mp.matrix(case.hat(e).tolist())
+    return total
+
+
+def mp_exp(matrix: mp.matrix) -> mp.matrix:
+    total = term = mp.eye(3)
+    k = 0
+    while mp.mnorm(term, 1) > mp.mpf(10) ** -60 or k < 3:
+        k += 1
+        term = term * matrix / k
+        total = total + term
+    return total
+
+
+def mp_cayley(matrix: mp.matrix) -> mp.matrix:
+    return (mp.eye(3) - matrix / 2) ** -1 * (mp.eye(3) + matrix / 2)
+
+
+def by_definition(case: Case, tau: Callable, xi: np.ndarray, side: str) -> np.ndarray:
+    """The trivialised differential as a matrix: d/de tau(xi + e eta), with tau(xi)^-1 on the side named."""
+    with mp.workdps(60):
+        e, here = mp.mpf(10) ** -20, tau(mp_hat(case, xi)) ** -1
+        columns = []
+        for unit in np.eye(3):
+            steps = [[mp.mpf(x) + s * e * int(u) for x, u in zip(xi.tolist(), unit, strict=True)] for s in (1, -1)]
+            plus, minus = (tau(mp_hat(case, step)) for step in steps)
+            slope = (plus - minus) / (2 * e)
+            columns.append(case.vee(np.array((slope * here if side == "right" else here * slope).tolist(), dtype=float)))
+    return np.stack(columns, axis=1)
+
+
+@pytest.mark.parametrize("side", ["right", "left"])
+def test_dexp_and_its_inverses_by_definition(case: Case, side: str) -> None:
+    G, xi = case.group, case.xi[0]
+    D = by_definition(case, mp_exp, xi, side)
+    assert close(G.dexp(xi, case.eta, side), D @ case.eta)
+    # the second-largest size is near pi, where the inverse still has a condition number below 3
+    assert close(G.dexp_inv(xi, case.eta, side), np.linalg.solve(D, case.eta), 128)
+    assert close(G.dexp_inv_dual(xi, case.mu, side), np.linalg.solve(D.T, case.mu), 128)
+
+
+@pytest.mark.parametrize("side", ["right", "left"])
+@pytest.mark.parametrize("size", [0.0, 1e-8, 0.7, 3.0, 30.0])
+@pytest.mark.parametrize("group", [lm.SO3(), BareRotations()], ids=["SO3", "BareRotations"])
+def test_dcayley_and_its_inverses_by_definition(group: lm.LieGroup, size: float, side: str) -> None:
+    rng = np.random.default_rng(5)
+    xi, eta, mu = rng.normal(size=(3, 3))
+    xi *= size / np.linalg.norm(xi)
+    D = by_definition(Case(group, size, xi[None], eta, mu), mp_cayley, xi, side)
+    assert close(group.dcayley(xi, eta, side), D @ eta)
+    assert close(group.dcayley_inv(xi, eta, side), np.linalg.solve(D, eta), 128)
+    assert close(group.dcayley_inv_dual(xi, mu, side), np.linalg.solve(D.T, mu), 128)
+    assert close(group.cayley_Ad_star(xi, mu), group.cayley(xi).T @ mu)
+
+
+def test_left_and_right_differentials(case: Case) -> None:
+    """dL = Ad_{exp(-xi)} dR, and dL at xi is dR at -xi."""
+    G, xi = case.group, case.xi[0]
+    left = G.dexp(xi, case.eta, "left")
+    assert close(left, G.Ad(G.exp(-xi), G.dexp(xi, case.eta)))
+    assert close(left, G.dexp(-xi, case.eta))
+
+
+def test_series_of_the_inverse_differential(case: Case) -> None:
+    """Cut after ad^q, the error is the first Bernoulli term left out; with enough terms it is the closed form."""
+    G, xi, eta = case.group, 0.2 * case.xi[0], case.eta
+    ad = np.stack([G.ad(xi, e) for e in np.eye(3)], axis=1)
+    bernoulli = (1, -1 / 2, 1 / 6, 0, -1 / 30, 0, 1 / 42, 0, -1 / 30, 0, 5 / 66, 0, -691 / 2730)
+    total = np.zeros(3)
+    for q, b in enumerate(bernoulli):
+        total = total + b / math.factorial(q) * (np.linalg.matrix_power(ad, q) @ eta)
+        assert close(G.dexp_inv_series(xi, eta, q), total)
+        assert close(G.dexp_inv_series(-xi, eta, q, "left"), total)
+    assert np.abs(total - G.dexp_inv(xi, eta)).max() < 1e-12 + (case.size / 5 / 2 / math.pi) ** 14 * 4
+
+
+# ---------------------------------------------------------------- closed forms against what follows from the laws
+
+
+@pytest.mark.parametrize("size", [0.0, 1e-8, 0.3, 1.58, 1.6, 3.0, 5.0])
+def test_closed_forms_equal_the_general_ones(size: float) -> None:
+    rng = np.random.default_rng(11)
+    closed, bare = lm.SO3(), BareRotations()
+    for xi, eta, mu in rng.normal(size=(5, 3, 3)):
+        xi = xi * (size / np.linalg.norm(xi))
+        g = closed.exp(eta)
+        assert close(closed.ad(xi, eta), bare.ad(xi, eta), 4)
+        assert close(closed.ad_star(xi, mu), bare.ad_star(xi, mu), 4)
+        assert close(closed.Ad_star(g, mu), bare.Ad_star(g, mu), 4)
+        assert close(closed.K(g, mu), bare.K(g, mu), 4)
+        assert close(closed.exp_Ad_star(xi, mu), bare.exp_Ad_star(xi, mu), 16)
+        assert close(closed.algebra.poisson_structure(mu), bare.algebra.poisson_structure(mu), 4)
+        for side in ("right", "left"):
+            assert close(closed.dexp(xi, eta, side), bare.dexp(xi, eta, side))
+            assert close(closed.dexp_inv(xi, eta, side), bare.dexp_inv(xi, eta, side), 64)
+            assert close(closed.dexp_inv_dual(xi, mu, side), bare.dexp_inv_dual(xi, mu, side), 64)
+            assert close(closed.dcayley(xi, eta, side), bare.dcayley(xi, eta, side))
+            assert close(closed.dcayley_inv_dual(xi, mu, side), bare.dcayley_inv_dual(xi, mu, side))
+            for terms in range(13):
+                ours = closed.dexp_inv_series(xi, eta, terms, side)
+                assert close(ours, bare.dexp_inv_series(xi, eta, terms, side), 64)
+
+
+def test_a_bare_group_moves_a_body_as_the_closed_one_does() -> None:
+    """The same RKMK step on SO3 and on the group that writes only what it must."""
+    energy = lm.RigidBody([1.0, 1.6, 2.3]).hamiltonian
+    starts = dict(mu=[0.4, -0.5, 0.7], g=np.eye(3))
+    runs = []
+    for group in (lm.SO3(), BareRotations()):
+        system = lm.LiePoissonSystem(group, energy)
+        for method in (lm.RKMK(order=4), lm.RKMK(order=4, truncation="closed")):
+            runs.append(lm.integrate(system, method, system.state(**starts), h=0.1, steps=20, compiled=False))
+    for a, b in ((0, 2), (1, 3)):
+        assert np.abs(runs[a].mu - runs[b].mu).max() < 1e-14
+        assert np.abs(runs[a].g - runs[b].g).max() < 1e-14
+
+
+def test_what_a_bare_group_lacks_says_so() -> None:
+    bare, xi = PlaneMotions(), np.ones(3)
+    for call in (lambda: bare.log(np.eye(3)), lambda: bare.cayley(xi), lambda: bare.exp_mismatch(xi, xi, xi)):
+        with pytest.raises(NotImplementedError, match="PlaneMotions"):
+            call()
+    assert bare.casimirs(xi).shape == (0,)
+    assert dot(lm.vec(1.0, 2.0), lm.vec(3.0, 4.0)) == 11.0
