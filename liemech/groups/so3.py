@@ -146,15 +146,16 @@ class SO3(LieGroup):
         return _rotation(-0.5 if terms else 0.0, total, u) @ eta
 
     def exp_mismatch(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
-        """r = p - mu + b xi x mu - c xi x (xi x mu), with  dr/dxi = c (2 mu xi^T - (xi . mu) - xi mu^T) - b hat(mu) + r' xi^T,
-        r' = 2 b' xi x mu - 2 c' xi x (xi x mu);  b = (1 - cos th)/th^2, c = (th - sin th)/th^3, primes with respect to th^2.
+        """r = p - a mu + b xi x mu - c s xi,  s = xi . mu,  with a = sin th/th, b = (1 - cos th)/th^2, c = (th - sin th)/th^3 and
+
+        dr/dxi = ((b - c) mu + 2 b' xi x mu - 2 c' s xi) xi^T - c (xi mu^T + s) - b hat(mu),  primes with respect to th^2.
         """
-        w = cross(xi, mu)
-        u = cross(xi, w)
-        b, c, b_slope, c_slope = dexp_coefficients(dot(xi, xi))
-        along = (2.0 * c) * mu + ((2.0 * b_slope) * w - (2.0 * c_slope) * u)
+        x, w, s = dot(xi, xi), cross(xi, mu), dot(xi, mu)
+        b, c, b_slope, c_slope = dexp_coefficients(x)
+        r = (p - (1.0 - x * c) * mu) + (b * w - (c * s) * xi)
+        along = (b - c) * mu + ((2.0 * b_slope) * w - (2.0 * c_slope * s) * xi)
         by_xi = (outer(along, xi) - outer(c * xi, mu)) - self.algebra.hat(b * mu)
-        return (p - mu) + (b * w - c * u), 1.0, _plus(by_xi, -c * dot(xi, mu))
+        return r, 1.0, _plus(by_xi, -c * s)
 
     # ---------------------------------------------------------------- Cayley map
 
