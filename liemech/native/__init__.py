@@ -5,6 +5,9 @@ elementary functions below.  The compiler inlines everything a driver calls, wri
 function, for one body or for many in SIMD lanes; all of them give the same bits as plain Python.
 """
 
+from typing import Any
+
+from . import records
 from .functions import (
     acos,
     asin,
@@ -75,3 +78,12 @@ __all__ = [
     "vec",
     "where",
 ]
+
+
+def _evaluate_many(*arguments: Any) -> Any:
+    from .batch import evaluate
+
+    return evaluate(*arguments)
+
+
+records.evaluate_many = _evaluate_many

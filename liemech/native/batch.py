@@ -10,16 +10,9 @@ import numpy as np
 from ..errors import NotCompilable
 from .driver import accepted, attempt, itself, read, write
 from .functions import where
+from .records import element
 from .values import NUMBER, Layout, layout_of, leaves
-from .vectors import Mat, Vec
-
-WORTHWHILE = 2048  # elements from which native code, loaded from the disk cache, is quicker than a Python loop
-
-
-def element(arrays: dict[str, np.ndarray], i: int) -> dict[str, Any]:
-    """The arguments number i, as small vectors and plain floats."""
-    return {name: (float, Vec.of, Mat.of)[a.ndim - 1](a[i].tolist()) for name, a in arrays.items()}
-
+from .vectors import Vec
 
 def evaluate(formula: Callable[..., Any], owner: Any, arrays: dict[str, np.ndarray], rest: dict[str, Any]) -> Any:
     """`formula(owner, **arguments)` for every row of the arrays, in native code; None if there is none."""

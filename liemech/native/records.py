@@ -20,6 +20,9 @@ import numpy as np
 from ..errors import InvalidInput, InvalidType
 from .vectors import Mat, Vec
 
+MANY = 2048  # elements from which native code, loaded from the disk cache, is quicker than a Python loop
+evaluate_many: Callable[..., Any] | None = None  # set by the package: the compiler knows records, not records the compiler
+
 _ARRAYS = (np.ndarray, list)
 _AXES = {"float": 0, "Vec": 1, "Mat": 2}
 T = TypeVar("T", bound=type)
@@ -186,21 +189,24 @@ def _broadcast(formula: Callable[..., Any], kinds: dict[str, int], self: Any, ar
     rest = {k: v for k, v in arguments.items() if k not in arrays}
     flat = {k: _flattened(a, batch, a.shape[len(lead[k]) :]) for k, a in arrays.items()}
     bodies = math.prod(batch)
-    from . import batch as many
-
     if not bodies:  # an element of the right shape tells the shape of nothing
         some = {k: np.eye(*a.shape[1:])[None] if a.ndim == 3 else np.zeros((1, *a.shape[1:])) for k, a in flat.items()}
-        return _unflattened(_none_of(_stacked([formula(self, **many.element(some, 0), **rest)])), batch)
+        return _unflattened(_none_of(_stacked([formula(self, **element(some, 0), **rest)])), batch)
     results = None
-    if bodies >= many.WORTHWHILE:
-        results = many.evaluate(formula, self, flat, rest)
+    if bodies >= MANY and evaluate_many is not None:
+        results = evaluate_many(formula, self, flat, rest)
     try:
         if results is None:
-            results = _stacked([formula(self, **many.element(flat, i), **rest) for i in range(bodies)])
+            results = _stacked([formula(self, **element(flat, i), **rest) for i in range(bodies)])
     except (ZeroDivisionError, OverflowError) as error:
         raise InvalidInput(f"{where} has no finite value for these arguments: {error}") from error
     _defined(results, where, flat)
     return _unflattened(results, batch)
+
+
+def element(arrays: dict[str, np.ndarray], i: int) -> dict[str, Any]:
+    """The arguments number i, as small vectors and plain floats."""
+    return {name: (float, Vec.of, Mat.of)[a.ndim - 1](a[i].tolist()) for name, a in arrays.items()}
 
 
 def _refuse(space: Any, where: str, name: str, value: Any) -> None:

@@ -1,0 +1,155 @@
+"""Retractions: what makes them so, their differentials, and the mismatch that the variational method solves."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import mpmath as mp
+import numpy as np
+import pytest
+from scenes import hat, slope
+
+import liemech as lm
+
+G = lm.SO3()
+EPS = np.finfo(float).eps
+RETRACTIONS = (lm.Exponential(), lm.Cayley())
+SIZES = (1e-8, 0.1, 1.0, 1.58, 1.6, 3.0)
+
+
+@pytest.fixture(params=RETRACTIONS, ids=lambda r: type(r).__name__)
+def tau(request: pytest.FixtureRequest) -> lm.Retraction:
+    return request.param
+
+
+@pytest.fixture(params=SIZES)
+def vectors(request: pytest.FixtureRequest) -> tuple[np.ndarray, ...]:
+    """xi of the given size, eta and mu of size one."""
+    xi, eta, mu = np.random.default_rng(7).normal(size=(3, 3))
+    return xi * (request.param / np.linalg.norm(xi)), eta, mu
+
+
+def close(a: object, b: object, ulps: float = 32) -> bool:
+    a, b = np.asarray(a, dtype=float), np.asarray(b, dtype=float)
+    return bool(np.abs(a - b).max() <= ulps * EPS * max(1.0, np.abs(b).max()))
+
+
+def test_what_makes_a_retraction(tau: lm.Retraction, vectors: tuple[np.ndarray, ...]) -> None:
+    xi, eta, mu = vectors
+    g = tau.tau(G, xi)
+    assert np.array_equal(tau.tau(G, np.zeros(3)), np.eye(3))
+    assert np.array_equal(tau.dtau(G, np.zeros(3), eta), eta)
+    assert close(tau.tau(G, -xi), g.T)
+    assert close(g @ g.T, np.eye(3))
+    assert close(tau.tau_inv(G, g), xi, 64)
+    assert close(tau.tau_Ad_star(G, xi, mu), g.T @ mu)
+    assert close(tau.tau(G, 0.5 * xi) @ tau.tau(G, 0.5 * xi), g) == isinstance(tau, lm.Exponential) or vectors[0].max() < 1e-6
+
+
+def test_inverses_and_duals(tau: lm.Retraction, vectors: tuple[np.ndarray, ...]) -> None:
+    xi, eta, mu = vectors
+    for side in ("right", "left"):
+        assert close(tau.dtau_inv(G, xi, tau.dtau(G, xi, eta, side), side), eta)
+        assert close(tau.dtau(G, xi, tau.dtau_inv(G, xi, eta, side), side), eta)
+        assert np.dot(tau.dtau_inv_dual(G, xi, mu, side), eta) == pytest.approx(
+            np.dot(mu, tau.dtau_inv(G, xi, eta, side)), abs=64 * EPS
+        )
+
+
+def test_left_and_right(tau: lm.Retraction, vectors: tuple[np.ndarray, ...]) -> None:
+    """dL = Ad_{tau^-1} dR, and for the duals of the inverses (dL^-1)* = Ad*_tau (dR^-1)*: how a step moves the momentum."""
+    xi, eta, mu = vectors
+    g = tau.tau(G, xi)
+    assert close(tau.dtau(G, xi, eta, "left"), g.T @ tau.dtau(G, xi, eta))
+    assert close(tau.dtau_inv_dual(G, xi, mu, "left"), tau.tau_Ad_star(G, xi, tau.dtau_inv_dual(G, xi, mu)))
+
+
+def test_differential_by_differences(tau: lm.Retraction, vectors: tuple[np.ndarray, ...]) -> None:
+    """d/de tau(xi + e eta) = hat(dtau eta) tau(xi), by four differences."""
+    xi, eta, _ = vectors
+    e = 1e-3
+    at = [tau.tau(G, xi + k * e * eta) for k in (-2, -1, 1, 2)]
+    rate = (8 * (at[2] - at[1]) - (at[3] - at[0])) / (12 * e)
+    g = tau.tau(G, xi)
+    assert np.abs(rate - hat(tau.dtau(G, xi, eta)) @ g).max() < 1e-11
+    assert np.abs(rate - g @ hat(tau.dtau(G, xi, eta, "left"))).max() < 1e-11
+
+
+def test_cayley_agrees_with_the_exponential_to_third_order() -> None:
+    sizes = [0.4, 0.2, 0.1, 0.05]
+    w = np.array([0.6, -0.64, 0.48])
+    apart = [np.abs(G.cayley(s * w) - G.exp(s * w)).max() for s in sizes]
+    assert slope(sizes, apart) == pytest.approx(3.0, abs=0.02)
+    # 2 atan(s/2) = s - s^3/12: the size of the difference is that of the angle
+    angle = np.linalg.norm(G.log(G.exp(0.05 * w).T @ G.cayley(0.05 * w)))
+    assert angle == pytest.approx(0.05**3 / 12, rel=1e-2)
+
+
+# ---------------------------------------------------------------- the mismatch
+
+
+def definition(retraction: lm.Retraction, xi: mp.matrix, p: mp.matrix, mu: mp.matrix) -> mp.matrix:
+    """p - (dtau_xi)* mu times the factor that the retraction chooses, from matrices."""
+    W = mp.matrix([[0, -xi[2], xi[1]], [xi[2], 0, -xi[0]], [-xi[1], xi[0], 0]])
+    one = mp.eye(3)
+    if isinstance(retraction, lm.Exponential):
+        D, term = one.copy(), one.copy()
+        for k in range(2, 60):
+            term = term * W / k
+            D = D + term
+        return p - D.T * mu
+    # the matrix eta -> (1 - W/2)^-1 eta (1 + W/2)^-1 of algebra elements, column by column
+    left, right = (one - W / 2) ** -1, (one + W / 2) ** -1
+    D = mp.zeros(3)
+    for j, unit in enumerate(np.eye(3)):
+        m = left * mp.matrix(hat(unit).tolist()) * right
+        D[0, j], D[1, j], D[2, j] = m[2, 1], m[0, 2], m[1, 0]
+    factor = 1 + (xi.T * xi)[0] / 4
+    return factor * (p - D.T * mu)
+
+
+def derivative(f: Callable[[mp.matrix], mp.matrix], x: mp.matrix) -> np.ndarray:
+    columns = []
+    for j in range(3):
+        e = mp.zeros(3, 1)
+        e[j] = mp.mpf(10) ** -25
+        columns.append([float(v) for v in (f(x + e) - f(x - e)) / (2 * e[j])])
+    return np.array(columns).T
+
+
+def test_mismatch_and_its_derivatives(tau: lm.Retraction, vectors: tuple[np.ndarray, ...]) -> None:
+    xi, p, mu = vectors
+    r, by_p, by_xi = tau.mismatch(G, *(lm.Vec.of(v) for v in (xi, p, mu)))
+    with mp.workdps(60):
+        x, q, m = (mp.matrix(v.tolist()) for v in (xi, p, mu))
+        wanted = np.array([float(v) for v in definition(tau, x, q, m)])
+        wanted_by_xi = derivative(lambda y: definition(tau, y, q, m), x)
+        wanted_by_p = derivative(lambda y: definition(tau, x, y, m), q)
+    assert close(r, wanted, 16)
+    assert close(by_xi, wanted_by_xi, 16)
+    assert close(by_p * np.eye(3), wanted_by_p, 4)
+
+
+def test_mismatch_vanishes_at_the_discrete_legendre_transform(tau: lm.Retraction, vectors: tuple[np.ndarray, ...]) -> None:
+    xi, p, _ = vectors
+    mu = tau.dtau_inv_dual(G, xi, p)
+    r, by_p, _ = tau.mismatch(G, *(lm.Vec.of(v) for v in (xi, p, mu)))
+    assert np.abs(r).max() < 16 * EPS * by_p * np.abs(mu).max()
+
+
+def test_a_retraction_of_ones_own_must_say_what_it_is() -> None:
+    @lm.record
+    class Nothing(lm.Retraction):
+        """No map at all."""
+
+    xi = lm.vec(0.1, 0.2, 0.3)
+    for call in (
+        lambda r: r.tau(G, xi),
+        lambda r: r.tau_inv(G, G.identity()),
+        lambda r: r.dtau(G, xi, xi),
+        lambda r: r.dtau_inv(G, xi, xi),
+        lambda r: r.dtau_inv_dual(G, xi, xi),
+        lambda r: r.mismatch(G, xi, xi, xi),
+    ):
+        with pytest.raises(NotImplementedError, match="Nothing"):
+            call(Nothing())
