@@ -44,20 +44,25 @@ class Trajectory:
         """How many bodies an ensemble has; None for a single trajectory."""
         return self.mu.shape[1] if self.mu.ndim == 3 else None
 
+    @property
+    def _laws(self) -> Any:
+        """The system, whose formulas take all samples at once."""
+        return self.system
+
     @cached_property
     def energy(self) -> np.ndarray:
         """H(mu) at every sample, in J.  (n,)"""
-        return self.system.energy(self.mu)
+        return self._laws.energy(self.mu)
 
     @cached_property
     def casimirs(self) -> np.ndarray:
         """The Casimir functions at every sample; |mu|^2 on SO(3).  (n, number of Casimirs)"""
-        return self.system.casimirs(self.mu)
+        return self._laws.casimirs(self.mu)
 
     @cached_property
     def spatial_momentum(self) -> np.ndarray:
         """The momentum seen from space, K_g mu, at every sample.  (n, dim)"""
-        return self.system.spatial_momentum(self.mu, self._attitude("spatial_momentum"))
+        return self._laws.spatial_momentum(self.mu, self._attitude("spatial_momentum"))
 
     @cached_property
     def rotation(self) -> Rotation:

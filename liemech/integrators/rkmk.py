@@ -30,29 +30,35 @@ class RKMK(Method):
     """
 
     order: int = 4
-    tableau: ButcherTableau | None = None
-    truncation: int | str | None = None
+    tableau: ButcherTableau = None  # type: ignore[assignment]  # None: the one of this order
+    truncation: int | str = None  # type: ignore[assignment]  # None: order - 2, or closed if there is no series
     retraction: Retraction = Exponential()
 
     def __post_init__(self) -> None:
-        if self.tableau is None:
-            if type(self.order) is not int or self.order not in BY_ORDER:
-                raise InvalidInput(f"RKMK: order {self.order!r} has no tableau of its own; choose one of {sorted(BY_ORDER)} or give a tableau")
-            object.__setattr__(self, "tableau", BY_ORDER[self.order])
-        elif not isinstance(self.tableau, ButcherTableau):
-            raise InvalidType(f"RKMK: tableau must be a ButcherTableau; got {self.tableau!r}")
-        object.__setattr__(self, "order", self.tableau.order)
         if not isinstance(self.retraction, Retraction):
             raise InvalidType(f"RKMK: retraction must be Exponential(), Cayley() or your own; got {self.retraction!r}")
-        closed = "closed" if not isinstance(self.retraction, Exponential) else max(self.order - 2, 0)
-        if self.truncation is None:
-            object.__setattr__(self, "truncation", closed)
-        q = self.truncation
-        if q != "closed" and not (type(q) is int and 0 <= q <= 12):
+        given: Any = self.tableau, self.truncation
+        if given[0] is None:
+            if type(self.order) is not int or self.order not in BY_ORDER:
+                choices = sorted(BY_ORDER)
+                raise InvalidInput(f"RKMK: order {self.order!r} has no tableau of its own; choose from {choices} or give a tableau")
+            object.__setattr__(self, "tableau", BY_ORDER[self.order])
+        if not isinstance(self.tableau, ButcherTableau):
+            raise InvalidType(f"RKMK: tableau must be a ButcherTableau; got {self.tableau!r}")
+        object.__setattr__(self, "order", self.tableau.order)
+        if given[1] is None:
+            series = isinstance(self.retraction, Exponential)
+            object.__setattr__(self, "truncation", max(self.order - 2, 0) if series else "closed")
+        self._check_truncation(self.truncation)
+
+    def _check_truncation(self, q: int | str) -> None:
+        if q == "closed":
+            return
+        if not (type(q) is int and 0 <= q <= 12):
             raise InvalidInput(f'RKMK: truncation is a number of terms from 0 to 12 or "closed"; got {q!r}')
-        if closed == "closed" and q != "closed":
+        if not isinstance(self.retraction, Exponential):
             raise InvalidInput(f"RKMK: {self.retraction!r} has a closed differential and no series to cut; leave truncation out")
-        if q != "closed" and q < self.order - 2:
+        if q < self.order - 2:
             raise InvalidInput(f"RKMK: order {self.order} needs truncation >= {self.order - 2}; {q} would lower the order silently")
 
     @property
@@ -63,9 +69,9 @@ class RKMK(Method):
     def step(self, system: Any, t: float, state: BodyState, h: float) -> BodyState:
         """One step in the chart at (mu_n, g_n)."""
         slopes: list[Vec] = []
-        for row, c in zip(self.tableau.A, self.tableau.c):  # type: ignore[union-attr]
+        for row, c in zip(self.tableau.A, self.tableau.c):
             slopes = [*slopes, self.slope(system, t + c * h, _combination(row, slopes, h), state.mu)]
-        omega = _combination(self.tableau.b, slopes, h)  # type: ignore[union-attr]
+        omega = _combination(self.tableau.b, slopes, h)
         mu = self.retraction.tau_Ad_star(system.group, omega, state.mu)
         if state.g is None:
             return BodyState(mu, None)
@@ -91,9 +97,9 @@ class RKMK(Method):
         return f"RKMK({', '.join(parts)})"
 
 
-def _combination(weights: tuple[float, ...], slopes: list[Vec], h: float) -> Vec | None:
+def _combination(weights: tuple[float, ...], slopes: list[Vec], h: float) -> Any:
     """h sum_j weights_j slopes_j over the weights that are not zero."""
-    total: Vec | None = None
+    total: Any = None
     for w, k in zip(weights, slopes):
         if w != 0.0:
             total = (h * w) * k if total is None else total + (h * w) * k

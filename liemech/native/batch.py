@@ -48,7 +48,7 @@ def evaluate(formula: Callable[..., Any], owner: Any, arrays: dict[str, np.ndarr
 
 def _each(formula: Any, owner: Any, layouts: Any, rest: Any, shown: Any, data: Any, out: Any) -> None:
     start = 0
-    arguments = []
+    arguments: list[Any] = []
     for part in layouts:
         arguments = [*arguments, read(data, start, part)]
         start = start + part.width

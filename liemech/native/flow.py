@@ -374,7 +374,7 @@ class Flow:
         at_head = {n: v for n, v in env.items() if n not in masks}
         for name in carried:
             at_head[name] = build(layouts[name], iter([entering(x) for x in leaves(env[name], layouts[name])]))
-        active = None
+        active: Any = None
         if masked:
             active = entering(e.constant(True, "b", True) if here is None else here)
             phis.pop()

@@ -131,7 +131,7 @@ class Interpreter(Flow):
 
     def construct(self, cls: type, args: tuple[Any, ...], options: dict[str, Any]) -> Any:
         """A record made by a formula: its fields, without the checks of its border."""
-        fields = dataclasses.fields(cls)  # type: ignore[arg-type]
+        fields = dataclasses.fields(cls)
         given = dict(zip([f.name for f in fields if f.init], args, strict=False)) | options
         for f in fields:
             if f.name not in given:
@@ -145,7 +145,7 @@ class Interpreter(Flow):
     def super(self) -> Any:
         source = self.frames[-1].source
         code = source.function.__code__
-        return super(source.outer("__class__"), self.frames[-1].env[code.co_varnames[0]])  # type: ignore[misc]
+        return super(source.outer("__class__"), self.frames[-1].env[code.co_varnames[0]])
 
     def elementary(self, function: Callable[..., Any], name: str) -> Callable[..., Any]:
         def value(*x: Any) -> Any:

@@ -77,7 +77,7 @@ class Kernel:
 def kernel(entry: Callable[..., Any], *args: Any, lanes: int = 1) -> Kernel:
     """The kernel for a driver and arguments like these.
 
-    An int among the arguments is a run-time integer, an array is written and read in place; everything else is described by its layout.
+    An int among the arguments is a run-time integer, an array is read and written in place; a layout describes everything else.
     Raises NotCompilable.
     """
     kinds = tuple(

@@ -281,4 +281,4 @@ class Num:
     def _refuse(self, *_: Any) -> NoReturn:
         raise NotCompilable("a number known only at run time is used where Python needs its value now")
 
-    __bool__ = __float__ = __int__ = __index__ = __array__ = __len__ = __iter__ = _refuse  # type: ignore[assignment]
+    __bool__ = __float__ = __int__ = __index__ = __array__ = __len__ = __iter__ = _refuse

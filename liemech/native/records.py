@@ -40,7 +40,8 @@ class Record:
                     setattr(cls, name, _bordered(member, kinds))
 
     def __post_init__(self) -> None:
-        for name, convert in _converters(type(self)):
+        cls: Any = type(self)
+        for name, convert in _converters(cls):
             object.__setattr__(self, name, convert(self, name, getattr(self, name)))
 
     def _shape(self, argument: str, axes: int) -> tuple[int, ...] | None:
@@ -57,7 +58,8 @@ def record(cls: T) -> T:
     """Make a subclass of `Record` (a group, a Hamiltonian, a system, a method, ...) a frozen dataclass that compiles."""
     if not issubclass(cls, Record):
         raise InvalidType(f"@record is for subclasses of Record, such as liemech.Hamiltonian; {cls.__name__} is not one")
-    return dataclasses.dataclass(frozen=True)(cls)
+    made: Any = dataclasses.dataclass(frozen=True)(cls)
+    return made
 
 
 def _annotation(annotation: Any) -> str:
@@ -91,9 +93,9 @@ def _small(owner: Any, name: str, value: Any, allowed: tuple[type, ...]) -> Any:
 
 
 @functools.cache
-def _converters(cls: type) -> tuple[tuple[str, Callable[[Any, str, Any], Any]], ...]:
+def _converters(cls: Any) -> tuple[tuple[str, Callable[[Any, str, Any], Any]], ...]:
     found: list[tuple[str, Callable[[Any, str, Any], Any]]] = []
-    for field in dataclasses.fields(cls):  # type: ignore[arg-type]
+    for field in dataclasses.fields(cls):
         kinds = _annotation(field.type).split(" | ")
         allowed = tuple(kind for kind in (Vec, Mat) if kind.__name__ in kinds)
         if not field.init:

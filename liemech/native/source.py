@@ -104,7 +104,7 @@ def fingerprint(*things: Any) -> str:
     keep: list[Any] = []  # so that no id is used twice
 
     def eat(x: Any) -> None:
-        if isinstance(x, (types.FunctionType, type)) or isinstance(x, (tuple, list, dict)):
+        if isinstance(x, (types.FunctionType, type, tuple, list, dict)):
             if id(x) in seen:
                 return
             seen.add(id(x))
@@ -115,7 +115,7 @@ def fingerprint(*things: Any) -> str:
             for part in x.parts:
                 eat(part)
         elif isinstance(x, types.FunctionType):
-            function(inspect.unwrap(x))
+            eat_function(inspect.unwrap(x))
         elif isinstance(x, types.CodeType):
             digest.update(x.co_code + repr((x.co_names, x.co_varnames[: x.co_argcount])).encode())
             for constant in x.co_consts:
@@ -145,7 +145,7 @@ def fingerprint(*things: Any) -> str:
             text = repr(x)
             digest.update((type(x).__qualname__ + ("" if " at 0x" in text else text)).encode())
 
-    def function(f: types.FunctionType) -> None:
+    def eat_function(f: types.FunctionType) -> None:
         if f is not keep[-1] and id(f) in seen:
             return
         seen.add(id(f))

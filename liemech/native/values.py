@@ -119,7 +119,7 @@ def build(layout: Layout, numbers: Iterator[Any]) -> Any:
 
 def fill(cls: type, fields: dict[str, Any]) -> Any:
     """An instance of a record class with these fields, unchecked."""
-    made = object.__new__(cls)
+    made: Any = object.__new__(cls)
     for name, value in fields.items():
         object.__setattr__(made, name, value)
     return made

@@ -44,12 +44,12 @@ class Vec(tuple[Any, ...]):
     def __rsub__(self, other: Any) -> Vec:
         return _make(Vec, map(operator.sub, _same_length(self, other), self))
 
-    def __mul__(self, other: Any) -> Vec:  # type: ignore[override]
+    def __mul__(self, other: Any) -> Vec:
         if isinstance(other, _VECTORS):
             return _make(Vec, map(operator.mul, self, _same_length(self, other)))
         return _make(Vec, [x * other for x in self])
 
-    def __rmul__(self, other: Any) -> Vec:  # type: ignore[override]
+    def __rmul__(self, other: Any) -> Vec:
         if isinstance(other, _VECTORS):
             return _make(Vec, map(operator.mul, _same_length(self, other), self))
         return _make(Vec, [other * x for x in self])

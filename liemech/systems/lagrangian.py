@@ -21,5 +21,5 @@ class Lagrangian(Record):
         raise NotImplementedError(f"{type(self).__name__} must define `momentum`")
 
     def hessian(self, xi: Vec) -> Mat | Vec:
-        """The second derivative d2l/dxi2, the inertia at xi; a Vec if it is diagonal.  xi : (dim,), result : (dim, dim) or (dim,)."""
+        """The second derivative d2l/dxi2, the inertia at xi.  xi : (dim,), result : (dim, dim), or (dim,) if it is diagonal."""
         raise NotImplementedError(f"{type(self).__name__} must define `hessian`")

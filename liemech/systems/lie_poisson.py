@@ -76,7 +76,7 @@ class LiePoissonSystem(Record):
         dim = self.group.dim
         if momenta.ndim not in (1, 2) or momenta.shape[-1] != dim:
             raise InvalidInput(
-                f"{name}: mu has shape {momenta.shape}; a momentum on {self.group!r} has shape ({dim},), an ensemble (bodies, {dim})"
+                f"{name}: mu has shape {momenta.shape}; a momentum on {self.group!r} has shape ({dim},), many (bodies, {dim})"
             )
         if not len(momenta):
             raise InvalidInput(f"{name}: mu has shape {momenta.shape}; an ensemble needs at least one body")

@@ -44,7 +44,7 @@ class ButcherTableau(Record):
             value = sum(w * f for w, f in zip(self.b, self._elementary_weights(tree), strict=True))
             if not math.isclose(value, 1.0 / _density(tree), abs_tol=1e-13):
                 raise LawViolation(
-                    f"{self.name} is not of order {self.order}: the tree {tree} of {_size(tree)} nodes gives {value}, not 1/{_density(tree)}"
+                    f"{self.name} is not of order {self.order}: the tree {tree} gives {value}, not 1/{_density(tree)}"
                 )
 
     @property

@@ -1,0 +1,262 @@
+"""Algorithm 1: the method itself to 13 digits, its order, and the structure it keeps."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scenes import (
+    CAYLEY,
+    EXP,
+    RKMK4,
+    asymmetric_body,
+    errors_at,
+    hat,
+    named,
+    poisson_defect,
+    quiet_body,
+    rotation,
+    seed_body,
+    slope,
+    step_map,
+)
+
+import liemech as lm
+
+REFERENCE = json.loads((Path(__file__).parent / "reference" / "integrator_steps_so3.json").read_text())
+BOTH = pytest.mark.parametrize("method", [EXP, CAYLEY], ids=named)
+COUNTS = {EXP: (40, 80, 160, 320), CAYLEY: (160, 320, 640, 1280)}
+
+
+# ---------------------------------------------------------------- the method itself
+
+
+@BOTH
+@pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=pytest.mark.compiled)])
+def test_steps_of_the_method_itself(method: lm.CovariantVariational, compiled: bool) -> None:
+    body, start = seed_body()
+    run = lm.integrate(body, method, start, h=0.5, steps=200, compiled=compiled)
+    wanted = REFERENCE["methods"][method.name]
+    assert np.abs(run.mu[1] - wanted["mu"]).max() < 1e-15
+    assert np.abs(run.g[1] - wanted["g"]).max() < 1e-15
+    for at in wanted["trajectory"]:
+        assert np.abs(run.mu[at["n"]] - at["mu"]).max() < 1e-13
+        assert np.abs(run.g[at["n"]] - at["g"]).max() < 1e-13
+        assert run.energy[at["n"]] == pytest.approx(at["energy"], abs=1e-13)
+
+
+@BOTH
+def test_velocity_of_the_first_interval(method: lm.CovariantVariational) -> None:
+    body, start = seed_body()
+    x = method.displacement(body, 0.5, start.mu, 0.5 * body.velocity(start.mu))
+    assert np.abs(np.array(x) / 0.5 - REFERENCE["methods"][method.name]["xi"]).max() < 2e-15
+
+
+def test_error_after_two_hundred_steps() -> None:
+    body, start = seed_body()
+    exact = body.exact(start, 100.0).mu
+    for method, momentum, energy in ((EXP, 8.5e-2, -8.9e-4), (CAYLEY, 1.3, -2.3e-3)):
+        run = lm.integrate(body, method, start, h=0.5, steps=200)
+        assert np.abs(run.mu[-1] - exact).max() == pytest.approx(momentum, rel=5e-2)
+        assert run.energy[-1] - 3 / 8 == pytest.approx(energy, rel=5e-2)
+
+
+@BOTH
+def test_momentum_fits_the_velocity(method: lm.CovariantVariational) -> None:
+    """The two lines of the algorithm: (dtau^-1)* J xi is the momentum before the step, the left one that after it."""
+    body, start = asymmetric_body()
+    h, mu = 0.4, np.array(start.mu)
+    run = lm.integrate(body, method, start, h=h, steps=1)
+    xi = method.retraction.tau_inv(body.group, run.g[0].T @ run.g[1]) / h
+    p = np.array(body.inertia) * xi
+    assert np.abs(method.retraction.dtau_inv_dual(body.group, h * xi, p) - mu).max() < 1e-14
+    assert np.abs(method.retraction.dtau_inv_dual(body.group, h * xi, p, "left") - run.mu[1]).max() < 1e-14
+
+
+@BOTH
+def test_small_steps_have_the_velocity_of_the_body(method: lm.CovariantVariational) -> None:
+    """h -> 0 gives xi = J^-1 mu + h/2 J^-1 (mu' ...): no factor h is lost or left over."""
+    body, start = asymmetric_body()
+    velocity = np.array(body.velocity(start.mu))
+    gaps = []
+    for h in (1e-2, 1e-3, 1e-4):
+        xi = np.array(method.displacement(body, h, start.mu, h * body.velocity(start.mu))) / h
+        gaps.append(np.abs(xi - velocity).max())
+    assert slope([1e-2, 1e-3, 1e-4], gaps) == pytest.approx(1.0, abs=0.01)
+    assert gaps[-1] < 1e-4
+
+
+@BOTH
+def test_a_sphere_turns_exactly(method: lm.CovariantVariational) -> None:
+    """J = j 1: the momentum stays, and with exp the attitude is the exact one."""
+    body = lm.RigidBody([1.7, 1.7, 1.7])
+    start = body.state([0.3, -0.5, 0.9], rotation(np.random.default_rng(2)))
+    run = lm.integrate(body, method, start, h=0.5, steps=20)
+    assert np.abs(run.mu - run.mu[0]).max() < 1e-15
+    exact = body.exact(start, run.t).g
+    if method is EXP:
+        assert np.abs(run.g - exact).max() < 2e-14
+    # with Cayley xi(1 + h^2 |xi|^2/4) = mu/j: a little slower, about the same axis
+    axis = np.array(start.mu) / np.linalg.norm(start.mu)
+    assert np.abs(run.g[-1] @ axis - exact[-1] @ axis).max() < 1e-14
+
+
+@pytest.mark.parametrize("h", [0.05, 0.5])
+def test_cayley_is_the_isospectral_midpoint_rule(h: float) -> None:
+    """W_n = (1 - hB/2) W (1 + hB/2), W_n+1 = (1 + hB/2) W (1 - hB/2) with W = hat(pi), B = -hat(J^-1 pi).
+
+    Source: Modin, Viviani, Found. Comput. Math. 20 (2020).
+    """
+    body, start = asymmetric_body()
+    run = lm.integrate(body, CAYLEY, start, h=h, steps=10, compiled=False)
+    J, one, W0 = np.array(body.inertia), np.eye(3), hat(run.mu[0])
+    for n in range(10):
+        W = W0
+        for _ in range(200):
+            B = -hat(np.array([W[2, 1], W[0, 2], W[1, 0]]) / J)
+            W = np.linalg.solve(one - h / 2 * B, W0) @ np.linalg.inv(one + h / 2 * B)
+        W0 = (one + h / 2 * B) @ W @ (one - h / 2 * B)
+        assert np.abs(W0 - hat(run.mu[n + 1])).max() < 1e-14
+
+
+# ---------------------------------------------------------------- order and symmetry
+
+
+@BOTH
+@pytest.mark.parametrize("t_end", [2.0, -2.0])
+def test_order_of_momentum_and_attitude(method: lm.CovariantVariational, t_end: float) -> None:
+    body, start = asymmetric_body()
+    for error in errors_at(body, method, start, t_end, COUNTS[method]):
+        assert slope([1 / n for n in COUNTS[method]], error) == pytest.approx(2.0, abs=0.1)
+
+
+@BOTH
+@pytest.mark.parametrize("h", [0.1, 0.5])
+def test_a_step_back_undoes_a_step(method: lm.CovariantVariational, h: float) -> None:
+    body, start = asymmetric_body()
+    there = lm.integrate(body, method, start, h=h, steps=1)
+    back = lm.integrate(body, method, there.last, h=-h, steps=1)
+    assert np.abs(back.mu[-1] - start.mu).max() < 1e-15 * 2
+    assert np.abs(back.g[-1] - np.array(start.g)).max() < 1e-15 * 2
+    away = lm.integrate(body, method, start, h=h, steps=100)
+    home = lm.integrate(body, method, away.last, h=-h, steps=100)
+    assert np.abs(home.mu[-1] - start.mu).max() < 2e-13
+    assert np.abs(home.g[-1] - np.array(start.g)).max() < 2e-13
+
+
+def test_a_step_back_does_not_undo_a_step_of_rkmk() -> None:
+    body, start = asymmetric_body()
+    there = lm.integrate(body, RKMK4, start, h=0.5, steps=1)
+    back = lm.integrate(body, RKMK4, there.last, h=-0.5, steps=1)
+    assert np.abs(back.mu[-1] - start.mu).max() > 1e-7
+
+
+# ---------------------------------------------------------------- structure
+
+
+@BOTH
+@pytest.mark.parametrize("h", [0.1, 0.5])
+def test_the_bracket_is_kept(method: lm.CovariantVariational, h: float) -> None:
+    for body, start in (seed_body(), asymmetric_body()):
+        assert poisson_defect(body, method, np.array(start.mu), h) < 1e-11
+
+
+@BOTH
+def test_spatial_momentum_is_kept_to_rounding(method: lm.CovariantVariational) -> None:
+    body, start = asymmetric_body()
+    run = lm.integrate(body, method, start, h=0.5, steps=1000)
+    size = np.linalg.norm(run.mu[0])
+    assert np.abs(run.spatial_momentum - run.spatial_momentum[0]).max() < 3e-14 * size
+    assert np.abs(np.linalg.norm(run.mu, axis=1) - size).max() < 1e-14 * size
+
+
+@BOTH
+def test_energy_oscillates_without_drift(method: lm.CovariantVariational) -> None:
+    body, start = seed_body()
+    run = lm.integrate(body, method, start, h=0.5, steps=10_000)
+    error = np.abs(run.energy - run.energy[0])
+    assert error[:1001].max() == pytest.approx({EXP: 1.0e-3, CAYLEY: 2.6e-3}[method], rel=0.1)
+    assert error[5000:].max() <= 1.1 * error[:5000].max()
+
+
+def modified_energy(body: lm.RigidBody, method: lm.CovariantVariational, mu: np.ndarray, h: float) -> np.ndarray:
+    """H - (h^2/6) s_3: s_3 = w . K w/4 with K = J^-1, v = K mu, w = mu x v, and for Cayley + |v|^2 (mu . v)/2."""
+    v = mu / np.array(body.inertia)
+    w = np.cross(mu, v)
+    s3 = 0.25 * (w * w / np.array(body.inertia)).sum(axis=1)
+    if method is CAYLEY:
+        s3 += 0.5 * (v * v).sum(axis=1) * (mu * v).sum(axis=1)
+    return 0.5 * (mu * v).sum(axis=1) - h * h / 6 * s3
+
+
+@BOTH
+def test_modified_energy_is_kept_to_fourth_order(method: lm.CovariantVariational) -> None:
+    """Its oscillation falls by 16 per halving, that of the energy by 4."""
+    body, start = asymmetric_body()
+    h, plain, modified = [0.2, 0.1, 0.05, 0.025], [], []
+    for step in h:
+        run = lm.integrate(body, method, start, h=step, steps=round(20 / step))
+        plain.append(np.ptp(run.energy))
+        modified.append(np.ptp(modified_energy(body, method, run.mu, step)))
+    assert slope(h, plain) == pytest.approx(2.0, abs=0.1)
+    assert slope(h, modified) == pytest.approx(4.0, abs=0.1)
+    assert modified[-1] < 1e-4 * plain[-1]
+
+
+# ---------------------------------------------------------------- large steps
+
+
+def test_cayley_has_a_step_of_every_size() -> None:
+    body, start = seed_body()
+    for h in (1.0, 3.0, 10.0, 50.0, 1e4):
+        run = lm.integrate(body, CAYLEY, start, h=h, steps=50)
+        assert np.abs(np.linalg.norm(run.mu, axis=1) - 1.0).max() < 1e-13
+        defect = np.abs(run.spatial_momentum - run.spatial_momentum[0]).max()
+        assert defect < 1e-13
+
+
+@pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=pytest.mark.compiled)])
+def test_exp_says_when_the_step_is_too_large(compiled: bool) -> None:
+    """Beyond h |mu| = 3.17 some momenta of the seed body have no step; beyond 2 pi J_max none has one in the chart."""
+    body, start = seed_body()
+    with pytest.raises(lm.errors.IntegrationFailure, match=r"too large.*try") as caught:
+        lm.integrate(body, EXP, start, h=5.0, steps=100, compiled=compiled)
+    run = caught.value.trajectory
+    assert isinstance(run, lm.Trajectory)
+    assert np.isfinite(run.mu).all()
+    assert len(run) == run.steps + 1
+    assert f"step {len(run)} of 100, t = {5.0 * run.steps:g}" in str(caught.value)
+
+
+def test_within_its_rule_the_step_of_exp_is_the_one_connected_to_zero() -> None:
+    """h |mu| <= pi J_min: the root grows with h from nothing, without a jump."""
+    body = quiet_body([2 / 3, 1.0, 2.0])
+    rng = np.random.default_rng(4)
+    top = math.pi * 2 / 3
+    for mu in rng.normal(size=(20, 3)):
+        mu = mu / np.linalg.norm(mu)
+        guess = lm.Vec.of(np.zeros(3))
+        for h in np.linspace(top / 40, top, 40):
+            guess = EXP.displacement(body, float(h), lm.Vec.of(mu), guess)
+        direct = EXP.displacement(body, top, lm.Vec.of(mu), top * body.velocity(lm.Vec.of(mu)))
+        assert np.abs(np.array(direct) - np.array(guess)).max() < 1e-14
+
+
+def test_the_map_of_momenta_needs_no_attitude() -> None:
+    body, start = asymmetric_body()
+    for method in (EXP, CAYLEY):
+        run = lm.integrate(body, method, start, h=0.3, steps=1)
+        assert np.array_equal(step_map(body, method, 0.3)(np.array([start.mu]))[0], run.mu[1])
+
+
+def test_face() -> None:
+    assert repr(CAYLEY) == "CovariantVariational(retraction=Cayley())"
+    assert eval(repr(CAYLEY), vars(lm)) == CAYLEY
+    assert CAYLEY.name == "Algorithm 1 (Cayley)"
+    assert lm.CovariantVariational() == EXP
+    assert EXP.symmetric
+    assert EXP.symplectic
+    assert EXP.order == 2
