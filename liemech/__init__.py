@@ -6,7 +6,7 @@
     start = body.state(mu=[0.5, 0.0, 0.75**0.5], g=np.eye(3))
     run = lm.integrate(body, lm.RKMK(order=4), start, h=0.1, steps=10_000)
 
-Spaces are objects and their elements arrays; a system is stepped by a method, `integrate` owns the loop, a `Trajectory` the samples.
+Spaces are objects, their elements arrays.  A method steps a system, `integrate` owns the loop, a `Trajectory` the samples.
 """
 
 from . import errors

@@ -37,7 +37,7 @@ class LieGroup(Record):
     Elements `g` are matrices of shape (n, n), velocities `xi` and momenta `mu` coordinate vectors of shape (dim,).
 
     1. A subclass writes `algebra`, `identity`, `compose`, `inverse`, `exp`, `Ad`.
-    2. It may replace by closed forms: `log`, `Ad_star`, `exp_Ad_star`, `dexp`, `dexp_inv` and their duals, the Cayley family, `casimirs`.
+    2. It may add closed forms: `log`, `Ad_star`, `exp_Ad_star`, `dexp`, `dexp_inv`, their duals, the Cayley family, `casimirs`.
     3. The rest follows.
 
     Differentials are right-trivialised, d/de tau(xi + e eta) = (dtau_xi eta) tau(xi); `side="left"` asks for the other,

@@ -16,15 +16,15 @@ from .method import Method
 class RKMK(Method):
     """A Runge-Kutta-Munthe-Kaas method: momenta stay on their coadjoint orbit and attitudes on the group, whatever the step.
 
-    With g = g_n tau(Omega), mu = Ad*_tau(Omega) mu_n the motion is  Omega' = dtau^-1_Omega xi(t, mu)  (left-trivialised); it is solved
-    by the tableau from Omega = 0:
+    With g = g_n tau(Omega), mu = Ad*_tau(Omega) mu_n the motion is  Omega' = dtau^-1_Omega xi(t, mu)  (left-trivialised), and the
+    tableau solves it from Omega = 0:
 
         Omega_i = h sum_j a_ij k_j,   k_i = dtau^-1_Omega_i xi(t + c_i h, Ad*_tau(Omega_i) mu_n),
         mu_n+1 = Ad*_tau(Omega) mu_n,   g_n+1 = g_n tau(Omega),   Omega = h sum_j b_j k_j.
 
     order : of the tableau chosen, 1 to 4; or give a `tableau`.
     truncation : cut the series of dexp^-1 after ad^truncation; "closed" for its closed form.  The default, order - 2, is enough.
-    Mu and g move by the same increment, so the spatial momentum and the Casimirs are kept to rounding.  The energy is not: it drifts.
+    Mu and g move by the same increment, so the spatial momentum and the Casimirs are kept to rounding.  The energy drifts.
 
     Source: Munthe-Kaas, Appl. Numer. Math. 29 (1999); Hairer, Lubich, Wanner, IV.8.2, algorithm 8.4.
     """

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, ClassVar
 
-from ..errors import InvalidInput, NoConvergence
+from ..errors import InvalidType, NoConvergence
 from ..native import Mat, Record, Vec, dot, mat, norm, record, sqrt, vec
 from ..retractions import Exponential, Retraction
 from ..solvers import LIMIT, TOLERANCE, correction
@@ -48,7 +48,8 @@ class CovariantVariational(Method):
 
     def __post_init__(self) -> None:
         if not isinstance(self.retraction, Retraction):
-            raise InvalidInput(f"CovariantVariational: retraction must be Exponential(), Cayley() or one of yours; got {self.retraction!r}")
+            got = f"got {self.retraction!r}"
+            raise InvalidType(f"CovariantVariational: retraction must be Exponential(), Cayley() or one of yours; {got}")
 
     @property
     def name(self) -> str:
@@ -86,8 +87,8 @@ class CovariantVariational(Method):
                 break
         if not size <= enough:
             raise NoConvergence(
-                f"{self!r}: Newton's method did not converge in {LIMIT} iterations: mismatch {sqrt(size):.1e}, wanted {sqrt(enough):.1e}, "
-                f"h|xi| = {norm(x):.2g}. The step h = {h:g} is too large for this motion; try {0.25 * h:g}"
+                f"{self!r}: Newton's method did not converge in {LIMIT} iterations: "
+                f"mismatch {sqrt(size):.1e}, wanted {sqrt(enough):.1e}, h|xi| = {norm(x):.2g}. The step h = {h:g} is too large for this motion; try {0.25 * h:g}"
             )
         return x
 

@@ -66,7 +66,6 @@ __all__ = [
     "outer",
     "real_array",
     "record",
-    "Record",
     "sin",
     "sinh",
     "solve",

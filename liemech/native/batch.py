@@ -14,6 +14,7 @@ from .records import element
 from .values import NUMBER, Layout, layout_of, leaves
 from .vectors import Vec
 
+
 def evaluate(formula: Callable[..., Any], owner: Any, arrays: dict[str, np.ndarray], rest: dict[str, Any]) -> Any:
     """`formula(owner, **arguments)` for every row of the arrays, in native code; None if there is none."""
     from . import kernel

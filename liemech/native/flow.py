@@ -17,7 +17,7 @@ from llvmlite import ir
 from ..errors import NotCompilable
 from .numbers import Emitter, Num, Values
 from .source import Source
-from .values import Layout, build, is_any_number, layout_of, leaves
+from .values import build, is_any_number, layout_of, leaves
 
 RARE = 1000000  # how much rarer than the other a rare branch is
 UNROLL = 32  # a static loop with more turns than this stays a loop
@@ -309,7 +309,12 @@ class Flow:
             env[LIVE] = lanes if env[LIVE] is NOBODY else self.emitter.logic("or_", lanes, env[LIVE])
 
     def loop(
-        self, test: Callable[[Env], Any], step: Callable[[Env], None], body: list[ast.stmt], env: Env, counters: tuple[str, ...] = ()
+        self,
+        test: Callable[[Env], Any],
+        step: Callable[[Env], None],
+        body: list[ast.stmt],
+        env: Env,
+        counters: tuple[str, ...] = (),
     ) -> bool:
         """A loop whose number of turns is known at run time only; `test` sees the variables at its head, `step` at its end."""
         carried = sorted({*_assigned(body), *counters} & env.keys())

@@ -18,7 +18,6 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
-from llvmlite import ir
 
 from ..errors import NotCompilable
 from . import functions, vectors
