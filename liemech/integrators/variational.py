@@ -47,8 +47,9 @@ class CovariantVariational(Method):
     retraction: Retraction = Exponential()
 
     def __post_init__(self) -> None:
-        if not isinstance(self.retraction, Retraction):
-            got = f"got {self.retraction!r}"
+        given: Any = self.retraction
+        if not isinstance(given, Retraction):
+            got = f"got {given!r}"
             raise InvalidType(f"CovariantVariational: retraction must be Exponential(), Cayley() or one of yours; {got}")
 
     @property
@@ -88,7 +89,8 @@ class CovariantVariational(Method):
         if not size <= enough:
             raise NoConvergence(
                 f"{self!r}: Newton's method did not converge in {LIMIT} iterations: "
-                f"mismatch {sqrt(size):.1e}, wanted {sqrt(enough):.1e}, h|xi| = {norm(x):.2g}. The step h = {h:g} is too large for this motion; try {0.25 * h:g}"
+                f"mismatch {sqrt(size):.1e}, wanted {sqrt(enough):.1e}, h|xi| = {norm(x):.2g}. "
+                f"The step h = {h:g} is too large for this motion; try {0.25 * h:g}"
             )
         return x
 
