@@ -8,7 +8,7 @@ body = lm.RigidBody([1.0, 1.5, 2.0])
 start = body.state(mu=[0.5, 0.0, 0.75**0.5], g=np.eye(3))
 
 for method in lm.RKMK(order=4), lm.CovariantVariational(lm.Cayley()):
-    run = lm.integrate(body, method, start, h=0.5, steps=100_000, every=100)
+    run = lm.integrate(body, method, start, h=0.5, steps=20_000, every=20)
     change = np.abs(run.energy / run.energy[0] - 1.0)
     first, second = change[:500].max(), change[500:].max()
     print(f"{method.name:<22} largest change of the energy in the first half {first:.1e}, in the second {second:.1e}")

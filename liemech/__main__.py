@@ -72,7 +72,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     rows.append(compare(body, "exact", exact, exact, seconds))
     if not options.quiet:
         compiled = any(run.compiled for _, run, _ in runs)
-        how = "native code" if compiled else "plain Python: so short a run is not worth compiling"
+        how = "native code" if compiled else "plain Python; long runs are compiled where llvmlite is installed"
         print(header(body, start, step, notes), table(rows), f"Steps ran in {how}.", sep="\n\n")
     captions = [f"momentum error {row[1]}\nenergy error {row[3]}" for row in rows]
     panels = [(name, run.mu, text, exact.mu[-1]) for (name, run, _), text in zip(runs, captions)]

@@ -96,6 +96,10 @@ class Trajectory:
         )
 
 
+FEW = 8
+"""Samples below which a straight line through them says nothing."""
+
+
 @dataclass(frozen=True)
 class Kept:
     """How well one quantity was kept: its size, the largest deviation, the trend, and how sure the trend is."""
@@ -106,16 +110,20 @@ class Kept:
     slope: float
     spread: float
     duration: float
+    samples: int
 
     @property
     def verdict(self) -> str:
-        """`exact` (rounding only), `bounded` (oscillates about its first value) or `drifting` (the trend dominates)."""
+        """`exact` (rounding only), `bounded` (oscillates), `drifting` (the trend dominates), or `changed` (who knows)."""
         if self.largest <= 1e-12:
             return "exact"
+        if self.samples < FEW:
+            return "changed"
         return "drifting" if abs(self.slope) * self.duration > 4.0 * self.spread else "bounded"
 
     def __str__(self) -> str:
-        trend = f", {self.slope:+.1e} per unit time" if self.verdict == "drifting" else ""
+        trends = {"drifting": f", {self.slope:+.1e} per unit time", "changed": ", too few samples for a trend"}
+        trend = trends.get(self.verdict, "")
         return f"{self.name:<18}{self.verdict:<10}largest change {self.largest:.1e} of {self.size:.6g}{trend}"
 
 
@@ -146,11 +154,11 @@ class Drift:
 
 
 def _kept(name: str, t: np.ndarray, values: np.ndarray) -> Kept:
-    """The change of a vector quantity along a run: its largest norm, and a straight line through it by least squares."""
-    change = values - values[0]
+    """The change of a vector quantity along a run: its largest norm, and by least squares a straight line through it."""
+    _, exponent = np.frexp(np.abs(values).max(axis=(0, -1)))  # a power of two as unit: then no square under- or overflows
+    values = np.ldexp(values, -exponent[..., None])
     size = np.linalg.norm(values[0], axis=-1)
-    scale = np.where(size > 0.0, size, 1.0)
-    relative = change / scale[..., None]
+    relative = (values - values[0]) / np.where(size > 0.0, size, 1.0)[..., None]
     largest = np.linalg.norm(relative, axis=-1)
     worst = np.unravel_index(np.argmax(largest), largest.shape)[1:]
     series = relative[(slice(None), *worst)]
@@ -158,4 +166,5 @@ def _kept(name: str, t: np.ndarray, values: np.ndarray) -> Kept:
     time = t - t.mean()
     slope = float(time @ component / (time @ time))
     spread = float(np.std(component - slope * time))
-    return Kept(name, float(np.max(size)), float(largest.max()), slope, spread, float(abs(t[-1] - t[0])))
+    size = np.ldexp(size, exponent)
+    return Kept(name, float(np.max(size)), float(largest.max()), slope, spread, float(abs(t[-1] - t[0])), len(t))

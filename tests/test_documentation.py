@@ -11,6 +11,7 @@ import subprocess
 import sys
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -20,6 +21,9 @@ EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 
 LANGUAGES = {"python", "python no-run", "sh", "bash", "text", "math", "json", "bibtex"}
 """Every fence says what it holds, so that no program hides from this test behind a misspelt tag."""
+
+COMPILED = {"native", "ensemble"}
+"""Pages and examples about native code, or too long without it."""
 
 TIME_LIMIT = 120  # seconds for one page or one example
 
@@ -50,6 +54,11 @@ def blocks(page: Path) -> list[Block]:
     return found
 
 
+def programs(files: list[Path]) -> list[Any]:
+    """The files as parameters of a test, those that need the compiler marked."""
+    return [pytest.param(f, marks=pytest.mark.compiled) if f.stem in COMPILED else f for f in files]
+
+
 def page_name(page: Path) -> str:
     return str(page.relative_to(ROOT))
 
@@ -72,7 +81,7 @@ def test_fences_say_what_they_hold(page: Path) -> None:
             assert "not run" in block.before, f"{place}: say in the paragraph before it why it is not run"
 
 
-@pytest.mark.parametrize("page", PAGES, ids=page_name)
+@pytest.mark.parametrize("page", programs(PAGES), ids=page_name)
 def test_page_runs(page: Path, tmp_path: Path) -> None:
     # The program has its lines where the page has them, so a traceback points into the page; and a file, which the
     # compiler of formulas reads.
@@ -87,7 +96,7 @@ def test_page_runs(page: Path, tmp_path: Path) -> None:
     run(file, tmp_path)
 
 
-@pytest.mark.parametrize("example", EXAMPLES, ids=lambda example: example.stem)
+@pytest.mark.parametrize("example", programs(EXAMPLES), ids=lambda example: example.stem)
 def test_example_runs_and_shows_something(example: Path, tmp_path: Path) -> None:
     printed = run(example, tmp_path)
     assert printed.strip() or any(tmp_path.iterdir()), f"{example.name} ends with neither a number nor a picture"

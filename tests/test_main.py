@@ -68,17 +68,18 @@ def test_it_says_what_it_simulates_and_where_the_picture_is(job: tuple[str, Path
 
 def test_options_reach_the_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     picture = tmp_path / "deep" / "exp.svg"
-    options = ["--steps", "1e1", "--h", "-1/4", "--inertia", "1", "3/2", "2", "--mu", "-1/2", "-1e-3", "0", "--methods", "exp"]
-    assert main([*options, "--out", str(picture)]) == 0
+    options = ["--steps", "1e1", "--h", "-1/4", "--inertia", "1", "3/2", "2", "--mu", "-1/2", "-1e-3", "0"]
+    assert main([*options, "--methods", "exp", "--out", str(picture)]) == 0
     printed = capsys.readouterr().out
     assert list(rows(printed)) == ["Algorithm 1, exp", "exact"]
-    assert "(1, 1.5, 2)" in printed and "(-0.5, -0.001, 0)" in printed and "10 steps of h = -0.25 s to t = -2.5 s" in printed
+    for said in ("(1, 1.5, 2)", "(-0.5, -0.001, 0)", "10 steps of h = -0.25 s to t = -2.5 s"):
+        assert said in printed
     assert "</svg>" in picture.read_text()
 
 
-@pytest.mark.parametrize("start", (["--mu", "0", "1", "0"], ["--inertia", "1", "1", "1"], ["--mu", "1e-150", "0", "1e-150"]))
-def test_every_kind_of_motion_can_be_drawn(start: list[str], tmp_path: Path) -> None:
-    assert main(["--steps", "5", "--quiet", "--out", str(tmp_path), *start]) == 0
+@pytest.mark.parametrize("start", ["--mu 0 1 0", "--inertia 1 1 1", "--inertia 1 1 2", "--mu 1e-150 0 1e-150"])
+def test_every_kind_of_motion_can_be_drawn(start: str, tmp_path: Path) -> None:
+    assert main(["--steps", "5", "--quiet", "--out", str(tmp_path), *start.split()]) == 0
     assert (tmp_path / "rigid_body.png").exists()
 
 

@@ -199,6 +199,7 @@ class LieGroup(Record):
         if argument == "side" and value not in ("right", "left"):
             return f'is "right" or "left"; got {value!r}'
         if argument in ("g", "h"):
-            objection = self.objection(value)
+            with np.errstate(over="ignore"):
+                objection = self.objection(value)
             return objection and f"is not in {self!r}: {objection}"
         return None

@@ -34,10 +34,11 @@ from fractions import Fraction
 import numpy as np
 from numpy.typing import ArrayLike
 
+from .carlson import elliprf, elliprj
+
 __all__ = ["exact_rigid_body", "momentum_period"]
 
 # Below this k' the body counts as on the separatrix, which it would only leave after the time K/lam = 174/lam.
-# (Where the product of its first two arguments underflows, SciPy's elliprj is wrong by a thousandth.)
 _SEPARATRIX = 2.0**-250
 
 # A phase beyond 2^53 radians has lost its last digit. This bound on the time keeps it a number.
@@ -251,8 +252,6 @@ _Functions = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray | None]
 
 def _elliptic(polhode: _Polhode, t: np.ndarray, attitude: bool) -> _Functions:
     """On either side of the separatrix. Two quarter periods change the signs of sn and cn and add 2 T(K) to T."""
-    from scipy.special import elliprf  # here, since importing SciPy takes longer than the rest of the library
-
     s0, c0, k1 = polhode.s0, polhode.c0, polhode.k1
     means = _means(k1)
     K = _quarter_period(means)
@@ -318,8 +317,6 @@ def _sn_cn_dn(u: np.ndarray, means: list[tuple[float, float]]) -> tuple[np.ndarr
 
 def _third_kind(sn: np.ndarray, cn: np.ndarray, k1: float, nu: float) -> np.ndarray:
     """T = integral of sn^2/(1 + nu sn^2) from 0 to u, |u| <= K. Source: DLMF 19.25.14 (T = (F - Pi)/nu there)."""
-    from scipy.special import elliprj
-
     s2, c2 = sn * sn, cn * cn
     return sn * s2 * elliprj(c2, c2 + k1 * k1 * s2, 1.0, 1.0 + nu * s2) / 3.0
 

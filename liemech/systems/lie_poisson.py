@@ -90,7 +90,8 @@ class LiePoissonSystem(Record):
         if not len(elements):
             raise InvalidInput(f"{name}: g has shape {elements.shape}; an ensemble needs at least one body")
         _finite(elements, f"{name}: g")
-        objection = self.group.objection(elements)
+        with np.errstate(over="ignore"):  # an overflow is one more objection
+            objection = self.group.objection(elements)
         if objection:
             raise InvalidInput(f"{name}: g is not in {self.group!r}: {objection}")
         if momenta.ndim == 1 and elements.ndim == 2:

@@ -1,0 +1,412 @@
+"""The loop: whatever way it is run, the bits are the same; whatever goes wrong, what was reached is kept."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+import warnings
+
+import numpy as np
+import pytest
+from scenes import CAYLEY, EXP, METHODS, RKMK4, asymmetric_body, named, quiet_body, same_bits, seed_body
+
+import liemech as lm
+
+COMPILED = [False, pytest.param(True, marks=pytest.mark.compiled)]
+ALL = pytest.mark.parametrize("method", METHODS, ids=named)
+BOTH_WORLDS = pytest.mark.parametrize("compiled", COMPILED, ids=["plain", "compiled"])
+
+
+def same_run(a: lm.Trajectory, b: lm.Trajectory) -> bool:
+    attitude = a.g is b.g is None or same_bits(a.g, b.g)  # type: ignore[arg-type]
+    return same_bits(a.t, b.t) and same_bits(a.mu, b.mu) and attitude
+
+
+def many(body: lm.RigidBody, attitude: bool = True) -> lm.BodyState:
+    """Fifteen bodies, no multiple of any number of lanes: slow ones, and some that turn so fast that they leave the polynomials."""
+    rng = np.random.default_rng(8)
+    mu = rng.normal(size=(15, 3))
+    mu *= np.geomspace(1e-6, 12.0, 15)[:, None] / np.linalg.norm(mu, axis=1, keepdims=True)
+    mu[5] = 0.0
+    mu[6] = [0.0, 0.0, 1.0]
+    return body.state(mu, body.group.exp(rng.normal(size=(15, 3))) if attitude else None)
+
+
+def alone(body: lm.RigidBody, starts: lm.BodyState, i: int) -> lm.BodyState:
+    return body.state(starts.mu[i], None if starts.g is None else starts.g[i])
+
+
+# ---------------------------------------------------------------- the same bits
+
+
+@pytest.mark.compiled
+@ALL
+def test_plain_and_compiled(method: lm.Method) -> None:
+    body, start = asymmetric_body()
+    runs = [lm.integrate(body, method, start, h=0.3, steps=50, compiled=c) for c in (False, True)]
+    assert same_run(*runs)
+    assert [run.compiled for run in runs] == [False, True]
+
+
+@pytest.mark.parametrize("attitude", [True, False], ids=["mu, g", "mu"])
+@ALL
+@BOTH_WORLDS
+def test_a_member_of_an_ensemble_is_the_body_alone(method: lm.Method, attitude: bool, compiled: bool) -> None:
+    """Bit for bit, and although Newton's method takes longer for some, and some need the C library's sine."""
+    body, _ = asymmetric_body()
+    starts = many(body, attitude)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # for exp some of these steps are too large
+        together = lm.integrate(body, method, starts, h=0.4, steps=12, compiled=compiled)
+    assert not together.stopped or method is EXP
+    for i in range(15):
+        if i in together.stopped:
+            continue
+        one = lm.integrate(body, method, alone(body, starts, i), h=0.4, steps=12, compiled=False)
+        assert same_bits(together.mu[:, i], one.mu)
+        if attitude:
+            assert same_bits(together.g[:, i], one.g)
+
+
+@ALL
+@BOTH_WORLDS
+def test_pieces_change_nothing(method: lm.Method, compiled: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Chunks, samples, progress bars: the motion does not know of them."""
+    body, start = asymmetric_body()
+    starts = many(body)
+    run = lm.integrate(body, CAYLEY if method is EXP else method, starts, h=0.1, steps=60, compiled=compiled)
+    whole = lm.integrate(body, method, start, h=0.1, steps=60, compiled=compiled)
+    monkeypatch.setattr(sys.modules["liemech.integrate"], "PATIENCE", 0.0)  # now every piece counts as too long: 256 // bodies steps, 1 step
+    in_steps = lm.integrate(body, method, start, h=0.1, steps=60, compiled=compiled)
+    assert same_run(whole, in_steps)
+    assert same_run(run, lm.integrate(body, run.method, starts, h=0.1, steps=60, compiled=compiled))
+    for every in (1, 2, 7, 60, 61):
+        sparse = lm.integrate(body, method, start, h=0.1, steps=60, every=every, compiled=compiled)
+        rows = [*range(0, 60, every), 60]
+        assert same_bits(sparse.mu, whole.mu[rows])
+        assert same_bits(sparse.g, whole.g[rows])
+        assert same_bits(sparse.t, whole.t[rows])
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("workers", [1, 2, 3, 8, 100])
+def test_threads_change_nothing(workers: int) -> None:
+    body, _ = asymmetric_body()
+    rng = np.random.default_rng(3)
+    starts = body.state(rng.normal(size=(101, 3)), np.eye(3))
+    one = lm.integrate(body, CAYLEY, starts, h=0.2, steps=30, compiled=True)
+    assert same_run(one, lm.integrate(body, CAYLEY, starts, h=0.2, steps=30, compiled=True, workers=workers))
+
+
+def test_the_progress_bar_changes_nothing(capsys: pytest.CaptureFixture[str]) -> None:
+    body, start = asymmetric_body()
+    runs = [lm.integrate(body, RKMK4, start, h=0.1, steps=1000, progress=p, compiled=False) for p in (True, False)]
+    assert same_run(*runs)
+    assert "step" in capsys.readouterr().err
+
+
+@ALL
+@BOTH_WORLDS
+def test_momentum_alone_has_the_same_bits(method: lm.Method, compiled: bool) -> None:
+    body, start = asymmetric_body()
+    full = lm.integrate(body, method, start, h=0.3, steps=40, compiled=compiled)
+    for options in ({"record": ("mu",)}, {"record": "mu"}, {"record": ["mu"]}):
+        assert same_bits(lm.integrate(body, method, start, h=0.3, steps=40, compiled=compiled, **options).mu, full.mu)
+    bare = lm.integrate(body, method, body.state(start.mu), h=0.3, steps=40, compiled=compiled)
+    assert same_bits(bare.mu, full.mu)
+    assert bare.g is None
+
+
+@ALL
+@pytest.mark.parametrize("exponent", [-250, -100, 1, 250])
+def test_units_of_mass_and_time_change_no_bit(method: lm.Method, exponent: int) -> None:
+    """Powers of two as units: 2^k kg; 2^k s (momenta and energies change with it, the angles do not)."""
+    unit = 2.0**exponent
+    body, start = asymmetric_body()
+    mu, J, g = np.array(start.mu), np.array(body.inertia), start.g
+    run = lm.integrate(body, method, start, h=0.3, steps=40)
+    heavy = lm.RigidBody(unit * J)
+    other = lm.integrate(heavy, method, heavy.state(unit * mu, g), h=0.3, steps=40)
+    assert same_bits(other.mu, unit * run.mu)
+    assert same_bits(other.g, run.g)
+    slow = lm.integrate(body, method, body.state(mu / unit, g), h=0.3 * unit, steps=40)
+    assert same_bits(slow.mu, run.mu / unit)
+    assert same_bits(slow.g, run.g)
+    assert same_bits(slow.t, unit * run.t)
+    assert same_bits(other.energy, unit * run.energy)
+
+
+@ALL
+def test_layout_and_type_of_the_input_change_nothing(method: lm.Method) -> None:
+    body, start = asymmetric_body()
+    mu, g = np.tile(start.mu, (4, 1)), np.tile(np.array(start.g), (4, 1, 1))
+    wanted = lm.integrate(body, method, body.state(mu, g), h=0.1, steps=5)
+    backwards = np.ascontiguousarray(g[..., ::-1])[..., ::-1]
+    for other in (body.state(np.asfortranarray(mu), backwards), body.state(mu.astype(">f8"), g.astype(">f8"))):
+        assert same_run(lm.integrate(body, method, other, h=0.1, steps=5), wanted)
+    integers = lm.integrate(body, method, body.state([1, 2, 3]), h=0.1, steps=5)
+    assert same_run(integers, lm.integrate(body, method, body.state([1.0, 2.0, 3.0]), h=0.1, steps=5))
+
+
+# ---------------------------------------------------------------- times and samples
+
+
+def test_times_are_multiples_of_the_step() -> None:
+    """t0 + n h, not a running sum."""
+    body, start = asymmetric_body()
+    run = lm.integrate(body, RKMK4, start, h=0.1, steps=1000, every=10, t0=-3.0)
+    assert np.array_equal(run.t, -3.0 + np.arange(0, 1001, 10) * 0.1)
+    assert lm.integrate(body, RKMK4, start, h=0.1, steps=1000).t[-1] == 100.0
+
+
+@BOTH_WORLDS
+def test_a_method_sees_these_times(compiled: bool) -> None:
+    body, start = asymmetric_body()
+    run = lm.integrate(body, Clock(), start, h=0.1, steps=700, every=7, t0=5.0, compiled=compiled)
+    seen = run.mu[1:, 0]
+    assert np.array_equal(seen, 5.0 + (np.arange(7, 701, 7) - 1) * 0.1)
+
+
+@lm.record
+class Clock(lm.Method):
+    """Writes the time of the step in place of the momentum."""
+
+    def step(self, system: lm.LiePoissonSystem, t: float, state: lm.BodyState, h: float) -> lm.BodyState:
+        return lm.BodyState(lm.vec(t, h, 0.0), state.g)
+
+
+@pytest.mark.parametrize(
+    ("steps", "every", "numbers"),
+    [(0, 1, [0]), (0, 5, [0]), (1, 5, [0, 1]), (10, 3, [0, 3, 6, 9, 10]), (10, 5, [0, 5, 10]), (10, 11, [0, 10])],
+)
+def test_samples_are_the_start_every_so_many_and_the_end(steps: int, every: int, numbers: list[int]) -> None:
+    body, start = asymmetric_body()
+    run = lm.integrate(body, RKMK4, start, h=0.25, steps=steps, every=every)
+    assert np.array_equal(run.t, 0.25 * np.array(numbers))
+    assert np.array_equal(run.mu[0], start.mu)
+    assert run.steps == steps
+    if steps:
+        assert np.array_equal(run.last.mu, lm.integrate(body, RKMK4, start, h=0.25, steps=steps).mu[-1])
+
+
+@ALL
+def test_backwards(method: lm.Method) -> None:
+    body, start = asymmetric_body()
+    run = lm.integrate(body, method, start, h=-0.01, steps=100)
+    exact = body.exact(start, run.t)
+    assert (np.diff(run.t) < 0).all()
+    assert np.abs(run.mu - exact.mu).max() < 1e-4
+    assert np.abs(run.g - exact.g).max() < 1e-4
+
+
+@ALL
+@BOTH_WORLDS
+def test_a_body_at_rest_stays_at_rest(method: lm.Method, compiled: bool) -> None:
+    body, start = asymmetric_body()
+    for size in (0.0, 5e-324):
+        run = lm.integrate(body, method, body.state([size, 0, 0], start.g), h=0.5, steps=20, compiled=compiled)
+        assert np.array_equal(run.mu, np.tile([size, 0, 0], (21, 1)))
+        assert np.array_equal(run.g, np.tile(np.array(start.g), (21, 1, 1)))
+
+
+def test_the_amount_of_work_decides() -> None:
+    body, start = asymmetric_body()
+    assert not lm.integrate(body, RKMK4, start, h=0.1, steps=10).compiled
+
+
+@pytest.mark.compiled
+def test_long_runs_and_large_ensembles_are_compiled() -> None:
+    body, start = asymmetric_body()
+    assert lm.integrate(body, RKMK4, start, h=0.1, steps=4000, every=4000).compiled
+    starts = body.state(np.tile(start.mu, (400, 1)))
+    assert lm.integrate(body, RKMK4, starts, h=0.1, steps=10).compiled
+
+
+# ---------------------------------------------------------------- failures
+
+
+@lm.record
+class Bounded(lm.Method):
+    """Fails where its own counter reaches `limit`: by an error of its own, or by a number that is none."""
+
+    limit: float
+    how: str
+
+    def step(self, system: lm.LiePoissonSystem, t: float, state: lm.BodyState, h: float) -> lm.BodyState:
+        if state.mu[0] >= self.limit:
+            if self.how == "raises":
+                raise lm.errors.OutsideChart(f"the counter is at {state.mu[0]:g}")
+            if self.how == "value":
+                raise ValueError("a formula of mine")
+            return lm.BodyState(state.mu / 0.0 if self.how == "divides" else state.mu * 1e300 * 1e300, state.g)
+        return lm.BodyState(state.mu + lm.vec(1.0, 0.0, 0.0), state.g)
+
+
+FAILURES = {
+    "raises": (lm.errors.OutsideChart, "the counter is at 7"),
+    "value": (lm.errors.IntegrationFailure, "ValueError: a formula of mine"),
+    "divides": (lm.errors.NotFinite, "division by zero"),
+    "overflows": (lm.errors.NotFinite, "overflowed"),
+}
+
+
+@pytest.mark.parametrize("every", [1, 3, 100])
+@pytest.mark.parametrize("how", FAILURES)
+@BOTH_WORLDS
+def test_a_failing_step_leaves_what_was_reached(how: str, every: int, compiled: bool) -> None:
+    body, start = asymmetric_body()
+    kind, message = FAILURES[how]
+    with pytest.raises(lm.errors.IntegrationFailure, match=message) as caught:
+        lm.integrate(body, Bounded(7.0, how), body.state([0, 0, 0], start.g), h=0.5, steps=50, every=every, t0=1.0, compiled=compiled)
+    error = caught.value
+    assert type(error) is kind
+    assert isinstance(error, ArithmeticError)
+    assert "[step 8 of 50, t = 4.5;" in str(error)
+    run = error.trajectory
+    assert run.steps == 7
+    assert np.array_equal(run.mu[:, 0], np.arange(0, 8, every))
+    assert np.array_equal(run.t, 1.0 + 0.5 * np.arange(0, 8, every))
+    assert len(run.g) == len(run.t)
+    if how in ("raises", "value", "divides"):
+        assert error.__cause__ is not None
+
+
+@pytest.mark.compiled
+def test_failures_are_the_same_plain_and_compiled() -> None:
+    body, start = seed_body()
+    found = []
+    for compiled in (False, True):
+        with pytest.raises(lm.errors.IntegrationFailure) as caught:
+            lm.integrate(body, EXP, start, h=5.0, steps=100, compiled=compiled)
+        found.append((type(caught.value), str(caught.value), caught.value.trajectory))
+    assert found[0][:2] == found[1][:2]
+    assert same_run(found[0][2], found[1][2])
+
+
+@BOTH_WORLDS
+@pytest.mark.parametrize("how", FAILURES)
+@pytest.mark.parametrize("every", [1, 4])
+def test_a_bad_member_harms_no_other(how: str, every: int, compiled: bool) -> None:
+    """It stays where it was, says so once, and whatever lane it shares, the others keep their bits."""
+    body, _ = asymmetric_body()
+    method = Bounded(50.0, how)
+    first = np.zeros((15, 3))
+    first[:, 0] = np.linspace(0.0, 14.0, 15)
+    good = lm.integrate(body, method, body.state(first), h=0.5, steps=30, every=every, compiled=compiled)
+    first[4, 0], first[9, 0] = 38.0, 50.0
+    with pytest.warns(RuntimeWarning, match="2 of 15 bodies stopped early: body 4 after 12 steps, body 9 after 0") as seen:
+        run = lm.integrate(body, method, body.state(first), h=0.5, steps=30, every=every, compiled=compiled)
+    assert len(seen) == 1
+    assert seen[0].filename == __file__
+    assert FAILURES[how][1].replace("at 7", "at 50") in str(seen[0].message)
+    assert run.stopped == {4: 12, 9: 0}
+    others = [i for i in range(15) if i not in run.stopped]
+    assert same_bits(run.mu[:, others], good.mu[:, others])
+    numbers = np.array([*range(0, 30, every), 30])
+    assert np.array_equal(run.mu[:, 4, 0], 38.0 + np.minimum(numbers, 12))
+    assert np.array_equal(run.mu[:, 9, 0], np.full(len(numbers), 50.0))
+
+
+@BOTH_WORLDS
+def test_an_ensemble_of_which_all_fail_holds_numbers(compiled: bool) -> None:
+    body, _ = asymmetric_body()
+    with pytest.warns(RuntimeWarning, match="15 of 15 bodies"):
+        run = lm.integrate(body, Bounded(3.0, "overflows"), body.state(np.zeros((15, 3))), h=1.0, steps=600, compiled=compiled)
+    assert np.array_equal(run.mu[:, :, 0], np.minimum(np.arange(601), 3)[:, None] * np.ones(15))
+
+
+@lm.record
+class Window(lm.Method):
+    """Fails between the times 3 and 4, and would go on afterwards if asked."""
+
+    def step(self, system: lm.LiePoissonSystem, t: float, state: lm.BodyState, h: float) -> lm.BodyState:
+        scale = 1e300 if 3.0 <= t < 4.0 and state.mu[1] > 0.0 else 1.0
+        return lm.BodyState(state.mu * scale * scale + lm.vec(1.0, 0.0, 0.0), state.g)
+
+
+@BOTH_WORLDS
+def test_a_body_that_stopped_does_not_start_again(compiled: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Not even where the next piece of the run begins at a time at which its step would succeed."""
+    body, _ = asymmetric_body()
+    monkeypatch.setattr(sys.modules["liemech.integrate"], "PATIENCE", 0.0)
+    starts = body.state([[0.0, 0.0, 0.0], [0.0, 1e10, 0.0]])
+    with pytest.warns(RuntimeWarning, match="body 1 after 3 steps"):
+        run = lm.integrate(body, Window(), starts, h=1.0, steps=200, compiled=compiled)
+    assert run.stopped == {1: 3}
+    assert np.array_equal(run.mu[:, 0, 0], np.arange(201.0))
+    assert np.array_equal(run.mu[:, 1, 0], np.minimum(np.arange(201.0), 3.0))
+
+
+@ALL
+@BOTH_WORLDS
+def test_no_result_holds_what_is_no_number(method: lm.Method, compiled: bool) -> None:
+    """Sizes from the least to the largest double: a motion, or an error."""
+    for size in (1e-320, 1e-200, 1e-150, 1e-20, 1e20, 1e150, 1e200, 1.7e308):
+        for h in (1e-3, 1.0):
+            body = lm.RigidBody([1.0, 1.6, 2.3])
+            start = body.state([size, -size, size], np.eye(3))
+            try:
+                run = lm.integrate(body, method, start, h=h, steps=5, compiled=compiled)
+            except lm.errors.IntegrationFailure as failure:
+                run = failure.trajectory
+            assert np.isfinite(run.mu).all()
+            assert np.isfinite(run.g).all()
+
+
+# ---------------------------------------------------------------- Ctrl-C
+
+
+@BOTH_WORLDS
+def test_an_interrupted_run_ends_soon_and_keeps_its_samples(compiled: bool) -> None:
+    body, start = asymmetric_body()
+    lm.integrate(body, CAYLEY, start, h=0.1, steps=2, compiled=compiled)  # nothing left to compile
+    pressed: list[float] = []
+
+    def press() -> None:
+        time.sleep(0.6)
+        pressed.append(time.perf_counter())
+        signal.raise_signal(signal.SIGINT) if os.name == "nt" else os.kill(os.getpid(), signal.SIGINT)
+
+    thread = threading.Thread(target=press)
+    thread.start()
+    with pytest.raises(lm.errors.IntegrationInterrupted, match=r"interrupted after \d+ of") as caught:
+        steps, every = (10**12, 10**5) if compiled else (10**6, 10)
+        lm.integrate(body, CAYLEY, start, h=0.1, steps=steps, every=every, compiled=compiled, progress=False)
+    waited = time.perf_counter() - pressed[0]
+    thread.join()
+    assert waited < 1.0
+    assert isinstance(caught.value, KeyboardInterrupt)
+    assert not isinstance(caught.value, Exception)  # `except Exception` must not swallow it
+    run = caught.value.trajectory
+    assert len(run) > 1
+    assert run.steps < 10**12
+    again = lm.integrate(body, CAYLEY, start, h=0.1, steps=round(run.t[1] / 0.1), every=10**5, compiled=compiled)
+    assert same_bits(run.mu[1], again.mu[-1])
+    assert np.isfinite(run.mu).all()
+    assert run.stopped == {}
+
+
+def test_an_interrupted_program_ends_as_one() -> None:
+    program = (
+        "import liemech as lm, os, signal, threading\n"
+        "body = lm.RigidBody([1, 1.5, 2])\n"
+        "threading.Timer(1.0, lambda: os.kill(os.getpid(), signal.SIGINT)).start()\n"
+        "lm.integrate(body, lm.RKMK(), body.state([1, 2, 3]), h=0.1, steps=10**11, every=10**11, progress=False)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60)
+    assert done.returncode != 0
+    assert "IntegrationInterrupted" in done.stderr
+
+
+def test_a_needle() -> None:
+    """A needle of ratio 1e12 is stiff: the implicit method runs on, the explicit one says that its step is too large."""
+    body = quiet_body([1e-12, 1.0, 1.0])
+    start = body.state([0.0, 0.3, 0.4], np.eye(3))
+    run = lm.integrate(body, CAYLEY, start, h=0.1, steps=50)
+    assert np.abs(run.mu - run.mu[0]).max() < 1e-12
+    with pytest.raises(lm.errors.NotFinite, match="smaller h"):
+        lm.integrate(body, RKMK4, start, h=0.1, steps=50)
