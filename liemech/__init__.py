@@ -9,6 +9,8 @@
 Spaces are objects, their elements arrays.  A method steps a system, `integrate` owns the loop, a `Trajectory` the samples.
 """
 
+from typing import Any
+
 from . import errors
 from .groups.coadjoint import CoadjointAction, coadjoint
 from .groups.lie_algebra import LieAlgebra
@@ -27,6 +29,17 @@ from .systems.lagrangian import Lagrangian
 from .systems.lie_poisson import BodyState, LiePoissonSystem
 from .tableaus.butcher import ButcherTableau
 from .trajectory import Trajectory
+
+
+
+def __getattr__(name: str) -> Any:
+    """`liemech.plots`, imported when first asked for."""
+    if name != "plots":
+        raise AttributeError(f"module 'liemech' has no attribute {name!r}")
+    from importlib import import_module
+
+    return import_module(".plots", __name__)
+
 
 __version__ = "0.1.0"
 

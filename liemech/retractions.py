@@ -42,6 +42,10 @@ class Retraction(Record):
         """The dual of the inverse, <dtau_inv_dual_xi mu, eta> = <mu, dtau_inv_xi eta>.  xi, mu : (dim,)."""
         raise NotImplementedError(f"{type(self).__name__} must define `dtau_inv_dual`")
 
+    def is_chart(self, group: LieGroup, xi: Vec) -> bool:
+        """Is xi in the neighbourhood of zero on which dtau can be inverted?  xi : (dim,)."""
+        return True
+
     def mismatch(self, group: LieGroup, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
         """How far p = dl/dxi is from fitting the momentum mu at the start of a step tau(xi): r = p - (dtau_xi)* mu, or a multiple.
 
@@ -81,6 +85,10 @@ class Exponential(Retraction):
     def dtau_inv_dual(self, group: LieGroup, xi: Vec, mu: Vec, side: str = "right") -> Vec:
         """(dexp_xi^-1)* mu."""
         return group.dexp_inv_dual(xi, mu, side)
+
+    def is_chart(self, group: LieGroup, xi: Vec) -> bool:
+        """Before the first turn is complete."""
+        return group.is_exp_chart(xi)
 
     def mismatch(self, group: LieGroup, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
         """p - (dexp_xi)* mu."""

@@ -231,6 +231,44 @@ def test_exp_says_when_the_step_is_too_large(compiled: bool) -> None:
     assert f"step {len(run)} of 100, t = {5.0 * run.steps:g}" in str(caught.value)
 
 
+@pytest.mark.parametrize("h", [4.0, -6.0])
+def test_steps_of_exp_beyond_a_fold_are_refused(h: float) -> None:
+    """What is accepted has det DF > 0, F(xi) = (dexp^-1_{h xi})* J xi; two of five roots found at h |mu| = 6 have not."""
+    body, _ = seed_body()
+    J, rng, refused = np.array(body.inertia), np.random.default_rng(0), 0
+
+    def legendre(x: np.ndarray) -> np.ndarray:
+        return body.group.dexp_inv_dual(x, J * x / h)
+
+    for mu in rng.normal(size=(40, 3)):
+        m = lm.Vec.of(mu / np.linalg.norm(mu))
+        try:
+            x = np.array(EXP.displacement(body, h, m, h * body.velocity(m)))
+        except (lm.errors.NoConvergence, lm.errors.OutsideChart):
+            refused += 1
+            continue
+        if np.linalg.norm(x) > 2 * math.pi - 1e-3:
+            continue
+        derivative = np.stack([(legendre(x + e) - legendre(x - e)) / 2e-6 for e in 1e-6 * np.eye(3)], axis=1)
+        assert np.linalg.det(h * derivative) > 0.0
+    assert refused > 5
+
+
+@pytest.mark.xfail(strict=True, reason="SO3 does not say yet that exp is a chart for |xi| < 2 pi only")
+@pytest.mark.parametrize("h", [6.0, 12.0, 100.0])
+def test_steps_of_exp_beyond_a_whole_turn_are_refused(h: float) -> None:
+    """Newton's method finds roots with h |xi| > 2 pi: meaningless sheets, on which a run would go on for ever."""
+    body, _ = seed_body()
+    rng = np.random.default_rng(0)
+    for mu in rng.normal(size=(40, 3)):
+        m = lm.Vec.of(mu / np.linalg.norm(mu))
+        try:
+            x = EXP.displacement(body, h, m, h * body.velocity(m))
+        except (lm.errors.NoConvergence, lm.errors.OutsideChart):
+            continue
+        assert np.linalg.norm(x) < 2 * math.pi
+
+
 def test_within_its_rule_the_step_of_exp_is_the_one_connected_to_zero() -> None:
     """h |mu| <= pi J_min: the root grows with h from nothing, without a jump."""
     body = quiet_body([2 / 3, 1.0, 2.0])

@@ -122,6 +122,10 @@ class LieGroup(Record):
                 total = total + BERNOULLI[k] * power
         return total
 
+    def is_exp_chart(self, xi: Vec) -> bool:
+        """Is xi closer to zero than the first singularity of dexp?  Unknown to a general group, which lets all pass.  xi : (dim,)."""
+        return True
+
     def exp_mismatch(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
         """How far the momentum p is from being carried by exp(xi) to mu: r = p - (dexp_xi)* mu, or a multiple of it.
 

@@ -44,7 +44,7 @@ class Method(Record):
     def require(self, system: Any) -> None:
         """Raise IncompatibleSystem, saying what to use instead, unless the method accepts the system."""
         for need in self.needs:
-            if not hasattr(system, need):
+            if getattr(system, need, None) is None:
                 raise IncompatibleSystem(
                     f"{self!r} needs a system with a {need}; {system!r} has none. RKMK accepts every Lie-Poisson system."
                 )

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any, ClassVar
 
-from ..errors import InvalidType, NoConvergence
+from ..errors import InvalidType, NoConvergence, OutsideChart
 from ..native import Mat, Record, Vec, dot, mat, norm, record, sqrt, vec
 from ..retractions import Exponential, Retraction
-from ..solvers import LIMIT, TOLERANCE, correction
+from ..solvers import LIMIT, TOLERANCE, correction, orientation
 from ..systems.lie_poisson import BodyState
 from .method import Method
 
@@ -79,10 +79,12 @@ class CovariantVariational(Method):
         x, rate = guess, 1.0 / h
         goal = TOLERANCE * TOLERANCE * dot(mu, mu)
         size = enough = goal
+        folded = False
         for _ in range(LIMIT):
             xi = rate * x
             r, by_p, by_x = self.retraction.mismatch(system.group, x, system.lagrangian.momentum(xi), mu)
-            x = x - correction(_plus(by_x, by_p * (rate * system.lagrangian.hessian(xi))), r)
+            jacobian = _plus(by_x, by_p * (rate * system.lagrangian.hessian(xi)))
+            x, folded = x - correction(jacobian, r), rate * orientation(jacobian) <= 0.0
             size, enough = dot(r, r), (by_p * by_p) * goal
             if size <= enough:
                 break
@@ -91,6 +93,11 @@ class CovariantVariational(Method):
                 f"{self!r}: Newton's method did not converge in {LIMIT} iterations: "
                 f"mismatch {sqrt(size):.1e}, wanted {sqrt(enough):.1e}, h|xi| = {norm(x):.2g}. "
                 f"The step h = {h:g} is too large for this motion; try {0.25 * h:g}"
+            )
+        if folded or not self.retraction.is_chart(system.group, x):
+            raise OutsideChart(
+                f"{self!r}: the step left the chart, h|xi| = {norm(x):.2g}: what solves its equation there is no "
+                f"continuation of the motion. The step h = {h:g} is too large; try {0.25 * h:g}"
             )
         return x
 

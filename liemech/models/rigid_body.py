@@ -33,16 +33,14 @@ class RigidBody(LiePoissonSystem):
 
     group: SO3 = field(init=False, repr=False, default=SO3())
     hamiltonian: KineticEnergy = field(init=False, repr=False)
+    lagrangian: KineticEnergy = field(init=False, repr=False)
     inertia: Vec | Mat
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "inertia", _inertia(self.inertia))
-        object.__setattr__(self, "hamiltonian", KineticEnergy(self.inertia))
-
-    @property
-    def lagrangian(self) -> KineticEnergy:
-        """l(xi) = xi . J xi/2."""
-        return self.hamiltonian
+        kinetic = KineticEnergy(self.inertia)
+        object.__setattr__(self, "hamiltonian", kinetic)
+        object.__setattr__(self, "lagrangian", kinetic)
 
     def exact(self, start: BodyState, t: Any) -> BodyState:
         """The exact motion, by elliptic functions: no integration, any time, error about 1e-13 (1 + |omega| t).

@@ -42,11 +42,14 @@ def attempt(function: Callable[..., Any], *args: Any) -> Any:
 
 
 def accepted(value: Any, shown: Callable[[Any], Any]) -> bool:
-    """Did the attempt go through, and is what it shows finite?"""
+    """Did the attempt go through, and is what it shows finite?  Told, as in native code, from the sum of its numbers."""
     if value is REJECTED:
         return False
     part = shown(value)
-    return all(map(math.isfinite, leaves(part, layout_of(part))))
+    total = 0.0
+    for x in leaves(part, layout_of(part)):
+        total = total + x
+    return math.isfinite(total)
 
 
 def itself(value: Any) -> Any:

@@ -223,6 +223,8 @@ class Flow:
         self.depth += 1
         for mask, statements in ((test, body), (e.negation(test), orelse)):
             lanes = e.logic("and_", mask, here)
+            if LIVE in env:  # lanes that have left keep what they had
+                mask = lanes
             if not statements:
                 ends.append(lanes)
                 continue
@@ -317,6 +319,9 @@ class Flow:
         counters: tuple[str, ...] = (),
     ) -> bool:
         """A loop whose number of turns is known at run time only; `test` sees the variables at its head, `step` at its end."""
+        for name in {*_assigned(body), *counters} & env.keys():
+            if isinstance(env[name], Undefined):
+                del env[name]
         carried = sorted({*_assigned(body), *counters} & env.keys())
         types: dict[int, tuple[str, bool]] = {}
         masked = False
@@ -466,7 +471,8 @@ def _replace(env: Env, new: Env) -> None:
 def _assigned(body: list[ast.stmt]) -> set[str]:
     """The names that these statements may change."""
     nodes = [n for statement in body for n in ast.walk(statement)]
-    names = {n.id for n in nodes if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)}
+    inner = {id(n) for c in nodes if isinstance(c, ast.comprehension) for n in ast.walk(c.target)}
+    names = {n.id for n in nodes if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store) and id(n) not in inner}
     return names | {
         n.value.id for n in nodes if isinstance(n, ast.Subscript) and isinstance(n.ctx, ast.Store) and isinstance(n.value, ast.Name)
     }

@@ -23,12 +23,12 @@ from ..errors import NotCompilable
 from . import functions, vectors
 from .flow import LIVE, NOBODY, RETURN, UNROLL, Env, Flow, Frame, Open, Retype, Undefined
 from .numbers import Emitter, Num
-from .records import Record
+from .records import Record, annotation_text, bare
 from .source import source_of
-from .values import fill, layout_of, leaves
+from .values import fill, is_any_number, layout_of, leaves
 from .vectors import Mat, Vec
 
-DEPTH = 100  # nested calls
+DEPTH = 40  # nested calls
 
 _OPERATORS: dict[type, Callable[..., Any]] = {
     ast.Add: operator.add,
@@ -55,6 +55,7 @@ _OPERATORS: dict[type, Callable[..., Any]] = {
     ast.NotIn: lambda a, b: a not in b,
 }
 _REFUSED = {print, input, open, eval, exec, setattr, delattr, globals, locals}
+_TEXT = {str, repr, format, ascii, bin, hash, id}
 _STATIC = {f for f in vars(builtins).values() if callable(f) and f not in _REFUSED}
 
 
@@ -71,6 +72,9 @@ class Interpreter(Flow):
             float: lambda x: emitter.num(emitter.cast(x, "f", x.varying)) if isinstance(x, Num) else float(x),
             bool: self.truth,
             super: self.super,
+            type: _type,
+            getattr: self.named,
+            sum: self.sum,
             layout_of: layout_of,
             math.fabs: abs,
             np.abs: abs,
@@ -94,6 +98,8 @@ class Interpreter(Flow):
             return intrinsic(*args, **options)
         if isinstance(function, type) and issubclass(function, Record):
             return self.construct(function, args, options)
+        if function in _TEXT and _holds_number(args):
+            raise NotCompilable(f"{function.__name__} of a number known only at run time")
         if function in (Vec, Mat) or function in _STATIC or getattr(function, "__module__", None) == Vec.of.__module__:
             if isinstance(function, types.FunctionType) and not function.__qualname__.startswith(("Vec.", "Mat.")):
                 return self.inline(function, args, options)
@@ -105,7 +111,7 @@ class Interpreter(Flow):
     def inline(self, function: types.FunctionType, args: tuple[Any, ...], options: dict[str, Any]) -> Any:
         if len(self.frames) > DEPTH:
             raise NotCompilable("formulas call each other without end")
-        source = source_of(inspect.unwrap(function))
+        source = source_of(bare(function))
         frame = Frame(source, _arguments(source.function, args, options))
         base, depth = self.base, self.depth
         if self.frames:
@@ -137,11 +143,15 @@ class Interpreter(Flow):
                 if f.default is dataclasses.MISSING or not f.init:
                     raise NotCompilable(f"{cls.__name__} needs its field {f.name} (derived fields cannot be made by formulas)")
                 given[f.name] = f.default
-        if len(given) != len(fields):
+            if annotation_text(f.type) == "float" and is_any_number(given[f.name]):
+                given[f.name] = self.intrinsics[float](given[f.name])
+        if len(given) != len(fields) or len(args) > len(fields):
             raise NotCompilable(f"{cls.__name__} has the fields {[f.name for f in fields]}")
         return fill(cls, {f.name: given[f.name] for f in fields})
 
-    def super(self) -> Any:
+    def super(self, *args: Any) -> Any:
+        if args:
+            return super(*args)
         source = self.frames[-1].source
         code = source.function.__code__
         return super(source.outer("__class__"), self.frames[-1].env[code.co_varnames[0]])
@@ -166,6 +176,14 @@ class Interpreter(Flow):
         for x in others:
             result = self.where(better(x, result), x, result)
         return result
+
+    def sum(self, items: Any, start: Any = 0) -> Any:
+        if _holds_number((*items, start)):
+            raise NotCompilable("`sum` rounds in a way of its own, which differs between versions of Python: use a loop or `dot`")
+        return sum(items, start)
+
+    def named(self, value: Any, name: str, *default: Any) -> Any:
+        return default[0] if default and not hasattr(value, name) else self.attribute(value, name)
 
     def truth(self, value: Any) -> Any:
         if isinstance(value, Num):
@@ -237,7 +255,9 @@ class Interpreter(Flow):
                     self.assign(node.target, self.expression(node.value, env), env)
             case ast.AugAssign():
                 old = self.expression(ast.parse(ast.unparse(node.target), mode="eval").body, env)
-                self.assign(node.target, _OPERATORS[type(node.op)](old, self.expression(node.value, env)), env)
+                if isinstance(old, list):
+                    self.unshared(old, node.target, env)
+                self.assign(node.target, self.operate(node, old, self.expression(node.value, env)), env)
             case ast.Expr():
                 self.expression(node.value, env)
             case ast.If():
@@ -274,11 +294,20 @@ class Interpreter(Flow):
                 for t, v in zip(targets, items, strict=True):
                     self.assign(t, v, env)
             case ast.Subscript(value=ast.Name(id=name)) if isinstance(env.get(name), list):
+                self.unshared(env[name], target.value, env)
                 changed = list(env[name])
                 changed[self.expression(target.slice, env)] = value
                 self.assign(target.value, changed, env)
             case _:
                 raise NotCompilable(f"`{ast.unparse(target)} = ...`: formulas do not change objects in place")
+
+    def unshared(self, items: list[Any], name: ast.expr, env: Env) -> None:
+        """Python would change the list under its other names too; lists of the compiler are values."""
+        elsewhere = [v for frame in self.frames[:-1] for v in frame.env.values()]
+        elsewhere += [v for n, v in env.items() if not (isinstance(name, ast.Name) and n == name.id)]
+        if any(_holds(v, items) for v in elsewhere):
+            it = ast.unparse(name)
+            raise NotCompilable(f"`{it}` is changed in place and has another name: change a copy, `[*{it}]`")
 
     def returned(self, value: Any, env: Env) -> bool:
         frame = self.frames[-1]
@@ -376,11 +405,11 @@ class Interpreter(Flow):
             case ast.Attribute():
                 return self.attribute(self.expression(node.value, env), node.attr)
             case ast.BinOp():
-                return _OPERATORS[type(node.op)](self.expression(node.left, env), self.expression(node.right, env))
+                return self.operate(node, self.expression(node.left, env), self.expression(node.right, env))
             case ast.UnaryOp(op=ast.Not()):
                 return self.emitter.negation(self.truth(self.expression(node.operand, env)))
             case ast.UnaryOp():
-                return _OPERATORS[type(node.op)](self.expression(node.operand, env))
+                return self.operate(node, self.expression(node.operand, env))
             case ast.BoolOp():
                 return self.boolean(node, env)
             case ast.Compare():
@@ -404,8 +433,22 @@ class Interpreter(Flow):
             case ast.ListComp() | ast.GeneratorExp():
                 return list(self.comprehension(node.elt, node.generators, env))
             case ast.JoinedStr():
-                return "..."  # the text of an error that plain Python will raise
+                return "".join(self.expression(part, env) for part in node.values)
+            case ast.FormattedValue():
+                value = self.expression(node.value, env)
+                if _holds_number(value):
+                    raise NotCompilable("a text of numbers known only at run time (`raise` may have one)")
+                if node.conversion != -1:
+                    value = getattr(builtins, {"s": "str", "r": "repr", "a": "ascii"}[chr(node.conversion)])(value)
+                return format(value, self.expression(node.format_spec, env) if node.format_spec else "")
         raise NotCompilable(f"`{ast.unparse(node)}`: this expression has no place in a formula")
+
+    def operate(self, node: Any, *operands: Any) -> Any:
+        """An operator applied to numbers, vectors, whatever."""
+        operator_ = _OPERATORS.get(type(node.op))
+        if operator_ is None or (isinstance(node.op, (ast.FloorDiv, ast.Mod)) and _holds_number(operands)):
+            raise NotCompilable(f"`{ast.unparse(node)}`: this operator is not known to native code")
+        return operator_(*operands)
 
     def items(self, nodes: list[ast.expr], env: Env) -> list[Any]:
         found: list[Any] = []
@@ -431,19 +474,26 @@ class Interpreter(Flow):
     def attribute(self, value: Any, name: str) -> Any:
         if isinstance(value, Num):
             raise NotCompilable(f"a number has no attribute `{name}`")
-        if isinstance(value, Record):
-            member = inspect.getattr_static(type(value), name, None)
+        owner, classes = value, type(value).__mro__
+        if isinstance(value, super):
+            owner, after = value.__self__, value.__thisclass__  # type: ignore[attr-defined]
+            classes = type(owner).__mro__[type(owner).__mro__.index(after) + 1 :]
+        if isinstance(owner, Record):
+            member = next((vars(c)[name] for c in classes if name in vars(c)), None)
             if isinstance(member, property) and member.fget is not None:
-                return self.call(member.fget, value)
+                return self.call(member.fget, owner)
         return getattr(value, name)
 
     def item(self, value: Any, index: Any) -> Any:
+        if isinstance(index, tuple) and isinstance(value, Mat):
+            return self.item(self.item(value, index[0]), index[1])
         if not isinstance(index, Num):
             return value[index]
-        items = list(value)  # an index known at run time: pick by comparison
-        result = items[0]
-        for i, other in enumerate(items[1:], 1):
-            result = self.where(index == i, other, result)
+        if index.kind == "f":
+            raise NotCompilable("a float is used as an index")
+        result, *others = value  # an index known at run time: pick by comparison
+        for i, other in enumerate(others, 1):
+            result = self.where((index == i) | (index == i - len(others) - 1), other, result)
         return result
 
     def boolean(self, node: ast.BoolOp, env: Env) -> Any:
@@ -489,6 +539,19 @@ class Interpreter(Flow):
         return inner[name]
 
 
+def _type(value: Any) -> type:
+    return {"f": float, "i": int, "b": bool}[value.kind] if isinstance(value, Num) else type(value)
+
+
+def _holds_number(value: Any) -> bool:
+    """Is a run-time number among these things?"""
+    return isinstance(value, Num) or (isinstance(value, (tuple, list, Mat)) and any(map(_holds_number, value)))
+
+
+def _holds(value: Any, items: list[Any]) -> bool:
+    return value is items or (isinstance(value, (tuple, list)) and any(_holds(v, items) for v in value))
+
+
 def _isinstance(value: Any, kind: Any) -> bool:
     if isinstance(value, Num):
         return {"f": float, "i": int, "b": bool}[value.kind] in (kind if isinstance(kind, tuple) else (kind,))
@@ -504,6 +567,6 @@ def _leaves(body: list[ast.stmt]) -> bool:
 
 
 def _arguments(function: types.FunctionType, args: tuple[Any, ...], options: dict[str, Any]) -> Env:
-    bound = inspect.signature(function).bind(*args, **options)
+    bound = inspect.signature(function, follow_wrapped=False).bind(*args, **options)
     bound.apply_defaults()
     return dict(bound.arguments)

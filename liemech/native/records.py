@@ -13,7 +13,7 @@ import functools
 import inspect
 import math
 from collections.abc import Callable
-from typing import Any, TypeVar, dataclass_transform
+from typing import Any, TypeVar, cast, dataclass_transform
 
 import numpy as np
 
@@ -28,6 +28,9 @@ _AXES = {"float": 0, "Vec": 1, "Mat": 2}
 T = TypeVar("T", bound=type)
 
 
+_complete: set[type] = set()  # classes known to be dataclasses
+
+
 class Record:
     """Base of everything that compiles: frozen dataclasses whose methods are formulas."""
 
@@ -38,6 +41,14 @@ class Record:
                 kinds = _kinds(cls, name, member)
                 if kinds:
                     setattr(cls, name, _bordered(member, kinds))
+
+    def __new__(cls, *args: Any, **options: Any) -> Any:
+        if cls not in _complete:
+            forgotten = [n for n, a in vars(cls).get("__annotations__", {}).items() if "ClassVar" not in str(a)]
+            if not set(forgotten) <= {f.name for f in dataclasses.fields(cast("Any", cls))}:
+                raise InvalidType(f"{cls.__name__} has the fields {', '.join(forgotten)}: put @liemech.record above the class")
+            _complete.add(cls)
+        return super().__new__(cls)
 
     def __post_init__(self) -> None:
         cls: Any = type(self)
@@ -62,7 +73,7 @@ def record(cls: T) -> T:
     return made
 
 
-def _annotation(annotation: Any) -> str:
+def annotation_text(annotation: Any) -> str:
     text = annotation if isinstance(annotation, str) else getattr(annotation, "__name__", str(annotation))
     return " | ".join(part.strip().split(".")[-1] for part in text.split("|"))
 
@@ -96,7 +107,7 @@ def _small(owner: Any, name: str, value: Any, allowed: tuple[type, ...]) -> Any:
 def _converters(cls: Any) -> tuple[tuple[str, Callable[[Any, str, Any], Any]], ...]:
     found: list[tuple[str, Callable[[Any, str, Any], Any]]] = []
     for field in dataclasses.fields(cls):
-        kinds = _annotation(field.type).split(" | ")
+        kinds = annotation_text(field.type).split(" | ")
         allowed = tuple(kind for kind in (Vec, Mat) if kind.__name__ in kinds)
         if not field.init:
             continue
@@ -132,10 +143,10 @@ def _kinds(cls: type, name: str, method: Callable[..., Any]) -> dict[str, int] |
     """How many axes each argument has, from the annotations of the method or of the one it overrides."""
     kinds: dict[str, int] = {}
     for base in cls.__mro__:
-        known = inspect.unwrap(vars(base)[name]) if inspect.isfunction(vars(base).get(name)) else None
+        known = bare(vars(base)[name]) if inspect.isfunction(vars(base).get(name)) else None
         if known is not None:
             for argument, other in zip(_arguments(method), _arguments(known), strict=False):
-                kind = _AXES.get(_annotation(known.__annotations__.get(other, "")))
+                kind = _AXES.get(annotation_text(known.__annotations__.get(other, "")))
                 if kind is not None:
                     kinds.setdefault(argument, kind)
     return kinds if set(kinds.values()) & {1, 2} else None
@@ -160,7 +171,13 @@ def _bordered(formula: Callable[..., Any], kinds: dict[str, int]) -> Callable[..
             return _broadcast(formula, kinds, self, dict(zip(names, args, strict=False)) | options)
         return formula(self, *args, **options)
 
+    method.__formula__ = formula  # type: ignore[attr-defined]
     return method
+
+
+def bare(method: Any) -> Any:
+    """The formula behind the border of a method; anything else is what it is."""
+    return getattr(method, "__formula__", method)
 
 
 def _broadcast(formula: Callable[..., Any], kinds: dict[str, int], self: Any, arguments: dict[str, Any]) -> Any:

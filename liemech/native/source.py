@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import ast
+import contextlib
 import dataclasses
 import functools
 import hashlib
-import inspect
 import linecache
+import sys
 import types
 from collections.abc import Iterator
 from typing import Any
 
+import numpy as np
+
 from ..errors import NotCompilable
-from .records import Record
+from .records import bare
 from .values import Layout
 
 
@@ -31,27 +34,36 @@ class Source:
 
     def outer(self, name: str) -> Any:
         """The value of a name that is not local: from the enclosing function, the module or Python."""
-        if name in self.function.__code__.co_freevars and self.function.__closure__:
-            return self.function.__closure__[self.function.__code__.co_freevars.index(name)].cell_contents
-        if name in self.function.__globals__:
-            return self.function.__globals__[name]
-        return self.function.__builtins__[name]  # type: ignore[attr-defined]
+        f, code = self.function, self.function.__code__
+        if name in code.co_freevars and f.__closure__:
+            return f.__closure__[code.co_freevars.index(name)].cell_contents
+        if name in code.co_varnames or name in code.co_cellvars:
+            raise NotCompilable(f"`{name}` may have no value here: give it one on every way to this line")
+        for names in (f.__globals__, f.__builtins__):  # type: ignore[attr-defined]
+            if name in names:
+                return names[name]
+        raise NotCompilable(f"the name `{name}` is not defined")
 
 
 @functools.cache
 def source_of(function: types.FunctionType) -> Source:
     """The syntax tree of a function, checked to be the one that Python runs."""
     code = function.__code__
-    found = [n for n, c in _functions(code.co_filename) if c.co_firstlineno == code.co_firstlineno and c.co_name == code.co_name]
-    if not found:
+    linecache.checkcache(code.co_filename)
+    functions = _functions(code.co_filename, "".join(linecache.getlines(code.co_filename)))
+    if not functions or (code.co_name == "<lambda>" and not any(_alike(c, code) for _, c in functions)):
         if code.co_name == "<lambda>":
             raise NotCompilable(f"the lambda in {function.__qualname__} shares its line with another: give it a name")
         raise NotCompilable(f"the source of {function.__qualname__} cannot be read: define it in a file or a notebook")
-    same = [n for n, c in _functions(code.co_filename) if _same_code(c, code)]
+    same = [n for n, c in functions if _same_code(c, code)]
     if len(same) != 1:
         why = "it is defined twice" if same else f"{code.co_filename} has changed since it was imported"
         raise NotCompilable(f"the source of {function.__qualname__} cannot be told: {why}")
     return Source(function, same[0], code.co_filename)
+
+
+def _alike(a: types.CodeType, b: types.CodeType) -> bool:
+    return (a.co_firstlineno, a.co_name) == (b.co_firstlineno, b.co_name)
 
 
 def _same_code(a: types.CodeType, b: types.CodeType) -> bool:
@@ -62,9 +74,8 @@ def _same_code(a: types.CodeType, b: types.CodeType) -> bool:
 
 
 @functools.cache
-def _functions(file: str) -> list[tuple[ast.FunctionDef | ast.Lambda, types.CodeType]]:
-    """All functions of a file, with the code that Python makes of them."""
-    text = "".join(linecache.getlines(file))
+def _functions(file: str, text: str) -> list[tuple[ast.FunctionDef | ast.Lambda, types.CodeType]]:
+    """All functions of a file with this text, and the code that Python makes of them."""
     if not text:
         return []
     tree = ast.parse(text)
@@ -92,84 +103,119 @@ def _functions(file: str) -> list[tuple[ast.FunctionDef | ast.Lambda, types.Code
 
 # ------------------------------------------------------------------ fingerprints
 
+BORDER = {"__init__", "__new__", "__post_init__", "__init_subclass__", "__repr__", "__str__", "__eq__", "__hash__", "__reduce__"}
+"""Methods that never become native code."""
+
 
 def fingerprint(*things: Any) -> str:
     """A hash of these functions and layouts and of everything their code can reach: what the disk cache is keyed on.
 
     It follows names through modules, classes, closures and static values, so that an edit in any file that matters makes
-    a new key, and comments and line numbers do not.
+    a new key, and comments, docstrings and line numbers do not.
     """
     digest = hashlib.sha256()
-    seen: set[int] = set()
+    seen: dict[int, int] = {}
     keep: list[Any] = []  # so that no id is used twice
 
+    def put(*texts: str) -> None:
+        for text in texts:  # the length first: no two lists of texts look the same
+            digest.update(f"{len(text)}:{text}".encode())
+
     def eat(x: Any) -> None:
-        if isinstance(x, (types.FunctionType, type, tuple, list, dict)):
-            if id(x) in seen:
-                return
-            seen.add(id(x))
-            keep.append(x)
-        if isinstance(x, Layout):
-            digest.update(x.kind.encode())
-            eat(x.detail)
-            for part in x.parts:
-                eat(part)
-        elif isinstance(x, types.FunctionType):
-            eat_function(inspect.unwrap(x))
-        elif isinstance(x, types.CodeType):
-            digest.update(x.co_code + repr((x.co_names, x.co_varnames[: x.co_argcount])).encode())
-            for constant in x.co_consts:
-                eat(constant)
-        elif isinstance(x, type):
-            digest.update(x.__qualname__.encode())
-            if issubclass(x, Record):
-                for cls in x.__mro__[:-1]:
-                    for name, member in sorted(vars(cls).items()):
-                        if not name.startswith("__"):
-                            digest.update(name.encode())
-                            eat(member)
-        elif isinstance(x, (property, staticmethod, classmethod)):
-            eat(getattr(x, "fget", None) or x.__func__)  # type: ignore[union-attr]
-        elif isinstance(x, (tuple, list)):
+        if x is None or isinstance(x, (bool, int, float, complex, str, bytes)):
+            put(type(x).__name__, repr(x))
+            return
+        if isinstance(x, tuple):
+            put(type(x).__name__, str(len(x)))
             for item in x:
                 eat(item)
-        elif isinstance(x, types.MethodType):
-            eat(x.__func__)
-            eat(x.__self__)
-        elif isinstance(x, Record):
-            eat(type(x))
-            digest.update(repr(x).encode())
-        elif x is None or isinstance(x, (bool, int, float, complex, str, bytes)):
-            digest.update(repr(x).encode())
-        else:  # an object whose text holds its address is known by its type alone
-            text = repr(x)
-            digest.update((type(x).__qualname__ + ("" if " at 0x" in text else text)).encode())
-
-    def eat_function(f: types.FunctionType) -> None:
-        if f is not keep[-1] and id(f) in seen:
             return
-        seen.add(id(f))
-        keep.append(f)
-        eat(f.__code__)
-        eat(f.__defaults__)
-        for cell in f.__closure__ or ():
-            eat(cell.cell_contents)
-        for name in _names(f.__code__):
-            if name in f.__globals__:
-                value = f.__globals__[name]
-                if isinstance(value, types.ModuleType):
-                    for attribute in _names(f.__code__):
-                        member = getattr(value, attribute, None)
-                        if isinstance(member, (types.FunctionType, type, int, float, tuple, Record)):
-                            eat(member)
-                else:
-                    eat(value)
+        if id(x) in seen:
+            put("seen", str(seen[id(x)]))
+            return
+        seen[id(x)] = len(seen)
+        keep.append(x)
+        put(type(x).__qualname__)
+        if _foreign(x):
+            put(x.__module__, getattr(x, "__qualname__", ""))
+        elif isinstance(x, types.FunctionType):
+            function(bare(x))
+        elif isinstance(x, types.CodeType):
+            code(x, None)
+        elif isinstance(x, type):
+            class_(x)
+        elif isinstance(x, types.MethodType):
+            eat((x.__func__, x.__self__))
+        elif isinstance(x, property):
+            eat(x.fget)
+        elif isinstance(x, (staticmethod, classmethod)):
+            eat(x.__func__)
+        elif isinstance(x, Layout):
+            eat((x.kind, x.detail, x.parts))
+        elif isinstance(x, np.ndarray):
+            put(str(x.dtype), str(x.shape), x.tobytes().hex())
+        elif isinstance(x, dict):
+            eat(tuple(x.items()))
+        elif isinstance(x, list):
+            eat(tuple(x))
+        elif isinstance(x, (set, frozenset)):
+            put(*sorted(map(repr, x)))
+        elif not isinstance(x, types.ModuleType) and getattr(x, "__dict__", None):
+            eat((type(x), vars(x)))
+        elif " at 0x" not in repr(x):  # a text with an address tells nothing to the next process
+            put(repr(x))
 
-    for thing in things:
-        eat(thing)
+    def class_(cls: type) -> None:
+        for base in cls.__mro__:
+            put(base.__module__, base.__qualname__)
+            if not _foreign(base):
+                for name, member in sorted(vars(base).items()):
+                    dunder = name.startswith("__") and name.endswith("__")
+                    if not dunder or (isinstance(member, types.FunctionType) and name not in BORDER):
+                        put(name)
+                        eat(member)
+
+    def function(f: types.FunctionType) -> None:
+        code(f.__code__, f.__doc__)
+        eat((f.__defaults__, f.__kwdefaults__))
+        for name, cell in zip(f.__code__.co_freevars, f.__closure__ or (), strict=False):
+            put(name)
+            with contextlib.suppress(ValueError):  # not filled yet
+                eat(cell.cell_contents)
+        names = _names(f.__code__)
+        for name in names:
+            if name in f.__globals__:
+                put(name)
+                reach(f.__globals__[name], names, set())
+
+    def reach(value: Any, names: list[str], modules: set[int]) -> None:
+        """A global; of a module, whatever its code may ask it for."""
+        if not isinstance(value, types.ModuleType):
+            eat(value)
+        elif id(value) not in modules:
+            modules.add(id(value))
+            for name in names:
+                if hasattr(value, name):
+                    put(value.__name__, name)
+                    reach(getattr(value, name), names, modules)
+
+    def code(c: types.CodeType, doc: str | None) -> None:
+        arguments = c.co_varnames[: c.co_argcount + c.co_kwonlyargcount]
+        put(c.co_code.hex())
+        eat((c.co_names, arguments, c.co_freevars))
+        eat(c.co_consts[1:] if doc is not None and c.co_consts[:1] == (doc,) else c.co_consts)
+
+    eat((sys.implementation.cache_tag, np.__version__, *things))
     return digest.hexdigest()
 
 
+def _foreign(x: Any) -> bool:
+    """Of Python itself or NumPy: known by name and version."""
+    module = getattr(x, "__module__", None)
+    return isinstance(module, str) and module.partition(".")[0] in sys.stdlib_module_names | {"numpy"}
+
+
 def _names(code: types.CodeType) -> list[str]:
+    """The names of globals and attributes in a function and those nested in it."""
     inner = [n for c in code.co_consts if isinstance(c, types.CodeType) for n in _names(c)]
-    return [*code.co_names, *inner]
+    return list(dict.fromkeys([*code.co_names, *inner]))

@@ -6,10 +6,11 @@ from typing import Any, final
 
 import numpy as np
 
-from ..errors import InvalidInput
+from ..errors import InvalidInput, InvalidType
 from ..groups.lie_group import LieGroup
 from ..native import Mat, Record, Vec, real_array, record
 from .hamiltonian import Hamiltonian
+from .lagrangian import Lagrangian
 
 
 @record
@@ -32,13 +33,24 @@ class BodyState(Record):
 class LiePoissonSystem(Record):
     """Motion on the dual of a Lie algebra, mu' = ad*_xi mu with xi = dH/dmu, and on the group above it, g' = g xi.
 
-    group : the configuration space.  hamiltonian : the energy as a function of the body momentum.
+    group : the configuration space.  hamiltonian : the energy as a function of the body momentum.  lagrangian : the same motion told
+    by velocities, for methods that need it; left out, the Hamiltonian stands in if it is a Lagrangian too, like KineticEnergy.
 
     Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., sections 13.1, 13.5 and 13.7.
     """
 
     group: LieGroup
     hamiltonian: Hamiltonian
+    lagrangian: Lagrangian | None = None
+
+    def __post_init__(self) -> None:
+        given: tuple[Any, ...] = self.group, self.hamiltonian, self.lagrangian or Lagrangian()
+        for name, value, kind in zip(("group", "hamiltonian", "lagrangian"), given, (LieGroup, Hamiltonian, Lagrangian)):
+            if not isinstance(value, kind):
+                raise InvalidType(f"{type(self).__name__}: {name} must be a {kind.__name__}; got {value!r}")
+        if self.lagrangian is None and isinstance(self.hamiltonian, Lagrangian):
+            object.__setattr__(self, "lagrangian", self.hamiltonian)
+        super().__post_init__()
 
     # ---------------------------------------------------------------- formulas
 

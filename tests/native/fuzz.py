@@ -29,11 +29,11 @@ class Writer:
     def name(self) -> str:
         return self.random.choice(self.names)
 
-    def expression(self, depth: int = 2) -> str:
+    def expression(self, depth: int = 1) -> str:
         r = self.random
-        if depth == 0 or r.random() < 0.2:
-            return r.choice([self.name(), self.name(), r.choice(["0.5", "-1.25", "2", "0.0", "-0.0", "3.0", "1e-3"])])
-        one, two = (lambda: self.expression(depth - 1)), (lambda: self.expression(depth - 1))
+        if depth == 0 or r.random() < 0.3:
+            return r.choice([self.name(), self.name(), r.choice(["0.5", "-1.25", "2.0", "0.0", "-0.0", "3.0", "1e-3"])])
+        one = two = lambda: self.expression(depth - 1)
         kinds = [
             lambda: f"({one()} {r.choice('+-*')} {two()})",
             lambda: f"({one()} {r.choice('+-*')} {two()})",
@@ -58,7 +58,7 @@ class Writer:
             if kind == "not":
                 return f"not ({self.condition(depth - 1)})"
             return f"({self.condition(depth - 1)} {kind} {self.condition(depth - 1)})"
-        e = lambda: self.expression(1)  # noqa: E731
+        e = lambda: self.expression(int(r.random() < 0.3))  # noqa: E731
         return r.choice(
             [
                 lambda: f"{e()} {r.choice(['<', '<=', '>', '>=', '==', '!='])} {e()}",
@@ -87,11 +87,11 @@ class Writer:
         if depth == 0 or choice < 0.3:
             kind = r.random()
             if kind < 0.7:
-                self.put(indent, f"{self.name()} = {self.expression()}")
+                self.put(indent, f"{r.choice(NAMES)} = {self.expression()}")
             elif kind < 0.8:
-                self.put(indent, f"{self.name()} {r.choice('+-*')}= {self.expression(1)}")
+                self.put(indent, f"{r.choice(NAMES)} {r.choice('+-*')}= {self.expression(1)}")
             elif kind < 0.9:
-                self.put(indent, f"{self.name()}, {self.name()} = {self.expression(1)}, {self.expression(1)}")
+                self.put(indent, f"{', '.join(r.sample(NAMES, 2))} = {self.expression(1)}, {self.expression(1)}")
             else:
                 self.put(indent, f"s[{r.choice('012')}] = {self.expression(1)}")
         elif choice < 0.6:
@@ -128,7 +128,7 @@ class Writer:
                 return True
             self.put(indent, f"if {self.condition()}:")
             if r.random() < 0.5:
-                self.put(indent + 1, f"{self.name()} = {self.expression(1)}")
+                self.put(indent + 1, f"{r.choice(NAMES)} = {self.expression(1)}")
             self.put(indent + 1, r.choice(["break", "continue"]))
         elif choice < 0.97:
             if RETURN_IN_LOOPS or "dynamic" not in loops:
@@ -150,7 +150,7 @@ class Writer:
         return f"i{self.fresh}"
 
     def inside(self, indent: int, depth: int, loops: tuple[str, ...], counter: str) -> None:
-        self.names = (*self.names, counter)
+        self.names = (*self.names, f"(1.0 * {counter})")  # an int that is a float on another way may lose the sign of a zero
         self.block(indent + 1, depth - 1, loops)
         self.names = self.names[:-1]
 
@@ -174,9 +174,9 @@ class Writer:
     def module(self) -> str:
         text = HEADER
         for i in range(self.random.randint(0, 2)):
-            text += self.formula(f"helper{i}", "a, b, c, n", 2)
+            text += self.formula(f"helper{i}", "a, b, c, n", 1)
             self.helpers.append(f"helper{i}")
-        return text + self.formula("formula", "a, b, c, d, n", 3)
+        return text + self.formula("formula", "a, b, c, d, n", 2)
 
 
 RETURN_IN_LOOPS = False

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from liemech.native import Vec, kernel
-from liemech.native.driver import accepted, attempt, read, write
+from liemech.native import Vec, kernel, where
+from liemech.native.driver import accepted, attempt, itself, read, write
 from liemech.native.values import layout_of
 
 REJECTED = "rejected"  # the formula raised
@@ -26,8 +26,7 @@ def drive(formula: Any, extra: Any, layout: Any, turns: int, given: Any, out: An
     """The driver: the formula's numbers, in `out`, and whether it went through, in `fine`."""
     value = attempt(formula, *extra, *read(given, 0, layout), turns)
     write(out, 0, value)
-    if accepted(value):
-        write(fine, 0, 1.0)
+    write(fine, 0, where(accepted(value, itself), 1.0, 0.0))
 
 
 def flat(value: Any) -> Any:
