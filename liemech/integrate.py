@@ -23,7 +23,7 @@ from .errors import (
 )
 from .integrators.method import Method
 from .native import Mat, Vec, kernel, real_array, where
-from .native.driver import accepted, any_body, attempt, read, write
+from .native.driver import REJECTED, accepted, any_body, attempt, read, write
 from .native.values import NUMBER, build, layout_of
 from .systems.lie_poisson import BodyState, LiePoissonSystem
 from .trajectory import Trajectory
@@ -42,6 +42,7 @@ def march(
     method: Any,
     system: Any,
     layout: Any,
+    shown: Any,
     t0: float,
     h: float,
     first: int,
@@ -53,8 +54,8 @@ def march(
 ) -> None:
     """The driver: `samples` times `every` steps from step number `first`, in plain Python or compiled, for one or many.
 
-    states holds what the method carries along, before and after; out the samples; taken the number of steps that went
-    through.  A body whose step fails stays where it is, for good.
+    states holds what the method carries along, in this layout, before and after; out the samples, laid out as `shown`; taken
+    the number of steps that went through.  A body whose step fails stays where it is, for good.
     """
     memory = read(states, 0, layout)
     count = read(taken, 0, NUMBER)
@@ -62,7 +63,7 @@ def march(
     for k in range(samples):
         for j in range(every):
             new = attempt(method.step, system, t0 + (first + (k * every + j)) * h, memory, h)
-            good = running and accepted(new, method.observe)
+            good = running and accepted(new, method.observe, shown)
             if any_body(not good):
                 running = good
                 if not any_body(running):
@@ -72,11 +73,10 @@ def march(
             else:
                 memory = new
                 count = count + 1.0
-        shown = method.observe(memory)
-        write(out, k * layout_of(shown).width, shown)
+        write(out, k * shown.width, method.observe(memory), shown)
         if not any_body(running):
             break
-    write(states, 0, memory)
+    write(states, 0, memory, layout)
     write(taken, 0, count)
 
 
@@ -158,6 +158,7 @@ class _Run:
         one = _member(start, 0)
         self.given, first = layout_of(one), method.start(system, one, h)
         self.layout, self.shown = layout_of(first), layout_of(method.observe(first))
+        self._try(first)
         self.kernels: dict[Any, kernel.Kernel] = {}
         self.compiled = self._decide(compiled, count)
         self.lanes = kernel.lanes() if self.compiled and self.bodies is not None else 1
@@ -168,6 +169,15 @@ class _Run:
         self.states = np.empty((self.layout.width, self.columns))
         self.taken = np.zeros(self.columns)
         self._run(begin, (method, system, self.given, h), self._columns_of(start), self.states, self.out[0])
+
+    def _try(self, memory: Any) -> None:
+        """Make the first step once for trial: a formula that returns something else than it should is told before the run."""
+        new = attempt(self.method.step, self.system, self.t0, memory, self.h) if self.steps else memory
+        if new is not REJECTED and layout_of(new) != self.layout:
+            raise InvalidType(
+                f"integrate: one step of {self.method!r} on {self.system!r} turns {self.layout!r} into {layout_of(new)!r}. "
+                "Formulas return numbers, liemech.vec(...), liemech.mat(...) and records, not arrays or lists"
+            )
 
     def _columns_of(self, start: BodyState) -> np.ndarray:
         """The start with a column for each body; the last lanes, if there are too many, repeat the last body."""
@@ -197,7 +207,7 @@ class _Run:
         return False
 
     def _arguments(self, first: int, every: int, samples: int) -> tuple[Any, ...]:
-        return self.method, self.system, self.layout, self.t0, self.h, first, every, samples
+        return self.method, self.system, self.layout, self.shown, self.t0, self.h, first, every, samples
 
     # ---------------------------------------------------------------- marching
 

@@ -27,9 +27,9 @@ def read(array: np.ndarray, start: int, layout: Layout) -> Any:
     return build(layout, iter(array[start : start + layout.width].tolist()))
 
 
-def write(array: np.ndarray, start: int, value: Any) -> None:
-    """Lay the numbers of a value down at `array[start:]`."""
-    for i, x in enumerate(leaves(value, layout_of(value))):
+def write(array: np.ndarray, start: int, value: Any, layout: Layout | None = None) -> None:
+    """Lay the numbers of a value, which may be known to have this layout, down at `array[start:]`."""
+    for i, x in enumerate(leaves(value, layout or layout_of(value))):
         array[start + i] = x
 
 
@@ -41,13 +41,13 @@ def attempt(function: Callable[..., Any], *args: Any) -> Any:
         return REJECTED
 
 
-def accepted(value: Any, shown: Callable[[Any], Any]) -> bool:
+def accepted(value: Any, shown: Callable[[Any], Any], layout: Layout | None = None) -> bool:
     """Did the attempt go through, and is what it shows finite?  Told, as in native code, from the sum of its numbers."""
     if value is REJECTED:
         return False
     part = shown(value)
     total = 0.0
-    for x in leaves(part, layout_of(part)):
+    for x in leaves(part, layout or layout_of(part)):
         total = total + x
     return math.isfinite(total)
 

@@ -203,7 +203,7 @@ class Interpreter(Flow):
         self.join([Open(b.block, {"": result}), *(Open(o.block, {"": self.blank(result)}) for o in escapes)], joined)
         return joined[""]
 
-    def accepted(self, value: Any, shown: Any) -> Num:
+    def accepted(self, value: Any, shown: Any, layout: Any = None) -> Num:
         """Did the attempt go through, and is what it shows finite?  A sum is finite only if its terms are."""
         part = self.call(shown, value)
         total, *others = leaves(part, layout_of(part))

@@ -141,7 +141,7 @@ def _translated(entry: Callable[..., Any], kinds: tuple[Kind, ...], lanes: int) 
     interpreter = Interpreter(emitter)
     interpreter.intrinsics |= {
         driver.read: lambda array, at, layout: array.read(at, layout),
-        driver.write: lambda array, at, value: array.write(at, value),
+        driver.write: lambda array, at, value, layout=None: array.write(at, value),
         driver.attempt: interpreter.attempt,
         driver.accepted: interpreter.accepted,
         driver.any_body: emitter.any,
