@@ -31,7 +31,6 @@ from .tableaus.butcher import ButcherTableau
 from .trajectory import Trajectory
 
 
-
 def __getattr__(name: str) -> Any:
     """`liemech.plots`, imported when first asked for."""
     if name != "plots":

@@ -118,8 +118,18 @@ def test_more_samples_than_memory(every: int) -> None:
 
 
 def test_a_method_that_needs_more_than_the_system_has() -> None:
-    system = lm.LiePoissonSystem(G, BODY.hamiltonian)
-    with pytest.raises(lm.errors.IncompatibleSystem, match="needs a system with a lagrangian.*RKMK accepts every"):
+    @lm.record
+    class Linear(lm.Hamiltonian):
+        """Its velocity does not depend on the momentum: there is no Lagrangian."""
+
+        def energy(self, mu: lm.Vec) -> float:
+            return mu[0]
+
+        def gradient(self, mu: lm.Vec) -> lm.Vec:
+            return lm.vec(1.0, 0.0, 0.0)
+
+    system = lm.LiePoissonSystem(G, Linear())
+    with pytest.raises(lm.errors.IncompatibleSystem, match=r"needs a system with a lagrangian.*RKMK accepts every"):
         lm.integrate(system, EXP, system.state([1, 2, 3]), h=0.1, steps=1)
 
 

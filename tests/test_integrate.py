@@ -80,7 +80,7 @@ def test_pieces_change_nothing(method: lm.Method, compiled: bool, monkeypatch: p
     starts = many(body)
     run = lm.integrate(body, CAYLEY if method is EXP else method, starts, h=0.1, steps=60, compiled=compiled)
     whole = lm.integrate(body, method, start, h=0.1, steps=60, compiled=compiled)
-    monkeypatch.setattr(sys.modules["liemech.integrate"], "PATIENCE", 0.0)  # now every piece counts as too long: 256 // bodies steps, 1 step
+    monkeypatch.setattr(sys.modules["liemech.integrate"], "PATIENCE", 0.0)  # every piece counts as too long
     in_steps = lm.integrate(body, method, start, h=0.1, steps=60, compiled=compiled)
     assert same_run(whole, in_steps)
     assert same_run(run, lm.integrate(body, run.method, starts, h=0.1, steps=60, compiled=compiled))
@@ -261,7 +261,8 @@ def test_a_failing_step_leaves_what_was_reached(how: str, every: int, compiled: 
     body, start = asymmetric_body()
     kind, message = FAILURES[how]
     with pytest.raises(lm.errors.IntegrationFailure, match=message) as caught:
-        lm.integrate(body, Bounded(7.0, how), body.state([0, 0, 0], start.g), h=0.5, steps=50, every=every, t0=1.0, compiled=compiled)
+        rest = body.state([0, 0, 0], start.g)
+        lm.integrate(body, Bounded(7.0, how), rest, h=0.5, steps=50, every=every, t0=1.0, compiled=compiled)
     error = caught.value
     assert type(error) is kind
     assert isinstance(error, ArithmeticError)

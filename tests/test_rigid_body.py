@@ -151,7 +151,8 @@ def test_rounding_errors_in_a_symmetric_matrix_are_averaged_away() -> None:
 def test_diagonal_matrix_and_moments_move_alike() -> None:
     moments, start = np.array([1.0, 1.6, 2.3]), dict(mu=[0.3, 0.4, 0.5], g=np.eye(3))
     for method in METHODS:
-        a, b = (lm.integrate(body, method, body.state(**start), h=0.2, steps=50) for body in (lm.RigidBody(moments), lm.RigidBody(np.diag(moments))))
+        bodies = lm.RigidBody(moments), lm.RigidBody(np.diag(moments))
+        a, b = (lm.integrate(body, method, body.state(**start), h=0.2, steps=50) for body in bodies)
         assert np.abs(a.mu - b.mu).max() < 1e-14
         assert np.abs(a.g - b.g).max() < 1e-14
 

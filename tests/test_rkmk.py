@@ -136,7 +136,8 @@ def test_the_energy_drifts() -> None:
 
 
 def test_repr_builds_the_same_method() -> None:
-    for method in (lm.RKMK(), lm.RKMK(order=2), lm.RKMK(truncation=4), lm.RKMK(truncation="closed"), lm.RKMK(order=3, retraction=lm.Cayley())):
+    by_cayley = lm.RKMK(order=3, retraction=lm.Cayley())
+    for method in (lm.RKMK(), lm.RKMK(order=2), lm.RKMK(truncation=4), lm.RKMK(truncation="closed"), by_cayley):
         assert eval(repr(method), {"RKMK": lm.RKMK, "Cayley": lm.Cayley}) == method
     assert lm.RKMK().order == 4
     assert lm.RKMK(order=3).name == "RKMK3"

@@ -123,7 +123,7 @@ class LieGroup(Record):
         return total
 
     def is_exp_chart(self, xi: Vec) -> bool:
-        """Is xi closer to zero than the first singularity of dexp?  Unknown to a general group, which lets all pass.  xi : (dim,)."""
+        """Is xi closer to zero than the first singularity of dexp?  A group that does not know lets all pass.  xi : (dim,)."""
         return True
 
     def exp_mismatch(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:

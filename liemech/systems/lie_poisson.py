@@ -33,8 +33,9 @@ class BodyState(Record):
 class LiePoissonSystem(Record):
     """Motion on the dual of a Lie algebra, mu' = ad*_xi mu with xi = dH/dmu, and on the group above it, g' = g xi.
 
-    group : the configuration space.  hamiltonian : the energy as a function of the body momentum.  lagrangian : the same motion told
-    by velocities, for methods that need it; left out, the Hamiltonian stands in if it is a Lagrangian too, like KineticEnergy.
+    group : the configuration space.  hamiltonian : the energy as a function of the body momentum.
+    lagrangian : the same motion told by velocities, for methods that need it; left out, the Hamiltonian stands in if it is a
+    Lagrangian too, like KineticEnergy.
 
     Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., sections 13.1, 13.5 and 13.7.
     """
