@@ -30,6 +30,10 @@ class Retraction(Record):
         """Ad*_tau(xi) mu.  xi, mu : (dim,)."""
         return group.Ad_star(self.tau(group, xi), mu)
 
+    def compose_tau(self, group: LieGroup, g: Mat, xi: Vec) -> Mat:
+        """g tau(xi).  g : (n, n), xi : (dim,)."""
+        return group.compose(g, self.tau(group, xi))
+
     def dtau(self, group: LieGroup, xi: Vec, eta: Vec, side: str = "right") -> Vec:
         """The trivialised differential.  xi, eta : (dim,)."""
         raise NotImplementedError(f"{type(self).__name__} must define `dtau`")
@@ -74,6 +78,10 @@ class Exponential(Retraction):
         """Ad*_exp(xi) mu."""
         return group.exp_Ad_star(xi, mu)
 
+    def compose_tau(self, group: LieGroup, g: Mat, xi: Vec) -> Mat:
+        """g exp(xi)."""
+        return group.compose_exp(g, xi)
+
     def dtau(self, group: LieGroup, xi: Vec, eta: Vec, side: str = "right") -> Vec:
         """dexp_xi eta = sum_k ad_xi^k eta/(k + 1)! (right)."""
         return group.dexp(xi, eta, side)
@@ -115,6 +123,10 @@ class Cayley(Retraction):
     def tau_Ad_star(self, group: LieGroup, xi: Vec, mu: Vec) -> Vec:
         """Ad*_cay(xi) mu."""
         return group.cayley_Ad_star(xi, mu)
+
+    def compose_tau(self, group: LieGroup, g: Mat, xi: Vec) -> Mat:
+        """g cay(xi)."""
+        return group.compose_cayley(g, xi)
 
     def dtau(self, group: LieGroup, xi: Vec, eta: Vec, side: str = "right") -> Vec:
         """(1 - xi/2)^-1 eta (1 + xi/2)^-1 (right)."""

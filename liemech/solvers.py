@@ -20,9 +20,12 @@ def correction(jacobian: Mat, residual: Vec) -> Vec:
     return solve3(jacobian, residual) if len(residual) == 3 else solve(jacobian, residual)
 
 
-def orientation(jacobian: Mat) -> float:
-    """The determinant, or a number of its sign: negative beyond a fold.  1 where it would cost too much.  jacobian : (n, n)."""
+def beyond_fold(jacobian: Mat, rate: float) -> bool:
+    """Has the determinant the sign that it cannot have on the branch from h = 0?  Told in three dimensions only.
+
+    jacobian : (n, n), there rate times a positive matrix.
+    """
     if len(jacobian) != 3:
-        return 1.0
+        return False
     a, b, c = jacobian.T
-    return dot(a, cross(b, c))
+    return rate * dot(a, cross(b, c)) <= 0.0

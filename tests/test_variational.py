@@ -254,7 +254,6 @@ def test_steps_of_exp_beyond_a_fold_are_refused(h: float) -> None:
     assert refused > 5
 
 
-@pytest.mark.xfail(strict=True, reason="SO3 does not say yet that exp is a chart for |xi| < 2 pi only")
 @pytest.mark.parametrize("h", [6.0, 12.0, 100.0])
 def test_steps_of_exp_beyond_a_whole_turn_are_refused(h: float) -> None:
     """Newton's method finds roots with h |xi| > 2 pi: meaningless sheets, on which a run would go on for ever."""

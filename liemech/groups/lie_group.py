@@ -88,6 +88,10 @@ class LieGroup(Record):
         """Ad*_exp(xi) mu, the coadjoint orbit through mu followed with velocity xi for unit time.  xi, mu : (dim,)."""
         return self.Ad_star(self.exp(xi), mu)
 
+    def compose_exp(self, g: Mat, xi: Vec) -> Mat:
+        """g exp(xi): the element g moved by a step with velocity xi, best written as g plus something small.  g : (n, n), xi : (dim,)."""
+        return self.compose(g, self.exp(xi))
+
     def dexp(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
         """The trivialised differential of exp, sum_k ad_xi^k eta / (k + 1)!.  xi, eta : (dim,)."""
         x = xi if side == "right" else -xi
@@ -144,6 +148,10 @@ class LieGroup(Record):
     def cayley_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
         """Ad*_cayley(xi) mu.  xi, mu : (dim,)."""
         return self.Ad_star(self.cayley(xi), mu)
+
+    def compose_cayley(self, g: Mat, xi: Vec) -> Mat:
+        """g cayley(xi), best written as g plus something small.  g : (n, n), xi : (dim,)."""
+        return self.compose(g, self.cayley(xi))
 
     def dcayley(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
         """The trivialised differential of the Cayley map.  xi, eta : (dim,)."""

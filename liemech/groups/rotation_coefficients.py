@@ -6,10 +6,10 @@
 
 All are analytic in x >= 0 up to the poles of the last at theta = 2 pi, 4 pi, ...  Up to x = LIMIT they are polynomials:
 no root, no division, and so accurate that sinc and versine together change the length of a rotated vector by less than
-1e-19 apart from rounding.  Beyond, half angles that never subtract nearly equal numbers.  Relative error for every
+2e-19 apart from rounding.  Beyond, half angles that never subtract nearly equal numbers.  Relative error for every
 double x, next to the zeros of sinc and versine and to the poles too: below 1.5 eps for the polynomials, 3 eps beyond
-(4 eps for `bernoulli_slope`).  Only beyond the first pole has `bernoulli` zeros of its own, and near them an absolute
-accuracy.
+(the derivatives in `dexp_coefficients`: 5 eps of their terms).  Only beyond the first pole has `bernoulli` zeros of
+its own, and near them an absolute accuracy.
 
 The comparison `x <= LIMIT` needs a number.  For symbols, put the closed forms of the docstrings in the place of these
 functions at the border; a branch for them here would cost every step.
@@ -22,8 +22,8 @@ from __future__ import annotations
 
 from ..native import cos, sin, sqrt, tan
 
-LIMIT = 0.625
-"""Up to this x (theta = 0.79, half a quarter turn: more than a step should make) the polynomials hold."""
+LIMIT = 0.4
+"""Up to this x (theta = 0.63, a tenth of a turn: more than a step should make) the polynomials hold."""
 
 SPLITTER = 2.0**27 + 1.0
 """Cuts a double into two halves of 26 bits.  Source: Dekker, Numer. Math. 18 (1971), 224."""
@@ -31,48 +31,48 @@ SPLITTER = 2.0**27 + 1.0
 # Computed by docs/derivations/rotation_polynomials.py; the tests compute them again.
 SINC = (
     1.0,
-    -0.1666666666666663,
-    0.008333333333321745,
-    -0.0001984126982923202,
-    2.755731348148078e-06,
-    -2.505072379098278e-08,
-    1.58947374105812e-10,
+    -0.16666666666666663,
+    0.00833333333333182,
+    -0.00019841269839017376,
+    2.7557317622636563e-06,
+    -2.5051522133788902e-08,
+    1.5952378576761297e-10,
 )
 VERSINE = (
     0.5,
-    -0.041666666666666644,
-    0.0013888888888881643,
-    -2.4801587294058575e-05,
-    2.7557315632360056e-07,
-    -2.0875891034531787e-09,
-    1.1368000539076228e-11,
+    -0.041666666666666664,
+    0.0013888888888887944,
+    -2.480158730018016e-05,
+    2.755731822331995e-07,
+    -2.087639056185313e-09,
+    1.1404068711980445e-11,
 )
 BERNOULLI = (
     0.08333333333333333,
-    0.001388888888888712,
-    3.3068783074280444e-05,
-    8.267195198761331e-07,
-    2.0877026880749763e-08,
-    5.277726588767947e-10,
-    1.4139669277850262e-11,
+    0.001388888888888877,
+    3.3068783069360897e-05,
+    8.267195673709237e-07,
+    2.087682644382282e-08,
+    5.281585624531128e-10,
+    1.386118227211967e-11,
 )
 STUMPFF4 = (
     0.041666666666666664,
-    -0.0013888888888888887,
-    2.4801587301583632e-05,
-    -2.755731922081021e-07,
-    2.087675562814133e-09,
-    -1.147043945898834e-11,
-    4.7447846707603605e-14,
+    -0.001388888888888889,
+    2.480158730158839e-05,
+    -2.7557319224724247e-07,
+    2.0876757146334453e-09,
+    -1.1470719729895683e-11,
+    4.764673072706606e-14,
 )
 STUMPFF5 = (
     0.008333333333333333,
     -0.0001984126984126984,
-    2.7557319223985206e-06,
-    -2.505210838445502e-08,
-    1.605904329865549e-10,
-    -7.647024552751604e-13,
-    2.7942412451698772e-15,
+    2.755731922398578e-06,
+    -2.505210838524148e-08,
+    1.6059043681290294e-10,
+    -7.64710385181737e-13,
+    2.800217162164268e-15,
 )
 
 
@@ -128,25 +128,39 @@ def dexp_coefficients(x: float) -> tuple[float, float, float, float]:
     """`versine` and `segment`, what the differential of the exponential needs, and their derivatives with respect to x.
 
     With the next two Stumpff functions c_4, c_5:  versine = 1/2 - x c_4, segment = 1/6 - x c_5, and
-    versine' = c_4 - segment/2, segment' = (3 c_5 - c_4)/2.  In between, the angle is halved, which leaves sums of positive terms.
+    versine' = c_4 - segment/2, segment' = (3 c_5 - c_4)/2.
     """
     c4, c5 = polynomial(STUMPFF4, x), polynomial(STUMPFF5, x)
     b, c = 0.5 - x * c4, 1 / 6 - x * c5
     if x > LIMIT:
         _, b = exp_coefficients(x)
-        if x <= 4.0 * LIMIT:
+        if x <= 16.0 * LIMIT:
             q = 0.25 * x
-            h4, h5 = polynomial(STUMPFF4, q), polynomial(STUMPFF5, q)
-            h3 = 1 / 6 - q * h5
-            h1 = 1.0 - q * h3
-            c4 = 0.125 * h3 * (1.0 + h1)
-            c5 = 0.0625 * ((h5 * (1.0 - 0.5 * q) + h4 * h1) + 1 / 12)
-            c = 0.25 * (h3 + h1 * (0.5 - q * h4))
+            if q > LIMIT:
+                q = 0.25 * q
+            c, c4, c5 = _doubled(q, polynomial(STUMPFF4, q), polynomial(STUMPFF5, q))
+            if x > 4.0 * LIMIT:
+                c, c4, c5 = _doubled(4.0 * q, c4, c5)
         else:
             t = sqrt(x)
             c = (t - sin(t)) / (x * t)
             c4, c5 = (0.5 - b) / x, (1 / 6 - c) / x
     return b, c, c4 - 0.5 * c, 0.5 * (3.0 * c5 - c4)
+
+
+def _doubled(q: float, c4: float, c5: float) -> tuple[float, float, float]:
+    """The Stumpff functions c_3, c_4, c_5 of twice the angle, x = 4 q: sums of positive terms where q < 2.
+
+    c_3(4q) = (c_3 + c_1 c_2)/4,  c_4(4q) = c_3 (1 + c_1)/8,  c_5(4q) = (1/12 + c_5 (1 - q/2) + c_4 c_1)/16,
+    with c_3 = 1/6 - q c_5, c_2 = 1/2 - q c_4, c_1 = 1 - q c_3.
+    """
+    c3 = 1 / 6 - q * c5
+    c1 = 1.0 - q * c3
+    return (
+        0.25 * (c3 + c1 * (0.5 - q * c4)),
+        0.125 * c3 * (1.0 + c1),
+        0.0625 * ((c5 * (1.0 - 0.5 * q) + c4 * c1) + 1 / 12),
+    )
 
 
 def segment(x: float) -> float:

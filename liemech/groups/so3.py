@@ -10,6 +10,9 @@ from .lie_group import BERNOULLI, LieGroup
 from .rotation_coefficients import bernoulli, dexp_coefficients, exp_coefficients
 from .rotation_logarithm import rotation_quaternion, rotation_vector
 
+WHOLE_TURN = 39.47841760435743
+"""(2 pi)^2: where dexp is singular for the first time."""
+
 TOLERANCE = 1e-6
 """Matrices farther than this from orthogonal are no rotations with rounding errors but mistakes."""
 
@@ -102,7 +105,16 @@ class SO3(LieGroup):
     def exp(self, xi: Vec) -> Mat:
         """The rotation about xi by the angle |xi|."""
         a, b = exp_coefficients(dot(xi, xi))
-        return _rotation(a, b, xi)
+        return _plus(_turn(a, b, xi), 1.0)
+
+    def compose_exp(self, g: Mat, xi: Vec) -> Mat:
+        """g + g (exp(xi) - 1): rounded by what the step adds, not by what is there."""
+        a, b = exp_coefficients(dot(xi, xi))
+        return g + g @ _turn(a, b, xi)
+
+    def is_exp_chart(self, xi: Vec) -> bool:
+        """|xi| < 2 pi: less than a whole turn."""
+        return dot(xi, xi) < WHOLE_TURN
 
     def log(self, g: Mat) -> Vec:
         """The rotation vector, of length at most pi."""
@@ -143,7 +155,7 @@ class SO3(LieGroup):
         for k in range(2, terms + 1, 2):
             total = total + BERNOULLI[k] * power
             power = -x * power
-        return _rotation(-0.5 if terms else 0.0, total, u) @ eta
+        return eta + _turn(-0.5 if terms else 0.0, total, u) @ eta
 
     def exp_mismatch(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
         """r = p - a mu + b xi x mu - c s xi,  s = xi . mu,  with a = sin th/th, b = (1 - cos th)/th^2, c = (th - sin th)/th^3 and
@@ -162,7 +174,12 @@ class SO3(LieGroup):
     def cayley(self, xi: Vec) -> Mat:
         """The rotation about xi by the angle 2 atan(|xi|/2)."""
         f = 4.0 / (4.0 + dot(xi, xi))
-        return _rotation(f, 0.5 * f, xi)
+        return _plus(_turn(f, 0.5 * f, xi), 1.0)
+
+    def compose_cayley(self, g: Mat, xi: Vec) -> Mat:
+        """g + g (cay(xi) - 1)."""
+        f = 4.0 / (4.0 + dot(xi, xi))
+        return g + g @ _turn(f, 0.5 * f, xi)
 
     def cayley_inv(self, g: Mat) -> Vec:
         """2 tan(angle/2) times the axis; infinite at half a turn."""
@@ -199,13 +216,13 @@ def _plus(m: Mat, s: float) -> Mat:
     return mat(vec(m[0, 0] + s, m[0, 1], m[0, 2]), vec(m[1, 0], m[1, 1] + s, m[1, 2]), vec(m[2, 0], m[2, 1], m[2, 2] + s))
 
 
-def _rotation(s: float, b: float, w: Vec) -> Mat:
-    """1 + s hat(w) + b hat(w)^2, the diagonal without cancellation."""
+def _turn(s: float, b: float, w: Vec) -> Mat:
+    """s hat(w) + b hat(w)^2: what a rotation adds to 1."""
     xx, yy, zz = w[0] * w[0], w[1] * w[1], w[2] * w[2]
     xy, xz, yz = b * (w[0] * w[1]), b * (w[0] * w[2]), b * (w[1] * w[2])
     sx, sy, sz = s * w[0], s * w[1], s * w[2]
     return mat(
-        vec(1.0 - b * (yy + zz), xy - sz, xz + sy),
-        vec(xy + sz, 1.0 - b * (xx + zz), yz - sx),
-        vec(xz - sy, yz + sx, 1.0 - b * (xx + yy)),
+        vec(-b * (yy + zz), xy - sz, xz + sy),
+        vec(xy + sz, -b * (xx + zz), yz - sx),
+        vec(xz - sy, yz + sx, -b * (xx + yy)),
     )

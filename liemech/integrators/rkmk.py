@@ -75,7 +75,7 @@ class RKMK(Method):
         mu = self.retraction.tau_Ad_star(system.group, omega, state.mu)
         if state.g is None:
             return BodyState(mu, None)
-        return BodyState(mu, system.group.compose(state.g, self.retraction.tau(system.group, omega)))
+        return BodyState(mu, self.retraction.compose_tau(system.group, state.g, omega))
 
     def slope(self, system: Any, t: float, omega: Vec | None, mu: Vec) -> Vec:
         """dtau^-1_Omega xi(t, Ad*_tau(Omega) mu), left-trivialised; Omega None is zero."""

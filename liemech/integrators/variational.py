@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 from ..errors import InvalidType, NoConvergence, OutsideChart
 from ..native import Mat, Record, Vec, dot, mat, norm, record, sqrt, vec
 from ..retractions import Exponential, Retraction
-from ..solvers import LIMIT, TOLERANCE, correction, orientation
+from ..solvers import LIMIT, TOLERANCE, correction, beyond_fold
 from ..systems.lie_poisson import BodyState
 from .method import Method
 
@@ -71,7 +71,7 @@ class CovariantVariational(Method):
         group, guess = system.group, 3.0 * state.last + (state.last_2 - 3.0 * state.last_1)
         new = self.displacement(system, h, state.mu, guess)
         mu = self.retraction.tau_Ad_star(group, new, state.mu)
-        g = None if state.g is None else group.compose(state.g, self.retraction.tau(group, new))
+        g = None if state.g is None else self.retraction.compose_tau(group, state.g, new)
         return Memory(mu, g, new, state.last, state.last_1)
 
     def displacement(self, system: Any, h: float, mu: Vec, guess: Vec) -> Vec:
@@ -84,7 +84,7 @@ class CovariantVariational(Method):
             xi = rate * x
             r, by_p, by_x = self.retraction.mismatch(system.group, x, system.lagrangian.momentum(xi), mu)
             jacobian = _plus(by_x, by_p * (rate * system.lagrangian.hessian(xi)))
-            x, folded = x - correction(jacobian, r), rate * orientation(jacobian) <= 0.0
+            x, folded = x - correction(jacobian, r), beyond_fold(jacobian, rate)
             size, enough = dot(r, r), (by_p * by_p) * goal
             if size <= enough:
                 break
