@@ -195,6 +195,8 @@ class _Run:
                 array, lanes = np.empty(0), kernel.lanes() if self.bodies is not None else 1
                 values = self._arguments(0, 1, 1)
                 self.kernels[march] = kernel.kernel(march, *values, array, array, array, lanes=lanes)
+                values = self.method, self.system, self.given, self.h
+                self.kernels[begin] = kernel.kernel(begin, *values, array, array, array, lanes=lanes)
             except NotCompilable as error:
                 if compiled:
                     raise

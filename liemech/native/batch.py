@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from ..errors import NotCompilable
-from .driver import accepted, attempt, itself, read, write
+from .driver import accepted, attempt, itself, numbers, read, write
 from .functions import where
 from .records import element
-from .values import NUMBER, Layout, layout_of, leaves
+from .values import NUMBER, Layout, is_any_number, layout_of, leaves
 from .vectors import Vec
 
 
@@ -25,7 +25,7 @@ def evaluate(formula: Callable[..., Any], owner: Any, arrays: dict[str, np.ndarr
     example = formula(owner, **first, **rest)
     names = tuple(first)
     layouts = tuple(layout_of(first[name]) for name in names)
-    shown = layout_of(example)
+    shown = layout_of(example, is_any_number)
     n, lanes = len(next(iter(arrays.values()))), kernel.lanes()
     columns = -(-n // lanes) * lanes
     data = np.empty((sum(part.width for part in layouts), columns))
@@ -53,9 +53,13 @@ def _each(formula: Any, owner: Any, layouts: Any, rest: Any, shown: Any, data: A
     for part in layouts:
         arguments = [*arguments, read(data, start, part)]
         start = start + part.width
-    value = attempt(formula, owner, *arguments, *rest)
+    value = attempt(_numbers, formula, owner, *arguments, *rest)
     write(out, 0, value)
     write(out, shown.width, where(accepted(value, itself), 1.0, 0.0))
+
+
+def _numbers(formula: Any, owner: Any, *arguments: Any) -> Vec:
+    return numbers(formula(owner, *arguments))
 
 
 def _assembled(example: Any, layout: Layout, rows: Any) -> Any:

@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from .values import Layout, build, layout_of, leaves
+from .values import Layout, build, is_any_number, layout_of, leaves
+from .vectors import Vec
 
 
 class Rejected:
@@ -31,6 +32,11 @@ def write(array: np.ndarray, start: int, value: Any, layout: Layout | None = Non
     """Lay the numbers of a value, which may be known to have this layout, down at `array[start:]`."""
     for i, x in enumerate(leaves(value, layout or layout_of(value))):
         array[start + i] = x
+
+
+def numbers(value: Any) -> Vec:
+    """All numbers of a value, integers too, in order."""
+    return Vec.of(leaves(value, layout_of(value, is_any_number)))
 
 
 def attempt(function: Callable[..., Any], *args: Any) -> Any:

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import NotCompilable
-from . import functions, vectors
+from . import driver, functions, vectors
 from .flow import LIVE, NOBODY, RETURN, UNROLL, Env, Flow, Frame, Open, Retype, Undefined
 from .numbers import Emitter, Num
 from .records import Record, annotation_text, bare
@@ -76,6 +76,7 @@ class Interpreter(Flow):
             getattr: self.named,
             sum: self.sum,
             layout_of: layout_of,
+            driver.numbers: lambda x: Vec(*leaves(x, layout_of(x, is_any_number))),
             math.fabs: abs,
             np.abs: abs,
             np.dot: lambda a, b: self.call(vectors.dot, a, b),
@@ -370,6 +371,8 @@ class Interpreter(Flow):
         iterable = node.iter
         if isinstance(iterable, ast.Call) and isinstance(iterable.func, ast.Name) and iterable.func.id == "range":
             bounds = [self.expression(a, env) for a in iterable.args]
+            if any(isinstance(n, Num) and n.kind == "f" for n in bounds):
+                raise NotCompilable(f"`{ast.unparse(iterable)}`: `range` of a float")
             if any(isinstance(n, Num) for n in bounds) or len(range(*bounds)) > UNROLL:
                 start, stop = bounds if len(bounds) > 1 else (0, bounds[0])
                 if len(bounds) > 2 or not isinstance(node.target, ast.Name):

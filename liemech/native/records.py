@@ -82,12 +82,12 @@ def annotation_text(annotation: Any) -> str:
 
 
 def _number(owner: Any, name: str, value: Any) -> Any:
-    if isinstance(value, (bool, complex)) or (isinstance(value, np.ndarray) and value.ndim):
+    if isinstance(value, (bool, complex, str, bytes)) or (isinstance(value, np.ndarray) and value.ndim):
         raise InvalidType(f"{type(owner).__name__}.{name} is a number; got {value!r}")
     try:
         return float(value)
     except (TypeError, ValueError):
-        if isinstance(value, str) or not hasattr(value, "free_symbols"):
+        if not hasattr(value, "free_symbols"):
             raise InvalidType(f"{type(owner).__name__}.{name} is a number; got {value!r}") from None
         return value
 

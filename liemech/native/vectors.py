@@ -72,6 +72,9 @@ class Vec(tuple[Any, ...]):
             return _make(Vec, [_product(self, column) for column in zip(*other.rows, strict=True)])
         return _product(self, _same_length(self, other))
 
+    def __getnewargs__(self) -> tuple[Any, ...]:
+        return tuple(self)
+
     def __repr__(self) -> str:
         return f"Vec({', '.join(map(str, self))})"
 
