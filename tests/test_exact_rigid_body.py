@@ -227,7 +227,7 @@ def test_long_times(J, mu, periods):
             mp.fsum(mp.mpf(p) ** 2 / mp.mpf(j) for p, j in zip(mu, J, strict=True)),
             mp.fsum(mp.mpf(p) ** 2 for p in mu),
         )
-        if G2 < E2 * Jb:
+        if E2 * Jb > G2:
             Ja, Jc = Jc, Ja
         # The momentum surrounds the axis c: mu_a = A cos th, mu_b = B sin th, th' = rate mu_c, which is never zero.
         A2, B2 = (Ja * (E2 * Jc - G2) / (Jc - Ja), Jb * (E2 * Jc - G2) / (Jc - Jb))

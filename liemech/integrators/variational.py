@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 from ..errors import InvalidType, NoConvergence, OutsideChart
 from ..native import Mat, Record, Vec, dot, mat, norm, record, sqrt, vec
 from ..retractions import Exponential, Retraction
-from ..solvers import LIMIT, TOLERANCE, correction, beyond_fold
+from ..solvers import LIMIT, TOLERANCE, beyond_fold, correction
 from ..systems.lie_poisson import BodyState
 from .method import Method
 
