@@ -89,7 +89,7 @@ class LieGroup(Record):
         return self.Ad_star(self.exp(xi), mu)
 
     def compose_exp(self, g: Mat, xi: Vec) -> Mat:
-        """g exp(xi): the element g moved by a step with velocity xi, best written as g plus something small.  g : (n, n), xi : (dim,)."""
+        """g exp(xi): g moved by a step with velocity xi, best written as g plus something small.  g : (n, n), xi : (dim,)."""
         return self.compose(g, self.exp(xi))
 
     def dexp(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
