@@ -86,7 +86,10 @@ def kernel(entry: Callable[..., Any], *args: Any, lanes: int = 1) -> Kernel:
     key = entry, kinds, lanes
     with _lock:
         if key not in _kernels:
-            _kernels[key] = Kernel(entry, kinds, lanes)
+            try:
+                _kernels[key] = Kernel(entry, kinds, lanes)
+            except RuntimeError as error:  # of LLVM: an unknown processor, a broken installation
+                raise NotCompilable(f"native code cannot be made here: {error}") from error
         return _kernels[key]
 
 
@@ -149,10 +152,15 @@ def _translated(entry: Callable[..., Any], kinds: tuple[Kind, ...], lanes: int) 
     try:
         interpreter.call(entry, *args)
     except Exception as error:
-        raise _located(error, interpreter) from error
+        located = _located(error, interpreter)
+        if located is error:
+            raise
+        raise located from (None if isinstance(error, NotCompilable) else error)
     index.add_incoming(builder.add(index, ir.Constant(I64, lanes)), builder.block)
     builder.branch(head)
     builder.position_at_end(done)
+    if _has_avx():  # the caller's code may be of the older kind that waits for clear registers
+        builder.call(ir.Function(module, ir.FunctionType(ir.VoidType(), []), "llvm.x86.avx.vzeroupper"), [])
     builder.ret_void()
     return module
 
@@ -183,6 +191,11 @@ def _machine() -> tuple[str, ...]:
 
 @functools.cache
 def _target() -> Any:
+    """The processor that code is made for."""
+    return _target_machine()
+
+
+def _target_machine() -> Any:
     import ctypes.util
 
     import llvmlite.binding as llvm
@@ -192,15 +205,24 @@ def _target() -> Any:
     libm = ctypes.CDLL(ctypes.util.find_library("m") or None)
     for f in (*LIBM, pow):  # under names that LLVM does not know, so that it changes nothing about them
         llvm.add_symbol(f"liemech_{f.__name__}", ctypes.cast(getattr(libm, f.__name__), ctypes.c_void_p).value)
+    features = llvm.get_host_cpu_features().flatten()
+    if _has_avx():  # else LLVM ends functions that promise to keep all registers with one that clears their upper halves
+        features += ",-vzeroupper"
     return llvm.Target.from_triple(llvm.get_process_triple()).create_target_machine(
-        cpu=llvm.get_host_cpu_name(), features=llvm.get_host_cpu_features().flatten(), opt=3, jit=True
+        cpu=llvm.get_host_cpu_name(), features=features, opt=3, jit=True
     )
+
+
+def _has_avx() -> bool:
+    import llvmlite.binding as llvm
+
+    return bool(llvm.get_host_cpu_features().get("avx"))
 
 
 def _link(object_code: bytes) -> tuple[Any, int]:
     import llvmlite.binding as llvm
 
-    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _target())
+    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _target_machine())  # which it owns and frees
     engine.add_object_file(llvm.ObjectFileRef.from_data(object_code))
     engine.finalize_object()
     return engine, engine.get_function_address("kernel")
