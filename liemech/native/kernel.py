@@ -159,8 +159,6 @@ def _translated(entry: Callable[..., Any], kinds: tuple[Kind, ...], lanes: int) 
     index.add_incoming(builder.add(index, ir.Constant(I64, lanes)), builder.block)
     builder.branch(head)
     builder.position_at_end(done)
-    if _has_avx():  # the caller's code may be of the older kind that waits for clear registers
-        builder.call(ir.Function(module, ir.FunctionType(ir.VoidType(), []), "llvm.x86.avx.vzeroupper"), [])
     builder.ret_void()
     return module
 
@@ -205,18 +203,9 @@ def _target_machine() -> Any:
     libm = ctypes.CDLL(ctypes.util.find_library("m") or None)
     for f in (*LIBM, pow):  # under names that LLVM does not know, so that it changes nothing about them
         llvm.add_symbol(f"liemech_{f.__name__}", ctypes.cast(getattr(libm, f.__name__), ctypes.c_void_p).value)
-    features = llvm.get_host_cpu_features().flatten()
-    if _has_avx():  # else LLVM ends functions that promise to keep all registers with one that clears their upper halves
-        features += ",-vzeroupper"
     return llvm.Target.from_triple(llvm.get_process_triple()).create_target_machine(
-        cpu=llvm.get_host_cpu_name(), features=features, opt=3, jit=True
+        cpu=llvm.get_host_cpu_name(), features=llvm.get_host_cpu_features().flatten(), opt=3, jit=True
     )
-
-
-def _has_avx() -> bool:
-    import llvmlite.binding as llvm
-
-    return bool(llvm.get_host_cpu_features().get("avx"))
 
 
 def _link(object_code: bytes) -> tuple[Any, int]:

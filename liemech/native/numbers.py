@@ -16,7 +16,6 @@ from ..errors import NotCompilable
 
 F64, I64, I32, I1 = ir.DoubleType(), ir.IntType(64), ir.IntType(32), ir.IntType(1)
 TYPES = {"f": F64, "i": I64, "b": I1}
-ASIDE = "preserve_allcc"
 Values = tuple[ir.Value, ...]
 
 
@@ -149,15 +148,15 @@ class Emitter:
             function = self._declared(name + (f".v{self.width}f64" if varying else ".f64"), self.type("f", varying), len(args))
             return self.each(lambda *v: b.call(function, v), *values)
         self.calls += 1
-        function = self._aside(name, len(args))
+        function = self._declared(f"liemech_{name}", F64, len(args))
         if not varying:
-            return self.each(lambda *v: b.call(function, v, cconv=ASIDE), *values)
+            return self.each(lambda *v: b.call(function, v), *values)
 
         def by_lane(*registers: ir.Value) -> ir.Value:
             result = ir.Constant(self.type("f", True), ir.Undefined)
             for lane in range(self.width):
                 at = ir.Constant(I32, lane)
-                one = b.call(function, [b.extract_element(v, at) for v in registers], cconv=ASIDE)
+                one = b.call(function, [b.extract_element(v, at) for v in registers])
                 result = b.insert_element(result, one, at)
             return result
 
@@ -169,19 +168,6 @@ class Emitter:
         if function is None:
             function = ir.Function(module, ir.FunctionType(type_, [type_] * arguments), symbol)
             function.attributes.add("nounwind")
-        return function
-
-    def _aside(self, name: str, arguments: int) -> ir.Function:
-        """The C function, wrapped so that a call leaves the caller's registers alone: what happens rarely must not cost always."""
-        module = self.builder.module
-        function = module.globals.get(f"aside_{name}")
-        if function is None:
-            function = ir.Function(module, ir.FunctionType(F64, [F64] * arguments), f"aside_{name}")
-            function.calling_convention, function.linkage = ASIDE, "internal"
-            for attribute in ("noinline", "nounwind"):
-                function.attributes.add(attribute)
-            inside = ir.IRBuilder(function.append_basic_block())
-            inside.ret(inside.call(self._declared(f"liemech_{name}", F64, arguments), function.args))
         return function
 
 
