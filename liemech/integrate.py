@@ -158,9 +158,10 @@ class _Run:
         one = _member(start, 0)
         self.given, first = layout_of(one), method.start(system, one, h)
         self.layout, self.shown = layout_of(first), layout_of(method.observe(first))
-        self._try(first)
         self.kernels: dict[Any, kernel.Kernel] = {}
         self.compiled = self._decide(compiled, count)
+        if not self.compiled:
+            self._try(first)
         self.lanes = kernel.lanes() if self.compiled and self.bodies is not None else 1
         self.columns = -(-count // self.lanes) * self.lanes
         rows = self._rows(steps)
@@ -171,7 +172,9 @@ class _Run:
         self._run(begin, (method, system, self.given, h), self._columns_of(start), self.states, self.out[0])
 
     def _try(self, memory: Any) -> None:
-        """Make the first step once for trial: a formula that returns something else than it should is told before the run."""
+        """Make the first step once for trial: a formula that returns what it should not is told before the run.
+
+        The compiler needs no trial, it sees what comes back."""
         new = attempt(self.method.step, self.system, self.t0, memory, self.h) if self.steps else memory
         if new is not REJECTED and layout_of(new) != self.layout:
             raise InvalidType(

@@ -92,7 +92,7 @@ class SO3(LieGroup):
         worst = float(defect.max(initial=0.0))
         if not worst <= TOLERANCE:
             return f"g^T g differs from the unit matrix by {worst:.1e}, more than {TOLERANCE:.0e}"
-        if (np.linalg.det(g) < 0).any():
+        if (np.einsum("...i,...i", np.cross(g[..., 0, :], g[..., 1, :]), g[..., 2, :]) < 0).any():
             return "its determinant is -1, it is a reflection"
         return None
 

@@ -127,6 +127,9 @@ def _translated(entry: Callable[..., Any], kinds: tuple[Kind, ...], lanes: int) 
     function = ir.Function(module, signature, "kernel")
     for pointer in function.args[:3]:
         pointer.add_attribute("noalias")
+    function.attributes.add("nounwind")
+    if lanes > 1:
+        function.attributes.alignstack = 8 * width()  # else every register kept on the stack straddles two cache lines
     builder = ir.IRBuilder(function.append_basic_block("entry"))
     head, body, done = (function.append_basic_block(n) for n in ("head", "body", "done"))
     emitter = Emitter(builder, lanes, width())

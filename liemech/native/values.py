@@ -74,15 +74,25 @@ def layout_of(value: Any, number: Callable[[Any], bool] = is_number) -> Layout:
     if number(value):
         return NUMBER
     if isinstance(value, Vec):
-        return Layout("vec", tuple(layout_of(x, is_any_number) for x in value))
+        return _vector(len(value)) if all(map(is_any_number, value)) else Layout("vec", tuple(map(layout_of, value)))
     if isinstance(value, Mat):
-        return Layout("mat", tuple(layout_of(row) for row in value.rows))
+        return _matrix(tuple(layout_of(row) for row in value.rows))
     if isinstance(value, Record):
         names = tuple(f.name for f in dataclasses.fields(value))  # type: ignore[arg-type]
         return Layout("record", tuple(layout_of(getattr(value, n), number) for n in names), (type(value), names))
     if isinstance(value, list) or (isinstance(value, tuple) and (number is is_any_number or not is_static(value))):
         return Layout(type(value).__name__, tuple(layout_of(x, number) for x in value))
     return Layout("static", (), value)
+
+
+@functools.cache
+def _vector(n: int) -> Layout:
+    return Layout("vec", (NUMBER,) * n)
+
+
+@functools.cache
+def _matrix(rows: tuple[Layout, ...]) -> Layout:
+    return Layout("mat", rows)
 
 
 def is_static(value: Any) -> bool:
