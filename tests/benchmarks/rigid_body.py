@@ -11,6 +11,7 @@ import subprocess
 import sys
 import tempfile
 import time
+import warnings
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -35,7 +36,8 @@ def library() -> Integrate | None:
     try:
         import liemech as lm
 
-        body = lm.RigidBody(INERTIA)
+        with warnings.catch_warnings(action="ignore", category=lm.errors.InertiaWarning):
+            body = lm.RigidBody(INERTIA)
         methods = {
             "RKMK4": lm.RKMK(order=4),
             "Algorithm 1, Cayley": lm.CovariantVariational(lm.Cayley()),
@@ -287,8 +289,9 @@ def start_up_table(integrate: Integrate | None, repetitions: int) -> list[dict[s
 
     def process(*arguments: str, cache: str | None = None) -> float:
         environment = os.environ | ({"XDG_CACHE_HOME": cache, "LIEMECH_CACHE_DIR": cache} if cache else {})
+        environment.pop("PYTHONDONTWRITEBYTECODE", None)  # an installed package has its byte code
         begin = time.perf_counter()
-        subprocess.run([sys.executable, *arguments], check=True, stdout=subprocess.DEVNULL, env=environment)
+        subprocess.run([sys.executable, "-W", "ignore", *arguments], check=True, stdout=subprocess.DEVNULL, env=environment)
         return time.perf_counter() - begin
 
     def first_run(script: str, cache: str | None = None) -> float:
