@@ -162,7 +162,7 @@ def _kept(name: str, t: np.ndarray, values: np.ndarray) -> Kept:
     largest = np.linalg.norm(relative, axis=-1)
     worst = np.unravel_index(np.argmax(largest), largest.shape)[1:]
     series = relative[(slice(None), *worst)]
-    component = series[:, np.abs(series[-1]).argmax()]
+    component = np.ascontiguousarray(series[:, np.abs(series[-1]).argmax()])
     time = t - t.mean()
     slope = float(time @ component / (time @ time))
     spread = float(np.std(component - slope * time))
