@@ -30,6 +30,7 @@ LAYERS = (
     "solvers",  # an implicit method solves equations
     "integrators",
     "trajectory",  # what the loop returns
+    "marching",  # the loop
     "integrate",
     "checks",
     "plots",

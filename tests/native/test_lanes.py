@@ -16,7 +16,7 @@ import pytest
 import worlds
 
 import liemech as lm
-from liemech.integrate import march
+from liemech.marching import march
 from liemech.native import Record, Vec, dot, kernel, record, sin, vec
 from liemech.native.values import layout_of
 
