@@ -40,7 +40,7 @@ class Source:
             return f.__closure__[code.co_freevars.index(name)].cell_contents
         if name in code.co_varnames or name in code.co_cellvars:
             raise NotCompilable(f"`{name}` may have no value here: give it one on every way to this line")
-        for names in (f.__globals__, f.__builtins__):  # type: ignore[attr-defined]
+        for names in (f.__globals__, vars(builtins)):
             if name in names:
                 return names[name]
         raise NotCompilable(f"the name `{name}` is not defined")
