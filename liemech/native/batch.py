@@ -11,8 +11,10 @@ from ..errors import NotCompilable
 from .driver import accepted, attempt, itself, numbers, read, write
 from .functions import where
 from .records import element
-from .values import NUMBER, Layout, is_any_number, layout_of, leaves
+from .values import Layout, is_any_number, layout_of
 from .vectors import Vec
+
+BLOCK = 4096
 
 
 def evaluate(formula: Callable[..., Any], owner: Any, arrays: dict[str, np.ndarray], rest: dict[str, Any]) -> Any:
@@ -27,24 +29,27 @@ def evaluate(formula: Callable[..., Any], owner: Any, arrays: dict[str, np.ndarr
     layouts = tuple(layout_of(first[name]) for name in names)
     shown = layout_of(example, is_any_number)
     n, lanes = len(next(iter(arrays.values()))), kernel.lanes()
-    columns = -(-n // lanes) * lanes
-    data = np.empty((sum(part.width for part in layouts), columns))
-    row = 0
-    for name, part in zip(names, layouts, strict=True):
-        flat = arrays[name].reshape(n, -1).T
-        data[row : row + part.width, :n] = flat
-        data[row : row + part.width, n:] = flat[:, :1]
-        row += part.width
+    columns = -(-min(n, BLOCK) // lanes) * lanes
+    data = np.zeros((sum(part.width for part in layouts), columns))
     out = np.empty((shown.width + 1, columns))
     arguments = formula, owner, layouts, tuple(rest.values()), shown, data, out
     try:
-        kernel.kernel(_each, *arguments, lanes=lanes)(*arguments, bodies=columns, end=columns)
+        run = kernel.kernel(_each, *arguments, lanes=lanes)
     except NotCompilable:
         return None
-    bad = np.flatnonzero(out[shown.width, :n] == 0.0)
-    if len(bad):
-        formula(owner, **element(arrays, int(bad[0])), **rest)  # raises the error that native code only marks
-    return _assembled(example, shown, iter(out[: shown.width, :n]))
+    results = np.empty((n, shown.width))
+    for begin in range(0, n, columns):  # blocks that stay in the cache while their axes are exchanged
+        count = min(columns, n - begin)
+        row = 0
+        for name, part in zip(names, layouts, strict=True):
+            data[row : row + part.width, :count] = arrays[name][begin : begin + count].reshape(count, -1).T
+            row += part.width
+        run(*arguments, bodies=columns, end=-(-count // lanes) * lanes)
+        bad = np.flatnonzero(out[shown.width, :count] == 0.0)
+        if len(bad):
+            formula(owner, **element(arrays, begin + int(bad[0])), **rest)  # raises the error that native code only marks
+        results[begin : begin + count] = out[: shown.width, :count].T
+    return _assembled(example, shown, results)
 
 
 def _each(formula: Any, owner: Any, layouts: Any, rest: Any, shown: Any, data: Any, out: Any) -> None:
@@ -62,11 +67,10 @@ def _numbers(formula: Any, owner: Any, *arguments: Any) -> Vec:
     return numbers(formula(owner, *arguments))
 
 
-def _assembled(example: Any, layout: Layout, rows: Any) -> Any:
+def _assembled(example: Any, layout: Layout, results: np.ndarray) -> Any:
     """Rows of numbers put together as arrays of the example's shape, the batch axis first."""
-    if layout == NUMBER:
-        return next(rows)
     if isinstance(example, tuple) and not isinstance(example, Vec):
-        return tuple(_assembled(x, part, rows) for x, part in zip(example, layout.parts, strict=True))
-    columns = np.array([next(rows) for _ in leaves(example, layout)])
-    return np.ascontiguousarray(columns.T).reshape(-1, *np.shape(example))
+        ends = np.cumsum([part.width for part in layout.parts])[:-1]
+        parts = zip(example, layout.parts, np.split(results, ends, axis=1), strict=True)
+        return tuple(_assembled(x, part, columns) for x, part, columns in parts)
+    return np.ascontiguousarray(results).reshape(-1, *np.shape(example))
