@@ -155,7 +155,7 @@ class SO3(LieGroup):
         for k in range(2, terms + 1, 2):
             total = total + BERNOULLI[k] * power
             power = -x * power
-        return eta + _turn(-0.5 if terms else 0.0, total, u) @ eta
+        return _plus(_turn(-0.5 if terms else 0.0, total, u), 1.0) @ eta
 
     def exp_mismatch(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
         """r = p - a mu + b xi x mu - c s xi,  s = xi . mu,  with a = sin th/th, b = (1 - cos th)/th^2, c = (th - sin th)/th^3 and
