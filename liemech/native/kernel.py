@@ -197,18 +197,35 @@ def _target() -> Any:
 
 
 def _target_machine() -> Any:
-    import ctypes.util
+    import llvmlite.binding as llvm
 
+    _prepare()
+    return llvm.Target.from_triple(llvm.get_process_triple()).create_target_machine(
+        cpu=llvm.get_host_cpu_name(), features=llvm.get_host_cpu_features().flatten(), opt=3, jit=True
+    )
+
+
+@functools.cache
+def _prepare() -> None:
+    """Once in a process: LLVM for this processor, and the functions of the C library that plain Python uses too."""
     import llvmlite.binding as llvm
 
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
-    libm = ctypes.CDLL(ctypes.util.find_library("m") or None)
+    library = _c_library()
     for f in (*LIBM, pow):  # under names that LLVM does not know, so that it changes nothing about them
-        llvm.add_symbol(f"liemech_{f.__name__}", ctypes.cast(getattr(libm, f.__name__), ctypes.c_void_p).value)
-    return llvm.Target.from_triple(llvm.get_process_triple()).create_target_machine(
-        cpu=llvm.get_host_cpu_name(), features=llvm.get_host_cpu_features().flatten(), opt=3, jit=True
-    )
+        llvm.add_symbol(f"liemech_{f.__name__}", ctypes.cast(getattr(library, f.__name__), ctypes.c_void_p).value)
+
+
+def _c_library() -> ctypes.CDLL:
+    if os.name == "nt":
+        return ctypes.CDLL("ucrtbase")
+    process = ctypes.CDLL(None)
+    if hasattr(process, "sin"):
+        return process
+    from ctypes.util import find_library
+
+    return ctypes.CDLL(find_library("m"))
 
 
 def _link(object_code: bytes) -> tuple[Any, int]:
