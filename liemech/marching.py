@@ -211,8 +211,6 @@ class Run:
                 for a, column in zip(arrays, columns, strict=True):
                     a[..., i] = column.reshape(a.shape[:-1])
             return
-        if driver not in self.kernels:
-            self.kernels[driver] = kernel.kernel(driver, *values, *arrays, lanes=self.lanes)
         run = self.kernels[driver]
         share = -(-self.columns // (self.workers * self.lanes)) * self.lanes
         parts = [(i, min(i + share, self.columns)) for i in range(0, self.columns, share)]

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..errors import InertiaWarning, InvalidInput, InvalidType
 from ..groups.so3 import SO3
-from ..native import Mat, Vec, real_array, record
+from ..native import Mat, Vec, check_finite, real_array, record
 from ..systems.kinetic_energy import KineticEnergy
 from ..systems.lie_poisson import BodyState, LiePoissonSystem
 
@@ -80,9 +80,7 @@ def _inertia(value: Any) -> Vec | Mat:
     array = real_array(value, name)
     if array.shape not in ((3,), (3, 3)):
         raise InvalidInput(f"{name} has shape {array.shape}; give three principal moments or a 3x3 matrix")
-    bad = np.argwhere(~np.isfinite(array))
-    if len(bad):
-        raise InvalidInput(f"{name}{bad[0].tolist()} is {array[tuple(bad[0])]}; every entry must be finite")
+    check_finite(array, name)
     moments, known = array, 0.0
     if array.ndim == 2:
         skew = float(np.abs(array - array.T).max())

@@ -7,7 +7,8 @@ function, for one body or for many in SIMD lanes; all of them give the same bits
 
 from typing import Any
 
-from . import records
+from . import border
+from .border import check_finite, real_array
 from .functions import (
     acos,
     asin,
@@ -26,7 +27,7 @@ from .functions import (
     tanh,
     where,
 )
-from .records import Record, real_array, record
+from .records import Record, record
 from .vectors import (
     Mat,
     Vec,
@@ -51,6 +52,7 @@ __all__ = [
     "asin",
     "atan",
     "atan2",
+    "check_finite",
     "cos",
     "cosh",
     "cross",
@@ -85,4 +87,4 @@ def _evaluate_many(*arguments: Any) -> Any:
     return evaluate(*arguments)
 
 
-records.evaluate_many = _evaluate_many
+border.evaluate_many = _evaluate_many

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from ..errors import NotCompilable
+from .border import element
 from .driver import accepted, attempt, itself, numbers, read, write
 from .functions import where
-from .records import element
 from .values import Layout, is_any_number, layout_of
 from .vectors import Vec
 

@@ -21,10 +21,11 @@ import numpy as np
 
 from ..errors import NotCompilable
 from . import driver, functions, vectors
+from .border import annotation_text, bare
 from .expressions import holds_number
 from .joins import RETURN, Env, Frame, Open, Undefined
 from .numbers import Emitter, Num
-from .records import Record, annotation_text, bare
+from .records import Record
 from .source import source_of
 from .statements import Statements
 from .values import fill, is_any_number, layout_of, leaves

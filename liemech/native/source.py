@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import NotCompilable
-from .records import bare
+from .border import bare
 from .values import Layout
 
 

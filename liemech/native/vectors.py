@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Callable, Iterable, Iterator
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
@@ -281,13 +281,3 @@ def solve3(m: Mat, rhs: Any) -> Vec:
     bc = cross(b, c)
     scale = 1.0 / dot(a, bc)
     return vec(scale * dot(rhs, bc), scale * dot(rhs, cross(c, a)), scale * dot(rhs, cross(a, b)))
-
-
-def as_vec(value: Any) -> Vec:
-    """A Vec from anything with one axis."""
-    return value if isinstance(value, Vec) else Vec.of(cast("Iterable[Any]", value))
-
-
-def as_mat(value: Any) -> Mat:
-    """A Mat from anything with two axes."""
-    return value if isinstance(value, Mat) else Mat.of(cast("Iterable[Iterable[Any]]", value))

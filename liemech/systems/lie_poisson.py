@@ -8,7 +8,7 @@ import numpy as np
 
 from ..errors import InvalidInput, InvalidType
 from ..groups.lie_group import LieGroup
-from ..native import Mat, Record, Vec, real_array, record
+from ..native import Mat, Record, Vec, check_finite, real_array, record
 from .hamiltonian import Hamiltonian
 from .lagrangian import Lagrangian
 
@@ -93,7 +93,7 @@ class LiePoissonSystem(Record):
             )
         if not len(momenta):
             raise InvalidInput(f"{name}: mu has shape {momenta.shape}; an ensemble needs at least one body")
-        _finite(momenta, f"{name}: mu")
+        check_finite(momenta, f"{name}: mu")
         if g is None:
             return BodyState(Vec.of(momenta.tolist()) if momenta.ndim == 1 else _frozen(momenta))
         elements = real_array(g.as_matrix() if hasattr(g, "as_matrix") else g, f"{name}: g")
@@ -102,7 +102,7 @@ class LiePoissonSystem(Record):
             raise InvalidInput(f"{name}: g has shape {elements.shape}; an element of {self.group!r} has shape {shape}")
         if not len(elements):
             raise InvalidInput(f"{name}: g has shape {elements.shape}; an ensemble needs at least one body")
-        _finite(elements, f"{name}: g")
+        check_finite(elements, f"{name}: g")
         with np.errstate(over="ignore"):  # an overflow is one more objection
             objection = self.group.objection(elements)
         if objection:
@@ -124,10 +124,3 @@ def _frozen(array: np.ndarray) -> np.ndarray:
     copy = np.array(array)
     copy.flags.writeable = False
     return copy
-
-
-def _finite(array: np.ndarray, name: str) -> None:
-    bad = np.argwhere(~np.isfinite(array))
-    if len(bad):
-        at = tuple(int(i) for i in bad[0])
-        raise InvalidInput(f"{name}{list(at)} is {array[at]}; every entry must be finite")

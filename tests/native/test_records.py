@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from liemech.errors import InvalidInput, InvalidType
-from liemech.native import Mat, Record, Vec, dot, mat, outer, record, records, sin, vec
+from liemech.native import Mat, Record, Vec, border, dot, mat, outer, record, sin, vec
 
 
 @record
@@ -163,16 +163,16 @@ def test_an_overriding_method_inherits_the_border() -> None:
 def test_many_elements_run_in_native_code_with_the_same_bits(
     rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    x = rng.normal(size=(records.MANY + 5, 3))
-    assert records.evaluate_many is not None
+    x = rng.normal(size=(border.MANY + 5, 3))
+    assert border.evaluate_many is not None
     many = [S.energy(x), S.force(x, 3.0), *S.both(x), S.wave(x)]
-    monkeypatch.setattr(records, "evaluate_many", None)
+    monkeypatch.setattr(border, "evaluate_many", None)
     assert all(np.array_equal(a, b) for a, b in zip(many, [S.energy(x), S.force(x, 3.0), *S.both(x), S.wave(x)]))
 
 
 @pytest.mark.compiled
 def test_a_formula_that_gives_integers_too(rng: np.random.Generator) -> None:
-    x = -np.abs(rng.normal(size=(records.MANY, 3)))
+    x = -np.abs(rng.normal(size=(border.MANY, 3)))
     x[7] *= -1.0
     wave = S.wave(x)
     assert wave[7] == np.sin(x[7, 0]) and not np.delete(wave, 7).any()
