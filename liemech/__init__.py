@@ -21,7 +21,7 @@ from .integrators.method import Method
 from .integrators.rkmk import RKMK
 from .integrators.variational import CovariantVariational
 from .models.rigid_body import RigidBody
-from .native import Mat, Record, Vec, cross, dot, mat, norm, outer, record, vec
+from .native import Ambient, Element, Mat, Record, Vec, cross, derivative, dot, jacobian, mat, norm, outer, record, vec
 from .retractions import Cayley, Exponential, Retraction
 from .systems.hamiltonian import Hamiltonian
 from .systems.kinetic_energy import KineticEnergy
@@ -44,11 +44,13 @@ __version__ = "0.1.0"
 
 __all__ = [
     "SO3",
+    "Ambient",
     "BodyState",
     "ButcherTableau",
     "Cayley",
     "CoadjointAction",
     "CovariantVariational",
+    "Element",
     "Exponential",
     "Hamiltonian",
     "KineticEnergy",
@@ -67,9 +69,11 @@ __all__ = [
     "Vec",
     "coadjoint",
     "cross",
+    "derivative",
     "dot",
     "errors",
     "integrate",
+    "jacobian",
     "mat",
     "norm",
     "outer",

@@ -19,7 +19,8 @@ from .errors import (
     NotFinite,
 )
 from .integrators.method import Method
-from .native import Mat, Vec, kernel, where
+from .native import kernel, where
+from .native.border import small
 from .native.driver import REJECTED, accepted, any_body, attempt, read, write
 from .native.values import NUMBER, build, layout_of
 from .systems.lie_poisson import BodyState, LiePoissonSystem
@@ -131,7 +132,7 @@ class Run:
     def _columns_of(self, start: BodyState) -> np.ndarray:
         """The start with a column for each body; the last lanes, if there are too many, repeat the last body."""
         count = self.bodies or 1
-        parts = [np.asarray(x, dtype=float).reshape(count, -1) for x in (start.mu, start.g) if x is not None]
+        parts = [_numbers(x).reshape(count, -1) for x in (start.mu, start.g) if x is not None]
         columns = np.concatenate(parts, axis=1).T
         return np.ascontiguousarray(columns[:, np.minimum(np.arange(self.columns), count - 1)])
 
@@ -235,9 +236,11 @@ class Run:
         flat = parts[..., 0] if self.bodies is None else np.moveaxis(parts, 1, -1)
         dim = self.system.group.dim
         has_g = self.shown.width > dim
-        shape = self.system.group.identity().shape if has_g else ()
+        group = self.system.group
         mu = np.ascontiguousarray(flat[..., :dim])
-        g = np.ascontiguousarray(flat[..., dim:]).reshape(*flat.shape[:-1], *shape) if has_g else None
+        g = np.ascontiguousarray(flat[..., dim:]) if has_g else None
+        if g is not None:
+            g = (g.view(complex) if group.is_complex else g).reshape(*flat.shape[:-1], *group.element_shape)
         t = self.t0 + np.minimum(np.arange(rows) * self.every, steps) * self.h
         if stopped:
             some = ", ".join(f"body {i} after {n} steps" for i, n in list(stopped.items())[:5])
@@ -304,7 +307,13 @@ class Bar:
 def _member(start: BodyState, i: int) -> BodyState:
     if start.bodies is None:
         return start
-    return BodyState(Vec.of(start.mu[i].tolist()), None if start.g is None else Mat.of(start.g[i].tolist()))
+    return BodyState(small(start.mu[i]), None if start.g is None else small(start.g[i]))
+
+
+def _numbers(value: Any) -> np.ndarray:
+    """The numbers of small vectors and matrices or of arrays of them, a complex one as two."""
+    array = np.ascontiguousarray(value)
+    return array.view(float) if np.iscomplexobj(array) else array.astype(float)
 
 
 def _affordable(size: int, steps: int, every: int) -> None:

@@ -7,56 +7,99 @@ Source: Bou-Rabee and Marsden, Hamilton-Pontryagin integrators on Lie groups, Fo
 
 from __future__ import annotations
 
+from typing import final
+
+from .errors import IncompatibleSystem, NoConvergence
 from .groups.lie_group import LieGroup
-from .native import Mat, Record, Vec, record
+from .native import Element, Mat, Record, Vec, derivative, dot, identity_matrix, jacobian, mat, record, solve, sqrt, vec
+from .solvers import LIMIT, TOLERANCE
 
 
 @record
 class Retraction(Record):
     """A map tau with tau(0) = e, dtau_0 = 1 and tau(-xi) = tau(xi)^-1 that carries small steps from the algebra to the group.
 
+    1. A subclass writes `tau`, as a formula.
+    2. It may add closed forms for everything else.  What it leaves out follows from tau by differentiation.
+
     Source: Bou-Rabee and Marsden (2009), definition 4.1.
     """
 
-    def tau(self, group: LieGroup, xi: Vec) -> Mat:
+    # ---------------------------------------------------------------- 1. a subclass writes
+
+    def tau(self, group: LieGroup, xi: Vec) -> Element:
         """The group element tau(xi).  xi : (dim,)."""
         raise NotImplementedError(f"{type(self).__name__} must define `tau`")
 
-    def tau_inv(self, group: LieGroup, g: Mat) -> Vec:
-        """The xi with tau(xi) = g.  g : (n, n)."""
-        raise NotImplementedError(f"{type(self).__name__} must define `tau_inv`")
+    # ---------------------------------------------------------------- 2. closed forms are welcome
+
+    def why_not(self, group: LieGroup) -> str | None:
+        """Why the map cannot be used on a group; None if it can."""
+        return None
+
+    def tau_inv(self, group: LieGroup, g: Element) -> Vec:
+        """The xi with tau(xi) = g.  g : an element.
+
+        By Newton's method on the group, xi + dtau_xi^-1 log(tau(xi)^-1 g), from log(g).  Raises NoConvergence.
+        """
+        xi = group.log(g)
+        size = rest = dot(xi, xi)
+        for _ in range(LIMIT):
+            error = group.log(group.compose(group.inverse(self.tau(group, xi)), g))
+            xi = xi + self.dtau_inv(group, xi, error, "left")
+            rest = dot(error, error)
+            if not rest > TOLERANCE * TOLERANCE * size:
+                break
+        if not rest <= TOLERANCE * TOLERANCE * size:
+            raise NoConvergence(f"{type(self).__name__}: no xi found with tau(xi) = g, |log g| = {sqrt(size):.2g}")
+        return xi
 
     def tau_Ad_star(self, group: LieGroup, xi: Vec, mu: Vec) -> Vec:
         """Ad*_tau(xi) mu.  xi, mu : (dim,)."""
         return group.Ad_star(self.tau(group, xi), mu)
 
-    def compose_tau(self, group: LieGroup, g: Mat, xi: Vec) -> Mat:
-        """g tau(xi).  g : (n, n), xi : (dim,)."""
+    def compose_tau(self, group: LieGroup, g: Element, xi: Vec) -> Element:
+        """g tau(xi).  g : an element, xi : (dim,)."""
         return group.compose(g, self.tau(group, xi))
 
     def dtau(self, group: LieGroup, xi: Vec, eta: Vec, side: str = "right") -> Vec:
         """The trivialised differential.  xi, eta : (dim,)."""
-        raise NotImplementedError(f"{type(self).__name__} must define `dtau`")
+        g = self.tau(group, xi)
+        body = group.body_velocity(g, derivative(lambda x: self.tau(group, x), xi, eta))
+        return body if side == "left" else group.Ad(g, body)
+
+    def dtau_dual(self, group: LieGroup, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+        """Its dual, <dtau_dual_xi mu, eta> = <mu, dtau_xi eta>.  xi, mu : (dim,)."""
+        return vec(*[dot(mu, self.dtau(group, xi, unit, side)) for unit in identity_matrix(group.dim)])
 
     def dtau_inv(self, group: LieGroup, xi: Vec, eta: Vec, side: str = "right") -> Vec:
         """Its inverse.  xi, eta : (dim,)."""
-        raise NotImplementedError(f"{type(self).__name__} must define `dtau_inv`")
+        return solve(mat(*[self.dtau(group, xi, unit, side) for unit in identity_matrix(group.dim)]).T, eta)
 
     def dtau_inv_dual(self, group: LieGroup, xi: Vec, mu: Vec, side: str = "right") -> Vec:
         """The dual of the inverse, <dtau_inv_dual_xi mu, eta> = <mu, dtau_inv_xi eta>.  xi, mu : (dim,)."""
-        raise NotImplementedError(f"{type(self).__name__} must define `dtau_inv_dual`")
+        return solve(mat(*[self.dtau(group, xi, unit, side) for unit in identity_matrix(group.dim)]), mu)
 
     def is_chart(self, group: LieGroup, xi: Vec) -> bool:
         """Is xi in the neighbourhood of zero on which dtau can be inverted?  xi : (dim,)."""
         return True
 
-    def mismatch(self, group: LieGroup, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
+    def mismatch(self, group: LieGroup, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float | Mat, Mat]:
         """How far p = dl/dxi is from fitting the momentum mu at the start of a step tau(xi): r = p - (dtau_xi)* mu, or a multiple.
 
-        r = 0 is the discrete Legendre transform (dtau_xi^-1)* p = mu, freed of the inverse.  Returns r, dr/dp (a number) and dr/dxi
-        (a matrix), for Newton's method.  xi, p, mu : (dim,).
+        r = 0 is the discrete Legendre transform (dtau_xi^-1)* p = mu, freed of the inverse.  Returns r, dr/dp (a number or a
+        matrix) and dr/dxi (a matrix), for Newton's method.  xi, p, mu : (dim,).
         """
-        raise NotImplementedError(f"{type(self).__name__} must define `mismatch`")
+        return p - self.dtau_dual(group, xi, mu), 1.0, jacobian(lambda x: -self.dtau_dual(group, x, mu), xi)
+
+    # ---------------------------------------------------------------- 3. what follows
+
+    @final
+    def require(self, group: LieGroup) -> None:
+        """Raise IncompatibleSystem, with the reason, unless the map can be used on this group."""
+        reason = self.why_not(group)
+        if reason:
+            raise IncompatibleSystem(f"{self!r} cannot be used on {group!r}: {reason}. Exponential() serves every group")
 
 
 @record
@@ -66,11 +109,11 @@ class Exponential(Retraction):
     Source: Iserles et al., Lie-group methods, Acta Numerica 9 (2000), section 2.4.
     """
 
-    def tau(self, group: LieGroup, xi: Vec) -> Mat:
+    def tau(self, group: LieGroup, xi: Vec) -> Element:
         """exp(xi)."""
         return group.exp(xi)
 
-    def tau_inv(self, group: LieGroup, g: Mat) -> Vec:
+    def tau_inv(self, group: LieGroup, g: Element) -> Vec:
         """log(g)."""
         return group.log(g)
 
@@ -78,7 +121,7 @@ class Exponential(Retraction):
         """Ad*_exp(xi) mu."""
         return group.exp_Ad_star(xi, mu)
 
-    def compose_tau(self, group: LieGroup, g: Mat, xi: Vec) -> Mat:
+    def compose_tau(self, group: LieGroup, g: Element, xi: Vec) -> Element:
         """g exp(xi)."""
         return group.compose_exp(g, xi)
 
@@ -94,11 +137,15 @@ class Exponential(Retraction):
         """(dexp_xi^-1)* mu."""
         return group.dexp_inv_dual(xi, mu, side)
 
+    def dtau_dual(self, group: LieGroup, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+        """(dexp_xi)* mu."""
+        return group.dexp_dual(xi, mu, side)
+
     def is_chart(self, group: LieGroup, xi: Vec) -> bool:
         """Before the first turn is complete."""
         return group.is_exp_chart(xi)
 
-    def mismatch(self, group: LieGroup, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
+    def mismatch(self, group: LieGroup, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float | Mat, Mat]:
         """p - (dexp_xi)* mu."""
         return group.exp_mismatch(xi, p, mu)
 
@@ -112,11 +159,16 @@ class Cayley(Retraction):
     Source: Hairer, Lubich, Wanner, IV.8.3; Bou-Rabee and Marsden (2009), section 4.4.
     """
 
-    def tau(self, group: LieGroup, xi: Vec) -> Mat:
+    def why_not(self, group: LieGroup) -> str | None:
+        """Its algebra is not closed under x y x."""
+        reason = group.why_no_cayley()
+        return reason and f"there is no Cayley map on it, {reason}"
+
+    def tau(self, group: LieGroup, xi: Vec) -> Element:
         """cay(xi)."""
         return group.cayley(xi)
 
-    def tau_inv(self, group: LieGroup, g: Mat) -> Vec:
+    def tau_inv(self, group: LieGroup, g: Element) -> Vec:
         """2 (g - 1)(g + 1)^-1."""
         return group.cayley_inv(g)
 
@@ -124,7 +176,7 @@ class Cayley(Retraction):
         """Ad*_cay(xi) mu."""
         return group.cayley_Ad_star(xi, mu)
 
-    def compose_tau(self, group: LieGroup, g: Mat, xi: Vec) -> Mat:
+    def compose_tau(self, group: LieGroup, g: Element, xi: Vec) -> Element:
         """g cay(xi)."""
         return group.compose_cayley(g, xi)
 
@@ -136,10 +188,14 @@ class Cayley(Retraction):
         """(1 - xi/2) eta (1 + xi/2) (right)."""
         return group.dcayley_inv(xi, eta, side)
 
+    def dtau_dual(self, group: LieGroup, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+        """The dual of (1 - xi/2)^-1 eta (1 + xi/2)^-1."""
+        return group.dcayley_dual(xi, mu, side)
+
     def dtau_inv_dual(self, group: LieGroup, xi: Vec, mu: Vec, side: str = "right") -> Vec:
         """The dual of (1 - xi/2) eta (1 + xi/2)."""
         return group.dcayley_inv_dual(xi, mu, side)
 
-    def mismatch(self, group: LieGroup, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
+    def mismatch(self, group: LieGroup, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float | Mat, Mat]:
         """A multiple of p - (dcay_xi)* mu without its division."""
         return group.cayley_mismatch(xi, p, mu)

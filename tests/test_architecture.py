@@ -23,11 +23,11 @@ LAYERS = (
     "errors",
     "native",
     "groups",
+    "solvers",  # Newton's method
     "retractions",
     "systems",
     "models",
     "tableaus",
-    "solvers",  # an implicit method solves equations
     "integrators",
     "trajectory",  # what the loop returns
     "marching",  # the loop

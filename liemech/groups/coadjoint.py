@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import final
+from typing import Any, final
 
 import numpy as np
 
-from ..native import Mat, Record, Vec, dot, record
+from ..native import Element, Mat, Record, Vec, dot, record
 from .lie_group import LieGroup
 
 
@@ -35,13 +35,13 @@ class CoadjointAction(Record):
     # ---------------------------------------------------------------- 3. what follows
 
     @final
-    def Ad_star(self, g: Mat, mu: Vec) -> Vec:
-        """The right action, <Ad*_g mu, xi> = <mu, Ad_g xi>.  g : (n, n), mu : (dim,)."""
+    def Ad_star(self, g: Element, mu: Vec) -> Vec:
+        """The right action, <Ad*_g mu, xi> = <mu, Ad_g xi>.  g : an element, mu : (dim,)."""
         return self.group.Ad_star(g, mu)
 
     @final
-    def K(self, g: Mat, mu: Vec) -> Vec:
-        """The left action K_g mu = Ad*_{g^-1} mu.  g : (n, n), mu : (dim,)."""
+    def K(self, g: Element, mu: Vec) -> Vec:
+        """The left action K_g mu = Ad*_{g^-1} mu.  g : an element, mu : (dim,)."""
         return self.group.K(g, mu)
 
     @final
@@ -68,8 +68,14 @@ class CoadjointAction(Record):
         a, b = np.array(self.casimirs(mu), dtype=float), np.array(self.casimirs(nu), dtype=float)
         return bool(np.all(np.abs(a - b) <= tolerance * np.maximum(np.abs(a), np.abs(b))))
 
-    def _shape(self, argument: str, axes: int) -> tuple[int, ...] | None:
-        return self.group._shape(argument, axes)
+    def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
+        return self.group._shape(argument, kind)
+
+    def _complex(self, kind: str) -> bool:
+        return self.group._complex(kind)
+
+    def _objection(self, argument: str, value: Any) -> str | None:
+        return self.group._objection(argument, value)
 
 
 def coadjoint(group: LieGroup) -> CoadjointAction:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import final
 
 import numpy as np
@@ -72,6 +73,55 @@ class LieAlgebra(Record):
         return mat(*[self.ad_star(unit, mu) for unit in identity_matrix(self.dim)]).T
 
     @final
+    @cached_property
+    def basis(self) -> np.ndarray:
+        """The matrices E_i = hat(e_i), for algebras of matrices.  (dim, n, n)"""
+        return np.array([np.array(self.hat(unit)) for unit in identity_matrix(self.dim)])
+
+    @final
+    @cached_property
+    def killing_form(self) -> np.ndarray:
+        """The Killing form, K_ij = tr(ad_i ad_j): nondegenerate if and only if the algebra is semisimple.  (dim, dim)
+
+        Source: Marsden and Ratiu, section 9.1; Cartan's criterion.
+        """
+        ad = self._ad_matrices
+        return np.einsum("iab,jba->ij", ad, ad)
+
+    @final
+    @cached_property
+    def invariant_form(self) -> np.ndarray | None:
+        """A nondegenerate symmetric form that ad leaves alone, ([x, y], z) = (x, [y, z]); None if there is none.  (dim, dim)
+
+        The Killing form of a semisimple algebra, scaled so that its largest entry is 1 and its sign that of -Killing; otherwise
+        what the linear equations for a form leave: the Klein form w.v on se(3), any form on an abelian algebra, nothing on
+        the Heisenberg algebra.
+        """
+        ad, n = self._ad_matrices, self.dim
+        killing = self.killing_form
+        if _nondegenerate(killing):
+            return -killing / np.abs(killing).max()
+        pairs = [(i, j) for i in range(n) for j in range(i, n)]
+        forms = np.zeros((len(pairs), n, n))
+        for form, (i, j) in zip(forms, pairs, strict=True):
+            form[i, j] = form[j, i] = 1.0
+        equations = np.einsum("pab,iac->pibc", forms, ad) + np.einsum("pbc,iba->piac", forms.transpose(0, 2, 1), ad).swapaxes(-1, -2)
+        _, sizes, directions = np.linalg.svd(equations.reshape(len(pairs), -1).T)
+        rank = int((sizes > 1e-12 * max(sizes.max(initial=0.0), 1e-300)).sum())
+        kernel = np.einsum("kp,pab->kab", directions[rank:], forms)
+        for weights in np.random.default_rng(1).normal(size=(4 if len(kernel) else 0, len(kernel))):
+            form = np.einsum("k,kab->ab", weights, kernel)  # a generic member of the family: degenerate only if all are
+            if _nondegenerate(form):
+                return form / np.abs(form).max()
+        return None
+
+    @property
+    def _ad_matrices(self) -> np.ndarray:
+        """The matrices of ad E_i.  (dim, dim, dim), first axis i"""
+        basis = list(identity_matrix(self.dim))
+        return np.array([[self.bracket(a, b) for b in basis] for a in basis], dtype=float).transpose(0, 2, 1)
+
+    @final
     def check(self) -> None:
         """Verify that the bracket is antisymmetric and obeys the Jacobi identity, to rounding.
 
@@ -92,8 +142,13 @@ class LieAlgebra(Record):
                     f"defect {defect[worst]:.1e}, structure constants up to {scale:.1e}"
                 )
 
-    def _shape(self, argument: str, axes: int) -> tuple[int, ...] | None:
-        return (self.dim,) if axes == 1 else None
+    def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
+        return (self.dim,) if kind == "Vec" else None
+
+
+def _nondegenerate(form: np.ndarray) -> bool:
+    sizes = np.linalg.svd(form, compute_uv=False)
+    return bool(len(sizes) and sizes[-1] > 1e-10 * sizes[0])
 
 
 def _bilinear(c: tuple[tuple[float, ...], ...], xi: Vec, eta: Vec) -> float:

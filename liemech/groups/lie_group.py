@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Any, final
 
 import numpy as np
 
-from ..native import Mat, Record, Vec, dot, identity_matrix, mat, norm, record, solve, vec
+from ..errors import IncompatibleSystem
+from ..native import Ambient, Element, Mat, Record, Vec, dot, identity_matrix, jacobian, mat, record, solve, sqrt, vec
+from ..native.border import MEMBERSHIP, small
 from .lie_algebra import LieAlgebra
 
 EPSILON = 2.0**-52
@@ -34,15 +37,18 @@ BERNOULLI = (
 class LieGroup(Record):
     """A Lie group acting on itself from the left: velocities are left-trivialised, xi = g^-1 g', momenta those of the body.
 
-    Elements `g` are matrices of shape (n, n), velocities `xi` and momenta `mu` coordinate vectors of shape (dim,).
+    Elements `g` are arrays, for most groups matrices of shape (n, n); velocities `xi` and momenta `mu` are coordinate vectors of
+    shape (dim,).
 
-    1. A subclass writes `algebra`, `identity`, `compose`, `inverse`, `exp`, `Ad`.
-    2. It may add closed forms: `log`, `Ad_star`, `exp_Ad_star`, `dexp`, `dexp_inv`, their duals, the Cayley family, `casimirs`.
+    1. A subclass writes `algebra`, `identity`, `inverse`, `exp`, `Ad`, and `compose` unless that is the matrix product.
+       (A group of matrices is easier made from generators alone: `MatrixLieGroup`.)
+    2. It may add closed forms: `log`, `Ad_star`, `exp_Ad_star`, `compose_exp`, `dexp`, `dexp_inv` and their duals, the Cayley
+       family, `casimirs`, `defect`, `nearest`, `random`.
     3. The rest follows.
 
     Differentials are right-trivialised, d/de tau(xi + e eta) = (dtau_xi eta) tau(xi); `side="left"` asks for the other,
     d/de tau(xi + e eta) = tau(xi) (dtau_xi eta).  Both maps, exp and Cayley, have tau(-xi) = tau(xi)^-1, so that the left one at
-    xi is the right one at -xi.
+    xi is the right one at -xi.  `check_group` verifies all that a subclass writes.
 
     Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., chapter 9; Iserles et al., Acta Numerica 9 (2000).
     """
@@ -54,42 +60,42 @@ class LieGroup(Record):
         """The Lie algebra of the group."""
         raise NotImplementedError(f"{type(self).__name__} must define `algebra`")
 
-    def identity(self) -> Mat:
+    def identity(self) -> Element:
         """The neutral element e."""
         raise NotImplementedError(f"{type(self).__name__} must define `identity`")
 
-    def compose(self, g: Mat, h: Mat) -> Mat:
-        """The product g h.  g, h : (n, n)."""
+    def compose(self, g: Element, h: Element) -> Element:
+        """The product g h.  g, h : elements."""
         return g @ h
 
-    def inverse(self, g: Mat) -> Mat:
-        """The inverse g^-1.  g : (n, n)."""
+    def inverse(self, g: Element) -> Element:
+        """The inverse g^-1.  g : an element."""
         raise NotImplementedError(f"{type(self).__name__} must define `inverse`")
 
-    def exp(self, xi: Vec) -> Mat:
+    def exp(self, xi: Vec) -> Element:
         """The exponential: where the constant velocity xi leads from e in unit time.  xi : (dim,)."""
         raise NotImplementedError(f"{type(self).__name__} must define `exp`")
 
-    def Ad(self, g: Mat, xi: Vec) -> Vec:
-        """The adjoint action Ad_g xi = g xi g^-1: a body velocity seen from space.  g : (n, n), xi : (dim,)."""
+    def Ad(self, g: Element, xi: Vec) -> Vec:
+        """The adjoint action Ad_g xi = g xi g^-1: a body velocity seen from space.  g : an element, xi : (dim,)."""
         raise NotImplementedError(f"{type(self).__name__} must define `Ad`")
 
     # ---------------------------------------------------------------- 2. closed forms are welcome
 
-    def log(self, g: Mat) -> Vec:
-        """The velocity xi with exp(xi) = g nearest to zero.  g : (n, n)."""
+    def log(self, g: Element) -> Vec:
+        """The velocity xi with exp(xi) = g nearest to zero.  g : an element."""
         raise NotImplementedError(f"{type(self).__name__} has no logarithm")
 
-    def Ad_star(self, g: Mat, mu: Vec) -> Vec:
-        """The dual of Ad, <Ad*_g mu, xi> = <mu, Ad_g xi>: a right action, Ad*_gh = Ad*_h Ad*_g.  g : (n, n), mu : (dim,)."""
+    def Ad_star(self, g: Element, mu: Vec) -> Vec:
+        """The dual of Ad, <Ad*_g mu, xi> = <mu, Ad_g xi>: a right action, Ad*_gh = Ad*_h Ad*_g.  g : an element, mu : (dim,)."""
         return vec(*[dot(mu, self.Ad(g, unit)) for unit in identity_matrix(self.dim)])
 
     def exp_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
         """Ad*_exp(xi) mu, the coadjoint orbit through mu followed with velocity xi for unit time.  xi, mu : (dim,)."""
         return self.Ad_star(self.exp(xi), mu)
 
-    def compose_exp(self, g: Mat, xi: Vec) -> Mat:
-        """g exp(xi): g moved by a step with velocity xi, best written as g plus something small.  g : (n, n), xi : (dim,)."""
+    def compose_exp(self, g: Element, xi: Vec) -> Element:
+        """g exp(xi): g moved by a step with velocity xi, best written as g plus something small.  g : an element, xi : (dim,)."""
         return self.compose(g, self.exp(xi))
 
     def dexp(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
@@ -98,9 +104,21 @@ class LieGroup(Record):
         term = eta
         total = eta
         k = 1.0
-        while norm(term) > 0.0625 * EPSILON * norm(total):
+        while one_norm(term) > 0.0625 * EPSILON * one_norm(total):
             k = k + 1.0
             term = self.ad(x, term) / k
+            total = total + term
+        return total
+
+    def dexp_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+        """The dual of `dexp`, <dexp_dual_xi mu, eta> = <mu, dexp_xi eta>.  xi, mu : (dim,)."""
+        x = xi if side == "right" else -xi
+        term = mu
+        total = mu
+        k = 1.0
+        while one_norm(term) > 0.0625 * EPSILON * one_norm(total):
+            k = k + 1.0
+            term = self.ad_star(x, term) / k
             total = total + term
         return total
 
@@ -110,7 +128,7 @@ class LieGroup(Record):
 
     def dexp_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
         """The dual of `dexp_inv`, <dexp_inv_dual_xi mu, eta> = <mu, dexp_inv_xi eta>.  xi, mu : (dim,)."""
-        return vec(*[dot(mu, self.dexp_inv(xi, unit, side)) for unit in identity_matrix(self.dim)])
+        return solve(mat(*[self.dexp_dual(xi, unit, side) for unit in identity_matrix(self.dim)]).T, mu)
 
     def dexp_inv_series(self, xi: Vec, eta: Vec, terms: int, side: str = "right") -> Vec:
         """`dexp_inv` cut after ad_xi^terms: eta - [xi, eta]/2 + [xi, [xi, eta]]/12 - ...
@@ -126,64 +144,96 @@ class LieGroup(Record):
                 total = total + BERNOULLI[k] * power
         return total
 
+    def body_velocity(self, g: Element, rate: Ambient) -> Vec:
+        """The velocity xi with g' = g xi, from the rate g' of a moving element.  g : an element, rate : of the same shape."""
+        return self.algebra.vee(self.inverse(g) @ rate)
+
     def is_exp_chart(self, xi: Vec) -> bool:
         """Is xi closer to zero than the first singularity of dexp?  A group that does not know lets all pass.  xi : (dim,)."""
         return True
 
-    def exp_mismatch(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
+    def exp_mismatch(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float | Mat, Mat]:
         """How far the momentum p is from being carried by exp(xi) to mu: r = p - (dexp_xi)* mu, or a multiple of it.
 
-        Returns r, dr/dp (a number) and dr/dxi (a matrix), for Newton's method.  xi, p, mu : (dim,).
+        Returns r, dr/dp (a number or a matrix) and dr/dxi (a matrix), for Newton's method.  xi, p, mu : (dim,).
         """
-        raise NotImplementedError(f"{type(self).__name__} has no derivative of dexp")
+        return p - self.dexp_dual(xi, mu), 1.0, jacobian(lambda x: -self.dexp_dual(x, mu), xi)
 
-    def cayley(self, xi: Vec) -> Mat:
+    def why_no_cayley(self) -> str | None:
+        """Why the group has no Cayley map; None if it has one."""
+        return f"{type(self).__name__} does not define one"
+
+    def cayley(self, xi: Vec) -> Element:
         """The Cayley map (1 - xi/2)^-1 (1 + xi/2), where the algebra is closed under x y x.  xi : (dim,)."""
-        raise NotImplementedError(f"{type(self).__name__} has no Cayley map")
+        raise IncompatibleSystem(f"{type(self).__name__} has no Cayley map: {self.why_no_cayley()}")
 
-    def cayley_inv(self, g: Mat) -> Vec:
-        """The velocity xi with cayley(xi) = g.  g : (n, n)."""
-        raise NotImplementedError(f"{type(self).__name__} has no Cayley map")
+    def cayley_inv(self, g: Element) -> Vec:
+        """The velocity xi with cayley(xi) = g.  g : an element."""
+        raise IncompatibleSystem(f"{type(self).__name__} has no Cayley map: {self.why_no_cayley()}")
 
     def cayley_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
         """Ad*_cayley(xi) mu.  xi, mu : (dim,)."""
         return self.Ad_star(self.cayley(xi), mu)
 
-    def compose_cayley(self, g: Mat, xi: Vec) -> Mat:
-        """g cayley(xi), best written as g plus something small.  g : (n, n), xi : (dim,)."""
+    def compose_cayley(self, g: Element, xi: Vec) -> Element:
+        """g cayley(xi), best written as g plus something small.  g : an element, xi : (dim,)."""
         return self.compose(g, self.cayley(xi))
 
     def dcayley(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
         """The trivialised differential of the Cayley map.  xi, eta : (dim,)."""
         return solve(mat(*[self.dcayley_inv(xi, unit, side) for unit in identity_matrix(self.dim)]).T, eta)
 
+    def dcayley_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+        """The dual of `dcayley`.  xi, mu : (dim,)."""
+        return solve(mat(*[self.dcayley_inv_dual(xi, unit, side) for unit in identity_matrix(self.dim)]).T, mu)
+
     def dcayley_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
         """The inverse of `dcayley`, eta - [xi, eta]/2 - xi eta xi/4 as matrices.  xi, eta : (dim,)."""
-        raise NotImplementedError(f"{type(self).__name__} has no Cayley map")
+        raise IncompatibleSystem(f"{type(self).__name__} has no Cayley map: {self.why_no_cayley()}")
 
     def dcayley_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
         """The dual of `dcayley_inv`.  xi, mu : (dim,)."""
         return vec(*[dot(mu, self.dcayley_inv(xi, unit, side)) for unit in identity_matrix(self.dim)])
 
-    def cayley_mismatch(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
-        """r = p - (dcayley_xi)* mu, or a multiple of it, with dr/dp and dr/dxi as in `exp_mismatch`.  xi, p, mu : (dim,)."""
-        raise NotImplementedError(f"{type(self).__name__} has no Cayley map")
+    def cayley_mismatch(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float | Mat, Mat]:
+        """r = (dcayley_xi^-1)* p - mu, or an equation with the same roots, with dr/dp and dr/dxi as in `exp_mismatch`.
+
+        xi, p, mu : (dim,).
+        """
+        by_p = mat(*[self.dcayley_inv_dual(xi, unit) for unit in identity_matrix(self.dim)]).T
+        return by_p @ p - mu, by_p, jacobian(lambda x: self.dcayley_inv_dual(x, p), xi)
 
     def casimirs(self, mu: Vec) -> Vec:
         """Functions of the momentum that every motion keeps, whatever the Hamiltonian; none known by default.  mu : (dim,)."""
         return vec()
 
+    def defect(self, g: Ambient) -> float:
+        """How far an array is from being an element, relative to an element's size; 0 on the group.  g : shaped like an element.
+
+        A group that does not know takes every array for an element.
+        """
+        return 0.0
+
     def objection(self, g: np.ndarray) -> str | None:
-        """Why an array is not an element of the group, with the number that is wrong; None if it is.  g : (..., n, n)."""
-        return None
+        """Why an array is not an element, in words; None if it is.  g : one array, shaped like an element."""
+        defect = self.defect(small(g))
+        return None if defect <= MEMBERSHIP else f"it is off the group by {defect:.1e}, more than {MEMBERSHIP:.0e}"
+
+    def nearest(self, g: Ambient) -> Element:
+        """An element close to an array that has drifted off the group.  Never called by an integrator.  g : like an element."""
+        raise NotImplementedError(f"{type(self).__name__} does not know the element nearest to an array")
+
+    def random(self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()) -> np.ndarray:
+        """Random elements: exp of normally distributed velocities, or Haar measure where a group knows better.
+
+        rng : a generator or a seed.  size : leading axes.
+        """
+        shape = (size,) if isinstance(size, int) else tuple(size)
+        return np.array(self.exp(np.random.default_rng(rng).normal(size=(*shape, self.dim))))
 
     # ---------------------------------------------------------------- 3. what follows
 
     @final
-    def contains(self, g: np.ndarray) -> bool:
-        """Is every matrix of the array an element of the group, to the accuracy of `objection`?  g : (..., n, n)."""
-        return self.objection(np.asarray(g, dtype=float)) is None
-
     @property
     def dim(self) -> int:
         """The dimension of the group."""
@@ -200,18 +250,50 @@ class LieGroup(Record):
         return self.algebra.ad_star(xi, mu)
 
     @final
-    def K(self, g: Mat, mu: Vec) -> Vec:
-        """The left coadjoint action K_g = Ad*_{g^-1}: a body momentum seen from space.  g : (n, n), mu : (dim,)."""
+    def K(self, g: Element, mu: Vec) -> Vec:
+        """The left coadjoint action K_g = Ad*_{g^-1}: a body momentum seen from space.  g : an element, mu : (dim,)."""
         return self.Ad_star(self.inverse(g), mu)
 
-    def _shape(self, argument: str, axes: int) -> tuple[int, ...] | None:
-        return (self.dim,) if axes == 1 else self.identity().shape
+    @final
+    def contains(self, g: Ambient) -> bool:
+        """Is an array an element, up to rounding?  Its `defect` is at most 1e-6.  g : shaped like an element."""
+        return self.defect(g) <= MEMBERSHIP
+
+    @final
+    def distance(self, g: Element, h: Element) -> float:
+        """|log(g^-1 h)|: the length of the velocity that leads from g to h in unit time.  g, h : elements."""
+        xi = self.log(self.compose(self.inverse(g), h))
+        return sqrt(dot(xi, xi))
+
+    @cached_property
+    def element_shape(self) -> tuple[int, ...]:
+        """The shape of the arrays that are elements."""
+        return np.array(self.identity()).shape
+
+    @cached_property
+    def is_complex(self) -> bool:
+        """Do elements have complex entries?"""
+        return np.iscomplexobj(np.array(self.identity()))
+
+    def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
+        return (self.dim,) if kind == "Vec" else self.element_shape
+
+    def _complex(self, kind: str) -> bool:
+        return kind in ("Mat", "Element", "Ambient") and self.is_complex
 
     def _objection(self, argument: str, value: Any) -> str | None:
         if argument == "side" and value not in ("right", "left"):
             return f'is "right" or "left"; got {value!r}'
-        if argument in ("g", "h"):
-            with np.errstate(over="ignore"):
+        if isinstance(value, np.ndarray):  # the border asks this of elements
+            with np.errstate(all="ignore"):
                 objection = self.objection(value)
             return objection and f"is not in {self!r}: {objection}"
         return None
+
+
+def one_norm(x: Vec) -> float:
+    """|x_1| + |x_2| + ...: a norm whose derivative is harmless at zero."""
+    total = abs(x[0])
+    for i in range(1, len(x)):
+        total = total + abs(x[i])
+    return total

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Any
+
 import numpy as np
 
-from ..native import Mat, Vec, cross, dot, mat, outer, record, vec
+from ..native import Ambient, Element, Mat, Vec, cross, dot, mat, outer, record, vec
+from ..native.border import small
 from .lie_algebra import Constants, LieAlgebra
-from .lie_group import BERNOULLI, LieGroup
+from .lie_group import BERNOULLI, MEMBERSHIP, LieGroup
 from .rotation_coefficients import bernoulli, dexp_coefficients, exp_coefficients
 from .rotation_logarithm import rotation_quaternion, rotation_vector
 
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
+
 WHOLE_TURN = 39.47841760435743
 """(2 pi)^2: where dexp is singular for the first time."""
-
-TOLERANCE = 1e-6
-"""Matrices farther than this from orthogonal are no rotations with rounding errors but mistakes."""
 
 
 @record
@@ -70,31 +73,63 @@ class SO3(LieGroup):
         """so(3)."""
         return SO3Algebra()
 
-    def identity(self) -> Mat:
+    def identity(self) -> Element:
         """The unit matrix."""
         return mat(vec(1.0, 0.0, 0.0), vec(0.0, 1.0, 0.0), vec(0.0, 0.0, 1.0))
 
-    def inverse(self, g: Mat) -> Mat:
+    def inverse(self, g: Element) -> Element:
         """The transpose."""
         return g.T
 
-    def Ad(self, g: Mat, xi: Vec) -> Vec:
+    def Ad(self, g: Element, xi: Vec) -> Vec:
         """g xi."""
         return g @ xi
 
-    def Ad_star(self, g: Mat, mu: Vec) -> Vec:
+    def Ad_star(self, g: Element, mu: Vec) -> Vec:
         """g^T mu."""
         return mu @ g
 
-    def objection(self, g: np.ndarray) -> str | None:
-        """Orthogonal to 1e-6 and no reflection."""
-        defect = np.abs(np.swapaxes(g, -1, -2) @ g - np.eye(3)).max(axis=(-1, -2), initial=0.0)
-        worst = float(defect.max(initial=0.0))
-        if not worst <= TOLERANCE:
-            return f"g^T g differs from the unit matrix by {worst:.1e}, more than {TOLERANCE:.0e}"
-        if (np.einsum("...i,...i", np.cross(g[..., 0, :], g[..., 1, :]), g[..., 2, :]) < 0).any():
-            return "its determinant is -1, it is a reflection"
+    def why_no_cayley(self) -> None:
+        """There is one."""
         return None
+
+    def defect(self, g: Ambient) -> float:
+        """The largest entry of |g^T g - 1|, and of |det g - 1|."""
+        a, b, c = g[0], g[1], g[2]
+        lengths = max(abs(dot(a, a) - 1.0), abs(dot(b, b) - 1.0), abs(dot(c, c) - 1.0))
+        angles = max(abs(dot(a, b)), abs(dot(b, c)), abs(dot(c, a)))
+        return max(lengths, angles, abs(dot(cross(a, b), c) - 1.0))
+
+    def objection(self, g: np.ndarray) -> str | None:
+        """A reflection, or not orthogonal to 1e-6."""
+        if self.defect(small(g)) <= MEMBERSHIP:
+            return None
+        off = np.abs(g.T @ g - np.eye(3)).max()
+        if off <= MEMBERSHIP:
+            return "its determinant is -1, it is a reflection"
+        return f"g^T g differs from the unit matrix by {off:.1e}, more than {MEMBERSHIP:.0e}"
+
+    def nearest(self, g: Ambient) -> Element:
+        """The rotation with the least sum of squared differences of entries.
+
+        Source: Kabsch, Acta Crystallographica A32 (1976).
+        """
+        u, _, v = np.linalg.svd(np.array(g, dtype=float))
+        return Mat.of(u @ np.diag([1.0, 1.0, np.linalg.det(u) * np.linalg.det(v)]) @ v)
+
+    def random(self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()) -> np.ndarray:
+        """Rotations distributed uniformly (Haar measure): those of uniformly distributed unit quaternions."""
+        from scipy.spatial.transform import Rotation
+
+        shape = (size,) if isinstance(size, int) else tuple(size)
+        q = np.random.default_rng(rng).normal(size=(*shape, 4))
+        return Rotation.from_quat(q.reshape(-1, 4)).as_matrix().reshape(*shape, 3, 3)
+
+    def rotation(self, g: Any) -> Rotation:
+        """Rotation matrices as SciPy's class; the way back is automatic: arguments may be SciPy rotations.  g : (..., 3, 3)."""
+        from scipy.spatial.transform import Rotation
+
+        return Rotation.from_matrix(np.asarray(g, dtype=float))
 
     def casimirs(self, mu: Vec) -> Vec:
         """|mu|^2: momenta move on spheres."""
@@ -102,12 +137,12 @@ class SO3(LieGroup):
 
     # ---------------------------------------------------------------- exponential
 
-    def exp(self, xi: Vec) -> Mat:
+    def exp(self, xi: Vec) -> Element:
         """The rotation about xi by the angle |xi|."""
         a, b = exp_coefficients(dot(xi, xi))
         return _plus(_turn(a, b, xi), 1.0)
 
-    def compose_exp(self, g: Mat, xi: Vec) -> Mat:
+    def compose_exp(self, g: Element, xi: Vec) -> Element:
         """g + g (exp(xi) - 1): rounded by what the step adds, not by what is there."""
         a, b = exp_coefficients(dot(xi, xi))
         return g + g @ _turn(a, b, xi)
@@ -116,11 +151,11 @@ class SO3(LieGroup):
         """|xi| < 2 pi: less than a whole turn."""
         return dot(xi, xi) < WHOLE_TURN
 
-    def log(self, g: Mat) -> Vec:
+    def log(self, g: Element) -> Vec:
         """The rotation vector, of length at most pi."""
         return rotation_vector(g)
 
-    def quaternion(self, g: Mat) -> Vec:
+    def quaternion(self, g: Element) -> Vec:
         """The unit quaternion (x, y, z, w) of a rotation, scalar last and not negative.  g : (3, 3)."""
         return rotation_quaternion(g)
 
@@ -142,6 +177,10 @@ class SO3(LieGroup):
         u = xi if side == "right" else -xi
         w = cross(u, eta)
         return eta + (bernoulli(dot(u, u)) * cross(u, w) - 0.5 * w)
+
+    def dexp_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+        """mu - b xi x mu + c xi x (xi x mu): the other side's differential."""
+        return self.dexp(xi, mu, "left" if side == "right" else "right")
 
     def dexp_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
         """mu + xi x mu/2 + d xi x (xi x mu): the other side's inverse differential."""
@@ -171,17 +210,17 @@ class SO3(LieGroup):
 
     # ---------------------------------------------------------------- Cayley map
 
-    def cayley(self, xi: Vec) -> Mat:
+    def cayley(self, xi: Vec) -> Element:
         """The rotation about xi by the angle 2 atan(|xi|/2)."""
         f = 4.0 / (4.0 + dot(xi, xi))
         return _plus(_turn(f, 0.5 * f, xi), 1.0)
 
-    def compose_cayley(self, g: Mat, xi: Vec) -> Mat:
+    def compose_cayley(self, g: Element, xi: Vec) -> Element:
         """g + g (cay(xi) - 1)."""
         f = 4.0 / (4.0 + dot(xi, xi))
         return g + g @ _turn(f, 0.5 * f, xi)
 
-    def cayley_inv(self, g: Mat) -> Vec:
+    def cayley_inv(self, g: Element) -> Vec:
         """2 tan(angle/2) times the axis; infinite at half a turn."""
         q = rotation_quaternion(g)
         return (2.0 / q[3]) * vec(q[0], q[1], q[2])
@@ -200,6 +239,10 @@ class SO3(LieGroup):
         """eta - xi x eta/2 + xi (xi . eta)/4."""
         u = xi if side == "right" else -xi
         return eta + ((0.25 * dot(u, eta)) * u - 0.5 * cross(u, eta))
+
+    def dcayley_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+        """4/(4 + |xi|^2) (mu - xi x mu/2): the other side's differential."""
+        return self.dcayley(xi, mu, "left" if side == "right" else "right")
 
     def dcayley_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
         """mu + xi x mu/2 + xi (xi . mu)/4: the other side's inverse differential."""

@@ -66,6 +66,11 @@ class RKMK(Method):
         """RKMK and the order."""
         return f"RKMK{self.order}"
 
+    def require(self, system: Any) -> None:
+        """A Lie-Poisson system, on a group that has the retraction."""
+        super().require(system)
+        self.retraction.require(system.group)
+
     def step(self, system: Any, t: float, state: BodyState, h: float) -> BodyState:
         """One step in the chart at (mu_n, g_n)."""
         slopes: list[Vec] = []

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 from ..errors import InvalidType, NoConvergence, OutsideChart
-from ..native import Mat, Record, Vec, dot, mat, norm, record, sqrt, vec
+from ..native import Element, Mat, Record, Vec, dot, mat, norm, record, sqrt, vec
 from ..retractions import Exponential, Retraction
 from ..solvers import LIMIT, TOLERANCE, beyond_fold, correction
 from ..systems.lie_poisson import BodyState
@@ -17,7 +17,7 @@ class Memory(Record):
     """What the method carries from step to step: the state at the node and the displacements h xi of the last three intervals."""
 
     mu: Vec
-    g: Mat | None
+    g: Element | None
     last: Vec
     last_1: Vec
     last_2: Vec
@@ -57,6 +57,11 @@ class CovariantVariational(Method):
         """Algorithm 1 and the retraction."""
         return f"Algorithm 1 ({type(self.retraction).__name__})"
 
+    def require(self, system: Any) -> None:
+        """A system with a Lagrangian, on a group that has the retraction."""
+        super().require(system)
+        self.retraction.require(system.group)
+
     def start(self, system: Any, state: BodyState, h: float) -> Memory:
         """The first guess is the velocity at the start, J^-1 mu."""
         displacement = h * system.velocity(state.mu)
@@ -83,9 +88,9 @@ class CovariantVariational(Method):
         for _ in range(LIMIT):
             xi = rate * x
             r, by_p, by_x = self.retraction.mismatch(system.group, x, system.lagrangian.momentum(xi), mu)
-            jacobian = _plus(by_x, by_p * (rate * system.lagrangian.hessian(xi)))
+            jacobian = _plus(by_x, _times(by_p, rate * system.lagrangian.hessian(xi)))
             x, folded = x - correction(jacobian, r), beyond_fold(jacobian, rate)
-            size, enough = dot(r, r), (by_p * by_p) * goal
+            size, enough = dot(r, r), (1.0 if isinstance(by_p, Mat) else by_p * by_p) * goal
             if size <= enough:
                 break
         if not size <= enough:
@@ -100,6 +105,13 @@ class CovariantVariational(Method):
                 f"continuation of the motion. The step h = {h:g} is too large; try {0.25 * h:g}"
             )
         return x
+
+
+def _times(by_p: float | Mat, hessian: Mat | Vec) -> Mat | Vec:
+    """dr/dp d2l: a Vec stands for a diagonal matrix, a number for a multiple of the unit matrix."""
+    if not isinstance(by_p, Mat):
+        return by_p * hessian
+    return by_p @ hessian if isinstance(hessian, Mat) else mat(*[row * hessian for row in by_p])
 
 
 def _plus(m: Mat, inertia: Mat | Vec) -> Mat:

@@ -5,10 +5,12 @@ elementary functions below.  The compiler inlines everything a driver calls, wri
 function, for one body or for many in SIMD lanes; all of them give the same bits as plain Python.
 """
 
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from . import border
 from .border import check_finite, real_array
+from .complex_numbers import Complex
+from .dual import Dual, derivative, jacobian
 from .functions import (
     acos,
     asin,
@@ -29,8 +31,6 @@ from .functions import (
 )
 from .records import Record, record
 from .vectors import (
-    Mat,
-    Vec,
     cross,
     diagonal,
     dot,
@@ -44,7 +44,23 @@ from .vectors import (
     vec,
 )
 
+if TYPE_CHECKING:  # formulas are dynamically typed: floats, symbols and arrays pass through the same source
+    Vec: TypeAlias = Any
+    Mat: TypeAlias = Any
+else:
+    from .vectors import Mat, Vec
+
+Element: TypeAlias = Any
+"""Annotates an element of a group: a `Mat`, or a `Vec` for groups whose elements are vectors."""
+
+Ambient: TypeAlias = Any
+"""Annotates what has the shape of an element and need not be one."""
+
 __all__ = [
+    "Ambient",
+    "Complex",
+    "Dual",
+    "Element",
     "Mat",
     "Record",
     "Vec",
@@ -56,11 +72,13 @@ __all__ = [
     "cos",
     "cosh",
     "cross",
+    "derivative",
     "diagonal",
     "dot",
     "exp",
     "expm1",
     "identity_matrix",
+    "jacobian",
     "log",
     "log1p",
     "mat",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import inspect
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
@@ -16,8 +16,17 @@ from .vectors import Mat, Vec
 MANY = 2048  # elements from which native code, loaded from the disk cache, is quicker than a Python loop
 evaluate_many: Callable[..., Any] | None = None  # set by the package: the compiler knows the border, not the border the compiler
 
-_ARRAYS = (np.ndarray, list)
+MEMBERSHIP = 1e-6
+"""Arrays whose `defect` is larger are no elements with rounding errors but mistakes, and are refused."""
+
 AXES = {"float": 0, "Vec": 1, "Mat": 2}
+KINDS = ("Ambient", "Element", "Mat", "Vec", "float")
+"""What an argument can be annotated as.  Of a method and the one it overrides, the earlier of these annotations counts.
+
+An `Element` has as many axes as an element of the group has, and is one; an `Ambient` has only its shape.
+"""
+
+BARE = (Vec, Mat, float, str, bool, type(None))
 
 
 class Border:
@@ -31,9 +40,13 @@ class Border:
                 if kinds:
                     setattr(cls, name, _bordered(member, kinds))
 
-    def _shape(self, argument: str, axes: int) -> tuple[int, ...] | None:
-        """The shape that an array argument with this many axes must have; None if any will do.  Subclasses know."""
+    def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
+        """The shape that an array argument of this kind must have; None if any will do.  Subclasses know."""
         return None
+
+    def _complex(self, kind: str) -> bool:
+        """May an argument of this kind have complex entries?  Subclasses know."""
+        return False
 
     def _objection(self, argument: str, value: Any) -> str | None:
         """What is wrong with the value of an argument, an array or an option; None if nothing is.  Subclasses know."""
@@ -43,17 +56,22 @@ class Border:
 # ------------------------------------------------------------------ arrays
 
 
-def real_array(value: Any, name: str) -> np.ndarray:
-    """`value` as a float64 array, or a clear refusal: complex, object, string and ragged input is not guessed at."""
+def real_array(value: Any, name: str, or_complex: bool = False) -> np.ndarray:
+    """`value` as a float64 array, or a clear refusal: complex, object, string and ragged input is not guessed at.
+
+    What has `as_matrix`, like SciPy's rotations, is asked for it.  With `or_complex` the array is complex128.
+    """
     if isinstance(value, np.ma.MaskedArray) and np.ma.is_masked(value):
         raise InvalidInput(f"{name} has masked entries; fill or drop them first")
+    if hasattr(value, "as_matrix"):
+        value = value.as_matrix()
     try:
         array = np.asarray(value)
     except ValueError:
         raise InvalidInput(f"{name} is ragged: its rows have different lengths") from None
-    if array.dtype.kind not in "iuf":
-        raise InvalidType(f"{name} must be real numbers; got dtype {array.dtype}")
-    return array.astype(np.float64, copy=False)
+    if array.dtype.kind not in ("iufc" if or_complex else "iuf"):
+        raise InvalidType(f"{name} must be {'complex' if or_complex else 'real'} numbers; got dtype {array.dtype}")
+    return array.astype(np.complex128 if or_complex else np.float64, copy=False)
 
 
 def check_finite(array: np.ndarray, name: str) -> None:
@@ -72,17 +90,19 @@ def annotation_text(annotation: Any) -> str:
     return " | ".join(part.strip().split(".")[-1] for part in text.split("|"))
 
 
-def _kinds(cls: type, name: str, method: Callable[..., Any]) -> dict[str, int] | None:
-    """How many axes each argument has, from the annotations of the method or of the one it overrides."""
-    kinds: dict[str, int] = {}
+def _kinds(cls: type, name: str, method: Callable[..., Any]) -> dict[str, str] | None:
+    """What each argument is, from the annotations of the method and of those it overrides."""
+    kinds: dict[str, str] = {}
     for base in cls.__mro__:
         known = bare(vars(base)[name]) if inspect.isfunction(vars(base).get(name)) else None
         if known is not None:
             for argument, other in zip(_arguments(method), _arguments(known), strict=False):
-                kind = AXES.get(annotation_text(known.__annotations__.get(other, "")))
-                if kind is not None:
+                kind = annotation_text(known.__annotations__.get(other, ""))
+                if kind in KINDS and KINDS.index(kind) < KINDS.index(kinds.get(argument, "float")):
+                    kinds[argument] = kind
+                elif kind == "float":
                     kinds.setdefault(argument, kind)
-    return kinds if set(kinds.values()) & {1, 2} else None
+    return kinds if set(kinds.values()) - {"float"} else None
 
 
 def _arguments(method: Callable[..., Any]) -> tuple[str, ...]:
@@ -91,16 +111,16 @@ def _arguments(method: Callable[..., Any]) -> tuple[str, ...]:
     return code.co_varnames[1 : code.co_argcount]
 
 
-def _bordered(formula: Callable[..., Any], kinds: dict[str, int]) -> Callable[..., Any]:
+def _bordered(formula: Callable[..., Any], kinds: dict[str, str]) -> Callable[..., Any]:
     """The formula with a border: array arguments are checked and broadcast, small vectors pass straight through."""
     names = _arguments(formula)
 
     @functools.wraps(formula)
     def method(self: Any, *args: Any, **options: Any) -> Any:
         for a in args:
-            if isinstance(a, _ARRAYS) or type(a) is tuple:
+            if type(a) not in BARE and _is_array(a):
                 return _broadcast(formula, kinds, self, dict(zip(names, args, strict=False)) | options)
-        if options and any(isinstance(a, _ARRAYS) or type(a) is tuple for a in options.values()):
+        if options and any(map(_is_array, options.values())):
             return _broadcast(formula, kinds, self, dict(zip(names, args, strict=False)) | options)
         return formula(self, *args, **options)
 
@@ -108,61 +128,107 @@ def _bordered(formula: Callable[..., Any], kinds: dict[str, int]) -> Callable[..
     return method
 
 
+def _is_array(value: Any) -> bool:
+    return isinstance(value, (np.ndarray, list)) or type(value) is tuple or hasattr(value, "as_matrix")
+
+
 def bare(method: Any) -> Any:
     """The formula behind the border of a method; anything else is what it is."""
     return getattr(method, "__formula__", method)
 
 
-def _broadcast(formula: Callable[..., Any], kinds: dict[str, int], self: Any, arguments: dict[str, Any]) -> Any:
+def _broadcast(formula: Callable[..., Any], kinds: dict[str, str], self: Any, arguments: dict[str, Any]) -> Any:
+    """The formula on arrays: shapes, numbers and membership are checked, leading axes broadcast."""
     where = f"{type(self).__name__}.{formula.__name__}"
     space = arguments.get("group", self)  # who knows the shapes
     arrays: dict[str, np.ndarray] = {}
+    lead: dict[str, tuple[int, ...]] = {}
     for name, value in arguments.items():
         if name not in kinds or value is None or isinstance(value, (bool, str, Border)):
             _refuse(space, where, name, value)
             continue
-        array = real_array(value, f"{where}: {name}")
-        axes = kinds[name]
-        shape = space._shape(name, axes) if axes else ()
+        kind = kinds[name]
+        array = real_array(value, f"{where}: {name}", space._complex(kind))
+        shape = () if kind == "float" else space._shape(name, kind)
+        axes = AXES[kind] if shape is None else len(shape)
         core = array.shape[array.ndim - axes :] if axes else ()
         if array.ndim < axes or (shape is not None and core != shape):
             expected = shape if shape is not None else ("n",) * axes
             raise InvalidInput(f"{where}: {name} has shape {array.shape}; its last axes must be {expected}")
-        check_finite(array, f"{where}: {name}")
-        _refuse(space, where, name, array)
-        arrays[name] = array
-    lead = {name: a.shape[: a.ndim - kinds[name]] for name, a in arrays.items()}
+        arrays[name], lead[name] = array, array.shape[: array.ndim - axes]
     try:
         batch = np.broadcast_shapes(*lead.values())
     except ValueError:
         raise InvalidInput(f"{where}: the leading axes {lead} do not broadcast") from None
     rest = {k: v for k, v in arguments.items() if k not in arrays}
     flat = {k: _flattened(a, batch, a.shape[len(lead[k]) :]) for k, a in arrays.items()}
+    elements = [name for name in arrays if kinds[name] == "Element"]
     bodies = math.prod(batch)
     if not bodies:  # an element of the right shape tells the shape of nothing
-        some = {k: np.eye(*a.shape[1:])[None] if a.ndim == 3 else np.zeros((1, *a.shape[1:])) for k, a in flat.items()}
+        some = {k: _some(space, kinds[k], a.shape[1:])[None] for k, a in flat.items()}
         return _unflattened(_none_of(_stacked([formula(self, **element(some, 0), **rest)])), batch)
-    results = None
     if bodies >= MANY and evaluate_many is not None:
-        results = evaluate_many(formula, self, flat, rest)
+        found = evaluate_many(formula, self, flat, rest, elements, space, MEMBERSHIP)
+        if found is not None:
+            results, suspects = found
+            if len(suspects):
+                _check(arrays, elements, space, where, batch, flat, suspects)
+                _by_rows(formula, self, {k: a[suspects] for k, a in flat.items()}, rest, where)
+            return _unflattened(results, batch)
+    _check(arrays, elements, space, where, batch, flat, range(bodies))
+    return _unflattened(_by_rows(formula, self, flat, rest, where), batch)
+
+
+def _check(
+    arrays: dict[str, np.ndarray],
+    elements: list[str],
+    space: Any,
+    where: str,
+    batch: tuple[int, ...],
+    flat: dict[str, np.ndarray],
+    rows: Iterable[int],
+) -> None:
+    """Refuse numbers that are not finite and, in these rows, arrays that are no elements of the group."""
+    for name, array in arrays.items():
+        check_finite(array, f"{where}: {name}")
+    for name in elements:
+        one = arrays[name].ndim == flat[name].ndim - 1  # for all
+        for i in [0] if one else rows:
+            at = "" if one else list(map(int, np.unravel_index(i, batch)))
+            _refuse(space, where, name, flat[name][i], f"{name}{at}")
+
+
+def _by_rows(formula: Callable[..., Any], owner: Any, flat: dict[str, np.ndarray], rest: dict[str, Any], where: str) -> Any:
+    """The formula in plain Python, and a clear refusal of what it has no value for."""
     try:
-        if results is None:
-            results = _stacked([formula(self, **element(flat, i), **rest) for i in range(bodies)])
+        results = _stacked([formula(owner, **element(flat, i), **rest) for i in range(len(next(iter(flat.values()))))])
     except (ZeroDivisionError, OverflowError) as error:
         raise InvalidInput(f"{where} has no finite value for these arguments: {error}") from error
     _defined(results, where, flat)
-    return _unflattened(results, batch)
+    return results
 
 
 def element(arrays: dict[str, np.ndarray], i: int) -> dict[str, Any]:
     """The arguments number i, as small vectors and plain floats."""
-    return {name: (float, Vec.of, Mat.of)[a.ndim - 1](a[i].tolist()) for name, a in arrays.items()}
+    return {name: small(a[i]) for name, a in arrays.items()}
 
 
-def _refuse(space: Any, where: str, name: str, value: Any) -> None:
+def small(array: np.ndarray) -> Any:
+    """An array without a batch axis as a formula takes it: a float, a `Vec` or a `Mat`."""
+    return (float, Vec.of, Mat.of)[array.ndim](array.tolist())  # type: ignore[operator]
+
+
+def _some(space: Any, kind: str, shape: tuple[int, ...]) -> np.ndarray:
+    """An argument of this kind on which every formula has a value."""
+    if kind in ("Element", "Ambient"):
+        return np.array(space.group.identity() if hasattr(space, "group") else space.identity())
+    return np.eye(*shape) if len(shape) == 2 else np.zeros(shape)
+
+
+def _refuse(space: Any, where: str, name: str, value: Any, shown: str | None = None) -> None:
     objection = space._objection(name, value)
     if objection:
-        raise InvalidInput(f"{where}: {name} {objection}")
+        raise InvalidInput(f"{where}: {shown or name} {objection}")
 
 
 def _defined(results: Any, where: str, flat: dict[str, np.ndarray]) -> None:
@@ -189,10 +255,14 @@ def _unflattened(result: Any, batch: tuple[int, ...]) -> Any:
     if isinstance(result, tuple):
         return tuple(_unflattened(part, batch) for part in result)
     shaped = result.reshape(batch + result.shape[1:])
-    return shaped if shaped.ndim else float(shaped)
+    return shaped if shaped.ndim else shaped.item()
 
 
 def _stacked(results: list[Any]) -> Any:
-    if isinstance(results[0], tuple) and not isinstance(results[0], Vec):
+    first = results[0]
+    if isinstance(first, tuple) and not isinstance(first, Vec):
         return tuple(_stacked(list(part)) for part in zip(*results, strict=True))
-    return np.array(results, dtype=float)
+    if isinstance(first, bool):
+        return np.array(results)
+    entries = [*first[0]] if isinstance(first, Mat) else [*first] if isinstance(first, Vec) else [first]
+    return np.array(results, dtype=complex if any(hasattr(x, "__complex__") and not hasattr(x, "__float__") for x in entries) else float)

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import ast
 import builtins
+import dataclasses
 import operator
 from collections.abc import Callable, Iterator
 from typing import Any
 
 from ..errors import NotCompilable
-from .joins import Env, Undefined
+from .joins import LEFT, LIVE, Env, Undefined
 from .loops import Loops
 from .numbers import Num
 from .records import Record
+from .source import Source
 from .vectors import Mat
 
 OPERATORS: dict[type, Callable[..., Any]] = {
@@ -39,6 +41,15 @@ OPERATORS: dict[type, Callable[..., Any]] = {
     ast.In: lambda a, b: a in b,
     ast.NotIn: lambda a, b: a not in b,
 }
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Closure:
+    """A lambda inside a formula, with the variables it can see."""
+
+    source: Source
+    node: ast.Lambda
+    env: Env
 
 
 class Expressions(Loops):
@@ -101,6 +112,8 @@ class Expressions(Loops):
                 return tuple(self.items(node.elts, env))
             case ast.List():
                 return self.items(node.elts, env)
+            case ast.Lambda():
+                return Closure(self.frames[-1].source, node, {k: v for k, v in env.items() if k not in (LIVE, *LEFT)})
             case ast.ListComp() | ast.GeneratorExp():
                 return list(self.comprehension(node.elt, node.generators, env))
             case ast.JoinedStr():

@@ -13,6 +13,10 @@ from typing import Any
 import numpy as np
 
 
+RULES: dict[str, Callable[..., Any]] = {}
+"""What the elementary functions do to numbers that carry a derivative; filled by `dual`."""
+
+
 def _elementary(name: str, numpy_name: str | None = None) -> Callable[..., Any]:
     on_float = getattr(math, name)
     on_array = getattr(np, numpy_name or name)
@@ -26,6 +30,8 @@ def _elementary(name: str, numpy_name: str | None = None) -> Callable[..., Any]:
             with np.errstate(all="ignore"):
                 return float(on_array(*map(float, x)))
         except TypeError:
+            if any(hasattr(a, "slope") for a in x):
+                return RULES[name](*x)
             import sympy
 
             return getattr(sympy, name)(*x)

@@ -22,13 +22,14 @@ import numpy as np
 from ..errors import NotCompilable
 from . import driver, functions, vectors
 from .border import annotation_text, bare
-from .expressions import holds_number
+from .dual import Dual
+from .expressions import Closure, holds_number
 from .joins import RETURN, Env, Frame, Open, Undefined
 from .numbers import Emitter, Num
 from .records import Record
 from .source import source_of
 from .statements import Statements
-from .values import fill, is_any_number, layout_of, leaves
+from .values import PAIRS, fill, is_any_number, layout_of, leaves
 from .vectors import Mat, Vec
 
 DEPTH = 40  # nested calls
@@ -73,6 +74,8 @@ class Interpreter(Statements):
         """The value of a call: an intrinsic, a record, a formula to inline, or Python itself on what is known now."""
         if isinstance(function, types.MethodType):
             return self.call(function.__func__, function.__self__, *args, **options)
+        if isinstance(function, Closure):
+            return self.enter(Frame(function.source, function.env | _of_lambda(function.node, args)), function.node)
         intrinsic = self.intrinsics.get(function) if function.__hash__ else None
         if intrinsic is not None:
             return intrinsic(*args, **options)
@@ -80,7 +83,7 @@ class Interpreter(Statements):
             return self.construct(function, args, options)
         if function in _TEXT and holds_number(args):
             raise NotCompilable(f"{function.__name__} of a number known only at run time")
-        if function in (Vec, Mat) or function in _STATIC or getattr(function, "__module__", None) == Vec.of.__module__:
+        if function in (Vec, Mat, *PAIRS) or function in _STATIC or getattr(function, "__module__", None) == Vec.of.__module__:
             if isinstance(function, types.FunctionType) and not function.__qualname__.startswith(("Vec.", "Mat.")):
                 return self.inline(function, args, options)
             return function(*args, **options)
@@ -92,16 +95,19 @@ class Interpreter(Statements):
         if len(self.frames) > DEPTH:
             raise NotCompilable("formulas call each other without end")
         source = source_of(bare(function))
-        frame = Frame(source, _arguments(source.function, args, options))
+        return self.enter(Frame(source, _arguments(source.function, args, options)), source.node)
+
+    def enter(self, frame: Frame, node: ast.FunctionDef | ast.Lambda) -> Any:
+        """The value that a function returns, its body translated in a frame of its own."""
         base, depth = self.base, self.depth
         if self.frames:
             self.base = self.active(self.frames[-1].env)
         self.depth = 0
         self.frames.append(frame)
-        if isinstance(source.node, ast.Lambda):
-            result = self.expression(source.node.body, frame.env)
+        if isinstance(node, ast.Lambda):
+            result = self.expression(node.body, frame.env)
         else:
-            if self.block(source.node.body, frame.env):
+            if self.block(node.body, frame.env):
                 frame.returns.append(Open(self.builder.block, {RETURN: None}))
             if not frame.returns:
                 raise NotCompilable("every way through the formula raises")
@@ -138,6 +144,8 @@ class Interpreter(Statements):
 
     def elementary(self, function: Callable[..., Any], name: str) -> Callable[..., Any]:
         def value(*x: Any) -> Any:
+            if any(isinstance(a, Dual) for a in x):
+                return self.call(functions.RULES[function.__name__], *x)
             return self.emitter.call(name, *x) if any(isinstance(a, Num) for a in x) else function(*x)
 
         return value
@@ -190,6 +198,13 @@ def _isinstance(value: Any, kind: Any) -> bool:
     if isinstance(value, Num):
         return {"f": float, "i": int, "b": bool}[value.kind] in (kind if isinstance(kind, tuple) else (kind,))
     return isinstance(value, kind)
+
+
+def _of_lambda(node: ast.Lambda, args: tuple[Any, ...]) -> Env:
+    names = [a.arg for a in node.args.args]
+    if len(args) != len(names) or len(ast.unparse(node.args).split(",")) != len(names):
+        raise NotCompilable(f"`{ast.unparse(node)}` is called with {len(args)} arguments (a lambda in a formula takes plain ones)")
+    return dict(zip(names, args, strict=True))
 
 
 def _arguments(function: types.FunctionType, args: tuple[Any, ...], options: dict[str, Any]) -> Env:

@@ -137,7 +137,9 @@ def fingerprint(*things: Any) -> str:
         seen[id(x)] = len(seen)
         keep.append(x)
         put(type(x).__qualname__)
-        if _foreign(x):
+        if isinstance(x, functools.cached_property):
+            eat(x.func)
+        elif _foreign(x):
             put(x.__module__, getattr(x, "__qualname__", ""))
         elif isinstance(x, types.FunctionType):
             function(bare(x))

@@ -11,17 +11,23 @@ import functools
 from collections.abc import Callable, Iterator
 from typing import Any
 
+from .complex_numbers import Complex
+from .dual import Dual
 from .records import Record
 from .vectors import Mat, Vec
 
 
+PAIRS = (Complex, Dual)
+"""Numbers made of two."""
+
+
 @dataclasses.dataclass(frozen=True)
 class Layout:
-    """The structure of a value: `kind` is number, vec, mat, tuple, record or static."""
+    """The structure of a value: `kind` is number, pair, vec, mat, tuple, record or static."""
 
     kind: str
     parts: tuple[Layout, ...] = ()
-    detail: Any = None  # the class and field names of a record, the object of a static part
+    detail: Any = None  # the class of a pair, the class and field names of a record, the object of a static part
 
     @functools.cached_property
     def width(self) -> int:
@@ -77,6 +83,8 @@ def layout_of(value: Any, number: Callable[[Any], bool] = is_number) -> Layout:
         return _vector(len(value)) if all(map(is_any_number, value)) else Layout("vec", tuple(map(layout_of, value)))
     if isinstance(value, Mat):
         return _matrix(tuple(layout_of(row) for row in value.rows))
+    if isinstance(value, PAIRS):
+        return Layout("pair", tuple(layout_of(x, number) for x in value.parts), type(value))
     if isinstance(value, Record):
         names = tuple(f.name for f in dataclasses.fields(value))  # type: ignore[arg-type]
         return Layout("record", tuple(layout_of(getattr(value, n), number) for n in names), (type(value), names))
@@ -99,7 +107,7 @@ def is_static(value: Any) -> bool:
     """A tuple of plain constants, however nested."""
     if isinstance(value, tuple) and not isinstance(value, Vec):
         return all(map(is_static, value))
-    return not isinstance(value, (Vec, Mat, Record)) and type(value).__name__ != "Num"
+    return not isinstance(value, (Vec, Mat, Record, *PAIRS)) and type(value).__name__ != "Num"
 
 
 def leaves(value: Any, layout: Layout) -> Iterator[Any]:
@@ -110,7 +118,8 @@ def leaves(value: Any, layout: Layout) -> Iterator[Any]:
         for name, part in zip(layout.detail[1], layout.parts, strict=True):
             yield from leaves(getattr(value, name), part)
     elif layout.kind != "static":
-        for item, part in zip(value, layout.parts, strict=True):
+        items = value.parts if layout.kind == "pair" else value
+        for item, part in zip(items, layout.parts, strict=True):
             yield from leaves(item, part)
 
 
@@ -121,6 +130,8 @@ def build(layout: Layout, numbers: Iterator[Any]) -> Any:
     if layout.kind == "static":
         return layout.detail
     parts = [build(part, numbers) for part in layout.parts]
+    if layout.kind == "pair":
+        return layout.detail(*parts)
     if layout.kind == "record":
         cls, names = layout.detail
         return fill(cls, dict(zip(names, parts, strict=True)))

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from .complex_numbers import Complex
 from .functions import sqrt
 
 _make = tuple.__new__
@@ -29,8 +30,8 @@ class Vec(tuple[Any, ...]):
 
     @classmethod
     def of(cls, values: Iterable[Any]) -> Vec:
-        """The vector with the given components, numbers made floats."""
-        return _make(cls, [float(v) if isinstance(v, (int, np.number)) else v for v in values])
+        """The vector with the given components, numbers made floats and pairs of floats."""
+        return _make(cls, [_component(v) for v in values])
 
     def __add__(self, other: Any) -> Vec:
         return _make(Vec, map(operator.add, self, _same_length(self, other)))
@@ -72,6 +73,10 @@ class Vec(tuple[Any, ...]):
             return _make(Vec, [_product(self, column) for column in zip(*other.rows, strict=True)])
         return _product(self, _same_length(self, other))
 
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
+        array = np.array(tuple(self), dtype=dtype)
+        return array.astype(complex) if any(isinstance(x, Complex) for x in self) else array
+
     def __getnewargs__(self) -> tuple[Any, ...]:
         return tuple(self)
 
@@ -80,6 +85,12 @@ class Vec(tuple[Any, ...]):
 
 
 _VECTORS = (Vec, np.ndarray, list)
+
+
+def _component(x: Any) -> Any:
+    if isinstance(x, (complex, np.complexfloating)):
+        return Complex(float(x.real), float(x.imag))
+    return float(x) if isinstance(x, (int, np.number)) else x
 
 
 def _same_length(v: Vec, other: Any) -> Any:
@@ -186,7 +197,7 @@ class Mat:
         return hash(self.rows)
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
-        return np.array([tuple(row) for row in self.rows], dtype=dtype)
+        return np.array([np.asarray(row, dtype=dtype) for row in self.rows])
 
     def __repr__(self) -> str:
         return f"Mat({', '.join(repr(tuple(row)) for row in self.rows)})"

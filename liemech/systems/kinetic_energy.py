@@ -51,8 +51,8 @@ class KineticEnergy(Hamiltonian, Lagrangian):
         """J."""
         return self.inertia
 
-    def _shape(self, argument: str, axes: int) -> tuple[int, ...] | None:
-        return (len(self.inertia),) if axes == 1 else None
+    def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
+        return (len(self.inertia),) if kind == "Vec" else None
 
 
 def _times(inertia: Vec | Mat, x: Vec) -> Vec:

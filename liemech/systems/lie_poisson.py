@@ -8,7 +8,8 @@ import numpy as np
 
 from ..errors import InvalidInput, InvalidType
 from ..groups.lie_group import LieGroup
-from ..native import Mat, Record, Vec, check_finite, real_array, record
+from ..native import Element, Record, Vec, check_finite, real_array, record
+from ..native.border import small
 from .hamiltonian import Hamiltonian
 from .lagrangian import Lagrangian
 
@@ -71,8 +72,8 @@ class LiePoissonSystem(Record):
         return self.group.casimirs(mu)
 
     @final
-    def spatial_momentum(self, mu: Vec, g: Mat) -> Vec:
-        """The momentum seen from space, K_g mu = Ad*_{g^-1} mu: constant by Noether's theorem.  mu : (dim,), g : (n, n)."""
+    def spatial_momentum(self, mu: Vec, g: Element) -> Vec:
+        """The momentum seen from space, K_g mu = Ad*_{g^-1} mu: constant by Noether's theorem.  mu : (dim,), g : an element."""
         return self.group.K(g, mu)
 
     # ---------------------------------------------------------------- the border
@@ -81,7 +82,7 @@ class LiePoissonSystem(Record):
     def state(self, mu: Any, g: Any = None) -> BodyState:
         """A start for `integrate`: body momentum mu and, if the motion on the group is wanted, the element g.
 
-        mu : (dim,) for one body, (bodies, dim) for an ensemble;  g : (n, n), or (bodies, n, n).
+        mu : (dim,) for one body, (bodies, dim) for an ensemble;  g : an element, for matrix groups (n, n), or (bodies, n, n).
         Raises InvalidInput for wrong shapes, entries that are not finite, and a g that is not on the group.
         """
         name = f"{type(self).__name__}.state"
@@ -96,28 +97,35 @@ class LiePoissonSystem(Record):
         check_finite(momenta, f"{name}: mu")
         if g is None:
             return BodyState(Vec.of(momenta.tolist()) if momenta.ndim == 1 else _frozen(momenta))
-        elements = real_array(g.as_matrix() if hasattr(g, "as_matrix") else g, f"{name}: g")
-        shape = self.group.identity().shape
-        if elements.ndim not in (2, 3) or elements.shape[-2:] != shape:
+        elements = real_array(g, f"{name}: g", self.group.is_complex)
+        shape = self.group.element_shape
+        if elements.shape not in (shape, (*elements.shape[:1], *shape)):
             raise InvalidInput(f"{name}: g has shape {elements.shape}; an element of {self.group!r} has shape {shape}")
-        if not len(elements):
+        if not elements.size:
             raise InvalidInput(f"{name}: g has shape {elements.shape}; an ensemble needs at least one body")
+        many = elements.shape != shape
         check_finite(elements, f"{name}: g")
-        with np.errstate(over="ignore"):  # an overflow is one more objection
-            objection = self.group.objection(elements)
-        if objection:
-            raise InvalidInput(f"{name}: g is not in {self.group!r}: {objection}")
-        if momenta.ndim == 1 and elements.ndim == 2:
-            return BodyState(Vec.of(momenta.tolist()), Mat.of(elements.tolist()))
+        off = np.flatnonzero(~np.atleast_1d(self.group.contains(elements)))
+        if len(off):
+            which = f"g[{off[0]}]" if many else "g"
+            raise InvalidInput(f"{name}: {which} {self.group._objection('g', elements[off[0]] if many else elements)}")
+        if momenta.ndim == 1 and not many:
+            return BodyState(Vec.of(momenta.tolist()), small(elements))
         bodies = len(momenta) if momenta.ndim == 2 else len(elements)
-        if elements.ndim == 3 and len(elements) != bodies:
+        if many and len(elements) != bodies:
             raise InvalidInput(f"{name}: {bodies} momenta and {len(elements)} group elements")
         return BodyState(
             _frozen(np.broadcast_to(momenta, (bodies, dim))), _frozen(np.broadcast_to(elements, (bodies, *shape)))
         )
 
-    def _shape(self, argument: str, axes: int) -> tuple[int, ...] | None:
-        return self.group._shape(argument, axes)
+    def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
+        return self.group._shape(argument, kind)
+
+    def _complex(self, kind: str) -> bool:
+        return self.group._complex(kind)
+
+    def _objection(self, argument: str, value: Any) -> str | None:
+        return self.group._objection(argument, value)
 
 
 def _frozen(array: np.ndarray) -> np.ndarray:

@@ -23,8 +23,8 @@ class Spring(Record):
     order: int = 2
     label: str = "spring"
 
-    def _shape(self, argument: str, axes: int) -> tuple[int, ...] | None:
-        return (3,) * axes
+    def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
+        return (3,) if kind == "Vec" else (3, 3)
 
     def energy(self, x: Vec) -> float:
         y = x - self.rest

@@ -61,7 +61,7 @@ REFUSALS = {
     "options": ("x = sign(**{'x': a})", "`**options`"),
     "deleting": ("del a", "this statement has no place"),
     "a module of its own": ("import math\nx = a", "this statement has no place"),
-    "a lambda made on the spot": ("f = lambda y: y\nx = f(a)", "has no place in a formula"),
+    "a lambda with defaults": ("f = lambda y, z=1.0: y\nx = f(a)", "a lambda in a formula takes plain ones"),
     "else of a loop": ("for i in (1, 2):\n    x = a\nelse:\n    x = b", "`for ... else`"),
 }
 

@@ -1,0 +1,206 @@
+"""Differentiation: numbers that carry a derivative along, so that a formula evaluated with them differentiates itself.
+
+    f(x + e d) = f(x) + e f'(x) d,   e^2 = 0
+
+Exact to rounding, in plain Python and in native code, where unused parts disappear.  Of dual numbers of dual numbers come
+second derivatives.
+
+Source: Griewank and Walther, Evaluating Derivatives, 2nd ed., chapter 3 (forward mode).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from . import functions as f
+from .vectors import Mat, Vec, identity_matrix, mat, transpose, vec
+
+
+class Dual:
+    """value + e slope, e^2 = 0.  Comparisons look at the value."""
+
+    __slots__ = ("slope", "value")
+
+    def __init__(self, value: Any, slope: Any) -> None:
+        self.value, self.slope = value, slope
+
+    @property
+    def parts(self) -> tuple[Any, Any]:
+        """The two numbers, as they lie in memory."""
+        return self.value, self.slope
+
+    def __add__(self, other: Any) -> Dual:
+        if isinstance(other, Dual):
+            return Dual(self.value + other.value, self.slope + other.slope)
+        return Dual(self.value + other, self.slope)
+
+    __radd__ = __add__
+
+    def __sub__(self, other: Any) -> Dual:
+        if isinstance(other, Dual):
+            return Dual(self.value - other.value, self.slope - other.slope)
+        return Dual(self.value - other, self.slope)
+
+    def __rsub__(self, other: Any) -> Dual:
+        return Dual(other - self.value, -self.slope)
+
+    def __mul__(self, other: Any) -> Dual:
+        if isinstance(other, Dual):
+            return Dual(self.value * other.value, self.value * other.slope + self.slope * other.value)
+        return Dual(self.value * other, self.slope * other)
+
+    __rmul__ = __mul__
+
+    def __truediv__(self, other: Any) -> Dual:
+        if isinstance(other, Dual):
+            quotient = self.value / other.value
+            return Dual(quotient, (self.slope - quotient * other.slope) / other.value)
+        return Dual(self.value / other, self.slope / other)
+
+    def __rtruediv__(self, other: Any) -> Dual:
+        quotient = other / self.value
+        return Dual(quotient, -(quotient / self.value) * self.slope)
+
+    def __pow__(self, n: Any) -> Dual:
+        return Dual(self.value**n, (n * self.value ** (n - 1)) * self.slope)
+
+    def __neg__(self) -> Dual:
+        return Dual(-self.value, -self.slope)
+
+    def __pos__(self) -> Dual:
+        return self
+
+    def __abs__(self) -> Dual:
+        sign = 1.0 * (self.value >= 0.0) - 1.0 * (self.value < 0.0)
+        return Dual(abs(self.value), sign * self.slope)
+
+    def __lt__(self, other: Any) -> Any:
+        return self.value < value_of(other)
+
+    def __le__(self, other: Any) -> Any:
+        return self.value <= value_of(other)
+
+    def __gt__(self, other: Any) -> Any:
+        return self.value > value_of(other)
+
+    def __ge__(self, other: Any) -> Any:
+        return self.value >= value_of(other)
+
+    def __eq__(self, other: object) -> Any:
+        return self.value == value_of(other)
+
+    def __ne__(self, other: object) -> Any:
+        return self.value != value_of(other)
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __repr__(self) -> str:
+        return f"({self.value} + e {self.slope})"
+
+
+def value_of(x: Any) -> Any:
+    """A number without its derivative."""
+    return x.value if isinstance(x, Dual) else x
+
+
+def slope_of(x: Any) -> Any:
+    """The derivative that a number carries; zero if it carries none."""
+    return x.slope if isinstance(x, Dual) else 0.0
+
+
+# ------------------------------------------------------------------ elementary functions: f(x + e d) = f(x) + e f'(x) d
+
+
+def _sqrt(x: Any) -> Dual:
+    root = f.sqrt(x.value)
+    return Dual(root, x.slope / (2.0 * root))
+
+
+def _sin(x: Any) -> Dual:
+    return Dual(f.sin(x.value), f.cos(x.value) * x.slope)
+
+
+def _cos(x: Any) -> Dual:
+    return Dual(f.cos(x.value), -f.sin(x.value) * x.slope)
+
+
+def _tan(x: Any) -> Dual:
+    t = f.tan(x.value)
+    return Dual(t, (1.0 + t * t) * x.slope)
+
+
+def _asin(x: Any) -> Dual:
+    return Dual(f.asin(x.value), x.slope / f.sqrt(1.0 - x.value * x.value))
+
+
+def _acos(x: Any) -> Dual:
+    return Dual(f.acos(x.value), -x.slope / f.sqrt(1.0 - x.value * x.value))
+
+
+def _atan(x: Any) -> Dual:
+    return Dual(f.atan(x.value), x.slope / (1.0 + x.value * x.value))
+
+
+def _atan2(y: Any, x: Any) -> Dual:
+    a, b = value_of(y), value_of(x)
+    return Dual(f.atan2(a, b), (b * slope_of(y) - a * slope_of(x)) / (a * a + b * b))
+
+
+def _sinh(x: Any) -> Dual:
+    return Dual(f.sinh(x.value), f.cosh(x.value) * x.slope)
+
+
+def _cosh(x: Any) -> Dual:
+    return Dual(f.cosh(x.value), f.sinh(x.value) * x.slope)
+
+
+def _tanh(x: Any) -> Dual:
+    t = f.tanh(x.value)
+    return Dual(t, (1.0 - t * t) * x.slope)
+
+
+def _exp(x: Any) -> Dual:
+    value = f.exp(x.value)
+    return Dual(value, value * x.slope)
+
+
+def _log(x: Any) -> Dual:
+    return Dual(f.log(x.value), x.slope / x.value)
+
+
+def _expm1(x: Any) -> Dual:
+    return Dual(f.expm1(x.value), f.exp(x.value) * x.slope)
+
+
+def _log1p(x: Any) -> Dual:
+    return Dual(f.log1p(x.value), x.slope / (1.0 + x.value))
+
+
+_RULES = (_sqrt, _sin, _cos, _tan, _asin, _acos, _atan, _atan2, _sinh, _cosh, _tanh, _exp, _log, _expm1, _log1p)
+f.RULES.update({rule.__name__[1:]: rule for rule in _RULES})
+
+
+# ------------------------------------------------------------------ derivatives of formulas
+
+
+def derivative(formula: Callable[[Any], Any], x: Any, direction: Any) -> Any:
+    """f'(x) d: the derivative of a formula of one vector in a direction; it may return a number, a vector or a matrix.
+
+    x, direction : (n,).
+    """
+    return slopes(formula(vec(*[Dual(a, d) for a, d in zip(x, direction)])))
+
+
+def jacobian(formula: Callable[[Any], Any], x: Any) -> Mat:
+    """The matrix df_i/dx_j of a formula from vectors to vectors.  x : (n,)."""
+    return transpose(mat(*[derivative(formula, x, unit) for unit in identity_matrix(len(x))]))
+
+
+def slopes(value: Any) -> Any:
+    """The derivatives that a number, a vector or a matrix carries."""
+    if isinstance(value, Mat):
+        return mat(*[slopes(row) for row in value])
+    if isinstance(value, Vec):
+        return vec(*[slopes(x) for x in value])
+    return slope_of(value)

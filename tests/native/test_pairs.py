@@ -1,0 +1,150 @@
+"""Numbers made of two: derivatives that formulas carry along, complex entries, and the lambdas that make use of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import mpmath as mp
+import numpy as np
+import pytest
+
+import liemech as lm
+from liemech import native
+from liemech.native import Complex, Dual, Mat, Vec, derivative, dot, identity_matrix, jacobian, kernel, mat, record, sqrt, vec, where
+from liemech.native.driver import read, write
+from liemech.native.values import layout_of
+
+ELEMENTARY = {
+    "sqrt": 0.7, "sin": 0.7, "cos": 0.7, "tan": 0.7, "asin": 0.3, "acos": 0.3, "atan": 0.7, "sinh": 0.7, "cosh": 0.7, "tanh": 0.7,
+    "exp": 0.7, "log": 0.7, "expm1": 0.7, "log1p": 0.7,
+}  # fmt: skip
+OPERATORS: dict[str, Callable[[Any], Any]] = {
+    "sums": lambda x: 2.0 + x - (3.0 - x) + (x + x) - (x - 1.0) + (x - x),
+    "products": lambda x: 2.0 * x * x * 3.0,
+    "quotients": lambda x: x / (1.0 + x) + 2.0 / x + x / 3.0,
+    "powers": lambda x: x**3 + x**-1 + (-x) ** 2 + x**0.5,
+    "absolute value": lambda x: abs(x) * abs(-x - 1.0),
+}
+
+
+def slope(f: Callable[[Any], Any], x: float) -> float:
+    return mp.diff(f, x)
+
+
+@pytest.mark.parametrize("name", ELEMENTARY)
+def test_derivatives_of_elementary_functions(name: str) -> None:
+    x, f = ELEMENTARY[name], getattr(native, name)
+    with mp.workdps(30):
+        assert f(Dual(x, 2.0)).slope == pytest.approx(float(2 * slope(getattr(mp, name), mp.mpf(x))), rel=1e-15)
+    assert f(Dual(x, 2.0)).value == f(x)
+
+
+def test_derivative_of_atan2() -> None:
+    for y, x in ((0.3, 0.4), (-0.3, -0.4), (0.3, -0.4)):
+        with mp.workdps(30):
+            dy, dx = (float(mp.diff(mp.atan2, (y, x), n)) for n in ((1, 0), (0, 1)))
+        assert native.atan2(Dual(y, 1.0), x).slope == pytest.approx(dy, rel=1e-15)
+        assert native.atan2(y, Dual(x, 1.0)).slope == pytest.approx(dx, rel=1e-15)
+
+
+@pytest.mark.parametrize("name", OPERATORS)
+@pytest.mark.parametrize("x", [0.7, 2.3])
+def test_derivatives_of_operators(name: str, x: float) -> None:
+    with mp.workdps(30):
+        assert OPERATORS[name](Dual(x, 1.0)).slope == pytest.approx(float(slope(OPERATORS[name], mp.mpf(x))), rel=4e-15)
+
+
+def test_comparisons_look_at_the_value() -> None:
+    a, b = Dual(1.0, 5.0), Dual(2.0, -5.0)
+    assert a < b
+    assert a <= b
+    assert b > a
+    assert b >= 1.0
+    assert a == 1.0
+    assert a != b
+    assert where(a < 2.0, a, b) is a
+
+
+def test_second_derivatives() -> None:
+    """Duals of duals: the Hessian of a function of two variables."""
+
+    def f(x: Any) -> Any:
+        return native.sin(x[0] * x[1]) + x[0] ** 3 / x[1]
+
+    def gradient(x: Any) -> Vec:
+        return vec(*[derivative(f, x, unit) for unit in identity_matrix(2)])
+
+    x, y = 0.7, 1.3
+    s, c = np.sin(x * y), np.cos(x * y)
+    expected = [[-y * y * s + 6 * x / y, c - x * y * s - 3 * x * x / y**2], [0, -x * x * s + 2 * x**3 / y**3]]
+    expected[1][0] = expected[0][1]
+    assert np.allclose(jacobian(gradient, vec(x, y)), expected, rtol=1e-15, atol=1e-15)
+
+
+@record
+class Anharmonic(lm.Hamiltonian):
+    """An energy whose gradient nobody wrote: it is derived."""
+
+    k: float
+
+    def energy(self, mu):
+        return self.k * sqrt(1.0 + dot(mu, mu)) + native.sin(mu[0]) * mu[1] / (2.0 + native.cos(mu[2]))
+
+    def gradient(self, mu):
+        return vec(*[derivative(lambda m: self.energy(m), mu, unit) for unit in identity_matrix(3)])
+
+
+@pytest.mark.compiled
+def test_a_derived_gradient_in_native_code_and_in_lanes() -> None:
+    system = lm.LiePoissonSystem(lm.SO3(), Anharmonic(2.0))
+    momenta = np.random.default_rng(1).normal(size=(11, 3))
+    run = lm.integrate(system, lm.RKMK(order=4), system.state(momenta), h=0.1, steps=50, compiled=True)
+    for i in (0, 10):
+        for compiled in (False, True):
+            one = lm.integrate(system, lm.RKMK(order=4), system.state(momenta[i]), h=0.1, steps=50, compiled=compiled)
+            assert np.array_equal(one.mu, run.mu[:, i])
+    assert run.drift()["energy"].largest < 1e-3
+
+
+# ---------------------------------------------------------------- complex numbers
+
+
+def test_complex_arithmetic() -> None:
+    rng = np.random.default_rng(2)
+    for a, b in rng.normal(size=(20, 2)) + 1j * rng.normal(size=(20, 2)):
+        x, y = Complex(a.real, a.imag), Complex(b.real, b.imag)
+        for ours, theirs in (
+            (x + y, a + b), (x - y, a - b), (x * y, a * b), (x / y, a / b), (-x, -a), (x.conjugate(), a.conjugate()),
+            (2.0 + x - 1.0, 1.0 + a), (1.0 - x, 1.0 - a), (3.0 * x * 0.5, 1.5 * a), (x / 2.0, a / 2), (1.0 / x, 1 / a),
+        ):  # fmt: skip
+            assert complex(ours) == pytest.approx(theirs, rel=1e-15)
+        assert abs(x) == pytest.approx(abs(a), rel=1e-15)
+    assert Complex(1.0) == Complex(1.0, 0.0) != Complex(1.0, 1.0)
+
+
+def test_complex_matrices_as_arrays() -> None:
+    a = np.random.default_rng(3).normal(size=(2, 3, 3))
+    z = a[0] + 1j * a[1]
+    m = Mat.of(z.tolist())
+    assert np.array(m).dtype == complex
+    assert np.array_equal(np.array(m), z)
+    assert np.allclose(np.array(m @ m), z @ z, rtol=1e-14)
+    assert np.allclose(np.array(m.T), z.T)
+    assert np.array(mat(vec(1.0, 2.0))).dtype == float
+
+
+def _squares(array: Any, layout: Any, out: Any) -> None:
+    m = read(array, 0, layout)
+    write(out, 0, m @ m - (2.0 * m).T)
+
+
+@pytest.mark.compiled
+def test_complex_numbers_in_native_code() -> None:
+    """The numbers of a complex matrix lie as re, im, as in an array of complex128; same bits as plain Python."""
+    m = Mat.of((np.random.default_rng(4).normal(size=(2, 2, 2)) @ [1, 1j]).tolist())
+    flat, outs = np.array(m).ravel().view(float), (np.zeros(8), np.zeros(8))
+    _squares(flat, layout_of(m), outs[0])
+    kernel.kernel(_squares, flat, layout_of(m), outs[1])(flat, layout_of(m), outs[1])
+    assert np.array_equal(*outs)
+    assert np.array_equal(outs[0].view(complex).reshape(2, 2), np.array(m @ m - (2.0 * m).T))
