@@ -13,7 +13,7 @@ from .errors import InvalidInput, InvalidType
 from .integrators.method import Method
 from .marching import Run
 from .native import real_array
-from .systems.lie_poisson import BodyState, LiePoissonSystem
+from .systems.system import State, System
 from .trajectory import Trajectory
 
 MOST = 2**53
@@ -21,9 +21,9 @@ MOST = 2**53
 
 
 def integrate(
-    system: LiePoissonSystem,
+    system: System,
     method: Method,
-    start: BodyState,
+    start: State,
     *,
     h: float,
     steps: int,
@@ -72,31 +72,34 @@ def integrate(
 
 
 def _matching(system: Any, method: Any) -> None:
-    if isinstance(system, Method) and isinstance(method, LiePoissonSystem):
+    if isinstance(system, Method) and isinstance(method, System):
         raise InvalidType("integrate: system and method are swapped; write integrate(system, method, start, ...)")
     if not isinstance(method, Method):
         cure = f"; write {method.__name__}(...), with the brackets" if isinstance(method, type) else ""
         raise InvalidType(f"integrate: method must be a method such as RKMK(order=4); got {method!r}{cure}")
-    if not isinstance(system, LiePoissonSystem):
+    if not isinstance(system, System):
         raise InvalidType(f"integrate: system must be a system such as RigidBody([1.0, 1.5, 2.0]); got {system!r}")
     method.require(system)
 
 
-def _started(system: LiePoissonSystem, start: Any, record: Iterable[str] | None) -> BodyState:
-    if not isinstance(start, BodyState):
-        raise InvalidType(f"integrate: start must come from system.state(mu=..., g=...); got {type(start).__name__}")
-    start = system.state(np.asarray(start.mu), None if start.g is None else np.asarray(start.g))
+def _started(system: Any, start: Any, record: Iterable[str] | None) -> State:
+    if not isinstance(start, State):
+        raise InvalidType(f"integrate: start must come from system.state(...); got {type(start).__name__}")
+    start = system.state(**{name: np.asarray(x) for name, x in start.parts.items() if x is not None})
     if record is None:
         return start
+    least = [name for name, x in system.essential(start).parts.items() if x is not None]
+    choices = " or ".join(dict.fromkeys(str(tuple(names)).replace("'", '"') for names in (least, [*start.parts])))
     try:
         wanted = (record,) if isinstance(record, str) else tuple(record)
     except TypeError:
-        raise InvalidType(f'integrate: record is ("mu",) or ("mu", "g"); got {record!r}') from None
-    if any(name not in ("mu", "g") for name in wanted) or "mu" not in wanted:
-        raise InvalidInput(f'integrate: record is ("mu",) or ("mu", "g"), all else follows from them; got {record!r}')
-    if "g" in wanted and start.g is None:
-        raise InvalidInput("integrate: record asks for g, but the start has none; give system.state a g")
-    return start if "g" in wanted else BodyState(start.mu)
+        raise InvalidType(f"integrate: record is {choices}; got {record!r}") from None
+    if not set(least) <= set(wanted) <= set(start.parts):
+        raise InvalidInput(f"integrate: record is {choices}, all else follows from them; got {record!r}")
+    for name in wanted:
+        if start.parts[name] is None:
+            raise InvalidInput(f"integrate: record asks for {name}, but the start has none; give system.state a {name}")
+    return type(start)(*(x if name in wanted else None for name, x in start.parts.items()))
 
 
 def _real(value: Any, name: str) -> float:

@@ -23,7 +23,7 @@ from .native import kernel, where
 from .native.border import small
 from .native.driver import REJECTED, accepted, any_body, attempt, read, write
 from .native.values import NUMBER, build, layout_of
-from .systems.lie_poisson import BodyState, LiePoissonSystem
+from .systems.system import State, System
 from .trajectory import Trajectory
 
 COMPILE_FROM = 3000
@@ -87,9 +87,9 @@ class Run:
 
     def __init__(
         self,
-        system: LiePoissonSystem,
+        system: System,
         method: Method,
-        start: BodyState,
+        start: State,
         h: float,
         steps: int,
         every: int,
@@ -104,7 +104,8 @@ class Run:
         count = self.bodies or 1
         one = _member(start, 0)
         self.given, first = layout_of(one), method.start(system, one, h)
-        self.layout, self.shown = layout_of(first), layout_of(method.observe(first))
+        self.example = method.observe(first)
+        self.layout, self.shown = layout_of(first), layout_of(self.example)
         self.kernels: dict[Any, kernel.Kernel] = {}
         self.compiled = self._decide(compiled, count)
         if not self.compiled:
@@ -129,10 +130,10 @@ class Run:
                 "Formulas return numbers, liemech.vec(...), liemech.mat(...) and records, not arrays or lists"
             )
 
-    def _columns_of(self, start: BodyState) -> np.ndarray:
+    def _columns_of(self, start: State) -> np.ndarray:
         """The start with a column for each body; the last lanes, if there are too many, repeat the last body."""
         count = self.bodies or 1
-        parts = [_numbers(x).reshape(count, -1) for x in (start.mu, start.g) if x is not None]
+        parts = [_numbers(x).reshape(count, -1) for x in start.parts.values() if x is not None]
         columns = np.concatenate(parts, axis=1).T
         return np.ascontiguousarray(columns[:, np.minimum(np.arange(self.columns), count - 1)])
 
@@ -234,13 +235,6 @@ class Run:
             self.out[n // self.every + 2 : rows, :, i] = self.out[n // self.every + 1, :, i]
         parts = self.out[:rows, :, :count]
         flat = parts[..., 0] if self.bodies is None else np.moveaxis(parts, 1, -1)
-        dim = self.system.group.dim
-        has_g = self.shown.width > dim
-        group = self.system.group
-        mu = np.ascontiguousarray(flat[..., :dim])
-        g = np.ascontiguousarray(flat[..., dim:]) if has_g else None
-        if g is not None:
-            g = (g.view(complex) if group.is_complex else g).reshape(*flat.shape[:-1], *group.element_shape)
         t = self.t0 + np.minimum(np.arange(rows) * self.every, steps) * self.h
         if stopped:
             some = ", ".join(f"body {i} after {n} steps" for i, n in list(stopped.items())[:5])
@@ -249,7 +243,17 @@ class Run:
                 RuntimeWarning,
                 stacklevel=4,
             )
-        return Trajectory(self.system, self.method, self.h, t, mu, g, steps, self.compiled, stopped)
+        return Trajectory(self.system, self.method, self.h, t, self._arrays(flat), self.bodies, steps, self.compiled, stopped)
+
+    def _arrays(self, flat: np.ndarray) -> dict[str, np.ndarray]:
+        """The recorded numbers, (..., width), as the parts of the state."""
+        arrays, at = {}, 0
+        for (name, part), layout in zip(self.example.parts.items(), self.shown.parts, strict=True):
+            if part is not None:
+                one, numbers = np.array(part), np.ascontiguousarray(flat[..., at : at + layout.width])
+                arrays[name] = numbers.view(one.dtype).reshape(*flat.shape[:-1], *one.shape)
+                at += layout.width
+        return arrays
 
     def _failure(self, body: int) -> IntegrationFailure:
         """Why a body stopped: its failing step, run again in plain Python."""
@@ -304,10 +308,10 @@ class Bar:
             self.bar.close()
 
 
-def _member(start: BodyState, i: int) -> BodyState:
+def _member(start: State, i: int) -> State:
     if start.bodies is None:
         return start
-    return BodyState(small(start.mu[i]), None if start.g is None else small(start.g[i]))
+    return type(start)(*(None if x is None else small(x[i]) for x in start.parts.values()))
 
 
 def _numbers(value: Any) -> np.ndarray:

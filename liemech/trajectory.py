@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .errors import InvalidInput
-from .systems.lie_poisson import BodyState, LiePoissonSystem
+from .systems.system import State, System
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
@@ -21,17 +21,18 @@ if TYPE_CHECKING:
 class Trajectory:
     """Samples of a motion, and the quantities that should stay constant along it.
 
-    t : (n,) times in s.  mu : (n, dim) body momentum.  g : (n, k, k) group elements, None if they were not recorded.
+    t : (n,) times in s.  states : the recorded parts of the state by name, (n, ...) each; also as attributes, such as
+    mu : (n, dim) body momentum and g : (n, k, k) group elements, None if they were not recorded.
     In an ensemble of m bodies mu is (n, m, dim) and g is (n, m, k, k).
     stopped : for an ensemble, the bodies that did not reach the end and the number of steps each of them took.
     """
 
-    system: LiePoissonSystem
+    system: System
     method: Method
     h: float
     t: np.ndarray
-    mu: np.ndarray
-    g: np.ndarray | None
+    states: dict[str, np.ndarray]
+    bodies: int | None
     steps: int
     compiled: bool = False
     stopped: dict[int, int] = field(default_factory=dict)
@@ -39,14 +40,21 @@ class Trajectory:
     def __len__(self) -> int:
         return len(self.t)
 
+    def __getattr__(self, name: str) -> Any:
+        """A part of the state that belongs to this kind of system."""
+        states = self.__dict__.get("states", {})
+        if name in states:
+            return states[name]
+        raise AttributeError(f"a Trajectory has no {name!r}; this one recorded {', '.join(states)}")
+
     @property
-    def bodies(self) -> int | None:
-        """How many bodies an ensemble has; None for a single trajectory."""
-        return self.mu.shape[1] if self.mu.ndim == 3 else None
+    def g(self) -> np.ndarray | None:
+        """The group elements, (n, k, k); None if they were not recorded."""
+        return self.states.get("g")
 
     @property
     def _laws(self) -> Any:
-        """The system, whose formulas take all samples at once."""
+        """The system of a body, whose formulas take all samples at once."""
         return self.system
 
     @cached_property
@@ -75,9 +83,9 @@ class Trajectory:
         return Rotation.from_matrix(g)
 
     @property
-    def last(self) -> BodyState:
+    def last(self) -> State:
         """The last state, from which a run can be continued."""
-        return self.system.state(self.mu[-1], None if self.g is None else self.g[-1])
+        return self._laws.state(**{name: array[-1] for name, array in self.states.items()})
 
     def drift(self) -> Drift:
         """How well the constants of the motion were kept: bounded or drifting, and how fast."""
@@ -92,7 +100,7 @@ class Trajectory:
         many = "" if self.bodies is None else f"{self.bodies} bodies, "
         return (
             f"Trajectory({self.method!r}: {many}{len(self)} samples to t = {self.t[-1]:g}, h = {self.h:g}, "
-            f"{'compiled' if self.compiled else 'plain'}; {'mu' if self.g is None else 'mu, g'})"
+            f"{'compiled' if self.compiled else 'plain'}; {', '.join(self.states)})"
         )
 
 
@@ -135,16 +143,14 @@ class Drift:
 
     @classmethod
     def of(cls, run: Trajectory) -> Drift:
-        """Measure energy, Casimirs and, if the attitude is there, the spatial momentum.  Changes are relative."""
+        """Measure what the system names as constant: of a body energy, Casimirs, spatial momentum.  Changes are relative."""
         if len(run) < 2:
             raise InvalidInput("Trajectory.drift needs at least two samples")
-        series = {"energy": np.asarray(run.energy)}
-        casimirs = np.asarray(run.casimirs)
-        series |= {f"Casimir {i + 1}": casimirs[..., i] for i in range(casimirs.shape[-1])}
-        kept = [_kept(name, run.t, values[..., None]) for name, values in series.items()]
-        if run.g is not None:
-            kept.append(_kept("spatial momentum", run.t, np.asarray(run.spatial_momentum)))
-        return cls(tuple(kept))
+        series = run.system.constants(run.states)
+        if not series:
+            raise InvalidInput(f"Trajectory.drift: {run.system!r} names no `constants` of its motion")
+        axes = run.t.ndim + (run.bodies is not None)
+        return cls(tuple(_kept(name, run.t, values.reshape(*values.shape[:axes], -1)) for name, values in series.items()))
 
     def __getitem__(self, name: str) -> Kept:
         return next(k for k in self.kept if k.name == name)

@@ -219,6 +219,13 @@ class LieGroup(Record):
         defect = self.defect(small(g))
         return None if defect <= MEMBERSHIP else f"it is off the group by {defect:.1e}, more than {MEMBERSHIP:.0e}"
 
+    def scale(self, g: Element | None) -> Vec:
+        """The displacements that count as large at g (None: anywhere), for the error control of adaptive steps: 1 by default.
+
+        g : an element.  Returns (dim,).
+        """
+        return vec(*[1.0 for _ in range(self.dim)])
+
     def nearest(self, g: Ambient) -> Element:
         """An element close to an array that has drifted off the group.  Never called by an integrator.  g : like an element."""
         raise NotImplementedError(f"{type(self).__name__} does not know the element nearest to an array")

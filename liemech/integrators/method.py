@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 from ..errors import IncompatibleSystem
 from ..native import Record, record
-from ..systems.lie_poisson import BodyState
+from ..systems.system import State, System
 
 
 @record
@@ -22,7 +22,7 @@ class Method(Record):
 
     symmetric: ClassVar[bool] = False
     symplectic: ClassVar[bool] = False
-    needs: ClassVar[tuple[str, ...]] = ("group", "hamiltonian")
+    needs: ClassVar[tuple[str, ...]] = ()
 
     @property
     def name(self) -> str:
@@ -33,18 +33,20 @@ class Method(Record):
         """The state after one step of length h from time t: a formula, without side effects."""
         raise NotImplementedError(f"{type(self).__name__} must define `step`")
 
-    def start(self, system: Any, state: BodyState, h: float) -> Any:
+    def start(self, system: Any, state: State, h: float) -> Any:
         """What `step` carries along, from a state; the state itself unless the method has a memory."""
         return state
 
-    def observe(self, memory: Any) -> BodyState:
+    def observe(self, memory: Any) -> State:
         """The state in what `step` carries along."""
         return memory
 
     def require(self, system: Any) -> None:
         """Raise IncompatibleSystem, saying what to use instead, unless the method accepts the system."""
+        if not isinstance(system, System):
+            raise IncompatibleSystem(f"{self!r} needs a system such as RigidBody([1.0, 1.5, 2.0]); got {system!r}")
         for need in self.needs:
             if getattr(system, need, None) is None:
                 raise IncompatibleSystem(
-                    f"{self!r} needs a system with a {need}; {system!r} has none. RKMK accepts every Lie-Poisson system."
+                    f"{self!r} needs a system with a {need}; {system!r} has none. RKMK accepts every system."
                 )

@@ -7,7 +7,7 @@ from typing import Any
 from ..errors import InvalidInput, InvalidType
 from ..native import Vec, record
 from ..retractions import Exponential, Retraction
-from ..systems.lie_poisson import BodyState
+from ..systems.system import System
 from ..tableaus.butcher import BY_ORDER, ButcherTableau
 from .method import Method
 
@@ -67,29 +67,26 @@ class RKMK(Method):
         return f"RKMK{self.order}"
 
     def require(self, system: Any) -> None:
-        """A Lie-Poisson system, on a group that has the retraction."""
+        """Any system whose group has the retraction."""
         super().require(system)
         self.retraction.require(system.group)
 
-    def step(self, system: Any, t: float, state: BodyState, h: float) -> BodyState:
-        """One step in the chart at (mu_n, g_n)."""
+    def step(self, system: System, t: float, state: Any, h: float) -> Any:
+        """One step in the chart at the state."""
         slopes: list[Vec] = []
+        start = system.essential(state)
         for row, c in zip(self.tableau.A, self.tableau.c):
-            slopes = [*slopes, self.slope(system, t + c * h, _combination(row, slopes, h), state.mu)]
-        omega = _combination(self.tableau.b, slopes, h)
-        mu = self.retraction.tau_Ad_star(system.group, omega, state.mu)
-        if state.g is None:
-            return BodyState(mu, None)
-        return BodyState(mu, self.retraction.compose_tau(system.group, state.g, omega))
+            slopes = [*slopes, self.slope(system, t + c * h, start, _combination(row, slopes, h))]
+        return system.moved(self.retraction, state, _combination(self.tableau.b, slopes, h))
 
-    def slope(self, system: Any, t: float, omega: Vec | None, mu: Vec) -> Vec:
-        """dtau^-1_Omega xi(t, Ad*_tau(Omega) mu), left-trivialised; Omega None is zero."""
+    def slope(self, system: System, t: float, start: Any, omega: Vec | None) -> Vec:
+        """dtau^-1_Omega xi(t, the start displaced by tau(Omega)), trivialised like the velocity; Omega None is zero."""
         if omega is None:
-            return system.velocity(mu)
-        xi = system.velocity(self.retraction.tau_Ad_star(system.group, omega, mu))
+            return system.rate(t, start)
+        xi = system.rate(t, system.moved(self.retraction, start, omega))
         if self.truncation == "closed":
-            return self.retraction.dtau_inv(system.group, omega, xi, "left")
-        return system.group.dexp_inv_series(omega, xi, self.truncation, "left")
+            return self.retraction.dtau_inv(system.group, omega, xi, system.side)
+        return system.group.dexp_inv_series(omega, xi, self.truncation, system.side)
 
     def __repr__(self) -> str:
         parts = [f"order={self.order}"]

@@ -42,7 +42,7 @@ class CovariantVariational(Method):
     symmetric: ClassVar[bool] = True
     symplectic: ClassVar[bool] = True
     order: ClassVar[int] = 2
-    needs: ClassVar[tuple[str, ...]] = ("group", "lagrangian")
+    needs: ClassVar[tuple[str, ...]] = ("lagrangian",)
 
     retraction: Retraction = Exponential()
 

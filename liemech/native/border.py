@@ -44,6 +44,15 @@ class Border:
         """The shape that an array argument of this kind must have; None if any will do.  Subclasses know."""
         return None
 
+    @property
+    def is_large(self) -> bool:
+        """Are its matrices too large for formulas that are written out?"""
+        return False
+
+    def _in_numpy(self, method: str, arguments: dict[str, Any]) -> Any:
+        """A method on whole arrays, batch axis first, for owners that are large; None: use the formula."""
+        return None
+
     def _complex(self, kind: str) -> bool:
         """May an argument of this kind have complex entries?  Subclasses know."""
         return False
@@ -167,7 +176,8 @@ def _broadcast(formula: Callable[..., Any], kinds: dict[str, str], self: Any, ar
     if not bodies:  # an element of the right shape tells the shape of nothing
         some = {k: _some(space, kinds[k], a.shape[1:])[None] for k, a in flat.items()}
         return _unflattened(_none_of(_stacked([formula(self, **element(some, 0), **rest)])), batch)
-    if bodies >= MANY and evaluate_many is not None:
+    large = self.is_large
+    if bodies >= MANY and evaluate_many is not None and not large:
         found = evaluate_many(formula, self, flat, rest, elements, space, MEMBERSHIP)
         if found is not None:
             results, suspects = found
@@ -176,6 +186,11 @@ def _broadcast(formula: Callable[..., Any], kinds: dict[str, str], self: Any, ar
                 _by_rows(formula, self, {k: a[suspects] for k, a in flat.items()}, rest, where)
             return _unflattened(results, batch)
     _check(arrays, elements, space, where, batch, flat, range(bodies))
+    if large:
+        results = self._in_numpy(formula.__name__, flat | rest)
+        if results is not None:
+            _defined(results, where, flat)
+            return _unflattened(results, batch)
     return _unflattened(_by_rows(formula, self, flat, rest, where), batch)
 
 

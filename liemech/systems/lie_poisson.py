@@ -8,30 +8,26 @@ import numpy as np
 
 from ..errors import InvalidInput, InvalidType
 from ..groups.lie_group import LieGroup
-from ..native import Element, Record, Vec, check_finite, real_array, record
-from ..native.border import small
+from ..native import Element, Vec, record
+from ..retractions import Retraction
 from .hamiltonian import Hamiltonian
 from .lagrangian import Lagrangian
+from .system import State, System, frozen, members_of, points
 
 
 @record
-class BodyState(Record):
+class BodyState(State):
     """Where a body is and how it moves: body momentum `mu`, and the group element `g` from body to space (None: not asked for).
 
-    mu : (dim,) or, for an ensemble, (bodies, dim);  g : (n, n) or (bodies, n, n).
+    mu : (dim,) or, for an ensemble, (bodies, dim);  g : an element or, with a leading axis, one for each body.
     """
 
     mu: Any
     g: Any = None
 
-    @property
-    def bodies(self) -> int | None:
-        """How many bodies; None for a single one."""
-        return len(self.mu) if isinstance(self.mu, np.ndarray) else None
-
 
 @record
-class LiePoissonSystem(Record):
+class LiePoissonSystem(System):
     """Motion on the dual of a Lie algebra, mu' = ad*_xi mu with xi = dH/dmu, and on the group above it, g' = g xi.
 
     group : the configuration space.  hamiltonian : the energy as a function of the body momentum.
@@ -76,6 +72,33 @@ class LiePoissonSystem(Record):
         """The momentum seen from space, K_g mu = Ad*_{g^-1} mu: constant by Noether's theorem.  mu : (dim,), g : an element."""
         return self.group.K(g, mu)
 
+    # ---------------------------------------------------------------- how it moves
+
+    def rate(self, t: float, state: BodyState) -> Vec:
+        """The body velocity."""
+        return self.velocity(state.mu)
+
+    def moved(self, retraction: Retraction, state: BodyState, omega: Vec) -> BodyState:
+        """Momentum and attitude moved by the same displacement: Ad*_tau(omega) mu, g tau(omega)."""
+        mu = retraction.tau_Ad_star(self.group, omega, state.mu)
+        return BodyState(mu, None if state.g is None else retraction.compose_tau(self.group, state.g, omega))
+
+    def essential(self, state: BodyState) -> BodyState:
+        """The momentum."""
+        return BodyState(state.mu, None)
+
+    def scale(self, state: BodyState) -> Vec:
+        """What counts as large where the body is."""
+        return self.group.scale(state.g)
+
+    def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """Energy, Casimirs and, if the attitude is known, the spatial momentum."""
+        mu, g = states["mu"], states.get("g")
+        casimirs = np.asarray(self.casimirs(mu))
+        kept = {"energy": np.asarray(self.energy(mu))}
+        kept |= {f"Casimir {i + 1}": casimirs[..., i] for i in range(casimirs.shape[-1])}
+        return kept if g is None else kept | {"spatial momentum": np.asarray(self.spatial_momentum(mu, g))}
+
     # ---------------------------------------------------------------- the border
 
     @final
@@ -85,50 +108,11 @@ class LiePoissonSystem(Record):
         mu : (dim,) for one body, (bodies, dim) for an ensemble;  g : an element, for matrix groups (n, n), or (bodies, n, n).
         Raises InvalidInput for wrong shapes, entries that are not finite, and a g that is not on the group.
         """
-        name = f"{type(self).__name__}.state"
-        momenta = real_array(mu, f"{name}: mu")
-        dim = self.group.dim
-        if momenta.ndim not in (1, 2) or momenta.shape[-1] != dim:
-            raise InvalidInput(
-                f"{name}: mu has shape {momenta.shape}; a momentum on {self.group!r} has shape ({dim},), many (bodies, {dim})"
-            )
-        if not len(momenta):
-            raise InvalidInput(f"{name}: mu has shape {momenta.shape}; an ensemble needs at least one body")
-        check_finite(momenta, f"{name}: mu")
-        if g is None:
-            return BodyState(Vec.of(momenta.tolist()) if momenta.ndim == 1 else _frozen(momenta))
-        elements = real_array(g, f"{name}: g", self.group.is_complex)
-        shape = self.group.element_shape
-        if elements.shape not in (shape, (*elements.shape[:1], *shape)):
-            raise InvalidInput(f"{name}: g has shape {elements.shape}; an element of {self.group!r} has shape {shape}")
-        if not elements.size:
-            raise InvalidInput(f"{name}: g has shape {elements.shape}; an ensemble needs at least one body")
-        many = elements.shape != shape
-        check_finite(elements, f"{name}: g")
-        off = np.flatnonzero(~np.atleast_1d(self.group.contains(elements)))
-        if len(off):
-            which = f"g[{off[0]}]" if many else "g"
-            raise InvalidInput(f"{name}: {which} {self.group._objection('g', elements[off[0]] if many else elements)}")
-        if momenta.ndim == 1 and not many:
-            return BodyState(Vec.of(momenta.tolist()), small(elements))
-        bodies = len(momenta) if momenta.ndim == 2 else len(elements)
-        if many and len(elements) != bodies:
-            raise InvalidInput(f"{name}: {bodies} momenta and {len(elements)} group elements")
-        return BodyState(
-            _frozen(np.broadcast_to(momenta, (bodies, dim))), _frozen(np.broadcast_to(elements, (bodies, *shape)))
-        )
-
-    def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
-        return self.group._shape(argument, kind)
-
-    def _complex(self, kind: str) -> bool:
-        return self.group._complex(kind)
-
-    def _objection(self, argument: str, value: Any) -> str | None:
-        return self.group._objection(argument, value)
-
-
-def _frozen(array: np.ndarray) -> np.ndarray:
-    copy = np.array(array)
-    copy.flags.writeable = False
-    return copy
+        name, dim, shape = f"{type(self).__name__}.state", (self.group.dim,), self.group.element_shape
+        momenta = points(mu, f"{name}: mu", dim, f"a momentum on {self.group!r}")
+        elements = None if g is None else members_of(self.group, g, f"{name}: g")
+        counts = [len(a) for a, one in ((momenta, dim), (elements, shape)) if a is not None and a.shape != one]
+        if len(set(counts)) > 1:
+            raise InvalidInput(f"{name}: {counts[0]} momenta and {counts[1]} group elements")
+        bodies = counts[0] if counts else None
+        return BodyState(frozen(momenta, dim, bodies), None if elements is None else frozen(elements, shape, bodies))

@@ -1,0 +1,83 @@
+"""Differential equations on a Lie group, in body or in space velocities, autonomous or driven."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar, final
+
+from ..groups.lie_group import LieGroup
+from ..native import Element, Vec, record
+from ..retractions import Retraction
+from .system import State, System, frozen, members_of
+
+
+@record
+class Position(State):
+    """A place on a group: the element `g`; for an ensemble one for each body."""
+
+    g: Any
+
+
+@record
+class GroupEquation(System):
+    """An equation on a Lie group, g' = g xi(t, g) or, with `side = "right"`, g' = xi(t, g) g.
+
+    1. A subclass writes `velocity(t, g)`; for spatial velocities it sets `side = "right"`.
+    2. It may name what stays constant (`constants`).
+
+    Source: Iserles et al., Lie-group methods, Acta Numerica 9 (2000), section 2.2; Hairer, Lubich, Wanner, IV.8, equation (8.1).
+    """
+
+    group: LieGroup  # type: ignore[misc]
+
+    def velocity(self, t: float, g: Element) -> Vec:
+        """The velocity xi(t, g) in the Lie algebra, (dim,).  g : an element."""
+        raise NotImplementedError(f"{type(self).__name__} must define `velocity`")
+
+    # ---------------------------------------------------------------- how it moves
+
+    @final
+    def rate(self, t: float, state: Position) -> Vec:
+        """xi(t, g)."""
+        return self.velocity(t, state.g)
+
+    @final
+    def moved(self, retraction: Retraction, state: Position, omega: Vec) -> Position:
+        """g tau(omega), or tau(omega) g for spatial velocities."""
+        if self.side == "left":
+            return Position(retraction.compose_tau(self.group, state.g, omega))
+        return Position(self.group.compose(retraction.tau(self.group, omega), state.g))
+
+    @final
+    def scale(self, state: Position) -> Vec:
+        """What counts as large at g."""
+        return self.group.scale(state.g)
+
+    @final
+    def state(self, g: Any) -> Position:
+        """A start for `integrate`: an element, or one for each body of an ensemble.
+
+        Raises InvalidInput for wrong shapes, entries that are not finite, and a g that is not on the group.
+        """
+        elements, shape = members_of(self.group, g, f"{type(self).__name__}.state: g"), self.group.element_shape
+        return Position(frozen(elements, shape, None if elements.shape == shape else len(elements)))
+
+
+@record
+class LinearGroupEquation(GroupEquation):
+    """A linear equation on a Lie group, g' = g xi(t) or, with `side = "right"`, g' = xi(t) g: what Magnus methods solve.
+
+    A subclass writes `drive(t)`, the velocity as a function of time alone.
+
+    Source: Iserles et al., Lie-group methods, Acta Numerica 9 (2000), section 4.
+    """
+
+    linear: ClassVar[bool] = True
+
+    def drive(self, t: float) -> Vec:
+        """The velocity xi(t), (dim,)."""
+        raise NotImplementedError(f"{type(self).__name__} must define `drive`")
+
+    @final
+    def velocity(self, t: float, g: Element) -> Vec:
+        """xi(t), wherever g is."""
+        return self.drive(t)

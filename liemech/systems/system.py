@@ -1,0 +1,108 @@
+"""What a system is: a state that a group carries along, and the velocity with which it does."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any, ClassVar
+
+import numpy as np
+
+from ..errors import InvalidInput
+from ..groups.lie_group import LieGroup
+from ..native import Record, Vec, check_finite, real_array, record
+from ..native.border import small
+from ..retractions import Retraction
+
+
+@record
+class State(Record):
+    """Where a system is: arrays, one element each or, for an ensemble, with a leading axis; None for what was not asked for."""
+
+    @property
+    def bodies(self) -> int | None:
+        """How many members an ensemble has; None for a single system."""
+        first = next(x for x in self.parts.values() if x is not None)
+        return len(first) if isinstance(first, np.ndarray) else None
+
+    @property
+    def parts(self) -> dict[str, Any]:
+        """The fields by their names."""
+        return {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
+
+
+@record
+class System(Record):
+    """Motion by a group: at every moment a velocity in the Lie algebra, and a state that group elements carry along.
+
+    side : "left" for body velocities, which move a group element as g exp(xi), "right" for spatial ones, exp(xi) g.
+
+    1. A subclass writes `rate`, `moved` and `state`, and has a `group`.  (Mostly through one of the classes of this folder.)
+    2. It may say what the velocity depends on (`essential`) and what stays constant (`constants`).
+
+    Source: Munthe-Kaas, Appl. Numer. Math. 29 (1999), section 2: equations on homogeneous spaces.
+    """
+
+    side: ClassVar[str] = "left"
+    group: ClassVar[LieGroup]
+
+    def rate(self, t: float, state: Any) -> Vec:
+        """The velocity xi in the Lie algebra, (dim,), at time t and in this state."""
+        raise NotImplementedError(f"{type(self).__name__} must define `rate`")
+
+    def moved(self, retraction: Retraction, state: Any, omega: Vec) -> Any:
+        """The state after a displacement tau(omega)."""
+        raise NotImplementedError(f"{type(self).__name__} must define `moved`")
+
+    def essential(self, state: Any) -> Any:
+        """The part of the state that the velocity depends on; what is None in it may be left unrecorded."""
+        return state
+
+    def scale(self, state: Any) -> Vec:
+        """The displacements that count as large, for the error control of adaptive steps.  (dim,)"""
+        return self.group.scale(None)
+
+    def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """Quantities that the motion should keep, by name, each (n, ...), from the samples of a run."""
+        return {}
+
+    def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
+        return self.group._shape(argument, kind)
+
+    def _complex(self, kind: str) -> bool:
+        return self.group._complex(kind)
+
+    def _objection(self, argument: str, value: Any) -> str | None:
+        return self.group._objection(argument, value)
+
+
+def points(value: Any, name: str, shape: tuple[int, ...], space: str, or_complex: bool = False) -> np.ndarray:
+    """An array of one or, with a leading axis, many points of a space; InvalidInput names what is wrong."""
+    array = real_array(value, name, or_complex)
+    if array.shape != shape and array.shape[1:] != shape:
+        many = ("bodies", *shape)
+        raise InvalidInput(f"{name} has shape {array.shape}; {space} has shape {shape}, many of them {many}".replace("'", ""))
+    if not array.size and shape != (0,):
+        raise InvalidInput(f"{name} has shape {array.shape}; an ensemble needs at least one body")
+    check_finite(array, name)
+    return array
+
+
+def members_of(group: LieGroup, value: Any, name: str) -> np.ndarray:
+    """An array of one or many elements of a group."""
+    shape = group.element_shape
+    array = points(value, name, shape, f"an element of {group!r}", group.is_complex)
+    off = np.flatnonzero(~np.atleast_1d(group.contains(array)))
+    if len(off):
+        many = array.shape != shape
+        which = f"{name}[{off[0]}]" if many else name
+        raise InvalidInput(f"{which} {group._objection('g', array[off[0]] if many else array)}")
+    return array
+
+
+def frozen(array: np.ndarray, one: tuple[int, ...], bodies: int | None) -> Any:
+    """A field of a state: small for a single body, else an array of its own with a row for each body that nobody can write to."""
+    if bodies is None:
+        return small(array)
+    copy = np.array(np.broadcast_to(array, (bodies, *one)))
+    copy.flags.writeable = False
+    return copy
