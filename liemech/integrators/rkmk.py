@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..errors import InvalidInput, InvalidType
+from ..errors import InvalidInput, InvalidType, NoConvergence
+from ..groups.lie_group import EPSILON, one_norm
 from ..native import Vec, record
 from ..retractions import Exponential, Retraction
+from ..solvers import LIMIT
 from ..systems.system import System
 from ..tableaus.butcher import BY_ORDER, ButcherTableau
 from .method import Method
@@ -73,16 +75,41 @@ class RKMK(Method):
 
     def step(self, system: System, t: float, state: Any, h: float) -> Any:
         """One step in the chart at the state."""
-        slopes: list[Vec] = []
         start = system.essential(state)
-        for row, c in zip(self.tableau.A, self.tableau.c):
-            slopes = [*slopes, self.slope(system, t + c * h, start, _combination(row, slopes, h))]
-        return system.moved(self.retraction, state, _combination(self.tableau.b, slopes, h))
+        slopes = self.slopes(system, t, start, system.rate(t, start), h)
+        return system.moved(self.retraction, state, combination(self.tableau.b, slopes, h))
 
-    def slope(self, system: System, t: float, start: Any, omega: Vec | None) -> Vec:
-        """dtau^-1_Omega xi(t, the start displaced by tau(Omega)), trivialised like the velocity; Omega None is zero."""
-        if omega is None:
-            return system.rate(t, start)
+    def slopes(self, system: System, t: float, start: Any, first: Vec, h: float) -> list[Vec]:
+        """The slopes k_i of Omega at the stages; `first` is the velocity at the start.
+
+        Implicit stages are iterated to rounding.  Raises NoConvergence.
+        """
+        slopes: list[Vec] = []
+        if self.tableau.explicit:
+            for row, c in zip(self.tableau.A, self.tableau.c):
+                omega = combination(row, slopes, h)
+                slopes = [*slopes, first if omega is None else self.slope(system, t + c * h, start, omega)]
+            return slopes
+        slopes = [first for _ in self.tableau.b]
+        change = before = size = one_norm(first)
+        for _ in range(LIMIT):
+            before, old = change, slopes
+            change = size = 0.0
+            for i, (row, c) in enumerate(zip(self.tableau.A, self.tableau.c)):  # each stage sees the new ones before it
+                new = self.slope(system, t + c * h, start, combination(row, slopes, h))
+                slopes = [*slopes[:i], new, *slopes[i + 1 :]]
+                change, size = change + one_norm(new - old[i]), size + one_norm(new)
+            if change <= EPSILON * size or (change >= before and change <= 64.0 * EPSILON * size):
+                break
+        if not change <= 64.0 * EPSILON * size:
+            raise NoConvergence(
+                f"{self!r}: the stages did not converge in {LIMIT} iterations, they still change by {change / size:.1e}. "
+                f"The step h = {h:g} is too large for this motion; try {0.25 * h:g}"
+            )
+        return slopes
+
+    def slope(self, system: System, t: float, start: Any, omega: Vec) -> Vec:
+        """dtau^-1_Omega xi(t, the start displaced by tau(Omega)), trivialised like the velocity."""
         xi = system.rate(t, system.moved(self.retraction, start, omega))
         if self.truncation == "closed":
             return self.retraction.dtau_inv(system.group, omega, xi, system.side)
@@ -99,8 +126,8 @@ class RKMK(Method):
         return f"RKMK({', '.join(parts)})"
 
 
-def _combination(weights: tuple[float, ...], slopes: list[Vec], h: float) -> Any:
-    """h sum_j weights_j slopes_j over the weights that are not zero."""
+def combination(weights: tuple[float, ...], slopes: list[Vec], h: float) -> Any:
+    """h sum_j weights_j slopes_j over the weights that are not zero; None if all are."""
     total: Any = None
     for w, k in zip(weights, slopes):
         if w != 0.0:

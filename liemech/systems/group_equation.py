@@ -48,9 +48,9 @@ class GroupEquation(System):
         return Position(self.group.compose(retraction.tau(self.group, omega), state.g))
 
     @final
-    def scale(self, state: Position) -> Vec:
-        """What counts as large at g."""
-        return self.group.scale(state.g)
+    def deviation(self, state: Position, omega: Vec) -> tuple[Vec, Vec]:
+        """The displacement, beside what counts as large at g."""
+        return omega, self.group.scale(state.g)
 
     @final
     def state(self, g: Any) -> Position:

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..errors import InvalidInput, InvalidType
 from ..groups.lie_group import LieGroup
-from ..native import Element, Vec, record
+from ..native import Element, Vec, record, vec
 from ..retractions import Retraction
 from .hamiltonian import Hamiltonian
 from .lagrangian import Lagrangian
@@ -87,9 +87,10 @@ class LiePoissonSystem(System):
         """The momentum."""
         return BodyState(state.mu, None)
 
-    def scale(self, state: BodyState) -> Vec:
-        """What counts as large where the body is."""
-        return self.group.scale(state.g)
+    def deviation(self, state: BodyState, omega: Vec) -> tuple[Vec, Vec]:
+        """ad*_omega mu beside |mu|, and omega beside what counts as large where the body is."""
+        change, size = self.group.ad_star(omega, state.mu), vec(*[abs(m) for m in state.mu])
+        return (change, size) if state.g is None else (vec(*change, *omega), vec(*size, *self.group.scale(state.g)))
 
     def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Energy, Casimirs and, if the attitude is known, the spatial momentum."""

@@ -57,9 +57,9 @@ class System(Record):
         """The part of the state that the velocity depends on; what is None in it may be left unrecorded."""
         return state
 
-    def scale(self, state: Any) -> Vec:
-        """The displacements that count as large, for the error control of adaptive steps.  (dim,)"""
-        return self.group.scale(None)
+    def deviation(self, state: Any, omega: Vec) -> tuple[Vec, Vec]:
+        """What a small displacement omega changes in the state, and the sizes of what it changes: for adaptive steps."""
+        return omega, self.group.scale(None)
 
     def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Quantities that the motion should keep, by name, each (n, ...), from the samples of a run."""

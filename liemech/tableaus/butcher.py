@@ -50,6 +50,11 @@ class ButcherTableau(Record):
                 )
 
     @property
+    def explicit(self) -> bool:
+        """Does every stage need earlier ones only?"""
+        return all(not any(row[i:]) for i, row in enumerate(self.A))
+
+    @property
     def stages(self) -> int:
         """How many slopes a step evaluates."""
         return len(self.b)
