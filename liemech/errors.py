@@ -11,6 +11,7 @@
         ├── NoConvergence       an implicit step could not be solved
         ├── OutsideChart        the step leaves the domain where the retraction is a chart
         ├── NotFinite           a step produced inf or nan
+        ├── StepTooSmall        adaptive steps became too small, or too many, to reach the end
         └── InconsistentState   the state is off the group, the orbit or the constraint
 
     KeyboardInterrupt
@@ -81,6 +82,10 @@ class OutsideChart(IntegrationFailure):
 
 class NotFinite(IntegrationFailure):
     """A step produced an infinity or a nan."""
+
+
+class StepTooSmall(IntegrationFailure):
+    """Adaptive steps became too small to advance the time, or more than were allowed."""
 
 
 class InconsistentState(IntegrationFailure):

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import math
 import sys
+import warnings
 from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 
-from .errors import InvalidInput, InvalidType
+from .adaptive import AdaptiveRun
+from .errors import IncompatibleSystem, InvalidInput, InvalidType
 from .integrators.method import Method
 from .marching import Run
-from .native import real_array
+from .native import check_finite, real_array
 from .systems.system import State, System
 from .trajectory import Trajectory
 
@@ -25,23 +27,38 @@ def integrate(
     method: Method,
     start: State,
     *,
-    h: float,
-    steps: int,
+    h: float | None = None,
+    steps: int | None = None,
     every: int = 1,
+    t_end: float | None = None,
+    rtol: float | None = None,
+    atol: float | None = None,
+    t_eval: Any = None,
+    events: Any = (),
     record: Iterable[str] | None = None,
     t0: float = 0.0,
     compiled: bool | None = None,
     progress: bool | None = None,
     workers: int = 1,
 ) -> Trajectory:
-    """Follow a motion for `steps` steps of length h; keep the start, every `every`-th state after it, and the last one.
+    """Follow a motion, in `steps` steps of length h, or adaptively to the time `t_end`.
 
-    start : `system.state(mu, g)`; with a leading axis an ensemble, which runs in SIMD lanes.
-    h : the step, in s; negative runs backwards.  Times are t0 + n h.
-    record : ("mu",) or ("mu", "g"); what is not recorded is not computed.  Default: what the start has.
+    start : `system.state(...)`; with a leading axis an ensemble, which runs in SIMD lanes.
+    record : the parts of the state to keep, such as ("mu",) or ("mu", "g"); what is not recorded is not computed.
     compiled : True for native code, False for plain Python, None to choose by the amount of work; same bits.
     progress : True or False; None shows a bar when a run takes longer than a second.
+
+    Steps of one length: kept are the start, every `every`-th state after it, and the last one.
+    h : the step, in s; negative runs backwards.  Times are t0 + n h.
     workers : threads among which the bodies of an ensemble are divided.
+
+    Adaptive steps, for one body and a method with an error estimate:
+    t_end : the last time, before or after t0.  h, steps : the first step and the largest number of steps, if given.
+    rtol, atol : the error of a step is kept below atol + rtol |state| (1e-6 and 1e-9).  As with every local error control, the
+    error of the motion grows along it.
+    t_eval : (n,) times at which to keep the state; default: where the steps end.  `Trajectory.at` knows all others.
+    events : functions of t and state whose zeros are looked for; their attributes `terminal` (ends the run) and `direction`
+    (+1 only rising, -1 only falling zeros) mean what they do in SciPy.
 
     Returns a Trajectory.  Raises InvalidInput, InvalidType, IncompatibleSystem, or an IntegrationFailure whose
     `.trajectory` has every sample recorded before the step that failed; so has the IntegrationInterrupted of a Ctrl-C.
@@ -49,13 +66,29 @@ def integrate(
     disturbs no other.
     """
     _matching(system, method)
-    h, t0 = _real(h, "h"), _real(t0, "t0")
-    steps, every = _count(steps, "steps", 0), _count(every, "every", 1)
-    workers = _count(workers, "workers", 1)
+    t0 = _real(t0, "t0")
+    every, workers = _count(every, "every", 1), _count(workers, "workers", 1)
     _choice(compiled, "compiled")
     _choice(progress, "progress")
-    if abs(h) < sys.float_info.min:
-        raise InvalidInput(f"integrate: h = {h:g} is no step; it must not be zero, nor so small that 1/h overflows")
+    if t_end is not None:
+        _only_adaptive(method, every, workers)
+        t_end = _real(t_end, "t_end")
+        first = None if h is None else _step(h)
+        limit = MOST if steps is None else _count(steps, "steps", 1)
+        tolerances = _tolerance(rtol, "rtol", 1e-6), _tolerance(atol, "atol", 1e-9)
+        times, functions = _times(t_eval, t0, t_end), _events(events)
+        start = _started(system, start, record)
+        if start.bodies is not None:
+            raise InvalidInput("integrate: adaptive steps are for one body at a time; give an ensemble h and steps")
+        return AdaptiveRun(
+            system, method, start, t0, t_end, *tolerances, first, limit, times, functions, compiled, progress
+        ).trajectory()
+    for name, value in (("rtol", rtol), ("atol", atol), ("t_eval", t_eval), ("events", events or None)):
+        if value is not None:
+            raise InvalidInput(f"integrate: {name} is for adaptive steps; give t_end and, if you like, h as the first step")
+    if h is None or steps is None:
+        raise InvalidInput("integrate: give h and steps, for steps of one length, or t_end, for adaptive ones")
+    h, steps = _step(h), _count(steps, "steps", 0)
     end = t0 + steps * h
     if not math.isfinite(end):
         raise InvalidInput(f"integrate: {steps} steps of h = {h:g} lead to t = {end}")
@@ -100,6 +133,63 @@ def _started(system: Any, start: Any, record: Iterable[str] | None) -> State:
         if start.parts[name] is None:
             raise InvalidInput(f"integrate: record asks for {name}, but the start has none; give system.state a {name}")
     return type(start)(*(x if name in wanted else None for name, x in start.parts.items()))
+
+
+def _only_adaptive(method: Any, every: int, workers: int) -> None:
+    if method.symplectic or method.symmetric:
+        raise IncompatibleSystem(
+            f"integrate: {method!r} keeps the structure because all its steps are alike, which an error control would spoil. "
+            "Give h and steps; for adaptive steps take a method with an error estimate, such as RKMK(order=5)"
+        )
+    if not hasattr(method, "trial") or not method.tableau.b_hat:
+        raise IncompatibleSystem(
+            f"integrate: {method!r} has no error estimate to choose steps by. Give h and steps, or take a method with an embedded "
+            "pair, such as RKMK(order=5)"
+        )
+    for name, value in (("every", every), ("workers", workers)):
+        if value != 1:
+            raise InvalidInput(f"integrate: {name} is for steps of one length; adaptive ones have t_eval")
+
+
+def _step(h: Any) -> float:
+    h = _real(h, "h")
+    if abs(h) < sys.float_info.min:
+        raise InvalidInput(f"integrate: h = {h:g} is no step; it must not be zero, nor so small that 1/h overflows")
+    return h
+
+
+def _tolerance(value: Any, name: str, default: float) -> float:
+    value = default if value is None else _real(value, name)
+    if value < 0.0 or (name == "rtol" and value == 0.0):
+        raise InvalidInput(f"integrate: {name} must be positive{'' if name == 'rtol' else ' or zero'}; got {value:g}")
+    least = 100 * sys.float_info.epsilon
+    if name == "rtol" and value < least:
+        warnings.warn(f"integrate: rtol = {value:g} is below rounding; {least:.1e} is used", RuntimeWarning, stacklevel=4)
+        return least
+    return value
+
+
+def _times(t_eval: Any, t0: float, t_end: float) -> np.ndarray | None:
+    if t_eval is None:
+        return None
+    times = np.array(real_array(t_eval, "integrate: t_eval"))
+    if times.ndim != 1:
+        raise InvalidInput(f"integrate: t_eval has shape {times.shape}; it is a list of times, (n,)")
+    check_finite(times, "integrate: t_eval")
+    outside = (times < min(t0, t_end)) | (times > max(t0, t_end))
+    if outside.any():
+        raise InvalidInput(f"integrate: t_eval has t = {times[outside][0]:g}, which is not between {t0:g} and {t_end:g}")
+    if (np.diff(times) * (t_end - t0) < 0).any():
+        raise InvalidInput("integrate: t_eval must be sorted in the direction of time")
+    return times
+
+
+def _events(events: Any) -> tuple[Any, ...]:
+    functions = (events,) if callable(events) else tuple(events)
+    for event in functions:
+        if not callable(event):
+            raise InvalidType(f"integrate: events are functions of t and state; got {event!r}")
+    return functions
 
 
 def _real(value: Any, name: str) -> float:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from .dense import unpacked
 from .errors import (
     IntegrationFailure,
     IntegrationInterrupted,
@@ -243,17 +244,7 @@ class Run:
                 RuntimeWarning,
                 stacklevel=4,
             )
-        return Trajectory(self.system, self.method, self.h, t, self._arrays(flat), self.bodies, steps, self.compiled, stopped)
-
-    def _arrays(self, flat: np.ndarray) -> dict[str, np.ndarray]:
-        """The recorded numbers, (..., width), as the parts of the state."""
-        arrays, at = {}, 0
-        for (name, part), layout in zip(self.example.parts.items(), self.shown.parts, strict=True):
-            if part is not None:
-                one, numbers = np.array(part), np.ascontiguousarray(flat[..., at : at + layout.width])
-                arrays[name] = numbers.view(one.dtype).reshape(*flat.shape[:-1], *one.shape)
-                at += layout.width
-        return arrays
+        return Trajectory(self.system, self.method, self.h, t, unpacked(self.example, self.shown, flat), self.bodies, steps, self.compiled, stopped)
 
     def _failure(self, body: int) -> IntegrationFailure:
         """Why a body stopped: its failing step, run again in plain Python."""

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from .dense import DenseOutput
 from .errors import InvalidInput
 from .systems.system import State, System
 
@@ -24,6 +25,8 @@ class Trajectory:
     t : (n,) times in s.  states : the recorded parts of the state by name, (n, ...) each; also as attributes, such as
     mu : (n, dim) body momentum and g : (n, k, k) group elements, None if they were not recorded.
     In an ensemble of m bodies mu is (n, m, dim) and g is (n, m, k, k).
+    Of adaptive steps h is the mean; `at(t)` gives the state at any time; rejected : the steps that were tried in vain;
+    events : for every event function the times, and the states then.
     stopped : for an ensemble, the bodies that did not reach the end and the number of steps each of them took.
     """
 
@@ -36,6 +39,9 @@ class Trajectory:
     steps: int
     compiled: bool = False
     stopped: dict[int, int] = field(default_factory=dict)
+    rejected: int = 0
+    dense: DenseOutput | None = None
+    events: tuple[tuple[np.ndarray, list[Any]], ...] = ()
 
     def __len__(self) -> int:
         return len(self.t)
@@ -87,6 +93,12 @@ class Trajectory:
         """The last state, from which a run can be continued."""
         return self._laws.state(**{name: array[-1] for name, array in self.states.items()})
 
+    def at(self, t: Any) -> Any:
+        """The state at any time of a run with adaptive steps, or at many, (m,); between the steps too it is on the group."""
+        if self.dense is None:
+            raise InvalidInput("Trajectory.at needs a run with adaptive steps (integrate with t_end, rtol and atol)")
+        return self.dense(t)
+
     def drift(self) -> Drift:
         """How well the constants of the motion were kept: bounded or drifting, and how fast."""
         return Drift.of(self)
@@ -98,8 +110,10 @@ class Trajectory:
 
     def __repr__(self) -> str:
         many = "" if self.bodies is None else f"{self.bodies} bodies, "
+        end = f"to t = {self.t[-1]:g}" if len(self) else "none"
+        steps = f"h = {self.h:g}" if self.dense is None else f"{self.steps} steps, {self.rejected} rejected"
         return (
-            f"Trajectory({self.method!r}: {many}{len(self)} samples to t = {self.t[-1]:g}, h = {self.h:g}, "
+            f"Trajectory({self.method!r}: {many}{len(self)} samples {end}, {steps}, "
             f"{'compiled' if self.compiled else 'plain'}; {', '.join(self.states)})"
         )
 

@@ -29,8 +29,10 @@ LAYERS = (
     "models",
     "tableaus",
     "integrators",
+    "dense",  # the motion between the steps
     "trajectory",  # what the loop returns
     "marching",  # the loop
+    "adaptive",  # and the one that chooses its steps
     "integrate",
     "checks",
     "plots",

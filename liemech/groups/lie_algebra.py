@@ -105,7 +105,8 @@ class LieAlgebra(Record):
         forms = np.zeros((len(pairs), n, n))
         for form, (i, j) in zip(forms, pairs, strict=True):
             form[i, j] = form[j, i] = 1.0
-        equations = np.einsum("pab,iac->pibc", forms, ad) + np.einsum("pbc,iba->piac", forms.transpose(0, 2, 1), ad).swapaxes(-1, -2)
+        moved = np.einsum("pab,ibc->piac", forms, ad)  # (E_a, [E_i, E_c])
+        equations = moved + moved.swapaxes(-1, -2)
         _, sizes, directions = np.linalg.svd(equations.reshape(len(pairs), -1).T)
         rank = int((sizes > 1e-12 * max(sizes.max(initial=0.0), 1e-300)).sum())
         kernel = np.einsum("kp,pab->kab", directions[rank:], forms)

@@ -9,7 +9,8 @@ import numpy as np
 
 from ..errors import IncompatibleSystem
 from ..native import Ambient, Element, Mat, Record, Vec, dot, identity_matrix, jacobian, mat, record, solve, sqrt, vec
-from ..native.border import MEMBERSHIP, small
+from ..native.border import MEMBERSHIP as MEMBERSHIP
+from ..native.border import small
 from .lie_algebra import LieAlgebra
 
 EPSILON = 2.0**-52

@@ -33,7 +33,7 @@ class Method(Record):
         """The state after one step of length h from time t: a formula, without side effects."""
         raise NotImplementedError(f"{type(self).__name__} must define `step`")
 
-    def start(self, system: Any, state: State, h: float) -> Any:
+    def start(self, system: Any, state: Any, h: float) -> Any:
         """What `step` carries along, from a state; the state itself unless the method has a memory."""
         return state
 

@@ -6,12 +6,22 @@ from typing import Any
 
 from ..errors import InvalidInput, InvalidType, NoConvergence
 from ..groups.lie_group import EPSILON, one_norm
-from ..native import Vec, record
+from ..native import Record, Vec, record, sqrt
 from ..retractions import Exponential, Retraction
 from ..solvers import LIMIT
 from ..systems.system import System
 from ..tableaus.butcher import BY_ORDER, ButcherTableau
 from .method import Method
+
+
+@record
+class Trial(Record):
+    """A step on probation: the new state and the velocity there, the error over the tolerance, the way in between."""
+
+    state: Any
+    velocity: Vec
+    error: float
+    curve: tuple[Vec, ...]
 
 
 @record
@@ -107,6 +117,49 @@ class RKMK(Method):
                 f"The step h = {h:g} is too large for this motion; try {0.25 * h:g}"
             )
         return slopes
+
+    # ---------------------------------------------------------------- adaptive steps
+
+    @property
+    def error_order(self) -> int:
+        """The power of h with which the error estimate of a step goes to zero."""
+        return min(self.order, self.tableau.embedded_order) + 1
+
+    @property
+    def dense_order(self) -> int:
+        """The order of accuracy between the steps."""
+        return self.tableau.interpolant_order if self.tableau.interpolant else min(self.order, 3)
+
+    @property
+    def curve_terms(self) -> int:
+        """How many coefficients the polynomial Omega(theta) of a step has."""
+        return len(self.tableau.interpolant[0]) if self.tableau.interpolant else 3
+
+    def trial(self, system: System, t: float, state: Any, first: Vec, h: float, rtol: float, atol: float) -> Trial:
+        """One step with an estimate of its error, h sum_j (b_j - b^_j) k_j in the algebra.
+
+        The error is the root mean square of what such a displacement changes, over atol + rtol |what it changes|.
+        """
+        start = system.essential(state)
+        slopes = self.slopes(system, t, start, first, h)
+        omega = combination(self.tableau.b, slopes, h)
+        new = system.moved(self.retraction, state, omega)
+        velocity = system.rate(t + h, system.essential(new))
+        off = combination(tuple(b - e for b, e in zip(self.tableau.b, self.tableau.b_hat)), slopes, h)
+        (change, size), (_, size_new) = system.deviation(state, off), system.deviation(new, off)
+        total = 0.0
+        for c, a, b in zip(change, size, size_new):
+            ratio = c / (atol + rtol * max(a, b))
+            total = total + ratio * ratio
+        return Trial(new, velocity, sqrt(total / len(change)), self.curve(system, slopes, first, omega, velocity, h))
+
+    def curve(self, system: System, slopes: list[Vec], first: Vec, omega: Vec, velocity: Vec, h: float) -> tuple[Vec, ...]:
+        """Omega(theta) = theta p_1 + theta^2 p_2 + ... along the step: of the tableau, or a cubic through both ends."""
+        if self.tableau.interpolant:
+            powers = zip(*self.tableau.interpolant)
+            return tuple([combination(weights, slopes, h) for weights in powers])
+        end = h * self.retraction.dtau_inv(system.group, omega, velocity, system.side)
+        return h * first, 3.0 * omega - (2.0 * h * first + end), (h * first + end) - 2.0 * omega
 
     def slope(self, system: System, t: float, start: Any, omega: Vec) -> Vec:
         """dtau^-1_Omega xi(t, the start displaced by tau(Omega)), trivialised like the velocity."""

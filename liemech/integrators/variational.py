@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 from ..errors import InvalidType, NoConvergence, OutsideChart
-from ..native import Element, Mat, Record, Vec, dot, mat, norm, record, sqrt, vec
+from ..native import Element, Mat, Record, Vec, dot, mat, norm, record, sqrt, vec, vectors
 from ..retractions import Exponential, Retraction
 from ..solvers import LIMIT, TOLERANCE, beyond_fold, correction
 from ..systems.lie_poisson import BodyState
@@ -90,7 +90,7 @@ class CovariantVariational(Method):
             r, by_p, by_x = self.retraction.mismatch(system.group, x, system.lagrangian.momentum(xi), mu)
             jacobian = _plus(by_x, _times(by_p, rate * system.lagrangian.hessian(xi)))
             x, folded = x - correction(jacobian, r), beyond_fold(jacobian, rate)
-            size, enough = dot(r, r), (1.0 if isinstance(by_p, Mat) else by_p * by_p) * goal
+            size, enough = dot(r, r), (1.0 if isinstance(by_p, vectors.Mat) else by_p * by_p) * goal
             if size <= enough:
                 break
         if not size <= enough:
@@ -109,13 +109,13 @@ class CovariantVariational(Method):
 
 def _times(by_p: float | Mat, hessian: Mat | Vec) -> Mat | Vec:
     """dr/dp d2l: a Vec stands for a diagonal matrix, a number for a multiple of the unit matrix."""
-    if not isinstance(by_p, Mat):
+    if not isinstance(by_p, vectors.Mat):
         return by_p * hessian
-    return by_p @ hessian if isinstance(hessian, Mat) else mat(*[row * hessian for row in by_p])
+    return by_p @ hessian if isinstance(hessian, vectors.Mat) else mat(*[row * hessian for row in by_p])
 
 
 def _plus(m: Mat, inertia: Mat | Vec) -> Mat:
     """m + inertia, a Vec standing for a diagonal matrix."""
-    if isinstance(inertia, Mat):
+    if isinstance(inertia, vectors.Mat):
         return m + inertia
     return mat(*[vec(*[m[i, j] + inertia[i] if i == j else m[i, j] for j in range(len(m))]) for i in range(len(m))])

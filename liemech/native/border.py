@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidInput, InvalidType
+from .complex_numbers import Complex
 from .vectors import Mat, Vec
 
 MANY = 2048  # elements from which native code, loaded from the disk cache, is quicker than a Python loop
@@ -280,4 +281,4 @@ def _stacked(results: list[Any]) -> Any:
     if isinstance(first, bool):
         return np.array(results)
     entries = [*first[0]] if isinstance(first, Mat) else [*first] if isinstance(first, Vec) else [first]
-    return np.array(results, dtype=complex if any(hasattr(x, "__complex__") and not hasattr(x, "__float__") for x in entries) else float)
+    return np.array(results, dtype=complex if any(isinstance(x, Complex) for x in entries) else float)

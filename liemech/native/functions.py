@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-
 RULES: dict[str, Callable[..., Any]] = {}
 """What the elementary functions do to numbers that carry a derivative; filled by `dual`."""
 

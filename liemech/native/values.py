@@ -16,7 +16,6 @@ from .dual import Dual
 from .records import Record
 from .vectors import Mat, Vec
 
-
 PAIRS = (Complex, Dual)
 """Numbers made of two."""
 

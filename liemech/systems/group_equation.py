@@ -27,7 +27,7 @@ class GroupEquation(System):
     Source: Iserles et al., Lie-group methods, Acta Numerica 9 (2000), section 2.2; Hairer, Lubich, Wanner, IV.8, equation (8.1).
     """
 
-    group: LieGroup  # type: ignore[misc]
+    group: LieGroup
 
     def velocity(self, t: float, g: Element) -> Vec:
         """The velocity xi(t, g) in the Lie algebra, (dim,).  g : an element."""

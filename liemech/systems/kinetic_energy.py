@@ -6,7 +6,7 @@ from dataclasses import field
 
 import numpy as np
 
-from ..native import Mat, Vec, dot, record
+from ..native import Mat, Vec, dot, record, vectors
 from .hamiltonian import Hamiltonian
 from .lagrangian import Lagrangian
 
@@ -25,7 +25,7 @@ class KineticEnergy(Hamiltonian, Lagrangian):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if isinstance(self.inertia, Vec):
+        if isinstance(self.inertia, vectors.Vec):
             inverse: Vec | Mat = 1.0 / self.inertia
         else:
             inverse = Mat.of(np.linalg.inv(np.array(self.inertia)).tolist())
@@ -56,4 +56,4 @@ class KineticEnergy(Hamiltonian, Lagrangian):
 
 
 def _times(inertia: Vec | Mat, x: Vec) -> Vec:
-    return inertia @ x if isinstance(inertia, Mat) else inertia * x
+    return inertia @ x if isinstance(inertia, vectors.Mat) else inertia * x

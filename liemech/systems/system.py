@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -43,7 +43,8 @@ class System(Record):
     """
 
     side: ClassVar[str] = "left"
-    group: ClassVar[LieGroup]
+    if TYPE_CHECKING:
+        group: LieGroup
 
     def rate(self, t: float, state: Any) -> Vec:
         """The velocity xi in the Lie algebra, (dim,), at time t and in this state."""

@@ -1,0 +1,287 @@
+"""Adaptive steps: as long as the error estimate allows, with dense output and events on the group."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from .dense import DenseOutput, packed, unpacked
+from .errors import IntegrationFailure, IntegrationInterrupted, NotCompilable, NotCompiledWarning, StepTooSmall
+from .marching import Bar
+from .native import Record, kernel, record
+from .native.driver import REJECTED, accepted, attempt, itself, read, write
+from .native.values import build, layout_of
+from .systems.system import State, System
+from .trajectory import Trajectory
+
+SAFETY, SLOWEST, FASTEST = 0.9, 0.2, 10.0
+"""The controller aims at 0.9 of the step that would just be accepted, and changes steps by factors between these two."""
+
+ROOM = 512
+"""Steps between two looks at the keyboard and the events."""
+
+PLAIN = 64
+"""Steps taken in plain Python before native code is worth the wait."""
+
+
+@record
+class Clock(Record):
+    """What the controller carries along: time, the step to try, the error of the last one, and counts."""
+
+    t: float
+    h: float
+    error: float
+    steps: float
+    rejected: float
+    stuck: float
+
+
+CLOCK = layout_of(Clock(0.0, 0.0, 1.0, 0.0, 0.0, 0.0))
+
+
+def pursue(
+    method: Any,
+    system: Any,
+    layout: Any,
+    row: Any,
+    t_end: float,
+    rtol: float,
+    atol: float,
+    room: int,
+    states: Any,
+    clocks: Any,
+    out: Any,
+) -> None:
+    """The driver: accepted steps, a row of numbers for each, until t_end is reached, the room is full or the step underflows.
+
+    A proportional-integral controller, h <- 0.9 h err_n^(-0.7/q) err_(n-1)^(0.4/q) with err the error over the tolerance.
+
+    Source: Hairer and Wanner, Solving Ordinary Differential Equations II, 2nd ed., IV.2, equation (2.43c).
+    """
+    state, xi = read(states, 0, layout)
+    clock = read(clocks, 0, CLOCK)
+    t, h, before, rejected, stuck = clock.t, clock.h, clock.error, clock.rejected, 0.0
+    power = 1.0 / method.error_order
+    n = 0
+    while n < room and t != t_end:
+        last = abs(h) >= 0.999 * abs(t_end - t)
+        step = t_end - t if last else h
+        if t + 0.125 * step == t:
+            stuck = 1.0
+            break
+        trial = attempt(method.trial, system, t, state, xi, step, rtol, atol)
+        error = 1e3
+        if accepted(trial, itself):
+            error = max(trial.error, 1e-4)
+        if error <= 1.0:
+            t = t_end if last else t + step
+            state, xi = trial.state, trial.velocity
+            write(out, n * row.width, (t, state, trial.curve), row)
+            n = n + 1
+            h = step * min(FASTEST, max(SLOWEST, SAFETY * error ** (-0.7 * power) * before ** (0.4 * power)))
+            before = error
+        else:
+            rejected = rejected + 1.0
+            h = step * max(SLOWEST, SAFETY * error**-power)
+    write(states, 0, (state, xi), layout)
+    write(clocks, 0, Clock(t, h, before, clock.steps + n, rejected, stuck), CLOCK)
+
+
+class AdaptiveRun:
+    """One call of `integrate` with a tolerance: its rows and its progress."""
+
+    def __init__(
+        self,
+        system: System,
+        method: Any,
+        start: State,
+        t0: float,
+        t_end: float,
+        rtol: float,
+        atol: float,
+        h: float | None,
+        limit: int,
+        t_eval: np.ndarray | None,
+        events: tuple[Callable[..., Any], ...],
+        compiled: bool | None,
+        progress: bool | None,
+    ) -> None:
+        self.system, self.method, self.start, self.t0, self.t_end = system, method, start, t0, t_end
+        self.rtol, self.atol, self.limit, self.t_eval, self.events = rtol, atol, limit, t_eval, events
+        self.wanted, self.progress, self.compiled = compiled, progress, False
+        xi = system.rate(t0, system.essential(start))
+        memory = start, xi
+        self.layout = layout_of(memory)
+        self.states = packed(memory)
+        step = first_step(system, method, start, xi, t0, t_end, rtol, atol) if h is None else math.copysign(h, t_end - t0)
+        self.clock = packed(Clock(t0, step, 1.0, 0.0, 0.0, 0.0))
+        coefficients = (xi,) * method.curve_terms
+        self.row, self.width = layout_of((t0, start, coefficients)), layout_of(start).width
+        self.rows: list[np.ndarray] = []
+        self.ends = [packed((t0, start))]
+        self.found: list[list[tuple[float, Any]]] = [[] for _ in events]
+        self.values = [float(event(t0, start)) for event in events]
+
+    def trajectory(self) -> Trajectory:
+        """March to the end, or to a terminal event, in pieces short enough to show progress and to be interrupted."""
+        try:
+            with Bar(self.progress, 1000) as bar:
+                while self.clock[0] != self.t_end:
+                    taken = self._more(PLAIN if not self.compiled else ROOM)
+                    bar.advance(int(1000 * (self.clock[0] - self.t0) / (self.t_end - self.t0)) - bar.done)
+                    if self.events and self._stopped(taken):
+                        break
+                    if self.clock[0] == self.t_end:
+                        break
+                    if self.clock[5]:
+                        raise self._failure()
+                    if self.clock[3] >= self.limit:
+                        reached = f"{self.limit} steps led to t = {self.clock[0]:g} only, not to {self.t_end:g}"
+                        raise self._ended(StepTooSmall(f"integrate: {reached}; loosen rtol and atol or allow more `steps`"))
+        except KeyboardInterrupt:
+            stopped = IntegrationInterrupted(f"integrate: interrupted at t = {self.clock[0]:g}; the samples are in `.trajectory`")
+            raise self._ended(stopped) from None
+        return self._result()
+
+    # ---------------------------------------------------------------- marching
+
+    def _more(self, room: int) -> int:
+        """Up to this many more steps.  The first ones are plain Python; who needs more gets native code."""
+        room = min(room, int(self.limit - self.clock[3]))
+        arguments = self.method, self.system, self.layout, self.row, self.t_end, self.rtol, self.atol
+        before, out = int(self.clock[3]), np.empty(room * self.row.width)
+        run = self._native(arguments) if self.wanted or (self.wanted is None and before) else None
+        (run or pursue)(*arguments, room, self.states, self.clock, out)
+        taken = int(self.clock[3]) - before
+        self.rows.append(out[: taken * self.row.width].reshape(taken, -1))
+        self.ends.append(self.rows[-1][-1, : 1 + self.width] if taken else self.ends[-1])
+        return taken
+
+    def _native(self, arguments: tuple[Any, ...]) -> Any:
+        why_not, array = kernel.available(), np.empty(0)
+        try:
+            if why_not is not None:
+                raise NotCompilable(f"integrate: compiled=True, but {why_not}")
+            run = kernel.kernel(pursue, *arguments, 1, array, array, array)
+        except NotCompilable as error:
+            if self.wanted:
+                raise
+            if why_not is None:
+                warnings.warn(f"{error}. Running in plain Python instead, much slower", NotCompiledWarning, stacklevel=5)
+            self.wanted = False
+            return None
+        self.compiled = True
+        return run
+
+    # ---------------------------------------------------------------- events
+
+    def _stopped(self, taken: int) -> bool:
+        """Look for events in the last steps, and end the run at the first terminal one."""
+        rows = self.rows[-1]
+        dense = self._dense(rows, self.ends[-2])
+        for k in range(taken):
+            a, b = dense.t[k], dense.t[k + 1]
+            hits = []
+            for i, (event, old) in enumerate(zip(self.events, self.values, strict=True)):
+                new = self.values[i] = float(event(b, dense(b)))
+                direction = getattr(event, "direction", 0.0)
+                if min(old, new) <= 0.0 <= max(old, new) and old != 0.0 and direction * (new - old) >= 0.0:
+                    hits.append((self._root(event, dense, a, b), i))
+            for at, i in sorted(hits, reverse=bool(b < a)):
+                self.found[i].append((at, dense(at)))
+                if getattr(self.events[i], "terminal", False):
+                    theta = (at - a) / (b - a)
+                    curve = rows[k, 1 + self.width :].reshape(-1, self.system.group.dim)
+                    curve = curve * theta ** np.arange(1, len(curve) + 1)[:, None]
+                    self.rows[-1] = np.concatenate([rows[:k], np.concatenate([[at], packed(dense(at)), curve.ravel()])[None]])
+                    return True
+        return False
+
+    @staticmethod
+    def _root(event: Callable[..., Any], dense: DenseOutput, a: float, b: float) -> float:
+        from scipy.optimize import brentq
+
+        tiny = np.finfo(float).eps
+        return float(brentq(lambda t: float(event(t, dense(t))), a, b, xtol=4 * tiny * max(abs(a), abs(b)), rtol=4 * tiny))
+
+    # ---------------------------------------------------------------- results
+
+    def _dense(self, rows: np.ndarray, first: np.ndarray) -> DenseOutput:
+        """The continuous motion along these rows, from the end of the step before them."""
+        ends = np.concatenate([first[None], rows[:, : 1 + self.width]])
+        shape = self.system, self.method.retraction, self.start, ends[:, 0], ends[:, 1:], rows[:, 1 + self.width :]
+        return DenseOutput(*shape, self.method.dense_order, self.compiled)
+
+    def _result(self) -> Trajectory:
+        dense = self._dense(np.concatenate([np.empty((0, self.row.width)), *self.rows]), self.ends[0])
+        times, numbers = dense.t, dense.points
+        if self.t_eval is not None:
+            times = self.t_eval[np.abs(self.t_eval - self.t0) <= abs(dense.t[-1] - self.t0)]
+            numbers = dense.numbers(times)
+        return Trajectory(
+            self.system,
+            self.method,
+            float(dense.t[-1] - self.t0) / max(1, len(dense.t) - 1),
+            times,
+            unpacked(self.start, layout_of(self.start), numbers),
+            None,
+            len(dense.t) - 1,
+            self.compiled,
+            rejected=int(self.clock[4]),
+            dense=dense,
+            events=tuple((np.array([t for t, _ in hits]), [state for _, state in hits]) for hits in self.found),
+        )
+
+    def _failure(self) -> IntegrationFailure:
+        """Why the steps became too small to go on: what the last trial had to say."""
+        t, h = self.clock[0], self.clock[1]
+        state, xi = build(self.layout, iter(self.states.tolist()))
+        try:
+            trial = self.method.trial(self.system, t, state, xi, h, self.rtol, self.atol)
+            reason = f"the error estimate is {trial.error:.1e} of the tolerance even so"
+            if not math.isfinite(trial.error):
+                reason = "the motion has no finite velocity there"
+        except (IntegrationFailure, ArithmeticError) as error:
+            reason = str(error)
+        return self._ended(
+            StepTooSmall(
+                f"{self.method!r}: at t = {t:g} the step fell to {abs(h):.1e}, too small to advance the time: {reason}. "
+                f"The motion may have a singularity there, or rtol = {self.rtol:g}, atol = {self.atol:g} ask for more than "
+                f"rounding allows; {int(self.clock[3])} steps are in `.trajectory`"
+            )
+        )
+
+    def _ended(self, error: Any) -> Any:
+        error.trajectory = self._result()
+        return error
+
+
+def first_step(system: System, method: Any, start: State, xi: Any, t0: float, t_end: float, rtol: float, atol: float) -> float:
+    """A first step from the size of the velocity and of its change.
+
+    Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, 2nd ed., II.4, "Starting step size".
+    """
+
+    def sizes(omega: Any) -> tuple[float, float]:
+        change, scale = (np.array(x, dtype=float) for x in system.deviation(start, omega))
+        weight = atol + rtol * scale
+        return float(np.sqrt(np.mean((change / weight) ** 2))), float(np.sqrt(np.mean((scale / weight) ** 2)))
+
+    span = t_end - t0
+    if span == 0.0:
+        return 0.0
+    speed, size = sizes(xi)
+    least = 8 * np.spacing(max(abs(t0), abs(t_end)))
+    h = math.copysign(min(max(0.01 * size / speed if speed > 0.0 else abs(span), least), abs(span)), span)
+    moved = attempt(system.moved, method.retraction, system.essential(start), h * xi)
+    later = REJECTED if moved is REJECTED else attempt(system.rate, t0 + h, moved)
+    if later is REJECTED or not all(map(math.isfinite, later)):
+        return 1e-3 * h
+    change = sizes(later - xi)[0] / abs(h)
+    largest = max(speed, change)
+    second = (0.01 / largest) ** (1.0 / method.error_order) if largest > 0.0 else abs(span)
+    return math.copysign(max(min(100.0 * abs(h), second, abs(span)), least), span)

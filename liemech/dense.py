@@ -1,0 +1,109 @@
+"""Dense output: the motion between the steps of a run, still on the group and on the orbit."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .errors import InvalidInput, NotCompilable
+from .native import Vec, kernel, real_array
+from .native.driver import read, write
+from .native.values import NUMBER, build, layout_of, leaves
+
+
+def along(retraction: Any, system: Any, point: Any, curve: Any, given: Any, out: Any) -> None:
+    """The driver: a state, moved along its step by Omega(theta) = theta (p_1 + theta (p_2 + ...)), 0 <= theta <= 1."""
+    state = read(given, 0, point)
+    coefficients = read(given, point.width, curve)
+    theta = read(given, point.width + curve.width, NUMBER)
+    write(out, 0, system.moved(retraction, state, displacement(coefficients, theta)))
+
+
+def displacement(coefficients: tuple[Vec, ...], theta: float) -> Vec:
+    """theta p_1 + theta^2 p_2 + ..., by Horner's rule."""
+    total = coefficients[len(coefficients) - 1]
+    for k in range(len(coefficients) - 2, -1, -1):
+        total = coefficients[k] + theta * total
+    return theta * total
+
+
+@dataclass(frozen=True, eq=False)
+class DenseOutput:
+    """The motion as a continuous function of time: in every step a polynomial in the algebra, carried to the group.
+
+    t : (n + 1,) ends of the steps.  points : (n + 1, width) the numbers of the states there.
+    curves : (n, order of the polynomial * dim).  order : of accuracy, between the steps.
+    """
+
+    system: Any
+    retraction: Any
+    example: Any
+    t: np.ndarray
+    points: np.ndarray
+    curves: np.ndarray
+    order: int
+    compiled: bool
+
+    def numbers(self, times: np.ndarray) -> np.ndarray:
+        """The numbers of the states at these times, (m, width).  Raises InvalidInput for times outside the run."""
+        t, forward = self.t, self.t[-1] >= self.t[0]
+        inside = (times >= min(t[0], t[-1])) & (times <= max(t[0], t[-1]))
+        if not inside.all():
+            raise InvalidInput(f"t = {times[~inside][0]:g} is outside the run, which goes from {t[0]:g} to {t[-1]:g}")
+        if len(t) == 1:
+            return np.repeat(self.points, len(times), axis=0)
+        step = np.clip(np.searchsorted(t if forward else -t, times if forward else -times, "right") - 1, 0, len(t) - 2)
+        theta = (times - t[step]) / (t[step + 1] - t[step])
+        dim = self.system.group.dim
+        curve = layout_of((Vec(*[0.0] * dim),) * (self.curves.shape[1] // dim))
+        point = layout_of(self.example)
+        given = np.concatenate([self.points[step], self.curves[step], theta[:, None]], axis=1)
+        found = self._moved(point, curve, given)
+        ends = theta == 1.0  # to the bit
+        found[ends] = self.points[step[ends] + 1]
+        return found
+
+    def _moved(self, point: Any, curve: Any, given: np.ndarray) -> np.ndarray:
+        arguments, many = (self.retraction, self.system, point, curve), len(given)
+        if self.compiled and many >= 64:
+            lanes = kernel.lanes()
+            columns = -(-many // lanes) * lanes
+            rows = np.ascontiguousarray(given[np.minimum(np.arange(columns), many - 1)].T)
+            out = np.empty((point.width, columns))
+            try:
+                kernel.kernel(along, *arguments, rows, out, lanes=lanes)(*arguments, rows, out, bodies=columns, end=columns)
+                return np.ascontiguousarray(out[:, :many].T)
+            except NotCompilable:
+                pass
+        found = np.empty((many, point.width))
+        for row, out in zip(given, found, strict=True):
+            along(*arguments, row, out)
+        return found
+
+    def __call__(self, times: Any) -> Any:
+        """The state at one time, or at many, (m,), as arrays with a leading axis."""
+        at = real_array(times, "t")
+        layout = layout_of(self.example)
+        found = self.numbers(np.atleast_1d(at).ravel())
+        if at.ndim == 0:
+            return build(layout, iter(found[0].tolist()))
+        arrays = unpacked(self.example, layout, found)
+        return type(self.example)(*(arrays.get(name) for name in self.example.parts))
+
+
+def unpacked(example: Any, layout: Any, numbers: np.ndarray) -> dict[str, np.ndarray]:
+    """Numbers of states, (..., width), as the parts of the state by name."""
+    arrays, at = {}, 0
+    for (name, part), inner in zip(example.parts.items(), layout.parts, strict=True):
+        if part is not None:
+            one, own = np.array(part), np.ascontiguousarray(numbers[..., at : at + inner.width])
+            arrays[name] = own.view(one.dtype).reshape(*numbers.shape[:-1], *one.shape)
+            at += inner.width
+    return arrays
+
+
+def packed(value: Any) -> np.ndarray:
+    """The numbers of a state, (width,)."""
+    return np.array([*leaves(value, layout_of(value))], dtype=float)
