@@ -22,12 +22,14 @@ from .integrators.rkmk import RKMK
 from .integrators.variational import CovariantVariational
 from .models.rigid_body import RigidBody
 from .native import Ambient, Element, Mat, Record, Vec, cross, derivative, dot, jacobian, mat, norm, outer, record, vec
-from .retractions import Cayley, Exponential, Retraction
+from .retractions import Cayley, CayleyAdjoint, Exponential, Retraction
+from .systems.group_equation import GroupEquation, LinearGroupEquation
 from .systems.hamiltonian import Hamiltonian
 from .systems.kinetic_energy import KineticEnergy
 from .systems.lagrangian import Lagrangian
 from .systems.lie_poisson import BodyState, LiePoissonSystem
-from .tableaus.butcher import ButcherTableau
+from .systems.system import State, System
+from .tableaus.tableau import ButcherTableau
 from .trajectory import Trajectory
 
 
@@ -48,16 +50,19 @@ __all__ = [
     "BodyState",
     "ButcherTableau",
     "Cayley",
+    "CayleyAdjoint",
     "CoadjointAction",
     "CovariantVariational",
     "Element",
     "Exponential",
+    "GroupEquation",
     "Hamiltonian",
     "KineticEnergy",
     "Lagrangian",
     "LieAlgebra",
     "LieGroup",
     "LiePoissonSystem",
+    "LinearGroupEquation",
     "Mat",
     "Method",
     "RKMK",
@@ -65,6 +70,8 @@ __all__ = [
     "Retraction",
     "RigidBody",
     "SO3Algebra",
+    "State",
+    "System",
     "Trajectory",
     "Vec",
     "coadjoint",

@@ -51,6 +51,7 @@ def pursue(
     t_end: float,
     rtol: float,
     atol: float,
+    dense: bool,
     room: int,
     states: Any,
     clocks: Any,
@@ -73,7 +74,7 @@ def pursue(
         if t + 0.125 * step == t:
             stuck = 1.0
             break
-        trial = attempt(method.trial, system, t, state, xi, step, rtol, atol)
+        trial = attempt(method.trial, system, t, state, xi, step, rtol, atol, dense)
         error = 1e3
         if accepted(trial, itself):
             error = max(trial.error, 1e-4)
@@ -107,6 +108,7 @@ class AdaptiveRun:
         limit: int,
         t_eval: np.ndarray | None,
         events: tuple[Callable[..., Any], ...],
+        dense: bool,
         compiled: bool | None,
         progress: bool | None,
     ) -> None:
@@ -119,11 +121,12 @@ class AdaptiveRun:
         self.states = packed(memory)
         step = first_step(system, method, start, xi, t0, t_end, rtol, atol) if h is None else math.copysign(h, t_end - t0)
         self.clock = packed(Clock(t0, step, 1.0, 0.0, 0.0, 0.0))
-        coefficients = (xi,) * method.curve_terms
+        self.dense = dense or t_eval is not None or bool(events)
+        coefficients = (xi,) * method.curve_terms if self.dense else ()
         self.row, self.width = layout_of((t0, start, coefficients)), layout_of(start).width
         self.rows: list[np.ndarray] = []
         self.ends = [packed((t0, start))]
-        self.found: list[list[tuple[float, Any]]] = [[] for _ in events]
+        self.found: list[list[float]] = [[] for _ in events]
         self.values = [float(event(t0, start)) for event in events]
 
     def trajectory(self) -> Trajectory:
@@ -152,12 +155,12 @@ class AdaptiveRun:
     def _more(self, room: int) -> int:
         """Up to this many more steps.  The first ones are plain Python; who needs more gets native code."""
         room = min(room, int(self.limit - self.clock[3]))
-        arguments = self.method, self.system, self.layout, self.row, self.t_end, self.rtol, self.atol
+        arguments = self.method, self.system, self.layout, self.row, self.t_end, self.rtol, self.atol, self.dense
         before, out = int(self.clock[3]), np.empty(room * self.row.width)
         run = self._native(arguments) if self.wanted or (self.wanted is None and before) else None
         (run or pursue)(*arguments, room, self.states, self.clock, out)
         taken = int(self.clock[3]) - before
-        self.rows.append(out[: taken * self.row.width].reshape(taken, -1))
+        self.rows.append(out[: taken * self.row.width].reshape(taken, self.row.width))
         self.ends.append(self.rows[-1][-1, : 1 + self.width] if taken else self.ends[-1])
         return taken
 
@@ -187,17 +190,17 @@ class AdaptiveRun:
             a, b = dense.t[k], dense.t[k + 1]
             hits = []
             for i, (event, old) in enumerate(zip(self.events, self.values, strict=True)):
-                new = self.values[i] = float(event(b, dense(b)))
+                new = self.values[i] = float(event(b, dense.state(b)))
                 direction = getattr(event, "direction", 0.0)
                 if min(old, new) <= 0.0 <= max(old, new) and old != 0.0 and direction * (new - old) >= 0.0:
                     hits.append((self._root(event, dense, a, b), i))
             for at, i in sorted(hits, reverse=bool(b < a)):
-                self.found[i].append((at, dense(at)))
+                self.found[i].append(at)
                 if getattr(self.events[i], "terminal", False):
                     theta = (at - a) / (b - a)
                     curve = rows[k, 1 + self.width :].reshape(-1, self.system.group.dim)
                     curve = curve * theta ** np.arange(1, len(curve) + 1)[:, None]
-                    self.rows[-1] = np.concatenate([rows[:k], np.concatenate([[at], packed(dense(at)), curve.ravel()])[None]])
+                    self.rows[-1] = np.concatenate([rows[:k], np.concatenate([[at], packed(dense.state(at)), curve.ravel()])[None]])
                     return True
         return False
 
@@ -206,7 +209,7 @@ class AdaptiveRun:
         from scipy.optimize import brentq
 
         tiny = np.finfo(float).eps
-        return float(brentq(lambda t: float(event(t, dense(t))), a, b, xtol=4 * tiny * max(abs(a), abs(b)), rtol=4 * tiny))
+        return float(brentq(lambda t: float(event(t, dense.state(t))), a, b, xtol=4 * tiny * max(abs(a), abs(b)), rtol=4 * tiny))
 
     # ---------------------------------------------------------------- results
 
@@ -232,8 +235,8 @@ class AdaptiveRun:
             len(dense.t) - 1,
             self.compiled,
             rejected=int(self.clock[4]),
-            dense=dense,
-            events=tuple((np.array([t for t, _ in hits]), [state for _, state in hits]) for hits in self.found),
+            dense=dense if self.dense else None,
+            events=tuple((np.array(times), dense(times)) for times in self.found),
         )
 
     def _failure(self) -> IntegrationFailure:
@@ -241,7 +244,7 @@ class AdaptiveRun:
         t, h = self.clock[0], self.clock[1]
         state, xi = build(self.layout, iter(self.states.tolist()))
         try:
-            trial = self.method.trial(self.system, t, state, xi, h, self.rtol, self.atol)
+            trial = self.method.trial(self.system, t, state, xi, h, self.rtol, self.atol, False)
             reason = f"the error estimate is {trial.error:.1e} of the tolerance even so"
             if not math.isfinite(trial.error):
                 reason = "the motion has no finite velocity there"

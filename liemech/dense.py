@@ -83,14 +83,15 @@ class DenseOutput:
         return found
 
     def __call__(self, times: Any) -> Any:
-        """The state at one time, or at many, (m,), as arrays with a leading axis."""
+        """The state at one time, or at many, (m,), whose arrays then have a leading axis."""
         at = real_array(times, "t")
-        layout = layout_of(self.example)
-        found = self.numbers(np.atleast_1d(at).ravel())
-        if at.ndim == 0:
-            return build(layout, iter(found[0].tolist()))
-        arrays = unpacked(self.example, layout, found)
-        return type(self.example)(*(arrays.get(name) for name in self.example.parts))
+        arrays = unpacked(self.example, layout_of(self.example), self.numbers(np.atleast_1d(at).ravel()))
+        one = 0 if at.ndim == 0 else slice(None)
+        return type(self.example)(*(arrays[name][one] if name in arrays else None for name in self.example.parts))
+
+    def state(self, t: float) -> Any:
+        """The state at a time as formulas take it."""
+        return build(layout_of(self.example), iter(self.numbers(np.array([t]))[0].tolist()))
 
 
 def unpacked(example: Any, layout: Any, numbers: np.ndarray) -> dict[str, np.ndarray]:

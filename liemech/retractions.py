@@ -7,7 +7,7 @@ Source: Bou-Rabee and Marsden, Hamilton-Pontryagin integrators on Lie groups, Fo
 
 from __future__ import annotations
 
-from typing import final
+from typing import Any, final
 
 from .errors import IncompatibleSystem, NoConvergence
 from .groups.lie_group import LieGroup
@@ -199,3 +199,53 @@ class Cayley(Retraction):
     def mismatch(self, group: LieGroup, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float | Mat, Mat]:
         """A multiple of p - (dcay_xi)* mu without its division."""
         return group.cayley_mismatch(xi, p, mu)
+
+
+@record
+class CayleyAdjoint(Retraction):
+    """The Cayley map of the adjoint representation: Ad_tau(xi) = (1 - ad_xi/2)^-1 (1 + ad_xi/2), 6 by 6 matrices on SE(3).
+
+    It differs from `Cayley` in the third order of the displacement.  On SO(3), where ad is hat, the two are the same.
+
+    Source: Selig, Cayley maps for SE(3), 12th IFToMM World Congress (2007); Kobilarov and Marsden, IEEE T-RO 27 (2011).
+    """
+
+    def why_not(self, group: LieGroup) -> str | None:
+        """The group has no second Cayley map."""
+        return None if hasattr(group, "cayley_adjoint") else "it has no Cayley map of the adjoint representation, as SE3() has"
+
+    def tau(self, group: Any, xi: Vec) -> Element:
+        """The element whose Ad is cay(ad_xi)."""
+        return group.cayley_adjoint(xi)
+
+    def tau_inv(self, group: Any, g: Element) -> Vec:
+        """The inverse."""
+        return group.cayley_adjoint_inv(g)
+
+    def tau_Ad_star(self, group: Any, xi: Vec, mu: Vec) -> Vec:
+        """(1 + ad*_xi/2)(1 - ad*_xi/2)^-1 mu."""
+        return group.cayley_adjoint_Ad_star(xi, mu)
+
+    def compose_tau(self, group: Any, g: Element, xi: Vec) -> Element:
+        """g tau(xi)."""
+        return group.compose_cayley_adjoint(g, xi)
+
+    def dtau(self, group: Any, xi: Vec, eta: Vec, side: str = "right") -> Vec:
+        """Of ad: (1 - ad_xi/2)^-1 ad_eta (1 + ad_xi/2)^-1 (right)."""
+        return group.dcayley_adjoint(xi, eta, side)
+
+    def dtau_dual(self, group: Any, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+        """Its dual."""
+        return group.dcayley_adjoint_dual(xi, mu, side)
+
+    def dtau_inv(self, group: Any, xi: Vec, eta: Vec, side: str = "right") -> Vec:
+        """Of ad: (1 - ad_xi/2) ad_eta (1 + ad_xi/2) (right)."""
+        return group.dcayley_adjoint_inv(xi, eta, side)
+
+    def dtau_inv_dual(self, group: Any, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+        """The dual of the inverse."""
+        return group.dcayley_adjoint_inv_dual(xi, mu, side)
+
+    def mismatch(self, group: Any, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float | Mat, Mat]:
+        """A multiple of p - (dtau_xi)* mu."""
+        return group.cayley_adjoint_mismatch(xi, p, mu)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .native import Mat, Vec, cross, dot, solve, solve3
+from .native import Mat, Vec, cross, dot, mat, solve, solve3, vec
 
 TOLERANCE = 2.0**-30
 """A residual below this, relative to the data, means that the correction it asks for is the last one needed.
@@ -17,7 +17,30 @@ LIMIT = 50
 
 def correction(jacobian: Mat, residual: Vec) -> Vec:
     """What Newton's method subtracts: jacobian^-1 residual.  jacobian : (n, n), residual : (n,)."""
-    return solve3(jacobian, residual) if len(residual) == 3 else solve(jacobian, residual)
+    if len(residual) == 3:
+        return solve3(jacobian, residual)
+    return solve6(jacobian, residual) if len(residual) == 6 else solve(jacobian, residual)
+
+
+def solve6(m: Mat, rhs: Vec) -> Vec:
+    """The solution of a 6 by 6 system by its 3 by 3 blocks: no branch, two divisions.
+
+    With m = [[A, B], [C, D]] and rhs = (e, f):  (A - B D^-1 C) x = e - B D^-1 f,  D y = f - C x.  D must be regular, as it is in a
+    Newton step, where m is close to a positive inertia over h.
+    """
+    A, B = _block(m, 0, 0), _block(m, 0, 3)
+    C, D = _block(m, 3, 0), _block(m, 3, 3)
+    a, b, c = D.T
+    bc = cross(b, c)
+    inverse = (1.0 / dot(a, bc)) * mat(bc, cross(c, a), cross(a, b))
+    G, g = inverse @ C, inverse @ vec(rhs[3], rhs[4], rhs[5])
+    x = solve3(A - B @ G, vec(rhs[0], rhs[1], rhs[2]) - B @ g)
+    y = g - G @ x
+    return vec(*x, *y)
+
+
+def _block(m: Mat, i: int, j: int) -> Mat:
+    return mat(*[vec(m[k, j], m[k, j + 1], m[k, j + 2]) for k in range(i, i + 3)])
 
 
 def beyond_fold(jacobian: Mat, rate: float) -> bool:

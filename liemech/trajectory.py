@@ -39,9 +39,9 @@ class Trajectory:
     steps: int
     compiled: bool = False
     stopped: dict[int, int] = field(default_factory=dict)
-    rejected: int = 0
+    rejected: int | None = None
     dense: DenseOutput | None = None
-    events: tuple[tuple[np.ndarray, list[Any]], ...] = ()
+    events: tuple[tuple[np.ndarray, State], ...] = ()
 
     def __len__(self) -> int:
         return len(self.t)
@@ -96,7 +96,7 @@ class Trajectory:
     def at(self, t: Any) -> Any:
         """The state at any time of a run with adaptive steps, or at many, (m,); between the steps too it is on the group."""
         if self.dense is None:
-            raise InvalidInput("Trajectory.at needs a run with adaptive steps (integrate with t_end, rtol and atol)")
+            raise InvalidInput("Trajectory.at needs a run with adaptive steps (integrate with t_end) that kept the way between them (dense=True)")
         return self.dense(t)
 
     def drift(self) -> Drift:
@@ -111,7 +111,7 @@ class Trajectory:
     def __repr__(self) -> str:
         many = "" if self.bodies is None else f"{self.bodies} bodies, "
         end = f"to t = {self.t[-1]:g}" if len(self) else "none"
-        steps = f"h = {self.h:g}" if self.dense is None else f"{self.steps} steps, {self.rejected} rejected"
+        steps = f"h = {self.h:g}" if self.rejected is None else f"{self.steps} steps, {self.rejected} rejected"
         return (
             f"Trajectory({self.method!r}: {many}{len(self)} samples {end}, {steps}, "
             f"{'compiled' if self.compiled else 'plain'}; {', '.join(self.states)})"

@@ -12,7 +12,9 @@ from pathlib import Path
 import pytest
 from mpmath import mp, mpf
 
+from liemech.errors import OutsideChart
 from liemech.groups import rotation_coefficients as code
+from liemech.native import Vec, dot
 
 EPS = 2.0**-52
 DERIVATION = Path(__file__).parents[1] / "docs" / "derivations" / "rotation_polynomials.py"
@@ -20,31 +22,43 @@ derivation = runpy.run_path(str(DERIVATION))
 POLYNOMIALS = derivation["POLYNOMIALS"]
 TERMS = derivation["TERMS"]
 NAMES = ["sinc", "versine", "segment", "bernoulli"]
-SLOPES = ["versine_slope", "segment_slope"]
+SLOPES = ["sinc_slope", "versine_slope", "segment_slope"]
+INVERSE = ["bernoulli", "bernoulli_slope"]
+CURVATURES = ["versine_curvature", "segment_curvature"]
 AT_ZERO = {
     "sinc": 1,
     "versine": 1 / 2,
     "segment": 1 / 6,
     "bernoulli": 1 / 12,
+    "sinc_slope": -1 / 6,
     "versine_slope": -1 / 24,
     "segment_slope": -1 / 120,
+    "bernoulli_slope": 1 / 720,
+    "versine_curvature": 1 / 360,
+    "segment_curvature": 1 / 2520,
 }
 
 
 def value(name: str, x: float) -> float:
-    """The function as the code has it; slopes are those of `dexp_coefficients`."""
+    """The function as the code has it."""
     if name in SLOPES:
-        return code.dexp_coefficients(x)[2 + SLOPES.index(name)]
+        return code.all_coefficients(x)[3 + SLOPES.index(name)]
+    if name in CURVATURES:
+        return code.dexp_curvatures(x)[CURVATURES.index(name)]
+    if name == "bernoulli_slope":
+        return code.bernoulli_coefficients(x)[1]
     return getattr(code, name)(x)
 
 
 def exact(name: str, x: float) -> mpf:
     """The function of the double x, from its definition; enough digits for the cancellation at small x and at 2 pi.
 
-    versine' = (sinc - 2 versine)/(2 x) and segment' = (versine - 3 segment)/(2 x).
+    sinc' = (segment - versine)/2, versine' = (sinc - 2 versine)/(2 x) and segment' = (versine - 3 segment)/(2 x).
     """
-    with mp.workdps(70 + max(0, int(-5 * math.log10(x)))):
+    with mp.workdps(70 + max(0, int(-7 * math.log10(x)))):
         y = mpf(x)
+        if name == "sinc_slope":
+            return (derivation["segment"](y) - derivation["versine"](y)) / 2
         if name == "versine_slope":
             return (derivation["sinc"](y) - 2 * derivation["versine"](y)) / (2 * y)
         if name == "segment_slope":
@@ -55,9 +69,11 @@ def exact(name: str, x: float) -> mpf:
 def error(name: str, x: float) -> float:
     """Error in units of eps: relative to the value; of a slope, which has zeros, to the two terms whose difference it is."""
     e = exact(name, x)
-    with mp.workdps(70 + max(0, int(-5 * math.log10(x)))):
+    with mp.workdps(70 + max(0, int(-7 * math.log10(x)))):
         y = mpf(x)
         size = abs(e)
+        if name == "sinc_slope":
+            size = (abs(derivation["segment"](y)) + abs(derivation["versine"](y))) / 2
         if name == "versine_slope":
             size = derivation["stumpff4"](y) + abs(derivation["segment"](y)) / 2
         if name == "segment_slope":
@@ -103,8 +119,14 @@ BEYOND = {
     "near the switches": [x for k in (1.0, 4.0, 16.0) for x in both_sides(k * code.LIMIT)],
     "near pi": gaps(math.pi, 1e-15, 1e-2, (-1, 1)),
     "below 2 pi": gaps(2 * math.pi, 1e-9, 1e-2, (-1,)),
-    "next to pi^2 and 4 pi^2": [*both_sides(math.pi**2), *both_sides(4 * math.pi**2)],
+    "next to pi^2": [*both_sides(math.pi**2)],
+    "up to the end of the chart": [x for x in both_sides(code.WHOLE_TURN) if x < code.WHOLE_TURN],
+}
+LARGE = {
+    "next to 4 pi^2": [*both_sides(4 * math.pi**2)],
     "a little above 2 pi": gaps(2 * math.pi, 1e-12, 1.0, (1,)),
+    "2 pi .. 1e3": angles(2 * math.pi, 1e3),
+    "1e3 .. 1e8": angles(1e3, 1e8),
 }
 
 
@@ -135,7 +157,12 @@ def test_the_definitions_in_the_derivation() -> None:
         for m, name in enumerate(("stumpff4", "stumpff5"), start=4):
             series = mp.fsum((-x) ** k / mp.factorial(2 * k + m) for k in range(40))
             assert mp.almosteq(derivation[name](x), series, 1e-50)
-        for name in ("versine", "segment"):
+        slope = mp.fsum(k * bk * x ** (k - 1) for k, bk in enumerate(b))
+        assert mp.almosteq(derivation["bernoulli_slope"](x), slope, 1e-50)
+        for m, name in enumerate(("versine_curvature", "segment_curvature"), start=2):
+            series = mp.fsum((-1) ** k * k * (k - 1) * x ** (k - 2) / mp.factorial(2 * k + m) for k in range(2, 40))
+            assert mp.almosteq(derivation[name](x), series, 1e-50)
+        for name in ("sinc", "versine", "segment"):
             assert mp.almosteq(exact(f"{name}_slope", 0.37), mp.diff(derivation[name], mpf(0.37)), 1e-25)
 
 
@@ -159,42 +186,87 @@ def test_the_polynomials_keep_lengths() -> None:
 # ---------------------------------------------------------------- accuracy
 
 
-@pytest.mark.parametrize("name", NAMES + SLOPES)
+@pytest.mark.parametrize("name", NAMES + SLOPES + ["bernoulli_slope"])
 @pytest.mark.parametrize("where", ON_POLYNOMIAL)
 def test_accuracy_of_the_polynomials(name: str, where: str) -> None:
     assert max(error(name, x) for x in ON_POLYNOMIAL[where]) < 1.5
 
 
-@pytest.mark.parametrize("name", NAMES + SLOPES)
+@pytest.mark.parametrize("name", NAMES + SLOPES + ["bernoulli_slope"])
 @pytest.mark.parametrize("where", BEYOND)
 def test_accuracy_beyond_the_polynomials(name: str, where: str) -> None:
-    assert max(error(name, x) for x in BEYOND[where]) < (5.0 if name in SLOPES else 3.0)
+    assert max(error(name, x) for x in BEYOND[where]) < 3.0
 
 
 @pytest.mark.parametrize("name", ["sinc", "versine", "segment", *SLOPES])
-@pytest.mark.parametrize("bounds", [(2 * math.pi, 1e3), (1e3, 1e8)])
-def test_accuracy_at_large_angles(name: str, bounds: tuple[float, float]) -> None:
-    assert max(error(name, x) for x in angles(*bounds)) < 4.0
+@pytest.mark.parametrize("where", LARGE)
+def test_accuracy_at_large_angles(name: str, where: str) -> None:
+    assert max(error(name, x) for x in LARGE[where]) < 3.0
 
 
-def test_bernoulli_at_large_angles() -> None:
-    """It has a zero between two poles, so its error is measured by the two terms of 1 - (theta/2) cot(theta/2)."""
-    for x in angles(2 * math.pi, 1e8):
-        with mp.workdps(60):
-            half = mp.sqrt(mpf(x)) / 2
-            size = (1 + abs(half * mp.cot(half))) / x
-            assert abs(code.bernoulli(x) - exact("bernoulli", x)) < 3 * EPS * size
+@pytest.mark.parametrize("name", CURVATURES)
+def test_second_derivatives_are_good_enough_for_newton(name: str) -> None:
+    """To rounding on the polynomials; beyond, some thousand eps of the value at zero, divided by x^2 as the function is."""
+    for xs in ON_POLYNOMIAL.values():
+        assert max(error(name, x) for x in xs if x > 1e-60) < 3.0
+    for x in [x for xs in BEYOND.values() for x in xs]:
+        assert abs(value(name, x) - exact(name, x)) < 3000 * EPS * AT_ZERO[name] / (1.0 + x) ** 2
 
 
-@pytest.mark.parametrize("name", NAMES + SLOPES)
+def test_the_inverse_differential_ends_at_a_whole_turn() -> None:
+    """There is a pole; x = theta^2 within 8 units of it has no digit that means anything."""
+    with mp.workdps(30):
+        assert 0 < 4 * mp.pi**2 - code.WHOLE_TURN < 10 * math.ulp(code.WHOLE_TURN)
+    for x in (code.WHOLE_TURN, (2 * math.pi) ** 2, 50.0, 1e300, math.inf):
+        for f in (code.bernoulli, code.bernoulli_coefficients):
+            with pytest.raises(OutsideChart, match="2 pi"):
+                f(x)
+
+
+def test_both_ways_to_the_inverse_differential_agree() -> None:
+    for x in [x for where in (ON_POLYNOMIAL, BEYOND) for xs in where.values() for x in xs]:
+        assert code.bernoulli_coefficients(x)[0] == pytest.approx(code.bernoulli(x), rel=4 * EPS, abs=0.0)
+
+
+@pytest.mark.parametrize("size", [0.5, 0.7, 3.0, 1e2, 1e5, 1e8, 1e12, 2.0**53])
+def test_sine_and_versine_of_a_vector_of_any_length(size: float) -> None:
+    """|w|^2 is rounded, and so the angle by eps |w|; what was lost is put back."""
+    r = random.Random(str(size))
+    for _ in range(30):
+        w = Vec(*(size * r.gauss(0.0, 1.0) * r.choice((1.0, 1.0, 1e-7)) for _ in range(3)))
+        x = dot(w, w)
+        if x < code.LIMIT:
+            continue
+        with mp.workdps(80):
+            y = mp.fsum(mpf(c) ** 2 for c in w)
+            assert abs(code.lost_in_square(w, x) - (y - x)) < 8 * EPS * EPS * y
+            t = mp.sqrt(y)
+            a, b = code.exp_coefficients(x, w)
+            # sine and versine with their relative accuracy, but where the angle, known to 2^-100, is next to a multiple of pi
+            assert abs(a - mp.sin(t) / t) < 3 * EPS * abs(mp.sin(t) / t) + t * mpf(2) ** -100
+            assert abs(b - (1 - mp.cos(t)) / y) < 3 * EPS * (1 - mp.cos(t)) / y + mpf(2) ** -100
+            assert code.all_coefficients(x, w)[:2] == (a, b)
+
+
+def test_an_angle_that_no_double_can_tell_is_an_angle_still() -> None:
+    """Beyond 2^53 a double has no digit behind the point; what comes out is the sine and cosine of some angle, not nan."""
+    for size in (1e17, 1e50, 1e150):
+        x = size * size * 1.1
+        s, c = code.sin_cos_root(x)
+        assert s * s + c * c == pytest.approx(1.0, abs=4 * EPS)
+
+
+@pytest.mark.parametrize("name", AT_ZERO)
 def test_at_zero(name: str) -> None:
     assert value(name, 0.0) == pytest.approx(AT_ZERO[name], rel=EPS)
     assert value(name, 5e-324) == value(name, 0.0)
 
 
-@pytest.mark.parametrize("name", NAMES + SLOPES)
+@pytest.mark.parametrize("name", AT_ZERO)
 @pytest.mark.parametrize("bad", [math.inf, math.nan])
 def test_no_hang_and_no_number_from_nothing(name: str, bad: float) -> None:
+    if name in INVERSE and bad == math.inf:
+        return  # outside the chart, which is said
     assert math.isnan(value(name, bad))
 
 
@@ -202,6 +274,7 @@ def test_functions_that_come_together_come_alone_too() -> None:
     for x in (0.0, 0.3, 0.7, 2.0, 9.0, 50.0):
         assert code.exp_coefficients(x) == (code.sinc(x), code.versine(x))
         assert code.dexp_coefficients(x)[1] == code.segment(x)
+        assert code.dexp_coefficients(x)[2:] == code.all_coefficients(x)[4:]
         assert code.dexp_coefficients(x)[0] == pytest.approx(code.versine(x), rel=2 * EPS)
 
 
@@ -227,7 +300,7 @@ def test_dexp_times_its_inverse_is_one(x: float) -> None:
         assert abs(math.fsum(terms)) < 4 * EPS * max(map(abs, terms))
 
 
-@pytest.mark.parametrize("name", ["versine", "segment"])
+@pytest.mark.parametrize("name", ["sinc", "versine", "segment"])
 @pytest.mark.parametrize("x", [0.3, 0.5, 0.62, 0.63, 2.4, 2.6, 9.9, 20.0, 39.0, 41.0])
 def test_slope_by_differences(name: str, x: float) -> None:
     def d(h: float) -> float:
@@ -237,7 +310,7 @@ def test_slope_by_differences(name: str, x: float) -> None:
     assert (4 * d(h) - d(2 * h)) / 3 == pytest.approx(value(f"{name}_slope", x), abs=1e-9 * value(name, 0.0))
 
 
-@pytest.mark.parametrize("name", NAMES + SLOPES)
+@pytest.mark.parametrize("name", NAMES + SLOPES + ["bernoulli_slope"])
 @pytest.mark.parametrize("factor", [1.0, 4.0, 16.0])
 def test_both_sides_of_each_switch_agree(name: str, factor: float) -> None:
     """From one double to the next the value changes by the slope, which is small, and by rounding."""

@@ -122,16 +122,35 @@ def test_exponential_of_tiny_vectors_is_one_plus_hat() -> None:
     assert np.array_equal(G.log(np.eye(3)), np.zeros(3))
 
 
-@pytest.mark.parametrize("size", [1e4, 1e8])
+@pytest.mark.parametrize("size", [0.62, 0.64, 3.0, 1e2, 1e4, 1e6, 1e8, 1e12])
 def test_exponential_of_many_turns(size: float, rng: np.random.Generator) -> None:
-    """|w|^2 is rounded, which turns by up to eps |w|; nothing more is lost."""
+    """|w|^2 is rounded, which would turn by up to eps |w|; what is lost is put back."""
     for w in size * rng.normal(size=(5, 3)):
         with mp.workdps(60):
             theta = mp.sqrt(mp.fsum(mp.mpf(float(x)) ** 2 for x in w))
             W = mp.matrix(hat(w).tolist())
             R = mp.eye(3) + mp.sin(theta) / theta * W + (1 - mp.cos(theta)) / theta**2 * W * W
             wanted = np.array(R.tolist(), dtype=float)
-        assert np.abs(G.exp(w) - wanted).max() < EPS * np.linalg.norm(w)
+        assert np.abs(G.exp(w) - wanted).max() < 4 * EPS
+        mu = rng.normal(size=3)
+        assert np.abs(G.exp_Ad_star(w, mu) - wanted.T @ mu).max() < 12 * EPS
+
+
+@pytest.mark.parametrize("size", [1e50, 1e150])
+def test_exponential_of_more_than_a_double_can_tell_is_a_rotation(size: float, rng: np.random.Generator) -> None:
+    assert G.contains(G.exp(size * rng.normal(size=(20, 3)))).all()
+    with pytest.raises(lm.errors.InvalidInput, match="no finite value"):
+        G.exp(np.array([1e200, 0.0, 0.0]))
+
+
+@pytest.mark.parametrize("size", [1e100, 1e150, 1e160, 1e300])
+def test_cayley_of_anything_finite_is_a_rotation(size: float, rng: np.random.Generator) -> None:
+    """Squares overflow, the map does not: far out it is half a turn, 2 n n^T - 1."""
+    for w in size * rng.normal(size=(10, 3)):
+        n = w / np.abs(w).max()
+        n = n / np.linalg.norm(n)
+        assert np.abs(G.cayley(w) - (2 * np.outer(n, n) - np.eye(3))).max() < 8 * EPS
+        assert np.abs(G.compose_cayley(np.eye(3), w) - G.cayley(w)).max() < 2 * EPS
 
 
 @pytest.mark.parametrize("size", [1e-12, 1e-6, 0.3, 2.0, 10.0, 1e3, 1e8])

@@ -50,12 +50,32 @@ def stumpff5(x: mpf) -> mpf:
     return (mpf(1) / 6 - segment(x)) / x
 
 
+def bernoulli_slope(x: mpf) -> mpf:
+    half = mp.sqrt(x) / 2
+    return (half * mp.cot(half) + (half / mp.sin(half)) ** 2 - 2) / (2 * x**2)
+
+
+def versine_curvature(x: mpf) -> mpf:
+    """From x versine' = sinc/2 - versine, differentiated once more."""
+    sinc_slope, slope = (segment(x) - versine(x)) / 2, (sinc(x) - 2 * versine(x)) / (2 * x)
+    return (sinc_slope - 4 * slope) / (2 * x)
+
+
+def segment_curvature(x: mpf) -> mpf:
+    """From x segment' = versine/2 - 3 segment/2."""
+    versine_slope, slope = (sinc(x) - 2 * versine(x)) / (2 * x), (versine(x) - 3 * segment(x)) / (2 * x)
+    return (versine_slope - 5 * slope) / (2 * x)
+
+
 POLYNOMIALS: dict[str, tuple[Function, Fraction, tuple[float, ...]]] = {
     "SINC": (sinc, Fraction(1), code.SINC),
     "VERSINE": (versine, Fraction(1, 2), code.VERSINE),
     "BERNOULLI": (bernoulli, Fraction(1, 12), code.BERNOULLI),
     "STUMPFF4": (stumpff4, Fraction(1, 24), code.STUMPFF4),
     "STUMPFF5": (stumpff5, Fraction(1, 120), code.STUMPFF5),
+    "BERNOULLI_SLOPE": (bernoulli_slope, Fraction(1, 720), code.BERNOULLI_SLOPE),
+    "VERSINE_CURVATURE": (versine_curvature, Fraction(1, 360), code.VERSINE_CURVATURE),
+    "SEGMENT_CURVATURE": (segment_curvature, Fraction(1, 2520), code.SEGMENT_CURVATURE),
 }
 """Name in the code: the function, its value at zero, the coefficients in the code."""
 

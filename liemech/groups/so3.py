@@ -6,18 +6,24 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..errors import OutsideChart
 from ..native import Ambient, Element, Mat, Vec, cross, dot, mat, outer, record, vec
-from ..native.border import small
+from ..native.border import MEMBERSHIP, small
 from .lie_algebra import Constants, LieAlgebra
-from .lie_group import BERNOULLI, MEMBERSHIP, LieGroup
-from .rotation_coefficients import bernoulli, dexp_coefficients, exp_coefficients
+from .lie_group import BERNOULLI, LieGroup
+from .rotation_coefficients import WHOLE_TURN, bernoulli, dexp_coefficients, exp_coefficients
 from .rotation_logarithm import rotation_quaternion, rotation_vector
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
 
-WHOLE_TURN = 39.47841760435743
-"""(2 pi)^2: where dexp is singular for the first time."""
+HALF_TURN = 2.0**-51
+"""A rotation whose quaternion has a smaller scalar part is half a turn, up to rounding."""
+
+AT_HALF_TURN = "cayley_inv of half a turn: the Cayley map cannot represent it, |xi| = 2 tan(angle/2) is infinite; use log"
+
+HUGE, TINY = 1e300, 2.0**-600
+"""Squares above the first may overflow; their vectors are scaled by the second."""
 
 
 @record
@@ -139,13 +145,13 @@ class SO3(LieGroup):
 
     def exp(self, xi: Vec) -> Element:
         """The rotation about xi by the angle |xi|."""
-        a, b = exp_coefficients(dot(xi, xi))
-        return _plus(_turn(a, b, xi), 1.0)
+        a, b = exp_coefficients(dot(xi, xi), xi)
+        return plus(turn(a, b, xi), 1.0)
 
     def compose_exp(self, g: Element, xi: Vec) -> Element:
         """g + g (exp(xi) - 1): rounded by what the step adds, not by what is there."""
-        a, b = exp_coefficients(dot(xi, xi))
-        return g + g @ _turn(a, b, xi)
+        a, b = exp_coefficients(dot(xi, xi), xi)
+        return g + g @ turn(a, b, xi)
 
     def is_exp_chart(self, xi: Vec) -> bool:
         """|xi| < 2 pi: less than a whole turn."""
@@ -161,7 +167,7 @@ class SO3(LieGroup):
 
     def exp_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
         """exp(-hat xi) mu, without forming the matrix."""
-        a, b = exp_coefficients(dot(xi, xi))
+        a, b = exp_coefficients(dot(xi, xi), xi)
         w = cross(xi, mu)
         return mu + (b * cross(xi, w) - a * w)
 
@@ -173,7 +179,7 @@ class SO3(LieGroup):
         return eta + (b * w + c * cross(u, w))
 
     def dexp_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """eta - xi x eta/2 + d xi x (xi x eta), d = (1 - (th/2) cot(th/2))/th^2; defined for |xi| < 2 pi."""
+        """eta - xi x eta/2 + d xi x (xi x eta), d = (1 - (th/2) cot(th/2))/th^2; raises OutsideChart unless |xi| < 2 pi."""
         u = xi if side == "right" else -xi
         w = cross(u, eta)
         return eta + (bernoulli(dot(u, u)) * cross(u, w) - 0.5 * w)
@@ -194,7 +200,7 @@ class SO3(LieGroup):
         for k in range(2, terms + 1, 2):
             total = total + BERNOULLI[k] * power
             power = -x * power
-        return _plus(_turn(-0.5 if terms else 0.0, total, u), 1.0) @ eta
+        return plus(turn(-0.5 if terms else 0.0, total, u), 1.0) @ eta
 
     def exp_mismatch(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
         """r = p - a mu + b xi x mu - c s xi,  s = xi . mu,  with a = sin th/th, b = (1 - cos th)/th^2, c = (th - sin th)/th^3 and
@@ -206,23 +212,23 @@ class SO3(LieGroup):
         r = (p - (1.0 - x * c) * mu) + (b * w - (c * s) * xi)
         along = (b - c) * mu + ((2.0 * b_slope) * w - (2.0 * c_slope * s) * xi)
         by_xi = (outer(along, xi) - outer(c * xi, mu)) - self.algebra.hat(b * mu)
-        return r, 1.0, _plus(by_xi, -c * s)
+        return r, 1.0, plus(by_xi, -c * s)
 
     # ---------------------------------------------------------------- Cayley map
 
     def cayley(self, xi: Vec) -> Element:
         """The rotation about xi by the angle 2 atan(|xi|/2)."""
-        f = 4.0 / (4.0 + dot(xi, xi))
-        return _plus(_turn(f, 0.5 * f, xi), 1.0)
+        return plus(_cayley_turn(xi), 1.0)
 
     def compose_cayley(self, g: Element, xi: Vec) -> Element:
         """g + g (cay(xi) - 1)."""
-        f = 4.0 / (4.0 + dot(xi, xi))
-        return g + g @ _turn(f, 0.5 * f, xi)
+        return g + g @ _cayley_turn(xi)
 
     def cayley_inv(self, g: Element) -> Vec:
-        """2 tan(angle/2) times the axis; infinite at half a turn."""
+        """2 tan(angle/2) times the axis.  Raises OutsideChart at half a turn, where it is infinite."""
         q = rotation_quaternion(g)
+        if q[3] <= HALF_TURN:
+            raise OutsideChart(AT_HALF_TURN)
         return (2.0 / q[3]) * vec(q[0], q[1], q[2])
 
     def cayley_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
@@ -253,13 +259,31 @@ class SO3(LieGroup):
         scale, twice = 4.0 + dot(xi, xi), 2.0 * mu
         return scale * p + (cross(xi, twice) - 4.0 * mu), scale, outer(2.0 * p, xi) - self.algebra.hat(twice)
 
+    # the Cayley map of ad is Ad of the Cayley map
+    cayley_adjoint, cayley_adjoint_inv = cayley, cayley_inv
+    cayley_adjoint_Ad_star, compose_cayley_adjoint = cayley_Ad_star, compose_cayley
+    dcayley_adjoint, dcayley_adjoint_inv = dcayley, dcayley_inv
+    dcayley_adjoint_dual, dcayley_adjoint_inv_dual = dcayley_dual, dcayley_inv_dual
+    cayley_adjoint_mismatch = cayley_mismatch
 
-def _plus(m: Mat, s: float) -> Mat:
+
+def _cayley_turn(xi: Vec) -> Mat:
+    """cay(xi) - 1 = f W + f W^2/2, f = 4/(4 + |xi|^2)."""
+    x = dot(xi, xi)
+    if x >= HUGE:  # f is 4/|xi|^2; half a turn, nearly
+        u = TINY * xi
+        inverse_square = 1.0 / dot(u, u)
+        return turn(4.0 * TINY * inverse_square, 2.0 * inverse_square, u)
+    f = 4.0 / (4.0 + x)
+    return turn(f, 0.5 * f, xi)
+
+
+def plus(m: Mat, s: float) -> Mat:
     """m + s 1."""
     return mat(vec(m[0, 0] + s, m[0, 1], m[0, 2]), vec(m[1, 0], m[1, 1] + s, m[1, 2]), vec(m[2, 0], m[2, 1], m[2, 2] + s))
 
 
-def _turn(s: float, b: float, w: Vec) -> Mat:
+def turn(s: float, b: float, w: Vec) -> Mat:
     """s hat(w) + b hat(w)^2: what a rotation adds to 1."""
     xx, yy, zz = w[0] * w[0], w[1] * w[1], w[2] * w[2]
     xy, xz, yz = b * (w[0] * w[1]), b * (w[0] * w[2]), b * (w[1] * w[2])

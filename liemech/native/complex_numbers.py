@@ -7,6 +7,11 @@ from typing import Any
 from .functions import sqrt
 
 
+def is_vector(x: Any) -> bool:
+    """A `Vec` or a `Mat`, which know how to multiply themselves by a number."""
+    return isinstance(x, tuple) or hasattr(x, "rows")
+
+
 class Complex:
     """re + i im.  Products are rounded as written here, whatever Python or the processor would do."""
 
@@ -24,14 +29,18 @@ class Complex:
         """re - i im."""
         return Complex(self.re, -self.im)
 
-    def __add__(self, other: Any) -> Complex:
+    def __add__(self, other: Any) -> Any:
+        if is_vector(other):
+            return NotImplemented
         if isinstance(other, Complex):
             return Complex(self.re + other.re, self.im + other.im)
         return Complex(self.re + other, self.im)
 
     __radd__ = __add__
 
-    def __sub__(self, other: Any) -> Complex:
+    def __sub__(self, other: Any) -> Any:
+        if is_vector(other):
+            return NotImplemented
         if isinstance(other, Complex):
             return Complex(self.re - other.re, self.im - other.im)
         return Complex(self.re - other, self.im)
@@ -39,14 +48,18 @@ class Complex:
     def __rsub__(self, other: Any) -> Complex:
         return Complex(other - self.re, -self.im)
 
-    def __mul__(self, other: Any) -> Complex:
+    def __mul__(self, other: Any) -> Any:
+        if is_vector(other):
+            return NotImplemented
         if isinstance(other, Complex):
             return Complex(self.re * other.re - self.im * other.im, self.re * other.im + self.im * other.re)
         return Complex(self.re * other, self.im * other)
 
     __rmul__ = __mul__
 
-    def __truediv__(self, other: Any) -> Complex:
+    def __truediv__(self, other: Any) -> Any:
+        if is_vector(other):
+            return NotImplemented
         if isinstance(other, Complex):
             return self * other.conjugate() / (other.re * other.re + other.im * other.im)
         return Complex(self.re / other, self.im / other)

@@ -14,6 +14,7 @@ from collections.abc import Callable
 from typing import Any
 
 from . import functions as f
+from .complex_numbers import is_vector
 from .vectors import Mat, Vec, identity_matrix, mat, transpose, vec
 
 
@@ -30,14 +31,18 @@ class Dual:
         """The two numbers, as they lie in memory."""
         return self.value, self.slope
 
-    def __add__(self, other: Any) -> Dual:
+    def __add__(self, other: Any) -> Any:
+        if is_vector(other):
+            return NotImplemented
         if isinstance(other, Dual):
             return Dual(self.value + other.value, self.slope + other.slope)
         return Dual(self.value + other, self.slope)
 
     __radd__ = __add__
 
-    def __sub__(self, other: Any) -> Dual:
+    def __sub__(self, other: Any) -> Any:
+        if is_vector(other):
+            return NotImplemented
         if isinstance(other, Dual):
             return Dual(self.value - other.value, self.slope - other.slope)
         return Dual(self.value - other, self.slope)
@@ -45,14 +50,18 @@ class Dual:
     def __rsub__(self, other: Any) -> Dual:
         return Dual(other - self.value, -self.slope)
 
-    def __mul__(self, other: Any) -> Dual:
+    def __mul__(self, other: Any) -> Any:
+        if is_vector(other):
+            return NotImplemented
         if isinstance(other, Dual):
             return Dual(self.value * other.value, self.value * other.slope + self.slope * other.value)
         return Dual(self.value * other, self.slope * other)
 
     __rmul__ = __mul__
 
-    def __truediv__(self, other: Any) -> Dual:
+    def __truediv__(self, other: Any) -> Any:
+        if is_vector(other):
+            return NotImplemented
         if isinstance(other, Dual):
             quotient = self.value / other.value
             return Dual(quotient, (self.slope - quotient * other.slope) / other.value)

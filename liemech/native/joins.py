@@ -142,8 +142,9 @@ class Joins:
         merged: Env = {}
         for name in opens[0].env:
             if all(name in o.env for o in opens):
-                merged[name] = self._numberwise(
-                    [o.env[name] for o in opens], lambda *numbers: self._phi(into, [o.block for o in opens], numbers)
+                items = [o.env[name] for o in opens]
+                merged[name] = items[0] if len(items) == 1 else self._numberwise(
+                    items, lambda *numbers: self._phi(into, [o.block for o in opens], numbers)
                 )
         for o in opens:
             self.builder.position_at_end(o.block)

@@ -107,6 +107,17 @@ def test_a_derived_gradient_in_native_code_and_in_lanes() -> None:
     assert run.drift()["energy"].largest < 1e-3
 
 
+def test_pairs_multiply_vectors_and_matrices() -> None:
+    """c(x) v and c(x) M for a number that carries a derivative, or is complex, on either side."""
+    v, m = vec(1.0, 2.0), mat(vec(1.0, 2.0), vec(3.0, 4.0))
+    for x in (Dual(3.0, 5.0), Complex(3.0, 5.0)):
+        for product, factor in ((x * v, v), (v * x, v), (x * m, m), (m * x, m), (v / x * (x * x), v)):
+            first = product[0] if factor is v else product[0, 0]
+            assert first.parts == pytest.approx((3.0, 5.0))
+            assert type(product) is type(factor)
+    assert derivative(lambda x: dot(x, x) * (x[0] * v), vec(2.0, 1.0), vec(1.0, 0.0)) == vec(13.0, 26.0)
+
+
 # ---------------------------------------------------------------- complex numbers
 
 
@@ -148,3 +159,29 @@ def test_complex_numbers_in_native_code() -> None:
     kernel.kernel(_squares, flat, layout_of(m), outs[1])(flat, layout_of(m), outs[1])
     assert np.array_equal(*outs)
     assert np.array_equal(outs[0].view(complex).reshape(2, 2), np.array(m @ m - (2.0 * m).T))
+
+
+@record
+class Counted(lm.Hamiltonian):
+    """A static number stays one behind a loop of unknown length."""
+
+    n: int
+
+    def energy(self, mu):
+        return 0.5 * dot(mu, mu)
+
+    def gradient(self, mu):
+        x = 2.0 + mu[0] * mu[0]
+        while x > 1.0:
+            x = 0.5 * x
+        for _ in range(self.n):
+            mu = x * mu
+        return mu
+
+
+@pytest.mark.compiled
+def test_static_numbers_stay_static_behind_loops() -> None:
+    system = lm.LiePoissonSystem(lm.SO3(), Counted(3))
+    for start in (system.state([0.1, 0.2, 0.3]), system.state(np.ones((5, 3)))):
+        runs = [lm.integrate(system, lm.RKMK(order=2), start, h=0.1, steps=9, compiled=compiled) for compiled in (True, False)]
+        assert np.array_equal(runs[0].mu, runs[1].mu)
