@@ -9,7 +9,8 @@
 Spaces are objects, their elements arrays.  A method steps a system, `integrate` owns the loop, a `Trajectory` the samples.
 """
 
-from typing import Any
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 from . import errors
 from .groups.coadjoint import CoadjointAction, coadjoint
@@ -21,9 +22,8 @@ from .integrators.method import Method
 from .integrators.rkmk import RKMK
 from .integrators.variational import CovariantVariational
 from .models.rigid_body import RigidBody
-from .native import Ambient, Element, Mat, Record, Vec, cross, derivative, dot, jacobian, mat, norm, outer, record, vec
+from .native import Ambient, Element, Mat, Record, Vec, cross, derivative, dot, gradient, jacobian, mat, norm, outer, record, vec
 from .retractions import Cayley, CayleyAdjoint, Exponential, Retraction
-from .systems.group_equation import GroupEquation, LinearGroupEquation
 from .systems.hamiltonian import Hamiltonian
 from .systems.kinetic_energy import KineticEnergy
 from .systems.lagrangian import Lagrangian
@@ -32,58 +32,132 @@ from .systems.system import State, System
 from .tableaus.tableau import ButcherTableau
 from .trajectory import Trajectory
 
+if TYPE_CHECKING:
+    from . import plots, tableaus
+    from .checks import check_action, check_group, check_retraction
+    from .groups.actions import GroupAction, LeftMultiplication, LinearAction, SphereAction, TranslationAction
+    from .groups.classical import GL, SL, SO, SU, Sp, U
+    from .groups.heisenberg import Heisenberg
+    from .groups.matrix_group import MatrixLieGroup
+    from .groups.product import ProductGroup
+    from .groups.se2 import SE2
+    from .groups.se3 import SE3
+    from .groups.semidirect import SemidirectProduct
+    from .groups.unit_quaternions import UnitQuaternions
+    from .groups.vector_space import VectorSpace
+    from .integrators.commutator_free import CommutatorFree, CrouchGrossman
+    from .integrators.magnus import Magnus
+    from .systems.group_equation import GroupEquation, LinearGroupEquation
+    from .systems.homogeneous_equation import HomogeneousEquation
+
+_LATER = {
+    "checks": ("check_action", "check_group", "check_retraction"),
+    "groups.actions": ("GroupAction", "LeftMultiplication", "LinearAction", "SphereAction", "TranslationAction"),
+    "groups.classical": ("GL", "SL", "SO", "SU", "Sp", "U"),
+    "groups.heisenberg": ("Heisenberg",),
+    "groups.matrix_group": ("MatrixLieGroup",),
+    "groups.product": ("ProductGroup",),
+    "groups.se2": ("SE2",),
+    "groups.se3": ("SE3",),
+    "groups.semidirect": ("SemidirectProduct",),
+    "groups.unit_quaternions": ("UnitQuaternions",),
+    "groups.vector_space": ("VectorSpace",),
+    "integrators.commutator_free": ("CommutatorFree", "CrouchGrossman"),
+    "integrators.magnus": ("Magnus",),
+    "plots": ("plots",),
+    "systems.group_equation": ("GroupEquation", "LinearGroupEquation"),
+    "systems.homogeneous_equation": ("HomogeneousEquation",),
+    "tableaus": ("tableaus",),
+}
+"""What is imported when it is first asked for, module by module, so that a script pays for what it uses."""
+
+_HOMES = {name: module for module, names in _LATER.items() for name in names}
+
 
 def __getattr__(name: str) -> Any:
-    """`liemech.plots`, imported when first asked for."""
-    if name != "plots":
+    """A public name, imported now."""
+    if name not in _HOMES:
         raise AttributeError(f"module 'liemech' has no attribute {name!r}")
-    from importlib import import_module
+    module = import_module(f".{_HOMES[name]}", __name__)
+    value = module if name == _HOMES[name] else getattr(module, name)
+    globals()[name] = value
+    return value
 
-    return import_module(".plots", __name__)
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
 
 
 __version__ = "0.1.0"
 
 __all__ = [
+    "GL",
+    "RKMK",
+    "SE2",
+    "SE3",
+    "SL",
+    "SO",
     "SO3",
+    "SU",
     "Ambient",
     "BodyState",
     "ButcherTableau",
     "Cayley",
     "CayleyAdjoint",
     "CoadjointAction",
+    "CommutatorFree",
     "CovariantVariational",
+    "CrouchGrossman",
     "Element",
     "Exponential",
+    "GroupAction",
     "GroupEquation",
     "Hamiltonian",
+    "Heisenberg",
+    "HomogeneousEquation",
     "KineticEnergy",
     "Lagrangian",
+    "LeftMultiplication",
     "LieAlgebra",
     "LieGroup",
     "LiePoissonSystem",
+    "LinearAction",
     "LinearGroupEquation",
+    "Magnus",
     "Mat",
+    "MatrixLieGroup",
     "Method",
-    "RKMK",
+    "ProductGroup",
     "Record",
     "Retraction",
     "RigidBody",
     "SO3Algebra",
+    "SemidirectProduct",
+    "Sp",
+    "SphereAction",
     "State",
     "System",
     "Trajectory",
+    "TranslationAction",
+    "U",
+    "UnitQuaternions",
     "Vec",
+    "VectorSpace",
+    "check_action",
+    "check_group",
+    "check_retraction",
     "coadjoint",
     "cross",
     "derivative",
     "dot",
     "errors",
+    "gradient",
     "integrate",
     "jacobian",
     "mat",
     "norm",
     "outer",
     "record",
+    "tableaus",
     "vec",
 ]

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from .adaptive import AdaptiveRun
 from .errors import IncompatibleSystem, InvalidInput, InvalidType
 from .integrators.method import Method
 from .marching import Run
@@ -35,6 +34,7 @@ def integrate(
     atol: float | None = None,
     t_eval: Any = None,
     events: Any = (),
+    dense: bool = True,
     record: Iterable[str] | None = None,
     t0: float = 0.0,
     compiled: bool | None = None,
@@ -56,7 +56,8 @@ def integrate(
     t_end : the last time, before or after t0.  h, steps : the first step and the largest number of steps, if given.
     rtol, atol : the error of a step is kept below atol + rtol |state| (1e-6 and 1e-9).  As with every local error control, the
     error of the motion grows along it.
-    t_eval : (n,) times at which to keep the state; default: where the steps end.  `Trajectory.at` knows all others.
+    t_eval : (n,) times at which to keep the state; default: where the steps end.
+    dense : keep the way between the steps too, for `Trajectory.at`.
     events : functions of t and state whose zeros are looked for; their attributes `terminal` (ends the run) and `direction`
     (+1 only rising, -1 only falling zeros) mean what they do in SciPy.
 
@@ -70,6 +71,8 @@ def integrate(
     every, workers = _count(every, "every", 1), _count(workers, "workers", 1)
     _choice(compiled, "compiled")
     _choice(progress, "progress")
+    if dense not in (True, False):
+        raise InvalidType(f"integrate: dense must be True or False; got {dense!r}")
     if t_end is not None:
         _only_adaptive(method, every, workers)
         t_end = _real(t_end, "t_end")
@@ -80,8 +83,10 @@ def integrate(
         start = _started(system, start, record)
         if start.bodies is not None:
             raise InvalidInput("integrate: adaptive steps are for one body at a time; give an ensemble h and steps")
+        from .adaptive import AdaptiveRun
+
         return AdaptiveRun(
-            system, method, start, t0, t_end, *tolerances, first, limit, times, functions, compiled, progress
+            system, method, start, t0, t_end, *tolerances, first, limit, times, functions, dense, compiled, progress
         ).trajectory()
     for name, value in (("rtol", rtol), ("atol", atol), ("t_eval", t_eval), ("events", events or None)):
         if value is not None:

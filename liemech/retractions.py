@@ -7,12 +7,15 @@ Source: Bou-Rabee and Marsden, Hamilton-Pontryagin integrators on Lie groups, Fo
 
 from __future__ import annotations
 
-from typing import Any, final
+from typing import TYPE_CHECKING, Any, final
 
 from .errors import IncompatibleSystem, NoConvergence
 from .groups.lie_group import LieGroup
 from .native import Element, Mat, Record, Vec, derivative, dot, identity_matrix, jacobian, mat, record, solve, sqrt, vec
 from .solvers import LIMIT, TOLERANCE
+
+if TYPE_CHECKING:
+    from .groups.actions import GroupAction
 
 
 @record
@@ -61,6 +64,10 @@ class Retraction(Record):
     def compose_tau(self, group: LieGroup, g: Element, xi: Vec) -> Element:
         """g tau(xi).  g : an element, xi : (dim,)."""
         return group.compose(g, self.tau(group, xi))
+
+    def tau_act(self, action: GroupAction, xi: Vec, x: Vec) -> Vec:
+        """tau(xi) . x, a point moved by the group.  xi : (dim,), x : a point."""
+        return action.act(self.tau(action.group, xi), x)
 
     def dtau(self, group: LieGroup, xi: Vec, eta: Vec, side: str = "right") -> Vec:
         """The trivialised differential.  xi, eta : (dim,)."""
@@ -124,6 +131,10 @@ class Exponential(Retraction):
     def compose_tau(self, group: LieGroup, g: Element, xi: Vec) -> Element:
         """g exp(xi)."""
         return group.compose_exp(g, xi)
+
+    def tau_act(self, action: GroupAction, xi: Vec, x: Vec) -> Vec:
+        """exp(xi) . x."""
+        return action.exp_act(xi, x)
 
     def dtau(self, group: LieGroup, xi: Vec, eta: Vec, side: str = "right") -> Vec:
         """dexp_xi eta = sum_k ad_xi^k eta/(k + 1)! (right)."""

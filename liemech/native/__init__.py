@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 from . import border
 from .border import check_finite, real_array
 from .complex_numbers import Complex
-from .dual import Dual, derivative, jacobian
+from .dual import Dual, derivative, gradient, jacobian
 from .functions import (
     acos,
     asin,
@@ -77,6 +77,7 @@ __all__ = [
     "dot",
     "exp",
     "expm1",
+    "gradient",
     "identity_matrix",
     "jacobian",
     "log",

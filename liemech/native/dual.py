@@ -201,6 +201,11 @@ def derivative(formula: Callable[[Any], Any], x: Any, direction: Any) -> Any:
     return slopes(formula(vec(*[Dual(a, d) for a, d in zip(x, direction)])))
 
 
+def gradient(formula: Callable[[Any], Any], x: Any) -> Vec:
+    """The vector df/dx_j of a formula from vectors to numbers.  x : (n,)."""
+    return vec(*[derivative(formula, x, unit) for unit in identity_matrix(len(x))])
+
+
 def jacobian(formula: Callable[[Any], Any], x: Any) -> Mat:
     """The matrix df_i/dx_j of a formula from vectors to vectors.  x : (n,)."""
     return transpose(mat(*[derivative(formula, x, unit) for unit in identity_matrix(len(x))]))

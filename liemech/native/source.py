@@ -18,6 +18,7 @@ import numpy as np
 
 from ..errors import NotCompilable
 from .border import bare
+from .records import Record
 from .values import Layout
 
 
@@ -155,6 +156,8 @@ def fingerprint(*things: Any) -> str:
             eat(x.__func__)
         elif isinstance(x, Layout):
             eat((x.kind, x.detail, x.parts))
+        elif isinstance(x, Record):  # its fields, not what it may have stored beside them
+            eat((type(x), tuple((f.name, getattr(x, f.name)) for f in dataclasses.fields(x))))  # type: ignore[arg-type]
         elif isinstance(x, np.ndarray):
             put(str(x.dtype), str(x.shape), x.tobytes().hex())
         elif isinstance(x, dict):

@@ -85,8 +85,13 @@ def layout_of(value: Any, number: Callable[[Any], bool] = is_number) -> Layout:
     if isinstance(value, PAIRS):
         return Layout("pair", tuple(layout_of(x, number) for x in value.parts), type(value))
     if isinstance(value, Record):
+        if number is is_number and "_layout" in value.__dict__:
+            return value.__dict__["_layout"]
         names = tuple(f.name for f in dataclasses.fields(value))  # type: ignore[arg-type]
-        return Layout("record", tuple(layout_of(getattr(value, n), number) for n in names), (type(value), names))
+        layout = Layout("record", tuple(layout_of(getattr(value, n), number) for n in names), (type(value), names))
+        if number is is_number:  # a record never changes: a method is looked at once, not at every run
+            value.__dict__["_layout"] = layout
+        return layout
     if isinstance(value, list) or (isinstance(value, tuple) and (number is is_any_number or not is_static(value))):
         return Layout(type(value).__name__, tuple(layout_of(x, number) for x in value))
     return Layout("static", (), value)

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from ..native import Record, Vec, record
+from ..native import Record, Vec, gradient, record
 
 
 @record
 class Hamiltonian(Record):
     """The energy of a body as a function of its momentum, H(mu).
 
-    A subclass writes `energy` and `gradient`; its fields are the parameters (`float`, `Vec`, `Mat` or other records).
+    A subclass writes `energy`; the gradient is derived unless it is written too.  Its fields are the parameters
+    (`float`, `Vec`, `Mat` or other records).
     """
 
     def energy(self, mu: Vec) -> float:
@@ -18,4 +19,4 @@ class Hamiltonian(Record):
 
     def gradient(self, mu: Vec) -> Vec:
         """The velocity xi = dH/dmu.  mu : (dim,)."""
-        raise NotImplementedError(f"{type(self).__name__} must define `gradient`")
+        return gradient(lambda m: self.energy(m), mu)

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from ..native import Mat, Record, Vec, record
+from ..native import Mat, Record, Vec, gradient, jacobian, record
 
 
 @record
 class Lagrangian(Record):
     """A left-invariant Lagrangian as a function of the body velocity, l(xi).
 
-    A subclass writes `value`, `momentum` and `hessian`; its fields are the parameters.
+    A subclass writes `value`; its derivatives are derived unless they are written too.  Its fields are the parameters.
     """
 
     def value(self, xi: Vec) -> float:
@@ -18,8 +18,8 @@ class Lagrangian(Record):
 
     def momentum(self, xi: Vec) -> Vec:
         """The momentum mu = dl/dxi.  xi : (dim,)."""
-        raise NotImplementedError(f"{type(self).__name__} must define `momentum`")
+        return gradient(lambda x: self.value(x), xi)
 
     def hessian(self, xi: Vec) -> Mat | Vec:
         """The second derivative d2l/dxi2, the inertia at xi.  xi : (dim,), result : (dim, dim), or (dim,) if it is diagonal."""
-        raise NotImplementedError(f"{type(self).__name__} must define `hessian`")
+        return jacobian(lambda x: self.momentum(x), xi)

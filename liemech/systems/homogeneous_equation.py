@@ -1,0 +1,83 @@
+"""Differential equations on a space that a group moves: spheres, orbits, vector spaces."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar, final
+
+import numpy as np
+
+from ..errors import InvalidInput
+from ..groups.actions import GroupAction
+from ..groups.lie_group import LieGroup
+from ..native import Vec, record, vec
+from ..retractions import Retraction
+from .system import State, System, frozen, points
+
+
+@record
+class Point(State):
+    """A point `x` of a space; for an ensemble one for each member."""
+
+    x: Any
+
+
+@record
+class HomogeneousEquation(System):
+    """An equation on a space moved by a group, x' = A(t, x) . x, the velocity of x under the velocity A in the Lie algebra.
+
+    The solution stays on the orbit of its start, and so does every method.
+
+    1. A subclass writes `velocity(t, x)`, the A of the equation.
+    2. It may name what stays constant (`constants`).
+
+    action : how the group moves the points, such as SphereAction(3); the points are vectors.
+
+    Source: Munthe-Kaas, Appl. Numer. Math. 29 (1999), section 2; Hairer, Lubich, Wanner, IV.8, equation (8.1).
+    """
+
+    side: ClassVar[str] = "right"
+    action: GroupAction
+
+    @property
+    def group(self) -> LieGroup:  # type: ignore[override]
+        """The group that moves the points."""
+        return self.action.group
+
+    def velocity(self, t: float, x: Vec) -> Vec:
+        """The velocity A(t, x) in the Lie algebra, (dim,).  x : a point."""
+        raise NotImplementedError(f"{type(self).__name__} must define `velocity`")
+
+    # ---------------------------------------------------------------- how it moves
+
+    @final
+    def rate(self, t: float, state: Point) -> Vec:
+        """A(t, x)."""
+        return self.velocity(t, state.x)
+
+    @final
+    def moved(self, retraction: Retraction, state: Point, omega: Vec) -> Point:
+        """tau(omega) . x."""
+        return Point(retraction.tau_act(self.action, omega, state.x))
+
+    @final
+    def deviation(self, state: Point, omega: Vec) -> tuple[Vec, Vec]:
+        """What omega does to x, beside |x|."""
+        return self.action.infinitesimal(omega, state.x), vec(*[abs(a) for a in state.x])
+
+    @final
+    def state(self, x: Any) -> Point:
+        """A start for `integrate`: a point, (n,), or one for each member of an ensemble, (members, n).
+
+        Raises InvalidInput for wrong shapes, entries that are not finite, and a point that is not on the space.
+        """
+        name, shape = f"{type(self).__name__}.state: x", self.action.point_shape
+        array = points(x, name, np.shape(x)[-1:] if shape is None else shape, f"a point of {self.action!r}")
+        one = array.shape[array.ndim - len(shape) :] if shape is not None else array.shape[-1:]
+        off = np.flatnonzero(~np.atleast_1d(self.action.contains(array)))
+        if len(off):
+            which, bad = (name, array) if array.shape == one else (f"{name}[{off[0]}]", array[off[0]])
+            raise InvalidInput(f"{which} is no point of {self.action!r}: it is off by {self.action.defect(bad):.1e}")
+        return Point(frozen(array, one, None if array.shape == one else len(array)))
+
+    def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
+        return self.action._shape(argument, kind)
