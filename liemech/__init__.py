@@ -13,7 +13,6 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from . import errors
-from .groups.coadjoint import CoadjointAction, coadjoint
 from .groups.lie_algebra import LieAlgebra
 from .groups.lie_group import LieGroup
 from .groups.so3 import SO3, SO3Algebra
@@ -37,6 +36,7 @@ if TYPE_CHECKING:
     from .checks import check_action, check_group, check_retraction
     from .groups.actions import GroupAction, LeftMultiplication, LinearAction, SphereAction, TranslationAction
     from .groups.classical import GL, SL, SO, SU, Sp, U
+    from .groups.coadjoint import CoadjointAction, coadjoint
     from .groups.heisenberg import Heisenberg
     from .groups.matrix_group import MatrixLieGroup
     from .groups.product import ProductGroup
@@ -54,6 +54,7 @@ _LATER = {
     "checks": ("check_action", "check_group", "check_retraction"),
     "groups.actions": ("GroupAction", "LeftMultiplication", "LinearAction", "SphereAction", "TranslationAction"),
     "groups.classical": ("GL", "SL", "SO", "SU", "Sp", "U"),
+    "groups.coadjoint": ("CoadjointAction", "coadjoint"),
     "groups.heisenberg": ("Heisenberg",),
     "groups.matrix_group": ("MatrixLieGroup",),
     "groups.product": ("ProductGroup",),

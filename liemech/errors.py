@@ -9,7 +9,7 @@
     ├── LawViolation         a group, algebra, tableau or structure breaks a law it must obey      (also a ValueError)
     └── IntegrationFailure   a run that ended early; `.trajectory` holds every accepted sample     (also an ArithmeticError)
         ├── NoConvergence       an implicit step could not be solved
-        ├── OutsideChart        the step leaves the domain where the retraction is a chart
+        ├── OutsideChart        a step, or an argument, is where the retraction is no chart             (also a ValueError)
         ├── NotFinite           a step produced inf or nan
         ├── StepTooSmall        adaptive steps became too small, or too many, to reach the end
         └── InconsistentState   the state is off the group, the orbit or the constraint
@@ -62,6 +62,10 @@ class InertiaWarning(UserWarning):
     """The inertia can be integrated but belongs to no rigid body made of positive masses."""
 
 
+class OrderWarning(UserWarning):
+    """A method was told to be of lower order than its coefficients are."""
+
+
 class NotCompiledWarning(UserWarning):
     """A formula could not be compiled and runs, much slower, in plain Python."""
 
@@ -76,7 +80,7 @@ class NoConvergence(IntegrationFailure):
     """An implicit step could not be solved."""
 
 
-class OutsideChart(IntegrationFailure):
+class OutsideChart(IntegrationFailure, ValueError):
     """The step leaves the domain on which the retraction is a chart of the group."""
 
 

@@ -68,7 +68,7 @@ STEPS = [
     (value, "t0 must be finite; got nan", dict(t0=NAN)),
     (value, "lead to t = inf", dict(h=1e308, steps=10)),
     (kind, "h must be a number; got '0.1'", dict(h="0.1")),
-    (kind, "h must be a number; got None", dict(h=None)),
+    (value, "give h and steps.*or t_end", dict(h=None)),
     (kind, "h must be a number; got True", dict(h=True)),
     (kind, "h must be a number", dict(h=np.True_)),
     (kind, "h must be a number", dict(h=0.1 + 0j)),
@@ -81,7 +81,7 @@ STEPS = [
     (kind, "steps must be a whole number; got 2.0", dict(steps=2.0)),
     (kind, "steps must be a whole number; got True", dict(steps=True)),
     (kind, "steps must be a whole number; got '10'", dict(steps="10")),
-    (kind, "steps must be a whole number; got None", dict(steps=None)),
+    (value, "give h and steps.*or t_end", dict(steps=None)),
     (value, "every must be at least 1.*got 0", dict(every=0)),
     (value, "every must be at least 1.*got -3", dict(every=-3)),
     (kind, "every must be a whole number; got 2.0", dict(every=2.0)),
@@ -254,13 +254,12 @@ def test_exact_motion() -> None:
 
 
 METHOD_OPTIONS = [
-    (value, r"order 5 has no tableau .*\[1, 2, 3, 4\]", lambda: lm.RKMK(order=5)),
+    (value, r"order 9 has no tableau .*\[1, 2, 3, 4, 5, 6, 7, 8\]", lambda: lm.RKMK(order=9)),
     (value, "order '4' has no tableau", lambda: lm.RKMK(order="4")),  # type: ignore[arg-type]
     (value, "order 2.0 has no tableau", lambda: lm.RKMK(order=2.0)),  # type: ignore[arg-type]
     (value, "order True has no tableau", lambda: lm.RKMK(order=True)),
     (kind, "tableau must be a ButcherTableau; got 3", lambda: lm.RKMK(tableau=3)),  # type: ignore[arg-type]
     (kind, "retraction must be Exponential.*got <class", lambda: lm.RKMK(retraction=lm.Cayley)),  # type: ignore[arg-type]
-    (value, "truncation >= 2; 1 would lower the order", lambda: lm.RKMK(truncation=1)),
     (value, "from 0 to 12 .*got -1", lambda: lm.RKMK(truncation=-1)),
     (value, "from 0 to 12 .*got 13", lambda: lm.RKMK(truncation=13)),
     (value, "from 0 to 12 .*got 2.0", lambda: lm.RKMK(truncation=2.0)),  # type: ignore[arg-type]
@@ -297,7 +296,7 @@ GEOMETRY = [
     (value, r"SO3.log: g\[0, 0\] is nan", lambda: G.log(np.full((3, 3), NAN))),
     (value, r"SO3.log: g has shape \(3, 2\); its last axes must be \(3, 3\)", lambda: G.log(np.ones((3, 2)))),
     (value, "SO3.quaternion: g is not in SO3", lambda: G.quaternion(2 * np.eye(3))),
-    (value, "SO3.cayley_inv has no finite value", lambda: G.cayley_inv(np.diag([1.0, -1.0, -1.0]))),
+    (lm.errors.OutsideChart, "the Cayley map cannot represent it.*use log", lambda: G.cayley_inv(np.diag([1.0, -1.0, -1.0]))),
     (value, "SO3.cayley_inv: g is not in SO3.*reflection", lambda: G.cayley_inv(-R)),
     (value, 'SO3.dexp: side is "right" or "left"; got \'up\'', lambda: G.dexp(XI, MU, "up")),
     (value, 'SO3.dexp_inv: side is "right" or "left"', lambda: G.dexp_inv(XI, MU, side=None)),  # type: ignore[arg-type]

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import Any
 
-from ..errors import InvalidInput, InvalidType, NoConvergence
+from ..errors import InvalidInput, InvalidType, NoConvergence, OrderWarning
 from ..groups.lie_group import EPSILON, one_norm
-from ..native import Record, Vec, record, sqrt
+from ..native import Record, Vec, record, sqrt, where
 from ..retractions import Exponential, Retraction
 from ..solvers import LIMIT
 from ..systems.system import System
-from ..tableaus.butcher import BY_ORDER, ButcherTableau
+from ..tableaus.butcher import BY_ORDER
+from ..tableaus.tableau import ButcherTableau
+from ..tableaus.trees import Row
 from .method import Method
 
 
@@ -34,8 +37,10 @@ class RKMK(Method):
         Omega_i = h sum_j a_ij k_j,   k_i = dtau^-1_Omega_i xi(t + c_i h, Ad*_tau(Omega_i) mu_n),
         mu_n+1 = Ad*_tau(Omega) mu_n,   g_n+1 = g_n tau(Omega),   Omega = h sum_j b_j k_j.
 
-    order : of the tableau chosen, 1 to 4; or give a `tableau`.
-    truncation : cut the series of dexp^-1 after ad^truncation; "closed" for its closed form.  The default, order - 2, is enough.
+    order : of the tableau chosen, 1 to 8; or give a `tableau`, explicit or implicit, of `liemech.tableaus` or your own.
+    truncation : cut the series of dexp^-1 after ad^truncation; "closed" for its closed form.  The default, order - 2, is enough;
+    less lowers the order, which an OrderWarning says.
+    retraction : coordinates of the chart, Exponential() or, with its closed differential, Cayley() or your own.
     Mu and g move by the same increment, so the spatial momentum and the Casimirs are kept to rounding.  The energy drifts.
 
     Source: Munthe-Kaas, Appl. Numer. Math. 29 (1999); Hairer, Lubich, Wanner, IV.8.2, algorithm 8.4.
@@ -71,7 +76,11 @@ class RKMK(Method):
         if not isinstance(self.retraction, Exponential):
             raise InvalidInput(f"RKMK: {self.retraction!r} has a closed differential and no series to cut; leave truncation out")
         if q < self.order - 2:
-            raise InvalidInput(f"RKMK: order {self.order} needs truncation >= {self.order - 2}; {q} would lower the order silently")
+            warnings.warn(
+                f"RKMK: with truncation {q} the method is of order {q + 2}, not {self.order}; that takes {self.order - 2}",
+                OrderWarning,
+                stacklevel=5,
+            )
 
     @property
     def name(self) -> str:
@@ -85,28 +94,25 @@ class RKMK(Method):
 
     def step(self, system: System, t: float, state: Any, h: float) -> Any:
         """One step in the chart at the state."""
-        start = system.essential(state)
-        slopes = self.slopes(system, t, start, system.rate(t, start), h)
-        return system.moved(self.retraction, state, combination(self.tableau.b, slopes, h))
+        start, tableau = system.essential(state), self.tableau.bare
+        slopes = self._slopes(tableau, system, t, start, system.rate(t, start), h)
+        return system.moved(self.retraction, state, combination(tableau.b, slopes, h))
 
-    def slopes(self, system: System, t: float, start: Any, first: Vec, h: float) -> list[Vec]:
+    def _slopes(self, tableau: ButcherTableau, system: System, t: float, start: Any, first: Vec, h: float) -> list[Vec]:
         """The slopes k_i of Omega at the stages; `first` is the velocity at the start.
 
         Implicit stages are iterated to rounding.  Raises NoConvergence.
         """
-        slopes: list[Vec] = []
-        if self.tableau.explicit:
-            for row, c in zip(self.tableau.A, self.tableau.c):
-                omega = combination(row, slopes, h)
-                slopes = [*slopes, first if omega is None else self.slope(system, t + c * h, start, omega)]
-            return slopes
-        slopes = [first for _ in self.tableau.b]
+        if tableau.explicit:
+            return self._more(tableau.A, tableau.c, [], system, t, start, first, h)
+        slopes = [first for _ in tableau.b]
         change = before = size = one_norm(first)
         for _ in range(LIMIT):
             before, old = change, slopes
             change = size = 0.0
-            for i, (row, c) in enumerate(zip(self.tableau.A, self.tableau.c)):  # each stage sees the new ones before it
-                new = self.slope(system, t + c * h, start, combination(row, slopes, h))
+            for i, (row, c) in enumerate(zip(tableau.A, tableau.c)):  # each stage sees the new ones before it
+                omega = combination(row, slopes, h)
+                new = first if omega is None else self.slope(system, t + c * h, start, omega)
                 slopes = [*slopes[:i], new, *slopes[i + 1 :]]
                 change, size = change + one_norm(new - old[i]), size + one_norm(new)
             if change <= EPSILON * size or (change >= before and change <= 64.0 * EPSILON * size):
@@ -118,46 +124,57 @@ class RKMK(Method):
             )
         return slopes
 
+    def _more(
+        self, A: tuple[Row, ...], nodes: Row, slopes: list[Vec], system: System, t: float, start: Any, first: Vec, h: float
+    ) -> list[Vec]:
+        """The slopes, and those that explicit rows of coefficients make of them."""
+        for row, c in zip(A, nodes):
+            omega = combination(row, slopes, h)
+            slopes = [*slopes, first if omega is None else self.slope(system, t + c * h, start, omega)]
+        return slopes
+
     # ---------------------------------------------------------------- adaptive steps
 
     @property
     def error_order(self) -> int:
-        """The power of h with which the error estimate of a step goes to zero."""
-        return min(self.order, self.tableau.embedded_order) + 1
+        """The power of h with which the error estimate of a step goes to zero; 0 if there is none."""
+        return self.tableau.error_order
 
     @property
     def dense_order(self) -> int:
         """The order of accuracy between the steps."""
-        return self.tableau.interpolant_order if self.tableau.interpolant else min(self.order, 3)
+        return self.tableau.interpolant_order or min(self.order, 3)
 
     @property
     def curve_terms(self) -> int:
         """How many coefficients the polynomial Omega(theta) of a step has."""
         return len(self.tableau.interpolant[0]) if self.tableau.interpolant else 3
 
-    def trial(self, system: System, t: float, state: Any, first: Vec, h: float, rtol: float, atol: float) -> Trial:
-        """One step with an estimate of its error, h sum_j (b_j - b^_j) k_j in the algebra.
+    def trial(self, system: System, t: float, state: Any, first: Vec, h: float, rtol: float, atol: float, dense: bool) -> Trial:
+        """One step with an estimate of its error, h sum_j (b_j - b^_j) k_j in the algebra, and with the way there if it is `dense`.
 
         The error is the root mean square of what such a displacement changes, over atol + rtol |what it changes|.
         """
-        start = system.essential(state)
-        slopes = self.slopes(system, t, start, first, h)
-        omega = combination(self.tableau.b, slopes, h)
+        tableau, start = self.tableau, system.essential(state)
+        slopes = self._slopes(tableau, system, t, start, first, h)
+        omega = combination(tableau.b, slopes, h)
         new = system.moved(self.retraction, state, omega)
         velocity = system.rate(t + h, system.essential(new))
-        off = combination(tuple(b - e for b, e in zip(self.tableau.b, self.tableau.b_hat)), slopes, h)
-        (change, size), (_, size_new) = system.deviation(state, off), system.deviation(new, off)
-        total = 0.0
-        for c, a, b in zip(change, size, size_new):
-            ratio = c / (atol + rtol * max(a, b))
-            total = total + ratio * ratio
-        return Trial(new, velocity, sqrt(total / len(change)), self.curve(system, slopes, first, omega, velocity, h))
+        error = _square(system, state, new, _difference(tableau.b, tableau.b_hat, slopes, h), rtol, atol)
+        if tableau.b_low:
+            low = _square(system, state, new, _difference(tableau.b, tableau.b_low, slopes, h), rtol, atol)
+            error = where(error > 0.0, error * error / (error + 0.01 * low), 0.0)
+        curve = self._curve(system, t, start, slopes, first, omega, velocity, h) if dense else ()
+        return Trial(new, velocity, sqrt(error), curve)
 
-    def curve(self, system: System, slopes: list[Vec], first: Vec, omega: Vec, velocity: Vec, h: float) -> tuple[Vec, ...]:
+    def _curve(
+        self, system: System, t: float, start: Any, slopes: list[Vec], first: Vec, omega: Vec, velocity: Vec, h: float
+    ) -> tuple[Vec, ...]:
         """Omega(theta) = theta p_1 + theta^2 p_2 + ... along the step: of the tableau, or a cubic through both ends."""
-        if self.tableau.interpolant:
-            powers = zip(*self.tableau.interpolant)
-            return tuple([combination(weights, slopes, h) for weights in powers])
+        tableau = self.tableau
+        if tableau.interpolant:
+            slopes = self._more(tableau.A_extra, tableau.c_extra, slopes, system, t, start, first, h)
+            return tuple([combination(weights, slopes, h) for weights in zip(*tableau.interpolant)])
         end = h * self.retraction.dtau_inv(system.group, omega, velocity, system.side)
         return h * first, 3.0 * omega - (2.0 * h * first + end), (h * first + end) - 2.0 * omega
 
@@ -186,3 +203,18 @@ def combination(weights: tuple[float, ...], slopes: list[Vec], h: float) -> Any:
         if w != 0.0:
             total = (h * w) * k if total is None else total + (h * w) * k
     return total
+
+
+def _difference(b: Row, b_hat: Row, slopes: list[Vec], h: float) -> Vec:
+    """h sum_j (b_j - b^_j) k_j."""
+    return combination(tuple([x - y for x, y in zip(b, b_hat)]), slopes, h)
+
+
+def _square(system: System, state: Any, new: Any, off: Vec, rtol: float, atol: float) -> float:
+    """The mean square of what a displacement changes, over the tolerance."""
+    (change, before), (_, after) = system.deviation(state, off), system.deviation(new, off)
+    total = 0.0
+    for c, a, b in zip(change, before, after):
+        ratio = c / (atol + rtol * max(a, b))
+        total = total + ratio * ratio
+    return total / len(change)

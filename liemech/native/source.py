@@ -198,7 +198,7 @@ def fingerprint(*things: Any) -> str:
         """A global; of a module, whatever its code may ask it for."""
         if not isinstance(value, types.ModuleType):
             eat(value)
-        elif id(value) not in modules:
+        elif id(value) not in modules and not _known(value.__name__):
             modules.add(id(value))
             for name in names:
                 if hasattr(value, name):
@@ -218,7 +218,11 @@ def fingerprint(*things: Any) -> str:
 def _foreign(x: Any) -> bool:
     """Of Python itself or NumPy: known by name and version."""
     module = getattr(x, "__module__", None)
-    return isinstance(module, str) and module.partition(".")[0] in sys.stdlib_module_names | {"numpy"}
+    return isinstance(module, str) and _known(module)
+
+
+def _known(module: str) -> bool:
+    return module.partition(".")[0] in sys.stdlib_module_names | {"numpy"}
 
 
 def _names(code: types.CodeType) -> list[str]:

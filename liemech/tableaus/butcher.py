@@ -1,115 +1,95 @@
-"""Butcher tableaus: the coefficients of Runge-Kutta methods, with a name, a source and a self-check."""
+"""All Butcher tableaus of the library: by name, by order, and the pairs for adaptive steps."""
 
 from __future__ import annotations
 
-import math
-import sys
-from collections.abc import Iterable
+from ..errors import InvalidInput, InvalidType
+from . import diagonally_implicit, explicit, pairs
+from .collocation import gauss, lobatto_iiia, lobatto_iiib, lobatto_iiic, radau_iia
+from .dop853 import DOP853
+from .tableau import ButcherTableau
+from .tsitouras import TSITOURAS5
+from .verner import VERNER6, VERNER7
 
-from ..errors import LawViolation
-from ..native import Record, record
+BY_ORDER = {
+    1: explicit.EULER,
+    2: explicit.MIDPOINT,
+    3: explicit.KUTTA3,
+    4: explicit.RK4,
+    5: pairs.DORMAND_PRINCE5,
+    6: VERNER6,
+    7: VERNER7,
+    8: DOP853,
+}
+"""The explicit method that `RKMK(order=...)` stands for; steps of one length are made with `.bare`."""
 
-Row = tuple[float, ...]
+PAIRS = {
+    2: pairs.HEUN_EULER2,
+    3: pairs.BOGACKI_SHAMPINE3,
+    4: pairs.ZONNEVELD4,
+    5: pairs.DORMAND_PRINCE5,
+    6: VERNER6,
+    7: VERNER7,
+    8: DOP853,
+}
+"""The explicit method of each order that estimates its error."""
 
-# The order conditions: sum_i b_i phi_i = 1/gamma for every rooted tree.  A tree is the tuple of its branches.
-_LEAF: tuple = ()
+TABLEAUS = {
+    t.name: t
+    for t in (
+        *(x for module in (explicit, pairs) for x in vars(module).values() if isinstance(x, ButcherTableau)),
+        TSITOURAS5,
+        VERNER6,
+        VERNER7,
+        DOP853,
+        *(x for x in vars(diagonally_implicit).values() if isinstance(x, ButcherTableau)),
+    )
+}
+"""The explicit and the diagonally implicit methods by name; Gauss, Radau and Lobatto methods are made by functions."""
+
+FAMILIES = {
+    "Gauss": gauss,
+    "Radau IIA": radau_iia,
+    "Lobatto IIIA": lobatto_iiia,
+    "Lobatto IIIB": lobatto_iiib,
+    "Lobatto IIIC": lobatto_iiic,
+}
+"""The fully implicit methods: functions of the number of stages."""
 
 
-@record
-class ButcherTableau(Record):
-    """Coefficients of an explicit Runge-Kutta method, c | A over b.
+def named(name: str) -> ButcherTableau:
+    """The tableau of this name, such as "Tsitouras 5(4)", "Gauss 6" or "classical"; upper case and brackets do not matter.
 
-    Building one checks it: shapes, c_i = sum_j a_ij, and the order conditions of all rooted trees up to `order`.
-    Raises LawViolation with the condition that fails.
-
-    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., II.1 and III.1.
+    Raises InvalidInput with the nearest names.
     """
+    if not isinstance(name, str):
+        raise InvalidType(f'a tableau is called by its name, such as "classical"; got {name!r}')
+    known = {_plain(part): t for n, t in TABLEAUS.items() for part in (n, n.partition("(")[0])}
+    wanted = _plain(name)
+    for family, made in FAMILIES.items():
+        order = wanted.removeprefix(_plain(family))
+        if wanted.startswith(_plain(family)) and order.isdecimal():
+            stages = {"Gauss": int(order), "Radau IIA": int(order) + 1}.get(family, int(order) + 2)
+            if stages % 2 == 0:
+                return made(stages // 2)
+            raise InvalidInput(f"{family} methods are of {'odd' if family == 'Radau IIA' else 'even'} order; got {name!r}")
+    if wanted not in known:
+        import difflib  # when needed, for an import does not wait for it
 
-    name: str
-    order: int
-    A: tuple[Row, ...]
-    b: Row
-    c: Row
-    source: str = ""
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "A", tuple(tuple(map(float, row)) for row in self.A))
-        object.__setattr__(self, "b", tuple(map(float, self.b)))
-        object.__setattr__(self, "c", tuple(map(float, self.c)))
-        s = self.stages
-        if len(self.A) != s or len(self.c) != s or any(len(row) != i for i, row in enumerate(self.A)):
-            raise LawViolation(f"{self.name}: {s} weights need A with rows of 0, 1, ..., {s - 1} entries and {s} nodes")
-        for i, row in enumerate(self.A):
-            if not _agree(row, self.c[i]):
-                raise LawViolation(f"{self.name}: row {i + 1} of A sums to {sum(row)}, but c is {self.c[i]}")
-        for tree in _trees(self.order):
-            terms = [w * f for w, f in zip(self.b, self._elementary_weights(tree), strict=True)]
-            if not _agree(terms, 1.0 / _density(tree)):
-                raise LawViolation(
-                    f"{self.name} is not of order {self.order}: the tree {tree} gives {math.fsum(terms)}, not 1/{_density(tree)}"
-                )
-
-    @property
-    def explicit(self) -> bool:
-        """Does every stage need earlier ones only?"""
-        return all(not any(row[i:]) for i, row in enumerate(self.A))
-
-    @property
-    def stages(self) -> int:
-        """How many slopes a step evaluates."""
-        return len(self.b)
-
-    def _elementary_weights(self, tree: tuple) -> list[float]:
-        """phi_i(tree) = prod over branches of sum_j a_ij phi_j(branch)."""
-        phi = [1.0] * self.stages
-        for branch in tree:
-            inner = self._elementary_weights(branch)
-            for i, row in enumerate(self.A):
-                phi[i] *= sum(a * f for a, f in zip(row, inner, strict=False))
-        return phi
-
-    def __repr__(self) -> str:
-        return f"ButcherTableau({self.name}: order {self.order}, {self.stages} stages)"
+        near = dict.fromkeys(known[n].name for n in difflib.get_close_matches(wanted, known, 3, 0.5))
+        all_names = [*TABLEAUS, *(f"{family} <order>" for family in FAMILIES)]
+        raise InvalidInput(f"no tableau is called {name!r}; {'near are' if near else 'there are'} {', '.join(near or all_names)}")
+    return known[wanted]
 
 
-def _agree(terms: Iterable[float], wanted: float) -> bool:
-    """Is the sum what is wanted, up to the rounding of terms of this size?"""
-    terms = list(terms)
-    return abs(math.fsum(terms) - wanted) <= 64 * sys.float_info.epsilon * (abs(wanted) + math.fsum(map(abs, terms)))
+def pair(order: int) -> ButcherTableau:
+    """The explicit method of this order with an error estimate.  Raises InvalidInput with the orders there are."""
+    if type(order) is not int or order not in PAIRS:
+        raise InvalidInput(f"no pair of order {order!r}; there are pairs of the orders {', '.join(map(str, PAIRS))}")
+    return PAIRS[order]
 
 
-def _trees(order: int) -> list[tuple]:
-    """All rooted trees with at most this many nodes."""
-    by_size: dict[int, list[tuple]] = {1: [_LEAF]}
-    for n in range(2, order + 1):
-        found: set[tuple] = set()
-        for k in range(1, n):
-            for smaller in by_size[n - k]:
-                found |= {tuple(sorted((*smaller, branch))) for branch in by_size[k]}
-        by_size[n] = sorted(found)
-    return [tree for n in range(1, order + 1) for tree in by_size[n]]
+def _plain(name: str) -> str:
+    return "".join(x for x in name.lower() if x.isalnum())
 
 
-def _size(tree: tuple) -> int:
-    return 1 + sum(map(_size, tree))
-
-
-def _density(tree: tuple) -> int:
-    """gamma(tree): the number of nodes times the densities of the branches."""
-    return _size(tree) * math.prod(map(_density, tree))
-
-
-EULER = ButcherTableau("Euler", 1, ((),), (1.0,), (0.0,), "Euler 1768")
-MIDPOINT = ButcherTableau("midpoint", 2, ((), (0.5,)), (0.0, 1.0), (0.0, 0.5), "Runge 1895")
-KUTTA3 = ButcherTableau("Kutta 3", 3, ((), (0.5,), (-1.0, 2.0)), (1 / 6, 2 / 3, 1 / 6), (0.0, 0.5, 1.0), "Kutta 1901")
-RK4 = ButcherTableau(
-    "classical",
-    4,
-    ((), (0.5,), (0.0, 0.5), (0.0, 0.0, 1.0)),
-    (1 / 6, 1 / 3, 1 / 3, 1 / 6),
-    (0.0, 0.5, 0.5, 1.0),
-    "Kutta 1901; Hairer, Lubich, Wanner, II.1, table 1.1",
-)
-
-BY_ORDER = {tableau.order: tableau for tableau in (EULER, MIDPOINT, KUTTA3, RK4)}
-"""The method that `RKMK(order=...)` stands for."""
+__all__ = ["BY_ORDER", "FAMILIES", "PAIRS", "TABLEAUS", "ButcherTableau", "named", "pair"]

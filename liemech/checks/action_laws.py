@@ -1,0 +1,47 @@
+"""The laws of an action of a group on a space."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from .law import Law, Same, axiom, factors
+from .places import STEP, At, size, slope
+
+ACTION: list[Law] = []
+
+
+@axiom(ACTION, "neutral element", "e . x = x")
+def acts_neutrally(action: Any, at: At) -> Iterator[Same]:
+    yield Same(action.act(at.group.identity(), at.point), at.point, size(at.point))
+
+
+@axiom(ACTION, "compatibility", "(g h) . x = g . (h . x)")
+def compatibility(action: Any, at: At) -> Iterator[Same]:
+    g, h, x = at.g, at.h, at.point
+    scale = at.share(g, h) * (size(x) + size(action.act(g, x)) + size(action.act(h, x)))
+    backwards = "it is a right action; g^-1 in place of g makes it a left one"
+    yield Same(
+        action.act(at.group.compose(g, h), x),
+        action.act(g, action.act(h, x)),
+        scale,
+        lambda: {backwards: action.act(h, action.act(g, x))},
+    )
+
+
+@axiom(ACTION, "infinitesimal action", "infinitesimal(xi, x) = d/ds exp(s xi) . x at s = 0")
+def infinitesimal_action(action: Any, at: At) -> Iterator[Same]:
+    found = slope(lambda s: action.act(at.group.exp(s * at.eta), at.point))
+    yield Same(action.infinitesimal(at.eta, at.point), found, (size(at.point) + size(found)) / STEP, lambda: factors(found))
+
+
+@axiom(ACTION, "exp_act", "exp_act(xi, x) = exp(xi) . x", optional=True)
+def exp_act(action: Any, at: At) -> Iterator[Same]:
+    moved = action.act(at.g, at.point)
+    scale = at.share(at.g) * (size(at.point) + size(moved)) * (1.0 + at.length)
+    yield Same(action.exp_act(at.xi, at.point), moved, scale, lambda: {"a wrong sign of xi": action.act(at.back, at.point)})
+
+
+@axiom(ACTION, "points stay", "defect(g . x) = 0", optional=True)
+def points_stay(action: Any, at: At) -> Iterator[Same]:
+    yield Same(action.defect(action.act(at.g, at.point)), 0.0, at.share(at.g, at.back) * (1.0 + at.length))

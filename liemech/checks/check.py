@@ -1,0 +1,105 @@
+"""The checks: which laws concern what."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from ..errors import InvalidInput, InvalidType
+from ..groups.lie_algebra import LieAlgebra
+from ..groups.lie_group import LieGroup
+from ..native.border import small
+from ..retractions import Cayley, Exponential, Retraction
+from .action_laws import ACTION
+from .algebra_laws import ALGEBRA
+from .group_laws import GROUP, NATIVE, PLACE
+from .law import replaced, verdicts
+from .map_laws import CAYLEY, EXPONENTIAL, Map
+from .places import At, places
+from .report import Finding, Report
+
+
+def check_group(group: LieGroup, *, native: bool = False, raises: bool = True, seed: int = 0) -> Report:
+    """Does a group obey its laws, and do its closed forms agree with what follows from the laws?
+
+    native : make a short run of native code too, and compare it bit by bit with plain Python.
+    raises : False returns the report on a broken group as well.
+    seed : of the random places.
+
+    Returns a Report, which prints as a table.  Raises LawViolation: the first law that is broken, where, by how much, what was
+    expected and, where that can be told, the slip.
+    """
+    _require("check_group: group", group, LieGroup)
+    return _finished(repr(group), _of_group(group, native, seed), raises)
+
+
+def check_retraction(retraction: Retraction, group: LieGroup, *, raises: bool = True, seed: int = 0) -> Report:
+    """Is a map from the algebra to a group a retraction, and are its differential, inverses and duals what they claim to be?
+
+    As `check_group`, which the group should have passed before.
+    """
+    _require("check_retraction: retraction", retraction, Retraction)
+    _require("check_retraction: group", group, LieGroup)
+    return _finished(f"{retraction!r} on {group!r}", _of_retraction(retraction, group, seed), raises)
+
+
+def check_action(action: Any, points: Any = None, *, raises: bool = True, seed: int = 0) -> Report:
+    """Does a group act on a space, and is the infinitesimal action the derivative of the action?
+
+    points : some points of the space, one per row; left out, the action is asked for random ones.  The rest as in `check_group`.
+    """
+    where, rng = places(action.group, seed), np.random.default_rng(seed)
+    some = [action.random(rng) for _ in where] if points is None else list(points)
+    if not some:
+        raise InvalidInput("check_action: points is empty; give at least one point of the space")
+    where = [dataclasses.replace(at, point=small(np.asarray(some[i % len(some)]))) for i, at in enumerate(where)]
+    return _finished(repr(action), verdicts(ACTION, action, where, lambda name: True), raises)
+
+
+def _require(name: str, value: Any, kind: type) -> None:
+    if not isinstance(value, kind):
+        cure = f"; write {value.__name__}(), with the brackets" if isinstance(value, type) else ""
+        raise InvalidType(f"{name} must be a {kind.__name__}; got {value!r}{cure}")
+
+
+def _finished(subject: str, findings: Iterator[Finding], raises: bool) -> Report:
+    report = Report(subject, tuple(findings))
+    if report.broken and raises:
+        raise report.violation()
+    return report
+
+
+def _of_group(group: LieGroup, native: bool, seed: int) -> Iterator[Finding]:
+    try:
+        where = places(group, seed)
+    except NotImplementedError as missing:
+        yield Finding("obligations", "a group has an algebra", "broken", remark=str(missing))
+        return
+    own, exp = partial(replaced, group, LieGroup), Map(Exponential(), group)
+    yield from verdicts(ALGEBRA, group.algebra, where, partial(replaced, group.algebra, LieAlgebra))
+    yield from verdicts(GROUP, group, where, own)
+    yield from verdicts(exp.laws() + EXPONENTIAL, exp, where, exp.own)
+    yield from _of_cayley(group, where)
+    yield from verdicts(PLACE, group, where, own)
+    yield from verdicts(NATIVE if native else [], group, where, own)
+
+
+def _of_cayley(group: LieGroup, where: list[At]) -> Iterator[Finding]:
+    cay, reason = Map(Cayley(), group), group.why_no_cayley()
+    if reason:
+        yield Finding("Cayley map", "(1 - xi/2)^-1 (1 + xi/2)", "not there", remark=reason)
+    else:
+        before_the_pole = [at for at in where if at.spectrum[1] < 1.0]  # a real eigenvalue 2
+        yield from verdicts(CAYLEY + cay.laws(), cay, before_the_pole, cay.own)
+
+
+def _of_retraction(retraction: Retraction, group: LieGroup, seed: int) -> Iterator[Finding]:
+    tau, reason = Map(retraction, group), retraction.why_not(group)
+    if reason:
+        yield Finding("a retraction", "tau(0) = e, dtau_0 = 1", "refused", remark=reason)
+    else:
+        yield from verdicts(tau.laws(), tau, places(group, seed), tau.own)

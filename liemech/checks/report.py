@@ -1,0 +1,80 @@
+"""What came of checking laws: a table of verdicts, or an error that names the law."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ..errors import LawViolation
+
+ROUNDING = 2.0**-52
+"""The unit in which defects are given, times the size of what is compared."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What came of one law: the worst place, the defect there and its bound, in roundings of the size, and a remark."""
+
+    law: str
+    formula: str
+    verdict: str  # "holds", "broken", "follows", "not there", "refused"
+    where: str = ""
+    defect: float = 0.0
+    bound: float = 0.0
+    size: float = 0.0
+    remark: str = ""
+
+    def __str__(self) -> str:
+        worst = f"{self.defect:>9.2g} of {self.bound:<8.3g} {self.where}" if self.bound else ""
+        return f"{self.law:<26} {self.verdict:<9} {worst}  {self.remark}".rstrip()
+
+
+@dataclass(frozen=True)
+class Report:
+    """The verdict on each law; printed, a table.  Defects are in roundings (2^-52) of the size of what is compared.
+
+    A law "holds" or is "broken"; it "follows" if the class leaves the method to its base; what a class lacks is "not there"; a
+    retraction that does not serve a group is "refused".
+    """
+
+    subject: str
+    findings: tuple[Finding, ...]
+
+    @property
+    def broken(self) -> tuple[Finding, ...]:
+        """The laws that do not hold, root causes first."""
+        return tuple(f for f in self.findings if f.verdict == "broken")
+
+    @property
+    def held(self) -> tuple[Finding, ...]:
+        """The laws that hold."""
+        return tuple(f for f in self.findings if f.verdict == "holds")
+
+    def __getitem__(self, law: str) -> Finding:
+        for finding in self.findings:
+            if finding.law == law:
+                return finding
+        raise KeyError(f"{law!r} is none of the laws {', '.join(f.law for f in self.findings)}")
+
+    def __bool__(self) -> bool:
+        return not self.broken
+
+    def __str__(self) -> str:
+        broken = f"{len(self.broken)} broken" if self.broken else "none broken"
+        header = f"{'law':<26} {'verdict':<9} {'worst defect, bound':<21} where"
+        return "\n".join([f"{self.subject}: {len(self.held)} laws hold, {broken}", header, *map(str, self.findings)])
+
+    def violation(self) -> LawViolation:
+        """The first broken law as an error: where, by how much, and the probable cause."""
+        first, *others = self.broken
+        unit = ROUNDING * first.size
+        lines = [f"{self.subject} breaks the law of {first.law}: {first.formula}"]
+        if first.where:
+            lines.append(f"  where     {first.where}")
+        if first.bound:
+            lines.append(f"  defect    {first.defect * unit:.1e}, {first.defect:.2g} roundings")
+            lines.append(f"  expected  below {first.bound * unit:.1e}, {first.bound:.3g} roundings of {first.size:.2g}")
+        if first.remark:
+            lines.append(f"  {'probably' if first.bound else 'because '}  {first.remark}")
+        if others:
+            lines.append(f"  also broken: {', '.join(f.law for f in others)}")
+        return LawViolation("\n".join(lines))

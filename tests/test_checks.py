@@ -1,0 +1,672 @@
+"""Checks of laws: what is right passes, and each of many slips is found and called by its name."""
+
+from __future__ import annotations
+
+import math
+import time
+
+import numpy as np
+import pytest
+
+import liemech as lm
+from liemech.checks import Report, check_action, check_group, check_retraction
+from liemech.native import acos, cos, sin, sqrt, vec
+
+# ---------------------------------------------------------------- a second group, whose Ad is not orthogonal
+
+
+@lm.record
+class PlaneAlgebra(lm.LieAlgebra):
+    """se(2) with the basis rotation, x, y."""
+
+    @property
+    def dim(self) -> int:
+        return 3
+
+    @property
+    def structure_constants(self) -> tuple:
+        zero = (0.0, 0.0, 0.0)
+        return (zero, zero, zero), ((0.0, 0.0, -1.0), zero, (1.0, 0.0, 0.0)), ((0.0, 1.0, 0.0), (-1.0, 0.0, 0.0), zero)
+
+    def hat(self, xi: lm.Vec) -> lm.Mat:
+        return lm.mat(lm.vec(0.0, -xi[0], xi[1]), lm.vec(xi[0], 0.0, xi[2]), lm.vec(0.0, 0.0, 0.0))
+
+    def vee(self, matrix: lm.Mat) -> lm.Vec:
+        return lm.vec(matrix[1, 0], matrix[0, 2], matrix[1, 2])
+
+
+@lm.record
+class Plane(lm.LieGroup):
+    """SE(2)."""
+
+    @property
+    def algebra(self) -> lm.LieAlgebra:
+        return PlaneAlgebra()
+
+    def identity(self) -> lm.Mat:
+        return lm.SO3().identity()
+
+    def inverse(self, g: lm.Element) -> lm.Mat:
+        x, y = g[0, 2], g[1, 2]
+        return lm.mat(
+            lm.vec(g[0, 0], g[1, 0], -(g[0, 0] * x + g[1, 0] * y)),
+            lm.vec(g[0, 1], g[1, 1], -(g[0, 1] * x + g[1, 1] * y)),
+            lm.vec(0.0, 0.0, 1.0),
+        )
+
+    def exp(self, xi: lm.Vec) -> lm.Mat:
+        w = xi[0]
+        s, v = (sin(w) / w, 2.0 * sin(0.5 * w) * sin(0.5 * w) / w) if w != 0.0 else (1.0, 0.0)
+        x, y = s * xi[1] - v * xi[2], v * xi[1] + s * xi[2]
+        return lm.mat(lm.vec(cos(w), -sin(w), x), lm.vec(sin(w), cos(w), y), lm.vec(0.0, 0.0, 1.0))
+
+    def Ad(self, g: lm.Element, xi: lm.Vec) -> lm.Vec:
+        return lm.vec(
+            xi[0],
+            g[0, 0] * xi[1] + g[0, 1] * xi[2] + g[1, 2] * xi[0],
+            g[1, 0] * xi[1] + g[1, 1] * xi[2] - g[0, 2] * xi[0],
+        )
+
+    def casimirs(self, mu: lm.Vec) -> lm.Vec:
+        return lm.vec(mu[1] * mu[1] + mu[2] * mu[2])
+
+
+@lm.record
+class CayleyOfQuaternions(lm.Retraction):
+    """A retraction that writes tau alone: on SO(3), the rotation by 2 atan(|xi|/2)."""
+
+    def tau(self, group: lm.LieGroup, xi: lm.Vec) -> lm.Element:
+        return group.cayley(xi)
+
+
+# ---------------------------------------------------------------- what is right passes
+
+
+def test_rotations_obey_all_laws_within_a_second() -> None:
+    check_group(lm.SO3())  # imports SciPy
+    begin = time.process_time()
+    report = check_group(lm.SO3())
+    assert time.process_time() - begin < 1.0
+    assert report
+    assert not report.broken
+    held = [f for f in report.findings if f.verdict == "holds"]
+    assert len(held) > 40
+    assert all(f.defect <= f.bound / 8 for f in held), report  # the bounds leave room for other groups, not for mistakes
+
+
+def test_motions_of_the_plane_obey_all_laws() -> None:
+    report = check_group(Plane())
+    assert report["Casimirs"].verdict == report["conjugation"].verdict == "holds"
+    assert report["dexp by definition"].verdict == "follows"
+    assert report["Cayley map"].verdict == "not there"
+
+
+@pytest.mark.parametrize("seed", range(1, 3))
+@pytest.mark.parametrize("group", [lm.SO3(), Plane()], ids=["SO3", "Plane"])
+def test_other_places_tell_the_same(group: lm.LieGroup, seed: int) -> None:
+    assert check_group(group, seed=seed)
+
+
+@pytest.mark.compiled
+def test_native_code_is_compared_on_request() -> None:
+    assert check_group(Plane(), native=True)["native code"].verdict == "holds"
+    with pytest.raises(KeyError, match="native"):
+        check_group(Plane())["native code"]
+
+
+@pytest.mark.parametrize("retraction", [lm.Exponential(), lm.Cayley(), CayleyOfQuaternions()], ids=lambda r: type(r).__name__)
+def test_retractions_obey_their_laws(retraction: lm.Retraction) -> None:
+    assert check_retraction(retraction, lm.SO3())
+
+
+def test_a_refused_group_is_reported_as_refused() -> None:
+    report = check_retraction(lm.Cayley(), Plane())
+    assert report.findings[0].verdict == "refused"
+    assert "Plane" in report.findings[0].remark
+
+
+def test_the_report_is_a_table() -> None:
+    report = check_group(lm.SO3())
+    lines = str(report).splitlines()
+    assert lines[0] == f"SO3(): {sum(f.verdict == 'holds' for f in report.findings)} laws hold, none broken"
+    assert len(lines) == 2 + len(report.findings)
+    assert isinstance(report, Report)
+
+
+@pytest.mark.parametrize("wrong", [lm.SO3, 3, None])
+def test_what_is_no_group_is_refused(wrong: object) -> None:
+    with pytest.raises(lm.errors.InvalidType, match="LieGroup"):
+        check_group(wrong)
+
+
+# ---------------------------------------------------------------- slips, one class each, and the law each breaks
+
+SLIPS: list[tuple[object, str, str]] = []
+
+
+def slip(law: str, hint: str = "", group: type = object):  # type: ignore[no-untyped-def]
+    """Enter a broken class: the law that must be named, a word of the hint; a broken algebra goes into a group."""
+
+    def enter(cls: type) -> type:
+        made = lm.record(cls)
+        if issubclass(cls, lm.LieAlgebra):
+
+            @lm.record
+            class OnBroken(group):
+                @property
+                def algebra(self) -> lm.LieAlgebra:
+                    return made()
+
+            OnBroken.__name__ = OnBroken.__qualname__ = cls.__name__
+            SLIPS.append((OnBroken(), law, hint))
+        else:
+            SLIPS.append((made(), law, hint))
+        return made
+
+    return enter
+
+
+@slip("structure constants", "sign", group=lm.SO3)
+class BracketWithWrongSign(lm.SO3Algebra):
+    def bracket(self, xi, eta):
+        return lm.cross(eta, xi)
+
+
+@slip("antisymmetry", group=lm.SO3)
+class BracketNotAntisymmetric(lm.SO3Algebra):
+    def bracket(self, xi, eta):
+        return lm.cross(xi, eta) + 1e-12 * lm.vec(xi[0] * eta[0], 0.0, 0.0)
+
+
+@slip("Jacobi identity", group=lm.SO3)
+class BracketWithoutJacobi(lm.SO3Algebra):
+    def bracket(self, xi, eta):
+        return lm.cross(xi, eta) + 1e-12 * lm.vec(xi[0] * eta[1] - xi[1] * eta[0], 0.0, 0.0)
+
+
+@slip("structure constants", "indices", group=Plane)
+class ConstantsInOtherOrder(PlaneAlgebra):
+    """[E_i, E_j] = c[i][j], which is not c[k][i][j]."""
+
+    @property
+    def structure_constants(self):
+        c = np.array(PlaneAlgebra().structure_constants).transpose(1, 2, 0)
+        return tuple(tuple(map(tuple, plane)) for plane in c.tolist())
+
+    def bracket(self, xi, eta):
+        return lm.vec(0.0, xi[2] * eta[0] - xi[0] * eta[2], xi[0] * eta[1] - xi[1] * eta[0])
+
+
+@slip("commutator", "sign", group=lm.SO3)
+class TransposedHat(lm.SO3Algebra):
+    def hat(self, xi):
+        return lm.SO3Algebra().hat(-xi)
+
+    def vee(self, matrix):
+        return -lm.SO3Algebra().vee(matrix)
+
+
+@slip("commutator", "factor 1/2", group=lm.SO3)
+class HalfABracket(lm.SO3Algebra):
+    @property
+    def structure_constants(self):
+        return tuple(tuple(tuple(0.5 * x for x in row) for row in plane) for plane in lm.SO3Algebra().structure_constants)
+
+    def bracket(self, xi, eta):
+        return 0.5 * lm.cross(xi, eta)
+
+    def ad_star(self, xi, mu):
+        return 0.5 * lm.cross(mu, xi)
+
+
+@slip("hat and vee", "factor 2", group=lm.SO3)
+class VeeWithoutHalf(lm.SO3Algebra):
+    def vee(self, matrix):
+        return 2.0 * lm.SO3Algebra().vee(matrix)
+
+
+@slip("dual of the bracket", "sign", group=lm.SO3)
+class CoadjointWithWrongSign(lm.SO3Algebra):
+    def ad_star(self, xi, mu):
+        return lm.cross(xi, mu)
+
+
+@slip("matrix product", "swapped")
+class SwappedProduct(lm.SO3):
+    def compose(self, g, h):
+        return h @ g
+
+
+@slip("inverse")
+class NoInverse(lm.SO3):
+    def inverse(self, g):
+        return g
+
+
+@slip("inverse")
+class InverseForgetsRotation(Plane):
+    def inverse(self, g):
+        return lm.mat(lm.vec(g[0, 0], g[1, 0], -g[0, 2]), lm.vec(g[0, 1], g[1, 1], -g[1, 2]), lm.vec(0.0, 0.0, 1.0))
+
+
+@slip("exponential", "sign")
+class ExponentialOfTheOpposite(lm.SO3):
+    def exp(self, xi):
+        return lm.SO3().exp(-xi)
+
+
+@slip("exponential", "factor 1/2")
+class ExponentialOfTheHalf(lm.SO3):
+    def exp(self, xi):
+        return lm.SO3().exp(0.5 * xi)
+
+
+@slip("exponential")
+class ExponentialWrongWhenSmall(lm.SO3):
+    """A wrong first coefficient, below a small angle only."""
+
+    def exp(self, xi):
+        return lm.SO3().exp((1.0 if lm.dot(xi, xi) > 1e-14 else 0.999) * xi)
+
+
+@slip("one-parameter subgroup")
+class CayleyForExponential(lm.SO3):
+    def exp(self, xi):
+        return lm.SO3().cayley(xi)
+
+
+@slip("left action of Ad", "right action")
+class TransposedAd(lm.SO3):
+    def Ad(self, g, xi):
+        return g.T @ xi
+
+
+@slip("conjugation")
+class AdForgetsTranslation(Plane):
+    def Ad(self, g, xi):
+        return lm.vec(xi[0], g[0, 0] * xi[1] + g[0, 1] * xi[2], g[1, 0] * xi[1] + g[1, 1] * xi[2])
+
+
+@slip("dual of Ad", "not its dual")
+class CoadjointIsAdjoint(Plane):
+    def Ad_star(self, g, mu):
+        return self.Ad(g, mu)
+
+
+@slip("dual of Ad", "left action")
+class CoadjointFromTheLeft(Plane):
+    def Ad_star(self, g, mu):
+        return lm.LieGroup.Ad_star(self, self.inverse(g), mu)
+
+
+@slip("dexp by definition", "left-trivialised")
+class LeftIsRight(lm.SO3):
+    def dexp(self, xi, eta, side="right"):
+        return lm.SO3().dexp(xi, eta, "left" if side == "right" else "right")
+
+
+@slip("dexp by definition")
+class SideIsIgnored(lm.SO3):
+    def dexp(self, xi, eta, side="right"):
+        return lm.SO3().dexp(xi, eta)
+
+
+@slip("dexp by definition")
+class DifferentialCutShort(lm.SO3):
+    def dexp(self, xi, eta, side="right"):
+        w = lm.cross(xi if side == "right" else -xi, eta)
+        return eta + 0.5 * w
+
+
+@slip("dexp by definition")
+class TextbookQuotients(lm.SO3):
+    """(1 - cos th)/th^2 and (th - sin th)/th^3 as printed: cancellation at small angles."""
+
+    def dexp(self, xi, eta, side="right"):
+        u, x = (xi if side == "right" else -xi), lm.dot(xi, xi)
+        if x == 0.0:
+            return eta
+        w, th = lm.cross(u, eta), sqrt(x)
+        return eta + (1.0 - cos(th)) / x * w + (th - sin(th)) / (x * th) * lm.cross(u, w)
+
+
+@slip("dexp_inv", "left-trivialised")
+class WrongSignInDexpInv(lm.SO3):
+    def dexp_inv(self, xi, eta, side="right"):
+        return lm.SO3().dexp_inv(-xi, eta, side)
+
+
+@slip("dexp_inv", "series cut after ad^2")
+class TruncatedDexpInv(lm.SO3):
+    def dexp_inv(self, xi, eta, side="right"):
+        return self.dexp_inv_series(xi, eta, 2, side)
+
+
+@slip("dexp_inv", "it is not the inverse")
+class DexpInvIsDexp(lm.SO3):
+    def dexp_inv(self, xi, eta, side="right"):
+        return self.dexp(xi, eta, side)
+
+
+@slip("dexp_dual", "it is not the dual")
+class DexpDualIsDexp(lm.SO3):
+    def dexp_dual(self, xi, mu, side="right"):
+        return self.dexp(xi, mu, side)
+
+
+@slip("dexp_inv_dual", "it is not the dual")
+class DualWithoutTranspose(lm.SO3):
+    def dexp_inv_dual(self, xi, mu, side="right"):
+        return self.dexp_inv(xi, mu, side)
+
+
+@slip("dexp_inv_series")
+class OtherBernoulliNumbers(lm.SO3):
+    """B_1 = +1/2, as half of the literature has it."""
+
+    def dexp_inv_series(self, xi, eta, terms, side="right"):
+        return lm.SO3().dexp_inv_series(-xi, eta, terms, side)
+
+
+@slip("log")
+class LogarithmOnAnotherBranch(lm.SO3):
+    def log(self, g):
+        xi = lm.SO3().log(g)
+        th = sqrt(lm.dot(xi, xi))
+        return xi if th < 1.0 else (1.0 - 2.0 * math.pi / th) * xi
+
+
+@slip("log")
+class LogarithmByArccosine(lm.SO3):
+    def log(self, g):
+        cosine = 0.5 * (g[0, 0] + g[1, 1] + g[2, 2] - 1.0)
+        th = acos(min(max(cosine, -1.0), 1.0))
+        return (th / sin(th) if th > 0.0 else 1.0) * self.algebra.vee(g)
+
+
+@slip("exp_Ad_star", "left action")
+class ShortcutToTheLeft(lm.SO3):
+    def exp_Ad_star(self, xi, mu):
+        return lm.SO3().exp_Ad_star(-xi, mu)
+
+
+@slip("compose_exp", "swapped")
+class ShortcutFromTheLeft(lm.SO3):
+    def compose_exp(self, g, xi):
+        return self.exp(xi) @ g
+
+
+@slip("exp_mismatch", "left-trivialised")
+class MismatchOfTheOtherSide(lm.SO3):
+    def exp_mismatch(self, xi, p, mu):
+        r, by_p, by_xi = lm.SO3().exp_mismatch(-xi, p, mu)
+        return r, by_p, -by_xi
+
+
+@slip("exp_mismatch", "transposed")
+class TransposedDerivative(lm.SO3):
+    def exp_mismatch(self, xi, p, mu):
+        r, by_p, by_xi = lm.SO3().exp_mismatch(xi, p, mu)
+        return r, by_p, by_xi.T
+
+
+@slip("is_exp_chart")
+class ChartBeyondTheSingularity(lm.SO3):
+    def is_exp_chart(self, xi):
+        return lm.dot(xi, xi) < 49.0
+
+
+@slip("cayley as matrices", "factor 2")
+class CayleyWithoutHalf(lm.SO3):
+    def cayley(self, xi):
+        return lm.SO3().cayley(2.0 * xi)
+
+
+@slip("dcayley_inv as matrices", "left-trivialised")
+class CayleyDifferentialFromTheLeft(lm.SO3):
+    def dcayley_inv(self, xi, eta, side="right"):
+        return lm.SO3().dcayley_inv(-xi, eta, side)
+
+
+@slip("dcayley by definition", "inverse")
+class CayleyDifferentialInverted(lm.SO3):
+    def dcayley(self, xi, eta, side="right"):
+        return self.dcayley_inv(xi, eta, side)
+
+
+@slip("dcayley_inv_dual", "it is not the dual")
+class CayleyDualWithoutTranspose(lm.SO3):
+    def dcayley_inv_dual(self, xi, mu, side="right"):
+        return self.dcayley_inv(xi, mu, side)
+
+
+@slip("cayley_inv", "factor 1/2")
+class CayleyInverseWithoutTwo(lm.SO3):
+    def cayley_inv(self, g):
+        return 0.5 * lm.SO3().cayley_inv(g)
+
+
+@slip("cayley_mismatch")
+class CayleyMismatchWithWrongDerivative(lm.SO3):
+    def cayley_mismatch(self, xi, p, mu):
+        r, by_p, by_xi = lm.SO3().cayley_mismatch(xi, p, mu)
+        return r, 2.0 * by_p, by_xi
+
+
+@slip("Casimirs")
+class WrongCasimir(lm.SO3):
+    def casimirs(self, mu):
+        return vec(mu[0] * mu[0] + mu[1] * mu[1] + 1.000001 * mu[2] * mu[2])
+
+
+@slip("Casimirs")
+class CasimirOfRotations(Plane):
+    def casimirs(self, mu):
+        return vec(lm.dot(mu, mu))
+
+
+@slip("membership")
+class EverythingIsARotation(lm.SO3):
+    def defect(self, g):
+        return 0.0
+
+
+@slip("membership")
+class NothingIsARotation(lm.SO3):
+    def defect(self, g):
+        return lm.SO3().defect(g) + 1e-3
+
+
+@slip("nearest")
+class NearestIsItself(lm.SO3):
+    def nearest(self, g):
+        return g
+
+
+@slip("random")
+class RandomMatrices(lm.SO3):
+    def random(self, rng=None, size=()):
+        return np.random.default_rng(rng).normal(size=(*np.atleast_1d(size), 3, 3))
+
+
+@slip("body velocity")
+class SpatialVelocity(lm.SO3):
+    def body_velocity(self, g, rate):
+        return self.algebra.vee(rate @ self.inverse(g))
+
+
+@slip("elements")
+class NotANumberAtZero(lm.SO3):
+    """sin(th)/th as it stands."""
+
+    def exp(self, xi):
+        th = sqrt(lm.dot(xi, xi))
+        return lm.SO3().exp((sin(th) / th) / (sin(th) / th) * xi)
+
+
+@pytest.mark.parametrize(("group", "law", "hint"), SLIPS, ids=[type(group).__name__ for group, _, _ in SLIPS])
+def test_a_slip_is_found_and_named(group: lm.LieGroup, law: str, hint: str) -> None:
+    with pytest.raises(lm.errors.LawViolation) as found:
+        check_group(group)
+    name = type(group).__name__
+    assert str(found.value).startswith(f"{name}() breaks the law of {law}: "), found.value
+    assert hint in str(found.value)
+
+
+def test_a_missing_obligation_is_named() -> None:
+    @lm.record
+    class Unfinished(lm.LieGroup):
+        @property
+        def algebra(self):
+            return PlaneAlgebra()
+
+    with pytest.raises(lm.errors.LawViolation, match="Unfinished must define `identity`"):
+        check_group(Unfinished())
+
+
+def test_a_violation_tells_where_and_by_how_much() -> None:
+    with pytest.raises(lm.errors.LawViolation) as found:
+        check_group(CayleyWithoutHalf())
+    text = str(found.value)
+    for word in ("where", "xi = (", "defect", "expected  below", "roundings", "probably", "also broken", "dcayley"):
+        assert word in text, text
+
+
+def test_without_raising_the_report_has_every_broken_law() -> None:
+    report = check_group(WrongSignInDexpInv(), raises=False)
+    assert not report
+    assert [f.law for f in report.broken] == ["dexp_inv", "dexp_inv_dual"]  # the dual is made from the inverse
+    assert "2 broken" in str(report).splitlines()[0]
+
+
+# ---------------------------------------------------------------- retractions
+
+
+@lm.record
+class NotARetraction(lm.Retraction):
+    """Twice as fast."""
+
+    def tau(self, group, xi):
+        return group.exp(2.0 * xi)
+
+
+@lm.record
+class Unsymmetric(lm.Retraction):
+    """exp(xi + a term of second order): not tau(-xi) = tau(xi)^-1."""
+
+    def tau(self, group, xi):
+        return group.exp(xi + vec(xi[0] * xi[1], 0.0, 0.0))
+
+
+@lm.record
+class WrongDifferential(CayleyOfQuaternions):
+    def dtau(self, group, xi, eta, side="right"):
+        return group.dexp(xi, eta, side)
+
+
+@lm.record
+class WrongInverse(CayleyOfQuaternions):
+    def dtau_inv(self, group, xi, eta, side="right"):
+        return group.dcayley_inv(-xi, eta, side)
+
+
+@lm.record
+class WrongMismatch(CayleyOfQuaternions):
+    def mismatch(self, group, xi, p, mu):
+        return group.exp_mismatch(xi, p, mu)
+
+
+@pytest.mark.parametrize(
+    ("retraction", "law"),
+    [
+        (NotARetraction(), "tau at zero"),
+        (Unsymmetric(), "inverse of tau"),
+        (WrongDifferential(), "dtau by definition"),
+        (WrongInverse(), "dtau_inv"),
+        (WrongMismatch(), "mismatch"),
+    ],
+    ids=lambda x: x if isinstance(x, str) else type(x).__name__,
+)
+def test_a_wrong_retraction_is_found(retraction: lm.Retraction, law: str) -> None:
+    with pytest.raises(lm.errors.LawViolation, match=f"breaks the law of {law}: "):
+        check_retraction(retraction, lm.SO3())
+
+
+# ---------------------------------------------------------------- actions
+
+
+@lm.record
+class OnVectors(lm.Record):
+    """Rotations turn vectors; on the sphere they stay."""
+
+    group: lm.LieGroup = lm.SO3()
+
+    def act(self, g, x):
+        return g @ x
+
+    def infinitesimal(self, xi, x):
+        return lm.cross(xi, x)
+
+    def exp_act(self, xi, x):
+        return self.act(self.group.exp(xi), x)
+
+    def defect(self, x):
+        return abs(lm.dot(x, x) - 1.0)
+
+    def random(self, rng):
+        x = rng.normal(size=3)
+        return x / np.linalg.norm(x)
+
+
+@lm.record
+class FromTheRight(OnVectors):
+    def act(self, g, x):
+        return g.T @ x
+
+
+@lm.record
+class SpinsBackwards(OnVectors):
+    def infinitesimal(self, xi, x):
+        return lm.cross(x, xi)
+
+
+@lm.record
+class LeavesTheSphere(OnVectors):
+    def defect(self, x):
+        return abs(lm.dot(x, x) - 1.1)
+
+
+@lm.record
+class ShortcutBackwards(OnVectors):
+    def exp_act(self, xi, x):
+        return self.act(self.group.exp(-xi), x)
+
+
+@lm.record
+class ShiftsAlways(OnVectors):
+    def act(self, g, x):
+        return g @ x + lm.vec(1e-9, 0.0, 0.0)
+
+
+def test_an_action_obeys_its_laws() -> None:
+    assert check_action(OnVectors())
+    assert check_action(OnVectors(), points=[[0.6, 0.0, 0.8]])
+    with pytest.raises(lm.errors.InvalidInput, match="points"):
+        check_action(OnVectors(), points=[])
+
+
+@pytest.mark.parametrize(
+    ("action", "law", "hint"),
+    [
+        (FromTheRight(), "compatibility", "right action"),
+        (SpinsBackwards(), "infinitesimal action", "sign"),
+        (LeavesTheSphere(), "points stay", ""),
+        (ShortcutBackwards(), "exp_act", "sign"),
+        (ShiftsAlways(), "neutral element", ""),
+    ],
+    ids=lambda x: x.replace(" ", "-") if isinstance(x, str) else type(x).__name__,
+)
+def test_a_wrong_action_is_found(action: OnVectors, law: str, hint: str) -> None:
+    with pytest.raises(lm.errors.LawViolation, match=f"breaks the law of {law}: ") as found:
+        check_action(action)
+    assert hint in str(found.value)
