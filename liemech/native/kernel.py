@@ -7,6 +7,7 @@ nothing here is used and every driver runs in plain Python.
 from __future__ import annotations
 
 import ctypes
+import dataclasses
 import functools
 import os
 import threading
@@ -20,10 +21,22 @@ from . import driver
 from .functions import LIBM
 from .values import Layout, layout_of, leaves
 
-Kind = Layout | str  # of an argument: the layout of a value, "integer" or "array"
+Kind = Layout | str  # of an argument: the layout of a value, "integer", "array" or "rows"
 
 _lock = threading.RLock()
 _kernels: dict[Any, Kernel] = {}
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Rows:
+    """An array, real or complex, of which each body has a row: they need not be next to each other, and may be all the same."""
+
+    array: np.ndarray
+
+    @property
+    def step(self) -> int:
+        """How many numbers lie from one row to the next."""
+        return self.array.strides[0] // 8
 
 
 def available() -> str | None:
@@ -56,13 +69,16 @@ class Kernel:
         self._call = ctypes.CFUNCTYPE(None, pointer, pointer, pointer, ctypes.c_int64, ctypes.c_int64, ctypes.c_int64)(address)
 
     def __call__(self, *args: Any, bodies: int = 1, begin: int = 0, end: int = 1) -> None:
-        """Run on these arguments; arrays hold a column for each of `bodies`, of which begin to end (whole lanes) are marched."""
+        """Run on these arguments, for the bodies from begin to end (whole lanes); arrays hold a column for each of `bodies`."""
         numbers: list[float] = []
         integers: list[int] = []
         arrays: list[np.ndarray] = []
         for value, kind in zip(args, self.kinds, strict=True):
             if isinstance(kind, Layout):
                 numbers += leaves(value, kind)
+            elif isinstance(value, Rows):
+                arrays.append(value.array)
+                integers.append(value.step)
             else:
                 (integers if kind == "integer" else arrays).append(value)
         packed = [np.array(numbers, dtype=np.float64), np.array(integers, dtype=np.int64)]
@@ -77,12 +93,10 @@ class Kernel:
 def kernel(entry: Callable[..., Any], *args: Any, lanes: int = 1) -> Kernel:
     """The kernel for a driver and arguments like these.
 
-    An int among the arguments is a run-time integer, an array is read and written in place; a layout describes everything else.
-    Raises NotCompilable.
+    An int among the arguments is a run-time integer, arrays and rows are read and written in place; a layout describes everything
+    else.  Raises NotCompilable.
     """
-    kinds = tuple(
-        "array" if isinstance(a, np.ndarray) else "integer" if type(a) is int else layout_of(a) for a in args
-    )
+    kinds = tuple(map(_kind, args))
     key = entry, kinds, lanes
     with _lock:
         if key not in _kernels:
@@ -91,6 +105,12 @@ def kernel(entry: Callable[..., Any], *args: Any, lanes: int = 1) -> Kernel:
             except RuntimeError as error:  # of LLVM: an unknown processor, a broken installation
                 raise NotCompilable(f"native code cannot be made here: {error}") from error
         return _kernels[key]
+
+
+def _kind(value: Any) -> Kind:
+    if isinstance(value, Rows):
+        return "rows"
+    return "array" if isinstance(value, np.ndarray) else "integer" if type(value) is int else layout_of(value)
 
 
 # ------------------------------------------------------------------ translation
@@ -143,7 +163,7 @@ def _translated(entry: Callable[..., Any], kinds: tuple[Kind, ...], lanes: int) 
     builder.position_at_end(body)
     for a in args:
         if isinstance(a, Array):
-            a.column = index
+            a.body = index
     interpreter = Interpreter(emitter)
     interpreter.intrinsics |= {
         driver.read: lambda array, at, layout: array.read(at, layout),
