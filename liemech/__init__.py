@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from .groups.heisenberg import Heisenberg
     from .groups.matrix_group import MatrixLieGroup
     from .groups.product import ProductGroup
+    from .groups.representations import AdjointAction, Representation, RotationAction
     from .groups.se2 import SE2
     from .groups.se3 import SE3
     from .groups.semidirect import SemidirectProduct
@@ -58,6 +59,7 @@ _LATER = {
     "groups.heisenberg": ("Heisenberg",),
     "groups.matrix_group": ("MatrixLieGroup",),
     "groups.product": ("ProductGroup",),
+    "groups.representations": ("AdjointAction", "Representation", "RotationAction"),
     "groups.se2": ("SE2",),
     "groups.se3": ("SE3",),
     "groups.semidirect": ("SemidirectProduct",),
@@ -100,6 +102,7 @@ __all__ = [
     "SO",
     "SO3",
     "SU",
+    "AdjointAction",
     "Ambient",
     "BodyState",
     "ButcherTableau",
@@ -130,8 +133,10 @@ __all__ = [
     "Method",
     "ProductGroup",
     "Record",
+    "Representation",
     "Retraction",
     "RigidBody",
+    "RotationAction",
     "SO3Algebra",
     "SemidirectProduct",
     "Sp",

@@ -14,7 +14,7 @@ from .errors import IntegrationFailure, IntegrationInterrupted, NotCompilable, N
 from .marching import Bar
 from .native import Record, kernel, record
 from .native.driver import REJECTED, accepted, attempt, itself, read, write
-from .native.values import build, layout_of
+from .native.values import build, layout_of, leaves
 from .systems.system import State, System
 from .trajectory import Trajectory
 
@@ -115,13 +115,14 @@ class AdaptiveRun:
         self.system, self.method, self.start, self.t0, self.t_end = system, method, start, t0, t_end
         self.rtol, self.atol, self.limit, self.t_eval, self.events = rtol, atol, limit, t_eval, events
         self.wanted, self.progress, self.compiled = compiled, progress, False
+        self.native: Any = None
         xi = system.rate(t0, system.essential(start))
         memory = start, xi
         self.layout = layout_of(memory)
-        self.states = packed(memory)
+        self.states = np.array([*leaves(memory, self.layout)])
         step = first_step(system, method, start, xi, t0, t_end, rtol, atol) if h is None else math.copysign(h, t_end - t0)
-        self.clock = packed(Clock(t0, step, 1.0, 0.0, 0.0, 0.0))
-        self.dense = dense or t_eval is not None or bool(events)
+        self.clock = np.array([t0, step, 1.0, 0.0, 0.0, 0.0])
+        self.dense = dense or bool(events) or (t_eval is not None and bool(np.any(t_eval != t_end)))
         coefficients = (xi,) * method.curve_terms if self.dense else ()
         self.row, self.width = layout_of((t0, start, coefficients)), layout_of(start).width
         self.rows: list[np.ndarray] = []
@@ -157,15 +158,19 @@ class AdaptiveRun:
         room = min(room, int(self.limit - self.clock[3]))
         arguments = self.method, self.system, self.layout, self.row, self.t_end, self.rtol, self.atol, self.dense
         before, out = int(self.clock[3]), np.empty(room * self.row.width)
-        run = self._native(arguments) if self.wanted or (self.wanted is None and before) else None
-        (run or pursue)(*arguments, room, self.states, self.clock, out)
+        if self.native is None and self.wanted is not False:
+            self.native = self._native(arguments, bool(before))
+        (self.native or pursue)(*arguments, room, self.states, self.clock, out)
         taken = int(self.clock[3]) - before
         self.rows.append(out[: taken * self.row.width].reshape(taken, self.row.width))
         self.ends.append(self.rows[-1][-1, : 1 + self.width] if taken else self.ends[-1])
         return taken
 
-    def _native(self, arguments: tuple[Any, ...]) -> Any:
+    def _native(self, arguments: tuple[Any, ...], worth_it: bool) -> Any:
+        """Native code for the driver; None if there is none, or if nothing tells yet that it is worth the compiler's time."""
         why_not, array = kernel.available(), np.empty(0)
+        if self.wanted is None and not worth_it and (why_not or not kernel.ready(pursue, *arguments, 1, array, array, array)):
+            return None
         try:
             if why_not is not None:
                 raise NotCompilable(f"integrate: compiled=True, but {why_not}")
@@ -270,9 +275,10 @@ def first_step(system: System, method: Any, start: State, xi: Any, t0: float, t_
     """
 
     def sizes(omega: Any) -> tuple[float, float]:
-        change, scale = (np.array(x, dtype=float) for x in system.deviation(start, omega))
-        weight = atol + rtol * scale
-        return float(np.sqrt(np.mean((change / weight) ** 2))), float(np.sqrt(np.mean((scale / weight) ** 2)))
+        change, scale = system.deviation(start, omega)
+        weights = [1.0 / (atol + rtol * s) for s in scale]
+        squares = [math.fsum((w * x) ** 2 for w, x in zip(weights, part, strict=True)) for part in (change, scale)]
+        return math.sqrt(squares[0] / len(weights)), math.sqrt(squares[1] / len(weights))
 
     span = t_end - t0
     if span == 0.0:

@@ -59,16 +59,17 @@ class DenseOutput:
         dim = self.system.group.dim
         curve = layout_of((Vec(*[0.0] * dim),) * (self.curves.shape[1] // dim))
         point = layout_of(self.example)
-        given = np.concatenate([self.points[step], self.curves[step], theta[:, None]], axis=1)
-        found = self._moved(point, curve, given)
-        ends = theta == 1.0  # to the bit
-        found[ends] = self.points[step[ends] + 1]
+        found = self.points[step + (theta == 1.0)]  # at the ends of steps, to the bit
+        between = (theta != 1.0) & (theta != 0.0)
+        if between.any():
+            parts = self.points[step], self.curves[step], theta[:, None]
+            found[between] = self._moved(point, curve, np.concatenate([p[between] for p in parts], axis=1))
         return found
 
     def _moved(self, point: Any, curve: Any, given: np.ndarray) -> np.ndarray:
         arguments, many = (self.retraction, self.system, point, curve), len(given)
-        if self.compiled and many >= 64:
-            lanes = kernel.lanes()
+        lanes, probe = kernel.lanes() if self.compiled else 1, np.empty((1, 1))
+        if self.compiled and (many >= 64 or kernel.ready(along, *arguments, probe, probe, lanes=lanes)):
             columns = -(-many // lanes) * lanes
             rows = np.ascontiguousarray(given[np.minimum(np.arange(columns), many - 1)].T)
             out = np.empty((point.width, columns))

@@ -142,10 +142,12 @@ class Run:
         if compiled is False:
             return False
         why_not = kernel.available()
-        if why_not is None and (compiled or self.steps * bodies >= COMPILE_FROM):
+        if why_not is None:
+            array, lanes = np.empty(0), kernel.lanes() if self.bodies is not None else 1
+            values = self._arguments(0, 1, 1)
+            worth_it = compiled or self.steps * bodies >= COMPILE_FROM
+        if why_not is None and (worth_it or kernel.ready(march, *values, array, array, array, lanes=lanes)):
             try:
-                array, lanes = np.empty(0), kernel.lanes() if self.bodies is not None else 1
-                values = self._arguments(0, 1, 1)
                 self.kernels[march] = kernel.kernel(march, *values, array, array, array, lanes=lanes)
                 values = self.method, self.system, self.given, self.h
                 self.kernels[begin] = kernel.kernel(begin, *values, array, array, array, lanes=lanes)

@@ -10,7 +10,7 @@ import pytest
 from scenes import RKMK4, asymmetric_body, errors_at, poisson_defect, seed_body, slope
 
 import liemech as lm
-from liemech.tableaus.butcher import ButcherTableau
+from liemech.tableaus.tableau import ButcherTableau
 
 REFERENCE = json.loads((Path(__file__).parent / "reference" / "integrator_steps_so3.json").read_text())
 HEUN3 = ButcherTableau("Heun 3", 3, ((), (1 / 3,), (0, 2 / 3)), (1 / 4, 0, 3 / 4), (0, 1 / 3, 2 / 3))

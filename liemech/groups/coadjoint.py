@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from typing import Any, final
+from typing import final
 
 import numpy as np
 
-from ..native import Element, Mat, Record, Vec, dot, record
+from ..native import Element, Mat, Vec, dot, record
 from .lie_group import LieGroup
+from .representations import Representation
 
 
 @record
-class CoadjointAction(Record):
+class CoadjointAction(Representation):
     """The coadjoint action of a group, its orbits, and the Poisson bracket whose symplectic leaves they are.
 
     Two actions go by this name.  `Ad_star(g, mu)`, the dual of Ad_g, is a right action; `K(g, mu) = Ad_star(g^-1, mu)` is a left
-    action.  If g turns body into space, K takes a body momentum to space and Ad_star a spatial momentum to the body.
+    action, and the one meant by `act`.  If g turns body into space, K takes a body momentum to space and Ad_star a spatial momentum
+    to the body.
 
     1. A subclass writes nothing: `group` is enough.
     2. It may add `casimirs` where the group knows none.
@@ -23,8 +25,6 @@ class CoadjointAction(Record):
 
     Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., sections 13.1, 14.1 and 14.3.
     """
-
-    group: LieGroup
 
     # ---------------------------------------------------------------- 2. closed forms are welcome
 
@@ -68,14 +68,52 @@ class CoadjointAction(Record):
         a, b = np.array(self.casimirs(mu), dtype=float), np.array(self.casimirs(nu), dtype=float)
         return bool(np.all(np.abs(a - b) <= tolerance * np.maximum(np.abs(a), np.abs(b))))
 
-    def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
-        return self.group._shape(argument, kind)
+    # ---------------------------------------------------------------- as a representation
 
-    def _complex(self, kind: str) -> bool:
-        return self.group._complex(kind)
+    @property
+    def space_dim(self) -> int:
+        """The dimension of the group."""
+        return self.group.dim
 
-    def _objection(self, argument: str, value: Any) -> str | None:
-        return self.group._objection(argument, value)
+    def act(self, g: Element, x: Vec) -> Vec:
+        """K_g x.  g : an element, x : (dim,), a momentum."""
+        return self.group.K(g, x)
+
+    def act_dual(self, g: Element, p: Vec) -> Vec:
+        """Ad_{g^-1} p.  g : an element, p : (dim,), a velocity."""
+        return self.group.Ad(self.group.inverse(g), p)
+
+    def infinitesimal(self, xi: Vec, x: Vec) -> Vec:
+        """-ad*_xi x.  xi, x : (dim,)."""
+        return -self.group.ad_star(xi, x)
+
+    def infinitesimal_dual(self, xi: Vec, p: Vec) -> Vec:
+        """-[xi, p].  xi, p : (dim,)."""
+        return -self.group.ad(xi, p)
+
+    def exp_act(self, xi: Vec, x: Vec) -> Vec:
+        """Ad*_exp(-xi) x.  xi, x : (dim,)."""
+        return self.group.exp_Ad_star(-xi, x)
+
+    def momentum(self, x: Vec, p: Vec) -> Vec:
+        """ad*_p x.  x, p : (dim,)."""
+        return self.group.ad_star(p, x)
+
+    def phi1(self, xi: Vec, x: Vec) -> Vec:
+        """The left dexp_xi* x.  xi, x : (dim,)."""
+        return self.group.dexp_dual(xi, x, "left")
+
+    def phi1_dual(self, xi: Vec, p: Vec) -> Vec:
+        """The left dexp_xi p.  xi, p : (dim,)."""
+        return self.group.dexp(xi, p, "left")
+
+    def phi1_inv(self, xi: Vec, x: Vec) -> Vec:
+        """The left (dexp_xi^-1)* x.  xi, x : (dim,)."""
+        return self.group.dexp_inv_dual(xi, x, "left")
+
+    def phi1_inv_dual(self, xi: Vec, p: Vec) -> Vec:
+        """The left dexp_xi^-1 p.  xi, p : (dim,)."""
+        return self.group.dexp_inv(xi, p, "left")
 
 
 def coadjoint(group: LieGroup) -> CoadjointAction:

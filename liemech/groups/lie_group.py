@@ -11,6 +11,7 @@ from ..errors import IncompatibleSystem
 from ..native import Ambient, Element, Mat, Record, Vec, dot, identity_matrix, jacobian, mat, record, solve, sqrt, vec
 from ..native.border import MEMBERSHIP as MEMBERSHIP
 from ..native.border import small
+from ..native.dual import size_of
 from .lie_algebra import LieAlgebra
 
 EPSILON = 2.0**-52
@@ -102,9 +103,9 @@ class LieGroup(Record):
     def dexp(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
         """The trivialised differential of exp, sum_k ad_xi^k eta / (k + 1)!.  xi, eta : (dim,)."""
         x = xi if side == "right" else -xi
-        term = eta
-        total = eta
-        k = 1.0
+        term = self.ad(x, eta) / 2.0
+        total = eta + term
+        k = 2.0
         while one_norm(term) > 0.0625 * EPSILON * one_norm(total):
             k = k + 1.0
             term = self.ad(x, term) / k
@@ -114,9 +115,9 @@ class LieGroup(Record):
     def dexp_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
         """The dual of `dexp`, <dexp_dual_xi mu, eta> = <mu, dexp_xi eta>.  xi, mu : (dim,)."""
         x = xi if side == "right" else -xi
-        term = mu
-        total = mu
-        k = 1.0
+        term = self.ad_star(x, mu) / 2.0
+        total = mu + term
+        k = 2.0
         while one_norm(term) > 0.0625 * EPSILON * one_norm(total):
             k = k + 1.0
             term = self.ad_star(x, term) / k
@@ -162,7 +163,7 @@ class LieGroup(Record):
 
     def why_no_cayley(self) -> str | None:
         """Why the group has no Cayley map; None if it has one."""
-        return f"{type(self).__name__} does not define one"
+        return f"{type(self).__name__} does not define one" if type(self).cayley is LieGroup.cayley else None
 
     def cayley(self, xi: Vec) -> Element:
         """The Cayley map (1 - xi/2)^-1 (1 + xi/2), where the algebra is closed under x y x.  xi : (dim,)."""
@@ -300,8 +301,8 @@ class LieGroup(Record):
 
 
 def one_norm(x: Vec) -> float:
-    """|x_1| + |x_2| + ...: a norm whose derivative is harmless at zero."""
-    total = abs(x[0])
+    """|x_1| + |x_2| + ..., derivatives included that the components carry."""
+    total = size_of(x[0])
     for i in range(1, len(x)):
-        total = total + abs(x[i])
+        total = total + size_of(x[i])
     return total

@@ -139,7 +139,12 @@ def _bordered(formula: Callable[..., Any], kinds: dict[str, str]) -> Callable[..
 
 
 def _is_array(value: Any) -> bool:
-    return isinstance(value, (np.ndarray, list)) or type(value) is tuple or hasattr(value, "as_matrix")
+    return _of_arrays(type(value))
+
+
+@functools.cache
+def _of_arrays(kind: type) -> bool:
+    return issubclass(kind, (np.ndarray, list)) or kind is tuple or hasattr(kind, "as_matrix")
 
 
 def bare(method: Any) -> Any:
@@ -179,7 +184,7 @@ def _broadcast(formula: Callable[..., Any], kinds: dict[str, str], self: Any, ar
         return _unflattened(_none_of(_stacked([formula(self, **element(some, 0), **rest)])), batch)
     large = self.is_large
     if bodies >= MANY and evaluate_many is not None and not large:
-        found = evaluate_many(formula, self, flat, rest, elements, space, MEMBERSHIP)
+        found = evaluate_many(formula, self, flat, rest, elements, _who_knows_elements(space), MEMBERSHIP)
         if found is not None:
             results, suspects = found
             if len(suspects):
@@ -237,8 +242,13 @@ def small(array: np.ndarray) -> Any:
 def _some(space: Any, kind: str, shape: tuple[int, ...]) -> np.ndarray:
     """An argument of this kind on which every formula has a value."""
     if kind in ("Element", "Ambient"):
-        return np.array(space.group.identity() if hasattr(space, "group") else space.identity())
+        return np.array(_who_knows_elements(space).identity())
     return np.eye(*shape) if len(shape) == 2 else np.zeros(shape)
+
+
+def _who_knows_elements(space: Any) -> Any:
+    """The group itself, or that of a system or an action."""
+    return space if hasattr(space, "identity") or not hasattr(space, "group") else space.group
 
 
 def _refuse(space: Any, where: str, name: str, value: Any, shown: str | None = None) -> None:

@@ -14,7 +14,7 @@ from collections.abc import Callable
 from typing import Any
 
 from . import functions as f
-from .complex_numbers import is_vector
+from .complex_numbers import Complex, is_vector
 from .vectors import Mat, Vec, identity_matrix, mat, transpose, vec
 
 
@@ -211,10 +211,17 @@ def jacobian(formula: Callable[[Any], Any], x: Any) -> Mat:
     return transpose(mat(*[derivative(formula, x, unit) for unit in identity_matrix(len(x))]))
 
 
+def size_of(x: Any) -> Any:
+    """|x|, and of a number that carries a derivative that of both: zero only if both are."""
+    return size_of(x.value) + size_of(x.slope) if isinstance(x, Dual) else abs(x)
+
+
 def slopes(value: Any) -> Any:
     """The derivatives that a number, a vector or a matrix carries."""
     if isinstance(value, Mat):
         return mat(*[slopes(row) for row in value])
     if isinstance(value, Vec):
         return vec(*[slopes(x) for x in value])
+    if isinstance(value, Complex):
+        return Complex(slope_of(value.re), slope_of(value.im))
     return slope_of(value)

@@ -107,6 +107,11 @@ def kernel(entry: Callable[..., Any], *args: Any, lanes: int = 1) -> Kernel:
         return _kernels[key]
 
 
+def ready(entry: Callable[..., Any], *args: Any, lanes: int = 1) -> bool:
+    """Is there such a kernel in this process already?"""
+    return (entry, tuple(map(_kind, args)), lanes) in _kernels
+
+
 def _kind(value: Any) -> Kind:
     if isinstance(value, Rows):
         return "rows"

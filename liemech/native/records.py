@@ -35,6 +35,10 @@ class Record(Border):
             _complete.add(cls)
         return super().__new__(cls)
 
+    def __getstate__(self) -> dict[str, Any]:
+        """The fields, without what is only remembered beside them."""
+        return {f.name: getattr(self, f.name) for f in dataclasses.fields(cast("Any", self))}
+
     def __post_init__(self) -> None:
         cls: Any = type(self)
         for name, convert in _converters(cls):

@@ -33,6 +33,12 @@ class Layout:
         """How many numbers the value holds."""
         return 1 if self.kind == "number" else sum(part.width for part in self.parts)
 
+    @functools.cached_property
+    def plain(self) -> bool:
+        """Are all parts numbers?"""
+        return bool(self.parts) and all(part.kind == "number" for part in self.parts)
+
+    @functools.cached_property
     def _identity(self) -> Any:
         """What tells two details apart: of constants the text, since 1 is not True, 0.0 is not -0.0 and nan is nan."""
         plain = self.kind == "static" and not isinstance(self.detail, Layout)
@@ -40,7 +46,7 @@ class Layout:
 
     @functools.cached_property
     def _hash(self) -> int:
-        return hash((self.kind, self.parts, self._identity()))
+        return hash((self.kind, self.parts, self._identity))
 
     def __hash__(self) -> int:
         return self._hash
@@ -50,7 +56,7 @@ class Layout:
             return True
         if not isinstance(other, Layout) or (self.kind, self.parts) != (other.kind, other.parts):
             return False
-        return self.detail is other.detail or self._identity() == other._identity()
+        return self.detail is other.detail or self._identity == other._identity
 
     def __repr__(self) -> str:
         inside = ", ".join(map(repr, self.parts))
@@ -87,14 +93,31 @@ def layout_of(value: Any, number: Callable[[Any], bool] = is_number) -> Layout:
     if isinstance(value, Record):
         if number is is_number and "_layout" in value.__dict__:
             return value.__dict__["_layout"]
-        names = tuple(f.name for f in dataclasses.fields(value))  # type: ignore[arg-type]
-        layout = Layout("record", tuple(layout_of(getattr(value, n), number) for n in names), (type(value), names))
+        layout = _record(tuple([layout_of(getattr(value, n), number) for n in _names(type(value))]), type(value))
         if number is is_number:  # a record never changes: a method is looked at once, not at every run
             value.__dict__["_layout"] = layout
         return layout
     if isinstance(value, list) or (isinstance(value, tuple) and (number is is_any_number or not is_static(value))):
-        return Layout(type(value).__name__, tuple(layout_of(x, number) for x in value))
+        return _sequence(type(value).__name__, tuple([layout_of(x, number) for x in value]))
     return Layout("static", (), value)
+
+
+@functools.cache
+def _names(cls: type) -> tuple[str, ...]:
+    return tuple(f.name for f in dataclasses.fields(cls))  # type: ignore[arg-type]
+
+
+# Layouts of one structure are one object, so that comparing two of them takes no time.
+
+
+@functools.cache
+def _record(parts: tuple[Layout, ...], cls: type) -> Layout:
+    return Layout("record", parts, (cls, _names(cls)))
+
+
+@functools.cache
+def _sequence(kind: str, parts: tuple[Layout, ...]) -> Layout:
+    return Layout(kind, parts)
 
 
 @functools.cache
@@ -118,11 +141,16 @@ def leaves(value: Any, layout: Layout) -> Iterator[Any]:
     """The numbers of a value, in order."""
     if layout.kind == "number":
         yield value
+    elif not layout.width:
+        return
     elif layout.kind == "record":
         for name, part in zip(layout.detail[1], layout.parts, strict=True):
             yield from leaves(getattr(value, name), part)
     elif layout.kind != "static":
         items = value.parts if layout.kind == "pair" else value
+        if layout.plain:
+            yield from items
+            return
         for item, part in zip(items, layout.parts, strict=True):
             yield from leaves(item, part)
 

@@ -92,9 +92,11 @@ def members_of(group: LieGroup, value: Any, name: str) -> np.ndarray:
     """An array of one or many elements of a group."""
     shape = group.element_shape
     array = points(value, name, shape, f"an element of {group!r}", group.is_complex)
+    many = array.shape != shape
+    if not many and not group.is_large and group.contains(small(array)):
+        return array
     off = np.flatnonzero(~np.atleast_1d(group.contains(array)))
     if len(off):
-        many = array.shape != shape
         which = f"{name}[{off[0]}]" if many else name
         raise InvalidInput(f"{which} {group._objection('g', array[off[0]] if many else array)}")
     return array

@@ -1,0 +1,338 @@
+"""The classical groups of matrices: SO(n), SL(n), GL(n), SU(n), U(n) and Sp(2n)."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any, ClassVar
+
+import numpy as np
+
+from ..errors import InvalidInput
+from ..native import Ambient, Complex, Element, Mat, Vec, mat, record, vec
+from .matrix_functions import total
+from .matrix_group import MatrixLieGroup, whole_number
+from .matrix_invariants import Invariants
+
+
+@record
+class ClassicalGroup(MatrixLieGroup):
+    """What the classical groups share: a size, and Casimir functions that are traces of powers.
+
+    The matrix M that stands for a momentum mu, <mu, xi> = Re tr(M^H xi), moves by conjugation along every motion, so that
+    tr((M^H)^k) is constant.
+
+    Source: Hall, Lie Groups, Lie Algebras, and Representations, 2nd ed., section 1.2; Marsden and Ratiu, section 14.3.
+    """
+
+    smallest: ClassVar[int] = 1
+
+    n: int
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "n", whole_number(type(self).__name__, self.n, self.smallest))
+
+    def _powers(self) -> tuple[int, ...]:
+        """The exponents whose traces are independent Casimir functions."""
+        return tuple(range(2, self.n + 1))
+
+    def casimirs(self, mu: Vec) -> Vec:
+        """The traces of powers of the matrix that stands for mu."""
+        m = self.algebra.covector(mu)
+        power = m
+        values: list[Any] = []
+        for k in range(1, max(self._powers()) + 1):
+            power = m if k == 1 else power @ m
+            if k in self._powers():
+                values = [*values, _trace(power, k)]
+        return vec(*values)
+
+
+def _trace(power: Mat, k: int) -> Any:
+    """The trace of the power k; of antihermitian matrices i^-k times it, which is real."""
+    entries = [power[i, i] for i in range(len(power))]
+    if isinstance(entries[0], Complex):
+        sign = 1.0 if k % 4 in (0, 1) else -1.0
+        return sign * total([x.im if k % 2 else x.re for x in entries])
+    return total(entries)
+
+
+def haar(rng: np.random.Generator | int | None, size: int | tuple[int, ...], n: int, complex_: bool) -> np.ndarray:
+    """Orthogonal or unitary matrices, uniformly distributed: the QR decomposition of Gaussian matrices, signs made unique.
+
+    Source: Mezzadri, Notices of the AMS 54 (2007), 592.
+    """
+    generator = np.random.default_rng(rng)
+    shape = (size,) if isinstance(size, int) else tuple(size)
+    a = generator.normal(size=(*shape, n, n))
+    if complex_:
+        a = a + 1j * generator.normal(size=(*shape, n, n))
+    q, r = np.linalg.qr(a)
+    diagonal = np.einsum("...ii->...i", r)
+    return q * (diagonal / np.abs(diagonal))[..., None, :]
+
+
+# ------------------------------------------------------------------ orthogonal
+
+
+@record
+class SO(ClassicalGroup):
+    """SO(n): rotations of n dimensions, n at least 2.  Basis E_ji - E_ij, i < j; for n = 3 the usual one, hat(w) x = w x x.
+
+    n : the number of rows.
+    Source: Hall, Lie Groups, Lie Algebras, and Representations, 2nd ed., sections 1.2 and 3.4.
+    """
+
+    smallest: ClassVar[int] = 2
+
+    @cached_property
+    def generators(self) -> np.ndarray:
+        """E_ji - E_ij for i < j, (1, 2), (1, 3), ...; of SO(3) in the order and with the signs of the vector product."""
+        if self.n == 3:
+            return np.cross(np.eye(3)[:, None], np.eye(3)[None]).swapaxes(1, 2)
+        i, j = np.triu_indices(self.n, 1)
+        e = np.zeros((len(i), self.n, self.n))
+        e[np.arange(len(i)), j, i], e[np.arange(len(i)), i, j] = 1.0, -1.0
+        return e
+
+    @cached_property
+    def invariants(self) -> Invariants:
+        """g^T g = 1 and det g = 1."""
+        return Invariants(forms=(np.eye(self.n),), determinant="1")
+
+    def casimirs(self, mu: Vec) -> Vec:
+        """(-1)^k/2 tr(hat(mu)^2k), k = 1, ..., floor(n/2); the first is |mu|^2."""
+        square = self.algebra.hat(mu) @ self.algebra.hat(mu)
+        power = square
+        values: list[Any] = []
+        for k in range(1, self.n // 2 + 1):
+            power = square if k == 1 else power @ square
+            trace = total([power[i, i] for i in range(self.n)])
+            values = [*values, 0.5 * trace if k % 2 == 0 else -0.5 * trace]
+        return vec(*values)
+
+    def nearest(self, g: Ambient) -> Element:
+        """The rotation of least squared difference: the orthogonal polar factor, its last direction turned if it reflects.
+
+        Source: Higham, Functions of Matrices (2008), theorem 8.4.
+        """
+        u, _, v = np.linalg.svd(np.array(g, dtype=float))
+        u[:, -1] *= np.linalg.det(u) * np.linalg.det(v)
+        return Mat.of((u @ v).tolist())
+
+    def random(self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()) -> np.ndarray:
+        """Rotations distributed uniformly (Haar measure)."""
+        q = haar(rng, size, self.n, False)
+        q[..., :, 0] *= np.linalg.det(q)[..., None]
+        return q
+
+
+# ------------------------------------------------------------------ linear
+
+
+@record
+class SL(ClassicalGroup):
+    """SL(n): real matrices of determinant 1, n at least 2.  Basis E_ij for i != j, then E_ii - E_i+1,i+1.
+
+    n : the number of rows.  Not every element has a logarithm.
+    Source: Hall, Lie Groups, Lie Algebras, and Representations, 2nd ed., sections 1.2 and 3.4.
+    """
+
+    smallest: ClassVar[int] = 2
+
+    @cached_property
+    def generators(self) -> np.ndarray:
+        """E_ij, i != j, row by row, then E_ii - E_i+1,i+1."""
+        return np.concatenate([_off_diagonal(self.n), _differences(self.n)])
+
+    @cached_property
+    def invariants(self) -> Invariants:
+        """det g = 1."""
+        return Invariants(determinant="1")
+
+    def nearest(self, g: Ambient) -> Element:
+        """The matrix divided by the n-th root of its determinant, which must be positive.  Close, not the closest."""
+        a = np.array(g, dtype=float)
+        sign, log_det = np.linalg.slogdet(a)
+        if sign <= 0:
+            raise InvalidInput(f"SL({self.n}).nearest: the determinant is not positive")
+        return Mat.of((a * np.exp(-log_det / self.n)).tolist())
+
+
+@record
+class GL(ClassicalGroup):
+    """GL(n): all invertible real matrices.  Basis E_ij, row by row.
+
+    n : the number of rows.  An element has a logarithm if no eigenvalue is zero or negative.
+    Source: Hall, Lie Groups, Lie Algebras, and Representations, 2nd ed., sections 1.2 and 3.4.
+    """
+
+    @cached_property
+    def generators(self) -> np.ndarray:
+        """E_ij, row by row."""
+        return np.eye(self.n**2).reshape(-1, self.n, self.n)
+
+    @cached_property
+    def invariants(self) -> Invariants:
+        """None; an element must be invertible."""
+        return Invariants()
+
+    def _powers(self) -> tuple[int, ...]:
+        return tuple(range(1, self.n + 1))
+
+    def nearest(self, g: Ambient) -> Element:
+        """The matrix itself."""
+        return g
+
+
+# ------------------------------------------------------------------ unitary
+
+
+@record
+class SU(ClassicalGroup):
+    """SU(n): unitary matrices of determinant 1, n at least 2; coordinates are real.
+
+    Basis E_ij - E_ji and i (E_ij + E_ji) for i < j, then i (E_jj - E_j+1,j+1).  n : the number of rows.
+    Source: Hall, Lie Groups, Lie Algebras, and Representations, 2nd ed., sections 1.2 and 3.4.
+    """
+
+    smallest: ClassVar[int] = 2
+
+    @cached_property
+    def generators(self) -> np.ndarray:
+        """E_ij - E_ji, i (E_ij + E_ji) for each i < j, then i (E_jj - E_j+1,j+1)."""
+        return np.concatenate([_antihermitian(self.n), 1j * _differences(self.n)])
+
+    @cached_property
+    def invariants(self) -> Invariants:
+        """g^H g = 1 and det g = 1."""
+        return Invariants(hermitian=(np.eye(self.n),), determinant="1")
+
+    def nearest(self, g: Ambient) -> Element:
+        """The unitary polar factor divided by the n-th root of its determinant."""
+        u = _polar(np.array(g, dtype=complex))
+        return Mat.of((u * np.exp(-1j * np.angle(np.linalg.det(u)) / self.n)).tolist())
+
+    def random(self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()) -> np.ndarray:
+        """Elements distributed uniformly (Haar measure)."""
+        q = haar(rng, size, self.n, True)
+        q[..., :, 0] /= np.linalg.det(q)[..., None]
+        return q
+
+
+@record
+class U(ClassicalGroup):
+    """U(n): unitary matrices; coordinates are real.
+
+    Basis E_ij - E_ji and i (E_ij + E_ji) for i < j, then i E_jj.  n : the number of rows.
+    Source: Hall, Lie Groups, Lie Algebras, and Representations, 2nd ed., sections 1.2 and 3.4.
+    """
+
+    @cached_property
+    def generators(self) -> np.ndarray:
+        """E_ij - E_ji, i (E_ij + E_ji) for each i < j, then i E_jj."""
+        diagonal = np.zeros((self.n,) * 3, dtype=complex)
+        np.einsum("iii->i", diagonal)[:] = 1j
+        return np.concatenate([_antihermitian(self.n), diagonal])
+
+    @cached_property
+    def invariants(self) -> Invariants:
+        """g^H g = 1."""
+        return Invariants(hermitian=(np.eye(self.n),), determinant="unit")
+
+    def _powers(self) -> tuple[int, ...]:
+        return tuple(range(1, self.n + 1))
+
+    def nearest(self, g: Ambient) -> Element:
+        """The unitary polar factor.  Source: Higham, Functions of Matrices (2008), theorem 8.4."""
+        return Mat.of(_polar(np.array(g, dtype=complex)).tolist())
+
+    def random(self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()) -> np.ndarray:
+        """Elements distributed uniformly (Haar measure)."""
+        return haar(rng, size, self.n, True)
+
+
+# ------------------------------------------------------------------ symplectic
+
+
+@record
+class Sp(ClassicalGroup):
+    """Sp(2n), the real symplectic group: g^T Om g = Om with Om = [[0, 1], [-1, 0]].  The argument is 2n, an even number.
+
+    Basis Om^-1 S with S = E_ii, then S = E_ij + E_ji for i < j.  n : the number of rows, 2n.
+    Not every element has a logarithm.
+    Source: Hall, Lie Groups, Lie Algebras, and Representations, 2nd ed., sections 1.2 and 3.4.
+    """
+
+    smallest: ClassVar[int] = 2
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.n % 2:
+            raise InvalidInput(f"Sp({self.n}): the argument is the number of rows 2n, an even number; Sp(2) is the smallest")
+
+    @cached_property
+    def form(self) -> np.ndarray:
+        """Om = [[0, 1], [-1, 0]].  (2n, 2n)"""
+        return np.kron([[0.0, 1.0], [-1.0, 0.0]], np.eye(self.n // 2))
+
+    @cached_property
+    def generators(self) -> np.ndarray:
+        """Om^-1 E_ii, then Om^-1 (E_ij + E_ji) for i < j."""
+        one = np.eye(self.n)
+        i, j = np.triu_indices(self.n, 1)
+        squares = np.einsum("ka,kb->kab", one, one)
+        symmetric = np.einsum("ka,kb->kab", one[i], one[j])
+        return -self.form @ np.concatenate([squares, symmetric + symmetric.swapaxes(1, 2)])
+
+    @cached_property
+    def invariants(self) -> Invariants:
+        """g^T Om g = Om, from which det g = 1 follows."""
+        return Invariants(forms=(self.form,))
+
+    def inverse(self, g: Element) -> Element:
+        """Om^-1 g^T Om: blocks of g exchanged, the others with their sign changed."""
+        n = self.n
+        return mat(*[vec(*[self._entry_of_inverse(g, i, j) for j in range(n)]) for i in range(n)])
+
+    def _entry_of_inverse(self, g: Mat, i: int, j: int) -> Any:
+        n, half = self.n, self.n // 2
+        entry = g[(j + half) % n, (i + half) % n]
+        return entry if (i < half) == (j < half) else -entry
+
+    def _powers(self) -> tuple[int, ...]:
+        return tuple(range(2, self.n + 1, 2))
+
+
+# ------------------------------------------------------------------ bases
+
+
+def _off_diagonal(n: int) -> np.ndarray:
+    """E_ij for i != j, row by row."""
+    i, j = np.nonzero(~np.eye(n, dtype=bool))
+    e = np.zeros((len(i), n, n))
+    e[np.arange(len(i)), i, j] = 1.0
+    return e
+
+
+def _differences(n: int) -> np.ndarray:
+    """E_ii - E_i+1,i+1."""
+    e = np.zeros((n - 1, n, n))
+    k = np.arange(n - 1)
+    e[k, k, k], e[k, k + 1, k + 1] = 1.0, -1.0
+    return e
+
+
+def _antihermitian(n: int) -> np.ndarray:
+    """E_ij - E_ji, i (E_ij + E_ji) for each i < j."""
+    i, j = np.triu_indices(n, 1)
+    e = np.zeros((2 * len(i), n, n), dtype=complex)
+    k = 2 * np.arange(len(i))
+    e[k, i, j], e[k, j, i] = 1.0, -1.0
+    e[k + 1, i, j] = e[k + 1, j, i] = 1j
+    return e
+
+
+def _polar(a: np.ndarray) -> np.ndarray:
+    """The unitary factor of a = u p."""
+    u, _, v = np.linalg.svd(a)
+    return u @ v

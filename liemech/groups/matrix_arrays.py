@@ -1,0 +1,185 @@
+"""The maps of a group of large matrices on arrays, through NumPy and SciPy: what formulas would be too long for."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..errors import InvalidInput
+from ..native.border import MEMBERSHIP
+from .matrix_basis import MatrixBasis
+from .matrix_invariants import objections
+
+if TYPE_CHECKING:
+    from .matrix_group import MatrixLieGroup
+
+
+def value(group: MatrixLieGroup, method: str, arguments: dict[str, Any]) -> Any:
+    """The value of a method for arrays whose first axis is the batch; None if there is no formula here.
+
+    Source: Higham, Functions of Matrices (2008), theorem 3.6 (the differential of exp from a block matrix).
+    """
+    basis = group.generated
+    given = list(arguments.values())
+    if arguments.get("side", "right") == "left":
+        given[0] = -given[0]
+    match method, *given:
+        case "compose", g, h:
+            return g @ h
+        case "inverse", g:
+            return _inverse(group, g)
+        case "Ad", g, xi:
+            return basis.vee(g @ basis.hat(xi) @ _inverse(group, g))
+        case "Ad_star", g, mu:
+            return _coadjoint(basis, g, _inverse(group, g), mu)
+        case "K", g, mu:
+            return _coadjoint(basis, _inverse(group, g), g, mu)
+        case ("ad" | "ad_star"), *_:
+            return group.algebra._in_numpy(method, arguments)
+        case "exp", xi:
+            return _exp(basis, xi)
+        case "compose_exp", g, xi:
+            return g @ _exp(basis, xi)
+        case "exp_Ad_star", xi, mu:
+            return _coadjoint(basis, _exp(basis, xi), _exp(basis, -xi), mu)
+        case "log", g:
+            return log(basis, g)
+        case "distance", g, h:
+            return np.linalg.norm(log(basis, _inverse(group, g) @ h), axis=-1)
+        case "dexp", xi, eta, *_:
+            return basis.vee(_phi(basis.hat(xi), basis.hat(eta)))
+        case "dexp_dual", xi, mu, *_:
+            return basis.pairing(_phi(_star(basis.hat(xi)), basis.covector(mu)))
+        case "dexp_inv", xi, eta, *_:
+            return basis.vee(_phi_inverse(basis.hat(xi), basis.hat(eta)))
+        case "dexp_inv_dual", xi, mu, *_:
+            return basis.pairing(_phi_inverse(_star(basis.hat(xi)), basis.covector(mu)))
+        case _ if "cayley" in method and method not in ("why_no_cayley", "cayley_mismatch"):
+            return _of_cayley(group, method, given)
+        case "defect", g:
+            return _defects(group, g)
+        case "contains", g:
+            return _defects(group, g) <= MEMBERSHIP
+    return None
+
+
+def _of_cayley(group: MatrixLieGroup, method: str, given: list[Any]) -> Any:
+    if group.why_no_cayley():
+        return None
+    basis, one = group.generated, np.eye(group.generated.n)
+    if method == "cayley_inv":
+        (g,) = given
+        return basis.vee(2.0 * np.linalg.solve(g + one, g - one))
+    g, xi = given if method == "compose_cayley" else (one, given[0])
+    half = 0.5 * basis.hat(xi)
+    match method:
+        case "dcayley":
+            return basis.vee(np.linalg.solve(one - half, basis.hat(given[1])) @ np.linalg.inv(one + half))
+        case "dcayley_inv":
+            return basis.vee((one - half) @ basis.hat(given[1]) @ (one + half))
+        case "dcayley_inv_dual":
+            half = _star(half)
+            return basis.pairing((one - half) @ basis.covector(given[1]) @ (one + half))
+        case "dcayley_dual":
+            half = _star(half)
+            return basis.pairing(np.linalg.solve(one - half, basis.covector(given[1])) @ np.linalg.inv(one + half))
+        case "cayley_Ad_star":
+            forth, back = np.linalg.solve(one - half, one + half), np.linalg.solve(one + half, one - half)
+            return _coadjoint(basis, forth, back, given[1])
+    return g @ np.linalg.solve(one - half, one + half)
+
+
+def _star(m: np.ndarray) -> np.ndarray:
+    return np.conj(m).swapaxes(-1, -2)
+
+
+def _inverse(group: MatrixLieGroup, g: np.ndarray) -> np.ndarray:
+    if group._form is None:
+        return np.linalg.inv(g)
+    signs = np.array(group._form[0])
+    return signs[:, None] * _star(g) * signs
+
+
+def _coadjoint(basis: MatrixBasis, g: np.ndarray, back: np.ndarray, mu: np.ndarray) -> np.ndarray:
+    return basis.pairing(_star(g) @ basis.covector(mu) @ _star(back))
+
+
+def _exp(basis: MatrixBasis, xi: np.ndarray) -> np.ndarray:
+    from scipy.linalg import expm
+
+    return expm(basis.hat(xi))
+
+
+def _phi(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """phi_1(ad_x) y: the upper right block of exp [[x, y], [0, x]], times exp(-x)."""
+    from scipy.linalg import expm
+
+    n = x.shape[-1]
+    block = np.zeros((*x.shape[:-2], 2 * n, 2 * n), dtype=x.dtype)
+    block[..., :n, :n] = block[..., n:, n:] = x
+    block[..., :n, n:] = y
+    return expm(block)[..., :n, n:] @ expm(-x)
+
+
+def _phi_inverse(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """ad_x/(exp(ad_x) - 1) y, by the eigenvalues of x, differences of which are those of ad_x."""
+    values, vectors = np.linalg.eig(x)
+    z = values[..., :, None] - values[..., None, :]
+    if np.linalg.cond(vectors).max(initial=1.0) > 1e8:
+        return _phi_inverse_series(x, y)
+    with np.errstate(all="ignore"):
+        factor = np.where(np.abs(z) < 1e-8, 1.0 - 0.5 * z, z / np.expm1(z))
+    found = vectors @ (factor * np.linalg.solve(vectors, y @ vectors)) @ np.linalg.inv(vectors)
+    return found if np.iscomplexobj(x) else found.real
+
+
+def _phi_inverse_series(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """The same for a matrix without a basis of eigenvectors, by the solution of phi_1(ad_x) z = y from z = y on."""
+    z = y
+    for _ in range(200):
+        rest = y - _phi(x, z)
+        z = z + rest
+        if np.linalg.norm(rest) <= 1e-15 * np.linalg.norm(y):
+            return z
+    raise InvalidInput("dexp_inv: xi is too large for a matrix without a basis of eigenvectors")
+
+
+def log(basis: MatrixBasis, g: np.ndarray) -> np.ndarray:
+    """The principal logarithm of each matrix, in the algebra.  g : (bodies, n, n).  Raises InvalidInput."""
+    from scipy.linalg import logm
+
+    logs = np.array([logm(m) for m in g])
+    xi = basis.vee(logs)
+    off = np.linalg.norm(logs - basis.hat(xi), axis=(1, 2)) > 1e-6 * (1.0 + np.linalg.norm(logs, axis=(1, 2)))
+    if off.any() or not np.isfinite(logs).all():
+        raise InvalidInput(f"{basis.name}.log: the element has no principal logarithm in the algebra")
+    return xi
+
+
+def _defects(group: MatrixLieGroup, g: np.ndarray) -> np.ndarray:
+    return np.array([max(d for d, _ in [(0.0, ""), *objections(group.invariants, group.generated, m)]) for m in g])
+
+
+def nearest(basis: MatrixBasis, g: np.ndarray) -> np.ndarray:
+    """The element h of least |h - g|, by Gauss-Newton steps h exp(d), |h (1 + d) - g| = min.  Raises InvalidInput.
+
+    Source: Absil, Mahony, Sepulchre, Optimization Algorithms on Matrix Manifolds (2008), section 8.4.
+    """
+    from scipy.linalg import expm, logm
+
+    with np.errstate(all="ignore"):
+        start = basis.vee(np.asarray(logm(g)))
+    h = expm(basis.hat(start)) if np.isfinite(start).all() else np.eye(basis.n, dtype=basis.generators.dtype)
+    for _ in range(200):
+        xi, *_ = np.linalg.lstsq(_reals(h @ basis.generators).T, _reals((g - h)[None])[0], rcond=None)
+        step = float(np.linalg.norm(xi))
+        h = h @ expm(basis.hat(xi * min(1.0, 1.0 / max(step, 1e-300))))
+        if step <= 1e-14 * (1.0 + float(np.linalg.norm(start))):
+            return np.asarray(h)
+    raise InvalidInput(f"{basis.name}.nearest: no nearest element was found; the array is far from the group")
+
+
+def _reals(matrices: np.ndarray) -> np.ndarray:
+    flat = matrices.reshape(len(matrices), -1)
+    return np.concatenate([flat.real, flat.imag], axis=1) if np.iscomplexobj(flat) else flat

@@ -1,0 +1,319 @@
+"""What NumPy finds once about the generators of an algebra of matrices, for formulas to use as constants."""
+
+from __future__ import annotations
+
+import hashlib
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ..errors import InvalidInput, InvalidType, LawViolation
+
+Terms = tuple[tuple[Any, ...], ...]
+"""A sum written out: of each term the coefficient, and the indices of what it multiplies."""
+
+SMALL = 12
+"""Formulas for matrices with more rows than this would be too long to write out; arrays then go through NumPy."""
+
+CLOSED = 1e-10
+"""What a bracket may stick out of the span of the generators, relative to the product of their sizes."""
+
+
+class MatrixBasis:
+    """Generators E_1, ..., E_dim of an algebra of real or complex matrices, real coordinates, checked when made.
+
+    Coordinates are taken by least squares: `dual` is the basis V_i with Re tr(V_i^H E_j) = 1 if i = j, else 0.
+
+    generators : (dim, n, n).  Raises InvalidInput, InvalidType for arrays that are no matrices, LawViolation for generators that
+    are linearly dependent or whose brackets leave their span.
+
+    Source: Hall, Lie Groups, Lie Algebras, and Representations, 2nd ed., sections 3.1 and 3.3.
+    """
+
+    def __init__(self, generators: np.ndarray, name: str) -> None:
+        self.name = name
+        self.generators = _checked(generators, name)
+        self.dim, self.n, _ = self.generators.shape
+        self.complex = np.iscomplexobj(self.generators)
+        self.large = self.n > SMALL
+        self._check_closed()
+
+    # ---------------------------------------------------------------- arrays
+
+    @cached_property
+    def columns(self) -> Any:
+        """The generators as the columns of a sparse matrix, real above imaginary parts.  (n^2 or 2 n^2, dim)"""
+        from scipy.sparse import csr_array
+
+        return csr_array(real_parts(self.generators).T)
+
+    @cached_property
+    def rows(self) -> Any:
+        """The pseudo-inverse of `columns`: rows that read off coordinates.  (dim, n^2 or 2 n^2), sparse
+
+        Generators that share no entry with the others are dealt with apart, so that zeros stay zeros.
+        """
+        from scipy.sparse import coo_array, csr_array
+        from scipy.sparse.csgraph import connected_components
+
+        columns = self.columns.tocsc()
+        gram = (columns.T @ columns).tocsr()
+        count, labels = connected_components(gram, directed=False)
+        order = np.argsort(labels, kind="stable")
+        values, at, to = [], [], []
+        for members in np.split(order, np.cumsum(np.bincount(labels, minlength=count))[:-1]):
+            block = columns[:, members].toarray()
+            touched = np.flatnonzero(block.any(axis=1))
+            inverse = clean(np.linalg.pinv(block[touched], rcond=1e-15))
+            i, j = np.nonzero(inverse)
+            values.append(inverse[i, j])
+            at.append(members[i])
+            to.append(touched[j])
+        parts = np.concatenate(values), (np.concatenate(at), np.concatenate(to))
+        return csr_array(coo_array(parts, shape=columns.shape[::-1]))
+
+    def hat(self, xi: np.ndarray) -> np.ndarray:
+        """sum_i xi_i E_i.  xi : (..., dim)."""
+        flat = (self.columns @ xi.reshape(-1, self.dim).T).T
+        if self.complex:
+            flat = flat[:, : self.n**2] + 1j * flat[:, self.n**2 :]
+        return flat.reshape(*xi.shape[:-1], self.n, self.n)
+
+    def vee(self, matrix: np.ndarray) -> np.ndarray:
+        """Coordinates, by least squares.  matrix : (..., n, n)."""
+        flat = real_parts(matrix.reshape(-1, self.n, self.n), self.complex)
+        return (self.rows @ flat.T).T.reshape(*matrix.shape[:-2], self.dim)
+
+    def covector(self, mu: np.ndarray) -> np.ndarray:
+        """The matrix sum_i mu_i V_i, so that <mu, xi> = Re tr(M^H hat(xi)).  mu : (..., dim)."""
+        flat = (self.rows.T @ mu.reshape(-1, self.dim).T).T
+        if self.complex:
+            flat = flat[:, : self.n**2] + 1j * flat[:, self.n**2 :]
+        return flat.reshape(*mu.shape[:-1], self.n, self.n)
+
+    def pairing(self, matrix: np.ndarray) -> np.ndarray:
+        """Re tr(M^H E_i) for all i: the momentum that a matrix stands for.  matrix : (..., n, n)."""
+        flat = real_parts(matrix.reshape(-1, self.n, self.n), self.complex)
+        return (self.columns.T @ flat.T).T.reshape(*matrix.shape[:-2], self.dim)
+
+    def sticks_out(self, matrix: np.ndarray) -> np.ndarray:
+        """The norm of what a matrix has besides a part in the algebra.  matrix : (..., n, n)."""
+        return np.linalg.norm(matrix - self.hat(self.vee(matrix)), axis=(-2, -1))
+
+    @cached_property
+    def structure_constants(self) -> np.ndarray:
+        """c[k, i, j] with [E_i, E_j] = c[k, i, j] E_k; small fractions exactly."""
+        e = self.generators
+        products = np.einsum("iab,jbc->ijac", e, e)
+        return clean(self.vee(products - products.swapaxes(0, 1))).transpose(2, 0, 1)
+
+    # ---------------------------------------------------------------- laws
+
+    def _check_closed(self) -> None:
+        e = self.generators
+        sizes = np.linalg.norm(e, axis=(1, 2))
+        pairs = [(i, j) for i in range(self.dim) for j in range(i + 1, self.dim)]
+        if not self.large:
+            left, right = np.array(pairs, dtype=int).reshape(-1, 2).T
+            a, b, size = e[left], e[right], sizes[left] * sizes[right]
+        else:  # two generic elements tell as much as all pairs
+            xi, eta = np.random.default_rng(1).normal(size=(2, 1, self.dim)) / sizes
+            a, b = self.hat(xi), self.hat(eta)
+            size = np.linalg.norm(a, axis=(1, 2)) * np.linalg.norm(b, axis=(1, 2))
+        off = self.sticks_out(a @ b - b @ a) / size
+        if off.max(initial=0.0) > CLOSED:
+            worst = int(off.argmax())
+            which = "two generic elements" if self.large else "the generators {} and {}".format(*(k + 1 for k in pairs[worst]))
+            raise LawViolation(
+                f"{self.name}.generators is not closed under the bracket: the bracket of {which} sticks out of their span by "
+                f"{off[worst]:.1e} of the size of the product. Add it to the generators"
+            )
+
+    @cached_property
+    def without_cayley(self) -> str | None:
+        """Why the algebra is not closed under x y x; None if it is."""
+        e, n = self.generators, self.dim
+        if self.large:
+            x, y = self.hat(np.random.default_rng(1).normal(size=(2, n)))
+            off = self.sticks_out(x @ y @ x) / (np.linalg.norm(x) ** 2 * np.linalg.norm(y))
+            return None if off <= CLOSED else f"its algebra is not closed under x y x: generic elements stick out by {off:.1e}"
+        t = np.einsum("iab,jbc,lcd->ijlad", e, e, e)
+        t = t + t.transpose(2, 1, 0, 3, 4)  # x y x for all x if and only if x y z + z y x for all x and z
+        sizes = np.linalg.norm(e, axis=(1, 2))
+        off = self.sticks_out(t) / np.einsum("i,j,l->ijl", sizes, sizes, sizes)
+        if off.max() <= CLOSED:
+            return None
+        diagonal = np.einsum("iji->ij", off)
+        if diagonal.max() > CLOSED:
+            i, j = (int(k) for k in np.unravel_index(diagonal.argmax(), diagonal.shape))
+            return (
+                f"its algebra is not closed under x y x: with the generators x = E_{i + 1}, y = E_{j + 1} "
+                f"the product sticks out by {diagonal[i, j] / 2:.1e} of its size"
+            )
+        i, j, k = (int(x) + 1 for x in np.unravel_index(off.argmax(), off.shape))
+        return (
+            f"its algebra is not closed under x y x: with the generators x = E_{i} + E_{k}, y = E_{j} "
+            f"the product sticks out by {off.max():.1e} of its size"
+        )
+
+    # ---------------------------------------------------------------- constants of formulas
+
+    @cached_property
+    def hat_terms(self) -> tuple[tuple[tuple[Terms, Terms], ...], ...]:
+        """Of each entry of hat(xi) the terms (coefficient, i) of real and imaginary part."""
+        return self._entries(self.columns.toarray())
+
+    @cached_property
+    def covector_terms(self) -> tuple[tuple[tuple[Terms, Terms], ...], ...]:
+        """Of each entry of sum_i mu_i V_i the terms (coefficient, i) of real and imaginary part."""
+        return self._entries(self.rows.toarray().T)
+
+    def _entries(self, columns: np.ndarray) -> Any:
+        n, terms = self.n, [linear_terms(row) for row in columns]
+        parts = [terms[: n * n], terms[n * n :] or [()] * (n * n)]
+        return tuple(tuple((parts[0][n * i + j], parts[1][n * i + j]) for j in range(n)) for i in range(n))
+
+    @cached_property
+    def vee_terms(self) -> tuple[Terms, ...]:
+        """Of each coordinate the terms (coefficient, row, column, 0 or 1 for the imaginary part)."""
+        return self._readings(self.rows.toarray())
+
+    @cached_property
+    def pairing_terms(self) -> tuple[Terms, ...]:
+        """Of each Re tr(M^H E_i) the terms (coefficient, row, column, 0 or 1 for the imaginary part)."""
+        return self._readings(self.columns.toarray().T)
+
+    def _readings(self, rows: np.ndarray) -> tuple[Terms, ...]:
+        n = self.n
+        return tuple(
+            tuple((c, k % (n * n) // n, k % n, k // (n * n)) for c, k in linear_terms(row)) for row in rows
+        )
+
+    @cached_property
+    def bracket_terms(self) -> tuple[Terms, ...]:
+        """Of each component of [x, y] the terms (c, i, j), standing for c (x_i y_j - x_j y_i) with c > 0."""
+        upper = [products(np.triu(c, 1)) for c in self.structure_constants]
+        return tuple(tuple((v, i, j) if v > 0 else (-v, j, i) for v, i, j in terms) for terms in upper)
+
+    @cached_property
+    def ad_star_terms(self) -> tuple[Terms, ...]:
+        """Of each component of ad*_x mu the terms (c, i, k), standing for c x_i mu_k."""
+        return tuple(products(c.T) for c in self.structure_constants.transpose(2, 0, 1))
+
+    @cached_property
+    def ad_size_terms(self) -> Terms:
+        """The terms (c, i, j), i <= j, of a sum over c x_i x_j that bounds the square of the norm of ad_x.
+
+        The Frobenius norm; half of it where all ad_x are antisymmetric, so that their singular values come in pairs.
+        """
+        ad = self.structure_constants.transpose(1, 0, 2)
+        square = np.einsum("iab,jab->ij", ad, ad) * (0.5 if np.array_equal(ad, -ad.swapaxes(1, 2)) else 1.0)
+        return products(clean(2.0 * np.triu(square, 1) + np.diag(np.diag(square))))
+
+    @cached_property
+    def triple_terms(self) -> tuple[Terms, ...]:
+        """Of each coordinate of x y x the terms (c, i, l, j), i <= l, standing for c x_i x_l y_j."""
+        e = self.generators
+        t = self.vee(np.einsum("iab,jbc,lcd->ijlad", e, e, e))
+        t = clean(t + t.transpose(2, 1, 0, 3)).transpose(3, 0, 2, 1)  # [k, i, l, j]
+        weight = np.triu(np.ones((self.dim, self.dim))) - 0.5 * np.eye(self.dim)
+        return tuple(
+            tuple((float(c[i, l, j]), int(i), int(l), int(j)) for i, l, j in np.argwhere(c != 0.0)) for c in t * weight[:, :, None]
+        )
+
+    @cached_property
+    def triple_dual_terms(self) -> tuple[Terms, ...]:
+        """Of each component of the dual of y -> x y x, applied to mu, the terms (c, i, l, k), standing for c x_i x_l mu_k."""
+        found: list[list[Any]] = [[] for _ in range(self.dim)]
+        for k, terms in enumerate(self.triple_terms):
+            for c, i, l, j in terms:
+                found[j].append((c, i, l, k))
+        return tuple(map(tuple, found))
+
+    @cached_property
+    def few_triples(self) -> bool:
+        """Is x y x quicker by its constants than by products of matrices?"""
+        if self.large or self.without_cayley is not None:
+            return False
+        return sum(map(len, self.triple_terms)) <= self.n**3
+
+
+_known: dict[tuple[Any, ...], MatrixBasis] = {}
+
+
+def basis_of(generators: Any, name: str) -> MatrixBasis:
+    """The basis for these generators, made once."""
+    try:
+        array = np.asarray(generators)
+    except ValueError:
+        raise InvalidInput(f"{name}.generators is ragged: its rows have different lengths") from None
+    if array.dtype == object or array.nbytes > 2**22:
+        return MatrixBasis(array, name)
+    key = name, array.dtype.str, array.shape, hashlib.sha256(array.tobytes()).digest()
+    if key not in _known:
+        _known[key] = MatrixBasis(array, name)
+    return _known[key]
+
+
+# ------------------------------------------------------------------ helpers
+
+
+def _checked(array: np.ndarray, name: str) -> np.ndarray:
+    """The generators as an array of floats or complex numbers, square, finite, linearly independent."""
+    if array.dtype.kind not in "iufc":
+        raise InvalidType(f"{name}.generators must be real or complex numbers; got dtype {array.dtype}")
+    if array.ndim != 3 or array.shape[1] != array.shape[2] or not array.size:
+        raise InvalidInput(f"{name}.generators has shape {array.shape}; it must be (dim, n, n): square matrices, one per generator")
+    array = np.array(array, dtype=complex if array.dtype.kind == "c" else float)
+    bad = np.argwhere(~np.isfinite(array))
+    if len(bad):
+        at = tuple(map(int, bad[0]))
+        raise InvalidInput(f"{name}.generators{list(at)} is {array[at]}; every entry must be finite")
+    sizes = np.linalg.norm(array, axis=(1, 2))
+    if len(array) <= 2 * SMALL**2:
+        flat = real_parts(array) / np.where(sizes > 0.0, sizes, 1.0)[:, None]
+        rank = int((np.linalg.svd(flat, compute_uv=False) > 1e-10).sum())
+    else:
+        rank = int((sizes > 0.0).sum())
+    if rank < len(array):
+        raise LawViolation(f"{name}.generators are linearly dependent: {len(array)} matrices of rank {rank}. Leave some out")
+    array.flags.writeable = False
+    return array
+
+
+def real_parts(matrices: np.ndarray, both: bool | None = None) -> np.ndarray:
+    """Matrices as rows of real numbers, for complex ones the real parts before the imaginary parts.  matrices : (m, n, n)."""
+    flat = matrices.reshape(len(matrices), int(np.prod(matrices.shape[1:])))
+    if both or (both is None and np.iscomplexobj(matrices)):
+        return np.concatenate([flat.real, flat.imag], axis=1)
+    return flat
+
+
+def clean(values: np.ndarray) -> np.ndarray:
+    """The values with rounding errors taken off those that are fractions with a denominator up to 60; no other changes."""
+    values = np.array(values, dtype=float)
+    scale = np.abs(values).max(initial=0.0)
+    if scale == 0.0:
+        return values
+    margin = 16 * np.finfo(float).eps
+    values[np.abs(values) <= margin * scale] = 0.0
+    open_ = values != 0.0
+    for q in range(1, 61):
+        nearest = np.round(values * q) / q
+        hit = open_ & (np.abs(values - nearest) <= margin * np.abs(values)) & (nearest != 0.0)
+        values[hit] = nearest[hit]
+        open_ &= ~hit
+    return values
+
+
+def linear_terms(row: np.ndarray) -> tuple[tuple[float, int], ...]:
+    """(coefficient, index) of what is not zero, positive coefficients first."""
+    found = [(float(row[k]), int(k)) for k in np.flatnonzero(row)]
+    return tuple(sorted(found, key=lambda term: term[0] < 0.0))
+
+
+def products(square: np.ndarray) -> tuple[tuple[float, int, int], ...]:
+    """(coefficient, row, column) of what is not zero, positive coefficients first."""
+    found = [(float(square[i, j]), int(i), int(j)) for i, j in np.argwhere(square != 0.0)]
+    return tuple(sorted(found, key=lambda term: term[0] < 0.0))

@@ -1,0 +1,238 @@
+"""Functions of small matrices, as formulas: exponential, logarithm, square root, inverse and determinant.
+
+Entries are numbers, complex numbers or numbers that carry a derivative.  Sizes are measured by the Frobenius norm.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ..native import Complex, Mat, Vec, mat, vec
+
+INFINITE = float("inf")
+
+TINY = 2.0**-112
+"""(2^-56)^2: the square of what a sum of size one does not feel."""
+
+LOST = 52.0
+"""Doublings after which no digit of exp(x) would be left: nan instead."""
+
+
+def frobenius2(m: Mat) -> float:
+    """The sum of the squared absolute values of all entries."""
+    return total([abs2(x) for row in m for x in row])
+
+
+def abs2(x: Any) -> Any:
+    """|x|^2."""
+    return x.re * x.re + x.im * x.im if isinstance(x, Complex) else x * x
+
+
+def total(items: list[Any]) -> Any:
+    """The sum of a list, by halves: short chains of additions, small errors."""
+    if len(items) == 1:
+        return items[0]
+    half = (len(items) + 1) // 2
+    return total(items[:half]) + total(items[half:])
+
+
+def unit(m: Mat) -> Mat:
+    """The unit matrix of the shape of m, its entries of the kind of m's."""
+    zero = 0.0 if isinstance(m[0, 0], float) else 0.0 * m[0, 0]
+    return mat(*[vec(*[zero + 1.0 if i == j else zero for j in range(len(m))]) for i in range(len(m))])
+
+
+def plus(m: Mat, s: float) -> Mat:
+    """m + s 1."""
+    return mat(*[vec(*[m[i, j] + s if i == j else m[i, j] for j in range(len(m))]) for i in range(len(m))])
+
+
+def expm1(x: Mat) -> Mat:
+    """exp(x) - 1, to rounding relative to x where x is small: cosh(x) - 1 + x (sinh(x)/x), both series in x^2, with x halved
+    until its norm is at most 1, and exp(2x) - 1 = 2 E + E^2 with E = exp(x) - 1 thereafter.  Norms above 2^52 give nan.
+
+    x : (n, n).  Source: Higham, Functions of Matrices (2008), section 10.3 (scaling and squaring).
+    """
+    size2, halvings = frobenius2(x), 0.0
+    while size2 > 1.0 and halvings < 1100.0:
+        x = 0.5 * x
+        size2, halvings = frobenius2(x), halvings + 1.0
+    if halvings > LOST:
+        x = x * (INFINITE - INFINITE)
+    e = _series_by_characteristic(x, size2) if len(x) == 3 else _series(x, size2)
+    while halvings > 0.0:
+        e = 2.0 * e + e @ e
+        halvings = halvings - 1.0
+    return e
+
+
+def _series(x: Mat, size2: float) -> Mat:
+    """x + x^2/2 + x^3/6 + ..., as cosh(x) - 1 + x (sinh(x)/x), for a matrix of norm 1 at most."""
+    square = x @ x
+    term = 0.5 * square
+    even, odd = term, (1.0 / 3.0) * term
+    bound, k = 0.5 * size2, 2.0
+    while bound * bound > TINY * size2 and k < 64.0:
+        bound = bound * (size2 / ((k + 1.0) * (k + 2.0)))
+        term = (1.0 / ((k + 1.0) * (k + 2.0))) * (term @ square)
+        k = k + 2.0
+        even, odd = even + term, odd + (1.0 / (k + 1.0)) * term
+    return x + (even + x @ odd)
+
+
+def _series_by_characteristic(x: Mat, size2: float) -> Mat:
+    """The same for 3 by 3: with x^3 = s x^2 + t x + d every power is a x^2 + b x + c, and only numbers are summed.
+
+    Source: the theorem of Cayley and Hamilton; Gantmacher, The Theory of Matrices, volume 1, chapter 4.
+    """
+    square = x @ x
+    s = x[0, 0] + x[1, 1] + x[2, 2]
+    t = 0.5 * (square[0, 0] + square[1, 1] + square[2, 2] - s * s)
+    d = _determinant3(x)
+    b = c = 0.0 * (s + t + d)
+    a = 0.5 + b
+    of_square, of_x, of_one = a, b, c
+    bound, k = 0.25 * size2 * size2, 2.0
+    while bound > TINY * size2 and k < 64.0:
+        k = k + 1.0
+        part = 1.0 / k
+        a, b, c = part * (s * a + b), part * (t * a + c), part * (d * a)
+        of_square, of_x, of_one, bound = of_square + a, of_x + b, of_one + c, bound * (size2 * (part * part))
+    return x + plus(square * of_square + x * of_x, of_one)
+
+
+def _determinant3(m: Mat) -> Any:
+    minors = m[1, 1] * m[2, 2] - m[1, 2] * m[2, 1], m[1, 2] * m[2, 0] - m[1, 0] * m[2, 2], m[1, 0] * m[2, 1] - m[1, 1] * m[2, 0]
+    return m[0, 0] * minors[0] + m[0, 1] * minors[1] + m[0, 2] * minors[2]
+
+
+def expm(x: Mat) -> Mat:
+    """exp(x).  x : (n, n).  Source: Higham, Functions of Matrices (2008), chapter 10."""
+    return plus(expm1(x), 1.0)
+
+
+def phi1m(a: Mat) -> Mat:
+    """(exp(a) - 1)/a = 1 + a/2 + a^2/6 + ..., for large a from its half: phi_1(2a) = phi_1(a) + a phi_1(a)^2/2.  a : (n, n).
+
+    Source: Higham, Functions of Matrices (2008), section 10.7.4.
+    """
+    size2, halvings = frobenius2(a), 0.0
+    while size2 > 1.0 and halvings < 1100.0:
+        a = 0.5 * a
+        size2, halvings = frobenius2(a), halvings + 1.0
+    if halvings > LOST:
+        a = a * (INFINITE - INFINITE)
+    term, k, bound = 0.5 * a, 2.0, 0.25 * size2
+    phi = plus(term, 1.0)
+    while bound > TINY and k < 64.0:
+        k = k + 1.0
+        term, bound = (1.0 / k) * (term @ a), bound * (size2 / (k * k))
+        phi = phi + term
+    while halvings > 0.0:
+        phi, a, halvings = phi + 0.5 * (a @ (phi @ phi)), 2.0 * a, halvings - 1.0
+    return phi
+
+
+def solve_matrix(m: Mat, rhs: Mat) -> Mat:
+    """The solution X of m X = rhs by Gaussian elimination with partial pivoting; a singular matrix gives inf or nan.
+
+    m : (n, n), rhs : (n, k).
+    """
+    n = len(m)
+    rows = [vec(*m[i], *rhs[i]) for i in range(n)]
+    for k in range(n):
+        for i in range(k + 1, n):  # a compare-and-swap network brings the largest entry of the column to row k
+            rows[k], rows[i] = _exchange(_size(rows[i][k]) > _size(rows[k][k]), rows[k], rows[i])
+        head = _reciprocal(rows[k][k])
+        rows[k] = vec(*[x * head for x in rows[k]])
+        for i in range(n):
+            if i != k:
+                rows[i] = rows[i] - rows[k] * rows[i][k]
+    return mat(*[vec(*row[n:]) for row in rows])
+
+
+def _exchange(condition: Any, a: Vec, b: Vec) -> tuple[Vec, Vec]:
+    """(b, a) where the condition holds, else (a, b)."""
+    if condition:
+        return b, a
+    return a, b
+
+
+def _size(x: Any) -> Any:
+    """What pivots are compared by: |x|, or |re x| + |im x|."""
+    return abs(x.re) + abs(x.im) if isinstance(x, Complex) else abs(x)
+
+
+def _reciprocal(x: Any) -> Any:
+    """1/x, infinite for zero."""
+    if isinstance(x, Complex):
+        return x.conjugate() * _reciprocal(abs2(x))
+    return 1.0 / x if x != 0.0 else INFINITE + 0.0 * x
+
+
+def inverse(m: Mat) -> Mat:
+    """The inverse of a matrix; a singular one gives inf or nan.  m : (n, n)."""
+    return solve_matrix(m, unit(m))
+
+
+def determinant(m: Mat) -> Any:
+    """The determinant, by elimination with partial pivoting.  m : (n, n)."""
+    n = len(m)
+    rows, product = [*m], 1.0
+    for k in range(n):
+        for i in range(k + 1, n):
+            larger = _size(rows[i][k]) > _size(rows[k][k])
+            rows[k], rows[i] = _exchange(larger, rows[k], rows[i])
+            product = -product if larger else product
+        pivot = rows[k][k]
+        product = product * pivot
+        head = _reciprocal(pivot if _size(pivot) > 0.0 else pivot + 1.0)  # below zero there is nothing to eliminate
+        for i in range(k + 1, n):
+            rows[i] = rows[i] - rows[k] * (rows[i][k] * head)
+    return product
+
+
+def sqrtm(a: Mat) -> Mat:
+    """The principal square root, by the product form of Denman and Beavers' iteration; inf or nan if there is none.
+
+    M' = (2 + M + M^-1)/4,  Y' = Y (1 + M^-1)/2,  from M = Y = a;  M -> 1, Y -> a^1/2.  a : (n, n).
+    Source: Higham, Functions of Matrices (2008), equation (6.29).
+    """
+    m, y, turns = a, a, 0.0
+    error2 = frobenius2(plus(m, -1.0))
+    while error2 > 1e-18 and turns < 60.0:
+        back = inverse(m)
+        y = 0.5 * (y + y @ back)
+        m = plus(0.25 * (m + back), 0.5)
+        error2, turns = frobenius2(plus(m, -1.0)), turns + 1.0
+    return 0.5 * (y @ plus(-m, 3.0))
+
+
+def logm(a: Mat) -> Mat:
+    """The principal logarithm, by square roots and log y = 2 atanh((y - 1)(y + 1)^-1); inf or nan if there is none.
+
+    a : (n, n).  Source: Higham, Functions of Matrices (2008), chapter 11 (inverse scaling and squaring).
+    """
+    y, roots, scale = a, 0.0, 2.0
+    size2 = frobenius2(plus(y, -1.0))
+    while size2 > 0.25 and roots < 40.0:
+        y = sqrtm(y)
+        size2, roots, scale = frobenius2(plus(y, -1.0)), roots + 1.0, 2.0 * scale
+    return scale * atanhm(plus(y, -1.0) @ inverse(plus(y, 1.0)))
+
+
+def log1pm(x: Mat) -> Mat:
+    """log(1 + x) for a small matrix, to rounding relative to x.  x : (n, n), of norm below 1/2."""
+    return 2.0 * atanhm(x @ inverse(plus(x, 2.0)))
+
+
+def atanhm(z: Mat) -> Mat:
+    """The series z + z^3/3 + z^5/5 + ..., for norms well below 1.  z : (n, n)."""
+    square = z @ z
+    size2 = frobenius2(z)
+    power, sum_, k, bound = z, z, 1.0, 1.0
+    while bound * bound > TINY and k < 200.0:
+        power = power @ square
+        k, bound = k + 2.0, bound * size2
+        sum_ = sum_ + (1.0 / k) * power
+    return sum_

@@ -1,0 +1,521 @@
+"""Groups of matrices from generators alone: every map follows, compiled for small matrices, through NumPy for large ones."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ..errors import IncompatibleSystem, InvalidInput
+from ..native import Ambient, Complex, Element, Mat, Vec, identity_matrix, mat, record, solve, solve3, sqrt, vec
+from . import matrix_arrays
+from .lie_group import MEMBERSHIP, LieGroup
+from .matrix_algebra import MatrixLieAlgebra, adjoint, scaled
+from .matrix_basis import MatrixBasis, basis_of
+from .matrix_functions import (
+    INFINITE,
+    LOST,
+    TINY,
+    abs2,
+    determinant,
+    expm1,
+    frobenius2,
+    inverse,
+    log1pm,
+    logm,
+    phi1m,
+    plus,
+    solve_matrix,
+    total,
+)
+from .matrix_invariants import Invariants, invariants_of, objections
+
+BERNOULLI = (
+    1 / 12, -1 / 720, 1 / 30240, -1 / 1209600, 1 / 47900160, -691 / 1307674368000, 1 / 74724249600,
+    -3617 / 10670622842880000, 43867 / 5109094217170944000, -174611 / 802857662698291200000,
+)  # fmt: skip
+"""B_2k/(2k)!, k = 1, 2, ...: the even coefficients of z/(e^z - 1).  Source: Abramowitz and Stegun, table 23.2."""
+
+
+@record
+class MatrixLieGroup(LieGroup):
+    """A connected group of real or complex matrices, given by generators alone: a basis of its Lie algebra.
+
+        class Heisenberg(lm.MatrixLieGroup):
+            generators = np.array([...])                     # (dim, n, n)
+
+    The generators may depend on fields (`@record`, and `generators` a property), or be a value: `MatrixLieGroup.of(generators)`.
+    Coordinates are real, of complex matrices too.  From the generators follow the structure constants, the exponential and the
+    logarithm, the coadjoint action, their differentials, the Cayley family where the algebra is closed under x y x, and what all
+    elements leave alone: an array that does not is no element.
+
+    Raises InvalidInput, InvalidType for generators that are no square matrices of finite numbers, LawViolation if they are
+    linearly dependent or not closed under the bracket.
+
+    Source: Hall, Lie Groups, Lie Algebras, and Representations, 2nd ed., chapters 2, 3 and 5; Higham, Functions of Matrices (2008).
+    """
+
+    # ---------------------------------------------------------------- 1. a subclass writes
+
+    @property
+    def generators(self) -> Any:
+        """A basis E_1, ..., E_dim of the algebra.  (dim, n, n), real or complex."""
+        raise NotImplementedError(f"{type(self).__name__} must define `generators`, an array of shape (dim, n, n)")
+
+    @staticmethod
+    def of(generators: Any) -> MatrixLieGroup:
+        """The group with these generators.  generators : (dim, n, n)."""
+        return GeneratedGroup(generators)
+
+    # ---------------------------------------------------------------- what the generators say
+
+    @cached_property
+    def generated(self) -> MatrixBasis:
+        """The generators, checked, and the constants that follow from them."""
+        return basis_of(self.generators, type(self).__name__)
+
+    @cached_property
+    def is_large(self) -> bool:
+        """Are the matrices too large for formulas?"""
+        return self.generated.large
+
+    @cached_property
+    def algebra(self) -> MatrixLieAlgebra:
+        """The algebra that the generators span."""
+        return MatrixLieAlgebra(self)
+
+    @cached_property
+    def invariants(self) -> Invariants:
+        """What all elements leave alone: vectors, forms, the determinant."""
+        return invariants_of(self.generated)
+
+    # ---------------------------------------------------------------- group
+
+    def identity(self) -> Element:
+        """The unit matrix."""
+        return _constant(np.eye(self.generated.n, dtype=self.generated.generators.dtype))
+
+    def inverse(self, g: Element) -> Element:
+        """B^-1 g^T B where the group keeps a form B that makes this cheap, else by elimination."""
+        if self._form is None:
+            return inverse(g)
+        back, b = self._form
+        return mat(*[vec(*[scaled(back[i] * b[j], _of(g, j, i)) for j in range(len(b))]) for i in range(len(b))])
+
+    @cached_property
+    def _form(self) -> tuple[tuple[float, ...], tuple[float, ...]] | None:
+        """Of an invariant form that is diagonal with entries 1 and -1, the diagonals of its inverse and of itself."""
+        for b in self.invariants.hermitian if self.generated.complex else self.invariants.forms:
+            diagonal = np.diag(b)
+            if np.array_equal(b, np.diag(diagonal)) and (np.abs(diagonal) == 1.0).all() and not np.any(np.imag(diagonal)):
+                signs = tuple(float(x) for x in np.real(diagonal))
+                return signs, signs
+        return None
+
+    def Ad(self, g: Element, xi: Vec) -> Vec:
+        """The coordinates of g hat(xi) g^-1."""
+        return self._conjugated(g, self.inverse(g), xi)
+
+    def Ad_star(self, g: Element, mu: Vec) -> Vec:
+        """The momentum of g^H M g^-H, M the matrix that stands for mu."""
+        return self._coadjoint(g, self.inverse(g), mu)
+
+    def _conjugated(self, g: Mat, back: Mat, xi: Vec) -> Vec:
+        return self.algebra.vee(g @ self.algebra.hat(xi) @ back)
+
+    def _coadjoint(self, g: Mat, back: Mat, mu: Vec) -> Vec:
+        return self.algebra.pairing(adjoint(g) @ self.algebra.covector(mu) @ adjoint(back))
+
+    # ---------------------------------------------------------------- exponential
+
+    def exp(self, xi: Vec) -> Element:
+        """The exponential of the matrix."""
+        return plus(expm1(self.algebra.hat(xi)), 1.0)
+
+    def compose_exp(self, g: Element, xi: Vec) -> Element:
+        """g + g (exp(xi) - 1): rounded by what the step adds, not by what is there."""
+        return g + g @ expm1(self.algebra.hat(xi))
+
+    def exp_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
+        """sum_k ad*_xi^k mu/k!, without forming a matrix unless xi is large."""
+        if self.algebra.ad_size2(xi) <= 4.0:
+            return mu + _series(self.algebra.ad_star, xi, mu, self.algebra.ad_size2(xi), 0.0)
+        g = self.exp(xi)
+        return self._coadjoint(g, self.exp(-xi) if self._form is None else self.inverse(g), mu)
+
+    def log(self, g: Element) -> Vec:
+        """The principal logarithm, by square roots, corrected on the group; InvalidInput if there is none in the algebra.
+
+        The correction is log(exp(xi) h) = xi + dexp_xi^-1 log h + ... (left) of h = exp(-xi) g, which is close to 1.  Where an
+        eigenvalue is -1 there may be several; one is found from a neighbour of g.
+        """
+        xi, off2, near, tries = self.algebra.vee(plus(g, -1.0)), 1.0, g, 0.0
+        while off2 > 1e-20 and tries < 2.0:
+            xi = self.algebra.vee(logm(near))
+            rest = plus(self.exp(-xi) @ g, -1.0)
+            off2, turns = frobenius2(rest), 0.0
+            while 1e-31 < off2 < 0.01 and turns < 6.0:
+                xi = xi + self.dexp_inv(xi, self.algebra.vee(log1pm(rest)), "left")
+                rest = plus(self.exp(-xi) @ g, -1.0)
+                off2, turns = frobenius2(rest), turns + 1.0
+            off2 = off2 if off2 < 1.0 else 1.0
+            near, tries = g @ self._neighbour, tries + 1.0
+        if off2 > 1e-16 * max(1.0, frobenius2(g)):
+            raise InvalidInput(
+                f"{type(self).__name__}.log: the element has no principal logarithm in the algebra: an eigenvalue is negative or "
+                "zero, or it is no exponential"
+            )
+        return xi
+
+    @cached_property
+    def _neighbour(self) -> Mat:
+        """An element close to the identity, in no special direction."""
+        direction = np.cos(np.arange(1.0, self.dim + 1.0))
+        x = self.generated.hat(direction)
+        return _constant(np.array(expm1(Mat.of((1e-3 / np.linalg.norm(x) * x).tolist()))) + np.eye(len(x)))
+
+    def dexp(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
+        """sum_k ad_xi^k eta/(k + 1)!; for large xi from its half, dexp_xi = (1 + Ad_exp(xi/2))/2 dexp_(xi/2)."""
+        return self._phi(self.algebra.bracket, self._conjugated, xi if side == "right" else -xi, eta)
+
+    def dexp_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+        """sum_k ad*_xi^k mu/(k + 1)!; for large xi from its half."""
+        return self._phi(self.algebra.ad_star, self._coadjoint, xi if side == "right" else -xi, mu)
+
+    def _phi(self, small: Callable[..., Vec], large: Callable[..., Vec], x: Vec, v: Vec) -> Vec:
+        size2 = self.algebra.ad_size2(x)
+        if size2 <= 4.0:
+            return v + _series(small, x, v, size2, 1.0)
+        halvings = 0.0
+        while size2 > 4.0 and halvings < 1100.0:
+            x = 0.5 * x
+            size2, halvings = self.algebra.ad_size2(x), halvings + 1.0
+        if halvings > LOST:
+            v = v * (INFINITE - INFINITE)
+        v = v + _series(small, x, v, size2, 1.0)
+        g, back = expm1(self.algebra.hat(x)), expm1(self.algebra.hat(-x))
+        while halvings > 0.0:
+            v = 0.5 * (v + large(plus(g, 1.0), plus(back, 1.0), v))
+            g, back, halvings = 2.0 * g + g @ g, 2.0 * back + back @ back, halvings - 1.0
+        return v
+
+    def dexp_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
+        """eta - [xi, eta]/2 + [xi, [xi, eta]]/12 - ...; for large xi the solution of dexp_xi (...) = eta."""
+        x = xi if side == "right" else -xi
+        size2 = self.algebra.ad_size2(x)
+        if size2 <= 1.0:
+            return _bernoulli_series(self.algebra.bracket, x, eta, size2)
+        return solve(phi1m(self._ad_star_matrix(x).T), eta)
+
+    def dexp_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+        """mu - ad*_xi mu/2 + ad*_xi^2 mu/12 - ...; for large xi the solution of (dexp_xi)* (...) = mu."""
+        x = xi if side == "right" else -xi
+        size2 = self.algebra.ad_size2(x)
+        if size2 <= 1.0:
+            return _bernoulli_series(self.algebra.ad_star, x, mu, size2)
+        return solve(phi1m(self._ad_star_matrix(x)), mu)
+
+    def exp_mismatch(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float | Mat, Mat]:
+        """r = p - sum_k t_k with t_k = ad*_xi t_k-1/(k + 1), t_0 = mu; the derivative of the recursion gives dr/dxi.
+
+        The derivative stops at 1e-11: Newton's method feels no less.
+        """
+        size2 = self.algebra.ad_size2(xi)
+        if self.generated.large:
+            return LieGroup.exp_mismatch(self, xi, p, mu)
+        k = 2.0
+        term = self.algebra.ad_star(0.5 * xi, mu)
+        slope, bound = 0.5 * self._ad_star_of_basis(mu), size2
+        by_xi, change = slope, term
+        while bound > ROUGH and k < 64.0:
+            k = k + 1.0
+            x = (1.0 / k) * xi
+            slope = self._ad_star_of_columns(x, slope) + (1.0 / k) * self._ad_star_of_basis(term)
+            term = self.algebra.ad_star(x, term)
+            by_xi, change, bound = by_xi + slope, change + term, bound * (size2 / (k * k))
+        while bound > TINY and k < 64.0:
+            k = k + 1.0
+            term = self.algebra.ad_star((1.0 / k) * xi, term)
+            change, bound = change + term, bound * (size2 / (k * k))
+        carried = mu + change if size2 <= 4.0 else self.dexp_dual(xi, mu)
+        return p - carried, 1.0, -by_xi
+
+    def _ad_star_of_basis(self, mu: Vec) -> Mat:
+        """The matrix whose columns are ad*_E_m mu."""
+        terms, dim = self.generated.ad_star_terms, self.dim
+        return mat(*[vec(*[_sum([scaled(c, mu[k]) for c, i, k in terms[j] if i == m]) for m in range(dim)]) for j in range(dim)])
+
+    def _ad_star_matrix(self, x: Vec) -> Mat:
+        """The matrix of ad*_x."""
+        terms, dim = self.generated.ad_star_terms, self.dim
+        return mat(*[vec(*[_sum([scaled(c, x[i]) for c, i, k in terms[j] if k == m]) for m in range(dim)]) for j in range(dim)])
+
+    def _ad_star_of_columns(self, x: Vec, columns: Mat) -> Mat:
+        """The matrix whose columns are ad*_x of the columns of another."""
+        dim = self.dim
+        return mat(*[_sum_rows([columns[k] * scaled(c, x[i]) for c, i, k in terms], dim) for terms in self.generated.ad_star_terms])
+
+    # ---------------------------------------------------------------- Cayley map
+
+    def why_no_cayley(self) -> str | None:
+        """The generators whose product x y x leaves the algebra."""
+        return self.generated.without_cayley
+
+    def _require_cayley(self) -> None:
+        if self.why_no_cayley() is not None:
+            raise IncompatibleSystem(f"{type(self).__name__} has no Cayley map: {self.why_no_cayley()}")
+
+    def cayley(self, xi: Vec) -> Element:
+        """1 + (1 - x/2)^-1 x with the matrix x."""
+        return plus(self._cayley1(xi), 1.0)
+
+    def compose_cayley(self, g: Element, xi: Vec) -> Element:
+        """g + g (cay(xi) - 1)."""
+        return g + g @ self._cayley1(xi)
+
+    def _cayley1(self, xi: Vec) -> Mat:
+        """cay(xi) - 1."""
+        self._require_cayley()
+        x = self.algebra.hat(xi)
+        return solve_matrix(plus(-0.5 * x, 1.0), x)
+
+    def cayley_inv(self, g: Element) -> Vec:
+        """2 (g - 1)(g + 1)^-1; InvalidInput if -1 is an eigenvalue of g."""
+        self._require_cayley()
+        return self.algebra.vee(2.0 * (plus(g, -1.0) @ inverse(plus(g, 1.0))))
+
+    def cayley_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
+        """mu + ad*_xi (dcay_xi)* mu: what is added is small."""
+        return mu + self.algebra.ad_star(xi, self.dcayley_dual(xi, mu))
+
+    def dcayley(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
+        """(1 - x/2)^-1 eta (1 + x/2)^-1."""
+        half = 0.5 * self.algebra.hat(xi if side == "right" else -xi)
+        return self.algebra.vee(solve_matrix(plus(-half, 1.0), self.algebra.hat(eta)) @ inverse(plus(half, 1.0)))
+
+    def dcayley_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+        """The dual of (1 - x/2)^-1 eta (1 + x/2)^-1."""
+        x = xi if side == "right" else -xi
+        if self.dim == 3 and self.generated.few_triples:
+            return solve3(self._dcayley_inv_dual(x), mu)
+        half = adjoint(0.5 * self.algebra.hat(x))
+        return self.algebra.pairing(solve_matrix(plus(-half, 1.0), self.algebra.covector(mu)) @ inverse(plus(half, 1.0)))
+
+    def dcayley_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
+        """eta - [xi, eta]/2 - xi eta xi/4."""
+        x = xi if side == "right" else -xi
+        m = self.algebra.hat(x)
+        triple = self.algebra.vee(m @ self.algebra.hat(eta) @ m)
+        return eta - (0.5 * self.algebra.bracket(x, eta) + 0.25 * triple)
+
+    def dcayley_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+        """mu - ad*_xi mu/2 - (the dual of eta -> xi eta xi) mu/4."""
+        x = xi if side == "right" else -xi
+        if self.generated.few_triples:
+            return self._dcayley_inv_dual(x) @ mu
+        m = adjoint(self.algebra.hat(x))
+        triple = self.algebra.pairing(m @ self.algebra.covector(mu) @ m)
+        return mu - (0.5 * self.algebra.ad_star(x, mu) + 0.25 * triple)
+
+    def cayley_mismatch(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float | Mat, Mat]:
+        """r = D p - mu with D = (dcay_xi^-1)*, whose entries are polynomials of xi; dr/dp = D, and dr/dxi term by term."""
+        if not self.generated.few_triples:
+            return LieGroup.cayley_mismatch(self, xi, p, mu)
+        by_p = self._dcayley_inv_dual(xi)
+        linear, square, dim = self.generated.ad_star_terms, self.generated.triple_dual_terms, self.dim
+        by_xi = mat(
+            *[
+                vec(
+                    *[
+                        _sum(
+                            [scaled(-0.5 * c, p[k]) for c, i, k in linear[j] if i == m]
+                            + [scaled(-0.25 * c, xi[b] * p[k]) for c, a, b, k in square[j] if a == m]
+                            + [scaled(-0.25 * c, xi[a] * p[k]) for c, a, b, k in square[j] if b == m]
+                        )
+                        for m in range(dim)
+                    ]
+                )
+                for j in range(dim)
+            ]
+        )
+        return by_p @ p - mu, by_p, by_xi
+
+    def _dcayley_inv_dual(self, x: Vec) -> Mat:
+        """The matrix of (dcay_x^-1)*, from the constants of ad* and of y -> x y x."""
+        linear, square, dim = self.generated.ad_star_terms, self.generated.triple_dual_terms, self.dim
+        return mat(
+            *[
+                vec(
+                    *[
+                        _sum(
+                            ([1.0] if j == k else [])
+                            + [scaled(-0.5 * c, x[i]) for c, i, col in linear[j] if col == k]
+                            + [scaled(-0.25 * c, x[a] * x[b]) for c, a, b, col in square[j] if col == k]
+                        )
+                        for k in range(dim)
+                    ]
+                )
+                for j in range(dim)
+            ]
+        )
+
+    # ---------------------------------------------------------------- membership
+
+    def defect(self, g: Ambient) -> float:
+        """The largest defect of the invariants, relative to the size of an element."""
+        laws, spread = self._laws, max(1.0, frobenius2(g) / len(g))
+        if not spread < HUGE:
+            return spread
+        g_t, g_h = g.T, adjoint(g)
+        second = [g_t @ b @ g - b for b in laws["forms"]] + [g_h @ b @ g - b for b in laws["hermitian"]]
+        second = second + [g @ c @ g_t - c for c in laws["coforms"]] + [g @ c @ g_h - c for c in laws["cohermitian"]]
+        first = [g @ v - v for v in laws["vectors"]] + [w @ g - w for w in laws["covectors"]]
+        commutators = [g @ a - a @ g for a in laws["commuting"]]
+        of_forms = max([0.0, 0.0] + [abs2(x) for m in second for row in m for x in row]) / (spread * spread)
+        of_vectors = max([0.0, 0.0] + [abs2(x) for v in first for x in v]) / spread
+        of_matrices = max([0.0, 0.0] + [abs2(x) for m in commutators for row in m for x in row]) / spread
+        others = max(self._determinant_defect(g), self._normaliser_defect(g))
+        return max(sqrt(max(of_forms, of_vectors, of_matrices)), others)
+
+    def _determinant_defect(self, g: Mat) -> float:
+        det, kind = determinant(g), self.invariants.determinant
+        if kind == "any":
+            return 0.0 if abs2(det) > 0.0 else 1.0
+        scale = 1.0
+        for row in g:
+            scale = scale * sqrt(total([abs2(x) for x in row]))
+        off = sqrt(abs2(det - 1.0)) if kind == "1" else abs(sqrt(abs2(det)) - 1.0)
+        return off / max(1.0, scale)
+
+    def _normaliser_defect(self, g: Mat) -> float:
+        if self.invariants.enough:
+            return 0.0
+        worst, back = 0.0, self.inverse(g)
+        for unit in identity_matrix(self.dim):
+            moved = g @ self.algebra.hat(unit) @ back
+            off = frobenius2(moved - self.algebra.hat(self.algebra.vee(moved))) / frobenius2(moved)
+            worst = max(worst, off if off >= 0.0 else 1.0)
+        return sqrt(worst)
+
+    @cached_property
+    def _laws(self) -> dict[str, tuple[Any, ...]]:
+        """The invariants as constants of formulas."""
+        kind = self.generated.generators.dtype
+        names = ("vectors", "covectors", "commuting", "forms", "hermitian", "coforms", "cohermitian")
+        return {name: tuple(_constant(np.asarray(x, dtype=kind)) for x in getattr(self.invariants, name)) for name in names}
+
+    def objection(self, g: np.ndarray) -> str | None:
+        """The first of the invariants that it breaks, and by how much."""
+        return next((words for off, words in objections(self.invariants, self.generated, g) if not off <= MEMBERSHIP), None)
+
+    def nearest(self, g: Ambient) -> Element:
+        """The element h with the least |h - g|: Gauss-Newton steps on the group from exp(log g).  Raises InvalidInput."""
+        return _constant(matrix_arrays.nearest(self.generated, np.array(g)))
+
+    def _in_numpy(self, method: str, arguments: dict[str, Any]) -> Any:
+        return matrix_arrays.value(self, method, arguments)
+
+
+class Matrices:
+    """Generators as one constant of native code: two of them are the same if all their entries are."""
+
+    def __init__(self, array: np.ndarray) -> None:
+        self.array = array
+        self.digest = hashlib.sha256(array.tobytes()).hexdigest()
+
+    def __repr__(self) -> str:
+        dim, n, _ = self.array.shape
+        return f"{dim} {'complex' if np.iscomplexobj(self.array) else 'real'} matrices {n} x {n}, {self.digest[:16]}"
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Matrices) and self.digest == other.digest
+
+    def __hash__(self) -> int:
+        return hash(self.digest)
+
+
+@record
+class GeneratedGroup(MatrixLieGroup):
+    """A group whose generators are a value: what `MatrixLieGroup.of` returns.
+
+    matrices : (dim, n, n).
+    """
+
+    matrices: Any
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.matrices, Matrices):
+            object.__setattr__(self, "matrices", Matrices(basis_of(self.matrices, "MatrixLieGroup").generators))
+
+    @property
+    def generators(self) -> np.ndarray:
+        """The matrices."""
+        return self.matrices.array
+
+    def __repr__(self) -> str:
+        return f"MatrixLieGroup.of({self.matrices})"
+
+
+HUGE = 1e150
+
+ROUGH = 2.0**-72
+"""(2^-36)^2: the square of what an iteration does not feel."""
+
+
+def whole_number(name: str, n: Any, smallest: int) -> int:
+    """The size of a group, checked.  Raises InvalidInput."""
+    if isinstance(n, bool) or not isinstance(n, (int, np.integer)):
+        raise InvalidInput(f"{name}(n): n must be an integer; got {n!r}")
+    if n < smallest:
+        raise InvalidInput(f"{name}({n}): the smallest is {name}({smallest})")
+    return int(n)
+
+
+def _constant(array: np.ndarray) -> Any:
+    """A vector or matrix of numbers that formulas take as they are."""
+    return Vec.of(array.tolist()) if array.ndim == 1 else Mat.of(array.tolist())
+
+
+def _of(g: Mat, i: int, j: int) -> Any:
+    """The entry i, j, conjugated."""
+    return g[i, j].conjugate() if isinstance(g[i, j], Complex) else g[i, j]
+
+
+def _sum(items: list[Any]) -> Any:
+    return total(items) if len(items) else 0.0
+
+
+def _sum_rows(rows: list[Vec], dim: int) -> Vec:
+    return total(rows) if len(rows) else vec(*[0.0] * dim)
+
+
+def _series(action: Callable[..., Vec], x: Vec, v: Vec, size2: float, first: float) -> Vec:
+    """The sum of A^k v first!/(k + first)! for k = 1, 2, ..., A = action(x, .) with |A|^2 <= size2: exp(A) v - v for first = 0."""
+    k = first + 1.0
+    term = action((1.0 / k) * x, v)
+    result, bound = term, size2
+    while bound > TINY and k < 64.0:
+        k = k + 1.0
+        term = action((1.0 / k) * x, term)
+        result, bound = result + term, bound * (size2 / (k * k))
+    return result
+
+
+def _bernoulli_series(action: Callable[..., Vec], x: Vec, v: Vec, size2: float) -> Vec:
+    """The sum of B_k/k! A^k v, A = action(x, .) with |A|^2 <= size2 <= 1: as many terms as that needs."""
+    if size2 <= 0.02:
+        return _bernoulli_sum(BERNOULLI[:5], action, x, v)
+    return _bernoulli_sum(BERNOULLI, action, x, v)
+
+
+def _bernoulli_sum(coefficients: tuple[float, ...], action: Callable[..., Vec], x: Vec, v: Vec) -> Vec:
+    power = action(x, v)
+    change = -0.5 * power
+    for b in coefficients:
+        power = action(x, power)
+        change = change + b * power
+        power = action(x, power)
+    return v + change

@@ -1,0 +1,189 @@
+"""Vector spaces as Lie groups: the elements are vectors, the product is the sum, and nothing needs a correction."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..native import Ambient, Element, Mat, Vec, mat, record, vec
+from .lie_algebra import Constants, LieAlgebra
+from .lie_group import LieGroup
+from .matrix_group import whole_number
+
+
+@record
+class AbelianAlgebra(LieAlgebra):
+    """R^n with the bracket zero.
+
+    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 9.1.
+    """
+
+    n: int
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "n", whole_number(type(self).__name__, self.n, 1))
+
+    @property
+    def dim(self) -> int:
+        """n."""
+        return self.n
+
+    @property
+    def structure_constants(self) -> Constants:
+        """Zeros."""
+        return (((0.0,) * self.n,) * self.n,) * self.n
+
+    def bracket(self, xi: Vec, eta: Vec) -> Vec:
+        """Zero."""
+        return vec(*[0.0] * self.n)
+
+    def ad_star(self, xi: Vec, mu: Vec) -> Vec:
+        """Zero: momenta are constant."""
+        return vec(*[0.0] * self.n)
+
+
+@record
+class VectorSpace(LieGroup):
+    """R^n under addition: elements, velocities and momenta are vectors (n,), and every map between them is the identity.
+
+    So a method for Lie groups is here the ordinary method that it generalises: no operation is added, and no bit differs.
+
+    Source: Iserles et al., Lie-group methods, Acta Numerica 9 (2000), section 2.2.
+    """
+
+    n: int
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "n", whole_number(type(self).__name__, self.n, 1))
+
+    @property
+    def algebra(self) -> AbelianAlgebra:
+        """R^n with the bracket zero."""
+        return AbelianAlgebra(self.n)
+
+    def identity(self) -> Element:
+        """The zero vector."""
+        return vec(*[0.0] * self.n)
+
+    def compose(self, g: Element, h: Element) -> Element:
+        """g + h."""
+        return g + h
+
+    def inverse(self, g: Element) -> Element:
+        """-g."""
+        return -g
+
+    def Ad(self, g: Element, xi: Vec) -> Vec:
+        """xi."""
+        return xi
+
+    def Ad_star(self, g: Element, mu: Vec) -> Vec:
+        """mu."""
+        return mu
+
+    def body_velocity(self, g: Element, rate: Ambient) -> Vec:
+        """The rate."""
+        return rate
+
+    def casimirs(self, mu: Vec) -> Vec:
+        """Every component: nothing moves a momentum."""
+        return mu
+
+    def nearest(self, g: Ambient) -> Element:
+        """g: every vector is an element."""
+        return g
+
+    def random(self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()) -> np.ndarray:
+        """Vectors with normally distributed components."""
+        shape = (size,) if isinstance(size, int) else tuple(size)
+        return np.random.default_rng(rng).normal(size=(*shape, self.n))
+
+    # ---------------------------------------------------------------- exponential
+
+    def exp(self, xi: Vec) -> Element:
+        """xi."""
+        return xi
+
+    def log(self, g: Element) -> Vec:
+        """g."""
+        return g
+
+    def exp_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
+        """mu."""
+        return mu
+
+    def compose_exp(self, g: Element, xi: Vec) -> Element:
+        """g + xi."""
+        return g + xi
+
+    def dexp(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
+        """eta."""
+        return eta
+
+    def dexp_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+        """mu."""
+        return mu
+
+    def dexp_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
+        """eta."""
+        return eta
+
+    def dexp_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+        """mu."""
+        return mu
+
+    def dexp_inv_series(self, xi: Vec, eta: Vec, terms: int, side: str = "right") -> Vec:
+        """eta."""
+        return eta
+
+    def exp_mismatch(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
+        """r = p - mu, dr/dp = 1, dr/dxi = 0."""
+        return p - mu, 1.0, mat(*[vec(*[0.0] * self.n) for _ in range(self.n)])
+
+    # ---------------------------------------------------------------- Cayley map
+
+    def why_no_cayley(self) -> None:
+        """There is one: as translations, matrices [[1, xi], [0, 1]], products of the algebra vanish."""
+        return None
+
+    def cayley(self, xi: Vec) -> Element:
+        """xi."""
+        return xi
+
+    def cayley_inv(self, g: Element) -> Vec:
+        """g."""
+        return g
+
+    def cayley_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
+        """mu."""
+        return mu
+
+    def compose_cayley(self, g: Element, xi: Vec) -> Element:
+        """g + xi."""
+        return g + xi
+
+    def dcayley(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
+        """eta."""
+        return eta
+
+    def dcayley_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+        """mu."""
+        return mu
+
+    def dcayley_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
+        """eta."""
+        return eta
+
+    def dcayley_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+        """mu."""
+        return mu
+
+    def cayley_mismatch(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
+        """r = p - mu, dr/dp = 1, dr/dxi = 0."""
+        return self.exp_mismatch(xi, p, mu)
+
+    # and so is the Cayley map of the adjoint representation
+    cayley_adjoint, cayley_adjoint_inv = cayley, cayley_inv
+    cayley_adjoint_Ad_star, compose_cayley_adjoint = cayley_Ad_star, compose_cayley
+    dcayley_adjoint, dcayley_adjoint_inv = dcayley, dcayley_inv
+    dcayley_adjoint_dual, dcayley_adjoint_inv_dual = dcayley_dual, dcayley_inv_dual
+    cayley_adjoint_mismatch = cayley_mismatch

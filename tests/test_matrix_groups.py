@@ -1,0 +1,338 @@
+"""Groups from generators alone: SO(3) against its closed forms, others against definitions; what is refused, and why."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scenes import hat, same_bits
+from scipy.linalg import expm
+
+import liemech as lm
+from liemech.groups.classical import SL, SO, SU, Sp
+from liemech.groups.heisenberg import Heisenberg
+from liemech.groups.matrix_basis import clean
+from liemech.groups.matrix_group import MatrixLieGroup
+from liemech.native import jacobian
+
+EPS = np.finfo(float).eps
+ROTATIONS = np.array([hat(e) for e in np.eye(3)])
+
+
+class Rotations(MatrixLieGroup):
+    """SO(3), and nothing but its generators."""
+
+    generators = ROTATIONS
+
+
+@lm.record
+class Plane(MatrixLieGroup):
+    """SE(2), decorated."""
+
+    generators = np.array(
+        [[[0, -1, 0], [1, 0, 0], [0, 0, 0]], [[0, 0, 1], [0, 0, 0], [0, 0, 0]], [[0, 0, 0], [0, 0, 1], [0, 0, 0]]],
+    )
+
+
+@lm.record
+class Scaled(MatrixLieGroup):
+    """SO(3) with generators that depend on a field: the structure constants are 1/size, irrational for sqrt(2)."""
+
+    size: int = 2
+
+    @property
+    def generators(self) -> np.ndarray:
+        return Rotations.generators / math.sqrt(self.size)
+
+
+class Affine(MatrixLieGroup):
+    """x -> a x + b with a > 0: not unimodular, no invariant form on vectors."""
+
+    generators = np.array([[[1.0, 0.0], [0.0, 0.0]], [[0.0, 1.0], [0.0, 0.0]]])
+
+
+class Triangular(MatrixLieGroup):
+    """Upper triangular matrices: known by no form, only by g E g^-1."""
+
+    generators = np.array([[[1.0, 0.0], [0.0, 0.0]], [[0.0, 1.0], [0.0, 0.0]], [[0.0, 0.0], [0.0, 1.0]]])
+
+
+GIVEN = MatrixLieGroup.of(Plane.generators)
+GROUPS = (Rotations(), Plane(), Scaled(2), Affine(), Triangular(), SO(4), SL(2), SL(3), SU(2), SU(3), Sp(4), GIVEN)
+METHODS = (lm.RKMK(order=4), lm.CovariantVariational(lm.Cayley()), lm.CovariantVariational(lm.Exponential()))
+names = pytest.mark.parametrize("group", GROUPS, ids=repr)
+sizes = pytest.mark.parametrize("size", [0.0, 1e-8, 0.1, 1.0, 3.0, 6.0])
+
+
+def samples(group: lm.LieGroup, size: float) -> tuple[np.ndarray, ...]:
+    """A velocity of a given length, another one and a momentum of length about 1."""
+    xi, eta, mu = np.random.default_rng(group.dim).normal(size=(3, group.dim)) / math.sqrt(group.dim)
+    return xi * (size / np.linalg.norm(xi)), eta, mu
+
+
+def close(a: object, b: object, ulps: float = 64) -> bool:
+    a, b = np.asarray(a), np.asarray(b)
+    return bool(np.abs(a - b).max() <= ulps * EPS * max(1.0, np.abs(b).max()))
+
+
+# ---------------------------------------------------------------- SO(3)
+
+
+@sizes
+def test_rotations_from_generators_equal_the_closed_forms(size: float) -> None:
+    closed, group = lm.SO3(), Rotations()
+    xi, eta, mu = samples(group, size)
+    g = closed.exp(eta)
+    calls = {
+        "exp": (xi,), "compose_exp": (g, xi), "inverse": (g,), "Ad": (g, xi), "Ad_star": (g, mu), "K": (g, mu),
+        "exp_Ad_star": (xi, mu), "cayley": (xi,), "compose_cayley": (g, xi), "cayley_Ad_star": (xi, mu), "ad": (xi, eta),
+        "ad_star": (xi, mu),
+    }  # fmt: skip
+    for name, args in calls.items():
+        assert close(getattr(group, name)(*args), getattr(closed, name)(*args), 16), name
+    for name in ("dexp", "dexp_inv", "dexp_dual", "dexp_inv_dual", "dcayley", "dcayley_inv", "dcayley_dual", "dcayley_inv_dual"):
+        for side in ("right", "left"):
+            assert close(getattr(group, name)(xi, mu, side), getattr(closed, name)(xi, mu, side), 64), name
+    if size <= 3.0:
+        assert close(group.log(closed.exp(xi)), xi, 16)
+        assert close(group.cayley_inv(closed.cayley(xi)), xi, 64)
+
+
+@pytest.mark.parametrize("method", METHODS, ids=lambda m: m.name)
+def test_rotations_from_generators_move_a_body_as_the_closed_forms_do(method: lm.Method) -> None:
+    runs = []
+    for group in (lm.SO3(), Rotations()):
+        system = lm.LiePoissonSystem(group, lm.KineticEnergy([1.0, 1.5, 2.0]))
+        runs.append(lm.integrate(system, method, system.state([0.4, -0.5, 0.7], np.eye(3)), h=0.1, steps=1000))
+    assert np.abs(runs[0].mu - runs[1].mu).max() < 3e-14  # the rounding of a thousand steps, of both
+    assert np.abs(runs[0].g - runs[1].g).max() < 1e-13  # of which the angles are the sums
+
+
+@pytest.mark.parametrize("angle", [3.1, math.pi - 1e-3, math.pi - 1e-6, math.pi - 1e-9, math.pi])
+def test_logarithm_near_half_a_turn(angle: float) -> None:
+    """No digit is lost, though the square root of such a matrix is as ill-conditioned as can be; at pi either sign will do."""
+    axis = np.array([1.0, -2.0, 3.0]) / math.sqrt(14)
+    for group in (Rotations(), SO(3)):
+        found = group.log(lm.SO3().exp(angle * axis))
+        assert min(np.abs(found - angle * axis).max(), np.abs(found + angle * axis).max() + (angle < 3.14159) * 9) < 4e-15
+    assert np.allclose(SO(4).exp(SO(4).log(np.diag([-1.0, -1.0, 1.0, 1.0]))), np.diag([-1.0, -1.0, 1.0, 1.0]), atol=1e-14)
+
+
+# ---------------------------------------------------------------- any group
+
+
+@names
+@sizes
+def test_definitions(group: MatrixLieGroup, size: float) -> None:
+    """exp is that of matrices, Ad conjugation, Ad* its transpose, dexp the series of ad, each to rounding."""
+    xi, eta, mu = samples(group, size)
+    algebra = group.algebra
+    x, y = np.array(algebra.hat(xi)), np.array(algebra.hat(eta))
+    g = np.array(group.exp(xi))
+    scale = np.linalg.cond(g)
+    assert np.abs(g - expm(x)).max() <= 1e-12 * np.abs(g).max()
+    assert np.allclose(algebra.hat(group.Ad(g, eta)), g @ y @ np.linalg.inv(g), rtol=0, atol=1e-14 * scale**2)
+    assert abs(group.Ad_star(g, mu) @ eta - mu @ group.Ad(g, eta)) <= 1e-14 * scale**2
+    ad = np.stack([group.ad(xi, e) for e in np.eye(group.dim)], axis=1)
+    block = np.block([[ad, np.eye(group.dim)], [np.zeros_like(ad), np.zeros_like(ad)]])
+    phi = expm(block)[: group.dim, group.dim :]
+    size_of = 1e-12 * max(1.0, np.abs(expm(ad)).max(), np.abs(expm(-ad)).max())
+    assert np.abs(group.exp_Ad_star(xi, mu) - expm(ad).T @ mu).max() <= size_of
+    assert np.abs(group.dexp(xi, eta) - phi @ eta).max() <= size_of
+    assert np.abs(group.dexp_dual(xi, mu) - phi.T @ mu).max() <= size_of
+    assert np.abs(group.dexp(xi, eta, "left") - group.dexp(-xi, eta)).max() == 0.0
+    if np.linalg.cond(phi) < 1e4:
+        assert np.abs(group.dexp_inv(xi, phi @ eta) - eta).max() <= size_of * np.linalg.cond(phi)
+        assert np.abs(group.dexp_inv_dual(xi, phi.T @ mu) - mu).max() <= size_of * np.linalg.cond(phi)
+    assert np.abs(group.compose_exp(g, -xi) - np.eye(len(x))).max() <= 1e-14 * scale**2
+    assert group.defect(g) < 1e-12 * scale
+    if size <= 1.0:
+        assert np.abs(group.log(g) - xi).max() <= 1e-14
+
+
+@names
+@pytest.mark.parametrize("size", [0.0, 1e-8, 0.3, 1.0])
+def test_cayley_family(group: MatrixLieGroup, size: float) -> None:
+    xi, eta, mu = samples(group, size)
+    if group.why_no_cayley():
+        with pytest.raises(lm.errors.IncompatibleSystem, match="x y x"):
+            group.cayley(xi)
+        return
+    x, y = np.array(group.algebra.hat(xi)), np.array(group.algebra.hat(eta))
+    one = np.eye(len(x))
+    g = np.array(group.cayley(xi))
+    left, right = np.linalg.inv(one - x / 2), np.linalg.inv(one + x / 2)
+    assert close(g, left @ (one + x / 2))
+    assert group.defect(g) < 1e-14
+    assert close(group.cayley_inv(g), xi)
+    assert close(group.algebra.hat(group.dcayley(xi, eta)), left @ y @ right)
+    assert close(group.algebra.hat(group.dcayley_inv(xi, eta)), (one - x / 2) @ y @ (one + x / 2))
+    assert abs(group.dcayley_dual(xi, mu) @ eta - mu @ group.dcayley(xi, eta)) < 1e-14
+    assert abs(group.dcayley_inv_dual(xi, mu) @ eta - mu @ group.dcayley_inv(xi, eta)) < 1e-14
+    assert close(group.cayley_Ad_star(xi, mu), group.Ad_star(g, mu))
+    assert close(group.compose_cayley(g, xi), g @ g)
+
+
+@names
+@pytest.mark.parametrize("size", [1e-8, 0.3, 1.0])
+def test_mismatches(group: MatrixLieGroup, size: float) -> None:
+    """r vanishes where p carries mu, and its derivatives are those of r."""
+    xi, p, mu = (lm.Vec.of(v) for v in samples(group, size))
+    maps = [(group.exp_mismatch, group.dexp_dual(xi, mu), 1e-9)]
+    if group.why_no_cayley() is None:
+        maps.append((group.cayley_mismatch, group.dcayley_dual(xi, mu), 1e-13))
+    for mismatch, fitting, tolerance in maps:
+        assert np.abs(np.array(mismatch(xi, fitting, mu)[0])).max() < 1e-14
+        _, by_p, by_xi = mismatch(xi, p, mu)
+        assert np.abs(np.array(by_xi) - np.array(jacobian(lambda x, m=mismatch: m(x, p, mu)[0], xi))).max() < tolerance
+        of_p = np.array(jacobian(lambda q, m=mismatch: m(xi, q, mu)[0], p))
+        assert np.allclose(of_p, by_p * np.eye(group.dim) if isinstance(by_p, float) else np.array(by_p), atol=1e-14)
+
+
+def test_structure_constants_are_clean() -> None:
+    """Integers and small fractions exactly, irrational numbers untouched."""
+    assert np.array_equal(Rotations().algebra.structure_constants, lm.SO3Algebra().structure_constants)
+    c = np.array(Scaled(2).algebra.structure_constants)
+    assert np.allclose(c, math.sqrt(0.5) * np.array(lm.SO3Algebra().structure_constants), rtol=4 * EPS, atol=0)
+    values = np.array([1 - EPS / 2, 1 / 3 + EPS / 8, 1e-17, math.pi, math.sqrt(2) / 3, -0.5])
+    assert np.array_equal(clean(values), [1.0, 1 / 3, 0.0, math.pi, math.sqrt(2) / 3, -0.5])
+    mixed = np.einsum("ij,jab->iab", [[1.0, 1.0, 0.0], [0.0, 1.0, 1.0], [1.0, 0.0, 1.0]], Rotations.generators)
+    c = 2.0 * np.array(MatrixLieGroup.of(mixed).algebra.structure_constants)
+    assert np.array_equal(c, np.round(c))
+
+
+# ---------------------------------------------------------------- membership
+
+
+@pytest.mark.parametrize(
+    ("group", "matrix"),
+    [
+        (Rotations(), 2 * np.eye(3)),
+        (Rotations(), np.diag([1.0, 1.0, -1.0])),
+        (Plane(), np.diag([1.0, -1.0, 1.0])),
+        (Plane(), np.diag([1.0, 1.0, 2.0])),
+        (Affine(), np.diag([1.0, 2.0])),
+        (Triangular(), np.array([[1.0, 0.0], [0.1, 1.0]])),
+        (Triangular(), np.zeros((2, 2))),
+        (MatrixLieGroup.of(Heisenberg(1).generators), np.diag([2.0, 1.0, 0.5])),
+        (MatrixLieGroup.of(Heisenberg(1).generators), np.eye(3) + np.eye(3, k=-1)),
+        (MatrixLieGroup.of(SL(3).generators), np.diag([1.0, 1.0, 1.1])),
+        (MatrixLieGroup.of(Sp(4).generators), np.diag([2.0, 1.0, 1.0, 0.5])),
+        (MatrixLieGroup.of(SU(2).generators), np.diag([1j, 1j])),
+    ],
+)
+def test_membership_found_from_generators(group: MatrixLieGroup, matrix: np.ndarray) -> None:
+    """Elements pass, what breaks an invariant does not; formula and words agree."""
+    assert not group.contains(matrix) and group.objection(np.asarray(matrix, dtype=group.generated.generators.dtype))
+    elements = group.random(3, 5)
+    assert group.contains(elements).all() and group.defect(elements).max() < 1e-11
+    assert group.objection(elements[0]) is None
+
+
+# ---------------------------------------------------------------- refusals
+
+
+@pytest.mark.parametrize(
+    ("generators", "error", "words"),
+    [
+        (np.zeros((3, 2)), lm.errors.InvalidInput, "shape"),
+        (np.zeros((2, 2, 3)), lm.errors.InvalidInput, "square"),
+        (np.zeros((0, 2, 2)), lm.errors.InvalidInput, "shape"),
+        ([[[0.0, float("nan")], [0.0, 0.0]]], lm.errors.InvalidInput, "nan"),
+        ([[["a", "b"], ["c", "d"]]], lm.errors.InvalidType, "dtype"),
+        ([[[True, False], [False, True]]], lm.errors.InvalidType, "dtype"),
+        ([[[1.0], [0.0, 0.0]]], lm.errors.InvalidInput, "ragged"),
+        (np.array([np.eye(2), 2 * np.eye(2)]), lm.errors.LawViolation, "rank 1"),
+        (np.array([np.zeros((2, 2))]), lm.errors.LawViolation, "rank 0"),
+        (np.array([[[0.0, 1.0], [0.0, 0.0]], [[0.0, 0.0], [1.0, 0.0]]]), lm.errors.LawViolation, "generators 1 and 2"),
+    ],
+)
+def test_bad_generators(generators: object, error: type[Exception], words: str) -> None:
+    with pytest.raises(error, match=words):
+        MatrixLieGroup.of(generators)
+
+
+def test_a_class_without_generators_says_so() -> None:
+    class Empty(MatrixLieGroup):
+        pass
+
+    with pytest.raises(NotImplementedError, match="generators"):
+        Empty().exp(np.zeros(3))
+
+
+def test_logarithm_outside_the_image_of_exp() -> None:
+    for g in (np.diag([-2.0, -0.5]), np.array([[-1.0, 1.0], [0.0, -1.0]])):
+        with pytest.raises(lm.errors.InvalidInput, match="logarithm"):
+            SL(2).log(g)
+
+
+# ---------------------------------------------------------------- both worlds
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize(
+    ("group", "method"),
+    [
+        *[(group, METHODS[0]) for group in (Rotations(), SO(4), SL(2), SU(2), Heisenberg(1), GIVEN)],
+        *[(group, method) for group in (Rotations(), SU(2)) for method in METHODS[1:]],
+        (SO(4), METHODS[1]),
+    ],
+)
+def test_plain_and_compiled_give_the_same_bits(group: MatrixLieGroup, method: lm.Method) -> None:
+    system = lm.LiePoissonSystem(group, lm.KineticEnergy(np.linspace(1.0, 2.0, group.dim)))
+    xi, _, mu = samples(group, 0.3)
+    start = system.state(0.5 * mu, group.exp(xi))
+    runs = [lm.integrate(system, method, start, h=0.1, steps=10, compiled=c) for c in (False, True)]
+    assert same_bits(runs[0].mu, runs[1].mu)
+    assert np.array_equal(runs[0].g, runs[1].g)
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("group", [Rotations(), SU(2)], ids=repr)
+def test_batches_give_the_same_bits(group: MatrixLieGroup) -> None:
+    """Thousands of elements, small and large, through native code, equal the formulas row by row."""
+    rng = np.random.default_rng(2)
+    xi, mu = rng.normal(size=(2, 2100, group.dim)) * rng.choice([1e-3, 1.0, 2.0], size=(2100, 1))
+    for name in ("exp_Ad_star", "dexp_inv_dual"):
+        many, few = getattr(group, name)(xi, mu), getattr(group, name)(xi[:50], mu[:50])
+        assert same_bits(np.ascontiguousarray(many[:50]), few), name
+    g = group.exp(xi)
+    assert np.array_equal(g[:50], group.exp(xi[:50]))
+    assert group.contains(g).all()
+
+
+@pytest.mark.compiled
+def test_an_ensemble_moves_as_its_bodies_do() -> None:
+    """In SIMD lanes, with steps so different that the series have different lengths."""
+    group = SO(4)
+    system = lm.LiePoissonSystem(group, lm.KineticEnergy(np.linspace(1.0, 2.0, 6)))
+    mu = np.random.default_rng(4).normal(size=(9, 6)) * np.geomspace(1e-6, 40.0, 9)[:, None]
+    many = lm.integrate(system, lm.RKMK(order=2), system.state(mu, np.eye(4)), h=0.1, steps=5, compiled=True)
+    for i in (0, 5, 8):
+        one = lm.integrate(system, lm.RKMK(order=2), system.state(mu[i], np.eye(4)), h=0.1, steps=5, compiled=False)
+        assert same_bits(np.ascontiguousarray(many.mu[:, i]), one.mu)
+        assert same_bits(np.ascontiguousarray(many.g[:, i]), one.g)
+
+
+# ---------------------------------------------------------------- large matrices
+
+
+def test_large_matrices_go_through_numpy() -> None:
+    """SO(20): dimension 190, no structure constants."""
+    group = SO(20)
+    xi, eta, mu = samples(group, 1.0)
+    x, y, g = group.generated.hat(xi), group.generated.hat(eta), group.exp(xi)
+    assert close(g, expm(x))
+    assert close(group.log(g), xi)
+    assert close(group.ad(xi, eta), group.generated.vee(x @ y - y @ x))
+    assert abs(group.ad_star(xi, mu) @ eta - mu @ group.ad(xi, eta)) < 1e-14
+    assert abs(group.Ad_star(g, mu) @ eta - mu @ group.Ad(g, eta)) < 1e-14
+    assert close(group.exp_Ad_star(xi, mu), group.Ad_star(g, mu))
+    assert close(group.dexp_inv(xi, group.dexp(xi, eta)), eta)
+    assert close(group.dexp_inv_dual(xi, group.dexp_dual(xi, mu)), mu)
+    assert abs(group.dexp_dual(xi, mu) @ eta - mu @ group.dexp(xi, eta)) < 1e-14
+    assert close(group.cayley_Ad_star(xi, mu), group.Ad_star(group.cayley(xi), mu))
+    assert close(group.cayley_inv(group.cayley(xi)), xi)
+    assert group.contains(g) and not group.contains(2 * g)
+    assert group.exp(np.zeros((3, 190))).shape == (3, 20, 20)
