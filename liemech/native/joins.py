@@ -15,7 +15,8 @@ from llvmlite import ir
 
 from .numbers import Emitter, Num, Values
 from .source import Source
-from .values import build, is_any_number, layout_of, leaves
+from .values import PAIRS, build, is_any_number, layout_of, leaves
+from .vectors import Mat, Vec
 
 LIVE = "<live>"  # lanes still running at this point, where some have left (absent: all for which the code was entered)
 BROKEN = "<broken>"  # lanes that left the present loop by `break`
@@ -114,6 +115,9 @@ class Joins:
                 return v
         layouts = [layout_of(v, is_any_number) for v in items]
         if any(layout != layouts[0] for layout in layouts):
+            items = leveled(items)
+            layouts = [layout_of(v, is_any_number) for v in items]
+        if any(layout != layouts[0] for layout in layouts):
             shapes = " and ".join(dict.fromkeys(map(repr, layouts)))
             return Undefined(f"it is one thing on one way and another on the other: {shapes}")
         rows = zip(*(leaves(v, layouts[0]) for v in items), strict=True)
@@ -186,6 +190,21 @@ class Joins:
         if returned is not None:
             for o in opens:
                 o.env.setdefault(RETURN, self.blank(returned))
+
+
+def leveled(items: list[Any]) -> list[Any]:
+    """The same values, a number made a pair (of derivative, of imaginary part, zero) where it meets one."""
+    kinds = {type(v) for v in items if isinstance(v, PAIRS)}
+    if len(kinds) == 1:
+        (kind,) = kinds
+        if all(isinstance(v, kind) or is_any_number(v) for v in items):
+            parts = zip(*(v.parts if isinstance(v, kind) else (v, 0.0) for v in items), strict=True)
+            return [kind(*p) for p in zip(*map(leveled, map(list, parts)), strict=True)]
+    for kind in (Vec, Mat, tuple, list):
+        if all(type(v) is kind for v in items) and len({len(v) for v in items}) == 1:
+            columns = zip(*map(leveled, map(list, zip(*items, strict=True))), strict=True)
+            return [kind(*v) if kind in (Vec, Mat) else kind(v) for v in columns]
+    return items
 
 
 def come_from(phi: Num, values: Values, block: ir.Block) -> None:

@@ -107,6 +107,27 @@ def test_a_derived_gradient_in_native_code_and_in_lanes() -> None:
     assert run.drift()["energy"].largest < 1e-3
 
 
+@record
+class Branching(lm.Hamiltonian):
+    """Constants on one way, numbers that carry derivatives on the other."""
+
+    def energy(self, mu):
+        a, v = 1.0, vec(0.5, 1.0)
+        if mu[0] > 0.2:
+            a, v = 2.0 * mu[0], vec(mu[1], 1.0)
+        return a * dot(mu, mu) + v[0] * (0.25 if mu[1] > 0.0 else mu[2]) + where(mu[2] > 0.0, mu[2] * mu[2], 0.0)
+
+
+@pytest.mark.compiled
+def test_derivatives_on_one_way_only() -> None:
+    system = lm.LiePoissonSystem(lm.SO3(), Branching())
+    momenta = np.random.default_rng(6).normal(size=(20, 3))
+    many = lm.integrate(system, lm.RKMK(order=2), system.state(momenta), h=0.01, steps=20, compiled=True)
+    for i in range(20):
+        one = lm.integrate(system, lm.RKMK(order=2), system.state(momenta[i]), h=0.01, steps=20, compiled=False)
+        assert np.array_equal(one.mu, many.mu[:, i])
+
+
 def test_pairs_multiply_vectors_and_matrices() -> None:
     """c(x) v and c(x) M for a number that carries a derivative, or is complex, on either side."""
     v, m = vec(1.0, 2.0), mat(vec(1.0, 2.0), vec(3.0, 4.0))
