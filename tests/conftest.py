@@ -6,6 +6,8 @@ import importlib.util
 import os
 from pathlib import Path
 
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # small matrices: threads that wait for each other on a busy machine
+
 import numpy as np
 import pytest
 from hypothesis import settings

@@ -181,7 +181,7 @@ class RKMK(Method):
     def slope(self, system: System, t: float, start: Any, omega: Vec) -> Vec:
         """dtau^-1_Omega xi(t, the start displaced by tau(Omega)), trivialised like the velocity."""
         xi = system.rate(t, system.moved(self.retraction, start, omega))
-        if self.truncation == "closed":
+        if isinstance(self.truncation, str):
             return self.retraction.dtau_inv(system.group, omega, xi, system.side)
         return system.group.dexp_inv_series(omega, xi, self.truncation, system.side)
 
