@@ -23,7 +23,7 @@ from .integrators.method import Method
 from .native import kernel, where
 from .native.border import small
 from .native.driver import REJECTED, accepted, any_body, attempt, read, write
-from .native.values import NUMBER, build, layout_of
+from .native.values import NUMBER, build, layout_of, leaves
 from .systems.system import State, System
 from .trajectory import Trajectory
 
@@ -133,7 +133,9 @@ class Run:
 
     def _columns_of(self, start: State) -> np.ndarray:
         """The start with a column for each body; the last lanes, if there are too many, repeat the last body."""
-        count = self.bodies or 1
+        if self.bodies is None:
+            return np.array([*leaves(start, self.given)])[:, None]
+        count = self.bodies
         parts = [_numbers(x).reshape(count, -1) for x in start.parts.values() if x is not None]
         columns = np.concatenate(parts, axis=1).T
         return np.ascontiguousarray(columns[:, np.minimum(np.arange(self.columns), count - 1)])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
 from typing import Any, final
 
@@ -102,27 +103,11 @@ class LieGroup(Record):
 
     def dexp(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
         """The trivialised differential of exp, sum_k ad_xi^k eta / (k + 1)!.  xi, eta : (dim,)."""
-        x = xi if side == "right" else -xi
-        term = self.ad(x, eta) / 2.0
-        total = eta + term
-        k = 2.0
-        while one_norm(term) > 0.0625 * EPSILON * one_norm(total):
-            k = k + 1.0
-            term = self.ad(x, term) / k
-            total = total + term
-        return total
+        return _average(self.ad, xi if side == "right" else -xi, eta)
 
     def dexp_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
         """The dual of `dexp`, <dexp_dual_xi mu, eta> = <mu, dexp_xi eta>.  xi, mu : (dim,)."""
-        x = xi if side == "right" else -xi
-        term = self.ad_star(x, mu) / 2.0
-        total = mu + term
-        k = 2.0
-        while one_norm(term) > 0.0625 * EPSILON * one_norm(total):
-            k = k + 1.0
-            term = self.ad_star(x, term) / k
-            total = total + term
-        return total
+        return _average(self.ad_star, xi if side == "right" else -xi, mu)
 
     def dexp_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
         """The inverse of `dexp`, defined while no eigenvalue of ad_xi is 2 pi i k, k != 0.  xi, eta : (dim,)."""
@@ -298,6 +283,18 @@ class LieGroup(Record):
                 objection = self.objection(value)
             return objection and f"is not in {self!r}: {objection}"
         return None
+
+
+def _average(ad: Callable[[Vec, Vec], Vec], x: Vec, v: Vec) -> Vec:
+    """sum_k ad_x^k v/(k + 1)!: the mean of exp(s ad_x) v over 0 <= s <= 1."""
+    term = ad(x, v) / 2.0
+    total = v + term
+    k = 2.0
+    while one_norm(term) > 0.0625 * EPSILON * one_norm(total):
+        k = k + 1.0
+        term = ad(x, term) / k
+        total = total + term
+    return total
 
 
 def one_norm(x: Vec) -> float:

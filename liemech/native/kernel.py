@@ -11,6 +11,7 @@ import dataclasses
 import functools
 import os
 import threading
+from array import array
 from collections.abc import Callable
 from typing import Any
 
@@ -81,9 +82,8 @@ class Kernel:
                 integers.append(value.step)
             else:
                 (integers if kind == "integer" else arrays).append(value)
-        packed = [np.array(numbers, dtype=np.float64), np.array(integers, dtype=np.int64)]
-        packed.append(np.array([a.ctypes.data for a in arrays], dtype=np.intp))
-        self._call(*(a.ctypes.data for a in packed), bodies, begin, end)
+        packed = array("d", numbers), array("q", integers), array("q", [a.ctypes.data for a in arrays])
+        self._call(*(a.buffer_info()[0] for a in packed), bodies, begin, end)
 
     def assembly(self) -> str:
         """The machine code as text, for those who want to see what became of a formula."""

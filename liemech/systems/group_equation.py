@@ -59,7 +59,7 @@ class GroupEquation(System):
         Raises InvalidInput for wrong shapes, entries that are not finite, and a g that is not on the group.
         """
         elements, shape = members_of(self.group, g, f"{type(self).__name__}.state: g"), self.group.element_shape
-        return Position(frozen(elements, shape, None if elements.shape == shape else len(elements)))
+        return self.vouched(Position(frozen(elements, shape, None if elements.shape == shape else len(elements))))
 
 
 @record

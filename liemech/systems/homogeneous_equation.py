@@ -77,7 +77,7 @@ class HomogeneousEquation(System):
         if len(off):
             which, bad = (name, array) if array.shape == one else (f"{name}[{off[0]}]", array[off[0]])
             raise InvalidInput(f"{which} is no point of {self.action!r}: it is off by {self.action.defect(bad):.1e}")
-        return Point(frozen(array, one, None if array.shape == one else len(array)))
+        return self.vouched(Point(frozen(array, one, None if array.shape == one else len(array))))
 
     def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
         return self.action._shape(argument, kind)

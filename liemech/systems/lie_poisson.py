@@ -116,4 +116,4 @@ class LiePoissonSystem(System):
         if len(set(counts)) > 1:
             raise InvalidInput(f"{name}: {counts[0]} momenta and {counts[1]} group elements")
         bodies = counts[0] if counts else None
-        return BodyState(frozen(momenta, dim, bodies), None if elements is None else frozen(elements, shape, bodies))
+        return self.vouched(BodyState(frozen(momenta, dim, bodies), None if elements is None else frozen(elements, shape, bodies)))

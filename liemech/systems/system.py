@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, final
 
 import numpy as np
 
@@ -61,6 +61,17 @@ class System(Record):
     def deviation(self, state: Any, omega: Vec) -> tuple[Vec, Vec]:
         """What a small displacement omega changes in the state, and the sizes of what it changes: for adaptive steps."""
         return omega, self.group.scale(None)
+
+    @final
+    def vouched(self, state: Any) -> Any:
+        """The state, which this system's `state` has just made and checked; `integrate` need not do it again."""
+        state.__dict__["_home"] = type(self), self.group
+        return state
+
+    @final
+    def knows(self, state: Any) -> bool:
+        """Was the state made by `state`, of this system or one of its kind on the same group?"""
+        return state.__dict__.get("_home") == (type(self), self.group)
 
     def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Quantities that the motion should keep, by name, each (n, ...), from the samples of a run."""
