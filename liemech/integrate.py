@@ -147,7 +147,7 @@ def _only_adaptive(method: Any, every: int, workers: int) -> None:
             f"integrate: {method!r} keeps the structure because all its steps are alike, which an error control would spoil. "
             "Give h and steps; for adaptive steps take a method with an error estimate, such as RKMK(order=5)"
         )
-    if not hasattr(method, "trial") or not method.tableau.b_hat:
+    if not getattr(method, "error_order", 0):
         raise IncompatibleSystem(
             f"integrate: {method!r} has no error estimate to choose steps by. Give h and steps, or take a method with an embedded "
             "pair, such as RKMK(order=5)"

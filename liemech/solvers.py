@@ -30,10 +30,15 @@ def solve6(m: Mat, rhs: Vec) -> Vec:
     """
     A, B = _block(m, 0, 0), _block(m, 0, 3)
     C, D = _block(m, 3, 0), _block(m, 3, 3)
-    a, b, c = D.T
-    bc = cross(b, c)
-    inverse = (1.0 / dot(a, bc)) * mat(bc, cross(c, a), cross(a, b))
-    G, g = inverse @ C, inverse @ vec(rhs[3], rhs[4], rhs[5])
+    last = vec(rhs[3], rhs[4], rhs[5])
+    if D[0, 1] == 0.0 and D[0, 2] == 0.0 and D[1, 0] == 0.0 and D[1, 2] == 0.0 and D[2, 0] == 0.0 and D[2, 1] == 0.0:
+        d = vec(1.0 / D[0, 0], 1.0 / D[1, 1], 1.0 / D[2, 2])  # an inertia, along its axes
+        G, g = mat(*[d[i] * C[i] for i in range(3)]), d * last
+    else:
+        a, b, c = D.T
+        bc = cross(b, c)
+        inverse = (1.0 / dot(a, bc)) * mat(bc, cross(c, a), cross(a, b))
+        G, g = inverse @ C, inverse @ last
     x = solve3(A - B @ G, vec(rhs[0], rhs[1], rhs[2]) - B @ g)
     y = g - G @ x
     return vec(*x, *y)

@@ -270,12 +270,13 @@ class SO3(LieGroup):
 def _cayley_turn(xi: Vec) -> Mat:
     """cay(xi) - 1 = f W + f W^2/2, f = 4/(4 + |xi|^2)."""
     x = dot(xi, xi)
+    u, f = xi, 4.0 / (4.0 + x)
+    half = 0.5 * f
     if x >= HUGE:  # f is 4/|xi|^2; half a turn, nearly
         u = TINY * xi
         inverse_square = 1.0 / dot(u, u)
-        return turn(4.0 * TINY * inverse_square, 2.0 * inverse_square, u)
-    f = 4.0 / (4.0 + x)
-    return turn(f, 0.5 * f, xi)
+        f, half = 4.0 * TINY * inverse_square, 2.0 * inverse_square
+    return turn(f, half, u)
 
 
 def plus(m: Mat, s: float) -> Mat:

@@ -14,7 +14,7 @@ class Method(Record):
     """A one-step method; subclass it to write your own.
 
     1. A subclass claims `order`, `symmetric` and `symplectic`, and writes `step`.
-    2. It may say what it needs (`needs`) and keep its own memory from step to step (`start`, `observe`).
+    2. It may say what it needs (`needs`) and keep its own memory from step to step (`start`, `observe`, `past`, `resume`).
     3. Whoever owns the loop calls `start` once and `step` again and again; `integrate` is such a loop.
 
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., II.1 and V.
@@ -40,6 +40,14 @@ class Method(Record):
     def observe(self, memory: Any) -> State:
         """The state in what `step` carries along."""
         return memory
+
+    def past(self, memory: Any) -> tuple[Any, ...]:
+        """What the memory holds beside the state; with `resume`, for methods whose first guess comes from the steps before."""
+        return ()
+
+    def resume(self, system: Any, state: Any, past: Any, h: float) -> Any:
+        """What `step` carries along, from a state and the past of steps of the same length elsewhere; a new start by default."""
+        return self.start(system, state, h)
 
     def require(self, system: Any) -> None:
         """Raise IncompatibleSystem, saying what to use instead, unless the method accepts the system."""

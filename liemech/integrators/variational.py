@@ -71,6 +71,14 @@ class CovariantVariational(Method):
         """Momentum and attitude at the node."""
         return BodyState(memory.mu, memory.g)
 
+    def past(self, memory: Memory) -> tuple[Vec, Vec, Vec]:
+        """The last three displacements."""
+        return memory.last, memory.last_1, memory.last_2
+
+    def resume(self, system: Any, state: BodyState, past: tuple[Vec, Vec, Vec], h: float) -> Memory:
+        """Momentum and attitude from elsewhere, displacements to extrapolate from the past."""
+        return Memory(state.mu, state.g, *past)
+
     def step(self, system: Any, t: float, state: Memory, h: float) -> Memory:
         """Solve for the displacement of the interval from the extrapolated one, then move momentum and attitude by it."""
         group, guess = system.group, 3.0 * state.last + (state.last_2 - 3.0 * state.last_1)

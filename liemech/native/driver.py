@@ -52,10 +52,16 @@ def accepted(value: Any, shown: Callable[[Any], Any], layout: Layout | None = No
     if value is REJECTED:
         return False
     part = shown(value)
-    total = 0.0
-    for x in leaves(part, layout or layout_of(part)):
-        total = total + x
-    return math.isfinite(total)
+    return math.isfinite(pairwise_sum(list(leaves(part, layout or layout_of(part)))))
+
+
+def pairwise_sum(terms: list[Any]) -> Any:
+    """The sum of neighbours, of their sums and so on: no long chain of additions that wait for each other."""
+    if not terms:
+        return 0.0
+    while len(terms) > 1:
+        terms = [a + b for a, b in zip(terms[::2], terms[1::2], strict=False)] + terms[len(terms) & ~1 :]
+    return terms[0]
 
 
 def itself(value: Any) -> Any:

@@ -15,11 +15,14 @@ from typing import Any
 
 from . import functions as f
 from .complex_numbers import Complex, is_vector
-from .vectors import Mat, Vec, identity_matrix, mat, transpose, vec
+from .vectors import Mat, Vec, mat, transpose, vec
 
 
 class Dual:
-    """value + e slope, e^2 = 0.  Comparisons look at the value."""
+    """value + e slope, e^2 = 0.  Comparisons look at the value.
+
+    The integer 0 as a slope means that there is none: nothing is multiplied by it or added to it.
+    """
 
     __slots__ = ("slope", "value")
 
@@ -35,7 +38,7 @@ class Dual:
         if is_vector(other):
             return NotImplemented
         if isinstance(other, Dual):
-            return Dual(self.value + other.value, self.slope + other.slope)
+            return Dual(self.value + other.value, _sum(self.slope, other.slope))
         return Dual(self.value + other, self.slope)
 
     __radd__ = __add__
@@ -44,7 +47,7 @@ class Dual:
         if is_vector(other):
             return NotImplemented
         if isinstance(other, Dual):
-            return Dual(self.value - other.value, self.slope - other.slope)
+            return Dual(self.value - other.value, _sum(self.slope, -other.slope))
         return Dual(self.value - other, self.slope)
 
     def __rsub__(self, other: Any) -> Dual:
@@ -54,8 +57,8 @@ class Dual:
         if is_vector(other):
             return NotImplemented
         if isinstance(other, Dual):
-            return Dual(self.value * other.value, self.value * other.slope + self.slope * other.value)
-        return Dual(self.value * other, self.slope * other)
+            return Dual(self.value * other.value, _sum(_scaled(self.value, other.slope), _scaled(other.value, self.slope)))
+        return Dual(self.value * other, _scaled(other, self.slope))
 
     __rmul__ = __mul__
 
@@ -64,15 +67,15 @@ class Dual:
             return NotImplemented
         if isinstance(other, Dual):
             quotient = self.value / other.value
-            return Dual(quotient, (self.slope - quotient * other.slope) / other.value)
-        return Dual(self.value / other, self.slope / other)
+            return Dual(quotient, _over(_sum(self.slope, -_scaled(quotient, other.slope)), other.value))
+        return Dual(self.value / other, _over(self.slope, other))
 
     def __rtruediv__(self, other: Any) -> Dual:
         quotient = other / self.value
-        return Dual(quotient, -(quotient / self.value) * self.slope)
+        return Dual(quotient, _scaled(-(quotient / self.value), self.slope))
 
     def __pow__(self, n: Any) -> Dual:
-        return Dual(self.value**n, (n * self.value ** (n - 1)) * self.slope)
+        return Dual(self.value**n, _scaled(n * self.value ** (n - 1), self.slope))
 
     def __neg__(self) -> Dual:
         return Dual(-self.value, -self.slope)
@@ -82,7 +85,7 @@ class Dual:
 
     def __abs__(self) -> Dual:
         sign = 1.0 * (self.value >= 0.0) - 1.0 * (self.value < 0.0)
-        return Dual(abs(self.value), sign * self.slope)
+        return Dual(abs(self.value), _scaled(sign, self.slope))
 
     def __lt__(self, other: Any) -> Any:
         return self.value < value_of(other)
@@ -108,6 +111,21 @@ class Dual:
         return f"({self.value} + e {self.slope})"
 
 
+def _sum(a: Any, b: Any) -> Any:
+    """The sum of two slopes."""
+    return b if type(a) is int else a if type(b) is int else a + b
+
+
+def _scaled(k: Any, slope: Any) -> Any:
+    """k times a slope."""
+    return slope if type(slope) is int else k * slope
+
+
+def _over(slope: Any, k: Any) -> Any:
+    """A slope over k."""
+    return slope if type(slope) is int else slope / k
+
+
 def value_of(x: Any) -> Any:
     """A number without its derivative."""
     return x.value if isinstance(x, Dual) else x
@@ -115,7 +133,7 @@ def value_of(x: Any) -> Any:
 
 def slope_of(x: Any) -> Any:
     """The derivative that a number carries; zero if it carries none."""
-    return x.slope if isinstance(x, Dual) else 0.0
+    return x.slope if isinstance(x, Dual) and type(x.slope) is not int else 0.0
 
 
 # ------------------------------------------------------------------ elementary functions: f(x + e d) = f(x) + e f'(x) d
@@ -203,17 +221,22 @@ def derivative(formula: Callable[[Any], Any], x: Any, direction: Any) -> Any:
 
 def gradient(formula: Callable[[Any], Any], x: Any) -> Vec:
     """The vector df/dx_j of a formula from vectors to numbers.  x : (n,)."""
-    return vec(*[derivative(formula, x, unit) for unit in identity_matrix(len(x))])
+    return vec(*[slopes(formula(_along(x, j))) for j in range(len(x))])
 
 
 def jacobian(formula: Callable[[Any], Any], x: Any) -> Mat:
     """The matrix df_i/dx_j of a formula from vectors to vectors.  x : (n,)."""
-    return transpose(mat(*[derivative(formula, x, unit) for unit in identity_matrix(len(x))]))
+    return transpose(mat(*[slopes(formula(_along(x, j))) for j in range(len(x))]))
+
+
+def _along(x: Any, j: int) -> Vec:
+    """x with its component j on the move."""
+    return vec(*[Dual(x[i], 1.0 if i == j else 0) for i in range(len(x))])
 
 
 def size_of(x: Any) -> Any:
     """|x|, and of a number that carries a derivative that of both: zero only if both are."""
-    return size_of(x.value) + size_of(x.slope) if isinstance(x, Dual) else abs(x)
+    return size_of(x.value) + size_of(slope_of(x)) if isinstance(x, Dual) else abs(x)
 
 
 def slopes(value: Any) -> Any:

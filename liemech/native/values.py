@@ -85,7 +85,7 @@ def layout_of(value: Any, number: Callable[[Any], bool] = is_number) -> Layout:
     if number(value):
         return NUMBER
     if isinstance(value, Vec):
-        return _vector(len(value)) if all(map(is_any_number, value)) else Layout("vec", tuple(map(layout_of, value)))
+        return _vector(len(value)) if all(map(is_any_number, value)) else Layout("vec", tuple(layout_of(x, number) for x in value))
     if isinstance(value, Mat):
         return _matrix(tuple(layout_of(row) for row in value.rows))
     if isinstance(value, PAIRS):
