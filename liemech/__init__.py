@@ -48,6 +48,10 @@ if TYPE_CHECKING:
     from .groups.vector_space import VectorSpace
     from .integrators.commutator_free import CommutatorFree, CrouchGrossman
     from .integrators.magnus import Magnus
+    from .integrators.composition import Composition
+    from .integrators.midpoint import ImplicitMidpoint, Isospectral, SphericalMidpoint
+    from .integrators.moser_veselov import ExactMoserVeselov, MoserVeselov
+    from .integrators.splitting import ThreeRotations
     from .systems.group_equation import GroupEquation, LinearGroupEquation
     from .systems.homogeneous_equation import HomogeneousEquation
 
@@ -67,6 +71,10 @@ _LATER = {
     "groups.vector_space": ("VectorSpace",),
     "integrators.commutator_free": ("CommutatorFree", "CrouchGrossman"),
     "integrators.magnus": ("Magnus",),
+    "integrators.composition": ("Composition",),
+    "integrators.midpoint": ("ImplicitMidpoint", "Isospectral", "SphericalMidpoint"),
+    "integrators.moser_veselov": ("ExactMoserVeselov", "MoserVeselov"),
+    "integrators.splitting": ("ThreeRotations",),
     "plots": ("plots",),
     "systems.group_equation": ("GroupEquation", "LinearGroupEquation"),
     "systems.homogeneous_equation": ("HomogeneousEquation",),
@@ -102,6 +110,7 @@ __all__ = [
     "SO",
     "SO3",
     "SU",
+    "U",
     "AdjointAction",
     "Ambient",
     "BodyState",
@@ -110,15 +119,19 @@ __all__ = [
     "CayleyAdjoint",
     "CoadjointAction",
     "CommutatorFree",
+    "Composition",
     "CovariantVariational",
     "CrouchGrossman",
     "Element",
+    "ExactMoserVeselov",
     "Exponential",
     "GroupAction",
     "GroupEquation",
     "Hamiltonian",
     "Heisenberg",
     "HomogeneousEquation",
+    "ImplicitMidpoint",
+    "Isospectral",
     "KineticEnergy",
     "Lagrangian",
     "LeftMultiplication",
@@ -131,6 +144,7 @@ __all__ = [
     "Mat",
     "MatrixLieGroup",
     "Method",
+    "MoserVeselov",
     "ProductGroup",
     "Record",
     "Representation",
@@ -141,11 +155,12 @@ __all__ = [
     "SemidirectProduct",
     "Sp",
     "SphereAction",
+    "SphericalMidpoint",
     "State",
     "System",
+    "ThreeRotations",
     "Trajectory",
     "TranslationAction",
-    "U",
     "UnitQuaternions",
     "Vec",
     "VectorSpace",

@@ -96,7 +96,7 @@ class CovariantVariational(Method):
         for _ in range(LIMIT):
             xi = rate * x
             r, by_p, by_x = self.retraction.mismatch(system.group, x, system.lagrangian.momentum(xi), mu)
-            jacobian = _plus(by_x, _times(by_p, rate * system.lagrangian.hessian(xi)))
+            jacobian = with_inertia(by_x, _times(by_p, rate * system.lagrangian.hessian(xi)))
             x, folded = x - correction(jacobian, r), beyond_fold(jacobian, rate)
             size, enough = dot(r, r), (1.0 if isinstance(by_p, vectors.Mat) else by_p * by_p) * goal
             if size <= enough:
@@ -122,7 +122,7 @@ def _times(by_p: float | Mat, hessian: Mat | Vec) -> Mat | Vec:
     return by_p @ hessian if isinstance(hessian, vectors.Mat) else mat(*[row * hessian for row in by_p])
 
 
-def _plus(m: Mat, inertia: Mat | Vec) -> Mat:
+def with_inertia(m: Mat, inertia: Mat | Vec) -> Mat:
     """m + inertia, a Vec standing for a diagonal matrix."""
     if isinstance(inertia, vectors.Mat):
         return m + inertia

@@ -11,6 +11,18 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from .butcher import BY_ORDER, FAMILIES, PAIRS, TABLEAUS, named, pair
     from .collocation import gauss, lobatto_iiia, lobatto_iiib, lobatto_iiic, radau_iia
+    from .compositions import (
+        COMPOSITIONS,
+        KAHAN_LI6,
+        KAHAN_LI8,
+        SUZUKI4,
+        SUZUKI_UMENO8,
+        TRIPLE_JUMP4,
+        YOSHIDA6,
+        CompositionTableau,
+        suzuki,
+        triple_jump,
+    )
     from .diagonally_implicit import CROUZEIX3, IMPLICIT_EULER, IMPLICIT_MIDPOINT, SDIRK4, TRAPEZOIDAL
     from .dop853 import DOP853
     from .explicit import BUTCHER6, EULER, HEUN2, HEUN3, KUTTA3, KUTTA38, MIDPOINT, RALSTON2, RALSTON3, RK4, SSP3
@@ -33,6 +45,10 @@ if TYPE_CHECKING:
 _LATER = {
     "butcher": ("BY_ORDER", "FAMILIES", "PAIRS", "TABLEAUS", "named", "pair"),
     "collocation": ("gauss", "lobatto_iiia", "lobatto_iiib", "lobatto_iiic", "radau_iia"),
+    "compositions": (
+        *("COMPOSITIONS", "KAHAN_LI6", "KAHAN_LI8", "SUZUKI4", "SUZUKI_UMENO8", "TRIPLE_JUMP4", "YOSHIDA6"),
+        *("CompositionTableau", "suzuki", "triple_jump"),
+    ),
     "diagonally_implicit": ("CROUZEIX3", "IMPLICIT_EULER", "IMPLICIT_MIDPOINT", "SDIRK4", "TRAPEZOIDAL"),
     "dop853": ("DOP853",),
     "explicit": (
@@ -78,6 +94,7 @@ __all__ = [
     "CF4",
     "CG3",
     "CG4",
+    "COMPOSITIONS",
     "CROUZEIX3",
     "DOP853",
     "DORMAND_PRINCE5",
@@ -90,6 +107,8 @@ __all__ = [
     "HEUN_EULER2",
     "IMPLICIT_EULER",
     "IMPLICIT_MIDPOINT",
+    "KAHAN_LI6",
+    "KAHAN_LI8",
     "KUTTA3",
     "KUTTA38",
     "LIE_EULER",
@@ -102,13 +121,18 @@ __all__ = [
     "RK4",
     "SDIRK4",
     "SSP3",
+    "SUZUKI4",
+    "SUZUKI_UMENO8",
     "TABLEAUS",
     "TRAPEZOIDAL",
+    "TRIPLE_JUMP4",
     "TSITOURAS5",
     "VERNER6",
     "VERNER7",
+    "YOSHIDA6",
     "ZONNEVELD4",
     "ButcherTableau",
+    "CompositionTableau",
     "FlowTableau",
     "gauss",
     "lobatto_iiia",
@@ -118,4 +142,6 @@ __all__ = [
     "order_of",
     "pair",
     "radau_iia",
+    "suzuki",
+    "triple_jump",
 ]

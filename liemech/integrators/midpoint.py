@@ -1,0 +1,244 @@
+"""Midpoint rules for the momenta of rotations, so(3)*: the plain one, the spherical one, and the isospectral ones of Gauss."""
+
+from __future__ import annotations
+
+import functools
+import sys
+from typing import Any, ClassVar
+
+from ..errors import IncompatibleSystem, InvalidInput, NoConvergence
+from ..groups.so3 import SO3, plus
+from ..native import Element, Mat, Record, Vec, cross, dot, jacobian, mat, norm, record, sqrt, transpose
+from ..solvers import LIMIT, TOLERANCE, correction
+from ..systems.lie_poisson import BodyState, LiePoissonSystem
+from ..tableaus.collocation import gauss
+from ..tableaus.trees import Row
+from .method import Method
+from .variational import Memory
+
+EPSILON = sys.float_info.epsilon
+ORDERS = (2, 4, 6, 8, 10)
+
+
+@record
+class ImplicitMidpoint(Method):
+    """The implicit midpoint rule for mu' = mu x xi(mu), as if momenta were just vectors: a method to compare with.
+
+        mu_n+1 = mu_n + h m x xi(m),   m = (mu_n + mu_n+1)/2,   that is   mu_n+1 = Ad*_cay(h xi(m)) mu_n,   g_n+1 = g_n cay(h xi(m))
+
+    Order 2, symmetric; |mu| and spatial momentum are kept to rounding, and so is a quadratic energy, of which it is the discrete
+    gradient.  But it is not a Poisson map: on so(3)*, whose bracket depends on mu, only the spherical rule is.
+
+    Rotations only, with any Hamiltonian.  Raises NoConvergence.
+    Source: Hairer, Lubich, Wanner, IV.2.1, VI.4; Austin, Krishnaprasad, Wang, J. Comput. Phys. 107 (1993).
+    """
+
+    order: ClassVar[int] = 2
+    symmetric: ClassVar[bool] = True
+
+    @property
+    def name(self) -> str:
+        """Implicit midpoint."""
+        return "Implicit midpoint"
+
+    def turn(self, system: Any, h: float, m: Vec, mu: Vec) -> Vec:
+        """The displacement x that belongs to a mean m: mu_n+1 - mu_n = m x x."""
+        return h * system.velocity(m)
+
+    def require(self, system: Any) -> None:
+        """A Lie-Poisson system of rotations."""
+        super().require(system)
+        require_rotations(self, system)
+
+    def start(self, system: Any, state: BodyState, h: float) -> Memory:
+        """The first guess of the mean is the momentum itself."""
+        return Memory(state.mu, state.g, state.mu, state.mu, state.mu)
+
+    def observe(self, memory: Memory) -> BodyState:
+        """Momentum and attitude at the node."""
+        return BodyState(memory.mu, memory.g)
+
+    def past(self, memory: Memory) -> tuple[Vec, Vec, Vec]:
+        """The last three means."""
+        return memory.last, memory.last_1, memory.last_2
+
+    def resume(self, system: Any, state: BodyState, past: tuple[Vec, Vec, Vec], h: float) -> Memory:
+        """Momentum and attitude from elsewhere, means to extrapolate from the past."""
+        return Memory(state.mu, state.g, *past)
+
+    def step(self, system: Any, t: float, state: Memory, h: float) -> Memory:
+        """Solve for the mean from the extrapolated one, then move momentum and attitude by the displacement that belongs to it."""
+        m = self.mean(system, h, state.mu, 3.0 * state.last + (state.last_2 - 3.0 * state.last_1))
+        x = self.turn(system, h, m, state.mu)
+        mu = system.group.cayley_Ad_star(x, state.mu)
+        g = None if state.g is None else system.group.compose_cayley(state.g, x)
+        return Memory(mu, g, m, state.last, state.last_1)
+
+    def mean(self, system: Any, h: float, mu: Vec, guess: Vec) -> Vec:
+        """The m with m - m x x(m)/2 = mu: test the mismatch against mu, then apply its correction once more."""
+        hat, m, enough = system.group.algebra.hat, guess, TOLERANCE * TOLERANCE * dot(mu, mu)
+        size = enough
+        for _ in range(LIMIT):
+            half = self.turn(system, 0.5 * h, m, mu)
+            by_m = jacobian(lambda m: self.turn(system, 0.5 * h, m, mu), m)
+            r = (m - mu) - cross(m, half)
+            m, size = m - correction(plus(hat(half) - hat(m) @ by_m, 1.0), r), dot(r, r)
+            if size <= enough:
+                break
+        if not size <= enough:
+            raise NoConvergence(
+                f"{self!r}: Newton's method did not converge in {LIMIT} iterations: mismatch {sqrt(size):.1e}, wanted "
+                f"{sqrt(enough):.1e}. The step h = {h:g} is too large for this motion; try {0.25 * h:g}"
+            )
+        return m
+
+
+@record
+class SphericalMidpoint(ImplicitMidpoint):
+    """The midpoint rule of spheres: the velocity is taken where the mean of both momenta points, but on their sphere.
+
+        mu_n+1 = mu_n + h M x xi(M),   M = |mu_n| m/|m|,   m = (mu_n + mu_n+1)/2
+
+    It turns by cay(h |mu_n|/|m| xi(M)), and so does g.  Order 2, symmetric, and a Poisson map of so(3)*; |mu|, spatial momentum and
+    a quadratic energy are kept to rounding.  A method for momenta: together with the attitude it is not symplectic on T*SO(3).
+
+    Rotations only, with any Hamiltonian.  Raises NoConvergence.
+    Source: McLachlan, Modin, Verdier, Phys. Rev. E 89 (2014) and Math. Comp. 86 (2017).
+    """
+
+    symplectic: ClassVar[bool] = True
+
+    @property
+    def name(self) -> str:
+        """Spherical midpoint."""
+        return "Spherical midpoint"
+
+    def turn(self, system: Any, h: float, m: Vec, mu: Vec) -> Vec:
+        """h s xi(s m), s = |mu|/|m|."""
+        r = norm(mu)
+        if r == 0.0:  # the sphere is a point
+            return h * system.velocity(m)
+        s = r / norm(m)
+        return (h * s) * system.velocity(s * m)
+
+
+@record
+class Stages(Record):
+    """What the isospectral method carries along: the state, and h B_j Q_j of the stages of the last three steps."""
+
+    mu: Vec
+    g: Element | None
+    last: tuple[Mat, ...]
+    last_1: tuple[Mat, ...]
+    last_2: tuple[Mat, ...]
+
+
+@record
+class Isospectral(Method):
+    """The isospectral methods of Gauss: a symplectic Runge-Kutta method of the group, seen from the momenta.
+
+    With the tableau of Gauss and B_j = -hat(xi(mu_j)) for the momenta mu_j = Q_j mu Q_j^-1 (as matrices) of the stages,
+
+        Q_i = 1 + h sum_j a_ij B_j Q_j,   Q = 1 + h sum_j b_j B_j Q_j,   mu_n+1 = Q mu_n,   g_n+1 = g_n Q^T
+
+    order : 2, 4, 6, 8 or 10, twice the number of stages.  Of order 2 it is Algorithm 1 with the Cayley map.
+    Symmetric, Poisson; spatial momentum and |mu| are kept to rounding, the energy oscillates without drift.
+
+    Rotations only, with any Hamiltonian.  Stages are iterated to rounding; raises NoConvergence.
+    Source: Modin and Viviani, Lie-Poisson methods for isospectral flows, Found. Comput. Math. 20 (2020).
+    """
+
+    symmetric: ClassVar[bool] = True
+    symplectic: ClassVar[bool] = True
+
+    order: int = 4
+
+    def __post_init__(self) -> None:
+        if type(self.order) is not int or self.order not in ORDERS:
+            raise InvalidInput(f"Isospectral: order must be one of {ORDERS}; got {self.order!r}")
+
+    @functools.cached_property
+    def tableau(self) -> tuple[tuple[Row, ...], Row]:
+        """A and b of Gauss' method."""
+        data = gauss(self.order // 2)
+        return data.A, data.b
+
+    @property
+    def name(self) -> str:
+        """Isospectral Gauss and the order."""
+        return f"Isospectral Gauss {self.order}"
+
+    def require(self, system: Any) -> None:
+        """A Lie-Poisson system of rotations."""
+        super().require(system)
+        require_rotations(self, system)
+
+    def start(self, system: Any, state: BodyState, h: float) -> Stages:
+        """The first guess is h B at the start, for all stages."""
+        first = system.group.algebra.hat(-h * system.velocity(state.mu))
+        stages = tuple([first for _ in range(self.order // 2)])
+        return Stages(state.mu, state.g, stages, stages, stages)
+
+    def observe(self, memory: Stages) -> BodyState:
+        """Momentum and attitude at the node."""
+        return BodyState(memory.mu, memory.g)
+
+    def past(self, memory: Stages) -> tuple[Any, Any, Any]:
+        """The stages of the last three steps."""
+        return memory.last, memory.last_1, memory.last_2
+
+    def resume(self, system: Any, state: BodyState, past: tuple[Any, Any, Any], h: float) -> Stages:
+        """Momentum and attitude from elsewhere, stages to extrapolate from the past."""
+        return Stages(state.mu, state.g, *past)
+
+    def step(self, system: Any, t: float, state: Stages, h: float) -> Stages:
+        """Iterate the stages from the extrapolated ones, then add what the step turns."""
+        guess = [3.0 * a + (c - 3.0 * b) for a, b, c in zip(state.last, state.last_1, state.last_2)]
+        stages = self._iterated(system, h, state.mu, guess)
+        turned = weighted(self.tableau[1], stages)
+        g = None if state.g is None else state.g + state.g @ turned.T
+        return Stages(state.mu + turned @ state.mu, g, tuple(stages), state.last, state.last_1)
+
+    def _iterated(self, system: Any, h: float, mu: Vec, guess: list[Mat]) -> list[Mat]:
+        """The Z_j = h B_j Q_j, iterated until they change no more, each stage with the new ones before it."""
+        rows, stages = self.tableau[0], guess
+        change = before = size = 1.0
+        for _ in range(LIMIT):
+            before, change, size = change, 0.0, 0.0
+            for i, row in enumerate(rows):
+                q = plus(weighted(row, stages), 1.0)
+                xi = (-h) * system.velocity(cofactors(q) @ mu)
+                new, old = transpose(mat(*[cross(xi, column) for column in q.T])), stages[i]
+                stages = [*stages[:i], new, *stages[i + 1 :]]
+                for a, b in zip(new, old):
+                    change, size = change + dot(a - b, a - b), size + dot(a, a)
+            if change <= EPSILON * EPSILON * size or (change >= before and change <= 4096.0 * EPSILON * EPSILON * size):
+                break
+        if not change <= 4096.0 * EPSILON * EPSILON * size:
+            raise NoConvergence(
+                f"{self!r}: the stages did not converge in {LIMIT} iterations, they still change by {sqrt(change / size):.1e}. "
+                f"The step h = {h:g} is too large for this motion; try {0.25 * h:g}"
+            )
+        return stages
+
+
+def weighted(weights: tuple[float, ...], matrices: Any) -> Mat:
+    """sum_j weights_j matrices_j."""
+    total = weights[0] * matrices[0]
+    for w, m in zip(weights[1:], matrices[1:]):
+        total = total + w * m
+    return total
+
+
+def cofactors(q: Mat) -> Mat:
+    """det(q) q^-T: how q hat(mu) q^T acts on vectors, q hat(mu) q^T = hat(cofactors(q) mu)."""
+    return mat(cross(q[1], q[2]), cross(q[2], q[0]), cross(q[0], q[1]))
+
+
+def require_rotations(method: Method, system: Any) -> None:
+    """Raise IncompatibleSystem unless the system is a Lie-Poisson system on SO(3)."""
+    if not (isinstance(system, LiePoissonSystem) and isinstance(system.group, SO3)):
+        raise IncompatibleSystem(
+            f"{method!r} is a method for momenta on so(3)*, a LiePoissonSystem on SO3() such as RigidBody([1.0, 1.5, 2.0]); "
+            f"got {system!r}. RKMK(order=4) accepts every system"
+        )
