@@ -32,7 +32,8 @@ from .tableaus.tableau import ButcherTableau
 from .trajectory import Trajectory
 
 if TYPE_CHECKING:
-    from . import plots, tableaus
+    from . import plots as plots
+    from . import tableaus
     from .checks import check_action, check_group, check_retraction
     from .groups.actions import GroupAction, LeftMultiplication, LinearAction, SphereAction, TranslationAction
     from .groups.classical import GL, SL, SO, SU, Sp, U
@@ -47,8 +48,8 @@ if TYPE_CHECKING:
     from .groups.unit_quaternions import UnitQuaternions
     from .groups.vector_space import VectorSpace
     from .integrators.commutator_free import CommutatorFree, CrouchGrossman
-    from .integrators.magnus import Magnus
     from .integrators.composition import Composition
+    from .integrators.magnus import Magnus
     from .integrators.midpoint import ImplicitMidpoint, Isospectral, SphericalMidpoint
     from .integrators.moser_veselov import ExactMoserVeselov, MoserVeselov
     from .integrators.splitting import ThreeRotations
