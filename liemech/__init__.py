@@ -49,12 +49,20 @@ if TYPE_CHECKING:
     from .groups.vector_space import VectorSpace
     from .integrators.commutator_free import CommutatorFree, CrouchGrossman
     from .integrators.composition import Composition
+    from .integrators.lie_verlet import LieVerlet
     from .integrators.magnus import Magnus
     from .integrators.midpoint import ImplicitMidpoint, Isospectral, SphericalMidpoint
     from .integrators.moser_veselov import ExactMoserVeselov, MoserVeselov
     from .integrators.splitting import ThreeRotations
+    from .integrators.taylor import Taylor
+    from .models.gravity import CentralGravity, FixedPointGravity, UniformGravity
+    from .models.heavy_top import HeavyTop, LagrangeTop, ReducedHeavyTop
+    from .models.kirchhoff import KirchhoffBody
+    from .models.space_bodies import FallingBody, OrbitingBody
     from .systems.group_equation import GroupEquation, LinearGroupEquation
     from .systems.homogeneous_equation import HomogeneousEquation
+    from .systems.mechanical import MechanicalSystem
+    from .systems.potential import Force, NoPotential, Potential
 
 _LATER = {
     "checks": ("check_action", "check_group", "check_retraction"),
@@ -71,14 +79,22 @@ _LATER = {
     "groups.unit_quaternions": ("UnitQuaternions",),
     "groups.vector_space": ("VectorSpace",),
     "integrators.commutator_free": ("CommutatorFree", "CrouchGrossman"),
-    "integrators.magnus": ("Magnus",),
     "integrators.composition": ("Composition",),
+    "integrators.lie_verlet": ("LieVerlet",),
+    "integrators.magnus": ("Magnus",),
     "integrators.midpoint": ("ImplicitMidpoint", "Isospectral", "SphericalMidpoint"),
     "integrators.moser_veselov": ("ExactMoserVeselov", "MoserVeselov"),
     "integrators.splitting": ("ThreeRotations",),
+    "integrators.taylor": ("Taylor",),
+    "models.gravity": ("CentralGravity", "FixedPointGravity", "UniformGravity"),
+    "models.heavy_top": ("HeavyTop", "LagrangeTop", "ReducedHeavyTop"),
+    "models.kirchhoff": ("KirchhoffBody",),
+    "models.space_bodies": ("FallingBody", "OrbitingBody"),
     "plots": ("plots",),
     "systems.group_equation": ("GroupEquation", "LinearGroupEquation"),
     "systems.homogeneous_equation": ("HomogeneousEquation",),
+    "systems.mechanical": ("MechanicalSystem",),
+    "systems.potential": ("Force", "NoPotential", "Potential"),
     "tableaus": ("tableaus",),
 }
 """What is imported when it is first asked for, module by module, so that a script pays for what it uses."""
@@ -118,6 +134,7 @@ __all__ = [
     "ButcherTableau",
     "Cayley",
     "CayleyAdjoint",
+    "CentralGravity",
     "CoadjointAction",
     "CommutatorFree",
     "Composition",
@@ -126,28 +143,40 @@ __all__ = [
     "Element",
     "ExactMoserVeselov",
     "Exponential",
+    "FallingBody",
+    "FixedPointGravity",
+    "Force",
     "GroupAction",
     "GroupEquation",
     "Hamiltonian",
+    "HeavyTop",
     "Heisenberg",
     "HomogeneousEquation",
     "ImplicitMidpoint",
     "Isospectral",
     "KineticEnergy",
+    "KirchhoffBody",
+    "LagrangeTop",
     "Lagrangian",
     "LeftMultiplication",
     "LieAlgebra",
     "LieGroup",
     "LiePoissonSystem",
+    "LieVerlet",
     "LinearAction",
     "LinearGroupEquation",
     "Magnus",
     "Mat",
     "MatrixLieGroup",
+    "MechanicalSystem",
     "Method",
     "MoserVeselov",
+    "NoPotential",
+    "OrbitingBody",
+    "Potential",
     "ProductGroup",
     "Record",
+    "ReducedHeavyTop",
     "Representation",
     "Retraction",
     "RigidBody",
@@ -159,9 +188,11 @@ __all__ = [
     "SphericalMidpoint",
     "State",
     "System",
+    "Taylor",
     "ThreeRotations",
     "Trajectory",
     "TranslationAction",
+    "UniformGravity",
     "UnitQuaternions",
     "Vec",
     "VectorSpace",

@@ -248,7 +248,8 @@ class Run:
                 RuntimeWarning,
                 stacklevel=4,
             )
-        return Trajectory(self.system, self.method, self.h, t, unpacked(self.example, self.shown, flat), self.bodies, steps, self.compiled, stopped)
+        states = unpacked(self.example, self.shown, flat)
+        return Trajectory(self.system, self.method, self.h, t, states, self.bodies, steps, self.compiled, stopped)
 
     def _failure(self, body: int) -> IntegrationFailure:
         """Why a body stopped: its failing step, run again in plain Python."""

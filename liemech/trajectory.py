@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -65,8 +66,11 @@ class Trajectory:
 
     @cached_property
     def energy(self) -> np.ndarray:
-        """H(mu) at every sample, in J.  (n,)"""
-        return self._laws.energy(self.mu)
+        """The energy at every sample, in J.  (n,)"""
+        energy = getattr(self.system, "energy", None)
+        if energy is None:
+            raise InvalidInput(f"Trajectory.energy: {self.system!r} has no energy")
+        return energy(*(self.states[name] for name in inspect.signature(energy).parameters))
 
     @cached_property
     def casimirs(self) -> np.ndarray:
@@ -96,7 +100,8 @@ class Trajectory:
     def at(self, t: Any) -> Any:
         """The state at any time of a run with adaptive steps, or at many, (m,); between the steps too it is on the group."""
         if self.dense is None:
-            raise InvalidInput("Trajectory.at needs a run with adaptive steps (integrate with t_end) that kept the way between them (dense=True)")
+            needed = "a run with adaptive steps (integrate with t_end) that kept the way between them (dense=True)"
+            raise InvalidInput(f"Trajectory.at needs {needed}")
         return self.dense(t)
 
     def drift(self) -> Drift:

@@ -186,7 +186,7 @@ def test_events_that_end_the_run_and_those_of_one_direction() -> None:
 
 def test_a_motion_without_a_future() -> None:
     system = Driven(lm.SO3(), 1.0)
-    with pytest.raises(lm.errors.StepTooSmall, match="at t = 1.* the step fell to .*singularity") as caught:
+    with pytest.raises(lm.errors.StepTooSmall, match=r"at t = 1.* the step fell to .*singularity") as caught:
         lm.integrate(system, DP5, system.state(np.eye(3)), t_end=2.0, rtol=1e-6)
     run = caught.value.trajectory
     assert 0.999 < run.t[-1] <= 1.0
@@ -194,7 +194,7 @@ def test_a_motion_without_a_future() -> None:
 
 
 def test_too_many_steps() -> None:
-    with pytest.raises(lm.errors.StepTooSmall, match="50 steps led to t = .* only") as caught:
+    with pytest.raises(lm.errors.StepTooSmall, match=r"50 steps led to t = .* only") as caught:
         lm.integrate(BODY, DP5, START, t_end=100.0, rtol=1e-9, steps=50)
     assert len(caught.value.trajectory) == 51
 

@@ -7,7 +7,8 @@ import pytest
 
 import liemech as lm
 
-SEMISIMPLE = [lm.SO3(), lm.UnitQuaternions(), lm.SO(3), lm.SO(4), lm.SO(5), lm.SL(2), lm.SL(3), lm.SU(2), lm.SU(3), lm.Sp(2), lm.Sp(4)]
+SEMISIMPLE = [lm.SO3(), lm.UnitQuaternions(), lm.SO(3), lm.SO(4), lm.SO(5), lm.SL(2), lm.SL(3), lm.SU(2), lm.SU(3), lm.Sp(2)]
+SEMISIMPLE += [lm.Sp(4)]
 OTHERS = {  # the rank of the Killing form, and whether some nondegenerate form is invariant
     lm.SE3(): (3, True),
     lm.SE2(): (1, False),

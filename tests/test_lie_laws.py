@@ -471,7 +471,7 @@ def test_what_a_bare_group_lacks_says_so() -> None:
         bare.log(np.eye(3))
     with pytest.raises(lm.errors.IncompatibleSystem, match="PlaneMotions has no Cayley map"):
         bare.cayley(xi)
-    with pytest.raises(lm.errors.IncompatibleSystem, match="cannot be used on PlaneMotions.*Exponential"):
+    with pytest.raises(lm.errors.IncompatibleSystem, match=r"cannot be used on PlaneMotions.*Exponential"):
         lm.Cayley().require(bare)
     assert bare.casimirs(xi).shape == (0,)
     assert dot(lm.vec(1.0, 2.0), lm.vec(3.0, 4.0)) == 11.0

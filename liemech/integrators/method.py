@@ -53,8 +53,9 @@ class Method(Record):
         """Raise IncompatibleSystem, saying what to use instead, unless the method accepts the system."""
         if not isinstance(system, System):
             raise IncompatibleSystem(f"{self!r} needs a system such as RigidBody([1.0, 1.5, 2.0]); got {system!r}")
+        for_a_field = ", LieVerlet bodies in a field" if hasattr(system, "potential") else ""
         for need in self.needs:
             if getattr(system, need, None) is None:
                 raise IncompatibleSystem(
-                    f"{self!r} needs a system with a {need}; {system!r} has none. RKMK accepts every system."
+                    f"{self!r} needs a system with a {need}; {system!r} has none. RKMK accepts every system{for_a_field}."
                 )

@@ -6,7 +6,7 @@ import warnings
 from typing import Any
 
 from ..errors import InvalidInput, InvalidType, NoConvergence, OrderWarning
-from ..groups.lie_group import EPSILON, one_norm
+from ..groups.lie_group import BERNOULLI, EPSILON, one_norm
 from ..native import Record, Vec, record, sqrt, where
 from ..retractions import Exponential, Retraction
 from ..solvers import LIMIT
@@ -75,9 +75,10 @@ class RKMK(Method):
             raise InvalidInput(f'RKMK: truncation is a number of terms from 0 to 12 or "closed"; got {q!r}')
         if not isinstance(self.retraction, Exponential):
             raise InvalidInput(f"RKMK: {self.retraction!r} has a closed differential and no series to cut; leave truncation out")
-        if q < self.order - 2:
+        missing = next((k for k in range(q + 1, len(BERNOULLI)) if BERNOULLI[k] != 0.0), len(BERNOULLI))
+        if missing + 1 < self.order:  # ad_Omega^k is of order h^k
             warnings.warn(
-                f"RKMK: with truncation {q} the method is of order {q + 2}, not {self.order}; that takes {self.order - 2}",
+                f"RKMK: with truncation {q} the method is of order {missing + 1}, not {self.order}; that takes {self.order - 2}",
                 OrderWarning,
                 stacklevel=5,
             )
@@ -160,9 +161,9 @@ class RKMK(Method):
         omega = combination(tableau.b, slopes, h)
         new = system.moved(self.retraction, state, omega)
         velocity = system.rate(t + h, system.essential(new))
-        error = _square(system, state, new, _difference(tableau.b, tableau.b_hat, slopes, h), rtol, atol)
+        error = mean_square(system, state, new, _difference(tableau.b, tableau.b_hat, slopes, h), rtol, atol)
         if tableau.b_low:
-            low = _square(system, state, new, _difference(tableau.b, tableau.b_low, slopes, h), rtol, atol)
+            low = mean_square(system, state, new, _difference(tableau.b, tableau.b_low, slopes, h), rtol, atol)
             error = where(error > 0.0, error * error / (error + 0.01 * low), 0.0)
         curve = self._curve(system, t, start, slopes, first, omega, velocity, h) if dense else ()
         return Trial(new, velocity, sqrt(error), curve)
@@ -210,7 +211,7 @@ def _difference(b: Row, b_hat: Row, slopes: list[Vec], h: float) -> Vec:
     return combination(tuple([x - y for x, y in zip(b, b_hat)]), slopes, h)
 
 
-def _square(system: System, state: Any, new: Any, off: Vec, rtol: float, atol: float) -> float:
+def mean_square(system: System, state: Any, new: Any, off: Vec, rtol: float, atol: float) -> float:
     """The mean square of what a displacement changes, over the tolerance."""
     (change, before), (_, after) = system.deviation(state, off), system.deviation(new, off)
     total = 0.0

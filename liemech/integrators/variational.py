@@ -50,7 +50,7 @@ class CovariantVariational(Method):
         given: Any = self.retraction
         if not isinstance(given, Retraction):
             got = f"got {given!r}"
-            raise InvalidType(f"CovariantVariational: retraction must be Exponential(), Cayley() or one of yours; {got}")
+            raise InvalidType(f"{type(self).__name__}: retraction must be Exponential(), Cayley() or one of yours; {got}")
 
     @property
     def name(self) -> str:

@@ -139,7 +139,8 @@ def _bordered(formula: Callable[..., Any], kinds: dict[str, str]) -> Callable[..
 
 
 def _is_array(value: Any) -> bool:
-    return _of_arrays(type(value))
+    kind: Any = type(value)
+    return _of_arrays(kind)
 
 
 @functools.cache
@@ -236,7 +237,7 @@ def element(arrays: dict[str, np.ndarray], i: int) -> dict[str, Any]:
 
 def small(array: np.ndarray) -> Any:
     """An array without a batch axis as a formula takes it: a float, a `Vec` or a `Mat`."""
-    return (float, Vec.of, Mat.of)[array.ndim](array.tolist())  # type: ignore[operator]
+    return (float, Vec.of, Mat.of)[array.ndim](array.tolist())
 
 
 def _some(space: Any, kind: str, shape: tuple[int, ...]) -> np.ndarray:

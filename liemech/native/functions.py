@@ -31,6 +31,9 @@ def _elementary(name: str, numpy_name: str | None = None) -> Callable[..., Any]:
         except TypeError:
             if any(hasattr(a, "slope") for a in x):
                 return RULES[name](*x)
+            for a in x:
+                if hasattr(a, "elementary"):
+                    return a.elementary(name, *x)
             import sympy
 
             return getattr(sympy, name)(*x)

@@ -20,13 +20,14 @@ from typing import Any
 import numpy as np
 
 from ..errors import NotCompilable
-from . import driver, functions, vectors
+from . import driver, functions, series, vectors
 from .border import annotation_text, bare
 from .dual import Dual
-from .expressions import Closure, holds_number
+from .expressions import Closure, Expressions, holds_number
 from .joins import RETURN, Env, Frame, Open, Undefined
 from .numbers import Emitter, Num
 from .records import Record
+from .series import Series
 from .source import source_of
 from .statements import Statements
 from .values import PAIRS, fill, is_any_number, layout_of, leaves
@@ -36,6 +37,7 @@ DEPTH = 40  # nested calls
 
 _REFUSED = {print, input, open, eval, exec, setattr, delattr, globals, locals}
 _TEXT = {str, repr, format, ascii, bin, hash, id}
+_ARITHMETIC = vectors.__name__, series.__name__  # modules of classes whose methods run as they stand
 _STATIC = {f for f in vars(builtins).values() if callable(f) and f not in _REFUSED}
 
 
@@ -83,8 +85,8 @@ class Interpreter(Statements):
             return self.construct(function, args, options)
         if function in _TEXT and holds_number(args):
             raise NotCompilable(f"{function.__name__} of a number known only at run time")
-        if function in (Vec, Mat, *PAIRS) or function in _STATIC or getattr(function, "__module__", None) == Vec.of.__module__:
-            if isinstance(function, types.FunctionType) and not function.__qualname__.startswith(("Vec.", "Mat.")):
+        if function in (Vec, Mat, Series, *PAIRS) or function in _STATIC or getattr(function, "__module__", None) in _ARITHMETIC:
+            if isinstance(function, types.FunctionType) and not function.__qualname__.startswith(("Vec.", "Mat.", "Series.")):
                 return self.inline(function, args, options)
             return function(*args, **options)
         if isinstance(function, types.FunctionType):
@@ -146,10 +148,17 @@ class Interpreter(Statements):
         def value(*x: Any) -> Any:
             if any(isinstance(a, Dual) for a in x):
                 return self.call(functions.RULES[function.__name__], *x)
+            for a in x:
+                if isinstance(a, Series):
+                    return a.elementary(function.__name__, *x)
             return self.emitter.call(name, *x) if any(isinstance(a, Num) for a in x) else function(*x)
 
         return value
 
+    def where(self, condition: Any, yes: Any, no: Any) -> Any:
+        if isinstance(yes, Series) or isinstance(no, Series):
+            return Series.chosen(lambda a, b: Expressions.where(self, condition, a, b), yes, no)
+        return super().where(condition, yes, no)
 
     def extreme(self, better: Callable[[Any, Any], Any], *items: Any) -> Any:
         result, *others = items if len(items) > 1 else items[0]

@@ -194,16 +194,16 @@ class Joins:
 
 def leveled(items: list[Any]) -> list[Any]:
     """The same values, a number made a pair (of derivative, of imaginary part, zero) where it meets one."""
-    kinds = {type(v) for v in items if isinstance(v, PAIRS)}
-    if len(kinds) == 1:
-        (kind,) = kinds
-        if all(isinstance(v, kind) or is_any_number(v) for v in items):
-            parts = zip(*(v.parts if isinstance(v, kind) else (v, 0.0) for v in items), strict=True)
-            return [kind(*p) for p in zip(*map(leveled, map(list, parts)), strict=True)]
-    for kind in (Vec, Mat, tuple, list):
-        if all(type(v) is kind for v in items) and len({len(v) for v in items}) == 1:
-            columns = zip(*map(leveled, map(list, zip(*items, strict=True))), strict=True)
-            return [kind(*v) if kind in (Vec, Mat) else kind(v) for v in columns]
+    makers: dict[Any, Any] = {Vec: lambda v: Vec(*v), Mat: lambda v: Mat(*v), tuple: tuple, list: list}
+    kind = type(items[0])
+    if kind in makers and all(type(v) is kind for v in items) and len({len(v) for v in items}) == 1:
+        return [makers[kind](v) for v in zip(*map(leveled, map(list, zip(*items, strict=True))), strict=True)]
+    pairs = {type(v) for v in items if isinstance(v, PAIRS)}
+    if len(pairs) == 1:
+        (pair,) = pairs
+        if all(isinstance(v, pair) or is_any_number(v) for v in items):
+            parts = zip(*(v.parts if isinstance(v, pair) else (v, 0.0) for v in items), strict=True)
+            return [pair(*p) for p in zip(*map(leveled, map(list, parts)), strict=True)]
     return items
 
 

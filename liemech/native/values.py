@@ -93,7 +93,8 @@ def layout_of(value: Any, number: Callable[[Any], bool] = is_number) -> Layout:
     if isinstance(value, Record):
         if number is is_number and "_layout" in value.__dict__:
             return value.__dict__["_layout"]
-        layout = _record(tuple([layout_of(getattr(value, n), number) for n in _names(type(value))]), type(value))
+        cls: Any = type(value)
+        layout = _record(tuple([layout_of(getattr(value, n), number) for n in _names(cls)]), cls)
         if number is is_number:  # a record never changes: a method is looked at once, not at every run
             value.__dict__["_layout"] = layout
         return layout
@@ -103,8 +104,8 @@ def layout_of(value: Any, number: Callable[[Any], bool] = is_number) -> Layout:
 
 
 @functools.cache
-def _names(cls: type) -> tuple[str, ...]:
-    return tuple(f.name for f in dataclasses.fields(cls))  # type: ignore[arg-type]
+def _names(cls: Any) -> tuple[str, ...]:
+    return tuple(f.name for f in dataclasses.fields(cls))
 
 
 # Layouts of one structure are one object, so that comparing two of them takes no time.

@@ -38,8 +38,8 @@ class HomogeneousEquation(System):
     side: ClassVar[str] = "right"
     action: GroupAction
 
-    @property
-    def group(self) -> LieGroup:  # type: ignore[override]
+    @property  # type: ignore[misc]
+    def group(self) -> LieGroup:
         """The group that moves the points."""
         return self.action.group
 

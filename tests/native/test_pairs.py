@@ -11,7 +11,22 @@ import pytest
 
 import liemech as lm
 from liemech import native
-from liemech.native import Complex, Dual, Mat, Vec, derivative, dot, identity_matrix, jacobian, kernel, mat, record, sqrt, vec, where
+from liemech.native import (
+    Complex,
+    Dual,
+    Mat,
+    Vec,
+    derivative,
+    dot,
+    identity_matrix,
+    jacobian,
+    kernel,
+    mat,
+    record,
+    sqrt,
+    vec,
+    where,
+)
 from liemech.native.driver import read, write
 from liemech.native.values import layout_of
 

@@ -1,0 +1,37 @@
+"""A magnetic moment in a turning field: a driven equation on the sphere, with steps of its own choice and events.
+
+The moment x precesses about the field b(t) and creeps towards it: it turns with the velocity A = -b + (x cross b)/5.
+"""
+
+import numpy as np
+
+import liemech as lm
+from liemech.native import cos, cross, sin, vec
+
+
+@lm.record
+class Moment(lm.HomogeneousEquation):
+    """A unit vector moved by rotations, with the angular velocity A(t, x)."""
+
+    damping: float = 0.2
+
+    def velocity(self, t, x):
+        field = vec(0.5 * cos(0.3 * t), 0.5 * sin(0.3 * t), 1.0)
+        return self.damping * cross(x, field) - field
+
+
+def crossing(t, state):
+    return state.x[2]
+
+
+crossing.direction = 1  # from the southern hemisphere to the northern
+
+moment = Moment(lm.SphereAction(3))
+for tolerance in 1e-4, 1e-7, 1e-10:
+    run = lm.integrate(
+        moment, lm.RKMK(order=5), moment.state([0.6, 0.0, -0.8]), t_end=60.0, rtol=tolerance, atol=tolerance, events=crossing
+    )
+    (times, points), step = run.events[0], np.diff(run.t)
+    off = np.abs(np.linalg.norm(run.at(np.linspace(0.0, 60.0, 601)).x, axis=1) - 1.0).max()
+    print(f"tolerance {tolerance:.0e}: {len(step):4} steps of {step.min():.3f} to {step.max():.3f} s, ", end="")
+    print(f"over the equator at t = {times[0]:.9f} s, |x| - 1 < {off:.0e} all the way")

@@ -1,0 +1,160 @@
+"""Mechanical systems: a body whose configurations are a Lie group, in a field of force."""
+
+from __future__ import annotations
+
+from dataclasses import field
+from functools import cached_property
+from typing import Any, final
+
+import numpy as np
+
+from ..errors import InvalidInput, InvalidType
+from ..groups.coadjoint import CoadjointAction
+from ..groups.lie_group import LieGroup
+from ..groups.semidirect import SemidirectProduct
+from ..native import Element, Vec, record, vec
+from ..retractions import Retraction
+from .lie_poisson import BodyState, LiePoissonSystem
+from .potential import Force, Potential
+from .system import System, frozen, members_of, points
+
+
+@record
+class MechanicalSystem(System):
+    """A body in a field of force: mu' = ad*_xi mu + f(g) + F(t, xi, g),  g' = g xi,  with xi = dH/dmu.
+
+    body : the body without the field, such as RigidBody([1.0, 1.5, 2.0]) or LiePoissonSystem(SE3(), KineticEnergy(J)).
+    potential : V, its energy in the field as a function of where it is; f is the force that follows from it.
+    load : a force F without a potential, if there is one.
+
+    A force moves the momentum off its coadjoint orbit, so that no element of the configurations G carries it along.  The cotangent
+    group T*G does, pairs of an element and a momentum, (g, m)(h, n) = (g h, m + K_g n), where the velocity is (xi, f + F).  So
+    `group` is T*G, and every method for equations on groups applies.  LieVerlet keeps what the variational methods keep.
+
+    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., sections 1.4 and 15.10; for T*G as a group Engo,
+    Partitioned Runge-Kutta methods in Lie-group setting, BIT 43 (2003).
+    """
+
+    body: LiePoissonSystem
+    potential: Potential
+    load: Force | None = field(default=None, kw_only=True, repr=False)
+
+    def __post_init__(self) -> None:
+        given: tuple[tuple[str, Any, type, str], ...] = (
+            ("body", self.body, LiePoissonSystem, "such as RigidBody([1.0, 1.5, 2.0])"),
+            ("potential", self.potential, Potential, "a subclass with an `energy(g)`"),
+            ("load", self.load or Force(), Force, "a subclass with a `covector(t, xi, g)`"),
+        )
+        for name, value, kind, words in given:
+            if not isinstance(value, kind):
+                raise InvalidType(f"{type(self).__name__}: {name} must be a {kind.__name__}, {words}; got {value!r}")
+        super().__post_init__()
+
+    @final
+    @property
+    def configurations(self) -> LieGroup:
+        """The group whose elements tell where the body is."""
+        return self.body.group
+
+    @property  # type: ignore[misc]
+    def group(self) -> SemidirectProduct:
+        """T*G, the group that moves momentum and configuration together."""
+        return self._cotangent
+
+    @cached_property
+    def _cotangent(self) -> SemidirectProduct:
+        return SemidirectProduct(self.body.group, CoadjointAction(self.body.group))
+
+    # ---------------------------------------------------------------- formulas
+
+    @final
+    def velocity(self, mu: Vec) -> Vec:
+        """The body velocity xi = dH/dmu.  mu : (dim,)."""
+        return self.body.velocity(mu)
+
+    @final
+    def force(self, g: Element) -> Vec:
+        """The force of the field on the body, <f, eta> = -d/ds V(g exp(s eta)).  g : an element;  returns (dim,)."""
+        return self.potential.force(self.body.group, g)
+
+    @final
+    def energy(self, mu: Vec, g: Element) -> float:
+        """H(mu) + V(g).  mu : (dim,), g : an element."""
+        return self.body.energy(mu) + self.potential.energy(g)
+
+    @final
+    def spatial_momentum(self, mu: Vec, g: Element) -> Vec:
+        """The momentum seen from space, K_g mu; the field changes what it has no symmetry for.  mu : (dim,), g : an element."""
+        return self.body.group.K(g, mu)
+
+    # ---------------------------------------------------------------- how it moves
+
+    @final
+    def rate(self, t: float, state: BodyState) -> Vec:
+        """(xi, f): the velocity on T*G."""
+        force = self.force(state.g)
+        if self.load is not None:
+            force = force + self.load.covector(t, self.velocity(state.mu), state.g)
+        return vec(*self.velocity(state.mu), *force)
+
+    @final
+    def moved(self, retraction: Retraction, state: BodyState, omega: Vec) -> BodyState:
+        """(g h, Ad*_h (mu + n)) with (h, n) = tau(omega)."""
+        h, n = self._cotangent.split(retraction.tau(self._cotangent, omega))
+        return BodyState(self.body.group.Ad_star(h, state.mu + n), self.body.group.compose(state.g, h))
+
+    @final
+    def deviation(self, state: BodyState, omega: Vec) -> tuple[Vec, Vec]:
+        """ad*_omega mu and the kick beside |mu|, and omega beside what counts as large where the body is."""
+        group = self.body.group
+        xi, kick = self._cotangent.algebra.parts(omega)
+        size = vec(*[abs(m) for m in state.mu])
+        return vec(*(group.ad_star(xi, state.mu) + kick), *xi), vec(*size, *group.scale(state.g))
+
+    def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """The energy, and the momenta that a symmetry of the potential keeps; nothing, as far as is known, under a load."""
+        mu, g = states["mu"], states["g"]
+        if self.load is not None:
+            return {}
+        return {"energy": np.asarray(self.energy(mu, g))} | self.potential.symmetry(self.body.group, mu, g)
+
+    # ---------------------------------------------------------------- the border
+
+    @final
+    def state(self, mu: Any, g: Any = None) -> BodyState:
+        """A start for `integrate`: body momentum mu and configuration g.
+
+        mu : (dim,) for one body, (bodies, dim) for an ensemble;  g : an element, or one for each body.
+        Raises InvalidInput for a missing g, wrong shapes, entries that are not finite, and a g that is not on the group.
+        """
+        name, group = f"{type(self).__name__}.state", self.body.group
+        if g is None:
+            raise InvalidInput(f"{name}: g is missing; the force depends on where the body is, give state(mu=..., g=...)")
+        momenta = points(mu, f"{name}: mu", (group.dim,), f"a momentum on {group!r}")
+        elements = members_of(group, g, f"{name}: g")
+        counts = [len(a) for a, one in ((momenta, (group.dim,)), (elements, group.element_shape)) if a.shape != one]
+        if len(set(counts)) > 1:
+            raise InvalidInput(f"{name}: {counts[0]} momenta and {counts[1]} group elements")
+        bodies = counts[0] if counts else None
+        return BodyState(frozen(momenta, (group.dim,), bodies), frozen(elements, group.element_shape, bodies))
+
+    # elements are those of the configurations
+
+    @final
+    def identity(self) -> Any:
+        """The neutral element of the configurations."""
+        return self.body.group.identity()
+
+    @final
+    def defect(self, g: Any) -> float:
+        """How far an array is from being a configuration.  g : shaped like an element."""
+        return self.body.group.defect(g)
+
+    def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
+        return self.body.group._shape(argument, kind)
+
+    def _complex(self, kind: str) -> bool:
+        return self.body.group._complex(kind)
+
+    def _objection(self, argument: str, value: Any) -> str | None:
+        return self.body.group._objection(argument, value)

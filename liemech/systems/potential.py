@@ -1,0 +1,70 @@
+"""Fields of force on a Lie group: potentials, and forces that have none."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ..groups.lie_group import LieGroup
+from ..native import Element, Record, Vec, gradient, record, vec
+
+
+@record
+class Potential(Record):
+    """The energy of a body as a function of where it is, V(g).
+
+    1. A subclass writes `energy`, as a formula.  Its fields are the parameters (`float`, `Vec`, `Mat` or other records).
+    2. It may write `force` in closed form; left out, it follows by differentiation, exact to rounding.
+    3. It may say what its symmetry keeps (`symmetry`).
+
+    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 7.7.
+    """
+
+    def energy(self, g: Any) -> float:
+        """V(g).  g : an element."""
+        raise NotImplementedError(f"{type(self).__name__} must define `energy`")
+
+    def force(self, group: LieGroup, g: Element) -> Vec:
+        """The force f felt in the body, <f, eta> = -d/ds V(g exp(s eta)) at s = 0; on rotations a torque.
+
+        g : an element.  Returns (dim,).
+        """
+        return -gradient(lambda eta: self.energy(group.compose_exp(g, eta)), vec(*[0.0 for _ in range(group.dim)]))
+
+    def symmetry(self, group: LieGroup, mu: Any, g: Any) -> dict[str, Any]:
+        """The momenta that the motion keeps because V has a symmetry, by name, for the samples of a run.
+
+        By Noether's theorem <K_g mu, eta> is kept if V(exp(s eta) g) = V(g).  mu : (..., dim), g : elements, arrays both.
+        """
+        return {}
+
+
+@record
+class NoPotential(Potential):
+    """No field: V = 0."""
+
+    def energy(self, g: Any) -> float:
+        """Zero."""
+        return 0.0
+
+    def force(self, group: LieGroup, g: Element) -> Vec:
+        """Zero."""
+        return vec(*[0.0 for _ in range(group.dim)])
+
+    def symmetry(self, group: LieGroup, mu: Any, g: Any) -> dict[str, Any]:
+        """Every motion: the whole spatial momentum."""
+        return {"spatial momentum": group.K(g, mu)}
+
+
+@record
+class Force(Record):
+    """A force that has no potential, or one that changes with time: friction, thrust, a driven field.
+
+    1. A subclass writes `covector`, as a formula.  Its fields are the parameters.
+
+    Source: Marsden and West, Discrete mechanics and variational integrators, Acta Numerica 10 (2001), section 3.1 (the
+    Lagrange-d'Alembert principle).
+    """
+
+    def covector(self, t: float, xi: Vec, g: Any) -> Vec:
+        """The force in the body at time t and body velocity xi, (dim,): <F, xi> is its power.  xi : (dim,), g : an element."""
+        raise NotImplementedError(f"{type(self).__name__} must define `covector`")
