@@ -169,12 +169,14 @@ class AdaptiveRun:
     def _native(self, arguments: tuple[Any, ...], worth_it: bool) -> Any:
         """Native code for the driver; None if there is none, or if nothing tells yet that it is worth the compiler's time."""
         why_not, array = kernel.available(), np.empty(0)
-        if self.wanted is None and not worth_it and (why_not or not kernel.ready(pursue, *arguments, 1, array, array, array)):
+        pursuing = pursue, *arguments, 1, array, array, array
+        found = kernel.known(*pursuing) if why_not is None else None
+        if found is None and self.wanted is None and not worth_it:
             return None
         try:
             if why_not is not None:
                 raise NotCompilable(f"integrate: compiled=True, but {why_not}")
-            run = kernel.kernel(pursue, *arguments, 1, array, array, array)
+            run = found or kernel.kernel(*pursuing)
         except NotCompilable as error:
             if self.wanted:
                 raise

@@ -69,7 +69,7 @@ class DenseOutput:
     def _moved(self, point: Any, curve: Any, given: np.ndarray) -> np.ndarray:
         arguments, many = (self.retraction, self.system, point, curve), len(given)
         lanes, probe = kernel.lanes() if self.compiled else 1, np.empty((1, 1))
-        if self.compiled and (many >= 64 or kernel.ready(along, *arguments, probe, probe, lanes=lanes)):
+        if self.compiled and (many >= 64 or kernel.known(along, *arguments, probe, probe, lanes=lanes)):
             columns = -(-many // lanes) * lanes
             rows = np.ascontiguousarray(given[np.minimum(np.arange(columns), many - 1)].T)
             out = np.empty((point.width, columns))

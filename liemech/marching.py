@@ -118,7 +118,11 @@ class Run:
         self.out = np.empty((rows, self.shown.width, self.columns))
         self.states = np.empty((self.layout.width, self.columns))
         self.taken = np.zeros(self.columns)
-        self._run(begin, (method, system, self.given, h), self._columns_of(start), self.states, self.out[0])
+        if self.bodies is None:
+            self.states[:, 0] = [*leaves(first, self.layout)]
+            self.out[0, :, 0] = [*leaves(self.example, self.shown)]
+        else:
+            self._run(begin, (method, system, self.given, h), self._columns_of(start), self.states, self.out[0])
 
     def _try(self, memory: Any) -> None:
         """Make the first step once for trial: a formula that returns what it should not is told before the run.
@@ -133,9 +137,7 @@ class Run:
 
     def _columns_of(self, start: State) -> np.ndarray:
         """The start with a column for each body; the last lanes, if there are too many, repeat the last body."""
-        if self.bodies is None:
-            return np.array([*leaves(start, self.given)])[:, None]
-        count = self.bodies
+        count = len(next(iter(start.parts.values())))
         parts = [_numbers(x).reshape(count, -1) for x in start.parts.values() if x is not None]
         columns = np.concatenate(parts, axis=1).T
         return np.ascontiguousarray(columns[:, np.minimum(np.arange(self.columns), count - 1)])
@@ -144,25 +146,27 @@ class Run:
         if compiled is False:
             return False
         why_not = kernel.available()
-        if why_not is None:
-            array, lanes = np.empty(0), kernel.lanes() if self.bodies is not None else 1
-            values = self._arguments(0, 1, 1)
-            worth_it = compiled or self.steps * bodies >= COMPILE_FROM
-        if why_not is None and (worth_it or kernel.ready(march, *values, array, array, array, lanes=lanes)):
-            try:
-                self.kernels[march] = kernel.kernel(march, *values, array, array, array, lanes=lanes)
-                values = self.method, self.system, self.given, self.h
-                self.kernels[begin] = kernel.kernel(begin, *values, array, array, array, lanes=lanes)
-            except NotCompilable as error:
-                if compiled:
-                    raise
-                slower = f"{error}. Running in plain Python instead, much slower"
-                warnings.warn(slower, NotCompiledWarning, stacklevel=4)
-                return False
-            return True
-        if compiled:
-            raise NotCompilable(f"integrate: compiled=True, but {why_not}")
-        return False
+        if why_not is not None:
+            if compiled:
+                raise NotCompilable(f"integrate: compiled=True, but {why_not}")
+            return False
+        array, lanes = np.empty(0), kernel.lanes() if self.bodies is not None else 1
+        marching = march, *self._arguments(0, 1, 1), array, array, array
+        found = kernel.known(*marching, lanes=lanes)
+        if found is None and not compiled and self.steps * bodies < COMPILE_FROM:
+            return False
+        try:
+            self.kernels[march] = found or kernel.kernel(*marching, lanes=lanes)
+            if self.bodies is not None:
+                beginning = begin, self.method, self.system, self.given, self.h, array, array, array
+                self.kernels[begin] = kernel.kernel(*beginning, lanes=lanes)
+        except NotCompilable as error:
+            if compiled:
+                raise
+            slower = f"{error}. Running in plain Python instead, much slower"
+            warnings.warn(slower, NotCompiledWarning, stacklevel=4)
+            return False
+        return True
 
     def _arguments(self, first: int, every: int, samples: int) -> tuple[Any, ...]:
         return self.method, self.system, self.layout, self.shown, self.t0, self.h, first, every, samples
@@ -318,6 +322,8 @@ def _numbers(value: Any) -> np.ndarray:
 
 def _affordable(size: int, steps: int, every: int) -> None:
     """Refuse before anything is allocated."""
+    if size < 2**28:
+        return
     try:
         memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     except (AttributeError, OSError, ValueError):

@@ -107,9 +107,9 @@ def kernel(entry: Callable[..., Any], *args: Any, lanes: int = 1) -> Kernel:
         return _kernels[key]
 
 
-def ready(entry: Callable[..., Any], *args: Any, lanes: int = 1) -> bool:
-    """Is there such a kernel in this process already?"""
-    return (entry, tuple(map(_kind, args)), lanes) in _kernels
+def known(entry: Callable[..., Any], *args: Any, lanes: int = 1) -> Kernel | None:
+    """Such a kernel, if this process has it already."""
+    return _kernels.get((entry, tuple(map(_kind, args)), lanes))
 
 
 def _kind(value: Any) -> Kind:
