@@ -49,6 +49,7 @@ if TYPE_CHECKING:
     from .groups.vector_space import VectorSpace
     from .integrators.commutator_free import CommutatorFree, CrouchGrossman
     from .integrators.composition import Composition
+    from .integrators.lie_poisson_hj import LiePoissonHamiltonJacobi
     from .integrators.lie_verlet import LieVerlet
     from .integrators.magnus import Magnus
     from .integrators.midpoint import ImplicitMidpoint, Isospectral, SphericalMidpoint
@@ -80,6 +81,7 @@ _LATER = {
     "groups.vector_space": ("VectorSpace",),
     "integrators.commutator_free": ("CommutatorFree", "CrouchGrossman"),
     "integrators.composition": ("Composition",),
+    "integrators.lie_poisson_hj": ("LiePoissonHamiltonJacobi",),
     "integrators.lie_verlet": ("LieVerlet",),
     "integrators.magnus": ("Magnus",),
     "integrators.midpoint": ("ImplicitMidpoint", "Isospectral", "SphericalMidpoint"),
@@ -161,6 +163,7 @@ __all__ = [
     "LeftMultiplication",
     "LieAlgebra",
     "LieGroup",
+    "LiePoissonHamiltonJacobi",
     "LiePoissonSystem",
     "LieVerlet",
     "LinearAction",

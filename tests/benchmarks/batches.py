@@ -118,11 +118,11 @@ def motions(n: int) -> Cases:
 
 def main() -> None:
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    options.add_argument("--quick", action="store_true", help="fewer repetitions")
-    options.add_argument("--rows", type=int, default=10**6)
+    options.add_argument("--quick", action="store_true", help="fewer rows and repetitions")
+    options.add_argument("--rows", type=int, help="10^6, or 10^5 with --quick, unless given")
     options.add_argument("--out", type=Path, help="write all timings as JSON")
     chosen = options.parse_args()
-    library, n = build(), chosen.rows
+    library, n = build(), chosen.rows or (10**5 if chosen.quick else 10**6)
     lines, kept = [], {}
     for name, (method, loop, arguments, scipy) in cases(n).items():
         ours = method(*arguments)

@@ -1,0 +1,349 @@
+"""Lie-Poisson Hamilton-Jacobi: the method itself to 13 digits, its order on several groups, and the structure it keeps."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from scenes import CAYLEY, EXP, asymmetric_body, errors_at, named, poisson_defect, quiet_body, rotation, same_bits, seed_body, slope
+
+import liemech as lm
+from liemech import LiePoissonHamiltonJacobi
+
+EXP2, EXP4, CAYLEY2, CAYLEY4 = (
+    LiePoissonHamiltonJacobi(order, retraction) for retraction in (lm.Exponential(), lm.Cayley()) for order in (2, 4)
+)
+ALL = pytest.mark.parametrize("method", [EXP2, EXP4, CAYLEY2, CAYLEY4], ids=named)
+FOURTH = pytest.mark.parametrize("method", [EXP4, CAYLEY4], ids=named)
+
+# mu and g after n steps h = 0.5 of order 4, seed body: the method itself in 45-digit arithmetic, Newton to 1e-40
+REFERENCE = {
+    "Exponential": {
+        1: (
+            (0.47697586686960186, 0.2120757885648863, 0.8529465882038415),
+            (
+                (0.9750553227632007, -0.2023369176521582, 0.09125179070119209),
+                (0.22162730817279525, 0.9100716970237275, -0.35021542305905595),
+                (-0.01218416280387194, 0.3617033011065512, 0.9322136386823529),
+            ),
+        ),
+        10: (
+            (-0.46012707231330496, 0.27666975673690486, 0.8436450219325238),
+            (
+                (-0.9913727851994814, 0.1307571476932544, 0.009086753707870057),
+                (-0.12447508620943097, -0.9609252223963948, 0.24724212803564438),
+                (0.04106036627914756, 0.24397804263819256, 0.9689111213271621),
+            ),
+        ),
+        200: (
+            (0.22285297336913468, -0.6329157698411592, 0.7414540987457745),
+            (
+                (0.36320974791767263, -0.9077964200045507, -0.2097244354969207),
+                (0.9304891928859956, 0.3649327940676615, 0.031842074937701345),
+                (0.04762920259619242, -0.20671167272529894, 0.9772419062950379),
+            ),
+        ),
+    },
+    "Cayley": {
+        1: (
+            (0.47749856405144253, 0.20930711757238066, 0.8533379470422912),
+            (
+                (0.9754365996865275, -0.201285565845848, 0.08948497624798231),
+                (0.21996404856046892, 0.9118071067351459, -0.34673277527249985),
+                (-0.011800734420909616, 0.35789931697252375, 0.9336856117439789),
+            ),
+        ),
+        10: (
+            (-0.45443768881631014, 0.2943073970115797, 0.8407553407784925),
+            (
+                (-0.992950537284407, 0.1173131470789889, 0.016936824644279657),
+                (-0.1081342669236557, -0.9550894607583422, 0.27588240658879026),
+                (0.04854081605711983, 0.2721061327327308, 0.9610421643745639),
+            ),
+        ),
+        200: (
+            (-0.015659148933623718, -0.7053703590561788, 0.7086659633562429),
+            (
+                (0.6515579627566789, -0.757820830958841, -0.03434835270020987),
+                (0.64809893179498, 0.532546832198507, 0.5443910782898093),
+                (-0.3942587928944289, -0.376963472607343, 0.838128000096191),
+            ),
+        ),
+    },
+}
+
+
+@lm.record
+class Quartic(lm.Hamiltonian):
+    """An energy that is not quadratic, of three momenta or more; its gradient is derived."""
+
+    def energy(self, mu: lm.Vec) -> float:
+        """sum_i mu_i^2/(2 + i/2) + mu_1 mu_2 mu_3/5 + mu_1^4/10."""
+        total = 0.2 * mu[0] * mu[1] * mu[2] + 0.1 * mu[0] ** 4
+        for i in range(len(mu)):
+            total = total + mu[i] * mu[i] / (2.0 + 0.5 * i)
+        return total
+
+
+@lm.record
+class Euler(lm.Retraction):
+    """Turns about the axes one after the other and back, each through half the angle: a retraction that is nothing but its tau."""
+
+    def tau(self, group: Any, xi: lm.Vec) -> Any:
+        a = group.exp(lm.vec(0.5 * xi[0], 0.0, 0.0))
+        b = group.exp(lm.vec(0.0, 0.5 * xi[1], 0.0))
+        return a @ b @ group.exp(lm.vec(0.0, 0.0, xi[2])) @ b @ a
+
+
+def top() -> tuple[lm.ReducedHeavyTop, lm.BodyState]:
+    """A heavy top on se(3)*, whose energy has no second derivative in half of its arguments."""
+    system = lm.ReducedHeavyTop([1.0, 1.6, 2.3], 1.3, [0.1, 0.2, 1.0])
+    attitude = rotation(np.random.default_rng(5))
+    return system, system.from_top(lm.HeavyTop([1.0, 1.6, 2.3], 1.3, [0.1, 0.2, 1.0]).state(mu=[0.4, -0.5, 0.7], g=attitude))
+
+
+def quartic(group: lm.LieGroup, seed: int = 3) -> tuple[lm.LiePoissonSystem, lm.BodyState]:
+    """The quartic energy on a group."""
+    system = lm.LiePoissonSystem(group, Quartic())
+    mu = np.random.default_rng(seed).normal(size=group.dim)
+    return system, system.state(mu / np.linalg.norm(mu), np.array(group.identity()))
+
+
+# ---------------------------------------------------------------- the method itself
+
+
+@FOURTH
+@pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=pytest.mark.compiled)])
+def test_steps_of_the_method_itself(method: LiePoissonHamiltonJacobi, compiled: bool) -> None:
+    body, start = seed_body()
+    run = lm.integrate(body, method, start, h=0.5, steps=200, compiled=compiled)
+    for n, (mu, g) in REFERENCE[type(method.retraction).__name__].items():
+        assert np.abs(run.mu[n] - mu).max() < 1e-13
+        assert np.abs(run.g[n] - g).max() < 1e-13
+
+
+def test_error_after_two_hundred_steps() -> None:
+    body, start = seed_body()
+    exact = body.exact(start, 100.0).mu
+    for method, momentum, energy in ((EXP4, 2.5e-3, -2.3e-5), (CAYLEY4, 2.4e-1, -4.9e-4)):
+        run = lm.integrate(body, method, start, h=0.5, steps=200)
+        assert np.abs(run.mu[-1] - exact).max() == pytest.approx(momentum, rel=5e-2)
+        assert run.energy[-1] - 3 / 8 == pytest.approx(energy, rel=5e-2)
+
+
+@pytest.mark.parametrize("retraction", [lm.Exponential(), lm.Cayley()], ids=repr)
+def test_order_two_is_the_variational_method(retraction: lm.Retraction) -> None:
+    """s = h H: the displacement is h dH(p), p = dl(xi), and the equation for p is that of Algorithm 1."""
+    body, start = asymmetric_body()
+    fish = lm.KirchhoffBody.of_blocks([1.0, 1.6, 2.3], [2.0, 2.5, 3.1])
+    swim = fish.state([0.5, -0.3, 0.4, 0.2, 0.6, -0.4], np.eye(4))
+    for system, state, h in ((body, start, 0.4), (fish, swim, 0.2)):
+        places = lm.integrate(system, lm.CovariantVariational(retraction), state, h=h, steps=1000, every=5)
+        everywhere = system.state(places.mu, places.g)
+        ours, theirs = (
+            lm.integrate(system, method, everywhere, h=h, steps=1, compiled=False)
+            for method in (LiePoissonHamiltonJacobi(2, retraction), lm.CovariantVariational(retraction))
+        )
+        assert np.abs(ours.mu - theirs.mu).max() < 2e-15
+        size = 1.0 + np.abs(places.g).max(axis=(1, 2))  # a fish is soon far away
+        assert (np.abs(ours.g - theirs.g).max(axis=(0, 2, 3)) < 2e-15 * size).all()
+        # a run of a thousand steps: each rounded in its own way, which adds up
+        run = lm.integrate(system, LiePoissonHamiltonJacobi(2, retraction), state, h=h, steps=1000, every=5)
+        assert np.abs(run.mu - places.mu).max() < 1e-12
+
+
+@pytest.mark.parametrize(
+    ("retraction", "group"),
+    [
+        (lm.Exponential(), lm.SO(4)),
+        (lm.Cayley(), lm.SO3()),
+        (lm.Cayley(), lm.SO(4)),
+        (lm.CayleyAdjoint(), lm.SE3()),
+        (Euler(), lm.SO3()),
+    ],
+    ids=repr,
+)
+def test_third_term_is_the_second_time_derivative_of_the_energy(retraction: lm.Retraction, group: lm.LieGroup) -> None:
+    """s_3 = (d/dt)^2 H((dtau^-1_tv)* p) at 0, left-trivialised, v = dH(p); by differences."""
+    system, start = quartic(group)
+    v, p = np.array(system.velocity(start.mu)), np.array(start.mu)
+
+    def energy(t: float) -> float:
+        return float(system.energy(retraction.dtau_inv_dual(group, t * v, p, "left")))
+
+    def second(e: float) -> float:
+        return (energy(e) - 2.0 * energy(0.0) + energy(-e)) / e**2
+
+    wanted = (4.0 * second(1e-2) - second(2e-2)) / 3.0
+    assert LiePoissonHamiltonJacobi(4, retraction).third(system, start.mu) == pytest.approx(wanted, abs=1e-7)
+
+
+def test_third_term_of_a_free_body() -> None:
+    """ds_3 = (v x K w + K (K w x p))/2, w = p x v, v = K p, and with the Cayley map + (p . v) K v + |v|^2 v."""
+    body, start = asymmetric_body()
+    p, K = np.array(start.mu), 1.0 / np.array(body.inertia)
+    v = K * p
+    w = np.cross(p, v)
+    straight = 0.5 * (np.cross(v, K * w) + K * np.cross(K * w, p))
+    for method, wanted in ((EXP4, straight), (CAYLEY4, straight + (p @ v) * K * v + (v @ v) * v)):
+        found = lm.gradient(lambda q, method=method: method.third(body, q), start.mu)
+        assert np.abs(np.array(found) - wanted).max() < 1e-15
+
+
+# ---------------------------------------------------------------- order and symmetry
+
+
+COUNTS = {2: (80, 160, 320), 4: (20, 40, 80)}
+
+
+@ALL
+@pytest.mark.parametrize("t_end", [2.0, -2.0])
+def test_order_of_momentum_and_attitude(method: LiePoissonHamiltonJacobi, t_end: float) -> None:
+    body, start = asymmetric_body()
+    counts = COUNTS[method.order]
+    for error in errors_at(body, method, start, t_end, counts):
+        assert slope([1 / n for n in counts], error) == pytest.approx(method.order, abs=0.1)
+
+
+@FOURTH
+@pytest.mark.parametrize("scene", [lambda: quartic(lm.SO3()), top, lambda: quartic(lm.SE2())], ids=["SO3", "top", "SE2"])
+def test_order_of_other_motions(method: LiePoissonHamiltonJacobi, scene: Any) -> None:
+    system, start = scene()
+    reference = lm.integrate(system, lm.Taylor(12, lm.Exponential()), start, h=0.02, steps=50).last
+    assert_order(system, method, start, reference, (8, 16))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("method", "group"), [(EXP4, lm.SO(4)), (CAYLEY4, lm.SO(4)), (EXP4, lm.SU(3))], ids=["SO4 exp", "SO4 Cayley", "SU3"]
+)
+def test_order_on_groups_made_of_matrices(method: LiePoissonHamiltonJacobi, group: lm.LieGroup) -> None:
+    system, start = quartic(group)
+    reference = lm.integrate(system, lm.Taylor(12, lm.Exponential()), start, h=0.02, steps=50).last
+    assert_order(system, method, start, reference, (8, 16))
+
+
+@pytest.mark.slow
+def test_order_with_a_retraction_of_ones_own() -> None:
+    body, start = asymmetric_body()
+    assert_order(body, LiePoissonHamiltonJacobi(4, Euler()), start, body.exact(start, 1.0), (5, 10))
+
+
+def assert_order(system: Any, method: lm.Method, start: lm.BodyState, end: Any, counts: tuple[int, ...]) -> None:
+    """The error at t = 1 falls as it should."""
+    runs = [lm.integrate(system, method, start, h=1 / n, steps=n, compiled=False) for n in counts]
+    for name in ("mu", "g"):
+        wanted = np.squeeze(np.array(getattr(end, name)))
+        errors = [np.abs(getattr(run, name)[-1] - wanted).max() for run in runs]
+        assert slope([1 / n for n in counts], errors) == pytest.approx(method.order, abs=0.1)
+
+
+def test_composition_lifts_it_to_order_six() -> None:
+    body, start = asymmetric_body()
+    method, counts = lm.Composition(EXP4, order=6), (8, 16)
+    for error in errors_at(body, method, start, 4.0, counts):
+        assert slope([1 / n for n in counts], error) == pytest.approx(6.0, abs=0.1)
+
+
+@ALL
+@pytest.mark.parametrize("h", [0.1, 0.5])
+def test_a_step_back_undoes_a_step(method: LiePoissonHamiltonJacobi, h: float) -> None:
+    for system, start in (asymmetric_body(), top()):
+        away = lm.integrate(system, method, start, h=h, steps=5, compiled=False)
+        home = lm.integrate(system, method, away.last, h=-h, steps=5, compiled=False)
+        assert np.abs(home.mu[-1] - np.array(start.mu)).max() < 2e-14
+        assert np.abs(home.g[-1] - np.array(start.g)).max() < 2e-14
+
+
+# ---------------------------------------------------------------- structure
+
+
+@ALL
+@pytest.mark.parametrize("h", [0.1, 0.5])
+def test_the_bracket_is_kept(method: LiePoissonHamiltonJacobi, h: float) -> None:
+    for system, start in (seed_body(), asymmetric_body(), quartic(lm.SO3())):
+        assert poisson_defect(system, method, np.array(start.mu), h) < 1e-11
+
+
+@pytest.mark.parametrize("method", [EXP2, EXP4], ids=named)
+def test_the_bracket_of_a_heavy_top_is_kept(method: LiePoissonHamiltonJacobi) -> None:
+    system, start = top()
+    assert poisson_defect(system, method, np.array(start.mu), 0.3) < 1e-11
+
+
+@FOURTH
+def test_energy_oscillates_and_momenta_are_kept(method: LiePoissonHamiltonJacobi) -> None:
+    body, start = seed_body()
+    run = lm.integrate(body, method, start, h=0.5, steps=10_000)
+    error = np.abs(run.energy - run.energy[0])
+    assert error[:1001].max() == pytest.approx({EXP4: 2.8e-5, CAYLEY4: 5.3e-4}[method], rel=0.1)
+    assert error[5000:].max() <= 1.1 * error[:5000].max()
+    assert np.abs(run.spatial_momentum - run.spatial_momentum[0]).max() < 1e-13
+    assert np.abs(np.linalg.norm(run.mu, axis=1) - 1.0).max() < 1e-13
+
+
+@FOURTH
+def test_what_a_heavy_top_keeps(method: LiePoissonHamiltonJacobi) -> None:
+    system, start = top()
+    run = lm.integrate(system, method, start, h=0.2, steps=10_000)
+    energy = np.abs(run.energy - run.energy[0])
+    assert energy[5000:].max() <= 1.1 * energy[:5000].max()
+    casimirs = np.array(system.casimirs(run.mu))
+    for i in range(2):
+        assert np.abs(casimirs[:, i] - casimirs[0, i]).max() < 1e-13
+
+
+# ---------------------------------------------------------------- running
+
+
+@pytest.mark.compiled
+@ALL
+def test_plain_and_native_and_ensembles_agree_to_the_bit(method: LiePoissonHamiltonJacobi) -> None:
+    body, start = asymmetric_body()
+    native = lm.integrate(body, method, start, h=0.3, steps=20, compiled=True)
+    plain = lm.integrate(body, method, start, h=0.3, steps=20, compiled=False)
+    assert same_bits(native.mu, plain.mu)
+    assert same_bits(native.g, plain.g)
+    other = [0.2, 0.9, -0.4]
+    both = body.state(np.array([start.mu, other]), np.array([start.g, np.eye(3)]))
+    for compiled in (True, False):
+        ensemble = lm.integrate(body, method, both, h=0.3, steps=20, compiled=compiled)
+        assert same_bits(np.ascontiguousarray(ensemble.mu[:, 0]), plain.mu)
+        assert same_bits(np.ascontiguousarray(ensemble.g[:, 0]), plain.g)
+
+
+def test_a_body_at_rest_stays() -> None:
+    body, _ = asymmetric_body()
+    run = lm.integrate(body, EXP4, body.state([0.0, 0.0, 0.0], np.eye(3)), h=0.5, steps=3)
+    assert not run.mu.any()
+    assert (run.g == np.eye(3)).all()
+
+
+@pytest.mark.parametrize("method", [EXP2, EXP4], ids=named)
+@pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=pytest.mark.compiled)])
+def test_too_large_a_step_is_refused(method: LiePoissonHamiltonJacobi, compiled: bool) -> None:
+    body, start = quiet_body([2 / 3, 1.0, 2.0]), seed_body()[1]
+    with pytest.raises(lm.errors.IntegrationFailure, match=r"h = 8 is too large.*try 2"):
+        lm.integrate(body, method, start, h=8.0, steps=100, compiled=compiled)
+
+
+def test_what_cannot_be_meant() -> None:
+    with pytest.raises(lm.errors.InvalidInput, match="order is 2 or 4; got 3"):
+        LiePoissonHamiltonJacobi(3)
+    with pytest.raises(lm.errors.InvalidType, match="retraction must be"):
+        LiePoissonHamiltonJacobi(4, "exp")  # type: ignore[arg-type]
+    system, start = quartic(lm.SU(3))
+    with pytest.raises(lm.errors.IncompatibleSystem, match="Exponential"):
+        lm.integrate(system, CAYLEY4, start, h=0.1, steps=1)
+    heavy = lm.HeavyTop([1.0, 1.6, 2.3], 1.3, [0.1, 0.2, 1.0])
+    with pytest.raises(lm.errors.IncompatibleSystem, match="hamiltonian"):
+        lm.integrate(heavy, EXP4, heavy.state([0.4, -0.5, 0.7], np.eye(3)), h=0.1, steps=1)
+
+
+def test_face() -> None:
+    assert repr(CAYLEY4) == "LiePoissonHamiltonJacobi(order=4, retraction=Cayley())"
+    assert CAYLEY4.name == "Hamilton-Jacobi 4 (Cayley)"
+    assert LiePoissonHamiltonJacobi() == EXP4
+    assert EXP4.symmetric == EXP.symmetric
+    assert EXP4.symplectic == CAYLEY.symplectic
