@@ -14,7 +14,7 @@ from ..errors import InvalidInput, InvalidType
 from .complex_numbers import Complex
 from .vectors import Mat, Vec
 
-MANY = 2048  # elements from which native code, loaded from the disk cache, is quicker than a Python loop
+MANY = 512  # elements from which native code, loaded from the disk cache, is quicker than a Python loop
 evaluate_many: Callable[..., Any] | None = None  # set by the package: the compiler knows the border, not the border the compiler
 
 MEMBERSHIP = 1e-6
