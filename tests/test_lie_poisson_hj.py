@@ -11,6 +11,8 @@ from scenes import CAYLEY, EXP, asymmetric_body, errors_at, named, poisson_defec
 import liemech as lm
 from liemech import LiePoissonHamiltonJacobi
 
+pytestmark = pytest.mark.compiled  # nested derivatives take minutes in plain Python; single runs compare its bits with native code
+
 EXP2, EXP4, CAYLEY2, CAYLEY4 = (
     LiePoissonHamiltonJacobi(order, retraction) for retraction in (lm.Exponential(), lm.Cayley()) for order in (2, 4)
 )
