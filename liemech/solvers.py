@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from .native import Mat, Vec, cross, dot, mat, solve, solve3, vec
 
 TOLERANCE = 2.0**-30
@@ -13,6 +15,26 @@ that stopping *at* a tolerance causes.
 
 LIMIT = 50
 """Iterations after which a step is declared unsolvable; a good step needs two or three."""
+
+
+def newton(
+    equation: Callable[[Vec], tuple[Vec, Mat, float]], guess: Vec, data: float, rate: float = 1.0
+) -> tuple[Vec, float, float, bool]:
+    """The root of an equation: its residual is tested against the data, and the correction that it asks for applied once more.
+
+    equation : gives at x the residual r, its derivative and the factor w that |r|^2 has over the data.  data : a square.
+    Returns x, |r|^2 at the last test, what it had to reach (w 2^-60 data, else x is no root), and whether x is `beyond_fold`.
+    """
+    x, goal = guess, TOLERANCE * TOLERANCE * data
+    size = enough = goal
+    folded = False
+    for _ in range(LIMIT):
+        r, jacobian, weight = equation(x)
+        x, folded = x - correction(jacobian, r), beyond_fold(jacobian, rate)
+        size, enough = dot(r, r), weight * goal
+        if size <= enough:
+            break
+    return x, size, enough, folded
 
 
 def correction(jacobian: Mat, residual: Vec) -> Vec:

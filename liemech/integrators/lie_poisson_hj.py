@@ -4,31 +4,21 @@ from __future__ import annotations
 
 from typing import Any, ClassVar
 
-from ..errors import InvalidInput, InvalidType, NoConvergence, OutsideChart
+from ..errors import InvalidInput
 from ..groups.lie_group import LieGroup
-from ..native import Element, Record, Vec, derivative, dot, gradient, identity_matrix, jacobian, norm, record, sqrt, vec, vectors
+from ..native import Mat, Vec, derivative, dot, gradient, identity_matrix, jacobian, norm, record, vec, vectors
 from ..retractions import Exponential, Retraction
-from ..solvers import LIMIT, TOLERANCE, beyond_fold, correction
+from ..solvers import newton
 from ..systems.lie_poisson import BodyState
-from .method import Method
+from .implicit import Implicit, Memory, extrapolated
+from .variational import weight
 
 ORDERS = 2, 4
 """With the first term of the generating function, and with the second one."""
 
 
 @record
-class Memory(Record):
-    """What the method carries from step to step: the state at the node and p - mu of the last three steps."""
-
-    mu: Vec
-    g: Element | None
-    last: Vec
-    last_1: Vec
-    last_2: Vec
-
-
-@record
-class LiePoissonHamiltonJacobi(Method):
+class LiePoissonHamiltonJacobi(Implicit):
     """Steps whose generating function s(p), of the second kind, solves the Lie-Poisson Hamilton-Jacobi equation to an order in h.
 
         s = h H + (h^3/6) s_3,   x = ds/dp,   (dtau^-1_x)* p = mu_i     solved for p by Newton's method
@@ -53,78 +43,42 @@ class LiePoissonHamiltonJacobi(Method):
     retraction: Retraction = Exponential()
 
     def __post_init__(self) -> None:
-        given: Any = self.retraction
+        super().__post_init__()
         if type(self.order) is not int or self.order not in ORDERS:
             raise InvalidInput(f"{type(self).__name__}: order is 2 or 4; got {self.order!r}")
-        if not isinstance(given, Retraction):
-            got = f"got {given!r}"
-            raise InvalidType(f"{type(self).__name__}: retraction must be Exponential(), Cayley() or one of yours; {got}")
 
     @property
     def name(self) -> str:
         """The method, its order and the retraction."""
         return f"Hamilton-Jacobi {self.order} ({type(self.retraction).__name__})"
 
-    def require(self, system: Any) -> None:
-        """A system with a Hamiltonian of the momentum alone, on a group that has the retraction."""
-        super().require(system)
-        self.retraction.require(system.group)
-
     # ---------------------------------------------------------------- one step
 
-    def start(self, system: Any, state: BodyState, h: float) -> Memory:
-        """The first guess is p = mu."""
-        none = 0.0 * state.mu
-        return Memory(state.mu, state.g, none, none, none)
-
-    def observe(self, memory: Memory) -> BodyState:
-        """Momentum and attitude at the node."""
-        return BodyState(memory.mu, memory.g)
-
-    def past(self, memory: Memory) -> tuple[Vec, Vec, Vec]:
-        """The last three differences p - mu."""
-        return memory.last, memory.last_1, memory.last_2
-
-    def resume(self, system: Any, state: BodyState, past: tuple[Vec, Vec, Vec], h: float) -> Memory:
-        """Momentum and attitude from elsewhere, differences p - mu to extrapolate from the past."""
-        return Memory(state.mu, state.g, *past)
+    def first(self, system: Any, state: BodyState, h: float) -> Vec:
+        """p - mu = 0."""
+        return 0.0 * state.mu
 
     def step(self, system: Any, t: float, state: Memory, h: float) -> Memory:
-        """Solve for p from an extrapolated guess, then move momentum and attitude by x(p)."""
-        group, guess = system.group, state.mu + (3.0 * state.last + (state.last_2 - 3.0 * state.last_1))
-        p, x = self.solution(system, h, state.mu, guess)
-        mu = self.retraction.tau_Ad_star(group, x, state.mu)
-        g = None if state.g is None else self.retraction.compose_tau(group, state.g, x)
-        return Memory(mu, g, p - state.mu, state.last, state.last_1)
+        """Solve for p, whose difference to mu is extrapolated, then move momentum and attitude by x(p)."""
+        p, x = self.solution(system, h, state.mu, state.mu + extrapolated(*self.past(state)))
+        return self.after(state, system.moved(self.retraction, self.observe(state), x), p - state.mu)
 
     def solution(self, system: Any, h: float, mu: Vec, guess: Vec) -> tuple[Vec, Vec]:
-        """The p and x = ds/dp that fit mu: test the mismatch against the data, then apply its correction once more."""
-        group, p = system.group, guess
-        goal = TOLERANCE * TOLERANCE * dot(mu, mu)
-        size = enough = goal
-        folded = False
-        for _ in range(LIMIT):
-            r, by_p, by_x = self.retraction.mismatch(group, self.displacement(system, h, p), p, mu)
-            is_mat = isinstance(by_p, vectors.Mat)
-            slope = by_x @ jacobian(lambda q: self.displacement(system, h, q), p)
-            slope = slope + (by_p if is_mat else by_p * identity_matrix(len(p)))
-            p, folded = p - correction(slope, r), beyond_fold(slope, 1.0)
-            size, enough = dot(r, r), (1.0 if is_mat else by_p * by_p) * goal
-            if size <= enough:
-                break
+        """The p and x = ds/dp that fit mu."""
+        p, size, enough, folded = newton(lambda p: self.equation(system, h, mu, p), guess, dot(mu, mu))
         x = self.displacement(system, h, p)
         if not size <= enough:
-            raise NoConvergence(
-                f"{self!r}: Newton's method did not converge in {LIMIT} iterations: "
-                f"mismatch {sqrt(size):.1e}, wanted {sqrt(enough):.1e}, |x| = {norm(x):.2g}. "
-                f"The step h = {h:g} is too large for this motion; try {0.25 * h:g}"
-            )
-        if folded or not self.retraction.is_chart(group, x):
-            raise OutsideChart(
-                f"{self!r}: the step left the chart, |x| = {norm(x):.2g}: what solves its equation there is no "
-                f"continuation of the motion. The step h = {h:g} is too large; try {0.25 * h:g}"
-            )
+            raise self.unsolved(h, size, enough, f", |x| = {norm(x):.2g}")
+        if folded or not self.retraction.is_chart(system.group, x):
+            raise self.out_of_chart(h, f"|x| = {norm(x):.2g}")
         return p, x
+
+    def equation(self, system: Any, h: float, mu: Vec, p: Vec) -> tuple[Vec, Mat, float]:
+        """The mismatch of p and mu, its derivative, and the factor of its square."""
+        r, by_p, by_x = self.retraction.mismatch(system.group, self.displacement(system, h, p), p, mu)
+        slope = by_x @ jacobian(lambda q: self.displacement(system, h, q), p)
+        own = by_p if isinstance(by_p, vectors.Mat) else by_p * identity_matrix(len(p))
+        return r, slope + own, weight(by_p)
 
     # ---------------------------------------------------------------- the generating function
 

@@ -5,11 +5,12 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 from ..errors import IncompatibleSystem, NoConvergence
-from ..native import Vec, dot, identity_matrix, jacobian, record
-from ..solvers import LIMIT, TOLERANCE, correction
+from ..native import Mat, Vec, dot, identity_matrix, jacobian, record
+from ..solvers import newton
 from ..systems.lie_poisson import BodyState
 from ..systems.mechanical import MechanicalSystem
-from .variational import CovariantVariational, Memory
+from .implicit import Memory
+from .variational import CovariantVariational
 
 
 @record
@@ -79,18 +80,17 @@ class LieVerlet(CovariantVariational):
 
     def _last_kick(self, system: Any, t: float, state: Flight, h: float) -> Vec:
         """The k = h F at mu + k, by Newton's method."""
-        kick = h * system.load.covector(t, system.velocity(state.mu), state.g)
-        size = rest = 0.0
-        for _ in range(LIMIT):
-            r = kick - h * system.load.covector(t, system.velocity(state.mu + kick), state.g)
-            slope = jacobian(lambda m: h * system.load.covector(t, system.velocity(m), state.g), state.mu + kick)
-            kick = kick - correction(identity_matrix(len(kick)) - slope, r)
-            rest, size = dot(r, r), dot(state.mu, state.mu) + dot(kick, kick)
-            if rest <= TOLERANCE * TOLERANCE * size:
-                break
-        if not rest <= TOLERANCE * TOLERANCE * size:
+        guess = h * system.load.covector(t, system.velocity(state.mu), state.g)
+        kick, rest, enough, _ = newton(lambda k: self._excess(system, t, state, h, k), guess, 1.0)
+        if not rest <= enough:
             raise NoConvergence(f"{self!r}: no momentum found that fits the load at the end of the step; try h = {0.5 * h:g}")
         return kick
+
+    def _excess(self, system: Any, t: float, state: Flight, h: float, kick: Vec) -> tuple[Vec, Mat, float]:
+        """k - h F at mu + k and its derivative, beside |mu|^2 + |k|^2."""
+        r = kick - h * system.load.covector(t, system.velocity(state.mu + kick), state.g)
+        slope = jacobian(lambda m: h * system.load.covector(t, system.velocity(m), state.g), state.mu + kick)
+        return r, identity_matrix(len(kick)) - slope, dot(state.mu, state.mu) + dot(kick, kick)
 
 
 def _in_field(free: Memory, system: Any) -> Flight:

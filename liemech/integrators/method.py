@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import Any, ClassVar
 
-from ..errors import IncompatibleSystem
+from ..errors import IncompatibleSystem, InvalidType
 from ..native import Record, record
+from ..retractions import Retraction
 from ..systems.system import State, System
 
 
@@ -23,6 +24,12 @@ class Method(Record):
     symmetric: ClassVar[bool] = False
     symplectic: ClassVar[bool] = False
     needs: ClassVar[tuple[str, ...]] = ()
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        given = getattr(self, "retraction", None)
+        if given is not None and not isinstance(given, Retraction):
+            raise InvalidType(f"{type(self).__name__}: retraction must be Exponential(), Cayley() or one of yours; got {given!r}")
 
     @property
     def name(self) -> str:
@@ -50,7 +57,10 @@ class Method(Record):
         return self.start(system, state, h)
 
     def require(self, system: Any) -> None:
-        """Raise IncompatibleSystem, saying what to use instead, unless the method accepts the system."""
+        """Raise IncompatibleSystem, saying what to use instead, unless the method accepts the system.
+
+        A method with a `retraction` needs a group that has it.
+        """
         if not isinstance(system, System):
             raise IncompatibleSystem(f"{self!r} needs a system such as RigidBody([1.0, 1.5, 2.0]); got {system!r}")
         for_a_field = ", LieVerlet bodies in a field" if hasattr(system, "potential") else ""
@@ -59,3 +69,5 @@ class Method(Record):
                 raise IncompatibleSystem(
                     f"{self!r} needs a system with a {need}; {system!r} has none. RKMK accepts every system{for_a_field}."
                 )
+        if hasattr(self, "retraction"):
+            self.retraction.require(system.group)

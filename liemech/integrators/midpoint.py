@@ -3,25 +3,25 @@
 from __future__ import annotations
 
 import functools
-import sys
 from typing import Any, ClassVar
 
 from ..errors import IncompatibleSystem, InvalidInput, NoConvergence
+from ..groups.lie_group import EPSILON
 from ..groups.so3 import SO3, plus
-from ..native import Element, Mat, Record, Vec, cross, dot, jacobian, mat, norm, record, sqrt, transpose
-from ..solvers import LIMIT, TOLERANCE, correction
+from ..native import Mat, Vec, cross, dot, jacobian, mat, norm, record, sqrt, transpose
+from ..retractions import Cayley
+from ..solvers import LIMIT, newton
 from ..systems.lie_poisson import BodyState, LiePoissonSystem
 from ..tableaus.collocation import gauss
 from ..tableaus.trees import Row
+from .implicit import Implicit, Memory, extrapolated
 from .method import Method
-from .variational import Memory
 
-EPSILON = sys.float_info.epsilon
 ORDERS = (2, 4, 6, 8, 10)
 
 
 @record
-class ImplicitMidpoint(Method):
+class ImplicitMidpoint(Implicit):
     """The implicit midpoint rule for mu' = mu x xi(mu), as if momenta were just vectors: a method to compare with.
 
         mu_n+1 = mu_n + h m x xi(m),   m = (mu_n + mu_n+1)/2,   that is   mu_n+1 = Ad*_cay(h xi(m)) mu_n,   g_n+1 = g_n cay(h xi(m))
@@ -50,47 +50,28 @@ class ImplicitMidpoint(Method):
         super().require(system)
         require_rotations(self, system)
 
-    def start(self, system: Any, state: BodyState, h: float) -> Memory:
-        """The first guess of the mean is the momentum itself."""
-        return Memory(state.mu, state.g, state.mu, state.mu, state.mu)
-
-    def observe(self, memory: Memory) -> BodyState:
-        """Momentum and attitude at the node."""
-        return BodyState(memory.mu, memory.g)
-
-    def past(self, memory: Memory) -> tuple[Vec, Vec, Vec]:
-        """The last three means."""
-        return memory.last, memory.last_1, memory.last_2
-
-    def resume(self, system: Any, state: BodyState, past: tuple[Vec, Vec, Vec], h: float) -> Memory:
-        """Momentum and attitude from elsewhere, means to extrapolate from the past."""
-        return Memory(state.mu, state.g, *past)
+    def first(self, system: Any, state: BodyState, h: float) -> Vec:
+        """The mean is the momentum itself."""
+        return state.mu
 
     def step(self, system: Any, t: float, state: Memory, h: float) -> Memory:
         """Solve for the mean from the extrapolated one, then move momentum and attitude by the displacement that belongs to it."""
-        m = self.mean(system, h, state.mu, 3.0 * state.last + (state.last_2 - 3.0 * state.last_1))
+        m = self.mean(system, h, state.mu, extrapolated(*self.past(state)))
         x = self.turn(system, h, m, state.mu)
-        mu = system.group.cayley_Ad_star(x, state.mu)
-        g = None if state.g is None else system.group.compose_cayley(state.g, x)
-        return Memory(mu, g, m, state.last, state.last_1)
+        return self.after(state, system.moved(Cayley(), self.observe(state), x), m)
 
     def mean(self, system: Any, h: float, mu: Vec, guess: Vec) -> Vec:
-        """The m with m - m x x(m)/2 = mu: test the mismatch against mu, then apply its correction once more."""
-        hat, m, enough = system.group.algebra.hat, guess, TOLERANCE * TOLERANCE * dot(mu, mu)
-        size = enough
-        for _ in range(LIMIT):
-            half = self.turn(system, 0.5 * h, m, mu)
-            by_m = jacobian(lambda m: self.turn(system, 0.5 * h, m, mu), m)
-            r = (m - mu) - cross(m, half)
-            m, size = m - correction(plus(hat(half) - hat(m) @ by_m, 1.0), r), dot(r, r)
-            if size <= enough:
-                break
+        """The m with m - m x x(m)/2 = mu."""
+        m, size, enough, _ = newton(lambda m: self.equation(system, h, mu, m), guess, dot(mu, mu))
         if not size <= enough:
-            raise NoConvergence(
-                f"{self!r}: Newton's method did not converge in {LIMIT} iterations: mismatch {sqrt(size):.1e}, wanted "
-                f"{sqrt(enough):.1e}. The step h = {h:g} is too large for this motion; try {0.25 * h:g}"
-            )
+            raise self.unsolved(h, size, enough)
         return m
+
+    def equation(self, system: Any, h: float, mu: Vec, m: Vec) -> tuple[Vec, Mat, float]:
+        """m - m x x(m)/2 - mu and its derivative, beside mu."""
+        hat, half = system.group.algebra.hat, self.turn(system, 0.5 * h, m, mu)
+        by_m = jacobian(lambda m: self.turn(system, 0.5 * h, m, mu), m)
+        return (m - mu) - cross(m, half), plus(hat(half) - hat(m) @ by_m, 1.0), 1.0
 
 
 @record
@@ -123,18 +104,7 @@ class SphericalMidpoint(ImplicitMidpoint):
 
 
 @record
-class Stages(Record):
-    """What the isospectral method carries along: the state, and h B_j Q_j of the stages of the last three steps."""
-
-    mu: Vec
-    g: Element | None
-    last: tuple[Mat, ...]
-    last_1: tuple[Mat, ...]
-    last_2: tuple[Mat, ...]
-
-
-@record
-class Isospectral(Method):
+class Isospectral(Implicit):
     """The isospectral methods of Gauss: a symplectic Runge-Kutta method of the group, seen from the momenta.
 
     With the tableau of Gauss and B_j = -hat(xi(mu_j)) for the momenta mu_j = Q_j mu Q_j^-1 (as matrices) of the stages,
@@ -173,31 +143,18 @@ class Isospectral(Method):
         super().require(system)
         require_rotations(self, system)
 
-    def start(self, system: Any, state: BodyState, h: float) -> Stages:
-        """The first guess is h B at the start, for all stages."""
+    def first(self, system: Any, state: BodyState, h: float) -> tuple[Mat, ...]:
+        """h B at the start, for all stages."""
         first = system.group.algebra.hat(-h * system.velocity(state.mu))
-        stages = tuple([first for _ in range(self.order // 2)])
-        return Stages(state.mu, state.g, stages, stages, stages)
+        return tuple([first for _ in range(self.order // 2)])
 
-    def observe(self, memory: Stages) -> BodyState:
-        """Momentum and attitude at the node."""
-        return BodyState(memory.mu, memory.g)
-
-    def past(self, memory: Stages) -> tuple[Any, Any, Any]:
-        """The stages of the last three steps."""
-        return memory.last, memory.last_1, memory.last_2
-
-    def resume(self, system: Any, state: BodyState, past: tuple[Any, Any, Any], h: float) -> Stages:
-        """Momentum and attitude from elsewhere, stages to extrapolate from the past."""
-        return Stages(state.mu, state.g, *past)
-
-    def step(self, system: Any, t: float, state: Stages, h: float) -> Stages:
+    def step(self, system: Any, t: float, state: Memory, h: float) -> Memory:
         """Iterate the stages from the extrapolated ones, then add what the step turns."""
-        guess = [3.0 * a + (c - 3.0 * b) for a, b, c in zip(state.last, state.last_1, state.last_2)]
+        guess = [extrapolated(*stage) for stage in zip(*self.past(state))]
         stages = self._iterated(system, h, state.mu, guess)
         turned = weighted(self.tableau[1], stages)
         g = None if state.g is None else state.g + state.g @ turned.T
-        return Stages(state.mu + turned @ state.mu, g, tuple(stages), state.last, state.last_1)
+        return self.after(state, BodyState(state.mu + turned @ state.mu, g), tuple(stages))
 
     def _iterated(self, system: Any, h: float, mu: Vec, guess: list[Mat]) -> list[Mat]:
         """The Z_j = h B_j Q_j, iterated until they change no more, each stage with the new ones before it."""

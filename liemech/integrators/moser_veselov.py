@@ -11,15 +11,17 @@ from ..errors import IncompatibleSystem, InconsistentState, InvalidInput, NoConv
 from ..groups.so3 import SO3, plus
 from ..models.rigid_body import RigidBody
 from ..native import Mat, Vec, cross, dot, norm, outer, record, sqrt, vec, vectors, where
-from ..solvers import LIMIT, TOLERANCE, beyond_fold, correction
+from ..retractions import Cayley
+from ..solvers import newton
 from ..systems.kinetic_energy import KineticEnergy
 from ..systems.lie_poisson import BodyState
+from .implicit import Implicit, Memory, extrapolated
 from .method import Method
-from .variational import Memory, with_inertia
+from .variational import with_inertia
 
 
 @record
-class MoserVeselov(Method):
+class MoserVeselov(Implicit):
     """The discrete rigid body of Moser and Veselov: steps F that extremise sum tr(F J_d), J_d = tr(J)/2 - J.
 
         h hat(mu_n) = F J_d - J_d F^T,   mu_n+1 = F^T mu_n,   g_n+1 = g_n F
@@ -46,46 +48,23 @@ class MoserVeselov(Method):
         super().require(system)
         require_free_body(self, system)
 
-    def start(self, system: Any, state: BodyState, h: float) -> Memory:
-        """The first guess is the velocity at the start."""
-        x = h * system.velocity(state.mu)
-        return Memory(state.mu, state.g, x, x, x)
-
-    def observe(self, memory: Memory) -> BodyState:
-        """Momentum and attitude at the node."""
-        return BodyState(memory.mu, memory.g)
-
-    def past(self, memory: Memory) -> tuple[Vec, Vec, Vec]:
-        """The last three displacements."""
-        return memory.last, memory.last_1, memory.last_2
-
-    def resume(self, system: Any, state: BodyState, past: tuple[Vec, Vec, Vec], h: float) -> Memory:
-        """Momentum and attitude from elsewhere, displacements to extrapolate from the past."""
-        return Memory(state.mu, state.g, *past)
+    def first(self, system: Any, state: BodyState, h: float) -> Vec:
+        """The displacement at the velocity of the start."""
+        return h * system.velocity(state.mu)
 
     def step(self, system: Any, t: float, state: Memory, h: float) -> Memory:
         """Solve for the displacement from the extrapolated one, then move momentum and attitude by it."""
-        x = self.displacement(system, h, state.mu, 3.0 * state.last + (state.last_2 - 3.0 * state.last_1))
-        mu = system.group.cayley_Ad_star(x, state.mu)
-        g = None if state.g is None else system.group.compose_cayley(state.g, x)
-        return Memory(mu, g, x, state.last, state.last_1)
+        x = self.displacement(system, h, state.mu, extrapolated(*self.past(state)))
+        return self.after(state, system.moved(Cayley(), self.observe(state), x), x)
 
     def inertia(self, system: Any) -> Vec | Mat:
         """The moments J, or their matrix."""
         return system.hamiltonian.inertia
 
     def displacement(self, system: Any, h: float, mu: Vec, guess: Vec) -> Vec:
-        """The x with J x = y - x x y/2 + x (x.y)/4, y = h mu: test the mismatch against y, then apply its correction once more."""
-        inertia, y, x = self.inertia(system), h * mu, guess
-        enough = TOLERANCE * TOLERANCE * dot(y, y)
-        size, folded = enough, False
-        for _ in range(LIMIT):
-            s = 0.25 * dot(x, y)
-            r = (inertia @ x if isinstance(inertia, vectors.Mat) else inertia * x) - (y + (s * x - 0.5 * cross(x, y)))
-            jacobian = with_inertia(_minus(outer(0.25 * x, y) + system.group.algebra.hat(0.5 * y), s), inertia)
-            x, folded, size = x - correction(jacobian, r), beyond_fold(jacobian, 1.0), dot(r, r)
-            if size <= enough:
-                break
+        """The x with J x = y - x x y/2 + x (x.y)/4, y = h mu."""
+        y = h * mu
+        x, size, enough, folded = newton(lambda x: self.equation(system, y, x), guess, dot(y, y))
         if folded or not size <= enough:
             raise NoConvergence(
                 f"{self!r}: no step F from here with h hat(mu) = F J_d - J_d F^T, it would have to turn by more than the body can: "
@@ -93,6 +72,12 @@ class MoserVeselov(Method):
                 f"try {0.25 * h:g}, or CovariantVariational(Cayley()), which has a solution for every h"
             )
         return x
+
+    def equation(self, system: Any, y: Vec, x: Vec) -> tuple[Vec, Mat, float]:
+        """J x - y + x x y/2 - x (x.y)/4 and its derivative, beside y."""
+        inertia, s = self.inertia(system), 0.25 * dot(x, y)
+        r = (inertia @ x if isinstance(inertia, vectors.Mat) else inertia * x) - (y + (s * x - 0.5 * cross(x, y)))
+        return r, with_inertia(_minus(outer(0.25 * x, y) + system.group.algebra.hat(0.5 * y), s), inertia), 1.0
 
 
 NAN = math.nan
@@ -174,13 +159,12 @@ class ExactMoserVeselov(MoserVeselov):
         """Exact Moser-Veselov."""
         return "Exact Moser-Veselov"
 
-    def start(self, system: Any, state: BodyState, h: float) -> Memory:
-        """The first guess is the velocity at the start; no number at all if the method was not fitted to this start and h."""
+    def first(self, system: Any, state: BodyState, h: float) -> Vec:
+        """The displacement at the velocity of the start; no number at all if the method was not fitted to this start and h."""
         other = abs(h) != abs(self.h)
         for found, wanted in zip(_fingerprint(system, state.mu), self.constants):
             other = other or abs(found - wanted) > FITTED * abs(wanted)
-        x = where(other, NAN, h) * system.velocity(state.mu)
-        return Memory(state.mu, state.g, x, x, x)
+        return where(other, NAN, h) * system.velocity(state.mu)
 
     def step(self, system: Any, t: float, state: Memory, h: float) -> Memory:
         """One step of the body with the other moments."""

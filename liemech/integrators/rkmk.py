@@ -52,8 +52,7 @@ class RKMK(Method):
     retraction: Retraction = Exponential()
 
     def __post_init__(self) -> None:
-        if not isinstance(self.retraction, Retraction):
-            raise InvalidType(f"RKMK: retraction must be Exponential(), Cayley() or your own; got {self.retraction!r}")
+        super().__post_init__()
         given: Any = self.tableau, self.truncation
         if given[0] is None:
             if type(self.order) is not int or self.order not in BY_ORDER:
@@ -87,11 +86,6 @@ class RKMK(Method):
     def name(self) -> str:
         """RKMK and the order."""
         return f"RKMK{self.order}"
-
-    def require(self, system: Any) -> None:
-        """Any system whose group has the retraction."""
-        super().require(system)
-        self.retraction.require(system.group)
 
     def step(self, system: System, t: float, state: Any, h: float) -> Any:
         """One step in the chart at the state."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..errors import InvalidInput, InvalidType
+from ..errors import InvalidInput
 from ..groups.lie_group import BERNOULLI
 from ..native import Dual, Vec, record, sqrt, vec
 from ..native.series import Series
@@ -43,8 +43,7 @@ class Taylor(Method):
     def __post_init__(self) -> None:
         if type(self.order) is not int or not ORDERS[0] <= self.order <= ORDERS[1]:
             raise InvalidInput(f"Taylor: order is a whole number from {ORDERS[0]} to {ORDERS[1]}; got {self.order!r}")
-        if not isinstance(self.retraction, Retraction):
-            raise InvalidType(f"Taylor: retraction must be Cayley(), Exponential() or your own; got {self.retraction!r}")
+        super().__post_init__()
         highest = len(BERNOULLI) + 1
         if isinstance(self.retraction, Exponential) and self.order > highest:
             raise InvalidInput(
@@ -55,11 +54,6 @@ class Taylor(Method):
     def name(self) -> str:
         """Taylor and the order."""
         return f"Taylor{self.order}"
-
-    def require(self, system: Any) -> None:
-        """Any system whose group has the retraction."""
-        super().require(system)
-        self.retraction.require(system.group)
 
     def step(self, system: System, t: float, state: Any, h: float) -> Any:
         """One step in the chart at the state."""

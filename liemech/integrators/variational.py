@@ -4,27 +4,15 @@ from __future__ import annotations
 
 from typing import Any, ClassVar
 
-from ..errors import InvalidType, NoConvergence, OutsideChart
-from ..native import Element, Mat, Record, Vec, dot, mat, norm, record, sqrt, vec, vectors
+from ..native import Mat, Vec, dot, mat, norm, record, vec, vectors
 from ..retractions import Exponential, Retraction
-from ..solvers import LIMIT, TOLERANCE, beyond_fold, correction
+from ..solvers import newton
 from ..systems.lie_poisson import BodyState
-from .method import Method
+from .implicit import Implicit, Memory, extrapolated
 
 
 @record
-class Memory(Record):
-    """What the method carries from step to step: the state at the node and the displacements h xi of the last three intervals."""
-
-    mu: Vec
-    g: Element | None
-    last: Vec
-    last_1: Vec
-    last_2: Vec
-
-
-@record
-class CovariantVariational(Method):
+class CovariantVariational(Implicit):
     """Algorithm 1: the discrete Euler-Poincare equations of the action sum h l(xi_i) with g_i+1 = g_i tau(h xi_i).
 
         (dtau^-1_{h xi_i})* dl/dxi(xi_i) = mu_i            solved for h xi_i by Newton's method
@@ -46,73 +34,41 @@ class CovariantVariational(Method):
 
     retraction: Retraction = Exponential()
 
-    def __post_init__(self) -> None:
-        given: Any = self.retraction
-        if not isinstance(given, Retraction):
-            got = f"got {given!r}"
-            raise InvalidType(f"{type(self).__name__}: retraction must be Exponential(), Cayley() or one of yours; {got}")
-
     @property
     def name(self) -> str:
         """Algorithm 1 and the retraction."""
         return f"Algorithm 1 ({type(self.retraction).__name__})"
 
-    def require(self, system: Any) -> None:
-        """A system with a Lagrangian, on a group that has the retraction."""
-        super().require(system)
-        self.retraction.require(system.group)
-
-    def start(self, system: Any, state: BodyState, h: float) -> Memory:
-        """The first guess is the velocity at the start, J^-1 mu."""
-        displacement = h * system.velocity(state.mu)
-        return Memory(state.mu, state.g, displacement, displacement, displacement)
-
-    def observe(self, memory: Memory) -> BodyState:
-        """Momentum and attitude at the node."""
-        return BodyState(memory.mu, memory.g)
-
-    def past(self, memory: Memory) -> tuple[Vec, Vec, Vec]:
-        """The last three displacements."""
-        return memory.last, memory.last_1, memory.last_2
-
-    def resume(self, system: Any, state: BodyState, past: tuple[Vec, Vec, Vec], h: float) -> Memory:
-        """Momentum and attitude from elsewhere, displacements to extrapolate from the past."""
-        return Memory(state.mu, state.g, *past)
+    def first(self, system: Any, state: BodyState, h: float) -> Vec:
+        """The displacement at the velocity of the start, h J^-1 mu."""
+        return h * system.velocity(state.mu)
 
     def step(self, system: Any, t: float, state: Memory, h: float) -> Memory:
         """Solve for the displacement of the interval from the extrapolated one, then move momentum and attitude by it."""
-        group, guess = system.group, 3.0 * state.last + (state.last_2 - 3.0 * state.last_1)
-        new = self.displacement(system, h, state.mu, guess)
-        mu = self.retraction.tau_Ad_star(group, new, state.mu)
-        g = None if state.g is None else self.retraction.compose_tau(group, state.g, new)
-        return Memory(mu, g, new, state.last, state.last_1)
+        x = self.displacement(system, h, state.mu, extrapolated(*self.past(state)))
+        return self.after(state, system.moved(self.retraction, self.observe(state), x), x)
 
     def displacement(self, system: Any, h: float, mu: Vec, guess: Vec) -> Vec:
-        """The x = h xi whose momentum dl/dxi fits mu: test the mismatch against the data, then apply its correction once more."""
-        x, rate = guess, 1.0 / h
-        goal = TOLERANCE * TOLERANCE * dot(mu, mu)
-        size = enough = goal
-        folded = False
-        for _ in range(LIMIT):
-            xi = rate * x
-            r, by_p, by_x = self.retraction.mismatch(system.group, x, system.lagrangian.momentum(xi), mu)
-            jacobian = with_inertia(by_x, _times(by_p, rate * system.lagrangian.hessian(xi)))
-            x, folded = x - correction(jacobian, r), beyond_fold(jacobian, rate)
-            size, enough = dot(r, r), (1.0 if isinstance(by_p, vectors.Mat) else by_p * by_p) * goal
-            if size <= enough:
-                break
+        """The x = h xi whose momentum dl/dxi fits mu."""
+        rate = 1.0 / h
+        x, size, enough, folded = newton(lambda x: self.equation(system, rate, mu, x), guess, dot(mu, mu), rate)
         if not size <= enough:
-            raise NoConvergence(
-                f"{self!r}: Newton's method did not converge in {LIMIT} iterations: "
-                f"mismatch {sqrt(size):.1e}, wanted {sqrt(enough):.1e}, h|xi| = {norm(x):.2g}. "
-                f"The step h = {h:g} is too large for this motion; try {0.25 * h:g}"
-            )
+            raise self.unsolved(h, size, enough, f", h|xi| = {norm(x):.2g}")
         if folded or not self.retraction.is_chart(system.group, x):
-            raise OutsideChart(
-                f"{self!r}: the step left the chart, h|xi| = {norm(x):.2g}: what solves its equation there is no "
-                f"continuation of the motion. The step h = {h:g} is too large; try {0.25 * h:g}"
-            )
+            raise self.out_of_chart(h, f"h|xi| = {norm(x):.2g}")
         return x
+
+    def equation(self, system: Any, rate: float, mu: Vec, x: Vec) -> tuple[Vec, Mat, float]:
+        """The mismatch of dl/dxi and mu, its derivative, and the factor of its square."""
+        xi = rate * x
+        r, by_p, by_x = self.retraction.mismatch(system.group, x, system.lagrangian.momentum(xi), mu)
+        jacobian = with_inertia(by_x, _times(by_p, rate * system.lagrangian.hessian(xi)))
+        return r, jacobian, weight(by_p)
+
+
+def weight(by_p: float | Mat) -> float:
+    """What the square of a mismatch is to be compared with, over that of the momentum: it may be a multiple of r."""
+    return 1.0 if isinstance(by_p, vectors.Mat) else by_p * by_p
 
 
 def _times(by_p: float | Mat, hessian: Mat | Vec) -> Mat | Vec:

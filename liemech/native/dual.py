@@ -141,32 +141,32 @@ def slope_of(x: Any) -> Any:
 
 def _sqrt(x: Any) -> Dual:
     root = f.sqrt(x.value)
-    return Dual(root, x.slope / (2.0 * root))
+    return Dual(root, _over(x.slope, 2.0 * root))
 
 
 def _sin(x: Any) -> Dual:
-    return Dual(f.sin(x.value), f.cos(x.value) * x.slope)
+    return Dual(f.sin(x.value), _scaled(f.cos(x.value), x.slope))
 
 
 def _cos(x: Any) -> Dual:
-    return Dual(f.cos(x.value), -f.sin(x.value) * x.slope)
+    return Dual(f.cos(x.value), _scaled(-f.sin(x.value), x.slope))
 
 
 def _tan(x: Any) -> Dual:
     t = f.tan(x.value)
-    return Dual(t, (1.0 + t * t) * x.slope)
+    return Dual(t, _scaled(1.0 + t * t, x.slope))
 
 
 def _asin(x: Any) -> Dual:
-    return Dual(f.asin(x.value), x.slope / f.sqrt(1.0 - x.value * x.value))
+    return Dual(f.asin(x.value), _over(x.slope, f.sqrt(1.0 - x.value * x.value)))
 
 
 def _acos(x: Any) -> Dual:
-    return Dual(f.acos(x.value), -x.slope / f.sqrt(1.0 - x.value * x.value))
+    return Dual(f.acos(x.value), _over(-x.slope, f.sqrt(1.0 - x.value * x.value)))
 
 
 def _atan(x: Any) -> Dual:
-    return Dual(f.atan(x.value), x.slope / (1.0 + x.value * x.value))
+    return Dual(f.atan(x.value), _over(x.slope, 1.0 + x.value * x.value))
 
 
 def _atan2(y: Any, x: Any) -> Dual:
@@ -175,33 +175,33 @@ def _atan2(y: Any, x: Any) -> Dual:
 
 
 def _sinh(x: Any) -> Dual:
-    return Dual(f.sinh(x.value), f.cosh(x.value) * x.slope)
+    return Dual(f.sinh(x.value), _scaled(f.cosh(x.value), x.slope))
 
 
 def _cosh(x: Any) -> Dual:
-    return Dual(f.cosh(x.value), f.sinh(x.value) * x.slope)
+    return Dual(f.cosh(x.value), _scaled(f.sinh(x.value), x.slope))
 
 
 def _tanh(x: Any) -> Dual:
     t = f.tanh(x.value)
-    return Dual(t, (1.0 - t * t) * x.slope)
+    return Dual(t, _scaled(1.0 - t * t, x.slope))
 
 
 def _exp(x: Any) -> Dual:
     value = f.exp(x.value)
-    return Dual(value, value * x.slope)
+    return Dual(value, _scaled(value, x.slope))
 
 
 def _log(x: Any) -> Dual:
-    return Dual(f.log(x.value), x.slope / x.value)
+    return Dual(f.log(x.value), _over(x.slope, x.value))
 
 
 def _expm1(x: Any) -> Dual:
-    return Dual(f.expm1(x.value), f.exp(x.value) * x.slope)
+    return Dual(f.expm1(x.value), _scaled(f.exp(x.value), x.slope))
 
 
 def _log1p(x: Any) -> Dual:
-    return Dual(f.log1p(x.value), x.slope / (1.0 + x.value))
+    return Dual(f.log1p(x.value), _over(x.slope, 1.0 + x.value))
 
 
 _RULES = (_sqrt, _sin, _cos, _tan, _asin, _acos, _atan, _atan2, _sinh, _cosh, _tanh, _exp, _log, _expm1, _log1p)
