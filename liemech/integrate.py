@@ -37,6 +37,7 @@ def integrate(
     dense: bool = True,
     record: Iterable[str] | None = None,
     t0: float = 0.0,
+    compensated: bool | None = None,
     compiled: bool | None = None,
     progress: bool | None = None,
     workers: int = 1,
@@ -45,6 +46,8 @@ def integrate(
 
     start : `system.state(...)`; with a leading axis an ensemble, which runs in SIMD lanes.
     record : the parts of the state to keep, such as ("mu",) or ("mu", "g"); what is not recorded is not computed.
+    compensated : whether the increments of the steps are summed up in compensated numbers: True for all parts of the state, False
+    for none, None for those that the motion depends on, if the method is symmetric.
     compiled : True for native code, False for plain Python, None to choose by the amount of work; same bits.
     progress : True or False; None shows a bar when a run takes longer than a second.
 
@@ -69,6 +72,7 @@ def integrate(
     _matching(system, method)
     t0 = _real(t0, "t0")
     every, workers = _count(every, "every", 1), _count(workers, "workers", 1)
+    _choice(compensated, "compensated")
     _choice(compiled, "compiled")
     _choice(progress, "progress")
     if dense not in (True, False):
@@ -103,7 +107,7 @@ def integrate(
             f"integrate: h = {h:g} is lost beside t = {end:g}; the smallest useful step there is {smallest:.1e}"
         )
     start = _started(system, start, record)
-    return Run(system, method, start, h, steps, every, t0, compiled, progress, workers).trajectory()
+    return Run(system, method, start, h, steps, every, t0, compensated, compiled, progress, workers).trajectory()
 
 
 # ------------------------------------------------------------------ the border

@@ -23,7 +23,7 @@ from .integrators.method import Method
 from .native import kernel, where
 from .native.border import small
 from .native.driver import REJECTED, accepted, any_body, attempt, read, write
-from .native.values import NUMBER, build, layout_of, leaves
+from .native.values import NUMBER, build, compensated, fitted, layout_of, leaves, plain
 from .systems.system import State, System
 from .trajectory import Trajectory
 
@@ -59,6 +59,8 @@ def march(
     for k in range(samples):
         for j in range(every):
             new = attempt(method.step, system, t0 + (first + (k * every + j)) * h, memory, h)
+            if layout.remembers:
+                new = fitted(new, layout)
             good = running and accepted(new, method.observe, shown)
             if any_body(not good):
                 running = good
@@ -69,18 +71,19 @@ def march(
             else:
                 memory = new
                 count = count + 1.0
-        write(out, k * shown.width, method.observe(memory), shown)
+        write(out, k * shown.width, plain(method.observe(memory)), shown)
         if not any_body(running):
             break
     write(states, 0, memory, layout)
     write(taken, 0, count)
 
 
-def begin(method: Any, system: Any, given: Any, h: float, starts: Any, states: Any, out: Any) -> None:
-    """The driver before the first step: what the method carries along, and the first sample, from the start."""
-    memory = method.start(system, read(starts, 0, given), h)
-    write(states, 0, memory)
-    write(out, 0, method.observe(memory))
+def begin(method: Any, system: Any, given: Any, started: Any, layout: Any, h: float, starts: Any, states: Any, out: Any) -> None:
+    """The driver before the first step: from a start, given in one layout and to be used in another, what the method carries
+    along, in a third, and the first sample."""
+    memory = method.start(system, fitted(read(starts, 0, given), started), h)
+    write(states, 0, fitted(memory, layout), layout)
+    write(out, 0, plain(method.observe(memory)))
 
 
 class Run:
@@ -95,6 +98,7 @@ class Run:
         steps: int,
         every: int,
         t0: float,
+        compensate: bool | None,
         compiled: bool | None,
         progress: bool | None,
         workers: int,
@@ -104,8 +108,9 @@ class Run:
         self.bodies = start.bodies
         count = self.bodies or 1
         one = _member(start, 0)
-        self.given, first = layout_of(one), method.start(system, one, h)
-        self.example = method.observe(first)
+        self.given, one = layout_of(one), self._remembering(one, compensate)
+        self.started, first = layout_of(one), method.start(system, one, h)
+        self.example = plain(method.observe(first))
         self.layout, self.shown = layout_of(first), layout_of(self.example)
         self.kernels: dict[Any, kernel.Kernel] = {}
         self.compiled = self._decide(compiled, count)
@@ -122,14 +127,22 @@ class Run:
             self.states[:, 0] = [*leaves(first, self.layout)]
             self.out[0, :, 0] = [*leaves(self.example, self.shown)]
         else:
-            self._run(begin, (method, system, self.given, h), self._columns_of(start), self.states, self.out[0])
+            beginning = method, system, self.given, self.started, self.layout, h
+            self._run(begin, beginning, self._columns_of(start), self.states, self.out[0])
+
+    def _remembering(self, start: State, compensate: bool | None) -> State:
+        """The start, in compensated numbers what is to be summed up so: all, nothing, or what the motion depends on."""
+        if compensate is None and self.method.symmetric:
+            motion = self.system.essential(start).parts
+            return type(start)(*(compensated(x) if motion[name] is not None else x for name, x in start.parts.items()))
+        return compensated(start) if compensate else start
 
     def _try(self, memory: Any) -> None:
         """Make the first step once for trial: a formula that returns what it should not is told before the run.
 
         The compiler needs no trial, it sees what comes back."""
         new = attempt(self.method.step, self.system, self.t0, memory, self.h) if self.steps else memory
-        if new is not REJECTED and layout_of(new) != self.layout:
+        if new is not REJECTED and layout_of(fitted(new, self.layout)) != self.layout:
             raise InvalidType(
                 f"integrate: one step of {self.method!r} on {self.system!r} turns {self.layout!r} into {layout_of(new)!r}. "
                 "Formulas return numbers, liemech.vec(...), liemech.mat(...) and records, not arrays or lists"
@@ -158,7 +171,7 @@ class Run:
         try:
             self.kernels[march] = found or kernel.kernel(*marching, lanes=lanes)
             if self.bodies is not None:
-                beginning = begin, self.method, self.system, self.given, self.h, array, array, array
+                beginning = begin, self.method, self.system, self.given, self.started, self.layout, self.h, array, array, array
                 self.kernels[begin] = kernel.kernel(*beginning, lanes=lanes)
         except NotCompilable as error:
             if compiled:

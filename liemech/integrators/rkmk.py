@@ -7,7 +7,7 @@ from typing import Any
 
 from ..errors import InvalidInput, InvalidType, NoConvergence, OrderWarning
 from ..groups.lie_group import BERNOULLI, EPSILON, one_norm
-from ..native import Record, Vec, record, sqrt, where
+from ..native import Record, Vec, plain, record, sqrt, where
 from ..retractions import Exponential, Retraction
 from ..solvers import LIMIT
 from ..systems.system import System
@@ -89,7 +89,7 @@ class RKMK(Method):
 
     def step(self, system: System, t: float, state: Any, h: float) -> Any:
         """One step in the chart at the state."""
-        start, tableau = system.essential(state), self.tableau.bare
+        start, tableau = plain(system.essential(state)), self.tableau.bare
         slopes = self._slopes(tableau, system, t, start, system.rate(t, start), h)
         return system.moved(self.retraction, state, combination(tableau.b, slopes, h))
 

@@ -6,7 +6,7 @@ from typing import Any
 
 from ..errors import InvalidInput
 from ..groups.lie_group import BERNOULLI
-from ..native import Dual, Vec, record, sqrt, vec
+from ..native import Dual, Vec, plain, record, sqrt, vec
 from ..native.series import Series
 from ..retractions import Cayley, Exponential, Retraction
 from ..systems.system import System
@@ -61,7 +61,7 @@ class Taylor(Method):
 
     def _terms(self, system: System, t: float, state: Any, h: float) -> tuple[Vec, ...]:
         """Omega_1, ..., Omega_order: along the step Omega = sum_k s^k Omega_k, 0 <= s <= 1."""
-        start = system.essential(state)
+        start = plain(system.essential(state))
         y, omega = Series.unknown(start), vec(*[Series(None) for _ in range(system.group.dim)])
         time: Any = Series(t, h)
         xi = system.rate(time, y)

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from typing import Any, ClassVar
 
-from ..native import Mat, Vec, dot, mat, norm, record, vec, vectors
+from ..errors import NoConvergence
+from ..native import Mat, Vec, dot, mat, norm, plain, record, vec, vectors
 from ..retractions import Exponential, Retraction
 from ..solvers import newton
 from ..systems.lie_poisson import BodyState
 from .implicit import Implicit, Memory, extrapolated
+from .solvability import followed, largest_impulse, smallest_limit, turns_freely
 
 
 @record
@@ -45,17 +47,35 @@ class CovariantVariational(Implicit):
 
     def step(self, system: Any, t: float, state: Memory, h: float) -> Memory:
         """Solve for the displacement of the interval from the extrapolated one, then move momentum and attitude by it."""
-        x = self.displacement(system, h, state.mu, extrapolated(*self.past(state)))
+        x = self.displacement(system, h, plain(state.mu), extrapolated(*self.past(state)))
         return self.after(state, system.moved(self.retraction, self.observe(state), x), x)
 
     def displacement(self, system: Any, h: float, mu: Vec, guess: Vec) -> Vec:
         """The x = h xi whose momentum dl/dxi fits mu."""
-        rate = 1.0 / h
-        x, size, enough, folded = newton(lambda x: self.equation(system, rate, mu, x), guess, dot(mu, mu), rate)
+        rate, square = 1.0 / h, dot(mu, mu)
+        if turns_freely(system, self.retraction) and h * h * square > smallest_limit(system.lagrangian.inverse):
+            limit = largest_impulse(system.lagrangian.inertia, self.retraction)
+            if h * h * square > limit * limit:  # there may be several solutions, or none
+                return self._followed(system, h, mu, limit)
+        x, size, enough, folded = newton(lambda x: self.equation(system, rate, mu, x), guess, square, rate)
         if not size <= enough:
             raise self.unsolved(h, size, enough, f", h|xi| = {norm(x):.2g}")
         if folded or not self.retraction.is_chart(system.group, x):
             raise self.out_of_chart(h, f"h|xi| = {norm(x):.2g}")
+        return x
+
+    def _followed(self, system: Any, h: float, mu: Vec, limit: float) -> Vec:
+        """The displacement that has grown out of zero with the step; it depends on h mu alone."""
+        rate = 1.0 / h
+        x, reached = followed(
+            lambda s, x: self.equation(system, rate, s * mu, x), lambda x: self.retraction.is_chart(system.group, x), 0.0 * mu, rate
+        )
+        if reached < 1.0:
+            raise NoConvergence(
+                f"{self!r}: the step h = {h:g} is too large for this momentum, h|mu| = {abs(h) * norm(mu):.3g}: the solution that "
+                f"grows out of h = 0 ends at h = {reached * h:.3g}, where h|xi| = {norm(x):.2g}; any other solution is no "
+                f"continuation of the motion. Every direction has a solution up to h|mu| = {limit:.3g}: try {limit / norm(mu) * (1.0 if h > 0.0 else -1.0):.3g}"
+            )
         return x
 
     def equation(self, system: Any, rate: float, mu: Vec, x: Vec) -> tuple[Vec, Mat, float]:

@@ -30,6 +30,7 @@ from .functions import (
     where,
 )
 from .records import Record, record
+from .values import plain
 from .vectors import (
     cross,
     diagonal,
@@ -85,6 +86,7 @@ __all__ = [
     "mat",
     "norm",
     "outer",
+    "plain",
     "real_array",
     "record",
     "sin",

@@ -22,6 +22,7 @@ import numpy as np
 from ..errors import NotCompilable
 from . import driver, functions, series, vectors
 from .border import annotation_text, bare
+from .compensated import value_of
 from .dual import Dual
 from .expressions import Closure, Expressions, holds_number
 from .joins import RETURN, Env, Frame, Open, Undefined
@@ -30,7 +31,7 @@ from .records import Record
 from .series import Series
 from .source import source_of
 from .statements import Statements
-from .values import PAIRS, fill, is_any_number, layout_of, leaves
+from .values import PAIRS, compensated, fill, fitted, is_any_number, layout_of, leaves, plain
 from .vectors import Mat, Vec
 
 DEPTH = 40  # nested calls
@@ -57,7 +58,7 @@ class Interpreter(Statements):
             type: _type,
             getattr: self.named,
             sum: self.sum,
-            layout_of: layout_of,
+            **{f: f for f in (layout_of, compensated, plain, fitted)},
             driver.numbers: lambda x: Vec(*leaves(x, layout_of(x, is_any_number))),
             math.fabs: abs,
             np.abs: abs,
@@ -151,6 +152,7 @@ class Interpreter(Statements):
             for a in x:
                 if isinstance(a, Series):
                     return a.elementary(function.__name__, *x)
+            x = tuple(map(value_of, x))
             return self.emitter.call(name, *x) if any(isinstance(a, Num) for a in x) else function(*x)
 
         return value

@@ -11,12 +11,13 @@ import functools
 from collections.abc import Callable, Iterator
 from typing import Any
 
+from .compensated import Compensated, value_of
 from .complex_numbers import Complex
 from .dual import Dual
 from .records import Record
 from .vectors import Mat, Vec
 
-PAIRS = (Complex, Dual)
+PAIRS = (Complex, Dual, Compensated)
 """Numbers made of two."""
 
 
@@ -37,6 +38,11 @@ class Layout:
     def plain(self) -> bool:
         """Are all parts numbers?"""
         return bool(self.parts) and all(part.kind == "number" for part in self.parts)
+
+    @functools.cached_property
+    def remembers(self) -> bool:
+        """Are there compensated numbers in it?"""
+        return self.detail is Compensated or any(part.remembers for part in self.parts)
 
     @functools.cached_property
     def _identity(self) -> Any:
@@ -177,3 +183,53 @@ def fill(cls: type, fields: dict[str, Any]) -> Any:
     for name, value in fields.items():
         object.__setattr__(made, name, value)
     return made
+
+
+# ------------------------------------------------------------------ numbers that remember
+
+
+def compensated(value: Any) -> Any:
+    """The value with numbers that remember what rounding takes from them; ask `plain` for it without."""
+    return _mapped(value, Compensated)
+
+
+def plain(value: Any) -> Any:
+    """The value with ordinary numbers."""
+    return _mapped(value, value_of)
+
+
+def _mapped(value: Any, change: Callable[[Any], Any]) -> Any:
+    """The value with every real number changed."""
+    if isinstance(value, (float, Compensated)) or is_number(value):
+        return change(value)
+    if isinstance(value, _STRUCTURES):
+        return _like(value, [_mapped(x, change) for x in _parts(value)])
+    if isinstance(value, Record):
+        return fill(type(value), {n: _mapped(getattr(value, n), change) for n in _names(type(value))})
+    return value
+
+
+def fitted(value: Any, layout: Layout) -> Any:
+    """The value with numbers that remember where the layout has such, and only there."""
+    if layout.kind == "number":
+        return value_of(value)
+    if layout.detail is Compensated:
+        return Compensated(value) if is_number(value) else value
+    if isinstance(value, Record) and len(layout.parts) == len(_names(type(value))):
+        names = _names(type(value))
+        return fill(type(value), {n: fitted(getattr(value, n), part) for n, part in zip(names, layout.parts)})
+    if isinstance(value, _STRUCTURES) and len(_parts(value)) == len(layout.parts):
+        return _like(value, [fitted(x, part) for x, part in zip(_parts(value), layout.parts)])
+    return value
+
+
+_STRUCTURES = (Vec, Mat, tuple, list, Complex, Dual)
+
+
+def _parts(value: Any) -> Any:
+    return value.rows if isinstance(value, Mat) else value.parts if isinstance(value, PAIRS) else value
+
+
+def _like(value: Any, parts: list[Any]) -> Any:
+    """A vector, a matrix, a tuple, ... of these parts."""
+    return type(value)(parts) if type(value) in (tuple, list) else type(value)(*parts)

@@ -109,11 +109,16 @@ class LiePoissonSystem(System):
         mu : (dim,) for one body, (bodies, dim) for an ensemble;  g : an element, for matrix groups (n, n), or (bodies, n, n).
         Raises InvalidInput for wrong shapes, entries that are not finite, and a g that is not on the group.
         """
-        name, dim, shape = f"{type(self).__name__}.state", (self.group.dim,), self.group.element_shape
-        momenta = points(mu, f"{name}: mu", dim, f"a momentum on {self.group!r}")
-        elements = None if g is None else members_of(self.group, g, f"{name}: g")
-        counts = [len(a) for a, one in ((momenta, dim), (elements, shape)) if a is not None and a.shape != one]
-        if len(set(counts)) > 1:
-            raise InvalidInput(f"{name}: {counts[0]} momenta and {counts[1]} group elements")
-        bodies = counts[0] if counts else None
-        return self.vouched(BodyState(frozen(momenta, dim, bodies), None if elements is None else frozen(elements, shape, bodies)))
+        return self.vouched(body_state(f"{type(self).__name__}.state", self.group, mu, g))
+
+
+def body_state(name: str, group: LieGroup, mu: Any, g: Any) -> BodyState:
+    """Momenta on a group and, if given, elements of it, checked; one of either may serve for many of the other."""
+    dim, shape = (group.dim,), group.element_shape
+    momenta = points(mu, f"{name}: mu", dim, f"a momentum on {group!r}")
+    elements = None if g is None else members_of(group, g, f"{name}: g")
+    counts = [len(a) for a, one in ((momenta, dim), (elements, shape)) if a is not None and a.shape != one]
+    if len(set(counts)) > 1:
+        raise InvalidInput(f"{name}: {counts[0]} momenta and {counts[1]} group elements")
+    bodies = counts[0] if counts else None
+    return BodyState(frozen(momenta, dim, bodies), None if elements is None else frozen(elements, shape, bodies))

@@ -14,9 +14,9 @@ from ..groups.lie_group import LieGroup
 from ..groups.semidirect import SemidirectProduct
 from ..native import Element, Vec, record, vec
 from ..retractions import Retraction
-from .lie_poisson import BodyState, LiePoissonSystem
+from .lie_poisson import BodyState, LiePoissonSystem, body_state
 from .potential import Force, Potential
-from .system import System, frozen, members_of, points
+from .system import System
 
 
 @record
@@ -127,16 +127,10 @@ class MechanicalSystem(System):
         mu : (dim,) for one body, (bodies, dim) for an ensemble;  g : an element, or one for each body.
         Raises InvalidInput for a missing g, wrong shapes, entries that are not finite, and a g that is not on the group.
         """
-        name, group = f"{type(self).__name__}.state", self.body.group
+        name = f"{type(self).__name__}.state"
         if g is None:
             raise InvalidInput(f"{name}: g is missing; the force depends on where the body is, give state(mu=..., g=...)")
-        momenta = points(mu, f"{name}: mu", (group.dim,), f"a momentum on {group!r}")
-        elements = members_of(group, g, f"{name}: g")
-        counts = [len(a) for a, one in ((momenta, (group.dim,)), (elements, group.element_shape)) if a.shape != one]
-        if len(set(counts)) > 1:
-            raise InvalidInput(f"{name}: {counts[0]} momenta and {counts[1]} group elements")
-        bodies = counts[0] if counts else None
-        return BodyState(frozen(momenta, (group.dim,), bodies), frozen(elements, group.element_shape, bodies))
+        return self.vouched(body_state(name, self.body.group, mu, g))
 
     # elements are those of the configurations
 

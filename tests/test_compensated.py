@@ -1,0 +1,208 @@
+"""Compensated sums: numbers that remember what rounding takes from them, and long runs that are summed up with them."""
+
+from __future__ import annotations
+
+import operator
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+import pytest
+from scenes import CAYLEY, EXP, METHODS, asymmetric_body, named, same_bits
+
+import liemech as lm
+from liemech.native import Complex, Dual, kernel, mat, plain, record, sqrt, vec, where
+from liemech.native.compensated import Compensated
+from liemech.native.driver import read, write
+from liemech.native.values import NUMBER, compensated, fitted, layout_of
+
+MODES = pytest.mark.parametrize("mode", [False, None, True])
+
+
+# ---------------------------------------------------------------- the numbers
+
+
+def exact(x: Compensated) -> Fraction:
+    return Fraction(x.value) + Fraction(x.rest)
+
+
+def test_a_million_tenths() -> None:
+    total, ordinary = Compensated(0.0), 0.0
+    for _ in range(10**6):
+        total, ordinary = total + 0.1, ordinary + 0.1
+    truth = 10**6 * Fraction(0.1)
+    assert abs(ordinary - truth) > 1e-6
+    assert abs(exact(total) - truth) < 1e-16 * truth
+    assert total.value == float(truth)
+
+
+def test_small_terms_are_not_lost() -> None:
+    total = Compensated(1.0)
+    for _ in range(1000):
+        total = 1e-17 + total
+    assert total.value == 1.0 + 1000e-17
+    assert (total - 1.0).value == pytest.approx(1e-14, rel=1e-10)
+    assert 1.0 + 1e-17 == 1.0
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_sums_are_as_accurate_as_their_terms(seed: int) -> None:
+    """Sums and differences: each rounds in units of what is added, not of what is there."""
+    rng = np.random.default_rng(seed)
+    a, b, truth = Compensated(1.0), Compensated(3.0), Fraction(1)
+    other = Fraction(3)
+    for x in rng.normal(scale=1e-3, size=1000).tolist():
+        a, b, truth, other = a + x, x - b, truth + Fraction(x), Fraction(x) - other
+    ulp = 1000 * 3e-3 * 2.0**-53  # of terms of up to 3e-3
+    assert abs(exact(a) - truth) < ulp
+    assert abs(exact(b) - other) < ulp
+    assert abs(exact(b + a) - (truth + other)) < 2 * ulp + 1e-16
+
+
+def test_all_else_is_done_with_the_value() -> None:
+    x = Compensated(2.0, 1e-17)
+    products = (x * x, 4.0), (3.0 * x, 6.0), (x / 4.0, 0.5), (1.0 / x, 0.5), (x**3, 8.0), (abs(-x), 2.0), (sqrt(x * 2.0), 2.0)
+    for found, wanted in products:
+        assert type(found) is float
+        assert found == wanted
+    assert isinstance(x * Dual(1.0, 2.0), Dual)
+    assert all([x > 1.0, x >= 2.0, x < 2.5, x <= 2.0, x == 2.0, operator.ne(x, 3.0), operator.lt(1.0, x)])
+    assert isinstance(x + Dual(1.0, 2.0), Dual)
+    assert float(x) == 2.0
+    assert repr(x) == "(2.0 + 1e-17)"
+
+
+def test_vectors_matrices_and_complex_numbers_of_them() -> None:
+    v, m, z = compensated(vec(1.0, 2.0)), compensated(mat((1.0, 2.0), (3.0, 4.0))), compensated(Complex(1.0, 2.0))
+    tiny = 1e-17
+    assert [x.rest for x in v + vec(tiny, -tiny)] == [tiny, -tiny]
+    assert [x.rest for row in m + tiny * m for x in row] == [tiny, 2e-17, 3e-17, 4e-17]
+    assert (z + Complex(tiny, tiny)).re.rest == tiny
+    assert plain(m @ v) == vec(5.0, 11.0)
+    assert type((m @ v)[0]) is float
+    assert plain(v) == vec(1.0, 2.0)
+    assert plain(z) == Complex(1.0, 2.0)
+
+
+def test_values_are_fitted_into_layouts() -> None:
+    state = lm.BodyState(vec(1.0, 2.0, 3.0), None)
+    remembering = layout_of(compensated(state))
+    assert remembering.remembers
+    assert not layout_of(state).remembers
+    assert layout_of(fitted(state, remembering)) == remembering
+    assert layout_of(fitted(compensated(state), layout_of(state))) == layout_of(state)
+    assert fitted((compensated(1.0), "text"), layout_of((1.0, "text"))) == (1.0, "text")
+    assert fitted(vec(1.0), NUMBER) == vec(1.0)  # what does not fit is not touched
+
+
+def _march(n: Any, given: Any, out: Any) -> None:
+    """A driver: compensated sums, products and choices, in plain Python or native code."""
+    total = Compensated(read(given, 0, NUMBER))
+    x = read(given, 1, NUMBER)
+    for _ in range(n):
+        total = total + x * total
+        if total > 1.5:
+            total = total - 0.5
+        x = where(total > 1.2, -x, x)
+    write(out, 0, total)
+    write(out, 2, sqrt(total))
+
+
+@pytest.mark.compiled
+def test_native_code_has_the_same_bits() -> None:
+    given = np.array([1.0, 0.07])
+    one, other = np.empty(3), np.empty(3)
+    _march(1000, given, one)
+    kernel.kernel(_march, 1000, given, other)(1000, given, other)
+    assert same_bits(one, other)
+    assert one[1] != 0.0
+
+
+# ---------------------------------------------------------------- long runs
+
+
+@record
+class Drift(lm.GroupEquation):
+    """x' = v in the space R^n."""
+
+    v: lm.Vec
+
+    def velocity(self, t: float, g: lm.Element) -> lm.Vec:
+        """v."""
+        return self.v
+
+
+@pytest.mark.compiled
+def test_a_uniform_motion_arrives_where_it_should() -> None:
+    """A million steps of a constant velocity: the rounding errors, all alike, add up to 1e6 of them or to none."""
+    system = Drift(lm.VectorSpace(2), vec(0.1, -0.3))
+    start = system.state([0.0, 1.0])
+    end = {c: lm.integrate(system, lm.RKMK(1), start, h=0.7, steps=10**6, every=10**6, compensated=c).g[-1] for c in (False, True)}
+    step = [Fraction(0.7 * v) for v in (0.1, -0.3)]
+    truth = np.array([float(10**6 * step[0]), float(1 + 10**6 * step[1])])
+    assert np.abs(end[True] / truth - 1).max() < 3e-16
+    assert np.abs(end[False] / truth - 1).max() > 1e-12
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("method", METHODS, ids=named)
+def test_what_a_million_steps_keep(method: lm.Method) -> None:
+    """|mu|^2 of 16 bodies changes ten times less; so does the spatial momentum if the attitude is compensated too."""
+    body, _ = asymmetric_body()
+    mu = np.random.default_rng(1).normal(size=(16, 3))
+    start = body.state(mu, np.broadcast_to(np.eye(3), (16, 3, 3)))
+    casimir, momentum = {}, {}
+    for mode in (False, None, True):
+        run = lm.integrate(body, method, start, h=0.1, steps=10**6, every=10**6, compensated=mode, progress=False)
+        change = run.spatial_momentum[-1] - run.spatial_momentum[0]
+        casimir[mode] = np.sqrt(np.mean((run.casimirs[-1] / run.casimirs[0] - 1) ** 2))
+        momentum[mode] = np.sqrt(np.mean(np.sum(change**2, axis=-1) / np.sum(mu**2, axis=-1)))
+    assert casimir[True] < 1e-14
+    assert momentum[True] < 2e-14
+    assert casimir[False] > 5 * casimir[True]
+    assert momentum[False] > 3 * momentum[True]
+    assert casimir[None] == casimir[bool(method.symmetric)]
+
+
+@MODES
+@pytest.mark.compiled
+@pytest.mark.parametrize("method", [EXP, CAYLEY, lm.RKMK(4), lm.Composition(CAYLEY, 4), lm.ImplicitMidpoint()], ids=named)
+def test_plain_and_native_and_ensembles_agree_to_the_bit(method: lm.Method, mode: bool | None) -> None:
+    body, start = asymmetric_body()
+    mu = np.array(start.mu) * np.linspace(0.5, 1.5, 9)[:, None]
+    g = None if isinstance(method, lm.ImplicitMidpoint) else np.array(start.g)
+    many = lm.integrate(body, method, body.state(mu, g), h=0.1, steps=50, compensated=mode, compiled=True)
+    for i in (0, 8):
+        for compiled in (False, True):
+            one = lm.integrate(body, method, body.state(mu[i], g), h=0.1, steps=50, compensated=mode, compiled=compiled)
+            assert same_bits(one.mu, many.mu[:, i])
+            assert g is None or same_bits(one.g, many.g[:, i])
+
+
+def test_by_default_symmetric_methods_sum_up_what_the_motion_depends_on() -> None:
+    body, start = asymmetric_body()
+    runs = {c: lm.integrate(body, EXP, start, h=0.1, steps=100, compensated=c, compiled=False) for c in (False, None, True)}
+    assert same_bits(runs[None].mu, runs[True].mu)
+    assert not same_bits(runs[None].g, runs[True].g)
+    assert not same_bits(runs[None].mu, runs[False].mu)
+    assert np.abs(runs[None].mu - runs[False].mu).max() < 1e-14
+    rkmk = {c: lm.integrate(body, lm.RKMK(4), start, h=0.1, steps=100, compensated=c, compiled=False) for c in (False, None)}
+    assert same_bits(rkmk[None].mu, rkmk[False].mu)
+
+
+@pytest.mark.parametrize("group", [lm.SE3(), lm.SU(2), lm.UnitQuaternions(), lm.SO(4)], ids=repr)
+def test_on_other_groups(group: lm.LieGroup) -> None:
+    """Whatever the elements are, the run is the same to rounding."""
+    rng = np.random.default_rng(3)
+    system = lm.LiePoissonSystem(group, lm.KineticEnergy(np.linspace(1.0, 2.0, group.dim)))
+    start = system.state(rng.normal(size=group.dim), group.random(rng))
+    one, other = (lm.integrate(system, EXP, start, h=0.1, steps=30, compensated=c, compiled=False) for c in (False, True))
+    assert np.abs(one.mu - other.mu).max() < 1e-13
+    assert np.abs(one.g - other.g).max() < 1e-13
+    assert not same_bits(one.mu, other.mu)
+
+
+def test_what_cannot_be_meant() -> None:
+    body, start = asymmetric_body()
+    with pytest.raises(lm.errors.InvalidType, match="compensated must be True, False or None; got 'yes'"):
+        lm.integrate(body, EXP, start, h=0.1, steps=1, compensated="yes")  # type: ignore[arg-type]
