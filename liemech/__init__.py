@@ -15,20 +15,11 @@ from typing import TYPE_CHECKING, Any
 from . import errors
 from .groups.lie_algebra import LieAlgebra
 from .groups.lie_group import LieGroup
-from .groups.so3 import SO3, SO3Algebra
 from .integrate import integrate
 from .integrators.method import Method
-from .integrators.rkmk import RKMK
-from .integrators.variational import CovariantVariational
-from .models.rigid_body import RigidBody
 from .native import Ambient, Element, Mat, Record, Vec, cross, derivative, dot, gradient, jacobian, mat, norm, outer, record, vec
 from .retractions import Cayley, CayleyAdjoint, Exponential, Retraction
-from .systems.hamiltonian import Hamiltonian
-from .systems.kinetic_energy import KineticEnergy
-from .systems.lagrangian import Lagrangian
-from .systems.lie_poisson import BodyState, LiePoissonSystem
 from .systems.system import State, System
-from .tableaus.tableau import ButcherTableau
 from .trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -45,6 +36,7 @@ if TYPE_CHECKING:
     from .groups.se2 import SE2
     from .groups.se3 import SE3
     from .groups.semidirect import SemidirectProduct
+    from .groups.so3 import SO3, SO3Algebra
     from .groups.unit_quaternions import UnitQuaternions
     from .groups.vector_space import VectorSpace
     from .integrators.commutator_free import CommutatorFree, CrouchGrossman
@@ -54,16 +46,24 @@ if TYPE_CHECKING:
     from .integrators.magnus import Magnus
     from .integrators.midpoint import ImplicitMidpoint, Isospectral, SphericalMidpoint
     from .integrators.moser_veselov import ExactMoserVeselov, MoserVeselov
+    from .integrators.rkmk import RKMK
     from .integrators.splitting import ThreeRotations
     from .integrators.taylor import Taylor
+    from .integrators.variational import CovariantVariational
     from .models.gravity import CentralGravity, FixedPointGravity, UniformGravity
     from .models.heavy_top import HeavyTop, LagrangeTop, ReducedHeavyTop
     from .models.kirchhoff import KirchhoffBody
+    from .models.rigid_body import RigidBody
     from .models.space_bodies import FallingBody, OrbitingBody
     from .systems.group_equation import GroupEquation, LinearGroupEquation
+    from .systems.hamiltonian import Hamiltonian
     from .systems.homogeneous_equation import HomogeneousEquation
+    from .systems.kinetic_energy import KineticEnergy
+    from .systems.lagrangian import Lagrangian
+    from .systems.lie_poisson import BodyState, LiePoissonSystem
     from .systems.mechanical import MechanicalSystem
     from .systems.potential import Force, NoPotential, Potential
+    from .tableaus.tableau import ButcherTableau
 
 _LATER = {
     "checks": ("check_action", "check_group", "check_retraction"),
@@ -77,6 +77,7 @@ _LATER = {
     "groups.se2": ("SE2",),
     "groups.se3": ("SE3",),
     "groups.semidirect": ("SemidirectProduct",),
+    "groups.so3": ("SO3", "SO3Algebra"),
     "groups.unit_quaternions": ("UnitQuaternions",),
     "groups.vector_space": ("VectorSpace",),
     "integrators.commutator_free": ("CommutatorFree", "CrouchGrossman"),
@@ -86,18 +87,26 @@ _LATER = {
     "integrators.magnus": ("Magnus",),
     "integrators.midpoint": ("ImplicitMidpoint", "Isospectral", "SphericalMidpoint"),
     "integrators.moser_veselov": ("ExactMoserVeselov", "MoserVeselov"),
+    "integrators.rkmk": ("RKMK",),
     "integrators.splitting": ("ThreeRotations",),
     "integrators.taylor": ("Taylor",),
+    "integrators.variational": ("CovariantVariational",),
     "models.gravity": ("CentralGravity", "FixedPointGravity", "UniformGravity"),
     "models.heavy_top": ("HeavyTop", "LagrangeTop", "ReducedHeavyTop"),
     "models.kirchhoff": ("KirchhoffBody",),
+    "models.rigid_body": ("RigidBody",),
     "models.space_bodies": ("FallingBody", "OrbitingBody"),
     "plots": ("plots",),
     "systems.group_equation": ("GroupEquation", "LinearGroupEquation"),
+    "systems.hamiltonian": ("Hamiltonian",),
     "systems.homogeneous_equation": ("HomogeneousEquation",),
+    "systems.kinetic_energy": ("KineticEnergy",),
+    "systems.lagrangian": ("Lagrangian",),
+    "systems.lie_poisson": ("BodyState", "LiePoissonSystem"),
     "systems.mechanical": ("MechanicalSystem",),
     "systems.potential": ("Force", "NoPotential", "Potential"),
     "tableaus": ("tableaus",),
+    "tableaus.tableau": ("ButcherTableau",),
 }
 """What is imported when it is first asked for, module by module, so that a script pays for what it uses."""
 
