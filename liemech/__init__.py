@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from .groups.vector_space import VectorSpace
     from .integrators.commutator_free import CommutatorFree, CrouchGrossman
     from .integrators.composition import Composition
+    from .integrators.hamilton_jacobi import HamiltonJacobi
     from .integrators.lie_poisson_hj import LiePoissonHamiltonJacobi
     from .integrators.lie_verlet import LieVerlet
     from .integrators.magnus import Magnus
@@ -52,9 +53,13 @@ if TYPE_CHECKING:
     from .integrators.variational import CovariantVariational
     from .models.gravity import CentralGravity, FixedPointGravity, UniformGravity
     from .models.heavy_top import HeavyTop, LagrangeTop, ReducedHeavyTop
+    from .models.henon_heiles import HenonHeiles
+    from .models.kepler import Kepler
     from .models.kirchhoff import KirchhoffBody
+    from .models.pendulums import DoublePendulum, Pendulum
     from .models.rigid_body import RigidBody
     from .models.space_bodies import FallingBody, OrbitingBody
+    from .systems.canonical import CanonicalState, HamiltonianSystem
     from .systems.group_equation import GroupEquation, LinearGroupEquation
     from .systems.hamiltonian import Hamiltonian
     from .systems.homogeneous_equation import HomogeneousEquation
@@ -82,6 +87,7 @@ _LATER = {
     "groups.vector_space": ("VectorSpace",),
     "integrators.commutator_free": ("CommutatorFree", "CrouchGrossman"),
     "integrators.composition": ("Composition",),
+    "integrators.hamilton_jacobi": ("HamiltonJacobi",),
     "integrators.lie_poisson_hj": ("LiePoissonHamiltonJacobi",),
     "integrators.lie_verlet": ("LieVerlet",),
     "integrators.magnus": ("Magnus",),
@@ -93,10 +99,14 @@ _LATER = {
     "integrators.variational": ("CovariantVariational",),
     "models.gravity": ("CentralGravity", "FixedPointGravity", "UniformGravity"),
     "models.heavy_top": ("HeavyTop", "LagrangeTop", "ReducedHeavyTop"),
+    "models.henon_heiles": ("HenonHeiles",),
+    "models.kepler": ("Kepler",),
     "models.kirchhoff": ("KirchhoffBody",),
+    "models.pendulums": ("DoublePendulum", "Pendulum"),
     "models.rigid_body": ("RigidBody",),
     "models.space_bodies": ("FallingBody", "OrbitingBody"),
     "plots": ("plots",),
+    "systems.canonical": ("CanonicalState", "HamiltonianSystem"),
     "systems.group_equation": ("GroupEquation", "LinearGroupEquation"),
     "systems.hamiltonian": ("Hamiltonian",),
     "systems.homogeneous_equation": ("HomogeneousEquation",),
@@ -143,6 +153,7 @@ __all__ = [
     "Ambient",
     "BodyState",
     "ButcherTableau",
+    "CanonicalState",
     "Cayley",
     "CayleyAdjoint",
     "CentralGravity",
@@ -151,6 +162,7 @@ __all__ = [
     "Composition",
     "CovariantVariational",
     "CrouchGrossman",
+    "DoublePendulum",
     "Element",
     "ExactMoserVeselov",
     "Exponential",
@@ -159,12 +171,16 @@ __all__ = [
     "Force",
     "GroupAction",
     "GroupEquation",
+    "HamiltonJacobi",
     "Hamiltonian",
+    "HamiltonianSystem",
     "HeavyTop",
     "Heisenberg",
+    "HenonHeiles",
     "HomogeneousEquation",
     "ImplicitMidpoint",
     "Isospectral",
+    "Kepler",
     "KineticEnergy",
     "KirchhoffBody",
     "LagrangeTop",
@@ -185,6 +201,7 @@ __all__ = [
     "MoserVeselov",
     "NoPotential",
     "OrbitingBody",
+    "Pendulum",
     "Potential",
     "ProductGroup",
     "Record",

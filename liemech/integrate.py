@@ -47,7 +47,7 @@ def integrate(
     start : `system.state(...)`; with a leading axis an ensemble, which runs in SIMD lanes.
     record : the parts of the state to keep, such as ("mu",) or ("mu", "g"); what is not recorded is not computed.
     compensated : whether the increments of the steps are summed up in compensated numbers: True for all parts of the state, False
-    for none, None for those that the motion depends on, if the method is symmetric.
+    for none, None for those that the motion depends on, if the method is symmetric or symplectic.
     compiled : True for native code, False for plain Python, None to choose by the amount of work; same bits.
     progress : True or False; None shows a bar when a run takes longer than a second.
 

@@ -132,7 +132,7 @@ class Run:
 
     def _remembering(self, start: State, compensate: bool | None) -> State:
         """The start, in compensated numbers what is to be summed up so: all, nothing, or what the motion depends on."""
-        if compensate is None and self.method.symmetric:
+        if compensate is None and (self.method.symmetric or self.method.symplectic):
             motion = self.system.essential(start).parts
             return type(start)(*(compensated(x) if motion[name] is not None else x for name, x in start.parts.items()))
         return compensated(start) if compensate else start

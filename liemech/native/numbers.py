@@ -167,7 +167,8 @@ class Emitter:
         function = module.globals.get(symbol)
         if function is None:
             function = ir.Function(module, ir.FunctionType(type_, [type_] * arguments), symbol)
-            function.attributes.add("nounwind")
+            for fact in ("nounwind", "readnone", "willreturn"):  # unused and repeated calls disappear
+                set.add(function.attributes, fact)  # llvmlite's own check does not know the last one
         return function
 
 

@@ -1,0 +1,123 @@
+"""Canonical systems: positions and momenta in R^n, and an energy that depends on both."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any, ClassVar, final
+
+import numpy as np
+
+from ..errors import InvalidInput
+from ..groups.vector_space import VectorSpace
+from ..native import Vec, gradient, record, vec
+from ..retractions import Retraction
+from .system import State, System, frozen, points
+
+
+@record
+class CanonicalState(State):
+    """Where a canonical system is: positions `q` and momenta `p`, (n,) each or, for an ensemble, (members, n)."""
+
+    q: Any
+    p: Any
+
+
+@record
+class HamiltonianSystem(System):
+    """Hamilton's equations in R^2n, q' = dH/dp, p' = -dH/dq, for any energy H(q, p).
+
+    1. A subclass writes `energy(q, p)`, as a formula, and says its number of `degrees` of freedom, n.  Its fields are the
+       parameters.
+    2. It may write `velocity`, dH/dp, and `force`, -dH/dq, in closed form; left out, they follow by differentiation, exact to
+       rounding.
+    3. It may name what stays constant beside the energy (`constants`).
+
+    The group that moves (q, p) is R^2n under addition, so that methods for Lie groups are here the ordinary ones: RKMK is the
+    Runge-Kutta method of its tableau, Taylor the Taylor method.
+
+    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VI.1.2.
+    """
+
+    degrees: ClassVar[int]
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        n = getattr(self, "degrees", None)
+        if type(n) is not int or n < 1:
+            raise InvalidInput(f"{type(self).__name__} must say its degrees of freedom, degrees: ClassVar[int] = 2; got {n!r}")
+
+    # ---------------------------------------------------------------- 1. a subclass writes
+
+    def energy(self, q: Vec, p: Vec) -> float:
+        """H(q, p).  q, p : (n,)."""
+        raise NotImplementedError(f"{type(self).__name__} must define `energy`")
+
+    # ---------------------------------------------------------------- 2. closed forms are welcome
+
+    def velocity(self, q: Vec, p: Vec) -> Vec:
+        """The velocity q' = dH/dp, (n,).  q, p : (n,)."""
+        return gradient(lambda x: self.energy(q, x), p)
+
+    def force(self, q: Vec, p: Vec) -> Vec:
+        """The force p' = -dH/dq, (n,).  q, p : (n,)."""
+        return -gradient(lambda x: self.energy(x, p), q)
+
+    # ---------------------------------------------------------------- how it moves
+
+    @property  # type: ignore[misc]
+    def group(self) -> VectorSpace:
+        """R^2n under addition."""
+        return self._phase_space
+
+    @cached_property
+    def _phase_space(self) -> VectorSpace:
+        return VectorSpace(2 * self.degrees)
+
+    @final
+    def rate(self, t: float, state: CanonicalState) -> Vec:
+        """(q', p')."""
+        return vec(*self.velocity(state.q, state.p), *self.force(state.q, state.p))
+
+    @final
+    def moved(self, retraction: Retraction, state: CanonicalState, omega: Vec) -> CanonicalState:
+        """(q, p) + omega."""
+        y = retraction.compose_tau(self.group, vec(*state.q, *state.p), omega)
+        n = len(state.q)
+        return CanonicalState(vec(*[y[i] for i in range(n)]), vec(*[y[n + i] for i in range(n)]))
+
+    @final
+    def deviation(self, state: CanonicalState, omega: Vec) -> tuple[Vec, Vec]:
+        """The displacement, beside |q| and |p|."""
+        return omega, vec(*[abs(x) for x in state.q], *[abs(x) for x in state.p])
+
+    def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """The energy."""
+        return {"energy": np.asarray(self.energy(states["q"], states["p"]))}
+
+    # ---------------------------------------------------------------- the border
+
+    @final
+    def state(self, q: Any, p: Any) -> CanonicalState:
+        """A start for `integrate`: positions q and momenta p, (n,) each, or (members, n) for an ensemble; numbers if n = 1.
+
+        Raises InvalidInput for wrong shapes and entries that are not finite.
+        """
+        where, shape = f"{type(self).__name__}.state", (self.degrees,)
+        both = [
+            points(_vector(value, self.degrees), f"{where}: {name}", shape, f"a {what} of {self!r}")
+            for name, what, value in (("q", "position", q), ("p", "momentum", p))
+        ]
+        counts = [len(a) for a in both if a.shape != shape]
+        if len(set(counts)) > 1:
+            raise InvalidInput(f"{where}: {counts[0]} positions and {counts[1]} momenta")
+        members = counts[0] if counts else None
+        return self.vouched(CanonicalState(*[frozen(a, shape, members) for a in both]))
+
+    @final
+    def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
+        return self.group._shape(argument, kind) if argument == "omega" or kind != "Vec" else (self.degrees,)
+
+
+def _vector(value: Any, degrees: int) -> Any:
+    """With one degree of freedom a number will do."""
+    return [value] if degrees == 1 and isinstance(value, (int, float, np.number)) else value
