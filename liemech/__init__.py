@@ -41,7 +41,9 @@ if TYPE_CHECKING:
     from .groups.vector_space import VectorSpace
     from .integrators.commutator_free import CommutatorFree, CrouchGrossman
     from .integrators.composition import Composition
+    from .integrators.exact_free_body import ExactFreeBody
     from .integrators.hamilton_jacobi import HamiltonJacobi
+    from .integrators.kick_drift import KickDrift
     from .integrators.lie_poisson_hj import LiePoissonHamiltonJacobi
     from .integrators.lie_verlet import LieVerlet
     from .integrators.magnus import Magnus
@@ -87,7 +89,9 @@ _LATER = {
     "groups.vector_space": ("VectorSpace",),
     "integrators.commutator_free": ("CommutatorFree", "CrouchGrossman"),
     "integrators.composition": ("Composition",),
+    "integrators.exact_free_body": ("ExactFreeBody",),
     "integrators.hamilton_jacobi": ("HamiltonJacobi",),
+    "integrators.kick_drift": ("KickDrift",),
     "integrators.lie_poisson_hj": ("LiePoissonHamiltonJacobi",),
     "integrators.lie_verlet": ("LieVerlet",),
     "integrators.magnus": ("Magnus",),
@@ -164,6 +168,7 @@ __all__ = [
     "CrouchGrossman",
     "DoublePendulum",
     "Element",
+    "ExactFreeBody",
     "ExactMoserVeselov",
     "Exponential",
     "FallingBody",
@@ -181,6 +186,7 @@ __all__ = [
     "ImplicitMidpoint",
     "Isospectral",
     "Kepler",
+    "KickDrift",
     "KineticEnergy",
     "KirchhoffBody",
     "LagrangeTop",

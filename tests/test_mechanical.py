@@ -12,6 +12,7 @@ from scenes import CAYLEY, EXP, hat, named, rotation, same_bits, slope
 
 import liemech as lm
 from liemech.groups.se3 import SE3
+from liemech.integrators.kick_drift import KickDrift
 from liemech.integrators.lie_verlet import LieVerlet
 from liemech.models.gravity import CentralGravity, FixedPointGravity, UniformGravity
 from liemech.models.heavy_top import HeavyTop, LagrangeTop
@@ -23,6 +24,7 @@ from liemech.systems.potential import Force, NoPotential, Potential
 VERLET = LieVerlet()
 VERLET_CAYLEY = LieVerlet(lm.Cayley())
 BOTH = pytest.mark.parametrize("method", [VERLET, VERLET_CAYLEY], ids=named)
+METHODS = pytest.mark.parametrize("method", [VERLET, VERLET_CAYLEY, KickDrift()], ids=named)
 
 
 def numbers(value: Any) -> Any:
@@ -142,9 +144,9 @@ def test_a_force_of_ones_own_on_unit_quaternions() -> None:
 # ---------------------------------------------------------------- order
 
 
-@BOTH
+@METHODS
 @pytest.mark.parametrize(("scene", "numbers_at"), [(heavy_top, TOP), (lagrange_top, LAGRANGE)], ids=["heavy", "Lagrange"])
-def test_order_two_against_the_reference(method: LieVerlet, scene: Any, numbers_at: dict[str, Any]) -> None:
+def test_order_two_against_the_reference(method: lm.Method, scene: Any, numbers_at: dict[str, Any]) -> None:
     """Momentum, vertical and attitude; also where the attitude itself is given."""
     top, start = scene()
     at = numbers_at["samples"][2]
@@ -206,8 +208,8 @@ def test_falling_bodies_fall_on_parabolas() -> None:
 # ---------------------------------------------------------------- structure
 
 
-@BOTH
-def test_vertical_momentum_and_energy_of_tops(method: LieVerlet) -> None:
+@METHODS
+def test_vertical_momentum_and_energy_of_tops(method: lm.Method) -> None:
     for scene, numbers_at in ((heavy_top, TOP), (lagrange_top, LAGRANGE)):
         top, start = scene()
         assert top.energy(start.mu, start.g) == pytest.approx(float(numbers_at["energy"]), rel=1e-15)
@@ -237,9 +239,9 @@ def test_symmetries_of_gravity_in_space() -> None:
             assert report[name].largest < 3e-12
 
 
-@BOTH
+@METHODS
 @EVERYWHERE
-def test_a_way_back_undoes_a_way(method: LieVerlet, scene: Any) -> None:
+def test_a_way_back_undoes_a_way(method: lm.Method, scene: Any) -> None:
     system, start = scene()
     away = lm.integrate(system, method, start, h=0.05, steps=100)
     home = lm.integrate(system, method, away.last, h=-0.05, steps=100)
@@ -248,8 +250,8 @@ def test_a_way_back_undoes_a_way(method: LieVerlet, scene: Any) -> None:
     assert np.abs(home.g[-1] - np.array(start.g)).max() < 1e-12 * size
 
 
-@BOTH
-def test_the_canonical_form_is_kept(method: LieVerlet) -> None:
+@METHODS
+def test_the_canonical_form_is_kept(method: lm.Method) -> None:
     """phi' on T*G pulls the form <dmu, eta> - ... = [[-hat(mu), -1], [1, 0]] of left trivialisation back to itself."""
     top, start = heavy_top()
     h, group = 0.2, top.configurations
@@ -333,7 +335,7 @@ def test_compositions_of_lie_verlet() -> None:
 
 
 @pytest.mark.parametrize(("method", "free"), [(VERLET, EXP), (VERLET_CAYLEY, CAYLEY)], ids=["exp", "Cayley"])
-def test_without_a_field_it_is_algorithm_1(method: LieVerlet, free: lm.CovariantVariational) -> None:
+def test_without_a_field_it_is_algorithm_1(method: lm.Method, free: lm.CovariantVariational) -> None:
     rng = np.random.default_rng(5)
     for body, mu, g in (
         (lm.RigidBody([1.0, 1.6, 2.3]), [0.3, 0.8, -0.4], rotation(rng)),
@@ -366,8 +368,8 @@ def loaded_top(friction: float = 0.2, drive: float = 0.3) -> tuple[MechanicalSys
     return HeavyTop(top.inertia, top.weight, top.centre, load=Friction(friction, drive)), start
 
 
-@BOTH
-def test_order_two_under_a_load(method: LieVerlet) -> None:
+@METHODS
+def test_order_two_under_a_load(method: lm.Method) -> None:
     system, start = loaded_top()
     exact = lm.integrate(system, lm.RKMK(order=6), start, h=0.01, steps=100, t0=0.3)
     counts, errors = (40, 80, 160), []
@@ -411,9 +413,9 @@ def test_loads_compile() -> None:
 
 
 @pytest.mark.compiled
-@BOTH
+@METHODS
 @EVERYWHERE
-def test_plain_and_compiled_runs_are_equal(method: LieVerlet, scene: Any) -> None:
+def test_plain_and_compiled_runs_are_equal(method: lm.Method, scene: Any) -> None:
     system, start = scene()
     plain, native = (lm.integrate(system, method, start, h=0.1, steps=40, compiled=c) for c in (False, True))
     assert native.compiled
@@ -523,7 +525,7 @@ def test_parts_that_cannot_be_meant() -> None:
 
 def test_steps_that_are_too_large_say_so() -> None:
     top, start = heavy_top()
-    with pytest.raises(lm.errors.IntegrationFailure, match=r"LieVerlet.*too large") as caught:
+    with pytest.raises(lm.errors.IntegrationFailure, match=r"CovariantVariational.*too large") as caught:
         lm.integrate(top, VERLET, start, h=20.0, steps=100)
     assert len(caught.value.trajectory) >= 1
 

@@ -166,9 +166,9 @@ def test_blocks_of_the_inertia() -> None:
     ("inertia", "words"),
     [
         (np.ones(3), "shape"),
-        ([1.0, 1.0, 1.0, 1.0, 1.0, -1.0], "least principal value is -1"),
+        ([1.0, 1.0, 1.0, 1.0, 1.0, -1.0], "principal moment -1; all must be positive"),
         (np.eye(6) + np.triu(np.ones((6, 6)), 1), "not symmetric"),
-        (np.ones((6, 6)), "not positive definite"),
+        (np.ones((6, 6)), "scaled to a diagonal of ones, which is zero up to rounding; all must be positive"),
         ([1.0, 1.0, np.inf, 1.0, 1.0, 1.0], "finite"),
     ],
 )

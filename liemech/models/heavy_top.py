@@ -135,6 +135,15 @@ class ReducedHeavyTop(LiePoissonSystem):
         object.__setattr__(self, "hamiltonian", HeavyTopEnergy(body.hamiltonian, load.weight, load.centre))
         super().__post_init__()
 
+    @property
+    def instead(self) -> str:
+        """What to use where a method refuses this form of the top."""
+        top = f"HeavyTop({self.inertia!r}, {self.weight!r}, {self.centre!r})"
+        return (
+            f"{top} is the same top as a body in a field, for LieVerlet() and KickDrift(); in this form, on se(3)*, "
+            "LiePoissonHamiltonJacobi(order=4) does without a Lagrangian, and RKMK accepts every system"
+        )
+
     def from_top(self, start: BodyState) -> BodyState:
         """The state of a HeavyTop, its momentum and attitude, as one of this system: (pi, Gamma) and the attitude in place."""
         if start.g is None:

@@ -37,7 +37,8 @@ class KirchhoffBody(LiePoissonSystem):
     inertia: Vec | Mat
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "inertia", checked_inertia(self.inertia, "KirchhoffBody: inertia", 6))
+        inertia, _ = checked_inertia(self.inertia, "KirchhoffBody: inertia", 6, mixed=True)
+        object.__setattr__(self, "inertia", inertia)
         kinetic = KineticEnergy(self.inertia)
         object.__setattr__(self, "hamiltonian", kinetic)
         object.__setattr__(self, "lagrangian", kinetic)

@@ -10,12 +10,10 @@ import numpy as np
 
 from ..errors import InertiaWarning, InvalidInput, InvalidType
 from ..groups.so3 import SO3
-from ..native import Mat, Vec, check_finite, real_array, record
+from ..native import Mat, Vec, real_array, record
 from ..systems.kinetic_energy import KineticEnergy
 from ..systems.lie_poisson import BodyState, LiePoissonSystem
-
-SYMMETRY = 1e-12
-"""An inertia matrix less symmetric than this, relative to its size, is a mistake and not a rounding error."""
+from .inertia import checked_inertia
 
 
 @record
@@ -76,25 +74,11 @@ def _single(start: Any, name: str) -> None:
 
 def _inertia(value: Any) -> Vec | Mat:
     """The inertia, checked."""
-    name = "RigidBody: inertia"
-    array = real_array(value, name)
-    if array.shape not in ((3,), (3, 3)):
-        raise InvalidInput(f"{name} has shape {array.shape}; give three principal moments or a 3x3 matrix")
-    check_finite(array, name)
-    moments, known = array, 0.0
-    if array.ndim == 2:
-        skew = float(np.abs(array - array.T).max())
-        if skew > SYMMETRY * np.abs(array).max():
-            raise InvalidInput(f"{name} is not symmetric: J and its transpose differ by {skew:.1e}")
-        array = 0.5 * array + 0.5 * array.T
-        scale = float(np.abs(array).max()) or 1.0
-        moments = scale * np.linalg.eigvalsh(array / scale)
-        known = 4 * np.finfo(float).eps * scale  # below this, rounding decides the sign of a moment
-    if moments.min() <= known:
-        least = f"{moments.min():g}" + (", which is zero up to rounding" if abs(moments.min()) <= known > 0.0 else "")
-        raise InvalidInput(f"{name} has the principal moment {least}; all must be positive")
+    inertia, moments = checked_inertia(value, "RigidBody: inertia", 3)
     if not 1.0 / np.finfo(float).max <= moments.min() <= moments.max() <= np.finfo(float).max:
-        raise InvalidInput(f"{name} has the principal moments {moments.tolist()}; they and their inverses must not overflow")
+        raise InvalidInput(
+            f"RigidBody: inertia has the principal moments {moments.tolist()}; they and their inverses must not overflow"
+        )
     a, b, c = np.sort(moments)
     if a < c - b - 4 * np.finfo(float).eps * c:
         warnings.warn(
@@ -103,4 +87,4 @@ def _inertia(value: Any) -> Vec | Mat:
             InertiaWarning,
             stacklevel=4,
         )
-    return Vec.of(array.tolist()) if array.ndim == 1 else Mat.of(array.tolist())
+    return inertia

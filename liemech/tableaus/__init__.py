@@ -1,4 +1,4 @@
-"""Coefficients as data: Butcher tableaus, and flow tableaus for commutator-free methods.
+"""Coefficients as data: Butcher tableaus, flow tableaus for commutator-free methods, compositions and splittings.
 
     lm.tableaus.DORMAND_PRINCE5, lm.tableaus.gauss(3), lm.tableaus.named("Tsitouras 5(4)")
 
@@ -37,6 +37,15 @@ if TYPE_CHECKING:
         HEUN_EULER2,
         ZONNEVELD4,
     )
+    from .splittings import (
+        BLANES_CASAS_ESCORIHUELA8,
+        BLANES_MOAN4,
+        BLANES_MOAN6,
+        BLANES_MOAN6_SHORT,
+        SPLITTINGS,
+        STRANG,
+        SplittingTableau,
+    )
     from .tableau import ButcherTableau
     from .trees import order_of
     from .tsitouras import TSITOURAS5
@@ -63,6 +72,10 @@ _LATER = {
         *("HEUN_EULER2", "BOGACKI_SHAMPINE3", "ZONNEVELD4", "FEHLBERG5", "CASH_KARP5", "DORMAND_PRINCE5"),
         *("BOGACKI_SHAMPINE5", "DVERK6"),
     ),
+    "splittings": (
+        *("SPLITTINGS", "STRANG", "BLANES_MOAN4", "BLANES_MOAN6", "BLANES_MOAN6_SHORT", "BLANES_CASAS_ESCORIHUELA8"),
+        "SplittingTableau",
+    ),
     "tableau": ("ButcherTableau",),
     "trees": ("order_of",),
     "tsitouras": ("TSITOURAS5",),
@@ -84,6 +97,10 @@ def __dir__() -> list[str]:
 
 
 __all__ = [
+    "BLANES_CASAS_ESCORIHUELA8",
+    "BLANES_MOAN4",
+    "BLANES_MOAN6",
+    "BLANES_MOAN6_SHORT",
     "BOGACKI_SHAMPINE3",
     "BOGACKI_SHAMPINE5",
     "BUTCHER6",
@@ -120,7 +137,9 @@ __all__ = [
     "RALSTON3",
     "RK4",
     "SDIRK4",
+    "SPLITTINGS",
     "SSP3",
+    "STRANG",
     "SUZUKI4",
     "SUZUKI_UMENO8",
     "TABLEAUS",
@@ -134,6 +153,7 @@ __all__ = [
     "ButcherTableau",
     "CompositionTableau",
     "FlowTableau",
+    "SplittingTableau",
     "gauss",
     "lobatto_iiia",
     "lobatto_iiib",

@@ -1,0 +1,229 @@
+"""The exact motion of a free rigid body as a formula for one step: no iteration, no case distinctions, constants found anew.
+
+Let the step be 2, by choice of the unit of time, K = J^-1 and G = |mu|.  Constants of motion are mu . K mu and what is made of
+
+    D = K - mu . K mu/G^2,   C = G^2 cof D,   sigma = tr C,   and wp, Weierstrass' function with the roots e_i = C_i - sigma/3.
+
+The momentum follows by the addition theorem.  With r_i(s)^2 = wp(s) - e_i, along principal axes i, j, k,
+
+    mu_i(2) = (r_j r_k mu_i + r_i mu_i')/(wp(2) + sigma/3 + |mu'|^2/G^2),
+    r_i(2)  = ((wp(1) - e_i)^2 - (e_i - e_j)(e_i - e_k))/(-wp'(1)).
+
+The displacement is the least rotation from mu to mu(2), and a rotation about mu by an angle psi.  This angle is the same all along
+an orbit, a function of the step and the constants: seen where the middle of the step lies in a principal plane it is
+
+    psi = 2 mu . K mu/G + 2 G^3 det D int_0^1 ds/(wp(s) + sigma/3).
+
+The power series of wp and three nodes of Gauss give all this to rounding, on either side of the separatrix and on it, for any
+moments: each formula is symmetric in the axes, and polynomial in K.
+
+Source: Jacobi, J. reine angew. Math. 39 (1850); Whittaker, Analytical Dynamics, 4th ed., sections 69-71; for wp DLMF 23.2, 23.9,
+23.10.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, ClassVar
+
+import numpy as np
+
+from ..errors import IncompatibleSystem, NoConvergence
+from ..groups.product import ProductGroup
+from ..groups.rotation_coefficients import LIMIT, SINC, VERSINE, polynomial
+from ..groups.se3 import SE3, join
+from ..groups.so3 import SO3, plus
+from ..groups.vector_space import VectorSpace
+from ..native import Mat, Record, Vec, cross, dot, mat, record, vec, vectors, where
+from ..native.values import fitted, layout_of
+from ..retractions import Cayley
+from ..systems.kinetic_energy import KineticEnergy
+from ..systems.lie_poisson import BodyState
+from .method import Method
+
+SHORT = 0.18
+"""Up to this G^2 tr D^2 the terms of wp and the nodes are accurate to 1e-16; their errors grow with its eighth and sixth power."""
+
+TURN = 0.25 * LIMIT
+"""Up to this |K mu|^2 a step turns by a tenth of a turn at most, far from the half turn that no Cayley map reaches."""
+
+PARTS = 2.0**20
+"""A step of more parts than this, a hundred thousand turns, is taken for a mistake."""
+
+NODES = (0.16471028689654242, 0.5498684992164436, 0.9008058292716294)
+WEIGHTS = (0.06289133716441942, 0.15380118384095637, 0.11664081232795754)
+"""int_0^1 f(s^2) s^2 ds = sum of weight f(node) for polynomials f of degree 5.  Source: DLMF 3.5(v), Gauss-Jacobi."""
+
+
+@record
+class ExactFreeBody(Method):
+    """The exact motion of a free rigid body, momentum and attitude, whatever the step: nothing is left but rounding errors.
+
+    Explicit, symmetric, symplectic; energy, |mu| and spatial momentum kept to rounding.  A step of more than a tenth of a turn is
+    made in equal parts.
+    Also for a body in space, on SE3() or ProductGroup(SO3(), VectorSpace(3)): it turns freely, its centre of mass flies straight.
+
+    Without a field `body.exact` gives any time at once.  In a field it is the free part of a splitting, `KickDrift`.
+    Source: Jacobi, J. reine angew. Math. 39 (1850); as a part of splittings Celledoni, Fasso, Safstrom and Zanna, SIAM J. Sci.
+    Comput. 30 (2008).
+    """
+
+    order: ClassVar[float] = math.inf
+    symmetric: ClassVar[bool] = True
+    symplectic: ClassVar[bool] = True
+
+    @property
+    def name(self) -> str:
+        """Exact free body."""
+        return "Exact free body"
+
+    def require(self, system: Any) -> None:
+        """A free rigid body, with or without its centre of mass."""
+        super().require(system)
+        reason = _why_not(system)
+        if reason:
+            others = "CovariantVariational(Exponential()) keeps the same structure, RKMK(order=8) and Taylor() are accurate"
+            instead = f"KickDrift({self!r}) splits the field off" if hasattr(system, "potential") else others
+            raise IncompatibleSystem(f"{self!r} is the exact motion of a free rigid body; {system!r} is none, {reason}. {instead}")
+
+    def step(self, system: Any, t: float, state: BodyState, h: float) -> BodyState:
+        """As many equal parts of the orbit as it takes to keep them short, mostly one."""
+        K, mu = (0.5 * h) * _turning(system.hamiltonian.inverse), _turning(state.mu)
+        w, square = _times(K, mu), dot(mu, mu)
+        action, per_square = dot(mu, w), 1.0 / where(square > 0.0, square, 1.0)
+        D = _plus(K, -action * per_square)
+        parts, size = 1.0, max(dot(w, w) / TURN, square * _trace(_times(D, D)) / SHORT)
+        if size > 1.0:
+            while size > 1.0 and parts <= PARTS:
+                parts, size = 2.0 * parts, 0.25 * size
+            if parts > PARTS:
+                raise NoConvergence(
+                    f"{self!r}: the step h = {h:g} is too large, the body turns more than a hundred thousand times in it; "
+                    f"try {h / size / parts:g}"
+                )
+            K, D, action = K / parts, D / parts, action / parts
+        orbit, layout, done = _orbit(K, D, action, square, per_square), layout_of(state), 0.0
+        while done < parts:
+            x = _with_flight(system, orbit.displacement(_turning(state.mu)), state.mu, h / parts)
+            state = fitted(system.moved(Cayley(), state, x), layout)
+            done = done + 1.0
+        return state
+
+
+@record
+class Orbit(Record):
+    """What all steps of an orbit share; u^2 is a common factor, u = -wp'(1)/2, that saves divisions.
+
+    K : J^-1 times half the step.  per_square : 1/G^2.  sine : that of psi, over psi.  turned : 2 G (1 - cos psi)/psi.
+    along : 4 u^2 (r_j r_k - wp(2) - sigma/3).  across : 2 u^2 r_i(2).  scale : 4 u^2 (wp(2) + sigma/3).  unit : u^2.
+    Source: this module's first lines.
+    """
+
+    K: Any
+    per_square: float
+    sine: float
+    turned: float
+    along: Any
+    across: Any
+    scale: float
+    unit: float
+
+    def displacement(self, mu: Vec) -> Vec:
+        """The x = (d x m + 2 G tan(psi/2) m)/|m|^2 of a step from mu: d what it adds to mu, m the mean of its ends."""
+        rate = cross(mu, _times(self.K, mu))
+        extra = (4.0 * self.unit) * (self.per_square * dot(rate, rate))
+        d = (1.0 / (self.scale + extra)) * ((_times(self.along, mu) - extra * mu) + 2.0 * _times(self.across, rate))
+        m = mu + 0.5 * d
+        mean = self.sine * (dot(mu, mu) - 0.25 * dot(d, d))
+        return (1.0 / where(mean > 0.0, mean, 1.0)) * (cross(self.sine * d, mu) + self.turned * m)
+
+
+def _orbit(K: Vec | Mat, D: Vec | Mat, action: float, square: float, per_square: float) -> Orbit:
+    """The orbit with these constants; action = mu . K mu, square = G^2."""
+    C = square * _cofactors(D)
+    third = (-1 / 3) * _trace(C)
+    roots = _plus(C, third)
+    squares = _times(roots, roots)
+    # wp(s) = 1/s^2 + c2 s^2 + c3 s^4 + ... + c8 s^14:  wp(1) = 1 + p,  -wp'(1)/2 = 1 - q
+    c2, c3 = 0.1 * _trace(squares), (1 / 21) * _trace(_times(squares, roots))
+    s2, s3, s23 = c2 * c2, c3 * c3, c2 * c3
+    c4, c5, c6 = (1 / 3) * s2, (3 / 11) * s23, (2 / 39) * (c2 * s2) + (1 / 13) * s3
+    c7, c8 = (2 / 33) * (c2 * s23), c2 * ((5 / 663) * (c2 * s2) + (60 / 2431) * s3)
+    p = (c2 + c3) + ((c4 + c5) + (c6 + (c7 + c8)))
+    q = (c2 + 2.0 * c3) + ((3.0 * c4 + 4.0 * c5) + (5.0 * c6 + (6.0 * c7 + 7.0 * c8)))
+    integral = 0.0
+    for s, weight in zip(NODES, WEIGHTS):  # of s^2 ds over s^2 (wp(s) + sigma/3); s stands for s^2 here
+        ss = s * s
+        low, high = (c2 + s * c3) + ss * (c4 + s * c5), (c6 + s * c7) + ss * c8
+        integral = integral + weight / ((1.0 - third * s) + ss * (low + (ss * ss) * high))
+    turn = 2.0 * (action + square * (_determinant(D, C) * integral))  # G psi
+    sine, versed = polynomial(SINC, (turn * turn) * per_square), polynomial(VERSINE, (turn * turn) * per_square)
+    u = 1.0 - q
+    grown = _plus(-2.0 * (squares + (1.0 + p) * roots), (2.0 * p + p * p) + (5.0 * c2 + q))  # u (2 r_i - 1)
+    excess = (2.0 * u) * grown + (_times(grown, grown) + (4.0 * u * u) * C)  # scale - u^2, times the unit matrix
+    along = _plus(_cofactors(grown) - (u * grown + excess), u * _trace(grown))
+    scale = u * u + (1 / 3) * _trace(excess)
+    return Orbit(K, per_square, sine, (2.0 * turn) * versed, along, u * _plus(grown, u), scale, u * u)
+
+
+# ------------------------------------------------------------------ a Vec stands for a diagonal matrix
+
+
+def _times(a: Vec | Mat, b: Any) -> Any:
+    return a @ b if isinstance(a, vectors.Mat) else a * b
+
+
+def _plus(m: Vec | Mat, s: float) -> Vec | Mat:
+    return plus(m, s) if isinstance(m, vectors.Mat) else vec(m[0] + s, m[1] + s, m[2] + s)
+
+
+def _trace(m: Vec | Mat) -> float:
+    return m[0, 0] + m[1, 1] + m[2, 2] if isinstance(m, vectors.Mat) else m[0] + m[1] + m[2]
+
+
+def _cofactors(m: Vec | Mat) -> Vec | Mat:
+    if isinstance(m, vectors.Mat):
+        return mat(cross(m[1], m[2]), cross(m[2], m[0]), cross(m[0], m[1]))
+    return vec(m[1] * m[2], m[2] * m[0], m[0] * m[1])
+
+
+def _determinant(m: Vec | Mat, cofactors: Vec | Mat) -> float:
+    return dot(m[0], cofactors[0]) if isinstance(m, vectors.Mat) else m[0] * cofactors[0]
+
+
+# ------------------------------------------------------------------ bodies in space
+
+
+def _turning(a: Vec | Mat) -> Vec | Mat:
+    """The part of rotation, of momentum or inertia."""
+    if len(a) == 3:
+        return a
+    return mat(*[vec(a[i, 0], a[i, 1], a[i, 2]) for i in range(3)]) if isinstance(a, vectors.Mat) else vec(a[0], a[1], a[2])
+
+
+def _with_flight(system: Any, x: Vec, mu: Vec, h: float) -> Vec:
+    """The displacement with that of the centre of mass, if there is one: it flies by h v."""
+    if len(mu) == 3:
+        return x
+    v = system.velocity(mu)
+    way = h * vec(v[3], v[4], v[5])
+    return join(x, way - 0.5 * cross(x, way) if isinstance(system.group, SE3) else way)
+
+
+def _why_not(system: Any) -> str:
+    """Why a system is not a free rigid body; empty if it is."""
+    if hasattr(system, "potential"):
+        return "it is in a field"
+    group, energy = getattr(system, "group", None), getattr(system, "hamiltonian", None)
+    in_space = isinstance(group, SE3) or group == ProductGroup(SO3(), VectorSpace(3))
+    if not (isinstance(group, SO3) or in_space):
+        return "it does not turn in space"
+    if not isinstance(energy, KineticEnergy):
+        return "its energy is not quadratic"
+    if in_space:
+        whole = np.array(energy.inertia)
+        whole = np.diag(whole) if whole.ndim == 1 else whole
+        mass = whole[3:, 3:]
+        if whole[:3, 3:].any() or (isinstance(group, SE3) and (mass != mass[0, 0] * np.eye(3)).any()):
+            return "its centre of mass does not fly straight on, as in a fluid"
+    return ""

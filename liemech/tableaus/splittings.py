@@ -1,0 +1,225 @@
+"""Splittings: kicks by a field and drifts without it, alternating, whose errors cancel order by order.
+
+A body in a field has the energy T + V, and the flows of both parts are known: V kicks, T drifts.  A step is a product of
+exponentials of b_i B and a_i A, A for the drift and B for the kick: a sum over words in two letters.  It is of order q if all words
+of length up to q have the weight that they have in exp(A + B), 1/n! for n letters.
+
+Where T is quadratic in the momentum, as kinetic energies are, and V depends on the configuration alone, {V, {V, {V, T}}} = 0: three
+kicks take all momenta away.  Then [B, [B, [B, A]]] = 0, words that this makes equal count together, and fewer kicks do.
+
+Sources: McLachlan, SIAM J. Sci. Comput. 16 (1995); Blanes and Moan, J. Comput. Appl. Math. 142 (2002), sections 2 and 4.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+import sys
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ..errors import InvalidInput, InvalidType, LawViolation
+from ..native import Record, record
+from .trees import Row
+
+_CLOSE = 64.0 * sys.float_info.epsilon
+
+_TRIPLE = {"BBBA": 1.0, "BBAB": -3.0, "BABB": 3.0, "ABBB": -1.0}
+"""[B, [B, [B, A]]] as a sum of words."""
+
+MOST = 10
+"""The highest order whose conditions are looked at."""
+
+
+@record
+class SplittingTableau(Record):
+    """The coefficients of a symmetric splitting: kick b_0 h, drift a_1 h, kick b_1 h, ..., drift a_s h, kick b_s h.
+
+    order : of the splitting.  kicks : b_0, ..., b_s, where b_0 = b_s = 0 stands for a step that begins and ends with a drift.
+    drifts : a_1, ..., a_s.  quadratic : is the order that of kinetic energies, quadratic in the momentum, only?
+
+    Building one checks it: that it is symmetric, and the order conditions of all words up to the order claimed, to rounding.
+    Raises InvalidInput, InvalidType, or LawViolation with the condition that fails.
+
+    Source: Blanes and Moan, J. Comput. Appl. Math. 142 (2002).
+    """
+
+    name: str
+    order: int
+    kicks: Row
+    drifts: Row
+    quadratic: bool = False
+    source: str = ""
+
+    def __post_init__(self) -> None:
+        self._tidy()
+        self.check()
+
+    def _tidy(self) -> None:
+        for field in ("kicks", "drifts"):
+            try:
+                row = tuple(map(float, getattr(self, field)))
+            except (TypeError, ValueError):
+                raise InvalidType(f"{self.name}: {field} is a sequence of numbers; got {getattr(self, field)!r}") from None
+            object.__setattr__(self, field, row)
+
+    # ---------------------------------------------------------------- what follows
+
+    @property
+    def stages(self) -> int:
+        """How many drifts a step has, and forces to evaluate: one less than kicks if the last kick is also the next first one."""
+        return len(self.drifts) if self.kicks[0] else len(self.drifts) - 1
+
+    @cached_property
+    def nodes(self) -> Row:
+        """The times of the kicks, as shares of the step: the sums of the drifts before them."""
+        return tuple(math.fsum(self.drifts[:i]) for i in range(len(self.kicks)))
+
+    @property
+    def reach(self) -> float:
+        """The largest |a_i|: what the step of the free motion must allow."""
+        return max(map(abs, self.drifts))
+
+    def __repr__(self) -> str:
+        return f"SplittingTableau({self.name}: order {self.order}, {self.stages} kicks)"
+
+    # ---------------------------------------------------------------- the laws
+
+    def check(self) -> None:
+        """Raise an error, naming the law, unless the coefficients are symmetric and of the order claimed."""
+        name, order = self.name, self.order
+        if type(order) is not int or not 1 <= order <= MOST:
+            raise InvalidInput(f"{name}: the order is a whole number from 1 to {MOST}; got {order!r}")
+        if len(self.kicks) != len(self.drifts) + 1 or not all(map(math.isfinite, (*self.kicks, *self.drifts))):
+            raise InvalidInput(f"{name}: kicks are one more finite number than drifts; got {self.kicks} and {self.drifts}")
+        for field, row in (("kicks", self.kicks), ("drifts", self.drifts)):
+            if row != row[::-1]:
+                raise LawViolation(f"{name} is not symmetric: {field} are {row}, not the same backwards")
+        for q in range(1, order + 1):
+            failing = self._failing(q)
+            if failing:
+                raise LawViolation(f"{name} is of order {q - 1}, not {order}: {failing}")
+
+    def _failing(self, length: int) -> str:
+        """The worst condition of words of this length, in words; empty if all hold."""
+        words = _words(length)
+        found, sizes = (np.array([w[word] for word in words]) for w in self._found)
+        rest = found - 1.0 / math.factorial(length)
+        if self.quadratic:
+            for direction in _indifferent(length):
+                rest = rest - (direction @ rest) * direction
+        worst = int(np.argmax(np.abs(rest)))
+        if abs(rest[worst]) <= _CLOSE * (sizes.max() + 1.0 / math.factorial(length)):
+            return ""
+        return f"the word {words[worst]} has a weight that is off by {rest[worst]:.2g}"
+
+    @cached_property
+    def _found(self) -> tuple[dict[str, float], dict[str, float]]:
+        """The weights of the words, and how large they would be without cancellation."""
+        factors = [("B", self.kicks[0])]
+        for a, b in zip(self.drifts, self.kicks[1:]):
+            factors += [("A", a), ("B", b)]
+        return _weights(factors, self.order + 1), _weights([(letter, abs(c)) for letter, c in factors], self.order + 1)
+
+
+def _words(length: int) -> list[str]:
+    return ["".join(letters) for letters in itertools.product("AB", repeat=length)]
+
+
+def _weights(factors: list[tuple[str, float]], longest: int) -> dict[str, float]:
+    """The weights of the words of a product of exponentials: what a last factor makes of them is a run of its letter at the end."""
+    total = {word: float(not word) for length in range(longest + 1) for word in _words(length)}
+    for letter, c in factors:
+        total = {
+            word: math.fsum(
+                total[word[: len(word) - k]] * c**k / math.factorial(k)
+                for k in range(len(word) - len(word.rstrip(letter)) + 1)
+            )
+            for word in total
+        }
+    return total
+
+
+def _indifferent(length: int) -> np.ndarray:
+    """Orthonormal sums of words that vanish with [B, [B, [B, A]]]: what stands before and behind it does not matter."""
+    number, rows = {word: i for i, word in enumerate(_words(length))}, []
+    for k in range(length - 3):
+        for before in _words(k):
+            for behind in _words(length - 4 - k):
+                rows.append(np.zeros(len(number)))
+                for word, weight in _TRIPLE.items():
+                    rows[-1][number[before + word + behind]] += weight
+    if not rows:
+        return np.empty((0, len(number)))
+    _, sizes, directions = np.linalg.svd(np.array(rows), full_matrices=False)
+    return directions[sizes > 1e-10 * sizes[0]]
+
+
+def shipped(name: str, order: int, kicks: Any, drifts: Any, source: str, quadratic: bool = True) -> SplittingTableau:
+    """A splitting of this library: its laws are checked by the tests, so that an import does not wait for them."""
+    tableau: SplittingTableau = object.__new__(SplittingTableau)
+    values = {"name": name, "order": order, "kicks": kicks, "drifts": drifts, "quadratic": quadratic, "source": source}
+    for field, value in values.items():
+        object.__setattr__(tableau, field, value)
+    tableau._tidy()
+    return tableau
+
+
+def _around_drift(half: Row, total: float = 1.0) -> Row:
+    """An odd number of coefficients: those up to the middle one, which makes the sum one, and back."""
+    return (*half, total - 2.0 * math.fsum(half), *half[::-1])
+
+
+def _around_pair(half: Row) -> Row:
+    """An even number of coefficients: those up to the two in the middle, which make the sum one, and back."""
+    whole = (*half, 0.5 - math.fsum(half))
+    return (*whole, *whole[::-1])
+
+
+STRANG = shipped("Strang", 2, (0.5, 0.5), (1.0,), "Strang, SIAM J. Numer. Anal. 5 (1968); HLW II.5", quadratic=False)
+
+BLANES_MOAN4 = shipped(
+    "Blanes-Moan 4", 4,
+    _around_drift((0.0829844064174052, 0.396309801498368, -0.0390563049223486)),
+    _around_pair((0.245298957184271, 0.604872665711080)),
+    "Blanes and Moan 2002, table 3, SRKN b 6",
+)  # fmt: skip
+
+BLANES_MOAN6 = shipped(
+    "Blanes-Moan 6", 6,
+    (0.0, *_around_pair((
+        0.09171915262446165, 0.183983170005006, -0.05653436583288827, 0.004914688774712854, 0.143761127168358, 0.328567693746804,
+    )), 0.0),
+    _around_drift((
+        0.0378593198406116, 0.102635633102435, -0.0258678882665587, 0.314241403071447, -0.130144459517415, 0.106417700369543,
+        -0.00879424312851058,
+    )),
+    "Blanes and Moan 2002, table 3, SRKN a 14",
+)  # fmt: skip
+
+BLANES_MOAN6_SHORT = shipped(
+    "Blanes-Moan 6, short", 6,
+    _around_pair((0.0414649985182624, 0.198128671918067, -0.0400061921041533, 0.0752539843015807, -0.0115113874206879)),
+    _around_drift((0.123229775946271, 0.290553797799558, -0.127049212625417, -0.246331761062075, 0.357208872795928)),
+    "Blanes and Moan 2002, table 3, SRKN b 11",
+)  # fmt: skip
+
+BLANES_CASAS_ESCORIHUELA8 = shipped(
+    "Blanes-Casas-Escorihuela 8", 8,
+    (0.0, *_around_drift((
+        0.129478606560536730662493794395, 0.222257260092671143423043559581, -0.0577514893325147204757023246320,
+        -0.0578312262103924910221345032763, 0.103087297437175356747933252265, -0.140819612554090768205554103887,
+        0.0234462603492826276699713718626, 0.134854517356684096617882205068, 0.0287973821073779306345172160211,
+    )), 0.0),
+    _around_pair((
+        0.0505805, 0.149999, -0.0551795510771615573511026950361, 0.423755898835337951482264998051,
+        -0.213495353584659048059672194633, -0.0680769774574032619111630736274, 0.227917056974013435948887201671,
+        -0.235373619381058906524740047732, 0.387413869179878047816794031058,
+    )),
+    "Blanes, Casas and Escorihuela-Tomas, Appl. Numer. Math. 182 (2022)",
+)  # fmt: skip
+
+SPLITTINGS = {t.name: t for t in (STRANG, BLANES_MOAN4, BLANES_MOAN6, BLANES_MOAN6_SHORT, BLANES_CASAS_ESCORIHUELA8)}
+"""All splittings, by name."""
