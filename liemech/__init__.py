@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from .integrators.commutator_free import CommutatorFree, CrouchGrossman
     from .integrators.composition import Composition
     from .integrators.exact_free_body import ExactFreeBody
+    from .integrators.galerkin import GalerkinVariational
     from .integrators.hamilton_jacobi import HamiltonJacobi
     from .integrators.kick_drift import KickDrift
     from .integrators.lie_poisson_hj import LiePoissonHamiltonJacobi
@@ -90,6 +91,7 @@ _LATER = {
     "integrators.commutator_free": ("CommutatorFree", "CrouchGrossman"),
     "integrators.composition": ("Composition",),
     "integrators.exact_free_body": ("ExactFreeBody",),
+    "integrators.galerkin": ("GalerkinVariational",),
     "integrators.hamilton_jacobi": ("HamiltonJacobi",),
     "integrators.kick_drift": ("KickDrift",),
     "integrators.lie_poisson_hj": ("LiePoissonHamiltonJacobi",),
@@ -174,6 +176,7 @@ __all__ = [
     "FallingBody",
     "FixedPointGravity",
     "Force",
+    "GalerkinVariational",
     "GroupAction",
     "GroupEquation",
     "HamiltonJacobi",

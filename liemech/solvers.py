@@ -1,9 +1,11 @@
-"""The one Newton iteration: when it stops, and what it says when it does not converge."""
+"""The one Newton iteration and the one fixed point iteration: when they stop, and what they say when they do not converge."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
+from .errors import NoConvergence
 from .native import Mat, Vec, cross, dot, mat, solve, solve3, vec
 
 TOLERANCE = 2.0**-30
@@ -13,19 +15,29 @@ Newton's method squares the relative error, so one more correction leaves about 
 that stopping *at* a tolerance causes.
 """
 
+EPSILON = 2.0**-52
+"""The distance from 1 to the next larger number."""
+
+NOISE = 2.0**-40
+"""A change that does not become smaller is rounding, if it is below this, relative to the data; else it is no convergence.
+
+Rounding of the largest of the data may be large beside the smallest one.
+"""
+
 LIMIT = 50
 """Iterations after which a step is declared unsolvable; a good step needs two or three."""
 
 
 def newton(
-    equation: Callable[[Vec], tuple[Vec, Mat, float]], guess: Vec, data: float, rate: float = 1.0
+    equation: Callable[[Vec], tuple[Vec, Mat, float]], guess: Vec, data: float, rate: float = 1.0, tolerance: float = TOLERANCE
 ) -> tuple[Vec, float, float, bool]:
     """The root of an equation: its residual is tested against the data, and the correction that it asks for applied once more.
 
     equation : gives at x the residual r, its derivative and the factor w that |r|^2 has over the data.  data : a square.
-    Returns x, |r|^2 at the last test, what it had to reach (w 2^-60 data, else x is no root), and whether x is `beyond_fold`.
+    tolerance : smaller for a derivative that is not exact, with which the last correction gains fewer digits.
+    Returns x, |r|^2 at the last test, what it had to reach (w tolerance^2 data, else x is no root), and whether x is `beyond_fold`.
     """
-    x, goal = guess, TOLERANCE * TOLERANCE * data
+    x, goal = guess, tolerance * tolerance * data
     size = enough = goal
     folded = False
     for _ in range(LIMIT):
@@ -35,6 +47,33 @@ def newton(
         if size <= enough:
             break
     return x, size, enough, folded
+
+
+def fixed_point(sweep: Callable[[Any], tuple[Any, float, float]], guess: Any, method: Any, h: float) -> Any:
+    """What sweeps leave as it is: they are repeated until they change no more than rounding does.
+
+    sweep : gives of an unknown a better one, how much they differ and how large the data are.
+    It ends when a change is below eps, when the next one, judged by the last two, would be below eps/16, or when the changes are
+    rounding and become no smaller.  Raises NoConvergence in the name of a method with step size h.
+
+    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VIII.6.2 and VIII.5 (the error is iterated away).
+    """
+    unknown, change, size, done = guess, 0.0, 0.0, False
+    for _ in range(LIMIT):
+        before = change
+        unknown, change, size = sweep(unknown)
+        done = change <= EPSILON * size
+        if before > 0.0:
+            ratio = change / before
+            done = done or 16.0 * ratio * change <= EPSILON * size or (ratio >= 1.0 and change <= NOISE * size)
+        if done:
+            break
+    if not (done or change <= 64.0 * EPSILON * size):
+        raise NoConvergence(
+            f"{method!r}: the stages did not converge in {LIMIT} iterations, they still change by {change / size:.1e}. "
+            f"The step h = {h:g} is too large for this motion; try {0.25 * h:g}"
+        )
+    return unknown
 
 
 def correction(jacobian: Mat, residual: Vec) -> Vec:

@@ -5,12 +5,11 @@ from __future__ import annotations
 import functools
 from typing import Any, ClassVar
 
-from ..errors import IncompatibleSystem, InvalidInput, NoConvergence
-from ..groups.lie_group import EPSILON
+from ..errors import IncompatibleSystem, InvalidInput
 from ..groups.so3 import SO3, plus
 from ..native import Mat, Vec, cross, dot, jacobian, mat, norm, record, sqrt, transpose
 from ..retractions import Cayley
-from ..solvers import LIMIT, newton
+from ..solvers import fixed_point, newton
 from ..systems.lie_poisson import BodyState, LiePoissonSystem
 from ..tableaus.collocation import gauss
 from ..tableaus.trees import Row
@@ -157,26 +156,20 @@ class Isospectral(Implicit):
         return self.after(state, BodyState(state.mu + turned @ state.mu, g), tuple(stages))
 
     def _iterated(self, system: Any, h: float, mu: Vec, guess: list[Mat]) -> list[Mat]:
-        """The Z_j = h B_j Q_j, iterated until they change no more, each stage with the new ones before it."""
-        rows, stages = self.tableau[0], guess
-        change = before = size = 1.0
-        for _ in range(LIMIT):
-            before, change, size = change, 0.0, 0.0
-            for i, row in enumerate(rows):
-                q = plus(weighted(row, stages), 1.0)
-                xi = (-h) * system.velocity(cofactors(q) @ mu)
-                new, old = transpose(mat(*[cross(xi, column) for column in q.T])), stages[i]
-                stages = [*stages[:i], new, *stages[i + 1 :]]
-                for a, b in zip(new, old):
-                    change, size = change + dot(a - b, a - b), size + dot(a, a)
-            if change <= EPSILON * EPSILON * size or (change >= before and change <= 4096.0 * EPSILON * EPSILON * size):
-                break
-        if not change <= 4096.0 * EPSILON * EPSILON * size:
-            raise NoConvergence(
-                f"{self!r}: the stages did not converge in {LIMIT} iterations, they still change by {sqrt(change / size):.1e}. "
-                f"The step h = {h:g} is too large for this motion; try {0.25 * h:g}"
-            )
-        return stages
+        """The Z_j = h B_j Q_j, iterated until they change no more."""
+        return fixed_point(lambda stages: self._sweep(system, h, mu, stages), guess, self, h)
+
+    def _sweep(self, system: Any, h: float, mu: Vec, stages: list[Mat]) -> tuple[list[Mat], float, float]:
+        """Every stage anew, each from the new ones before it; their change and their size."""
+        change, size = 0.0, 0.0
+        for i, row in enumerate(self.tableau[0]):
+            q = plus(weighted(row, stages), 1.0)
+            xi = (-h) * system.velocity(cofactors(q) @ mu)
+            new, old = transpose(mat(*[cross(xi, column) for column in q.T])), stages[i]
+            stages = [*stages[:i], new, *stages[i + 1 :]]
+            for a, b in zip(new, old):
+                change, size = change + dot(a - b, a - b), size + dot(a, a)
+        return stages, sqrt(change), sqrt(size)
 
 
 def weighted(weights: tuple[float, ...], matrices: Any) -> Mat:

@@ -1,0 +1,240 @@
+"""Galerkin variational methods: an action principle for polynomials in a chart, of order 2, 4, 6 or 8."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any, ClassVar
+
+import numpy as np
+
+from ..errors import IncompatibleSystem, InvalidInput
+from ..groups.lie_group import one_norm
+from ..native import Dual, Mat, Record, Vec, derivative, identity_matrix, mat, norm, plain, record, vec, vectors
+from ..native.dual import slopes, value_of
+from ..retractions import Exponential, Retraction
+from ..solvers import correction, fixed_point
+from ..systems.lie_poisson import BodyState, LiePoissonSystem
+from ..systems.mechanical import MechanicalSystem
+from ..tableaus.collocation import gauss
+from ..tableaus.trees import Row
+from .implicit import Implicit, Memory, extrapolated
+from .variational import with_inertia
+
+ORDERS = 2, 4, 6, 8
+"""Twice the number of nodes."""
+
+
+@record
+class GalerkinVariational(Implicit):
+    """The action principle for motions g_i tau(X(t)) whose X is a polynomial, with the integral taken by Gauss' quadrature.
+
+    With the velocities V_j of X at the s nodes of Gauss, his tableau a, b, c, and body velocities xi_j (left-trivialised),
+
+        X_j = h sum_k a_jk V_k,   x = h sum_k b_k V_k,   xi_j = dtau_X_j V_j,
+
+    the action h sum_j b_j (l(xi_j) - V(g_i tau(X_j))) is stationary for fixed ends.  Let P_j = (dtau_X_j)* dl/dxi(xi_j) be the
+    momentum that belongs to X, F_j its rate by Lagrange's equations, and k what the field adds to mu.  Then
+
+        P_j + h sum_k (b_k - a_jk) F_k = (dtau_x)* (mu_i + k)  (right-trivialised),   k = h sum_j b_j Ad*_tau(-X_j) f(g_i tau(X_j))
+        mu_i+1 = Ad*_tau(x) (mu_i + k),   g_i+1 = g_i tau(x)
+
+    order : 2, 4, 6 or 8, twice the number of nodes.  retraction : Exponential() is more accurate and allows larger steps.
+    For bodies with a Lagrangian, free or in a field; a load acts at the nodes, by the principle of Lagrange and d'Alembert.
+    Symplectic; spatial momentum and Casimirs of a free body are kept to rounding, in a field the momentum that belongs to a
+    symmetry of the potential; the energy oscillates without drift.  The chart is that at the start of the step, so that only
+    order 2 with exp is symmetric; without a field this is CovariantVariational.
+    Raises NoConvergence or OutsideChart if the step is too large.
+
+    Source: Marsden and West, Acta Numerica 10 (2001), sections 2.6 and 3.2; Bogfjellmo and Marthinsen, Found. Comput. Math. 16
+    (2016); Hall and Leok, Found. Comput. Math. 17 (2017).
+    """
+
+    symplectic: ClassVar[bool] = True
+
+    order: int = 4
+    retraction: Retraction = Exponential()
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if type(self.order) is not int or self.order not in ORDERS:
+            raise InvalidInput(f"{type(self).__name__}: order must be one of {ORDERS}; got {self.order!r}")
+
+    @property
+    def symmetric(self) -> bool:  # type: ignore[override]
+        """With one node, in the middle of the path exp(t x)."""
+        return self.order == 2 and isinstance(self.retraction, Exponential)
+
+    @property
+    def name(self) -> str:
+        """Galerkin, the order and the retraction."""
+        return f"Galerkin {self.order} ({type(self.retraction).__name__})"
+
+    def require(self, system: Any) -> None:
+        """A body with a Lagrangian, free or in a field, on a group that has the retraction."""
+        body = _body(system)
+        if not isinstance(body, LiePoissonSystem):
+            raise IncompatibleSystem(
+                f"{self!r} needs a body, free as RigidBody([1.0, 1.5, 2.0]) or in a field, a MechanicalSystem; got {system!r}. "
+                "RKMK accepts every system"
+            )
+        if body.lagrangian is None:
+            raise IncompatibleSystem(
+                f"{self!r} needs a body with a lagrangian; {body!r} has none. LiePoissonHamiltonJacobi(order=4) does without one, "
+                "RKMK accepts every system"
+            )
+        self.retraction.require(body.group)
+
+    # ---------------------------------------------------------------- constants
+
+    @cached_property
+    def tableau(self) -> tuple[tuple[Row, ...], Row, Row, tuple[Row, ...]]:
+        """a, b and c of Gauss' method, and b_k - a_jk, the weights of what comes after a node."""
+        gaussian = gauss(self.order // 2)
+        return gaussian.A, gaussian.b, gaussian.c, tuple([tuple([w - a for w, a in zip(gaussian.b, row)]) for row in gaussian.A])
+
+    @cached_property
+    def legendre(self) -> tuple[tuple[Row, ...], tuple[Row, ...], Row]:
+        """From values at the nodes to coefficients of orthonormal Legendre polynomials, the way back, and what integration of one
+        has of the next.
+
+        Source: Hairer and Wanner, Solving Ordinary Differential Equations II, 2nd ed., IV.5 (the W-transformation).
+        """
+        _, b, c, _ = self.tableau
+        values = np.polynomial.legendre.legvander(2.0 * np.array(c) - 1.0, len(b) - 1) * np.sqrt(2.0 * np.arange(len(b)) + 1.0)
+        there, back = (values.T * b).tolist(), values.tolist()
+        couplings = tuple([0.5 / (4.0 * k * k - 1.0) ** 0.5 for k in range(1, len(b))])
+        return tuple(map(tuple, there)), tuple(map(tuple, back)), couplings
+
+    # ---------------------------------------------------------------- one step
+
+    def first(self, system: Any, state: BodyState, h: float) -> tuple[Vec, ...]:
+        """The velocity of the start at every node."""
+        xi = system.velocity(plain(state.mu))
+        return tuple([xi for _ in self.tableau[1]])
+
+    def step(self, system: Any, t: float, state: Memory, h: float) -> Memory:
+        """Solve for the velocities at the nodes from the extrapolated ones, then add what the field does, and move."""
+        body, b, start = _body(system), self.tableau[1], plain(self.observe(state))
+        guess = tuple([extrapolated(*node) for node in zip(*self.past(state))])
+        middle = _middle(body, combined(b, guess), start.mu, h)
+        kick = None if body is system else 0.0 * start.mu
+        velocities, kick = fixed_point(lambda last: self._sweep(system, t, start, h, middle, last[0]), (guess, kick), self, h)
+        x, mu = combined(b, velocities, h), state.mu if kick is None else state.mu + kick
+        if not self.retraction.is_chart(body.group, x):
+            raise self.out_of_chart(h, f"|x| = {norm(x):.2g}")
+        return self.after(state, body.moved(self.retraction, BodyState(mu, state.g), x), velocities)
+
+    def _sweep(
+        self, system: Any, t: float, start: BodyState, h: float, middle: Middle, velocities: tuple[Vec, ...]
+    ) -> tuple[Any, float, float]:
+        """Better velocities, and what the field adds to the momentum; how far momenta were off, and their size."""
+        body, places = _body(system), [combined(row, velocities, h) for row in self.tableau[0]]
+        misfits, kick, size = self._misfits(system, t, start, h, velocities, places)
+        steps = self._corrections(body, middle, h, misfits)
+        velocities = tuple([v - (e + 0.5 * body.group.ad(x, e)) for v, e, x in zip(velocities, steps, places)])
+        off = 0.0
+        for r in misfits:
+            off = off + one_norm(r)
+        return (velocities, kick), off, size
+
+    def _misfits(
+        self, system: Any, t: float, start: BodyState, h: float, velocities: tuple[Vec, ...], places: list[Vec]
+    ) -> tuple[list[Vec], Vec | None, float]:
+        """How far the equations are from holding, as body momenta at the nodes; what the field adds to mu; the size of momenta."""
+        (_, b, c, later), tau, body = self.tableau, self.retraction, _body(system)
+        group, kick, size = body.group, None if body is system else 0.0 * start.mu, one_norm(start.mu)
+        momenta, misfits = [], []  # type: list[Vec], list[Vec]
+        for i, (x, v) in enumerate(zip(places, velocities)):
+            xi = tau.dtau(group, x, v, "left")
+            p = body.lagrangian.momentum(xi)
+            rate, size = group.ad_star(xi, p), size + one_norm(p)
+            if kick is not None:
+                force = _force(system, t + c[i] * h, xi, tau.compose_tau(group, start.g, x))
+                rate, kick = rate + force, kick + (h * b[i]) * tau.tau_Ad_star(group, -x, force)
+            momenta = [*momenta, tau.dtau_dual(group, _moving(x, v), _moving(p, rate), "left")]  # P_j and, as its slope, F_j
+        end = tau.dtau_dual(group, combined(b, velocities, h), start.mu if kick is None else start.mu + kick)
+        rates = [slopes(p) for p in momenta]
+        for x, p, row in zip(places, momenta, later):
+            r = (vec(*[value_of(a) for a in p]) + combined(row, rates, h)) - end
+            misfits = [*misfits, r + 0.5 * group.ad_star(x, r)]  # the inverse of dtau_x is 1 + ad_x/2 + ...
+        return misfits, kick, size
+
+    def _corrections(self, body: Any, middle: Middle, h: float, misfits: list[Vec]) -> list[Vec]:
+        """The e_j whose momenta fit, to first order in h:  J e_j + h sum_k a_jk W e_k + h U sum_k b_k e_k = r_j.
+
+        W = (J ad_xi - ad*_xi J)/2 - ad*_. p,  U = (ad*_xi J + ad*_. (p - mu))/2, as they are in the middle of the step.  For the
+        coefficients of Legendre polynomials the matrix is tridiagonal.  A misfit shrinks by a factor of order h^2.
+        """
+        there, back, coupling = self.legendre
+        e = [combined(row, misfits) for row in there]
+        for k in range(len(e) - 1, 0, -1):
+            e[k - 1] = e[k - 1] + (h * coupling[k - 1]) * _turned(body, middle, _velocity(body, middle, e[k]))
+        e[0] = correction(middle.slope, e[0])
+        for k in range(1, len(e)):
+            e[k] = _velocity(body, middle, e[k] - (h * coupling[k - 1]) * _turned(body, middle, e[k - 1]))
+        return [combined(row, e) for row in back]
+
+
+# ---------------------------------------------------------------------- the middle of a step, for corrections
+
+
+@record
+class Middle(Record):
+    """Velocity, momentum and inertia in the middle of a step, and the derivative of the equations for the mean velocity."""
+
+    xi: Vec
+    p: Vec
+    inertia: Mat | Vec
+    slope: Mat
+
+
+def _middle(body: Any, xi: Vec, mu: Vec, h: float) -> Middle:
+    """With the derivative J + h ((J ad_xi + ad*_xi J)/4 - ad*_. mu/2)."""
+    group, inertia = body.group, body.lagrangian.hessian(xi)
+    columns: list[Vec] = []
+    for e in identity_matrix(group.dim):
+        turned = _times(inertia, group.ad(xi, e)) + group.ad_star(xi, _times(inertia, e))
+        columns = [*columns, (0.25 * h) * turned - (0.5 * h) * group.ad_star(e, mu)]
+    return Middle(xi, body.lagrangian.momentum(xi), inertia, with_inertia(mat(*columns).T, inertia))
+
+
+def _turned(body: Any, middle: Middle, v: Vec) -> Vec:
+    """W v."""
+    group, xi, J = body.group, middle.xi, middle.inertia
+    return 0.5 * (_times(J, group.ad(xi, v)) - group.ad_star(xi, _times(J, v))) - group.ad_star(v, middle.p)
+
+
+def _velocity(body: Any, middle: Middle, p: Vec) -> Vec:
+    """J^-1 p."""
+    return derivative(lambda m: body.velocity(m), middle.p, p)
+
+
+def _times(inertia: Mat | Vec, v: Vec) -> Vec:
+    return inertia @ v if isinstance(inertia, vectors.Mat) else inertia * v
+
+
+# ---------------------------------------------------------------------- small parts
+
+
+def _body(system: Any) -> Any:
+    """The body without the field."""
+    return system.body if isinstance(system, MechanicalSystem) else system
+
+
+def _force(system: MechanicalSystem, t: float, xi: Vec, g: Any) -> Vec:
+    """What field and load do together."""
+    force = system.force(g)
+    return force if system.load is None else force + system.load.covector(t, xi, g)
+
+
+def _moving(x: Vec, rate: Vec) -> Vec:
+    """x + e rate, e^2 = 0."""
+    return vec(*[Dual(a, b) for a, b in zip(x, rate)])
+
+
+def combined(weights: Row, values: Any, h: float = 1.0) -> Vec:
+    """h sum_j weights_j values_j."""
+    total = (h * weights[0]) * values[0]
+    for w, v in zip(weights[1:], values[1:]):
+        total = total + (h * w) * v
+    return total
