@@ -66,6 +66,10 @@ class OrderWarning(UserWarning):
     """A method was told to be of lower order than its coefficients are."""
 
 
+class StepWarning(UserWarning):
+    """A step is so large that its equation may have no solution, or several."""
+
+
 class NotCompiledWarning(UserWarning):
     """A formula could not be compiled and runs, much slower, in plain Python."""
 

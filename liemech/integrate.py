@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from .errors import IncompatibleSystem, InvalidInput, InvalidType
+from .errors import IncompatibleSystem, InvalidInput, InvalidType, StepWarning
 from .integrators.method import Method
 from .marching import Run
 from .native import check_finite, real_array
@@ -66,6 +66,7 @@ def integrate(
 
     Returns a Trajectory.  Raises InvalidInput, InvalidType, IncompatibleSystem, or an IntegrationFailure whose
     `.trajectory` has every sample recorded before the step that failed; so has the IntegrationInterrupted of a Ctrl-C.
+    Warns with a StepWarning of a step that may have no solution, where the method can tell.
     In an ensemble a body that fails stays at its last state, is named in `Trajectory.stopped` and in a warning, and
     disturbs no other.
     """
@@ -107,6 +108,9 @@ def integrate(
             f"integrate: h = {h:g} is lost beside t = {end:g}; the smallest useful step there is {smallest:.1e}"
         )
     start = _started(system, start, record)
+    doubt = method.caution(system, start, h)
+    if doubt:
+        warnings.warn(doubt, StepWarning, stacklevel=2)
     return Run(system, method, start, h, steps, every, t0, compensated, compiled, progress, workers).trajectory()
 
 

@@ -78,6 +78,20 @@ class Trajectory:
         return self._laws.casimirs(self.mu)
 
     @cached_property
+    def xi(self) -> np.ndarray:
+        """The velocities of a variational method: that of the interval after each sample, one step long, in 1/s.  (n, dim)
+
+        Between the samples of a run that kept every step xi, and not J^-1 mu, is what carries g along: g_i+1 = g_i tau(h xi_i).
+        """
+        between = getattr(self.method, "velocity", None)
+        if between is None:
+            raise InvalidInput(
+                f"Trajectory.xi is for methods with a velocity on every interval, as CovariantVariational; {self.method!r} has "
+                "none. At the samples of a free body the velocity is `run.system.velocity(run.mu)`"
+            )
+        return between(self.system, self.mu, self.h)
+
+    @cached_property
     def spatial_momentum(self) -> np.ndarray:
         """The momentum seen from space, K_g mu, at every sample.  (n, dim)"""
         return self._laws.spatial_momentum(self.mu, self._attitude("spatial_momentum"))

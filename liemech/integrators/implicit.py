@@ -72,6 +72,18 @@ class Implicit(Method):
             f"continuation of the motion. The step h = {h:g} is too large; try {0.25 * h:g}"
         )
 
+    def unconnected(self, h: float, end: float, length: str, usable: float | None = None) -> NoConvergence:
+        """The error of a step without a solution of its own: the one that grows out of h = 0 ends before.
+
+        usable : a step that every momentum of this size has, if known.
+        """
+        known = usable is not None and abs(usable) < abs(h)
+        cure = f"{usable:.3g}, which every direction of this momentum has" if known else f"{0.25 * h:g}"
+        return NoConvergence(
+            f"{self!r}: the solution that grows out of h = 0 ends at h = {end:.3g}, {length}, in a fold or at the chart's edge, "
+            f"and another one would be no continuation of the motion. The step h = {h:g} is too large for this motion; try {cure}"
+        )
+
 
 def extrapolated(last: Any, last_1: Any, last_2: Any) -> Any:
     """The value that continues three equidistant ones, by the parabola through them."""

@@ -5,28 +5,33 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 from ..errors import InvalidInput
-from ..groups.lie_group import LieGroup
-from ..native import Mat, Vec, derivative, dot, gradient, identity_matrix, jacobian, norm, record, vec, vectors
+from ..native import Mat, Vec, derivative, dot, identity_matrix, jacobian, norm, plain, record, vec, vectors
 from ..retractions import Exponential, Retraction
-from ..solvers import newton
+from ..solvers import TOLERANCE, newton
 from ..systems.lie_poisson import BodyState
+from .derivability import require_derivatives
 from .implicit import Implicit, Memory, extrapolated
+from .motion_series import second_kind
 from .variational import weight
 
-ORDERS = 2, 4
-"""With the first term of the generating function, and with the second one."""
+ORDERS = 2, 4, 6, 8
+"""With one, two, three or four terms of the generating function."""
+
+FINER = 2.0**-42
+"""The tolerance of Newton's method where its matrix is that of order 4: each correction is wrong by O(h^5) of itself."""
 
 
 @record
 class LiePoissonHamiltonJacobi(Implicit):
     """Steps whose generating function s(p), of the second kind, solves the Lie-Poisson Hamilton-Jacobi equation to an order in h.
 
-        s = h H + (h^3/6) s_3,   x = ds/dp,   (dtau^-1_x)* p = mu_i     solved for p by Newton's method
+        s = h H + (h^3/6) s_3 + (h^5/120) s_5 + ...,   x = ds/dp,   (dtau^-1_x)* p = mu_i     solved for p by Newton's method
         mu_i+1 = Ad*_tau(x) mu_i,   g_i+1 = g_i tau(x)
 
-    The Hamilton-Jacobi equation ds/dt = H((dtau^-1_x)* p), left-trivialised, with s = 0 at t = 0 gives s_3 by derivatives of H.
+    The Hamilton-Jacobi equation ds/dt = H((dtau^-1_x)* p), left-trivialised, with s = 0 at t = 0 determines s.  Of it, x is all
+    that is needed, and x is read off the motion.
 
-    order : 2, without s_3, or 4.  retraction : Exponential() serves every group and is the more accurate one.
+    order : 2 (s = h H), 4, 6 or 8.  retraction : Exponential() serves every group and is the more accurate one.
     For every group and every Hamiltonian, also one that has no Lagrangian.  Where there is one, order 2 is CovariantVariational.
     Symmetric; spatial momentum, Casimirs and the Lie-Poisson bracket are kept to rounding, the energy oscillates
     without drift.  Raises NoConvergence or OutsideChart if the step is too large for the equation to be solved.
@@ -45,38 +50,45 @@ class LiePoissonHamiltonJacobi(Implicit):
     def __post_init__(self) -> None:
         super().__post_init__()
         if type(self.order) is not int or self.order not in ORDERS:
-            raise InvalidInput(f"{type(self).__name__}: order is 2 or 4; got {self.order!r}")
+            raise InvalidInput(f"{type(self).__name__}: order is 2, 4, 6 or 8; got {self.order!r}")
 
     @property
     def name(self) -> str:
         """The method, its order and the retraction."""
         return f"Hamilton-Jacobi {self.order} ({type(self.retraction).__name__})"
 
+    def require(self, system: Any) -> None:
+        """A Lie-Poisson system whose Hamiltonian can be differentiated."""
+        super().require(system)
+        require_derivatives(self, system)
+
     # ---------------------------------------------------------------- one step
 
     def first(self, system: Any, state: BodyState, h: float) -> Vec:
         """p - mu = 0."""
-        return 0.0 * state.mu
+        return 0.0 * plain(state.mu)
 
     def step(self, system: Any, t: float, state: Memory, h: float) -> Memory:
         """Solve for p, whose difference to mu is extrapolated, then move momentum and attitude by x(p)."""
-        p, x = self.solution(system, h, state.mu, state.mu + extrapolated(*self.past(state)))
-        return self.after(state, system.moved(self.retraction, self.observe(state), x), p - state.mu)
+        mu = plain(state.mu)
+        p, x = self.solution(system, h, mu, mu + extrapolated(*self.past(state)))
+        return self.after(state, system.moved(self.retraction, self.observe(state), x), p - mu)
 
     def solution(self, system: Any, h: float, mu: Vec, guess: Vec) -> tuple[Vec, Vec]:
         """The p and x = ds/dp that fit mu."""
-        p, size, enough, folded = newton(lambda p: self.equation(system, h, mu, p), guess, dot(mu, mu))
+        tolerance = TOLERANCE if self.order <= 4 else FINER
+        p, size, enough, folded = newton(lambda p: self.equation(system, h, mu, p), guess, dot(mu, mu), tolerance=tolerance)
         x = self.displacement(system, h, p)
         if not size <= enough:
-            raise self.unsolved(h, size, enough, f", |x| = {norm(x):.2g}")
+            raise self.unsolved(h, size, enough, f", |x| = {norm(x):.2g}; H must be smooth")
         if folded or not self.retraction.is_chart(system.group, x):
             raise self.out_of_chart(h, f"|x| = {norm(x):.2g}")
         return p, x
 
     def equation(self, system: Any, h: float, mu: Vec, p: Vec) -> tuple[Vec, Mat, float]:
-        """The mismatch of p and mu, its derivative, and the factor of its square."""
+        """The mismatch of p and mu, its derivative (in orders 6 and 8 that of order 4), and the factor of its square."""
         r, by_p, by_x = self.retraction.mismatch(system.group, self.displacement(system, h, p), p, mu)
-        slope = by_x @ jacobian(lambda q: self.displacement(system, h, q), p)
+        slope = by_x @ jacobian(lambda q: self._displacement(system, h, q, min(self.order, 4)), p)
         own = by_p if isinstance(by_p, vectors.Mat) else by_p * identity_matrix(len(p))
         return r, slope + own, weight(by_p)
 
@@ -84,33 +96,37 @@ class LiePoissonHamiltonJacobi(Implicit):
 
     def displacement(self, system: Any, h: float, p: Vec) -> Vec:
         """The displacement of a step, x = ds/dp."""
-        x = h * system.velocity(p)
-        if self.order == 4:
-            x = x + (h * h * h / 6.0) * gradient(lambda q: self.third(system, q), p)
-        return x
+        return self._displacement(system, h, p, self.order)
 
-    def third(self, system: Any, p: Vec) -> float:
-        """s_3 = D^2H(p)[w, w]/4 + <p, c>, w = ad*_v p, v = dH(p): the second time derivative of H((dtau^-1_tv)* p) at 0.
+    def _displacement(self, system: Any, h: float, p: Vec, order: int) -> Vec:
+        if order == 2:
+            return h * system.velocity(p)
+        if order == 4 and isinstance(self.retraction, Exponential):
+            return h * system.velocity(p) + (h * h * h) * self.third(system, p)
+        terms = second_kind(system, self.retraction, p, order // 2)
+        x = terms[-1]
+        for k in range(len(terms) - 2, -1, -1):
+            x = terms[k] + (h * h) * x
+        return h * x
 
-        It consists of w/2, what moves p to first order whatever the map, and of c, what bends the map away from the exponential.
+    def third(self, system: Any, p: Vec) -> Vec:
+        """x_3 = ds_3/dp/6 of the exponential, s_3 = D^2H(p)[w, w]/4 with v = dH(p), w = ad*_v p, on every group:
+
+        x_3 = ([v, a] - D^2H(p) ad*_a p)/12 + D^3H(p)[w, w]/24,   a = D^2H(p) w.
         """
-        v = system.velocity(p)
-        w = system.group.ad_star(v, p)
-        s3 = 0.25 * dot(w, derivative(lambda q: system.velocity(q), p, w))
-        return s3 if isinstance(self.retraction, Exponential) else s3 + dot(p, self._bend(system.group, v))
-
-    def _bend(self, group: LieGroup, v: Vec) -> Vec:
-        """c = (d/dt)^2 dtau^-1_tv v at 0, left-trivialised; zero for exp, where dexp^-1_tv v = v."""
-        start = vec(*[0.0 for _ in v], *v)
-        return derivative(lambda y: derivative(lambda z: self._carried(group, z), y, _onward(y)), start, _onward(start))
-
-    def _carried(self, group: LieGroup, y: Vec) -> Vec:
-        """dtau^-1_x v of y = (x, v)."""
-        n = group.dim
-        return self.retraction.dtau_inv(group, vec(*[y[i] for i in range(n)]), vec(*[y[i + n] for i in range(n)]), "left")
+        group, v = system.group, system.velocity(p)
+        w = group.ad_star(v, p)
+        a = _turned(system, p, w)
+        start, onward = vec(*p, *w), (*w, *[0 for _ in w])
+        curved = derivative(lambda y: _turned(system, _half(y, 0), _half(y, len(y) // 2)), start, onward)
+        return (1.0 / 12.0) * ((group.ad(v, a) - _turned(system, p, group.ad_star(a, p))) + 0.5 * curved)
 
 
-def _onward(y: Vec) -> tuple[float, ...]:
-    """The direction in which (x, v) moves: x' = v, v' = 0."""
-    n = len(y) // 2
-    return (*[y[i + n] for i in range(n)], *(0,) * n)
+def _turned(system: Any, p: Vec, w: Vec) -> Vec:
+    """D^2H(p) w."""
+    return derivative(lambda q: system.velocity(q), p, w)
+
+
+def _half(y: Vec, first: int) -> Vec:
+    """The half of a vector that begins there."""
+    return vec(*[y[first + i] for i in range(len(y) // 2)])

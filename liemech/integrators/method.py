@@ -70,3 +70,7 @@ class Method(Record):
                 raise IncompatibleSystem(f"{self!r} needs a system with a {need}; {system!r} has none. {instead}.")
         if hasattr(self, "retraction"):
             self.retraction.require(system.group)
+
+    def caution(self, system: Any, start: Any, h: float) -> str | None:
+        """What to warn of before a run with this start and step; nothing by default."""
+        return None

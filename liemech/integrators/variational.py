@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, ClassVar
 
-from ..errors import NoConvergence
+import numpy as np
+
 from ..native import Mat, Vec, dot, mat, norm, plain, record, vec, vectors
 from ..retractions import Exponential, Retraction
 from ..solvers import newton
 from ..systems.lie_poisson import BodyState
 from .implicit import Implicit, Memory, extrapolated
-from .solvability import followed, largest_impulse, smallest_limit, turns_freely
+from .solvability import first_fold, grown, largest_impulse, surely_solvable, turns_freely
 
 
 @record
@@ -20,10 +22,11 @@ class CovariantVariational(Implicit):
         (dtau^-1_{h xi_i})* dl/dxi(xi_i) = mu_i            solved for h xi_i by Newton's method
         mu_i+1 = Ad*_tau(h xi_i) mu_i,   g_i+1 = g_i tau(h xi_i)
 
-    retraction : Cayley() has a solution for every step size, Exponential() is the more accurate one.
-    mu belongs to the nodes, xi to the intervals between them: J xi is a midpoint momentum, an O(h) away from mu.
+    retraction : Cayley() has a solution for every step size, Exponential() is the more accurate one; `largest_step` tells.
+    mu belongs to the nodes, xi to the intervals between them: J xi is a momentum half way, an O(h) away from mu.  The velocities are
+    `Trajectory.xi`; a run that is to start with a velocity starts with its `momentum`.
     Order 2, symmetric; spatial momentum, Casimirs and the Lie-Poisson bracket are kept to rounding, the energy oscillates
-    without drift.  Raises NoConvergence if the step is too large for the equation to be solved.
+    without drift.  Raises NoConvergence if the step is too large: there is no solution that grows out of h = 0.
 
     Source: Geometric Numerical Methods with Lie Groups, algorithm 1 (with the factor h of its first line corrected);
     Bou-Rabee and Marsden, Found. Comput. Math. 9 (2009); Marsden, Pekarsky, Shkoller, Nonlinearity 12 (1999).
@@ -51,32 +54,77 @@ class CovariantVariational(Implicit):
         return self.after(state, system.moved(self.retraction, self.observe(state), x), x)
 
     def displacement(self, system: Any, h: float, mu: Vec, guess: Vec) -> Vec:
-        """The x = h xi whose momentum dl/dxi fits mu."""
+        """The x = h xi whose momentum dl/dxi fits mu.
+
+        A root that Newton's method finds is the right one where there is no other: before the first fold, if that is known, and in
+        the inner half of the chart.  Elsewhere the step is grown.
+        """
         rate, square = 1.0 / h, dot(mu, mu)
-        if turns_freely(system, self.retraction) and h * h * square > smallest_limit(system.lagrangian.inverse):
-            limit = largest_impulse(system.lagrangian.inertia, self.retraction)
-            if h * h * square > limit * limit:  # there may be several solutions, or none
-                return self._followed(system, h, mu, limit)
+        if turns_freely(system, self.retraction) and h * h * square > surely_solvable(system.lagrangian.inverse):
+            fold = first_fold(system.lagrangian.inertia, self.retraction)
+            if h * h * square > fold * fold:
+                return self._grown(system, h, mu)
         x, size, enough, folded = newton(lambda x: self.equation(system, rate, mu, x), guess, square, rate)
-        if not size <= enough:
-            raise self.unsolved(h, size, enough, f", h|xi| = {norm(x):.2g}")
-        if folded or not self.retraction.is_chart(system.group, x):
-            raise self.out_of_chart(h, f"h|xi| = {norm(x):.2g}")
+        if folded or not (size <= enough and self.retraction.is_chart(system.group, 2.0 * x)):
+            return self._grown(system, h, mu)
         return x
 
-    def _followed(self, system: Any, h: float, mu: Vec, limit: float) -> Vec:
-        """The displacement that has grown out of zero with the step; it depends on h mu alone."""
-        rate = 1.0 / h
-        x, reached = followed(
-            lambda s, x: self.equation(system, rate, s * mu, x), lambda x: self.retraction.is_chart(system.group, x), 0.0 * mu, rate
+    def _grown(self, system: Any, h: float, mu: Vec) -> Vec:
+        """The displacement that grows out of zero with h."""
+        x, part = grown(
+            lambda rate, x: self.equation(system, rate, mu, x),
+            lambda x: self.retraction.is_chart(system.group, x),
+            h * system.velocity(mu),
+            h,
         )
-        if reached < 1.0:
-            raise NoConvergence(
-                f"{self!r}: the step h = {h:g} is too large for this momentum, h|mu| = {abs(h) * norm(mu):.3g}: the solution that "
-                f"grows out of h = 0 ends at h = {reached * h:.3g}, where h|xi| = {norm(x):.2g}; any other solution is no "
-                f"continuation of the motion. Every direction has a solution up to h|mu| = {limit:.3g}: try {limit / norm(mu) * (1.0 if h > 0.0 else -1.0):.3g}"
-            )
+        if part < 1.0:
+            raise self.unconnected(h, part * h, f"h|xi| = {norm(x):.2g}", self._usable(system, h, mu))
         return x
+
+    def _usable(self, system: Any, h: float, mu: Vec) -> float | None:
+        """A step for every momentum of this size, forwards or backwards as h; None if it is not known."""
+        largest = self.largest_step(system, BodyState(mu))
+        return None if largest is None else math.copysign(largest, h)
+
+    # ---------------------------------------------------------------- velocities
+
+    def momentum(self, system: Any, xi: Vec, h: float) -> Vec:
+        """The momentum at the node before a step of length h with velocity xi, (dtau^-1_{h xi})* dl/dxi: to start from a velocity.
+
+        xi : (dim,), in 1/s.  h : in s.  Returns (dim,).
+        """
+        return self.retraction.dtau_inv_dual(system.group, h * xi, system.lagrangian.momentum(xi))
+
+    def velocity(self, system: Any, mu: Vec, h: float) -> Vec:
+        """The velocity xi of the step of length h after a node with momentum mu; `momentum` backwards.
+
+        mu : (dim,).  h : in s.  Returns (dim,), in 1/s.  Raises NoConvergence or OutsideChart as the step does.
+        """
+        return (1.0 / h) * self.displacement(system, h, mu, h * system.velocity(mu))
+
+    # ---------------------------------------------------------------- how large a step may be
+
+    def largest_step(self, system: Any, start: BodyState) -> float | None:
+        """The |h| up to which every step has one solution, wherever the momentum turns; None where that is not known.
+
+        Known for kinetic energies on so(3), with exp and the Cayley map: `largest_impulse` over |mu|; for Cayley infinite
+        on bodies that are `is_always_solvable`.  A larger step may go well: it is followed from h = 0 on, refused if that ends.
+        start : of one body or an ensemble, which the largest |mu| decides.
+        """
+        if not turns_freely(system, self.retraction):
+            return None
+        size = float(np.linalg.norm(np.array(start.mu), axis=-1).max())
+        return largest_impulse(system.lagrangian.inertia, self.retraction) / size if size > 0.0 else math.inf
+
+    def caution(self, system: Any, start: BodyState, h: float) -> str | None:
+        """What to tell before a run whose step is larger than the `largest_step`; None if it is not."""
+        largest = self.largest_step(system, start)
+        if largest is None or abs(h) <= largest:
+            return None
+        return (
+            f"{self!r}: h = {h:g} is larger than {largest:.3g}, up to which every direction of the momentum has one solution. "
+            "Steps are followed from h = 0 on, which is slow, and a direction that has none ends the run"
+        )
 
     def equation(self, system: Any, rate: float, mu: Vec, x: Vec) -> tuple[Vec, Mat, float]:
         """The mismatch of dl/dxi and mu, its derivative, and the factor of its square."""

@@ -1,0 +1,42 @@
+"""Can a Hamiltonian be differentiated as often as a method wants it?  Asked once, before a run."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ..errors import IncompatibleSystem, InvalidInput
+from ..native import cos, derivative, dot, vec
+from ..native.vectors import Vec
+
+
+def require_derivatives(method: Any, system: Any) -> None:
+    """Raise unless the formulas of the Hamiltonian can be differentiated twice and its gradient, if given, is that of the energy.
+
+    Tried at one momentum in no special direction.  A kink elsewhere stays unseen: at a kink, Newton's method will not converge.
+    Raises IncompatibleSystem if a formula does not bear numbers that carry a derivative, InvalidInput for wrong values.
+
+    Source: Griewank and Walther, Evaluating Derivatives, 2nd ed., chapter 3 (forward mode).
+    """
+    hamiltonian, n = system.hamiltonian, system.group.dim
+    name = type(hamiltonian).__name__
+    mu, onward = (vec(*[float(cos(start + k)) for k in range(n)]) for start in (1.0, 2.0))
+    try:
+        energy, xi = hamiltonian.energy(mu), system.velocity(mu)
+        change = derivative(lambda m: system.velocity(m), mu, onward)
+        slope = derivative(lambda m: system.energy(m), mu, onward)
+    except Exception as error:
+        raise IncompatibleSystem(
+            f"{method!r} differentiates the Hamiltonian, and {name} does not bear it ({type(error).__name__}: {error}). Write its "
+            "energy with + - * / ** and the functions of liemech.native (sqrt, sin, exp, ...), or use RKMK with a gradient of yours"
+        ) from error
+    if not isinstance(energy, (int, float)):
+        raise InvalidInput(f"{name}.energy must return a number; it returned {energy!r}")
+    for found in (xi, change):
+        if not isinstance(found, Vec) or len(found) != n or not all(isinstance(c, (int, float)) for c in found):
+            raise InvalidInput(f"{name}.gradient must return a vector of {n} numbers; it returned {xi!r}")
+    along, size = dot(xi, onward), dot(xi, xi) ** 0.5 * dot(onward, onward) ** 0.5
+    if abs(along - slope) > 1e-6 * size:
+        raise InvalidInput(
+            f"{name}.gradient is not the gradient of its energy: at mu = {tuple(mu)}, along {tuple(onward)}, "
+            f"{along:.6g} instead of {slope:.6g}. Leave it out and it is derived"
+        )
