@@ -192,7 +192,7 @@ class Run:
 
     def trajectory(self) -> Trajectory:
         """March to the end, in pieces short enough to show progress and to be interrupted."""
-        done, per_call = 0, max(1, 256 // self.columns)
+        done, per_call = 0, max(1, (16384 if self.compiled else 256) // self.columns)
         try:
             with Bar(self.progress, self.steps * (self.bodies or 1)) as bar:
                 while done < self.steps:

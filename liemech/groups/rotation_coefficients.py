@@ -197,7 +197,7 @@ def all_coefficients(x: float, w: Vec | None = None) -> tuple[float, float, floa
     """
     c4, c5 = polynomial(STUMPFF4, x), polynomial(STUMPFF5, x)
     b, c = 0.5 - x * c4, 1 / 6 - x * c5
-    a, b_slope, c_slope = 1.0 - x * c, c4 - 0.5 * c, 0.5 * (3.0 * c5 - c4)
+    a, b_slope, c_slope = (1.0 - x * (1 / 6)) + (x * x) * c5, (c4 - 1 / 12) + (0.5 * x) * c5, 1.5 * c5 - 0.5 * c4
     if x > LIMIT:
         a, b = _by_half_angles(x, 0.0 if w is None else lost_in_square(w, x))
         if x <= 16.0 * LIMIT:

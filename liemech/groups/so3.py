@@ -11,7 +11,7 @@ from ..native import Ambient, Element, Mat, Vec, cross, dot, mat, outer, record,
 from ..native.border import MEMBERSHIP, small
 from .lie_algebra import Constants, LieAlgebra
 from .lie_group import BERNOULLI, LieGroup
-from .rotation_coefficients import WHOLE_TURN, bernoulli, dexp_coefficients, exp_coefficients
+from .rotation_coefficients import WHOLE_TURN, all_coefficients, bernoulli, dexp_coefficients, exp_coefficients
 from .rotation_logarithm import rotation_quaternion, rotation_vector
 
 if TYPE_CHECKING:
@@ -208,11 +208,12 @@ class SO3(LieGroup):
         dr/dxi = ((b - c) mu + 2 b' xi x mu - 2 c' s xi) xi^T - c (xi mu^T + s) - b hat(mu),  primes with respect to th^2.
         """
         x, w, s = dot(xi, xi), cross(xi, mu), dot(xi, mu)
-        b, c, b_slope, c_slope = dexp_coefficients(x)
-        r = (p - (1.0 - x * c) * mu) + (b * w - (c * s) * xi)
-        along = (b - c) * mu + ((2.0 * b_slope) * w - (2.0 * c_slope * s) * xi)
-        by_xi = (outer(along, xi) - outer(c * xi, mu)) - self.algebra.hat(b * mu)
-        return r, 1.0, plus(by_xi, -c * s)
+        a, b, c, _, b_slope, c_slope = all_coefficients(x)
+        r = (p - a * mu) + (b * w - c * (s * xi))
+        m = outer(mu, xi)
+        along = (2.0 * b_slope) * w - (2.0 * c_slope) * (s * xi)
+        by_xi = (b * (m - self.algebra.hat(mu)) - c * plus(m + m.T, s)) + outer(along, xi)
+        return r, 1.0, by_xi
 
     # ---------------------------------------------------------------- Cayley map
 

@@ -60,12 +60,12 @@ class CovariantVariational(Implicit):
         the inner half of the chart.  Elsewhere the step is grown.
         """
         rate, square = 1.0 / h, dot(mu, mu)
+        x, size, enough, folded = newton(lambda x: self.equation(system, rate, mu, x), guess, square, rate)
+        doubtful = folded or not (size <= enough and self.retraction.is_chart(system.group, 2.0 * x))
         if turns_freely(system, self.retraction) and h * h * square > surely_solvable(system.lagrangian.inverse):
             fold = first_fold(system.lagrangian.inertia, self.retraction)
-            if h * h * square > fold * fold:
-                return self._grown(system, h, mu)
-        x, size, enough, folded = newton(lambda x: self.equation(system, rate, mu, x), guess, square, rate)
-        if folded or not (size <= enough and self.retraction.is_chart(system.group, 2.0 * x)):
+            doubtful = doubtful or h * h * square > fold * fold
+        if doubtful:
             return self._grown(system, h, mu)
         return x
 

@@ -205,7 +205,7 @@ def _mapped(value: Any, change: Callable[[Any], Any]) -> Any:
     if isinstance(value, _STRUCTURES):
         return _like(value, [_mapped(x, change) for x in _parts(value)])
     if isinstance(value, Record):
-        return fill(type(value), {n: _mapped(getattr(value, n), change) for n in _names(type(value))})
+        return fill(type(value), {n: _mapped(x, change) for n, x in _fields(value).items()})
     return value
 
 
@@ -215,15 +215,19 @@ def fitted(value: Any, layout: Layout) -> Any:
         return value_of(value)
     if layout.detail is Compensated:
         return Compensated(value) if is_number(value) else value
-    if isinstance(value, Record) and len(layout.parts) == len(_names(type(value))):
-        names = _names(type(value))
-        return fill(type(value), {n: fitted(getattr(value, n), part) for n, part in zip(names, layout.parts)})
+    if isinstance(value, Record) and len(layout.parts) == len(_fields(value)):
+        return fill(type(value), {n: fitted(x, part) for (n, x), part in zip(_fields(value).items(), layout.parts)})
     if isinstance(value, _STRUCTURES) and len(_parts(value)) == len(layout.parts):
         return _like(value, [fitted(x, part) for x, part in zip(_parts(value), layout.parts)])
     return value
 
 
 _STRUCTURES = (Vec, Mat, tuple, list, Complex, Dual)
+
+
+def _fields(value: Any) -> dict[str, Any]:
+    cls: Any = type(value)
+    return {name: getattr(value, name) for name in _names(cls)}
 
 
 def _parts(value: Any) -> Any:

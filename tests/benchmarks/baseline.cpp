@@ -1,4 +1,4 @@
-// The opponent: one step of each integrator for the free rigid body, as fast as we can write it in C++.
+// The opponent: one step of each integrator for the free rigid body and the heavy top, as fast as we can write it in C++.
 //
 // Every formula is written once, for T = double (one body) and T = Lanes<K> (8 K bodies in SIMD lanes). No libm, no square root, no division by
 // the inertia in a step: the coefficients of exp and dexp^-1 are polynomials in the squared angle, good to rounding for turns up to sqrt 2 per step.
@@ -116,7 +116,8 @@ template <class T> INLINE Mat<T> matrix(Vec<T> g, T x, Pair<T> k) {
   Vec<T> s = k.s * g, b = k.b * g; T c = 1.0 - k.b * x, xy = b.x * g.y, yz = b.y * g.z, zx = b.z * g.x;
   return {{c + b.x * g.x, xy - s.z, zx + s.y}, {xy + s.z, c + b.y * g.y, yz - s.x}, {zx - s.y, yz + s.x, c + b.z * g.z}}; }
 
-template <class T> struct Body { Vec<T> p, w, w1, w2; T y, y1, y2, y3; Mat<T> R; };
+template <class T> struct Past { Vec<T> w, w1, w2; };
+template <class T> struct Body : Past<T> { Vec<T> p; T y, y1, y2, y3; Mat<T> R; Past<T> substeps[5]; Vec<T> kick; };   // each method keeps what it needs
 
 // Momentum and rows of the attitude by the same rotation. One body waits for latency and takes the short way for p; lanes count operations.
 template <bool attitude, class T> INLINE void move(Body<T> &s, Vec<T> g, T x, Pair<T> k) {
@@ -237,6 +238,66 @@ template <int count> struct Exponential {
     move<attitude>(s, -w, x, rotation(x)); return n; }
 };
 
+// ---- Hamilton-Jacobi of order 4, exp: (dexp^-1_x)^* p = mu_n with x = h v + (h^3/6) ds_3(p), mu_{n+1} = Ad*_{exp x} mu_n ---------------------------------
+// Along principal axes, K = J^-1, s_3 = w.Kw/4 with w = p x Kp is (e_1 p_2^2 p_3^2 + e_2 p_3^2 p_1^2 + e_3 p_1^2 p_2^2)/4, e_1 = K_1 (K_3 - K_2)^2 and so on.
+// Momenta scaled by h/2, g = x/2 = D p with D = K + (e_2 p_3^2 + e_3 p_2^2, ...)/3; the residual is p - m + c + d v, c = g x p, v = g x c.
+
+struct HamiltonJacobi {
+  Triple K, e; double scale;
+  HamiltonJacobi(const double *J, double h) : K{1 / J[0], 1 / J[1], 1 / J[2]}, scale(0.5 * h) {
+    Triple d = {K.z - K.y, K.x - K.z, K.y - K.x}; e = (1 / 3.) * (K * (d * d)); }
+  template <class T> INLINE void start(Body<T> &s, const HamiltonJacobi &) { s.w = s.w1 = s.w2 = s.p - s.p; }
+  template <class T> INLINE Vec<T> slopes(const HamiltonJacobi &k, Vec<T> p) {
+    Vec<T> y = p * p; return {k.K.x + (k.e.y * y.z + k.e.z * y.y), k.K.y + (k.e.z * y.x + k.e.x * y.z), k.K.z + (k.e.x * y.y + k.e.y * y.x)}; }
+  template <bool attitude, class T> INLINE int step(Body<T> &s, const HamiltonJacobi &k) {
+    Vec<T> m = s.p, p = m + extrapolate(s); T bound = enough * dot(m, m);
+    int n = newton<0, T>([&](typename Traits<T>::Active active) __attribute__((always_inline)) {
+      Vec<T> D = slopes(k, p), g = D * p, c = cross(g, p), v = cross(g, c);
+      T x = dot(g, g), d = polynomial(dexp_inv, x), slope = polynomial(dexp_inv_slope, x), a = d * dot(g, p);
+      Vec<T> r = ((p - m) + c) + d * v, z = p + d * c, t = (slope + slope) * v - d * p, dg = d * g, q = (k.e + k.e) * Vec<T>{p.y * p.z, p.z * p.x, p.x * p.y};
+      T f = 1.0 - d * x;   // 1 + hat g + d hat g^2, and (a - hat z + t g^T) times dg/dp = [[D_1, q_3, q_2], [q_3, D_2, q_1], [q_2, q_1, D_3]]
+      Vec<T> A = {D.x, q.z, q.y}, B = {q.z, D.y, q.x}, C = {q.y, q.x, D.z};
+      A = (a * A - cross(z, A)) + (dot(g, A) * t + Vec<T>{f + dg.x * g.x, g.z + dg.x * g.y, dg.x * g.z - g.y});
+      B = (a * B - cross(z, B)) + (dot(g, B) * t + Vec<T>{dg.y * g.x - g.z, f + dg.y * g.y, g.x + dg.y * g.z});
+      C = (a * C - cross(z, C)) + (dot(g, C) * t + Vec<T>{g.y + dg.z * g.x, dg.z * g.y - g.x, f + dg.z * g.z});
+      p = where(active, p - solve(A, B, C, r), p);
+      return dot(r, r) > bound; });
+    remember(s, p - m);
+    Vec<T> g = slopes(k, p) * p; T x = dot(g, g);
+    move<attitude>(s, -g, x, rotation(x)); return n; }
+};
+
+// ---- Suzuki's composition: substeps a, a, 1 - 4 a, a, a, each beginning with what it remembers of its like in the steps before -------------------
+// The momentum stays scaled by h: a substep of length a h is one of length h with the inertia J/a.
+
+struct Scaled { double J[3]; Scaled(const double *a, double k) : J{k * a[0], k * a[1], k * a[2]} {} };
+
+template <class Base> struct Suzuki {
+  static constexpr double share = 0.41449077179437573714;   // 1/(4 - 4^(1/3))
+  Base outer, inner; double scale;
+  Suzuki(const double *J, double h) : outer(Scaled(J, 1 / share).J, h), inner(Scaled(J, 1 / (1 - 4 * share)).J, h), scale(outer.scale) {}
+  template <class T> INLINE void start(Body<T> &s, const Suzuki &k) {
+    for (int i = 0; i < 5; ++i) { Base::start(s, i == 2 ? k.inner : k.outer); s.substeps[i] = s; } }
+  template <bool attitude, class T> INLINE int step(Body<T> &s, const Suzuki &k) {
+    int n = 0;
+    _Pragma("GCC unroll 5") for (int i = 0; i < 5; ++i) {
+      static_cast<Past<T> &>(s) = s.substeps[i]; n += Base::template step<attitude>(s, i == 2 ? k.inner : k.outer); s.substeps[i] = s; }
+    return n; }
+};
+
+// ---- Lie-Verlet for the heavy top: half a kick h/2 f, f = Gamma x (weight centre), Gamma the last row of R; Algorithm 1; half a kick -------------
+
+template <class Base> struct LieVerlet {
+  Base free; Triple load; double scale;
+  LieVerlet(const double *a, double h) : free(a, h), load{0.25 * h * h * a[3], 0.25 * h * h * a[4], 0.25 * h * h * a[5]}, scale(free.scale) {}
+  template <class T> INLINE Vec<T> kick(const LieVerlet &k, Vec<T> G) { return {k.load.z * G.y - k.load.y * G.z, k.load.x * G.z - k.load.z * G.x, k.load.y * G.x - k.load.x * G.y}; }
+  template <class T> INLINE void start(Body<T> &s, const LieVerlet &k) { Base::start(s, k.free); s.kick = kick(k, s.R.c); }
+  template <bool attitude, class T> INLINE int step(Body<T> &s, const LieVerlet &k) {
+    s.p = s.p + s.kick;
+    int n = Base::template step<attitude>(s, k.free);
+    s.kick = kick(k, s.R.c); s.p = s.p + s.kick; return n; }
+};
+
 // ---- marching -----------------------------------------------------------------------------------------------------------------------------------
 // Momenta p (3, n) and attitudes R (9, n) are stored component by component; a group of lanes stays in registers for all steps.
 
@@ -258,8 +319,9 @@ march(double *p, double *R, const double *J, double h, long n, long steps) {
   }
   return solves; }   // counted once for a group of lanes
 
-template <class Method> static long dispatch(int lanes, double *p, double *R, const double *J, double h, long n, long steps) {
 #define FORM(l, T) if (lanes == l) return R ? march<Method, T, true>(p, R, J, h, n, steps) : march<Method, T, false>(p, R, J, h, n, steps);
+template <class Method> static long alone(int lanes, double *p, double *R, const double *J, double h, long n, long steps) { FORM(1, double) return -1; }
+template <class Method> static long dispatch(int lanes, double *p, double *R, const double *J, double h, long n, long steps) {
   FORM(1, double)
   FORM(3 * width, Lanes<3>)   // the best form; the others only for comparison
 #ifdef SWEEP
@@ -269,18 +331,24 @@ template <class Method> static long dispatch(int lanes, double *p, double *R, co
 
 extern "C" int simd_width() { return width; }
 
-// Advance n bodies of inertia J by `steps` steps of length h; returns the number of Newton solves (per group of lanes), -1 for an unknown form.
+// Advance n bodies of inertia J (followed by weight times centre of a top) by `steps` steps of length h; returns the number of Newton solves (per group
+// of lanes), -1 for an unknown form.
 extern "C" long advance(int method, int lanes, double *p, double *R, const double *J, double h, long n, long steps) {
   switch (method) {
     case 0: return dispatch<Rkmk4>(lanes, p, R, J, h, n, steps);
     case 1: return dispatch<Cayley<0>>(lanes, p, R, J, h, n, steps);
     case 2: return dispatch<Exponential<0>>(lanes, p, R, J, h, n, steps);
     case 3: return dispatch<CayleyScalar<0>>(lanes, p, R, J, h, n, steps);
+    case 4: return dispatch<HamiltonJacobi>(lanes, p, R, J, h, n, steps);
+    case 5: return alone<Suzuki<Cayley<0>>>(lanes, p, R, J, h, n, steps);
+    case 6: return alone<Suzuki<Exponential<0>>>(lanes, p, R, J, h, n, steps);
+    case 7: return R ? alone<LieVerlet<Cayley<0>>>(lanes, p, R, J, h, n, steps) : -1;
+    case 8: return R ? alone<LieVerlet<Exponential<0>>>(lanes, p, R, J, h, n, steps) : -1;
 #ifdef SWEEP
-    case 4: return dispatch<Cayley<2>>(lanes, p, R, J, h, n, steps);
-    case 5: return dispatch<Cayley<3>>(lanes, p, R, J, h, n, steps);
-    case 6: return dispatch<Exponential<2>>(lanes, p, R, J, h, n, steps);
-    case 7: return dispatch<Exponential<3>>(lanes, p, R, J, h, n, steps);
+    case 9: return dispatch<Cayley<2>>(lanes, p, R, J, h, n, steps);
+    case 10: return dispatch<Cayley<3>>(lanes, p, R, J, h, n, steps);
+    case 11: return dispatch<Exponential<2>>(lanes, p, R, J, h, n, steps);
+    case 12: return dispatch<Exponential<3>>(lanes, p, R, J, h, n, steps);
 #endif
   }
   return -1; }

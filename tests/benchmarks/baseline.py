@@ -16,12 +16,26 @@ SOURCE = Path(__file__).with_name("baseline.cpp")
 FLAGS = ("-std=c++17", "-O3", "-march=native", "-fno-math-errno", "-shared", "-fPIC")
 CONTRACTIONS = ("off", "fast")
 
-METHODS = {"RKMK4": 0, "Algorithm 1, Cayley": 1, "Algorithm 1, exp": 2, "Algorithm 1, Cayley, one unknown": 3}
+METHODS = {
+    "RKMK4": 0,
+    "Algorithm 1, Cayley": 1,
+    "Algorithm 1, exp": 2,
+    "Algorithm 1, Cayley, one unknown": 3,
+    "Hamilton-Jacobi 4, exp": 4,
+    "Suzuki of Algorithm 1, Cayley": 5,
+    "Suzuki of Algorithm 1, exp": 6,
+    "Lie-Verlet, Cayley": 7,
+    "Lie-Verlet, exp": 8,
+}
+ALONE = 5
+"""From this number on one body at a time."""
+TOP = 7
+"""From this number on a heavy top, whose attitude moves too."""
 FIXED_NEWTON = {
-    "Cayley, 2 solves": 4,
-    "Cayley, 3 solves": 5,
-    "exp, 2 solves": 6,
-    "exp, 3 solves": 7,
+    "Cayley, 2 solves": 9,
+    "Cayley, 3 solves": 10,
+    "exp, 2 solves": 11,
+    "exp, 3 solves": 12,
 }  # only in a sweep build; two solves are too few in the first steps, where nothing can be extrapolated yet
 
 
@@ -41,7 +55,10 @@ class Baseline:
     def advance(
         self, method: int, lanes: int, mu: np.ndarray, g: np.ndarray | None, inertia: np.ndarray, h: float, steps: int
     ) -> float:
-        """Advance momenta (3, n) and attitudes (9, n) or None in place; returns Newton solves per step."""
+        """Advance momenta (3, n) and attitudes (9, n) or None in place; returns Newton solves per step.
+
+        inertia : the moments, (3,), followed by weight times centre if it is a top, (6,).
+        """
         n = mu.shape[1]
         if n % lanes:
             raise ValueError(f"{n} bodies are not a multiple of {lanes} lanes")

@@ -11,7 +11,6 @@ import os
 import shutil
 import subprocess
 import tempfile
-import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -19,9 +18,9 @@ from typing import Any
 import baseline
 import harness
 import numpy as np
+from stepping import Native, agreeing, measure
 
 import liemech as lm
-from liemech import marching
 from liemech.tableaus import DORMAND_PRINCE5, RK4
 
 SOURCE = Path(__file__).with_name("groups.cpp")
@@ -146,21 +145,8 @@ class DormandPrinceByHand(ByHand):
 # ------------------------------------------------------------------ runs
 
 
-class Native:
-    """The compiled loop of `integrate`, without the arrangements of the call: from the same start at every call."""
-
-    def __init__(self, system: Any, method: lm.Method, mu: np.ndarray, g: np.ndarray | None) -> None:
-        start = system.state(mu=mu) if g is None else system.state(mu=mu, g=g)
-        self.run = marching.Run(system, method, start, H, 10, 10, 0.0, True, False, 1)
-        self.start, self.taken = self.run.states.copy(), np.zeros(1)
-        self.last = np.empty((1, *self.run.out.shape[1:]))
-
-    def __call__(self, steps: int) -> np.ndarray:
-        states, self.taken[0] = self.start.copy(), 0.0
-        self.run._run(marching.march, self.run._arguments(0, steps, 1), states, self.last, self.taken)
-        if self.taken[0] != steps:
-            raise SystemExit(f"{self.run.method!r} on {self.run.system!r} stopped after {self.taken[0]:g} of {steps} steps")
-        return self.last[0, :, 0].copy()
+def native(system: Any, method: lm.Method, mu: np.ndarray, g: np.ndarray | None) -> Native:
+    return Native(system, method, system.state(mu=mu, g=g), H)
 
 
 class Cpp:
@@ -199,35 +185,6 @@ def build() -> dict[str, Any]:
         libraries[f"C++ {contraction}"] = ctypes.CDLL(str(path))
         libraries[f"C++ {contraction}"].advance_se3.restype = ctypes.c_long
     return libraries
-
-
-def agreeing(runs: Mapping[str, Callable[[int], np.ndarray]], tolerance: float = 1e-13) -> None:
-    """All runs give the same momentum, and the same element where they have one."""
-    for steps in (1, 20):
-        ends = {name: run(steps) for name, run in runs.items()}
-        first = next(iter(ends.values()))
-        for name, end in ends.items():
-            if not np.abs(end - first).max() <= tolerance:
-                raise SystemExit(f"{name} differs from {next(iter(ends))} by {np.abs(end - first).max():.1e} after {steps} steps")
-
-
-def measure(runs: Mapping[str, Callable[[int], Any]], repetitions: int, duration: float) -> dict[str, harness.Timing]:
-    """ns per step in turn, again and again: processor time, so that other processes count little, less that of the call."""
-
-    def seconds(run: Callable[[int], Any], steps: int) -> float:
-        begin = time.process_time()
-        run(steps)
-        return time.process_time() - begin
-
-    steps, calls = {}, {}
-    for name, run in runs.items():
-        calls[name] = min(seconds(run, 1) for _ in range(20))
-        steps[name] = max(50, int(1000 * duration / max(1e-9, min(seconds(run, 1000) for _ in range(5)) - calls[name])))
-    spent: dict[str, list[float]] = {name: [] for name in runs}
-    for _ in range(repetitions):
-        for name, run in runs.items():
-            spent[name].append((seconds(run, steps[name]) - calls[name]) / (steps[name] - 1) * 1e9)
-    return {name: harness.Timing(np.array(values)) for name, values in spent.items()}
 
 
 def compared(
@@ -291,7 +248,7 @@ def rigid_motions(libraries: Mapping[str, Any]) -> dict[tuple[str, str], dict[st
             if kind == 2 and m:
                 continue  # it has no Lagrangian
             for record, g in records(4).items():
-                runs: dict[str, Any] = {"liemech": Native(lm.LiePoissonSystem(lm.SE3(), energy), method, mu, g)}
+                runs: dict[str, Any] = {"liemech": native(lm.LiePoissonSystem(lm.SE3(), energy), method, mu, g)}
                 runs |= {cpp: Cpp(library, m, kind, mu, g, data) for cpp, library in libraries.items()}
                 agreeing(runs)
                 cases[f"{name}, {body}", record] = runs
@@ -309,7 +266,7 @@ def tableaus() -> dict[tuple[str, str], dict[str, Any]]:
     ):
         for system, mu, n in ((so3, MU3, 3), (se3, MU6, 4)):
             for record, g in records(n).items():
-                runs = {"by hand": Native(system, hand, mu, g), "as data": Native(system, data, mu, g)}
+                runs = {"by hand": native(system, hand, mu, g), "as data": native(system, data, mu, g)}
                 agreeing(runs)
                 cases[f"{name}, {system.group!r}", record] = runs
     return cases
@@ -323,7 +280,7 @@ def generators(closed: lm.LieGroup, others: Mapping[str, lm.LieGroup], n: int) -
     for name, method in METHODS.items():
         for record, g in records(n).items():
             groups = {repr(closed): closed, **others}
-            runs = {key: Native(lm.LiePoissonSystem(group, energy), method, mu, g) for key, group in groups.items()}
+            runs = {key: native(lm.LiePoissonSystem(group, energy), method, mu, g) for key, group in groups.items()}
             agreeing({key: run for key, run in runs.items() if key != "SO(4)"})  # another group, for comparison of costs
             cases[name, record] = runs
     return cases
@@ -341,7 +298,7 @@ def energies() -> dict[tuple[str, str], dict[str, Any]]:
                 "derived": EnergyOnly(inverse),
             }
             runs = {
-                key: Native(lm.LiePoissonSystem(group, energy), METHODS["RKMK4"], mu, g) for key, energy in hamiltonians.items()
+                key: native(lm.LiePoissonSystem(group, energy), METHODS["RKMK4"], mu, g) for key, energy in hamiltonians.items()
             }
             agreeing(runs)
             cases[f"RKMK4, {group!r}", record] = runs

@@ -1,7 +1,8 @@
-"""Free rigid body: cost of a step of RKMK4 and of Algorithm 1 (Cayley, exp), momentum only and with attitude, one body
-and many, beside the best C++ of the same step, plain Python, and SciPy's DOP853 at equal error; and start-up times.
+"""Cost of a step: RKMK4, Algorithm 1 and its composition of order 4, Hamilton-Jacobi of order 4 on a free rigid body, Lie-Verlet
+on a heavy top; momentum only and with attitude, one body and many, beside the best C++ of the same step and plain Python; free
+bodies beside SciPy's DOP853 at equal error; and start-up times.
 
-    python tests/benchmarks/rigid_body.py [--quick] [--out results.json] [--sweep]
+    python tests/benchmarks/rigid_body.py [--quick] [--out results.json] [--sweep] [--only NAME]
 """
 
 import argparse
@@ -20,50 +21,42 @@ from typing import Any
 import baseline
 import harness
 import numpy as np
+import stepping
+
+import liemech as lm
 
 INERTIA = np.array([2 / 3, 1.0, 2.0])
+LOAD = np.array([0.18, 0.0, 0.24])  # of the top: weight times centre
 MU = np.array([0.5, 0.0, 0.75**0.5])
 H = 0.1
 BODIES = 960  # a multiple of every number of lanes
 SAME_STEP = {"Algorithm 1, Cayley, one unknown": "Algorithm 1, Cayley"}  # another way to solve for the same step
 REFERENCE = Path(__file__).with_name("rigid_body_steps.json")
+BUDGETS = {"C++ off": 1.1, "C++ fast": 1.25}
+COLUMNS = ["method", "records", "liemech", "C++", "ratio", "C++ fused", "ratio"]
 
-Integrate = Callable[..., tuple[np.ndarray, np.ndarray | None]]
+with warnings.catch_warnings(action="ignore", category=lm.errors.InertiaWarning):
+    BODY, TOP = lm.RigidBody(INERTIA), lm.HeavyTop(INERTIA, 1.0, LOAD)
 
-
-def library() -> Integrate | None:
-    """The one place that knows liemech: integrate(method, mu, g, h, steps, compiled) -> final mu, g; or None."""
-    try:
-        import liemech as lm
-
-        with warnings.catch_warnings(action="ignore", category=lm.errors.InertiaWarning):
-            body = lm.RigidBody(INERTIA)
-        methods = {
-            "RKMK4": lm.RKMK(order=4),
-            "Algorithm 1, Cayley": lm.CovariantVariational(lm.Cayley()),
-            "Algorithm 1, exp": lm.CovariantVariational(lm.Exponential()),
-        }
-    except (ImportError, AttributeError) as error:
-        print(f"liemech does not run here ({error}): its columns stay empty")
-        return None
-
-    def integrate(
-        method: str, mu: np.ndarray, g: np.ndarray | None, h: float, steps: int, compiled: bool
-    ) -> tuple[np.ndarray, np.ndarray | None]:
-        start = body.state(mu=mu) if g is None else body.state(mu=mu, g=g)
-        record = ("mu",) if g is None else ("mu", "g")
-        run = lm.integrate(
-            body, methods[method], start, h=h, steps=steps, every=steps, record=record, compiled=compiled
-        )
-        return _last(run.mu, mu, 1), None if g is None else _last(run.g, g, 2)
-
-    return integrate
+ALGORITHM_1 = {"Cayley": lm.CovariantVariational(lm.Cayley()), "exp": lm.CovariantVariational(lm.Exponential())}
+METHODS: dict[str, tuple[Any, lm.Method]] = {
+    "RKMK4": (BODY, lm.RKMK(order=4)),
+    **{f"Algorithm 1, {map}": (BODY, method) for map, method in ALGORITHM_1.items()},
+    "Hamilton-Jacobi 4, exp": (BODY, lm.LiePoissonHamiltonJacobi(order=4)),
+    **{f"Suzuki of Algorithm 1, {map}": (BODY, lm.Composition(method)) for map, method in ALGORITHM_1.items()},
+    **{f"Lie-Verlet, {map}": (TOP, lm.LieVerlet(method.retraction)) for map, method in ALGORITHM_1.items()},
+}
+"""The systems and methods of the library by the names of the C++ steps."""
 
 
-def _last(series: np.ndarray, start: np.ndarray, rank: int) -> np.ndarray:
-    """Last sample of a series whose time axis is first, (times, ...), or just before the `rank` axes of one element."""
-    series = np.asarray(series)
-    return series[-1] if series.shape[1:] == start.shape else np.take(series, -1, axis=-1 - rank)
+def integrate(
+    name: str, mu: np.ndarray, g: np.ndarray | None, h: float, steps: int, compiled: bool
+) -> tuple[np.ndarray, np.ndarray | None]:
+    """Momentum and attitude at the end of a whole call."""
+    system, method = METHODS[name]
+    start, record = system.state(mu=mu, g=g), ("mu",) if g is None else ("mu", "g")
+    run: Any = lm.integrate(system, method, start, h=h, steps=steps, every=steps, record=record, compiled=compiled)
+    return run.mu[-1], None if g is None else run.g[-1]
 
 
 def attitudes(mu: np.ndarray) -> np.ndarray:
@@ -81,29 +74,32 @@ def compiled_cpp(
     """Run the C++ kernel from momenta (n, 3); final mu (n, 3), g (n, 3, 3) and Newton solves per step."""
     p = np.array(mu.T, order="C")  # a copy: the kernel works in place
     g = np.array(attitudes(mu).reshape(-1, 9).T, order="C") if attitude else None
-    solves = cpp.advance(method, lanes, p, g, INERTIA, h, steps)
+    solves = cpp.advance(method, lanes, p, g, np.concatenate([INERTIA, LOAD]), h, steps)
     return p.T, None if g is None else g.T.reshape(-1, 3, 3), solves
+
+
+def forms(method: int, lanes: int) -> list[tuple[int, bool]]:
+    """In which numbers of lanes a C++ step exists, and with what records."""
+    return [(n, g) for n in {1, lanes if method < baseline.ALONE else 1} for g in (False, True) if g or method < baseline.TOP]
 
 
 def validate(cpp: baseline.Baseline) -> None:
     """Every kernel against the methods in 45-digit arithmetic, momentum and attitude, to 1e-13."""
     reference = json.loads(REFERENCE.read_text())
     for name, method in baseline.METHODS.items():
-        for lanes in (1, cpp.lanes()):
+        for lanes, attitude in forms(method, cpp.lanes()):
             for sample in reference["steps"][SAME_STEP.get(name, name)]:
-                for attitude in (False, True):
-                    mu, g, _ = compiled_cpp(
-                        cpp, method, lanes, np.tile(reference["mu"], (lanes, 1)), attitude, reference["h"], sample["n"]
+                mu, g, _ = compiled_cpp(
+                    cpp, method, lanes, np.tile(reference["mu"], (lanes, 1)), attitude, reference["h"], sample["n"]
+                )
+                error = max(np.abs(mu - sample["mu"]).max(), 0 if g is None else np.abs(g - sample["g"]).max())
+                if error > 1e-13:
+                    raise SystemExit(
+                        f"C++ {name}, {lanes} lanes, contraction {cpp.contraction}: error {error:.1e} after {sample['n']} steps"
                     )
-                    error = max(np.abs(mu - sample["mu"]).max(), 0 if g is None else np.abs(g - sample["g"]).max())
-                    if error > 1e-13:
-                        raise SystemExit(
-                            f"C++ {name}, {lanes} lanes, contraction {cpp.contraction}: "
-                            f"error {error:.1e} after {sample['n']} steps"
-                        )
 
 
-def validate_library(integrate: Integrate) -> None:
+def validate_library() -> None:
     """The library makes the same steps, alone and in an ensemble: momentum and attitude to 1e-13."""
     reference = json.loads(REFERENCE.read_text())
     for name, samples in reference["steps"].items():
@@ -112,80 +108,79 @@ def validate_library(integrate: Integrate) -> None:
                 mu, g = integrate(name, start, attitudes(start), reference["h"], sample["n"], compiled=True)
                 error = max(np.abs(mu - sample["mu"]).max(), np.abs(g - sample["g"]).max())
                 if error > 1e-13:
-                    print(f"warning: liemech {name}, start {start.shape}: error {error:.1e} after {sample['n']} steps")
+                    raise SystemExit(f"liemech {name}: error {error:.1e} after {sample['n']} steps")
 
 
-def steps_table(
-    cpps: dict[str, baseline.Baseline], integrate: Integrate | None, repetitions: int, duration: float
-) -> list[dict[str, Any]]:
-    """ns per step of one body, every method, momentum only and with attitude, one body and an ensemble."""
+def steps_table(cpps: dict[str, baseline.Baseline], only: str, repetitions: int) -> list[dict[str, Any]]:
+    """ns per step of one body, without the call, by ordinary sums as in C++: every method, momentum only and with attitude.
+
+    Beside them the step as `integrate` takes it, with compensated sums, and a composition in steps of its base.
+    """
     results: list[dict[str, Any]] = []
-    for many in (False, True):
-        mu = random_momenta(BODIES) if many else MU
-        for name, method in baseline.METHODS.items():
-            for attitude in (False, True):
-                g = attitudes(mu) if attitude else None
-                runs: dict[str, harness.Run] = {}
-                solves = None
-                for contraction, cpp in cpps.items():
-                    lanes = cpp.lanes() if many else 1
-                    run = partial(compiled_cpp, cpp, method, lanes, np.atleast_2d(mu), attitude, H)
-                    runs[f"C++ {contraction}"], solves = run, run(2000)[2]
-                if integrate and name not in SAME_STEP:
-                    runs["liemech"] = partial(integrate, name, mu, g, H, compiled=True)
-                    if not many:
-                        runs["plain"] = partial(integrate, name, mu, g, H, compiled=False)
-                times = (
-                    harness.measure(runs, bodies=BODIES if many else 1, repetitions=repetitions, duration=duration)
-                    if runs
-                    else {}
-                )
-                ours = times.get("liemech")
-                results.append(
-                    {
-                        "bodies": BODIES if many else 1,
-                        "method": name,
-                        "attitude": attitude,
-                        "newton_solves": solves,
-                        **{key: value.as_dict() for key, value in times.items()},
-                        "ratios": {key: ours.over(value) for key, value in times.items() if ours and key != "liemech"},
-                    }
-                )
-    for many in (False, True):
-        rows = [_row(r) for r in results if (r["bodies"] != 1) == many]
-        harness.table(
-            f"ns per step{f' of one body among {BODIES}' if many else ', one body'}: best (median), h = {H}",
-            [
-                "method",
-                "records",
-                "liemech",
-                "C++",
-                "C++ fma",
-                "plain Python",
-                "liemech/C++",
-                "liemech/C++ fma",
-                "Newton solves",
-            ],
-            rows,
-        )
+    for name, method in baseline.METHODS.items():
+        for _, attitude in forms(method, 1)[: None if only in name else 0]:
+            runs: dict[str, Callable[[int], Any]] = {}
+            solves = None
+            if name in METHODS:
+                system, ours = METHODS[name]
+                start = system.state(mu=MU, g=np.eye(3) if attitude else None)
+                runs["liemech"] = stepping.Native(system, ours, start, H)
+                if ours.symmetric:
+                    runs["compensated"] = stepping.Native(system, ours, start, H, compensate=None)
+                if isinstance(ours, lm.Composition):
+                    runs["one stage"] = stepping.Native(system, ours.base, start, H)
+            for contraction, cpp in cpps.items():
+                runs[f"C++ {contraction}"] = run = partial(compiled_cpp, cpp, method, 1, MU[None], attitude, H)
+                solves = run(2000)[2] or None
+            times = stepping.measure(runs, repetitions, 0.002)
+            ns = {key: timing.as_dict() for key, timing in times.items()}
+            if name in METHODS:
+                plain = partial(integrate, name, MU, np.eye(3) if attitude else None, H, compiled=False)
+                ns |= {"plain": harness.measure({"": plain}, repetitions=3, duration=0.03)[""].as_dict()}
+            ratios = {key: times["liemech"].over(times[key]) for key in BUDGETS if key in times and "liemech" in times}
+            stages = times["liemech"].over(times["one stage"]) if "one stage" in times else None
+            row = {"method": name, "attitude": attitude, "newton_solves": solves, "stages": stages, "ns": ns, "ratios": ratios}
+            results.append(row)
+    harness.table(
+        f"ns per step, best, h = {H}; wanted: at most {BUDGETS['C++ off']} times C++, {BUDGETS['C++ fast']} times C++ fused",
+        [*COLUMNS, "solves", "plain Python", "budget", "compensated", "stages"],
+        [[*_row(r), r["ns"].get("compensated", {}).get("best"), r["stages"]] for r in results],
+    )
     return results
 
 
 def _row(r: dict[str, Any]) -> list[object]:
-    def time_of(key: str) -> str | None:
-        return f"{r[key]['best']:.1f} ({r[key]['median']:.1f})" if key in r else None
+    best = {key: ns["best"] for key, ns in r["ns"].items()}
+    met = None if not r["ratios"] else "met" if all(r["ratios"][key] <= BUDGETS[key] for key in r["ratios"]) else "MISSED"
+    cells = [best.get("liemech"), *[cell for key in BUDGETS for cell in (best.get(key), r["ratios"].get(key))]]
+    return [r["method"], "mu, g" if r["attitude"] else "mu", *cells, r["newton_solves"], best.get("plain"), met]
 
-    return [
-        r["method"],
-        "mu, g" if r["attitude"] else "mu",
-        time_of("liemech"),
-        time_of("C++ off"),
-        time_of("C++ fast"),
-        time_of("plain"),
-        r["ratios"].get("C++ off"),
-        r["ratios"].get("C++ fast"),
-        r["newton_solves"] or None,
-    ]
+
+def ensembles_table(cpps: dict[str, baseline.Baseline], only: str, repetitions: int, duration: float) -> list[dict[str, Any]]:
+    """ns per step of one body among many, the call included."""
+    mu = random_momenta(BODIES)
+    results: list[dict[str, Any]] = []
+    for name, method in baseline.METHODS.items():
+        if method >= baseline.ALONE or only not in name:
+            continue
+        for attitude in (False, True):
+            runs: dict[str, harness.Run] = {
+                f"C++ {contraction}": partial(compiled_cpp, cpp, method, cpp.lanes(), mu, attitude, H)
+                for contraction, cpp in cpps.items()
+            }
+            if name in METHODS:
+                runs["liemech"] = partial(integrate, name, mu, attitudes(mu) if attitude else None, H, compiled=True)
+            times = harness.measure(runs, bodies=BODIES, repetitions=repetitions, duration=duration)
+            ours = times.get("liemech")
+            ratios = {key: ours.over(timing) for key, timing in times.items() if ours and key != "liemech"}
+            ns = {key: timing.as_dict() for key, timing in times.items()}
+            results.append({"method": name, "attitude": attitude, "ns": ns, "ratios": ratios})
+    harness.table(
+        f"ns per step of one body among {BODIES}, best, the call included, h = {H}",
+        COLUMNS,
+        [_row({**r, "newton_solves": None})[:7] for r in results],
+    )
+    return results
 
 
 def sweep_table(repetitions: int, duration: float) -> list[dict[str, Any]]:
@@ -193,6 +188,8 @@ def sweep_table(repetitions: int, duration: float) -> list[dict[str, Any]]:
     cpps, mu = baseline.build(sweep=True), random_momenta(BODIES)
     results: list[dict[str, Any]] = []
     for name, method in {**baseline.METHODS, **baseline.FIXED_NEWTON}.items():
+        if name in METHODS and method >= baseline.ALONE:
+            continue
         for attitude in (False, True):
             runs = {
                 f"{cpp.lanes(groups)} {contraction}": partial(
@@ -215,7 +212,7 @@ def sweep_table(repetitions: int, duration: float) -> list[dict[str, Any]]:
 
 
 def equal_error_table(
-    cpps: dict[str, baseline.Baseline], integrate: Integrate | None, quick: bool
+    cpps: dict[str, baseline.Baseline], quick: bool
 ) -> list[dict[str, Any]]:
     """Milliseconds to t = 100 at equal error of the momentum: SciPy's DOP853 at its loosest sufficient tolerance."""
     from scipy.integrate import solve_ivp
@@ -235,15 +232,12 @@ def equal_error_table(
         rtol: float(np.abs(dop853(rtol) - exact).max()) for rtol in 10.0 ** np.arange(-2, -11, -1.0 if quick else -0.25)
     }
     results = []
-    for name, method in baseline.METHODS.items():
-        run_cpp = partial(compiled_cpp, cpps["off"], method, 1, MU[None], False, t_end / steps, steps) if cpps else None
-        ours = integrate and name not in SAME_STEP
-        run_lib = (
-            partial(integrate, name, MU, None, t_end / steps, steps, compiled=True) if integrate and ours else None
-        )
-        run = run_lib or run_cpp
-        if run is None:
+    for name, (system, _) in METHODS.items():
+        if system is not BODY:
             continue
+        method = baseline.METHODS[name]
+        run_cpp = partial(compiled_cpp, cpps["off"], method, 1, MU[None], False, t_end / steps, steps) if cpps else None
+        run = partial(integrate, name, MU, None, t_end / steps, steps, compiled=True)
         error = float(np.abs(run()[0] - exact).max())
         rtol = max((r for r, e in errors.items() if e <= error), default=min(errors))
         results.append(
@@ -253,7 +247,7 @@ def equal_error_table(
                 "rtol": rtol,
                 "dop853_error": errors[rtol],
                 "dop853_ms": milliseconds(partial(dop853, rtol)),
-                "liemech_ms": milliseconds(run_lib) if run_lib else None,
+                "liemech_ms": milliseconds(run),
                 "cpp_ms": milliseconds(run_cpp) if run_cpp else None,
             }
         )
@@ -268,7 +262,7 @@ def equal_error_table(
                 r["dop853_ms"],
                 r["liemech_ms"],
                 r["cpp_ms"],
-                r["dop853_ms"] / r["liemech_ms"] if r["liemech_ms"] else None,
+                r["dop853_ms"] / r["liemech_ms"],
             ]
             for r in results
         ],
@@ -284,7 +278,7 @@ lm.integrate(body, {method}, start, h=0.1, steps=1000, every=1000, compiled=True
 """
 
 
-def start_up_table(integrate: Integrate | None, repetitions: int) -> list[dict[str, Any]]:
+def start_up_table(repetitions: int) -> list[dict[str, Any]]:
     """Seconds of whole processes, interleaved; the compiler's cache is in a folder of its own, a new one if cold."""
 
     def process(*arguments: str, cache: str | None = None) -> float:
@@ -299,17 +293,16 @@ def start_up_table(integrate: Integrate | None, repetitions: int) -> list[dict[s
 
     with tempfile.TemporaryDirectory() as folder:
         commands: dict[str, Callable[[], float]] = {"python -c 'import numpy'": lambda: process("-c", "import numpy")}
-        if integrate:
-            commands["python -c 'import liemech'"] = lambda: process("-c", "import liemech")
-            commands["python -m liemech --quiet"] = lambda: process("-m", "liemech", "--quiet", "--out", folder)
-            for name, method in {
-                "RKMK4": "lm.RKMK(order=4)",
-                "Algorithm 1, exp": "lm.CovariantVariational(lm.Exponential())",
-            }.items():
-                script, warm = FIRST_RUN.format(method=method), tempfile.mkdtemp(dir=folder)
-                process("-c", script, cache=warm)
-                commands[f"first compiled run, cold cache: {name}"] = partial(first_run, script)
-                commands[f"first compiled run, warm cache: {name}"] = partial(first_run, script, warm)
+        commands["python -c 'import liemech'"] = lambda: process("-c", "import liemech")
+        commands["python -m liemech --quiet"] = lambda: process("-m", "liemech", "--quiet", "--out", folder)
+        for name, method in {
+            "RKMK4": "lm.RKMK(order=4)",
+            "Algorithm 1, exp": "lm.CovariantVariational(lm.Exponential())",
+        }.items():
+            script, warm = FIRST_RUN.format(method=method), tempfile.mkdtemp(dir=folder)
+            process("-c", script, cache=warm)
+            commands[f"first compiled run, cold cache: {name}"] = partial(first_run, script)
+            commands[f"first compiled run, warm cache: {name}"] = partial(first_run, script, warm)
         spent: dict[str, list[float]] = {name: [] for name in commands}
         for _ in range(repetitions):
             for name, command in commands.items():
@@ -340,6 +333,7 @@ def main() -> None:
         action="store_true",
         help="also compare C++ ensembles by number of lanes and with fixed Newton counts",
     )
+    parser.add_argument("--only", default="", help="the steps of methods whose name contains this, and nothing else")
     parser.add_argument("--out", type=Path, default=Path("rigid_body_benchmark.json"), help="where the JSON goes")
     options = parser.parse_args()
     repetitions, duration = (3, 0.004) if options.quick else (15, 0.03)
@@ -349,21 +343,19 @@ def main() -> None:
         print("g++ was not found: the C++ columns stay empty")
     for cpp in cpps.values():
         validate(cpp)
-    integrate = library()
-    if integrate:
-        validate_library(integrate)
+    validate_library()
     results: dict[str, Any] = {
         "h": H,
-        "steps": steps_table(cpps, integrate, repetitions, duration),
-        "equal_error": equal_error_table(cpps, integrate, options.quick),
-        "start_up": start_up_table(integrate, 2 if options.quick else 9),
+        "steps": steps_table(cpps, options.only, 10 if options.quick else 250),
+        "ensembles": ensembles_table(cpps, options.only, repetitions, duration),
     }
+    if not options.only:
+        results["equal_error"] = equal_error_table(cpps, options.quick)
+        results["start_up"] = start_up_table(2 if options.quick else 9)
     if cpps:
         results["instructions"] = {contraction: cpp.packed() for contraction, cpp in cpps.items()}
         rows = [[name, *count.values()] for name, count in cpps["off"].packed().items()]
-        harness.table(
-            "packed arithmetic in the C++ ensemble kernels, no contraction", ["kernel", "zmm", "ymm", "scalar"], rows
-        )
+        harness.table("packed arithmetic in the C++ ensemble kernels, no contraction", ["kernel", "zmm", "ymm", "scalar"], rows)
         if options.sweep:
             results["sweep"] = sweep_table(repetitions, duration)
     harness.write(options.out, results)

@@ -1,0 +1,60 @@
+"""Single steps of native code, without the call of `integrate` around them, in turn with the C++ of the same step."""
+
+import time
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import harness
+import numpy as np
+
+from liemech import marching
+
+
+class Native:
+    """A method on a system in native code: call it with a number of steps for the state after them, as one row of numbers.
+
+    compensate : as for `integrate`; ordinary sums, as in the C++, unless it is asked for.
+    """
+
+    def __init__(self, system: Any, method: Any, start: Any, h: float, compensate: bool | None = False) -> None:
+        self.run = marching.Run(
+            system, method, start, h, steps=10, every=10, t0=0.0, compensate=compensate, compiled=True, progress=False, workers=1
+        )
+        self.start, self.taken = self.run.states.copy(), np.zeros(1)
+        self.last = np.empty((1, *self.run.out.shape[1:]))
+
+    def __call__(self, steps: int) -> np.ndarray:
+        states, self.taken[0] = self.start.copy(), 0.0
+        self.run._run(marching.march, self.run._arguments(0, steps, 1), states, self.last, self.taken)
+        if self.taken[0] != steps:
+            raise SystemExit(f"{self.run.method!r} on {self.run.system!r} stopped after {self.taken[0]:g} of {steps} steps")
+        return self.last[0, :, 0].copy()
+
+
+def agreeing(runs: Mapping[str, Callable[[int], np.ndarray]], tolerance: float = 1e-13) -> None:
+    """All runs give the same momentum, and the same element where they have one."""
+    for steps in (1, 20):
+        ends = {name: run(steps) for name, run in runs.items()}
+        first = next(iter(ends.values()))
+        for name, end in ends.items():
+            if not np.abs(end - first).max() <= tolerance:
+                raise SystemExit(f"{name} differs from {next(iter(ends))} by {np.abs(end - first).max():.1e} after {steps} steps")
+
+
+def measure(runs: Mapping[str, Callable[[int], Any]], repetitions: int, duration: float) -> dict[str, harness.Timing]:
+    """ns per step in turn, again and again: processor time, so that other processes count little, less that of the call."""
+
+    def seconds(run: Callable[[int], Any], steps: int) -> float:
+        begin = time.process_time()
+        run(steps)
+        return time.process_time() - begin
+
+    steps, calls = {}, {}
+    for name, run in runs.items():
+        calls[name] = min(seconds(run, 1) for _ in range(20))
+        steps[name] = max(50, int(1000 * duration / max(1e-9, min(seconds(run, 1000) for _ in range(5)) - calls[name])))
+    spent: dict[str, list[float]] = {name: [] for name in runs}
+    for _ in range(repetitions):
+        for name, run in runs.items():
+            spent[name].append((seconds(run, steps[name]) - calls[name]) / (steps[name] - 1) * 1e9)
+    return {name: harness.Timing(np.array(values)) for name, values in spent.items()}
