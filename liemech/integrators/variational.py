@@ -23,7 +23,7 @@ class CovariantVariational(Implicit):
         mu_i+1 = Ad*_tau(h xi_i) mu_i,   g_i+1 = g_i tau(h xi_i)
 
     retraction : Cayley() has a solution for every step size, Exponential() is the more accurate one; `largest_step` tells.
-    mu belongs to the nodes, xi to the intervals between them: J xi is a momentum half way, an O(h) away from mu.  The velocities are
+    mu belongs to the nodes, xi to the intervals between them: J xi is a momentum half way, an O(h) away from mu.  Velocities are
     `Trajectory.xi`; a run that is to start with a velocity starts with its `momentum`.
     Order 2, symmetric; spatial momentum, Casimirs and the Lie-Poisson bracket are kept to rounding, the energy oscillates
     without drift.  Raises NoConvergence if the step is too large: there is no solution that grows out of h = 0.
