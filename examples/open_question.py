@@ -4,7 +4,6 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import liemech as lm
-from liemech.integrators.lie_poisson_first_kind import FirstKindHamiltonJacobi
 from liemech.plots import COLORS, save
 
 
@@ -58,7 +57,7 @@ start, a1 = body.state(mu=[0.5, 0.0, 0.75**0.5]), lm.CovariantVariational()
 rivals = {
     "second kind, $s = hH$": (lm.LiePoissonHamiltonJacobi(order=2), COLORS[2], "o"),
     "second kind, $s = hH + h^3 s_3/6$": (lm.LiePoissonHamiltonJacobi(order=4), COLORS[0], "s"),
-    "first kind, $S_0 = (\\xi, \\xi)/2$": (FirstKindHamiltonJacobi(order=2, scale=1.0), COLORS[1], "^"),
+    "first kind, $S_0 = (\\xi, \\xi)/2$": (lm.FirstKindHamiltonJacobi(order=2, scale=1.0), COLORS[1], "^"),
 }
 figure = Figure(figsize=(9.0, 4.0), layout="constrained")
 left, right = figure.subplots(1, 2)

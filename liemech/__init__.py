@@ -39,12 +39,14 @@ if TYPE_CHECKING:
     from .groups.so3 import SO3, SO3Algebra
     from .groups.unit_quaternions import UnitQuaternions
     from .groups.vector_space import VectorSpace
+    from .integrators.class_functions import CayleySquare, ClassFunction, InvariantForm, TraceOfAd
     from .integrators.commutator_free import CommutatorFree, CrouchGrossman
     from .integrators.composition import Composition
     from .integrators.exact_free_body import ExactFreeBody
     from .integrators.galerkin import GalerkinVariational
     from .integrators.hamilton_jacobi import HamiltonJacobi
     from .integrators.kick_drift import KickDrift
+    from .integrators.lie_poisson_first_kind import FirstKindHamiltonJacobi
     from .integrators.lie_poisson_hj import LiePoissonHamiltonJacobi
     from .integrators.lie_verlet import LieVerlet
     from .integrators.magnus import Magnus
@@ -88,12 +90,14 @@ _LATER = {
     "groups.so3": ("SO3", "SO3Algebra"),
     "groups.unit_quaternions": ("UnitQuaternions",),
     "groups.vector_space": ("VectorSpace",),
+    "integrators.class_functions": ("CayleySquare", "ClassFunction", "InvariantForm", "TraceOfAd"),
     "integrators.commutator_free": ("CommutatorFree", "CrouchGrossman"),
     "integrators.composition": ("Composition",),
     "integrators.exact_free_body": ("ExactFreeBody",),
     "integrators.galerkin": ("GalerkinVariational",),
     "integrators.hamilton_jacobi": ("HamiltonJacobi",),
     "integrators.kick_drift": ("KickDrift",),
+    "integrators.lie_poisson_first_kind": ("FirstKindHamiltonJacobi",),
     "integrators.lie_poisson_hj": ("LiePoissonHamiltonJacobi",),
     "integrators.lie_verlet": ("LieVerlet",),
     "integrators.magnus": ("Magnus",),
@@ -162,7 +166,9 @@ __all__ = [
     "CanonicalState",
     "Cayley",
     "CayleyAdjoint",
+    "CayleySquare",
     "CentralGravity",
+    "ClassFunction",
     "CoadjointAction",
     "CommutatorFree",
     "Composition",
@@ -174,6 +180,7 @@ __all__ = [
     "ExactMoserVeselov",
     "Exponential",
     "FallingBody",
+    "FirstKindHamiltonJacobi",
     "FixedPointGravity",
     "Force",
     "GalerkinVariational",
@@ -187,6 +194,7 @@ __all__ = [
     "HenonHeiles",
     "HomogeneousEquation",
     "ImplicitMidpoint",
+    "InvariantForm",
     "Isospectral",
     "Kepler",
     "KickDrift",
@@ -228,6 +236,7 @@ __all__ = [
     "System",
     "Taylor",
     "ThreeRotations",
+    "TraceOfAd",
     "Trajectory",
     "TranslationAction",
     "UniformGravity",

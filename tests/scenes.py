@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import json
 import warnings
 from collections.abc import Callable, Sequence
+from pathlib import Path
 
 import numpy as np
 
 import liemech as lm
+from liemech.native import cos, sin, vec
+from liemech.systems.group_equation import GroupEquation, LinearGroupEquation
+
+REFERENCES = Path(__file__).parent / "reference"
 
 SEED_INERTIA, SEED_MU = (2 / 3, 1.0, 2.0), (0.5, 0.0, 0.75**0.5)
 
@@ -94,3 +100,112 @@ def poisson_defect(system: lm.LiePoissonSystem, method: lm.Method, mu: np.ndarra
 def same_bits(a: np.ndarray, b: np.ndarray) -> bool:
     """Equal bit for bit."""
     return a.shape == b.shape and bool((a.view(np.int64) == b.view(np.int64)).all())
+
+
+# ---------------------------------------------------------------- equations on rotations
+
+
+@lm.record
+class Driven(LinearGroupEquation):
+    """g' = g xi(t), with velocities that do not commute from one time to another."""
+
+    def drive(self, t: float) -> lm.Vec:
+        return vec(1.0 / (1.0 + t), sin(2.0 * t), cos(t) * cos(t))
+
+
+@lm.record
+class DrivenFromSpace(Driven):
+    """The same numbers as a spatial velocity: g' = xi(t) g."""
+
+    side = "right"
+
+
+@lm.record
+class Steered(GroupEquation):
+    """g' = g xi(t, g), a body velocity that depends on time and place."""
+
+    def velocity(self, t: float, g: lm.Element) -> lm.Vec:
+        return vec(g[0, 0] * cos(t), g[1, 0] - 0.5 * g[2, 1], 1.0 + sin(t) * g[2, 0])
+
+
+@lm.record
+class SteeredFromSpace(Steered):
+    """The same numbers as a spatial velocity: g' = xi(t, g) g."""
+
+    side = "right"
+
+
+# ---------------------------------------------------------------- bodies with reference values
+
+
+def kirchhoff_body() -> tuple[lm.KirchhoffBody, lm.BodyState, list[tuple[float, np.ndarray, np.ndarray]]]:
+    """A body in a fluid with all its couplings, a start, and where it is later: times, momenta and poses, to 20 digits."""
+    data = json.loads((REFERENCES / "kirchhoff_se3.json").read_text())
+    A, D, M, R0, x0 = (np.array(data[name], float) for name in ("A", "D", "M", "R0", "x0"))
+    body = lm.KirchhoffBody(np.linalg.inv(np.block([[A, D], [D.T, M]])))
+    later = [
+        (float(at["t"]), np.array(at["Pi"] + at["P"], float), pose(*(np.array(at[name], float) for name in ("R", "x"))))
+        for at in data["samples"]
+    ]
+    return body, body.state(np.array(data["Pi0"] + data["P0"], float), pose(R0, x0)), later
+
+
+def pose(R: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """The element of SE(3) that turns by R and shifts by x."""
+    return np.block([[R, x[:, None]], [np.zeros(3), 1.0]])
+
+
+# ---------------------------------------------------------------- a group that writes only what it must
+
+
+@lm.record
+class PlaneAlgebra(lm.LieAlgebra):
+    """se(2) with the basis rotation, x, y: [E1, E2] = E3, [E1, E3] = -E2."""
+
+    @property
+    def dim(self) -> int:
+        return 3
+
+    @property
+    def structure_constants(self) -> tuple:
+        zero = (0.0, 0.0, 0.0)
+        return (zero, zero, zero), ((0.0, 0.0, -1.0), zero, (1.0, 0.0, 0.0)), ((0.0, 1.0, 0.0), (-1.0, 0.0, 0.0), zero)
+
+    def hat(self, xi: lm.Vec) -> lm.Mat:
+        return lm.mat(lm.vec(0.0, -xi[0], xi[1]), lm.vec(xi[0], 0.0, xi[2]), lm.vec(0.0, 0.0, 0.0))
+
+    def vee(self, matrix: lm.Mat) -> lm.Vec:
+        return lm.vec(matrix[1, 0], matrix[0, 2], matrix[1, 2])
+
+
+@lm.record
+class PlaneMotions(lm.LieGroup):
+    """SE(2), the motions of the plane: not compact, its adjoint action not orthogonal, and without closed forms."""
+
+    @property
+    def algebra(self) -> PlaneAlgebra:
+        return PlaneAlgebra()
+
+    def identity(self) -> lm.Mat:
+        return lm.SO3().identity()
+
+    def inverse(self, g: lm.Element) -> lm.Mat:
+        x, y = g[0, 2], g[1, 2]
+        return lm.mat(
+            lm.vec(g[0, 0], g[1, 0], -(g[0, 0] * x + g[1, 0] * y)),
+            lm.vec(g[0, 1], g[1, 1], -(g[0, 1] * x + g[1, 1] * y)),
+            lm.vec(0.0, 0.0, 1.0),
+        )
+
+    def exp(self, xi: lm.Vec) -> lm.Mat:
+        w = xi[0]
+        s, v = (sin(w) / w, 2.0 * sin(0.5 * w) * sin(0.5 * w) / w) if w != 0.0 else (1.0, 0.0)
+        x, y = s * xi[1] - v * xi[2], v * xi[1] + s * xi[2]
+        return lm.mat(lm.vec(cos(w), -sin(w), x), lm.vec(sin(w), cos(w), y), lm.vec(0.0, 0.0, 1.0))
+
+    def Ad(self, g: lm.Element, xi: lm.Vec) -> lm.Vec:
+        return lm.vec(
+            xi[0],
+            g[0, 0] * xi[1] + g[0, 1] * xi[2] + g[1, 2] * xi[0],
+            g[1, 0] * xi[1] + g[1, 1] * xi[2] - g[0, 2] * xi[0],
+        )

@@ -7,6 +7,7 @@ import time
 
 import numpy as np
 import pytest
+from scenes import PlaneAlgebra, PlaneMotions
 
 import liemech as lm
 from liemech.checks import Report, check_action, check_group, check_retraction
@@ -16,56 +17,8 @@ from liemech.native import acos, cos, sin, sqrt, vec
 
 
 @lm.record
-class PlaneAlgebra(lm.LieAlgebra):
-    """se(2) with the basis rotation, x, y."""
-
-    @property
-    def dim(self) -> int:
-        return 3
-
-    @property
-    def structure_constants(self) -> tuple:
-        zero = (0.0, 0.0, 0.0)
-        return (zero, zero, zero), ((0.0, 0.0, -1.0), zero, (1.0, 0.0, 0.0)), ((0.0, 1.0, 0.0), (-1.0, 0.0, 0.0), zero)
-
-    def hat(self, xi: lm.Vec) -> lm.Mat:
-        return lm.mat(lm.vec(0.0, -xi[0], xi[1]), lm.vec(xi[0], 0.0, xi[2]), lm.vec(0.0, 0.0, 0.0))
-
-    def vee(self, matrix: lm.Mat) -> lm.Vec:
-        return lm.vec(matrix[1, 0], matrix[0, 2], matrix[1, 2])
-
-
-@lm.record
-class Plane(lm.LieGroup):
-    """SE(2)."""
-
-    @property
-    def algebra(self) -> lm.LieAlgebra:
-        return PlaneAlgebra()
-
-    def identity(self) -> lm.Mat:
-        return lm.SO3().identity()
-
-    def inverse(self, g: lm.Element) -> lm.Mat:
-        x, y = g[0, 2], g[1, 2]
-        return lm.mat(
-            lm.vec(g[0, 0], g[1, 0], -(g[0, 0] * x + g[1, 0] * y)),
-            lm.vec(g[0, 1], g[1, 1], -(g[0, 1] * x + g[1, 1] * y)),
-            lm.vec(0.0, 0.0, 1.0),
-        )
-
-    def exp(self, xi: lm.Vec) -> lm.Mat:
-        w = xi[0]
-        s, v = (sin(w) / w, 2.0 * sin(0.5 * w) * sin(0.5 * w) / w) if w != 0.0 else (1.0, 0.0)
-        x, y = s * xi[1] - v * xi[2], v * xi[1] + s * xi[2]
-        return lm.mat(lm.vec(cos(w), -sin(w), x), lm.vec(sin(w), cos(w), y), lm.vec(0.0, 0.0, 1.0))
-
-    def Ad(self, g: lm.Element, xi: lm.Vec) -> lm.Vec:
-        return lm.vec(
-            xi[0],
-            g[0, 0] * xi[1] + g[0, 1] * xi[2] + g[1, 2] * xi[0],
-            g[1, 0] * xi[1] + g[1, 1] * xi[2] - g[0, 2] * xi[0],
-        )
+class Plane(PlaneMotions):
+    """SE(2) with its Casimir function."""
 
     def casimirs(self, mu: lm.Vec) -> lm.Vec:
         return lm.vec(mu[1] * mu[1] + mu[2] * mu[2])

@@ -1,7 +1,7 @@
 """The laws of groups, algebras and coadjoint actions: once, for every group, at the identity, close to it, anywhere, near pi.
 
-Two more groups live here that write only what a group must write: rotations again, to compare the formulas that follow
-from the laws with the closed forms, and the motions of the plane, where no closed form hides a wrong general one.
+Two more groups write only what a group must write: rotations again, to compare the formulas that follow from the laws with the
+closed forms, and the motions of the plane, where no closed form hides a wrong general one.
 """
 
 from __future__ import annotations
@@ -13,11 +13,11 @@ from dataclasses import dataclass
 import mpmath as mp
 import numpy as np
 import pytest
-from scenes import hat, rotation
+from scenes import PlaneMotions, hat, rotation
 from scipy.linalg import expm
 
 import liemech as lm
-from liemech.native import cos, dot, sin
+from liemech.native import dot
 
 EPS = np.finfo(float).eps
 
@@ -63,59 +63,6 @@ class BareRotations(lm.LieGroup):
 
     def dcayley_inv(self, xi: lm.Vec, eta: lm.Vec, side: str = "right") -> lm.Vec:
         return lm.SO3().dcayley_inv(xi, eta, side)
-
-
-@lm.record
-class PlaneAlgebra(lm.LieAlgebra):
-    """se(2) with the basis rotation, x, y: [E1, E2] = E3, [E1, E3] = -E2."""
-
-    @property
-    def dim(self) -> int:
-        return 3
-
-    @property
-    def structure_constants(self) -> tuple:
-        zero = (0.0, 0.0, 0.0)
-        return (zero, zero, zero), ((0.0, 0.0, -1.0), zero, (1.0, 0.0, 0.0)), ((0.0, 1.0, 0.0), (-1.0, 0.0, 0.0), zero)
-
-    def hat(self, xi: lm.Vec) -> lm.Mat:
-        return lm.mat(lm.vec(0.0, -xi[0], xi[1]), lm.vec(xi[0], 0.0, xi[2]), lm.vec(0.0, 0.0, 0.0))
-
-    def vee(self, matrix: lm.Mat) -> lm.Vec:
-        return lm.vec(matrix[1, 0], matrix[0, 2], matrix[1, 2])
-
-
-@lm.record
-class PlaneMotions(lm.LieGroup):
-    """SE(2), the motions of the plane: not compact, its adjoint action not orthogonal."""
-
-    @property
-    def algebra(self) -> PlaneAlgebra:
-        return PlaneAlgebra()
-
-    def identity(self) -> lm.Mat:
-        return lm.SO3().identity()
-
-    def inverse(self, g: lm.Mat) -> lm.Mat:
-        x, y = g[0, 2], g[1, 2]
-        return lm.mat(
-            lm.vec(g[0, 0], g[1, 0], -(g[0, 0] * x + g[1, 0] * y)),
-            lm.vec(g[0, 1], g[1, 1], -(g[0, 1] * x + g[1, 1] * y)),
-            lm.vec(0.0, 0.0, 1.0),
-        )
-
-    def exp(self, xi: lm.Vec) -> lm.Mat:
-        w = xi[0]
-        s, v = (sin(w) / w, 2.0 * sin(0.5 * w) * sin(0.5 * w) / w) if w != 0.0 else (1.0, 0.0)
-        x, y = s * xi[1] - v * xi[2], v * xi[1] + s * xi[2]
-        return lm.mat(lm.vec(cos(w), -sin(w), x), lm.vec(sin(w), cos(w), y), lm.vec(0.0, 0.0, 1.0))
-
-    def Ad(self, g: lm.Mat, xi: lm.Vec) -> lm.Vec:
-        return lm.vec(
-            xi[0],
-            g[0, 0] * xi[1] + g[0, 1] * xi[2] + g[1, 2] * xi[0],
-            g[1, 0] * xi[1] + g[1, 1] * xi[2] - g[0, 2] * xi[0],
-        )
 
 
 def plane_hat(xi: np.ndarray) -> np.ndarray:

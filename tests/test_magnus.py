@@ -174,7 +174,7 @@ def test_velocities_that_commute_are_integrated_to_the_degree_of_gauss() -> None
 @by_name
 def test_order_two_is_the_midpoint_rule_and_all_stay_on_the_group(method: Magnus) -> None:
     system = Driven(lm.SO3())
-    run = lm.integrate(system, method, system.state(ATTITUDE), h=0.3, steps=200)
+    run = lm.integrate(system, method, system.state(ATTITUDE), h=0.3, steps=200, compensated=False)
     assert np.abs(np.swapaxes(run.g, 1, 2) @ run.g - np.eye(3)).max() < 3e-14
     if method.order == 2:
         midpoint = lm.integrate(system, CommutatorFree(order=2), system.state(ATTITUDE), h=0.3, steps=200)

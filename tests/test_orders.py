@@ -7,23 +7,20 @@ from __future__ import annotations
 
 import functools
 import json
-import sys
 import warnings
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pytest
-from scenes import rotation, slope
+from orders import Problem, Rotating, Table
+from scenes import Driven, SteeredFromSpace, rotation
 
 import liemech as lm
 from liemech.groups.se3 import SE3
 from liemech.integrators.commutator_free import CommutatorFree, CrouchGrossman
 from liemech.integrators.magnus import Magnus
-from liemech.native import cos, sin, vec
-from liemech.systems.group_equation import GroupEquation, LinearGroupEquation
+from liemech.native import vec
 from liemech.tableaus import (
     BY_ORDER,
     CARPENTER_KENNEDY4,
@@ -36,7 +33,6 @@ from liemech.tableaus import (
     radau_iia,
 )
 
-PAGE = Path(__file__).parent.parent / "docs" / "verification.md"
 TOP = json.loads((Path(__file__).parent / "reference" / "heavy_top.json").read_text())
 
 
@@ -55,89 +51,22 @@ class HeavyTop(lm.Hamiltonian):
         return 0.5 * lm.dot(pi, pi / self.inertia) + lm.dot(gamma, self.weight)
 
 
-@lm.record
-class Driven(LinearGroupEquation):
-    """g' = g xi(t), with velocities that do not commute from one time to another."""
-
-    def drive(self, t: float) -> lm.Vec:
-        return vec(1.0 / (1.0 + t), sin(2.0 * t), cos(t) * cos(t))
-
-
-@lm.record
-class Steered(GroupEquation):
-    """g' = xi(t, g) g, a spatial velocity that depends on time and place."""
-
-    side = "right"
-
-    def velocity(self, t: float, g: lm.Element) -> lm.Vec:
-        return vec(g[0, 0] * cos(t), g[1, 0] - 0.5 * g[2, 1], 1.0 + sin(t) * g[2, 0])
-
-
-@dataclass(frozen=True)
-class Problem:
-    """A motion of four starts to the time t_end, where it is compared; and the fewest steps, for each order."""
-
-    name: str
-    system: lm.System
-    starts: lm.State
-    t_end: float
-    fewest: tuple[int, ...]
-
-    def end(self, method: lm.Method, n: int, bodies: int = 4) -> list[np.ndarray]:
-        """Momentum, if there is one, and attitude of the first bodies after n steps."""
-        start = type(self.starts)(*(x[:bodies] for x in self.starts.parts.values()))
-        run = lm.integrate(self.system, method, start, h=self.t_end / n, steps=n, every=n, progress=False)
-        return [*((run.mu[-1],) if "mu" in start.parts else ()), run.g[-1, :, :3, :3]]
-
-    @functools.cached_property
-    def exact(self) -> list[np.ndarray]:
-        """Where the starts lead: in closed form, or by a method of order 8 far beyond convergence."""
-        if isinstance(self.system, lm.RigidBody):
-            ends = [self.system.exact(self.system.state(mu, g), self.t_end) for mu, g in zip(self.starts.mu, self.starts.g)]
-            return [np.array([end.mu for end in ends]), np.array([end.g for end in ends])]
-        return self.end(lm.RKMK(order=8), round(32 * self.t_end))
-
-    def errors(self, method: lm.Method, n: int, bodies: int) -> list[float]:
-        """The root mean squares of the errors of momentum and attitude."""
-        return [float(np.sqrt(np.mean((a - b[:bodies]) ** 2))) for a, b in zip(self.end(method, n, bodies), self.exact)]
-
-    def slopes(self, method: lm.Method, order: int) -> list[float]:
-        """The measured orders of momentum and attitude, by least squares over three steps, each half of the one before.
-
-        Below order 4 the error of one start; from then on that of four, for one alone may have hardly any error by chance.  From
-        order 5 on the three smallest steps that are not lost in rounding.
-        """
-        bodies, n = (1 if order < 4 else 4), self.fewest[order - 1]
-        counts, found = [], []
-        while len(counts) < 3 or (order >= 5 and n <= 1024):
-            errors = self.errors(method, n, bodies)
-            if min(errors) < FLOOR:
-                break
-            counts, found, n = [*counts, n], [*found, errors], 2 * n
-        assert len(counts) >= 3, f"{method!r} on {self.name}: lost in rounding"
-        return [slope([1 / n for n in counts[-3:]], error[-3:]) for error in np.transpose(found)]
-
-
-FLOOR = 5e-14
-"""Errors above this are no rounding."""
-
-
 @functools.cache
 def problems() -> tuple[Problem, ...]:
     """A free body, a driven rotation, a steered one, a heavy top."""
     rng = np.random.default_rng(3)
     attitudes = np.array([rotation(rng) for _ in range(4)])
     mu, pi = rng.normal(size=(2, 4, 3))
-    body, driven, steered = lm.RigidBody([1.0, 1.6, 2.3]), Driven(lm.SO3()), Steered(lm.SO3())
+    body, driven, steered = lm.RigidBody([1.0, 1.6, 2.3]), Driven(lm.SO3()), SteeredFromSpace(lm.SO3())
     top = lm.LiePoissonSystem(SE3(), HeavyTop(number("J"), number("mgl") * number("chi")))
     turned, pi = np.array([number("R0"), *attitudes[1:]]), np.array([number("pi0"), *pi[1:]])
     poses = np.tile(np.eye(4), (4, 1, 1))
     poses[:, :3, :3] = turned
     return (
-        Problem("free body", body, body.state(1.3 * mu / np.linalg.norm(mu, axis=1, keepdims=True), attitudes), 10.0, BODY),
-        Problem("driven", driven, driven.state(attitudes), 8.0, DRIVEN),
-        Problem("steered", steered, steered.state(attitudes), 4.0, STEERED),
-        Problem("heavy top", top, top.state(np.hstack([pi, turned[:, 2]]), poses), 2.0, HEAVY),
+        Rotating("free body", body, body.state(1.3 * mu / np.linalg.norm(mu, axis=1, keepdims=True), attitudes), 10.0, BODY),
+        Rotating("driven", driven, driven.state(attitudes), 8.0, DRIVEN),
+        Rotating("steered", steered, steered.state(attitudes), 4.0, STEERED),
+        Rotating("heavy top", top, top.state(np.hstack([pi, turned[:, 2]]), poses), 2.0, HEAVY),
     )
 
 
@@ -192,31 +121,15 @@ WANDERING = {"RKMK, order 7, Cayley coordinates", "RKMK, order 8, Cayley coordin
 # ---------------------------------------------------------------- the table
 
 
-def measured(name: str) -> list[float | None]:
-    """The slopes of a row: None where a method does not apply."""
-    method, order = ROWS[name]
-    found: list[float | None] = []
-    for problem in problems():
-        applies = problem.name == "driven" or not isinstance(method, Magnus)
-        found += problem.slopes(method, order) if applies else [None] * len(problem.exact)
-    return found
-
-
-def line(name: str, slopes: list[float | None]) -> str:
-    """A row of the table; a star marks a slope above the order."""
-    order = ROWS[name][1]
-    cells = ["" if p is None else f"{p:.2f}{'*' if p > order + 0.1 else ''}" for p in slopes]
-    return f"| {' | '.join((name, str(order), *cells))} |"
-
-
-def table() -> str:
-    """All rows, measured now."""
-    with ProcessPoolExecutor() as pool:
-        lines = [line(name, slopes) for name, slopes in zip(ROWS, pool.map(measured, ROWS))]
-    return "\n".join((HEAD, "| --- |" + " --- |" * 7, *lines))
-
-
 HEAD = "| method | order | free body, momentum | attitude | driven | steered | heavy top, momentum | attitude |"
+
+
+def columns() -> tuple[tuple[Problem, ...], ...]:
+    """A column for each problem."""
+    return tuple((problem,) for problem in problems())
+
+
+TABLE = Table(HEAD, ROWS, columns)
 MISSED = {"RKMK, order 8, truncation 5": "6.89 on the driven rotation, where 6.90 is asked for"}
 CHOICES = [
     pytest.param(
@@ -230,14 +143,8 @@ CHOICES = [
 ]
 
 
-def printed() -> dict[str, str]:
-    """The lines of the table in the page, by their first cells."""
-    lines = PAGE.read_text(encoding="utf-8").partition(HEAD)[2].partition("\n\n")[0].splitlines()[2:]
-    return {text.split("|")[1].strip(): text for text in lines}
-
-
 def test_the_page_has_the_table() -> None:
-    assert list(printed()) == list(ROWS)
+    assert list(TABLE.printed()) == list(ROWS)
 
 
 @pytest.mark.parametrize("name", CHOICES)
@@ -246,15 +153,12 @@ def test_order(name: str) -> None:
 
     The rows of `WANDERING` do not settle before rounding; of them no more is asked than not to be of a lower order.
     """
-    order, slopes = ROWS[name][1], measured(name)
+    order, slopes = ROWS[name][1], TABLE.measured(name)
     found = [p for p in slopes if p is not None]
     assert min(found) > order - (0.2 if name in WANDERING else 0.1)
     assert max(found) < order + 0.1 or order > 4
     assert min(found) < order + 0.1 or name in WANDERING
-    cells = [cell.strip() for cell in printed()[name].split("|")[3:-1]]
-    for cell, p in zip(cells, slopes, strict=True):
-        assert cell.strip("*") == "" if p is None else float(cell.strip("*")) == pytest.approx(p, abs=0.05)
-        assert cell.endswith("*") == (p is not None and p > order + 0.1)
+    TABLE.agrees(name, slopes)
 
 
 @pytest.mark.parametrize("order", range(3, 9))
@@ -279,9 +183,4 @@ def test_what_orders_are_measured_against() -> None:
 
 
 if __name__ == "__main__":
-    text = table()
-    print(text)
-    if "--write" in sys.argv:
-        page = PAGE.read_text(encoding="utf-8")
-        start = page.index("| method |", page.index("## Orders"))
-        PAGE.write_text(page[:start] + text + page[page.index("\n\n", start) :], encoding="utf-8")
+    TABLE.main()

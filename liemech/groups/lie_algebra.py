@@ -88,7 +88,6 @@ class LieAlgebra(Record):
         ad = self._ad_matrices
         return np.einsum("iab,jba->ij", ad, ad)
 
-    @final
     @cached_property
     def invariant_form(self) -> np.ndarray | None:
         """A nondegenerate symmetric form that ad leaves alone, ([x, y], z) = (x, [y, z]); None if there is none.  (dim, dim)

@@ -14,6 +14,7 @@ Source: Selig, Geometric Fundamentals of Robotics, 2nd ed., chapters 4 and 9 (th
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -54,6 +55,11 @@ class SE3Algebra(LieAlgebra):
     def structure_constants(self) -> Constants:
         """The Levi-Civita symbol, for two rotations and for a rotation and a translation."""
         return SCREWS
+
+    @cached_property
+    def invariant_form(self) -> np.ndarray:
+        """The Klein form, ((w, v), (a, u)) = w . u + v . a; adding a multiple of w . a leaves it invariant.  (6, 6)"""
+        return np.kron([[0.0, 1.0], [1.0, 0.0]], np.eye(3))
 
     def bracket(self, xi: Vec, eta: Vec) -> Vec:
         """(w x a, w x u + v x a)."""

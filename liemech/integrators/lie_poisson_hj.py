@@ -5,9 +5,11 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 from ..errors import InvalidInput
-from ..native import Mat, Vec, derivative, dot, identity_matrix, jacobian, norm, plain, record, vec, vectors
+from ..groups.so3 import SO3Algebra
+from ..native import Mat, Vec, derivative, dot, identity_matrix, jacobian, mat, norm, plain, record, vec, vectors
 from ..retractions import Exponential, Retraction
 from ..solvers import TOLERANCE, newton
+from ..systems.kinetic_energy import KineticEnergy
 from ..systems.lie_poisson import BodyState
 from .derivability import require_derivatives
 from .implicit import Implicit, Memory, extrapolated
@@ -88,9 +90,8 @@ class LiePoissonHamiltonJacobi(Implicit):
     def equation(self, system: Any, h: float, mu: Vec, p: Vec) -> tuple[Vec, Mat, float]:
         """The mismatch of p and mu, its derivative (in orders 6 and 8 that of order 4), and the factor of its square."""
         r, by_p, by_x = self.retraction.mismatch(system.group, self.displacement(system, h, p), p, mu)
-        slope = by_x @ jacobian(lambda q: self._displacement(system, h, q, min(self.order, 4)), p)
         own = by_p if isinstance(by_p, vectors.Mat) else by_p * identity_matrix(len(p))
-        return r, slope + own, weight(by_p)
+        return r, by_x @ self.slope(system, h, p, min(self.order, 4)) + own, weight(by_p)
 
     # ---------------------------------------------------------------- the generating function
 
@@ -98,9 +99,17 @@ class LiePoissonHamiltonJacobi(Implicit):
         """The displacement of a step, x = ds/dp."""
         return self._displacement(system, h, p, self.order)
 
+    def slope(self, system: Any, h: float, p: Vec, order: int) -> Mat:
+        """The derivative of the displacement of an order, d^2s/dp^2."""
+        if order == 4 and has_axes(system, self.retraction):
+            return along_axes(system.hamiltonian.inverse, h, p)[1]
+        return jacobian(lambda q: self._displacement(system, h, q, order), p)
+
     def _displacement(self, system: Any, h: float, p: Vec, order: int) -> Vec:
         if order == 2:
             return h * system.velocity(p)
+        if order == 4 and has_axes(system, self.retraction):
+            return along_axes(system.hamiltonian.inverse, h, p)[0]
         if order == 4 and isinstance(self.retraction, Exponential):
             return h * system.velocity(p) + (h * h * h) * self.third(system, p)
         terms = second_kind(system, self.retraction, p, order // 2)
@@ -120,6 +129,26 @@ class LiePoissonHamiltonJacobi(Implicit):
         start, onward = vec(*p, *w), (*w, *[0 for _ in w])
         curved = derivative(lambda y: _turned(system, _half(y, 0), _half(y, len(y) // 2)), start, onward)
         return (1.0 / 12.0) * ((group.ad(v, a) - _turned(system, p, group.ad_star(a, p))) + 0.5 * curved)
+
+
+def has_axes(system: Any, retraction: Retraction) -> bool:
+    """Is it a free body with principal moments, moved by the exponential?  Then s_3 is a polynomial of three terms."""
+    energy = system.hamiltonian
+    diagonal = isinstance(energy, KineticEnergy) and isinstance(energy.inverse, vectors.Vec)
+    return diagonal and isinstance(system.group.algebra, SO3Algebra) and isinstance(retraction, Exponential)
+
+
+def along_axes(K: Vec, h: float, p: Vec) -> tuple[Vec, Mat]:
+    """x = h K p + (h^3/6) ds_3/dp of a free body with principal moments 1/K, and its derivative.  K, p : (3,).
+
+        s_3 = w . K w/4 = (e_1 p_2^2 p_3^2 + e_2 p_3^2 p_1^2 + e_3 p_1^2 p_2^2)/4,   w = p x K p,   e_1 = K_1 (K_2 - K_3)^2, ...
+    """
+    factor, square, d = h * h * h / 12.0, p * p, vec(K[1] - K[2], K[2] - K[0], K[0] - K[1])
+    e = factor * (K * (d * d))
+    (a0, a1, a2), (s0, s1, s2) = e, square
+    rate = h * K + vec(a1 * s2 + a2 * s1, a2 * s0 + a0 * s2, a0 * s1 + a1 * s0)
+    q = (2.0 * e) * vec(p[1] * p[2], p[2] * p[0], p[0] * p[1])
+    return rate * p, mat(vec(rate[0], q[2], q[1]), vec(q[2], rate[1], q[0]), vec(q[1], q[0], rate[2]))
 
 
 def _turned(system: Any, p: Vec, w: Vec) -> Vec:

@@ -71,7 +71,7 @@ def motion(system: Any, m: Vec, pace: float) -> tuple[Vec, Vec]:
 def settle(m: Vec, terms: list[Vec]) -> None:
     """Let the unknown series m be m_0 + e a + e^2 b + ... of the terms a, b, ..., which may depend on m."""
     for component, rest in zip(m, collected(terms)):
-        component._by((Series(None, 1.0) * rest).term)
+        component.by((Series(None, 1.0) * rest).term)
 
 
 def collected(terms: list[Vec]) -> Vec:

@@ -17,6 +17,9 @@ from . import functions as f
 from .complex_numbers import Complex, is_vector
 from .vectors import Mat, Vec, mat, transpose, vec
 
+INTEGER_POWER = 64
+"""Up to here whole powers are products, which are fast and exist where the logarithm does not."""
+
 
 class Dual:
     """value + e slope, e^2 = 0.  Comparisons look at the value.
@@ -74,7 +77,10 @@ class Dual:
         quotient = other / self.value
         return Dual(quotient, _scaled(-(quotient / self.value), self.slope))
 
-    def __pow__(self, n: Any) -> Dual:
+    def __pow__(self, n: Any) -> Any:
+        if isinstance(n, (int, float)) and n == int(n) and 1 <= abs(n) <= INTEGER_POWER:
+            power = whole_power(self, abs(int(n)))
+            return power if n > 0 else 1.0 / power
         return Dual(self.value**n, _scaled(n * self.value ** (n - 1), self.slope))
 
     def __neg__(self) -> Dual:
@@ -109,6 +115,14 @@ class Dual:
 
     def __repr__(self) -> str:
         return f"({self.value} + e {self.slope})"
+
+
+def whole_power(x: Any, n: int) -> Any:
+    """x^n by squares and products, n = 1, 2, ..."""
+    if n == 1:
+        return x
+    half = whole_power(x, n // 2)
+    return half * half * x if n % 2 else half * half
 
 
 def _sum(a: Any, b: Any) -> Any:

@@ -15,11 +15,8 @@ from collections.abc import Callable
 from typing import Any
 
 from . import functions as f
-from .dual import slope_of
+from .dual import INTEGER_POWER, slope_of, whole_power
 from .values import build, layout_of, leaves
-
-INTEGER_POWER = 64
-"""Up to here whole powers are products, which exist where the logarithm does not."""
 
 
 class Series:
@@ -82,14 +79,14 @@ class Series:
             rest = _difference(self.term(k), _product(other, quotient, k, first=1))
             return _each(lambda c: c / other[0], rest)
 
-        return quotient._by(rule)
+        return quotient.by(rule)
 
     def __rtruediv__(self, other: Any) -> Any:
         return Series(other) / self if _is_number(other) else NotImplemented
 
     def __pow__(self, n: Any) -> Any:
         if isinstance(n, (int, float)) and n == int(n) and abs(n) <= INTEGER_POWER:
-            power = _whole_power(self, abs(int(n)))
+            power = whole_power(self, abs(int(n))) if n else Series(1.0)
             return power if n >= 0 else 1.0 / power
         if not _is_number(n):
             return NotImplemented
@@ -157,9 +154,9 @@ class Series:
     def grow(self, rate: Any, h: Any) -> None:
         """Let this unknown series y solve y' = h rate, where the rate may depend on y."""
         series = rate if isinstance(rate, Series) else Series(rate)
-        self._by(lambda k: _each(lambda c: h * (1.0 / k) * c, series.term(k - 1)))
+        self.by(lambda k: _each(lambda c: h * (1.0 / k) * c, series.term(k - 1)))
 
-    def _by(self, rule: Callable[[int], Any]) -> Series:
+    def by(self, rule: Callable[[int], Any]) -> Series:
         """This series, its further terms made by a rule; the first is computed at once."""
         self._rule = rule
         if not self._terms:
@@ -168,7 +165,7 @@ class Series:
 
 
 def _made(rule: Callable[[int], Any]) -> Series:
-    return Series()._by(rule)
+    return Series().by(rule)
 
 
 def _is_number(x: Any) -> bool:
@@ -210,14 +207,6 @@ def _times(a: Series, i: int, b: Series, j: int) -> Any:
     return None if y is None else x * y
 
 
-def _whole_power(x: Series, n: int) -> Series:
-    if n == 0:
-        return Series(1.0)
-    half = _whole_power(x, n // 2)
-    square = half * half if n > 1 else None
-    return x if square is None else square * x if n % 2 else square
-
-
 # ------------------------------------------------------------------ elementary functions: f(x)' = f'(x) x'
 
 
@@ -225,7 +214,7 @@ def _integral(y: Series, slope: Any, x: Series) -> Series:
     """y, given its first term, with y' = slope x'; the slope may depend on y."""
     g, weighted = slope if isinstance(slope, Series) else Series(slope), Series()
     weighted._rule = lambda k: _each(lambda c: float(k) * c, x.term(k) if k else None)  # s x', no term before its time
-    return y._by(lambda k: _each(lambda c: c / k, _product(weighted, g, k)))
+    return y.by(lambda k: _each(lambda c: c / k, _product(weighted, g, k)))
 
 
 def _at(function: Callable[..., Any], *x: Any) -> Any:
