@@ -113,13 +113,14 @@ class CovariantVariational(Implicit):
         """
         if not turns_freely(system, self.retraction):
             return None
-        size = float(np.linalg.norm(np.array(start.mu), axis=-1).max())
+        with np.errstate(over="ignore"):
+            size = float(np.hypot.reduce(np.array(start.mu), axis=-1).max())
         return largest_impulse(system.lagrangian.inertia, self.retraction) / size if size > 0.0 else math.inf
 
     def caution(self, system: Any, start: BodyState, h: float) -> str | None:
         """What to tell before a run whose step is larger than the `largest_step`; None if it is not."""
         largest = self.largest_step(system, start)
-        if largest is None or abs(h) <= largest:
+        if largest is None or not abs(h) > largest:
             return None
         return (
             f"{self!r}: h = {h:g} is larger than {largest:.3g}, up to which every direction of the momentum has one solution. "
