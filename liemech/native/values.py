@@ -91,11 +91,12 @@ def layout_of(value: Any, number: Callable[[Any], bool] = is_number) -> Layout:
     if number(value):
         return NUMBER
     if isinstance(value, Vec):
-        return _vector(len(value)) if all(map(is_any_number, value)) else Layout("vec", tuple(layout_of(x, number) for x in value))
+        plain = all(map(is_any_number, value))
+        return _vector(len(value)) if plain else _sequence("vec", tuple([layout_of(x, number) for x in value]))
     if isinstance(value, Mat):
         return _matrix(tuple(layout_of(row) for row in value.rows))
     if isinstance(value, PAIRS):
-        return Layout("pair", tuple(layout_of(x, number) for x in value.parts), type(value))
+        return _pair(tuple([layout_of(x, number) for x in value.parts]), type(value))
     if isinstance(value, Record):
         if number is is_number and "_layout" in value.__dict__:
             return value.__dict__["_layout"]
@@ -120,6 +121,11 @@ def _names(cls: Any) -> tuple[str, ...]:
 @functools.cache
 def _record(parts: tuple[Layout, ...], cls: type) -> Layout:
     return Layout("record", parts, (cls, _names(cls)))
+
+
+@functools.cache
+def _pair(parts: tuple[Layout, ...], cls: type) -> Layout:
+    return Layout("pair", parts, cls)
 
 
 @functools.cache
