@@ -91,12 +91,13 @@ def layout_of(value: Any, number: Callable[[Any], bool] = is_number) -> Layout:
     if number(value):
         return NUMBER
     if isinstance(value, Vec):
-        plain = all(map(is_any_number, value))
-        return _vector(len(value)) if plain else _sequence("vec", tuple([layout_of(x, number) for x in value]))
+        ordinary = all(map(is_any_number, value))
+        return _vector(len(value)) if ordinary else _sequence("vec", tuple([layout_of(x, number) for x in value]))
     if isinstance(value, Mat):
         return _matrix(tuple(layout_of(row) for row in value.rows))
     if isinstance(value, PAIRS):
-        return _pair(tuple([layout_of(x, number) for x in value.parts]), type(value))
+        kind: Any = type(value)
+        return _pair(tuple([layout_of(x, number) for x in value.parts]), kind)
     if isinstance(value, Record):
         if number is is_number and "_layout" in value.__dict__:
             return value.__dict__["_layout"]
