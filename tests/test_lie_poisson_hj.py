@@ -151,6 +151,17 @@ def test_error_after_two_hundred_steps() -> None:
         assert run.energy[-1] - 3 / 8 == pytest.approx(energy, rel=5e-2)
 
 
+@pytest.mark.parametrize("group", [lm.SO3(), lm.SE3(), lm.SO(4)], ids=repr)
+def test_order_two_is_the_variational_method_over_a_thousand_steps(group: lm.LieGroup) -> None:
+    """With compensated sums, which leave the rounding of the increments alone, the runs do not part."""
+    system = lm.LiePoissonSystem(group, lm.KineticEnergy(np.linspace(1.0, 2.0, group.dim)))
+    mu = np.random.default_rng(1).normal(size=group.dim)
+    start = system.state(mu / np.linalg.norm(mu), np.array(group.identity()))
+    one, other = (lm.integrate(system, method, start, h=0.05, steps=1000, compensated=True) for method in (CAYLEY, CAYLEY2))
+    assert np.abs(one.mu - other.mu).max() < 1e-14
+    assert np.abs(one.g - other.g).max() < 1e-14
+
+
 @pytest.mark.parametrize("retraction", [lm.Exponential(), lm.Cayley()], ids=repr)
 def test_order_two_is_the_variational_method(retraction: lm.Retraction) -> None:
     """s = h H: the displacement is h dH(p), p = dl(xi), and the equation for p is that of Algorithm 1."""
