@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from .errors import InvalidInput, NotCompilable
-from .native import Vec, kernel, real_array
+from .native import Vec, horner, kernel, real_array
 from .native.driver import read, write
 from .native.values import NUMBER, build, layout_of, leaves
 
@@ -18,15 +18,7 @@ def along(retraction: Any, system: Any, point: Any, curve: Any, given: Any, out:
     state = read(given, 0, point)
     coefficients = read(given, point.width, curve)
     theta = read(given, point.width + curve.width, NUMBER)
-    write(out, 0, system.moved(retraction, state, displacement(coefficients, theta)))
-
-
-def displacement(coefficients: tuple[Vec, ...], theta: float) -> Vec:
-    """theta p_1 + theta^2 p_2 + ..., by Horner's rule."""
-    total = coefficients[len(coefficients) - 1]
-    for k in range(len(coefficients) - 2, -1, -1):
-        total = coefficients[k] + theta * total
-    return theta * total
+    write(out, 0, system.moved(retraction, state, theta * horner(coefficients, theta)))
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from .errors import NoConvergence
+from .groups.lie_group import EPSILON
 from .native import Mat, Vec, cross, dot, mat, solve, solve3, vec
 
 TOLERANCE = 2.0**-30
@@ -14,9 +15,6 @@ TOLERANCE = 2.0**-30
 Newton's method squares the relative error, so one more correction leaves about 2^-60: below rounding, and without the energy drift
 that stopping *at* a tolerance causes.
 """
-
-EPSILON = 2.0**-52
-"""The distance from 1 to the next larger number."""
 
 NOISE = 2.0**-40
 """A change that does not become smaller is rounding, if it is below this, relative to the data; else it is no convergence.

@@ -6,6 +6,7 @@ import json
 import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -135,13 +136,51 @@ class SteeredFromSpace(Steered):
     side = "right"
 
 
-# ---------------------------------------------------------------- bodies with reference values
+# ---------------------------------------------------------------- bodies with reference values, and bodies in fields
+
+
+def reference(name: str) -> dict[str, Any]:
+    """A computation in many digits, from elsewhere."""
+    return json.loads((REFERENCES / f"{name}.json").read_text())
+
+
+def numbers(value: Any) -> np.ndarray:
+    """Decimal fractions in text as arrays."""
+    return np.array(value, dtype=float)
+
+
+TOP, LAGRANGE = reference("heavy_top"), reference("heavy_top_lagrange")
+
+
+def heavy_top(load: lm.Force | None = None) -> tuple[lm.HeavyTop, lm.BodyState]:
+    """An asymmetric top with an inclined centre of mass; `TOP` has where it is later."""
+    top = lm.HeavyTop(numbers(TOP["J"]), float(TOP["mgl"]), numbers(TOP["chi"]), load=load)
+    return top, top.state(numbers(TOP["pi0"]), numbers(TOP["R0"]))
+
+
+def lagrange_top() -> tuple[lm.LagrangeTop, lm.BodyState]:
+    """A symmetric top; `LAGRANGE` has where it is later."""
+    A, _, C = numbers(LAGRANGE["J"])
+    top = lm.LagrangeTop(transverse=A, axial=C, weight=float(LAGRANGE["mgl"]), length=1.0)
+    return top, top.state(numbers(LAGRANGE["pi0"]), numbers(LAGRANGE["R0"]))
+
+
+def falling_body() -> tuple[lm.FallingBody, lm.BodyState]:
+    """A body that turns and falls."""
+    body = lm.FallingBody([1.0, 1.6, 2.3], mass=1.7)
+    return body, body.state([0.4, 0.5, 0.6, 1.0, 2.0, 3.0], lm.SE3().random(1))
+
+
+def orbiting_body(radius: float = 3.0) -> tuple[lm.OrbitingBody, lm.BodyState]:
+    """A satellite in a gravity gradient, on a circular orbit, inclined."""
+    body = lm.OrbitingBody([[0.05, 0.01, 0.0], [0.01, 0.08, 0.0], [0.0, 0.0, 0.11]], mass=1.7, attraction=1.0)
+    return body, body.circular_orbit(radius, lm.SO3().exp([0.1, 0.2, 0.3]))
 
 
 def kirchhoff_body() -> tuple[lm.KirchhoffBody, lm.BodyState, list[tuple[float, np.ndarray, np.ndarray]]]:
     """A body in a fluid with all its couplings, a start, and where it is later: times, momenta and poses, to 20 digits."""
-    data = json.loads((REFERENCES / "kirchhoff_se3.json").read_text())
-    A, D, M, R0, x0 = (np.array(data[name], float) for name in ("A", "D", "M", "R0", "x0"))
+    data = reference("kirchhoff_se3")
+    A, D, M, R0, x0 = (numbers(data[name]) for name in ("A", "D", "M", "R0", "x0"))
     body = lm.KirchhoffBody(np.linalg.inv(np.block([[A, D], [D.T, M]])))
     later = [
         (float(at["t"]), np.array(at["Pi"] + at["P"], float), pose(*(np.array(at[name], float) for name in ("R", "x"))))

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-import json
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from scenes import (
     EXP,
+    TOP,
     PlaneMotions,
     asymmetric_body,
     errors_at,
     hat,
+    heavy_top,
     kirchhoff_body,
     named,
     poisson_defect,
@@ -30,7 +30,6 @@ ORDERS = 2, 4, 6, 8
 EXPS = {order: GalerkinVariational(order) for order in ORDERS}
 CAYLEYS = {order: GalerkinVariational(order, lm.Cayley()) for order in ORDERS}
 ALL = pytest.mark.parametrize("method", [*EXPS.values(), *CAYLEYS.values()], ids=named)
-TOP = json.loads((Path(__file__).parent / "reference" / "heavy_top.json").read_text())
 
 # mu and g after one step h = 0.5 of order 4, seed body: the discrete action in 40 digits, its gradient by steps of 1e-25 i,
 # its equations solved to 1e-40
@@ -96,11 +95,6 @@ class Springs(lm.Potential):
 
     def energy(self, g: Any) -> float:
         return 0.5 * g[0] * g[0] + 0.25 * g[1] ** 4 + 0.3 * g[0] * g[1] * g[1]
-
-
-def heavy_top(load: lm.Force | None = None) -> tuple[lm.HeavyTop, lm.BodyState]:
-    top = lm.HeavyTop(np.array(TOP["J"], float), float(TOP["mgl"]), np.array(TOP["chi"], float), load=load)
-    return top, top.state(np.array(TOP["pi0"], float), np.array(TOP["R0"], float))
 
 
 def free(group: lm.LieGroup, seed: int = 3) -> tuple[lm.LiePoissonSystem, lm.BodyState]:

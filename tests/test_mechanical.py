@@ -2,21 +2,33 @@
 
 from __future__ import annotations
 
-import json
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from scenes import CAYLEY, EXP, hat, named, rotation, same_bits, slope
+from scenes import (
+    CAYLEY,
+    EXP,
+    LAGRANGE,
+    TOP,
+    falling_body,
+    hat,
+    heavy_top,
+    lagrange_top,
+    named,
+    numbers,
+    orbiting_body,
+    rotation,
+    same_bits,
+    slope,
+)
 
 import liemech as lm
 from liemech.groups.se3 import SE3
 from liemech.integrators.kick_drift import KickDrift
 from liemech.integrators.lie_verlet import LieVerlet
 from liemech.models.gravity import CentralGravity, FixedPointGravity, UniformGravity
-from liemech.models.heavy_top import HeavyTop, LagrangeTop
-from liemech.models.space_bodies import FallingBody, OrbitingBody
+from liemech.models.heavy_top import HeavyTop
 from liemech.native import exp, sin
 from liemech.systems.mechanical import MechanicalSystem
 from liemech.systems.potential import Force, NoPotential, Potential
@@ -25,39 +37,6 @@ VERLET = LieVerlet()
 VERLET_CAYLEY = LieVerlet(lm.Cayley())
 BOTH = pytest.mark.parametrize("method", [VERLET, VERLET_CAYLEY], ids=named)
 METHODS = pytest.mark.parametrize("method", [VERLET, VERLET_CAYLEY, KickDrift()], ids=named)
-
-
-def numbers(value: Any) -> Any:
-    """Decimal fractions in text as arrays."""
-    return np.array(value, dtype=float)
-
-
-def reference(name: str) -> dict[str, Any]:
-    return json.loads((Path(__file__).parent / "reference" / f"{name}.json").read_text())
-
-
-TOP, LAGRANGE = reference("heavy_top"), reference("heavy_top_lagrange")
-
-
-def heavy_top() -> tuple[HeavyTop, lm.BodyState]:
-    top = HeavyTop(numbers(TOP["J"]), float(TOP["mgl"]), numbers(TOP["chi"]))
-    return top, top.state(numbers(TOP["pi0"]), numbers(TOP["R0"]))
-
-
-def lagrange_top() -> tuple[LagrangeTop, lm.BodyState]:
-    A, _, C = numbers(LAGRANGE["J"])
-    top = LagrangeTop(transverse=A, axial=C, weight=float(LAGRANGE["mgl"]), length=1.0)
-    return top, top.state(numbers(LAGRANGE["pi0"]), numbers(LAGRANGE["R0"]))
-
-
-def falling_body() -> tuple[FallingBody, lm.BodyState]:
-    body = FallingBody([1.0, 1.6, 2.3], mass=1.7)
-    return body, body.state([0.4, 0.5, 0.6, 1.0, 2.0, 3.0], SE3().random(1))
-
-
-def orbiting_body() -> tuple[OrbitingBody, lm.BodyState]:
-    body = OrbitingBody([[0.05, 0.01, 0.0], [0.01, 0.08, 0.0], [0.0, 0.0, 0.11]], mass=1.7, attraction=1.0)
-    return body, body.circular_orbit(3.0, lm.SO3().exp([0.1, 0.2, 0.3]))
 
 
 SCENES = {f.__name__: f for f in (heavy_top, lagrange_top, falling_body, orbiting_body)}

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import pickle
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from scenes import slope
+from scenes import TOP, heavy_top, numbers, reference, slope
 
 import liemech as lm
 from liemech.groups.se3 import SE3
@@ -19,29 +17,15 @@ from liemech.models.heavy_top import HeavyTop, LagrangeTop, ReducedHeavyTop
 from liemech.models.kirchhoff import KirchhoffBody
 from liemech.models.space_bodies import FallingBody, OrbitingBody
 
-
-def reference(name: str) -> dict[str, Any]:
-    return json.loads((Path(__file__).parent / "reference" / f"{name}.json").read_text())
-
-
-def numbers(value: Any) -> Any:
-    return np.array(value, dtype=float)
-
-
-TOP, KIRCHHOFF = reference("heavy_top"), reference("kirchhoff_se3")
+KIRCHHOFF = reference("kirchhoff_se3")
 
 
 # ---------------------------------------------------------------- heavy tops
 
 
-def top_and_start() -> tuple[HeavyTop, lm.BodyState]:
-    top = HeavyTop(numbers(TOP["J"]), float(TOP["mgl"]), numbers(TOP["chi"]))
-    return top, top.state(numbers(TOP["pi0"]), numbers(TOP["R0"]))
-
-
 def test_the_equations_of_both_forms() -> None:
     """pi' = pi x xi + w Gamma x c and Gamma' = Gamma x xi, from each of them."""
-    top, start = top_and_start()
+    top, start = heavy_top()
     pi, gamma = np.array(start.mu), np.array(start.g)[2]
     xi, torque = pi / numbers(TOP["J"]), float(TOP["mgl"]) * np.cross(gamma, numbers(TOP["chi"]))
     assert np.abs(np.cross(pi, xi) + torque - (top.body.group.ad_star(xi, pi) + top.force(np.array(start.g)))).max() < 1e-15
@@ -54,7 +38,7 @@ def test_the_equations_of_both_forms() -> None:
 
 
 def test_both_forms_follow_the_reference() -> None:
-    top, start = top_and_start()
+    top, start = heavy_top()
     reduced = top.reduced
     run = lm.integrate(reduced, lm.RKMK(order=6), reduced.from_top(start), h=0.01, steps=1000)
     for at in TOP["samples"]:
@@ -64,7 +48,7 @@ def test_both_forms_follow_the_reference() -> None:
 
 
 def test_lie_verlet_converges_to_the_reduced_motion() -> None:
-    top, start = top_and_start()
+    top, start = heavy_top()
     reduced = top.reduced
     fine = lm.integrate(reduced, lm.RKMK(order=4), reduced.from_top(start), h=1e-3, steps=3000)
     h, errors = [0.05, 0.025, 0.0125], []
@@ -75,13 +59,13 @@ def test_lie_verlet_converges_to_the_reduced_motion() -> None:
 
 
 def test_the_reduced_top_has_no_lagrangian() -> None:
-    top, start = top_and_start()
+    top, start = heavy_top()
     with pytest.raises(lm.errors.IncompatibleSystem, match="lagrangian"):
         lm.integrate(top.reduced, lm.CovariantVariational(), top.reduced.from_top(start), h=0.1, steps=1)
 
 
 def test_ensembles_of_reduced_tops() -> None:
-    top, _ = top_and_start()
+    top, _ = heavy_top()
     rng = np.random.default_rng(1)
     many = top.state(rng.normal(size=(4, 3)), lm.SO3().random(rng, 4))
     assert top.reduced.from_top(many).mu.shape == (4, 6)

@@ -37,7 +37,7 @@ from ..groups.vector_space import VectorSpace
 from ..native import Mat, Record, Vec, cross, dot, mat, record, vec, vectors, where
 from ..native.values import fitted, layout_of
 from ..retractions import Cayley
-from ..systems.kinetic_energy import KineticEnergy
+from ..systems.kinetic_energy import KineticEnergy, times
 from ..systems.lie_poisson import BodyState
 from .method import Method
 
@@ -89,10 +89,10 @@ class ExactFreeBody(Method):
     def step(self, system: Any, t: float, state: BodyState, h: float) -> BodyState:
         """As many equal parts of the orbit as it takes to keep them short, mostly one."""
         K, mu = (0.5 * h) * _turning(system.hamiltonian.inverse), _turning(state.mu)
-        w, square = _times(K, mu), dot(mu, mu)
+        w, square = times(K, mu), dot(mu, mu)
         action, per_square = dot(mu, w), 1.0 / where(square > 0.0, square, 1.0)
         D = _plus(K, -action * per_square)
-        parts, size = 1.0, max(dot(w, w) / TURN, square * _trace(_times(D, D)) / SHORT)
+        parts, size = 1.0, max(dot(w, w) / TURN, square * _trace(times(D, D)) / SHORT)
         if size > 1.0:
             while size > 1.0 and parts <= PARTS:
                 parts, size = 2.0 * parts, 0.25 * size
@@ -130,9 +130,9 @@ class Orbit(Record):
 
     def displacement(self, mu: Vec) -> Vec:
         """The x = (d x m + 2 G tan(psi/2) m)/|m|^2 of a step from mu: d what it adds to mu, m the mean of its ends."""
-        rate = cross(mu, _times(self.K, mu))
+        rate = cross(mu, times(self.K, mu))
         extra = (4.0 * self.unit) * (self.per_square * dot(rate, rate))
-        d = (1.0 / (self.scale + extra)) * ((_times(self.along, mu) - extra * mu) + 2.0 * _times(self.across, rate))
+        d = (1.0 / (self.scale + extra)) * ((times(self.along, mu) - extra * mu) + 2.0 * times(self.across, rate))
         m = mu + 0.5 * d
         mean = self.sine * (dot(mu, mu) - 0.25 * dot(d, d))
         return (1.0 / where(mean > 0.0, mean, 1.0)) * (cross(self.sine * d, mu) + self.turned * m)
@@ -143,9 +143,9 @@ def _orbit(K: Vec | Mat, D: Vec | Mat, action: float, square: float, per_square:
     C = square * _cofactors(D)
     third = (-1 / 3) * _trace(C)
     roots = _plus(C, third)
-    squares = _times(roots, roots)
+    squares = times(roots, roots)
     # wp(s) = 1/s^2 + c2 s^2 + c3 s^4 + ... + c8 s^14:  wp(1) = 1 + p,  -wp'(1)/2 = 1 - q
-    c2, c3 = 0.1 * _trace(squares), (1 / 21) * _trace(_times(squares, roots))
+    c2, c3 = 0.1 * _trace(squares), (1 / 21) * _trace(times(squares, roots))
     s2, s3, s23 = c2 * c2, c3 * c3, c2 * c3
     c4, c5, c6 = (1 / 3) * s2, (3 / 11) * s23, (2 / 39) * (c2 * s2) + (1 / 13) * s3
     c7, c8 = (2 / 33) * (c2 * s23), c2 * ((5 / 663) * (c2 * s2) + (60 / 2431) * s3)
@@ -160,17 +160,13 @@ def _orbit(K: Vec | Mat, D: Vec | Mat, action: float, square: float, per_square:
     sine, versed = polynomial(SINC, (turn * turn) * per_square), polynomial(VERSINE, (turn * turn) * per_square)
     u = 1.0 - q
     grown = _plus(-2.0 * (squares + (1.0 + p) * roots), (2.0 * p + p * p) + (5.0 * c2 + q))  # u (2 r_i - 1)
-    excess = (2.0 * u) * grown + (_times(grown, grown) + (4.0 * u * u) * C)  # scale - u^2, times the unit matrix
+    excess = (2.0 * u) * grown + (times(grown, grown) + (4.0 * u * u) * C)  # scale - u^2, times the unit matrix
     along = _plus(_cofactors(grown) - (u * grown + excess), u * _trace(grown))
     scale = u * u + (1 / 3) * _trace(excess)
     return Orbit(K, per_square, sine, (2.0 * turn) * versed, along, u * _plus(grown, u), scale, u * u)
 
 
 # ------------------------------------------------------------------ a Vec stands for a diagonal matrix
-
-
-def _times(a: Vec | Mat, b: Any) -> Any:
-    return a @ b if isinstance(a, vectors.Mat) else a * b
 
 
 def _plus(m: Vec | Mat, s: float) -> Vec | Mat:

@@ -9,15 +9,17 @@ import numpy as np
 
 from ..errors import IncompatibleSystem, InvalidInput
 from ..groups.lie_group import one_norm
-from ..native import Dual, Mat, Record, Vec, derivative, identity_matrix, mat, norm, plain, record, vec, vectors
+from ..native import Dual, Mat, Record, Vec, derivative, identity_matrix, mat, norm, plain, record, vec
 from ..native.dual import slopes, value_of
 from ..retractions import Exponential, Retraction
 from ..solvers import correction, fixed_point
+from ..systems.kinetic_energy import times
 from ..systems.lie_poisson import BodyState, LiePoissonSystem
 from ..systems.mechanical import MechanicalSystem
 from ..tableaus.collocation import gauss
 from ..tableaus.trees import Row
 from .implicit import Implicit, Memory, extrapolated
+from .rkmk import combination
 from .variational import with_inertia
 
 ORDERS = 2, 4, 6, 8
@@ -116,10 +118,10 @@ class GalerkinVariational(Implicit):
         """Solve for the velocities at the nodes from the extrapolated ones, then add what the field does, and move."""
         body, b, start = _body(system), self.tableau[1], plain(self.observe(state))
         guess = tuple([extrapolated(*node) for node in zip(*self.past(state))])
-        middle = _middle(body, combined(b, guess), start.mu, h)
+        middle = _middle(body, combination(b, guess), start.mu, h)
         kick = None if body is system else 0.0 * start.mu
         velocities, kick = fixed_point(lambda last: self._sweep(system, t, start, h, middle, last[0]), (guess, kick), self, h)
-        x, mu = combined(b, velocities, h), state.mu if kick is None else state.mu + kick
+        x, mu = combination(b, velocities, h), state.mu if kick is None else state.mu + kick
         if not self.retraction.is_chart(body.group, x):
             raise self.out_of_chart(h, f"|x| = {norm(x):.2g}")
         return self.after(state, body.moved(self.retraction, BodyState(mu, state.g), x), velocities)
@@ -128,7 +130,7 @@ class GalerkinVariational(Implicit):
         self, system: Any, t: float, start: BodyState, h: float, middle: Middle, velocities: tuple[Vec, ...]
     ) -> tuple[Any, float, float]:
         """Better velocities, and what the field adds to the momentum; how far momenta were off, and their size."""
-        body, places = _body(system), [combined(row, velocities, h) for row in self.tableau[0]]
+        body, places = _body(system), [combination(row, velocities, h) for row in self.tableau[0]]
         misfits, kick, size = self._misfits(system, t, start, h, velocities, places)
         steps = self._corrections(body, middle, h, misfits)
         velocities = tuple([v - (e + 0.5 * body.group.ad(x, e)) for v, e, x in zip(velocities, steps, places)])
@@ -152,10 +154,10 @@ class GalerkinVariational(Implicit):
                 force = _force(system, t + c[i] * h, xi, tau.compose_tau(group, start.g, x))
                 rate, kick = rate + force, kick + (h * b[i]) * tau.tau_Ad_star(group, -x, force)
             momenta = [*momenta, tau.dtau_dual(group, _moving(x, v), _moving(p, rate), "left")]  # P_j and, as its slope, F_j
-        end = tau.dtau_dual(group, combined(b, velocities, h), start.mu if kick is None else start.mu + kick)
+        end = tau.dtau_dual(group, combination(b, velocities, h), start.mu if kick is None else start.mu + kick)
         rates = [slopes(p) for p in momenta]
         for x, p, row in zip(places, momenta, later):
-            r = (vec(*[value_of(a) for a in p]) + combined(row, rates, h)) - end
+            r = (vec(*[value_of(a) for a in p]) + combination(row, rates, h)) - end
             misfits = [*misfits, r + 0.5 * group.ad_star(x, r)]  # the inverse of dtau_x is 1 + ad_x/2 + ...
         return misfits, kick, size
 
@@ -166,13 +168,13 @@ class GalerkinVariational(Implicit):
         coefficients of Legendre polynomials the matrix is tridiagonal.  A misfit shrinks by a factor of order h^2.
         """
         there, back, coupling = self.legendre
-        e = [combined(row, misfits) for row in there]
+        e = [combination(row, misfits) for row in there]
         for k in range(len(e) - 1, 0, -1):
             e[k - 1] = e[k - 1] + (h * coupling[k - 1]) * _turned(body, middle, _velocity(body, middle, e[k]))
         e[0] = correction(middle.slope, e[0])
         for k in range(1, len(e)):
             e[k] = _velocity(body, middle, e[k] - (h * coupling[k - 1]) * _turned(body, middle, e[k - 1]))
-        return [combined(row, e) for row in back]
+        return [combination(row, e) for row in back]
 
 
 # ---------------------------------------------------------------------- the middle of a step, for corrections
@@ -193,7 +195,7 @@ def _middle(body: Any, xi: Vec, mu: Vec, h: float) -> Middle:
     group, inertia = body.group, body.lagrangian.hessian(xi)
     columns: list[Vec] = []
     for e in identity_matrix(group.dim):
-        turned = _times(inertia, group.ad(xi, e)) + group.ad_star(xi, _times(inertia, e))
+        turned = times(inertia, group.ad(xi, e)) + group.ad_star(xi, times(inertia, e))
         columns = [*columns, (0.25 * h) * turned - (0.5 * h) * group.ad_star(e, mu)]
     return Middle(xi, body.lagrangian.momentum(xi), inertia, with_inertia(mat(*columns).T, inertia))
 
@@ -201,16 +203,12 @@ def _middle(body: Any, xi: Vec, mu: Vec, h: float) -> Middle:
 def _turned(body: Any, middle: Middle, v: Vec) -> Vec:
     """W v."""
     group, xi, J = body.group, middle.xi, middle.inertia
-    return 0.5 * (_times(J, group.ad(xi, v)) - group.ad_star(xi, _times(J, v))) - group.ad_star(v, middle.p)
+    return 0.5 * (times(J, group.ad(xi, v)) - group.ad_star(xi, times(J, v))) - group.ad_star(v, middle.p)
 
 
 def _velocity(body: Any, middle: Middle, p: Vec) -> Vec:
     """J^-1 p."""
     return derivative(lambda m: body.velocity(m), middle.p, p)
-
-
-def _times(inertia: Mat | Vec, v: Vec) -> Vec:
-    return inertia @ v if isinstance(inertia, vectors.Mat) else inertia * v
 
 
 # ---------------------------------------------------------------------- small parts
@@ -230,11 +228,3 @@ def _force(system: MechanicalSystem, t: float, xi: Vec, g: Any) -> Vec:
 def _moving(x: Vec, rate: Vec) -> Vec:
     """x + e rate, e^2 = 0."""
     return vec(*[Dual(a, b) for a, b in zip(x, rate)])
-
-
-def combined(weights: Row, values: Any, h: float = 1.0) -> Vec:
-    """h sum_j weights_j values_j."""
-    total = (h * weights[0]) * values[0]
-    for w, v in zip(weights[1:], values[1:]):
-        total = total + (h * w) * v
-    return total

@@ -12,6 +12,7 @@ from ..solvers import LIMIT
 from ..systems.canonical import CanonicalState, HamiltonianSystem
 from .method import Method
 from .motion_series import settle, values
+from .taylor import total
 
 ORDERS = 1, 10
 """The lowest order and the highest one."""
@@ -111,11 +112,11 @@ class HamiltonJacobi(Method):
         """With this w: the change of (q, p), the mismatch Q(q) - Q, and the square that its square is to be compared with."""
         if self.adjoint:
             terms = self._motion(system, h, q, p + w)[1]
-            forth = w + _total(terms)
+            forth = w + total(terms)
             other, back = self._generated(system, -h, q, p + forth)
             return vec(*-other, *forth), forth + back, dot(p, p) + _squares(terms)
         terms = self._motion(system, h, q + w, p)[0]
-        forth = w + _total(terms)
+        forth = w + total(terms)
         back, other = self._generated(system, h, q + forth, p)
         return vec(*forth, *other), forth - back, dot(q, q) + _squares(terms)
 
@@ -139,20 +140,12 @@ class HamiltonJacobi(Method):
         to_q, to_p = self._motion(system, -h, q, p)
         settle(p, [-term for term in to_p])
         powers = range(1, self.order + 1)
-        return -_total(values(to_q)), _total([vec(*[x[k] for x in p]) for k in powers])
-
-
-def _total(terms: list[Vec]) -> Vec:
-    """The sum of the terms, the last one first."""
-    total = terms[len(terms) - 1]
-    for k in range(len(terms) - 2, -1, -1):
-        total = total + terms[k]
-    return total
+        return -total(values(to_q)), total([vec(*[x[k] for x in p]) for k in powers])
 
 
 def _squares(terms: list[Vec]) -> float:
     """The sum of the squares of the terms."""
-    total = 0.0
+    square = 0.0
     for term in terms:
-        total = total + dot(term, term)
-    return total
+        square = square + dot(term, term)
+    return square

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 from ..errors import InvalidInput, InvalidType
-from ..native import Mat, Vec, derivative, dot, jacobian, norm, plain, record
+from ..native import Mat, Vec, derivative, dot, horner, jacobian, norm, plain, record
 from ..retractions import Exponential, Retraction
 from ..solvers import newton
 from ..systems.lie_poisson import BodyState
@@ -124,11 +124,7 @@ class FirstKindHamiltonJacobi(Implicit):
         """pi, the momentum at the end of a step tau(xi)."""
         if order == 1:
             return self._leading(system, h, scale, xi)
-        terms = first_kind(system, self.retraction, self.s0, scale, xi, order)
-        pi = terms[-1]
-        for k in range(len(terms) - 2, -1, -1):
-            pi = terms[k] + h * pi
-        return pi
+        return horner(first_kind(system, self.retraction, self.s0, scale, xi, order), h)
 
     def _leading(self, system: Any, h: float, scale: float, xi: Vec) -> Vec:
         """pi_0 + h (ad*_v pi_0 - d(pi_0) v), pi_0 = c P(xi), v = dH(pi_0), the derivative along tau(xi) v."""

@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 from ..errors import InvalidInput
 from ..groups.so3 import SO3Algebra
-from ..native import Mat, Vec, derivative, dot, identity_matrix, jacobian, mat, norm, plain, record, vec, vectors
+from ..native import Mat, Vec, derivative, dot, horner, identity_matrix, jacobian, mat, norm, plain, record, vec, vectors
 from ..retractions import Exponential, Retraction
 from ..solvers import TOLERANCE, newton
 from ..systems.kinetic_energy import KineticEnergy
@@ -112,11 +112,7 @@ class LiePoissonHamiltonJacobi(Implicit):
             return along_axes(system.hamiltonian.inverse, h, p)[0]
         if order == 4 and isinstance(self.retraction, Exponential):
             return h * system.velocity(p) + (h * h * h) * self.third(system, p)
-        terms = second_kind(system, self.retraction, p, order // 2)
-        x = terms[-1]
-        for k in range(len(terms) - 2, -1, -1):
-            x = terms[k] + (h * h) * x
-        return h * x
+        return h * horner(second_kind(system, self.retraction, p, order // 2), h * h)
 
     def third(self, system: Any, p: Vec) -> Vec:
         """x_3 = ds_3/dp/6 of the exponential, s_3 = D^2H(p)[w, w]/4 with v = dH(p), w = ad*_v p, on every group:

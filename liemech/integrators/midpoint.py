@@ -15,6 +15,7 @@ from ..tableaus.collocation import gauss
 from ..tableaus.trees import Row
 from .implicit import Implicit, Memory, extrapolated
 from .method import Method
+from .rkmk import combination
 
 ORDERS = (2, 4, 6, 8, 10)
 
@@ -151,7 +152,7 @@ class Isospectral(Implicit):
         """Iterate the stages from the extrapolated ones, then add what the step turns."""
         guess = [extrapolated(*stage) for stage in zip(*self.past(state))]
         stages = self._iterated(system, h, state.mu, guess)
-        turned = weighted(self.tableau[1], stages)
+        turned = combination(self.tableau[1], stages)
         g = None if state.g is None else state.g + state.g @ turned.T
         return self.after(state, BodyState(state.mu + turned @ state.mu, g), tuple(stages))
 
@@ -163,21 +164,13 @@ class Isospectral(Implicit):
         """Every stage anew, each from the new ones before it; their change and their size."""
         change, size = 0.0, 0.0
         for i, row in enumerate(self.tableau[0]):
-            q = plus(weighted(row, stages), 1.0)
+            q = plus(combination(row, stages), 1.0)
             xi = (-h) * system.velocity(cofactors(q) @ mu)
             new, old = transpose(mat(*[cross(xi, column) for column in q.T])), stages[i]
             stages = [*stages[:i], new, *stages[i + 1 :]]
             for a, b in zip(new, old):
                 change, size = change + dot(a - b, a - b), size + dot(a, a)
         return stages, sqrt(change), sqrt(size)
-
-
-def weighted(weights: tuple[float, ...], matrices: Any) -> Mat:
-    """sum_j weights_j matrices_j."""
-    total = weights[0] * matrices[0]
-    for w, m in zip(weights[1:], matrices[1:]):
-        total = total + w * m
-    return total
 
 
 def cofactors(q: Mat) -> Mat:

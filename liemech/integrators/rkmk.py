@@ -187,8 +187,8 @@ class RKMK(Method):
         return f"RKMK({', '.join(parts)})"
 
 
-def combination(weights: tuple[float, ...], slopes: list[Vec], h: float) -> Any:
-    """h sum_j weights_j slopes_j over the weights that are not zero; None if all are."""
+def combination(weights: Row, slopes: Any, h: float = 1.0) -> Any:
+    """h sum_j weights_j slopes_j over the weights that are not zero, of vectors or matrices; None if all are."""
     total: Any = None
     for w, k in zip(weights, slopes):
         if w != 0.0:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 from ..errors import InvalidInput
@@ -57,7 +58,7 @@ class Taylor(Method):
 
     def step(self, system: System, t: float, state: Any, h: float) -> Any:
         """One step in the chart at the state."""
-        return system.moved(self.retraction, state, _total(self._terms(system, t, state, h)))
+        return system.moved(self.retraction, state, total(self._terms(system, t, state, h)))
 
     def _terms(self, system: System, t: float, state: Any, h: float) -> tuple[Vec, ...]:
         """Omega_1, ..., Omega_order: along the step Omega = sum_k s^k Omega_k, 0 <= s <= 1."""
@@ -102,15 +103,15 @@ class Taylor(Method):
         e_p and e_(p-1)^(p/(p-1)), which is as if h = min(e_p^(-1/p), e_(p-1)^(-1/(p-1))) were the step for an error of 1.
         """
         p, terms = self.order, self._terms(system, t, state, h)
-        new = system.moved(self.retraction, state, _total(terms))
+        new = system.moved(self.retraction, state, total(terms))
         last, before = (mean_square(system, state, new, terms[k], rtol, atol) for k in (p - 1, p - 2))
         error = max(last, before ** (p / (p - 1.0)))
         return Trial(new, system.rate(t + h, system.essential(new)), sqrt(error), terms if dense else ())
 
 
-def _total(terms: tuple[Vec, ...]) -> Vec:
+def total(terms: Sequence[Vec]) -> Vec:
     """The sum of the terms, the last one first."""
-    total = terms[len(terms) - 1]
+    found = terms[len(terms) - 1]
     for k in range(len(terms) - 2, -1, -1):
-        total = total + terms[k]
-    return total
+        found = found + terms[k]
+    return found

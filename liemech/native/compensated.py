@@ -11,10 +11,11 @@ from __future__ import annotations
 
 from typing import Any
 
+from .by_value import ByValue
 from .complex_numbers import is_vector
 
 
-class Compensated:
+class Compensated(ByValue):
     """value + rest, where |rest| is at most about half a unit in the last place of the value."""
 
     __slots__ = ("rest", "value")
@@ -65,26 +66,6 @@ class Compensated:
 
     def __abs__(self) -> Any:
         return abs(self.value)
-
-    def __lt__(self, other: Any) -> Any:
-        return self.value < value_of(other)
-
-    def __le__(self, other: Any) -> Any:
-        return self.value <= value_of(other)
-
-    def __gt__(self, other: Any) -> Any:
-        return self.value > value_of(other)
-
-    def __ge__(self, other: Any) -> Any:
-        return self.value >= value_of(other)
-
-    def __eq__(self, other: object) -> Any:
-        return self.value == value_of(other)
-
-    def __ne__(self, other: object) -> Any:
-        return self.value != value_of(other)
-
-    __hash__ = None  # type: ignore[assignment]
 
     def __float__(self) -> float:
         return float(self.value)

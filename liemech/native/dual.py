@@ -14,6 +14,7 @@ from collections.abc import Callable
 from typing import Any
 
 from . import functions as f
+from .by_value import ByValue
 from .complex_numbers import Complex, is_vector
 from .vectors import Mat, Vec, mat, transpose, vec
 
@@ -21,7 +22,7 @@ INTEGER_POWER = 64
 """Up to here whole powers are products, which are fast and exist where the logarithm does not."""
 
 
-class Dual:
+class Dual(ByValue):
     """value + e slope, e^2 = 0.  Comparisons look at the value.
 
     The integer 0 as a slope means that there is none: nothing is multiplied by it or added to it.
@@ -92,26 +93,6 @@ class Dual:
     def __abs__(self) -> Dual:
         sign = 1.0 * (self.value >= 0.0) - 1.0 * (self.value < 0.0)
         return Dual(abs(self.value), _scaled(sign, self.slope))
-
-    def __lt__(self, other: Any) -> Any:
-        return self.value < value_of(other)
-
-    def __le__(self, other: Any) -> Any:
-        return self.value <= value_of(other)
-
-    def __gt__(self, other: Any) -> Any:
-        return self.value > value_of(other)
-
-    def __ge__(self, other: Any) -> Any:
-        return self.value >= value_of(other)
-
-    def __eq__(self, other: object) -> Any:
-        return self.value == value_of(other)
-
-    def __ne__(self, other: object) -> Any:
-        return self.value != value_of(other)
-
-    __hash__ = None  # type: ignore[assignment]
 
     def __repr__(self) -> str:
         return f"({self.value} + e {self.slope})"

@@ -234,6 +234,14 @@ def norm(a: Any) -> Any:
     return sqrt(dot(a, a))
 
 
+def horner(terms: Any, x: Any) -> Any:
+    """terms_0 + x terms_1 + x^2 terms_2 + ..., of numbers or vectors, by Horner's rule."""
+    total = terms[len(terms) - 1]
+    for k in range(len(terms) - 2, -1, -1):
+        total = terms[k] + x * total
+    return total
+
+
 def outer(a: Any, b: Any) -> Mat:
     """The matrix a b^T."""
     return mat(*[x * b for x in a])

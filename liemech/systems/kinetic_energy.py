@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import field
+from typing import Any
 
 import numpy as np
 
@@ -37,7 +38,7 @@ class KineticEnergy(Hamiltonian, Lagrangian):
 
     def gradient(self, mu: Vec) -> Vec:
         """xi = J^-1 mu."""
-        return _times(self.inverse, mu)
+        return times(self.inverse, mu)
 
     def value(self, xi: Vec) -> float:
         """l(xi) = xi . J xi/2."""
@@ -45,7 +46,7 @@ class KineticEnergy(Hamiltonian, Lagrangian):
 
     def momentum(self, xi: Vec) -> Vec:
         """mu = J xi."""
-        return _times(self.inertia, xi)
+        return times(self.inertia, xi)
 
     def hessian(self, xi: Vec) -> Mat | Vec:
         """J."""
@@ -55,5 +56,6 @@ class KineticEnergy(Hamiltonian, Lagrangian):
         return (len(self.inertia),) if kind == "Vec" else None
 
 
-def _times(inertia: Vec | Mat, x: Vec) -> Vec:
+def times(inertia: Vec | Mat, x: Any) -> Any:
+    """The product of an inertia, where a Vec stands for a diagonal matrix, with a vector or another such matrix."""
     return inertia @ x if isinstance(inertia, vectors.Mat) else inertia * x
