@@ -6,7 +6,7 @@ The moment x precesses about the field b(t) and creeps towards it: it turns with
 import numpy as np
 
 import liemech as lm
-from liemech.native import cos, cross, sin, vec
+from liemech.formulas import cos, cross, sin, vec
 
 
 @lm.record

@@ -13,11 +13,28 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from . import errors
+from .formulas import (
+    Ambient,
+    Element,
+    Mat,
+    Record,
+    Vec,
+    broadcasting,
+    cross,
+    derivative,
+    dot,
+    gradient,
+    jacobian,
+    mat,
+    norm,
+    outer,
+    record,
+    vec,
+)
 from .groups.lie_algebra import LieAlgebra
 from .groups.lie_group import LieGroup
 from .integrate import integrate
 from .integrators.method import Method
-from .native import Ambient, Element, Mat, Record, Vec, cross, derivative, dot, gradient, jacobian, mat, norm, outer, record, vec
 from .retractions import Cayley, CayleyAdjoint, Exponential, Retraction
 from .systems.system import State, System
 from .trajectory import Trajectory
@@ -131,6 +148,16 @@ _LATER = {
 """What is imported when it is first asked for, module by module, so that a script pays for what it uses."""
 
 _HOMES = {name: module for module, names in _LATER.items() for name in names}
+
+
+def _evaluate_many(*arguments: Any) -> Any:
+    """Methods called with many elements are compiled: what formulas are made of does not know the compiler, the package does."""
+    from .compiler.batch import evaluate
+
+    return evaluate(*arguments)
+
+
+broadcasting.evaluate_many = _evaluate_many
 
 
 def __getattr__(name: str) -> Any:

@@ -9,12 +9,13 @@ from typing import Any
 
 import numpy as np
 
+from .compiler import kernel
+from .compiler.driver import REJECTED, accepted, attempt, itself, read, write
 from .dense import DenseOutput, packed, unpacked
 from .errors import IntegrationFailure, IntegrationInterrupted, NotCompilable, NotCompiledWarning, StepTooSmall
+from .formulas import Record, record
+from .formulas.pytree import build, layout_of, leaves
 from .marching import Bar
-from .native import Record, kernel, record
-from .native.driver import REJECTED, accepted, attempt, itself, read, write
-from .native.values import build, layout_of, leaves
 from .systems.system import State, System
 from .trajectory import Trajectory
 

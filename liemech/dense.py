@@ -7,10 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from .compiler import kernel
+from .compiler.driver import read, write
 from .errors import InvalidInput, NotCompilable
-from .native import Vec, horner, kernel, real_array
-from .native.driver import read, write
-from .native.values import NUMBER, build, layout_of, leaves
+from .formulas import Vec, horner, real_array
+from .formulas.pytree import NUMBER, build, layout_of, leaves
 
 
 def along(retraction: Any, system: Any, point: Any, curve: Any, given: Any, out: Any) -> None:

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from .errors import IncompatibleSystem, InvalidInput, InvalidType, StepWarning
+from .formulas import check_finite, real_array
 from .integrators.method import Method
 from .marching import Run
-from .native import check_finite, real_array
 from .systems.system import State, System
 from .trajectory import Trajectory
 

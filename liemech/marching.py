@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from .compiler import kernel
+from .compiler.driver import REJECTED, accepted, any_body, attempt, read, write
 from .dense import unpacked
 from .errors import (
     IntegrationFailure,
@@ -19,11 +21,10 @@ from .errors import (
     NotCompiledWarning,
     NotFinite,
 )
+from .formulas import where
+from .formulas.broadcasting import small
+from .formulas.pytree import NUMBER, build, compensated, fitted, layout_of, leaves, plain
 from .integrators.method import Method
-from .native import kernel, where
-from .native.border import small
-from .native.driver import REJECTED, accepted, any_body, attempt, read, write
-from .native.values import NUMBER, build, compensated, fitted, layout_of, leaves, plain
 from .systems.system import State, System
 from .trajectory import Trajectory
 

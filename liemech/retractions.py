@@ -10,8 +10,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, final
 
 from .errors import IncompatibleSystem, NoConvergence
+from .formulas import Element, Mat, Record, Vec, derivative, dot, identity_matrix, jacobian, mat, record, solve, sqrt, vec
 from .groups.lie_group import LieGroup
-from .native import Element, Mat, Record, Vec, derivative, dot, identity_matrix, jacobian, mat, record, solve, sqrt, vec
 from .solvers import LIMIT, TOLERANCE
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 import liemech as lm
-from liemech.native import cos, sin, vec
+from liemech.formulas import cos, sin, vec
 from liemech.systems.group_equation import GroupEquation, LinearGroupEquation
 
 REFERENCES = Path(__file__).parent / "reference"

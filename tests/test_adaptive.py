@@ -8,7 +8,7 @@ from scenes import asymmetric_body
 from scipy.optimize import brentq
 
 import liemech as lm
-from liemech.native import sin, vec
+from liemech.formulas import sin, vec
 from liemech.tableaus import pairs
 
 BODY, START = asymmetric_body()

@@ -21,7 +21,9 @@ PACKAGE = Path(liemech.__file__).parent
 
 LAYERS = (
     "errors",
-    "native",
+    "formulas",
+    "compiler",
+    "native",  # the former name of formulas
     "groups",
     "solvers",  # Newton's method
     "retractions",
@@ -44,7 +46,7 @@ LAYERS = (
 DOORS = {("trajectory", "plots"), ("trajectory", "viewer")}
 """The exceptions: `run.plot_momentum()` opens a door upwards, inside the method, when it is called."""
 
-HOMES = {"llvmlite": "native", "numba": None, "matplotlib": "plots", "meshcat": "viewer"}
+HOMES = {"llvmlite": "compiler", "numba": None, "matplotlib": "plots", "meshcat": "viewer"}
 """The one layer that may know an optional package; None: nobody."""
 
 SOURCED = ("groups", "retractions", "models", "integrators")
@@ -137,9 +139,9 @@ def complain(offenders: list[object], law: str) -> None:
 
 
 def test_the_reader_of_imports_sees_through_every_spelling() -> None:
-    inside = "from ..native import Vec\nfrom .ad import hat\nimport liemech.errors\nfrom liemech import native, SO3\n"
+    inside = "from ..formulas import Vec\nfrom .ad import hat\nimport liemech.errors\nfrom liemech import formulas, SO3\n"
     found = [target for node in ast.parse(inside).body for target in targets("liemech.groups.so3", node)]
-    assert found == ["liemech.native", "liemech.groups.ad", "liemech.errors", "liemech.native", "liemech"]
+    assert found == ["liemech.formulas", "liemech.groups.ad", "liemech.errors", "liemech.formulas", "liemech"]
     package = ast.parse("from .so3 import SO3\nfrom ..errors import LawViolation\n").body
     found = [target for node in package for target in targets("liemech.groups", node)]
     assert found == ["liemech.groups.so3", "liemech.errors"]

@@ -12,10 +12,10 @@ from scenes import same_bits
 
 import liemech as lm
 from liemech.errors import InvalidInput, InvalidType
+from liemech.formulas import Vec, cos, record, sin
 from liemech.models.henon_heiles import HenonHeiles
 from liemech.models.kepler import Kepler, kepler_equation
 from liemech.models.pendulums import DoublePendulum, Pendulum
-from liemech.native import Vec, cos, record, sin
 from liemech.systems.canonical import CanonicalState, HamiltonianSystem
 
 REFERENCE = Path(__file__).parent / "reference"

@@ -11,7 +11,7 @@ from scenes import PlaneAlgebra, PlaneMotions
 
 import liemech as lm
 from liemech.checks import Report, check_action, check_group, check_retraction
-from liemech.native import acos, cos, sin, sqrt, vec
+from liemech.formulas import acos, cos, sin, sqrt, vec
 
 # ---------------------------------------------------------------- a second group, whose Ad is not orthogonal
 

@@ -11,10 +11,11 @@ import pytest
 from scenes import CAYLEY, EXP, METHODS, asymmetric_body, named, same_bits
 
 import liemech as lm
-from liemech.native import Complex, Dual, kernel, mat, plain, record, sqrt, vec, where
-from liemech.native.compensated import Compensated
-from liemech.native.driver import read, write
-from liemech.native.values import NUMBER, compensated, fitted, layout_of
+from liemech.compiler import kernel
+from liemech.compiler.driver import read, write
+from liemech.formulas import Complex, Dual, mat, plain, record, sqrt, vec, where
+from liemech.formulas.compensated import Compensated
+from liemech.formulas.pytree import NUMBER, compensated, fitted, layout_of
 
 MODES = pytest.mark.parametrize("mode", [False, None, True])
 

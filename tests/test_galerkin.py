@@ -23,8 +23,8 @@ from scenes import (
 )
 
 import liemech as lm
+from liemech.formulas import sin, sqrt
 from liemech.integrators.galerkin import GalerkinVariational
-from liemech.native import sin, sqrt
 
 ORDERS = 2, 4, 6, 8
 EXPS = {order: GalerkinVariational(order) for order in ORDERS}

@@ -13,11 +13,11 @@ from scenes import named, same_bits, slope
 
 import liemech as lm
 from liemech.errors import IncompatibleSystem, InvalidInput, InvalidType, NoConvergence, NotFinite
+from liemech.formulas import Vec, cos, record, sin, sqrt
 from liemech.integrators.hamilton_jacobi import HamiltonJacobi
 from liemech.models.henon_heiles import HenonHeiles
 from liemech.models.kepler import Kepler
 from liemech.models.pendulums import DoublePendulum, Pendulum
-from liemech.native import Vec, cos, record, sin, sqrt
 from liemech.systems.canonical import CanonicalState, HamiltonianSystem
 
 
@@ -326,7 +326,7 @@ class Steps(HamiltonianSystem):
 
 @pytest.mark.parametrize("system", [OfTheMathModule(), WithForce(), Steps()], ids=lambda system: type(system).__name__)
 def test_energies_without_a_power_series_are_refused(system: HamiltonianSystem) -> None:
-    with pytest.raises(IncompatibleSystem, match=r"power series.*functions of liemech\.native.*RKMK"):
+    with pytest.raises(IncompatibleSystem, match=r"power series.*functions of liemech\.formulas.*RKMK"):
         lm.integrate(system, HamiltonJacobi(2), system.state(0.3, 0.2), h=0.1, steps=1)
 
 

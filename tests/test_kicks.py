@@ -28,13 +28,13 @@ from scenes import (
 )
 
 import liemech as lm
+from liemech.formulas import sin
 from liemech.integrators.composition import Composition
 from liemech.integrators.exact_free_body import ExactFreeBody
 from liemech.integrators.kick_drift import KickDrift
 from liemech.integrators.moser_veselov import ExactMoserVeselov
 from liemech.integrators.splitting import ThreeRotations
 from liemech.models.heavy_top import HeavyTop
-from liemech.native import sin
 from liemech.systems.mechanical import MechanicalSystem
 from liemech.systems.potential import Force, NoPotential
 from liemech.tableaus.splittings import (

@@ -17,7 +17,7 @@ from scenes import PlaneMotions, hat, rotation
 from scipy.linalg import expm
 
 import liemech as lm
-from liemech.native import dot
+from liemech.formulas import dot
 
 EPS = np.finfo(float).eps
 

@@ -508,7 +508,7 @@ class Kinked(lm.Hamiltonian):
 @pytest.mark.parametrize(
     ("hamiltonian", "error", "reason"),
     [
-        (Arrays(), lm.errors.IncompatibleSystem, "Arrays does not bear it .* liemech.native"),
+        (Arrays(), lm.errors.IncompatibleSystem, "Arrays does not bear it .* liemech.formulas"),
         (Doubled(), lm.errors.InvalidInput, "Doubled.energy must return a number"),
         (Halved(), lm.errors.InvalidInput, "not the gradient of its energy.* Leave it out"),
     ],

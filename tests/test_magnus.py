@@ -9,10 +9,10 @@ import pytest
 from scenes import asymmetric_body, hat, rotation, same_bits, slope
 
 import liemech as lm
+from liemech.formulas import cos, sin, vec
 from liemech.groups.se3 import SE3
 from liemech.integrators.commutator_free import CommutatorFree
 from liemech.integrators.magnus import Magnus
-from liemech.native import cos, sin, vec
 from liemech.systems.group_equation import GroupEquation, LinearGroupEquation
 
 METHODS = [Magnus(order=p) for p in (2, 4, 6)]

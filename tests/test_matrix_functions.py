@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from scipy.linalg import expm, logm, sqrtm
 
+from liemech.formulas import Mat
 from liemech.groups import matrix_functions as functions
-from liemech.native import Mat
 
 EPS = np.finfo(float).eps
 SIZES = (1e-8, 0.1, 1.0, 10.0)

@@ -10,11 +10,11 @@ from scenes import hat, same_bits
 from scipy.linalg import expm
 
 import liemech as lm
+from liemech.formulas import jacobian
 from liemech.groups.classical import SL, SO, SU, Sp
 from liemech.groups.heisenberg import Heisenberg
 from liemech.groups.matrix_basis import clean
 from liemech.groups.matrix_group import MatrixLieGroup
-from liemech.native import jacobian
 
 EPS = np.finfo(float).eps
 ROTATIONS = np.array([hat(e) for e in np.eye(3)])

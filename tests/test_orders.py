@@ -17,10 +17,10 @@ from orders import Problem, Rotating, Table
 from scenes import Driven, SteeredFromSpace, rotation
 
 import liemech as lm
+from liemech.formulas import vec
 from liemech.groups.se3 import SE3
 from liemech.integrators.commutator_free import CommutatorFree, CrouchGrossman
 from liemech.integrators.magnus import Magnus
-from liemech.native import vec
 from liemech.tableaus import (
     BY_ORDER,
     CARPENTER_KENNEDY4,

@@ -13,7 +13,7 @@ import pytest
 from scenes import RKMK4, asymmetric_body, errors_at, poisson_defect, rotation, same_bits, seed_body, slope
 
 import liemech as lm
-from liemech.native import cos, sin, vec
+from liemech.formulas import cos, sin, vec
 from liemech.tableaus import gauss, radau_iia
 from liemech.tableaus.tableau import ButcherTableau
 

@@ -13,8 +13,8 @@ import pytest
 from mpmath import mp, mpf
 
 from liemech.errors import OutsideChart
+from liemech.formulas import Vec, dot
 from liemech.groups import rotation_coefficients as code
-from liemech.native import Vec, dot
 
 EPS = 2.0**-52
 DERIVATION = Path(__file__).parents[1] / "docs" / "derivations" / "rotation_polynomials.py"

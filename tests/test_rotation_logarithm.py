@@ -10,8 +10,8 @@ from collections.abc import Callable
 import pytest
 from mpmath import mp, mpf
 
+from liemech.formulas.vectors import Mat
 from liemech.groups.rotation_logarithm import rotation_quaternion, rotation_vector
-from liemech.native.vectors import Mat
 
 EPS = 2.0**-52
 DIGITS = 50

@@ -11,8 +11,8 @@ from scenes import asymmetric_body, rotation, same_bits, slope
 
 import liemech as lm
 from liemech.errors import IncompatibleSystem, InvalidInput, InvalidType, NotCompilable
+from liemech.formulas import cos, dot, exp, log, record, sin, sqrt, tanh, vec, where
 from liemech.integrators.taylor import Taylor
-from liemech.native import cos, dot, exp, log, record, sin, sqrt, tanh, vec, where
 
 
 @record

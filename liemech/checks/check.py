@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidInput, InvalidType
+from ..formulas.broadcasting import small
 from ..groups.lie_algebra import LieAlgebra
 from ..groups.lie_group import LieGroup
-from ..native.border import small
 from ..retractions import Cayley, Exponential, Retraction
 from .action_laws import ACTION
 from .algebra_laws import ALGEBRA

@@ -8,10 +8,11 @@ from functools import partial
 import numpy as np
 from numpy.linalg import inv, norm, solve
 
+from ..compiler import kernel
+from ..formulas import Vec
 from ..groups.lie_group import LieGroup
 from ..integrate import integrate
 from ..integrators.rkmk import RKMK
-from ..native import Vec, kernel
 from ..systems.kinetic_energy import KineticEnergy
 from ..systems.lie_poisson import LiePoissonSystem
 from .law import Law, Same, axiom, cases, factors

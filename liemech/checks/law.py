@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import IncompatibleSystem, LiemechError
-from ..native.border import bare
+from ..formulas.broadcasting import bare
 from .places import At, flat
 from .report import ROUNDING, Finding
 

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.linalg import cond, inv, norm, solve
 
 from ..errors import InvalidInput, NoConvergence
+from ..formulas import Vec
 from ..groups.lie_group import BERNOULLI, LieGroup
-from ..native import Vec
 from ..retractions import Cayley, Exponential, Retraction
 from .law import Law, Same, axiom, cases, factors, replaced
 from .places import LARGE, STEP, At, flat, phi1, size, slope, turning

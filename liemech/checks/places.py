@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
+from ..formulas import Vec
+from ..formulas.broadcasting import small
 from ..groups.lie_group import LieGroup
-from ..native import Vec
-from ..native.border import small
 
 STEP = 0.01
 """The step of differences, where velocities have size one: truncation below 1e-15, for the Cayley map too, and rounding 1/STEP."""

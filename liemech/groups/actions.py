@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidInput, InvalidType
-from ..native import Ambient, Element, Vec, derivative, dot, identity_matrix, record, vec
+from ..formulas import Ambient, Element, Vec, derivative, dot, identity_matrix, record, vec
 from .classical import SO
 from .group_action import GroupAction as GroupAction
 from .lie_group import LieGroup

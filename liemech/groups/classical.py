@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..errors import InvalidInput
-from ..native import Ambient, Complex, Element, Mat, Vec, mat, record, vec
+from ..formulas import Ambient, Complex, Element, Mat, Vec, mat, record, vec
 from .matrix_functions import total
 from .matrix_group import MatrixLieGroup, whole_number
 from .matrix_invariants import Invariants

@@ -6,7 +6,7 @@ from typing import final
 
 import numpy as np
 
-from ..native import Element, Mat, Vec, dot, record
+from ..formulas import Element, Mat, Vec, dot, record
 from .lie_group import LieGroup
 from .representations import Representation
 

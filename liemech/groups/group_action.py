@@ -7,8 +7,8 @@ from typing import Any, final
 import numpy as np
 
 from ..errors import InvalidType
-from ..native import Element, Mat, Record, Vec, derivative, identity_matrix, mat, record, vec
-from ..native.border import MEMBERSHIP
+from ..formulas import Element, Mat, Record, Vec, derivative, identity_matrix, mat, record, vec
+from ..formulas.broadcasting import MEMBERSHIP
 from .lie_group import LieGroup
 
 

@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..native import Element, Mat, Vec, dot, mat, record, vec
+from ..formulas import Element, Mat, Vec, dot, mat, record, vec
 from .matrix_group import MatrixLieGroup, whole_number
 
 

@@ -8,7 +8,7 @@ from typing import final
 import numpy as np
 
 from ..errors import LawViolation
-from ..native import Mat, Record, Vec, dot, identity_matrix, mat, record, vec
+from ..formulas import Mat, Record, Vec, dot, identity_matrix, mat, record, vec
 
 Constants = tuple[tuple[tuple[float, ...], ...], ...]
 

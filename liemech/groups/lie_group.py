@@ -9,10 +9,10 @@ from typing import Any, final
 import numpy as np
 
 from ..errors import IncompatibleSystem
-from ..native import Ambient, Element, Mat, Record, Vec, dot, identity_matrix, jacobian, mat, record, solve, sqrt, vec
-from ..native.border import MEMBERSHIP as MEMBERSHIP
-from ..native.border import small
-from ..native.dual import size_of
+from ..formulas import Ambient, Element, Mat, Record, Vec, dot, identity_matrix, jacobian, mat, record, solve, sqrt, vec
+from ..formulas.broadcasting import MEMBERSHIP as MEMBERSHIP
+from ..formulas.broadcasting import small
+from ..formulas.dual import size_of
 from .lie_algebra import LieAlgebra
 
 EPSILON = 2.0**-52

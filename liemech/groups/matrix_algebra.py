@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..native import Complex, Mat, Vec, mat, record, vec
+from ..formulas import Complex, Mat, Vec, mat, record, vec
 from .lie_algebra import Constants, LieAlgebra
 from .matrix_basis import MatrixBasis, Terms
 from .matrix_functions import total

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import InvalidInput
-from ..native.border import MEMBERSHIP
+from ..formulas.broadcasting import MEMBERSHIP
 from .matrix_basis import MatrixBasis
 from .matrix_invariants import objections
 

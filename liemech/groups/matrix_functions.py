@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..native import Complex, Mat, Vec, mat, vec
+from ..formulas import Complex, Mat, Vec, mat, vec
 
 INFINITE = float("inf")
 

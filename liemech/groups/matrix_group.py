@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import IncompatibleSystem, InvalidInput
-from ..native import Ambient, Complex, Element, Mat, Vec, identity_matrix, mat, record, solve, solve3, sqrt, vec
+from ..formulas import Ambient, Complex, Element, Mat, Vec, identity_matrix, mat, record, solve, solve3, sqrt, vec
 from . import matrix_arrays
 from .lie_group import MEMBERSHIP, LieGroup
 from .matrix_algebra import MatrixLieAlgebra, adjoint, scaled

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidInput, InvalidType
-from ..native import Ambient, Complex, Element, Mat, Vec, mat, real_array, record, vec, vectors
-from ..native.border import small
+from ..formulas import Ambient, Complex, Element, Mat, Vec, mat, real_array, record, vec, vectors
+from ..formulas.broadcasting import small
 from .lie_algebra import Constants, LieAlgebra
 from .lie_group import LieGroup
 

@@ -6,8 +6,8 @@ from collections.abc import Callable
 from typing import Any
 
 from ..errors import InvalidInput, InvalidType
-from ..native import Element, Vec, cross, derivative, dot, identity_matrix, mat, record, solve, vec
-from ..native.dual import value_of
+from ..formulas import Element, Vec, cross, derivative, dot, identity_matrix, mat, record, solve, vec
+from ..formulas.dual import value_of
 from .group_action import GroupAction
 from .lie_group import LieGroup
 from .so3 import SO3

@@ -22,7 +22,7 @@ segment are the Stumpff functions c_1, c_2, c_3 of celestial mechanics.
 from __future__ import annotations
 
 from ..errors import OutsideChart
-from ..native import Vec, cos, sin, sqrt, tan
+from ..formulas import Vec, cos, sin, sqrt, tan
 
 LIMIT = 0.4
 """Up to this x (theta = 0.63, a tenth of a turn: more than a step should make) the polynomials hold."""

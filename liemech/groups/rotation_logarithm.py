@@ -6,7 +6,7 @@ loses all digits at pi, and the angle from arccos((tr R - 1)/2) loses half of th
 
 from __future__ import annotations
 
-from ..native import Mat, Vec, atan2, sqrt, vec
+from ..formulas import Mat, Vec, atan2, sqrt, vec
 
 
 def rotation_quaternion(R: Mat) -> Vec:

@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 
 from ..errors import OutsideChart
-from ..native import Ambient, Element, Mat, Vec, atan2, mat, outer, record, sqrt, vec
-from ..native.border import MEMBERSHIP
+from ..formulas import Ambient, Element, Mat, Vec, atan2, mat, outer, record, sqrt, vec
+from ..formulas.broadcasting import MEMBERSHIP
 from .lie_algebra import Constants, LieAlgebra
 from .lie_group import BERNOULLI, LieGroup
 from .rotation_coefficients import WHOLE_TURN, bernoulli, dexp_coefficients, exp_coefficients

@@ -19,8 +19,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..native import Ambient, Element, Mat, Vec, cross, dot, mat, outer, record, vec
-from ..native.border import MEMBERSHIP
+from ..formulas import Ambient, Element, Mat, Vec, cross, dot, mat, outer, record, vec
+from ..formulas.broadcasting import MEMBERSHIP
 from .lie_algebra import Constants, LieAlgebra
 from .lie_group import BERNOULLI, LieGroup
 from .rotation_coefficients import all_coefficients, bernoulli_coefficients, dexp_curvatures

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import IncompatibleSystem, InvalidInput, InvalidType
-from ..native import Ambient, Element, Mat, Vec, identity_matrix, mat, record, vec
+from ..formulas import Ambient, Element, Mat, Vec, identity_matrix, mat, record, vec
 from .lie_algebra import Constants, LieAlgebra
 from .lie_group import LieGroup
 from .product import ProductGroup

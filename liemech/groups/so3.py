@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import OutsideChart
-from ..native import Ambient, Element, Mat, Vec, cross, dot, mat, outer, record, vec
-from ..native.border import MEMBERSHIP, small
+from ..formulas import Ambient, Element, Mat, Vec, cross, dot, mat, outer, record, vec
+from ..formulas.broadcasting import MEMBERSHIP, small
 from .lie_algebra import Constants, LieAlgebra
 from .lie_group import BERNOULLI, LieGroup
 from .rotation_coefficients import WHOLE_TURN, all_coefficients, bernoulli, dexp_coefficients, exp_coefficients

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import InvalidInput, OutsideChart
-from ..native import Ambient, Element, Mat, Vec, atan2, cross, dot, mat, record, sqrt, vec
-from ..native.border import MEMBERSHIP
+from ..formulas import Ambient, Element, Mat, Vec, atan2, cross, dot, mat, record, sqrt, vec
+from ..formulas.broadcasting import MEMBERSHIP
 from .lie_group import LieGroup
 from .rotation_coefficients import LIMIT, exp_coefficients, lost_in_square, sin_cos_root
 from .rotation_logarithm import rotation_quaternion

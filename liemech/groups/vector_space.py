@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..native import Ambient, Element, Mat, Vec, mat, record, vec
+from ..formulas import Ambient, Element, Mat, Vec, mat, record, vec
 from .lie_algebra import Constants, LieAlgebra
 from .lie_group import LieGroup
 from .matrix_group import whole_number

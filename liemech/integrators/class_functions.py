@@ -7,11 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..errors import IncompatibleSystem, InvalidInput, OutsideChart
-from ..groups.lie_group import LieGroup
-from ..groups.rotation_coefficients import BERNOULLI, LIMIT, polynomial
-from ..groups.se3 import SE3Algebra
-from ..groups.so3 import SO3, SO3Algebra
-from ..native import (
+from ..formulas import (
     Dual,
     Mat,
     Record,
@@ -31,7 +27,11 @@ from ..native import (
     vec,
     where,
 )
-from ..native.series import Series
+from ..formulas.series import Series
+from ..groups.lie_group import LieGroup
+from ..groups.rotation_coefficients import BERNOULLI, LIMIT, polynomial
+from ..groups.se3 import SE3Algebra
+from ..groups.so3 import SO3, SO3Algebra
 from ..retractions import Cayley, Exponential, Retraction
 from ..solvers import newton
 

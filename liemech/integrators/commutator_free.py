@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 from ..errors import InvalidInput, InvalidType
-from ..native import Vec, record
+from ..formulas import Vec, record
 from ..retractions import Exponential
 from ..systems.system import System
 from ..tableaus.flows import CF3, CF4, CG3, CG4, LIE_EULER, LIE_MIDPOINT, FlowTableau

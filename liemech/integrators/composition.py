@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 from ..errors import InvalidInput, InvalidType
-from ..native import Record, record
+from ..formulas import Record, record
 from ..systems.system import State
 from ..tableaus.compositions import KAHAN_LI6, KAHAN_LI8, SUZUKI4, CompositionTableau, suzuki
 from .method import Method

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from ..errors import IncompatibleSystem, InvalidInput
-from ..native import cos, derivative, dot, vec
-from ..native.vectors import Vec
+from ..formulas import cos, derivative, dot, vec
+from ..formulas.vectors import Vec
 
 
 def require_derivatives(method: Any, system: Any) -> None:
@@ -28,8 +28,9 @@ def require_derivatives(method: Any, system: Any) -> None:
         slope = derivative(lambda m: system.energy(m), mu, onward)
     except Exception as error:
         raise IncompatibleSystem(
-            f"{method!r} differentiates the Hamiltonian, and {name} does not bear it ({type(error).__name__}: {error}). Write its "
-            "energy with + - * / ** and the functions of liemech.native (sqrt, sin, exp, ...), or use RKMK with a gradient of yours"
+            f"{method!r} differentiates the Hamiltonian, and {name} does not bear it ({type(error).__name__}: {error}). Write "
+            "its energy with + - * / ** and functions of liemech.formulas (sqrt, sin, exp, ...), or use RKMK with a gradient of "
+            "yours"
         ) from error
     if not isinstance(energy, (int, float)):
         raise InvalidInput(f"{name}.energy must return a number; it returned {energy!r}")

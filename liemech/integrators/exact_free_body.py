@@ -29,13 +29,13 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..errors import IncompatibleSystem, NoConvergence
+from ..formulas import Mat, Record, Vec, cross, dot, mat, record, vec, vectors, where
+from ..formulas.pytree import fitted, layout_of
 from ..groups.product import ProductGroup
 from ..groups.rotation_coefficients import LIMIT, SINC, VERSINE, polynomial
 from ..groups.se3 import SE3, join
 from ..groups.so3 import SO3, plus
 from ..groups.vector_space import VectorSpace
-from ..native import Mat, Record, Vec, cross, dot, mat, record, vec, vectors, where
-from ..native.values import fitted, layout_of
 from ..retractions import Cayley
 from ..systems.kinetic_energy import KineticEnergy, times
 from ..systems.lie_poisson import BodyState

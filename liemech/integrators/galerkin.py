@@ -8,9 +8,9 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..errors import IncompatibleSystem, InvalidInput
+from ..formulas import Dual, Mat, Record, Vec, derivative, identity_matrix, mat, norm, plain, record, vec
+from ..formulas.dual import slopes, value_of
 from ..groups.lie_group import one_norm
-from ..native import Dual, Mat, Record, Vec, derivative, identity_matrix, mat, norm, plain, record, vec
-from ..native.dual import slopes, value_of
 from ..retractions import Exponential, Retraction
 from ..solvers import correction, fixed_point
 from ..systems.kinetic_energy import times

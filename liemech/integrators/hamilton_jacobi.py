@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 from ..errors import IncompatibleSystem, InvalidInput, InvalidType, NoConvergence
-from ..native import Vec, dot, plain, record, sqrt, vec
-from ..native.series import Series
+from ..formulas import Vec, dot, plain, record, sqrt, vec
+from ..formulas.series import Series
 from ..retractions import Exponential
 from ..solvers import LIMIT
 from ..systems.canonical import CanonicalState, HamiltonianSystem
@@ -71,7 +71,7 @@ class HamiltonJacobi(Method):
             if "Series" in str(error) or "Dual" in str(error):  # anything else the run will tell
                 raise IncompatibleSystem(
                     f"{self!r} expands the energy in power series, and the formulas of {system!r} do not allow it: {error}. "
-                    "Write them with + - * / ** and the functions of liemech.native (sin, exp, sqrt, ...); or write velocity and "
+                    "Write them with + - * / ** and the functions of liemech.formulas (sin, exp, sqrt, ...); or write velocity and "
                     "force too, and use a method that needs no more of them than values, such as RKMK."
                 ) from error
         except (ArithmeticError, ValueError):  # not in their domain

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from ..errors import NoConvergence, OutsideChart
-from ..native import Element, Record, Vec, record, sqrt
+from ..formulas import Element, Record, Vec, record, sqrt
 from ..solvers import LIMIT
 from ..systems.lie_poisson import BodyState
 from .method import Method

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 from ..errors import IncompatibleSystem, InvalidInput, InvalidType, NoConvergence
-from ..native import Mat, Record, Vec, dot, identity_matrix, jacobian, record
+from ..formulas import Mat, Record, Vec, dot, identity_matrix, jacobian, record
 from ..solvers import newton
 from ..systems.kinetic_energy import KineticEnergy
 from ..systems.lie_poisson import BodyState

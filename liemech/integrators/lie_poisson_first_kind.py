@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 from ..errors import InvalidInput, InvalidType
-from ..native import Mat, Vec, derivative, dot, horner, jacobian, norm, plain, record
+from ..formulas import Mat, Vec, derivative, dot, horner, jacobian, norm, plain, record
 from ..retractions import Exponential, Retraction
 from ..solvers import newton
 from ..systems.lie_poisson import BodyState

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 from ..errors import InvalidInput
+from ..formulas import Mat, Vec, derivative, dot, horner, identity_matrix, jacobian, mat, norm, plain, record, vec, vectors
 from ..groups.so3 import SO3Algebra
-from ..native import Mat, Vec, derivative, dot, horner, identity_matrix, jacobian, mat, norm, plain, record, vec, vectors
 from ..retractions import Exponential, Retraction
 from ..solvers import TOLERANCE, newton
 from ..systems.kinetic_energy import KineticEnergy

@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import cached_property
 from typing import ClassVar
 
-from ..native import record
+from ..formulas import record
 from ..retractions import Exponential, Retraction
 from ..tableaus.splittings import STRANG, SplittingTableau
 from .kick_drift import Splitting

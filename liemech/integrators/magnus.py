@@ -6,7 +6,7 @@ import math
 from typing import Any, ClassVar
 
 from ..errors import IncompatibleSystem, InvalidInput
-from ..native import Vec, record
+from ..formulas import Vec, record
 from ..retractions import Exponential
 from ..systems.system import System
 from .method import Method

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 from ..errors import IncompatibleSystem, InvalidType
-from ..native import Record, record
+from ..formulas import Record, record
 from ..retractions import Retraction
 from ..systems.system import State, System
 

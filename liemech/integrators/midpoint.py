@@ -6,8 +6,8 @@ import functools
 from typing import Any, ClassVar
 
 from ..errors import IncompatibleSystem, InvalidInput
+from ..formulas import Mat, Vec, cross, dot, jacobian, mat, norm, record, sqrt, transpose
 from ..groups.so3 import SO3, plus
-from ..native import Mat, Vec, cross, dot, jacobian, mat, norm, record, sqrt, transpose
 from ..retractions import Cayley
 from ..solvers import fixed_point, newton
 from ..systems.lie_poisson import BodyState, LiePoissonSystem

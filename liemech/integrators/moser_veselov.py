@@ -8,9 +8,9 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..errors import IncompatibleSystem, InconsistentState, InvalidInput, NoConvergence
+from ..formulas import Mat, Vec, cross, dot, norm, outer, record, sqrt, vec, vectors, where
 from ..groups.so3 import SO3, plus
 from ..models.rigid_body import RigidBody
-from ..native import Mat, Vec, cross, dot, norm, outer, record, sqrt, vec, vectors, where
 from ..retractions import Cayley
 from ..solvers import newton
 from ..systems.kinetic_energy import KineticEnergy

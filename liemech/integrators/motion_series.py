@@ -13,9 +13,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from ..formulas import Vec, vec
+from ..formulas.series import Series
 from ..groups.lie_group import BERNOULLI, LieGroup
-from ..native import Vec, vec
-from ..native.series import Series
 from ..retractions import Exponential, Retraction
 
 

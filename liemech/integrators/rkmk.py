@@ -6,8 +6,8 @@ import warnings
 from typing import Any
 
 from ..errors import InvalidInput, InvalidType, OrderWarning
+from ..formulas import Record, Vec, plain, record, sqrt, where
 from ..groups.lie_group import BERNOULLI, one_norm
-from ..native import Record, Vec, plain, record, sqrt, where
 from ..retractions import Exponential, Retraction
 from ..solvers import fixed_point
 from ..systems.system import System

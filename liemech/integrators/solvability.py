@@ -6,8 +6,8 @@ import math
 from collections.abc import Callable
 from typing import Any
 
+from ..formulas import Mat, Vec, acos, cos, dot, sqrt, vec, vectors, where
 from ..groups.so3 import SO3Algebra
-from ..native import Mat, Vec, acos, cos, dot, sqrt, vec, vectors, where
 from ..retractions import Cayley, CayleyAdjoint, Exponential, Retraction
 from ..solvers import TOLERANCE, correction
 from ..systems.kinetic_energy import KineticEnergy

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 from ..errors import IncompatibleSystem
-from ..native import Vec, cos, mat, record, sin, vec, vectors
+from ..formulas import Vec, cos, mat, record, sin, vec, vectors
 from ..systems.lie_poisson import BodyState
 from .method import Method
 from .moser_veselov import require_free_body

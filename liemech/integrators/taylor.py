@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from typing import Any
 
 from ..errors import InvalidInput
+from ..formulas import Dual, Vec, plain, record, sqrt, vec
+from ..formulas.series import Series
 from ..groups.lie_group import BERNOULLI
-from ..native import Dual, Vec, plain, record, sqrt, vec
-from ..native.series import Series
 from ..retractions import Cayley, Exponential, Retraction
 from ..systems.system import System
 from .method import Method

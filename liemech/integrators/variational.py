@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..native import Mat, Vec, dot, mat, norm, plain, record, vec, vectors
+from ..formulas import Mat, Vec, dot, mat, norm, plain, record, vec, vectors
 from ..retractions import Exponential, Retraction
 from ..solvers import newton
 from ..systems.lie_poisson import BodyState

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidInput
+from ..formulas import Element, Mat, Vec, cross, dot, record, sqrt, vec, vectors
 from ..groups.lie_group import LieGroup
 from ..groups.se3 import join
-from ..native import Element, Mat, Vec, cross, dot, record, sqrt, vec, vectors
 from ..systems.potential import Potential
 
 

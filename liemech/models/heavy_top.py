@@ -7,8 +7,8 @@ from dataclasses import field
 import numpy as np
 
 from ..errors import InvalidInput
+from ..formulas import Mat, Vec, dot, record, sqrt, vec
 from ..groups.se3 import SE3, halves, join
-from ..native import Mat, Vec, dot, record, sqrt, vec
 from ..systems.hamiltonian import Hamiltonian
 from ..systems.kinetic_energy import KineticEnergy
 from ..systems.lie_poisson import BodyState, LiePoissonSystem

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from ..native import Vec, record, vec
+from ..formulas import Vec, record, vec
 from ..systems.canonical import HamiltonianSystem
 
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidInput
-from ..native import Mat, Vec, check_finite, real_array
+from ..formulas import Mat, Vec, check_finite, real_array
 
 SYMMETRY = 1e-12
 """An inertia matrix less symmetric than this, relative to its size, is a mistake and not a rounding error."""

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..errors import InvalidInput, InvalidType
-from ..native import Vec, dot, norm, real_array, record, vec
+from ..formulas import Vec, dot, norm, real_array, record, vec
 from ..systems.canonical import CanonicalState, HamiltonianSystem
 from .pendulums import check_positive
 

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidInput
+from ..formulas import Mat, Vec, real_array, record
 from ..groups.se3 import SE3
-from ..native import Mat, Vec, real_array, record
 from ..systems.kinetic_energy import KineticEnergy
 from ..systems.lie_poisson import LiePoissonSystem
 from .inertia import checked_inertia

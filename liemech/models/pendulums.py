@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..errors import InvalidInput
-from ..native import Vec, cos, record, sin, vec
+from ..formulas import Vec, cos, record, sin, vec
 from ..systems.canonical import HamiltonianSystem
 
 

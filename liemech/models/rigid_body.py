@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from ..errors import InertiaWarning, InvalidInput, InvalidType
+from ..formulas import Mat, Vec, real_array, record
 from ..groups.so3 import SO3
-from ..native import Mat, Vec, real_array, record
 from ..systems.kinetic_energy import KineticEnergy
 from ..systems.lie_poisson import BodyState, LiePoissonSystem
 from .inertia import checked_inertia

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidInput
+from ..formulas import Mat, Vec, real_array, record
 from ..groups.product import ProductGroup
 from ..groups.so3 import SO3
 from ..groups.vector_space import VectorSpace
-from ..native import Mat, Vec, real_array, record
 from ..systems.kinetic_energy import KineticEnergy
 from ..systems.lie_poisson import BodyState, LiePoissonSystem
 from ..systems.mechanical import MechanicalSystem

@@ -8,8 +8,8 @@ from typing import Any, ClassVar, final
 import numpy as np
 
 from ..errors import InvalidInput
+from ..formulas import Vec, gradient, record, vec
 from ..groups.vector_space import VectorSpace
-from ..native import Vec, gradient, record, vec
 from ..retractions import Retraction
 from .system import State, System, frozen, points
 

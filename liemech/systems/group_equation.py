@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any, ClassVar, final
 
+from ..formulas import Element, Vec, record
 from ..groups.lie_group import LieGroup
-from ..native import Element, Vec, record
 from ..retractions import Retraction
 from .system import State, System, frozen, members_of
 

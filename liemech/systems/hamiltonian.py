@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..native import Record, Vec, gradient, record
+from ..formulas import Record, Vec, gradient, record
 
 
 @record

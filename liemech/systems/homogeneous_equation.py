@@ -7,9 +7,9 @@ from typing import Any, ClassVar, final
 import numpy as np
 
 from ..errors import InvalidInput
+from ..formulas import Vec, record, vec
 from ..groups.actions import GroupAction
 from ..groups.lie_group import LieGroup
-from ..native import Vec, record, vec
 from ..retractions import Retraction
 from .system import State, System, frozen, points
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..native import Mat, Vec, dot, record, vectors
+from ..formulas import Mat, Vec, dot, record, vectors
 from .hamiltonian import Hamiltonian
 from .lagrangian import Lagrangian
 

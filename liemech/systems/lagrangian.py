@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..native import Mat, Record, Vec, gradient, jacobian, record
+from ..formulas import Mat, Record, Vec, gradient, jacobian, record
 
 
 @record

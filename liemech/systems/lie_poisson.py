@@ -7,8 +7,8 @@ from typing import Any, final
 import numpy as np
 
 from ..errors import InvalidInput, InvalidType
+from ..formulas import Element, Vec, record, vec
 from ..groups.lie_group import LieGroup
-from ..native import Element, Vec, record, vec
 from ..retractions import Retraction
 from .hamiltonian import Hamiltonian
 from .lagrangian import Lagrangian

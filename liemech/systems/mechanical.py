@@ -9,10 +9,10 @@ from typing import Any, final
 import numpy as np
 
 from ..errors import InvalidInput, InvalidType
+from ..formulas import Element, Vec, record, vec
 from ..groups.coadjoint import CoadjointAction
 from ..groups.lie_group import LieGroup
 from ..groups.semidirect import SemidirectProduct
-from ..native import Element, Vec, record, vec
 from ..retractions import Retraction
 from .lie_poisson import BodyState, LiePoissonSystem, body_state
 from .potential import Force, Potential

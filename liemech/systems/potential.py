@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from ..formulas import Element, Record, Vec, gradient, record, vec
 from ..groups.lie_group import LieGroup
-from ..native import Element, Record, Vec, gradient, record, vec
 
 
 @record

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any, ClassVar, final
 import numpy as np
 
 from ..errors import InvalidInput
+from ..formulas import Record, Vec, check_finite, real_array, record
+from ..formulas.broadcasting import small
 from ..groups.lie_group import LieGroup
-from ..native import Record, Vec, check_finite, real_array, record
-from ..native.border import small
 from ..retractions import Retraction
 
 

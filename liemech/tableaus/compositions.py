@@ -16,7 +16,7 @@ from functools import cached_property
 from typing import Any
 
 from ..errors import InvalidInput, InvalidType, LawViolation
-from ..native import Record, record
+from ..formulas import Record, record
 from .trees import Row
 
 Word = tuple[int, ...]  # the degrees of its letters

@@ -18,7 +18,7 @@ from collections.abc import Callable
 from functools import cached_property
 
 from ..errors import InvalidType, LawViolation
-from ..native import Record, record
+from ..formulas import Record, record
 from .trees import Row
 
 Rows = tuple[Row, ...]

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidInput, InvalidType, LawViolation
-from ..native import Record, record
+from ..formulas import Record, record
 from .trees import Row
 
 _CLOSE = 64.0 * sys.float_info.epsilon

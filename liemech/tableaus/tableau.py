@@ -9,7 +9,7 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from ..errors import InvalidInput, InvalidType, LawViolation
-from ..native import Record, record
+from ..formulas import Record, record
 from .trees import MOST, ElementaryWeights, Row, density, nodes, order_by_trees, order_of, simplifying_assumptions, text, trees
 
 _CLOSE = 32.0 * sys.float_info.epsilon

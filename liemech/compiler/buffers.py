@@ -1,0 +1,118 @@
+"""Arrays and arguments as native code sees them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from llvmlite import ir
+
+from ..formulas.pytree import Layout, build, layout_of, leaves
+from .ir_numbers import F64, I32, I64, Emitter
+
+
+class Array:
+    """An array of float64 with numbers for each body; where they lie, subclasses know."""
+
+    body: Any = None  # the first of those that run together
+
+    def __init__(self, emitter: Emitter, pointer: ir.Value, step: ir.Value) -> None:
+        self.emitter, self.pointer, self.step = emitter, pointer, step
+
+    def load(self, at: Any) -> Any:
+        """Number `at` of the bodies that run together."""
+        raise NotImplementedError
+
+    def store(self, at: Any, x: Any) -> None:
+        """Set number `at` of the bodies that run together."""
+        raise NotImplementedError
+
+    def read(self, start: Any, layout: Layout) -> Any:
+        return build(layout, iter([self.load(start + i) for i in range(layout.width)]))
+
+    def write(self, start: Any, value: Any) -> None:
+        for i, x in enumerate(leaves(value, layout_of(value))):
+            self.store(start + i, x)
+
+
+class Columns(Array):
+    """A column for each body, neighbours side by side: number k of body i lies at k * bodies + i."""
+
+    def address(self, at: Any, register: int = 0) -> ir.Value:
+        e, b = self.emitter, self.emitter.builder
+        row = b.mul(e.cast(at, "i", False)[0], self.step)
+        column = b.add(self.body, ir.Constant(I64, register * e.width))
+        place = b.gep(self.pointer, [b.add(row, column)], source_etype=F64)
+        return place if e.lanes == 1 else b.bitcast(place, e.type("f", True).as_pointer())
+
+    def load(self, at: Any) -> Any:
+        e, varying = self.emitter, self.emitter.lanes > 1
+        places = [self.address(at, r) for r in range(e.registers(varying))]
+        return e.num([e.builder.load(place, align=8, typ=e.type("f", varying)) for place in places])
+
+    def store(self, at: Any, x: Any) -> None:
+        e = self.emitter
+        for r, v in enumerate(e.cast(x, "f", e.lanes > 1)):
+            e.builder.store(v, self.address(at, r), align=8)
+
+
+class Rows(Array):
+    """A row for each body, as the caller has it: number k of body i lies at i * step + k."""
+
+    def addresses(self, at: Any) -> list[ir.Value]:
+        """Where number `at` of each body lies."""
+        e, b = self.emitter, self.emitter.builder
+        first = b.add(b.mul(self.body, self.step), e.cast(at, "i", False)[0])
+        places = [first]
+        while len(places) < e.lanes:
+            places.append(b.add(places[-1], self.step))
+        return [b.gep(self.pointer, [place], source_etype=F64) for place in places]
+
+    def load(self, at: Any) -> Any:
+        e, b = self.emitter, self.emitter.builder
+        values = [b.load(place, align=8, typ=F64) for place in self.addresses(at)]
+        if e.lanes == 1:
+            return e.num(values)
+        registers = []
+        for r in range(0, e.lanes, e.width):
+            register: ir.Value = ir.Constant(e.type("f", True), ir.Undefined)
+            for lane, value in enumerate(values[r : r + e.width]):
+                register = b.insert_element(register, value, ir.Constant(I32, lane))
+            registers.append(register)
+        return e.num(registers)
+
+    def store(self, at: Any, x: Any) -> None:
+        e, b = self.emitter, self.emitter.builder
+        values = e.cast(x, "f", e.lanes > 1)
+        for lane, place in enumerate(self.addresses(at)):
+            value = values[lane // e.width]
+            b.store(b.extract_element(value, ir.Constant(I32, lane % e.width)) if e.lanes > 1 else value, place, align=8)
+
+
+def arguments(emitter: Emitter, kinds: Any, function: ir.Function) -> list[Any]:
+    """The driver's arguments: numbers loaded from their buffer, arrays with their columns or rows."""
+    b = emitter.builder
+    numbers, integers, arrays, bodies, _, _ = function.args
+    if emitter.lanes == 1:
+        bodies = ir.Constant(I64, 1)
+    counts = {"number": 0, "integer": 0, "array": 0}
+
+    def load(buffer: ir.Value, kind: str, type_: ir.Type) -> ir.Value:
+        place = b.gep(buffer, [ir.Constant(I64, counts[kind])], source_etype=type_)
+        counts[kind] += 1
+        return b.load(place, typ=type_)
+
+    def floats() -> Any:
+        while True:
+            yield emitter.num([load(numbers, "number", F64)])
+
+    args: list[Any] = []
+    for kind in kinds:
+        if isinstance(kind, Layout):
+            args.append(build(kind, floats()))
+        elif kind == "integer":
+            args.append(emitter.num([load(integers, "integer", I64)]))
+        elif kind == "rows":
+            args.append(Rows(emitter, load(arrays, "array", F64.as_pointer()), load(integers, "integer", I64)))
+        else:
+            args.append(Columns(emitter, load(arrays, "array", F64.as_pointer()), bodies))
+    return args

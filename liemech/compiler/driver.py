@@ -1,0 +1,74 @@
+"""What a driver, the loop that Python starts, needs beyond formulas; in plain Python and, by the compiler, in native code.
+
+A driver is a plain function of values, integers and arrays of float64.  It reads a state out of an array, marches and writes
+results into arrays.  Compiled for an ensemble it does so for several bodies at once, each with its own column of every array.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from ..formulas.pytree import Layout, build, is_any_number, layout_of, leaves
+from ..formulas.vectors import Vec
+
+
+class Rejected:
+    """What an attempted step gives in plain Python when it raises."""
+
+
+REJECTED = Rejected()
+
+
+def read(array: np.ndarray, start: int, layout: Layout) -> Any:
+    """The value of this layout that lies at `array[start:]`."""
+    return build(layout, iter(array[start : start + layout.width].tolist()))
+
+
+def write(array: np.ndarray, start: int, value: Any, layout: Layout | None = None) -> None:
+    """Lay the numbers of a value, which may be known to have this layout, down at `array[start:]`."""
+    for i, x in enumerate(leaves(value, layout or layout_of(value))):
+        array[start + i] = x
+
+
+def numbers(value: Any) -> Vec:
+    """All numbers of a value, integers too, in order."""
+    return Vec.of(leaves(value, layout_of(value, is_any_number)))
+
+
+def attempt(function: Callable[..., Any], *args: Any) -> Any:
+    """`function(*args)`, where formulas may raise; ask `accepted` before using the result."""
+    try:
+        return function(*args)
+    except Exception:  # run again outside, the call raises it once more
+        return REJECTED
+
+
+def accepted(value: Any, shown: Callable[[Any], Any], layout: Layout | None = None) -> bool:
+    """Did the attempt go through, and is what it shows finite?  Told, as in native code, from the sum of its numbers."""
+    if value is REJECTED:
+        return False
+    part = shown(value)
+    return math.isfinite(pairwise_sum(list(leaves(part, layout or layout_of(part)))))
+
+
+def pairwise_sum(terms: list[Any]) -> Any:
+    """The sum of neighbours, of their sums and so on: no long chain of additions that wait for each other."""
+    if not terms:
+        return 0.0
+    while len(terms) > 1:
+        terms = [a + b for a, b in zip(terms[::2], terms[1::2], strict=False)] + terms[len(terms) & ~1 :]
+    return terms[0]
+
+
+def itself(value: Any) -> Any:
+    """The whole value, for `accepted`."""
+    return value
+
+
+def any_body(condition: bool) -> bool:
+    """Does the condition hold for any of the bodies that run together?"""
+    return condition

@@ -1,0 +1,225 @@
+"""Joins: how the variables of a formula come together where ways of control meet, for one body or for many in lanes.
+
+In an ensemble a condition may differ from lane to lane; then both ways run under a mask.  Values in lanes that a piece of code
+does not run for are arbitrary: whoever joins two pieces picks lane by lane.
+"""
+
+from __future__ import annotations
+
+import ast
+import dataclasses
+from collections.abc import Callable, Iterable
+from typing import Any
+
+from llvmlite import ir
+
+from ..formulas.pytree import PAIRS, build, is_any_number, layout_of, leaves
+from ..formulas.vectors import Mat, Vec
+from .ir_numbers import Emitter, Num, Values
+from .source import Source
+
+LIVE = "<live>"  # lanes still running at this point, where some have left (absent: all for which the code was entered)
+BROKEN = "<broken>"  # lanes that left the present loop by `break`
+CONTINUED = "<continued>"  # lanes that left the present turn of a written-out loop by `continue`
+LEFT = (BROKEN, CONTINUED)
+RETURN = "<return>"  # what lanes that have left the call return
+NOBODY = "no lane is running"  # value of LIVE when every lane has left
+
+Env = dict[str, Any]
+
+
+class Undefined:
+    """A variable without a value at this point, and why."""
+
+    def __init__(self, reason: str) -> None:
+        self.reason = reason
+
+
+class Retype(Exception):
+    """A loop turns out to need another type for a number it carries (an int becomes a float), or a mask."""
+
+    def __init__(self, number: int | None, kind: str = "b", varying: bool = False) -> None:
+        self.number, self.type = number, (kind, varying)
+
+
+@dataclasses.dataclass
+class Open:
+    """A place where control is still to be led on, and the variables there."""
+
+    block: ir.Block
+    env: Env
+    end: Callable[[ir.Block], Any] | None = None  # emits the terminator, given the block to go to
+
+
+@dataclasses.dataclass
+class Loop:
+    """The loop being translated: where `break` and `continue` go."""
+
+    dynamic: bool
+    depth: int
+    masked: bool = False
+    breaks: list[Open] = dataclasses.field(default_factory=list)
+    continues: list[Open] = dataclasses.field(default_factory=list)
+
+
+@dataclasses.dataclass
+class Frame:
+    """One call being inlined."""
+
+    source: Source
+    env: Env
+    returns: list[Open] = dataclasses.field(default_factory=list)
+    loops: list[Loop] = dataclasses.field(default_factory=list)
+    node: ast.AST | None = None
+
+
+class Joins:
+    """The state of a translation, and the meeting of ways; what statements mean is the business of those who build on it."""
+
+    def __init__(self, emitter: Emitter) -> None:
+        self.emitter, self.builder = emitter, emitter.builder
+        self.frames: list[Frame] = []
+        self.base: Any = None  # lanes for which the present code was entered (None: all)
+        self.depth = 0  # enclosing conditions of the present call that differ between lanes
+        self.escapes: list[list[Open]] = []  # where control goes when a formula raises
+        self.failed: Any = None  # where a formula that raises says so
+        self.raises = 0  # places so far that do
+
+    def block(self, statements: list[ast.stmt], env: Env) -> bool:
+        raise NotImplementedError
+
+    # -------------------------------------------------------------- values
+
+    def blend(self, mask: Any, new: Any, old: Any) -> Any:
+        """`new` in the lanes of the mask, `old` elsewhere, number by number."""
+        if isinstance(mask, bool):
+            return new if mask else old
+        return self._numberwise([new, old], lambda x, y: self.emitter.select(mask, x, y))
+
+    def blank(self, value: Any) -> Any:
+        """A value of the same structure whose numbers are arbitrary."""
+        e = self.emitter
+
+        def arbitrary(x: Any) -> Num:
+            x = e.lift(x)
+            return e.each(lambda v: ir.Constant(v.type, ir.Undefined), x.values)
+
+        return self._numberwise([value], arbitrary)
+
+    def _numberwise(self, items: list[Any], combine: Callable[..., Any]) -> Any:
+        """Combine values of one structure number by number; numbers that agree stay as they are."""
+        if len(items) > 1 and all(v is items[0] for v in items):
+            return items[0]
+        for v in items:
+            if isinstance(v, Undefined):
+                return v
+        layouts = [layout_of(v, is_any_number) for v in items]
+        if any(layout != layouts[0] for layout in layouts):
+            items = leveled(items)
+            layouts = [layout_of(v, is_any_number) for v in items]
+        if any(layout != layouts[0] for layout in layouts):
+            shapes = " and ".join(dict.fromkeys(map(repr, layouts)))
+            return Undefined(f"it is one thing on one way and another on the other: {shapes}")
+        rows = zip(*(leaves(v, layouts[0]) for v in items), strict=True)
+        return build(layouts[0], iter([row[0] if len(row) > 1 and _alike(row) else combine(*row) for row in rows]))
+
+    def active(self, env: Env) -> Any:
+        """The mask of lanes running here; None for all."""
+        live = env.get(LIVE)
+        return self.emitter.constant(False, "b", True) if live is NOBODY else self.base if live is None else live
+
+    def everyone(self, mask: Any) -> Any:
+        return True if mask is None else mask
+
+    # -------------------------------------------------------------- joins
+
+    def join(self, opens: list[Open], env: Env, into: ir.Block | None = None) -> bool:
+        """Lead control from all open places to one, leaving there in `env` what the variables may be; False if none is open."""
+        if not opens:
+            return False
+        if len(opens) == 1 and into is None and opens[0].end is None:
+            self.builder.position_at_end(opens[0].block)
+            replace(env, opens[0].env)
+            return True
+        into = into or self.builder.append_basic_block()
+        self._align_masks(opens)
+        merged: Env = {}
+        for name in opens[0].env:
+            if all(name in o.env for o in opens):
+                items = [o.env[name] for o in opens]
+                merged[name] = items[0] if len(items) == 1 else self._numberwise(
+                    items, lambda *numbers: self._phi(into, [o.block for o in opens], numbers)
+                )
+        for o in opens:
+            self.builder.position_at_end(o.block)
+            (o.end or self.builder.branch)(into)
+        self.builder.position_at_end(into)
+        replace(env, merged)
+        return True
+
+    def _phi(self, into: ir.Block, blocks: list[ir.Block], numbers: Iterable[Any]) -> Num:
+        lifted = [self.emitter.lift(x) for x in numbers]
+        kind = max((x.kind for x in lifted), key="bif".index)
+        varying = any(x.varying for x in lifted)
+        incoming = []
+        for block, x in zip(blocks, lifted, strict=True):
+            self.builder.position_at_end(block)
+            incoming.append((self.emitter.cast(x, kind, varying), block))
+        self.builder.position_at_end(into)
+        phi = self.phi(kind, varying)
+        for values, block in incoming:
+            come_from(phi, values, block)
+        return phi
+
+    def phi(self, kind: str, varying: bool) -> Num:
+        """A number whose value depends on where control comes from; `come_from` says how."""
+        e = self.emitter
+        return e.num([self.builder.phi(e.type(kind, varying)) for _ in range(e.registers(varying))])
+
+    def _align_masks(self, opens: list[Open]) -> None:
+        """Give every open place the masks that any of them has."""
+        if any(LIVE in o.env for o in opens) and not all(o.env.get(LIVE) is NOBODY for o in opens):
+            for o in opens:
+                mask = self.active(o.env)
+                o.env[LIVE] = self.emitter.constant(True, "b", True) if mask is None else mask
+        for name in LEFT:
+            if any(name in o.env for o in opens):
+                for o in opens:
+                    o.env.setdefault(name, False)
+        returned = next((o.env[RETURN] for o in opens if RETURN in o.env), None)
+        if returned is not None:
+            for o in opens:
+                o.env.setdefault(RETURN, self.blank(returned))
+
+
+def leveled(items: list[Any]) -> list[Any]:
+    """The same values, a number made a pair (of derivative, of imaginary part, zero) where it meets one."""
+    makers: dict[Any, Any] = {Vec: lambda v: Vec(*v), Mat: lambda v: Mat(*v), tuple: tuple, list: list}
+    kind = type(items[0])
+    if kind in makers and all(type(v) is kind for v in items) and len({len(v) for v in items}) == 1:
+        return [makers[kind](v) for v in zip(*map(leveled, map(list, zip(*items, strict=True))), strict=True)]
+    pairs = {type(v) for v in items if isinstance(v, PAIRS)}
+    if len(pairs) == 1:
+        (pair,) = pairs
+        if all(isinstance(v, pair) or is_any_number(v) for v in items):
+            parts = zip(*(v.parts if isinstance(v, pair) else (v, 0.0) for v in items), strict=True)
+            return [pair(*p) for p in zip(*map(leveled, map(list, parts)), strict=True)]
+    return items
+
+
+def come_from(phi: Num, values: Values, block: ir.Block) -> None:
+    """Let a phi have these values when control comes from this block."""
+    for register, value in zip(phi.values, values, strict=True):
+        register.add_incoming(value, block)
+
+
+def _alike(numbers: tuple[Any, ...]) -> bool:
+    first = numbers[0]
+    return all(x is first or (type(x) is type(first) and not isinstance(x, Num) and repr(x) == repr(first)) for x in numbers)
+
+
+def replace(env: Env, new: Env) -> None:
+    if new is not env:
+        new = dict(new)
+        env.clear()
+        env.update(new)

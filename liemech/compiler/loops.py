@@ -1,0 +1,213 @@
+"""Loops: written out where the number of turns is known, else loops of native code with the variables they carry.
+
+In lanes `break` switches a lane off until the loop ends, and the loop ends when no lane is active.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Callable, Iterable
+from typing import Any
+
+from ..errors import NotCompilable
+from ..formulas.pytree import build, is_any_number, layout_of, leaves
+from .branches import Branches
+from .ir_numbers import Num
+from .joins import BROKEN, CONTINUED, LEFT, LIVE, NOBODY, Env, Loop, Open, Retype, Undefined, come_from
+
+UNROLL = 32  # a static loop with more turns than this stays a loop
+
+
+class Loops(Branches):
+    """`for` and `while`, `break` and `continue`."""
+
+    def leave(self, loop: Loop, how: str, env: Env) -> bool:
+        """`break` or `continue`: control goes elsewhere, or the lanes running here are switched off."""
+        places = {"break": loop.breaks, "continue": loop.continues}[how]
+        if self.depth == loop.depth and not loop.masked and LIVE not in env:
+            places.append(Open(self.builder.block, dict(env)))
+            return False
+        if loop.dynamic and not loop.masked:
+            raise Retype(None)
+        if how == "break" or not loop.dynamic:  # a dynamic loop takes those up again that are not broken
+            name = BROKEN if how == "break" else CONTINUED
+            env[name] = self.emitter.logic("or_", env.get(name, False), self.everyone(self.active(env)))
+        env[LIVE] = NOBODY
+        return True
+
+    def written_out(self, turns: Iterable[Callable[[Env], Any]], body: list[ast.stmt], env: Env) -> bool:
+        """A loop with a static number of turns; each first sets its variables, or ends the loop by returning False."""
+        loop = Loop(dynamic=False, depth=self.depth)
+        loops, outer = self.frames[-1].loops, {name: env.pop(name) for name in LEFT if name in env}
+        loops.append(loop)
+        alive = True
+        for begin in turns:
+            if begin(env) is False:
+                break
+            alive = self.block(body, env)
+            opens = loop.continues + ([Open(self.builder.block, dict(env))] if alive else [])
+            loop.continues = []
+            alive = self.join(opens, env)
+            self._take_up(CONTINUED, env)
+            if not alive or env.get(LIVE) is NOBODY:
+                break
+        loops.pop()
+        self._take_up(BROKEN, env)
+        alive = self.join(loop.breaks + ([Open(self.builder.block, dict(env))] if alive else []), env)
+        env |= outer
+        return alive
+
+    def _take_up(self, name: str, env: Env) -> None:
+        """Lanes that left the turn or the loop run again."""
+        lanes = env.pop(name, False)
+        if lanes is not False and LIVE in env:
+            env[LIVE] = lanes if env[LIVE] is NOBODY else self.emitter.logic("or_", lanes, env[LIVE])
+
+    def loop(
+        self,
+        test: Callable[[Env], Any],
+        step: Callable[[Env], None],
+        body: list[ast.stmt],
+        env: Env,
+        counters: tuple[str, ...] = (),
+    ) -> bool:
+        """A loop whose number of turns is known at run time only; `test` sees the variables at its head, `step` at its end."""
+        for name in {*_assigned(body), *counters} & env.keys():
+            if isinstance(env[name], Undefined):
+                del env[name]
+        carried = sorted({*_assigned(body), *counters} & env.keys())
+        types: dict[int, tuple[str, bool]] = {}
+        masked = False
+        while True:
+            forget = self.mark()
+            try:
+                return self._loop(test, step, body, env, carried, types, masked)
+            except Retype as wanted:
+                forget()
+                if wanted.number is None:
+                    masked = True
+                else:
+                    types[wanted.number] = wanted.type
+
+    def mark(self) -> Callable[[], None]:
+        """A way back to this point: undoes everything emitted since, so that it can be translated in another way."""
+        b, function, frame = self.builder, self.builder.function, self.frames[-1]
+        block, instructions, blocks = b.block, len(b.block.instructions), len(function.blocks)
+        lists: list[list[Any]] = [self.frames, frame.loops, frame.returns, self.escapes, *self.escapes]
+        lengths = [len(items) for items in lists]
+        state = self.base, self.depth, frame.env, frame.node
+
+        def forget() -> None:
+            for items, length in zip(lists, lengths, strict=True):
+                del items[length:]
+            del function.blocks[blocks:], block.instructions[instructions:]
+            block.terminator = None
+            self.base, self.depth, frame.env, frame.node = state
+            b.position_at_end(block)
+
+        return forget
+
+    def _loop(
+        self,
+        test: Callable[[Env], Any],
+        step: Callable[[Env], None],
+        body: list[ast.stmt],
+        env: Env,
+        carried: list[str],
+        types: dict[int, tuple[str, bool]],
+        masked: bool,
+    ) -> bool:
+        e, b, frame = self.emitter, self.builder, self.frames[-1]
+        before, head, outer = b.block, b.append_basic_block(), self.base
+        here = self.active(env)
+        layouts = {name: layout_of(env[name], is_any_number) for name in carried}
+        phis: list[Num] = []
+
+        def entering(x: Any) -> Num:
+            x = e.lift(x)
+            kind, varying = types.get(len(phis), (x.kind, x.varying))
+            b.position_at_end(before)
+            value = e.cast(x, kind, varying)
+            b.position_at_end(head)
+            phis.append(self.phi(kind, varying))
+            come_from(phis[-1], value, before)
+            return phis[-1]
+
+        masks = {n: v for n, v in env.items() if n in (LIVE, *LEFT)}
+        at_head = {n: v for n, v in env.items() if n not in masks}
+        for name in carried:
+            at_head[name] = build(layouts[name], iter([entering(x) for x in leaves(env[name], layouts[name])]))
+        active: Any = None
+        if masked:
+            active = entering(e.constant(True, "b", True) if here is None else here)
+            phis.pop()
+        b.position_at_end(before)
+        b.branch(head)
+        b.position_at_end(head)
+
+        self.base, frame.env = active if masked else here, at_head
+        wanted = test(at_head)
+        if isinstance(wanted, Num) and wanted.varying and not masked:
+            raise Retype(None)
+        lanes = e.logic("and_", active, wanted) if masked else here
+        go_on = e.any(lanes) if masked else wanted
+        head_end, start = b.block, b.append_basic_block()
+        b.position_at_end(start)
+        inside = dict(at_head)
+        loop, raises = Loop(True, self.depth, masked), self.raises
+        frame.loops.append(loop)
+        self.base = lanes
+        alive = self.block(body, inside)
+        frame.loops.pop()
+        if self.join(loop.continues + ([Open(b.block, inside)] if alive else []), inside):
+            step(inside)
+            index = 0
+            for name in carried:
+                new, old = inside[name], at_head[name]
+                layout = layout_of(new, is_any_number)
+                if isinstance(new, Undefined) or layout != layouts[name]:
+                    what = new.reason if isinstance(new, Undefined) else f"from {layouts[name]} to {layout}"
+                    raise NotCompilable(f"`{name}` changes its structure in the loop: {what}")
+                for x, y in zip(leaves(new, layout), leaves(old, layout), strict=True):
+                    phi = phis[index]
+                    leaf = e.lift(x if not masked or x is y else e.select(lanes, x, y))
+                    kind = max(leaf.kind, phi.kind, key="bif".index)
+                    varying = leaf.varying or phi.varying
+                    if (kind, varying) != (phi.kind, phi.varying):
+                        raise Retype(index, kind, varying)
+                    come_from(phi, e.cast(leaf, kind, varying), b.block)
+                    index += 1
+            if masked:
+                broken = inside.get(BROKEN, False)
+                if self.raises > raises:  # a lane that has failed holds anything, and might never end
+                    broken = e.logic("or_", broken, e.load(self.failed))
+                come_from(active, e.cast(e.logic("and_", lanes, e.negation(broken)), "b", True), b.block)
+            b.branch(head)
+        self.base = outer
+        exits = list(loop.breaks)
+        local = _assigned(body) - env.keys()
+        b.position_at_end(head_end)
+        if isinstance(go_on, Num):
+            exits.insert(0, Open(head_end, at_head, lambda into: b.cbranch(go_on.value, start, into)))
+        else:
+            b.branch(start)
+        if not exits:
+            raise NotCompilable("the loop never ends: no `break` is reached")
+        for o in exits:
+            for name in (LIVE, *LEFT):
+                o.env.pop(name, None)
+        self.join(exits, env, b.append_basic_block() if len(exits) == 1 else None)
+        env |= masks
+        for name in local:
+            env[name] = Undefined("it gets one inside the loop only, which may have no turn: give it a value before")
+        return True
+
+
+def _assigned(body: list[ast.stmt]) -> set[str]:
+    """The names that these statements may change."""
+    nodes = [n for statement in body for n in ast.walk(statement)]
+    inner = {id(n) for c in nodes if isinstance(c, ast.comprehension) for n in ast.walk(c.target)}
+    names = {n.id for n in nodes if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store) and id(n) not in inner}
+    return names | {
+        n.value.id for n in nodes if isinstance(n, ast.Subscript) and isinstance(n.ctx, ast.Store) and isinstance(n.value, ast.Name)
+    }

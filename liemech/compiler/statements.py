@@ -1,0 +1,207 @@
+"""Statements of formulas."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Callable
+from typing import Any
+
+from ..errors import NotCompilable
+from .expressions import Expressions
+from .ir_numbers import Num
+from .joins import LIVE, NOBODY, RETURN, Env, Open, Retype
+from .loops import UNROLL
+
+
+class Statements(Expressions):
+    """What a statement does to the variables, and whether control goes on behind it."""
+
+    def block(self, statements: list[ast.stmt], env: Env) -> bool:
+        """Translate statements; False if control never comes to their end."""
+        frame = self.frames[-1]
+        for i, node in enumerate(statements):
+            frame.node, frame.env = node, env
+            rest = statements[i + 1 :]
+            if isinstance(node, ast.If) and rest and not node.orelse and _leaves(node.body):
+                test = self.truth(self.expression(node.test, env))
+                if isinstance(test, Num):  # what follows runs only where the branch was not taken
+                    return self.branch(test, node.body, rest, env) and self.running(env)
+                if test:
+                    return self.block(node.body, env)
+                continue
+            if not self.statement(node, env):
+                return False
+            if env.get(LIVE) is NOBODY:
+                return self.running(env)
+        return True
+
+    def running(self, env: Env) -> bool:
+        """True, unless every lane has returned from the call and it can end here."""
+        frame = self.frames[-1]
+        if env.get(LIVE) is not NOBODY or self.depth or frame.loops:
+            return True
+        frame.returns.append(Open(self.builder.block, {RETURN: env.get(RETURN)}))
+        return False
+
+    def statement(self, node: ast.stmt, env: Env) -> bool:
+        match node:
+            case ast.Return():
+                return self.returned(self.expression(node.value, env) if node.value else None, env)
+            case ast.Assign():
+                value = self.expression(node.value, env)
+                for target in node.targets:
+                    self.assign(target, value, env)
+            case ast.AnnAssign():
+                if node.value:
+                    self.assign(node.target, self.expression(node.value, env), env)
+            case ast.AugAssign():
+                old = self.expression(ast.parse(ast.unparse(node.target), mode="eval").body, env)
+                if isinstance(old, list):
+                    self.unshared(old, node.target, env)
+                self.assign(node.target, self.operate(node, old, self.expression(node.value, env)), env)
+            case ast.Expr():
+                self.expression(node.value, env)
+            case ast.If():
+                test = self.truth(self.expression(node.test, env))
+                if isinstance(test, Num):
+                    return self.branch(test, node.body, node.orelse, env)
+                return self.block(node.body if test else node.orelse, env)
+            case ast.While():
+                return self.while_loop(node, env)
+            case ast.For():
+                return self.for_loop(node, env)
+            case ast.Break():
+                return self.leave(self.frames[-1].loops[-1], "break", env)
+            case ast.Continue():
+                return self.leave(self.frames[-1].loops[-1], "continue", env)
+            case ast.Raise():
+                return self.raised(env)
+            case ast.Pass():
+                pass
+            case _:
+                raise NotCompilable(f"`{ast.unparse(node).splitlines()[0]}`: this statement has no place in a formula")
+        return True
+
+    def assign(self, target: ast.expr, value: Any, env: Env) -> None:
+        match target:
+            case ast.Name(id=name):
+                if isinstance(env.get(LIVE), Num) and name in env:  # lanes that have left keep what they had
+                    value = self.blend(env[LIVE], value, env[name])
+                env[name] = value
+            case ast.Tuple(elts=targets) | ast.List(elts=targets):
+                items = list(value)
+                if len(items) != len(targets):
+                    raise NotCompilable(f"{len(items)} values are assigned to {len(targets)} names")
+                for t, v in zip(targets, items, strict=True):
+                    self.assign(t, v, env)
+            case ast.Subscript(value=ast.Name(id=name)) if isinstance(env.get(name), list):
+                self.unshared(env[name], target.value, env)
+                changed = list(env[name])
+                changed[self.expression(target.slice, env)] = value
+                self.assign(target.value, changed, env)
+            case _:
+                raise NotCompilable(f"`{ast.unparse(target)} = ...`: formulas do not change objects in place")
+
+    def unshared(self, items: list[Any], name: ast.expr, env: Env) -> None:
+        """Python would change the list under its other names too; lists of the compiler are values."""
+        elsewhere = [v for frame in self.frames[:-1] for v in frame.env.values()]
+        elsewhere += [v for n, v in env.items() if not (isinstance(name, ast.Name) and n == name.id)]
+        if any(_holds(v, items) for v in elsewhere):
+            it = ast.unparse(name)
+            raise NotCompilable(f"`{it}` is changed in place and has another name: change a copy, `[*{it}]`")
+
+    def returned(self, value: Any, env: Env) -> bool:
+        frame = self.frames[-1]
+        if any(loop.dynamic for loop in frame.loops):
+            raise NotCompilable("`return` inside a loop of unknown length: set a variable, `break`, and return after it")
+        if RETURN in env:
+            value = self.blend(self.everyone(self.active(env)), value, env[RETURN])
+        if self.depth == 0:
+            frame.returns.append(Open(self.builder.block, {RETURN: value}))
+            return False
+        env[RETURN], env[LIVE] = value, NOBODY
+        return True
+
+    def raised(self, env: Env) -> bool:
+        """The step is marked as failed.  Plain Python, run again on it, raises the error with its message."""
+        b, mask = self.builder, self.active(env)
+        if self.failed is None:
+            raise NotCompilable("`raise` outside an attempted step")
+        self.raises += 1
+        e = self.emitter
+        e.store(True if mask is None else e.logic("or_", e.load(self.failed), mask), self.failed)
+        if self.depth == 0 and mask is None:
+            self.escapes[-1].append(Open(b.block, {}))
+            return False
+        loops = self.frames[-1].loops
+        if loops and loops[-1].dynamic and loops[-1].masked:
+            return self.leave(loops[-1], "break", env)
+        env[LIVE] = NOBODY
+        return True
+
+    def while_loop(self, node: ast.While, env: Env) -> bool:
+        if node.orelse:
+            raise NotCompilable("`while ... else`")
+
+        def test(variables: Env) -> Any:
+            return self.truth(self.expression(node.test, variables))
+
+        def turn(variables: Env) -> Any:
+            value = test(variables)
+            if isinstance(value, Num):
+                raise Retype(None)
+            return value
+
+        def too_many(variables: Env) -> Any:
+            raise Retype(None)
+
+        if not isinstance(node.test, ast.Constant):
+            forget, before = self.mark(), dict(env)
+            try:
+                return self.written_out([*[turn] * UNROLL, too_many], node.body, env)
+            except Retype:
+                forget()
+                env.clear()
+                env.update(before)
+        return self.loop(test, lambda variables: None, node.body, env)
+
+    def for_loop(self, node: ast.For, env: Env) -> bool:
+        if node.orelse:
+            raise NotCompilable("`for ... else`")
+        iterable = node.iter
+        if isinstance(iterable, ast.Call) and isinstance(iterable.func, ast.Name) and iterable.func.id == "range":
+            bounds = [self.expression(a, env) for a in iterable.args]
+            if any(isinstance(n, Num) and n.kind == "f" for n in bounds):
+                raise NotCompilable(f"`{ast.unparse(iterable)}`: `range` of a float")
+            if any(isinstance(n, Num) for n in bounds) or len(range(*bounds)) > UNROLL:
+                start, stop = bounds if len(bounds) > 1 else (0, bounds[0])
+                if len(bounds) > 2 or not isinstance(node.target, ast.Name):
+                    raise NotCompilable("a loop over a long range has the form `for i in range(start, stop)`")
+                counter = f"<{node.target.id} of line {node.lineno}>"
+                env[counter] = start
+                first = ast.copy_location(ast.Assign([node.target], ast.Name(counter, ast.Load())), node)
+
+                def advance(variables: Env) -> None:
+                    variables[counter] = variables[counter] + 1
+
+                return self.loop(lambda variables: variables[counter] < stop, advance, [first, *node.body], env, (counter,))
+            items = iter(range(*bounds))
+        else:
+            items = iter(self.expression(iterable, env))
+
+        def turn(value: Any) -> Callable[[Env], None]:
+            return lambda variables: self.assign(node.target, value, variables)
+
+        return self.written_out([turn(item) for item in items], node.body, env)
+
+
+def _holds(value: Any, items: list[Any]) -> bool:
+    return value is items or (isinstance(value, (tuple, list)) and any(_holds(v, items) for v in value))
+
+
+def _leaves(body: list[ast.stmt]) -> bool:
+    """Does control never come to the end of these statements?"""
+    last = body[-1]
+    if isinstance(last, ast.If) and last.orelse:
+        return _leaves(last.body) and _leaves(last.orelse)
+    return isinstance(last, (ast.Return, ast.Break, ast.Continue, ast.Raise))

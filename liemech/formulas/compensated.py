@@ -1,0 +1,84 @@
+"""Compensated sums: numbers that remember what rounding took from them, so that many small increments add up.
+
+    s = value + rest,   s + x: value' = fl(value + fl(x + rest)),  rest' = fl(x + rest) - (value' - value)
+
+Only sums remember.  Whatever else is done with such a number is done with its value and gives an ordinary number.
+
+Source: Kahan, Comm. ACM 8 (1965), 40; Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VIII.5.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from .complex_numbers import is_vector
+from .numbers import ByValue, StandIn
+
+
+class Compensated(ByValue):
+    """value + rest, where |rest| is at most about half a unit in the last place of the value."""
+
+    __slots__ = ("rest", "value")
+
+    def __init__(self, value: Any, rest: Any = 0.0) -> None:
+        self.value, self.rest = value, rest
+
+    @property
+    def parts(self) -> tuple[Any, Any]:
+        """The two numbers, as they lie in memory."""
+        return self.value, self.rest
+
+    def __add__(self, other: Any) -> Any:
+        if not _joins(other):
+            return NotImplemented
+        increment = other.value + (self.rest + other.rest) if isinstance(other, Compensated) else other + self.rest
+        total = self.value + increment
+        return Compensated(total, increment - (total - self.value))
+
+    __radd__ = __add__
+
+    def __sub__(self, other: Any) -> Any:
+        return self + -other if _joins(other) else NotImplemented
+
+    def __rsub__(self, other: Any) -> Any:
+        return -self + other if _joins(other) else NotImplemented
+
+    def __neg__(self) -> Compensated:
+        return Compensated(-self.value, -self.rest)
+
+    def __pos__(self) -> Compensated:
+        return self
+
+    def __mul__(self, other: Any) -> Any:
+        return NotImplemented if is_vector(other) else self.value * value_of(other)
+
+    def __rmul__(self, other: Any) -> Any:
+        return NotImplemented if is_vector(other) else other * self.value
+
+    def __truediv__(self, other: Any) -> Any:
+        return NotImplemented if is_vector(other) else self.value / value_of(other)
+
+    def __rtruediv__(self, other: Any) -> Any:
+        return NotImplemented if is_vector(other) else other / self.value
+
+    def __pow__(self, n: Any) -> Any:
+        return self.value ** value_of(n)
+
+    def __abs__(self) -> Any:
+        return abs(self.value)
+
+    def __float__(self) -> float:
+        return float(self.value)
+
+    def __repr__(self) -> str:
+        return f"({self.value} + {self.rest})"
+
+
+def _joins(x: Any) -> bool:
+    """May x be added to a compensated number here, and not by rules of its own?"""
+    return isinstance(x, (int, float, StandIn, Compensated))
+
+
+def value_of(x: Any) -> Any:
+    """A number without what it remembers."""
+    return x.value if isinstance(x, Compensated) else x

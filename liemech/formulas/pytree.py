@@ -1,0 +1,247 @@
+"""Layouts: how a value made of numbers (a float, a `Vec`, a `Mat`, a record, a tuple of these) lies flat in memory.
+
+The layout of an argument decides which native code is used: two arguments of one layout share it.  A part that is no number at
+run time (an int, a string, a tableau, None) belongs to the layout itself.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from collections.abc import Callable, Iterator
+from typing import Any
+
+from .compensated import Compensated, value_of
+from .complex_numbers import Complex
+from .dual import Dual
+from .numbers import StandIn
+from .records import Record
+from .vectors import Mat, Vec
+
+PAIRS = (Complex, Dual, Compensated)
+"""Numbers made of two."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Layout:
+    """The structure of a value: `kind` is number, pair, vec, mat, tuple, record or static."""
+
+    kind: str
+    parts: tuple[Layout, ...] = ()
+    detail: Any = None  # the class of a pair, the class and field names of a record, the object of a static part
+
+    @functools.cached_property
+    def width(self) -> int:
+        """How many numbers the value holds."""
+        return 1 if self.kind == "number" else sum(part.width for part in self.parts)
+
+    @functools.cached_property
+    def plain(self) -> bool:
+        """Are all parts numbers?"""
+        return bool(self.parts) and all(part.kind == "number" for part in self.parts)
+
+    @functools.cached_property
+    def remembers(self) -> bool:
+        """Are there compensated numbers in it?"""
+        return self.detail is Compensated or any(part.remembers for part in self.parts)
+
+    @functools.cached_property
+    def _identity(self) -> Any:
+        """What tells two details apart: of constants the text, since 1 is not True, 0.0 is not -0.0 and nan is nan."""
+        plain = self.kind == "static" and not isinstance(self.detail, Layout)
+        return (type(self.detail), repr(self.detail)) if plain else self.detail
+
+    @functools.cached_property
+    def _hash(self) -> int:
+        return hash((self.kind, self.parts, self._identity))
+
+    def __hash__(self) -> int:
+        return self._hash
+
+    def __eq__(self, other: object) -> bool:
+        if self is other:
+            return True
+        if not isinstance(other, Layout) or (self.kind, self.parts) != (other.kind, other.parts):
+            return False
+        return self.detail is other.detail or self._identity == other._identity
+
+    def __repr__(self) -> str:
+        inside = ", ".join(map(repr, self.parts))
+        if self.kind == "record":
+            cls, names = self.detail
+            fields = ", ".join(f"{n}={p!r}" for n, p in zip(names, self.parts, strict=True))
+            return f"{cls.__module__}.{cls.__qualname__}({fields})"
+        return repr(self.detail) if self.kind == "static" else f"{self.kind}({inside})" if inside else self.kind
+
+
+NUMBER = Layout("number")
+
+
+def is_number(value: Any) -> bool:
+    """A float, or the compiler's stand-in for a number (ints and bools inside values are static)."""
+    return isinstance(value, (float, StandIn))
+
+
+def is_any_number(value: Any) -> bool:
+    """A number of any kind: what may differ between the branches of a formula."""
+    return isinstance(value, (bool, int, float, StandIn))
+
+
+def layout_of(value: Any, number: Callable[[Any], bool] = is_number) -> Layout:
+    """The layout of a value; tuples that hold no vector, matrix or record are static, like the rows of a tableau."""
+    if number(value):
+        return NUMBER
+    if isinstance(value, Vec):
+        ordinary = all(map(is_any_number, value))
+        return _vector(len(value)) if ordinary else _sequence("vec", tuple([layout_of(x, number) for x in value]))
+    if isinstance(value, Mat):
+        return _matrix(tuple(layout_of(row) for row in value.rows))
+    if isinstance(value, PAIRS):
+        kind: Any = type(value)
+        return _pair(tuple([layout_of(x, number) for x in value.parts]), kind)
+    if isinstance(value, Record):
+        if number is is_number and "_layout" in value.__dict__:
+            return value.__dict__["_layout"]
+        cls: Any = type(value)
+        layout = _record(tuple([layout_of(getattr(value, n), number) for n in _names(cls)]), cls)
+        if number is is_number:  # a record never changes: a method is looked at once, not at every run
+            value.__dict__["_layout"] = layout
+        return layout
+    if isinstance(value, list) or (isinstance(value, tuple) and (number is is_any_number or not is_static(value))):
+        return _sequence(type(value).__name__, tuple([layout_of(x, number) for x in value]))
+    return Layout("static", (), value)
+
+
+@functools.cache
+def _names(cls: Any) -> tuple[str, ...]:
+    return tuple(f.name for f in dataclasses.fields(cls))
+
+
+# Layouts of one structure are one object, so that comparing two of them takes no time.
+
+
+@functools.cache
+def _record(parts: tuple[Layout, ...], cls: type) -> Layout:
+    return Layout("record", parts, (cls, _names(cls)))
+
+
+@functools.cache
+def _pair(parts: tuple[Layout, ...], cls: type) -> Layout:
+    return Layout("pair", parts, cls)
+
+
+@functools.cache
+def _sequence(kind: str, parts: tuple[Layout, ...]) -> Layout:
+    return Layout(kind, parts)
+
+
+@functools.cache
+def _vector(n: int) -> Layout:
+    return Layout("vec", (NUMBER,) * n)
+
+
+@functools.cache
+def _matrix(rows: tuple[Layout, ...]) -> Layout:
+    return Layout("mat", rows)
+
+
+def is_static(value: Any) -> bool:
+    """A tuple of plain constants, however nested."""
+    if isinstance(value, tuple) and not isinstance(value, Vec):
+        return all(map(is_static, value))
+    return not isinstance(value, (Vec, Mat, Record, StandIn, *PAIRS))
+
+
+def leaves(value: Any, layout: Layout) -> Iterator[Any]:
+    """The numbers of a value, in order."""
+    if layout.kind == "number":
+        yield value
+    elif not layout.width:
+        return
+    elif layout.kind == "record":
+        for name, part in zip(layout.detail[1], layout.parts, strict=True):
+            yield from leaves(getattr(value, name), part)
+    elif layout.kind != "static":
+        items = value.parts if layout.kind == "pair" else value
+        if layout.plain:
+            yield from items
+            return
+        for item, part in zip(items, layout.parts, strict=True):
+            yield from leaves(item, part)
+
+
+def build(layout: Layout, numbers: Iterator[Any]) -> Any:
+    """The value of this layout with the given numbers; records are filled in without running their checks."""
+    if layout.kind == "number":
+        return next(numbers)
+    if layout.kind == "static":
+        return layout.detail
+    parts = [build(part, numbers) for part in layout.parts]
+    if layout.kind == "pair":
+        return layout.detail(*parts)
+    if layout.kind == "record":
+        cls, names = layout.detail
+        return fill(cls, dict(zip(names, parts, strict=True)))
+    return {"vec": lambda p: Vec(*p), "mat": lambda p: Mat(*p), "tuple": tuple, "list": list}[layout.kind](parts)
+
+
+def fill(cls: type, fields: dict[str, Any]) -> Any:
+    """An instance of a record class with these fields, unchecked."""
+    made: Any = object.__new__(cls)
+    for name, value in fields.items():
+        object.__setattr__(made, name, value)
+    return made
+
+
+# ------------------------------------------------------------------ numbers that remember
+
+
+def compensated(value: Any) -> Any:
+    """The value with numbers that remember what rounding takes from them; ask `plain` for it without."""
+    return _mapped(value, Compensated)
+
+
+def plain(value: Any) -> Any:
+    """The value with ordinary numbers."""
+    return _mapped(value, value_of)
+
+
+def _mapped(value: Any, change: Callable[[Any], Any]) -> Any:
+    """The value with every real number changed."""
+    if isinstance(value, (float, Compensated)) or is_number(value):
+        return change(value)
+    if isinstance(value, _STRUCTURES):
+        return _like(value, [_mapped(x, change) for x in _parts(value)])
+    if isinstance(value, Record):
+        return fill(type(value), {n: _mapped(x, change) for n, x in _fields(value).items()})
+    return value
+
+
+def fitted(value: Any, layout: Layout) -> Any:
+    """The value with numbers that remember where the layout has such, and only there."""
+    if layout.kind == "number":
+        return value_of(value)
+    if layout.detail is Compensated:
+        return Compensated(value) if is_number(value) else value
+    if isinstance(value, Record) and len(layout.parts) == len(_fields(value)):
+        return fill(type(value), {n: fitted(x, part) for (n, x), part in zip(_fields(value).items(), layout.parts)})
+    if isinstance(value, _STRUCTURES) and len(_parts(value)) == len(layout.parts):
+        return _like(value, [fitted(x, part) for x, part in zip(_parts(value), layout.parts)])
+    return value
+
+
+_STRUCTURES = (Vec, Mat, tuple, list, Complex, Dual)
+
+
+def _fields(value: Any) -> dict[str, Any]:
+    cls: Any = type(value)
+    return {name: getattr(value, name) for name in _names(cls)}
+
+
+def _parts(value: Any) -> Any:
+    return value.rows if isinstance(value, Mat) else value.parts if isinstance(value, PAIRS) else value
+
+
+def _like(value: Any, parts: list[Any]) -> Any:
+    """A vector, a matrix, a tuple, ... of these parts."""
+    return type(value)(parts) if type(value) in (tuple, list) else type(value)(*parts)

@@ -1,0 +1,271 @@
+"""Power series: numbers that know how they go on, so that a formula evaluated with them gives its Taylor expansion.
+
+    f(c_0 + c_1 s + c_2 s^2 + ...)
+
+Coefficients are computed when they are asked for, each once, and may refer to earlier ones of the same series.  So a series can be
+the solution of a differential equation: y' = f(y) gives y_(k+1) = f(y)_k/(k + 1), and the formula f is run a single time.
+
+Source: Griewank and Walther, Evaluating Derivatives, 2nd ed., chapter 13 (Taylor arithmetic); McIlroy, Squinting at power series,
+Software: Practice and Experience 20 (1990) (series that refer to themselves).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from . import functions as f
+from .dual import INTEGER_POWER, slope_of, whole_power
+from .numbers import StandIn
+from .pytree import build, layout_of, leaves
+
+
+class Series:
+    """c_0 + c_1 s + c_2 s^2 + ...  Comparisons look at c_0.
+
+    A term that is not there, beyond the last of a polynomial or in sums of such, takes part in no operation.
+    """
+
+    __slots__ = ("_rule", "_terms")
+
+    def __init__(self, *terms: Any) -> None:
+        self._terms: list[Any] = list(terms)  # None: there is no such term
+        self._rule: Callable[[int], Any] | None = None
+
+    def term(self, k: int) -> Any:
+        """c_k, a number; None if there is no such term."""
+        if len(self._terms) <= k:
+            if self._rule is None:
+                return None
+            while len(self._terms) <= k:
+                self._terms.append(self._rule(len(self._terms)))
+        return self._terms[k]
+
+    def __getitem__(self, k: int) -> Any:
+        """c_k, a number."""
+        term = self.term(k)
+        return 0.0 if term is None else term
+
+    # -------------------------------------------------------------- arithmetic
+
+    def __add__(self, other: Any) -> Any:
+        if isinstance(other, Series):
+            return _made(lambda k: _sum(self.term(k), other.term(k)))
+        return _made(lambda k: self.term(k) if k else _sum(self.term(0), other)) if _is_number(other) else NotImplemented
+
+    __radd__ = __add__
+
+    def __sub__(self, other: Any) -> Any:
+        if isinstance(other, Series):
+            return _made(lambda k: _difference(self.term(k), other.term(k)))
+        return _made(lambda k: self.term(k) if k else _difference(self.term(0), other)) if _is_number(other) else NotImplemented
+
+    def __rsub__(self, other: Any) -> Any:
+        return Series(other) - self if _is_number(other) else NotImplemented
+
+    def __mul__(self, other: Any) -> Any:
+        if isinstance(other, Series):
+            return _made(lambda k: _product(self, other, k))
+        return _made(lambda k: _each(lambda c: c * other, self.term(k))) if _is_number(other) else NotImplemented
+
+    def __rmul__(self, other: Any) -> Any:
+        return _made(lambda k: _each(lambda c: other * c, self.term(k))) if _is_number(other) else NotImplemented
+
+    def __truediv__(self, other: Any) -> Any:
+        if not isinstance(other, Series):
+            return _made(lambda k: _each(lambda c: c / other, self.term(k))) if _is_number(other) else NotImplemented
+        quotient = Series()
+
+        def rule(k: int) -> Any:  # a_k = sum_j b_j q_(k-j)
+            rest = _difference(self.term(k), _product(other, quotient, k, first=1))
+            return _each(lambda c: c / other[0], rest)
+
+        return quotient.by(rule)
+
+    def __rtruediv__(self, other: Any) -> Any:
+        return Series(other) / self if _is_number(other) else NotImplemented
+
+    def __pow__(self, n: Any) -> Any:
+        if isinstance(n, (int, float)) and n == int(n) and abs(n) <= INTEGER_POWER:
+            power = whole_power(self, abs(int(n))) if n else Series(1.0)
+            return power if n >= 0 else 1.0 / power
+        if not _is_number(n):
+            return NotImplemented
+        power = Series(self[0] ** n)
+        return _integral(power, n * power / self, self)
+
+    def __neg__(self) -> Series:
+        return _made(lambda k: _each(lambda c: -c, self.term(k)))
+
+    def __pos__(self) -> Series:
+        return self
+
+    def __abs__(self) -> Series:
+        head = self[0]
+        return self * (1.0 * (head >= 0.0) - 1.0 * (head < 0.0))
+
+    def __lt__(self, other: Any) -> Any:
+        return self[0] < _head(other)
+
+    def __le__(self, other: Any) -> Any:
+        return self[0] <= _head(other)
+
+    def __gt__(self, other: Any) -> Any:
+        return self[0] > _head(other)
+
+    def __ge__(self, other: Any) -> Any:
+        return self[0] >= _head(other)
+
+    def __eq__(self, other: object) -> Any:
+        return self[0] == _head(other)
+
+    def __ne__(self, other: object) -> Any:
+        return self[0] != _head(other)
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __repr__(self) -> str:
+        return f"<power series {id(self):x}>"
+
+    # -------------------------------------------------------------- what compiler and formulas ask for
+
+    def elementary(self, name: str, *x: Any) -> Series:
+        """An elementary function of numbers of which some are series."""
+        return _RULES[name](*x)
+
+    @staticmethod
+    def chosen(choose: Callable[[Any, Any], Any], yes: Any, no: Any) -> Series:
+        """Term by term one or the other."""
+        a, b = (x if isinstance(x, Series) else Series(x) for x in (yes, no))
+        return _made(lambda k: None if a.term(k) is None and b.term(k) is None else choose(a[k], b[k]))
+
+    @staticmethod
+    def unknown(start: Any) -> Any:
+        """A value whose numbers are unknown series that begin with those of `start`; `follow` determines them."""
+        layout = layout_of(start)
+        return build(layout, iter([Series(x) for x in leaves(start, layout)]))
+
+    @staticmethod
+    def follow(start: Any, unknown: Any, change: Any, h: Any) -> None:
+        """Let the unknown y solve y' = h y*, where `change` is a value that carries the derivative y*, which may depend on y."""
+        layout = layout_of(start)
+        for y, rate in zip(leaves(unknown, layout), leaves(change, layout), strict=True):
+            y.grow(slope_of(rate), h)
+
+    def grow(self, rate: Any, h: Any) -> None:
+        """Let this unknown series y solve y' = h rate, where the rate may depend on y."""
+        series = rate if isinstance(rate, Series) else Series(rate)
+        self.by(lambda k: _each(lambda c: h * (1.0 / k) * c, series.term(k - 1)))
+
+    def by(self, rule: Callable[[int], Any]) -> Series:
+        """This series, its further terms made by a rule; the first is computed at once."""
+        self._rule = rule
+        if not self._terms:
+            self._terms.append(rule(0))
+        return self
+
+
+def _made(rule: Callable[[int], Any]) -> Series:
+    return Series().by(rule)
+
+
+def _is_number(x: Any) -> bool:
+    return isinstance(x, (int, float, StandIn))
+
+
+def _head(x: Any) -> Any:
+    return x[0] if isinstance(x, Series) else x
+
+
+def _sum(a: Any, b: Any) -> Any:
+    return b if a is None else a if b is None else a + b
+
+
+def _difference(a: Any, b: Any) -> Any:
+    return a if b is None else -b if a is None else a - b
+
+
+def _each(function: Callable[[Any], Any], c: Any) -> Any:
+    return None if c is None else function(c)
+
+
+def _product(a: Series, b: Series, k: int, first: int = 0) -> Any:
+    """The Cauchy product, sum_j a_j b_(k-j) over j >= first; a term of b is not looked at where a has none."""
+    total = None
+    if a is b and not first:  # a square: every mixed product occurs twice
+        for j in range((k + 1) // 2):
+            total = _sum(total, _times(a, j, b, k - j))
+        half = _times(a, k // 2, b, k // 2) if k % 2 == 0 else None
+        return _sum(_each(lambda c: c + c, total), half)
+    for j in range(first, k + 1):
+        total = _sum(total, _times(a, j, b, k - j))
+    return total
+
+
+def _times(a: Series, i: int, b: Series, j: int) -> Any:
+    x = a.term(i)
+    y = None if x is None else b.term(j)
+    return None if y is None else x * y
+
+
+# ------------------------------------------------------------------ elementary functions: f(x)' = f'(x) x'
+
+
+def _integral(y: Series, slope: Any, x: Series) -> Series:
+    """y, given its first term, with y' = slope x'; the slope may depend on y."""
+    g, weighted = slope if isinstance(slope, Series) else Series(slope), Series()
+    weighted._rule = lambda k: _each(lambda c: float(k) * c, x.term(k) if k else None)  # s x', no term before its time
+    return y.by(lambda k: _each(lambda c: c / k, _product(weighted, g, k)))
+
+
+def _at(function: Callable[..., Any], *x: Any) -> Any:
+    """An elementary function of numbers; of those in native code, a call there."""
+    unknown = next((a for a in x if isinstance(a, StandIn)), None)
+    return function(*x) if unknown is None else unknown.elementary(function.__name__, *x)
+
+
+def _rule(function: Callable[..., Any], slope: Callable[[Series, Series], Any]) -> Callable[[Series], Series]:
+    """What an elementary function does to a series x: y = f(x), from f' as a function of y and x."""
+
+    def rule(x: Series) -> Series:
+        y = Series(_at(function, x[0]))
+        return _integral(y, slope(y, x), x)
+
+    return rule
+
+
+def _circle(cosine: Callable[[Any], Any], sine: Callable[[Any], Any], sign: float, which: int) -> Callable[[Series], Series]:
+    """cos and sin, or cosh and sinh: c' = sign s x', s' = c x'."""
+
+    def rule(x: Series) -> Series:
+        c, s = Series(_at(cosine, x[0])), Series(_at(sine, x[0]))
+        return (_integral(c, sign * s, x), _integral(s, c, x))[which]
+
+    return rule
+
+
+def _atan2(y: Any, x: Any) -> Series:
+    """The angle a of (x, y): a' = (x y' - y x')/(x^2 + y^2)."""
+    y, x = (a if isinstance(a, Series) else Series(a) for a in (y, x))
+    square = x * x + y * y
+    rise, fall = _integral(Series(None), x / square, y), _integral(Series(None), y / square, x)
+    return Series(_at(f.atan2, y[0], x[0])) + (rise - fall)
+
+
+_RULES: dict[str, Callable[..., Any]] = {
+    "sqrt": _rule(f.sqrt, lambda y, x: 0.5 / y),
+    "exp": _rule(f.exp, lambda y, x: y),
+    "log": _rule(f.log, lambda y, x: 1.0 / x),
+    "expm1": _rule(f.expm1, lambda y, x: y + 1.0),
+    "log1p": _rule(f.log1p, lambda y, x: 1.0 / (1.0 + x)),
+    "cos": _circle(f.cos, f.sin, -1.0, 0),
+    "sin": _circle(f.cos, f.sin, -1.0, 1),
+    "cosh": _circle(f.cosh, f.sinh, 1.0, 0),
+    "sinh": _circle(f.cosh, f.sinh, 1.0, 1),
+    "tan": _rule(f.tan, lambda y, x: 1.0 + y * y),
+    "tanh": _rule(f.tanh, lambda y, x: 1.0 - y * y),
+    "asin": _rule(f.asin, lambda y, x: 1.0 / f.sqrt(1.0 - x * x)),
+    "acos": _rule(f.acos, lambda y, x: -1.0 / f.sqrt(1.0 - x * x)),
+    "atan": _rule(f.atan, lambda y, x: 1.0 / (1.0 + x * x)),
+    "atan2": _atan2,
+}

@@ -1,0 +1,293 @@
+"""Methods called with many rows run as native code, row by row what plain Python says, in whatever form the arrays come."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from scenes import same_bits
+
+import liemech as lm
+from liemech.compiler import batch
+from liemech.errors import InvalidInput, OutsideChart
+from liemech.formulas import Complex, Mat, Record, Vec, broadcasting, record, sqrt, vec
+from liemech.formulas.vectors import Vec as SmallVec
+
+pytestmark = pytest.mark.compiled
+
+SO3 = lm.SO3()
+N = 2053  # enough for native code, no multiple of any number of lanes
+
+CALLS: dict[str, dict[str, Any]] = {"dexp_inv_series": {"terms": 4}}
+"""Arguments that are no arrays."""
+
+METHODS = sorted(
+    name
+    for name in dir(lm.SO3)
+    if not name.startswith("_")
+    and hasattr(getattr(lm.SO3, name), "__formula__")
+    and name not in ("nearest", "rotation")  # work of LAPACK and of SciPy
+)
+
+
+@pytest.fixture
+def rows(rng: np.random.Generator) -> dict[str, np.ndarray]:
+    """Arguments by name: angles from 0 to 3 with many small ones, and rotations by them."""
+    axis = rng.normal(size=(5, N, 3))
+    xi, other, eta, mu, p = axis / np.linalg.norm(axis, axis=2, keepdims=True)
+    angle = 3.0 * rng.random((N, 1)) ** 4
+    angle[7] = 0.0
+    g = np.array([np.array(SO3.exp(Vec.of(w))) for w in 2.9 * rng.random((N, 1)) * other])
+    h = g[::-1].copy()
+    return {"xi": angle * xi, "eta": eta, "mu": mu, "p": p, "g": g, "h": h, "rate": rng.normal(size=(N, 3, 3))}
+
+
+@pytest.fixture
+def no_python(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Rows evaluated in plain Python are an error."""
+
+    def refuse(*arguments: Any) -> None:
+        raise AssertionError("plain Python was asked")
+
+    monkeypatch.setattr(broadcasting, "_by_rows", refuse)
+
+
+def arguments_of(name: str, rows: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    parameters = inspect.signature(broadcasting.bare(getattr(lm.SO3, name))).parameters
+    return {k: rows[k] for k in parameters if k in rows}
+
+
+def in_python(name: str, arrays: dict[str, np.ndarray], owner: Any = SO3) -> Any:
+    """The formula for one row after the other, on small vectors."""
+    formula = broadcasting.bare(getattr(type(owner), name))
+    count = len(next(iter(arrays.values())))
+    found = [formula(owner, **broadcasting.element(arrays, i), **CALLS.get(name, {})) for i in range(count)]
+    if isinstance(found[0], tuple) and not isinstance(found[0], SmallVec):
+        return tuple(np.array([np.array(one[k]) for one in found]) for k in range(len(found[0])))
+    return np.array([np.array(one) for one in found])
+
+
+def equal(a: Any, b: Any) -> bool:
+    if isinstance(a, tuple):
+        return len(a) == len(b) and all(map(equal, a, b))
+    if a.dtype != b.dtype:
+        return False
+    return np.array_equal(a, b) if a.dtype == bool else same_bits(np.ascontiguousarray(a), np.ascontiguousarray(b))
+
+
+def test_the_list_is_the_public_surface() -> None:
+    assert {"exp", "log", "compose", "inverse", "Ad", "Ad_star", "K", "dexp", "dexp_inv", "cayley", "distance"} <= set(METHODS)
+    assert len(METHODS) > 40
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_every_method_gives_the_bits_of_plain_python(name: str, rows: dict[str, np.ndarray], no_python: None) -> None:
+    arrays = arguments_of(name, rows)
+    assert equal(getattr(SO3, name)(**arrays, **CALLS.get(name, {})), in_python(name, arrays))
+
+
+@pytest.mark.parametrize("name", ["compose", "Ad_star", "exp_Ad_star", "exp_mismatch"])
+def test_one_row_serves_all(name: str, rows: dict[str, np.ndarray], no_python: None) -> None:
+    arrays = arguments_of(name, rows)
+    for one in arrays:
+        given = arrays | {one: arrays[one][3]}
+        spread = arrays | {one: np.broadcast_to(arrays[one][3], arrays[one].shape)}
+        assert equal(getattr(SO3, name)(**given), in_python(name, spread))
+
+
+def test_leading_axes_broadcast(rows: dict[str, np.ndarray], no_python: None) -> None:
+    g, mu = rows["g"][:50], rows["mu"][:45]
+    moved = SO3.Ad_star(g[:, None], mu)
+    assert moved.shape == (50, 45, 3)
+    assert equal(moved[13, 17], np.array(SO3.Ad_star(Mat.of(g[13]), Vec.of(mu[17]))))
+
+
+def read_only(a: np.ndarray) -> np.ndarray:
+    a = a.copy()
+    a.flags.writeable = False
+    return a
+
+
+def every_other(a: np.ndarray) -> np.ndarray:
+    return np.repeat(a, 2, axis=0)[::2]
+
+
+def backwards(a: np.ndarray) -> np.ndarray:
+    return a[::-1].copy()[::-1]
+
+
+def wider(a: np.ndarray) -> np.ndarray:
+    """Columns of a wider array."""
+    return np.concatenate([a, a], axis=-1)[..., : a.shape[-1]]
+
+
+def crooked(a: np.ndarray) -> np.ndarray:
+    """At addresses that are no multiples of eight, as in packed files."""
+    packed = np.zeros(len(a), dtype=np.dtype([("tag", "i1"), ("value", "f8", a.shape[1:])], align=False))
+    packed["value"] = a
+    return packed["value"]
+
+
+FORMS = (
+    read_only,
+    every_other,
+    backwards,
+    wider,
+    crooked,
+    np.asfortranarray,
+    lambda a: a.astype(a.dtype.newbyteorder()),
+    lambda a: a.tolist(),
+)
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("name", ["exp", "log", "compose", "Ad_star"])
+def test_arrays_in_any_form(form: Callable[..., Any], name: str, rows: dict[str, np.ndarray], no_python: None) -> None:
+    arrays = arguments_of(name, rows)
+    before = {k: a.copy() for k, a in arrays.items()}
+    given = {k: form(a) for k, a in arrays.items()}
+    assert equal(getattr(SO3, name)(**given), getattr(SO3, name)(**arrays))
+    assert all(np.array_equal(given[k], before[k]) for k in before)
+
+
+def test_short_floats_and_integers(rows: dict[str, np.ndarray], no_python: None) -> None:
+    short = rows["xi"].astype(np.float32)
+    assert equal(SO3.exp(short), SO3.exp(short.astype(float)))
+    turns = np.eye(3, dtype=int)[np.arange(N) % 3]
+    assert equal(SO3.exp(turns), SO3.exp(turns.astype(float)))
+
+
+def test_threads_and_where_they_meet(rows: dict[str, np.ndarray], monkeypatch: pytest.MonkeyPatch, no_python: None) -> None:
+    monkeypatch.setattr(batch, "SHARE", 10**9)
+    alone = SO3.log(rows["g"])
+    monkeypatch.setattr(batch, "SHARE", 100)
+    for cores in (2, 3, 7):
+        monkeypatch.setattr(batch.os, "sched_getaffinity", lambda _, cores=cores: set(range(cores)), raising=False)
+        assert equal(SO3.log(rows["g"]), alone)
+
+
+# ------------------------------------------------------------------ bad rows
+
+BAD = 12345
+
+
+@pytest.fixture
+def many(rng: np.random.Generator) -> dict[str, np.ndarray]:
+    g = np.broadcast_to(np.eye(3), (3 * 2048 * 5, 3, 3)).copy()
+    return {"g": g, "mu": rng.normal(size=(len(g), 3))}
+
+
+@pytest.mark.parametrize(
+    ("value", "reason"),
+    [
+        (np.full((3, 3), np.nan), rf"g\[{BAD}, 0, 0\] is nan"),
+        (np.diag([1.0, np.inf, 1.0]), rf"g\[{BAD}, 1, 1\] is inf"),
+        (np.diag([1.0, 1.0, -1.0]), rf"g\[{BAD}\] .*reflection"),
+        (2.0 * np.eye(3), rf"g\[{BAD}\] .*g\^T g"),
+        (np.eye(3) + 2e-6 * np.ones((3, 3)), rf"g\[{BAD}\] .*g\^T g"),
+    ],
+)
+@pytest.mark.parametrize("name", ["log", "Ad_star", "inverse"])
+def test_a_bad_row_is_named(name: str, value: np.ndarray, reason: str, many: dict[str, np.ndarray]) -> None:
+    many["g"][BAD] = value
+    with pytest.raises(InvalidInput, match=reason):
+        getattr(SO3, name)(**arguments_of(name, many))
+
+
+@pytest.mark.parametrize("row", [0, BAD, -1])
+def test_a_row_that_the_formula_refuses(row: int, many: dict[str, np.ndarray]) -> None:
+    many["g"][row] = np.diag([1.0, -1.0, -1.0])
+    with pytest.raises(OutsideChart, match="half a turn"):
+        SO3.cayley_inv(many["g"])
+
+
+def test_momenta_that_are_not_finite(many: dict[str, np.ndarray]) -> None:
+    many["mu"][BAD, 2] = -np.inf
+    with pytest.raises(InvalidInput, match=rf"mu\[{BAD}, 2\] is -inf"):
+        SO3.Ad_star(**many)
+
+
+def test_huge_rows_are_not_refused(many: dict[str, np.ndarray]) -> None:
+    """Their sum overflows, they do not."""
+    many["mu"][BAD] = 1.5e308, 1.5e308, 0.0
+    assert equal(SO3.Ad_star(**many), many["mu"])
+
+
+def test_one_bad_row_for_all(many: dict[str, np.ndarray]) -> None:
+    with pytest.raises(InvalidInput, match="reflection"):
+        SO3.Ad_star(-np.eye(3), many["mu"])
+
+
+# ------------------------------------------------------------------ other results
+
+
+@record
+class Sampler(Record):
+    """Formulas with results of every kind, and options between the arrays."""
+
+    scale: float
+
+    def phase(self, x: Vec) -> Any:
+        return vec(Complex(x[0], x[1]), Complex(self.scale, x[2]))
+
+    def mixed(self, x: Vec) -> Any:
+        return vec(x[0], Complex(x[1], x[2]), 2.0)
+
+    def square(self, m: Mat) -> Any:
+        return m @ m
+
+    def _complex(self, kind: str) -> bool:
+        return kind == "Mat"
+
+    def nested(self, x: Vec) -> Any:
+        return (x[0], (x[1] > 0.0, 2.0 * x)), 1.0
+
+    def between(self, x: Vec, sign: bool = True, y: Vec = None) -> Any:
+        return x - y if sign else x + y
+
+    def root(self, x: Vec) -> float:
+        return sqrt(x[0] * x[0] + self.scale)
+
+
+def test_complex_results(rng: np.random.Generator) -> None:
+    x, sampler = rng.normal(size=(N, 3)), Sampler(0.5)
+    assert np.array_equal(sampler.phase(x), np.stack([x[:, 0] + 1j * x[:, 1], 0.5 + 1j * x[:, 2]], axis=1))
+    assert np.array_equal(sampler.mixed(x), np.stack([x[:, 0] + 0j, x[:, 1] + 1j * x[:, 2], np.full(N, 2.0 + 0j)], axis=1))
+
+
+def test_complex_arguments(rng: np.random.Generator, no_python: None) -> None:
+    m = rng.normal(size=(N, 2, 2)) + 1j * rng.normal(size=(N, 2, 2))
+    squares = Sampler(0.5).square(m)
+    assert np.array_equal(squares, in_python("square", {"m": m}, Sampler(0.5)))
+    assert np.allclose(squares, m @ m, rtol=0.0, atol=1e-13)
+
+
+def test_nested_results(rng: np.random.Generator, no_python: None) -> None:
+    x = rng.normal(size=(N, 3))
+    (first, (positive, twice)), one = Sampler(0.5).nested(x)
+    assert np.array_equal(first, x[:, 0])
+    assert positive.dtype == bool
+    assert np.array_equal(positive, x[:, 1] > 0.0)
+    assert np.array_equal(twice, 2.0 * x)
+    assert np.array_equal(one, np.ones(N))
+
+
+def test_options_between_the_arrays(rng: np.random.Generator, no_python: None) -> None:
+    x, y = rng.normal(size=(2, N, 3))
+    assert np.array_equal(Sampler(0.5).between(x, False, y), x + y)
+    assert np.array_equal(Sampler(0.5).between(y=y, x=x), x - y)
+
+
+def test_numbers_come_back_as_one_axis(rng: np.random.Generator, no_python: None) -> None:
+    x = rng.normal(size=(N, 3))
+    assert equal(Sampler(0.5).root(x), np.array([Sampler(0.5).root(Vec.of(row)) for row in x]))
+
+
+def test_without_native_code_the_border_works_alone(monkeypatch: pytest.MonkeyPatch, rng: np.random.Generator) -> None:
+    x = rng.normal(size=(N, 3))
+    native = SO3.exp(x)
+    monkeypatch.setenv("LIEMECH_COMPILE", "0")
+    assert equal(SO3.exp(x), native)

@@ -1,0 +1,125 @@
+"""Power series against the derivatives that mpmath takes in many digits, and against the laws of power series."""
+
+from __future__ import annotations
+
+import mpmath
+import numpy as np
+import pytest
+
+from liemech.formulas import Complex, Dual, functions, vec
+from liemech.formulas.series import Series
+from liemech.formulas.vectors import Vec
+
+X = (0.3, -0.7, 0.4, 0.25, -0.1)
+Y = (1.2, 0.5, -0.3, 0.2)
+TERMS = 12
+
+
+def polynomial(coefficients: tuple[float, ...], s: mpmath.mpf) -> mpmath.mpf:
+    return mpmath.polyval([mpmath.mpf(c) for c in reversed(coefficients)], s)
+
+
+def terms(x: Series, n: int = TERMS) -> np.ndarray:
+    return np.array([x[k] for k in range(n)])
+
+
+def agree(found: Series, formula: object, tolerance: float = 1e-14) -> None:
+    with mpmath.workdps(60):
+        exact = np.array([float(c) for c in mpmath.taylor(formula, 0, TERMS - 1)])
+    scale = np.maximum.accumulate(np.abs(exact))  # products of terms before are what is rounded
+    assert (np.abs(terms(found) - exact) <= tolerance * np.maximum(scale, 1.0)).all(), (terms(found) - exact) / scale
+
+
+@pytest.mark.parametrize("name", [f.__name__ for f in (functions.sqrt, *functions.LIBM) if f is not functions.atan2])
+def test_elementary_functions_expand_as_mpmath_says(name: str) -> None:
+    agree(getattr(functions, name)(Series(*X)), lambda s: getattr(mpmath, name)(polynomial(X, s)), 1e-12)
+
+
+@pytest.mark.parametrize("n", [0, 1, 2, 3, 7, -1, -2, 2.0, -3.0, 0.5, -0.5, 1 / 3, 2.7])
+def test_powers(n: float) -> None:
+    agree(Series(*Y) ** n, lambda s: polynomial(Y, s) ** mpmath.mpf(n), 1e-12)
+
+
+def test_whole_powers_need_no_logarithm() -> None:
+    negative = tuple(-c for c in Y)
+    agree(Series(*negative) ** 3, lambda s: polynomial(negative, s) ** 3)
+    assert (terms(Series(None, 2.0) ** 3) == [0, 0, 0, 8, *[0] * (TERMS - 4)]).all()
+
+
+def test_arithmetic() -> None:
+    x, y = Series(*X), Series(*Y)
+    p, q = (lambda s: polynomial(X, s)), (lambda s: polynomial(Y, s))
+    agree(x + y, lambda s: p(s) + q(s))
+    agree(x - y, lambda s: p(s) - q(s))
+    agree(x * y, lambda s: p(s) * q(s))
+    agree(x * x, lambda s: p(s) ** 2)
+    agree(x / y, lambda s: p(s) / q(s))
+    agree(2.0 / y, lambda s: 2 / q(s))
+    agree(1.5 * x - 2.0 + (3.0 - y) / 4.0 + 1.0, lambda s: p(s) * 3 / 2 - 1 + (3 - q(s)) / 4)
+    agree(-x * +y, lambda s: -p(s) * q(s))
+    agree(abs(-y), q)
+
+
+def test_angle() -> None:
+    x, y = Series(*X), Series(*Y)
+    agree(functions.atan2(y, x), lambda s: mpmath.atan2(polynomial(Y, s), polynomial(X, s)), 1e-12)
+    agree(functions.atan2(y, 2.0), lambda s: mpmath.atan2(polynomial(Y, s), 2), 1e-12)
+    agree(functions.atan2(2.0, x), lambda s: mpmath.atan2(2, polynomial(X, s)), 1e-12)
+
+
+def test_comparisons_look_at_the_first_term() -> None:
+    x = Series(1.0, -5.0)
+    assert x > 0.5 and x >= 1.0 and x < 2.0 and x <= Series(1.0, 7.0) and x == 1.0 and x != Series(2.0)
+    assert Series(None, 1.0) == 0.0
+
+
+def test_terms_that_are_not_there_take_no_part() -> None:
+    line = Series(1.0, 2.0)
+    assert (line * line).term(3) is None
+    assert (line + Series()).term(2) is None
+    assert (Series() * line).term(0) is None
+    assert (4.0 / Series(2.0)).term(1) is None
+    assert (functions.exp(Series(1.0))).term(1) is None
+
+
+def test_a_series_can_solve_an_equation() -> None:
+    y = Series(1.0)
+    y.grow(y, 1.0)  # y' = y
+    np.testing.assert_allclose(terms(y), [1 / float(mpmath.factorial(k)) for k in range(TERMS)], rtol=1e-15)
+    z = Series(0.5)
+    z.grow(z * z, 2.0)  # z' = 2 z^2: 1/(2 - 2 s)
+    np.testing.assert_allclose(terms(z), 0.5, rtol=1e-15)
+
+
+def test_a_pendulum_of_two_unknowns_against_the_equation_itself() -> None:
+    angle, speed = Series(0.7), Series(-0.2)
+    angle.grow(speed, 1.0)
+    speed.grow(-functions.sin(angle), 1.0)
+    agree(functions.sin(angle), lambda s: mpmath.sin(polynomial(tuple(terms(angle)), s)), 1e-12)
+    k = np.arange(1, TERMS)
+    np.testing.assert_allclose(terms(angle)[1:], terms(speed)[:-1] / k, rtol=1e-14)
+    np.testing.assert_allclose(terms(speed)[1:], -terms(functions.sin(angle))[:-1] / k, rtol=1e-14)
+
+
+def test_each_term_is_computed_once() -> None:
+    count = []
+    x = Series(1.0)
+    x._rule = lambda k: count.append(k) or 1.0
+    y = x * x + x / (2.0 + x)
+    for _ in range(3):
+        terms(y, 6)
+    assert count == [1, 2, 3, 4, 5]
+
+
+def test_in_vectors_in_derivatives_and_in_complex_numbers() -> None:
+    x, y = Series(*X), Series(*Y)
+    v = vec(x, y) * y
+    assert isinstance(v, Vec)
+    agree(v[0], lambda s: polynomial(X, s) * polynomial(Y, s))
+    slope = functions.sin(Dual(x, 1.0) * x).slope  # d/de sin((x + e) x) = x cos(x^2)
+    agree(slope, lambda s: polynomial(X, s) * mpmath.cos(polynomial(X, s) ** 2), 1e-13)
+    product = x * Complex(y, x)
+    agree(product.im, lambda s: polynomial(X, s) ** 2)
+    assert isinstance(x * Dual(1.0, 2.0), Dual)
+    with pytest.raises(TypeError):
+        x + "1"  # type: ignore[operator]
