@@ -11,7 +11,8 @@ from collections.abc import Callable
 from llvmlite import ir
 
 from .ir_numbers import Num
-from .joins import LEFT, LIVE, NOBODY, Env, Joins, Open, replace
+from .joins import LEFT, LIVE, NOBODY, Joins, Open, replace
+from .scopes import Env
 
 RARE = 1000000  # how much rarer than the other a rare branch is
 
@@ -29,8 +30,9 @@ class Branches(Joins):
         for start, statements in zip(starts, (body, orelse), strict=True):
             b.position_at_end(start)
             branch = dict(env)
-            if self.block(statements, branch):
-                opens.append(Open(b.block, branch))
+            with self.apart():
+                if self.block(statements, branch):
+                    opens.append(Open(b.block, branch))
             calls.append(self.emitter.calls)
         self._weigh(fork, calls[1] > calls[0], calls[2] > calls[1])
         return self.join(opens, env)
@@ -60,7 +62,8 @@ class Branches(Joins):
             inside = dict(before)
             inside |= {n: merged[n] for n in LEFT if n in merged}
             self.base = lanes
-            self.block(statements, inside)
+            with self.apart():
+                self.block(statements, inside)
             left = inside.pop(LIVE, None)
             changed = {n: v for n, v in inside.items() if v is not before.get(n, inside)}
             after = {n: self.blend(mask, v, merged[n]) if n in merged and n not in LEFT else v for n, v in changed.items()}
