@@ -12,7 +12,7 @@ from llvmlite import ir
 
 from .ir_numbers import Num
 from .joins import LEFT, LIVE, NOBODY, Joins, Open, replace
-from .scopes import Env
+from .scopes import Env, has
 
 RARE = 1000000  # how much rarer than the other a rare branch is
 
@@ -48,6 +48,7 @@ class Branches(Joins):
         outer, here = self.base, self.everyone(self.active(env))
         before = {name: value for name, value in env.items() if name != LIVE}
         merged, ends, someone_left = dict(before), [], False
+        certain: list[set[str]] = []  # for each way, the variables that have a value at its end
         self.depth += 1
         for mask, statements in ((test, body), (e.negation(test), orelse)):
             lanes = e.logic("and_", mask, here)
@@ -55,6 +56,7 @@ class Branches(Joins):
                 mask = lanes
             if not statements:
                 ends.append(lanes)
+                certain.append(set(before))
                 continue
             some, skip, calls = e.any(lanes), b.block, e.calls
             start = b.append_basic_block()
@@ -65,6 +67,11 @@ class Branches(Joins):
             with self.apart():
                 self.block(statements, inside)
             left = inside.pop(LIVE, None)
+            if left is not NOBODY:
+                certain.append({n for n in inside if has(n) not in inside})
+            for n in [n for n in inside if n not in before and not n.startswith("<")]:
+                inside.setdefault(has(n), True)
+                merged.setdefault(has(n), False)
             changed = {n: v for n, v in inside.items() if v is not before.get(n, inside)}
             after = {n: self.blend(mask, v, merged[n]) if n in merged and n not in LEFT else v for n, v in changed.items()}
             skipped = dict(merged) | {n: False if n in LEFT else self.blank(v) for n, v in after.items() if n not in merged}
@@ -86,7 +93,8 @@ class Branches(Joins):
                 ends.append(merged.pop("<end>", lanes))
         self.depth -= 1
         live = env.get(LIVE)
-        replace(env, merged)
+        known = {has(n) for n in (set.intersection(*certain) if certain else merged)}
+        replace(env, {n: v for n, v in merged.items() if n not in known})
         if someone_left:
             env[LIVE] = NOBODY if not ends else ends[0] if len(ends) == 1 else e.logic("or_", *ends)
         elif live is not None:

@@ -79,7 +79,12 @@ class Expressions(Loops):
             case ast.Constant():
                 return node.value
             case ast.Name(id=name):
-                return self.frames[-1].value(name)
+                value, certain = self.frames[-1].value(name)
+                if certain is not True:
+                    if not self.escapes:
+                        raise NotCompilable(f"`{name}` may have no value here: give it one on every way to this line")
+                    self.fail_if(self.emitter.negation(certain))
+                return value
             case ast.Attribute():
                 return self.attribute(self.expression(node.value, env), node.attr)
             case ast.BinOp():

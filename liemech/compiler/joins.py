@@ -18,7 +18,7 @@ from ..formulas.pytree import PAIRS, build, is_any_number, layout_of, leaves
 from ..formulas.vectors import Mat, Vec
 from .ir_numbers import Emitter, Num, Values
 from .iterators import Region, Stream
-from .scopes import Env, Frame, Undefined
+from .scopes import Env, Frame, Undefined, has
 
 LIVE = "<live>"  # lanes still running at this point, where some have left (absent: all for which the code was entered)
 BROKEN = "<broken>"  # lanes that left the present loop by `break`
@@ -152,18 +152,28 @@ class Joins:
         into = into or self.builder.append_basic_block()
         self._align_masks(opens)
         merged: Env = {}
-        for name in opens[0].env:
-            if all(name in o.env for o in opens):
-                items = [o.env[name] for o in opens]
-                merged[name] = items[0] if len(items) == 1 else self._numberwise(
-                    items, lambda *numbers: self._phi(into, [o.block for o in opens], numbers)
-                )
+        blocks = [o.block for o in opens]
+        for name in dict.fromkeys(name for o in opens for name in o.env if not name.startswith("<has ")):
+            there = [o.env[name] for o in opens if name in o.env]
+            certain = [o.env.get(has(name), name in o.env) for o in opens]
+            if len(there) < len(opens):
+                if name.startswith("<"):
+                    continue
+                blank = next((v for v in there if isinstance(v, Undefined)), None) or self.blank(there[0])
+                there = [o.env.get(name, blank) for o in opens]
+            merged[name] = self._together(into, blocks, there)
+            if not all(c is True for c in certain):
+                merged[has(name)] = self._together(into, blocks, certain)
         for o in opens:
             self.builder.position_at_end(o.block)
             (o.end or self.builder.branch)(into)
         self.builder.position_at_end(into)
         replace(env, merged)
         return True
+
+    def _together(self, into: ir.Block, blocks: list[ir.Block], items: list[Any]) -> Any:
+        """What a variable is where these blocks, in which it is one of the items each, come together."""
+        return items[0] if len(items) == 1 else self._numberwise(items, lambda *numbers: self._phi(into, blocks, numbers))
 
     def _phi(self, into: ir.Block, blocks: list[ir.Block], numbers: Iterable[Any]) -> Num:
         lifted = [self.emitter.lift(x) for x in numbers]

@@ -14,7 +14,7 @@ from ..formulas.pytree import build, is_any_number, layout_of, leaves
 from .branches import Branches
 from .ir_numbers import Num
 from .joins import BROKEN, CONTINUED, LEFT, LIVE, NOBODY, Loop, Open, Promote, Retype, come_from, leveled
-from .scopes import Env, Undefined, changed_names
+from .scopes import Env, Undefined, changed_names, has
 
 UNROLL = 32  # a static loop with more turns than this stays a loop
 
@@ -80,7 +80,8 @@ class Loops(Branches):
         for name in {*changed_names(body), *counters} & env.keys():
             if isinstance(env[name], Undefined):
                 del env[name]
-        carried = sorted({*changed_names(body), *counters} & env.keys())
+        changed = {*changed_names(body), *counters}
+        carried = sorted((changed | {*map(has, changed)}) & env.keys())
         types: dict[int, tuple[str, bool]] = {}
         masked = False
         while True:

@@ -26,6 +26,11 @@ CHANGES = ("append", "extend")
 """Methods that change a list: assignments to its name, in a formula."""
 
 
+def has(name: str) -> str:
+    """The variable that tells whether another one, which has a value on some ways only, has one here."""
+    return f"<has {name}>"
+
+
 class Undefined:
     """A variable without a value at this point, and why."""
 
@@ -45,23 +50,27 @@ class Frame:
     loops: list[Loop] = dataclasses.field(default_factory=list)
     node: ast.AST | None = None  # the statement being translated
 
-    def value(self, name: str) -> Any:
-        """What a name means here: a variable of this function, of one around it, of the module, of Python."""
+    def value(self, name: str) -> tuple[Any, Any]:
+        """What a name means here: a variable of this function, of one around it, of the module, of Python.
+
+        With it the condition under which it has a value here.
+        """
         frame: Frame | None = self
         while frame is not None:
             if name in frame.env:
                 value = frame.env[name]
                 if isinstance(value, Undefined):
                     raise NotCompilable(f"`{name}` has no one value here: {value.reason}")
-                return value
+                return value, frame.env.get(has(name), True)
             if name in local_names(frame.scope):
                 raise NotCompilable(f"`{name}` may have no value here: give it one on every way to this line")
             frame = frame.around
-        return self.source.outer(name)
+        return self.source.outer(name), True
 
     def captured(self, env: Env) -> Env:
         """The variables that functions nested in this one may ask for after it has returned."""
-        return {name: env[name] for name in captured_names(self.scope) if name in env}
+        names = captured_names(self.scope)
+        return {name: env[name] for name in (*names, *map(has, names)) if name in env}
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)

@@ -13,7 +13,7 @@ from .ir_numbers import Num
 from .iterators import Stream
 from .joins import LIVE, NOBODY, RETURN, Open, Retype
 from .loops import UNROLL
-from .scopes import CHANGES, Closure, Env, Frame
+from .scopes import CHANGES, Closure, Env, Frame, has
 
 
 class Statements(Expressions):
@@ -102,6 +102,8 @@ class Statements(Expressions):
                 if isinstance(env.get(LIVE), Num) and name in env:  # lanes that have left keep what they had
                     value = self.blend(env[LIVE], value, env[name])
                 env[name] = value
+                if has(name) in env:
+                    env[has(name)] = True
             case ast.Tuple(elts=targets) | ast.List(elts=targets):
                 items = list(self.iterate(value))
                 star = next((i for i, t in enumerate(targets) if isinstance(t, ast.Starred)), None)

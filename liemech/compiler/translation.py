@@ -12,7 +12,7 @@ import builtins
 import dataclasses
 import inspect
 import types
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from typing import Any
 
 import numpy as np
@@ -70,10 +70,12 @@ class Interpreter(Statements):
             self.deeper()
             frame = Frame(function.frame.source, function.node, function.arguments(args, options), function.frame)
             return self.enter(frame)
-        intrinsic = self.intrinsics.get(function) if function.__hash__ else None
+        intrinsic = self.intrinsics.get(function) if isinstance(function, Hashable) else None
         if intrinsic is not None:
             try:
                 return intrinsic(*args, **options)
+            except NotCompilable:
+                raise
             except TypeError as error:
                 raise NotCompilable(f"`{function.__name__}`: {error}") from None
         if isinstance(function, type) and issubclass(function, Record):
