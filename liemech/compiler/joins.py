@@ -30,8 +30,8 @@ NOBODY = "no lane is running"  # value of LIVE when every lane has left
 class Retype(Exception):
     """A loop turns out to need another type for a number it carries (an int becomes a float), or a mask."""
 
-    def __init__(self, number: int | None, kind: str = "b", varying: bool = False) -> None:
-        self.number, self.type = number, (kind, varying)
+    def __init__(self, number: int | None, kind: str = "b", varying: bool = False, mixed: bool = False) -> None:
+        self.number, self.type = number, (kind, varying, mixed)
 
 
 @dataclasses.dataclass
@@ -185,6 +185,7 @@ class Joins:
             incoming.append((self.emitter.cast(x, kind, varying), block))
         self.builder.position_at_end(into)
         phi = self.phi(kind, varying)
+        phi.mixed = kind == "f" and any(x.kind != "f" or x.mixed for x in lifted)
         for values, block in incoming:
             come_from(phi, values, block)
         return phi
