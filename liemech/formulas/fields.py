@@ -55,14 +55,14 @@ class FrozenDict(dict[Any, Any]):
 
 # ------------------------------------------------------------------ values of any kind
 
-_CONSTANT = frozenset((float, int, bool, str, bytes, complex, type(None), Vec, Mat, FrozenDict))
+CONSTANT = frozenset((float, int, bool, str, bytes, complex, type(None), Vec, Mat, FrozenDict))
 _CURES = {list: "lm.Vec, lm.Mat or tuple", dict: "dict", set: "frozenset", bytearray: "bytes", collections.deque: "tuple"}
 
 
 def immutable(owner: Any, name: str, value: Any) -> Any:
     """The value if nothing in it can be changed in place, arrays as copies of which this holds; else InvalidType."""
     kind = type(value)
-    if kind in _CONSTANT:
+    if kind in CONSTANT:
         return value
     if isinstance(value, tuple):
         parts = [immutable(owner, name, x) for x in value]
@@ -74,7 +74,7 @@ def immutable(owner: Any, name: str, value: Any) -> Any:
             shown = repr(value) if len(repr(value)) < 80 else f"{repr(value)[:70]}..."
             raise InvalidType(
                 f"{type(owner).__name__}.{name} is {shown}, which can be changed in place: annotate the field as {cure}, "
-                f"or {'its parts' if isinstance(value, dict) else 'make it one'} in __post_init__{_unknown(owner, name)}"
+                f"which makes it one{_unknown(owner, name)}"
             )
     return value
 
@@ -109,12 +109,19 @@ def _unknown(owner: Any, name: str) -> str:
 
 
 @functools.cache
-def converters(cls: Any) -> tuple[tuple[str, Convert, bool], ...]:
-    """For each field its name, what converts its value, and whether that can wait for what a class itself has to say about it."""
-    found: list[tuple[str, Convert, bool]] = []
+def converters(cls: Any) -> tuple[tuple[str, Convert, frozenset[type], bool], ...]:
+    """For each field its name, what converts its value, the types of value that need no conversion, and whether it can wait.
+
+    What says nothing before the class itself has had its say can wait: refusals of lists and of numbers that are no integers.
+    """
+    found: list[tuple[str, Convert, frozenset[type], bool]] = []
     for field in dataclasses.fields(cls):
         convert = _conversion(field.type, _places(cls, field.name))
-        found.append((field.name, _or_default(convert, field.default) if convert else cls._held, convert in (None, _integer)))
+        if convert is None:
+            found.append((field.name, cls._held, CONSTANT, True))
+        else:
+            easy = {_number: float, _integer: int, _truth: bool, _text: str}.get(convert)
+            found.append((field.name, _or_default(convert, field.default), frozenset([easy] if easy else []), convert is _integer))
     return tuple(found)
 
 
@@ -159,7 +166,7 @@ def _conversion(annotation: Any, places: Places) -> Convert | None:
         return None
     if len(allowed) == max(len(small), 1):
         return steps[0]
-    exact = frozenset(kind for kind in allowed if kind in _CONSTANT) - {Vec, Mat}
+    exact = frozenset(kind for kind in allowed if kind in CONSTANT) - {Vec, Mat}
     others = not all(step or kind is type(None) for kind, step in singles.items())  # of a class that converts nothing
 
     def first(owner: Any, name: str, value: Any) -> Any:

@@ -12,8 +12,6 @@ import functools
 import struct
 import types
 from collections.abc import Callable, Iterator
-from decimal import Decimal
-from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -126,13 +124,13 @@ def exact(value: Any) -> Any:
         return kind, tuple([exact(part) for part in _BY_PARTS[kind](value)])
     if isinstance(value, Record):
         return kind, tuple([exact(x) for x in _fields(value).values()])
+    if (kind.__module__, kind.__name__) in (("fractions", "Fraction"), ("decimal", "Decimal")):  # not imported for their sake
+        return kind, value.as_integer_ratio() if kind.__name__ == "Fraction" else value.as_tuple()
     return _Itself(value)
 
 
 _COMPARABLE = frozenset((int, bool, str, bytes, type(None), type(Ellipsis), Layout))
 _BY_PARTS: dict[type, Callable[[Any], tuple[Any, ...]]] = {
-    Fraction: lambda x: (x.numerator, x.denominator),
-    Decimal: lambda x: tuple(x.as_tuple()),
     range: lambda x: (x.start, x.stop, x.step),
     slice: lambda x: (x.start, x.stop, x.step),
     functools.partial: lambda x: (x.func, x.args, *x.keywords.items()),
@@ -154,6 +152,15 @@ def is_any_number(value: Any) -> bool:
 
 def layout_of(value: Any, number: Callable[[Any], bool] = is_number) -> Layout:
     """The layout of a value; tuples that hold no vector, matrix or record are static, like the rows of a tableau."""
+    if isinstance(value, Record):
+        if number is not is_number:
+            return _of_record(value, number)
+        try:
+            return _known(value)
+        except AttributeError:
+            layout = _of_record(value, number)
+            _know(value, layout)  # a record never changes: a method is looked at once, not at every run
+            return layout
     if number(value):
         return NUMBER
     if isinstance(value, Vec):
@@ -164,15 +171,6 @@ def layout_of(value: Any, number: Callable[[Any], bool] = is_number) -> Layout:
     if isinstance(value, PAIRS):
         kind: Any = type(value)
         return _pair(tuple([layout_of(x, number) for x in value.parts]), kind)
-    if isinstance(value, Record):
-        if number is not is_number:
-            return _of_record(value, number)
-        try:
-            return _known(value)
-        except AttributeError:
-            layout = _of_record(value, number)
-            _know(value, layout)  # a record never changes: a method is looked at once, not at every run
-            return layout
     if isinstance(value, list) or (isinstance(value, tuple) and (number is is_any_number or not is_static(value))):
         return _sequence(type(value).__name__, tuple([layout_of(x, number) for x in value]))
     return Layout("static", (), value)

@@ -57,18 +57,16 @@ class Record(Border):
 
     def __post_init__(self, *_: Any) -> None:
         """Convert the fields.  Overridden, it is called by `super().__post_init__()`, before or after setting derived fields."""
-        checked = type(self).__post_init__ is Record.__post_init__
-        for name, convert, can_wait in converters(type(self)):
-            if checked or not can_wait:
-                _convert(self, name, convert)
+        _convert(self, type(self).__post_init__ is Record.__post_init__)
 
 
-def _convert(owner: Any, name: str, convert: Callable[[Any, str, Any], Any]) -> None:
-    value = getattr(owner, name, MISSING)
-    if value is not MISSING:
-        new = convert(owner, name, value)
-        if new is not value:
-            object.__setattr__(owner, name, new)
+def _convert(self: Any, last: bool) -> None:
+    for name, convert, easy, can_wait in converters(type(self)):
+        value = getattr(self, name, MISSING)
+        if type(value) not in easy and value is not MISSING and (last or not can_wait):
+            new = convert(self, name, value)
+            if new is not value:
+                object.__setattr__(self, name, new)
 
 
 def _then_checked(initialise: Callable[..., None]) -> Callable[..., None]:
@@ -78,8 +76,7 @@ def _then_checked(initialise: Callable[..., None]) -> Callable[..., None]:
     def method(self: Any, *args: Any, **options: Any) -> None:
         initialise(self, *args, **options)
         if method in (vars(type(self)).get("__init__"), type(self).__post_init__):
-            for name, convert, _ in converters(type(self)):
-                _convert(self, name, convert)
+            _convert(self, True)
             with contextlib.suppress(AttributeError):  # if its layout was looked at before it was ready
                 object.__delattr__(self, "_layout")
 
