@@ -44,7 +44,7 @@ class FrozenDict(dict[Any, Any]):
     def _refuse(self, *args: Any, **options: Any) -> NoReturn:
         raise TypeError("the dict in a field of a record cannot be changed; make a new record with dataclasses.replace")
 
-    __setitem__ = __delitem__ = __ior__ = update = setdefault = pop = popitem = clear = _refuse  # type: ignore[assignment]
+    __setitem__ = __delitem__ = __ior__ = update = setdefault = pop = popitem = clear = _refuse
 
     def __reduce__(self) -> tuple[Any, ...]:
         return FrozenDict, (dict(self),)
@@ -55,8 +55,8 @@ class FrozenDict(dict[Any, Any]):
 
 # ------------------------------------------------------------------ values of any kind
 
-CONSTANT = frozenset((float, int, bool, str, bytes, complex, type(None), Vec, Mat, FrozenDict))
-_CURES = {list: "lm.Vec, lm.Mat or tuple", dict: "dict", set: "frozenset", bytearray: "bytes", collections.deque: "tuple"}
+CONSTANT: frozenset[type] = frozenset((float, int, bool, str, bytes, complex, type(None), Vec, Mat, FrozenDict))
+_CURES: dict[type, str] = {list: "lm.Vec, lm.Mat or tuple", dict: "dict", set: "frozenset", collections.deque: "tuple"}
 
 
 def immutable(owner: Any, name: str, value: Any) -> Any:
@@ -81,9 +81,11 @@ def immutable(owner: Any, name: str, value: Any) -> Any:
 
 def frozen_array(array: np.ndarray, name: str) -> np.ndarray:
     """A copy that nobody can write to, not even by its flags; the array itself if it is one."""
-    if type(array) is not np.ndarray or array.dtype.hasobject:
-        raise InvalidType(f"{name} must be an array of numbers; got {type(array).__name__} of dtype {array.dtype}")
-    if type(array.base) is bytes:
+    kind: Any = type(array)
+    base: Any = array.base
+    if kind is not np.ndarray or array.dtype.hasobject:
+        raise InvalidType(f"{name} must be an array of numbers; got {kind.__name__} of dtype {array.dtype}")
+    if isinstance(base, bytes):
         return array
     return np.ndarray(array.shape, array.dtype, array.tobytes())
 
@@ -120,8 +122,7 @@ def converters(cls: Any) -> tuple[tuple[str, Convert, frozenset[type], bool], ..
         if convert is None:
             found.append((field.name, cls._held, CONSTANT, True))
         else:
-            easy = {_number: float, _integer: int, _truth: bool, _text: str}.get(convert)
-            found.append((field.name, _or_default(convert, field.default), frozenset([easy] if easy else []), convert is _integer))
+            found.append((field.name, _or_default(convert, field.default), _EASY.get(convert, frozenset()), convert is _integer))
     return tuple(found)
 
 
@@ -232,9 +233,17 @@ def _text(owner: Any, name: str, value: Any) -> Any:
     return str(value) if isinstance(value, np.str_) else immutable(owner, name, value)
 
 
+_EASY: dict[Convert, frozenset[type]] = {
+    _number: frozenset([float]),
+    _integer: frozenset([int]),
+    _truth: frozenset([bool]),
+    _text: frozenset([str]),
+}
+
+
 def _small(owner: Any, name: str, value: Any, allowed: tuple[type, ...]) -> Any:
     if isinstance(value, allowed):
-        rows = value.rows if isinstance(value, Mat) else (value,)
+        rows: Any = value.rows if isinstance(value, Mat) else (value,)
         ordinary = all(type(x) is float or not isinstance(x, (int, np.number)) for row in rows for x in row)
         return value if ordinary else type(value).of(value)  # type: ignore[attr-defined]
     array = real_array(value, f"{type(owner).__name__}.{name}")

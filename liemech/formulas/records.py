@@ -61,7 +61,8 @@ class Record(Border):
 
 
 def _convert(self: Any, last: bool) -> None:
-    for name, convert, easy, can_wait in converters(type(self)):
+    cls: Any = type(self)
+    for name, convert, easy, can_wait in converters(cls):
         value = getattr(self, name, MISSING)
         if type(value) not in easy and value is not MISSING and (last or not can_wait):
             new = convert(self, name, value)

@@ -6,11 +6,13 @@ import copy
 import dataclasses
 import enum
 import pickle
+import sys
+import types
 from collections.abc import Mapping, Sequence  # noqa: F401  (named in annotations below)
 from dataclasses import InitVar
 from decimal import Decimal
 from fractions import Fraction
-from typing import Annotated, Any, ClassVar, NewType, Optional, TypeAlias
+from typing import Annotated, Any, ClassVar, ForwardRef, NewType, Optional, TypeAlias
 
 import numpy as np
 import pytest
@@ -377,6 +379,32 @@ def test_a_record_without_its_decorator_is_refused() -> None:
         kind: ClassVar[int] = 3
 
     assert Fine(1.0).kind == 3
+
+
+@pytest.mark.skipif(sys.version_info >= (3, 14), reason="no simulation where it is so")
+def test_annotations_that_are_computed_when_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    """PEP 649, Python 3.14, simulated: a class has no `__annotations__`, and what is not known yet is a ForwardRef."""
+    library = types.ModuleType("annotationlib")
+    library.Format = types.SimpleNamespace(FORWARDREF="forward references")  # type: ignore[attr-defined]
+    library.get_annotations = lambda thing, format: getattr(thing, "__annotate__", lambda _: {})(format)  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "annotationlib", library)
+    made = annotated(ForwardRef("Vec | None"))
+    del made.__annotations__
+    made.__annotate__ = staticmethod(lambda format: {"forward references": {"value": ForwardRef("Vec | None")}}[format])
+    monkeypatch.setattr(sys, "version_info", (3, 14, 0))
+    assert made([1, 2]).value == Vec(1.0, 2.0) and made(None).value is None
+
+    class Bare(Record):
+        __annotate__ = staticmethod(lambda format: {"stiffness": float})
+
+    with pytest.raises(InvalidType, match=r"Bare has the fields stiffness: put @liemech\.record above"):
+        Bare()
+
+    def force(self: Any, x: Any) -> Any:
+        return x + x
+
+    force.__annotate__ = lambda format: {"x": ForwardRef("lm.Vec"), "return": ForwardRef("NotYet")}  # type: ignore[attr-defined]
+    assert hasattr(type("Forced", (Spring,), {"force": force}).force, "__formula__")
 
 
 class Colour(enum.Enum):
