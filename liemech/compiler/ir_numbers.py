@@ -191,6 +191,10 @@ class Num(StandIn):
     def varying(self) -> bool:
         return isinstance(self.values[0].type, ir.VectorType)
 
+    @property
+    def is_integer(self) -> bool:
+        return self.kind == "i"
+
     def elementary(self, name: str, *x: Any) -> Num:
         return self.emitter.call("llvm.sqrt" if name == "sqrt" else name, *x)
 

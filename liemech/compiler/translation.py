@@ -10,6 +10,7 @@ from __future__ import annotations
 import ast
 import builtins
 import dataclasses
+import functools
 import inspect
 import math
 import operator
@@ -23,6 +24,7 @@ from ..errors import NotCompilable
 from ..formulas import functions, series, vectors
 from ..formulas.broadcasting import annotation_text, bare
 from ..formulas.compensated import value_of
+from ..formulas.derivatives import axes, tangent
 from ..formulas.dual import Dual
 from ..formulas.pytree import PAIRS, compensated, fill, fitted, is_any_number, layout_of, leaves, plain
 from ..formulas.records import Record
@@ -59,7 +61,8 @@ class Interpreter(Statements):
             type: _type,
             getattr: self.named,
             sum: self.sum,
-            **{f: f for f in (layout_of, compensated, plain, fitted)},
+            **{f: f for f in (layout_of, compensated, plain, fitted, axes)},
+            tangent: lambda formula, *x: tangent(functools.partial(self.call, formula), *x),
             driver.numbers: lambda x: Vec(*leaves(x, layout_of(x, is_any_number))),
             math.fabs: abs,
             np.abs: abs,
@@ -69,7 +72,7 @@ class Interpreter(Statements):
         for f in (functions.sqrt, *functions.LIBM):
             name = f.__name__
             intrinsic = self.elementary(f, "llvm.sqrt" if name == "sqrt" else name)
-            numpy_name = name.replace("asin", "arcsin").replace("acos", "arccos").replace("atan", "arctan")
+            numpy_name = name.replace("asin", "arcsin").replace("acos", "arccos").replace("atan", "arctan").replace("pow", "power")
             self.intrinsics |= {f: intrinsic, getattr(math, name): intrinsic, getattr(np, numpy_name): intrinsic}
 
     # -------------------------------------------------------------- calls
