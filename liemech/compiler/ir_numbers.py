@@ -228,8 +228,8 @@ class Num(StandIn):
             return NotImplemented
         return self.emitter.arithmetic(op, a, b)
 
-    def __pow__(self, other: Any) -> Num:
-        return self.emitter.call("pow", self, other)
+    def __pow__(self, other: Any) -> Any:
+        return self.emitter.call("pow", self, other) if isinstance(other, _NUMBERS) else NotImplemented
 
     def __rpow__(self, other: Any) -> Num:
         return self.emitter.call("pow", other, self)
@@ -244,23 +244,26 @@ class Num(StandIn):
     def __abs__(self) -> Num:
         return self.emitter.call("llvm.fabs", self)
 
+    def _compared(self, op: str, other: Any) -> Any:
+        return self.emitter.compare(op, self, other) if isinstance(other, _NUMBERS) else NotImplemented
+
     def __lt__(self, other: Any) -> Any:
-        return self.emitter.compare("<", self, other)
+        return self._compared("<", other)
 
     def __le__(self, other: Any) -> Any:
-        return self.emitter.compare("<=", self, other)
+        return self._compared("<=", other)
 
     def __gt__(self, other: Any) -> Any:
-        return self.emitter.compare(">", self, other)
+        return self._compared(">", other)
 
     def __ge__(self, other: Any) -> Any:
-        return self.emitter.compare(">=", self, other)
+        return self._compared(">=", other)
 
     def __eq__(self, other: object) -> Any:
-        return self.emitter.compare("==", self, other)
+        return self._compared("==", other)
 
     def __ne__(self, other: object) -> Any:
-        return self.emitter.compare("!=", self, other)
+        return self._compared("!=", other)
 
     def __and__(self, other: Any) -> Any:
         return self.emitter.logic("and_", self, other)
@@ -277,3 +280,6 @@ class Num(StandIn):
         raise NotCompilable("a number known only at run time is used where Python needs its value now")
 
     __bool__ = __float__ = __int__ = __index__ = __array__ = __len__ = __iter__ = _refuse
+
+
+_NUMBERS = (Num, bool, int, float)

@@ -45,22 +45,22 @@ class ByValue(Pair):
     value: Any
 
     def __lt__(self, other: Any) -> Any:
-        return self.value < _value(other)
+        return _value(self) < _value(other)
 
     def __le__(self, other: Any) -> Any:
-        return self.value <= _value(other)
+        return _value(self) <= _value(other)
 
     def __gt__(self, other: Any) -> Any:
-        return self.value > _value(other)
+        return _value(self) > _value(other)
 
     def __ge__(self, other: Any) -> Any:
-        return self.value >= _value(other)
+        return _value(self) >= _value(other)
 
     def __eq__(self, other: object) -> Any:
-        return self.value == _value(other)
+        return _value(self) == _value(other)
 
     def __ne__(self, other: object) -> Any:
-        return self.value != _value(other)
+        return _value(self) != _value(other)
 
     def __bool__(self) -> bool:
         return bool(self.value)
@@ -69,7 +69,7 @@ class ByValue(Pair):
 
 
 def _value(x: Any) -> Any:
-    return x.value if isinstance(x, ByValue) else x
+    return _value(x.value) if isinstance(x, ByValue) else x
 
 
 def whole_power(x: Any, n: int) -> Any:

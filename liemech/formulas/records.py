@@ -17,6 +17,7 @@ import numpy as np
 
 from ..errors import InvalidInput, InvalidType
 from .broadcasting import AXES, Border, annotation_text, real_array
+from .numbers import Pair
 from .vectors import Mat, Vec
 
 T = TypeVar("T", bound=type)
@@ -63,7 +64,7 @@ def _number(owner: Any, name: str, value: Any) -> Any:
     try:
         return float(value)
     except (TypeError, ValueError):
-        if not hasattr(value, "free_symbols"):
+        if not (hasattr(value, "free_symbols") or isinstance(value, Pair)):  # a symbol, or a number that carries a derivative
             raise InvalidType(f"{type(owner).__name__}.{name} is a number; got {value!r}") from None
         return value
 
