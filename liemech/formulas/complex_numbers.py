@@ -8,17 +8,20 @@ from typing import Any
 import numpy as np
 
 from .functions import sqrt
-from .numbers import INTEGER_POWER, Pair, whole_power
+from .numbers import INTEGER_POWER, Pair, StandIn, whole_power
 
 
 def is_vector(x: Any) -> bool:
     """A `Vec`, a `Mat` or an array, which know how to multiply themselves by a number."""
-    return isinstance(x, (tuple, list, np.ndarray)) or hasattr(x, "rows")
+    return not isinstance(x, _REAL) and (isinstance(x, (tuple, list, np.ndarray)) or hasattr(x, "rows"))
 
 
 def outranks(x: Any) -> bool:
     """A vector, or a complex number: what a number with a derivative leaves an operation to."""
-    return isinstance(x, (Complex, complex)) or is_vector(x)
+    return not isinstance(x, _REAL) and (isinstance(x, (Complex, complex)) or is_vector(x))
+
+
+_REAL = (float, StandIn)
 
 
 class Complex(Pair):

@@ -61,12 +61,14 @@ def axes(x: Any) -> list[list[Any]]:
 
 def _moving(x: Any, direction: Any, level: int) -> Any:
     """x + e d."""
+    if type(x) is float and (type(direction) is float or (type(direction) is int and not direction)):
+        return Dual(x, direction, level)
     if (isinstance(x, np.ndarray) and x.ndim) or isinstance(x, (tuple, list, Mat)):
         if not isinstance(direction, (tuple, list, Mat, np.ndarray)) or len(direction) != len(x):
             size = f"{len(direction)} components" if hasattr(direction, "__len__") else f"{direction!r}"
             raise InvalidType(f"the direction of a derivative at a vector of {len(x)} components has as many; got {size}")
         parts = [_moving(a, d, level) for a, d in zip(x, direction)]
-        return mat(*parts) if any(isinstance(a, Vec) for a in parts) else vec(*parts)
+        return mat(*parts) if parts and isinstance(parts[0], Vec) else vec(*parts)
     if isinstance(direction, (tuple, list, Mat, np.ndarray)):
         raise InvalidType(f"the direction of a derivative at a number is a number; got {direction!r}")
     if isinstance(x, (complex, Complex)) or isinstance(direction, (complex, Complex)):
@@ -87,10 +89,10 @@ def _float(x: Any) -> Any:
 def _split(value: Any, level: float) -> tuple[Any, Any]:
     """What a number, a vector, ... is, and the slope that it has at this level; what is no number has none and stays."""
     if isinstance(value, Dual):
-        if value.level < level:
-            return value, 0.0
         if value.level == level:
             return value.value, _signless(value.slope)
+        if value.level < level:
+            return value, 0.0
         parts = [_split(part, level) for part in value.parts]  # one that a formula made by hand
         return tuple([Dual(a, b, value.level) for a, b in zip(*parts)])  # type: ignore[return-value]
     if isinstance(value, (int, float, Pair, np.number)) and not isinstance(value, Complex):
@@ -104,7 +106,7 @@ def _split(value: Any, level: float) -> tuple[Any, Any]:
     if isinstance(value, Record):
         fields = fields_of(value)
         made = {name: (x, x) if isinstance(x, int) else _split(x, level) for name, x in fields.items()}
-        return tuple([fill(type(value), {n: pair[i] for n, pair in made.items()}) for i in (0, 1)])  # type: ignore[return-value]
+        return tuple([fill(type(value), {n: pair[i] for n, pair in made.items()}) for i in (0, 1)])
     if value is None or isinstance(value, str):
         return value, value
     if hasattr(value, "elementary") or hasattr(value, "free_symbols"):  # run-time numbers, series, symbols
@@ -116,4 +118,6 @@ def _signless(slope: Any) -> Any:
     """A slope without the sign of zero, which would tell whether something rests or moves with slope zero."""
     if type(slope) is int:
         return 0.0
+    if type(slope) is float:
+        return slope + 0.0
     return slope + 0.0 if isinstance(value_of(slope), (float, StandIn)) else slope
