@@ -7,8 +7,9 @@ does not run for are arbitrary: whoever joins two pieces picks lane by lane.
 from __future__ import annotations
 
 import ast
+import contextlib
 import dataclasses
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 from llvmlite import ir
@@ -17,7 +18,8 @@ from ..formulas.dual import Dual
 from ..formulas.pytree import PAIRS, build, is_any_number, layout_of, leaves, paired
 from ..formulas.vectors import Mat, Vec
 from .ir_numbers import Emitter, Num, Values
-from .source import Source
+from .iterators import Region, Stream
+from .scopes import Env, Frame, Undefined, has
 
 LIVE = "<live>"  # lanes still running at this point, where some have left (absent: all for which the code was entered)
 BROKEN = "<broken>"  # lanes that left the present loop by `break`
@@ -25,16 +27,6 @@ CONTINUED = "<continued>"  # lanes that left the present turn of a written-out l
 LEFT = (BROKEN, CONTINUED)
 RETURN = "<return>"  # what lanes that have left the call return
 NOBODY = "no lane is running"  # value of LIVE when every lane has left
-
-Env = dict[str, Any]
-
-
-class Undefined:
-    """A variable without a value at this point, and why."""
-
-    def __init__(self, reason: str) -> None:
-        self.reason = reason
-
 
 class Retype(Exception):
     """A loop turns out to need another type for a number it carries (an int becomes a float), or a mask."""
@@ -63,15 +55,11 @@ class Loop:
     continues: list[Open] = dataclasses.field(default_factory=list)
 
 
-@dataclasses.dataclass
-class Frame:
-    """One call being inlined."""
+class Promote(Exception):
+    """A loop turns out to need another structure for a variable it carries: a number that gets a derivative in it."""
 
-    source: Source
-    env: Env
-    returns: list[Open] = dataclasses.field(default_factory=list)
-    loops: list[Loop] = dataclasses.field(default_factory=list)
-    node: ast.AST | None = None
+    def __init__(self, name: str, start: Any) -> None:
+        self.name, self.start = name, start
 
 
 class Joins:
@@ -84,7 +72,10 @@ class Joins:
         self.depth = 0  # enclosing conditions of the present call that differ between lanes
         self.escapes: list[list[Open]] = []  # where control goes when a formula raises
         self.failed: Any = None  # where a formula that raises says so
-        self.raises = 0  # places so far that do
+        self.raises = 0  # places so far, in the present attempt, that may
+        self.region: Region = ()  # the branches and loops of unknown length around the present code
+        self.regions = 0
+        self.streams: list[Stream] = []
 
     def block(self, statements: list[ast.stmt], env: Env) -> bool:
         raise NotImplementedError
@@ -129,6 +120,23 @@ class Joins:
         live = env.get(LIVE)
         return self.emitter.constant(False, "b", True) if live is NOBODY else self.base if live is None else live
 
+    @contextlib.contextmanager
+    def apart(self, loop: bool = False) -> Iterator[None]:
+        """Code that control may pass by, or pass several times."""
+        outer = self.region
+        self.regions += 1
+        self.region = (*outer, (self.regions, loop))
+        yield
+        self.region = outer
+
+    def fail_if(self, condition: Any) -> None:
+        """Python raises here if the condition holds: the attempt has failed.  Outside of attempts numbers go on as they are."""
+        if condition is False or not self.escapes:
+            return
+        self.raises += 1
+        lanes = self.emitter.logic("and_", condition, self.everyone(self.active(self.frames[-1].env)))
+        self.emitter.store(self.emitter.logic("or_", self.emitter.load(self.failed), lanes), self.failed)
+
     def everyone(self, mask: Any) -> Any:
         return True if mask is None else mask
 
@@ -145,18 +153,28 @@ class Joins:
         into = into or self.builder.append_basic_block()
         self._align_masks(opens)
         merged: Env = {}
-        for name in opens[0].env:
-            if all(name in o.env for o in opens):
-                items = [o.env[name] for o in opens]
-                merged[name] = items[0] if len(items) == 1 else self._numberwise(
-                    items, lambda *numbers: self._phi(into, [o.block for o in opens], numbers)
-                )
+        blocks = [o.block for o in opens]
+        for name in dict.fromkeys(name for o in opens for name in o.env if not name.startswith("<has ")):
+            there = [o.env[name] for o in opens if name in o.env]
+            certain = [o.env.get(has(name), name in o.env) for o in opens]
+            if len(there) < len(opens):
+                if name.startswith("<"):
+                    continue
+                blank = next((v for v in there if isinstance(v, Undefined)), None) or self.blank(there[0])
+                there = [o.env.get(name, blank) for o in opens]
+            merged[name] = self._together(into, blocks, there)
+            if not all(c is True for c in certain):
+                merged[has(name)] = self._together(into, blocks, certain)
         for o in opens:
             self.builder.position_at_end(o.block)
             (o.end or self.builder.branch)(into)
         self.builder.position_at_end(into)
         replace(env, merged)
         return True
+
+    def _together(self, into: ir.Block, blocks: list[ir.Block], items: list[Any]) -> Any:
+        """What a variable is where these blocks, in which it is one of the items each, come together."""
+        return items[0] if len(items) == 1 else self._numberwise(items, lambda *numbers: self._phi(into, blocks, numbers))
 
     def _phi(self, into: ir.Block, blocks: list[ir.Block], numbers: Iterable[Any]) -> Num:
         lifted = [self.emitter.lift(x) for x in numbers]

@@ -20,7 +20,7 @@ import numpy as np
 from ..errors import NotCompilable
 from ..formulas.functions import LIBM
 from ..formulas.pytree import Layout, layout_of, leaves
-from . import driver
+from . import callbacks, driver
 
 Kind = Layout | str  # of an argument: the layout of a value, "integer", "array" or "rows"
 
@@ -240,6 +240,8 @@ def _prepare() -> None:
     library = _c_library()
     for f in (*LIBM, pow):  # under names that LLVM does not know, so that it changes nothing about them
         llvm.add_symbol(f"liemech_{f.__name__}", ctypes.cast(getattr(library, f.__name__), ctypes.c_void_p).value)
+    for symbol, address in callbacks.addresses().items():
+        llvm.add_symbol(symbol, address)
 
 
 def _c_library() -> ctypes.CDLL:

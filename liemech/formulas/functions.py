@@ -88,9 +88,12 @@ pow = _elementary("pow", "power")
 
 LIBM = (
     cbrt, sin, cos, tan, asin, acos, atan, atan2, sinh, cosh, tanh, asinh, acosh, atanh, exp, exp2, log, log2, log10, expm1, log1p,
-    copysign, pow,
+    pow,
 )  # fmt: skip
-"""What compiled code calls in the C library; `sqrt` is an instruction."""
+"""What compiled code calls in the C library."""
+
+INSTRUCTIONS = "sqrt", "copysign"
+"""What are instructions of the processor."""
 
 SYMBOLIC: dict[str, Callable[..., Any]] = {
     "pow": lambda x, n: x**n,

@@ -95,7 +95,8 @@ X, Y, A, B = sympy.symbols("x y a b", positive=True)
 def _powers():
     return [
         sympy.diff(2**X, X), sympy.diff(X**X, X), sympy.diff(A**B, A, B), sympy.diff(B**A, A, B).subs({A: X, B: Y}),
-        sympy.diff(sympy.diff(B ** (A * B), B).subs(B, A), A).subs(A, X), sympy.diff(X**sympy.Rational(5, 2) + X**-3 + X**7 - X**-2, X),
+        sympy.diff(sympy.diff(B ** (A * B), B).subs(B, A), A).subs(A, X),
+        sympy.diff(X**sympy.Rational(5, 2) + X**-3 + X**7 - X**-2, X),
     ]  # fmt: skip
 
 
