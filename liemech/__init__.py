@@ -29,6 +29,7 @@ from .formulas import (
     norm,
     outer,
     record,
+    sum,
     vec,
 )
 from .groups.lie_algebra import LieAlgebra
@@ -285,6 +286,7 @@ __all__ = [
     "norm",
     "outer",
     "record",
+    "sum",
     "tableaus",
     "vec",
 ]

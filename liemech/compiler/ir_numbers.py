@@ -17,6 +17,7 @@ import numpy as np
 from llvmlite import ir
 
 from ..errors import NotCompilable
+from ..formulas.functions import INSTRUCTIONS
 from ..formulas.numbers import StandIn
 
 F64, I64, I32, I1 = ir.DoubleType(), ir.IntType(64), ir.IntType(32), ir.IntType(1)
@@ -322,8 +323,12 @@ class Num(StandIn):
     def varying(self) -> bool:
         return isinstance(self.values[0].type, ir.VectorType)
 
+    @property
+    def is_integer(self) -> bool:
+        return self.kind == "i"
+
     def elementary(self, name: str, *x: Any) -> Num:
-        return self.emitter.call("llvm.sqrt" if name == "sqrt" else name, *x)
+        return self.emitter.call(f"llvm.{name}" if name in INSTRUCTIONS else name, *x)
 
     def __add__(self, other: Any) -> Any:
         return self._binary("add", self, other)

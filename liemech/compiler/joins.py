@@ -14,7 +14,8 @@ from typing import Any
 
 from llvmlite import ir
 
-from ..formulas.pytree import PAIRS, build, is_any_number, layout_of, leaves
+from ..formulas.dual import Dual
+from ..formulas.pytree import PAIRS, build, is_any_number, layout_of, leaves, paired
 from ..formulas.vectors import Mat, Vec
 from .ir_numbers import Emitter, Num, Values
 from .iterators import Region, Stream
@@ -217,12 +218,12 @@ def leveled(items: list[Any]) -> list[Any]:
     kind = type(items[0])
     if kind in makers and all(type(v) is kind for v in items) and len({len(v) for v in items}) == 1:
         return [makers[kind](v) for v in zip(*map(leveled, map(list, zip(*items, strict=True))), strict=True)]
-    pairs = {type(v) for v in items if isinstance(v, PAIRS)}
-    if len(pairs) == 1:
-        (pair,) = pairs
-        if all(isinstance(v, pair) or is_any_number(v) for v in items):
-            parts = zip(*(v.parts if isinstance(v, pair) else (v, 0.0) for v in items), strict=True)
-            return [pair(*p) for p in zip(*map(leveled, map(list, parts)), strict=True)]
+    pairs = [v for v in items if isinstance(v, PAIRS)]
+    if pairs and all(isinstance(v, PAIRS) or is_any_number(v) for v in items):
+        form = max(pairs, key=lambda v: v.level).form
+        zero = 0 if form[0] is Dual else 0.0  # no slope, no imaginary part
+        parts = zip(*(v.parts if isinstance(v, PAIRS) and v.form == form else (v, zero) for v in items), strict=True)
+        return [paired(form, p) for p in zip(*map(leveled, map(list, parts)), strict=True)]
     return items
 
 

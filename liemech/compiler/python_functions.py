@@ -75,7 +75,7 @@ class PythonFunctions:
             math.isinf: self.plain_number(lambda x: abs(x) == math.inf, math.isinf),
             math.radians: self.plain_number(lambda x: x * (math.pi / 180.0), math.radians),
             math.degrees: self.plain_number(lambda x: x * (180.0 / math.pi), math.degrees),
-            math.pow: self.of_math(math.pow, "pow"),
+            math.sqrt: self.of_math(math.sqrt, "llvm.sqrt"),
             math.log: self.log,
             getattr(math, "sumprod", None): self.refused("math.sumprod", "liemech.dot"),
             math.fsum: self.refused("math.fsum", "liemech.sum"),
@@ -88,11 +88,11 @@ class PythonFunctions:
             np.array: self.refused("np.array", "liemech.vec or liemech.mat"),
             np.where: self.refused("np.where", "liemech.formulas.where"),
         }
-        for f in (functions.sqrt, *functions.LIBM):
-            name = f.__name__
-            self.table[f] = self.elementary(f, "llvm.sqrt" if name == "sqrt" else name)
-            if name != "log":
-                self.table[getattr(math, name)] = self.of_math(getattr(math, name), "llvm.sqrt" if name == "sqrt" else name)
+        for f in (getattr(functions, name) for name in functions.INSTRUCTIONS):
+            self.table[f] = self.elementary(f, f"llvm.{f.__name__}")
+        for f in functions.LIBM:
+            self.table[f] = self.elementary(f, f.__name__)
+            self.table.setdefault(getattr(math, f.__name__), self.of_math(getattr(math, f.__name__), f.__name__))
         for python, symbol in FUNCTIONS.items():
             self.table.setdefault(python, self.called_back(python, symbol))
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import ast
 import builtins
 import dataclasses
+import functools
 import inspect
 import types
 from collections.abc import Callable, Hashable
@@ -20,6 +21,7 @@ import numpy as np
 from ..errors import NotCompilable
 from ..formulas import functions, series, vectors
 from ..formulas.broadcasting import bare
+from ..formulas.derivatives import axes, tangent
 from ..formulas.fields import floats
 from ..formulas.pytree import PAIRS, compensated, fill, fitted, is_any_number, layout_of, leaves, plain
 from ..formulas.records import Record
@@ -57,7 +59,8 @@ class Interpreter(Statements):
             functions.where: self.where,
             super: self.super,
             getattr: self.named,
-            **{f: f for f in (layout_of, compensated, plain, fitted)},
+            **{f: f for f in (layout_of, compensated, plain, fitted, axes)},
+            tangent: lambda formula, *x: tangent(functools.partial(self.call, formula), *x),
             driver.numbers: lambda x: Vec(*leaves(x, layout_of(x, is_any_number))),
         }
 
