@@ -10,7 +10,7 @@ import functools
 import sys
 import types
 import typing
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Annotated, Any, NewType, TypeVar
 
 from .vectors import Mat, Vec
@@ -78,12 +78,14 @@ def members(annotation: Any, *places: Mapping[str, Any]) -> tuple[Any, ...]:
 
     places : where names are looked for, nearest first.
     """
+    if isinstance(annotation, str) and "|" in annotation and not set(annotation) & set("[]()'\""):
+        return _union([part.strip() for part in annotation.split("|")], places)
     found = _value(annotation, places)
     if found is Element or found is Ambient:
         return (found,)
     origin, inner = typing.get_origin(found), typing.get_args(found)
     if origin in (typing.Union, types.UnionType):
-        return tuple(dict.fromkeys(m for part in inner for m in members(part, *places)))
+        return _union(inner, places)
     if origin in (Annotated, typing.Final):
         return members(inner[0], *places)
     if isinstance(found, NewType):
@@ -95,6 +97,10 @@ def members(annotation: Any, *places: Mapping[str, Any]) -> tuple[Any, ...]:
     return (type(None) if found is None else found,)
 
 
+def _union(parts: Iterable[Any], places: tuple[Mapping[str, Any], ...]) -> tuple[Any, ...]:
+    return tuple(dict.fromkeys(m for part in parts for m in members(part, *places)))
+
+
 def _value(annotation: Any, places: tuple[Mapping[str, Any], ...]) -> Any:
     for _ in range(8):  # a quoted text may stand for another
         text = annotation if isinstance(annotation, str) else getattr(annotation, "__forward_arg__", None)
@@ -102,8 +108,19 @@ def _value(annotation: Any, places: tuple[Mapping[str, Any], ...]) -> Any:
             return annotation
         extra = getattr(annotation, "__extra_names__", None) or {}  # what Python 3.14 knows about a text of its own making
         names = _Names(extra, *places)
-        annotation = names[text] if text.isidentifier() else _later(functools.partial(eval, text, {}, names))
+        name, *attributes = text.strip().split(".")
+        if name.isidentifier() and all(map(str.isidentifier, attributes)):
+            annotation = functools.reduce(_attribute, attributes, names[name])
+        else:
+            annotation = _later(functools.partial(eval, text, {}, names))
     return UNKNOWN
+
+
+def _attribute(found: Any, name: str) -> Any:
+    """An attribute that is there; an annotation is no reason to load a part of a package."""
+    if isinstance(found, types.ModuleType) and name not in WELL_KNOWN and name not in vars(found):
+        return UNKNOWN
+    return getattr(found, name, UNKNOWN)
 
 
 def _later(value: Callable[[], Any]) -> Any:
