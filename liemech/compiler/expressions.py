@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 from ..errors import NotCompilable
-from ..formulas.records import Record
 from ..formulas.vectors import Mat
 from .ir_numbers import Num
 from .joins import LEFT, LIVE, Env, Undefined
@@ -132,6 +131,7 @@ class Expressions(Loops):
         operator_ = OPERATORS.get(type(node.op))
         if operator_ is None or (isinstance(node.op, (ast.FloorDiv, ast.Mod)) and holds_number(operands)):
             raise NotCompilable(f"`{ast.unparse(node)}`: this operator is not known to native code")
+        self.reads.settled(*operands)
         return operator_(*operands)
 
     def items(self, nodes: list[ast.expr], env: Env) -> list[Any]:
@@ -158,20 +158,13 @@ class Expressions(Loops):
     def attribute(self, value: Any, name: str) -> Any:
         if isinstance(value, Num):
             raise NotCompilable(f"a number has no attribute `{name}`")
-        owner, classes = value, type(value).__mro__
-        if isinstance(value, super):
-            owner, after = value.__self__, value.__thisclass__  # type: ignore[attr-defined]
-            classes = type(owner).__mro__[type(owner).__mro__.index(after) + 1 :]
-        if isinstance(owner, Record):
-            member = next((vars(c)[name] for c in classes if name in vars(c)), None)
-            if isinstance(member, property) and member.fget is not None:
-                return self.call(member.fget, owner)
-        return getattr(value, name)
+        return self.reads.attribute(value, name, self.call)
 
     def item(self, value: Any, index: Any) -> Any:
         if isinstance(index, tuple) and isinstance(value, Mat):
             return self.item(self.item(value, index[0]), index[1])
         if not isinstance(index, Num):
+            self.reads.settled(value)
             return value[index]
         if index.kind == "f":
             raise NotCompilable("a float is used as an index")
@@ -204,6 +197,8 @@ class Expressions(Loops):
         left = self.expression(node.left, env)
         for op, right_node in zip(node.ops, node.comparators, strict=True):
             right = self.expression(right_node, env)
+            if not isinstance(op, (ast.Is, ast.IsNot)):
+                self.reads.settled(left, right)
             result = self.emitter.logic("and_", result, self.truth(OPERATORS[type(op)](left, right)))
             left = right
         return result

@@ -16,6 +16,7 @@ from llvmlite import ir
 from ..formulas.pytree import PAIRS, build, is_any_number, layout_of, leaves
 from ..formulas.vectors import Mat, Vec
 from .ir_numbers import Emitter, Num, Values
+from .reads import Reads
 from .source import Source
 
 LIVE = "<live>"  # lanes still running at this point, where some have left (absent: all for which the code was entered)
@@ -76,8 +77,8 @@ class Frame:
 class Joins:
     """The state of a translation, and the meeting of ways; what statements mean is the business of those who build on it."""
 
-    def __init__(self, emitter: Emitter) -> None:
-        self.emitter, self.builder = emitter, emitter.builder
+    def __init__(self, emitter: Emitter, reads: Reads) -> None:
+        self.emitter, self.builder, self.reads = emitter, emitter.builder, reads
         self.frames: list[Frame] = []
         self.base: Any = None  # lanes for which the present code was entered (None: all)
         self.depth = 0  # enclosing conditions of the present call that differ between lanes

@@ -21,7 +21,7 @@ import numpy as np
 
 from ..errors import NotCompilable
 from ..formulas import functions, series, vectors
-from ..formulas.broadcasting import annotation_text, bare
+from ..formulas.broadcasting import annotation_text
 from ..formulas.compensated import value_of
 from ..formulas.dual import Dual
 from ..formulas.pytree import PAIRS, compensated, fill, fitted, is_any_number, layout_of, leaves, plain
@@ -32,13 +32,13 @@ from . import driver
 from .expressions import Closure, Expressions, holds_number
 from .ir_numbers import Emitter, Num
 from .joins import RETURN, Env, Frame, Open, Undefined
-from .source import source_of
+from .reads import Reads
 from .statements import Statements
 
 DEPTH = 40  # nested calls
 
-_REFUSED = {print, input, open, eval, exec, setattr, delattr, globals, locals}
-_TEXT = {str, repr, format, ascii, bin, hash, id}
+_REFUSED = {print, input, open, eval, exec, setattr, delattr, globals, locals, vars, dir, hash, id}
+_TEXT = {str, repr, format, ascii, bin}
 _ARITHMETIC = vectors.__name__, series.__name__  # modules of classes whose methods run as they stand
 _STATIC = {f for f in vars(builtins).values() if callable(f) and f not in _REFUSED}
 
@@ -46,8 +46,8 @@ _STATIC = {f for f in vars(builtins).values() if callable(f) and f not in _REFUS
 class Interpreter(Statements):
     """Translates formulas into the instructions of one native function."""
 
-    def __init__(self, emitter: Emitter) -> None:
-        super().__init__(emitter)
+    def __init__(self, emitter: Emitter, reads: Reads) -> None:
+        super().__init__(emitter, reads)
         self.intrinsics: dict[Any, Callable[..., Any]] = {
             functions.where: self.where,
             isinstance: _isinstance,
@@ -58,6 +58,7 @@ class Interpreter(Statements):
             super: self.super,
             type: _type,
             getattr: self.named,
+            hasattr: reads.has,
             sum: self.sum,
             **{f: f for f in (layout_of, compensated, plain, fitted)},
             driver.numbers: lambda x: Vec(*leaves(x, layout_of(x, is_any_number))),
@@ -90,6 +91,8 @@ class Interpreter(Statements):
         if function in (Vec, Mat, Series, *PAIRS) or function in _STATIC or getattr(function, "__module__", None) in _ARITHMETIC:
             if isinstance(function, types.FunctionType) and not function.__qualname__.startswith(("Vec.", "Mat.", "Series.")):
                 return self.inline(function, args, options)
+            if function in _STATIC and function is not callable:
+                self.reads.settled(*args, *options.values())
             return function(*args, **options)
         if isinstance(function, types.FunctionType):
             return self.inline(function, args, options)
@@ -98,7 +101,7 @@ class Interpreter(Statements):
     def inline(self, function: types.FunctionType, args: tuple[Any, ...], options: dict[str, Any]) -> Any:
         if len(self.frames) > DEPTH:
             raise NotCompilable("formulas call each other without end")
-        source = source_of(bare(function))
+        source = self.reads.source(function)
         return self.enter(Frame(source, _arguments(source.function, args, options)), source.node)
 
     def enter(self, frame: Frame, node: ast.FunctionDef | ast.Lambda) -> Any:
@@ -126,7 +129,7 @@ class Interpreter(Statements):
 
     def construct(self, cls: type, args: tuple[Any, ...], options: dict[str, Any]) -> Any:
         """A record made by a formula: its fields, without the checks of its border."""
-        fields = dataclasses.fields(cls)
+        fields = self.reads.fields(cls)
         given = dict(zip([f.name for f in fields if f.init], args, strict=False)) | options
         for f in fields:
             if f.name not in given:
@@ -175,7 +178,7 @@ class Interpreter(Statements):
         return sum(items, start)
 
     def named(self, value: Any, name: str, *default: Any) -> Any:
-        return default[0] if default and not hasattr(value, name) else self.attribute(value, name)
+        return default[0] if default and not self.reads.has(value, name) else self.attribute(value, name)
 
 
     def attempt(self, function: Any, *args: Any) -> Any:
