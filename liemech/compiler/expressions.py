@@ -198,7 +198,7 @@ class Expressions(Loops):
         for op, right_node in zip(node.ops, node.comparators, strict=True):
             right = self.expression(right_node, env)
             if not isinstance(op, (ast.Is, ast.IsNot)):
-                self.reads.settled(left, right)
+                self.reads.settled(left, right, inside=True)
             result = self.emitter.logic("and_", result, self.truth(OPERATORS[type(op)](left, right)))
             left = right
         return result

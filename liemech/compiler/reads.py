@@ -77,10 +77,10 @@ class Reads:
             return name in vars(value) or self._read(type(value), "has", name)
         return hasattr(value, name) if tokens.known(value) else self._read(value, "has", name)
 
-    def settled(self, *values: Any) -> None:
-        """Refuse to let Python compute with objects whose code or content nobody has read."""
+    def settled(self, *values: Any, inside: bool = False) -> None:
+        """Refuse to let Python compute with objects (`inside`: or containers of such) whose code or content nobody has read."""
         for value in values:
-            if not tokens.known(value):
+            if not tokens.known(value, inside):
                 what = getattr(value, "__qualname__", None) or f"an object of {type(value).__qualname__}"
                 raise NotCompilable(f"Python would have to compute with {what} before the run: formulas use attributes and calls")
 

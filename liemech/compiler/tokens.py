@@ -84,17 +84,19 @@ def is_mutable(value: Any) -> bool:
     return type(value) not in ATOMS and not isinstance(value, Layout) and any(is_mutable(x) for *_, x in parts(value))
 
 
-def known(value: Any) -> bool:
-    """Does the token tell all about a value, so that Python may compute with it before the run?"""
+def known(value: Any, inside: bool = True) -> bool:
+    """Does the token tell all about a value (and, `inside`, about its parts), so that Python may compute with it before the run?"""
     if isinstance(value, StandIn) or type(value) in ATOMS or is_own(value):
         return True
     if isinstance(value, (types.FunctionType, types.MethodType)):
         return False  # Python would run what nobody has read
+    if of_python(type(value)) and any(_has_operators(c) for c in type(value).__mro__ if of_python(c)):
+        return False
     if isinstance(value, Record):
-        return not any(_has_operators(c) for c in type(value).__mro__ if issubclass(c, Record))
+        return True
     if _head(value) is None or isinstance(value, types.ModuleType) or (isinstance(value, type) and of_python(value)):
         return False
-    return all(known(x) for *_, x in parts(value))
+    return not inside or all(known(x) for *_, x in parts(value))
 
 
 def of_python(cls: type) -> bool:
@@ -103,7 +105,7 @@ def of_python(cls: type) -> bool:
 
 
 _HEAP = 1 << 9  # Python's flag of classes made while it runs
-_SETTLED = {"builtins", "fractions", "decimal", "numpy"}
+_SETTLED = {"builtins", "enum", "fractions", "decimal", "numpy"}
 
 _OPERATORS = frozenset(
     f"__{side}{name}__"
@@ -202,7 +204,7 @@ def _code(code: types.CodeType) -> Any:
     if constants and isinstance(constants[0], str) and _has_docstring(code):
         constants[0] = None
     names = code.co_names, code.co_varnames, code.co_cellvars, code.co_freevars
-    counts = code.co_argcount, code.co_posonlyargcount, code.co_kwonlyargcount, code.co_flags & ~_DOCSTRING
+    counts = code.co_argcount, code.co_posonlyargcount, code.co_kwonlyargcount, code.co_flags & _MEANING
     return code.co_code.hex(), names, counts, [_constant(c) for c in constants]
 
 
@@ -222,3 +224,4 @@ def _has_docstring(code: types.CodeType) -> bool:
 
 
 _DOCSTRING = 0x4000000
+_MEANING = 0x3FF  # `*args`, generators, ...; without the flags of `from __future__`

@@ -40,6 +40,7 @@ DEPTH = 40  # nested calls
 _REFUSED = {print, input, open, eval, exec, setattr, delattr, globals, locals, vars, dir, hash, id}
 _TEXT = {str, repr, format, ascii, bin}
 _ARITHMETIC = vectors.__name__, series.__name__  # modules of classes whose methods run as they stand
+_OF_STRUCTURE = {zip, enumerate, reversed, len, iter, next, tuple, list, dict, range, slice}
 _STATIC = {f for f in vars(builtins).values() if callable(f) and f not in _REFUSED}
 
 
@@ -92,7 +93,7 @@ class Interpreter(Statements):
             if isinstance(function, types.FunctionType) and not function.__qualname__.startswith(("Vec.", "Mat.", "Series.")):
                 return self.inline(function, args, options)
             if function in _STATIC and function is not callable:
-                self.reads.settled(*args, *options.values())
+                self.reads.settled(*args, *options.values(), inside=function not in _OF_STRUCTURE)
             return function(*args, **options)
         if isinstance(function, types.FunctionType):
             return self.inline(function, args, options)

@@ -104,7 +104,7 @@ from liemech.compiler import kernel
 rows = [[1.0, 2.0, 3.0, 4.0], [-1.0, 0.5, 0.25, 8.0]]
 found = worlds.native(formulas.formula, rows, 2, 3, 1)
 right = [worlds.plain(formulas.formula, row, 3) for row in rows]
-print(json.dumps({"cached": [k.cached for k in kernel._kernels.values()], "right": found == right}))
+print(json.dumps({"cached": [k.cached for k in kernel.alive()], "right": found == right}))
 '''
 
 
@@ -194,7 +194,7 @@ from liemech.marching import march
 for moments in ([1.0, 1.5, 2.0], [3.0, 2.5, 2.0]):
     body = lm.RigidBody(moments)
     lm.integrate(body, lm.RKMK(order=4), body.state(mu=[0.5, 0.0, 0.5]), h=0.1, steps=3, compiled=True)
-print(sum(k.entry is march for k in kernel._kernels.values()))
+print(sum(k.entry is march for k in kernel.alive()))
 """
     env = os.environ | {"LIEMECH_CACHE_DIR": str(project.cache)}
     run = subprocess.run([sys.executable, "-c", program], env=env, capture_output=True, text=True, timeout=120, check=True)
