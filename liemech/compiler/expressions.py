@@ -63,6 +63,8 @@ class Expressions(Loops):
     def truth(self, value: Any) -> Any:
         if isinstance(value, Num):
             return value if value.kind == "b" else value != 0
+        if hasattr(type(value), "__bool__") or hasattr(type(value), "__len__"):
+            self.reads.settled(value)
         return bool(value)
 
     def where(self, condition: Any, yes: Any, no: Any) -> Any:
@@ -137,15 +139,19 @@ class Expressions(Loops):
     def items(self, nodes: list[ast.expr], env: Env) -> list[Any]:
         found: list[Any] = []
         for n in nodes:
-            found += list(self.expression(n.value, env)) if isinstance(n, ast.Starred) else [self.expression(n, env)]
+            found += self.iterate(self.expression(n.value, env)) if isinstance(n, ast.Starred) else [self.expression(n, env)]
         return found
+
+    def iterate(self, value: Any) -> Iterator[Any]:
+        self.reads.settled(value)
+        return iter(value)
 
     def comprehension(self, element: ast.expr, generators: list[ast.comprehension], env: Env) -> Iterator[Any]:
         if not generators:
             yield self.expression(element, env)
             return
         first, *rest = generators
-        for item in self.expression(first.iter, env):
+        for item in self.iterate(self.expression(first.iter, env)):
             own = {n.id for n in ast.walk(first.target) if isinstance(n, ast.Name)}
             inner = {name: value for name, value in env.items() if name not in own}
             self.assign(first.target, item, inner)

@@ -75,12 +75,14 @@ class Reads:
         """What `hasattr` says."""
         if id(value) in self._given or (isinstance(value, Record) and id(value) not in self._origins):
             return name in vars(value) or self._read(type(value), "has", name)
-        return hasattr(value, name) if tokens.known(value) else self._read(value, "has", name)
+        outside = of_python(type(value)) or isinstance(value, (type, types.ModuleType, types.FunctionType))
+        return self._read(value, "has", name) if outside else hasattr(value, name)
 
     def settled(self, *values: Any, inside: bool = False) -> None:
         """Refuse to let Python compute with objects (`inside`: or containers of such) whose code or content nobody has read."""
         for value in values:
-            if not tokens.known(value, inside):
+            foreign = id(value) in self._origins or of_python(type(value)) or isinstance(value, (type, types.FunctionType))
+            if foreign and not tokens.known(value, inside):
                 what = getattr(value, "__qualname__", None) or f"an object of {type(value).__qualname__}"
                 raise NotCompilable(f"Python would have to compute with {what} before the run: formulas use attributes and calls")
 

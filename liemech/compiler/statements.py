@@ -89,7 +89,7 @@ class Statements(Expressions):
                     value = self.blend(env[LIVE], value, env[name])
                 env[name] = value
             case ast.Tuple(elts=targets) | ast.List(elts=targets):
-                items = list(value)
+                items = list(self.iterate(value))
                 if len(items) != len(targets):
                     raise NotCompilable(f"{len(items)} values are assigned to {len(targets)} names")
                 for t, v in zip(targets, items, strict=True):
@@ -187,7 +187,7 @@ class Statements(Expressions):
                 return self.loop(lambda variables: variables[counter] < stop, advance, [first, *node.body], env, (counter,))
             items = iter(range(*bounds))
         else:
-            items = iter(self.expression(iterable, env))
+            items = self.iterate(self.expression(iterable, env))
 
         def turn(value: Any) -> Callable[[Env], None]:
             return lambda variables: self.assign(node.target, value, variables)

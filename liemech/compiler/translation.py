@@ -54,7 +54,7 @@ class Interpreter(Statements):
             isinstance: _isinstance,
             min: lambda *x: self.extreme(operator.lt, *x),
             max: lambda *x: self.extreme(operator.gt, *x),
-            float: lambda x: emitter.num(emitter.cast(x, "f", x.varying)) if isinstance(x, Num) else float(x),
+            float: self.float,
             bool: self.truth,
             super: self.super,
             type: _type,
@@ -152,6 +152,7 @@ class Interpreter(Statements):
 
     def elementary(self, function: Callable[..., Any], name: str) -> Callable[..., Any]:
         def value(*x: Any) -> Any:
+            self.reads.settled(*x)
             if any(isinstance(a, Dual) for a in x):
                 return self.call(functions.RULES[function.__name__], *x)
             for a in x:
@@ -162,6 +163,10 @@ class Interpreter(Statements):
 
         return value
 
+    def float(self, value: Any = 0.0) -> Any:
+        self.reads.settled(value)
+        return self.emitter.num(self.emitter.cast(value, "f", value.varying)) if isinstance(value, Num) else builtins.float(value)
+
     def where(self, condition: Any, yes: Any, no: Any) -> Any:
         if isinstance(yes, Series) or isinstance(no, Series):
             return Series.chosen(lambda a, b: Expressions.where(self, condition, a, b), yes, no)
@@ -169,6 +174,7 @@ class Interpreter(Statements):
 
     def extreme(self, better: Callable[[Any, Any], Any], *items: Any) -> Any:
         result, *others = items if len(items) > 1 else items[0]
+        self.reads.settled(result, *others)
         for x in others:
             result = self.where(better(x, result), x, result)
         return result
@@ -176,6 +182,7 @@ class Interpreter(Statements):
     def sum(self, items: Any, start: Any = 0) -> Any:
         if holds_number((*items, start)):
             raise NotCompilable("`sum` rounds in a way of its own, which differs between versions of Python: use a loop or `dot`")
+        self.reads.settled(items, inside=True)
         return sum(items, start)
 
     def named(self, value: Any, name: str, *default: Any) -> Any:
