@@ -9,7 +9,6 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 from ..errors import NotCompilable
-from ..formulas.records import Record
 from ..formulas.vectors import Mat
 from .ir_numbers import Num
 from .iterators import Stream
@@ -62,6 +61,8 @@ class Expressions(Loops):
     def truth(self, value: Any) -> Any:
         if isinstance(value, Num):
             return value if value.kind == "b" else value != 0
+        if hasattr(type(value), "__bool__") or hasattr(type(value), "__len__"):
+            self.reads.settled(value)
         return bool(value)
 
     def where(self, condition: Any, yes: Any, no: Any) -> Any:
@@ -147,6 +148,7 @@ class Expressions(Loops):
         operator_ = OPERATORS.get(type(node.op))
         if operator_ is None:
             raise NotCompilable(f"`{ast.unparse(node)}`: this operator is not known to native code")
+        self.reads.settled(*operands)
         return operator_(*operands)
 
     def items(self, nodes: list[ast.expr], env: Env) -> list[Any]:
@@ -244,6 +246,7 @@ class Expressions(Loops):
         if not isinstance(value, Stream):
             if isinstance(value, Num):
                 raise NotCompilable("a number is iterated over")
+            self.reads.settled(value)
             return iter(list(value))
         return self._taken(value)
 
@@ -261,20 +264,13 @@ class Expressions(Loops):
             raise NotCompilable(f"a number has no attribute `{name}`")
         if name.startswith("__") and not name.endswith("__"):
             raise NotCompilable(f"`{name}`: a private name with two underscores; use one")
-        owner, classes = value, type(value).__mro__
-        if isinstance(value, super):
-            owner, after = value.__self__, value.__thisclass__  # type: ignore[attr-defined]
-            classes = type(owner).__mro__[type(owner).__mro__.index(after) + 1 :]
-        if isinstance(owner, Record):
-            member = next((vars(c)[name] for c in classes if name in vars(c)), None)
-            if isinstance(member, property) and member.fget is not None:
-                return self.call(member.fget, owner)
-        return getattr(value, name)
+        return self.reads.attribute(value, name, self.call)
 
     def item(self, value: Any, index: Any) -> Any:
         if isinstance(index, tuple) and isinstance(value, Mat):
             return self.item(self.item(value, index[0]), index[1])
         if not holds_number(index):
+            self.reads.settled(value)
             return value[index]
         if not isinstance(index, Num) or index.kind == "f":
             raise NotCompilable("a float or a slice known only at run time is used as an index")
@@ -313,6 +309,8 @@ class Expressions(Loops):
     def comparison(self, node: ast.Compare, env: Env) -> Any:
         """`a < b < c` is `a < b and b < c`, with b computed once."""
         left, right = self.expression(node.left, env), self.expression(node.comparators[0], env)
+        if not isinstance(node.ops[0], (ast.Is, ast.IsNot)):
+            self.reads.settled(left, right, inside=True)
         first = OPERATORS[type(node.ops[0])](left, right)
         if len(node.ops) == 1:
             return first

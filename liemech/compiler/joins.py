@@ -19,6 +19,7 @@ from ..formulas.pytree import PAIRS, build, is_any_number, layout_of, leaves, pa
 from ..formulas.vectors import Mat, Vec
 from .ir_numbers import Emitter, Num, Values
 from .iterators import Region, Stream
+from .reads import Reads
 from .scopes import Env, Frame, Undefined, has
 
 LIVE = "<live>"  # lanes still running at this point, where some have left (absent: all for which the code was entered)
@@ -65,8 +66,8 @@ class Promote(Exception):
 class Joins:
     """The state of a translation, and the meeting of ways; what statements mean is the business of those who build on it."""
 
-    def __init__(self, emitter: Emitter) -> None:
-        self.emitter, self.builder = emitter, emitter.builder
+    def __init__(self, emitter: Emitter, reads: Reads) -> None:
+        self.emitter, self.builder, self.reads = emitter, emitter.builder, reads
         self.frames: list[Frame] = []
         self.base: Any = None  # lanes for which the present code was entered (None: all)
         self.depth = 0  # enclosing conditions of the present call that differ between lanes

@@ -32,6 +32,11 @@ TYPES = {"f": float, "i": int, "b": bool}
 OUTSIDE = "print input open eval exec compile setattr delattr globals locals vars dir id hash memoryview breakpoint object"
 """Functions that have no place in a formula, whatever their arguments."""
 
+STRUCTURE = {isinstance, type, hasattr, getattr, super, len, list, tuple, iter, next, zip, map, filter, enumerate, reversed}
+"""Functions that look at the structure of their arguments only."""
+COMPUTING = {min, max, sum, any, all, sorted}
+"""Functions that compute with what is inside of their arguments."""
+
 
 class PythonFunctions:
     """A table of functions and of what to do for each; `translator` evaluates what they are given."""
@@ -41,7 +46,6 @@ class PythonFunctions:
         self.table: dict[Any, Callable[..., Any]] = {
             isinstance: self.isinstance,
             type: lambda x: TYPES[x.kind] if isinstance(x, Num) else type(x),
-            hasattr: lambda x, name: hasattr(0.0 if isinstance(x, Num) else x, name),
             bool: lambda x=False: self.t.truth(x),
             float: self.float,
             int: lambda x=0, *base: self.whole(x, "llvm.trunc") if isinstance(x, Num) else int(x, *base),

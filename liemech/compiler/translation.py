@@ -20,7 +20,6 @@ import numpy as np
 
 from ..errors import NotCompilable
 from ..formulas import functions, series, vectors
-from ..formulas.broadcasting import bare
 from ..formulas.derivatives import axes, tangent
 from ..formulas.fields import floats
 from ..formulas.pytree import PAIRS, compensated, fill, fitted, is_any_number, layout_of, leaves, plain
@@ -31,9 +30,9 @@ from . import driver
 from .expressions import Expressions, holds_number
 from .ir_numbers import Emitter, Num
 from .joins import RETURN, Open
-from .python_functions import OUTSIDE, PythonFunctions
+from .python_functions import COMPUTING, OUTSIDE, STRUCTURE, PythonFunctions
+from .reads import Reads
 from .scopes import Closure, Env, Frame, Undefined, bound
-from .source import source_of
 from .statements import Statements
 
 DEPTH = 40  # nested calls
@@ -51,14 +50,15 @@ _READING = (
 class Interpreter(Statements):
     """Translates formulas into the instructions of one native function."""
 
-    def __init__(self, emitter: Emitter) -> None:
-        super().__init__(emitter)
+    def __init__(self, emitter: Emitter, reads: Reads) -> None:
+        super().__init__(emitter, reads)
         emitter.fail_if = self.fail_if
         self.intrinsics: dict[Any, Callable[..., Any]] = {
             **PythonFunctions(self).table,
             functions.where: self.where,
             super: self.super,
             getattr: self.named,
+            hasattr: reads.has,
             **{f: f for f in (layout_of, compensated, plain, fitted, axes)},
             tangent: lambda formula, *x: tangent(functools.partial(self.call, formula), *x),
             driver.numbers: lambda x: Vec(*leaves(x, layout_of(x, is_any_number))),
@@ -76,6 +76,8 @@ class Interpreter(Statements):
             return self.enter(frame)
         intrinsic = self.intrinsics.get(function) if isinstance(function, Hashable) else None
         if intrinsic is not None:
+            if function not in STRUCTURE:
+                self.reads.settled(*args, inside=function in COMPUTING)
             try:
                 return intrinsic(*args, **options)
             except NotCompilable:
@@ -102,6 +104,8 @@ class Interpreter(Statements):
             raise NotCompilable(f"`{name}` is not known to native code")
         if holds_number([*args, *options.values(), *([function.__self__] if method else [])]):
             raise NotCompilable(f"`{name}` of numbers known only at run time")
+        if function is not callable:
+            self.reads.settled(*args, *options.values(), inside=function not in (dict, range, slice))
         return function(*args, **options)
 
     def deeper(self) -> None:
@@ -110,7 +114,7 @@ class Interpreter(Statements):
 
     def inline(self, function: types.FunctionType, args: tuple[Any, ...], options: dict[str, Any]) -> Any:
         self.deeper()
-        source = source_of(bare(function))
+        source = self.reads.source(function)
         env = bound(inspect.signature(source.function, follow_wrapped=False), source.name, args, options)
         return self.enter(Frame(source, source.node, env))
 
@@ -135,7 +139,7 @@ class Interpreter(Statements):
 
     def construct(self, cls: type, args: tuple[Any, ...], options: dict[str, Any]) -> Any:
         """A record made by a formula: its fields, without the checks of its border."""
-        fields = dataclasses.fields(cls)
+        fields = self.reads.fields(cls)
         given = dict(zip([f.name for f in fields if f.init], args, strict=False)) | options
         for f in fields:
             if f.name not in given:
@@ -161,7 +165,7 @@ class Interpreter(Statements):
         return super().where(condition, yes, no)
 
     def named(self, value: Any, name: str, *default: Any) -> Any:
-        return default[0] if default and not hasattr(value, name) else self.attribute(value, name)
+        return default[0] if default and not self.reads.has(value, name) else self.attribute(value, name)
 
 
     def attempt(self, function: Any, *args: Any) -> Any:

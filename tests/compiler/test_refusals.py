@@ -16,7 +16,7 @@ import pytest
 import worlds
 
 import liemech as lm
-from liemech.compiler import cache, kernel
+from liemech.compiler import cache, kernel, llvm
 from liemech.errors import NotCompilable, NotCompiledWarning
 
 pytestmark = pytest.mark.compiled
@@ -161,14 +161,28 @@ def test_a_formula_from_a_notebook_cell_compiles() -> None:
     worlds.same_in_all_worlds(names["formula"], [[1.0, 2.0, 3.0, 4.0]])
 
 
-def test_two_lambdas_on_one_line_cannot_be_told_apart(tmp_path: Path) -> None:
-    text = """
+LAMBDAS = """
 from liemech.formulas import vec
 pair = (lambda x: x + 1.0), (lambda x: x + 2.0)
+same = [lambda x: 2.0 * x, lambda x: 2.0 * x]
+ints = (lambda x: 1 * x, lambda x: 1.0 * x, lambda x: True * x)
+inner = lambda x: (lambda y: x - y), lambda y: (lambda x: x - y)
+chosen = (lambda x: 1.0 if x > 0.0 else 2.0), (lambda x: x > 0.0 and 3.0 or 4.0), (lambda: 5.0), (lambda x, k=6.0: k)
+é, long = (lambda x: x + 8.0), (lambda x: x
+    + 7.0)
 def formula(a, b, c, d, n):
-    return vec(pair[0](a), b)
+    tail = chosen[0](a), chosen[1](a), chosen[2](), chosen[3](a), é(a), long(a)
+    return vec(pair[0](a), pair[1](a), same[0](a), same[1](b), *[f(a) for f in ints], *tail)
+def nested(a, b, c, d, n):
+    return vec(inner[0](a)(b), inner[1](a)(b))
 """
-    assert "shares its line with another: give it a name" in refusal(worlds.module_from(text, tmp_path, "lambdas").formula)
+
+
+def test_lambdas_on_one_line_are_told_apart_by_their_columns(tmp_path: Path) -> None:
+    module = worlds.module_from(LAMBDAS, tmp_path, "lambdas")
+    rows = [[1.5, 2.0, 3.0, 4.0], [-1.5, 2.0, 3.0, 4.0]]
+    worlds.same_in_all_worlds(module.formula, rows)
+    worlds.same_in_all_worlds(module.nested, rows)
 
 
 def test_a_decorated_formula_keeps_its_decoration(tmp_path: Path) -> None:
@@ -310,9 +324,9 @@ def test_a_compiler_that_fails_is_no_reason_to_stop(gyrostat, monkeypatch: pytes
     def broken(*_):
         raise RuntimeError("LLVM does not know this processor")
 
-    monkeypatch.setattr(kernel, "_optimised", broken)
-    monkeypatch.setattr(cache, "load", lambda key: None)
-    monkeypatch.setattr(kernel, "_kernels", {})
+    monkeypatch.setattr(llvm, "object_code", broken)
+    monkeypatch.setattr(cache, "load", lambda key, fits: None)
+    kernel.forget()
     body = lm.RigidBody([1.0, 1.5, 2.0])
     with pytest.warns(NotCompiledWarning, match="LLVM does not know this processor"):
         run = lm.integrate(body, lm.RKMK(order=4), body.state(mu=[0.5, 0.0, 0.5]), h=0.1, steps=4000, every=4000)
