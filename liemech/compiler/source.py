@@ -38,13 +38,14 @@ class Source:
 @functools.lru_cache(4096)
 def _syntax_tree(code: types.CodeType) -> ast.FunctionDef | ast.Lambda:
     """The syntax tree of a function; functions with one code have one meaning, and may share it."""
-    linecache.checkcache(code.co_filename)
-    text = "".join(linecache.getlines(code.co_filename))
+    file, name = code.co_filename, code.co_qualname
+    linecache.checkcache(file)
+    text = "".join(linecache.getlines(file))
     if not text:
-        raise NotCompilable(f"the source of {code.co_qualname} cannot be read: define it in a file or a notebook")
-    alike = [(n, c) for n, c in _functions(code.co_filename, text) if c.co_name == code.co_name and code_token(c) == code_token(code)]
+        raise NotCompilable(f"the source of {name} cannot be read: define it in a file or a notebook")
+    alike = [(n, c) for n, c in _functions(file, text) if c.co_name == code.co_name and code_token(c) == code_token(code)]
     if not alike:
-        raise NotCompilable(f"the source of {code.co_qualname} cannot be told: {code.co_filename} has changed since it was imported")
+        raise NotCompilable(f"the source of {name} cannot be told: {file} has changed since it was imported")
     return min(alike, key=lambda pair: abs(pair[1].co_firstlineno - code.co_firstlineno))[0]
 
 

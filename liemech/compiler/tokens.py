@@ -22,7 +22,6 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import NotCompilable
 from ..formulas.numbers import StandIn
 from ..formulas.pytree import PAIRS, Layout
 from ..formulas.records import Record
@@ -107,14 +106,10 @@ def of_python(cls: type) -> bool:
 _HEAP = 1 << 9  # Python's flag of classes made while it runs
 _SETTLED = {"builtins", "enum", "fractions", "decimal", "numpy"}
 
-_OPERATORS = frozenset(
-    f"__{side}{name}__"
-    for name in "add sub mul truediv floordiv mod pow matmul and or xor lshift rshift".split()
-    for side in ("", "r")
-) | frozenset(
-    f"__{name}__"
-    for name in "lt le gt ge ne neg pos abs invert bool len iter next getitem contains call float int index complex array round".split()
-)
+_TWO = ("add", "sub", "mul", "truediv", "floordiv", "mod", "pow", "matmul", "and", "or", "xor", "lshift", "rshift")
+_ONE = ("neg", "pos", "abs", "invert", "bool", "len", "iter", "next", "float", "int", "index", "complex", "round", "array")
+_OTHER = ("lt", "le", "gt", "ge", "ne", "getitem", "contains", "call")
+_OPERATORS = {f"__{name}__" for name in (*_TWO, *(f"r{n}" for n in _TWO), *_ONE, *_OTHER)}
 
 
 def _has_operators(cls: type) -> bool:
