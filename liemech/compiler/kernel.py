@@ -117,8 +117,16 @@ class _Kept:
 
 
 _kept: collections.OrderedDict[Any, _Kept] = collections.OrderedDict()
-if hasattr(os, "register_at_fork"):  # what other threads were making, the child makes itself
-    os.register_at_fork(after_in_child=lambda: [setattr(kept, "lock", threading.RLock()) for kept in _kept.values()] and None)
+
+
+def _after_fork() -> None:
+    """What other threads were making when the process was forked, the child makes itself."""
+    for kept in _kept.values():
+        kept.lock = threading.RLock()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_after_fork)
 
 
 def kernel(entry: Callable[..., Any], *args: Any, lanes: int = 1) -> Kernel:

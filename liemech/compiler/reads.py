@@ -1,4 +1,4 @@
-"""What a translation reads from outside: names, attributes, code.  All of it is written down, and compared before code is used again.
+"""What a translation reads from outside: names, attributes, code.  All of it is written down, and compared before it counts again.
 
 A read has a path: from an argument of the driver, or the driver itself, over attributes, classes, globals and closures to a value.
 In this process the values are compared with the present ones by identity, which takes microseconds.  In another process the
@@ -123,7 +123,7 @@ class Reads:
         if isinstance(member, staticmethod):
             return member.__func__
         if isinstance(member, classmethod):
-            return types.MethodType(member.__func__, cls)  # type: ignore[arg-type]
+            return types.MethodType(member.__func__, cls)
         if owner is None or not hasattr(type(member), "__get__"):
             return member
         if isinstance(member, property) and member.fget is not None:
@@ -258,15 +258,13 @@ class Guard:
 
     def _check(self, how: str, holders: list[Any], names: list[Any], then: list[Any]) -> None:
         if how == "global":
-            space = holders[0].__globals__
-            inside = [n for n in names if n in space]
-            others = tuple(n for n in names if n not in space)
-            if inside:
-                self._all(operator.itemgetter(*inside, inside[0]), space, [v for n, v in zip(names, then, strict=True) if n in space])
-            if others:
-                self.absent.append((space.keys(), others))
-                builtin = [v for n, v in zip(names, then, strict=True) if n not in space]
-                self._all(operator.itemgetter(*others, others[0]), holders[0].__builtins__, builtin)
+            space, builtin = holders[0].__globals__, holders[0].__builtins__
+            for names_of, here in ((space, [n in space for n in names]), (builtin, [n not in space for n in names])):
+                found = tuple(itertools.compress(names, here))
+                if found:
+                    self._all(operator.itemgetter(*found, found[0]), names_of, [*itertools.compress(then, here)])
+                if found and names_of is builtin:
+                    self.absent.append((space.keys(), found))
         elif how == "cell":
             cells = [f.__closure__[f.__code__.co_freevars.index(n)] for f, n in zip(holders, names, strict=True)]
             self._add(lambda: [c.cell_contents for c in cells], then)
@@ -277,9 +275,9 @@ class Guard:
             after = 0 if how == "attribute" else int(how.partition(" ")[2])
             holder = super(holders[0].__mro__[after - 1], holders[0]) if after else holders[0]
             steady = [getattr(holder, n, _MISSING) is v for n, v in zip(names, then, strict=True)]
-            known = [n for n, s in zip(names, steady, strict=True) if s]
+            known = [*itertools.compress(names, steady)]
             if known:
-                self._all(operator.attrgetter(*known, known[0]), holder, [v for v, s in zip(then, steady, strict=True) if s])
+                self._all(operator.attrgetter(*known, known[0]), holder, [*itertools.compress(then, steady)])
             for n, v, s in zip(names, then, steady, strict=True):
                 if not s:
                     self._add(functools.partial(_one, holders[0], how, n), [v])
