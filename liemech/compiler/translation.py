@@ -53,8 +53,9 @@ class Interpreter(Statements):
     def __init__(self, emitter: Emitter, reads: Reads) -> None:
         super().__init__(emitter, reads)
         emitter.fail_if = self.fail_if
+        self.python = PythonFunctions(self).table
         self.intrinsics: dict[Any, Callable[..., Any]] = {
-            **PythonFunctions(self).table,
+            **self.python,
             functions.where: self.where,
             super: self.super,
             getattr: self.named,
@@ -76,7 +77,7 @@ class Interpreter(Statements):
             return self.enter(frame)
         intrinsic = self.intrinsics.get(function) if isinstance(function, Hashable) else None
         if intrinsic is not None:
-            if function not in STRUCTURE:
+            if function in self.python and function not in STRUCTURE:
                 self.reads.settled(*args, inside=function in COMPUTING)
             try:
                 return intrinsic(*args, **options)

@@ -128,7 +128,8 @@ def exact(value: Any) -> Any:
     if kind in _BY_PARTS:
         return kind, tuple([exact(part) for part in _BY_PARTS[kind](value)])
     if isinstance(value, Record):
-        return kind, tuple([exact(getattr(value, name)) for name in _names(kind)])
+        names: Any = kind
+        return kind, tuple([exact(getattr(value, name)) for name in _names(names)])
     if (kind.__module__, kind.__name__) in (("fractions", "Fraction"), ("decimal", "Decimal")):  # not imported for their sake
         return kind, value.as_integer_ratio() if kind.__name__ == "Fraction" else value.as_tuple()
     return _Itself(value)
