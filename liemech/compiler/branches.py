@@ -56,7 +56,7 @@ class Branches(Joins):
                 mask = lanes
             if not statements:
                 ends.append(lanes)
-                certain.append(set(before))
+                certain.append({n for n in before if has(n) not in before})
                 continue
             some, skip, calls = e.any(lanes), b.block, e.calls
             start = b.append_basic_block()

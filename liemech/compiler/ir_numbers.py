@@ -106,12 +106,22 @@ class Emitter:
         kind, pair = self.alike(a, b, kind="f" if op == "div" else "i")
         if kind == "i":
             return self.integer(op, *map(self.num, pair))
+        mixed = op in ("add", "sub") and all(kind_of(x) != "f" or is_mixed(x) for x in (a, b))
+        if op == "mul":
+            self.unmixed("a product", a, b)
         if op == "div":
             self.fail_if(self.zero(b))
             if kind_of(a) != "f" and kind_of(b) != "f":  # Python rounds the quotient of integers once
                 for x in (a, b):
                     self.fail_if(self.logic("or_", self.compare("<", x, -EXACT), self.compare(">", x, EXACT)))
-        return self.each(getattr(self.builder, "f" + op), *pair)
+        result = self.each(getattr(self.builder, "f" + op), *pair)
+        result.mixed = mixed
+        return result
+
+    def unmixed(self, what: str, *items: Any) -> None:
+        """Refuse what integers and floats do differently: -0 is 0, -0.0 is not."""
+        if any(isinstance(x, Num) and x.mixed for x in items) and all(kind_of(x) != "f" or is_mixed(x) for x in items):
+            raise NotCompilable(f"{what} of a number that is an integer on one way and a float on another: use 0.0 instead of 0")
 
     def zero(self, x: Any) -> Any:
         return self.compare("==", x, 0) if isinstance(x, Num) else x == 0
@@ -139,6 +149,7 @@ class Emitter:
 
         Source: CPython, Objects/floatobject.c, _float_div_mod.
         """
+        self.unmixed("a quotient or remainder", a, b)
         kind, (x, y) = self.alike(a, b, kind="i")
         p, q = self.num(x), self.num(y)
         self.fail_if(q == 0)
@@ -162,6 +173,7 @@ class Emitter:
 
     def power(self, a: Any, b: Any) -> Any:
         """a ** b, as Python has it: of integers an integer, of floats that of the C library."""
+        self.unmixed("a power", a, b)
         if kind_of(a) != "f" and kind_of(b) != "f":
             if not isinstance(b, int):
                 raise NotCompilable("an integer to the power of one known only at run time: make one of them a float")
@@ -207,7 +219,9 @@ class Emitter:
     def select(self, condition: Num, yes: Any, no: Any) -> Num:
         _, (x, y) = self.alike(yes, no, varying=condition.varying)
         conditions = condition.values * (len(x) // len(condition.values))
-        return self.each(self.builder.select, conditions, x, y)
+        result = self.each(self.builder.select, conditions, x, y)
+        result.mixed = result.kind == "f" and any(kind_of(x) != "f" or is_mixed(x) for x in (yes, no))
+        return result
 
     def any(self, condition: Any) -> Any:
         """Does the condition hold in any lane?"""
@@ -274,6 +288,11 @@ def kind_of(x: Any) -> str:
     raise NotCompilable(f"{type(x).__name__} is not a number")
 
 
+def is_mixed(x: Any) -> bool:
+    """Is it an integer on one way and a float on another?"""
+    return isinstance(x, Num) and x.mixed
+
+
 def _float_below(n: int) -> float:
     """The largest float that is not larger than an integer."""
     try:
@@ -284,13 +303,16 @@ def _float_below(n: int) -> float:
 
 
 class Num(StandIn):
-    """A number known at run time only: float (`f`), integer (`i`) or truth value (`b`)."""
+    """A number known at run time only: float (`f`), integer (`i`) or truth value (`b`).
 
-    __slots__ = ("emitter", "kind", "values")
+    One that is an integer on one way and a float on another is a `mixed` float: what Python makes of it may depend on the way.
+    """
+
+    __slots__ = ("emitter", "kind", "mixed", "values")
     __array_ufunc__ = None
 
-    def __init__(self, emitter: Emitter, values: Values, kind: str) -> None:
-        self.emitter, self.values, self.kind = emitter, values, kind
+    def __init__(self, emitter: Emitter, values: Values, kind: str, mixed: bool = False) -> None:
+        self.emitter, self.values, self.kind, self.mixed = emitter, values, kind, mixed
 
     @property
     def value(self) -> ir.Value:
@@ -368,6 +390,7 @@ class Num(StandIn):
 
     def __neg__(self) -> Num:
         e = self.emitter
+        e.unmixed("the negative", self)
         return e.each(e.builder.fneg, self.values) if self.kind == "f" else e.arithmetic("sub", 0, self)
 
     def __pos__(self) -> Num:

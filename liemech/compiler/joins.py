@@ -31,8 +31,8 @@ NOBODY = "no lane is running"  # value of LIVE when every lane has left
 class Retype(Exception):
     """A loop turns out to need another type for a number it carries (an int becomes a float), or a mask."""
 
-    def __init__(self, number: int | None, kind: str = "b", varying: bool = False) -> None:
-        self.number, self.type = number, (kind, varying)
+    def __init__(self, number: int | None, kind: str = "b", varying: bool = False, mixed: bool = False) -> None:
+        self.number, self.type = number, (kind, varying, mixed)
 
 
 @dataclasses.dataclass
@@ -105,10 +105,8 @@ class Joins:
         for v in items:
             if isinstance(v, Undefined):
                 return v
+        items = leveled(items)
         layouts = [layout_of(v, is_any_number) for v in items]
-        if any(layout != layouts[0] for layout in layouts):
-            items = leveled(items)
-            layouts = [layout_of(v, is_any_number) for v in items]
         if any(layout != layouts[0] for layout in layouts):
             shapes = " and ".join(dict.fromkeys(map(repr, layouts)))
             return Undefined(f"it is one thing on one way and another on the other: {shapes}")
@@ -186,6 +184,7 @@ class Joins:
             incoming.append((self.emitter.cast(x, kind, varying), block))
         self.builder.position_at_end(into)
         phi = self.phi(kind, varying)
+        phi.mixed = kind == "f" and any(x.kind != "f" or x.mixed for x in lifted)
         for values, block in incoming:
             come_from(phi, values, block)
         return phi
@@ -221,8 +220,10 @@ def leveled(items: list[Any]) -> list[Any]:
     if pairs and all(isinstance(v, PAIRS) or is_any_number(v) for v in items):
         form = max(pairs, key=lambda v: v.level).form
         zero = 0 if form[0] is Dual else 0.0  # no slope, no imaginary part
-        parts = zip(*(v.parts if isinstance(v, PAIRS) and v.form == form else (v, zero) for v in items), strict=True)
-        return [paired(form, p) for p in zip(*map(leveled, map(list, parts)), strict=True)]
+        parts = [v.parts if isinstance(v, PAIRS) and v.form == form else (v, zero) for v in items]
+        if not all(type(second) is int for _, second in parts):  # a slope on one way at least
+            parts = [(first, 0.0 if type(second) is int else second) for first, second in parts]
+        return [paired(form, p) for p in zip(*map(leveled, map(list, zip(*parts, strict=True))), strict=True)]
     return items
 
 

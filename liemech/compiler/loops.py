@@ -82,7 +82,7 @@ class Loops(Branches):
                 del env[name]
         changed = {*changed_names(body), *counters}
         carried = sorted((changed | {*map(has, changed)}) & env.keys())
-        types: dict[int, tuple[str, bool]] = {}
+        types: dict[int, tuple[str, bool, bool]] = {}
         masked = False
         while True:
             forget = self.mark()
@@ -127,7 +127,7 @@ class Loops(Branches):
         body: list[ast.stmt],
         env: Env,
         carried: list[str],
-        types: dict[int, tuple[str, bool]],
+        types: dict[int, tuple[str, bool, bool]],
         masked: bool,
     ) -> bool:
         e, b, frame = self.emitter, self.builder, self.frames[-1]
@@ -138,11 +138,12 @@ class Loops(Branches):
 
         def entering(x: Any) -> Num:
             x = e.lift(x)
-            kind, varying = types.get(len(phis), (x.kind, x.varying))
+            kind, varying, mixed = types.get(len(phis), (x.kind, x.varying, x.mixed))
             b.position_at_end(before)
             value = e.cast(x, kind, varying)
             b.position_at_end(head)
             phis.append(self.phi(kind, varying))
+            phis[-1].mixed = mixed
             come_from(phis[-1], value, before)
             return phis[-1]
 
@@ -191,8 +192,9 @@ class Loops(Branches):
                     leaf = e.lift(x if not masked or x is y else e.select(lanes, x, y))
                     kind = max(leaf.kind, phi.kind, key="bif".index)
                     varying = leaf.varying or phi.varying
-                    if (kind, varying) != (phi.kind, phi.varying):
-                        raise Retype(index, kind, varying)
+                    mixed = kind == "f" and (leaf.kind != "f" or phi.kind != "f" or leaf.mixed or phi.mixed)
+                    if (kind, varying, mixed) != (phi.kind, phi.varying, phi.mixed):
+                        raise Retype(index, kind, varying, mixed)
                     come_from(phi, e.cast(leaf, kind, varying), b.block)
                     index += 1
             if masked:

@@ -20,8 +20,9 @@ import numpy as np
 
 from ..errors import NotCompilable
 from ..formulas import functions, series, vectors
-from ..formulas.broadcasting import annotation_text, bare
+from ..formulas.broadcasting import bare
 from ..formulas.derivatives import axes, tangent
+from ..formulas.fields import floats
 from ..formulas.pytree import PAIRS, compensated, fill, fitted, is_any_number, layout_of, leaves, plain
 from ..formulas.records import Record
 from ..formulas.series import Series
@@ -141,7 +142,7 @@ class Interpreter(Statements):
                 if f.default is dataclasses.MISSING or not f.init:
                     raise NotCompilable(f"{cls.__name__} needs its field {f.name} (derived fields cannot be made by formulas)")
                 given[f.name] = f.default
-            if annotation_text(f.type) == "float" and is_any_number(given[f.name]):
+            if f.name in floats(cls) and is_any_number(given[f.name]):
                 given[f.name] = self.intrinsics[float](given[f.name])
         if len(given) != len(fields) or len(args) > len(fields):
             raise NotCompilable(f"{cls.__name__} has the fields {[f.name for f in fields]}")

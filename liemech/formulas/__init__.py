@@ -63,14 +63,11 @@ from .vectors import (
 if TYPE_CHECKING:  # formulas are dynamically typed: floats, symbols and arrays pass through the same source
     Vec: TypeAlias = Any
     Mat: TypeAlias = Any
+    Element: TypeAlias = Any
+    Ambient: TypeAlias = Any
 else:
+    from .annotations import Ambient, Element
     from .vectors import Mat, Vec
-
-Element: TypeAlias = Any
-"""Annotates an element of a group: a `Mat`, or a `Vec` for groups whose elements are vectors."""
-
-Ambient: TypeAlias = Any
-"""Annotates what has the shape of an element and need not be one."""
 
 __all__ = [
     "Ambient",

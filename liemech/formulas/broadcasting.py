@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidInput, InvalidType
+from .annotations import kind_of, own_annotations
 from .complex_numbers import Complex
 from .vectors import Mat, Vec
 
@@ -95,20 +96,16 @@ def check_finite(array: np.ndarray, name: str) -> None:
 # ------------------------------------------------------------------ methods
 
 
-def annotation_text(annotation: Any) -> str:
-    text = annotation if isinstance(annotation, str) else getattr(annotation, "__name__", str(annotation))
-    return " | ".join(part.strip().split(".")[-1] for part in text.split("|"))
-
-
 def _kinds(cls: type, name: str, method: Callable[..., Any]) -> dict[str, str] | None:
     """What each argument is, from the annotations of the method and of those it overrides."""
     kinds: dict[str, str] = {}
     for base in cls.__mro__:
         known = bare(vars(base)[name]) if inspect.isfunction(vars(base).get(name)) else None
         if known is not None:
+            annotations = own_annotations(known)
             for argument, other in zip(_arguments(method), _arguments(known), strict=False):
-                kind = annotation_text(known.__annotations__.get(other, ""))
-                if kind in KINDS and KINDS.index(kind) < KINDS.index(kinds.get(argument, "float")):
+                kind = kind_of(annotations[other], known.__globals__) if other in annotations else None
+                if kind is not None and KINDS.index(kind) < KINDS.index(kinds.get(argument, "float")):
                     kinds[argument] = kind
                 elif kind == "float":
                     kinds.setdefault(argument, kind)

@@ -7,13 +7,19 @@ run time (an int, a string, a tableau, None) belongs to the layout itself.
 from __future__ import annotations
 
 import dataclasses
+import enum
 import functools
+import struct
+import types
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any
+
+import numpy as np
 
 from .compensated import Compensated, value_of
 from .complex_numbers import Complex
 from .dual import Dual
+from .fields import FrozenDict
 from .numbers import StandIn
 from .records import Record
 from .vectors import Mat, Vec
@@ -49,9 +55,8 @@ class Layout:
 
     @functools.cached_property
     def _identity(self) -> Any:
-        """What tells two details apart: of constants the text, since 1 is not True, 0.0 is not -0.0 and nan is nan."""
-        plain = self.kind == "static" and not isinstance(self.detail, Layout)
-        return (type(self.detail), repr(self.detail)) if plain else self.detail
+        """What tells two details apart: of static parts type and value, exactly."""
+        return exact(self.detail) if self.kind == "static" else self.detail
 
     @functools.cached_property
     def _hash(self) -> int:
@@ -82,6 +87,64 @@ class Layout:
 NUMBER = Layout("number")
 
 
+class _Itself:
+    """Stands for an object that is only equal to itself."""
+
+    __slots__ = ("thing",)
+
+    def __init__(self, thing: Any) -> None:
+        self.thing = thing
+
+    def __hash__(self) -> int:
+        return id(self.thing)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Itself) and self.thing is other.thing
+
+
+def exact(value: Any) -> Any:
+    """What is equal and has one hash for values of one type that are the same in every bit, and only for those.
+
+    1 is not True nor 1.0, 0.0 is not -0.0, and nan is itself.  Functions, classes, modules, members of enums and whatever is not
+    known here are the same if they are one object.
+    """
+    kind = type(value)
+    if kind in _COMPARABLE:
+        return kind, value
+    if kind is float:
+        return kind, struct.pack("<d", value)
+    if kind is complex:
+        return kind, struct.pack("<2d", value.real, value.imag)
+    if isinstance(value, enum.Enum):
+        return _Itself(value)
+    if isinstance(value, tuple):
+        return kind, tuple(map(exact, value))
+    if kind is frozenset:
+        return kind, frozenset(map(exact, value))
+    if isinstance(value, FrozenDict):
+        return kind, tuple([(exact(k), exact(v)) for k, v in value.items()])
+    if isinstance(value, (np.generic, np.ndarray)) and not value.dtype.hasobject:
+        return kind, value.dtype.str, value.shape, value.tobytes()
+    if kind in _BY_PARTS:
+        return kind, tuple([exact(part) for part in _BY_PARTS[kind](value)])
+    if isinstance(value, Record):
+        return kind, tuple([exact(x) for x in fields_of(value).values()])
+    if (kind.__module__, kind.__name__) in (("fractions", "Fraction"), ("decimal", "Decimal")):  # not imported for their sake
+        return kind, value.as_integer_ratio() if kind.__name__ == "Fraction" else value.as_tuple()
+    return _Itself(value)
+
+
+_COMPARABLE = frozenset((int, bool, str, bytes, type(None), type(Ellipsis), Layout))
+_BY_PARTS: dict[type, Callable[[Any], tuple[Any, ...]]] = {
+    range: lambda x: (x.start, x.stop, x.step),
+    slice: lambda x: (x.start, x.stop, x.step),
+    functools.partial: lambda x: (x.func, x.args, *x.keywords.items()),
+    types.MethodType: lambda x: (x.__func__, x.__self__),
+    Mat: lambda x: x.rows,
+    **{pair: lambda x: (x.level, *x.parts) for pair in PAIRS},
+}
+
+
 def is_number(value: Any) -> bool:
     """A float, or the compiler's stand-in for a number (ints and bools inside values are static)."""
     return isinstance(value, (float, StandIn))
@@ -94,6 +157,15 @@ def is_any_number(value: Any) -> bool:
 
 def layout_of(value: Any, number: Callable[[Any], bool] = is_number) -> Layout:
     """The layout of a value; tuples that hold no vector, matrix or record are static, like the rows of a tableau."""
+    if isinstance(value, Record):
+        if number is not is_number:
+            return _of_record(value, number)
+        try:
+            return _known(value)
+        except AttributeError:
+            layout = _of_record(value, number)
+            _know(value, layout)  # a record never changes: a method is looked at once, not at every run
+            return layout
     if number(value):
         return NUMBER
     if isinstance(value, Vec):
@@ -103,17 +175,17 @@ def layout_of(value: Any, number: Callable[[Any], bool] = is_number) -> Layout:
         return _matrix(tuple([layout_of(row, number) for row in value.rows]))
     if isinstance(value, PAIRS):
         return _pair(tuple([layout_of(x, number) for x in value.parts]), value.form)
-    if isinstance(value, Record):
-        if number is is_number and "_layout" in value.__dict__:
-            return value.__dict__["_layout"]
-        cls: Any = type(value)
-        layout = _record(tuple([layout_of(getattr(value, n), number) for n in _names(cls)]), cls)
-        if number is is_number:  # a record never changes: a method is looked at once, not at every run
-            value.__dict__["_layout"] = layout
-        return layout
     if isinstance(value, list) or (isinstance(value, tuple) and (number is is_any_number or not is_static(value))):
         return _sequence(type(value).__name__, tuple([layout_of(x, number) for x in value]))
     return Layout("static", (), value)
+
+
+_known, _know = Record._layout.__get__, Record._layout.__set__  # type: ignore[attr-defined]
+
+
+def _of_record(value: Any, number: Callable[[Any], bool]) -> Layout:
+    cls: Any = type(value)
+    return _record(tuple([layout_of(getattr(value, n), number) for n in _names(cls)]), cls)
 
 
 @functools.cache
@@ -121,30 +193,32 @@ def _names(cls: Any) -> tuple[str, ...]:
     return tuple(f.name for f in dataclasses.fields(cls))
 
 
-# Layouts of one structure are one object, so that comparing two of them takes no time.
+# Most layouts of one structure are one object, so that comparing two of them takes no time.
+
+_MANY = 4096
 
 
-@functools.cache
+@functools.lru_cache(_MANY)
 def _record(parts: tuple[Layout, ...], cls: type) -> Layout:
     return Layout("record", parts, (cls, _names(cls)))
 
 
-@functools.cache
+@functools.lru_cache(_MANY)
 def _pair(parts: tuple[Layout, ...], form: tuple[Any, ...]) -> Layout:
     return Layout("pair", parts, form)
 
 
-@functools.cache
+@functools.lru_cache(_MANY)
 def _sequence(kind: str, parts: tuple[Layout, ...]) -> Layout:
     return Layout(kind, parts)
 
 
-@functools.cache
+@functools.lru_cache(_MANY)
 def _vector(n: int) -> Layout:
     return Layout("vec", (NUMBER,) * n)
 
 
-@functools.cache
+@functools.lru_cache(_MANY)
 def _matrix(rows: tuple[Layout, ...]) -> Layout:
     return Layout("mat", rows)
 

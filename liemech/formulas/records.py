@@ -4,35 +4,42 @@ A record is a frozen dataclass.  Its fields of type float, `Vec`, `Mat` or anoth
 strings, tuples of numbers, functions and None are part of its type: loops over them are written out before compilation and
 branches on them disappear.  Its methods are formulas.  Called with NumPy arrays they check the shapes and broadcast over leading
 axes; called with small vectors (from other formulas) they are the bare formula.
+
+What lies in a field after construction cannot be changed in place: `fields` says what becomes of lists, arrays, dicts and sets.
 """
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import functools
 from collections.abc import Callable
 from typing import Any, TypeVar, cast, dataclass_transform
 
-import numpy as np
-
-from ..errors import InvalidInput, InvalidType
-from .broadcasting import AXES, Border, annotation_text, real_array
-from .numbers import Pair
-from .vectors import Mat, Vec
+from ..errors import InvalidType
+from .annotations import own_annotations
+from .broadcasting import Border
+from .fields import MISSING, converters, immutable
 
 T = TypeVar("T", bound=type)
 
-_complete: set[type] = set()  # classes known to be dataclasses
+_complete: set[type] = set()  # classes known to be frozen dataclasses
 
 
 class Record(Border):
     """Base of everything that compiles: frozen dataclasses whose methods are formulas."""
 
+    __slots__ = ("_layout",)  # its structure, once somebody asked for it; not a field: neither pickled, copied nor in `vars`
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        for name in ("__init__", "__post_init__"):
+            if name in vars(cls):
+                setattr(cls, name, _then_checked(vars(cls)[name]))
+
     def __new__(cls, *args: Any, **options: Any) -> Any:
         if cls not in _complete:
-            forgotten = [n for n, a in vars(cls).get("__annotations__", {}).items() if "ClassVar" not in str(a)]
-            if not set(forgotten) <= {f.name for f in dataclasses.fields(cast("Any", cls))}:
-                raise InvalidType(f"{cls.__name__} has the fields {', '.join(forgotten)}: put @liemech.record above the class")
+            _require_dataclass(cls)
             _complete.add(cls)
         return super().__new__(cls)
 
@@ -40,10 +47,54 @@ class Record(Border):
         """The fields, without what is only remembered beside them."""
         return {f.name: getattr(self, f.name) for f in dataclasses.fields(cast("Any", self))}
 
-    def __post_init__(self) -> None:
-        cls: Any = type(self)
-        for name, convert in _converters(cls):
-            object.__setattr__(self, name, convert(self, name, getattr(self, name)))
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        for name, value in state.items():  # copies of arrays can be written to again
+            object.__setattr__(self, name, immutable(self, name, value))
+
+    def _held(self, name: str, value: Any) -> Any:
+        """What a field holds whose annotation says nothing about its value."""
+        return immutable(self, name, value)
+
+    def __post_init__(self, *_: Any) -> None:
+        """Convert the fields.  Overridden, it is called by `super().__post_init__()`, before or after setting derived fields."""
+        _convert(self, type(self).__post_init__ is Record.__post_init__)
+
+
+def _convert(self: Any, last: bool) -> None:
+    cls: Any = type(self)
+    for name, convert, easy, can_wait in converters(cls):
+        value = getattr(self, name, MISSING)
+        if type(value) not in easy and value is not MISSING and (last or not can_wait):
+            new = convert(self, name, value)
+            if new is not value:
+                object.__setattr__(self, name, new)
+
+
+def _then_checked(initialise: Callable[..., None]) -> Callable[..., None]:
+    """An `__init__` or `__post_init__` of a subclass, after which all fields are checked; that of a base leaves it to the last."""
+
+    @functools.wraps(initialise)
+    def method(self: Any, *args: Any, **options: Any) -> None:
+        initialise(self, *args, **options)
+        if method in (vars(type(self)).get("__init__"), type(self).__post_init__):
+            _convert(self, True)
+            with contextlib.suppress(AttributeError):  # if its layout was looked at before it was ready
+                object.__delattr__(self, "_layout")
+
+    return method
+
+
+def _require_dataclass(cls: Any) -> None:
+    params = vars(cls).get("__dataclass_params__")
+    if params is None:
+        known = [f.name for f in dataclasses.fields(cls)] if dataclasses.is_dataclass(cls) else []
+        forgotten = [n for n, a in own_annotations(cls).items() if "ClassVar" not in str(a)]
+        if not known and not forgotten and not dataclasses.is_dataclass(cls):
+            raise InvalidType(f"{cls.__name__} is no dataclass yet: put @liemech.record above the class")
+        if not set(forgotten) <= set(known):
+            raise InvalidType(f"{cls.__name__} has the fields {', '.join(forgotten)}: put @liemech.record above the class")
+    elif not params.frozen:
+        raise InvalidType(f"{cls.__name__} can be changed in place: put @liemech.record above the class instead of @dataclass")
 
 
 @dataclass_transform(frozen_default=True, field_specifiers=(dataclasses.field,))
@@ -53,48 +104,3 @@ def record(cls: T) -> T:
         raise InvalidType(f"@record is for subclasses of Record, such as liemech.Hamiltonian; {cls.__name__} is not one")
     made: Any = dataclasses.dataclass(frozen=True)(cls)
     return made
-
-
-# ------------------------------------------------------------------ fields
-
-
-def _number(owner: Any, name: str, value: Any) -> Any:
-    if isinstance(value, (bool, complex, str, bytes)) or (isinstance(value, np.ndarray) and value.ndim):
-        raise InvalidType(f"{type(owner).__name__}.{name} is a number; got {value!r}")
-    try:
-        return float(value)
-    except (TypeError, ValueError):
-        if not (hasattr(value, "free_symbols") or isinstance(value, Pair)):  # a symbol, or a number that carries a derivative
-            raise InvalidType(f"{type(owner).__name__}.{name} is a number; got {value!r}") from None
-        return value
-
-
-def _small(owner: Any, name: str, value: Any, allowed: tuple[type, ...]) -> Any:
-    if isinstance(value, allowed):
-        return value
-    array = real_array(value, f"{type(owner).__name__}.{name}")
-    for kind in allowed:
-        if array.ndim == AXES[kind.__name__]:
-            return kind.of(array.tolist())  # type: ignore[attr-defined]
-    expected = " or ".join({"Vec": "a vector", "Mat": "a matrix"}[k.__name__] for k in allowed)
-    raise InvalidInput(f"{type(owner).__name__}.{name} is {expected}; got an array of shape {array.shape}")
-
-
-@functools.cache
-def _converters(cls: Any) -> tuple[tuple[str, Callable[[Any, str, Any], Any]], ...]:
-    found: list[tuple[str, Callable[[Any, str, Any], Any]]] = []
-    for field in dataclasses.fields(cls):
-        kinds = annotation_text(field.type).split(" | ")
-        allowed = tuple(kind for kind in (Vec, Mat) if kind.__name__ in kinds)
-        if not field.init:
-            continue
-        if kinds == ["float"]:
-            found.append((field.name, lambda o, n, v: v if type(v) is float else _number(o, n, v)))
-        elif allowed:
-            optional = (*allowed, type(None)) if "None" in kinds else allowed
-
-            def convert(o: Any, n: str, v: Any, allowed: Any = allowed, optional: Any = optional) -> Any:
-                return v if isinstance(v, optional) else _small(o, n, v, allowed)
-
-            found.append((field.name, convert))
-    return tuple(found)

@@ -10,6 +10,7 @@ import numpy as np
 from ..errors import InvalidInput
 from ..formulas import Record, Vec, check_finite, real_array, record
 from ..formulas.broadcasting import small
+from ..formulas.fields import array_held, frozen_array
 from ..groups.lie_group import LieGroup
 from ..retractions import Retraction
 
@@ -17,6 +18,9 @@ from ..retractions import Retraction
 @record
 class State(Record):
     """Where a system is: arrays, one element each or, for an ensemble, with a leading axis; None for what was not asked for."""
+
+    def _held(self, name: str, value: Any) -> Any:
+        return array_held(self, name, value)
 
     @property
     def bodies(self) -> int | None:
@@ -117,6 +121,4 @@ def frozen(array: np.ndarray, one: tuple[int, ...], bodies: int | None) -> Any:
     """A field of a state: small for a single body, else an array of its own with a row for each body that nobody can write to."""
     if bodies is None:
         return small(array)
-    copy = np.array(np.broadcast_to(array, (bodies, *one)))
-    copy.flags.writeable = False
-    return copy
+    return frozen_array(np.broadcast_to(array, (bodies, *one)), "array")

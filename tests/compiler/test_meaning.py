@@ -299,3 +299,66 @@ def test_constants_are_read_where_they_lie() -> None:
     for turns in (0, 1, 5):
         worlds.same_in_all_worlds(a_variable_changed_in_a_loop, ROWS[:4], turns)
         worlds.same_in_all_worlds(loops_with_else, ROWS[:4], turns)
+
+
+def test_a_constant_becomes_a_number_with_a_derivative(tmp_path) -> None:
+    text = """
+from liemech.formulas import derivative, vec
+
+
+def root(x):
+    d, y, turns = 1.0, x[0] * 0.5 + 0.5, 0
+    while abs(d) > 1e-14 and turns < 200:
+        d = (y * y - x[0]) / (2.0 * y)
+        y = y - d
+        turns = turns + 1
+    return y + 0.0 * d
+
+
+def formula(a, b, c, d, n):
+    return vec(root(vec(a)), derivative(root, vec(a), vec(1.0)))
+"""
+    formula = worlds.module_from(text, tmp_path, "promoted").formula
+    rows = [[x, 0.0, 0.0, 0.0] for x in (2.0, 0.3, 17.0, 1.0)]
+    worlds.same_in_all_worlds(formula, rows)
+    assert formula(2.0, 0.0, 0.0, 0.0, 0)[1] == pytest.approx(0.5 / math.sqrt(2.0), rel=1e-14)
+
+
+def test_assertions_and_variables_without_a_value_fail_as_in_python(tmp_path) -> None:
+    text = """
+from liemech.formulas import vec
+
+
+def formula(a, b, c, d, n):
+    if a > b:
+        y = a * c
+    assert c > 0.0, f"{c} is too small"
+    return vec(y, d)
+"""
+    formula = worlds.module_from(text, tmp_path, "unbound").formula
+    with pytest.raises(UnboundLocalError):
+        formula(1.0, 2.0, 3.0, 4.0, 1)
+    rows = [[3.0, 2.0, 1.0, 4.0], [5.0, 1.0, -1.0, 2.0], [1.0, 2.0, 3.0, 4.0], [2.0, 1.0, 0.5, 1.0]]
+    for lanes in (1, 8):
+        fine = [ok for _, ok in worlds.native(formula, rows, 2, 1, lanes)]
+        assert fine == [True, False, False, True]
+
+
+def test_zero_as_integer_and_as_float_are_not_confused(tmp_path) -> None:
+    text = """
+from liemech.formulas import vec
+
+
+def formula(a, b, c, d, n):
+    total = 0
+    for i in range(n):
+        total = total + a
+    return vec(-total, b)
+"""
+    formula = worlds.module_from(text, tmp_path, "zeros").formula
+    assert math.copysign(1.0, formula(1.0, 1.0, 1.0, 1.0, 0)[0]) == 1.0
+    with pytest.raises(worlds.NotCompilable, match=r"line 9\) cannot be compiled: the negative of a number that is"):
+        worlds.native(formula, ROWS[:1], 2, 3, 1)
+    good = worlds.module_from(text.replace("total = 0\n", "total = 0.0\n"), tmp_path, "floats").formula
+    worlds.same_in_all_worlds(good, ROWS, 0)
+    worlds.same_in_all_worlds(good, ROWS, 3)

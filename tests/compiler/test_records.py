@@ -2,15 +2,26 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
+import enum
 import pickle
-from typing import Any
+import sys
+import types
+from collections.abc import Mapping, Sequence  # noqa: F401  (named in annotations below)
+from dataclasses import InitVar
+from decimal import Decimal
+from fractions import Fraction
+from typing import Annotated, Any, ClassVar, ForwardRef, NewType, Optional, TypeAlias
 
 import numpy as np
 import pytest
 
+import liemech as lm
 from liemech.errors import InvalidInput, InvalidType
 from liemech.formulas import Mat, Record, Vec, broadcasting, dot, mat, outer, record, sin, vec
+from liemech.formulas.fields import FrozenDict
+from liemech.formulas.pytree import Layout, exact, layout_of
 
 
 @record
@@ -201,6 +212,307 @@ def test_a_vector_must_be_a_vector() -> None:
         Spring(1.0, shear=X)
     with pytest.raises(InvalidType, match=r"Spring\.rest must be real numbers"):
         Spring(1.0, ["a", "b"])
+
+
+class Nothing:
+    """Something a record may hold and cannot know."""
+
+
+@record
+class Anything(Record):
+    value: Any = None
+
+
+def annotated(annotation: Any, **names: Any) -> Any:
+    """A record whose field `value` has this annotation."""
+    body = {"__annotations__": {"value": annotation}, "__module__": __name__, **names}
+    return record(type("Annotated", (Record,), body))
+
+
+V = Vec
+Row = tuple[float, ...]
+Alias: TypeAlias = "Vec | None"
+VECTORS = [
+    Vec, lm.Vec, "Vec", "lm.Vec", "V", V | None, "Optional[V]", "None | lm.Vec", Annotated[V, "metres"], "Alias", "'Vec'",
+    Optional["Vec"], "Annotated[Vec, 'metres']", NewType("Place", Vec), "Unfindable | Vec", "nowhere.Vec | Vec",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("annotation", VECTORS, ids=str)
+def test_annotations_that_mean_a_vector(annotation: Any) -> None:
+    made = annotated(annotation)(np.array([1, 2]))
+    assert type(made.value) is Vec and made.value == Vec(1.0, 2.0) and all(type(x) is float for x in made.value)
+    assert type(annotated(annotation)([1, np.float64(2)]).value[1]) is float
+    assert type(annotated(annotation)(Vec(np.float64(1.0), 2)).value[0]) is float
+
+
+HELD = [
+    ("float", 1, 1.0), (float, np.float64(2.5), 2.5), ("float", np.array(3), 3.0), ("float | None", np.int64(2), 2.0),
+    ("float | None", None, None),
+    ("int", np.int64(4), 4), (int, np.array(5), 5), ("int | float", 1, 1), ("int | float", 1.5, 1.5),
+    ("float | int", np.int64(7), 7),
+    ("bool", np.True_, True), ("str", np.str_("a"), "a"), ("int | str", "closed", "closed"),
+    ("tuple[float, ...]", [1, 2.5], (1.0, 2.5)), ("Row", np.array([1.0, 2.0]), (1.0, 2.0)), ("tuple", [[1], (2, [3])], ((1,),
+    (2, (3,)))),
+    ("tuple[Row, ...]", [[1], [2, 3]], ((1.0,), (2.0, 3.0))), ("list[int]", [1, np.int64(2)], (1, 2)),
+    ("tuple[int, str]", [1, "a"], (1, "a")),
+    ("Sequence[Vec]", [[1, 2]], (Vec(1.0, 2.0),)), ("set[int]", {1, 2}, frozenset({1, 2})),
+    ("dict[str, float]", {"a": 1}, {"a": 1.0}),
+    ("Mapping[str, Vec]", {"a": [1, 2]}, {"a": Vec(1.0, 2.0)}), ("Any", 1, 1), ("Any", (1, 2.0), (1, 2.0)),
+    ("Unfindable", 3, 3),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("annotation", "given", "held"), HELD, ids=lambda x: str(x)[:30])
+def test_what_a_field_holds(annotation: Any, given: Any, held: Any) -> None:
+    found = annotated(annotation)(given).value
+    assert found == held and exact(found) == exact(held if not isinstance(held, dict) else FrozenDict(held))
+    hash(found)
+
+
+@pytest.mark.parametrize(
+    ("annotation", "given", "message"),
+    [
+        ("Any", [1.0], r"Annotated\.value is \[1\.0\], which can be changed in place: annotate the field as lm\.Vec"),
+        ("object", {"a": 1}, r"Annotated\.value is .'a': 1., which can be changed in place"),
+        ("str", {1}, r"Annotated\.value is .1., which"),
+        ("Any", (1, ([2],)), r"Annotated\.value is \[2\], which"),
+        ("Unfindable", [1.0], r"nothing is known by its annotation 'Unfindable'"),
+        ("Any", np.array([object()]), r"Annotated\.value must be an array of numbers"),
+        ("int", 2.0, r"Annotated\.value is an integer; got 2\.0"),
+        ("float", np.True_, r"Annotated\.value is a number"),
+        ("tuple[float, ...]", 3.0, r"Annotated\.value is a tuple; got 3\.0"),
+        ("tuple[float, ...]", ["a"], r"Annotated\.value\[0\] is a number; got 'a'"),
+        ("tuple[int, int]", (1, 2, 3), r"Annotated\.value is a tuple of 2 parts"),
+        ("dict[str, float]", {"a": "b"}, r"Annotated\.value\['a'\] is a number"),
+        ("dict[str, Any]", {"a": [1]}, r"Annotated\.value\['a'\] is \[1\], which"),
+    ],
+)
+def test_a_field_refuses_by_name(annotation: Any, given: Any, message: str) -> None:
+    with pytest.raises((InvalidInput, InvalidType), match=message):
+        annotated(annotation)(given)
+
+
+def test_nothing_in_a_field_can_be_changed_in_place() -> None:
+    """However it came there: as an argument, from a default factory, or set by the class itself."""
+
+    @record
+    class Held(Record):
+        table: np.ndarray
+        loose: Any
+        made: Vec = dataclasses.field(init=False)
+        names: dict[str, int] = dataclasses.field(default_factory=dict)
+        seed: dataclasses.InitVar[float] = 1.0
+        count: ClassVar[int] = 3
+
+        def __post_init__(self, seed: float) -> None:
+            super().__post_init__()
+            object.__setattr__(self, "made", np.array([seed, 2.0]))
+            object.__setattr__(self, "names", {"a": 1})
+
+    source = np.array([[1.0, 2.0]])
+    held = Held(source, source[:, ::-1])
+    source[:] = 7.0
+    assert held.table.tolist() == [[1.0, 2.0]] and held.loose.tolist() == [[2.0, 1.0]] and held.made == Vec(1.0, 2.0)
+    again = pickle.loads(pickle.dumps(Anything(source)))
+    for copied in (held, copy.copy(held), copy.deepcopy(held), again, dataclasses.replace(held, seed=1.0)):
+        for name in {"table", "loose", "value"} & {f.name for f in dataclasses.fields(copied)}:
+            with pytest.raises(ValueError, match="read-only"):
+                getattr(copied, name)[0, 0] = 5.0
+            with pytest.raises(ValueError, match="WRITEABLE"):
+                getattr(copied, name).flags.writeable = True
+    for change in (lambda d: d.update(b=2), lambda d: d.__setitem__("b", 2), lambda d: d.pop("a"), lambda d: d.clear()):
+        with pytest.raises(TypeError, match="cannot be changed"):
+            change(held.names)
+    assert pickle.loads(pickle.dumps(held.names)) == {"a": 1}
+
+    @record
+    class Forgetful(Record):
+        made: Any = dataclasses.field(init=False)
+
+        def __post_init__(self) -> None:
+            object.__setattr__(self, "made", [1.0])
+
+    @record
+    class ByHand(Record):
+        made: Any
+
+        def __init__(self, made: Any) -> None:
+            object.__setattr__(self, "made", made)
+
+    for make in (Forgetful, lambda: ByHand([1.0])):
+        with pytest.raises(InvalidType, match=r"\.made is \[1\.0\], which can be changed in place"):
+            make()
+
+
+def test_a_class_that_converts_its_own_field_after_super() -> None:
+    @record
+    class Table(Record):
+        rows: Any
+
+        def __post_init__(self) -> None:
+            super().__post_init__()
+            object.__setattr__(self, "rows", tuple(self.rows))
+
+    assert Table([1, 2]).rows == (1, 2)
+
+
+def test_a_record_without_its_decorator_is_refused() -> None:
+    class Bare(Record):
+        stiffness: float
+
+    class Empty(Record):
+        pass
+
+    @dataclasses.dataclass
+    class Changeable(Record):
+        stiffness: float
+
+    class More(Spring):
+        extra: InitVar[float]
+
+    for make in (Bare, lambda: Empty(), lambda: Changeable(1.0), lambda: More(1.0)):
+        with pytest.raises(InvalidType, match=r"put @liemech\.record above"):
+            make()
+
+    class Fine(Spring):
+        kind: ClassVar[int] = 3
+
+    assert Fine(1.0).kind == 3
+
+
+@pytest.mark.skipif(sys.version_info >= (3, 14), reason="no simulation where it is so")
+def test_annotations_that_are_computed_when_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    """PEP 649, Python 3.14, simulated: a class has no `__annotations__`, and what is not known yet is a ForwardRef."""
+    library = types.ModuleType("annotationlib")
+    library.Format = types.SimpleNamespace(FORWARDREF="forward references")  # type: ignore[attr-defined]
+    library.get_annotations = lambda thing, format: getattr(thing, "__annotate__", lambda _: {})(format)  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "annotationlib", library)
+    made = annotated(ForwardRef("Vec | None"))
+    del made.__annotations__
+    made.__annotate__ = staticmethod(lambda format: {"forward references": {"value": ForwardRef("Vec | None")}}[format])
+    monkeypatch.setattr(sys, "version_info", (3, 14, 0))
+    assert made([1, 2]).value == Vec(1.0, 2.0) and made(None).value is None
+
+    class Bare(Record):
+        __annotate__ = staticmethod(lambda format: {"stiffness": float})
+
+    with pytest.raises(InvalidType, match=r"Bare has the fields stiffness: put @liemech\.record above"):
+        Bare()
+
+    def force(self: Any, x: Any) -> Any:
+        return x + x
+
+    force.__annotate__ = lambda format: {"x": ForwardRef("lm.Vec"), "return": ForwardRef("NotYet")}  # type: ignore[attr-defined]
+    assert hasattr(type("Forced", (Spring,), {"force": force}).force, "__formula__")
+
+
+class Colour(enum.Enum):
+    RED = 1
+    BLUE = 1.0 + 1e-12
+
+
+class Loud(float):
+    def __repr__(self) -> str:
+        return "Loud"
+
+
+class Quiet:
+    def __repr__(self) -> str:
+        return "quiet"
+
+
+STATICS = [
+    1, True, 1.0, np.float64(1.0), np.float32(1.0), np.int64(1), np.True_, 1 + 0j, Fraction(1), Decimal(1), Decimal("1.0"),
+    Colour.RED, "1", b"1", (1,),
+    (True,), (1.0,), ((1,),), frozenset({1}), frozenset({1.0}), FrozenDict(a=1), FrozenDict(a=1.0), range(1), range(0, 1, 2),
+    slice(1), None,
+    0.0, -0.0, (0.0,), (-0.0,), 0j, -0j, float("nan"), float("inf"), 0.3, 0.1 + 0.2, np.float64(0.3), np.float64(0.1 + 0.2),
+    2**70, 2**70 + 1,
+    Fraction(1, 3), Fraction(1, 3) + Fraction(1, 10**30), Decimal("0.1"), Decimal("0.1") + Decimal("1e-25"), Colour.BLUE,
+    np.array([1.0, 2.0]),
+    np.array([1.0, 2.0 + 1e-15]), np.array([1, 2]), np.arange(2000.0), np.arange(2000.0) + np.eye(1, 2000, 1000)[0] * 1e-9,
+    Quiet(), Quiet(), len,
+    np.sin, pickle, Colour, Spring(1.0), Spring(1.0 + 1e-9), Spring(1.0).energy, Spring(2.0).energy, Vec(1.0), Mat((1.0,)),
+    [1], [1],
+]  # fmt: skip
+
+
+def test_statics_are_told_apart_by_type_and_value() -> None:
+    layouts = [Layout("static", (), thing) for thing in STATICS]
+    for i, a in enumerate(layouts):
+        for j, b in enumerate(layouts):
+            assert (a == b) is (i == j), (STATICS[i], STATICS[j])
+            assert i != j or hash(a) == hash(b)
+
+
+@pytest.mark.parametrize("thing", [x for x in STATICS if not isinstance(x, (Quiet, list))], ids=repr)
+def test_equal_statics_are_one(thing: Any) -> None:
+    again = pickle.loads(pickle.dumps(thing)) if thing is not pickle else thing
+    assert Layout("static", (), again) == Layout("static", (), thing)
+    assert hash(Layout("static", (), again)) == hash(Layout("static", (), thing))
+
+
+@record
+class Constants(Record):
+    """Statics of different kinds in the formula y = a x + b."""
+
+    slope: tuple[float, ...]
+    offset: Any
+
+    def energy(self, x: Vec) -> float:
+        return self.slope[0] * x[0] + float(self.offset)
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [
+        (Constants((1.0,), np.float32(1)), Constants((1.0,), np.float32(1) + np.finfo(np.float32).eps)),
+        (Constants((1.0,), 0), Constants((1.0 + 1e-9,), 0)),
+        (Constants((1.0,), Loud(1.0)), Constants((1.0,), Loud(1.0 + 1e-9))),
+        (Constants((Loud(1.0),), 0), Constants((Loud(1.0 + 1e-9),), 0)),
+    ],
+    ids=["NumPy scalars", "tuples", "a silent number", "silent numbers in a tuple"],
+)
+def test_the_derivative_by_a_static_parameter_is_not_zero(one: Any, other: Any) -> None:
+    x = np.ones((broadcasting.MANY, 2))
+    assert (one.energy(x) != other.energy(x)).all()
+    assert one.energy(x)[0] == one.energy(x[0]) and other.energy(x)[0] == other.energy(x[0])
+
+
+def test_what_is_remembered_beside_the_fields_is_not_seen() -> None:
+    fresh, used = Spring(2.0, rest=(1, 0, 0)), Spring(2.0, rest=(1, 0, 0))
+    layout = layout_of(used)
+    assert layout_of(used) is layout and vars(used) == vars(fresh) and pickle.dumps(used) == pickle.dumps(fresh)
+    assert vars(copy.deepcopy(used)) == vars(fresh) and copy.copy(used) == fresh
+
+    @record
+    class Eager(Record):
+        rest: Any
+
+        def __post_init__(self) -> None:
+            layout_of(self)  # before it is complete
+            object.__setattr__(self, "rest", Vec(1.0, 2.0, 3.0))
+
+    assert layout_of(Eager(1.0)).parts[0].width == 3
+
+
+def test_annotations_of_methods_in_every_form() -> None:
+    spaces = {"__name__": __name__, "V": Vec, "lm": lm, "Optional": Optional}
+    spaces |= {x.__name__: x for x in (Vec, Record, record, Any, Annotated)}
+    forms = "Vec", "lm.Vec", "V", "Optional[V]", "'Vec'", "V | None", "Annotated[Vec, 3]", "lm.formulas.Element", "None | lm.Vec"
+    for annotation in forms:
+        for future in ("from __future__ import annotations\n", ""):
+            text = f"{future}@record\nclass Made(Record):\n    def twice(self, x: {annotation}, other: Any = None): return x + x\n"
+            space: dict[str, Any] = dict(spaces)
+            exec(text, space)
+            result = space["Made"]().twice(np.array([1.0, 2.0])) if "Element" not in annotation else np.array([2.0, 4.0])
+            assert isinstance(result, np.ndarray) and hasattr(space["Made"].twice, "__formula__"), (annotation, future)
+    for annotation in ("str", "dict[str, Vec]", "Unfindable", "tuple[Vec, ...]"):
+        space = dict(spaces)
+        exec(f"from __future__ import annotations\nclass Made(Record):\n    def twice(self, x: {annotation}): return x\n", space)
+        assert not hasattr(space["Made"].twice, "__formula__")
 
 
 def test_records_are_frozen_compare_and_say_what_they_are() -> None:

@@ -57,7 +57,7 @@ REFUSALS = {
     "a growing list": ("items = []\nfor i in range(n):\n    items = [*items, a]", "`items` changes its structure in the loop"),
     "a return in a long loop": ("for i in range(n):\n    if a > i:\n        return b", "inside a loop of unknown length"),
     "another structure": ("if a > b:\n    return a\n", "the returned value has no one form"),
-    "a variable of one branch": ("if a > b:\n    y = a\nx = y", "`y` may have no value here"),
+    "a variable of no branch": ("if n > 2**70:\n    y = a\nx = y", "`y` may have no value here"),
     "a variable of a loop": ("for i in range(n):\n    y = a\nx = y", "`y` has no one value here"),
     "a vector or None": ("y = None\nif a > b:\n    y = vec(a, b)\nx = dot(y, y)", "`y` has no one value here"),
     "nothing but errors": ("x = always(a)", "every way through the formula raises"),

@@ -14,6 +14,7 @@ import numpy as np
 
 from liemech.compiler import kernel
 from liemech.compiler.driver import accepted, attempt, itself, read, write
+from liemech.errors import NotCompilable as NotCompilable
 from liemech.formulas import Vec, where
 from liemech.formulas.pytree import layout_of
 
