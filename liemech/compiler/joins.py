@@ -106,10 +106,8 @@ class Joins:
         for v in items:
             if isinstance(v, Undefined):
                 return v
+        items = leveled(items)
         layouts = [layout_of(v, is_any_number) for v in items]
-        if any(layout != layouts[0] for layout in layouts):
-            items = leveled(items)
-            layouts = [layout_of(v, is_any_number) for v in items]
         if any(layout != layouts[0] for layout in layouts):
             shapes = " and ".join(dict.fromkeys(map(repr, layouts)))
             return Undefined(f"it is one thing on one way and another on the other: {shapes}")
@@ -223,8 +221,10 @@ def leveled(items: list[Any]) -> list[Any]:
     if pairs and all(isinstance(v, PAIRS) or is_any_number(v) for v in items):
         form = max(pairs, key=lambda v: v.level).form
         zero = 0 if form[0] is Dual else 0.0  # no slope, no imaginary part
-        parts = zip(*(v.parts if isinstance(v, PAIRS) and v.form == form else (v, zero) for v in items), strict=True)
-        return [paired(form, p) for p in zip(*map(leveled, map(list, parts)), strict=True)]
+        parts = [v.parts if isinstance(v, PAIRS) and v.form == form else (v, zero) for v in items]
+        if not all(type(second) is int for _, second in parts):  # a slope on one way at least
+            parts = [(first, 0.0 if type(second) is int else second) for first, second in parts]
+        return [paired(form, p) for p in zip(*map(leveled, map(list, zip(*parts, strict=True))), strict=True)]
     return items
 
 

@@ -120,7 +120,9 @@ def _has_operators(cls: type) -> bool:
 
 
 def is_own(value: Any) -> bool:
-    """Numbers, vectors and functions the compiler itself computes with: the disk key covers their source."""
+    """Numbers, vectors, functions and modules the compiler itself computes with: the disk key covers their source."""
+    if isinstance(value, types.ModuleType):
+        return value.__name__.startswith(_OWN)
     cls = value if isinstance(value, (type, types.FunctionType)) else type(value)
     return str(cls.__module__).startswith(_OWN) and not (isinstance(cls, type) and issubclass(cls, Record))
 

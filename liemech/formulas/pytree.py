@@ -128,8 +128,7 @@ def exact(value: Any) -> Any:
     if kind in _BY_PARTS:
         return kind, tuple([exact(part) for part in _BY_PARTS[kind](value)])
     if isinstance(value, Record):
-        names: Any = kind
-        return kind, tuple([exact(getattr(value, name)) for name in _names(names)])
+        return kind, tuple([exact(x) for x in fields_of(value).values()])
     if (kind.__module__, kind.__name__) in (("fractions", "Fraction"), ("decimal", "Decimal")):  # not imported for their sake
         return kind, value.as_integer_ratio() if kind.__name__ == "Fraction" else value.as_tuple()
     return _Itself(value)
@@ -142,7 +141,7 @@ _BY_PARTS: dict[type, Callable[[Any], tuple[Any, ...]]] = {
     functools.partial: lambda x: (x.func, x.args, *x.keywords.items()),
     types.MethodType: lambda x: (x.__func__, x.__self__),
     Mat: lambda x: x.rows,
-    **{pair: lambda x: x.parts for pair in PAIRS},
+    **{pair: lambda x: (x.level, *x.parts) for pair in PAIRS},
 }
 
 
