@@ -127,7 +127,10 @@ class Reads:
         if owner is None or not hasattr(type(member), "__get__"):
             return member
         if isinstance(member, property) and member.fget is not None:
-            return call(member.fget, owner)
+            made = call(member.fget, owner)
+            if isinstance(made, Record) and id(owner) in self._origins and not _varies(made):  # a constant of the owner
+                self._admit(made, made, owner, "property", name)
+            return made
         if isinstance(member, functools.cached_property):
             return self._cached(member, owner, name, call)
         return self._read(owner, "attribute", name)
@@ -136,12 +139,28 @@ class Reads:
         """A cached property: a constant that Python computes, or a formula where it depends on numbers of the run."""
         if id(owner) not in self._origins:
             return call(member.func, owner)
+        self._glance(member.func, type(owner), set())
         if id(owner) in self._given and _varies(owner):
             value = getattr(owner, name)
             vars(owner).pop(name, None)
             if _varies(value):
                 return call(member.func, owner)
         return self._read(owner, "attribute", name)
+
+    def _glance(self, function: Any, cls: type, seen: set[int]) -> None:
+        """Write down what a function that Python runs names, and what the functions among that name."""
+        if not isinstance(function, types.FunctionType) or id(function) in seen or is_own(function):
+            return
+        seen.add(id(function))
+        formula = self._read(function, "attribute", "__formula__") if bare(function) is not function else function
+        self._read(formula, "attribute", "__code__")
+        for name in tokens.names(formula.__code__):
+            if name in formula.__globals__:
+                self._glance(self.outer(formula, name), cls, seen)
+            member = _member(cls, 0, name)
+            if member is not _MISSING:
+                member = self._read(cls, "member 0", name)
+                self._glance(getattr(member, "fget", None) or getattr(member, "func", member), cls, seen)
 
     # -------------------------------------------------------------- the record
 
@@ -241,9 +260,15 @@ class Guard:
         self.parents = {parent for parent, *_ in steps}
         groups: dict[Any, list[int]] = {}
         paths: list[list[tuple[str, Any]] | None] = []  # from the arguments, of what is a part of them
+        made: set[int] = set()  # by properties: only `_glance` looks at what Python computed from them
         for i, (parent, how, name) in enumerate(steps):
             above = [] if how == "argument" else paths[parent] if parent >= 0 else None
-            part = above is not None and not all_tokens[i] and not isinstance(values[i], (type, types.FunctionType))
+            named = isinstance(values[i], (type, types.FunctionType))
+            if how == "property" or (parent in made and not named):
+                made.add(i)
+                paths.append(None)
+                continue
+            part = above is not None and not all_tokens[i] and not named
             paths.append([*above, (how, name)] if part and above is not None else None)
             if all_tokens[i] and above is not None and parent >= 0:
                 self.of_arguments.append(([*above, (how, name)], i))
@@ -351,7 +376,7 @@ def _member(cls: type, after: int, name: str) -> Any:
 def _asked(holder: Any, how: str, name: Any) -> Any:
     """What is there now."""
     match how.partition(" ")[0]:
-        case "attribute":
+        case "attribute" | "property":
             return getattr(holder, name)
         case "global":
             for names in (holder.__globals__, holder.__builtins__):

@@ -205,6 +205,12 @@ def _code(code: types.CodeType) -> Any:
     return code.co_code.hex(), names, counts, [_constant(c) for c in constants]
 
 
+def names(code: types.CodeType) -> list[str]:
+    """The names of globals and attributes in a function and those nested in it."""
+    inner = [n for c in code.co_consts if isinstance(c, types.CodeType) for n in names(c)]
+    return list(dict.fromkeys([*code.co_names, *inner]))
+
+
 def _constant(value: Any) -> Any:
     if isinstance(value, types.CodeType):
         return _code(value)
