@@ -16,7 +16,7 @@ from typing import Any, TypeVar, cast, dataclass_transform
 import numpy as np
 
 from ..errors import InvalidInput, InvalidType
-from .broadcasting import AXES, Border, annotation_text, real_array
+from .broadcasting import AXES, Broadcasting, annotation_text, real_array
 from .vectors import Mat, Vec
 
 T = TypeVar("T", bound=type)
@@ -24,7 +24,7 @@ T = TypeVar("T", bound=type)
 _complete: set[type] = set()  # classes known to be dataclasses
 
 
-class Record(Border):
+class Record(Broadcasting):
     """Base of everything that compiles: frozen dataclasses whose methods are formulas."""
 
     def __new__(cls, *args: Any, **options: Any) -> Any:

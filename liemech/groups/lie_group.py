@@ -276,7 +276,7 @@ class LieGroup(Record):
         return kind in ("Mat", "Element", "Ambient") and self.is_complex
 
     def _objection(self, argument: str, value: Any) -> str | None:
-        if argument == "side" and value not in ("right", "left"):
+        if argument == "side" and not (isinstance(value, str) and value in ("right", "left")):
             return f'is "right" or "left"; got {value!r}'
         if isinstance(value, np.ndarray):  # the border asks this of elements
             with np.errstate(all="ignore"):

@@ -18,6 +18,8 @@ from ..retractions import Retraction
 class State(Record):
     """Where a system is: arrays, one element each or, for an ensemble, with a leading axis; None for what was not asked for."""
 
+    _made_by: ClassVar[str] = ", which `state` of the system makes"
+
     @property
     def bodies(self) -> int | None:
         """How many members an ensemble has; None for a single system."""
