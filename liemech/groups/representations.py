@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from ..errors import InvalidInput, InvalidType
+from ..errors import InvalidInput, InvalidType, NotDefined
 from ..formulas import Element, Vec, cross, derivative, dot, identity_matrix, mat, record, solve, vec
 from ..formulas.dual import value_of
 from .group_action import GroupAction
@@ -32,7 +32,7 @@ class Representation(GroupAction):
     @property
     def space_dim(self) -> int:
         """The dimension k of the space."""
-        raise NotImplementedError(f"{type(self).__name__} must define `space_dim`")
+        raise NotDefined(f"{type(self).__name__} must define `space_dim`")
 
     @property
     def point_shape(self) -> tuple[int, ...]:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, final
 
 import numpy as np
 
-from ..errors import InvalidInput
+from ..errors import InvalidInput, NotDefined
 from ..formulas import Record, Vec, check_finite, real_array, record
 from ..formulas.broadcasting import small
 from ..groups.lie_group import LieGroup
@@ -50,11 +50,11 @@ class System(Record):
 
     def rate(self, t: float, state: Any) -> Vec:
         """The velocity xi in the Lie algebra, (dim,), at time t and in this state."""
-        raise NotImplementedError(f"{type(self).__name__} must define `rate`")
+        raise NotDefined(f"{type(self).__name__} must define `rate`")
 
     def moved(self, retraction: Retraction, state: Any, omega: Vec) -> Any:
         """The state after a displacement tau(omega)."""
-        raise NotImplementedError(f"{type(self).__name__} must define `moved`")
+        raise NotDefined(f"{type(self).__name__} must define `moved`")
 
     def essential(self, state: Any) -> Any:
         """The part of the state that the velocity depends on; what is None in it may be left unrecorded."""
