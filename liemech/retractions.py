@@ -101,6 +101,10 @@ class Retraction(Record):
 
     # ---------------------------------------------------------------- 3. what follows
 
+    def _explain(self, arguments: dict[str, Any]) -> None:
+        if isinstance(arguments.get("group"), LieGroup):
+            self.require(arguments["group"])
+
     @final
     def require(self, group: LieGroup) -> None:
         """Raise IncompatibleSystem, with the reason, unless the map can be used on this group."""

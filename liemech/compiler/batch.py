@@ -33,8 +33,9 @@ from .driver import accepted, any_body, attempt, itself, numbers, read, write
 SHARE = 50_000
 """Rows that are worth a thread of their own."""
 
-WORTH = 0.3
-"""Seconds of plain Python that are worth a compilation."""
+WORTH, ROWS = 0.3, 200
+"""A compilation is worth while if plain Python would take longer than so many seconds and so many rows: formulas of many
+operations take longer to compile, too."""
 
 DISK = 0.03
 """Seconds of plain Python that are worth a look at the disk."""
@@ -64,10 +65,11 @@ def evaluate_rows(batch: Batch) -> Any:
         done = len(values) - 1
         if job is None or done & (done - 1):
             continue
-        expected = before + (time.perf_counter() - begun) * (n - 1) / done  # asked after 1, 2, 4, 8, ... rows
+        one = (time.perf_counter() - begun) / done  # asked after 1, 2, 4, 8, ... rows
+        expected = before + one * (n - 1)
         if expected > DISK and not looked:
             run, looked = _stored(job), True
-        if expected > WORTH and run is None:
+        if expected > WORTH + ROWS * one and run is None:
             run = _compiled(job, batch)
             job = None if run is None else job
     _spent[key] = before + time.perf_counter() - begun

@@ -11,6 +11,8 @@ import dataclasses
 import functools
 import inspect
 import math
+import operator
+import re
 from collections.abc import Callable, Sequence
 from typing import Any, ClassVar
 
@@ -48,8 +50,8 @@ class Broadcasting:
             if inspect.isfunction(member) and not name.startswith("_"):
                 kinds = _kinds(cls, name, member)
                 classes = _classes(cls, name, member)
-                if kinds or (classes and "Any" not in classes.values()):
-                    setattr(cls, name, _broadcasting(member, kinds or {}, classes))
+                if kinds or next(iter(classes.values()), "Any") != "Any":
+                    setattr(cls, name, _broadcasting(Signature(name, bare(member), dict(kinds or {}), classes)))
 
     def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
         """The shape that an array argument of this kind must have; None if any will do.  Subclasses know."""
@@ -71,6 +73,9 @@ class Broadcasting:
     def _objection(self, argument: str, value: Any) -> str | None:
         """What is wrong with the value of an argument, an array or an option; None if nothing is.  Subclasses know."""
         return None
+
+    def _explain(self, arguments: dict[str, Any]) -> None:
+        """Raise why the owner cannot serve these arguments, if that is why a formula failed.  Subclasses know."""
 
 
 # ------------------------------------------------------------------ arrays
@@ -137,16 +142,22 @@ def _kinds(cls: type, name: str, method: Callable[..., Any]) -> dict[str, str] |
 
 
 def _classes(cls: type, name: str, method: Callable[..., Any]) -> dict[str, str]:
-    """The annotations of a method's arguments as text; where it has none, of those that it overrides."""
+    """The annotations of a method's arguments as text; where they say nothing, of the method that it overrides."""
     found: dict[str, str] = {}
     for base in cls.__mro__:
         known = bare(vars(base)[name]) if inspect.isfunction(vars(base).get(name)) else None
         if known is not None and known.__code__.co_flags & (inspect.CO_VARARGS | inspect.CO_VARKEYWORDS) == 0:
             for argument, other in zip(_arguments(method), _arguments(known), strict=False):
-                text = annotation_text(known.__annotations__.get(other, ""))
-                if text:
-                    found.setdefault(argument, text)
+                text = _class_text(known.__annotations__.get(other, ""))
+                if text and found.get(argument, "Any") == "Any":
+                    found[argument] = text
     return found
+
+
+def _class_text(annotation: Any) -> str:
+    """An annotation without modules and brackets: "Generator | int | None", "int | tuple"."""
+    text = annotation if isinstance(annotation, str) else getattr(annotation, "__name__", str(annotation))
+    return re.sub(r"\w+\.|\[.*?\]", "", text)
 
 
 def _arguments(method: Callable[..., Any]) -> tuple[str, ...]:
@@ -162,9 +173,15 @@ def _arguments(method: Callable[..., Any]) -> tuple[str, ...]:
 class Signature:
     """A method and what it says of its arguments: the kinds of numbers, and the classes of everything else."""
 
+    name: str
     formula: Callable[..., Any]
     kinds: dict[str, str]
     classes: dict[str, str]
+
+    def __post_init__(self) -> None:
+        for name, text in self.classes.items():
+            if text.removesuffix(" | None") in KINDS[:-1]:  # Element | None
+                self.kinds.setdefault(name, text.removesuffix(" | None"))
 
     @functools.cached_property
     def names(self) -> tuple[str, ...]:
@@ -181,11 +198,12 @@ class Signature:
         return tuple(map(self._trusted, self.names))
 
     def _trusted(self, name: str) -> set[type] | None:
+        none = {type(None)} if self.optional(name) else set()
         if self.kinds.get(name, "float") != "float":
-            return {Vec, Mat}
+            return {Vec, Mat} | none
         text = self.classes.get(name, "").removesuffix(" | None")
-        passing: dict[str, set[type]] = {"float": {float}, "int": {int}, "bool": {bool}, "str": set()}
-        return passing.get(text, set()) if text in passing or text in _records else None
+        passing: dict[str, set[type]] = {"float": {float}, "int": {int}, "bool": {bool}}
+        return passing.get(text, set()) | none if text in (*passing, *_OPTIONS, *_ARRAYS, *_records) else None
 
     def bound(self, args: tuple[Any, ...], options: dict[str, Any]) -> dict[str, Any] | None:
         """The arguments by name; None if their number is wrong, which Python says best."""
@@ -199,9 +217,9 @@ class Signature:
         return self.defaults.get(name, 0) is None or "None" in self.classes.get(name, "").split(" | ")
 
 
-def _broadcasting(formula: Callable[..., Any], kinds: dict[str, str], classes: dict[str, str]) -> Callable[..., Any]:
+def _broadcasting(signature: Signature) -> Callable[..., Any]:
     """The formula, its arguments checked: arrays are broadcast, small vectors pass straight through."""
-    signature = Signature(formula, kinds, classes)
+    formula = signature.formula
 
     @functools.wraps(formula)
     def method(self: Any, *args: Any, **options: Any) -> Any:
@@ -233,7 +251,7 @@ def _checked(signature: Signature, owner: Any, args: tuple[Any, ...], options: d
     formula, arguments = signature.formula, signature.bound(args, options)
     if arguments is None:
         return formula(owner, *args, **options)  # a TypeError of Python's own: the number of arguments, or their names
-    where = f"{type(owner).__name__}.{formula.__name__}"
+    where = f"{type(owner).__name__}.{signature.name}"
     for name, value in arguments.items():
         if name not in signature.kinds:
             arguments[name] = _option(signature, where, name, value)
@@ -241,7 +259,9 @@ def _checked(signature: Signature, owner: Any, args: tuple[Any, ...], options: d
     absent = [name for name in signature.kinds if arguments.get(name, 0) is None and signature.optional(name)]
     numbers = [name for name in arguments if name in signature.kinds and name not in absent]
     for name, value in arguments.items():
-        if name not in numbers:
+        if signature.classes.get(name) in _ARRAYS:
+            arguments[name] = _whole_array(signature, space, where, name, value)
+        elif name not in numbers:
             _refuse(space, where, name, value)
             if signature.classes.get(name) == "str" and not isinstance(value, str):
                 raise InvalidType(f"{where}: {name} must be a string; got {shown(value)}")
@@ -258,23 +278,85 @@ def _option(signature: Signature, where: str, name: str, value: Any) -> Any:
     text = signature.classes.get(name, "").removesuffix(" | None")
     if value is None and signature.optional(name):
         return value
-    if text == "int" and isinstance(value, (int, np.integer)) and not isinstance(value, bool):
-        return int(value)
-    if text == "bool" and isinstance(value, (bool, np.bool_)):
-        return bool(value)
-    if text == "float" and _is_small(value, text):
-        return _number(where, name, value)
-    if text in _records and any(base.__name__ == text for base in type(value).__mro__):
+    if text in _records:
+        if not any(base.__name__ == text for base in type(value).__mro__):
+            raise InvalidType(f"{where}: {name} must be a {text}{_records[text]._made_by}; got {shown(value)}")
         trusted = signature.trusted[signature.names.index(name)]
         if trusted is not None:
             trusted.add(type(value))
-        return value
-    needed = {"int": "a whole number", "bool": "True or False", "float": "a number"}.get(text)
-    if text in _records:
-        needed = f"a {text}{_records[text]._made_by}"
-    if needed:
-        raise InvalidType(f"{where}: {name} must be {needed}; got {shown(value)}")
+    elif text == "float":
+        if not _is_small(value, text):
+            raise InvalidType(f"{where}: {name} must be a number; got {shown(value)}")
+        return _number(where, name, value)
+    elif text in _OPTIONS:
+        needed, convert = _OPTIONS[text]
+        try:
+            return convert(value)
+        except (TypeError, ValueError, OverflowError):
+            raise InvalidType(f"{where}: {name} must be {needed}; got {shown(value)}") from None
     return value
+
+
+def _whole(value: Any) -> int:
+    if isinstance(value, (bool, np.bool_)):
+        raise TypeError
+    return operator.index(value)
+
+
+def _truth(value: Any) -> bool:
+    if not isinstance(value, (bool, np.bool_)):
+        raise TypeError
+    return bool(value)
+
+
+def _mapping(value: Any) -> dict[str, Any]:
+    if not isinstance(value, dict):
+        raise TypeError
+    return value
+
+
+def _generator(value: Any) -> Any:
+    """What makes a generator of random numbers, as it came."""
+    known = (np.random.Generator, np.random.BitGenerator, np.random.SeedSequence)
+    if not isinstance(value, known) and (value := _whole(value)) < 0:
+        raise ValueError
+    return value
+
+
+def _axes(value: Any) -> tuple[int, ...]:
+    """Leading axes: one number or several."""
+    axes = tuple(map(_whole, value)) if isinstance(value, (tuple, list)) else (_whole(value),)
+    if not all(0 <= n < 2**31 for n in axes) or math.prod(axes) >= 2**31:
+        raise ValueError
+    return axes
+
+
+_OPTIONS: dict[str, tuple[str, Callable[[Any], Any]]] = {
+    "int": ("a whole number", _whole),
+    "bool": ("True or False", _truth),
+    "dict": ("a dict", _mapping),
+    "Generator | int": ("a seed, a whole number from 0 on, or a numpy.random.Generator", _generator),
+    "int | tuple": ("a whole number from 0 on, or several as a tuple, below 2**31 altogether", _axes),
+}
+"""What other arguments must be, and what makes them so, by annotation."""
+
+
+_ARRAYS = ("ndarray", "ArrayLike")
+"""What a method annotates that takes arrays itself: one, shaped like an element, or elements with any leading axes."""
+
+
+def _whole_array(signature: Signature, space: Any, where: str, name: str, value: Any) -> np.ndarray:
+    """An argument of a method that takes arrays itself."""
+    array, shape = real_array(value, f"{where}: {name}", space._complex("Element")), space._shape(name, "Element")
+    many = signature.classes[name] == "ArrayLike"
+    leading = array.shape[: max(array.ndim - len(shape), 0)] if many else ()
+    if array.shape != leading + shape:
+        raise InvalidInput(f"{where}: {name} has shape {array.shape}; it{'s last axes' if many else ''} must be {shape}")
+    if many:
+        rows = Batch(signature.formula, None, {name: _flattened(array, leading, shape)}, {}, (name,), space, where, leading)
+        for i in range(len(rows)):
+            rows.check(i)
+    return array
 
 
 def _is_small(value: Any, kind: str) -> bool:
@@ -302,16 +384,27 @@ def _number(where: str, name: str, value: Any) -> Any:
 def _small(signature: Signature, owner: Any, space: Any, where: str, arguments: dict[str, Any]) -> Any:
     """The formula on small vectors, the shapes known to be right."""
     _check_shapes(signature, space, where, arguments)
-    return signature.formula(owner, **arguments)
+    try:
+        return signature.formula(owner, **arguments)
+    except AttributeError:
+        owner._explain(arguments)
+        raise
+    except KeyError as error:
+        for name, value in arguments.items():
+            if isinstance(value, dict) and error.args[0] not in value:
+                raise InvalidInput(f"{where}: {name} has no {error.args[0]!r}; got {shown(value)}") from error
+        raise
 
 
 def _blame(signature: Signature, owner: Any, args: tuple[Any, ...], error: Exception) -> None:
     """Raise what is wrong with small vectors for which a formula failed; return if it is not their shape."""
     arguments = signature.bound(args, {})
     if arguments is not None:
+        if isinstance(error, AttributeError):
+            owner._explain(arguments)
         space = arguments.get("group", arguments.get("action", owner))
         try:
-            _check_shapes(signature, space, f"{type(owner).__name__}.{signature.formula.__name__}", arguments)
+            _check_shapes(signature, space, f"{type(owner).__name__}.{signature.name}", arguments)
         except InvalidInput as reason:
             raise reason from error
 
@@ -399,6 +492,9 @@ class Batch:
         self.check(i)
         try:
             return self.formula(self.owner, **row_of(self.arrays, i), **self.rest)
+        except AttributeError:
+            self.owner._explain(self.rest)
+            raise
         except (ZeroDivisionError, OverflowError) as error:
             raise InvalidInput(f"{self.where} has no finite value at {self.at(i)}: {error}") from error
 
@@ -499,7 +595,7 @@ def _flattened(array: np.ndarray, leading: tuple[int, ...], core: tuple[int, ...
     """The leading axes as one; an array that is the same for all rows is not copied: its stride is zero."""
     if math.prod(array.shape) == math.prod(core) and math.prod(leading) != 1:
         return np.broadcast_to(array.reshape(core), (math.prod(leading), *core))
-    return np.broadcast_to(array, leading + core).reshape(-1, *core)
+    return np.broadcast_to(array, leading + core).reshape(math.prod(leading), *core)
 
 
 def _unflattened(result: Any, leading: tuple[int, ...]) -> Any:

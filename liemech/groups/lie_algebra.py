@@ -143,7 +143,15 @@ class LieAlgebra(Record):
                 )
 
     def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
-        return (self.dim,) if kind == "Vec" else None
+        return (self.dim,) if kind == "Vec" else self._matrix_shape
+
+    @cached_property
+    def _matrix_shape(self) -> tuple[int, ...] | None:
+        """That of the matrices hat(xi), where there are such."""
+        try:
+            return np.shape(self.hat(vec(*[0.0] * self.dim)))
+        except NotDefined:
+            return None
 
 
 def _nondegenerate(form: np.ndarray) -> bool:

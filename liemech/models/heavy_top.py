@@ -106,6 +106,9 @@ class HeavyTopEnergy(Hamiltonian):
         pi, _ = halves(mu)
         return join(self.kinetic.gradient(pi), self.weight * self.centre)
 
+    def _shape(self, argument: str, kind: str) -> tuple[int, ...]:
+        return (6,)
+
 
 @record
 class ReducedHeavyTop(LiePoissonSystem):

@@ -56,7 +56,7 @@ class System(Record):
         """The state after a displacement tau(omega)."""
         raise NotDefined(f"{type(self).__name__} must define `moved`")
 
-    def essential(self, state: Any) -> Any:
+    def essential(self, state: State) -> Any:
         """The part of the state that the velocity depends on; what is None in it may be left unrecorded."""
         return state
 
@@ -65,13 +65,13 @@ class System(Record):
         return omega, self.group.scale(None)
 
     @final
-    def vouched(self, state: Any) -> Any:
+    def vouched(self, state: State) -> Any:
         """The state, which this system's `state` has just made and checked; `integrate` need not do it again."""
         state.__dict__["_home"] = type(self), self.group
         return state
 
     @final
-    def knows(self, state: Any) -> bool:
+    def knows(self, state: State) -> bool:
         """Was the state made by `state`, of this system or one of its kind on the same group?"""
         return state.__dict__.get("_home") == (type(self), self.group)
 

@@ -49,6 +49,7 @@ def rows(rng: np.random.Generator) -> dict[str, np.ndarray]:
 def at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """Native code is made at once."""
     monkeypatch.setattr(batch, "WORTH", 0.0)
+    monkeypatch.setattr(batch, "ROWS", 0)
 
 
 @pytest.fixture
