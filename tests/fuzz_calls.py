@@ -28,7 +28,7 @@ PATIENCE = 2.0
 """Seconds of the processor that a call may take."""
 
 
-HOOKS = ("of_blocks", "constants", "symmetry", "rate", "deviation", "join", "moved")
+HOOKS = ("distance", "of_blocks", "constants", "symmetry", "rate", "deviation", "join", "moved")
 """Methods that pass parts of a state, or of several arrays, on to others, which then name themselves."""
 
 
@@ -195,6 +195,8 @@ def right(method: Method, name: str, text: str, lead: tuple[int, ...], rng: np.r
             return subject.thing.random(rng, lead)
         numbers = rng.normal(size=(*lead, *shape))
         return numbers if shape else float(numbers) if not lead else numbers
+    if name == "start" and isinstance(subject.thing, lm.ReducedHeavyTop):
+        return lm.HeavyTop([1.0, 1.6, 2.3], 1.0, [0.0, 0.1, 1.0]).state([1.0, 2.0, 3.0], np.eye(3))
     if text.endswith("State") or text in ("Position", "Point") or name in ("state", "start"):
         return state_of(subject)
     choices: dict[str, Any] = {
@@ -360,6 +362,67 @@ def failures(count: int, seed: int) -> list[str]:
         if what:
             found.append(f"{what}\n    {method}(*{args!r:.300}, **{options!r:.300})")
     return found
+
+
+# ------------------------------------------------------------------ batches
+
+
+def same(a: Any, b: Any) -> bool:
+    """Equal bit for bit, tuples part by part."""
+    if isinstance(a, tuple):
+        return isinstance(b, tuple) and len(a) == len(b) and all(map(same, a, b))
+    a, b = np.asarray(a), np.asarray(b)
+    return a.shape == b.shape and a.dtype == b.dtype and a.tobytes() == b.tobytes()
+
+
+def part(value: Any, i: int) -> Any:
+    """Row i of a result."""
+    return tuple(part(x, i) for x in value) if isinstance(value, tuple) else value[i]
+
+
+def batch_failure(method: Method, rng: np.random.Generator, rows: int = 24) -> str:
+    """Whether a batch is its single calls, for numbers from 1e-320 to 1e308: "" if so."""
+    made = {n: right(method, n, method.parameters[n], (rows,), rng) for n in method.required}
+    arrays = [n for n, a in made.items() if isinstance(a, np.ndarray)]
+    for name in arrays:
+        if method.parameters[name] in ("Vec", "Mat", "float", "Ambient"):
+            with np.errstate(all="ignore"):
+                factors = 10.0 ** rng.choice([-320, -310, -200, -100, -20, -3, 0, 0, 0, 1, 2, 20, 100, 200, 307], size=rows)
+                made[name] = made[name] * factors.reshape(rows, *[1] * (made[name].ndim - 1))
+    if not arrays:
+        return ""
+    call = getattr(method.subject.thing, method.name)
+    singles: list[Any] = []
+    for i in range(rows):
+        try:
+            singles.append(call(**{n: a[i] if n in arrays else a for n, a in made.items()}))
+        except lm.errors.LiemechError as error:
+            singles.append(error)
+    well = [i for i in range(rows) if not isinstance(singles[i], Exception)]
+    ill = [i for i in range(rows) if i not in well]
+    if len(well) > 1:
+        together = call(**{n: a[well] if n in arrays else a for n, a in made.items()})
+        off = [i for k, i in enumerate(well) if not same(part(together, k), singles[i] if isinstance(singles[i], tuple) else np.asarray(singles[i]))]
+        if off:
+            i, k = off[0], well.index(off[0])
+            return f"{method}: row {i} is {part(together, k)}, alone {singles[i]}"
+    if ill:
+        chosen = [*well, ill[0]]
+        try:
+            call(**{n: a[chosen] if n in arrays else a for n, a in made.items()})
+        except lm.errors.LiemechError as error:
+            return "" if type(error) is type(singles[ill[0]]) else f"{method}: {error!r}, alone {singles[ill[0]]!r}"
+        return f"{method}: a row that is refused alone, {singles[ill[0]]!r}, passes in a batch"
+    return ""
+
+
+def of_arrays() -> list[Method]:
+    """The methods that broadcast."""
+    apart = {"constants", "symmetry", "state", "random", "rotation", "rigid_transform", "objection", "split", "join", "scale", "parts"}
+    return [
+        m for m in methods()
+        if m.name not in apart and plain_shapes(m) and not any(t.endswith("State") or t in ("Point", "Position") for t in m.parameters.values())
+    ]  # fmt: skip
 
 
 if __name__ == "__main__":

@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidInput, NotCompilable, NotCompiledWarning
-from ..formulas.broadcasting import MEMBERSHIP, Batch, in_python, row_of
+from ..formulas.broadcasting import MEMBERSHIP, Batch, row_of
 from ..formulas.complex_numbers import Complex
 from ..formulas.pytree import Layout, is_any_number, layout_of
 from ..formulas.vectors import Mat, Vec, vec
@@ -37,8 +37,11 @@ WORTH, ROWS = 0.3, 200
 """A compilation is worth while if plain Python would take longer than so many seconds and so many rows: formulas of many
 operations take longer to compile, too."""
 
-DISK = 0.03
-"""Seconds of plain Python that are worth a look at the disk."""
+DISK = 0.1
+"""Seconds of plain Python that are worth a look at the disk, and the import of llvmlite."""
+
+NOISE = 0.005
+"""Seconds after which the time of a row is believed."""
 
 FEW = 8
 """Smaller batches are not worth the preparations; no register holds more numbers."""
@@ -46,35 +49,36 @@ FEW = 8
 _spent: dict[Any, float] = {}
 """Seconds that the formulas of a class have taken in plain Python, in batches."""
 
+_native: set[Any] = set()
+"""Formulas of classes that have native code in this process, for some layouts at least."""
+
 _refused: set[Any] = set()
 """Formulas and layouts that cannot be compiled: nobody tries again."""
 
 
 def evaluate_rows(batch: Batch) -> Any:
     """The formula for every row, the batch axis first: the values of plain Python, bit for bit, wherever they are computed."""
-    n = len(batch)
-    if n < FEW or kernel.available() is not None:
-        return in_python(batch)
+    n, key = len(batch), (batch.formula, type(batch.owner))
     values = [batch.row(0)]
-    job = _job(batch, values[0])
-    run = None if job is None else _known(job)
-    key, begun, looked = (batch.formula, type(batch.owner)), time.perf_counter(), False
-    before = _spent.get(key, 0.0)
+    job = _job(batch, values[0]) if n >= FEW else None
+    run = _known(job) if job is not None and key in _native else None
+    begun, before, looked = time.perf_counter(), _spent.get(key, 0.0), False
     while run is None and len(values) < n:
         values.append(batch.row(len(values)))
         done = len(values) - 1
         if job is None or done & (done - 1):
             continue
-        one = (time.perf_counter() - begun) / done  # asked after 1, 2, 4, 8, ... rows
-        expected = before + one * (n - 1)
-        if expected > DISK and not looked:
+        spent = time.perf_counter() - begun  # asked after 1, 2, 4, 8, ... rows
+        expected = before + spent * (n - 1) / done
+        if expected > DISK and spent > NOISE and not looked:
             run, looked = _stored(job), True
-        if expected > WORTH + ROWS * one and run is None:
+        if expected > WORTH + ROWS * spent / done and spent > NOISE and run is None:
             run = _compiled(job, batch)
             job = None if run is None else job
     _spent[key] = before + time.perf_counter() - begun
     if run is None or job is None or len(values) == n:
-        return batch.stacked(values, range(len(values)))
+        return batch.stacked(values, range(n))
+    _native.add(key)
     return _finished(batch, job, run, values)
 
 
@@ -132,12 +136,16 @@ def _lanes() -> tuple[int, int]:
 
 def _known(job: Job) -> kernel.Kernel | None:
     """Its native code, if this process has it already."""
+    if kernel.available() is not None:
+        return None
     found = [kernel.known(_each, *job.arguments, *job.rows, lanes=lanes) for lanes in _lanes()]
     return found[0] or found[1]
 
 
 def _stored(job: Job) -> kernel.Kernel | None:
     """Its native code, if it is on disk."""
+    if kernel.available() is not None:
+        return None
     for lanes in _lanes():
         if kernel.on_disk(_each, *job.arguments, *job.rows, lanes=lanes):
             return kernel.kernel(_each, *job.arguments, *job.rows, lanes=lanes)
@@ -146,6 +154,8 @@ def _stored(job: Job) -> kernel.Kernel | None:
 
 def _compiled(job: Job, batch: Batch) -> kernel.Kernel | None:
     """Its native code, made now; None if that cannot be done, which is said once and remembered."""
+    if kernel.available() is not None:
+        return None
     for lanes in _lanes():
         try:
             return kernel.kernel(_each, *job.arguments, *job.rows, lanes=lanes)

@@ -199,10 +199,11 @@ class Signature:
 
     def _trusted(self, name: str) -> set[type] | None:
         none = {type(None)} if self.optional(name) else set()
-        if self.kinds.get(name, "float") != "float":
-            return {Vec, Mat} | none
+        kind = self.kinds.get(name, "float")
+        if kind != "float":
+            return ({Vec} if kind == "Vec" else {Mat} if kind == "Mat" else {Vec, Mat}) | none
         text = self.classes.get(name, "").removesuffix(" | None")
-        passing: dict[str, set[type]] = {"float": {float}, "int": {int}, "bool": {bool}}
+        passing: dict[str, set[type]] = {"float": {float} if self.kinds else set(), "int": {int}, "bool": {bool}}
         return passing.get(text, set()) | none if text in (*passing, *_OPTIONS, *_ARRAYS, *_records) else None
 
     def bound(self, args: tuple[Any, ...], options: dict[str, Any]) -> dict[str, Any] | None:
@@ -230,7 +231,7 @@ def _broadcasting(signature: Signature) -> Callable[..., Any]:
                 return _checked(signature, self, args, options)
         try:
             return formula(self, *args)
-        except (TypeError, ValueError, IndexError, AttributeError) as error:
+        except Exception as error:
             _blame(signature, self, args, error)
             raise
 
@@ -253,7 +254,7 @@ def _checked(signature: Signature, owner: Any, args: tuple[Any, ...], options: d
         return formula(owner, *args, **options)  # a TypeError of Python's own: the number of arguments, or their names
     where = f"{type(owner).__name__}.{signature.name}"
     for name, value in arguments.items():
-        if name not in signature.kinds:
+        if name not in signature.kinds:  # a float too, where there is no vector beside it
             arguments[name] = _option(signature, where, name, value)
     space = arguments.get("group", arguments.get("action", owner))  # who knows the shapes
     absent = [name for name in signature.kinds if arguments.get(name, 0) is None and signature.optional(name)]
@@ -262,7 +263,8 @@ def _checked(signature: Signature, owner: Any, args: tuple[Any, ...], options: d
         if signature.classes.get(name) in _ARRAYS:
             arguments[name] = _whole_array(signature, space, where, name, value)
         elif name not in numbers:
-            _refuse(space, where, name, value)
+            if not isinstance(value, np.ndarray):
+                _refuse(space, where, name, value)
             if signature.classes.get(name) == "str" and not isinstance(value, str):
                 raise InvalidType(f"{where}: {name} must be a string; got {shown(value)}")
     if all(_is_small(arguments[name], signature.kinds[name]) for name in numbers):
@@ -446,7 +448,8 @@ def _broadcast(
     batch = Batch(signature.formula, owner, flat, rest, elements, space, where, leading)
     if not math.prod(leading):  # an element of the right shape tells the shape of nothing
         some = {k: _some(space, kinds[k], a.shape[1:])[None] for k, a in flat.items()}
-        return _unflattened(_none_of(_stacked([signature.formula(owner, **row_of(some, 0), **rest)], where)), leading)
+        one = dataclasses.replace(batch, arrays=some, leading=(1,))
+        return _unflattened(_none_of(_stacked([one.row(0)], where)), leading)
     if owner.is_large:
         results = batch.in_numpy()
         if results is not None:

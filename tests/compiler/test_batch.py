@@ -50,6 +50,7 @@ def at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """Native code is made at once."""
     monkeypatch.setattr(batch, "WORTH", 0.0)
     monkeypatch.setattr(batch, "ROWS", 0)
+    monkeypatch.setattr(batch, "NOISE", 0.0)
 
 
 @pytest.fixture

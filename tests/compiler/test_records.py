@@ -166,6 +166,7 @@ def test_many_elements_run_in_native_code_with_the_same_bits(
 ) -> None:
     monkeypatch.setattr(batch, "WORTH", 0.0)
     monkeypatch.setattr(batch, "ROWS", 0)
+    monkeypatch.setattr(batch, "NOISE", 0.0)
     x = rng.normal(size=(1005, 3))
     many = [S.energy(x), S.force(x, 3.0), *S.both(x), S.wave(x)]
     monkeypatch.setattr(broadcasting, "evaluate_rows", broadcasting.in_python)
@@ -176,6 +177,7 @@ def test_many_elements_run_in_native_code_with_the_same_bits(
 def test_a_formula_that_gives_integers_too(rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(batch, "WORTH", 0.0)
     monkeypatch.setattr(batch, "ROWS", 0)
+    monkeypatch.setattr(batch, "NOISE", 0.0)
     x = -np.abs(rng.normal(size=(1000, 3)))
     x[7] *= -1.0
     wave = S.wave(x)
