@@ -62,20 +62,20 @@ def evaluate_rows(batch: Batch) -> Any:
     values = [batch.row(0)]
     job = _job(batch, values[0]) if n >= FEW else None
     run = _known(job) if job is not None and key in _native else None
-    begun, before, looked = time.perf_counter(), _spent.get(key, 0.0), False
+    begun, before, looked = time.thread_time(), _spent.get(key, 0.0), False
     while run is None and len(values) < n:
         values.append(batch.row(len(values)))
         done = len(values) - 1
         if job is None or done & (done - 1):
             continue
-        spent = time.perf_counter() - begun  # asked after 1, 2, 4, 8, ... rows
+        spent = time.thread_time() - begun  # asked after 1, 2, 4, 8, ... rows
         expected = before + spent * (n - 1) / done
         if expected > DISK and spent > NOISE and not looked:
             run, looked = _stored(job), True
         if expected > WORTH + ROWS * spent / done and spent > NOISE and run is None:
             run = _compiled(job, batch)
             job = None if run is None else job
-    _spent[key] = before + time.perf_counter() - begun
+    _spent[key] = before + time.thread_time() - begun
     if run is None or job is None or len(values) == n:
         return batch.stacked(values, range(n))
     _native.add(key)
