@@ -404,9 +404,12 @@ def _blame(signature: Signature, owner: Any, args: tuple[Any, ...], error: Excep
     if arguments is not None:
         if isinstance(error, AttributeError):
             owner._explain(arguments)
-        space = arguments.get("group", arguments.get("action", owner))
+        space, where = arguments.get("group", arguments.get("action", owner)), f"{type(owner).__name__}.{signature.name}"
         try:
-            _check_shapes(signature, space, f"{type(owner).__name__}.{signature.name}", arguments)
+            _check_shapes(signature, space, where, arguments)
+            for name, value in arguments.items():
+                if type(value) in (int, str):
+                    _refuse(space, where, name, value)
         except InvalidInput as reason:
             raise reason from error
 
@@ -513,8 +516,8 @@ class Batch:
         for name in self.elements:
             array = self.arrays[name]
             if (array.strides[0] or not i) and not _is_element(self.group, array[i]):
-                at = list(map(int, np.unravel_index(i, self.leading))) if self.leading and array.strides[0] else ""
-                _refuse(self.space, self.where, name, array[i], f"{name}{at}")
+                row = list(map(int, np.unravel_index(i, self.leading))) if array.strides[0] else []
+                _refuse(self.space, self.where, name, array[i], f"{name}{row or ''}")
 
     def stacked(self, values: Sequence[Any], rows: Sequence[int]) -> Any:
         """The values of these rows as arrays, the batch axis first; what is not finite is refused."""

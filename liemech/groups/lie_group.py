@@ -278,7 +278,9 @@ class LieGroup(Record):
     def _objection(self, argument: str, value: Any) -> str | None:
         if argument == "side" and not (isinstance(value, str) and value in ("right", "left")):
             return f'is "right" or "left"; got {value!r}'
-        if isinstance(value, np.ndarray):  # the border asks this of elements
+        if argument == "terms" and not 0 <= value < len(BERNOULLI):
+            return f"must be from 0 to {len(BERNOULLI) - 1}; got {value if abs(value) < 10**20 else 'a huge number'}"
+        if isinstance(value, np.ndarray):  # asked of elements
             with np.errstate(all="ignore"):
                 objection = self.objection(value)
             return objection and f"is not in {self!r}: {objection}"
