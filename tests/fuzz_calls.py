@@ -314,6 +314,8 @@ def leading(method: Method, arguments: dict[str, Any]) -> tuple[int, ...] | None
     """The leading axes that a result must have; None if that cannot be told."""
     leads = []
     for name, value in arguments.items():
+        if value is not method.subject.given.get(name, value):
+            return None  # another group
         shape = shape_of(method, name, method.parameters[name])
         if shape is None:
             continue
