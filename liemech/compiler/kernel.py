@@ -170,6 +170,14 @@ def forget() -> None:
     _kept.clear()
 
 
+def on_disk(entry: Callable[..., Any], *args: Any, lanes: int = 1) -> bool:
+    """Is the object code of such a kernel there, made by this or another process?"""
+    from . import cache
+    from .source import fingerprint
+
+    return cache.load(fingerprint(entry, *map(_kind, args), lanes, *_machine())) is not None
+
+
 def _kind(value: Any) -> Kind:
     if isinstance(value, Rows):
         return "rows"
