@@ -308,7 +308,7 @@ def test_a_bad_member_harms_no_other(how: str, every: int, compiled: bool) -> No
     assert len(seen) == 1
     assert seen[0].filename == __file__
     assert FAILURES[how][1].replace("at 7", "at 50") in str(seen[0].message)
-    assert run.stopped == {4: 12, 9: 0}
+    assert run.stopped.steps == {4: 12, 9: 0}
     others = [i for i in range(15) if i not in run.stopped]
     assert same_bits(run.mu[:, others], good.mu[:, others])
     numbers = np.array([*range(0, 30, every), 30])
@@ -341,7 +341,7 @@ def test_a_body_that_stopped_does_not_start_again(compiled: bool, monkeypatch: p
     starts = body.state([[0.0, 0.0, 0.0], [0.0, 1e10, 0.0]])
     with pytest.warns(RuntimeWarning, match="body 1 after 3 steps"):
         run = lm.integrate(body, Window(), starts, h=1.0, steps=200, compiled=compiled)
-    assert run.stopped == {1: 3}
+    assert run.stopped.steps == {1: 3}
     assert np.array_equal(run.mu[:, 0, 0], np.arange(201.0))
     assert np.array_equal(run.mu[:, 1, 0], np.minimum(np.arange(201.0), 3.0))
 

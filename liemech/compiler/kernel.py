@@ -112,6 +112,21 @@ def known(entry: Callable[..., Any], *args: Any, lanes: int = 1) -> Kernel | Non
     return _kernels.get((entry, tuple(map(_kind, args)), lanes))
 
 
+def stored(entry: Callable[..., Any], *args: Any, lanes: int = 1) -> Kernel | None:
+    """Such a kernel, if this process has it or finds it on disk; nothing is compiled."""
+    from . import cache
+    from .source import fingerprint
+
+    kinds = tuple(map(_kind, args))
+    with _lock:
+        try:
+            if (entry, kinds, lanes) in _kernels or cache.load(fingerprint(entry, *kinds, lanes, *_machine())) is not None:
+                return kernel(entry, *args, lanes=lanes)
+        except NotCompilable:  # it will be said when it is compiled
+            pass
+    return None
+
+
 def _kind(value: Any) -> Kind:
     if isinstance(value, Rows):
         return "rows"
