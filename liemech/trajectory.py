@@ -255,7 +255,7 @@ class Drift:
 
 def _terms(run: Trajectory) -> dict[str, np.ndarray]:
     """How large the terms of the constants are, sum_i |x_i dC/dx_i| over the coordinates, at the start, half-way and at the end."""
-    states = {name: values[[0, len(run) // 2, -1]] for name, values in run.states.items()}
+    states = {name: values[_some(len(run))] for name, values in run.states.items()}
     constants, bit = run.system.constants(states), 2.0**-20
     sizes = {name: np.abs(values) for name, values in constants.items()}
     totals = {name: np.zeros_like(values) for name, values in sizes.items()}
@@ -268,11 +268,18 @@ def _terms(run: Trajectory) -> dict[str, np.ndarray]:
     return {name: np.maximum(sizes[name], totals[name]) for name in sizes}
 
 
+def _some(samples: int) -> list[int]:
+    """The samples at which the terms are looked at."""
+    return [0, samples // 2, -1]
+
+
 def _kept(name: str, t: np.ndarray, values: np.ndarray, terms: np.ndarray) -> Kept:
     """The change of a vector quantity along a run: its largest norm, and by least squares a straight line through it."""
     _, exponent = np.frexp(np.abs(values).max(axis=(0, -1)))  # a power of two as unit: then no square under- or overflows
     values, terms = (np.ldexp(x, -exponent[..., None]) for x in (values, terms))
-    size, sum_of_terms = np.linalg.norm(values[0], axis=-1), np.linalg.norm(terms, axis=-1).max(axis=0)
+    size, sums = np.linalg.norm(values[0], axis=-1), np.linalg.norm(terms, axis=-1)
+    changes = np.linalg.norm(values[_some(len(t))] - values[0], axis=-1)
+    sum_of_terms = np.where(changes <= SMALL * sums, sums, 0.0).max(axis=0)  # not where the motion has been left
     scale = np.where(size > SMALL * sum_of_terms, size, sum_of_terms)
     unit = np.where(scale > 0.0, scale, np.ldexp(1.0, -exponent))
     change = (values - values[0]) / unit[..., None]
