@@ -265,10 +265,16 @@ class AdaptiveRun:
 
     def _failure(self) -> Exception:
         """Why the steps became too small to go on: what the last trial had to say.  A mistake in a formula is raised itself."""
-        t, h = self.clock[0], self.clock[1]
+        t, h = float(self.clock[0]), float(self.clock[1])
         state, xi = build(self.layout, iter(self.states.tolist()))
-        trial = attempt(self.method.trial, self.system, t, state, xi, h, self.rtol, self.atol, False)
-        error: Any = next((e for e in [*self.failures, reason(trial)] if is_mistake(e)), reason(trial))
+        raised: list[Exception] = []  # by the steps that led here: each was at most five times as long as the next
+        for longer in (1.0, 5.0, 25.0, 125.0):
+            trial = attempt(self.method.trial, self.system, t, state, xi, longer * h, self.rtol, self.atol, False)
+            noted(raised, trial)
+            if raised or not trial.error <= 1.0:
+                break
+        told = [*raised, *self.failures]
+        error: Any = next((e for e in told if is_mistake(e)), told[0] if told else None)
         if is_mistake(error):
             error.add_note(f"[integrate: in a step from t = {t:g}; the samples before it are in `.trajectory`]")
             return self._ended(error)

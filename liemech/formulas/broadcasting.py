@@ -121,6 +121,16 @@ def _arguments(method: Callable[..., Any]) -> tuple[str, ...]:
     return code.co_varnames[1 : code.co_argcount]
 
 
+def _bound(formula: Callable[..., Any], names: tuple[str, ...], args: tuple[Any, ...], options: dict[str, Any]) -> dict[str, Any]:
+    """The arguments by their names, none of them twice and none too many."""
+    given = dict(zip(names, args, strict=False))
+    twice = given.keys() & options.keys()
+    if len(args) > len(names) or twice:
+        what = f"{min(twice)} is given twice" if twice else f"{len(args)} arguments are given, there are {len(names)}"
+        raise InvalidType(f"{formula.__qualname__}({', '.join(names)}): {what}")
+    return given | options
+
+
 def _bordered(formula: Callable[..., Any], kinds: dict[str, str]) -> Callable[..., Any]:
     """The formula with a border: array arguments are checked and broadcast, small vectors pass straight through."""
     names = _arguments(formula)
@@ -129,9 +139,9 @@ def _bordered(formula: Callable[..., Any], kinds: dict[str, str]) -> Callable[..
     def method(self: Any, *args: Any, **options: Any) -> Any:
         for a in args:
             if type(a) not in BARE and _is_array(a):
-                return _broadcast(formula, kinds, self, dict(zip(names, args, strict=False)) | options)
+                return _broadcast(formula, kinds, self, _bound(formula, names, args, options))
         if options and any(map(_is_array, options.values())):
-            return _broadcast(formula, kinds, self, dict(zip(names, args, strict=False)) | options)
+            return _broadcast(formula, kinds, self, _bound(formula, names, args, options))
         return formula(self, *args, **options)
 
     method.__formula__ = formula  # type: ignore[attr-defined]
