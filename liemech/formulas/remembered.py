@@ -9,6 +9,8 @@ from typing import Any
 class Remembered:
     """Values by the identity of objects, which need no hash.  An object that is gone takes its value along."""
 
+    __slots__ = ("_entries",)
+
     def __init__(self) -> None:
         self._entries: dict[int, tuple[weakref.ref[Any], Any]] = {}
 
