@@ -91,12 +91,12 @@ class DenseOutput:
             begin = done // lanes * lanes
             run(*arguments, rows, out, None, bodies=columns, begin=begin, end=columns)
             found[done:] = out.T[done:]
-            for k in np.flatnonzero(found[:many, -1] == 0.0):  # say why
+            for k in np.flatnonzero(found[:many, -1] == 0.0).tolist():  # say why
                 self._one(arguments, given[k], found[k])
         return found[:many, :-1].copy()
 
     @staticmethod
-    def _one(arguments: tuple[Any, ...], given: np.ndarray, out: np.ndarray) -> None:
+    def _one(arguments: tuple[Any, Any, Any, Any], given: np.ndarray, out: np.ndarray) -> None:
         failures: list[Exception | None] = []
         along(*arguments, given, out, failures)
         if failures:

@@ -115,7 +115,7 @@ PROGRAMMING = (TypeError, NameError, AttributeError, LookupError, ImportError, S
 """Exceptions that tell of a mistake in the program, not of a step that cannot be made: they are raised as they are."""
 
 
-def is_mistake(error: Exception | None) -> bool:
+def is_mistake(error: BaseException | None) -> bool:
     """Is the exception of a formula a mistake in the program?  Any other one is a failure of the step in which it was raised."""
     return isinstance(error, (*PROGRAMMING, LiemechError)) and not isinstance(error, IntegrationFailure)
 

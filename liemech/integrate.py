@@ -95,7 +95,7 @@ def integrate(
         return AdaptiveRun(
             system, method, start, t0, t_end, *tolerances, first, limit, times, functions, dense, compiled, progress
         ).trajectory()
-    for name, value in (("rtol", rtol), ("atol", atol), ("t_eval", t_eval), ("events", None if events == () else events)):
+    for name, value in (("rtol", rtol), ("atol", atol), ("t_eval", t_eval), ("events", events or None)):
         if value is not None:
             raise InvalidInput(f"integrate: {name} is for adaptive steps; give t_end and, if you like, h as the first step")
     if not dense:

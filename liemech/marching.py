@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import os
 import time
 from typing import Any
@@ -320,14 +321,15 @@ class Run:
         run: Any = execution.native
         share = -(-(self.columns - start) // (self.workers * self.lanes)) * self.lanes
         parts = [(i, min(i + share, self.columns)) for i in range(start, self.columns, share)]
-        if len(parts) == 1:
-            run(*values, *arrays, None, bodies=self.columns, begin=start, end=self.columns)
+        calls = [functools.partial(run, *values, *arrays, None, bodies=self.columns, begin=a, end=b) for a, b in parts]
+        if len(calls) == 1:
+            calls[0]()
             return
         from concurrent.futures import ThreadPoolExecutor
 
-        with ThreadPoolExecutor(len(parts)) as pool:  # native code does not hold the interpreter's lock
-            for part in [pool.submit(run, *values, *arrays, None, bodies=self.columns, begin=a, end=b) for a, b in parts]:
-                part.result()
+        with ThreadPoolExecutor(len(calls)) as pool:  # native code does not hold the interpreter's lock
+            for running in [pool.submit(call) for call in calls]:
+                running.result()
 
     # ---------------------------------------------------------------- results
 
