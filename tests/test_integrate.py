@@ -213,23 +213,6 @@ def test_a_body_at_rest_stays_at_rest(method: lm.Method, compiled: bool) -> None
         assert np.array_equal(run.g, np.tile(np.array(start.g), (21, 1, 1)))
 
 
-def test_the_amount_of_work_decides() -> None:
-    """A few steps are not worth the compiler's time, unless it has done its work already."""
-    body, start = asymmetric_body()
-    method = lm.RKMK(order=4, truncation=11)  # which nobody else uses
-    assert not lm.integrate(body, method, start, h=0.1, steps=10).compiled
-    if lm.integrate(body, method, start, h=0.1, steps=4000, every=4000).compiled:
-        assert lm.integrate(body, method, start, h=0.1, steps=10).compiled
-
-
-@pytest.mark.compiled
-def test_long_runs_and_large_ensembles_are_compiled() -> None:
-    body, start = asymmetric_body()
-    assert lm.integrate(body, RKMK4, start, h=0.1, steps=4000, every=4000).compiled
-    starts = body.state(np.tile(start.mu, (400, 1)))
-    assert lm.integrate(body, RKMK4, starts, h=0.1, steps=10).compiled
-
-
 # ---------------------------------------------------------------- failures
 
 
