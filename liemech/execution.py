@@ -55,15 +55,14 @@ class Execution:
 
     def __init__(self, wanted: bool | None, progress: bool | None, *call: Any, lanes: int = 1) -> None:
         self.wanted, self.progress, self.call, self.lanes = wanted, progress, call, lanes
-        self.native: kernel.Kernel | None = None
-        self.history = _history(call, lanes)
+        self.native = kernel.known(*call, lanes=lanes) if wanted is not False else None
         self.seconds = 0.0
-        if wanted:
-            self.compile()
-        elif wanted is None and self.history.refused:
-            self.wanted = False
-        elif wanted is None:
-            self.native = kernel.known(*call, lanes=lanes)
+        if self.native is None:
+            self.history = History() if wanted is False else _history(call, lanes)
+            if wanted:
+                self.compile()
+            elif self.history.refused:
+                self.wanted = False
 
     @contextmanager
     def plain(self) -> Iterator[None]:

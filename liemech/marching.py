@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from .compiler import kernel
-from .compiler.driver import accepted, any_body, attempt, read, reason, write
+from .compiler.driver import Rejected, accepted, any_body, attempt, read, reason, write
 from .dense import unpacked
 from .errors import IntegrationFailure, IntegrationInterrupted, InvalidInput, InvalidType, failure, is_mistake, warn
 from .execution import LOOK, Execution
@@ -156,9 +156,10 @@ class Run:
         self.bodies = start.bodies
         self.count = self.bodies or 1
         self.failures: dict[int, Exception | None] = {}  # what plain Python saw failing steps raise
-        self.given = layout_of(_member(start, 0))
-        self.started = layout_of(self._remembering(_member(start, 0), compensate))
-        first, self.example = self._first()
+        one = _member(start, 0)
+        self.given, one = layout_of(one), self._remembering(one, compensate)
+        self.started = layout_of(one)
+        first, self.example = self._first(one)
         self.layout, self.shown = layout_of(first), layout_of(self.example)
         native = compiled is not False and self.bodies is not None and kernel.available() is None
         self.lanes = kernel.lanes() if native else 1
@@ -182,11 +183,11 @@ class Run:
         """Has native code taken over?"""
         return self.marching.native is not None
 
-    def _first(self) -> tuple[Any, Any]:
+    def _first(self, one: State) -> tuple[Any, Any]:
         """What the method carries along from the start of the first body that can begin, and the sample that shows it."""
         for i in range(self.count):
-            trial = attempt(begun, self.method, self.system, self._beginning(i), self.h)
-            if accepted(trial, observed):
+            trial = attempt(begun, self.method, self.system, self._beginning(i) if i else one, self.h)
+            if not isinstance(trial, Rejected) and accepted(trial, observed, layout_of(trial[1])):
                 return trial
             if is_mistake(reason(trial)):
                 break
