@@ -175,6 +175,8 @@ class Run:
         if self.bodies is None:
             self.states[:, 0] = [*leaves(first, self.layout)]
             self.out[0, :, 0] = [*leaves(self.example, self.shown)]
+            if not np.isfinite(self.out[0]).all():
+                raise self._not_begun(None, repr(method))
         else:
             self._begin(compiled)
 
@@ -187,16 +189,18 @@ class Run:
         """What the method carries along from the start of the first body that can begin, and the sample that shows it."""
         for i in range(self.count):
             trial = attempt(begun, self.method, self.system, self._beginning(i) if i else one, self.h)
-            if not isinstance(trial, Rejected) and accepted(trial, observed, layout_of(trial[1])):
+            if not isinstance(trial, Rejected):
                 return trial
-            if is_mistake(reason(trial)):
+            self.failures[i] = reason(trial)
+            if is_mistake(self.failures[i]):
                 break
-            self.failures.setdefault(i, reason(trial))
-        error = reason(trial)
-        if not is_mistake(error):
-            none = "" if self.bodies is None else f"none of the {self.count} bodies can begin; body 0: "
-            error = failure(self.failures[0], none + repr(self.method), f"at the start, t = {self.t0:g}")
-        raise self._with_trajectory(error, self._only_start())
+        none = "" if self.bodies is None else f"none of the {self.count} bodies can begin; body 0: "
+        raise self._not_begun(reason(trial), none + repr(self.method))
+
+    def _not_begun(self, error: Exception | None, what: str) -> Any:
+        """The error of a run that has no first state: a mistake in a formula, or a failure."""
+        raised = error if is_mistake(error) else failure(error, what, f"at the start, t = {self.t0:g}")
+        return self._with_trajectory(raised, self._only_start())
 
     def _beginning(self, body: int) -> State:
         """The start of a body, in the numbers that the run is to be in."""
@@ -317,8 +321,9 @@ class Run:
 
     def _native(self, execution: Execution, values: tuple[Any, ...], arrays: tuple[np.ndarray, ...], start: int) -> None:
         """Run a driver in native code on the bodies from `start`, perhaps in threads."""
-        for a in (self.states, self.taken):  # the lanes that are left over follow the last body
-            a[..., self.count :] = a[..., self.count - 1 : self.count]
+        if self.columns > self.count:  # the lanes that are left over follow the last body
+            for a in (self.states, self.taken):
+                a[..., self.count :] = a[..., self.count - 1 : self.count]
         run: Any = execution.native
         share = -(-(self.columns - start) // (self.workers * self.lanes)) * self.lanes
         parts = [(i, min(i + share, self.columns)) for i in range(start, self.columns, share)]
@@ -349,8 +354,10 @@ class Run:
         run = Trajectory(self.system, self.method, self.h, t, states, self.bodies, steps, self.compiled, ended)
         if stopped and self.bodies is not None:
             first = self._failure(min(stopped))
-            if is_mistake(first.__cause__):
-                raise self._with_trajectory(first.__cause__, run)
+            mistake: Any = first.__cause__
+            if is_mistake(mistake):
+                mistake.add_note(f"[integrate: body {min(stopped)}; the samples before it are in `.trajectory`]")
+                raise self._with_trajectory(mistake, run)
             some = ", ".join(f"body {i} after {n} steps" for i, n in list(stopped.items())[:5])
             warn(f"integrate: {len(stopped)} of {self.count} bodies stopped early: {some}. {first}", RuntimeWarning)
         return run
