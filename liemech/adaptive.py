@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import math
-import warnings
+import time
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
-from .compiler import kernel
-from .compiler.driver import REJECTED, accepted, attempt, itself, read, write
+from .compiler.driver import Rejected, accepted, attempt, itself, read, reason, write
 from .dense import DenseOutput, packed, unpacked
-from .errors import IntegrationFailure, IntegrationInterrupted, NotCompilable, NotCompiledWarning, StepTooSmall
+from .errors import IntegrationInterrupted, StepTooSmall, failure, is_mistake
+from .execution import LOOK, Execution
 from .formulas import Record, record
 from .formulas.pytree import build, layout_of, leaves
 from .marching import Bar
@@ -24,10 +24,6 @@ SAFETY, SLOWEST, FASTEST = 0.9, 0.2, 10.0
 
 ROOM = 512
 """Steps between two looks at the keyboard and the events."""
-
-PLAIN = 64
-"""Steps taken in plain Python before native code is worth the wait."""
-
 
 @record
 class Clock(Record):
@@ -57,8 +53,11 @@ def pursue(
     states: Any,
     clocks: Any,
     out: Any,
+    failures: Any,
 ) -> None:
     """The driver: accepted steps, a row of numbers for each, until t_end is reached, the room is full or the step underflows.
+
+    failures : None in native code; in plain Python a list for what rejected steps raised, which a mistake in a formula ends.
 
     A proportional-integral controller, h <- 0.9 h err_n^(-0.7/q) err_(n-1)^(0.4/q) with err the error over the tolerance.
 
@@ -76,6 +75,9 @@ def pursue(
             stuck = 1.0
             break
         trial = attempt(method.trial, system, t, state, xi, step, rtol, atol, dense)
+        if failures is not None and noted(failures, trial):
+            stuck = 1.0
+            break
         error = 1e3
         if accepted(trial, itself):
             error = max(trial.error, 1e-4)
@@ -91,6 +93,13 @@ def pursue(
             h = step * max(SLOWEST, SAFETY * error**-power)
     write(states, 0, (state, xi), layout)
     write(clocks, 0, Clock(t, h, before, clock.steps + n, rejected, stuck), CLOCK)
+
+
+def noted(failures: list[Exception], trial: Any) -> bool:
+    """Keep what a rejected step raised, the last one of them; is it a mistake in a formula?"""
+    if isinstance(trial, Rejected):
+        failures[:] = [trial.error]
+    return isinstance(trial, Rejected) and is_mistake(trial.error)
 
 
 class AdaptiveRun:
@@ -115,29 +124,43 @@ class AdaptiveRun:
     ) -> None:
         self.system, self.method, self.start, self.t0, self.t_end = system, method, start, t0, t_end
         self.rtol, self.atol, self.limit, self.t_eval, self.events = rtol, atol, limit, t_eval, events
-        self.wanted, self.progress, self.compiled = compiled, progress, False
-        self.native: Any = None
-        xi = system.rate(t0, system.essential(start))
+        self.failures: list[Exception] = []
+        self.progress, self.wanted = progress, compiled
+        self.rows: list[np.ndarray] = []
+        self.ends = [packed((t0, start))]
+        self.found: list[list[float]] = [[] for _ in events]
+        self.dense, self.compiled, self.width = False, False, layout_of(start).width
+        self.clock = np.array([t0, 0.0, 1.0, 0.0, 0.0, 0.0])
+        self.row = layout_of((t0, start, ()))
+        xi = attempt(system.rate, t0, system.essential(start))
+        if not accepted(xi, itself):
+            error: Any = reason(xi)
+            raise self._ended(error if is_mistake(error) else failure(error, repr(method), f"at the start, t = {t0:g}"))
         memory = start, xi
         self.layout = layout_of(memory)
         self.states = np.array([*leaves(memory, self.layout)])
         step = first_step(system, method, start, xi, t0, t_end, rtol, atol) if h is None else math.copysign(h, t_end - t0)
-        self.clock = np.array([t0, step, 1.0, 0.0, 0.0, 0.0])
+        self.clock[1] = step
         self.dense = dense or bool(events) or (t_eval is not None and bool(np.any(t_eval != t_end)))
         coefficients = (xi,) * method.curve_terms if self.dense else ()
-        self.row, self.width = layout_of((t0, start, coefficients)), layout_of(start).width
-        self.rows: list[np.ndarray] = []
-        self.ends = [packed((t0, start))]
-        self.found: list[list[float]] = [[] for _ in events]
-        self.values = [float(event(t0, start)) for event in events]
+        self.row = layout_of((t0, start, coefficients))
+        self.terminal = [int(getattr(event, "terminal", None) or 0) for event in events]
+        self.values = [self._value(event, t0, start) for event in events]
+        self.arguments = method, system, self.layout, self.row, t_end, rtol, atol, self.dense
+        array = np.empty(0)
+        self.execution = Execution(compiled, progress, pursue, *self.arguments, 1, array, array, array, None)
 
     def trajectory(self) -> Trajectory:
         """March to the end, or to a terminal event, in pieces short enough to show progress and to be interrupted."""
+        room = 8
         try:
             with Bar(self.progress, 1000) as bar:
                 while self.clock[0] != self.t_end:
-                    taken = self._more(PLAIN if not self.compiled else ROOM)
-                    bar.advance(int(1000 * (self.clock[0] - self.t0) / (self.t_end - self.t0)) - bar.done)
+                    begun = time.perf_counter()
+                    taken = self._more(ROOM if self.compiled else room)
+                    if time.perf_counter() - begun < 0.5 * LOOK:
+                        room = min(2 * room, ROOM)
+                    bar.advance(int(1000 * self._part()) - bar.done)
                     if self.events and self._stopped(taken):
                         break
                     if self.clock[0] == self.t_end:
@@ -154,39 +177,25 @@ class AdaptiveRun:
 
     # ---------------------------------------------------------------- marching
 
+    def _part(self) -> float:
+        """How much of the run is done."""
+        return float((self.clock[0] - self.t0) / (self.t_end - self.t0))
+
     def _more(self, room: int) -> int:
-        """Up to this many more steps.  The first ones are plain Python; who needs more gets native code."""
+        """Up to this many more steps."""
         room = min(room, int(self.limit - self.clock[3]))
-        arguments = self.method, self.system, self.layout, self.row, self.t_end, self.rtol, self.atol, self.dense
         before, out = int(self.clock[3]), np.empty(room * self.row.width)
-        if self.native is None and self.wanted is not False:
-            self.native = self._native(arguments, bool(before))
-        (self.native or pursue)(*arguments, room, self.states, self.clock, out)
+        if self.execution.ready(self._part()):
+            run: Any = self.execution.native
+            self.compiled = True
+            run(*self.arguments, room, self.states, self.clock, out, None)
+        else:
+            with self.execution.plain():
+                pursue(*self.arguments, room, self.states, self.clock, out, self.failures)
         taken = int(self.clock[3]) - before
         self.rows.append(out[: taken * self.row.width].reshape(taken, self.row.width))
         self.ends.append(self.rows[-1][-1, : 1 + self.width] if taken else self.ends[-1])
         return taken
-
-    def _native(self, arguments: tuple[Any, ...], worth_it: bool) -> Any:
-        """Native code for the driver; None if there is none, or if nothing tells yet that it is worth the compiler's time."""
-        why_not, array = kernel.available(), np.empty(0)
-        pursuing = pursue, *arguments, 1, array, array, array
-        found = kernel.known(*pursuing) if why_not is None else None
-        if found is None and self.wanted is None and not worth_it:
-            return None
-        try:
-            if why_not is not None:
-                raise NotCompilable(f"integrate: compiled=True, but {why_not}")
-            run = found or kernel.kernel(*pursuing)
-        except NotCompilable as error:
-            if self.wanted:
-                raise
-            if why_not is None:
-                warnings.warn(f"{error}. Running in plain Python instead, much slower", NotCompiledWarning, stacklevel=5)
-            self.wanted = False
-            return None
-        self.compiled = True
-        return run
 
     # ---------------------------------------------------------------- events
 
@@ -198,13 +207,13 @@ class AdaptiveRun:
             a, b = dense.t[k], dense.t[k + 1]
             hits = []
             for i, (event, old) in enumerate(zip(self.events, self.values, strict=True)):
-                new = self.values[i] = float(event(b, dense.state(b)))
+                new = self.values[i] = self._value(event, b, dense.state(b))
                 direction = getattr(event, "direction", 0.0)
                 if min(old, new) <= 0.0 <= max(old, new) and old != 0.0 and direction * (new - old) >= 0.0:
                     hits.append((self._root(event, dense, a, b), i))
             for at, i in sorted(hits, reverse=bool(b < a)):
                 self.found[i].append(at)
-                if getattr(self.events[i], "terminal", False):
+                if len(self.found[i]) == self.terminal[i]:
                     theta = (at - a) / (b - a)
                     curve = rows[k, 1 + self.width :].reshape(-1, self.system.group.dim)
                     curve = curve * theta ** np.arange(1, len(curve) + 1)[:, None]
@@ -212,12 +221,19 @@ class AdaptiveRun:
                     return True
         return False
 
-    @staticmethod
-    def _root(event: Callable[..., Any], dense: DenseOutput, a: float, b: float) -> float:
+    def _value(self, event: Callable[..., Any], t: float, state: Any) -> float:
+        """The value of an event.  What it raises goes to the caller, with the run up to here."""
+        try:
+            return float(event(t, state))
+        except Exception as error:
+            error.add_note(f"[integrate: in an event at t = {t:g}; the samples before it are in `.trajectory`]")
+            raise self._ended(error) from None
+
+    def _root(self, event: Callable[..., Any], dense: DenseOutput, a: float, b: float) -> float:
         from scipy.optimize import brentq
 
-        tiny = np.finfo(float).eps
-        return float(brentq(lambda t: float(event(t, dense.state(t))), a, b, xtol=4 * tiny * max(abs(a), abs(b)), rtol=4 * tiny))
+        tiny = 4 * np.finfo(float).eps
+        return float(brentq(lambda t: self._value(event, t, dense.state(t)), a, b, xtol=tiny * max(abs(a), abs(b)), rtol=tiny))
 
     # ---------------------------------------------------------------- results
 
@@ -225,7 +241,7 @@ class AdaptiveRun:
         """The continuous motion along these rows, from the end of the step before them."""
         ends = np.concatenate([first[None], rows[:, : 1 + self.width]])
         shape = self.system, self.method.retraction, self.start, ends[:, 0], ends[:, 1:], rows[:, 1 + self.width :]
-        return DenseOutput(*shape, self.method.dense_order, self.compiled)
+        return DenseOutput(*shape, self.method.dense_order, self.wanted)
 
     def _result(self) -> Trajectory:
         dense = self._dense(np.concatenate([np.empty((0, self.row.width)), *self.rows]), self.ends[0])
@@ -247,24 +263,35 @@ class AdaptiveRun:
             events=tuple((np.array(times), dense(times)) for times in self.found),
         )
 
-    def _failure(self) -> IntegrationFailure:
-        """Why the steps became too small to go on: what the last trial had to say."""
-        t, h = self.clock[0], self.clock[1]
+    def _failure(self) -> Exception:
+        """Why the steps became too small to go on: what the last trial had to say.  A mistake in a formula is raised itself."""
+        t, h = float(self.clock[0]), float(self.clock[1])
         state, xi = build(self.layout, iter(self.states.tolist()))
-        try:
-            trial = self.method.trial(self.system, t, state, xi, h, self.rtol, self.atol, False)
-            reason = f"the error estimate is {trial.error:.1e} of the tolerance even so"
+        raised: list[Exception] = []  # by the steps that led here: each was at most five times as long as the next
+        for longer in (1.0, 5.0, 25.0, 125.0):
+            trial = attempt(self.method.trial, self.system, t, state, xi, longer * h, self.rtol, self.atol, False)
+            noted(raised, trial)
+            if raised or not trial.error <= 1.0:
+                break
+        told = [*raised, *self.failures]
+        error: Any = next((e for e in told if is_mistake(e)), told[0] if told else None)
+        if is_mistake(error):
+            error.add_note(f"[integrate: in a step from t = {t:g}; the samples before it are in `.trajectory`]")
+            return self._ended(error)
+        why = str(error)
+        if error is None:
+            why = f"the error estimate is {trial.error:.1e} of the tolerance even so"
             if not math.isfinite(trial.error):
-                reason = "the motion has no finite velocity there"
-        except (IntegrationFailure, ArithmeticError) as error:
-            reason = str(error)
-        return self._ended(
-            StepTooSmall(
-                f"{self.method!r}: at t = {t:g} the step fell to {abs(h):.1e}, too small to advance the time: {reason}. "
-                f"The motion may have a singularity there, or rtol = {self.rtol:g}, atol = {self.atol:g} ask for more than "
-                f"rounding allows; {int(self.clock[3])} steps are in `.trajectory`"
-            )
+                why = "the motion has no finite velocity there"
+        elif not isinstance(error, ArithmeticError):
+            why = f"{type(error).__name__}: {error}"
+        made = StepTooSmall(
+            f"{self.method!r}: at t = {t:g} the step fell to {abs(h):.1e}, too small to advance the time: {why}. "
+            f"The motion may have a singularity there, or rtol = {self.rtol:g}, atol = {self.atol:g} ask for more than "
+            f"rounding allows; {int(self.clock[3])} steps are in `.trajectory`"
         )
+        made.__cause__ = error
+        return self._ended(made)
 
     def _ended(self, error: Any) -> Any:
         error.trajectory = self._result()
@@ -279,7 +306,7 @@ def first_step(system: System, method: Any, start: State, xi: Any, t0: float, t_
 
     def sizes(omega: Any) -> tuple[float, float]:
         change, scale = system.deviation(start, omega)
-        weights = [1.0 / (atol + rtol * s) for s in scale]
+        weights = [1.0 / (atol + rtol * s) if atol + rtol * s > 0.0 else 0.0 for s in scale]
         squares = [math.fsum((w * x) ** 2 for w, x in zip(weights, part, strict=True)) for part in (change, scale)]
         return math.sqrt(squares[0] / len(weights)), math.sqrt(squares[1] / len(weights))
 
@@ -290,10 +317,11 @@ def first_step(system: System, method: Any, start: State, xi: Any, t0: float, t_
     least = 8 * np.spacing(max(abs(t0), abs(t_end)))
     h = math.copysign(min(max(0.01 * size / speed if speed > 0.0 else abs(span), least), abs(span)), span)
     moved = attempt(system.moved, method.retraction, system.essential(start), h * xi)
-    later = REJECTED if moved is REJECTED else attempt(system.rate, t0 + h, moved)
-    if later is REJECTED or not all(map(math.isfinite, later)):
+    later = moved if isinstance(moved, Rejected) else attempt(system.rate, t0 + h, moved)
+    if not accepted(later, itself):
         return 1e-3 * h
     change = sizes(later - xi)[0] / abs(h)
     largest = max(speed, change)
     second = (0.01 / largest) ** (1.0 / method.error_order) if largest > 0.0 else abs(span)
     return math.copysign(max(min(100.0 * abs(h), second, abs(span)), least), span)
+

@@ -8,18 +8,28 @@ from typing import Any
 import numpy as np
 
 from .compiler import kernel
-from .compiler.driver import read, write
-from .errors import InvalidInput, NotCompilable
-from .formulas import Vec, horner, real_array
+from .compiler.driver import accepted, any_body, attempt, itself, read, reason, write
+from .errors import InvalidInput, failure, is_mistake
+from .execution import Execution
+from .formulas import Vec, horner, real_array, where
 from .formulas.pytree import NUMBER, build, layout_of, leaves
 
 
-def along(retraction: Any, system: Any, point: Any, curve: Any, given: Any, out: Any) -> None:
-    """The driver: a state, moved along its step by Omega(theta) = theta (p_1 + theta (p_2 + ...)), 0 <= theta <= 1."""
+def along(retraction: Any, system: Any, point: Any, curve: Any, given: Any, out: Any, failures: Any) -> None:
+    """The driver: a state, moved along its step by Omega(theta) = theta (p_1 + theta (p_2 + ...)), 0 <= theta <= 1.
+
+    Behind the state, out has a one; a zero tells that a formula failed.  failures : None, or a list for what it raised.
+    """
     state = read(given, 0, point)
     coefficients = read(given, point.width, curve)
     theta = read(given, point.width + curve.width, NUMBER)
-    write(out, 0, system.moved(retraction, state, theta * horner(coefficients, theta)))
+    moved = attempt(system.moved, retraction, state, theta * horner(coefficients, theta))
+    good = accepted(moved, itself, point)
+    if any_body(good):
+        write(out, 0, moved, point)
+    write(out, point.width, where(good, 1.0, 0.0))
+    if failures is not None and not good:
+        failures.append(reason(moved))
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,6 +38,7 @@ class DenseOutput:
 
     t : (n + 1,) ends of the steps.  points : (n + 1, width) the numbers of the states there.
     curves : (n, order of the polynomial * dim).  order : of accuracy, between the steps.
+    wanted : False for plain Python only.
     """
 
     system: Any
@@ -37,7 +48,7 @@ class DenseOutput:
     points: np.ndarray
     curves: np.ndarray
     order: int
-    compiled: bool
+    wanted: bool | None = None
 
     def numbers(self, times: np.ndarray) -> np.ndarray:
         """The numbers of the states at these times, (m, width).  Raises InvalidInput for times outside the run."""
@@ -60,21 +71,37 @@ class DenseOutput:
         return found
 
     def _moved(self, point: Any, curve: Any, given: np.ndarray) -> np.ndarray:
+        """The states after these displacements, (m, width): in plain Python until native code pays."""
         arguments, many = (self.retraction, self.system, point, curve), len(given)
-        lanes, probe = kernel.lanes() if self.compiled else 1, np.empty((1, 1))
-        if self.compiled and (many >= 64 or kernel.known(along, *arguments, probe, probe, lanes=lanes)):
-            columns = -(-many // lanes) * lanes
+        native = self.wanted is not False and kernel.available() is None
+        lanes, array = kernel.lanes() if native else 1, np.empty((1, 1))
+        execution = Execution(None if native else False, None, along, *arguments, array, array, None, lanes=lanes)
+        columns = -(-many // lanes) * lanes
+        found, done = np.empty((columns, point.width + 1)), 0
+        while done < many and not execution.ready(done / many):
+            end = min(done + 8, many)
+            with execution.plain():
+                for k in range(done, end):
+                    self._one(arguments, given[k], found[k])
+            done = end
+        if done < many:
             rows = np.ascontiguousarray(given[np.minimum(np.arange(columns), many - 1)].T)
-            out = np.empty((point.width, columns))
-            try:
-                kernel.kernel(along, *arguments, rows, out, lanes=lanes)(*arguments, rows, out, bodies=columns, end=columns)
-                return np.ascontiguousarray(out[:, :many].T)
-            except NotCompilable:
-                pass
-        found = np.empty((many, point.width))
-        for row, out in zip(given, found, strict=True):
-            along(*arguments, row, out)
-        return found
+            out = np.empty((point.width + 1, columns))
+            run: Any = execution.native
+            begin = done // lanes * lanes
+            run(*arguments, rows, out, None, bodies=columns, begin=begin, end=columns)
+            found[done:] = out.T[done:]
+            for k in np.flatnonzero(found[:many, -1] == 0.0).tolist():  # say why
+                self._one(arguments, given[k], found[k])
+        return found[:many, :-1].copy()
+
+    @staticmethod
+    def _one(arguments: tuple[Any, Any, Any, Any], given: np.ndarray, out: np.ndarray) -> None:
+        failures: list[Exception | None] = []
+        along(*arguments, given, out, failures)
+        if failures:
+            error = failures[0]
+            raise error if error is not None and is_mistake(error) else failure(error, "dense output", "between two steps")
 
     def __call__(self, times: Any) -> Any:
         """The state at one time, or at many, (m,), whose arrays then have a leading axis."""

@@ -21,6 +21,9 @@
 
 from __future__ import annotations
 
+import os
+import sys
+import warnings
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -109,3 +112,41 @@ class IntegrationInterrupted(KeyboardInterrupt):
     """Ctrl-C ended a run; `trajectory` holds every sample that was recorded before."""
 
     trajectory: Trajectory | None = None
+
+
+# ------------------------------------------------------------------ what an exception of a formula means
+
+PROGRAMMING = (TypeError, NameError, AttributeError, LookupError, ImportError, SyntaxError, NotImplementedError, RecursionError)
+"""Exceptions that tell of a mistake in the program, not of a step that cannot be made: they are raised as they are."""
+
+
+def is_mistake(error: BaseException | None) -> bool:
+    """Is the exception of a formula a mistake in the program?  Any other one is a failure of the step in which it was raised."""
+    return isinstance(error, (*PROGRAMMING, LiemechError)) and not isinstance(error, IntegrationFailure)
+
+
+def failure(error: Exception | None, what: str, at: str) -> IntegrationFailure:
+    """The failure that an exception of a formula stands for, with the exception as its cause; None for a number that is none.
+
+    what : which method failed.  at : where.
+    """
+    if isinstance(error, IntegrationFailure):
+        cls, text = type(error), str(error)
+    elif isinstance(error, ArithmeticError):
+        cls, text = NotFinite, f"{what}: {error}"
+    elif error is not None:
+        cls, text = IntegrationFailure, f"{what}: {type(error).__name__}: {error}"
+    else:
+        cls, text = NotFinite, f"{what}: the step overflowed or left the domain of a formula; a smaller h may help"
+    made = cls.__new__(cls)  # of a user's class too, whatever its constructor takes
+    made.args, made.__cause__ = (f"{text} [{at}]",), error
+    return made
+
+
+def warn(message: str, category: type[Warning]) -> None:
+    """Warn at the line outside of this package that led here."""
+    here, level = os.path.dirname(__file__) + os.sep, 2
+    frame = sys._getframe(1)
+    while frame.f_back is not None and frame.f_code.co_filename.startswith(here):
+        frame, level = frame.f_back, level + 1
+    warnings.warn(message, category, stacklevel=level)

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 import sys
-import warnings
 from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 
-from .errors import IncompatibleSystem, InvalidInput, InvalidType, StepWarning
+from .errors import IncompatibleSystem, InvalidInput, InvalidType, StepWarning, warn
 from .formulas import check_finite, real_array
 from .integrators.method import Method
 from .marching import Run
@@ -48,7 +47,7 @@ def integrate(
     record : the parts of the state to keep, such as ("mu",) or ("mu", "g"); what is not recorded is not computed.
     compensated : whether the increments of the steps are summed up in compensated numbers: True for all parts of the state, False
     for none, None for those that the motion depends on, if the method is symmetric or symplectic.
-    compiled : True for native code, False for plain Python, None to choose by the amount of work; same bits.
+    compiled : True for native code, False for plain Python, None for native code as soon as it is there or pays; same bits.
     progress : True or False; None shows a bar when a run takes longer than a second.
 
     Steps of one length: kept are the start, every `every`-th state after it, and the last one.
@@ -61,14 +60,15 @@ def integrate(
     error of the motion grows along it.
     t_eval : (n,) times at which to keep the state; default: where the steps end.
     dense : keep the way between the steps too, for `Trajectory.at`.
-    events : functions of t and state whose zeros are looked for; their attributes `terminal` (ends the run) and `direction`
-    (+1 only rising, -1 only falling zeros) mean what they do in SciPy.
+    events : functions of t and state whose zeros are looked for; their attributes `terminal` (True: the first zero ends the run; 3:
+    the third one) and `direction` (+1 only rising, -1 only falling zeros) mean what they do in SciPy.
 
     Returns a Trajectory.  Raises InvalidInput, InvalidType, IncompatibleSystem, or an IntegrationFailure whose
     `.trajectory` has every sample recorded before the step that failed; so has the IntegrationInterrupted of a Ctrl-C.
+    A mistake in a formula (NameError, TypeError, IndexError, ...) is raised as it is, with such a `.trajectory`.
     Warns with a StepWarning of a step that may have no solution, where the method can tell.
-    In an ensemble a body that fails stays at its last state, is named in `Trajectory.stopped` and in a warning, and
-    disturbs no other.
+    In an ensemble a body that fails stays at its last state, is found in `Trajectory.stopped` with its reason, and in a warning,
+    and disturbs no other.
     """
     _matching(system, method)
     t0 = _real(t0, "t0")
@@ -80,6 +80,8 @@ def integrate(
         raise InvalidType(f"integrate: dense must be True or False; got {dense!r}")
     if t_end is not None:
         _only_adaptive(method, every, workers)
+        if compensated is not None:
+            raise InvalidInput("integrate: compensated is for steps of one length; adaptive ones have larger errors than rounding")
         t_end = _real(t_end, "t_end")
         first = None if h is None else _step(h)
         limit = MOST if steps is None else _count(steps, "steps", 1)
@@ -96,6 +98,8 @@ def integrate(
     for name, value in (("rtol", rtol), ("atol", atol), ("t_eval", t_eval), ("events", events or None)):
         if value is not None:
             raise InvalidInput(f"integrate: {name} is for adaptive steps; give t_end and, if you like, h as the first step")
+    if not dense:
+        raise InvalidInput("integrate: dense is for adaptive steps; those of one length have no way between them to leave out")
     if h is None or steps is None:
         raise InvalidInput("integrate: give h and steps, for steps of one length, or t_end, for adaptive ones")
     h, steps = _step(h), _count(steps, "steps", 0)
@@ -110,7 +114,7 @@ def integrate(
     start = _started(system, start, record)
     doubt = method.caution(system, start, h)
     if doubt:
-        warnings.warn(doubt, StepWarning, stacklevel=2)
+        warn(doubt, StepWarning)
     return Run(system, method, start, h, steps, every, t0, compensated, compiled, progress, workers).trajectory()
 
 
@@ -178,7 +182,7 @@ def _tolerance(value: Any, name: str, default: float) -> float:
         raise InvalidInput(f"integrate: {name} must be positive{'' if name == 'rtol' else ' or zero'}; got {value:g}")
     least = 100 * sys.float_info.epsilon
     if name == "rtol" and value < least:
-        warnings.warn(f"integrate: rtol = {value:g} is below rounding; {least:.1e} is used", RuntimeWarning, stacklevel=4)
+        warn(f"integrate: rtol = {value:g} is below rounding; {least:.1e} is used", RuntimeWarning)
         return least
     return value
 
@@ -203,6 +207,12 @@ def _events(events: Any) -> tuple[Any, ...]:
     for event in functions:
         if not callable(event):
             raise InvalidType(f"integrate: events are functions of t and state; got {event!r}")
+        terminal, direction = getattr(event, "terminal", None), getattr(event, "direction", 0.0)
+        if terminal is not None and (not isinstance(terminal, (bool, np.bool_, int, np.integer)) or terminal < 0):
+            wanted = "True, False, or the number of its zeros at which the run ends"
+            raise InvalidInput(f"integrate: the `terminal` of an event is {wanted}; got {terminal!r}")
+        if isinstance(direction, bool) or not isinstance(direction, (int, float, np.number)) or direction != direction:
+            raise InvalidInput(f"integrate: the `direction` of an event is +1, -1 or 0; got {direction!r}")
     return functions
 
 

@@ -2,37 +2,27 @@
 
 from __future__ import annotations
 
+import functools
 import os
 import time
-import warnings
 from typing import Any
 
 import numpy as np
 
 from .compiler import kernel
-from .compiler.driver import REJECTED, accepted, any_body, attempt, read, write
+from .compiler.driver import Rejected, accepted, any_body, attempt, read, reason, write
 from .dense import unpacked
-from .errors import (
-    IntegrationFailure,
-    IntegrationInterrupted,
-    InvalidInput,
-    InvalidType,
-    NotCompilable,
-    NotCompiledWarning,
-    NotFinite,
-)
+from .errors import IntegrationFailure, IntegrationInterrupted, InvalidInput, InvalidType, failure, is_mistake, warn
+from .execution import LOOK, Execution
 from .formulas import where
 from .formulas.broadcasting import small
 from .formulas.pytree import NUMBER, build, compensated, fitted, layout_of, leaves, plain
 from .integrators.method import Method
 from .systems.system import State, System
-from .trajectory import Trajectory
-
-COMPILE_FROM = 3000
-"""Steps times bodies from which native code pays, although it may have to be compiled first."""
+from .trajectory import Stopped, Trajectory
 
 PATIENCE = 0.25
-"""Seconds of native code between two looks at the progress bar and the keyboard."""
+"""Seconds of a settled run between two looks at the progress bar and the keyboard."""
 
 
 def march(
@@ -48,43 +38,100 @@ def march(
     states: Any,
     out: Any,
     taken: Any,
+    failures: Any,
 ) -> None:
     """The driver: `samples` times `every` steps from step number `first`, in plain Python or compiled, for one or many.
 
     states holds what the method carries along, in this layout, before and after; out the samples, laid out as `shown`; taken
     the number of steps that went through.  A body whose step fails stays where it is, for good.
+    failures : None in native code; in plain Python, which has one body, a list for what the failing step raised.
     """
     memory = read(states, 0, layout)
     count = read(taken, 0, NUMBER)
     running = count == first
+    turns = every if any_body(running) else 0
     for k in range(samples):
-        for j in range(every):
-            new = attempt(method.step, system, t0 + (first + (k * every + j)) * h, memory, h)
-            if layout.remembers:
-                new = fitted(new, layout)
-            good = running and accepted(new, method.observe, shown)
+        for j in range(turns):
+            checked = failures is not None and k + j == 0
+            trial = attempt(stepped, method, system, t0 + (first + (k * every + j)) * h, memory, h, layout, checked)
+            good = running and accepted(trial, observed, shown)
             if any_body(not good):
+                if failures is not None:
+                    failures.append(reason(trial))
                 running = good
                 if not any_body(running):
                     break
-                memory = where(good, new, memory)
+                memory = where(good, trial[0], memory)
                 count = where(good, count + 1.0, count)
             else:
-                memory = new
+                memory = trial[0]
                 count = count + 1.0
-        write(out, k * shown.width, plain(method.observe(memory)), shown)
+        write(out, k * shown.width, attempt(sample, method, memory), shown)
         if not any_body(running):
             break
     write(states, 0, memory, layout)
     write(taken, 0, count)
 
 
-def begin(method: Any, system: Any, given: Any, started: Any, layout: Any, h: float, starts: Any, states: Any, out: Any) -> None:
+def begin(
+    method: Any,
+    system: Any,
+    given: Any,
+    started: Any,
+    layout: Any,
+    shown: Any,
+    h: float,
+    starts: Any,
+    states: Any,
+    out: Any,
+    taken: Any,
+    failures: Any,
+) -> None:
     """The driver before the first step: from a start, given in one layout and to be used in another, what the method carries
-    along, in a third, and the first sample."""
-    memory = method.start(system, fitted(read(starts, 0, given), started), h)
-    write(states, 0, fitted(memory, layout), layout)
-    write(out, 0, plain(method.observe(memory)))
+    along, in a third, and the first sample.  A body that cannot begin keeps what is in `out` and a negative number of steps."""
+    trial = attempt(begun, method, system, fitted(read(starts, 0, given), started), h)
+    good = accepted(trial, observed, shown)
+    if any_body(good):
+        write(states, 0, fitted(trial[0], layout), layout)
+        write(out, 0, where(good, trial[1], read(out, 0, shown)), shown)
+        write(taken, 0, where(good, 0.0, -1.0))
+    if failures is not None and not good:
+        failures.append(reason(trial))
+
+
+def stepped(method: Any, system: Any, t: float, memory: Any, h: float, layout: Any, checked: bool) -> Any:
+    """What the method carries along after one step, and the sample that shows it."""
+    new = method.step(system, t, memory, h)
+    if layout.remembers:
+        new = fitted(new, layout)
+    if checked:
+        _require(layout, new, method, system)
+    return new, plain(method.observe(new))
+
+
+def begun(method: Any, system: Any, state: Any, h: float) -> Any:
+    """What the method carries along from a start, and the sample that shows it."""
+    memory = method.start(system, state, h)
+    return memory, plain(method.observe(memory))
+
+
+def sample(method: Any, memory: Any) -> Any:
+    """The sample that shows what the method carries along."""
+    return plain(method.observe(memory))
+
+
+def observed(trial: Any) -> Any:
+    """The sample in what `stepped` and `begun` return."""
+    return trial[1]
+
+
+def _require(layout: Any, new: Any, method: Any, system: Any) -> None:
+    """Refuse a step that returns something else than it was given.  (The compiler sees for itself what comes back.)"""
+    if layout_of(new) != layout:
+        raise InvalidType(
+            f"integrate: one step of {method!r} on {system!r} turns {layout!r} into {layout_of(new)!r}. "
+            "Formulas return numbers, liemech.vec(...), liemech.mat(...) and records, not arrays or lists"
+        )
 
 
 class Run:
@@ -104,32 +151,79 @@ class Run:
         progress: bool | None,
         workers: int,
     ) -> None:
-        self.system, self.method, self.h, self.t0 = system, method, h, t0
+        self.system, self.method, self.start, self.h, self.t0 = system, method, start, h, t0
         self.steps, self.every, self.progress, self.workers = steps, every, progress, workers
         self.bodies = start.bodies
-        count = self.bodies or 1
+        self.count = self.bodies or 1
+        self.failures: dict[int, Exception | None] = {}  # what plain Python saw failing steps raise
         one = _member(start, 0)
         self.given, one = layout_of(one), self._remembering(one, compensate)
-        self.started, first = layout_of(one), method.start(system, one, h)
-        self.example = plain(method.observe(first))
+        self.started = layout_of(one)
+        first, self.example = self._first(one)
         self.layout, self.shown = layout_of(first), layout_of(self.example)
-        self.kernels: dict[Any, kernel.Kernel] = {}
-        self.compiled = self._decide(compiled, count)
-        if not self.compiled:
-            self._try(first)
-        self.lanes = kernel.lanes() if self.compiled and self.bodies is not None else 1
-        self.columns = -(-count // self.lanes) * self.lanes
+        native = compiled is not False and self.bodies is not None and kernel.available() is None
+        self.lanes = kernel.lanes() if native else 1
+        self.columns = -(-self.count // self.lanes) * self.lanes
         rows = self._rows(steps)
         _affordable(rows * self.shown.width * self.columns * 8, steps, every)
+        array = np.empty(0)
+        marching = march, *self._arguments(0, 1, 1), array, array, array, None
+        self.marching = Execution(compiled, progress, *marching, lanes=self.lanes)
         self.out = np.empty((rows, self.shown.width, self.columns))
-        self.states = np.empty((self.layout.width, self.columns))
+        self.states = np.zeros((self.layout.width, self.columns))
         self.taken = np.zeros(self.columns)
         if self.bodies is None:
             self.states[:, 0] = [*leaves(first, self.layout)]
             self.out[0, :, 0] = [*leaves(self.example, self.shown)]
+            if not np.isfinite(self.out[0]).all():
+                raise self._not_begun(None, repr(method))
         else:
-            beginning = method, system, self.given, self.started, self.layout, h
-            self._run(begin, beginning, self._columns_of(start), self.states, self.out[0])
+            self._begin(compiled)
+
+    @property
+    def compiled(self) -> bool:
+        """Has native code taken over?"""
+        return self.marching.native is not None
+
+    def _first(self, one: State) -> tuple[Any, Any]:
+        """What the method carries along from the start of the first body that can begin, and the sample that shows it."""
+        for i in range(self.count):
+            trial = attempt(begun, self.method, self.system, self._beginning(i) if i else one, self.h)
+            if not isinstance(trial, Rejected):
+                return trial
+            self.failures[i] = reason(trial)
+            if is_mistake(self.failures[i]):
+                break
+        none = "" if self.bodies is None else f"none of the {self.count} bodies can begin; body 0: "
+        raise self._not_begun(reason(trial), none + repr(self.method))
+
+    def _not_begun(self, error: Exception | None, what: str) -> Any:
+        """The error of a run that has no first state: a mistake in a formula, or a failure."""
+        raised = error if is_mistake(error) else failure(error, what, f"at the start, t = {self.t0:g}")
+        return self._with_trajectory(raised, self._only_start())
+
+    def _beginning(self, body: int) -> State:
+        """The start of a body, in the numbers that the run is to be in."""
+        return fitted(_member(self.start, body), self.started)
+
+    def _only_start(self) -> Trajectory:
+        """The start as the only sample."""
+        states = {name: np.array(x)[None] for name, x in self.start.parts.items() if x is not None}
+        return Trajectory(self.system, self.method, self.h, np.array([self.t0]), states, self.bodies, 0)
+
+    def _begin(self, compiled: bool | None) -> None:
+        """Begin with every body of an ensemble."""
+        starts = self._columns_of(self.start)
+        values, array = (self.method, self.system, self.given, self.started, self.layout, self.shown, self.h), np.empty(0)
+        beginning = Execution(compiled, self.progress, begin, *values, array, array, array, array, None, lanes=self.lanes)
+        if self.marching.native is not None:
+            beginning.compile()
+        if self.given == self.shown:
+            self.out[0] = starts
+        self.taken[:] = -1.0
+        self._run(beginning, values, starts, self.states, self.out[0], self.taken)
+        if beginning.native is not None:
+            self.marching.compile()
 
     def _remembering(self, start: State, compensate: bool | None) -> State:
         """The start, in compensated numbers what is to be summed up so: all, nothing, or what the motion depends on."""
@@ -138,49 +232,12 @@ class Run:
             return type(start)(*(compensated(x) if motion[name] is not None else x for name, x in start.parts.items()))
         return compensated(start) if compensate else start
 
-    def _try(self, memory: Any) -> None:
-        """Make the first step once for trial: a formula that returns what it should not is told before the run.
-
-        The compiler needs no trial, it sees what comes back."""
-        new = attempt(self.method.step, self.system, self.t0, memory, self.h) if self.steps else memory
-        if new is not REJECTED and layout_of(fitted(new, self.layout)) != self.layout:
-            raise InvalidType(
-                f"integrate: one step of {self.method!r} on {self.system!r} turns {self.layout!r} into {layout_of(new)!r}. "
-                "Formulas return numbers, liemech.vec(...), liemech.mat(...) and records, not arrays or lists"
-            )
-
     def _columns_of(self, start: State) -> np.ndarray:
         """The start with a column for each body; the last lanes, if there are too many, repeat the last body."""
         count = len(next(iter(start.parts.values())))
         parts = [_numbers(x).reshape(count, -1) for x in start.parts.values() if x is not None]
         columns = np.concatenate(parts, axis=1).T
         return np.ascontiguousarray(columns[:, np.minimum(np.arange(self.columns), count - 1)])
-
-    def _decide(self, compiled: bool | None, bodies: int) -> bool:
-        if compiled is False:
-            return False
-        why_not = kernel.available()
-        if why_not is not None:
-            if compiled:
-                raise NotCompilable(f"integrate: compiled=True, but {why_not}")
-            return False
-        array, lanes = np.empty(0), kernel.lanes() if self.bodies is not None else 1
-        marching = march, *self._arguments(0, 1, 1), array, array, array
-        found = kernel.known(*marching, lanes=lanes)
-        if found is None and not compiled and self.steps * bodies < COMPILE_FROM:
-            return False
-        try:
-            self.kernels[march] = found or kernel.kernel(*marching, lanes=lanes)
-            if self.bodies is not None:
-                beginning = begin, self.method, self.system, self.given, self.started, self.layout, self.h, array, array, array
-                self.kernels[begin] = kernel.kernel(*beginning, lanes=lanes)
-        except NotCompilable as error:
-            if compiled:
-                raise
-            slower = f"{error}. Running in plain Python instead, much slower"
-            warnings.warn(slower, NotCompiledWarning, stacklevel=4)
-            return False
-        return True
 
     def _arguments(self, first: int, every: int, samples: int) -> tuple[Any, ...]:
         return self.method, self.system, self.layout, self.shown, self.t0, self.h, first, every, samples
@@ -193,10 +250,12 @@ class Run:
 
     def trajectory(self) -> Trajectory:
         """March to the end, in pieces short enough to show progress and to be interrupted."""
-        done, per_call = 0, max(1, (16384 if self.compiled else 256) // self.columns)
+        done, settled, per_call = 0, False, max(1, 16 // self.columns)
         try:
-            with Bar(self.progress, self.steps * (self.bodies or 1)) as bar:
+            with Bar(self.progress, self.steps * self.count) as bar:
                 while done < self.steps:
+                    if not settled and (self.compiled or self.marching.wanted is False):
+                        settled, per_call = True, max(1, (16384 if self.compiled else 16) // self.columns)
                     begun = time.perf_counter()
                     pending = min(self.every - done % self.every, self.steps - done)
                     if pending < self.every or per_call < self.every:  # part of one sample
@@ -208,13 +267,14 @@ class Run:
                     target = self.out[first : self._rows(after)]
                     if not len(target):
                         target = np.empty((1, *self.out.shape[1:]))
-                    self._run(march, self._arguments(done, every, samples), self.states, target, self.taken)
+                    values, arrays = self._arguments(done, every, samples), (self.states, target, self.taken)
+                    self._run(self.marching, values, *arrays, done=done, more=every * samples, of=self.steps)
                     if self.bodies is None and self.taken[0] < after:
-                        raise self._failure(0)
+                        raise self._ended(0)
                     done = after
                     used = time.perf_counter() - begun
-                    bar.advance(every * samples * (self.bodies or 1))
-                    if used < PATIENCE / 2:
+                    bar.advance(every * samples * self.count)
+                    if used < (PATIENCE if settled else LOOK) / 2:
                         per_call *= 2
                     elif used > 2 * PATIENCE:
                         per_call = max(1, per_call // 2)
@@ -223,77 +283,117 @@ class Run:
                 f"integrate: interrupted after {done} of {self.steps} steps; "
                 f"{self._rows(done)} samples are in `.trajectory`"
             )
-            stopped.trajectory = self._result(done)
-            raise stopped from None
+            raise self._with_trajectory(stopped, self._result(done)) from None
         return self._result(self.steps)
 
-    def _run(self, driver: Any, values: tuple[Any, ...], *arrays: np.ndarray) -> None:
-        """Run a driver on all bodies: one after the other in plain Python, or in native code, perhaps in threads."""
-        if not self.compiled:
-            for i in range(self.columns):
-                columns = [np.ascontiguousarray(a[..., i]).ravel() for a in arrays]
-                driver(*values, *columns)
-                for a, column in zip(arrays, columns, strict=True):
-                    a[..., i] = column.reshape(a.shape[:-1])
+    def _run(
+        self, execution: Execution, values: tuple[Any, ...], *arrays: np.ndarray, done: int = 0, more: int = 1, of: int = 1
+    ) -> None:
+        """Run a driver on all bodies: one after the other in plain Python, the rest in native code as soon as there is some.
+
+        done, more, of : steps before this call, in it, and in all.
+        """
+        column = 0
+        while column < self.count and not execution.ready((done + more * column / self.count) / of):
+            end = min(column + self.lanes, self.count)
+            with execution.plain():
+                for i in range(column, end):
+                    self._plain(execution.call[0], values, arrays, i, done)
+            column = end
+        if column < self.count:
+            self._native(execution, values, arrays, column)
+
+    def _plain(self, driver: Any, values: tuple[Any, ...], arrays: tuple[np.ndarray, ...], i: int, done: int) -> None:
+        """Run a driver in plain Python on one body."""
+        if self.taken[i] < 0.0 and driver is march:  # it could not even begin
             return
-        run = self.kernels[driver]
-        share = -(-self.columns // (self.workers * self.lanes)) * self.lanes
-        parts = [(i, min(i + share, self.columns)) for i in range(0, self.columns, share)]
-        if len(parts) == 1:
-            run(*values, *arrays, bodies=self.columns, end=self.columns)
+        failures: list[Exception | None] = []
+        columns = [np.ascontiguousarray(a[..., i]).ravel() for a in arrays]
+        driver(*values, *columns, failures)
+        for a, column in zip(arrays, columns, strict=True):
+            a[..., i] = column.reshape(a.shape[:-1])
+        if failures:
+            self.failures.setdefault(i, failures[0])
+            error: Any = failures[0]
+            if self.bodies is not None and is_mistake(error):
+                error.add_note(f"[integrate: body {i}; the samples before it are in `.trajectory`]")
+                raise self._with_trajectory(error, self._result(done) if driver is march else self._only_start())
+
+    def _native(self, execution: Execution, values: tuple[Any, ...], arrays: tuple[np.ndarray, ...], start: int) -> None:
+        """Run a driver in native code on the bodies from `start`, perhaps in threads."""
+        if self.columns > self.count:  # the lanes that are left over follow the last body
+            for a in (self.states, self.taken):
+                a[..., self.count :] = a[..., self.count - 1 : self.count]
+        run: Any = execution.native
+        share = -(-(self.columns - start) // (self.workers * self.lanes)) * self.lanes
+        parts = [(i, min(i + share, self.columns)) for i in range(start, self.columns, share)]
+        calls = [functools.partial(run, *values, *arrays, None, bodies=self.columns, begin=a, end=b) for a, b in parts]
+        if len(calls) == 1:
+            calls[0]()
             return
         from concurrent.futures import ThreadPoolExecutor
 
-        with ThreadPoolExecutor(len(parts)) as pool:  # native code does not hold the interpreter's lock
-            for part in [pool.submit(run, *values, *arrays, bodies=self.columns, begin=a, end=b) for a, b in parts]:
-                part.result()
+        with ThreadPoolExecutor(len(calls)) as pool:  # native code does not hold the interpreter's lock
+            for running in [pool.submit(call) for call in calls]:
+                running.result()
 
     # ---------------------------------------------------------------- results
 
     def _result(self, steps: int) -> Trajectory:
         """The samples of the first `steps` steps."""
-        count, rows = self.bodies or 1, self._rows(steps)
-        stopped = {int(i): int(self.taken[i]) for i in np.flatnonzero(self.taken[:count] < steps)}
-        for i, n in stopped.items():  # the first sample after the failure holds the last state; some later ones nothing
-            self.out[n // self.every + 2 : rows, :, i] = self.out[n // self.every + 1, :, i]
-        parts = self.out[:rows, :, :count]
+        rows = self._rows(steps)
+        stopped = {int(i): max(0, int(self.taken[i])) for i in np.flatnonzero(self.taken[: self.count] < steps)}
+        for i in stopped:  # the first sample after the failure holds the last state; some later ones nothing
+            last = int(self.taken[i]) // self.every + 1
+            self.out[last + 1 : rows, :, i] = self.out[last, :, i]
+        parts = self.out[:rows, :, : self.count]
         flat = parts[..., 0] if self.bodies is None else np.moveaxis(parts, 1, -1)
         t = self.t0 + np.minimum(np.arange(rows) * self.every, steps) * self.h
-        if stopped:
-            some = ", ".join(f"body {i} after {n} steps" for i, n in list(stopped.items())[:5])
-            warnings.warn(
-                f"integrate: {len(stopped)} of {count} bodies stopped early: {some}. {self._failure(min(stopped))}",
-                RuntimeWarning,
-                stacklevel=4,
-            )
         states = unpacked(self.example, self.shown, flat)
-        return Trajectory(self.system, self.method, self.h, t, states, self.bodies, steps, self.compiled, stopped)
+        ended = Stopped(stopped, self._failure)
+        run = Trajectory(self.system, self.method, self.h, t, states, self.bodies, steps, self.compiled, ended)
+        if stopped and self.bodies is not None:
+            first = self._failure(min(stopped))
+            mistake: Any = first.__cause__
+            if is_mistake(mistake):
+                mistake.add_note(f"[integrate: body {min(stopped)}; the samples before it are in `.trajectory`]")
+                raise self._with_trajectory(mistake, run)
+            some = ", ".join(f"body {i} after {n} steps" for i, n in list(stopped.items())[:5])
+            warn(f"integrate: {len(stopped)} of {self.count} bodies stopped early: {some}. {first}", RuntimeWarning)
+        return run
 
     def _failure(self, body: int) -> IntegrationFailure:
-        """Why a body stopped: its failing step, run again in plain Python."""
+        """Why a body stopped: what plain Python saw its step raise, or sees now."""
         step = int(self.taken[body])
         t = self.t0 + step * self.h
-        memory = build(self.layout, iter(self.states[:, body].tolist()))
-        cause: Exception | None = None
-        try:
-            self.method.step(self.system, t, memory, self.h)
-            error: IntegrationFailure = NotFinite(
-                f"{self.method!r}: the step overflowed or left the domain of a formula; a smaller h may help"
-            )
-        except IntegrationFailure as raised:
-            error = cause = raised
-        except ArithmeticError as raised:
-            error, cause = NotFinite(f"{self.method!r}: {raised}"), raised
-        except Exception as raised:
-            error, cause = IntegrationFailure(f"{self.method!r}: {type(raised).__name__}: {raised}"), raised
-        at = f"step {step + 1} of {self.steps}, t = {t:g}"
+        at = f"step {step + 1} of {self.steps}, t = {t:g}" if step >= 0 else f"at the start, t = {self.t0:g}"
+        if body not in self.failures:
+            if step < 0:
+                trial = attempt(begun, self.method, self.system, self._beginning(body), self.h)
+            else:
+                memory = build(self.layout, iter(self.states[:, body].tolist()))
+                trial = attempt(stepped, self.method, self.system, t, memory, self.h, self.layout, False)
+            self.failures[body] = reason(trial)
+            if accepted(trial, observed):
+                again = "failed in native code and not in plain Python: a formula depends on more than its arguments"
+                self.failures[body] = IntegrationFailure(f"{self.method!r}: the step {again}")
         if self.bodies is None:
             at += f"; {self._rows(step)} samples are in `.trajectory`"
-        failure = type(error)(f"{error} [{at}]")
-        failure.__cause__ = cause
-        if self.bodies is None:
-            failure.trajectory = self._result(step)
-        return failure
+        return failure(self.failures[body], repr(self.method), at)
+
+    def _ended(self, body: int) -> Exception:
+        """The error of a single body that stopped: its failure, or the mistake in a formula itself."""
+        error: Any = self._failure(body)
+        if is_mistake(error.__cause__):
+            error = error.__cause__
+            at = f"step {int(self.taken[body]) + 1} of {self.steps}"
+            error.add_note(f"[integrate: {at}; the samples before it are in `.trajectory`]")
+        return self._with_trajectory(error, self._result(int(self.taken[body])))
+
+    @staticmethod
+    def _with_trajectory(error: Any, run: Trajectory) -> Any:
+        error.trajectory = run
+        return error
 
 
 class Bar:

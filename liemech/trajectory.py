@@ -3,20 +3,58 @@
 from __future__ import annotations
 
 import inspect
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from .dense import DenseOutput
-from .errors import InvalidInput
+from .errors import IntegrationFailure, InvalidInput
 from .systems.system import State, System
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
 
     from .integrators.method import Method
+
+
+class Stop(NamedTuple):
+    """Where and why a body of an ensemble stopped: after how many steps, and what the next one failed of."""
+
+    steps: int
+    error: IntegrationFailure
+
+
+class Stopped(Mapping[int, Stop]):
+    """The bodies of an ensemble that did not reach the end, by their numbers; why, is found out when asked for.
+
+    steps : how many steps each of them took.
+    """
+
+    def __init__(self, steps: Mapping[int, int] | None = None, failure: Callable[[int], IntegrationFailure] | None = None) -> None:
+        self.steps, self._failure = dict(steps or {}), failure
+        self._errors: dict[int, IntegrationFailure] = {}
+
+    def __getitem__(self, body: int) -> Stop:
+        steps = self.steps[body]
+        if body not in self._errors and self._failure is not None:
+            self._errors[body] = self._failure(body)
+        return Stop(steps, self._errors[body])
+
+    def __iter__(self) -> Iterator[int]:
+        return iter(self.steps)
+
+    def __len__(self) -> int:
+        return len(self.steps)
+
+    def __repr__(self) -> str:
+        return f"Stopped({self.steps!r})"
+
+    def __getstate__(self) -> dict[str, Any]:
+        """With all reasons and without the run, which would find them out."""
+        return {"steps": self.steps, "_failure": None, "_errors": {body: self[body].error for body in self}}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -28,7 +66,7 @@ class Trajectory:
     In an ensemble of m bodies mu is (n, m, dim) and g is (n, m, k, k).
     Of adaptive steps h is the mean; `at(t)` gives the state at any time; rejected : the steps that were tried in vain;
     events : for every event function the times, and the states then.
-    stopped : for an ensemble, the bodies that did not reach the end and the number of steps each of them took.
+    stopped : for an ensemble, the bodies that did not reach the end, each with the `steps` it took and the `error` that ended it.
     """
 
     system: System
@@ -39,7 +77,7 @@ class Trajectory:
     bodies: int | None
     steps: int
     compiled: bool = False
-    stopped: dict[int, int] = field(default_factory=dict)
+    stopped: Mapping[int, Stop] = field(default_factory=Stopped)
     rejected: int | None = None
     dense: DenseOutput | None = None
     events: tuple[tuple[np.ndarray, State], ...] = ()
@@ -141,12 +179,21 @@ FEW = 8
 """Samples below which a straight line through them says nothing."""
 
 
+SMALL = 0.1
+"""A constant smaller than this part of its terms owes its size to their cancelling; its changes are told beside the terms."""
+
+
 @dataclass(frozen=True)
 class Kept:
-    """How well one quantity was kept: its size, the largest deviation, the trend, and how sure the trend is."""
+    """How well one quantity was kept: its size, the largest change, the trend, and how sure the trend is.
+
+    size : at the start.  scale : what changes are divided by: the size, or that of the terms the quantity is the sum of where these
+    nearly cancel; 0 if changes are absolute, because everything is zero at the start.
+    """
 
     name: str
     size: float
+    scale: float
     largest: float
     slope: float
     spread: float
@@ -162,10 +209,18 @@ class Kept:
             return "changed"
         return "drifting" if abs(self.slope) * self.duration > 4.0 * self.spread else "bounded"
 
+    @property
+    def measure(self) -> str:
+        """Whether changes are relative, and to what, or absolute."""
+        if not self.scale:
+            return "absolute"
+        cancelling = "" if self.scale == self.size else f", the size of its terms; it is {self.size:.1e}"
+        return f"relative to {self.scale:.6g}{cancelling}"
+
     def __str__(self) -> str:
-        trends = {"drifting": f", {self.slope:+.1e} per unit time", "changed": ", too few samples for a trend"}
+        trends = {"drifting": f"; {self.slope:+.1e} per unit time", "changed": "; too few samples for a trend"}
         trend = trends.get(self.verdict, "")
-        return f"{self.name:<18}{self.verdict:<10}largest change {self.largest:.1e} of {self.size:.6g}{trend}"
+        return f"{self.name:<18}{self.verdict:<10}largest change {self.largest:.1e} ({self.measure}){trend}"
 
 
 @dataclass(frozen=True)
@@ -176,34 +231,64 @@ class Drift:
 
     @classmethod
     def of(cls, run: Trajectory) -> Drift:
-        """Measure what the system names as constant: of a body energy, Casimirs, spatial momentum.  Changes are relative."""
+        """Measure what the system names as constant: of a body energy, Casimirs, spatial momentum."""
         if len(run) < 2:
             raise InvalidInput("Trajectory.drift needs at least two samples")
-        series = run.system.constants(run.states)
-        if not series:
-            raise InvalidInput(f"Trajectory.drift: {run.system!r} names no `constants` of its motion")
+        series, terms = run.system.constants(run.states), _terms(run)
         axes = run.t.ndim + (run.bodies is not None)
-        return cls(tuple(_kept(name, run.t, values.reshape(*values.shape[:axes], -1)) for name, values in series.items()))
+
+        def flat(values: np.ndarray) -> np.ndarray:
+            return values.reshape(*values.shape[:axes], -1)
+
+        return cls(tuple(_kept(name, run.t, flat(values), flat(terms[name])) for name, values in series.items()))
 
     def __getitem__(self, name: str) -> Kept:
-        return next(k for k in self.kept if k.name == name)
+        for kept in self.kept:
+            if kept.name == name:
+                return kept
+        names = ", ".join(k.name for k in self.kept) or "none"
+        raise InvalidInput(f"Drift: {name!r} is no constant of this motion; known are: {names}")
 
     def __str__(self) -> str:
-        return "\n".join(map(str, self.kept))
+        return "\n".join(map(str, self.kept)) or "no constants of the motion are known"
 
 
-def _kept(name: str, t: np.ndarray, values: np.ndarray) -> Kept:
+def _terms(run: Trajectory) -> dict[str, np.ndarray]:
+    """How large the terms of the constants are, sum_i |x_i dC/dx_i| over the coordinates, at the start, half-way and at the end."""
+    states = {name: values[_some(len(run))] for name, values in run.states.items()}
+    constants, bit = run.system.constants(states), 2.0**-20
+    sizes = {name: np.abs(values) for name, values in constants.items()}
+    totals = {name: np.zeros_like(values) for name, values in sizes.items()}
+    for part in run.system.coordinates:
+        for i in range(states[part].shape[-1]):
+            varied = states[part].copy()
+            varied[..., i] *= 1.0 + bit
+            for name, values in run.system.constants(states | {part: varied}).items():
+                totals[name] += np.abs(values - constants[name]) / bit
+    return {name: np.maximum(sizes[name], totals[name]) for name in sizes}
+
+
+def _some(samples: int) -> list[int]:
+    """The samples at which the terms are looked at."""
+    return [0, samples // 2, -1]
+
+
+def _kept(name: str, t: np.ndarray, values: np.ndarray, terms: np.ndarray) -> Kept:
     """The change of a vector quantity along a run: its largest norm, and by least squares a straight line through it."""
     _, exponent = np.frexp(np.abs(values).max(axis=(0, -1)))  # a power of two as unit: then no square under- or overflows
-    values = np.ldexp(values, -exponent[..., None])
-    size = np.linalg.norm(values[0], axis=-1)
-    relative = (values - values[0]) / np.where(size > 0.0, size, 1.0)[..., None]
-    largest = np.linalg.norm(relative, axis=-1)
+    values, terms = (np.ldexp(x, -exponent[..., None]) for x in (values, terms))
+    size, sums = np.linalg.norm(values[0], axis=-1), np.linalg.norm(terms, axis=-1)
+    changes = np.linalg.norm(values[_some(len(t))] - values[0], axis=-1)
+    sum_of_terms = np.where(changes <= SMALL * sums, sums, 0.0).max(axis=0)  # not where the motion has been left
+    scale = np.where(size > SMALL * sum_of_terms, size, sum_of_terms)
+    unit = np.where(scale > 0.0, scale, np.ldexp(1.0, -exponent))
+    change = (values - values[0]) / unit[..., None]
+    largest = np.linalg.norm(change, axis=-1)
     worst = np.unravel_index(np.argmax(largest), largest.shape)[1:]
-    series = relative[(slice(None), *worst)]
+    series = change[(slice(None), *worst)]
     component = np.ascontiguousarray(series[:, np.abs(series[-1]).argmax()])
     time = t - t.mean()
     slope = float(time @ component / (time @ time))
     spread = float(np.std(component - slope * time))
-    size = np.ldexp(size, exponent)
-    return Kept(name, float(np.max(size)), float(largest.max()), slope, spread, float(abs(t[-1] - t[0])), len(t))
+    size, scale = (float(np.ldexp(x, exponent)[worst]) for x in (size, scale))
+    return Kept(name, size, scale, float(largest.max()), slope, spread, float(abs(t[-1] - t[0])), len(t))

@@ -181,6 +181,32 @@ def test_events_that_end_the_run_and_those_of_one_direction() -> None:
     assert np.abs(run.at(shortly_before).mu - BODY.exact(START, [shortly_before]).mu[0]).max() < 1e-7
 
 
+@pytest.mark.parametrize("wanted", [1, 2, np.int64(3), True, False, None, 0, 50])
+def test_a_terminal_event_counts_as_in_scipy(wanted) -> None:
+    def crossing(t, state):
+        return state.mu[1]
+
+    every = lm.integrate(BODY, DP5, START, t_end=60.0, events=crossing).events[0][0]
+    assert len(every) > 3
+    crossing.terminal = wanted
+    run = lm.integrate(BODY, DP5, START, t_end=60.0, events=crossing)
+    number = int(wanted or 0)
+    if 0 < number <= len(every):
+        assert np.array_equal(run.events[0][0], every[:number])
+        assert run.t[-1] == every[number - 1]
+    else:
+        assert np.array_equal(run.events[0][0], every)
+        assert run.t[-1] == 60.0
+
+
+def marked(**attributes):
+    def event(t, state):
+        return state.mu[1]
+
+    vars(event).update(attributes)
+    return event
+
+
 # ---------------------------------------------------------------- refusals
 
 
@@ -213,6 +239,11 @@ VALUE, KIND, PAIR = lm.errors.InvalidInput, lm.errors.InvalidType, lm.errors.Inc
         (VALUE, "t_eval must be sorted", dict(t_end=1.0, t_eval=[0.5, 0.2])),
         (VALUE, r"t_eval has shape \(1, 1\)", dict(t_end=1.0, t_eval=[[0.5]])),
         (KIND, "events are functions of t and state; got 3", dict(t_end=1.0, events=[3])),
+        (VALUE, "`terminal` of an event is True, False, or the number", dict(t_end=1.0, events=marked(terminal=-1))),
+        (VALUE, "`terminal` of an event .* got 2.5", dict(t_end=1.0, events=marked(terminal=2.5))),
+        (VALUE, "`direction` of an event", dict(t_end=1.0, events=marked(direction="up"))),
+        (VALUE, "compensated is for steps of one length", dict(t_end=1.0, compensated=True)),
+        (VALUE, "dense is for adaptive steps", dict(h=0.1, steps=3, dense=False)),
         (KIND, "dense must be True or False", dict(t_end=1.0, dense=3)),
         (VALUE, "every is for steps of one length", dict(t_end=1.0, every=2)),
         (VALUE, "rtol is for adaptive steps", dict(h=0.1, steps=3, rtol=1e-3)),

@@ -31,6 +31,7 @@ LAYERS = (
     "models",
     "tableaus",
     "integrators",
+    "execution",  # plain Python or native code
     "dense",  # the motion between the steps
     "trajectory",  # what the loop returns
     "marching",  # the loop

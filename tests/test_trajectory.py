@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import copy
+import math
+import pickle
+
 import numpy as np
 import pytest
 from scenes import CAYLEY, EXP, METHODS, RKMK4, asymmetric_body, named, quiet_body, seed_body
@@ -171,6 +175,73 @@ def test_too_few_samples_for_a_trend() -> None:
     run = lm.integrate(body, EXP, start, h=0.5, steps=300, every=150)
     assert run.drift()["energy"].verdict == "changed"
     assert "too few samples" in str(run.drift())
+
+
+def test_constants_that_are_zero_by_cancelling() -> None:
+    """Their changes are told beside the size of their terms: no division by a rounding error."""
+    fluid = lm.KirchhoffBody([1.0, 2.0, 3.0, 4.0, 5.0, 6.0])
+    start = fluid.state([1.0, 1.0, 1.0, 0.1, 0.2, -0.3], np.eye(4))
+    kept = lm.integrate(fluid, lm.RKMK(order=4), start, h=0.05, steps=200).drift()["Casimir 2"]
+    assert kept.size < 1e-15
+    assert 0.1 < kept.scale < 10.0
+    assert kept.verdict == "exact"
+    assert "the size of its terms" in str(kept)
+    pendulum = lm.Pendulum()
+    energy = lm.integrate(pendulum, lm.RKMK(order=4), pendulum.state(math.pi / 2, 0.0), h=0.01, steps=300).drift()["energy"]
+    assert 1.0 < energy.scale < 100.0
+    assert energy.largest < 1e-6
+    top = lm.LagrangeTop(weight=1.0, transverse=1.0, axial=0.5, length=1.0)
+    lying = top.state(np.zeros(3), [[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+    energy = lm.integrate(top, lm.LieVerlet(), lying, h=0.01, steps=300).drift()["energy"]
+    assert 0.1 < energy.scale < 10.0  # half-way it falls
+    assert energy.largest < 1e-3
+
+
+def test_changes_are_relative_or_absolute_and_say_so() -> None:
+    body, start = seed_body()
+    report = lm.integrate(body, EXP, start, h=0.5, steps=100).drift()
+    assert "relative to 0.375" in str(report["energy"])
+    rest = lm.integrate(body, CAYLEY, body.state([0.0, 0.0, 0.0]), h=0.5, steps=10).drift()
+    assert "absolute" in str(rest["energy"])
+    assert rest["energy"].largest == 0.0
+    with pytest.raises(lm.errors.InvalidInput, match=r"'typo' is no constant .* energy, Casimir 1, spatial momentum"):
+        report["typo"]
+
+
+def test_a_system_that_names_no_constants() -> None:
+    class Spin(lm.LinearGroupEquation):
+        def drive(self, t):
+            return lm.vec(1.0, 0.0, t)
+
+    system = Spin(lm.SO3())
+    report = lm.integrate(system, RKMK4, system.state(np.eye(3)), h=0.1, steps=10).drift()
+    assert report.kept == ()
+    assert str(report) == "no constants of the motion are known"
+
+
+COPIES = {"pickle": lambda x: pickle.loads(pickle.dumps(x)), "deep": copy.deepcopy, "copy": copy.copy}
+
+
+@pytest.mark.parametrize("again", COPIES.values(), ids=COPIES)
+def test_copies_print_alike(again, single: lm.Trajectory, ensemble: lm.Trajectory) -> None:
+    body, start = asymmetric_body()
+    adaptive = lm.integrate(body, lm.RKMK(order=5), start, t_end=2.0)
+    methods = lm.RKMK(order=5), lm.CommutatorFree(), lm.Composition(CAYLEY), lm.KickDrift(), lm.Taylor()
+    for one in (single, ensemble, adaptive, body, start, body.group, *methods):
+        assert repr(again(one)) == repr(one)
+    assert np.array_equal(again(adaptive).at(1.0).mu, adaptive.at(1.0).mu)
+    carried_on = lm.integrate(body, RKMK4, again(start), h=0.1, steps=3)
+    assert np.array_equal(carried_on.mu, lm.integrate(body, RKMK4, start, h=0.1, steps=3).mu)
+
+
+def test_nothing_is_written_into_frozen_records() -> None:
+    body, _ = asymmetric_body()
+    start = body.state([0.1, 0.2, 0.3], np.eye(3))
+    before = {id(x): set(vars(x)) for x in (start, body.hamiltonian)}
+    lm.integrate(body, lm.LiePoissonHamiltonJacobi(order=2), start, h=0.1, steps=2)
+    for x in (start, body.hamiltonian):
+        assert set(vars(x)) - before[id(x)] <= {"_layout"}
+        assert "_home" not in vars(x)
 
 
 def test_a_run_does_not_notice_later_changes_of_its_start() -> None:

@@ -146,10 +146,8 @@ def _stored(job: Job) -> kernel.Kernel | None:
     """Its native code, if it is on disk."""
     if kernel.available() is not None:
         return None
-    for lanes in _lanes():
-        if kernel.on_disk(_each, *job.arguments, *job.rows, lanes=lanes):
-            return kernel.kernel(_each, *job.arguments, *job.rows, lanes=lanes)
-    return None
+    found = (kernel.stored(_each, *job.arguments, *job.rows, lanes=lanes) for lanes in _lanes())
+    return next((run for run in found if run is not None), None)
 
 
 def _compiled(job: Job, batch: Batch) -> kernel.Kernel | None:

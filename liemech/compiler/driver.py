@@ -17,10 +17,10 @@ from ..formulas.vectors import Vec
 
 
 class Rejected:
-    """What an attempted step gives in plain Python when it raises."""
+    """What an attempted step gives in plain Python when it raises.  error : what it raised."""
 
-
-REJECTED = Rejected()
+    def __init__(self, error: Exception) -> None:
+        self.error = error
 
 
 def read(array: np.ndarray, start: int, layout: Layout) -> Any:
@@ -43,16 +43,22 @@ def attempt(function: Callable[..., Any], *args: Any) -> Any:
     """`function(*args)`, where formulas may raise; ask `accepted` before using the result."""
     try:
         return function(*args)
-    except Exception:  # run again outside, the call raises it once more
-        return REJECTED
+    except Exception as error:  # whoever started the driver decides what becomes of it
+        return Rejected(error)
 
 
 def accepted(value: Any, shown: Callable[[Any], Any], layout: Layout | None = None) -> bool:
     """Did the attempt go through, and is what it shows finite?  Told, as in native code, from the sum of its numbers."""
-    if value is REJECTED:
+    if isinstance(value, Rejected):
         return False
     part = shown(value)
-    return math.isfinite(pairwise_sum(list(leaves(part, layout or layout_of(part)))))
+    total = pairwise_sum(list(leaves(part, layout or layout_of(part))))
+    return not isinstance(total, complex) and math.isfinite(total)
+
+
+def reason(value: Any) -> Exception | None:
+    """In plain Python, what an attempt that was not accepted raised; None if its numbers were not finite."""
+    return value.error if isinstance(value, Rejected) else None
 
 
 def pairwise_sum(terms: list[Any]) -> Any:

@@ -59,7 +59,9 @@ def available() -> str | None:
 class Kernel:
     """Machine code of one driver for arguments of one layout, for one body (lanes = 1) or several at once."""
 
-    def __init__(self, entry: Callable[..., Any], kinds: tuple[Kind, ...], lanes: int, args: Sequence[Any] | None = None) -> None:
+    def __init__(
+        self, entry: Callable[..., Any], kinds: tuple[Kind, ...], lanes: int, args: Sequence[Any] | None = None, make: bool = True
+    ) -> None:
         from . import cache, llvm
         from .reads import Reads
 
@@ -70,6 +72,8 @@ class Kernel:
         self.cached = found is not None
         if found is not None:
             self.reads, code = found
+        elif not make:
+            raise NotCompilable("there is no such kernel on disk")
         else:
             self.reads, text = _translated(entry, kinds, lanes, known if args else None)
             code = llvm.object_code(text)
@@ -135,6 +139,10 @@ def kernel(entry: Callable[..., Any], *args: Any, lanes: int = 1) -> Kernel:
     An int among the arguments is a run-time integer, arrays and rows are read and written in place; a layout describes everything
     else.  Raises NotCompilable.
     """
+    return _get(entry, args, lanes, make=True)
+
+
+def _get(entry: Callable[..., Any], args: tuple[Any, ...], lanes: int, make: bool) -> Kernel:
     key = entry, tuple(map(_kind, args)), lanes
     kept = _kept.setdefault(key, _Kept())
     found = kept.find(args)
@@ -143,7 +151,7 @@ def kernel(entry: Callable[..., Any], *args: Any, lanes: int = 1) -> Kernel:
             found = kept.find(args)  # made by another thread meanwhile
             if found is None:
                 try:
-                    found = Kernel(*key, args)
+                    found = Kernel(*key, args, make)
                 except RuntimeError as error:  # of LLVM: an unknown processor, a broken installation
                     raise NotCompilable(f"native code cannot be made here: {error}") from error
                 kept.kernels = [found, *kept.kernels[: VARIANTS - 1]]
@@ -170,12 +178,12 @@ def forget() -> None:
     _kept.clear()
 
 
-def on_disk(entry: Callable[..., Any], *args: Any, lanes: int = 1) -> bool:
-    """Is the object code of such a kernel there, made by this or another process?"""
-    from . import cache
-    from .source import fingerprint
-
-    return cache.load(fingerprint(entry, *map(_kind, args), lanes, *_machine())) is not None
+def stored(entry: Callable[..., Any], *args: Any, lanes: int = 1) -> Kernel | None:
+    """Such a kernel, if this process has it or finds it on disk; nothing is compiled."""
+    try:
+        return _get(entry, args, lanes, make=False)
+    except NotCompilable:
+        return None
 
 
 def _kind(value: Any) -> Kind:

@@ -67,7 +67,7 @@ class CommutatorFree(Method):
         return place
 
     def __repr__(self) -> str:
-        ours = self.tableau is self.choices.get(self.order)
+        ours = self.tableau == self.choices.get(self.order)
         return f"{type(self).__name__}({f'order={self.order}' if ours else f'tableau={self.tableau!r}'})"
 
 

@@ -6,7 +6,11 @@ from typing import Any
 
 from ..errors import IncompatibleSystem, InvalidInput
 from ..formulas import cos, derivative, dot, vec
+from ..formulas.remembered import Remembered
 from ..formulas.vectors import Vec
+
+_derivable = Remembered()
+"""Of Hamiltonians that passed: the dimension."""
 
 
 def require_derivatives(method: Any, system: Any) -> None:
@@ -18,7 +22,7 @@ def require_derivatives(method: Any, system: Any) -> None:
     Source: Griewank and Walther, Evaluating Derivatives, 2nd ed., chapter 3 (forward mode).
     """
     hamiltonian, n = system.hamiltonian, system.group.dim
-    if hamiltonian.__dict__.get("_derivable") == n:  # a record never changes: it is tried once, not at every run
+    if _derivable.get(hamiltonian) == n:  # a record never changes: it is tried once, not at every run
         return
     name = type(hamiltonian).__name__
     mu, onward = (vec(*[float(cos(start + k)) for k in range(n)]) for start in (1.0, 2.0))
@@ -43,4 +47,4 @@ def require_derivatives(method: Any, system: Any) -> None:
             f"{name}.gradient is not the gradient of its energy: at mu = {tuple(mu)}, along {tuple(onward)}, "
             f"{along:.6g} instead of {slope:.6g}. Leave it out and it is derived"
         )
-    hamiltonian.__dict__["_derivable"] = n
+    _derivable.set(hamiltonian, n)

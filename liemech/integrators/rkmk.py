@@ -178,7 +178,7 @@ class RKMK(Method):
 
     def __repr__(self) -> str:
         parts = [f"order={self.order}"]
-        if self.tableau is not BY_ORDER.get(self.order):
+        if self.tableau != BY_ORDER.get(self.order):
             parts = [f"tableau={self.tableau!r}"]
         if self.truncation != max(self.order - 2, 0):
             parts.append(f"truncation={self.truncation!r}")
@@ -201,11 +201,15 @@ def _difference(b: Row, b_hat: Row, slopes: list[Vec], h: float) -> Vec:
     return combination(tuple([x - y for x, y in zip(b, b_hat)]), slopes, h)
 
 
+LEAST = 2.0**-1000
+"""Added to a tolerance, which may be zero: no change is then no error, and any change is too large."""
+
+
 def mean_square(system: System, state: Any, new: Any, off: Vec, rtol: float, atol: float) -> float:
     """The mean square of what a displacement changes, over the tolerance."""
     (change, before), (_, after) = system.deviation(state, off), system.deviation(new, off)
     total = 0.0
     for c, a, b in zip(change, before, after):
-        ratio = c / (atol + rtol * max(a, b))
+        ratio = c / (atol + rtol * max(a, b) + LEAST)
         total = total + ratio * ratio
     return total / len(change)

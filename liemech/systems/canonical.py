@@ -38,6 +38,7 @@ class HamiltonianSystem(System):
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VI.1.2.
     """
 
+    coordinates: ClassVar[tuple[str, ...]] = "q", "p"
     degrees: ClassVar[int]
 
     def __post_init__(self) -> None:

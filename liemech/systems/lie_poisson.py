@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, final
+from typing import Any, ClassVar, final
 
 import numpy as np
 
@@ -36,6 +36,8 @@ class LiePoissonSystem(System):
 
     Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., sections 13.1, 13.5 and 13.7.
     """
+
+    coordinates: ClassVar[tuple[str, ...]] = ("mu",)
 
     group: LieGroup
     hamiltonian: Hamiltonian

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import field
 from functools import cached_property
-from typing import Any, final
+from typing import Any, ClassVar, final
 
 import numpy as np
 
@@ -34,6 +34,8 @@ class MechanicalSystem(System):
     Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., sections 1.4 and 15.10; for T*G as a group Engo,
     Partitioned Runge-Kutta methods in Lie-group setting, BIT 43 (2003).
     """
+
+    coordinates: ClassVar[tuple[str, ...]] = ("mu",)
 
     body: LiePoissonSystem
     potential: Potential

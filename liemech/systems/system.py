@@ -11,6 +11,7 @@ from ..errors import InvalidInput, NotDefined
 from ..formulas import Record, Vec, check_finite, real_array, record
 from ..formulas.broadcasting import small
 from ..formulas.fields import array_held, frozen_array
+from ..formulas.remembered import Remembered
 from ..groups.lie_group import LieGroup
 from ..retractions import Retraction
 
@@ -42,6 +43,8 @@ class System(Record):
 
     side : "left" for body velocities, which move a group element as g exp(xi), "right" for spatial ones, exp(xi) g.
 
+    coordinates : the parts of the state whose components are numbers that vary freely, such as ("mu",) or ("q", "p").
+
     1. A subclass writes `rate`, `moved` and `state`, and has a `group`.  (Mostly through one of the classes of this folder.)
     2. It may say what the velocity depends on (`essential`) and what stays constant (`constants`).
 
@@ -49,6 +52,7 @@ class System(Record):
     """
 
     side: ClassVar[str] = "left"
+    coordinates: ClassVar[tuple[str, ...]] = ()
     if TYPE_CHECKING:
         group: LieGroup
 
@@ -71,13 +75,13 @@ class System(Record):
     @final
     def vouched(self, state: State) -> Any:
         """The state, which this system's `state` has just made and checked; `integrate` need not do it again."""
-        state.__dict__["_home"] = type(self), self.group
+        _checked.set(state, (type(self), self.group))
         return state
 
     @final
     def knows(self, state: State) -> bool:
         """Was the state made by `state`, of this system or one of its kind on the same group?"""
-        return state.__dict__.get("_home") == (type(self), self.group)
+        return _checked.get(state) == (type(self), self.group)
 
     def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Quantities that the motion should keep, by name, each (n, ...), from the samples of a run."""
@@ -91,6 +95,10 @@ class System(Record):
 
     def _objection(self, argument: str, value: Any) -> str | None:
         return self.group._objection(argument, value)
+
+
+_checked = Remembered()
+"""Of states: the class and the group of the system that made and checked them."""
 
 
 def points(value: Any, name: str, shape: tuple[int, ...], space: str, or_complex: bool = False) -> np.ndarray:

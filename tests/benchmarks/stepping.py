@@ -25,7 +25,7 @@ class Native:
 
     def __call__(self, steps: int) -> np.ndarray:
         states, self.taken[0] = self.start.copy(), 0.0
-        self.run._run(marching.march, self.run._arguments(0, steps, 1), states, self.last, self.taken)
+        self.run._run(self.run.marching, self.run._arguments(0, steps, 1), states, self.last, self.taken)
         if self.taken[0] != steps:
             raise SystemExit(f"{self.run.method!r} on {self.run.system!r} stopped after {self.taken[0]:g} of {steps} steps")
         return self.last[0, :, 0].copy()

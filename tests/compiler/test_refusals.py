@@ -16,6 +16,7 @@ import pytest
 import worlds
 
 import liemech as lm
+from liemech import execution
 from liemech.compiler import cache, kernel, llvm
 from liemech.errors import NotCompilable, NotCompiledWarning
 
@@ -233,6 +234,14 @@ def gyrostat(tmp_path: Path):
     return worlds.module_from(GYROSTAT, tmp_path, "gyrostat")
 
 
+@pytest.fixture
+def at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Native code is made before the first step, as by a run that has taken long enough."""
+    monkeypatch.setattr(execution, "WAIT", 0.0)
+    monkeypatch.setattr(execution, "_told", set())
+
+
+@pytest.mark.usefixtures("at_once")
 def test_a_run_goes_on_in_plain_python_with_one_warning(gyrostat) -> None:
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
@@ -257,6 +266,7 @@ class Dreamer(lm.RKMK):
         return dict.fromkeys(("state",), state)["state"]
 
 
+@pytest.mark.usefixtures("at_once")
 def test_a_method_whose_start_does_not_compile() -> None:
     """One body is started in plain Python anyway; the bodies of an ensemble are not."""
     body = lm.RigidBody([1.0, 1.5, 2.0])
@@ -318,6 +328,7 @@ def test_the_same_bits_without_a_compiler() -> None:
     assert "llvmlite is not installed" in run("nothing")[1] and "LIEMECH_COMPILE=0" in run(LIEMECH_COMPILE="0")[1]
 
 
+@pytest.mark.usefixtures("at_once")
 def test_a_compiler_that_fails_is_no_reason_to_stop(gyrostat, monkeypatch: pytest.MonkeyPatch) -> None:
     """LLVM itself may refuse (an unknown processor, a broken installation): the run goes on, with a warning."""
 
@@ -327,6 +338,7 @@ def test_a_compiler_that_fails_is_no_reason_to_stop(gyrostat, monkeypatch: pytes
     monkeypatch.setattr(llvm, "object_code", broken)
     monkeypatch.setattr(cache, "load", lambda key, fits: None)
     kernel.forget()
+    monkeypatch.setattr(execution, "_histories", {})
     body = lm.RigidBody([1.0, 1.5, 2.0])
     with pytest.warns(NotCompiledWarning, match="LLVM does not know this processor"):
         run = lm.integrate(body, lm.RKMK(order=4), body.state(mu=[0.5, 0.0, 0.5]), h=0.1, steps=4000, every=4000)

@@ -1,0 +1,137 @@
+"""Which code runs a driver: plain Python at first, native code as soon as it is there or pays.  Both give the same bits."""
+
+from __future__ import annotations
+
+import dataclasses
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+
+from .compiler import kernel
+from .errors import NotCompilable, NotCompiledWarning, warn
+from .formulas.pytree import layout_of
+
+LOOK = 0.02
+"""Seconds of plain Python after which native code is looked for on disk."""
+
+WAIT = 0.3
+"""Seconds of plain Python after which native code is made, if as many more are to be expected."""
+
+NOTICE = 1.0
+"""Seconds after which a compilation shows itself."""
+
+MANY = 1000
+"""Kinds of runs that are remembered."""
+
+
+@dataclasses.dataclass
+class History:
+    """What this process has learned about one driver and the layouts of its arguments.
+
+    seconds : spent on it in plain Python.  looked : on disk.  refused : it cannot be compiled.
+    """
+
+    seconds: float = 0.0
+    looked: bool = False
+    refused: bool = False
+
+
+_histories: dict[Any, History] = {}
+_told: set[str] = set()  # refusals that were shown
+
+
+class Execution:
+    """How one run executes one driver.
+
+    wanted : True for native code, at once or NotCompilable; False for plain Python; None to choose by the time plain Python takes.
+    call : the driver and arguments like those to come; arrays and integers may be any.
+    native : the kernel; None for plain Python.
+    """
+
+    def __init__(self, wanted: bool | None, progress: bool | None, *call: Any, lanes: int = 1) -> None:
+        self.wanted, self.progress, self.call, self.lanes = wanted, progress, call, lanes
+        self.native = kernel.known(*call, lanes=lanes) if wanted is not False else None
+        self.seconds = 0.0
+        if self.native is None:
+            self.history = History() if wanted is False else _history(call, lanes)
+            if wanted:
+                self.compile()
+            elif self.history.refused:
+                self.wanted = False
+
+    @contextmanager
+    def plain(self) -> Iterator[None]:
+        """Around what runs in plain Python: its time counts."""
+        begun = time.perf_counter()
+        try:
+            yield
+        finally:
+            used = time.perf_counter() - begun
+            self.seconds += used
+            self.history.seconds += used
+
+    def ready(self, done: float) -> bool:
+        """Is there native code to go on with?  When plain Python, `done` with this part of the run, has taken long enough, it is
+        looked for on disk, and later made."""
+        if self.native is None and self.wanted is None:
+            spent, left = self.history.seconds, self.seconds * (1.0 - done) / done if done else 0.0
+            if spent >= LOOK and not self.history.looked and kernel.available() is None:
+                self.history.looked = True
+                self.native = kernel.stored(*self.call, lanes=self.lanes)
+            if self.native is None and spent >= WAIT and spent + left >= 2.0 * WAIT:
+                self.compile()
+        return self.native is not None
+
+    def compile(self) -> None:
+        """Make native code, if it is not there.  Raises NotCompilable if it was demanded; else warns that plain Python goes on."""
+        if self.native is not None or self.wanted is False:
+            return
+        why_not = kernel.available()
+        try:
+            if why_not is not None:
+                raise NotCompilable(f"integrate: compiled=True, but {why_not}")
+            with _notice(self.progress, f"liemech: compiling {self.call[1]!r} ..."):
+                self.native = kernel.kernel(*self.call, lanes=self.lanes)
+        except NotCompilable as error:
+            if self.wanted:
+                raise
+            self.wanted = False
+            if why_not is None:
+                self.history.refused = True
+                if str(error) not in _told:
+                    _told.add(str(error))
+                    warn(f"{error}. Running in plain Python instead, much slower", NotCompiledWarning)
+
+
+def _history(call: tuple[Any, ...], lanes: int) -> History:
+    """That of this driver and these layouts."""
+    key = lanes, call[0], *(layout_of(x) for x in call[1:] if not isinstance(x, np.ndarray) and type(x) is not int)
+    if key not in _histories and len(_histories) >= MANY:
+        _histories.clear()
+    return _histories.setdefault(key, History())
+
+
+@contextmanager
+def _notice(wanted: bool | None, text: str) -> Iterator[None]:
+    """A line for what takes longer than a second."""
+    shown: list[float] = []
+
+    def show() -> None:
+        shown.append(time.perf_counter())
+        print(text, end="", file=sys.stderr, flush=True)
+
+    timer = threading.Timer(NOTICE, show)
+    timer.daemon = True
+    if wanted is not False:
+        timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
+        if shown:
+            print(f" {NOTICE + time.perf_counter() - shown[0]:.1f} s", file=sys.stderr, flush=True)

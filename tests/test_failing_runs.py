@@ -1,0 +1,258 @@
+"""What a formula raises in a run: failures of a step, mistakes in the program, and the samples that are left."""
+
+from __future__ import annotations
+
+import traceback
+import warnings
+from typing import Any
+
+import numpy as np
+import pytest
+from scenes import asymmetric_body
+
+import liemech as lm
+from liemech.formulas import dot, vec
+
+WORLDS = pytest.mark.parametrize(
+    "compiled", [False, None, pytest.param(True, marks=pytest.mark.compiled)], ids=["plain", "chosen", "compiled"]
+)
+START = [0.5, 0.0, 0.75**0.5]
+AWAY = [5.0, 0.0, 0.0]  # stays where it is
+
+
+@lm.record
+class Fragile(lm.Hamiltonian):
+    """A free body whose velocity has no value below mu_1 = 0.3, for a reason of one's choice."""
+
+    inertia: lm.Vec
+    how: str
+
+    def energy(self, mu):
+        return 0.5 * dot(mu, mu / self.inertia)
+
+    def gradient(self, mu):
+        if mu[0] < 0.3:
+            if self.how == "raise":
+                raise RuntimeError("the body is broken")
+            if self.how == "divide":
+                return mu / (0.0 * mu[0])
+            if self.how == "name":
+                return no_such_name * mu  # noqa: F821
+            if self.how == "index":
+                return vec(mu[7], 0.0, 0.0)
+            if self.how == "shape":
+                return vec(1.0, 2.0)
+            if self.how == "type":
+                raise TypeError("this is no velocity")
+        return mu / self.inertia
+
+
+@lm.record
+class Asserting(Fragile):
+    """With an assertion, which pytest rewrites: for plain Python."""
+
+    def gradient(self, mu):
+        assert mu[0] > 0.3, "the body is too slow"
+        return mu / self.inertia
+
+
+def fragile(how: str) -> lm.LiePoissonSystem:
+    kind = Asserting if how == "assert" else Fragile
+    return lm.LiePoissonSystem(lm.SO3(), kind([1.0, 1.5, 2.0], how))
+
+
+MISTAKES = {"name": NameError, "index": IndexError, "shape": TypeError, "type": TypeError}
+FAILURES = {"raise": RuntimeError, "divide": ZeroDivisionError, "assert": AssertionError}
+
+
+@pytest.mark.parametrize("how", MISTAKES)
+@pytest.mark.parametrize("compiled", [False, None])
+@pytest.mark.parametrize("start", [START, [AWAY, START]], ids=["one", "many"])
+def test_a_mistake_is_raised_as_itself(how: str, compiled: bool | None, start: Any) -> None:
+    """With the line of the formula, and the samples so far."""
+    system = fragile(how)
+    with pytest.raises(MISTAKES[how]) as caught:
+        lm.integrate(system, lm.RKMK(order=4), system.state(start), h=0.1, steps=100, compiled=compiled)
+    assert "gradient" in [f.name for f in traceback.extract_tb(caught.value.__traceback__)] or how == "shape"
+    run = caught.value.trajectory  # type: ignore[attr-defined]
+    assert len(run) > 1
+    assert (run.mu[..., 0] > 0.3).all()
+    assert "samples before it" in caught.value.__notes__[0]
+
+
+@pytest.mark.compiled
+def test_a_mistake_that_native_code_only_marks() -> None:
+    system = fragile("type")
+    for start in (START, [AWAY, START]):
+        with pytest.raises(TypeError, match="this is no velocity") as caught:
+            lm.integrate(system, lm.RKMK(order=4), system.state(start), h=0.1, steps=100, compiled=True)
+        assert len(caught.value.trajectory) > 1  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize("how", ["name", "type"])
+def test_a_mistake_in_an_adaptive_run(how: str) -> None:
+    system = fragile(how)
+    with pytest.raises(MISTAKES[how]) as caught:
+        lm.integrate(system, lm.RKMK(order=5), system.state(START), t_end=10.0, compiled=False)
+    assert len(caught.value.trajectory) > 5  # type: ignore[attr-defined]
+    with pytest.raises(MISTAKES[how]) as caught:  # already at the start
+        lm.integrate(system, lm.RKMK(order=5), system.state([0.1, 0.0, 1.0]), t_end=10.0)
+    assert len(caught.value.trajectory) == 1  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize("how", ["raise", "divide"])
+@WORLDS
+def test_a_failure_names_its_cause_and_keeps_the_samples(how: str, compiled: bool | None) -> None:
+    system = fragile(how)
+    with pytest.raises(lm.errors.IntegrationFailure, match="step 41 of 100") as caught:
+        lm.integrate(system, lm.RKMK(order=4), system.state(START), h=0.1, steps=100, compiled=compiled)
+    assert type(caught.value.__cause__) is FAILURES[how]
+    assert caught.value.trajectory is not None
+    assert len(caught.value.trajectory) == 41
+
+
+@pytest.mark.parametrize("how", FAILURES)
+def test_a_failure_in_an_adaptive_run(how: str) -> None:
+    """Shorter steps do not help; what the rejected ones raised is told, and the way there is kept."""
+    system = fragile(how)
+    with pytest.raises(lm.errors.StepTooSmall) as caught:
+        lm.integrate(system, lm.RKMK(order=5), system.state(START), t_end=10.0, compiled=False)
+    assert type(caught.value.__cause__) is FAILURES[how]
+    assert caught.value.trajectory is not None
+    assert abs(caught.value.trajectory.mu[-1, 0] - 0.3) < 1e-9
+
+
+@pytest.mark.compiled
+def test_an_adaptive_failure_is_the_same_in_native_code() -> None:
+    system, found = fragile("raise"), []
+    for compiled in (False, True):
+        with pytest.raises(lm.errors.StepTooSmall) as caught:
+            lm.integrate(system, lm.RKMK(order=5), system.state(START), t_end=10.0, compiled=compiled)
+        found.append((str(caught.value), caught.value.trajectory.mu.tobytes()))  # type: ignore[union-attr]
+    assert found[0] == found[1]
+    assert "RuntimeError: the body is broken" in found[0][0]
+
+
+@WORLDS
+def test_every_body_has_its_own_reason(compiled: bool | None) -> None:
+    """Lazily, and each of its own step."""
+    body, _ = asymmetric_body()
+    starts = body.state([[0.0, 0.0, 0.0], [3.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
+    with pytest.warns(RuntimeWarning, match="3 of 3 bodies"):
+        run = lm.integrate(body, Counting(), starts, h=1.0, steps=20, compiled=compiled)
+    assert run.stopped.steps == {0: 7, 1: 4, 2: 6}  # type: ignore[attr-defined]
+    for i, x in ((0, 0), (1, 3), (2, 1)):
+        error = run.stopped[i].error
+        assert isinstance(error, lm.errors.OutsideChart)
+        assert f"the counter began at {x} [step {8 - x} of 20, t = {7 - x}]" in str(error)
+    assert np.array_equal(run.mu[-1, :, 0], [7.0, 7.0, 7.0])
+
+
+@lm.record
+class Counting(lm.Method):
+    """Counts to seven and says where it began; begins not at all below zero."""
+
+    def start(self, system, state, h):
+        if state.mu[0] < 0.0:
+            raise ValueError("nothing to count")
+        return lm.BodyState(state.mu + vec(0.0, state.mu[0], 0.0), state.g)
+
+    def observe(self, memory):
+        if memory.mu[0] > 1e6:
+            raise ValueError("too many")
+        return lm.BodyState(memory.mu, memory.g)
+
+    def step(self, system, t, state, h):
+        if state.mu[0] >= 7.0:
+            raise lm.errors.OutsideChart(f"the counter began at {state.mu[1]:g}")
+        return lm.BodyState(state.mu + vec(1.0, 0.0, 0.0), state.g)
+
+
+@WORLDS
+@pytest.mark.parametrize("bad", [0, 1, 2])
+def test_a_body_that_cannot_begin_harms_no_other(bad: int, compiled: bool | None) -> None:
+    body, _ = asymmetric_body()
+    mu = np.zeros((3, 3))
+    mu[bad, 0] = -1.0
+    with pytest.warns(RuntimeWarning, match=f"1 of 3 bodies stopped early: body {bad} after 0 steps"):
+        run = lm.integrate(body, Counting(), body.state(mu), h=1.0, steps=5, every=2, compiled=compiled)
+    assert list(run.stopped) == [bad]
+    assert "ValueError: nothing to count [at the start, t = 0]" in str(run.stopped[bad].error)
+    others = [i for i in range(3) if i != bad]
+    assert np.array_equal(run.mu[:, others, 0], np.array([[0, 0], [2, 2], [4, 4], [5, 5]]))
+    assert np.array_equal(run.mu[:, bad], np.tile(mu[bad], (4, 1)))
+
+
+def test_when_nobody_can_begin() -> None:
+    body, _ = asymmetric_body()
+    for start, words in (([-1.0, 0.0, 0.0], "nothing to count"), (-np.ones((2, 3)), "none of the 2 bodies")):
+        with pytest.raises(lm.errors.IntegrationFailure, match=words) as caught:
+            lm.integrate(body, Counting(), body.state(start), h=1.0, steps=5)
+        assert caught.value.trajectory is not None
+        assert len(caught.value.trajectory) == 1
+
+
+@WORLDS
+def test_a_force_that_raises_at_the_start(compiled: bool | None) -> None:
+    """Splittings evaluate the force before the first step: that is an attempt too, and its formula compiles."""
+    for method in (lm.KickDrift(), lm.LieVerlet()):
+        top = lm.MechanicalSystem(lm.RigidBody([1.0, 1.5, 2.0]), Cliff())
+        good, bad = np.eye(3), np.diag([1.0, -1.0, -1.0])
+        starts = top.state(np.ones((2, 3)), np.array([good, bad]))
+        with pytest.warns(RuntimeWarning, match="body 1 after 0 steps"):
+            run = lm.integrate(top, method, starts, h=0.01, steps=5, compiled=compiled)
+        assert "over the edge" in str(run.stopped[1].error)
+        alone = lm.integrate(top, method, top.state(np.ones(3), good), h=0.01, steps=5, compiled=False)
+        assert np.array_equal(run.mu[:, 0], alone.mu)
+
+
+@lm.record
+class Cliff(lm.Potential):
+    """A field that ends where the body's third axis points down."""
+
+    def energy(self, g):
+        if g[2, 2] < 0.0:
+            raise ValueError("over the edge")
+        return g[2, 2]
+
+
+def test_an_exception_that_does_not_repeat_is_kept() -> None:
+    """The step is not run again: what was raised the first time is the cause."""
+    body, start = asymmetric_body()
+    calls: list[float] = []
+
+    @lm.record
+    class Flaky(lm.Method):
+        def step(self, system, t, state, h):
+            calls.append(t)
+            if len(calls) == 3:
+                raise OSError("the sensor is off")
+            return state
+
+    with pytest.raises(lm.errors.IntegrationFailure, match=r"OSError: the sensor is off \[step 3 of 9") as caught:
+        lm.integrate(body, Flaky(), start, h=0.1, steps=9, compiled=False)
+    assert isinstance(caught.value.__cause__, OSError)
+    assert len(calls) == 3
+
+
+def test_an_event_that_raises_keeps_the_samples() -> None:
+    body, start = asymmetric_body()
+
+    def broken(t, state):
+        return 1.0 / 0.0 if t > 1.0 else 1.0
+
+    with pytest.raises(ZeroDivisionError) as caught:
+        lm.integrate(body, lm.RKMK(order=5), start, t_end=5.0, events=broken)
+    assert len(caught.value.trajectory) > 1  # type: ignore[attr-defined]
+
+
+@WORLDS
+def test_no_absolute_tolerance_and_a_zero_in_the_start(compiled: bool | None) -> None:
+    """A component that stays zero has no error; the others are as with a tiny tolerance."""
+    body = lm.RigidBody([1.0, 1.5, 2.0])
+    run = lm.integrate(body, lm.RKMK(order=5), body.state([0.0, 0.0, 1.0]), t_end=5.0, atol=0.0, rtol=1e-6, compiled=compiled)
+    assert np.array_equal(run.mu, np.tile([0.0, 0.0, 1.0], (len(run), 1)))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        run = lm.integrate(body, lm.RKMK(order=5), body.state(START), t_end=5.0, atol=0.0, rtol=1e-6, compiled=compiled)
+    assert np.abs(run.mu[-1] - body.exact(body.state(START), [5.0]).mu[0]).max() < 1e-4
