@@ -78,7 +78,7 @@ class CovariantVariational(Implicit):
             h,
         )
         if part < 1.0:
-            raise self.unconnected(h, part * h, f"h|xi| = {norm(x):.2g}", self._usable(system, h, mu))
+            raise self._unconnected(h, part * h, f"h|xi| = {norm(x):.2g}", self._usable(system, h, mu))
         return x
 
     def _usable(self, system: Any, h: float, mu: Vec) -> float | None:
