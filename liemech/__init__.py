@@ -29,6 +29,7 @@ from .formulas import (
     norm,
     outer,
     record,
+    sum,
     vec,
 )
 from .groups.lie_algebra import LieAlgebra
@@ -150,14 +151,14 @@ _LATER = {
 _HOMES = {name: module for module, names in _LATER.items() for name in names}
 
 
-def _evaluate_many(*arguments: Any) -> Any:
-    """Methods called with many elements are compiled: what formulas are made of does not know the compiler, the package does."""
-    from .compiler.batch import evaluate
+def _evaluate_rows(batch: broadcasting.Batch) -> Any:
+    """Methods called with many rows may be compiled: formulas do not know the compiler, the package does."""
+    from .compiler.batch import evaluate_rows
 
-    return evaluate(*arguments)
+    return evaluate_rows(batch)
 
 
-broadcasting.evaluate_many = _evaluate_many
+broadcasting.evaluate_rows = _evaluate_rows
 
 
 def __getattr__(name: str) -> Any:
@@ -285,6 +286,7 @@ __all__ = [
     "norm",
     "outer",
     "record",
+    "sum",
     "tableaus",
     "vec",
 ]

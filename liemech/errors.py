@@ -5,6 +5,7 @@
     ├── InvalidType          a wrong call: an argument of the wrong type                           (also a TypeError)
     ├── IncompatibleSystem   this method does not accept this system; says which methods do        (also a TypeError)
     ├── NotCompilable        a formula uses what native code cannot express: class, method, line   (also a TypeError)
+    ├── NotDefined           a class lacks a method that its subclasses may write          (also a NotImplementedError)
     ├── MissingExtra         an optional package is needed; says how to install it                 (also an ImportError)
     ├── LawViolation         a group, algebra, tableau or structure breaks a law it must obey      (also a ValueError)
     └── IntegrationFailure   a run that ended early; `.trajectory` holds every accepted sample     (also an ArithmeticError)
@@ -44,6 +45,10 @@ class IncompatibleSystem(LiemechError, TypeError):
 
 class NotCompilable(LiemechError, TypeError):
     """A formula cannot be turned into native code; it still runs in plain Python."""
+
+
+class NotDefined(LiemechError, NotImplementedError):
+    """A class leaves a method to its subclasses, or has no formula for it."""
 
 
 class MissingExtra(LiemechError, ImportError):

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, final
 
-from .errors import IncompatibleSystem, NoConvergence
+from .errors import IncompatibleSystem, NoConvergence, NotDefined
 from .formulas import Element, Mat, Record, Vec, derivative, dot, identity_matrix, jacobian, mat, record, solve, sqrt, vec
 from .groups.lie_group import LieGroup
 from .solvers import LIMIT, TOLERANCE
@@ -32,7 +32,7 @@ class Retraction(Record):
 
     def tau(self, group: LieGroup, xi: Vec) -> Element:
         """The group element tau(xi).  xi : (dim,)."""
-        raise NotImplementedError(f"{type(self).__name__} must define `tau`")
+        raise NotDefined(f"{type(self).__name__} must define `tau`")
 
     # ---------------------------------------------------------------- 2. closed forms are welcome
 
@@ -100,6 +100,10 @@ class Retraction(Record):
         return p - self.dtau_dual(group, xi, mu), 1.0, jacobian(lambda x: -self.dtau_dual(group, x, mu), xi)
 
     # ---------------------------------------------------------------- 3. what follows
+
+    def _explain(self, arguments: dict[str, Any]) -> None:
+        if isinstance(arguments.get("group"), LieGroup):
+            self.require(arguments["group"])
 
     @final
     def require(self, group: LieGroup) -> None:

@@ -1,100 +1,211 @@
 """Formulas on many arguments at once: the work behind a method called with arrays.
 
-Native code takes as many rows at once as a vector register holds numbers.  It reads them where the caller has them, checks them,
-and writes the results where the caller gets them: nothing is copied or rearranged in memory.
+Rows are evaluated in plain Python until it pays to have native code: it is there already, or the rows left would take longer than
+making it.  Native code takes as many rows at once as a vector register holds numbers.  It reads them where the caller has them,
+checks them, and writes the results where the caller gets them: nothing is copied or rearranged in memory.  A row that it marks (an
+argument or the result is not finite, an array is no element, the formula raises) is evaluated again in plain Python, whose result
+or error counts.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import inspect
 import os
+import sys
+import time
+import warnings
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
 
-from ..errors import InvalidInput, NotCompilable
-from ..formulas.broadcasting import element
+from ..errors import InvalidInput, NotCompilable, NotCompiledWarning
+from ..formulas.broadcasting import MEMBERSHIP, Batch, row_of
 from ..formulas.complex_numbers import Complex
 from ..formulas.pytree import Layout, is_any_number, layout_of
 from ..formulas.vectors import Mat, Vec, vec
+from . import kernel
 from .driver import accepted, any_body, attempt, itself, numbers, read, write
 
 SHARE = 50_000
 """Rows that are worth a thread of their own."""
 
+WORTH, ROWS = 0.3, 200
+"""A compilation is worth while if plain Python would take longer than so many seconds and so many rows: formulas of many
+operations take longer to compile, too."""
 
-def evaluate(
-    formula: Callable[..., Any],
-    owner: Any,
-    arrays: dict[str, np.ndarray],
-    rest: dict[str, Any],
-    elements: list[str],
-    space: Any,
-    tolerance: float,
-) -> tuple[Any, np.ndarray] | None:
-    """`formula(owner, **arrays, **rest)` for every row of the arrays, in native code; None if there is none.
+DISK = 0.1
+"""Seconds of plain Python that are worth a look at the disk, and the import of llvmlite."""
 
-    arrays : (n, ...), float64 or complex128; a stride of zero means one row for all.  elements : those that `space` guards.
+NOISE = 0.005
+"""Seconds after which the time of a row is believed."""
 
-    Returns the results, the batch axis first, and the rows that plain Python must look at: an argument or the result is not
-    finite, or an element's `defect` is larger than the tolerance, or the formula raises.
-    """
-    from . import kernel
+FEW = 8
+"""Smaller batches are not worth the preparations; no register holds more numbers."""
 
-    if kernel.available() is not None:
-        return None
-    n, first = len(next(iter(arrays.values()))), element(arrays, 0)
-    try:
-        example = formula(owner, **first, **rest)
-    except Exception:  # the border will see it too
-        return None, np.array([0])
+_spent: dict[Any, float] = {}
+"""Seconds that the formulas of a class have taken in plain Python, in batches."""
+
+_native: set[Any] = set()
+"""Formulas of classes that have native code in this process, for some layouts at least."""
+
+_refused: set[Any] = set()
+"""Formulas and layouts that cannot be compiled: nobody tries again."""
+
+
+def evaluate_rows(batch: Batch) -> Any:
+    """The formula for every row, the batch axis first: the values of plain Python, bit for bit, wherever they are computed."""
+    n, key = len(batch), (batch.formula, type(batch.owner))
+    values = [batch.row(0)]
+    job = _job(batch, values[0]) if n >= FEW else None
+    run = _known(job) if job is not None and key in _native else None
+    begun, before, looked = time.thread_time(), _spent.get(key, 0.0), False
+    while run is None and len(values) < n:
+        values.append(batch.row(len(values)))
+        done = len(values) - 1
+        if job is None or done & (done - 1):
+            continue
+        spent = time.thread_time() - begun  # asked after 1, 2, 4, 8, ... rows
+        expected = before + spent * (n - 1) / done
+        if expected > DISK and spent > NOISE and not looked:
+            run, looked = _stored(job), True
+        if expected > WORTH + ROWS * spent / done and spent > NOISE and run is None:
+            run = _compiled(job, batch)
+            job = None if run is None else job
+    _spent[key] = before + time.thread_time() - begun
+    if run is None or job is None or len(values) == n:
+        return batch.stacked(values, range(n))
+    _native.add(key)
+    return _finished(batch, job, run, values)
+
+
+# ------------------------------------------------------------------ native code for a batch
+
+
+@dataclasses.dataclass(frozen=True)
+class Job:
+    """What native code for a batch is made for: the driver's arguments that are no arrays, and the parts of a result."""
+
+    arguments: tuple[Any, ...]
+    example: Any
+    parts: tuple[Any, ...]
+    layouts: tuple[Layout, ...]
+    rows: list[kernel.Rows]
+    """Like those it will get: marks, arguments, results."""
+
+    @property
+    def key(self) -> Any:
+        formula, owner, _, _, plan, static, _ = self.arguments
+        return formula, layout_of(owner), plan, layout_of(static), self.layouts
+
+
+def _job(batch: Batch, example: Any) -> Job | None:
+    """None if the results are no numbers, or native code for them has been refused before."""
     parts = tuple(_parts(example))
     if not all(isinstance(part, (float, int, Complex, Vec, Mat)) for part in parts):
         return None
-    layouts = tuple(layout_of(part, is_any_number) for part in parts)
-    bound = _signature(formula).bind(owner, **first, **rest)
+    layouts = tuple([layout_of(part, is_any_number) for part in parts])
+    first = row_of(batch.arrays, 0)
+    bound = _signature(batch.formula).bind(batch.owner, **first, **batch.rest)
     bound.apply_defaults()
     plan: list[tuple[int, Layout | None, bool]] = []
     static: list[Any] = []
     for name, value in list(bound.arguments.items())[1:]:
         if name in first:
-            plan.append(([*first].index(name), layout_of(value), name in elements))
+            plan.append(([*first].index(name), layout_of(value), name in batch.elements))
         else:
             plan.append((len(static), None, False))
             static.append(value)
-    widths = tuple(layout.width for layout in layouts)
-    arguments = formula, owner, space, tolerance, tuple(plan), tuple(static), widths
-    results = [np.empty((n, width)) for width in widths]
-    suspect = np.zeros((1, 1))
-    rows = [kernel.Rows(a) for a in (np.broadcast_to(suspect, (n, 1)), *map(_in_rows, arrays.values()), *results)]
-    run = _kernel(n, *arguments, *rows)
-    if run is None:
-        return None
-    _share_out(lambda begin, end: run(*arguments, *rows, begin=begin, end=end), n, run.lanes)
-    if suspect[0, 0]:  # once more, now with a mark for every row
-        suspect = np.zeros((n, 1))
-        rows[0] = kernel.Rows(suspect)
-        _share_out(lambda begin, end: run(*arguments, *rows, begin=begin, end=end), n, run.lanes)
-    finished = iter([_assembled(*part) for part in zip(parts, layouts, results, strict=True)])
-    return _nested(example, finished), np.flatnonzero(suspect)
+    widths = tuple([layout.width for layout in layouts])
+    arguments = batch.formula, batch.owner, batch.group, MEMBERSHIP, tuple(plan), tuple(static), widths
+    one = [kernel.Rows(np.empty((1, 1))) for _ in range(1 + len(batch.arrays) + len(widths))]
+    job = Job(arguments, example, parts, layouts, one)
+    return None if job.key in _refused else job
 
 
 _signature = functools.cache(inspect.signature)
 
 
-def _kernel(n: int, *arguments: Any) -> Any:
-    """Native code for as many rows at once as a register holds numbers; where a formula admits only one, for one."""
-    from . import kernel
+def _lanes() -> tuple[int, int]:
+    """As many rows at once as a register holds numbers; where a formula admits only one, one."""
+    return kernel.width(), 1
 
-    for lanes in (kernel.width(), 1) if n >= kernel.width() else (1,):
-        try:
-            return kernel.kernel(_each, *arguments, lanes=lanes)
-        except NotCompilable:
-            pass
+
+def _known(job: Job) -> kernel.Kernel | None:
+    """Its native code, if this process has it already."""
+    if kernel.available() is not None:
+        return None
+    found = [kernel.known(_each, *job.arguments, *job.rows, lanes=lanes) for lanes in _lanes()]
+    return found[0] or found[1]
+
+
+def _stored(job: Job) -> kernel.Kernel | None:
+    """Its native code, if it is on disk."""
+    if kernel.available() is not None:
+        return None
+    for lanes in _lanes():
+        if kernel.on_disk(_each, *job.arguments, *job.rows, lanes=lanes):
+            return kernel.kernel(_each, *job.arguments, *job.rows, lanes=lanes)
     return None
+
+
+def _compiled(job: Job, batch: Batch) -> kernel.Kernel | None:
+    """Its native code, made now; None if that cannot be done, which is said once and remembered."""
+    if kernel.available() is not None:
+        return None
+    for lanes in _lanes():
+        try:
+            return kernel.kernel(_each, *job.arguments, *job.rows, lanes=lanes)
+        except NotCompilable as error:
+            reason = error
+    _refused.add(job.key)
+    if not batch.formula.__module__.startswith(f"{__package__.partition('.')[0]}."):  # ours that call NumPy mean to
+        warnings.warn(f"{batch.where} runs as plain Python: {reason}", NotCompiledWarning, stacklevel=_outside())
+    return None
+
+
+def _outside() -> int:
+    """How many calls up the caller of the package is, for warnings."""
+    package = __package__.partition(".")[0]
+    frame, level = sys._getframe(1), 1
+    while frame.f_back is not None and frame.f_globals.get("__name__", "").partition(".")[0] == package:
+        frame, level = frame.f_back, level + 1
+    return level
+
+
+def _finished(batch: Batch, job: Job, run: kernel.Kernel, values: list[Any]) -> Any:
+    """The results: the values of the first rows, all others from native code, those that it marks from plain Python."""
+    start = min(len(values), len(batch) - run.lanes)  # at least a register full of rows, some of them twice
+    whole = [np.empty((len(batch), layout.width)) for layout in job.layouts]
+    arrays = [*[_in_rows(array[start:]) for array in batch.arrays.values()], *[array[start:] for array in whole]]
+    count = len(batch) - start
+
+    def evaluate(marks: np.ndarray) -> None:
+        rows = [kernel.Rows(array) for array in (marks, *arrays)]
+        _share_out(lambda begin, end: run(*job.arguments, *rows, begin=begin, end=end), count, run.lanes)
+
+    mark, marks = np.zeros((1, 1)), np.zeros((0, 1))
+    evaluate(np.broadcast_to(mark, (count, 1)))
+    if mark[0, 0]:  # once more, now with a mark for every row
+        marks = np.zeros((count, 1))
+        evaluate(marks)
+    results = _nested(job.example, iter([_assembled(*part) for part in zip(job.parts, job.layouts, whole, strict=True)]))
+    marked = [start + int(i) for i in np.flatnonzero(marks)]
+    rows = [*range(len(values)), *[i for i in marked if i >= len(values)]]
+    _put(results, rows, batch.stacked([*values, *[batch.row(i) for i in rows[len(values) :]]], rows))
+    return results
+
+
+def _put(results: Any, rows: Any, values: Any) -> None:
+    """Fill in these rows."""
+    if isinstance(results, tuple):
+        for part, value in zip(results, values, strict=True):
+            _put(part, rows, value)
+    else:
+        results[rows] = values
 
 
 def _share_out(run: Callable[[int, int], None], n: int, lanes: int) -> None:

@@ -11,7 +11,8 @@ from collections.abc import Callable
 from llvmlite import ir
 
 from .ir_numbers import Num
-from .joins import LEFT, LIVE, NOBODY, Env, Joins, Open, replace
+from .joins import LEFT, LIVE, NOBODY, Joins, Open, replace
+from .scopes import Env, has
 
 RARE = 1000000  # how much rarer than the other a rare branch is
 
@@ -29,8 +30,9 @@ class Branches(Joins):
         for start, statements in zip(starts, (body, orelse), strict=True):
             b.position_at_end(start)
             branch = dict(env)
-            if self.block(statements, branch):
-                opens.append(Open(b.block, branch))
+            with self.apart():
+                if self.block(statements, branch):
+                    opens.append(Open(b.block, branch))
             calls.append(self.emitter.calls)
         self._weigh(fork, calls[1] > calls[0], calls[2] > calls[1])
         return self.join(opens, env)
@@ -46,6 +48,7 @@ class Branches(Joins):
         outer, here = self.base, self.everyone(self.active(env))
         before = {name: value for name, value in env.items() if name != LIVE}
         merged, ends, someone_left = dict(before), [], False
+        certain: list[set[str]] = []  # for each way, the variables that have a value at its end
         self.depth += 1
         for mask, statements in ((test, body), (e.negation(test), orelse)):
             lanes = e.logic("and_", mask, here)
@@ -53,6 +56,7 @@ class Branches(Joins):
                 mask = lanes
             if not statements:
                 ends.append(lanes)
+                certain.append({n for n in before if has(n) not in before})
                 continue
             some, skip, calls = e.any(lanes), b.block, e.calls
             start = b.append_basic_block()
@@ -60,8 +64,14 @@ class Branches(Joins):
             inside = dict(before)
             inside |= {n: merged[n] for n in LEFT if n in merged}
             self.base = lanes
-            self.block(statements, inside)
+            with self.apart():
+                self.block(statements, inside)
             left = inside.pop(LIVE, None)
+            if left is not NOBODY:
+                certain.append({n for n in inside if has(n) not in inside})
+            for n in [n for n in inside if n not in before and not n.startswith("<")]:
+                inside.setdefault(has(n), True)
+                merged.setdefault(has(n), False)
             changed = {n: v for n, v in inside.items() if v is not before.get(n, inside)}
             after = {n: self.blend(mask, v, merged[n]) if n in merged and n not in LEFT else v for n, v in changed.items()}
             skipped = dict(merged) | {n: False if n in LEFT else self.blank(v) for n, v in after.items() if n not in merged}
@@ -83,7 +93,8 @@ class Branches(Joins):
                 ends.append(merged.pop("<end>", lanes))
         self.depth -= 1
         live = env.get(LIVE)
-        replace(env, merged)
+        known = {has(n) for n in (set.intersection(*certain) if certain else merged)}
+        replace(env, {n: v for n, v in merged.items() if n not in known})
         if someone_left:
             env[LIVE] = NOBODY if not ends else ends[0] if len(ends) == 1 else e.logic("or_", *ends)
         elif live is not None:

@@ -1,29 +1,50 @@
-"""Object code on disk: found again in a new process, never stale, never half-written, safe to share between processes."""
+"""Object code on disk: found again in a new process, never half-written, safe to share between the user's processes.
+
+A file holds what the code was made of (the manifest) and the code; the checksum covers both and the file's name.  For one key
+there may be several, made while globals or helpers were others.
+"""
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import hashlib
+import json
 import os
+import stat
 import sys
 import tempfile
+import time
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
-KEEP = 500  # kernels on disk; the oldest go first
+from . import IMPORTED
+
+LIMIT = 256 * 2**20
+"""Bytes on disk; what was not used for the longest time goes first."""
+
+VARIANTS = 8
+"""Files for one key."""
+
+HOUR = 3600.0
 
 
 @functools.cache
-def own_source() -> str:
-    """A hash of this package's own files: another compiler makes other code."""
+def own_source() -> str | None:
+    """A hash of the files of formulas and compiler: another compiler makes other code.  None if one was edited since the import."""
     digest = hashlib.sha256()
-    for file in sorted(Path(__file__).parent.glob("*.py")):
-        digest.update(file.read_bytes())
+    here = Path(__file__).parent
+    for file in sorted([*here.glob("*.py"), *(here.parent / "formulas").glob("*.py")]):
+        digest.update(f"{file.name}:".encode() + file.read_bytes())
+        if IMPORTED < file.stat().st_mtime < time.time():
+            return None
     return digest.hexdigest()
 
 
 @functools.cache
 def folder() -> Path | None:
-    """The first folder that can be written: $LIEMECH_CACHE_DIR, beside the package, or the user's cache; else None."""
+    """$LIEMECH_CACHE_DIR, or the first of: beside the package, the user's cache; None if that cannot be written or is not safe."""
     chosen = os.environ.get("LIEMECH_CACHE_DIR")
     package = Path(__file__).parent / "__pycache__"
     if sys.platform == "win32":
@@ -32,48 +53,93 @@ def folder() -> Path | None:
         user = Path.home() / "Library" / "Caches" / "liemech"
     else:
         user = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "liemech"
-    for place in [Path(chosen)] if chosen else [package, user]:
+    for place in [Path(chosen).resolve()] if chosen else [package, user]:
         try:
             place.mkdir(mode=0o700, parents=True, exist_ok=True)
-            with tempfile.TemporaryFile(dir=place):
-                return place
+            if _is_safe(place.lstat()):
+                with tempfile.TemporaryFile(dir=place):
+                    return place
         except OSError:
             continue
     return None
 
 
-def load(key: str) -> bytes | None:
-    """The object code stored under this key, if it is there and whole."""
-    place = folder()
-    if place is None:
-        return None
-    try:
-        content = (place / f"{key}.o").read_bytes()
-    except OSError:
-        return None
-    checksum, code = content[:32], content[32:]
-    return code if hashlib.sha256(code).digest() == checksum else None
+def _is_safe(status: os.stat_result) -> bool:
+    """A folder of the user's own, which nobody else can write: its files are code that will be run."""
+    mine = not hasattr(os, "getuid") or (status.st_uid == os.getuid() and not status.st_mode & (stat.S_IWGRP | stat.S_IWOTH))
+    return stat.S_ISDIR(status.st_mode) and mine
 
 
-def store(key: str, code: bytes) -> None:
+def load(key: str, fits: Callable[[Any], Any]) -> tuple[Any, bytes] | None:
+    """What `fits` makes of the first manifest under this key that it accepts (not None), and the code beside it."""
+    for file in _files(key):
+        content = _content(file)
+        if content is not None:
+            found = fits(json.loads(content[0]))
+            if found is not None:
+                with contextlib.suppress(OSError):
+                    os.utime(file)  # used now
+                return found, content[1]
+    return None
+
+
+def store(key: str, manifest: Any, code: bytes) -> None:
     """Keep object code; a full or vanished disk is no error, the next process just compiles again."""
-    place = folder()
-    if place is None:
+    head = json.dumps(manifest).encode()
+    files = _files(key)
+    if not files:
         return
-    try:
-        handle, name = tempfile.mkstemp(dir=place, suffix=".tmp")
+    contents = [_content(file) for file in files]
+    fitting = [f for f, c in zip(files, contents, strict=True) if c and c[0] == head]
+    free = [f for f, c in zip(files, contents, strict=True) if c is None]
+    with contextlib.suppress(OSError):
+        file = [*fitting, *free, *sorted(files, key=_last_use)][0]
+        content = head + b"\n" + code
+        handle, name = tempfile.mkstemp(dir=file.parent, suffix=".tmp")
         try:
-            with os.fdopen(handle, "wb") as file:
-                file.write(hashlib.sha256(code).digest() + code)
-            os.replace(name, place / f"{key}.o")  # readers see the old file, the new one or none
+            with os.fdopen(handle, "wb") as opened:
+                opened.write(_checksum(file.name, content) + content)
+            os.replace(name, file)  # readers see the old file, the new one or none
         except OSError:
             os.unlink(name)
-        _forget_oldest(place)
+        _tidy(file.parent)
+
+
+def _files(key: str) -> list[Path]:
+    place = folder()
+    return [place / f"{key}-{i}.o" for i in range(VARIANTS)] if place else []
+
+
+def _last_use(file: Path) -> float:
+    try:
+        return file.lstat().st_mtime
     except OSError:
-        return
+        return 0.0
 
 
-def _forget_oldest(place: Path) -> None:
-    kernels = sorted(place.glob("*.o"), key=lambda f: f.stat().st_mtime)
-    for old in kernels[:-KEEP]:
-        old.unlink(missing_ok=True)
+def _tidy(place: Path) -> None:
+    """Remove what was not used for the longest time beyond the limit, and what interrupted processes left behind."""
+    files = [(f.stat().st_mtime, f.stat().st_size, f.path) for f in os.scandir(place) if f.name.endswith((".o", ".tmp"))]
+    room = LIMIT
+    for used, size, path in sorted(files, reverse=True):
+        room -= size
+        if room < 0 if path.endswith(".o") else used < time.time() - HOUR:
+            with contextlib.suppress(OSError):
+                os.unlink(path)
+
+
+def _content(file: Path) -> tuple[bytes, bytes] | None:
+    """Manifest and code, if the file is there, no link, and whole."""
+    try:
+        with open(os.open(file, os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_BINARY", 0)), "rb") as opened:
+            content = opened.read()
+    except OSError:
+        return None
+    if content[:32] != _checksum(file.name, content[32:]):
+        return None
+    manifest, _, code = content[32:].partition(b"\n")
+    return manifest, code
+
+
+def _checksum(name: str, content: bytes) -> bytes:
+    return hashlib.sha256(name.encode() + b"\n" + content).digest()

@@ -4,18 +4,16 @@ from __future__ import annotations
 
 import ast
 import builtins
-import dataclasses
 import operator
 from collections.abc import Callable, Iterator
 from typing import Any
 
 from ..errors import NotCompilable
-from ..formulas.records import Record
 from ..formulas.vectors import Mat
 from .ir_numbers import Num
-from .joins import LEFT, LIVE, Env, Undefined
+from .iterators import Stream
 from .loops import Loops
-from .source import Source
+from .scopes import Closure, Env, Frame, Function, Undefined
 
 OPERATORS: dict[type, Callable[..., Any]] = {
     ast.Add: operator.add,
@@ -43,13 +41,12 @@ OPERATORS: dict[type, Callable[..., Any]] = {
 }
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class Closure:
-    """A lambda inside a formula, with the variables it can see."""
+class Later(ast.expr):
+    """An expression whose value is computed when control comes to it, by a function of the translator."""
 
-    source: Source
-    node: ast.Lambda
-    env: Env
+    def __init__(self, value: Callable[[], Any]) -> None:
+        super().__init__()
+        self.compute = value
 
 
 class Expressions(Loops):
@@ -64,6 +61,8 @@ class Expressions(Loops):
     def truth(self, value: Any) -> Any:
         if isinstance(value, Num):
             return value if value.kind == "b" else value != 0
+        if hasattr(type(value), "__bool__") or hasattr(type(value), "__len__"):
+            self.reads.settled(value)
         return bool(value)
 
     def where(self, condition: Any, yes: Any, no: Any) -> Any:
@@ -76,13 +75,16 @@ class Expressions(Loops):
         return result
 
     def expression(self, node: ast.expr, env: Env) -> Any:
+        self.frames[-1].env = env  # what nested functions see
         match node:
             case ast.Constant():
                 return node.value
             case ast.Name(id=name):
-                value = env[name] if name in env else self.frames[-1].source.outer(name)
-                if isinstance(value, Undefined):
-                    raise NotCompilable(f"`{name}` has no one value here: {value.reason}")
+                value, certain = self.frames[-1].value(name)
+                if certain is not True:
+                    if not self.escapes:
+                        raise NotCompilable(f"`{name}` may have no value here: give it one on every way to this line")
+                    self.fail_if(self.emitter.negation(certain))
                 return value
             case ast.Attribute():
                 return self.attribute(self.expression(node.value, env), node.attr)
@@ -104,18 +106,30 @@ class Expressions(Loops):
                 return slice(*(self.expression(x, env) if x else None for x in (node.lower, node.upper, node.step)))
             case ast.Call():
                 function = self.expression(node.func, env)
-                options = {k.arg: self.expression(k.value, env) for k in node.keywords if k.arg}
-                if len(options) < len(node.keywords):
-                    raise NotCompilable("`**options` in a formula")
-                return self.call(function, *self.items(node.args, env), **options)
+                if function in (any, all) and len(node.args) == 1 and isinstance(node.args[0], ast.GeneratorExp):
+                    return self.some_or_every(function, node.args[0], env)
+                args = self.items(node.args, env)
+                return self.call(function, *args, **{k.arg: self.expression(k.value, env) for k in _named(node)})
             case ast.Tuple():
                 return tuple(self.items(node.elts, env))
             case ast.List():
                 return self.items(node.elts, env)
+            case ast.Dict():
+                if None in node.keys:
+                    raise NotCompilable(f"`{ast.unparse(node)}`: a dict made of others")
+                return {self.key(k, env): self.expression(v, env) for k, v in zip(node.keys, node.values, strict=True) if k}
             case ast.Lambda():
-                return Closure(self.frames[-1].source, node, {k: v for k, v in env.items() if k not in (LIVE, *LEFT)})
-            case ast.ListComp() | ast.GeneratorExp():
-                return list(self.comprehension(node.elt, node.generators, env))
+                return self.nested(node, env)
+            case ast.ListComp():
+                return list(self.comprehension(node, env))
+            case ast.GeneratorExp():
+                return self.stream(self.comprehension(node, env))
+            case ast.NamedExpr():
+                if not isinstance(self.frames[-1].scope, Function):
+                    raise NotCompilable(f"`{ast.unparse(node)}` inside of a comprehension: use a loop")
+                value = self.expression(node.value, env)
+                self.assign(node.target, value, env)
+                return value
             case ast.JoinedStr():
                 return "".join(self.expression(part, env) for part in node.values)
             case ast.FormattedValue():
@@ -125,88 +139,183 @@ class Expressions(Loops):
                 if node.conversion != -1:
                     value = getattr(builtins, {"s": "str", "r": "repr", "a": "ascii"}[chr(node.conversion)])(value)
                 return format(value, self.expression(node.format_spec, env) if node.format_spec else "")
+            case Later():
+                return node.compute()
         raise NotCompilable(f"`{ast.unparse(node)}`: this expression has no place in a formula")
 
     def operate(self, node: Any, *operands: Any) -> Any:
         """An operator applied to numbers, vectors, whatever."""
         operator_ = OPERATORS.get(type(node.op))
-        if operator_ is None or (isinstance(node.op, (ast.FloorDiv, ast.Mod)) and holds_number(operands)):
+        if operator_ is None:
             raise NotCompilable(f"`{ast.unparse(node)}`: this operator is not known to native code")
+        self.reads.settled(*operands)
         return operator_(*operands)
 
     def items(self, nodes: list[ast.expr], env: Env) -> list[Any]:
         found: list[Any] = []
         for n in nodes:
-            found += list(self.expression(n.value, env)) if isinstance(n, ast.Starred) else [self.expression(n, env)]
+            found += self.iterate(self.expression(n.value, env)) if isinstance(n, ast.Starred) else [self.expression(n, env)]
         return found
 
-    def comprehension(self, element: ast.expr, generators: list[ast.comprehension], env: Env) -> Iterator[Any]:
-        if not generators:
-            yield self.expression(element, env)
-            return
-        first, *rest = generators
-        for item in self.expression(first.iter, env):
-            own = {n.id for n in ast.walk(first.target) if isinstance(n, ast.Name)}
-            inner = {name: value for name, value in env.items() if name not in own}
-            self.assign(first.target, item, inner)
-            tests = [self.truth(self.expression(test, inner)) for test in first.ifs]
-            if any(isinstance(t, Num) for t in tests):
-                raise NotCompilable("a comprehension whose length depends on run-time numbers")
-            if all(tests):
-                yield from self.comprehension(element, rest, inner)
+    def key(self, node: ast.expr, env: Env) -> Any:
+        key = self.expression(node, env)
+        if holds_number(key):
+            raise NotCompilable(f"`{ast.unparse(node)}`: a key of a dict must be known now")
+        return key
+
+    # -------------------------------------------------------------- nested functions and iterators
+
+    def nested(self, node: Function, env: Env) -> Closure:
+        """A `lambda` or a `def` inside a formula."""
+        a = node.args
+        options = {p.arg: self.expression(v, env) for p, v in zip(a.kwonlyargs, a.kw_defaults, strict=True) if v is not None}
+        return Closure(self.frames[-1], node, tuple(self.items(a.defaults, env)), options)
+
+    def within(self, frame: Frame, work: Callable[[], Any]) -> Any:
+        """Do some work in a frame of its own, which is called from here."""
+        base, depth = self.base, self.depth
+        if self.frames:
+            self.base = self.active(self.frames[-1].env)
+        self.depth = 0
+        self.frames.append(frame)
+        result = work()
+        self.frames.pop()
+        self.base, self.depth = base, depth
+        return result
+
+    def comprehension(self, node: ast.ListComp | ast.GeneratorExp, env: Env) -> Iterator[Any]:
+        """The items of a comprehension, each computed when it is asked for."""
+        around = self.frames[-1]
+        frame = Frame(around.source, node, {}, around, node=around.node)
+        first = self.iterate(self.expression(node.generators[0].iter, env))
+
+        def turns(generators: list[ast.comprehension], items: Iterator[Any]) -> Iterator[Any]:
+            generator, *rest = generators
+            for item in items:
+                self.within(frame, lambda: self.assign(generator.target, item, frame.env))  # noqa: B023
+                tests = (self.within(frame, lambda: self.truth(self.expression(test, frame.env))) for test in generator.ifs)  # noqa: B023
+                if not all(map(_known, tests)):
+                    continue
+                if rest:
+                    yield from turns(rest, self.within(frame, lambda: self.iterate(self.expression(rest[0].iter, frame.env))))
+                else:
+                    yield self.within(frame, lambda: self.expression(node.elt, frame.env))
+
+        return turns(node.generators, first)
+
+    def some_or_every(self, function: Any, node: ast.GeneratorExp, env: Env) -> Any:
+        """`any` and `all` of a generator expression: no item is computed after the one that decides."""
+        around, some = self.frames[-1], function is any
+        frame = Frame(around.source, node, {}, around, node=around.node)
+        first = self.iterate(self.expression(node.generators[0].iter, env))
+
+        def turns(generators: list[ast.comprehension], items: Iterator[Any]) -> Any:
+            generator, *rest = generators
+
+            def turn(item: Any) -> ast.expr:
+                def inner() -> Any:
+                    if rest:
+                        return turns(rest, self.iterate(self.expression(rest[0].iter, frame.env)))
+                    return self.truth(self.expression(node.elt, frame.env))
+
+                def value() -> Any:
+                    self.assign(generator.target, item, frame.env)
+                    tests = generator.ifs if some else [ast.UnaryOp(ast.Not(), test) for test in generator.ifs]
+                    return self.decided(some, [*tests, Later(inner)], frame.env)
+
+                return Later(value)
+
+            return self.decided(not some, [turn(item) for item in items], frame.env)
+
+        return self.within(frame, lambda: turns(node.generators, first))
+
+    def decided(self, every: bool, tests: list[ast.expr], env: Env) -> Any:
+        """Do all of these tests hold, or any; those after the one that decides are not made."""
+        if not tests:
+            return every
+        node = ast.BoolOp(ast.And() if every else ast.Or(), tests) if len(tests) > 1 else tests[0]
+        return self.truth(self.expression(node, env))
+
+    def stream(self, items: list[Any] | Iterator[Any]) -> Stream:
+        """An iterator made here."""
+        self.streams.append(Stream(items, self.region))
+        return self.streams[-1]
+
+    def iterate(self, value: Any) -> Iterator[Any]:
+        """The items of something that is iterated over."""
+        if not isinstance(value, Stream):
+            if isinstance(value, Num):
+                raise NotCompilable("a number is iterated over")
+            self.reads.settled(value)
+            return iter(list(value))
+        return self._taken(value)
+
+    def _taken(self, stream: Stream) -> Iterator[Any]:
+        while True:
+            try:
+                yield stream.take(self.region)
+            except StopIteration:
+                return
+
+    # -------------------------------------------------------------- attributes and items
 
     def attribute(self, value: Any, name: str) -> Any:
         if isinstance(value, Num):
             raise NotCompilable(f"a number has no attribute `{name}`")
-        owner, classes = value, type(value).__mro__
-        if isinstance(value, super):
-            owner, after = value.__self__, value.__thisclass__  # type: ignore[attr-defined]
-            classes = type(owner).__mro__[type(owner).__mro__.index(after) + 1 :]
-        if isinstance(owner, Record):
-            member = next((vars(c)[name] for c in classes if name in vars(c)), None)
-            if isinstance(member, property) and member.fget is not None:
-                return self.call(member.fget, owner)
-        return getattr(value, name)
+        if name.startswith("__") and not name.endswith("__"):
+            raise NotCompilable(f"`{name}`: a private name with two underscores; use one")
+        return self.reads.attribute(value, name, self.call)
 
     def item(self, value: Any, index: Any) -> Any:
         if isinstance(index, tuple) and isinstance(value, Mat):
             return self.item(self.item(value, index[0]), index[1])
-        if not isinstance(index, Num):
+        if not holds_number(index):
+            self.reads.settled(value)
             return value[index]
-        if index.kind == "f":
-            raise NotCompilable("a float is used as an index")
+        if not isinstance(index, Num) or index.kind == "f":
+            raise NotCompilable("a float or a slice known only at run time is used as an index")
+        if isinstance(value, dict):
+            raise NotCompilable("a key of a dict must be known now")
         result, *others = value  # an index known at run time: pick by comparison
+        count = len(others) + 1
+        self.fail_if(self.emitter.negation(self.emitter.logic("and_", index >= -count, index < count)))
         for i, other in enumerate(others, 1):
-            result = self.where((index == i) | (index == i - len(others) - 1), other, result)
+            result = self.where((index == i) | (index == i - count), other, result)
         return result
 
+    # -------------------------------------------------------------- choices
+
     def boolean(self, node: ast.BoolOp, env: Env) -> Any:
-        """`a and b`, `a or b`: the operand that decides.  The second is computed in any case if that needs no control flow."""
+        """`a and b`, `a or b`: the operand that decides.  The second is computed in any case if that changes and risks nothing."""
         first, *others = node.values
         value, either = self.expression(first, env), isinstance(node.op, ast.Or)
         test = self.truth(value)
         rest = ast.copy_location(ast.BoolOp(node.op, others), node) if len(others) > 1 else others[0]
         if not isinstance(test, Num):
             return value if test is either else self.expression(rest, env)
-        forget, block = self.mark(), self.builder.block
+        forget, block, raises, before = self.mark(), self.builder.block, self.raises, dict(env)
         other = self.expression(rest, env)
-        if self.builder.block is block:
+        if self.builder.block is block and self.raises == raises and not any(isinstance(n, ast.NamedExpr) for n in ast.walk(rest)):
             if all(isinstance(x, bool) or (isinstance(x, Num) and x.kind == "b") for x in (value, other)):
                 return self.emitter.logic("or_" if either else "and_", test, other)
             return self.where(test, value, other) if either else self.where(test, other, value)
         forget()
-        known = ast.Name("<first>", ast.Load())
-        choice = ast.IfExp(known, known, rest) if either else ast.IfExp(known, rest, known)
-        return self.choice(ast.copy_location(choice, node), env | {"<first>": value})
+        env.clear()
+        env.update(before)
+        known = Later(lambda: value)
+        choice = ast.IfExp(Later(lambda: test), known, rest) if either else ast.IfExp(Later(lambda: test), rest, known)
+        return self.choice(ast.copy_location(choice, node), env)
 
     def comparison(self, node: ast.Compare, env: Env) -> Any:
-        result: Any = True
-        left = self.expression(node.left, env)
-        for op, right_node in zip(node.ops, node.comparators, strict=True):
-            right = self.expression(right_node, env)
-            result = self.emitter.logic("and_", result, self.truth(OPERATORS[type(op)](left, right)))
-            left = right
-        return result
+        """`a < b < c` is `a < b and b < c`, with b computed once."""
+        left, right = self.expression(node.left, env), self.expression(node.comparators[0], env)
+        if not isinstance(node.ops[0], (ast.Is, ast.IsNot)):
+            self.reads.settled(left, right, inside=True)
+        first = OPERATORS[type(node.ops[0])](left, right)
+        if len(node.ops) == 1:
+            return first
+        rest = ast.Compare(Later(lambda: right), node.ops[1:], node.comparators[1:])
+        return self.boolean(ast.copy_location(ast.BoolOp(ast.And(), [Later(lambda: first), rest]), node), env)
 
     def choice(self, node: ast.IfExp, env: Env) -> Any:
         """`a if c else b`, by the same rules as the statement."""
@@ -214,15 +323,33 @@ class Expressions(Loops):
         if not isinstance(test, Num):
             return self.expression(node.body if test else node.orelse, env)
         name = "<choice>"
-        inner = dict(env)
         bodies = [[ast.copy_location(ast.Assign([ast.Name(name, ast.Store())], x), x)] for x in (node.body, node.orelse)]
-        self.branch(test, bodies[0], bodies[1], inner)  # type: ignore[arg-type]
-        self.frames[-1].env = env
-        if isinstance(inner[name], Undefined):
-            raise NotCompilable(f"`{ast.unparse(node)}`: {inner[name].reason}")
-        return inner[name]
+        at = self.frames[-1].node
+        self.branch(test, bodies[0], bodies[1], env)  # type: ignore[arg-type]
+        self.frames[-1].node, self.frames[-1].env = at, env
+        value = env.pop(name)
+        if isinstance(value, Undefined):
+            raise NotCompilable(f"a choice: {value.reason}")
+        return value
+
+
+def _named(node: ast.Call) -> list[Any]:
+    """The arguments of a call that are given by name."""
+    if any(k.arg is None for k in node.keywords):
+        raise NotCompilable(f"`{ast.unparse(node)}`: `**options` in a formula")
+    return node.keywords
+
+
+def _known(test: Any) -> bool:
+    if isinstance(test, Num):
+        raise NotCompilable("a comprehension whose length depends on run-time numbers")
+    return bool(test)
 
 
 def holds_number(value: Any) -> bool:
     """Is a run-time number among these things?"""
+    if isinstance(value, slice):
+        return holds_number((value.start, value.stop, value.step))
+    if isinstance(value, dict):
+        return holds_number([*value.values()])
     return isinstance(value, Num) or (isinstance(value, (tuple, list, Mat)) and any(map(holds_number, value)))

@@ -7,17 +7,26 @@ lanes stays scalar until it meets a varying one.  No operation carries a fast-ma
 
 from __future__ import annotations
 
+import functools
+import math
+import sys
 from collections.abc import Callable, Iterable
 from typing import Any, NoReturn
 
+import numpy as np
 from llvmlite import ir
 
 from ..errors import NotCompilable
+from ..formulas.functions import INSTRUCTIONS
 from ..formulas.numbers import StandIn
 
 F64, I64, I32, I1 = ir.DoubleType(), ir.IntType(64), ir.IntType(32), ir.IntType(1)
 TYPES = {"f": F64, "i": I64, "b": I1}
 Values = tuple[ir.Value, ...]
+HUGE = 2**63
+"""Integers of native code are at least -HUGE and less than HUGE."""
+EXACT = 2**53
+"""Integers up to this are floats without rounding."""
 
 
 class Emitter:
@@ -31,6 +40,7 @@ class Emitter:
         self.lanes = lanes
         self.width = width if lanes % width == 0 else lanes
         self.calls = 0  # of the C library so far: a branch that has some is the rare one
+        self.fail_if: Callable[[Any], None] = lambda condition: None  # what to do where Python raises
 
     def type(self, kind: str, varying: bool) -> ir.Type:
         return ir.VectorType(TYPES[kind], self.width) if varying else TYPES[kind]
@@ -50,8 +60,10 @@ class Emitter:
         return self.num(map(instruction, *numbers))
 
     def constant(self, value: Any, kind: str | None = None, varying: bool = False) -> Num:
-        kind = kind or ("b" if isinstance(value, bool) else "i" if isinstance(value, int) else "f")
+        kind = kind or kind_of(value)
         python = {"f": float, "i": int, "b": int}[kind](value)
+        if kind == "i" and not -HUGE <= python < HUGE:
+            raise NotCompilable(f"{python} is beyond the integers of native code, 2**63: make it a float")
         one = ir.Constant(self.type(kind, varying), [python] * self.width if varying else python)
         return Num(self, (one,) * self.registers(varying), kind)
 
@@ -85,21 +97,113 @@ class Emitter:
 
     def alike(self, *items: Any, kind: str = "b", varying: bool = False) -> tuple[str, list[Values]]:
         """Numbers made alike: at least of the given kind, floats before integers before truth values."""
-        numbers = [self.lift(x) for x in items]
-        kind = max([kind, *(n.kind for n in numbers)], key="bif".index)
-        varying = varying or any(n.varying for n in numbers)
-        return kind, [self.cast(n, kind, varying) for n in numbers]
+        kind = max([kind, *map(kind_of, items)], key="bif".index)
+        varying = varying or any(isinstance(x, Num) and x.varying for x in items)
+        return kind, [self.cast(x, kind, varying) for x in items]
 
     def arithmetic(self, op: str, a: Any, b: Any) -> Num:
+        """a + b, a - b, a * b, a / b, as Python has them: integers are exact, and nothing is divided by zero."""
         kind, pair = self.alike(a, b, kind="f" if op == "div" else "i")
-        return self.each(getattr(self.builder, ("f" if kind == "f" else "") + op), *pair)
+        if kind == "i":
+            return self.integer(op, *map(self.num, pair))
+        mixed = op in ("add", "sub") and all(kind_of(x) != "f" or is_mixed(x) for x in (a, b))
+        if op == "mul":
+            self.unmixed("a product", a, b)
+        if op == "div":
+            self.fail_if(self.zero(b))
+            if kind_of(a) != "f" and kind_of(b) != "f":  # Python rounds the quotient of integers once
+                for x in (a, b):
+                    self.fail_if(self.logic("or_", self.compare("<", x, -EXACT), self.compare(">", x, EXACT)))
+        result = self.each(getattr(self.builder, "f" + op), *pair)
+        result.mixed = mixed
+        return result
 
-    def compare(self, op: str, a: Any, b: Any) -> Num:
+    def unmixed(self, what: str, *items: Any) -> None:
+        """Refuse what integers and floats do differently: -0 is 0, -0.0 is not."""
+        if any(isinstance(x, Num) and x.mixed for x in items) and all(kind_of(x) != "f" or is_mixed(x) for x in items):
+            raise NotCompilable(f"{what} of a number that is an integer on one way and a float on another: use 0.0 instead of 0")
+
+    def zero(self, x: Any) -> Any:
+        return self.compare("==", x, 0) if isinstance(x, Num) else x == 0
+
+    def integer(self, op: str, a: Num, b: Num) -> Num:
+        """A sum, difference or product of integers; one beyond 2^63 (a product: 2^62) is a failure."""
+        result = self.each(getattr(self.builder, op), a.values, b.values)
+        if op == "mul":
+            size = abs(self.num(self.cast(a, "f", a.varying)) * self.num(self.cast(b, "f", b.varying)))
+            self.fail_if(size >= float(HUGE // 2))
+        else:  # the sign of the result is that of neither (of a sum), of b and not of a (of a difference)
+            e = self.builder.xor
+            other = b if op == "add" else a
+            first = self.each(e, a.values, (result if op == "add" else b).values)
+            second = self.each(e, other.values, result.values)
+            self.fail_if(self.each(self.builder.and_, first.values, second.values) < 0)
+        return result
+
+    def successor(self, n: Any) -> Num:
+        """n + 1, of a counter that stays below another number."""
+        return self.each(self.builder.add, *self.alike(n, 1, kind="i")[1])
+
+    def divided(self, a: Any, b: Any) -> tuple[Num, Num]:
+        """a // b and a % b, as Python has them.
+
+        Source: CPython, Objects/floatobject.c, _float_div_mod.
+        """
+        self.unmixed("a quotient or remainder", a, b)
+        kind, (x, y) = self.alike(a, b, kind="i")
+        p, q = self.num(x), self.num(y)
+        self.fail_if(q == 0)
+        if kind == "i":
+            overflow = (q == -1) & (p == -HUGE)
+            self.fail_if(overflow)
+            q = self.select(overflow | (q == 0), 1, q)
+            quotient, rest = (self.each(f, p.values, q.values) for f in (self.builder.sdiv, self.builder.srem))
+            down = (rest != 0) & ((rest < 0) != (q < 0))
+            return (self.select(down, self.each(self.builder.sub, quotient.values, self.alike(1, quotient)[1][0]), quotient),
+                    self.select(down, self.each(self.builder.add, rest.values, q.values), rest))  # fmt: skip
+        rest = self.each(self.builder.frem, p.values, q.values)
+        whole = self.each(self.builder.fdiv, (p - rest).values, q.values)
+        down = (rest != 0.0) & ((q < 0.0) != (rest < 0.0))
+        floor = self.call("llvm.floor", self.select(down, whole - 1.0, whole))
+        whole = self.select(down, whole - 1.0, whole)
+        floor = self.select(whole - floor > 0.5, floor + 1.0, floor)
+        sign = self.each(self.builder.fdiv, p.values, q.values)
+        return (self.select(whole != 0.0, floor, self.call("llvm.copysign", 0.0, sign)),
+                self.select(rest != 0.0, self.select(down, rest + q, rest), self.call("llvm.copysign", 0.0, q)))  # fmt: skip
+
+    def power(self, a: Any, b: Any) -> Any:
+        """a ** b, as Python has it: of integers an integer, of floats that of the C library."""
+        self.unmixed("a power", a, b)
+        if kind_of(a) != "f" and kind_of(b) != "f":
+            if not isinstance(b, int):
+                raise NotCompilable("an integer to the power of one known only at run time: make one of them a float")
+            if b >= 0:
+                return math.prod([a] * b) if b else 1
+        result = self.call("pow", a, b)
+        finite = [self.compare("==", x - x, 0.0) for x in (a, b) if isinstance(x, Num) and x.kind == "f"]
+        self.fail_if(functools.reduce(lambda x, y: self.logic("and_", x, y), finite, result - result != 0.0))
+        return result
+
+    def compare(self, op: str, a: Any, b: Any) -> Any:
+        """A comparison, exact like Python's of integers with floats."""
+        if not isinstance(a, Num):
+            a, b, op = b, a, {"<": ">", ">": "<", "<=": ">=", ">=": "<="}.get(op, op)
+        if isinstance(b, int) and not -EXACT <= b <= EXACT:
+            if a.kind != "f":
+                if not -HUGE <= b < HUGE:
+                    return {"==": False, "!=": True}.get(op, (op in ("<", "<=")) is (b > 0))
+            elif _float_below(b) != b:
+                if op in ("==", "!="):
+                    return self.constant(op == "!=", "b", a.varying)
+                op, b = "<=" if op in ("<", "<=") else ">", _float_below(b)
+        elif isinstance(b, Num) and {a.kind, b.kind} == {"i", "f"}:
+            n = a if a.kind == "i" else b
+            self.fail_if(self.logic("or_", self.compare("<", n, -EXACT), self.compare(">", n, EXACT)))
         kind, pair = self.alike(a, b)
         if kind == "f":
             compare = self.builder.fcmp_unordered if op == "!=" else self.builder.fcmp_ordered
         else:
-            compare = self.builder.icmp_signed
+            compare = self.builder.icmp_signed if kind == "i" else self.builder.icmp_unsigned  # True is 1, not -1
         return self.each(lambda x, y: compare(op, x, y), *pair)
 
     def logic(self, op: str, a: Any, b: Any) -> Any:
@@ -115,7 +219,9 @@ class Emitter:
     def select(self, condition: Num, yes: Any, no: Any) -> Num:
         _, (x, y) = self.alike(yes, no, varying=condition.varying)
         conditions = condition.values * (len(x) // len(condition.values))
-        return self.each(self.builder.select, conditions, x, y)
+        result = self.each(self.builder.select, conditions, x, y)
+        result.mixed = result.kind == "f" and any(kind_of(x) != "f" or is_mixed(x) for x in (yes, no))
+        return result
 
     def any(self, condition: Any) -> Any:
         """Does the condition hold in any lane?"""
@@ -173,14 +279,40 @@ class Emitter:
         return function
 
 
-class Num(StandIn):
-    """A number known at run time only: float (`f`), integer (`i`) or truth value (`b`)."""
+def kind_of(x: Any) -> str:
+    """What a number is in Python: a float, an integer or a truth value."""
+    if isinstance(x, Num):
+        return x.kind
+    if isinstance(x, (bool, int, float)):
+        return "b" if isinstance(x, bool) else "i" if isinstance(x, int) else "f"
+    raise NotCompilable(f"{type(x).__name__} is not a number")
 
-    __slots__ = ("emitter", "kind", "values")
+
+def is_mixed(x: Any) -> bool:
+    """Is it an integer on one way and a float on another?"""
+    return isinstance(x, Num) and x.mixed
+
+
+def _float_below(n: int) -> float:
+    """The largest float that is not larger than an integer."""
+    try:
+        x = float(n)
+    except OverflowError:
+        return sys.float_info.max if n > 0 else -math.inf
+    return x if x <= n else math.nextafter(x, -math.inf)
+
+
+class Num(StandIn):
+    """A number known at run time only: float (`f`), integer (`i`) or truth value (`b`).
+
+    One that is an integer on one way and a float on another is a `mixed` float: what Python makes of it may depend on the way.
+    """
+
+    __slots__ = ("emitter", "kind", "mixed", "values")
     __array_ufunc__ = None
 
-    def __init__(self, emitter: Emitter, values: Values, kind: str) -> None:
-        self.emitter, self.values, self.kind = emitter, values, kind
+    def __init__(self, emitter: Emitter, values: Values, kind: str, mixed: bool = False) -> None:
+        self.emitter, self.values, self.kind, self.mixed = emitter, values, kind, mixed
 
     @property
     def value(self) -> ir.Value:
@@ -191,8 +323,12 @@ class Num(StandIn):
     def varying(self) -> bool:
         return isinstance(self.values[0].type, ir.VectorType)
 
+    @property
+    def is_integer(self) -> bool:
+        return self.kind == "i"
+
     def elementary(self, name: str, *x: Any) -> Num:
-        return self.emitter.call("llvm.sqrt" if name == "sqrt" else name, *x)
+        return self.emitter.call(f"llvm.{name}" if name in INSTRUCTIONS else name, *x)
 
     def __add__(self, other: Any) -> Any:
         return self._binary("add", self, other)
@@ -219,52 +355,83 @@ class Num(StandIn):
         return self._binary("div", other, self)
 
     def _binary(self, op: str, a: Any, b: Any) -> Any:
-        other = b if a is self else a
-        if not isinstance(other, (Num, bool, int, float)):
+        return self._of(functools.partial(self.emitter.arithmetic, op), a, b)
+
+    def _of(self, function: Callable[..., Any], *items: Any) -> Any:
+        """A function of this number and another one, if it is one; NumPy's integers are integers."""
+        items = tuple(int(x) if isinstance(x, (np.integer, np.bool_)) else x for x in items)
+        if not all(isinstance(x, (Num, int, float)) for x in items):
             return NotImplemented
-        return self.emitter.arithmetic(op, a, b)
+        return function(*items)
 
-    def __pow__(self, other: Any) -> Num:
-        return self.emitter.call("pow", self, other)
+    def __pow__(self, other: Any) -> Any:
+        return self._of(self.emitter.power, self, other)
 
-    def __rpow__(self, other: Any) -> Num:
-        return self.emitter.call("pow", other, self)
+    def __rpow__(self, other: Any) -> Any:
+        return self._of(self.emitter.power, other, self)
+
+    def __divmod__(self, other: Any) -> Any:
+        return self._of(self.emitter.divided, self, other)
+
+    def __rdivmod__(self, other: Any) -> Any:
+        return self._of(self.emitter.divided, other, self)
+
+    def __floordiv__(self, other: Any) -> Any:
+        return self._of(lambda *x: self.emitter.divided(*x)[0], self, other)
+
+    def __rfloordiv__(self, other: Any) -> Any:
+        return self._of(lambda *x: self.emitter.divided(*x)[0], other, self)
+
+    def __mod__(self, other: Any) -> Any:
+        return self._of(lambda *x: self.emitter.divided(*x)[1], self, other)
+
+    def __rmod__(self, other: Any) -> Any:
+        return self._of(lambda *x: self.emitter.divided(*x)[1], other, self)
 
     def __neg__(self) -> Num:
         e = self.emitter
+        e.unmixed("the negative", self)
         return e.each(e.builder.fneg, self.values) if self.kind == "f" else e.arithmetic("sub", 0, self)
 
     def __pos__(self) -> Num:
         return self
 
     def __abs__(self) -> Num:
-        return self.emitter.call("llvm.fabs", self)
+        return self.emitter.call("llvm.fabs", self) if self.kind == "f" else self.emitter.select(self < 0, -self, 1 * self)
 
     def __lt__(self, other: Any) -> Any:
-        return self.emitter.compare("<", self, other)
+        return self._of(functools.partial(self.emitter.compare, "<"), self, other)
 
     def __le__(self, other: Any) -> Any:
-        return self.emitter.compare("<=", self, other)
+        return self._of(functools.partial(self.emitter.compare, "<="), self, other)
 
     def __gt__(self, other: Any) -> Any:
-        return self.emitter.compare(">", self, other)
+        return self._of(functools.partial(self.emitter.compare, ">"), self, other)
 
     def __ge__(self, other: Any) -> Any:
-        return self.emitter.compare(">=", self, other)
+        return self._of(functools.partial(self.emitter.compare, ">="), self, other)
 
     def __eq__(self, other: object) -> Any:
-        return self.emitter.compare("==", self, other)
+        return self._of(functools.partial(self.emitter.compare, "=="), self, other)
 
     def __ne__(self, other: object) -> Any:
-        return self.emitter.compare("!=", self, other)
+        return self._of(functools.partial(self.emitter.compare, "!="), self, other)
+
+    def _bits(self, op: str, other: Any) -> Any:
+        if {self.kind, kind_of(other)} == {"b"}:
+            return self.emitter.logic(op, self, other)
+        kind, pair = self.emitter.alike(self, other)
+        if kind == "f":
+            raise NotCompilable("`&` or `|` of floats: use `and`, `or`")
+        return self.emitter.each(getattr(self.emitter.builder, op), *pair)
 
     def __and__(self, other: Any) -> Any:
-        return self.emitter.logic("and_", self, other)
+        return self._bits("and_", other)
 
     __rand__ = __and__
 
     def __or__(self, other: Any) -> Any:
-        return self.emitter.logic("or_", self, other)
+        return self._bits("or_", other)
 
     __ror__ = __or__
     __hash__ = object.__hash__

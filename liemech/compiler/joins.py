@@ -7,16 +7,20 @@ does not run for are arbitrary: whoever joins two pieces picks lane by lane.
 from __future__ import annotations
 
 import ast
+import contextlib
 import dataclasses
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 from llvmlite import ir
 
-from ..formulas.pytree import PAIRS, build, is_any_number, layout_of, leaves
+from ..formulas.dual import Dual
+from ..formulas.pytree import PAIRS, build, is_any_number, layout_of, leaves, paired
 from ..formulas.vectors import Mat, Vec
 from .ir_numbers import Emitter, Num, Values
-from .source import Source
+from .iterators import Region, Stream
+from .reads import Reads
+from .scopes import Env, Frame, Undefined, has
 
 LIVE = "<live>"  # lanes still running at this point, where some have left (absent: all for which the code was entered)
 BROKEN = "<broken>"  # lanes that left the present loop by `break`
@@ -25,21 +29,11 @@ LEFT = (BROKEN, CONTINUED)
 RETURN = "<return>"  # what lanes that have left the call return
 NOBODY = "no lane is running"  # value of LIVE when every lane has left
 
-Env = dict[str, Any]
-
-
-class Undefined:
-    """A variable without a value at this point, and why."""
-
-    def __init__(self, reason: str) -> None:
-        self.reason = reason
-
-
 class Retype(Exception):
     """A loop turns out to need another type for a number it carries (an int becomes a float), or a mask."""
 
-    def __init__(self, number: int | None, kind: str = "b", varying: bool = False) -> None:
-        self.number, self.type = number, (kind, varying)
+    def __init__(self, number: int | None, kind: str = "b", varying: bool = False, mixed: bool = False) -> None:
+        self.number, self.type = number, (kind, varying, mixed)
 
 
 @dataclasses.dataclass
@@ -62,28 +56,27 @@ class Loop:
     continues: list[Open] = dataclasses.field(default_factory=list)
 
 
-@dataclasses.dataclass
-class Frame:
-    """One call being inlined."""
+class Promote(Exception):
+    """A loop turns out to need another structure for a variable it carries: a number that gets a derivative in it."""
 
-    source: Source
-    env: Env
-    returns: list[Open] = dataclasses.field(default_factory=list)
-    loops: list[Loop] = dataclasses.field(default_factory=list)
-    node: ast.AST | None = None
+    def __init__(self, name: str, start: Any) -> None:
+        self.name, self.start = name, start
 
 
 class Joins:
     """The state of a translation, and the meeting of ways; what statements mean is the business of those who build on it."""
 
-    def __init__(self, emitter: Emitter) -> None:
-        self.emitter, self.builder = emitter, emitter.builder
+    def __init__(self, emitter: Emitter, reads: Reads) -> None:
+        self.emitter, self.builder, self.reads = emitter, emitter.builder, reads
         self.frames: list[Frame] = []
         self.base: Any = None  # lanes for which the present code was entered (None: all)
         self.depth = 0  # enclosing conditions of the present call that differ between lanes
         self.escapes: list[list[Open]] = []  # where control goes when a formula raises
         self.failed: Any = None  # where a formula that raises says so
-        self.raises = 0  # places so far that do
+        self.raises = 0  # places so far, in the present attempt, that may
+        self.region: Region = ()  # the branches and loops of unknown length around the present code
+        self.regions = 0
+        self.streams: list[Stream] = []
 
     def block(self, statements: list[ast.stmt], env: Env) -> bool:
         raise NotImplementedError
@@ -113,10 +106,8 @@ class Joins:
         for v in items:
             if isinstance(v, Undefined):
                 return v
+        items = leveled(items)
         layouts = [layout_of(v, is_any_number) for v in items]
-        if any(layout != layouts[0] for layout in layouts):
-            items = leveled(items)
-            layouts = [layout_of(v, is_any_number) for v in items]
         if any(layout != layouts[0] for layout in layouts):
             shapes = " and ".join(dict.fromkeys(map(repr, layouts)))
             return Undefined(f"it is one thing on one way and another on the other: {shapes}")
@@ -127,6 +118,23 @@ class Joins:
         """The mask of lanes running here; None for all."""
         live = env.get(LIVE)
         return self.emitter.constant(False, "b", True) if live is NOBODY else self.base if live is None else live
+
+    @contextlib.contextmanager
+    def apart(self, loop: bool = False) -> Iterator[None]:
+        """Code that control may pass by, or pass several times."""
+        outer = self.region
+        self.regions += 1
+        self.region = (*outer, (self.regions, loop))
+        yield
+        self.region = outer
+
+    def fail_if(self, condition: Any) -> None:
+        """Python raises here if the condition holds: the attempt has failed.  Outside of attempts numbers go on as they are."""
+        if condition is False or not self.escapes:
+            return
+        self.raises += 1
+        lanes = self.emitter.logic("and_", condition, self.everyone(self.active(self.frames[-1].env)))
+        self.emitter.store(self.emitter.logic("or_", self.emitter.load(self.failed), lanes), self.failed)
 
     def everyone(self, mask: Any) -> Any:
         return True if mask is None else mask
@@ -144,18 +152,28 @@ class Joins:
         into = into or self.builder.append_basic_block()
         self._align_masks(opens)
         merged: Env = {}
-        for name in opens[0].env:
-            if all(name in o.env for o in opens):
-                items = [o.env[name] for o in opens]
-                merged[name] = items[0] if len(items) == 1 else self._numberwise(
-                    items, lambda *numbers: self._phi(into, [o.block for o in opens], numbers)
-                )
+        blocks = [o.block for o in opens]
+        for name in dict.fromkeys(name for o in opens for name in o.env if not name.startswith("<has ")):
+            there = [o.env[name] for o in opens if name in o.env]
+            certain = [o.env.get(has(name), name in o.env) for o in opens]
+            if len(there) < len(opens):
+                if name.startswith("<"):
+                    continue
+                blank = next((v for v in there if isinstance(v, Undefined)), None) or self.blank(there[0])
+                there = [o.env.get(name, blank) for o in opens]
+            merged[name] = self._together(into, blocks, there)
+            if not all(c is True for c in certain):
+                merged[has(name)] = self._together(into, blocks, certain)
         for o in opens:
             self.builder.position_at_end(o.block)
             (o.end or self.builder.branch)(into)
         self.builder.position_at_end(into)
         replace(env, merged)
         return True
+
+    def _together(self, into: ir.Block, blocks: list[ir.Block], items: list[Any]) -> Any:
+        """What a variable is where these blocks, in which it is one of the items each, come together."""
+        return items[0] if len(items) == 1 else self._numberwise(items, lambda *numbers: self._phi(into, blocks, numbers))
 
     def _phi(self, into: ir.Block, blocks: list[ir.Block], numbers: Iterable[Any]) -> Num:
         lifted = [self.emitter.lift(x) for x in numbers]
@@ -167,6 +185,7 @@ class Joins:
             incoming.append((self.emitter.cast(x, kind, varying), block))
         self.builder.position_at_end(into)
         phi = self.phi(kind, varying)
+        phi.mixed = kind == "f" and any(x.kind != "f" or x.mixed for x in lifted)
         for values, block in incoming:
             come_from(phi, values, block)
         return phi
@@ -198,12 +217,14 @@ def leveled(items: list[Any]) -> list[Any]:
     kind = type(items[0])
     if kind in makers and all(type(v) is kind for v in items) and len({len(v) for v in items}) == 1:
         return [makers[kind](v) for v in zip(*map(leveled, map(list, zip(*items, strict=True))), strict=True)]
-    pairs = {type(v) for v in items if isinstance(v, PAIRS)}
-    if len(pairs) == 1:
-        (pair,) = pairs
-        if all(isinstance(v, pair) or is_any_number(v) for v in items):
-            parts = zip(*(v.parts if isinstance(v, pair) else (v, 0.0) for v in items), strict=True)
-            return [pair(*p) for p in zip(*map(leveled, map(list, parts)), strict=True)]
+    pairs = [v for v in items if isinstance(v, PAIRS)]
+    if pairs and all(isinstance(v, PAIRS) or is_any_number(v) for v in items):
+        form = max(pairs, key=lambda v: v.level).form
+        zero = 0 if form[0] is Dual else 0.0  # no slope, no imaginary part
+        parts = [v.parts if isinstance(v, PAIRS) and v.form == form else (v, zero) for v in items]
+        if not all(type(second) is int for _, second in parts):  # a slope on one way at least
+            parts = [(first, 0.0 if type(second) is int else second) for first, second in parts]
+        return [paired(form, p) for p in zip(*map(leveled, map(list, zip(*parts, strict=True))), strict=True)]
     return items
 
 

@@ -1,31 +1,36 @@
 """Native kernels: a driver and the layouts of its arguments become machine code, kept on disk for the next process.
 
-The only place that knows LLVM's binding.  Without llvmlite, or with LIEMECH_COMPILE=0 or NUMBA_DISABLE_JIT=1 in the environment,
-nothing here is used and every driver runs in plain Python.
+A kernel is used again while everything that its formulas read from outside is what it was; else it is made anew, and the former
+one kept for the time when things are as before.  Without llvmlite, or with LIEMECH_COMPILE=0 or NUMBA_DISABLE_JIT=1 in the
+environment, nothing here is used and every driver runs in plain Python.
 """
 
 from __future__ import annotations
 
-import ctypes
+import collections
+import contextlib
 import dataclasses
-import functools
+import hashlib
 import os
+import sys
 import threading
 from array import array
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
 from ..errors import NotCompilable
-from ..formulas.functions import LIBM
 from ..formulas.pytree import Layout, layout_of, leaves
 from . import driver
 
 Kind = Layout | str  # of an argument: the layout of a value, "integer", "array" or "rows"
 
-_lock = threading.RLock()
-_kernels: dict[Any, Kernel] = {}
+ALIVE = 256
+"""Drivers and layouts whose kernels a process keeps; those not used for the longest time are released."""
+
+VARIANTS = 8
+"""Kernels kept for one driver and layout while globals, helpers, ... change."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -45,7 +50,7 @@ def available() -> str | None:
     if os.environ.get("LIEMECH_COMPILE") == "0" or os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):
         return "compilation is switched off in the environment (LIEMECH_COMPILE=0 or NUMBA_DISABLE_JIT=1)"
     try:
-        import llvmlite.binding  # noqa: F401
+        from . import llvm  # noqa: F401
     except ImportError:
         return "llvmlite is not installed"
     return None
@@ -54,20 +59,23 @@ def available() -> str | None:
 class Kernel:
     """Machine code of one driver for arguments of one layout, for one body (lanes = 1) or several at once."""
 
-    def __init__(self, entry: Callable[..., Any], kinds: tuple[Kind, ...], lanes: int) -> None:
-        from . import cache
-        from .source import fingerprint
+    def __init__(self, entry: Callable[..., Any], kinds: tuple[Kind, ...], lanes: int, args: Sequence[Any] | None = None) -> None:
+        from . import cache, llvm
+        from .reads import Reads
 
         self.entry, self.kinds, self.lanes = entry, kinds, lanes
-        key = fingerprint(entry, *kinds, lanes, *_machine())
-        object_code = cache.load(key)
-        self.cached = object_code is not None
-        if object_code is None:
-            object_code = _compile(entry, kinds, lanes)
-            cache.store(key, object_code)
-        self._engine, address = _link(object_code)
-        pointer = ctypes.c_void_p
-        self._call = ctypes.CFUNCTYPE(None, pointer, pointer, pointer, ctypes.c_int64, ctypes.c_int64, ctypes.c_int64)(address)
+        key = _key(entry, kinds, lanes)
+        known = [a if isinstance(k, Layout) else None for a, k in zip(args or kinds, kinds, strict=True)]
+        found = cache.load(key, lambda manifest: Reads.found(entry, known, manifest)) if key and args else None
+        self.cached = found is not None
+        if found is not None:
+            self.reads, code = found
+        else:
+            self.reads, text = _translated(entry, kinds, lanes, known if args else None)
+            code = llvm.object_code(text)
+            if key and args and self.reads.follow(known):  # nothing has changed meanwhile
+                cache.store(key, self.reads.manifest(), code)
+        self._engine, self._call = llvm.linked(code)
 
     def __call__(self, *args: Any, bodies: int = 1, begin: int = 0, end: int = 1) -> None:
         """Run on these arguments, for the bodies from begin to end (whole lanes); arrays hold a column for each of `bodies`."""
@@ -87,7 +95,38 @@ class Kernel:
 
     def assembly(self) -> str:
         """The machine code as text, for those who want to see what became of a formula."""
-        return _target().emit_assembly(_optimised(self.entry, self.kinds, self.lanes))
+        from . import llvm
+
+        return llvm.assembly(_translated(self.entry, self.kinds, self.lanes)[1])
+
+
+class _Kept:
+    """The kernels for one driver and layout, the last used first, and the lock of the thread that makes one."""
+
+    def __init__(self) -> None:
+        self.lock = threading.RLock()
+        self.kernels: list[Kernel] = []
+
+    def find(self, args: Sequence[Any]) -> Kernel | None:
+        for k in self.kernels:
+            if k.reads.unchanged(args):
+                if k is not self.kernels[0]:
+                    self.kernels = [k, *(other for other in self.kernels if other is not k)]
+                return k
+        return None
+
+
+_kept: collections.OrderedDict[Any, _Kept] = collections.OrderedDict()
+
+
+def _after_fork() -> None:
+    """What other threads were making when the process was forked, the child makes itself."""
+    for kept in _kept.values():
+        kept.lock = threading.RLock()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_after_fork)
 
 
 def kernel(entry: Callable[..., Any], *args: Any, lanes: int = 1) -> Kernel:
@@ -96,20 +135,47 @@ def kernel(entry: Callable[..., Any], *args: Any, lanes: int = 1) -> Kernel:
     An int among the arguments is a run-time integer, arrays and rows are read and written in place; a layout describes everything
     else.  Raises NotCompilable.
     """
-    kinds = tuple(map(_kind, args))
-    key = entry, kinds, lanes
-    with _lock:
-        if key not in _kernels:
-            try:
-                _kernels[key] = Kernel(entry, kinds, lanes)
-            except RuntimeError as error:  # of LLVM: an unknown processor, a broken installation
-                raise NotCompilable(f"native code cannot be made here: {error}") from error
-        return _kernels[key]
+    key = entry, tuple(map(_kind, args)), lanes
+    kept = _kept.setdefault(key, _Kept())
+    found = kept.find(args)
+    if found is None:
+        with kept.lock:
+            found = kept.find(args)  # made by another thread meanwhile
+            if found is None:
+                try:
+                    found = Kernel(*key, args)
+                except RuntimeError as error:  # of LLVM: an unknown processor, a broken installation
+                    raise NotCompilable(f"native code cannot be made here: {error}") from error
+                kept.kernels = [found, *kept.kernels[: VARIANTS - 1]]
+    with contextlib.suppress(KeyError):
+        _kept.move_to_end(key)
+        while len(_kept) > ALIVE:
+            _kept.popitem(last=False)
+    return found
 
 
 def known(entry: Callable[..., Any], *args: Any, lanes: int = 1) -> Kernel | None:
     """Such a kernel, if this process has it already."""
-    return _kernels.get((entry, tuple(map(_kind, args)), lanes))
+    kept = _kept.get((entry, tuple(map(_kind, args)), lanes))
+    return kept.find(args) if kept else None
+
+
+def alive() -> list[Kernel]:
+    """All kernels that this process keeps."""
+    return [k for kept in [*_kept.values()] for k in kept.kernels]
+
+
+def forget() -> None:
+    """Keep none of the kernels."""
+    _kept.clear()
+
+
+def on_disk(entry: Callable[..., Any], *args: Any, lanes: int = 1) -> bool:
+    """Is the object code of such a kernel there, made by this or another process?"""
+    from . import cache
+    from .source import fingerprint
+
+    return cache.load(fingerprint(entry, *map(_kind, args), lanes, *_machine())) is not None
 
 
 def _kind(value: Any) -> Kind:
@@ -118,36 +184,46 @@ def _kind(value: Any) -> Kind:
     return "array" if isinstance(value, np.ndarray) else "integer" if type(value) is int else layout_of(value)
 
 
+def _key(entry: Callable[..., Any], kinds: tuple[Kind, ...], lanes: int) -> str | None:
+    """Where a kernel lies on disk: for what it is made, by which compiler and Python, for which processor."""
+    from . import cache, llvm, tokens
+
+    own = cache.own_source()
+    if own is None:
+        return None
+    python = sys.implementation.cache_tag, np.__version__, own, *llvm.machine()
+    return hashlib.sha256(repr((tokens.digest((entry, *kinds)), lanes, python)).encode()).hexdigest()[:32]
+
+
+def width() -> int:
+    """How many doubles a vector register of this processor holds."""
+    from . import llvm
+
+    return llvm.width()
+
+
+def lanes() -> int:
+    """How many bodies run side by side: as many registers for each number as can work while one waits for a result."""
+    return 2 * width()
+
+
 # ------------------------------------------------------------------ translation
 
 
-def _compile(entry: Callable[..., Any], kinds: tuple[Kind, ...], lanes: int) -> bytes:
-    return _target().emit_object(_optimised(entry, kinds, lanes))
-
-
-def _optimised(entry: Callable[..., Any], kinds: tuple[Kind, ...], lanes: int) -> Any:
-    import llvmlite.binding as llvm
-
-    module = llvm.parse_assembly(str(_translated(entry, kinds, lanes)))
-    module.verify()
-    tuning = llvm.create_pipeline_tuning_options(speed_level=3)
-    tuning.loop_vectorization = tuning.slp_vectorization = False  # lanes are explicit; formulas are scalar on purpose
-    passes = llvm.create_pass_builder(_target(), tuning)
-    passes.getModulePassManager().run(module, passes)
-    return module
-
-
-def _translated(entry: Callable[..., Any], kinds: tuple[Kind, ...], lanes: int) -> Any:
-    """The kernel in LLVM's language: a loop over bodies around the driver, inlined."""
-    import llvmlite.binding as llvm
+def _translated(
+    entry: Callable[..., Any], kinds: tuple[Kind, ...], lanes: int, given: Sequence[Any] | None = None
+) -> tuple[Any, str]:
+    """What the driver reads, and the kernel in LLVM's language: a loop over bodies around the driver, inlined."""
     from llvmlite import ir
 
+    from . import llvm
     from .buffers import Array, arguments
     from .ir_numbers import F64, I64, Emitter
+    from .reads import Reads
     from .translation import Interpreter
 
     module = ir.Module("liemech")
-    module.triple = llvm.get_process_triple()
+    module.triple = llvm.triple()
     signature = ir.FunctionType(ir.VoidType(), [F64.as_pointer(), I64.as_pointer(), F64.as_pointer().as_pointer(), I64, I64, I64])
     function = ir.Function(module, signature, "kernel")
     for pointer in function.args[:3]:
@@ -166,10 +242,13 @@ def _translated(entry: Callable[..., Any], kinds: tuple[Kind, ...], lanes: int) 
     index.add_incoming(function.args[4], start)
     builder.cbranch(builder.icmp_signed("<", index, function.args[5]), body, done)
     builder.position_at_end(body)
-    for a in args:
+    reads = Reads(entry)
+    for i, (a, kind) in enumerate(zip(args, kinds, strict=True)):
         if isinstance(a, Array):
             a.body = index
-    interpreter = Interpreter(emitter)
+        elif isinstance(kind, Layout):
+            reads.argument(i, a, given[i] if given else a)
+    interpreter = Interpreter(emitter, reads)
     interpreter.intrinsics |= {
         driver.read: lambda array, at, layout: array.read(at, layout),
         driver.write: lambda array, at, value, layout=None: array.write(at, value),
@@ -188,7 +267,7 @@ def _translated(entry: Callable[..., Any], kinds: tuple[Kind, ...], lanes: int) 
     builder.branch(head)
     builder.position_at_end(done)
     builder.ret_void()
-    return module
+    return reads, str(module)
 
 
 def _located(error: Exception, interpreter: Any) -> Exception:
@@ -199,78 +278,3 @@ def _located(error: Exception, interpreter: Any) -> Exception:
     line = getattr(frame.node, "lineno", frame.source.function.__code__.co_firstlineno)
     reason = str(error) if isinstance(error, NotCompilable) else f"{type(error).__name__}: {error}"
     return NotCompilable(f"{frame.source.name} ({os.path.basename(frame.source.file)}, line {line}) cannot be compiled: {reason}")
-
-
-# ------------------------------------------------------------------ LLVM
-
-
-def _machine() -> tuple[str, ...]:
-    """What else the object code depends on: this package, LLVM and the processor."""
-    import llvmlite
-    import llvmlite.binding as llvm
-
-    from . import cache
-
-    features = ",".join(f"{k}={v}" for k, v in sorted(llvm.get_host_cpu_features().items()))
-    return cache.own_source(), llvmlite.__version__, llvm.get_process_triple(), llvm.get_host_cpu_name(), features
-
-
-@functools.cache
-def _target() -> Any:
-    """The processor that code is made for."""
-    return _target_machine()
-
-
-def _target_machine() -> Any:
-    import llvmlite.binding as llvm
-
-    _prepare()
-    return llvm.Target.from_triple(llvm.get_process_triple()).create_target_machine(
-        cpu=llvm.get_host_cpu_name(), features=llvm.get_host_cpu_features().flatten(), opt=3, jit=True
-    )
-
-
-@functools.cache
-def _prepare() -> None:
-    """Once in a process: LLVM for this processor, and the functions of the C library that plain Python uses too."""
-    import llvmlite.binding as llvm
-
-    llvm.initialize_native_target()
-    llvm.initialize_native_asmprinter()
-    library = _c_library()
-    for f in (*LIBM, pow):  # under names that LLVM does not know, so that it changes nothing about them
-        llvm.add_symbol(f"liemech_{f.__name__}", ctypes.cast(getattr(library, f.__name__), ctypes.c_void_p).value)
-
-
-def _c_library() -> ctypes.CDLL:
-    if os.name == "nt":
-        return ctypes.CDLL("ucrtbase")
-    process = ctypes.CDLL(None)
-    if hasattr(process, "sin"):
-        return process
-    from ctypes.util import find_library
-
-    return ctypes.CDLL(find_library("m"))
-
-
-def _link(object_code: bytes) -> tuple[Any, int]:
-    import llvmlite.binding as llvm
-
-    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _target_machine())  # which it owns and frees
-    engine.add_object_file(llvm.ObjectFileRef.from_data(object_code))
-    engine.finalize_object()
-    return engine, engine.get_function_address("kernel")
-
-
-@functools.cache
-def width() -> int:
-    """How many doubles a vector register of this processor holds."""
-    import llvmlite.binding as llvm
-
-    features = llvm.get_host_cpu_features()
-    return 8 if features.get("avx512f") else 4 if features.get("avx2") else 2
-
-
-def lanes() -> int:
-    """How many bodies run side by side: as many registers for each number as can work while one waits for a result."""
-    return 2 * width()

@@ -13,7 +13,8 @@ from ..errors import NotCompilable
 from ..formulas.pytree import build, is_any_number, layout_of, leaves
 from .branches import Branches
 from .ir_numbers import Num
-from .joins import BROKEN, CONTINUED, LEFT, LIVE, NOBODY, Env, Loop, Open, Retype, Undefined, come_from
+from .joins import BROKEN, CONTINUED, LEFT, LIVE, NOBODY, Loop, Open, Promote, Retype, come_from, leveled
+from .scopes import Env, Undefined, changed_names, has
 
 UNROLL = 32  # a static loop with more turns than this stays a loop
 
@@ -41,6 +42,7 @@ class Loops(Branches):
         loops, outer = self.frames[-1].loops, {name: env.pop(name) for name in LEFT if name in env}
         loops.append(loop)
         alive = True
+        taken = [(stream, stream.taken) for stream in self.streams]
         for begin in turns:
             if begin(env) is False:
                 break
@@ -52,6 +54,9 @@ class Loops(Branches):
             if not alive or env.get(LIVE) is NOBODY:
                 break
         loops.pop()
+        if loop.breaks or BROKEN in env:
+            for stream, before in taken:
+                stream.part_ways(before)
         self._take_up(BROKEN, env)
         alive = self.join(loop.breaks + ([Open(self.builder.block, dict(env))] if alive else []), env)
         env |= outer
@@ -72,16 +77,21 @@ class Loops(Branches):
         counters: tuple[str, ...] = (),
     ) -> bool:
         """A loop whose number of turns is known at run time only; `test` sees the variables at its head, `step` at its end."""
-        for name in {*_assigned(body), *counters} & env.keys():
+        for name in {*changed_names(body), *counters} & env.keys():
             if isinstance(env[name], Undefined):
                 del env[name]
-        carried = sorted({*_assigned(body), *counters} & env.keys())
-        types: dict[int, tuple[str, bool]] = {}
+        changed = {*changed_names(body), *counters}
+        carried = sorted((changed | {*map(has, changed)}) & env.keys())
+        types: dict[int, tuple[str, bool, bool]] = {}
         masked = False
         while True:
             forget = self.mark()
             try:
                 return self._loop(test, step, body, env, carried, types, masked)
+            except Promote as wanted:
+                forget()
+                env[wanted.name] = wanted.start
+                types.clear()
             except Retype as wanted:
                 forget()
                 if wanted.number is None:
@@ -95,14 +105,17 @@ class Loops(Branches):
         block, instructions, blocks = b.block, len(b.block.instructions), len(function.blocks)
         lists: list[list[Any]] = [self.frames, frame.loops, frame.returns, self.escapes, *self.escapes]
         lengths = [len(items) for items in lists]
-        state = self.base, self.depth, frame.env, frame.node
+        state = self.base, self.depth, self.raises, self.region, frame.env, frame.node
+        taken = [(stream, stream.taken, stream.region) for stream in self.streams]
 
         def forget() -> None:
             for items, length in zip(lists, lengths, strict=True):
                 del items[length:]
             del function.blocks[blocks:], block.instructions[instructions:]
             block.terminator = None
-            self.base, self.depth, frame.env, frame.node = state
+            self.base, self.depth, self.raises, self.region, frame.env, frame.node = state
+            for stream, before, region in taken:
+                stream.back_to(before, region)
             b.position_at_end(block)
 
         return forget
@@ -114,7 +127,7 @@ class Loops(Branches):
         body: list[ast.stmt],
         env: Env,
         carried: list[str],
-        types: dict[int, tuple[str, bool]],
+        types: dict[int, tuple[str, bool, bool]],
         masked: bool,
     ) -> bool:
         e, b, frame = self.emitter, self.builder, self.frames[-1]
@@ -125,11 +138,12 @@ class Loops(Branches):
 
         def entering(x: Any) -> Num:
             x = e.lift(x)
-            kind, varying = types.get(len(phis), (x.kind, x.varying))
+            kind, varying, mixed = types.get(len(phis), (x.kind, x.varying, x.mixed))
             b.position_at_end(before)
             value = e.cast(x, kind, varying)
             b.position_at_end(head)
             phis.append(self.phi(kind, varying))
+            phis[-1].mixed = mixed
             come_from(phis[-1], value, before)
             return phis[-1]
 
@@ -157,7 +171,8 @@ class Loops(Branches):
         loop, raises = Loop(True, self.depth, masked), self.raises
         frame.loops.append(loop)
         self.base = lanes
-        alive = self.block(body, inside)
+        with self.apart(loop=True):
+            alive = self.block(body, inside)
         frame.loops.pop()
         if self.join(loop.continues + ([Open(b.block, inside)] if alive else []), inside):
             step(inside)
@@ -165,6 +180,10 @@ class Loops(Branches):
             for name in carried:
                 new, old = inside[name], at_head[name]
                 layout = layout_of(new, is_any_number)
+                if layout != layouts[name] and not isinstance(new, Undefined):
+                    first, now = leveled([env[name], new])
+                    if layout_of(first, is_any_number) == layout_of(now, is_any_number) != layouts[name]:
+                        raise Promote(name, first)
                 if isinstance(new, Undefined) or layout != layouts[name]:
                     what = new.reason if isinstance(new, Undefined) else f"from {layouts[name]} to {layout}"
                     raise NotCompilable(f"`{name}` changes its structure in the loop: {what}")
@@ -173,8 +192,9 @@ class Loops(Branches):
                     leaf = e.lift(x if not masked or x is y else e.select(lanes, x, y))
                     kind = max(leaf.kind, phi.kind, key="bif".index)
                     varying = leaf.varying or phi.varying
-                    if (kind, varying) != (phi.kind, phi.varying):
-                        raise Retype(index, kind, varying)
+                    mixed = kind == "f" and (leaf.kind != "f" or phi.kind != "f" or leaf.mixed or phi.mixed)
+                    if (kind, varying, mixed) != (phi.kind, phi.varying, phi.mixed):
+                        raise Retype(index, kind, varying, mixed)
                     come_from(phi, e.cast(leaf, kind, varying), b.block)
                     index += 1
             if masked:
@@ -182,10 +202,15 @@ class Loops(Branches):
                 if self.raises > raises:  # a lane that has failed holds anything, and might never end
                     broken = e.logic("or_", broken, e.load(self.failed))
                 come_from(active, e.cast(e.logic("and_", lanes, e.negation(broken)), "b", True), b.block)
-            b.branch(head)
+            if self.raises > raises and not masked:  # what has failed everywhere might never end
+                going, given_up = e.any(e.negation(e.load(self.failed))), b.append_basic_block()
+                b.cbranch(going.value, head, given_up)
+                self.escapes[-1].append(Open(given_up, {}))
+            else:
+                b.branch(head)
         self.base = outer
         exits = list(loop.breaks)
-        local = _assigned(body) - env.keys()
+        local = changed_names(body) - env.keys()
         b.position_at_end(head_end)
         if isinstance(go_on, Num):
             exits.insert(0, Open(head_end, at_head, lambda into: b.cbranch(go_on.value, start, into)))
@@ -201,13 +226,3 @@ class Loops(Branches):
         for name in local:
             env[name] = Undefined("it gets one inside the loop only, which may have no turn: give it a value before")
         return True
-
-
-def _assigned(body: list[ast.stmt]) -> set[str]:
-    """The names that these statements may change."""
-    nodes = [n for statement in body for n in ast.walk(statement)]
-    inner = {id(n) for c in nodes if isinstance(c, ast.comprehension) for n in ast.walk(c.target)}
-    names = {n.id for n in nodes if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store) and id(n) not in inner}
-    return names | {
-        n.value.id for n in nodes if isinstance(n, ast.Subscript) and isinstance(n.ctx, ast.Store) and isinstance(n.value, ast.Name)
-    }

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import ast
+import copy
 from collections.abc import Callable
 from typing import Any
 
 from ..errors import NotCompilable
 from .expressions import Expressions
 from .ir_numbers import Num
-from .joins import LIVE, NOBODY, RETURN, Env, Open, Retype
+from .iterators import Stream
+from .joins import LIVE, NOBODY, RETURN, Open, Retype
 from .loops import UNROLL
+from .scopes import CHANGES, Closure, Env, Frame, has
 
 
 class Statements(Expressions):
@@ -40,7 +43,7 @@ class Statements(Expressions):
         frame = self.frames[-1]
         if env.get(LIVE) is not NOBODY or self.depth or frame.loops:
             return True
-        frame.returns.append(Open(self.builder.block, {RETURN: env.get(RETURN)}))
+        frame.returns.append(Open(self.builder.block, {RETURN: env.get(RETURN)} | frame.captured(env)))
         return False
 
     def statement(self, node: ast.stmt, env: Env) -> bool:
@@ -59,8 +62,19 @@ class Statements(Expressions):
                 if isinstance(old, list):
                     self.unshared(old, node.target, env)
                 self.assign(node.target, self.operate(node, old, self.expression(node.value, env)), env)
+            case ast.Expr(ast.Call(ast.Attribute(ast.Name(id=name), method), [item], [])) if (
+                method in CHANGES and isinstance(env.get(name), list)
+            ):
+                self.unshared(env[name], ast.Name(name), env)
+                items = self.expression(item, env)
+                self.assign(ast.Name(name), [*env[name], *([items] if method == "append" else self.iterate(items))], env)
             case ast.Expr():
                 self.expression(node.value, env)
+            case ast.FunctionDef(name=name, decorator_list=[]):
+                self.assign(ast.Name(name), self.nested(node, env), env)
+            case ast.Assert():
+                failure = ast.If(ast.UnaryOp(ast.Not(), node.test), [ast.copy_location(ast.Raise(), node)], [])
+                return self.statement(ast.copy_location(failure, node), env)
             case ast.If():
                 test = self.truth(self.expression(node.test, env))
                 if isinstance(test, Num):
@@ -88,16 +102,28 @@ class Statements(Expressions):
                 if isinstance(env.get(LIVE), Num) and name in env:  # lanes that have left keep what they had
                     value = self.blend(env[LIVE], value, env[name])
                 env[name] = value
+                if has(name) in env:
+                    env[has(name)] = True
             case ast.Tuple(elts=targets) | ast.List(elts=targets):
-                items = list(value)
+                items = list(self.iterate(value))
+                star = next((i for i, t in enumerate(targets) if isinstance(t, ast.Starred)), None)
+                if star is not None and len(items) >= len(targets) - 1:
+                    end = len(items) - (len(targets) - 1 - star)
+                    items[star:end] = [items[star:end]]
+                    targets = [t.value if isinstance(t, ast.Starred) else t for t in targets]
                 if len(items) != len(targets):
                     raise NotCompilable(f"{len(items)} values are assigned to {len(targets)} names")
                 for t, v in zip(targets, items, strict=True):
                     self.assign(t, v, env)
             case ast.Subscript(value=ast.Name(id=name)) if isinstance(env.get(name), list):
                 self.unshared(env[name], target.value, env)
-                changed = list(env[name])
-                changed[self.expression(target.slice, env)] = value
+                changed, index = list(env[name]), self.expression(target.slice, env)
+                if isinstance(index, Num) and index.kind != "f":
+                    places = range(len(changed))
+                    self.item(list(places), index)  # which fails outside of the list
+                    changed = [self.where((index == i) | (index == i - len(changed)), value, changed[i]) for i in places]
+                else:
+                    changed[index] = value
                 self.assign(target.value, changed, env)
             case _:
                 raise NotCompilable(f"`{ast.unparse(target)} = ...`: formulas do not change objects in place")
@@ -106,6 +132,12 @@ class Statements(Expressions):
         """Python would change the list under its other names too; lists of the compiler are values."""
         elsewhere = [v for frame in self.frames[:-1] for v in frame.env.values()]
         elsewhere += [v for n, v in env.items() if not (isinstance(name, ast.Name) and n == name.id)]
+        running = [id(frame) for frame in self.frames]
+        for closure in [v for v in elsewhere if isinstance(v, Closure)]:
+            frame: Frame | None = closure.frame
+            while frame is not None and id(frame) not in running:
+                elsewhere += frame.env.values()
+                frame = frame.around
         if any(_holds(v, items) for v in elsewhere):
             it = ast.unparse(name)
             raise NotCompilable(f"`{it}` is changed in place and has another name: change a copy, `[*{it}]`")
@@ -117,7 +149,7 @@ class Statements(Expressions):
         if RETURN in env:
             value = self.blend(self.everyone(self.active(env)), value, env[RETURN])
         if self.depth == 0:
-            frame.returns.append(Open(self.builder.block, {RETURN: value}))
+            frame.returns.append(Open(self.builder.block, {RETURN: value} | frame.captured(env)))
             return False
         env[RETURN], env[LIVE] = value, NOBODY
         return True
@@ -141,7 +173,7 @@ class Statements(Expressions):
 
     def while_loop(self, node: ast.While, env: Env) -> bool:
         if node.orelse:
-            raise NotCompilable("`while ... else`")
+            return self.with_else(node, env)
 
         def test(variables: Env) -> Any:
             return self.truth(self.expression(node.test, variables))
@@ -167,36 +199,80 @@ class Statements(Expressions):
 
     def for_loop(self, node: ast.For, env: Env) -> bool:
         if node.orelse:
-            raise NotCompilable("`for ... else`")
+            return self.with_else(node, env)
         iterable = node.iter
-        if isinstance(iterable, ast.Call) and isinstance(iterable.func, ast.Name) and iterable.func.id == "range":
-            bounds = [self.expression(a, env) for a in iterable.args]
+        if isinstance(iterable, ast.Call) and not iterable.keywords and self.expression(iterable.func, env) is range:
+            bounds = self.items(iterable.args, env)
             if any(isinstance(n, Num) and n.kind == "f" for n in bounds):
                 raise NotCompilable(f"`{ast.unparse(iterable)}`: `range` of a float")
             if any(isinstance(n, Num) for n in bounds) or len(range(*bounds)) > UNROLL:
-                start, stop = bounds if len(bounds) > 1 else (0, bounds[0])
-                if len(bounds) > 2 or not isinstance(node.target, ast.Name):
-                    raise NotCompilable("a loop over a long range has the form `for i in range(start, stop)`")
-                counter = f"<{node.target.id} of line {node.lineno}>"
-                env[counter] = start
-                first = ast.copy_location(ast.Assign([node.target], ast.Name(counter, ast.Load())), node)
-
-                def advance(variables: Env) -> None:
-                    variables[counter] = variables[counter] + 1
-
-                return self.loop(lambda variables: variables[counter] < stop, advance, [first, *node.body], env, (counter,))
-            items = iter(range(*bounds))
+                return self.long_range(node, bounds, env)
+            items: Any = range(*bounds)
         else:
-            items = iter(self.expression(iterable, env))
+            items = self.expression(iterable, env)
+        name = f"<items of line {node.lineno}>"  # a list among them must not be changed in the loop
+        if isinstance(items, (list, Stream)):
+            env[name] = items
 
         def turn(value: Any) -> Callable[[Env], None]:
             return lambda variables: self.assign(node.target, value, variables)
 
-        return self.written_out([turn(item) for item in items], node.body, env)
+        going_on = self.written_out(map(turn, self.iterate(items)), node.body, env)
+        env.pop(name, None)
+        return going_on
+
+    def long_range(self, node: ast.For, bounds: list[Any], env: Env) -> bool:
+        """A loop over a range that is long, or whose length is known at run time only."""
+        start, stop = bounds if len(bounds) > 1 else (0, bounds[0])
+        if len(bounds) > 2 or not isinstance(node.target, ast.Name):
+            raise NotCompilable("a loop over a long range has the form `for i in range(start, stop)`")
+        counter = f"<{node.target.id} of line {node.lineno}>"
+        env[counter] = start
+        first = ast.copy_location(ast.Assign([node.target], ast.Name(counter, ast.Load())), node)
+
+        def advance(variables: Env) -> None:
+            variables[counter] = self.emitter.successor(variables[counter])
+
+        return self.loop(lambda variables: variables[counter] < stop, advance, [first, *node.body], env, (counter,))
+
+    def with_else(self, node: ast.For | ast.While, env: Env) -> bool:
+        """A loop with `else`: what is there runs unless the loop was left by `break`."""
+        broken = f"<left the loop of line {node.lineno}>"
+        body = [_Breaks(broken).visit(copy.deepcopy(statement)) for statement in node.body]
+        loop = ast.copy_location(type(node)(**{**dict(ast.iter_fields(node)), "body": body, "orelse": []}), node)
+        otherwise = ast.If(ast.UnaryOp(ast.Not(), ast.Name(broken, ast.Load())), node.orelse, [])
+        env[broken] = False
+        return self.block([loop, ast.copy_location(otherwise, node)], env)
+
+
+class _Breaks(ast.NodeTransformer):
+    """Lets every `break` of a loop set a variable before."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+
+    def visit_Break(self, node: ast.Break) -> Any:
+        return [ast.copy_location(ast.Assign([ast.Name(self.name, ast.Store())], ast.Constant(True)), node), node]
+
+    def visit_For(self, node: Any) -> Any:
+        node.orelse = [line for statement in node.orelse for line in _lines(self.visit(statement))]
+        return node  # its own breaks are its own
+
+    visit_While = visit_For
+
+    def visit_FunctionDef(self, node: Any) -> Any:
+        return node
+
+
+def _lines(found: Any) -> list[Any]:
+    return found if isinstance(found, list) else [found]
 
 
 def _holds(value: Any, items: list[Any]) -> bool:
-    return value is items or (isinstance(value, (tuple, list)) and any(_holds(v, items) for v in value))
+    if isinstance(value, Stream) and not isinstance(value.items, list):
+        return True  # its items are still to be computed, from whatever
+    inside = value.items if isinstance(value, Stream) else value if isinstance(value, (tuple, list)) else ()
+    return value is items or any(_holds(v, items) for v in inside)
 
 
 def _leaves(body: list[ast.stmt]) -> bool:

@@ -10,68 +10,60 @@ from __future__ import annotations
 import ast
 import builtins
 import dataclasses
+import functools
 import inspect
-import math
-import operator
 import types
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from typing import Any
 
 import numpy as np
 
 from ..errors import NotCompilable
 from ..formulas import functions, series, vectors
-from ..formulas.broadcasting import bare
-from ..formulas.compensated import value_of
-from ..formulas.dual import Dual
+from ..formulas.derivatives import axes, tangent
 from ..formulas.fields import floats
 from ..formulas.pytree import PAIRS, compensated, fill, fitted, is_any_number, layout_of, leaves, plain
 from ..formulas.records import Record
 from ..formulas.series import Series
 from ..formulas.vectors import Mat, Vec
 from . import driver
-from .expressions import Closure, Expressions, holds_number
+from .expressions import Expressions, holds_number
 from .ir_numbers import Emitter, Num
-from .joins import RETURN, Env, Frame, Open, Undefined
-from .source import source_of
+from .joins import RETURN, Open
+from .python_functions import COMPUTING, OUTSIDE, STRUCTURE, PythonFunctions
+from .reads import Reads
+from .scopes import Closure, Env, Frame, Undefined, bound
 from .statements import Statements
 
 DEPTH = 40  # nested calls
 
-_REFUSED = {print, input, open, eval, exec, setattr, delattr, globals, locals}
-_TEXT = {str, repr, format, ascii, bin, hash, id}
 _ARITHMETIC = vectors.__name__, series.__name__  # modules of classes whose methods run as they stand
-_STATIC = {f for f in vars(builtins).values() if callable(f) and f not in _REFUSED}
+_OUTSIDE = {vars(builtins)[name] for name in OUTSIDE.split()}
+_PYTHON = {f for f in vars(builtins).values() if callable(f) and f not in _OUTSIDE}
+_READING = (
+    "index count get keys values items copy sum dot min max mean any all astype reshape transpose flatten ravel tolist item "
+    "bit_length conjugate as_integer_ratio is_integer hex join split startswith endswith format upper lower strip"
+)
+"""Methods of lists, dicts, texts, arrays and numbers that change nothing."""
 
 
 class Interpreter(Statements):
     """Translates formulas into the instructions of one native function."""
 
-    def __init__(self, emitter: Emitter) -> None:
-        super().__init__(emitter)
+    def __init__(self, emitter: Emitter, reads: Reads) -> None:
+        super().__init__(emitter, reads)
+        emitter.fail_if = self.fail_if
+        self.python = PythonFunctions(self).table
         self.intrinsics: dict[Any, Callable[..., Any]] = {
+            **self.python,
             functions.where: self.where,
-            isinstance: _isinstance,
-            min: lambda *x: self.extreme(operator.lt, *x),
-            max: lambda *x: self.extreme(operator.gt, *x),
-            float: lambda x: emitter.num(emitter.cast(x, "f", x.varying)) if isinstance(x, Num) else float(x),
-            bool: self.truth,
             super: self.super,
-            type: _type,
             getattr: self.named,
-            sum: self.sum,
-            **{f: f for f in (layout_of, compensated, plain, fitted)},
+            hasattr: reads.has,
+            **{f: f for f in (layout_of, compensated, plain, fitted, axes)},
+            tangent: lambda formula, *x: tangent(functools.partial(self.call, formula), *x),
             driver.numbers: lambda x: Vec(*leaves(x, layout_of(x, is_any_number))),
-            math.fabs: abs,
-            np.abs: abs,
-            np.dot: lambda a, b: self.call(vectors.dot, a, b),
-            np.cross: lambda a, b: self.call(vectors.cross, a, b),
         }
-        for f in (functions.sqrt, *functions.LIBM):
-            name = f.__name__
-            intrinsic = self.elementary(f, "llvm.sqrt" if name == "sqrt" else name)
-            numpy_name = name.replace("asin", "arcsin").replace("acos", "arccos").replace("atan", "arctan")
-            self.intrinsics |= {f: intrinsic, getattr(math, name): intrinsic, getattr(np, numpy_name): intrinsic}
 
     # -------------------------------------------------------------- calls
 
@@ -80,54 +72,75 @@ class Interpreter(Statements):
         if isinstance(function, types.MethodType):
             return self.call(function.__func__, function.__self__, *args, **options)
         if isinstance(function, Closure):
-            return self.enter(Frame(function.source, function.env | _of_lambda(function.node, args)), function.node)
-        intrinsic = self.intrinsics.get(function) if function.__hash__ else None
+            self.deeper()
+            frame = Frame(function.frame.source, function.node, function.arguments(args, options), function.frame)
+            return self.enter(frame)
+        intrinsic = self.intrinsics.get(function) if isinstance(function, Hashable) else None
         if intrinsic is not None:
-            return intrinsic(*args, **options)
+            if function in self.python and function not in STRUCTURE:
+                self.reads.settled(*args, inside=function in COMPUTING)
+            try:
+                return intrinsic(*args, **options)
+            except NotCompilable:
+                raise
+            except TypeError as error:
+                raise NotCompilable(f"`{function.__name__}`: {error}") from None
         if isinstance(function, type) and issubclass(function, Record):
             return self.construct(function, args, options)
-        if function in _TEXT and holds_number(args):
-            raise NotCompilable(f"{function.__name__} of a number known only at run time")
-        if function in (Vec, Mat, Series, *PAIRS) or function in _STATIC or getattr(function, "__module__", None) in _ARITHMETIC:
+        if function in (Vec, Mat):
+            return function(*args, **options)
+        if function in (Series, *PAIRS) or getattr(function, "__module__", None) in _ARITHMETIC:
             if isinstance(function, types.FunctionType) and not function.__qualname__.startswith(("Vec.", "Mat.", "Series.")):
                 return self.inline(function, args, options)
             return function(*args, **options)
         if isinstance(function, types.FunctionType):
             return self.inline(function, args, options)
-        raise NotCompilable(f"{getattr(function, '__qualname__', repr(function))} is not known to native code")
+        return self.known(function, args, options)
 
-    def inline(self, function: types.FunctionType, args: tuple[Any, ...], options: dict[str, Any]) -> Any:
+    def known(self, function: Any, args: tuple[Any, ...], options: dict[str, Any]) -> Any:
+        """A call that Python makes now, of what is known now."""
+        name = getattr(function, "__qualname__", repr(function))
+        method = isinstance(function, types.BuiltinMethodType) and not isinstance(function.__self__, types.ModuleType)
+        if not (name.rpartition(".")[2] in _READING.split() if method else function in _PYTHON or _of_numbers(function)):
+            raise NotCompilable(f"`{name}` is not known to native code")
+        if holds_number([*args, *options.values(), *([function.__self__] if method else [])]):
+            raise NotCompilable(f"`{name}` of numbers known only at run time")
+        if function is not callable:
+            self.reads.settled(*args, *options.values(), inside=function not in (dict, range, slice))
+        return function(*args, **options)
+
+    def deeper(self) -> None:
         if len(self.frames) > DEPTH:
             raise NotCompilable("formulas call each other without end")
-        source = source_of(bare(function))
-        return self.enter(Frame(source, _arguments(source.function, args, options)), source.node)
 
-    def enter(self, frame: Frame, node: ast.FunctionDef | ast.Lambda) -> Any:
+    def inline(self, function: types.FunctionType, args: tuple[Any, ...], options: dict[str, Any]) -> Any:
+        self.deeper()
+        source = self.reads.source(function)
+        env = bound(inspect.signature(source.function, follow_wrapped=False), source.name, args, options)
+        return self.enter(Frame(source, source.node, env))
+
+    def enter(self, frame: Frame) -> Any:
         """The value that a function returns, its body translated in a frame of its own."""
-        base, depth = self.base, self.depth
-        if self.frames:
-            self.base = self.active(self.frames[-1].env)
-        self.depth = 0
-        self.frames.append(frame)
-        if isinstance(node, ast.Lambda):
-            result = self.expression(node.body, frame.env)
-        else:
-            if self.block(node.body, frame.env):
-                frame.returns.append(Open(self.builder.block, {RETURN: None}))
+
+        def result() -> Any:
+            if not isinstance(frame.scope, ast.FunctionDef):
+                return self.expression(frame.scope.body, frame.env)  # type: ignore[union-attr]
+            if self.block(frame.scope.body, frame.env):
+                frame.returns.append(Open(self.builder.block, {RETURN: None} | frame.captured(frame.env)))
             if not frame.returns:
                 raise NotCompilable("every way through the formula raises")
-            returned: Env = {}
-            self.join(frame.returns, returned)
-            result = returned[RETURN]
-            if isinstance(result, Undefined):
-                raise NotCompilable(f"the returned value has no one form: {result.reason}")
-        self.frames.pop()
-        self.base, self.depth = base, depth
-        return result
+            frame.env = {}
+            self.join(frame.returns, frame.env)
+            value = frame.env.pop(RETURN)
+            if isinstance(value, Undefined):
+                raise NotCompilable(f"the returned value has no one form: {value.reason}")
+            return value
+
+        return self.within(frame, result)
 
     def construct(self, cls: type, args: tuple[Any, ...], options: dict[str, Any]) -> Any:
         """A record made by a formula: its fields, without the checks of its border."""
-        fields = dataclasses.fields(cls)
+        fields = self.reads.fields(cls)
         given = dict(zip([f.name for f in fields if f.init], args, strict=False)) | options
         for f in fields:
             if f.name not in given:
@@ -147,36 +160,13 @@ class Interpreter(Statements):
         code = source.function.__code__
         return super(source.outer("__class__"), self.frames[-1].env[code.co_varnames[0]])
 
-    def elementary(self, function: Callable[..., Any], name: str) -> Callable[..., Any]:
-        def value(*x: Any) -> Any:
-            if any(isinstance(a, Dual) for a in x):
-                return self.call(functions.RULES[function.__name__], *x)
-            for a in x:
-                if isinstance(a, Series):
-                    return a.elementary(function.__name__, *x)
-            x = tuple(map(value_of, x))
-            return self.emitter.call(name, *x) if any(isinstance(a, Num) for a in x) else function(*x)
-
-        return value
-
     def where(self, condition: Any, yes: Any, no: Any) -> Any:
         if isinstance(yes, Series) or isinstance(no, Series):
             return Series.chosen(lambda a, b: Expressions.where(self, condition, a, b), yes, no)
         return super().where(condition, yes, no)
 
-    def extreme(self, better: Callable[[Any, Any], Any], *items: Any) -> Any:
-        result, *others = items if len(items) > 1 else items[0]
-        for x in others:
-            result = self.where(better(x, result), x, result)
-        return result
-
-    def sum(self, items: Any, start: Any = 0) -> Any:
-        if holds_number((*items, start)):
-            raise NotCompilable("`sum` rounds in a way of its own, which differs between versions of Python: use a loop or `dot`")
-        return sum(items, start)
-
     def named(self, value: Any, name: str, *default: Any) -> Any:
-        return default[0] if default and not hasattr(value, name) else self.attribute(value, name)
+        return default[0] if default and not self.reads.has(value, name) else self.attribute(value, name)
 
 
     def attempt(self, function: Any, *args: Any) -> Any:
@@ -186,8 +176,9 @@ class Interpreter(Statements):
             self.failed = e.slot()
         e.store(False, self.failed)
         self.escapes.append([])
+        raises, self.raises = self.raises, 0
         result = self.call(function, *args)
-        escapes = self.escapes.pop()
+        escapes, self.raises = self.escapes.pop(), raises
         joined: Env = {}
         self.join([Open(b.block, {"": result}), *(Open(o.block, {"": self.blank(result)}) for o in escapes)], joined)
         return joined[""]
@@ -201,24 +192,7 @@ class Interpreter(Statements):
         return self.emitter.logic("and_", finite, self.emitter.negation(failed))
 
 
-def _type(value: Any) -> type:
-    return {"f": float, "i": int, "b": bool}[value.kind] if isinstance(value, Num) else type(value)
-
-
-def _isinstance(value: Any, kind: Any) -> bool:
-    if isinstance(value, Num):
-        return {"f": float, "i": int, "b": bool}[value.kind] in (kind if isinstance(kind, tuple) else (kind,))
-    return isinstance(value, kind)
-
-
-def _of_lambda(node: ast.Lambda, args: tuple[Any, ...]) -> Env:
-    names = [a.arg for a in node.args.args]
-    if len(args) != len(names) or len(ast.unparse(node.args).split(",")) != len(names):
-        raise NotCompilable(f"`{ast.unparse(node)}` is called with {len(args)} arguments (a lambda in a formula takes plain ones)")
-    return dict(zip(names, args, strict=True))
-
-
-def _arguments(function: types.FunctionType, args: tuple[Any, ...], options: dict[str, Any]) -> Env:
-    bound = inspect.signature(function, follow_wrapped=False).bind(*args, **options)
-    bound.apply_defaults()
-    return dict(bound.arguments)
+def _of_numbers(function: Any) -> bool:
+    """A function of `math` or NumPy, or a type of numbers."""
+    home = getattr(function, "__module__", None) or ""
+    return isinstance(function, np.ufunc) or home.partition(".")[0] in ("math", "numpy", "fractions", "decimal", "operator")

@@ -1,22 +1,28 @@
-"""The border of formulas: methods called with arrays check the shapes and broadcast; called with small vectors they are bare."""
+"""Broadcasting: methods called with arrays run over the leading axes; called with small vectors they are the bare formula.
+
+Every public method of a record passes here.  Arguments are converted and checked by what the method says they are (`Vec`,
+`Element`, `float`, `LieGroup`, `str`, ...); a wrong one is refused with its name, its value and what it must be.  What one formula
+hands to another (small vectors, floats, records) is looked at only by its type.
+"""
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import inspect
 import math
-from collections.abc import Callable, Iterable
-from typing import Any
+import operator
+import re
+from collections.abc import Callable, Sequence
+from typing import Any, ClassVar
 
 import numpy as np
 
 from ..errors import InvalidInput, InvalidType
 from .annotations import kind_of, own_annotations
 from .complex_numbers import Complex
+from .numbers import ByValue, StandIn
 from .vectors import Mat, Vec
-
-MANY = 512  # elements from which native code, loaded from the disk cache, is quicker than a Python loop
-evaluate_many: Callable[..., Any] | None = None  # set by the package: the compiler knows the border, not the border the compiler
 
 MEMBERSHIP = 1e-6
 """Arrays whose `defect` is larger are no elements with rounding errors but mistakes, and are refused."""
@@ -28,19 +34,25 @@ KINDS = ("Ambient", "Element", "Mat", "Vec", "float")
 An `Element` has as many axes as an element of the group has, and is one; an `Ambient` has only its shape.
 """
 
-BARE = (Vec, Mat, float, str, bool, type(None))
+_records: dict[str, type[Broadcasting]] = {}
+"""All classes of records by name: an argument annotated as one of them must be one."""
 
 
-class Border:
+class Broadcasting:
     """A class whose public methods on `Vec` and `Mat` take arrays too."""
+
+    _made_by: ClassVar[str] = ""
+    """How one comes by an instance, for messages."""
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
+        _records[cls.__name__] = cls
         for name, member in vars(cls).copy().items():
             if inspect.isfunction(member) and not name.startswith("_"):
                 kinds = _kinds(cls, name, member)
-                if kinds:
-                    setattr(cls, name, _bordered(member, kinds))
+                classes = _classes(cls, name, member)
+                if kinds or next(iter(classes.values()), "Any") != "Any":
+                    setattr(cls, name, _broadcasting(Signature(name, bare(member), dict(kinds or {}), classes)))
 
     def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
         """The shape that an array argument of this kind must have; None if any will do.  Subclasses know."""
@@ -63,6 +75,9 @@ class Border:
         """What is wrong with the value of an argument, an array or an option; None if nothing is.  Subclasses know."""
         return None
 
+    def _explain(self, arguments: dict[str, Any]) -> None:
+        """Raise why the owner cannot serve these arguments, if that is why a formula failed.  Subclasses know."""
+
 
 # ------------------------------------------------------------------ arrays
 
@@ -74,15 +89,17 @@ def real_array(value: Any, name: str, or_complex: bool = False) -> np.ndarray:
     """
     if isinstance(value, np.ma.MaskedArray) and np.ma.is_masked(value):
         raise InvalidInput(f"{name} has masked entries; fill or drop them first")
-    if hasattr(value, "as_matrix"):
+    if hasattr(value, "as_matrix") and not isinstance(value, type):
         value = value.as_matrix()
     try:
         array = np.asarray(value)
     except ValueError:
         raise InvalidInput(f"{name} is ragged: its rows have different lengths") from None
     if array.dtype.kind not in ("iufc" if or_complex else "iuf"):
-        raise InvalidType(f"{name} must be {'complex' if or_complex else 'real'} numbers; got dtype {array.dtype}")
-    return array.astype(np.complex128 if or_complex else np.float64, copy=False)
+        kind = "complex" if or_complex else "real"
+        raise InvalidType(f"{name} must be {kind} numbers; got dtype {array.dtype} from {shown(value)}")
+    with np.errstate(over="ignore"):  # of long doubles; what becomes infinite is refused as that
+        return array.astype(np.complex128 if or_complex else np.float64, copy=False)
 
 
 def check_finite(array: np.ndarray, name: str) -> None:
@@ -90,10 +107,19 @@ def check_finite(array: np.ndarray, name: str) -> None:
     bad = np.argwhere(~np.isfinite(array))
     if len(bad):
         at = tuple(map(int, bad[0]))
-        raise InvalidInput(f"{name}{list(at)} is {array[at]}; every entry must be finite")
+        raise InvalidInput(f"{name}{list(at) if at else ''} is {array[at]}; every entry must be finite")
 
 
-# ------------------------------------------------------------------ methods
+def shown(value: Any) -> str:
+    """A value for a message, cut where it is long."""
+    try:
+        text = " ".join(repr(value).split())
+    except Exception:  # somebody else's __repr__
+        text = f"a {type(value).__name__}"
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+# ------------------------------------------------------------------ what a method says of its arguments
 
 
 def _kinds(cls: type, name: str, method: Callable[..., Any]) -> dict[str, str] | None:
@@ -112,122 +138,418 @@ def _kinds(cls: type, name: str, method: Callable[..., Any]) -> dict[str, str] |
     return kinds if set(kinds.values()) - {"float"} else None
 
 
+def _classes(cls: type, name: str, method: Callable[..., Any]) -> dict[str, str]:
+    """The annotations of a method's arguments as text; where they say nothing, of the method that it overrides."""
+    found: dict[str, str] = {}
+    for base in cls.__mro__:
+        known = bare(vars(base)[name]) if inspect.isfunction(vars(base).get(name)) else None
+        if known is not None and known.__code__.co_flags & (inspect.CO_VARARGS | inspect.CO_VARKEYWORDS) == 0:
+            for argument, other in zip(_arguments(method), _arguments(known), strict=False):
+                text = _class_text(known.__annotations__.get(other, ""))
+                if text and found.get(argument, "Any") == "Any":
+                    found[argument] = text
+    return found
+
+
+def _class_text(annotation: Any) -> str:
+    """An annotation without modules and brackets: "Generator | int | None", "int | tuple"."""
+    text = annotation if isinstance(annotation, str) else getattr(annotation, "__name__", str(annotation))
+    return re.sub(r"\w+\.|\[.*?\]", "", text)
+
+
 def _arguments(method: Callable[..., Any]) -> tuple[str, ...]:
     """The names of the arguments after `self`; much quicker than `inspect.signature`, and every class pays for it on import."""
     code = method.__code__
     return code.co_varnames[1 : code.co_argcount]
 
 
-def _bordered(formula: Callable[..., Any], kinds: dict[str, str]) -> Callable[..., Any]:
-    """The formula with a border: array arguments are checked and broadcast, small vectors pass straight through."""
-    names = _arguments(formula)
+# ------------------------------------------------------------------ methods
+
+
+@dataclasses.dataclass(frozen=True)
+class Signature:
+    """A method and what it says of its arguments: the kinds of numbers, and the classes of everything else."""
+
+    name: str
+    formula: Callable[..., Any]
+    kinds: dict[str, str]
+    classes: dict[str, str]
+
+    def __post_init__(self) -> None:
+        for name, text in self.classes.items():
+            if text.removesuffix(" | None") in KINDS[:-1]:  # Element | None
+                self.kinds.setdefault(name, text.removesuffix(" | None"))
+
+    @functools.cached_property
+    def names(self) -> tuple[str, ...]:
+        return _arguments(self.formula)
+
+    @functools.cached_property
+    def defaults(self) -> dict[str, Any]:
+        given = self.formula.__defaults__ or ()
+        return dict(zip(self.names[len(self.names) - len(given) :], given))
+
+    @functools.cached_property
+    def trusted(self) -> tuple[set[type] | None, ...]:
+        """The types that pass unseen, for each argument: those that one formula hands to another.  None: all of them."""
+        return tuple(map(self._trusted, self.names))
+
+    def _trusted(self, name: str) -> set[type] | None:
+        none = {type(None)} if self.optional(name) else set()
+        kind = self.kinds.get(name, "float")
+        if kind != "float":
+            return ({Vec} if kind == "Vec" else {Mat} if kind == "Mat" else {Vec, Mat}) | none
+        text = self.classes.get(name, "").removesuffix(" | None")
+        passing: dict[str, set[type]] = {"float": {float} if self.kinds else set(), "int": {int}, "bool": {bool}}
+        return passing.get(text, set()) | none if text in (*passing, *_OPTIONS, *_ARRAYS, *_records) else None
+
+    def bound(self, args: tuple[Any, ...], options: dict[str, Any]) -> dict[str, Any] | None:
+        """The arguments by name; None if their number is wrong, which Python says best."""
+        named = dict(zip(self.names, args)) | options
+        if len(args) > len(self.names) or len(named) != len(args[: len(self.names)]) + len(options):
+            return None
+        return named if set(named) <= set(self.names) <= set(named) | set(self.defaults) else None
+
+    def optional(self, name: str) -> bool:
+        """May the argument be None?"""
+        return self.defaults.get(name, 0) is None or "None" in self.classes.get(name, "").split(" | ")
+
+
+def _broadcasting(signature: Signature) -> Callable[..., Any]:
+    """The formula, its arguments checked: arrays are broadcast, small vectors pass straight through."""
+    formula = signature.formula
 
     @functools.wraps(formula)
     def method(self: Any, *args: Any, **options: Any) -> Any:
-        for a in args:
-            if type(a) not in BARE and _is_array(a):
-                return _broadcast(formula, kinds, self, dict(zip(names, args, strict=False)) | options)
-        if options and any(map(_is_array, options.values())):
-            return _broadcast(formula, kinds, self, dict(zip(names, args, strict=False)) | options)
-        return formula(self, *args, **options)
+        if options:
+            return _checked(signature, self, args, options)
+        for value, types in zip(args, signature.trusted):
+            if types is not None and type(value) not in types:
+                return _checked(signature, self, args, options)
+        try:
+            return formula(self, *args)
+        except Exception as error:
+            _blame(signature, self, args, error)
+            raise
 
     method.__formula__ = formula  # type: ignore[attr-defined]
     return method
 
 
-def _is_array(value: Any) -> bool:
-    kind: Any = type(value)
-    return _of_arrays(kind)
-
-
-@functools.cache
-def _of_arrays(kind: type) -> bool:
-    return issubclass(kind, (np.ndarray, list)) or kind is tuple or hasattr(kind, "as_matrix")
-
-
 def bare(method: Any) -> Any:
-    """The formula behind the border of a method; anything else is what it is."""
+    """The formula behind a method that broadcasts; anything else is what it is."""
     return getattr(method, "__formula__", method)
 
 
-def _broadcast(formula: Callable[..., Any], kinds: dict[str, str], self: Any, arguments: dict[str, Any]) -> Any:
+# ------------------------------------------------------------------ arguments
+
+
+def _checked(signature: Signature, owner: Any, args: tuple[Any, ...], options: dict[str, Any]) -> Any:
+    """The method with every argument converted and checked."""
+    formula, arguments = signature.formula, signature.bound(args, options)
+    if arguments is None:
+        return formula(owner, *args, **options)  # a TypeError of Python's own: the number of arguments, or their names
+    where = f"{type(owner).__name__}.{signature.name}"
+    for name, value in arguments.items():
+        if name not in signature.kinds:  # a float too, where there is no vector beside it
+            arguments[name] = _option(signature, where, name, value)
+    space = arguments.get("group", arguments.get("action", owner))  # who knows the shapes
+    absent = [name for name in signature.kinds if arguments.get(name, 0) is None and signature.optional(name)]
+    numbers = [name for name in arguments if name in signature.kinds and name not in absent]
+    for name, value in arguments.items():
+        if signature.classes.get(name) in _ARRAYS:
+            arguments[name] = _whole_array(signature, space, where, name, value)
+        elif name not in numbers:
+            if not isinstance(value, np.ndarray):
+                _refuse(space, where, name, value)
+            if signature.classes.get(name) == "str" and not isinstance(value, str):
+                raise InvalidType(f"{where}: {name} must be a string; got {shown(value)}")
+    if all(_is_small(arguments[name], signature.kinds[name]) for name in numbers):
+        for name in numbers:
+            if signature.kinds[name] == "float":
+                arguments[name] = _number(where, name, arguments[name])
+        return _small(signature, owner, space, where, arguments)
+    return _broadcast(signature, owner, space, where, arguments, numbers)
+
+
+def _option(signature: Signature, where: str, name: str, value: Any) -> Any:
+    """An argument that is no number of a formula: a record, a whole number, a choice by name."""
+    text = signature.classes.get(name, "").removesuffix(" | None")
+    if value is None and signature.optional(name):
+        return value
+    if text in _records:
+        if not any(base.__name__ == text for base in type(value).__mro__):
+            raise InvalidType(f"{where}: {name} must be a {text}{_records[text]._made_by}; got {shown(value)}")
+        trusted = signature.trusted[signature.names.index(name)]
+        if trusted is not None:
+            trusted.add(type(value))
+    elif text == "float":
+        if not _is_small(value, text):
+            raise InvalidType(f"{where}: {name} must be a number; got {shown(value)}")
+        return _number(where, name, value)
+    elif text in _OPTIONS:
+        needed, convert = _OPTIONS[text]
+        try:
+            return convert(value)
+        except (TypeError, ValueError, OverflowError):
+            raise InvalidType(f"{where}: {name} must be {needed}; got {shown(value)}") from None
+    return value
+
+
+def _whole(value: Any) -> int:
+    if isinstance(value, (bool, np.bool_)):
+        raise TypeError
+    return operator.index(value)
+
+
+def _truth(value: Any) -> bool:
+    if not isinstance(value, (bool, np.bool_)):
+        raise TypeError
+    return bool(value)
+
+
+def _mapping(value: Any) -> dict[str, Any]:
+    if not isinstance(value, dict):
+        raise TypeError
+    return value
+
+
+def _generator(value: Any) -> Any:
+    """What makes a generator of random numbers, as it came."""
+    known = (np.random.Generator, np.random.BitGenerator, np.random.SeedSequence)
+    if not isinstance(value, known) and (value := _whole(value)) < 0:
+        raise ValueError
+    return value
+
+
+def _axes(value: Any) -> tuple[int, ...]:
+    """Leading axes: one number or several."""
+    axes = tuple(map(_whole, value)) if isinstance(value, (tuple, list)) else (_whole(value),)
+    if not all(0 <= n < 2**31 for n in axes) or math.prod(axes) >= 2**31:
+        raise ValueError
+    return axes
+
+
+_OPTIONS: dict[str, tuple[str, Callable[[Any], Any]]] = {
+    "int": ("a whole number", _whole),
+    "bool": ("True or False", _truth),
+    "dict": ("a dict", _mapping),
+    "Generator | int": ("a seed, a whole number from 0 on, or a numpy.random.Generator", _generator),
+    "int | tuple": ("a whole number from 0 on, or several as a tuple, below 2**31 altogether", _axes),
+}
+"""What other arguments must be, and what makes them so, by annotation."""
+
+
+_ARRAYS = ("ndarray", "ArrayLike")
+"""What a method annotates that takes arrays itself: one, shaped like an element, or elements with any leading axes."""
+
+
+def _whole_array(signature: Signature, space: Any, where: str, name: str, value: Any) -> np.ndarray:
+    """An argument of a method that takes arrays itself."""
+    array, shape = real_array(value, f"{where}: {name}", space._complex("Element")), space._shape(name, "Element")
+    many = signature.classes[name] == "ArrayLike"
+    leading = array.shape[: max(array.ndim - len(shape), 0)] if many else ()
+    if array.shape != leading + shape:
+        raise InvalidInput(f"{where}: {name} has shape {array.shape}; it{'s last axes' if many else ''} must be {shape}")
+    if many:
+        rows = Batch(signature.formula, None, {name: _flattened(array, leading, shape)}, {}, (name,), space, where, leading)
+        for i in range(len(rows)):
+            rows.check(i)
+    return array
+
+
+def _is_small(value: Any, kind: str) -> bool:
+    """Is it what formulas hand to each other, a number or a small vector?"""
+    if kind != "float":
+        return isinstance(value, (Vec, Mat))
+    if isinstance(value, (int, float, np.integer, np.floating)):
+        return not isinstance(value, bool)
+    return isinstance(value, (StandIn, ByValue, Complex)) or hasattr(value, "free_symbols")
+
+
+def _number(where: str, name: str, value: Any) -> Any:
+    """A real number as a float; what stands for one as it is."""
+    if not isinstance(value, (int, float, np.integer, np.floating)):
+        return value
+    try:
+        number = float(value)
+    except OverflowError:
+        number = math.inf
+    if not math.isfinite(number):
+        raise InvalidInput(f"{where}: {name} is {shown(value)}; it must be finite, and as a float")
+    return number
+
+
+def _small(signature: Signature, owner: Any, space: Any, where: str, arguments: dict[str, Any]) -> Any:
+    """The formula on small vectors, the shapes known to be right."""
+    _check_shapes(signature, space, where, arguments)
+    try:
+        return signature.formula(owner, **arguments)
+    except AttributeError:
+        owner._explain(arguments)
+        raise
+    except KeyError as error:
+        for name, value in arguments.items():
+            if isinstance(value, dict) and error.args[0] not in value:
+                raise InvalidInput(f"{where}: {name} has no {error.args[0]!r}; got {shown(value)}") from error
+        raise
+
+
+def _blame(signature: Signature, owner: Any, args: tuple[Any, ...], error: Exception) -> None:
+    """Raise what is wrong with small vectors for which a formula failed; return if it is not their shape."""
+    arguments = signature.bound(args, {})
+    if arguments is not None:
+        if isinstance(error, AttributeError):
+            owner._explain(arguments)
+        space, where = arguments.get("group", arguments.get("action", owner)), f"{type(owner).__name__}.{signature.name}"
+        try:
+            _check_shapes(signature, space, where, arguments)
+            for name, value in arguments.items():
+                if type(value) in (int, str):
+                    _refuse(space, where, name, value)
+        except InvalidInput as reason:
+            raise reason from error
+
+
+def _check_shapes(signature: Signature, space: Any, where: str, arguments: dict[str, Any]) -> None:
+    for name, kind in signature.kinds.items():
+        value = arguments.get(name)
+        if isinstance(value, (Vec, Mat)):
+            shape = space._shape(name, kind)
+            found = (len(value),) if isinstance(value, Vec) else value.shape
+            if shape is not None and found != shape:
+                raise InvalidInput(f"{where}: {name} has shape {found}; it must be {shape}")
+
+
+def _broadcast(
+    signature: Signature, owner: Any, space: Any, where: str, arguments: dict[str, Any], numbers: list[str]
+) -> Any:
     """The formula on arrays: shapes, numbers and membership are checked, leading axes broadcast."""
-    where = f"{type(self).__name__}.{formula.__name__}"
-    space = arguments.get("group", self)  # who knows the shapes
+    kinds = signature.kinds
     arrays: dict[str, np.ndarray] = {}
     lead: dict[str, tuple[int, ...]] = {}
-    for name, value in arguments.items():
-        if name not in kinds or value is None or isinstance(value, (bool, str, Border)):
-            _refuse(space, where, name, value)
-            continue
-        kind = kinds[name]
+    for name in numbers:
+        kind, value = kinds[name], arguments[name]
         array = real_array(value, f"{where}: {name}", space._complex(kind))
         shape = () if kind == "float" else space._shape(name, kind)
-        axes = AXES[kind] if shape is None else len(shape)
+        axes = AXES.get(kind, 0) if shape is None else len(shape)
         core = array.shape[array.ndim - axes :] if axes else ()
         if array.ndim < axes or (shape is not None and core != shape):
-            expected = shape if shape is not None else ("n",) * axes
-            raise InvalidInput(f"{where}: {name} has shape {array.shape}; its last axes must be {expected}")
+            expected, got = shape if shape is not None else ("n",) * axes, "" if array.ndim else f"; got {shown(value)}"
+            raise InvalidInput(f"{where}: {name} has shape {array.shape}; its last axes must be {expected}{got}")
         arrays[name], lead[name] = array, array.shape[: array.ndim - axes]
     try:
-        batch = np.broadcast_shapes(*lead.values())
+        leading = np.broadcast_shapes(*lead.values())
     except ValueError:
         raise InvalidInput(f"{where}: the leading axes {lead} do not broadcast") from None
     rest = {k: v for k, v in arguments.items() if k not in arrays}
-    flat = {k: _flattened(a, batch, a.shape[len(lead[k]) :]) for k, a in arrays.items()}
-    elements = [name for name in arrays if kinds[name] == "Element"]
-    bodies = math.prod(batch)
-    if not bodies:  # an element of the right shape tells the shape of nothing
+    flat = {k: _flattened(a, leading, a.shape[len(lead[k]) :]) for k, a in arrays.items()}
+    elements = tuple([name for name in arrays if kinds[name] == "Element"])
+    batch = Batch(signature.formula, owner, flat, rest, elements, space, where, leading)
+    if not math.prod(leading):  # an element of the right shape tells the shape of nothing
         some = {k: _some(space, kinds[k], a.shape[1:])[None] for k, a in flat.items()}
-        return _unflattened(_none_of(_stacked([formula(self, **element(some, 0), **rest)])), batch)
-    large = self.is_large
-    if bodies >= MANY and evaluate_many is not None and not large:
-        found = evaluate_many(formula, self, flat, rest, elements, _who_knows_elements(space), MEMBERSHIP)
-        if found is not None:
-            results, suspects = found
-            if len(suspects):
-                _check(arrays, elements, space, where, batch, flat, suspects)
-                _by_rows(formula, self, {k: a[suspects] for k, a in flat.items()}, rest, where)
-            return _unflattened(results, batch)
-    _check(arrays, elements, space, where, batch, flat, range(bodies))
-    if large:
-        results = self._in_numpy(formula.__name__, flat | rest)
+        one = dataclasses.replace(batch, arrays=some, leading=(1,))
+        return _unflattened(_none_of(_stacked([one.row(0)], where)), leading)
+    if owner.is_large:
+        results = batch.in_numpy()
         if results is not None:
-            _defined(results, where, flat)
-            return _unflattened(results, batch)
-    return _unflattened(_by_rows(formula, self, flat, rest, where), batch)
+            return _unflattened(results, leading)
+    return _unflattened(evaluate_rows(batch), leading)
 
 
-def _check(
-    arrays: dict[str, np.ndarray],
-    elements: list[str],
-    space: Any,
-    where: str,
-    batch: tuple[int, ...],
-    flat: dict[str, np.ndarray],
-    rows: Iterable[int],
-) -> None:
-    """Refuse numbers that are not finite and, in these rows, arrays that are no elements of the group."""
-    for name, array in arrays.items():
-        check_finite(array, f"{where}: {name}")
-    for name in elements:
-        one = arrays[name].ndim == flat[name].ndim - 1  # for all
-        for i in [0] if one else rows:
-            at = "" if one else list(map(int, np.unravel_index(i, batch)))
-            _refuse(space, where, name, flat[name][i], f"{name}{at}")
+def _refuse(space: Any, where: str, name: str, value: Any, shown: str | None = None) -> None:
+    objection = space._objection(name, value)
+    if objection:
+        raise InvalidInput(f"{where}: {shown or name} {objection}")
 
 
-def _by_rows(formula: Callable[..., Any], owner: Any, flat: dict[str, np.ndarray], rest: dict[str, Any], where: str) -> Any:
-    """The formula in plain Python, and a clear refusal of what it has no value for."""
-    try:
-        results = _stacked([formula(owner, **element(flat, i), **rest) for i in range(len(next(iter(flat.values()))))])
-    except (ZeroDivisionError, OverflowError) as error:
-        raise InvalidInput(f"{where} has no finite value for these arguments: {error}") from error
-    _defined(results, where, flat)
-    return results
+# ------------------------------------------------------------------ rows
 
 
-def element(arrays: dict[str, np.ndarray], i: int) -> dict[str, Any]:
+@dataclasses.dataclass(frozen=True)
+class Batch:
+    """A formula and many rows of its arguments."""
+
+    formula: Callable[..., Any]
+    owner: Any
+    arrays: dict[str, np.ndarray]
+    """The arguments that differ, each (n, ...); a stride of zero means one row for all."""
+    rest: dict[str, Any]
+    """The other arguments."""
+    elements: tuple[str, ...]
+    """The names of those arrays that must be elements of the group."""
+    space: Any
+    where: str
+    leading: tuple[int, ...]
+
+    def __len__(self) -> int:
+        return math.prod(self.leading)
+
+    @property
+    def group(self) -> Any:
+        """Who knows what an element is: the group itself, or that of a system or an action."""
+        return _who_knows_elements(self.space)
+
+    def row(self, i: int) -> Any:
+        """The formula for row i in plain Python.  Raises what is wrong with its arguments, and what the formula raises."""
+        self.check(i)
+        try:
+            return self.formula(self.owner, **row_of(self.arrays, i), **self.rest)
+        except AttributeError:
+            self.owner._explain(self.rest)
+            raise
+        except (ZeroDivisionError, OverflowError) as error:
+            raise InvalidInput(f"{self.where} has no finite value at {self.at(i)}: {error}") from error
+
+    def check(self, i: int) -> None:
+        """Refuse a row with numbers that are not finite, or with an array that is no element of the group."""
+        for name, array in self.arrays.items():
+            if not np.isfinite(array[i]).all():
+                at = list(map(int, np.unravel_index(i, self.leading))) if array.strides[0] else []
+                where = np.argwhere(~np.isfinite(array[i]))[0]
+                entry = [*at, *map(int, where)]
+                value = array[i][tuple(where)]
+                raise InvalidInput(f"{self.where}: {name}{entry or ''} is {value}; every entry must be finite")
+        for name in self.elements:
+            array = self.arrays[name]
+            if (array.strides[0] or not i) and not _is_element(self.group, array[i]):
+                row = list(map(int, np.unravel_index(i, self.leading))) if array.strides[0] else []
+                _refuse(self.space, self.where, name, array[i], f"{name}{row or ''}")
+
+    def stacked(self, values: Sequence[Any], rows: Sequence[int]) -> Any:
+        """The values of these rows as arrays, the batch axis first; what is not finite is refused."""
+        results = _stacked(values, self.where)
+        bad = _first_not_finite(results)
+        if bad is not None:
+            raise InvalidInput(f"{self.where} has no finite value at {self.at(rows[bad])}")
+        return results
+
+    def at(self, i: int) -> str:
+        return ", ".join(f"{name} = {shown(a[i].tolist())}" for name, a in self.arrays.items())
+
+    def in_numpy(self) -> Any:
+        """The method on whole arrays, if its owner knows how."""
+        for i in range(len(self)):
+            self.check(i)
+        with np.errstate(all="ignore"):
+            results = self.owner._in_numpy(self.formula.__name__, self.arrays | self.rest)
+        bad = None if results is None else _first_not_finite(results)
+        if bad is not None:
+            raise InvalidInput(f"{self.where} has no finite value at {self.at(bad)}")
+        return results
+
+
+def in_python(batch: Batch) -> Any:
+    """The formula for one row after the other."""
+    rows = range(len(batch))
+    return batch.stacked([batch.row(i) for i in rows], rows)
+
+
+evaluate_rows: Callable[[Batch], Any] = in_python
+"""How the rows of a batch are evaluated.  The package, which knows the compiler too, puts another evaluator here."""
+
+
+def row_of(arrays: dict[str, np.ndarray], i: int) -> dict[str, Any]:
     """The arguments number i, as small vectors and plain floats."""
     return {name: small(a[i]) for name, a in arrays.items()}
 
@@ -235,6 +557,16 @@ def element(arrays: dict[str, np.ndarray], i: int) -> dict[str, Any]:
 def small(array: np.ndarray) -> Any:
     """An array without a batch axis as a formula takes it: a float, a `Vec` or a `Mat`."""
     return (float, Vec.of, Mat.of)[array.ndim](array.tolist())
+
+
+def _is_element(group: Any, array: np.ndarray) -> bool:
+    """Told from the defect, as in native code."""
+    if group.is_large:
+        return False  # ask for its objection, which is computed in NumPy
+    try:
+        return bool(group.defect(small(array)) <= MEMBERSHIP)
+    except ArithmeticError:
+        return False
 
 
 def _some(space: Any, kind: str, shape: tuple[int, ...]) -> np.ndarray:
@@ -249,44 +581,44 @@ def _who_knows_elements(space: Any) -> Any:
     return space if hasattr(space, "identity") or not hasattr(space, "group") else space.group
 
 
-def _refuse(space: Any, where: str, name: str, value: Any, shown: str | None = None) -> None:
-    objection = space._objection(name, value)
-    if objection:
-        raise InvalidInput(f"{where}: {shown or name} {objection}")
-
-
-def _defined(results: Any, where: str, flat: dict[str, np.ndarray]) -> None:
-    """Refuse to hand out what is no number."""
+def _first_not_finite(results: Any) -> int | None:
+    """The first row with an infinity or a nan."""
     if isinstance(results, tuple):
-        for part in results:
-            _defined(part, where, flat)
-        return
+        found = [i for part in results if (i := _first_not_finite(part)) is not None]
+        return min(found) if found else None
     bad = np.flatnonzero(~np.isfinite(results.reshape(len(results), -1)).all(axis=1))
-    if len(bad):
-        at = ", ".join(f"{name} = {a[bad[0]].tolist()}" for name, a in flat.items())
-        raise InvalidInput(f"{where} has no finite value at {at}")
+    return int(bad[0]) if len(bad) else None
 
 
 def _none_of(one: Any) -> Any:
     return tuple(map(_none_of, one)) if isinstance(one, tuple) else one[:0]
 
 
-def _flattened(array: np.ndarray, batch: tuple[int, ...], core: tuple[int, ...]) -> np.ndarray:
-    return np.broadcast_to(array, batch + core).reshape(-1, *core)
+def _flattened(array: np.ndarray, leading: tuple[int, ...], core: tuple[int, ...]) -> np.ndarray:
+    """The leading axes as one; an array that is the same for all rows is not copied: its stride is zero."""
+    if math.prod(array.shape) == math.prod(core) and math.prod(leading) != 1:
+        return np.broadcast_to(array.reshape(core), (math.prod(leading), *core))
+    return np.broadcast_to(array, leading + core).reshape(math.prod(leading), *core)
 
 
-def _unflattened(result: Any, batch: tuple[int, ...]) -> Any:
+def _unflattened(result: Any, leading: tuple[int, ...]) -> Any:
     if isinstance(result, tuple):
-        return tuple(_unflattened(part, batch) for part in result)
-    shaped = result.reshape(batch + result.shape[1:])
+        return tuple(_unflattened(part, leading) for part in result)
+    shaped = result.reshape(leading + result.shape[1:])
     return shaped if shaped.ndim else shaped.item()
 
 
-def _stacked(results: list[Any]) -> Any:
+def _stacked(results: Sequence[Any], where: str) -> Any:
+    """The values of a formula as arrays, the batch axis first; tuples of values as tuples of arrays."""
     first = results[0]
     if isinstance(first, tuple) and not isinstance(first, Vec):
-        return tuple(_stacked(list(part)) for part in zip(*results, strict=True))
-    if isinstance(first, bool):
+        return tuple(_stacked(list(part), where) for part in zip(*results, strict=True))
+    if all(isinstance(one, bool) for one in results):
         return np.array(results)
-    entries = [*first[0]] if isinstance(first, Mat) else [*first] if isinstance(first, Vec) else [first]
-    return np.array(results, dtype=complex if any(isinstance(x, Complex) for x in entries) else float)
+    for one in results:
+        if not isinstance(one, (float, int, Complex, Vec, Mat, np.ndarray, np.number)):
+            raise InvalidType(f"{where} gave {shown(one)}; a formula gives numbers, vectors, matrices or tuples of these")
+    try:
+        return np.array(results, dtype=float)
+    except TypeError:  # complex entries among them
+        return np.array(results, dtype=complex)

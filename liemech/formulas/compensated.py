@@ -19,6 +19,7 @@ class Compensated(ByValue):
     """value + rest, where |rest| is at most about half a unit in the last place of the value."""
 
     __slots__ = ("rest", "value")
+    level = 0
 
     def __init__(self, value: Any, rest: Any = 0.0) -> None:
         self.value, self.rest = value, rest
@@ -63,6 +64,9 @@ class Compensated(ByValue):
 
     def __pow__(self, n: Any) -> Any:
         return self.value ** value_of(n)
+
+    def __rpow__(self, base: Any) -> Any:
+        return base**self.value
 
     def __abs__(self) -> Any:
         return abs(self.value)

@@ -1,109 +1,162 @@
-"""Differentiation: numbers that carry a derivative along, so that a formula evaluated with them differentiates itself.
+"""Numbers that carry a derivative along, so that a formula evaluated with them differentiates itself.
 
     f(x + e d) = f(x) + e f'(x) d,   e^2 = 0
 
-Exact to rounding, in plain Python and in native code, where unused parts disappear.  Of dual numbers of dual numbers come
-second derivatives.
+Exact to rounding, in plain Python and in native code, where unused parts disappear.  `derivatives` makes them.
 
 Source: Griewank and Walther, Evaluating Derivatives, 2nd ed., chapter 3 (forward mode).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from contextvars import ContextVar
 from typing import Any
 
+from ..errors import NotCompilable
 from . import functions as f
-from .complex_numbers import Complex, is_vector
-from .numbers import ByValue
-from .vectors import Mat, Vec, mat, transpose, vec
+from .complex_numbers import outranks
+from .functions import LOG_2, LOG_10
+from .numbers import AN_INT, INTEGER_POWER, ByValue, StandIn, whole_power
 
-INTEGER_POWER = 64
-"""Up to here whole powers are products, which are fast and exist where the logarithm does not."""
+DEPTH: ContextVar[int] = ContextVar("how many derivatives are being taken, one inside the other", default=0)
 
 
 class Dual(ByValue):
     """value + e slope, e^2 = 0.  Comparisons look at the value.
 
     The integer 0 as a slope means that there is none: nothing is multiplied by it or added to it.
+
+    level : tells the e of one derivative from those of others, which are taken inside it and have higher levels.  Where two
+    meet, the higher level holds the lower one, which is a constant to it.  Left out, it is one of its own: above those of the
+    derivatives being taken, below those of derivatives still to be taken.
+
+    Source: Siskind and Pearlmutter, Perturbation confusion and referential transparency, IFL 2005.
     """
 
-    __slots__ = ("slope", "value")
+    __slots__ = ("level", "slope", "value")
 
-    def __init__(self, value: Any, slope: Any) -> None:
-        self.value, self.slope = value, slope
+    def __init__(self, value: Any, slope: Any, level: float | None = None) -> None:
+        if level is None:
+            level = DEPTH.get() + 0.5
+        self.value, self.slope, self.level = value, slope, level
 
     @property
     def parts(self) -> tuple[Any, Any]:
         """The two numbers, as they lie in memory."""
         return self.value, self.slope
 
+    @property
+    def form(self) -> tuple[Any, ...]:
+        """The class and the level."""
+        return Dual, self.level
+
+    # An operation with a dual of the same level, with one of a higher level, or with a constant.
+
     def __add__(self, other: Any) -> Any:
-        if is_vector(other):
-            return NotImplemented
-        if isinstance(other, Dual):
-            return Dual(self.value + other.value, _sum(self.slope, other.slope))
-        return Dual(self.value + other, self.slope)
+        if isinstance(other, Dual) and other.level >= self.level:
+            if other.level > self.level:
+                return other + self
+            return Dual(self.value + other.value, _sum(self.slope, other.slope), self.level)
+        return NotImplemented if outranks(other) else Dual(self.value + other, self.slope, self.level)
 
     __radd__ = __add__
 
     def __sub__(self, other: Any) -> Any:
-        if is_vector(other):
-            return NotImplemented
-        if isinstance(other, Dual):
-            return Dual(self.value - other.value, _sum(self.slope, -other.slope))
-        return Dual(self.value - other, self.slope)
+        if isinstance(other, Dual) and other.level >= self.level:
+            if other.level > self.level:
+                return other.__rsub__(self)
+            return Dual(self.value - other.value, _sum(self.slope, -other.slope), self.level)
+        return NotImplemented if outranks(other) else Dual(self.value - other, self.slope, self.level)
 
-    def __rsub__(self, other: Any) -> Dual:
-        return Dual(other - self.value, -self.slope)
+    def __rsub__(self, other: Any) -> Any:
+        return NotImplemented if outranks(other) else Dual(other - self.value, -self.slope, self.level)
 
     def __mul__(self, other: Any) -> Any:
-        if is_vector(other):
-            return NotImplemented
-        if isinstance(other, Dual):
-            return Dual(self.value * other.value, _sum(_scaled(self.value, other.slope), _scaled(other.value, self.slope)))
-        return Dual(self.value * other, _scaled(other, self.slope))
+        if isinstance(other, Dual) and other.level >= self.level:
+            if other.level > self.level:
+                return other * self
+            slope = _sum(_scaled(self.value, other.slope), _scaled(other.value, self.slope))
+            return Dual(self.value * other.value, slope, self.level)
+        return NotImplemented if outranks(other) else Dual(self.value * other, _scaled(other, self.slope), self.level)
 
     __rmul__ = __mul__
 
     def __truediv__(self, other: Any) -> Any:
-        if is_vector(other):
-            return NotImplemented
-        if isinstance(other, Dual):
+        if isinstance(other, Dual) and other.level >= self.level:
+            if other.level > self.level:
+                return other.__rtruediv__(self)
             quotient = self.value / other.value
-            return Dual(quotient, _over(_sum(self.slope, -_scaled(quotient, other.slope)), other.value))
-        return Dual(self.value / other, _over(self.slope, other))
+            return Dual(quotient, _over(_sum(self.slope, -_scaled(quotient, other.slope)), other.value), self.level)
+        return NotImplemented if outranks(other) else Dual(self.value / other, _over(self.slope, other), self.level)
 
-    def __rtruediv__(self, other: Any) -> Dual:
+    def __rtruediv__(self, other: Any) -> Any:
+        if outranks(other):
+            return NotImplemented
         quotient = other / self.value
-        return Dual(quotient, _scaled(-(quotient / self.value), self.slope))
+        return Dual(quotient, _scaled(-(quotient / self.value), self.slope), self.level)
 
     def __pow__(self, n: Any) -> Any:
-        if isinstance(n, (int, float)) and n == int(n) and 1 <= abs(n) <= INTEGER_POWER:
-            power = whole_power(self, abs(int(n)))
+        """An int as exponent makes products, where they are few; any other exponent, a float too, asks the C library."""
+        if isinstance(n, int) and abs(n) <= INTEGER_POWER:
+            if n == 0:
+                return Dual(self.value**0, 0, self.level)
+            power = whole_power(self, abs(n))
             return power if n > 0 else 1.0 / power
-        return Dual(self.value**n, _scaled(n * self.value ** (n - 1), self.slope))
+        if outranks(n):
+            return NotImplemented
+        if isinstance(n, StandIn) and n.is_integer:
+            raise NotCompilable(f"a power of a number that carries a derivative, with {AN_INT}: make it a float, `x ** float(n)`")
+        if isinstance(n, Dual) and n.level > self.level:
+            return n.__rpow__(self)
+        exponent, by_exponent = n.parts if isinstance(n, Dual) and n.level == self.level else (n, 0)
+        value = self.value**exponent
+        rise = exponent * self.value ** (exponent - 1.0 * (exponent != 0.0))  # x^0 = 1 at x = 0 too
+        return Dual(value, _sum(_scaled(rise, self.slope), _by_exponent(self.value, value, by_exponent)), self.level)
+
+    def __rpow__(self, base: Any) -> Any:
+        if outranks(base):
+            return NotImplemented
+        value = base**self.value
+        return Dual(value, _by_exponent(base, value, self.slope), self.level)
+
+    def __mod__(self, other: Any) -> Any:
+        if isinstance(other, Dual) and other.level >= self.level:
+            if other.level > self.level:
+                return other.__rmod__(self)
+            slope = _sum(self.slope, -_scaled(self // other, other.slope))
+            return Dual(self.value % other.value, slope, self.level)
+        return NotImplemented if outranks(other) else Dual(self.value % other, self.slope, self.level)
+
+    def __rmod__(self, other: Any) -> Any:
+        return NotImplemented if outranks(other) else Dual(other % self.value, -_scaled(other // self, self.slope), self.level)
+
+    def __floordiv__(self, other: Any) -> Any:
+        return NotImplemented if outranks(other) else value_of(self) // value_of(other)
+
+    def __rfloordiv__(self, other: Any) -> Any:
+        return NotImplemented if outranks(other) else value_of(other) // value_of(self)
 
     def __neg__(self) -> Dual:
-        return Dual(-self.value, -self.slope)
+        return Dual(-self.value, -self.slope, self.level)
 
     def __pos__(self) -> Dual:
         return self
 
     def __abs__(self) -> Dual:
         sign = 1.0 * (self.value >= 0.0) - 1.0 * (self.value < 0.0)
-        return Dual(abs(self.value), _scaled(sign, self.slope))
+        return Dual(abs(self.value), _scaled(sign, self.slope), self.level)
+
+    def __float__(self) -> float:
+        raise TypeError(
+            "a number that carries a derivative cannot become a float: take functions from liemech.formulas (sin, exp, sqrt, ...), "
+            "not from math"
+        )
 
     def __repr__(self) -> str:
         return f"({self.value} + e {self.slope})"
 
 
-def whole_power(x: Any, n: int) -> Any:
-    """x^n by squares and products, n = 1, 2, ..."""
-    if n == 1:
-        return x
-    half = whole_power(x, n // 2)
-    return half * half * x if n % 2 else half * half
+# ------------------------------------------------------------------ slopes
 
 
 def _sum(a: Any, b: Any) -> Any:
@@ -121,14 +174,19 @@ def _over(slope: Any, k: Any) -> Any:
     return slope if type(slope) is int else slope / k
 
 
+def _by_exponent(base: Any, value: Any, slope: Any) -> Any:
+    """What an exponent with this slope adds to the slope of value = base^exponent; at base 0 nothing."""
+    return slope if type(slope) is int else value * f.log(base + 1.0 * (base == 0.0)) * slope
+
+
 def value_of(x: Any) -> Any:
-    """A number without its derivative."""
-    return x.value if isinstance(x, Dual) else x
+    """A number without its derivatives."""
+    return value_of(x.value) if isinstance(x, Dual) else x
 
 
-def slope_of(x: Any) -> Any:
-    """The derivative that a number carries; zero if it carries none."""
-    return x.slope if isinstance(x, Dual) and type(x.slope) is not int else 0.0
+def size_of(x: Any) -> Any:
+    """|x|, and of a number that carries a derivative that of both: zero only if both are."""
+    return size_of(x.value) + size_of(x.slope) if isinstance(x, Dual) else abs(x)
 
 
 # ------------------------------------------------------------------ elementary functions: f(x + e d) = f(x) + e f'(x) d
@@ -136,110 +194,118 @@ def slope_of(x: Any) -> Any:
 
 def _sqrt(x: Any) -> Dual:
     root = f.sqrt(x.value)
-    return Dual(root, _over(x.slope, 2.0 * root))
+    return Dual(root, _over(x.slope, 2.0 * root), x.level)
+
+
+def _cbrt(x: Any) -> Dual:
+    root = f.cbrt(x.value)
+    return Dual(root, _over(x.slope, 3.0 * root * root), x.level)
 
 
 def _sin(x: Any) -> Dual:
-    return Dual(f.sin(x.value), _scaled(f.cos(x.value), x.slope))
+    return Dual(f.sin(x.value), _scaled(f.cos(x.value), x.slope), x.level)
 
 
 def _cos(x: Any) -> Dual:
-    return Dual(f.cos(x.value), _scaled(-f.sin(x.value), x.slope))
+    return Dual(f.cos(x.value), _scaled(-f.sin(x.value), x.slope), x.level)
 
 
 def _tan(x: Any) -> Dual:
     t = f.tan(x.value)
-    return Dual(t, _scaled(1.0 + t * t, x.slope))
+    return Dual(t, _scaled(1.0 + t * t, x.slope), x.level)
 
 
 def _asin(x: Any) -> Dual:
-    return Dual(f.asin(x.value), _over(x.slope, f.sqrt(1.0 - x.value * x.value)))
+    return Dual(f.asin(x.value), _over(x.slope, f.sqrt(1.0 - x.value * x.value)), x.level)
 
 
 def _acos(x: Any) -> Dual:
-    return Dual(f.acos(x.value), _over(-x.slope, f.sqrt(1.0 - x.value * x.value)))
+    return Dual(f.acos(x.value), _over(-x.slope, f.sqrt(1.0 - x.value * x.value)), x.level)
 
 
 def _atan(x: Any) -> Dual:
-    return Dual(f.atan(x.value), _over(x.slope, 1.0 + x.value * x.value))
+    return Dual(f.atan(x.value), _over(x.slope, 1.0 + x.value * x.value), x.level)
 
 
 def _atan2(y: Any, x: Any) -> Dual:
-    a, b = value_of(y), value_of(x)
-    return Dual(f.atan2(a, b), (b * slope_of(y) - a * slope_of(x)) / (a * a + b * b))
+    (a, da), (b, db), level = _of_two(y, x)
+    return Dual(f.atan2(a, b), _over(_sum(_scaled(b, da), -_scaled(a, db)), a * a + b * b), level)
 
 
 def _sinh(x: Any) -> Dual:
-    return Dual(f.sinh(x.value), _scaled(f.cosh(x.value), x.slope))
+    return Dual(f.sinh(x.value), _scaled(f.cosh(x.value), x.slope), x.level)
 
 
 def _cosh(x: Any) -> Dual:
-    return Dual(f.cosh(x.value), _scaled(f.sinh(x.value), x.slope))
+    return Dual(f.cosh(x.value), _scaled(f.sinh(x.value), x.slope), x.level)
 
 
 def _tanh(x: Any) -> Dual:
     t = f.tanh(x.value)
-    return Dual(t, _scaled(1.0 - t * t, x.slope))
+    return Dual(t, _scaled(1.0 - t * t, x.slope), x.level)
+
+
+def _asinh(x: Any) -> Dual:
+    return Dual(f.asinh(x.value), _over(x.slope, f.sqrt(x.value * x.value + 1.0)), x.level)
+
+
+def _acosh(x: Any) -> Dual:
+    return Dual(f.acosh(x.value), _over(x.slope, f.sqrt(x.value - 1.0) * f.sqrt(x.value + 1.0)), x.level)
+
+
+def _atanh(x: Any) -> Dual:
+    return Dual(f.atanh(x.value), _over(x.slope, (1.0 - x.value) * (1.0 + x.value)), x.level)
 
 
 def _exp(x: Any) -> Dual:
     value = f.exp(x.value)
-    return Dual(value, _scaled(value, x.slope))
+    return Dual(value, _scaled(value, x.slope), x.level)
+
+
+def _exp2(x: Any) -> Dual:
+    value = f.exp2(x.value)
+    return Dual(value, _scaled(LOG_2 * value, x.slope), x.level)
 
 
 def _log(x: Any) -> Dual:
-    return Dual(f.log(x.value), _over(x.slope, x.value))
+    return Dual(f.log(x.value), _over(x.slope, x.value), x.level)
+
+
+def _log2(x: Any) -> Dual:
+    return Dual(f.log2(x.value), _over(x.slope, LOG_2 * x.value), x.level)
+
+
+def _log10(x: Any) -> Dual:
+    return Dual(f.log10(x.value), _over(x.slope, LOG_10 * x.value), x.level)
 
 
 def _expm1(x: Any) -> Dual:
-    return Dual(f.expm1(x.value), _scaled(f.exp(x.value), x.slope))
+    return Dual(f.expm1(x.value), _scaled(f.exp(x.value), x.slope), x.level)
 
 
 def _log1p(x: Any) -> Dual:
-    return Dual(f.log1p(x.value), _over(x.slope, 1.0 + x.value))
+    return Dual(f.log1p(x.value), _over(x.slope, 1.0 + x.value), x.level)
 
 
-_RULES = (_sqrt, _sin, _cos, _tan, _asin, _acos, _atan, _atan2, _sinh, _cosh, _tanh, _exp, _log, _expm1, _log1p)
+def _copysign(x: Any, y: Any) -> Dual:
+    (a, da), (b, _), level = _of_two(x, y)
+    sign = f.copysign(1.0, value_of(a)) * f.copysign(1.0, value_of(b))
+    return Dual(f.copysign(a, b), _scaled(sign, da), level)
+
+
+def _pow(x: Any, n: Any) -> Any:
+    return x**n
+
+
+def _of_two(x: Any, y: Any) -> tuple[tuple[Any, Any], tuple[Any, Any], float]:
+    """The parts of two numbers at the higher one of their levels, and the level."""
+    level = max(x.level if isinstance(x, Dual) else 0.0, y.level if isinstance(y, Dual) else 0.0)
+    a, b = (n.parts if isinstance(n, Dual) and n.level == level else (n, 0) for n in (x, y))
+    return a, b, level
+
+
+_RULES = (
+    _sqrt, _cbrt, _sin, _cos, _tan, _asin, _acos, _atan, _atan2, _sinh, _cosh, _tanh, _asinh, _acosh, _atanh, _exp, _exp2, _log,
+    _log2, _log10, _expm1, _log1p, _copysign, _pow,
+)  # fmt: skip
 f.RULES.update({rule.__name__[1:]: rule for rule in _RULES})
-
-
-# ------------------------------------------------------------------ derivatives of formulas
-
-
-def derivative(formula: Callable[[Any], Any], x: Any, direction: Any) -> Any:
-    """f'(x) d: the derivative of a formula of one vector in a direction; it may return a number, a vector or a matrix.
-
-    x, direction : (n,).
-    """
-    return slopes(formula(vec(*[Dual(a, d) for a, d in zip(x, direction)])))
-
-
-def gradient(formula: Callable[[Any], Any], x: Any) -> Vec:
-    """The vector df/dx_j of a formula from vectors to numbers.  x : (n,)."""
-    return vec(*[slopes(formula(_along(x, j))) for j in range(len(x))])
-
-
-def jacobian(formula: Callable[[Any], Any], x: Any) -> Mat:
-    """The matrix df_i/dx_j of a formula from vectors to vectors.  x : (n,)."""
-    return transpose(mat(*[slopes(formula(_along(x, j))) for j in range(len(x))]))
-
-
-def _along(x: Any, j: int) -> Vec:
-    """x with its component j on the move."""
-    return vec(*[Dual(x[i], 1.0 if i == j else 0) for i in range(len(x))])
-
-
-def size_of(x: Any) -> Any:
-    """|x|, and of a number that carries a derivative that of both: zero only if both are."""
-    return size_of(x.value) + size_of(slope_of(x)) if isinstance(x, Dual) else abs(x)
-
-
-def slopes(value: Any) -> Any:
-    """The derivatives that a number, a vector or a matrix carries."""
-    if isinstance(value, Mat):
-        return mat(*[slopes(row) for row in value])
-    if isinstance(value, Vec):
-        return vec(*[slopes(x) for x in value])
-    if isinstance(value, Complex):
-        return Complex(slope_of(value.re), slope_of(value.im))
-    return slope_of(value)

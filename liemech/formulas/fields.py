@@ -27,7 +27,7 @@ import numpy as np
 from ..errors import InvalidInput, InvalidType
 from .annotations import UNKNOWN, members, own_annotations
 from .broadcasting import AXES, real_array
-from .numbers import ByValue, StandIn
+from .numbers import Pair, StandIn
 from .vectors import Mat, Vec
 
 Convert = Callable[[Any, str, Any], Any]  # of the record, the name of a field and its value
@@ -204,7 +204,7 @@ def _single(kind: Any, places: Places) -> Convert | None:
 
 
 def _number(owner: Any, name: str, value: Any) -> Any:
-    if type(value) is float or isinstance(value, (StandIn, ByValue)):
+    if type(value) is float or isinstance(value, (StandIn, Pair)):
         return value
     if isinstance(value, (bool, np.bool_, complex, str, bytes)) or (isinstance(value, np.ndarray) and value.ndim):
         raise InvalidType(f"{type(owner).__name__}.{name} is a number; got {value!r}")

@@ -12,6 +12,10 @@ from typing import Any
 
 import numpy as np
 
+from .numbers import StandIn
+
+LOG_2, LOG_10 = math.log(2.0), math.log(10.0)
+
 RULES: dict[str, Callable[..., Any]] = {}
 """What the elementary functions do to numbers that carry a derivative; filled by `dual`."""
 
@@ -21,29 +25,43 @@ def _elementary(name: str, numpy_name: str | None = None) -> Callable[..., Any]:
     on_array = getattr(np, numpy_name or name)
 
     def function(*x: Any) -> Any:
-        if any(isinstance(a, np.ndarray) for a in x):
-            return on_array(*x)
-        try:
-            return on_float(*x)
-        except (ValueError, OverflowError):
-            with np.errstate(all="ignore"):
-                return float(on_array(*map(float, x)))
-        except TypeError:
-            if any(hasattr(a, "slope") for a in x):
-                return RULES[name](*x)
-            for a in x:
-                if hasattr(a, "elementary"):
-                    return a.elementary(name, *x)
-            import sympy
-
-            return getattr(sympy, name)(*x)
+        for a in x:
+            if isinstance(a, (StandIn, np.ndarray)):
+                break
+        else:
+            try:
+                return on_float(*x)
+            except (ValueError, OverflowError):
+                with np.errstate(all="ignore"):
+                    return float(on_array(*map(float, x)))
+            except TypeError:
+                pass
+        return _of_others(name, on_array, x)
 
     function.__name__ = function.__qualname__ = name
     function.__doc__ = f"{name} of a float, an array, a symbol or a number in native code."
     return function
 
 
+def _of_others(name: str, on_array: Callable[..., Any], x: tuple[Any, ...]) -> Any:
+    """The function of what is no float: numbers that carry a derivative before others, for these may be their values."""
+    if any(isinstance(a, np.ndarray) for a in x):
+        return on_array(*x)
+    if any(hasattr(a, "slope") for a in x):
+        return RULES[name](*x)
+    for a in x:
+        if hasattr(a, "elementary"):
+            return a.elementary(name, *x)
+    if any(hasattr(a, "free_symbols") for a in x):
+        import sympy
+
+        return SYMBOLIC[name](*x) if name in SYMBOLIC else getattr(sympy, name)(*x)
+    kinds = " and ".join(type(a).__name__ for a in x)
+    raise TypeError(f"{name} is a function of numbers; got {kinds} (of a vector: of its components, one by one)")
+
+
 sqrt = _elementary("sqrt")
+cbrt = _elementary("cbrt")
 sin = _elementary("sin")
 cos = _elementary("cos")
 tan = _elementary("tan")
@@ -54,21 +72,79 @@ atan2 = _elementary("atan2", "arctan2")
 sinh = _elementary("sinh")
 cosh = _elementary("cosh")
 tanh = _elementary("tanh")
+asinh = _elementary("asinh", "arcsinh")
+acosh = _elementary("acosh", "arccosh")
+atanh = _elementary("atanh", "arctanh")
 exp = _elementary("exp")
+exp2 = _elementary("exp2")
 log = _elementary("log")
+log2 = _elementary("log2")
+log10 = _elementary("log10")
 expm1 = _elementary("expm1")
 log1p = _elementary("log1p")
 
-LIBM = (sin, cos, tan, asin, acos, atan, atan2, sinh, cosh, tanh, exp, log, expm1, log1p)
-"""What compiled code calls in the C library; `sqrt` is an instruction."""
+copysign = _elementary("copysign")
+pow = _elementary("pow", "power")
+
+LIBM = (
+    cbrt, sin, cos, tan, asin, acos, atan, atan2, sinh, cosh, tanh, asinh, acosh, atanh, exp, exp2, log, log2, log10, expm1, log1p,
+    pow,
+)  # fmt: skip
+"""What compiled code calls in the C library."""
+
+INSTRUCTIONS = "sqrt", "copysign"
+"""What are instructions of the processor."""
+
+SYMBOLIC: dict[str, Callable[..., Any]] = {
+    "pow": lambda x, n: x**n,
+    "exp2": lambda x: 2**x,
+    "log2": lambda x: _sympy("log")(x, 2),
+    "log10": lambda x: _sympy("log")(x, 10),
+    "expm1": lambda x: _sympy("exp")(x) - 1,
+    "log1p": lambda x: _sympy("log")(1 + x),
+    "copysign": lambda x, y: _sympy("Abs")(x) * _sympy("sign")(y),
+}
+"""What SymPy calls by other names."""
+
+
+def _sympy(name: str) -> Any:
+    import sympy
+
+    return getattr(sympy, name)
+
+
+# ------------------------------------------------------------------ formulas
+
+
+def fabs(x: Any) -> Any:
+    """|x|, as a float."""
+    return abs(1.0 * x)
+
+
+def radians(x: Any) -> Any:
+    """An angle in degrees, x pi/180."""
+    return x * (math.pi / 180.0)
+
+
+def degrees(x: Any) -> Any:
+    """An angle in radians, in degrees: 180 x/pi."""
+    return x * (180.0 / math.pi)
+
+
+def hypot(*x: Any) -> Any:
+    """sqrt(x_1^2 + x_2^2 + ...), from left to right.  That of `math` differs in the last bit at times."""
+    square = x[0] * x[0]
+    for a in x[1:]:
+        square = square + a * a
+    return sqrt(square)
 
 
 def where(condition: Any, yes: Any, no: Any) -> Any:
     """`yes` where the condition holds, `no` elsewhere: the branch that costs no branch."""
     if isinstance(condition, bool):
         return yes if condition else no
-    if isinstance(condition, (np.ndarray, np.bool_)):
+    if isinstance(condition, np.ndarray):
         return np.where(condition, yes, no)
-    import sympy
-
-    return sympy.Piecewise((yes, condition), (no, True))
+    if hasattr(condition, "free_symbols"):
+        return _sympy("Piecewise")((yes, condition), (no, True))
+    return yes if condition else no

@@ -1,46 +1,80 @@
-"""What all numbers of formulas share: stand-ins for a float, and numbers made of a value and something beside it."""
+"""What all numbers of formulas share: stand-ins for a float, numbers made of two, numbers compared by a value, whole powers."""
 
 from __future__ import annotations
 
 from typing import Any
 
+INTEGER_POWER = 64
+"""Up to here powers with an int as exponent are products, which are fast and exist where the logarithm does not."""
+
+AN_INT = "an int as exponent that is known only at run time (products would be made of one known before)"
+
 
 class StandIn:
-    """Base of what takes the place of a float whose value is not known yet: the compiler's numbers."""
+    """Base of what takes the place of a number whose value is not known yet: the compiler's numbers."""
 
     __slots__ = ()
+
+    @property
+    def is_integer(self) -> bool:
+        """Does it take the place of an int?"""
+        return False
 
     def elementary(self, name: str, *x: Any) -> Any:
         """The elementary function of this name, of numbers of which one is `self`."""
         raise NotImplementedError
 
 
-class ByValue:
+class Pair:
+    """A number made of two, its `parts`, as they lie in memory.  Of two kinds the one of the higher level holds the other."""
+
+    __slots__ = ()
+    level: Any
+    parts: Any
+
+    @property
+    def form(self) -> tuple[Any, ...]:
+        """The class, and what it takes beside the parts to make such a number."""
+        return (type(self),)
+
+
+class ByValue(Pair):
     """A number with a `value`; what else it carries plays no part in comparisons."""
 
     __slots__ = ()
     value: Any
 
     def __lt__(self, other: Any) -> Any:
-        return self.value < _value(other)
+        return _value(self) < _value(other)
 
     def __le__(self, other: Any) -> Any:
-        return self.value <= _value(other)
+        return _value(self) <= _value(other)
 
     def __gt__(self, other: Any) -> Any:
-        return self.value > _value(other)
+        return _value(self) > _value(other)
 
     def __ge__(self, other: Any) -> Any:
-        return self.value >= _value(other)
+        return _value(self) >= _value(other)
 
     def __eq__(self, other: object) -> Any:
-        return self.value == _value(other)
+        return _value(self) == _value(other)
 
     def __ne__(self, other: object) -> Any:
-        return self.value != _value(other)
+        return _value(self) != _value(other)
+
+    def __bool__(self) -> bool:
+        return bool(self.value)
 
     __hash__ = None  # type: ignore[assignment]
 
 
 def _value(x: Any) -> Any:
-    return x.value if isinstance(x, ByValue) else x
+    return _value(x.value) if isinstance(x, ByValue) else x
+
+
+def whole_power(x: Any, n: int) -> Any:
+    """x^n by squares and products, n = 1, 2, ..."""
+    if n == 1:
+        return x
+    half = whole_power(x, n // 2)
+    return half * half * x if n % 2 else half * half

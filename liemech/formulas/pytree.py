@@ -11,7 +11,7 @@ import enum
 import functools
 import struct
 import types
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 import numpy as np
@@ -27,6 +27,8 @@ from .vectors import Mat, Vec
 PAIRS = (Complex, Dual, Compensated)
 """Numbers made of two."""
 
+_COMPENSATED = (Compensated,)  # the form of such numbers
+
 
 @dataclasses.dataclass(frozen=True)
 class Layout:
@@ -34,7 +36,7 @@ class Layout:
 
     kind: str
     parts: tuple[Layout, ...] = ()
-    detail: Any = None  # the class of a pair, the class and field names of a record, the object of a static part
+    detail: Any = None  # the form of a pair, the class and field names of a record, the object of a static part
 
     @functools.cached_property
     def width(self) -> int:
@@ -49,7 +51,7 @@ class Layout:
     @functools.cached_property
     def remembers(self) -> bool:
         """Are there compensated numbers in it?"""
-        return self.detail is Compensated or any(part.remembers for part in self.parts)
+        return (self.kind == "pair" and self.detail == _COMPENSATED) or any(part.remembers for part in self.parts)
 
     @functools.cached_property
     def _identity(self) -> Any:
@@ -76,6 +78,9 @@ class Layout:
             cls, names = self.detail
             fields = ", ".join(f"{n}={p!r}" for n, p in zip(names, self.parts, strict=True))
             return f"{cls.__module__}.{cls.__qualname__}({fields})"
+        if self.kind == "pair":
+            cls, *more = self.detail
+            return f"{cls.__name__}({', '.join([inside, *map(str, more)])})"
         return repr(self.detail) if self.kind == "static" else f"{self.kind}({inside})" if inside else self.kind
 
 
@@ -123,7 +128,7 @@ def exact(value: Any) -> Any:
     if kind in _BY_PARTS:
         return kind, tuple([exact(part) for part in _BY_PARTS[kind](value)])
     if isinstance(value, Record):
-        return kind, tuple([exact(x) for x in _fields(value).values()])
+        return kind, tuple([exact(x) for x in fields_of(value).values()])
     if (kind.__module__, kind.__name__) in (("fractions", "Fraction"), ("decimal", "Decimal")):  # not imported for their sake
         return kind, value.as_integer_ratio() if kind.__name__ == "Fraction" else value.as_tuple()
     return _Itself(value)
@@ -136,7 +141,7 @@ _BY_PARTS: dict[type, Callable[[Any], tuple[Any, ...]]] = {
     functools.partial: lambda x: (x.func, x.args, *x.keywords.items()),
     types.MethodType: lambda x: (x.__func__, x.__self__),
     Mat: lambda x: x.rows,
-    **{pair: lambda x: x.parts for pair in PAIRS},
+    **{pair: lambda x: (x.level, *x.parts) for pair in PAIRS},
 }
 
 
@@ -167,10 +172,9 @@ def layout_of(value: Any, number: Callable[[Any], bool] = is_number) -> Layout:
         ordinary = all(map(is_any_number, value))
         return _vector(len(value)) if ordinary else _sequence("vec", tuple([layout_of(x, number) for x in value]))
     if isinstance(value, Mat):
-        return _matrix(tuple(layout_of(row) for row in value.rows))
+        return _matrix(tuple([layout_of(row, number) for row in value.rows]))
     if isinstance(value, PAIRS):
-        kind: Any = type(value)
-        return _pair(tuple([layout_of(x, number) for x in value.parts]), kind)
+        return _pair(tuple([layout_of(x, number) for x in value.parts]), value.form)
     if isinstance(value, list) or (isinstance(value, tuple) and (number is is_any_number or not is_static(value))):
         return _sequence(type(value).__name__, tuple([layout_of(x, number) for x in value]))
     return Layout("static", (), value)
@@ -200,8 +204,8 @@ def _record(parts: tuple[Layout, ...], cls: type) -> Layout:
 
 
 @functools.lru_cache(_MANY)
-def _pair(parts: tuple[Layout, ...], cls: type) -> Layout:
-    return Layout("pair", parts, cls)
+def _pair(parts: tuple[Layout, ...], form: tuple[Any, ...]) -> Layout:
+    return Layout("pair", parts, form)
 
 
 @functools.lru_cache(_MANY)
@@ -252,11 +256,17 @@ def build(layout: Layout, numbers: Iterator[Any]) -> Any:
         return layout.detail
     parts = [build(part, numbers) for part in layout.parts]
     if layout.kind == "pair":
-        return layout.detail(*parts)
+        return paired(layout.detail, parts)
     if layout.kind == "record":
         cls, names = layout.detail
         return fill(cls, dict(zip(names, parts, strict=True)))
     return {"vec": lambda p: Vec(*p), "mat": lambda p: Mat(*p), "tuple": tuple, "list": list}[layout.kind](parts)
+
+
+def paired(form: tuple[Any, ...], parts: Iterable[Any]) -> Any:
+    """The number of this form made of two."""
+    cls, *more = form
+    return cls(*parts, *more)
 
 
 def fill(cls: type, fields: dict[str, Any]) -> Any:
@@ -287,7 +297,7 @@ def _mapped(value: Any, change: Callable[[Any], Any]) -> Any:
     if isinstance(value, _STRUCTURES):
         return _like(value, [_mapped(x, change) for x in _parts(value)])
     if isinstance(value, Record):
-        return fill(type(value), {n: _mapped(x, change) for n, x in _fields(value).items()})
+        return fill(type(value), {n: _mapped(x, change) for n, x in fields_of(value).items()})
     return value
 
 
@@ -295,10 +305,10 @@ def fitted(value: Any, layout: Layout) -> Any:
     """The value with numbers that remember where the layout has such, and only there."""
     if layout.kind == "number":
         return value_of(value)
-    if layout.detail is Compensated:
+    if layout.kind == "pair" and layout.detail == _COMPENSATED:
         return Compensated(value) if is_number(value) else value
-    if isinstance(value, Record) and len(layout.parts) == len(_fields(value)):
-        return fill(type(value), {n: fitted(x, part) for (n, x), part in zip(_fields(value).items(), layout.parts)})
+    if isinstance(value, Record) and len(layout.parts) == len(fields_of(value)):
+        return fill(type(value), {n: fitted(x, part) for (n, x), part in zip(fields_of(value).items(), layout.parts)})
     if isinstance(value, _STRUCTURES) and len(_parts(value)) == len(layout.parts):
         return _like(value, [fitted(x, part) for x, part in zip(_parts(value), layout.parts)])
     return value
@@ -307,7 +317,8 @@ def fitted(value: Any, layout: Layout) -> Any:
 _STRUCTURES = (Vec, Mat, tuple, list, Complex, Dual)
 
 
-def _fields(value: Any) -> dict[str, Any]:
+def fields_of(value: Any) -> dict[str, Any]:
+    """What the fields of a record hold."""
     cls: Any = type(value)
     return {name: getattr(value, name) for name in _names(cls)}
 
@@ -318,4 +329,6 @@ def _parts(value: Any) -> Any:
 
 def _like(value: Any, parts: list[Any]) -> Any:
     """A vector, a matrix, a tuple, ... of these parts."""
+    if isinstance(value, PAIRS):
+        return paired(value.form, parts)
     return type(value)(parts) if type(value) in (tuple, list) else type(value)(*parts)

@@ -18,7 +18,7 @@ from typing import Any, TypeVar, cast, dataclass_transform
 
 from ..errors import InvalidType
 from .annotations import own_annotations
-from .broadcasting import Border
+from .broadcasting import Broadcasting
 from .fields import MISSING, converters, immutable
 
 T = TypeVar("T", bound=type)
@@ -26,7 +26,7 @@ T = TypeVar("T", bound=type)
 _complete: set[type] = set()  # classes known to be frozen dataclasses
 
 
-class Record(Border):
+class Record(Broadcasting):
     """Base of everything that compiles: frozen dataclasses whose methods are formulas."""
 
     __slots__ = ("_layout",)  # its structure, once somebody asked for it; not a field: neither pickled, copied nor in `vars`

@@ -14,9 +14,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from ..errors import InvalidType, NotCompilable
 from . import functions as f
-from .dual import INTEGER_POWER, slope_of, whole_power
-from .numbers import StandIn
+from .functions import LOG_2, LOG_10
+from .numbers import INTEGER_POWER, Pair, StandIn, whole_power
 from .pytree import build, layout_of, leaves
 
 
@@ -86,13 +87,22 @@ class Series:
         return Series(other) / self if _is_number(other) else NotImplemented
 
     def __pow__(self, n: Any) -> Any:
+        """Products for a whole exponent of few digits, so that a series may begin with zero."""
         if isinstance(n, (int, float)) and n == int(n) and abs(n) <= INTEGER_POWER:
             power = whole_power(self, abs(int(n))) if n else Series(1.0)
             return power if n >= 0 else 1.0 / power
+        if isinstance(n, StandIn):
+            raise NotCompilable("a power of a series whose exponent is known only at run time: write `exp(n * log(x))`")
+        if isinstance(n, Series):
+            return _integral(Series(self[0] ** n[0]), lambda power: power, n * f.log(self))
         if not _is_number(n):
             return NotImplemented
-        power = Series(self[0] ** n)
-        return _integral(power, n * power / self, self)
+        return _integral(Series(self[0] ** n), lambda power: n * power / self, self)
+
+    def __rpow__(self, base: Any) -> Any:
+        if not _is_number(base):
+            return NotImplemented
+        return _integral(Series(base ** self[0]), lambda power: f.log(base) * power, self)
 
     def __neg__(self) -> Series:
         return _made(lambda k: _each(lambda c: -c, self.term(k)))
@@ -146,14 +156,16 @@ class Series:
         return build(layout, iter([Series(x) for x in leaves(start, layout)]))
 
     @staticmethod
-    def follow(start: Any, unknown: Any, change: Any, h: Any) -> None:
-        """Let the unknown y solve y' = h y*, where `change` is a value that carries the derivative y*, which may depend on y."""
+    def follow(start: Any, unknown: Any, rates: Any, h: Any) -> None:
+        """Let the unknown y solve y' = h rate, where the rates, a value like y, may depend on y."""
         layout = layout_of(start)
-        for y, rate in zip(leaves(unknown, layout), leaves(change, layout), strict=True):
-            y.grow(slope_of(rate), h)
+        for y, rate in zip(leaves(unknown, layout), leaves(rates, layout), strict=True):
+            y.grow(rate, h)
 
     def grow(self, rate: Any, h: Any) -> None:
         """Let this unknown series y solve y' = h rate, where the rate may depend on y."""
+        if isinstance(rate, Pair):
+            raise InvalidType("a series can go on by numbers and series only: a method of power series cannot be differentiated")
         series = rate if isinstance(rate, Series) else Series(rate)
         self.by(lambda k: _each(lambda c: h * (1.0 / k) * c, series.term(k - 1)))
 
@@ -211,35 +223,25 @@ def _times(a: Series, i: int, b: Series, j: int) -> Any:
 # ------------------------------------------------------------------ elementary functions: f(x)' = f'(x) x'
 
 
-def _integral(y: Series, slope: Any, x: Series) -> Series:
-    """y, given its first term, with y' = slope x'; the slope may depend on y."""
-    g, weighted = slope if isinstance(slope, Series) else Series(slope), Series()
+def _integral(y: Series, slope: Callable[[Series], Any], x: Series) -> Series:
+    """y, given its first term, with y' = slope(y) x'."""
+    given, weighted = slope(y), Series()
+    g = given if isinstance(given, Series) else Series(given)
     weighted._rule = lambda k: _each(lambda c: float(k) * c, x.term(k) if k else None)  # s x', no term before its time
     return y.by(lambda k: _each(lambda c: c / k, _product(weighted, g, k)))
 
 
-def _at(function: Callable[..., Any], *x: Any) -> Any:
-    """An elementary function of numbers; of those in native code, a call there."""
-    unknown = next((a for a in x if isinstance(a, StandIn)), None)
-    return function(*x) if unknown is None else unknown.elementary(function.__name__, *x)
-
-
 def _rule(function: Callable[..., Any], slope: Callable[[Series, Series], Any]) -> Callable[[Series], Series]:
     """What an elementary function does to a series x: y = f(x), from f' as a function of y and x."""
-
-    def rule(x: Series) -> Series:
-        y = Series(_at(function, x[0]))
-        return _integral(y, slope(y, x), x)
-
-    return rule
+    return lambda x: _integral(Series(function(x[0])), lambda y: slope(y, x), x)
 
 
 def _circle(cosine: Callable[[Any], Any], sine: Callable[[Any], Any], sign: float, which: int) -> Callable[[Series], Series]:
     """cos and sin, or cosh and sinh: c' = sign s x', s' = c x'."""
 
     def rule(x: Series) -> Series:
-        c, s = Series(_at(cosine, x[0])), Series(_at(sine, x[0]))
-        return (_integral(c, sign * s, x), _integral(s, c, x))[which]
+        c, s = Series(cosine(x[0])), Series(sine(x[0]))
+        return (_integral(c, lambda c: sign * s, x), _integral(s, lambda s: c, x))[which]
 
     return rule
 
@@ -248,14 +250,23 @@ def _atan2(y: Any, x: Any) -> Series:
     """The angle a of (x, y): a' = (x y' - y x')/(x^2 + y^2)."""
     y, x = (a if isinstance(a, Series) else Series(a) for a in (y, x))
     square = x * x + y * y
-    rise, fall = _integral(Series(None), x / square, y), _integral(Series(None), y / square, x)
-    return Series(_at(f.atan2, y[0], x[0])) + (rise - fall)
+    rise, fall = _integral(Series(None), lambda _: x / square, y), _integral(Series(None), lambda _: y / square, x)
+    return Series(f.atan2(y[0], x[0])) + (rise - fall)
+
+
+def _copysign(x: Any, y: Any) -> Any:
+    """x or -x, whichever has the sign of y where the series begin."""
+    return x * (f.copysign(1.0, _head(x)) * f.copysign(1.0, _head(y)))
 
 
 _RULES: dict[str, Callable[..., Any]] = {
     "sqrt": _rule(f.sqrt, lambda y, x: 0.5 / y),
+    "cbrt": _rule(f.cbrt, lambda y, x: 1.0 / (3.0 * y * y)),
     "exp": _rule(f.exp, lambda y, x: y),
+    "exp2": _rule(f.exp2, lambda y, x: LOG_2 * y),
     "log": _rule(f.log, lambda y, x: 1.0 / x),
+    "log2": _rule(f.log2, lambda y, x: 1.0 / (LOG_2 * x)),
+    "log10": _rule(f.log10, lambda y, x: 1.0 / (LOG_10 * x)),
     "expm1": _rule(f.expm1, lambda y, x: y + 1.0),
     "log1p": _rule(f.log1p, lambda y, x: 1.0 / (1.0 + x)),
     "cos": _circle(f.cos, f.sin, -1.0, 0),
@@ -268,4 +279,9 @@ _RULES: dict[str, Callable[..., Any]] = {
     "acos": _rule(f.acos, lambda y, x: -1.0 / f.sqrt(1.0 - x * x)),
     "atan": _rule(f.atan, lambda y, x: 1.0 / (1.0 + x * x)),
     "atan2": _atan2,
+    "asinh": _rule(f.asinh, lambda y, x: 1.0 / f.sqrt(x * x + 1.0)),
+    "acosh": _rule(f.acosh, lambda y, x: 1.0 / (f.sqrt(x - 1.0) * f.sqrt(x + 1.0))),
+    "atanh": _rule(f.atanh, lambda y, x: 1.0 / ((1.0 - x) * (1.0 + x))),
+    "copysign": _copysign,
+    "pow": lambda x, n: x**n,
 }

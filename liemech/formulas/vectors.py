@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from ..errors import InvalidType
 from .complex_numbers import Complex
 from .functions import sqrt
 
@@ -20,7 +21,10 @@ _make = tuple.__new__
 
 
 class Vec(tuple[Any, ...]):
-    """A small vector, `Vec(1.0, 2.0, 3.0)`; `+ - * /` act component by component, scalars multiply and divide."""
+    """A small vector, `Vec(1.0, 2.0, 3.0)`; `+ - * / **` act component by component, scalars multiply and divide.
+
+    Lists, tuples and arrays of the same length may stand beside it.  Raises InvalidType if the lengths differ.
+    """
 
     __slots__ = ()
     __array_ufunc__ = None  # NumPy leaves `array + vec` to us
@@ -48,7 +52,7 @@ class Vec(tuple[Any, ...]):
     def __mul__(self, other: Any) -> Vec:
         if isinstance(other, _VECTORS):
             return _make(Vec, map(operator.mul, self, _same_length(self, other)))
-        return _make(Vec, [x * other for x in self])
+        return NotImplemented if isinstance(other, Mat) else _make(Vec, [x * other for x in self])
 
     def __rmul__(self, other: Any) -> Vec:
         if isinstance(other, _VECTORS):
@@ -58,20 +62,47 @@ class Vec(tuple[Any, ...]):
     def __truediv__(self, other: Any) -> Vec:
         if isinstance(other, _VECTORS):
             return _make(Vec, map(operator.truediv, self, _same_length(self, other)))
-        return _make(Vec, [x / other for x in self])
+        return NotImplemented if isinstance(other, Mat) else _make(Vec, [x / other for x in self])
 
     def __rtruediv__(self, other: Any) -> Vec:
         if isinstance(other, _VECTORS):
             return _make(Vec, map(operator.truediv, _same_length(self, other), self))
         return _make(Vec, [other / x for x in self])
 
+    def __pow__(self, n: Any) -> Vec:
+        if isinstance(n, _VECTORS):
+            return _make(Vec, map(operator.pow, self, _same_length(self, n)))
+        return _make(Vec, [x**n for x in self])
+
+    def __rpow__(self, base: Any) -> Vec:
+        if isinstance(base, _VECTORS):
+            return _make(Vec, map(operator.pow, _same_length(self, base), self))
+        return _make(Vec, [base**x for x in self])
+
     def __neg__(self) -> Vec:
         return _make(Vec, [-x for x in self])
 
+    def __pos__(self) -> Vec:
+        return self
+
+    def __abs__(self) -> Vec:
+        """|x_1|, |x_2|, ...; the length of a vector is `norm`."""
+        return _make(Vec, [abs(x) for x in self])
+
     def __matmul__(self, other: Any) -> Any:
+        other = _small(other)
         if isinstance(other, Mat):
+            if len(other) != len(self):
+                raise InvalidType(f"a Vec of {len(self)} components cannot multiply a matrix of shape {other.shape}")
             return _make(Vec, [_product(self, column) for column in zip(*other.rows, strict=True)])
         return _product(self, _same_length(self, other))
+
+    def __rmatmul__(self, other: Any) -> Any:
+        return _small(other) @ self
+
+    def sum(self) -> Any:
+        """x_1 + x_2 + ..., from left to right."""
+        return sum(self)
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
         array = np.array(tuple(self), dtype=dtype)
@@ -84,7 +115,7 @@ class Vec(tuple[Any, ...]):
         return f"Vec({', '.join(map(str, self))})"
 
 
-_VECTORS = (Vec, np.ndarray, list)
+_VECTORS = (np.ndarray, list, tuple)
 
 
 def _component(x: Any) -> Any:
@@ -93,11 +124,20 @@ def _component(x: Any) -> Any:
     return float(x) if isinstance(x, (int, np.number)) else x
 
 
+def _small(x: Any) -> Any:
+    """A list, a tuple or an array as a `Vec` or `Mat` with its numbers; anything else is what it is."""
+    if not isinstance(x, _VECTORS) or isinstance(x, Vec):
+        return x
+    return Mat.of(x) if len(x) and isinstance(x[0], _VECTORS) else Vec.of(x)
+
+
 def _same_length(v: Vec, other: Any) -> Any:
-    if isinstance(other, _VECTORS) and len(other) == len(v):
+    if type(other) is not Vec:
+        other = _small(other)
+    if isinstance(other, Vec) and len(other) == len(v):
         return other
-    kind = f"a vector of {len(other)} components" if isinstance(other, _VECTORS) else type(other).__name__
-    raise TypeError(f"a Vec of {len(v)} components cannot be combined with {kind}")
+    kind = f"a vector of {len(other)} components" if isinstance(other, Vec) else type(other).__name__
+    raise InvalidType(f"a Vec of {len(v)} components cannot be combined with {kind}")
 
 
 def _product(a: Iterable[Any], b: Iterable[Any]) -> Any:
@@ -117,7 +157,10 @@ class Mat:
     rows: tuple[Vec, ...]
 
     def __init__(self, *rows: Iterable[Any]) -> None:
-        object.__setattr__(self, "rows", tuple(_make(Vec, row) for row in rows))
+        made = tuple([_make(Vec, row) for row in rows])
+        if any(len(row) != len(made[0]) for row in made):
+            raise InvalidType(f"the rows of a Mat have the same length; got rows of {', '.join([str(len(row)) for row in made])}")
+        object.__setattr__(self, "rows", made)
 
     def __setattr__(self, name: str, value: Any) -> None:
         raise AttributeError("a Mat is immutable")
@@ -151,26 +194,33 @@ class Mat:
         return self.rows[index]
 
     def _by_rows(self, op: Callable[[Any, Any], Any], other: Any) -> Mat:
-        if isinstance(other, np.ndarray) and other.ndim == 2:
-            other = Mat.of(other)
+        other = _small(other)
         if isinstance(other, Mat):
             if other.shape != self.shape:
-                raise TypeError(f"matrices of shapes {self.shape} and {other.shape} cannot be combined")
+                raise InvalidType(f"matrices of shapes {self.shape} and {other.shape} cannot be combined")
             return Mat(*map(op, self.rows, other.rows))
         if op in (operator.add, operator.sub):
-            raise TypeError(f"a Mat cannot be added to or subtracted from {type(other).__name__}")
+            raise InvalidType(f"a Mat cannot be added to or subtracted from {type(other).__name__}")
         return Mat(*(op(row, other) for row in self.rows))
 
     def __add__(self, other: Any) -> Mat:
         return self._by_rows(operator.add, other)
 
+    def __radd__(self, other: Any) -> Mat:
+        return _small(other) + self if isinstance(other, _VECTORS) else self + other
+
     def __sub__(self, other: Any) -> Mat:
         return self._by_rows(operator.sub, other)
+
+    def __rsub__(self, other: Any) -> Mat:
+        return -self + other
 
     def __mul__(self, other: Any) -> Mat:
         return self._by_rows(operator.mul, other)
 
     def __rmul__(self, other: Any) -> Mat:
+        if isinstance(other, _VECTORS):
+            return self * other
         return Mat(*(other * row for row in self.rows))
 
     def __truediv__(self, other: Any) -> Mat:
@@ -179,16 +229,21 @@ class Mat:
     def __neg__(self) -> Mat:
         return Mat(*(-row for row in self.rows))
 
+    def __abs__(self) -> Mat:
+        return Mat(*map(abs, self.rows))
+
     def __matmul__(self, other: Any) -> Any:
-        if isinstance(other, np.ndarray) and other.ndim == 2:
-            other = Mat.of(other)
-        inner = len(other)
-        if self.shape[1] != inner:
-            raise TypeError(f"a matrix of shape {self.shape} cannot multiply one with {inner} rows")
+        other = _small(other)
+        if not isinstance(other, (Vec, Mat)) or self.shape[1] != len(other):
+            kind = f"one with {len(other)} rows" if isinstance(other, (Vec, Mat)) else type(other).__name__
+            raise InvalidType(f"a matrix of shape {self.shape} cannot multiply {kind}")
         if isinstance(other, Mat):
             columns = tuple(zip(*other.rows, strict=True))
             return Mat(*([_product(row, column) for column in columns] for row in self.rows))
         return _make(Vec, [_product(row, other) for row in self.rows])
+
+    def __rmatmul__(self, other: Any) -> Any:
+        return _small(other) @ self
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Mat) and self.rows == other.rows
@@ -217,7 +272,9 @@ def mat(*rows: Any) -> Mat:
 
 
 def dot(a: Any, b: Any) -> Any:
-    """Scalar product a . b."""
+    """Scalar product a . b.  a, b : (n,).  Raises InvalidType if the lengths differ."""
+    if len(a) != len(b):
+        raise InvalidType(f"dot: the vectors have {len(a)} and {len(b)} components")
     total = a[0] * b[0]
     for i in range(1, len(a)):
         total = total + a[i] * b[i]
@@ -225,8 +282,18 @@ def dot(a: Any, b: Any) -> Any:
 
 
 def cross(a: Any, b: Any) -> Vec:
-    """Vector product a x b in R^3."""
+    """Vector product a x b in R^3.  a, b : (3,).  Raises InvalidType if they have another length."""
+    if len(a) != 3 or len(b) != 3:
+        raise InvalidType(f"cross: the vectors have {len(a)} and {len(b)} components, not 3")
     return vec(a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
+
+
+def sum(terms: Any) -> Any:
+    """The sum of numbers, vectors or matrices, added up from left to right; 0.0 of none."""
+    total: Any = None
+    for x in terms:
+        total = x if total is None else total + x
+    return 0.0 if total is None else total
 
 
 def norm(a: Any) -> Any:
@@ -243,8 +310,8 @@ def horner(terms: Any, x: Any) -> Any:
 
 
 def outer(a: Any, b: Any) -> Mat:
-    """The matrix a b^T."""
-    return mat(*[x * b for x in a])
+    """The matrix a b^T.  a : (m,), b : (n,)."""
+    return mat(*[vec(*[x * y for y in b]) for x in a])
 
 
 def transpose(m: Any) -> Any:
@@ -265,9 +332,11 @@ def diagonal(v: Any) -> Mat:
 def solve(m: Mat, rhs: Any) -> Vec:
     """The solution x of m x = rhs by Gaussian elimination with partial pivoting; a singular matrix gives inf or nan.
 
-    m : (n, n), rhs : (n,).
+    m : (n, n), rhs : (n,).  Raises InvalidType if m is not square or rhs has another length.
     """
     n = len(rhs)
+    if len(m) != n or len(m[0]) != n:
+        raise InvalidType(f"solve: a matrix of {len(m)} rows and {len(m[0])} columns, and a right side of {n} components")
     rows = [vec(*m[i], rhs[i]) for i in range(n)]
     for k in range(n):
         for i in range(k + 1, n):  # a compare-and-swap network brings the largest entry of the column to row k
@@ -294,8 +363,10 @@ def _exchange(condition: Any, a: Vec, b: Vec) -> tuple[Vec, Vec]:
 def solve3(m: Mat, rhs: Any) -> Vec:
     """The solution of a 3 by 3 system by Cramer's rule: one division, no branch; for well-conditioned Newton steps.
 
-    x_i = det(m with column i replaced by rhs) / det m.
+    x_i = det(m with column i replaced by rhs) / det m.  Raises InvalidType if m is not of three columns of length 3.
     """
+    if len(m) != 3 or len(m[0]) != 3:
+        raise InvalidType(f"solve3: a matrix of {len(m)} rows and {len(m[0])} columns")
     a, b, c = m.T
     bc = cross(b, c)
     scale = 1.0 / dot(a, bc)

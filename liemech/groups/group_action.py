@@ -6,7 +6,7 @@ from typing import Any, final
 
 import numpy as np
 
-from ..errors import InvalidType
+from ..errors import InvalidType, NotDefined
 from ..formulas import Element, Mat, Record, Vec, derivative, identity_matrix, mat, record, vec
 from ..formulas.broadcasting import MEMBERSHIP
 from .lie_group import LieGroup
@@ -40,7 +40,7 @@ class GroupAction(Record):
 
     def act(self, g: Element, x: Vec) -> Vec:
         """The point g . x.  g : an element, x : a point."""
-        raise NotImplementedError(f"{type(self).__name__} must define `act`")
+        raise NotDefined(f"{type(self).__name__} must define `act`")
 
     # ---------------------------------------------------------------- 2. closed forms are welcome
 
@@ -67,7 +67,7 @@ class GroupAction(Record):
         rng : a generator or a seed.  size : leading axes.
         """
         if self.point_shape is None:
-            raise NotImplementedError(f"{type(self).__name__} must define `point_shape` or `random`")
+            raise NotDefined(f"{type(self).__name__} must define `point_shape` or `random`")
         shape = (size,) if isinstance(size, int) else tuple(size)
         return np.random.default_rng(rng).normal(size=shape + self.point_shape)
 

@@ -7,7 +7,7 @@ from typing import final
 
 import numpy as np
 
-from ..errors import LawViolation
+from ..errors import LawViolation, NotDefined
 from ..formulas import Mat, Record, Vec, dot, identity_matrix, mat, record, vec
 
 Constants = tuple[tuple[tuple[float, ...], ...], ...]
@@ -32,12 +32,12 @@ class LieAlgebra(Record):
     @property
     def dim(self) -> int:
         """The dimension of the algebra and of its group."""
-        raise NotImplementedError(f"{type(self).__name__} must define `dim`")
+        raise NotDefined(f"{type(self).__name__} must define `dim`")
 
     @property
     def structure_constants(self) -> Constants:
         """c[k][i][j] with [E_i, E_j] = sum_k c[k][i][j] E_k, as nested tuples of numbers."""
-        raise NotImplementedError(f"{type(self).__name__} must define `structure_constants`")
+        raise NotDefined(f"{type(self).__name__} must define `structure_constants`")
 
     # ---------------------------------------------------------------- 2. closed forms are welcome
 
@@ -54,11 +54,11 @@ class LieAlgebra(Record):
 
     def hat(self, xi: Vec) -> Mat:
         """The matrix that represents xi, for algebras of matrices.  xi : (dim,)."""
-        raise NotImplementedError(f"{type(self).__name__} is not given as an algebra of matrices")
+        raise NotDefined(f"{type(self).__name__} is not given as an algebra of matrices")
 
     def vee(self, matrix: Mat) -> Vec:
         """The coordinates of a matrix of the algebra: the inverse of `hat`."""
-        raise NotImplementedError(f"{type(self).__name__} is not given as an algebra of matrices")
+        raise NotDefined(f"{type(self).__name__} is not given as an algebra of matrices")
 
     # ---------------------------------------------------------------- 3. what follows
 
@@ -143,7 +143,15 @@ class LieAlgebra(Record):
                 )
 
     def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
-        return (self.dim,) if kind == "Vec" else None
+        return (self.dim,) if kind == "Vec" else self._matrix_shape
+
+    @cached_property
+    def _matrix_shape(self) -> tuple[int, ...] | None:
+        """That of the matrices hat(xi), where there are such."""
+        try:
+            return np.shape(self.hat(vec(*[0.0] * self.dim)))
+        except NotDefined:
+            return None
 
 
 def _nondegenerate(form: np.ndarray) -> bool:

@@ -8,7 +8,7 @@ from typing import Any, final
 
 import numpy as np
 
-from ..errors import IncompatibleSystem
+from ..errors import IncompatibleSystem, NotDefined
 from ..formulas import Ambient, Element, Mat, Record, Vec, dot, identity_matrix, jacobian, mat, record, solve, sqrt, vec
 from ..formulas.broadcasting import MEMBERSHIP as MEMBERSHIP
 from ..formulas.broadcasting import small
@@ -61,11 +61,11 @@ class LieGroup(Record):
     @property
     def algebra(self) -> LieAlgebra:
         """The Lie algebra of the group."""
-        raise NotImplementedError(f"{type(self).__name__} must define `algebra`")
+        raise NotDefined(f"{type(self).__name__} must define `algebra`")
 
     def identity(self) -> Element:
         """The neutral element e."""
-        raise NotImplementedError(f"{type(self).__name__} must define `identity`")
+        raise NotDefined(f"{type(self).__name__} must define `identity`")
 
     def compose(self, g: Element, h: Element) -> Element:
         """The product g h.  g, h : elements."""
@@ -73,21 +73,21 @@ class LieGroup(Record):
 
     def inverse(self, g: Element) -> Element:
         """The inverse g^-1.  g : an element."""
-        raise NotImplementedError(f"{type(self).__name__} must define `inverse`")
+        raise NotDefined(f"{type(self).__name__} must define `inverse`")
 
     def exp(self, xi: Vec) -> Element:
         """The exponential: where the constant velocity xi leads from e in unit time.  xi : (dim,)."""
-        raise NotImplementedError(f"{type(self).__name__} must define `exp`")
+        raise NotDefined(f"{type(self).__name__} must define `exp`")
 
     def Ad(self, g: Element, xi: Vec) -> Vec:
         """The adjoint action Ad_g xi = g xi g^-1: a body velocity seen from space.  g : an element, xi : (dim,)."""
-        raise NotImplementedError(f"{type(self).__name__} must define `Ad`")
+        raise NotDefined(f"{type(self).__name__} must define `Ad`")
 
     # ---------------------------------------------------------------- 2. closed forms are welcome
 
     def log(self, g: Element) -> Vec:
         """The velocity xi with exp(xi) = g nearest to zero.  g : an element."""
-        raise NotImplementedError(f"{type(self).__name__} has no logarithm")
+        raise NotDefined(f"{type(self).__name__} has no logarithm")
 
     def Ad_star(self, g: Element, mu: Vec) -> Vec:
         """The dual of Ad, <Ad*_g mu, xi> = <mu, Ad_g xi>: a right action, Ad*_gh = Ad*_h Ad*_g.  g : an element, mu : (dim,)."""
@@ -215,7 +215,7 @@ class LieGroup(Record):
 
     def nearest(self, g: Ambient) -> Element:
         """An element close to an array that has drifted off the group.  Never called by an integrator.  g : like an element."""
-        raise NotImplementedError(f"{type(self).__name__} does not know the element nearest to an array")
+        raise NotDefined(f"{type(self).__name__} does not know the element nearest to an array")
 
     def random(self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()) -> np.ndarray:
         """Random elements: exp of normally distributed velocities, or Haar measure where a group knows better.
@@ -276,9 +276,11 @@ class LieGroup(Record):
         return kind in ("Mat", "Element", "Ambient") and self.is_complex
 
     def _objection(self, argument: str, value: Any) -> str | None:
-        if argument == "side" and value not in ("right", "left"):
+        if argument == "side" and not (isinstance(value, str) and value in ("right", "left")):
             return f'is "right" or "left"; got {value!r}'
-        if isinstance(value, np.ndarray):  # the border asks this of elements
+        if argument == "terms" and not 0 <= value < len(BERNOULLI):
+            return f"must be from 0 to {len(BERNOULLI) - 1}; got {value if abs(value) < 10**20 else 'a huge number'}"
+        if isinstance(value, np.ndarray):  # asked of elements
             with np.errstate(all="ignore"):
                 objection = self.objection(value)
             return objection and f"is not in {self!r}: {objection}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -168,7 +169,8 @@ def nearest(basis: MatrixBasis, g: np.ndarray) -> np.ndarray:
     """
     from scipy.linalg import expm, logm
 
-    with np.errstate(all="ignore"):
+    with np.errstate(all="ignore"), warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # that it is inaccurate: a start need not be accurate
         start = basis.vee(np.asarray(logm(g)))
     h = expm(basis.hat(start)) if np.isfinite(start).all() else np.eye(basis.n, dtype=basis.generators.dtype)
     for _ in range(200):

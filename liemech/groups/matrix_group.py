@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import IncompatibleSystem, InvalidInput
+from ..errors import IncompatibleSystem, InvalidInput, NotDefined
 from ..formulas import Ambient, Complex, Element, Mat, Vec, identity_matrix, mat, record, solve, solve3, sqrt, vec
 from . import matrix_arrays
 from .lie_group import MEMBERSHIP, LieGroup
@@ -63,7 +63,7 @@ class MatrixLieGroup(LieGroup):
     @property
     def generators(self) -> Any:
         """A basis E_1, ..., E_dim of the algebra.  (dim, n, n), real or complex."""
-        raise NotImplementedError(f"{type(self).__name__} must define `generators`, an array of shape (dim, n, n)")
+        raise NotDefined(f"{type(self).__name__} must define `generators`, an array of shape (dim, n, n)")
 
     @staticmethod
     def of(generators: Any) -> MatrixLieGroup:

@@ -5,15 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from ..errors import InvalidInput, InvalidType
+from ..errors import InvalidInput, InvalidType, NotDefined
 from ..formulas import Element, Vec, cross, derivative, dot, identity_matrix, mat, record, solve, vec
 from ..formulas.dual import value_of
 from .group_action import GroupAction
-from .lie_group import LieGroup
+from .lie_group import LieGroup, one_norm
 from .so3 import SO3
 from .unit_quaternions import UnitQuaternions
 
 TINY = 2.0**-56
+INFINITY = float("inf")
 """What a sum of size one does not feel."""
 
 
@@ -32,7 +33,7 @@ class Representation(GroupAction):
     @property
     def space_dim(self) -> int:
         """The dimension k of the space."""
-        raise NotImplementedError(f"{type(self).__name__} must define `space_dim`")
+        raise NotDefined(f"{type(self).__name__} must define `space_dim`")
 
     @property
     def point_shape(self) -> tuple[int, ...]:
@@ -279,7 +280,7 @@ def averaged(by: Callable[..., Any], exp_by: Callable[..., Any], size2: float, x
         term = by((1.0 / k) * xi, term)
         total = total + term
         before, bound = bound, bound * (size2 / (k * k))
-    while halvings > 0.0:
+    while halvings > 0.0 and one_norm(total) < INFINITY:
         total = 0.5 * (total + exp_by(xi, total))
         xi, halvings = 2.0 * xi, halvings - 1.0
     return total

@@ -15,7 +15,7 @@ Source: Selig, Geometric Fundamentals of Robotics, 2nd ed., chapters 4 and 9 (th
 from __future__ import annotations
 
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -27,6 +27,7 @@ from .rotation_coefficients import all_coefficients, bernoulli_coefficients, dex
 from .so3 import SO3, SO3Algebra, plus, turn
 
 if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
     from scipy.spatial.transform import RigidTransform
 
 EPSILON_IJK = SO3Algebra().structure_constants
@@ -160,7 +161,7 @@ class SE3(LieGroup):
         g[..., :3, :3], g[..., :3, 3], g[..., 3, 3] = R, generator.normal(size=R.shape[:-1]), 1.0
         return g
 
-    def rigid_transform(self, g: Any) -> RigidTransform:
+    def rigid_transform(self, g: ArrayLike) -> RigidTransform:
         """Rigid motions as SciPy's class (1.16 or later); the way back is automatic: arguments may be of that class.
 
         g : (..., 4, 4).  Raises ImportError if SciPy is older.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from .rotation_coefficients import WHOLE_TURN, all_coefficients, bernoulli, dexp
 from .rotation_logarithm import rotation_quaternion, rotation_vector
 
 if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
     from scipy.spatial.transform import Rotation
 
 HALF_TURN = 2.0**-51
@@ -131,7 +132,7 @@ class SO3(LieGroup):
         q = np.random.default_rng(rng).normal(size=(*shape, 4))
         return Rotation.from_quat(q.reshape(-1, 4)).as_matrix().reshape(*shape, 3, 3)
 
-    def rotation(self, g: Any) -> Rotation:
+    def rotation(self, g: ArrayLike) -> Rotation:
         """Rotation matrices as SciPy's class; the way back is automatic: arguments may be SciPy rotations.  g : (..., 3, 3)."""
         from scipy.spatial.transform import Rotation
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from .rotation_logarithm import rotation_quaternion
 from .so3 import HALF_TURN, HUGE, SO3, TINY, SO3Algebra
 
 if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
     from scipy.spatial.transform import Rotation
 
 WHOLE_TURN = 6.283185307179586
@@ -118,7 +119,7 @@ class UnitQuaternions(LieGroup):
             raise InvalidInput(f"UnitQuaternions.from_matrix: R is off the rotations by {SO3().defect(R):.1e}")
         return rotation_quaternion(R)
 
-    def rotation(self, g: Any) -> Rotation:
+    def rotation(self, g: ArrayLike) -> Rotation:
         """Quaternions as SciPy's class.  g : (..., 4)."""
         from scipy.spatial.transform import Rotation
 

@@ -8,8 +8,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..errors import IncompatibleSystem, InvalidInput
-from ..formulas import Dual, Mat, Record, Vec, derivative, identity_matrix, mat, norm, plain, record, vec
-from ..formulas.dual import slopes, value_of
+from ..formulas import Mat, Record, Vec, derivative, identity_matrix, mat, norm, plain, record, vec
+from ..formulas.derivatives import tangent
 from ..groups.lie_group import one_norm
 from ..retractions import Exponential, Retraction
 from ..solvers import correction, fixed_point
@@ -145,7 +145,7 @@ class GalerkinVariational(Implicit):
         """How far the equations are from holding, as body momenta at the nodes; what the field adds to mu; the size of momenta."""
         (_, b, c, later), tau, body = self.tableau, self.retraction, _body(system)
         group, kick, size = body.group, None if body is system else 0.0 * start.mu, one_norm(start.mu)
-        momenta, misfits = [], []  # type: list[Vec], list[Vec]
+        momenta, rates, misfits = [], [], []  # type: list[Vec], list[Vec], list[Vec]
         for i, (x, v) in enumerate(zip(places, velocities)):
             xi = tau.dtau(group, x, v, "left")
             p = body.lagrangian.momentum(xi)
@@ -153,11 +153,11 @@ class GalerkinVariational(Implicit):
             if kick is not None:
                 force = _force(system, t + c[i] * h, xi, tau.compose_tau(group, start.g, x))
                 rate, kick = rate + force, kick + (h * b[i]) * tau.tau_Ad_star(group, -x, force)
-            momenta = [*momenta, tau.dtau_dual(group, _moving(x, v), _moving(p, rate), "left")]  # P_j and, as its slope, F_j
+            P, F = tangent(lambda y: tau.dtau_dual(group, _half(y, 0), _half(y, 1), "left"), vec(*x, *p), vec(*v, *rate))
+            momenta, rates = [*momenta, P], [*rates, F]
         end = tau.dtau_dual(group, combination(b, velocities, h), start.mu if kick is None else start.mu + kick)
-        rates = [slopes(p) for p in momenta]
         for x, p, row in zip(places, momenta, later):
-            r = (vec(*[value_of(a) for a in p]) + combination(row, rates, h)) - end
+            r = (p + combination(row, rates, h)) - end
             misfits = [*misfits, r + 0.5 * group.ad_star(x, r)]  # the inverse of dtau_x is 1 + ad_x/2 + ...
         return misfits, kick, size
 
@@ -225,6 +225,7 @@ def _force(system: MechanicalSystem, t: float, xi: Vec, g: Any) -> Vec:
     return force if system.load is None else force + system.load.covector(t, xi, g)
 
 
-def _moving(x: Vec, rate: Vec) -> Vec:
-    """x + e rate, e^2 = 0."""
-    return vec(*[Dual(a, b) for a, b in zip(x, rate)])
+def _half(y: Vec, which: int) -> Vec:
+    """The first half of a vector, or the second."""
+    n = len(y) // 2
+    return vec(*[y[which * n + i] for i in range(n)])

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from ..errors import InvalidInput
-from ..formulas import Dual, Vec, plain, record, sqrt, vec
+from ..formulas import Vec, derivative, plain, record, sqrt, vec
 from ..formulas.series import Series
 from ..groups.lie_group import BERNOULLI
 from ..retractions import Cayley, Exponential, Retraction
@@ -66,9 +66,10 @@ class Taylor(Method):
         y, omega = Series.unknown(start), vec(*[Series(None) for _ in range(system.group.dim)])
         time: Any = Series(t, h)
         xi = system.rate(time, y)
-        change = system.moved(self.retraction, y, vec(*[Dual(Series(), x) for x in xi]))  # dtau_0 = 1: its derivative is xi . y
+        rest = vec(*[Series() for _ in xi])
+        rates = derivative(lambda v: system.moved(self.retraction, y, v), rest, xi)  # dtau_0 = 1: this is xi . y
         slope = self._slope(system, omega, xi)
-        Series.follow(start, y, change, h)
+        Series.follow(start, y, rates, h)
         for unknown, rate in zip(omega, slope):
             unknown.grow(rate, h)
         return tuple([vec(*[x[k] for x in omega]) for k in range(1, self.order + 1)])

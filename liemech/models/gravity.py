@@ -29,13 +29,16 @@ class FixedPointGravity(Potential):
         super().__post_init__()
         _check_load(self)
 
-    def energy(self, g: Any) -> float:
+    def energy(self, g: Mat) -> float:
         """w Gamma . c."""
         return self.weight * dot(g[2], self.centre)
 
     def force(self, group: LieGroup, g: Element) -> Vec:
         """The torque w Gamma x c."""
         return self.weight * cross(g[2], self.centre)
+
+    def _shape(self, argument: str, kind: str) -> tuple[int, ...]:
+        return (3, 3)
 
     def symmetry(self, group: LieGroup, mu: Any, g: Any) -> dict[str, Any]:
         """Turning about the vertical: the vertical momentum mu . Gamma."""
@@ -58,7 +61,7 @@ class UniformGravity(Potential):
         super().__post_init__()
         _check_load(self)
 
-    def energy(self, g: Any) -> float:
+    def energy(self, g: Mat) -> float:
         """w times the height of the centre."""
         return self.weight * (g[2, 3] + dot(_vertical(g), self.centre))
 
@@ -66,6 +69,9 @@ class UniformGravity(Potential):
         """(w Gamma x c, -w Gamma) with Gamma = R^T e3."""
         gamma = _vertical(g)
         return self.weight * join(cross(gamma, self.centre), -gamma)
+
+    def _shape(self, argument: str, kind: str) -> tuple[int, ...]:
+        return (4, 4)
 
     def symmetry(self, group: LieGroup, mu: Any, g: Any) -> dict[str, Any]:
         """Turning about the vertical, and moving horizontally."""
@@ -92,7 +98,7 @@ class CentralGravity(Potential):
     mass: float
     inertia: Vec | Mat
 
-    def energy(self, g: Any) -> float:
+    def energy(self, g: Vec) -> float:
         """Of the mass, and of its distribution."""
         x = vec(g[9], g[10], g[11])
         r = sqrt(dot(x, x))
@@ -103,6 +109,9 @@ class CentralGravity(Potential):
         else:
             trace, along = J[0] + J[1] + J[2], dot(u, J * u)
         return -(self.attraction / r) * (self.mass + (trace - 3.0 * along) / (2.0 * r * r))
+
+    def _shape(self, argument: str, kind: str) -> tuple[int, ...]:
+        return (12,)
 
     def symmetry(self, group: LieGroup, mu: Any, g: Any) -> dict[str, Any]:
         """Turning about the origin: the angular momenta of spin and orbit together, R Pi + x x p."""

@@ -106,6 +106,9 @@ class HeavyTopEnergy(Hamiltonian):
         pi, _ = halves(mu)
         return join(self.kinetic.gradient(pi), self.weight * self.centre)
 
+    def _shape(self, argument: str, kind: str) -> tuple[int, ...]:
+        return (6,)
+
 
 @record
 class ReducedHeavyTop(LiePoissonSystem):
@@ -149,6 +152,8 @@ class ReducedHeavyTop(LiePoissonSystem):
         if start.g is None:
             raise InvalidInput(f"{type(self).__name__}.from_top: start has no attitude; take HeavyTop.state(mu=..., g=...)")
         g = np.array(start.g)
+        if g.shape[-2:] != (3, 3):
+            raise InvalidInput(f"{type(self).__name__}.from_top: start has g of shape {g.shape}; it must be a state of a HeavyTop")
         motion = np.zeros((*g.shape[:-2], 4, 4))
         motion[..., :3, :3], motion[..., 3, 3] = g, 1.0
         return self.state(mu=np.concatenate([np.array(start.mu), g[..., 2, :]], axis=-1), g=motion)

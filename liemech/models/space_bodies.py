@@ -55,7 +55,10 @@ class FallingBody(MechanicalSystem):
         turned = turning.exact(turning.state(mu[:3], g[:3, :3]), t)
         begun = g[:3, :3] @ mu[3:] / self.mass
         v = begun - self.gravity * t[..., None] * np.array([0.0, 0.0, 1.0])
-        fallen = 0.5 * (begun + v) * t[..., None]
+        with np.errstate(over="ignore"):
+            fallen = 0.5 * (begun + v) * t[..., None]
+        if not np.isfinite(fallen).all():
+            raise InvalidInput(f"FallingBody.exact: t = {np.abs(t).max():.3g} is too late: the fall has no finite length")
         motion = np.zeros((*t.shape, 4, 4))
         motion[..., :3, :3], motion[..., :3, 3], motion[..., 3, 3] = turned.g, g[:3, 3] + fallen, 1.0
         return BodyState(np.concatenate([turned.mu, self.mass * np.einsum("...ij,...i->...j", turned.g, v)], axis=-1), motion)
@@ -104,6 +107,8 @@ class OrbitingBody(MechanicalSystem):
         radius, R = _positive(f"{name}: radius", radius), np.eye(3) if g is None else members_of(SO3(), g, f"{name}: g")
         if R.shape != (3, 3):
             raise InvalidInput(f"{name}: g is one attitude, (3, 3); got shape {R.shape}")
+        if not 1e-100 < radius < 1e100:
+            raise InvalidInput(f"{name}: radius = {radius:.3g} is beyond what floats can cube; choose other units")
         n = np.sqrt(self.attraction / radius**3)
         w = R.T @ np.array([0.0, 0.0, n]) if spin is None else points(spin, f"{name}: spin", (3,), "an angular velocity")
         momentum = KineticEnergy(self.inertia).momentum(w)

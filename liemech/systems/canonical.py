@@ -7,7 +7,7 @@ from typing import Any, ClassVar, final
 
 import numpy as np
 
-from ..errors import InvalidInput
+from ..errors import InvalidInput, NotDefined
 from ..formulas import Vec, gradient, record, vec
 from ..groups.vector_space import VectorSpace
 from ..retractions import Retraction
@@ -50,7 +50,7 @@ class HamiltonianSystem(System):
 
     def energy(self, q: Vec, p: Vec) -> float:
         """H(q, p).  q, p : (n,)."""
-        raise NotImplementedError(f"{type(self).__name__} must define `energy`")
+        raise NotDefined(f"{type(self).__name__} must define `energy`")
 
     # ---------------------------------------------------------------- 2. closed forms are welcome
 

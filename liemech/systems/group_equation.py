@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any, ClassVar, final
 
+from ..errors import NotDefined
 from ..formulas import Element, Vec, record
 from ..groups.lie_group import LieGroup
 from ..retractions import Retraction
@@ -31,7 +32,7 @@ class GroupEquation(System):
 
     def velocity(self, t: float, g: Element) -> Vec:
         """The velocity xi(t, g) in the Lie algebra, (dim,).  g : an element."""
-        raise NotImplementedError(f"{type(self).__name__} must define `velocity`")
+        raise NotDefined(f"{type(self).__name__} must define `velocity`")
 
     # ---------------------------------------------------------------- how it moves
 
@@ -75,7 +76,7 @@ class LinearGroupEquation(GroupEquation):
 
     def drive(self, t: float) -> Vec:
         """The velocity xi(t), (dim,)."""
-        raise NotImplementedError(f"{type(self).__name__} must define `drive`")
+        raise NotDefined(f"{type(self).__name__} must define `drive`")
 
     @final
     def velocity(self, t: float, g: Element) -> Vec:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from ..errors import NotDefined
 from ..formulas import Record, Vec, gradient, record
 
 
@@ -15,7 +16,7 @@ class Hamiltonian(Record):
 
     def energy(self, mu: Vec) -> float:
         """H(mu).  mu : (dim,)."""
-        raise NotImplementedError(f"{type(self).__name__} must define `energy`")
+        raise NotDefined(f"{type(self).__name__} must define `energy`")
 
     def gradient(self, mu: Vec) -> Vec:
         """The velocity xi = dH/dmu.  mu : (dim,)."""

@@ -6,7 +6,7 @@ from typing import Any, ClassVar, final
 
 import numpy as np
 
-from ..errors import InvalidInput
+from ..errors import InvalidInput, NotDefined
 from ..formulas import Vec, record, vec
 from ..groups.actions import GroupAction
 from ..groups.lie_group import LieGroup
@@ -45,7 +45,7 @@ class HomogeneousEquation(System):
 
     def velocity(self, t: float, x: Vec) -> Vec:
         """The velocity A(t, x) in the Lie algebra, (dim,).  x : a point."""
-        raise NotImplementedError(f"{type(self).__name__} must define `velocity`")
+        raise NotDefined(f"{type(self).__name__} must define `velocity`")
 
     # ---------------------------------------------------------------- how it moves
 

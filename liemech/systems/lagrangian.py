@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from ..errors import NotDefined
 from ..formulas import Mat, Record, Vec, gradient, jacobian, record
 
 
@@ -14,7 +15,7 @@ class Lagrangian(Record):
 
     def value(self, xi: Vec) -> float:
         """l(xi).  xi : (dim,)."""
-        raise NotImplementedError(f"{type(self).__name__} must define `value`")
+        raise NotDefined(f"{type(self).__name__} must define `value`")
 
     def momentum(self, xi: Vec) -> Vec:
         """The momentum mu = dl/dxi.  xi : (dim,)."""

@@ -83,7 +83,7 @@ class LiePoissonSystem(System):
         mu = retraction.tau_Ad_star(self.group, omega, state.mu)
         return BodyState(mu, None if state.g is None else retraction.compose_tau(self.group, state.g, omega))
 
-    def essential(self, state: BodyState) -> BodyState:
+    def essential(self, state: BodyState) -> BodyState:  # type: ignore[override]
         """The momentum."""
         return BodyState(state.mu, None)
 

@@ -145,7 +145,7 @@ class MechanicalSystem(System):
         return self.body.group.defect(g)
 
     def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
-        return self.body.group._shape(argument, kind)
+        return (self.group.dim,) if argument == "omega" else self.body.group._shape(argument, kind)
 
     def _complex(self, kind: str) -> bool:
         return self.body.group._complex(kind)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from ..errors import NotDefined
 from ..formulas import Element, Record, Vec, gradient, record, vec
 from ..groups.lie_group import LieGroup
 
@@ -21,7 +22,7 @@ class Potential(Record):
 
     def energy(self, g: Any) -> float:
         """V(g).  g : an element."""
-        raise NotImplementedError(f"{type(self).__name__} must define `energy`")
+        raise NotDefined(f"{type(self).__name__} must define `energy`")
 
     def force(self, group: LieGroup, g: Element) -> Vec:
         """The force f felt in the body, <f, eta> = -d/ds V(g exp(s eta)) at s = 0; on rotations a torque.
@@ -67,4 +68,4 @@ class Force(Record):
 
     def covector(self, t: float, xi: Vec, g: Any) -> Vec:
         """The force in the body at time t and body velocity xi, (dim,): <F, xi> is its power.  xi : (dim,), g : an element."""
-        raise NotImplementedError(f"{type(self).__name__} must define `covector`")
+        raise NotDefined(f"{type(self).__name__} must define `covector`")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, final
 
 import numpy as np
 
-from ..errors import InvalidInput
+from ..errors import InvalidInput, NotDefined
 from ..formulas import Record, Vec, check_finite, real_array, record
 from ..formulas.broadcasting import small
 from ..formulas.fields import array_held, frozen_array
@@ -18,6 +18,8 @@ from ..retractions import Retraction
 @record
 class State(Record):
     """Where a system is: arrays, one element each or, for an ensemble, with a leading axis; None for what was not asked for."""
+
+    _made_by: ClassVar[str] = ", which `state` of the system makes"
 
     def _held(self, name: str, value: Any) -> Any:
         return array_held(self, name, value)
@@ -52,13 +54,13 @@ class System(Record):
 
     def rate(self, t: float, state: Any) -> Vec:
         """The velocity xi in the Lie algebra, (dim,), at time t and in this state."""
-        raise NotImplementedError(f"{type(self).__name__} must define `rate`")
+        raise NotDefined(f"{type(self).__name__} must define `rate`")
 
     def moved(self, retraction: Retraction, state: Any, omega: Vec) -> Any:
         """The state after a displacement tau(omega)."""
-        raise NotImplementedError(f"{type(self).__name__} must define `moved`")
+        raise NotDefined(f"{type(self).__name__} must define `moved`")
 
-    def essential(self, state: Any) -> Any:
+    def essential(self, state: State) -> Any:
         """The part of the state that the velocity depends on; what is None in it may be left unrecorded."""
         return state
 
@@ -67,13 +69,13 @@ class System(Record):
         return omega, self.group.scale(None)
 
     @final
-    def vouched(self, state: Any) -> Any:
+    def vouched(self, state: State) -> Any:
         """The state, which this system's `state` has just made and checked; `integrate` need not do it again."""
         state.__dict__["_home"] = type(self), self.group
         return state
 
     @final
-    def knows(self, state: Any) -> bool:
+    def knows(self, state: State) -> bool:
         """Was the state made by `state`, of this system or one of its kind on the same group?"""
         return state.__dict__.get("_home") == (type(self), self.group)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import warnings
 from collections.abc import Callable
 from typing import Any
 
@@ -12,7 +13,7 @@ from scenes import same_bits
 
 import liemech as lm
 from liemech.compiler import batch
-from liemech.errors import InvalidInput, OutsideChart
+from liemech.errors import InvalidInput, NotCompiledWarning, OutsideChart
 from liemech.formulas import Complex, Mat, Record, Vec, broadcasting, record, sqrt, vec
 from liemech.formulas.vectors import Vec as SmallVec
 
@@ -29,7 +30,7 @@ METHODS = sorted(
     for name in dir(lm.SO3)
     if not name.startswith("_")
     and hasattr(getattr(lm.SO3, name), "__formula__")
-    and name not in ("nearest", "rotation")  # work of LAPACK and of SciPy
+    and name not in ("nearest", "rotation", "random", "objection", "scale")  # work of NumPy, LAPACK and SciPy
 )
 
 
@@ -45,14 +46,24 @@ def rows(rng: np.random.Generator) -> dict[str, np.ndarray]:
     return {"xi": angle * xi, "eta": eta, "mu": mu, "p": p, "g": g, "h": h, "rate": rng.normal(size=(N, 3, 3))}
 
 
+@pytest.fixture(autouse=True)
+def at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Native code is made at once."""
+    monkeypatch.setattr(batch, "WORTH", 0.0)
+    monkeypatch.setattr(batch, "ROWS", 0)
+    monkeypatch.setattr(batch, "NOISE", 0.0)
+
+
 @pytest.fixture
 def no_python(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Rows evaluated in plain Python are an error."""
+    """Rows evaluated in plain Python, but for the first two, are an error."""
+    evaluate = broadcasting.Batch.row
 
-    def refuse(*arguments: Any) -> None:
-        raise AssertionError("plain Python was asked")
+    def first(self: broadcasting.Batch, i: int) -> Any:
+        assert i < 2, "plain Python was asked"
+        return evaluate(self, i)
 
-    monkeypatch.setattr(broadcasting, "_by_rows", refuse)
+    monkeypatch.setattr(broadcasting.Batch, "row", first)
 
 
 def arguments_of(name: str, rows: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -64,7 +75,7 @@ def in_python(name: str, arrays: dict[str, np.ndarray], owner: Any = SO3) -> Any
     """The formula for one row after the other, on small vectors."""
     formula = broadcasting.bare(getattr(type(owner), name))
     count = len(next(iter(arrays.values())))
-    found = [formula(owner, **broadcasting.element(arrays, i), **CALLS.get(name, {})) for i in range(count)]
+    found = [formula(owner, **broadcasting.row_of(arrays, i), **CALLS.get(name, {})) for i in range(count)]
     if isinstance(found[0], tuple) and not isinstance(found[0], SmallVec):
         return tuple(np.array([np.array(one[k]) for one in found]) for k in range(len(found[0])))
     return np.array([np.array(one) for one in found])
@@ -286,8 +297,173 @@ def test_numbers_come_back_as_one_axis(rng: np.random.Generator, no_python: None
     assert equal(Sampler(0.5).root(x), np.array([Sampler(0.5).root(Vec.of(row)) for row in x]))
 
 
-def test_without_native_code_the_border_works_alone(monkeypatch: pytest.MonkeyPatch, rng: np.random.Generator) -> None:
+def test_without_native_code_rows_are_evaluated_in_python(monkeypatch: pytest.MonkeyPatch, rng: np.random.Generator) -> None:
     x = rng.normal(size=(N, 3))
     native = SO3.exp(x)
     monkeypatch.setenv("LIEMECH_COMPILE", "0")
     assert equal(SO3.exp(x), native)
+
+
+# ------------------------------------------------------------------ rows that native code marks
+
+
+def test_marked_rows_are_evaluated_in_python_and_kept() -> None:
+    """Sums overflow in a row, its numbers do not."""
+    xi = np.broadcast_to([1e308, 1e308, 1.0], (600, 3)).copy()
+    assert np.array_equal(SO3.algebra.hat(xi), np.broadcast_to(SO3.algebra.hat(xi[0]), (600, 3, 3)))
+
+
+def test_large_matrices_are_multiplied_or_refused(rng: np.random.Generator) -> None:
+    G, g = lm.GL(2), rng.normal(size=(600, 2, 2))
+    large = 1e100 * g
+    assert np.array_equal(G.compose(large, large), [G.compose(one, one) for one in large])
+    g[333] *= 1e200
+    with pytest.raises(InvalidInput, match=r"GL\.compose has no finite value at g = "):
+        G.compose(g, g)
+
+
+@record
+class Faulty(Record):
+    """A formula that works for most rows."""
+
+    scale: float
+
+    def name(self, x: Vec) -> float:
+        return self.scale * x[0] if x[0] < 2.0 else undefined * x[1]  # type: ignore[name-defined]  # noqa: F821
+
+    def form(self, x: Vec) -> Any:
+        return x if x[0] < 2.0 else x + vec(1.0, 2.0)
+
+    def division(self, x: Vec) -> float:
+        return x[1] / (x[0] - 2.0)
+
+
+@pytest.mark.parametrize("rows", [1, 3, 40, 700])
+@pytest.mark.parametrize(("method", "error"), [("name", NameError), ("form", TypeError)])
+def test_a_mistake_in_a_formula_is_raised_as_itself(rows: int, method: str, error: type[Exception]) -> None:
+    x = np.ones((rows, 3))
+    x[-1, 0] = 3.0
+    with pytest.raises(error) as caught:
+        getattr(Faulty(1.0), method)(x)
+    lines = [(frame.path.name, str(frame.statement)) for frame in caught.traceback]
+    assert any(name == "test_batch.py" and "x[0] < 2.0" in line for name, line in lines)
+
+
+@pytest.mark.parametrize("row", [0, 1, 500])
+def test_what_has_no_value_is_refused_with_its_row(row: int, rng: np.random.Generator) -> None:
+    x = rng.normal(size=(600, 3)) * [0.1, 1.0, 1.0]
+    x[row] = 2.0, 7.0, 0.0
+    with pytest.raises(InvalidInput, match=r"Faulty\.division has no finite value at x = \[2\.0, 7\.0, 0\.0\]: .*division by zero"):
+        Faulty(1.0).division(x)
+
+
+CALLS_OF_ONCE = [0]
+
+
+@record
+class Once(Record):
+    """Fails the first time."""
+
+    def value(self, x: Vec) -> float:
+        CALLS_OF_ONCE[0] = CALLS_OF_ONCE[0] + 1
+        if CALLS_OF_ONCE[0] == 1:
+            raise RuntimeError("only once")
+        return x[0]
+
+
+def test_an_exception_that_does_not_repeat_is_not_swallowed() -> None:
+    CALLS_OF_ONCE[0] = 0
+    with pytest.raises(RuntimeError, match="only once"):
+        Once().value(np.ones((600, 3)))
+
+
+# ------------------------------------------------------------------ when native code is made
+
+
+@record
+class Stubborn(Record):
+    """A formula that cannot be compiled."""
+
+    def value(self, x: Vec) -> float:
+        try:
+            return x[0] / x[1]
+        except ZeroDivisionError:
+            return 0.0
+
+
+def test_a_refusal_is_said_once_and_remembered(monkeypatch: pytest.MonkeyPatch, rng: np.random.Generator) -> None:
+    tries = []
+    monkeypatch.setattr(batch.kernel, "kernel", lambda *a, make=batch.kernel.kernel, **o: (tries.append(1), make(*a, **o))[1])
+    x = rng.normal(size=(100, 3))
+    with pytest.warns(NotCompiledWarning, match=r"Stubborn\.value runs as plain Python: .*try") as caught:
+        first = Stubborn().value(x)
+    assert caught[0].filename == __file__
+    before = len(tries)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert np.array_equal(Stubborn().value(x), first)
+    assert before and len(tries) == before
+
+
+@record
+class Counted(Record):
+    """A formula whose plain evaluations take a time that tests choose."""
+
+    scale: float
+
+    def value(self, x: Vec) -> float:
+        return self.scale * x[0] + x[1] * x[2]
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> dict[str, float]:
+    """Time that passes by `step` with every plain row, and a cold process."""
+    now = {"time": 0.0, "step": 0.0, "rows": 0}
+    row = broadcasting.Batch.row
+
+    def counted(self: broadcasting.Batch, i: int) -> Any:
+        now["time"], now["rows"] = now["time"] + now["step"], now["rows"] + 1
+        return row(self, i)
+
+    monkeypatch.setattr(broadcasting.Batch, "row", counted)
+    monkeypatch.setattr(batch.time, "thread_time", lambda: now["time"])
+    monkeypatch.setattr(batch, "WORTH", 0.3)
+    monkeypatch.setattr(batch, "ROWS", 200)
+    monkeypatch.setattr(batch, "NOISE", 0.005)
+    for name in ("_native", "_refused"):
+        monkeypatch.setattr(batch, name, set())
+    monkeypatch.setattr(batch, "_spent", {})
+    monkeypatch.setattr(batch.kernel, "on_disk", lambda *a, **o: False)
+    return now
+
+
+def test_few_rows_are_not_worth_a_compilation(clock: dict[str, float], rng: np.random.Generator) -> None:
+    clock["step"] = 20e-6
+    Counted(2.0).value(rng.normal(size=(512, 3)))
+    assert clock["rows"] == 512
+
+
+def test_native_code_takes_over_when_it_pays(clock: dict[str, float], rng: np.random.Generator) -> None:
+    clock["step"], x = 20e-6, rng.normal(size=(100_000, 3))
+    found = Counted(2.0).value(x)
+    assert clock["rows"] < 1000
+    assert np.array_equal(found, 2.0 * x[:, 0] + x[:, 1] * x[:, 2])
+    clock["rows"] = 0
+    Counted(3.0).value(x[:50])  # it is there now, for other parameters too
+    assert clock["rows"] == 1
+
+
+def test_many_small_batches_are_worth_a_compilation_in_the_end(clock: dict[str, float], rng: np.random.Generator) -> None:
+    clock["step"], x = 1e-3, rng.normal(size=(100, 3))
+    for _ in range(20):
+        Counted(2.0).value(x)
+    assert 300 < clock["rows"] < 1000
+
+
+def test_what_is_on_disk_is_used_sooner(
+    clock: dict[str, float], monkeypatch: pytest.MonkeyPatch, rng: np.random.Generator
+) -> None:
+    monkeypatch.setattr(batch.kernel, "on_disk", lambda *a, **o: True)
+    clock["step"] = 20e-6
+    Counted(2.0).value(rng.normal(size=(8000, 3)))
+    assert clock["rows"] < 1000

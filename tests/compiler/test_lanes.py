@@ -16,7 +16,7 @@ import pytest
 import worlds
 
 import liemech as lm
-from liemech.compiler import kernel
+from liemech.compiler import kernel, llvm
 from liemech.formulas import Record, Vec, dot, record, sin, vec
 from liemech.formulas.pytree import layout_of
 from liemech.marching import march
@@ -30,7 +30,7 @@ def instructions(formula: Any, lanes: int = 1) -> list[str]:
     """The instructions of LLVM's language that a formula ends up as, names left out."""
     array = np.zeros((4, lanes))
     args = formula, (), layout_of(Vec(0.0, 0.0, 0.0, 0.0)), 3, array, array, array
-    text = str(kernel._optimised(worlds.drive, kernel.kernel(worlds.drive, *args, lanes=lanes).kinds, lanes))
+    text = llvm.optimised(kernel._translated(worlds.drive, kernel.kernel(worlds.drive, *args, lanes=lanes).kinds, lanes)[1])
     lines = [line.strip() for line in text.splitlines() if line.startswith("  ")]
     return [re.sub(r"[%@#!][\w.\"-]+", "_", line) for line in lines]
 
@@ -129,7 +129,7 @@ def march_assembly(order: int, lanes: int) -> str:
     body, method = lm.RigidBody([1.0, 1.5, 2.0]), lm.RKMK(order=order)
     start = body.state(mu=np.full(3 if lanes == 1 else (1, 3), 0.5))
     lm.integrate(body, method, start, h=0.1, steps=1, compiled=True)
-    mine = [k for k in kernel._kernels.values() if k.entry is march and k.kinds[0] == layout_of(method)]
+    mine = [k for k in kernel.alive() if k.entry is march and k.kinds[0] == layout_of(method)]
     return next(k for k in mine if k.lanes == lanes and k.kinds[3].detail.width == 3).assembly()  # momentum alone is shown
 
 
@@ -199,7 +199,7 @@ BODIES = [[1.0, 1.5, 2.0], [3.0, 1.0, 2.5], [2.0, 2.0, 1.0], [1.0, 1.0, 1.0]]
 
 def test_threads_that_compile_and_run_at_once_do_not_mix(monkeypatch: pytest.MonkeyPatch) -> None:
     expected = [run_of(moments, compiled=False) for moments in BODIES]
-    monkeypatch.setattr(kernel, "_kernels", {})
+    kernel.forget()
     found: dict[int, bytes] = {}
     begin = threading.Barrier(len(BODIES))
 

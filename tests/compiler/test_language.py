@@ -671,19 +671,22 @@ def test_loops_of_every_length(function, turns):
     worlds.same_in_all_worlds(function, ROWS, turns)
 
 
-def test_the_comparison_notices_a_difference():
+def test_the_comparison_notices_a_difference(monkeypatch: pytest.MonkeyPatch) -> None:
     """The harness itself: a formula that is not the same in both worlds is caught, and so is one bit."""
     assert worlds.bits(0.0) != worlds.bits(-0.0)
     assert worlds.bits(1.0) != worlds.bits(math.nextafter(1.0, 2.0))
-    state = [2.0]
 
-    def moody(a, b, c, d, n):
-        return vec(a * state[0], b)
+    def right(a, b, c, d, n):
+        return vec(a * 2.0, b)
 
-    worlds.same_in_all_worlds(moody, ROWS)
-    state[0] = math.nextafter(2.0, 3.0)  # native code has the old one
+    def wrong(a, b, c, d, n):
+        return vec(a * 2.0000000000000004, b)
+
+    worlds.same_in_all_worlds(right, ROWS)
+    native = worlds.native
+    monkeypatch.setattr(worlds, "native", lambda formula, *rest: native(wrong, *rest))
     with pytest.raises(AssertionError, match="instead of"):
-        worlds.same_in_all_worlds(moody, ROWS)
+        worlds.same_in_all_worlds(right, ROWS)
 
 
 def test_kahan_is_exact_where_the_plain_sum_is_not():

@@ -1,0 +1,118 @@
+"""LLVM: the only file that knows its binding.  Text in LLVM's language becomes object code, and object code becomes a function.
+
+All that may be one thread's at a time is done under one lock, which a fork waits for, so that the child finds LLVM at rest.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import functools
+import os
+import threading
+from typing import Any
+
+import llvmlite
+import llvmlite.binding as llvm
+
+from ..formulas.functions import LIBM
+from . import callbacks
+
+VERSION: str = llvmlite.__version__
+SIGNATURE = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 3, *[ctypes.c_int64] * 3)
+
+_lock = threading.RLock()
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(before=_lock.acquire, after_in_parent=_lock.release, after_in_child=_lock.release)
+
+
+def machine() -> tuple[str, ...]:
+    """What object code depends on besides what it was made of: LLVM and the processor."""
+    features = ",".join(f"{k}={v}" for k, v in sorted(llvm.get_host_cpu_features().items()))
+    return VERSION, triple(), llvm.get_host_cpu_name(), features
+
+
+def triple() -> str:
+    """The platform, in LLVM's words."""
+    name: str = llvm.get_process_triple()
+    return name
+
+
+@functools.cache
+def width() -> int:
+    """How many doubles a vector register of this processor holds."""
+    features = llvm.get_host_cpu_features()
+    return 8 if features.get("avx512f") else 4 if features.get("avx2") else 2
+
+
+def object_code(text: str) -> bytes:
+    """The machine code for a module in LLVM's language."""
+    with _lock:
+        code: bytes = _target().emit_object(_optimised(text))
+        return code
+
+
+def assembly(text: str) -> str:
+    """The machine code as text, for those who want to see what became of a formula."""
+    with _lock:
+        return str(_target().emit_assembly(_optimised(text)))
+
+
+def optimised(text: str) -> str:
+    """The module after LLVM's passes, in its language."""
+    with _lock:
+        return str(_optimised(text))
+
+
+def linked(code: bytes) -> tuple[Any, Any]:
+    """The engine that owns the code, and the function; it lives as long as its engine."""
+    with _lock:
+        engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _target_machine())  # which it owns and frees
+        engine.add_object_file(llvm.ObjectFileRef.from_data(code))
+        engine.finalize_object()
+        return engine, SIGNATURE(engine.get_function_address("kernel"))
+
+
+def _optimised(text: str) -> Any:
+    module = llvm.parse_assembly(text)
+    module.verify()
+    tuning = llvm.create_pipeline_tuning_options(speed_level=3)
+    tuning.loop_vectorization = tuning.slp_vectorization = False  # lanes are explicit; formulas are scalar on purpose
+    passes = llvm.create_pass_builder(_target(), tuning)
+    passes.getModulePassManager().run(module, passes)
+    return module
+
+
+@functools.cache
+def _target() -> Any:
+    """The processor that code is made for."""
+    return _target_machine()
+
+
+def _target_machine() -> Any:
+    _prepare()
+    return llvm.Target.from_triple(triple()).create_target_machine(
+        cpu=llvm.get_host_cpu_name(), features=llvm.get_host_cpu_features().flatten(), opt=3, jit=True
+    )
+
+
+@functools.cache
+def _prepare() -> None:
+    """Once in a process: LLVM for this processor, and the functions of the C library that plain Python uses too."""
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+    library = _c_library()
+    for f in (*LIBM, pow):  # under names that LLVM does not know, so that it changes nothing about them
+        llvm.add_symbol(f"liemech_{f.__name__}", ctypes.cast(getattr(library, f.__name__), ctypes.c_void_p).value)
+    for symbol, address in callbacks.addresses().items():
+        llvm.add_symbol(symbol, address)
+
+
+def _c_library() -> ctypes.CDLL:
+    if os.name == "nt":
+        return ctypes.CDLL("ucrtbase")
+    process = ctypes.CDLL(None)
+    if hasattr(process, "sin"):
+        return process
+    from ctypes.util import find_library
+
+    return ctypes.CDLL(find_library("m"))

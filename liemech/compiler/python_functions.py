@@ -1,0 +1,307 @@
+"""What the functions of Python, `math` and NumPy mean where run-time numbers are among their arguments."""
+
+from __future__ import annotations
+
+import functools
+import math
+import operator
+import sys
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..errors import NotCompilable
+from ..formulas import functions
+from ..formulas.compensated import value_of
+from ..formulas.dual import Dual
+from ..formulas.pytree import is_any_number
+from ..formulas.series import Series
+from .callbacks import FUNCTIONS
+from .expressions import holds_number
+from .ir_numbers import HUGE, Num, kind_of
+from .iterators import Stream
+
+if TYPE_CHECKING:
+    from .translation import Interpreter
+
+COMPENSATED_SUMS = sys.version_info >= (3, 12)
+"""From Python 3.12 on, `sum` of floats carries the rounding errors of the additions along."""
+
+TYPES = {"f": float, "i": int, "b": bool}
+OUTSIDE = "print input open eval exec compile setattr delattr globals locals vars dir id hash memoryview breakpoint object"
+"""Functions that have no place in a formula, whatever their arguments."""
+
+STRUCTURE = {isinstance, type, hasattr, getattr, super, len, list, tuple, iter, next, zip, map, filter, enumerate, reversed}
+"""Functions that look at the structure of their arguments only."""
+COMPUTING = {min, max, sum, any, all, sorted}
+"""Functions that compute with what is inside of their arguments."""
+
+
+class PythonFunctions:
+    """A table of functions and of what to do for each; `translator` evaluates what they are given."""
+
+    def __init__(self, translator: Interpreter) -> None:
+        self.t, self.e = translator, translator.emitter
+        self.table: dict[Any, Callable[..., Any]] = {
+            isinstance: self.isinstance,
+            type: lambda x: TYPES[x.kind] if isinstance(x, Num) else type(x),
+            bool: lambda x=False: self.t.truth(x),
+            float: self.float,
+            int: lambda x=0, *base: self.whole(x, "llvm.trunc") if isinstance(x, Num) else int(x, *base),
+            round: self.round,
+            abs: abs,
+            divmod: divmod,
+            pow: lambda x, n: x**n,
+            min: functools.partial(self.extreme, operator.lt),
+            max: functools.partial(self.extreme, operator.gt),
+            sum: self.sum,
+            any: lambda items: self.together("or_", False, items),
+            all: lambda items: self.together("and_", True, items),
+            sorted: self.sorted,
+            len: self.len,
+            list: lambda items=(): list(self.t.iterate(items)),
+            tuple: lambda items=(): tuple(self.t.iterate(items)),
+            iter: lambda items: items if isinstance(items, Stream) else self.t.stream(list(items)),
+            next: self.next,
+            zip: self.zip,
+            map: self.map,
+            filter: self.filter,
+            enumerate: lambda items, start=0: self.lazily(enumerate, items, start=start),
+            reversed: lambda items: self.t.stream(list(reversed(items))),
+            math.fabs: self.plain_number(lambda x: self.e.call("llvm.fabs", x), math.fabs),
+            math.copysign: self.plain_number(lambda x, y: self.e.call("llvm.copysign", x, y), math.copysign),
+            math.floor: self.plain_number(lambda x: self.whole(x, "llvm.floor"), math.floor),
+            math.ceil: self.plain_number(lambda x: self.whole(x, "llvm.ceil"), math.ceil),
+            math.trunc: self.plain_number(lambda x: self.whole(x, "llvm.trunc"), math.trunc),
+            math.isnan: self.plain_number(lambda x: x != x, math.isnan),
+            math.isfinite: self.plain_number(lambda x: x - x == 0.0, math.isfinite),
+            math.isinf: self.plain_number(lambda x: abs(x) == math.inf, math.isinf),
+            math.radians: self.plain_number(lambda x: x * (math.pi / 180.0), math.radians),
+            math.degrees: self.plain_number(lambda x: x * (180.0 / math.pi), math.degrees),
+            math.sqrt: self.of_math(math.sqrt, "llvm.sqrt"),
+            math.log: self.log,
+            getattr(math, "sumprod", None): self.refused("math.sumprod", "liemech.dot"),
+            math.fsum: self.refused("math.fsum", "liemech.sum"),
+            math.prod: lambda items, start=1: functools.reduce(operator.mul, self.t.iterate(items), start),
+            np.sqrt: self.plain_number(lambda x: self.e.call("llvm.sqrt", x), np.sqrt),
+            np.abs: self.plain_number(abs, np.abs),
+            np.fabs: self.plain_number(lambda x: self.e.call("llvm.fabs", x), np.fabs),
+            np.dot: self.refused("np.dot", "liemech.dot"),
+            np.cross: self.refused("np.cross", "liemech.cross"),
+            np.array: self.refused("np.array", "liemech.vec or liemech.mat"),
+            np.where: self.refused("np.where", "liemech.formulas.where"),
+        }
+        for f in (getattr(functions, name) for name in functions.INSTRUCTIONS):
+            self.table[f] = self.elementary(f, f"llvm.{f.__name__}")
+        for f in functions.LIBM:
+            self.table[f] = self.elementary(f, f.__name__)
+            self.table.setdefault(getattr(math, f.__name__), self.of_math(getattr(math, f.__name__), f.__name__))
+        for python, symbol in FUNCTIONS.items():
+            self.table.setdefault(python, self.called_back(python, symbol))
+
+    # -------------------------------------------------------------- kinds
+
+    def isinstance(self, value: Any, kind: Any) -> bool:
+        if isinstance(value, Num):
+            return issubclass(TYPES[value.kind], kind)
+        return isinstance(value, kind)
+
+    def float(self, x: Any = 0.0) -> Any:
+        if isinstance(x, Num):
+            return self.e.num(self.e.cast(x, "f", x.varying))
+        if isinstance(x, (Dual, Series)):
+            raise NotCompilable("`float` of a number that carries a derivative")
+        return float(x)
+
+    def whole(self, x: Num, rounding: str) -> Any:
+        """A float rounded to an integer; one beyond 2^63 is a failure."""
+        if x.kind != "f":
+            return self.e.num(self.e.cast(x, "i", x.varying))
+        inside = abs(x) < float(HUGE)
+        self.t.fail_if(self.e.negation(inside))
+        whole = self.e.call(rounding, self.e.select(inside, x, 0.0))
+        return self.e.each(lambda v: self.e.builder.fptosi(v, self.e.type("i", x.varying)), whole.values)
+
+    def round(self, x: Any, digits: Any = None) -> Any:
+        if not holds_number((x, digits)):
+            return round(x, digits)
+        if digits is not None or not isinstance(x, Num):
+            raise NotCompilable("`round` to a number of digits")
+        return self.whole(x, "llvm.roundeven")
+
+    # -------------------------------------------------------------- many items
+
+    def extreme(self, better: Callable[[Any, Any], Any], *items: Any, **options: Any) -> Any:
+        if len(items) == 1:
+            items = tuple(self.t.iterate(items[0]))
+        if not holds_number(items) and all(map(is_any_number, items)):
+            return (min if better is operator.lt else max)(items, **options)
+        if options or not items:
+            raise NotCompilable("`min` and `max` of run-time numbers take no options, and at least one number")
+        result, *others = items
+        for x in others:
+            result = self.t.where(better(x, result), x, result)
+        return result
+
+    def sum(self, items: Any, start: Any = 0) -> Any:
+        """From left to right; from Python 3.12 on with the rounding errors of floats carried along.
+
+        Source: CPython, Python/bltinmodule.c, builtin_sum_impl.
+        """
+        total, *rest = start, *self.t.iterate(items)
+        while rest:
+            if COMPENSATED_SUMS and _kind(total) == "f" and isinstance(total, (float, Num)):
+                lost, taken = 0.0, 0
+                for x in rest:
+                    if _kind(x) not in ("f", "i", "b"):
+                        break
+                    if _kind(x) == "f":
+                        larger = total + x
+                        lost = lost + self.t.where(abs(total) >= abs(x), (total - larger) + x, (x - larger) + total)
+                        total = larger
+                    else:
+                        total = total + x
+                    taken += 1
+                if taken:
+                    total = self.t.where(_and(self.e, lost != 0.0, lost - lost == 0.0), total + lost, total)
+                    rest = rest[taken:]
+                    continue
+            total, rest = total + rest[0], rest[1:]
+        return total
+
+    def sorted(self, items: Any, **options: Any) -> list[Any]:
+        found = list(self.t.iterate(items))
+        if not holds_number(found):
+            return sorted(found, **options)
+        if options or not all(map(is_any_number, found)):
+            raise NotCompilable("`sorted` of run-time numbers sorts plain numbers, without options")
+        for x in found:
+            if isinstance(x, Num):
+                self.t.fail_if(x != x)  # the place of a nan depends on how Python sorts
+        for i in range(1, len(found)):
+            for k in range(i, 0, -1):
+                a, b = found[k - 1 : k + 1]
+                found[k - 1], found[k] = self.t.where(b < a, b, a), self.t.where(b < a, a, b)
+        return found
+
+    def together(self, operation: str, start: bool, items: Any) -> Any:
+        return functools.reduce(lambda a, x: self.e.logic(operation, a, self.t.truth(x)), self.t.iterate(items), start)
+
+    def len(self, items: Any) -> int:
+        if isinstance(items, (Stream, Num)):
+            raise NotCompilable("`len` of an iterator or a number")
+        return len(items)
+
+    # -------------------------------------------------------------- iterators
+
+    def lazily(self, function: Callable[..., Any], *items: Any, **options: Any) -> Stream:
+        """A function of iterables that gives an iterator: of lists known now a list, of iterators one that asks them."""
+        found = function(*map(self.t.iterate, items), **options)
+        return self.t.stream(found if any(isinstance(x, Stream) for x in items) else list(found))
+
+    def zip(self, *items: Any, **options: Any) -> Stream:
+        return self.lazily(zip, *items, **options)
+
+    def map(self, function: Any, *items: Any) -> Stream:
+        return self.t.stream(self.t.call(function, *x) for x in zip(*map(self.t.iterate, items)))
+
+    def filter(self, function: Any, items: Any) -> Stream:
+        def chosen() -> Iterator[Any]:
+            for x in self.t.iterate(items):
+                test = self.t.truth(x if function is None else self.t.call(function, x))
+                if isinstance(test, Num):
+                    raise NotCompilable("`filter` by a condition known only at run time")
+                if test:
+                    yield x
+
+        return self.t.stream(chosen())
+
+    def next(self, stream: Any, *default: Any) -> Any:
+        if not isinstance(stream, Stream):
+            raise NotCompilable(f"`next` of what is no iterator, but {type(stream).__name__}")
+        try:
+            return stream.take(self.t.region)
+        except StopIteration:
+            if default:
+                return default[0]
+            raise NotCompilable("`next` of an iterator that has no more items") from None
+
+    # -------------------------------------------------------------- functions of floats
+
+    def elementary(self, function: Callable[..., Any], name: str) -> Callable[..., Any]:
+        """A function of `liemech.formulas`: nan or an infinity outside its domain."""
+
+        def value(*x: Any) -> Any:
+            if any(isinstance(a, Dual) for a in x):
+                return self.t.call(functions.RULES[function.__name__], *x)
+            for a in x:
+                if isinstance(a, Series):
+                    return a.elementary(function.__name__, *x)
+            x = tuple(map(value_of, x))
+            return self.e.call(name, *x) if any(isinstance(a, Num) for a in x) else function(*x)
+
+        return value
+
+    def plain_number(self, native: Callable[..., Any], function: Callable[..., Any]) -> Callable[..., Any]:
+        """A function of plain numbers only: Python's own of what is known now."""
+
+        def value(*x: Any) -> Any:
+            x = tuple(map(value_of, x))
+            if any(isinstance(a, (Dual, Series)) for a in x):
+                name = f"{'np' if isinstance(function, np.ufunc) else 'math'}.{function.__name__}"
+                raise NotCompilable(f"`{name}` of a number that carries a derivative: use liemech.formulas.{function.__name__}")
+            if not any(isinstance(a, Num) for a in x):
+                return function(*x)
+            if not all(map(is_any_number, x)):
+                raise NotCompilable(f"`{function.__name__}` of what is no number")
+            return native(*x)
+
+        return value
+
+    def of_math(self, function: Callable[..., Any], name: str) -> Callable[..., Any]:
+        """A function of `math`: the C library's, which fails where Python raises."""
+        return self.plain_number(lambda *x: self.raising(self.e.call(name, *x), *x), function)
+
+    def log(self, x: Any, *base: Any) -> Any:
+        one = self.of_math(math.log, "log")
+        return one(x) / one(*base) if base and holds_number((x, *base)) else math.log(x, *base) if base else one(x)
+
+    def called_back(self, function: Callable[..., Any], symbol: str) -> Callable[..., Any]:
+        """A function that native code asks Python for."""
+
+        def native(*x: Any) -> Any:
+            if len(x) > 2:
+                raise NotCompilable(f"`{function.__name__}` of more than two numbers")
+            result = self.e.call(f"{symbol.removeprefix('liemech_')}_{len(x)}", *x)
+            return result if isinstance(function, np.ufunc) else self.raising(result, *x)
+
+        return self.plain_number(native, function)
+
+    def raising(self, result: Num, *x: Any) -> Num:
+        """The result of a function of `math`: it raises where there is none, nan or infinite, and the arguments were finite."""
+        known = [a - a == 0.0 for a in x if isinstance(a, Num) and a.kind == "f"]
+        wrong = result != result
+        for a in x:
+            if isinstance(a, Num) and a.kind == "f":
+                wrong = _and(self.e, wrong, a == a)
+        overflow = result - result != 0.0
+        for finite in known:
+            overflow = _and(self.e, overflow, finite)
+        self.t.fail_if(self.e.logic("or_", wrong, overflow))
+        return result
+
+    def refused(self, name: str, instead: str) -> Callable[..., Any]:
+        def value(*x: Any, **options: Any) -> Any:
+            raise NotCompilable(f"`{name}` rounds or returns arrays in ways of its own: use {instead}")
+
+        return value
+
+
+def _kind(x: Any) -> str | None:
+    """The kind of a plain number, None for anything else."""
+    return kind_of(x) if isinstance(x, (Num, int, float)) else None
+
+
+def _and(emitter: Any, a: Any, b: Any) -> Any:
+    return emitter.logic("and_", a, b)

@@ -1,0 +1,408 @@
+"""What a translation reads from outside: names, attributes, code.  All of it is written down, and compared before it counts again.
+
+A read has a path: from an argument of the driver, or the driver itself, over attributes, classes, globals and closures to a value.
+In this process the values are compared with the present ones by identity, which takes microseconds.  In another process the
+paths are followed anew and the tokens of what is found there are compared.
+"""
+
+from __future__ import annotations
+
+import abc
+import dataclasses
+import functools
+import itertools
+import operator
+import types
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any
+
+from ..errors import NotCompilable
+from ..formulas.broadcasting import bare
+from ..formulas.numbers import StandIn
+from ..formulas.records import Record
+from . import tokens
+from .source import Source
+from .tokens import ATOMS, digest, is_mutable, is_own, of_python, parts, same
+
+Step = tuple[int, str, Any]
+"""The number of the read that leads to the holder (-1: none), how it is asked, and for what."""
+
+_MISSING = object()
+
+
+class Reads:
+    """The reads of one translation."""
+
+    def __init__(self, entry: Callable[..., Any]) -> None:
+        self.entry = entry
+        self.steps: list[Step] = []
+        self.values: list[Any] = []
+        self.tokens: list[str] = []  # empty for a part of something that has one
+        self._numbers: dict[Step, int] = {}
+        self._origins: dict[int, tuple[Any, str, Any]] = {}  # by the identity of a value: its holder, and how it is reached
+        self._given: dict[int, Any] = {}  # by the identity of the compiler's copy of an argument: the argument
+        self._alive: list[Any] = [entry]
+        self._spaces: dict[int, Any] = {}  # a function for each module
+        self._guard: Guard | None = None
+        self._origins[id(entry)] = None, "entry", 0
+
+    def argument(self, index: int, copy: Any, value: Any) -> None:
+        """The compiler computes with a copy of an argument, whose numbers are those of native code."""
+        self._admit(copy, value, None, "argument", index)
+
+    # -------------------------------------------------------------- questions of the translation
+
+    def source(self, function: types.FunctionType) -> Source:
+        """The source of a function, without the border of a method."""
+        formula = self._read(function, "attribute", "__formula__") if bare(function) is not function else function
+        for name in ("__code__", "__defaults__", "__kwdefaults__"):
+            if getattr(formula, name) is not None:
+                self._read(formula, "attribute", name)
+        return Source(formula, self)
+
+    def outer(self, function: types.FunctionType, name: str) -> Any:
+        """The value of a name that is not local to the function."""
+        if name in function.__code__.co_freevars:
+            return self._read(function, "cell", name)
+        return self._read(self._spaces.setdefault(id(function.__globals__), function), "global", name)
+
+    def fields(self, cls: type) -> Any:
+        """The fields of a record class."""
+        self._read(cls, "attribute", "__dataclass_fields__")
+        return dataclasses.fields(cls)
+
+    def has(self, value: Any, name: str) -> bool:
+        """What `hasattr` says."""
+        if id(value) in self._given or (isinstance(value, Record) and id(value) not in self._origins):
+            return name in vars(value) or self._read(type(value), "has", name)
+        outside = of_python(type(value)) or isinstance(value, (type, types.ModuleType, types.FunctionType))
+        return self._read(value, "has", name) if outside else hasattr(value, name)
+
+    def settled(self, *values: Any, inside: bool = False) -> None:
+        """Refuse to let Python compute with objects (`inside`: or containers of such) whose code or content nobody has read."""
+        for value in values:
+            foreign = id(value) in self._origins or of_python(type(value)) or isinstance(value, (type, types.FunctionType))
+            if foreign and not tokens.known(value, inside):
+                what = getattr(value, "__qualname__", None) or f"an object of {type(value).__qualname__}"
+                raise NotCompilable(f"Python would have to compute with {what} before the run: formulas use attributes and calls")
+
+    def attribute(self, value: Any, name: str, call: Callable[..., Any]) -> Any:
+        """`value.name`; properties are formulas, which `call` translates."""
+        owner, cls, after = value, type(value), 0
+        if isinstance(value, super):
+            owner, cls = value.__self__, value.__self_class__  # type: ignore[attr-defined]
+            after = cls.__mro__.index(value.__thisclass__) + 1  # type: ignore[attr-defined]
+        elif isinstance(value, type):
+            cls = value
+        if isinstance(owner, type) and is_own(owner):
+            return getattr(value, name)
+        if isinstance(owner, type):
+            member = _member(cls, after, name)
+            if member is _MISSING or type(cls) not in _PLAIN_CLASSES:
+                return self._read(owner, "attribute", name)
+            return self._bound(self._read(cls, f"member {after}", name), None, cls, name, call)
+        if isinstance(owner, (types.ModuleType, types.FunctionType)):
+            return self._read(owner, "attribute", name)
+        if not isinstance(owner, Record) and (id(owner) not in self._origins or is_own(owner)) and not of_python(cls):
+            return getattr(value, name)
+        if name == "__class__":
+            return cls
+        member = _member(cls, after, name)
+        own = getattr(owner, "__dict__", {}) if after == 0 else {}
+        if name in own and not hasattr(type(member), "__set__"):
+            copied = id(owner) in self._given or id(owner) not in self._origins
+            return own[name] if copied else self._read(owner, "attribute", name)
+        if member is _MISSING or "__getattribute__" in {n for c in cls.__mro__[:-1] for n in vars(c)}:
+            return self._read(owner, "attribute", name)
+        return self._bound(self._read(cls, f"member {after}", name), owner, cls, name, call)
+
+    def _bound(self, member: Any, owner: Any, cls: type, name: str, call: Callable[..., Any]) -> Any:
+        """What Python makes of a member of a class, asked for through an instance or, if there is none, through the class."""
+        if isinstance(member, types.FunctionType):
+            return member if owner is None else types.MethodType(member, owner)
+        if isinstance(member, staticmethod):
+            return member.__func__
+        if isinstance(member, classmethod):
+            return types.MethodType(member.__func__, cls)
+        if owner is None or not hasattr(type(member), "__get__"):
+            return member
+        if isinstance(member, property) and member.fget is not None:
+            made = call(member.fget, owner)
+            if isinstance(made, Record) and id(owner) in self._origins and not _varies(made):  # a constant of the owner
+                self._admit(made, made, owner, "property", name)
+            return made
+        if isinstance(member, functools.cached_property):
+            return self._cached(member, owner, name, call)
+        return self._read(owner, "attribute", name)
+
+    def _cached(self, member: Any, owner: Any, name: str, call: Callable[..., Any]) -> Any:
+        """A cached property: a constant that Python computes, or a formula where it depends on numbers of the run."""
+        if id(owner) not in self._origins:
+            return call(member.func, owner)
+        self._glance(member.func, type(owner), set())
+        if id(owner) in self._given and _varies(owner):
+            value = getattr(owner, name)
+            vars(owner).pop(name, None)
+            if _varies(value):
+                return call(member.func, owner)
+        return self._read(owner, "attribute", name)
+
+    def _glance(self, function: Any, cls: type, seen: set[int]) -> None:
+        """Write down what a function that Python runs names, and what the functions among that name."""
+        if not isinstance(function, types.FunctionType) or id(function) in seen or is_own(function):
+            return
+        seen.add(id(function))
+        formula = self._read(function, "attribute", "__formula__") if bare(function) is not function else function
+        self._read(formula, "attribute", "__code__")
+        for name in tokens.names(formula.__code__):
+            if name in formula.__globals__:
+                self._glance(self.outer(formula, name), cls, seen)
+            member = _member(cls, 0, name)
+            if member is not _MISSING:
+                member = self._read(cls, "member 0", name)
+                self._glance(getattr(member, "fget", None) or getattr(member, "func", member), cls, seen)
+
+    # -------------------------------------------------------------- the record
+
+    def _read(self, holder: Any, how: str, name: Any) -> Any:
+        """The value that the holder gives, written down."""
+        step = self._number(holder), how, name
+        if step[0] is _OWN:
+            return _asked(holder, how, name)
+        if step not in self._numbers:
+            value = _asked(self.values[step[0]], how, name)
+            self._note(step, value, digest(value))
+            self._admit(value, value, holder, how, name)
+        return self.values[self._numbers[step]]
+
+    def _note(self, step: Step, value: Any, token: str) -> int:
+        number = self._numbers[step] = len(self.steps)
+        self.steps.append(step)
+        self.values.append(value)
+        self.tokens.append(token)
+        return number
+
+    def _number(self, value: Any) -> Any:
+        """The number of the read that led to a value."""
+        origin = self._origins.get(id(value))
+        if origin is None:
+            if is_own(value):
+                return _OWN
+            raise NotCompilable(f"where `{value!r:.60}` comes from cannot be told, so that a change of it would not be seen")
+        holder, how, name = origin
+        step = (-1 if holder is None else self._number(holder)), how, name
+        if step not in self._numbers:
+            self._note(step, self._given.get(id(value), value), "")
+        return self._numbers[step]
+
+    def _admit(self, copy: Any, value: Any, holder: Any, how: str, name: Any) -> None:
+        """Remember where a value comes from, and the parts of it.  A copy of an argument stands for the argument."""
+        if type(copy) in ATOMS or isinstance(copy, StandIn):
+            return
+        self._alive.append(copy)
+        if copy is not value:
+            self._alive.append(value)
+            self._given[id(copy)] = value
+        if id(copy) in self._origins:
+            return
+        self._origins[id(copy)] = holder, how, name
+        for (way, key, part), (_, _, actual) in zip(parts(copy), parts(value), strict=True):
+            self._admit(part, actual, copy, way, key)
+        cls = type(copy)
+        if of_python(cls) and id(cls) not in self._origins:
+            self._admit(cls, cls, copy, "class", "")
+
+    # -------------------------------------------------------------- comparison
+
+    def manifest(self) -> list[Any]:
+        """The paths and the tokens, as another process can read them."""
+        return [[*step, token] for step, token in zip(self.steps, self.tokens, strict=True)]
+
+    @classmethod
+    def found(cls, entry: Callable[..., Any], args: Sequence[Any], manifest: list[Any]) -> Reads | None:
+        """These reads, made in this process, if everything is as it was."""
+        reads = cls(entry)
+        for parent, how, name, token in manifest:
+            reads._note((parent, how, name), None, token)
+        return reads if reads.follow(args) else None
+
+    def follow(self, args: Sequence[Any]) -> bool:
+        """Follow all paths from these arguments: are the tokens of what is there the same?"""
+        values: list[Any] = []
+        try:
+            for (parent, how, name), token in zip(self.steps, self.tokens, strict=True):
+                values.append(_asked(values[parent] if parent >= 0 else (self.entry, args), how, name))
+                if token and digest(values[-1]) != token:
+                    return False
+        except Exception:  # whatever a path meets that is no longer there
+            return False
+        self.values, self._guard = values, None
+        return True
+
+    def unchanged(self, args: Sequence[Any]) -> bool:
+        """Is all that was read what it was?  The same objects, in a few microseconds, or others with the same tokens."""
+        guard = self._guard or Guard(self.steps, self.values, self.tokens)
+        self._guard = guard
+        verdict = guard.verdict(args)
+        return self.follow(args) if verdict is None else verdict
+
+
+class Guard:
+    """Compares the values of reads with the present ones: those of one holder in one go."""
+
+    def __init__(self, steps: list[Step], values: list[Any], all_tokens: list[str]) -> None:
+        self.values, self.tokens = values, all_tokens
+        self.fetch: list[Callable[[], Iterable[Any]]] = []  # the present values, holder by holder
+        self.then: list[Any] = []
+        self.absent: list[tuple[Any, tuple[str, ...]]] = []  # globals, and the names of Python's own they must not have
+        self.mutable: list[int] = []
+        self.of_arguments: list[tuple[list[tuple[str, Any]], int]] = []
+        self.parents = {parent for parent, *_ in steps}
+        groups: dict[Any, list[int]] = {}
+        paths: list[list[tuple[str, Any]] | None] = []  # from the arguments, of what is a part of them
+        made: set[int] = set()  # by properties: only `_glance` looks at what Python computed from them
+        for i, (parent, how, name) in enumerate(steps):
+            above = [] if how == "argument" else paths[parent] if parent >= 0 else None
+            named = isinstance(values[i], (type, types.FunctionType))
+            if how == "property" or (parent in made and not named):
+                made.add(i)
+                paths.append(None)
+                continue
+            part = above is not None and not all_tokens[i] and not named
+            paths.append([*above, (how, name)] if part and above is not None else None)
+            if all_tokens[i] and above is not None and parent >= 0:
+                self.of_arguments.append(([*above, (how, name)], i))
+            elif all_tokens[i] or (parent >= 0 and above is None and how in ("item", "value") and is_mutable(values[parent])):
+                key = (how, name) if name in _OF_FUNCTIONS else (how, id(values[parent].__globals__) if how == "global" else parent)
+                groups.setdefault(key, []).append(i)
+            if all_tokens[i] and name != "__dataclass_fields__" and is_mutable(values[i]):
+                self.mutable.append(i)
+        for (how, _), numbers in groups.items():
+            names = [steps[i][2] for i in numbers]
+            self._check(how, [values[steps[i][0]] for i in numbers], names, [values[i] for i in numbers])
+
+    def _check(self, how: str, holders: list[Any], names: list[Any], then: list[Any]) -> None:
+        if how == "global":
+            space, builtin = holders[0].__globals__, holders[0].__builtins__
+            for names_of, here in ((space, [n in space for n in names]), (builtin, [n not in space for n in names])):
+                found = tuple(itertools.compress(names, here))
+                if found:
+                    self._all(operator.itemgetter(*found, found[0]), names_of, [*itertools.compress(then, here)])
+                if found and names_of is builtin:
+                    self.absent.append((space.keys(), found))
+        elif how == "cell":
+            cells = [f.__closure__[f.__code__.co_freevars.index(n)] for f, n in zip(holders, names, strict=True)]
+            self._add(lambda: [c.cell_contents for c in cells], then)
+        elif names[0] in _OF_FUNCTIONS:
+            get = operator.attrgetter(names[0])
+            self._add(lambda: map(get, holders), then)
+        elif how == "attribute" or how.startswith("member"):
+            after = 0 if how == "attribute" else int(how.partition(" ")[2])
+            holder = super(holders[0].__mro__[after - 1], holders[0]) if after else holders[0]
+            steady = [getattr(holder, n, _MISSING) is v for n, v in zip(names, then, strict=True)]
+            known = [*itertools.compress(names, steady)]
+            if known:
+                self._all(operator.attrgetter(*known, known[0]), holder, [*itertools.compress(then, steady)])
+            for n, v, s in zip(names, then, steady, strict=True):
+                if not s:
+                    self._add(functools.partial(_one, holders[0], how, n), [v])
+        else:
+            for h, n, v in zip(holders, names, then, strict=True):
+                self._add(functools.partial(_one, h, how, n), [v])
+
+    def _all(self, get: Callable[[Any], Any], holder: Any, then: list[Any]) -> None:
+        self._add(functools.partial(get, holder), [*then, then[0]])
+
+    def _add(self, fetch: Callable[[], Iterable[Any]], then: list[Any]) -> None:
+        self.fetch.append(fetch)
+        self.then += then
+
+    def verdict(self, args: Sequence[Any]) -> bool | None:
+        """Is everything the same?  None: there are other objects, and their tokens must tell."""
+        try:
+            for names, others in self.absent:
+                if not names.isdisjoint(others):
+                    return None
+            present = itertools.chain.from_iterable(map(operator.call, self.fetch))
+            if not all(map(operator.is_, present, self.then)):
+                present = itertools.chain.from_iterable(map(operator.call, self.fetch))
+                other = [(now, then) for now, then in zip(present, self.then, strict=True) if now is not then]
+                if any(type(now) in ATOMS and not same(now, then) for now, then in other):
+                    return False
+                if any(type(now) not in ATOMS for now, then in other):
+                    return None
+            for i in self.mutable:
+                if digest(self.values[i]) != self.tokens[i]:
+                    return False
+            for path, i in self.of_arguments:
+                value: Any = (None, args)
+                for how, name in path:
+                    value = _asked(value, how, name)
+                if value is not self.values[i]:
+                    if digest(value) != self.tokens[i]:
+                        return False
+                    if i in self.parents:
+                        return None
+                    self.values[i] = value
+        except Exception:  # something is no longer there
+            return False
+        return True
+
+
+_OF_FUNCTIONS = {"__code__", "__defaults__", "__kwdefaults__", "__formula__"}
+
+
+def _one(holder: Any, how: str, name: Any) -> list[Any]:
+    return [_asked(holder, how, name)]
+
+
+_OWN: Any = object()
+_PLAIN_CLASSES = {type, abc.ABCMeta}
+
+
+def _varies(value: Any) -> bool:
+    """Is a number of the run in it?"""
+    return isinstance(value, StandIn) or any(_varies(x) for *_, x in parts(value))
+
+
+def _member(cls: type, after: int, name: str) -> Any:
+    """What the classes say about a name, from this one of the resolution order on."""
+    for c in cls.__mro__[after:]:
+        if name in vars(c):
+            return vars(c)[name]
+    return _MISSING
+
+
+def _asked(holder: Any, how: str, name: Any) -> Any:
+    """What is there now."""
+    match how.partition(" ")[0]:
+        case "attribute" | "property":
+            return getattr(holder, name)
+        case "global":
+            for names in (holder.__globals__, holder.__builtins__):
+                if name in names:
+                    return names[name]
+            raise NotCompilable(f"the name `{name}` is not defined")
+        case "cell":
+            try:
+                return holder.__closure__[holder.__code__.co_freevars.index(name)].cell_contents
+            except ValueError:
+                raise NotCompilable(f"`{name}` has no value yet") from None
+        case "member":
+            value = _member(holder, int(how.partition(" ")[2]), name)
+            if value is _MISSING:
+                raise AttributeError(name)
+            return value
+        case "item":
+            return holder[name]
+        case "value":
+            return list(holder.values())[name]
+        case "class":
+            return type(holder)
+        case "has":
+            return hasattr(holder, name)
+        case "argument":
+            return holder[1][name]
+        case "entry":
+            return holder[0]
+    raise NotCompilable(f"a read of an unknown kind, {how}")

@@ -1,0 +1,109 @@
+"""Small vectors and matrices: what stands beside them, what is refused, and the same bits in every world."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from compiler.worlds import same_in_all_worlds
+
+import liemech as lm
+from liemech.errors import InvalidType
+from liemech.formulas import Mat, Vec, cross, dot, mat, outer, solve, solve3, vec
+
+V = vec(1.0, -2.0, 3.0)
+M = mat(vec(1.0, 2.0, 3.0), vec(0.5, 0.25, 1.5), vec(1.0, 1.0, 7.0))
+TALL = mat(vec(1.0, 2.0), vec(3.0, 4.0), vec(5.0, 6.0))
+ROWS = [(0.3, 0.7), (-1.1, 0.4), (2.3, -1.9), (0.0, 1.3)]
+
+
+def test_powers_and_sizes_act_component_by_component() -> None:
+    w = V**V
+    assert vec(1.0, 4.0, 9.0) == V**2
+    assert vec(2.0, 0.25, 8.0) == 2.0**V
+    assert w == vec(1.0, 0.25, 27.0)
+    assert abs(V) == vec(1.0, 2.0, 3.0)
+    assert abs(-M) == M
+    assert +V == V
+
+
+def test_sums_go_from_left_to_right() -> None:
+    terms = [1e16, 1.0, -1e16, 1.0]
+    assert lm.sum(terms) == Vec(*terms).sum() == ((1e16 + 1.0) - 1e16) + 1.0 == 1.0
+    assert lm.sum([V, V, 2.0 * V]) == 4.0 * V
+    assert lm.sum(M) == vec(2.5, 3.25, 11.5)
+    assert lm.sum(x * x for x in V) == 14.0
+    assert lm.sum([]) == 0.0
+
+
+@pytest.mark.parametrize("other", [[1, 2, 3], (1.0, 2.0, 3.0), np.array([1.0, 2.0, 3.0]), np.array([1, 2, 3])])
+def test_lists_tuples_and_arrays_stand_beside_vectors(other: Any) -> None:
+    w = vec(1.0, 2.0, 3.0)
+    for found, expected in (
+        (V + other, V + w), (other + V, w + V), (V - other, V - w), (other - V, w - V), (V * other, V * w), (other * V, w * V),
+        (V / other, V / w), (other / V, w / V), (M @ other, M @ w), (V @ other, V @ w), (other @ V, w @ V), (other @ M, w @ M),
+        (V**other, V**w), (M * other, M * w), (other * M, M * w),
+    ):  # fmt: skip
+        assert type(found) is type(expected)
+        assert found == expected
+        assert all(type(x) is float for x in (found if isinstance(found, Vec) else []))
+
+
+def test_arrays_stand_beside_matrices() -> None:
+    a = np.array(M)
+    np.testing.assert_array_equal(a @ V, np.array(M @ V))
+    for found, expected in ((a @ M, M @ M), (M @ a, M @ M), (a + M, M + M), (M - a, M - M), (a - M, M - M), (V @ a, V @ M)):
+        assert type(found) is type(expected)
+        assert found == expected
+    assert V @ a @ V == V @ M @ V
+    assert V * M == M * V == mat(*[V * row for row in M])  # as with arrays, the columns
+
+
+@pytest.mark.parametrize(
+    ("wrong", "named"),
+    [
+        (lambda: V + vec(1.0, 2.0), "3 components .* 2 components"),
+        (lambda: vec(1.0, 2.0) * V, "2 components .* 3 components"),
+        (lambda: V - [1.0, 2.0], "3 components .* 2 components"),
+        (lambda: V ** vec(1.0, 2.0), "3 components .* 2 components"),
+        (lambda: V + 1.0, "3 components cannot be combined with float"),
+        (lambda: V + M, "3 components cannot be combined with Mat"),
+        (lambda: dot(V, vec(1.0, 2.0, 3.0, 4.0)), "3 and 4 components"),
+        (lambda: dot(vec(1.0, 2.0, 3.0, 4.0), V), "4 and 3 components"),
+        (lambda: cross(vec(1.0, 2.0), V), "2 and 3 components"),
+        (lambda: cross(V, vec(1.0, 2.0, 3.0, 4.0)), "3 and 4 components"),
+        (lambda: M @ vec(1.0, 2.0), r"\(3, 3\) cannot multiply one with 2 rows"),
+        (lambda: M @ 2.0, r"\(3, 3\) cannot multiply float"),
+        (lambda: V @ mat(vec(1.0, 2.0), vec(3.0, 4.0)), r"3 components cannot multiply a matrix of shape \(2, 2\)"),
+        (lambda: TALL @ M, r"\(3, 2\) cannot multiply one with 3 rows"),
+        (lambda: M + TALL, r"\(3, 3\) and \(3, 2\)"),
+        (lambda: mat(vec(1.0, 2.0), vec(3.0)), "rows of 2, 1"),
+        (lambda: solve(M, vec(1.0, 2.0)), "3 rows and 3 columns, and a right side of 2"),
+        (lambda: solve(TALL, V), "3 rows and 2 columns"),
+        (lambda: solve3(TALL, V), "3 rows and 2 columns"),
+    ],
+)
+def test_lengths_that_differ_are_refused(wrong: Callable[[], Any], named: str) -> None:
+    with pytest.raises(InvalidType, match=named):
+        wrong()
+
+
+def test_products_of_vectors() -> None:
+    assert outer(V, vec(1.0, 2.0)) == Mat((1.0, 2.0), (-2.0, -4.0), (3.0, 6.0))
+    assert outer([1.0, 2.0], [3.0]) == Mat((3.0,), (6.0,))
+
+
+WEIGHTS = (0.5, 0.25, 3.0)
+
+
+def all_of_it(a, b, turns):
+    v = vec(a, b, 1.5)
+    sums = v.sum(), lm.sum([v, 2.0 * v, v]), lm.sum(v)
+    return v**2, v**2.0, abs(v), (v * v + [1, 2, 3]) ** v, WEIGHTS * v - (1.0, a, b), v @ M @ v, sums
+
+
+@pytest.mark.compiled
+def test_the_same_bits_in_native_code() -> None:
+    same_in_all_worlds(all_of_it, ROWS)

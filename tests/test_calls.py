@@ -1,0 +1,41 @@
+"""Calls of public methods with whatever people pass, and batches beside their single calls: `fuzz_calls` makes them up."""
+
+from __future__ import annotations
+
+import fuzz_calls
+import numpy as np
+import pytest
+
+from liemech.compiler import batch
+
+
+def test_calls_end_with_a_result_or_with_an_error_that_says_what_is_wrong() -> None:
+    assert fuzz_calls.failures(500, seed=5) == []
+
+
+@pytest.mark.slow
+def test_many_calls_end_with_a_result_or_with_an_error_that_says_what_is_wrong() -> None:
+    assert fuzz_calls.failures(20_000, seed=6) == []
+
+
+@pytest.fixture
+def at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Native code is made at once."""
+    monkeypatch.setattr(batch, "WORTH", 0.0)
+    monkeypatch.setattr(batch, "ROWS", 0)
+    monkeypatch.setattr(batch, "NOISE", 0.0)
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("number", range(16))
+def test_a_batch_is_its_single_calls(number: int, at_once: None) -> None:
+    rng = np.random.default_rng(number)
+    methods = fuzz_calls.of_arrays()
+    assert fuzz_calls.batch_failure(methods[int(rng.integers(len(methods)))], rng) == ""
+
+
+@pytest.mark.slow
+@pytest.mark.compiled
+def test_every_batch_is_its_single_calls(at_once: None) -> None:
+    rng = np.random.default_rng(0)
+    assert [what for method in fuzz_calls.of_arrays() if (what := fuzz_calls.batch_failure(method, rng))] == []
