@@ -49,8 +49,10 @@ def plain(formula: Callable[..., Any], row: Sequence[float], turns: int) -> Any:
         return REJECTED
 
 
-def native(formula: Callable[..., Any], rows: Sequence[Sequence[float]], width: int, turns: int, lanes: int) -> list[Any]:
-    """What native code gives for each row of arguments."""
+def native(
+    formula: Callable[..., Any], rows: Sequence[Sequence[float]], width: int, turns: int, lanes: int, extra: tuple[Any, ...] = ()
+) -> list[Any]:
+    """What native code gives for each row of arguments, after those that all rows share."""
     layout = layout_of(Vec(*([0.0] * len(rows[0]))))
     columns = -(-len(rows) // lanes) * lanes
     given = np.array([*rows, *[rows[-1]] * (columns - len(rows))], dtype=float).T.copy()
@@ -58,7 +60,7 @@ def native(formula: Callable[..., Any], rows: Sequence[Sequence[float]], width: 
 
     def run(given: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         out, fine = np.zeros((width, given.shape[1])), np.zeros((1, given.shape[1]))
-        args = formula, (), layout, turns, given, out, fine
+        args = formula, extra, layout, turns, given, out, fine
         n = given.shape[1]
         kernel.kernel(drive, *args, lanes=lanes)(*args, bodies=n, end=n)
         return out, fine

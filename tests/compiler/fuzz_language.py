@@ -1,0 +1,872 @@
+"""Random programs over the whole of Python that formulas may use, for the comparison of CPython with native code.
+
+Each feature is a few lines that read some of the variables a, b, c, d (floats) and n (an int known at run time), and assign one.
+They are put into the branches and loops of `fuzz.Writer`.  The formula is a method of a record with a static field of each kind.
+"""
+
+from __future__ import annotations
+
+import re
+import textwrap
+from collections.abc import Callable
+
+import fuzz
+
+HEADER = '''from __future__ import annotations
+
+import enum
+import math
+from collections.abc import Callable
+from typing import Any, ClassVar
+
+import numpy as np
+
+from liemech.formulas import *
+
+
+class Stop(ArithmeticError):
+    pass
+
+
+class Colour(enum.Enum):
+    RED = 1
+    BLUE = 2
+
+
+K = 0.75
+TABLE = (0.5, -1.25, 3.0)
+BIG = 2**70
+STEPS = [0.25, 0.5]
+
+
+def shifted(x):
+    return x + K
+
+
+def folded(x, depth):
+    return x if depth == 0 else folded(0.5 * x + 1.0, depth - 1)
+
+
+@record
+class Base(Record):
+    rate: ClassVar[float] = 1.5
+
+    def pulled(self, x):
+        return x * self.rate
+
+    @property
+    def double(self):
+        return 2.0 * self.rate
+
+
+@record
+class Child(Base):
+    stiffness: float = 2.0
+
+    def pulled(self, x):
+        return super().pulled(x) + self.stiffness
+
+
+@record
+class World(Record):
+    gain: float = 1.25
+    count: int = 3
+    large: int = 2**70
+    word: str = "mild"
+    pair: tuple[float, ...] = (0.5, 2.0)
+    nested: tuple[Any, ...] = ((1, 2.0), (True, "x"))
+    nothing: Any = None
+    flag: bool = True
+    colour: Colour = Colour.RED
+    function: Callable[[float], float] = shifted
+    child: Child = Child()
+    scalar: Any = np.float64(0.3)
+    place: Vec = Vec(1.0, -2.0)
+
+    @staticmethod
+    def mixed(x, y):
+        return x - 0.5 * y
+
+    @classmethod
+    def named(cls, x):
+        return x * len(cls.__name__)
+
+    @property
+    def weight(self):
+        return self.gain * self.count
+
+'''
+
+STATIC_CHANGES = {
+    "count": "4",
+    "large": "2**70 + 1",
+    "word": "'wild'",
+    "pair": "(0.5, 2.0 + 2**-51)",
+    "nested": "((1, 2), (1, 'x'))",
+    "nothing": "0.0",
+    "flag": "1",
+    "colour": "Colour.BLUE",
+    "function": "abs",
+    "child": "Child(2.5)",
+    "scalar": "np.float64(0.1) + np.float64(0.2)",
+    "gain": "-0.0",
+}
+"""Other values of the static fields of the world, most of them close to the first."""
+
+GLOBAL_CHANGES = {
+    "K": "0.7500000001",
+    "TABLE": "(0.5, -1.25, 4.0)",
+    "BIG": "2**70 + 2**20",
+    "STEPS": "[0.25, 0.75]",
+    "Base.rate": "1.75",
+}
+"""What somebody may write to the module while the process runs."""
+
+
+class Language(fuzz.Writer):
+    """Writes a module with the record `World`, whose method `formula(self, a, b, c, d, n)` is the program."""
+
+    def __init__(self, seed: int) -> None:
+        super().__init__(seed)
+        self.used: list[str] = []
+        self.chosen = self.random.sample(FEATURES, 3)
+
+    def module(self) -> str:
+        return HEADER + textwrap.indent(self.formula("formula", "self, a, b, c, d, n", 2), "    ")
+
+    def statement(self, indent: int, depth: int, loops: tuple[str, ...]) -> bool:
+        r = self.random
+        if r.random() < 0.4:
+            feature = r.choice(self.chosen)
+            self.used.append(feature.__name__)
+            for line in feature(self).split("\n"):
+                self.put(indent, line)
+            return False
+        return super().statement(indent, depth, loops)
+
+    def fill(self, text: str) -> str:
+        """The text with `E` replaced by expressions, `C` by conditions, `X` and `Y` by variables, `V1`, `V2` ... by fresh names."""
+        r = self.random
+        out: list[str] = []
+        names: dict[str, str] = {}
+        x, y = r.sample(fuzz.NAMES, 2)
+        for word in re.findall(r"\w+|\W", text):
+            if word == "E":
+                out.append(self.expression(int(r.random() < 0.4)))
+            elif word == "C":
+                out.append(self.condition(0))
+            elif word in ("X", "Y"):
+                out.append({"X": x, "Y": y}[word])
+            elif word[:1] == "V" and word[1:].isdigit():
+                if word not in names:
+                    self.fresh += 1
+                    names[word] = f"v{self.fresh}"
+                out.append(names[word])
+            else:
+                out.append(word)
+        return "".join(out)
+
+
+def one_of(name: str, lines: str, paragraphs: str = "") -> Callable[[Language], str]:
+    """A feature with these forms: each line is one, and each paragraph."""
+
+    def feature(writer: Language) -> str:
+        return writer.fill(writer.random.choice(forms))
+
+    forms = [*lines.strip().split("\n"), *paragraphs.strip().split("\n\n")] if paragraphs else lines.strip().split("\n")
+    feature.__name__ = name
+    feature.forms = [form for form in forms if form]  # type: ignore[attr-defined]
+    return feature
+
+
+FEATURES = [
+    one_of(
+        "closures over variables that change",
+        """
+""",
+        """
+V1 = E
+V2 = lambda x: V1 * x
+V1 = E
+X = V2(E)
+
+V1 = E
+V2 = lambda x, k=V1: k * x
+V1 = E
+X = V2(E)
+
+V1 = E
+V2 = lambda x: V1 * x
+if C:
+    V1 = E
+X = V2(E)
+
+V2 = lambda x: X * x
+X = E
+X = V2(E)
+
+V1 = [E, E]
+V2 = lambda: V1[0] - V1[1]
+V1[0] = E
+X = V2()
+
+V1 = [E]
+V2 = lambda: V1[0]
+V1.append(E)
+V1[0] = E
+X = V2()
+
+V1, V2 = (lambda x: x + E), (lambda x: x * E)
+X = V1(V2(E))
+""",
+    ),
+    one_of(
+        "lambdas made in loops",
+        """
+""",
+        """
+V1 = [lambda x: x * V2 for V2 in (1.0, 2.0, E)]
+X = V1[0](E)
+
+V1 = [lambda x, V2=V2: x * V2 for V2 in (1.0, 2.0, E)]
+X = V1[0](E) + V1[1](1.0)
+
+V1 = []
+for V2 in (0.5, E):
+    V1.append(lambda x: x + V2)
+X = V1[0](E)
+
+V1 = []
+for V2 in (0.5, E):
+    V1.append(lambda x, y=V2: x + y)
+X = V1[0](E)
+""",
+    ),
+    one_of(
+        "inner functions",
+        """
+""",
+        """
+def V1(x):
+    return x * X
+X = E
+X = V1(E)
+
+def V1(s):
+    def V2(x):
+        return s * x + E
+    return V2
+X = V1(E)(E)
+
+def V1(x, y=E):
+    if x < y:
+        return y
+    return x - y
+X = V1(E)
+
+def V1(k):
+    return 1.0 if k == 0 else E + V1(k - 1)
+X = V1(3)
+
+V1 = E
+def V2():
+    nonlocal V1
+    V1 = V1 + 1.0
+X = V1
+
+def V1(*args, k=2.0):
+    return sum(args) * k
+X = V1(E, 1.0, k=E)
+""",
+    ),
+    one_of(
+        "iterators",
+        """
+""",
+        """
+V1 = iter((E, E, E))
+X = next(V1)
+Y = next(V1)
+
+V1 = iter([E, E, E])
+if C:
+    X = next(V1)
+Y = next(V1)
+
+V1 = iter((E, E, E))
+next(V1)
+for V2 in V1:
+    X = X + V2
+
+V1 = zip((E, E), (1.0, E))
+V2, V3 = next(V1)
+X = V2 * V3
+for V2, V3 in V1:
+    X = X - V2 * V3
+
+V1 = map(lambda x: x * X, (E, 2.0))
+X = 3.0
+Y = sum(V1)
+
+V1 = enumerate((E, E, E))
+for V2, V3 in V1:
+    X = V3 * V2
+    if C:
+        break
+for V2, V3 in V1:
+    Y = V3 + V2
+
+V1 = reversed([E, E, E])
+X = next(V1)
+X = X - next(V1, 0.5)
+
+V1 = filter(lambda x: x > 0.0, (E, E, 1.0))
+X = next(V1)
+
+V1 = iter((0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5))
+V3 = 0
+while V3 < n and C:
+    V3 += 1
+    X = X + next(V1)
+Y = next(V1)
+
+V1 = iter((E, E, E, E))
+for V2 in range(2):
+    if C:
+        X = next(V1)
+Y = next(V1)
+""",
+    ),
+    one_of(
+        "generator expressions and sums",
+        """
+X = sum(x * E for x in (E, E, 0.5))
+X = sum([E, E, 1e16, E, -1e16])
+X = sum((E, E), E)
+X = max(x - E for x in (E, E, 0.5))
+X = min((E, E, E), key=lambda x: x * x)
+X = 1.0 if any(x > E for x in (E, E)) else E
+X = 1.0 if all([E, E < E]) else 2.0
+X = math.fsum([E, E, 1e16, -1e16])
+X = sum(range(n)) * E
+X = float(len([x for x in (E, E, E) if x > 0.0]))
+""",
+        """
+V1 = (x * X for x in (E, 2.0))
+X = 3.0
+Y = sum(V1)
+
+V1 = sorted([E, E, E])
+X, Y = V1[0], V1[2]
+
+V1 = sorted((E, E, E), key=abs, reverse=True)
+X = V1[1]
+""",
+    ),
+    one_of(
+        "assertions",
+        """
+assert C, f'{X} is wrong'
+""",
+        """
+assert E < 1e6
+X = E
+""",
+    ),
+    one_of(
+        "remainders",
+        """
+X = E % 1.5
+X = E // 0.7
+X, Y = divmod(E, 1.25)
+X = n % 3 + n // 2
+X = E % (abs(E) + 0.5)
+X = -E // 2
+X = (n - 5) % 3 * E
+X = (n - 7) // 2 + 0.5
+X = round(E, 2)
+X = 1.0 * round(E)
+X = E % -2.0
+X, Y = divmod(n - 4, 3)
+X = math.fmod(E, 0.3)
+""",
+    ),
+    one_of(
+        "integers",
+        """
+X = 2**70 * E
+X = BIG * E
+X = self.large * E
+X = E / 2**65
+X = (n * 2**62) * E
+X = (n + 2**63 - 2) * 1.0
+X = 3**(n + 45) * E
+X = 1.0 if 2.0**53 == 2**53 + 1 else 2.0
+X = 1.0 if E < 2**63 + n else 0.0
+X = 1.0 if E * 2.0**53 == 2**53 + n else 3.0
+X = n / 3 + n // 3
+X = (n - 2)**3 * E
+X = (7 * n + 1) / (n + 2)
+X = -n * 0.0
+X = 0 * -E
+X = n * (2**31) * (2**31) * 0.5
+X = (n << 3) + (n ^ 5) + (n & 6)
+X = abs(n - 5) * E
+X = int(E) + 0.5
+X = (1 << 62) * n * 2 - (1 << 63)
+X = float(2**63 + n) - 2.0**63
+X = min(n, 2) * E + max(n, E)
+X = 10**n * E
+X = n == 2.0
+""",
+        """
+V1 = 1
+for V2 in range(1, n + 25):
+    V1 *= V2
+X = V1 * 1e-20
+
+V1 = 1
+for V2 in range(1, 23):
+    V1 *= V2
+X = E / V1
+
+V1 = 2**53 + n
+X = 1.0 if V1 > 2.0**53 else 0.5
+""",
+    ),
+    one_of(
+        "powers",
+        """
+X = E**2
+X = E**-1
+X = E**0.5
+X = E**-1.0
+X = E**n
+X = 2**E
+X = 2.0**E
+X = abs(E)**E
+X = 0**n + E
+X = E**0
+X = E**3.0
+X = E**-2
+X = n**2 * E
+X = n**-1
+X = n**0.5
+X = (-2)**n
+X = abs(E)**1.5
+X = pow(E, 2)
+X = E**(n - 2)
+X = E**True
+X = E**17
+X = math.pow(abs(E), E)
+X = (-8.0)**3 * E
+X = E**64
+X = E**65
+""",
+        """
+V1 = -1.0
+X = E**V1
+""",
+    ),
+    one_of(
+        "assignment expressions and unpacking",
+        """
+X = (V1 := E) + V1 * 2.0
+X = Y = E
+X, Y = Y, X
+X = [V1 := E, V1 * 2.0][1]
+""",
+        """
+if (V1 := E) > 0.0:
+    X = V1
+else:
+    X = -V1
+
+V1, *V2 = E, E, E
+X = V1 + V2[0] - V2[-1]
+
+*V1, V2 = (E, E, E)
+X, Y = V1
+X = X - V2
+
+(V1, V2), V3 = (E, E), E
+X = V1 * V2 - V3
+
+V1 = [E, E, E]
+X = vec(*V1)[1]
+
+V1 = [0.0] * 3
+V1[n % 3] = E
+X = V1[0] - V1[1]
+""",
+    ),
+    one_of(
+        "else of loops",
+        """
+""",
+        """
+for V1 in (E, E, E):
+    if V1 > 1.0:
+        X = V1
+        break
+else:
+    X = E
+
+for V1 in range(n):
+    if V1 * X > E:
+        break
+else:
+    X = E
+
+V1 = 0.0
+while V1 < 3.0:
+    V1 = V1 + 1.0
+    if C:
+        break
+else:
+    X = E
+
+V1 = 1.0
+while abs(V1) > 0.1:
+    V1 = V1 * (0.25 + 0.1 * math.sin(X))
+X = V1
+""",
+    ),
+    one_of(
+        "comparisons",
+        """
+X = 1.0 if a < b < c else 2.0
+X = (a < b) + (b < c) * 2
+X = (a < b) * E
+X = 1.0 if a == b != c else E
+X = float(a > b)
+X = E if a < (V1 := E) <= c else d
+X = 1.0 if not a else 0.5
+X = 1.0 if (a < b) == (c < d) else 0.5
+X = 2.0 if (a < b) is True else 1.0
+X = 1.0 if X in (0.5, E, Y) else 0.0
+X = 1.0 if n in (1, 2) else E
+X = a or E
+X = a and E
+X = (a < b) and E
+X = -(a < b) + 0.5
+X = 1.0 if vec(a, b) == vec(E, E) else 0.5
+X = 1.0 if (a, b) < (c, d) else 2.0
+X = bool(E) + 0.5
+X = 1.0 if (a < b) & (c < d) else 2.0
+""",
+    ),
+    one_of(
+        "containers",
+        """
+X = len((a, b, E)) * 0.5
+""",
+        """
+V1 = [(a, b), (E, d)]
+for V2, V3 in V1:
+    X = X + V2 * V3
+
+V1 = [(a, b), (c, E)]
+V1[1] = (E, 1.0)
+X = V1[1][0]
+
+V1 = [a, E, c, d]
+X = V1[1:][0] + V1[-1] + V1[::-1][0]
+
+V1 = [a, E, c, d]
+V1[1:3] = [E, E]
+X = V1[2]
+
+V1 = {'u': E, 'v': b}
+X = V1['u'] - V1['v']
+
+V1 = {'u': E}
+V1['w'] = E
+for V2 in V1:
+    X = X + V1[V2]
+
+V1 = {k: k * X for k in (1, 2)}
+X = V1[2]
+
+V1 = f'{1 + 1}'
+X = 1.0 if V1 == '2' else 2.0
+
+V1 = [E, E]
+V2 = V1
+V2[0] = E
+X = V1[0]
+
+V1 = (E, E) + (c,)
+X = V1[n % 3]
+
+V1 = [E, E]
+V1 += [E]
+X = V1[2] + V1.pop()
+
+V1 = [E, E]
+V1.insert(0, E)
+X = V1[0]
+
+V1 = [[E, E], [E, E]]
+V1[0][1] = E
+X = V1[0][1]
+
+V1 = [[0.0] * 2] * 2
+V1[0][0] = E
+X = V1[1][0]
+
+V1 = [E, E, E]
+V1.sort()
+X = V1[0]
+
+V1 = (a, b, E)
+X = V1.index(b) + 0.5
+
+V1 = {1.0, 2.0}
+X = 1.0 if E in V1 else 0.5
+
+V1 = [x + y for x in (a, E) for y in (1.0, E) if x < y or True]
+X = V1[3]
+
+V1 = vec(E, E, E)
+X = V1[0] + V1[-1] * V1[n % 3]
+Y = dot(V1, V1[:2] and V1)
+
+V1, V2 = [], ()
+X = 1.0 if V1 or V2 else E
+""",
+    ),
+    one_of(
+        "the record",
+        """
+X = self.gain * E
+X = self.count * E
+X = E if self.word == 'mild' else -E
+X = self.pair[n % 2]
+X = self.nested[0][1] * E + self.nested[1][0]
+X = E if self.nothing is None else self.nothing
+X = E if self.flag else -E
+X = E if self.colour is Colour.RED else -E
+X = E if self.colour == Colour.BLUE else 0.5
+X = self.function(E)
+X = self.child.pulled(E)
+X = self.child.double * E
+X = self.mixed(E, E)
+X = World.mixed(E, 1.0)
+X = self.named(E)
+X = self.weight
+X = self.scalar * E
+X = self.place[0] - self.place[1] * E
+X = Child(E).pulled(E)
+X = Child(stiffness=E).stiffness
+X = Base().rate + self.child.rate * E
+X = self.flag + 0.5
+X = self.flag * E
+X = self.colour.value * E
+X = getattr(self, 'gain') + E
+X = Base.rate * E
+X = 1.0 if isinstance(self.child, Base) else 0.0
+X = 1.0 if type(self.child) is Child else E
+X = self.pair[0] / self.count
+X = sum(self.pair) * E
+X = self.gain / E
+X = self.nested[0][0] / 2 + self.nested[1][0]
+X = math.copysign(E, self.gain)
+""",
+        """
+for V1 in self.pair:
+    X = X + V1 * E
+""",
+    ),
+    one_of(
+        "globals",
+        """
+X = K * E
+X = shifted(E)
+X = TABLE[2] + E
+X = STEPS[1] * E
+X = folded(E, 3)
+X = sum(STEPS) + E
+X = BIG / 2**60 + E
+X = len(TABLE) + E
+X = TABLE[n % 3]
+""",
+        """
+for V1 in TABLE:
+    X = X + V1
+""",
+    ),
+    one_of(
+        "functions of Python and NumPy",
+        """
+X = math.hypot(E, E)
+X = math.copysign(E, E)
+X = math.pow(abs(E), 1.5)
+X = math.log10(abs(E) + 1.0)
+X = math.radians(E)
+X = math.degrees(E)
+X = math.sin(E) + math.pi
+X = np.sin(E)
+X = np.sqrt(abs(E))
+X = np.pi * E
+X = np.float64(2.0) * E
+X = math.floor(E) + 0.5
+X = math.ceil(E)
+X = math.fabs(E)
+X = math.exp(-abs(E))
+X = math.sqrt(abs(E))
+X = math.atan2(E, E)
+X = math.e + math.tau
+X = 1.0 if math.isfinite(E) else 0.5
+X = 1.0 if math.isnan(E) else 0.5
+X = np.maximum(E, E)
+X = np.abs(E)
+X = float(np.exp(-abs(E)))
+X = np.int64(3) * E
+X = math.trunc(E) * 1.0
+X = math.log2(abs(E) + 1.0)
+X = math.cbrt(E)
+X = math.expm1(E / (1.0 + abs(E)))
+X = math.log1p(abs(E))
+X = np.hypot(E, E)
+X = np.where(a < b, E, E)
+X = np.array([1.0, 2.0])[0] * E
+X = math.prod((E, E))
+X = math.dist((a, b), (E, d))
+X = math.gcd(12, n) * E
+X = math.factorial(n) * E
+X = math.log(abs(E) + 1.0, 2.0)
+X = math.inf if False else E
+X = float('0.5') * E
+X = where(a > 0.0, 1.0, E)
+X = where(a < b and c < d, E, E)
+X = norm(vec(E, E))
+X = isinstance(X, float) * E
+X = float(n)
+X = int(n) * E
+X = complex(E, 1.0).real
+X = abs(-E)
+X = max(E, E, n)
+X = min(a, b, E)
+X = max(0, E)
+X = min(E, 1)
+X = (E).is_integer() + 0.5
+""",
+    ),
+    one_of(
+        "statements",
+        """
+X: float = E
+pass
+'a comment'
+if C: X = E
+X = (lambda: E)()
+X = (lambda *x: x[0])(E)
+""",
+        """
+V1 = E
+del V1
+
+V1 = E
+V1 += 1
+V1 -= E
+V1 *= 2
+X = V1
+
+V1 = E
+V1 /= 3
+X = V1
+
+V1 = 7
+V1 //= 2
+X = V1 * E
+
+V1 = E
+V1 **= 2
+X = V1
+
+try:
+    X = E
+except ZeroDivisionError:
+    X = 0.0
+
+with np.errstate(all='ignore'):
+    X = E
+
+match n:
+    case 2:
+        X = E
+    case _:
+        X = 0.5
+
+global K
+X = K
+
+import math as V1
+X = V1.pi
+
+V1 = None
+if C:
+    V1 = E
+X = E if V1 is None else V1
+""",
+    ),
+    one_of(
+        "derivatives",
+        """
+X = derivative(lambda x: x * x * E, E, 1.0)
+X = derivative(lambda x: x * derivative(lambda y: x * y * y, E, 1.0), E, 1.0)
+X = gradient(lambda v: v[0] * v[0] * v[1], vec(E, E))[0]
+X = jacobian(lambda v: gradient(lambda w: dot(w, w) * w[0], v), vec(E, E))[0, 1]
+X = derivative(lambda x: sin(x) * X, E, 1.0)
+X = derivative(lambda x: x**3, E, 1.0)
+X = derivative(lambda x: derivative(lambda y: x + y, X, 1.0), E, 1.0)
+X = derivative(lambda x: derivative(lambda y: derivative(lambda z: x * y * z * z, y, 1.0), x, 1.0), E, 1.0)
+X = derivative(lambda x: 2**x, E, 1.0)
+X = derivative(lambda x: x if x > 0.0 else -x * x, E, 1.0)
+""",
+        """
+V1 = E
+V2 = lambda x: V1 * x * x
+V1 = E
+X = derivative(V2, E, 1.0)
+""",
+    ),
+]
+
+
+class Derivatives(fuzz.Writer):
+    """Writes expressions of derivatives within derivatives, which `math` and `mpmath` have an opinion on too."""
+
+    def smooth(self, names: tuple[str, ...], depth: int, level: int) -> str:
+        """An expression of these variables, with derivatives up to this level inside."""
+        r = self.random
+        if depth == 0:
+            return r.choice([*names, *names, "0.5", "1.25"])
+        one = lambda: self.smooth(names, depth - 1, level)  # noqa: E731
+        kinds = [
+            lambda: f"({one()} + {one()})",
+            lambda: f"({one()} * {one()})",
+            lambda: f"({one()} * {one()})",
+            lambda: f"({one()} - {one()} * {r.choice(names)})",
+            lambda: f"{r.choice(['sin', 'cos', 'tanh', 'atan'])}({one()})",
+            lambda: f"exp(-0.5 * ({one()}) ** 2)",
+            lambda: f"{one()} / (1.5 + ({one()}) ** 2)",
+            lambda: f"({one()}) ** {r.choice(['2', '3'])}",
+            lambda: f"2.0 ** sin({one()})",
+            lambda: f"sqrt(1.0 + ({one()}) ** 2)",
+            lambda: f"(1.0 + ({one()}) ** 2) ** cos({one()})",
+        ]
+        if level:
+            kinds += [lambda: self.derived(names, depth, level)] * 6
+        return r.choice(kinds)()
+
+    def derived(self, names: tuple[str, ...], depth: int, level: int) -> str:
+        self.fresh += 1
+        inner, at = f"x{self.fresh}", self.smooth(names, depth - 1, 0)
+        body = self.smooth((*names, inner, inner), max(depth - 1, 1), level - 1)
+        return f"derivative(lambda {inner}: {body}, {at}, 1.0)"
+
+    def module(self) -> str:
+        lines = "".join(f"    {x} = {self.derived(('a', 'b', 'c'), 3, 3)}\n" for x in "pq")
+        return f"from liemech.formulas import *\n\n\ndef formula(a, b, c, d, n):\n{lines}    return vec(p, q, p * q, d)\n"

@@ -1,0 +1,200 @@
+"""Random programs over the whole language: native code gives what CPython gives, or refuses by name.
+
+`python tests/compiler/test_whole_language.py 0 2000` runs many, and prints failures and refusals by kind.
+"""
+
+from __future__ import annotations
+
+import collections
+import re
+import sys
+import tempfile
+import textwrap
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import fuzz
+import fuzz_language
+import mpmath
+import pytest
+import worlds
+
+from liemech.compiler import cache, kernel
+from liemech.errors import NotCompilable
+
+ROWS = 12
+UNFRIENDLY = re.compile(r"cannot be compiled: \w*(Error|Exception|StopIteration)\b")
+
+
+class Difference(AssertionError):
+    """Native code gives another number than CPython."""
+
+
+def refusal(error: Exception) -> str:
+    """What was refused, without names and numbers."""
+    reason = str(error).partition("cannot be compiled: ")[2] or str(error)
+    return re.sub(r"-?\d+(\.\d+)?(e-?\d+)?|0x\w+", "#", re.sub(r"`.*`", "`...`", reason))[:110]
+
+
+def truth(formula: Any, row: list[float], turns: int) -> Any:
+    """What CPython gives, as bits; the exception if it raises."""
+    try:
+        return [worlds.bits(x) for x in worlds.flat(formula(*row, turns))]
+    except RecursionError:
+        raise
+    except Exception as error:
+        return error
+
+
+def compare(world: Any, rows: list[list[float]], turns: int, lanes: tuple[int, ...]) -> bool:
+    """Raise `Difference` or what the compiler raises; False if CPython has no result for any row."""
+    expected = [truth(world.formula, row, turns) for row in rows]
+    widths = {len(e) for e in expected if isinstance(e, list)}
+    if len(widths) != 1:
+        return False
+    (width,) = widths
+    for count in lanes:
+        found = worlds.native(type(world).formula, rows, width, turns, count, (world,))
+        for row, right, got in zip(rows, expected, found, strict=True):
+            if isinstance(right, Exception):
+                loose = isinstance(right, (ZeroDivisionError, OverflowError)) or "math domain" in str(right)
+                if not (loose or got is worlds.REJECTED or worlds._infinite(got)):
+                    raise Difference(f"{count} lanes, {row}: {worlds._shown(got)}, where CPython raises {right!r}")
+            elif got != right:
+                raise Difference(f"{count} lanes, {row}, n = {turns}: {worlds._shown(got)} instead of {worlds._shown(right)}")
+    return True
+
+
+def check(seed: int, folder: Path, lanes: tuple[int, ...], text: str | None = None) -> str | None:
+    """Compare one program, then with another static field, then with another global; the kind of refusal, if it is refused."""
+    text = text or fuzz_language.Language(seed).module()
+    module = worlds.module_from(text, folder, f"random_program_{seed}")
+    rows = fuzz.arguments(seed, ROWS, worlds.SPECIAL)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            if not compare(module.World(), rows, 2, lanes):
+                return "nothing to compare"
+            for name, value in fuzz_language.STATIC_CHANGES.items():
+                if f"self.{name}" in text.partition("def formula")[2]:
+                    compare(module.World(**{name: eval(value, vars(module))}), rows, 2, lanes[:1])
+            for name, value in fuzz_language.GLOBAL_CHANGES.items():
+                if name in text.partition("def formula")[2]:
+                    change(module, name, value)
+                    compare(module.World(), rows, 2, lanes[:1])
+    except NotCompilable as error:
+        return refusal(error)
+    finally:
+        del sys.modules[f"random_program_{seed}"]
+    return None
+
+
+def change(module: ModuleType, name: str, value: str) -> None:
+    owner, _, attribute = name.rpartition(".")
+    setattr(getattr(module, owner) if owner else module, attribute, eval(value, vars(module)))
+
+
+def sample(seeds: range, folder: Path, show: Any = None) -> tuple[collections.Counter[str], dict[str, list[str]]]:
+    """Refusals by kind, and failures by the features of the program."""
+    refused: collections.Counter[str] = collections.Counter()
+    failed: dict[str, list[str]] = {}
+    for seed in seeds:
+        try:
+            kind = check(seed, folder, (1, kernel.lanes()) if seed % 4 == 0 else (1,))
+            refused[kind or "compared"] += 1
+        except Exception as failure:
+            program = fuzz_language.Language(seed)
+            program.module()
+            failed.setdefault(f"{type(failure).__name__}", []).append(f"seed {seed} ({', '.join(program.used)}): {failure}")
+        if show and seed % 100 == 99:
+            show(f"{seed + 1 - seeds.start} programs, {refused['compared']} compared, {sum(map(len, failed.values()))} failed")
+    return refused, failed
+
+
+def forms_alone(folder: Path, rounds: int = 3) -> Iterator[tuple[str, collections.Counter[str]]]:
+    """What becomes of each form of each feature alone in a formula."""
+    number = 10**6
+    for form in (form for feature in fuzz_language.FEATURES for form in feature.forms):
+        found: collections.Counter[str] = collections.Counter()
+        for _ in range(rounds):
+            number += 1
+            writer = fuzz_language.Language(number)
+            writer.names = fuzz.NAMES
+            body = "self_static = 2\n" + writer.fill(form) + "\nreturn vec(a, b, c, d)\n"
+            head = "    def formula(self, a, b, c, d, n):\n"
+            text = fuzz_language.HEADER + head + textwrap.indent(body, " " * 8)
+            try:
+                kind = check(number, folder, (1,), text) or "same"
+            except Exception as failure:
+                kind = f"FAILED {type(failure).__name__}: {str(failure)[:160]}"
+            found[kind] += 1
+        yield form, found
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("hundred", range(4))
+def test_random_programs(hundred: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cache, "store", lambda key, code: None)  # nobody will ever need them again
+    refused, failed = sample(range(1000 * hundred, 1000 * hundred + 50), tmp_path)
+    assert not failed, "\n".join(text for texts in failed.values() for text in texts)
+    assert not [kind for kind in refused if UNFRIENDLY.search(kind)]
+    assert refused["compared"] >= 10
+
+
+def check_derivatives(seed: int, folder: Path, lanes: tuple[int, ...]) -> None:
+    """Derivatives within derivatives are those of mpmath's differences of 60 digits, and of one form in all worlds."""
+    text = fuzz_language.Derivatives(seed).module()
+    module = worlds.module_from(text, folder, f"random_derivative_{seed}")
+    rows = [[0.3 + 0.1 * i, -0.7 + 0.2 * i, 1.1 - 0.3 * i, 0.0] for i in range(3)]
+    names: dict[str, Any] = {name: getattr(mpmath, name) for name in ("sin", "cos", "tanh", "atan", "exp", "sqrt")}
+    names |= {"vec": lambda *x: x, "derivative": lambda f, x, d: mpmath.diff(f, x) * d}
+    exec(text.partition("\n\n\n")[2], names)
+    with mpmath.workdps(60):
+        for row in rows:
+            right, found = names["formula"](*map(mpmath.mpf, row), 2), module.formula(*row, 2)
+            for x, y in zip(right, found, strict=True):
+                if abs(x - y) > 1e-9 * (1.0 + abs(x)):
+                    raise Difference(f"{text}\n{row}: {found} instead of {[float(x) for x in right]}")
+    worlds.same_in_all_worlds(module.formula, rows, 2, lanes)
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("seed", range(12))
+def test_random_derivatives(seed: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cache, "store", lambda key, code: None)
+    check_derivatives(seed, tmp_path, (1, kernel.lanes()) if seed < 4 else (1,))
+
+
+@pytest.mark.slow
+@pytest.mark.compiled
+def test_many_random_programs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setattr(cache, "store", lambda key, code: None)
+
+    def show(text: str) -> None:
+        with capsys.disabled():
+            print(text, flush=True)
+
+    refused, failed = sample(range(10_000, 30_000), tmp_path, show)
+    show("\n".join(f"{count:6} {kind}" for kind, count in refused.most_common()))
+    assert not failed, "\n".join(text for texts in failed.values() for text in texts)
+
+
+def main(first: int, last: int) -> None:
+    cache.store = lambda key, code: None
+    with tempfile.TemporaryDirectory() as folder:
+        if first == last:
+            for form, kinds in forms_alone(Path(folder)):
+                print(f"--- {form!r}", *(f"{count} {kind}" for kind, count in kinds.items()), sep="\n    ", flush=True)
+            return
+        refused, failed = sample(range(first, last), Path(folder), print)
+    for kind, count in refused.most_common():
+        print(f"{count:6} {kind}")
+    for name, texts in failed.items():
+        print(f"{name}: {len(texts)}", *texts, sep="\n")
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]), int(sys.argv[2]))
