@@ -16,7 +16,7 @@ from .errors import IntegrationFailure, IntegrationInterrupted, InvalidInput, In
 from .execution import LOOK, Execution
 from .formulas import where
 from .formulas.broadcasting import small
-from .formulas.pytree import NUMBER, build, compensated, fitted, layout_of, leaves, plain
+from .formulas.pytree import NUMBER, compensated, fitted, layout_of, leaves, plain
 from .integrators.method import Method
 from .systems.system import State, System
 from .trajectory import Stopped, Trajectory
@@ -221,7 +221,11 @@ class Run:
         if self.given == self.shown:
             self.out[0] = starts
         self.taken[:] = -1.0
-        self._run(beginning, values, starts, self.states, self.out[0], self.taken)
+        arrays = starts, self.states, self.out[0], self.taken
+        self._run(beginning, values, *arrays)
+        for i in np.flatnonzero(self.taken[: self.count] < 0.0):
+            if i not in self.failures:
+                self._plain(begin, values, arrays, int(i), 0)
         if beginning.native is not None:
             self.marching.compile()
 
@@ -268,7 +272,10 @@ class Run:
                     if not len(target):
                         target = np.empty((1, *self.out.shape[1:]))
                     values, arrays = self._arguments(done, every, samples), (self.states, target, self.taken)
+                    running = self.taken[: self.count] == done
                     self._run(self.marching, values, *arrays, done=done, more=every * samples, of=self.steps)
+                    for i in np.flatnonzero(running & (self.taken[: self.count] < after)):
+                        self._once_more(int(i), done, every, after, target)
                     if self.bodies is None and self.taken[0] < after:
                         raise self._ended(0)
                     done = after
@@ -319,6 +326,16 @@ class Run:
                 error.add_note(f"[integrate: body {i}; the samples before it are in `.trajectory`]")
                 raise self._with_trajectory(error, self._result(done) if driver is march else self._only_start())
 
+    def _once_more(self, i: int, done: int, every: int, after: int, target: np.ndarray) -> None:
+        """A step that native code has marked is plain Python's, and so are the next ones of this piece.
+
+        It knows what the step raises, and goes on where native code cannot: with integers beyond 2^63, for example.
+        """
+        while self.taken[i] < after and i not in self.failures:
+            step = int(self.taken[i])
+            row, part = divmod(step - done, every)
+            self._plain(march, self._arguments(step, every - part, 1), (self.states, target[row : row + 1], self.taken), i, step)
+
     def _native(self, execution: Execution, values: tuple[Any, ...], arrays: tuple[np.ndarray, ...], start: int) -> None:
         """Run a driver in native code on the bodies from `start`, perhaps in threads."""
         if self.columns > self.count:  # the lanes that are left over follow the last body
@@ -363,20 +380,10 @@ class Run:
         return run
 
     def _failure(self, body: int) -> IntegrationFailure:
-        """Why a body stopped: what plain Python saw its step raise, or sees now."""
+        """Why a body stopped: what plain Python saw its step raise."""
         step = int(self.taken[body])
         t = self.t0 + step * self.h
         at = f"step {step + 1} of {self.steps}, t = {t:g}" if step >= 0 else f"at the start, t = {self.t0:g}"
-        if body not in self.failures:
-            if step < 0:
-                trial = attempt(begun, self.method, self.system, self._beginning(body), self.h)
-            else:
-                memory = build(self.layout, iter(self.states[:, body].tolist()))
-                trial = attempt(stepped, self.method, self.system, t, memory, self.h, self.layout, False)
-            self.failures[body] = reason(trial)
-            if accepted(trial, observed):
-                again = "failed in native code and not in plain Python: a formula depends on more than its arguments"
-                self.failures[body] = IntegrationFailure(f"{self.method!r}: the step {again}")
         if self.bodies is None:
             at += f"; {self._rows(step)} samples are in `.trajectory`"
         return failure(self.failures[body], repr(self.method), at)
