@@ -139,13 +139,19 @@ class Reads:
         """A cached property: a constant that Python computes, or a formula where it depends on numbers of the run."""
         if id(owner) not in self._origins:
             return call(member.func, owner)
-        self._glance(member.func, type(owner), set())
+        if self._is_made(owner):
+            self._glance(member.func, type(owner), set())
         if id(owner) in self._given and _varies(owner):
             value = getattr(owner, name)
             vars(owner).pop(name, None)
             if _varies(value):
                 return call(member.func, owner)
         return self._read(owner, "attribute", name)
+
+    def _is_made(self, value: Any) -> bool:
+        """Does a property make it anew each time, so that it cannot be looked at again?"""
+        holder, how, _ = self._origins.get(id(value), (None, "", ""))
+        return how == "property" or (holder is not None and self._is_made(holder))
 
     def _glance(self, function: Any, cls: type, seen: set[int]) -> None:
         """Write down what a function that Python runs names, and what the functions among that name."""
