@@ -102,16 +102,16 @@ class Loops(Branches):
         """A way back to this point: undoes everything emitted since, so that it can be translated in another way."""
         b, function, frame = self.builder, self.builder.function, self.frames[-1]
         block, instructions, blocks = b.block, len(b.block.instructions), len(function.blocks)
-        lists: list[list[Any]] = [self.frames, frame.loops, frame.returns, self.escapes, *self.escapes]
+        lists: list[list[Any]] = [self.frames, frame.loops, frame.returns, self.escapes, *self.escapes, self.outliner.spent]
         lengths = [len(items) for items in lists]
         state = self.base, self.depth, self.raises, self.region, frame.env, frame.node
-        taken = [(stream, stream.taken, stream.region) for stream in self.streams]
+        taken, emitted = [(stream, stream.taken, stream.region) for stream in self.streams], b.emitted
 
         def forget() -> None:
             for items, length in zip(lists, lengths, strict=True):
                 del items[length:]
             del function.blocks[blocks:], block.instructions[instructions:]
-            block.terminator = None
+            block.terminator, b.emitted = None, emitted
             self.base, self.depth, self.raises, self.region, frame.env, frame.node = state
             for stream, before, region in taken:
                 stream.back_to(before, region)

@@ -28,6 +28,7 @@ from . import driver
 from .expressions import Expressions, holds_number
 from .ir_numbers import Emitter, Num
 from .joins import RETURN, Open
+from .outlined import Outliner
 from .python_functions import OUTSIDE, PythonFunctions
 from .scopes import Closure, Env, Frame, Undefined, bound
 from .source import source_of
@@ -51,6 +52,7 @@ class Interpreter(Statements):
     def __init__(self, emitter: Emitter) -> None:
         super().__init__(emitter)
         emitter.fail_if = self.fail_if
+        self.outliner = Outliner(self)
         self.intrinsics: dict[Any, Callable[..., Any]] = {
             **PythonFunctions(self).table,
             functions.where: self.where,
@@ -106,7 +108,7 @@ class Interpreter(Statements):
         self.deeper()
         source = source_of(bare(function))
         env = bound(inspect.signature(source.function, follow_wrapped=False), source.name, args, options)
-        return self.enter(Frame(source, source.node, env))
+        return self.outliner.enter(Frame(source, source.node, env))
 
     def enter(self, frame: Frame) -> Any:
         """The value that a function returns, its body translated in a frame of its own."""

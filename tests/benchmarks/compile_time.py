@@ -181,9 +181,9 @@ def measured(name: str, steps: bool) -> dict[str, Any]:
 
     def timed(function: Any, what: str) -> Any:
         def run(*args: Any) -> Any:
-            before, inner = time.perf_counter(), sum(spent.values())
+            before, inner = time.process_time(), sum(spent.values())
             result = function(*args)
-            spent[what] += time.perf_counter() - before - (sum(spent.values()) - inner)
+            spent[what] += time.process_time() - before - (sum(spent.values()) - inner)
             if what == "translation":
                 counts.append(sum(len(block.instructions) for f in result.functions for block in f.blocks))
             return result
@@ -203,9 +203,9 @@ def measured(name: str, steps: bool) -> dict[str, Any]:
             for _ in range(3):
                 run.states[:], run.taken[:] = states, 0.0
                 target = np.empty((1, *run.out.shape[1:]))
-                before = time.perf_counter()
+                before = time.process_time()
                 run._run(march, run._arguments(0, n, 1), run.states, target, run.taken)
-                times.append(time.perf_counter() - before)
+                times.append(time.process_time() - before)
             best = min(times) / n / bodies
             if min(times) > 0.03 or n > 20_000_000:
                 break
