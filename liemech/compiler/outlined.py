@@ -10,7 +10,6 @@ from __future__ import annotations
 import dataclasses
 import struct
 import types
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -51,10 +50,10 @@ class Builder(ir.IRBuilder):
         self.emitted += 1
         self.made += 1
         if self.emitted + self.finished > LIMIT or self.made > EFFORT * LIMIT:
-            size = f"more than {LIMIT} instructions" if self.made <= EFFORT * LIMIT else f"{self.made} instructions in several tries"
+            tries = "" if self.made <= EFFORT * LIMIT else ", with all tries"
             raise TooLong(
-                f"the native code would be too long, {size}, and take more than about ten seconds to make. Take a method of fewer "
-                "stages or a lower order, a smaller group, closed forms for what is now derived (`dtau`, `gradient`), or compiled=False"
+                f"the native code would be too long, {min(self.made, LIMIT)} instructions and more{tries}, and take ten seconds and more to "
+                "make. Take fewer stages or a lower order, a smaller group, closed forms for what is derived, or compiled=False"
             )
         super()._insert(instruction)
 
@@ -72,8 +71,7 @@ class Outlined:
     """A native function made of a formula."""
 
     function: ir.Function
-    layout: Layout  # of the result
-    places: list[tuple[str, Any]]  # of its numbers: in the returned structure, among the arguments, or a constant
+    pattern: Any  # how the result is put together, of returned numbers, arguments and constants
     kinds: list[tuple[str, bool]]  # of the returned numbers
     failed: bool  # does it return which lanes have failed
     escapes: bool  # and whether all have
@@ -89,6 +87,7 @@ class Call:
     general: tuple[Any, ...]  # the same without the constants inside vectors, matrices and pairs
     numbers: list[Num]  # without those that occur before and those of the kernel's arguments
     constants: list[Num]  # of the general form, also to be passed
+    parts: list[Any]  # the vectors, records, ... among the arguments and in them
 
 
 class Outliner:
@@ -133,6 +132,8 @@ class Outliner:
         seen: dict[Any, int] = {}
         numbers: list[Num] = []
         constants: list[Num] = []
+        parts: list[Any] = []
+        places: dict[int, int] = {}
 
         def form(x: Any, inside: bool, general: bool) -> Any:
             if isinstance(x, Num):
@@ -150,53 +151,61 @@ class Outliner:
                 return "float", struct.pack("<d", x)
             if x is None or isinstance(x, (bool, int, str, bytes)):
                 return type(x), x
-            if isinstance(x, (Vec, *PAIRS, Mat)):
-                parts = x.parts if isinstance(x, PAIRS) else x
-                kind = layout_of(x, is_any_number).detail if isinstance(x, PAIRS) else type(x)
-                return kind, tuple([form(y, True, general) for y in parts])
-            if type(x) in (tuple, list):
-                if type(x) is tuple and self._constant(x):
-                    return self._identity(x)
-                return type(x), tuple([form(y, inside, general) for y in x])
-            if isinstance(x, Record):
-                if not layout_of(x).width:
-                    return self._identity(x)
-                return type(x), tuple([form(getattr(x, f.name), inside, general) for f in dataclasses.fields(x)])  # type: ignore[arg-type]
-            if isinstance(x, (types.FunctionType, types.BuiltinFunctionType, type, np.ndarray, np.generic, range, Layout)):
+            if self._whole(x):
                 return self._identity(x)
-            raise Unknown
+            if not isinstance(x, _STRUCTURES):
+                raise Unknown
+            if id(x) in places:
+                return "again", places[id(x)]
+            places[id(x)] = len(parts)
+            parts.append(x)
+            inside = inside or isinstance(x, (Vec, Mat, *PAIRS))
+            kind = layout_of(x, is_any_number).detail if isinstance(x, PAIRS) else type(x)
+            return kind, tuple([form(y, inside, general) for y in _parts(x)])
 
         try:
             items = [*given.items(), ("<mask>", active)]
             known = tuple([(name, form(x, False, False)) for name, x in items])
-            count = len(numbers)
+            count, of_known = len(numbers), [*parts]
+            places.clear()
+            parts.clear()
             general = tuple([(name, form(x, False, True)) for name, x in items])
         except Unknown:
             return None
         assert len(numbers) == count
         here = function, bool(self.t.escapes)
-        return Call((*here, known), (*here, general), numbers, constants)
+        return Call((*here, known), (*here, general), numbers, constants, of_known)
 
     def _identity(self, x: Any) -> Any:
         self.kept[id(x)] = x
         return "object", id(x)
 
-    def _constant(self, x: Any) -> bool:
-        """A tuple of nothing but constants, such as the rows of a tableau."""
-        if id(x) in self.kept:
+    def _whole(self, x: Any) -> bool:
+        """Something known now that is told by its identity: a function, an array, a record or tuple of nothing but constants."""
+        if id(x) in self.kept or isinstance(x, _OBJECTS):
             return True
-        if type(x) is not tuple or not x:
-            return x is None or isinstance(x, (bool, int, float, str))
-        return all(map(self._constant, x))
+        if type(x) is tuple:
+            return all(y is None or isinstance(y, (bool, int, float, str)) or (type(y) is tuple and self._whole(y)) for y in x)
+        return isinstance(x, Record) and not layout_of(x).width
 
     def _parameter(self, x: Num) -> int | None:
         """Which of the kernel's arguments a number is: the functions read these themselves."""
         v = x.values[0]
-        if isinstance(v, ir.LoadInstr) and isinstance(v.operands[0], ir.GEPInstr):
+        place = self._parameter_of(x)
+        return place if place is not None and v.operands[0].pointer is self.e.builder.function.args[0] else None  # type: ignore[attr-defined]
+
+    def _parameter_of(self, x: Num) -> int | None:
+        v = x.values[0]
+        if isinstance(v, ir.LoadInstr) and isinstance(v.operands[0], ir.GEPInstr) and v.type == F64:
             pointer = v.operands[0]
-            if pointer.pointer is self.e.builder.function.args[0]:
+            if isinstance(pointer.pointer, ir.Argument) and isinstance(pointer.indices[0], ir.Constant):
                 return pointer.indices[0].constant
         return None
+
+    def _loaded(self, place: int) -> Num:
+        """This argument of the kernel, in the present function."""
+        b = self.e.builder
+        return self.e.num([b.load(b.gep(b.function.args[0], [ir.Constant(I64, place)], source_etype=F64), typ=F64)])
 
     # -------------------------------------------------------------- the function
 
@@ -228,7 +237,7 @@ class Outliner:
             b.position_at_end(function.append_basic_block("entry"))
             values = iter(function.args[1:])
             inner = [Num(self.e, tuple(next(values) for _ in x.values), x.kind) for x in passed]
-            arguments = self._inside(given, active, call, inner, general, function)
+            arguments, parts = self._inside(given, active, call, inner, general, function)
             t.base, t.depth, t.raises, self.e.calls = arguments.pop("<mask>"), 0, 0, 0
             t.failed, t.escapes = None, []
             if slots:
@@ -239,7 +248,7 @@ class Outliner:
             b.position_at_end(start)
             t.frames.append(Frame(frame.source, frame.scope, {}))  # between the variables of two native functions
             result = t.enter(Frame(frame.source, frame.scope, arguments))
-            made = self._returned(function, result, inner, escapes, given)
+            made = self._returned(function, result, inner, parts, escapes)
             b.finished += b.emitted
         except NotCompilable as error:
             if isinstance(error, TooLong):
@@ -254,63 +263,70 @@ class Outliner:
 
     def _inside(
         self, given: dict[str, Any], active: Any, call: Call, inner: list[Num], general: bool, function: ir.Function
-    ) -> dict[str, Any]:
-        """The arguments as the function sees them."""
+    ) -> tuple[dict[str, Any], list[Any]]:
+        """The arguments as the function sees them, and their parts."""
         of = {x.values: y for x, y in zip(call.numbers, inner)}
         constants = iter(inner[len(call.numbers) :])
         loaded: dict[int, Num] = {}
-        b = self.e.builder
+        parts: list[Any] = []
+        places: dict[int, int] = {}
 
         def seen(x: Any, inside: bool) -> Any:
             if isinstance(x, Num):
                 if x.values in of:
                     return of[x.values]
-                load: Any = x.values[0]
-                index = load.operands[0].indices[0]
-                if index.constant not in loaded:
-                    loaded[index.constant] = self.e.num([b.load(b.gep(function.args[0], [index], source_etype=F64), typ=F64)])
-                return loaded[index.constant]
+                place = self._parameter_of(x)
+                assert place is not None
+                if place not in loaded:
+                    loaded[place] = self._loaded(place)
+                return loaded[place]
             if type(x) is float:
                 return next(constants) if general and inside else x
-            if isinstance(x, (Vec, *PAIRS, Mat)):
-                layout = layout_of(x, is_any_number)
-                if isinstance(x, PAIRS):
-                    flat = [leaf for part in x.parts for leaf in leaves(seen(part, True), layout_of(part, is_any_number))]
-                    return build(layout, iter(flat))
-                return type(x)(*[seen(y, True) for y in x])
-            if type(x) in (tuple, list) and not (type(x) is tuple and self._constant(x)):
-                return type(x)([seen(y, inside) for y in x])
-            if isinstance(x, Record) and layout_of(x).width:
-                return fill(type(x), {f.name: seen(getattr(x, f.name), inside) for f in dataclasses.fields(x)})  # type: ignore[arg-type]
-            return x
+            if self._whole(x) or not isinstance(x, _STRUCTURES):
+                return x
+            if id(x) in places:
+                return parts[places[id(x)]]
+            place = places[id(x)] = len(parts)
+            parts.append(None)
+            inside = inside or isinstance(x, (Vec, Mat, *PAIRS))
+            parts[place] = _of_parts(x, [seen(y, inside) for y in _parts(x)])
+            return parts[place]
 
-        return {name: seen(x, False) for name, x in [*given.items(), ("<mask>", active)]}
+        return {name: seen(x, False) for name, x in [*given.items(), ("<mask>", active)]}, parts
 
-    def _returned(
-        self, function: ir.Function, result: Any, inner: list[Num], escapes: list[Open], given: dict[str, Any]
-    ) -> Outlined:
+    def _returned(self, function: ir.Function, result: Any, inner: list[Num], parts: list[Any], escapes: list[Open]) -> Outlined:
         """Let the function return: its numbers, the lanes that have failed, and whether all have."""
         t, b, e = self.t, self.e.builder, self.e
-        self._check(result, given)
-        layout = layout_of(result, is_any_number)
-        arguments = {x.values: i for i, x in enumerate(inner)}
-        places: list[tuple[str, Any]] = []
+        arguments, whole_arguments = {x.values: i for i, x in enumerate(inner)}, {id(x): i for i, x in enumerate(parts)}
         numbers: list[Num] = []
         at: dict[Any, int] = {}
-        for x in leaves(result, layout):
-            if not isinstance(x, Num):
-                places.append(("constant", x))
-            elif x.values in arguments:
-                places.append(("argument", arguments[x.values]))
-            else:
+        made: list[list[Any]] = []  # lists in the result
+
+        def pattern(x: Any) -> Any:
+            """How a caller puts the result together."""
+            if isinstance(x, Num):
                 place = self._parameter(x)
                 if place is not None:
-                    places.append(("parameter", place))
-                    continue
+                    return "parameter", place
+                if x.values in arguments:
+                    return "argument", arguments[x.values]
                 if x.values not in at:
                     at[x.values] = len(numbers)
                     numbers.append(x)
-                places.append(("result", at[x.values]))
+                return "result", at[x.values]
+            if x is None or isinstance(x, (bool, int, float, str, bytes)) or self._whole(x):
+                return "constant", x
+            if id(x) in whole_arguments:
+                return "part", whole_arguments[id(x)]
+            if isinstance(x, list):
+                if any(x is y for y in made):
+                    raise NotCompilable("a list that has two names")
+                made.append(x)
+            if not isinstance(x, _STRUCTURES):
+                raise NotCompilable(f"a result that holds {type(x).__name__}")
+            return "structure", (x, [pattern(y) for y in _parts(x)])
+
+        whole = pattern(result)
         registers = [v for x in numbers for v in x.values]
         failed = t.raises > 0
         kinds = [v.type for v in registers]
@@ -326,10 +342,10 @@ class Outliner:
                 values = [*values, *e.load(t.failed).values]
             if escapes:
                 values = [*values, ir.Constant(TYPES["b"], escaped)]
-            whole = ir.Constant(type_, ir.Undefined)
+            structure = ir.Constant(type_, ir.Undefined)
             for i, v in enumerate(values):
-                whole = b.insert_value(whole, v, i)
-            b.ret(whole) if values else b.ret_void()
+                structure = b.insert_value(structure, v, i)
+            b.ret(structure) if values else b.ret_void()
 
         leave(False)
         for o in escapes:
@@ -339,26 +355,7 @@ class Outliner:
             function.ftype = ir.FunctionType(type_, function.ftype.args)
             function.type = function.ftype.as_pointer()
             function.return_value = ir.values.ReturnValue(function, type_)
-        return Outlined(
-            function, layout, places, [(x.kind, x.varying) for x in numbers], failed, bool(escapes), t.raises, e.calls
-        )
-
-    def _check(self, result: Any, given: dict[str, Any]) -> None:
-        """A result that can be put together again by every caller."""
-        lists = list(_lists(result))
-        if lists and (any(True for x in given.values() for _ in _lists(x)) or len({*map(id, lists)}) < len(lists)):
-            raise NotCompilable("a list that may have another name")
-
-        def check(layout: Layout) -> None:
-            x = layout.detail
-            if layout.kind == "static" and not (
-                x is None or isinstance(x, (bool, int, str, tuple, Record, types.FunctionType, type)) and not isinstance(x, Num)
-            ):
-                raise NotCompilable(f"a result that holds {type(x).__name__}")
-            for part in layout.parts:
-                check(part)
-
-        check(layout_of(result, is_any_number))
+        return Outlined(function, whole, [(x.kind, x.varying) for x in numbers], failed, bool(escapes), t.raises, e.calls)
 
     # -------------------------------------------------------------- the call
 
@@ -390,18 +387,41 @@ class Outliner:
         t.raises += made.raises
         e.calls += made.calls
 
-        def parameter(index: int) -> Num:
-            return e.num([b.load(b.gep(b.function.args[0], [ir.Constant(I64, index)], source_etype=F64), typ=F64)])
 
-        of = {"constant": lambda x: x, "parameter": parameter, "argument": lambda i: passed[i], "result": lambda i: numbers[i]}
-        return build(made.layout, iter([of[kind](x) for kind, x in made.places]))
+        def restored(pattern: Any) -> Any:
+            kind, x = pattern
+            match kind:
+                case "structure":
+                    return _of_parts(x[0], [restored(y) for y in x[1]])
+                case "parameter":
+                    return self._loaded(x)
+                case "argument":
+                    return passed[x]
+                case "part":
+                    return call.parts[x]
+                case "result":
+                    return numbers[x]
+            return x
+
+        return restored(made.pattern)
 
 
-def _lists(value: Any) -> Iterator[list[Any]]:
-    if isinstance(value, list):
-        yield value
-    if isinstance(value, Record):
-        value = [getattr(value, f.name) for f in dataclasses.fields(value)]  # type: ignore[arg-type]
-    if isinstance(value, (tuple, list)):
-        for x in value:
-            yield from _lists(x)
+_STRUCTURES = (Vec, Mat, *PAIRS, tuple, list, Record)
+_OBJECTS = (types.FunctionType, types.BuiltinFunctionType, type, np.ndarray, np.generic, range, Layout)
+
+
+def _parts(x: Any) -> list[Any]:
+    """What a vector, a record, ... is made of."""
+    if isinstance(x, Record):
+        return [getattr(x, f.name) for f in dataclasses.fields(x)]  # type: ignore[arg-type]
+    return list(x.parts if isinstance(x, PAIRS) else x)
+
+
+def _of_parts(x: Any, parts: list[Any]) -> Any:
+    """A thing like x, made of these parts."""
+    if isinstance(x, PAIRS):
+        layout = dataclasses.replace(layout_of(x, is_any_number), parts=tuple([layout_of(y, is_any_number) for y in parts]))
+        return build(layout, iter([y for part in parts for y in leaves(part, layout_of(part, is_any_number))]))
+    if isinstance(x, Record):
+        return fill(type(x), {f.name: y for f, y in zip(dataclasses.fields(x), parts)})  # type: ignore[arg-type]
+    return type(x)(parts) if type(x) in (tuple, list) else type(x)(*parts)
