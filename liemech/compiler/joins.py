@@ -67,6 +67,7 @@ class Joins:
     def __init__(self, emitter: Emitter) -> None:
         self.emitter, self.builder = emitter, emitter.builder
         self.outliner: Any = None  # makes functions of formulas
+        self.loop_forms: dict[Any, Any] = {}  # of loops met before: whether they are masked, and the types that changed
         self.frames: list[Frame] = []
         self.base: Any = None  # lanes for which the present code was entered (None: all)
         self.depth = 0  # enclosing conditions of the present call that differ between lanes

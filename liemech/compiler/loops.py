@@ -81,12 +81,15 @@ class Loops(Branches):
             if isinstance(env[name], Undefined):
                 del env[name]
         carried = sorted({*changed_names(body), *counters} & env.keys())
-        types: dict[int, tuple[str, bool]] = {}
-        masked = False
+        form = id(self.frames[-1].node), tuple([(name, _form(value)) for name, value in env.items()]), self.active(env) is None
+        masked, types = self.loop_forms.get(form, (False, {}))
+        types = dict(types)
         while True:
             forget = self.mark()
             try:
-                return self._loop(test, step, body, env, carried, types, masked)
+                going_on = self._loop(test, step, body, env, carried, types, masked)
+                self.loop_forms[form] = masked, types
+                return going_on
             except Promote as wanted:
                 forget()
                 env[wanted.name] = wanted.start
@@ -174,7 +177,7 @@ class Loops(Branches):
         frame.loops.pop()
         if self.join(loop.continues + ([Open(b.block, inside)] if alive else []), inside):
             step(inside)
-            index = 0
+            index, retyped = 0, {}
             for name in carried:
                 new, old = inside[name], at_head[name]
                 layout = layout_of(new, is_any_number)
@@ -191,9 +194,13 @@ class Loops(Branches):
                     kind = max(leaf.kind, phi.kind, key="bif".index)
                     varying = leaf.varying or phi.varying
                     if (kind, varying) != (phi.kind, phi.varying):
-                        raise Retype(index, kind, varying)
-                    come_from(phi, e.cast(leaf, kind, varying), b.block)
+                        retyped[index] = kind, varying
+                    else:
+                        come_from(phi, e.cast(leaf, kind, varying), b.block)
                     index += 1
+            if retyped:
+                types |= retyped
+                raise Retype(next(iter(retyped)), *retyped[next(iter(retyped))])
             if masked:
                 broken = inside.get(BROKEN, False)
                 if self.raises > raises:  # a lane that has failed holds anything, and might never end
@@ -223,3 +230,11 @@ class Loops(Branches):
         for name in local:
             env[name] = Undefined("it gets one inside the loop only, which may have no turn: give it a value before")
         return True
+
+
+def _form(value: Any) -> Any:
+    """What a loop's translation may depend on in a variable: its structure, and the kinds of its numbers."""
+    if isinstance(value, Undefined):
+        return None
+    layout = layout_of(value, is_any_number)
+    return layout, tuple([(x.kind, x.varying) if isinstance(x, Num) else type(x) for x in leaves(value, layout)])

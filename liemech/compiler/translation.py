@@ -10,6 +10,7 @@ from __future__ import annotations
 import ast
 import builtins
 import dataclasses
+import functools
 import inspect
 import types
 from collections.abc import Callable
@@ -107,7 +108,7 @@ class Interpreter(Statements):
     def inline(self, function: types.FunctionType, args: tuple[Any, ...], options: dict[str, Any]) -> Any:
         self.deeper()
         source = source_of(bare(function))
-        env = bound(inspect.signature(source.function, follow_wrapped=False), source.name, args, options)
+        env = bound(_signature(source.function), source.name, args, options)
         return self.outliner.enter(Frame(source, source.node, env))
 
     def enter(self, frame: Frame) -> Any:
@@ -181,6 +182,11 @@ class Interpreter(Statements):
         finite = total - total == 0.0
         failed = self.emitter.load(self.failed)
         return self.emitter.logic("and_", finite, self.emitter.negation(failed))
+
+
+@functools.cache
+def _signature(function: types.FunctionType) -> inspect.Signature:
+    return inspect.signature(function, follow_wrapped=False)
 
 
 def _of_numbers(function: Any) -> bool:
