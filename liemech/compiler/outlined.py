@@ -23,10 +23,10 @@ from .ir_numbers import F64, I64, TYPES, Num
 from .joins import Open
 from .scopes import Frame
 
-LONG = 4000
+LONG = 2500
 """Instructions up to which everything is written out, in each native function."""
 
-WORTH = 1200
+WORTH = 600
 """Instructions that a formula must have cost in a native function before it becomes one of its own."""
 
 LARGE = 120
@@ -50,10 +50,10 @@ class Builder(ir.IRBuilder):
         self.emitted += 1
         self.made += 1
         if self.emitted + self.finished > LIMIT or self.made > EFFORT * LIMIT:
-            tries = "" if self.made <= EFFORT * LIMIT else ", with all tries"
+            size = f"{self.made} instructions, all tries counted," if self.made > EFFORT * LIMIT else f"more than {LIMIT} instructions"
             raise TooLong(
-                f"the native code would be too long, {min(self.made, LIMIT)} instructions and more{tries}, and take ten seconds and more to "
-                "make. Take fewer stages or a lower order, a smaller group, closed forms for what is derived, or compiled=False"
+                f"the native code would be too long: {size} take more than about ten seconds to make. Take fewer stages or a lower "
+                "order, a smaller group, closed forms for what is derived, or compiled=False"
             )
         super()._insert(instruction)
 
@@ -106,11 +106,11 @@ class Outliner:
         function, given = frame.source.function, dict(frame.env)
         if function in self.large and b.emitted >= LONG:
             call = self.call(function, given)
-            for general, key in ((False, call.known), (True, call.general)) if call else ():
-                if self.made.get(key, key) is not None and (key in self.made or self._cost(key) >= WORTH * (1 + general)):
-                    made = self.made[key] if key in self.made else self.make(key, frame, given, general)
-                    if made is not None:
-                        return self.emit(made, call, general)
+            if call:
+                key, general = self._chosen(call)
+                made = self.made.get(key) or (self.make(key, frame, given, general) if key else None)
+                if made is not None:
+                    return self.emit(made, call, general)
         before, spent = b.emitted, self.spent
         result = t.enter(frame)
         cost = b.emitted - before
@@ -120,6 +120,16 @@ class Outliner:
             if call:
                 spent += [(call.known, cost), (call.general, cost)] if call.general != call.known else [(call.known, cost)]
         return result
+
+    def _chosen(self, call: Call) -> tuple[Any, bool]:
+        """The form in which a call becomes one of a function, and whether it is the general one; None for neither."""
+        known, general = self._cost(call.known), self._cost(call.general)
+        for key, is_general, worth in ((call.general, True, general > known), (call.known, False, True)):
+            if self.made.get(key) is not None:
+                return key, is_general
+            if worth and key not in self.made and (general if is_general else known) >= WORTH:
+                return key, is_general
+        return None, False
 
     def _cost(self, key: Any) -> int:
         return sum(cost for k, cost in self.spent if k == key)
