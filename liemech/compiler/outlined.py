@@ -50,7 +50,8 @@ class Builder(ir.IRBuilder):
         self.emitted += 1
         self.made += 1
         if self.emitted + self.finished > LIMIT or self.made > EFFORT * LIMIT:
-            size = f"{self.made} instructions, all tries counted," if self.made > EFFORT * LIMIT else f"more than {LIMIT} instructions"
+            tries = f"{self.made} instructions, all tries counted,"
+            size = tries if self.made > EFFORT * LIMIT else f"more than {LIMIT} instructions"
             raise TooLong(
                 f"the native code would be too long: {size} take more than about ten seconds to make. Take fewer stages or a lower "
                 "order, a smaller group, closed forms for what is derived, or compiled=False"
