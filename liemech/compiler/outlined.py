@@ -32,6 +32,9 @@ WORTH = 600
 LARGE = 120
 """Formulas of fewer instructions are always written out."""
 
+HUGE = 5000
+"""Formulas of more instructions are never written out."""
+
 LIMIT = 60_000
 """Instructions of a kernel that LLVM compiles in about ten seconds: more are refused."""
 
@@ -113,8 +116,15 @@ class Outliner:
                 if made is not None:
                     return self.emit(made, call, general)
         before, spent = b.emitted, self.spent
+        forget = t.mark() if t.frames else None
         result = t.enter(frame)
         cost = b.emitted - before
+        if cost >= HUGE and forget is not None:  # what is in it has been met by now, so that it is shorter in a function
+            call = self.call(function, given)
+            if call and call.known not in self.made:
+                forget()
+                made = self.make(call.known, frame, given, False)
+                return self.emit(made, call, False) if made is not None else t.enter(Frame(frame.source, frame.scope, given))
         if cost >= LARGE and spent is self.spent:
             self.large.add(function)
             call = self.call(function, given)
