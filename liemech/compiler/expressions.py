@@ -10,6 +10,7 @@ from typing import Any
 
 from ..errors import NotCompilable
 from ..formulas.vectors import Mat
+from . import large
 from .ir_numbers import Num
 from .iterators import Stream
 from .loops import Loops
@@ -149,7 +150,7 @@ class Expressions(Loops):
         if operator_ is None:
             raise NotCompilable(f"`{ast.unparse(node)}`: this operator is not known to native code")
         self.reads.settled(*operands)
-        return operator_(*operands)
+        return large.matmul(self.emitter, operator_, operands)
 
     def items(self, nodes: list[ast.expr], env: Env) -> list[Any]:
         found: list[Any] = []

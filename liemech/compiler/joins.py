@@ -68,6 +68,8 @@ class Joins:
 
     def __init__(self, emitter: Emitter, reads: Reads) -> None:
         self.emitter, self.builder, self.reads = emitter, emitter.builder, reads
+        self.outliner: Any = None  # makes functions of formulas
+        self.loop_forms: dict[Any, Any] = {}  # of loops met before: whether they are masked, and the types that changed
         self.frames: list[Frame] = []
         self.base: Any = None  # lanes for which the present code was entered (None: all)
         self.depth = 0  # enclosing conditions of the present call that differ between lanes

@@ -227,6 +227,7 @@ def _translated(
     from . import llvm
     from .buffers import Array, arguments
     from .ir_numbers import F64, I64, Emitter
+    from .outlined import Builder
     from .reads import Reads
     from .translation import Interpreter
 
@@ -239,7 +240,7 @@ def _translated(
     function.attributes.add("nounwind")
     if lanes > 1:
         function.attributes.alignstack = 8 * width()  # else every register kept on the stack straddles two cache lines
-    builder = ir.IRBuilder(function.append_basic_block("entry"))
+    builder = Builder(function.append_basic_block("entry"))
     head, body, done = (function.append_basic_block(n) for n in ("head", "body", "done"))
     emitter = Emitter(builder, lanes, width())
     args = arguments(emitter, kinds, function)

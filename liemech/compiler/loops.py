@@ -82,14 +82,19 @@ class Loops(Branches):
                 del env[name]
         changed = {*changed_names(body), *counters}
         carried = sorted((changed | {*map(has, changed)}) & env.keys())
-        types: dict[int, tuple[str, bool, bool]] = {}
-        masked = False
+        form = id(self.frames[-1].node), tuple([(name, _form(value)) for name, value in env.items()]), self.active(env) is None
+        masked, types = self.loop_forms.get(form, (False, {}))
+        types, promoted = dict(types), False
         while True:
             forget = self.mark()
             try:
-                return self._loop(test, step, body, env, carried, types, masked)
+                going_on = self._loop(test, step, body, env, carried, types, masked)
+                if not promoted:
+                    self.loop_forms[form] = masked, types
+                return going_on
             except Promote as wanted:
                 forget()
+                promoted = True
                 env[wanted.name] = wanted.start
                 types.clear()
             except Retype as wanted:
@@ -103,16 +108,16 @@ class Loops(Branches):
         """A way back to this point: undoes everything emitted since, so that it can be translated in another way."""
         b, function, frame = self.builder, self.builder.function, self.frames[-1]
         block, instructions, blocks = b.block, len(b.block.instructions), len(function.blocks)
-        lists: list[list[Any]] = [self.frames, frame.loops, frame.returns, self.escapes, *self.escapes]
+        lists: list[list[Any]] = [self.frames, frame.loops, frame.returns, self.escapes, *self.escapes, self.outliner.spent]
         lengths = [len(items) for items in lists]
         state = self.base, self.depth, self.raises, self.region, frame.env, frame.node
-        taken = [(stream, stream.taken, stream.region) for stream in self.streams]
+        taken, emitted = [(stream, stream.taken, stream.region) for stream in self.streams], b.emitted
 
         def forget() -> None:
             for items, length in zip(lists, lengths, strict=True):
                 del items[length:]
             del function.blocks[blocks:], block.instructions[instructions:]
-            block.terminator = None
+            block.terminator, b.emitted = None, emitted
             self.base, self.depth, self.raises, self.region, frame.env, frame.node = state
             for stream, before, region in taken:
                 stream.back_to(before, region)
@@ -176,7 +181,7 @@ class Loops(Branches):
         frame.loops.pop()
         if self.join(loop.continues + ([Open(b.block, inside)] if alive else []), inside):
             step(inside)
-            index = 0
+            index, retyped = 0, {}
             for name in carried:
                 new, old = inside[name], at_head[name]
                 layout = layout_of(new, is_any_number)
@@ -194,9 +199,13 @@ class Loops(Branches):
                     varying = leaf.varying or phi.varying
                     mixed = kind == "f" and (leaf.kind != "f" or phi.kind != "f" or leaf.mixed or phi.mixed)
                     if (kind, varying, mixed) != (phi.kind, phi.varying, phi.mixed):
-                        raise Retype(index, kind, varying, mixed)
-                    come_from(phi, e.cast(leaf, kind, varying), b.block)
+                        retyped[index] = kind, varying, mixed
+                    else:
+                        come_from(phi, e.cast(leaf, kind, varying), b.block)
                     index += 1
+            if retyped:
+                types |= retyped
+                raise Retype(next(iter(retyped)), *retyped[next(iter(retyped))])
             if masked:
                 broken = inside.get(BROKEN, False)
                 if self.raises > raises:  # a lane that has failed holds anything, and might never end
@@ -226,3 +235,11 @@ class Loops(Branches):
         for name in local:
             env[name] = Undefined("it gets one inside the loop only, which may have no turn: give it a value before")
         return True
+
+
+def _form(value: Any) -> Any:
+    """What a loop's translation may depend on in a variable: its structure, and the kinds of its numbers."""
+    if isinstance(value, Undefined):
+        return None
+    layout = layout_of(value, is_any_number)
+    return layout, tuple([(x.kind, x.varying, x.mixed) if isinstance(x, Num) else type(x) for x in leaves(value, layout)])

@@ -30,9 +30,11 @@ from . import driver
 from .expressions import Expressions, holds_number
 from .ir_numbers import Emitter, Num
 from .joins import RETURN, Open
+from .outlined import Outliner
 from .python_functions import COMPUTING, OUTSIDE, STRUCTURE, PythonFunctions
 from .reads import Reads
 from .scopes import Closure, Env, Frame, Undefined, bound
+from .source import Source
 from .statements import Statements
 
 DEPTH = 40  # nested calls
@@ -53,6 +55,7 @@ class Interpreter(Statements):
     def __init__(self, emitter: Emitter, reads: Reads) -> None:
         super().__init__(emitter, reads)
         emitter.fail_if = self.fail_if
+        self.outliner = Outliner(self)
         self.python = PythonFunctions(self).table
         self.intrinsics: dict[Any, Callable[..., Any]] = {
             **self.python,
@@ -116,8 +119,7 @@ class Interpreter(Statements):
     def inline(self, function: types.FunctionType, args: tuple[Any, ...], options: dict[str, Any]) -> Any:
         self.deeper()
         source = self.reads.source(function)
-        env = bound(inspect.signature(source.function, follow_wrapped=False), source.name, args, options)
-        return self.enter(Frame(source, source.node, env))
+        return self.outliner.enter(Frame(source, source.node, _parameters(source, args, options)))
 
     def enter(self, frame: Frame) -> Any:
         """The value that a function returns, its body translated in a frame of its own."""
@@ -190,6 +192,15 @@ class Interpreter(Statements):
         finite = total - total == 0.0
         failed = self.emitter.load(self.failed)
         return self.emitter.logic("and_", finite, self.emitter.negation(failed))
+
+
+def _parameters(source: Source, args: tuple[Any, ...], options: dict[str, Any]) -> Env:
+    """The parameters of a call, by Python's rules."""
+    code = source.function.__code__
+    names, special = code.co_varnames[: code.co_argcount], code.co_flags & (inspect.CO_VARARGS | inspect.CO_VARKEYWORDS)
+    if len(args) == len(names) and not options and not special and not code.co_kwonlyargcount:
+        return dict(zip(names, args, strict=True))
+    return bound(inspect.signature(source.function, follow_wrapped=False), source.name, args, options)
 
 
 def _of_numbers(function: Any) -> bool:

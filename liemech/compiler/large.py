@@ -1,0 +1,140 @@
+"""Products of large matrices: loops over buffers on the stack instead of instructions for every entry.
+
+Each entry is the sum of its products from left to right, as `Mat` and `Vec` have it, so the bits are the same.  Of a single body
+several columns are worked on side by side; in lanes every entry is a vector anyway.
+"""
+
+from __future__ import annotations
+
+import operator
+from typing import Any
+
+from llvmlite import ir
+
+from ..formulas.complex_numbers import Complex
+from ..formulas.vectors import Mat, Vec
+from .ir_numbers import F64, I32, I64, Emitter, Num
+
+LARGE = 300
+"""Products of numbers from which a product of matrices becomes a loop: 6 x 6 matrices are written out, 7 x 7 are not."""
+
+
+def product(emitter: Emitter, a: Any, b: Any) -> Any:
+    """a @ b, of matrices and vectors."""
+    if isinstance(b, Mat) and isinstance(a, (Mat, Vec)):
+        left: list[Any] = [*a.rows] if isinstance(a, Mat) else [a]
+        right: list[Any] = [*b.rows]
+    elif isinstance(a, Mat) and isinstance(b, Vec):
+        left, right = [b], [*zip(*a.rows, strict=True)]  # the products of two numbers are the same either way
+    else:
+        return a @ b
+    whole = _product(emitter, left, right)
+    if whole is None:
+        return a @ b
+    return Mat(*whole) if isinstance(a, Mat) and isinstance(b, Mat) else Vec(*whole[0])
+
+
+def _product(e: Emitter, a: list[Any], b: list[Any]) -> list[list[Any]] | None:
+    """The product of matrices given by rows; None if it is to be written out."""
+    n, m, p = len(a), len(b), len(b[0])
+    entries = [x for row in (*a, *b) for x in row]
+    if n * m * p < LARGE or {len(row) for row in a} != {m} or not any(_unknown(x) for x in entries):
+        return None
+    complex_ = all(isinstance(x, Complex) for x in entries)
+    numbers = [y for x in entries for y in (x.parts if complex_ else (x,))]
+    if not all(type(y) is float or (isinstance(y, Num) and y.kind == "f") for y in numbers):
+        return None
+    varying = any(isinstance(y, Num) and y.varying for y in numbers)
+    builder, planes = e.builder, 2 if complex_ else 1
+    side = 1 if varying or e.lanes > 1 else next(w for w in (8, 4, 2, 1) if w <= e.width and w < 2 * p)
+    columns = -(-p // side) * side
+    type_ = e.type("f", varying)
+    registers = e.registers(varying)
+
+    def buffer(rows: int, width: int) -> ir.Value:
+        count = ir.Constant(I64, rows * width * registers * planes)
+        with builder.goto_entry_block():
+            place = builder.alloca(type_, size=count)
+            place.align = 8 * e.width
+        return place
+
+    def at(place: ir.Value, index: Any, plane: int, register: int, rows: int, width: int) -> ir.Value:
+        """The address of a number, given the index of its entry."""
+        offset = (plane * registers + register) * rows * width
+        index = ir.Constant(I64, index + offset) if isinstance(index, int) else builder.add(index, ir.Constant(I64, offset))
+        return builder.gep(place, [index], source_etype=type_)
+
+    def fill(place: ir.Value, rows: list[Any], width: int) -> None:
+        for i, row in enumerate(rows):
+            for j in range(width):
+                x: Any = row[j] if j < len(row) else 0.0 if not complex_ else Complex(0.0, 0.0)
+                for plane, y in enumerate(x.parts if complex_ else (x,)):
+                    for r, v in enumerate(e.cast(y, "f", varying)):
+                        builder.store(v, at(place, i * width + j, plane, r, len(rows), width))
+
+    wide = type_ if side == 1 else ir.VectorType(F64, side)
+
+    def spread(v: ir.Value) -> ir.Value:
+        if side == 1:
+            return v
+        undefined = ir.Constant(wide, ir.Undefined)
+        first = builder.insert_element(undefined, v, ir.Constant(I32, 0))
+        return builder.shuffle_vector(first, undefined, ir.Constant(ir.VectorType(I32, side), [0] * side))
+
+    A, B, C = buffer(n, m), buffer(m, columns), buffer(n, columns)
+    fill(A, a, m)
+    fill(B, b, columns)
+    before, head, done = builder.block, builder.append_basic_block(), builder.append_basic_block()
+    builder.branch(head)
+    builder.position_at_end(head)
+    i, j = builder.phi(I64), builder.phi(I64)  # the row, and the first of the columns worked on
+    i.add_incoming(ir.Constant(I64, 0), before)
+    j.add_incoming(ir.Constant(I64, 0), before)
+    row = builder.mul(i, ir.Constant(I64, m))
+    for r in range(registers):
+        sums: list[ir.Value] = []
+        for k in range(m):
+            x = [
+                spread(builder.load(at(A, builder.add(row, ir.Constant(I64, k)), plane, r, n, m), typ=type_))
+                for plane in range(planes)
+            ]
+            y = [
+                builder.load(at(B, builder.add(j, ir.Constant(I64, k * columns)), plane, r, m, columns), typ=wide, align=8)
+                for plane in range(planes)
+            ]
+            if complex_:
+                terms = [
+                    builder.fsub(builder.fmul(x[0], y[0]), builder.fmul(x[1], y[1])),
+                    builder.fadd(builder.fmul(x[0], y[1]), builder.fmul(x[1], y[0])),
+                ]
+            else:
+                terms = [builder.fmul(x[0], y[0])]
+            sums = [builder.fadd(s, t) for s, t in zip(sums, terms)] if k else terms
+        place = builder.add(builder.mul(i, ir.Constant(I64, columns)), j)
+        for plane, s in enumerate(sums):
+            builder.store(s, at(C, place, plane, r, n, columns), align=8)
+    next_j = builder.add(j, ir.Constant(I64, side))
+    full = builder.icmp_signed("==", next_j, ir.Constant(I64, columns))
+    next_i = builder.select(full, builder.add(i, ir.Constant(I64, 1)), i)
+    i.add_incoming(next_i, builder.block)
+    j.add_incoming(builder.select(full, ir.Constant(I64, 0), next_j), builder.block)
+    builder.cbranch(builder.icmp_signed("==", next_i, ir.Constant(I64, n)), done, head)
+    builder.position_at_end(done)
+
+    def entry(i: int, j: int) -> Any:
+        parts = [
+            e.num([builder.load(at(C, i * columns + j, plane, r, n, columns), typ=type_) for r in range(registers)])
+            for plane in range(planes)
+        ]
+        return Complex(*parts) if complex_ else parts[0]
+
+    return [[entry(i, j) for j in range(p)] for i in range(n)]
+
+
+def _unknown(x: Any) -> bool:
+    return isinstance(x, Num) or (isinstance(x, Complex) and any(isinstance(y, Num) for y in x.parts))
+
+
+def matmul(emitter: Emitter, function: Any, operands: tuple[Any, ...]) -> Any:
+    """An operator applied to its operands, a product of matrices in a loop if they are large."""
+    return product(emitter, *operands) if function is operator.matmul else function(*operands)

@@ -1,0 +1,447 @@
+"""Private functions: a formula that is called again and again is emitted once and called, instead of being written out each time.
+
+Small kernels are written out whole.  Once a native function has grown long, a formula that has cost much in it, called again with
+arguments of the same form, becomes a function of its own: what is known while translating (classes, integers, texts, tableaus) is
+built into it, numbers are passed.  Both ways give the same bits.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import struct
+import types
+from typing import Any
+
+import numpy as np
+from llvmlite import ir
+
+from ..errors import NotCompilable
+from ..formulas.pytree import PAIRS, Layout, build, fill, is_any_number, layout_of, leaves
+from ..formulas.records import Record
+from ..formulas.vectors import Mat, Vec
+from .ir_numbers import F64, I64, TYPES, Num
+from .joins import Open
+from .scopes import Frame
+
+LONG = 2500
+"""Instructions up to which everything is written out, in each native function."""
+
+WORTH = 600
+"""Instructions that a formula must have cost in a native function before it becomes one of its own."""
+
+LARGE = 120
+"""Formulas of fewer instructions are always written out."""
+
+HUGE = 5000
+"""Formulas of more instructions are never written out."""
+
+LIMIT = 60_000
+"""Instructions of a kernel that LLVM compiles in about ten seconds: more are refused."""
+
+EFFORT = 10
+"""How many times the limit may be translated, where a loop is tried in several ways."""
+
+
+class Builder(ir.IRBuilder):
+    """Counts the instructions of a kernel while they are made."""
+
+    emitted = 0  # in the present native function, without what was taken back
+    finished = 0  # in the other ones
+    made = 0  # in all, with what was taken back
+
+    def _insert(self, instruction: Any) -> None:
+        self.emitted += 1
+        self.made += 1
+        if self.emitted + self.finished > LIMIT or self.made > EFFORT * LIMIT:
+            tries = f"{self.made} instructions, all tries counted,"
+            size = tries if self.made > EFFORT * LIMIT else f"more than {LIMIT} instructions"
+            raise TooLong(
+                f"the native code would be too long: {size} take more than about ten seconds to make. Take fewer stages or a lower "
+                "order, a smaller group, closed forms for what is derived, or compiled=False"
+            )
+        super()._insert(instruction)
+
+
+class TooLong(NotCompilable):
+    """There is no other way to translate that would be shorter."""
+
+
+class Unknown(Exception):
+    """An argument whose form cannot be told: the call is written out."""
+
+
+@dataclasses.dataclass(eq=False)
+class Outlined:
+    """A native function made of a formula."""
+
+    function: ir.Function
+    pattern: Any  # how the result is put together, of returned numbers, arguments and constants
+    kinds: list[tuple[str, bool, bool]]  # of the returned numbers
+    failed: bool  # does it return which lanes have failed
+    escapes: bool  # and whether all have
+    raises: int
+    calls: int
+
+
+@dataclasses.dataclass(eq=False)
+class Call:
+    """The arguments of a call: what is known now, and numbers."""
+
+    known: tuple[Any, ...]
+    general: tuple[Any, ...]  # the same without the constants inside vectors, matrices and pairs
+    numbers: list[Num]  # without those that occur before and those of the kernel's arguments
+    constants: list[Num]  # of the general form, also to be passed
+    parts: list[Any]  # the vectors, records, ... among the arguments and in them
+
+
+class Outliner:
+    """Decides which calls become calls of native functions, and makes these."""
+
+    def __init__(self, translator: Any) -> None:
+        self.t, self.e = translator, translator.emitter
+        self.spent: list[tuple[Any, int]] = []  # what formulas have cost in the present native function, by form of the call
+        self.large: set[Any] = set()  # formulas that have been large
+        self.made: dict[Any, Outlined | None] = {}  # None: it has to be written out
+        self.kept: dict[int, Any] = {}  # objects that are told apart by their identity
+
+    def enter(self, frame: Frame) -> Any:
+        """The value of a call, made here or written out."""
+        t, b = self.t, self.e.builder
+        function, given = frame.source.function, dict(frame.env)
+        if function in self.large and b.emitted >= LONG:
+            call = self.call(function, given)
+            if call:
+                key, general = self._chosen(call)
+                made = self.made.get(key) or (self.make(key, frame, given, general) if key else None)
+                if made is not None:
+                    return self.emit(made, call, general)
+        before, spent = b.emitted, self.spent
+        forget = t.mark() if t.frames else None
+        result = t.enter(frame)
+        cost = b.emitted - before
+        if cost >= HUGE and forget is not None:  # what is in it has been met by now, so that it is shorter in a function
+            call = self.call(function, given)
+            if call and call.known not in self.made:
+                forget()
+                made = self.make(call.known, frame, given, False)
+                return self.emit(made, call, False) if made is not None else t.enter(Frame(frame.source, frame.scope, given))
+        if cost >= LARGE and spent is self.spent:
+            self.large.add(function)
+            call = self.call(function, given)
+            if call:
+                spent += [(call.known, cost), (call.general, cost)] if call.general != call.known else [(call.known, cost)]
+        return result
+
+    def _chosen(self, call: Call) -> tuple[Any, bool]:
+        """The form in which a call becomes one of a function, and whether it is the general one; None for neither."""
+        known, general = self._cost(call.known), self._cost(call.general)
+        for key, is_general, worth in ((call.general, True, general > known), (call.known, False, True)):
+            if self.made.get(key) is not None:
+                return key, is_general
+            if worth and key not in self.made and (general if is_general else known) >= WORTH:
+                return key, is_general
+        return None, False
+
+    def _cost(self, key: Any) -> int:
+        return sum(cost for k, cost in self.spent if k == key)
+
+    # -------------------------------------------------------------- the form of a call
+
+    def call(self, function: Any, given: dict[str, Any]) -> Call | None:
+        """None if there is an argument whose form cannot be told."""
+        active = self.t.active(self.t.frames[-1].env) if self.t.frames else None
+        seen: dict[Any, int] = {}
+        numbers: list[Num] = []
+        constants: list[Num] = []
+        parts: list[Any] = []
+        places: dict[int, int] = {}
+
+        def form(x: Any, inside: bool, general: bool) -> Any:
+            if isinstance(x, Num):
+                place = self._parameter(x)
+                if place is not None:
+                    return "parameter", place
+                if x.values not in seen:
+                    seen[x.values] = len(seen)
+                    numbers.append(x)
+                return x.kind, x.varying, x.mixed, seen[x.values]
+            if type(x) is float:
+                if general and inside:
+                    constants.append(self.e.constant(x))
+                    return "constant"
+                return "float", struct.pack("<d", x)
+            if x is None or isinstance(x, (bool, int, str, bytes)):
+                return type(x), x
+            if self._whole(x):
+                return self._identity(x)
+            if not isinstance(x, _STRUCTURES):
+                raise Unknown
+            if id(x) in places:
+                return "again", places[id(x)]
+            places[id(x)] = len(parts)
+            parts.append(x)
+            inside = inside or isinstance(x, (Vec, Mat, *PAIRS))
+            kind = layout_of(x, is_any_number).detail if isinstance(x, PAIRS) else type(x)
+            return kind, tuple([form(y, inside, general) for y in _parts(x)])
+
+        try:
+            items = [*given.items(), ("<mask>", active)]
+            known = tuple([(name, form(x, False, False)) for name, x in items])
+            count, of_known = len(numbers), [*parts]
+            places.clear()
+            parts.clear()
+            general = tuple([(name, form(x, False, True)) for name, x in items])
+        except Unknown:
+            return None
+        assert len(numbers) == count
+        here = function, bool(self.t.escapes)
+        return Call((*here, known), (*here, general), numbers, constants, of_known)
+
+    def _identity(self, x: Any) -> Any:
+        self.kept[id(x)] = x
+        return "object", id(x)
+
+    def _whole(self, x: Any) -> bool:
+        """Something known now that is told by its identity: a function, an array, a record or tuple of nothing but constants."""
+        if id(x) in self.kept or isinstance(x, _OBJECTS):
+            return True
+        if type(x) is tuple:
+            return all(y is None or isinstance(y, (bool, int, float, str)) or (type(y) is tuple and self._whole(y)) for y in x)
+        return isinstance(x, Record) and not layout_of(x).width
+
+    def _parameter(self, x: Num) -> int | None:
+        """Which of the kernel's arguments a number is: the functions read these themselves."""
+        v = x.values[0]
+        place = self._parameter_of(x)
+        return place if place is not None and v.operands[0].pointer is self.e.builder.function.args[0] else None
+
+    def _parameter_of(self, x: Num) -> int | None:
+        v = x.values[0]
+        if isinstance(v, ir.LoadInstr) and isinstance(v.operands[0], ir.GEPInstr) and v.type == F64:
+            pointer = v.operands[0]
+            if isinstance(pointer.pointer, ir.Argument) and isinstance(pointer.indices[0], ir.Constant):
+                return pointer.indices[0].constant
+        return None
+
+    def _loaded(self, place: int) -> Num:
+        """This argument of the kernel, in the present function."""
+        b = self.e.builder
+        return self.e.num([b.load(b.gep(b.function.args[0], [ir.Constant(I64, place)], source_etype=F64), typ=F64)])
+
+    # -------------------------------------------------------------- the function
+
+    def make(self, key: Any, frame: Frame, given: dict[str, Any], general: bool) -> Outlined | None:
+        """The native function of a formula, for calls of this form; None if it has to be written out."""
+        t, b = self.t, self.e.builder
+        active = t.active(t.frames[-1].env)
+        call = self.call(frame.source.function, given)
+        assert call is not None
+        state = t.base, t.depth, t.failed, t.escapes, t.raises, t.region, self.e.calls, self.spent
+        block, outer = b.block, b.emitted
+        frames, module = len(t.frames), b.module
+        passed = [*call.numbers, *(call.constants if general else [])]
+        types_ = [b.function.args[0].type, *(self.e.type(x.kind, x.varying) for x in passed for _ in x.values)]
+        slots = len(t.failed) if t.escapes else 0
+        types_ += [self.e.type("b", self.e.lanes > 1)] * slots
+        name = module.get_unique_name(f"{frame.source.function.__name__}.{len(self.made)}")
+        function = ir.Function(module, ir.FunctionType(ir.VoidType(), types_), name)
+        function.linkage, function.calling_convention = "internal", "fastcc"
+        for fact in ("noinline", "nounwind"):
+            function.attributes.add(fact)
+        function.args[0].add_attribute("noalias")
+        if self.e.lanes > 1:
+            function.attributes.alignstack = 8 * self.e.width
+        b.finished, b.emitted, self.spent = b.finished + outer, 0, []
+        escapes: list[Open] = []
+        made: Outlined | None = None
+        try:
+            b.position_at_end(function.append_basic_block("entry"))
+            values = iter(function.args[1:])
+            inner = [Num(self.e, tuple(next(values) for _ in x.values), x.kind, x.mixed) for x in passed]
+            arguments, parts = self._inside(given, active, call, inner, general, function)
+            t.base, t.depth, t.raises, self.e.calls = arguments.pop("<mask>"), 0, 0, 0
+            t.failed, t.escapes = None, []
+            if slots:
+                t.failed, t.escapes = self.e.slot(), [escapes]
+                self.e.store(self.e.num(tuple(values)), t.failed)
+            start = function.append_basic_block("start")
+            b.branch(start)
+            b.position_at_end(start)
+            t.frames.append(Frame(frame.source, frame.scope, {}))  # between the variables of two native functions
+            result = t.enter(Frame(frame.source, frame.scope, arguments))
+            made = self._returned(function, result, inner, parts, escapes)
+            b.finished += b.emitted
+        except NotCompilable as error:
+            if isinstance(error, TooLong):
+                raise
+            del module.globals[name]
+        del t.frames[frames:]
+        t.base, t.depth, t.failed, t.escapes, t.raises, t.region, self.e.calls, self.spent = state
+        b.finished, b.emitted = b.finished - outer, outer
+        b.position_at_end(block)
+        self.made[key] = made
+        return made
+
+    def _inside(
+        self, given: dict[str, Any], active: Any, call: Call, inner: list[Num], general: bool, function: ir.Function
+    ) -> tuple[dict[str, Any], list[Any]]:
+        """The arguments as the function sees them, and their parts."""
+        of = {x.values: y for x, y in zip(call.numbers, inner)}
+        constants = iter(inner[len(call.numbers) :])
+        loaded: dict[int, Num] = {}
+        parts: list[Any] = []
+        places: dict[int, int] = {}
+
+        def seen(x: Any, inside: bool) -> Any:
+            if isinstance(x, Num):
+                if x.values in of:
+                    return of[x.values]
+                place = self._parameter_of(x)
+                assert place is not None
+                if place not in loaded:
+                    loaded[place] = self._loaded(place)
+                return loaded[place]
+            if type(x) is float:
+                return next(constants) if general and inside else x
+            if self._whole(x) or not isinstance(x, _STRUCTURES):
+                return x
+            if id(x) in places:
+                return parts[places[id(x)]]
+            place = places[id(x)] = len(parts)
+            parts.append(None)
+            inside = inside or isinstance(x, (Vec, Mat, *PAIRS))
+            parts[place] = _of_parts(x, [seen(y, inside) for y in _parts(x)])
+            return parts[place]
+
+        return {name: seen(x, False) for name, x in [*given.items(), ("<mask>", active)]}, parts
+
+    def _returned(self, function: ir.Function, result: Any, inner: list[Num], parts: list[Any], escapes: list[Open]) -> Outlined:
+        """Let the function return: its numbers, the lanes that have failed, and whether all have."""
+        t, b, e = self.t, self.e.builder, self.e
+        arguments, whole_arguments = {x.values: i for i, x in enumerate(inner)}, {id(x): i for i, x in enumerate(parts)}
+        numbers: list[Num] = []
+        at: dict[Any, int] = {}
+        made: list[list[Any]] = []  # lists in the result
+
+        def pattern(x: Any) -> Any:
+            """How a caller puts the result together."""
+            if isinstance(x, Num):
+                place = self._parameter(x)
+                if place is not None:
+                    return "parameter", place
+                if x.values in arguments:
+                    return "argument", arguments[x.values]
+                if x.values not in at:
+                    at[x.values] = len(numbers)
+                    numbers.append(x)
+                return "result", at[x.values]
+            if x is None or isinstance(x, (bool, int, float, str, bytes)) or self._whole(x):
+                return "constant", x
+            if id(x) in whole_arguments:
+                return "part", whole_arguments[id(x)]
+            if isinstance(x, list):
+                if any(x is y for y in made):
+                    raise NotCompilable("a list that has two names")
+                made.append(x)
+            if not isinstance(x, _STRUCTURES):
+                raise NotCompilable(f"a result that holds {type(x).__name__}")
+            return "structure", (x, [pattern(y) for y in _parts(x)])
+
+        whole = pattern(result)
+        registers = [v for x in numbers for v in x.values]
+        failed = t.raises > 0
+        kinds = [v.type for v in registers]
+        if failed:
+            kinds += [e.type("b", e.lanes > 1)] * len(t.failed)
+        if escapes:
+            kinds.append(TYPES["b"])
+        type_ = ir.LiteralStructType(kinds)
+
+        def leave(escaped: bool) -> None:
+            values = [ir.Constant(v.type, ir.Undefined) for v in registers] if escaped else registers
+            if failed:
+                values = [*values, *e.load(t.failed).values]
+            if escapes:
+                values = [*values, ir.Constant(TYPES["b"], escaped)]
+            structure = ir.Constant(type_, ir.Undefined)
+            for i, v in enumerate(values):
+                structure = b.insert_value(structure, v, i)
+            b.ret(structure) if values else b.ret_void()
+
+        leave(False)
+        for o in escapes:
+            b.position_at_end(o.block)
+            leave(True)
+        if kinds:
+            function.ftype = ir.FunctionType(type_, function.ftype.args)
+            function.type = function.ftype.as_pointer()
+            function.return_value = ir.values.ReturnValue(function, type_)
+        return Outlined(function, whole, [(x.kind, x.varying, x.mixed) for x in numbers], failed, bool(escapes), t.raises, e.calls)
+
+    # -------------------------------------------------------------- the call
+
+    def emit(self, made: Outlined, call: Call, general: bool) -> Any:
+        """A call of the function, and its value."""
+        t, b, e = self.t, self.e.builder, self.e
+        passed = [*call.numbers, *(call.constants if general else [])]
+        arguments = [b.function.args[0], *(v for x in passed for v in x.values)]
+        if t.escapes:
+            arguments += e.load(t.failed).values
+        structure = b.call(made.function, arguments, cconv="fastcc")
+        at = 0
+
+        def next_number(kind: str, varying: bool, mixed: bool = False) -> Num:
+            nonlocal at
+            count = e.registers(varying)
+            at += count
+            return Num(e, tuple(b.extract_value(structure, i) for i in range(at - count, at)), kind, mixed)
+
+        numbers = [next_number(*kind) for kind in made.kinds]
+        if made.failed:
+            e.store(next_number("b", e.lanes > 1), t.failed)
+        if made.escapes:
+            escaped = b.extract_value(structure, at)
+            gone, on = b.append_basic_block(), b.append_basic_block()
+            b.cbranch(escaped, gone, on)
+            t.escapes[-1].append(Open(gone, {}))
+            b.position_at_end(on)
+        t.raises += made.raises
+        e.calls += made.calls
+
+        def restored(pattern: Any) -> Any:
+            kind, x = pattern
+            match kind:
+                case "structure":
+                    return _of_parts(x[0], [restored(y) for y in x[1]])
+                case "parameter":
+                    return self._loaded(x)
+                case "argument":
+                    return passed[x]
+                case "part":
+                    return call.parts[x]
+                case "result":
+                    return numbers[x]
+            return x
+
+        return restored(made.pattern)
+
+
+_STRUCTURES = (Vec, Mat, *PAIRS, tuple, list, Record)
+_OBJECTS = (types.FunctionType, types.BuiltinFunctionType, type, np.ndarray, np.generic, range, Layout)
+
+
+def _parts(x: Any) -> list[Any]:
+    """What a vector, a record, ... is made of."""
+    if isinstance(x, Record):
+        return [getattr(x, f.name) for f in dataclasses.fields(x)]  # type: ignore[arg-type]
+    return list(x.parts if isinstance(x, PAIRS) else x)
+
+
+def _of_parts(x: Any, parts: list[Any]) -> Any:
+    """A thing like x, made of these parts."""
+    if isinstance(x, PAIRS):
+        layout = dataclasses.replace(layout_of(x, is_any_number), parts=tuple([layout_of(y, is_any_number) for y in parts]))
+        return build(layout, iter([y for part in parts for y in leaves(part, layout_of(part, is_any_number))]))
+    if isinstance(x, Record):
+        return fill(type(x), {f.name: y for f, y in zip(dataclasses.fields(x), parts)})  # type: ignore[arg-type]
+    return type(x)(parts) if type(x) in (tuple, list) else type(x)(*parts)

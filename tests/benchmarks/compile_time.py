@@ -1,0 +1,263 @@
+"""Cost of compiling: seconds of translation and of LLVM for methods on systems, cold, instructions given to LLVM, and ns a step.
+
+    python tests/benchmarks/compile_time.py [--quick] [--only TEXT] [--no-steps] [--out results.json]
+
+Each case runs in a process of its own, which is ended after `--limit` seconds.
+"""
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import time
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+
+import liemech as lm
+from liemech.compiler import kernel
+from liemech.formulas import sqrt
+from liemech.integrators.taylor import Taylor
+from liemech.marching import Run, march
+
+LIMIT = {"cold": 4.0, "SO(16)": 10.0, "SO(32)": 60.0}
+"""Seconds that a cold compilation may take: by default, and for the groups named."""
+
+
+# ------------------------------------------------------------------ formulas of a user
+
+
+@lm.record
+class Palindrome(lm.Retraction):
+    """Six exponentials: the symmetric coordinates of the second kind."""
+
+    def tau(self, group: Any, xi: lm.Vec) -> Any:
+        g = group.identity()
+        for i in (0, 1, 2, 2, 1, 0):
+            g = group.compose(g, group.exp(lm.vec(*[0.5 * xi[k] if k == i else 0.0 for k in range(group.dim)])))
+        return g
+
+
+@lm.record
+class Euler(lm.Retraction):
+    """Five exponentials, nothing but `tau`."""
+
+    def tau(self, group: Any, xi: lm.Vec) -> Any:
+        a, b = group.exp(lm.vec(0.5 * xi[0], 0.0, 0.0)), group.exp(lm.vec(0.0, 0.5 * xi[1], 0.0))
+        return a @ b @ group.exp(lm.vec(0.0, 0.0, xi[2])) @ b @ a
+
+
+@lm.record
+class Polar(lm.Retraction):
+    """The orthogonal factor of 1 + hat(xi), by eight steps of Newton's iteration."""
+
+    def tau(self, group: Any, xi: lm.Vec) -> Any:
+        g = group.identity() + group.algebra.hat(xi)
+        for _ in range(8):
+            a, b, c = g.T
+            bc = lm.cross(b, c)
+            g = 0.5 * (g + (1.0 / lm.dot(a, bc)) * lm.mat(bc, lm.cross(c, a), lm.cross(a, b)).T)
+        return g
+
+
+@lm.record
+class Bodies(lm.HamiltonianSystem):
+    """Three bodies that attract each other in space: 18 dimensions, forces by differentiation."""
+
+    degrees: ClassVar[int] = 9
+    masses: lm.Vec
+
+    def energy(self, q: lm.Vec, p: lm.Vec) -> float:
+        total = 0.0
+        for i in range(3):
+            for k in range(3):
+                total = total + p[3 * i + k] * p[3 * i + k] / (2.0 * self.masses[i])
+            for j in range(i):
+                d2 = 0.0
+                for k in range(3):
+                    d2 = d2 + (q[3 * i + k] - q[3 * j + k]) ** 2
+                total = total - self.masses[i] * self.masses[j] / sqrt(d2)
+        return total
+
+
+# ------------------------------------------------------------------ cases
+
+Case = tuple[Any, Any, Any, float]
+COVARIANT = {"Cayley": lm.CovariantVariational(lm.Cayley()), "exp": lm.CovariantVariational(lm.Exponential())}
+
+
+def body(method: Any, lanes: bool = False) -> Case:
+    system = lm.RigidBody([1.0, 1.5, 2.0])
+    mu = np.array([0.5, 0.1, 0.75**0.5])
+    return system, method, _start(system, mu, np.eye(3), lanes), 0.1
+
+
+def top(method: Any, lanes: bool = False) -> Case:
+    system = lm.HeavyTop([1.0, 1.5, 2.0], 1.0, [0.18, 0.0, 0.24])
+    return system, method, _start(system, np.array([0.5, 0.1, 0.75**0.5]), np.eye(3), lanes), 0.1
+
+
+def kirchhoff(method: Any, lanes: bool = False) -> Case:
+    system = lm.KirchhoffBody([1.0, 1.5, 2.0, 1.0, 2.0, 1.5])
+    return system, method, _start(system, np.array([0.5, 0.1, 0.8, 0.1, 0.2, 0.3]), np.eye(4), lanes), 0.05
+
+
+def on(group: Any, method: Any, lanes: bool = False) -> Case:
+    system = lm.LiePoissonSystem(group, lm.KineticEnergy(np.linspace(1.0, 2.0, group.dim)))
+    mu = np.cos(np.arange(group.dim)) / group.dim**0.5
+    return system, method, _start(system, mu, np.array(group.identity()), lanes), 0.05
+
+
+def three_bodies(method: Any, lanes: bool = False) -> Case:
+    system = Bodies([1.0, 0.5, 0.3])
+    q = np.array([0.0, 0.0, 0.0, 1.0, 0.1, 0.0, 0.0, 2.0, 0.3])
+    p = np.array([0.0, 0.0, 0.1, 0.0, 0.4, 0.0, 0.1, 0.0, 0.0])
+    if lanes:
+        q, p = (np.tile(x, (kernel.lanes(), 1)) for x in (q, p))
+    return system, method, system.state(q, p), 0.001
+
+
+def _start(system: Any, mu: np.ndarray, g: np.ndarray, lanes: bool) -> Any:
+    if lanes:
+        mu, g = (np.tile(x, (kernel.lanes(), *[1] * x.ndim)) for x in (mu, g))
+    return system.state(mu=mu, g=g)
+
+
+CASES: dict[str, Callable[[], Case]] = {
+    "RKMK4, body": lambda: body(lm.RKMK(order=4)),
+    "RKMK4, body, lanes": lambda: body(lm.RKMK(order=4), True),
+    "RKMK8, body": lambda: body(lm.RKMK(order=8)),
+    "RKMK8, top, lanes": lambda: top(lm.RKMK(order=8), True),
+    "Composition 4 of Cayley, body": lambda: body(lm.Composition(COVARIANT["Cayley"])),
+    "Composition 4 of exp, body": lambda: body(lm.Composition(COVARIANT["exp"])),
+    "Composition 8 of Cayley, body": lambda: body(lm.Composition(COVARIANT["Cayley"], order=8)),
+    "Composition 8 of Cayley, body, lanes": lambda: body(lm.Composition(COVARIANT["Cayley"], order=8), True),
+    "Composition 8 of exp, body": lambda: body(lm.Composition(COVARIANT["exp"], order=8)),
+    "Composition 8 of exp, body, lanes": lambda: body(lm.Composition(COVARIANT["exp"], order=8), True),
+    "Composition 8 of exp, SE(3)": lambda: kirchhoff(lm.Composition(COVARIANT["exp"], order=8)),
+    "Composition 8 of Cayley, SE(3), lanes": lambda: kirchhoff(lm.Composition(COVARIANT["Cayley"], order=8), True),
+    "Composition 8 of exp, SE(3), lanes": lambda: kirchhoff(lm.Composition(COVARIANT["exp"], order=8), True),
+    "RKMK4, SO(5)": lambda: on(lm.SO(5), lm.RKMK(order=4)),
+    "RKMK4, SO(10)": lambda: on(lm.SO(10), lm.RKMK(order=4)),
+    "RKMK4, SO(10), lanes": lambda: on(lm.SO(10), lm.RKMK(order=4), True),
+    "RKMK4, SU(5)": lambda: on(lm.SU(5), lm.RKMK(order=4)),
+    "RKMK4, SO(16)": lambda: on(lm.SO(16), lm.RKMK(order=4)),
+    "RKMK4, SO(32)": lambda: on(lm.SO(32), lm.RKMK(order=4)),
+    "Algorithm 1, SO(6)": lambda: on(lm.SO(6), COVARIANT["exp"]),
+    "Galerkin 4, exp": lambda: body(lm.GalerkinVariational(order=4)),
+    "Galerkin 8, exp": lambda: body(lm.GalerkinVariational(order=8)),
+    "Galerkin 4, tau only": lambda: body(lm.GalerkinVariational(order=4, retraction=Euler())),
+    "Galerkin 4, tau only, lanes": lambda: body(lm.GalerkinVariational(order=4, retraction=Euler()), True),
+    "Galerkin 6, tau only": lambda: body(lm.GalerkinVariational(order=6, retraction=Euler())),
+    "Algorithm 1, six exponentials": lambda: body(lm.CovariantVariational(Palindrome())),
+    "Algorithm 1, six exponentials, lanes": lambda: body(lm.CovariantVariational(Palindrome()), True),
+    "Algorithm 1, polar": lambda: body(lm.CovariantVariational(Polar())),
+    "Algorithm 1, polar, lanes": lambda: body(lm.CovariantVariational(Polar()), True),
+    "RKMK8, three bodies": lambda: three_bodies(lm.RKMK(order=8)),
+    "RKMK8, three bodies, lanes": lambda: three_bodies(lm.RKMK(order=8), True),
+    "Taylor 12, body": lambda: body(Taylor(12)),
+    "Taylor 18, body": lambda: body(Taylor(18)),
+    "Taylor 30, body": lambda: body(Taylor(30)),
+    "Taylor 18, top, lanes": lambda: top(Taylor(18), True),
+}
+QUICK = (
+    "RKMK4, body", "Composition 8 of exp, body, lanes", "RKMK4, SO(10)", "Algorithm 1, six exponentials", "Algorithm 1, polar",
+    "Galerkin 4, tau only", "RKMK8, three bodies", "Taylor 18, body",
+)  # fmt: skip
+
+
+# ------------------------------------------------------------------ measuring
+
+
+def measured(name: str, steps: bool) -> dict[str, Any]:
+    """One case, in this process: `translation` and `llvm` in s, instructions, ns a step."""
+    system, method, start, h = CASES[name]()
+    spent: dict[str, float] = {"translation": 0.0, "llvm": 0.0}
+    counts: list[int] = []
+
+    def timed(function: Any, what: str) -> Any:
+        def run(*args: Any) -> Any:
+            before, inner = time.process_time(), sum(spent.values())
+            result = function(*args)
+            spent[what] += time.process_time() - before - (sum(spent.values()) - inner)
+            if what == "translation":
+                counts.append(sum(len(block.instructions) for f in result.functions for block in f.blocks))
+            return result
+
+        return run
+
+    kernel._translated = timed(kernel._translated, "translation")
+    kernel._compile = timed(kernel._compile, "llvm")
+    with warnings.catch_warnings(action="ignore"):
+        run = Run(system, method, start, h, 10, 10, 0.0, None, True, False, 1)
+    result: dict[str, Any] = {"cold": sum(spent.values()), **spent, "instructions": sum(counts)}
+    if steps:
+        states, bodies = run.states.copy(), run.columns
+        n, best = 20, 1e9
+        while True:
+            times = []
+            for _ in range(3):
+                run.states[:], run.taken[:] = states, 0.0
+                target = np.empty((1, *run.out.shape[1:]))
+                before = time.process_time()
+                run._run(march, run._arguments(0, n, 1), run.states, target, run.taken)
+                times.append(time.process_time() - before)
+            best = min(times) / n / bodies
+            if min(times) > 0.03 or n > 20_000_000:
+                break
+            n *= 4
+        result["ns"] = best * 1e9
+        result["failed"] = bool((run.taken < n).any())
+    return result
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--quick", action="store_true", help="a few cases, without the time of a step; fails beyond the bounds")
+    parser.add_argument("--only", default="", help="cases whose name contains this text")
+    parser.add_argument("--no-steps", action="store_true")
+    parser.add_argument("--limit", type=float, default=200.0)
+    parser.add_argument("--out", type=Path)
+    parser.add_argument("--case", help=argparse.SUPPRESS)
+    args = parser.parse_args()
+    if args.case:
+        print(json.dumps(measured(args.case, not args.no_steps)))
+        return
+    chosen = QUICK if args.quick else [name for name in CASES if args.only in name]
+    results: dict[str, Any] = {}
+    print(f"{'case':40s} {'cold s':>8s} {'transl.':>8s} {'LLVM':>8s} {'instr.':>9s} {'ns/step':>10s}")
+    environment = os.environ | {"LIEMECH_CACHE_DIR": os.devnull}
+    for name in chosen:
+        options = ["--no-steps"] if args.quick or args.no_steps else []
+        command = [sys.executable, __file__, "--case", name, *options]
+        try:
+            done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=args.limit)
+        except subprocess.TimeoutExpired:
+            print(f"{name:40s} {'> ' + str(args.limit):>8s}", flush=True)
+            results[name] = {"cold": float("inf")}
+            continue
+        if done.returncode:
+            print(f"{name:40s} {done.stderr.strip().splitlines()[-1][:300]}", flush=True)
+            results[name] = {"cold": float("nan")}
+            continue
+        r = results[name] = json.loads(done.stdout)
+        ns = f"{r['ns']:10.1f}" if "ns" in r else " " * 10
+        print(
+            f"{name:40s} {r['cold']:8.2f} {r['translation']:8.2f} {r['llvm']:8.2f} {r['instructions']:9d} {ns}"
+            + (" failed" if r.get("failed") else ""),
+            flush=True,
+        )
+    if args.out:
+        args.out.write_text(json.dumps(results, indent=1) + "\n")
+    if args.quick:
+        slow = [n for n, r in results.items() if not r["cold"] <= next((s for g, s in LIMIT.items() if g in n), LIMIT["cold"])]
+        if slow:
+            raise SystemExit(f"longer than allowed: {slow}")
+
+
+if __name__ == "__main__":
+    main()
