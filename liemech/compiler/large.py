@@ -21,6 +21,8 @@ LARGE = 300
 
 def product(emitter: Emitter, a: Any, b: Any) -> Any:
     """a @ b, of matrices and vectors."""
+    left: list[Any]
+    right: list[Any]
     if isinstance(b, Mat) and isinstance(a, (Mat, Vec)):
         left, right = [*a.rows] if isinstance(a, Mat) else [a], [*b.rows]
     elif isinstance(a, Mat) and isinstance(b, Vec):
@@ -66,7 +68,7 @@ def _product(e: Emitter, a: list[Any], b: list[Any]) -> list[list[Any]] | None:
     def fill(place: ir.Value, rows: list[Any], width: int) -> None:
         for i, row in enumerate(rows):
             for j in range(width):
-                x = row[j] if j < len(row) else 0.0 if not complex_ else Complex(0.0, 0.0)
+                x: Any = row[j] if j < len(row) else 0.0 if not complex_ else Complex(0.0, 0.0)
                 for plane, y in enumerate(x.parts if complex_ else (x,)):
                     for r, v in enumerate(e.cast(y, "f", varying)):
                         builder.store(v, at(place, i * width + j, plane, r, len(rows), width))

@@ -217,7 +217,7 @@ class Outliner:
         """Which of the kernel's arguments a number is: the functions read these themselves."""
         v = x.values[0]
         place = self._parameter_of(x)
-        return place if place is not None and v.operands[0].pointer is self.e.builder.function.args[0] else None  # type: ignore[attr-defined]
+        return place if place is not None and v.operands[0].pointer is self.e.builder.function.args[0] else None
 
     def _parameter_of(self, x: Num) -> int | None:
         v = x.values[0]
