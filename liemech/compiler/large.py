@@ -21,6 +21,8 @@ LARGE = 300
 
 def product(emitter: Emitter, a: Any, b: Any) -> Any:
     """a @ b, of matrices and vectors."""
+    left: list[Any]
+    right: list[Any]
     if isinstance(b, Mat) and isinstance(a, (Mat, Vec)):
         left: list[Any] = [*a.rows] if isinstance(a, Mat) else [a]
         right: list[Any] = [*b.rows]

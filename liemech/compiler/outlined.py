@@ -32,10 +32,13 @@ WORTH = 600
 LARGE = 120
 """Formulas of fewer instructions are always written out."""
 
-HUGE = 5000
+HUGE = 3000
 """Formulas of more instructions are never written out."""
 
-LIMIT = 60_000
+ALONE = 4
+"""The kernel of a single body, not the functions that it calls, may write out so many times more: there a call costs most."""
+
+LIMIT = 100_000
 """Instructions of a kernel that LLVM compiles in about ten seconds: more are refused."""
 
 EFFORT = 10
@@ -102,13 +105,14 @@ class Outliner:
         self.spent: list[tuple[Any, int]] = []  # what formulas have cost in the present native function, by form of the call
         self.large: set[Any] = set()  # formulas that have been large
         self.made: dict[Any, Outlined | None] = {}  # None: it has to be written out
+        self.patience = ALONE if self.e.lanes == 1 else 1
         self.kept: dict[int, Any] = {}  # objects that are told apart by their identity
 
     def enter(self, frame: Frame) -> Any:
         """The value of a call, made here or written out."""
         t, b = self.t, self.e.builder
         function, given = frame.source.function, dict(frame.env)
-        if function in self.large and b.emitted >= LONG:
+        if function in self.large and b.emitted >= LONG * self.patience:
             call = self.call(function, given)
             if call:
                 key, general = self._chosen(call)
@@ -119,7 +123,7 @@ class Outliner:
         forget = t.mark() if t.frames else None
         result = t.enter(frame)
         cost = b.emitted - before
-        if cost >= HUGE and forget is not None:  # what is in it has been met by now, so that it is shorter in a function
+        if cost >= HUGE * self.patience and forget is not None:  # again, shorter: most of what is in it has been met by now
             call = self.call(function, given)
             if call and call.known not in self.made:
                 forget()
@@ -236,7 +240,7 @@ class Outliner:
         active = t.active(t.frames[-1].env)
         call = self.call(frame.source.function, given)
         assert call is not None
-        state = t.base, t.depth, t.failed, t.escapes, t.raises, t.region, self.e.calls, self.spent
+        state = t.base, t.depth, t.failed, t.escapes, t.raises, t.region, self.e.calls, self.spent, self.patience
         block, outer = b.block, b.emitted
         frames, module = len(t.frames), b.module
         passed = [*call.numbers, *(call.constants if general else [])]
@@ -251,7 +255,7 @@ class Outliner:
         function.args[0].add_attribute("noalias")
         if self.e.lanes > 1:
             function.attributes.alignstack = 8 * self.e.width
-        b.finished, b.emitted, self.spent = b.finished + outer, 0, []
+        b.finished, b.emitted, self.spent, self.patience = b.finished + outer, 0, [], 1
         escapes: list[Open] = []
         made: Outlined | None = None
         try:
@@ -276,7 +280,7 @@ class Outliner:
                 raise
             del module.globals[name]
         del t.frames[frames:]
-        t.base, t.depth, t.failed, t.escapes, t.raises, t.region, self.e.calls, self.spent = state
+        t.base, t.depth, t.failed, t.escapes, t.raises, t.region, self.e.calls, self.spent, self.patience = state
         b.finished, b.emitted = b.finished - outer, outer
         b.position_at_end(block)
         self.made[key] = made
