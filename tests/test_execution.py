@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import collections
 import os
 import subprocess
 import sys
@@ -27,7 +28,7 @@ def fresh(monkeypatch: pytest.MonkeyPatch) -> Any:
     """A process that has learned nothing yet, and has a cache of nothing."""
     monkeypatch.setattr(execution, "_histories", {})
     monkeypatch.setattr(execution, "_told", set())
-    monkeypatch.setattr(kernel, "_kernels", {})
+    monkeypatch.setattr(kernel, "_kept", collections.OrderedDict())
     monkeypatch.setattr(kernel, "stored", lambda *_, **__: None)
     return monkeypatch
 

@@ -24,8 +24,7 @@ def product(emitter: Emitter, a: Any, b: Any) -> Any:
     left: list[Any]
     right: list[Any]
     if isinstance(b, Mat) and isinstance(a, (Mat, Vec)):
-        left: list[Any] = [*a.rows] if isinstance(a, Mat) else [a]
-        right: list[Any] = [*b.rows]
+        left, right = [*a.rows] if isinstance(a, Mat) else [a], [*b.rows]
     elif isinstance(a, Mat) and isinstance(b, Vec):
         left, right = [b], [*zip(*a.rows, strict=True)]  # the products of two numbers are the same either way
     else:
