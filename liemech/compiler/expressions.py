@@ -310,13 +310,25 @@ class Expressions(Loops):
     def comparison(self, node: ast.Compare, env: Env) -> Any:
         """`a < b < c` is `a < b and b < c`, with b computed once."""
         left, right = self.expression(node.left, env), self.expression(node.comparators[0], env)
-        if not isinstance(node.ops[0], (ast.Is, ast.IsNot)):
+        if isinstance(node.ops[0], (ast.Is, ast.IsNot)):
+            first = self.identity(left, right, isinstance(node.ops[0], ast.Is))
+        else:
             self.reads.settled(left, right, inside=True)
-        first = OPERATORS[type(node.ops[0])](left, right)
+            first = OPERATORS[type(node.ops[0])](left, right)
         if len(node.ops) == 1:
             return first
         rest = ast.Compare(Later(lambda: right), node.ops[1:], node.comparators[1:])
         return self.boolean(ast.copy_location(ast.BoolOp(ast.And(), [Later(lambda: first), rest]), node), env)
+
+    def identity(self, left: Any, right: Any, same: bool) -> Any:
+        """`left is right` or `left is not right`: a truth value of the run is True or False, and no number has an identity."""
+        if isinstance(right, Num):
+            left, right = right, left
+        if not isinstance(left, Num) or not isinstance(right, (Num, bool, int, float)):
+            return (left is right) is same
+        if left.kind == "b" and isinstance(right, bool):
+            return left if right is same else self.emitter.negation(left)
+        raise NotCompilable("`is` between numbers: use `==`")
 
     def choice(self, node: ast.IfExp, env: Env) -> Any:
         """`a if c else b`, by the same rules as the statement."""

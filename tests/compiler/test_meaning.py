@@ -290,6 +290,12 @@ def math_raises_outside_its_domain(a, b, c, d, n):
     return vec(math.sqrt(a), math.exp(b))
 
 
+@meaning
+def identity_of_truth_values(a, b, c, d, n):
+    x, y = a < b, c < d
+    return vec(1.0 if x is True else 0.0, 1.0 if x is not True else 0.0, 1.0 if y is False else 0.0, 1.0 if x is None else 0.0)
+
+
 @pytest.mark.parametrize("formula", FORMULAS, ids=lambda f: f.__name__)
 def test_the_same_in_all_worlds(formula: Callable[..., Any]) -> None:
     worlds.same_in_all_worlds(formula, ROWS)
@@ -340,7 +346,7 @@ def formula(a, b, c, d, n):
         formula(1.0, 2.0, 3.0, 4.0, 1)
     rows = [[3.0, 2.0, 1.0, 4.0], [5.0, 1.0, -1.0, 2.0], [1.0, 2.0, 3.0, 4.0], [2.0, 1.0, 0.5, 1.0]]
     for lanes in (1, 8):
-        fine = [ok for _, ok in worlds.native(formula, rows, 2, 1, lanes)]
+        fine = [ok for _, ok in worlds.outcomes(formula, rows, 2, 1, lanes)]
         assert fine == [True, False, False, True]
 
 

@@ -52,7 +52,15 @@ def plain(formula: Callable[..., Any], row: Sequence[float], turns: int) -> Any:
 def native(
     formula: Callable[..., Any], rows: Sequence[Sequence[float]], width: int, turns: int, lanes: int, extra: tuple[Any, ...] = ()
 ) -> list[Any]:
-    """What native code gives for each row of arguments, after those that all rows share."""
+    """What native code gives for each row of arguments, after those that all rows share; like `plain`."""
+    found = outcomes(formula, rows, width, turns, lanes, extra)
+    return [values if fine or not all(map(_finite, values)) else REJECTED for values, fine in found]
+
+
+def outcomes(
+    formula: Callable[..., Any], rows: Sequence[Sequence[float]], width: int, turns: int, lanes: int, extra: tuple[Any, ...] = ()
+) -> list[tuple[list[bytes], bool]]:
+    """What native code gives for each row of arguments, and whether it went through and is finite."""
     layout = layout_of(Vec(*([0.0] * len(rows[0]))))
     columns = -(-len(rows) // lanes) * lanes
     given = np.array([*rows, *[rows[-1]] * (columns - len(rows))], dtype=float).T.copy()
@@ -87,7 +95,7 @@ def same_in_all_worlds(
     assert lengths, "not one row of arguments goes through"
     width = lengths.pop()
     for count in lanes or (1, kernel.lanes()):
-        found = native(formula, rows, width, turns, count)
+        found = outcomes(formula, rows, width, turns, count)
         for row, right, got in zip(rows, expected, found, strict=True):
             values, fine = got
             what = f"{count} lanes, arguments {row}, turns {turns}: {_shown(values)}, {fine}, instead of {_shown(right)}"
