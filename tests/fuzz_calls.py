@@ -22,7 +22,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 import liemech as lm
-from liemech.formulas.broadcasting import annotation_text, bare
+from liemech.formulas.broadcasting import _class_text, bare
 
 PATIENCE = 2.0
 """Seconds of the processor that a call may take."""
@@ -122,7 +122,7 @@ class Method:
     def parameters(self) -> dict[str, str]:
         parameters = inspect.signature(bare(getattr(type(self.subject.thing), self.name))).parameters
         return {
-            name: annotation_text(p.annotation).removesuffix(" | None")
+            name: _class_text(p.annotation).removesuffix(" | None")
             for name, p in list(parameters.items())[(not inspect.ismethod(getattr(type(self.subject.thing), self.name))) :]
             if p.kind is not p.VAR_POSITIONAL
         }

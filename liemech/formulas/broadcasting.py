@@ -21,7 +21,7 @@ import numpy as np
 from ..errors import InvalidInput, InvalidType
 from .annotations import kind_of, own_annotations
 from .complex_numbers import Complex
-from .numbers import ByValue, StandIn
+from .numbers import Pair, StandIn
 from .vectors import Mat, Vec
 
 MEMBERSHIP = 1e-6
@@ -364,7 +364,7 @@ def _is_small(value: Any, kind: str) -> bool:
         return isinstance(value, (Vec, Mat))
     if isinstance(value, (int, float, np.integer, np.floating)):
         return not isinstance(value, bool)
-    return isinstance(value, (StandIn, ByValue, Complex)) or hasattr(value, "free_symbols")
+    return isinstance(value, (StandIn, Pair)) or hasattr(value, "elementary") or hasattr(value, "free_symbols")  # series, symbols
 
 
 def _number(where: str, name: str, value: Any) -> Any:

@@ -173,9 +173,9 @@ def one_of(name: str, lines: str, paragraphs: str = "") -> Callable[[Language], 
     def feature(writer: Language) -> str:
         return writer.fill(writer.random.choice(forms))
 
-    forms = [*lines.strip().split("\n"), *paragraphs.strip().split("\n\n")] if paragraphs else lines.strip().split("\n")
+    forms = [form for form in (*lines.strip().split("\n"), *paragraphs.strip().split("\n\n")) if form]
     feature.__name__ = name
-    feature.forms = [form for form in forms if form]  # type: ignore[attr-defined]
+    feature.forms = forms  # type: ignore[attr-defined]
     return feature
 
 
@@ -798,9 +798,6 @@ match n:
         X = E
     case _:
         X = 0.5
-
-global K
-X = K
 
 import math as V1
 X = V1.pi

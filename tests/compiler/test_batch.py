@@ -433,7 +433,7 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> dict[str, float]:
     for name in ("_native", "_refused"):
         monkeypatch.setattr(batch, name, set())
     monkeypatch.setattr(batch, "_spent", {})
-    monkeypatch.setattr(batch.kernel, "on_disk", lambda *a, **o: False)
+    monkeypatch.setattr(batch.kernel, "stored", lambda *a, **o: None)
     return now
 
 
@@ -463,7 +463,7 @@ def test_many_small_batches_are_worth_a_compilation_in_the_end(clock: dict[str, 
 def test_what_is_on_disk_is_used_sooner(
     clock: dict[str, float], monkeypatch: pytest.MonkeyPatch, rng: np.random.Generator
 ) -> None:
-    monkeypatch.setattr(batch.kernel, "on_disk", lambda *a, **o: True)
+    monkeypatch.setattr(batch.kernel, "stored", batch.kernel.kernel)
     clock["step"] = 20e-6
     Counted(2.0).value(rng.normal(size=(8000, 3)))
     assert clock["rows"] < 1000
