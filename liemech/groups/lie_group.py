@@ -133,6 +133,8 @@ class LieGroup(Record):
 
     def body_velocity(self, g: Element, rate: Ambient) -> Vec:
         """The velocity xi with g' = g xi, from the rate g' of a moving element.  g : an element, rate : of the same shape."""
+        if isinstance(rate, Vec):
+            raise NotDefined(f"{type(self).__name__}, whose elements are vectors, must define `body_velocity`")
         return self.algebra.vee(self.inverse(g) @ rate)
 
     def is_exp_chart(self, xi: Vec) -> bool:

@@ -520,7 +520,8 @@ def test_annotations_of_methods_in_every_form() -> None:
     others = {"str": "a", "dict[str, Vec]": {"a": [1.0]}, "Unfindable": [1.0, 2.0], "tuple[Vec, ...]": ()}
     for annotation, given in others.items():  # not broadcast
         space = dict(spaces)
-        exec(f"from __future__ import annotations\nclass Made(Record):\n    def twice(self, x: {annotation}): return x\n", space)
+        text = f"from __future__ import annotations\n@record\nclass Made(Record):\n    def twice(self, x: {annotation}): return x\n"
+        exec(text, space)
         assert space["Made"]().twice(given) is given
 
 
