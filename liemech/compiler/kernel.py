@@ -10,6 +10,7 @@ from __future__ import annotations
 import collections
 import contextlib
 import dataclasses
+import functools
 import hashlib
 import os
 import sys
@@ -129,8 +130,17 @@ def _after_fork() -> None:
         kept.lock = threading.RLock()
 
 
+_importing = threading.RLock()
 if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=_after_fork)
+    os.register_at_fork(before=_importing.acquire, after_in_parent=_importing.release, after_in_child=_importing.release)
+
+
+@functools.cache
+def _imported() -> None:
+    """The modules that kernels need: a process that is forked while another thread imports them would wait for ever."""
+    with _importing:
+        from . import buffers, cache, llvm, outlined, reads, tokens, translation  # noqa: F401
 
 
 def kernel(entry: Callable[..., Any], *args: Any, lanes: int = 1) -> Kernel:
@@ -143,6 +153,7 @@ def kernel(entry: Callable[..., Any], *args: Any, lanes: int = 1) -> Kernel:
 
 
 def _get(entry: Callable[..., Any], args: tuple[Any, ...], lanes: int, make: bool) -> Kernel:
+    _imported()
     key = entry, tuple(map(_kind, args)), lanes
     kept = _kept.setdefault(key, _Kept())
     found = kept.find(args)

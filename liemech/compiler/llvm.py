@@ -9,6 +9,7 @@ import ctypes
 import functools
 import os
 import threading
+import weakref
 from typing import Any
 
 import llvmlite
@@ -25,22 +26,27 @@ if hasattr(os, "register_at_fork"):
     os.register_at_fork(before=_lock.acquire, after_in_parent=_lock.release, after_in_child=_lock.release)
 
 
+@functools.cache
 def machine() -> tuple[str, ...]:
     """What object code depends on besides what it was made of: LLVM and the processor."""
-    features = ",".join(f"{k}={v}" for k, v in sorted(llvm.get_host_cpu_features().items()))
-    return VERSION, triple(), llvm.get_host_cpu_name(), features
+    with _lock:
+        features = ",".join(f"{k}={v}" for k, v in sorted(llvm.get_host_cpu_features().items()))
+        return VERSION, triple(), llvm.get_host_cpu_name(), features
 
 
+@functools.cache
 def triple() -> str:
     """The platform, in LLVM's words."""
-    name: str = llvm.get_process_triple()
-    return name
+    with _lock:
+        name: str = llvm.get_process_triple()
+        return name
 
 
 @functools.cache
 def width() -> int:
     """How many doubles a vector register of this processor holds."""
-    features = llvm.get_host_cpu_features()
+    with _lock:
+        features = llvm.get_host_cpu_features()
     return 8 if features.get("avx512f") else 4 if features.get("avx2") else 2
 
 
@@ -69,7 +75,18 @@ def linked(code: bytes) -> tuple[Any, Any]:
         engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _target_machine())  # which it owns and frees
         engine.add_object_file(llvm.ObjectFileRef.from_data(code))
         engine.finalize_object()
-        return engine, SIGNATURE(engine.get_function_address("kernel"))
+        owner = Engine()
+        weakref.finalize(owner, _close, engine).atexit = False
+        return owner, SIGNATURE(engine.get_function_address("kernel"))
+
+
+class Engine:
+    """Owns machine code, which goes when this does: under the lock, so that no fork meets LLVM at it."""
+
+
+def _close(engine: Any) -> None:
+    with _lock:
+        engine.close()
 
 
 def _optimised(text: str) -> Any:

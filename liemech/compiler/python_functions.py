@@ -32,7 +32,7 @@ TYPES = {"f": float, "i": int, "b": bool}
 OUTSIDE = "print input open eval exec compile setattr delattr globals locals vars dir id hash memoryview breakpoint object"
 """Functions that have no place in a formula, whatever their arguments."""
 
-STRUCTURE = {isinstance, type, hasattr, getattr, super, len, list, tuple, iter, next, zip, map, filter, enumerate, reversed}
+STRUCTURE = {isinstance, type, hasattr, getattr, super, next, map, filter}
 """Functions that look at the structure of their arguments only."""
 COMPUTING = {min, max, sum, any, all, sorted}
 """Functions that compute with what is inside of their arguments."""

@@ -133,7 +133,7 @@ class LieGroup(Record):
 
     def body_velocity(self, g: Element, rate: Ambient) -> Vec:
         """The velocity xi with g' = g xi, from the rate g' of a moving element.  g : an element, rate : of the same shape."""
-        if isinstance(rate, Vec):
+        if not isinstance(rate, Mat):  # type: ignore[misc]
             raise NotDefined(f"{type(self).__name__}, whose elements are vectors, must define `body_velocity`")
         return self.algebra.vee(self.inverse(g) @ rate)
 

@@ -407,7 +407,6 @@ def use_sum(a, b, c, d, n): return vec(sum(D) * a, b)
 def use_vars(a, b, c, d, n): return vec(vars(S).get("hidden", 1.0) * a, b)
 def use_id(a, b, c, d, n): return vec(a * (id(S) % 7), b)
 def use_hash(a, b, c, d, n): return vec(a * (hash("a") % 7), b)
-def use_map(a, b, c, d, n): return vec(*map(helper, (a, b)))
 """
 
 
