@@ -140,7 +140,7 @@ if hasattr(os, "register_at_fork"):
 def _imported() -> None:
     """The modules that kernels need: a process that is forked while another thread imports them would wait for ever."""
     with _importing:
-        from . import buffers, cache, llvm, outlined, reads, tokens, translation  # noqa: F401
+        from . import cache, llvm, reads, tokens  # noqa: F401
 
 
 def kernel(entry: Callable[..., Any], *args: Any, lanes: int = 1) -> Kernel:
@@ -233,14 +233,15 @@ def _translated(
     entry: Callable[..., Any], kinds: tuple[Kind, ...], lanes: int, given: Sequence[Any] | None = None
 ) -> tuple[Any, str]:
     """What the driver reads, and the kernel in LLVM's language: a loop over bodies around the driver, inlined."""
-    from llvmlite import ir
+    with _importing:
+        from llvmlite import ir
 
-    from . import llvm
-    from .buffers import Array, arguments
-    from .ir_numbers import F64, I64, Emitter
-    from .outlined import Builder
-    from .reads import Reads
-    from .translation import Interpreter
+        from . import llvm
+        from .buffers import Array, arguments
+        from .ir_numbers import F64, I64, Emitter
+        from .outlined import Builder
+        from .reads import Reads
+        from .translation import Interpreter
 
     module = ir.Module("liemech")
     module.triple = llvm.triple()
