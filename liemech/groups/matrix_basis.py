@@ -9,9 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidInput, InvalidType, LawViolation
-
-Terms = tuple[tuple[Any, ...], ...]
-"""A sum written out: of each term the coefficient, and the indices of what it multiplies."""
+from ..formulas.sums import Terms
 
 SMALL = 12
 """Formulas for matrices with more rows than this would be too long to write out; arrays then go through NumPy."""
