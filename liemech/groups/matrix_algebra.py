@@ -46,14 +46,14 @@ class MatrixLieAlgebra(LieAlgebra):
 
     def bracket(self, xi: Vec, eta: Vec) -> Vec:
         """The commutator, over the structure constants that are not zero."""
-        if self.generated.large:
+        if not self.generated.tabled:
             x, y = self.hat(xi), self.hat(eta)
             return self.vee(x @ y - y @ x)
         return antisymmetric_map(self.generated.bracket_terms, xi, eta)
 
     def ad_star(self, xi: Vec, mu: Vec) -> Vec:
         """The transpose of the bracket, over the structure constants that are not zero."""
-        if self.generated.large:
+        if not self.generated.tabled:
             x, m = adjoint(self.hat(xi)), self.covector(mu)
             return self.pairing(x @ m - m @ x)
         return bilinear_map(self.generated.ad_star_terms, xi, mu)

@@ -14,6 +14,9 @@ from ..formulas.sums import Terms
 SMALL = 12
 """Formulas for matrices with more rows than this would be too long to write out; arrays then go through NumPy."""
 
+TABLED = 160
+"""Dimension up to which large groups have structure constants, a cube of numbers, nevertheless: so(16) has 120."""
+
 CLOSED = 1e-10
 """What a bracket may stick out of the span of the generators, relative to the product of their sizes."""
 
@@ -105,6 +108,13 @@ class MatrixBasis:
         e = self.generators
         products = np.einsum("iab,jbc->ijac", e, e)
         return clean(self.vee(products - products.swapaxes(0, 1))).transpose(2, 0, 1)
+
+    @cached_property
+    def tabled(self) -> bool:
+        """Are brackets quicker by structure constants than by the products of matrices that are large?"""
+        if not self.large:
+            return True
+        return self.dim <= TABLED and np.count_nonzero(self.structure_constants) <= 2 * self.n**3
 
     # ---------------------------------------------------------------- laws
 
