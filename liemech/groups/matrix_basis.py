@@ -213,8 +213,15 @@ class MatrixBasis:
     def ad_size_terms(self) -> Terms:
         """The terms (c, i, j), i <= j, of a sum over c x_i x_j that bounds the square of the norm of ad_x.
 
-        The Frobenius norm; half of it where all ad_x are antisymmetric, so that their singular values come in pairs.
+        The Frobenius norm; half of it where all ad_x are antisymmetric, so that their singular values come in pairs.  Without
+        structure constants |[x, y]|^2 <= 2 |x|^2 |y|^2, Frobenius norms of matrices, compared with lengths of coordinates.
+
+        Source: Boettcher and Wenzel, The Frobenius norm and the commutator, Linear Algebra Appl. 429 (2008) 1864.
         """
+        if not self.tabled:
+            square = (self.columns.T @ self.columns).toarray()
+            lengths = np.linalg.eigvalsh(square)
+            return products(clean(2.0 * lengths[-1] / lengths[0] * (2.0 * np.triu(square, 1) + np.diag(np.diag(square)))))
         ad = self.structure_constants.transpose(1, 0, 2)
         square = np.einsum("iab,jab->ij", ad, ad) * (0.5 if np.array_equal(ad, -ad.swapaxes(1, 2)) else 1.0)
         return products(clean(2.0 * np.triu(square, 1) + np.diag(np.diag(square))))
