@@ -16,7 +16,7 @@ import pytest
 import worlds
 
 import liemech as lm
-from liemech.compiler import kernel, llvm
+from liemech.compiler import kernel
 from liemech.formulas import Record, Vec, dot, record, sin, vec
 from liemech.formulas.pytree import layout_of
 from liemech.marching import march
@@ -30,6 +30,8 @@ def instructions(formula: Any, lanes: int = 1) -> list[str]:
     """The instructions of LLVM's language that a formula ends up as, names left out."""
     array = np.zeros((4, lanes))
     args = formula, (), layout_of(Vec(0.0, 0.0, 0.0, 0.0)), 3, array, array, array
+    from liemech.compiler import llvm
+
     text = llvm.optimised(kernel._translated(worlds.drive, kernel.kernel(worlds.drive, *args, lanes=lanes).kinds, lanes)[1])
     lines = [line.strip() for line in text.splitlines() if line.startswith("  ")]
     return [re.sub(r"[%@#!][\w.\"-]+", "_", line) for line in lines]

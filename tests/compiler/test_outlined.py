@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+
+pytest.importorskip("llvmlite")
 import worlds
 
 import liemech as lm

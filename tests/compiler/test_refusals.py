@@ -17,7 +17,7 @@ import worlds
 
 import liemech as lm
 from liemech import execution
-from liemech.compiler import cache, kernel, llvm
+from liemech.compiler import cache, kernel
 from liemech.errors import NotCompilable, NotCompiledWarning
 
 pytestmark = pytest.mark.compiled
@@ -334,6 +334,8 @@ def test_a_compiler_that_fails_is_no_reason_to_stop(gyrostat, monkeypatch: pytes
 
     def broken(*_):
         raise RuntimeError("LLVM does not know this processor")
+
+    from liemech.compiler import llvm
 
     monkeypatch.setattr(llvm, "object_code", broken)
     monkeypatch.setattr(cache, "load", lambda key, fits: None)
