@@ -15,7 +15,8 @@ def test_calls_end_with_a_result_or_with_an_error_that_says_what_is_wrong() -> N
 
 @pytest.mark.slow
 def test_many_calls_end_with_a_result_or_with_an_error_that_says_what_is_wrong() -> None:
-    assert fuzz_calls.failures(20_000, seed=6) == []
+    """Some thousands here; all by `python tests/fuzz_calls.py 20000 6`."""
+    assert fuzz_calls.failures(3_000, seed=6) == []
 
 
 @pytest.fixture
@@ -36,6 +37,7 @@ def test_a_batch_is_its_single_calls(number: int, at_once: None) -> None:
 
 @pytest.mark.slow
 @pytest.mark.compiled
-def test_every_batch_is_its_single_calls(at_once: None) -> None:
+def test_batches_of_many_methods_are_their_single_calls(at_once: None) -> None:
     rng = np.random.default_rng(0)
-    assert [what for method in fuzz_calls.of_arrays() if (what := fuzz_calls.batch_failure(method, rng))] == []
+    """Every twentieth here; compiling all takes a quarter of an hour."""
+    assert [what for method in list(fuzz_calls.of_arrays())[::20] if (what := fuzz_calls.batch_failure(method, rng))] == []

@@ -11,6 +11,7 @@ from scipy.linalg import expm
 
 import liemech as lm
 from liemech.formulas import jacobian
+from liemech.formulas.sums import antisymmetric_map, bilinear_map
 from liemech.groups.classical import SL, SO, SU, Sp
 from liemech.groups.heisenberg import Heisenberg
 from liemech.groups.matrix_basis import clean
@@ -336,3 +337,27 @@ def test_large_matrices_go_through_numpy() -> None:
     assert close(group.cayley_inv(group.cayley(xi)), xi)
     assert group.contains(g) and not group.contains(2 * g)
     assert group.exp(np.zeros((3, 190))).shape == (3, 20, 20)
+
+
+@pytest.mark.parametrize("group", [SO(20), SU(13), Sp(18), SL(13)], ids=repr)
+def test_bound_of_ad_without_structure_constants(group: MatrixLieGroup) -> None:
+    """|[x, y]|^2 <= ad_size2(x) |y|^2 in coordinates, though structure constants are never formed."""
+    rng, basis = np.random.default_rng(6), group.generated
+    assert not basis.tabled
+    for xi, eta in rng.normal(size=(5, 2, group.dim)):
+        change = basis.vee(basis.hat(xi) @ basis.hat(eta) - basis.hat(eta) @ basis.hat(xi))
+        assert change @ change <= group.algebra.ad_size2(xi) * (eta @ eta)
+    assert "structure_constants" not in vars(basis)
+
+
+def test_brackets_of_large_matrices_by_structure_constants() -> None:
+    """SO(14), of plain formulas: the same as products of matrices, to rounding."""
+    group = SO(14)
+    basis = group.generated
+    assert basis.large and basis.tabled
+    xi, eta, mu = np.random.default_rng(7).normal(size=(3, group.dim))
+    x, y = basis.hat(xi), basis.hat(eta)
+    bracket = np.array(antisymmetric_map(basis.bracket_terms, lm.vec(*xi), lm.vec(*eta)))
+    assert close(bracket, basis.vee(x @ y - y @ x))
+    moved = np.array(bilinear_map(basis.ad_star_terms, lm.vec(*xi), lm.vec(*mu)))
+    assert close(moved, basis.pairing(x.T @ basis.covector(mu) - basis.covector(mu) @ x.T))

@@ -239,7 +239,7 @@ def _translated(
         from . import llvm
         from .buffers import Array, arguments
         from .ir_numbers import F64, I64, Emitter
-        from .outlined import Builder
+        from .outlined import Builder, drop_unused
         from .reads import Reads
         from .translation import Interpreter
 
@@ -271,7 +271,7 @@ def _translated(
             reads.argument(i, a, given[i] if given else a)
     interpreter = Interpreter(emitter, reads)
     interpreter.intrinsics |= {
-        driver.read: lambda array, at, layout: array.read(at, layout),
+        driver.read: lambda array, at, layout: array.read(at, interpreter.outliner.fitting(layout)),
         driver.write: lambda array, at, value, layout=None: array.write(at, value),
         driver.attempt: interpreter.attempt,
         driver.accepted: interpreter.accepted,
@@ -288,6 +288,7 @@ def _translated(
     builder.branch(head)
     builder.position_at_end(done)
     builder.ret_void()
+    drop_unused(module, function)
     return reads, str(module)
 
 

@@ -1,7 +1,7 @@
-"""Products of large matrices: loops over buffers on the stack instead of instructions for every entry.
+"""Products of large matrices and large tables of sums: loops over buffers on the stack instead of instructions for every entry.
 
-Each entry is the sum of its products from left to right, as `Mat` and `Vec` have it, so the bits are the same.  Of a single body
-several columns are worked on side by side; in lanes every entry is a vector anyway.
+Each entry is the sum of its products in the order that formulas have, so the bits are the same.  Of a single body several columns
+of a product are worked on side by side; in lanes every entry is a vector anyway.
 """
 
 from __future__ import annotations
@@ -11,12 +11,16 @@ from typing import Any
 
 from llvmlite import ir
 
+from ..formulas import sums as formulas
 from ..formulas.complex_numbers import Complex
 from ..formulas.vectors import Mat, Vec
 from .ir_numbers import F64, I32, I64, Emitter, Num
 
 LARGE = 300
 """Products of numbers from which a product of matrices becomes a loop: 6 x 6 matrices are written out, 7 x 7 are not."""
+
+TERMS = 200
+"""Terms from which a table of sums becomes loops over the table: the bracket of so(8) is written out, that of so(9) is not."""
 
 
 def product(emitter: Emitter, a: Any, b: Any) -> Any:
@@ -130,6 +134,96 @@ def _product(e: Emitter, a: list[Any], b: list[Any]) -> list[list[Any]] | None:
         return Complex(*parts) if complex_ else parts[0]
 
     return [[entry(i, j) for j in range(p)] for i in range(n)]
+
+
+def sums(e: Emitter, function: Any, table: Any, x: Any, y: Any) -> Any:
+    """The vector of sums of a table, of `bilinear_map` or `antisymmetric_map`: a loop for all sums of the same number of terms."""
+    by_length: dict[int, list[int]] = {}
+    for row, terms in enumerate(table):
+        by_length.setdefault(len(terms), []).append(row)
+    numbers = [*x, *y]
+    known = all(type(v) is float or (isinstance(v, Num) and v.kind == "f") for v in numbers)
+    if sum(map(len, table)) < TERMS or 2 * len(by_length) > len(table) or not known or not any(map(_unknown, numbers)):
+        return function(table, x, y)
+    builder, varying = e.builder, any(isinstance(v, Num) and v.varying for v in numbers)
+    type_, registers = e.type("f", varying), e.registers(varying)
+    result: list[Any] = [0.0] * len(table)
+
+    def place(count: int) -> ir.Value:
+        with builder.goto_entry_block():
+            made = builder.alloca(type_, size=ir.Constant(I64, count * registers))
+            made.align = 8 * e.width
+        return made
+
+    def at(buffer: ir.Value, index: ir.Value, register: int) -> ir.Value:
+        """The address of a register of a number."""
+        index = builder.add(builder.mul(index, ir.Constant(I64, registers)), ir.Constant(I64, register))
+        return builder.gep(buffer, [index], source_etype=type_)
+
+    def buffer(v: Any) -> ir.Value:
+        made = place(len(v))
+        for i, number in enumerate(v):
+            for r, value in enumerate(e.cast(number, "f", varying)):
+                builder.store(value, builder.gep(made, [ir.Constant(I64, i * registers + r)], source_etype=type_))
+        return made
+
+    def coefficient(v: ir.Value) -> ir.Value:
+        """A number of the table, in every lane."""
+        return e.cast(e.num([v]), "f", varying)[0]
+
+    X, Y = buffer(x), buffer(y)
+    for length, rows in by_length.items():
+        if not length:
+            continue
+        terms = [term for row in rows for term in table[row]]
+        factors = _table(e, F64, [float(c) for c, _, _ in terms])
+        places = _table(e, I64, [k for _, i, j in terms for k in (i, j)])
+        Z = place(len(rows))
+        before, head, done = builder.block, builder.append_basic_block(), builder.append_basic_block()
+        builder.branch(head)
+        builder.position_at_end(head)
+        row = builder.phi(I64)
+        row.add_incoming(ir.Constant(I64, 0), before)
+        first = builder.mul(row, ir.Constant(I64, length))
+        found: list[list[ir.Value]] = [[] for _ in range(registers)]
+        for k in range(length):
+            term = builder.add(first, ir.Constant(I64, k))
+            c = coefficient(builder.load(builder.gep(factors, [term], source_etype=F64), typ=F64))
+            twice = builder.mul(term, ir.Constant(I64, 2))
+            i = builder.load(builder.gep(places, [twice], source_etype=I64), typ=I64)
+            j = builder.load(builder.gep(places, [builder.add(twice, ir.Constant(I64, 1))], source_etype=I64), typ=I64)
+            for r in range(registers):
+                left, right = (builder.load(at(b, n, r), typ=type_) for b, n in ((X, i), (Y, j)))
+                product = builder.fmul(left, right)
+                if function is formulas.antisymmetric_map:
+                    left, right = (builder.load(at(b, n, r), typ=type_) for b, n in ((X, j), (Y, i)))
+                    product = builder.fsub(product, builder.fmul(left, right))
+                found[r].append(builder.fmul(c, product))  # by 1 and -1 too: these products are exact
+        for r in range(registers):
+            total = formulas.total([e.num([v]) for v in found[r]])
+            builder.store(total.value, at(Z, row, r))
+        following = builder.add(row, ir.Constant(I64, 1))
+        row.add_incoming(following, builder.block)
+        builder.cbranch(builder.icmp_signed("==", following, ir.Constant(I64, len(rows))), done, head)
+        builder.position_at_end(done)
+        for n, k in enumerate(rows):
+            offsets = [ir.Constant(I64, n * registers + r) for r in range(registers)]
+            result[k] = e.num([builder.load(builder.gep(Z, [o], source_etype=type_), typ=type_) for o in offsets])
+    return Vec(*result)
+
+
+def _table(e: Emitter, type_: ir.Type, numbers: list[Any]) -> ir.Value:
+    """The address of the first of these constants."""
+    module = e.builder.module
+    kind = ir.ArrayType(type_, len(numbers))
+    constant = ir.Constant(kind, numbers)
+    same = (g for g in module.globals.values() if isinstance(g, ir.GlobalVariable))
+    table = next((g for g in same if g.type.pointee == kind and g.initializer.constant == numbers), None)
+    if table is None:
+        table = ir.GlobalVariable(module, kind, module.get_unique_name("table"))
+        table.global_constant, table.linkage, table.initializer = True, "internal", constant
+    zero = ir.Constant(I64, 0)
+    return e.builder.gep(table, [zero, zero], inbounds=True, source_etype=kind)
 
 
 def _unknown(x: Any) -> bool:

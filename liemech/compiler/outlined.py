@@ -38,6 +38,12 @@ HUGE = 3000
 ALONE = 4
 """The kernel of a single body, not the functions that it calls, may write out so many times more: there a call costs most."""
 
+WIDE = 64
+"""Numbers of a state from which this is no longer so: the formulas of large groups take much longer than a call."""
+
+WIDEST = 1000
+"""Numbers of a state from which nothing is compiled: to carry so many in registers takes too long to make."""
+
 LIMIT = 100_000
 """Instructions of a kernel that LLVM compiles in about ten seconds: more are refused."""
 
@@ -52,9 +58,15 @@ class Builder(ir.IRBuilder):
     finished = 0  # in the other ones
     made = 0  # in all, with what was taken back
 
+    def __init__(self, block: ir.Block) -> None:
+        super().__init__(block)
+        self.within = [block.function]  # the native functions that are not finished, each made while making the one before
+
     def _insert(self, instruction: Any) -> None:
         self.emitted += 1
         self.made += 1
+        if self.emitted + self.finished > LIMIT:
+            self.finished = _reachable(self.within) - self.emitted
         if self.emitted + self.finished > LIMIT or self.made > EFFORT * LIMIT:
             tries = f"{self.made} instructions, all tries counted,"
             size = tries if self.made > EFFORT * LIMIT else f"more than {LIMIT} instructions"
@@ -63,6 +75,35 @@ class Builder(ir.IRBuilder):
                 "order, a smaller group, closed forms for what is derived, or compiled=False"
             )
         super()._insert(instruction)
+
+
+def _called(function: ir.Function) -> set[ir.Function]:
+    """The functions of the module that a function calls."""
+    calls = (i.callee for block in function.blocks for i in block.instructions if isinstance(i, ir.CallInstr))
+    return {f for f in calls if isinstance(f, ir.Function) and f.blocks}
+
+
+def _alive(functions: list[ir.Function]) -> set[ir.Function]:
+    """These functions and those that are called by them, by these, ..."""
+    found, open_ = set(functions), list(functions)
+    while open_:
+        new = _called(open_.pop()) - found
+        found |= new
+        open_ += new
+    return found
+
+
+def _reachable(functions: list[ir.Function]) -> int:
+    """The instructions of functions and of what they call."""
+    return sum(len(block.instructions) for f in _alive(functions) for block in f.blocks)
+
+
+def drop_unused(module: ir.Module, kernel: ir.Function) -> None:
+    """Remove the functions that nobody calls any more: their calls were taken back."""
+    alive = _alive([kernel])
+    for name, value in [*module.globals.items()]:
+        if isinstance(value, ir.Function) and value.blocks and value not in alive:
+            del module.globals[name]
 
 
 class TooLong(NotCompilable):
@@ -107,6 +148,17 @@ class Outliner:
         self.made: dict[Any, Outlined | None] = {}  # None: it has to be written out
         self.patience = ALONE if self.e.lanes == 1 else 1
         self.kept: dict[int, Any] = {}  # objects that are told apart by their identity
+
+    def fitting(self, layout: Layout) -> Layout:
+        """The layout of a state, refused if it is too wide.  Raises TooLong."""
+        if layout.width > WIDEST:
+            raise TooLong(
+                f"the native code would be too long: a state of {layout.width} numbers, more than {WIDEST}, takes more than about "
+                "ten seconds to make. Take a smaller group, leave out what is not needed (the element g), or compiled=False"
+            )
+        if layout.width > WIDE:
+            self.patience = 1
+        return layout
 
     def enter(self, frame: Frame) -> Any:
         """The value of a call, made here or written out."""
@@ -256,6 +308,7 @@ class Outliner:
         if self.e.lanes > 1:
             function.attributes.alignstack = 8 * self.e.width
         b.finished, b.emitted, self.spent, self.patience = b.finished + outer, 0, [], 1
+        b.within.append(function)
         escapes: list[Open] = []
         made: Outlined | None = None
         try:
@@ -279,6 +332,7 @@ class Outliner:
             if isinstance(error, TooLong):
                 raise
             del module.globals[name]
+        b.within.pop()
         del t.frames[frames:]
         t.base, t.depth, t.failed, t.escapes, t.raises, t.region, self.e.calls, self.spent, self.patience = state
         b.finished, b.emitted = b.finished - outer, outer

@@ -19,14 +19,14 @@ from typing import Any
 import numpy as np
 
 from ..errors import NotCompilable
-from ..formulas import functions, series, vectors
+from ..formulas import functions, series, sums, vectors
 from ..formulas.derivatives import axes, tangent
 from ..formulas.fields import floats
 from ..formulas.pytree import PAIRS, compensated, fill, fitted, is_any_number, layout_of, leaves, plain
 from ..formulas.records import Record
 from ..formulas.series import Series
 from ..formulas.vectors import Mat, Vec
-from . import driver
+from . import driver, large
 from .expressions import Expressions, holds_number
 from .ir_numbers import Emitter, Num
 from .joins import RETURN, Open
@@ -65,6 +65,8 @@ class Interpreter(Statements):
             hasattr: reads.has,
             **{f: f for f in (layout_of, compensated, plain, fitted, axes)},
             tangent: lambda formula, *x: tangent(functools.partial(self.call, formula), *x),
+            sums.bilinear_map: lambda *x: large.sums(emitter, sums.bilinear_map, *x),
+            sums.antisymmetric_map: lambda *x: large.sums(emitter, sums.antisymmetric_map, *x),
             driver.numbers: lambda x: Vec(*leaves(x, layout_of(x, is_any_number))),
         }
 
@@ -97,6 +99,9 @@ class Interpreter(Statements):
                 return self.inline(function, args, options)
             return function(*args, **options)
         if isinstance(function, types.FunctionType):
+            if function.__module__ == sums.__name__:  # Python runs these as they stand
+                self.reads.settled(*args)
+                return function(*args, **options)
             return self.inline(function, args, options)
         return self.known(function, args, options)
 

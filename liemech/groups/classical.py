@@ -9,7 +9,7 @@ import numpy as np
 
 from ..errors import InvalidInput
 from ..formulas import Ambient, Complex, Element, Mat, Vec, mat, record, vec
-from .matrix_functions import total
+from ..formulas.sums import total
 from .matrix_group import MatrixLieGroup, whole_number
 from .matrix_invariants import Invariants
 

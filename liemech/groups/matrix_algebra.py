@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from ..formulas import Complex, Mat, Vec, mat, record, vec
+from ..formulas.sums import antisymmetric_map, bilinear, bilinear_map, entries, linear
 from .lie_algebra import Constants, LieAlgebra
-from .matrix_basis import MatrixBasis, Terms
-from .matrix_functions import total
+from .matrix_basis import MatrixBasis
 
 
 @record
@@ -46,17 +46,17 @@ class MatrixLieAlgebra(LieAlgebra):
 
     def bracket(self, xi: Vec, eta: Vec) -> Vec:
         """The commutator, over the structure constants that are not zero."""
-        if self.generated.large:
+        if not self.generated.tabled:
             x, y = self.hat(xi), self.hat(eta)
             return self.vee(x @ y - y @ x)
-        return vec(*[_antisymmetric(terms, xi, eta) for terms in self.generated.bracket_terms])
+        return antisymmetric_map(self.generated.bracket_terms, xi, eta)
 
     def ad_star(self, xi: Vec, mu: Vec) -> Vec:
         """The transpose of the bracket, over the structure constants that are not zero."""
-        if self.generated.large:
+        if not self.generated.tabled:
             x, m = adjoint(self.hat(xi)), self.covector(mu)
             return self.pairing(x @ m - m @ x)
-        return vec(*[bilinear(terms, xi, mu) for terms in self.generated.ad_star_terms])
+        return bilinear_map(self.generated.ad_star_terms, xi, mu)
 
     def hat(self, xi: Vec) -> Mat:
         """sum_i xi_i E_i."""
@@ -64,7 +64,7 @@ class MatrixLieAlgebra(LieAlgebra):
 
     def vee(self, matrix: Mat) -> Vec:
         """Coordinates by least squares: of a matrix outside the algebra, those of its orthogonal projection."""
-        return vec(*[_read(terms, matrix) for terms in self.generated.vee_terms])
+        return vec(*[entries(terms, matrix) for terms in self.generated.vee_terms])
 
     def covector(self, mu: Vec) -> Mat:
         """The matrix M in the algebra that stands for a momentum, <mu, xi> = Re tr(M^H hat(xi)).  mu : (dim,)."""
@@ -72,16 +72,16 @@ class MatrixLieAlgebra(LieAlgebra):
 
     def pairing(self, matrix: Mat) -> Vec:
         """The momentum that a matrix stands for, mu_i = Re tr(M^H E_i): the inverse of `covector`.  matrix : (n, n)."""
-        return vec(*[_read(terms, matrix) for terms in self.generated.pairing_terms])
+        return vec(*[entries(terms, matrix) for terms in self.generated.pairing_terms])
 
     def ad_size2(self, xi: Vec) -> float:
         """A bound for the square of the Euclidean norm of ad_xi.  xi : (dim,)."""
         return bilinear(self.generated.ad_size_terms, xi, xi)
 
-    def _assembled(self, entries: Any, v: Vec) -> Mat:
+    def _assembled(self, places: Any, v: Vec) -> Mat:
         if self.generated.complex:
-            return mat(*[vec(*[Complex(_linear(re, v), _linear(im, v)) for re, im in row]) for row in entries])
-        return mat(*[vec(*[_linear(re, v) for re, _ in row]) for row in entries])
+            return mat(*[vec(*[Complex(linear(re, v), linear(im, v)) for re, im in row]) for row in places])
+        return mat(*[vec(*[linear(re, v) for re, _ in row]) for row in places])
 
     def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
         return (self.dim,) if kind == "Vec" else (self.generated.n, self.generated.n)
@@ -114,36 +114,3 @@ def adjoint(m: Mat) -> Mat:
     if isinstance(m[0, 0], Complex):
         return mat(*[vec(*[x.conjugate() for x in row]) for row in m.T])
     return m.T
-
-
-def bilinear(terms: Terms, x: Vec, y: Vec) -> Any:
-    """The sum of c x_i y_j over the terms (c, i, j)."""
-    return total([scaled(c, x[i] * y[j]) for c, i, j in terms]) if len(terms) else 0.0
-
-
-def scaled(c: float, x: Any) -> Any:
-    """c x without the multiplications by 1 and -1."""
-    if c == 1.0:
-        return x
-    return -x if c == -1.0 else c * x
-
-
-def _antisymmetric(terms: Terms, x: Vec, y: Vec) -> Any:
-    """The sum of c (x_i y_j - x_j y_i) over the terms (c, i, j)."""
-    return total([scaled(c, x[i] * y[j] - x[j] * y[i]) for c, i, j in terms]) if len(terms) else 0.0
-
-
-def _linear(terms: Terms, v: Vec) -> Any:
-    """The sum of c v_i over the terms (c, i)."""
-    return total([scaled(c, v[i]) for c, i in terms]) if len(terms) else 0.0
-
-
-def _read(terms: Terms, m: Mat) -> Any:
-    """The sum of c times the real or imaginary part of m_ij over the terms (c, i, j, part)."""
-    return total([scaled(c, _part(m[i, j], part)) for c, i, j, part in terms]) if len(terms) else 0.0
-
-
-def _part(x: Any, part: int) -> Any:
-    if isinstance(x, Complex):
-        return x.im if part else x.re
-    return x

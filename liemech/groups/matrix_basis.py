@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidInput, InvalidType, LawViolation
-
-Terms = tuple[tuple[Any, ...], ...]
-"""A sum written out: of each term the coefficient, and the indices of what it multiplies."""
+from ..formulas.sums import Terms
 
 SMALL = 12
 """Formulas for matrices with more rows than this would be too long to write out; arrays then go through NumPy."""
+
+TABLED = 160
+"""Dimension up to which large groups have structure constants, a cube of numbers, nevertheless: so(16) has 120."""
 
 CLOSED = 1e-10
 """What a bracket may stick out of the span of the generators, relative to the product of their sizes."""
@@ -107,6 +108,13 @@ class MatrixBasis:
         e = self.generators
         products = np.einsum("iab,jbc->ijac", e, e)
         return clean(self.vee(products - products.swapaxes(0, 1))).transpose(2, 0, 1)
+
+    @cached_property
+    def tabled(self) -> bool:
+        """Are brackets quicker by structure constants than by the products of matrices that are large?"""
+        if not self.large:
+            return True
+        return self.dim <= TABLED and np.count_nonzero(self.structure_constants) <= 2 * self.n**3
 
     # ---------------------------------------------------------------- laws
 
@@ -205,8 +213,15 @@ class MatrixBasis:
     def ad_size_terms(self) -> Terms:
         """The terms (c, i, j), i <= j, of a sum over c x_i x_j that bounds the square of the norm of ad_x.
 
-        The Frobenius norm; half of it where all ad_x are antisymmetric, so that their singular values come in pairs.
+        The Frobenius norm; half of it where all ad_x are antisymmetric, so that their singular values come in pairs.  Without
+        structure constants |[x, y]|^2 <= 2 |x|^2 |y|^2, Frobenius norms of matrices, compared with lengths of coordinates.
+
+        Source: Boettcher and Wenzel, The Frobenius norm and the commutator, Linear Algebra Appl. 429 (2008) 1864.
         """
+        if not self.tabled:
+            square = (self.columns.T @ self.columns).toarray()
+            lengths = np.linalg.eigvalsh(square)
+            return products(clean(2.0 * lengths[-1] / lengths[0] * (2.0 * np.triu(square, 1) + np.diag(np.diag(square)))))
         ad = self.structure_constants.transpose(1, 0, 2)
         square = np.einsum("iab,jab->ij", ad, ad) * (0.5 if np.array_equal(ad, -ad.swapaxes(1, 2)) else 1.0)
         return products(clean(2.0 * np.triu(square, 1) + np.diag(np.diag(square))))

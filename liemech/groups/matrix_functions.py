@@ -8,6 +8,7 @@ from __future__ import annotations
 from typing import Any
 
 from ..formulas import Complex, Mat, Vec, mat, vec
+from ..formulas.sums import abs2, total
 
 INFINITE = float("inf")
 
@@ -21,19 +22,6 @@ LOST = 52.0
 def frobenius2(m: Mat) -> float:
     """The sum of the squared absolute values of all entries."""
     return total([abs2(x) for row in m for x in row])
-
-
-def abs2(x: Any) -> Any:
-    """|x|^2."""
-    return x.re * x.re + x.im * x.im if isinstance(x, Complex) else x * x
-
-
-def total(items: list[Any]) -> Any:
-    """The sum of a list, by halves: short chains of additions, small errors."""
-    if len(items) == 1:
-        return items[0]
-    half = (len(items) + 1) // 2
-    return total(items[:half]) + total(items[half:])
 
 
 def unit(m: Mat) -> Mat:

@@ -11,15 +11,15 @@ import numpy as np
 
 from ..errors import IncompatibleSystem, InvalidInput, NotDefined
 from ..formulas import Ambient, Complex, Element, Mat, Vec, identity_matrix, mat, record, solve, solve3, sqrt, vec
+from ..formulas.sums import abs2, scaled, total
 from . import matrix_arrays
 from .lie_group import MEMBERSHIP, LieGroup
-from .matrix_algebra import MatrixLieAlgebra, adjoint, scaled
+from .matrix_algebra import MatrixLieAlgebra, adjoint
 from .matrix_basis import MatrixBasis, basis_of
 from .matrix_functions import (
     INFINITE,
     LOST,
     TINY,
-    abs2,
     determinant,
     expm1,
     frobenius2,
@@ -29,7 +29,6 @@ from .matrix_functions import (
     phi1m,
     plus,
     solve_matrix,
-    total,
 )
 from .matrix_invariants import Invariants, invariants_of, objections
 

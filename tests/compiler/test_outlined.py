@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import collections
+import re
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ import worlds
 
 import liemech as lm
 from liemech import execution
-from liemech.compiler import cache, kernel, large, outlined
+from liemech.compiler import cache, kernel, large, llvm, outlined
 from liemech.errors import NotCompilable
 
 pytestmark = pytest.mark.compiled
@@ -103,6 +104,7 @@ def everything(monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest) 
         monkeypatch.setattr(outlined, name, 0)
     monkeypatch.setattr(outlined.Outliner, "enter", _at_once)
     monkeypatch.setattr(large, "LARGE", 0)
+    monkeypatch.setattr(large, "TERMS", 0)
     if request.param == "general":
         monkeypatch.setattr(outlined.Outliner, "_chosen", lambda self, call: (call.general, True))
 
@@ -198,6 +200,46 @@ def test_what_is_too_long_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
         lm.integrate(BODY, lm.RKMK(order=4), start, h=0.1, steps=10, compiled=True)
     with pytest.warns(lm.errors.NotCompiledWarning, match="fewer stages"):
         assert not lm.integrate(BODY, lm.RKMK(order=4), start, h=0.1, steps=3000).compiled
+
+
+def test_a_wide_state_is_refused_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Before anything of the method is translated."""
+    no_kernels(monkeypatch)
+    monkeypatch.setattr(outlined, "WIDEST", 2)
+    with pytest.raises(NotCompilable, match="a state of 3 numbers, more than 2"):
+        lm.integrate(BODY, lm.RKMK(order=4), BODY.state(mu=MU), h=0.1, steps=10, compiled=True)
+
+
+def test_every_function_is_called(everything: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Functions whose calls were taken back are not compiled."""
+    texts: list[str] = []
+    code = llvm.object_code
+    monkeypatch.setattr(llvm, "object_code", lambda text: texts.append(text) or code(text))
+    lm.integrate(BODY, lm.CovariantVariational(lm.Exponential()), BODY.state(mu=MU), h=0.1, steps=1, compiled=True)
+    names = re.findall(r"^define internal .*@(\S+)\(", texts[-1], re.MULTILINE)
+    assert names and all(re.search(rf"call fastcc .*@{re.escape(name)}\(", texts[-1]) for name in names)
+
+
+@pytest.mark.parametrize("lanes", [1, 16])
+def test_tables(lanes: int, everything: None, tmp_path: Path) -> None:
+    """Sums of terms in any number, with any coefficients, against plain Python."""
+    text = """
+from liemech.formulas import vec
+from liemech.formulas.sums import antisymmetric_map, bilinear_map
+
+TABLE = (
+    ((1.0, 0, 1), (-1.0, 2, 1), (0.3, 1, 1)), (), ((0.1, 2, 2), (-1.0, 0, 0), (7.0, 1, 2)),
+    ((1.0, 2, 0), (-3.0, 1, 0), (1e3, 0, 2)),
+    ((-0.7, 1, 0),), ((2.0, 0, 0),), ((1.0, 2, 1),), ((-1.0, 0, 2),),
+)
+
+def formula(a, b, c, turns):
+    x, y = vec(a, b, 0.3), vec(c, a * b, a - c)
+    return [*bilinear_map(TABLE, x, y), *antisymmetric_map(TABLE, y, x), *bilinear_map(TABLE, y, y)]
+"""
+    formula = worlds.module_from(text, tmp_path, "tables").formula
+    rows = [(0.1, 0.7, -1.3), (1e200, 1.0, 3.0), (0.0, -0.0, 1e-310), (1.0 / 3.0, 0.1, 7.0)]
+    worlds.same_in_all_worlds(formula, rows, lanes=(lanes,))
 
 
 def test_a_long_kernel_is_short() -> None:
