@@ -76,6 +76,7 @@ class Joins:
         self.escapes: list[list[Open]] = []  # where control goes when a formula raises
         self.failed: Any = None  # where a formula that raises says so
         self.raises = 0  # places so far, in the present attempt, that may
+        self.marks = 0  # those among them where control goes on
         self.region: Region = ()  # the branches and loops of unknown length around the present code
         self.regions = 0
         self.streams: list[Stream] = []
@@ -134,7 +135,7 @@ class Joins:
         """Python raises here if the condition holds: the attempt has failed.  Outside of attempts numbers go on as they are."""
         if condition is False or not self.escapes:
             return
-        self.raises += 1
+        self.raises, self.marks = self.raises + 1, self.marks + 1
         lanes = self.emitter.logic("and_", condition, self.everyone(self.active(self.frames[-1].env)))
         self.emitter.store(self.emitter.logic("or_", self.emitter.load(self.failed), lanes), self.failed)
 

@@ -88,7 +88,7 @@ class Loops(Branches):
         while True:
             forget = self.mark()
             try:
-                going_on = self._loop(test, step, body, env, carried, types, masked)
+                going_on = self._loop(test, step, body, env, carried, types, masked, bool(counters))
                 if not promoted:
                     self.loop_forms[form] = masked, types
                 return going_on
@@ -110,7 +110,7 @@ class Loops(Branches):
         block, instructions, blocks = b.block, len(b.block.instructions), len(function.blocks)
         lists: list[list[Any]] = [self.frames, frame.loops, frame.returns, self.escapes, *self.escapes, self.outliner.spent]
         lengths = [len(items) for items in lists]
-        state = self.base, self.depth, self.raises, self.region, frame.env, frame.node
+        state = self.base, self.depth, self.raises, self.marks, self.region, frame.env, frame.node
         taken, emitted = [(stream, stream.taken, stream.region) for stream in self.streams], b.emitted
 
         def forget() -> None:
@@ -118,7 +118,7 @@ class Loops(Branches):
                 del items[length:]
             del function.blocks[blocks:], block.instructions[instructions:]
             block.terminator, b.emitted = None, emitted
-            self.base, self.depth, self.raises, self.region, frame.env, frame.node = state
+            self.base, self.depth, self.raises, self.marks, self.region, frame.env, frame.node = state
             for stream, before, region in taken:
                 stream.back_to(before, region)
             b.position_at_end(block)
@@ -134,6 +134,7 @@ class Loops(Branches):
         carried: list[str],
         types: dict[int, tuple[str, bool, bool]],
         masked: bool,
+        counted: bool,
     ) -> bool:
         e, b, frame = self.emitter, self.builder, self.frames[-1]
         before, head, outer = b.block, b.append_basic_block(), self.base
@@ -173,7 +174,7 @@ class Loops(Branches):
         head_end, start = b.block, b.append_basic_block()
         b.position_at_end(start)
         inside = dict(at_head)
-        loop, raises = Loop(True, self.depth, masked), self.raises
+        loop, raises, marks = Loop(True, self.depth, masked), self.raises, self.marks
         frame.loops.append(loop)
         self.base = lanes
         with self.apart(loop=True):
@@ -208,10 +209,10 @@ class Loops(Branches):
                 raise Retype(next(iter(retyped)), *retyped[next(iter(retyped))])
             if masked:
                 broken = inside.get(BROKEN, False)
-                if self.raises > raises:  # a lane that has failed holds anything, and might never end
+                if self.raises - raises > (self.marks - marks if counted else 0):  # a lane that has failed might never end
                     broken = e.logic("or_", broken, e.load(self.failed))
                 come_from(active, e.cast(e.logic("and_", lanes, e.negation(broken)), "b", True), b.block)
-            if self.raises > raises and not masked:  # what has failed everywhere might never end
+            if self.raises > raises and not masked and not counted:  # what has failed everywhere might never end
                 going, given_up = e.any(e.negation(e.load(self.failed))), b.append_basic_block()
                 b.cbranch(going.value, head, given_up)
                 self.escapes[-1].append(Open(given_up, {}))

@@ -35,7 +35,7 @@ LARGE = 120
 HUGE = 3000
 """Formulas of more instructions are never written out."""
 
-ALONE = 4
+ALONE = 5
 """The kernel of a single body, not the functions that it calls, may write out so many times more: there a call costs most."""
 
 WIDE = 64
@@ -292,7 +292,7 @@ class Outliner:
         active = t.active(t.frames[-1].env)
         call = self.call(frame.source.function, given)
         assert call is not None
-        state = t.base, t.depth, t.failed, t.escapes, t.raises, t.region, self.e.calls, self.spent, self.patience
+        state = t.base, t.depth, t.failed, t.escapes, t.raises, t.marks, t.region, self.e.calls, self.spent, self.patience
         block, outer = b.block, b.emitted
         frames, module = len(t.frames), b.module
         passed = [*call.numbers, *(call.constants if general else [])]
@@ -316,7 +316,7 @@ class Outliner:
             values = iter(function.args[1:])
             inner = [Num(self.e, tuple(next(values) for _ in x.values), x.kind, x.mixed) for x in passed]
             arguments, parts = self._inside(given, active, call, inner, general, function)
-            t.base, t.depth, t.raises, self.e.calls = arguments.pop("<mask>"), 0, 0, 0
+            t.base, t.depth, t.raises, t.marks, self.e.calls = arguments.pop("<mask>"), 0, 0, 0, 0
             t.failed, t.escapes = None, []
             if slots:
                 t.failed, t.escapes = self.e.slot(), [escapes]
@@ -334,7 +334,7 @@ class Outliner:
             del module.globals[name]
         b.within.pop()
         del t.frames[frames:]
-        t.base, t.depth, t.failed, t.escapes, t.raises, t.region, self.e.calls, self.spent, self.patience = state
+        t.base, t.depth, t.failed, t.escapes, t.raises, t.marks, t.region, self.e.calls, self.spent, self.patience = state
         b.finished, b.emitted = b.finished - outer, outer
         b.position_at_end(block)
         self.made[key] = made

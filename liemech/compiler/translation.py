@@ -183,9 +183,9 @@ class Interpreter(Statements):
             self.failed = e.slot()
         e.store(False, self.failed)
         self.escapes.append([])
-        raises, self.raises = self.raises, 0
+        before, self.raises, self.marks = (self.raises, self.marks), 0, 0
         result = self.call(function, *args)
-        escapes, self.raises = self.escapes.pop(), raises
+        escapes, (self.raises, self.marks) = self.escapes.pop(), before
         joined: Env = {}
         self.join([Open(b.block, {"": result}), *(Open(o.block, {"": self.blank(result)}) for o in escapes)], joined)
         return joined[""]
