@@ -68,10 +68,19 @@ def _functions(file: str, text: str) -> list[tuple[ast.FunctionDef | ast.Lambda,
         candidates = nodes.get((code.co_firstlineno, code.co_name), [])
         if len(candidates) > 1:  # on one line: the innermost around all of the code
             places = _places(code)
-            around = [n for n in candidates if places and all(_within(p, _body(n)) for p in places)]
+            if places:
+                around = [n for n in candidates if all(_within(p, _body(n)) for p in places)]
+            else:  # it only returns a constant, which Python 3.12 has no place for
+                around = [n for n in candidates if isinstance(n, ast.Lambda) and _alone(n, file) == code_token(code)]
             candidates = sorted(around, key=_extent)[:1]
         pairs += [(node, code) for node in candidates]
     return pairs
+
+
+def _alone(node: ast.Lambda, file: str) -> str:
+    """The token of a lambda outside of the function that it stands in."""
+    whole = compile(ast.Expression(node), file, "eval", dont_inherit=True)
+    return code_token([c for c in whole.co_consts if isinstance(c, types.CodeType)][-1])
 
 
 def _nested(code: types.CodeType) -> Iterator[types.CodeType]:

@@ -683,8 +683,8 @@ def test_the_comparison_notices_a_difference(monkeypatch: pytest.MonkeyPatch) ->
         return vec(a * 2.0000000000000004, b)
 
     worlds.same_in_all_worlds(right, ROWS)
-    native = worlds.native
-    monkeypatch.setattr(worlds, "native", lambda formula, *rest: native(wrong, *rest))
+    native = worlds.outcomes
+    monkeypatch.setattr(worlds, "outcomes", lambda formula, *rest: native(wrong, *rest))
     with pytest.raises(AssertionError, match="instead of"):
         worlds.same_in_all_worlds(right, ROWS)
 
