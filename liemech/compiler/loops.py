@@ -184,7 +184,7 @@ class Loops(Branches):
             step(inside)
             index, retyped = 0, {}
             for name in carried:
-                new, old = inside[name], at_head[name]
+                new, old = inside.get(name, True), at_head[name]  # a mark that is gone: the variable has a value now
                 layout = layout_of(new, is_any_number)
                 if layout != layouts[name] and not isinstance(new, Undefined):
                     first, now = leveled([env[name], new])

@@ -291,6 +291,20 @@ def math_raises_outside_its_domain(a, b, c, d, n):
 
 
 @meaning
+def a_variable_of_some_turns_only(a, b, c, d, n):
+    for k in range(3):
+        if a > b + k:
+            v = c
+        for i in range(n):
+            if i * a > d:
+                v = a * i
+                break
+        else:
+            v = b
+    return vec(v, d)
+
+
+@meaning
 def identity_of_truth_values(a, b, c, d, n):
     x, y = a < b, c < d
     return vec(1.0 if x is True else 0.0, 1.0 if x is not True else 0.0, 1.0 if y is False else 0.0, 1.0 if x is None else 0.0)
