@@ -26,6 +26,7 @@ from ..errors import InvalidInput, NotCompilable, NotCompiledWarning
 from ..formulas.broadcasting import MEMBERSHIP, Batch, row_of
 from ..formulas.complex_numbers import Complex
 from ..formulas.pytree import Layout, is_any_number, layout_of
+from ..formulas.sums import total as total_of
 from ..formulas.vectors import Mat, Vec, vec
 from . import kernel
 from .driver import accepted, any_body, attempt, itself, numbers, read, write
@@ -252,7 +253,7 @@ def _guarded(formula: Any, owner: Any, space: Any, tolerance: Any, plan: Any, wi
     for k in range(len(plan)):
         if plan[k][1] is not None:
             given = [*given, *numbers(arguments[k])]
-    total = _total(given)
+    total = total_of(given)
     sound = total - total == 0.0
     for k in range(len(plan)):
         if plan[k][2]:
@@ -262,13 +263,7 @@ def _guarded(formula: Any, owner: Any, space: Any, tolerance: Any, plan: Any, wi
     value = numbers(formula(owner, *arguments))
     if len(value) != sum(widths):
         raise NotCompilable("the result has another form than in plain Python")
-    return value, _total(value)
-
-
-def _total(terms: Any) -> Any:
-    """The sum of the terms, by halves: a short chain of additions."""
-    half = len(terms) // 2
-    return _total(terms[:half]) + _total(terms[half:]) if half else terms[0]
+    return value, total_of([*value])
 
 
 # ------------------------------------------------------------------ results

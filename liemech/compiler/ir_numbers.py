@@ -180,9 +180,13 @@ class Emitter:
             if b >= 0:
                 return math.prod([a] * b) if b else 1
         result = self.call("pow", a, b)
-        finite = [self.compare("==", x - x, 0.0) for x in (a, b) if isinstance(x, Num) and x.kind == "f"]
-        self.fail_if(functools.reduce(lambda x, y: self.logic("and_", x, y), finite, result - result != 0.0))
+        self.fail_if(self.overflowed(result, a, b))
         return result
+
+    def overflowed(self, result: Num, *x: Any) -> Num:
+        """Is the result of a function nan or infinite, and are its arguments finite?"""
+        finite = [self.compare("==", a - a, 0.0) for a in x if isinstance(a, Num) and a.kind == "f"]
+        return functools.reduce(lambda a, b: self.logic("and_", a, b), finite, result - result != 0.0)
 
     def compare(self, op: str, a: Any, b: Any) -> Any:
         """A comparison, exact like Python's of integers with floats."""

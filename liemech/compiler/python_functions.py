@@ -77,11 +77,10 @@ class PythonFunctions:
             math.isnan: self.plain_number(lambda x: x != x, math.isnan),
             math.isfinite: self.plain_number(lambda x: x - x == 0.0, math.isfinite),
             math.isinf: self.plain_number(lambda x: abs(x) == math.inf, math.isinf),
-            math.radians: self.plain_number(lambda x: x * (math.pi / 180.0), math.radians),
-            math.degrees: self.plain_number(lambda x: x * (180.0 / math.pi), math.degrees),
+            math.radians: self.plain_number(functions.radians, math.radians),
+            math.degrees: self.plain_number(functions.degrees, math.degrees),
             math.sqrt: self.of_math(math.sqrt, "llvm.sqrt"),
             math.log: self.log,
-            getattr(math, "sumprod", None): self.refused("math.sumprod", "liemech.dot"),
             math.fsum: self.refused("math.fsum", "liemech.sum"),
             math.prod: lambda items, start=1: functools.reduce(operator.mul, self.t.iterate(items), start),
             np.sqrt: self.plain_number(lambda x: self.e.call("llvm.sqrt", x), np.sqrt),
@@ -92,10 +91,12 @@ class PythonFunctions:
             np.array: self.refused("np.array", "liemech.vec or liemech.mat"),
             np.where: self.refused("np.where", "liemech.formulas.where"),
         }
+        if hasattr(math, "sumprod"):  # from Python 3.12 on
+            self.table[math.sumprod] = self.refused("math.sumprod", "liemech.dot")
         for f in (getattr(functions, name) for name in functions.INSTRUCTIONS):
-            self.table[f] = self.elementary(f, f"llvm.{f.__name__}")
+            self.table[f] = _elementary(f)
         for f in functions.LIBM:
-            self.table[f] = self.elementary(f, f.__name__)
+            self.table[f] = _elementary(f)
             self.table.setdefault(getattr(math, f.__name__), self.of_math(getattr(math, f.__name__), f.__name__))
         for python, symbol in FUNCTIONS.items():
             self.table.setdefault(python, self.called_back(python, symbol))
@@ -164,7 +165,7 @@ class PythonFunctions:
                         total = total + x
                     taken += 1
                 if taken:
-                    total = self.t.where(_and(self.e, lost != 0.0, lost - lost == 0.0), total + lost, total)
+                    total = self.t.where(self.e.logic("and_", lost != 0.0, lost - lost == 0.0), total + lost, total)
                     rest = rest[taken:]
                     continue
             total, rest = total + rest[0], rest[1:]
@@ -229,20 +230,6 @@ class PythonFunctions:
 
     # -------------------------------------------------------------- functions of floats
 
-    def elementary(self, function: Callable[..., Any], name: str) -> Callable[..., Any]:
-        """A function of `liemech.formulas`: nan or an infinity outside its domain."""
-
-        def value(*x: Any) -> Any:
-            if any(isinstance(a, Dual) for a in x):
-                return self.t.call(functions.RULES[function.__name__], *x)
-            for a in x:
-                if isinstance(a, Series):
-                    return a.elementary(function.__name__, *x)
-            x = tuple(map(value_of, x))
-            return self.e.call(name, *x) if any(isinstance(a, Num) for a in x) else function(*x)
-
-        return value
-
     def plain_number(self, native: Callable[..., Any], function: Callable[..., Any]) -> Callable[..., Any]:
         """A function of plain numbers only: Python's own of what is known now."""
 
@@ -280,15 +267,11 @@ class PythonFunctions:
 
     def raising(self, result: Num, *x: Any) -> Num:
         """The result of a function of `math`: it raises where there is none, nan or infinite, and the arguments were finite."""
-        known = [a - a == 0.0 for a in x if isinstance(a, Num) and a.kind == "f"]
         wrong = result != result
         for a in x:
             if isinstance(a, Num) and a.kind == "f":
-                wrong = _and(self.e, wrong, a == a)
-        overflow = result - result != 0.0
-        for finite in known:
-            overflow = _and(self.e, overflow, finite)
-        self.t.fail_if(self.e.logic("or_", wrong, overflow))
+                wrong = self.e.logic("and_", wrong, a == a)
+        self.t.fail_if(self.e.logic("or_", wrong, self.e.overflowed(result, *x)))
         return result
 
     def refused(self, name: str, instead: str) -> Callable[..., Any]:
@@ -303,5 +286,6 @@ def _kind(x: Any) -> str | None:
     return kind_of(x) if isinstance(x, (Num, int, float)) else None
 
 
-def _and(emitter: Any, a: Any, b: Any) -> Any:
-    return emitter.logic("and_", a, b)
+def _elementary(function: Callable[..., Any]) -> Callable[..., Any]:
+    """A function of `liemech.formulas`, which knows all kinds of numbers; of what is compensated only the value counts."""
+    return lambda *x: function(*map(value_of, x))

@@ -175,7 +175,6 @@ class Interpreter(Statements):
     def named(self, value: Any, name: str, *default: Any) -> Any:
         return default[0] if default and not self.reads.has(value, name) else self.attribute(value, name)
 
-
     def attempt(self, function: Any, *args: Any) -> Any:
         """The value of a call in which formulas may raise; after it, `accepted` tells whether one did."""
         b, e = self.builder, self.emitter
