@@ -71,8 +71,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     rows = [compare(body, name, run, exact, spent) for name, run, spent in runs]
     rows.append(compare(body, "exact", exact, exact, seconds))
     if not options.quiet:
-        compiled = any(run.compiled for _, run, _ in runs)
-        how = "native code" if compiled else "plain Python; long runs are compiled where llvmlite is installed"
+        native = [name for name, run, _ in runs if run.compiled]
+        how = "native code" if native else "plain Python; long runs are compiled where llvmlite is installed"
+        if 0 < len(native) < len(runs):
+            how += f" for {' and '.join(native)}, in plain Python else; long runs are compiled"
         print(header(body, start, step, notes), table(rows), f"Steps ran in {how}.", sep="\n\n")
     captions = [f"momentum error {row[1]}\nenergy error {row[3]}" for row in rows]
     panels = [(name, run.mu, text, exact.mu[-1]) for (name, run, _), text in zip(runs, captions)]
