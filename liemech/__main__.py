@@ -74,7 +74,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         native = [name for name, run, _ in runs if run.compiled]
         how = "native code" if native else "plain Python; long runs are compiled where llvmlite is installed"
         if 0 < len(native) < len(runs):
-            how += f" for {' and '.join(native)}, in plain Python else; long runs are compiled"
+            how += f": {'; '.join(native)}.\nThe others ran in plain Python; long runs are compiled"
         print(header(body, start, step, notes), table(rows), f"Steps ran in {how}.", sep="\n\n")
     captions = [f"momentum error {row[1]}\nenergy error {row[3]}" for row in rows]
     panels = [(name, run.mu, text, exact.mu[-1]) for (name, run, _), text in zip(runs, captions)]
