@@ -147,6 +147,6 @@ def warn(message: str, category: type[Warning]) -> None:
     """Warn at the line outside of this package that led here."""
     here, level = os.path.dirname(__file__) + os.sep, 2
     frame = sys._getframe(1)
-    while frame.f_back is not None and frame.f_code.co_filename.startswith(here):
+    while frame.f_back is not None and frame.f_code.co_filename.startswith((here, "<string>")):  # of a dataclass: no file
         frame, level = frame.f_back, level + 1
     warnings.warn(message, category, stacklevel=level)

@@ -247,9 +247,9 @@ def test_exact_motion() -> None:
     refused(value, "RigidBody.exact: t must be finite; got inf", lambda: BODY.exact(START, [0.0, INF]))
     refused(value, r"row of times; got shape \(2, 2\)", lambda: BODY.exact(START, np.ones((2, 2))))
     refused(kind, "RigidBody.exact: t must be real numbers", lambda: BODY.exact(START, "noon"))
-    refused(kind, "RigidBody.exact: start must be a BodyState, which `state`.*got", lambda: BODY.exact([1, 2, 3], 1.0))
+    refused(kind, "RigidBody.exact: start must come from body.state", lambda: BODY.exact([1, 2, 3], 1.0))
     refused(value, "one body at a time", lambda: BODY.exact(BODY.state(np.ones((2, 3))), 1.0))
-    refused(kind, "RigidBody.period: start must be a BodyState, which `state`.*got array", lambda: BODY.period(np.ones(3)))
+    refused(kind, "RigidBody.period: start must come from body.state", lambda: BODY.period(np.ones(3)))
     refused(value, "one body at a time", lambda: BODY.period(BODY.state(np.ones((2, 3)))))
 
 

@@ -13,16 +13,14 @@ import dataclasses
 import functools
 import inspect
 import os
-import sys
 import time
-import warnings
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
 
-from ..errors import InvalidInput, NotCompilable, NotCompiledWarning
+from ..errors import InvalidInput, NotCompilable, NotCompiledWarning, warn
 from ..formulas.broadcasting import MEMBERSHIP, Batch, row_of
 from ..formulas.complex_numbers import Complex
 from ..formulas.pytree import Layout, is_any_number, layout_of
@@ -162,17 +160,8 @@ def _compiled(job: Job, batch: Batch) -> kernel.Kernel | None:
             reason = error
     _refused.add(job.key)
     if not batch.formula.__module__.startswith(f"{__package__.partition('.')[0]}."):  # ours that call NumPy mean to
-        warnings.warn(f"{batch.where} runs as plain Python: {reason}", NotCompiledWarning, stacklevel=_outside())
+        warn(f"{batch.where} runs as plain Python: {reason}", NotCompiledWarning)
     return None
-
-
-def _outside() -> int:
-    """How many calls up the caller of the package is, for warnings."""
-    package = __package__.partition(".")[0]
-    frame, level = sys._getframe(1), 1
-    while frame.f_back is not None and frame.f_globals.get("__name__", "").partition(".")[0] == package:
-        frame, level = frame.f_back, level + 1
-    return level
 
 
 def _finished(batch: Batch, job: Job, run: kernel.Kernel, values: list[Any]) -> Any:

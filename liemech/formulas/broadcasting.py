@@ -14,7 +14,7 @@ import math
 import operator
 import re
 from collections.abc import Callable, Sequence
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -41,9 +41,6 @@ _records: dict[str, type[Broadcasting]] = {}
 class Broadcasting:
     """A class whose public methods on `Vec` and `Mat` take arrays too."""
 
-    _made_by: ClassVar[str] = ""
-    """How one comes by an instance, for messages."""
-
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
         _records[cls.__name__] = cls
@@ -53,6 +50,11 @@ class Broadcasting:
                 classes = _classes(cls, name, member)
                 if kinds or next(iter(classes.values()), "Any") != "Any":
                     setattr(cls, name, _broadcasting(Signature(name, bare(member), dict(kinds or {}), classes)))
+
+    @classmethod
+    def _wanted(cls, owner: Any) -> str:
+        """What an argument that must be an instance must do, in a message of the owner's."""
+        return f"be a {cls.__name__}"
 
     def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
         """The shape that an array argument of this kind must have; None if any will do.  Subclasses know."""
@@ -252,7 +254,7 @@ def _checked(signature: Signature, owner: Any, args: tuple[Any, ...], options: d
     where = f"{type(owner).__name__}.{signature.name}"
     for name, value in arguments.items():
         if name not in signature.kinds:  # a float too, where there is no vector beside it
-            arguments[name] = _option(signature, where, name, value)
+            arguments[name] = _option(signature, owner, where, name, value)
     space = arguments.get("group", arguments.get("action", owner))  # who knows the shapes
     absent = [name for name in signature.kinds if arguments.get(name, 0) is None and signature.optional(name)]
     numbers = [name for name in arguments if name in signature.kinds and name not in absent]
@@ -272,14 +274,14 @@ def _checked(signature: Signature, owner: Any, args: tuple[Any, ...], options: d
     return _broadcast(signature, owner, space, where, arguments, numbers)
 
 
-def _option(signature: Signature, where: str, name: str, value: Any) -> Any:
+def _option(signature: Signature, owner: Any, where: str, name: str, value: Any) -> Any:
     """An argument that is no number of a formula: a record, a whole number, a choice by name."""
     text = signature.classes.get(name, "").removesuffix(" | None")
     if value is None and signature.optional(name):
         return value
     if text in _records:
         if not any(base.__name__ == text for base in type(value).__mro__):
-            raise InvalidType(f"{where}: {name} must be a {text}{_records[text]._made_by}; got {shown(value)}")
+            raise InvalidType(f"{where}: {name} must {_records[text]._wanted(owner)}; got {shown(value)}")
         trusted = signature.trusted[signature.names.index(name)]
         if trusted is not None:
             trusted.add(type(value))

@@ -90,7 +90,6 @@ class InvariantForm(ClassFunction):
     form: Form | None = None
 
     def __post_init__(self) -> None:
-        super().__post_init__()
         if self.form is not None:
             try:
                 rows = np.array(self.form, dtype=float)
@@ -99,6 +98,7 @@ class InvariantForm(ClassFunction):
             if rows.ndim != 2 or rows.shape[0] != rows.shape[1] or not np.isfinite(rows).all():
                 raise InvalidInput(f"InvariantForm: form must be a square matrix of finite numbers; got {self.form!r}")
             object.__setattr__(self, "form", tuple(map(tuple, rows.tolist())))
+        super().__post_init__()
 
     def require(self, group: LieGroup, retraction: Retraction) -> None:
         """The form is regular and invariant, and P the momentum of a class function in the coordinates of the retraction."""

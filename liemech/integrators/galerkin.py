@@ -123,7 +123,7 @@ class GalerkinVariational(Implicit):
         velocities, kick = fixed_point(lambda last: self._sweep(system, t, start, h, middle, last[0]), (guess, kick), self, h)
         x, mu = combination(b, velocities, h), state.mu if kick is None else state.mu + kick
         if not self.retraction.is_chart(body.group, x):
-            raise self.out_of_chart(h, f"|x| = {norm(x):.2g}")
+            raise self._out_of_chart(h, f"|x| = {norm(x):.2g}")
         return self.after(state, body.moved(self.retraction, BodyState(mu, state.g), x), velocities)
 
     def _sweep(

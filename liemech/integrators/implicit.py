@@ -58,14 +58,14 @@ class Implicit(Method):
         """The memory after a step that led to this state and had this unknown."""
         return Memory(state.mu, state.g, unknown, memory.last, memory.last_1)
 
-    def unsolved(self, h: float, size: float, enough: float, detail: str = "") -> NoConvergence:
+    def _unsolved(self, h: float, size: float, enough: float, detail: str = "") -> NoConvergence:
         """The error of a step whose equation Newton's method did not solve; `size` and `enough` are squares."""
         return NoConvergence(
             f"{self!r}: Newton's method did not converge in {LIMIT} iterations: mismatch {sqrt(size):.1e}, "
             f"wanted {sqrt(enough):.1e}{detail}. The step h = {h:g} is too large for this motion; try {0.25 * h:g}"
         )
 
-    def out_of_chart(self, h: float, length: str) -> OutsideChart:
+    def _out_of_chart(self, h: float, length: str) -> OutsideChart:
         """The error of a step whose solution belongs to no motion."""
         return OutsideChart(
             f"{self!r}: the step left the chart, {length}: what solves its equation there is no "

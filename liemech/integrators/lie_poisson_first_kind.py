@@ -106,9 +106,9 @@ class FirstKindHamiltonJacobi(Implicit):
         """The xi whose momentum is mu, seen from where the step begins."""
         xi, size, enough, _ = newton(lambda x: self.equation(system, h, mu, scale, x), guess, dot(mu, mu), tolerance=FINER)
         if not size <= enough:
-            raise self.unsolved(h, size, enough, f", |xi| = {norm(xi):.2g}, scale = {scale:.2g}")
+            raise self._unsolved(h, size, enough, f", |xi| = {norm(xi):.2g}, scale = {scale:.2g}")
         if not self.retraction.is_chart(system.group, xi):
-            raise self.out_of_chart(h, f"|xi| = {norm(xi):.2g}, scale = {scale:.2g}")
+            raise self._out_of_chart(h, f"|xi| = {norm(xi):.2g}, scale = {scale:.2g}")
         return xi
 
     def equation(self, system: Any, h: float, mu: Vec, scale: float, xi: Vec) -> tuple[Vec, Mat, float]:

@@ -82,9 +82,9 @@ class LiePoissonHamiltonJacobi(Implicit):
         p, size, enough, folded = newton(lambda p: self.equation(system, h, mu, p), guess, dot(mu, mu), tolerance=tolerance)
         x = self.displacement(system, h, p)
         if not size <= enough:
-            raise self.unsolved(h, size, enough, f", |x| = {norm(x):.2g}; H must be smooth")
+            raise self._unsolved(h, size, enough, f", |x| = {norm(x):.2g}; H must be smooth")
         if folded or not self.retraction.is_chart(system.group, x):
-            raise self.out_of_chart(h, f"|x| = {norm(x):.2g}")
+            raise self._out_of_chart(h, f"|x| = {norm(x):.2g}")
         return p, x
 
     def equation(self, system: Any, h: float, mu: Vec, p: Vec) -> tuple[Vec, Mat, float]:

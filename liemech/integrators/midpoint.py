@@ -64,7 +64,7 @@ class ImplicitMidpoint(Implicit):
         """The m with m - m x x(m)/2 = mu."""
         m, size, enough, _ = newton(lambda m: self.equation(system, h, mu, m), guess, dot(mu, mu))
         if not size <= enough:
-            raise self.unsolved(h, size, enough)
+            raise self._unsolved(h, size, enough)
         return m
 
     def equation(self, system: Any, h: float, mu: Vec, m: Vec) -> tuple[Vec, Mat, float]:

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import warnings
 from typing import Any
 
-from ..errors import InvalidInput, InvalidType, OrderWarning
+from ..errors import InvalidInput, InvalidType, OrderWarning, warn
 from ..formulas import Record, Vec, plain, record, sqrt, where
 from ..groups.lie_group import BERNOULLI, one_norm
 from ..retractions import Exponential, Retraction
@@ -76,10 +75,9 @@ class RKMK(Method):
             raise InvalidInput(f"RKMK: {self.retraction!r} has a closed differential and no series to cut; leave truncation out")
         missing = next((k for k in range(q + 1, len(BERNOULLI)) if BERNOULLI[k] != 0.0), len(BERNOULLI))
         if missing + 1 < self.order:  # ad_Omega^k is of order h^k
-            warnings.warn(
+            warn(
                 f"RKMK: with truncation {q} the method is of order {missing + 1}, not {self.order}; that takes {self.order - 2}",
                 OrderWarning,
-                stacklevel=5,
             )
 
     @property

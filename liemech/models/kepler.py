@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..errors import InvalidInput, InvalidType
+from ..errors import InvalidInput
 from ..formulas import Vec, dot, norm, real_array, record, vec
 from ..systems.canonical import CanonicalState, HamiltonianSystem
 from .pendulums import check_positive
@@ -23,6 +23,7 @@ class Kepler(HamiltonianSystem):
     Source: Hairer, Lubich, Wanner, I.2; Goldstein, Classical Mechanics, 3rd ed., section 3.9 (Runge-Lenz vector).
     """
 
+    called: ClassVar[str] = "kepler"
     degrees: ClassVar[int] = 2
 
     attraction: float = 1.0
@@ -123,9 +124,7 @@ def kepler_equation(e: float, M: Any) -> np.ndarray:
     return E
 
 
-def _single(start: Any, name: str) -> tuple[np.ndarray, np.ndarray]:
-    if not isinstance(start, CanonicalState):
-        raise InvalidType(f"{name}: start must come from kepler.state(q=..., p=...); got {type(start).__name__}")
+def _single(start: CanonicalState, name: str) -> tuple[np.ndarray, np.ndarray]:
     if start.bodies is not None:
         raise InvalidInput(f"{name} takes one planet at a time; loop over the ensemble")
     return np.array(start.q), np.array(start.p)

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import field
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
-from ..errors import InertiaWarning, InvalidInput, InvalidType
+from ..errors import InertiaWarning, InvalidInput, warn
 from ..formulas import Mat, Vec, real_array, record
 from ..groups.so3 import SO3
 from ..systems.kinetic_energy import KineticEnergy
@@ -28,6 +27,8 @@ class RigidBody(LiePoissonSystem):
 
     Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., chapter 15.
     """
+
+    called: ClassVar[str] = "body"
 
     group: SO3 = field(init=False, repr=False, default=SO3())
     hamiltonian: KineticEnergy = field(init=False, repr=False)
@@ -65,9 +66,7 @@ class RigidBody(LiePoissonSystem):
         return momentum_period(np.array(self.inertia), np.array(start.mu))
 
 
-def _single(start: Any, name: str) -> None:
-    if not isinstance(start, BodyState):
-        raise InvalidType(f"{name}: start must come from body.state(mu=..., g=...); got {type(start).__name__}")
+def _single(start: BodyState, name: str) -> None:
     if start.bodies is not None:
         raise InvalidInput(f"{name} takes one body at a time; loop over the ensemble")
 
@@ -81,10 +80,9 @@ def _inertia(value: Any) -> Vec | Mat:
         )
     a, b, c = np.sort(moments)
     if a < c - b - 4 * np.finfo(float).eps * c:
-        warnings.warn(
+        warn(
             f"the principal moments {a:g}, {b:g}, {c:g} break the triangle inequality ({a:g} + {b:g} < {c:g}): "
             "the motion is computed all the same, but no body made of positive masses has them",
             InertiaWarning,
-            stacklevel=4,
         )
     return inertia

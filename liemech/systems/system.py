@@ -20,7 +20,9 @@ from ..retractions import Retraction
 class State(Record):
     """Where a system is: arrays, one element each or, for an ensemble, with a leading axis; None for what was not asked for."""
 
-    _made_by: ClassVar[str] = ", which `state` of the system makes"
+    @classmethod
+    def _wanted(cls, owner: Any) -> str:
+        return f"come from {getattr(owner, 'called', System.called)}.state(...)"
 
     def _held(self, name: str, value: Any) -> Any:
         return array_held(self, name, value)
@@ -43,6 +45,7 @@ class System(Record):
 
     side : "left" for body velocities, which move a group element as g exp(xi), "right" for spatial ones, exp(xi) g.
 
+    called : what a user may call it, in messages.
     coordinates : the parts of the state whose components are numbers that vary freely, such as ("mu",) or ("q", "p").
 
     1. A subclass writes `rate`, `moved` and `state`, and has a `group`.  (Mostly through one of the classes of this folder.)
@@ -52,6 +55,7 @@ class System(Record):
     """
 
     side: ClassVar[str] = "left"
+    called: ClassVar[str] = "system"
     coordinates: ClassVar[tuple[str, ...]] = ()
     if TYPE_CHECKING:
         group: LieGroup
