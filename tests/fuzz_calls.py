@@ -433,7 +433,7 @@ def batch_failure(method: Method, rng: np.random.Generator, rows: int = 24) -> s
 
 def of_arrays() -> list[Method]:
     """The methods that broadcast."""
-    apart = {*SHAPELESS, "random", "split", "join", "parts", "moved", "rate", "knows", "from_top", "essential"}
+    apart = {*SHAPELESS, "random", "split", "join", "parts", "moved", "rate", "knows", "from_top", "essential", "circular_orbit"}
     return [m for m in methods() if m.name not in apart and plain_shapes(m)]
 
 
