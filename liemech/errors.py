@@ -24,10 +24,7 @@ from __future__ import annotations
 import os
 import sys
 import warnings
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from .trajectory import Trajectory
+from typing import Any
 
 
 class LiemechError(Exception):
@@ -85,7 +82,7 @@ class NotCompiledWarning(UserWarning):
 class IntegrationFailure(LiemechError, ArithmeticError):
     """A run ended before its last step; `trajectory` holds every sample that was accepted."""
 
-    trajectory: Trajectory | None = None
+    trajectory: Any = None  # a Trajectory
 
 
 class NoConvergence(IntegrationFailure):
@@ -111,7 +108,7 @@ class InconsistentState(IntegrationFailure):
 class IntegrationInterrupted(KeyboardInterrupt):
     """Ctrl-C ended a run; `trajectory` holds every sample that was recorded before."""
 
-    trajectory: Trajectory | None = None
+    trajectory: Any = None  # a Trajectory
 
 
 # ------------------------------------------------------------------ what an exception of a formula means
