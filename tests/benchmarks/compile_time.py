@@ -162,7 +162,7 @@ CASES: dict[str, Callable[[], Case]] = {
     "Taylor 12, body": lambda: body(Taylor(12)),
     "Taylor 18, body": lambda: body(Taylor(18)),
     "Taylor 30, body": lambda: body(Taylor(30)),
-    "Taylor 18, top, lanes": lambda: top(Taylor(18), True),
+    "Taylor 14, top, lanes": lambda: top(Taylor(14, lm.Exponential()), True),
 }
 QUICK = (
     "RKMK4, body", "Composition 8 of exp, body, lanes", "RKMK4, SO(10)", "Algorithm 1, six exponentials", "Algorithm 1, polar",
