@@ -144,7 +144,8 @@ class Loops(Branches):
 
         def entering(x: Any) -> Num:
             x = e.lift(x)
-            kind, varying, mixed = types.get(len(phis), (x.kind, x.varying, x.mixed))
+            differs = x.varying or (e.lanes > 1 and (masked or x.kind == "f"))  # as it nearly always will in the loop
+            kind, varying, mixed = types.get(len(phis), (x.kind, differs, x.mixed))
             b.position_at_end(before)
             value = e.cast(x, kind, varying)
             b.position_at_end(head)

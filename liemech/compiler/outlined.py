@@ -33,10 +33,13 @@ LARGE = 120
 """Formulas of fewer instructions are always written out."""
 
 HUGE = 3000
-"""Formulas of more instructions are never written out."""
+"""Formulas of more instructions are never written out in a native function that has been made of a formula."""
 
 ALONE = 5
 """The kernel of a single body, not the functions that it calls, may write out so many times more: there a call costs most."""
+
+WHOLE = 3
+"""The kernel of an ensemble may write out formulas that are so many times larger."""
 
 WIDE = 64
 """Numbers of a state from which this is no longer so: the formulas of large groups take much longer than a call."""
@@ -150,7 +153,7 @@ class Outliner:
         self.spent: list[tuple[Any, int]] = []  # what formulas have cost in the present native function, by form of the call
         self.large: set[Any] = set()  # formulas that have been large
         self.made: dict[Any, Outlined | None] = {}  # None: it has to be written out
-        self.patience = ALONE if self.e.lanes == 1 else 1
+        self.patience, self.huge = (ALONE, ALONE * HUGE) if self.e.lanes == 1 else (1, WHOLE * HUGE)
         self.kept: dict[int, Any] = {}  # objects that are told apart by their identity
 
     def fitting(self, layout: Layout) -> Layout:
@@ -161,7 +164,7 @@ class Outliner:
                 "ten seconds to make. Take a smaller group, leave out what is not needed (the element g), or compiled=False"
             )
         if layout.width > WIDE:
-            self.patience = 1
+            self.patience, self.huge = 1, HUGE
         return layout
 
     def enter(self, frame: Frame) -> Any:
@@ -179,7 +182,7 @@ class Outliner:
         forget = t.mark() if t.frames else None
         result = t.enter(frame)
         cost = b.emitted - before
-        if cost >= HUGE * self.patience and forget is not None:  # again, shorter: most of what is in it has been met by now
+        if cost >= self.huge and forget is not None:  # again, shorter: most of what is in it has been met by now
             call = self.call(function, given)
             if call and call.known not in self.made:
                 forget()
@@ -296,7 +299,8 @@ class Outliner:
         active = t.active(t.frames[-1].env)
         call = self.call(frame.source.function, given)
         assert call is not None
-        state = t.base, t.depth, t.failed, t.escapes, t.raises, t.marks, t.region, self.e.calls, self.spent, self.patience
+        state = t.base, t.depth, t.failed, t.escapes, t.raises, t.marks, t.region, self.e.calls, self.spent
+        patience = self.patience, self.huge
         block, outer = b.block, b.emitted
         frames, module = len(t.frames), b.module
         passed = [*call.numbers, *(call.constants if general else [])]
@@ -311,7 +315,7 @@ class Outliner:
         function.args[0].add_attribute("noalias")
         if self.e.lanes > 1:
             function.attributes.alignstack = 8 * self.e.width
-        b.finished, b.emitted, self.spent, self.patience = b.finished + outer, 0, [], 1
+        b.finished, b.emitted, self.spent, self.patience, self.huge = b.finished + outer, 0, [], 1, HUGE
         b.within.append(function)
         escapes: list[Open] = []
         made: Outlined | None = None
@@ -338,7 +342,8 @@ class Outliner:
             del module.globals[name]
         b.within.pop()
         del t.frames[frames:]
-        t.base, t.depth, t.failed, t.escapes, t.raises, t.marks, t.region, self.e.calls, self.spent, self.patience = state
+        t.base, t.depth, t.failed, t.escapes, t.raises, t.marks, t.region, self.e.calls, self.spent = state
+        self.patience, self.huge = patience
         b.finished, b.emitted = b.finished - outer, outer
         b.position_at_end(block)
         self.made[key] = made
