@@ -158,7 +158,7 @@ class Trajectory:
         return self.dense(t)
 
     def view(self, show: Any = None) -> Scene:
-        """The run as a moving picture: `run.view().show()` opens it, notebooks show it by themselves.  show : as in viewer.Scene."""
+        """The run as a moving picture: `run.view().show()` opens it, notebooks show it.  show : as in viewer.Scene."""
         from .viewer import Scene
 
         return Scene(self, show)

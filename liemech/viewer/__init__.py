@@ -12,7 +12,7 @@ from .animate import animate
 from .body import Body, Path
 from .content import Content
 from .drawing import Drawing
-from .live import Live
+from .live import Live, live
 from .motion import Motion
 from .points import Points
 from .scene import Scene
@@ -32,4 +32,5 @@ __all__ = [
     "SpatialMomentum",
     "Vertical",
     "animate",
+    "live",
 ]

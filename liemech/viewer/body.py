@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ..errors import InvalidInput
 from ..models.heavy_top import HeavyTop, ReducedHeavyTop
+from ..models.space_bodies import OrbitingBody
 from ..systems.system import System
 from .content import Content, refuse
 from .drawing import Drawing, toward
@@ -30,8 +31,8 @@ FLYING = 0.17
 class Body(Content):
     """The body at its attitude g and, where it flies, at its place: the box with its inertia, with its axes as a triad.
 
-    mesh : a file (.stl, .obj, .dae) to show instead of the box.  size : of the mesh's unit of length, in units of the picture, whose
-    content fits a ball of radius 1.  triad : the axes of the body, one to three in red, green and violet.
+    mesh : a file (.stl, .obj, .dae) to show instead of the box.  size : of the mesh's unit of length, in units of the picture,
+    whose content fits a ball of radius 1.  triad : the axes of the body, one to three in red, green and violet.
     A top is a disc on a stick through its centre of mass.  Bodies that fly are drawn larger than to scale.
     """
 
@@ -79,7 +80,7 @@ class Body(Content):
             drawing.add("body/edges", box_edges(edges * 1.001, mixed(color, "#000000", 0.45)))
         if self.triad:
             for k, axis in enumerate(AXES):
-                drawing.add(f"body/axis {k + 1}", rod(1.0, axis, 0.014), direction=np.eye(3)[k])
+                drawing.add(f"body/axis {k + 1}", rod(axis, 0.014), direction=np.eye(3)[k])
 
 
 @dataclass(frozen=True)
@@ -99,6 +100,8 @@ class Path(Content):
     def draw(self, motion: Motion, drawing: Drawing) -> None:
         """The trail."""
         drawing.trail("path", drawing.panel.inside(place(motion.system, motion["g"])))
+        if isinstance(motion.system, OrbitingBody):
+            drawing.once("centre", ball(0.05, "#E69F00"), position=drawing.panel.inside(np.zeros(3)))
 
 
 # ------------------------------------------------------------------ pieces
@@ -108,6 +111,8 @@ def _room(motion: Motion) -> Array:
     """The path of a body, in a ball of some size even if the body stays where it is."""
     path = place(motion.system, motion["g"])
     span = np.ptp(path, axis=0).max() or 1.0
+    if isinstance(motion.system, OrbitingBody):
+        path = np.concatenate([path, np.zeros((1, 3))])  # what it orbits
     return np.concatenate([path, path.mean(axis=0) + 0.05 * span * np.concatenate([np.eye(3), -np.eye(3)])])
 
 
@@ -125,7 +130,7 @@ def box_of_inertia(J: Array) -> Array:
 
     The edges of a box along the axes of the body have a_i^2 = 6 (J_j + J_k - J_i)/m.  Where that is not positive, for an inertia
     that no body has, the edge is thin.  Of a J that is not diagonal the diagonal counts.
-    Source: Goldstein, Classical Mechanics, 3rd ed., section 5.3 (moments of inertia).
+    Source: Landau and Lifshitz, Mechanics, 3rd ed., section 32, problem 2.
     """
     moments = np.diagonal(J)
     squares = moments.sum() - 2.0 * moments

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -98,6 +99,9 @@ class Drawing:
 RANK = {"position": 1, "quaternion": 1, "direction": 1, "scale": 0, "cloud": 2}
 """How many axes a channel has at one time."""
 
+PLACED = ("position", "quaternion", "direction", "scale")
+"""The channels that a transform holds."""
+
 
 def is_smooth(points: Array) -> bool:
     """Do most segments of a curve turn little from one to the next?"""
@@ -145,7 +149,7 @@ def carried(directions: Array) -> Array:
     """Quaternions (n, 4) that take the third axis to directions (n, 3), each by the shortest turn from the one before."""
     q = toward(directions[0])
     rows = [q]
-    for a, b in zip(directions[:-1], directions[1:], strict=True):
+    for a, b in pairwise(directions):
         half = np.append(np.cross(a, b), 1.0 + a @ b)
         size = np.linalg.norm(half)
         if size > 1e-9:  # opposite directions have no shortest turn
@@ -159,12 +163,13 @@ def carried(directions: Array) -> Array:
 
 def commands(panels: list[Panel]) -> list[dict[str, Any]]:
     """The scene as it stands at the start, in the commands of meshcat: every object once, every transform once."""
-    found = []
+    found: list[dict[str, Any]] = []
     for panel in panels:
         for node in panel.nodes.values():
             if node.shape is not None:
                 found.append({"type": "set_object", "path": node.path, "object": node.shape.three(node.path)})
-            first = node.still | {c: rows[0] for c, rows in node.moving.items() if c in ("position", "quaternion", "direction", "scale")}
-            if any(c in first for c in ("position", "quaternion", "direction", "scale")):
+            first = {c: values for c, values in node.still.items() if c in PLACED}
+            first |= {c: rows[0] for c, rows in node.moving.items() if c in PLACED}
+            if first:
                 found.append({"type": "set_transform", "path": node.path, "matrix": transform(first)})
     return found

@@ -42,8 +42,10 @@ function startPlayer() {
 
   for (const command of scene.commands) viewer.handle_command(command);
   const panels = scene.panels.map((panel) => ({ ...panel, object: node(panel.path).object, rect: [0, 0, 1, 1] }));
+  const dots = [];
   viewer.scene.traverse((object) => {
     if (object.isPoints) {
+      dots.push({ material: object.material, size: object.material.size });
       object.frustumCulled = false; // they move without their bounds
       object.material.onBeforeCompile = (shader) => {
         const place = "#include <clipping_planes_fragment>";
@@ -104,6 +106,8 @@ function startPlayer() {
     camera.aspect = w / h;
     camera.fov = 2 * Math.atan(Math.tan(FIELD / 2) / Math.min(1, camera.aspect)) * 180 / Math.PI;
     camera.updateProjectionMatrix();
+    // three.js measures dots by the height of the whole page, not by the field of view
+    for (const { material, size } of dots) material.size = size * Math.min(w, h) / (pane.clientHeight * Math.tan(FIELD / 2));
   }
 
   const right = new THREE.Vector3(), up = new THREE.Vector3();
@@ -301,7 +305,9 @@ function startPlayer() {
     function newTrail(path, color) { // the last points of a moving one, each in the place of the oldest
       const geometry = new THREE.BufferGeometry(), position = new THREE.BufferAttribute(new Float32Array(3 * MOST), 3);
       geometry.setAttribute("position", position);
-      const object = new THREE.Points(geometry, new THREE.PointsMaterial({ color, size: 0.02 }));
+      const material = new THREE.PointsMaterial({ color });
+      dots.push({ material, size: 0.02 });
+      const object = new THREE.Points(geometry, material);
       object.frustumCulled = false;
       node(path).object.add(object);
       let count = 0;

@@ -68,9 +68,9 @@ class Points(Content):
                 way = points[:, k] - (points[:, k - 1] if k else from_the_origin)
                 length = np.linalg.norm(way, axis=1)
                 start = points[:, k - 1] if k else origin
-                direction = way / np.where(length > 0.0, length, 1.0)[:, None]
-                stick = rod(float(length.max()), mixed(drawing.color, "#ffffff", 0.4))
-                drawing.add(f"rod {k + 1}", stick, position=start, direction=direction, scale=length / (length.max() or 1.0))
+                direction = np.where(length[:, None] > 0.0, way, np.array([0.0, 0.0, 1.0]))
+                stick = rod(mixed(drawing.color, "#ffffff", 0.4))
+                drawing.add(f"rod {k + 1}", stick, position=start, direction=direction, scale=length)
         if self.trail and points.shape[1]:
             drawing.trail("trail", points[:, -1])
         if isinstance(system, Kepler):
@@ -83,7 +83,7 @@ class Points(Content):
         if motion.bodies is not None:
             raise InvalidInput("Points shows one member; choose one of the ensemble, as in Scene(run, body=0)")
         q, p = motion["q"], motion["p"]
-        points = real(self.places(q, p), len(q)) if self.places is not None else places(motion.system, q, p)
+        points = _given(self.places(q, p), len(q)) if self.places is not None else places(motion.system, q, p)
         return points if points.shape[2] == 3 else np.insert(points, 1, 0.0, axis=2)
 
 
@@ -100,7 +100,7 @@ def _hanging(angles: Array) -> Array:
     return np.stack([np.sin(angles), -np.cos(angles)], axis=-1)
 
 
-def real(points: Any, n: int) -> Array:
+def _given(points: Any, n: int) -> Array:
     """What a user's function gave, checked."""
     array = np.asarray(points, dtype=float)
     if array.ndim != 3 or array.shape[0] != n or array.shape[2] not in (2, 3):

@@ -145,25 +145,38 @@ class Scene:
             raise InvalidInput("this scene is empty; put a run into it, scene.add(run)")
         return self.shown
 
+    def _members(self) -> list[tuple[str, int, list[tuple[int, Content]]]]:
+        """Each panel: its path, the run it belongs to, -1 for one that runs share, and the contents in it with their runs."""
+        found: dict[tuple[str, int], list[tuple[int, Content]]] = {}
+        for run, one in enumerate(self._some()):
+            for content in one.contents:
+                own = run if content.own(one.motion.system) else -1
+                found.setdefault((content.panel, own), []).append((run, content))
+        ordered = sorted(found.items(), key=lambda item: item[0][1] < 0)  # those shared come last
+        return [(f"panel {n}", own, members) for n, ((_, own), members) in enumerate(ordered, start=1)]
+
+    def places(self, run: int) -> list[tuple[str, Content]]:
+        """The contents of a run, each with the path of its panel."""
+        return [(path, content) for path, _, members in self._members() for k, content in members if k == run]
+
     def panels(self) -> list[Panel]:
         """The pictures side by side, drawn."""
-        members: dict[tuple[str, int], list[tuple[int, Shown, Content]]] = {}
-        for k, one in enumerate(self._some()):
-            for content in one.contents:
-                place = content.panel, k if content.own(one.motion.system) else -1
-                members.setdefault(place, []).append((k, one, content))
         panels = []
-        for n, ((_, own), shown) in enumerate(members.items()):
-            panel = _framed(f"panel {n + 1}", shown, own >= 0 and len(self.shown) > 1)
-            for k, one, content in shown:
-                content.draw(one.motion, Drawing(panel, f"run {k + 1}", one.color, k))
+        for path, own, members in self._members():
+            panel = _framed(path, [(self.shown[run], c) for run, c in members], own >= 0 and len(self.shown) > 1)
+            for run, content in members:
+                one = self.shown[run]
+                content.draw(one.motion, Drawing(panel, f"run {run + 1}", one.color, run))
             panels.append(panel)
         return panels
 
     # ---------------------------------------------------------------- where it goes
 
     def html(self, *, compressed: bool = False) -> str:
-        """The page: everything in one text, which fetches nothing.  compressed : less than half as large; browsers since 2023 read it."""
+        """The page: everything in one text, which fetches nothing.
+
+        compressed : less than half as large; browsers since 2023 open it.
+        """
         from .page import page
 
         return page(self, compressed)
@@ -219,11 +232,11 @@ class Scene:
         return f"Scene({'; '.join(runs)})"
 
 
-def _framed(path: str, shown: Sequence[tuple[int, Shown, Content]], named: bool) -> Panel:
+def _framed(path: str, members: Sequence[tuple[Shown, Content]], named: bool) -> Panel:
     """An empty panel that is large enough for its contents."""
-    _, first, content = shown[0]
+    first, content = members[0]
     title = f"{content.title}: {first.name}" if named and first.name else content.title
-    corners = [reach for _, one, c in shown if (reach := c.reach(one.motion)) is not None]
+    corners = [reach for one, c in members if (reach := c.reach(one.motion)) is not None]
     if not corners:
         return Panel(path, title, np.zeros(3), 1.0, content.flat)
     points = np.concatenate(corners)

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import pairwise
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -78,7 +79,7 @@ def turned(profile: list[tuple[float, float]], color: str, sides: int = 20) -> S
         angle = np.linspace(0.0, 2.0 * np.pi, sides + 1)
         circle = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
         bands, triangles = [], []
-        for n, (a, b) in enumerate(zip(points[:-1], points[1:], strict=True)):  # edges stay sharp: no band shares a vertex
+        for n, (a, b) in enumerate(pairwise(points)):  # edges stay sharp: no band shares a vertex
             bands += [np.column_stack([r * circle, np.full(sides + 1, z)]) for r, z in (a, b)]
             first = 2 * n * (sides + 1) + np.arange(sides)
             second = first + sides + 1
@@ -88,16 +89,15 @@ def turned(profile: list[tuple[float, float]], color: str, sides: int = 20) -> S
     return Shape("Mesh", geometry, solid(color))
 
 
-def arrow(length: float, color: str, radius: float = 0.018) -> Shape:
-    """An arrow along the third axis, from the origin."""
-    head = min(6.5 * radius, 0.5 * length)
-    wide = 0.42 * head
-    return turned([(0.0, 0.0), (radius, 0.0), (radius, length - head), (wide, length - head), (0.0, length)], color)
+def arrow(color: str, radius: float = 0.018) -> Shape:
+    """An arrow of length 1 along the third axis, from the origin."""
+    neck, wide = 1.0 - 6.5 * radius, 2.7 * radius
+    return turned([(0.0, 0.0), (radius, 0.0), (radius, neck), (wide, neck), (0.0, 1.0)], color)
 
 
-def rod(length: float, color: str, radius: float = 0.015) -> Shape:
-    """A rod along the third axis, from the origin."""
-    return turned([(0.0, 0.0), (radius, 0.0), (radius, length), (0.0, length)], color, sides=12)
+def rod(color: str, radius: float = 0.015) -> Shape:
+    """A rod of length 1 along the third axis, from the origin."""
+    return turned([(0.0, 0.0), (radius, 0.0), (radius, 1.0), (0.0, 1.0)], color, sides=12)
 
 
 def mesh_file(path: str | PathLike[str], color: str) -> Shape:

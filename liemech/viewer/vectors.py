@@ -33,13 +33,13 @@ MOST_POINTS = 1000
 
 @dataclass(frozen=True)
 class Momentum(Content):
-    """Body momentum mu on its coadjoint orbit, seen from the body: arrow, growing trail, sphere |mu| = const, curves of constant energy.
+    """Body momentum mu on its coadjoint orbit, seen from the body: arrow, growing trail, sphere, curves of constant energy.
 
-    trail : the curve behind the arrow.  sphere : the orbit.  levels : how many energies are drawn on it beside that of the
+    trail : the curve behind the arrow.  sphere : the orbit, |mu| = const.  levels : how many energies are drawn on it beside that of the
     separatrix; 0 for none, and no separatrix.  Of an ensemble every momentum is a dot.
     The motion follows a curve of constant energy.  A body in a field has no orbit, so no sphere is drawn.
 
-    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 15.7 and figure 15.7.1.
+    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 15.7.
     """
 
     panel: ClassVar[str] = "momentum"
@@ -136,9 +136,9 @@ class Vertical(Content):
 
 @dataclass(frozen=True)
 class Nose(Content):
-    """The path that the nose of a top draws: where its axis, from the fixed point through the centre of mass, meets the unit sphere.
+    """The path that the nose of a top draws, where its axis through the centre of mass meets the unit sphere.
 
-    Source: Goldstein, Classical Mechanics, 3rd ed., section 5.7 and figure 5.9.
+    Source: Goldstein, Classical Mechanics, 3rd ed., section 5.7.
     """
 
     def needs(self, system: System) -> tuple[str, ...]:
@@ -170,11 +170,10 @@ def _ball(vectors: Array) -> Array:
 def _moving_vector(drawing: Drawing, v: Array, name: str, trail: bool) -> None:
     """An arrow to (n, 3), and the trail of its tip."""
     length = np.linalg.norm(v, axis=1)
-    longest = float(length.max())
-    if longest <= 0.0:  # a body at rest has no arrow
+    if length.max() <= 0.0:  # a body at rest has no arrow
         return
     direction = np.where(length[:, None] > 0.0, v / np.where(length > 0.0, length, 1.0)[:, None], np.array([0.0, 0.0, 1.0]))
-    drawing.add(name, arrow(longest, drawing.color), direction=direction, scale=length / longest)
+    drawing.add(name, arrow(drawing.color), direction=direction, scale=length)
     if trail:
         drawing.trail(f"{name} trail", LIFT * v)
 
@@ -192,7 +191,7 @@ def _sphere(drawing: Drawing, radius: float) -> None:
     """The sphere, and what sticks out of it: the axes of the body."""
     drawing.once(f"sphere {radius:.3f}", ball(radius, SPHERE, 0.35))
     for k, color in enumerate(AXES):
-        drawing.once(f"axis {k + 1}", rod(1.22, color, 0.008), direction=np.eye(3)[k])
+        drawing.once(f"axis {k + 1}", rod(color, 0.007), direction=np.eye(3)[k], scale=1.22)
 
 
 def _levels(drawing: Drawing, inertia: Array, radius: float, count: int) -> None:
