@@ -8,11 +8,11 @@
 The page is written here, around meshcat's file for browsers; its Python side is not used.
 """
 
-from .animate import animate
+from .animate import animate, live
 from .body import Body, Path
 from .content import Content
 from .drawing import Drawing
-from .live import Live, live
+from .live import Live
 from .motion import Motion
 from .points import Points
 from .scene import Scene

@@ -1,4 +1,4 @@
-"""From a system to its moving picture: a run that computes what is shown, at the times that are shown, and nothing else."""
+"""From a system to its moving picture: by a run that computes what is shown and nothing else, or step by step."""
 
 from __future__ import annotations
 
@@ -11,6 +11,8 @@ from ..integrators.method import Method
 from ..systems.system import State, System
 from .choice import KNOWN, suited
 from .content import chosen
+from .live import Live
+from .motion import Motion
 from .scene import FRAMES, Scene
 
 
@@ -51,3 +53,11 @@ def animate(
         every = max(1, -(-steps // frames)) if isinstance(steps, (int, np.integer)) else 1
         run = integrate(system, method, start, h=h, steps=steps, every=every, rtol=rtol, record=record, t0=t0)
     return Scene(run, contents, title=title, seconds=seconds, frames=frames)
+
+
+def live(system: System, start: State, show: Any = None, *, title: str = "", open: bool = True) -> Live:
+    """Open a page that shows a motion step by step, as it is computed: `display` moves it.
+
+    show, title : as in Scene.  open : in the browser, now; otherwise go to `url`.
+    """
+    return Scene(Motion.moment(system, 0.0, start), show, title=title).live(open=open)

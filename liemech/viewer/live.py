@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InvalidInput, MissingExtra
-from ..systems.system import State, System
+from ..systems.system import State
 from .drawing import RANK, Drawing
 from .motion import Motion
 from .shapes import Shape, number
@@ -213,13 +213,3 @@ class Live:
                 colors |= dict.fromkeys(pen.trails, number(one.color))
         latest = max(t for t, _ in states.values())
         return json.dumps({"t": latest, "nodes": nodes, "trails": trails, "colors": colors}, allow_nan=False)
-
-
-def live(system: System, start: State, show: Any = None, *, title: str = "", open: bool = True) -> Live:
-    """Open a page that shows a motion step by step, as it is computed: `display` moves it.
-
-    show, title : as in Scene.  open : in the browser, now; otherwise go to `url`.
-    """
-    from .scene import Scene
-
-    return Scene(Motion.moment(system, 0.0, start), show, title=title).live(open=open)

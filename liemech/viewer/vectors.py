@@ -35,8 +35,8 @@ MOST_POINTS = 1000
 class Momentum(Content):
     """Body momentum mu on its coadjoint orbit, seen from the body: arrow, growing trail, sphere, curves of constant energy.
 
-    trail : the curve behind the arrow.  sphere : the orbit, |mu| = const.  levels : how many energies are drawn on it beside that of the
-    separatrix; 0 for none, and no separatrix.  Of an ensemble every momentum is a dot.
+    trail : the curve behind the arrow.  sphere : the orbit, |mu| = const.  levels : how many energies are drawn on it beside that
+    of the separatrix; 0 for none, and no separatrix.  Of an ensemble every momentum is a dot.
     The motion follows a curve of constant energy.  A body in a field has no orbit, so no sphere is drawn.
 
     Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 15.7.
