@@ -10,7 +10,7 @@ from ..integrate import integrate
 from ..integrators.method import Method
 from ..systems.system import State, System
 from .choice import KNOWN, suited
-from .content import chosen
+from .content import chosen, require
 from .live import Live
 from .motion import Motion
 from .scene import FRAMES, Scene
@@ -41,6 +41,7 @@ def animate(
     """
     known = frozenset(name for name, x in start.parts.items() if x is not None)
     contents = suited(system, known, start.bodies is not None) if show is None else chosen(show, KNOWN)
+    require(contents, system, known)
     least = [name for name, x in system.essential(start).parts.items() if x is not None]
     needed = {*least, *(part for content in contents for part in content.needs(system))}
     record = [name for name in start.parts if name in needed]

@@ -53,6 +53,17 @@ def refuse(content: Content, system: System, wanted: str) -> InvalidInput:
     return InvalidInput(f"{type(content).__name__} shows {wanted}; {system!r} has none")
 
 
+def require(contents: tuple[Content, ...], system: System, parts: frozenset[str]) -> None:
+    """Raise InvalidInput unless these parts of the state are all that is needed."""
+    for content in contents:
+        missing = set(content.needs(system)) - parts
+        if missing:
+            raise InvalidInput(
+                f"{type(content).__name__} needs {', '.join(sorted(missing))}, and there is only {', '.join(sorted(parts))}; "
+                "start from a state that has it, and record it"
+            )
+
+
 def chosen(show: Any, known: Mapping[str, type[Content]]) -> tuple[Content, ...]:
     """Contents from what a user writes: names such as "momentum", or contents such as Momentum(levels=0)."""
     wanted = (show,) if isinstance(show, (str, Content)) else tuple(show)

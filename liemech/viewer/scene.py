@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import InvalidInput
+from ..formulas import real_array
 from ..plots import COLORS
 from .choice import KNOWN, suited
-from .content import Content, chosen
+from .content import Content, chosen, require
 from .drawing import Drawing, Panel
 from .motion import Motion, times
 from .shapes import rgb
@@ -72,12 +73,14 @@ class Scene:
         interpolate: bool = True,
         view: tuple[float, float] | None = None,
     ) -> None:
-        if seconds is not None and not 0.0 < seconds < math.inf:
-            raise InvalidInput(f"Scene: seconds must be positive and finite; got {seconds}")
-        if frames < 2:
-            raise InvalidInput(f"Scene: frames must be 2 or more; got {frames}")
-        if view is not None and not np.isfinite(view).all():
-            raise InvalidInput(f"Scene: view is (azimuth, elevation) in degrees; got {view!r}")
+        if seconds is not None and not 0.0 < float(real_array(seconds, "Scene: seconds")) < math.inf:
+            raise InvalidInput(f"Scene: seconds must be positive and finite; got {seconds!r}")
+        if int(real_array(frames, "Scene: frames")) < 2:
+            raise InvalidInput(f"Scene: frames must be 2 or more; got {frames!r}")
+        if view is not None:
+            angles = real_array(view, "Scene: view")
+            if angles.shape != (2,) or not np.isfinite(angles).all():
+                raise InvalidInput(f"Scene: view is (azimuth, elevation) in degrees; got {view!r}")
         self.title, self.frames, self.interpolate = title, int(frames), bool(interpolate)
         self._seconds, self._view = seconds, view
         self.shown: list[Shown] = []
@@ -92,13 +95,7 @@ class Scene:
             motion = motion.thinned(min(ENSEMBLE_FRAMES, max(2, ENSEMBLE_DOTS // motion.bodies)))
         have = frozenset(motion.states)
         contents = suited(motion.system, have, motion.bodies is not None) if show is None else chosen(show, KNOWN)
-        for content in contents:
-            missing = set(content.needs(motion.system)) - have
-            if missing:
-                raise InvalidInput(
-                    f"{type(content).__name__} needs {', '.join(sorted(missing))}, and the run has only {', '.join(sorted(have))}; "
-                    "start from a state that has it, and record it"
-                )
+        require(contents, motion.system, have)
         color = color or COLORS[len(self.shown) % len(COLORS)]
         rgb(color)
         backwards = motion.t[-1] < motion.t[0]

@@ -63,7 +63,7 @@ def _stage(scene: Scene, size: tuple[int, int]) -> Iterator[Page]:
 
 def _at(page: Page, t: float) -> bytes:
     """The picture at a playing time."""
-    page.evaluate(f"new Promise(done => {{ seekTo({float(t)!r}); requestAnimationFrame(() => requestAnimationFrame(done)); }})")
+    page.evaluate(f"seekTo({float(t)!r}); player.draw()")
     return page.picture()
 
 

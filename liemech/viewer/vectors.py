@@ -16,6 +16,7 @@ from ..systems.lie_poisson import LiePoissonSystem
 from ..systems.system import System
 from .content import Content, refuse
 from .drawing import Drawing
+from .levels import contours
 from .motion import Motion
 from .poses import attitude, configurations, is_pose, rotated, turns
 from .shapes import arrow, ball, chained, dots, mixed, rgb, rod, segments, tube
@@ -37,7 +38,8 @@ class Momentum(Content):
 
     trail : the curve behind the arrow.  sphere : the orbit, |mu| = const.  levels : how many energies are drawn on it beside that
     of the separatrix; 0 for none, and no separatrix.  Of an ensemble every momentum is a dot.
-    The motion follows a curve of constant energy.  A body in a field has no orbit, so no sphere is drawn.
+    The motion follows a curve of constant energy.  No sphere is drawn where there is not one orbit: for a body in a field, and for
+    an ensemble whose momenta differ in length.
 
     Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 15.7.
     """
@@ -70,11 +72,15 @@ class Momentum(Content):
             _moving_vector(drawing, mu, "mu", self.trail)
         else:
             _cloud(drawing, mu)
-        if self.sphere and isinstance(motion.system, LiePoissonSystem):
-            radius = float(np.linalg.norm(mu[0], axis=-1).max())
-            _sphere(drawing, radius)
-            if self.levels and isinstance(motion.system, RigidBody):
-                _levels(drawing, np.array(motion.system.inertia), radius, self.levels)
+        if not self.sphere:
+            return
+        _axes(drawing)
+        radii = np.atleast_1d(np.linalg.norm(mu[0], axis=-1))
+        radius = float(radii.max())
+        if isinstance(motion.system, LiePoissonSystem) and np.ptp(radii) <= 0.01 * radius and radius > 0.0:
+            drawing.once(f"sphere {radius:.3f}", ball(radius, SPHERE, 0.35))
+            if self.levels and f"{drawing.panel.path}/levels" not in drawing.panel.nodes:
+                _levels(drawing, motion.system, radius, self.levels)
 
 
 @dataclass(frozen=True)
@@ -131,7 +137,8 @@ class Vertical(Content):
             gamma = rotated(np.stack([-x, -y, -z, w], axis=-1), np.array([0.0, 0.0, 1.0]))
         _moving_vector(drawing, gamma, "vertical", self.trail)
         if self.sphere:
-            _sphere(drawing, 1.0)
+            drawing.once("sphere", ball(1.0, SPHERE, 0.35))
+            _axes(drawing)
 
 
 @dataclass(frozen=True)
@@ -187,16 +194,21 @@ def _cloud(drawing: Drawing, v: Array) -> None:
     drawing.add("mu", dots(LIFT * shown[0], drawing.color, 0.045, first + share * (last - first)), cloud=LIFT * shown)
 
 
-def _sphere(drawing: Drawing, radius: float) -> None:
-    """The sphere, and what sticks out of it: the axes of the body."""
-    drawing.once(f"sphere {radius:.3f}", ball(radius, SPHERE, 0.35))
+def _axes(drawing: Drawing) -> None:
+    """The axes of the body, which stick out of the sphere."""
     for k, color in enumerate(AXES):
         drawing.once(f"axis {k + 1}", rod(color, 0.007), direction=np.eye(3)[k], scale=1.22)
 
 
-def _levels(drawing: Drawing, inertia: Array, radius: float, count: int) -> None:
-    """Curves of constant energy and the separatrix."""
+def _levels(drawing: Drawing, system: LiePoissonSystem, radius: float, count: int) -> None:
+    """Curves of constant energy and, of a rigid body, the separatrix."""
     lift = LIFT * radius
+    if not isinstance(system, RigidBody):
+        found = contours(lambda mu: system.energy(mu * drawing.panel.unit), radius, count + 2)
+        if len(found):
+            drawing.once("levels", segments(LIFT * found, LEVEL))
+        return
+    inertia = np.array(system.inertia)
     curves = energy_levels(inertia, count, samples=181)
     if not len(curves):  # every direction of a spherical body is a fixed point
         return

@@ -20,6 +20,7 @@ from liemech.errors import InvalidInput, InvalidType, MissingExtra
 from liemech.viewer import Body, Momentum, Motion, Points, Scene, animate
 from liemech.viewer.body import box_of_inertia
 from liemech.viewer.drawing import carried, rotation, toward
+from liemech.viewer.levels import contours, sphere
 from liemech.viewer.page import described
 from liemech.viewer.poses import quaternions, rotated
 from liemech.viewer.shapes import frames, tube
@@ -243,6 +244,9 @@ def test_bad_input_is_named() -> None:
         (lambda: Scene(RUN, seconds=0.0), "seconds"),
         (lambda: Scene(RUN, frames=1), "frames"),
         (lambda: Scene(RUN, body=1), "the run has one body"),
+        (lambda: Scene(RUN, frames="many"), "frames"),
+        (lambda: Scene(RUN, view="front"), "view"),
+        (lambda: animate(BODY, lm.RKMK(order=4), BODY.state(mu=[0.3, 1.0, 0.2]), "body", h=0.1, steps=3), "Body needs g"),
         (lambda: Scene().html(), "this scene is empty"),
         (lambda: Scene(RUN).save("body.txt"), "ends in .html"),
         (lambda: Momentum(levels=-1), "levels"),
@@ -251,7 +255,7 @@ def test_bad_input_is_named() -> None:
         (lambda: Scene(RUN, show=Body(mesh="no such ship.obj")).panels(), "cannot be read"),
     ]
     for call, said in calls:
-        with pytest.raises(InvalidInput, match=said):
+        with pytest.raises((InvalidInput, InvalidType), match=said):
             call()
     with pytest.raises(InvalidType, match="a scene shows what `integrate` returns"):
         Scene(RUN.mu)
@@ -320,6 +324,38 @@ def test_a_tube_lies_about_its_curve() -> None:
     index = data["index"]["array"].reshape(79, shape.per_segment)
     for segment in (0, 40, 78):  # the triangles of a segment touch its two rings and no other
         assert set(index[segment] // 5) == {segment, segment + 1}
+
+
+@lm.record
+class Gyrostat(lm.Hamiltonian):
+    inertia: lm.Vec
+    rotor: lm.Vec
+
+    def energy(self, mu):
+        return 0.5 * lm.dot(mu - self.rotor, (mu - self.rotor) / self.inertia)
+
+
+def test_every_energy_has_its_curves_on_the_sphere() -> None:
+    gyrostat = lm.LiePoissonSystem(lm.SO3(), Gyrostat([1, 2, 3], [0.1, 0.2, 0.7]))
+    curves = contours(gyrostat.energy, 2.0, 5)
+    assert np.abs(np.linalg.norm(curves, axis=2) - 2.0).max() < 1e-14
+    energies = gyrostat.energy(curves.reshape(-1, 3))
+    everywhere = gyrostat.energy(2.0 * sphere()[0])
+    levels = everywhere.min() + np.ptp(everywhere) * (np.arange(5) + 0.5) / 5
+    assert np.abs(energies[:, None] - levels).min(axis=1).max() < 5e-3 * np.ptp(everywhere)
+    ends, times = np.unique(np.round(curves.reshape(-1, 3), 9) + 0.0, axis=0, return_counts=True)
+    assert len(ends) > 300 and (times == 2).all()  # closed: every end of a segment is the end of one other
+    run = lm.integrate(gyrostat, lm.RKMK(order=4), gyrostat.state([0.3, 1.0, 0.2]), h=0.1, steps=5, compiled=False)
+    assert "levels" in paths(Scene(run))
+    assert not len(contours(lm.RigidBody([2.0, 2.0, 2.0]).energy, 1.0, 5))  # all directions have the same energy
+
+
+def test_momenta_of_different_length_have_no_common_sphere() -> None:
+    momenta = np.diag([1.0, 2.0, 3.0])
+    many = lm.integrate(BODY, lm.RKMK(order=4), BODY.state(mu=momenta), h=0.1, steps=3, compiled=False)
+    assert paths(Scene(many)) == {"run 1/mu", "axis 1", "axis 2", "axis 3"}
+    alike = lm.integrate(BODY, lm.RKMK(order=4), BODY.state(mu=np.eye(3)), h=0.1, steps=3, compiled=False)
+    assert {"sphere 1.000", "levels"} <= paths(Scene(alike))
 
 
 # ------------------------------------------------------------------ a Visualizer of one's own
