@@ -30,15 +30,15 @@ def page(scene: Scene, compressed: bool, socket: str = "") -> str:
     """The whole page.  socket : where a live one listens."""
     content = encoded(described(scene) | ({"socket": socket} if socket else {}))
     connect = f"connect-src {socket}" if socket else "connect-src 'none'"
-    parts = {
+    parts = {  # the large ones last: every other one is looked for in a short text
         "title": html.escape(scene.title or "liemech"),
         "connect": connect,
         "licence": licence(),
-        "asset": "" if compressed else asset(),
-        "scene": packed(content.encode()) if compressed else content,
         "kind": ' type="text/plain"' if compressed else "",
-        "player": packed_code() if compressed else part("player.js"),
         "start": part("unpack.js") if compressed else "startPlayer();",
+        "player": packed_code() if compressed else part("player.js"),
+        "scene": packed(content.encode()) if compressed else content,
+        "asset": "" if compressed else asset(),
     }
     text = part("page.html")
     for name, value in parts.items():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,13 +19,15 @@ from .drawing import Drawing
 from .levels import contours
 from .motion import Motion
 from .poses import attitude, configurations, is_pose, rotated, turns
-from .shapes import arrow, ball, chained, dots, mixed, rgb, rod, segments, tube
+from .shapes import arrow, ball, chained, dots, rgb, rod, segments, tube
 
 Array = NDArray[np.float64]
 
 AXES = ("#c44e52", "#55a868", "#8172b3")
 """Of the body, one to three: red, green, violet; blue, as usual for the third, is the colour of the first run."""
 SPHERE, LEVEL, SEPARATRIX = "#b9c3d3", "#8c95a4", "#565f6d"
+OTHER = "#E69F00"
+"""The colour of the highest energy of an ensemble; that of the lowest is the run's."""
 LIFT = 1.003
 """Curves lie this much above their sphere, which would swallow half of them."""
 MOST_POINTS = 1000
@@ -37,7 +39,8 @@ class Momentum(Content):
     """Body momentum mu on its coadjoint orbit, seen from the body: arrow, growing trail, sphere, curves of constant energy.
 
     trail : the curve behind the arrow.  sphere : the orbit, |mu| = const.  levels : how many energies are drawn on it beside that
-    of the separatrix; 0 for none, and no separatrix.  Of an ensemble every momentum is a dot.
+    of the separatrix; 0 for none, and no separatrix.  Of an ensemble every momentum is a dot,
+    coloured by the order of the energies.
     The motion follows a curve of constant energy.  No sphere is drawn where there is not one orbit: for a body in a field, and for
     an ensemble whose momenta differ in length.
 
@@ -71,7 +74,7 @@ class Momentum(Content):
         if motion.bodies is None:
             _moving_vector(drawing, mu, "mu", self.trail)
         else:
-            _cloud(drawing, mu)
+            _cloud(drawing, mu, motion)
         if not self.sphere:
             return
         _axes(drawing)
@@ -185,12 +188,15 @@ def _moving_vector(drawing: Drawing, v: Array, name: str, trail: bool) -> None:
         drawing.trail(f"{name} trail", LIFT * v)
 
 
-def _cloud(drawing: Drawing, v: Array) -> None:
-    """A dot for each body of an ensemble, (n, m, 3), coloured in the order of the bodies."""
-    many = v.shape[1]
-    shown = v if many <= MOST_POINTS else v[:, np.linspace(0, many - 1, MOST_POINTS).round().astype(int)]
-    first, last = np.array(rgb(drawing.color)) / 255.0, np.array(rgb(mixed(drawing.color, "#E69F00", 0.85))) / 255.0
-    share = np.linspace(0.0, 1.0, shown.shape[1])[:, None]
+def _cloud(drawing: Drawing, v: Array, motion: Motion) -> None:
+    """A dot for each body of an ensemble, (n, m, 3), coloured in the order of their energies at the start."""
+    some = np.linspace(0, v.shape[1] - 1, min(v.shape[1], MOST_POINTS)).round().astype(int)
+    if isinstance(motion.system, LiePoissonSystem):
+        energy: Any = motion.system.energy(motion["mu"][0, some])
+        some = some[np.argsort(energy, kind="stable")]
+    shown = v[:, some]
+    first, last = np.array(rgb(drawing.color)) / 255.0, np.array(rgb(OTHER)) / 255.0
+    share = np.linspace(0.0, 1.0, len(some))[:, None]
     drawing.add("mu", dots(LIFT * shown[0], drawing.color, 0.045, first + share * (last - first)), cloud=LIFT * shown)
 
 
