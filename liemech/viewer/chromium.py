@@ -18,7 +18,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from ..errors import LiemechError, NotDefined
+from ..errors import BrowserFailure, MissingProgram
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
 
@@ -41,10 +41,6 @@ FLAGS = (
 )
 
 
-class BrowserFailure(LiemechError, RuntimeError):
-    """The browser, or a page in it, did not do what it was told."""
-
-
 def find() -> str | None:
     """The program, if this machine has it."""
     return next((path for name in NAMES if (path := shutil.which(name))), None)
@@ -53,13 +49,13 @@ def find() -> str | None:
 class Chromium:
     """A browser of one's own; a context manager.  `open` gives a page.
 
-    Raises NotDefined where there is no Chromium, or no pipes to drive it by (Windows).
+    Raises MissingProgram where there is no Chromium, or no pipes to drive it by (Windows).
     """
 
     def __init__(self, size: tuple[int, int] = (1000, 560), patience: float = 60.0, flags: tuple[str, ...] = ()) -> None:
         program = find()
         if program is None or os.name != "posix":
-            raise NotDefined(
+            raise MissingProgram(
                 "pictures of a scene are drawn by Chromium, which is not on the search path of this machine (Debian: "
                 "apt-get install chromium). Scene.save writes the page without it; lm.plots draws with Matplotlib"
             )

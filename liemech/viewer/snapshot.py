@@ -42,7 +42,13 @@ def write_gif(scene: Scene, path: str | PathLike[str], size: tuple[int, int], fp
         raise InvalidInput(f"write_gif: fps = {fps} for {lasts:g} s makes {pictures} pictures; wanted are 2 to {MOST_PICTURES}")
     with _stage(scene, size) as page:
         shots = [Image.open(io.BytesIO(_at(page, t))).convert("RGB") for t in np.linspace(0.0, scene.duration, pictures)]
-    palette = shots[-1].quantize(128)  # the trail is complete here: all colours are there
+    # one palette for all pictures, from some of them side by side: white, the shades of large areas, the colours of thin lines
+    some = Image.fromarray(np.hstack([np.asarray(shot) for shot in shots[:: max(1, len(shots) // 6)]]))
+    kinds = (Image.Quantize.MEDIANCUT, 96), (Image.Quantize.MAXCOVERAGE, 64)
+    found = [(some.quantize(count, method=kind).getpalette() or [])[: 3 * count] for kind, count in kinds]
+    colours = np.concatenate(found).reshape(-1, 3)
+    palette = Image.new("P", (1, 1))
+    palette.putpalette([255, 255, 255, *colours[colours.min(axis=1) < 246].ravel().tolist()])  # nothing to be taken for white
     frames = [shot.quantize(palette=palette, dither=Image.Dither.NONE) for shot in shots]
     frames[0].save(file, save_all=True, append_images=frames[1:], duration=round(1000 / fps), loop=0, optimize=False)
     return file

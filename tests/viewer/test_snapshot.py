@@ -11,7 +11,7 @@ from browser import Tab
 from PIL import Image
 
 import liemech as lm
-from liemech.errors import InvalidInput, NotDefined
+from liemech.errors import InvalidInput, MissingProgram
 from liemech.viewer import Scene, chromium
 from liemech.viewer.chromium import Chromium
 
@@ -41,7 +41,10 @@ def test_a_gif_moves(browser: Chromium, tmp_path: Path) -> None:
         for k in range(movie.n_frames):
             movie.seek(k)
             assert movie.info["duration"] == 200
-            frames.append(np.asarray(movie.convert("RGB")))
+            frames.append(np.asarray(movie.convert("RGB")).astype(int))
+            assert (frames[-1][0, 0] == 255).all()
+            red, green, blue = np.moveaxis(frames[-1], -1, 0)
+            assert (red - blue > 60).any() and (green - red > 30).any()  # the axes keep their colours, thin as they are
     assert all((a != b).any() for a, b in pairwise(frames))
 
 
@@ -52,5 +55,5 @@ def test_what_cannot_be_drawn_is_said(tmp_path: Path, monkeypatch: pytest.Monkey
     with pytest.raises(InvalidInput, match="pictures; wanted are 2 to"):
         scene.write_gif(tmp_path / "a.gif", fps=1000)
     monkeypatch.setattr(chromium, "find", lambda: None)
-    with pytest.raises(NotDefined, match="apt-get install chromium"):
+    with pytest.raises(MissingProgram, match="apt-get install chromium"):
         scene.snapshot(tmp_path / "a.png")
