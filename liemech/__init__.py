@@ -34,11 +34,11 @@ from .formulas import (
 )
 from .groups.lie_algebra import LieAlgebra
 from .groups.lie_group import LieGroup
-from .integrate import integrate
 from .integrators.method import Method
 from .retractions import Cayley, CayleyAdjoint, Exponential, Retraction
+from .simulation.integrate import integrate
+from .simulation.trajectory import Trajectory
 from .systems.system import State, System
-from .trajectory import Trajectory
 
 if TYPE_CHECKING:
     from . import plots as plots

@@ -26,10 +26,7 @@ from __future__ import annotations
 import os
 import sys
 import warnings
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from .trajectory import Trajectory
+from typing import Any
 
 
 class LiemechError(Exception):
@@ -95,7 +92,7 @@ class NotCompiledWarning(UserWarning):
 class IntegrationFailure(LiemechError, ArithmeticError):
     """A run ended before its last step; `trajectory` holds every sample that was accepted."""
 
-    trajectory: Trajectory | None = None
+    trajectory: Any = None  # a Trajectory
 
 
 class NoConvergence(IntegrationFailure):
@@ -121,7 +118,7 @@ class InconsistentState(IntegrationFailure):
 class IntegrationInterrupted(KeyboardInterrupt):
     """Ctrl-C ended a run; `trajectory` holds every sample that was recorded before."""
 
-    trajectory: Trajectory | None = None
+    trajectory: Any = None  # a Trajectory
 
 
 # ------------------------------------------------------------------ what an exception of a formula means

@@ -31,12 +31,7 @@ LAYERS = (
     "models",
     "tableaus",
     "integrators",
-    "execution",  # plain Python or native code
-    "dense",  # the motion between the steps
-    "trajectory",  # what the loop returns
-    "marching",  # the loop
-    "adaptive",  # and the one that chooses its steps
-    "integrate",
+    "simulation",
     "checks",
     "plots",
     "viewer",
@@ -44,7 +39,7 @@ LAYERS = (
 )
 """From the ground up: a module imports from its own layer and from those before it, never from those after it."""
 
-DOORS = {("trajectory", "plots"), ("trajectory", "viewer")}
+DOORS = {("simulation", "plots"), ("simulation", "viewer")}
 """The exceptions: `run.plot_momentum()` opens a door upwards, inside the method, when it is called."""
 
 HOMES = {"llvmlite": "compiler", "numba": None, "matplotlib": "plots", "meshcat": "viewer"}

@@ -14,9 +14,10 @@ import pytest
 from scenes import asymmetric_body
 
 import liemech as lm
-from liemech import execution, marching
 from liemech.compiler import kernel
 from liemech.formulas import dot
+from liemech.simulation import execution, fixed
+from liemech.simulation import progress as progress_module
 
 pytestmark = pytest.mark.compiled
 
@@ -64,7 +65,7 @@ def test_a_run_that_changes_on_the_way_has_the_bits_of_one_that_does_not(
     fresh.setattr(execution, "_histories", {})
     fresh.setattr(execution, "WAIT", wait)
     fresh.setattr(execution, "time", Clock())
-    fresh.setattr(marching, "LOOK", 0.0)  # all pieces are short
+    fresh.setattr(fixed, "LOOK", 0.0)  # all pieces are short
     run = lm.integrate(body, RKMK, start, h=0.1, steps=120, every=every)
     assert run.compiled
     assert np.array_equal(run.mu, plain.mu)
@@ -101,7 +102,7 @@ def test_short_runs_do_not_compile_and_a_number_of_them_does(fresh: Any) -> None
 def test_code_on_disk_is_used_soon(fresh: Any, tmp_path: Any) -> None:
     program = """
 import liemech as lm
-from liemech import execution
+from liemech.simulation import execution
 execution.LOOK, execution.WAIT = 0.0, 1e9  # nothing is ever compiled
 body = lm.RigidBody([1.0, 1.5, 2.0])
 start = body.state(mu=[0.5, 0.0, 0.5])
@@ -152,6 +153,6 @@ def test_a_refusal_is_told_once_and_remembered(count: int | None, fresh: Any) ->
 @pytest.mark.parametrize(("progress", "shown"), [(None, True), (False, False)])
 def test_a_long_compilation_shows_itself(progress: bool | None, shown: bool, fresh: Any, capsys: Any) -> None:
     body, start = asymmetric_body()
-    fresh.setattr(execution, "NOTICE", 0.0)
+    fresh.setattr(progress_module, "NOTICE", 0.0)
     lm.integrate(body, RKMK, start, h=0.1, steps=2, compiled=True, progress=progress)
     assert ("compiling RKMK" in capsys.readouterr().err) is shown

@@ -11,8 +11,8 @@ from numpy.linalg import inv, norm, solve
 from ..compiler import kernel
 from ..formulas import Vec
 from ..groups.lie_group import LieGroup
-from ..integrate import integrate
 from ..integrators.rkmk import RKMK
+from ..simulation.integrate import integrate
 from ..systems.kinetic_energy import KineticEnergy
 from ..systems.lie_poisson import LiePoissonSystem
 from .law import Law, Same, axiom, cases, factors

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import ctypes
 import functools
+import itertools
 import os
 import threading
 import weakref
@@ -21,6 +22,10 @@ from . import callbacks
 VERSION: str = llvmlite.__version__
 SIGNATURE = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 3, *[ctypes.c_int64] * 3)
 
+NEAR = os.name != "nt"
+"""Does code find its constants by their distance?  Else each one's address takes a register, and steps up to a fifth more time."""
+
+_numbers = itertools.count()
 _lock = threading.RLock()
 if hasattr(os, "register_at_fork"):
     os.register_at_fork(before=_lock.acquire, after_in_parent=_lock.release, after_in_child=_lock.release)
@@ -70,23 +75,30 @@ def optimised(text: str) -> str:
 
 
 def linked(code: bytes) -> tuple[Any, Any]:
-    """The engine that owns the code, and the function; it lives as long as its engine."""
+    """The owner of the code, and the function; it lives as long as its owner."""
     with _lock:
-        engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _target_machine())  # which it owns and frees
-        engine.add_object_file(llvm.ObjectFileRef.from_data(code))
-        engine.finalize_object()
-        owner = Engine()
-        weakref.finalize(owner, _close, engine).atexit = False
-        return owner, SIGNATURE(engine.get_function_address("kernel"))
+        library = llvm.JITLibraryBuilder().add_object_img(code).export_symbol("kernel")
+        for name, address in _functions().items():
+            library.import_symbol(name, address)
+        loaded = library.link(_linker(), f"kernel {next(_numbers)}")
+        owner = Owner()
+        weakref.finalize(owner, _unload, loaded).atexit = False
+        return owner, SIGNATURE(loaded["kernel"])
 
 
-class Engine:
+class Owner:
     """Owns machine code, which goes when this does: under the lock, so that no fork meets LLVM at it."""
 
 
-def _close(engine: Any) -> None:
+def _unload(loaded: Any) -> None:
     with _lock:
-        engine.close()
+        loaded.close()
+
+
+@functools.cache
+def _linker() -> Any:
+    """Loads object code: code and constants into one piece of memory, as the small code model wants it."""
+    return llvm.create_lljit_compiler(_target_machine(), use_jit_link=NEAR)
 
 
 def _optimised(text: str) -> Any:
@@ -107,21 +119,26 @@ def _target() -> Any:
 
 def _target_machine() -> Any:
     _prepare()
+    addresses = {"codemodel": "small", "reloc": "pic"} if NEAR else {}
     return llvm.Target.from_triple(triple()).create_target_machine(
-        cpu=llvm.get_host_cpu_name(), features=llvm.get_host_cpu_features().flatten(), opt=3, jit=True
+        cpu=llvm.get_host_cpu_name(), features=llvm.get_host_cpu_features().flatten(), opt=3, jit=True, **addresses
     )
 
 
 @functools.cache
 def _prepare() -> None:
-    """Once in a process: LLVM for this processor, and the functions of the C library that plain Python uses too."""
+    """Once in a process: LLVM for this processor."""
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
+
+
+@functools.cache
+def _functions() -> dict[str, int]:
+    """The functions of the C library that plain Python uses too, under names that LLVM does not know, so that it changes nothing
+    about them; and those that call Python back."""
     library = _c_library()
-    for f in (*LIBM, pow):  # under names that LLVM does not know, so that it changes nothing about them
-        llvm.add_symbol(f"liemech_{f.__name__}", ctypes.cast(getattr(library, f.__name__), ctypes.c_void_p).value)
-    for symbol, address in callbacks.addresses().items():
-        llvm.add_symbol(symbol, address)
+    of_c = {f"liemech_{f.__name__}": ctypes.cast(getattr(library, f.__name__), ctypes.c_void_p).value or 0 for f in (*LIBM, pow)}
+    return of_c | callbacks.addresses()
 
 
 def _c_library() -> ctypes.CDLL:

@@ -47,8 +47,11 @@ WIDEST = 1000
 LIMIT = 100_000
 """Instructions of a kernel that LLVM compiles in about ten seconds: more are refused."""
 
-EFFORT = 10
-"""How many times the limit may be translated, where a loop is tried in several ways."""
+SIDE_BY_SIDE = 9000
+"""Instructions up to which each number of an ensemble takes two registers: one works while the other waits for a result."""
+
+EFFORT = 2.5
+"""How many times the limit may be translated, where formulas and loops are tried in several ways."""
 
 
 class Builder(ir.IRBuilder):
@@ -58,18 +61,19 @@ class Builder(ir.IRBuilder):
     finished = 0  # in the other ones
     made = 0  # in all, with what was taken back
 
-    def __init__(self, block: ir.Block) -> None:
+    def __init__(self, block: ir.Block, limit: int) -> None:
         super().__init__(block)
+        self.limit = limit
         self.within = [block.function]  # the native functions that are not finished, each made while making the one before
 
     def _insert(self, instruction: Any) -> None:
         self.emitted += 1
         self.made += 1
-        if self.emitted + self.finished > LIMIT:
+        if self.emitted + self.finished > self.limit:
             self.finished = _reachable(self.within) - self.emitted
-        if self.emitted + self.finished > LIMIT or self.made > EFFORT * LIMIT:
+        if self.emitted + self.finished > self.limit or self.made > EFFORT * LIMIT:
             tries = f"{self.made} instructions, all tries counted,"
-            size = tries if self.made > EFFORT * LIMIT else f"more than {LIMIT} instructions"
+            size = tries if self.made > EFFORT * LIMIT else f"more than {self.limit} instructions"
             raise TooLong(
                 f"the native code would be too long: {size} take more than about ten seconds to make. Take fewer stages or a lower "
                 "order, a smaller group, closed forms for what is derived, or compiled=False"

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from ..integrate import integrate
 from ..integrators.method import Method
+from ..simulation.integrate import integrate
 from ..systems.system import State, System
 from .choice import KNOWN, suited
 from .content import chosen, require

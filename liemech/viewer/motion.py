@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InvalidInput, InvalidType
 from ..formulas import check_finite, real_array
+from ..simulation.trajectory import Trajectory
 from ..systems.system import State, System
-from ..trajectory import Trajectory
 
 
 @dataclass(frozen=True, eq=False)

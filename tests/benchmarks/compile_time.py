@@ -22,7 +22,7 @@ import liemech as lm
 from liemech.compiler import kernel, llvm
 from liemech.formulas import sqrt
 from liemech.integrators.taylor import Taylor
-from liemech.marching import Run, march
+from liemech.simulation.fixed import Run, fixed_steps
 
 LIMIT = {"cold": 4.0, "SO(16)": 10.0, "SO(32)": 60.0}
 """Seconds that a cold compilation may take: by default, and for the groups named."""
@@ -162,7 +162,7 @@ CASES: dict[str, Callable[[], Case]] = {
     "Taylor 12, body": lambda: body(Taylor(12)),
     "Taylor 18, body": lambda: body(Taylor(18)),
     "Taylor 30, body": lambda: body(Taylor(30)),
-    "Taylor 18, top, lanes": lambda: top(Taylor(18), True),
+    "Taylor 14, top, lanes": lambda: top(Taylor(14, lm.Exponential()), True),
 }
 QUICK = (
     "RKMK4, body", "Composition 8 of exp, body, lanes", "RKMK4, SO(10)", "Algorithm 1, six exponentials", "Algorithm 1, polar",
@@ -204,7 +204,7 @@ def measured(name: str, steps: bool) -> dict[str, Any]:
                 run.states[:], run.taken[:] = states, 0.0
                 target = np.empty((1, *run.out.shape[1:]))
                 before = time.process_time()
-                run._run(march, run._arguments(0, n, 1), run.states, target, run.taken)
+                run._run(fixed_steps, run._arguments(0, n, 1), run.states, target, run.taken)
                 times.append(time.process_time() - before)
             best = min(times) / n / bodies
             if min(times) > 0.03 or n > 20_000_000:

@@ -7,7 +7,7 @@ from typing import Any
 import harness
 import numpy as np
 
-from liemech import marching
+from liemech.simulation import fixed
 
 
 class Native:
@@ -17,7 +17,7 @@ class Native:
     """
 
     def __init__(self, system: Any, method: Any, start: Any, h: float, compensate: bool | None = False) -> None:
-        self.run = marching.Run(
+        self.run = fixed.Run(
             system, method, start, h, steps=10, every=10, t0=0.0, compensate=compensate, compiled=True, progress=False, workers=1
         )
         self.start, self.taken = self.run.states.copy(), np.zeros(1)
@@ -25,7 +25,7 @@ class Native:
 
     def __call__(self, steps: int) -> np.ndarray:
         states, self.taken[0] = self.start.copy(), 0.0
-        self.run._run(self.run.marching, self.run._arguments(0, steps, 1), states, self.last, self.taken)
+        self.run._run(self.run.stepping, self.run._arguments(0, steps, 1), states, self.last, self.taken)
         if self.taken[0] != steps:
             raise SystemExit(f"{self.run.method!r} on {self.run.system!r} stopped after {self.taken[0]:g} of {steps} steps")
         return self.last[0, :, 0].copy()

@@ -148,7 +148,7 @@ def test_an_instance_made_anew_is_not_looked_at_as_another(no_disk: None) -> Non
     for moments in ([1.0, 2.0, 3.0], [2.0, 3.0, 4.0]):
         body = lm.RigidBody(moments)
         runs.append(lm.integrate(body, lm.RKMK(order=2), body.state(mu=[1.0, 0.0, 0.5]), h=0.1, steps=3, compiled=True))
-    mine = [k for k in kernel.alive() if k.entry.__name__ == "march" and k.kinds[0] == layout_of(lm.RKMK(order=2))]
+    mine = [k for k in kernel.alive() if k.entry.__name__ == "fixed_steps" and k.kinds[0] == layout_of(lm.RKMK(order=2))]
     assert len(mine) == 1 and mine[0].reads._guard is not None
 
 

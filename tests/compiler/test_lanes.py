@@ -19,7 +19,7 @@ import liemech as lm
 from liemech.compiler import kernel
 from liemech.formulas import Record, Vec, dot, record, sin, vec
 from liemech.formulas.pytree import layout_of
-from liemech.marching import march
+from liemech.simulation.fixed import fixed_steps
 
 pytestmark = pytest.mark.compiled
 
@@ -127,11 +127,11 @@ def test_a_method_of_fewer_stages_is_shorter_code() -> None:
 
 
 def march_assembly(order: int, lanes: int) -> str:
-    """The machine code of a march of a rigid body."""
+    """The machine code of steps of a rigid body."""
     body, method = lm.RigidBody([1.0, 1.5, 2.0]), lm.RKMK(order=order)
     start = body.state(mu=np.full(3 if lanes == 1 else (1, 3), 0.5))
     lm.integrate(body, method, start, h=0.1, steps=1, compiled=True)
-    mine = [k for k in kernel.alive() if k.entry is march and k.kinds[0] == layout_of(method)]
+    mine = [k for k in kernel.alive() if k.entry is fixed_steps and k.kinds[0] == layout_of(method)]
     return next(k for k in mine if k.lanes == lanes and k.kinds[3].detail.width == 3).assembly()  # momentum alone is shown
 
 

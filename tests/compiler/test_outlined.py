@@ -14,9 +14,9 @@ pytest.importorskip("llvmlite")
 import worlds
 
 import liemech as lm
-from liemech import execution
 from liemech.compiler import cache, kernel, large, llvm, outlined
 from liemech.errors import NotCompilable
+from liemech.simulation import execution
 
 pytestmark = pytest.mark.compiled
 

@@ -16,9 +16,9 @@ import pytest
 import worlds
 
 import liemech as lm
-from liemech import execution
 from liemech.compiler import cache, kernel
 from liemech.errors import NotCompilable, NotCompiledWarning
+from liemech.simulation import execution
 
 pytestmark = pytest.mark.compiled
 

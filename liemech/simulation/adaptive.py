@@ -9,14 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from .compiler.driver import Rejected, accepted, attempt, itself, read, reason, write
+from ..compiler.driver import Rejected, accepted, attempt, itself, read, reason, write
+from ..errors import IntegrationInterrupted, StepTooSmall, failure, is_mistake
+from ..formulas import Record, record
+from ..formulas.pytree import build, layout_of, leaves
+from ..systems.system import State, System
 from .dense import DenseOutput, packed, unpacked
-from .errors import IntegrationInterrupted, StepTooSmall, failure, is_mistake
 from .execution import LOOK, Execution
-from .formulas import Record, record
-from .formulas.pytree import build, layout_of, leaves
-from .marching import Bar
-from .systems.system import State, System
+from .progress import Bar
 from .trajectory import Trajectory
 
 SAFETY, SLOWEST, FASTEST = 0.9, 0.2, 10.0
@@ -40,7 +40,7 @@ class Clock(Record):
 CLOCK = layout_of(Clock(0.0, 0.0, 1.0, 0.0, 0.0, 0.0))
 
 
-def pursue(
+def adaptive_steps(
     method: Any,
     system: Any,
     layout: Any,
@@ -136,9 +136,9 @@ class AdaptiveRun:
         if not accepted(xi, itself):
             error: Any = reason(xi)
             raise self._ended(error if is_mistake(error) else failure(error, repr(method), f"at the start, t = {t0:g}"))
-        memory = start, xi
-        self.layout = layout_of(memory)
-        self.states = np.array([*leaves(memory, self.layout)])
+        carry = start, xi
+        self.layout = layout_of(carry)
+        self.states = np.array([*leaves(carry, self.layout)])
         step = first_step(system, method, start, xi, t0, t_end, rtol, atol) if h is None else math.copysign(h, t_end - t0)
         self.clock[1] = step
         self.dense = dense or bool(events) or (t_eval is not None and bool(np.any(t_eval != t_end)))
@@ -148,10 +148,10 @@ class AdaptiveRun:
         self.values = [self._value(event, t0, start) for event in events]
         self.arguments = method, system, self.layout, self.row, t_end, rtol, atol, self.dense
         array = np.empty(0)
-        self.execution = Execution(compiled, progress, pursue, *self.arguments, 1, array, array, array, None)
+        self.execution = Execution(compiled, progress, adaptive_steps, *self.arguments, 1, array, array, array, None)
 
     def trajectory(self) -> Trajectory:
-        """March to the end, or to a terminal event, in pieces short enough to show progress and to be interrupted."""
+        """Step to the end, or to a terminal event, in pieces short enough to show progress and to be interrupted."""
         room = 8
         try:
             with Bar(self.progress, 1000) as bar:
@@ -175,7 +175,7 @@ class AdaptiveRun:
             raise self._ended(stopped) from None
         return self._result()
 
-    # ---------------------------------------------------------------- marching
+    # ---------------------------------------------------------------- stepping
 
     def _part(self) -> float:
         """How much of the run is done."""
@@ -191,7 +191,7 @@ class AdaptiveRun:
             run(*self.arguments, room, self.states, self.clock, out, None)
         else:
             with self.execution.plain():
-                pursue(*self.arguments, room, self.states, self.clock, out, self.failures)
+                adaptive_steps(*self.arguments, room, self.states, self.clock, out, self.failures)
         taken = int(self.clock[3]) - before
         self.rows.append(out[: taken * self.row.width].reshape(taken, self.row.width))
         self.ends.append(self.rows[-1][-1, : 1 + self.width] if taken else self.ends[-1])

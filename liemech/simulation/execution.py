@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import sys
-import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -12,18 +10,16 @@ from typing import Any
 
 import numpy as np
 
-from .compiler import kernel
-from .errors import NotCompilable, NotCompiledWarning, warn
-from .formulas.pytree import layout_of
+from ..compiler import kernel
+from ..errors import NotCompilable, NotCompiledWarning, warn
+from ..formulas.pytree import layout_of
+from .progress import notice
 
 LOOK = 0.02
 """Seconds of plain Python after which native code is looked for on disk."""
 
 WAIT = 0.3
 """Seconds of plain Python after which native code is made, if as many more are to be expected."""
-
-NOTICE = 1.0
-"""Seconds after which a compilation shows itself."""
 
 MANY = 1000
 """Kinds of runs that are remembered."""
@@ -95,7 +91,7 @@ class Execution:
         try:
             if why_not is not None:
                 raise NotCompilable(f"integrate: compiled=True, but {why_not}")
-            with _notice(self.progress, f"liemech: compiling {self.call[1]!r} ..."):
+            with notice(self.progress, f"liemech: compiling {self.call[1]!r} ..."):
                 self.native = kernel.kernel(*self.call, lanes=self.lanes)
         except NotCompilable as error:
             if self.wanted:
@@ -114,24 +110,3 @@ def _history(call: tuple[Any, ...], lanes: int) -> History:
     if key not in _histories and len(_histories) >= MANY:
         _histories.clear()
     return _histories.setdefault(key, History())
-
-
-@contextmanager
-def _notice(wanted: bool | None, text: str) -> Iterator[None]:
-    """A line for what takes longer than a second."""
-    shown: list[float] = []
-
-    def show() -> None:
-        shown.append(time.perf_counter())
-        print(text, end="", file=sys.stderr, flush=True)
-
-    timer = threading.Timer(NOTICE, show)
-    timer.daemon = True
-    if wanted is not False:
-        timer.start()
-    try:
-        yield
-    finally:
-        timer.cancel()
-        if shown:
-            print(f" {NOTICE + time.perf_counter() - shown[0]:.1f} s", file=sys.stderr, flush=True)

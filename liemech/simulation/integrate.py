@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from .errors import IncompatibleSystem, InvalidInput, InvalidType, StepWarning, warn
-from .formulas import check_finite, real_array
-from .integrators.method import Method
-from .marching import Run
-from .systems.system import State, System
+from ..errors import IncompatibleSystem, InvalidInput, InvalidType, StepWarning, warn
+from ..formulas import check_finite, real_array
+from ..integrators.method import Method
+from ..systems.system import State, System
+from .fixed import Run
 from .trajectory import Trajectory
 
 MOST = 2**53

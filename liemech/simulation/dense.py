@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from .compiler import kernel
-from .compiler.driver import accepted, any_body, attempt, itself, read, reason, write
-from .errors import InvalidInput, failure, is_mistake
+from ..compiler import kernel
+from ..compiler.driver import accepted, any_body, attempt, itself, read, reason, write
+from ..errors import InvalidInput, failure, is_mistake
+from ..formulas import Vec, horner, real_array, where
+from ..formulas.pytree import NUMBER, build, layout_of, leaves
 from .execution import Execution
-from .formulas import Vec, horner, real_array, where
-from .formulas.pytree import NUMBER, build, layout_of, leaves
 
 
 def along(retraction: Any, system: Any, point: Any, curve: Any, given: Any, out: Any, failures: Any) -> None:

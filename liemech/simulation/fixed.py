@@ -1,4 +1,4 @@
-"""Marching: the loop over steps and samples, in plain Python or native code, for one body or many."""
+"""Steps of one length: the loop over steps and samples, in plain Python or native code, for one body or many."""
 
 from __future__ import annotations
 
@@ -9,23 +9,24 @@ from typing import Any
 
 import numpy as np
 
-from .compiler import kernel
-from .compiler.driver import Rejected, accepted, any_body, attempt, read, reason, write
+from ..compiler import kernel
+from ..compiler.driver import Rejected, accepted, any_body, attempt, read, reason, write
+from ..errors import IntegrationFailure, IntegrationInterrupted, InvalidInput, InvalidType, failure, is_mistake, warn
+from ..formulas import where
+from ..formulas.broadcasting import small
+from ..formulas.pytree import NUMBER, compensated, fitted, layout_of, leaves, plain
+from ..integrators.method import Method
+from ..systems.system import State, System
 from .dense import unpacked
-from .errors import IntegrationFailure, IntegrationInterrupted, InvalidInput, InvalidType, failure, is_mistake, warn
 from .execution import LOOK, Execution
-from .formulas import where
-from .formulas.broadcasting import small
-from .formulas.pytree import NUMBER, compensated, fitted, layout_of, leaves, plain
-from .integrators.method import Method
-from .systems.system import State, System
+from .progress import Bar
 from .trajectory import Stopped, Trajectory
 
 PATIENCE = 0.25
 """Seconds of a settled run between two looks at the progress bar and the keyboard."""
 
 
-def march(
+def fixed_steps(
     method: Any,
     system: Any,
     layout: Any,
@@ -46,14 +47,14 @@ def march(
     the number of steps that went through.  A body whose step fails stays where it is, for good.
     failures : None in native code; in plain Python, which has one body, a list for what the failing step raised.
     """
-    memory = read(states, 0, layout)
+    carry = read(states, 0, layout)
     count = read(taken, 0, NUMBER)
     running = count == first
     turns = every if any_body(running) else 0
     for k in range(samples):
         for j in range(turns):
             checked = failures is not None and k + j == 0
-            trial = attempt(stepped, method, system, t0 + (first + (k * every + j)) * h, memory, h, layout, checked)
+            trial = attempt(stepped, method, system, t0 + (first + (k * every + j)) * h, carry, h, layout, checked)
             good = running and accepted(trial, observed, shown)
             if any_body(not good):
                 if failures is not None:
@@ -61,15 +62,15 @@ def march(
                 running = good
                 if not any_body(running):
                     break
-                memory = where(good, trial[0], memory)
+                carry = where(good, trial[0], carry)
                 count = where(good, count + 1.0, count)
             else:
-                memory = trial[0]
+                carry = trial[0]
                 count = count + 1.0
-        write(out, k * shown.width, attempt(sample, method, memory), shown)
+        write(out, k * shown.width, attempt(sample, method, carry), shown)
         if not any_body(running):
             break
-    write(states, 0, memory, layout)
+    write(states, 0, carry, layout)
     write(taken, 0, count)
 
 
@@ -99,9 +100,9 @@ def begin(
         failures.append(reason(trial))
 
 
-def stepped(method: Any, system: Any, t: float, memory: Any, h: float, layout: Any, checked: bool) -> Any:
+def stepped(method: Any, system: Any, t: float, carry: Any, h: float, layout: Any, checked: bool) -> Any:
     """What the method carries along after one step, and the sample that shows it."""
-    new = method.step(system, t, memory, h)
+    new = method.step(system, t, carry, h)
     if layout.remembers:
         new = fitted(new, layout)
     if checked:
@@ -111,13 +112,13 @@ def stepped(method: Any, system: Any, t: float, memory: Any, h: float, layout: A
 
 def begun(method: Any, system: Any, state: Any, h: float) -> Any:
     """What the method carries along from a start, and the sample that shows it."""
-    memory = method.start(system, state, h)
-    return memory, plain(method.observe(memory))
+    carry = method.start(system, state, h)
+    return carry, plain(method.observe(carry))
 
 
-def sample(method: Any, memory: Any) -> Any:
+def sample(method: Any, carry: Any) -> Any:
     """The sample that shows what the method carries along."""
-    return plain(method.observe(memory))
+    return plain(method.observe(carry))
 
 
 def observed(trial: Any) -> Any:
@@ -167,8 +168,8 @@ class Run:
         rows = self._rows(steps)
         _affordable(rows * self.shown.width * self.columns * 8, steps, every)
         array = np.empty(0)
-        marching = march, *self._arguments(0, 1, 1), array, array, array, None
-        self.marching = Execution(compiled, progress, *marching, lanes=self.lanes)
+        stepping = fixed_steps, *self._arguments(0, 1, 1), array, array, array, None
+        self.stepping = Execution(compiled, progress, *stepping, lanes=self.lanes)
         self.out = np.empty((rows, self.shown.width, self.columns))
         self.states = np.zeros((self.layout.width, self.columns))
         self.taken = np.zeros(self.columns)
@@ -183,7 +184,7 @@ class Run:
     @property
     def compiled(self) -> bool:
         """Has native code taken over?"""
-        return self.marching.native is not None
+        return self.stepping.native is not None
 
     def _first(self, one: State) -> tuple[Any, Any]:
         """What the method carries along from the start of the first body that can begin, and the sample that shows it."""
@@ -216,7 +217,7 @@ class Run:
         starts = self._columns_of(self.start)
         values, array = (self.method, self.system, self.given, self.started, self.layout, self.shown, self.h), np.empty(0)
         beginning = Execution(compiled, self.progress, begin, *values, array, array, array, array, None, lanes=self.lanes)
-        if self.marching.native is not None:
+        if self.stepping.native is not None:
             beginning.compile()
         if self.given == self.shown:
             self.out[0] = starts
@@ -227,7 +228,7 @@ class Run:
             if i not in self.failures:
                 self._plain(begin, values, arrays, int(i), 0)
         if beginning.native is not None:
-            self.marching.compile()
+            self.stepping.compile()
 
     def _remembering(self, start: State, compensate: bool | None) -> State:
         """The start, in compensated numbers what is to be summed up so: all, nothing, or what the motion depends on."""
@@ -246,19 +247,19 @@ class Run:
     def _arguments(self, first: int, every: int, samples: int) -> tuple[Any, ...]:
         return self.method, self.system, self.layout, self.shown, self.t0, self.h, first, every, samples
 
-    # ---------------------------------------------------------------- marching
+    # ---------------------------------------------------------------- stepping
 
     def _rows(self, steps: int) -> int:
         """How many samples there are after this many steps: the start, one for each `every`, and the very last."""
         return steps // self.every + 1 + (steps == self.steps and steps % self.every > 0)
 
     def trajectory(self) -> Trajectory:
-        """March to the end, in pieces short enough to show progress and to be interrupted."""
+        """Step to the end, in pieces short enough to show progress and to be interrupted."""
         done, settled, per_call = 0, False, max(1, 16 // self.columns)
         try:
             with Bar(self.progress, self.steps * self.count) as bar:
                 while done < self.steps:
-                    if not settled and (self.compiled or self.marching.wanted is False):
+                    if not settled and (self.compiled or self.stepping.wanted is False):
                         settled, per_call = True, max(1, (16384 if self.compiled else 16) // self.columns)
                     begun = time.perf_counter()
                     pending = min(self.every - done % self.every, self.steps - done)
@@ -273,7 +274,7 @@ class Run:
                         target = np.empty((1, *self.out.shape[1:]))
                     values, arrays = self._arguments(done, every, samples), (self.states, target, self.taken)
                     running = self.taken[: self.count] == done
-                    self._run(self.marching, values, *arrays, done=done, more=every * samples, of=self.steps)
+                    self._run(self.stepping, values, *arrays, done=done, more=every * samples, of=self.steps)
                     for i in np.flatnonzero(running & (self.taken[: self.count] < after)):
                         self._once_more(int(i), done, every, after, target)
                     if self.bodies is None and self.taken[0] < after:
@@ -312,7 +313,7 @@ class Run:
 
     def _plain(self, driver: Any, values: tuple[Any, ...], arrays: tuple[np.ndarray, ...], i: int, done: int) -> None:
         """Run a driver in plain Python on one body."""
-        if self.taken[i] < 0.0 and driver is march:  # it could not even begin
+        if self.taken[i] < 0.0 and driver is fixed_steps:  # it could not even begin
             return
         failures: list[Exception | None] = []
         columns = [np.ascontiguousarray(a[..., i]).ravel() for a in arrays]
@@ -324,7 +325,7 @@ class Run:
             error: Any = failures[0]
             if self.bodies is not None and is_mistake(error):
                 error.add_note(f"[integrate: body {i}; the samples before it are in `.trajectory`]")
-                raise self._with_trajectory(error, self._result(done) if driver is march else self._only_start())
+                raise self._with_trajectory(error, self._result(done) if driver is fixed_steps else self._only_start())
 
     def _once_more(self, i: int, done: int, every: int, after: int, target: np.ndarray) -> None:
         """A step that native code has marked is plain Python's, and so are the next ones of this piece.
@@ -334,7 +335,8 @@ class Run:
         while self.taken[i] < after and i not in self.failures:
             step = int(self.taken[i])
             row, part = divmod(step - done, every)
-            self._plain(march, self._arguments(step, every - part, 1), (self.states, target[row : row + 1], self.taken), i, step)
+            arrays = self.states, target[row : row + 1], self.taken
+            self._plain(fixed_steps, self._arguments(step, every - part, 1), arrays, i, step)
 
     def _native(self, execution: Execution, values: tuple[Any, ...], arrays: tuple[np.ndarray, ...], start: int) -> None:
         """Run a driver in native code on the bodies from `start`, perhaps in threads."""
@@ -401,32 +403,6 @@ class Run:
     def _with_trajectory(error: Any, run: Trajectory) -> Any:
         error.trajectory = run
         return error
-
-
-class Bar:
-    """A progress bar that appears when the run takes longer than a second."""
-
-    def __init__(self, wanted: bool | None, total: int) -> None:
-        self.wanted, self.total, self.done, self.begun = wanted, total, 0, time.perf_counter()
-        self.bar: Any = None
-
-    def __enter__(self) -> Bar:
-        return self
-
-    def advance(self, steps: int) -> None:
-        self.done += steps
-        if self.bar is None and self.wanted is not False and self.done < self.total:
-            if self.wanted or time.perf_counter() - self.begun > 1.0:
-                from tqdm.auto import tqdm
-
-                self.bar = tqdm(total=self.total, unit="step", unit_scale=True)
-                self.bar.update(self.done)
-        elif self.bar is not None:
-            self.bar.update(steps)
-
-    def __exit__(self, *_: object) -> None:
-        if self.bar is not None:
-            self.bar.close()
 
 
 def _member(start: State, i: int) -> State:

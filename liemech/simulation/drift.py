@@ -1,0 +1,131 @@
+"""The structure report of a run: how well the constants of the motion were kept."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import InvalidInput
+from ..systems.system import System
+
+FEW = 8
+"""Samples below which a straight line through them says nothing."""
+
+
+SMALL = 0.1
+"""A constant smaller than this part of its terms owes its size to their cancelling; its changes are told beside the terms."""
+
+
+@dataclass(frozen=True)
+class Kept:
+    """How well one quantity was kept: its size, the largest change, the trend, and how sure the trend is.
+
+    size : at the start.  scale : what changes are divided by: the size, or that of the terms the quantity is the sum of where these
+    nearly cancel; 0 if changes are absolute, because everything is zero at the start.
+    """
+
+    name: str
+    size: float
+    scale: float
+    largest: float
+    slope: float
+    spread: float
+    duration: float
+    samples: int
+
+    @property
+    def verdict(self) -> str:
+        """`exact` (rounding only), `bounded` (oscillates), `drifting` (the trend dominates), or `changed` (who knows)."""
+        if self.largest <= 1e-12:
+            return "exact"
+        if self.samples < FEW:
+            return "changed"
+        return "drifting" if abs(self.slope) * self.duration > 4.0 * self.spread else "bounded"
+
+    @property
+    def measure(self) -> str:
+        """Whether changes are relative, and to what, or absolute."""
+        if not self.scale:
+            return "absolute"
+        cancelling = "" if self.scale == self.size else f", the size of its terms; it is {self.size:.1e}"
+        return f"relative to {self.scale:.6g}{cancelling}"
+
+    def __str__(self) -> str:
+        trends = {"drifting": f"; {self.slope:+.1e} per unit time", "changed": "; too few samples for a trend"}
+        trend = trends.get(self.verdict, "")
+        return f"{self.name:<18}{self.verdict:<10}largest change {self.largest:.1e} ({self.measure}){trend}"
+
+
+@dataclass(frozen=True)
+class Drift:
+    """The structure report of a run; `print` it."""
+
+    kept: tuple[Kept, ...]
+
+    @classmethod
+    def of(cls, system: System, t: np.ndarray, states: dict[str, np.ndarray], bodies: int | None = None) -> Drift:
+        """Measure what the system names as constant, of a body energy, Casimirs and spatial momentum, along samples of a motion.
+
+        t : (n,).  states : the parts of the state by name, (n, ...), of an ensemble (n, bodies, ...).
+        """
+        if len(t) < 2:
+            raise InvalidInput("Trajectory.drift needs at least two samples")
+        series, terms = system.constants(states), _terms(system, states)
+        axes = t.ndim + (bodies is not None)
+
+        def flat(values: np.ndarray) -> np.ndarray:
+            return values.reshape(*values.shape[:axes], -1)
+
+        return cls(tuple(_kept(name, t, flat(values), flat(terms[name])) for name, values in series.items()))
+
+    def __getitem__(self, name: str) -> Kept:
+        for kept in self.kept:
+            if kept.name == name:
+                return kept
+        names = ", ".join(k.name for k in self.kept) or "none"
+        raise InvalidInput(f"Drift: {name!r} is no constant of this motion; known are: {names}")
+
+    def __str__(self) -> str:
+        return "\n".join(map(str, self.kept)) or "no constants of the motion are known"
+
+
+def _terms(system: System, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """How large the terms of the constants are, sum_i |x_i dC/dx_i| over the coordinates, at the start, half-way and at the end."""
+    states = {name: values[_some(len(values))] for name, values in states.items()}
+    constants, bit = system.constants(states), 2.0**-20
+    sizes = {name: np.abs(values) for name, values in constants.items()}
+    totals = {name: np.zeros_like(values) for name, values in sizes.items()}
+    for part in system.coordinates:
+        for i in range(states[part].shape[-1]):
+            varied = states[part].copy()
+            varied[..., i] *= 1.0 + bit
+            for name, values in system.constants(states | {part: varied}).items():
+                totals[name] += np.abs(values - constants[name]) / bit
+    return {name: np.maximum(sizes[name], totals[name]) for name in sizes}
+
+
+def _some(samples: int) -> list[int]:
+    """The samples at which the terms are looked at."""
+    return [0, samples // 2, -1]
+
+
+def _kept(name: str, t: np.ndarray, values: np.ndarray, terms: np.ndarray) -> Kept:
+    """The change of a vector quantity along a run: its largest norm, and by least squares a straight line through it."""
+    _, exponent = np.frexp(np.abs(values).max(axis=(0, -1)))  # a power of two as unit: then no square under- or overflows
+    values, terms = (np.ldexp(x, -exponent[..., None]) for x in (values, terms))
+    size, sums = np.linalg.norm(values[0], axis=-1), np.linalg.norm(terms, axis=-1)
+    changes = np.linalg.norm(values[_some(len(t))] - values[0], axis=-1)
+    sum_of_terms = np.where(changes <= SMALL * sums, sums, 0.0).max(axis=0)  # not where the motion has been left
+    scale = np.where(size > SMALL * sum_of_terms, size, sum_of_terms)
+    unit = np.where(scale > 0.0, scale, np.ldexp(1.0, -exponent))
+    change = (values - values[0]) / unit[..., None]
+    largest = np.linalg.norm(change, axis=-1)
+    worst = np.unravel_index(np.argmax(largest), largest.shape)[1:]
+    series = change[(slice(None), *worst)]
+    component = np.ascontiguousarray(series[:, np.abs(series[-1]).argmax()])
+    time = t - t.mean()
+    slope = float(time @ component / (time @ time))
+    spread = float(np.std(component - slope * time))
+    size, scale = (float(np.ldexp(x, exponent)[worst]) for x in (size, scale))
+    return Kept(name, size, scale, float(largest.max()), slope, spread, float(abs(t[-1] - t[0])), len(t))

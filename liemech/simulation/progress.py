@@ -1,0 +1,59 @@
+"""What is shown of anything that takes longer than a second: a bar for a run, a line for a compilation."""
+
+from __future__ import annotations
+
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+NOTICE = 1.0
+"""Seconds after which a run or a compilation shows itself."""
+
+class Bar:
+    """A progress bar that appears when the run takes longer than a second."""
+
+    def __init__(self, wanted: bool | None, total: int) -> None:
+        self.wanted, self.total, self.done, self.begun = wanted, total, 0, time.perf_counter()
+        self.bar: Any = None
+
+    def __enter__(self) -> Bar:
+        return self
+
+    def advance(self, steps: int) -> None:
+        self.done += steps
+        if self.bar is None and self.wanted is not False and self.done < self.total:
+            if self.wanted or time.perf_counter() - self.begun > NOTICE:
+                from tqdm.auto import tqdm
+
+                self.bar = tqdm(total=self.total, unit="step", unit_scale=True)
+                self.bar.update(self.done)
+        elif self.bar is not None:
+            self.bar.update(steps)
+
+    def __exit__(self, *_: object) -> None:
+        if self.bar is not None:
+            self.bar.close()
+
+
+@contextmanager
+def notice(wanted: bool | None, text: str) -> Iterator[None]:
+    """A line for what takes longer than a second."""
+    shown: list[float] = []
+
+    def show() -> None:
+        shown.append(time.perf_counter())
+        print(text, end="", file=sys.stderr, flush=True)
+
+    timer = threading.Timer(NOTICE, show)
+    timer.daemon = True
+    if wanted is not False:
+        timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
+        if shown:
+            print(f" {NOTICE + time.perf_counter() - shown[0]:.1f} s", file=sys.stderr, flush=True)
