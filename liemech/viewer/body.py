@@ -18,7 +18,7 @@ from .drawing import Drawing, toward
 from .motion import Motion
 from .poses import attitude, configurations, flies, is_pose, place
 from .shapes import ball, box, box_edges, mesh_file, mixed, rod, turned
-from .vectors import AXES
+from .vectors import AXES, axis_of
 
 Array = NDArray[np.float64]
 
@@ -73,7 +73,7 @@ class Body(Content):
         if self.mesh is not None:
             drawing.add("body/mesh", mesh_file(self.mesh, color), scale=self.size)
         elif isinstance(system, (HeavyTop, ReducedHeavyTop)):
-            _top(drawing, np.array(system.centre), color)
+            _top(drawing, axis_of(system), color)
         else:
             edges = box_of_inertia(inertia_of(system))
             drawing.add("body/box", box(edges, color))
@@ -138,10 +138,9 @@ def box_of_inertia(J: Array) -> Array:
     return 1.7 * edges / np.linalg.norm(edges)
 
 
-def _top(drawing: Drawing, centre: Array, color: str) -> None:
+def _top(drawing: Drawing, axis: Array, color: str) -> None:
     """A disc on a stick, from the fixed point through the centre of mass, with a mark that shows the spin."""
-    lean = toward(centre if np.linalg.norm(centre) > 0.0 else np.array([0.0, 0.0, 1.0]))
     profile = [(0.0, 0.0), (0.02, 0.06), (0.02, 0.42), (0.50, 0.52), (0.50, 0.60), (0.03, 0.66), (0.03, 0.97), (0.0, 1.0)]
-    drawing.add("body/top", turned(profile, color, 32), quaternion=lean)
+    drawing.add("body/top", turned(profile, color, 32), quaternion=toward(axis))
     drawing.add("body/top/mark", box(np.array([0.07, 0.34, 0.03]), mixed(color, "#000000", 0.5)), position=[0.0, 0.3, 0.635])
     drawing.once("fixed point", ball(0.03, "#333333"))

@@ -24,12 +24,14 @@ class Content:
     1. A subclass names its `panel`, the picture it belongs to, and the panel's `title`, and writes `needs` and `draw`.
     2. It says in `reach` what the panel must hold, unless that is the ball of radius 1 about the origin.
 
-    Contents of the same panel share a picture.  In a panel with `own` each run has a picture of its own.
+    Contents of the same panel share a picture; if they are `alike`, those of equal systems do.  With `own` each run has its own.
+    flat : is it best seen from the front?
     """
 
     panel: ClassVar[str] = "space"
     title: ClassVar[str] = "in space"
     flat: ClassVar[bool] = False
+    alike: ClassVar[bool] = False
 
     def needs(self, system: System) -> tuple[str, ...]:
         """The parts of the state that are drawn, such as ("mu",).  Raises InvalidInput if the system has nothing of the kind."""

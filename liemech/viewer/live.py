@@ -68,7 +68,7 @@ class Live:
 
     def __init__(self, scene: Scene, open: bool = True) -> None:
         try:
-            import tornado.web  # noqa: F401
+            from tornado.netutil import bind_sockets
         except ImportError as missing:
             raise MissingExtra("a live scene needs tornado, which comes with meshcat", extra="viewer") from missing
         self._scene, self._panels = scene, {panel.path: panel for panel in scene.panels()}
@@ -76,11 +76,14 @@ class Live:
         self._pages: set[Any] = set()
         self._waiting, self._closed, self._seen = False, False, threading.Event()
         self._lock = threading.Lock()
+        self._refused: Exception | None = None
+        self._shown: dict[int, tuple[float, State]] | None = None
+        sockets = bind_sockets(0, "127.0.0.1")
+        self._address = f"127.0.0.1:{sockets[0].getsockname()[1]}/{secrets.token_urlsafe(9)}"  # unknown to others on this machine
+        self.url = f"http://{self._address}/"
         self._loop = asyncio.new_event_loop()
-        ready = threading.Event()
-        self._thread = threading.Thread(target=self._serve, args=(ready,), name="liemech live scene", daemon=True)
+        self._thread = threading.Thread(target=self._serve, args=(sockets,), name="liemech live scene", daemon=True)
         self._thread.start()
-        ready.wait()
         atexit.register(self.close)
         if open:
             webbrowser.open(self.url)
@@ -88,11 +91,17 @@ class Live:
     # ---------------------------------------------------------------- for the owner
 
     def display(self, state: State, t: float, run: int = 0) -> None:
-        """Show a state of the scene's run number `run`.  t : its time, in s.  Takes microseconds, whoever looks."""
+        """Show a state of the scene's run number `run`.  t : its time, in s.  Takes microseconds, whoever looks.
+
+        Raises InvalidInput for a scene that is closed, and if a state before this one could not be drawn.
+        """
         if self._closed:
             raise InvalidInput("Live.display: this scene is closed")
         if not 0 <= run < len(self._scene.shown):
             raise InvalidInput(f"Live.display: run = {run}; the scene has {len(self._scene.shown)}, counted from 0")
+        if self._refused is not None:
+            refused, self._refused = self._refused, None
+            raise InvalidInput(f"Live.display: a state before this one could not be shown: {refused}") from refused
         with self._lock:
             self._states[run] = float(t), state
             if self._waiting:
@@ -124,11 +133,10 @@ class Live:
 
     # ---------------------------------------------------------------- in the thread
 
-    def _serve(self, ready: threading.Event) -> None:
+    def _serve(self, sockets: list[Any]) -> None:
         """Serve the page until the loop is stopped."""
         asyncio.set_event_loop(self._loop)
         import tornado.httpserver
-        import tornado.netutil
         import tornado.web
         import tornado.websocket
 
@@ -139,7 +147,7 @@ class Live:
                 live._pages.add(self)
                 live._seen.set()
                 if live._states:
-                    self.write_message(live._update())
+                    live._flush()
 
             def on_message(self, message: str | bytes) -> None:
                 """Pages have nothing to say."""
@@ -152,18 +160,14 @@ class Live:
                 from .page import page
 
                 self.set_header("Cache-Control", "no-store")
-                self.write(page(live._scene, False, socket))
+                self.write(page(live._scene, False, f"ws://{live._address}/stream"))
 
-        sockets = tornado.netutil.bind_sockets(0, "127.0.0.1")
-        address = f"127.0.0.1:{sockets[0].getsockname()[1]}/{secrets.token_urlsafe(9)}"  # unknown to others on this machine
-        self.url, socket = f"http://{address}/", f"ws://{address}/stream"
-        prefix = address.partition("/")[2]
+        prefix = self._address.partition("/")[2]
         application = tornado.web.Application(log_function=lambda handler: None)
         routes: list[Any] = [(f"/{prefix}/", Document), (f"/{prefix}/stream", Stream)]
         application.add_handlers(r"127\.0\.0\.1", routes)  # and not under a name that somebody else gave this address
         server = tornado.httpserver.HTTPServer(application)
         server.add_sockets(sockets)
-        ready.set()
         try:
             self._loop.run_forever()
         finally:
@@ -180,7 +184,11 @@ class Live:
             self._waiting = False
         if not self._pages:
             return
-        message = self._update()
+        try:
+            message = self._update()
+        except Exception as refused:  # of a content of the user's, or of numbers that are not finite: the next `display` tells
+            self._refused = refused
+            return
         for page in list(self._pages):
             page.write_message(message)
         with self._lock:
@@ -192,8 +200,6 @@ class Live:
             self._waiting = False
         if self._shown != self._states:
             self._flush()
-
-    _shown: dict[int, tuple[float, State]] | None = None
 
     def _update(self) -> str:
         """The last states as they are drawn, in JSON."""

@@ -52,16 +52,19 @@ class Motion:
         object.__setattr__(self, "states", checked)
 
     @classmethod
-    def of(cls, run: Any, frames: int, body: int | None = None) -> Motion:
+    def of(cls, run: Any, frames: int, body: int | None = None, smooth: bool = False) -> Motion:
         """What is shown of a run: at most `frames` samples of it, evenly chosen, the first and the last among them.
 
-        body : the one to show of an ensemble.
+        body : the one to show of an ensemble.  smooth : of a run with dense output, which has few and long steps, `frames` samples.
         """
         if not isinstance(run, (Trajectory, Motion)):
             raise InvalidType(f"a scene shows what `integrate` returns, or a Motion(system, t, states); got {run!r}")
         n = len(run.t)
         if not n:
             raise InvalidInput("a scene needs at least one sample; this run has none")
+        if smooth and n < frames and isinstance(run, Trajectory) and run.dense is not None and n > 1:
+            t = np.linspace(run.t[0], run.t[-1], frames)
+            return cls(run.system, t, run.at(t))
         kept = slice(None) if n <= frames else np.unique(np.linspace(0, n - 1, frames).round().astype(int))
         states = {name: rows[kept] for name, rows in run.states.items() if rows is not None}
         bodies = run.bodies

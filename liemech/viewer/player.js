@@ -281,6 +281,7 @@ function startPlayer() {
 
   function listen() {
     const trails = new Map(), MOST = 2000;
+    for (const id of ["play", "time", "speed"]) $(id).style.display = "none"; // there is no way back
     const connection = new WebSocket(scene.socket);
     connection.onclose = () => { $("label").textContent += " (ended)"; };
     connection.onmessage = (message) => {

@@ -52,7 +52,7 @@ class Scene:
     name, color : of the run in the legend, "#rrggbb".  body : the one to show of an ensemble.
     title : of the page.  seconds : how long it plays; default: as long as the motion, but 5 to 15 s.
     frames : samples that are kept of each run, evenly chosen; the data of the run are not touched.
-    interpolate : move between the samples; False shows them one after another, as the steps of an integrator are.
+    interpolate : move between the samples, of adaptive steps by their dense output; False shows the steps one after another.
     view : (azimuth, elevation) of the eye in degrees.
 
     `add` puts another run into the scene.  Momenta share a sphere; bodies that stay where they are stand side by side.
@@ -90,7 +90,7 @@ class Scene:
 
     def add(self, run: Any, show: Any = None, *, name: str = "", color: str | None = None, body: int | None = None) -> Scene:
         """Put another run into the scene; arguments as above.  Returns the scene."""
-        motion = Motion.of(run, self.frames, body)
+        motion = Motion.of(run, self.frames, body, self.interpolate)
         if motion.bodies is not None:
             motion = motion.thinned(min(ENSEMBLE_FRAMES, max(2, ENSEMBLE_DOTS // motion.bodies)))
         have = frozenset(motion.states)
@@ -144,13 +144,14 @@ class Scene:
 
     def _members(self) -> list[tuple[str, int, list[tuple[int, Content]]]]:
         """Each panel: its path, the run it belongs to, -1 for one that runs share, and the contents in it with their runs."""
-        found: dict[tuple[str, int], list[tuple[int, Content]]] = {}
+        found: dict[tuple[str, int, Any], list[tuple[int, Content]]] = {}
         for run, one in enumerate(self._some()):
+            system = one.motion.system
             for content in one.contents:
-                own = run if content.own(one.motion.system) else -1
-                found.setdefault((content.panel, own), []).append((run, content))
+                own = run if content.own(system) else -1
+                found.setdefault((content.panel, own, system if content.alike else None), []).append((run, content))
         ordered = sorted(found.items(), key=lambda item: item[0][1] < 0)  # those shared come last
-        return [(f"panel {n}", own, members) for n, ((_, own), members) in enumerate(ordered, start=1)]
+        return [(f"panel {n}", own, members) for n, ((_, own, _), members) in enumerate(ordered, start=1)]
 
     def places(self, run: int) -> list[tuple[str, Content]]:
         """The contents of a run, each with the path of its panel."""
@@ -159,8 +160,9 @@ class Scene:
     def panels(self) -> list[Panel]:
         """The pictures side by side, drawn."""
         panels = []
-        for path, own, members in self._members():
-            panel = _framed(path, [(self.shown[run], c) for run, c in members], own >= 0 and len(self.shown) > 1)
+        for path, _, members in self._members():
+            runs = {run for run, _ in members}
+            panel = _framed(path, [(self.shown[run], c) for run, c in members], len(runs) == 1 < len(self.shown))
             for run, content in members:
                 one = self.shown[run]
                 content.draw(one.motion, Drawing(panel, f"run {run + 1}", one.color, run))

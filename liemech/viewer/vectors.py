@@ -48,6 +48,7 @@ class Momentum(Content):
     """
 
     panel: ClassVar[str] = "momentum"
+    alike: ClassVar[bool] = True
     title: ClassVar[str] = "momentum, seen from the body"
 
     trail: bool = True
@@ -163,12 +164,17 @@ class Nose(Content):
 
     def draw(self, motion: Motion, drawing: Drawing) -> None:
         """The trail."""
-        axis = np.array(motion.system.centre)  # type: ignore[attr-defined]
-        path = rotated(attitude(motion.system, motion["g"]), axis / (np.linalg.norm(axis) or 1.0))
-        drawing.trail("nose", path)
+        drawing.trail("nose", rotated(attitude(motion.system, motion["g"]), axis_of(motion.system)))
 
 
 # ------------------------------------------------------------------ pieces
+
+
+def axis_of(top: Any) -> Array:
+    """The direction from the fixed point to the centre of mass; the third axis if that is the fixed point."""
+    centre = np.array(top.centre)
+    length = np.linalg.norm(centre)
+    return centre / length if length > 0.0 else np.array([0.0, 0.0, 1.0])
 
 
 def _ball(vectors: Array) -> Array:

@@ -114,6 +114,11 @@ def test_a_page_shows_the_last_state(browser: Chromium) -> None:
         direction = np.array(state.mu) / np.linalg.norm(state.mu)
         assert np.abs(tab.read("panel 2/run 1/mu", [0.0], arrow)[0] - direction).max() < 1e-6
         assert tab.complaints() == []
+        view.display(lm.BodyState(np.array([1.0, np.nan, 0.0]), np.eye(3)), 3.0)
+        assert waited(lambda: view._refused is not None)
+        with pytest.raises(InvalidInput, match="a state before this one could not be shown"):
+            view.display(state, 3.0)
+        view.display(state, 3.0)
         tab.call("Page.reload")
         tab.wait(f"window.ready && document.getElementById('label').textContent === {now!r}")
         assert np.abs(tab.read("panel 2/run 1/mu", [0.0], arrow)[0] - direction).max() < 1e-6

@@ -140,6 +140,22 @@ def test_several_runs_share_the_sphere_and_stand_side_by_side() -> None:
     assert described(scene)["legend"] == [{"name": "four", "color": "#0072B2"}, {"name": "two", "color": "#D55E00"}]
 
 
+def test_different_bodies_have_spheres_of_their_own() -> None:
+    other = lm.RigidBody([1.0, 1.5, 2.0])  # with other curves of constant energy
+    run = lm.integrate(other, lm.RKMK(order=4), other.state(mu=[0.3, 1.0, 0.2]), h=0.1, steps=3, compiled=False)
+    panels = Scene(RUN, show="momentum", name="a").add(run, name="b").panels()
+    assert [panel.title[-3:] for panel in panels] == [": a", ": b"]
+
+
+def test_adaptive_steps_move_by_their_dense_output() -> None:
+    run = lm.integrate(BODY, lm.RKMK(order=5), START, t_end=10.0, rtol=1e-9, compiled=False)
+    motion = Scene(run, frames=200).shown[0].motion
+    assert len(run) < len(motion) == 200
+    assert np.abs(motion["mu"] - BODY.exact(START, motion.t).mu).max() < 1e-6
+    steps = Scene(run, frames=200, interpolate=False).shown[0].motion
+    assert (steps.t == run.t).all()
+
+
 def test_backwards_is_played_backwards() -> None:
     back = lm.integrate(BODY, lm.RKMK(order=4), START, h=-0.1, steps=20, t0=1.0, compiled=False)
     scene = described(Scene(back))
