@@ -12,7 +12,7 @@ for name, precession in ("let go at rest: cusps", 0.0), ("pushed forwards: waves
     spin = np.array([0.0, 0.0, 2.6])  # about its own axis, kg m^2/s
     pushed = tilted.T @ np.array([0.0, 0.0, precession])  # an angular velocity about the vertical, seen from the top
     start = top.state(mu=spin + np.array([1.0, 1.0, 0.0]) * pushed, g=tilted)
-    run = lm.integrate(top, lm.KickDrift(order=4), start, h=0.05, steps=700)
+    run = lm.integrate(top, lm.KickDrift(order=4), start, h=0.1, steps=350)
     height = run.g[:, 2, 2]
     print(f"{name:<26} nose between {height.min():.3f} and {height.max():.3f}, energy {run.drift()['energy'].verdict}")
     scene.add(run, show=("body", "nose"), name=name)
