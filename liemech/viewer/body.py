@@ -16,13 +16,15 @@ from ..systems.system import System
 from .content import Content, refuse
 from .drawing import Drawing, toward
 from .motion import Motion
-from .poses import attitude, configurations, flies, is_pose, place
+from .poses import attitude, configurations, flies, is_pose, place, rotated
 from .shapes import ball, box, box_edges, mesh_file, mixed, rod, turned
 from .vectors import AXES, axis_of
 
 Array = NDArray[np.float64]
 
 STONE = "#d5dbe5"
+TRIAD = 0.75
+"""Length of the axes of a top, whose nose is at 1."""
 FLYING = 0.17
 """Size of a body beside the path on which it flies, which would often make it a point if it were drawn to scale."""
 
@@ -57,7 +59,9 @@ class Body(Content):
         return not flies(system)
 
     def reach(self, motion: Motion) -> Array | None:
-        """The places where the body comes, and room for it there."""
+        """The places where the body comes, and room for it there; what a top sweeps over."""
+        if isinstance(motion.system, (HeavyTop, ReducedHeavyTop)):
+            return _swept(motion)
         return _room(motion) if flies(motion.system) else None
 
     def draw(self, motion: Motion, drawing: Drawing) -> None:
@@ -65,14 +69,13 @@ class Body(Content):
         system = motion.system
         if motion.bodies is not None:
             raise InvalidInput("Body shows one body; choose one of the ensemble, as in Scene(run, body=0)")
-        channels: dict[str, Any] = {"quaternion": attitude(system, motion["g"])}
-        if flies(system):
-            channels |= {"position": drawing.panel.inside(place(system, motion["g"])), "scale": FLYING}
-        drawing.add("body", **channels)
+        top = isinstance(system, (HeavyTop, ReducedHeavyTop))
+        where, size = (place(system, motion["g"]), FLYING) if flies(system) else (np.zeros(3), 1.0 / drawing.panel.unit)
+        drawing.add("body", quaternion=attitude(system, motion["g"]), position=drawing.panel.inside(where), scale=size)
         color = mixed(STONE, drawing.color, 0.18)
         if self.mesh is not None:
             drawing.add("body/mesh", mesh_file(self.mesh, color), scale=self.size)
-        elif isinstance(system, (HeavyTop, ReducedHeavyTop)):
+        elif top:
             _top(drawing, axis_of(system), color)
         else:
             edges = box_of_inertia(inertia_of(system))
@@ -80,7 +83,7 @@ class Body(Content):
             drawing.add("body/edges", box_edges(edges * 1.001, mixed(color, "#000000", 0.45)))
         if self.triad:
             for k, axis in enumerate(AXES):
-                drawing.add(f"body/axis {k + 1}", rod(axis, 0.014), direction=np.eye(3)[k])
+                drawing.add(f"body/axis {k + 1}", rod(axis, 0.014), direction=np.eye(3)[k], scale=TRIAD if top else 1.0)
 
 
 @dataclass(frozen=True)
@@ -116,6 +119,14 @@ def _room(motion: Motion) -> Array:
     return np.concatenate([path, path.mean(axis=0) + 0.05 * span * np.concatenate([np.eye(3), -np.eye(3)])])
 
 
+def _swept(motion: Motion) -> Array:
+    """Where the nose of a top, the rim of its disc and its axes come, and the fixed point."""
+    q, axis = attitude(motion.system, motion["g"]), axis_of(motion.system)
+    rim = 0.55 * axis + 0.5 * np.concatenate([np.eye(3), -np.eye(3)]) @ (np.eye(3) - np.outer(axis, axis))
+    points = np.concatenate([axis[None], rim, TRIAD * np.eye(3), np.zeros((1, 3))])
+    return np.concatenate([rotated(q, point) for point in points])
+
+
 def inertia_of(system: Any) -> Array:
     """The inertia of rotation of a body, (3, 3); the unit matrix of a system that has none."""
     inertia = getattr(system, "inertia", getattr(getattr(system, "hamiltonian", None), "inertia", None))
@@ -143,4 +154,4 @@ def _top(drawing: Drawing, axis: Array, color: str) -> None:
     profile = [(0.0, 0.0), (0.02, 0.06), (0.02, 0.42), (0.50, 0.52), (0.50, 0.60), (0.03, 0.66), (0.03, 0.97), (0.0, 1.0)]
     drawing.add("body/top", turned(profile, color, 32), quaternion=toward(axis))
     drawing.add("body/top/mark", box(np.array([0.07, 0.34, 0.03]), mixed(color, "#000000", 0.5)), position=[0.0, 0.3, 0.635])
-    drawing.once("fixed point", ball(0.03, "#333333"))
+    drawing.once("fixed point", ball(0.03, "#333333"), position=drawing.panel.inside(np.zeros(3)))

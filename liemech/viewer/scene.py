@@ -30,6 +30,10 @@ ENSEMBLE_FRAMES, ENSEMBLE_DOTS = 300, 60_000
 """Of an ensemble fewer, so that frames times bodies stays below the second number."""
 
 
+BALL = np.concatenate([np.eye(3), -np.eye(3)])
+"""What contents need that do not say how far they reach: the ball of radius 1 about the origin."""
+
+
 @dataclass(frozen=True, eq=False)
 class Shown:
     """A run in a scene: what is shown of it, its name and colour."""
@@ -235,10 +239,10 @@ def _framed(path: str, members: Sequence[tuple[Shown, Content]], named: bool) ->
     """An empty panel that is large enough for its contents."""
     first, content = members[0]
     title = f"{content.title}: {first.name}" if named and first.name else content.title
-    corners = [reach for one, c in members if (reach := c.reach(one.motion)) is not None]
-    if not corners:
+    corners = [c.reach(one.motion) for one, c in members]
+    if all(found is None for found in corners):
         return Panel(path, title, np.zeros(3), 1.0, content.flat)
-    points = np.concatenate(corners)
+    points = np.concatenate([BALL if found is None else found for found in corners])
     low, high = points.min(axis=0), points.max(axis=0)
     centre = low + 0.5 * (high - low)
     unit = float(np.linalg.norm(points - centre, axis=1).max())

@@ -108,7 +108,7 @@ class SpatialMomentum(Content):
         """An arrow as long as the picture allows."""
         momentum = rotated(attitude(motion.system, motion["g"]), motion["mu"])
         largest = np.linalg.norm(momentum, axis=1).max()
-        _moving_vector(drawing, 1.15 * momentum / (largest or 1.0), "spatial momentum", trail=False)
+        _moving_vector(drawing, 1.15 * momentum / ((largest or 1.0) * drawing.panel.unit), "spatial momentum", trail=False)
 
 
 @dataclass(frozen=True)
@@ -162,9 +162,13 @@ class Nose(Content):
         """Yes: it belongs to the body."""
         return True
 
+    def reach(self, motion: Motion) -> Array:
+        """The path."""
+        return rotated(attitude(motion.system, motion["g"]), axis_of(motion.system))
+
     def draw(self, motion: Motion, drawing: Drawing) -> None:
         """The trail."""
-        drawing.trail("nose", rotated(attitude(motion.system, motion["g"]), axis_of(motion.system)))
+        drawing.trail("nose", drawing.panel.inside(self.reach(motion)))
 
 
 # ------------------------------------------------------------------ pieces
@@ -189,7 +193,7 @@ def _moving_vector(drawing: Drawing, v: Array, name: str, trail: bool) -> None:
     if length.max() <= 0.0:  # a body at rest has no arrow
         return
     direction = np.where(length[:, None] > 0.0, v / np.where(length > 0.0, length, 1.0)[:, None], np.array([0.0, 0.0, 1.0]))
-    drawing.add(name, arrow(drawing.color), direction=direction, scale=length)
+    drawing.add(name, arrow(drawing.color), direction=direction, scale=length, position=drawing.panel.inside(np.zeros(3)))
     if trail:
         drawing.trail(f"{name} trail", LIFT * v)
 

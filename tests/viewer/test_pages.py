@@ -16,6 +16,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import liemech as lm
+import liemech.viewer.page as page_module
+from liemech.__main__ import main
 from liemech.errors import InvalidInput, InvalidType, MissingExtra
 from liemech.viewer import Body, Momentum, Motion, Points, Scene, animate
 from liemech.viewer.body import box_of_inertia
@@ -84,12 +86,34 @@ def test_sizes_whatever_the_number_of_samples() -> None:
 
 @needs_meshcat
 def test_without_meshcat_one_line_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
-    from liemech.viewer import page
-
-    page.asset_folder.cache_clear(), page.asset.cache_clear(), page.licence.cache_clear()
+    for known in page_module.asset_folder, page_module.asset, page_module.licence:
+        known.cache_clear()
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     with pytest.raises(MissingExtra, match=r'pip install "liemech\[viewer\]"'):
         Scene(RUN).html()
+
+
+JOB = ["--steps", "5", "--methods", "exp", "--inertia", "1", "1.5", "2"]
+
+
+@needs_meshcat
+def test_the_main_job_writes_a_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([*JOB, "--out", str(tmp_path)]) == 0
+    assert f"Page for the browser: {tmp_path / 'rigid_body.html'}\n" in capsys.readouterr().out
+    legend = content((tmp_path / "rigid_body.html").read_text(encoding="utf-8"))["legend"]
+    assert [entry["name"] for entry in legend] == ["Algorithm 1, exp", "exact"]
+
+
+def test_the_main_job_does_without(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    def missing() -> str:
+        raise MissingExtra("no meshcat", extra="viewer")
+
+    for name in "asset", "licence":
+        monkeypatch.setattr(page_module, name, missing)
+    assert main([*JOB, "--out", str(tmp_path)]) == 0
+    lines = [line for line in capsys.readouterr().out.splitlines() if "page" in line.lower()]
+    assert lines == ['No page for the browser: no meshcat: pip install "liemech[viewer]"']
+    assert not (tmp_path / "rigid_body.html").exists()
 
 
 # ------------------------------------------------------------------ what is in a scene
