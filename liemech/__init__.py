@@ -43,6 +43,7 @@ from .systems.system import State, System
 if TYPE_CHECKING:
     from . import plots as plots
     from . import tableaus
+    from . import viewer as viewer
     from .checks import check_action, check_group, check_retraction
     from .groups.actions import GroupAction, LeftMultiplication, LinearAction, SphereAction, TranslationAction
     from .groups.classical import GL, SL, SO, SU, Sp, U
@@ -145,6 +146,7 @@ _LATER = {
     "systems.potential": ("Force", "NoPotential", "Potential"),
     "tableaus": ("tableaus",),
     "tableaus.tableau": ("ButcherTableau",),
+    "viewer": ("viewer",),
 }
 """What is imported when it is first asked for, module by module, so that a script pays for what it uses."""
 
@@ -289,4 +291,5 @@ __all__ = [
     "sum",
     "tableaus",
     "vec",
+    "viewer",
 ]

@@ -78,6 +78,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(header(body, start, step, notes), table(rows), f"Steps ran in {how}.", sep="\n\n")
     captions = [f"momentum error {row[1]}\nenergy error {row[3]}" for row in rows]
     panels = [(name, run.mu, text, exact.mu[-1]) for (name, run, _), text in zip(runs, captions)]
+    page(body, start, [(name, run) for name, run, _ in runs], float(t[-1]), options.out.with_suffix(".html"), options.quiet)
     drawn = draw(body, start, panels, options.out, options.quiet)
     return 0 if drawn and len(runs) == len(options.methods) else 1
 
@@ -161,6 +162,23 @@ def listed(numbers: Any) -> str:
 
 
 # ------------------------------------------------------------------ what is drawn
+
+
+def page(body: lm.RigidBody, start: lm.BodyState, runs: list[tuple[str, Any]], end: float, file: Path, quiet: bool) -> None:
+    """Bodies and momenta as a moving picture for the browser, the exact motion among them; a line where there is none."""
+    from .viewer import Motion, Scene
+
+    t = np.linspace(0.0, end, 401)
+    try:
+        scene = Scene(title="A free rigid body")
+        for name, run in runs:
+            scene.add(run, name=name)
+        scene.add(Motion(body, t, body.exact(start, t)), name="exact", color="#1a1a1a").save(file)
+    except (lm.errors.LiemechError, OSError) as refused:
+        print(f"No page for the browser: {refused}", file=sys.stderr if quiet else sys.stdout)
+        return
+    if not quiet:
+        print(f"Page for the browser: {file}")
 
 
 def draw(body: lm.RigidBody, start: lm.BodyState, panels: list[Any], file: Path, quiet: bool) -> bool:

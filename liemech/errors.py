@@ -7,6 +7,8 @@
     ├── NotCompilable        a formula uses what native code cannot express: class, method, line   (also a TypeError)
     ├── NotDefined           a class lacks a method that its subclasses may write          (also a NotImplementedError)
     ├── MissingExtra         an optional package is needed; says how to install it                 (also an ImportError)
+    ├── MissingProgram       a program is needed that this machine has not; says how to install it (also an OSError)
+    ├── BrowserFailure       the browser that draws pictures did not do what it was told          (also a RuntimeError)
     ├── LawViolation         a group, algebra, tableau or structure breaks a law it must obey      (also a ValueError)
     └── IntegrationFailure   a run that ended early; `.trajectory` holds every accepted sample     (also an ArithmeticError)
         ├── NoConvergence       an implicit step could not be solved
@@ -57,6 +59,14 @@ class MissingExtra(LiemechError, ImportError):
     def __init__(self, message: str, extra: str) -> None:
         super().__init__(f'{message}: pip install "liemech[{extra}]"')
         self.extra = extra
+
+
+class MissingProgram(LiemechError, OSError):
+    """A program is needed that is not on the search path of this machine."""
+
+
+class BrowserFailure(LiemechError, RuntimeError):
+    """The browser that draws pictures, or the page in it, did not do what it was told."""
 
 
 class LawViolation(LiemechError, ValueError):

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
 
     from ..integrators.method import Method
+    from ..viewer import Scene
 
 
 class Stop(NamedTuple):
@@ -156,6 +157,12 @@ class Trajectory:
             needed = "a run with adaptive steps (integrate with t_end) that kept the way between them (dense=True)"
             raise InvalidInput(f"Trajectory.at needs {needed}")
         return self.dense(t)
+
+    def view(self, show: Any = None) -> Scene:
+        """The run as a moving picture: `run.view().show()` opens it, notebooks show it.  show : as in viewer.Scene."""
+        from ..viewer import Scene
+
+        return Scene(self, show)
 
     def drift(self) -> Drift:
         """How well the constants of the motion were kept: bounded or drifting, and how fast."""

@@ -1,0 +1,157 @@
+"""The body itself, in space: a box from its inertia, a top, or a mesh of the user's."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from os import PathLike
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import InvalidInput
+from ..models.heavy_top import HeavyTop, ReducedHeavyTop
+from ..models.space_bodies import OrbitingBody
+from ..systems.system import System
+from .content import Content, refuse
+from .drawing import Drawing, toward
+from .motion import Motion
+from .poses import attitude, configurations, flies, is_pose, place, rotated
+from .shapes import ball, box, box_edges, mesh_file, mixed, rod, turned
+from .vectors import AXES, axis_of
+
+Array = NDArray[np.float64]
+
+STONE = "#d5dbe5"
+TRIAD = 0.75
+"""Length of the axes of a top, whose nose is at 1."""
+FLYING = 0.17
+"""Size of a body beside the path on which it flies, which would often make it a point if it were drawn to scale."""
+
+
+@dataclass(frozen=True)
+class Body(Content):
+    """The body at its attitude g and, where it flies, at its place: the box with its inertia, with its axes as a triad.
+
+    mesh : a file (.stl, .obj, .dae) to show instead of the box.  size : of the mesh's unit of length, in units of the picture,
+    whose content fits a ball of radius 1.  triad : the axes of the body, one to three in red, green and violet.
+    A top is a disc on a stick through its centre of mass.  Bodies that fly are drawn larger than to scale.
+    """
+
+    panel: ClassVar[str] = "space"
+
+    mesh: str | PathLike[str] | None = None
+    size: float = 1.0
+    triad: bool = True
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.size < np.inf:
+            raise InvalidInput(f"Body: size must be positive and finite; got {self.size}")
+
+    def needs(self, system: System) -> tuple[str, ...]:
+        """The attitude, and the place with it."""
+        if not hasattr(system, "group") or not is_pose(configurations(system)):
+            raise refuse(self, system, "a body that turns in space")
+        return ("g",)
+
+    def own(self, system: System) -> bool:
+        """Yes, unless it flies: bodies that stay where they are would stand in each other's way."""
+        return not flies(system)
+
+    def reach(self, motion: Motion) -> Array | None:
+        """The places where the body comes, and room for it there; what a top sweeps over."""
+        if isinstance(motion.system, (HeavyTop, ReducedHeavyTop)):
+            return _swept(motion)
+        return _room(motion) if flies(motion.system) else None
+
+    def draw(self, motion: Motion, drawing: Drawing) -> None:
+        """A node with the attitude, and on it what the body is made of."""
+        system = motion.system
+        if motion.bodies is not None:
+            raise InvalidInput("Body shows one body; choose one of the ensemble, as in Scene(run, body=0)")
+        top = isinstance(system, (HeavyTop, ReducedHeavyTop))
+        where, size = (place(system, motion["g"]), FLYING) if flies(system) else (np.zeros(3), 1.0 / drawing.panel.unit)
+        drawing.add("body", quaternion=attitude(system, motion["g"]), position=drawing.panel.inside(where), scale=size)
+        color = mixed(STONE, drawing.color, 0.18)
+        if self.mesh is not None:
+            drawing.add("body/mesh", mesh_file(self.mesh, color), scale=self.size)
+        elif top:
+            _top(drawing, axis_of(system), color)
+        else:
+            edges = box_of_inertia(inertia_of(system))
+            drawing.add("body/box", box(edges, color))
+            drawing.add("body/edges", box_edges(edges * 1.001, mixed(color, "#000000", 0.45)))
+        if self.triad:
+            for k, axis in enumerate(AXES):
+                drawing.add(f"body/axis {k + 1}", rod(axis, 0.014), direction=np.eye(3)[k], scale=TRIAD if top else 1.0)
+
+
+@dataclass(frozen=True)
+class Path(Content):
+    """The path of a body that flies: the curve of its centre of mass, or of a point on a group of translations."""
+
+    def needs(self, system: System) -> tuple[str, ...]:
+        """The place, which is part of g."""
+        if not hasattr(system, "group") or not flies(system):
+            raise refuse(self, system, "the path of a body that flies")
+        return ("g",)
+
+    def reach(self, motion: Motion) -> Array:
+        """The path, and room for the body on it."""
+        return _room(motion)
+
+    def draw(self, motion: Motion, drawing: Drawing) -> None:
+        """The trail."""
+        drawing.trail("path", drawing.panel.inside(place(motion.system, motion["g"])))
+        if isinstance(motion.system, OrbitingBody):
+            drawing.once("centre", ball(0.05, "#E69F00"), position=drawing.panel.inside(np.zeros(3)))
+
+
+# ------------------------------------------------------------------ pieces
+
+
+def _room(motion: Motion) -> Array:
+    """The path of a body, in a ball of some size even if the body stays where it is."""
+    path = place(motion.system, motion["g"])
+    span = np.ptp(path, axis=0).max() or 1.0
+    if isinstance(motion.system, OrbitingBody):
+        path = np.concatenate([path, np.zeros((1, 3))])  # what it orbits
+    return np.concatenate([path, path.mean(axis=0) + 0.05 * span * np.concatenate([np.eye(3), -np.eye(3)])])
+
+
+def _swept(motion: Motion) -> Array:
+    """Where the nose of a top, the rim of its disc and its axes come, and the fixed point."""
+    q, axis = attitude(motion.system, motion["g"]), axis_of(motion.system)
+    rim = 0.55 * axis + 0.5 * np.concatenate([np.eye(3), -np.eye(3)]) @ (np.eye(3) - np.outer(axis, axis))
+    points = np.concatenate([axis[None], rim, TRIAD * np.eye(3), np.zeros((1, 3))])
+    return np.concatenate([rotated(q, point) for point in points])
+
+
+def inertia_of(system: Any) -> Array:
+    """The inertia of rotation of a body, (3, 3); the unit matrix of a system that has none."""
+    inertia = getattr(system, "inertia", getattr(getattr(system, "hamiltonian", None), "inertia", None))
+    J = np.eye(3) if inertia is None else np.array(inertia, dtype=float)
+    if J.shape not in ((3,), (6,), (3, 3), (6, 6)) or not (np.diagonal(J, 0) if J.ndim == 2 else J)[:3].min() > 0.0:
+        return np.eye(3)
+    return np.diag(J[:3]) if J.ndim == 1 else J[:3, :3]
+
+
+def box_of_inertia(J: Array) -> Array:
+    """The edges (3,) of a box that has the inertia J, up to its size: half its diagonal is 0.85.
+
+    The edges of a box along the axes of the body have a_i^2 = 6 (J_j + J_k - J_i)/m.  Where that is not positive, for an inertia
+    that no body has, the edge is thin.  Of a J that is not diagonal the diagonal counts.
+    Source: Landau and Lifshitz, Mechanics, 3rd ed., section 32, problem 2.
+    """
+    moments = np.diagonal(J)
+    squares = moments.sum() - 2.0 * moments
+    edges = np.sqrt(np.maximum(squares, 0.004 * squares.max()))
+    return 1.7 * edges / np.linalg.norm(edges)
+
+
+def _top(drawing: Drawing, axis: Array, color: str) -> None:
+    """A disc on a stick, from the fixed point through the centre of mass, with a mark that shows the spin."""
+    profile = [(0.0, 0.0), (0.02, 0.06), (0.02, 0.42), (0.50, 0.52), (0.50, 0.60), (0.03, 0.66), (0.03, 0.97), (0.0, 1.0)]
+    drawing.add("body/top", turned(profile, color, 32), quaternion=toward(axis))
+    drawing.add("body/top/mark", box(np.array([0.07, 0.34, 0.03]), mixed(color, "#000000", 0.5)), position=[0.0, 0.3, 0.635])
+    drawing.once("fixed point", ball(0.03, "#333333"), position=drawing.panel.inside(np.zeros(3)))

@@ -1,0 +1,49 @@
+"""What a scene shows if nobody says: the contents that tell most about a system."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ..errors import InvalidInput
+from ..models.heavy_top import HeavyTop, ReducedHeavyTop
+from ..systems.canonical import HamiltonianSystem
+from .body import Body, Path
+from .content import Content
+from .points import Points
+from .poses import configurations, flies, is_pose, turns
+from .vectors import Momentum, Nose, SpatialMomentum, Vertical
+
+KNOWN: dict[str, type[Content]] = {
+    "body": Body,
+    "momentum": Momentum,
+    "spatial momentum": SpatialMomentum,
+    "vertical": Vertical,
+    "nose": Nose,
+    "path": Path,
+    "points": Points,
+}
+"""What can be asked for by name."""
+
+
+def suited(system: Any, parts: frozenset[str], ensemble: bool) -> tuple[Content, ...]:
+    """The contents that suit a system of which these parts of the state are known."""
+    if isinstance(system, HamiltonianSystem):
+        return (Points(),)
+    if not hasattr(system, "group"):
+        raise InvalidInput(f"there is no picture of {system!r} yet; say what to show, such as show=Points(places=...)")
+    group, one = configurations(system), "g" in parts and not ensemble
+    wanted: list[Content] = []
+    if isinstance(system, (HeavyTop, ReducedHeavyTop)):
+        wanted = [Body(), Nose(), Vertical()] if one else [Vertical()] if not ensemble else []
+    elif is_pose(group):
+        wanted += [Body()] if one else []
+        wanted += [Path()] if one and flies(system) else []
+        if "mu" in parts and turns(group):
+            wanted += [SpatialMomentum()] if one else []
+            wanted += [Momentum()]
+    fitting = tuple(content for content in wanted if set(content.needs(system)) <= parts)
+    if not fitting:
+        raise InvalidInput(
+            f"there is no picture of {system!r} with {', '.join(sorted(parts))} alone; show is one of {', '.join(KNOWN)}"
+        )
+    return fitting

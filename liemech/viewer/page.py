@@ -1,0 +1,160 @@
+"""The page of a scene: one text that holds meshcat's file for browsers, the scene, and the player."""
+
+from __future__ import annotations
+
+import base64
+import gzip
+import html
+import importlib.util
+import json
+import tempfile
+import webbrowser
+from functools import cache
+from importlib import resources
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..errors import MissingExtra
+from .drawing import RANK, Node, commands
+
+if TYPE_CHECKING:
+    from .scene import Scene
+
+HEIGHT = 460
+"""Of the frame in a notebook, in pixels."""
+
+
+def page(scene: Scene, compressed: bool, socket: str = "") -> str:
+    """The whole page.  socket : where a live one listens."""
+    content = encoded(described(scene) | ({"socket": socket} if socket else {}))
+    connect = f"connect-src {socket}" if socket else "connect-src 'none'"
+    parts = {  # the large ones last: every other one is looked for in a short text
+        "title": html.escape(scene.title or "liemech"),
+        "connect": connect,
+        "licence": licence(),
+        "kind": ' type="text/plain"' if compressed else "",
+        "start": part("unpack.js") if compressed else "startPlayer();",
+        "player": packed_code() if compressed else part("player.js"),
+        "scene": packed(content.encode()) if compressed else content,
+        "asset": "" if compressed else asset(),
+    }
+    text = part("page.html")
+    for name, value in parts.items():
+        before, after = text.split(f"<!--{name}-->")
+        text = before + value + after
+    return text
+
+
+def described(scene: Scene) -> dict[str, Any]:
+    """The scene as data: its panels, the commands that build it, the tracks along which it moves."""
+    panels = scene.panels()
+    named = [one for one in scene.shown if one.name]
+    return {
+        "start": scene.start,
+        "sign": -1 if any(one.motion.t[-1] < one.motion.t[0] for one in scene.shown) else 1,
+        "duration": scene.duration,
+        "seconds": scene.seconds,
+        "view": scene.view,
+        "interpolate": scene.interpolate,
+        "title": scene.title,
+        "legend": [{"name": one.name, "color": one.color} for one in named],
+        "panels": [{"path": panel.path, "title": panel.title} for panel in panels],
+        "commands": commands(panels),
+        "clocks": scene.clocks(),
+        "tracks": [track for panel in panels for node in panel.nodes.values() for track in tracks(node)],
+    }
+
+
+def tracks(node: Node) -> list[dict[str, Any]]:
+    """The channels of a node that move."""
+    found = []
+    for channel, rows in node.moving.items():
+        track: dict[str, Any] = {"path": node.path, "channel": channel, "clock": node.clock}
+        if channel == "reveal" and node.shape is not None:
+            track |= {"each": node.shape.per_segment, "first": node.shape.per_start}
+        elif channel == "cloud":
+            largest = float(np.abs(rows).max()) or 1.0
+            track |= {"values": np.round(rows / largest * 32767.0).astype(np.int16).ravel(), "unit": largest / 32767.0}
+            track |= {"width": int(rows[0].size)}
+        else:
+            track |= {"values": rows.astype(np.float32).ravel(), "width": 3 if RANK[channel] and channel != "quaternion" else 4}
+            if channel == "scale":
+                track["width"] = 1
+        found.append(track)
+    return found
+
+
+def encoded(content: Any) -> str:
+    """JSON that is safe inside a page; arrays as the bytes of a typed array of JavaScript."""
+
+    def array(value: Any) -> Any:
+        if isinstance(value, np.ndarray):
+            name = f"{ {'f': 'Float', 'u': 'Uint', 'i': 'Int'}[value.dtype.kind]}{8 * value.dtype.itemsize}Array"
+            return {"$": name, "b": base64.b64encode(np.ascontiguousarray(value).data).decode("ascii")}
+        raise TypeError(f"{type(value).__name__} does not go into a page")
+
+    return json.dumps(content, default=array, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
+
+
+# ------------------------------------------------------------------ the files of the page
+
+
+@cache
+def part(name: str) -> str:
+    """A file that lies beside this one."""
+    return (resources.files(__package__) / name).read_text(encoding="utf-8")
+
+
+@cache
+def asset_folder() -> Path:
+    """Where meshcat keeps its page; found without importing it."""
+    found = importlib.util.find_spec("meshcat")
+    if found is None or found.origin is None:
+        raise MissingExtra("pages of the viewer need meshcat's file for browsers", extra="viewer")
+    return Path(found.origin).parent / "viewer"
+
+
+@cache
+def asset() -> str:
+    """meshcat's file for browsers: three.js, the scene tree, the camera's controls."""
+    return (asset_folder() / "dist" / "main.min.js").read_text(encoding="utf-8")
+
+
+@cache
+def licence() -> str:
+    """The notices of meshcat and of what it holds, which stay with it."""
+    files = asset_folder() / "LICENSE", asset_folder() / "dist" / "main.min.js.LICENSE.txt"
+    return "\n".join(file.read_text(encoding="utf-8") for file in files if file.exists()).replace("--", "- -")
+
+
+def packed(content: bytes) -> str:
+    """Compressed, and spelt in letters."""
+    return base64.b64encode(gzip.compress(content, 6, mtime=0)).decode("ascii")
+
+
+@cache
+def packed_code() -> str:
+    """meshcat and the player, compressed once."""
+    return packed((asset() + "\n" + part("player.js")).encode())
+
+
+# ------------------------------------------------------------------ where it is shown
+
+
+def opened(scene: Scene) -> Path:
+    """The page in the browser, from a temporary file."""
+    with tempfile.NamedTemporaryFile("w", prefix="liemech-", suffix=".html", delete=False, encoding="utf-8") as file:
+        file.write(page(scene, False))
+    webbrowser.open(Path(file.name).as_uri())
+    return Path(file.name)
+
+
+def frame(scene: Scene) -> str:
+    """The page in a frame of its own, which can reach nothing of the page around it."""
+    content = html.escape(page(scene, True), quote=True)
+    return (
+        f'<iframe sandbox="allow-scripts" style="width:100%;height:{HEIGHT}px;border:0" srcdoc="{content}" '
+        f'title="{html.escape(scene.title or "liemech", quote=True)}"></iframe>'
+    )

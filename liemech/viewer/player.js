@@ -1,0 +1,330 @@
+// The player of a scene: builds it with meshcat, draws its panels side by side, moves them by their tracks, and answers
+// the bar, the keys and the mouse.  `window.player` is its face for programs, `window.ready` says that it stands.
+"use strict";
+
+function startPlayer() {
+  const $ = (id) => document.getElementById(id);
+  const scene = JSON.parse($("scene").textContent, (_, v) => (v && v.$ ? typedArray(v) : v));
+
+  function typedArray(v) {
+    const bytes = Uint8Array.from(atob(v.b), (c) => c.charCodeAt(0));
+    return new globalThis[v.$](bytes.buffer);
+  }
+
+  function say(text) {
+    $("message").textContent = text;
+    $("message").style.display = "block";
+  }
+
+  // ---------------------------------------------------------------- the stage
+
+  const THREE = MeshCat.THREE, pane = $("pane");
+  let viewer;
+  try {
+    viewer = new MeshCat.Viewer(pane, false);
+  } catch (error) {
+    say("This page draws with WebGL, which this browser does not offer here. Switch hardware acceleration or WebGL on in its settings, or open the page in another browser.");
+    $("bar").style.display = "none";
+    window.failed = String(error);
+    return;
+  }
+  const { camera, controls, renderer } = viewer;
+  const node = (path) => viewer.scene_tree.find(path.split("/"));
+
+  viewer.gui.domElement.style.display = "none";
+  viewer.scene.background = null;
+  renderer.setClearColor(0xffffff, 1);
+  renderer.autoClear = false;
+  renderer.shadowMap.enabled = false;
+  for (const name of ["Lights", "Grid", "Axes"]) node(name).object.visible = false;
+  const lamp = new THREE.DirectionalLight(0xffffff, 0.55); // shines from over the left shoulder, wherever the eye is
+  viewer.scene.add(new THREE.AmbientLight(0xffffff, 0.62), lamp, lamp.target);
+
+  for (const command of scene.commands) viewer.handle_command(command);
+  const panels = scene.panels.map((panel) => ({ ...panel, object: node(panel.path).object, rect: [0, 0, 1, 1] }));
+  const dots = [];
+  viewer.scene.traverse((object) => {
+    if (object.isPoints) {
+      dots.push({ material: object.material, size: object.material.size });
+      object.frustumCulled = false; // they move without their bounds
+      object.material.onBeforeCompile = (shader) => {
+        const place = "#include <clipping_planes_fragment>";
+        shader.fragmentShader = shader.fragmentShader.replace(place, place + "\nif (length(gl_PointCoord - 0.5) > 0.5) discard;");
+      };
+    }
+  });
+
+  // ---------------------------------------------------------------- panels and camera
+
+  const MARGIN = 1.32; // radius of the ball that is seen of a panel; its content reaches to 1.25
+  const FIELD = 26 * Math.PI / 180; // of view, in the narrower direction
+  const [azimuth, elevation] = scene.view.map((a) => a * Math.PI / 180);
+  const distance = MARGIN / Math.sin(FIELD / 2);
+  // the third axis of the scene is up, which is the second of three.js
+  camera.position.set(Math.cos(elevation) * Math.cos(azimuth), Math.sin(elevation), -Math.cos(elevation) * Math.sin(azimuth))
+    .multiplyScalar(distance);
+  camera.near = 0.05 * distance;
+  camera.far = 20 * distance;
+  controls.target.set(0, 0, 0);
+  controls.minDistance = 0.2 * distance;
+  controls.maxDistance = 8 * distance;
+  controls.update();
+
+  for (const panel of panels) {
+    panel.caption = document.createElement("div");
+    panel.caption.className = "caption";
+    panel.caption.textContent = panel.title;
+    document.body.appendChild(panel.caption);
+  }
+
+  function layout() { // rows and columns that make the panels largest
+    const bare = document.body.classList.contains("bare");
+    const width = pane.clientWidth, height = pane.clientHeight;
+    const head = Math.min($("head").offsetHeight + ($("head").textContent.trim() ? 8 : 0), height / 4), foot = bare ? 4 : 48;
+    const free = Math.max(1, height - head - foot), line = 20;
+    let best = { size: -1, columns: 1, rows: 1 };
+    for (let columns = 1; columns <= panels.length; columns++) {
+      const rows = Math.ceil(panels.length / columns);
+      const size = Math.min(width / columns, free / rows - line);
+      if (size > best.size) best = { size, columns, rows };
+    }
+    const w = width / best.columns, h = free / best.rows;
+    panels.forEach((panel, k) => {
+      const row = Math.floor(k / best.columns), inRow = Math.min(best.columns, panels.length - row * best.columns);
+      const x = (k % best.columns) * w + (best.columns - inRow) * w / 2, y = head + row * h;
+      panel.rect = [x, y, w, Math.max(1, h - line)];
+      const below = y + (h - line) / 2 + Math.min(w, h - line) / 2; // close to the picture
+      Object.assign(panel.caption.style, { left: x + "px", width: w + "px", top: below + "px" });
+    });
+    renderer.setPixelRatio(window.devicePixelRatio);
+    renderer.setSize(width, height);
+    viewer.needs_render = true;
+  }
+
+  function aim(panel) { // the camera for a panel: the narrower direction has the same field of view everywhere
+    const [, , w, h] = panel.rect;
+    camera.aspect = w / h;
+    camera.fov = 2 * Math.atan(Math.tan(FIELD / 2) / Math.min(1, camera.aspect)) * 180 / Math.PI;
+    camera.updateProjectionMatrix();
+    // three.js measures dots by the height of the whole page, not by the field of view
+    for (const { material, size } of dots) material.size = size * Math.min(w, h) / (pane.clientHeight * Math.tan(FIELD / 2));
+  }
+
+  const right = new THREE.Vector3(), up = new THREE.Vector3();
+  let drawn = 0;
+  function draw() {
+    viewer.needs_render = false;
+    drawn++;
+    camera.updateMatrixWorld();
+    right.setFromMatrixColumn(camera.matrixWorld, 0);
+    up.setFromMatrixColumn(camera.matrixWorld, 1);
+    const away = camera.position.distanceTo(controls.target);
+    // lights are children of the scene, whose third axis is up
+    lamp.position.copy(camera.position).addScaledVector(up, 0.7 * away).addScaledVector(right, -0.5 * away);
+    viewer.scene.worldToLocal(lamp.position);
+    lamp.target.position.copy(controls.target);
+    viewer.scene.worldToLocal(lamp.target.position);
+    lamp.target.updateMatrixWorld();
+    const height = pane.clientHeight;
+    renderer.setScissorTest(false);
+    renderer.clear();
+    renderer.setScissorTest(true);
+    for (const panel of panels) {
+      for (const other of panels) other.object.visible = other === panel;
+      const [x, y, w, h] = panel.rect;
+      renderer.setViewport(x, height - y - h, w, h);
+      renderer.setScissor(x, height - y - h, w, h);
+      aim(panel);
+      renderer.render(viewer.scene, camera);
+    }
+    for (const panel of panels) panel.object.visible = true;
+  }
+
+  // ---------------------------------------------------------------- motion
+
+  const setters = {
+    position: (object, v) => object.position.fromArray(v),
+    quaternion: (object, v) => object.quaternion.fromArray(v),
+    direction: (object, v) => object.quaternion.setFromUnitVectors(new THREE.Vector3(0, 0, 1), new THREE.Vector3().fromArray(v).normalize()),
+    scale: (object, v) => object.scale.setScalar(v[0]),
+    cloud: (object, v) => {
+      const position = object.geometry.attributes.position;
+      position.array.set(v);
+      position.needsUpdate = true;
+    },
+  };
+
+  const tracks = scene.tracks.map((track) => {
+    const found = node(track.path), thing = found.children["<object>"];
+    const inner = track.channel === "cloud" || track.channel === "reveal";
+    return { ...track, object: inner ? thing.object : found.object, times: scene.clocks[track.clock], now: new Array(track.width || 0) };
+  });
+
+  function behind(times, t) { // the last sample that is not after t
+    let low = 0, high = times.length;
+    while (high - low > 1) {
+      const middle = (low + high) >> 1;
+      if (times[middle] <= t) low = middle; else high = middle;
+    }
+    return low;
+  }
+
+  function move(track, t) {
+    const { times, values, width, now, object, channel } = track;
+    const i = behind(times, t);
+    if (channel === "reveal") {
+      object.geometry.setDrawRange(0, track.first + track.each * i);
+      return;
+    }
+    let f = 0;
+    if (scene.interpolate && i + 1 < times.length && t > times[i]) f = (t - times[i]) / (times[i + 1] - times[i]);
+    const a = i * width, b = f > 0 ? a + width : a;
+    if (channel === "quaternion") {
+      THREE.Quaternion.slerpFlat(now, 0, values, a, values, b, f);
+    } else {
+      const unit = track.unit || 1;
+      for (let k = 0; k < width; k++) now[k] = unit * (values[a + k] + f * (values[b + k] - values[a + k]));
+    }
+    setters[channel](object, now);
+  }
+
+  // ---------------------------------------------------------------- time
+
+  const rate = scene.duration / scene.seconds || 0; // seconds of the motion in a second of playing, at speed 1
+  const digits = scene.duration > 0 ? Math.max(0, Math.min(12, 3 - Math.ceil(Math.log10(scene.duration)))) : 3;
+  const icons = { play: "M3 1 L13 7.5 L3 14 Z", pause: "M3 1 H6 V14 H3 Z M9 1 H12 V14 H9 Z" };
+  const player = {
+    duration: scene.duration, time: 0, playing: false, speed: 1, viewer, panels, tracks, aim,
+    get drawn() { return drawn; },
+    seek(t) {
+      this.time = Math.max(0, Math.min(scene.duration, t));
+      for (const track of tracks) move(track, this.time);
+      $("time").value = this.time;
+      $("label").textContent = "t = " + (scene.start + scene.sign * this.time).toFixed(digits) + " s";
+      viewer.needs_render = true;
+    },
+    play() {
+      if (!(scene.duration > 0)) return;
+      if (this.time >= scene.duration) this.seek(0);
+      this.playing = true;
+      face();
+    },
+    pause() {
+      this.playing = false;
+      face();
+    },
+    toggle() { if (this.playing) this.pause(); else this.play(); },
+    bare() { // nothing but the pictures, standing still
+      this.pause();
+      document.body.classList.add("bare");
+      layout();
+    },
+    draw,
+  };
+  window.player = player;
+  window.seekTo = (t) => { player.pause(); player.seek(t); };
+
+  function face() {
+    const path = player.playing ? icons.pause : icons.play;
+    $("play").innerHTML = '<svg width="15" height="15" aria-hidden="true"><path fill="currentColor" d="' + path + '"/></svg>';
+  }
+
+  let last = null;
+  function frame(now) {
+    if (player.playing) {
+      // a hidden page gets no frames: do not jump when it is seen again
+      if (last !== null) player.seek(player.time + Math.min((now - last) / 1000, 0.25) * rate * player.speed);
+      if (player.time >= scene.duration) player.pause();
+    }
+    last = now;
+    if (viewer.needs_render) draw();
+    requestAnimationFrame(frame);
+  }
+
+  // ---------------------------------------------------------------- the bar, the keys
+
+  if (scene.title) $("head").querySelector("h1").textContent = scene.title; else $("head").querySelector("h1").remove();
+  for (const { name, color } of scene.legend) {
+    const entry = document.createElement("span"), dot = document.createElement("i");
+    dot.style.background = color;
+    entry.append(dot, name);
+    $("legend").append(entry);
+  }
+  for (const speed of [0.1, 0.25, 0.5, 1, 2, 5]) $("speed").add(new Option("× " + speed, speed, speed === 1, speed === 1));
+  $("time").max = scene.duration;
+  if (!(scene.duration > 0)) $("bar").style.display = "none";
+  $("play").onclick = () => { player.toggle(); $("play").blur(); };
+  $("time").oninput = () => window.seekTo(Number($("time").value));
+  $("speed").onchange = () => { player.speed = Number($("speed").value); };
+  addEventListener("keydown", (event) => {
+    if (event.ctrlKey || event.altKey || event.metaKey || event.target.tagName === "SELECT") return;
+    const step = scene.duration / (event.shiftKey ? 600 : 60);
+    const answers = {
+      " ": () => player.toggle(),
+      ArrowLeft: () => window.seekTo(player.time - step),
+      ArrowRight: () => window.seekTo(player.time + step),
+      Home: () => window.seekTo(0),
+      End: () => window.seekTo(scene.duration),
+    };
+    if (answers[event.key]) {
+      answers[event.key]();
+      event.preventDefault();
+    }
+  });
+  controls.addEventListener("change", () => { viewer.needs_render = true; });
+  addEventListener("resize", layout);
+  addEventListener("load", layout);
+
+  // ---------------------------------------------------------------- states that come one by one
+
+  if (scene.socket) listen();
+
+  function listen() {
+    const trails = new Map(), MOST = 2000;
+    for (const id of ["play", "time", "speed"]) $(id).style.display = "none"; // there is no way back
+    const connection = new WebSocket(scene.socket);
+    connection.onclose = () => { $("label").textContent += " (ended)"; };
+    connection.onmessage = (message) => {
+      const update = JSON.parse(message.data);
+      for (const [path, channels] of Object.entries(update.nodes)) {
+        const found = node(path);
+        for (const [channel, value] of Object.entries(channels)) {
+          const target = channel === "cloud" ? found.children["<object>"].object : found.object;
+          setters[channel](target, Array.isArray(value) ? value : [value]);
+        }
+      }
+      for (const [path, points] of Object.entries(update.trails)) {
+        if (!trails.has(path)) trails.set(path, newTrail(path, update.colors[path]));
+        trails.get(path)(points);
+      }
+      $("bar").style.display = "flex";
+      $("label").textContent = "t = " + update.t.toPrecision(6) + " s";
+      window.updates = (window.updates || 0) + 1;
+      viewer.needs_render = true;
+    };
+
+    function newTrail(path, color) { // the last points of a moving one, each in the place of the oldest
+      const geometry = new THREE.BufferGeometry(), position = new THREE.BufferAttribute(new Float32Array(3 * MOST), 3);
+      geometry.setAttribute("position", position);
+      const material = new THREE.PointsMaterial({ color });
+      dots.push({ material, size: 0.02 });
+      const object = new THREE.Points(geometry, material);
+      object.frustumCulled = false;
+      node(path).object.add(object);
+      let count = 0;
+      return (points) => {
+        for (const p of points) position.array.set(p, 3 * (count++ % MOST));
+        position.needsUpdate = true;
+        geometry.setDrawRange(0, Math.min(count, MOST));
+      };
+    }
+  }
+
+  layout();
+  player.seek(0);
+  requestAnimationFrame(frame);
+  const quiet = matchMedia("(prefers-reduced-motion: reduce)").matches;
+  if (quiet) face(); else player.play();
+  face();
+  window.ready = true;
+}

@@ -1,0 +1,110 @@
+"""Points of canonical systems: planets, pendulums, a point in the plane of position and momentum."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import InvalidInput
+from ..models.kepler import Kepler
+from ..models.pendulums import DoublePendulum, Pendulum
+from ..systems.canonical import HamiltonianSystem
+from ..systems.system import System
+from .content import Content, refuse
+from .drawing import Drawing
+from .motion import Motion
+from .shapes import ball, mixed, rod
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Points(Content):
+    """Where the points of a canonical system are, with trails.
+
+    places : a function of q (n, degrees) and p (n, degrees) that gives the points in the plane of the picture, (n, m, 2), or in
+    space, (n, m, 3), third axis upwards.  Left out: pendulums hang, two or three degrees of freedom are a point, one is a point
+    in the plane of q and p.
+    rods : are the points joined, the first to the origin, each to the next?  Left out: those of pendulums are.
+    trail : the curve behind the last point.
+    """
+
+    panel: ClassVar[str] = "points"
+    title: ClassVar[str] = "position"
+    flat: ClassVar[bool] = True
+
+    places: Callable[[Array, Array], Array] | None = None
+    rods: bool | None = None
+    trail: bool = True
+
+    def needs(self, system: System) -> tuple[str, ...]:
+        """Position; of one degree of freedom that does not hang, momentum too."""
+        if not isinstance(system, HamiltonianSystem):
+            raise refuse(self, system, "positions q")
+        if self.places is None and system.degrees > 3:
+            raise InvalidInput(
+                f"Points: {system!r} has {system.degrees} degrees of freedom; say where the points are, "
+                "Points(places=lambda q, p: ...), as (n, m, 2) or (n, m, 3)"
+            )
+        return "q", "p"
+
+    def reach(self, motion: Motion) -> Array:
+        """The points at all times, and the origin."""
+        return np.concatenate([self._points(motion).reshape(-1, 3), np.zeros((1, 3))])
+
+    def draw(self, motion: Motion, drawing: Drawing) -> None:
+        """Balls, rods, the trail of the last point, and a mark in the origin."""
+        points, origin = drawing.panel.inside(self._points(motion)), drawing.panel.inside(np.zeros(3))
+        system, dark = motion.system, mixed(drawing.color, "#000000", 0.25)
+        hangs = isinstance(system, (Pendulum, DoublePendulum)) and self.places is None
+        from_the_origin = np.broadcast_to(origin, points[:, 0].shape)
+        for k in range(points.shape[1]):
+            drawing.add(f"point {k + 1}", ball(0.05, dark), position=points[:, k])
+            if hangs if self.rods is None else self.rods:
+                way = points[:, k] - (points[:, k - 1] if k else from_the_origin)
+                length = np.linalg.norm(way, axis=1)
+                start = points[:, k - 1] if k else origin
+                direction = np.where(length[:, None] > 0.0, way, np.array([0.0, 0.0, 1.0]))
+                stick = rod(mixed(drawing.color, "#ffffff", 0.4))
+                drawing.add(f"rod {k + 1}", stick, position=start, direction=direction, scale=length)
+        if self.trail and points.shape[1]:
+            drawing.trail("trail", points[:, -1])
+        if isinstance(system, Kepler):
+            drawing.once("sun", ball(0.07, "#E69F00"), position=origin)
+        elif hangs:
+            drawing.once("pivot", ball(0.03, "#333333"), position=origin)
+
+    def _points(self, motion: Motion) -> Array:
+        """The points in space, (n, m, 3); those of a plane stand upright in it."""
+        if motion.bodies is not None:
+            raise InvalidInput("Points shows one member; choose one of the ensemble, as in Scene(run, body=0)")
+        q, p = motion["q"], motion["p"]
+        points = _given(self.places(q, p), len(q)) if self.places is not None else places(motion.system, q, p)
+        return points if points.shape[2] == 3 else np.insert(points, 1, 0.0, axis=2)
+
+
+def places(system: Any, q: Array, p: Array) -> Array:
+    """The points of a canonical system, (n, m, 2) or (n, m, 3)."""
+    if isinstance(system, Pendulum):
+        return system.length * _hanging(q)
+    if isinstance(system, DoublePendulum):
+        return np.cumsum(np.array(system.lengths)[:, None] * _hanging(q), axis=1)
+    return np.stack([q, p], axis=-1) if q.shape[1] == 1 else q[:, None]
+
+
+def _hanging(angles: Array) -> Array:
+    return np.stack([np.sin(angles), -np.cos(angles)], axis=-1)
+
+
+def _given(points: Any, n: int) -> Array:
+    """What a user's function gave, checked."""
+    array = np.asarray(points, dtype=float)
+    if array.ndim != 3 or array.shape[0] != n or array.shape[2] not in (2, 3):
+        raise InvalidInput(f"Points: places gave shape {array.shape}; wanted are ({n}, m, 2) or ({n}, m, 3)")
+    if not np.isfinite(array).all():
+        raise InvalidInput("Points: places gave numbers that are not finite")
+    return array

@@ -1,0 +1,101 @@
+"""Where a body is and how it is turned, read from the elements of its group."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import InvalidInput
+from ..groups.classical import SO
+from ..groups.lie_group import LieGroup
+from ..groups.product import ProductGroup
+from ..groups.se2 import SE2
+from ..groups.se3 import SE3
+from ..groups.so3 import SO3
+from ..groups.unit_quaternions import UnitQuaternions
+from ..groups.vector_space import VectorSpace
+from ..models.heavy_top import ReducedHeavyTop
+from ..systems.mechanical import MechanicalSystem
+
+Array = NDArray[np.float64]
+
+
+def configurations(system: Any) -> LieGroup:
+    """The group whose elements tell where the body is."""
+    return system.configurations if isinstance(system, MechanicalSystem) else system.group
+
+
+def turns(group: LieGroup) -> bool:
+    """Is the group that of rotations in space, so that a momentum is a vector and its coadjoint orbits are spheres?"""
+    return isinstance(group, (SO3, UnitQuaternions)) or (isinstance(group, SO) and group.dim == 3)
+
+
+def is_pose(group: LieGroup) -> bool:
+    """Can an element be drawn as a body in space?"""
+    if isinstance(group, ProductGroup):
+        return _turning_and_moving(group)
+    return turns(group) or isinstance(group, (SE3, SE2))
+
+
+def flies(system: Any) -> bool:
+    """Does the body change its place, not only its attitude?"""
+    group = configurations(system)
+    return is_pose(group) and not turns(group) and not isinstance(system, ReducedHeavyTop)
+
+
+def attitude(system: Any, g: Array) -> Array:
+    """The attitudes of bodies as quaternions (x, y, z, w), (n, 4).  g : (n, ...), elements."""
+    group = configurations(system)
+    if isinstance(group, UnitQuaternions):
+        return g
+    if isinstance(group, ProductGroup):
+        return quaternions(g[:, :9].reshape(-1, 3, 3))
+    if isinstance(group, SE2):
+        half = 0.5 * np.arctan2(g[:, 1, 0], g[:, 0, 0])
+        return np.stack([0.0 * half, 0.0 * half, np.sin(half), np.cos(half)], axis=-1)
+    if not is_pose(group):
+        raise InvalidInput(f"elements of {group!r} are no attitudes of a body in space")
+    return quaternions(g[:, :3, :3])
+
+
+def place(system: Any, g: Array) -> Array:
+    """The places of bodies, (n, 3).  g : (n, ...), elements of a group of rotations and translations."""
+    group = configurations(system)
+    if isinstance(group, ProductGroup):
+        return g[:, 9:]
+    return np.column_stack([g[:, :2, 2], np.zeros(len(g))]) if isinstance(group, SE2) else g[:, :3, 3]
+
+
+def _turning_and_moving(group: ProductGroup) -> bool:
+    kinds = [type(factor) for factor in group.factors]
+    return kinds == [SO3, VectorSpace] and group.factors[1].dim == 3
+
+
+def quaternions(R: Array) -> Array:
+    """Rotation matrices (n, 3, 3) as quaternions (x, y, z, w), (n, 4).
+
+    The matrix 4 q q^T has entries that are sums of those of R; the row with the largest diagonal gives q with the least rounding.
+    Source: Shepperd, Quaternion from rotation matrix, J. Guidance and Control 1 (1978).
+    """
+    xx, yy, zz = R[:, 0, 0], R[:, 1, 1], R[:, 2, 2]
+    products = np.empty((len(R), 4, 4))
+    products[:, 0, 0], products[:, 1, 1] = 1.0 + xx - yy - zz, 1.0 - xx + yy - zz
+    products[:, 2, 2], products[:, 3, 3] = 1.0 - xx - yy + zz, 1.0 + xx + yy + zz
+    products[:, 0, 1] = products[:, 1, 0] = R[:, 0, 1] + R[:, 1, 0]
+    products[:, 0, 2] = products[:, 2, 0] = R[:, 0, 2] + R[:, 2, 0]
+    products[:, 1, 2] = products[:, 2, 1] = R[:, 1, 2] + R[:, 2, 1]
+    products[:, 0, 3] = products[:, 3, 0] = R[:, 2, 1] - R[:, 1, 2]
+    products[:, 1, 3] = products[:, 3, 1] = R[:, 0, 2] - R[:, 2, 0]
+    products[:, 2, 3] = products[:, 3, 2] = R[:, 1, 0] - R[:, 0, 1]
+    best = np.argmax(np.diagonal(products, axis1=1, axis2=2), axis=1)
+    rows = products[np.arange(len(R)), best]
+    return rows / np.linalg.norm(rows, axis=1, keepdims=True)
+
+
+def rotated(q: Array, v: Array) -> Array:
+    """Vectors (n, 3), or one (3,), rotated by quaternions (n, 4)."""
+    u, w = q[:, :3], q[:, 3:]
+    across = 2.0 * np.cross(u, np.broadcast_to(v, u.shape))
+    return v + w * across + np.cross(u, across)

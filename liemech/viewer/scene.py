@@ -1,0 +1,249 @@
+"""A scene: what is shown of which runs.  Plain data, from which pages, pictures and streams are made."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..errors import InvalidInput
+from ..formulas import real_array
+from ..plots import COLORS
+from .choice import KNOWN, suited
+from .content import Content, chosen, require
+from .drawing import Drawing, Panel
+from .motion import Motion, times
+from .shapes import rgb
+
+if TYPE_CHECKING:
+    from .live import Live
+
+FRAMES = 900
+"""Samples of a run that a scene keeps: fifteen seconds at sixty pictures a second."""
+
+ENSEMBLE_FRAMES, ENSEMBLE_DOTS = 300, 60_000
+"""Of an ensemble fewer, so that frames times bodies stays below the second number."""
+
+
+BALL = np.concatenate([np.eye(3), -np.eye(3)])
+"""What contents need that do not say how far they reach: the ball of radius 1 about the origin."""
+
+
+@dataclass(frozen=True, eq=False)
+class Shown:
+    """A run in a scene: what is shown of it, its name and colour."""
+
+    motion: Motion
+    contents: tuple[Content, ...]
+    name: str
+    color: str
+
+
+class Scene:
+    """What is shown of one or several runs, side by side and in time: a page that plays them in any browser.
+
+        Scene(run).show()
+        Scene(run, show=("body", "momentum")).save("body.html")
+
+    run : what `integrate` returns, or a `Motion(system, t, states)`.
+    show : names, "body", "momentum", "spatial momentum", "vertical", "nose", "path", "points", or contents with options, such as
+    Momentum(levels=0).  Left out: what suits the system.  Nothing else is computed or written.
+    name, color : of the run in the legend, "#rrggbb".  body : the one to show of an ensemble.
+    title : of the page.  seconds : how long it plays; default: as long as the motion, but 5 to 15 s.
+    frames : samples that are kept of each run, evenly chosen; the data of the run are not touched.
+    interpolate : move between the samples, of adaptive steps by their dense output; False shows the steps one after another.
+    view : (azimuth, elevation) of the eye in degrees.
+
+    `add` puts another run into the scene.  Momenta share a sphere; bodies that stay where they are stand side by side.
+    Raises InvalidInput if a run has not recorded what is shown, or has not got it.
+    """
+
+    def __init__(
+        self,
+        run: Any = None,
+        show: Any = None,
+        *,
+        name: str = "",
+        color: str | None = None,
+        body: int | None = None,
+        title: str = "",
+        seconds: float | None = None,
+        frames: int = FRAMES,
+        interpolate: bool = True,
+        view: tuple[float, float] | None = None,
+    ) -> None:
+        if seconds is not None and not 0.0 < float(real_array(seconds, "Scene: seconds")) < math.inf:
+            raise InvalidInput(f"Scene: seconds must be positive and finite; got {seconds!r}")
+        if int(real_array(frames, "Scene: frames")) < 2:
+            raise InvalidInput(f"Scene: frames must be 2 or more; got {frames!r}")
+        if view is not None:
+            angles = real_array(view, "Scene: view")
+            if angles.shape != (2,) or not np.isfinite(angles).all():
+                raise InvalidInput(f"Scene: view is (azimuth, elevation) in degrees; got {view!r}")
+        self.title, self.frames, self.interpolate = title, int(frames), bool(interpolate)
+        self._seconds, self._view = seconds, view
+        self.shown: list[Shown] = []
+        self.runs: list[Any] = []
+        if run is not None:
+            self.add(run, show, name=name, color=color, body=body)
+
+    def add(self, run: Any, show: Any = None, *, name: str = "", color: str | None = None, body: int | None = None) -> Scene:
+        """Put another run into the scene; arguments as above.  Returns the scene."""
+        motion = Motion.of(run, self.frames, body, self.interpolate)
+        if motion.bodies is not None:
+            motion = motion.thinned(min(ENSEMBLE_FRAMES, max(2, ENSEMBLE_DOTS // motion.bodies)))
+        have = frozenset(motion.states)
+        contents = suited(motion.system, have, motion.bodies is not None) if show is None else chosen(show, KNOWN)
+        require(contents, motion.system, have)
+        color = color or COLORS[len(self.shown) % len(COLORS)]
+        rgb(color)
+        backwards = motion.t[-1] < motion.t[0]
+        if self.shown and len(motion) > 1 and backwards != (self._sign() < 0.0) and self.duration:
+            raise InvalidInput("Scene.add: this run goes the other way in time; give it a scene of its own")
+        self.shown.append(Shown(motion, contents, name, color))
+        self.runs.append(run)
+        return self
+
+    # ---------------------------------------------------------------- time
+
+    @property
+    def start(self) -> float:
+        """The first time, in s."""
+        return float(self._sign() * min(self._sign() * one.motion.t[0] for one in self._some()))
+
+    @property
+    def duration(self) -> float:
+        """The time from the first sample to the last, in s."""
+        return float(max(self._sign() * (one.motion.t[-1] - self.start) for one in self._some()))
+
+    @property
+    def seconds(self) -> float:
+        """How long the scene plays at ordinary speed, in s."""
+        return self._seconds or min(max(self.duration, 5.0), 15.0)
+
+    def _sign(self) -> float:
+        return -1.0 if any(one.motion.t[-1] < one.motion.t[0] for one in self.shown) else 1.0
+
+    def clocks(self) -> list[np.ndarray]:
+        """The times of each run, counted from the start of the scene."""
+        return [abs(one.motion.t[0] - self.start) + times(one.motion.t) for one in self._some()]
+
+    # ---------------------------------------------------------------- what it is made of
+
+    @property
+    def view(self) -> tuple[float, float]:
+        """Azimuth and elevation of the eye, in degrees."""
+        flat = all(content.flat for one in self._some() for content in one.contents)
+        return self._view or ((-78.0, 10.0) if flat else (35.0, 22.0))
+
+    def _some(self) -> list[Shown]:
+        if not self.shown:
+            raise InvalidInput("this scene is empty; put a run into it, scene.add(run)")
+        return self.shown
+
+    def _members(self) -> list[tuple[str, int, list[tuple[int, Content]]]]:
+        """Each panel: its path, the run it belongs to, -1 for one that runs share, and the contents in it with their runs."""
+        found: dict[tuple[str, int, Any], list[tuple[int, Content]]] = {}
+        for run, one in enumerate(self._some()):
+            system = one.motion.system
+            for content in one.contents:
+                own = run if content.own(system) else -1
+                found.setdefault((content.panel, own, system if content.alike else None), []).append((run, content))
+        ordered = sorted(found.items(), key=lambda item: item[0][1] < 0)  # those shared come last
+        return [(f"panel {n}", own, members) for n, ((_, own, _), members) in enumerate(ordered, start=1)]
+
+    def places(self, run: int) -> list[tuple[str, Content]]:
+        """The contents of a run, each with the path of its panel."""
+        return [(path, content) for path, _, members in self._members() for k, content in members if k == run]
+
+    def panels(self) -> list[Panel]:
+        """The pictures side by side, drawn."""
+        panels = []
+        for path, _, members in self._members():
+            runs = {run for run, _ in members}
+            panel = _framed(path, [(self.shown[run], c) for run, c in members], len(runs) == 1 < len(self.shown))
+            for run, content in members:
+                one = self.shown[run]
+                content.draw(one.motion, Drawing(panel, f"run {run + 1}", one.color, run))
+            panels.append(panel)
+        return panels
+
+    # ---------------------------------------------------------------- where it goes
+
+    def html(self, *, compressed: bool = False) -> str:
+        """The page: everything in one text, which fetches nothing.
+
+        compressed : less than half as large; browsers since 2023 open it.
+        """
+        from .page import page
+
+        return page(self, compressed)
+
+    def save(self, path: str | PathLike[str], *, compressed: bool = False) -> Path:
+        """Write the page to a file, which opens from disk, in a notebook and from every web host.  Returns its path."""
+        file = Path(path)
+        if file.suffix.lower() not in (".html", ".htm"):
+            raise InvalidInput(f"Scene.save writes a page, so the file ends in .html; got {str(path)!r}")
+        file.write_text(self.html(compressed=compressed), encoding="utf-8")
+        return file
+
+    def show(self) -> Path:
+        """Open the page in the browser.  Returns the temporary file that holds it."""
+        from .page import opened
+
+        return opened(self)
+
+    def _repr_html_(self) -> str:
+        """The page in a frame, for notebooks."""
+        from .page import frame
+
+        return frame(self)
+
+    def snapshot(self, path: str | PathLike[str], t: float | None = None, *, size: tuple[int, int] = (1000, 560)) -> Path:
+        """Draw the scene at a time, by default the last, into a PNG file; needs Chromium.  size : width and height in pixels."""
+        from .snapshot import snapshot
+
+        return snapshot(self, path, t, size)
+
+    def write_gif(
+        self, path: str | PathLike[str], *, size: tuple[int, int] = (640, 360), fps: int = 20, seconds: float | None = None
+    ) -> Path:
+        """Write the scene as a moving GIF, each picture at its exact time; needs Chromium and Pillow."""
+        from .snapshot import write_gif
+
+        return write_gif(self, path, size, fps, seconds)
+
+    def send(self, visualizer: Any) -> None:
+        """Draw the scene into a meshcat.Visualizer of one's own, below its path, and give it the animation."""
+        from .send import send
+
+        send(self, visualizer)
+
+    def live(self, *, open: bool = True) -> Live:
+        """Show the scene in a browser on this machine, and let `display` move it, state by state."""
+        from .live import Live
+
+        return Live(self, open)
+
+    def __repr__(self) -> str:
+        runs = [", ".join(type(c).__name__ for c in one.contents) + (f" of {one.name!r}" if one.name else "") for one in self.shown]
+        return f"Scene({'; '.join(runs)})"
+
+
+def _framed(path: str, members: Sequence[tuple[Shown, Content]], named: bool) -> Panel:
+    """An empty panel that is large enough for its contents."""
+    first, content = members[0]
+    title = f"{content.title}: {first.name}" if named and first.name else content.title
+    corners = [c.reach(one.motion) for one, c in members]
+    if all(found is None for found in corners):
+        return Panel(path, title, np.zeros(3), 1.0, content.flat)
+    points = np.concatenate([BALL if found is None else found for found in corners])
+    low, high = points.min(axis=0), points.max(axis=0)
+    centre = low + 0.5 * (high - low)
+    unit = float(np.linalg.norm(points - centre, axis=1).max())
+    return Panel(path, title, centre, unit or 1.0, content.flat)

@@ -1,0 +1,235 @@
+"""Vectors that move on a sphere: body momentum on its coadjoint orbit, the vertical seen from a top, momentum in space."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import InvalidInput
+from ..models.heavy_top import HeavyTop, ReducedHeavyTop
+from ..models.rigid_body import RigidBody
+from ..plots import energy_levels, separatrix
+from ..systems.lie_poisson import LiePoissonSystem
+from ..systems.system import System
+from .content import Content, refuse
+from .drawing import Drawing
+from .levels import contours
+from .motion import Motion
+from .poses import attitude, configurations, is_pose, rotated, turns
+from .shapes import arrow, ball, chained, dots, rgb, rod, segments, tube
+
+Array = NDArray[np.float64]
+
+AXES = ("#c44e52", "#55a868", "#8172b3")
+"""Of the body, one to three: red, green, violet; blue, as usual for the third, is the colour of the first run."""
+SPHERE, LEVEL, SEPARATRIX = "#b9c3d3", "#8c95a4", "#565f6d"
+OTHER = "#E69F00"
+"""The colour of the highest energy of an ensemble; that of the lowest is the run's."""
+LIFT = 1.003
+"""Curves lie this much above their sphere, which would swallow half of them."""
+MOST_POINTS = 1000
+"""Bodies of an ensemble that are drawn; of larger ones as many, evenly chosen."""
+
+
+@dataclass(frozen=True)
+class Momentum(Content):
+    """Body momentum mu on its coadjoint orbit, seen from the body: arrow, growing trail, sphere, curves of constant energy.
+
+    trail : the curve behind the arrow.  sphere : the orbit, |mu| = const.  levels : how many energies are drawn on it beside that
+    of the separatrix; 0 for none, and no separatrix.  Of an ensemble every momentum is a dot,
+    coloured by the order of the energies.
+    The motion follows a curve of constant energy.  No sphere is drawn where there is not one orbit: for a body in a field, and for
+    an ensemble whose momenta differ in length.
+
+    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 15.7.
+    """
+
+    panel: ClassVar[str] = "momentum"
+    alike: ClassVar[bool] = True
+    title: ClassVar[str] = "momentum, seen from the body"
+
+    trail: bool = True
+    sphere: bool = True
+    levels: int = 7
+
+    def __post_init__(self) -> None:
+        if self.levels < 0:
+            raise InvalidInput(f"Momentum: levels must be 0 or more; got {self.levels}")
+
+    def needs(self, system: System) -> tuple[str, ...]:
+        """The body momentum."""
+        if "mu" not in system.coordinates or not turns(configurations(system)):
+            raise refuse(self, system, "an angular momentum in the body, which moves on a sphere")
+        return ("mu",)
+
+    def reach(self, motion: Motion) -> Array:
+        """A ball as large as the largest momentum."""
+        return _ball(motion["mu"])
+
+    def draw(self, motion: Motion, drawing: Drawing) -> None:
+        """The arrow or the dots, the trail, and once for all runs the orbit."""
+        mu = drawing.panel.inside(motion["mu"])
+        if motion.bodies is None:
+            _moving_vector(drawing, mu, "mu", self.trail)
+        else:
+            _cloud(drawing, mu, motion)
+        if not self.sphere:
+            return
+        _axes(drawing)
+        radii = np.atleast_1d(np.linalg.norm(mu[0], axis=-1))
+        radius = float(radii.max())
+        if isinstance(motion.system, LiePoissonSystem) and np.ptp(radii) <= 0.01 * radius and radius > 0.0:
+            drawing.once(f"sphere {radius:.3f}", ball(radius, SPHERE, 0.35))
+            if self.levels and f"{drawing.panel.path}/levels" not in drawing.panel.nodes:
+                _levels(drawing, motion.system, radius, self.levels)
+
+
+@dataclass(frozen=True)
+class SpatialMomentum(Content):
+    """Momentum seen from space, K_g mu, in the same picture as the body: of a free body it stands still.
+
+    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 15.2.
+    """
+
+    def needs(self, system: System) -> tuple[str, ...]:
+        """Body momentum and attitude."""
+        if "mu" not in system.coordinates or not turns(configurations(system)):
+            raise refuse(self, system, "an angular momentum")
+        return "mu", "g"
+
+    def own(self, system: System) -> bool:
+        """Yes: it stands where the body is."""
+        return True
+
+    def draw(self, motion: Motion, drawing: Drawing) -> None:
+        """An arrow as long as the picture allows."""
+        momentum = rotated(attitude(motion.system, motion["g"]), motion["mu"])
+        largest = np.linalg.norm(momentum, axis=1).max()
+        _moving_vector(drawing, 1.15 * momentum / ((largest or 1.0) * drawing.panel.unit), "spatial momentum", trail=False)
+
+
+@dataclass(frozen=True)
+class Vertical(Content):
+    """The vertical seen from a top, Gamma = g^T e3, on its sphere: arrow and growing trail.
+
+    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 1.4.
+    """
+
+    panel: ClassVar[str] = "vertical"
+    title: ClassVar[str] = "vertical, seen from the body"
+
+    trail: bool = True
+    sphere: bool = True
+
+    def needs(self, system: System) -> tuple[str, ...]:
+        """The attitude; of a top on se(3)* the momentum, of which Gamma is a part."""
+        if isinstance(system, ReducedHeavyTop):
+            return ("mu",)
+        if not is_pose(configurations(system)):
+            raise refuse(self, system, "the vertical seen from a body")
+        return ("g",)
+
+    def draw(self, motion: Motion, drawing: Drawing) -> None:
+        """The arrow, the trail, and once for all runs the unit sphere."""
+        if isinstance(motion.system, ReducedHeavyTop):
+            gamma = motion["mu"][:, 3:]
+        else:
+            x, y, z, w = attitude(motion.system, motion["g"]).T
+            gamma = rotated(np.stack([-x, -y, -z, w], axis=-1), np.array([0.0, 0.0, 1.0]))
+        _moving_vector(drawing, gamma, "vertical", self.trail)
+        if self.sphere:
+            drawing.once("sphere", ball(1.0, SPHERE, 0.35))
+            _axes(drawing)
+
+
+@dataclass(frozen=True)
+class Nose(Content):
+    """The path that the nose of a top draws, where its axis through the centre of mass meets the unit sphere.
+
+    Source: Goldstein, Classical Mechanics, 3rd ed., section 5.7.
+    """
+
+    def needs(self, system: System) -> tuple[str, ...]:
+        """The attitude."""
+        if not isinstance(system, (HeavyTop, ReducedHeavyTop)):
+            raise refuse(self, system, "the nose of a top")
+        return ("g",)
+
+    def own(self, system: System) -> bool:
+        """Yes: it belongs to the body."""
+        return True
+
+    def reach(self, motion: Motion) -> Array:
+        """The path."""
+        return rotated(attitude(motion.system, motion["g"]), axis_of(motion.system))
+
+    def draw(self, motion: Motion, drawing: Drawing) -> None:
+        """The trail."""
+        drawing.trail("nose", drawing.panel.inside(self.reach(motion)))
+
+
+# ------------------------------------------------------------------ pieces
+
+
+def axis_of(top: Any) -> Array:
+    """The direction from the fixed point to the centre of mass; the third axis if that is the fixed point."""
+    centre = np.array(top.centre)
+    length = np.linalg.norm(centre)
+    return centre / length if length > 0.0 else np.array([0.0, 0.0, 1.0])
+
+
+def _ball(vectors: Array) -> Array:
+    """The corners of what a ball about the origin needs: as large as the longest vector."""
+    largest = np.linalg.norm(vectors, axis=-1).max() or 1.0
+    return largest * np.concatenate([np.eye(3), -np.eye(3)])
+
+
+def _moving_vector(drawing: Drawing, v: Array, name: str, trail: bool) -> None:
+    """An arrow to (n, 3), and the trail of its tip."""
+    length = np.linalg.norm(v, axis=1)
+    if length.max() <= 0.0:  # a body at rest has no arrow
+        return
+    direction = np.where(length[:, None] > 0.0, v / np.where(length > 0.0, length, 1.0)[:, None], np.array([0.0, 0.0, 1.0]))
+    drawing.add(name, arrow(drawing.color), direction=direction, scale=length, position=drawing.panel.inside(np.zeros(3)))
+    if trail:
+        drawing.trail(f"{name} trail", LIFT * v)
+
+
+def _cloud(drawing: Drawing, v: Array, motion: Motion) -> None:
+    """A dot for each body of an ensemble, (n, m, 3), coloured in the order of their energies at the start."""
+    some = np.linspace(0, v.shape[1] - 1, min(v.shape[1], MOST_POINTS)).round().astype(int)
+    if isinstance(motion.system, LiePoissonSystem):
+        energy: Any = motion.system.energy(motion["mu"][0, some])
+        some = some[np.argsort(energy, kind="stable")]
+    shown = v[:, some]
+    first, last = np.array(rgb(drawing.color)) / 255.0, np.array(rgb(OTHER)) / 255.0
+    share = np.linspace(0.0, 1.0, len(some))[:, None]
+    drawing.add("mu", dots(LIFT * shown[0], drawing.color, 0.045, first + share * (last - first)), cloud=LIFT * shown)
+
+
+def _axes(drawing: Drawing) -> None:
+    """The axes of the body, which stick out of the sphere."""
+    for k, color in enumerate(AXES):
+        drawing.once(f"axis {k + 1}", rod(color, 0.007), direction=np.eye(3)[k], scale=1.22)
+
+
+def _levels(drawing: Drawing, system: LiePoissonSystem, radius: float, count: int) -> None:
+    """Curves of constant energy and, of a rigid body, the separatrix."""
+    lift = LIFT * radius
+    if not isinstance(system, RigidBody):
+        found = contours(lambda mu: system.energy(mu * drawing.panel.unit), radius, count + 2)
+        if len(found):
+            drawing.once("levels", segments(LIFT * found, LEVEL))
+        return
+    inertia = np.array(system.inertia)
+    curves = energy_levels(inertia, count, samples=181)
+    if not len(curves):  # every direction of a spherical body is a fixed point
+        return
+    drawing.once("levels", segments(lift * chained(curves), LEVEL))
+    for k, circle in enumerate(separatrix(inertia, samples=121)):
+        drawing.once(f"separatrix {k + 1}", tube(lift * circle, SEPARATRIX, 0.005, 3))
+
+

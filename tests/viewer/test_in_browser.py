@@ -1,0 +1,270 @@
+"""The page in a real browser: it draws, it moves as the trajectory does, and it answers."""
+
+from __future__ import annotations
+
+import html
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from browser import Tab
+
+import liemech as lm
+from liemech.viewer import Body, Momentum, Motion, Scene
+from liemech.viewer.chromium import Chromium
+
+BODY = lm.RigidBody([1.0, 2.0, 3.0])
+START = BODY.state(mu=[0.3, 1.0, 0.2], g=lm.SO3().exp([0.3, -0.8, 0.4]))
+RUN = lm.integrate(BODY, lm.CovariantVariational(lm.Cayley()), START, h=0.1, steps=600, compiled=False)
+READY = "window.ready || window.failed"
+
+
+@pytest.fixture(scope="module")
+def tab(browser: Chromium, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Tab]:
+    """The standard scene, body and momentum sphere, from disk."""
+    page = Scene(RUN, seconds=10.0).save(tmp_path_factory.mktemp("pages") / "body.html")
+    with Tab.of(browser, page) as one:
+        one.wait(READY)
+        yield one
+
+
+def is_blank(picture: np.ndarray) -> bool:
+    """Is next to nothing but one colour to be seen above the bar?"""
+    return bool((np.abs(picture[:-50] - picture[0, 0]).sum(axis=-1) > 60).mean() < 0.01)
+
+
+def unlike(a: np.ndarray, b: np.ndarray) -> float:
+    """The share of pixels that differ visibly."""
+    return float((np.abs(a - b).sum(axis=-1) > 24).mean())
+
+
+def test_it_draws_from_disk_and_asks_nobody(tab: Tab) -> None:
+    assert not is_blank(tab.seek(20.0))
+    assert tab.complaints() == []
+    entries = tab.evaluate("performance.getEntriesByType('resource').map(e => e.name).filter(n => !n.startsWith('data:'))")
+    assert entries == []
+
+
+def test_time_decides_what_is_seen(tab: Tab) -> None:
+    assert tab.evaluate("player.duration") == pytest.approx(RUN.t[-1], rel=1e-12)
+    first, second, again = tab.seek(5.0), tab.seek(25.0), tab.seek(5.0)
+    assert unlike(first, second) > 1e-3
+    assert (first == again).all()
+
+
+def test_what_is_seen_is_the_trajectory(tab: Tab) -> None:
+    some = np.linspace(0, 600, 13).astype(int)
+    t = RUN.t[some]
+    body = tab.read("panel 1/run 1/body", t, "object.quaternion.toArray()")
+    # whatever the sign of the quaternion: the axes of the body where they are seen
+    turned = lm.SO3().Ad(RUN.g[some][:, None], np.eye(3))
+    q, w = body[:, None, :3], body[:, None, 3:]
+    seen = np.eye(3) + 2.0 * (w * np.cross(q, np.eye(3)) + np.cross(q, np.cross(q, np.eye(3))))
+    assert np.abs(seen - turned).max() < 1e-5
+    arrow = "new MeshCat.THREE.Vector3(0, 0, 1).applyQuaternion(object.quaternion).multiplyScalar(object.scale.x).toArray()"
+    mu = tab.read("panel 2/run 1/mu", t, arrow)
+    assert np.abs(mu - RUN.mu[some] / np.linalg.norm(RUN.mu[0])).max() < 1e-5
+    space = tab.read("panel 1/run 1/spatial momentum", t, arrow)
+    assert np.abs(space - 1.15 * RUN.spatial_momentum[0] / np.linalg.norm(RUN.mu[0])).max() < 1e-5  # it sticks out of the box
+    assert not tab.evaluate("player.tracks.some(t => t.path.endsWith('spatial momentum'))")  # it stands still: no track
+
+
+def test_the_trail_ends_at_the_arrow(tab: Tab) -> None:
+    some = np.linspace(0, 600, 13).astype(int)
+    each = tab.evaluate("player.tracks.find(t => t.channel === 'reveal').each")
+    path = "panel 2/run 1/mu trail"
+    counts = tab.read(path, RUN.t[some], "inner.geometry.drawRange.count")
+    assert (counts == each * some).all()  # as many segments as there are steps up to then
+    # the last ring that is drawn is a thin circle about the tip of the arrow
+    ring = """(() => {
+        const g = inner.geometry, p = g.attributes.position, v = new MeshCat.THREE.Vector3(), sum = new MeshCat.THREE.Vector3();
+        const last = Math.max(...g.index.array.slice(g.drawRange.count - %d, g.drawRange.count));
+        for (let k = 0; k < %d; k++) sum.add(v.fromBufferAttribute(p, last - k));
+        return sum.divideScalar(%d).toArray(); })()"""
+    sides = each // 6
+    centre = tab.read(path, RUN.t[some[1:]], ring % (each, sides, sides))
+    assert np.abs(centre / 1.003 - RUN.mu[some[1:]] / np.linalg.norm(RUN.mu[0])).max() < 1e-5
+
+
+def test_between_two_samples_it_turns_evenly(tab: Tab) -> None:
+    q = tab.read("panel 1/run 1/body", RUN.t[100] + 0.1 * np.array([0.0, 0.25, 0.5, 1.0]), "object.quaternion.toArray()")
+    angle = 2.0 * np.arccos(np.clip(np.abs(q @ q[0]), 0.0, 1.0))
+    assert angle[1:3] == pytest.approx(angle[3] * np.array([0.25, 0.5]), rel=1e-3)
+
+
+def test_mouse_and_keys(tab: Tab) -> None:
+    tab.evaluate("seekTo(0)")
+    tab.click("#play")
+    assert tab.evaluate("player.playing")
+    tab.press(" ")
+    assert not tab.evaluate("player.playing")
+    tab.press(" ")
+    tab.click("#time", across=0.5)
+    assert not tab.evaluate("player.playing")
+    t = tab.evaluate("player.time")
+    assert 0.45 * RUN.t[-1] < t < 0.55 * RUN.t[-1]
+    label = tab.evaluate("document.getElementById('label').textContent")
+    assert label == f"t = {t:.1f} s"
+    tab.press("Home")
+    assert tab.evaluate("player.time") == 0.0
+    tab.press("ArrowRight")
+    assert tab.evaluate("player.time") == pytest.approx(RUN.t[-1] / 60.0)
+    tab.press("End")
+    assert tab.evaluate("player.time") == tab.evaluate("player.duration")
+
+
+def test_dragging_turns_every_panel(tab: Tab) -> None:
+    eye = "player.viewer.camera.position.toArray()"
+    before, picture = np.array(tab.evaluate(eye)), tab.seek(10.0)
+    tab.drag((150.0, 200.0), (210.0, 180.0))
+    after, turned = np.array(tab.evaluate(eye)), tab.drawn()
+    assert np.linalg.norm(after) == pytest.approx(np.linalg.norm(before))  # round the middle, neither nearer nor farther
+    assert np.linalg.norm(after - before) > 0.1
+    half = picture.shape[1] // 2
+    assert unlike(picture[:, :half], turned[:, :half]) > 1e-3 and unlike(picture[:, half:], turned[:, half:]) > 1e-3
+    tab.evaluate(f"player.viewer.camera.position.fromArray({before.tolist()}); player.viewer.controls.update()")
+
+
+def test_speed_is_what_the_page_says(tab: Tab) -> None:
+    def advance(speed: float) -> float:
+        """Seconds of the motion in a second of the browser's clock; a picture that takes longer than 250 ms counts as that."""
+        program = f"""new Promise(done => {{
+            document.getElementById("speed").value = "{speed:g}"; document.getElementById("speed").onchange();
+            seekTo(0); player.play();
+            let last = null, from = 0, passed = 0, frames = 0;
+            const look = now => {{
+                if (last === null) from = player.time; else passed += Math.min((now - last) / 1000, 0.25);
+                last = now;
+                if (frames++ < 5) return requestAnimationFrame(look);
+                player.pause();
+                done((player.time - from) / passed);
+            }};
+            requestAnimationFrame(look);
+        }})"""
+        return float(tab.evaluate(program))
+
+    assert advance(1.0) == pytest.approx(RUN.t[-1] / 10.0, rel=1e-6)  # the scene lasts ten seconds
+    assert advance(5.0) == pytest.approx(5.0 * RUN.t[-1] / 10.0, rel=1e-6)
+    tab.evaluate("document.getElementById('speed').value = '1'; document.getElementById('speed').onchange()")
+
+
+def test_nothing_is_drawn_while_it_stands(tab: Tab) -> None:
+    tab.seek(10.0)
+    before = tab.evaluate("player.drawn")
+    time.sleep(0.5)
+    assert tab.evaluate("player.drawn") == before
+
+
+def test_everything_fits_at_every_size(tab: Tab) -> None:
+    corners = """player.panels.map(panel => {
+        player.aim(panel);
+        const camera = player.viewer.camera, [x, y, w, h] = panel.rect, found = [];
+        camera.updateMatrixWorld();
+        panel.object.traverse(o => {
+            if (!o.geometry || !o.geometry.attributes.position) return;
+            o.updateWorldMatrix(true, false);
+            const p = o.geometry.attributes.position, v = new MeshCat.THREE.Vector3();
+            for (let k = 0; k < p.count; k += 3) {
+                v.fromBufferAttribute(p, k).applyMatrix4(o.matrixWorld).project(camera);
+                found.push([v.x, v.y]);
+            }
+        });
+        const xs = found.map(v => Math.abs(v[0])), ys = found.map(v => Math.abs(v[1]));
+        return [xs.reduce((a, b) => Math.max(a, b), 0), ys.reduce((a, b) => Math.max(a, b), 0), x, y, x + w, y + h];
+    })"""
+    for width, height in ((420, 700), (640, 480), (1600, 900)):
+        tab.resize(width, height)
+        tab.drawn()
+        for across, upright, left, top, right, bottom in tab.evaluate(corners):
+            assert max(across, upright) < 1.0  # of its panel
+            assert max(across, upright) > 0.4  # and not lost in it
+            assert left >= 0 and top >= 0 and right <= width + 1 and bottom <= height - 44 + 1
+    tab.resize(640, 480)
+
+
+def test_only_what_is_shown_exists(browser: Chromium, tmp_path: Path) -> None:
+    momentum = {"mu": RUN.mu}
+    page = Scene(Motion(BODY, RUN.t, momentum), show=Momentum(trail=False, levels=0, sphere=False)).save(tmp_path / "less.html")
+    with Tab.of(browser, page) as tab:
+        tab.wait(READY)
+        assert tab.has("panel 1/run 1/mu")
+        others = "run 1/body", "run 1/mu trail", "levels", "separatrix 1", "sphere 1.000"
+        for absent in ("panel 2", *(f"panel 1/{name}" for name in others)):
+            assert not tab.has(absent), absent
+        assert tab.evaluate("player.tracks.length") == 1
+    full = Scene(RUN).html()
+    assert len(page.read_text(encoding="utf-8")) < len(full) - 150_000
+
+
+def test_compressed_in_a_sandboxed_frame_as_notebooks_show_it(browser: Chromium, tmp_path: Path) -> None:
+    around = tmp_path / "notebook.html"
+    around.write_text(f"<!DOCTYPE html><body style='margin:0'>{Scene(RUN)._repr_html_()}</body>", encoding="utf-8")
+    with Tab.of(browser, around) as tab:
+        until = time.monotonic() + 20.0
+        while is_blank(picture := tab.pixels()) and time.monotonic() < until:
+            time.sleep(0.1)
+        assert not is_blank(picture)
+        assert tab.complaints() == []
+
+
+@pytest.mark.slow
+def test_without_webgl_the_page_says_so(browser: Chromium, tmp_path: Path) -> None:
+    page = Scene(RUN, show="body").save(tmp_path / "body.html")
+    with Chromium((640, 480), flags=("--disable-3d-apis",)) as other, Tab.of(other, page) as tab:
+        tab.wait(READY)
+        assert "WebGL" in tab.evaluate("document.getElementById('message').innerText")
+        assert tab.evaluate("getComputedStyle(document.getElementById('message')).display") == "block"
+
+
+@pytest.mark.parametrize("samples", [1, 2])
+def test_few_samples_and_texts_that_look_like_code(browser: Chromium, tmp_path: Path, samples: int) -> None:
+    title = "</script><b>\"it's\" <!--scene--> \\u003c"
+    few = Motion(BODY, RUN.t[:samples], {"mu": RUN.mu[:samples], "g": RUN.g[:samples]})
+    page = Scene(few, title=title, name="<i>one</i>").save(tmp_path / "few.html")
+    with Tab.of(browser, page) as tab:
+        tab.wait(READY)
+        assert not is_blank(tab.seek(0.0))
+        assert tab.evaluate("document.title") == title
+        assert tab.evaluate("document.querySelector('h1').textContent") == title
+        assert tab.evaluate("document.getElementById('legend').textContent") == "<i>one</i>"
+        assert tab.complaints() == []
+    assert html.escape(title) in page.read_text(encoding="utf-8")
+
+
+def test_times_that_repeat_and_steps_that_are_not_joined(browser: Chromium, tmp_path: Path) -> None:
+    t = np.array([0.0, 1.0, 1.0, 2.0])
+    few = Motion(BODY, t, {"mu": RUN.mu[:4], "g": RUN.g[:4]})
+    page = Scene(few, show="momentum", interpolate=False).save(tmp_path / "steps.html")
+    with Tab.of(browser, page) as tab:
+        tab.wait(READY)
+        arrow = "new MeshCat.THREE.Vector3(0, 0, 1).applyQuaternion(object.quaternion).toArray()"
+        seen = tab.read("panel 1/run 1/mu", [0.0, 0.9, 1.0, 1.9, 2.0], arrow)
+        unit = RUN.mu[:4] / np.linalg.norm(RUN.mu[0])
+        assert np.abs(seen - unit[[0, 0, 2, 2, 3]]).max() < 1e-5
+
+
+def test_an_ensemble_is_a_cloud_on_one_sphere(browser: Chromium, tmp_path: Path) -> None:
+    momenta = np.random.default_rng(3).normal(size=(40, 3))
+    momenta /= np.linalg.norm(momenta, axis=1)[:, None]
+    many = lm.integrate(BODY, lm.RKMK(order=4), BODY.state(mu=momenta), h=0.1, steps=20, compiled=False)
+    page = Scene(many).save(tmp_path / "cloud.html")
+    with Tab.of(browser, page) as tab:
+        tab.wait(READY)
+        points = tab.read("panel 1/run 1/mu", many.t[[0, 10, 20]], "Array.from(inner.geometry.attributes.position.array)")
+        by_energy = np.argsort(BODY.energy(momenta))
+        assert np.abs(points.reshape(3, 40, 3) / 1.003 - many.mu[[0, 10, 20]][:, by_energy]).max() < 2e-4
+        assert not is_blank(tab.drawn()) and tab.complaints() == []
+
+
+def test_a_mesh_of_ones_own(browser: Chromium, tmp_path: Path) -> None:
+    file = tmp_path / "corner.obj"
+    file.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n", encoding="utf-8")
+    page = Scene(RUN, show=Body(mesh=file, triad=False)).save(tmp_path / "mesh.html")
+    with Tab.of(browser, page) as tab:
+        tab.wait(READY)
+        tab.seek(3.0)
+        corners = tab.read("panel 1/run 1/body/mesh", [3.0], "inner.geometry.attributes.position.count")
+        assert corners == 12  # of four triangles
+        assert not is_blank(tab.drawn()) and tab.complaints() == []
