@@ -14,6 +14,7 @@ from ..formulas.broadcasting import small
 from ..groups.lie_algebra import LieAlgebra
 from ..groups.lie_group import LieGroup
 from ..retractions import Cayley, Exponential, Retraction
+from ..systems.system import State, System
 from .action_laws import ACTION
 from .algebra_laws import ALGEBRA
 from .group_laws import GROUP, NATIVE, PLACE
@@ -21,6 +22,8 @@ from .law import replaced, verdicts
 from .map_laws import CAYLEY, EXPONENTIAL, Map
 from .places import At, places
 from .report import Finding, Report
+from .system_laws import RUNS, laws_of
+from .system_places import system_places
 
 
 def check_group(group: LieGroup, *, native: bool = False, raises: bool = True, seed: int = 0) -> Report:
@@ -58,6 +61,36 @@ def check_action(action: Any, points: Any = None, *, raises: bool = True, seed: 
         raise InvalidInput("check_action: points is empty; give at least one point of the space")
     where = [dataclasses.replace(at, point=small(np.asarray(some[i % len(some)]))) for i, at in enumerate(where)]
     return _finished(repr(action), verdicts(ACTION, action, where, lambda name: True), raises)
+
+
+def check_system(
+    system: System, states: State | None = None, *, native: bool = False, raises: bool = True, seed: int = 0
+) -> Report:
+    """Do the formulas of a system belong together?
+
+    Gradients are compared with energies, Lagrangians with Hamiltonians (the Legendre transform there and back), forces with
+    potentials, the power of a load with the change of energy; Casimirs must commute with all coordinates, and what `constants`
+    names must not change along the motion.  Formulas that follow from others are not looked at.
+
+    states : where to look, `system.state(...)`, one or an ensemble; left out, at random states of size one.
+    native : make two steps in native code too, and compare them bit by bit with plain Python.
+    raises : False returns the report on a broken system as well.
+    seed : of the random states.
+
+    Returns a Report, which prints as a table.  Raises LawViolation: the first law that is broken, where, by how much, what was
+    expected and, where that can be told, the slip.
+    """
+    _require("check_system: system", system, System)
+    if states is not None:
+        _require("check_system: states", states, State)
+
+    def findings() -> Iterator[Finding]:
+        where = system_places(system, states, seed)
+        for laws, subject, own in laws_of(system):
+            yield from verdicts(laws, subject, where, own)
+        yield from verdicts(RUNS if native else [], system, where, lambda name: True)
+
+    return _finished(repr(system), findings(), raises)
 
 
 def _require(name: str, value: Any, kind: type) -> None:

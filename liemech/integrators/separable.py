@@ -186,7 +186,8 @@ class SymplecticEuler(SeparableSplitting):
         p_n+1 = p_n + h f(q_n),   q_n+1 = q_n + h v(p_n+1)        first="kick"
         q_n+1 = q_n + h v(p_n),   p_n+1 = p_n + h f(q_n+1)        first="drift", its adjoint
 
-    Order 1, explicit, symplectic; one force a step.  HamiltonJacobi(order=1) is the same for energies that are not separable.
+    Order 1, explicit, symplectic; one force a step.  HamiltonJacobi(order=1, adjoint=True) and HamiltonJacobi(order=1) are the same
+    for energies that are not separable.
 
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VI.3, theorem 3.3.
     """
