@@ -133,7 +133,8 @@ def check_method(
     if start.bodies is not None:
         raise InvalidInput(f"check_method: start is an ensemble of {start.bodies}; give one start")
     start = members(start)[0]
-    time = 1.5 / pace(system, 0.0, start) if h is None else float(h)
+    speed = pace(system, 0.0, start)
+    time = (1.5 / speed if speed > 0.0 else 0.0) if h is None else float(h)
     if not math.isfinite(time) or time == 0.0:
         raise InvalidInput("check_method: the start is at rest, which tells nothing; give one that moves, or a step h")
     trial = Trial(method, system, start, time, compiled)

@@ -33,8 +33,8 @@ COUNTS = 1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256
 SETTLED = 0.1
 """An order is told by three errors when the slope through them is this close to the one before."""
 
-MISSING = 0.4
-"""An observed order may be this much below the claim, that of one part of the state twice as much."""
+MISSING = 0.5
+"""An observed order may be this much below the claim, that of one part of the state, whose leading term may be small, twice."""
 
 VISIBLE = 0.05
 """The relative error up to which a step is one at which the other claims are looked at."""
@@ -126,24 +126,22 @@ class Trial:
         """Numbers of steps and errors of a part, or of "all", between nonsense and rounding."""
         doubt = self.exact[1]
         found = [(n, math.hypot(*error.values()) if name == "all" else error[name]) for n, error in self.errors]
-        return [(n, e) for n, e in found if 30.0 * doubt < e <= 0.1]
+        nonsense = 0.1 if found[-1][1] <= 0.1 else math.inf  # what does not come down to sense has its order too
+        return [(n, e) for n, e in found if 30.0 * doubt < e <= nonsense]
 
     def slope(self, name: str) -> float:
-        """The observed order of a part, or of "all": infinite where all errors are rounding, nan if too few are seen.
-
-        By least squares through the last three errors or, where the leading term passes through zero, the last five.
-        """
-        errors = self.visible(name)
+        """The observed order of a part, or of "all": infinite where all errors are rounding, nan if too few are seen."""
+        errors = self.visible(name) if self.errors else []
         if len(errors) < 3:
             return math.nan if errors or not self.errors else math.inf
-        return max(slope(errors[-3:]), slope(errors[-5:]))
+        return slope(errors[-3:])
 
     @cached_property
     def journey(self) -> tuple[float, Any, Any]:
         """The largest step with an error that is no nonsense, a run with it, and one back from its end."""
         for n, error in self.errors:
             h = self.time / n
-            if max(error.values()) <= VISIBLE:
+            if max(error.values()) <= VISIBLE or n == self.errors[-1][0]:
                 try:
                     there = self.run(WAY, h)
                     return h, there, self.run(WAY, -h, there.last, t0=WAY * h)
