@@ -51,7 +51,9 @@ class Oscillator(lm.SeparableSystem):
         return 0.5 * self.w * self.w * q[0] * q[0]
 
 
-def plain(system: lm.System, method: lm.Method, start: lm.State, h: float, steps: int) -> lm.Trajectory:
+def plain(
+    system: lm.System, method: lm.Method, start: lm.State, h: float, steps: int
+) -> lm.Trajectory:
     """A run in plain Python, without compensation: the bare formulas."""
     return lm.integrate(system, method, start, h=h, steps=steps, compiled=False, compensated=False)
 
@@ -60,7 +62,12 @@ def plain(system: lm.System, method: lm.Method, start: lm.State, h: float, steps
 
 EULERS = lm.SymplecticEuler(), lm.SymplecticEuler(first="drift")
 VERLETS = lm.StormerVerlet(), lm.StormerVerlet(first="drift")
-GENERAL = *EULERS, *VERLETS, lm.Splitting(order=3), *(lm.Splitting(order=p, quadratic=False) for p in (4, 6, 8))
+GENERAL = (
+    *EULERS,
+    *VERLETS,
+    lm.Splitting(order=3),
+    *(lm.Splitting(order=p, quadratic=False) for p in (4, 6, 8)),
+)
 QUADRATIC = tuple(lm.Splitting(order=p) for p in (4, 6, 8))
 STEPS = {1: 100, 2: 60, 3: 60, 4: 40, 6: 20, 8: 14}
 
@@ -94,7 +101,13 @@ def test_order_on_an_ellipse(method: lm.Method) -> None:
 def test_pendulum_against_elliptic_functions() -> None:
     system = lm.Pendulum(gravity=1.0)
     sample = next(s for s in PENDULUM["samples"] if float(s["t"]) == 1.0)
-    run = plain(system, lm.Splitting(order=8), system.state(float(PENDULUM["q0"]), float(PENDULUM["p0"])), 0.1, 10)
+    run = plain(
+        system,
+        lm.Splitting(order=8),
+        system.state(float(PENDULUM["q0"]), float(PENDULUM["p0"])),
+        0.1,
+        10,
+    )
     assert abs(run.q[-1, 0] - float(sample["q"])) <= 2e-13
     assert abs(run.p[-1, 0] - float(sample["p"])) <= 2e-13
 
@@ -133,11 +146,16 @@ def test_positions_obey_stormers_recursion() -> None:
     """q_n+1 - 2 q_n + q_n-1 = h^2 f(q_n)."""
     run = plain(GALAXY, lm.StormerVerlet(), STAR, 0.1, 20)
     middle = run.q[1:-1]
-    assert np.abs(run.q[2:] - 2 * middle + run.q[:-2] - 0.01 * GALAXY.force(middle, 0 * middle)).max() < 1e-15
+    assert (
+        np.abs(run.q[2:] - 2 * middle + run.q[:-2] - 0.01 * GALAXY.force(middle, 0 * middle)).max()
+        < 1e-15
+    )
 
 
 def test_symplectic_euler_is_the_hamilton_jacobi_method_of_order_1() -> None:
-    for ours, theirs in zip(EULERS, (lm.HamiltonJacobi(order=1, adjoint=True), lm.HamiltonJacobi(order=1)), strict=True):
+    for ours, theirs in zip(
+        EULERS, (lm.HamiltonJacobi(order=1, adjoint=True), lm.HamiltonJacobi(order=1)), strict=True
+    ):
         a, b = (plain(GALAXY, method, STAR, 0.1, 5) for method in (ours, theirs))
         assert np.abs(a.q[-1] - b.q[-1]).max() < 1e-15
         assert np.abs(a.p[-1] - b.p[-1]).max() < 1e-15
@@ -185,7 +203,9 @@ def test_the_modified_energy_of_an_oscillator_is_constant() -> None:
         kept = run.p**2 + 9.0 * run.q**2 * (1.0 - 2.25 * h * h)
         assert np.ptp(kept) < 1e-12 * np.abs(run.p).max() ** 2
     assert np.abs(run.q).max() < 100.0
-    assert np.abs(plain(system, lm.StormerVerlet(), system.state(1.0, 0.5), 0.67, 200).q).max() > 1e6
+    assert (
+        np.abs(plain(system, lm.StormerVerlet(), system.state(1.0, 0.5), 0.67, 200).q).max() > 1e6
+    )
 
 
 @pytest.mark.parametrize("method", [*EULERS, *VERLETS, *QUADRATIC, lm.Splitting(order=3)], ids=repr)
@@ -201,21 +221,45 @@ def test_native_lanes_and_plain_are_one() -> None:
     q = np.linspace(0.05, 0.2, 10)[:, None] * [1.0, -0.7]
     many = GALAXY.state(q, [0.3, 0.1])
     for method in (lm.StormerVerlet(), lm.Splitting(order=6)):
-        native, python = (lm.integrate(GALAXY, method, many, h=0.1, steps=30, compiled=c) for c in (True, False))
+        native, python = (
+            lm.integrate(GALAXY, method, many, h=0.1, steps=30, compiled=c) for c in (True, False)
+        )
         assert same_bits(native.q, python.q)
         assert same_bits(native.p, python.p)
-        alone = lm.integrate(GALAXY, method, GALAXY.state(q[7], [0.3, 0.1]), h=0.1, steps=30, compiled=True)
+        alone = lm.integrate(
+            GALAXY, method, GALAXY.state(q[7], [0.3, 0.1]), h=0.1, steps=30, compiled=True
+        )
         assert same_bits(native.q[:, 7], alone.q)
 
 
 def test_compensated_sums_find_the_way_back() -> None:
     """A thousand steps and a thousand back: to the last bit with compensation, not without."""
     there = [
-        lm.integrate(GALAXY, lm.StormerVerlet(), STAR, h=0.1, steps=1000, every=1000, compiled=False, compensated=c)
+        lm.integrate(
+            GALAXY,
+            lm.StormerVerlet(),
+            STAR,
+            h=0.1,
+            steps=1000,
+            every=1000,
+            compiled=False,
+            compensated=c,
+        )
         for c in (False, True)
     ]
     missed = [
-        np.abs(lm.integrate(GALAXY, lm.StormerVerlet(), run.last, h=-0.1, steps=1000, compiled=False, compensated=c).q[-1] - Q)
+        np.abs(
+            lm.integrate(
+                GALAXY,
+                lm.StormerVerlet(),
+                run.last,
+                h=-0.1,
+                steps=1000,
+                compiled=False,
+                compensated=c,
+            ).q[-1]
+            - Q
+        )
         for run, c in zip(there, (False, True), strict=True)
     ]
     assert missed[1].max() < 1e-15
@@ -230,7 +274,9 @@ def test_derivatives_that_nobody_wrote_are_those_in_closed_form(rng: np.random.G
         q, p = (lm.Vec.of(x) for x in rng.normal(size=(2, system.degrees)).tolist())
         for name in ("velocity", "force"):
             derived = getattr(lm.SeparableSystem, name)(system, q, p)
-            assert np.allclose(np.array(derived), np.array(getattr(system, name)(q, p)), rtol=1e-14, atol=1e-15)
+            assert np.allclose(
+                np.array(derived), np.array(getattr(system, name)(q, p)), rtol=1e-14, atol=1e-15
+            )
         assert system.energy(q, p) == system.kinetic(p) + system.potential(q)
 
 
@@ -252,18 +298,27 @@ def test_a_quadratic_kinetic_energy_is_told_by_its_formula() -> None:
         def kinetic(self, p: lm.Vec) -> float:
             return 0.0
 
-    assert all(s.quadratic for s in (GALAXY, PLANETS, lm.Pendulum(), Oscillator(1.0), Free(1.0), Massive(1.0, [[2.0]])))
+    assert all(
+        s.quadratic
+        for s in (GALAXY, PLANETS, lm.Pendulum(), Oscillator(1.0), Free(1.0), Massive(1.0, [[2.0]]))
+    )
     assert not any(s.quadratic for s in (Relativistic(), Relativistic(3e8), Quartic(1.0)))
 
 
 def test_refusals_say_what_to_do() -> None:
     double = lm.DoublePendulum()
     for method in (lm.StormerVerlet(), lm.SymplecticEuler(), lm.Splitting(order=4)):
-        with pytest.raises(IncompatibleSystem, match=r"needs a SeparableSystem.*write kinetic\(p\).*HamiltonJacobi"):
+        with pytest.raises(
+            IncompatibleSystem, match=r"needs a SeparableSystem.*write kinetic\(p\).*HamiltonJacobi"
+        ):
             lm.integrate(double, method, double.state([1.0, 1.0], [0.0, 0.0]), h=0.1, steps=1)
-        with pytest.raises(IncompatibleSystem, match="needs a SeparableSystem.*RKMK accepts every system"):
+        with pytest.raises(
+            IncompatibleSystem, match=r"needs a SeparableSystem.*RKMK accepts every system"
+        ):
             method.require(lm.RigidBody([1.0, 1.5, 2.0]))
-    with pytest.raises(IncompatibleSystem, match=r"second degree.*Splitting\(order=6, quadratic=False\)"):
+    with pytest.raises(
+        IncompatibleSystem, match=r"second degree.*Splitting\(order=6, quadratic=False\)"
+    ):
         lm.Splitting(order=6).require(Relativistic())
     with pytest.raises(IncompatibleSystem, match=r"in a field.*StormerVerlet"):
         lm.KickDrift().require(PLANETS)
@@ -288,7 +343,11 @@ def test_refusals_say_what_to_do() -> None:
         (lambda: lm.KickDrift(tableau=RUTH3), InvalidInput, "must be symmetric"),
         (lambda: SplittingTableau.of(suzuki(4)), InvalidInput, "is for order 4"),
         (lambda: lm.Splitting(order=4).tableau.exchanged, InvalidInput, "cannot be exchanged"),
-        (lambda: SplittingTableau("spoilt", 4, RUTH3.kicks, RUTH3.drifts, symmetric=False), LawViolation, "is of order 3"),
+        (
+            lambda: SplittingTableau("spoilt", 4, RUTH3.kicks, RUTH3.drifts, symmetric=False),
+            LawViolation,
+            "is of order 3",
+        ),
     ],
 )
 def test_what_cannot_be_meant(make: object, error: type[Exception], words: str) -> None:
@@ -298,10 +357,26 @@ def test_what_cannot_be_meant(make: object, error: type[Exception], words: str) 
 
 def test_faces() -> None:
     for method in (*EULERS, *VERLETS, *QUADRATIC, *GENERAL):
-        assert eval(repr(method), {name: getattr(lm, name) for name in ("Splitting", "StormerVerlet", "SymplecticEuler")}) == method
+        assert (
+            eval(
+                repr(method),
+                {
+                    name: getattr(lm, name)
+                    for name in ("Splitting", "StormerVerlet", "SymplecticEuler")
+                },
+            )
+            == method
+        )
         assert method.symplectic
         assert method.symmetric == (method.order not in (1, 3))
     assert STRANG.exchanged.exchanged.kicks == STRANG.kicks
     assert STRANG.exchanged.exchanged.drifts == STRANG.drifts
-    assert [lm.Splitting(order=p).tableau.stages for p in (1, 2, 3, 4, 6, 8)] == [1, 1, 3, 6, 11, 19]
+    assert [lm.Splitting(order=p).tableau.stages for p in (1, 2, 3, 4, 6, 8)] == [
+        1,
+        1,
+        3,
+        6,
+        11,
+        19,
+    ]
     assert [lm.Splitting(order=p, quadratic=False).tableau.stages for p in (4, 6, 8)] == [6, 10, 17]

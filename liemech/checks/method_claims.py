@@ -62,7 +62,9 @@ class Trial:
     time: float
     compiled: bool | None
 
-    def run(self, steps: int, h: float, start: Any = None, method: Any = None, t0: float = 0.0) -> Any:
+    def run(
+        self, steps: int, h: float, start: Any = None, method: Any = None, t0: float = 0.0
+    ) -> Any:
         """The trajectory of some steps; raises what `integrate` raises."""
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -96,7 +98,10 @@ class Trial:
     def distances(self, a: dict[str, np.ndarray], b: dict[str, np.ndarray]) -> dict[str, float]:
         """How far parts of two states differ, relative to their size here and at the start."""
         first = parts(self.start)
-        return {name: size(a[name] - b[name]) / (max(size(b[name]), size(first[name])) or 1.0) for name in b}
+        return {
+            name: size(a[name] - b[name]) / (max(size(b[name]), size(first[name])) or 1.0)
+            for name in b
+        }
 
     @cached_property
     def errors(self) -> list[tuple[int, dict[str, float]]]:
@@ -117,7 +122,11 @@ class Trial:
 
     def _settled(self, found: list[tuple[int, dict[str, float]]]) -> bool:
         """Have the errors of all parts begun to fall by one power of the step?"""
-        if len(found) < 5 or max(found[-1][1].values()) > 1e-3 or min(min(error.values()) for _, error in found[-4:]) == 0.0:
+        if (
+            len(found) < 5
+            or max(found[-1][1].values()) > 1e-3
+            or min(min(error.values()) for _, error in found[-4:]) == 0.0
+        ):
             return False
         series = [[(n, error[name]) for n, error in found[-4:]] for name in found[-1][1]]
         return all(abs(slope(errors[1:]) - slope(errors[:-1])) <= SETTLED for errors in series)
@@ -125,8 +134,13 @@ class Trial:
     def visible(self, name: str) -> list[tuple[int, float]]:
         """Numbers of steps and errors of a part, or of "all", between nonsense and rounding."""
         doubt = self.exact[1]
-        found = [(n, math.hypot(*error.values()) if name == "all" else error[name]) for n, error in self.errors]
-        nonsense = 0.1 if found[-1][1] <= 0.1 else math.inf  # what does not come down to sense has its order too
+        found = [
+            (n, math.hypot(*error.values()) if name == "all" else error[name])
+            for n, error in self.errors
+        ]
+        nonsense = (
+            0.1 if found[-1][1] <= 0.1 else math.inf
+        )  # what does not come down to sense has its order too
         return [(n, e) for n, e in found if 30.0 * doubt < e <= nonsense]
 
     def slope(self, name: str) -> float:
@@ -147,7 +161,9 @@ class Trial:
                     return h, there, self.run(WAY, -h, there.last, t0=WAY * h)
                 except IntegrationFailure:
                     continue
-        raise InvalidInput(f"check_method: {self.method!r} made no sensible step on {self.system!r}; give a smaller h")
+        raise InvalidInput(
+            f"check_method: {self.method!r} made no sensible step on {self.system!r}; give a smaller h"
+        )
 
     @property
     def h(self) -> float:
@@ -174,19 +190,25 @@ def order(trial: Trial) -> Observation:
     p, formula = trial.method.order, "error = O(h^p) on a nonlinear motion"
     found = {name: trial.slope(name) for name in parts(trial.start)}
     whole = trial.slope("all")
-    text = ", ".join(f"{name} {'exact' if math.isinf(q) else f'{q:.2f}'}" for name, q in found.items())
+    text = ", ".join(
+        f"{name} {'exact' if math.isinf(q) else f'{q:.2f}'}" for name, q in found.items()
+    )
     if math.isnan(whole):
         few = "too few errors between 0.1 and rounding; give another h"
         return Observation("order", formula, "not seen", observed=text, wanted=f"{p}", remark=few)
     good = whole >= p - MISSING and not any(q < p - 2.0 * MISSING for q in found.values())
-    return Observation("order", formula, "holds" if good else "broken", observed=text, wanted=f"{p}")
+    return Observation(
+        "order", formula, "holds" if good else "broken", observed=text, wanted=f"{p}"
+    )
 
 
 def way_back(trial: Trial) -> Observation:
     """Some steps with h, as many with -h from where they lead."""
     home = parts(trial.journey[2].last)
     defect = max(trial.distances(home, parts(trial.start)).values())
-    return _exactly("symmetric", "Phi_-h = Phi_h^-1: the way back", trial.method.symmetric, defect, EXACT)
+    return _exactly(
+        "symmetric", "Phi_-h = Phi_h^-1: the way back", trial.method.symmetric, defect, EXACT
+    )
 
 
 def bracket(trial: Trial, charts: Charts, name: str, formula: str, claimed: bool) -> Observation:
@@ -207,7 +229,9 @@ def kept(trial: Trial, keeps: tuple[str, ...]) -> Iterator[Observation]:
     for name in keeps:
         if not any(constant.name.startswith(name) for constant in drift.kept):
             known = ", ".join(constant.name for constant in drift.kept) or "none"
-            raise InvalidInput(f"check_method: keeps names {name!r}, which is no constant of this motion; known are: {known}")
+            raise InvalidInput(
+                f"check_method: keeps names {name!r}, which is no constant of this motion; known are: {known}"
+            )
 
 
 def equivariance(trial: Trial) -> Observation:
@@ -215,11 +239,18 @@ def equivariance(trial: Trial) -> Observation:
     group, g = trial.system.group, trial.start.g
     units = Units(group)
     k = group.exp(units.of_length(np.cos(1.0 + np.arange(group.dim)), 1.0))
-    turned = trial.system.state(np.asarray(trial.start.mu), np.asarray(group.compose(k, small(np.asarray(g)))))
+    turned = trial.system.state(
+        np.asarray(trial.start.mu), np.asarray(group.compose(k, small(np.asarray(g))))
+    )
     a, b = trial.journey[1], trial.run(WAY, trial.h, turned)
-    wanted = {"mu": np.asarray(a.last.mu), "g": np.asarray(group.compose(k, small(np.asarray(a.last.g))))}
+    wanted = {
+        "mu": np.asarray(a.last.mu),
+        "g": np.asarray(group.compose(k, small(np.asarray(a.last.g)))),
+    }
     defect = max(trial.distances(parts(b.last), wanted).values()) / (1.0 + size(k))
-    return _exactly("equivariance", "from k g it goes to k g', with the same mu", True, defect, EXACT)
+    return _exactly(
+        "equivariance", "from k g it goes to k g', with the same mu", True, defect, EXACT
+    )
 
 
 def native_code(trial: Trial) -> Observation:
@@ -228,11 +259,16 @@ def native_code(trial: Trial) -> Observation:
     formula = "the same bits as plain Python"
     if reason:
         return Observation("native code", formula, "not there", remark=reason)
-    runs = [Trial(trial.method, trial.system, trial.start, trial.time, compiled).run(3, trial.h) for compiled in (True, False)]
+    runs = [
+        Trial(trial.method, trial.system, trial.start, trial.time, compiled).run(3, trial.h)
+        for compiled in (True, False)
+    ]
     a, b = (parts(run.last) for run in runs)
     same = all(np.array_equal(a[name], b[name]) for name in a)
     observed = "the same" if same else f"different by {max(trial.distances(a, b).values()):.1e}"
-    return Observation("native code", formula, "holds" if same else "broken", observed=observed, wanted="the same")
+    return Observation(
+        "native code", formula, "holds" if same else "broken", observed=observed, wanted="the same"
+    )
 
 
 def _exactly(law: str, formula: str, claimed: bool, defect: float, roundings: float) -> Observation:
@@ -240,7 +276,13 @@ def _exactly(law: str, formula: str, claimed: bool, defect: float, roundings: fl
     bound = roundings * ROUNDING
     good = defect <= bound
     verdict = ("holds" if good else "broken") if claimed else ("seen" if good else "not seen")
-    return Observation(law, formula, verdict, observed=f"{defect:.1e}", wanted=f"below {bound:.1e}" if claimed else "no claim")
+    return Observation(
+        law,
+        formula,
+        verdict,
+        observed=f"{defect:.1e}",
+        wanted=f"below {bound:.1e}" if claimed else "no claim",
+    )
 
 
 # ---------------------------------------------------------------- coordinates of phase space
@@ -262,7 +304,10 @@ class Charts:
     def units(self) -> np.ndarray:
         """What counts as a unit of each coordinate."""
         if isinstance(self.system, HamiltonianSystem):
-            v, f = (size(x(self.begin.q, self.begin.p)) for x in (self.system.velocity, self.system.force))
+            v, f = (
+                size(x(self.begin.q, self.begin.p))
+                for x in (self.system.velocity, self.system.force)
+            )
             q, p, speed = size(self.begin.q), size(self.begin.p), pace(self.system, 0.0, self.begin)
             n = self.system.degrees
             return np.repeat([max(q, v / speed), max(p, f / speed)], n)
@@ -275,7 +320,11 @@ class Charts:
     @property
     def group(self) -> Any:
         """The configurations."""
-        return self.system.configurations if isinstance(self.system, MechanicalSystem) else self.system.group
+        return (
+            self.system.configurations
+            if isinstance(self.system, MechanicalSystem)
+            else self.system.group
+        )
 
     def displaced(self, x: np.ndarray) -> dict[str, np.ndarray]:
         """The state with these coordinates about the start."""
@@ -292,10 +341,13 @@ class Charts:
     def coordinates(self, about: Any, state: dict[str, np.ndarray]) -> np.ndarray:
         """The coordinates of a state about another one."""
         if isinstance(self.system, HamiltonianSystem):
-            return np.concatenate([state["q"] - flat(about.q), state["p"] - flat(about.p)]) / self.units
+            return (
+                np.concatenate([state["q"] - flat(about.q), state["p"] - flat(about.p)])
+                / self.units
+            )
         change = state["mu"] - flat(about.mu)
         if not self.whole:
-            return change / self.units  # type: ignore[no-any-return]
+            return change / self.units
         g = self.group.log(self.group.compose(self.group.inverse(about.g), small(state["g"])))
         return np.concatenate([flat(g), change]) / self.units
 
@@ -316,11 +368,20 @@ class Charts:
         shifts = [k * APART * e for e in np.eye(n) for k in range(-4, 5)]
         starts = [self.displaced(x) for x in shifts]
         names = [*starts[0]]
-        many = self.system.state(**{name: np.stack([start[name] for start in starts]) for name in names})
+        many = self.system.state(
+            **{name: np.stack([start[name] for start in starts]) for name in names}
+        )
         last = parts(trial.run(1, trial.h, many).last)
-        end = type(self.begin)(**{name: small(last[name][4]) for name in names})  # 4: the middle of the first nine, no shift
-        found = [self.coordinates(end, {name: last[name][i] for name in names}) for i in range(len(starts))]
-        columns = [sum(w * found[9 * j + k] for k, w in enumerate(CENTRAL)) / APART for j in range(n)]
+        end = type(self.begin)(
+            **{name: small(last[name][4]) for name in names}
+        )  # 4: the middle of the first nine, no shift
+        found = [
+            self.coordinates(end, {name: last[name][i] for name in names})
+            for i in range(len(starts))
+        ]
+        columns = [
+            sum(w * found[9 * j + k] for k, w in enumerate(CENTRAL)) / APART for j in range(n)
+        ]
         return end, np.stack(columns, axis=1)
 
 
@@ -334,9 +395,17 @@ def claims(trial: Trial, keeps: tuple[str, ...], native: bool) -> Iterator[Obser
         yield bracket(trial, Charts(system, start, False), "Poisson", formula, symplectic)
     if isinstance(system, (LiePoissonSystem, MechanicalSystem)) and start.g is not None:
         claimed = symplectic and isinstance(system, MechanicalSystem)
-        yield bracket(trial, Charts(system, start, True), "symplectic", "the same on T*G, with the elements", claimed)
+        yield bracket(
+            trial,
+            Charts(system, start, True),
+            "symplectic",
+            "the same on T*G, with the elements",
+            claimed,
+        )
     if isinstance(system, HamiltonianSystem):
-        yield bracket(trial, Charts(system, start, True), "symplectic", "Phi' J Phi'^T = J", symplectic)
+        yield bracket(
+            trial, Charts(system, start, True), "symplectic", "Phi' J Phi'^T = J", symplectic
+        )
     yield from kept(trial, keeps)
     if isinstance(system, LiePoissonSystem) and start.g is not None:
         yield equivariance(trial)

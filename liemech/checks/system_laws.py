@@ -1,4 +1,4 @@
-"""The laws of a system: gradients belong to energies, Lagrangians to Hamiltonians, forces to potentials, and constants are constant."""
+"""The laws of a system: derivatives belong to energies, Lagrangians to Hamiltonians, constants stay."""
 
 from __future__ import annotations
 
@@ -31,8 +31,7 @@ CLOSE = 4096.0
 def derived(f: Callable[[Any], Any], x: Any) -> tuple[np.ndarray, float]:
     """df/dx by derivative numbers, or by differences of a formula that does not bear them; and by what these enlarge rounding."""
     try:
-        found = jacobian(f, x) if isinstance(f(x), (tuple, list)) else gradient(f, x)
-        return np.asarray(found, dtype=float), 1.0
+        return np.asarray(jacobian(f, x) if isinstance(f(x), (tuple, list)) else gradient(f, x), dtype=float), 1.0
     except TypeError:
         unit = STEP * (size(x) or 1.0)
         columns = [slope(lambda s, e=e: f(vec(*(flat(x) + s * e))), unit) for e in np.eye(len(x))]  # type: ignore[misc]
@@ -83,7 +82,13 @@ def hessian_of_lagrangian(system: LiePoissonSystem, at: AtState) -> Iterator[Sam
     yield _matches(np.diag(given) if given.ndim == 1 else given, _lagrangian(system).momentum, xi)
 
 
-@axiom(BODY, "Legendre transform", "mu = dl/dxi at xi = dH/dmu, and H(mu) + l(xi) = <mu, xi>", optional=True, slack=CLOSE)
+@axiom(
+    BODY,
+    "Legendre transform",
+    "mu = dl/dxi at xi = dH/dmu, and H(mu) + l(xi) = <mu, xi>",
+    optional=True,
+    slack=CLOSE,
+)
 def legendre(system: LiePoissonSystem, at: AtState) -> Iterator[Same]:
     mu, xi, l = at.state.mu, system.velocity(at.state.mu), _lagrangian(system)
     yield Same(l.momentum(xi), mu, size(mu), lambda: factors(flat(mu)))
@@ -96,7 +101,9 @@ def casimirs(system: LiePoissonSystem, at: AtState) -> Iterator[Same]:
     mu = at.state.mu
     slopes, rounding = derived(system.group.casimirs, mu)
     for row in slopes.reshape(-1, len(mu)):
-        yield Same(system.group.ad_star(vec(*row.tolist()), mu), 0.0 * mu, rounding * size(row) * size(mu))
+        yield Same(
+            system.group.ad_star(vec(*row.tolist()), mu), 0.0 * mu, rounding * size(row) * size(mu)
+        )
 
 
 def _lagrangian(system: LiePoissonSystem) -> Lagrangian:
@@ -117,7 +124,9 @@ def force_of_potential(system: MechanicalSystem, at: AtState) -> Iterator[Same]:
     yield _matches(V.force(group, g), lambda eta: V.energy(group.compose_exp(g, eta)), rest, -1.0)
 
 
-@axiom(FIELD, "load", "a vector of dim finite numbers, and dE/dt = <F, xi>", optional=True, slack=CLOSE)
+@axiom(
+    FIELD, "load", "a vector of dim finite numbers, and dE/dt = <F, xi>", optional=True, slack=CLOSE
+)
 def load(system: MechanicalSystem, at: AtState) -> Iterator[Same]:
     if system.load is None:
         raise NotDefined("there is no load")
@@ -148,7 +157,12 @@ def force_of_energy(system: HamiltonianSystem, at: AtState) -> Iterator[Same]:
     yield _matches(system.force(q, p), lambda x: system.energy(x, p), q, -1.0)
 
 
-@axiom(CANONICAL, "quadratic kinetic energy", "velocity(q, p) is of first degree in p, if `quadratic` says so", slack=CLOSE)
+@axiom(
+    CANONICAL,
+    "quadratic kinetic energy",
+    "velocity(q, p) is of first degree in p, if `quadratic` says so",
+    slack=CLOSE,
+)
 def quadratic(system: HamiltonianSystem, at: AtState) -> Iterator[Same]:
     if isinstance(system, SeparableSystem) and system.quadratic:
         q, p = at.state.q, at.state.p
@@ -161,7 +175,13 @@ def quadratic(system: HamiltonianSystem, at: AtState) -> Iterator[Same]:
 KEPT: list[Law] = []
 
 
-@axiom(KEPT, "constants", "d/dt C = 0 along the motion, for all that `constants` names", optional=True, slack=CLOSE)
+@axiom(
+    KEPT,
+    "constants",
+    "d/dt C = 0 along the motion, for all that `constants` names",
+    optional=True,
+    slack=CLOSE,
+)
 def constants(system: Any, at: AtState) -> Iterator[Same]:
     values = [_constants(system, state) for state in at.nearby]
     if not values[0]:
@@ -173,7 +193,9 @@ def constants(system: Any, at: AtState) -> Iterator[Same]:
 
 def _constants(system: Any, state: Any) -> dict[str, Any]:
     """The constants at one state."""
-    return system.constants({name: np.asarray(x)[None] for name, x in state.parts.items() if x is not None})  # type: ignore[no-any-return]
+    return system.constants(
+        {name: np.asarray(x)[None] for name, x in state.parts.items() if x is not None}
+    )
 
 
 # ---------------------------------------------------------------- native code
@@ -186,9 +208,14 @@ def native_code(system: Any, at: AtState) -> Iterator[Same]:
     reason = kernel.available()
     if reason:
         raise NotDefined(reason)
-    start = system.state(**{name: np.asarray(x) for name, x in at.state.parts.items() if x is not None})
+    start = system.state(
+        **{name: np.asarray(x) for name, x in at.state.parts.items() if x is not None}
+    )
     h = 0.1 / (at.pace or 1.0)
-    runs = [integrate(system, RKMK(order=4), start, h=h, steps=2, compiled=c, progress=False) for c in (True, False)]
+    runs = [
+        integrate(system, RKMK(order=4), start, h=h, steps=2, compiled=c, progress=False)
+        for c in (True, False)
+    ]
     for name, x in runs[0].last.parts.items():
         if x is not None:
             yield Same(flat(x), flat(runs[1].last.parts[name]), 0.0)
@@ -203,7 +230,15 @@ def laws_of(system: Any) -> Iterator[tuple[list[Law], Any, Callable[[str], bool]
     if isinstance(system, MechanicalSystem):
         yield FIELD, system, partial(replaced, system.potential, Potential)
     if isinstance(system, HamiltonianSystem):
-        yield CANONICAL, system, partial(replaced, system, SeparableSystem if isinstance(system, SeparableSystem) else HamiltonianSystem)
+        yield (
+            CANONICAL,
+            system,
+            partial(
+                replaced,
+                system,
+                SeparableSystem if isinstance(system, SeparableSystem) else HamiltonianSystem,
+            ),
+        )
     yield KEPT, system, lambda name: True
 
 
@@ -212,5 +247,3 @@ def _written(body: LiePoissonSystem, name: str) -> bool:
     if name == "gradient":
         return replaced(body.hamiltonian, Hamiltonian, name)
     return body.lagrangian is None or replaced(body.lagrangian, Lagrangian, name)
-
-

@@ -38,7 +38,7 @@ class AtState:
 
     @property
     def dim(self) -> int:
-        return self.system.group.dim  # type: ignore[no-any-return]
+        return self.system.group.dim
 
     @cached_property
     def rate(self) -> Any:
@@ -67,7 +67,11 @@ class AtState:
         return np.asarray(found), max(map(size, values)) / self.unit
 
     def __str__(self) -> str:
-        parts = (f"{n} = ({', '.join(f'{c:.3g}' for c in flat(x)[:6])})" for n, x in self.state.parts.items() if x is not None)
+        parts = (
+            f"{n} = ({', '.join(f'{c:.3g}' for c in flat(x)[:6])})"
+            for n, x in self.state.parts.items()
+            if x is not None
+        )
         return f"{self.name}, {', '.join(parts)}"
 
 
@@ -75,7 +79,9 @@ def pace(system: Any, t: float, state: Any) -> float:
     """The rate of change relative to what changes, and of turning if the group turns: the inverse of a time."""
     rate = system.rate(t, state)
     group = system.group
-    found = max(size(group.ad(rate, e)) for e in np.eye(group.dim).tolist()) if group.dim <= 32 else 0.0
+    found = (
+        max(size(group.ad(rate, e)) for e in np.eye(group.dim).tolist()) if group.dim <= 32 else 0.0
+    )
     change, large = (flat(x) for x in system.deviation(state, rate))
     return max(float(found), float(np.linalg.norm(change)) / (float(np.linalg.norm(large)) or 1.0))
 
@@ -83,24 +89,37 @@ def pace(system: Any, t: float, state: Any) -> float:
 def system_places(system: System, states: State | None, seed: int) -> list[AtState]:
     """The given states, or random ones at which the formulas are defined; as many as are found."""
     if states is not None:
-        return [AtState(f"state {i}", system, state, 0.0) for i, state in enumerate(members(states))]
+        return [
+            AtState(f"state {i}", system, state, 0.0) for i, state in enumerate(members(states))
+        ]
     rng = np.random.default_rng(seed)
-    found = []
+    found: list[AtState] = []
     for _ in range(4 * PLACES):
         at = AtState("random", system, random_state(system, rng), float(rng.normal()))
         if len(found) < PLACES and _is_defined(at):
             found.append(at)
     if not found:
-        raise InvalidInput(f"check_system: {system!r} is not defined at random states; give some, states=system.state(...)")
+        raise InvalidInput(
+            f"check_system: {system!r} is not defined at random states; give some, states=system.state(...)"
+        )
     return found
 
 
 def members(states: State) -> list[Any]:
     """The members of an ensemble, or the one state, with small arrays."""
     if states.bodies is None:
-        return [type(states)(*(None if x is None else small(np.asarray(x)) for x in states.parts.values()))]
+        return [
+            type(states)(
+                *(None if x is None else small(np.asarray(x)) for x in states.parts.values())
+            )
+        ]
     rows = range(states.bodies)
-    return [type(states)(*(None if x is None else small(np.asarray(x[i])) for x in states.parts.values())) for i in rows]
+    return [
+        type(states)(
+            *(None if x is None else small(np.asarray(x[i])) for x in states.parts.values())
+        )
+        for i in rows
+    ]
 
 
 def random_state(system: Any, rng: np.random.Generator) -> Any:
@@ -114,7 +133,9 @@ def random_state(system: Any, rng: np.random.Generator) -> Any:
         return Position(small(np.asarray(system.group.random(rng))))
     if isinstance(system, HomogeneousEquation):
         return Point(small(np.asarray(system.action.random(rng))))
-    raise InvalidInput(f"check_system: how states of {system!r} are drawn is not known; give some, states=system.state(...)")
+    raise InvalidInput(
+        f"check_system: how states of {system!r} are drawn is not known; give some, states=system.state(...)"
+    )
 
 
 def _is_defined(at: AtState) -> bool:
@@ -132,4 +153,8 @@ def _energy(system: Any, state: Any) -> float:
     """The energy, of systems that have one."""
     if isinstance(system, LiePoissonSystem):
         return float(system.energy(state.mu))
-    return float(system.energy(*state.parts.values())) if isinstance(system, (MechanicalSystem, HamiltonianSystem)) else 0.0
+    return (
+        float(system.energy(*state.parts.values()))
+        if isinstance(system, (MechanicalSystem, HamiltonianSystem))
+        else 0.0
+    )

@@ -45,30 +45,34 @@ class SeparableSplitting(Method):
     @property
     def order(self) -> int:
         """That of the tableau."""
-        return self.tableau.order  # type: ignore[attr-defined, no-any-return]
+        return self.tableau.order  # type: ignore[attr-defined]
 
     @property
     def symmetric(self) -> bool:  # type: ignore[override]
         """As the tableau is."""
-        return self.tableau.symmetric  # type: ignore[attr-defined, no-any-return]
+        return self.tableau.symmetric  # type: ignore[attr-defined]
 
     def require(self, system: Any) -> None:
         """A separable system, whose kinetic energy the tableau accepts."""
         if not isinstance(system, SeparableSystem):
-            raise IncompatibleSystem(f"{self!r} needs a SeparableSystem, H = T(p) + V(q); {self._unsuitable(system)}")
+            raise IncompatibleSystem(
+                f"{self!r} needs a SeparableSystem, H = T(p) + V(q); {self._unsuitable(system)}"
+            )
         super().require(system)
         if self.tableau.quadratic and not system.quadratic:  # type: ignore[attr-defined]
             raise IncompatibleSystem(
-                f"{self!r} is of its order for a T(p) of second degree only, and the `kinetic` of {system!r} is not seen to be a "
-                f"polynomial of second degree. Splitting(order={self.order}, quadratic=False) is of this order for every T"
+                f"{self!r} is of its order for a T(p) of second degree only, and the `kinetic` of "
+                f"{system!r} is not seen to be a polynomial of second degree. "
+                f"Splitting(order={self.order}, quadratic=False) is of this order for every T"
             )
 
     def _unsuitable(self, system: Any) -> str:
         """Why a system is not separable, and what it is to be stepped with."""
         if isinstance(system, HamiltonianSystem):
             return (
-                f"{system!r} gives one energy(q, p). If that is a sum T(p) + V(q), derive from SeparableSystem and write kinetic(p) "
-                "and potential(q); if not, HamiltonJacobi(order=4) and RKMK(tableau=tableaus.gauss(2)) are symplectic for it"
+                f"{system!r} gives one energy(q, p). If that is a sum T(p) + V(q), derive from "
+                "SeparableSystem and write kinetic(p) and potential(q); if not, HamiltonJacobi(order=4) "
+                "and RKMK(tableau=tableaus.gauss(2)) are symplectic for it"
             )
         return f"got {system!r}. {getattr(system, 'instead', 'RKMK accepts every system')}"
 
@@ -87,7 +91,11 @@ class SeparableSplitting(Method):
         q, p = memory.state.q, memory.state.p
         for i, b in enumerate(tableau.kicks):
             if b != 0.0:
-                force = memory.force if i == 0 and tableau.carries_force else system.force(plain(q), plain(p))
+                force = (
+                    memory.force
+                    if i == 0 and tableau.carries_force
+                    else system.force(plain(q), plain(p))
+                )
                 p = p + (b * h) * force
             if i < len(tableau.drifts):
                 q = q + (tableau.drifts[i] * h) * system.velocity(plain(q), plain(p))
@@ -110,15 +118,24 @@ class Splitting(SeparableSplitting):
     142 (2002); Blanes, Casas and Escorihuela-Tomas, Appl. Numer. Math. 182 (2022).
     """
 
-    order: int = 2  # type: ignore[assignment]
+    order: int = 2
     tableau: SplittingTableau = None  # type: ignore[assignment]  # None: the one of this order
     quadratic: bool = True
 
     choices: ClassVar[dict[int, SplittingTableau]] = {
-        t.order: t for t in (SYMPLECTIC_EULER, STRANG, RUTH3, BLANES_MOAN4, BLANES_MOAN6_SHORT, BLANES_CASAS_ESCORIHUELA8)
+        t.order: t
+        for t in (
+            SYMPLECTIC_EULER,
+            STRANG,
+            RUTH3,
+            BLANES_MOAN4,
+            BLANES_MOAN6_SHORT,
+            BLANES_CASAS_ESCORIHUELA8,
+        )
     }
     general: ClassVar[dict[int, SplittingTableau]] = choices | {
-        t.order: t for t in (BLANES_MOAN4_GENERAL, BLANES_MOAN6_GENERAL, SplittingTableau.of(KAHAN_LI8))
+        t.order: t
+        for t in (BLANES_MOAN4_GENERAL, BLANES_MOAN6_GENERAL, SplittingTableau.of(KAHAN_LI8))
     }
 
     def __post_init__(self) -> None:
@@ -129,7 +146,9 @@ class Splitting(SeparableSplitting):
         if tableau is None:
             choices = self.choices if self.quadratic else self.general
             if type(self.order) is not int or self.order not in choices:
-                raise InvalidInput(f"Splitting: order is one of {sorted(choices)}, or give a tableau; got {self.order!r}")
+                raise InvalidInput(
+                    f"Splitting: order is one of {sorted(choices)}, or give a tableau; got {self.order!r}"
+                )
             tableau = choices[self.order]
         if not isinstance(tableau, SplittingTableau):
             raise InvalidType(f"Splitting: tableau must be a SplittingTableau; got {tableau!r}")
@@ -146,7 +165,9 @@ class Splitting(SeparableSplitting):
         order = self.tableau.order
         if self.tableau == self.choices.get(order):
             return f"Splitting(order={order})"
-        return f"Splitting({f'order={order}, quadratic=False' if self.tableau == self.general.get(order) else f'tableau={self.tableau!r}'})"
+        if self.tableau == self.general.get(order):
+            return f"Splitting(order={order}, quadratic=False)"
+        return f"Splitting(tableau={self.tableau!r})"
 
 
 @record
@@ -212,4 +233,6 @@ class SymplecticEuler(SeparableSplitting):
 def check_first(method: Any) -> None:
     """Refuse a method that begins with neither of the two."""
     if method.first not in ("kick", "drift"):
-        raise InvalidInput(f'{type(method).__name__}: first is "kick" or "drift"; got {method.first!r}')
+        raise InvalidInput(
+            f'{type(method).__name__}: first is "kick" or "drift"; got {method.first!r}'
+        )

@@ -26,7 +26,9 @@ class SeparableSystem(HamiltonianSystem):
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VI.1.2 and II.5.
     """
 
-    instead: ClassVar[str] = "StormerVerlet() and Splitting(order=4) are for it, RKMK accepts every system"
+    instead: ClassVar[str] = (
+        "StormerVerlet() and Splitting(order=4) are for it, RKMK accepts every system"
+    )
 
     def kinetic(self, p: Vec) -> float:
         """T(p).  p : (n,)."""
