@@ -395,6 +395,8 @@ def test_what_cannot_be_checked_is_said() -> None:
         check_method(lm.RKMK, body, start)  # type: ignore[arg-type]
     with pytest.raises(lm.errors.InvalidInput, match="ensemble of 2"):
         check_method(lm.RKMK(), body, body.state(np.ones((2, 3))))
+    with pytest.raises(lm.errors.InvalidInput, match=r"h = 100 is too long.*turns by a radian in"):
+        check_method(lm.RKMK(), body, start, h=100.0)
     with pytest.raises(lm.errors.InvalidInput, match="at rest"):
         check_method(lm.RKMK(), body, body.state([0.0, 0.0, 0.0]))
     with pytest.raises(lm.errors.IncompatibleSystem, match="SeparableSystem"):

@@ -28,6 +28,9 @@ from .report import Finding, Report
 from .system_laws import RUNS, laws_of
 from .system_places import members, pace, system_places
 
+LONGEST = 12.0
+"""The longest time over which an order is observed, in times in which the start changes by its size."""
+
 
 def check_group(group: LieGroup, *, native: bool = False, raises: bool = True, seed: int = 0) -> Report:
     """Does a group obey its laws, and do its closed forms agree with what follows from the laws?
@@ -135,6 +138,11 @@ def check_method(
     start = members(start)[0]
     speed = pace(system, 0.0, start)
     time = (1.5 / speed if speed > 0.0 else 0.0) if h is None else float(h)
+    if speed * abs(time) > LONGEST:
+        raise InvalidInput(
+            f"check_method: h = {time:g} is too long for an order to show; at the start the motion changes by its size or turns by "
+            f"a radian in {1.0 / speed:.3g}; give about that, or leave h out"
+        )
     if not math.isfinite(time) or time == 0.0:
         raise InvalidInput("check_method: the start is at rest, which tells nothing; give one that moves, or a step h")
     trial = Trial(method, system, start, time, compiled)

@@ -92,15 +92,18 @@ def system_places(system: System, states: State | None, seed: int) -> list[AtSta
         return [
             AtState(f"state {i}", system, state, 0.0) for i, state in enumerate(members(states))
         ]
-    rng = np.random.default_rng(seed)
+    rng, reason = np.random.default_rng(seed), ""
     found: list[AtState] = []
     for _ in range(4 * PLACES):
         at = AtState("random", system, random_state(system, rng), float(rng.normal()))
-        if len(found) < PLACES and _is_defined(at):
-            found.append(at)
+        if len(found) < PLACES:
+            undefined = why_undefined(at)
+            found += [] if undefined else [at]
+            reason = undefined or reason
     if not found:
         raise InvalidInput(
-            f"check_system: {system!r} is not defined at random states; give some, states=system.state(...)"
+            f"check_system: {system!r} is not defined at random states ({reason}); "
+            "give some, states=system.state(...)"
         )
     return found
 
@@ -138,15 +141,18 @@ def random_state(system: Any, rng: np.random.Generator) -> Any:
     )
 
 
-def _is_defined(at: AtState) -> bool:
-    """Are velocity and energy finite here?  Whatever else is wrong is left to the laws."""
+def why_undefined(at: AtState) -> str:
+    """Why velocity or energy have no value here; empty if they have, and if what is wrong is for the laws to tell."""
     try:
         with np.errstate(all="ignore"):
-            return bool(np.isfinite([*flat(at.rate), _energy(at.system, at.state)]).all())
+            values = [*flat(at.rate), _energy(at.system, at.state)]
+        return "" if np.isfinite(values).all() else f"velocity and energy are {values}"
+    except LiemechError:
+        return ""
     except (ArithmeticError, ValueError) as error:
-        return isinstance(error, LiemechError)
+        return f"{type(error).__name__}: {error}"
     except Exception:
-        return True
+        return ""
 
 
 def _energy(system: Any, state: Any) -> float:
