@@ -13,7 +13,7 @@ from scenes import same_bits
 
 import liemech as lm
 from liemech.errors import IncompatibleSystem, InvalidInput, InvalidType, LawViolation
-from liemech.formulas import record, sqrt, vec
+from liemech.formulas import cos, record, sin, sqrt, vec
 from liemech.tableaus import KAHAN_LI6, KAHAN_LI8, RUTH3, STRANG, SplittingTableau, suzuki
 
 PENDULUM = json.loads((Path(__file__).parent / "reference" / "pendulum.json").read_text())
@@ -264,6 +264,35 @@ def test_compensated_sums_find_the_way_back() -> None:
     ]
     assert missed[1].max() < 1e-15
     assert missed[0].max() > missed[1].max()
+
+
+def test_time_as_a_coordinate() -> None:
+    """A driven pendulum: time advances by h, orders are those of autonomous motions, H + e is constant up to the error."""
+
+    @record
+    class Swing(lm.SeparableSystem):
+        degrees: ClassVar[int] = 2
+
+        def kinetic(self, p: lm.Vec) -> float:
+            return 0.5 * p[0] ** 2 + p[1]
+
+        def potential(self, q: lm.Vec) -> float:
+            return -(1.0 + 0.4 * cos(2.0 * q[1])) * cos(q[0])
+
+    @record
+    class Driven(lm.GroupEquation):
+        def velocity(self, t: float, g: lm.Element) -> lm.Vec:
+            return vec(g[1], -(1.0 + 0.4 * cos(2.0 * t)) * sin(g[0]))
+
+    swing, driven, errors = Swing(), Driven(lm.VectorSpace(2)), []
+    exact = plain(driven, lm.RKMK(order=8), driven.state([1.0, 0.5]), 0.05, 40).g[-1]
+    assert swing.quadratic
+    for steps in (8, 16):
+        run = plain(swing, lm.Splitting(order=6), swing.state([1.0, 0.0], [0.5, 0.0]), 2.0 / steps, steps)
+        assert np.abs(run.q[:, 1] - run.t).max() < 1e-14
+        errors.append(np.hypot(run.q[-1, 0] - exact[0], run.p[-1, 0] - exact[1]))
+        assert np.ptp(run.energy) < 1e-4
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(6.0, abs=0.5)
 
 
 # ---------------------------------------------------------------- how a system says that it is separable
