@@ -185,7 +185,14 @@ def cases() -> Iterator[Any]:
                 continue
             fast = quick and (name == "galaxy" or is_quick(method, name))
             marks = [] if fast else [pytest.mark.slow]
-            yield pytest.param(method, name, False if fast else None, marks=marks, id=f"{method!r}-{name}")
+            yield pytest.param(method, name, None if is_dear(method) else False, marks=marks, id=f"{method!r}-{name}")
+
+
+def is_dear(method: lm.Method) -> bool:
+    """Is it worth compiling?"""
+    return isinstance(method, lm.FirstKindHamiltonJacobi) or (
+        isinstance(method, lm.LiePoissonHamiltonJacobi) and method.order > 4
+    )
 
 
 def is_quick(method: lm.Method, name: str) -> bool:
