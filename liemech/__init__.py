@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     from . import plots as plots
     from . import tableaus
     from . import viewer as viewer
-    from .checks import check_action, check_group, check_retraction
+    from .checks import check_action, check_group, check_method, check_retraction, check_system
     from .groups.actions import GroupAction, LeftMultiplication, LinearAction, SphereAction, TranslationAction
     from .groups.classical import GL, SL, SO, SU, Sp, U
     from .groups.coadjoint import CoadjointAction, coadjoint
@@ -72,6 +72,7 @@ if TYPE_CHECKING:
     from .integrators.midpoint import ImplicitMidpoint, Isospectral, SphericalMidpoint
     from .integrators.moser_veselov import ExactMoserVeselov, MoserVeselov
     from .integrators.rkmk import RKMK
+    from .integrators.separable import Splitting, StormerVerlet, SymplecticEuler
     from .integrators.splitting import ThreeRotations
     from .integrators.taylor import Taylor
     from .integrators.variational import CovariantVariational
@@ -92,10 +93,11 @@ if TYPE_CHECKING:
     from .systems.lie_poisson import BodyState, LiePoissonSystem
     from .systems.mechanical import MechanicalSystem
     from .systems.potential import Force, NoPotential, Potential
+    from .systems.separable import SeparableSystem
     from .tableaus.tableau import ButcherTableau
 
 _LATER = {
-    "checks": ("check_action", "check_group", "check_retraction"),
+    "checks": ("check_action", "check_group", "check_method", "check_retraction", "check_system"),
     "groups.actions": ("GroupAction", "LeftMultiplication", "LinearAction", "SphereAction", "TranslationAction"),
     "groups.classical": ("GL", "SL", "SO", "SU", "Sp", "U"),
     "groups.coadjoint": ("CoadjointAction", "coadjoint"),
@@ -123,6 +125,7 @@ _LATER = {
     "integrators.midpoint": ("ImplicitMidpoint", "Isospectral", "SphericalMidpoint"),
     "integrators.moser_veselov": ("ExactMoserVeselov", "MoserVeselov"),
     "integrators.rkmk": ("RKMK",),
+    "integrators.separable": ("Splitting", "StormerVerlet", "SymplecticEuler"),
     "integrators.splitting": ("ThreeRotations",),
     "integrators.taylor": ("Taylor",),
     "integrators.variational": ("CovariantVariational",),
@@ -144,6 +147,7 @@ _LATER = {
     "systems.lie_poisson": ("BodyState", "LiePoissonSystem"),
     "systems.mechanical": ("MechanicalSystem",),
     "systems.potential": ("Force", "NoPotential", "Potential"),
+    "systems.separable": ("SeparableSystem",),
     "tableaus": ("tableaus",),
     "tableaus.tableau": ("ButcherTableau",),
     "viewer": ("viewer",),
@@ -259,10 +263,14 @@ __all__ = [
     "RotationAction",
     "SO3Algebra",
     "SemidirectProduct",
+    "SeparableSystem",
     "Sp",
     "SphereAction",
     "SphericalMidpoint",
+    "Splitting",
     "State",
+    "StormerVerlet",
+    "SymplecticEuler",
     "System",
     "Taylor",
     "ThreeRotations",
@@ -275,7 +283,9 @@ __all__ = [
     "VectorSpace",
     "check_action",
     "check_group",
+    "check_method",
     "check_retraction",
+    "check_system",
     "coadjoint",
     "cross",
     "derivative",

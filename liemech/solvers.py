@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -64,9 +65,9 @@ def fixed_point(sweep: Callable[[Any], tuple[Any, float, float]], guess: Any, me
         if before > 0.0:
             ratio = change / before
             done = done or 16.0 * ratio * change <= EPSILON * size or (ratio >= 1.0 and change <= NOISE * size)
-        if done:
+        if done or not size < math.inf:  # iterates that grow without bound: no change is small beside infinity
             break
-    if not (done or change <= 64.0 * EPSILON * size):
+    if not (size < math.inf and (done or change <= 64.0 * EPSILON * size)):
         raise NoConvergence(
             f"{method!r}: the stages did not converge in {LIMIT} iterations, they still change by {change / size:.1e}. "
             f"The step h = {h:g} is too large for this motion; try {0.25 * h:g}"

@@ -1,9 +1,9 @@
-"""Does a class obey the laws it claims?  The axioms of groups, retractions and actions, one small function each.
+"""Does a class obey the laws it claims?  Groups, retractions, actions, systems and methods; one small function for each law.
 
-`check_group`, `check_retraction` and `check_action` go through the tables of laws, at several places, and report.
+The checks go through the tables of laws, at several places, and report.
 """
 
-from .check import check_action, check_group, check_retraction
-from .report import Finding, Report
+from .check import check_action, check_group, check_method, check_retraction, check_system
+from .report import Finding, Observation, Report
 
-__all__ = ["Finding", "Report", "check_action", "check_group", "check_retraction"]
+__all__ = ["Finding", "Observation", "Report", "check_action", "check_group", "check_method", "check_retraction", "check_system"]

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator
+import math
+from collections.abc import Iterable, Iterator
 from functools import partial
 from typing import Any
 
@@ -13,14 +14,22 @@ from ..errors import InvalidInput, InvalidType
 from ..formulas.broadcasting import small
 from ..groups.lie_algebra import LieAlgebra
 from ..groups.lie_group import LieGroup
+from ..integrators.method import Method
 from ..retractions import Cayley, Exponential, Retraction
+from ..systems.system import State, System
 from .action_laws import ACTION
 from .algebra_laws import ALGEBRA
 from .group_laws import GROUP, NATIVE, PLACE
 from .law import replaced, verdicts
 from .map_laws import CAYLEY, EXPONENTIAL, Map
+from .method_claims import Trial, claims
 from .places import At, places
 from .report import Finding, Report
+from .system_laws import RUNS, laws_of
+from .system_places import members, pace, system_places
+
+LONGEST = 12.0
+"""The longest time over which an order is observed, in times in which the start changes by its size."""
 
 
 def check_group(group: LieGroup, *, native: bool = False, raises: bool = True, seed: int = 0) -> Report:
@@ -58,6 +67,86 @@ def check_action(action: Any, points: Any = None, *, raises: bool = True, seed: 
         raise InvalidInput("check_action: points is empty; give at least one point of the space")
     where = [dataclasses.replace(at, point=small(np.asarray(some[i % len(some)]))) for i, at in enumerate(where)]
     return _finished(repr(action), verdicts(ACTION, action, where, lambda name: True), raises)
+
+
+def check_system(
+    system: System, states: State | None = None, *, native: bool = False, raises: bool = True, seed: int = 0
+) -> Report:
+    """Do the formulas of a system belong together?
+
+    Gradients are compared with energies, Lagrangians with Hamiltonians (the Legendre transform there and back), forces with
+    potentials, the power of a load with the change of energy; Casimirs must commute with all coordinates, and what `constants`
+    names must not change along the motion.  Formulas that follow from others are not looked at.
+
+    states : where to look, `system.state(...)`, one or an ensemble; left out, at random states of size one.
+    native : make two steps in native code too, and compare them bit by bit with plain Python.
+    raises : False returns the report on a broken system as well.
+    seed : of the random states.
+
+    Returns a Report, which prints as a table.  Raises LawViolation: the first law that is broken, where, by how much, what was
+    expected and, where that can be told, the slip.
+    """
+    _require("check_system: system", system, System)
+    if states is not None:
+        _require("check_system: states", states, State)
+
+    def findings() -> Iterator[Finding]:
+        where = system_places(system, states, seed)
+        for laws, subject, own in laws_of(system):
+            yield from verdicts(laws, subject, where, own)
+        yield from verdicts(RUNS if native else [], system, where, lambda name: True)
+
+    return _finished(repr(system), findings(), raises)
+
+
+def check_method(
+    method: Method,
+    system: System,
+    start: State,
+    *,
+    h: float | None = None,
+    keeps: Iterable[str] = (),
+    native: bool = False,
+    compiled: bool | None = None,
+    raises: bool = True,
+) -> Report:
+    """Is a method of the order that it claims, symmetric and symplectic if it says so, on this system from this start?
+
+    Observed are: the order, against RKMK of order 8; the way back, with -h from where steps with h lead; Phi' B Phi'^T - B(Phi) of
+    one step Phi, on momenta and on T*G, or on R^2n; the changes of what the system names as constant; and, for free bodies, that
+    the motion does not depend on where the body is.  Claims are compared with `order`, `symmetric` and `symplectic`; a symplectic
+    method must keep Casimirs too.  An observed order above the claim is no violation.
+
+    h : a large step, in s; the order is observed over the time h, in more and more steps.  Left out, it is 3/2 of the time in which
+    the start changes by its own size or turns by a radian.
+    keeps : names of constants that the method claims to keep to rounding, such as "spatial momentum"; beginnings of names will do.
+    native : make three steps in native code too, and compare them bit by bit with plain Python.
+    compiled : as in `integrate`, for all runs of the check.
+    raises : False returns the report on a method that breaks its claims as well.
+
+    Returns a Report, which prints as a table.  Raises LawViolation: the first claim that does not hold, the observed number and the
+    wanted one; IncompatibleSystem if the method does not accept the system.
+
+    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., II.1 (order), V.1 (symmetry), VII.4 (Poisson maps).
+    """
+    _require("check_method: method", method, Method)
+    _require("check_method: system", system, System)
+    _require("check_method: start", start, State)
+    method.require(system)
+    if start.bodies is not None:
+        raise InvalidInput(f"check_method: start is an ensemble of {start.bodies}; give one start")
+    start = members(start)[0]
+    speed = pace(system, 0.0, start)
+    time = (1.5 / speed if speed > 0.0 else 0.0) if h is None else float(h)
+    if speed * abs(time) > LONGEST:
+        raise InvalidInput(
+            f"check_method: h = {time:g} is too long for an order to show; at the start the motion changes by its size or turns by "
+            f"a radian in {1.0 / speed:.3g}; give about that, or leave h out"
+        )
+    if not math.isfinite(time) or time == 0.0:
+        raise InvalidInput("check_method: the start is at rest, which tells nothing; give one that moves, or a step h")
+    trial = Trial(method, system, start, time, compiled)
+    return _finished(f"{method!r} on {system!r}", claims(trial, tuple(keeps), native), raises)
 
 
 def _require(name: str, value: Any, kind: type) -> None:

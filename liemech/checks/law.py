@@ -16,7 +16,7 @@ import numpy as np
 
 from ..errors import IncompatibleSystem, LiemechError
 from ..formulas.broadcasting import bare
-from .places import At, flat
+from .places import flat
 from .report import ROUNDING, Finding
 
 SLACK = 16.0
@@ -63,7 +63,7 @@ class Law:
 
     name: str
     formula: str
-    sides: Callable[[Any, At], Iterable[Same]]
+    sides: Callable[[Any, Any], Iterable[Same]]
     closed: tuple[str, ...] = ()  # of interest only if the class has its own version of one of these
     optional: bool = False  # about methods that a class need not have
     once: bool = False  # says nothing about a place
@@ -73,7 +73,7 @@ class Law:
 def axiom(table: list[Law], name: str, formula: str, *closed: str, **options: Any) -> Callable[[Any], Any]:
     """Enter a function that compares both sides into a table of laws."""
 
-    def enter(sides: Callable[[Any, At], Iterable[Same]]) -> Callable[[Any, At], Iterable[Same]]:
+    def enter(sides: Callable[[Any, Any], Iterable[Same]]) -> Callable[[Any, Any], Iterable[Same]]:
         table.append(Law(name, formula, sides, closed, **options))
         return sides
 
@@ -85,7 +85,7 @@ def replaced(thing: Any, base: type, name: str) -> bool:
     return bare(getattr(type(thing), name, None)) is not bare(getattr(base, name, None))
 
 
-def verdicts(laws: Iterable[Law], subject: Any, where: Sequence[At], own: Callable[[str], bool]) -> Iterator[Finding]:
+def verdicts(laws: Iterable[Law], subject: Any, where: Sequence[Any], own: Callable[[str], bool]) -> Iterator[Finding]:
     """The laws in their order; those about methods that the class leaves to its base follow from the others."""
     for law in laws:
         if law.closed and not any(map(own, law.closed)):
@@ -94,11 +94,11 @@ def verdicts(laws: Iterable[Law], subject: Any, where: Sequence[At], own: Callab
             yield judge(law, subject, where)
 
 
-def judge(law: Law, subject: Any, where: Sequence[At]) -> Finding:
+def judge(law: Law, subject: Any, where: Sequence[Any]) -> Finding:
     """The worst of all places; a slip that explains one of them is kept."""
     worst = Finding(law.name, law.formula, "not there")
-    for at in where[-3:-2] if law.once else where:  # an axis
-        bound = law.slack * max(3, at.units.dim)
+    for at in [where[len(where) // 2]] if law.once else where:
+        bound = law.slack * max(3, at.dim)
         try:
             with np.errstate(all="ignore"):
                 for same in law.sides(subject, at):

@@ -178,6 +178,10 @@ class At:
         return self.units.group
 
     @property
+    def dim(self) -> int:
+        return self.units.dim
+
+    @property
     def axes(self) -> list[Vec]:
         return self.units.axes
 

@@ -23,9 +23,46 @@ class Finding:
     size: float = 0.0
     remark: str = ""
 
+    columns = f"{'law':<26} {'verdict':<9} {'worst defect, bound':<21} where"
+
     def __str__(self) -> str:
         worst = f"{self.defect:>9.2g} of {self.bound:<8.3g} {self.where}" if self.bound else ""
         return f"{self.law:<26} {self.verdict:<9} {worst}  {self.remark}".rstrip()
+
+    @property
+    def details(self) -> list[str]:
+        """What an error says of it, line by line."""
+        unit, lines = ROUNDING * self.size, []
+        if self.where:
+            lines.append(f"  where     {self.where}")
+        if self.bound:
+            lines.append(f"  defect    {self.defect * unit:.1e}, {self.defect:.2g} roundings")
+            lines.append(f"  expected  below {self.bound * unit:.1e}, {self.bound:.3g} roundings of {self.size:.2g}")
+        if self.remark:
+            lines.append(f"  {'probably' if self.bound else 'because '}  {self.remark}")
+        return lines
+
+
+@dataclass(frozen=True)
+class Observation(Finding):
+    """What came of one claim of a method: the number that was observed and the one that was wanted.
+
+    Of what a method does not claim the verdict is "seen" or "not seen".
+    """
+
+    observed: str = ""
+    wanted: str = ""
+
+    columns = f"{'law':<26} {'verdict':<9} {'observed':<34} wanted"
+
+    def __str__(self) -> str:
+        return f"{self.law:<26} {self.verdict:<9} {self.observed:<34} {self.wanted}  {self.remark}".rstrip()
+
+    @property
+    def details(self) -> list[str]:
+        """What an error says of it, line by line."""
+        lines = [f"  observed  {self.observed}", f"  wanted    {self.wanted}"]
+        return [*lines, f"  because   {self.remark}"] if self.remark else lines
 
 
 @dataclass(frozen=True)
@@ -33,7 +70,7 @@ class Report:
     """The verdict on each law; printed, a table.  Defects are in roundings (2^-52) of the size of what is compared.
 
     A law "holds" or is "broken"; it "follows" if the class leaves the method to its base; what a class lacks is "not there"; a
-    retraction that does not serve a group is "refused".
+    retraction that does not serve a group is "refused"; what a method does not claim is "seen" or "not seen".
     """
 
     subject: str
@@ -60,21 +97,13 @@ class Report:
 
     def __str__(self) -> str:
         broken = f"{len(self.broken)} broken" if self.broken else "none broken"
-        header = f"{'law':<26} {'verdict':<9} {'worst defect, bound':<21} where"
+        header = self.findings[0].columns
         return "\n".join([f"{self.subject}: {len(self.held)} laws hold, {broken}", header, *map(str, self.findings)])
 
     def violation(self) -> LawViolation:
         """The first broken law as an error: where, by how much, and the probable cause."""
         first, *others = self.broken
-        unit = ROUNDING * first.size
-        lines = [f"{self.subject} breaks the law of {first.law}: {first.formula}"]
-        if first.where:
-            lines.append(f"  where     {first.where}")
-        if first.bound:
-            lines.append(f"  defect    {first.defect * unit:.1e}, {first.defect:.2g} roundings")
-            lines.append(f"  expected  below {first.bound * unit:.1e}, {first.bound:.3g} roundings of {first.size:.2g}")
-        if first.remark:
-            lines.append(f"  {'probably' if first.bound else 'because '}  {first.remark}")
+        lines = [f"{self.subject} breaks the law of {first.law}: {first.formula}", *first.details]
         if others:
             lines.append(f"  also broken: {', '.join(f.law for f in others)}")
         return LawViolation("\n".join(lines))

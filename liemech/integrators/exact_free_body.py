@@ -39,6 +39,7 @@ from ..groups.vector_space import VectorSpace
 from ..retractions import Cayley
 from ..systems.kinetic_energy import KineticEnergy, times
 from ..systems.lie_poisson import BodyState
+from ..systems.mechanical import MechanicalSystem
 from .method import Method
 
 SHORT = 0.18
@@ -83,7 +84,7 @@ class ExactFreeBody(Method):
         reason = _why_not(system)
         if reason:
             others = "CovariantVariational(Exponential()) keeps the same structure, RKMK(order=8) and Taylor() are accurate"
-            instead = f"KickDrift({self!r}) splits the field off" if hasattr(system, "potential") else others
+            instead = f"KickDrift({self!r}) splits the field off" if isinstance(system, MechanicalSystem) else others
             raise IncompatibleSystem(f"{self!r} is the exact motion of a free rigid body; {system!r} is none, {reason}. {instead}")
 
     def step(self, system: Any, t: float, state: BodyState, h: float) -> BodyState:
@@ -208,7 +209,7 @@ def _with_flight(system: Any, x: Vec, mu: Vec, h: float) -> Vec:
 
 def _why_not(system: Any) -> str:
     """Why a system is not a free rigid body; empty if it is."""
-    if hasattr(system, "potential"):
+    if isinstance(system, MechanicalSystem):
         return "it is in a field"
     group, energy = getattr(system, "group", None), getattr(system, "hamiltonian", None)
     in_space = isinstance(group, SE3) or group == ProductGroup(SO3(), VectorSpace(3))

@@ -29,7 +29,7 @@ class Flight(Record):
 
 
 @record
-class Splitting(Method):
+class FieldSplitting(Method):
     """Kicks and drifts in turn, by a `tableau`, around the motion of a `free` method; abstract.
 
     A subclass has both, as fields or properties.
@@ -118,7 +118,7 @@ def _load(system: Any, t: float, mu: Vec, g: Any) -> Vec:
 
 
 @record
-class KickDrift(Splitting):
+class KickDrift(FieldSplitting):
     """Splitting of H = T + V: the field kicks, mu' = f(g) with g at rest, and the body drifts without it; both flows exactly.
 
     free : the motion without the field, a method for the free body; for orders above 2 one of at least that order.
@@ -156,6 +156,8 @@ class KickDrift(Splitting):
             tableau = self.choices[self.order]
         if not isinstance(tableau, SplittingTableau):
             raise InvalidType(f"KickDrift: tableau must be a SplittingTableau; got {tableau!r}")
+        if not tableau.symmetric:
+            raise InvalidInput(f"KickDrift: the tableau must be symmetric; got {tableau!r}")
         order = free.order  # type: ignore[attr-defined]
         if order < tableau.order:
             raise InvalidInput(

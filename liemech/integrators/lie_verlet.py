@@ -8,12 +8,12 @@ from typing import ClassVar
 from ..formulas import record
 from ..retractions import Exponential, Retraction
 from ..tableaus.splittings import STRANG, SplittingTableau
-from .kick_drift import Splitting
+from .kick_drift import FieldSplitting
 from .variational import CovariantVariational
 
 
 @record
-class LieVerlet(Splitting):
+class LieVerlet(FieldSplitting):
     """Algorithm 1 between two kicks, the discrete Euler-Lagrange equations of the sum of h l(xi_i) - h (V(g_i) + V(g_i+1))/2:
 
         m = mu_i + (h/2) f(g_i)                                                 half a kick

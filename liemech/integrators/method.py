@@ -63,8 +63,7 @@ class Method(Record):
         """
         if not isinstance(system, System):
             raise IncompatibleSystem(f"{self!r} needs a system such as RigidBody([1.0, 1.5, 2.0]); got {system!r}")
-        for_a_field = ", KickDrift and LieVerlet bodies in a field" if hasattr(system, "potential") else ""
-        instead = getattr(system, "instead", f"RKMK accepts every system{for_a_field}")
+        instead = getattr(system, "instead", "RKMK accepts every system")
         for need in self.needs:
             if getattr(system, need, None) is None:
                 raise IncompatibleSystem(f"{self!r} needs a system with a {need}; {system!r} has none. {instead}.")

@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import ClassVar
 
 from ..formulas import Vec, record, vec
-from ..systems.canonical import HamiltonianSystem
+from ..systems.separable import SeparableSystem
 
 
 @record
-class HenonHeiles(HamiltonianSystem):
+class HenonHeiles(SeparableSystem):
     """A star in the plane of a galaxy, H(q, p) = |p|^2/2 + |q|^2/2 + lambda (x^2 y - y^3/3), q = (x, y); without units.
 
     coupling : lambda, 1 by default.  Bounded below the energy 1/(6 lambda^2); nearly integrable up to half of it.
@@ -22,10 +22,14 @@ class HenonHeiles(HamiltonianSystem):
 
     coupling: float = 1.0
 
-    def energy(self, q: Vec, p: Vec) -> float:
-        """|p|^2/2 + |q|^2/2 + lambda (x^2 y - y^3/3).  q, p : (2,)."""
+    def kinetic(self, p: Vec) -> float:
+        """|p|^2/2.  p : (2,)."""
+        return 0.5 * (p @ p)
+
+    def potential(self, q: Vec) -> float:
+        """|q|^2/2 + lambda (x^2 y - y^3/3).  q : (2,)."""
         x, y = q
-        return 0.5 * (p @ p) + 0.5 * (q @ q) + self.coupling * y * (x * x - y * y / 3.0)
+        return 0.5 * (q @ q) + self.coupling * y * (x * x - y * y / 3.0)
 
     def velocity(self, q: Vec, p: Vec) -> Vec:
         """p.  q, p : (2,)."""

@@ -8,12 +8,13 @@ import numpy as np
 
 from ..errors import InvalidInput
 from ..formulas import Vec, dot, norm, real_array, record, vec
-from ..systems.canonical import CanonicalState, HamiltonianSystem
+from ..systems.canonical import CanonicalState
+from ..systems.separable import SeparableSystem
 from .pendulums import check_positive
 
 
 @record
-class Kepler(HamiltonianSystem):
+class Kepler(SeparableSystem):
     """A planet in a plane, attracted by a sun in the origin, H(q, p) = |p|^2/2 - k/|q|.
 
     attraction : k = G M, in m^3/s^2 (of the Sun 1.32712440018e20); 1 by default.
@@ -32,9 +33,13 @@ class Kepler(HamiltonianSystem):
         super().__post_init__()
         check_positive(self, "attraction")
 
-    def energy(self, q: Vec, p: Vec) -> float:
-        """|p|^2/2 - k/|q|, in J/kg.  q, p : (2,)."""
-        return 0.5 * dot(p, p) - self.attraction / norm(q)
+    def kinetic(self, p: Vec) -> float:
+        """|p|^2/2, in J/kg.  p : (2,)."""
+        return 0.5 * dot(p, p)
+
+    def potential(self, q: Vec) -> float:
+        """-k/|q|, in J/kg.  q : (2,)."""
+        return -self.attraction / norm(q)
 
     def velocity(self, q: Vec, p: Vec) -> Vec:
         """p.  q, p : (2,)."""

@@ -9,10 +9,11 @@ import numpy as np
 from ..errors import InvalidInput
 from ..formulas import Vec, cos, record, sin, vec
 from ..systems.canonical import HamiltonianSystem
+from ..systems.separable import SeparableSystem
 
 
 @record
-class Pendulum(HamiltonianSystem):
+class Pendulum(SeparableSystem):
     """A mathematical pendulum, H(q, p) = p^2/(2 m l^2) - m g l cos q.
 
     mass : m, in kg.  length : l, in m.  gravity : g, in m/s^2.
@@ -31,9 +32,13 @@ class Pendulum(HamiltonianSystem):
         super().__post_init__()
         check_positive(self, "mass", "length")
 
-    def energy(self, q: Vec, p: Vec) -> float:
-        """p^2/(2 m l^2) - m g l cos q, in J.  q, p : (1,)."""
-        return p[0] * p[0] / (2.0 * self.mass * self.length * self.length) - self.mass * self.gravity * self.length * cos(q[0])
+    def kinetic(self, p: Vec) -> float:
+        """p^2/(2 m l^2), in J.  p : (1,)."""
+        return p[0] * p[0] / (2.0 * self.mass * self.length * self.length)
+
+    def potential(self, q: Vec) -> float:
+        """-m g l cos q, in J.  q : (1,)."""
+        return -self.mass * self.gravity * self.length * cos(q[0])
 
     def velocity(self, q: Vec, p: Vec) -> Vec:
         """p/(m l^2).  q, p : (1,)."""

@@ -36,6 +36,7 @@ class MechanicalSystem(System):
     """
 
     coordinates: ClassVar[tuple[str, ...]] = ("mu",)
+    instead: ClassVar[str] = "RKMK accepts every system, KickDrift and LieVerlet bodies in a field"
 
     body: LiePoissonSystem
     potential: Potential

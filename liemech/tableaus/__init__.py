@@ -40,10 +40,14 @@ if TYPE_CHECKING:
     from .splittings import (
         BLANES_CASAS_ESCORIHUELA8,
         BLANES_MOAN4,
+        BLANES_MOAN4_GENERAL,
         BLANES_MOAN6,
+        BLANES_MOAN6_GENERAL,
         BLANES_MOAN6_SHORT,
+        RUTH3,
         SPLITTINGS,
         STRANG,
+        SYMPLECTIC_EULER,
         SplittingTableau,
     )
     from .tableau import ButcherTableau
@@ -74,7 +78,7 @@ _LATER = {
     ),
     "splittings": (
         *("SPLITTINGS", "STRANG", "BLANES_MOAN4", "BLANES_MOAN6", "BLANES_MOAN6_SHORT", "BLANES_CASAS_ESCORIHUELA8"),
-        "SplittingTableau",
+        *("SYMPLECTIC_EULER", "RUTH3", "BLANES_MOAN4_GENERAL", "BLANES_MOAN6_GENERAL", "SplittingTableau"),
     ),
     "tableau": ("ButcherTableau",),
     "trees": ("order_of",),
@@ -99,7 +103,9 @@ def __dir__() -> list[str]:
 __all__ = [
     "BLANES_CASAS_ESCORIHUELA8",
     "BLANES_MOAN4",
+    "BLANES_MOAN4_GENERAL",
     "BLANES_MOAN6",
+    "BLANES_MOAN6_GENERAL",
     "BLANES_MOAN6_SHORT",
     "BOGACKI_SHAMPINE3",
     "BOGACKI_SHAMPINE5",
@@ -137,11 +143,13 @@ __all__ = [
     "RALSTON3",
     "RK4",
     "SDIRK4",
+    "RUTH3",
     "SPLITTINGS",
     "SSP3",
     "STRANG",
     "SUZUKI4",
     "SUZUKI_UMENO8",
+    "SYMPLECTIC_EULER",
     "TABLEAUS",
     "TRAPEZOIDAL",
     "TRIPLE_JUMP4",

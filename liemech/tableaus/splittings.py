@@ -12,6 +12,7 @@ Sources: McLachlan, SIAM J. Sci. Comput. 16 (1995); Blanes and Moan, J. Comput. 
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 import math
 import sys
@@ -22,6 +23,7 @@ import numpy as np
 
 from ..errors import InvalidInput, InvalidType, LawViolation
 from ..formulas import Record, record
+from .compositions import CompositionTableau
 from .trees import Row
 
 _CLOSE = 64.0 * sys.float_info.epsilon
@@ -35,12 +37,13 @@ MOST = 10
 
 @record
 class SplittingTableau(Record):
-    """The coefficients of a symmetric splitting: kick b_0 h, drift a_1 h, kick b_1 h, ..., drift a_s h, kick b_s h.
+    """The coefficients of a splitting: kick b_0 h, drift a_1 h, kick b_1 h, ..., drift a_s h, kick b_s h.
 
     order : of the splitting.  kicks : b_0, ..., b_s, where b_0 = b_s = 0 stands for a step that begins and ends with a drift.
     drifts : a_1, ..., a_s.  quadratic : is the order that of kinetic energies, quadratic in the momentum, only?
+    symmetric : are the coefficients the same backwards?
 
-    Building one checks it: that it is symmetric, and the order conditions of all words up to the order claimed, to rounding.
+    Building one checks it: the symmetry, and the order conditions of all words up to the order claimed, to rounding.
     Raises InvalidInput, InvalidType, or LawViolation with the condition that fails.
 
     Source: Blanes and Moan, J. Comput. Appl. Math. 142 (2002).
@@ -52,6 +55,7 @@ class SplittingTableau(Record):
     drifts: Row
     quadratic: bool = False
     source: str = ""
+    symmetric: bool = True
 
     def __post_init__(self) -> None:
         self._tidy()
@@ -67,10 +71,43 @@ class SplittingTableau(Record):
 
     # ---------------------------------------------------------------- what follows
 
+    @classmethod
+    def of(cls, composition: CompositionTableau) -> SplittingTableau:
+        """A composition of Strang's splitting, whose neighbouring half kicks join; of its order for every T + V.
+
+        Raises InvalidInput if the composition is for a base of another order.
+        """
+        if composition.base_order != 2:
+            raise InvalidInput(
+                f"SplittingTableau.of: Strang's splitting is of order 2; {composition.name} is for order {composition.base_order}"
+            )
+        halves = 0.0, *composition.gamma, 0.0
+        kicks = [0.5 * (a + b) for a, b in itertools.pairwise(halves)]
+        name, source = f"{composition.name} of Strang", composition.source
+        return shipped(name, composition.order, kicks, composition.gamma, source, quadratic=False)
+
+    @property
+    def exchanged(self) -> SplittingTableau:
+        """The same numbers with kicks and drifts exchanged: a step that began with a kick begins with a drift.
+
+        Raises InvalidInput if the order is that of quadratic kinetic energies only.
+        """
+        if self.quadratic:
+            raise InvalidInput(f"{self.name}: kicks and drifts cannot be exchanged, its order is that of quadratic T only")
+        first, last = self.kicks[0] == 0.0, self.kicks[-1] == 0.0
+        kicks = *((0.0,) * (not first)), *self.drifts, *((0.0,) * (not last))
+        drifts = self.kicks[first : len(self.kicks) - last]
+        return shipped(f"{self.name}, exchanged", self.order, kicks, drifts, self.source, False, self.symmetric)
+
+    @property
+    def carries_force(self) -> bool:
+        """Does a step begin where the one before ended, with a kick?  Then one force serves for both kicks."""
+        return self.kicks[0] != 0.0 and self.kicks[-1] != 0.0
+
     @property
     def stages(self) -> int:
-        """How many drifts a step has, and forces to evaluate: one less than kicks if the last kick is also the next first one."""
-        return len(self.drifts) if self.kicks[0] else len(self.drifts) - 1
+        """How many forces a step evaluates."""
+        return sum(b != 0.0 for b in self.kicks) - self.carries_force
 
     @cached_property
     def nodes(self) -> Row:
@@ -95,7 +132,7 @@ class SplittingTableau(Record):
         if len(self.kicks) != len(self.drifts) + 1 or not all(map(math.isfinite, (*self.kicks, *self.drifts))):
             raise InvalidInput(f"{name}: kicks are one more finite number than drifts; got {self.kicks} and {self.drifts}")
         for field, row in (("kicks", self.kicks), ("drifts", self.drifts)):
-            if row != row[::-1]:
+            if self.symmetric and row != row[::-1]:
                 raise LawViolation(f"{name} is not symmetric: {field} are {row}, not the same backwards")
         for q in range(1, order + 1):
             failing = self._failing(q)
@@ -157,12 +194,14 @@ def _indifferent(length: int) -> np.ndarray:
     return directions[sizes > 1e-10 * sizes[0]]
 
 
-def shipped(name: str, order: int, kicks: Any, drifts: Any, source: str, quadratic: bool = True) -> SplittingTableau:
+def shipped(
+    name: str, order: int, kicks: Any, drifts: Any, source: str, quadratic: bool = True, symmetric: bool = True
+) -> SplittingTableau:
     """A splitting of this library: its laws are checked by the tests, so that an import does not wait for them."""
     tableau: SplittingTableau = object.__new__(SplittingTableau)
-    values = {"name": name, "order": order, "kicks": kicks, "drifts": drifts, "quadratic": quadratic, "source": source}
-    for field, value in values.items():
-        object.__setattr__(tableau, field, value)
+    values = name, order, kicks, drifts, quadratic, source, symmetric
+    for field, value in zip(dataclasses.fields(SplittingTableau), values, strict=True):
+        object.__setattr__(tableau, field.name, value)
     tableau._tidy()
     return tableau
 
@@ -178,7 +217,31 @@ def _around_pair(half: Row) -> Row:
     return (*whole, *whole[::-1])
 
 
+SYMPLECTIC_EULER = shipped("symplectic Euler", 1, (1.0, 0.0), (1.0,), "HLW I.1.2", quadratic=False, symmetric=False)
 STRANG = shipped("Strang", 2, (0.5, 0.5), (1.0,), "Strang, SIAM J. Numer. Anal. 5 (1968); HLW II.5", quadratic=False)
+
+# ---------------------------------------------------------------- for every T + V
+
+RUTH3 = shipped(
+    "Ruth 3", 3, (7 / 24, 3 / 4, -1 / 24, 0.0), (2 / 3, -2 / 3, 1.0),
+    "Ruth, IEEE Trans. Nucl. Sci. 30 (1983); HLW II.5", quadratic=False, symmetric=False,
+)  # fmt: skip
+
+BLANES_MOAN4_GENERAL = shipped(
+    "Blanes-Moan 4, general", 4,
+    _around_drift((0.0792036964311957, 0.353172906049774, -0.0420650803577195)),
+    _around_pair((0.209515106613362, -0.143851773179818)),
+    "Blanes and Moan 2002, table 2, S 6", quadratic=False,
+)  # fmt: skip
+
+BLANES_MOAN6_GENERAL = shipped(
+    "Blanes-Moan 6, general", 6,
+    _around_drift((0.0502627644003922, 0.413514300428344, 0.0450798897943977, -0.188054853819569, 0.54196067845078)),
+    _around_pair((0.148816447901042, -0.132385865767784, 0.067307604692185, 0.432666402578175)),
+    "Blanes and Moan 2002, table 2, S 10", quadratic=False,
+)  # fmt: skip
+
+# ---------------------------------------------------------------- for T quadratic in the momentum
 
 BLANES_MOAN4 = shipped(
     "Blanes-Moan 4", 4,
@@ -221,5 +284,11 @@ BLANES_CASAS_ESCORIHUELA8 = shipped(
     "Blanes, Casas and Escorihuela-Tomas, Appl. Numer. Math. 182 (2022)",
 )  # fmt: skip
 
-SPLITTINGS = {t.name: t for t in (STRANG, BLANES_MOAN4, BLANES_MOAN6, BLANES_MOAN6_SHORT, BLANES_CASAS_ESCORIHUELA8)}
+SPLITTINGS = {
+    t.name: t
+    for t in (
+        *(STRANG, BLANES_MOAN4, BLANES_MOAN6, BLANES_MOAN6_SHORT, BLANES_CASAS_ESCORIHUELA8),
+        *(SYMPLECTIC_EULER, RUTH3, BLANES_MOAN4_GENERAL, BLANES_MOAN6_GENERAL),
+    )
+}
 """All splittings, by name."""

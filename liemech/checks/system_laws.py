@@ -1,0 +1,249 @@
+"""The laws of a system: derivatives belong to energies, Lagrangians to Hamiltonians, constants stay."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from ..compiler import kernel
+from ..errors import NotDefined
+from ..formulas import dot, gradient, jacobian, vec
+from ..integrators.rkmk import RKMK
+from ..simulation.integrate import integrate
+from ..systems.canonical import HamiltonianSystem
+from ..systems.hamiltonian import Hamiltonian
+from ..systems.lagrangian import Lagrangian
+from ..systems.lie_poisson import LiePoissonSystem
+from ..systems.mechanical import MechanicalSystem
+from ..systems.potential import Potential
+from ..systems.separable import SeparableSystem
+from .law import Law, Same, axiom, factors, replaced
+from .places import STEP, flat, size, slope
+from .system_places import AtState
+
+CLOSE = 4096.0
+"""Roundings per dimension: closed forms and derived ones round differently; a slip is larger by far."""
+
+
+def derived(f: Callable[[Any], Any], x: Any) -> tuple[np.ndarray, float]:
+    """df/dx by derivative numbers, or by differences of a formula that does not bear them; and by what these enlarge rounding."""
+    try:
+        return np.asarray(jacobian(f, x) if isinstance(f(x), (tuple, list)) else gradient(f, x), dtype=float), 1.0
+    except TypeError:
+        unit = STEP * (size(x) or 1.0)
+        columns = [slope(lambda s, e=e: f(vec(*(flat(x) + s * e))), unit) for e in np.eye(len(x))]  # type: ignore[misc]
+        found = np.stack(columns, axis=-1)
+        return found[0] if len(found) == 1 else found, 1.0 / STEP
+
+
+def _matches(given: Any, f: Callable[[Any], Any], x: Any, sign: float = 1.0) -> Same:
+    """A derivative that was written beside the derived one."""
+    right, rounding = derived(f, x)
+    right = sign * right
+    terms = size(right) + size(f(x)) / (size(x) or 1.0)
+    return Same(given, right, terms * rounding, lambda: factors(right))
+
+
+# ---------------------------------------------------------------- every system
+
+SYSTEM: list[Law] = []
+
+
+@axiom(SYSTEM, "velocity", "rate is a vector of dim finite numbers", slack=CLOSE)
+def velocity(system: Any, at: AtState) -> Iterator[Same]:
+    rate = flat(at.rate)
+    yield Same(np.array([rate.size]), np.array([system.group.dim]))
+    yield Same(rate - rate, 0.0 * rate)
+
+
+# ---------------------------------------------------------------- Lie-Poisson systems
+
+BODY: list[Law] = []
+
+
+@axiom(BODY, "gradient", "gradient(mu) = dH/dmu", "gradient", slack=CLOSE)
+def gradient_of_energy(system: LiePoissonSystem, at: AtState) -> Iterator[Same]:
+    yield _matches(system.hamiltonian.gradient(at.state.mu), system.hamiltonian.energy, at.state.mu)
+
+
+@axiom(BODY, "momentum", "momentum(xi) = dl/dxi", "momentum", optional=True, slack=CLOSE)
+def momentum_of_lagrangian(system: LiePoissonSystem, at: AtState) -> Iterator[Same]:
+    xi = system.velocity(at.state.mu)
+    yield _matches(_lagrangian(system).momentum(xi), _lagrangian(system).value, xi)
+
+
+@axiom(BODY, "hessian", "hessian(xi) = d2l/dxi2", "hessian", optional=True, slack=CLOSE)
+def hessian_of_lagrangian(system: LiePoissonSystem, at: AtState) -> Iterator[Same]:
+    xi = system.velocity(at.state.mu)
+    given = np.asarray(_lagrangian(system).hessian(xi), dtype=float)
+    yield _matches(np.diag(given) if given.ndim == 1 else given, _lagrangian(system).momentum, xi)
+
+
+@axiom(
+    BODY,
+    "Legendre transform",
+    "mu = dl/dxi at xi = dH/dmu, and H(mu) + l(xi) = <mu, xi>",
+    optional=True,
+    slack=CLOSE,
+)
+def legendre(system: LiePoissonSystem, at: AtState) -> Iterator[Same]:
+    mu, xi, l = at.state.mu, system.velocity(at.state.mu), _lagrangian(system)
+    yield Same(l.momentum(xi), mu, size(mu), lambda: factors(flat(mu)))
+    pairing, energy = float(dot(mu, xi)), float(system.energy(mu))
+    yield Same(energy + l.value(xi), pairing, size(mu) * size(xi) + abs(energy))
+
+
+@axiom(BODY, "Casimirs", "ad*_dC/dmu mu = 0", optional=True, slack=CLOSE)
+def casimirs(system: LiePoissonSystem, at: AtState) -> Iterator[Same]:
+    mu = at.state.mu
+    slopes, rounding = derived(system.group.casimirs, mu)
+    for row in slopes.reshape(-1, len(mu)):
+        yield Same(
+            system.group.ad_star(vec(*row.tolist()), mu), 0.0 * mu, rounding * size(row) * size(mu)
+        )
+
+
+def _lagrangian(system: LiePoissonSystem) -> Lagrangian:
+    if system.lagrangian is None:
+        raise NotDefined("the system has no Lagrangian")
+    return system.lagrangian
+
+
+# ---------------------------------------------------------------- bodies in fields
+
+FIELD: list[Law] = []
+
+
+@axiom(FIELD, "force", "<f, eta> = -d/ds V(g exp(s eta)) at s = 0", "force", slack=CLOSE)
+def force_of_potential(system: MechanicalSystem, at: AtState) -> Iterator[Same]:
+    group, g, V = system.configurations, at.state.g, system.potential
+    rest = vec(*[0.0 for _ in range(group.dim)])
+    yield _matches(V.force(group, g), lambda eta: V.energy(group.compose_exp(g, eta)), rest, -1.0)
+
+
+@axiom(
+    FIELD, "load", "a vector of dim finite numbers, and dE/dt = <F, xi>", optional=True, slack=CLOSE
+)
+def load(system: MechanicalSystem, at: AtState) -> Iterator[Same]:
+    if system.load is None:
+        raise NotDefined("there is no load")
+    mu, g = at.state.mu, at.state.g
+    xi = system.velocity(mu)
+    force = flat(system.load.covector(at.t, xi, g))
+    yield Same(np.array([force.size]), np.array([len(mu)]))
+    yield Same(force - force, 0.0 * force)
+    change, scale = at.along([system.energy(state.mu, state.g) for state in at.nearby])
+    power = float(force @ flat(xi))
+    yield Same(change, np.array([power]), scale + abs(power))
+
+
+# ---------------------------------------------------------------- canonical systems
+
+CANONICAL: list[Law] = []
+
+
+@axiom(CANONICAL, "velocity of energy", "velocity(q, p) = dH/dp", "velocity", slack=CLOSE)
+def velocity_of_energy(system: HamiltonianSystem, at: AtState) -> Iterator[Same]:
+    q, p = at.state.q, at.state.p
+    yield _matches(system.velocity(q, p), lambda x: system.energy(q, x), p)
+
+
+@axiom(CANONICAL, "force of energy", "force(q, p) = -dH/dq", "force", slack=CLOSE)
+def force_of_energy(system: HamiltonianSystem, at: AtState) -> Iterator[Same]:
+    q, p = at.state.q, at.state.p
+    yield _matches(system.force(q, p), lambda x: system.energy(x, p), q, -1.0)
+
+
+@axiom(
+    CANONICAL,
+    "quadratic kinetic energy",
+    "velocity(q, p) is of first degree in p, if `quadratic` says so",
+    slack=CLOSE,
+)
+def quadratic(system: HamiltonianSystem, at: AtState) -> Iterator[Same]:
+    if isinstance(system, SeparableSystem) and system.quadratic:
+        q, p = at.state.q, at.state.p
+        v0, v1, v2 = (flat(system.velocity(q, s * p)) for s in (0.0, 1.0, 2.0))
+        yield Same(v2 - v1, v1 - v0, size(v0) + size(v1) + size(v2))
+
+
+# ---------------------------------------------------------------- what is kept
+
+KEPT: list[Law] = []
+
+
+@axiom(
+    KEPT,
+    "constants",
+    "d/dt C = 0 along the motion, for all that `constants` names",
+    optional=True,
+    slack=CLOSE,
+)
+def constants(system: Any, at: AtState) -> Iterator[Same]:
+    values = [_constants(system, state) for state in at.nearby]
+    if not values[0]:
+        raise NotDefined("the system names none")
+    for name in values[0]:
+        change, scale = at.along([each[name] for each in values])
+        yield Same(change, 0.0 * change, scale)
+
+
+def _constants(system: Any, state: Any) -> dict[str, Any]:
+    """The constants at one state."""
+    return system.constants(
+        {name: np.asarray(x)[None] for name, x in state.parts.items() if x is not None}
+    )
+
+
+# ---------------------------------------------------------------- native code
+
+RUNS: list[Law] = []
+
+
+@axiom(RUNS, "native code", "two steps of RKMK4, the same bits as plain Python", once=True)
+def native_code(system: Any, at: AtState) -> Iterator[Same]:
+    reason = kernel.available()
+    if reason:
+        raise NotDefined(reason)
+    start = system.state(
+        **{name: np.asarray(x) for name, x in at.state.parts.items() if x is not None}
+    )
+    h = 0.1 / (at.pace or 1.0)
+    runs = [
+        integrate(system, RKMK(order=4), start, h=h, steps=2, compiled=c, progress=False)
+        for c in (True, False)
+    ]
+    for name, x in runs[0].last.parts.items():
+        if x is not None:
+            yield Same(flat(x), flat(runs[1].last.parts[name]), 0.0)
+
+
+def laws_of(system: Any) -> Iterator[tuple[list[Law], Any, Callable[[str], bool]]]:
+    """The tables of laws for a system, what they are about, and which formulas its class has written itself."""
+    yield SYSTEM, system, lambda name: True
+    body = system.body if isinstance(system, MechanicalSystem) else system
+    if isinstance(body, LiePoissonSystem):
+        yield BODY, body, partial(_written, body)
+    if isinstance(system, MechanicalSystem):
+        yield FIELD, system, partial(replaced, system.potential, Potential)
+    if isinstance(system, HamiltonianSystem):
+        yield (
+            CANONICAL,
+            system,
+            partial(
+                replaced,
+                system,
+                SeparableSystem if isinstance(system, SeparableSystem) else HamiltonianSystem,
+            ),
+        )
+    yield KEPT, system, lambda name: True
+
+
+def _written(body: LiePoissonSystem, name: str) -> bool:
+    """Is a formula written by the Hamiltonian or the Lagrangian of a body?"""
+    if name == "gradient":
+        return replaced(body.hamiltonian, Hamiltonian, name)
+    return body.lagrangian is None or replaced(body.lagrangian, Lagrangian, name)

@@ -1,0 +1,238 @@
+"""Splittings in R^2n: kicks by the force and drifts with the velocity, in turn, for energies T(p) + V(q)."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any, ClassVar
+
+from ..errors import IncompatibleSystem, InvalidInput, InvalidType
+from ..formulas import Record, plain, record
+from ..systems.canonical import CanonicalState, HamiltonianSystem
+from ..systems.separable import SeparableSystem
+from ..tableaus.compositions import KAHAN_LI8
+from ..tableaus.splittings import (
+    BLANES_CASAS_ESCORIHUELA8,
+    BLANES_MOAN4,
+    BLANES_MOAN4_GENERAL,
+    BLANES_MOAN6_GENERAL,
+    BLANES_MOAN6_SHORT,
+    RUTH3,
+    STRANG,
+    SYMPLECTIC_EULER,
+    SplittingTableau,
+)
+from .method import Method
+
+
+@record
+class Kicked(Record):
+    """What a splitting carries along: positions and momenta, and the force there; None if a step evaluates all its forces."""
+
+    state: CanonicalState
+    force: Any
+
+
+@record
+class SeparableSplitting(Method):
+    """Kicks p += b_i h f(q) and drifts q += a_i h v(p) in turn, by a `tableau`; abstract.
+
+    A subclass has the tableau, as a field or a property.
+    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., II.5.
+    """
+
+    symplectic: ClassVar[bool] = True
+
+    @property
+    def order(self) -> int:
+        """That of the tableau."""
+        return self.tableau.order  # type: ignore[attr-defined]
+
+    @property
+    def symmetric(self) -> bool:  # type: ignore[override]
+        """As the tableau is."""
+        return self.tableau.symmetric  # type: ignore[attr-defined]
+
+    def require(self, system: Any) -> None:
+        """A separable system, whose kinetic energy the tableau accepts."""
+        if not isinstance(system, SeparableSystem):
+            raise IncompatibleSystem(
+                f"{self!r} needs a SeparableSystem, H = T(p) + V(q); {self._unsuitable(system)}"
+            )
+        super().require(system)
+        if self.tableau.quadratic and not system.quadratic:  # type: ignore[attr-defined]
+            raise IncompatibleSystem(
+                f"{self!r} is of its order for a T(p) of second degree only, and the `kinetic` of "
+                f"{system!r} is not seen to be a polynomial of second degree. "
+                f"Splitting(order={self.order}, quadratic=False) is of this order for every T"
+            )
+
+    def _unsuitable(self, system: Any) -> str:
+        """Why a system is not separable, and what it is to be stepped with."""
+        if isinstance(system, HamiltonianSystem):
+            return (
+                f"{system!r} gives one energy(q, p). If that is a sum T(p) + V(q), derive from "
+                "SeparableSystem and write kinetic(p) and potential(q); if not, HamiltonJacobi(order=4) "
+                "and RKMK(tableau=tableaus.gauss(2)) are symplectic for it"
+            )
+        return f"got {system!r}. {getattr(system, 'instead', 'RKMK accepts every system')}"
+
+    def start(self, system: Any, state: CanonicalState, h: float) -> Kicked:
+        """The state and, if a step begins with the force at which the one before ended, this force."""
+        here = plain(state)
+        return Kicked(state, system.force(here.q, here.p) if self.tableau.carries_force else None)  # type: ignore[attr-defined]
+
+    def observe(self, memory: Kicked) -> CanonicalState:
+        """Positions and momenta."""
+        return memory.state
+
+    def step(self, system: Any, t: float, memory: Kicked, h: float) -> Kicked:
+        """Kick, drift, kick, ..."""
+        tableau, force = self.tableau, memory.force  # type: ignore[attr-defined]
+        q, p = memory.state.q, memory.state.p
+        for i, b in enumerate(tableau.kicks):
+            if b != 0.0:
+                force = (
+                    memory.force
+                    if i == 0 and tableau.carries_force
+                    else system.force(plain(q), plain(p))
+                )
+                p = p + (b * h) * force
+            if i < len(tableau.drifts):
+                q = q + (tableau.drifts[i] * h) * system.velocity(plain(q), plain(p))
+        return Kicked(CanonicalState(q, p), force if tableau.carries_force else None)
+
+
+@record
+class Splitting(SeparableSplitting):
+    """Splitting of H = T(p) + V(q): V kicks, p' = -dV/dq with q at rest, T drifts, q' = dT/dp with p at rest; both flows exactly.
+
+    order : 1 (symplectic Euler), 2 (Stormer-Verlet), 3 (Ruth), 4, 6 or 8 (6, 11 and 19 forces a step); or give a `tableau`, of
+    `liemech.tableaus.splittings` or `SplittingTableau.of` a composition.
+    quadratic : is T of second degree in p?  If so, orders 4, 6 and 8 are Runge-Kutta-Nystroem splittings, which need it; if not,
+    the order is reached for every T, with larger errors.
+
+    Explicit and symplectic; symmetric but for orders 1 and 3.  Linear and quadratic constants p . A q such as angular momenta are
+    kept to rounding, the energy oscillates without drift.  On a step that is too large it grows.
+
+    Source: Hairer, Lubich, Wanner, II.5 and V.3; Ruth, IEEE Trans. Nucl. Sci. 30 (1983); Blanes and Moan, J. Comput. Appl. Math.
+    142 (2002); Blanes, Casas and Escorihuela-Tomas, Appl. Numer. Math. 182 (2022).
+    """
+
+    order: int = 2
+    tableau: SplittingTableau = None  # type: ignore[assignment]  # None: the one of this order
+    quadratic: bool = True
+
+    choices: ClassVar[dict[int, SplittingTableau]] = {
+        t.order: t
+        for t in (
+            SYMPLECTIC_EULER,
+            STRANG,
+            RUTH3,
+            BLANES_MOAN4,
+            BLANES_MOAN6_SHORT,
+            BLANES_CASAS_ESCORIHUELA8,
+        )
+    }
+    general: ClassVar[dict[int, SplittingTableau]] = choices | {
+        t.order: t
+        for t in (BLANES_MOAN4_GENERAL, BLANES_MOAN6_GENERAL, SplittingTableau.of(KAHAN_LI8))
+    }
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        tableau: Any = self.tableau
+        if type(self.quadratic) is not bool:
+            raise InvalidType(f"Splitting: quadratic is True or False; got {self.quadratic!r}")
+        if tableau is None:
+            choices = self.choices if self.quadratic else self.general
+            if type(self.order) is not int or self.order not in choices:
+                raise InvalidInput(
+                    f"Splitting: order is one of {sorted(choices)}, or give a tableau; got {self.order!r}"
+                )
+            tableau = choices[self.order]
+        if not isinstance(tableau, SplittingTableau):
+            raise InvalidType(f"Splitting: tableau must be a SplittingTableau; got {tableau!r}")
+        object.__setattr__(self, "tableau", tableau)
+        object.__setattr__(self, "order", tableau.order)
+        object.__setattr__(self, "quadratic", tableau.quadratic)
+
+    @property
+    def name(self) -> str:
+        """The tableau."""
+        return f"{self.tableau.name} splitting"
+
+    def __repr__(self) -> str:
+        order = self.tableau.order
+        if self.tableau == self.choices.get(order):
+            return f"Splitting(order={order})"
+        if self.tableau == self.general.get(order):
+            return f"Splitting(order={order}, quadratic=False)"
+        return f"Splitting(tableau={self.tableau!r})"
+
+
+@record
+class StormerVerlet(SeparableSplitting):
+    """The method of Stormer and Verlet, the leapfrog, for H = T(p) + V(q):
+
+        p = p_n + (h/2) f(q_n),   q_n+1 = q_n + h v(p),   p_n+1 = p + (h/2) f(q_n+1)        first="kick"
+        q = q_n + (h/2) v(p_n),   p_n+1 = p_n + h f(q),   q_n+1 = q + (h/2) v(p_n+1)        first="drift"
+
+    Order 2, explicit, symmetric, symplectic; one force a step.  Stable on an oscillator of frequency w while |h w| < 2.
+
+    Source: Hairer, Lubich, Wanner, Geometric numerical integration illustrated by the Stormer-Verlet method, Acta Numerica 12
+    (2003), equation (1.5).
+    """
+
+    first: str = "kick"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_first(self)
+
+    @cached_property
+    def tableau(self) -> SplittingTableau:
+        """Strang's splitting, or with kicks and drifts exchanged."""
+        return STRANG if self.first == "kick" else STRANG.exchanged
+
+    @property
+    def name(self) -> str:
+        """Stormer-Verlet, and what it begins with if that is a drift."""
+        return f"Stormer-Verlet{', drift first' if self.first == 'drift' else ''}"
+
+
+@record
+class SymplecticEuler(SeparableSplitting):
+    """The symplectic Euler method for H = T(p) + V(q):
+
+        p_n+1 = p_n + h f(q_n),   q_n+1 = q_n + h v(p_n+1)        first="kick"
+        q_n+1 = q_n + h v(p_n),   p_n+1 = p_n + h f(q_n+1)        first="drift", its adjoint
+
+    Order 1, explicit, symplectic; one force a step.  HamiltonJacobi(order=1, adjoint=True) and HamiltonJacobi(order=1) are the same
+    for energies that are not separable.
+
+    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VI.3, theorem 3.3.
+    """
+
+    first: str = "kick"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_first(self)
+
+    @cached_property
+    def tableau(self) -> SplittingTableau:
+        """A kick and a drift, or a drift and a kick."""
+        return SYMPLECTIC_EULER if self.first == "kick" else SYMPLECTIC_EULER.exchanged
+
+    @property
+    def name(self) -> str:
+        """Symplectic Euler, and what it begins with if that is a drift."""
+        return f"Symplectic Euler{', drift first' if self.first == 'drift' else ''}"
+
+
+def check_first(method: Any) -> None:
+    """Refuse a method that begins with neither of the two."""
+    if method.first not in ("kick", "drift"):
+        raise InvalidInput(
+            f'{type(method).__name__}: first is "kick" or "drift"; got {method.first!r}'
+        )

@@ -1,0 +1,65 @@
+"""Separable systems: canonical ones whose energy is a kinetic energy of the momenta and a potential of the positions."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any, ClassVar, final
+
+from ..errors import NotDefined
+from ..formulas import Vec, gradient, record, vec
+from ..formulas.series import Series
+from .canonical import HamiltonianSystem
+
+
+@record
+class SeparableSystem(HamiltonianSystem):
+    """Hamilton's equations in R^2n for H(q, p) = T(p) + V(q):  q' = dT/dp,  p' = -dV/dq.
+
+    1. A subclass writes `kinetic(p)` and `potential(q)`, as formulas, and says its number of `degrees` of freedom, n.  Its fields
+       are the parameters.
+    2. It may write `velocity(q, p)`, dT/dp, and `force(q, p)`, -dV/dq, in closed form; left out, they follow by differentiation,
+       exact to rounding.
+    3. It may name what stays constant beside the energy (`constants`).
+
+    StormerVerlet and Splitting step such systems by their two parts, whose motions are known.
+
+    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VI.1.2 and II.5.
+    """
+
+    instead: ClassVar[str] = (
+        "StormerVerlet() and Splitting(order=4) are for it, RKMK accepts every system"
+    )
+
+    def kinetic(self, p: Vec) -> float:
+        """T(p).  p : (n,)."""
+        raise NotDefined(f"{type(self).__name__} must define `kinetic`")
+
+    def potential(self, q: Vec) -> float:
+        """V(q).  q : (n,)."""
+        raise NotDefined(f"{type(self).__name__} must define `potential`")
+
+    @final
+    def energy(self, q: Vec, p: Vec) -> float:
+        """T(p) + V(q).  q, p : (n,)."""
+        return self.kinetic(p) + self.potential(q)
+
+    def velocity(self, q: Vec, p: Vec) -> Vec:
+        """The velocity q' = dT/dp, (n,).  q, p : (n,)."""
+        return gradient(lambda x: self.kinetic(x), p)
+
+    def force(self, q: Vec, p: Vec) -> Vec:
+        """The force p' = -dV/dq, (n,).  q, p : (n,)."""
+        return -gradient(lambda x: self.potential(x), q)
+
+    @cached_property
+    def quadratic(self) -> bool:
+        """Is T a polynomial of at most second degree?  Asked of its formula: the power series of T(a + b s) ends with s^2.
+
+        A formula that cannot be expanded, or whose series does not end (|p|^2 by way of a root), gives False.
+        """
+        p = vec(*[Series(0.5 + 0.125 * i, 1.0 - 0.0625 * i) for i in range(self.degrees)])
+        try:
+            energy: Any = self.kinetic(p)
+        except (TypeError, AttributeError, ArithmeticError, ValueError):
+            return False
+        return not isinstance(energy, Series) or energy.term(3) is None
