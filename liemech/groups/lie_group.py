@@ -46,7 +46,7 @@ class LieGroup(Record):
     1. A subclass writes `algebra`, `identity`, `inverse`, `exp`, `Ad`, and `compose` unless that is the matrix product.
        (A group of matrices is easier made from generators alone: `MatrixLieGroup`.)
     2. It may add closed forms: `log`, `Ad_star`, `exp_Ad_star`, `compose_exp`, `dexp`, `dexp_inv` and their duals, the Cayley
-       family, `casimirs`, `defect`, `nearest`, `random`.
+       family, `casimirs` and `further_invariants`, `defect`, `nearest`, `random`.
     3. The rest follows.
 
     Differentials are right-trivialised, d/de tau(xi + e eta) = (dtau_xi eta) tau(xi); `side="left"` asks for the other,
@@ -195,6 +195,18 @@ class LieGroup(Record):
     def casimirs(self, mu: Vec) -> Vec:
         """Functions of the momentum that every motion keeps, whatever the Hamiltonian; none known by default.  mu : (dim,)."""
         return vec()
+
+    @property
+    def unit_blocks(self) -> tuple[int, ...]:
+        """How many components in a row share a physical unit: (3, 3) on SE(3), angular and linear momenta."""
+        return (self.dim,)
+
+    def further_invariants(self, mu: Any) -> tuple[float, ...] | None:
+        """What tells the coadjoint orbit through mu from others of its dimension with the same Casimirs; () if there are none.
+
+        None, the default: the group does not know.  mu : (dim,).
+        """
+        return None
 
     def defect(self, g: Ambient) -> float:
         """How far an array is from being an element, relative to an element's size; 0 on the group.  g : shaped like an element.
