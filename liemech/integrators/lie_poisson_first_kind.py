@@ -39,8 +39,9 @@ class FirstKindHamiltonJacobi(Implicit):
     motion leaves momenta alone and turns the group; tau(turn), the motion of C at mu_i+1, is what the attitude has to be freed of.
 
     order : k, 1 to 4.  retraction : Exponential() or Cayley().  s0 : the class function S_0, InvariantForm(), TraceOfAd() or, with
-    Cayley() on SO(3), CayleySquare().  scale : c, an action; by default chosen at the start so that |turn| is 3 for the
-    exponential, about 1 for the others.  The series in h converges like (c h/J)^k; too small a c leads out of the chart.
+    Cayley() on SO(3), CayleySquare().  scale : c, an action; by default chosen at the start so that the turn is one by the angle 3
+    for InvariantForm() with the exponential, by about 1 for the others.  The series in h converges like (c h/J)^k; too small a c
+    leads out of the chart.
     Casimirs, spatial momentum and the Lie-Poisson bracket are kept to rounding.  Not symmetric: for the same error the second kind,
     LiePoissonHamiltonJacobi, takes far longer steps, and it serves every group.
     Raises NoConvergence or OutsideChart if the step is too large, or |mu| for the scale.

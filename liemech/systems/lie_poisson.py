@@ -10,6 +10,7 @@ from ..errors import InvalidInput, InvalidType
 from ..formulas import Element, Vec, record, vec
 from ..groups.lie_group import LieGroup
 from ..retractions import Retraction
+from .agreement import require_one_body
 from .hamiltonian import Hamiltonian
 from .lagrangian import Lagrangian
 from .system import State, System, frozen, members_of, points
@@ -34,6 +35,9 @@ class LiePoissonSystem(System):
     lagrangian : the same motion told by velocities, for methods that need it; left out, the Hamiltonian stands in if it is a
     Lagrangian too, like KineticEnergy.
 
+    Raises InvalidInput for functions of vectors of another dimension, a written gradient that is not the derivative of the energy,
+    and a Lagrangian of another body, whose momentum does not undo the gradient.
+
     Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., sections 13.1, 13.5 and 13.7.
     """
 
@@ -51,6 +55,7 @@ class LiePoissonSystem(System):
         if self.lagrangian is None and isinstance(self.hamiltonian, Lagrangian):
             object.__setattr__(self, "lagrangian", self.hamiltonian)
         super().__post_init__()
+        require_one_body(type(self).__name__, self.group, self.hamiltonian, self.lagrangian)
 
     # ---------------------------------------------------------------- formulas
 
