@@ -33,7 +33,7 @@ def test_on_groups_of_rotations_alike() -> None:
 
 @pytest.mark.parametrize("length", [2.0**-3, 2.0**20])
 def test_screws_in_other_units(length: float) -> None:
-    """(Pi, P) in a unit of length to the power (2, 1), J, D, M to (2, 1, 0): the same motion up to the end of Newton's iteration."""
+    """(Pi, P) in a unit of length to the power (2, 1), J, D, M to (2, 1, 0): the same motion to rounding."""
     J, D, M = np.diag([1.0, 1.5, 2.0]), 0.1 * np.eye(3) + 0.05, np.diag([1.0, 1.2, 1.4])
     mu = np.array([0.5, 0.1, 0.8, 1.0, -0.3, 0.2])
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 from ..errors import InvalidInput, InvalidType
-from ..formulas import Mat, Vec, derivative, dot, horner, jacobian, norm, plain, record
+from ..formulas import Mat, Vec, derivative, dot, jacobian, norm, plain, record
+from ..formulas.sums import total
 from ..retractions import Exponential, Retraction
 from ..solvers import newton
 from ..systems.lie_poisson import BodyState
@@ -125,7 +126,7 @@ class FirstKindHamiltonJacobi(Implicit):
         """pi, the momentum at the end of a step tau(xi)."""
         if order == 1:
             return self._leading(system, h, scale, xi)
-        return horner(first_kind(system, self.retraction, self.s0, scale, xi, order), h)
+        return total(first_kind(system, self.retraction, self.s0, h, scale, xi, order))
 
     def _leading(self, system: Any, h: float, scale: float, xi: Vec) -> Vec:
         """pi_0 + h (ad*_v pi_0 - d(pi_0) v), pi_0 = c P(xi), v = dH(pi_0), the derivative along tau(xi) v."""

@@ -7,12 +7,16 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from ..errors import InvalidInput
 from ..formulas import Mat, Vec, dot, mat, norm, plain, record, vec, vectors
 from ..retractions import Exponential, Retraction
 from ..solvers import newton
 from ..systems.lie_poisson import BodyState
 from .implicit import Implicit, Memory, extrapolated
 from .solvability import first_fold, grown, largest_impulse, surely_solvable, turns_freely
+
+LEAST, MOST = 2.0**-336, 2.0**339
+"""The sizes of J/h, about 1e-101 and 1e102, whose third powers are ordinary floats."""
 
 
 @record
@@ -118,7 +122,17 @@ class CovariantVariational(Implicit):
         return largest_impulse(system.lagrangian.inertia, self.retraction) / size if size > 0.0 else math.inf
 
     def caution(self, system: Any, start: BodyState, h: float) -> str | None:
-        """What to tell before a run whose step is larger than the `largest_step`; None if it is not."""
+        """What to tell before a run whose step is larger than the `largest_step`; None if it is not.
+
+        Raises InvalidInput for units in which Newton's method, which multiplies three entries of J/h, would divide by zero.
+        """
+        mu = start.mu if start.bodies is None else start.mu[0]
+        size = float(np.abs(np.array(system.lagrangian.hessian(system.velocity(mu)), dtype=float)).max()) / abs(h)
+        if not LEAST < size < MOST:
+            raise InvalidInput(
+                f"{self!r}: J/h is {size:.1e} in these units, and products of three such numbers leave the range of floats. "
+                "Take units of mass and time in which it is closer to 1"
+            )
         largest = self.largest_step(system, start)
         if largest is None or not abs(h) > largest:
             return None
