@@ -126,7 +126,7 @@ class FirstKindHamiltonJacobi(Implicit):
         """pi, the momentum at the end of a step tau(xi)."""
         if order == 1:
             return self._leading(system, h, scale, xi)
-        return total(first_kind(system, self.retraction, self.s0, h, scale, xi, order))
+        return total(first_kind(system, self.retraction, self.s0, scale, xi, order, h))
 
     def _leading(self, system: Any, h: float, scale: float, xi: Vec) -> Vec:
         """pi_0 + h (ad*_v pi_0 - d(pi_0) v), pi_0 = c P(xi), v = dH(pi_0), the derivative along tau(xi) v."""

@@ -113,7 +113,7 @@ class LiePoissonHamiltonJacobi(Implicit):
             return along_axes(system.hamiltonian.inverse, h, p)[0]
         if order == 4 and isinstance(self.retraction, Exponential):
             return self.two_terms(system, h, p)
-        return total(second_kind(system, self.retraction, h, p, order // 2))
+        return total(second_kind(system, self.retraction, p, order // 2, h))
 
     def two_terms(self, system: Any, h: float, p: Vec) -> Vec:
         """h dH(p) + (h^3/6) ds_3/dp of the exponential on every group, s_3 = D^2H(p)[w, w]/4 with w = ad*_v p, v = dH(p):

@@ -19,7 +19,7 @@ from ..groups.lie_group import BERNOULLI, LieGroup
 from ..retractions import Exponential, Retraction
 
 
-def second_kind(system: Any, retraction: Retraction, h: float, p: Vec, terms: int) -> list[Vec]:
+def second_kind(system: Any, retraction: Retraction, p: Vec, terms: int, h: float = 1.0) -> list[Vec]:
     """x_1, x_3, ... of the displacement x = t x_1 + t^3 x_3 + ... of the motion for the time t h, p, conjugate to x, fixed.
 
     With m the momentum half way, v and mu the velocity and the momentum at the end,
@@ -43,7 +43,7 @@ def second_kind(system: Any, retraction: Retraction, h: float, p: Vec, terms: in
     return values(odd)
 
 
-def first_kind(system: Any, retraction: Retraction, s0: Any, h: float, scale: float, xi: Vec, order: int) -> list[Vec]:
+def first_kind(system: Any, retraction: Retraction, s0: Any, scale: float, xi: Vec, order: int, h: float = 1.0) -> list[Vec]:
     """pi_0, pi_1, ... of the momentum pi = pi_0 + t pi_1 + ... + t^order pi_order at the end of a step tau(xi), xi fixed.
 
     The step is the motion k for the time t h, up to pi, and a step of the class function s0 alone: tau(xi) = k h with h of momentum
