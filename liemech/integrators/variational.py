@@ -26,7 +26,8 @@ class CovariantVariational(Implicit):
         (dtau^-1_{h xi_i})* dl/dxi(xi_i) = mu_i            solved for h xi_i by Newton's method
         mu_i+1 = Ad*_tau(h xi_i) mu_i,   g_i+1 = g_i tau(h xi_i)
 
-    retraction : Cayley() has a solution for every step size, Exponential() is the more accurate one; `largest_step` tells.
+    retraction : Cayley() has, for rigid bodies that are no thin rods, a solution for every step; Exponential() is the more accurate
+    one.  `largest_step` tells.  On other groups, such as SL(2), neither has one for every step.
     mu belongs to the nodes, xi to the intervals between them: J xi is a momentum half way, an O(h) away from mu.  Velocities are
     `Trajectory.xi`; a run that is to start with a velocity starts with its `momentum`.
     Order 2, symmetric; spatial momentum, Casimirs and the Lie-Poisson bracket are kept to rounding, the energy oscillates
