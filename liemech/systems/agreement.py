@@ -43,7 +43,7 @@ def require_one_body(name: str, group: LieGroup, hamiltonian: Hamiltonian, lagra
         return
     if type(hamiltonian).gradient is not Hamiltonian.gradient:
         _require_gradient(name, group, hamiltonian, mu, xi)
-    if lagrangian is not None and lagrangian is not hamiltonian:
+    if lagrangian is not None and id(lagrangian) != id(hamiltonian):
         back = _value(name, group, lagrangian, lagrangian.momentum, xi)
         if back is not None and (np.abs(np.array(back) - np.array(mu)) > APART).any():
             raise InvalidInput(
