@@ -149,7 +149,9 @@ def test_products_name_the_factor_at_fault() -> None:
     with pytest.raises(lm.errors.InvalidInput, match=r"in factor 1, SO3\(\), its determinant is -1"):
         group.inverse(off)
     assert not group.contains(off)
-    assert group.contains(group.nearest(off))
+    assert group.contains(group.nearest(group.join(np.diag([1.0, 1.0, -0.9]), np.zeros(3))))
+    with pytest.raises(lm.errors.InvalidInput, match="as close to one rotation as to others"):
+        group.nearest(off)
     with pytest.raises(lm.errors.InvalidInput, match="element 2 has shape"):
         group.join(np.eye(3), np.zeros(2))
     with pytest.raises(lm.errors.InvalidInput, match="do not broadcast"):

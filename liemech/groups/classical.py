@@ -12,6 +12,7 @@ from ..formulas import Ambient, Complex, Element, Mat, Vec, mat, record, vec
 from ..formulas.sums import total
 from .matrix_group import MatrixLieGroup, whole_number
 from .matrix_invariants import Invariants
+from .nearest import nearest_unitary
 
 
 @record
@@ -54,6 +55,25 @@ def _trace(power: Mat, k: int) -> Any:
         sign = 1.0 if k % 4 in (0, 1) else -1.0
         return sign * total([x.im if k % 2 else x.re for x in entries])
     return total(entries)
+
+
+def pfaffian(a: Mat) -> Any:
+    """The Pfaffian of an antisymmetric matrix of an even number n of rows, Pf^2 = det.
+
+    Eigenvalues of a J^T, J = diag([[0, 1], [-1, 0]], ...), come in equal pairs; Pf is the product of one of each pair, which
+    Newton's identities find from the traces of powers: divisions are by 1, ..., n/2 only.
+
+    Source: the definition as in Wimmer, ACM Trans. Math. Softw. 38 (2012), 30; the rest is the characteristic polynomial of a J^T.
+    """
+    n = len(a)
+    m = mat(*[vec(*[a[i, j + 1] if j % 2 == 0 else -a[i, j - 1] for j in range(n)]) for i in range(n)])
+    power, powers, products = m, [0.0], [1.0]
+    for k in range(1, n // 2 + 1):
+        power = m if k == 1 else power @ m
+        powers = [*powers, 0.5 * total([power[i, i] for i in range(n)])]
+        terms = [products[k - i] * powers[i] if i % 2 else -(products[k - i] * powers[i]) for i in range(1, k + 1)]
+        products = [*products, total(terms) / float(k)]
+    return products[n // 2]
 
 
 def haar(rng: np.random.Generator | int | None, size: int | tuple[int, ...], n: int, complex_: bool) -> np.ndarray:
@@ -100,24 +120,32 @@ class SO(ClassicalGroup):
         return Invariants(forms=(np.eye(self.n),), determinant="1")
 
     def casimirs(self, mu: Vec) -> Vec:
-        """(-1)^k/2 tr(hat(mu)^2k), k = 1, ..., floor(n/2); the first is |mu|^2."""
+        """(-1)^k/2 tr(hat(mu)^2k), k = 1, ...: (n - 1)/2 of them for odd n, n/2 - 1 and the Pfaffian for even n.
+
+        The first is |mu|^2.  The Pfaffian, mu_12 mu_34 - mu_13 mu_24 + mu_14 mu_23 on SO(4), changes its sign under a reflection.
+        """
         square = self.algebra.hat(mu) @ self.algebra.hat(mu)
         power = square
         values: list[Any] = []
-        for k in range(1, self.n // 2 + 1):
+        for k in range(1, (self.n + 1) // 2):
             power = square if k == 1 else power @ square
             trace = total([power[i, i] for i in range(self.n)])
             values = [*values, 0.5 * trace if k % 2 == 0 else -0.5 * trace]
-        return vec(*values)
+        return vec(*values, *([] if self.n % 2 else [pfaffian(-self.algebra.hat(mu))]))
+
+    def further_invariants(self, mu: Any) -> tuple[float, ...]:
+        """None: the Casimirs tell the angular velocities in all planes, for even n with the orientation."""
+        return ()
 
     def nearest(self, g: Ambient) -> Element:
         """The rotation of least squared difference: the orthogonal polar factor, its last direction turned if it reflects.
 
-        Source: Higham, Functions of Matrices (2008), theorem 8.4.
+        Raises InvalidInput for an array that is as close to several.  Source: Higham, Functions of Matrices (2008), theorem 8.4.
         """
-        u, _, v = np.linalg.svd(np.array(g, dtype=float))
-        u[:, -1] *= np.linalg.det(u) * np.linalg.det(v)
-        return Mat.of((u @ v).tolist())
+        h = nearest_unitary(np.array(g, dtype=float), oriented=True)
+        if h is None:
+            raise InvalidInput(f"SO({self.n}).nearest: the array is as close to one rotation as to others")
+        return Mat.of(h.tolist())
 
     def random(self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()) -> np.ndarray:
         """Rotations distributed uniformly (Haar measure)."""
@@ -150,7 +178,7 @@ class SL(ClassicalGroup):
         return Invariants(determinant="1")
 
     def nearest(self, g: Ambient) -> Element:
-        """The matrix divided by the n-th root of its determinant, which must be positive.  Close, not the closest."""
+        """The multiple of the matrix that has determinant 1.  Raises InvalidInput for a determinant that is not positive."""
         a = np.array(g, dtype=float)
         sign, log_det = np.linalg.slogdet(a)
         if sign <= 0:
@@ -180,7 +208,9 @@ class GL(ClassicalGroup):
         return tuple(range(1, self.n + 1))
 
     def nearest(self, g: Ambient) -> Element:
-        """The matrix itself."""
+        """The matrix itself.  Raises InvalidInput for a singular one: there is no nearest."""
+        if np.linalg.slogdet(np.array(g, dtype=float))[0] == 0.0:
+            raise InvalidInput(f"GL({self.n}).nearest: the matrix is singular; invertible ones are as close as one likes")
         return g
 
 
@@ -207,9 +237,13 @@ class SU(ClassicalGroup):
         """g^H g = 1 and det g = 1."""
         return Invariants(hermitian=(np.eye(self.n),), determinant="1")
 
+    def further_invariants(self, mu: Any) -> tuple[float, ...]:
+        """None: the Casimirs tell the eigenvalues."""
+        return ()
+
     def nearest(self, g: Ambient) -> Element:
-        """The unitary polar factor divided by the n-th root of its determinant."""
-        u = _polar(np.array(g, dtype=complex))
+        """The unitary polar factor divided by the n-th root of its determinant.  Raises InvalidInput for a singular array."""
+        u = _polar(f"SU({self.n})", g)
         return Mat.of((u * np.exp(-1j * np.angle(np.linalg.det(u)) / self.n)).tolist())
 
     def random(self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()) -> np.ndarray:
@@ -239,12 +273,19 @@ class U(ClassicalGroup):
         """g^H g = 1."""
         return Invariants(hermitian=(np.eye(self.n),), determinant="unit")
 
+    def further_invariants(self, mu: Any) -> tuple[float, ...]:
+        """None: the Casimirs tell the eigenvalues."""
+        return ()
+
     def _powers(self) -> tuple[int, ...]:
         return tuple(range(1, self.n + 1))
 
     def nearest(self, g: Ambient) -> Element:
-        """The unitary polar factor.  Source: Higham, Functions of Matrices (2008), theorem 8.4."""
-        return Mat.of(_polar(np.array(g, dtype=complex)).tolist())
+        """The unitary matrix of least |h - g|: the polar factor.  Raises InvalidInput for a singular array.
+
+        Source: Higham, Functions of Matrices (2008), theorem 8.4.
+        """
+        return Mat.of(_polar(f"U({self.n})", g).tolist())
 
     def random(self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()) -> np.ndarray:
         """Elements distributed uniformly (Haar measure)."""
@@ -332,7 +373,9 @@ def _antihermitian(n: int) -> np.ndarray:
     return e
 
 
-def _polar(a: np.ndarray) -> np.ndarray:
-    """The unitary factor of a = u p."""
-    u, _, v = np.linalg.svd(a)
-    return u @ v
+def _polar(name: str, g: Ambient) -> np.ndarray:
+    """The unitary factor of a = u p.  Raises InvalidInput."""
+    u = nearest_unitary(np.array(g, dtype=complex), oriented=False)
+    if u is None:
+        raise InvalidInput(f"{name}.nearest: the array is singular; it is as close to one element as to others")
+    return u

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-from typing import final
+from collections.abc import Callable
+from typing import Any, final
 
 import numpy as np
 
-from ..formulas import Element, Mat, Vec, dot, record
+from ..errors import InvalidInput, InvalidType, NotDefined
+from ..formulas import Element, Mat, Vec, dot, gradient, record, vec
+from ..formulas.broadcasting import check_finite, real_array
+from . import orbits
 from .lie_group import LieGroup
 from .representations import Representation
 
@@ -62,11 +66,78 @@ class CoadjointAction(Representation):
         """
         return -dot(mu, self.group.ad(xi, eta))
 
+    # ---------------------------------------------------------------- orbits
+
+    @final
+    def orbit_dimension(self, mu: Any) -> int:
+        """The dimension of the orbit through mu, the rank of B(mu), always even.  mu : (dim,)."""
+        return len(orbits.tangent(self.group, self._momentum(mu)))
+
+    @final
+    def tangent(self, mu: Any) -> np.ndarray:
+        """A basis of the directions ad*_xi mu in which the orbit through mu extends.  mu : (dim,), returns (orbit dimension, dim).
+
+        Orthonormal where all components have the same unit.
+        """
+        return orbits.tangent(self.group, self._momentum(mu))
+
+    @final
+    def isotropy(self, mu: Any) -> np.ndarray:
+        """A basis of the velocities that leave mu alone, ad*_xi mu = 0.  mu : (dim,), returns (dim - orbit dimension, dim).
+
+        The differentials of the Casimirs are among them.  Source: Marsden and Ratiu, section 14.2.
+        """
+        return orbits.isotropy(self.group, self._momentum(mu))
+
+    @final
+    def random_on_orbit(
+        self, mu: Any, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()
+    ) -> np.ndarray:
+        """Momenta K_g mu with random elements g of the group.  mu : (dim,).  rng : a generator or a seed.  size : leading axes."""
+        return np.asarray(self.group.K(self.group.random(rng, size), self._momentum(mu)))
+
+    @final
+    def poisson_bracket(self, F: Callable[[Any], Any], G: Callable[[Any], Any]) -> Callable[[Any], Any]:
+        """The minus Lie-Poisson bracket, {F, G}(mu) = -<mu, [dF, dG]>, of two formulas of momenta: again such a formula.
+
+        F, G : from mu, (dim,), to a number, for instance `hamiltonian.energy`.  Along a motion F' = {F, H}.
+        Raises InvalidType for what cannot be called.  Source: Marsden and Ratiu, section 13.1.
+        """
+        for name, formula in (("F", F), ("G", G)):
+            if not callable(formula):
+                raise InvalidType(
+                    f"poisson_bracket: {name} must be a formula of momenta, as `hamiltonian.energy` is; got {formula!r}"
+                )
+
+        def bracket(mu: Any) -> Any:
+            at = vec(*mu)
+            return -dot(at, self.group.ad(gradient(F, at), gradient(G, at)))
+
+        return bracket
+
     @final
     def on_same_orbit(self, mu: Vec, nu: Vec, tolerance: float = 1e-12) -> bool:
-        """Do the known Casimirs of mu and nu agree, relative to their size?  Necessary; sufficient on SO(3).  mu, nu : (dim,)."""
-        a, b = np.array(self.casimirs(mu), dtype=float), np.array(self.casimirs(nu), dtype=float)
-        return bool(np.all(np.abs(a - b) <= tolerance * np.maximum(np.abs(a), np.abs(b))))
+        """Do mu and nu lie on one orbit, up to rounding?  mu, nu : (dim,).
+
+        No, if the dimensions of their orbits, their Casimirs or their `further_invariants` differ.  Yes, if the group knows that
+        these tell all orbits apart, or if an element with K_g mu = nu is found.  Otherwise nobody knows, and NotDefined is raised.
+
+        tolerance : by how much Casimirs may differ, relative to the sizes of their terms.
+        """
+        same = orbits.same(self, np.array(mu, dtype=float), np.array(nu, dtype=float), float(tolerance))
+        if same is None:
+            raise NotDefined(
+                f"on_same_orbit: whether these momenta of {self.group!r} lie on one orbit is not known: their Casimirs agree, "
+                "but do not tell all orbits apart, and no g with K_g mu = nu was found. Define `further_invariants`"
+            )
+        return same
+
+    def _momentum(self, mu: Any) -> np.ndarray:
+        array = real_array(mu, "mu")
+        if array.shape != (self.group.dim,):
+            raise InvalidInput(f"mu must have shape ({self.group.dim},), a momentum of {self.group!r}; got {array.shape}")
+        check_finite(array, "mu")
+        return array
 
     # ---------------------------------------------------------------- as a representation
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
-from ..formulas import Element, Mat, Vec, dot, mat, record, vec
+from ..formulas import Ambient, Element, Mat, Vec, dot, mat, record, vec
 from .matrix_group import MatrixLieGroup, whole_number
 
 
@@ -93,6 +94,19 @@ class Heisenberg(MatrixLieGroup):
     def casimirs(self, mu: Vec) -> Vec:
         """The momentum along Z."""
         return vec(mu[2 * self.n])
+
+    @property
+    def unit_blocks(self) -> tuple[int, ...]:
+        """The momenta along Q, along P and along Z."""
+        return (self.n, self.n, 1)
+
+    def further_invariants(self, mu: Any) -> tuple[float, ...]:
+        """All components where that along Z is zero: such orbits are points.  All others are planes."""
+        return () if mu[-1] else tuple(mu.tolist())
+
+    def nearest(self, g: Ambient) -> Element:
+        """The element of least |h - g|: that with the same q, p and z."""
+        return self._element(*self._parts(g))
 
     # ---------------------------------------------------------------- Cayley map
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..errors import LawViolation, NotDefined
 from ..formulas import Mat, Record, Vec, dot, identity_matrix, mat, record, vec
+from ..formulas.dual import value_of
 
 Constants = tuple[tuple[tuple[float, ...], ...], ...]
 
@@ -66,6 +67,19 @@ class LieAlgebra(Record):
     def ad(self, xi: Vec, eta: Vec) -> Vec:
         """The adjoint representation, ad_xi eta = [xi, eta].  xi, eta : (dim,)."""
         return self.bracket(xi, eta)
+
+    @final
+    def ad_size(self, xi: Vec) -> float:
+        """A bound for the Euclidean norm of ad_xi, the sum of |xi_i| |ad E_i|.  xi : (dim,)."""
+        total = 0.0
+        for x, size in zip(xi, self._ad_sizes):
+            total = total + size * abs(value_of(x))
+        return total
+
+    @cached_property
+    def _ad_sizes(self) -> tuple[float, ...]:
+        """The Frobenius norms of ad E_i."""
+        return tuple(np.linalg.norm(self._ad_matrices, axis=(1, 2)).tolist())
 
     @final
     def poisson_structure(self, mu: Vec) -> Mat:

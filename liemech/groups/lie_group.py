@@ -16,6 +16,7 @@ from ..formulas.dual import size_of
 from .lie_algebra import LieAlgebra
 
 EPSILON = 2.0**-52
+INFINITY = float("inf")
 
 # B_k / k! of the Bernoulli numbers, k = 0, 1, 2, ... (B_1 = -1/2): the series of z/(e^z - 1).
 # Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., III.4, equation (4.4).
@@ -46,7 +47,7 @@ class LieGroup(Record):
     1. A subclass writes `algebra`, `identity`, `inverse`, `exp`, `Ad`, and `compose` unless that is the matrix product.
        (A group of matrices is easier made from generators alone: `MatrixLieGroup`.)
     2. It may add closed forms: `log`, `Ad_star`, `exp_Ad_star`, `compose_exp`, `dexp`, `dexp_inv` and their duals, the Cayley
-       family, `casimirs`, `defect`, `nearest`, `random`.
+       family, `casimirs` and `further_invariants`, `defect`, `nearest`, `random`.
     3. The rest follows.
 
     Differentials are right-trivialised, d/de tau(xi + e eta) = (dtau_xi eta) tau(xi); `side="left"` asks for the other,
@@ -102,12 +103,17 @@ class LieGroup(Record):
         return self.compose(g, self.exp(xi))
 
     def dexp(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """The trivialised differential of exp, sum_k ad_xi^k eta / (k + 1)!.  xi, eta : (dim,)."""
-        return _average(self.ad, xi if side == "right" else -xi, eta)
+        """The trivialised differential of exp, sum_k ad_xi^k eta / (k + 1)!; for large xi from its half.  xi, eta : (dim,)."""
+        x = xi if side == "right" else -xi
+        return _average(self.ad, self._exp_Ad, self.algebra.ad_size(x), x, eta)
 
     def dexp_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
         """The dual of `dexp`, <dexp_dual_xi mu, eta> = <mu, dexp_xi eta>.  xi, mu : (dim,)."""
-        return _average(self.ad_star, xi if side == "right" else -xi, mu)
+        x = xi if side == "right" else -xi
+        return _average(self.ad_star, self.exp_Ad_star, self.algebra.ad_size(x), x, mu)
+
+    def _exp_Ad(self, xi: Vec, eta: Vec) -> Vec:
+        return self.Ad(self.exp(xi), eta)
 
     def dexp_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
         """The inverse of `dexp`, defined while no eigenvalue of ad_xi is 2 pi i k, k != 0.  xi, eta : (dim,)."""
@@ -146,7 +152,9 @@ class LieGroup(Record):
 
         Returns r, dr/dp (a number or a matrix) and dr/dxi (a matrix), for Newton's method.  xi, p, mu : (dim,).
         """
-        return p - self.dexp_dual(xi, mu), 1.0, jacobian(lambda x: -self.dexp_dual(x, mu), xi)
+        if type(self).dexp_dual is LieGroup.dexp_dual:  # of the sum alone: exp need not be differentiated
+            return p - self.dexp_dual(xi, mu), 1.0, jacobian(lambda x: -1.0 * _mean(self.ad_star, x, mu), xi)
+        return p - self.dexp_dual(xi, mu), 1.0, jacobian(lambda x: -1.0 * self.dexp_dual(x, mu), xi)
 
     def why_no_cayley(self) -> str | None:
         """Why the group has no Cayley map; None if it has one."""
@@ -195,6 +203,18 @@ class LieGroup(Record):
     def casimirs(self, mu: Vec) -> Vec:
         """Functions of the momentum that every motion keeps, whatever the Hamiltonian; none known by default.  mu : (dim,)."""
         return vec()
+
+    @property
+    def unit_blocks(self) -> tuple[int, ...]:
+        """How many components in a row share a physical unit: (3, 3) on SE(3), angular and linear momenta."""
+        return (self.dim,)
+
+    def further_invariants(self, mu: Any) -> tuple[float, ...] | None:
+        """What tells the coadjoint orbit through mu from others of its dimension with the same Casimirs; () if there are none.
+
+        None, the default: the group does not know.  mu : (dim,).
+        """
+        return None
 
     def defect(self, g: Ambient) -> float:
         """How far an array is from being an element, relative to an element's size; 0 on the group.  g : shaped like an element.
@@ -289,8 +309,23 @@ class LieGroup(Record):
         return None
 
 
-def _average(ad: Callable[[Vec, Vec], Vec], x: Vec, v: Vec) -> Vec:
-    """sum_k ad_x^k v/(k + 1)!: the mean of exp(s ad_x) v over 0 <= s <= 1."""
+def _average(ad: Callable[[Vec, Vec], Vec], exp_ad: Callable[[Vec, Vec], Vec], size: float, x: Vec, v: Vec) -> Vec:
+    """sum_k ad_x^k v/(k + 1)!: the mean of exp(s ad_x) v over 0 <= s <= 1.  exp_ad : exp(ad_x) v.  size : a bound for |ad_x|.
+
+    Terms of a large x cancel; it is halved, and the mean over the whole found from that over its half: (1 + exp(ad_x/2))/2 times.
+    """
+    halvings = 0.0
+    while 4.0 < size < INFINITY:
+        x, size, halvings = 0.5 * x, 0.5 * size, halvings + 1.0
+    total = _mean(ad, x, v)
+    while halvings > 0.0:
+        total = 0.5 * (total + exp_ad(x, total))
+        x, halvings = 2.0 * x, halvings - 1.0
+    return total
+
+
+def _mean(ad: Callable[[Vec, Vec], Vec], x: Vec, v: Vec) -> Vec:
+    """The sum as it stands."""
     term = ad(x, v) / 2.0
     total = v + term
     k = 2.0

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -160,28 +159,3 @@ def log(basis: MatrixBasis, g: np.ndarray) -> np.ndarray:
 
 def _defects(group: MatrixLieGroup, g: np.ndarray) -> np.ndarray:
     return np.array([max(d for d, _ in [(0.0, ""), *objections(group.invariants, group.generated, m)]) for m in g])
-
-
-def nearest(basis: MatrixBasis, g: np.ndarray) -> np.ndarray:
-    """The element h of least |h - g|, by Gauss-Newton steps h exp(d), |h (1 + d) - g| = min.  Raises InvalidInput.
-
-    Source: Absil, Mahony, Sepulchre, Optimization Algorithms on Matrix Manifolds (2008), section 8.4.
-    """
-    from scipy.linalg import expm, logm
-
-    with np.errstate(all="ignore"), warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # that it is inaccurate: a start need not be accurate
-        start = basis.vee(np.asarray(logm(g)))
-    h = expm(basis.hat(start)) if np.isfinite(start).all() else np.eye(basis.n, dtype=basis.generators.dtype)
-    for _ in range(200):
-        xi, *_ = np.linalg.lstsq(_reals(h @ basis.generators).T, _reals((g - h)[None])[0], rcond=None)
-        step = float(np.linalg.norm(xi))
-        h = h @ expm(basis.hat(xi * min(1.0, 1.0 / max(step, 1e-300))))
-        if step <= 1e-14 * (1.0 + float(np.linalg.norm(start))):
-            return np.asarray(h)
-    raise InvalidInput(f"{basis.name}.nearest: no nearest element was found; the array is far from the group")
-
-
-def _reals(matrices: np.ndarray) -> np.ndarray:
-    flat = matrices.reshape(len(matrices), -1)
-    return np.concatenate([flat.real, flat.imag], axis=1) if np.iscomplexobj(flat) else flat

@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 
 from ..errors import IncompatibleSystem, InvalidInput, NotDefined
-from ..formulas import Ambient, Complex, Element, Mat, Vec, identity_matrix, mat, record, solve, solve3, sqrt, vec
+from ..formulas import Ambient, Complex, Element, Mat, Vec, dot, identity_matrix, mat, record, solve, solve3, sqrt, vec
 from ..formulas.sums import abs2, scaled, total
 from . import matrix_arrays
+from .casimir_polynomials import casimir_polynomials
 from .lie_group import MEMBERSHIP, LieGroup
 from .matrix_algebra import MatrixLieAlgebra, adjoint
 from .matrix_basis import MatrixBasis, basis_of
@@ -31,6 +32,7 @@ from .matrix_functions import (
     solve_matrix,
 )
 from .matrix_invariants import Invariants, invariants_of, objections
+from .nearest import nearest
 
 BERNOULLI = (
     1 / 12, -1 / 720, 1 / 30240, -1 / 1209600, 1 / 47900160, -691 / 1307674368000, 1 / 74724249600,
@@ -361,6 +363,36 @@ class MatrixLieGroup(LieGroup):
             ]
         )
 
+    # ---------------------------------------------------------------- Casimir functions
+
+    def casimirs(self, mu: Vec) -> Vec:
+        """Those found from the generators: momenta along the centre, quadratic forms, traces of powers of a matrix made of mu.
+
+        As many as are independent; on a group without an invariant form there may be more of them than these.
+        """
+        found = self._polynomials
+        values = [dot(z, mu) for z in found["linear"]] + [dot(mu, q @ mu) for q in found["quadratic"]]
+        if len(found["powers"]) > 0:
+            m = self.algebra.hat(found["from_form"] @ mu)
+            power = m @ m
+            for k in range(3, max(found["powers"]) + 1):
+                power = power @ m
+                if k in found["powers"]:
+                    trace = total([power[i, i] for i in range(len(power))])
+                    values = [*values, trace.im if isinstance(trace, Complex) and k % 2 else _real(trace)]
+        return vec(*values)
+
+    @cached_property
+    def _polynomials(self) -> dict[str, Any]:
+        """The constants of the Casimir functions, as formulas take them."""
+        linear, quadratic, powers, from_form = casimir_polynomials(self.generated, self.algebra)
+        return {
+            "linear": tuple(map(_constant, linear)),
+            "quadratic": tuple(map(_constant, quadratic)),
+            "powers": powers,
+            "from_form": _constant(from_form),
+        }
+
     # ---------------------------------------------------------------- membership
 
     def defect(self, g: Ambient) -> float:
@@ -411,8 +443,11 @@ class MatrixLieGroup(LieGroup):
         return next((words for off, words in objections(self.invariants, self.generated, g) if not off <= MEMBERSHIP), None)
 
     def nearest(self, g: Ambient) -> Element:
-        """The element h with the least |h - g|: Gauss-Newton steps on the group from exp(log g).  Raises InvalidInput."""
-        return _constant(matrix_arrays.nearest(self.generated, np.array(g)))
+        """The element of least |h - g|: the polar factor, where elements are orthogonal or unitary.
+
+        Raises InvalidInput for an array that is as close to several, or, on other groups, farther away than |g|/4.
+        """
+        return _constant(nearest(self, np.array(g)))
 
     def _in_numpy(self, method: str, arguments: dict[str, Any]) -> Any:
         return matrix_arrays.value(self, method, arguments)
@@ -476,6 +511,10 @@ def whole_number(name: str, n: Any, smallest: int) -> int:
 def _constant(array: np.ndarray) -> Any:
     """A vector or matrix of numbers that formulas take as they are."""
     return Vec.of(array.tolist()) if array.ndim == 1 else Mat.of(array.tolist())
+
+
+def _real(x: Any) -> Any:
+    return x.re if isinstance(x, Complex) else x
 
 
 def _of(g: Mat, i: int, j: int) -> Any:

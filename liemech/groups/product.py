@@ -159,6 +159,17 @@ class ProductGroup(LieGroup):
         """Those of the factors."""
         return self._each(lambda f, m: f.casimirs(m), self._parts(mu))
 
+    @property
+    def unit_blocks(self) -> tuple[int, ...]:
+        """Those of the factors."""
+        return tuple(size for factor in self.factors for size in factor.unit_blocks)
+
+    def further_invariants(self, mu: Any) -> tuple[float, ...] | None:
+        """Those of the factors, if each of them knows."""
+        ends = np.cumsum([factor.dim for factor in self.factors])
+        found = [f.further_invariants(part) for f, part in zip(self.factors, np.split(mu, ends[:-1]), strict=True)]
+        return None if None in found else tuple(x for known in found for x in known or ())
+
     def scale(self, g: Element | None) -> Vec:
         """Those of the factors."""
         if g is None:

@@ -6,10 +6,12 @@ dexp = 1 + b ad + c ad^2, and so on, with th = |w|.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
-from ..errors import OutsideChart
-from ..formulas import Ambient, Element, Mat, Vec, atan2, mat, outer, record, sqrt, vec
+from ..errors import InvalidInput, OutsideChart
+from ..formulas import Ambient, Element, Mat, Vec, atan2, mat, outer, record, vec
 from ..formulas.broadcasting import MEMBERSHIP
 from .lie_algebra import Constants, LieAlgebra
 from .lie_group import BERNOULLI, LieGroup
@@ -100,6 +102,15 @@ class SE2(LieGroup):
         """P.P."""
         return vec(mu[1] * mu[1] + mu[2] * mu[2])
 
+    @property
+    def unit_blocks(self) -> tuple[int, ...]:
+        """Pi and P."""
+        return (1, 2)
+
+    def further_invariants(self, mu: Any) -> tuple[float, ...]:
+        """Pi where P = 0: such orbits are points.  All others are cylinders about the axis P = 0."""
+        return () if mu[1:].any() else (float(mu[0]),)
+
     def defect(self, g: Ambient) -> float:
         """The largest difference of R from a rotation, and of the last row from 0 0 1."""
         a, b, c, d = g[0, 0], g[0, 1], g[1, 0], g[1, 1]
@@ -117,9 +128,14 @@ class SE2(LieGroup):
         return "of its rotation, the determinant is -1, it is a reflection" if R[0, 0] * R[1, 1] < R[0, 1] * R[1, 0] else None
 
     def nearest(self, g: Ambient) -> Element:
-        """The nearest rotation with the same displacement: the direction of (g_11 + g_22, g_21 - g_12)."""
-        c, s = g[0, 0] + g[1, 1], g[1, 0] - g[0, 1]
-        size = sqrt(c * c + s * s)
+        """The nearest rotation with the same displacement: the direction of (g_11 + g_22, g_21 - g_12).
+
+        Raises InvalidInput for an array that is as close to one rotation as to any other.
+        """
+        c, s = 0.5 * g[0, 0] + 0.5 * g[1, 1], 0.5 * g[1, 0] - 0.5 * g[0, 1]
+        size = float(np.hypot(c, s))
+        if size == 0.0:
+            raise InvalidInput("SE2.nearest: the array is as close to one rotation as to any other")
         return _motion(c / size, s / size, g[0, 2], g[1, 2])
 
     def random(self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()) -> np.ndarray:

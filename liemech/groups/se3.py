@@ -15,7 +15,7 @@ Source: Selig, Geometric Fundamentals of Robotics, 2nd ed., chapters 4 and 9 (th
 from __future__ import annotations
 
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -135,6 +135,15 @@ class SE3(LieGroup):
         """P.P and Pi.P: |P + eps Pi|^2 is P.P + eps 2 Pi.P."""
         Pi, P = halves(mu)
         return vec(dot(P, P), dot(Pi, P))
+
+    @property
+    def unit_blocks(self) -> tuple[int, ...]:
+        """Pi and P."""
+        return (3, 3)
+
+    def further_invariants(self, mu: Any) -> tuple[float, ...]:
+        """|Pi| where P = 0: such orbits are spheres.  All others are told apart by P.P and Pi.P."""
+        return () if mu[3:].any() else (float(np.linalg.norm(mu[:3])),)
 
     def defect(self, g: Ambient) -> float:
         """That of the rotation, and what the last row is away from 0 0 0 1."""

@@ -160,6 +160,17 @@ class SemidirectProduct(LieGroup):
         m, p = self.algebra.parts(mu)
         return self.action.invariants(m, p)
 
+    @property
+    def unit_blocks(self) -> tuple[int, ...]:
+        """Those of the group, and the covector."""
+        return (*self.acting.unit_blocks, self.action.space_dim)
+
+    def further_invariants(self, mu: Any) -> tuple[float, ...] | None:
+        """For rotations |mu| where p = 0, as for rigid motions; other actions do not know."""
+        if not isinstance(self.action, RotationAction):
+            return None
+        return () if mu[3:].any() else (float(np.linalg.norm(mu[:3])),)
+
     def scale(self, g: Element | None) -> Vec:
         """That of the group, and 1 for the vector."""
         return self._pairs.scale(g)

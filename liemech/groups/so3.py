@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..errors import OutsideChart
+from ..errors import InvalidInput, OutsideChart
 from ..formulas import Ambient, Element, Mat, Vec, cross, dot, mat, outer, record, vec
 from ..formulas.broadcasting import MEMBERSHIP, small
 from .lie_algebra import Constants, LieAlgebra
 from .lie_group import BERNOULLI, LieGroup
+from .nearest import nearest_unitary
 from .rotation_coefficients import WHOLE_TURN, all_coefficients, bernoulli, dexp_coefficients, exp_coefficients
 from .rotation_logarithm import rotation_quaternion, rotation_vector
 
@@ -119,10 +120,12 @@ class SO3(LieGroup):
     def nearest(self, g: Ambient) -> Element:
         """The rotation with the least sum of squared differences of entries.
 
-        Source: Kabsch, Acta Crystallographica A32 (1976).
+        Raises InvalidInput for an array that is as close to several.  Source: Kabsch, Acta Crystallographica A32 (1976).
         """
-        u, _, v = np.linalg.svd(np.array(g, dtype=float))
-        return Mat.of(u @ np.diag([1.0, 1.0, np.linalg.det(u) * np.linalg.det(v)]) @ v)
+        h = nearest_unitary(np.array(g, dtype=float), oriented=True)
+        if h is None:
+            raise InvalidInput("SO3.nearest: the array is as close to one rotation as to others")
+        return Mat.of(h.tolist())
 
     def random(self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()) -> np.ndarray:
         """Rotations distributed uniformly (Haar measure): those of uniformly distributed unit quaternions."""
@@ -141,6 +144,10 @@ class SO3(LieGroup):
     def casimirs(self, mu: Vec) -> Vec:
         """|mu|^2: momenta move on spheres."""
         return vec(dot(mu, mu))
+
+    def further_invariants(self, mu: Any) -> tuple[float, ...]:
+        """None: spheres about zero differ by their radius."""
+        return ()
 
     # ---------------------------------------------------------------- exponential
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -74,6 +74,10 @@ class UnitQuaternions(LieGroup):
         """|mu|^2: momenta move on spheres."""
         return vec(dot(mu, mu))
 
+    def further_invariants(self, mu: Any) -> tuple[float, ...]:
+        """None: spheres about zero differ by their radius."""
+        return ()
+
     def defect(self, g: Ambient) -> float:
         """| |q|^2 - 1 |."""
         return abs(dot(g, g) - 1.0)
@@ -85,10 +89,12 @@ class UnitQuaternions(LieGroup):
 
     def nearest(self, g: Ambient) -> Element:
         """q/|q|.  Raises InvalidInput for zero."""
-        size = float(np.linalg.norm(np.array(g, dtype=float)))
-        if size == 0.0:
+        q = np.array(g, dtype=float)
+        largest = float(np.abs(q).max())
+        if largest == 0.0:
             raise InvalidInput("UnitQuaternions.nearest: the zero quaternion is as close to one rotation as to any other")
-        return g / size
+        q = q / largest  # so that squares neither overflow nor vanish
+        return Vec.of((q / np.linalg.norm(q)).tolist())
 
     def random(self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()) -> np.ndarray:
         """Uniformly distributed on the sphere S^3 (Haar measure)."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from ..formulas import Ambient, Element, Mat, Vec, mat, record, vec
@@ -87,6 +89,10 @@ class VectorSpace(LieGroup):
     def casimirs(self, mu: Vec) -> Vec:
         """Every component: nothing moves a momentum."""
         return mu
+
+    def further_invariants(self, mu: Any) -> tuple[float, ...]:
+        """None: every orbit is a point."""
+        return ()
 
     def nearest(self, g: Ambient) -> Element:
         """g: every vector is an element."""

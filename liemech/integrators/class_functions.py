@@ -28,6 +28,7 @@ from ..formulas import (
     where,
 )
 from ..formulas.series import Series
+from ..formulas.sums import total
 from ..groups.lie_group import LieGroup
 from ..groups.rotation_coefficients import BERNOULLI, LIMIT, polynomial
 from ..groups.se3 import SE3Algebra
@@ -72,8 +73,8 @@ class ClassFunction(Record):
         raise NotImplementedError(f"{type(self).__name__} must define `along`")
 
     def size(self, group: LieGroup, retraction: Retraction, mu: Vec) -> float:
-        """The factor with which S_0 leads about `reach` from the identity where the momentum is mu.  mu : (dim,)."""
-        return _ratio(norm(mu), self.reach)
+        """The factor with which S_0 turns by about `reach`, an angle, where the momentum is mu.  mu : (dim,)."""
+        raise NotImplementedError(f"{type(self).__name__} must define `size`")
 
 
 @record
@@ -138,8 +139,8 @@ class InvariantForm(ClassFunction):
         return _times(self._form(group), _chart(group, retraction, xi, u))
 
     def size(self, group: LieGroup, retraction: Retraction, mu: Vec) -> float:
-        """|F^-1 mu|, for the exponential over 3: half a turn, nearly.  mu : (dim,)."""
-        return _ratio(norm(self._raised(group, mu)), 3.0 if isinstance(retraction, Exponential) else self.reach)
+        """The turning of F^-1 mu, for the exponential over 3: half a turn, nearly.  mu : (dim,)."""
+        return _ratio(group, self._raised(group, mu), 3.0 if isinstance(retraction, Exponential) else self.reach)
 
     def _raised(self, group: LieGroup, mu: Vec) -> Vec:
         form = Mat.of(self._form(group))
@@ -178,6 +179,10 @@ class CayleySquare(ClassFunction):
         """(1 + |y|^2/4) y with tau(y) = h."""
         return self.momentum(group, retraction, _chart(group, retraction, xi, u))
 
+    def size(self, group: LieGroup, retraction: Retraction, mu: Vec) -> float:
+        """|mu|.  mu : (3,)."""
+        return _ratio(group, mu, self.reach)
+
 
 @record
 class TraceOfAd(ClassFunction):
@@ -205,8 +210,8 @@ class TraceOfAd(ClassFunction):
 
     def turn(self, group: LieGroup, retraction: Retraction, mu: Vec) -> Vec:
         """By Newton's method.  mu : (dim,).  Raises OutsideChart."""
-        killing = -self._factor(group) * Mat.of(_constants(group.algebra.killing_form))
-        xi, size, enough, _ = newton(lambda x: self._excess(group, retraction, x, mu), solve(killing, mu), dot(mu, mu))
+        first = self._first(group, mu)
+        xi, size, enough, _ = newton(lambda x: self._excess(group, retraction, x, mu), first, dot(mu, mu))
         if not size <= enough:
             raise OutsideChart(
                 f"TraceOfAd: the momentum, {norm(mu):.3g} times the scale, is beyond what the function reaches (on so(3) 1). "
@@ -222,6 +227,14 @@ class TraceOfAd(ClassFunction):
                 component.grow(rate, -1.0)
         return self._trace(group, rows)
 
+    def size(self, group: LieGroup, retraction: Retraction, mu: Vec) -> float:
+        """The turning of the xi that the Killing form gives, over 1/2: the slope of P is regular up to pi/2.  mu : (dim,)."""
+        return _ratio(group, self._first(group, mu), self.reach)
+
+    def _first(self, group: LieGroup, mu: Vec) -> Vec:
+        """The xi with P = mu to first order."""
+        return solve(-self._factor(group) * Mat.of(_constants(group.algebra.killing_form)), mu)
+
     def _excess(self, group: LieGroup, retraction: Retraction, xi: Vec, mu: Vec) -> tuple[Vec, Mat, float]:
         slope = jacobian(lambda x: self.momentum(group, retraction, x), xi)
         return self.momentum(group, retraction, xi) - mu, slope, 1.0
@@ -233,11 +246,11 @@ class TraceOfAd(ClassFunction):
 
     def _trace(self, group: LieGroup, rows: Any) -> Vec:
         """-tr(Ad ad_j) = sum_i (ad*_E_i row_i)_j."""
-        total: Any = None
+        found: Any = None
         for row, unit in zip(rows, identity_matrix(group.dim)):
             term = group.ad_star(unit, row)
-            total = term if total is None else total + term
-        return self._factor(group) * total
+            found = term if found is None else found + term
+        return self._factor(group) * found
 
     def _factor(self, group: LieGroup) -> float:
         largest = 0.0
@@ -247,9 +260,25 @@ class TraceOfAd(ClassFunction):
         return 1.0 / largest
 
 
-def _ratio(length: float, reach: float) -> float:
-    """length/reach, or 1 if there is no length."""
+def _ratio(group: LieGroup, xi: Vec, reach: float) -> float:
+    """The turning of xi over a reach; of a displacement that does not turn its length, and 1 for none."""
+    angle = _turning(group, xi)
+    length = where(angle > 0.0, angle, norm(xi))
     return where(length > 0.0, length / reach, 1.0)
+
+
+def _turning(group: LieGroup, xi: Vec) -> float:
+    """An angle, whatever the units: of a rotation or a screw its own, else |ad_xi|_F/sqrt 2.
+
+    The latter is no less than any eigenvalue of ad_xi on a semisimple algebra, where these come in pairs of opposite sign.
+    Source: Horn and Johnson, Matrix Analysis, 2nd ed., theorem 2.3.1 and inequality (2.3.2a) (Schur).
+    """
+    if _rotations(group):
+        return norm(xi)
+    if _screws(group):
+        return norm(vec(xi[0], xi[1], xi[2]))
+    columns = [group.ad(xi, unit) for unit in identity_matrix(group.dim)]
+    return sqrt(0.5 * total([dot(column, column) for column in columns]))
 
 
 # ------------------------------------------------------------------ forms
@@ -289,12 +318,12 @@ def _times(form: Form, x: Vec) -> Vec:
 
 
 def _row(row: tuple[float, ...], x: Vec) -> Any:
-    total: Any = None
+    found: Any = None
     for a, c in zip(row, x):
         if a != 0.0:
             term = c if a == 1.0 else a * c
-            total = term if total is None else total + term
-    return 0.0 * x[0] if total is None else total
+            found = term if found is None else found + term
+    return 0.0 * x[0] if found is None else found
 
 
 # ------------------------------------------------------------------ the chart as a series

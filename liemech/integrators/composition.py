@@ -51,6 +51,8 @@ class Composition(Method):
                 f"Composition: {base!r} is not symmetric, and its substeps cannot cancel errors of odd powers of h; "
                 "CovariantVariational(Cayley()) and CovariantVariational(Exponential()) are symmetric"
             )
+        if base.order == float("inf"):  # type: ignore[attr-defined]
+            raise InvalidInput(f"Composition: {base!r} is exact; there is no error for substeps to cancel. Use it as it is")
         if tableau is None:
             tableau = self._chosen(base.order, self.order)  # type: ignore[attr-defined]
         if not isinstance(tableau, CompositionTableau):

@@ -48,6 +48,9 @@ SHORT = 0.18
 TURN = 0.25 * LIMIT
 """Up to this |K mu|^2 a step turns by a tenth of a turn at most, far from the half turn that no Cayley map reaches."""
 
+FINE, MASS = 2.0**-900, 2.0**500
+"""A square below FINE or beyond its inverse is taken in another unit, by the factor MASS; what is below FINE there is rest."""
+
 PARTS = 2.0**20
 """A step of more parts than this, a hundred thousand turns, is taken for a mistake."""
 
@@ -89,9 +92,14 @@ class ExactFreeBody(Method):
 
     def step(self, system: Any, t: float, state: BodyState, h: float) -> BodyState:
         """As many equal parts of the orbit as it takes to keep them short, mostly one."""
-        K, mu = (0.5 * h) * _turning(system.hamiltonian.inverse), _turning(state.mu)
-        w, square = times(K, mu), dot(mu, mu)
-        action, per_square = dot(mu, w), 1.0 / where(square > 0.0, square, 1.0)
+        K, mu, unit = (0.5 * h) * _turning(system.hamiltonian.inverse), _turning(state.mu), 1.0
+        square = dot(mu, mu)
+        if not FINE < square < 1.0 / FINE:  # nearly at rest, or in units for which squares leave the range of floats
+            unit = MASS if square < 1.0 else 1.0 / MASS
+            K, mu = (1.0 / unit) * K, unit * mu
+            square = dot(mu, mu)
+        w = times(K, mu)
+        action, per_square = dot(mu, w), 1.0 / where(square > FINE, square, 1.0)
         D = _plus(K, -action * per_square)
         parts, size = 1.0, max(dot(w, w) / TURN, square * _trace(times(D, D)) / SHORT)
         if size > 1.0:
@@ -105,7 +113,7 @@ class ExactFreeBody(Method):
             K, D, action = K / parts, D / parts, action / parts
         orbit, layout, done = _orbit(K, D, action, square, per_square), layout_of(state), 0.0
         while done < parts:
-            x = _with_flight(system, orbit.displacement(_turning(state.mu)), state.mu, h / parts)
+            x = _with_flight(system, orbit.displacement(unit * _turning(state.mu)), state.mu, h / parts)
             state = fitted(system.moved(Cayley(), state, x), layout)
             done = done + 1.0
         return state
@@ -136,7 +144,7 @@ class Orbit(Record):
         d = (1.0 / (self.scale + extra)) * ((times(self.along, mu) - extra * mu) + 2.0 * times(self.across, rate))
         m = mu + 0.5 * d
         mean = self.sine * (dot(mu, mu) - 0.25 * dot(d, d))
-        return (1.0 / where(mean > 0.0, mean, 1.0)) * (cross(self.sine * d, mu) + self.turned * m)
+        return (1.0 / where(mean > 0.5 * FINE, mean, 1.0)) * (cross(self.sine * d, mu) + self.turned * m)
 
 
 def _orbit(K: Vec | Mat, D: Vec | Mat, action: float, square: float, per_square: float) -> Orbit:

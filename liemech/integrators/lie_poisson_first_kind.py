@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 from ..errors import InvalidInput, InvalidType
-from ..formulas import Mat, Vec, derivative, dot, horner, jacobian, norm, plain, record
+from ..formulas import Mat, Vec, derivative, dot, jacobian, norm, plain, record
+from ..formulas.sums import total
 from ..retractions import Exponential, Retraction
 from ..solvers import newton
 from ..systems.lie_poisson import BodyState
@@ -39,8 +40,9 @@ class FirstKindHamiltonJacobi(Implicit):
     motion leaves momenta alone and turns the group; tau(turn), the motion of C at mu_i+1, is what the attitude has to be freed of.
 
     order : k, 1 to 4.  retraction : Exponential() or Cayley().  s0 : the class function S_0, InvariantForm(), TraceOfAd() or, with
-    Cayley() on SO(3), CayleySquare().  scale : c, an action; by default chosen at the start so that |turn| is 3 for the
-    exponential, about 1 for the others.  The series in h converges like (c h/J)^k; too small a c leads out of the chart.
+    Cayley() on SO(3), CayleySquare().  scale : c, an action; by default chosen at the start so that the turn is one by the angle 3
+    for InvariantForm() with the exponential, by about 1 for the others.  The series in h converges like (c h/J)^k; too small a c
+    leads out of the chart.
     Casimirs, spatial momentum and the Lie-Poisson bracket are kept to rounding.  Not symmetric: for the same error the second kind,
     LiePoissonHamiltonJacobi, takes far longer steps, and it serves every group.
     Raises NoConvergence or OutsideChart if the step is too large, or |mu| for the scale.
@@ -124,7 +126,7 @@ class FirstKindHamiltonJacobi(Implicit):
         """pi, the momentum at the end of a step tau(xi)."""
         if order == 1:
             return self._leading(system, h, scale, xi)
-        return horner(first_kind(system, self.retraction, self.s0, scale, xi, order), h)
+        return total(first_kind(system, self.retraction, self.s0, scale, xi, order, h))
 
     def _leading(self, system: Any, h: float, scale: float, xi: Vec) -> Vec:
         """pi_0 + h (ad*_v pi_0 - d(pi_0) v), pi_0 = c P(xi), v = dH(pi_0), the derivative along tau(xi) v."""

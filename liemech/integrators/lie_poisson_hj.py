@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 from ..errors import InvalidInput
-from ..formulas import Mat, Vec, derivative, dot, horner, identity_matrix, jacobian, mat, norm, plain, record, vec, vectors
+from ..formulas import Mat, Vec, derivative, dot, identity_matrix, jacobian, mat, norm, plain, record, vec, vectors
+from ..formulas.sums import total
 from ..groups.so3 import SO3Algebra
 from ..retractions import Exponential, Retraction
 from ..solvers import TOLERANCE, newton
@@ -111,20 +112,20 @@ class LiePoissonHamiltonJacobi(Implicit):
         if order == 4 and has_axes(system, self.retraction):
             return along_axes(system.hamiltonian.inverse, h, p)[0]
         if order == 4 and isinstance(self.retraction, Exponential):
-            return h * system.velocity(p) + (h * h * h) * self.third(system, p)
-        return h * horner(second_kind(system, self.retraction, p, order // 2), h * h)
+            return self.two_terms(system, h, p)
+        return total(second_kind(system, self.retraction, p, order // 2, h))
 
-    def third(self, system: Any, p: Vec) -> Vec:
-        """x_3 = ds_3/dp/6 of the exponential, s_3 = D^2H(p)[w, w]/4 with v = dH(p), w = ad*_v p, on every group:
+    def two_terms(self, system: Any, h: float, p: Vec) -> Vec:
+        """h dH(p) + (h^3/6) ds_3/dp of the exponential on every group, s_3 = D^2H(p)[w, w]/4 with w = ad*_v p, v = dH(p):
 
-        x_3 = ([v, a] - D^2H(p) ad*_a p)/12 + D^3H(p)[w, w]/24,   a = D^2H(p) w.
+        ds_3/dp/6 = ([v, a] - D^2H(p) ad*_a p)/12 + D^3H(p)[w, w]/24,   a = D^2H(p) w;  the h goes with H.
         """
-        group, v = system.group, system.velocity(p)
+        group, v = system.group, h * system.velocity(p)
         w = group.ad_star(v, p)
-        a = _turned(system, p, w)
+        a = _turned(system, h, p, w)
         start, onward = vec(*p, *w), (*w, *[0 for _ in w])
-        curved = derivative(lambda y: _turned(system, _half(y, 0), _half(y, len(y) // 2)), start, onward)
-        return (1.0 / 12.0) * ((group.ad(v, a) - _turned(system, p, group.ad_star(a, p))) + 0.5 * curved)
+        curved = derivative(lambda y: _turned(system, h, _half(y, 0), _half(y, len(y) // 2)), start, onward)
+        return v + (1.0 / 12.0) * ((group.ad(v, a) - _turned(system, h, p, group.ad_star(a, p))) + 0.5 * curved)
 
 
 def has_axes(system: Any, retraction: Retraction) -> bool:
@@ -139,17 +140,22 @@ def along_axes(K: Vec, h: float, p: Vec) -> tuple[Vec, Mat]:
 
         s_3 = w . K w/4 = (e_1 p_2^2 p_3^2 + e_2 p_3^2 p_1^2 + e_3 p_1^2 p_2^2)/4,   w = p x K p,   e_1 = K_1 (K_2 - K_3)^2, ...
     """
-    factor, square, d = h * h * h / 12.0, p * p, vec(K[1] - K[2], K[2] - K[0], K[0] - K[1])
-    e = factor * (K * (d * d))
-    (a0, a1, a2), (s0, s1, s2) = e, square
-    rate = h * K + vec(a1 * s2 + a2 * s1, a2 * s0 + a0 * s2, a0 * s1 + a1 * s0)
-    q = (2.0 * e) * vec(p[1] * p[2], p[2] * p[0], p[0] * p[1])
+    k = h * K  # every product is one of angles, h K p, before it is taken to a power
+    third, (d0, d1, d2) = (1.0 / 12.0) * k, (k[1] - k[2], k[2] - k[0], k[0] - k[1])
+    a01, a02, a10 = d0 * p[1], d0 * p[2], d1 * p[0]
+    a12, a20, a21 = d1 * p[2], d2 * p[0], d2 * p[1]
+    rate = k + vec(
+        third[1] * (a12 * a12) + third[2] * (a21 * a21),
+        third[2] * (a20 * a20) + third[0] * (a02 * a02),
+        third[0] * (a01 * a01) + third[1] * (a10 * a10),
+    )
+    q = (2.0 * third) * vec(a01 * a02, a12 * a10, a20 * a21)
     return rate * p, mat(vec(rate[0], q[2], q[1]), vec(q[2], rate[1], q[0]), vec(q[1], q[0], rate[2]))
 
 
-def _turned(system: Any, p: Vec, w: Vec) -> Vec:
-    """D^2H(p) w."""
-    return derivative(lambda q: system.velocity(q), p, w)
+def _turned(system: Any, h: float, p: Vec, w: Vec) -> Vec:
+    """h D^2H(p) w."""
+    return h * derivative(lambda q: system.velocity(q), p, w)
 
 
 def _half(y: Vec, first: int) -> Vec:

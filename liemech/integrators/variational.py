@@ -7,12 +7,16 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from ..errors import InvalidInput
 from ..formulas import Mat, Vec, dot, mat, norm, plain, record, vec, vectors
 from ..retractions import Exponential, Retraction
 from ..solvers import newton
 from ..systems.lie_poisson import BodyState
 from .implicit import Implicit, Memory, extrapolated
 from .solvability import first_fold, grown, largest_impulse, surely_solvable, turns_freely
+
+LEAST, MOST = 2.0**-336, 2.0**339
+"""The sizes of J/h, about 1e-101 and 1e102, whose third powers are ordinary floats."""
 
 
 @record
@@ -22,7 +26,8 @@ class CovariantVariational(Implicit):
         (dtau^-1_{h xi_i})* dl/dxi(xi_i) = mu_i            solved for h xi_i by Newton's method
         mu_i+1 = Ad*_tau(h xi_i) mu_i,   g_i+1 = g_i tau(h xi_i)
 
-    retraction : Cayley() has a solution for every step size, Exponential() is the more accurate one; `largest_step` tells.
+    retraction : Cayley() has, for rigid bodies that are no thin rods, a solution for every step; Exponential() is the more accurate
+    one.  `largest_step` tells.  On other groups, such as SL(2), neither has one for every step.
     mu belongs to the nodes, xi to the intervals between them: J xi is a momentum half way, an O(h) away from mu.  Velocities are
     `Trajectory.xi`; a run that is to start with a velocity starts with its `momentum`.
     Order 2, symmetric; spatial momentum, Casimirs and the Lie-Poisson bracket are kept to rounding, the energy oscillates
@@ -118,7 +123,17 @@ class CovariantVariational(Implicit):
         return largest_impulse(system.lagrangian.inertia, self.retraction) / size if size > 0.0 else math.inf
 
     def caution(self, system: Any, start: BodyState, h: float) -> str | None:
-        """What to tell before a run whose step is larger than the `largest_step`; None if it is not."""
+        """What to tell before a run whose step is larger than the `largest_step`; None if it is not.
+
+        Raises InvalidInput for units in which Newton's method, which multiplies three entries of J/h, would divide by zero.
+        """
+        mu = start.mu if start.bodies is None else start.mu[0]
+        size = float(np.abs(np.array(system.lagrangian.hessian(system.velocity(mu)), dtype=float)).max()) / abs(h)
+        if not LEAST < size < MOST:
+            raise InvalidInput(
+                f"{self!r}: J/h is {size:.1e} in these units, and products of three such numbers leave the range of floats. "
+                "Take units of mass and time in which it is closer to 1"
+            )
         largest = self.largest_step(system, start)
         if largest is None or not abs(h) > largest:
             return None

@@ -115,7 +115,13 @@ class Trajectory:
     @cached_property
     def casimirs(self) -> np.ndarray:
         """The Casimir functions at every sample; |mu|^2 on SO(3).  (n, number of Casimirs)"""
-        return self._laws.casimirs(self.mu)
+        casimirs = getattr(self._laws, "casimirs", None)
+        if casimirs is None:
+            raise InvalidInput(
+                f"Trajectory.casimirs is for free bodies; {self.system!r} has no Casimir functions of the momentum alone. "
+                "`run.drift()` names what it keeps"
+            )
+        return casimirs(self.mu)
 
     @cached_property
     def xi(self) -> np.ndarray:
@@ -141,9 +147,14 @@ class Trajectory:
         """The attitudes as SciPy rotations, body to space."""
         from scipy.spatial.transform import Rotation
 
-        g = self._attitude("rotation")
-        if g.shape[-2:] != (3, 3):
-            raise InvalidInput(f"Trajectory.rotation is for rotations; elements of {self.system.group!r} have shape {g.shape[-2:]}")
+        from ..groups.so3 import SO3
+        from ..groups.unit_quaternions import UnitQuaternions
+
+        g, group = self._attitude("rotation"), getattr(self.system, "configurations", self.system.group)
+        if isinstance(group, UnitQuaternions):
+            return group.rotation(g)
+        if group.element_shape != (3, 3) or not np.all(SO3().contains(g)):
+            raise InvalidInput(f"Trajectory.rotation is for rotations of space, which elements of {group!r} are not")
         return Rotation.from_matrix(g)
 
     @property

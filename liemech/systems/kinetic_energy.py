@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from ..formulas import Mat, Vec, dot, record, vectors
+from ..errors import InvalidInput
+from ..formulas import Mat, Vec, check_finite, dot, real_array, record, vectors
 from .hamiltonian import Hamiltonian
 from .lagrangian import Lagrangian
 
@@ -17,6 +18,7 @@ class KineticEnergy(Hamiltonian, Lagrangian):
     """Kinetic energy with inertia J: l(xi) = xi . J xi/2 and, the same number, H(mu) = mu . J^-1 mu/2.
 
     inertia : (dim,) principal moments, or (dim, dim) a symmetric matrix.  The inverse is stored: formulas never divide by J.
+    Raises InvalidInput for a matrix that is not symmetric, and for an inertia without an inverse.
 
     Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., sections 1.2 and 15.2.
     """
@@ -26,6 +28,7 @@ class KineticEnergy(Hamiltonian, Lagrangian):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        require_invertible(self.inertia)
         if isinstance(self.inertia, vectors.Vec):
             inverse: Vec | Mat = 1.0 / self.inertia
         else:
@@ -54,6 +57,37 @@ class KineticEnergy(Hamiltonian, Lagrangian):
 
     def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
         return (len(self.inertia),) if kind == "Vec" else None
+
+
+SYMMETRY = 1e-12
+"""An entry that differs by more than this from its mirror image, relative to its row and column, is a mistake."""
+
+
+def require_invertible(inertia: Vec | Mat) -> None:
+    """Raise InvalidInput for an inertia that is empty, not finite, not symmetric or singular.  (dim,) or (dim, dim)"""
+    array = real_array(inertia, "KineticEnergy: inertia")
+    check_finite(array, "KineticEnergy: inertia")
+    if array.ndim == 1:
+        small = np.flatnonzero(np.abs(array) < 1.0 / np.finfo(float).max)
+        if len(small):
+            at = int(small[0])
+            raise InvalidInput(f"KineticEnergy: inertia[{at}] is {array[at]:g}; a moment without a finite inverse has no velocity")
+        return
+    if array.shape != array.T.shape:
+        raise InvalidInput(f"KineticEnergy: inertia has shape {array.shape}; give moments, (dim,), or a square matrix, (dim, dim)")
+    unit = np.sqrt(np.abs(np.diag(array)))
+    sizes = np.maximum(np.maximum(np.abs(array), np.abs(array.T)), unit[:, None] * unit)
+    off = np.abs(array - array.T)
+    if (off > SYMMETRY * sizes).any():
+        i, j = (int(k) for k in np.unravel_index(int((off - SYMMETRY * sizes).argmax()), off.shape))
+        raise InvalidInput(
+            f"KineticEnergy: inertia is not symmetric: [{i}, {j}] is {array[i, j]:g}, [{j}, {i}] is {array[j, i]:g}. "
+            "The energy knows only the symmetric part, (J + J^T)/2"
+        )
+    unit = 1.0 / np.where(unit > 0.0, unit, np.abs(array).max() ** 0.5 or 1.0)  # in such units rows can be compared
+    lengths = np.linalg.svd(unit[:, None] * array * unit, compute_uv=False)
+    if lengths[-1] <= len(array) * 2.0**-51 * lengths[0]:
+        raise InvalidInput(f"KineticEnergy: inertia is singular up to rounding: a velocity has no momentum. It is {array.tolist()}")
 
 
 def times(inertia: Vec | Mat, x: Any) -> Any:

@@ -6,10 +6,11 @@ from typing import Any, ClassVar, final
 
 import numpy as np
 
-from ..errors import InvalidInput, InvalidType
+from ..errors import InvalidInput, InvalidType, NotDefined
 from ..formulas import Element, Vec, record, vec
 from ..groups.lie_group import LieGroup
 from ..retractions import Retraction
+from .agreement import require_one_body
 from .hamiltonian import Hamiltonian
 from .lagrangian import Lagrangian
 from .system import State, System, frozen, members_of, points
@@ -34,6 +35,9 @@ class LiePoissonSystem(System):
     lagrangian : the same motion told by velocities, for methods that need it; left out, the Hamiltonian stands in if it is a
     Lagrangian too, like KineticEnergy.
 
+    Raises InvalidInput for functions of vectors of another dimension, a written gradient that is not the derivative of the energy,
+    and a Lagrangian of another body, whose momentum does not undo the gradient.
+
     Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., sections 13.1, 13.5 and 13.7.
     """
 
@@ -48,9 +52,12 @@ class LiePoissonSystem(System):
         for name, value, kind in zip(("group", "hamiltonian", "lagrangian"), given, (LieGroup, Hamiltonian, Lagrangian)):
             if not isinstance(value, kind):
                 raise InvalidType(f"{type(self).__name__}: {name} must be a {kind.__name__}; got {value!r}")
+        if type(self.group).Ad_star is LieGroup.Ad_star and type(self.group).Ad is LieGroup.Ad:
+            raise NotDefined(f"{type(self).__name__}: {type(self.group).__name__} must define `Ad`, by which momenta move")
         if self.lagrangian is None and isinstance(self.hamiltonian, Lagrangian):
             object.__setattr__(self, "lagrangian", self.hamiltonian)
         super().__post_init__()
+        require_one_body(type(self).__name__, self.group, self.hamiltonian, self.lagrangian)
 
     # ---------------------------------------------------------------- formulas
 

@@ -13,7 +13,7 @@ from ..formulas import Element, Vec, record, vec
 from ..groups.coadjoint import CoadjointAction
 from ..groups.lie_group import LieGroup
 from ..groups.semidirect import SemidirectProduct
-from ..retractions import Retraction
+from ..retractions import Exponential, Retraction
 from .lie_poisson import BodyState, LiePoissonSystem, body_state
 from .potential import Force, Potential
 from .system import System
@@ -102,8 +102,15 @@ class MechanicalSystem(System):
 
     @final
     def moved(self, retraction: Retraction, state: BodyState, omega: Vec) -> BodyState:
-        """(g h, Ad*_h (mu + n)) with (h, n) = tau(omega)."""
+        """(g h, Ad*_h (mu + n)) with (h, n) = tau(omega).
+
+        The exponential takes the part of omega in the algebra of G to h; momentum and element are then moved by increments, which
+        compensated sums add up.
+        """
         h, n = self._cotangent.split(retraction.tau(self._cotangent, omega))
+        if isinstance(retraction, Exponential):
+            group, (xi, _) = self.body.group, self._cotangent.algebra.parts(omega)
+            return BodyState(group.exp_Ad_star(xi, state.mu + n), group.compose_exp(state.g, xi))
         return BodyState(self.body.group.Ad_star(h, state.mu + n), self.body.group.compose(state.g, h))
 
     @final

@@ -1,0 +1,67 @@
+"""Units of mass and time by a hundred powers of ten and more, and bodies that come to rest: as in ordinary units, or refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import liemech as lm
+
+J, MU = np.array([1.0, 1.5, 2.0]), np.array([0.5, 0.3, 0.8])
+EXP, CAY = lm.Exponential(), lm.Cayley()
+HJ = lm.LiePoissonHamiltonJacobi
+
+
+def moved(method: lm.Method, mass: float = 1.0, time: float = 1.0) -> np.ndarray:
+    """Momentum and attitude after two steps, in ordinary units."""
+    body = lm.RigidBody(mass * J)
+    run = lm.integrate(body, method, body.state(mass / time * MU, np.eye(3)), h=0.2 * time, steps=2, compiled=False)
+    return np.concatenate([run.mu[-1] / (mass / time), run.g[-1].ravel()])
+
+
+METHODS = (HJ(2), HJ(4), HJ(4, CAY), HJ(6), HJ(8), lm.ExactFreeBody(), lm.RKMK(order=4), lm.CovariantVariational())
+
+
+@pytest.mark.parametrize("method", METHODS, ids=repr)
+@pytest.mark.parametrize("k", [-100, 100])
+def test_hundred_powers_of_ten(method: lm.Method, k: int) -> None:
+    here = moved(method)
+    assert np.abs(moved(method, mass=10.0**k) - here).max() <= 1e-14
+    assert np.abs(moved(method, time=10.0**k) - here).max() <= 1e-14
+
+
+@pytest.mark.parametrize("method", METHODS[:-1], ids=repr)
+@pytest.mark.parametrize("k", [-120, 120])
+def test_more_of_them(method: lm.Method, k: int) -> None:
+    """The order is that of the method, not less because a power of h is zero."""
+    here = moved(method)
+    assert np.abs(moved(method, mass=10.0**k) - here).max() <= 1e-14
+    assert np.abs(moved(method, time=10.0**k) - here).max() <= 1e-14
+
+
+@pytest.mark.parametrize("retraction", [EXP, CAY], ids=repr)
+@pytest.mark.parametrize("units", [(1e-110, 1.0), (1e110, 1.0), (1.0, 1e-110), (1.0, 1e110)])
+def test_algorithm_1_says_where_it_would_divide_by_zero(retraction: lm.Retraction, units: tuple[float, float]) -> None:
+    with pytest.raises(lm.errors.InvalidInput, match=r"J/h is 1\.0e.* Take units of mass and time in which it is closer to 1"):
+        moved(lm.CovariantVariational(retraction), *units)
+
+
+@pytest.mark.parametrize("size", [1e-150, 1e-155, 1e-200, 1e-320, 0.0])
+def test_a_body_at_rest_in_a_field(size: float) -> None:
+    """It drifts by h J^-1 mu as long as that is anything, and stays where it is."""
+    field = lm.MechanicalSystem(lm.RigidBody(J), lm.FixedPointGravity(0.0, [0.0, 0.0, 1.0]))
+    run = lm.integrate(field, lm.KickDrift(), field.state(size * MU, np.eye(3)), h=0.1, steps=3, compiled=False)
+    assert np.array_equal(run.mu[-1], size * MU)
+    turned = lm.SO3().log(run.g[-1])
+    assert np.abs(turned - 0.3 * (size * MU) / J).max() <= max(1e-14 * size, 1e-300)
+
+
+def test_a_top_that_swings_through_rest() -> None:
+    """Let go at rest: the first kick makes the momentum, and the way back is the way there."""
+    top = lm.HeavyTop(J, 1.0, [0.3, 0.0, 1.0])
+    start = top.state(np.zeros(3), np.eye(3))
+    run = lm.integrate(top, lm.KickDrift(), start, h=0.1, steps=20, compiled=False)
+    back = lm.integrate(top, lm.KickDrift(), run.last, h=-0.1, steps=20, compiled=False)
+    assert np.abs(back.mu[-1]).max() <= 1e-13
+    assert np.abs(back.g[-1] - np.eye(3)).max() <= 1e-13
+    assert np.abs(run.energy - run.energy[0]).max() <= 1e-2
