@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
-from scenes import asymmetric_body, same_bits, seed_body, slope
+from scenes import asymmetric_body, same_bits, seed_body, slope, slow
 
 import liemech as lm
 from liemech.integrators.class_functions import CayleySquare, ClassFunction, InvariantForm, TraceOfAd
@@ -21,7 +22,6 @@ FORM, TRACE, SQUARE = InvariantForm(), TraceOfAd(), CayleySquare()
 KLEIN = InvariantForm(np.roll(np.eye(6), 3, axis=0))
 
 ON_SO3 = pytest.mark.parametrize(("s0", "retraction"), [(FORM, EXP), (FORM, CAYLEY), (TRACE, EXP), (SQUARE, CAYLEY)], ids=str)
-ON_SE3 = pytest.mark.parametrize("retraction", [EXP, ADJOINT], ids=repr)
 EVERY_ORDER = pytest.mark.parametrize("order", [1, 2, 3, 4])
 
 # one step h = 0.05 of the article's body from its start, exp, S_0 = |xi|^2/2, in 45-digit arithmetic: xi, mu, g exp(-mu)
@@ -171,11 +171,30 @@ def test_order_on_so3(order: int, s0: ClassFunction, retraction: lm.Retraction) 
     assert_order(body, FirstKindHamiltonJacobi(order, retraction, s0), start, body.exact(start, 1.0), (80, 160))
 
 
-@pytest.mark.parametrize("order", [pytest.param(1, marks=pytest.mark.slow), 2, pytest.param(3, marks=pytest.mark.slow), 4])
-@ON_SE3
-def test_order_with_the_klein_form(order: int, retraction: lm.Retraction) -> None:
-    for system, start in (fish(), top()):
-        assert_order(system, FirstKindHamiltonJacobi(order, retraction, KLEIN), start)
+@pytest.mark.parametrize(
+    ("order", "retraction", "scene"),
+    [
+        (2, EXP, top),
+        (4, ADJOINT, fish),
+        *(
+            slow(order, retraction, scene)
+            for order in (1, 2, 3, 4)
+            for retraction in (EXP, ADJOINT)
+            for scene in (fish, top)
+            if (order, retraction, scene) not in ((2, EXP, top), (4, ADJOINT, fish))
+        ),
+    ],
+)
+def test_order_with_the_klein_form(order: int, retraction: lm.Retraction, scene: Callable[[], Any]) -> None:
+    system, start = scene()
+    assert_order(system, FirstKindHamiltonJacobi(order, retraction, KLEIN), start, end_of(scene))
+
+
+@functools.cache
+def end_of(scene: Callable[[], Any]) -> lm.BodyState:
+    """Where a scene is at t = 1."""
+    system, start = scene()
+    return lm.integrate(system, lm.Taylor(12, EXP), start, h=0.05, steps=20).last
 
 
 @pytest.mark.parametrize("order", [2, 4])
@@ -243,9 +262,9 @@ def test_what_a_body_keeps(s0: ClassFunction, retraction: lm.Retraction) -> None
     [
         (asymmetric_body, FORM, EXP),
         (asymmetric_body, SQUARE, CAYLEY),
-        pytest.param(asymmetric_body, TRACE, CAYLEY, marks=pytest.mark.slow),
-        pytest.param(fish, KLEIN, EXP, marks=pytest.mark.slow),
-        (fish, KLEIN, ADJOINT),
+        slow(asymmetric_body, TRACE, CAYLEY),
+        slow(fish, KLEIN, EXP),
+        slow(fish, KLEIN, ADJOINT),
     ],
     ids=lambda x: getattr(x, "__name__", type(x).__name__),
 )
@@ -255,7 +274,7 @@ def test_the_bracket_is_kept(scene: Callable[[], Any], s0: ClassFunction, retrac
     assert poisson_defect(system, method, np.array(start.mu), 0.05) < 1e-11
 
 
-@ON_SE3
+@pytest.mark.parametrize("retraction", [ADJOINT, slow(EXP)], ids=repr)
 def test_what_a_fish_keeps(retraction: lm.Retraction) -> None:
     system, start = fish()
     run = lm.integrate(system, FirstKindHamiltonJacobi(4, retraction), start, h=0.02, steps=3000, every=10)

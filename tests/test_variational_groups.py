@@ -6,7 +6,7 @@ import functools
 
 import numpy as np
 import pytest
-from scenes import CAYLEY, EXP, asymmetric_body, kirchhoff_body, named, poisson_defect, slope
+from scenes import CAYLEY, EXP, asymmetric_body, kirchhoff_body, named, poisson_defect, slope, slow
 
 import liemech as lm
 from liemech.groups.matrix_group import MatrixLieGroup
@@ -166,8 +166,14 @@ def test_modified_energy_is_kept_to_fourth_order(scene: object, method: lm.Covar
     assert slope(h, modified) == pytest.approx(4.0, abs=0.1)
 
 
-@SCENES
-@pytest.mark.parametrize("method", COMPOSED[:2], ids=named)
+@pytest.mark.parametrize(
+    ("scene", "method"),
+    [
+        *((on_SO4, COMPOSED[1]), (on_generators, COMPOSED[0])),
+        *(slow(*pair) for pair in ((on_SE3, COMPOSED[0]), (on_SE3, COMPOSED[1]))),
+        *(slow(*pair) for pair in ((on_SO4, COMPOSED[0]), (on_generators, COMPOSED[1]))),
+    ],
+)
 def test_the_energy_of_a_composition_has_its_order(scene: object, method: lm.Method) -> None:
     system, start = scene()  # type: ignore[operator]
     h, error = [0.1, 0.05], []

@@ -153,8 +153,16 @@ PAIRS = [
 ]
 
 
+QUICK = (BODY, PAIRS[2][1]), (TOP, PAIRS[5][1]), (BODY, PAIRS[4][1])
+"""A composition, a body in a field, derivatives of derivatives; the others are slow."""
+
+
 @pytest.mark.parametrize("lanes", [1, 3])
-@pytest.mark.parametrize(("system", "method"), PAIRS, ids=lambda x: getattr(x, "name", type(x).__name__))
+@pytest.mark.parametrize(
+    ("system", "method"),
+    [pair if pair in QUICK else pytest.param(*pair, marks=pytest.mark.slow) for pair in PAIRS],
+    ids=lambda x: getattr(x, "name", type(x).__name__),
+)
 def test_methods(system: Any, method: Any, lanes: int, everything: None) -> None:
     """Plain Python, a body alone and bodies in lanes."""
     group = system.group if isinstance(system, lm.LiePoissonSystem) else system.body.group
