@@ -267,7 +267,7 @@ def test_the_reference_digits(method: Any) -> None:
 def test_order_four_in_other_fields(scene: Any) -> None:
     """Spinning tops, thrown and orbiting bodies, with inertia that is no diagonal."""
     system, start = scene()
-    exact = lm.integrate(system, lm.RKMK(order=8), start, h=1 / 40, steps=40, every=40, compiled=False)
+    exact = lm.integrate(system, lm.RKMK(order=8), start, h=1 / 80, steps=80, every=80, compiled=False)
     errors = []
     for n in (12, 16, 24):
         run = lm.integrate(system, BY_ORDER[1], start, h=1 / n, steps=n, compiled=False)

@@ -174,7 +174,7 @@ def test_error_after_two_hundred_steps() -> None:
         assert run.energy[-1] - 3 / 8 == pytest.approx(energy, rel=5e-2)
 
 
-@pytest.mark.parametrize("group", [lm.SO3(), lm.SE3(), lm.SO(4)], ids=repr)
+@pytest.mark.parametrize("group", [lm.SO3(), slow(lm.SE3()), lm.SO(4)], ids=repr)
 def test_order_two_is_the_variational_method_over_a_thousand_steps(group: lm.LieGroup) -> None:
     """With compensated sums, which leave the rounding of the increments alone, the runs do not part."""
     system = lm.LiePoissonSystem(group, lm.KineticEnergy(np.linspace(1.0, 2.0, group.dim)))
@@ -388,7 +388,7 @@ def test_composition_lifts_it_to_order_six() -> None:
 
 
 @ALL
-@pytest.mark.parametrize("h", [0.1, 0.5])
+@pytest.mark.parametrize("h", [slow(0.1), 0.5])
 def test_a_step_back_undoes_a_step(method: LiePoissonHamiltonJacobi, h: float) -> None:
     for system, start in (asymmetric_body(), top()):
         away = lm.integrate(system, method, start, h=h, steps=5, compiled=False)

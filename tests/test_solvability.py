@@ -146,16 +146,15 @@ def against_the_branch(method: lm.CovariantVariational, count: int, seed: int) -
 
 @pytest.mark.parametrize(("method", "seed"), [(EXP, 1), (CAYLEY, 2)], ids=["exp", "Cayley"])
 def test_steps_are_those_that_grow_out_of_zero(method: lm.CovariantVariational, seed: int) -> None:
-    accepted, refused = against_the_branch(method, 100, seed)
-    assert accepted > 50
-    assert refused > (20 if method is EXP else 0)
+    accepted, refused = against_the_branch(method, 50, seed)
+    assert accepted > 25
+    assert refused > (10 if method is EXP else 0)
 
 
 @pytest.mark.slow
 @BOTH
-@pytest.mark.parametrize("seed", range(3, 6))
-def test_many_steps_are_those_that_grow_out_of_zero(method: lm.CovariantVariational, seed: int) -> None:
-    against_the_branch(method, 1000, seed)
+def test_many_steps_are_those_that_grow_out_of_zero(method: lm.CovariantVariational) -> None:
+    against_the_branch(method, 300, seed=3)
 
 
 @pytest.mark.slow
