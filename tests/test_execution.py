@@ -61,12 +61,12 @@ def test_a_run_that_changes_on_the_way_has_the_bits_of_one_that_does_not(
 ) -> None:
     """In the middle of the steps, of the bodies, and of a sample."""
     body, start = starts(count)
-    plain = lm.integrate(body, RKMK, start, h=0.1, steps=60, every=every, compiled=False)
+    plain = lm.integrate(body, RKMK, start, h=0.1, steps=120, every=every, compiled=False)
     fresh.setattr(execution, "_histories", {})
     fresh.setattr(execution, "WAIT", wait)
     fresh.setattr(execution, "time", Clock())
     fresh.setattr(fixed, "LOOK", 0.0)  # all pieces are short
-    run = lm.integrate(body, RKMK, start, h=0.1, steps=60, every=every)
+    run = lm.integrate(body, RKMK, start, h=0.1, steps=120, every=every)
     assert run.compiled
     assert np.array_equal(run.mu, plain.mu)
     assert np.array_equal(run.g, plain.g)

@@ -148,6 +148,7 @@ def test_the_page_has_the_table() -> None:
     assert list(TABLE.printed()) == list(ROWS)
 
 
+@pytest.mark.compiled  # in plain Python each row takes ten seconds and more
 @pytest.mark.parametrize("name", CHOICES)
 def test_order(name: str) -> None:
     """Within 0.1, on every problem.  More than that is starred in the page, above order 4 alone, and not on all problems.

@@ -90,6 +90,7 @@ def test_the_page_has_the_table() -> None:
     assert list(TABLE.printed()) == list(ROWS)
 
 
+@pytest.mark.compiled  # in plain Python each row takes ten seconds and more
 @pytest.mark.parametrize("name", [pytest.param(name, marks=[] if name in ALWAYS else [pytest.mark.slow]) for name in ROWS])
 def test_order(name: str) -> None:
     """Within 0.1, on every problem, on half of them if slow, and within 0.05 of what the page has; `--print` measures all."""
