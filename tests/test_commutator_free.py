@@ -185,7 +185,7 @@ def reference(kind: type[Steered], t_end: float) -> np.ndarray:
 
 
 @by_name
-@pytest.mark.parametrize("kind", [Steered, SteeredFromSpace], ids=["body", "space"])
+@pytest.mark.parametrize("kind", [Steered, slow(SteeredFromSpace)], ids=["body", "space"])
 def test_order_of_a_driven_equation(method: CommutatorFree, kind: type[Steered]) -> None:
     system, counts = kind(lm.SO3()), [2 * n for n in COUNTS[method.order]]
     error = [
