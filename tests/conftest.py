@@ -1,10 +1,12 @@
-"""What every test may rely on: fixed seeds, no window, no compiler where it is switched off."""
+"""What every test may rely on: fixed seeds, no window, no compiler where it is switched off; and how workers share the tests."""
 
 from __future__ import annotations
 
+import gc
 import importlib.util
 import os
 from pathlib import Path
+from typing import Any
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # small matrices: threads that wait for each other on a busy machine
 
@@ -13,6 +15,7 @@ import pytest
 from hypothesis import settings
 
 import liemech
+from liemech.simulation import execution
 
 # For this process and the programs that tests start anywhere: no window, and the liemech under test.
 os.environ["MPLBACKEND"] = "Agg"
@@ -23,6 +26,16 @@ os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [home, os.environ.get("P
 settings.register_profile("liemech", derandomize=True, deadline=None, database=None, max_examples=50)
 settings.load_profile("liemech")
 
+# Most runs of tests are short, and nobody repeats them: native code is made where plain Python would take seconds, or on demand.
+execution.WAIT = 0.6
+
+LONGEST = (
+    *("documentation", "galerkin", "mechanical", "orders", "lie_poisson_hj", "symmetric_orders", "first_kind", "reads"),
+    *("outlined", "exact_rigid_body", "checks", "kicks", "variational_groups", "products", "hamilton_jacobi", "cache", "language"),
+    "composition",
+)
+"""Files that begin first, so that no worker is left alone with one at the end."""
+
 
 def can_compile() -> bool:
     """Whether native code may be made in this run: llvmlite is installed and nobody asked for plain Python."""
@@ -30,7 +43,31 @@ def can_compile() -> bool:
     return not switched_off and importlib.util.find_spec("llvmlite") is not None
 
 
+@pytest.hookimpl(optionalhook=True, tryfirst=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """With `-n` alone a worker gets whole files, the longest first: the kernels that the tests of a file share are made once."""
+    if config.getvalue("dist") != "load":
+        return None
+    from xdist.scheduler import LoadFileScheduling
+
+    config.option.loadscopereorder = False
+    return LoadFileScheduling(config, log)
+
+
+def place(item: pytest.Item) -> int:
+    """Where the file of a test stands in the queue."""
+    name = item.path.stem.removeprefix("test_")
+    return LONGEST.index(name) if name in LONGEST else len(LONGEST)
+
+
+def pytest_collection_finish() -> None:
+    """What thousands of tests keep for good is not searched for garbage again and again while kernels are made."""
+    gc.collect()
+    gc.freeze()
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    items.sort(key=place)
     if can_compile():
         return
     plain = pytest.mark.skip(reason="needs the compiler, which is missing or switched off")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import math
 import sys
 import warnings
 from collections.abc import Callable
@@ -120,13 +121,23 @@ class Table:
     rows: dict[str, tuple[lm.Method, int]]
     columns: Callable[[], tuple[tuple[Problem, ...], ...]]
 
-    def measured(self, name: str) -> list[float | None]:
-        """The slopes of a row: None where a method does not apply."""
+    def measured(self, name: str, half: bool = False) -> list[float | None]:
+        """The slopes of a row: None where a method does not apply.
+
+        half : every other problem, the odd ones in odd rows; nan in the place of what is not measured.
+        """
         method, order = self.rows[name]
         found: list[float | None] = []
+        number = list(self.rows).index(name)
         for column in self.columns():
             problem = next((p for p in column if p.accepts(method)), None)
-            found += problem.slopes(method, order) if problem else [None] * len(column[0].exact)
+            if problem and half and number % 2:
+                found += [math.nan] * len(column[0].exact)
+            else:
+                found += problem.slopes(method, order) if problem else [None] * len(column[0].exact)
+            number += problem is not None
+        if any(p is not None for p in found) and all(p is None or math.isnan(p) for p in found):
+            return self.measured(name)  # its only problem is an odd one
         return found
 
     def line(self, name: str, slopes: list[float | None]) -> str:
@@ -147,9 +158,11 @@ class Table:
         return {text.split("|")[1].strip(): text for text in lines}
 
     def agrees(self, name: str, slopes: list[float | None]) -> None:
-        """Assert that the page has these slopes, to 0.05, and stars where they are due."""
+        """Assert that the page has these slopes, to 0.05, and stars where they are due; nan is what was not measured."""
         cells = [cell.strip() for cell in self.printed()[name].split("|")[3:-1]]
         for cell, p in zip(cells, slopes, strict=True):
+            if p is not None and math.isnan(p):
+                continue
             assert cell.strip("*") == "" if p is None else float(cell.strip("*")) == pytest.approx(p, abs=0.05)
             assert cell.endswith("*") == (p is not None and p > self.rows[name][1] + 0.1)
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 
 import liemech as lm
 from liemech.formulas import cos, sin, vec
@@ -27,6 +28,11 @@ METHODS = (RKMK4, EXP, CAYLEY)
 def named(method: lm.Method) -> str:
     """For the names of tests."""
     return method.name
+
+
+def slow(*values: object) -> Any:
+    """Parameters of a test that is run with `-m slow` only."""
+    return pytest.param(*values, marks=pytest.mark.slow)
 
 
 def quiet_body(inertia: object) -> lm.RigidBody:

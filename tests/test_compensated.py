@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scenes import CAYLEY, EXP, METHODS, asymmetric_body, named, same_bits
+from scenes import CAYLEY, EXP, METHODS, asymmetric_body, named, same_bits, slow
 
 import liemech as lm
 from liemech.compiler import kernel
@@ -16,9 +16,6 @@ from liemech.compiler.driver import read, write
 from liemech.formulas import Complex, Dual, mat, plain, record, sqrt, vec, where
 from liemech.formulas.compensated import Compensated
 from liemech.formulas.pytree import NUMBER, compensated, fitted, layout_of
-
-MODES = pytest.mark.parametrize("mode", [False, None, True])
-
 
 # ---------------------------------------------------------------- the numbers
 
@@ -146,7 +143,7 @@ def test_a_uniform_motion_arrives_where_it_should() -> None:
 
 
 @pytest.mark.compiled
-@pytest.mark.parametrize("method", METHODS, ids=named)
+@pytest.mark.parametrize("method", [m if m is not EXP else slow(m) for m in METHODS], ids=named)
 def test_what_a_million_steps_keep(method: lm.Method) -> None:
     """|mu|^2 of 16 bodies changes ten times less; so does the spatial momentum if the attitude is compensated too."""
     body, _ = asymmetric_body()
@@ -165,9 +162,14 @@ def test_what_a_million_steps_keep(method: lm.Method) -> None:
     assert casimir[None] == casimir[bool(method.symmetric)]
 
 
-@MODES
+SUMMED = EXP, CAYLEY, lm.RKMK(4), lm.Composition(CAYLEY, 4), lm.ImplicitMidpoint()
+PAIRS = [(method, mode) for method in SUMMED for mode in (False, None, True)]
+QUICK = (CAYLEY, None), (CAYLEY, True), (lm.RKMK(4), True), (lm.ImplicitMidpoint(), None)
+"""Sums of what the motion depends on, and of the attitude too; by methods with and without an iteration.  All pairs are slow."""
+
+
 @pytest.mark.compiled
-@pytest.mark.parametrize("method", [EXP, CAYLEY, lm.RKMK(4), lm.Composition(CAYLEY, 4), lm.ImplicitMidpoint()], ids=named)
+@pytest.mark.parametrize(("method", "mode"), [p if p in QUICK else slow(*p) for p in PAIRS])
 def test_plain_and_native_and_ensembles_agree_to_the_bit(method: lm.Method, mode: bool | None) -> None:
     body, start = asymmetric_body()
     mu = np.array(start.mu) * np.linspace(0.5, 1.5, 9)[:, None]

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
-from scenes import asymmetric_body, same_bits, seed_body, slope
+from scenes import asymmetric_body, poisson_defect, same_bits, seed_body, slope, slow
 
 import liemech as lm
 from liemech.integrators.class_functions import CayleySquare, ClassFunction, InvariantForm, TraceOfAd
@@ -20,9 +21,10 @@ EXP, CAYLEY, ADJOINT = lm.Exponential(), lm.Cayley(), lm.CayleyAdjoint()
 FORM, TRACE, SQUARE = InvariantForm(), TraceOfAd(), CayleySquare()
 KLEIN = InvariantForm(np.roll(np.eye(6), 3, axis=0))
 
-ON_SO3 = pytest.mark.parametrize(("s0", "retraction"), [(FORM, EXP), (FORM, CAYLEY), (TRACE, EXP), (SQUARE, CAYLEY)], ids=str)
-ON_SE3 = pytest.mark.parametrize("retraction", [EXP, ADJOINT], ids=repr)
-EVERY_ORDER = pytest.mark.parametrize("order", [1, 2, 3, 4])
+PAIRS = (FORM, EXP), (FORM, CAYLEY), (TRACE, EXP), (SQUARE, CAYLEY)
+ON_SO3 = pytest.mark.parametrize(("s0", "retraction"), PAIRS, ids=str)
+QUICK = (4, FORM, EXP), (3, FORM, CAYLEY), (1, TRACE, EXP), (2, SQUARE, CAYLEY)
+"""Orders that are measured whenever the tests run; the others are slow."""
 
 # one step h = 0.05 of the article's body from its start, exp, S_0 = |xi|^2/2, in 45-digit arithmetic: xi, mu, g exp(-mu)
 STEPS = {
@@ -156,7 +158,8 @@ def test_class_functions(s0: ClassFunction, retraction: lm.Retraction, group: lm
 
 def test_the_trace_is_the_same_function_for_every_retraction() -> None:
     body, start = asymmetric_body()
-    runs = [lm.integrate(body, FirstKindHamiltonJacobi(3, r, TRACE), start, h=0.05, steps=20) for r in (EXP, CAYLEY)]
+    methods = (FirstKindHamiltonJacobi(3, r, TRACE) for r in (EXP, CAYLEY))
+    runs = [lm.integrate(body, method, start, h=0.05, steps=10, compiled=False) for method in methods]
     assert np.abs(runs[0].mu - runs[1].mu).max() < 1e-13
     assert np.abs(runs[0].g - runs[1].g).max() < 1e-13
 
@@ -164,21 +167,43 @@ def test_the_trace_is_the_same_function_for_every_retraction() -> None:
 # ---------------------------------------------------------------- order
 
 
-@EVERY_ORDER
-@ON_SO3
+@pytest.mark.parametrize(
+    ("order", "s0", "retraction"),
+    [case if case in QUICK else slow(*case) for case in ((order, *pair) for order in (1, 2, 3, 4) for pair in PAIRS)],
+    ids=str,
+)
 def test_order_on_so3(order: int, s0: ClassFunction, retraction: lm.Retraction) -> None:
     body, start = asymmetric_body()
     assert_order(body, FirstKindHamiltonJacobi(order, retraction, s0), start, body.exact(start, 1.0), (80, 160))
 
 
-@pytest.mark.parametrize("order", [pytest.param(1, marks=pytest.mark.slow), 2, pytest.param(3, marks=pytest.mark.slow), 4])
-@ON_SE3
-def test_order_with_the_klein_form(order: int, retraction: lm.Retraction) -> None:
-    for system, start in (fish(), top()):
-        assert_order(system, FirstKindHamiltonJacobi(order, retraction, KLEIN), start)
+@pytest.mark.parametrize(
+    ("order", "retraction", "scene"),
+    [
+        (2, EXP, top),
+        (4, ADJOINT, fish),
+        *(
+            slow(order, retraction, scene)
+            for order in (1, 2, 3, 4)
+            for retraction in (EXP, ADJOINT)
+            for scene in (fish, top)
+            if (order, retraction, scene) not in ((2, EXP, top), (4, ADJOINT, fish))
+        ),
+    ],
+)
+def test_order_with_the_klein_form(order: int, retraction: lm.Retraction, scene: Callable[[], Any]) -> None:
+    system, start = scene()
+    assert_order(system, FirstKindHamiltonJacobi(order, retraction, KLEIN), start, end_of(scene))
 
 
-@pytest.mark.parametrize("order", [2, 4])
+@functools.cache
+def end_of(scene: Callable[[], Any]) -> lm.BodyState:
+    """Where a scene is at t = 1."""
+    system, start = scene()
+    return lm.integrate(system, lm.Taylor(12, EXP), start, h=0.05, steps=20).last
+
+
+@pytest.mark.parametrize("order", [slow(2), 4])
 def test_order_of_a_quartic_energy(order: int) -> None:
     system, start = on(lm.SO3())
     assert_order(system, FirstKindHamiltonJacobi(order), start)
@@ -213,20 +238,6 @@ def assert_order(
 # ---------------------------------------------------------------- structure
 
 
-def poisson_defect(system: lm.LiePoissonSystem, method: lm.Method, mu: np.ndarray, h: float) -> float:
-    """max |phi' B(mu) phi'^T - B(phi(mu))| of one step phi in native code; phi' by central differences, extrapolated."""
-
-    def phi(places: np.ndarray) -> np.ndarray:
-        return lm.integrate(system, method, system.state(places), h=h, steps=1, compiled=True).mu[-1]
-
-    def derivative(e: float) -> np.ndarray:
-        return (phi(mu + e * np.eye(len(mu))) - phi(mu - e * np.eye(len(mu)))).T / (2 * e)
-
-    jacobian = (4 * derivative(5e-4) - derivative(1e-3)) / 3
-    structure = system.group.algebra.poisson_structure
-    return float(np.abs(jacobian @ structure(mu) @ jacobian.T - structure(phi(mu[None])[0])).max())
-
-
 @ON_SO3
 def test_what_a_body_keeps(s0: ClassFunction, retraction: lm.Retraction) -> None:
     body, start = asymmetric_body()
@@ -243,9 +254,9 @@ def test_what_a_body_keeps(s0: ClassFunction, retraction: lm.Retraction) -> None
     [
         (asymmetric_body, FORM, EXP),
         (asymmetric_body, SQUARE, CAYLEY),
-        pytest.param(asymmetric_body, TRACE, CAYLEY, marks=pytest.mark.slow),
-        pytest.param(fish, KLEIN, EXP, marks=pytest.mark.slow),
-        (fish, KLEIN, ADJOINT),
+        slow(asymmetric_body, TRACE, CAYLEY),
+        slow(fish, KLEIN, EXP),
+        slow(fish, KLEIN, ADJOINT),
     ],
     ids=lambda x: getattr(x, "__name__", type(x).__name__),
 )
@@ -255,7 +266,7 @@ def test_the_bracket_is_kept(scene: Callable[[], Any], s0: ClassFunction, retrac
     assert poisson_defect(system, method, np.array(start.mu), 0.05) < 1e-11
 
 
-@ON_SE3
+@pytest.mark.parametrize("retraction", [ADJOINT, slow(EXP)], ids=repr)
 def test_what_a_fish_keeps(retraction: lm.Retraction) -> None:
     system, start = fish()
     run = lm.integrate(system, FirstKindHamiltonJacobi(4, retraction), start, h=0.02, steps=3000, every=10)
@@ -281,7 +292,7 @@ def test_a_body_at_rest_stays() -> None:
 # ---------------------------------------------------------------- what is refused
 
 
-@pytest.mark.parametrize("compiled", [False, True])
+@pytest.mark.parametrize("compiled", [False, slow(True)])
 def test_momenta_outside_the_chart(compiled: bool) -> None:
     body, start = asymmetric_body()
     for s0, scale in ((FORM, 0.2), (TRACE, 1.2)):

@@ -349,7 +349,9 @@ def test_no_result_holds_what_is_no_number(method: lm.Method, compiled: bool) ->
 
 
 @BOTH_WORLDS
-def test_an_interrupted_run_ends_soon_and_keeps_its_samples(compiled: bool) -> None:
+def test_an_interrupted_run_ends_soon_and_keeps_its_samples(compiled: bool, request: pytest.FixtureRequest) -> None:
+    former = signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell lets what it runs in the background ignore Ctrl-C
+    request.addfinalizer(lambda: signal.signal(signal.SIGINT, former))
     body, start = asymmetric_body()
     lm.integrate(body, CAYLEY, start, h=0.1, steps=2, compiled=compiled)  # nothing left to compile
     pressed: list[float] = []
@@ -382,6 +384,7 @@ def test_an_interrupted_program_ends_as_one() -> None:
     program = (
         "import liemech as lm, os, signal, threading\n"
         "body = lm.RigidBody([1, 1.5, 2])\n"
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"  # as above
         "threading.Timer(1.0, lambda: os.kill(os.getpid(), signal.SIGINT)).start()\n"
         "lm.integrate(body, lm.RKMK(), body.state([1, 2, 3]), h=0.1, steps=10**11, every=10**11, progress=False)\n"
     )

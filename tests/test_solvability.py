@@ -144,18 +144,17 @@ def against_the_branch(method: lm.CovariantVariational, count: int, seed: int) -
 # ---------------------------------------------------------------- every step is the one that grows out of h = 0
 
 
-@pytest.mark.parametrize(("method", "seed"), [(EXP, 1), (CAYLEY, 2)], ids=["exp", "Cayley"])
-def test_steps_are_those_that_grow_out_of_zero(method: lm.CovariantVariational, seed: int) -> None:
-    accepted, refused = against_the_branch(method, 100, seed)
-    assert accepted > 50
-    assert refused > (20 if method is EXP else 0)
+@pytest.mark.parametrize(("method", "count", "seed"), [(EXP, 50, 1), (CAYLEY, 100, 2)], ids=["exp", "Cayley"])
+def test_steps_are_those_that_grow_out_of_zero(method: lm.CovariantVariational, count: int, seed: int) -> None:
+    accepted, refused = against_the_branch(method, count, seed)
+    assert accepted > count / 2
+    assert refused > (10 if method is EXP else 0)
 
 
 @pytest.mark.slow
 @BOTH
-@pytest.mark.parametrize("seed", range(3, 6))
-def test_many_steps_are_those_that_grow_out_of_zero(method: lm.CovariantVariational, seed: int) -> None:
-    against_the_branch(method, 1000, seed)
+def test_many_steps_are_those_that_grow_out_of_zero(method: lm.CovariantVariational) -> None:
+    against_the_branch(method, 300, seed=3)
 
 
 @pytest.mark.slow

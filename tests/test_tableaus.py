@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 from collections import Counter
 from fractions import Fraction
@@ -59,6 +60,7 @@ def slopes(m: ButcherTableau, t: float, y: np.ndarray, h: float) -> list[np.ndar
     return k
 
 
+@functools.cache
 def solved(m: ButcherTableau, n: int, end: float = 1.0) -> np.ndarray:
     """y(end) from STARTS in n steps."""
     y, h = STARTS, end / n

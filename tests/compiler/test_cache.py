@@ -425,7 +425,11 @@ IN_PLACE = {
 }
 
 
-@pytest.mark.parametrize("what", IN_PLACE)
+QUICK = {"a nested lambda", "a default", "a slot", "a module reached through a closure"}
+"""What is edited whenever the tests run; the others are slow, for each needs four processes."""
+
+
+@pytest.mark.parametrize("what", [what if what in QUICK else pytest.param(what, marks=pytest.mark.slow) for what in IN_PLACE])
 def test_an_edit_while_the_process_runs_poisons_nothing(what: str, tmp_path: Path) -> None:
     """The process that was there before the edit runs what it has read, or refuses; the next one runs the new text."""
     env = os.environ | {"LIEMECH_CACHE_DIR": str(tmp_path / "cache"), "PYTHONDONTWRITEBYTECODE": "1"}

@@ -153,8 +153,16 @@ PAIRS = [
 ]
 
 
+QUICK = PAIRS[2], PAIRS[5]
+"""A composition, a body in a field; the others are slow."""
+
+
 @pytest.mark.parametrize("lanes", [1, 3])
-@pytest.mark.parametrize(("system", "method"), PAIRS, ids=lambda x: getattr(x, "name", type(x).__name__))
+@pytest.mark.parametrize(
+    ("system", "method"),
+    [pair if pair in QUICK else pytest.param(*pair, marks=pytest.mark.slow) for pair in PAIRS],
+    ids=lambda x: getattr(x, "name", type(x).__name__),
+)
 def test_methods(system: Any, method: Any, lanes: int, everything: None) -> None:
     """Plain Python, a body alone and bodies in lanes."""
     group = system.group if isinstance(system, lm.LiePoissonSystem) else system.body.group

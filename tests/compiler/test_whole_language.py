@@ -140,7 +140,7 @@ def forms_alone(folder: Path, rounds: int = 3) -> Iterator[tuple[str, collection
 
 
 @pytest.mark.compiled
-@pytest.mark.parametrize("hundred", range(4))
+@pytest.mark.parametrize("hundred", range(2))
 def test_random_programs(hundred: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cache, "store", lambda *_: None)  # nobody will ever need them again
     marked.clear()
@@ -168,7 +168,7 @@ def check_derivatives(seed: int, folder: Path, lanes: tuple[int, ...]) -> None:
 
 
 @pytest.mark.compiled
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", range(8))
 def test_random_derivatives(seed: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cache, "store", lambda *_: None)
     check_derivatives(seed, tmp_path, (1, kernel.lanes()) if seed < 4 else (1,))
@@ -180,11 +180,11 @@ def test_random_derivatives(seed: int, tmp_path: Path, monkeypatch: pytest.Monke
 def test_many_random_programs(
     thousand: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Two thousand here; twenty thousand by `python tests/compiler/test_whole_language.py 10000 30000`."""
+    """Four hundred here; twenty thousand by `python tests/compiler/test_whole_language.py 10000 30000`."""
     monkeypatch.setattr(cache, "store", lambda *_: None)
-    refused, failed = sample(range(1000 * thousand, 1000 * thousand + 1000), tmp_path)
+    refused, failed = sample(range(1000 * thousand, 1000 * thousand + 200), tmp_path)
     with capsys.disabled():
-        print(f"\n1000 programs, {refused['compared']} compared", *(f"{n:6} {kind}" for kind, n in refused.most_common()), sep="\n")
+        print(f"\n200 programs, {refused['compared']} compared", *(f"{n:6} {kind}" for kind, n in refused.most_common()), sep="\n")
     assert not failed, "\n".join(text for texts in failed.values() for text in texts)
 
 
@@ -193,7 +193,7 @@ def test_many_random_programs(
 @pytest.mark.parametrize("hundred", (1, 2))
 def test_many_random_derivatives(hundred: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cache, "store", lambda *_: None)
-    for seed in range(100 * hundred, 100 * hundred + 100):
+    for seed in range(100 * hundred, 100 * hundred + 40):
         check_derivatives(seed, tmp_path, (1,))
 
 
