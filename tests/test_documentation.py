@@ -117,7 +117,7 @@ def test_readme_has_two_commands_and_ci_runs_them() -> None:
         pytest.skip("no README yet")
     commands = [list(block.lines) for block in blocks(readme) if block.language in ("sh", "bash")]
     assert commands == [
-        ['pip install ".[plot]" && python -m liemech'],
+        ['pip install ".[plot,viewer]" && python -m liemech'],
         ['pip install ".[test]" && python -m pytest -n auto'],
     ]
     for number, expected in enumerate(commands, start=1):
