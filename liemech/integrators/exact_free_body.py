@@ -113,7 +113,7 @@ class ExactFreeBody(Method):
             K, D, action = K / parts, D / parts, action / parts
         orbit, layout, done = _orbit(K, D, action, square, per_square), layout_of(state), 0.0
         while done < parts:
-            x = _with_flight(system, orbit.displacement(unit * _turning(state.mu)), state.mu, h / parts)
+            x = _with_flight(system, orbit.displacement(_turning(state.mu), unit), state.mu, h / parts)
             state = fitted(system.moved(Cayley(), state, x), layout)
             done = done + 1.0
         return state
@@ -137,12 +137,16 @@ class Orbit(Record):
     scale: float
     unit: float
 
-    def displacement(self, mu: Vec) -> Vec:
-        """The x = (d x m + 2 G tan(psi/2) m)/|m|^2 of a step from mu: d what it adds to mu, m the mean of its ends."""
+    def displacement(self, start: Vec, unit: float) -> Vec:
+        """The x = (d x m + 2 G tan(psi/2) m)/|m|^2 of a step from mu: d what it adds to mu, m the mean of its ends.
+
+        start : mu, perhaps compensated, before it was multiplied by the unit.
+        """
+        mu = unit * start
         rate = cross(mu, times(self.K, mu))
         extra = (4.0 * self.unit) * (self.per_square * dot(rate, rate))
         d = (1.0 / (self.scale + extra)) * ((times(self.along, mu) - extra * mu) + 2.0 * times(self.across, rate))
-        m = mu + 0.5 * d
+        m = unit * (start + (0.5 / unit) * d)
         mean = self.sine * (dot(mu, mu) - 0.25 * dot(d, d))
         return (1.0 / where(mean > 0.5 * FINE, mean, 1.0)) * (cross(self.sine * d, mu) + self.turned * m)
 
