@@ -33,7 +33,8 @@ def job(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Path]:
     """What a stranger sees who runs it in an empty folder, and the folder."""
     folder = tmp_path_factory.mktemp("job")
     done = subprocess.run([sys.executable, "-m", "liemech"], cwd=folder, capture_output=True, text=True, timeout=100)
-    assert (done.returncode, done.stderr) == (0, "")
+    without_bars = [line for line in done.stderr.splitlines() if line.strip() and "step/s]" not in line]  # of runs that take long
+    assert (done.returncode, without_bars) == (0, [])
     return done.stdout, folder
 
 
