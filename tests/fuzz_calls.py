@@ -33,9 +33,9 @@ HOOKS = ("distance", "of_blocks", "constants", "symmetry", "rate", "deviation", 
 
 SHAPELESS = (
     *("constants", "symmetry", "state", "exact", "essential", "deviation", "vouched"),
-    *("rotation", "rigid_transform", "objection"),
+    *("rotation", "rigid_transform", "objection", "tangent", "isotropy"),
 )
-"""Methods of states, and of objects other than arrays, whose shapes nobody compares."""
+"""Methods of states, and of objects other than arrays or of as many as there happen to be, whose shapes nobody compares."""
 
 
 @dataclass(frozen=True, eq=False)

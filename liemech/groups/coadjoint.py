@@ -71,7 +71,7 @@ class CoadjointAction(Representation):
     @final
     def orbit_dimension(self, mu: Any) -> int:
         """The dimension of the orbit through mu, the rank of B(mu), always even.  mu : (dim,)."""
-        return len(orbits.tangent(self.group, self._momentum(mu)))
+        return len(orbits.tangent(self.group, self._momentum(mu, "orbit_dimension")))
 
     @final
     def tangent(self, mu: Any) -> np.ndarray:
@@ -79,7 +79,7 @@ class CoadjointAction(Representation):
 
         Orthonormal where all components have the same unit.
         """
-        return orbits.tangent(self.group, self._momentum(mu))
+        return orbits.tangent(self.group, self._momentum(mu, "tangent"))
 
     @final
     def isotropy(self, mu: Any) -> np.ndarray:
@@ -87,14 +87,14 @@ class CoadjointAction(Representation):
 
         The differentials of the Casimirs are among them.  Source: Marsden and Ratiu, section 14.2.
         """
-        return orbits.isotropy(self.group, self._momentum(mu))
+        return orbits.isotropy(self.group, self._momentum(mu, "isotropy"))
 
     @final
     def random_on_orbit(
         self, mu: Any, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()
     ) -> np.ndarray:
         """Momenta K_g mu with random elements g of the group.  mu : (dim,).  rng : a generator or a seed.  size : leading axes."""
-        return np.asarray(self.group.K(self.group.random(rng, size), self._momentum(mu)))
+        return np.asarray(self.group.K(self.group.random(rng, size), self._momentum(mu, "random_on_orbit")))
 
     @final
     def poisson_bracket(self, F: Callable[[Any], Any], G: Callable[[Any], Any]) -> Callable[[Any], Any]:
@@ -132,11 +132,12 @@ class CoadjointAction(Representation):
             )
         return same
 
-    def _momentum(self, mu: Any) -> np.ndarray:
-        array = real_array(mu, "mu")
+    def _momentum(self, mu: Any, method: str) -> np.ndarray:
+        where = f"CoadjointAction.{method}: mu"
+        array = real_array(mu, where)
         if array.shape != (self.group.dim,):
-            raise InvalidInput(f"mu must have shape ({self.group.dim},), a momentum of {self.group!r}; got {array.shape}")
-        check_finite(array, "mu")
+            raise InvalidInput(f"{where} must have shape ({self.group.dim},), a momentum of {self.group!r}; got {array.shape}")
+        check_finite(array, where)
         return array
 
     # ---------------------------------------------------------------- as a representation

@@ -211,7 +211,7 @@ class Counted(lm.Hamiltonian):
         while x > 1.0:
             x = 0.5 * x
         for _ in range(self.n):
-            mu = x * mu
+            mu = (x / x) * mu
         return mu
 
 
