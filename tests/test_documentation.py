@@ -22,7 +22,10 @@ EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 LANGUAGES = {"python", "python no-run", "sh", "bash", "text", "math", "json", "bibtex"}
 """Every fence says what it holds, so that no program hides from this test behind a misspelt tag."""
 
-COMPILED = {"native", "ensemble", "hamilton_jacobi", "classical_hamilton_jacobi", "double_pendulum", "ensemble_in_the_browser"}
+COMPILED = {
+    *("README", "native", "your_own_group", "long_runs", "bodies_in_fields", "hamilton_jacobi", "classical_hamilton_jacobi"),
+    *("symplectic_methods", "ensemble", "double_pendulum", "ensemble_in_the_browser"),
+}
 """Pages and examples about native code, or too long without it."""
 
 TIME_LIMIT = 120  # seconds for one page or one example
