@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 
 import liemech as lm
-from liemech.compiler import cache, kernel, outlined
+from liemech.compiler import cache, kernel
 
 pytestmark = pytest.mark.compiled
 
 
 def test_one_register_or_two_give_the_same_bits(monkeypatch: pytest.MonkeyPatch) -> None:
+    from liemech.compiler import outlined
+
     monkeypatch.setattr(cache, "load", lambda *_: None)
     monkeypatch.setattr(cache, "store", lambda *_: None)
     body, count = lm.RigidBody([1.0, 1.5, 2.0]), 2 * kernel.lanes() + 3
