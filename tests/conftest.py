@@ -72,10 +72,9 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 @pytest.hookimpl(trylast=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    chosen = items[:: config.getoption("one_in")]
-    if len(chosen) < len(items):
-        config.hook.pytest_deselected(items=[item for item in items if item not in set(chosen)])
-    items[:] = sorted(chosen, key=place)
+    every = config.getoption("one_in")
+    config.hook.pytest_deselected(items=[item for i, item in enumerate(items) if i % every])
+    items[:] = sorted(items[::every], key=place)
     if can_compile():
         return
     plain = pytest.mark.skip(reason="needs the compiler, which is missing or switched off")

@@ -22,7 +22,6 @@ from ..simulation.integrate import integrate
 from ..systems.canonical import HamiltonianSystem
 from ..systems.lie_poisson import LiePoissonSystem
 from ..systems.mechanical import MechanicalSystem
-from ..systems.system import State
 from .places import STEP, Units, flat, size
 from .report import ROUNDING, Observation
 from .system_places import CENTRAL, pace
@@ -82,7 +81,7 @@ class Trial:
 
     def end(self, steps: int, method: Any = None) -> dict[str, np.ndarray]:
         """The parts of the state after the time, made in so many steps."""
-        return parts(self.run(steps, self.time / steps, method=method).last)
+        return self.run(steps, self.time / steps, method=method).last.arrays
 
     @cached_property
     def exact(self) -> tuple[dict[str, np.ndarray], float]:
@@ -97,7 +96,7 @@ class Trial:
 
     def distances(self, a: dict[str, np.ndarray], b: dict[str, np.ndarray]) -> dict[str, float]:
         """How far parts of two states differ, relative to their size here and at the start."""
-        first = parts(self.start)
+        first = self.start.arrays
         return {
             name: size(a[name] - b[name]) / (max(size(b[name]), size(first[name])) or 1.0)
             for name in b
@@ -171,11 +170,6 @@ class Trial:
         return self.journey[0]
 
 
-def parts(state: State) -> dict[str, np.ndarray]:
-    """The parts of a state that are there, as arrays."""
-    return {name: np.asarray(x) for name, x in state.parts.items() if x is not None}
-
-
 def slope(errors: list[tuple[int, float]]) -> float:
     """The slope of log error over log h, by least squares."""
     n, error = np.transpose(errors)
@@ -188,7 +182,7 @@ def slope(errors: list[tuple[int, float]]) -> float:
 def order(trial: Trial) -> Observation:
     """The slope of the error over the step, of each part of the state and of all together."""
     p, formula = trial.method.order, "error = O(h^p) on a nonlinear motion"
-    found = {name: trial.slope(name) for name in parts(trial.start)}
+    found = {name: trial.slope(name) for name in trial.start.arrays}
     whole = trial.slope("all")
     text = ", ".join(
         f"{name} {'exact' if math.isinf(q) else f'{q:.2f}'}" for name, q in found.items()
@@ -204,8 +198,8 @@ def order(trial: Trial) -> Observation:
 
 def way_back(trial: Trial) -> Observation:
     """Some steps with h, as many with -h from where they lead."""
-    home = parts(trial.journey[2].last)
-    defect = max(trial.distances(home, parts(trial.start)).values())
+    home = trial.journey[2].last.arrays
+    defect = max(trial.distances(home, trial.start.arrays).values())
     return _exactly(
         "symmetric", "Phi_-h = Phi_h^-1: the way back", trial.method.symmetric, defect, EXACT
     )
@@ -251,7 +245,7 @@ def equivariance(trial: Trial) -> Observation:
         "mu": np.asarray(a.last.mu),
         "g": np.asarray(group.compose(k, small(np.asarray(a.last.g)))),
     }
-    defect = max(trial.distances(parts(b.last), wanted).values()) / (1.0 + size(k))
+    defect = max(trial.distances(b.last.arrays, wanted).values()) / (1.0 + size(k))
     return _exactly(
         "equivariance", "from k g it goes to k g', with the same mu", True, defect, EXACT
     )
@@ -267,7 +261,7 @@ def native_code(trial: Trial) -> Observation:
         Trial(trial.method, trial.system, trial.start, trial.time, compiled).run(3, trial.h)
         for compiled in (True, False)
     ]
-    a, b = (parts(run.last) for run in runs)
+    a, b = (run.last.arrays for run in runs)
     same = all(np.array_equal(a[name], b[name]) for name in a)
     observed = "the same" if same else f"different by {max(trial.distances(a, b).values()):.1e}"
     return Observation(
@@ -333,7 +327,7 @@ class Charts:
     def displaced(self, x: np.ndarray) -> dict[str, np.ndarray]:
         """The state with these coordinates about the start."""
         x = x * self.units
-        first = parts(self.begin)
+        first = self.begin.arrays
         n = len(x) // 2
         if isinstance(self.system, HamiltonianSystem):
             return {"q": first["q"] + x[:n], "p": first["p"] + x[n:]}
@@ -382,7 +376,7 @@ class Charts:
         many = self.system.state(
             **{name: np.stack([start[name] for start in starts]) for name in names}
         )
-        last = parts(trial.run(1, trial.h, many).last)
+        last = trial.run(1, trial.h, many).last.arrays
         end = type(self.begin)(
             **{name: small(last[name][4]) for name in names}
         )  # 4: the middle of the first nine, no shift

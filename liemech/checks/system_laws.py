@@ -47,6 +47,12 @@ def _matches(given: Any, f: Callable[[Any], Any], x: Any, sign: float = 1.0) -> 
     return Same(given, right, terms * rounding, lambda: factors(right))
 
 
+def _is_vector(x: np.ndarray, dim: int) -> Iterator[Same]:
+    """A vector of dim finite numbers."""
+    yield Same(np.array([x.size]), np.array([dim]))
+    yield Same(x - x, 0.0 * x)
+
+
 # ---------------------------------------------------------------- every system
 
 SYSTEM: list[Law] = []
@@ -54,9 +60,7 @@ SYSTEM: list[Law] = []
 
 @axiom(SYSTEM, "velocity", "rate is a vector of dim finite numbers", slack=CLOSE)
 def velocity(system: Any, at: AtState) -> Iterator[Same]:
-    rate = flat(at.rate)
-    yield Same(np.array([rate.size]), np.array([system.group.dim]))
-    yield Same(rate - rate, 0.0 * rate)
+    yield from _is_vector(flat(at.rate), system.group.dim)
 
 
 # ---------------------------------------------------------------- Lie-Poisson systems
@@ -133,8 +137,7 @@ def load(system: MechanicalSystem, at: AtState) -> Iterator[Same]:
     mu, g = at.state.mu, at.state.g
     xi = system.velocity(mu)
     force = flat(system.load.covector(at.t, xi, g))
-    yield Same(np.array([force.size]), np.array([len(mu)]))
-    yield Same(force - force, 0.0 * force)
+    yield from _is_vector(force, len(mu))
     change, scale = at.along([system.energy(state.mu, state.g) for state in at.nearby])
     power = float(force @ flat(xi))
     yield Same(change, np.array([power]), scale + abs(power))
@@ -193,9 +196,7 @@ def constants(system: Any, at: AtState) -> Iterator[Same]:
 
 def _constants(system: Any, state: Any) -> dict[str, Any]:
     """The constants at one state."""
-    return system.constants(
-        {name: np.asarray(x)[None] for name, x in state.parts.items() if x is not None}
-    )
+    return system.constants({name: x[None] for name, x in state.arrays.items()})
 
 
 # ---------------------------------------------------------------- native code
@@ -208,9 +209,7 @@ def native_code(system: Any, at: AtState) -> Iterator[Same]:
     reason = kernel.available()
     if reason:
         raise NotDefined(reason)
-    start = system.state(
-        **{name: np.asarray(x) for name, x in at.state.parts.items() if x is not None}
-    )
+    start = system.state(**at.state.arrays)
     h = 0.1 / (at.pace or 1.0)
     runs = [
         integrate(system, RKMK(order=4), start, h=h, steps=2, compiled=c, progress=False)

@@ -17,14 +17,13 @@ from ..systems.homogeneous_equation import HomogeneousEquation, Point
 from ..systems.lie_poisson import BodyState, LiePoissonSystem
 from ..systems.mechanical import MechanicalSystem
 from ..systems.system import State, System
-from .places import STEP, flat, size
+from .places import STENCIL, STEP, flat, size
 
 PLACES = 5
 """How many states are drawn."""
 
-
-CENTRAL = 1 / 280, -4 / 105, 1 / 5, -4 / 5, 0.0, 4 / 5, -1 / 5, 4 / 105, -1 / 280
-"""A first derivative from nine equidistant values, of order eight.  Source: Fornberg, Math. Comp. 51 (1988), table 1."""
+CENTRAL = *(-weight for _, weight in reversed(STENCIL)), 0.0, *(weight for _, weight in STENCIL)
+"""The same differences for nine equidistant values in a row."""
 
 
 @dataclass(frozen=True)

@@ -316,7 +316,5 @@ def _located(error: Exception, interpreter: Any) -> Exception:
     frame = interpreter.frames[-1]
     line = getattr(frame.node, "lineno", frame.source.function.__code__.co_firstlineno)
     reason = str(error) if isinstance(error, NotCompilable) else f"{type(error).__name__}: {error}"
-    from .outlined import TooLong
-
-    kind = TooLong if isinstance(error, TooLong) else NotCompilable
+    kind = type(error) if isinstance(error, NotCompilable) else NotCompilable
     return kind(f"{frame.source.name} ({os.path.basename(frame.source.file)}, line {line}) cannot be compiled: {reason}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from functools import cached_property
 from typing import Any, final
@@ -16,7 +17,6 @@ from ..formulas.dual import size_of
 from .lie_algebra import LieAlgebra
 
 EPSILON = 2.0**-52
-INFINITY = float("inf")
 
 # B_k / k! of the Bernoulli numbers, k = 0, 1, 2, ... (B_1 = -1/2): the series of z/(e^z - 1).
 # Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., III.4, equation (4.4).
@@ -315,7 +315,7 @@ def _average(ad: Callable[[Vec, Vec], Vec], exp_ad: Callable[[Vec, Vec], Vec], s
     Terms of a large x cancel; it is halved, and the mean over the whole found from that over its half: (1 + exp(ad_x/2))/2 times.
     """
     halvings = 0.0
-    while 4.0 < size < INFINITY:
+    while 4.0 < size < math.inf:
         x, size, halvings = 0.5 * x, 0.5 * size, halvings + 1.0
     total = _mean(ad, x, v)
     while halvings > 0.0:

@@ -171,7 +171,38 @@ class Splitting(SeparableSplitting):
 
 
 @record
-class StormerVerlet(SeparableSplitting):
+class OneForce(SeparableSplitting):
+    """One force a step, kick first or drift first; abstract.
+
+    A subclass has the splitting that kicks first, and what the method is called.
+    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., I.1.4.
+    """
+
+    kick_first: ClassVar[SplittingTableau]
+    called: ClassVar[str]
+
+    first: str = "kick"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.first not in ("kick", "drift"):
+            raise InvalidInput(
+                f'{type(self).__name__}: first is "kick" or "drift"; got {self.first!r}'
+            )
+
+    @cached_property
+    def tableau(self) -> SplittingTableau:
+        """The splitting, or with kicks and drifts exchanged."""
+        return self.kick_first if self.first == "kick" else self.kick_first.exchanged
+
+    @property
+    def name(self) -> str:
+        """The method, and what it begins with if that is a drift."""
+        return f"{self.called}{', drift first' if self.first == 'drift' else ''}"
+
+
+@record
+class StormerVerlet(OneForce):
     """The method of Stormer and Verlet, the leapfrog, for H = T(p) + V(q):
 
         p = p_n + (h/2) f(q_n),   q_n+1 = q_n + h v(p),   p_n+1 = p + (h/2) f(q_n+1)        first="kick"
@@ -183,25 +214,12 @@ class StormerVerlet(SeparableSplitting):
     (2003), equation (1.5).
     """
 
-    first: str = "kick"
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_first(self)
-
-    @cached_property
-    def tableau(self) -> SplittingTableau:
-        """Strang's splitting, or with kicks and drifts exchanged."""
-        return STRANG if self.first == "kick" else STRANG.exchanged
-
-    @property
-    def name(self) -> str:
-        """Stormer-Verlet, and what it begins with if that is a drift."""
-        return f"Stormer-Verlet{', drift first' if self.first == 'drift' else ''}"
+    kick_first: ClassVar[SplittingTableau] = STRANG
+    called: ClassVar[str] = "Stormer-Verlet"
 
 
 @record
-class SymplecticEuler(SeparableSplitting):
+class SymplecticEuler(OneForce):
     """The symplectic Euler method for H = T(p) + V(q):
 
         p_n+1 = p_n + h f(q_n),   q_n+1 = q_n + h v(p_n+1)        first="kick"
@@ -213,26 +231,5 @@ class SymplecticEuler(SeparableSplitting):
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VI.3, theorem 3.3.
     """
 
-    first: str = "kick"
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_first(self)
-
-    @cached_property
-    def tableau(self) -> SplittingTableau:
-        """A kick and a drift, or a drift and a kick."""
-        return SYMPLECTIC_EULER if self.first == "kick" else SYMPLECTIC_EULER.exchanged
-
-    @property
-    def name(self) -> str:
-        """Symplectic Euler, and what it begins with if that is a drift."""
-        return f"Symplectic Euler{', drift first' if self.first == 'drift' else ''}"
-
-
-def check_first(method: Any) -> None:
-    """Refuse a method that begins with neither of the two."""
-    if method.first not in ("kick", "drift"):
-        raise InvalidInput(
-            f'{type(method).__name__}: first is "kick" or "drift"; got {method.first!r}'
-        )
+    kick_first: ClassVar[SplittingTableau] = SYMPLECTIC_EULER
+    called: ClassVar[str] = "Symplectic Euler"

@@ -136,7 +136,7 @@ def _started(system: Any, start: Any, record: Iterable[str] | None) -> State:
     if not isinstance(start, State):
         raise InvalidType(f"integrate: start must come from system.state(...); got {type(start).__name__}")
     if not system.knows(start):
-        start = system.state(**{name: np.asarray(x) for name, x in start.parts.items() if x is not None})
+        start = system.state(**start.arrays)
     if record is None:
         return start
     least = [name for name, x in system.essential(start).parts.items() if x is not None]

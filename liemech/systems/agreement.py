@@ -5,6 +5,7 @@ Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., sect
 
 from __future__ import annotations
 
+import functools
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -37,7 +38,7 @@ def require_one_body(name: str, group: LieGroup, hamiltonian: Hamiltonian, lagra
             raise InvalidInput(f"{name}: {formula!r} takes vectors of {shape[0]} components; those of {group!r} have {dim}")
     if dim > PROBED:
         return
-    mu = Vec.of(np.random.default_rng(5).uniform(0.5, 1.0, dim).tolist())
+    mu = _probe(5, dim)
     xi = _value(name, group, hamiltonian, hamiltonian.gradient, mu)
     if xi is None:
         return
@@ -52,9 +53,15 @@ def require_one_body(name: str, group: LieGroup, hamiltonian: Hamiltonian, lagra
             )
 
 
+@functools.cache
+def _probe(seed: int, dim: int) -> Vec:
+    """A vector of nothing special: no component is zero, or another one."""
+    return Vec.of(np.random.default_rng(seed).uniform(0.5, 1.0, dim).tolist())
+
+
 def _require_gradient(name: str, group: LieGroup, hamiltonian: Hamiltonian, mu: Vec, xi: Vec) -> None:
     """The slope of the energy along a direction that moves all components."""
-    direction = Vec.of(np.random.default_rng(6).uniform(0.5, 1.0, len(mu)).tolist())
+    direction = _probe(6, len(mu))
     slope = _value(name, group, hamiltonian, lambda m: derivative(hamiltonian.energy, m, direction), mu)
     if slope is None:
         return

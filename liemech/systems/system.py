@@ -34,6 +34,11 @@ class State(Record):
         return len(first) if isinstance(first, np.ndarray) else None
 
     @property
+    def arrays(self) -> dict[str, np.ndarray]:
+        """The parts that are there, as arrays, by name."""
+        return {name: np.asarray(x) for name, x in self.parts.items() if x is not None}
+
+    @property
     def parts(self) -> dict[str, Any]:
         """The fields by their names."""
         return {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}

@@ -4,7 +4,6 @@ groups from generators alone beside closed forms; a user's energy, with and with
     python tests/benchmarks/groups.py [--quick] [--out results.json]
 """
 
-import argparse
 import ctypes
 import hashlib
 import os
@@ -306,11 +305,7 @@ def energies() -> dict[tuple[str, str], dict[str, Any]]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--quick", action="store_true", help="smoke run: rough numbers")
-    parser.add_argument("--out", type=Path, default=Path("groups_benchmark.json"), help="where the JSON goes")
-    options = parser.parse_args()
-    timing = (15, 0.0005) if options.quick else (250, 0.001)
+    out, timing = harness.options(__doc__, "groups_benchmark.json")
     results = {
         "h": H,
         "rigid_motions": compared("SE(3) beside C++", rigid_motions(build()), None, *timing),
@@ -326,7 +321,7 @@ def main() -> None:
         ),
         "energies": compared("a user's energy", energies(), 1.05, *timing),
     }
-    harness.write(options.out, results)
+    harness.write(out, results)
 
 
 if __name__ == "__main__":

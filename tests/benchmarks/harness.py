@@ -1,5 +1,6 @@
 """Measure side by side: interleaved repetitions, ratios taken pair by pair, a table to read and JSON to keep."""
 
+import argparse
 import json
 import os
 import platform
@@ -102,6 +103,15 @@ def machine() -> dict[str, object]:
 
 def _lines(path: str) -> list[str]:
     return Path(path).read_text().splitlines() if Path(path).exists() else []
+
+
+def options(doc: str | None, out: str) -> tuple[Path, tuple[int, float]]:
+    """The command line of a benchmark of single steps: where the JSON goes, and repetitions and seconds, fewer with --quick."""
+    parser = argparse.ArgumentParser(description=doc, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--quick", action="store_true", help="smoke run: rough numbers")
+    parser.add_argument("--out", type=Path, default=Path(out), help="where the JSON goes")
+    chosen = parser.parse_args()
+    return chosen.out, (15, 0.0005) if chosen.quick else (250, 0.001)
 
 
 def write(path: Path, results: Mapping[str, object]) -> None:

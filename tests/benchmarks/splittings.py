@@ -3,7 +3,6 @@
     python tests/benchmarks/splittings.py [--quick] [--out results.json]
 """
 
-import argparse
 import ctypes
 import os
 import shutil
@@ -133,12 +132,8 @@ def errors() -> list[dict[str, Any]]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--quick", action="store_true", help="smoke run: rough numbers")
-    parser.add_argument("--out", type=Path, default=Path("splittings_benchmark.json"), help="where the JSON goes")
-    options = parser.parse_args()
-    timing = (15, 0.0005) if options.quick else (250, 0.001)
-    harness.write(options.out, {"steps": steps_beside_c(*timing), "errors": errors()})
+    out, timing = harness.options(__doc__, "splittings_benchmark.json")
+    harness.write(out, {"steps": steps_beside_c(*timing), "errors": errors()})
 
 
 if __name__ == "__main__":
