@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 from scipy.linalg import expm, polar
@@ -104,3 +106,19 @@ def test_boosts_from_the_polar_factor_of_their_form() -> None:
     found = np.asarray(group.nearest(g + noise))
     assert group.defect(found) <= 1e-15
     assert np.linalg.norm(found - g - noise) <= np.linalg.norm(noise)
+
+
+@pytest.mark.parametrize("n", [2, 3, 4, 5])
+def test_a_reflection_is_turned_along_its_shortest_direction(n: int, rng: np.random.Generator) -> None:
+    """The stationary points of |h - g| on SO(n) are u s v, s = diag(+-1, ...), g = u d v: none of them is nearer."""
+    for _ in range(10):
+        g = rng.normal(size=(n, n))
+        g[0] *= -np.sign(np.linalg.det(g))
+        u, _, v = np.linalg.svd(g)
+        signs = (np.array(s) for s in itertools.product((1.0, -1.0), repeat=n))
+        turned = [(u * s) @ v for s in signs]
+        least = min(np.linalg.norm(h - g) for h in turned if np.linalg.det(h) > 0.0)
+        for group in [lm.SO(n), *([lm.SO3()] if n == 3 else [])]:
+            h = np.asarray(group.nearest(g))
+            assert np.linalg.det(h) > 0.0
+            assert np.linalg.norm(h - g) == pytest.approx(least, rel=1e-12)
