@@ -37,6 +37,7 @@ from .groups.lie_group import LieGroup
 from .integrators.method import Method
 from .retractions import Cayley, CayleyAdjoint, Exponential, Retraction
 from .simulation.integrate import integrate
+from .simulation.plan import Plan
 from .simulation.trajectory import Trajectory
 from .systems.system import State, System
 
@@ -275,6 +276,7 @@ __all__ = [
     "Taylor",
     "ThreeRotations",
     "TraceOfAd",
+    "Plan",
     "Trajectory",
     "TranslationAction",
     "UniformGravity",

@@ -244,7 +244,7 @@ VALUE, KIND, PAIR = lm.errors.InvalidInput, lm.errors.InvalidType, lm.errors.Inc
         (VALUE, "`direction` of an event", dict(t_end=1.0, events=marked(direction="up"))),
         (VALUE, "compensated is for steps of one length", dict(t_end=1.0, compensated=True)),
         (VALUE, "dense is for adaptive steps", dict(h=0.1, steps=3, dense=False)),
-        (KIND, "dense must be True or False", dict(t_end=1.0, dense=3)),
+        (KIND, "dense must be True, False or None", dict(t_end=1.0, dense=3)),
         (VALUE, "every is for steps of one length", dict(t_end=1.0, every=2)),
         (VALUE, "rtol is for adaptive steps", dict(h=0.1, steps=3, rtol=1e-3)),
         (VALUE, "give h and steps.* or t_end", dict(h=0.1)),

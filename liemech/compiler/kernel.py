@@ -95,8 +95,14 @@ class Kernel:
                 integers.append(value.step)
             else:
                 (integers if kind == "integer" else arrays).append(value)
-        packed = array("d", numbers), array("q", integers), array("q", [a.ctypes.data for a in arrays])
-        self._call(*(a.buffer_info()[0] for a in packed), bodies, begin, end)
+        self.run(array("d", numbers), integers, arrays, bodies, begin, end)
+
+    def run(
+        self, numbers: array[float], integers: Sequence[int], arrays: Sequence[Any], bodies: int = 1, begin: int = 0, end: int = 1
+    ) -> None:
+        """Run on arguments that are laid out already: the numbers of all values in turn, the integers, the arrays."""
+        whole, places = array("q", integers), array("q", [a.__array_interface__["data"][0] for a in arrays])
+        self._call(*[a.buffer_info()[0] for a in (numbers, whole, places)], bodies, begin, end)
 
     def assembly(self) -> str:
         """The machine code as text, for those who want to see what became of a formula."""

@@ -1,33 +1,27 @@
-"""Adaptive steps: as long as the error estimate allows, with dense output and events on the group."""
+"""The driver of adaptive steps: as long as the error estimate allows."""
 
 from __future__ import annotations
 
-import math
-import time
-from collections.abc import Callable
+import sys
 from typing import Any
 
-import numpy as np
-
-from ..compiler.driver import Rejected, accepted, attempt, itself, read, reason, write
-from ..errors import IntegrationInterrupted, StepTooSmall, failure, is_mistake
-from ..formulas import Record, record
-from ..formulas.pytree import build, layout_of, leaves
-from ..systems.system import State, System
-from .dense import DenseOutput, packed, unpacked
-from .execution import LOOK, Execution
-from .progress import Bar
-from .trajectory import Trajectory
+from ..compiler.driver import Rejected, accepted, attempt, itself, read, write
+from ..errors import is_mistake
+from ..formulas import Record, Vec, record, sqrt
+from ..formulas.pytree import layout_of
 
 SAFETY, SLOWEST, FASTEST = 0.9, 0.2, 10.0
 """The controller aims at 0.9 of the step that would just be accepted, and changes steps by factors between these two."""
 
-ROOM = 512
-"""Steps between two looks at the keyboard and the events."""
+EPSILON = sys.float_info.epsilon
+
 
 @record
 class Clock(Record):
-    """What the controller carries along: time, the step to try, the error of the last one, and counts."""
+    """What the controller carries along: time, the step to try, the error of the last one, counts, and marks.
+
+    h : zero if the first step is to be found.  fresh : is the velocity to be computed, at a start or after a jump?
+    """
 
     t: float
     h: float
@@ -35,9 +29,10 @@ class Clock(Record):
     steps: float
     rejected: float
     stuck: float
+    fresh: float
 
 
-CLOCK = layout_of(Clock(0.0, 0.0, 1.0, 0.0, 0.0, 0.0))
+CLOCK = layout_of(Clock(0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0))
 
 
 def adaptive_steps(
@@ -48,6 +43,7 @@ def adaptive_steps(
     t_end: float,
     rtol: float,
     atol: float,
+    longest: float,
     dense: bool,
     room: int,
     states: Any,
@@ -67,8 +63,17 @@ def adaptive_steps(
     clock = read(clocks, 0, CLOCK)
     t, h, before, rejected, stuck = clock.t, clock.h, clock.error, clock.rejected, 0.0
     power = 1.0 / method.error_order
+    if clock.fresh > 0.0:
+        first = attempt(started, method, system, t, state, h, t_end, rtol, atol)
+        if failures is not None and noted(failures, first):
+            stuck = 1.0
+        elif accepted(first, itself):
+            xi, h, before = first[0], first[1], 1.0
+        else:
+            stuck = 1.0
     n = 0
-    while n < room and t != t_end:
+    while n < room and t != t_end and stuck == 0.0:
+        h = min(max(h, -longest), longest)
         last = abs(h) >= 0.999 * abs(t_end - t)
         step = t_end - t if last else h
         if t + 0.125 * step == t:
@@ -92,7 +97,7 @@ def adaptive_steps(
             rejected = rejected + 1.0
             h = step * max(SLOWEST, SAFETY * error**-power)
     write(states, 0, (state, xi), layout)
-    write(clocks, 0, Clock(t, h, before, clock.steps + n, rejected, stuck), CLOCK)
+    write(clocks, 0, Clock(t, h, before, clock.steps + n, rejected, stuck, 0.0), CLOCK)
 
 
 def noted(failures: list[Exception], trial: Any) -> bool:
@@ -102,226 +107,49 @@ def noted(failures: list[Exception], trial: Any) -> bool:
     return isinstance(trial, Rejected) and is_mistake(trial.error)
 
 
-class AdaptiveRun:
-    """One call of `integrate` with a tolerance: its rows and its progress."""
-
-    def __init__(
-        self,
-        system: System,
-        method: Any,
-        start: State,
-        t0: float,
-        t_end: float,
-        rtol: float,
-        atol: float,
-        h: float | None,
-        limit: int,
-        t_eval: np.ndarray | None,
-        events: tuple[Callable[..., Any], ...],
-        dense: bool,
-        compiled: bool | None,
-        progress: bool | None,
-    ) -> None:
-        self.system, self.method, self.start, self.t0, self.t_end = system, method, start, t0, t_end
-        self.rtol, self.atol, self.limit, self.t_eval, self.events = rtol, atol, limit, t_eval, events
-        self.failures: list[Exception] = []
-        self.progress, self.wanted = progress, compiled
-        self.rows: list[np.ndarray] = []
-        self.ends = [packed((t0, start))]
-        self.found: list[list[float]] = [[] for _ in events]
-        self.dense, self.compiled, self.width = False, False, layout_of(start).width
-        self.clock = np.array([t0, 0.0, 1.0, 0.0, 0.0, 0.0])
-        self.row = layout_of((t0, start, ()))
-        xi = attempt(system.rate, t0, system.essential(start))
-        if not accepted(xi, itself):
-            error: Any = reason(xi)
-            raise self._ended(error if is_mistake(error) else failure(error, repr(method), f"at the start, t = {t0:g}"))
-        carry = start, xi
-        self.layout = layout_of(carry)
-        self.states = np.array([*leaves(carry, self.layout)])
-        step = first_step(system, method, start, xi, t0, t_end, rtol, atol) if h is None else math.copysign(h, t_end - t0)
-        self.clock[1] = step
-        self.dense = dense or bool(events) or (t_eval is not None and bool(np.any(t_eval != t_end)))
-        coefficients = (xi,) * method.curve_terms if self.dense else ()
-        self.row = layout_of((t0, start, coefficients))
-        self.terminal = [int(getattr(event, "terminal", None) or 0) for event in events]
-        self.values = [self._value(event, t0, start) for event in events]
-        self.arguments = method, system, self.layout, self.row, t_end, rtol, atol, self.dense
-        array = np.empty(0)
-        self.execution = Execution(compiled, progress, adaptive_steps, *self.arguments, 1, array, array, array, None)
-
-    def trajectory(self) -> Trajectory:
-        """Step to the end, or to a terminal event, in pieces short enough to show progress and to be interrupted."""
-        room = 8
-        try:
-            with Bar(self.progress, 1000) as bar:
-                while self.clock[0] != self.t_end:
-                    begun = time.perf_counter()
-                    taken = self._more(ROOM if self.compiled else room)
-                    if time.perf_counter() - begun < 0.5 * LOOK:
-                        room = min(2 * room, ROOM)
-                    bar.advance(int(1000 * self._part()) - bar.done)
-                    if self.events and self._stopped(taken):
-                        break
-                    if self.clock[0] == self.t_end:
-                        break
-                    if self.clock[5]:
-                        raise self._failure()
-                    if self.clock[3] >= self.limit:
-                        reached = f"{self.limit} steps led to t = {self.clock[0]:g} only, not to {self.t_end:g}"
-                        raise self._ended(StepTooSmall(f"integrate: {reached}; loosen rtol and atol or allow more `steps`"))
-        except KeyboardInterrupt:
-            stopped = IntegrationInterrupted(f"integrate: interrupted at t = {self.clock[0]:g}; the samples are in `.trajectory`")
-            raise self._ended(stopped) from None
-        return self._result()
-
-    # ---------------------------------------------------------------- stepping
-
-    def _part(self) -> float:
-        """How much of the run is done."""
-        return float((self.clock[0] - self.t0) / (self.t_end - self.t0))
-
-    def _more(self, room: int) -> int:
-        """Up to this many more steps."""
-        room = min(room, int(self.limit - self.clock[3]))
-        before, out = int(self.clock[3]), np.empty(room * self.row.width)
-        if self.execution.ready(self._part()):
-            run: Any = self.execution.native
-            self.compiled = True
-            run(*self.arguments, room, self.states, self.clock, out, None)
-        else:
-            with self.execution.plain():
-                adaptive_steps(*self.arguments, room, self.states, self.clock, out, self.failures)
-        taken = int(self.clock[3]) - before
-        self.rows.append(out[: taken * self.row.width].reshape(taken, self.row.width))
-        self.ends.append(self.rows[-1][-1, : 1 + self.width] if taken else self.ends[-1])
-        return taken
-
-    # ---------------------------------------------------------------- events
-
-    def _stopped(self, taken: int) -> bool:
-        """Look for events in the last steps, and end the run at the first terminal one."""
-        rows = self.rows[-1]
-        dense = self._dense(rows, self.ends[-2])
-        for k in range(taken):
-            a, b = dense.t[k], dense.t[k + 1]
-            hits = []
-            for i, (event, old) in enumerate(zip(self.events, self.values, strict=True)):
-                new = self.values[i] = self._value(event, b, dense.state(b))
-                direction = getattr(event, "direction", 0.0)
-                if min(old, new) <= 0.0 <= max(old, new) and old != 0.0 and direction * (new - old) >= 0.0:
-                    hits.append((self._root(event, dense, a, b), i))
-            for at, i in sorted(hits, reverse=bool(b < a)):
-                self.found[i].append(at)
-                if len(self.found[i]) == self.terminal[i]:
-                    theta = (at - a) / (b - a)
-                    curve = rows[k, 1 + self.width :].reshape(-1, self.system.group.dim)
-                    curve = curve * theta ** np.arange(1, len(curve) + 1)[:, None]
-                    self.rows[-1] = np.concatenate([rows[:k], np.concatenate([[at], packed(dense.state(at)), curve.ravel()])[None]])
-                    return True
-        return False
-
-    def _value(self, event: Callable[..., Any], t: float, state: Any) -> float:
-        """The value of an event.  What it raises goes to the caller, with the run up to here."""
-        try:
-            return float(event(t, state))
-        except Exception as error:
-            error.add_note(f"[integrate: in an event at t = {t:g}; the samples before it are in `.trajectory`]")
-            raise self._ended(error) from None
-
-    def _root(self, event: Callable[..., Any], dense: DenseOutput, a: float, b: float) -> float:
-        from scipy.optimize import brentq
-
-        tiny = 4 * np.finfo(float).eps
-        return float(brentq(lambda t: self._value(event, t, dense.state(t)), a, b, xtol=tiny * max(abs(a), abs(b)), rtol=tiny))
-
-    # ---------------------------------------------------------------- results
-
-    def _dense(self, rows: np.ndarray, first: np.ndarray) -> DenseOutput:
-        """The continuous motion along these rows, from the end of the step before them."""
-        ends = np.concatenate([first[None], rows[:, : 1 + self.width]])
-        shape = self.system, self.method.retraction, self.start, ends[:, 0], ends[:, 1:], rows[:, 1 + self.width :]
-        return DenseOutput(*shape, self.method.dense_order, self.wanted)
-
-    def _result(self) -> Trajectory:
-        dense = self._dense(np.concatenate([np.empty((0, self.row.width)), *self.rows]), self.ends[0])
-        times, numbers = dense.t, dense.points
-        if self.t_eval is not None:
-            times = self.t_eval[np.abs(self.t_eval - self.t0) <= abs(dense.t[-1] - self.t0)]
-            numbers = dense.numbers(times)
-        return Trajectory(
-            self.system,
-            self.method,
-            float(dense.t[-1] - self.t0) / max(1, len(dense.t) - 1),
-            times,
-            unpacked(self.start, layout_of(self.start), numbers),
-            None,
-            len(dense.t) - 1,
-            self.compiled,
-            rejected=int(self.clock[4]),
-            dense=dense if self.dense else None,
-            events=tuple((np.array(times), dense(times)) for times in self.found),
-        )
-
-    def _failure(self) -> Exception:
-        """Why the steps became too small to go on: what the last trial had to say.  A mistake in a formula is raised itself."""
-        t, h = float(self.clock[0]), float(self.clock[1])
-        state, xi = build(self.layout, iter(self.states.tolist()))
-        raised: list[Exception] = []  # by the steps that led here: each was at most five times as long as the next
-        for longer in (1.0, 5.0, 25.0, 125.0):
-            trial = attempt(self.method.trial, self.system, t, state, xi, longer * h, self.rtol, self.atol, False)
-            noted(raised, trial)
-            if raised or not trial.error <= 1.0:
-                break
-        told = [*raised, *self.failures]
-        error: Any = next((e for e in told if is_mistake(e)), told[0] if told else None)
-        if is_mistake(error):
-            error.add_note(f"[integrate: in a step from t = {t:g}; the samples before it are in `.trajectory`]")
-            return self._ended(error)
-        why = str(error)
-        if error is None:
-            why = f"the error estimate is {trial.error:.1e} of the tolerance even so"
-            if not math.isfinite(trial.error):
-                why = "the motion has no finite velocity there"
-        elif not isinstance(error, ArithmeticError):
-            why = f"{type(error).__name__}: {error}"
-        made = StepTooSmall(
-            f"{self.method!r}: at t = {t:g} the step fell to {abs(h):.1e}, too small to advance the time: {why}. "
-            f"The motion may have a singularity there, or rtol = {self.rtol:g}, atol = {self.atol:g} ask for more than "
-            f"rounding allows; {int(self.clock[3])} steps are in `.trajectory`"
-        )
-        made.__cause__ = error
-        return self._ended(made)
-
-    def _ended(self, error: Any) -> Any:
-        error.trajectory = self._result()
-        return error
-
-
-def first_step(system: System, method: Any, start: State, xi: Any, t0: float, t_end: float, rtol: float, atol: float) -> float:
-    """A first step from the size of the velocity and of its change.
+def started(
+    method: Any, system: Any, t: float, state: Any, h: float, t_end: float, rtol: float, atol: float
+) -> tuple[Vec, float]:
+    """The velocity at the start, and the first step if h is zero: from the size of the velocity and of its change.
 
     Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, 2nd ed., II.4, "Starting step size".
     """
+    start = system.essential(state)
+    xi = system.rate(t, start)
+    if h == 0.0:
+        span = t_end - t
+        speed, size = sizes(system, state, xi, rtol, atol)
+        least = 8.0 * EPSILON * max(abs(t), abs(t_end))
+        h = abs(span)
+        if speed > 0.0:
+            h = min(max(0.01 * size / speed, least), abs(span))
+        if span < 0.0:
+            h = -h
+        later = attempt(probed, method, system, t, start, xi, h)
+        if accepted(later, itself):
+            largest = max(speed, sizes(system, state, later - xi, rtol, atol)[0] / abs(h))
+            second = abs(span)
+            if largest > 0.0:
+                second = (0.01 / largest) ** (1.0 / method.error_order)
+            second = max(min(100.0 * abs(h), second, abs(span)), least)
+            h = second if span > 0.0 else -second
+        else:
+            h = 1e-3 * h
+    return xi, h
 
-    def sizes(omega: Any) -> tuple[float, float]:
-        change, scale = system.deviation(start, omega)
-        weights = [1.0 / (atol + rtol * s) if atol + rtol * s > 0.0 else 0.0 for s in scale]
-        squares = [math.fsum((w * x) ** 2 for w, x in zip(weights, part, strict=True)) for part in (change, scale)]
-        return math.sqrt(squares[0] / len(weights)), math.sqrt(squares[1] / len(weights))
 
-    span = t_end - t0
-    if span == 0.0:
-        return 0.0
-    speed, size = sizes(xi)
-    least = 8 * np.spacing(max(abs(t0), abs(t_end)))
-    h = math.copysign(min(max(0.01 * size / speed if speed > 0.0 else abs(span), least), abs(span)), span)
-    moved = attempt(system.moved, method.retraction, system.essential(start), h * xi)
-    later = moved if isinstance(moved, Rejected) else attempt(system.rate, t0 + h, moved)
-    if not accepted(later, itself):
-        return 1e-3 * h
-    change = sizes(later - xi)[0] / abs(h)
-    largest = max(speed, change)
-    second = (0.01 / largest) ** (1.0 / method.error_order) if largest > 0.0 else abs(span)
-    return math.copysign(max(min(100.0 * abs(h), second, abs(span)), least), span)
+def probed(method: Any, system: Any, t: float, start: Any, xi: Vec, h: float) -> Vec:
+    """The velocity after an Euler step."""
+    return system.rate(t + h, system.moved(method.retraction, start, h * xi))
 
+
+def sizes(system: Any, state: Any, omega: Vec, rtol: float, atol: float) -> tuple[float, float]:
+    """The root mean squares of what a displacement changes, and of what is there, over the tolerances."""
+    change, scale = system.deviation(state, omega)
+    total = [0.0, 0.0]
+    for c, s in zip(change, scale):
+        weight = 0.0
+        if atol + rtol * s > 0.0:
+            weight = 1.0 / (atol + rtol * s)
+        total = [total[0] + (weight * c) ** 2, total[1] + (weight * s) ** 2]
+    return sqrt(total[0] / len(change)), sqrt(total[1] / len(change))

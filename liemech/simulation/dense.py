@@ -36,19 +36,31 @@ def along(retraction: Any, system: Any, point: Any, curve: Any, given: Any, out:
 class DenseOutput:
     """The motion as a continuous function of time: in every step a polynomial in the algebra, carried to the group.
 
-    t : (n + 1,) ends of the steps.  points : (n + 1, width) the numbers of the states there.
-    curves : (n, order of the polynomial * dim).  order : of accuracy, between the steps.
-    wanted : False for plain Python only.
+    rows : (n + 1, ...) of every end of a step the time, the state, and the coefficients of the way there.
+    order : of accuracy, between the steps.  wanted : False for plain Python only.
     """
 
     system: Any
     retraction: Any
     example: Any
-    t: np.ndarray
-    points: np.ndarray
-    curves: np.ndarray
+    rows: np.ndarray
     order: int
     wanted: bool | None = None
+
+    @property
+    def t(self) -> np.ndarray:
+        """The ends of the steps, (n + 1,)."""
+        return self.rows[:, 0]
+
+    @property
+    def points(self) -> np.ndarray:
+        """The numbers of the states there, (n + 1, width)."""
+        return self.rows[:, 1 : 1 + layout_of(self.example).width]
+
+    @property
+    def curves(self) -> np.ndarray:
+        """The coefficients of the polynomials, (n, number of them * dim)."""
+        return self.rows[1:, 1 + layout_of(self.example).width :]
 
     def numbers(self, times: np.ndarray) -> np.ndarray:
         """The numbers of the states at these times, (m, width).  Raises InvalidInput for times outside the run."""
@@ -116,12 +128,14 @@ class DenseOutput:
 
 
 def unpacked(example: Any, layout: Any, numbers: np.ndarray) -> dict[str, np.ndarray]:
-    """Numbers of states, (..., width), as the parts of the state by name."""
+    """Numbers of states, (..., width), as the parts of the state by name: views, of complex numbers perhaps copies."""
     arrays, at = {}, 0
     for (name, part), inner in zip(example.parts.items(), layout.parts, strict=True):
         if part is not None:
-            one, own = np.array(part), np.ascontiguousarray(numbers[..., at : at + inner.width])
-            arrays[name] = own.view(one.dtype).reshape(*numbers.shape[:-1], *one.shape)
+            one, own = np.array(part), numbers[..., at : at + inner.width]
+            if one.dtype == complex:
+                own = np.ascontiguousarray(own).view(complex)
+            arrays[name] = own.reshape(*numbers.shape[:-1], *one.shape)
             at += inner.width
     return arrays
 

@@ -50,12 +50,20 @@ class Execution:
     """
 
     def __init__(self, wanted: bool | None, progress: bool | None, *call: Any, lanes: int = 1) -> None:
-        self.wanted, self.progress, self.call, self.lanes = wanted, progress, call, lanes
-        self.native = kernel.known(*call, lanes=lanes) if wanted is not False else None
+        self.asked, self.progress, self.call, self.lanes = wanted, progress, call, lanes
+        self.native: kernel.Kernel | None = None
+        self.again()
+
+    def again(self) -> None:
+        """For another run: native code that says what the formulas say now, if there is some."""
         self.seconds = 0.0
+        if self.native is not None and self.native.reads.unchanged(self.call[1:]):
+            return
+        self.wanted = self.asked
+        self.native = kernel.known(*self.call, lanes=self.lanes) if self.wanted is not False else None
         if self.native is None:
-            self.history = History() if wanted is False else _history(call, lanes)
-            if wanted:
+            self.history = History() if self.wanted is False else _history(self.call, self.lanes)
+            if self.wanted:
                 self.compile()
             elif self.history.refused:
                 self.wanted = False

@@ -1,23 +1,27 @@
-"""`integrate`: the border of the one loop, where everything is checked before anything moves."""
+"""`integrate`: a motion in one call, by a plan that is kept for the next call."""
 
 from __future__ import annotations
 
-import math
-import sys
 from collections.abc import Iterable
 from typing import Any
 
-import numpy as np
-
-from ..errors import IncompatibleSystem, InvalidInput, InvalidType, StepWarning, warn
-from ..formulas import check_finite, real_array
+from ..errors import InvalidInput
 from ..integrators.method import Method
 from ..systems.system import State, System
-from .fixed import Run
+from . import arguments
+from .plan import Plan
 from .trajectory import Trajectory
 
-MOST = 2**53
-"""Counts up to this are exact as floating-point numbers, and so are the times t0 + n h up to rounding."""
+KEPT = 32
+"""Plans that are kept."""
+
+OPTIONS = (
+    *("h", "rtol", "atol", "max_step", "breaks", "every", "record", "events"),
+    *("dense", "compensated", "compiled", "progress", "workers"),
+)
+"""What a plan is made of beside system and method."""
+
+_plans: dict[Any, Plan] = {}
 
 
 def integrate(
@@ -31,9 +35,11 @@ def integrate(
     t_end: float | None = None,
     rtol: float | None = None,
     atol: float | None = None,
+    max_step: float | None = None,
+    breaks: Any = (),
     t_eval: Any = None,
     events: Any = (),
-    dense: bool = True,
+    dense: bool | None = None,
     record: Iterable[str] | None = None,
     t0: float = 0.0,
     compensated: bool | None = None,
@@ -70,173 +76,32 @@ def integrate(
     In an ensemble a body that fails stays at its last state, is found in `Trajectory.stopped` with its reason, and in a warning,
     and disturbs no other.
     """
-    _matching(system, method)
-    t0 = _real(t0, "t0")
-    every, workers = _count(every, "every", 1), _count(workers, "workers", 1)
-    _choice(compensated, "compensated")
-    _choice(compiled, "compiled")
-    _choice(progress, "progress")
-    if dense not in (True, False):
-        raise InvalidType(f"integrate: dense must be True or False; got {dense!r}")
-    if t_end is not None:
-        _only_adaptive(method, every, workers)
-        if compensated is not None:
-            raise InvalidInput("integrate: compensated is for steps of one length; adaptive ones have larger errors than rounding")
-        t_end = _real(t_end, "t_end")
-        first = None if h is None else _step(h)
-        limit = MOST if steps is None else _count(steps, "steps", 1)
-        tolerances = _tolerance(rtol, "rtol", 1e-6), _tolerance(atol, "atol", 1e-9)
-        times, functions = _times(t_eval, t0, t_end), _events(events)
-        start = _started(system, start, record)
-        if start.bodies is not None:
-            raise InvalidInput("integrate: adaptive steps are for one body at a time; give an ensemble h and steps")
-        from .adaptive import AdaptiveRun
+    rest = h, rtol, atol, max_step, breaks, every, record, events, dense, compensated, compiled, progress, workers, t_end is None
+    key = id(system), id(method), *map(type, rest), *rest
+    try:
+        plan = _plans.get(key)
+    except TypeError:  # a list or an array among them
+        key = plan = None
+    if plan is None:
+        arguments.matching(system, method)
+        options = dict(zip(OPTIONS, rest, strict=False))
+        if t_end is None:
+            _only_alike(h, steps, options)
+        elif h is None or not arguments.alike(method) or any(options[name] is not None for name in ("rtol", "atol", "max_step")):
+            arguments.only_adaptive(method, every, workers)
+            options["rtol"] = arguments.RTOL if rtol is None else rtol
+        plan = Plan(system, method, **options)
+        if key is not None:
+            if len(_plans) >= KEPT:
+                _plans.pop(next(iter(_plans)), None)
+            _plans[key] = plan
+    return plan.run(start, steps=steps, t_end=t_end, t0=t0, t_eval=t_eval)
 
-        return AdaptiveRun(
-            system, method, start, t0, t_end, *tolerances, first, limit, times, functions, dense, compiled, progress
-        ).trajectory()
-    for name, value in (("rtol", rtol), ("atol", atol), ("t_eval", t_eval), ("events", events or None)):
-        if value is not None:
+
+def _only_alike(h: Any, steps: Any, options: dict[str, Any]) -> None:
+    """Refuse what is for adaptive steps."""
+    for name in ("rtol", "atol", "max_step"):
+        if options[name] is not None:
             raise InvalidInput(f"integrate: {name} is for adaptive steps; give t_end and, if you like, h as the first step")
-    if not dense:
-        raise InvalidInput("integrate: dense is for adaptive steps; those of one length have no way between them to leave out")
     if h is None or steps is None:
         raise InvalidInput("integrate: give h and steps, for steps of one length, or t_end, for adaptive ones")
-    h, steps = _step(h), _count(steps, "steps", 0)
-    end = t0 + steps * h
-    if not math.isfinite(end):
-        raise InvalidInput(f"integrate: {steps} steps of h = {h:g} lead to t = {end}")
-    if steps and max(abs(t0), abs(end)) + abs(h) == max(abs(t0), abs(end)):
-        smallest = np.spacing(max(abs(t0), abs(end)))
-        raise InvalidInput(
-            f"integrate: h = {h:g} is lost beside t = {end:g}; the smallest useful step there is {smallest:.1e}"
-        )
-    start = _started(system, start, record)
-    doubt = method.caution(system, start, h)
-    if doubt:
-        warn(doubt, StepWarning)
-    return Run(system, method, start, h, steps, every, t0, compensated, compiled, progress, workers).trajectory()
-
-
-# ------------------------------------------------------------------ the border
-
-
-def _matching(system: Any, method: Any) -> None:
-    if isinstance(system, Method) and isinstance(method, System):
-        raise InvalidType("integrate: system and method are swapped; write integrate(system, method, start, ...)")
-    if not isinstance(method, Method):
-        cure = f"; write {method.__name__}(...), with the brackets" if isinstance(method, type) else ""
-        raise InvalidType(f"integrate: method must be a method such as RKMK(order=4); got {method!r}{cure}")
-    if not isinstance(system, System):
-        raise InvalidType(f"integrate: system must be a system such as RigidBody([1.0, 1.5, 2.0]); got {system!r}")
-    method.require(system)
-
-
-def _started(system: Any, start: Any, record: Iterable[str] | None) -> State:
-    if not isinstance(start, State):
-        raise InvalidType(f"integrate: start must come from system.state(...); got {type(start).__name__}")
-    if not system.knows(start):
-        start = system.state(**start.arrays)
-    if record is None:
-        return start
-    least = [name for name, x in system.essential(start).parts.items() if x is not None]
-    choices = " or ".join(dict.fromkeys(str(tuple(names)).replace("'", '"') for names in (least, [*start.parts])))
-    try:
-        wanted = (record,) if isinstance(record, str) else tuple(record)
-    except TypeError:
-        raise InvalidType(f"integrate: record is {choices}; got {record!r}") from None
-    if not set(least) <= set(wanted) <= set(start.parts):
-        raise InvalidInput(f"integrate: record is {choices}, all else follows from them; got {record!r}")
-    for name in wanted:
-        if start.parts[name] is None:
-            raise InvalidInput(f"integrate: record asks for {name}, but the start has none; give system.state a {name}")
-    return type(start)(*(x if name in wanted else None for name, x in start.parts.items()))
-
-
-def _only_adaptive(method: Any, every: int, workers: int) -> None:
-    if method.symplectic or method.symmetric:
-        raise IncompatibleSystem(
-            f"integrate: {method!r} keeps the structure because all its steps are alike, which an error control would spoil. "
-            "Give h and steps; for adaptive steps take a method with an error estimate, such as RKMK(order=5)"
-        )
-    if not getattr(method, "error_order", 0):
-        raise IncompatibleSystem(
-            f"integrate: {method!r} has no error estimate to choose steps by. Give h and steps, or take a method with an embedded "
-            "pair, such as RKMK(order=5)"
-        )
-    for name, value in (("every", every), ("workers", workers)):
-        if value != 1:
-            raise InvalidInput(f"integrate: {name} is for steps of one length; adaptive ones have t_eval")
-
-
-def _step(h: Any) -> float:
-    h = _real(h, "h")
-    if abs(h) < sys.float_info.min:
-        raise InvalidInput(f"integrate: h = {h:g} is no step; it must not be zero, nor so small that 1/h overflows")
-    return h
-
-
-def _tolerance(value: Any, name: str, default: float) -> float:
-    value = default if value is None else _real(value, name)
-    if value < 0.0 or (name == "rtol" and value == 0.0):
-        raise InvalidInput(f"integrate: {name} must be positive{'' if name == 'rtol' else ' or zero'}; got {value:g}")
-    least = 100 * sys.float_info.epsilon
-    if name == "rtol" and value < least:
-        warn(f"integrate: rtol = {value:g} is below rounding; {least:.1e} is used", RuntimeWarning)
-        return least
-    return value
-
-
-def _times(t_eval: Any, t0: float, t_end: float) -> np.ndarray | None:
-    if t_eval is None:
-        return None
-    times = np.array(real_array(t_eval, "integrate: t_eval"))
-    if times.ndim != 1:
-        raise InvalidInput(f"integrate: t_eval has shape {times.shape}; it is a list of times, (n,)")
-    check_finite(times, "integrate: t_eval")
-    outside = (times < min(t0, t_end)) | (times > max(t0, t_end))
-    if outside.any():
-        raise InvalidInput(f"integrate: t_eval has t = {times[outside][0]:g}, which is not between {t0:g} and {t_end:g}")
-    if (np.diff(times) * (t_end - t0) < 0).any():
-        raise InvalidInput("integrate: t_eval must be sorted in the direction of time")
-    return times
-
-
-def _events(events: Any) -> tuple[Any, ...]:
-    functions = (events,) if callable(events) else tuple(events)
-    for event in functions:
-        if not callable(event):
-            raise InvalidType(f"integrate: events are functions of t and state; got {event!r}")
-        terminal, direction = getattr(event, "terminal", None), getattr(event, "direction", 0.0)
-        if terminal is not None and (not isinstance(terminal, (bool, np.bool_, int, np.integer)) or terminal < 0):
-            wanted = "True, False, or the number of its zeros at which the run ends"
-            raise InvalidInput(f"integrate: the `terminal` of an event is {wanted}; got {terminal!r}")
-        if isinstance(direction, bool) or not isinstance(direction, (int, float, np.number)) or direction != direction:
-            raise InvalidInput(f"integrate: the `direction` of an event is +1, -1 or 0; got {direction!r}")
-    return functions
-
-
-def _real(value: Any, name: str) -> float:
-    try:
-        array = real_array(value, f"integrate: {name}")
-    except InvalidType:
-        array = None
-    if array is None or array.ndim:
-        raise InvalidType(f"integrate: {name} must be a number; got {value!r}")
-    number = float(array)
-    if not math.isfinite(number):
-        raise InvalidInput(f"integrate: {name} must be finite; got {number}")
-    return number
-
-
-def _count(value: Any, name: str, least: int) -> int:
-    if isinstance(value, (bool, np.bool_)) or not isinstance(value, (int, np.integer)):
-        raise InvalidType(f"integrate: {name} must be a whole number; got {value!r}")
-    if not least <= value <= MOST:
-        raise InvalidInput(f"integrate: {name} must be at least {least} and at most 2**53; got {value}")
-    return int(value)
-
-
-def _choice(value: Any, name: str) -> None:
-    if value not in (True, False, None):
-        raise InvalidType(f"integrate: {name} must be True, False or None; got {value!r}")

@@ -68,6 +68,7 @@ class Trajectory:
     In an ensemble of m bodies mu is (n, m, dim) and g is (n, m, k, k).
     Of adaptive steps h is the mean; `at(t)` gives the state at any time; rejected : the steps that were tried in vain;
     events : for every event function the times, and the states then.
+    carry : what the method carries along at the end, with which `Plan.resume` goes on.
     stopped : for an ensemble, the bodies that did not reach the end, each with the `steps` it took and the `error` that ended it.
     """
 
@@ -83,13 +84,30 @@ class Trajectory:
     rejected: int | None = None
     dense: DenseOutput | None = None
     events: tuple[tuple[np.ndarray, State], ...] = ()
+    carry: Any = None
+
+    @classmethod
+    def promised(cls, samples: Callable[[], tuple[np.ndarray, dict[str, np.ndarray]]], **known: Any) -> Trajectory:
+        """A trajectory whose times and states are made when they are first asked for."""
+        run: Any = object.__new__(cls)
+        vars(run).update(known, _samples=samples)
+        return run
 
     def __len__(self) -> int:
         return len(self.t)
 
+    def __getstate__(self) -> dict[str, Any]:
+        """All of it, and what was only promised too."""
+        _ = self.t
+        return vars(self)
+
     def __getattr__(self, name: str) -> Any:
-        """A part of the state that belongs to this kind of system."""
-        states = self.__dict__.get("states", {})
+        """A part of the state that belongs to this kind of system; times and states that were promised."""
+        own = vars(self)
+        if "_samples" in own:
+            own["t"], own["states"] = own.pop("_samples")()
+            return getattr(self, name)
+        states = own.get("states", {})
         if name in states:
             return states[name]
         raise AttributeError(f"a Trajectory has no {name!r}; this one recorded {', '.join(states)}")

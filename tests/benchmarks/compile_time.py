@@ -22,7 +22,8 @@ import liemech as lm
 from liemech.compiler import kernel, llvm
 from liemech.formulas import sqrt
 from liemech.integrators.taylor import Taylor
-from liemech.simulation.fixed import Run, fixed_steps
+from liemech.simulation.fixed_run import FixedRun
+from liemech.simulation.prepared import Steps
 
 LIMIT = {"cold": 4.0, "SO(16)": 10.0, "SO(32)": 60.0}
 """Seconds that a cold compilation may take: by default, and for the groups named."""
@@ -193,7 +194,7 @@ def measured(name: str, steps: bool) -> dict[str, Any]:
     kernel._translated = timed(kernel._translated, "translation")
     llvm.object_code = timed(llvm.object_code, "llvm")
     with warnings.catch_warnings(action="ignore"):
-        run = Run(system, method, start, h, 10, 10, 0.0, None, True, False, 1)
+        run = FixedRun(Steps(system, method, h, 10**9, None, True, False, 1), start, 10)
     result: dict[str, Any] = {"cold": sum(spent.values()), **spent, "instructions": sum(counts)}
     if steps:
         states, bodies = run.states.copy(), run.columns
@@ -202,9 +203,8 @@ def measured(name: str, steps: bool) -> dict[str, Any]:
             times = []
             for _ in range(3):
                 run.states[:], run.taken[:] = states, 0.0
-                target = np.empty((1, *run.out.shape[1:]))
                 before = time.process_time()
-                run._run(fixed_steps, run._arguments(0, n, 1), run.states, target, run.taken)
+                run._piece(0, n, 1, n * bodies)
                 times.append(time.process_time() - before)
             best = min(times) / n / bodies
             if min(times) > 0.03 or n > 20_000_000:

@@ -7,7 +7,7 @@ from typing import Any
 import harness
 import numpy as np
 
-from liemech.simulation import fixed
+import liemech as lm
 
 
 class Native:
@@ -17,18 +17,11 @@ class Native:
     """
 
     def __init__(self, system: Any, method: Any, start: Any, h: float, compensate: bool | None = False) -> None:
-        self.run = fixed.Run(
-            system, method, start, h, steps=10, every=10, t0=0.0, compensate=compensate, compiled=True, progress=False, workers=1
-        )
-        self.start, self.taken = self.run.states.copy(), np.zeros(1)
-        self.last = np.empty((1, *self.run.out.shape[1:]))
+        plan = lm.Plan(system, method, h, compensated=compensate, compiled=True, progress=False)
+        self.plan, self.carry = plan, plan.begin(start)
 
     def __call__(self, steps: int) -> np.ndarray:
-        states, self.taken[0] = self.start.copy(), 0.0
-        self.run._run(self.run.stepping, self.run._arguments(0, steps, 1), states, self.last, self.taken)
-        if self.taken[0] != steps:
-            raise SystemExit(f"{self.run.method!r} on {self.run.system!r} stopped after {self.taken[0]:g} of {steps} steps")
-        return self.last[0, :, 0].copy()
+        return self.plan.step(self.carry, steps).last[:, 0]
 
 
 def agreeing(runs: Mapping[str, Callable[[int], np.ndarray]], tolerance: float = 1e-13) -> None:

@@ -1,0 +1,391 @@
+"""One run with adaptive steps: its rows, its dense output and events, its failures."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import math
+import time
+from array import array
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from ..compiler.driver import accepted, attempt, itself, reason
+from ..errors import IntegrationInterrupted, InvalidInput, StepTooSmall, failure, is_mistake
+from ..formulas import check_finite, real_array
+from ..formulas.pytree import build, layout_of, leaves
+from ..systems.system import State, System
+from . import arguments
+from .adaptive import adaptive_steps, noted
+from .dense import DenseOutput, packed, unpacked
+from .execution import LOOK, Execution
+from .progress import Bar
+from .trajectory import Trajectory
+
+ROOM = 512
+"""Steps between two looks at the keyboard and the events."""
+
+MARGIN = 4
+"""Units in the last place by which steps keep away from a jump of the velocity, on both sides."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class AdaptiveSteps:
+    """Adaptive steps: what a plan was told of them.  h : the first step, None to find it; longest : the longest one."""
+
+    system: System
+    method: Any
+    h: float | None
+    rtol: float
+    atol: float
+    longest: float
+    breaks: tuple[float, ...]
+    dense: bool | None
+    compiled: bool | None
+    progress: bool | None
+    shapes: dict[Any, Shape] = dataclasses.field(default_factory=dict, repr=False)
+
+    @classmethod
+    def checked(
+        cls, system: Any, method: Any, h: Any, rtol: Any, atol: Any, longest: Any, breaks: Any, dense: Any, compiled: Any, progress: Any
+    ) -> AdaptiveSteps:
+        """From what a user gave."""
+        tolerances = arguments.tolerance(rtol, "rtol", arguments.RTOL), arguments.tolerance(atol, "atol", arguments.ATOL)
+        longest = math.inf if longest is None else arguments.real(longest, "max_step")
+        if not longest > 0.0:
+            raise InvalidInput(f"integrate: max_step must be positive; got {longest:g}")
+        jumps = np.atleast_1d(real_array(breaks, "integrate: breaks")) if len(breaks) else np.empty(0)
+        check_finite(jumps, "integrate: breaks")
+        first = None if h is None else arguments.step(h)
+        return cls(system, method, first, *tolerances, longest, tuple(sorted(jumps.tolist())), dense, compiled, progress)
+
+    def run(self, start: Any, t0: float, t_end: Any, limit: Any, t_eval: Any, events: tuple[Callable[..., Any], ...]) -> Trajectory:
+        """From a start, or from where another run stands, to t_end."""
+        if t_end is None:
+            raise InvalidInput("integrate: adaptive steps need a t_end; for steps of one length give h and steps")
+        t_end = arguments.real(t_end, "t_end")
+        limit = arguments.MOST if limit is None else arguments.count(limit, "steps", 1)
+        times = arguments.times(t_eval, t0, t_end)
+        if start.bodies is not None:
+            raise InvalidInput("integrate: adaptive steps are for one body at a time; give an ensemble h and steps")
+        return AdaptiveRun(self, start, t0, t_end, limit, times, events).trajectory()
+
+
+class Shape:
+    """The layouts of a run, and the code that makes its steps.
+
+    example : a state.  layout : of state and velocity; row : of time, state and the way to it.  curves : is the way there?
+    """
+
+    def __init__(self, plan: AdaptiveSteps, start: State, xi: Any, curves: bool) -> None:
+        method, system = plan.method, plan.system
+        self.example, self.curves = start, curves
+        self.state, self.layout = layout_of(start), layout_of((start, xi))
+        self.row = layout_of((0.0, start, (xi,) * method.curve_terms if curves else ()))
+        self.constants = array("d", [*leaves(method, layout_of(method)), *leaves(system, layout_of(system))])
+        self.arguments = method, system, self.layout, self.row
+        none = np.empty(0)
+        call = *self.arguments, 0.0, 0.0, 0.0, 0.0, curves, 1, none, none, none, None
+        self.stepping = Execution(plan.compiled, plan.progress, adaptive_steps, *call)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class AdaptiveCarry:
+    """Where a run with adaptive steps stands: state and velocity, clock and controller, the last row."""
+
+    numbers: np.ndarray = dataclasses.field(repr=False)
+    clock: np.ndarray = dataclasses.field(repr=False)
+    state: State
+    t: float
+    bodies: None = None
+
+
+class AdaptiveRun:
+    """One motion to a last time."""
+
+    def __init__(
+        self,
+        plan: AdaptiveSteps,
+        start: State | AdaptiveCarry,
+        t0: float,
+        t_end: float,
+        limit: int,
+        t_eval: np.ndarray | None,
+        events: tuple[Callable[..., Any], ...],
+    ) -> None:
+        self.plan, self.system, self.method, self.t0, self.t_end = plan, plan.system, plan.method, t0, t_end
+        self.limit, self.t_eval, self.events = limit, t_eval, events
+        self.failures: list[Exception] = []
+        self.found: list[list[tuple[float, np.ndarray]]] = [[] for _ in events]
+        self.kept = plan.dense is True or t_eval is None  # all rows, or only what t_eval asks for
+        dense = plan.dense is True or (plan.dense is None and t_eval is None)
+        self.dense = dense
+        curves = dense or bool(events) or (t_eval is not None and bool(np.any(t_eval != t_end)))
+        self.start = start.state if isinstance(start, AdaptiveCarry) else start
+        self.shape = shape = self._shape(curves)
+        self.width = shape.state.width
+        self.compiled = False
+        self.rows = np.empty((8, shape.row.width))  # the start, and after every step one more
+        self.rows[0] = 0.0
+        self.rows[0, : 1 + self.width] = [t0, *leaves(self.start, shape.state)]
+        self.filled = 1
+        self.sampled: list[np.ndarray] = []
+        if isinstance(start, AdaptiveCarry):
+            self.states, self.clock = start.numbers.copy(), start.clock.copy()
+            self.clock[3:5] = 0.0
+            if self.clock[1] * (t_end - t0) < 0.0:
+                self.clock[1] = -self.clock[1]
+        else:
+            self.states = np.zeros(shape.layout.width)
+            self.states[: self.width] = self.rows[0, 1 : 1 + self.width]
+            first = 0.0 if plan.h is None else math.copysign(plan.h, t_end - t0)
+            self.clock = np.array([t0, first, 1.0, 0.0, 0.0, 0.0, 1.0])
+        self.terminal = [int(getattr(event, "terminal", None) or 0) for event in events]
+        self.values = [self._value(event, t0, self.start) for event in events]
+
+    def _shape(self, curves: bool) -> Shape:
+        """The layouts of this run, from other runs of the plan if their starts were like this one."""
+        given = layout_of(self.start)
+        shape = self.plan.shapes.get((given, curves))
+        if shape is None:
+            xi = attempt(self.system.rate, self.t0, self.system.essential(self.start))
+            if not accepted(xi, itself):
+                raise self._not_begun(reason(xi))
+            shape = self.plan.shapes[given, curves] = Shape(self.plan, self.start, xi, curves)
+        else:
+            shape.stepping.again()
+        return shape
+
+    def _not_begun(self, error: Any) -> Any:
+        """The error of a run whose start has no velocity."""
+        raised: Any = error if is_mistake(error) else failure(error, repr(self.method), f"at the start, t = {self.t0:g}")
+        states = {name: x[None] for name, x in self.start.arrays.items()}
+        raised.trajectory = Trajectory(self.system, self.method, 0.0, np.array([self.t0]), states, None, 0)
+        return raised
+
+    # ---------------------------------------------------------------- stepping
+
+    def trajectory(self) -> Trajectory:
+        """Step to the end, or to a terminal event, in pieces short enough to show progress and to be interrupted."""
+        try:
+            if not self.kept:
+                self._sample(1)
+            with Bar(self.plan.progress, 1000) as bar:
+                for end, beyond in self._stretches():
+                    if self._stepped(end, bar):
+                        break
+                    if end != self.t_end:
+                        self._jump(beyond)
+        except KeyboardInterrupt:
+            stopped = IntegrationInterrupted(f"integrate: interrupted at t = {self.clock[0]:g}; the samples are in `.trajectory`")
+            raise self._ended(stopped) from None
+        if len(self.rows) > self.filled:
+            self.rows.resize((self.filled, self.rows.shape[1]), refcheck=False)
+        return self._result()
+
+    def _stretches(self) -> list[tuple[float, float]]:
+        """The times to which steps lead, and where they go on: from jump to jump, to the end."""
+        t0, t_end = self.t0, self.t_end
+        jumps = [b for b in self.plan.breaks if min(t0, t_end) < b < max(t0, t_end)]
+        away = math.copysign(MARGIN, t_end - t0)
+        stretches = []
+        for b in jumps if t_end > t0 else jumps[::-1]:
+            margin = away * float(np.spacing(abs(b)))
+            stretches.append((b - margin, b + margin))
+        return [*stretches, (t_end, t_end)] if t0 != t_end else []
+
+    def _jump(self, beyond: float) -> None:
+        """On to the other side of a jump of the velocity: the state is the same, the step is found anew."""
+        self.clock[0], self.clock[1], self.clock[6] = beyond, 0.0, 1.0
+
+    def _stepped(self, end: float, bar: Bar) -> bool:
+        """Steps to this time; did a terminal event end the run?"""
+        room = 8
+        while self.clock[0] != end:
+            begun = time.perf_counter()
+            before = self.filled
+            self._more(end, ROOM if self.compiled else room)
+            if time.perf_counter() - begun < 0.5 * LOOK:
+                room = min(2 * room, ROOM)
+            bar.advance(int(1000 * self._part()) - bar.done)
+            ended = bool(self.events) and self._terminated(before)
+            if not self.kept:
+                self._sample(before)
+            if ended:
+                return True
+            if self.clock[0] == end:
+                break
+            if self.clock[5]:
+                raise self._failure()
+            if self.clock[3] >= self.limit:
+                reached = f"{self.limit} steps led to t = {self.clock[0]:g} only, not to {self.t_end:g}"
+                raise self._ended(StepTooSmall(f"integrate: {reached}; loosen rtol and atol or allow more `steps`"))
+        return False
+
+    def _part(self) -> float:
+        """How much of the run is done."""
+        return float((self.clock[0] - self.t0) / (self.t_end - self.t0))
+
+    def _more(self, end: float, room: int) -> None:
+        """Up to this many more steps."""
+        room = min(room, int(self.limit - self.clock[3]))
+        if self.filled + room > len(self.rows):
+            wanted = max(len(self.rows) + len(self.rows) // 4, self.filled + room)
+            self.rows.resize((wanted, self.rows.shape[1]), refcheck=False)  # nobody looks at them between two pieces
+        before, out, plan, shape = int(self.clock[3]), self.rows[self.filled :].reshape(-1), self.plan, self.shape
+        numbers = end, plan.rtol, plan.atol, plan.longest
+        arrays = self.states, self.clock, out
+        if shape.stepping.ready(self._part()):
+            native: Any = shape.stepping.native
+            self.compiled = True
+            native.run(shape.constants + array("d", numbers), (room,), arrays)
+        else:
+            with shape.stepping.plain():
+                adaptive_steps(*shape.arguments, *numbers, shape.curves, room, *arrays, self.failures)
+        self.filled += int(self.clock[3]) - before
+
+    def _sample(self, before: int) -> None:
+        """Keep the states that t_eval asks for in the last steps, and of the steps only the last."""
+        times: Any = self.t_eval
+        done = sum(map(len, self.sampled))
+        reached, forward = self.clock[0], self.t_end >= self.t0
+        inside = times[done:][times[done:] <= reached if forward else times[done:] >= reached]
+        if len(inside):
+            self.sampled.append(self._dense(before - 1).numbers(inside))
+        self.rows[0] = self.rows[self.filled - 1]
+        self.filled = 1
+
+    # ---------------------------------------------------------------- events
+
+    def _terminated(self, before: int) -> bool:
+        """Look for events in the last steps, and end the run at the first terminal one."""
+        dense = self._dense(before - 1)
+        for k in range(self.filled - before):
+            a, b = dense.t[k], dense.t[k + 1]
+            hits = []
+            for i, (event, old) in enumerate(zip(self.events, self.values, strict=True)):
+                new = self.values[i] = self._value(event, b, dense.state(b))
+                direction = getattr(event, "direction", 0.0)
+                if min(old, new) <= 0.0 <= max(old, new) and old != 0.0 and direction * (new - old) >= 0.0:
+                    hits.append((self._root(event, dense, a, b), i))
+            for at, i in sorted(hits, reverse=bool(b < a)):
+                numbers = packed(dense.state(at))
+                self.found[i].append((at, numbers))
+                if len(self.found[i]) == self.terminal[i]:
+                    theta = (at - a) / (b - a)
+                    row = self.rows[before + k]
+                    curve = row[1 + self.width :].reshape(-1, self.system.group.dim)
+                    curve *= theta ** np.arange(1, len(curve) + 1)[:, None]
+                    row[0], row[1 : 1 + self.width] = at, numbers
+                    self.filled, self.clock[0] = before + k + 1, at
+                    return True
+        return False
+
+    def _value(self, event: Callable[..., Any], t: float, state: Any) -> float:
+        """The value of an event.  What it raises goes to the caller, with the run up to here."""
+        try:
+            return float(event(t, state))
+        except Exception as error:
+            error.add_note(f"[integrate: in an event at t = {t:g}; the samples before it are in `.trajectory`]")
+            raise self._ended(error) from None
+
+    def _root(self, event: Callable[..., Any], dense: DenseOutput, a: float, b: float) -> float:
+        from scipy.optimize import brentq
+
+        tiny = 4 * np.finfo(float).eps
+        return float(brentq(lambda t: self._value(event, t, dense.state(t)), a, b, xtol=tiny * max(abs(a), abs(b)), rtol=tiny))
+
+    # ---------------------------------------------------------------- results
+
+    def _dense(self, first: int = 0) -> DenseOutput:
+        """The continuous motion along the rows from this one on."""
+        rows = self.rows[first : self.filled]
+        return DenseOutput(self.system, self.method.retraction, self.shape.example, rows, self.method.dense_order, self.plan.compiled)
+
+    def _result(self) -> Trajectory:
+        reached, steps = float(self.clock[0]), int(self.clock[3])
+        dense = self._dense() if self.kept and self.shape.curves else None
+        kept = dense if self.dense else None
+        return Trajectory.promised(
+            functools.partial(self._samples, dense),
+            system=self.system,
+            method=self.method,
+            h=(reached - self.t0) / max(1, steps),
+            bodies=None,
+            steps=steps,
+            compiled=self.compiled,
+            rejected=int(self.clock[4]),
+            dense=kept,
+            events=tuple([self._shown(found) for found in self.found]),
+            carry=self._carry(),
+            stopped={},
+        )
+
+    def _carry(self) -> AdaptiveCarry | None:
+        """What to go on with: at t_end all of it, after a terminal event a start anew."""
+        last = self.rows[self.filled - 1]
+        numbers, clock = self.states.copy(), self.clock.copy()
+        if clock[5] or clock[0] != last[0]:
+            return None
+        if clock[0] != self.t_end:
+            numbers[: self.width] = last[1 : 1 + self.width]
+            clock[1], clock[6] = 0.0, 1.0
+        state = build(self.shape.state, iter(last[1 : 1 + self.width].tolist()))
+        return AdaptiveCarry(numbers, clock, state, float(clock[0]))
+
+    def _shown(self, found: list[tuple[float, np.ndarray]]) -> tuple[np.ndarray, State]:
+        """Times and states of an event."""
+        numbers = np.array([row for _, row in found]).reshape(len(found), self.width)
+        arrays = unpacked(self.shape.example, self.shape.state, numbers)
+        return np.array([t for t, _ in found]), type(self.shape.example)(*(arrays.get(n) for n in self.shape.example.parts))
+
+    def _samples(self, dense: DenseOutput | None) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+        """Times and parts of the state."""
+        if self.t_eval is None:
+            times, numbers = self.rows[: self.filled, 0], self.rows[: self.filled, 1 : 1 + self.width]
+        elif dense is not None:
+            times = self.t_eval[np.abs(self.t_eval - self.t0) <= abs(dense.t[-1] - self.t0)]
+            numbers = dense.numbers(times)
+        else:
+            numbers = np.concatenate([np.empty((0, self.width)), *self.sampled])
+            times = self.t_eval[: len(numbers)]
+        return times, unpacked(self.shape.example, self.shape.state, numbers)
+
+    def _failure(self) -> Exception:
+        """Why the steps became too small to go on: what the last trial had to say.  A mistake in a formula is raised itself."""
+        t, h = float(self.clock[0]), float(self.clock[1])
+        state, xi = build(self.shape.layout, iter(self.states.tolist()))
+        first = attempt(self.system.rate, t, self.system.essential(state))
+        if t == self.t0 and not accepted(first, itself):
+            return self._not_begun(reason(first))
+        raised: list[Exception] = []  # by the steps that led here: each was at most five times as long as the next
+        for longer in (1.0, 5.0, 25.0, 125.0):
+            trial = attempt(self.method.trial, self.system, t, state, xi, longer * h, self.plan.rtol, self.plan.atol, False)
+            noted(raised, trial)
+            if raised or not trial.error <= 1.0:
+                break
+        told = [*raised, *self.failures]
+        error: Any = next((e for e in told if is_mistake(e)), told[0] if told else None)
+        if is_mistake(error):
+            error.add_note(f"[integrate: in a step from t = {t:g}; the samples before it are in `.trajectory`]")
+            return self._ended(error)
+        why = str(error)
+        if error is None:
+            why = f"the error estimate is {trial.error:.1e} of the tolerance even so"
+            if not math.isfinite(trial.error):
+                why = "the motion has no finite velocity there"
+        elif not isinstance(error, ArithmeticError):
+            why = f"{type(error).__name__}: {error}"
+        made = StepTooSmall(
+            f"{self.method!r}: at t = {t:g} the step fell to {abs(h):.1e}, too small to advance the time: {why}. "
+            f"The motion may have a singularity there, or rtol = {self.plan.rtol:g}, atol = {self.plan.atol:g} ask for more than "
+            f"rounding allows; {int(self.clock[3])} steps are in `.trajectory`"
+        )
+        made.__cause__ = error
+        return self._ended(made)
+
+    def _ended(self, error: Any) -> Any:
+        error.trajectory = self._result()
+        return error

@@ -1,0 +1,446 @@
+"""One run with steps of one length, of one body or many: its arrays, its pieces, its failures."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import os
+import time
+from array import array
+from typing import Any
+
+import numpy as np
+
+from ..compiler.driver import Rejected, attempt, reason
+from ..errors import IntegrationFailure, IntegrationInterrupted, InvalidInput, failure, is_mistake, warn
+from ..formulas.broadcasting import small
+from ..formulas.pytree import Layout, build, fitted, layout_of, leaves
+from ..systems.system import State
+from .dense import unpacked
+from .execution import LOOK, Execution
+from .fixed import begin, begun, fixed_steps
+from .prepared import Shape, Steps
+from .progress import Bar
+from .trajectory import Stopped, Trajectory
+
+PATIENCE = 0.25
+"""Seconds of a settled run between two looks at the progress bar and the keyboard."""
+
+PLAIN, NATIVE = 16, 2**17
+"""Steps of all bodies together in the first piece of a run."""
+
+SWEEP = 2**26
+"""Steps of all bodies together, in native code, after which all bodies have come to the same time."""
+
+WORTH = 2**15
+"""Steps of all bodies together that are worth a thread."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Carry:
+    """Where a run stands, with all that its method carries along: from here it goes on as if it had never stopped.
+
+    t0, h, step : the time is t0 + step h.  bodies : of an ensemble, else None.
+    numbers : (width + 1, bodies) of what the method carries along, and the steps taken.  last : the numbers of the state.
+    failures : what ended bodies that stopped.
+    """
+
+    shape: Shape | None = dataclasses.field(repr=False)
+    t0: float
+    h: float
+    step: int
+    bodies: int | None
+    numbers: np.ndarray = dataclasses.field(repr=False)
+    last: np.ndarray = dataclasses.field(repr=False)
+    failures: dict[int, Exception | None] = dataclasses.field(default_factory=dict, repr=False)
+
+    @property
+    def t(self) -> float:
+        """The time, in s."""
+        return self.t0 + self.step * self.h
+
+    @functools.cached_property
+    def state(self) -> State:
+        """The state at this time."""
+        shape: Any = self.shape
+        if self.bodies is None:
+            return build(shape.shown, iter(self.last[:, 0].tolist()))
+        parts = unpacked(shape.example, shape.shown, self.last.T)
+        return type(shape.example)(*(parts.get(name) for name in shape.example.parts))
+
+    def __getstate__(self) -> dict[str, Any]:
+        """The numbers, and the state instead of layouts and native code, which the plan that goes on has."""
+        return vars(self) | {"state": self.state, "shape": None}
+
+
+class FixedRun:
+    """Some steps from a start, or from where another run stands (`carry`)."""
+
+    def __init__(self, plan: Steps, start: State | Carry, steps: int, t0: float = 0.0) -> None:
+        carry = start if isinstance(start, Carry) else None
+        self.plan, self.start, self.h, self.every, self.steps = plan, start, plan.h, plan.every, steps
+        self.t0, self.before = (t0, 0) if carry is None else (carry.t0, carry.step)
+        self.bodies = start.bodies
+        self.count = self.bodies or 1
+        self.failures: dict[int, Exception | None] = {}  # what plain Python saw failing steps raise
+        if carry is None or carry.shape is None:
+            shape = self.shape = self._shape(start if carry is None else carry.state)
+        else:
+            shape = self.shape = carry.shape
+            shape.stepping.again()
+        self.columns = -(-self.count // shape.lanes) * shape.lanes
+        rows = self._rows(steps)
+        _affordable(rows * shape.shown.width * self.columns * 8, steps, self.every)
+        self.out = np.empty((rows, shape.shown.width, self.columns))
+        self.states = np.zeros((shape.layout.width + 1, self.columns))
+        self.taken = self.states[-1]
+        if carry is not None:
+            self._continue(carry)
+        elif shape.order is not None:
+            numbers = [*leaves(start, shape.given)]
+            self.out[0, :, 0] = numbers
+            numbers.append(0.0)
+            self.states[:-1, 0] = [numbers[i] for i in shape.order]
+        else:
+            self._begin()
+
+    @property
+    def compiled(self) -> bool:
+        """Has native code taken over?"""
+        return self.shape.stepping.native is not None
+
+    # ---------------------------------------------------------------- the start
+
+    def _shape(self, start: State) -> Shape:
+        """The layouts of a run from this start, from other runs of the plan if their starts were like it."""
+        one = _member(start, 0)
+        given, many = layout_of(one), self.bodies is not None
+        shape = self.plan.shapes.get((given, many))
+        if shape is None:
+            remembering = self.plan.remembering(one)
+            started = layout_of(remembering)
+            first, example = self._first(remembering, started)
+            shape = self.plan.shapes[given, many] = Shape(self.plan, given, started, first, example, many)
+        else:
+            shape.stepping.again()
+        return shape
+
+    def _first(self, one: State, started: Layout) -> tuple[Any, Any]:
+        """What the method carries along from the start of the first body that can begin, and the sample that shows it."""
+        for i in range(self.count):
+            start = fitted(_member(self.start, i), started) if i else one
+            trial = attempt(begun, self.plan.method, self.plan.system, start, self.h)
+            if not isinstance(trial, Rejected):
+                return trial
+            self.failures[i] = reason(trial)
+            if is_mistake(self.failures[i]):
+                break
+        none = "" if self.bodies is None else f"none of the {self.count} bodies can begin; body 0: "
+        raise self._not_begun(reason(trial), none + repr(self.plan.method))
+
+    def _not_begun(self, error: Exception | None, what: str) -> Any:
+        """The error of a run that has no first state: a mistake in a formula, or a failure."""
+        raised = error if is_mistake(error) else failure(error, what, f"at the start, t = {self.t0:g}")
+        return self._with_trajectory(raised, self._only_start())
+
+    def _only_start(self) -> Trajectory:
+        """The start as the only sample."""
+        states = {name: np.array(x)[None] for name, x in self.start.parts.items() if x is not None}
+        return Trajectory(self.plan.system, self.plan.method, self.h, np.array([self.t0]), states, self.bodies, 0)
+
+    def _begin(self) -> None:
+        """Let the method begin with every body."""
+        shape, plan = self.shape, self.plan
+        starts = self._columns_of(self.start)
+        beginning = shape.beginning(plan)
+        beginning.again()
+        if shape.stepping.native is not None and self.bodies is not None:
+            beginning.compile()
+        if shape.given == shape.shown:
+            self.out[0] = starts
+        else:
+            self.out[0] = 0.0
+        self.taken[:] = -1.0
+        arrays = starts, self.states, self.out[0]
+        self._run(beginning, shape.beginner, *arrays)
+        for i in np.flatnonzero(self.taken[: self.count] < 0.0):
+            if i not in self.failures:
+                self._plain(begin, shape.beginner, arrays, int(i))
+        if self.bodies is None and self.taken[0] < 0.0:
+            raise self._not_begun(self.failures.get(0), repr(plan.method))
+        if beginning.native is not None and self.bodies is not None:
+            shape.stepping.compile()
+
+    def _columns_of(self, start: State) -> np.ndarray:
+        """The start with a column for each body; the last lanes, if there are too many, repeat the last body."""
+        if self.bodies is None:
+            return np.array([*leaves(start, self.shape.given)], dtype=float)[:, None]
+        parts = [_numbers(x).reshape(self.count, -1) for x in start.parts.values() if x is not None]
+        return self._padded(np.concatenate(parts, axis=1).T)
+
+    def _padded(self, columns: np.ndarray) -> np.ndarray:
+        """Columns of all bodies, the last one repeated for the lanes that are left over."""
+        return np.ascontiguousarray(columns[:, np.minimum(np.arange(self.columns), self.count - 1)])
+
+    def _continue(self, carry: Carry) -> None:
+        """Take up what another run carried along."""
+        self.states[:] = self._padded(carry.numbers)
+        self.out[0] = self._padded(carry.last)
+        self.failures = dict(carry.failures)
+
+    # ---------------------------------------------------------------- stepping
+
+    def _rows(self, steps: int) -> int:
+        """How many samples there are after this many steps: the start, one for each `every`, and the very last."""
+        return steps // self.every + 1 + (steps == self.steps and steps % self.every > 0)
+
+    def trajectory(self) -> Trajectory:
+        """Step to the end, in pieces short enough to show progress and to be interrupted."""
+        done, settled, pace = 0, False, PLAIN
+        stepping = self.shape.stepping
+        try:
+            with Bar(self.plan.progress, self.steps * self.count) as bar:
+                while done < self.steps:
+                    if not settled and (self.compiled or stepping.wanted is False):
+                        settled, pace = True, NATIVE if self.compiled else PLAIN
+                    begun = time.perf_counter()
+                    sweep = max(1, pace // self.columns)
+                    if self.compiled:  # whole lanes in turn, each through the whole sweep
+                        sweep = max(sweep, min(SWEEP // self.columns, pace // self.shape.lanes))
+                    pending = min(self.every - done % self.every, self.steps - done)
+                    if pending < self.every or sweep < self.every:  # part of one sample
+                        every, samples = min(pending, sweep), 1
+                    else:
+                        every, samples = self.every, min(sweep, self.steps - done) // self.every
+                    calls = self._piece(done, every, samples, pace)
+                    done += every * samples
+                    used = (time.perf_counter() - begun) / calls
+                    bar.advance(every * samples * self.count)
+                    if used < (PATIENCE if settled else LOOK) / 2:
+                        pace *= 2
+                    elif used > 2 * PATIENCE:
+                        pace = max(1, pace // 2)
+        except KeyboardInterrupt:
+            stopped = IntegrationInterrupted(
+                f"integrate: interrupted after {done} of {self.steps} steps; "
+                f"{self._rows(done)} samples are in `.trajectory`"
+            )
+            raise self._with_trajectory(stopped, self._result(done)) from None
+        return self._result(self.steps)
+
+    def _piece(self, done: int, every: int, samples: int, pace: int) -> int:
+        """Step all bodies this far; in how many calls, if in native code?"""
+        first, last, after = self._rows(done), self._rows(done + every * samples), self.before + done + every * samples
+        target = self.out[first:last] if first < last else np.empty((1, *self.out.shape[1:]))
+        values = *self.shape.arguments, self.t0, self.h, self.before + done, every, samples
+        running = None if self.bodies is None else self.taken[: self.count] == self.before + done
+        more = every * samples
+        calls = self._run(self.shape.stepping, values, self.states, target, done=done, more=more, of=self.steps, pace=pace)
+        if running is None:
+            if self.taken[0] < after:
+                self._once_more(0, self.before + done, every, after, target)
+                if self.taken[0] < after:
+                    raise self._ended(0)
+        else:
+            for i in np.flatnonzero(running & (self.taken[: self.count] < after)):
+                self._once_more(int(i), self.before + done, every, after, target)
+        return calls
+
+    def _run(
+        self,
+        execution: Execution,
+        values: tuple[Any, ...],
+        *arrays: np.ndarray,
+        done: int = 0,
+        more: int = 1,
+        of: int = 1,
+        pace: int = NATIVE,
+    ) -> int:
+        """Run a driver on all bodies: one after the other in plain Python, the rest in native code as soon as there is some.
+
+        done, more, of : steps before this call, in it, and in all.  pace : steps of a call.  Returns the number of native calls.
+        """
+        column, lanes = 0, self.shape.lanes
+        while column < self.count and not execution.ready((done + more * column / self.count) / of):
+            end = min(column + lanes, self.count)
+            with execution.plain():
+                for i in range(column, end):
+                    self._plain(execution.call[0], values, arrays, i)
+            column = end
+        return self._native(execution, values, arrays, column, more, pace) if column < self.count else 1
+
+    def _plain(self, driver: Any, values: tuple[Any, ...], arrays: tuple[np.ndarray, ...], i: int) -> None:
+        """Run a driver in plain Python on one body."""
+        stepping = driver is fixed_steps
+        if stepping and self.taken[i] < 0.0:  # it could not even begin
+            return
+        failures: list[Exception | None] = []
+        columns = [np.ascontiguousarray(a[..., i]).ravel() for a in arrays]
+        driver(*values, *columns, failures)
+        for a, column in zip(arrays, columns, strict=True):
+            a[..., i] = column.reshape(a.shape[:-1])
+        if failures:
+            self.failures.setdefault(i, failures[0])
+            error: Any = failures[0]
+            if self.bodies is not None and is_mistake(error):
+                error.add_note(f"[integrate: body {i}; the samples before it are in `.trajectory`]")
+                raise self._with_trajectory(error, self._result(values[6] - self.before) if stepping else self._only_start())
+
+    def _once_more(self, i: int, first: int, every: int, after: int, target: np.ndarray) -> None:
+        """A step that native code has marked is plain Python's, and so are the next ones of this piece.
+
+        It knows what the step raises, and goes on where native code cannot: with integers beyond 2^63, for example.
+        """
+        while self.taken[i] < after and i not in self.failures:
+            step = int(self.taken[i])
+            row, part = divmod(step - first, every)
+            values = *self.shape.arguments, self.t0, self.h, step, every - part, 1
+            self._plain(fixed_steps, values, (self.states, target[row : row + 1]), i)
+
+    def _native(
+        self, execution: Execution, values: tuple[Any, ...], arrays: tuple[np.ndarray, ...], start: int, more: int, pace: int
+    ) -> int:
+        """Run a driver in native code on the bodies from `start`, in blocks, perhaps in threads; how many blocks in turn?"""
+        native: Any = execution.native
+        if execution is self.shape.stepping:
+            numbers = self.shape.constants + array("d", values[4:6])
+            integers: tuple[int, ...] = values[6:]
+        else:
+            numbers, integers = self.shape.constants + array("d", values[6:]), ()
+        if self.bodies is None:
+            native.run(numbers, integers, arrays)
+            return 1
+        if self.columns > self.count:  # the lanes that are left over follow the last body
+            self.states[:, self.count :] = self.states[:, self.count - 1 : self.count]
+        lanes, workers = self.shape.lanes, self.plan.workers
+        block = max(lanes, pace // more // lanes * lanes)
+        block *= workers
+        call = functools.partial(native.run, numbers, integers, arrays, self.columns)
+        blocks = range(start, self.columns, block)
+        for begin in blocks:
+            end = min(begin + block, self.columns)
+            threads = max(1, min(workers, (end - begin) * more // WORTH))
+            share = -(-(end - begin) // (threads * lanes)) * lanes
+            others = [_pool(workers, os.getpid()).submit(call, i, min(i + share, end)) for i in range(begin + share, end, share)]
+            call(begin, min(begin + share, end))  # native code does not hold the interpreter's lock
+            for other in others:
+                other.result()
+        return len(blocks)
+
+    # ---------------------------------------------------------------- results
+
+    def _result(self, steps: int) -> Trajectory:
+        """The samples of the first `steps` steps."""
+        rows, reached, shape = self._rows(steps), self.before + steps, self.shape
+        if self.bodies is None:
+            stopped = {} if self.taken[0] >= reached else {0: max(0, int(self.taken[0]))}
+        else:
+            stopped = {int(i): max(0, int(self.taken[i])) for i in np.flatnonzero(self.taken[: self.count] < reached)}
+        for i in stopped:  # the first sample after the failure holds the last state; some later ones nothing
+            last = max(0, (int(self.taken[i]) - self.before) // self.every + 1)
+            self.out[last + 1 : rows, :, i] = self.out[last : last + 1, :, i]
+        out = self.out[:rows]
+        carry = None
+        if self.taken.max() == reached:
+            numbers = self.states[:, : self.count]
+            carry = Carry(shape, self.t0, self.h, reached, self.bodies, numbers, out[-1, :, : self.count], self.failures)
+        run = Trajectory.promised(
+            functools.partial(_samples, shape, out, self.bodies, self.t0, self.h, self.before, self.every, steps),
+            system=self.plan.system,
+            method=self.plan.method,
+            h=self.h,
+            bodies=self.bodies,
+            steps=steps,
+            compiled=self.compiled,
+            stopped=Stopped(stopped, self._failure),
+            carry=carry,
+        )
+        if stopped and self.bodies is not None:
+            first = self._failure(min(stopped))
+            mistake: Any = first.__cause__
+            if is_mistake(mistake):
+                mistake.add_note(f"[integrate: body {min(stopped)}; the samples before it are in `.trajectory`]")
+                raise self._with_trajectory(mistake, run)
+            some = ", ".join(f"body {i} after {n} steps" for i, n in list(stopped.items())[:5])
+            warn(f"integrate: {len(stopped)} of {self.count} bodies stopped early: {some}. {first}", RuntimeWarning)
+        return run
+
+    def _failure(self, body: int) -> IntegrationFailure:
+        """Why a body stopped: what plain Python saw its step raise."""
+        step = int(self.taken[body])
+        t = self.t0 + step * self.h
+        at = f"step {step + 1} of {self.before + self.steps}, t = {t:g}" if step >= 0 else f"at the start, t = {self.t0:g}"
+        if self.bodies is None:
+            at += f"; {self._rows(step - self.before)} samples are in `.trajectory`"
+        return failure(self.failures.get(body), repr(self.plan.method), at)
+
+    def _ended(self, body: int) -> Exception:
+        """The error of a single body that stopped: its failure, or the mistake in a formula itself."""
+        error: Any = self._failure(body)
+        if is_mistake(error.__cause__):
+            error = error.__cause__
+            at = f"step {int(self.taken[body]) + 1} of {self.before + self.steps}"
+            error.add_note(f"[integrate: {at}; the samples before it are in `.trajectory`]")
+        return self._with_trajectory(error, self._result(int(self.taken[body]) - self.before))
+
+    @staticmethod
+    def _with_trajectory(error: Any, run: Trajectory) -> Any:
+        error.trajectory = run
+        return error
+
+
+def advanced(plan: Steps, carry: Carry, steps: int) -> Carry:
+    """Some more steps from where a run stands, without samples between."""
+    shape = carry.shape
+    native = shape.stepping.native if shape is not None and carry.bodies is None else None
+    if shape is None or native is None:
+        return FixedRun(dataclasses.replace(plan, every=max(1, steps)), carry, steps).trajectory().carry
+    numbers, last = carry.numbers.copy(), np.empty_like(carry.last)
+    native.run(shape.constants + array("d", (carry.t0, carry.h)), (carry.step, steps, 1), (numbers, last))
+    if numbers[-1, 0] != carry.step + steps:
+        return FixedRun(dataclasses.replace(plan, every=steps), carry, steps).trajectory().carry  # which says why
+    return Carry(shape, carry.t0, carry.h, carry.step + steps, None, numbers, last)
+
+
+def _samples(
+    shape: Shape, out: np.ndarray, bodies: int | None, t0: float, h: float, before: int, every: int, steps: int
+) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """Times and parts of the state, (n, ...) each, as views of what the steps have written."""
+    flat = out[..., 0] if bodies is None else np.moveaxis(out[..., :bodies], 1, -1)
+    numbers = before + np.minimum(np.arange(len(out)) * every, steps)
+    return t0 + numbers * h, unpacked(shape.example, shape.shown, flat)
+
+
+@functools.cache
+def _pool(workers: int, process: int) -> Any:
+    """Threads that stay; a forked process has none of its parent's."""
+    from concurrent.futures import ThreadPoolExecutor
+
+    return ThreadPoolExecutor(workers - 1, "liemech")
+
+
+def _member(start: State, i: int) -> State:
+    if start.bodies is None:
+        return start
+    return type(start)(*(None if x is None else small(x[i]) for x in start.parts.values()))
+
+
+def _numbers(value: Any) -> np.ndarray:
+    """The numbers of small vectors and matrices or of arrays of them, a complex one as two."""
+    array = np.ascontiguousarray(value)
+    return array.view(float) if np.iscomplexobj(array) else array.astype(float)
+
+
+def _affordable(size: int, steps: int, every: int) -> None:
+    """Refuse before anything is allocated."""
+    if size < 2**28:
+        return
+    try:
+        memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    except (AttributeError, OSError, ValueError):
+        memory = 2**36
+    if size > 0.8 * memory:
+        raise InvalidInput(
+            f"integrate: {steps} steps, every {every}, need {size / 2**30:.3g} GiB for the samples and this machine "
+            f"has {memory / 2**30:.3g}; keep fewer with a larger `every`"
+        )

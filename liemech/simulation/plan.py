@@ -1,0 +1,208 @@
+"""Prepared runs: a system, a method and a way of stepping, checked once, for any number of starts."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import Any
+
+from ..errors import InvalidInput, InvalidType, StepWarning, warn
+from ..formulas import Record
+from ..formulas.pytree import exact, fields_of
+from ..integrators.method import Method
+from ..systems.system import State, System
+from . import arguments
+from .fixed_run import Carry, FixedRun, advanced
+from .prepared import Steps
+from .trajectory import Trajectory
+
+ROUNDING = 1e-9
+"""Part of a step by which a last time may miss the end of one: more than rounding of h and t_end makes of it."""
+
+
+class Plan:
+    """A run that is prepared: `run` starts it, `resume` goes on, as often as wanted, at a cost of microseconds.
+
+    system, method : what moves, and how it is stepped.
+
+    Steps of one length:
+    h : the step, in s; negative runs backwards.  every, compensated, workers : as for `integrate`.
+
+    Adaptive steps, of a method with an error estimate, if h is None or rtol or atol is given:
+    rtol, atol, dense : as for `integrate`.  h : the first step; max_step : the longest one.
+    breaks : times at which the velocity jumps, such as the ends of a pulse; no step goes across.
+
+    record, events, compiled, progress : as for `integrate`.
+
+    A plan does not change; `replace` makes another one.  What formulas read from outside counts as it is when a run begins.
+    """
+
+    def __init__(
+        self,
+        system: System,
+        method: Method,
+        h: float | None = None,
+        *,
+        rtol: float | None = None,
+        atol: float | None = None,
+        max_step: float | None = None,
+        breaks: Any = (),
+        every: int = 1,
+        record: Iterable[str] | None = None,
+        events: Any = (),
+        dense: bool | None = None,
+        compensated: bool | None = None,
+        compiled: bool | None = None,
+        progress: bool | None = None,
+        workers: int = 1,
+    ) -> None:
+        arguments.matching(system, method)
+        every, workers = arguments.count(every, "every", 1), arguments.count(workers, "workers", 1)
+        for name, value in (("compensated", compensated), ("compiled", compiled), ("progress", progress)):
+            arguments.choice(value, name)
+        arguments.choice(dense, "dense")
+        self.system, self.method, self.record = system, method, record
+        self.events = arguments.events(events)
+        self._given = dict(
+            system=system, method=method, h=h, rtol=rtol, atol=atol, max_step=max_step, breaks=breaks, every=every, record=record,
+            events=events, dense=dense, compensated=compensated, compiled=compiled, progress=progress, workers=workers,
+        )  # fmt: skip
+        self._steps: Any = None
+        if h is None or not (rtol is atol is max_step is None) or len(breaks):
+            from .adaptive_run import AdaptiveSteps
+
+            arguments.only_adaptive(method, every, workers)
+            if compensated is not None:
+                raise InvalidInput(
+                    "integrate: compensated is for steps of one length; adaptive ones have larger errors than rounding"
+                )
+            self._steps = AdaptiveSteps.checked(system, method, h, rtol, atol, max_step, breaks, dense, compiled, progress)
+        else:
+            if dense is not None and dense is not True:
+                raise InvalidInput("integrate: dense is for adaptive steps; those of one length have no way between them to leave out")
+            self._steps = Steps(system, method, arguments.step(h), every, compensated, compiled, progress, workers)
+
+    @property
+    def adaptive(self) -> bool:
+        """Are its steps chosen by an error estimate?"""
+        return not isinstance(self._steps, Steps)
+
+    def replace(self, **changed: Any) -> Plan:
+        """This plan with other arguments: another `system`, another `h`, ...
+
+        Native code is shared as far as it depends on numbers only: another inertia costs no compilation.
+        """
+        unknown = sorted(set(changed) - set(self._given))
+        if unknown:
+            raise InvalidInput(f"Plan.replace: there is no {unknown[0]}; there are {', '.join(self._given)}")
+        return Plan(**self._given | changed)
+
+    # ---------------------------------------------------------------- whole runs
+
+    def run(
+        self, start: State, *, steps: int | None = None, t_end: float | None = None, t0: float = 0.0, t_eval: Any = None
+    ) -> Trajectory:
+        """Follow the motion from a start at time t0, in so many steps or to the time t_end.
+
+        start : `system.state(...)`; with a leading axis an ensemble.
+        t_end : of steps of one length it is the end of one.  steps : of adaptive ones the largest number.
+        t_eval : (n,) times at which to keep the state, instead of the ends of steps.
+
+        Returns and raises what `integrate` does.
+        """
+        start, t0 = arguments.started(self.system, start, self.record), arguments.real(t0, "t0")
+        if self.adaptive:
+            return self._steps.run(start, t0, t_end, steps, t_eval, self.events)
+        steps = self._count(steps, t_end, t0)
+        doubt = self.method.caution(self.system, start, self._steps.h)
+        if doubt:
+            warn(doubt, StepWarning)
+        return self._stepped(start, steps, t0, t_eval)
+
+    def resume(
+        self, run: Trajectory, *, steps: int | None = None, t_end: float | None = None, t_eval: Any = None
+    ) -> Trajectory:
+        """Go on where a run of this plan, or of an equal one, has ended: bit for bit as if it had not.
+
+        The first sample is the last one of the run.  steps, t_end, t_eval : of what is to come.
+        Raises InvalidInput if the run was of another system, method or step, which it names, or if it was interrupted.
+        """
+        if not isinstance(run, Trajectory):
+            raise InvalidType(f"Plan.resume goes on with a Trajectory; got {type(run).__name__}")
+        carry = self._of_this_plan(run)
+        if self.adaptive:
+            return self._steps.run(carry, carry.t, t_end, steps, t_eval, self.events)
+        return self._stepped(carry, self._count(steps, t_end, carry.t0, carry.step), carry.t0, t_eval)
+
+    def _count(self, steps: int | None, t_end: float | None, t0: float, before: int = 0) -> int:
+        """How many steps, checked, and with them their times."""
+        h = self._steps.h
+        if t_end is not None:
+            if steps is not None:
+                raise InvalidInput("integrate: give steps or t_end for steps of one length, not both")
+            span = (arguments.real(t_end, "t_end") - t0) / h - before
+            steps = round(span)
+            if steps < 0 or abs(span - steps) > ROUNDING * max(1, steps):
+                n = max(1, math.ceil(abs(span)))
+                fits = (t_end - t0 - before * h) / n
+                raise InvalidInput(
+                    f"integrate: {span:g} steps of h = {h:g} lead to t_end = {t_end:g}; steps of one length end there with "
+                    f"h = {fits!r}, {n} of them" if fits else f"integrate: t_end = {t_end:g} is the start"
+                )
+        elif steps is None:
+            raise InvalidInput("integrate: give h and steps, for steps of one length, or t_end, for adaptive ones")
+        steps = arguments.count(steps, "steps", 0)
+        arguments.affordable_times(t0, h, before + steps)
+        return steps
+
+    def _stepped(self, start: State | Carry, steps: int, t0: float, t_eval: Any) -> Trajectory:
+        if t_eval is not None or self.events:
+            raise InvalidInput("integrate: t_eval is for adaptive steps; give t_end and, if you like, h as the first step")
+        return FixedRun(self._steps, start, steps, t0).trajectory()
+
+    def _of_this_plan(self, run: Trajectory) -> Any:
+        """What the run carries along, if it is this plan's to go on with."""
+        carry = run.carry
+        if carry is None:
+            raise InvalidInput("Plan.resume: this run was interrupted, failed or loaded without what it carried along; start from run.last")
+        for name, mine, theirs in (("system", self.system, run.system), ("method", self.method, run.method)):
+            if mine is not theirs and exact(mine) != exact(theirs):
+                raise InvalidInput(
+                    f"Plan.resume: the run was made with another {name}, {', '.join(differing(mine, theirs))}; "
+                    "start a new one from run.last, or make a plan of what it was made with"
+                )
+        if self.adaptive != (not isinstance(carry, Carry)) or (isinstance(carry, Carry) and carry.h != self._steps.h):
+            raise InvalidInput(f"Plan.resume: the run was made with other steps, {run!r}; start a new one from run.last")
+        return carry
+
+    # ---------------------------------------------------------------- step by step
+
+    def begin(self, start: State, t0: float = 0.0) -> Carry:
+        """What the method carries along at the start, for `step`."""
+        self._one_length("begin")
+        return FixedRun(self._steps, arguments.started(self.system, start, self.record), 0, arguments.real(t0, "t0")).trajectory().carry
+
+    def step(self, carry: Carry, steps: int = 1) -> Carry:
+        """What the method carries along after some more steps: its `t` and `state` are those of `run`, to the bit.
+
+        For control loops and live pictures.
+        Raises what `integrate` raises.
+        """
+        return advanced(self._steps, carry, steps)
+
+    def _one_length(self, what: str) -> None:
+        if self.adaptive:
+            raise InvalidInput(f"Plan.{what} is for steps of one length; give the plan an h and no tolerances")
+
+    def __repr__(self) -> str:
+        return f"Plan({self.system!r}, {self.method!r}, {self._steps})"
+
+
+def differing(mine: Any, theirs: Any, name: str = "") -> list[str]:
+    """The fields in which two records differ, with both values."""
+    if type(mine) is type(theirs) and isinstance(mine, Record):
+        fields = fields_of(mine)
+        if fields:
+            parts = [differing(x, getattr(theirs, n), f"{name}.{n}".lstrip(".")) for n, x in fields.items()]
+            return [text for part in parts for text in part]
+    return [] if exact(mine) == exact(theirs) else [f"{name or type(theirs).__name__} = {theirs!r} instead of {mine!r}"]
