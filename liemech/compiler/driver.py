@@ -52,7 +52,7 @@ def accepted(value: Any, shown: Callable[[Any], Any], layout: Layout | None = No
     if isinstance(value, Rejected):
         return False
     part = shown(value)
-    total = pairwise_sum(list(leaves(part, layout or layout_of(part))))
+    total = pairwise_sum(leaves(part, layout or layout_of(part)))
     return not isinstance(total, complex) and math.isfinite(total)
 
 

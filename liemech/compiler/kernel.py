@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import collections
 import contextlib
+import ctypes
 import dataclasses
 import functools
 import hashlib
@@ -89,7 +90,7 @@ class Kernel:
         arrays: list[np.ndarray] = []
         for value, kind in zip(args, self.kinds, strict=True):
             if isinstance(kind, Layout):
-                numbers += leaves(value, kind)
+                numbers.extend(leaves(value, kind))
             elif isinstance(value, Rows):
                 arrays.append(value.array)
                 integers.append(value.step)
@@ -101,7 +102,7 @@ class Kernel:
         self, numbers: array[float], integers: Sequence[int], arrays: Sequence[Any], bodies: int = 1, begin: int = 0, end: int = 1
     ) -> None:
         """Run on arguments that are laid out already: the numbers of all values in turn, the integers, the arrays."""
-        whole, places = array("q", integers), array("q", [a.__array_interface__["data"][0] for a in arrays])
+        whole, places = array("q", integers), array("q", [address(a) for a in arrays])
         self._call(*[a.buffer_info()[0] for a in (numbers, whole, places)], bodies, begin, end)
 
     def assembly(self) -> str:
@@ -109,6 +110,14 @@ class Kernel:
         from . import llvm
 
         return llvm.assembly(_translated(self.entry, self.kinds, self.lanes)[1])
+
+
+def address(values: np.ndarray) -> int:
+    """Where an array lies."""
+    try:
+        return ctypes.addressof(ctypes.c_char.from_buffer(values))  # a quarter of the time of the other way
+    except (TypeError, ValueError, BufferError):  # not to be written to, empty, or with gaps
+        return values.ctypes.data
 
 
 class _Kept:

@@ -192,7 +192,7 @@ class Interpreter(Statements):
     def accepted(self, value: Any, shown: Any, layout: Any = None) -> Num:
         """Did the attempt go through, and is what it shows finite?  A sum is finite only if its terms are."""
         part = self.call(shown, value)
-        total = driver.pairwise_sum(list(leaves(part, layout_of(part))))
+        total = driver.pairwise_sum(leaves(part, layout_of(part)))
         finite = total - total == 0.0
         failed = self.emitter.load(self.failed)
         return self.emitter.logic("and_", finite, self.emitter.negation(failed))

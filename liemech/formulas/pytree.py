@@ -230,22 +230,26 @@ def is_static(value: Any) -> bool:
     return not isinstance(value, (Vec, Mat, Record, StandIn, *PAIRS))
 
 
-def leaves(value: Any, layout: Layout) -> Iterator[Any]:
+def leaves(value: Any, layout: Layout) -> list[Any]:
     """The numbers of a value, in order."""
+    found: list[Any] = []
+    _gather(value, layout, found)
+    return found
+
+
+def _gather(value: Any, layout: Layout, found: list[Any]) -> None:
+    """Append the numbers of a value."""
     if layout.kind == "number":
-        yield value
-    elif not layout.width:
-        return
+        found.append(value)
     elif layout.kind == "record":
         for name, part in zip(layout.detail[1], layout.parts, strict=True):
-            yield from leaves(getattr(value, name), part)
-    elif layout.kind != "static":
-        items = value.parts if layout.kind == "pair" else value
-        if layout.plain:
-            yield from items
-            return
-        for item, part in zip(items, layout.parts, strict=True):
-            yield from leaves(item, part)
+            if part.width:
+                _gather(getattr(value, name), part, found)
+    elif layout.plain and layout.kind != "pair":
+        found.extend(value)
+    elif layout.width:
+        for item, part in zip(value.parts if layout.kind == "pair" else value, layout.parts, strict=True):
+            _gather(item, part, found)
 
 
 def build(layout: Layout, numbers: Iterator[Any]) -> Any:

@@ -84,7 +84,7 @@ class Shape:
         self.example, self.curves = start, curves
         self.state, self.layout = layout_of(start), layout_of((start, xi))
         self.row = layout_of((0.0, start, (xi,) * method.curve_terms if curves else ()))
-        self.constants = array("d", [*leaves(method, layout_of(method)), *leaves(system, layout_of(system))])
+        self.constants = array("d", leaves(method, layout_of(method)) + leaves(system, layout_of(system)))
         self.arguments = method, system, self.layout, self.row
         none = np.empty(0)
         call = *self.arguments, 0.0, 0.0, 0.0, 0.0, curves, 1, none, none, none, None

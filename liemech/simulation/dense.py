@@ -142,4 +142,4 @@ def unpacked(example: Any, layout: Any, numbers: np.ndarray) -> dict[str, np.nda
 
 def packed(value: Any) -> np.ndarray:
     """The numbers of a state, (width,)."""
-    return np.array([*leaves(value, layout_of(value))], dtype=float)
+    return np.array(leaves(value, layout_of(value)), dtype=float)

@@ -97,7 +97,7 @@ class FixedRun:
         if carry is not None:
             self._continue(carry)
         elif shape.order is not None:
-            numbers = [*leaves(start, shape.given)]
+            numbers = leaves(start, shape.given)
             self.out[0, :, 0] = numbers
             numbers.append(0.0)
             self.states[:-1, 0] = [numbers[i] for i in shape.order]
@@ -174,7 +174,7 @@ class FixedRun:
     def _columns_of(self, start: State) -> np.ndarray:
         """The start with a column for each body; the last lanes, if there are too many, repeat the last body."""
         if self.bodies is None:
-            return np.array([*leaves(start, self.shape.given)], dtype=float)[:, None]
+            return np.array(leaves(start, self.shape.given), dtype=float)[:, None]
         parts = [_numbers(x).reshape(self.count, -1) for x in start.parts.values() if x is not None]
         return self._padded(np.concatenate(parts, axis=1).T)
 
@@ -341,9 +341,9 @@ class FixedRun:
             self.out[last + 1 : rows, :, i] = self.out[last : last + 1, :, i]
         out = self.out[:rows]
         carry = None
-        if self.taken.max() == reached:
-            numbers = self.states[:, : self.count]
-            carry = Carry(shape, self.t0, self.h, reached, self.bodies, numbers, out[-1, :, : self.count], self.failures)
+        if self.taken[0] == reached or self.taken.max() == reached:
+            numbers, last = self.states[:, : self.count], out[-1, :, : self.count]
+            carry = Carry(shape, self.t0, self.h, reached, self.bodies, numbers, last, self.failures)
         run = Trajectory.promised(
             functools.partial(_samples, shape, out, self.bodies, self.t0, self.h, self.before, self.every, steps),
             system=self.plan.system,

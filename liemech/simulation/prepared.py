@@ -56,7 +56,7 @@ class Shape:
         self.layout, self.shown = layout_of(first), layout_of(example)
         native = steps.compiled is not False and many and kernel.available() is None
         self.lanes = kernel.lanes() if native else 1
-        self.constants = array("d", [*leaves(method, layout_of(method)), *leaves(system, layout_of(system))])
+        self.constants = array("d", leaves(method, layout_of(method)) + leaves(system, layout_of(system)))
         none = np.empty(0)
         self.arguments = method, system, self.layout, self.shown
         call = fixed_steps, *self.arguments, 0.0, steps.h, 0, 1, 1, none, none, None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from typing import TYPE_CHECKING, Any, ClassVar, final
 
 import numpy as np
@@ -11,6 +10,7 @@ from ..errors import InvalidInput, NotDefined
 from ..formulas import Record, Vec, check_finite, real_array, record
 from ..formulas.broadcasting import small
 from ..formulas.fields import array_held, frozen_array
+from ..formulas.pytree import fields_of
 from ..formulas.remembered import Remembered
 from ..groups.lie_group import LieGroup
 from ..retractions import Retraction
@@ -30,8 +30,10 @@ class State(Record):
     @property
     def bodies(self) -> int | None:
         """How many members an ensemble has; None for a single system."""
-        first = next(x for x in self.parts.values() if x is not None)
-        return len(first) if isinstance(first, np.ndarray) else None
+        for x in fields_of(self).values():
+            if x is not None:
+                return len(x) if isinstance(x, np.ndarray) else None
+        return None
 
     @property
     def arrays(self) -> dict[str, np.ndarray]:
@@ -41,7 +43,7 @@ class State(Record):
     @property
     def parts(self) -> dict[str, Any]:
         """The fields by their names."""
-        return {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
+        return fields_of(self)
 
 
 @record
