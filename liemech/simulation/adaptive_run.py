@@ -7,7 +7,6 @@ import functools
 import math
 import time
 from array import array
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -19,7 +18,8 @@ from ..formulas.pytree import build, layout_of, leaves
 from ..systems.system import State, System
 from . import arguments
 from .adaptive import adaptive_steps, noted
-from .dense import DenseOutput, packed, unpacked
+from .dense import DenseOutput, unpacked
+from .events import Event, Watch
 from .execution import LOOK, Execution
 from .progress import Bar
 from .trajectory import Trajectory
@@ -61,7 +61,7 @@ class AdaptiveSteps:
         first = None if h is None else arguments.step(h)
         return cls(system, method, first, *tolerances, longest, tuple(sorted(jumps.tolist())), dense, compiled, progress)
 
-    def run(self, start: Any, t0: float, t_end: Any, limit: Any, t_eval: Any, events: tuple[Callable[..., Any], ...]) -> Trajectory:
+    def run(self, start: Any, t0: float, t_end: Any, limit: Any, t_eval: Any, events: tuple[Event, ...]) -> Trajectory:
         """From a start, or from where another run stands, to t_end."""
         if t_end is None:
             raise InvalidInput("integrate: adaptive steps need a t_end; for steps of one length give h and steps")
@@ -113,12 +113,11 @@ class AdaptiveRun:
         t_end: float,
         limit: int,
         t_eval: np.ndarray | None,
-        events: tuple[Callable[..., Any], ...],
+        events: tuple[Event, ...],
     ) -> None:
         self.plan, self.system, self.method, self.t0, self.t_end = plan, plan.system, plan.method, t0, t_end
         self.limit, self.t_eval, self.events = limit, t_eval, events
         self.failures: list[Exception] = []
-        self.found: list[list[tuple[float, np.ndarray]]] = [[] for _ in events]
         self.kept = plan.dense is True or t_eval is None  # all rows, or only what t_eval asks for
         dense = plan.dense is True or (plan.dense is None and t_eval is None)
         self.dense = dense
@@ -142,8 +141,8 @@ class AdaptiveRun:
             self.states[: self.width] = self.rows[0, 1 : 1 + self.width]
             first = 0.0 if plan.h is None else math.copysign(plan.h, t_end - t0)
             self.clock = np.array([t0, first, 1.0, 0.0, 0.0, 0.0, 1.0])
-        self.terminal = [int(getattr(event, "terminal", None) or 0) for event in events]
-        self.values = [self._value(event, t0, self.start) for event in events]
+        self.watch: Any = None
+        self.watch = Watch(events, self._ended, t0, self.start)
 
     def _shape(self, curves: bool) -> Shape:
         """The layouts of this run, from other runs of the plan if their starts were like this one."""
@@ -160,7 +159,7 @@ class AdaptiveRun:
 
     def _not_begun(self, error: Any) -> Any:
         """The error of a run whose start has no velocity."""
-        raised: Any = error if is_mistake(error) else failure(error, repr(self.method), f"at the start, t = {self.t0:g}")
+        raised = error if is_mistake(error) else failure(error, repr(self.method), f"at the start, t = {self.t0:g}")
         states = {name: x[None] for name, x in self.start.arrays.items()}
         raised.trajectory = Trajectory(self.system, self.method, 0.0, np.array([self.t0]), states, None, 0)
         return raised
@@ -257,45 +256,18 @@ class AdaptiveRun:
         self.rows[0] = self.rows[self.filled - 1]
         self.filled = 1
 
-    # ---------------------------------------------------------------- events
-
     def _terminated(self, before: int) -> bool:
         """Look for events in the last steps, and end the run at the first terminal one."""
-        dense = self._dense(before - 1)
-        for k in range(self.filled - before):
-            a, b = dense.t[k], dense.t[k + 1]
-            hits = []
-            for i, (event, old) in enumerate(zip(self.events, self.values, strict=True)):
-                new = self.values[i] = self._value(event, b, dense.state(b))
-                direction = getattr(event, "direction", 0.0)
-                if min(old, new) <= 0.0 <= max(old, new) and old != 0.0 and direction * (new - old) >= 0.0:
-                    hits.append((self._root(event, dense, a, b), i))
-            for at, i in sorted(hits, reverse=bool(b < a)):
-                numbers = packed(dense.state(at))
-                self.found[i].append((at, numbers))
-                if len(self.found[i]) == self.terminal[i]:
-                    theta = (at - a) / (b - a)
-                    row = self.rows[before + k]
-                    curve = row[1 + self.width :].reshape(-1, self.system.group.dim)
-                    curve *= theta ** np.arange(1, len(curve) + 1)[:, None]
-                    row[0], row[1 : 1 + self.width] = at, numbers
-                    self.filled, self.clock[0] = before + k + 1, at
-                    return True
-        return False
-
-    def _value(self, event: Callable[..., Any], t: float, state: Any) -> float:
-        """The value of an event.  What it raises goes to the caller, with the run up to here."""
-        try:
-            return float(event(t, state))
-        except Exception as error:
-            error.add_note(f"[integrate: in an event at t = {t:g}; the samples before it are in `.trajectory`]")
-            raise self._ended(error) from None
-
-    def _root(self, event: Callable[..., Any], dense: DenseOutput, a: float, b: float) -> float:
-        from scipy.optimize import brentq
-
-        tiny = 4 * np.finfo(float).eps
-        return float(brentq(lambda t: self._value(event, t, dense.state(t)), a, b, xtol=tiny * max(abs(a), abs(b)), rtol=tiny))
+        hit = self.watch.look(self._dense(before - 1))
+        if hit is None:
+            return False
+        k, at, numbers = hit
+        row, begun = self.rows[before + k], self.rows[before + k - 1, 0]
+        curve = row[1 + self.width :].reshape(-1, self.system.group.dim)
+        curve *= ((at - begun) / (row[0] - begun)) ** np.arange(1, len(curve) + 1)[:, None]
+        row[0], row[1 : 1 + self.width] = at, numbers
+        self.filled, self.clock[0] = before + k + 1, at
+        return True
 
     # ---------------------------------------------------------------- results
 
@@ -318,7 +290,7 @@ class AdaptiveRun:
             compiled=self.compiled,
             rejected=int(self.clock[4]),
             dense=kept,
-            events=tuple([self._shown(found) for found in self.found]),
+            events=self.watch.shown(self.shape.example, self.shape.state) if self.watch else (),
             carry=self._carry(),
             stopped={},
         )
@@ -334,12 +306,6 @@ class AdaptiveRun:
             clock[1], clock[6] = 0.0, 1.0
         state = build(self.shape.state, iter(last[1 : 1 + self.width].tolist()))
         return AdaptiveCarry(numbers, clock, state, float(clock[0]))
-
-    def _shown(self, found: list[tuple[float, np.ndarray]]) -> tuple[np.ndarray, State]:
-        """Times and states of an event."""
-        numbers = np.array([row for _, row in found]).reshape(len(found), self.width)
-        arrays = unpacked(self.shape.example, self.shape.state, numbers)
-        return np.array([t for t, _ in found]), type(self.shape.example)(*(arrays.get(n) for n in self.shape.example.parts))
 
     def _samples(self, dense: DenseOutput | None) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         """Times and parts of the state."""

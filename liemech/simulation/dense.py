@@ -11,7 +11,7 @@ from ..compiler import kernel
 from ..compiler.driver import accepted, any_body, attempt, itself, read, reason, write
 from ..errors import InvalidInput, failure, is_mistake
 from ..formulas import Vec, horner, real_array, where
-from ..formulas.pytree import NUMBER, build, layout_of, leaves
+from ..formulas.pytree import NUMBER, build, layout_of, leaves, plain
 from .execution import Execution
 
 
@@ -32,35 +32,39 @@ def along(retraction: Any, system: Any, point: Any, curve: Any, given: Any, out:
         failures.append(reason(moved))
 
 
-@dataclass(frozen=True, eq=False)
-class DenseOutput:
-    """The motion as a continuous function of time: in every step a polynomial in the algebra, carried to the group.
+def short_step(method: Any, system: Any, point: Any, given: Any, out: Any, failures: Any) -> None:
+    """The driver: one step of any length, from a state and a time.  Behind the state, out has a one; or a zero, as in `along`."""
+    state = read(given, 0, point)
+    t, h = read(given, point.width, NUMBER), read(given, point.width + 1, NUMBER)
+    moved = attempt(_stepped, method, system, t, state, h)
+    good = accepted(moved, itself, point)
+    if any_body(good):
+        write(out, 0, moved, point)
+    write(out, point.width, where(good, 1.0, 0.0))
+    if failures is not None and not good:
+        failures.append(reason(moved))
 
-    rows : (n + 1, ...) of every end of a step the time, the state, and the coefficients of the way there.
-    order : of accuracy, between the steps.  wanted : False for plain Python only.
+
+def _stepped(method: Any, system: Any, t: float, state: Any, h: float) -> Any:
+    """The state after one step of a method that begins here."""
+    return plain(method.observe(method.step(system, t, method.start(system, state, h), h)))
+
+
+class Between:
+    """A motion between the ends of its steps; abstract.
+
+    A subclass has the ends of the steps, `t`, (n + 1,), the numbers of the states there, `points`, (n + 1, width), and `moved`.
+    example : a state.  wanted : False for plain Python only.
     """
 
-    system: Any
-    retraction: Any
     example: Any
-    rows: np.ndarray
-    order: int
-    wanted: bool | None = None
+    wanted: bool | None
+    t: np.ndarray
+    points: np.ndarray
 
-    @property
-    def t(self) -> np.ndarray:
-        """The ends of the steps, (n + 1,)."""
-        return self.rows[:, 0]
-
-    @property
-    def points(self) -> np.ndarray:
-        """The numbers of the states there, (n + 1, width)."""
-        return self.rows[:, 1 : 1 + layout_of(self.example).width]
-
-    @property
-    def curves(self) -> np.ndarray:
-        """The coefficients of the polynomials, (n, number of them * dim)."""
-        return self.rows[1:, 1 + layout_of(self.example).width :]
+    def moved(self, step: np.ndarray, times: np.ndarray) -> np.ndarray:
+        """The numbers of the states at these times, each inside of a step, (m, width)."""
+        raise NotImplementedError
 
     def numbers(self, times: np.ndarray) -> np.ndarray:
         """The numbers of the states at these times, (m, width).  Raises InvalidInput for times outside the run."""
@@ -71,49 +75,11 @@ class DenseOutput:
         if len(t) == 1:
             return np.repeat(self.points, len(times), axis=0)
         step = np.clip(np.searchsorted(t if forward else -t, times if forward else -times, "right") - 1, 0, len(t) - 2)
-        theta = (times - t[step]) / (t[step + 1] - t[step])
-        dim = self.system.group.dim
-        curve = layout_of((Vec(*[0.0] * dim),) * (self.curves.shape[1] // dim))
-        point = layout_of(self.example)
-        found = self.points[step + (theta == 1.0)]  # at the ends of steps, to the bit
-        between = (theta != 1.0) & (theta != 0.0)
+        found = self.points[step + (times == t[step + 1])]  # at the ends of steps, to the bit
+        between = (times != t[step]) & (times != t[step + 1])
         if between.any():
-            parts = self.points[step], self.curves[step], theta[:, None]
-            found[between] = self._moved(point, curve, np.concatenate([p[between] for p in parts], axis=1))
+            found[between] = self.moved(step[between], times[between])
         return found
-
-    def _moved(self, point: Any, curve: Any, given: np.ndarray) -> np.ndarray:
-        """The states after these displacements, (m, width): in plain Python until native code pays."""
-        arguments, many = (self.retraction, self.system, point, curve), len(given)
-        native = self.wanted is not False and kernel.available() is None
-        lanes, array = kernel.lanes() if native else 1, np.empty((1, 1))
-        execution = Execution(None if native else False, None, along, *arguments, array, array, None, lanes=lanes)
-        columns = -(-many // lanes) * lanes
-        found, done = np.empty((columns, point.width + 1)), 0
-        while done < many and not execution.ready(done / many):
-            end = min(done + 8, many)
-            with execution.plain():
-                for k in range(done, end):
-                    self._one(arguments, given[k], found[k])
-            done = end
-        if done < many:
-            rows = np.ascontiguousarray(given[np.minimum(np.arange(columns), many - 1)].T)
-            out = np.empty((point.width + 1, columns))
-            run: Any = execution.native
-            begin = done // lanes * lanes
-            run(*arguments, rows, out, None, bodies=columns, begin=begin, end=columns)
-            found[done:] = out.T[done:]
-            for k in np.flatnonzero(found[:many, -1] == 0.0).tolist():  # say why
-                self._one(arguments, given[k], found[k])
-        return found[:many, :-1].copy()
-
-    @staticmethod
-    def _one(arguments: tuple[Any, Any, Any, Any], given: np.ndarray, out: np.ndarray) -> None:
-        failures: list[Exception | None] = []
-        along(*arguments, given, out, failures)
-        if failures:
-            error = failures[0]
-            raise error if error is not None and is_mistake(error) else failure(error, "dense output", "between two steps")
 
     def __call__(self, times: Any) -> Any:
         """The state at one time, or at many, (m,), whose arrays then have a leading axis."""
@@ -125,6 +91,109 @@ class DenseOutput:
     def state(self, t: float) -> Any:
         """The state at a time as formulas take it."""
         return build(layout_of(self.example), iter(self.numbers(np.array([t]))[0].tolist()))
+
+    def end(self, k: int) -> Any:
+        """The state at the k-th end of a step as formulas take it."""
+        return build(layout_of(self.example), iter(self.points[k].tolist()))
+
+
+@dataclass(frozen=True, eq=False)
+class DenseOutput(Between):
+    """The motion as a continuous function of time: in every step a polynomial in the algebra, carried to the group.
+
+    rows : (n + 1, ...) of every end of a step the time, the state, and the coefficients of the way there.
+    order : of accuracy, between the steps.
+    """
+
+    system: Any
+    retraction: Any
+    example: Any
+    rows: np.ndarray
+    order: int
+    wanted: bool | None = None
+
+    @property
+    def t(self) -> np.ndarray:  # type: ignore[override]
+        """The ends of the steps, (n + 1,)."""
+        return self.rows[:, 0]
+
+    @property
+    def points(self) -> np.ndarray:  # type: ignore[override]
+        """The numbers of the states there, (n + 1, width)."""
+        return self.rows[:, 1 : 1 + layout_of(self.example).width]
+
+    @property
+    def curves(self) -> np.ndarray:
+        """The coefficients of the polynomials, (n, number of them * dim)."""
+        return self.rows[1:, 1 + layout_of(self.example).width :]
+
+    def moved(self, step: np.ndarray, times: np.ndarray) -> np.ndarray:
+        dim = self.system.group.dim
+        curve = layout_of((Vec(*[0.0] * dim),) * (self.curves.shape[1] // dim))
+        theta = (times - self.t[step]) / (self.t[step + 1] - self.t[step])
+        given = np.concatenate([self.points[step], self.curves[step], theta[:, None]], axis=1)
+        arguments = self.retraction, self.system, layout_of(self.example), curve
+        return evaluated(along, arguments, given, layout_of(self.example).width, self.wanted)
+
+
+@dataclass(frozen=True, eq=False)
+class ShortSteps(Between):
+    """The motion between steps of one length: from the last end of a step, a shorter step of the method itself.
+
+    order : of accuracy: a single step more at the end of many changes little.
+    """
+
+    system: Any
+    method: Any
+    example: Any
+    t: np.ndarray
+    points: np.ndarray
+    wanted: bool | None = None
+
+    @property
+    def order(self) -> int:
+        """That of the method."""
+        return int(self.method.order)
+
+    def moved(self, step: np.ndarray, times: np.ndarray) -> np.ndarray:
+        begun = self.t[step]
+        given = np.concatenate([self.points[step], begun[:, None], (times - begun)[:, None]], axis=1)
+        point = layout_of(self.example)
+        return evaluated(short_step, (self.method, self.system, point), given, point.width, self.wanted)
+
+
+def evaluated(driver: Any, arguments: tuple[Any, ...], given: np.ndarray, width: int, wanted: bool | None) -> np.ndarray:
+    """What a driver makes of every row of numbers, (m, width): in plain Python until native code pays."""
+    many = len(given)
+    native = wanted is not False and kernel.available() is None
+    lanes, array = kernel.lanes() if native else 1, np.empty((1, 1))
+    execution = Execution(None if native else False, None, driver, *arguments, array, array, None, lanes=lanes)
+    columns = -(-many // lanes) * lanes
+    found, done = np.empty((columns, width + 1)), 0
+    while done < many and not execution.ready(done / many):
+        end = min(done + 8, many)
+        with execution.plain():
+            for k in range(done, end):
+                _one(driver, arguments, given[k], found[k])
+        done = end
+    if done < many:
+        rows = np.ascontiguousarray(given[np.minimum(np.arange(columns), many - 1)].T)
+        out = np.empty((width + 1, columns))
+        run: Any = execution.native
+        begin = done // lanes * lanes
+        run(*arguments, rows, out, None, bodies=columns, begin=begin, end=columns)
+        found[done:] = out.T[done:]
+        for k in np.flatnonzero(found[:many, -1] == 0.0).tolist():  # say why
+            _one(driver, arguments, given[k], found[k])
+    return found[:many, :-1].copy()
+
+
+def _one(driver: Any, arguments: tuple[Any, ...], given: np.ndarray, out: np.ndarray) -> None:
+    failures: list[Exception | None] = []
+    driver(*arguments, given, out, failures)
+    if failures:
+        error = failures[0]
+        raise error if error is not None and is_mistake(error) else failure(error, "dense output", "between two steps")
 
 
 def unpacked(example: Any, layout: Any, numbers: np.ndarray) -> dict[str, np.ndarray]:
@@ -138,6 +207,13 @@ def unpacked(example: Any, layout: Any, numbers: np.ndarray) -> dict[str, np.nda
             arrays[name] = own.reshape(*numbers.shape[:-1], *one.shape)
             at += inner.width
     return arrays
+
+
+def flat(arrays: dict[str, np.ndarray], count: int) -> np.ndarray:
+    """The numbers of many states, (count, width), from the parts of the state by name; a complex number is two."""
+    parts = [np.ascontiguousarray(x) for x in arrays.values()]
+    real = [x.view(float) if np.iscomplexobj(x) else x.astype(float, copy=False) for x in parts]
+    return np.concatenate([x.reshape(count, -1) for x in real], axis=1)
 
 
 def packed(value: Any) -> np.ndarray:

@@ -16,7 +16,7 @@ from ..errors import IntegrationFailure, IntegrationInterrupted, InvalidInput, f
 from ..formulas.broadcasting import small
 from ..formulas.pytree import Layout, build, fitted, layout_of, leaves
 from ..systems.system import State
-from .dense import unpacked
+from .dense import flat, unpacked
 from .execution import LOOK, Execution
 from .fixed import begin, begun, fixed_steps
 from .prepared import Shape, Steps
@@ -74,11 +74,16 @@ class Carry:
 
 
 class FixedRun:
-    """Some steps from a start, or from where another run stands (`carry`)."""
+    """Some steps from a start, or from where another run stands.
 
-    def __init__(self, plan: Steps, start: State | Carry, steps: int, t0: float = 0.0) -> None:
+    marks : the numbers of the steps after which a sample is kept, rising, up to `steps`; default: by the plan's `every`.
+    """
+
+    def __init__(
+        self, plan: Steps, start: State | Carry, steps: int, t0: float = 0.0, marks: np.ndarray | None = None
+    ) -> None:
         carry = start if isinstance(start, Carry) else None
-        self.plan, self.start, self.h, self.every, self.steps = plan, start, plan.h, plan.every, steps
+        self.plan, self.start, self.h, self.every, self.steps, self.marks = plan, start, plan.h, plan.every, steps, marks
         self.t0, self.before = (t0, 0) if carry is None else (carry.t0, carry.step)
         self.bodies = start.bodies
         self.count = self.bodies or 1
@@ -175,8 +180,7 @@ class FixedRun:
         """The start with a column for each body; the last lanes, if there are too many, repeat the last body."""
         if self.bodies is None:
             return np.array(leaves(start, self.shape.given), dtype=float)[:, None]
-        parts = [_numbers(x).reshape(self.count, -1) for x in start.parts.values() if x is not None]
-        return self._padded(np.concatenate(parts, axis=1).T)
+        return self._padded(flat(start.arrays, self.count).T)
 
     def _padded(self, columns: np.ndarray) -> np.ndarray:
         """Columns of all bodies, the last one repeated for the lanes that are left over."""
@@ -192,7 +196,15 @@ class FixedRun:
 
     def _rows(self, steps: int) -> int:
         """How many samples there are after this many steps: the start, one for each `every`, and the very last."""
+        if self.marks is not None:
+            return 1 + int(np.searchsorted(self.marks, steps, "right"))
         return steps // self.every + 1 + (steps == self.steps and steps % self.every > 0)
+
+    def _pending(self, done: int) -> int:
+        """How many steps there are to the next sample."""
+        if self.marks is not None:
+            return int(self.marks[self._rows(done) - 1]) - done
+        return min(self.every - done % self.every, self.steps - done)
 
     def trajectory(self) -> Trajectory:
         """Step to the end, in pieces short enough to show progress and to be interrupted."""
@@ -207,8 +219,8 @@ class FixedRun:
                     sweep = max(1, pace // self.columns)
                     if self.compiled:  # whole lanes in turn, each through the whole sweep
                         sweep = max(sweep, min(SWEEP // self.columns, pace // self.shape.lanes))
-                    pending = min(self.every - done % self.every, self.steps - done)
-                    if pending < self.every or sweep < self.every:  # part of one sample
+                    pending = self._pending(done)
+                    if self.marks is not None or pending < self.every or sweep < self.every:  # part of one sample
                         every, samples = min(pending, sweep), 1
                     else:
                         every, samples = self.every, min(sweep, self.steps - done) // self.every
@@ -337,7 +349,7 @@ class FixedRun:
         else:
             stopped = {int(i): max(0, int(self.taken[i])) for i in np.flatnonzero(self.taken[: self.count] < reached)}
         for i in stopped:  # the first sample after the failure holds the last state; some later ones nothing
-            last = max(0, (int(self.taken[i]) - self.before) // self.every + 1)
+            last = self._rows(int(self.taken[i]) - self.before) if self.taken[i] >= self.before else 0
             self.out[last + 1 : rows, :, i] = self.out[last : last + 1, :, i]
         out = self.out[:rows]
         carry = None
@@ -345,7 +357,7 @@ class FixedRun:
             numbers, last = self.states[:, : self.count], out[-1, :, : self.count]
             carry = Carry(shape, self.t0, self.h, reached, self.bodies, numbers, last, self.failures)
         run = Trajectory.promised(
-            functools.partial(_samples, shape, out, self.bodies, self.t0, self.h, self.before, self.every, steps),
+            functools.partial(_samples, shape, out, self.bodies, self.t0, self.h, functools.partial(self._numbers, rows, steps)),
             system=self.plan.system,
             method=self.plan.method,
             h=self.h,
@@ -364,6 +376,12 @@ class FixedRun:
             some = ", ".join(f"body {i} after {n} steps" for i, n in list(stopped.items())[:5])
             warn(f"integrate: {len(stopped)} of {self.count} bodies stopped early: {some}. {first}", RuntimeWarning)
         return run
+
+    def _numbers(self, rows: int, steps: int) -> np.ndarray:
+        """After how many steps the samples were taken."""
+        if self.marks is not None:
+            return self.before + np.concatenate([[0], self.marks[: rows - 1]])
+        return self.before + np.minimum(np.arange(rows) * self.every, steps)
 
     def _failure(self, body: int) -> IntegrationFailure:
         """Why a body stopped: what plain Python saw its step raise."""
@@ -403,12 +421,11 @@ def advanced(plan: Steps, carry: Carry, steps: int) -> Carry:
 
 
 def _samples(
-    shape: Shape, out: np.ndarray, bodies: int | None, t0: float, h: float, before: int, every: int, steps: int
+    shape: Shape, out: np.ndarray, bodies: int | None, t0: float, h: float, numbers: Any
 ) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     """Times and parts of the state, (n, ...) each, as views of what the steps have written."""
     flat = out[..., 0] if bodies is None else np.moveaxis(out[..., :bodies], 1, -1)
-    numbers = before + np.minimum(np.arange(len(out)) * every, steps)
-    return t0 + numbers * h, unpacked(shape.example, shape.shown, flat)
+    return t0 + numbers() * h, unpacked(shape.example, shape.shown, flat)
 
 
 @functools.cache
@@ -423,12 +440,6 @@ def _member(start: State, i: int) -> State:
     if start.bodies is None:
         return start
     return type(start)(*(None if x is None else small(x[i]) for x in start.parts.values()))
-
-
-def _numbers(value: Any) -> np.ndarray:
-    """The numbers of small vectors and matrices or of arrays of them, a complex one as two."""
-    array = np.ascontiguousarray(value)
-    return array.view(float) if np.iscomplexobj(array) else array.astype(float)
 
 
 def _affordable(size: int, steps: int, every: int) -> None:

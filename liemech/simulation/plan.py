@@ -156,9 +156,17 @@ class Plan:
         return steps
 
     def _stepped(self, start: State | Carry, steps: int, t0: float, t_eval: Any) -> Trajectory:
-        if t_eval is not None or self.events:
-            raise InvalidInput("integrate: t_eval is for adaptive steps; give t_end and, if you like, h as the first step")
-        return FixedRun(self._steps, start, steps, t0).trajectory()
+        if t_eval is None and not self.events:
+            return FixedRun(self._steps, start, steps, t0).trajectory()
+        from .watched import WatchedRun, sampled
+
+        begun = start.t if isinstance(start, Carry) else t0
+        before = start.step if isinstance(start, Carry) else 0
+        times = arguments.times(t_eval, begun, t0 + (before + steps) * self._steps.h)
+        if self.events:
+            return WatchedRun(self._steps, start, steps, t0, times, self.events).trajectory()
+        assert times is not None
+        return sampled(self._steps, start, steps, t0, times)
 
     def _of_this_plan(self, run: Trajectory) -> Any:
         """What the run carries along, if it is this plan's to go on with."""

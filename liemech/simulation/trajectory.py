@@ -12,7 +12,7 @@ import numpy as np
 
 from ..errors import IntegrationFailure, InvalidInput
 from ..systems.system import State, System
-from .dense import DenseOutput
+from .dense import Between, DenseOutput, ShortSteps, flat
 from .drift import Drift
 
 if TYPE_CHECKING:
@@ -181,11 +181,24 @@ class Trajectory:
         return self._laws.state(**{name: array[-1] for name, array in self.states.items()})
 
     def at(self, t: Any) -> Any:
-        """The state at any time of a run with adaptive steps, or at many, (m,); between the steps too it is on the group."""
-        if self.dense is None:
-            needed = "a run with adaptive steps (integrate with t_end) that kept the way between them (dense=True)"
-            raise InvalidInput(f"Trajectory.at needs {needed}")
-        return self.dense(t)
+        """The state at any time of the run, or at many, (m,); between the steps too it is on the group.
+
+        Between adaptive steps by the polynomial of the method, between steps of one length by a shorter step from the last sample.
+        """
+        return self._motion(t)
+
+    @cached_property
+    def _motion(self) -> Between:
+        """The motion between the samples."""
+        if self.dense is not None:
+            return self.dense
+        if self.bodies is not None or self.rejected is not None or len(self.t) != self.steps + 1 or not self.steps:
+            raise InvalidInput(
+                "Trajectory.at needs a run of one body that kept all its steps: adaptive ones do with dense=True, "
+                "those of one length with every=1"
+            )
+        example = self.system.state(**{name: x[0] for name, x in self.states.items()})
+        return ShortSteps(self.system, self.method, example, self.t, flat(self.states, len(self.t)))
 
     def view(self, show: Any = None) -> Scene:
         """The run as a moving picture: `run.view().show()` opens it, notebooks show it.  show : as in viewer.Scene."""

@@ -1,0 +1,66 @@
+"""Events: zeros of functions of time and state, looked for in every step."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from .dense import Between, packed, unpacked
+
+Event = Callable[[float, Any], float]
+
+
+class Watch:
+    """Watches the events of one run.
+
+    found : of every event the times and the numbers of the states, in the order in which the motion meets them.
+    """
+
+    def __init__(self, events: tuple[Event, ...], ended: Callable[[Any], Any], t: float, state: Any) -> None:
+        self.events, self._ended = events, ended
+        self.found: list[list[tuple[float, np.ndarray]]] = [[] for _ in events]
+        self.terminal = [int(getattr(event, "terminal", None) or 0) for event in events]
+        self.values = [self._value(event, t, state) for event in events]
+
+    def look(self, motion: Between) -> tuple[int, float, np.ndarray] | None:
+        """Look at some steps, which go on where the last ones ended.
+
+        Returns, if a terminal event ends the run, the number of the step in which it does, the time, and the numbers of the state.
+        """
+        for k, (a, b) in enumerate(zip(motion.t[:-1].tolist(), motion.t[1:].tolist(), strict=True)):
+            hits, state = [], motion.end(k + 1)
+            for i, (event, old) in enumerate(zip(self.events, self.values, strict=True)):
+                new = self.values[i] = self._value(event, b, state)
+                direction = getattr(event, "direction", 0.0)
+                if min(old, new) <= 0.0 <= max(old, new) and old != 0.0 and direction * (new - old) >= 0.0:
+                    hits.append((self._root(event, motion, a, b), i))
+            for at, i in sorted(hits, reverse=b < a):
+                numbers = packed(motion.state(at))
+                self.found[i].append((at, numbers))
+                if len(self.found[i]) == self.terminal[i]:
+                    return k, at, numbers
+        return None
+
+    def shown(self, example: Any, layout: Any) -> tuple[tuple[np.ndarray, Any], ...]:
+        """Of every event the times and the states, as a Trajectory holds them."""
+        shown = []
+        for found in self.found:
+            arrays = unpacked(example, layout, np.array([row for _, row in found]).reshape(len(found), layout.width))
+            shown.append((np.array([t for t, _ in found]), type(example)(*(arrays.get(name) for name in example.parts))))
+        return tuple(shown)
+
+    def _value(self, event: Event, t: float, state: Any) -> float:
+        """The value of an event.  What it raises goes to the caller, with the run up to here."""
+        try:
+            return float(event(t, state))
+        except Exception as error:
+            error.add_note(f"[integrate: in an event at t = {t:g}; the samples before it are in `.trajectory`]")
+            raise self._ended(error) from None
+
+    def _root(self, event: Event, motion: Between, a: float, b: float) -> float:
+        from scipy.optimize import brentq
+
+        tiny = 4 * np.finfo(float).eps
+        return float(brentq(lambda t: self._value(event, t, motion.state(t)), a, b, xtol=tiny * max(abs(a), abs(b)), rtol=tiny))

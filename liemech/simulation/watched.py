@@ -1,0 +1,144 @@
+"""Steps of one length with samples at any times, and with events: the motion between the steps is that of shorter ones."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+
+from ..errors import InvalidInput
+from ..systems.system import State
+from .dense import ShortSteps, unpacked
+from .events import Event, Watch
+from .fixed_run import Carry, FixedRun
+from .prepared import Steps
+from .progress import Bar
+from .trajectory import Trajectory
+
+CHUNK, LARGEST = 8, 512
+"""Steps between two looks at the events: at first, and at most."""
+
+NEAR = 4 * np.finfo(float).eps
+"""Times that differ by this part of them are those of one step."""
+
+
+def sampled(plan: Steps, start: State | Carry, steps: int, t0: float, times: np.ndarray) -> Trajectory:
+    """A run whose samples are at these times: after the last whole step before each, a shorter one."""
+    before = start.step if isinstance(start, Carry) else 0
+    after, exact = _steps_before(times, t0, plan.h)
+    row = after - before
+    marks = np.unique(np.append(row[row > 0], [steps] if steps else []).astype(np.int64))
+    run = FixedRun(plan, start, steps, t0, marks)
+    whole, shape = run.trajectory(), run.shape
+    at = np.searchsorted(np.concatenate([[0], marks]), row)
+    numbers = np.moveaxis(run.out[at][..., : run.count], 1, -1).copy()  # (times, bodies, width)
+    moving = np.repeat(~exact[:, None], run.count, axis=1)
+    for body, stop in whole.stopped.items():
+        moving[:, body] &= after < stop.steps
+    if moving.any():
+        begun, asked = (np.repeat(x[:, None], run.count, axis=1)[moving] for x in (whole.t[at], times))
+        motion = ShortSteps(whole.system, whole.method, shape.example, begun, numbers[moving], plan.compiled)
+        numbers[moving] = motion.moved(np.arange(len(begun)), asked)
+    states = unpacked(shape.example, shape.shown, numbers[:, 0] if run.bodies is None else numbers)
+    return dataclasses.replace(whole, t=times, states=states)
+
+
+def _steps_before(times: np.ndarray, t0: float, h: float) -> tuple[np.ndarray, np.ndarray]:
+    """How many whole steps lead to each time, and whether they lead there exactly, but for rounding of the time."""
+    near = np.rint((times - t0) / h)
+    exact = np.abs(times - (t0 + near * h)) <= NEAR * np.maximum(np.abs(times), abs(t0))
+    return np.where(exact, near, np.floor((times - t0) / h)).astype(np.int64), exact
+
+
+class WatchedRun:
+    """A run of one body with events: step for step, in chunks, between which Python looks at them."""
+
+    def __init__(
+        self, plan: Steps, start: State | Carry, steps: int, t0: float, times: np.ndarray | None, events: tuple[Event, ...]
+    ) -> None:
+        if start.bodies is not None:
+            raise InvalidInput("integrate: events are for one body at a time")
+        self.plan, self.steps, self.times = plan, steps, times
+        self.fine = dataclasses.replace(plan, every=1, progress=False)
+        begun = FixedRun(self.fine, start, 0, t0)
+        self.carry: Carry = begun.trajectory().carry
+        self.shape, self.before, self.t0 = begun.shape, self.carry.step, self.carry.t0
+        self.done, self.reached = 0, self.carry.t
+        self.kept: list[tuple[np.ndarray, np.ndarray]] = []  # times and numbers of samples
+        self._keep(np.array([self.carry.t]), self.carry.last.T.copy(), None)
+        self.watch: Any = None
+        self.watch = Watch(events, self._ended, self.carry.t, self.carry.state)
+
+    def trajectory(self) -> Trajectory:
+        """Step to the end, or to the first terminal event."""
+        chunk = CHUNK
+        with Bar(self.plan.progress, self.steps) as bar:
+            while self.done < self.steps:
+                n = min(chunk, self.steps - self.done)
+                run = FixedRun(self.fine, self.carry, n)
+                try:
+                    taken = run.trajectory()
+                except Exception as error:
+                    if hasattr(error, "trajectory"):
+                        self._look(run, error.trajectory)
+                        raise self._ended(error) from error.__cause__
+                    raise
+                if self._look(run, taken):
+                    return self._result(None)
+                self.carry = taken.carry
+                bar.advance(n)
+                chunk = min(2 * chunk, LARGEST)
+        return self._result(self.carry)
+
+    def _look(self, run: FixedRun, taken: Trajectory) -> bool:
+        """Look for events in these steps, and keep what is to be kept of them; did a terminal event end the run?"""
+        points = run.out[: len(taken), :, 0]
+        motion = ShortSteps(taken.system, taken.method, self.shape.example, taken.t, points, self.plan.compiled)
+        hit = self.watch.look(motion) if taken.steps else None
+        t, numbers = taken.t[1:], points[1:]
+        if hit is not None:
+            k, at, last = hit
+            t, numbers = np.append(t[:k], at), np.concatenate([numbers[:k], last[None]])
+        self._keep(t, numbers, motion)
+        self.done += len(t)
+        return hit is not None
+
+    def _keep(self, t: np.ndarray, numbers: np.ndarray, motion: ShortSteps | None) -> None:
+        """Keep of these steps the samples that were asked for."""
+        if not len(t):
+            return
+        before, self.reached = self.reached, float(t[-1])
+        if self.times is None:
+            number = self.done + 1 + np.arange(len(t)) if motion is not None else np.zeros(1, dtype=int)
+            kept = (number % self.plan.every == 0) | (number == self.steps)
+            if motion is not None and t[-1] != motion.t[len(t)]:  # a terminal event
+                kept[-1] = True
+            self.kept.append((t[kept], numbers[kept]))
+            return
+        forward = self.plan.h > 0.0
+        past = self.times <= before if forward else self.times >= before
+        ahead = self.times > self.reached if forward else self.times < self.reached
+        times = self.times[~ahead] if motion is None else self.times[~past & ~ahead]
+        if len(times):
+            self.kept.append((times, np.repeat(numbers, len(times), axis=0) if motion is None else motion.numbers(times)))
+
+    def _result(self, carry: Carry | None) -> Trajectory:
+        t, numbers = (np.concatenate([pair[i] for pair in self.kept]) if self.kept else np.empty(0) for i in (0, 1))
+        numbers = numbers.reshape(len(t), self.shape.shown.width)
+        return Trajectory(
+            self.plan.system,
+            self.plan.method,
+            self.plan.h,
+            t,
+            unpacked(self.shape.example, self.shape.shown, numbers),
+            None,
+            self.done,
+            self.shape.stepping.native is not None,
+            events=self.watch.shown(self.shape.example, self.shape.shown) if self.watch else (),
+            carry=carry,
+        )
+
+    def _ended(self, error: Any) -> Any:
+        error.trajectory = self._result(None)
+        return error
