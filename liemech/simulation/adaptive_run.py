@@ -49,7 +49,17 @@ class AdaptiveSteps:
 
     @classmethod
     def checked(
-        cls, system: Any, method: Any, h: Any, rtol: Any, atol: Any, longest: Any, breaks: Any, dense: Any, compiled: Any, progress: Any
+        cls,
+        system: Any,
+        method: Any,
+        h: Any,
+        rtol: Any,
+        atol: Any,
+        longest: Any,
+        breaks: Any,
+        dense: Any,
+        compiled: Any,
+        progress: Any,
     ) -> AdaptiveSteps:
         """From what a user gave."""
         tolerances = arguments.tolerance(rtol, "rtol", arguments.RTOL), arguments.tolerance(atol, "atol", arguments.ATOL)
@@ -274,7 +284,8 @@ class AdaptiveRun:
     def _dense(self, first: int = 0) -> DenseOutput:
         """The continuous motion along the rows from this one on."""
         rows = self.rows[first : self.filled]
-        return DenseOutput(self.system, self.method.retraction, self.shape.example, rows, self.method.dense_order, self.plan.compiled)
+        method, example = self.method, self.shape.example
+        return DenseOutput(self.system, method.retraction, example, rows, method.dense_order, self.plan.compiled)
 
     def _result(self) -> Trajectory:
         reached, steps = float(self.clock[0]), int(self.clock[3])

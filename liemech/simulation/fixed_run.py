@@ -83,16 +83,17 @@ class FixedRun:
         self, plan: Steps, start: State | Carry, steps: int, t0: float = 0.0, marks: np.ndarray | None = None
     ) -> None:
         carry = start if isinstance(start, Carry) else None
-        self.plan, self.start, self.h, self.every, self.steps, self.marks = plan, start, plan.h, plan.every, steps, marks
+        self.plan, self.h, self.every, self.steps, self.marks = plan, plan.h, plan.every, steps, marks
         self.t0, self.before = (t0, 0) if carry is None else (carry.t0, carry.step)
         self.bodies = start.bodies
         self.count = self.bodies or 1
         self.failures: dict[int, Exception | None] = {}  # what plain Python saw failing steps raise
-        if carry is None or carry.shape is None:
-            shape = self.shape = self._shape(start if carry is None else carry.state)
-        else:
-            shape = self.shape = carry.shape
-            shape.stepping.again()
+        shape = None if carry is None or carry.shape is None else plan.own(carry.shape)
+        if shape is None:
+            self.start: State = start.state if isinstance(start, Carry) else start
+            shape = self._shape()
+        shape.stepping.again()
+        self.shape = shape
         self.columns = -(-self.count // shape.lanes) * shape.lanes
         rows = self._rows(steps)
         _affordable(rows * shape.shown.width * self.columns * 8, steps, self.every)
@@ -102,7 +103,7 @@ class FixedRun:
         if carry is not None:
             self._continue(carry)
         elif shape.order is not None:
-            numbers = leaves(start, shape.given)
+            numbers = leaves(self.start, shape.given)
             self.out[0, :, 0] = numbers
             numbers.append(0.0)
             self.states[:-1, 0] = [numbers[i] for i in shape.order]
@@ -116,9 +117,9 @@ class FixedRun:
 
     # ---------------------------------------------------------------- the start
 
-    def _shape(self, start: State) -> Shape:
-        """The layouts of a run from this start, from other runs of the plan if their starts were like it."""
-        one = _member(start, 0)
+    def _shape(self) -> Shape:
+        """The layouts of this run, from other runs of the plan if their starts were like this one."""
+        one = _member(self.start, 0)
         given, many = layout_of(one), self.bodies is not None
         shape = self.plan.shapes.get((given, many))
         if shape is None:
@@ -126,8 +127,6 @@ class FixedRun:
             started = layout_of(remembering)
             first, example = self._first(remembering, started)
             shape = self.plan.shapes[given, many] = Shape(self.plan, given, started, first, example, many)
-        else:
-            shape.stepping.again()
         return shape
 
     def _first(self, one: State, started: Layout) -> tuple[Any, Any]:
@@ -329,12 +328,12 @@ class FixedRun:
         block *= workers
         call = functools.partial(native.run, numbers, integers, arrays, self.columns)
         blocks = range(start, self.columns, block)
-        for begin in blocks:
-            end = min(begin + block, self.columns)
-            threads = max(1, min(workers, (end - begin) * more // WORTH))
-            share = -(-(end - begin) // (threads * lanes)) * lanes
-            others = [_pool(workers, os.getpid()).submit(call, i, min(i + share, end)) for i in range(begin + share, end, share)]
-            call(begin, min(begin + share, end))  # native code does not hold the interpreter's lock
+        for first in blocks:
+            end = min(first + block, self.columns)
+            threads = max(1, min(workers, (end - first) * more // WORTH))
+            share = -(-(end - first) // (threads * lanes)) * lanes
+            others = [_pool(workers, os.getpid()).submit(call, i, min(i + share, end)) for i in range(first + share, end, share)]
+            call(first, min(first + share, end))  # native code does not hold the interpreter's lock
             for other in others:
                 other.result()
         return len(blocks)
@@ -354,10 +353,10 @@ class FixedRun:
         out = self.out[:rows]
         carry = None
         if self.taken[0] == reached or self.taken.max() == reached:
-            numbers, last = self.states[:, : self.count], out[-1, :, : self.count]
-            carry = Carry(shape, self.t0, self.h, reached, self.bodies, numbers, last, self.failures)
+            memory, shown = self.states[:, : self.count], out[-1, :, : self.count]
+            carry = Carry(shape, self.t0, self.h, reached, self.bodies, memory, shown, self.failures)
         run = Trajectory.promised(
-            functools.partial(_samples, shape, out, self.bodies, self.t0, self.h, functools.partial(self._numbers, rows, steps)),
+            functools.partial(self._samples, out, steps),
             system=self.plan.system,
             method=self.plan.method,
             h=self.h,
@@ -377,11 +376,13 @@ class FixedRun:
             warn(f"integrate: {len(stopped)} of {self.count} bodies stopped early: {some}. {first}", RuntimeWarning)
         return run
 
-    def _numbers(self, rows: int, steps: int) -> np.ndarray:
-        """After how many steps the samples were taken."""
+    def _samples(self, out: np.ndarray, steps: int) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+        """Times and parts of the state, (n, ...) each, as views of what the steps have written."""
+        numbers = np.minimum(np.arange(len(out)) * self.every, steps)
         if self.marks is not None:
-            return self.before + np.concatenate([[0], self.marks[: rows - 1]])
-        return self.before + np.minimum(np.arange(rows) * self.every, steps)
+            numbers = np.concatenate([[0], self.marks[: len(out) - 1]])
+        flat = out[..., 0] if self.bodies is None else np.moveaxis(out[..., : self.bodies], 1, -1)
+        return self.t0 + (self.before + numbers) * self.h, unpacked(self.shape.example, self.shape.shown, flat)
 
     def _failure(self, body: int) -> IntegrationFailure:
         """Why a body stopped: what plain Python saw its step raise."""
@@ -409,8 +410,8 @@ class FixedRun:
 
 def advanced(plan: Steps, carry: Carry, steps: int) -> Carry:
     """Some more steps from where a run stands, without samples between."""
-    shape = carry.shape
-    native = shape.stepping.native if shape is not None and carry.bodies is None else None
+    shape = None if carry.shape is None or carry.bodies is not None else plan.own(carry.shape)
+    native = None if shape is None else shape.stepping.native
     if shape is None or native is None:
         return FixedRun(dataclasses.replace(plan, every=max(1, steps)), carry, steps).trajectory().carry
     numbers, last = carry.numbers.copy(), np.empty_like(carry.last)
@@ -418,14 +419,6 @@ def advanced(plan: Steps, carry: Carry, steps: int) -> Carry:
     if numbers[-1, 0] != carry.step + steps:
         return FixedRun(dataclasses.replace(plan, every=steps), carry, steps).trajectory().carry  # which says why
     return Carry(shape, carry.t0, carry.h, carry.step + steps, None, numbers, last)
-
-
-def _samples(
-    shape: Shape, out: np.ndarray, bodies: int | None, t0: float, h: float, numbers: Any
-) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    """Times and parts of the state, (n, ...) each, as views of what the steps have written."""
-    flat = out[..., 0] if bodies is None else np.moveaxis(out[..., :bodies], 1, -1)
-    return t0 + numbers() * h, unpacked(shape.example, shape.shown, flat)
 
 
 @functools.cache

@@ -51,23 +51,28 @@ def integrate(
 
     start : `system.state(...)`; with a leading axis an ensemble, which runs in SIMD lanes.
     record : the parts of the state to keep, such as ("mu",) or ("mu", "g"); what is not recorded is not computed.
-    compensated : whether the increments of the steps are summed up in compensated numbers: True for all parts of the state, False
-    for none, None for those that the motion depends on, if the method is symmetric or symplectic.
+    t_eval : (n,) times at which to keep the state; default: at the ends of steps.
+    events : functions of t and state whose zeros are looked for; their attributes `terminal` (True: the first zero ends the run; 3:
+    the third one) and `direction` (+1 only rising, -1 only falling zeros) mean what they do in SciPy.  For one body.
     compiled : True for native code, False for plain Python, None for native code as soon as it is there or pays; same bits.
     progress : True or False; None shows a bar when a run takes longer than a second.
 
     Steps of one length: kept are the start, every `every`-th state after it, and the last one.
-    h : the step, in s; negative runs backwards.  Times are t0 + n h.
+    h : the step, in s; negative runs backwards.  Times are t0 + n h.  A method that keeps the structure may be given h and t_end
+    instead of steps; t_end is then the end of a step.
+    compensated : whether the increments of the steps are summed up in compensated numbers: True for all parts of the state, False
+    for none, None for those that the motion depends on, if the method is symmetric or symplectic.
     workers : threads among which the bodies of an ensemble are divided.
+    Between the ends of steps t_eval and events take a shorter step of the method.
 
     Adaptive steps, for one body and a method with an error estimate:
     t_end : the last time, before or after t0.  h, steps : the first step and the largest number of steps, if given.
     rtol, atol : the error of a step is kept below atol + rtol |state| (1e-6 and 1e-9).  As with every local error control, the
     error of the motion grows along it.
-    t_eval : (n,) times at which to keep the state; default: where the steps end.
-    dense : keep the way between the steps too, for `Trajectory.at`.
-    events : functions of t and state whose zeros are looked for; their attributes `terminal` (True: the first zero ends the run; 3:
-    the third one) and `direction` (+1 only rising, -1 only falling zeros) mean what they do in SciPy.
+    max_step : the longest step.  breaks : times at which the velocity jumps; no step goes across one.
+    dense : keep the way between the steps too, for `Trajectory.at`; default: unless t_eval is given, which then is all that is kept.
+
+    For many runs of one kind, runs that go on, and single steps, prepare a `Plan`.
 
     Returns a Trajectory.  Raises InvalidInput, InvalidType, IncompatibleSystem, or an IntegrationFailure whose
     `.trajectory` has every sample recorded before the step that failed; so has the IntegrationInterrupted of a Ctrl-C.
@@ -77,7 +82,7 @@ def integrate(
     and disturbs no other.
     """
     rest = h, rtol, atol, max_step, breaks, every, record, events, dense, compensated, compiled, progress, workers, t_end is None
-    key = id(system), id(method), *map(type, rest), *rest
+    key: Any = (id(system), id(method), *map(type, rest), *rest)
     try:
         plan = _plans.get(key)
     except TypeError:  # a list or an array among them

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import math
 from collections.abc import Iterable
 from typing import Any
@@ -79,7 +80,7 @@ class Plan:
             self._steps = AdaptiveSteps.checked(system, method, h, rtol, atol, max_step, breaks, dense, compiled, progress)
         else:
             if dense is not None and dense is not True:
-                raise InvalidInput("integrate: dense is for adaptive steps; those of one length have no way between them to leave out")
+                raise InvalidInput("integrate: dense is for adaptive steps; those of one length keep no way between them")
             self._steps = Steps(system, method, arguments.step(h), every, compensated, compiled, progress, workers)
 
     @property
@@ -172,15 +173,16 @@ class Plan:
         """What the run carries along, if it is this plan's to go on with."""
         carry = run.carry
         if carry is None:
-            raise InvalidInput("Plan.resume: this run was interrupted, failed or loaded without what it carried along; start from run.last")
+            raise InvalidInput("Plan.resume: this run was interrupted or has failed, and carries nothing on; start from run.last")
         for name, mine, theirs in (("system", self.system, run.system), ("method", self.method, run.method)):
             if mine is not theirs and exact(mine) != exact(theirs):
                 raise InvalidInput(
-                    f"Plan.resume: the run was made with another {name}, {', '.join(differing(mine, theirs))}; "
+                    f"Plan.resume: the run was made with another {name}: {', '.join(differing(mine, theirs))}; "
                     "start a new one from run.last, or make a plan of what it was made with"
                 )
-        if self.adaptive != (not isinstance(carry, Carry)) or (isinstance(carry, Carry) and carry.h != self._steps.h):
-            raise InvalidInput(f"Plan.resume: the run was made with other steps, {run!r}; start a new one from run.last")
+        if self.adaptive == isinstance(carry, Carry) or (isinstance(carry, Carry) and carry.h != self._steps.h):
+            other = "other steps" if self.adaptive == isinstance(carry, Carry) else f"h = {carry.h!r} instead of {self._steps.h!r}"
+            raise InvalidInput(f"Plan.resume: the run was made with {other}; start a new one from run.last")
         return carry
 
     # ---------------------------------------------------------------- step by step
@@ -188,7 +190,8 @@ class Plan:
     def begin(self, start: State, t0: float = 0.0) -> Carry:
         """What the method carries along at the start, for `step`."""
         self._one_length("begin")
-        return FixedRun(self._steps, arguments.started(self.system, start, self.record), 0, arguments.real(t0, "t0")).trajectory().carry
+        start, t0 = arguments.started(self.system, start, self.record), arguments.real(t0, "t0")
+        return FixedRun(self._steps, start, 0, t0).trajectory().carry
 
     def step(self, carry: Carry, steps: int = 1) -> Carry:
         """What the method carries along after some more steps: its `t` and `state` are those of `run`, to the bit.
@@ -203,14 +206,17 @@ class Plan:
             raise InvalidInput(f"Plan.{what} is for steps of one length; give the plan an h and no tolerances")
 
     def __repr__(self) -> str:
-        return f"Plan({self.system!r}, {self.method!r}, {self._steps})"
+        defaults = inspect.signature(Plan).parameters
+        given = [f"{n}={x!r}" for n, x in self._given.items() if n not in ("system", "method") and x is not defaults[n].default]
+        return f"Plan({', '.join([repr(self.system), repr(self.method), *given])})"
 
 
 def differing(mine: Any, theirs: Any, name: str = "") -> list[str]:
-    """The fields in which two records differ, with both values."""
-    if type(mine) is type(theirs) and isinstance(mine, Record):
-        fields = fields_of(mine)
-        if fields:
-            parts = [differing(x, getattr(theirs, n), f"{name}.{n}".lstrip(".")) for n, x in fields.items()]
-            return [text for part in parts for text in part]
-    return [] if exact(mine) == exact(theirs) else [f"{name or type(theirs).__name__} = {theirs!r} instead of {mine!r}"]
+    """The first fields in which two records differ, with both values: those that a user gave, or else derived ones."""
+    if type(mine) is not type(theirs) or not isinstance(mine, Record) or not fields_of(mine):
+        return [] if exact(mine) == exact(theirs) else [f"{name or type(theirs).__name__} = {theirs!r} instead of {mine!r}"]
+    given = inspect.signature(type(mine)).parameters
+    fields = sorted(fields_of(mine), key=lambda field: field not in given)
+    parts = {n: differing(getattr(mine, n), getattr(theirs, n), f"{name}.{n}".lstrip(".")) for n in fields}
+    found = [text for n, part in parts.items() if n in given for text in part] or [text for part in parts.values() for text in part]
+    return found[:3]

@@ -33,6 +33,10 @@ class Steps:
     workers: int
     shapes: dict[Any, Shape] = dataclasses.field(default_factory=dict, repr=False)
 
+    def own(self, shape: Shape) -> Shape | None:
+        """The shape, if it is one of this plan."""
+        return shape if self.shapes.get(shape.key) is shape else None
+
     def remembering(self, start: State) -> State:
         """The start of one body, in compensated numbers what is to be summed up so: all, nothing, or what the motion depends on."""
         if self.compensated is None and (self.method.symmetric or self.method.symplectic):
@@ -44,14 +48,15 @@ class Steps:
 class Shape:
     """The layouts of a run, and the code that makes its steps.
 
-    given : of a start of one body as it comes; started : in the numbers of the run.  layout : of what the method carries along.
-    example, shown : a sample and its layout.  lanes : bodies side by side.  stepping : who runs `fixed_steps`.
+    key : by which the plan knows it.  given : of a start of one body as it comes; started : in the numbers of the run.
+    layout : of what the method carries along.  example, shown : a sample and its layout.  lanes : bodies side by side.  stepping : who runs `fixed_steps`.
     constants : the numbers of method and system.  order : for a method without a memory, which number of the start each number of
     the memory is, -1 for a rest of zero.
     """
 
     def __init__(self, steps: Steps, given: Layout, started: Layout, first: Any, example: State, many: bool) -> None:
         method, system = steps.method, steps.system
+        self.key = given, many
         self.given, self.started, self.example = given, started, example
         self.layout, self.shown = layout_of(first), layout_of(example)
         native = steps.compiled is not False and many and kernel.available() is None

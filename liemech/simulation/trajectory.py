@@ -197,7 +197,8 @@ class Trajectory:
                 "Trajectory.at needs a run of one body that kept all its steps: adaptive ones do with dense=True, "
                 "those of one length with every=1"
             )
-        example = self.system.state(**{name: x[0] for name, x in self.states.items()})
+        system: Any = self.system
+        example = system.state(**{name: x[0] for name, x in self.states.items()})
         return ShortSteps(self.system, self.method, example, self.t, flat(self.states, len(self.t)))
 
     def view(self, show: Any = None) -> Scene:
