@@ -26,7 +26,8 @@ from ..errors import NotCompilable
 from ..formulas.pytree import Layout, layout_of, leaves
 from . import driver
 
-Kind = Layout | str  # of an argument: the layout of a value, "integer", "array" or "rows"
+Kind = Layout | str | tuple[str, Layout]
+"""Of an argument: the layout of a value, ("several", layout) if every body has its own, "integer", "array" or "rows"."""
 
 ALIVE = 256
 """Drivers and layouts whose kernels a process keeps; those not used for the longest time are released."""
@@ -45,6 +46,28 @@ class Rows:
     def step(self) -> int:
         """How many numbers lie from one row to the next."""
         return self.array.strides[0] // 8
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Several:
+    """An argument of which every body has its own value.
+
+    values : of one layout, one for each body.  columns : (width, bodies) their numbers.
+    """
+
+    values: tuple[Any, ...]
+    columns: np.ndarray
+
+    @classmethod
+    def of(cls, values: Sequence[Any], columns: int) -> Several:
+        """Values for so many columns; the last value is repeated."""
+        numbers = np.array([leaves(value, layout_of(value)) for value in values]).T
+        return cls(tuple(values), np.ascontiguousarray(numbers[:, np.minimum(np.arange(columns), len(values) - 1)]))
+
+
+def examples(args: Sequence[Any]) -> list[Any]:
+    """The arguments, of several values the first."""
+    return [a.values[0] if isinstance(a, Several) else a for a in args]
 
 
 def available() -> str | None:
@@ -69,7 +92,7 @@ class Kernel:
 
         self.entry, self.kinds, self.lanes = entry, kinds, lanes
         key = _key(entry, kinds, lanes)
-        known = [a if isinstance(k, Layout) else None for a, k in zip(args or kinds, kinds, strict=True)]
+        known = [a if isinstance(_layout(k), Layout) else None for a, k in zip(examples(args or kinds), kinds, strict=True)]
         found = cache.load(key, lambda manifest: Reads.found(entry, known, manifest)) if key and args else None
         self.cached = found is not None
         if found is not None:
@@ -91,6 +114,8 @@ class Kernel:
         for value, kind in zip(args, self.kinds, strict=True):
             if isinstance(kind, Layout):
                 numbers.extend(leaves(value, kind))
+            elif isinstance(value, Several):
+                arrays.append(value.columns)
             elif isinstance(value, Rows):
                 arrays.append(value.array)
                 integers.append(value.step)
@@ -128,6 +153,7 @@ class _Kept:
         self.kernels: list[Kernel] = []
 
     def find(self, args: Sequence[Any]) -> Kernel | None:
+        args = examples(args)
         for k in self.kernels:
             if k.reads.unchanged(args):
                 if k is not self.kernels[0]:
@@ -169,7 +195,7 @@ def kernel(entry: Callable[..., Any], *args: Any, lanes: int = 1) -> Kernel:
 
 def _get(entry: Callable[..., Any], args: tuple[Any, ...], lanes: int, make: bool) -> Kernel:
     _imported()
-    key = entry, tuple(map(_kind, args)), lanes
+    key = entry, tuple(map(kind_of, args)), lanes
     kept = _kept.setdefault(key, _Kept())
     found = kept.find(args)
     if found is None:
@@ -190,7 +216,7 @@ def _get(entry: Callable[..., Any], args: tuple[Any, ...], lanes: int, make: boo
 
 def known(entry: Callable[..., Any], *args: Any, lanes: int = 1) -> Kernel | None:
     """Such a kernel, if this process has it already."""
-    kept = _kept.get((entry, tuple(map(_kind, args)), lanes))
+    kept = _kept.get((entry, tuple(map(kind_of, args)), lanes))
     return kept.find(args) if kept else None
 
 
@@ -212,10 +238,18 @@ def stored(entry: Callable[..., Any], *args: Any, lanes: int = 1) -> Kernel | No
         return None
 
 
-def _kind(value: Any) -> Kind:
+def kind_of(value: Any) -> Kind:
+    """What an argument is for native code."""
     if isinstance(value, Rows):
         return "rows"
+    if isinstance(value, Several):
+        return "several", layout_of(value.values[0])
     return "array" if isinstance(value, np.ndarray) else "integer" if type(value) is int else layout_of(value)
+
+
+def _layout(kind: Kind) -> Any:
+    """The layout of an argument that has one."""
+    return kind[1] if isinstance(kind, tuple) else kind
 
 
 def _key(entry: Callable[..., Any], kinds: tuple[Kind, ...], lanes: int) -> str | None:
@@ -299,7 +333,9 @@ def _translation(
     for i, (a, kind) in enumerate(zip(args, kinds, strict=True)):
         if isinstance(a, Array):
             a.body = index
-        elif isinstance(kind, Layout):
+        if isinstance(kind, tuple):
+            args[i] = a = a.read(0, kind[1])
+        if isinstance(_layout(kind), Layout):
             reads.argument(i, a, given[i] if given else a)
     interpreter = Interpreter(emitter, reads)
     interpreter.intrinsics |= {

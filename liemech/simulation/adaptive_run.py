@@ -12,17 +12,19 @@ from typing import Any
 import numpy as np
 
 from ..compiler.driver import accepted, attempt, itself, reason
-from ..errors import IntegrationInterrupted, InvalidInput, StepTooSmall, failure, is_mistake
+from ..errors import IntegrationFailure, IntegrationInterrupted, InvalidInput, StepTooSmall, failure, is_mistake, warn
 from ..formulas import check_finite, real_array
 from ..formulas.pytree import build, layout_of, leaves
-from ..systems.system import State, System
+from ..systems.system import State
 from . import arguments
 from .adaptive import adaptive_steps, noted
 from .dense import DenseOutput, unpacked
 from .events import Event, Watch
 from .execution import LOOK, Execution
+from .prepared import member
 from .progress import Bar
-from .trajectory import Trajectory
+from .systems import Systems
+from .trajectory import Stopped, Trajectory
 
 ROOM = 512
 """Steps between two looks at the keyboard and the events."""
@@ -35,7 +37,7 @@ MARGIN = 4
 class AdaptiveSteps:
     """Adaptive steps: what a plan was told of them.  h : the first step, None to find it; longest : the longest one."""
 
-    system: System
+    system: Any
     method: Any
     h: float | None
     rtol: float
@@ -79,8 +81,51 @@ class AdaptiveSteps:
         limit = arguments.MOST if limit is None else arguments.count(limit, "steps", 1)
         times = arguments.times(t_eval, t0, t_end)
         if start.bodies is not None:
-            raise InvalidInput("integrate: adaptive steps are for one body at a time; give an ensemble h and steps")
+            return self._each(start, t0, t_end, limit, np.array([t0, t_end]) if times is None else times, events)
         return AdaptiveRun(self, start, t0, t_end, limit, times, events).trajectory()
+
+    def _each(self, start: State, t0: float, t_end: float, limit: int, times: np.ndarray, events: tuple[Event, ...]) -> Trajectory:
+        """Every body of an ensemble with steps of its own.  One that fails stays at its last state and disturbs no other."""
+        if events or self.dense:
+            raise InvalidInput("integrate: events and dense=True are for one body at a time")
+        runs: list[Trajectory] = []
+        errors: dict[int, Any] = {}
+        with Bar(self.progress, start.bodies or 0) as bar:
+            for i in range(start.bodies or 0):
+                plan = dataclasses.replace(self, dense=False, progress=False)
+                if isinstance(self.system, Systems):
+                    plan = dataclasses.replace(plan, system=self.system[i], shapes={})
+                try:
+                    run = AdaptiveRun(plan, member(start, i), t0, t_end, limit, times, ()).trajectory()
+                except IntegrationFailure as error:
+                    errors[i], run = error, error.trajectory
+                runs.append(run)
+                bar.advance(1)
+        states = {}
+        for name, x in start.arrays.items():
+            of_bodies = [_prolonged(run.states[name], x[i], len(times)) for i, run in enumerate(runs)]
+            states[name] = np.stack(of_bodies, axis=1)
+        steps = {i: runs[i].steps for i in errors}
+        if errors:
+            some = ", ".join(f"body {i} after {n} steps" for i, n in list(steps.items())[:5])
+            warn(f"integrate: {len(errors)} of {start.bodies} bodies stopped early: {some}. {errors[min(errors)]}", RuntimeWarning)
+        return Trajectory(
+            self.system,
+            self.method,
+            float(np.mean([run.h for run in runs])),
+            times,
+            states,
+            start.bodies,
+            max(run.steps for run in runs),
+            all(run.compiled for run in runs),
+            Stopped(steps, errors.__getitem__),
+            sum(run.rejected or 0 for run in runs),
+        )
+
+
+def _prolonged(values: np.ndarray, start: np.ndarray, count: int) -> np.ndarray:
+    """So many samples, the last of a body that stopped again and again."""
+    return np.concatenate([values, np.repeat(values[-1:] if len(values) else start[None], count - len(values), axis=0)])
 
 
 class Shape:

@@ -8,11 +8,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-import numpy as np
-
 from ..compiler import kernel
 from ..errors import NotCompilable, NotCompiledWarning, warn
-from ..formulas.pytree import layout_of
 from .progress import notice
 
 LOOK = 0.02
@@ -57,7 +54,7 @@ class Execution:
     def again(self) -> None:
         """For another run: native code that says what the formulas say now, if there is some."""
         self.seconds = 0.0
-        if self.native is not None and self.native.reads.unchanged(self.call[1:]):
+        if self.native is not None and self.native.reads.unchanged(kernel.examples(self.call[1:])):
             return
         self.wanted = self.asked
         self.native = kernel.known(*self.call, lanes=self.lanes) if self.wanted is not False else None
@@ -114,7 +111,7 @@ class Execution:
 
 def _history(call: tuple[Any, ...], lanes: int) -> History:
     """That of this driver and these layouts."""
-    key = lanes, call[0], *(layout_of(x) for x in call[1:] if not isinstance(x, np.ndarray) and type(x) is not int)
+    key = lanes, call[0], *map(kernel.kind_of, call[1:])
     if key not in _histories and len(_histories) >= MANY:
         _histories.clear()
     return _histories.setdefault(key, History())

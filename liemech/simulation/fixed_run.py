@@ -12,14 +12,14 @@ from typing import Any
 import numpy as np
 
 from ..compiler.driver import Rejected, attempt, reason
+from ..compiler.kernel import Several
 from ..errors import IntegrationFailure, IntegrationInterrupted, InvalidInput, failure, is_mistake, warn
-from ..formulas.broadcasting import small
 from ..formulas.pytree import Layout, build, fitted, layout_of, leaves
 from ..systems.system import State
 from .dense import flat, unpacked
 from .execution import LOOK, Execution
 from .fixed import begin, begun, fixed_steps
-from .prepared import Shape, Steps
+from .prepared import Shape, Steps, member
 from .progress import Bar
 from .trajectory import Stopped, Trajectory
 
@@ -119,7 +119,7 @@ class FixedRun:
 
     def _shape(self) -> Shape:
         """The layouts of this run, from other runs of the plan if their starts were like this one."""
-        one = _member(self.start, 0)
+        one = member(self.start, 0)
         given, many = layout_of(one), self.bodies is not None
         shape = self.plan.shapes.get((given, many))
         if shape is None:
@@ -132,8 +132,8 @@ class FixedRun:
     def _first(self, one: State, started: Layout) -> tuple[Any, Any]:
         """What the method carries along from the start of the first body that can begin, and the sample that shows it."""
         for i in range(self.count):
-            start = fitted(_member(self.start, i), started) if i else one
-            trial = attempt(begun, self.plan.method, self.plan.system, start, self.h)
+            start = fitted(member(self.start, i), started) if i else one
+            trial = attempt(begun, self.plan.method, self.plan.of(i), start, self.h)
             if not isinstance(trial, Rejected):
                 return trial
             self.failures[i] = reason(trial)
@@ -287,7 +287,7 @@ class FixedRun:
             return
         failures: list[Exception | None] = []
         columns = [np.ascontiguousarray(a[..., i]).ravel() for a in arrays]
-        driver(*values, *columns, failures)
+        driver(*(x.values[i] if isinstance(x, Several) else x for x in values), *columns, failures)
         for a, column in zip(arrays, columns, strict=True):
             a[..., i] = column.reshape(a.shape[:-1])
         if failures:
@@ -313,6 +313,7 @@ class FixedRun:
     ) -> int:
         """Run a driver in native code on the bodies from `start`, in blocks, perhaps in threads; how many blocks in turn?"""
         native: Any = execution.native
+        arrays = *self.shape.own, *arrays
         if execution is self.shape.stepping:
             numbers = self.shape.constants + array("d", values[4:6])
             integers: tuple[int, ...] = values[6:]
@@ -427,12 +428,6 @@ def _pool(workers: int, process: int) -> Any:
     from concurrent.futures import ThreadPoolExecutor
 
     return ThreadPoolExecutor(workers - 1, "liemech")
-
-
-def _member(start: State, i: int) -> State:
-    if start.bodies is None:
-        return start
-    return type(start)(*(None if x is None else small(x[i]) for x in start.parts.values()))
 
 
 def _affordable(size: int, steps: int, every: int) -> None:

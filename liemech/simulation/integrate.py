@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 from ..errors import InvalidInput
@@ -10,6 +10,7 @@ from ..integrators.method import Method
 from ..systems.system import State, System
 from . import arguments
 from .plan import Plan
+from .systems import systems_of
 from .trajectory import Trajectory
 
 KEPT = 32
@@ -25,7 +26,7 @@ _plans: dict[Any, Plan] = {}
 
 
 def integrate(
-    system: System,
+    system: System | Sequence[System],
     method: Method,
     start: State,
     *,
@@ -49,6 +50,7 @@ def integrate(
 ) -> Trajectory:
     """Follow a motion, in `steps` steps of length h, or adaptively to the time `t_end`.
 
+    system : a list of systems of one kind, one for each body of an ensemble, gives every body its own parameters.
     start : `system.state(...)`; with a leading axis an ensemble, which runs in SIMD lanes.
     record : the parts of the state to keep, such as ("mu",) or ("mu", "g"); what is not recorded is not computed.
     t_eval : (n,) times at which to keep the state; default: at the ends of steps.
@@ -65,12 +67,12 @@ def integrate(
     workers : threads among which the bodies of an ensemble are divided.
     Between the ends of steps t_eval and events take a shorter step of the method.
 
-    Adaptive steps, for one body and a method with an error estimate:
+    Adaptive steps, for a method with an error estimate; in an ensemble every body chooses its own, and t_eval says what is kept:
     t_end : the last time, before or after t0.  h, steps : the first step and the largest number of steps, if given.
     rtol, atol : the error of a step is kept below atol + rtol |state| (1e-6 and 1e-9).  As with every local error control, the
     error of the motion grows along it.
     max_step : the longest step.  breaks : times at which the velocity jumps; no step goes across one.
-    dense : keep the way between the steps too, for `Trajectory.at`; default: unless t_eval is given, which then is all that is kept.
+    dense : keep the way between the steps too, for `Trajectory.at`; default: unless t_eval is given, and then nothing else is kept.
 
     For many runs of one kind, runs that go on, and single steps, prepare a `Plan`.
 
@@ -84,11 +86,12 @@ def integrate(
     rest = h, rtol, atol, max_step, breaks, every, record, events, dense, compensated, compiled, progress, workers, t_end is None
     key: Any = (id(system), id(method), *map(type, rest), *rest)
     try:
-        plan = _plans.get(key)
+        plan = _plans.get(key) if isinstance(system, System) else None
     except TypeError:  # a list or an array among them
-        key = plan = None
+        plan = key = None
     if plan is None:
-        arguments.matching(system, method)
+        several = systems_of(system)
+        arguments.matching(system if several is None else several[0], method)
         options = dict(zip(OPTIONS, rest, strict=False))
         if t_end is None:
             _only_alike(h, steps, options)
@@ -96,7 +99,7 @@ def integrate(
             arguments.only_adaptive(method, every, workers)
             options["rtol"] = arguments.RTOL if rtol is None else rtol
         plan = Plan(system, method, **options)
-        if key is not None:
+        if key is not None and isinstance(system, System):
             if len(_plans) >= KEPT:
                 _plans.pop(next(iter(_plans)), None)
             _plans[key] = plan

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 from ..errors import InvalidInput, InvalidType, StepWarning, warn
@@ -15,6 +15,7 @@ from ..systems.system import State, System
 from . import arguments
 from .fixed_run import Carry, FixedRun, advanced
 from .prepared import Steps
+from .systems import systems_of
 from .trajectory import Trajectory
 
 ROUNDING = 1e-9
@@ -24,7 +25,8 @@ ROUNDING = 1e-9
 class Plan:
     """A run that is prepared: `run` starts it, `resume` goes on, as often as wanted, at a cost of microseconds.
 
-    system, method : what moves, and how it is stepped.
+    system, method : what moves, and how it is stepped.  A list of systems of one kind, one for each body of an ensemble, gives
+    every body its own parameters.
 
     Steps of one length:
     h : the step, in s; negative runs backwards.  every, compensated, workers : as for `integrate`.
@@ -40,7 +42,7 @@ class Plan:
 
     def __init__(
         self,
-        system: System,
+        system: System | Sequence[System],
         method: Method,
         h: float | None = None,
         *,
@@ -57,12 +59,16 @@ class Plan:
         progress: bool | None = None,
         workers: int = 1,
     ) -> None:
-        arguments.matching(system, method)
+        several = systems_of(system)
+        one: Any = system if several is None else several[0]
+        arguments.matching(one, method)
         every, workers = arguments.count(every, "every", 1), arguments.count(workers, "workers", 1)
         for name, value in (("compensated", compensated), ("compiled", compiled), ("progress", progress)):
             arguments.choice(value, name)
         arguments.choice(dense, "dense")
-        self.system, self.method, self.record = system, method, record
+        self.system: Any = one if several is None else several
+        self.method, self.record = method, record
+        self._one = one
         self.events = arguments.events(events)
         self._given = dict(
             system=system, method=method, h=h, rtol=rtol, atol=atol, max_step=max_step, breaks=breaks, every=every, record=record,
@@ -77,11 +83,11 @@ class Plan:
                 raise InvalidInput(
                     "integrate: compensated is for steps of one length; adaptive ones have larger errors than rounding"
                 )
-            self._steps = AdaptiveSteps.checked(system, method, h, rtol, atol, max_step, breaks, dense, compiled, progress)
+            self._steps = AdaptiveSteps.checked(self.system, method, h, rtol, atol, max_step, breaks, dense, compiled, progress)
         else:
             if dense is not None and dense is not True:
                 raise InvalidInput("integrate: dense is for adaptive steps; those of one length keep no way between them")
-            self._steps = Steps(system, method, arguments.step(h), every, compensated, compiled, progress, workers)
+            self._steps = Steps(self.system, method, arguments.step(h), every, compensated, compiled, progress, workers)
 
     @property
     def adaptive(self) -> bool:
@@ -111,11 +117,13 @@ class Plan:
 
         Returns and raises what `integrate` does.
         """
-        start, t0 = arguments.started(self.system, start, self.record), arguments.real(t0, "t0")
+        start, t0 = arguments.started(self._one, start, self.record), arguments.real(t0, "t0")
+        if self._one is not self.system and start.bodies != len(self.system):
+            raise InvalidInput(f"integrate: there are {len(self.system)} systems for {start.bodies or 'a start of one'} bodies")
         if self.adaptive:
             return self._steps.run(start, t0, t_end, steps, t_eval, self.events)
         steps = self._count(steps, t_end, t0)
-        doubt = self.method.caution(self.system, start, self._steps.h)
+        doubt = self.method.caution(self._one, start, self._steps.h)
         if doubt:
             warn(doubt, StepWarning)
         return self._stepped(start, steps, t0, t_eval)
@@ -190,7 +198,7 @@ class Plan:
     def begin(self, start: State, t0: float = 0.0) -> Carry:
         """What the method carries along at the start, for `step`."""
         self._one_length("begin")
-        start, t0 = arguments.started(self.system, start, self.record), arguments.real(t0, "t0")
+        start, t0 = arguments.started(self._one, start, self.record), arguments.real(t0, "t0")
         return FixedRun(self._steps, start, 0, t0).trajectory().carry
 
     def step(self, carry: Carry, steps: int = 1) -> Carry:

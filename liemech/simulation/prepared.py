@@ -9,21 +9,24 @@ from typing import Any
 import numpy as np
 
 from ..compiler import kernel
+from ..formulas.broadcasting import small
 from ..formulas.pytree import Layout, build, compensated, fitted, layout_of, leaves
 from ..integrators.method import Method
 from ..systems.system import State, System
 from .execution import Execution
 from .fixed import begin, fixed_steps
+from .systems import Systems
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Steps:
     """Steps of one length: what a plan was told of them.
 
+    system : one for all bodies, or `Systems`.
     compensated, compiled, progress, workers : as for `integrate`.
     """
 
-    system: System
+    system: Any
     method: Method
     h: float
     every: int
@@ -33,6 +36,15 @@ class Steps:
     workers: int
     shapes: dict[Any, Shape] = dataclasses.field(default_factory=dict, repr=False)
 
+    @property
+    def one(self) -> System:
+        """The system, of several the first."""
+        return self.system[0] if isinstance(self.system, Systems) else self.system
+
+    def of(self, body: int) -> System:
+        """The system of a body."""
+        return self.system[body] if isinstance(self.system, Systems) else self.system
+
     def own(self, shape: Shape) -> Shape | None:
         """The shape, if it is one of this plan."""
         return shape if self.shapes.get(shape.key) is shape else None
@@ -40,7 +52,7 @@ class Steps:
     def remembering(self, start: State) -> State:
         """The start of one body, in compensated numbers what is to be summed up so: all, nothing, or what the motion depends on."""
         if self.compensated is None and (self.method.symmetric or self.method.symplectic):
-            motion = self.system.essential(start).parts
+            motion = self.one.essential(start).parts
             return type(start)(*(compensated(x) if motion[name] is not None else x for name, x in start.parts.items()))
         return compensated(start) if self.compensated else start
 
@@ -49,9 +61,9 @@ class Shape:
     """The layouts of a run, and the code that makes its steps.
 
     key : by which the plan knows it.  given : of a start of one body as it comes; started : in the numbers of the run.
-    layout : of what the method carries along.  example, shown : a sample and its layout.  lanes : bodies side by side.  stepping : who runs `fixed_steps`.
-    constants : the numbers of method and system.  order : for a method without a memory, which number of the start each number of
-    the memory is, -1 for a rest of zero.
+    layout : of what the method carries along.  example, shown : a sample and its layout.  lanes : bodies side by side.
+    stepping : who runs `fixed_steps`.  constants : the numbers of method and system; own : those of which every body has its own.
+    order : for a method without a memory, which number of the start each number of the memory is, -1 for a rest of zero.
     """
 
     def __init__(self, steps: Steps, given: Layout, started: Layout, first: Any, example: State, many: bool) -> None:
@@ -61,7 +73,13 @@ class Shape:
         self.layout, self.shown = layout_of(first), layout_of(example)
         native = steps.compiled is not False and many and kernel.available() is None
         self.lanes = kernel.lanes() if native else 1
-        self.constants = array("d", leaves(method, layout_of(method)) + leaves(system, layout_of(system)))
+        constants, self.own = leaves(method, layout_of(method)), []
+        if isinstance(system, Systems):
+            system = kernel.Several.of(system.systems, -(-len(system) // self.lanes) * self.lanes)
+            self.own.append(system.columns)
+        else:
+            constants += leaves(system, layout_of(system))
+        self.constants = array("d", constants)
         none = np.empty(0)
         self.arguments = method, system, self.layout, self.shown
         call = fixed_steps, *self.arguments, 0.0, steps.h, 0, 1, 1, none, none, None
@@ -80,3 +98,10 @@ class Shape:
             wanted = steps.compiled if self.lanes > 1 or steps.compiled is False else None
             self._beginning = Execution(wanted, steps.progress, begin, *self.beginner, none, none, none, None, lanes=self.lanes)
         return self._beginning
+
+
+def member(start: State, i: int) -> State:
+    """The start of one body."""
+    if start.bodies is None:
+        return start
+    return type(start)(*(None if x is None else small(x[i]) for x in start.parts.values()))
