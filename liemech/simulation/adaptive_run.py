@@ -18,6 +18,7 @@ from ..formulas.pytree import build, layout_of, leaves
 from ..systems.system import State
 from . import arguments
 from .adaptive import adaptive_steps, noted
+from .checkpoint import Checkpoint
 from .dense import DenseOutput, unpacked
 from .events import Event, Watch
 from .execution import LOOK, Execution
@@ -73,16 +74,20 @@ class AdaptiveSteps:
         first = None if h is None else arguments.step(h)
         return cls(system, method, first, *tolerances, longest, tuple(sorted(jumps.tolist())), dense, compiled, progress)
 
-    def run(self, start: Any, t0: float, t_end: Any, limit: Any, t_eval: Any, events: tuple[Event, ...]) -> Trajectory:
+    def run(
+        self, start: Any, t0: float, t_end: Any, limit: Any, t_eval: Any, events: tuple[Event, ...], kept: Checkpoint | None = None
+    ) -> Trajectory:
         """From a start, or from where another run stands, to t_end."""
         if t_end is None:
             raise InvalidInput("integrate: adaptive steps need a t_end; for steps of one length give h and steps")
         t_end = arguments.real(t_end, "t_end")
         limit = arguments.MOST if limit is None else arguments.count(limit, "steps", 1)
         times = arguments.times(t_eval, t0, t_end)
+        if kept is not None and (events or start.bodies is not None):
+            raise InvalidInput("integrate: checkpoint is for runs of one body without events, and for steps of one length")
         if start.bodies is not None:
             return self._each(start, t0, t_end, limit, np.array([t0, t_end]) if times is None else times, events)
-        return AdaptiveRun(self, start, t0, t_end, limit, times, events).trajectory()
+        return AdaptiveRun(self, start, t0, t_end, limit, times, events, kept).trajectory()
 
     def _each(self, start: State, t0: float, t_end: float, limit: int, times: np.ndarray, events: tuple[Event, ...]) -> Trajectory:
         """Every body of an ensemble with steps of its own.  One that fails stays at its last state and disturbs no other."""
@@ -169,9 +174,10 @@ class AdaptiveRun:
         limit: int,
         t_eval: np.ndarray | None,
         events: tuple[Event, ...],
+        checkpoint: Checkpoint | None = None,
     ) -> None:
         self.plan, self.system, self.method, self.t0, self.t_end = plan, plan.system, plan.method, t0, t_end
-        self.limit, self.t_eval, self.events = limit, t_eval, events
+        self.limit, self.t_eval, self.events, self.checkpoint = limit, t_eval, events, checkpoint
         self.failures: list[Exception] = []
         self.kept = plan.dense is True or t_eval is None  # all rows, or only what t_eval asks for
         dense = plan.dense is True or (plan.dense is None and t_eval is None)
@@ -267,6 +273,8 @@ class AdaptiveRun:
             ended = bool(self.events) and self._terminated(before)
             if not self.kept:
                 self._sample(before)
+            if self.checkpoint is not None and self.checkpoint.due():
+                self.checkpoint.save(self._result())
             if ended:
                 return True
             if self.clock[0] == end:
@@ -352,12 +360,12 @@ class AdaptiveRun:
         )
 
     def _carry(self) -> AdaptiveCarry | None:
-        """What to go on with: at t_end all of it, after a terminal event a start anew."""
+        """What to go on with: all of it, or after a terminal event a start anew."""
         last = self.rows[self.filled - 1]
         numbers, clock = self.states.copy(), self.clock.copy()
         if clock[5] or clock[0] != last[0]:
             return None
-        if clock[0] != self.t_end:
+        if self.watch.events and clock[0] != self.t_end:
             numbers[: self.width] = last[1 : 1 + self.width]
             clock[1], clock[6] = 0.0, 1.0
         state = build(self.shape.state, iter(last[1 : 1 + self.width].tolist()))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import sys
 from collections.abc import Iterable
 from typing import Any
@@ -13,6 +14,7 @@ from ..errors import IncompatibleSystem, InvalidInput, InvalidType, warn
 from ..formulas import check_finite, real_array
 from ..integrators.method import Method
 from ..systems.system import State, System
+from .checkpoint import Checkpoint
 
 MOST = 2**53
 """Counts up to this are exact as floating-point numbers, and so are the times t0 + n h up to rounding."""
@@ -160,3 +162,15 @@ def count(value: Any, name: str, least: int) -> int:
 def choice(value: Any, name: str) -> None:
     if value not in (True, False, None):
         raise InvalidType(f"integrate: {name} must be True, False or None; got {value!r}")
+
+
+def checkpoint(path: Any, seconds: Any) -> Checkpoint | None:
+    """Where and how often a run is saved, if it is."""
+    if path is None:
+        return None
+    if not isinstance(path, (str, os.PathLike)) or not os.path.isdir(os.path.dirname(os.fspath(path)) or "."):
+        raise InvalidInput(f"integrate: checkpoint is the name of a file in a folder that exists; got {path!r}")
+    seconds = real(seconds, "checkpoint_every")
+    if seconds < 0.0:
+        raise InvalidInput(f"integrate: checkpoint_every is a number of seconds; got {seconds:g}")
+    return Checkpoint(path, seconds)

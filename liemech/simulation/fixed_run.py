@@ -16,6 +16,7 @@ from ..compiler.kernel import Several
 from ..errors import IntegrationFailure, IntegrationInterrupted, InvalidInput, failure, is_mistake, warn
 from ..formulas.pytree import Layout, build, fitted, layout_of, leaves
 from ..systems.system import State
+from .checkpoint import Checkpoint
 from .dense import flat, unpacked
 from .execution import LOOK, Execution
 from .fixed import begin, begun, fixed_steps
@@ -80,12 +81,18 @@ class FixedRun:
     """
 
     def __init__(
-        self, plan: Steps, start: State | Carry, steps: int, t0: float = 0.0, marks: np.ndarray | None = None
+        self,
+        plan: Steps,
+        start: State | Carry,
+        steps: int,
+        t0: float = 0.0,
+        marks: np.ndarray | None = None,
+        checkpoint: Checkpoint | None = None,
     ) -> None:
         carry = start if isinstance(start, Carry) else None
         self.plan, self.h, self.every, self.steps, self.marks = plan, plan.h, plan.every, steps, marks
         self.t0, self.before = (t0, 0) if carry is None else (carry.t0, carry.step)
-        self.bodies = start.bodies
+        self.checkpoint, self.bodies = checkpoint, start.bodies
         self.count = self.bodies or 1
         self.failures: dict[int, Exception | None] = {}  # what plain Python saw failing steps raise
         shape = None if carry is None or carry.shape is None else plan.own(carry.shape)
@@ -109,6 +116,7 @@ class FixedRun:
             self.states[:-1, 0] = [numbers[i] for i in shape.order]
         else:
             self._begin()
+        self.latest = self.out[:1]  # the sample after the last step
 
     @property
     def compiled(self) -> bool:
@@ -197,13 +205,14 @@ class FixedRun:
         """How many samples there are after this many steps: the start, one for each `every`, and the very last."""
         if self.marks is not None:
             return 1 + int(np.searchsorted(self.marks, steps, "right"))
-        return steps // self.every + 1 + (steps == self.steps and steps % self.every > 0)
+        reached = self.before + steps
+        return reached // self.every - self.before // self.every + 1 + (steps == self.steps and steps and reached % self.every > 0)
 
     def _pending(self, done: int) -> int:
         """How many steps there are to the next sample."""
         if self.marks is not None:
             return int(self.marks[self._rows(done) - 1]) - done
-        return min(self.every - done % self.every, self.steps - done)
+        return min(self.every - (self.before + done) % self.every, self.steps - done)
 
     def trajectory(self) -> Trajectory:
         """Step to the end, in pieces short enough to show progress and to be interrupted."""
@@ -227,6 +236,8 @@ class FixedRun:
                     done += every * samples
                     used = (time.perf_counter() - begun) / calls
                     bar.advance(every * samples * self.count)
+                    if self.checkpoint is not None and self.checkpoint.due():
+                        self.checkpoint.save(self._so_far(done))
                     if used < (PATIENCE if settled else LOOK) / 2:
                         pace *= 2
                     elif used > 2 * PATIENCE:
@@ -243,6 +254,7 @@ class FixedRun:
         """Step all bodies this far; in how many calls, if in native code?"""
         first, last, after = self._rows(done), self._rows(done + every * samples), self.before + done + every * samples
         target = self.out[first:last] if first < last else np.empty((1, *self.out.shape[1:]))
+        self.latest = target[-1:]
         values = *self.shape.arguments, self.t0, self.h, self.before + done, every, samples
         running = None if self.bodies is None else self.taken[: self.count] == self.before + done
         more = every * samples
@@ -341,23 +353,20 @@ class FixedRun:
 
     # ---------------------------------------------------------------- results
 
-    def _result(self, steps: int) -> Trajectory:
+    def _so_far(self, steps: int) -> Trajectory:
         """The samples of the first `steps` steps."""
-        rows, reached, shape = self._rows(steps), self.before + steps, self.shape
-        if self.bodies is None:
-            stopped = {} if self.taken[0] >= reached else {0: max(0, int(self.taken[0]))}
-        else:
-            stopped = {int(i): max(0, int(self.taken[i])) for i in np.flatnonzero(self.taken[: self.count] < reached)}
+        rows, reached = self._rows(steps), self.before + steps
+        behind = self.taken[: self.count] < reached
+        stopped = {int(i): max(0, int(self.taken[i])) for i in np.flatnonzero(behind)} if behind.any() else {}
         for i in stopped:  # the first sample after the failure holds the last state; some later ones nothing
             last = self._rows(int(self.taken[i]) - self.before) if self.taken[i] >= self.before else 0
             self.out[last + 1 : rows, :, i] = self.out[last : last + 1, :, i]
-        out = self.out[:rows]
         carry = None
-        if self.taken[0] == reached or self.taken.max() == reached:
-            memory, shown = self.states[:, : self.count], out[-1, :, : self.count]
-            carry = Carry(shape, self.t0, self.h, reached, self.bodies, memory, shown, self.failures)
-        run = Trajectory.promised(
-            functools.partial(self._samples, out, steps),
+        if not stopped or self.taken.max() == reached:
+            memory, shown = self.states[:, : self.count], self.latest[0, :, : self.count]
+            carry = Carry(self.shape, self.t0, self.h, reached, self.bodies, memory, shown, self.failures)
+        return Trajectory.promised(
+            functools.partial(self._samples, self.out[:rows], steps),
             system=self.plan.system,
             method=self.plan.method,
             h=self.h,
@@ -367,23 +376,30 @@ class FixedRun:
             stopped=Stopped(stopped, self._failure),
             carry=carry,
         )
+
+    def _result(self, steps: int) -> Trajectory:
+        """The run, with a warning of bodies of an ensemble that stopped."""
+        run = self._so_far(steps)
+        stopped: Any = run.stopped
         if stopped and self.bodies is not None:
             first = self._failure(min(stopped))
             mistake: Any = first.__cause__
             if is_mistake(mistake):
                 mistake.add_note(f"[integrate: body {min(stopped)}; the samples before it are in `.trajectory`]")
                 raise self._with_trajectory(mistake, run)
-            some = ", ".join(f"body {i} after {n} steps" for i, n in list(stopped.items())[:5])
+            some = ", ".join(f"body {i} after {n} steps" for i, n in list(stopped.steps.items())[:5])
             warn(f"integrate: {len(stopped)} of {self.count} bodies stopped early: {some}. {first}", RuntimeWarning)
         return run
 
     def _samples(self, out: np.ndarray, steps: int) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         """Times and parts of the state, (n, ...) each, as views of what the steps have written."""
-        numbers = np.minimum(np.arange(len(out)) * self.every, steps)
         if self.marks is not None:
-            numbers = np.concatenate([[0], self.marks[: len(out) - 1]])
+            numbers = self.before + np.concatenate([[0], self.marks[: len(out) - 1]])
+        else:
+            numbers = np.minimum((np.arange(len(out)) + self.before // self.every) * self.every, self.before + steps)
+            numbers[0] = self.before
         flat = out[..., 0] if self.bodies is None else np.moveaxis(out[..., : self.bodies], 1, -1)
-        return self.t0 + (self.before + numbers) * self.h, unpacked(self.shape.example, self.shape.shown, flat)
+        return self.t0 + numbers * self.h, unpacked(self.shape.example, self.shape.shown, flat)
 
     def _failure(self, body: int) -> IntegrationFailure:
         """Why a body stopped: what plain Python saw its step raise."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Sequence
 from typing import Any
 
@@ -47,6 +48,8 @@ def integrate(
     compiled: bool | None = None,
     progress: bool | None = None,
     workers: int = 1,
+    checkpoint: str | os.PathLike[str] | None = None,
+    checkpoint_every: float = 60.0,
 ) -> Trajectory:
     """Follow a motion, in `steps` steps of length h, or adaptively to the time `t_end`.
 
@@ -58,6 +61,7 @@ def integrate(
     the third one) and `direction` (+1 only rising, -1 only falling zeros) mean what they do in SciPy.  For one body.
     compiled : True for native code, False for plain Python, None for native code as soon as it is there or pays; same bits.
     progress : True or False; None shows a bar when a run takes longer than a second.
+    checkpoint : a file to which the run is saved every `checkpoint_every` seconds, as far as it has come; Trajectory.load reads it.
 
     Steps of one length: kept are the start, every `every`-th state after it, and the last one.
     h : the step, in s; negative runs backwards.  Times are t0 + n h.  A method that keeps the structure may be given h and t_end
@@ -103,7 +107,8 @@ def integrate(
             if len(_plans) >= KEPT:
                 _plans.pop(next(iter(_plans)), None)
             _plans[key] = plan
-    return plan.run(start, steps=steps, t_end=t_end, t0=t0, t_eval=t_eval)
+    kept: dict[str, Any] = {} if checkpoint is None else {"checkpoint": checkpoint, "checkpoint_every": checkpoint_every}
+    return plan.run(start, steps=steps, t_end=t_end, t0=t0, t_eval=t_eval, **kept)
 
 
 def _only_alike(h: Any, steps: Any, options: dict[str, Any]) -> None:

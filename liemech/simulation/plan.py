@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import math
+import os
 from collections.abc import Iterable, Sequence
 from typing import Any
 
@@ -13,9 +14,10 @@ from ..formulas.pytree import exact, fields_of
 from ..integrators.method import Method
 from ..systems.system import State, System
 from . import arguments
+from .checkpoint import Checkpoint
 from .fixed_run import Carry, FixedRun, advanced
 from .prepared import Steps
-from .systems import systems_of
+from .systems import Systems, systems_of
 from .trajectory import Trajectory
 
 ROUNDING = 1e-9
@@ -107,41 +109,59 @@ class Plan:
     # ---------------------------------------------------------------- whole runs
 
     def run(
-        self, start: State, *, steps: int | None = None, t_end: float | None = None, t0: float = 0.0, t_eval: Any = None
+        self,
+        start: State,
+        *,
+        steps: int | None = None,
+        t_end: float | None = None,
+        t0: float = 0.0,
+        t_eval: Any = None,
+        checkpoint: str | os.PathLike[str] | None = None,
+        checkpoint_every: float = 60.0,
     ) -> Trajectory:
         """Follow the motion from a start at time t0, in so many steps or to the time t_end.
 
         start : `system.state(...)`; with a leading axis an ensemble.
         t_end : of steps of one length it is the end of one.  steps : of adaptive ones the largest number.
         t_eval : (n,) times at which to keep the state, instead of the ends of steps.
+        checkpoint : a file to which the run is saved every so many seconds, `checkpoint_every`, as far as it has come.
 
         Returns and raises what `integrate` does.
         """
         start, t0 = arguments.started(self._one, start, self.record), arguments.real(t0, "t0")
         if self._one is not self.system and start.bodies != len(self.system):
             raise InvalidInput(f"integrate: there are {len(self.system)} systems for {start.bodies or 'a start of one'} bodies")
+        kept = arguments.checkpoint(checkpoint, checkpoint_every)
         if self.adaptive:
-            return self._steps.run(start, t0, t_end, steps, t_eval, self.events)
+            return self._steps.run(start, t0, t_end, steps, t_eval, self.events, kept)
         steps = self._count(steps, t_end, t0)
         doubt = self.method.caution(self._one, start, self._steps.h)
         if doubt:
             warn(doubt, StepWarning)
-        return self._stepped(start, steps, t0, t_eval)
+        return self._stepped(start, steps, t0, t_eval, kept)
 
     def resume(
-        self, run: Trajectory, *, steps: int | None = None, t_end: float | None = None, t_eval: Any = None
+        self,
+        run: Trajectory,
+        *,
+        steps: int | None = None,
+        t_end: float | None = None,
+        t_eval: Any = None,
+        checkpoint: str | os.PathLike[str] | None = None,
+        checkpoint_every: float = 60.0,
     ) -> Trajectory:
         """Go on where a run of this plan, or of an equal one, has ended: bit for bit as if it had not.
 
-        The first sample is the last one of the run.  steps, t_end, t_eval : of what is to come.
+        The first sample is where the run came to; `every` goes on counting.  steps, t_end, t_eval, checkpoint : of what is to come.
+        `run.then(...)` makes one of both.
         Raises InvalidInput if the run was of another system, method or step, which it names, or if it was interrupted.
         """
         if not isinstance(run, Trajectory):
             raise InvalidType(f"Plan.resume goes on with a Trajectory; got {type(run).__name__}")
-        carry = self._of_this_plan(run)
+        carry, kept = self._of_this_plan(run), arguments.checkpoint(checkpoint, checkpoint_every)
         if self.adaptive:
-            return self._steps.run(carry, carry.t, t_end, steps, t_eval, self.events)
-        return self._stepped(carry, self._count(steps, t_end, carry.t0, carry.step), carry.t0, t_eval)
+            return self._steps.run(carry, carry.t, t_end, steps, t_eval, self.events, kept)
+        return self._stepped(carry, self._count(steps, t_end, carry.t0, carry.step), carry.t0, t_eval, kept)
 
     def _count(self, steps: int | None, t_end: float | None, t0: float, before: int = 0) -> int:
         """How many steps, checked, and with them their times."""
@@ -164,9 +184,11 @@ class Plan:
         arguments.affordable_times(t0, h, before + steps)
         return steps
 
-    def _stepped(self, start: State | Carry, steps: int, t0: float, t_eval: Any) -> Trajectory:
+    def _stepped(self, start: State | Carry, steps: int, t0: float, t_eval: Any, kept: Checkpoint | None) -> Trajectory:
         if t_eval is None and not self.events:
-            return FixedRun(self._steps, start, steps, t0).trajectory()
+            return FixedRun(self._steps, start, steps, t0, checkpoint=kept).trajectory()
+        if kept is not None:
+            raise InvalidInput("integrate: checkpoint is for runs without events, those of steps of one length without t_eval")
         from .watched import WatchedRun, sampled
 
         begun = start.t if isinstance(start, Carry) else t0
@@ -182,7 +204,11 @@ class Plan:
         carry = run.carry
         if carry is None:
             raise InvalidInput("Plan.resume: this run was interrupted or has failed, and carries nothing on; start from run.last")
-        for name, mine, theirs in (("system", self.system, run.system), ("method", self.method, run.method)):
+        systems = [[*x] if isinstance(x, Systems) else [x] for x in (self.system, run.system)]
+        of_bodies = [("system", *pair) for pair in zip(*systems, strict=False)]
+        if len(systems[0]) != len(systems[1]):
+            raise InvalidInput(f"Plan.resume: the run was made with {len(systems[1])} systems, the plan with {len(systems[0])}")
+        for name, mine, theirs in (*of_bodies, ("method", self.method, run.method)):
             if mine is not theirs and exact(mine) != exact(theirs):
                 raise InvalidInput(
                     f"Plan.resume: the run was made with another {name}: {', '.join(differing(mine, theirs))}; "

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -200,6 +201,44 @@ class Trajectory:
         system: Any = self.system
         example = system.state(**{name: x[0] for name, x in self.states.items()})
         return ShortSteps(self.system, self.method, example, self.t, flat(self.states, len(self.t)))
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the run to a file: NumPy's .npz, with what the arrays are in JSON, and a checksum; nothing is pickled.
+
+        A file of this name is replaced when the new one lies on the disk, not before.
+        Raises InvalidInput if a parameter of the system or the method is no number, vector, matrix, text or record.
+        """
+        from .archive import save
+
+        save(self, path)
+
+    @staticmethod
+    def load(path: str | os.PathLike[str], modules: Sequence[str] = ()) -> Trajectory:
+        """A run that was saved, with its system and its method, which `Plan.resume` goes on with.
+
+        modules : names of modules to import for classes of your own, unless they are imported already.
+        Raises InvalidInput if the file is damaged or was not written by `save`, or if a class is not there.  No code of it is run.
+        """
+        from .archive import load
+
+        return load(path, modules)
+
+    def then(self, rest: Trajectory) -> Trajectory:
+        """This run and the one that `Plan.resume` made of it, as one: the samples of both, without the first of the second.
+
+        Raises InvalidInput if the second begins at another time than this one's `carry` has.
+        """
+        if self.carry is None or rest.t[0] != self.carry.t or self.states.keys() != rest.states.keys():
+            raise InvalidInput(f"Trajectory.then: {rest!r} does not begin where {self!r} was to go on")
+        return replace(
+            rest,
+            t=np.concatenate([self.t, rest.t[1:]]),
+            states={name: np.concatenate([x, rest.states[name][1:]]) for name, x in self.states.items()},
+            steps=self.steps + rest.steps,
+            rejected=None if rest.rejected is None else rest.rejected + (self.rejected or 0),
+            dense=None,
+            events=(),
+        )
 
     def view(self, show: Any = None) -> Scene:
         """The run as a moving picture: `run.view().show()` opens it, notebooks show it.  show : as in viewer.Scene."""

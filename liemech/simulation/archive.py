@@ -1,0 +1,258 @@
+"""Runs in files: the arrays as they are, in NumPy's .npz, and beside them in JSON what they are.  Nothing is pickled.
+
+`numpy.load("run.npz")["mu"]` needs no liemech.  The last bytes of a file are a checksum of all others.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import hashlib
+import importlib
+import io
+import json
+import os
+import sys
+import tempfile
+import zipfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import IntegrationFailure, InvalidInput
+from ..formulas import Record
+from ..formulas.complex_numbers import Complex
+from ..formulas.fields import FrozenDict
+from ..formulas.vectors import Mat, Vec
+from .adaptive_run import AdaptiveCarry
+from .dense import DenseOutput
+from .fixed_run import Carry
+from .systems import Systems
+from .trajectory import Stopped, Trajectory
+
+FORMAT = 1
+MARK = b"sha256:"
+"""What the checksum begins with, at the end of a file."""
+
+
+def save(run: Trajectory, path: str | os.PathLike[str]) -> None:
+    """Write a run, all of it or nothing: a file that is there is replaced when the new one lies on the disk."""
+    arrays: dict[str, Any] = {"t": run.t, **{f"state.{name}": x for name, x in run.states.items()}}
+    about: dict[str, Any] = {"format": FORMAT, "method": encoded(run.method), "h": run.h, "steps": run.steps, "bodies": run.bodies}
+    about["system"] = [encoded(s) for s in run.system] if isinstance(run.system, Systems) else encoded(run.system)
+    about |= {"compiled": run.compiled, "rejected": run.rejected}
+    about["stopped"] = {str(body): [stop.steps, str(stop.error)] for body, stop in run.stopped.items()}
+    if run.dense is not None:
+        arrays["dense"] = run.dense.rows
+        about["dense"] = [run.dense.order, encoded(run.dense.example)]
+    about["events"] = [list(states.arrays) for _, states in run.events]
+    for i, (times, states) in enumerate(run.events):
+        arrays[f"event.{i}"] = times
+        arrays |= {f"event.{i}.{name}": x for name, x in states.arrays.items()}
+        about["states"] = encoded(type(states))
+    carry = run.carry
+    if isinstance(carry, Carry):
+        arrays |= {"carry.numbers": carry.numbers, "carry.last": carry.last}
+        about["carry"] = {"t0": carry.t0, "h": carry.h, "step": carry.step, "state": encoded(carry.state)}
+        about["carry"]["failures"] = {str(i): str(error) for i, error in carry.failures.items()}
+    elif isinstance(carry, AdaptiveCarry):
+        arrays |= {"carry.numbers": carry.numbers, "carry.clock": carry.clock}
+        about["carry"] = {"t": carry.t, "state": encoded(carry.state)}
+    _replace(Path(path), _packed(arrays | {"about": np.array(json.dumps(about))}))
+
+
+def load(path: str | os.PathLike[str], modules: Sequence[str] = ()) -> Trajectory:
+    """Read a run.
+
+    modules : names of modules to import for the classes of the user; those that are imported already are found without.
+    Raises InvalidInput for files that are damaged, of another kind, or whose classes are not there.
+    """
+    arrays, about = _unpacked(Path(path))
+    allowed = frozenset(modules)
+    for name in modules:
+        importlib.import_module(name)
+
+    def decode(value: Any) -> Any:
+        return decoded(value, allowed, f"{path}")
+
+    system = about["system"]
+    made: Any = Systems(tuple(map(decode, system))) if isinstance(system, list) else decode(system)
+    method = decode(about["method"])
+    dense, events = None, []
+    carry: Carry | AdaptiveCarry | None = None
+    if "dense" in about:
+        order, example = about["dense"]
+        dense = DenseOutput(made, method.retraction, decode(example), arrays["dense"], order)
+    for i, names in enumerate(about["events"]):
+        cls = decode(about["states"])
+        parts = {name: arrays[f"event.{i}.{name}"] for name in names}
+        events.append((arrays[f"event.{i}"], cls(*(parts.get(f.name) for f in dataclasses.fields(cls)))))
+    if "carry" in about:
+        kept = about["carry"]
+        state = decode(kept["state"])
+        if "t" in kept:
+            carry = AdaptiveCarry(arrays["carry.numbers"], arrays["carry.clock"], state, kept["t"])
+        else:
+            failures: dict[int, Exception | None] = {int(i): IntegrationFailure(text) for i, text in kept["failures"].items()}
+            carry = Carry(
+                None, kept["t0"], kept["h"], kept["step"], about["bodies"], arrays["carry.numbers"], arrays["carry.last"], failures
+            )
+            vars(carry)["state"] = state
+    reasons = {int(body): (steps, IntegrationFailure(text)) for body, (steps, text) in about["stopped"].items()}
+    return Trajectory(
+        made,
+        method,
+        about["h"],
+        arrays["t"],
+        {name.removeprefix("state."): x for name, x in arrays.items() if name.startswith("state.")},
+        about["bodies"],
+        about["steps"],
+        about["compiled"],
+        Stopped({body: steps for body, (steps, _) in reasons.items()}, lambda body: reasons[body][1]),
+        about["rejected"],
+        dense,
+        tuple(events),
+        carry,
+    )
+
+
+# ------------------------------------------------------------------ records as JSON
+
+
+def encoded(value: Any) -> Any:
+    """A record, and what it may hold, as JSON: numbers to the last bit, classes by their names."""
+    if value is None or isinstance(value, (bool, int, float, str)):
+        return value
+    if isinstance(value, type):
+        return {"type": f"{value.__module__}:{value.__qualname__}"}
+    if isinstance(value, Vec):
+        return {"vec": [encoded(x) for x in value]}
+    if isinstance(value, Mat):
+        return {"mat": [encoded(row) for row in value.rows]}
+    if isinstance(value, complex):
+        return {"complex": [value.real, value.imag], "as": "complex"}
+    if isinstance(value, Complex):
+        return {"complex": [value.re, value.im], "as": "Complex"}
+    if isinstance(value, (np.ndarray, np.generic)) and value.dtype.kind in "biufc":
+        flat = np.ascontiguousarray(value)
+        return {"array": flat.view(float).ravel().tolist() if flat.dtype.kind == "c" else flat.ravel().tolist(),
+                "dtype": flat.dtype.str, "shape": list(value.shape)}  # fmt: skip
+    if isinstance(value, (tuple, list)):
+        return {type(value).__name__: [encoded(x) for x in value]}
+    if isinstance(value, FrozenDict):
+        return {"dict": [[encoded(k), encoded(x)] for k, x in value.items()]}
+    if dataclasses.is_dataclass(value):
+        cls = type(value)
+        fields = {f.name: encoded(getattr(value, f.name)) for f in dataclasses.fields(value)}
+        return {"class": f"{cls.__module__}:{cls.__qualname__}", "fields": fields}
+    raise InvalidInput(f"Trajectory.save: {value!r} cannot be saved; records hold numbers, vectors, matrices, texts and records")
+
+
+def decoded(value: Any, modules: frozenset[str], where: str) -> Any:
+    """What was encoded.  Classes are found in liemech, in modules that are imported, and in `modules`; no code of a file runs."""
+    if not isinstance(value, dict):
+        return value
+    (kind, given), *more = value.items()
+
+    def inside(x: Any) -> Any:
+        return decoded(x, modules, where)
+
+    match kind:
+        case "type":
+            return _class(given, modules, where)
+        case "vec":
+            return Vec(*map(inside, given))
+        case "mat":
+            return Mat(*map(inside, given))
+        case "complex":
+            return Complex(*given) if value["as"] == "Complex" else complex(*given)
+        case "array":
+            dtype = np.dtype(value["dtype"])
+            numbers = np.array(given, dtype=float).view(dtype) if dtype.kind == "c" else np.array(given, dtype=dtype)
+            return numbers.reshape(value["shape"])
+        case "tuple":
+            return tuple(map(inside, given))
+        case "list":
+            return [*map(inside, given)]
+        case "dict":
+            return FrozenDict({inside(k): inside(x) for k, x in given})
+        case "class":
+            cls: Any = _class(given, modules, where)
+            fields = {name: inside(x) for name, x in dict(more)["fields"].items()}
+            named = {f.name for f in dataclasses.fields(cls)} if dataclasses.is_dataclass(cls) else None
+            if named != set(fields):
+                raise InvalidInput(f"{where}: {cls.__qualname__} no longer has the fields of the file, {', '.join(fields)}")
+            made: Any = object.__new__(cls)
+            if isinstance(made, Record):
+                made.__setstate__(fields)
+            else:
+                for name, x in fields.items():
+                    object.__setattr__(made, name, x)
+            return made
+    raise InvalidInput(f"{where}: there is no {kind!r} in format {FORMAT}")
+
+
+def _class(path: str, modules: frozenset[str], where: str) -> Any:
+    module, _, name = path.partition(":")
+    if module not in sys.modules and module not in modules and module.split(".")[0] == "liemech":
+        with contextlib.suppress(ImportError):
+            importlib.import_module(module)
+    found: Any = sys.modules.get(module)
+    for part in name.split("."):
+        found = getattr(found, part, None)
+    if not isinstance(found, type):
+        raise InvalidInput(
+            f"{where}: there is no class {name} in {module}; import the module before, or load the file with modules=[{module!r}]"
+        )
+    return found
+
+
+# ------------------------------------------------------------------ files
+
+
+def _packed(arrays: dict[str, np.ndarray]) -> bytes:
+    """The bytes of an .npz file whose last ones, the comment of the archive, are a checksum."""
+    memory = io.BytesIO()
+    np.savez(memory, **arrays)  # type: ignore[arg-type]
+    with zipfile.ZipFile(memory, "a") as archive:
+        archive.comment = MARK + bytes(32)
+    data = memory.getvalue()
+    return data[:-32] + hashlib.sha256(data[:-32]).digest()
+
+
+def _unpacked(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+    """The arrays of a file, and what is told about them."""
+    data = path.read_bytes()
+    if not data.startswith(b"PK") and MARK not in data[-40:]:
+        raise InvalidInput(f"{path}: is no run saved by liemech")
+    if data[-39:-32] != MARK or hashlib.sha256(data[:-32]).digest() != data[-32:]:
+        raise InvalidInput(f"{path}: is damaged or no run saved by liemech: its checksum is not that of its content")
+    with np.load(io.BytesIO(data), allow_pickle=False) as file:
+        arrays = {name: file[name] for name in file.files}
+    about = json.loads(str(arrays.pop("about")))
+    if about["format"] != FORMAT:
+        raise InvalidInput(f"{path}: is of format {about['format']}; this liemech reads format {FORMAT}")
+    return arrays, about
+
+
+def _replace(path: Path, data: bytes) -> None:
+    """Write a file under another name, and give it its own when it lies on the disk."""
+    handle, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
+    try:
+        with os.fdopen(handle, "wb") as file:
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(name, path)
+    except BaseException:
+        with contextlib.suppress(OSError):
+            os.unlink(name)
+        raise
+    with contextlib.suppress(OSError):  # not every system opens folders
+        folder = os.open(path.parent, os.O_RDONLY)
+        try:
+            os.fsync(folder)
+        finally:
+            os.close(folder)

@@ -1,0 +1,204 @@
+"""Runs in files: all of it comes back, damage is seen, and a killed run goes on where it was."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import liemech as lm
+from liemech.simulation import archive
+
+BODY = lm.RigidBody([1.0, 1.6, 2.3])
+START = BODY.state(mu=[0.5, -0.3, 0.75], g=np.eye(3))
+
+
+@lm.record
+class Mine(lm.Hamiltonian):
+    """A Hamiltonian of one's own, with fields of all kinds."""
+
+    inertia: lm.Vec
+    shape: lm.Mat
+    name: str = "mine"
+    powers: tuple[int, ...] = (2, 4)
+    scale: float = 0.1
+
+    def energy(self, mu: lm.Vec) -> float:
+        return 0.5 * lm.dot(mu, mu / self.inertia) + self.scale * mu[0] ** self.powers[1]
+
+
+TOP = lm.HeavyTop(inertia=[1.0, 1.5, 0.7], weight=1.3, centre=[0.6, 0.0, 0.8])
+OWN = lm.LiePoissonSystem(lm.SO3(), Mine([1.0, 2.0, 3.0], np.diag([1.0, 1e-300, -0.0])))
+SU2 = lm.LiePoissonSystem(lm.SU(2), lm.KineticEnergy([1.0, 2.0, 3.0]))
+CASES = {
+    "body": (lm.Plan(BODY, lm.Composition(lm.CovariantVariational(lm.Cayley()), order=4), 0.05, compiled=False), START),
+    "top": (lm.Plan(TOP, lm.LieVerlet(), 0.05, compiled=False), TOP.state(mu=[0.1, 0.2, 5.0], g=np.eye(3))),
+    "canonical": (lm.Plan(lm.Kepler(), lm.StormerVerlet(), 0.01, compiled=False), lm.Kepler().state(q=[0.4, 0.0], p=[0.0, 2.0])),
+    "own": (lm.Plan(OWN, lm.RKMK(order=4), 0.05, compiled=False), OWN.state(mu=[0.1, 0.2, 5.0])),
+    "complex": (lm.Plan(SU2, lm.RKMK(order=4), 0.05, compiled=False), SU2.state(mu=[0.1, 0.2, 0.5], g=np.eye(2))),
+    "several": (
+        lm.Plan([BODY, lm.RigidBody([1.0, 1.1, 1.2])], lm.RKMK(order=3), 0.1, compiled=False),
+        BODY.state(mu=[[1.0, 2.0, 3.0], [0.0, 1.0, 0.5]]),
+    ),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_a_saved_run_comes_back_and_goes_on(case: str, tmp_path: Path) -> None:
+    plan, start = CASES[case]
+    run, whole = plan.run(start, steps=12, t0=0.2), plan.run(start, steps=20, t0=0.2)
+    run.save(tmp_path / "run.npz")
+    again = lm.Trajectory.load(tmp_path / "run.npz")
+    assert repr(again) == repr(run)
+    assert repr(again.system) == repr(run.system)
+    assert again.states.keys() == run.states.keys()
+    assert all(np.array_equal(x, run.states[name]) for name, x in again.states.items())
+    assert np.array_equal(again.energy, run.energy)
+    joined = again.then(plan.resume(again, steps=8))
+    assert np.array_equal(joined.t, whole.t)
+    assert all(np.array_equal(x, whole.states[name]) for name, x in joined.states.items())
+    with np.load(tmp_path / "run.npz") as plain:  # without liemech
+        assert np.array_equal(plain["t"], run.t)
+
+
+def test_adaptive_runs_come_back_with_the_way_between_the_steps(tmp_path: Path) -> None:
+    def event(t: float, state: Any) -> float:
+        return float(state.mu[1])
+
+    plan = lm.Plan(BODY, lm.RKMK(order=5), rtol=1e-8, events=event, compiled=False)
+    run = plan.run(START, t_end=20.0)
+    run.save(tmp_path / "run.npz")
+    again = lm.Trajectory.load(tmp_path / "run.npz")
+    times = np.linspace(0.0, 20.0, 37)
+    assert np.array_equal(again.at(times).mu, run.at(times).mu)
+    assert len(run.events[0][0]) > 0
+    assert np.array_equal(again.events[0][0], run.events[0][0])
+    assert np.array_equal(again.events[0][1].g, run.events[0][1].g)
+    assert np.array_equal(plan.resume(again, t_end=25.0).mu, plan.resume(run, t_end=25.0).mu)
+
+
+def test_what_stopped_is_told(tmp_path: Path) -> None:
+    starts = BODY.state(mu=[[0.1, 0.2, 0.3], [1e200, 2e200, 3e200]])
+    with pytest.warns(RuntimeWarning, match="1 of 2"):
+        run = lm.integrate(BODY, lm.RKMK(order=2), starts, h=1e150, steps=4, compiled=False)
+    run.save(tmp_path / "run.npz")
+    again = lm.Trajectory.load(tmp_path / "run.npz")
+    assert again.stopped.keys() == run.stopped.keys() != set()  # type: ignore[comparison-overlap]
+    body = min(run.stopped)
+    assert str(again.stopped[body].error) == str(run.stopped[body].error)
+
+
+def test_every_damage_is_seen(tmp_path: Path) -> None:
+    path = tmp_path / "run.npz"
+    CASES["body"][0].run(START, steps=3).save(path)
+    data = path.read_bytes()
+    rng = np.random.default_rng(7)
+    damaged = [data[:n] for n in {0, 1, 39, 40, *rng.integers(0, len(data), 60).tolist()}]
+    for at, bit in zip(rng.integers(0, len(data), 500).tolist(), rng.integers(0, 8, 500).tolist(), strict=True):
+        damaged.append(data[:at] + bytes([data[at] ^ (1 << bit)]) + data[at + 1 :])
+    for bad in [*damaged, data + b"x", b"hello"]:
+        path.write_bytes(bad)
+        with pytest.raises(lm.errors.InvalidInput, match=r"run\.npz: is (damaged|no run)"):
+            lm.Trajectory.load(path)
+
+
+def test_a_hostile_file_runs_no_code(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Neither pickles nor modules that nobody has imported."""
+    (tmp_path / "evil.py").write_text(f"open({str(tmp_path / 'ran')!r}, 'w')\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    path = tmp_path / "run.npz"
+    CASES["body"][0].run(START, steps=3).save(path)
+    arrays, about = archive._unpacked(path)
+    hostile = {"class": "evil:Body", "fields": {}}, {"type": "os:system"}, {"class": "os:stat_result", "fields": {}}, {"call": "os"}
+    for system in hostile:
+        about["system"] = system
+        path.write_bytes(archive._packed(arrays | {"about": np.array(json.dumps(about))}))
+        with pytest.raises(lm.errors.InvalidInput, match="run.npz"):
+            lm.Trajectory.load(path)
+    assert not (tmp_path / "ran").exists()
+    memory = io.BytesIO()
+    np.savez(memory, about=np.array([object()], dtype=object), allow_pickle=True)
+    assert zipfile.is_zipfile(memory)
+
+
+def test_what_cannot_be_saved_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "run.npz").write_text("before")
+    system = lm.LiePoissonSystem(lm.SO3(), Called(lambda mu: 0.5 * lm.dot(mu, mu)))
+    run = lm.integrate(system, lm.RKMK(order=2), system.state(mu=[1.0, 2.0, 3.0]), h=0.1, steps=2, compiled=False)
+    with pytest.raises(lm.errors.InvalidInput, match="cannot be saved; records hold numbers"):
+        run.save(tmp_path / "run.npz")
+    assert (tmp_path / "run.npz").read_text() == "before"
+    assert os.listdir(tmp_path) == ["run.npz"]
+
+
+@lm.record
+class Called(lm.Hamiltonian):
+    function: Any
+
+    def energy(self, mu: lm.Vec) -> float:
+        return self.function(mu)
+
+
+# ------------------------------------------------------------------ checkpoints
+
+
+@pytest.mark.parametrize("every", [1, 7])
+def test_a_checkpoint_is_the_run_so_far(every: int, tmp_path: Path) -> None:
+    plan = lm.Plan(BODY, lm.CovariantVariational(lm.Cayley()), 0.05, every=every, compiled=False)
+    whole = plan.run(START, steps=300)
+    plan.run(START, steps=300, checkpoint=tmp_path / "run.npz", checkpoint_every=0.0)
+    part = lm.Trajectory.load(tmp_path / "run.npz")
+    assert 0 < part.carry.step <= 300
+    rest = plan.resume(part, steps=300 - part.carry.step)
+    joined = part.then(rest)
+    assert np.array_equal(joined.t, whole.t)
+    assert np.array_equal(joined.mu, whole.mu)
+
+
+def test_where_a_checkpoint_may_lie(tmp_path: Path) -> None:
+    plan = lm.Plan(BODY, lm.RKMK(order=4), 0.1)
+    with pytest.raises(lm.errors.InvalidInput, match="a folder that exists"):
+        plan.run(START, steps=3, checkpoint=tmp_path / "nowhere" / "run.npz")
+    with pytest.raises(lm.errors.InvalidInput, match="number of seconds; got -1"):
+        plan.run(START, steps=3, checkpoint=tmp_path / "run.npz", checkpoint_every=-1.0)
+
+
+PROGRAM = """
+import sys, numpy as np, liemech as lm
+body = lm.RigidBody([1.0, 1.6, 2.3])
+plan = lm.Plan(body, lm.CovariantVariational(lm.Cayley()), 0.05, every=10)
+plan.run(body.state(mu=[0.5, -0.3, 0.75], g=np.eye(3)), steps=10**7, checkpoint=sys.argv[1], checkpoint_every=0.0)
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.compiled
+def test_a_killed_run_leaves_a_whole_file(tmp_path: Path) -> None:
+    """Killed at random moments: each file loads, and goes on bit for bit."""
+    path, rng = tmp_path / "run.npz", np.random.default_rng(3)
+    plan = lm.Plan(BODY, lm.CovariantVariational(lm.Cayley()), 0.05, every=10, compiled=True)
+    reached = []
+    for _ in range(50):
+        path.unlink(missing_ok=True)
+        process = subprocess.Popen([sys.executable, "-c", PROGRAM, str(path)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        while not path.exists() and process.poll() is None:
+            time.sleep(0.01)
+        time.sleep(float(rng.uniform(0.0, 0.3)))
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+        part = lm.Trajectory.load(path)
+        reached.append(part.carry.step)
+        if len(reached) % 10 == 0:
+            whole = plan.run(START, steps=part.carry.step + 50)
+            assert np.array_equal(part.then(plan.resume(part, steps=50)).mu, whole.mu)
+    assert max(reached) > min(reached) > 0
