@@ -123,7 +123,7 @@ def test_a_hostile_file_runs_no_code(tmp_path: Path, monkeypatch: pytest.MonkeyP
     for system in hostile:
         about["system"] = system
         path.write_bytes(archive._packed(arrays | {"about": np.array(json.dumps(about))}))
-        with pytest.raises(lm.errors.InvalidInput, match="run.npz"):
+        with pytest.raises(lm.errors.InvalidInput, match=r"run\.npz"):
             lm.Trajectory.load(path)
     assert not (tmp_path / "ran").exists()
     memory = io.BytesIO()
