@@ -50,8 +50,8 @@ class Layout:
 
     @functools.cached_property
     def remembers(self) -> bool:
-        """Are there compensated numbers in it?"""
-        return (self.kind == "pair" and self.detail == _COMPENSATED) or any(part.remembers for part in self.parts)
+        """Are there numbers in it that carry a rest or a derivative along?"""
+        return (self.kind == "pair" and self.detail[0] in (Compensated, Dual)) or any(part.remembers for part in self.parts)
 
     @functools.cached_property
     def _identity(self) -> Any:
@@ -306,11 +306,13 @@ def _mapped(value: Any, change: Callable[[Any], Any]) -> Any:
 
 
 def fitted(value: Any, layout: Layout) -> Any:
-    """The value with numbers that remember where the layout has such, and only there."""
+    """The value with numbers that carry a rest or a derivative where the layout has such, and only there."""
     if layout.kind == "number":
         return value_of(value)
     if layout.kind == "pair" and layout.detail == _COMPENSATED:
         return Compensated(value) if is_number(value) else value
+    if layout.kind == "pair" and layout.detail[0] is Dual and not isinstance(value, Dual):
+        return Dual(fitted(value, layout.parts[0]), fitted(0.0, layout.parts[1]), layout.detail[1])
     if isinstance(value, Record) and len(layout.parts) == len(fields_of(value)):
         return fill(type(value), {n: fitted(x, part) for (n, x), part in zip(fields_of(value).items(), layout.parts)})
     if isinstance(value, _STRUCTURES) and len(_parts(value)) == len(layout.parts):

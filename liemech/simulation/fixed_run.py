@@ -125,9 +125,13 @@ class FixedRun:
 
     # ---------------------------------------------------------------- the start
 
+    def _member(self, i: int) -> State:
+        """The start of one body."""
+        return member(self.start, i)
+
     def _shape(self) -> Shape:
         """The layouts of this run, from other runs of the plan if their starts were like this one."""
-        one = member(self.start, 0)
+        one = self._member(0)
         given, many = layout_of(one), self.bodies is not None
         shape = self.plan.shapes.get((given, many))
         if shape is None:
@@ -140,7 +144,7 @@ class FixedRun:
     def _first(self, one: State, started: Layout) -> tuple[Any, Any]:
         """What the method carries along from the start of the first body that can begin, and the sample that shows it."""
         for i in range(self.count):
-            start = fitted(member(self.start, i), started) if i else one
+            start = fitted(self._member(i), started) if i else one
             trial = attempt(begun, self.plan.method, self.plan.of(i), start, self.h)
             if not isinstance(trial, Rejected):
                 return trial
@@ -393,13 +397,17 @@ class FixedRun:
 
     def _samples(self, out: np.ndarray, steps: int) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         """Times and parts of the state, (n, ...) each, as views of what the steps have written."""
-        if self.marks is not None:
-            numbers = self.before + np.concatenate([[0], self.marks[: len(out) - 1]])
-        else:
-            numbers = np.minimum((np.arange(len(out)) + self.before // self.every) * self.every, self.before + steps)
-            numbers[0] = self.before
         flat = out[..., 0] if self.bodies is None else np.moveaxis(out[..., : self.bodies], 1, -1)
-        return self.t0 + numbers * self.h, unpacked(self.shape.example, self.shape.shown, flat)
+        return self.times(len(out), steps), unpacked(self.shape.example, self.shape.shown, flat)
+
+    def times(self, rows: int, steps: int) -> np.ndarray:
+        """The times of so many samples."""
+        if self.marks is not None:
+            numbers = self.before + np.concatenate([[0], self.marks[: rows - 1]])
+        else:
+            numbers = np.minimum((np.arange(rows) + self.before // self.every) * self.every, self.before + steps)
+            numbers[0] = self.before
+        return self.t0 + numbers * self.h
 
     def _failure(self, body: int) -> IntegrationFailure:
         """Why a body stopped: what plain Python saw its step raise."""

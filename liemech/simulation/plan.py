@@ -6,7 +6,7 @@ import inspect
 import math
 import os
 from collections.abc import Iterable, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..errors import InvalidInput, InvalidType, StepWarning, warn
 from ..formulas import Record
@@ -19,6 +19,9 @@ from .fixed_run import Carry, FixedRun, advanced
 from .prepared import Steps
 from .systems import Systems, systems_of
 from .trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from .tangent import TangentTrajectory
 
 ROUNDING = 1e-9
 """Part of a step by which a last time may miss the end of one: more than rounding of h and t_end makes of it."""
@@ -218,6 +221,33 @@ class Plan:
             other = "other steps" if self.adaptive == isinstance(carry, Carry) else f"h = {carry.h!r} instead of {self._steps.h!r}"
             raise InvalidInput(f"Plan.resume: the run was made with {other}; start a new one from run.last")
         return carry
+
+    def tangent(
+        self,
+        start: State,
+        *,
+        steps: int | None = None,
+        t_end: float | None = None,
+        t0: float = 0.0,
+        by: str | Sequence[str] = "start",
+    ) -> TangentTrajectory:
+        """A run of one body with its tangent map: the exact derivative of the discrete motion.
+
+        by : "start", or parameters of the system such as "inertia" or "hamiltonian.rotor", or a list of these.  The derivative by
+        parameters is as exact as that of what the system computes of them when it is made, about 1e-13.
+
+        Returns a TangentTrajectory, whose `tangent["start"]` is (n, N, N): derivatives of the state at each sample, group
+        elements left-trivialised, dg = g hat(eta).
+        Raises what `integrate` does; InvalidInput for what is no parameter, and for methods of power series, which have none.
+        """
+        from .tangent import tangent_run
+
+        self._one_length("tangent")
+        start, t0 = arguments.started(self._one, start, self.record), arguments.real(t0, "t0")
+        if start.bodies is not None or self._one is not self.system:
+            raise InvalidInput("Plan.tangent is for one body at a time")
+        names = (by,) if isinstance(by, str) else tuple(by)
+        return tangent_run(self._steps, start, self._count(steps, t_end, t0), t0, names)
 
     # ---------------------------------------------------------------- step by step
 

@@ -45,6 +45,11 @@ class Steps:
         """The system of a body."""
         return self.system[body] if isinstance(self.system, Systems) else self.system
 
+    @property
+    def settings(self) -> tuple[Any, ...]:
+        """All but the system, for a plan of another one."""
+        return self.method, self.h, self.every, self.compensated, self.compiled, self.progress, self.workers
+
     def own(self, shape: Shape) -> Shape | None:
         """The shape, if it is one of this plan."""
         return shape if self.shapes.get(shape.key) is shape else None

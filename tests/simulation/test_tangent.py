@@ -1,0 +1,145 @@
+"""Tangent maps are the derivatives of the discrete motion: against differences, exact flows, and the two-form they must keep."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import liemech as lm
+
+WORLDS = pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=pytest.mark.compiled)], ids=["plain", "compiled"])
+SO3 = lm.SO3()
+BODY = lm.RigidBody([1.0, 1.6, 2.3])
+START = BODY.state(mu=[0.5, -0.3, 0.75], g=SO3.exp([0.1, 0.2, 0.3]))
+TOP = lm.HeavyTop(inertia=[1.0, 1.5, 0.7], weight=1.3, centre=[0.6, 0.0, 0.8])
+TOP_START = TOP.state(mu=[0.3, 0.2, 2.0], g=SO3.exp([0.1, 0.2, 0.3]))
+
+
+def off(a: lm.Trajectory, b: lm.Trajectory, middle: lm.Trajectory) -> np.ndarray:
+    """The difference of two ends: of momenta, and of attitudes as eta in g hat(eta) at the end of a third run."""
+    turned = [SO3.log(middle.g[-1].T @ run.g[-1]) for run in (a, b)]
+    return np.concatenate([a.mu[-1] - b.mu[-1], turned[0] - turned[1]])
+
+
+def differences(plan: lm.Plan, start: Any, steps: int) -> np.ndarray:
+    """The tangent map at the end by central differences of order four."""
+    middle, columns = plan.run(start, steps=steps), []
+    for unit in np.eye(6):
+        column = np.zeros(6)
+        for k, weight in ((1, 2.0 / 3.0), (2, -1.0 / 12.0)):
+            sides = []
+            for x in (k * 1e-3 * unit, -k * 1e-3 * unit):
+                moved = plan.system.state(mu=np.array(start.mu) + x[:3], g=np.array(start.g) @ SO3.exp(x[3:]))
+                sides.append(plan.run(moved, steps=steps))
+            column += weight * off(*sides, middle) / 1e-3
+        columns.append(column)
+    return np.array(columns).T
+
+
+@pytest.mark.parametrize(
+    ("method", "system", "start"),
+    [
+        (lm.RKMK(order=4), BODY, START),
+        (lm.CovariantVariational(lm.Exponential()), BODY, START),
+        (lm.Composition(lm.CovariantVariational(lm.Cayley()), order=4), BODY, START),
+        (lm.LiePoissonHamiltonJacobi(order=4), BODY, START),
+        (lm.LieVerlet(), TOP, TOP_START),
+        (lm.KickDrift(order=4), TOP, TOP_START),
+    ],
+    ids=lambda x: getattr(x, "name", ""),
+)
+def test_a_tangent_map_is_the_derivative(method: Any, system: Any, start: Any) -> None:
+    """Explicit and implicit steps, with first guesses from the past and with stages; values to the bit."""
+    plan = lm.Plan(system, method, 0.1, compiled=False)
+    run, whole = plan.tangent(start, steps=6), plan.run(start, steps=6)
+    assert np.array_equal(run.mu, whole.mu)
+    assert np.array_equal(run.g, whole.g)
+    assert run.tangent["start"].shape == (7, 6, 6)
+    assert np.abs(run.tangent["start"][0] - np.eye(6)).max() < 1e-15
+    assert np.abs(run.tangent["start"][-1] - differences(plan, start, 6)).max() < 1e-9
+
+
+@WORLDS
+def test_derivatives_by_parameters(compiled: bool) -> None:
+    """By the inertia, from which the body computes its inverse, and by a number inside of the Hamiltonian."""
+    plan = lm.Plan(BODY, lm.CovariantVariational(lm.Cayley()), 0.1, compiled=compiled)
+    run = plan.tangent(START, steps=10, by=["inertia", "start"])
+    middle, moments = plan.run(START, steps=10), np.array(BODY.inertia)
+    for i, unit in enumerate(np.eye(3)):
+        change = np.zeros(6)
+        for k, weight in ((1, 2.0 / 3.0), (2, -1.0 / 12.0)):
+            sides = [plan.replace(system=lm.RigidBody(moments + s * k * 1e-3 * unit)).run(START, steps=10) for s in (1, -1)]
+            change += weight * off(*sides, middle) / 1e-3
+        assert np.abs(run.tangent["inertia"][-1][:, i] - change).max() < 1e-9
+    assert np.abs(run.tangent["start"] - plan.tangent(START, steps=10).tangent["start"]).max() < 1e-15
+    gyrostat = lm.LiePoissonSystem(lm.SO3(), Gyrostat([1.0, 2.0, 3.0], 0.7))
+    plan = lm.Plan(gyrostat, lm.RKMK(order=4), 0.1, compiled=compiled)
+    start = gyrostat.state(mu=[0.5, -0.3, 0.75])
+    found = plan.tangent(start, steps=5, by="hamiltonian.rotor").tangent["hamiltonian.rotor"][-1][:, 0]
+    ends = [
+        plan.replace(system=lm.LiePoissonSystem(lm.SO3(), Gyrostat([1.0, 2.0, 3.0], r))).run(start, steps=5).mu[-1]
+        for r in (0.7 + 1e-5, 0.7 - 1e-5)
+    ]
+    assert np.abs(found - (ends[0] - ends[1]) / 2e-5).max() < 1e-9
+
+
+@lm.record
+class Gyrostat(lm.Hamiltonian):
+    inertia: lm.Vec
+    rotor: float
+
+    def energy(self, mu: lm.Vec) -> float:
+        x = mu - lm.vec(0.0, 0.0, self.rotor)
+        return 0.5 * lm.dot(x, x / self.inertia)
+
+
+@pytest.mark.parametrize("method", [lm.StormerVerlet(), lm.Splitting(order=6)], ids=repr)
+def test_symplectic_methods_keep_the_two_form(method: Any) -> None:
+    """D^T J D = J to rounding, along a hundred steps; of an explicit Runge-Kutta method not."""
+    kepler, J = lm.Kepler(), np.block([[np.zeros((2, 2)), np.eye(2)], [-np.eye(2), np.zeros((2, 2))]])
+    start = kepler.state(q=[0.6, 0.0], p=[0.0, 1.4])
+
+    def defect(method: Any) -> float:
+        D = lm.Plan(kepler, method, 0.05, compiled=False).tangent(start, steps=100).tangent["start"]
+        return float(np.abs(D.transpose(0, 2, 1) @ J @ D - J).max() / np.abs(D[-1]).max() ** 2)
+
+    assert defect(method) < 1e-14
+    assert defect(lm.RKMK(order=4)) > 1e-9
+
+
+def test_algorithm_1_is_symplectic_on_the_group() -> None:
+    """D^T W(mu') D = W(mu), with the two-form of T*SO(3), left-trivialised: dmu.eta' - dmu'.eta - mu.(eta x eta')."""
+
+    def form(mu: np.ndarray) -> np.ndarray:
+        return np.block([[np.zeros((3, 3)), np.eye(3)], [-np.eye(3), SO3.algebra.hat(mu)]])
+
+    symplectic = lm.CovariantVariational(lm.Cayley()), lm.LiePoissonHamiltonJacobi(order=4)
+    for method, kept in (*((m, True) for m in symplectic), (lm.RKMK(order=4), False)):
+        run = lm.Plan(BODY, method, 0.3, compiled=False).tangent(START, steps=20)
+        D = run.tangent["start"][-1]
+        defect = np.abs(D.T @ form(run.mu[-1]) @ D - form(run.mu[0])).max()
+        assert (defect < 1e-13) == kept, (method, defect)
+
+
+def test_the_tangent_map_of_a_centre() -> None:
+    """Steady rotation about the first axis: the linearised Euler equations, to the order of the method."""
+    body = lm.RigidBody([1.0, 1.6, 2.3])
+    run = lm.Plan(body, lm.RKMK(order=8), 0.05, compiled=False).tangent(body.state(mu=[1.0, 0.0, 0.0]), steps=20)
+    rate = np.array([[0.0, 1.0 - 1.0 / 2.3], [1.0 / 1.6 - 1.0, 0.0]])  # of (mu_2, mu_3) in mu' = mu x J^-1 mu near e_1
+    w, v = np.linalg.eig(rate)
+    exact = (v @ np.diag(np.exp(w)) @ np.linalg.inv(v)).real
+    assert np.abs(run.tangent["start"][-1][1:, 1:] - exact).max() < 1e-12
+
+
+def test_what_has_no_tangent_map() -> None:
+    plan = lm.Plan(BODY, lm.RKMK(order=4), 0.1, compiled=False)
+    with pytest.raises(lm.errors.InvalidInput, match="mass is no parameter of .*; there are inertia, and the start"):
+        plan.tangent(START, steps=2, by="mass")
+    with pytest.raises(lm.errors.InvalidInput, match="one body at a time"):
+        plan.tangent(BODY.state(mu=np.ones((2, 3))), steps=2)
+    with pytest.raises(lm.errors.InvalidType, match="a method of power series cannot be differentiated"):
+        lm.Plan(BODY, lm.Taylor(order=8), 0.1).tangent(START, steps=2)
+    with pytest.raises(lm.errors.InvalidInput, match="steps of one length"):
+        lm.Plan(BODY, lm.RKMK(order=5), rtol=1e-6).tangent(START, steps=2)
