@@ -18,14 +18,16 @@ from ..formulas.pytree import build, layout_of, leaves
 from ..systems.system import State
 from . import arguments
 from .adaptive import adaptive_steps, noted
+from .carry import AdaptiveCarry
 from .checkpoint import Checkpoint
 from .dense import DenseOutput, unpacked
 from .events import Event, Watch
 from .execution import LOOK, Execution
 from .prepared import member
 from .progress import Bar
+from .stopped import Stopped
 from .systems import Systems
-from .trajectory import Stopped, Trajectory
+from .trajectory import Trajectory
 
 ROOM = 512
 """Steps between two looks at the keyboard and the events."""
@@ -149,17 +151,6 @@ class Shape:
         none = np.empty(0)
         call = *self.arguments, 0.0, 0.0, 0.0, 0.0, curves, 1, none, none, none, None
         self.stepping = Execution(plan.compiled, plan.progress, adaptive_steps, *call)
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class AdaptiveCarry:
-    """Where a run with adaptive steps stands: state and velocity, clock and controller, the last row."""
-
-    numbers: np.ndarray = dataclasses.field(repr=False)
-    clock: np.ndarray = dataclasses.field(repr=False)
-    state: State
-    t: float
-    bodies: None = None
 
 
 class AdaptiveRun:

@@ -1,6 +1,6 @@
 """Runs in files: the arrays as they are, in NumPy's .npz, and beside them in JSON what they are.  Nothing is pickled.
 
-`numpy.load("run.npz")["mu"]` needs no liemech.  The last bytes of a file are a checksum of all others.
+`numpy.load("run.npz")["state.mu"]` needs no liemech.  The last bytes of a file are a checksum of all others.
 """
 
 from __future__ import annotations
@@ -26,18 +26,17 @@ from ..formulas import Record
 from ..formulas.complex_numbers import Complex
 from ..formulas.fields import FrozenDict
 from ..formulas.vectors import Mat, Vec
-from .adaptive_run import AdaptiveCarry
+from .carry import AdaptiveCarry, Carry
 from .dense import DenseOutput
-from .fixed_run import Carry
+from .stopped import Stopped
 from .systems import Systems
-from .trajectory import Stopped, Trajectory
 
 FORMAT = 1
 MARK = b"sha256:"
 """What the checksum begins with, at the end of a file."""
 
 
-def save(run: Trajectory, path: str | os.PathLike[str]) -> None:
+def save(run: Any, path: str | os.PathLike[str]) -> None:
     """Write a run, all of it or nothing: a file that is there is replaced when the new one lies on the disk."""
     arrays: dict[str, Any] = {"t": run.t, **{f"state.{name}": x for name, x in run.states.items()}}
     about: dict[str, Any] = {"format": FORMAT, "method": encoded(run.method), "h": run.h, "steps": run.steps, "bodies": run.bodies}
@@ -63,8 +62,8 @@ def save(run: Trajectory, path: str | os.PathLike[str]) -> None:
     _replace(Path(path), _packed(arrays | {"about": np.array(json.dumps(about))}))
 
 
-def load(path: str | os.PathLike[str], modules: Sequence[str] = ()) -> Trajectory:
-    """Read a run.
+def load(path: str | os.PathLike[str], modules: Sequence[str] = ()) -> dict[str, Any]:
+    """Read a run: the fields of a Trajectory.
 
     modules : names of modules to import for the classes of the user; those that are imported already are found without.
     Raises InvalidInput for files that are damaged, of another kind, or whose classes are not there.
@@ -101,21 +100,21 @@ def load(path: str | os.PathLike[str], modules: Sequence[str] = ()) -> Trajector
             )
             vars(carry)["state"] = state
     reasons = {int(body): (steps, IntegrationFailure(text)) for body, (steps, text) in about["stopped"].items()}
-    return Trajectory(
-        made,
-        method,
-        about["h"],
-        arrays["t"],
-        {name.removeprefix("state."): x for name, x in arrays.items() if name.startswith("state.")},
-        about["bodies"],
-        about["steps"],
-        about["compiled"],
-        Stopped({body: steps for body, (steps, _) in reasons.items()}, lambda body: reasons[body][1]),
-        about["rejected"],
-        dense,
-        tuple(events),
-        carry,
-    )
+    return {
+        "system": made,
+        "method": method,
+        "h": about["h"],
+        "t": arrays["t"],
+        "states": {name.removeprefix("state."): x for name, x in arrays.items() if name.startswith("state.")},
+        "bodies": about["bodies"],
+        "steps": about["steps"],
+        "compiled": about["compiled"],
+        "stopped": Stopped({body: steps for body, (steps, _) in reasons.items()}, lambda body: reasons[body][1]),
+        "rejected": about["rejected"],
+        "dense": dense,
+        "events": tuple(events),
+        "carry": carry,
+    }
 
 
 # ------------------------------------------------------------------ records as JSON

@@ -14,15 +14,17 @@ import numpy as np
 from ..compiler.driver import Rejected, attempt, reason
 from ..compiler.kernel import Several
 from ..errors import IntegrationFailure, IntegrationInterrupted, InvalidInput, failure, is_mistake, warn
-from ..formulas.pytree import Layout, build, fitted, layout_of, leaves
+from ..formulas.pytree import Layout, fitted, layout_of, leaves
 from ..systems.system import State
+from .carry import Carry
 from .checkpoint import Checkpoint
 from .dense import flat, unpacked
 from .execution import LOOK, Execution
 from .fixed import begin, begun, fixed_steps
 from .prepared import Shape, Steps, member
 from .progress import Bar
-from .trajectory import Stopped, Trajectory
+from .stopped import Stopped
+from .trajectory import Trajectory
 
 PATIENCE = 0.25
 """Seconds of a settled run between two looks at the progress bar and the keyboard."""
@@ -35,43 +37,6 @@ SWEEP = 2**26
 
 WORTH = 2**15
 """Steps of all bodies together that are worth a thread."""
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class Carry:
-    """Where a run stands, with all that its method carries along: from here it goes on as if it had never stopped.
-
-    t0, h, step : the time is t0 + step h.  bodies : of an ensemble, else None.
-    numbers : (width + 1, bodies) of what the method carries along, and the steps taken.  last : the numbers of the state.
-    failures : what ended bodies that stopped.
-    """
-
-    shape: Shape | None = dataclasses.field(repr=False)
-    t0: float
-    h: float
-    step: int
-    bodies: int | None
-    numbers: np.ndarray = dataclasses.field(repr=False)
-    last: np.ndarray = dataclasses.field(repr=False)
-    failures: dict[int, Exception | None] = dataclasses.field(default_factory=dict, repr=False)
-
-    @property
-    def t(self) -> float:
-        """The time, in s."""
-        return self.t0 + self.step * self.h
-
-    @functools.cached_property
-    def state(self) -> State:
-        """The state at this time."""
-        shape: Any = self.shape
-        if self.bodies is None:
-            return build(shape.shown, iter(self.last[:, 0].tolist()))
-        parts = unpacked(shape.example, shape.shown, self.last.T)
-        return type(shape.example)(*(parts.get(name) for name in shape.example.parts))
-
-    def __getstate__(self) -> dict[str, Any]:
-        """The numbers, and the state instead of layouts and native code, which the plan that goes on has."""
-        return vars(self) | {"state": self.state, "shape": None}
 
 
 class FixedRun:

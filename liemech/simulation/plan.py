@@ -14,8 +14,9 @@ from ..formulas.pytree import exact, fields_of
 from ..integrators.method import Method
 from ..systems.system import State, System
 from . import arguments
+from .carry import Carry
 from .checkpoint import Checkpoint
-from .fixed_run import Carry, FixedRun, advanced
+from .fixed_run import FixedRun, advanced
 from .prepared import Steps
 from .systems import Systems, systems_of
 from .trajectory import Trajectory

@@ -4,60 +4,24 @@ from __future__ import annotations
 
 import inspect
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..errors import IntegrationFailure, InvalidInput
+from ..errors import InvalidInput
 from ..systems.system import State, System
 from .dense import Between, DenseOutput, ShortSteps, flat
 from .drift import Drift
+from .stopped import Stop, Stopped
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
 
     from ..integrators.method import Method
     from ..viewer import Scene
-
-
-class Stop(NamedTuple):
-    """Where and why a body of an ensemble stopped: after how many steps, and what the next one failed of."""
-
-    steps: int
-    error: IntegrationFailure
-
-
-class Stopped(Mapping[int, Stop]):
-    """The bodies of an ensemble that did not reach the end, by their numbers; why, is found out when asked for.
-
-    steps : how many steps each of them took.
-    """
-
-    def __init__(self, steps: Mapping[int, int] | None = None, failure: Callable[[int], IntegrationFailure] | None = None) -> None:
-        self.steps, self._failure = dict(steps or {}), failure
-        self._errors: dict[int, IntegrationFailure] = {}
-
-    def __getitem__(self, body: int) -> Stop:
-        steps = self.steps[body]
-        if body not in self._errors and self._failure is not None:
-            self._errors[body] = self._failure(body)
-        return Stop(steps, self._errors[body])
-
-    def __iter__(self) -> Iterator[int]:
-        return iter(self.steps)
-
-    def __len__(self) -> int:
-        return len(self.steps)
-
-    def __repr__(self) -> str:
-        return f"Stopped({self.steps!r})"
-
-    def __getstate__(self) -> dict[str, Any]:
-        """With all reasons and without the run, which would find them out."""
-        return {"steps": self.steps, "_failure": None, "_errors": {body: self[body].error for body in self}}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -221,7 +185,7 @@ class Trajectory:
         """
         from .archive import load
 
-        return load(path, modules)
+        return Trajectory(**load(path, modules))
 
     def then(self, rest: Trajectory) -> Trajectory:
         """This run and the one that `Plan.resume` made of it, as one: the samples of both, without the first of the second.

@@ -9,9 +9,10 @@ import numpy as np
 
 from ..errors import InvalidInput
 from ..systems.system import State
+from .carry import Carry
 from .dense import ShortSteps, unpacked
 from .events import Event, Watch
-from .fixed_run import Carry, FixedRun
+from .fixed_run import FixedRun
 from .prepared import Steps
 from .progress import Bar
 from .trajectory import Trajectory

@@ -1,0 +1,62 @@
+"""Where a run stands: what it hands on to the run that continues it."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from typing import Any
+
+import numpy as np
+
+from ..formulas.pytree import build
+from ..systems.system import State
+from .dense import unpacked
+from .prepared import Shape
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Carry:
+    """Where a run stands, with all that its method carries along: from here it goes on as if it had never stopped.
+
+    t0, h, step : the time is t0 + step h.  bodies : of an ensemble, else None.
+    numbers : (width + 1, bodies) of what the method carries along, and the steps taken.  last : the numbers of the state.
+    failures : what ended bodies that stopped.
+    """
+
+    shape: Shape | None = dataclasses.field(repr=False)
+    t0: float
+    h: float
+    step: int
+    bodies: int | None
+    numbers: np.ndarray = dataclasses.field(repr=False)
+    last: np.ndarray = dataclasses.field(repr=False)
+    failures: dict[int, Exception | None] = dataclasses.field(default_factory=dict, repr=False)
+
+    @property
+    def t(self) -> float:
+        """The time, in s."""
+        return self.t0 + self.step * self.h
+
+    @functools.cached_property
+    def state(self) -> State:
+        """The state at this time."""
+        shape: Any = self.shape
+        if self.bodies is None:
+            return build(shape.shown, iter(self.last[:, 0].tolist()))
+        parts = unpacked(shape.example, shape.shown, self.last.T)
+        return type(shape.example)(*(parts.get(name) for name in shape.example.parts))
+
+    def __getstate__(self) -> dict[str, Any]:
+        """The numbers, and the state instead of layouts and native code, which the plan that goes on has."""
+        return vars(self) | {"state": self.state, "shape": None}
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class AdaptiveCarry:
+    """Where a run with adaptive steps stands: state and velocity, clock and controller, the last row."""
+
+    numbers: np.ndarray = dataclasses.field(repr=False)
+    clock: np.ndarray = dataclasses.field(repr=False)
+    state: State
+    t: float
+    bodies: None = None
