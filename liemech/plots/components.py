@@ -1,0 +1,49 @@
+"""The components of a part of the state over time: what can be drawn of everything."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..errors import InvalidInput
+from .style import legend, look, needs_run, part, plane_axes, thinned
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+NAMES = {"mu": "\\mu", "q": "q", "p": "p", "g": "g", "x": "x"}
+MOST_CURVES = 6
+
+
+def components(
+    run: Any, name: str | None = None, *, body: int = 0, ax: Axes | None = None, title: str | None = None
+) -> Axes:
+    """Draw the components of a part of the state over time.
+
+    run : what `integrate` returns.  name : "mu", "g", "q", "p", ...; the first that was recorded if not given.
+    body : which one of an ensemble.
+
+    Of more than six components those are drawn that vary most. Returns the axes. Raises InvalidInput for what was not recorded.
+    """
+    needs_run(run, "plots.components")
+    name = next(iter(run.states)) if name is None else name
+    rows = part(run, name, "plots.components")
+    rows = rows if run.bodies is None else one_body(run, rows, body, "plots.components")
+    columns = rows.reshape(len(rows), -1)
+    ax = plane_axes(ax, title, "time $t$", f"${NAMES.get(name, name)}$")
+    varied = np.argsort(-np.ptp(columns, axis=0), kind="stable")[:MOST_CURVES]
+    kept = thinned(len(rows))
+    for k, column in enumerate(sorted(varied)):
+        index = ",".join(str(i + 1) for i in np.unravel_index(column, rows.shape[1:]))
+        label = f"${NAMES.get(name, name)}_{{{index}}}$" if columns.shape[1] > 1 else None
+        ax.plot(run.t[kept], columns[kept, column], label=label, **look(k))
+    legend(ax, loc="center left", bbox_to_anchor=(1.0, 0.5))
+    return ax
+
+
+def one_body(run: Any, rows: np.ndarray, body: int, where: str) -> np.ndarray:
+    """The rows of one body of an ensemble."""
+    if not -run.bodies <= body < run.bodies:
+        raise InvalidInput(f"{where}: body = {body} is not there; the run has {run.bodies} bodies")
+    return rows[:, body]
