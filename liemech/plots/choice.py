@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -56,6 +57,17 @@ def plot(run: Any, *, ax: Axes | None = None, title: str | None = None) -> Axes:
     if "mu" not in parts and turns(group):
         return quaternion(run, ax=ax, title=title)
     return components(run, ax=ax, title=title)
+
+
+def shown_parts(system: Any, known: Iterable[str]) -> set[str]:
+    """The parts of the state, of those that are known, that `plot` shows of a system."""
+    have = set(known)
+    if "mu" not in have or "g" not in have or not hasattr(system, "group"):
+        return have
+    group = configurations(system)
+    if isinstance(system, ReducedHeavyTop) or not is_pose(group):
+        return {"mu"}
+    return {"g"} if isinstance(system, HeavyTop) or flies(system) else {"mu"}
 
 
 def _constant(sizes: np.ndarray) -> bool:

@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 
 import liemech as lm
 import liemech.viewer.page as page_module
-from liemech.__main__ import main
+from liemech.command_line.main import main
 from liemech.errors import InvalidInput, InvalidType, MissingExtra
 from liemech.models.poses import quaternions, rotated
 from liemech.plots.contours import contours, sphere

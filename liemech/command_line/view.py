@@ -1,0 +1,37 @@
+"""`liemech view FILE`: a saved run in the browser."""
+
+from __future__ import annotations
+
+import webbrowser
+from collections.abc import Sequence
+from pathlib import Path
+
+import liemech as lm
+
+from .archive import load
+from .options import Parser, output
+
+
+def view(arguments: Sequence[str]) -> int:
+    """The command.  Returns the exit status: 0."""
+    parser = Parser(prog="liemech view", description="Show a run saved by `liemech run SCENE --save` in the browser.")
+    add = parser.add_argument
+    add("file", type=Path, metavar="FILE", help="a run, .npz, or a page, .html")
+    add("--show", nargs="+", metavar="NAME", help='what is shown, such as "body" or "momentum"; default: what suits the system')
+    add("--out", type=output(".html"), metavar="PAGE", help="write the page there, and do not open it")
+    options = parser.parse_args(arguments)
+    try:
+        if options.file.suffix == ".html":
+            if not options.file.exists():
+                raise lm.errors.InvalidInput(f"{options.file}: there is no such page")
+            page = options.file
+        else:
+            motion, about = load(options.file)
+            scene = lm.viewer.Scene(motion, options.show or about["view"], title=about["title"])
+            page = scene.save(options.out or options.file.with_suffix(".html"))
+    except (lm.errors.LiemechError, OSError) as wrong:
+        parser.error(str(wrong))
+    if options.out is None:
+        webbrowser.open(page.resolve().as_uri())
+    print(page)
+    return 0
