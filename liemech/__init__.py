@@ -297,6 +297,7 @@ __all__ = [
     "mat",
     "norm",
     "outer",
+    "plots",
     "record",
     "sum",
     "tableaus",

@@ -24,7 +24,8 @@ def components(
     run : what `integrate` returns.  name : "mu", "g", "q", "p", ...; the first that was recorded if not given.
     body : which one of an ensemble.
 
-    Of more than six components those are drawn that vary most. Returns the axes. Raises InvalidInput for what was not recorded.
+    At most six are drawn, those that vary most, and none that stand still beside others that move. Returns the axes.
+    Raises InvalidInput for what was not recorded.
     """
     needs_run(run, "plots.components")
     name = next(iter(run.states)) if name is None else name
@@ -32,7 +33,8 @@ def components(
     rows = rows if run.bodies is None else one_body(run, rows, body, "plots.components")
     columns = rows.reshape(len(rows), -1)
     ax = plane_axes(ax, title, "time $t$", f"${NAMES.get(name, name)}$")
-    varied = np.argsort(-np.ptp(columns, axis=0), kind="stable")[:MOST_CURVES]
+    spans = np.ptp(columns, axis=0)
+    varied = np.argsort(-spans, kind="stable")[: min(MOST_CURVES, np.count_nonzero(spans) or MOST_CURVES)]
     kept = thinned(len(rows))
     for k, column in enumerate(sorted(varied)):
         index = ",".join(str(i + 1) for i in np.unravel_index(column, rows.shape[1:]))

@@ -61,7 +61,7 @@ def drift(
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., IX.8 (long-time energy conservation) and VIII.5.
     """
     found = named_runs(runs, "plots.drift")
-    ax = plane_axes(ax, title, "time $t$", f"largest change of the {name} so far")
+    ax = plane_axes(ax, title, "time $t$", f"{name},\nlargest change so far")
     for k, (label, run) in enumerate(found.items()):
         (name,) = _names(run, (name,))
         if len(run.t) < 2:

@@ -16,6 +16,9 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+SLOPES = 3
+"""How many slopes tell an order: at larger steps it may not show yet."""
+
 
 def orders(
     h: ArrayLike, errors: Mapping[str, ArrayLike], *, ax: Axes | None = None, title: str | None = None, ylabel: str = "error"
@@ -24,9 +27,8 @@ def orders(
 
     h : (n,), the steps.  errors : the errors of each method at these steps, by name, (n,); nan where there is none.
 
-    The slope is a least-squares fit from the largest step down to where the errors fall less than half as fast as before, at the
-    floor of rounding; dotted lines of whole slope go through the first of them. Returns the axes. Raises InvalidInput for shapes
-    that differ and for numbers that are not positive.
+    The order is that of `order_of`; dotted lines of whole slope go through the last error above the floor of rounding. Returns the
+    axes. Raises InvalidInput for shapes that differ and for numbers that are not positive.
     """
     steps = _positive(h, "orders: h")
     ax = plane_axes(ax, title, "step $h$", ylabel)
@@ -37,27 +39,39 @@ def orders(
         color = COLORS[k % len(COLORS)]
         ax.loglog(steps, error, color=color, marker=MARKERS[k % len(MARKERS)], markersize=4.5, linewidth=1.2, label=label)
         if fitted is not None and round(fitted) > 0:
-            first = int(np.nanargmax(np.where(np.isfinite(error), steps, np.nan)))
-            guide = error[first] * (steps / steps[first]) ** round(fitted)
-            seen = guide >= 0.3 * np.nanmin(error)
+            foot = _falling(steps, error)[-1]
+            guide = error[foot] * (steps / steps[foot]) ** round(fitted)
+            seen = (guide >= 0.3 * np.nanmin(error)) & (guide <= 3.0 * np.nanmax(error))
             ax.loglog(steps[seen], guide[seen], color=GREY, linestyle=":", linewidth=0.8, zorder=0.5)
+    if np.ptp(np.log10(steps)) < 1.5:
+        from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+        ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        ax.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
+        ax.xaxis.set_minor_formatter(NullFormatter())
     legend(ax, loc="best")
     return ax
 
 
 def order_of(h: ArrayLike, error: ArrayLike) -> float | None:
-    """The slope of log error over log h from the largest step down to where the errors fall less than half as fast as before.
+    """The order that errors show: between neighbouring steps the slope of log error over log h, of the last three the middle one.
 
-    None where fewer than two errors fall.
+    The last are those before the errors fall less than half as fast as until then, at the floor of rounding. None where fewer than
+    two errors fall.
     """
     steps, errors = np.asarray(h, dtype=float), np.asarray(error, dtype=float)
-    there = np.isfinite(errors) & (errors > 0.0)
-    falling = np.argsort(steps[there])[::-1]
-    steps, errors = np.log(steps[there][falling]), np.log(errors[there][falling])
-    slopes = np.diff(errors) / np.diff(steps)
+    falling = _falling(steps, errors)
+    slopes = np.diff(np.log(errors[falling])) / np.diff(np.log(steps[falling]))
+    return float(np.median(slopes[-SLOPES:])) if len(slopes) else None
+
+
+def _falling(steps: Array, errors: Array) -> NDArray[np.intp]:
+    """Which errors lie above the floor of rounding, from the largest step down."""
+    there = np.flatnonzero(np.isfinite(errors) & (errors > 0.0))
+    there = there[np.argsort(-steps[there], kind="stable")]
+    slopes = np.diff(np.log(errors[there])) / np.diff(np.log(steps[there]))
     flat = np.flatnonzero(~(slopes >= 0.5 * np.maximum.accumulate(np.maximum(slopes, 0.0))) | ~(slopes > 0.0))
-    last = int(flat[0]) + 1 if len(flat) else len(errors)
-    return float(np.polyfit(steps[:last], errors[:last], 1)[0]) if last > 1 else None
+    return there[: int(flat[0]) + 1 if len(flat) else len(there)]
 
 
 def work_precision(
