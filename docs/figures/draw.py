@@ -33,7 +33,11 @@ def reduced(image: Image.Image) -> Image.Image:
         colors += (part.getpalette() or [])[: 3 * share]
     palette = Image.new("P", (1, 1))
     palette.putpalette(colors)
-    return image.quantize(palette=palette, dither=Image.Dither.NONE)
+    found = np.array(image.quantize(palette=palette, dither=Image.Dither.NONE))
+    found[(np.asarray(image) == 255).all(axis=2)] = 0  # Pillow looks for neighbours in a coarse grid of colours
+    picture = Image.frombytes("P", image.size, found.tobytes())
+    picture.putpalette(colors)
+    return picture
 
 
 def main() -> None:
