@@ -52,7 +52,7 @@ def plot(run: Any, *, ax: Axes | None = None, title: str | None = None) -> Axes:
         mu = parts["mu"]
         if run.bodies is not None:
             return cloud(run, ax=ax, title=title)
-        if np.linalg.norm(mu[0]) > 0.0:
+        if np.any(mu[0]):
             return momentum_sphere(mu, system=system, ax=ax, title=title)
     if "mu" not in parts and turns(group):
         return quaternion(run, ax=ax, title=title)

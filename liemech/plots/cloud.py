@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import hypot
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -9,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..errors import InvalidInput
 from ..models.poses import configurations, turns
-from .globe import dots, globe
+from .globe import directions, dots, globe
 from .projection import VIEW
 from .sphere import PI, draw_energies
 from .style import SCALE, needs_run, part
@@ -33,11 +34,9 @@ def cloud(
     if run.bodies is None or "mu" not in run.states or not turns(configurations(run.system)):
         raise InvalidInput(f"plots.cloud is for ensembles of rotating bodies; this run is of {run.system!r}")
     mu = part(run, "mu", "plots.cloud")[sample]
-    size = np.linalg.norm(mu, axis=-1, keepdims=True)
     ax, frame = globe(ax, view, title, PI)
-    draw_energies(ax, frame, run.system, float(size[0, 0]), levels)
-    energy = run.energy[sample]
-    dots(ax, np.divide(mu, size, out=np.zeros_like(mu), where=size > 0.0) @ frame.T, colors(energy), "o", None)
+    draw_energies(ax, frame, run.system, hypot(*mu[0]), levels)
+    dots(ax, directions(mu) @ frame.T, colors(run.energy[sample]), "o", None)
     return ax
 
 

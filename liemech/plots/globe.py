@@ -71,6 +71,15 @@ def vectors(values: ArrayLike, name: str) -> Array:
     return points
 
 
+def directions(values: Array) -> Array:
+    """Vectors divided by their lengths, (..., 3), in all units; zero stays zero."""
+    largest = np.abs(values).max(axis=-1, keepdims=True)
+    values = np.divide(values, largest, out=np.zeros_like(values), where=largest > 0.0)
+    size = np.linalg.norm(values, axis=-1, keepdims=True)
+    found: Array = np.divide(values, size, out=values, where=size > 0.0)
+    return found
+
+
 def line(ax: Axes, curve: Array, back: float, zorder: float, **style: Any) -> None:
     """One curve on the sphere, in view coordinates: cut at the horizon."""
     halves(ax, *split_at_horizon(curve), back, zorder, **style)

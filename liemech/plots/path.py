@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ..errors import InvalidInput
 from ..models.kepler import Kepler
 from ..models.pendulums import DoublePendulum, Pendulum
-from ..models.poses import configurations, is_pose, place, places
+from ..models.poses import flies, place, places
 from ..models.space_bodies import OrbitingBody
 from ..systems.canonical import HamiltonianSystem
 from .cloud import colors
@@ -70,7 +70,7 @@ def has_path(run: Any) -> bool:
     """Is there a path to draw?"""
     if isinstance(run.system, HamiltonianSystem):
         return 1 < run.system.degrees <= 3 or isinstance(run.system, Pendulum)
-    return run.states.get("g") is not None and hasattr(run.system, "group") and is_pose(configurations(run.system))
+    return run.states.get("g") is not None and hasattr(run.system, "group") and flies(run.system)
 
 
 def _points(run: Any) -> tuple[Array, list[Array]]:

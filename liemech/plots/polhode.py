@@ -12,7 +12,7 @@ from ..models.poses import attitude, rotated
 from ..models.rigid_body import RigidBody
 from .components import one_body
 from .energy_curves import energy_levels, separatrix
-from .globe import LEVEL, LIMB, NAME, SEPARATRIX, bare, halves
+from .globe import LEVEL, LIMB, NAME, SEPARATRIX, bare, directions, halves
 from .projection import VIEW, split_at_horizon, view_frame
 from .style import COLORS, GREY, INK, needs_run, new_figure, part, plane_axes, require_matplotlib, thinned
 
@@ -112,11 +112,11 @@ def herpolhode_points(run: Any, body: int = 0) -> Array:
         g, mu = g[:, body], mu[:, body]
     q = attitude(run.system, g)
     momentum = rotated(q[:1], mu[:1])[0]
-    size = np.linalg.norm(momentum)
-    if not size > 0.0:
+    if not momentum.any():
         raise InvalidInput("plots.herpolhode: the body is at rest; give it a momentum")
-    _, _, rest = np.linalg.svd(momentum[None] / size)
-    across = rest[1:] * np.sign(np.linalg.det(np.vstack([rest[1:], momentum / size])))
+    axis = directions(momentum)
+    _, _, rest = np.linalg.svd(axis[None])
+    across = rest[1:] * np.sign(np.linalg.det(np.vstack([rest[1:], axis])))
     return rotated(q, w) @ across.T
 
 

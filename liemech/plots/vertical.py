@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ..errors import InvalidInput
 from ..models.heavy_top import ReducedHeavyTop
 from ..models.poses import attitude, configurations, is_pose, rotated
-from .globe import dots, globe, line
+from .globe import directions, dots, globe, line
 from .projection import VIEW
 from .sphere import GAMMA
 from .style import COLORS, needs_run, part
@@ -50,10 +50,9 @@ def verticals(run: Any) -> Array:
     system = run.system
     if isinstance(system, ReducedHeavyTop) and run.states.get("mu") is not None:
         gamma = np.asarray(run.states["mu"])[..., 3:]
-        size = np.linalg.norm(gamma, axis=-1, keepdims=True)
-        if not (size > 0.0).all():
+        if not gamma.any(axis=-1).all():
             raise InvalidInput("plots.vertical: Gamma is zero, and points nowhere")
-        return gamma / size
+        return directions(gamma)
     if run.states.get("g") is None or not hasattr(system, "group") or not is_pose(configurations(system)):
         raise InvalidInput(f"plots.vertical needs the attitude g of a body in space; this run is of {system!r}")
     g = part(run, "g", "plots.vertical")

@@ -228,6 +228,31 @@ def test_the_herpolhode_lies_at_the_distance_that_the_energy_leaves(run: Any) ->
     assert np.abs(across**2 + along**2 - (w**2).sum(axis=1)).max() < 1e-14
 
 
+def test_units_do_not_matter() -> None:
+    tiny = lm.RigidBody(np.array([1.0, 1.5, 2.0]) * 2.0**-700)
+    large = follow(BODY, BODY.state(*START))
+    small = follow(tiny, tiny.state(np.array(START[0]) * 2.0**-700, START[1]))
+    assert (plots.herpolhode_points(small) == plots.herpolhode_points(large)).all()
+    clouds = []
+    for body, unit in ((BODY, 1.0), (tiny, 2.0**-700)):
+        mu = np.array([[0.5, 0.0, 0.8], [0.0, 2.0, 0.1]]) * unit
+        clouds.append(plots.cloud(follow(body, body.state(mu=mu))).collections)
+    assert [c.get_offsets().tolist() for c in clouds[0]] == [c.get_offsets().tolist() for c in clouds[1]]
+
+
+def test_complex_components_show_both_parts(recwarn: pytest.WarningsRecorder) -> None:
+    equation = Driven(lm.SU(2))
+    run = follow(equation, equation.state(np.eye(2)))
+    drawn = {line.get_label(): np.asarray(line.get_ydata()) for line in run.plot().lines}
+    assert (drawn["Im $g_{1,2}$"] == run.g[:, 0, 1].imag).all()
+    assert not recwarn.list
+
+
+def test_a_body_that_only_turns_has_no_path(run: Any) -> None:
+    with pytest.raises(lm.errors.InvalidInput, match="path is for"):
+        plots.path(run)
+
+
 @pytest.mark.parametrize("inertia", [[1.0, 1.5, 2.0], [[1.0, 0.2, 0.1], [0.2, 1.4, -0.3], [0.1, -0.3, 1.9]], [1.0, 1.0, 1.0]])
 def test_the_polhode_is_drawn_inside_the_outline_of_the_ellipsoid(inertia: Any) -> None:
     body = lm.RigidBody(inertia)
