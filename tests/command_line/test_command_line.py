@@ -138,6 +138,16 @@ def test_ctrl_c_leaves_what_was_computed(folder: Path, capsys: pytest.CaptureFix
     assert "interrupted" in capsys.readouterr().err
 
 
+def test_without_matplotlib_the_run_is_told_and_the_picture_is_missed(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
+    assert main(["run", "flip", "--steps", "3", "--plot"]) == 1
+    printed, complained = capsys.readouterr()
+    assert "Casimir 1" in printed and 'pip install "liemech[plot]"' in complained
+
+
 # ---------------------------------------------------------------- files
 
 
@@ -175,8 +185,8 @@ def test_scene_files_may_be_adaptive_tilted_and_nested(folder: Path, capsys: pyt
         ("steps = 20", "", "[run]: give h and steps"),
         ('"RigidBody"', '"RigidBodies"', "'RigidBodies' is no System; there are"),
         ('"RigidBody"', '"RKMK"', "'RKMK' is no System"),
-        ('"Cayley()"', '"Kayley()"', "[method]: retraction: 'Kayley' is no Record"),
-        ('"Cayley()"', '"__import__(1)"', "is no Record"),
+        ('"Cayley()"', '"Kayley()"', "[method]: retraction: 'Kayley' is no class of the library; there is Cayley"),
+        ('"Cayley()"', '"__import__(1)"', "is no class of the library"),
         ("mu = [0.5, 0.0, 0.8]", "mu = [0.5, 0.0]", "[start]: RigidBody.state: mu has shape (2,)"),
         ("mu = [0.5", "nu = [0.5", "[start]: 'nu' is no key of the start; allowed are mu, g"),
         ('"identity"', '"unity"', '[start]: g is "identity"'),
@@ -204,6 +214,7 @@ def test_what_does_not_exist_is_named_with_what_does(folder: Path, capsys: pytes
     assert "RKMK has no 'ordr'; allowed are order" in refused(capsys, "run", "flip", "--method", "RKMK(ordr=4)")
     assert "is no Method; there are RKMK" in refused(capsys, "run", "flip", "--method", "Kepler")
     assert "accepts" in refused(capsys, "run", "kepler", "--method", "CovariantVariational")
+    assert "is no class of the library; there is RigidBody" in refused(capsys, "check", "RigidBoby")
     assert "no module 'nowhere'" in refused(capsys, "check", "nowhere:Group")
     assert "is no run saved by liemech" in refused(capsys, "view", "gone.npz")
     (folder / "other.npz").write_bytes(b"PK")
@@ -297,6 +308,11 @@ def test_check_and_bench_take_what_a_user_wrote(folder: Path, capsys: pytest.Cap
         assert main(["bench", "own_things:system", *words]) == 0
         told = json.loads(capsys.readouterr().out)
         assert told["order"] == pytest.approx(4.0, abs=0.25) and told["ns per step"] > 0.0 and told["parts"] == ["mu"]
+        from own_things import system  # type: ignore[import-not-found]
+
+        run = lm.integrate(system, lm.RKMK(order=4), system.state([0.1, 1.0, 0.0]), h=0.1, steps=3)
+        archive.save(run, folder / "own.npz")
+        assert archive.load(folder / "own.npz")[0].system == system
         assert "is no state" in refused(capsys, "bench", "own_things:system", "--start", "own_things:system")
     finally:
         sys.modules.pop("own_things", None)
