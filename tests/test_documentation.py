@@ -24,7 +24,7 @@ LANGUAGES = {"python", "python no-run", "sh", "bash", "text", "toml", "math", "j
 
 COMPILED = {
     *("README", "native", "your_own_group", "long_runs", "bodies_in_fields", "hamilton_jacobi", "classical_hamilton_jacobi"),
-    *("symplectic_methods", "ensemble", "double_pendulum", "ensemble_in_the_browser"),
+    *("symplectic_methods", "ensemble", "double_pendulum", "ensemble_in_the_browser", "chaos_in_a_galaxy"),
 }
 """Pages and examples about native code, or too long without it."""
 
