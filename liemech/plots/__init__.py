@@ -14,7 +14,6 @@ from .cloud import cloud
 from .components import components
 from .energy_curves import energy_levels, principal_moments, separatrix
 from .figure_one import Panel, figure_one
-from .globe import MOST_DOTS
 from .invariants import drift, invariants
 from .orders import order_of, orders, work_precision
 from .path import path
@@ -23,7 +22,7 @@ from .poincare import poincare_section, section
 from .polhode import herpolhode, herpolhode_points, polhode
 from .projection import VIEW, split_at_horizon, view_frame
 from .sphere import momentum_sphere
-from .style import COLORS, save
+from .style import COLORS, MOST_DOTS, save
 from .vertical import vertical
 
 __all__ = [

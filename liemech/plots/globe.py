@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InvalidInput
 from .projection import split_at_horizon, view_frame
-from .style import INK, new_figure, require_matplotlib, thinned
+from .style import INK, MOST_DOTS, new_figure, require_matplotlib, thinned
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -28,7 +28,6 @@ LAST = {"linestyle": "none", "marker": "o", "markersize": 7.0, "markeredgecolor"
 RING = {"linestyle": "none", "marker": "o", "markersize": 9.5, "color": "none", "markeredgecolor": INK}
 LIMB = "#8b93a1"
 ARROW, NAME = 1.25, 0.10  # length of the body axes in radii, and how far beyond the tip their name stands
-MOST_DOTS = 4000  # more numerical points than this are thinned evenly: nobody could tell them apart
 
 
 def globe(
@@ -105,7 +104,7 @@ def dots(ax: Axes, points: Array, color: Any, marker: str, label: str | None) ->
     from matplotlib.colors import to_rgb, to_rgba_array
 
     if len(points) > MOST_DOTS:
-        kept = thinned(len(points), MOST_DOTS)
+        kept = thinned(len(points))
         points, color = points[kept], color if isinstance(color, str) else color[kept]
     size = float(np.clip(46.0 / np.sqrt(len(points)), 2.0, 4.2))
     ahead = points[:, 2] >= 0.0

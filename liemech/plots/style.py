@@ -27,7 +27,7 @@ DASHES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)), (0, (1, 1)))
 SCALE = "cividis"
 """Matplotlib's scale of colours for numbers: read alike by every kind of colour vision."""
 INK, GREY, GRID = "#1a1a1a", "#5f6672", "#e4e7ec"
-MOST_POINTS = 4000
+MOST_DOTS = 4000
 """More points than this on a curve are thinned evenly: nobody could tell them apart."""
 
 
@@ -110,7 +110,7 @@ def part(run: Any, name: str, where: str) -> NDArray[np.float64]:
     return np.asarray(rows)
 
 
-def thinned(n: int, most: int = MOST_POINTS) -> Any:
+def thinned(n: int, most: int = MOST_DOTS) -> Any:
     """Which of n samples are drawn: all, or `most`, evenly chosen, the first and the last among them."""
     return slice(None) if n <= most else np.unique(np.linspace(0, n - 1, most).round().astype(int))
 
