@@ -77,16 +77,17 @@ def _start(system: Any, table: Mapping[str, Any], where: str) -> Any:
     given = dict(table)
     group: Any = getattr(system, "configurations", getattr(system, "group", None))
     g = given.get("g")
-    if g == "identity":
-        given["g"] = np.array(group.identity())
-    elif isinstance(g, Mapping):
-        _strict(g, ("exp",), f"{where}: g", "g")
-        given["g"] = np.array(group.exp(np.array(g.get("exp"), dtype=float)))
-    elif isinstance(g, str):
+    if isinstance(g, str) and g != "identity":
         raise lm.errors.InvalidInput(f'{where}: g is "identity", {{ exp = [...] }}, or an element as rows; got {g!r}')
+    if isinstance(g, Mapping):
+        _strict(g, ("exp",), f"{where}: g", "g")
     try:
+        if g == "identity":
+            given["g"] = np.array(group.identity())
+        elif isinstance(g, Mapping):
+            given["g"] = np.array(group.exp(np.array(g.get("exp"), dtype=float)))
         return system.state(**given)
-    except (lm.errors.LiemechError, TypeError) as wrong:
+    except (lm.errors.LiemechError, TypeError, ValueError) as wrong:
         raise lm.errors.InvalidInput(f"{where}: {wrong}") from None
 
 
