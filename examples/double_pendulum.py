@@ -9,9 +9,12 @@ angles = np.radians([50.0, -25.0])
 start = pendulum.state(q=angles, p=pendulum.momentum(angles, [0.0, 0.0]))
 
 # the energy after a few thousand swings
+runs = {}
 for method in lm.HamiltonJacobi(order=4), lm.HamiltonJacobi(order=6), lm.RKMK(order=4), lm.RKMK(order=6):
     run = lm.integrate(pendulum, method, start, h=0.02, steps=100_000, every=100)
+    runs[method.name] = run
     print(f"{method.name:18}", run.drift()["energy"])
+lm.plots.save(lm.plots.drift(runs, title="a double pendulum").figure, "double_pendulum.png", dpi=110)
 
 # thrown higher it is chaotic: twenty pendulums a millionth of a degree apart, and when they are ten degrees apart
 high = np.radians([120.0, -30.0])

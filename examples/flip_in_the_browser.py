@@ -15,3 +15,4 @@ exact = lm.viewer.Motion(body, t, body.exact(start, t))  # closed form: no steps
 scene = lm.viewer.Scene(exact, title="Dzhanibekov's flip", seconds=15.0)
 page = scene.save("flip.html")  # scene.show() would open it
 print(f"{page}: two periods of {body.period(start):.2f} s, four flips, {page.stat().st_size / 1e6:.2f} MB")
+lm.plots.save(lm.plots.plot(exact).figure, "flip_in_the_browser.png", dpi=110)

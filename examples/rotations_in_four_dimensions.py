@@ -27,3 +27,4 @@ for name, value in (
 left_and_right = np.stack([a + f, b - e, c + d]), np.stack([a - f, b + e, c - d])
 lengths = [np.linalg.norm(three, axis=0) for three in left_and_right]
 print("so(4) is so(3) twice; the lengths of its halves:", *[f"{x[0]:.6f} +- {np.ptp(x):.0e}" for x in lengths])
+lm.plots.save(lm.plots.invariants(run, title="a body in four dimensions").figure, "rotations_in_four_dimensions.png", dpi=110)

@@ -30,8 +30,9 @@ class ThreeRotations(lm.Method):
 
 body = lm.RigidBody([1.0, 1.5, 2.0])
 start = body.state(mu=[0.5, 0.0, 0.75**0.5], g=np.eye(3))
-errors = []
-for steps in 100, 200, 400, 800:
-    run = lm.integrate(body, ThreeRotations(), start, h=20.0 / steps, steps=steps)
+steps, errors = np.array([100, 200, 400, 800]), []
+for n in steps:
+    run = lm.integrate(body, ThreeRotations(), start, h=20.0 / n, steps=int(n))
     errors.append(np.abs(run.mu[-1] - body.exact(start, 20.0).mu).max())
 print("observed orders", np.round(np.log2(np.divide(errors[:-1], errors[1:])), 2))
+lm.plots.save(lm.plots.orders(20.0 / steps, {"five rotations": errors}).figure, "three_rotations.png", dpi=110)

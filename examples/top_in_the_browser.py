@@ -18,3 +18,5 @@ for name, precession in ("let go at rest: cusps", 0.0), ("pushed forwards: waves
     scene.add(run, show=("body", "nose"), name=name)
 
 print(scene.save("top.html"))
+ax = lm.plots.vertical(run, title="the vertical, seen from the top")
+lm.plots.save(ax.figure, "top_in_the_browser.png", dpi=110)

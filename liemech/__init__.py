@@ -299,6 +299,7 @@ __all__ = [
     "mat",
     "norm",
     "outer",
+    "plots",
     "record",
     "sum",
     "tableaus",

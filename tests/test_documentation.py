@@ -19,10 +19,11 @@ ROOT = Path(__file__).parent.parent
 PAGES = [page for page in [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))] if page.exists()]
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 
-LANGUAGES = {"python", "python no-run", "sh", "bash", "text", "math", "json", "bibtex"}
+LANGUAGES = {"python", "python no-run", "sh", "bash", "text", "toml", "math", "json", "bibtex"}
 """Every fence says what it holds, so that no program hides from this test behind a misspelt tag."""
 
 COMPILED = {
+    "chaos_in_a_galaxy",
     *("README", "native", "your_own_group", "long_runs", "bodies_in_fields", "hamilton_jacobi", "classical_hamilton_jacobi"),
     *("symplectic_methods", "ensemble", "double_pendulum", "ensemble_in_the_browser"),
 }

@@ -12,13 +12,16 @@ import numpy as np
 import pytest
 
 import liemech as lm
-from liemech.__main__ import count, duration, main, number, short
+from liemech.command_line.main import main
+from liemech.command_line.numbers import duration, short
+from liemech.command_line.options import count, number
 
 # After 200 steps of h = 0.5 of the reference body: momentum error, energy error, from runs in 45 digits.
 EXPECTED = {
     "RKMK4": (4.4e-2, -1.7e-3),
     "Algorithm 1, Cayley": (1.3, -2.3e-3),
     "Algorithm 1, exp": (8.5e-2, -8.9e-4),
+    "Hamilton-Jacobi 4": (2.5e-3, -2.3e-5),
 }
 
 

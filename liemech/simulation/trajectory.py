@@ -18,6 +18,7 @@ from .drift import Drift
 from .stopped import Stop, Stopped
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from scipy.spatial.transform import Rotation
 
     from ..integrators.method import Method
@@ -209,6 +210,12 @@ class Trajectory:
         from ..viewer import Scene
 
         return Scene(self, show)
+
+    def plot(self, ax: Any = None) -> Axes:
+        """The picture that tells most about the run, on Matplotlib axes: the given ones, or new ones.  More are in `lm.plots`."""
+        from ..plots import plot
+
+        return plot(self, ax=ax)
 
     def drift(self) -> Drift:
         """How well the constants of the motion were kept: bounded or drifting, and how fast."""

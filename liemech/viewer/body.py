@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from ..errors import InvalidInput
 from ..models.heavy_top import HeavyTop, ReducedHeavyTop
+from ..models.poses import attitude, configurations, flies, is_pose, place, rotated
 from ..models.space_bodies import OrbitingBody
 from ..systems.system import System
 from .content import Content, refuse
 from .drawing import Drawing, toward
 from .motion import Motion
-from .poses import attitude, configurations, flies, is_pose, place, rotated
 from .shapes import ball, box, box_edges, mesh_file, mixed, rod, turned
 from .vectors import AXES, axis_of
 

@@ -6,11 +6,11 @@ from typing import Any
 
 from ..errors import InvalidInput
 from ..models.heavy_top import HeavyTop, ReducedHeavyTop
+from ..models.poses import configurations, flies, is_pose, turns
 from ..systems.canonical import HamiltonianSystem
 from .body import Body, Path
 from .content import Content
 from .points import Points
-from .poses import configurations, flies, is_pose, turns
 from .vectors import Momentum, Nose, SpatialMomentum, Vertical
 
 KNOWN: dict[str, type[Content]] = {

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ..errors import InvalidInput
 from ..models.kepler import Kepler
 from ..models.pendulums import DoublePendulum, Pendulum
+from ..models.poses import places
 from ..systems.canonical import HamiltonianSystem
 from ..systems.system import System
 from .content import Content, refuse
@@ -85,19 +86,6 @@ class Points(Content):
         q, p = motion["q"], motion["p"]
         points = _given(self.places(q, p), len(q)) if self.places is not None else places(motion.system, q, p)
         return points if points.shape[2] == 3 else np.insert(points, 1, 0.0, axis=2)
-
-
-def places(system: Any, q: Array, p: Array) -> Array:
-    """The points of a canonical system, (n, m, 2) or (n, m, 3)."""
-    if isinstance(system, Pendulum):
-        return system.length * _hanging(q)
-    if isinstance(system, DoublePendulum):
-        return np.cumsum(np.array(system.lengths)[:, None] * _hanging(q), axis=1)
-    return np.stack([q, p], axis=-1) if q.shape[1] == 1 else q[:, None]
-
-
-def _hanging(angles: Array) -> Array:
-    return np.stack([np.sin(angles), -np.cos(angles)], axis=-1)
 
 
 def _given(points: Any, n: int) -> Array:

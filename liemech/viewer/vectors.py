@@ -10,15 +10,15 @@ from numpy.typing import NDArray
 
 from ..errors import InvalidInput
 from ..models.heavy_top import HeavyTop, ReducedHeavyTop
+from ..models.poses import attitude, configurations, is_pose, rotated, turns
 from ..models.rigid_body import RigidBody
 from ..plots import energy_levels, separatrix
+from ..plots.contours import contours
 from ..systems.lie_poisson import LiePoissonSystem
 from ..systems.system import System
 from .content import Content, refuse
 from .drawing import Drawing
-from .levels import contours
 from .motion import Motion
-from .poses import attitude, configurations, is_pose, rotated, turns
 from .shapes import arrow, ball, chained, dots, rgb, rod, segments, tube
 
 Array = NDArray[np.float64]

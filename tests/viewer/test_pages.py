@@ -17,14 +17,14 @@ from scipy.spatial.transform import Rotation
 
 import liemech as lm
 import liemech.viewer.page as page_module
-from liemech.__main__ import main
+from liemech.command_line.main import main
 from liemech.errors import InvalidInput, InvalidType, MissingExtra
+from liemech.models.poses import quaternions, rotated
+from liemech.plots.contours import contours, sphere
 from liemech.viewer import Body, Momentum, Motion, Points, Scene, animate
 from liemech.viewer.body import box_of_inertia
 from liemech.viewer.drawing import carried, rotation, toward
-from liemech.viewer.levels import contours, sphere
 from liemech.viewer.page import described
-from liemech.viewer.poses import quaternions, rotated
 from liemech.viewer.shapes import frames, tube
 
 needs_meshcat = pytest.mark.skipif(importlib.util.find_spec("meshcat") is None, reason="needs meshcat's page (the extra viewer)")

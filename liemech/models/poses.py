@@ -1,4 +1,4 @@
-"""Where a body is and how it is turned, read from the elements of its group."""
+"""Where a body is and how it is turned, read from the elements of its group; where the points of canonical systems are."""
 
 from __future__ import annotations
 
@@ -16,8 +16,9 @@ from ..groups.se3 import SE3
 from ..groups.so3 import SO3
 from ..groups.unit_quaternions import UnitQuaternions
 from ..groups.vector_space import VectorSpace
-from ..models.heavy_top import ReducedHeavyTop
 from ..systems.mechanical import MechanicalSystem
+from .heavy_top import ReducedHeavyTop
+from .pendulums import DoublePendulum, Pendulum
 
 Array = NDArray[np.float64]
 
@@ -66,6 +67,20 @@ def place(system: Any, g: Array) -> Array:
     if isinstance(group, ProductGroup):
         return g[:, 9:]
     return np.column_stack([g[:, :2, 2], np.zeros(len(g))]) if isinstance(group, SE2) else g[:, :3, 3]
+
+
+def places(system: Any, q: Array, p: Array) -> Array:
+    """The points of a canonical system, (..., m, 2) or (..., m, 3): pendulums hang, other positions are a point, and with one
+    degree of freedom position and momentum are one.  q, p : (..., degrees)."""
+    if isinstance(system, Pendulum):
+        return system.length * _hanging(q)
+    if isinstance(system, DoublePendulum):
+        return np.cumsum(np.array(system.lengths)[:, None] * _hanging(q), axis=-2)
+    return np.stack([q, p], axis=-1) if q.shape[-1] == 1 else q[..., None, :]
+
+
+def _hanging(angles: Array) -> Array:
+    return np.stack([np.sin(angles), -np.cos(angles)], axis=-1)
 
 
 def _turning_and_moving(group: ProductGroup) -> bool:

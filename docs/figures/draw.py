@@ -1,0 +1,108 @@
+"""Draw the pictures of the pages anew, of the main job and of every example that draws one, and write the gallery.
+
+    python docs/figures/draw.py [NAME ...]         # all of them, or only some; `gallery` alone draws nothing
+
+Each program runs in an empty folder; its PNGs come here, with 256 colours, at a quarter of their size. Moving pictures and those of
+the benchmarks are made elsewhere.
+"""
+
+import argparse
+import ast
+import os
+import re
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+HERE = Path(__file__).parent
+ROOT = HERE.parent.parent
+WIDEST = 1600  # pixels
+STRONG = 40  # between the largest and the smallest of red, green and blue, of 255
+
+
+SECTIONS = {
+    "Bodies that turn freely": (
+        *("energy_drift", "tennis_racket", "poinsot", "ensemble", "order_of_methods", "three_rotations", "open_question"),
+    ),
+    "Tops and bodies of one's own": ("heavy_top", "gyrostat", "rotations_in_four_dimensions", "heisenberg", "magnetic_moment"),
+    "Positions and momenta": ("pendulums", "double_pendulum", "chaos_in_a_galaxy"),
+    "In the browser": ("flip_in_the_browser", "top_in_the_browser", "ensemble_in_the_browser"),
+}
+"""The examples as the gallery has them; those that are not here come at the end."""
+
+HEAD = """# Gallery
+
+One idea per example; each ends with a number and a picture. `python docs/figures/draw.py` draws all of them anew, and writes
+this page.
+"""
+TAIL = """
+The page of the flip, as it moves:
+
+![A body turns over while its momentum stands still](figures/flip.gif)
+"""
+
+
+def gallery(examples: list[str]) -> str:
+    """The page: of every example the first sentence, and the pictures its code names, as far as they are drawn."""
+    listed = {name for names in SECTIONS.values() for name in names}
+    more = tuple(name for name in examples if name not in listed)
+    text = HEAD
+    for head, names in (SECTIONS | ({"More": more} if more else {})).items():
+        text += f"\n## {head}\n"
+        for name in (name for name in names if name in examples):
+            code = (ROOT / "examples" / f"{name}.py").read_text(encoding="utf-8")
+            about = " ".join((ast.get_docstring(ast.parse(code)) or "").split("\n\n")[0].split())
+            about = re.sub(r"docs/([\w/]+\.md)", r"[\1](\1)", about)
+            text += f"\n**[{name}](../examples/{name}.py)** {about}\n"
+            pictures = [p for p in re.findall(r'"(\w+\.png)"', code) if (HERE / p).exists()]
+            if pictures:
+                text += "\n" + " ".join(f"![{name.replace('_', ' ')}](figures/{p})" for p in pictures) + "\n"
+    return text + TAIL
+
+
+def reduced(image: Image.Image) -> Image.Image:
+    """The picture with 256 colours: a share of them for the strong ones, which are few beside the shades of a sphere."""
+    pixels = np.asarray(image).reshape(-1, 3)
+    strong = pixels[np.ptp(pixels.astype(int), axis=1) > STRONG]
+    shares = [(pixels, 191), (strong, 64)] if len(strong) else [(pixels, 255)]
+    colors = [255, 255, 255]  # paper stays white
+    for some, share in shares:
+        part = Image.fromarray(some[None]).quantize(share, dither=Image.Dither.NONE)
+        colors += (part.getpalette() or [])[: 3 * share]
+    palette = Image.new("P", (1, 1))
+    palette.putpalette(colors)
+    found = np.array(image.quantize(palette=palette, dither=Image.Dither.NONE))
+    found[(np.asarray(image) == 255).all(axis=2)] = 0  # Pillow looks for neighbours in a coarse grid of colours
+    picture = Image.frombytes("P", image.size, found.tobytes())
+    picture.putpalette(colors)
+    return picture
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    examples = {path.stem: [str(path)] for path in sorted((ROOT / "examples").glob("*.py"))}
+    programs = {"main_job": ["-m", "liemech"]} | examples
+    parser.add_argument("names", nargs="*", metavar="NAME", help=f"of {', '.join(programs)}; all of them if left out")
+    wanted = parser.parse_args().names or list(programs)
+    for name in wanted:
+        if name == "gallery":
+            continue
+        if name not in programs:
+            parser.error(f"{name!r} is neither gallery nor one of {', '.join(programs)}")
+        with tempfile.TemporaryDirectory() as folder:
+            paths = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
+            subprocess.run([sys.executable, *programs[name]], cwd=folder, check=True, env=os.environ | {"PYTHONPATH": paths})
+            for picture in sorted(Path(folder).glob("*.png")):
+                image = Image.open(picture).convert("RGB")
+                image.thumbnail((WIDEST, WIDEST))
+                reduced(image).save(HERE / picture.name, optimize=True)
+                print(f"{picture.name}: {(HERE / picture.name).stat().st_size / 1e3:.0f} kB")
+    (ROOT / "docs" / "gallery.md").write_text(gallery(list(examples)), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""The command line: the main job, scenes and their files, lists, checks, measurements, saved runs."""

@@ -1,0 +1,70 @@
+"""`liemech check module:Class`: does a class obey its laws?"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+import liemech as lm
+
+from .constructors import read
+from .options import Parser
+
+GROUPS = (lm.SO3(), lm.SE3())
+"""Where a retraction is checked."""
+
+
+def check(arguments: Sequence[str]) -> int:
+    """The command.  Returns the exit status: 0, 1 if a law is broken."""
+    parser = Parser(
+        prog="liemech check",
+        description="Check the laws of a group, a retraction or a system, or the claims of a method, and print a table.",
+        epilog="liemech check my_module:Heisenberg    liemech check 'RigidBody([1.0, 2.0, 2.5])'    liemech check 'RKMK(order=5)'",
+    )
+    parser.add_argument("what", metavar="module:Class", help="a class of yours, with or without arguments, or one of the library")
+    parser.add_argument("--json", action="store_true", help="print the verdicts as JSON")
+    options = parser.parse_args(arguments)
+    try:
+        reports = _reports(read(options.what, lm.Record, "argument module:Class"))
+    except lm.errors.LiemechError as wrong:
+        parser.error(str(wrong))
+    if options.json:
+        print(json.dumps([{"subject": r.subject, "laws": {f.law: f.verdict for f in r.findings}} for r in reports]))
+    else:
+        print(*reports, sep="\n\n")
+    return int(any(report.broken for report in reports))
+
+
+def _reports(thing: Any) -> list[Any]:
+    """What there is to say of an object."""
+    if isinstance(thing, lm.LieGroup):
+        return [lm.check_group(thing, raises=False)]
+    if isinstance(thing, lm.Retraction):
+        return [lm.check_retraction(thing, group, raises=False) for group in GROUPS]
+    if isinstance(thing, lm.System):
+        return [lm.check_system(thing, raises=False)]
+    if isinstance(thing, lm.Method):
+        for system, start in _problems():
+            try:
+                thing.require(system)
+            except lm.errors.IncompatibleSystem:
+                continue
+            return [lm.check_method(thing, system, start, raises=False)]
+        raise lm.errors.InvalidInput(f"{thing!r} accepts none of the systems tried here; call lm.check_method with one of yours")
+    raise lm.errors.InvalidInput(f"{thing!r} is neither a group, a retraction, a system nor a method")
+
+
+def _problems() -> list[tuple[Any, Any]]:
+    """Systems on which a method can be checked: a free body, a top, a planet."""
+    models: Any = lm  # type checkers take fields that a model derives for arguments
+    body, planet = models.RigidBody([1.0, 1.5, 2.0]), models.Kepler()
+    top = models.HeavyTop([1.0, 1.5, 0.7], 1.3, [0.6, 0.0, 0.8])
+    return [
+        (body, body.state([0.5, 0.3, 0.8], np.eye(3))),
+        (body, body.state([0.5, 0.3, 0.8])),
+        (top, top.state([0.3, 0.6, 1.1], np.eye(3))),
+        (planet, planet.pericentre(0.3)),
+    ]

@@ -1,0 +1,145 @@
+"""Systems and methods from text: `RKMK(order=4)`, `HeavyTop([1.0, 1.5, 0.7], 1.3, centre=[0.6, 0.0, 0.8])`.
+
+Only public classes of the library, or of a module that is named, are called, with numbers, lists and each other; nothing else is
+evaluated.
+"""
+
+from __future__ import annotations
+
+import ast
+import difflib
+import inspect
+import math
+import sys
+from collections.abc import Mapping
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+
+import liemech as lm
+
+
+def read(text: str, kind: type, where: str) -> Any:
+    """The object that a text describes, of some kind: `RKMK(order=4)`, `Cayley`, `my_module:Gyrostat(0.3)`.
+
+    Raises InvalidInput, which says where, what is wrong, and what is allowed.
+    """
+    module, _, rest = text.rpartition(":") if ":" in text.partition("(")[0] else ("", "", text)
+    try:
+        tree = ast.parse(rest.strip(), mode="eval").body
+    except SyntaxError as wrong:
+        raise lm.errors.InvalidInput(f"{where}: {text!r} cannot be read, {wrong.msg}; write it as RKMK(order=4)") from None
+    found = _value(tree, kind, where, [imported(module, where)] if module else [])
+    if isinstance(found, type):
+        found = _call(found, (), {}, where)
+    if not isinstance(found, kind):
+        raise lm.errors.InvalidInput(f"{where}: {text!r} is no {_known(kind)}{_instead(text, kind)}")
+    return found
+
+
+def build(name: Any, arguments: Mapping[str, Any], kind: type, where: str) -> Any:
+    """An object of a class by its name, with arguments by theirs; text among them is read in its turn."""
+    if not isinstance(name, str):
+        raise lm.errors.InvalidInput(f"{where}: name must be a text such as {names(kind)[0]!r}; got {name!r}")
+    module, _, rest = name.rpartition(":")
+    cls = _public(rest, kind, where, [imported(module, where)] if module else [])
+    return _call(cls, (), {key: _argument(value, f"{where}: {key}") for key, value in arguments.items()}, where)
+
+
+def imported(module: str, where: str) -> Any:
+    """A module of the user's, from the folder where the command runs or from wherever Python finds it."""
+    if "" not in sys.path:
+        sys.path.insert(0, "")
+    try:
+        return import_module(module)
+    except ModuleNotFoundError as missing:
+        if missing.name == module.partition(".")[0] or missing.name == module:
+            raise lm.errors.InvalidInput(f"{where}: there is no module {module!r} here") from None
+        raise
+
+
+def names(kind: type) -> list[str]:
+    """The public classes of a kind."""
+    found = ((name, getattr(lm, name)) for name in lm.__all__)
+    return [name for name, thing in found if isinstance(thing, type) and issubclass(thing, kind) and thing is not kind]
+
+
+def _argument(value: Any, where: str) -> Any:
+    """A value of a file: numbers and lists as they are, text and tables as objects."""
+    if isinstance(value, str):
+        return read(value, lm.Record, where)
+    if isinstance(value, Mapping):
+        return build(value.get("name"), {k: v for k, v in value.items() if k != "name"}, lm.Record, where)
+    return value
+
+
+def _value(node: ast.AST, kind: type, where: str, modules: list[Any]) -> Any:
+    """A node of the text, as the number, list or object it is."""
+    if isinstance(node, ast.Constant) and isinstance(node.value, (int, float, str, bool, type(None))):
+        return node.value
+    if isinstance(node, ast.UnaryOp) and isinstance(node.op, (ast.USub, ast.UAdd)):
+        value = _value(node.operand, kind, where, modules)
+        return -value if isinstance(node.op, ast.USub) else value
+    if isinstance(node, ast.BinOp) and isinstance(node.op, (ast.Div, ast.Mult)):
+        left, right = (_value(side, kind, where, modules) for side in (node.left, node.right))
+        if all(isinstance(side, (int, float)) for side in (left, right)) and (right or isinstance(node.op, ast.Mult)):
+            return left / right if isinstance(node.op, ast.Div) else left * right
+    if isinstance(node, (ast.List, ast.Tuple)):
+        return [_value(item, kind, where, modules) for item in node.elts]
+    if isinstance(node, ast.Name):
+        if node.id in ("inf", "pi"):
+            return getattr(math, node.id)
+        return _public(node.id, kind, where, modules)
+    if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
+        values = [_value(argument, lm.Record, where, modules) for argument in node.args]
+        if node.func.id == "array":  # as NumPy prints one
+            return np.array(*values)
+        cls = _public(node.func.id, kind, where, modules)
+        options = {k.arg: _value(k.value, lm.Record, where, modules) for k in node.keywords if k.arg}
+        return _call(cls, [_made(v, where) for v in values], {k: _made(v, where) for k, v in options.items()}, where)
+    raise lm.errors.InvalidInput(f"{where}: {ast.unparse(node)!r} is neither a number, a list, nor a class of the library")
+
+
+def _made(value: Any, where: str) -> Any:
+    """An argument; of a class without brackets the object."""
+    return _call(value, (), {}, where) if isinstance(value, type) else value
+
+
+def _public(name: str, kind: type, where: str, modules: list[Any]) -> Any:
+    """What modules of the user's have under a name, or a public class of the library."""
+    found = next((getattr(module, name) for module in modules if hasattr(module, name)), None)
+    if found is None and name in lm.__all__:
+        found = getattr(lm, name)
+    if found is not None and (not isinstance(found, type) or issubclass(found, (kind, lm.Vec, lm.Mat))):
+        return found
+    there = f" in {modules[0].__name__}" if modules else ""
+    raise lm.errors.InvalidInput(f"{where}: {name!r} is no {_known(kind)}{there}{_instead(name, kind)}")
+
+
+def _known(kind: type) -> str:
+    return "class of the library" if kind is lm.Record else kind.__name__
+
+
+def _instead(name: str, kind: type) -> str:
+    """What there is: all of a kind, or of everything what is written alike."""
+    if kind is not lm.Record:
+        return f"; there are {', '.join(names(kind))}"
+    alike = difflib.get_close_matches(name, names(kind), 3)
+    return f"; there is {' or '.join(alike)}" if alike else ""
+
+
+def _call(cls: Any, values: Any, options: Mapping[str, Any], where: str) -> Any:
+    """An object; what its class says of wrong arguments begins with the place."""
+    if not callable(cls):
+        return cls
+    allowed = list(inspect.signature(cls).parameters)
+    for key in options:
+        if key not in allowed and cls not in (lm.Vec, lm.Mat):
+            raise lm.errors.InvalidInput(f"{where}: {cls.__name__} has no {key!r}; allowed are {', '.join(allowed)}")
+    try:
+        return cls(*values, **options)
+    except lm.errors.LiemechError as wrong:
+        raise lm.errors.InvalidInput(f"{where}: {wrong}") from None
+    except TypeError as wrong:
+        raise lm.errors.InvalidInput(f"{where}: {wrong}; {cls.__name__}{inspect.signature(cls)}") from None

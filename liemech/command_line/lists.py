@@ -1,0 +1,78 @@
+"""`liemech scenes` and `liemech methods`: what there is."""
+
+from __future__ import annotations
+
+import inspect
+import json
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import liemech as lm
+
+from .constructors import names
+from .options import Parser
+from .scenes import SCENES
+
+EXAMPLES = {"Composition": "Composition(CovariantVariational(), order=4)"}
+"""What stands for methods that need another one."""
+
+
+def scenes(arguments: Sequence[str]) -> int:
+    """The command."""
+    as_json = _as_json(arguments, "scenes", "List the scenes for `liemech run`.")
+    rows = []
+    for name, function in SCENES.items():
+        scene = function()
+        row = {"scene": name, "about": _sentence(function), "system": type(scene.system).__name__, "method": repr(scene.method)}
+        rows.append(row)
+    print(json.dumps(rows) if as_json else "\n".join(f"{r['scene']:<17}{r['about']}" for r in rows))
+    return 0
+
+
+def methods(arguments: Sequence[str]) -> int:
+    """The command."""
+    rows = method_rows()
+    if _as_json(arguments, "methods", "List the methods: order, whether symmetric and symplectic."):
+        print(json.dumps(rows))
+        return 0
+    lines = [f"{'method':<26}{'order':<7}{'symmetric':<11}{'symplectic':<12}what it is"]
+    for r in rows:
+        order = "exact" if r["order"] is None else str(r["order"])
+        marks = ("yes" if r[claim] else "-" for claim in ("symmetric", "symplectic"))
+        symmetric, symplectic = marks
+        lines.append(f"{r['method']:<26}{order:<7}{symmetric:<11}{symplectic:<12}{r['about']}")
+    lines.append("The order is that of the default; most take another as order=...; docs/index.md says which to use.")
+    print("\n".join(lines))
+    return 0
+
+
+def method_rows() -> list[dict[str, Any]]:
+    """Name, order (None if exact), symmetric, symplectic and a sentence for every public method that can be made without a run."""
+    from .constructors import read
+
+    rows = []
+    for name in names(lm.Method):
+        cls = getattr(lm, name)
+        needed = [p for p in inspect.signature(cls).parameters.values() if p.default is p.empty]
+        if needed and name not in EXAMPLES:
+            continue  # made from a body and a step, such as ExactMoserVeselov
+        method = read(EXAMPLES.get(name, name), lm.Method, name)
+        order = None if math.isinf(method.order) else method.order
+        rows.append(
+            {"method": name, "order": order, "symmetric": bool(method.symmetric), "symplectic": bool(method.symplectic)}
+            | {"about": _sentence(cls)}
+        )
+    return rows
+
+
+def _sentence(thing: Any) -> str:
+    """The first sentence of a docstring, in one line."""
+    text = " ".join((inspect.getdoc(thing) or "").split("\n\n")[0].split())
+    return text if len(text) <= 90 else text[:87].rpartition(" ")[0] + " ..."
+
+
+def _as_json(arguments: Sequence[str], name: str, description: str) -> bool:
+    parser = Parser(prog=f"liemech {name}", description=description)
+    parser.add_argument("--json", action="store_true", help="as JSON")
+    return bool(parser.parse_args(arguments).json)

@@ -1,0 +1,16 @@
+"""Numbers as people read them."""
+
+from __future__ import annotations
+
+
+def short(x: float) -> str:
+    """Two digits, in few characters."""
+    if x == 0.0 or 0.1 <= abs(x) < 1000.0:
+        return f"{x:.2g}" if abs(x) < 100.0 else f"{x:.0f}"
+    digits, exponent = f"{x:.1e}".split("e")
+    return f"{digits}e{int(exponent)}"
+
+
+def duration(seconds: float) -> str:
+    unit, size = next(((u, s) for u, s in (("s", 1.0), ("ms", 1e-3), ("us", 1e-6)) if seconds >= s), ("ns", 1e-9))
+    return f"{seconds / size:.3g} {unit}"

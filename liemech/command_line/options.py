@@ -1,0 +1,73 @@
+"""What the options of all commands share: how they complain, and how numbers are read."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import NoReturn
+
+MOST_STEPS = 10**12  # more would take days, however fast they are
+
+
+class Parser(argparse.ArgumentParser):
+    """Bad options get one line and exit status 2; -1/2 and -1e-3 are numbers."""
+
+    def __init__(self, *arguments: object, **options: object) -> None:
+        super().__init__(*arguments, **options)  # type: ignore[arg-type]
+        self._negative_number_matcher = re.compile(r"-[.\d]")  # or -1/2 and -1e-3 would be taken for options
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(2, f"{self.prog}: {message} (--help explains)\n")
+
+
+def number(text: str) -> float:
+    """A finite number, also written as a fraction."""
+    above, _, below = text.partition("/")
+    try:
+        value = float(above) / float(below or 1)
+    except (ValueError, ZeroDivisionError):
+        value = math.nan
+    if not math.isfinite(value):
+        raise argparse.ArgumentTypeError(f"{text!r} is not a finite number, such as 0.5 or 2/3")
+    return value
+
+
+def count(text: str) -> int:
+    """A whole number from 1 on; 1e6 is one."""
+    value = number(text)
+    if value != int(value) or not 1 <= value <= MOST_STEPS:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from 1 to {MOST_STEPS:.0e}")
+    return int(value)
+
+
+def picture(text: str, name: str = "rigid_body.png") -> Path:
+    """The picture to write, in a folder that exists then."""
+    path = Path(text)
+    if not path.suffix or path.is_dir():
+        path = path / name
+    if path.suffix.lower() not in (".png", ".svg", ".pdf"):
+        raise argparse.ArgumentTypeError(f"{text!r} is neither a folder nor a .png, .svg or .pdf file")
+    return writable(path)
+
+
+def writable(path: Path) -> Path:
+    """The same file, in a folder that exists then."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as refused:
+        raise argparse.ArgumentTypeError(f"cannot write there: {refused}") from None
+    return path
+
+
+def output(ending: str) -> Callable[[str], Path]:
+    """A file with this ending, in a folder that exists then."""
+
+    def path(text: str) -> Path:
+        if Path(text).suffix.lower() != ending:
+            raise argparse.ArgumentTypeError(f"{text!r} does not end with {ending}")
+        return writable(Path(text))
+
+    return path

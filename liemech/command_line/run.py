@@ -1,0 +1,167 @@
+"""`liemech run`: follow a scene, tell what was kept, save, draw and show it."""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+import warnings
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import liemech as lm
+
+from .constructors import read
+from .numbers import duration
+from .options import Parser, count, number, output, picture
+from .scene import Scene
+from .scene_file import scene_file
+from .scenes import SCENES
+
+HERE = Path()
+
+
+def run(arguments: Sequence[str]) -> int:
+    """The command.  Returns the exit status: 0, 1 if the run or a file failed, 130 after Ctrl-C."""
+    options, parser = _options(arguments)
+    try:
+        scene = _scene(options)
+        saved, viewed, plotted = (getattr(options, name) is not None for name in ("save", "view", "plot"))
+        record = scene.parts(saved=saved, viewed=viewed, plotted=plotted)
+        every = scene.sampling(saved)
+        if options.explain:
+            print(explained(scene, record, every))
+            return 0
+        begun, status, said = time.perf_counter(), 0, ""
+        with warnings.catch_warnings(record=True) as notes:
+            warnings.simplefilter("always")
+            try:
+                done = scene.run(record, every, False if options.quiet or options.json else None)
+            except (lm.errors.IntegrationFailure, lm.errors.IntegrationInterrupted) as stopped:
+                done = stopped.trajectory
+                status, said = (1, str(stopped)) if isinstance(stopped, lm.errors.IntegrationFailure) else (130, "interrupted")
+        spent = time.perf_counter() - begun
+    except lm.errors.LiemechError as wrong:
+        parser.error(str(wrong))
+    for text in [*(str(note.message) for note in notes), *([said] if said else [])]:
+        print(f"liemech: {text}", file=sys.stderr)
+    if not len(done):
+        return status
+    files, refused = _files(scene, done, options)
+    for text in refused:
+        print(f"liemech: {text}", file=sys.stderr)
+    if options.json:
+        print(json.dumps(_data(options.scene, scene, done, spent, files), allow_nan=False))
+    elif not options.quiet:
+        print(_report(scene, done, spent), *(f"Written: {file}" for file in files), sep="\n")
+    return status or int(bool(refused))
+
+
+def explained(scene: Scene, record: tuple[str, ...], every: int) -> str:
+    """What is computed and what is not, and why."""
+    known = [name for name, x in scene.start.parts.items() if x is not None]
+    essential = [name for name, x in scene.system.essential(scene.start).parts.items() if x is not None]
+    lines = [f"{scene.title}: {scene.system!r}", f"  method        {scene.method!r}"]
+    if scene.t_end is None:
+        assert scene.steps is not None
+        samples = scene.steps // every + 1 + bool(scene.steps % every)
+        lines.append(f"  steps         {scene.steps} of h = {scene.h:g}; {samples} samples are kept")
+    else:
+        lines.append(f"  steps         adaptive, to t = {scene.t_end:g}; every one is kept, and the way between them")
+    for name in known:
+        if name in essential:
+            why = "computed, the motion depends on it"
+        else:
+            why = "computed, it is recorded or shown" if name in record else "not computed, nothing shows it"
+        lines.append(f"  {name:<13} {why}")
+    arrays = {name: np.asarray(x)[None] for name, x in scene.start.arrays.items()}
+    all_constants = list(scene.system.constants(arrays))
+    few = list(scene.system.constants({name: rows for name, rows in arrays.items() if name in record}))
+    lines.append(f"  constants     {', '.join(few) or 'none'}")
+    missing = [name for name in all_constants if name not in few]
+    if missing:
+        lines.append(f"  not told      {', '.join(missing)}: needs what is not computed")
+    return "\n".join(lines)
+
+
+def _scene(options: Any) -> Scene:
+    """The scene that is named, or that of a file, with the changes of the options."""
+    if options.scene in SCENES:
+        scene = SCENES[options.scene]()
+    elif options.scene.endswith(".toml"):
+        scene = scene_file(Path(options.scene))
+    else:
+        raise lm.errors.InvalidInput(f"{options.scene!r} is neither a scene nor a .toml file; there are {', '.join(SCENES)}")
+    method = None if options.method is None else read(options.method, lm.Method, "argument --method")
+    return scene.changed(h=options.h, steps=options.steps, method=method)
+
+
+def _files(scene: Scene, done: lm.Trajectory, options: Any) -> tuple[list[str], list[str]]:
+    """Write what was asked for: the files, and what went wrong."""
+    files: list[str] = []
+    refused: list[str] = []
+    name = Path(options.scene).stem
+
+    def view(path: Path) -> None:
+        first = 0 if done.bodies is not None and isinstance(done.system, lm.HamiltonianSystem) else None  # a page shows one of them
+        lm.viewer.Scene(done, scene.view, title=scene.title, body=first).save(path)
+
+    def plot(path: Path) -> None:
+        lm.plots.save(lm.plots.plot(done, title=scene.title).figure, path)  # type: ignore[arg-type]
+
+    for option, write, ending in ((options.save, done.save, "npz"), (options.view, view, "html"), (options.plot, plot, "png")):
+        if option is None:
+            continue
+        path = Path(f"{name}.{ending}") if option == HERE else option
+        try:
+            write(path)
+            files.append(str(path))
+        except (lm.errors.LiemechError, OSError) as wrong:
+            refused.append(f"{path} is not written: {wrong}")
+    return files, refused
+
+
+def _report(scene: Scene, done: lm.Trajectory, spent: float) -> str:
+    """What was run, and how well the constants were kept."""
+    how = "native code" if done.compiled else "plain Python"
+    steps = f"{done.method!r}, {done.steps} steps to t = {done.t[-1]:g}, {how}, {duration(spent)}"
+    lines = [f"{scene.title}: {scene.system!r}", steps]
+    return "\n".join([*lines, str(done.drift()) if len(done) > 1 else "the start alone; no constants to compare"])
+
+
+def _data(name: str, scene: Scene, done: lm.Trajectory, spent: float, files: list[str]) -> dict[str, Any]:
+    """The same for programs."""
+    kept = done.drift().kept if len(done) > 1 else ()
+    return {
+        "scene": name,
+        "title": scene.title,
+        "system": repr(scene.system),
+        "method": repr(done.method),
+        "steps": done.steps,
+        "h": float(done.h),
+        "samples": len(done),
+        "compiled": done.compiled,
+        "seconds": spent,
+        "last": {"t": float(done.t[-1])} | {part: rows[-1].tolist() for part, rows in done.states.items()},
+        "kept": [{"name": k.name, "verdict": k.verdict, "largest change": k.largest, "measure": k.measure} for k in kept],
+        "files": files,
+    }
+
+
+def _options(arguments: Sequence[str]) -> tuple[Any, Parser]:
+    parser = Parser(prog="liemech run", description="Follow a scene and tell how well its constants were kept.")
+    add = parser.add_argument
+    add("scene", metavar="SCENE", help=f"one of {', '.join(SCENES)}; or a file, scene.toml")
+    add("--h", type=number, metavar="H", help="length of a step")
+    add("--steps", type=count, metavar="N", help="number of steps")
+    add("--method", metavar="METHOD", help='another method, such as "RKMK(order=4)"; `liemech methods` lists them')
+    add("--save", nargs="?", const=HERE, type=output(".npz"), metavar="FILE", help="write the run to FILE, default SCENE.npz")
+    add("--view", nargs="?", const=HERE, type=output(".html"), metavar="FILE", help="write a page for the browser, SCENE.html")
+    add("--plot", nargs="?", const=HERE, type=picture, metavar="FILE", help="draw a picture, SCENE.png (or .svg, .pdf)")
+    add("--explain", action="store_true", help="tell what would be computed and what would not, and stop")
+    add("--quiet", action="store_true", help="print nothing but errors")
+    add("--json", action="store_true", help="print the result as JSON")
+    return parser.parse_args(arguments), parser

@@ -1,0 +1,81 @@
+"""A scene: what moves, by which method, how far, and what of it is wanted; and what follows from that."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import liemech as lm
+
+from ..plots.choice import shown_parts
+
+SAMPLES = 100_000
+"""Of longer runs not every state is kept."""
+FRAMES = 600
+"""Samples that a picture or a page needs."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Scene:
+    """A motion to follow, with steps of one length, or adaptively to `t_end`.
+
+    title : one line.  system, method, start : as in `integrate`, as are h, steps, every, t_end, rtol, atol, t0.
+    every : keep every k-th state; left out, as many as `SAMPLES`, of a scene that is only looked at about `FRAMES`.
+    record : the parts of the state that are kept; left out, what is shown, and what the motion depends on.
+    view : what a page shows, names of `lm.viewer`; left out, what suits the system.
+    """
+
+    title: str
+    system: lm.System
+    method: lm.Method
+    start: lm.State
+    h: float | None = None
+    steps: int | None = None
+    every: int | None = None
+    t_end: float | None = None
+    rtol: float | None = None
+    atol: float | None = None
+    t0: float = 0.0
+    record: tuple[str, ...] | None = None
+    view: tuple[str, ...] | None = None
+
+    def changed(self, **changes: Any) -> Scene:
+        """The same scene with other options; None leaves an option as it is."""
+        given = {name: value for name, value in changes.items() if value is not None}
+        if self.t_end is not None and {"h", "steps"} & given.keys() and "t_end" not in given:
+            given = {"t_end": None, "rtol": None, "atol": None} | given
+        return dataclasses.replace(self, **given)
+
+    def parts(self, *, saved: bool, viewed: bool, plotted: bool) -> tuple[str, ...]:
+        """The parts of the state that are computed: what the motion depends on, and what is recorded, saved or shown."""
+        known = [name for name, x in self.start.parts.items() if x is not None]
+        wanted = {name for name, x in self.system.essential(self.start).parts.items() if x is not None}
+        wanted |= set(self.record or (known if saved else ()))
+        ensemble = self.start.bodies is not None
+        if viewed:
+            from ..viewer.choice import KNOWN, suited
+            from ..viewer.content import chosen
+
+            have = frozenset(known)
+            contents = suited(self.system, have, ensemble) if self.view is None else chosen(self.view, KNOWN)
+            wanted |= {name for content in contents for name in content.needs(self.system)}
+        if plotted:
+            wanted |= shown_parts(self.system, known)
+        strange = sorted(wanted - set(known))
+        if strange:
+            raise lm.errors.InvalidInput(f"record and view ask for {', '.join(strange)}; the start has {', '.join(known)}")
+        return tuple(name for name in known if name in wanted)
+
+    def sampling(self, saved: bool) -> int:
+        """Every how many steps a state is kept."""
+        if self.every is not None or self.steps is None:
+            return self.every or 1
+        return max(1, -(-self.steps // (SAMPLES if saved else 10 * FRAMES)))
+
+    def run(self, record: tuple[str, ...], every: int, progress: bool | None) -> lm.Trajectory:
+        """The run; raises what `integrate` raises."""
+        where: dict[str, Any] = {"record": record, "t0": self.t0, "progress": progress}
+        if self.t_end is not None:
+            end: dict[str, Any] = {"t_end": self.t_end, "rtol": self.rtol, "atol": self.atol}
+            return lm.integrate(self.system, self.method, self.start, h=self.h, steps=self.steps, **end, **where)
+        return lm.integrate(self.system, self.method, self.start, h=self.h, steps=self.steps, every=every, **where)

@@ -1,0 +1,115 @@
+"""Scenes from files: TOML with strict keys.
+
+    title = "a tumbling book"
+    view = ["body", "momentum"]
+
+    [system]
+    name = "RigidBody"
+    inertia = [1.0, 1.5, 2.0]
+
+    [start]
+    mu = [0.5, 0.0, 0.866]
+    g = "identity"
+
+    [method]
+    name = "CovariantVariational"
+    retraction = "Cayley()"
+
+    [run]
+    h = 0.1
+    steps = 1000
+"""
+
+from __future__ import annotations
+
+import inspect
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import liemech as lm
+
+from .constructors import build
+from .scene import Scene
+
+TABLES = ("system", "start", "method", "run")
+LISTS = ("record", "view")
+RUN = ("h", "steps", "every", "t_end", "rtol", "atol", "t0")
+COUNTS = ("steps", "every")
+
+
+def scene_file(path: Path) -> Scene:
+    """The scene that a file describes.  Raises InvalidInput: the file, the key, and what is allowed."""
+    where = str(path)
+    try:
+        data = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError) as refused:
+        raise lm.errors.InvalidInput(f"{where}: cannot be read, {refused}") from None
+    except tomllib.TOMLDecodeError as wrong:
+        raise lm.errors.InvalidInput(f"{where}: is no TOML, {wrong}") from None
+    _strict(data, ("title", *LISTS, *TABLES), where, "the file")
+    for name in TABLES:
+        if not isinstance(data.get(name), Mapping):
+            raise lm.errors.InvalidInput(f"{where}: needs a table [{name}]; wanted are [{'], ['.join(TABLES)}]")
+    title = data.get("title", path.stem)
+    if not isinstance(title, str):
+        raise lm.errors.InvalidInput(f"{where}: title must be a text; got {title!r}")
+    lists: dict[str, Any] = {name: _names(data[name], f"{where}: {name}") for name in LISTS if name in data}
+    system = _object(data["system"], lm.System, f"{where} [system]")
+    method = _object(data["method"], lm.Method, f"{where} [method]")
+    start = _start(system, data["start"], f"{where} [start]")
+    return Scene(title, system, method, start, **_run(data["run"], f"{where} [run]"), **lists)
+
+
+def _object(table: Mapping[str, Any], kind: type, where: str) -> Any:
+    if "name" not in table:
+        raise lm.errors.InvalidInput(f"{where}: needs a name, the class of a {kind.__name__}")
+    return build(table["name"], {key: value for key, value in table.items() if key != "name"}, kind, where)
+
+
+def _start(system: Any, table: Mapping[str, Any], where: str) -> Any:
+    """The state of the system; g may be "identity", or a rotation vector as { exp = [0.6, 0.0, 0.0] }."""
+    parts = list(inspect.signature(system.state).parameters)
+    _strict(table, parts, where, "the start")
+    given = dict(table)
+    group: Any = getattr(system, "configurations", getattr(system, "group", None))
+    g = given.get("g")
+    if isinstance(g, str) and g != "identity":
+        raise lm.errors.InvalidInput(f'{where}: g is "identity", {{ exp = [...] }}, or an element as rows; got {g!r}')
+    if isinstance(g, Mapping):
+        _strict(g, ("exp",), f"{where}: g", "g")
+    try:
+        if g == "identity":
+            given["g"] = np.array(group.identity())
+        elif isinstance(g, Mapping):
+            given["g"] = np.array(group.exp(np.array(g.get("exp"), dtype=float)))
+        return system.state(**given)
+    except (lm.errors.LiemechError, TypeError, ValueError) as wrong:
+        raise lm.errors.InvalidInput(f"{where}: {wrong}") from None
+
+
+def _run(table: Mapping[str, Any], where: str) -> dict[str, Any]:
+    """The options of the run, all of them numbers."""
+    _strict(table, RUN, where, "the run")
+    for key, value in table.items():
+        if isinstance(value, bool) or not isinstance(value, int if key in COUNTS else (int, float)):
+            kind = "a whole number" if key in COUNTS else "a number"
+            raise lm.errors.InvalidInput(f"{where}: {key} must be {kind}; got {value!r}")
+    if "t_end" not in table and not {"h", "steps"} <= table.keys():
+        raise lm.errors.InvalidInput(f"{where}: give h and steps, or t_end for adaptive steps")
+    return dict(table)
+
+
+def _names(value: Any, where: str) -> tuple[str, ...]:
+    if not isinstance(value, list) or not value or not all(isinstance(one, str) for one in value):
+        raise lm.errors.InvalidInput(f'{where} must be a list of names such as ["mu"]; got {value!r}')
+    return tuple(value)
+
+
+def _strict(table: Mapping[str, Any], allowed: Any, where: str, what: str) -> None:
+    for key in table:
+        if key not in allowed:
+            raise lm.errors.InvalidInput(f"{where}: {key!r} is no key of {what}; allowed are {', '.join(allowed)}")

@@ -1,0 +1,111 @@
+"""The scenes that are there: one function each."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+import liemech as lm
+
+from .scene import Scene
+
+models: Any = lm
+"""The library; type checkers take fields that a model derives for arguments."""
+
+SCENES: dict[str, Callable[[], Scene]] = {}
+"""Every scene by its name."""
+
+
+def scene(function: Callable[[], Scene]) -> Callable[[], Scene]:
+    """Put a function into the list, under its name with hyphens."""
+    SCENES[function.__name__.replace("_", "-")] = function
+    return function
+
+
+@scene
+def free_body() -> Scene:
+    """A body that tumbles freely."""
+    body = models.RigidBody([1.0, 1.5, 2.0])
+    start = body.state(mu=[0.5, 0.0, 0.75**0.5], g=np.eye(3))
+    return Scene("a free rigid body", body, lm.LiePoissonHamiltonJacobi(order=4), start, h=0.1, steps=600)
+
+
+@scene
+def flip() -> Scene:
+    """Dzhanibekov's flip: spun about its middle axis, a body turns over again and again."""
+    body = models.RigidBody([1.0, 2.0, 3.0])
+    start = body.state(mu=[0.01, 1.0, 0.01], g=np.eye(3))
+    return Scene("Dzhanibekov's flip", body, lm.LiePoissonHamiltonJacobi(order=4), start, h=0.1, steps=600)
+
+
+@scene
+def heavy_top() -> Scene:
+    """An asymmetric top: chaotic."""
+    top = models.HeavyTop(inertia=[1.0, 1.5, 0.7], weight=1.3, centre=[0.6, 0.0, 0.8])
+    start = top.state(mu=[0.3, 0.6, 1.1], g=lm.SO3().exp([0.4, -0.3, 0.5]))
+    return Scene("a heavy top", top, lm.KickDrift(order=4), start, h=0.05, steps=800)
+
+
+@scene
+def lagrange_top() -> Scene:
+    """A symmetric top let go at rest: its nose draws cusps."""
+    top = models.LagrangeTop(weight=1.0, transverse=1.0, axial=0.6, length=0.8)
+    start = top.state(mu=[0.0, 0.0, 2.6], g=lm.SO3().exp([0.6, 0.0, 0.0]))
+    return Scene("Lagrange's top", top, lm.KickDrift(order=4), start, h=0.05, steps=700)
+
+
+@scene
+def kirchhoff() -> Scene:
+    """An ellipsoid that sinks nowhere: it swims in an ideal fluid, and its path winds."""
+    body = models.KirchhoffBody.of_blocks(angular=[1.2, 2.0, 2.6], linear=[1.3, 1.8, 2.5])
+    start = body.state(mu=[0.5, 0.2, 0.9, 0.6, 0.3, 0.2], g=np.eye(4))
+    return Scene("a body in a fluid", body, lm.LiePoissonHamiltonJacobi(order=4), start, h=0.05, steps=800)
+
+
+@scene
+def satellite() -> Scene:
+    """A long satellite that librates about the vertical of its orbit, in the gradient of gravity."""
+    body = models.OrbitingBody(inertia=[0.05, 0.08, 0.11], mass=1.7, attraction=1.0)
+    start = body.circular_orbit(3.0, lm.SO3().exp([0.1, 0.2, 0.3]))
+    return Scene("a satellite in a gravity gradient", body, lm.KickDrift(), start, h=0.1, steps=1000)
+
+
+@scene
+def falling_body() -> Scene:
+    """A thrown body that tumbles."""
+    body = models.FallingBody(inertia=[0.01, 0.016, 0.023], mass=0.5)
+    start = body.state(mu=[0.002, 0.06, 0.004, 1.0, 0.0, 2.5], g=np.eye(4))
+    return Scene("a thrown body", body, lm.KickDrift(), start, h=0.005, steps=200)
+
+
+@scene
+def pendulum() -> Scene:
+    """Twelve pendulums in their phase plane: some swing, others turn over."""
+    system = models.Pendulum()
+    start = system.state(q=np.zeros((12, 1)), p=np.linspace(0.5, 9.0, 12)[:, None])
+    return Scene("twelve pendulums", system, lm.StormerVerlet(), start, h=0.02, steps=150)
+
+
+@scene
+def double_pendulum() -> Scene:
+    """A pendulum that hangs from another one: chaotic."""
+    system = models.DoublePendulum(masses=[1.0, 0.5], lengths=[1.0, 0.8])
+    start = system.state(q=[2.0, -0.5], p=[0.0, 0.0])
+    return Scene("a double pendulum", system, lm.HamiltonJacobi(order=4), start, h=0.02, steps=500)
+
+
+@scene
+def kepler() -> Scene:
+    """A planet on a long ellipse."""
+    system = models.Kepler()
+    return Scene("Kepler's planet", system, lm.Splitting(order=4), system.pericentre(0.6), h=0.02, steps=1000)
+
+
+@scene
+def henon_heiles() -> Scene:
+    """A star in a galaxy, at an energy where most motions are chaotic."""
+    system = models.HenonHeiles()
+    start = system.state(q=[0.0, 0.1], p=[(2.0 / 8.0 - 0.01 + 2e-3 / 3.0) ** 0.5, 0.0])
+    return Scene("a star in a galaxy", system, lm.Splitting(order=4), start, h=0.05, steps=2000)

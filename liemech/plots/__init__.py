@@ -1,0 +1,59 @@
+"""Pictures of runs, by Matplotlib, which is loaded by the first of them.
+
+    run.plot()                                              # what tells most about this run
+    ax = lm.plots.drift({"RKMK4": one, "Cayley": other})    # who loses energy, and how
+    lm.plots.save(ax.figure, "drift.png")
+
+Every picture takes `ax=`, plane axes to draw on, and returns the axes; without them it makes a figure that no window system knows
+of. Nothing touches Matplotlib's settings.
+"""
+
+from .attitude import euler_angles, quaternion
+from .choice import plot
+from .cloud import cloud
+from .components import components
+from .energy_curves import energy_levels, principal_moments, separatrix
+from .figure_one import Panel, figure_one
+from .invariants import drift, invariants
+from .orders import order_of, orders, work_precision
+from .path import path
+from .phase import phase_portrait
+from .poincare import poincare_section, section
+from .polhode import herpolhode, herpolhode_points, polhode
+from .projection import VIEW, split_at_horizon, view_frame
+from .sphere import momentum_sphere
+from .style import COLORS, MOST_DOTS, save
+from .vertical import vertical
+
+__all__ = [
+    "COLORS",
+    "MOST_DOTS",
+    "VIEW",
+    "Panel",
+    "cloud",
+    "components",
+    "drift",
+    "energy_levels",
+    "euler_angles",
+    "figure_one",
+    "herpolhode",
+    "herpolhode_points",
+    "invariants",
+    "momentum_sphere",
+    "order_of",
+    "orders",
+    "path",
+    "phase_portrait",
+    "plot",
+    "poincare_section",
+    "polhode",
+    "principal_moments",
+    "quaternion",
+    "save",
+    "section",
+    "separatrix",
+    "split_at_horizon",
+    "vertical",
+    "view_frame",
+    "work_precision",
+]

@@ -1,0 +1,74 @@
+"""The picture that tells most about a run, for those who do not want to choose."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..models.heavy_top import HeavyTop, ReducedHeavyTop
+from ..models.poses import configurations, flies, is_pose, turns
+from ..systems.canonical import HamiltonianSystem
+from .attitude import quaternion
+from .cloud import cloud
+from .components import components
+from .path import has_path, path
+from .phase import phase_portrait
+from .sphere import momentum_sphere
+from .style import needs_run
+from .vertical import vertical
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+def plot(run: Any, *, ax: Axes | None = None, title: str | None = None) -> Axes:
+    """Draw what tells most about a run.
+
+    A body that rotates freely: its momentum on the sphere, of an ensemble a cloud. A top: the vertical it sees. A body that flies:
+    its path. One degree of freedom: the phase plane; two or three: the path. An equation on rotations: the quaternion; on a sphere:
+    the point there. Everything else: its components over time.
+
+    Returns the axes; `plots.save(ax.figure, "run.png")` writes them.
+    """
+    needs_run(run, "plots.plot")
+    system, parts = run.system, run.states
+    if isinstance(system, HamiltonianSystem):
+        return (path if has_path(run) and system.degrees > 1 else phase_portrait)(run, ax=ax, title=title)
+    if "x" in parts:
+        x = parts["x"]
+        if x.ndim == 2 and x.shape[1] == 3 and _constant(np.linalg.norm(x, axis=1)):
+            return momentum_sphere(x, ax=ax, title=title)
+        return components(run, ax=ax, title=title)
+    group = configurations(system) if hasattr(system, "group") else None
+    if group is None or not is_pose(group):
+        return components(run, ax=ax, title=title)
+    if isinstance(system, ReducedHeavyTop) or (isinstance(system, HeavyTop) and "g" in parts):
+        return vertical(run, ax=ax, title=title)
+    if flies(system) and "g" in parts:
+        return path(run, ax=ax, title=title)
+    if turns(group) and "mu" in parts:
+        mu = parts["mu"]
+        if run.bodies is not None:
+            return cloud(run, ax=ax, title=title)
+        if np.any(mu[0]):
+            return momentum_sphere(mu, system=system, ax=ax, title=title)
+    if "mu" not in parts and turns(group):
+        return quaternion(run, ax=ax, title=title)
+    return components(run, ax=ax, title=title)
+
+
+def shown_parts(system: Any, known: Iterable[str]) -> set[str]:
+    """The parts of the state, of those that are known, that `plot` shows of a system."""
+    have = set(known)
+    if "mu" not in have or "g" not in have or not hasattr(system, "group"):
+        return have
+    group = configurations(system)
+    if isinstance(system, ReducedHeavyTop) or not is_pose(group):
+        return {"mu"}
+    return {"g"} if isinstance(system, HeavyTop) or flies(system) else {"mu"}
+
+
+def _constant(sizes: np.ndarray) -> bool:
+    return bool(sizes[0] > 0.0 and np.ptp(sizes) <= 1e-6 * sizes[0])

@@ -1,0 +1,59 @@
+"""The components of a part of the state over time: what can be drawn of everything."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..errors import InvalidInput
+from .style import legend, look, needs_run, part, plane_axes, thinned
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+NAMES = {"mu": "\\mu", "q": "q", "p": "p", "g": "g", "x": "x"}
+MOST_CURVES = 6
+
+
+def components(
+    run: Any, name: str | None = None, *, body: int = 0, ax: Axes | None = None, title: str | None = None
+) -> Axes:
+    """Draw the components of a part of the state over time.
+
+    run : what `integrate` returns.  name : "mu", "g", "q", "p", ...; the first that was recorded if not given.
+    body : which one of an ensemble.
+
+    At most six are drawn, those that vary most, and none that stand still beside others that move; of complex numbers
+    both parts. Returns the axes. Raises InvalidInput for what was not recorded.
+    """
+    needs_run(run, "plots.components")
+    name = next(iter(run.states)) if name is None else name
+    rows = part(run, name, "plots.components")
+    rows = rows if run.bodies is None else one_body(run, rows, body, "plots.components")
+    columns = rows.reshape(len(rows), -1)
+    names = [_name(NAMES.get(name, name), np.unravel_index(i, rows.shape[1:])) for i in range(columns.shape[1])]
+    if np.iscomplexobj(columns):
+        columns = np.concatenate([columns.real, columns.imag], axis=1)
+        names = [f"{symbol} {one}" for symbol in ("Re", "Im") for one in names]
+    ax = plane_axes(ax, title, "time $t$", f"${NAMES.get(name, name)}$")
+    spans = np.ptp(columns, axis=0)
+    varied = np.argsort(-spans, kind="stable")[: min(MOST_CURVES, np.count_nonzero(spans) or MOST_CURVES)]
+    kept = thinned(len(rows))
+    for k, column in enumerate(sorted(varied)):
+        label = names[column] if columns.shape[1] > 1 else None
+        ax.plot(run.t[kept], columns[kept, column], label=label, **look(k))
+    legend(ax, loc="center left", bbox_to_anchor=(1.0, 0.5))
+    return ax
+
+
+def _name(symbol: str, index: Any) -> str:
+    """A component, counted from 1."""
+    return f"${symbol}_{{{','.join(str(i + 1) for i in index)}}}$"
+
+
+def one_body(run: Any, rows: np.ndarray, body: int, where: str) -> np.ndarray:
+    """The rows of one body of an ensemble."""
+    if not -run.bodies <= body < run.bodies:
+        raise InvalidInput(f"{where}: body = {body} is not there; the run has {run.bodies} bodies")
+    return rows[:, body]

@@ -1,0 +1,109 @@
+"""Paths: of planets and pendulums in their plane, of bodies in space."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import InvalidInput
+from ..models.kepler import Kepler
+from ..models.pendulums import DoublePendulum, Pendulum
+from ..models.poses import flies, place, places
+from ..models.space_bodies import OrbitingBody
+from ..systems.canonical import HamiltonianSystem
+from .cloud import colors
+from .projection import VIEW, view_frame
+from .style import COLORS, GREY, INK, needs_run, part, plane_axes, thinned
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+Array = NDArray[np.float64]
+
+
+def path(
+    run: Any, *, ax: Axes | None = None, title: str | None = None, view: tuple[float, float] = VIEW
+) -> Axes:
+    """Draw the path that a motion takes: of a planet, of the last bob of a pendulum, of a body in space.
+
+    run : of a canonical system with positions in a plane or in space, or one that recorded the poses of a body that flies; of an
+    ensemble every member, coloured from dark to light by the energy at the start, or by number.
+    view : azimuth and elevation of the eye, in degrees, for paths in space, whose shadow on the ground is grey.
+
+    A ring is the start, a dot the end. Returns the axes. Raises InvalidInput where there is no path to draw.
+    """
+    needs_run(run, "plots.path")
+    points, joints = _points(run)
+    flat = points.shape[-1] == 2
+    words = ("$x$", "$y$") if flat else ("", "")
+    ax = plane_axes(ax, title, *words, (4.4, 4.0))
+    ax.set_aspect("equal", adjustable="datalim")
+    frame = np.eye(2) if flat else view_frame(*view)[:2]
+    if not flat:
+        ground = points.copy()
+        ground[..., 2] = points[..., 2].min()
+        ax.set(xticks=[], yticks=[])
+        ax.margins(0.15)
+        ax.grid(False)
+        for side in ax.spines.values():
+            side.set_visible(False)
+        for k in range(points.shape[1]):
+            ax.plot(*(ground[thinned(len(ground)), k] @ frame.T).T, color="#c9ced6", linewidth=0.8, zorder=0.8)
+        _triad(ax, frame)
+    palette: Any = [COLORS[0]] if run.bodies is None else colors(_order(run))
+    for k, color in enumerate(palette):
+        seen = points[:, k] @ frame.T
+        ax.plot(*seen[thinned(len(seen))].T, color=color, linewidth=1.0)
+        if run.bodies is None:
+            ax.plot(*seen[0], marker="o", markersize=7.0, color="none", markeredgecolor=INK)
+        ax.plot(*seen[-1], marker="o", markersize=5.0, color=color, markeredgecolor="white", markeredgewidth=0.5, zorder=4)
+    if isinstance(run.system, (Kepler, OrbitingBody)):
+        ax.plot(0.0, 0.0, marker="o", markersize=9.0, color="#E69F00", markeredgecolor="white", zorder=3)
+    for rods in joints[:1]:
+        ax.plot(*rods.T, color=GREY, linewidth=1.4, zorder=3, marker="o", markersize=4.0)
+    return ax
+
+
+def has_path(run: Any) -> bool:
+    """Is there a path to draw?"""
+    if isinstance(run.system, HamiltonianSystem):
+        return 1 < run.system.degrees <= 3 or isinstance(run.system, Pendulum)
+    return run.states.get("g") is not None and hasattr(run.system, "group") and flies(run.system)
+
+
+def _points(run: Any) -> tuple[Array, list[Array]]:
+    """The places of all members, (n, bodies, 2 or 3); of a single pendulum also its joints at the end."""
+    if not has_path(run):
+        raise InvalidInput(
+            f"plots.path is for positions in a plane or in space, and for bodies with recorded poses g; got a run of {run.system!r}"
+        )
+    if isinstance(run.system, HamiltonianSystem):
+        points = places(run.system, part(run, "q", "plots.path"), part(run, "p", "plots.path"))
+        hangs = isinstance(run.system, (Pendulum, DoublePendulum)) and run.bodies is None
+        joints = [np.vstack([np.zeros((1, 2)), points[-1]])] if hangs else []
+        last = points[..., -1, :]
+        return (last[:, None] if run.bodies is None else last), joints
+    g = part(run, "g", "plots.path")
+    many = g.shape[: 1 if run.bodies is None else 2]
+    found = place(run.system, g.reshape(-1, *g.shape[len(many) :]))
+    return found.reshape(len(g), -1, 3), []
+
+
+def _order(run: Any) -> Array:
+    """The energies at the start, by which members are coloured; numbers where there are none."""
+    try:
+        return np.asarray(run.energy[0], dtype=float)
+    except InvalidInput:
+        return np.arange(run.bodies, dtype=float)
+
+
+def _triad(ax: Axes, frame: Array) -> None:
+    """Three short arrows, x, y, z, in the corner."""
+    for name, tip in zip("xyz", frame.T):
+        end = 0.09 + 0.08 * tip
+        arrow = {"arrowstyle": "-|>", "color": INK, "linewidth": 0.8, "shrinkA": 0, "shrinkB": 0}
+        ax.annotate("", end, (0.09, 0.09), xycoords="axes fraction", textcoords="axes fraction", arrowprops=arrow)
+        x, y = 0.09 + 0.11 * tip
+        ax.text(x, y, f"${name}$", transform=ax.transAxes, ha="center", va="center", fontsize=9, color=INK)
