@@ -71,20 +71,31 @@ if TYPE_CHECKING:
     from .integrators.magnus import Magnus
     from .integrators.midpoint import ImplicitMidpoint, Isospectral, SphericalMidpoint
     from .integrators.moser_veselov import ExactMoserVeselov, MoserVeselov
+    from .integrators.rattle import RATTLE, ConstrainedEuler
     from .integrators.rkmk import RKMK
     from .integrators.separable import Splitting, StormerVerlet, SymplecticEuler
     from .integrators.splitting import ThreeRotations
     from .integrators.taylor import Taylor
     from .integrators.variational import CovariantVariational
+    from .models.constrained_pendulums import ChainPendulum, FourBarLinkage, SphericalPendulum
     from .models.gravity import CentralGravity, FixedPointGravity, UniformGravity
     from .models.heavy_top import HeavyTop, LagrangeTop, ReducedHeavyTop
     from .models.henon_heiles import HenonHeiles
     from .models.kepler import Kepler
     from .models.kirchhoff import KirchhoffBody
+    from .models.orthogonal_body import OrthogonalBody
     from .models.pendulums import DoublePendulum, Pendulum
     from .models.rigid_body import RigidBody
     from .models.space_bodies import FallingBody, OrbitingBody
+    from .models.surfaces import ParticleOnEllipsoid
     from .systems.canonical import CanonicalState, HamiltonianSystem
+    from .systems.constrained import (
+        Constrained,
+        ConstrainedLagrangianSystem,
+        ConstrainedSystem,
+        SeparableConstrainedSystem,
+        Surface,
+    )
     from .systems.group_equation import GroupEquation, LinearGroupEquation
     from .systems.hamiltonian import Hamiltonian
     from .systems.homogeneous_equation import HomogeneousEquation
@@ -124,21 +135,32 @@ _LATER = {
     "integrators.magnus": ("Magnus",),
     "integrators.midpoint": ("ImplicitMidpoint", "Isospectral", "SphericalMidpoint"),
     "integrators.moser_veselov": ("ExactMoserVeselov", "MoserVeselov"),
+    "integrators.rattle": ("RATTLE", "ConstrainedEuler"),
     "integrators.rkmk": ("RKMK",),
     "integrators.separable": ("Splitting", "StormerVerlet", "SymplecticEuler"),
     "integrators.splitting": ("ThreeRotations",),
     "integrators.taylor": ("Taylor",),
     "integrators.variational": ("CovariantVariational",),
+    "models.constrained_pendulums": ("ChainPendulum", "FourBarLinkage", "SphericalPendulum"),
     "models.gravity": ("CentralGravity", "FixedPointGravity", "UniformGravity"),
     "models.heavy_top": ("HeavyTop", "LagrangeTop", "ReducedHeavyTop"),
     "models.henon_heiles": ("HenonHeiles",),
     "models.kepler": ("Kepler",),
     "models.kirchhoff": ("KirchhoffBody",),
+    "models.orthogonal_body": ("OrthogonalBody",),
     "models.pendulums": ("DoublePendulum", "Pendulum"),
     "models.rigid_body": ("RigidBody",),
     "models.space_bodies": ("FallingBody", "OrbitingBody"),
+    "models.surfaces": ("ParticleOnEllipsoid",),
     "plots": ("plots",),
     "systems.canonical": ("CanonicalState", "HamiltonianSystem"),
+    "systems.constrained": (
+        "Constrained",
+        "ConstrainedLagrangianSystem",
+        "ConstrainedSystem",
+        "SeparableConstrainedSystem",
+        "Surface",
+    ),
     "systems.group_equation": ("GroupEquation", "LinearGroupEquation"),
     "systems.hamiltonian": ("Hamiltonian",),
     "systems.homogeneous_equation": ("HomogeneousEquation",),
@@ -185,6 +207,7 @@ __version__ = "0.1.0"
 
 __all__ = [
     "GL",
+    "RATTLE",
     "RKMK",
     "SE2",
     "SE3",
@@ -202,10 +225,15 @@ __all__ = [
     "CayleyAdjoint",
     "CayleySquare",
     "CentralGravity",
+    "ChainPendulum",
     "ClassFunction",
     "CoadjointAction",
     "CommutatorFree",
     "Composition",
+    "Constrained",
+    "ConstrainedEuler",
+    "ConstrainedLagrangianSystem",
+    "ConstrainedSystem",
     "CovariantVariational",
     "CrouchGrossman",
     "DoublePendulum",
@@ -217,6 +245,7 @@ __all__ = [
     "FirstKindHamiltonJacobi",
     "FixedPointGravity",
     "Force",
+    "FourBarLinkage",
     "GalerkinVariational",
     "GroupAction",
     "GroupEquation",
@@ -252,6 +281,8 @@ __all__ = [
     "MoserVeselov",
     "NoPotential",
     "OrbitingBody",
+    "OrthogonalBody",
+    "ParticleOnEllipsoid",
     "Pendulum",
     "Potential",
     "ProductGroup",
@@ -263,13 +294,16 @@ __all__ = [
     "RotationAction",
     "SO3Algebra",
     "SemidirectProduct",
+    "SeparableConstrainedSystem",
     "SeparableSystem",
     "Sp",
     "SphereAction",
     "SphericalMidpoint",
+    "SphericalPendulum",
     "Splitting",
     "State",
     "StormerVerlet",
+    "Surface",
     "SymplecticEuler",
     "System",
     "Taylor",
