@@ -63,11 +63,14 @@ if TYPE_CHECKING:
     from .integrators.composition import Composition
     from .integrators.exact_free_body import ExactFreeBody
     from .integrators.galerkin import GalerkinVariational
+    from .integrators.geodesic_splitting import GeodesicSplitting
     from .integrators.hamilton_jacobi import HamiltonJacobi
+    from .integrators.index_reduction import IndexReduction
     from .integrators.kick_drift import KickDrift
     from .integrators.lie_poisson_first_kind import FirstKindHamiltonJacobi
     from .integrators.lie_poisson_hj import LiePoissonHamiltonJacobi
     from .integrators.lie_verlet import LieVerlet
+    from .integrators.lobatto_pair import LobattoPair
     from .integrators.magnus import Magnus
     from .integrators.midpoint import ImplicitMidpoint, Isospectral, SphericalMidpoint
     from .integrators.moser_veselov import ExactMoserVeselov, MoserVeselov
@@ -127,11 +130,14 @@ _LATER = {
     "integrators.composition": ("Composition",),
     "integrators.exact_free_body": ("ExactFreeBody",),
     "integrators.galerkin": ("GalerkinVariational",),
+    "integrators.geodesic_splitting": ("GeodesicSplitting",),
     "integrators.hamilton_jacobi": ("HamiltonJacobi",),
+    "integrators.index_reduction": ("IndexReduction",),
     "integrators.kick_drift": ("KickDrift",),
     "integrators.lie_poisson_first_kind": ("FirstKindHamiltonJacobi",),
     "integrators.lie_poisson_hj": ("LiePoissonHamiltonJacobi",),
     "integrators.lie_verlet": ("LieVerlet",),
+    "integrators.lobatto_pair": ("LobattoPair",),
     "integrators.magnus": ("Magnus",),
     "integrators.midpoint": ("ImplicitMidpoint", "Isospectral", "SphericalMidpoint"),
     "integrators.moser_veselov": ("ExactMoserVeselov", "MoserVeselov"),
@@ -247,6 +253,7 @@ __all__ = [
     "Force",
     "FourBarLinkage",
     "GalerkinVariational",
+    "GeodesicSplitting",
     "GroupAction",
     "GroupEquation",
     "HamiltonJacobi",
@@ -257,6 +264,7 @@ __all__ = [
     "HenonHeiles",
     "HomogeneousEquation",
     "ImplicitMidpoint",
+    "IndexReduction",
     "InvariantForm",
     "Isospectral",
     "Kepler",
@@ -273,6 +281,7 @@ __all__ = [
     "LieVerlet",
     "LinearAction",
     "LinearGroupEquation",
+    "LobattoPair",
     "Magnus",
     "Mat",
     "MatrixLieGroup",

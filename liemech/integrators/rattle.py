@@ -5,15 +5,13 @@ from __future__ import annotations
 from functools import cached_property
 from typing import Any, ClassVar
 
-import numpy as np
-
-from ..errors import IncompatibleSystem, InconsistentState, InvalidInput, NoConvergence
-from ..formulas import Mat, Record, Vec, derivative, jacobian, mat, norm, plain, record, sqrt, vec, where
+from ..errors import InvalidInput
+from ..formulas import Mat, Record, Vec, jacobian, norm, plain, record, sqrt, vec, where
 from ..solvers import newton
 from ..systems.canonical import CanonicalState
-from ..systems.constrained import FAR, ConstrainedSystem, cross_products, eliminated, scaled, scales
+from ..systems.constrained import FAR, cross_products, scaled, scales
 from .implicit import extrapolated
-from .method import Method
+from .on_constraints import OnConstraints, pushed
 
 
 @record
@@ -27,7 +25,7 @@ class Held(Record):
 
 
 @record
-class Projected(Method):
+class Projected(OnConstraints):
     """Steps of a constrained system whose two ends are put on the constraints by impulses; abstract.
 
         p   = p_n - h (b H_q(p, q_n) + G(q_n)^T lambda)                     b, a : `shares`
@@ -38,21 +36,10 @@ class Projected(Method):
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.1.3 and VII.1.4.
     """
 
-    symplectic: ClassVar[bool] = True
-
     @property
     def shares(self) -> tuple[float, float]:
         """b and a, b + a = 1."""
         raise NotImplementedError(f"{type(self).__name__} must define `shares`")
-
-    def require(self, system: Any) -> None:
-        """A constrained system."""
-        if not isinstance(system, ConstrainedSystem):
-            raise IncompatibleSystem(
-                f"{self!r} needs a ConstrainedSystem, an energy and equations g(q) = 0; got {system!r}. "
-                f"{getattr(system, 'instead', 'RKMK accepts every system')}"
-            )
-        super().require(system)
 
     def start(self, system: Any, state: CanonicalState, h: float) -> Held:
         """The state, and half of its multipliers as a guess."""
@@ -85,10 +72,7 @@ class Projected(Method):
         if after != 0.0:
             kick = kick + (after * h) * system.force(there, p + kick)
         impulse, pivots = system.tangent_impulse(there, p + kick)
-        _, turned = eliminated(cross_products(system.constraint_jacobian(there), _pushed(system, q, p + kick, G)), multipliers)
-        for now, then in zip(pivots, turned):
-            if not now * then > 0.0:
-                raise self._unsolved(system, h, q, p, "the positions found are on another branch of the constraints")
+        self.check_branch(system, h, q, there, p + kick, G, pivots)
         state = CanonicalState(memory.state.q + drift, memory.state.p + (kick + impulse))
         return Held(state, multipliers, memory.last, memory.last_1)
 
@@ -103,7 +87,7 @@ class Projected(Method):
         def equation(x: Vec) -> tuple[Vec, Mat, float]:
             ph = p + (free - (h * x) @ G)
             there = q + h * system.velocity(q, ph)
-            slope = cross_products(system.constraint_jacobian(there), _pushed(system, q, ph, G))
+            slope = cross_products(system.constraint_jacobian(there), pushed(system, q, ph, G))
             return system.constraint(there) / units, (-h * h) * scaled(slope, units), 1.0
 
         x, size, enough, _ = newton(equation, guess, 1.0)
@@ -135,32 +119,6 @@ class Projected(Method):
         z, size, enough, _ = newton(lambda z: (residual(z), jacobian(residual, z), 1.0), vec(*drift, *kick, *guess), 1.0)
         drift, kick = vec(*[z[i] for i in range(n)]), vec(*[z[n + i] for i in range(n)])
         return drift, kick, vec(*[z[2 * n + k] for k in range(m)]), size, enough
-
-    def _unsolved(self, system: Any, h: float, q: Vec, p: Vec, what: str) -> NoConvergence | InconsistentState:
-        """The error of a step that could not be made."""
-        try:
-            normals, G = np.array(system.normals(q, p)), np.array(system.constraint_jacobian(q))
-            values = np.linalg.svd(G @ normals.T / np.outer(*[np.sqrt(np.abs(np.sum(G * normals, axis=1)))] * 2), compute_uv=False)
-            near = values[-1] < NEARLY * values[0]
-        except (ArithmeticError, ValueError, np.linalg.LinAlgError):
-            near = False
-        if near:
-            return InconsistentState(
-                f"{self!r}: {what}. The constraints are nearly dependent here, |G H_pp G^T| has the condition "
-                f"{values[0] / values[-1]:.1e} with its rows at length one: a dead point, beyond which the motion is not determined"
-            )
-        return NoConvergence(
-            f"{self!r}: {what}. The step h = {h:g} is too large for this motion and these constraints; try {0.25 * h:g}"
-        )
-
-
-NEARLY = 1e-2
-"""The reciprocal of a condition number below which a failing step is blamed on constraints that become dependent."""
-
-
-def _pushed(system: Any, q: Vec, p: Vec, G: Mat) -> Mat:
-    """H_pp G^T as rows, (m, n), for the momentum in the middle of the step."""
-    return mat(*[derivative(lambda x: system.velocity(q, x), p, row) for row in G])
 
 
 @record

@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from ..errors import InvalidInput
-from ..formulas import Mat, Vec, dot, mat, record, sum, vec
+from ..formulas import Mat, Vec, dot, mat, norm, record, sin, sum, vec, where
 from ..systems.constrained import SeparableConstrainedSystem
 from .pendulums import check_positive
 
@@ -58,6 +58,15 @@ class SphericalPendulum(SeparableConstrainedSystem):
     def constraint_jacobian(self, q: Vec) -> Mat:
         """q/l as a row, (1, 3).  q : (3,)."""
         return mat(q / self.length)
+
+    def geodesic(self, q: Vec, p: Vec, t: float) -> tuple[Vec, Vec]:
+        """The motion without gravity, along a great circle: positions and momenta after the time t.  q, p : (3,)."""
+        l, speed = self.length, norm(p) / self.mass
+        angle = t * speed / l
+        s, half = sin(angle), sin(0.5 * angle)
+        shorter, versine = where(speed > 0.0, s, 1.0) / where(speed > 0.0, angle, 1.0), 2.0 * half * half
+        turn = s * norm(p) / l
+        return q + ((t * shorter / self.mass) * p - versine * q), p - (turn * q + versine * p)
 
     def vertical_momentum(self, q: Vec, p: Vec) -> float:
         """The angular momentum about the vertical, q_1 p_2 - q_2 p_1, in kg m^2/s.  q, p : (3,)."""
