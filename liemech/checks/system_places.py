@@ -11,7 +11,8 @@ import numpy as np
 from ..errors import InvalidInput, LiemechError
 from ..formulas.broadcasting import small
 from ..retractions import Exponential
-from ..systems.canonical import CanonicalState, HamiltonianSystem
+from ..systems.canonical import CanonicalState, CanonicalSystem, HamiltonianSystem
+from ..systems.constrained import ConstrainedSystem
 from ..systems.group_equation import GroupEquation, Position
 from ..systems.homogeneous_equation import HomogeneousEquation, Point
 from ..systems.lie_poisson import BodyState, LiePoissonSystem
@@ -129,6 +130,8 @@ def random_state(system: Any, rng: np.random.Generator) -> Any:
     if isinstance(system, (LiePoissonSystem, MechanicalSystem)):
         group = system.group if isinstance(system, LiePoissonSystem) else system.configurations
         return BodyState(small(rng.normal(size=group.dim)), small(np.asarray(group.random(rng))))
+    if isinstance(system, ConstrainedSystem):
+        return _consistent(system, rng)
     if isinstance(system, HamiltonianSystem):
         return CanonicalState(*(small(x) for x in rng.normal(size=(2, system.degrees))))
     if isinstance(system, GroupEquation):
@@ -138,6 +141,16 @@ def random_state(system: Any, rng: np.random.Generator) -> Any:
     raise InvalidInput(
         f"check_system: how states of {system!r} are drawn is not known; give some, states=system.state(...)"
     )
+
+
+def _consistent(system: ConstrainedSystem, rng: np.random.Generator) -> CanonicalState:
+    """A state on the constraints, near a random one."""
+    for _ in range(8 * PLACES):
+        try:
+            return system.consistent(*rng.normal(size=(2, system.degrees)))
+        except InvalidInput as error:
+            reason = error
+    raise InvalidInput(f"check_system: no state on the constraints of {system!r} was found near random ones ({reason}); give some")
 
 
 def why_undefined(at: AtState) -> str:
@@ -160,6 +173,6 @@ def _energy(system: Any, state: Any) -> float:
         return float(system.energy(state.mu))
     return (
         float(system.energy(*state.parts.values()))
-        if isinstance(system, (MechanicalSystem, HamiltonianSystem))
+        if isinstance(system, (MechanicalSystem, CanonicalSystem))
         else 0.0
     )

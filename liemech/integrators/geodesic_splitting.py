@@ -27,6 +27,8 @@ class GeodesicSplitting(Splitting):
     107 (1997).
     """
 
+    __repr__ = Splitting.__repr__
+
     def require(self, system: Any) -> None:
         """A constrained system whose geodesics are known."""
         if not isinstance(system, SeparableConstrainedSystem):

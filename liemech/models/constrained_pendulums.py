@@ -222,9 +222,20 @@ class FourBarLinkage(SeparableConstrainedSystem):
 
     def potential(self, q: Vec) -> float:
         """The weight of the cranks acts half-way up, that of the rods between two joints at half of both, in J.  q : (n,)."""
+        return self.mass * self.gravity * sum([share * q[2 * j + 1] for j, share in enumerate(self._shares())])
+
+    def velocity(self, q: Vec, p: Vec) -> Vec:
+        """M^-1 p.  q, p : (n,)."""
+        return self._of_both(self._masses[1], p) / self.mass
+
+    def force(self, q: Vec, p: Vec) -> Vec:
+        """The weight of half of the rods that end at each joint.  q, p : (n,)."""
+        return -self.mass * self.gravity * vec(*[x for share in self._shares() for x in (0.0, share)])
+
+    def _shares(self) -> list[float]:
+        """How many rods each joint carries: half of its crank, and half of each rod beside it."""
         n = self.loops + 1
-        shares = [0.5 + (0.5 if j in (0, n - 1) else 1.0) for j in range(n)]
-        return self.mass * self.gravity * sum([share * q[2 * j + 1] for j, share in enumerate(shares)])
+        return [0.5 + (0.5 if j in (0, n - 1) else 1.0) for j in range(n)]
 
     def momentum(self, q: Vec, v: Vec) -> Vec:
         """The momenta that belong to velocities of the joints, M v.  q, v : (n,)."""

@@ -1,0 +1,59 @@
+"""Coordinates about the states of a constrained system, on its manifold, in which its two-form is looked at."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ..formulas import jacobian, vec
+from .method_claims import Charts
+from .places import flat
+
+
+class ConstrainedCharts(Charts):
+    """Orthonormal coordinates of tangent spaces of M, in units of the size of positions and momenta.
+
+    A displaced state is the consistent one nearest to start + displacement; coordinates of others are those of their projection.
+    """
+
+    @cached_property
+    def sizes(self) -> np.ndarray:
+        """The units of (q, p)."""
+        return Charts(self.system, self.begin, self.whole).units
+
+    @cached_property
+    def units(self) -> np.ndarray:
+        """The coordinates are without units."""
+        return np.ones(self.tangent(self.begin).shape[1])
+
+    def tangent(self, at: Any) -> np.ndarray:
+        """An orthonormal basis of the tangent space of M, (2 n, dim M), in these units."""
+        system, n = self.system, len(at.q)
+
+        def both(y: Any) -> Any:
+            q, p = vec(*[y[i] for i in range(n)]), vec(*[y[n + i] for i in range(n)])
+            return vec(*system.constraint(q), *system.hidden_constraint(q, p))
+
+        rows = np.array(jacobian(both, vec(*at.q, *at.p))) * self.sizes
+        _, _, basis = np.linalg.svd(rows / np.linalg.norm(rows, axis=1, keepdims=True))
+        return np.asarray(basis[len(rows) :].T)
+
+    def displaced(self, x: np.ndarray) -> dict[str, np.ndarray]:
+        """The consistent state near the start with these coordinates."""
+        n = self.system.degrees
+        y = np.array([*self.begin.q, *self.begin.p]) + self.sizes * (self.tangent(self.begin) @ x)
+        state = self.system.consistent(y[:n], y[n:])
+        return {"q": flat(state.q), "p": flat(state.p)}
+
+    def coordinates(self, about: Any, state: dict[str, np.ndarray]) -> np.ndarray:
+        """Those of the change that are along the manifold."""
+        change = np.concatenate([state["q"] - flat(about.q), state["p"] - flat(about.p)])
+        return np.asarray(self.tangent(about).T @ (change / self.sizes))
+
+    def structure(self, at: Any) -> np.ndarray:
+        """The inverse of dq dp on the tangent space, in units of those of q times those of p."""
+        n, basis = self.system.degrees, self.tangent(at)
+        q, p = basis[:n], basis[n:]
+        return np.asarray(np.linalg.inv(p.T @ q - q.T @ p))
