@@ -62,6 +62,8 @@ class GeodesicSplitting(Splitting):
                 p = self._kicked(system, q, p, b * h)
             if i < len(self.tableau.drifts):
                 q, p = system.geodesic(q, p, self.tableau.drifts[i] * h)
+        q = system.across(q, p, q)  # what rounding has left
+        p = self._kicked(system, q, p, 0.0)
         return CanonicalState(state.q + (q - here.q), state.p + (p - here.p))
 
     def _kicked(self, system: Any, q: Vec, p: Vec, t: float) -> Vec:

@@ -18,6 +18,7 @@ from ..formulas import (
     mat,
     record,
     solve,
+    sqrt,
     sum,
     vec,
     where,
@@ -34,8 +35,8 @@ CONSISTENT = 2.0**-40
 INDEPENDENT = 2.0**-40
 """Constraints are dependent if what elimination leaves of one of them is below this, relative to what it was."""
 
-NEAREST = 100
-"""Turns in which the nearest consistent position is found, or none is."""
+NEAREST = 12
+"""Turns in which Newton's method finds the nearest consistent position; if not, the one across the constraints is taken."""
 
 
 @record
@@ -115,12 +116,14 @@ class ConstrainedSystem(CanonicalSystem):
     def defects(self, q: Vec, p: Vec) -> Vec:
         """How far g(q) and G H_p are from zero, (2 m,), each relative to the size of the terms it is made of.  q, p : (n,).
 
-        Compared with are sum_i |G_ki q_i| and sum_i |G_ki v_i|.
+        Compared with are s = sum_i |G_ki q_i|, and sum_i |G_ki v_i| with the speed (s a)^(1/2) that the force f gives over s, where
+        a = sum_i |(H_pp G^T)_ik f_i|: so a body at rest may move by rounding.
         """
-        G, v = self.constraint_jacobian(q), self.velocity(q, p)
-        g, sizes = self.constraint(q), vec(*[dot(abs(row), abs(q)) for row in G])
-        speeds = vec(*[dot(abs(row), abs(v)) for row in G])
-        pairs = zip((*g, *(G @ v)), (*sizes, *speeds))
+        G, v, f = self.constraint_jacobian(q), self.velocity(q, p), self.force(q, p)
+        sizes = vec(*[dot(abs(row), abs(q)) for row in G])
+        gained = [sqrt(s * dot(abs(row), abs(f))) for s, row in zip(sizes, self.normals(q, p))]
+        speeds = [dot(abs(row), abs(v)) + gain for row, gain in zip(G, gained)]
+        pairs = zip((*self.constraint(q), *(G @ v)), (*sizes, *speeds))
         return vec(*[abs(x) / where(size > 0.0, size, 1.0) for x, size in pairs])
 
     @final
@@ -229,6 +232,7 @@ class ConstrainedSystem(CanonicalSystem):
     def consistent(self, q: Any, p: Any) -> CanonicalState:
         """The state on M nearest to q and p, (n,) each, or (members, n): first q, then p, in the metric of the kinetic energy.
 
+        Far from M, where there may be several, it is one that is reached across the constraints.
         Raises InvalidInput as `state` does, and if no such state is found near by.
         """
         both, members = self._points(q, p)
@@ -244,14 +248,21 @@ class ConstrainedSystem(CanonicalSystem):
         return self.state(q[0], p[0]) if one else self.state(q, p)
 
     def _nearest(self, q: Vec, p: Vec) -> tuple[Vec, Vec]:
-        """The nearest position: the one from which q is seen across the constraints, found by looking from the last one."""
-        there = self.across(q, p, q)
-        change = np.inf
+        """The nearest position y = q + x H_pp G(y)^T by Newton's method from the one across the constraints, and its momentum."""
+        there, n = self.across(q, p, q), len(q)
+
+        def off(z: Vec) -> Vec:
+            y, x = vec(*[z[i] for i in range(n)]), vec(*[z[i] for i in range(n, len(z))])
+            return vec(*(y - q - x @ self.normals(y, p)), *self.constraint(y))
+
+        z = vec(*there, *[0.0 for _ in self.constraint(q)])
         for _ in range(NEAREST):
-            before, last = there, change
-            there = self.across(q, p, before)
-            change = max(abs(there - before))
-            if change == 0.0 or change >= last:  # rounding
+            change = solve(jacobian(off, z), off(z))
+            z = z - change
+            if max(abs(change)) <= CONSISTENT * max(abs(z)):
+                y = vec(*[z[i] for i in range(n)])
+                if max(abs(y - there)) <= max(abs(there - q)):
+                    there = self.across(y, p, y)
                 break
         return there, self.tangent(there, p)
 
