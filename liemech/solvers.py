@@ -77,9 +77,17 @@ def fixed_point(sweep: Callable[[Any], tuple[Any, float, float]], guess: Any, me
 
 def correction(jacobian: Mat, residual: Vec) -> Vec:
     """What Newton's method subtracts: jacobian^-1 residual.  jacobian : (n, n), residual : (n,)."""
+    if len(residual) == 2:
+        return solve2(jacobian, residual)
     if len(residual) == 3:
         return solve3(jacobian, residual)
     return solve6(jacobian, residual) if len(residual) == 6 else solve(jacobian, residual)
+
+
+def solve2(m: Mat, rhs: Vec) -> Vec:
+    """The solution of a 2 by 2 system by Cramer's rule: no branch, one division."""
+    scale = 1.0 / (m[0, 0] * m[1, 1] - m[0, 1] * m[1, 0])
+    return vec(scale * (m[1, 1] * rhs[0] - m[0, 1] * rhs[1]), scale * (m[0, 0] * rhs[1] - m[1, 0] * rhs[0]))
 
 
 def solve6(m: Mat, rhs: Vec) -> Vec:

@@ -93,7 +93,7 @@ class LobattoPair(OnConstraints):
         """How the g(Q_i), i = 2..s, change with the -L_j, j = 1..s-1, through the momenta."""
         A, B, _ = self.tableau
         s, m = len(rows), len(rows[0])
-        found = []
+        found: list[Vec] = []
         for i in range(1, s):
             for k in range(m):
                 row = [(h * h * _entry(A, B, i, j)) * dot(rows[i][k], normals[j][l]) for j in range(s - 1) for l in range(m)]

@@ -9,7 +9,7 @@ from ..errors import InvalidInput
 from ..formulas import Mat, Record, Vec, jacobian, norm, plain, record, sqrt, vec, where
 from ..solvers import newton
 from ..systems.canonical import CanonicalState
-from ..systems.constrained import FAR, cross_products, scaled, scales
+from ..systems.constrained import FAR, cross_products, inverse_sizes, scaled
 from .implicit import extrapolated
 from .on_constraints import OnConstraints, pushed
 
@@ -82,13 +82,13 @@ class Projected(OnConstraints):
         """For T(p) + V(q): positions and momenta follow from the multipliers, which are the only unknowns."""
         before, _ = self.shares
         free = (before * h) * system.force(q, p) if before != 0.0 else 0.0 * p
-        units = scales(G, h * system.velocity(q, p + (free - (h * guess) @ G)), q)
+        weights = inverse_sizes(G, h * system.velocity(q, p + (free - (h * guess) @ G)), q)
 
         def equation(x: Vec) -> tuple[Vec, Mat, float]:
             ph = p + (free - (h * x) @ G)
             there = q + h * system.velocity(q, ph)
             slope = cross_products(system.constraint_jacobian(there), pushed(system, q, ph, G))
-            return system.constraint(there) / units, (-h * h) * scaled(slope, units), 1.0
+            return weights * system.constraint(there), (-h * h) * scaled(slope, weights), 1.0
 
         x, size, enough, _ = newton(equation, guess, 1.0)
         kick = free - (h * x) @ G
@@ -100,10 +100,10 @@ class Projected(OnConstraints):
         kick = h * (before * system.force(q, p) - guess @ G)
         drift = h * system.velocity(q, p + kick)
         of_p, of_q = norm(p) + norm(kick), norm(drift) + FAR * norm(q)
-        units = vec(
-            *[where(of_q > 0.0, of_q, 1.0) for _ in q],
-            *[where(of_p > 0.0, of_p, 1.0) for _ in p],
-            *scales(G, drift, q),
+        weights = vec(
+            *[1.0 / where(of_q > 0.0, of_q, 1.0) for _ in q],
+            *[1.0 / where(of_p > 0.0, of_p, 1.0) for _ in p],
+            *inverse_sizes(G, drift, q),
         )
 
         def residual(z: Vec) -> Vec:
@@ -114,7 +114,7 @@ class Projected(OnConstraints):
                 moved, kicked = (before * h) * system.velocity(q, ph), kicked + (before * h) * system.force(q, ph)
             if after != 0.0:
                 moved = moved + (after * h) * system.velocity(there, ph)
-            return vec(*(there - q - moved), *(ph - p - kicked), *system.constraint(there)) / units
+            return weights * vec(*(there - q - moved), *(ph - p - kicked), *system.constraint(there))
 
         z, size, enough, _ = newton(lambda z: (residual(z), jacobian(residual, z), 1.0), vec(*drift, *kick, *guess), 1.0)
         drift, kick = vec(*[z[i] for i in range(n)]), vec(*[z[n + i] for i in range(n)])
@@ -140,7 +140,7 @@ class RATTLE(Projected):
 
     order: ClassVar[int] = 2
     symmetric: ClassVar[bool] = True
-    shares: ClassVar[tuple[float, float]] = (0.5, 0.5)  # type: ignore[assignment]
+    shares: ClassVar[tuple[float, float]] = (0.5, 0.5)
 
     @property
     def name(self) -> str:
@@ -172,7 +172,7 @@ class ConstrainedEuler(Projected):
             raise InvalidInput(f'ConstrainedEuler: first is "kick" or "drift"; got {self.first!r}')
 
     @cached_property
-    def shares(self) -> tuple[float, float]:  # type: ignore[override]
+    def shares(self) -> tuple[float, float]:
         """All of the force before the drift, or after it."""
         return (1.0, 0.0) if self.first == "kick" else (0.0, 1.0)
 

@@ -8,7 +8,8 @@ from typing import ClassVar
 import numpy as np
 
 from ..errors import InvalidInput
-from ..formulas import Mat, Vec, dot, mat, norm, record, sin, sum, vec, where
+from ..formulas import Mat, Vec, dot, mat, record, sum, vec
+from ..groups.rotation_coefficients import exp_coefficients
 from ..systems.constrained import SeparableConstrainedSystem
 from .pendulums import check_positive
 
@@ -26,6 +27,7 @@ class SphericalPendulum(SeparableConstrainedSystem):
     """
 
     degrees: ClassVar[int] = 3
+    linear: ClassVar[bool] = True
 
     mass: float = 1.0
     length: float = 1.0
@@ -45,7 +47,7 @@ class SphericalPendulum(SeparableConstrainedSystem):
 
     def velocity(self, q: Vec, p: Vec) -> Vec:
         """p/m.  q, p : (3,)."""
-        return p / self.mass
+        return (1.0 / self.mass) * p
 
     def force(self, q: Vec, p: Vec) -> Vec:
         """The weight.  q, p : (3,)."""
@@ -53,20 +55,19 @@ class SphericalPendulum(SeparableConstrainedSystem):
 
     def constraint(self, q: Vec) -> Vec:
         """(|q|^2 - l^2)/(2 l), (1,), in m.  q : (3,)."""
-        return vec((dot(q, q) - self.length * self.length) / (2.0 * self.length))
+        return vec((0.5 / self.length) * (dot(q, q) - self.length * self.length))
 
     def constraint_jacobian(self, q: Vec) -> Mat:
         """q/l as a row, (1, 3).  q : (3,)."""
-        return mat(q / self.length)
+        return mat((1.0 / self.length) * q)
 
     def geodesic(self, q: Vec, p: Vec, t: float) -> tuple[Vec, Vec]:
         """The motion without gravity, along a great circle: positions and momenta after the time t.  q, p : (3,)."""
-        l, speed = self.length, norm(p) / self.mass
-        angle = t * speed / l
-        s, half = sin(angle), sin(0.5 * angle)
-        shorter, versine = where(speed > 0.0, s, 1.0) / where(speed > 0.0, angle, 1.0), 2.0 * half * half
-        turn = s * norm(p) / l
-        return q + ((t * shorter / self.mass) * p - versine * q), p - (turn * q + versine * p)
+        shift = t / self.mass
+        turning = shift * dot(p, p) / (self.length * self.length)
+        x = shift * turning  # the square of the angle
+        sinc, versine = exp_coefficients(x)
+        return q + ((sinc * shift) * p - (x * versine) * q), p - ((sinc * turning) * q + (x * versine) * p)
 
     def vertical_momentum(self, q: Vec, p: Vec) -> float:
         """The angular momentum about the vertical, q_1 p_2 - q_2 p_1, in kg m^2/s.  q, p : (3,)."""
@@ -88,6 +89,8 @@ class ChainPendulum(SeparableConstrainedSystem):
 
     Source: Hairer, Lubich, Wanner, VII.1 (the N-fold pendulum); Landau and Lifshitz, Mechanics, 3rd ed., section 5.
     """
+
+    linear: ClassVar[bool] = True
 
     masses: Vec = vec(1.0, 1.0)
     lengths: Vec = vec(1.0, 1.0)
@@ -115,13 +118,14 @@ class ChainPendulum(SeparableConstrainedSystem):
         ends = [vec(*[q[d * i + k] for k in range(d)]) for i in range(len(self.masses))]
         return [end if i == 0 else end - ends[i - 1] for i, end in enumerate(ends)]
 
-    def _inertia(self) -> Vec:
-        """The mass of every coordinate."""
-        return vec(*[m for m in self.masses for _ in range(self.dimension)])
+    def _over_masses(self, p: Vec) -> Vec:
+        """p_i/m_i."""
+        inverse = [1.0 / m for m in self.masses]
+        return vec(*[inverse[i // self.dimension] * x for i, x in enumerate(p)])
 
     def kinetic(self, p: Vec) -> float:
         """sum |p_i|^2/(2 m_i), in J.  p : (n,)."""
-        return 0.5 * dot(p, p / self._inertia())
+        return 0.5 * dot(p, self._over_masses(p))
 
     def potential(self, q: Vec) -> float:
         """sum m_i g times the height, in J.  q : (n,)."""
@@ -130,7 +134,7 @@ class ChainPendulum(SeparableConstrainedSystem):
 
     def velocity(self, q: Vec, p: Vec) -> Vec:
         """p_i/m_i.  q, p : (n,)."""
-        return p / self._inertia()
+        return self._over_masses(p)
 
     def force(self, q: Vec, p: Vec) -> Vec:
         """The weights.  q, p : (n,)."""
@@ -139,20 +143,22 @@ class ChainPendulum(SeparableConstrainedSystem):
 
     def constraint(self, q: Vec) -> Vec:
         """(|q_i - q_i-1|^2 - l_i^2)/(2 l_i), (N,), in m.  q : (n,)."""
-        return vec(*[(dot(r, r) - l * l) / (2.0 * l) for r, l in zip(self._links(q), self.lengths)])
+        return vec(*[(0.5 / l) * (dot(r, r) - l * l) for r, l in zip(self._links(q), self.lengths)])
 
     def constraint_jacobian(self, q: Vec) -> Mat:
         """The directions of the rods, (N, n): (q_i - q_i-1)/l_i where mass i is, and minus that where mass i - 1 is.  q : (n,)."""
-        rows, n = [], len(self.masses)
+        rows: list[Vec] = []
+        n = len(self.masses)
         for i, (link, l) in enumerate(zip(self._links(q), self.lengths)):
-            unit = link / l
+            unit = (1.0 / l) * link
             parts = [unit if j == i else -unit if j == i - 1 else 0.0 * unit for j in range(n)]
             rows = [*rows, vec(*[x for part in parts for x in part])]
         return mat(*rows)
 
     def hanging(self, directions: Vec) -> Vec:
         """The positions of a chain whose rods point where it is said, unit vectors one after the other, (n,)."""
-        d, at, found = self.dimension, [0.0 for _ in range(self.dimension)], []
+        d, at = self.dimension, [0.0 for _ in range(self.dimension)]
+        found: list[float] = []
         for i, l in enumerate(self.lengths):
             at = [at[k] + l * directions[d * i + k] for k in range(d)]
             found = [*found, *at]
@@ -183,6 +189,8 @@ class FourBarLinkage(SeparableConstrainedSystem):
 
     Source: Gonzalez, Dopico, Lugris, Cuadrado, Multibody Syst. Dyn. 16 (2006) (benchmark problem A02 of the IFToMM library).
     """
+
+    linear: ClassVar[bool] = True
 
     loops: int = 1
     mass: float = 1.0

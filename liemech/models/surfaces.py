@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import numpy as np
 
 from ..errors import InvalidInput
@@ -20,6 +22,8 @@ class ParticleOnEllipsoid(SeparableConstrainedSystem):
 
     Source: Jacobi, Vorlesungen ueber Dynamik, lecture 28; Moser, Various aspects of integrable Hamiltonian systems (1980), 3.
     """
+
+    linear: ClassVar[bool] = True
 
     axes: Vec = vec(1.0, 1.5, 2.0)
     mass: float = 1.0
@@ -45,7 +49,7 @@ class ParticleOnEllipsoid(SeparableConstrainedSystem):
 
     def velocity(self, q: Vec, p: Vec) -> Vec:
         """p/m.  q, p : (n,)."""
-        return p / self.mass
+        return (1.0 / self.mass) * p
 
     def force(self, q: Vec, p: Vec) -> Vec:
         """Nothing.  q, p : (n,)."""

@@ -65,6 +65,9 @@ class ConstrainedSystem(CanonicalSystem):
     separable: ClassVar[bool] = False
     """Is the energy T(p) + V(q), with `velocity` a function of p alone and `force` one of q alone?"""
 
+    linear: ClassVar[bool] = False
+    """Is the velocity of first degree in p, as for a kinetic energy p . M(q)^-1 p/2?  Whoever says so saves time."""
+
     # ---------------------------------------------------------------- 1. a subclass writes
 
     def constraint(self, q: Vec) -> Vec:
@@ -134,12 +137,12 @@ class ConstrainedSystem(CanonicalSystem):
         """
         normals = self.normals(along, p)
         rows, zero = self.constraint_jacobian(along), [0.0 for _ in normals]
-        units = scales(rows, vec(*[0.0 for _ in q]), q)
+        weights = inverse_sizes(rows, vec(*[0.0 for _ in q]), q)
 
         def equation(x: Vec) -> tuple[Vec, Mat, float]:
             there = q + x @ normals
             G = self.constraint_jacobian(there)
-            return self.constraint(there) / units, scaled(cross_products(G, normals), units), 1.0
+            return weights * self.constraint(there), scaled(cross_products(G, normals), weights), 1.0
 
         x, size, enough, _ = newton(equation, vec(*zero), 1.0)
         if not size <= enough:
@@ -159,18 +162,19 @@ class ConstrainedSystem(CanonicalSystem):
     def tangent_impulse(self, q: Vec, p: Vec) -> tuple[Vec, Vec]:
         """The -G^T x with G H_p = 0 at p - G^T x, (n,), and the pivots of G H_pp G^T, (m,).  q, p : (n,)."""
         G, v, across = self.constraint_jacobian(q), self.velocity(q, p), self.normals(q, p)
-        speeds = vec(*[dot(abs(row), abs(v)) for row in G])
-        units = vec(*[where(s > 0.0, s, 1.0) for s in speeds])
-        _, pivots = eliminated(cross_products(G, across), units)
+        x, pivots = eliminated(cross_products(G, across), G @ v)
         if not independent(pivots, G, across):
             raise InconsistentState(self._dependence(q, p))
+        if self.linear:
+            return -(x @ G), pivots
+        weights = inverse_sizes(G, v, 0.0 * v)
 
         def equation(x: Vec) -> tuple[Vec, Mat, float]:
             there = p - x @ G
             products = cross_products(G, self.normals(q, there))
-            return (G @ self.velocity(q, there)) / units, -scaled(products, units), 1.0
+            return weights * (G @ self.velocity(q, there)), -scaled(products, weights), 1.0
 
-        x, size, enough, _ = newton(equation, vec(*[0.0 for _ in G]), 1.0)
+        x, size, enough, _ = newton(equation, x, 1.0)
         if not size <= enough:
             raise NoConvergence(f"{type(self).__name__}: no momentum with G(q) H_p = 0 was found near p = {tuple(p)}")
         return -(x @ G), pivots
@@ -334,6 +338,8 @@ class ConstrainedLagrangianSystem(ConstrainedSystem):
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.1.1.
     """
 
+    linear: ClassVar[bool] = True
+
     def mass(self, q: Vec) -> Mat:
         """M(q), (n, n), symmetric and positive.  q : (n,)."""
         raise NotDefined(f"{type(self).__name__} must define `mass`")
@@ -442,15 +448,15 @@ def cross_products(G: Mat, normals: Mat) -> Mat:
     return mat(*[vec(*[dot(row, normal) for normal in normals]) for row in G])
 
 
-def scaled(m: Mat, units: Vec) -> Mat:
-    """Each row divided by its unit."""
-    return mat(*[row / unit for row, unit in zip(m, units)])
+def scaled(m: Mat, weights: Vec) -> Mat:
+    """Each row times its weight."""
+    return mat(*[weight * row for row, weight in zip(m, weights)])
 
 
-def scales(G: Mat, change: Vec, q: Vec) -> Vec:
-    """What a constraint is compared with in Newton's method: what a change of q does to it, and far less of what q itself does."""
+def inverse_sizes(G: Mat, change: Vec, q: Vec) -> Vec:
+    """One over what constraints are compared with in Newton's method: what a change of q does to them, and far less of q itself."""
     sizes = [dot(abs(row), abs(change) + FAR * abs(q)) for row in G]
-    return vec(*[where(s > 0.0, s, 1.0) for s in sizes])
+    return vec(*[1.0 / where(s > 0.0, s, 1.0) for s in sizes])
 
 
 FAR = 2.0**-18
@@ -461,22 +467,22 @@ def eliminated(m: Mat, rhs: Vec) -> tuple[Vec, Vec]:
     """The solution of m x = rhs by elimination in the given order, and the pivots; for G H_pp G^T and what is near it.
 
     Each pivot is what is left of a constraint beside those before it; with a positive kinetic energy all are positive.
-    m : (k, k), rhs : (k,).  A pivot that is zero gives inf or nan.
+    m : (k, k), rhs : (k,).  With a pivot that is zero the solution means nothing.
 
     Source: Golub and Van Loan, Matrix Computations, 4th ed., 3.2 and 4.2 (no exchange of rows for positive matrices).
     """
     n = len(rhs)
-    rows, pivots = [vec(*m[i], rhs[i]) for i in range(n)], []
+    rows: list[Vec] = [vec(*m[i], rhs[i]) for i in range(n)]
+    inverse: list[Any] = []
     for k in range(n):
-        pivots = [*pivots, rows[k][k]]
-        scale = 1.0 / where(rows[k][k] != 0.0, rows[k][k], 1.0)
+        inverse = [*inverse, 1.0 / where(rows[k][k] != 0.0, rows[k][k], 1.0)]
         for i in range(k + 1, n):
-            rows[i] = rows[i] - (rows[i][k] * scale) * rows[k]
+            rows[i] = rows[i] - (rows[i][k] * inverse[k]) * rows[k]
     x = [0.0 for _ in range(n)]
     for k in range(n - 1, -1, -1):
         rest = rows[k][n] - sum([rows[k][j] * x[j] for j in range(k + 1, n)])
-        x[k] = rest / where(rows[k][k] != 0.0, rows[k][k], 1.0)
-    return vec(*x), vec(*pivots)
+        x[k] = rest * inverse[k]
+    return vec(*x), vec(*[rows[k][k] for k in range(n)])
 
 
 def independent(pivots: Vec, G: Mat, normals: Mat) -> Any:
