@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..formulas import jacobian, vec
+from ..formulas.broadcasting import small
 from .method_claims import Charts
 from .places import flat
 
@@ -15,7 +16,7 @@ from .places import flat
 class ConstrainedCharts(Charts):
     """Orthonormal coordinates of tangent spaces of M, in units of the size of positions and momenta.
 
-    A displaced state is the consistent one nearest to start + displacement; coordinates of others are those of their projection.
+    A displaced state is start + displacement, moved across the constraints; coordinates of others are those of their projection.
     """
 
     @cached_property
@@ -44,8 +45,8 @@ class ConstrainedCharts(Charts):
         """The consistent state near the start with these coordinates."""
         n = self.system.degrees
         y = np.array([*self.begin.q, *self.begin.p]) + self.sizes * (self.tangent(self.begin) @ x)
-        state = self.system.consistent(y[:n], y[n:])
-        return {"q": flat(state.q), "p": flat(state.p)}
+        q = self.system.across(small(y[:n]), self.begin.p, self.begin.q)
+        return {"q": flat(q), "p": flat(self.system.tangent(q, small(y[n:])))}
 
     def coordinates(self, about: Any, state: dict[str, np.ndarray]) -> np.ndarray:
         """Those of the change that are along the manifold."""

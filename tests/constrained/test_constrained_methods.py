@@ -68,10 +68,16 @@ def orders(method: lm.Method, scene: str, finer: int = 1) -> list[float]:
     return [float(x) for x in np.log2(np.divide(errors[0], errors[1]))]
 
 
-@pytest.mark.parametrize("scene", ["sphere", slow("chain"), slow("stretching")])
-@pytest.mark.parametrize("method", GENERAL, ids=repr)
+CASES = (
+    *((method, "sphere") for method in GENERAL),
+    *(slow(method, scene) for scene in ("chain", "stretching") for method in GENERAL if method.order < 8),
+)
+
+
+@pytest.mark.parametrize(("method", "scene"), CASES)
 def test_order_of_positions_momenta_and_multipliers(method: lm.Method, scene: str) -> None:
-    assert orders(method, scene) == pytest.approx([method.order] * 3, abs=0.35)
+    finer = 2 if scene != "sphere" and method.order > 4 else 1
+    assert orders(method, scene, finer) == pytest.approx([method.order] * 3, abs=0.6 if method.order > 4 else 0.35)
 
 
 @pytest.mark.parametrize("scene", ["chain", "stretching"])
@@ -137,7 +143,9 @@ def test_index_reduction_does_not() -> None:
 def test_constraints_hold_and_energies_do_not_drift_in_a_hundred_thousand_steps(scene: str) -> None:
     system, start = SCENES[scene]
     run = lm.integrate(system, lm.RATTLE(), start, h=0.01, steps=100_000, every=20, compiled=True, progress=False)
-    assert np.asarray(system.defects(run.q, run.p)).max() <= 6.0 * EPS
+    position, hidden = np.split(np.asarray(system.defects(run.q, run.p)), 2, axis=1)
+    assert position.max() <= 4.0 * EPS
+    assert hidden.max() <= 16.0 * EPS  # beside speeds, which are sometimes small
     drift = run.drift()
     assert drift["energy"].verdict == "bounded"
     assert drift["energy"].largest < 2e-3
