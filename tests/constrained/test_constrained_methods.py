@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
@@ -181,6 +181,53 @@ def test_energies_walk_but_do_not_drift_in_ten_million_steps() -> None:
     errors = np.abs(run.energy - run.energy[0])[1:].reshape(10, -1).max(axis=1)
     assert np.ptp(errors) < 0.05 * errors.mean()
     assert np.asarray(PENDULUM.defects(run.q, run.p)).max() <= 4.0 * EPS
+
+
+@pytest.mark.parametrize("method", [lm.RATTLE(), PAIRS[1], GEODESIC[1]], ids=repr)
+def test_units_do_not_matter(method: lm.Method) -> None:
+    """Powers of two as units of length, mass and time: the same bits, down to a molecule's size."""
+    length, mass, time = 2.0**-90, 2.0**-100, 2.0**-40
+    small = lm.SphericalPendulum(mass, length, SPHERE["g"] * length / time**2)
+    speed = mass * length / time
+    start = small.state(length * np.array(SPHERE["q0"]), speed * np.array(SPHERE["v0"]))
+    a = plain(PENDULUM, method, SWINGING, 0.0625, 10)
+    b = plain(small, method, start, 0.0625 * time, 10)
+    assert same_bits(a.q * length, b.q)
+    assert same_bits(a.p * speed, b.p)
+
+
+@lm.record
+class Distant(lm.SeparableConstrainedSystem):
+    """The pendulum hung up far away from the origin."""
+
+    degrees: ClassVar[int] = 3
+    x: float
+
+    def kinetic(self, p: lm.Vec) -> float:
+        return 0.5 * lm.dot(p, p)
+
+    def potential(self, q: lm.Vec) -> float:
+        return SPHERE["g"] * q[2]  # type: ignore[no-any-return]
+
+    def constraint(self, q: lm.Vec) -> lm.Vec:
+        r = q - vec(self.x, 0.0, 0.0)
+        return vec(0.5 * (lm.dot(r, r) - 1.0))
+
+
+@pytest.mark.parametrize("x", [1e3, 1e6, 1e9])
+def test_the_origin_does_not_matter(x: float) -> None:
+    """Positions are rounded to eps x, and so are the constraints; nothing else is lost."""
+    far = Distant(x)
+    start = far.consistent(np.array(SPHERE["q0"]) + [x, 0.0, 0.0], SPHERE["v0"])
+    a, b = plain(PENDULUM, lm.RATTLE(), SWINGING, 0.05, 20), plain(far, lm.RATTLE(), start, 0.05, 20)
+    assert np.abs(b.q - [x, 0.0, 0.0] - a.q).max() < 200.0 * EPS * x
+
+
+def test_states_at_turning_points_are_consistent() -> None:
+    """Where a swing turns the speed is no more than rounding of itself: any sample can be started from."""
+    start = PENDULUM.state([np.sin(0.3), 0.0, -np.cos(0.3)], [0.0, 0.0, 0.0])
+    run = plain(PENDULUM, lm.RATTLE(), start, 0.01, 110)
+    assert PENDULUM.state(run.q, run.p).bodies == 111
 
 
 # ---------------------------------------------------------------- index reduction, to compare with
