@@ -20,7 +20,6 @@ from ..formulas.broadcasting import small
 from ..integrators.rkmk import RKMK
 from ..simulation.integrate import integrate
 from ..systems.canonical import CanonicalSystem, HamiltonianSystem
-from ..systems.constrained import ConstrainedSystem
 from ..systems.lie_poisson import LiePoissonSystem
 from ..systems.mechanical import MechanicalSystem
 from .places import STEP, Units, flat, size
@@ -422,12 +421,6 @@ def claims(trial: Trial, keeps: tuple[str, ...], native: bool) -> Iterator[Obser
         yield bracket(
             trial, Charts(system, start, True), "symplectic", "Phi' J Phi'^T = J", symplectic
         )
-    if isinstance(system, ConstrainedSystem):
-        from .constrained_charts import ConstrainedCharts
-
-        formula = "the same with the inverse of dq dp on the constraints"
-        yield bracket(trial, ConstrainedCharts(system, start, True), "symplectic", formula, symplectic)
-        keeps = (*keeps, *(("constraint", "hidden constraint") if symplectic else ()))
     yield from kept(trial, keeps)
     if isinstance(system, LiePoissonSystem) and start.g is not None:
         yield equivariance(trial)

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..compiler import kernel
 from ..errors import NotDefined
-from ..formulas import dot, gradient, jacobian, vec
+from ..formulas import derivative, dot, gradient, jacobian, vec
 from ..integrators.rkmk import RKMK
 from ..simulation.integrate import integrate
 from ..systems.canonical import CanonicalSystem, HamiltonianSystem
@@ -164,11 +164,12 @@ def force_of_energy(system: CanonicalSystem, at: AtState) -> Iterator[Same]:
 @axiom(
     CANONICAL,
     "quadratic kinetic energy",
-    "velocity(q, p) is of first degree in p, if `quadratic` says so",
+    "velocity(q, p) is of first degree in p, if `quadratic` or `linear` says so",
     slack=CLOSE,
 )
 def quadratic(system: CanonicalSystem, at: AtState) -> Iterator[Same]:
-    if isinstance(system, SeparableEnergy) and system.quadratic:
+    quadratic = isinstance(system, SeparableEnergy) and system.quadratic
+    if quadratic or (isinstance(system, ConstrainedSystem) and system.linear):
         q, p = at.state.q, at.state.p
         v0, v1, v2 = (flat(system.velocity(q, s * p)) for s in (0.0, 1.0, 2.0))
         yield Same(v2 - v1, v1 - v0, size(v0) + size(v1) + size(v2))
@@ -180,6 +181,29 @@ CONSTRAINED: list[Law] = []
 @axiom(CONSTRAINED, "Jacobian of the constraints", "constraint_jacobian(q) = dg/dq", "constraint_jacobian", slack=CLOSE)
 def jacobian_of_constraints(system: ConstrainedSystem, at: AtState) -> Iterator[Same]:
     yield _matches(system.constraint_jacobian(at.state.q), system.constraint, at.state.q)
+
+
+@axiom(
+    CONSTRAINED,
+    "geodesic",
+    "geodesic(q, p, t) begins with the velocity, stays on g = 0 and G H_p = 0, keeps T, and t is t/2 + t/2",
+    optional=True,
+    slack=CLOSE,
+)
+def geodesic(system: Any, at: AtState) -> Iterator[Same]:
+    if not isinstance(system, SeparableConstrainedSystem) or not hasattr(system, "geodesic"):
+        raise NotDefined("the system has none")
+    q, p = at.state.q, at.state.p
+    t = 0.5 / (at.pace or 1.0)
+    there, after = system.geodesic(q, p, t)
+    half = system.geodesic(*system.geodesic(q, p, 0.5 * t), 0.5 * t)
+    yield Same(vec(*half[0], *half[1]), vec(*there, *after), size(there) + size(after))
+    begins = derivative(lambda s: system.geodesic(q, p, s)[0], 0.0)
+    yield Same(begins, system.velocity(q, p), size(system.velocity(q, p)))
+    G, v = system.constraint_jacobian(there), system.velocity(there, after)
+    yield Same(system.constraint(there), 0.0 * system.constraint(there), size(G) * size(there))
+    yield Same(G @ v, 0.0 * (G @ v), size(G) * size(v))
+    yield Same(system.kinetic(after), system.kinetic(p), abs(system.kinetic(p)))
 
 
 # ---------------------------------------------------------------- what is kept

@@ -196,8 +196,8 @@ def test_the_linkage_is_a_pendulum() -> None:
         inertia, weight = (loops + 1) / 3 + loops, (loops + 1) / 2 + loops
         pendulum = lm.Pendulum(gravity=9.81 * weight / inertia)
         angle = plain(pendulum, lm.Splitting(order=8), pendulum.state(np.pi, -1.0), 0.02, 25).q[-1, 0] - 0.5 * np.pi
-        run = plain(linkage, lm.Composition(lm.RATTLE(), order=6), start, 0.05, 10)
-        assert run.q[-1].reshape(-1, 2)[0] == pytest.approx([np.cos(angle), np.sin(angle)], abs=1e-7)
+        run = plain(linkage, lm.Composition(lm.RATTLE(), order=4), start, 0.1, 5)
+        assert run.q[-1].reshape(-1, 2)[0] == pytest.approx([np.cos(angle), np.sin(angle)], abs=2e-5)
 
 
 def test_geodesics_of_an_ellipsoid_keep_joachimsthals_integral() -> None:

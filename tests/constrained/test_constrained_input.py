@@ -123,6 +123,33 @@ def test_parameters_of_the_models() -> None:
         lm.IndexReduction("RKMK")  # type: ignore[arg-type]
 
 
+def test_slips_in_written_formulas_are_found() -> None:
+    @record
+    class Halved(lm.SphericalPendulum):
+        def constraint_jacobian(self, q: lm.Vec) -> lm.Mat:
+            return 0.5 * super().constraint_jacobian(q)
+
+    @record
+    class Straight(lm.SphericalPendulum):
+        def geodesic(self, q: lm.Vec, p: lm.Vec, t: float) -> tuple[lm.Vec, lm.Vec]:
+            return q + (t / self.mass) * p, p
+
+    @record
+    class Fast(lm.ParticleOnEllipsoid):
+        """Relativistic, so that its velocity is not linear, as the class that it derives from says."""
+
+        def kinetic(self, p: lm.Vec) -> float:
+            return lm.norm(vec(1.0, *p))  # type: ignore[no-any-return]
+
+        def velocity(self, q: lm.Vec, p: lm.Vec) -> lm.Vec:
+            return p / lm.norm(vec(1.0, *p))
+
+    assert lm.check_system(PENDULUM)["geodesic"].verdict == "holds"
+    for slipped, law in ((Halved(), "Jacobian of the constraints"), (Straight(), "geodesic"), (Fast(), "quadratic kinetic energy")):
+        with pytest.raises(lm.errors.LawViolation, match=f"breaks the law of {law}"):
+            lm.check_system(slipped)
+
+
 # ---------------------------------------------------------------- methods and systems that do not go together
 
 

@@ -1,7 +1,8 @@
-"""Coordinates about the states of a constrained system, on its manifold, in which its two-form is looked at."""
+"""What methods on constraints claim: the constraints hold, and the two-form of the manifold is kept, in coordinates of it."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import cached_property
 from typing import Any
 
@@ -9,8 +10,17 @@ import numpy as np
 
 from ..formulas import jacobian, vec
 from ..formulas.broadcasting import small
-from .method_claims import Charts
+from .method_claims import Charts, Trial, bracket, claims
 from .places import flat
+from .report import Observation
+
+
+def constrained_claims(trial: Trial, keeps: tuple[str, ...], native: bool) -> Iterator[Observation]:
+    """All claims in turn; a symplectic method keeps both constraints."""
+    symplectic = trial.method.symplectic
+    yield from claims(trial, (*keeps, *(("constraint", "hidden constraint") if symplectic else ())), native)
+    charts = ConstrainedCharts(trial.system, trial.start, True)
+    yield bracket(trial, charts, "symplectic", "dq dp on the constraints is kept: Phi' B Phi'^T = B(Phi)", symplectic)
 
 
 class ConstrainedCharts(Charts):
