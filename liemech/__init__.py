@@ -81,6 +81,7 @@ if TYPE_CHECKING:
     from .integrators.taylor import Taylor
     from .integrators.variational import CovariantVariational
     from .models.constrained_pendulums import ChainPendulum, FourBarLinkage, SphericalPendulum
+    from .models.frames import OrthonormalFrame
     from .models.gravity import CentralGravity, FixedPointGravity, UniformGravity
     from .models.heavy_top import HeavyTop, LagrangeTop, ReducedHeavyTop
     from .models.henon_heiles import HenonHeiles
@@ -148,6 +149,7 @@ _LATER = {
     "integrators.taylor": ("Taylor",),
     "integrators.variational": ("CovariantVariational",),
     "models.constrained_pendulums": ("ChainPendulum", "FourBarLinkage", "SphericalPendulum"),
+    "models.frames": ("OrthonormalFrame",),
     "models.gravity": ("CentralGravity", "FixedPointGravity", "UniformGravity"),
     "models.heavy_top": ("HeavyTop", "LagrangeTop", "ReducedHeavyTop"),
     "models.henon_heiles": ("HenonHeiles",),
@@ -291,6 +293,7 @@ __all__ = [
     "NoPotential",
     "OrbitingBody",
     "OrthogonalBody",
+    "OrthonormalFrame",
     "ParticleOnEllipsoid",
     "Pendulum",
     "Potential",

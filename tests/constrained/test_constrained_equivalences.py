@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 import pytest
 from constrained_scenes import CHAIN, DOUBLE, HANGING, MASSES, MOVING, PENDULUM, STRETCHING, SWINGING, plain
-from scenes import SEED_INERTIA, quiet_body, rotation
+from scenes import SEED_INERTIA, quiet_body, rotation, slow
 
 import liemech as lm
 from liemech.formulas import cos, record, sin, vec
@@ -210,6 +210,36 @@ def test_geodesics_of_an_ellipsoid_keep_joachimsthals_integral() -> None:
         ranges.append(np.ptp(kept) / kept[0])
     assert ranges[1] < 1e-5
     assert np.log2(ranges[0] / ranges[1]) == pytest.approx(4.0, abs=0.6)
+
+
+@pytest.mark.parametrize(("n", "k"), [slow(3, 1), (3, 2), slow(3, 3), slow(4, 2)])
+def test_splittings_on_stiefel_manifolds(n: int, k: int) -> None:
+    """Geodesics obey their laws, splittings have their order, and RATTLE comes to the same motion."""
+    rng = np.random.default_rng(n + k)
+    system = lm.OrthonormalFrame(rng.normal(size=(n, k)), mass=1.3)
+    q = np.linalg.qr(rng.normal(size=(n, k)))[0].ravel()
+    start = system.consistent(q, rng.normal(size=n * k))
+    assert lm.check_system(system, system.state(start.q, start.p))["geodesic"].verdict == "holds"
+    fine = plain(system, lm.GeodesicSplitting(order=6), start, 0.1, 8).q[-1]
+    methods = lm.GeodesicSplitting(order=4), lm.RATTLE()
+    ends = [plain(system, m, start, h, round(0.8 / h)).q[-1] for m in methods for h in (0.2, 0.1)]
+    errors = [np.abs(end - fine).max() for end in ends]
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(4.0, abs=0.5)
+    assert np.log2(errors[2] / errors[3]) == pytest.approx(2.0, abs=0.3)
+
+
+def test_the_frame_of_one_vector_is_a_pendulum_and_that_of_three_a_rotation() -> None:
+    one = lm.OrthonormalFrame([[0.0], [0.0], [PENDULUM.gravity]])
+    a = plain(one, lm.RATTLE(), one.state(SWINGING.q, SWINGING.p), 0.05, 5)
+    b = plain(PENDULUM, lm.RATTLE(), SWINGING, 0.05, 5)
+    assert np.abs(a.q - b.q).max() < 1e-15
+    three = lm.OrthonormalFrame(np.zeros((3, 3)))
+    g, w = rotation(np.random.default_rng(3)), np.array([0.4, -0.7, 0.5])
+    p = g @ lm.SO3().algebra.hat(w)
+    moved, after = three.geodesic(vec(*g.ravel()), vec(*np.array(p).ravel()), 1.5)
+    turned = g @ np.array(lm.SO3().exp(1.5 * w))
+    assert np.array(moved) == pytest.approx(turned.ravel(), abs=1e-14)
+    assert np.array(after) == pytest.approx((turned @ lm.SO3().algebra.hat(w)).ravel(), abs=1e-14)
 
 
 def test_the_geodesic_of_the_pendulum_is_its_motion_without_gravity() -> None:
