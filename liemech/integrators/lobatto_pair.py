@@ -6,9 +6,10 @@ import functools
 from typing import Any, ClassVar
 
 from ..errors import InvalidInput
-from ..formulas import Mat, Vec, dot, mat, norm, plain, record, sqrt, vec, where
-from ..solvers import correction, fixed_point
+from ..formulas import Mat, Vec, dot, mat, norm, plain, record, sqrt, vec
+from ..solvers import fixed_point
 from ..systems.canonical import CanonicalState
+from ..systems.constrained import eliminated
 from ..tableaus.collocation import lobatto_iiia, lobatto_iiib
 from ..tableaus.trees import Row
 from .on_constraints import OnConstraints
@@ -79,15 +80,13 @@ class LobattoPair(OnConstraints):
         speeds = [system.velocity(Q[j], ps[j]) for j in range(s)]
         qs = [q if i == 0 else q + combination(A[i], speeds, h) for i in range(s)]
         failing = vec(*[x for i in range(1, s) for x in system.constraint(qs[i])])
-        change = -correction(self._slope(h, rows, normals), failing)
+        change = -eliminated(self._slope(h, rows, normals), failing)[0]  # no exchange: all leading minors of A B are positive
         dL = [vec(*[change[j * m + k] for k in range(m)]) for j in range(s - 1)]
         ps = [ps[i] + combination(B[i], [dL[j] @ rows[j] for j in range(s - 1)], h) for i in range(s)]
         pushed = [combination(B[i], [dL[j] @ normals[j] for j in range(s - 1)], h) for i in range(s)]
         qs = [qs[0], *[qs[i] + combination(A[i], pushed, h) for i in range(1, s)]]
         L = [L[j] - dL[j] for j in range(s - 1)]
-        moved = sqrt(_squares(qs, Q)) / _unit(norm(q) + norm(h * speeds[0]))
-        kicked = sqrt(_squares(ps, P)) / _unit(norm(p) + norm(h * forces[0]))
-        return (qs, ps, L), moved + kicked, 1.0
+        return (qs, ps, L), sqrt(_squares(qs, Q)), norm(q) + norm(qs[s - 1] - q)  # momenta follow from positions
 
     def _slope(self, h: float, rows: list[Mat], normals: list[Mat]) -> Mat:
         """How the g(Q_i), i = 2..s, change with the -L_j, j = 1..s-1, through the momenta."""
@@ -115,8 +114,3 @@ def _squares(new: list[Vec], old: list[Vec]) -> float:
     for a, b in zip(new, old):
         total = total + dot(a - b, a - b)
     return total
-
-
-def _unit(size: float) -> float:
-    """A size to divide by."""
-    return where(size > 0.0, size, 1.0)

@@ -9,7 +9,7 @@ from ..errors import InvalidInput
 from ..formulas import Mat, Record, Vec, jacobian, norm, plain, record, sqrt, vec, where
 from ..solvers import newton
 from ..systems.canonical import CanonicalState
-from ..systems.constrained import FAR, cross_products, inverse_sizes, scaled
+from ..systems.constrained import FAR, cross_products, in_order, inverse_sizes, scaled
 from .implicit import extrapolated
 from .on_constraints import OnConstraints, pushed
 
@@ -90,7 +90,7 @@ class Projected(OnConstraints):
             slope = cross_products(system.constraint_jacobian(there), pushed(system, q, ph, G))
             return weights * system.constraint(there), (-h * h) * scaled(slope, weights), 1.0
 
-        x, size, enough, _ = newton(equation, guess, 1.0)
+        x, size, enough, _ = newton(equation, guess, 1.0, solved=in_order)
         kick = free - (h * x) @ G
         return h * system.velocity(q, p + kick), kick, x, size, enough
 
@@ -116,7 +116,8 @@ class Projected(OnConstraints):
                 moved = moved + (after * h) * system.velocity(there, ph)
             return weights * vec(*(there - q - moved), *(ph - p - kicked), *system.constraint(there))
 
-        z, size, enough, _ = newton(lambda z: (residual(z), jacobian(residual, z), 1.0), vec(*drift, *kick, *guess), 1.0)
+        guesses = vec(*drift, *kick, *guess)
+        z, size, enough, _ = newton(lambda z: (residual(z), jacobian(residual, z), 1.0), guesses, 1.0, solved=in_order)
         drift, kick = vec(*[z[i] for i in range(n)]), vec(*[z[n + i] for i in range(n)])
         return drift, kick, vec(*[z[2 * n + k] for k in range(m)]), size, enough
 

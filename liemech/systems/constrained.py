@@ -25,7 +25,7 @@ from ..formulas import (
 )
 from ..formulas.broadcasting import small
 from ..formulas.vectors import Vec as SmallVec
-from ..solvers import newton
+from ..solvers import correction, newton
 from .canonical import CanonicalState, CanonicalSystem, HamiltonianSystem
 from .separable import SeparableEnergy, SeparableSystem
 
@@ -144,7 +144,7 @@ class ConstrainedSystem(CanonicalSystem):
             G = self.constraint_jacobian(there)
             return weights * self.constraint(there), scaled(cross_products(G, normals), weights), 1.0
 
-        x, size, enough, _ = newton(equation, vec(*zero), 1.0)
+        x, size, enough, _ = newton(equation, vec(*zero), 1.0, solved=in_order)
         if not size <= enough:
             raise NoConvergence(f"{type(self).__name__}: no position with g(q) = 0 was found near q = {tuple(q)}")
         return q + x @ normals
@@ -174,7 +174,7 @@ class ConstrainedSystem(CanonicalSystem):
             products = cross_products(G, self.normals(q, there))
             return weights * (G @ self.velocity(q, there)), -scaled(products, weights), 1.0
 
-        x, size, enough, _ = newton(equation, x, 1.0)
+        x, size, enough, _ = newton(equation, x, 1.0, solved=in_order)
         if not size <= enough:
             raise NoConvergence(f"{type(self).__name__}: no momentum with G(q) H_p = 0 was found near p = {tuple(p)}")
         return -(x @ G), pivots
@@ -483,6 +483,11 @@ def eliminated(m: Mat, rhs: Vec) -> tuple[Vec, Vec]:
         rest = rows[k][n] - sum([rows[k][j] * x[j] for j in range(k + 1, n)])
         x[k] = rest * inverse[k]
     return vec(*x), vec(*[rows[k][k] for k in range(n)])
+
+
+def in_order(m: Mat, rhs: Vec) -> Vec:
+    """The solution of m x = rhs for such a matrix."""
+    return correction(m, rhs) if len(rhs) <= 3 else eliminated(m, rhs)[0]
 
 
 def independent(pivots: Vec, G: Mat, normals: Mat) -> Any:
