@@ -223,6 +223,16 @@ def test_the_origin_does_not_matter(x: float) -> None:
     assert np.abs(b.q - [x, 0.0, 0.0] - a.q).max() < 200.0 * EPS * x
 
 
+@pytest.mark.parametrize("method", [lm.RATTLE(), *PAIRS[1:3]], ids=repr)
+def test_short_steps_from_rest(method: lm.Method) -> None:
+    """Momenta begin at zero: nothing but positions tells what is small."""
+    start = CHAIN.state(CHAIN.hanging(vec(0.8, -0.6, 0.8, -0.6)), np.zeros(4))
+    for h in (1e-2, 1e-4, 1e-6):
+        run = plain(CHAIN, method, start, h, 2)
+        fall = np.array(CHAIN.rate(0.0, start))[4:]
+        assert np.abs(run.p[-1] - 2.0 * h * fall).max() < 300.0 * h**3 + 1e-9 * h
+
+
 def test_states_at_turning_points_are_consistent() -> None:
     """Where a swing turns the speed is no more than rounding of itself: any sample can be started from."""
     start = PENDULUM.state([np.sin(0.3), 0.0, -np.cos(0.3)], [0.0, 0.0, 0.0])
