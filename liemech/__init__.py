@@ -64,28 +64,43 @@ if TYPE_CHECKING:
     from .integrators.composition import Composition
     from .integrators.exact_free_body import ExactFreeBody
     from .integrators.galerkin import GalerkinVariational
+    from .integrators.geodesic_splitting import GeodesicSplitting
     from .integrators.hamilton_jacobi import HamiltonJacobi
+    from .integrators.index_reduction import IndexReduction
     from .integrators.kick_drift import KickDrift
     from .integrators.lie_poisson_first_kind import FirstKindHamiltonJacobi
     from .integrators.lie_poisson_hj import LiePoissonHamiltonJacobi
     from .integrators.lie_verlet import LieVerlet
+    from .integrators.lobatto_pair import LobattoPair
     from .integrators.magnus import Magnus
     from .integrators.midpoint import ImplicitMidpoint, Isospectral, SphericalMidpoint
     from .integrators.moser_veselov import ExactMoserVeselov, MoserVeselov
+    from .integrators.rattle import RATTLE, ConstrainedEuler
     from .integrators.rkmk import RKMK
     from .integrators.separable import Splitting, StormerVerlet, SymplecticEuler
     from .integrators.splitting import ThreeRotations
     from .integrators.taylor import Taylor
     from .integrators.variational import CovariantVariational
+    from .models.constrained_pendulums import ChainPendulum, FourBarLinkage, SphericalPendulum
+    from .models.frames import OrthonormalFrame
     from .models.gravity import CentralGravity, FixedPointGravity, UniformGravity
     from .models.heavy_top import HeavyTop, LagrangeTop, ReducedHeavyTop
     from .models.henon_heiles import HenonHeiles
     from .models.kepler import Kepler
     from .models.kirchhoff import KirchhoffBody
+    from .models.orthogonal_body import OrthogonalBody
     from .models.pendulums import DoublePendulum, Pendulum
     from .models.rigid_body import RigidBody
     from .models.space_bodies import FallingBody, OrbitingBody
+    from .models.surfaces import ParticleOnEllipsoid
     from .systems.canonical import CanonicalState, HamiltonianSystem
+    from .systems.constrained import (
+        Constrained,
+        ConstrainedLagrangianSystem,
+        ConstrainedSystem,
+        SeparableConstrainedSystem,
+        Surface,
+    )
     from .systems.group_equation import GroupEquation, LinearGroupEquation
     from .systems.hamiltonian import Hamiltonian
     from .systems.homogeneous_equation import HomogeneousEquation
@@ -117,29 +132,44 @@ _LATER = {
     "integrators.composition": ("Composition",),
     "integrators.exact_free_body": ("ExactFreeBody",),
     "integrators.galerkin": ("GalerkinVariational",),
+    "integrators.geodesic_splitting": ("GeodesicSplitting",),
     "integrators.hamilton_jacobi": ("HamiltonJacobi",),
+    "integrators.index_reduction": ("IndexReduction",),
     "integrators.kick_drift": ("KickDrift",),
     "integrators.lie_poisson_first_kind": ("FirstKindHamiltonJacobi",),
     "integrators.lie_poisson_hj": ("LiePoissonHamiltonJacobi",),
     "integrators.lie_verlet": ("LieVerlet",),
+    "integrators.lobatto_pair": ("LobattoPair",),
     "integrators.magnus": ("Magnus",),
     "integrators.midpoint": ("ImplicitMidpoint", "Isospectral", "SphericalMidpoint"),
     "integrators.moser_veselov": ("ExactMoserVeselov", "MoserVeselov"),
+    "integrators.rattle": ("RATTLE", "ConstrainedEuler"),
     "integrators.rkmk": ("RKMK",),
     "integrators.separable": ("Splitting", "StormerVerlet", "SymplecticEuler"),
     "integrators.splitting": ("ThreeRotations",),
     "integrators.taylor": ("Taylor",),
     "integrators.variational": ("CovariantVariational",),
+    "models.constrained_pendulums": ("ChainPendulum", "FourBarLinkage", "SphericalPendulum"),
+    "models.frames": ("OrthonormalFrame",),
     "models.gravity": ("CentralGravity", "FixedPointGravity", "UniformGravity"),
     "models.heavy_top": ("HeavyTop", "LagrangeTop", "ReducedHeavyTop"),
     "models.henon_heiles": ("HenonHeiles",),
     "models.kepler": ("Kepler",),
     "models.kirchhoff": ("KirchhoffBody",),
+    "models.orthogonal_body": ("OrthogonalBody",),
     "models.pendulums": ("DoublePendulum", "Pendulum"),
     "models.rigid_body": ("RigidBody",),
     "models.space_bodies": ("FallingBody", "OrbitingBody"),
+    "models.surfaces": ("ParticleOnEllipsoid",),
     "plots": ("plots",),
     "systems.canonical": ("CanonicalState", "HamiltonianSystem"),
+    "systems.constrained": (
+        "Constrained",
+        "ConstrainedLagrangianSystem",
+        "ConstrainedSystem",
+        "SeparableConstrainedSystem",
+        "Surface",
+    ),
     "systems.group_equation": ("GroupEquation", "LinearGroupEquation"),
     "systems.hamiltonian": ("Hamiltonian",),
     "systems.homogeneous_equation": ("HomogeneousEquation",),
@@ -186,6 +216,7 @@ __version__ = "0.1.0"
 
 __all__ = [
     "GL",
+    "RATTLE",
     "RKMK",
     "SE2",
     "SE3",
@@ -203,10 +234,15 @@ __all__ = [
     "CayleyAdjoint",
     "CayleySquare",
     "CentralGravity",
+    "ChainPendulum",
     "ClassFunction",
     "CoadjointAction",
     "CommutatorFree",
     "Composition",
+    "Constrained",
+    "ConstrainedEuler",
+    "ConstrainedLagrangianSystem",
+    "ConstrainedSystem",
     "CovariantVariational",
     "CrouchGrossman",
     "DoublePendulum",
@@ -218,7 +254,9 @@ __all__ = [
     "FirstKindHamiltonJacobi",
     "FixedPointGravity",
     "Force",
+    "FourBarLinkage",
     "GalerkinVariational",
+    "GeodesicSplitting",
     "GroupAction",
     "GroupEquation",
     "HamiltonJacobi",
@@ -229,6 +267,7 @@ __all__ = [
     "HenonHeiles",
     "HomogeneousEquation",
     "ImplicitMidpoint",
+    "IndexReduction",
     "InvariantForm",
     "Isospectral",
     "Kepler",
@@ -245,6 +284,7 @@ __all__ = [
     "LieVerlet",
     "LinearAction",
     "LinearGroupEquation",
+    "LobattoPair",
     "Magnus",
     "Mat",
     "MatrixLieGroup",
@@ -253,6 +293,9 @@ __all__ = [
     "MoserVeselov",
     "NoPotential",
     "OrbitingBody",
+    "OrthogonalBody",
+    "OrthonormalFrame",
+    "ParticleOnEllipsoid",
     "Pendulum",
     "Potential",
     "ProductGroup",
@@ -264,13 +307,16 @@ __all__ = [
     "RotationAction",
     "SO3Algebra",
     "SemidirectProduct",
+    "SeparableConstrainedSystem",
     "SeparableSystem",
     "Sp",
     "SphereAction",
     "SphericalMidpoint",
+    "SphericalPendulum",
     "Splitting",
     "State",
     "StormerVerlet",
+    "Surface",
     "SymplecticEuler",
     "System",
     "Taylor",

@@ -28,12 +28,18 @@ LIMIT = 50
 
 
 def newton(
-    equation: Callable[[Vec], tuple[Vec, Mat, float]], guess: Vec, data: float, rate: float = 1.0, tolerance: float = TOLERANCE
+    equation: Callable[[Vec], tuple[Vec, Mat, float]],
+    guess: Vec,
+    data: float,
+    rate: float = 1.0,
+    tolerance: float = TOLERANCE,
+    solved: Callable[[Mat, Vec], Vec] | None = None,
 ) -> tuple[Vec, float, float, bool]:
     """The root of an equation: its residual is tested against the data, and the correction that it asks for applied once more.
 
     equation : gives at x the residual r, its derivative and the factor w that |r|^2 has over the data.  data : a square.
     tolerance : smaller for a derivative that is not exact, with which the last correction gains fewer digits.
+    solved : the solution of a linear system, if `correction` is not the best way to it.
     Returns x, |r|^2 at the last test, what it had to reach (w tolerance^2 data, else x is no root), and whether x is `beyond_fold`.
     """
     x, goal = guess, tolerance * tolerance * data
@@ -41,7 +47,8 @@ def newton(
     folded = False
     for _ in range(LIMIT):
         r, jacobian, weight = equation(x)
-        x, folded = x - correction(jacobian, r), beyond_fold(jacobian, rate)
+        x = x - (correction(jacobian, r) if solved is None else solved(jacobian, r))
+        folded = beyond_fold(jacobian, rate)
         size, enough = dot(r, r), weight * goal
         if size <= enough:
             break
@@ -77,9 +84,17 @@ def fixed_point(sweep: Callable[[Any], tuple[Any, float, float]], guess: Any, me
 
 def correction(jacobian: Mat, residual: Vec) -> Vec:
     """What Newton's method subtracts: jacobian^-1 residual.  jacobian : (n, n), residual : (n,)."""
+    if len(residual) == 2:
+        return solve2(jacobian, residual)
     if len(residual) == 3:
         return solve3(jacobian, residual)
     return solve6(jacobian, residual) if len(residual) == 6 else solve(jacobian, residual)
+
+
+def solve2(m: Mat, rhs: Vec) -> Vec:
+    """The solution of a 2 by 2 system by Cramer's rule: no branch, one division."""
+    scale = 1.0 / (m[0, 0] * m[1, 1] - m[0, 1] * m[1, 0])
+    return vec(scale * (m[1, 1] * rhs[0] - m[0, 1] * rhs[1]), scale * (m[0, 0] * rhs[1] - m[1, 0] * rhs[0]))
 
 
 def solve6(m: Mat, rhs: Vec) -> Vec:

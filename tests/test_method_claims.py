@@ -74,12 +74,13 @@ def systems() -> dict[str, tuple[Any, Any]]:
         "driven from space": (driven := DrivenFromSpace(lm.SO3()), driven.state(turning)),
         "steered": (steered := Steered(lm.SO3()), steered.state(turning)),
         "sphere": (sphere, sphere.state([0.6, 0.0, 0.8])),
+        "rod": (rod := lm.SphericalPendulum(), rod.state([0.6, 0.0, -0.8], [0.4, 1.5, 0.3])),
     }
 
 
 # ---------------------------------------------------------------- methods
 
-KINDS = "free body", "heavy top", "galaxy", "fluid", "driven", "steered", "sphere"
+KINDS = "free body", "heavy top", "galaxy", "fluid", "driven", "steered", "sphere", "rod"
 """A representative of each kind."""
 
 
@@ -142,6 +143,11 @@ def methods() -> Iterator[tuple[lm.Method, bool]]:
     yield from ((lm.Splitting(order=p), True) for p in (3, 4, 6, 8))
     yield from ((lm.Splitting(order=p, quadratic=False), True) for p in (4, 6, 8))
     yield lm.Splitting(tableau=SplittingTableau.of(KAHAN_LI6)), True
+    yield from ((lm.ConstrainedEuler(first), False) for first in ("kick", "drift"))
+    yield from ((lm.RATTLE(), True), (lm.Composition(lm.RATTLE(), order=6), False))
+    yield from ((lm.LobattoPair(order=p), False) for p in (2, 4, 6, 8))
+    yield from ((lm.GeodesicSplitting(order=p), p == 4) for p in (2, 4, 6, 8))
+    yield from ((lm.IndexReduction(lm.RKMK(order=4), project), False) for project in (False, True))
 
 
 def fitted() -> lm.Method:
@@ -183,7 +189,8 @@ def cases() -> Iterator[Any]:
                 method.require(system)
             except lm.errors.IncompatibleSystem:
                 continue
-            fast = quick and (name == "galaxy" or is_quick(method, name))
+            constrained = name == "rod" and method.symplectic
+            fast = quick and (name == "galaxy" or constrained or is_quick(method, name))
             marks = [] if fast else [pytest.mark.slow]
             yield pytest.param(method, name, marks=marks, id=f"{method!r}-{name}")
 

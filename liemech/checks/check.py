@@ -16,9 +16,11 @@ from ..groups.lie_algebra import LieAlgebra
 from ..groups.lie_group import LieGroup
 from ..integrators.method import Method
 from ..retractions import Cayley, Exponential, Retraction
+from ..systems.constrained import ConstrainedSystem
 from ..systems.system import State, System
 from .action_laws import ACTION
 from .algebra_laws import ALGEBRA
+from .constrained_claims import constrained_claims
 from .group_laws import GROUP, NATIVE, PLACE
 from .law import replaced, verdicts
 from .map_laws import CAYLEY, EXPONENTIAL, Map
@@ -146,7 +148,8 @@ def check_method(
     if not math.isfinite(time) or time == 0.0:
         raise InvalidInput("check_method: the start is at rest, which tells nothing; give one that moves, or a step h")
     trial = Trial(method, system, start, time, compiled)
-    return _finished(f"{method!r} on {system!r}", claims(trial, tuple(keeps), native), raises)
+    findings = constrained_claims if isinstance(system, ConstrainedSystem) else claims
+    return _finished(f"{method!r} on {system!r}", findings(trial, tuple(keeps), native), raises)
 
 
 def _require(name: str, value: Any, kind: type) -> None:

@@ -19,7 +19,7 @@ from ..errors import IntegrationFailure, InvalidInput
 from ..formulas.broadcasting import small
 from ..integrators.rkmk import RKMK
 from ..simulation.integrate import integrate
-from ..systems.canonical import HamiltonianSystem
+from ..systems.canonical import CanonicalSystem, HamiltonianSystem
 from ..systems.lie_poisson import LiePoissonSystem
 from ..systems.mechanical import MechanicalSystem
 from .places import STEP, Units, flat, size
@@ -81,7 +81,12 @@ class Trial:
 
     def end(self, steps: int, method: Any = None) -> dict[str, np.ndarray]:
         """The parts of the state after the time, made in so many steps."""
-        return self.run(steps, self.time / steps, method=method).last.arrays
+        return ended(self.run(steps, self.time / steps, method=method))
+
+    def at(self, arrays: dict[str, np.ndarray]) -> Any:
+        """The state with these parts, taken as it is."""
+        parts = {name: small(arrays[name]) if name in arrays else None for name in self.start.parts}
+        return self.system.vouched(type(self.start)(**parts))
 
     @cached_property
     def exact(self) -> tuple[dict[str, np.ndarray], float]:
@@ -157,7 +162,7 @@ class Trial:
             if max(error.values()) <= VISIBLE or n == self.errors[-1][0]:
                 try:
                     there = self.run(WAY, h)
-                    return h, there, self.run(WAY, -h, there.last, t0=WAY * h)
+                    return h, there, self.run(WAY, -h, self.at(ended(there)), t0=WAY * h)
                 except IntegrationFailure:
                     continue
         raise InvalidInput(
@@ -168,6 +173,11 @@ class Trial:
     def h(self) -> float:
         """The step at which all claims but the order are looked at."""
         return self.journey[0]
+
+
+def ended(run: Any) -> dict[str, np.ndarray]:
+    """The last sample as it is: of a method that leaves a manifold it is no state to begin with."""
+    return {name: np.asarray(array[-1]) for name, array in run.states.items()}
 
 
 def slope(errors: list[tuple[int, float]]) -> float:
@@ -198,7 +208,7 @@ def order(trial: Trial) -> Observation:
 
 def way_back(trial: Trial) -> Observation:
     """Some steps with h, as many with -h from where they lead."""
-    home = trial.journey[2].last.arrays
+    home = ended(trial.journey[2])
     defect = max(trial.distances(home, trial.start.arrays).values())
     return _exactly(
         "symmetric", "Phi_-h = Phi_h^-1: the way back", trial.method.symmetric, defect, EXACT
@@ -261,7 +271,7 @@ def native_code(trial: Trial) -> Observation:
         Trial(trial.method, trial.system, trial.start, trial.time, compiled).run(3, trial.h)
         for compiled in (True, False)
     ]
-    a, b = (run.last.arrays for run in runs)
+    a, b = (ended(run) for run in runs)
     same = all(np.array_equal(a[name], b[name]) for name in a)
     observed = "the same" if same else f"different by {max(trial.distances(a, b).values()):.1e}"
     return Observation(
@@ -301,7 +311,7 @@ class Charts:
     @cached_property
     def units(self) -> np.ndarray:
         """What counts as a unit of each coordinate."""
-        if isinstance(self.system, HamiltonianSystem):
+        if isinstance(self.system, CanonicalSystem):
             v, f = (
                 size(x(self.begin.q, self.begin.p))
                 for x in (self.system.velocity, self.system.force)
@@ -376,7 +386,7 @@ class Charts:
         many = self.system.state(
             **{name: np.stack([start[name] for start in starts]) for name in names}
         )
-        last = trial.run(1, trial.h, many).last.arrays
+        last = ended(trial.run(1, trial.h, many))
         end = type(self.begin)(
             **{name: small(last[name][4]) for name in names}
         )  # 4: the middle of the first nine, no shift

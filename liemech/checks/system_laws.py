@@ -10,16 +10,17 @@ import numpy as np
 
 from ..compiler import kernel
 from ..errors import NotDefined
-from ..formulas import dot, gradient, jacobian, vec
+from ..formulas import derivative, dot, gradient, jacobian, vec
 from ..integrators.rkmk import RKMK
 from ..simulation.integrate import integrate
-from ..systems.canonical import HamiltonianSystem
+from ..systems.canonical import CanonicalSystem, HamiltonianSystem
+from ..systems.constrained import ConstrainedSystem, SeparableConstrainedSystem
 from ..systems.hamiltonian import Hamiltonian
 from ..systems.lagrangian import Lagrangian
 from ..systems.lie_poisson import LiePoissonSystem
 from ..systems.mechanical import MechanicalSystem
 from ..systems.potential import Potential
-from ..systems.separable import SeparableSystem
+from ..systems.separable import SeparableEnergy, SeparableSystem
 from .law import Law, Same, axiom, factors, replaced
 from .places import STEP, flat, size, slope
 from .system_places import AtState
@@ -149,13 +150,13 @@ CANONICAL: list[Law] = []
 
 
 @axiom(CANONICAL, "velocity of energy", "velocity(q, p) = dH/dp", "velocity", slack=CLOSE)
-def velocity_of_energy(system: HamiltonianSystem, at: AtState) -> Iterator[Same]:
+def velocity_of_energy(system: CanonicalSystem, at: AtState) -> Iterator[Same]:
     q, p = at.state.q, at.state.p
     yield _matches(system.velocity(q, p), lambda x: system.energy(q, x), p)
 
 
 @axiom(CANONICAL, "force of energy", "force(q, p) = -dH/dq", "force", slack=CLOSE)
-def force_of_energy(system: HamiltonianSystem, at: AtState) -> Iterator[Same]:
+def force_of_energy(system: CanonicalSystem, at: AtState) -> Iterator[Same]:
     q, p = at.state.q, at.state.p
     yield _matches(system.force(q, p), lambda x: system.energy(x, p), q, -1.0)
 
@@ -163,14 +164,46 @@ def force_of_energy(system: HamiltonianSystem, at: AtState) -> Iterator[Same]:
 @axiom(
     CANONICAL,
     "quadratic kinetic energy",
-    "velocity(q, p) is of first degree in p, if `quadratic` says so",
+    "velocity(q, p) is of first degree in p, if `quadratic` or `linear` says so",
     slack=CLOSE,
 )
-def quadratic(system: HamiltonianSystem, at: AtState) -> Iterator[Same]:
-    if isinstance(system, SeparableSystem) and system.quadratic:
+def quadratic(system: CanonicalSystem, at: AtState) -> Iterator[Same]:
+    quadratic = isinstance(system, SeparableEnergy) and system.quadratic
+    if quadratic or (isinstance(system, ConstrainedSystem) and system.linear):
         q, p = at.state.q, at.state.p
         v0, v1, v2 = (flat(system.velocity(q, s * p)) for s in (0.0, 1.0, 2.0))
         yield Same(v2 - v1, v1 - v0, size(v0) + size(v1) + size(v2))
+
+
+CONSTRAINED: list[Law] = []
+
+
+@axiom(CONSTRAINED, "Jacobian of the constraints", "constraint_jacobian(q) = dg/dq", "constraint_jacobian", slack=CLOSE)
+def jacobian_of_constraints(system: ConstrainedSystem, at: AtState) -> Iterator[Same]:
+    yield _matches(system.constraint_jacobian(at.state.q), system.constraint, at.state.q)
+
+
+@axiom(
+    CONSTRAINED,
+    "geodesic",
+    "geodesic(q, p, t) begins with the velocity, stays on g = 0 and G H_p = 0, keeps T, and t is t/2 + t/2",
+    optional=True,
+    slack=CLOSE,
+)
+def geodesic(system: Any, at: AtState) -> Iterator[Same]:
+    if not isinstance(system, SeparableConstrainedSystem) or not hasattr(system, "geodesic"):
+        raise NotDefined("the system has none")
+    q, p = at.state.q, at.state.p
+    t = 0.5 / (at.pace or 1.0)
+    there, after = system.geodesic(q, p, t)
+    half = system.geodesic(*system.geodesic(q, p, 0.5 * t), 0.5 * t)
+    yield Same(vec(*half[0], *half[1]), vec(*there, *after), size(there) + size(after))
+    begins = derivative(lambda s: system.geodesic(q, p, s)[0], 0.0)
+    yield Same(begins, system.velocity(q, p), size(system.velocity(q, p)))
+    G, v = system.constraint_jacobian(there), system.velocity(there, after)
+    yield Same(system.constraint(there), 0.0 * system.constraint(there), size(G) * size(there))
+    yield Same(G @ v, 0.0 * (G @ v), size(G) * size(v))
+    yield Same(system.kinetic(after), system.kinetic(p), abs(system.kinetic(p)))
 
 
 # ---------------------------------------------------------------- what is kept
@@ -195,8 +228,10 @@ def constants(system: Any, at: AtState) -> Iterator[Same]:
 
 
 def _constants(system: Any, state: Any) -> dict[str, Any]:
-    """The constants at one state."""
-    return system.constants({name: x[None] for name, x in state.arrays.items()})
+    """The constants at one state; without constraints, which are zero, so that nothing tells the size of their rounding."""
+    found = system.constants({name: x[None] for name, x in state.arrays.items()})
+    zero = ("constraint", "hidden constraint") if isinstance(system, ConstrainedSystem) else ()
+    return {name: value for name, value in found.items() if name not in zero}
 
 
 # ---------------------------------------------------------------- native code
@@ -228,16 +263,12 @@ def laws_of(system: Any) -> Iterator[tuple[list[Law], Any, Callable[[str], bool]
         yield BODY, body, partial(_written, body)
     if isinstance(system, MechanicalSystem):
         yield FIELD, system, partial(replaced, system.potential, Potential)
-    if isinstance(system, HamiltonianSystem):
-        yield (
-            CANONICAL,
-            system,
-            partial(
-                replaced,
-                system,
-                SeparableSystem if isinstance(system, SeparableSystem) else HamiltonianSystem,
-            ),
-        )
+    if isinstance(system, CanonicalSystem):
+        kinds = SeparableSystem, SeparableConstrainedSystem, ConstrainedSystem, HamiltonianSystem
+        base = next(kind for kind in kinds if isinstance(system, kind))
+        yield CANONICAL, system, partial(replaced, system, base)
+    if isinstance(system, ConstrainedSystem):
+        yield CONSTRAINED, system, partial(replaced, system, ConstrainedSystem)
     yield KEPT, system, lambda name: True
 
 

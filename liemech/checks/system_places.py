@@ -8,10 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InvalidInput, LiemechError
+from ..errors import InconsistentState, InvalidInput, LiemechError, NoConvergence
 from ..formulas.broadcasting import small
 from ..retractions import Exponential
-from ..systems.canonical import CanonicalState, HamiltonianSystem
+from ..systems.canonical import CanonicalState, CanonicalSystem, HamiltonianSystem
+from ..systems.constrained import ConstrainedSystem
 from ..systems.group_equation import GroupEquation, Position
 from ..systems.homogeneous_equation import HomogeneousEquation, Point
 from ..systems.lie_poisson import BodyState, LiePoissonSystem
@@ -129,6 +130,8 @@ def random_state(system: Any, rng: np.random.Generator) -> Any:
     if isinstance(system, (LiePoissonSystem, MechanicalSystem)):
         group = system.group if isinstance(system, LiePoissonSystem) else system.configurations
         return BodyState(small(rng.normal(size=group.dim)), small(np.asarray(group.random(rng))))
+    if isinstance(system, ConstrainedSystem):
+        return _consistent(system, rng)
     if isinstance(system, HamiltonianSystem):
         return CanonicalState(*(small(x) for x in rng.normal(size=(2, system.degrees))))
     if isinstance(system, GroupEquation):
@@ -138,6 +141,18 @@ def random_state(system: Any, rng: np.random.Generator) -> Any:
     raise InvalidInput(
         f"check_system: how states of {system!r} are drawn is not known; give some, states=system.state(...)"
     )
+
+
+def _consistent(system: ConstrainedSystem, rng: np.random.Generator) -> CanonicalState:
+    """A state on the constraints, near a random one; if none is found, for what is wrong is for the laws to tell, a random one."""
+    for _ in range(4 * PLACES):
+        q, p = (small(x) for x in rng.normal(size=(2, system.degrees)))
+        try:
+            there = system.across(q, p, q)
+            return CanonicalState(there, system.tangent(there, p))
+        except (NoConvergence, InconsistentState, ArithmeticError, ValueError):
+            pass
+    return CanonicalState(q, p)
 
 
 def why_undefined(at: AtState) -> str:
@@ -160,6 +175,6 @@ def _energy(system: Any, state: Any) -> float:
         return float(system.energy(state.mu))
     return (
         float(system.energy(*state.parts.values()))
-        if isinstance(system, (MechanicalSystem, HamiltonianSystem))
+        if isinstance(system, (MechanicalSystem, CanonicalSystem))
         else 0.0
     )

@@ -164,10 +164,10 @@ class Splitting(SeparableSplitting):
     def __repr__(self) -> str:
         order = self.tableau.order
         if self.tableau == self.choices.get(order):
-            return f"Splitting(order={order})"
+            return f"{type(self).__name__}(order={order})"
         if self.tableau == self.general.get(order):
-            return f"Splitting(order={order}, quadratic=False)"
-        return f"Splitting(tableau={self.tableau!r})"
+            return f"{type(self).__name__}(order={order}, quadratic=False)"
+        return f"{type(self).__name__}(tableau={self.tableau!r})"
 
 
 @record

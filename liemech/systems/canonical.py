@@ -23,19 +23,11 @@ class CanonicalState(State):
 
 
 @record
-class HamiltonianSystem(System):
-    """Hamilton's equations in R^2n, q' = dH/dp, p' = -dH/dq, for any energy H(q, p).
+class CanonicalSystem(System):
+    """Positions q and momenta p in R^n, and an energy H(q, p): what free and constrained systems share; abstract.
 
-    1. A subclass writes `energy(q, p)`, as a formula, and says its number of `degrees` of freedom, n.  Its fields are the
-       parameters.
-    2. It may write `velocity`, dH/dp, and `force`, -dH/dq, in closed form; left out, they follow by differentiation, exact to
-       rounding.
-    3. It may name what stays constant beside the energy (`constants`).
-
-    The group that moves (q, p) is R^2n under addition, so that methods for Lie groups are here the ordinary ones: RKMK is the
-    Runge-Kutta method of its tableau, Taylor the Taylor method.
-
-    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VI.1.2.
+    A subclass says how they move, `rate`, and which states there are, `state`.
+    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VI.1.2 and VII.1.
     """
 
     coordinates: ClassVar[tuple[str, ...]] = "q", "p"
@@ -75,11 +67,6 @@ class HamiltonianSystem(System):
         return VectorSpace(2 * self.degrees)
 
     @final
-    def rate(self, t: float, state: CanonicalState) -> Vec:
-        """(q', p')."""
-        return vec(*self.velocity(state.q, state.p), *self.force(state.q, state.p))
-
-    @final
     def moved(self, retraction: Retraction, state: CanonicalState, omega: Vec) -> CanonicalState:
         """(q, p) + omega."""
         y = retraction.compose_tau(self.group, vec(*state.q, *state.p), omega)
@@ -95,14 +82,9 @@ class HamiltonianSystem(System):
         """The energy."""
         return {"energy": np.asarray(self.energy(states["q"], states["p"]))}
 
-    # ---------------------------------------------------------------- the border
-
     @final
-    def state(self, q: Any, p: Any) -> CanonicalState:
-        """A start for `integrate`: positions q and momenta p, (n,) each, or (members, n) for an ensemble; numbers if n = 1.
-
-        Raises InvalidInput for wrong shapes and entries that are not finite.
-        """
+    def _points(self, q: Any, p: Any) -> tuple[list[np.ndarray], int | None]:
+        """Positions and momenta as arrays, checked, and how many members an ensemble of them has."""
         where, shape = f"{type(self).__name__}.state", (self.degrees,)
         both = [
             points(_vector(value, self.degrees), f"{where}: {name}", shape, f"a {what} of {self!r}")
@@ -111,12 +93,46 @@ class HamiltonianSystem(System):
         counts = [len(a) for a in both if a.shape != shape]
         if len(set(counts)) > 1:
             raise InvalidInput(f"{where}: {counts[0]} positions and {counts[1]} momenta")
-        members = counts[0] if counts else None
-        return self.vouched(CanonicalState(*[frozen(a, shape, members) for a in both]))
+        return both, counts[0] if counts else None
+
+    @final
+    def _vouched(self, both: list[np.ndarray], members: int | None) -> CanonicalState:
+        """The state of checked positions and momenta."""
+        return self.vouched(CanonicalState(*[frozen(a, (self.degrees,), members) for a in both]))
 
     @final
     def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
         return self.group._shape(argument, kind) if argument == "omega" or kind != "Vec" else (self.degrees,)
+
+
+@record
+class HamiltonianSystem(CanonicalSystem):
+    """Hamilton's equations in R^2n, q' = dH/dp, p' = -dH/dq, for any energy H(q, p).
+
+    1. A subclass writes `energy(q, p)`, as a formula, and says its number of `degrees` of freedom, n.  Its fields are the
+       parameters.
+    2. It may write `velocity`, dH/dp, and `force`, -dH/dq, in closed form; left out, they follow by differentiation, exact to
+       rounding.
+    3. It may name what stays constant beside the energy (`constants`).
+
+    The group that moves (q, p) is R^2n under addition, so that methods for Lie groups are here the ordinary ones: RKMK is the
+    Runge-Kutta method of its tableau, Taylor the Taylor method.
+
+    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VI.1.2.
+    """
+
+    @final
+    def rate(self, t: float, state: CanonicalState) -> Vec:
+        """(q', p')."""
+        return vec(*self.velocity(state.q, state.p), *self.force(state.q, state.p))
+
+    @final
+    def state(self, q: Any, p: Any) -> CanonicalState:
+        """A start for `integrate`: positions q and momenta p, (n,) each, or (members, n) for an ensemble; numbers if n = 1.
+
+        Raises InvalidInput for wrong shapes and entries that are not finite.
+        """
+        return self._vouched(*self._points(q, p))
 
 
 def _vector(value: Any, degrees: int) -> Any:

@@ -8,27 +8,15 @@ from typing import Any, ClassVar, final
 from ..errors import NotDefined
 from ..formulas import Vec, gradient, record, vec
 from ..formulas.series import Series
-from .canonical import HamiltonianSystem
+from .canonical import CanonicalSystem, HamiltonianSystem
 
 
 @record
-class SeparableSystem(HamiltonianSystem):
-    """Hamilton's equations in R^2n for H(q, p) = T(p) + V(q):  q' = dT/dp,  p' = -dV/dq.
+class SeparableEnergy(CanonicalSystem):
+    """An energy H(q, p) = T(p) + V(q), of a free or a constrained system; abstract.
 
-    1. A subclass writes `kinetic(p)` and `potential(q)`, as formulas, and says its number of `degrees` of freedom, n.  Its fields
-       are the parameters.
-    2. It may write `velocity(q, p)`, dT/dp, and `force(q, p)`, -dV/dq, in closed form; left out, they follow by differentiation,
-       exact to rounding.
-    3. It may name what stays constant beside the energy (`constants`).
-
-    StormerVerlet and Splitting step such systems by their two parts, whose motions are known.
-
-    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VI.1.2 and II.5.
+    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VI.1.2.
     """
-
-    instead: ClassVar[str] = (
-        "StormerVerlet() and Splitting(order=4) are for it, RKMK accepts every system"
-    )
 
     def kinetic(self, p: Vec) -> float:
         """T(p).  p : (n,)."""
@@ -63,3 +51,23 @@ class SeparableSystem(HamiltonianSystem):
         except (TypeError, AttributeError, ArithmeticError, ValueError):
             return False
         return not isinstance(energy, Series) or energy.term(3) is None
+
+
+@record
+class SeparableSystem(SeparableEnergy, HamiltonianSystem):
+    """Hamilton's equations in R^2n for H(q, p) = T(p) + V(q):  q' = dT/dp,  p' = -dV/dq.
+
+    1. A subclass writes `kinetic(p)` and `potential(q)`, as formulas, and says its number of `degrees` of freedom, n.  Its fields
+       are the parameters.
+    2. It may write `velocity(q, p)`, dT/dp, and `force(q, p)`, -dV/dq, in closed form; left out, they follow by differentiation,
+       exact to rounding.
+    3. It may name what stays constant beside the energy (`constants`).
+
+    StormerVerlet and Splitting step such systems by their two parts, whose motions are known.
+
+    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VI.1.2 and II.5.
+    """
+
+    instead: ClassVar[str] = (
+        "StormerVerlet() and Splitting(order=4) are for it, RKMK accepts every system"
+    )

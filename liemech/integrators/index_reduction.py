@@ -1,0 +1,83 @@
+"""Index reduction: the equation without constraints that the multipliers give, by a method for any equation; to compare with."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+from ..errors import IncompatibleSystem, InvalidInput, InvalidType
+from ..formulas import plain, record
+from ..systems.canonical import CanonicalState
+from ..systems.constrained import ConstrainedSystem
+from .method import Method
+
+
+@record
+class IndexReduction(Method):
+    """A constrained system by a method that knows nothing of constraints, with the multipliers put into the equation:
+
+        q' = H_p,   p' = -H_q - G^T lambda(q, p),   lambda = (G H_pp G^T)^-1 (d/dq(G H_p) H_p - G H_pp H_q)
+
+    g(q) and G H_p are constants of this equation, which methods do not keep: steps leave M, and beside M the equation is
+    not Hamiltonian, so the energy drifts too.
+    method : for any equation, such as RKMK(order=4) or Taylor(order=10).
+    project : put q onto g(q) = 0, and p into the tangent space, after each step.  Then both hold, but the energy drifts still.
+
+    It has the order of the method; neither symmetric nor symplectic.  Raises InvalidInput for a method that keeps constraints.
+    Source: Hairer, Lubich, Wanner, VII.1.1 and VII.1.2 (1.6)-(1.9), IV.4 (standard projection).
+    """
+
+    method: Method
+    project: bool = False
+
+    symmetric: ClassVar[bool] = False
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not isinstance(self.method, Method):
+            raise InvalidType(f"IndexReduction: method must be a method such as RKMK(order=4); got {self.method!r}")
+        if isinstance(self.method, IndexReduction):
+            raise InvalidInput(f"IndexReduction: {self.method!r} reduces the index already")
+
+    @property
+    def order(self) -> int:
+        """That of the method."""
+        return self.method.order  # type: ignore[attr-defined]
+
+    @property
+    def name(self) -> str:
+        """The method, and whether it is projected."""
+        return f"{self.method.name}, reduced{' and projected' if self.project else ''}"
+
+    def require(self, system: Any) -> None:
+        """A constrained system, and a method that accepts it as an equation."""
+        if not isinstance(system, ConstrainedSystem):
+            raise IncompatibleSystem(f"{self!r} needs a ConstrainedSystem; got {system!r}, which {self.method!r} may take as it is")
+        self.method.require(system)
+
+    def start(self, system: Any, state: CanonicalState, h: float) -> Any:
+        """As the method does."""
+        return self.method.start(system, state, h)
+
+    def observe(self, memory: Any) -> CanonicalState:
+        """As the method does."""
+        return self.method.observe(memory)  # type: ignore[return-value]
+
+    def past(self, memory: Any) -> tuple[Any, ...]:
+        """As the method does."""
+        return self.method.past(memory)
+
+    def resume(self, system: Any, state: CanonicalState, past: Any, h: float) -> Any:
+        """As the method does."""
+        return self.method.resume(system, state, past, h)
+
+    def step(self, system: Any, t: float, memory: Any, h: float) -> Any:
+        """A step of the method and, if asked for, the way back onto the constraints."""
+        memory = self.method.step(system, t, memory, h)
+        if not self.project:
+            return memory
+        state: Any = self.method.observe(memory)
+        here = plain(state)
+        q = system.across(here.q, here.p, here.q)
+        p = system.tangent(q, here.p)
+        moved = CanonicalState(state.q + (q - here.q), state.p + (p - here.p))
+        return self.method.resume(system, moved, self.method.past(memory), h)

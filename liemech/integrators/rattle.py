@@ -1,0 +1,183 @@
+"""RATTLE and the symplectic Euler method with constraints: impulses across the constraints keep a canonical system on them."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any, ClassVar
+
+from ..errors import InvalidInput
+from ..formulas import Mat, Record, Vec, jacobian, norm, plain, record, sqrt, vec, where
+from ..solvers import newton
+from ..systems.canonical import CanonicalState
+from ..systems.constrained import FAR, cross_products, in_order, inverse_sizes, scaled
+from .implicit import extrapolated
+from .on_constraints import OnConstraints, pushed
+
+
+@record
+class Held(Record):
+    """What such a method carries along: the state, and the multipliers of the last three steps."""
+
+    state: CanonicalState
+    last: Vec
+    last_1: Vec
+    last_2: Vec
+
+
+@record
+class Projected(OnConstraints):
+    """Steps of a constrained system whose two ends are put on the constraints by impulses; abstract.
+
+        p   = p_n - h (b H_q(p, q_n) + G(q_n)^T lambda)                     b, a : `shares`
+        q_n+1 = q_n + h (b H_p(p, q_n) + a H_p(p, q_n+1)),   g(q_n+1) = 0
+        p_n+1 = p - h (a H_q(p, q_n+1) + G(q_n+1)^T mu),     G(q_n+1) H_p(p_n+1, q_n+1) = 0
+
+    A subclass says what shares of the force come before and after the drift.
+    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.1.3 and VII.1.4.
+    """
+
+    @property
+    def shares(self) -> tuple[float, float]:
+        """b and a, b + a = 1."""
+        raise NotImplementedError(f"{type(self).__name__} must define `shares`")
+
+    def start(self, system: Any, state: CanonicalState, h: float) -> Held:
+        """The state, and half of its multipliers as a guess."""
+        here = plain(state)
+        guess = 0.5 * system.multipliers(here.q, here.p)
+        return Held(state, guess, guess, guess)
+
+    def observe(self, memory: Held) -> CanonicalState:
+        """Positions and momenta."""
+        return memory.state
+
+    def past(self, memory: Held) -> tuple[Vec, Vec, Vec]:
+        """The multipliers of the last three steps."""
+        return memory.last, memory.last_1, memory.last_2
+
+    def resume(self, system: Any, state: CanonicalState, past: tuple[Vec, Vec, Vec], h: float) -> Held:
+        """A state from elsewhere, multipliers to extrapolate from the past."""
+        return Held(state, *past)
+
+    def step(self, system: Any, t: float, memory: Held, h: float) -> Held:
+        """Onto g = 0 by an impulse at the beginning, into the tangent space by one at the end."""
+        here, (_, after) = plain(memory.state), self.shares
+        q, p, G = here.q, here.p, system.constraint_jacobian(here.q)
+        guess = extrapolated(*self.past(memory))
+        find = self._explicitly if system.separable else self._implicitly
+        drift, kick, multipliers, size, enough = find(system, h, q, p, G, guess)
+        if not size <= enough:
+            raise self._unsolved(system, h, q, p, f"mismatch {sqrt(size):.1e}, wanted {sqrt(enough):.1e}")
+        there = q + drift
+        if after != 0.0:
+            kick = kick + (after * h) * system.force(there, p + kick)
+        impulse, pivots = system.tangent_impulse(there, p + kick)
+        self.check_branch(system, h, q, there, p + kick, G, pivots)
+        state = CanonicalState(memory.state.q + drift, memory.state.p + (kick + impulse))
+        return Held(state, multipliers, memory.last, memory.last_1)
+
+    # ---------------------------------------------------------------- the first half of the step
+
+    def _explicitly(self, system: Any, h: float, q: Vec, p: Vec, G: Mat, guess: Vec) -> Any:
+        """For T(p) + V(q): positions and momenta follow from the multipliers, which are the only unknowns."""
+        before, _ = self.shares
+        free = (before * h) * system.force(q, p) if before != 0.0 else 0.0 * p
+        weights = inverse_sizes(G, h * system.velocity(q, p + (free - (h * guess) @ G)), q)
+
+        def equation(x: Vec) -> tuple[Vec, Mat, float]:
+            ph = p + (free - (h * x) @ G)
+            there = q + h * system.velocity(q, ph)
+            slope = cross_products(system.constraint_jacobian(there), pushed(system, q, ph, G))
+            return weights * system.constraint(there), (-h * h) * scaled(slope, weights), 1.0
+
+        x, size, enough, _ = newton(equation, guess, 1.0, solved=in_order)
+        kick = free - (h * x) @ G
+        return h * system.velocity(q, p + kick), kick, x, size, enough
+
+    def _implicitly(self, system: Any, h: float, q: Vec, p: Vec, G: Mat, guess: Vec) -> Any:
+        """For any energy: the unknowns are the changes of q and p, and the multipliers."""
+        n, m, (before, after) = len(q), len(G), self.shares
+        kick = h * (before * system.force(q, p) - guess @ G)
+        drift = h * system.velocity(q, p + kick)
+        of_p, of_q = norm(p) + norm(kick), norm(drift) + FAR * norm(q)
+        weights = vec(
+            *[1.0 / where(of_q > 0.0, of_q, 1.0) for _ in q],
+            *[1.0 / where(of_p > 0.0, of_p, 1.0) for _ in p],
+            *inverse_sizes(G, drift, q),
+        )
+
+        def residual(z: Vec) -> Vec:
+            ph, there = p + vec(*[z[n + i] for i in range(n)]), q + vec(*[z[i] for i in range(n)])
+            x = vec(*[z[2 * n + k] for k in range(m)])
+            moved, kicked = 0.0 * q, (-h * x) @ G
+            if before != 0.0:
+                moved, kicked = (before * h) * system.velocity(q, ph), kicked + (before * h) * system.force(q, ph)
+            if after != 0.0:
+                moved = moved + (after * h) * system.velocity(there, ph)
+            return weights * vec(*(there - q - moved), *(ph - p - kicked), *system.constraint(there))
+
+        guesses = vec(*drift, *kick, *guess)
+        z, size, enough, _ = newton(lambda z: (residual(z), jacobian(residual, z), 1.0), guesses, 1.0, solved=in_order)
+        drift, kick = vec(*[z[i] for i in range(n)]), vec(*[z[n + i] for i in range(n)])
+        return drift, kick, vec(*[z[2 * n + k] for k in range(m)]), size, enough
+
+
+@record
+class RATTLE(Projected):
+    """The method of Andersen, for every energy H(q, p) with constraints g(q) = 0:
+
+        p   = p_n - (h/2) (H_q(p, q_n) + G(q_n)^T lambda)
+        q_n+1 = q_n + (h/2) (H_p(p, q_n) + H_p(p, q_n+1)),            g(q_n+1) = 0
+        p_n+1 = p - (h/2) (H_q(p, q_n+1) + G(q_n+1)^T mu),            G(q_n+1) H_p(p_n+1, q_n+1) = 0
+
+    Order 2, symmetric, symplectic on M; both constraints hold to rounding after every step, the energy oscillates without drift.
+    For H = T(p) + V(q) only the multipliers are unknown, and the positions are those of SHAKE.  Composition(RATTLE(), order=8), or
+    4 or 6, is of higher order.
+
+    A ConstrainedSystem is needed.  Raises NoConvergence where the step is too large, also if its solution is on another branch of
+    the constraints; InconsistentState where the constraints become dependent.
+    Source: Andersen, J. Comput. Phys. 52 (1983); Jay, SIAM J. Numer. Anal. 33 (1996); Hairer, Lubich, Wanner, VII.1.4.
+    """
+
+    order: ClassVar[int] = 2
+    symmetric: ClassVar[bool] = True
+    shares: ClassVar[tuple[float, float]] = (0.5, 0.5)
+
+    @property
+    def name(self) -> str:
+        """RATTLE."""
+        return "RATTLE"
+
+
+@record
+class ConstrainedEuler(Projected):
+    """The symplectic Euler method with constraints:
+
+        p   = p_n - h (H_q(p, q_n) + G(q_n)^T lambda)
+        q_n+1 = q_n + h H_p(p, q_n),                          g(q_n+1) = 0
+        p_n+1 = p - h G(q_n+1)^T mu,                          G(q_n+1) H_p(p_n+1, q_n+1) = 0
+
+    first : "kick", as above, or "drift", its adjoint, in which the force acts at the end.
+    Order 1, symplectic on M; both constraints hold to rounding.  Errors as of RATTLE.
+
+    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.1.3.
+    """
+
+    order: ClassVar[int] = 1
+
+    first: str = "kick"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.first not in ("kick", "drift"):
+            raise InvalidInput(f'ConstrainedEuler: first is "kick" or "drift"; got {self.first!r}')
+
+    @cached_property
+    def shares(self) -> tuple[float, float]:
+        """All of the force before the drift, or after it."""
+        return (1.0, 0.0) if self.first == "kick" else (0.0, 1.0)
+
+    @property
+    def name(self) -> str:
+        """The method, and what it begins with if that is a drift."""
+        return f"Constrained Euler{', drift first' if self.first == 'drift' else ''}"

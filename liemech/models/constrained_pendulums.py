@@ -1,0 +1,258 @@
+"""Pendulums as masses at the ends of rods, in positions: the spherical pendulum, chains of many links, the four-bar linkage."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import ClassVar
+
+import numpy as np
+
+from ..errors import InvalidInput
+from ..formulas import Mat, Vec, dot, mat, record, sum, vec
+from ..groups.rotation_coefficients import exp_coefficients
+from ..systems.constrained import SeparableConstrainedSystem
+from .pendulums import check_positive
+
+
+@record
+class SphericalPendulum(SeparableConstrainedSystem):
+    """A mass on a rod that swings about the origin, H(q, p) = |p|^2/(2 m) + m g q_3 with |q| = l.
+
+    mass : m, in kg.  length : l, in m.  gravity : g, in m/s^2, along -q_3.
+    q : the position, (3,), in m.  p : the momentum m q', in kg m/s.
+    The constraint is (|q|^2 - l^2)/(2 l), in m, so that its multiplier is the tension of the rod, in N.
+    Kept are the energy and the angular momentum about the vertical.
+
+    Source: Hairer, Lubich, Wanner, VII.1, example 1.1 (its equations with multiplier); Whittaker, Analytical Dynamics, 4th ed., 55.
+    """
+
+    degrees: ClassVar[int] = 3
+    linear: ClassVar[bool] = True
+
+    mass: float = 1.0
+    length: float = 1.0
+    gravity: float = 9.80665
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_positive(self, "mass", "length")
+
+    def kinetic(self, p: Vec) -> float:
+        """|p|^2/(2 m), in J.  p : (3,)."""
+        return dot(p, p) / (2.0 * self.mass)
+
+    def potential(self, q: Vec) -> float:
+        """m g q_3, in J.  q : (3,)."""
+        return self.mass * self.gravity * q[2]
+
+    def velocity(self, q: Vec, p: Vec) -> Vec:
+        """p/m.  q, p : (3,)."""
+        return (1.0 / self.mass) * p
+
+    def force(self, q: Vec, p: Vec) -> Vec:
+        """The weight.  q, p : (3,)."""
+        return vec(0.0, 0.0, -self.mass * self.gravity)
+
+    def constraint(self, q: Vec) -> Vec:
+        """(|q|^2 - l^2)/(2 l), (1,), in m.  q : (3,)."""
+        return vec((0.5 / self.length) * (dot(q, q) - self.length * self.length))
+
+    def constraint_jacobian(self, q: Vec) -> Mat:
+        """q/l as a row, (1, 3).  q : (3,)."""
+        return mat((1.0 / self.length) * q)
+
+    def geodesic(self, q: Vec, p: Vec, t: float) -> tuple[Vec, Vec]:
+        """The motion without gravity, along a great circle: positions and momenta after the time t.  q, p : (3,)."""
+        shift = t / self.mass
+        turning = shift * dot(p, p) / (self.length * self.length)
+        x = shift * turning  # the square of the angle
+        sinc, versine = exp_coefficients(x)
+        return q + ((sinc * shift) * p - (x * versine) * q), p - ((sinc * turning) * q + (x * versine) * p)
+
+    def vertical_momentum(self, q: Vec, p: Vec) -> float:
+        """The angular momentum about the vertical, q_1 p_2 - q_2 p_1, in kg m^2/s.  q, p : (3,)."""
+        return q[0] * p[1] - q[1] * p[0]
+
+    def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """The energy, the constraints, and the angular momentum about the vertical."""
+        return super().constants(states) | {"vertical momentum": np.asarray(self.vertical_momentum(states["q"], states["p"]))}
+
+
+@record
+class ChainPendulum(SeparableConstrainedSystem):
+    """A chain of masses on rods that hangs from the origin, in space or in a plane; chaotic from two links on.
+
+    masses : (N,), in kg.  lengths : of the rods, (N,), in m.  gravity : in m/s^2, along the last axis.  dimension : 3, or 2.
+    q : the positions of the masses one after the other, (N dimension,), in m.  p : their momenta.
+    The constraints are (|q_i - q_i-1|^2 - l_i^2)/(2 l_i), in m, so that the multipliers are the tensions of the rods, in N.
+    Kept are the energy and, in space, the angular momentum about the vertical.
+
+    Source: Hairer, Lubich, Wanner, VII.1 (the N-fold pendulum); Landau and Lifshitz, Mechanics, 3rd ed., section 5.
+    """
+
+    linear: ClassVar[bool] = True
+
+    masses: Vec = vec(1.0, 1.0)
+    lengths: Vec = vec(1.0, 1.0)
+    gravity: float = 9.80665
+    dimension: int = 3
+
+    def __post_init__(self) -> None:
+        if self.dimension not in (2, 3):
+            raise InvalidInput(f"ChainPendulum: dimension is 2 or 3; got {self.dimension!r}")
+        if len(self.masses) != len(self.lengths) or not len(self.masses):
+            raise InvalidInput(
+                f"ChainPendulum: {len(self.masses)} masses and {len(self.lengths)} lengths; each mass has its rod"
+            )
+        super().__post_init__()
+        check_positive(self, "masses", "lengths")
+
+    @property
+    def degrees(self) -> int:  # type: ignore[override]
+        """The number of coordinates."""
+        return len(self.masses) * self.dimension
+
+    def _links(self, q: Vec) -> list[Vec]:
+        """The vectors along the rods."""
+        d = self.dimension
+        ends = [vec(*[q[d * i + k] for k in range(d)]) for i in range(len(self.masses))]
+        return [end if i == 0 else end - ends[i - 1] for i, end in enumerate(ends)]
+
+    def _over_masses(self, p: Vec) -> Vec:
+        """p_i/m_i."""
+        inverse = [1.0 / m for m in self.masses]
+        return vec(*[inverse[i // self.dimension] * x for i, x in enumerate(p)])
+
+    def kinetic(self, p: Vec) -> float:
+        """sum |p_i|^2/(2 m_i), in J.  p : (n,)."""
+        return 0.5 * dot(p, self._over_masses(p))
+
+    def potential(self, q: Vec) -> float:
+        """sum m_i g times the height, in J.  q : (n,)."""
+        d = self.dimension
+        return self.gravity * sum([m * q[d * i + d - 1] for i, m in enumerate(self.masses)])
+
+    def velocity(self, q: Vec, p: Vec) -> Vec:
+        """p_i/m_i.  q, p : (n,)."""
+        return self._over_masses(p)
+
+    def force(self, q: Vec, p: Vec) -> Vec:
+        """The weights.  q, p : (n,)."""
+        up = self.dimension - 1
+        return vec(*[-self.gravity * m if k == up else 0.0 for m in self.masses for k in range(self.dimension)])
+
+    def constraint(self, q: Vec) -> Vec:
+        """(|q_i - q_i-1|^2 - l_i^2)/(2 l_i), (N,), in m.  q : (n,)."""
+        return vec(*[(0.5 / l) * (dot(r, r) - l * l) for r, l in zip(self._links(q), self.lengths)])
+
+    def constraint_jacobian(self, q: Vec) -> Mat:
+        """The directions of the rods, (N, n): (q_i - q_i-1)/l_i where mass i is, and minus that where mass i - 1 is.  q : (n,)."""
+        rows: list[Vec] = []
+        n = len(self.masses)
+        for i, (link, l) in enumerate(zip(self._links(q), self.lengths)):
+            unit = (1.0 / l) * link
+            parts = [unit if j == i else -unit if j == i - 1 else 0.0 * unit for j in range(n)]
+            rows = [*rows, vec(*[x for part in parts for x in part])]
+        return mat(*rows)
+
+    def hanging(self, directions: Vec) -> Vec:
+        """The positions of a chain whose rods point where it is said, unit vectors one after the other, (n,)."""
+        d, at = self.dimension, [0.0 for _ in range(self.dimension)]
+        found: list[float] = []
+        for i, l in enumerate(self.lengths):
+            at = [at[k] + l * directions[d * i + k] for k in range(d)]
+            found = [*found, *at]
+        return vec(*found)
+
+    def vertical_momentum(self, q: Vec, p: Vec) -> float:
+        """The angular momentum about the vertical, in kg m^2/s; in space only.  q, p : (n,)."""
+        if self.dimension != 3:
+            raise InvalidInput("ChainPendulum.vertical_momentum: a chain in a plane does not turn about the vertical")
+        return sum([q[3 * i] * p[3 * i + 1] - q[3 * i + 1] * p[3 * i] for i in range(len(self.masses))])
+
+    def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """The energy, the constraints and, in space, the angular momentum about the vertical."""
+        kept = super().constants(states)
+        if self.dimension == 3:
+            kept |= {"vertical momentum": np.asarray(self.vertical_momentum(states["q"], states["p"]))}
+        return kept
+
+
+@record
+class FourBarLinkage(SeparableConstrainedSystem):
+    """Parallelograms of equal slender rods side by side: loops + 1 cranks on supports, their ends joined; one degree of freedom.
+
+    loops : N.  mass : of each rod, in kg.  length : in m; the supports are as far apart.  gravity : in m/s^2, along -y.
+    q : the positions of the joints B_0, ..., B_N, (2 N + 2,), in m.  p : the momenta M q'.
+    A rod whose ends have the velocities a and b has the energy m (|a|^2 + a.b + |b|^2)/6.
+    Where all rods are in one line the constraints become dependent, and the motion is not determined.
+
+    Source: Gonzalez, Dopico, Lugris, Cuadrado, Multibody Syst. Dyn. 16 (2006) (benchmark problem A02 of the IFToMM library).
+    """
+
+    linear: ClassVar[bool] = True
+
+    loops: int = 1
+    mass: float = 1.0
+    length: float = 1.0
+    gravity: float = 9.81
+
+    def __post_init__(self) -> None:
+        if type(self.loops) is not int or self.loops < 1:
+            raise InvalidInput(f"FourBarLinkage: loops is a whole number, at least 1; got {self.loops!r}")
+        super().__post_init__()
+        check_positive(self, "mass", "length")
+
+    @property
+    def degrees(self) -> int:  # type: ignore[override]
+        """The number of coordinates."""
+        return 2 * self.loops + 2
+
+    @cached_property
+    def _masses(self) -> tuple[Mat, Mat]:
+        """The mass matrix of rods of unit mass, for one direction, and its inverse."""
+        n = self.loops + 1
+        m = np.eye(n) / 3.0
+        for j in range(self.loops):
+            m[j : j + 2, j : j + 2] += [[1.0 / 3.0, 1.0 / 6.0], [1.0 / 6.0, 1.0 / 3.0]]
+        inverse = np.linalg.inv(m)
+        return mat(*[vec(*row) for row in m.tolist()]), mat(*[vec(*row) for row in inverse.tolist()])
+
+    def _of_both(self, m: Mat, x: Vec) -> Vec:
+        """A matrix for one direction on the first and on the second coordinates of the joints."""
+        n = self.loops + 1
+        both = [m @ vec(*[x[2 * j + k] for j in range(n)]) for k in range(2)]
+        return vec(*[both[k][j] for j in range(n) for k in range(2)])
+
+    def kinetic(self, p: Vec) -> float:
+        """p . M^-1 p/2, in J.  p : (n,)."""
+        return 0.5 * dot(p, self._of_both(self._masses[1], p)) / self.mass
+
+    def potential(self, q: Vec) -> float:
+        """The weight of the cranks acts half-way up, that of the rods between two joints at half of both, in J.  q : (n,)."""
+        return self.mass * self.gravity * sum([share * q[2 * j + 1] for j, share in enumerate(self._shares())])
+
+    def velocity(self, q: Vec, p: Vec) -> Vec:
+        """M^-1 p.  q, p : (n,)."""
+        return self._of_both(self._masses[1], p) / self.mass
+
+    def force(self, q: Vec, p: Vec) -> Vec:
+        """The weight of half of the rods that end at each joint.  q, p : (n,)."""
+        return -self.mass * self.gravity * vec(*[x for share in self._shares() for x in (0.0, share)])
+
+    def _shares(self) -> list[float]:
+        """How many rods each joint carries: half of its crank, and half of each rod beside it."""
+        n = self.loops + 1
+        return [0.5 + (0.5 if j in (0, n - 1) else 1.0) for j in range(n)]
+
+    def momentum(self, q: Vec, v: Vec) -> Vec:
+        """The momenta that belong to velocities of the joints, M v.  q, v : (n,)."""
+        return self.mass * self._of_both(self._masses[0], v)
+
+    def constraint(self, q: Vec) -> Vec:
+        """The rods have their length: (|r|^2 - l^2)/(2 l), (2 N + 1,), in m: first the cranks.  q : (n,)."""
+        n, l = self.loops + 1, self.length
+        joints = [vec(q[2 * j], q[2 * j + 1]) for j in range(n)]
+        cranks = [joints[j] - vec(j * l, 0.0) for j in range(n)]
+        rods = [*cranks, *[joints[j + 1] - joints[j] for j in range(self.loops)]]
+        return vec(*[(dot(r, r) - l * l) / (2.0 * l) for r in rods])

@@ -1,0 +1,498 @@
+"""Constrained systems: canonical ones whose positions stay on g(q) = 0, by forces across it."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar, final
+
+import numpy as np
+
+from ..errors import InconsistentState, InvalidInput, NoConvergence, NotDefined
+from ..formulas import (
+    Mat,
+    Record,
+    Vec,
+    derivative,
+    dot,
+    gradient,
+    jacobian,
+    mat,
+    record,
+    solve,
+    sqrt,
+    sum,
+    vec,
+    where,
+)
+from ..formulas.broadcasting import small
+from ..formulas.vectors import Vec as SmallVec
+from ..solvers import correction, newton
+from .canonical import CanonicalState, CanonicalSystem, HamiltonianSystem
+from .separable import SeparableEnergy, SeparableSystem
+
+CONSISTENT = 2.0**-40
+"""A start is on the constraints if they fail by no more than this, relative to their terms."""
+
+INDEPENDENT = 2.0**-40
+"""Constraints are dependent if what elimination leaves of one of them is below this, relative to what it was."""
+
+NEAREST = 12
+"""Turns in which Newton's method finds the nearest consistent position; if not, the one across the constraints is taken."""
+
+
+@record
+class ConstrainedSystem(CanonicalSystem):
+    """A Hamiltonian system in R^2n whose positions satisfy g(q) = 0, m equations:
+
+        q' = H_p,   p' = -H_q - G(q)^T lambda,   0 = g(q),   G = dg/dq (m, n)
+
+    It lives on M = {g(q) = 0, G(q) H_p(q, p) = 0}: the second equation, the hidden constraint, is the derivative of the first.
+
+    1. A subclass writes `energy(q, p)` and `constraint(q)`, as formulas, and says the number of coordinates, `degrees`, n.  Its
+       fields are the parameters.  (SeparableConstrainedSystem: kinetic(p) and potential(q) instead of the energy.)
+    2. It may write `velocity`, `force` and `constraint_jacobian` in closed form; left out, they follow by differentiation.
+    3. It may name what stays constant beside the energy (`constants`).
+
+    Everything else is derived: the hidden constraint, the multipliers lambda, the forces of constraint, consistent starts.
+    RATTLE is for it.  Methods for every system, such as RKMK, integrate the equation of lower index that the
+    multipliers give (`rate`); they leave M.  The matrix G H_pp G^T must be invertible: the constraints are independent, and
+    hold the motion.
+
+    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.1.2.
+    """
+
+    instead: ClassVar[str] = "RATTLE() is for it; RKMK accepts every system, but leaves the constraints"
+
+    separable: ClassVar[bool] = False
+    """Is the energy T(p) + V(q), with `velocity` a function of p alone and `force` one of q alone?"""
+
+    linear: ClassVar[bool] = False
+    """Is the velocity of first degree in p, as for a kinetic energy p . M(q)^-1 p/2?  Whoever says so saves time."""
+
+    # ---------------------------------------------------------------- 1. a subclass writes
+
+    def constraint(self, q: Vec) -> Vec:
+        """g(q), (m,): zero on the way.  q : (n,)."""
+        raise NotDefined(f"{type(self).__name__} must define `constraint`")
+
+    # ---------------------------------------------------------------- 2. closed forms are welcome
+
+    def constraint_jacobian(self, q: Vec) -> Mat:
+        """G(q) = dg/dq, (m, n).  q : (n,)."""
+        return jacobian(lambda x: self.constraint(x), q)
+
+    # ---------------------------------------------------------------- what follows
+
+    @final
+    def hidden_constraint(self, q: Vec, p: Vec) -> Vec:
+        """G(q) H_p(q, p), (m,): the speed at which the constraints would fail.  q, p : (n,)."""
+        return self.constraint_jacobian(q) @ self.velocity(q, p)
+
+    @final
+    def normals(self, q: Vec, p: Vec) -> Mat:
+        """H_pp G^T as rows, (m, n): how the velocity changes under an impulse of each constraint.  q, p : (n,)."""
+        rows = self.constraint_jacobian(q)
+        return mat(*[derivative(lambda x: self.velocity(q, x), p, row) for row in rows])
+
+    @final
+    def multipliers(self, q: Vec, p: Vec) -> Vec:
+        """The lambda that keeps the motion on M, (m,); its unit is that of a force over that of a row of G.  q, p : (n,).
+
+            lambda = (G H_pp G^T)^-1 (d/dq(G H_p) H_p - G H_pp H_q)
+
+        Raises InconsistentState where the constraints are dependent.
+        Source: Hairer, Lubich, Wanner, VII.1.2, (1.9).
+        """
+        n, v, f = len(q), self.velocity(q, p), self.force(q, p)
+        change = derivative(lambda y: self._hidden(y, n), vec(*q, *p), vec(*v, *f))
+        G, across = self.constraint_jacobian(q), self.normals(q, p)
+        x, pivots = eliminated(cross_products(G, across), change)
+        if not independent(pivots, G, across):
+            raise InconsistentState(self._dependence(q, p))
+        return x
+
+    @final
+    def constraint_force(self, q: Vec, p: Vec) -> Vec:
+        """-G^T lambda, (n,): what keeps the motion on M, in N where q is in m.  q, p : (n,)."""
+        return -(self.multipliers(q, p) @ self.constraint_jacobian(q))
+
+    @final
+    def defects(self, q: Vec, p: Vec) -> Vec:
+        """How far g(q) and G H_p are from zero, (2 m,), each relative to the size of the terms it is made of.  q, p : (n,).
+
+        Compared with are s = sum_i |G_ki q_i|, and sum_i |G_ki v_i| with the speed (s a)^(1/2) that the force f gives over s, where
+        a = sum_i |(H_pp G^T)_ik f_i|: so a body at rest may move by rounding.
+        """
+        G, v, f = self.constraint_jacobian(q), self.velocity(q, p), self.force(q, p)
+        sizes = vec(*[dot(abs(row), abs(q)) for row in G])
+        gained = [sqrt(s * dot(abs(row), abs(f))) for s, row in zip(sizes, self.normals(q, p))]
+        speeds = [dot(abs(row), abs(v)) + gain for row, gain in zip(G, gained)]
+        pairs = zip((*self.constraint(q), *(G @ v)), (*sizes, *speeds))
+        return vec(*[abs(x) / where(size > 0.0, size, 1.0) for x, size in pairs])
+
+    @final
+    def across(self, q: Vec, p: Vec, along: Vec) -> Vec:
+        """The position q + H_pp(along, p) G(along)^T x with g = 0, (n,).  q, p, along : (n,).
+
+        Raises NoConvergence if there is none near q.
+        """
+        normals = self.normals(along, p)
+        rows, zero = self.constraint_jacobian(along), [0.0 for _ in normals]
+        weights = inverse_sizes(rows, vec(*[0.0 for _ in q]), q)
+
+        def equation(x: Vec) -> tuple[Vec, Mat, float]:
+            there = q + x @ normals
+            G = self.constraint_jacobian(there)
+            return weights * self.constraint(there), scaled(cross_products(G, normals), weights), 1.0
+
+        x, size, enough, _ = newton(equation, vec(*zero), 1.0, solved=in_order)
+        if not size <= enough:
+            raise NoConvergence(f"{type(self).__name__}: no position with g(q) = 0 was found near q = {tuple(q)}")
+        return q + x @ normals
+
+    @final
+    def tangent(self, q: Vec, p: Vec) -> Vec:
+        """The momentum p - G^T x with G H_p = 0, (n,): the nearest one in the metric of the kinetic energy.  q, p : (n,).
+
+        Raises NoConvergence if there is none near p, InconsistentState where the constraints are dependent.
+        """
+        impulse, _ = self.tangent_impulse(q, p)
+        return p + impulse
+
+    @final
+    def tangent_impulse(self, q: Vec, p: Vec) -> tuple[Vec, Vec]:
+        """The -G^T x with G H_p = 0 at p - G^T x, (n,), and the pivots of G H_pp G^T, (m,).  q, p : (n,)."""
+        G, v, across = self.constraint_jacobian(q), self.velocity(q, p), self.normals(q, p)
+        x, pivots = eliminated(cross_products(G, across), G @ v)
+        if not independent(pivots, G, across):
+            raise InconsistentState(self._dependence(q, p))
+        if self.linear:
+            return -(x @ G), pivots
+        weights = inverse_sizes(G, v, 0.0 * v)
+
+        def equation(x: Vec) -> tuple[Vec, Mat, float]:
+            there = p - x @ G
+            products = cross_products(G, self.normals(q, there))
+            return weights * (G @ self.velocity(q, there)), -scaled(products, weights), 1.0
+
+        x, size, enough, _ = newton(equation, x, 1.0, solved=in_order)
+        if not size <= enough:
+            raise NoConvergence(f"{type(self).__name__}: no momentum with G(q) H_p = 0 was found near p = {tuple(p)}")
+        return -(x @ G), pivots
+
+    def _hidden(self, y: Vec, n: int) -> Vec:
+        """The hidden constraint of y = (q, p)."""
+        return self.hidden_constraint(vec(*[y[i] for i in range(n)]), vec(*[y[n + i] for i in range(n)]))
+
+    # ---------------------------------------------------------------- how it moves
+
+    @final
+    def rate(self, t: float, state: CanonicalState) -> Vec:
+        """(q', p') with the multipliers put in: the equation of lower index.
+
+        Source: Hairer, Lubich, Wanner, VII.1.2, (1.6) and (1.9).
+        """
+        q, p = state.q, state.p
+        return vec(*self.velocity(q, p), *(self.force(q, p) + self.constraint_force(q, p)))
+
+    def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """The energy, and the constraints: g(q) and G H_p, zero both."""
+        q, p = states["q"], states["p"]
+        kept = {"constraint": self.constraint(q), "hidden constraint": self.hidden_constraint(q, p)}
+        return super().constants(states) | {name: np.asarray(x) for name, x in kept.items()}
+
+    # ---------------------------------------------------------------- the border
+
+    @final
+    def state(self, q: Any, p: Any) -> CanonicalState:
+        """A start for `integrate` on M: positions q and momenta p, (n,) each, or (members, n) for an ensemble.
+
+        Raises InvalidInput for wrong shapes, entries that are not finite, constraints that are dependent there, and a start that
+        is not consistent: it says by how much g(q) and G H_p fail.  `consistent` gives the nearest start that is.
+        """
+        both, members = self._points(q, p)
+        self._check_constraint(both[0])
+        where, one = f"{type(self).__name__}.state", members is None
+        q, p = (np.broadcast_to(np.atleast_2d(a), (members or 1, self.degrees)) for a in both)
+        self._check_rank(where, q, p, one)
+        failing = np.asarray(self.defects(q, p)).reshape(len(q), 2, -1)
+        bad = np.flatnonzero(~(failing <= CONSISTENT).all(axis=(1, 2)))
+        if len(bad):
+            i = bad[0]
+            g, hidden = np.array(self.constraint(q[i])), np.array(self.hidden_constraint(q[i], p[i]))
+            told = [
+                f"{name}[{k}] = {value:.3g}, {defect:.1e} of its terms"
+                for name, values, relative in (("g(q)", g, failing[i, 0]), ("G H_p", hidden, failing[i, 1]))
+                for k, (value, defect) in enumerate(zip(values, relative, strict=True))
+                if not defect <= CONSISTENT
+            ]
+            member = "" if one else f" of member {i}"
+            raise InvalidInput(
+                f"{where}: the start{member} is not consistent: {'; '.join(told)} (at most {CONSISTENT:.0e}). "
+                "Use `consistent(q, p)`, which gives the nearest state that is"
+            )
+        return self._vouched(both, members)
+
+    @final
+    def consistent(self, q: Any, p: Any) -> CanonicalState:
+        """The state on M nearest to q and p, (n,) each, or (members, n): first q, then p, in the metric of the kinetic energy.
+
+        Far from M, where there may be several, it is one that is reached across the constraints.
+        Raises InvalidInput as `state` does, and if no such state is found near by.
+        """
+        both, members = self._points(q, p)
+        self._check_constraint(both[0])
+        where, one = f"{type(self).__name__}.consistent", members is None
+        q, p = (np.broadcast_to(np.atleast_2d(a), (members or 1, self.degrees)) for a in both)
+        self._check_rank(where, q, p, one)
+        try:
+            found = [self._nearest(small(a), small(b)) for a, b in zip(q, p, strict=True)]
+        except (NoConvergence, InconsistentState, ZeroDivisionError) as error:
+            raise InvalidInput(f"{where}: {error}. Give a start that is nearer to g(q) = 0") from error
+        q, p = (np.array(x) for x in zip(*found, strict=True))
+        return self.state(q[0], p[0]) if one else self.state(q, p)
+
+    def _nearest(self, q: Vec, p: Vec) -> tuple[Vec, Vec]:
+        """The nearest position y = q + x H_pp G(y)^T by Newton's method from the one across the constraints, and its momentum."""
+        there, n = self.across(q, p, q), len(q)
+
+        def off(z: Vec) -> Vec:
+            y, x = vec(*[z[i] for i in range(n)]), vec(*[z[i] for i in range(n, len(z))])
+            return vec(*(y - q - x @ self.normals(y, p)), *self.constraint(y))
+
+        z = vec(*there, *[0.0 for _ in self.constraint(q)])
+        for _ in range(NEAREST):
+            change = solve(jacobian(off, z), off(z))
+            z = z - change
+            if max(abs(change)) <= CONSISTENT * max(abs(z)):
+                y = vec(*[z[i] for i in range(n)])
+                if max(abs(y - there)) <= max(abs(there - q)):
+                    there = self.across(y, p, y)
+                break
+        return there, self.tangent(there, p)
+
+    def _check_constraint(self, q: np.ndarray) -> None:
+        """Is `constraint` a vector of numbers?"""
+        value = self.constraint(small(np.atleast_2d(q)[0]))
+        if not isinstance(value, SmallVec):
+            raise InvalidInput(
+                f"{type(self).__name__}.constraint returns {value!r}; it must be a vector, one number for each constraint: "
+                "lm.vec(...)"
+            )
+        if len(value) > self.degrees:
+            raise InvalidInput(
+                f"{type(self).__name__}: {len(value)} constraints on {self.degrees} coordinates; they cannot be independent"
+            )
+
+    def _check_rank(self, where: str, q: np.ndarray, p: np.ndarray, one: bool) -> None:
+        """Refuse states at which the constraints are dependent."""
+        normals, G = (np.asarray(x) for x in (self.normals(q, p), self.constraint_jacobian(q)))
+        left, sizes = (G @ normals.swapaxes(1, 2)).copy(), np.abs(G * normals).sum(axis=2)
+        for k in range(left.shape[1]):
+            bad = np.flatnonzero(~(np.abs(left[:, k, k]) > INDEPENDENT * sizes[:, k]))
+            if len(bad):
+                member = "" if one else f"member {bad[0]}: "
+                raise InvalidInput(f"{where}: {member}{self._dependence(small(q[bad[0]]), small(p[bad[0]]))}")
+            left[:, k + 1 :] -= left[:, k + 1 :, k, None] / left[:, k, k, None, None] * left[:, k, None, :]
+
+    def _dependence(self, q: Any, p: Any) -> str:
+        """Which constraint follows from which others, in words; for messages."""
+        G = np.array(self.constraint_jacobian(small(np.array(q, dtype=float))))
+        rows = G / (np.linalg.norm(G, axis=1, keepdims=True) + (np.abs(G).max(axis=1, keepdims=True) == 0.0))
+        rank = np.linalg.matrix_rank(rows, tol=np.sqrt(INDEPENDENT))
+        at = f"rank {rank} of {len(G)}, at q = {tuple(np.round(np.array(q, dtype=float), 6).tolist())}"
+        for k in range(len(G)):
+            if not np.abs(G[k]).max() > 0.0:
+                return f"the derivative of constraint[{k}] is zero ({at}); no force can hold it there"
+            if np.linalg.matrix_rank(rows[: k + 1], tol=np.sqrt(INDEPENDENT)) <= k:
+                weights = np.linalg.lstsq(rows[:k].T, rows[k], rcond=None)[0]
+                others = ", ".join(f"constraint[{j}]" for j in np.flatnonzero(np.abs(weights) > 1e-6))
+                return (
+                    f"the constraints are dependent ({at}): that of constraint[{k}] follows from those of {others}. "
+                    "Leave out those that are redundant; at a dead point the motion is not determined"
+                )
+        return f"the matrix G H_pp G^T is singular ({at}): the constraints do not determine their forces"
+
+
+@record
+class SeparableConstrainedSystem(SeparableEnergy, ConstrainedSystem):
+    """A constrained system with H(q, p) = T(p) + V(q): a subclass writes `kinetic(p)`, `potential(q)` and `constraint(q)`.
+
+    RATTLE is then explicit but for the multipliers.  T is mostly p . M^-1 p/2 with constant masses.
+
+    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.1.2 and VII.1.4.
+    """
+
+    separable: ClassVar[bool] = True
+
+
+@record
+class ConstrainedLagrangianSystem(ConstrainedSystem):
+    """A constrained system with the Lagrangian L = v . M(q) v/2 - U(q).
+
+    A subclass writes `mass(q)`, `potential(q)` and `constraint(q)`.
+
+        q' = v,   M(q) v' = f(q, v) - G(q)^T lambda,   0 = g(q),   p = M(q) v
+
+    f holds the force -dU/dq and what comes from the change of the masses.
+
+    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.1.1.
+    """
+
+    linear: ClassVar[bool] = True
+
+    def mass(self, q: Vec) -> Mat:
+        """M(q), (n, n), symmetric and positive.  q : (n,)."""
+        raise NotDefined(f"{type(self).__name__} must define `mass`")
+
+    def potential(self, q: Vec) -> float:
+        """U(q).  q : (n,)."""
+        raise NotDefined(f"{type(self).__name__} must define `potential`")
+
+    @final
+    def energy(self, q: Vec, p: Vec) -> float:
+        """p . M(q)^-1 p/2 + U(q).  q, p : (n,)."""
+        return 0.5 * dot(p, self.velocity(q, p)) + self.potential(q)
+
+    def velocity(self, q: Vec, p: Vec) -> Vec:
+        """M(q)^-1 p, (n,).  q, p : (n,)."""
+        return solve(self.mass(q), p)
+
+    def force(self, q: Vec, p: Vec) -> Vec:
+        """d/dq (v . M(q) v)/2 - dU/dq at the velocity v that belongs to p, (n,).  q, p : (n,)."""
+        v = self.velocity(q, p)
+        return gradient(lambda x: 0.5 * dot(v, self.mass(x) @ v) - self.potential(x), q)
+
+    def momentum(self, q: Vec, v: Vec) -> Vec:
+        """p = M(q) v, (n,).  q, v : (n,)."""
+        return self.mass(q) @ v
+
+    @final
+    def acceleration(self, q: Vec, v: Vec) -> tuple[Vec, Vec]:
+        """v', (n,), and the multipliers, (m,), of one linear system.  q, v : (n,).
+
+            ( M  G^T ) ( v'     )   ( f          )
+            ( G  0   ) ( lambda ) = ( -g''(v, v) ),      f = -(d/dq(M v)) v + d/dq(v . M v)/2 - dU/dq
+
+        Source: Hairer, Lubich, Wanner, VII.1.1, (1.3).
+        """
+        n, G = len(q), self.constraint_jacobian(q)
+        changing = derivative(lambda x: self.mass(x) @ v, q, v)
+        f = gradient(lambda x: 0.5 * dot(v, self.mass(x) @ v) - self.potential(x), q) - changing
+        bending = derivative(lambda x: self.constraint_jacobian(x) @ v, q, v)
+        upper = [vec(*row, *column) for row, column in zip(self.mass(q), G.T)]
+        lower = [vec(*row, *[0.0 for _ in G]) for row in G]
+        x = solve(mat(*upper, *lower), vec(*f, *-bending))
+        return vec(*[x[i] for i in range(n)]), vec(*[x[n + k] for k in range(len(G))])
+
+
+@record
+class Surface(Record):
+    """Equations g(q) = 0 for the positions of a canonical system: a subclass writes `value`; its fields are the parameters."""
+
+    def value(self, q: Vec) -> Vec:
+        """g(q), (m,).  q : (n,)."""
+        raise NotDefined(f"{type(self).__name__} must define `value`")
+
+
+@record
+class Constrained(ConstrainedSystem):
+    """A canonical system, such as DoublePendulum(), and equations on its positions.
+
+    system : any HamiltonianSystem.  surface : a Surface, whose `value(q)` is (m,).
+    Raises InvalidInput for anything else.
+
+    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.1.2.
+    """
+
+    system: HamiltonianSystem
+    surface: Surface
+
+    def __post_init__(self) -> None:
+        for name, kind in (("system", HamiltonianSystem), ("surface", Surface)):
+            if not isinstance(getattr(self, name), kind):
+                raise InvalidInput(f"Constrained: {name} must be a {kind.__name__}; got {getattr(self, name)!r}")
+        super().__post_init__()
+
+    @property
+    def degrees(self) -> int:  # type: ignore[override]
+        """Those of the system."""
+        return self.system.degrees
+
+    @property
+    def separable(self) -> bool:  # type: ignore[override]
+        """As the system is."""
+        return isinstance(self.system, SeparableSystem)
+
+    def energy(self, q: Vec, p: Vec) -> float:
+        """That of the system.  q, p : (n,)."""
+        return self.system.energy(q, p)
+
+    def velocity(self, q: Vec, p: Vec) -> Vec:
+        """That of the system.  q, p : (n,)."""
+        return self.system.velocity(q, p)
+
+    def force(self, q: Vec, p: Vec) -> Vec:
+        """That of the system, without the constraints.  q, p : (n,)."""
+        return self.system.force(q, p)
+
+    def constraint(self, q: Vec) -> Vec:
+        """The value of the surface.  q : (n,)."""
+        return self.surface.value(q)
+
+
+# ---------------------------------------------------------------- linear algebra of the constraints
+
+
+def cross_products(G: Mat, normals: Mat) -> Mat:
+    """G N^T, (m, m), for the rows of G and of N."""
+    return mat(*[vec(*[dot(row, normal) for normal in normals]) for row in G])
+
+
+def scaled(m: Mat, weights: Vec) -> Mat:
+    """Each row times its weight."""
+    return mat(*[weight * row for row, weight in zip(m, weights)])
+
+
+def inverse_sizes(G: Mat, change: Vec, q: Vec) -> Vec:
+    """One over what constraints are compared with in Newton's method: what a change of q does to them, and far less of q itself."""
+    sizes = [dot(abs(row), abs(change) + FAR * abs(q)) for row in G]
+    return vec(*[1.0 / where(s > 0.0, s, 1.0) for s in sizes])
+
+
+FAR = 2.0**-18
+"""With TOLERANCE, 2^-30, this asks of a constraint no more than 16 roundings of its terms before the last correction."""
+
+
+def eliminated(m: Mat, rhs: Vec) -> tuple[Vec, Vec]:
+    """The solution of m x = rhs by elimination in the given order, and the pivots; for G H_pp G^T and what is near it.
+
+    Each pivot is what is left of a constraint beside those before it; with a positive kinetic energy all are positive.
+    m : (k, k), rhs : (k,).  With a pivot that is zero the solution means nothing.
+
+    Source: Golub and Van Loan, Matrix Computations, 4th ed., 3.2 and 4.2 (no exchange of rows for positive matrices).
+    """
+    n = len(rhs)
+    rows: list[Vec] = [vec(*m[i], rhs[i]) for i in range(n)]
+    inverse: list[Any] = []
+    for k in range(n):
+        inverse = [*inverse, 1.0 / where(rows[k][k] != 0.0, rows[k][k], 1.0)]
+        for i in range(k + 1, n):
+            rows[i] = rows[i] - (rows[i][k] * inverse[k]) * rows[k]
+    x = [0.0 for _ in range(n)]
+    for k in range(n - 1, -1, -1):
+        rest = rows[k][n] - sum([rows[k][j] * x[j] for j in range(k + 1, n)])
+        x[k] = rest * inverse[k]
+    return vec(*x), vec(*[rows[k][k] for k in range(n)])
+
+
+def in_order(m: Mat, rhs: Vec) -> Vec:
+    """The solution of m x = rhs for such a matrix."""
+    return correction(m, rhs) if len(rhs) <= 3 else eliminated(m, rhs)[0]
+
+
+def independent(pivots: Vec, G: Mat, normals: Mat) -> Any:
+    """Is something left of every constraint beside those before it?"""
+    good = True
+    for pivot, row, normal in zip(pivots, G, normals):
+        good = good and abs(pivot) > INDEPENDENT * dot(abs(row), abs(normal))
+    return good
