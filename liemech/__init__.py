@@ -71,6 +71,7 @@ if TYPE_CHECKING:
     from .integrators.magnus import Magnus
     from .integrators.midpoint import ImplicitMidpoint, Isospectral, SphericalMidpoint
     from .integrators.moser_veselov import ExactMoserVeselov, MoserVeselov
+    from .integrators.reversible_controller import ReversibleController
     from .integrators.rkmk import RKMK
     from .integrators.separable import Splitting, StormerVerlet, SymplecticEuler
     from .integrators.splitting import ThreeRotations
@@ -94,6 +95,7 @@ if TYPE_CHECKING:
     from .systems.mechanical import MechanicalSystem
     from .systems.potential import Force, NoPotential, Potential
     from .systems.separable import SeparableSystem
+    from .systems.time_scales import DistancePower, EqualArc, EqualChange, EqualPath, TimeScale
     from .tableaus.tableau import ButcherTableau
 
 _LATER = {
@@ -124,6 +126,7 @@ _LATER = {
     "integrators.magnus": ("Magnus",),
     "integrators.midpoint": ("ImplicitMidpoint", "Isospectral", "SphericalMidpoint"),
     "integrators.moser_veselov": ("ExactMoserVeselov", "MoserVeselov"),
+    "integrators.reversible_controller": ("ReversibleController",),
     "integrators.rkmk": ("RKMK",),
     "integrators.separable": ("Splitting", "StormerVerlet", "SymplecticEuler"),
     "integrators.splitting": ("ThreeRotations",),
@@ -148,6 +151,7 @@ _LATER = {
     "systems.mechanical": ("MechanicalSystem",),
     "systems.potential": ("Force", "NoPotential", "Potential"),
     "systems.separable": ("SeparableSystem",),
+    "systems.time_scales": ("DistancePower", "EqualArc", "EqualChange", "EqualPath", "TimeScale"),
     "tableaus": ("tableaus",),
     "tableaus.tableau": ("ButcherTableau",),
     "viewer": ("viewer",),
@@ -208,8 +212,12 @@ __all__ = [
     "Composition",
     "CovariantVariational",
     "CrouchGrossman",
+    "DistancePower",
     "DoublePendulum",
     "Element",
+    "EqualArc",
+    "EqualChange",
+    "EqualPath",
     "ExactFreeBody",
     "ExactMoserVeselov",
     "Exponential",
@@ -259,6 +267,7 @@ __all__ = [
     "ReducedHeavyTop",
     "Representation",
     "Retraction",
+    "ReversibleController",
     "RigidBody",
     "RotationAction",
     "SO3Algebra",
@@ -274,6 +283,7 @@ __all__ = [
     "System",
     "Taylor",
     "ThreeRotations",
+    "TimeScale",
     "TraceOfAd",
     "Trajectory",
     "TranslationAction",

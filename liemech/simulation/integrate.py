@@ -78,6 +78,22 @@ def integrate(
     _choice(progress, "progress")
     if dense not in (True, False):
         raise InvalidType(f"integrate: dense must be True or False; got {dense!r}")
+    if method.fictive or system.fictive:
+        from .transformed import TransformedRun
+
+        if h is None or (steps is None and t_end is None):
+            raise InvalidInput("integrate: give h, the step in fictive time, and steps or t_end")
+        for name, value in (("rtol", rtol), ("atol", atol), ("events", events or None)):
+            if value is not None:
+                raise InvalidInput(f"integrate: {name} is for adaptive steps; {method!r} steps by its time scale")
+        transformed = TransformedRun(system, method, _started(system, start, record), _step(h), t0, compensated, compiled, progress)
+        if t_end is None:
+            if t_eval is not None:
+                raise InvalidInput("integrate: t_eval needs t_end, the time up to which the run goes")
+            return transformed.steps(_count(steps, "steps", 0), every, workers)
+        t_end = _real(t_end, "t_end")
+        limit = MOST if steps is None else _count(steps, "steps", 1)
+        return transformed.until(t_end, every, limit, _times(t_eval, t0, t_end))
     if t_end is not None:
         _only_adaptive(method, every, workers)
         if compensated is not None:

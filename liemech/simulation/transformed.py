@@ -1,0 +1,489 @@
+"""Runs in a fictive time: steps of one length there, of many lengths in physical time, which is carried along and met exactly."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ..compiler.driver import accepted, attempt, itself, read, reason, write
+from ..errors import (
+    IntegrationInterrupted,
+    InvalidInput,
+    InvalidTimeScale,
+    StepTooSmall,
+    StepWarning,
+    failure,
+    is_mistake,
+    warn,
+)
+from ..formulas import Record, plain, real_array, record
+from ..formulas.broadcasting import small
+from ..formulas.pytree import NUMBER, compensated, layout_of, leaves
+from ..integrators.composition import Composition
+from ..systems.clocked import Clocked
+from ..systems.system import State
+from .dense import unpacked
+from .drift import Drift
+from .execution import LOOK, Execution
+from .fixed import Run, begun, observed, stepped
+from .progress import Bar
+from .trajectory import Trajectory
+
+ROOM = 512
+"""Samples between two looks at the keyboard."""
+
+TURNS = 60
+"""Trials after which the step to a given time is taken as it is; a good one needs five."""
+
+ULP = 2.0**-52
+
+
+def extended(system: Any, method: Any, start: State) -> Any:
+    """The system whose state carries physical time along, bound to a start."""
+    while isinstance(method, Composition):
+        method = method.base
+    return Clocked(system, method.sigma.bound(system, start))
+
+
+# ------------------------------------------------------------------ the drivers
+
+
+@record
+class Marched(Record):
+    """How far a run came: steps, those since the last sample, samples in this call.
+
+    ended : 0 not yet, 1 the next step would reach the last time, 2 the next step failed.
+    """
+
+    steps: float
+    since: float
+    samples: float
+    ended: float
+
+
+MARCHED = layout_of(Marched(0.0, 0.0, 0.0, 0.0))
+
+
+def march(
+    method: Any,
+    system: Any,
+    layout: Any,
+    shown: Any,
+    h: float,
+    t_end: float,
+    every: float,
+    room: int,
+    states: Any,
+    marked: Any,
+    out: Any,
+    failures: Any,
+) -> None:
+    """The driver: steps, a sample after each `every`, until the room is full or the next one would reach t_end.
+
+    failures : None in native code; in plain Python a list for what the failing step raised.
+    """
+    carry, mark = read(states, 0, layout), read(marked, 0, MARCHED)
+    steps, since, n, ended = mark.steps, mark.since, 0, 0.0
+    while n < room and ended == 0.0:
+        trial = attempt(stepped, method, system, steps * h, carry, h, layout, failures is not None and steps == 0.0)
+        if not accepted(trial, observed, shown):
+            ended = 2.0
+            if failures is not None:
+                failures.append(reason(trial))
+        elif (system.clock(trial[1]) - t_end) * h >= 0.0:
+            ended = 1.0
+        else:
+            carry, steps, since = trial[0], steps + 1.0, since + 1.0
+            if since == every:
+                write(out, n * shown.width, trial[1], shown)
+                n, since = n + 1, 0.0
+    write(states, 0, carry, layout)
+    write(marked, 0, Marched(steps, since, 1.0 * n, ended), MARCHED)
+
+
+def arrive(method: Any, system: Any, shown: Any, h: float, count: int, given: Any, out: Any, failures: Any) -> None:
+    """The driver: from each of many samples, steps until a given time is passed, and instead of the last one a shorter one to it.
+
+    given : for each the sample and the time.  out : the sample then, the fictive time that went by, and 1 (0 if a step failed).
+    """
+    for k in range(count):
+        at = k * (shown.width + 1)
+        trial = attempt(
+            arrived, method, system, read(given, at, shown), h, read(given, at + shown.width, NUMBER)
+        )
+        good = accepted(trial, itself)
+        at = k * (shown.width + 2)
+        if good:
+            write(out, at, trial, None)
+            write(out, at + shown.width + 1, 1.0)
+        else:
+            write(out, at + shown.width + 1, 0.0)
+            if failures is not None:
+                failures.append(reason(trial))
+
+
+def arrived(method: Any, system: Any, sample: Any, h: float, target: float) -> tuple[Any, float]:
+    """The sample at the time `target`, and the fictive time to it, from a sample before it."""
+    memory = method.start(system, sample, h)
+    now = sample
+    passed, gone = (system.clock(now) - target) * h >= 0.0, 0.0
+    while not passed:
+        after = method.step(system, gone, memory, h)
+        seen = plain(method.observe(after))
+        passed = (system.clock(seen) - target) * h >= 0.0
+        if not passed:
+            memory, now, gone = after, seen, gone + h
+    found, s = landed(method, system, memory, h, target)
+    return found, gone + s
+
+
+def landed(method: Any, system: Any, memory: Any, h: float, target: float) -> tuple[Any, float]:
+    """The sample at the time `target`, at most a step away, and the length s of the step there.
+
+    The time after a step grows with its length; the secant method finds s, halving where it leaves what is left of the interval.
+    Source: Dahlquist and Bjorck, Numerical Methods, section 6.4.
+    """
+    found = plain(method.observe(memory))
+    low, high, before = 0.0, h, 0.0
+    error_before = system.clock(found) - target
+    error, s, turns = error_before, h, 0
+    done = error_before == 0.0
+    if done:
+        s = 0.0
+    while not done:
+        found = plain(method.observe(method.step(system, 0.0, memory, s)))
+        error = system.clock(found) - target
+        if error * h < 0.0:
+            low = s
+        else:
+            high = s
+        slope = (error - error_before) / (s - before)
+        new = s - error / slope if slope != 0.0 else low
+        if not (min(low, high) < new < max(low, high)):
+            new = 0.5 * (low + high)
+        turns = turns + 1
+        done = error == 0.0 or abs(new - s) <= ULP * abs(s) or turns >= TURNS
+        if not done:
+            before, error_before, s = s, error, new
+    return found, s
+
+
+# ------------------------------------------------------------------ the run
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class TransformedTrajectory(Trajectory):
+    """Samples of a run in fictive time.
+
+    t : physical times, (n,), whose distances differ; of an ensemble of m members (n, m).  tau : (n,) fictive times.
+    h : the step in fictive time.  sigma : the time scale, dt = sigma dtau, bound to the start.
+    z : (n,) what a ReversibleController takes for 1/sigma; None for other methods.
+    """
+
+    tau: np.ndarray = None  # type: ignore[assignment]
+    sigma: Any = None
+    z: np.ndarray | None = None
+
+    @cached_property
+    def scale(self) -> np.ndarray:
+        """sigma at every sample, (n,): physical time for a unit of fictive time."""
+        if self.bodies is not None:
+            raise InvalidInput("TransformedTrajectory.scale takes one body at a time")
+        kind = type(self.last)
+        return np.array(
+            [
+                self.sigma.value(self.system, small_state(kind, {n: x[k] for n, x in self.states.items()}))
+                for k in range(len(self))
+            ]
+        )
+
+    def drift(self) -> Drift:
+        """How well the constants of the motion were kept; for an ensemble over fictive time, which its members share."""
+        return Drift.of(self.system, self.t if self.bodies is None else self.tau, self.states, self.bodies)
+
+    def __repr__(self) -> str:
+        many = "" if self.bodies is None else f"{self.bodies} bodies, "
+        end = f"to t = {np.ravel(self.t[-1])[0]:g}, " if len(self) and self.bodies is None else ""
+        return (
+            f"Trajectory({self.method!r}: {many}{len(self)} samples {end}tau = {self.tau[-1]:g}, h = {self.h:g} in tau, "
+            f"{'compiled' if self.compiled else 'plain'}; {', '.join(self.states)})"
+        )
+
+
+def small_state(kind: Any, arrays: dict[str, np.ndarray]) -> Any:
+    """A state as formulas take it."""
+    return kind(*[small(np.asarray(arrays[name])) if name in arrays else None for name in kind.__dataclass_fields__])
+
+
+@dataclass(frozen=True, eq=False)
+class Between:
+    """The motion between the samples of a run: from the last one before, steps of the method, the last of them shorter.
+
+    So the state at a time is that of a run that ends there, up to rounding.
+    """
+
+    method: Any
+    system: Any
+    kind: Any
+    example: Any
+    h: float
+    t: np.ndarray
+    points: np.ndarray
+    compiled: bool | None
+
+    def numbers(self, times: np.ndarray) -> np.ndarray:
+        """At each of these times the numbers of the state with its clock, and the fictive time since the sample, (m, width + 1)."""
+        t = self.t
+        inside = (times >= min(t[0], t[-1])) & (times <= max(t[0], t[-1]))
+        if not inside.all():
+            raise InvalidInput(f"t = {times[~inside][0]:g} is outside the run, which goes from {t[0]:g} to {t[-1]:g}")
+        sign = 1.0 if self.h > 0.0 else -1.0
+        last = np.searchsorted(sign * t, sign * times, "right") - 1
+        found = np.concatenate([self.points[last], np.zeros((len(times), 1))], axis=1)
+        away = np.flatnonzero(times != t[last])
+        found[away] = self._moved(np.concatenate([self.points[last[away]], times[away, None]], axis=1))
+        return found
+
+    def _moved(self, given: np.ndarray) -> np.ndarray:
+        shown, many = layout_of(self.example), len(given)
+        arguments, array = (self.method, self.system, shown, self.h), np.empty(1)
+        execution = Execution(self.compiled, False, arrive, *arguments, 1, array, array, None)
+        found, done, failures = np.empty((many, shown.width + 2)), 0, []  # type: Any, int, list[Any]
+        while done < many:
+            if execution.ready(done / many):
+                run: Any = execution.native
+                rest = np.ascontiguousarray(given[done:]).ravel()
+                out = np.empty((many - done) * (shown.width + 2))
+                run(*arguments, many - done, rest, out, None)
+                found[done:] = out.reshape(many - done, -1)
+                break
+            out = np.empty(shown.width + 2)
+            with execution.plain():
+                arrive(*arguments, 1, np.ascontiguousarray(given[done]), out, failures)
+            found[done] = out
+            done += 1
+        for k in np.flatnonzero(found[:, -1] == 0.0).tolist():
+            arrive(*arguments, 1, np.ascontiguousarray(given[k]), np.empty(shown.width + 2), failures)
+            error = failures[0]
+            raise error if error is not None and is_mistake(error) else failure(error, repr(self.method), "between two steps")
+        return found[:, :-1]
+
+    def __call__(self, times: Any) -> Any:
+        """The state at one time, or at many, (m,), whose arrays then have a leading axis."""
+        at = real_array(times, "t")
+        shown = layout_of(self.example)
+        arrays = unpacked(self.example, shown, self.numbers(np.atleast_1d(at).ravel())[:, : shown.width])
+        states = self.system.apart(arrays)[1]
+        one = 0 if at.ndim == 0 else slice(None)
+        names = self.kind.__dataclass_fields__
+        return self.kind(*(states[name][one] if name in states else None for name in names))
+
+
+class TransformedRun:
+    """One call of `integrate` in fictive time.
+
+    whole : the system whose state carries time along.  given, start : where it begins, without and with its time.
+    """
+
+    def __init__(
+        self,
+        system: Any,
+        method: Any,
+        start: Any,
+        h: float,
+        t0: float,
+        compensated: bool | None,
+        compiled: bool | None,
+        progress: bool | None,
+    ) -> None:
+        self.whole: Any = extended(system, method, start)
+        self.system, self.method, self.given, self.start = self.whole.system, method, start, self.whole.extended(start, t0)
+        doubt = method.caution(self.whole, self.start, h) if start.bodies is None else None
+        if doubt:
+            warn(doubt, StepWarning)
+        self.h, self.t0, self.compensated, self.compiled, self.progress = h, t0, compensated, compiled, progress
+
+    def steps(self, steps: int, every: int, workers: int) -> Trajectory:
+        """So many steps of one length in fictive time, for one body or an ensemble."""
+        run = Run(
+            self.whole, self.method, self.start, self.h, steps, every, 0.0, self.compensated, self.compiled, self.progress, workers
+        )
+        try:
+            made = run.trajectory()
+        except BaseException as error:
+            if isinstance(getattr(error, "trajectory", None), Trajectory):
+                error.trajectory = self._presented(error.trajectory)  # type: ignore[attr-defined]
+            raise
+        return self._presented(made)
+
+    def until(self, t_end: float, every: int, limit: int, times: np.ndarray | None) -> Trajectory:
+        """As many steps as lead to a time, for one body; kept are every `every`-th state and the last one, or those at `times`."""
+        if self.start.bodies is not None:
+            raise InvalidInput("integrate: t_end is for one body at a time; give an ensemble h and steps")
+        if (t_end - self.t0) * self.h < 0.0:
+            raise InvalidInput(
+                f"integrate: t_end = {t_end:g} is not where steps of h = {self.h:g} lead from {self.t0:g}; turn the sign of h"
+            )
+        return March(self, t_end, every, limit, times).trajectory()
+
+    def _presented(self, run: Trajectory) -> TransformedTrajectory:
+        """Samples of the extended system as those of the system."""
+        if run.bodies is None:
+            numbers = np.concatenate([_floats(x).reshape(len(run), -1) for x in run.states.values()], axis=1)
+            return self.result(self.whole.apart(run.states)[0], numbers, run.t, self.start, run.steps, run.compiled)
+        t, states, z = self.whole.apart(run.states)
+        return self._made(t, states, run.t, run.bodies, run.steps, run.compiled, run.stopped, z=z)
+
+    def result(
+        self, t: np.ndarray, numbers: np.ndarray, tau: np.ndarray, example: Any, steps: int, compiled: bool
+    ) -> TransformedTrajectory:
+        """A trajectory of one body: times, numbers of the samples of the extended system, (n, width), and fictive times."""
+        _, states, z = self.whole.apart(unpacked(example, layout_of(example), numbers))
+        dense: Any = Between(self.method, self.whole, type(self.given), example, self.h, t, numbers, self.compiled)
+        return self._made(t, states, tau, None, steps, compiled, dense=dense, z=z)
+
+    def _made(self, t: np.ndarray, states: Any, tau: np.ndarray, *rest: Any, **more: Any) -> TransformedTrajectory:
+        if (np.diff(t, axis=0) * math.copysign(1.0, self.h) < 0.0).any():
+            raise InvalidTimeScale(f"integrate: physical time went back; sigma of {self.system!r} is not positive all the way")
+        scale = self.whole.sigma
+        more |= {"tau": tau, "sigma": scale}
+        return TransformedTrajectory(self.system, self.method, self.h, t, states, *rest, **more)
+
+
+class March:
+    """One run to a given time: its samples and its progress."""
+
+    def __init__(self, run: TransformedRun, t_end: float, every: int, limit: int, times: np.ndarray | None) -> None:
+        self.run, self.t_end, self.every, self.limit, self.times = run, t_end, every, limit, times
+        start = run.start
+        if run.compensated is not False:
+            motion = run.whole.essential(start).parts
+            start = type(start)(
+                *(compensated(x) if run.compensated or motion[n] is not None else x for n, x in start.parts.items())
+            )
+        trial = attempt(begun, run.method, run.whole, start, run.h)
+        if not accepted(trial, observed):
+            error: Any = reason(trial)
+            raise error if is_mistake(error) else failure(error, repr(run.method), f"at the start, t = {run.t0:g}")
+        carry, self.example = trial
+        self.layout, self.shown = layout_of(carry), layout_of(self.example)
+        self.states = np.array([*leaves(carry, self.layout)])
+        self.mark = np.zeros(MARCHED.width)
+        self.rows = [np.array([[*leaves(self.example, self.shown)]])]
+        self.taus = [np.zeros(1)]
+        self.failures: list[Any] = []
+        self.landed, array = False, np.empty(1)
+        self.arguments = run.method, run.whole, self.layout, self.shown, run.h, t_end, float(every if times is None else 1)
+        self.execution = Execution(run.compiled, run.progress, march, *self.arguments, 1, array, array, array, None)
+
+    def trajectory(self) -> TransformedTrajectory:
+        """Step until the next step would pass t_end, in pieces short enough to be interrupted, then make a shorter one."""
+        room = 8
+        try:
+            with Bar(self.run.progress, 1000) as bar:
+                while self.mark[3] == 0.0 and self._time() != self.t_end:
+                    begun = time.perf_counter()
+                    self._more(ROOM if self.execution.native is not None else room)
+                    room = min(2 * room, ROOM) if time.perf_counter() - begun < 0.5 * LOOK else room
+                    bar.advance(int(1000 * self._part()) - bar.done)
+                    if self.mark[0] >= self.limit and self.mark[3] == 0.0:
+                        reached = f"{self.limit} steps led to t = {self._time():g} only, not to {self.t_end:g}"
+                        raise self._ended(StepTooSmall(f"integrate: {reached}; give a larger h or allow more `steps`"))
+        except KeyboardInterrupt:
+            stopped = IntegrationInterrupted(f"integrate: interrupted at t = {self._time():g}; the samples are in `.trajectory`")
+            raise self._ended(stopped) from None
+        if self.mark[3] == 2.0:
+            raise self._failed()
+        if self.mark[3] == 1.0:
+            self._land()
+        return self._result()
+
+    def _more(self, room: int) -> None:
+        """Up to so many more samples."""
+        every = int(self.arguments[-1])
+        room = max(1, min(room, int(self.limit - self.mark[0]) // every or 1))
+        out = np.empty(room * self.shown.width)
+        before = int(self.mark[0])
+        if self.execution.ready(self._part()):
+            native: Any = self.execution.native
+            native(*self.arguments, room, self.states, self.mark, out, None)
+            if self.mark[3] == 2.0:  # plain Python says why, or goes on where native code cannot
+                self.mark[3] = 0.0
+                kept = int(self.mark[2])
+                self._keep(out[: kept * self.shown.width], before)
+                before, out = int(self.mark[0]), np.empty(self.shown.width)
+                march(*self.arguments, 1, self.states, self.mark, out, self.failures)
+        else:
+            with self.execution.plain():
+                march(*self.arguments, room, self.states, self.mark, out, self.failures)
+        self._keep(out[: int(self.mark[2]) * self.shown.width], before)
+
+    def _keep(self, numbers: np.ndarray, before: int) -> None:
+        """The samples of a piece."""
+        rows = numbers.reshape(-1, self.shown.width)
+        first = before - before % int(self.arguments[-1])
+        self._add(rows, self.run.h * (first + int(self.arguments[-1]) * np.arange(1, len(rows) + 1)))
+
+    def _add(self, rows: np.ndarray, tau: np.ndarray) -> None:
+        if len(rows):
+            self.rows.append(rows)
+            self.taus.append(tau)
+
+    def _land(self) -> None:
+        """The last, shorter step, which ends at t_end."""
+        carry = read(self.states, 0, self.layout)
+        trial = attempt(landed, self.run.method, self.run.whole, carry, self.run.h, self.t_end)
+        if not accepted(trial, itself):
+            raise self._failed(reason(trial))
+        sample, s = trial
+        self._add(np.array([[*leaves(sample, self.shown)]]), np.array([self.mark[0] * self.run.h + s]))
+        self.mark[0], self.landed = self.mark[0] + 1.0, True
+
+    # ---------------------------------------------------------------- results
+
+    def _clock(self, rows: np.ndarray) -> np.ndarray:
+        return self.run.whole.apart(unpacked(self.example, self.shown, rows))[0]
+
+    def _time(self) -> float:
+        """Where the last sample is."""
+        return float(self._clock(self.rows[-1][-1:])[0])
+
+    def _part(self) -> float:
+        """How much of the run is done."""
+        return (self._time() - self.run.t0) / (self.t_end - self.run.t0) if self.t_end != self.run.t0 else 1.0
+
+    def _result(self) -> TransformedTrajectory:
+        numbers, tau = np.concatenate(self.rows), np.concatenate(self.taus)
+        times, steps, native = self._clock(numbers), int(self.mark[0]), self.execution.native is not None
+        if self.landed:
+            times[-1] = self.t_end
+        made = self.run.result(times, numbers, tau, self.example, steps, native)
+        if self.times is None:
+            return made
+        sign = math.copysign(1.0, self.run.h)
+        asked = self.times[sign * self.times <= sign * times[-1]]
+        found = made.dense.numbers(asked)  # type: ignore[union-attr]
+        tau = tau[np.searchsorted(sign * times, sign * asked, "right") - 1] + found[:, -1]
+        few = self.run.result(asked, found[:, :-1], tau, self.example, steps, native)
+        return replace(few, dense=made.dense)
+
+    def _failed(self, error: Any = None) -> Any:
+        """The error of a run that a step ended: a mistake in a formula, or a failure."""
+        error = error or (self.failures[0] if self.failures else None)
+        at = f"step {int(self.mark[0]) + 1}, t = {self._time():g}; {sum(map(len, self.rows))} samples are in `.trajectory`"
+        return self._ended(error if is_mistake(error) else failure(error, repr(self.run.method), at))
+
+    def _ended(self, error: Any) -> Any:
+        error.trajectory = self._result()
+        return error
+
+
+def _floats(array: np.ndarray) -> np.ndarray:
+    """Numbers, a complex one as two."""
+    array = np.ascontiguousarray(array)
+    return array.view(float) if np.iscomplexobj(array) else array
