@@ -58,6 +58,7 @@ if TYPE_CHECKING:
     from .groups.so3 import SO3, SO3Algebra
     from .groups.unit_quaternions import UnitQuaternions
     from .groups.vector_space import VectorSpace
+    from .integrators.adaptive_verlet import AdaptiveVerlet
     from .integrators.class_functions import CayleySquare, ClassFunction, InvariantForm, TraceOfAd
     from .integrators.commutator_free import CommutatorFree, CrouchGrossman
     from .integrators.composition import Composition
@@ -96,6 +97,7 @@ if TYPE_CHECKING:
     from .systems.potential import Force, NoPotential, Potential
     from .systems.separable import SeparableSystem
     from .systems.time_scales import DistancePower, EqualArc, EqualChange, EqualPath, TimeScale
+    from .systems.time_transformed import LogarithmicHamiltonian, TimeTransformed
     from .tableaus.tableau import ButcherTableau
 
 _LATER = {
@@ -113,6 +115,7 @@ _LATER = {
     "groups.so3": ("SO3", "SO3Algebra"),
     "groups.unit_quaternions": ("UnitQuaternions",),
     "groups.vector_space": ("VectorSpace",),
+    "integrators.adaptive_verlet": ("AdaptiveVerlet",),
     "integrators.class_functions": ("CayleySquare", "ClassFunction", "InvariantForm", "TraceOfAd"),
     "integrators.commutator_free": ("CommutatorFree", "CrouchGrossman"),
     "integrators.composition": ("Composition",),
@@ -152,6 +155,7 @@ _LATER = {
     "systems.potential": ("Force", "NoPotential", "Potential"),
     "systems.separable": ("SeparableSystem",),
     "systems.time_scales": ("DistancePower", "EqualArc", "EqualChange", "EqualPath", "TimeScale"),
+    "systems.time_transformed": ("LogarithmicHamiltonian", "TimeTransformed"),
     "tableaus": ("tableaus",),
     "tableaus.tableau": ("ButcherTableau",),
     "viewer": ("viewer",),
@@ -197,6 +201,7 @@ __all__ = [
     "SO3",
     "SU",
     "U",
+    "AdaptiveVerlet",
     "AdjointAction",
     "Ambient",
     "BodyState",
@@ -252,6 +257,7 @@ __all__ = [
     "LieVerlet",
     "LinearAction",
     "LinearGroupEquation",
+    "LogarithmicHamiltonian",
     "Magnus",
     "Mat",
     "MatrixLieGroup",
@@ -284,6 +290,7 @@ __all__ = [
     "Taylor",
     "ThreeRotations",
     "TimeScale",
+    "TimeTransformed",
     "TraceOfAd",
     "Trajectory",
     "TranslationAction",

@@ -86,7 +86,8 @@ def integrate(
         for name, value in (("rtol", rtol), ("atol", atol), ("events", events or None)):
             if value is not None:
                 raise InvalidInput(f"integrate: {name} is for adaptive steps; {method!r} steps by its time scale")
-        transformed = TransformedRun(system, method, _started(system, start, record), _step(h), t0, compensated, compiled, progress)
+        given = _started(system.system if system.fictive else system, start, record)  # type: ignore[attr-defined]
+        transformed = TransformedRun(system, method, given, _step(h), t0, compensated, compiled, progress)
         if t_end is None:
             if t_eval is not None:
                 raise InvalidInput("integrate: t_eval needs t_end, the time up to which the run goes")

@@ -12,6 +12,7 @@ import numpy as np
 
 from ..compiler.driver import accepted, attempt, itself, read, reason, write
 from ..errors import (
+    IncompatibleSystem,
     IntegrationInterrupted,
     InvalidInput,
     InvalidTimeScale,
@@ -27,6 +28,7 @@ from ..formulas.pytree import NUMBER, compensated, layout_of, leaves
 from ..integrators.composition import Composition
 from ..systems.clocked import Clocked
 from ..systems.system import State
+from ..systems.time_transformed import ExtendedSystem
 from .dense import unpacked
 from .drift import Drift
 from .execution import LOOK, Execution
@@ -45,6 +47,12 @@ ULP = 2.0**-52
 
 def extended(system: Any, method: Any, start: State) -> Any:
     """The system whose state carries physical time along, bound to a start."""
+    if isinstance(system, ExtendedSystem):
+        if method.fictive:
+            raise IncompatibleSystem(f"integrate: {method!r} varies its steps, and so does {system!r}; one of them will do")
+        whole = system.bound(start)
+        method.require(whole)
+        return whole
     while isinstance(method, Composition):
         method = method.base
     return Clocked(system, method.sigma.bound(system, start))

@@ -195,6 +195,12 @@ class OfEnergy(TimeScale):
         known: TimeScale = dataclasses.replace(self, energy=float(system.energy(**start.parts)))
         return known.bound(system, start)
 
+    def kinetic(self, system: Any, q: Vec) -> float:
+        """H_0 - V(q).  q : (n,)."""
+        if self.energy is None:
+            raise InvalidInput(f"{self!r} needs the energy of the motion; integrate knows that of its start")
+        return self.energy - system.potential(q)
+
 
 @record
 class EqualChange(OfEnergy):
@@ -206,7 +212,8 @@ class EqualChange(OfEnergy):
     def value(self, system: Any, state: Any) -> float:
         """(H_0 - V + dV.M^-1 dV)^(-1/2)."""
         f = system.force(state.q, state.p)
-        return 1.0 / sqrt(self.energy - system.potential(state.q) + dot(f, system.velocity(state.q, f)))
+        pull = dot(f, system.velocity(state.q, f) - system.velocity(state.q, 0.0 * f))
+        return 1.0 / sqrt(self.kinetic(system, state.q) + pull)
 
 
 @record
@@ -218,4 +225,4 @@ class EqualPath(OfEnergy):
 
     def value(self, system: Any, state: Any) -> float:
         """(H_0 - V)^(-1/2)."""
-        return 1.0 / sqrt(self.energy - system.potential(state.q))
+        return 1.0 / sqrt(self.kinetic(system, state.q))
