@@ -40,8 +40,8 @@ class AdaptiveVerlet(Method):
     Order 2, symmetric, symplectic, one force a step; Composition(AdaptiveVerlet(), order=4), 6 or 8.
     Raises NoConvergence if h is too large for the equations, InvalidTimeScale where sigma is not positive.
 
-    Source: Huang and Leimkuhler, SIAM J. Sci. Comput. 18 (1997), 239 (the name); Hairer, Lubich, Wanner, VIII.2.1 and VI.3, equation
-    (3.4), with (2.3).
+    Source: Huang and Leimkuhler, SIAM J. Sci. Comput. 18 (1997), 239 (the name); Hairer, Appl. Numer. Math. 25 (1997), 219; Hairer,
+    Lubich, Wanner, VIII.2.1 and VI.3.
     """
 
     order: ClassVar[int] = 2

@@ -41,7 +41,7 @@ class ReversibleController(Method):
     `integrate` takes h = eps.
 
     Raises InvalidInput if the method is not symmetric, InvalidTimeScale in a step where sigma or z is not positive.
-    Source: Hairer and Soderlind, SIAM J. Sci. Comput. 26 (2005); Hairer, Lubich, Wanner, VIII.3.2, equation (3.12).
+    Source: Hairer and Soderlind, SIAM J. Sci. Comput. 26 (2005); Hairer, Lubich, Wanner, VIII.3.2.
     """
 
     symmetric: ClassVar[bool] = True

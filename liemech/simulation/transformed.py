@@ -24,10 +24,9 @@ from ..errors import (
 )
 from ..formulas import Record, plain, real_array, record
 from ..formulas.broadcasting import small
-from ..formulas.pytree import NUMBER, compensated, layout_of, leaves
+from ..formulas.pytree import NUMBER, build, compensated, layout_of, leaves
 from ..integrators.composition import Composition
 from ..systems.clocked import Clocked
-from ..systems.system import State
 from ..systems.time_transformed import ExtendedSystem
 from .dense import unpacked
 from .drift import Drift
@@ -45,7 +44,7 @@ TURNS = 60
 ULP = 2.0**-52
 
 
-def extended(system: Any, method: Any, start: State) -> Any:
+def extended(system: Any, method: Any, start: Any) -> Any:
     """The system whose state carries physical time along, bound to a start."""
     if isinstance(system, ExtendedSystem):
         if method.fictive:
@@ -63,18 +62,19 @@ def extended(system: Any, method: Any, start: State) -> Any:
 
 @record
 class Marched(Record):
-    """How far a run came: steps, those since the last sample, samples in this call.
+    """How far a run came: steps, those since the last sample, samples in this call, and the length of the last step.
 
-    ended : 0 not yet, 1 the next step would reach the last time, 2 the next step failed.
+    ended : 0 not yet, 1 at the last time, 2 the next step failed.
     """
 
     steps: float
     since: float
     samples: float
+    last: float
     ended: float
 
 
-MARCHED = layout_of(Marched(0.0, 0.0, 0.0, 0.0))
+MARCHED = layout_of(Marched(0.0, 0.0, 0.0, 0.0, 0.0))
 
 
 def march(
@@ -86,18 +86,21 @@ def march(
     t_end: float,
     every: float,
     room: int,
+    most: float,
     states: Any,
     marked: Any,
     out: Any,
     failures: Any,
 ) -> None:
-    """The driver: steps, a sample after each `every`, until the room is full or the next one would reach t_end.
+    """The driver: steps, a sample after each `every`, until there are `room` - 1 of them or so many steps, or t_end is reached.
 
+    The step that would lead to t_end or beyond is replaced by one that ends there, and its sample kept.
     failures : None in native code; in plain Python a list for what the failing step raised.
     """
     carry, mark = read(states, 0, layout), read(marked, 0, MARCHED)
-    steps, since, n, ended = mark.steps, mark.since, 0, 0.0
-    while n < room and ended == 0.0:
+    steps, since, last, n, ended = mark.steps, mark.since, h, 0, 0.0
+    most = steps + most
+    while n < room - 1 and steps < most and ended == 0.0:
         trial = attempt(stepped, method, system, steps * h, carry, h, layout, failures is not None and steps == 0.0)
         if not accepted(trial, observed, shown):
             ended = 2.0
@@ -110,8 +113,17 @@ def march(
             if since == every:
                 write(out, n * shown.width, trial[1], shown)
                 n, since = n + 1, 0.0
+    if ended == 1.0:
+        end = attempt(landed, method, system, carry, h, t_end)
+        if accepted(end, itself):
+            write(out, n * shown.width, end[0], shown)
+            last, n, steps = end[1], n + 1, steps + 1.0
+        else:
+            ended = 2.0
+            if failures is not None:
+                failures.append(reason(end))
     write(states, 0, carry, layout)
-    write(marked, 0, Marched(steps, since, 1.0 * n, ended), MARCHED)
+    write(marked, 0, Marched(steps, since, 1.0 * n, last, ended), MARCHED)
 
 
 def arrive(method: Any, system: Any, shown: Any, h: float, count: int, given: Any, out: Any, failures: Any) -> None:
@@ -381,76 +393,66 @@ class March:
         carry, self.example = trial
         self.layout, self.shown = layout_of(carry), layout_of(self.example)
         self.states = np.array([*leaves(carry, self.layout)])
-        self.mark = np.zeros(MARCHED.width)
+        self.marked = np.zeros(MARCHED.width)
         self.rows = [np.array([[*leaves(self.example, self.shown)]])]
         self.taus = [np.zeros(1)]
         self.failures: list[Any] = []
-        self.landed, array = False, np.empty(1)
+        array = np.empty(1)
         self.arguments = run.method, run.whole, self.layout, self.shown, run.h, t_end, float(every if times is None else 1)
-        self.execution = Execution(run.compiled, run.progress, march, *self.arguments, 1, array, array, array, None)
+        self.execution = Execution(run.compiled, run.progress, march, *self.arguments, 1, 1.0, array, array, array, None)
 
     def trajectory(self) -> TransformedTrajectory:
-        """Step until the next step would pass t_end, in pieces short enough to be interrupted, then make a shorter one."""
-        room = 8
+        """Step to t_end, in pieces short enough to be interrupted."""
+        steps = 16
         try:
             with Bar(self.run.progress, 1000) as bar:
-                while self.mark[3] == 0.0 and self._time() != self.t_end:
+                while not self.mark.ended and self._time() != self.t_end:
                     begun = time.perf_counter()
-                    self._more(ROOM if self.execution.native is not None else room)
-                    room = min(2 * room, ROOM) if time.perf_counter() - begun < 0.5 * LOOK else room
+                    self._more(min(steps, self.limit - int(self.mark.steps)))
+                    used = time.perf_counter() - begun
+                    steps = 2 * steps if used < 0.5 * LOOK else max(1, steps // 2) if used > 4.0 * LOOK else steps
                     bar.advance(int(1000 * self._part()) - bar.done)
-                    if self.mark[0] >= self.limit and self.mark[3] == 0.0:
+                    if self.mark.steps >= self.limit and not self.mark.ended:
                         reached = f"{self.limit} steps led to t = {self._time():g} only, not to {self.t_end:g}"
                         raise self._ended(StepTooSmall(f"integrate: {reached}; give a larger h or allow more `steps`"))
         except KeyboardInterrupt:
             stopped = IntegrationInterrupted(f"integrate: interrupted at t = {self._time():g}; the samples are in `.trajectory`")
             raise self._ended(stopped) from None
-        if self.mark[3] == 2.0:
+        if self.mark.ended == 2.0:
             raise self._failed()
-        if self.mark[3] == 1.0:
-            self._land()
         return self._result()
 
-    def _more(self, room: int) -> None:
-        """Up to so many more samples."""
+    def _more(self, most: int) -> None:
+        """Up to so many more steps."""
         every = int(self.arguments[-1])
-        room = max(1, min(room, int(self.limit - self.mark[0]) // every or 1))
-        out = np.empty(room * self.shown.width)
-        before = int(self.mark[0])
-        if self.execution.ready(self._part()):
-            native: Any = self.execution.native
-            native(*self.arguments, room, self.states, self.mark, out, None)
-            if self.mark[3] == 2.0:  # plain Python says why, or goes on where native code cannot
-                self.mark[3] = 0.0
-                kept = int(self.mark[2])
-                self._keep(out[: kept * self.shown.width], before)
-                before, out = int(self.mark[0]), np.empty(self.shown.width)
-                march(*self.arguments, 1, self.states, self.mark, out, self.failures)
-        else:
+        room = most // every + 2
+        if not self.execution.ready(self._part()):
             with self.execution.plain():
-                march(*self.arguments, room, self.states, self.mark, out, self.failures)
-        self._keep(out[: int(self.mark[2]) * self.shown.width], before)
+                self._piece(march, room, most)
+            return
+        self._piece(self.execution.native, room, most)
+        if self.mark.ended == 2.0 and not self.failures:  # plain Python says why, or goes on where native code cannot
+            self.marked[-1] = 0.0
+            self._piece(march, 2, 1)
 
-    def _keep(self, numbers: np.ndarray, before: int) -> None:
-        """The samples of a piece."""
-        rows = numbers.reshape(-1, self.shown.width)
-        first = before - before % int(self.arguments[-1])
-        self._add(rows, self.run.h * (first + int(self.arguments[-1]) * np.arange(1, len(rows) + 1)))
-
-    def _add(self, rows: np.ndarray, tau: np.ndarray) -> None:
-        if len(rows):
-            self.rows.append(rows)
+    def _piece(self, driver: Any, room: int, most: int) -> None:
+        """A call of the driver; its samples are kept."""
+        before, every, width = self.mark, int(self.arguments[-1]), self.shown.width
+        out = np.empty(room * width)
+        driver(*self.arguments, room, float(most), self.states, self.marked, out, self.failures if driver is march else None)
+        count = int(self.mark.samples)
+        if count:
+            tau = before.steps - before.since + every * np.arange(1.0, count + 1.0)
+            tau = tau * self.run.h
+            if self.mark.ended == 1.0:
+                tau[-1] = (self.mark.steps - 1.0) * self.run.h + self.mark.last
+            self.rows.append(out[: count * width].reshape(count, width))
             self.taus.append(tau)
 
-    def _land(self) -> None:
-        """The last, shorter step, which ends at t_end."""
-        carry = read(self.states, 0, self.layout)
-        trial = attempt(landed, self.run.method, self.run.whole, carry, self.run.h, self.t_end)
-        if not accepted(trial, itself):
-            raise self._failed(reason(trial))
-        sample, s = trial
-        self._add(np.array([[*leaves(sample, self.shown)]]), np.array([self.mark[0] * self.run.h + s]))
-        self.mark[0], self.landed = self.mark[0] + 1.0, True
+    @property
+    def mark(self) -> Marched:
+        """How far the run came."""
+        return build(MARCHED, iter(self.marked.tolist()))
 
     # ---------------------------------------------------------------- results
 
@@ -467,8 +469,8 @@ class March:
 
     def _result(self) -> TransformedTrajectory:
         numbers, tau = np.concatenate(self.rows), np.concatenate(self.taus)
-        times, steps, native = self._clock(numbers), int(self.mark[0]), self.execution.native is not None
-        if self.landed:
+        times, steps, native = self._clock(numbers), int(self.mark.steps), self.execution.native is not None
+        if self.mark.ended == 1.0:
             times[-1] = self.t_end
         made = self.run.result(times, numbers, tau, self.example, steps, native)
         if self.times is None:
@@ -480,10 +482,10 @@ class March:
         few = self.run.result(asked, found[:, :-1], tau, self.example, steps, native)
         return replace(few, dense=made.dense)
 
-    def _failed(self, error: Any = None) -> Any:
+    def _failed(self) -> Any:
         """The error of a run that a step ended: a mistake in a formula, or a failure."""
-        error = error or (self.failures[0] if self.failures else None)
-        at = f"step {int(self.mark[0]) + 1}, t = {self._time():g}; {sum(map(len, self.rows))} samples are in `.trajectory`"
+        error = self.failures[0] if self.failures else None
+        at = f"step {int(self.mark.steps) + 1}, t = {self._time():g}; {sum(map(len, self.rows))} samples are in `.trajectory`"
         return self._ended(error if is_mistake(error) else failure(error, repr(self.run.method), at))
 
     def _ended(self, error: Any) -> Any:

@@ -12,7 +12,6 @@ from ..formulas import Vec, gradient, log, record, vec
 from ..formulas.broadcasting import small
 from .canonical import CanonicalState, HamiltonianSystem
 from .separable import SeparableSystem
-from .system import State
 from .time_scales import POSITIVE, TimeScale, time_scale
 
 
@@ -21,7 +20,7 @@ class ExtendedSystem(HamiltonianSystem):
     """A canonical system with two more coordinates: the time t, its last position, and -H_0, which belongs to it; abstract.
 
     A run begins from a state of the system itself; then H_0 is its energy.
-    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VIII.2, equation (2.3).
+    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VIII.2.
     """
 
     fictive: ClassVar[bool] = True
@@ -80,8 +79,7 @@ class TimeTransformed(ExtendedSystem):
 
     AdaptiveVerlet() and its compositions are for T(p) + V(q) and sigma(q), HamiltonJacobi(order=4) and the methods of Gauss,
     RKMK(tableau=tableaus.gauss(2)), for any of them.  `integrate` takes a start of the system itself and h in fictive time.
-    Source: Hairer, Lubich, Wanner, VIII.2, equation (2.3); Hairer, Numer. Algorithms 15 (1997); Reich, SIAM J. Numer. Anal. 36
-    (1999).
+    Source: Hairer, Lubich, Wanner, VIII.2; Hairer, Appl. Numer. Math. 25 (1997), 219; Reich, SIAM J. Numer. Anal. 36 (1999), 1549.
     """
 
     instead: ClassVar[str] = (
@@ -205,6 +203,6 @@ class LogarithmicHamiltonian(ExtendedSystem, SeparableSystem):
         return surplus
 
     @property
-    def quadratic(self) -> bool:  # type: ignore[override]
+    def quadratic(self) -> bool:
         """Never: its kinetic part is a logarithm."""
         return False
