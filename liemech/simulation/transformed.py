@@ -24,7 +24,7 @@ from ..errors import (
 )
 from ..formulas import Record, plain, real_array, record
 from ..formulas.broadcasting import small
-from ..formulas.pytree import NUMBER, build, compensated, layout_of, leaves
+from ..formulas.pytree import NUMBER, compensated, layout_of, leaves
 from ..integrators.composition import Composition
 from ..systems.clocked import Clocked
 from ..systems.time_transformed import ExtendedSystem
@@ -394,6 +394,7 @@ class March:
         self.layout, self.shown = layout_of(carry), layout_of(self.example)
         self.states = np.array([*leaves(carry, self.layout)])
         self.marked = np.zeros(MARCHED.width)
+        self.mark: Marched = read(self.marked, 0, MARCHED)
         self.rows = [np.array([[*leaves(self.example, self.shown)]])]
         self.taus = [np.zeros(1)]
         self.failures: list[Any] = []
@@ -440,6 +441,7 @@ class March:
         before, every, width = self.mark, int(self.arguments[-1]), self.shown.width
         out = np.empty(room * width)
         driver(*self.arguments, room, float(most), self.states, self.marked, out, self.failures if driver is march else None)
+        self.mark = read(self.marked, 0, MARCHED)
         count = int(self.mark.samples)
         if count:
             tau = before.steps - before.since + every * np.arange(1.0, count + 1.0)
@@ -448,11 +450,6 @@ class March:
                 tau[-1] = (self.mark.steps - 1.0) * self.run.h + self.mark.last
             self.rows.append(out[: count * width].reshape(count, width))
             self.taus.append(tau)
-
-    @property
-    def mark(self) -> Marched:
-        """How far the run came."""
-        return build(MARCHED, iter(self.marked.tolist()))
 
     # ---------------------------------------------------------------- results
 

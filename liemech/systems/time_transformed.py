@@ -9,7 +9,6 @@ import numpy as np
 
 from ..errors import IncompatibleSystem, InvalidTimeScale
 from ..formulas import Vec, gradient, log, record, vec
-from ..formulas.broadcasting import small
 from .canonical import CanonicalState, HamiltonianSystem
 from .separable import SeparableSystem
 from .time_scales import POSITIVE, TimeScale, time_scale
@@ -57,10 +56,13 @@ class ExtendedSystem(HamiltonianSystem):
 
     def extended(self, start: CanonicalState, t0: float) -> CanonicalState:
         """A start of the system, or an ensemble of them, with its time and energy."""
-        q, p = np.array(start.q), np.array(start.p)
-        energy = np.asarray(self.system.energy(q, p))[..., None]
-        both = np.concatenate([q, np.full(energy.shape, t0)], axis=-1), np.concatenate([p, -energy], axis=-1)
-        return CanonicalState(*both) if start.bodies is not None else CanonicalState(*map(small, both))
+        energy = self.system.energy(start.q, start.p)
+        if start.bodies is None:
+            return CanonicalState(vec(*start.q, t0), vec(*start.p, -energy))
+        minus = -np.asarray(energy)[:, None]
+        return CanonicalState(
+            np.concatenate([start.q, np.full(minus.shape, t0)], axis=1), np.concatenate([start.p, minus], axis=1)
+        )
 
     def apart(self, states: dict[str, np.ndarray]) -> tuple[np.ndarray, dict[str, np.ndarray], None]:
         """Of samples: the times, and the parts of the states of the system itself."""
@@ -166,7 +168,7 @@ class LogarithmicHamiltonian(ExtendedSystem, SeparableSystem):
 
     def bound(self, start: CanonicalState) -> LogarithmicHamiltonian:
         """The potential must be negative."""
-        highest = np.max(self.system.potential(np.array(start.q)))  # type: ignore[attr-defined]
+        highest = np.max(self.system.potential(start.q))  # type: ignore[attr-defined]
         if not highest < 0.0:
             raise InvalidTimeScale(
                 f"LogarithmicHamiltonian: the potential of {self.system!r} is {highest:g} at the start, and its logarithm needs a "
