@@ -191,11 +191,7 @@ class LogarithmicHamiltonian(ExtendedSystem, SeparableSystem):
 
     def force(self, q: Vec, p: Vec) -> Vec:
         """(p', 0).  q, p : (n + 1,)."""
-        x = self.without(q)
-        depth = -self.system.potential(x)  # type: ignore[attr-defined]
-        if not depth > 0.0:
-            raise InvalidTimeScale(f"LogarithmicHamiltonian: -V = {depth:g}; {POSITIVE}")
-        return vec(*((1.0 / depth) * self.system.force(x, self.without(p))), 0.0)
+        return vec(*self.system.relative_force(self.without(q)), 0.0)  # type: ignore[attr-defined]
 
     def _surplus(self, p: Vec) -> float:
         """T - H_0."""

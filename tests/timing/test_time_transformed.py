@@ -201,6 +201,8 @@ def test_the_logarithmic_hamiltonian_is_its_formula() -> None:
     by_p, by_q = lm.gradient(whole.kinetic, point.p), lm.gradient(whole.potential, point.q)
     assert max(abs(by_p - whole.velocity(point.q, point.p))) < 1e-14
     assert max(abs(by_q + whole.force(point.q, point.p))) < 1e-14
+    derived = lm.SeparableSystem.relative_force(KEPLER, lm.vec(0.5, 0.3))
+    assert max(abs(KEPLER.relative_force(lm.vec(0.5, 0.3)) - derived)) < 1e-15
     for sigma in (lm.DistancePower(1.5), lm.EqualArc(), lm.EqualChange()):
         system = transformed(sigma).bound(ORBIT)
         p = point.p + lm.vec(0.0, 0.0, 0.1)
