@@ -121,8 +121,8 @@ class AdaptiveVerlet(Method):
                 break
         if not done:
             raise NoConvergence(
-                f"AdaptiveVerlet: no sigma found that fits the end of a step in {LIMIT} iterations; h = {2.0 * half:g} is too large, "
-                f"try {0.5 * half:g}"
+                f"AdaptiveVerlet: no sigma found that fits the end of a step in {LIMIT} iterations; h = {2.0 * half:g} is too "
+                f"large, try {0.5 * half:g}"
             )
         if not s > 0.0:
             raise InvalidTimeScale(f"{sigma!r} = {s:g} at the end of a step; {POSITIVE}")

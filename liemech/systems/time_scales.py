@@ -12,6 +12,8 @@ from ..formulas import Record, Vec, derivative, dot, gradient, norm, record, sqr
 from ..formulas.broadcasting import small
 from ..retractions import Exponential
 from .canonical import CanonicalState, HamiltonianSystem
+from .lie_poisson import BodyState
+from .mechanical import MechanicalSystem
 from .separable import SeparableSystem
 from .system import State, System
 
@@ -22,15 +24,20 @@ POSITIVE = "a time scale must be positive wherever the motion comes"
 class TimeScale(Record):
     """The sigma of a time transformation, dt = sigma(state) dtau: positive, and small where the motion is fast.
 
-    1. A subclass writes `value(system, state)`, as a formula.  If that depends on the positions q of a canonical system alone, it
-       says `positions = True`.
+    1. A subclass writes `value(system, state)`, as a formula.  If that depends on some parts of the state only, it names them, such
+       as `parts = ("q",)`; what moves the others is then not computed.
     2. It may write `slope`, the gradient of such a sigma(q), in closed form.
 
     A function does too: `lambda q: lm.dot(q, q)`, whose arguments are named as the parts of the state are.
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VIII.2.
     """
 
-    positions: ClassVar[bool] = False
+    parts: ClassVar[tuple[str, ...] | None] = None  # all
+
+    @property
+    def positions(self) -> bool:
+        """Does it depend on the positions of a canonical system alone?"""
+        return self.parts == ("q",)
 
     def value(self, system: Any, state: Any) -> float:
         """sigma, in s for each unit of fictive time."""
@@ -43,24 +50,27 @@ class TimeScale(Record):
     def growth(self, system: Any, t: float, state: Any) -> float:
         """d sigma/dt along the motion."""
         if not isinstance(state, CanonicalState):
-            xi = system.rate(t, state)
-            return derivative(
-                lambda s: self.value(system, system.moved(Exponential(), state, s * xi)), 0.0
-            )
+            return derivative(lambda s: self.value(system, self._later(system, t, state, s)), 0.0)
         v = system.velocity(state.q, state.p)
         if self.positions:
             return derivative(lambda x: self.value(system, CanonicalState(x, x)), state.q, v)
-        n, motion = len(v), vec(*v, *system.force(state.q, state.p))
-        return derivative(
-            lambda y: self.value(
-                system,
-                CanonicalState(
-                    vec(*[y[i] for i in range(n)]), vec(*[y[n + i] for i in range(n)])
-                ),
-            ),
-            vec(*state.q, *state.p),
-            motion,
-        )
+        f = system.force(state.q, state.p)
+        return derivative(lambda s: self.value(system, CanonicalState(state.q + s * v, state.p + s * f)), 0.0)
+
+    def _later(self, system: Any, t: float, state: Any, s: float) -> Any:
+        """The state a short time s later, to first order, as far as the parts that count."""
+        if not isinstance(state, BodyState):
+            return system.moved(Exponential(), state, s * system.rate(t, state))
+        mu, g, xi = state.mu, state.g, system.velocity(state.mu)
+        group = system.configurations if isinstance(system, MechanicalSystem) else system.group
+        if self.parts is None or "mu" in self.parts:
+            force = group.ad_star(xi, mu)
+            if isinstance(system, MechanicalSystem):
+                force = force + vec(*[system.rate(t, state)[group.dim + i] for i in range(group.dim)])
+            mu = mu + s * force
+        if g is not None and (self.parts is None or "g" in self.parts):
+            g = group.compose_exp(g, s * xi)
+        return BodyState(mu, g)
 
     def bound(self, system: System, start: State) -> TimeScale:
         """This sigma for the motion from a start, on whose energy it may depend.
@@ -88,9 +98,9 @@ class OfState(TimeScale):
     names: tuple[str, ...]
 
     @property
-    def positions(self) -> bool:  # type: ignore[override]
-        """Is q its only argument?"""
-        return self.names == ("q",)
+    def parts(self) -> tuple[str, ...]:  # type: ignore[override]
+        """Its arguments."""
+        return self.names
 
     def value(self, system: Any, state: Any) -> float:
         """The function of these parts."""
@@ -123,7 +133,8 @@ def time_scale(owner: str, sigma: Any) -> TimeScale:
 
 @record
 class EqualArc(TimeScale):
-    """sigma = 1/|f|: steps of equal length on the path in phase space, f = (q', p'); on a group of equal |xi| dt.
+    """sigma = 1/|f|: steps of equal length on the path in phase space, f = (q', p'); on a group f is the velocity xi, in a field
+    with the force, (xi, f).
 
     It depends on velocities too: for ReversibleController, or for implicit methods.
     Source: Hairer, Lubich, Wanner, VIII.2.1, choice 1 (arclength).
@@ -142,7 +153,7 @@ class DistancePower(TimeScale):
     Numerical Analysis XI (2003).
     """
 
-    positions: ClassVar[bool] = True
+    parts: ClassVar[tuple[str, ...] | None] = ("q",)
 
     power: float = 1.5
 
@@ -174,7 +185,7 @@ class OfEnergy(TimeScale):
     energy : H_0; None for that of the start.
     """
 
-    positions: ClassVar[bool] = True
+    parts: ClassVar[tuple[str, ...] | None] = ("q",)
 
     energy: float | None = None
 

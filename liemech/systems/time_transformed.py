@@ -136,7 +136,7 @@ class InversePotential(TimeScale):
     Source: Preto and Tremaine, Astron. J. 118 (1999), 2532.
     """
 
-    positions: ClassVar[bool] = True
+    parts: ClassVar[tuple[str, ...] | None] = ("q",)
 
     def value(self, system: Any, state: Any) -> float:
         """-1/V."""

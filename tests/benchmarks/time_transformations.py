@@ -1,4 +1,4 @@
-"""Time transformations on Kepler's ellipse with e = 0.9: a step beside plain C, and a thousand periods beside heyoka if it is there.
+"""Time transformations on Kepler's ellipse with e = 0.9: steps beside plain C, a thousand periods beside heyoka if it is there.
 
     python tests/benchmarks/time_transformations.py [--quick] [--out results.json]
 """

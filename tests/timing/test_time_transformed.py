@@ -35,7 +35,7 @@ def slopes(error: Callable[[float], float], h: float) -> list[float]:
 class Constant(lm.TimeScale):
     """Steps of one length, in another unit."""
 
-    positions: ClassVar[bool] = True
+    parts: ClassVar[tuple[str, ...] | None] = ("q",)
 
     unit: float
 
