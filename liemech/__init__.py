@@ -72,6 +72,7 @@ if TYPE_CHECKING:
     from .integrators.magnus import Magnus
     from .integrators.midpoint import ImplicitMidpoint, Isospectral, SphericalMidpoint
     from .integrators.moser_veselov import ExactMoserVeselov, MoserVeselov
+    from .integrators.multiple_time_steps import MultipleTimeSteps
     from .integrators.reversible_controller import ReversibleController
     from .integrators.rkmk import RKMK
     from .integrators.separable import Splitting, StormerVerlet, SymplecticEuler
@@ -94,6 +95,7 @@ if TYPE_CHECKING:
     from .systems.lagrangian import Lagrangian
     from .systems.lie_poisson import BodyState, LiePoissonSystem
     from .systems.mechanical import MechanicalSystem
+    from .systems.multirate import MultirateSystem
     from .systems.potential import Force, NoPotential, Potential
     from .systems.separable import SeparableSystem
     from .systems.time_scales import DistancePower, EqualArc, EqualChange, EqualPath, TimeScale
@@ -130,6 +132,7 @@ _LATER = {
     "integrators.midpoint": ("ImplicitMidpoint", "Isospectral", "SphericalMidpoint"),
     "integrators.moser_veselov": ("ExactMoserVeselov", "MoserVeselov"),
     "integrators.reversible_controller": ("ReversibleController",),
+    "integrators.multiple_time_steps": ("MultipleTimeSteps",),
     "integrators.rkmk": ("RKMK",),
     "integrators.separable": ("Splitting", "StormerVerlet", "SymplecticEuler"),
     "integrators.splitting": ("ThreeRotations",),
@@ -152,6 +155,7 @@ _LATER = {
     "systems.lagrangian": ("Lagrangian",),
     "systems.lie_poisson": ("BodyState", "LiePoissonSystem"),
     "systems.mechanical": ("MechanicalSystem",),
+    "systems.multirate": ("MultirateSystem",),
     "systems.potential": ("Force", "NoPotential", "Potential"),
     "systems.separable": ("SeparableSystem",),
     "systems.time_scales": ("DistancePower", "EqualArc", "EqualChange", "EqualPath", "TimeScale"),
@@ -264,6 +268,8 @@ __all__ = [
     "MechanicalSystem",
     "Method",
     "MoserVeselov",
+    "MultipleTimeSteps",
+    "MultirateSystem",
     "NoPotential",
     "OrbitingBody",
     "Pendulum",
