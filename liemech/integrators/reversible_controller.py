@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, ClassVar
 
-from ..errors import InvalidInput, InvalidTimeScale, InvalidType
+from ..errors import IncompatibleSystem, InvalidInput, InvalidTimeScale, InvalidType
 from ..formulas import Record, plain, record
 from ..systems.clocked import Clocked
 from ..systems.time_scales import POSITIVE, TimeScale, time_scale
@@ -84,6 +84,8 @@ class ReversibleController(Method):
 
     def start(self, system: Any, state: Any, h: float) -> Controlled:
         """The method's own memory beside time, z and the growth rate."""
+        if not isinstance(system, Clocked):
+            raise IncompatibleSystem(f"{self!r} varies its steps; it cannot be a part of another method, but take one")
         inner, z = system.without(state), plain(state.z)
         rate = self._rate(system, plain(state.time), plain(inner))
         memory = self.method.start(system.system, inner, h / z)

@@ -83,7 +83,7 @@ def integrate(
 
         if h is None or (steps is None and t_end is None):
             raise InvalidInput("integrate: give h, the step in fictive time, and steps or t_end")
-        for name, value in (("rtol", rtol), ("atol", atol), ("events", events or None)):
+        for name, value in (("rtol", rtol), ("atol", atol), ("events", events or None), ("dense=False", None if dense else dense)):
             if value is not None:
                 raise InvalidInput(f"integrate: {name} is for adaptive steps; {method!r} steps by its time scale")
         given = _started(system.system if system.fictive else system, start, record)  # type: ignore[attr-defined]

@@ -31,7 +31,7 @@ from ..systems.time_transformed import ExtendedSystem
 from .dense import unpacked
 from .drift import Drift
 from .execution import LOOK, Execution
-from .fixed import Run, begun, observed, stepped
+from .fixed import Run, begun, observed, sample, stepped
 from .progress import Bar
 from .trajectory import Trajectory
 
@@ -42,6 +42,9 @@ TURNS = 60
 """Trials after which the step to a given time is taken as it is; a good one needs five."""
 
 ULP = 2.0**-52
+
+STILL = 1000.0
+"""Steps without a change of the physical time after which a run to a given time is ended."""
 
 
 def extended(system: Any, method: Any, start: Any) -> Any:
@@ -99,7 +102,7 @@ def march(
     """
     carry, mark = read(states, 0, layout), read(marked, 0, MARCHED)
     steps, since, last, n, ended = mark.steps, mark.since, h, 0, 0.0
-    most = steps + most
+    most, time, still = steps + most, system.clock(sample(method, carry)), 0.0
     while n < room - 1 and steps < most and ended == 0.0:
         trial = attempt(stepped, method, system, steps * h, carry, h, layout, failures is not None and steps == 0.0)
         if not accepted(trial, observed, shown):
@@ -108,8 +111,13 @@ def march(
                 failures.append(reason(trial))
         elif (system.clock(trial[1]) - t_end) * h >= 0.0:
             ended = 1.0
+        elif still >= STILL:
+            ended = 2.0
+            if failures is not None:
+                failures.append(StepTooSmall(f"{STILL:g} steps went by and physical time stands still"))
         else:
-            carry, steps, since = trial[0], steps + 1.0, since + 1.0
+            still = still + 1.0 if system.clock(trial[1]) == time else 0.0
+            carry, steps, since, time = trial[0], steps + 1.0, since + 1.0, system.clock(trial[1])
             if since == every:
                 write(out, n * shown.width, trial[1], shown)
                 n, since = n + 1, 0.0
@@ -368,11 +376,13 @@ class TransformedRun:
         return self._made(t, states, tau, None, steps, compiled, dense=dense, z=z)
 
     def _made(self, t: np.ndarray, states: Any, tau: np.ndarray, *rest: Any, **more: Any) -> TransformedTrajectory:
+        more |= {"tau": tau, "sigma": self.whole.sigma}
+        made = TransformedTrajectory(self.system, self.method, self.h, t, states, *rest, **more)
         if (np.diff(t, axis=0) * math.copysign(1.0, self.h) < 0.0).any():
-            raise InvalidTimeScale(f"integrate: physical time went back; sigma of {self.system!r} is not positive all the way")
-        scale = self.whole.sigma
-        more |= {"tau": tau, "sigma": scale}
-        return TransformedTrajectory(self.system, self.method, self.h, t, states, *rest, **more)
+            error = InvalidTimeScale(f"integrate: physical time went back; {self.whole.sigma!r} is not positive all the way")
+            error.trajectory = made
+            raise error
+        return made
 
 
 class March:
@@ -432,9 +442,9 @@ class March:
                 self._piece(march, room, most)
             return
         self._piece(self.execution.native, room, most)
-        if self.mark.ended == 2.0 and not self.failures:  # plain Python says why, or goes on where native code cannot
+        if self.mark.ended == 2.0:  # plain Python says why, or goes on where native code cannot
             self.marked[-1] = 0.0
-            self._piece(march, 2, 1)
+            self._piece(march, room, most)
 
     def _piece(self, driver: Any, room: int, most: int) -> None:
         """A call of the driver; its samples are kept."""

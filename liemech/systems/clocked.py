@@ -20,6 +20,14 @@ class ClockedState(State):
     inner: ClassVar[type[State]]
     names: ClassVar[tuple[str, ...]]
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Its class is made anew where it is read."""
+        return _remade, (self.inner, tuple(self.parts.values()))
+
+
+def _remade(inner: Any, values: tuple[Any, ...]) -> Any:
+    return clocked(inner)(*values)
+
 
 @functools.cache
 def clocked(inner: type[State]) -> Any:

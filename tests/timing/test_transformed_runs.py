@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import pickle
+
 import numpy as np
 import pytest
 
 import liemech as lm
-from liemech.errors import InvalidInput
+from liemech.errors import IncompatibleSystem, IntegrationFailure, IntegrationInterrupted, InvalidInput
 
 KEPLER = lm.Kepler()
 ORBIT = KEPLER.pericentre(0.6)
@@ -77,3 +79,59 @@ def test_what_is_recorded_and_summed_up_is_chosen() -> None:
     bare = lm.integrate(body, method, start, h=0.1, t_end=2.0, compensated=False, compiled=False)
     assert 0.0 < np.abs(bare.mu - with_g.mu).max() < 1e-14
     assert np.abs(with_g.at(1.3).g.T @ with_g.at(1.3).g - np.eye(3)).max() < 1e-14
+
+
+def test_a_run_may_be_pickled() -> None:
+    whole = run(t_end=3.0)
+    again = pickle.loads(pickle.dumps(whole))
+    assert np.array_equal(again.q, whole.q) and np.array_equal(again.t, whole.t)
+    assert np.array_equal(again.at(1.7).q, whole.at(1.7).q) and repr(again) == repr(whole)
+
+
+def test_a_time_that_is_never_reached() -> None:
+    """Towards the collision of a straight fall equal steps in tau take less and less time."""
+    fall = KEPLER.state(q=[1.0, 0.0], p=[0.0, 0.0])
+
+    with pytest.raises(IntegrationFailure) as failed:
+        lm.integrate(KEPLER, METHOD, fall, h=0.1, t_end=2.0, steps=20_000, progress=False)
+    assert failed.value.trajectory.t[-1] < 1.2  # the fall takes 1.11
+
+
+def test_what_a_run_in_fictive_time_has_not() -> None:
+    with pytest.raises(InvalidInput, match="dense=False"):
+        run(t_end=1.0, dense=False)
+    with pytest.raises(InvalidInput, match="one body at a time"):
+        starts = KEPLER.state([ORBIT.q, ORBIT.q], [ORBIT.p, ORBIT.p])
+        lm.integrate(KEPLER, METHOD, starts, h=0.1, t_end=1.0)
+    with pytest.raises(InvalidInput, match="fictive time"):
+        lm.check_method(METHOD, KEPLER, ORBIT)
+    top = lm.LagrangeTop(weight=1.0, transverse=1.0, axial=0.5, length=1.0)
+    inside = lm.KickDrift(lm.ReversibleController(lm.CovariantVariational(lm.Cayley()), lm.EqualArc()))
+    with pytest.raises(IncompatibleSystem, match="take one"):
+        lm.integrate(top, inside, top.state(mu=[0.3, 0.0, 1.5], g=np.eye(3)), h=0.1, steps=1)
+
+
+def test_ctrl_c_keeps_the_samples() -> None:
+    calls = []
+
+    def sigma(q: lm.Vec) -> float:
+        calls.append(0)
+        if len(calls) == 400:
+            raise KeyboardInterrupt
+        return 1.0
+
+    with pytest.raises(IntegrationInterrupted) as stopped:
+        method = lm.ReversibleController(lm.StormerVerlet(), sigma)
+        lm.integrate(KEPLER, method, ORBIT, h=0.05, t_end=1e3, compiled=False)
+    assert len(stopped.value.trajectory) > 10
+
+
+def test_a_mistake_in_sigma_is_raised_as_it_is() -> None:
+    def sigma(q: lm.Vec) -> float:
+        return q[0] + q[7] if q[1] > 0.5 else 1.0
+
+    for options in ({"t_end": 9.0}, {"steps": 500}):
+        with pytest.raises(IndexError) as mistake:
+            method = lm.ReversibleController(lm.StormerVerlet(), sigma)
+            lm.integrate(KEPLER, method, ORBIT, h=0.05, compiled=False, **options)  # type: ignore[arg-type]
+        assert len(mistake.value.trajectory) > 5 and mistake.value.trajectory.tau[-1] > 0.2  # type: ignore[attr-defined]
