@@ -65,7 +65,8 @@ def extended(system: Any, method: Any, start: Any) -> Any:
 
 @record
 class Marched(Record):
-    """How far a run came: steps, those since the last sample, samples in this call, and the length of the last step.
+    """How far a run came: steps, those since the last sample, samples in this call, the length of the last step, and the steps for
+    which the physical time has stood still.
 
     ended : 0 not yet, 1 at the last time, 2 the next step failed.
     """
@@ -74,10 +75,11 @@ class Marched(Record):
     since: float
     samples: float
     last: float
+    still: float
     ended: float
 
 
-MARCHED = layout_of(Marched(0.0, 0.0, 0.0, 0.0, 0.0))
+MARCHED = layout_of(Marched(0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
 
 
 def march(
@@ -102,7 +104,7 @@ def march(
     """
     carry, mark = read(states, 0, layout), read(marked, 0, MARCHED)
     steps, since, last, n, ended = mark.steps, mark.since, h, 0, 0.0
-    most, time, still = steps + most, system.clock(sample(method, carry)), 0.0
+    most, time, still = steps + most, system.clock(sample(method, carry)), mark.still
     while n < room - 1 and steps < most and ended == 0.0:
         trial = attempt(stepped, method, system, steps * h, carry, h, layout, failures is not None and steps == 0.0)
         if not accepted(trial, observed, shown):
@@ -131,7 +133,7 @@ def march(
             if failures is not None:
                 failures.append(reason(end))
     write(states, 0, carry, layout)
-    write(marked, 0, Marched(steps, since, 1.0 * n, last, ended), MARCHED)
+    write(marked, 0, Marched(steps, since, 1.0 * n, last, still, ended), MARCHED)
 
 
 def arrive(method: Any, system: Any, shown: Any, h: float, count: int, given: Any, out: Any, failures: Any) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import liemech as lm
-from liemech.errors import IncompatibleSystem, IntegrationFailure, IntegrationInterrupted, InvalidInput
+from liemech.errors import IncompatibleSystem, IntegrationFailure, IntegrationInterrupted, InvalidInput, StepTooSmall
 
 KEPLER = lm.Kepler()
 ORBIT = KEPLER.pericentre(0.6)
@@ -95,6 +95,10 @@ def test_a_time_that_is_never_reached() -> None:
     with pytest.raises(IntegrationFailure) as failed:
         lm.integrate(KEPLER, METHOD, fall, h=0.1, t_end=2.0, steps=20_000, progress=False)
     assert failed.value.trajectory.t[-1] < 1.2  # the fall takes 1.11
+    with pytest.raises(StepTooSmall, match="physical time stands still") as stuck:
+        standing = lm.ReversibleController(lm.StormerVerlet(), lambda q: 1e-30)
+        lm.integrate(KEPLER, standing, ORBIT, h=1.0, t0=1.0, t_end=2.0, compiled=False)
+    assert (stuck.value.trajectory.t == 1.0).all()
 
 
 def test_what_a_run_in_fictive_time_has_not() -> None:
