@@ -98,8 +98,15 @@ def test_steps_for_each_revolution_do_not_grow_with_the_eccentricity(e: float) -
     run = lm.integrate(lm.LogarithmicHamiltonian(KEPLER), method, start, h=PERIOD / 120, t_end=10.0 * PERIOD)
     assert run.steps < 10 * 121
     assert run.drift()["Runge-Lenz vector"].verdict == "exact"
+    assert np.abs(run.at(9.5 * PERIOD).q - KEPLER.exact(start, 9.5 * PERIOD).q).max() < 1e-10
+
+
+@pytest.mark.compiled
+@pytest.mark.slow
+@pytest.mark.parametrize("e", [0.99, 0.999])
+def test_narrow_ellipses_by_distance_powers(e: float) -> None:
+    start = KEPLER.pericentre(e)
     far = KEPLER.exact(start, 9.5 * PERIOD)
-    assert np.abs(run.at(9.5 * PERIOD).q - far.q).max() < 1e-10
     for method, system in (
         (lm.ReversibleController(lm.Splitting(order=6), lm.DistancePower(1.5)), KEPLER),
         (lm.Composition(lm.AdaptiveVerlet(), order=6), lm.TimeTransformed(KEPLER, lm.DistancePower(1.5))),

@@ -67,7 +67,7 @@ def begin(system: Any) -> Any:
         (SOFT, lm.MultipleTimeSteps(ratios=(4,)), 2),
         (SOFT, lm.MultipleTimeSteps(ratios=(4,), mollified=True), 2),
         (Three(7.0), lm.MultipleTimeSteps(ratios=(3, 2)), 2),
-        (SOFT, lm.Composition(lm.MultipleTimeSteps(ratios=(4,)), order=4), 4),
+        pytest.param(SOFT, lm.Composition(lm.MultipleTimeSteps(ratios=(4,)), order=4), 4, marks=pytest.mark.slow),
     ],
     ids=repr,
 )

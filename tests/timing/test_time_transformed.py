@@ -64,10 +64,10 @@ def sway(q: lm.Vec) -> float:
     ("system", "method", "order", "h"),
     [
         (transformed(), lm.AdaptiveVerlet(), 2, 0.08),
-        (transformed(lm.EqualChange()), lm.AdaptiveVerlet(), 2, 0.08),
+        pytest.param(transformed(lm.EqualChange()), lm.AdaptiveVerlet(), 2, 0.08, marks=pytest.mark.slow),
         (transformed(lm.EqualPath()), lm.AdaptiveVerlet(), 2, 0.04),
         (transformed(), lm.Composition(lm.AdaptiveVerlet(), order=4), 4, 0.16),
-        (transformed(), lm.Composition(lm.AdaptiveVerlet(), order=6), 6, 0.16),
+        pytest.param(transformed(), lm.Composition(lm.AdaptiveVerlet(), order=6), 6, 0.16, marks=pytest.mark.slow),
         pytest.param(transformed(lm.EqualArc()), GAUSS4, 4, 0.32, marks=pytest.mark.slow),
         (LOGARITHMIC, lm.StormerVerlet(), 2, 0.08),
         (LOGARITHMIC, lm.Splitting(order=4, quadratic=False), 4, 0.16),
@@ -133,8 +133,8 @@ def tangent(system: Any, method: lm.Method, start: Any, h: float) -> np.ndarray:
     [
         (transformed(), lm.AdaptiveVerlet()),
         (transformed(lm.EqualChange()), lm.AdaptiveVerlet()),
-        (transformed(lm.EqualArc()), GAUSS4),
-        (transformed(lambda q, p: 1.0 / (1.0 + lm.dot(p, p))), lm.HamiltonJacobi(order=2)),
+        pytest.param(transformed(lm.EqualArc()), GAUSS4, marks=pytest.mark.slow),
+        pytest.param(transformed(lambda q, p: 1.0 / (1.0 + lm.dot(p, p))), lm.HamiltonJacobi(order=2), marks=pytest.mark.slow),
         (LOGARITHMIC, lm.StormerVerlet()),
         (LOGARITHMIC, lm.Splitting(order=4, quadratic=False)),
     ],
