@@ -13,6 +13,7 @@ import numpy as np
 from ..compiler.driver import accepted, attempt, itself, read, reason, write
 from ..errors import (
     IncompatibleSystem,
+    IntegrationFailure,
     IntegrationInterrupted,
     InvalidInput,
     InvalidTimeScale,
@@ -240,7 +241,8 @@ class TransformedTrajectory(Trajectory):
         many = "" if self.bodies is None else f"{self.bodies} bodies, "
         end = f"to t = {np.ravel(self.t[-1])[0]:g}, " if len(self) and self.bodies is None else ""
         return (
-            f"Trajectory({self.method!r}: {many}{len(self)} samples {end}tau = {self.tau[-1]:g}, h = {self.h:g} in tau, "
+            f"Trajectory({self.method!r}, {self.sigma!r}: {many}{len(self)} samples {end}"
+            f"tau = {self.tau[-1]:g}, h = {self.h:g} in tau, "
             f"{'compiled' if self.compiled else 'plain'}; {', '.join(self.states)})"
         )
 
@@ -348,6 +350,8 @@ class TransformedRun:
         except BaseException as error:
             if isinstance(getattr(error, "trajectory", None), Trajectory):
                 error.trajectory = self._presented(error.trajectory)  # type: ignore[attr-defined]
+            if isinstance(error, IntegrationFailure):
+                error.args = (" tau = ".join(str(error).rsplit(" t = ", 1)),)  # of the step: the loop knows no other time
             raise
         return self._presented(made)
 

@@ -218,6 +218,7 @@ def test_sigma_and_z_must_be_positive() -> None:
     with pytest.raises(InvalidTimeScale, match=r"try 1\.25") as failed:
         lm.integrate(KEPLER, verlet(lm.DistancePower(2.0)), ORBIT, h=5.0, steps=30)
     run = failed.value.trajectory
+    assert " tau = " in str(failed.value) and " t = " not in str(failed.value)
     assert len(run) > 1 and (np.diff(run.t) > 0.0).all()  # the time of what there is does not go back
     with pytest.raises(InvalidTimeScale, match="at t = "):  # a sigma that jumps below zero
         lm.integrate(KEPLER, verlet(lambda q: lm.formulas.where(q[0] > 0.0, 1.0, -1.0)), ORBIT, h=0.1, t_end=9.0)
