@@ -59,6 +59,7 @@ if TYPE_CHECKING:
     from .groups.so3 import SO3, SO3Algebra
     from .groups.unit_quaternions import UnitQuaternions
     from .groups.vector_space import VectorSpace
+    from .integrators.adaptive_verlet import AdaptiveVerlet
     from .integrators.class_functions import CayleySquare, ClassFunction, InvariantForm, TraceOfAd
     from .integrators.commutator_free import CommutatorFree, CrouchGrossman
     from .integrators.composition import Composition
@@ -75,7 +76,9 @@ if TYPE_CHECKING:
     from .integrators.magnus import Magnus
     from .integrators.midpoint import ImplicitMidpoint, Isospectral, SphericalMidpoint
     from .integrators.moser_veselov import ExactMoserVeselov, MoserVeselov
+    from .integrators.multiple_time_steps import MultipleTimeSteps
     from .integrators.rattle import RATTLE, ConstrainedEuler
+    from .integrators.reversible_controller import ReversibleController
     from .integrators.rkmk import RKMK
     from .integrators.separable import Splitting, StormerVerlet, SymplecticEuler
     from .integrators.splitting import ThreeRotations
@@ -108,8 +111,11 @@ if TYPE_CHECKING:
     from .systems.lagrangian import Lagrangian
     from .systems.lie_poisson import BodyState, LiePoissonSystem
     from .systems.mechanical import MechanicalSystem
+    from .systems.multirate import MultirateSystem
     from .systems.potential import Force, NoPotential, Potential
     from .systems.separable import SeparableSystem
+    from .systems.time_scales import DistancePower, EqualArc, EqualChange, EqualPath, TimeScale
+    from .systems.time_transformed import LogarithmicHamiltonian, TimeTransformed
     from .tableaus.tableau import ButcherTableau
 
 _LATER = {
@@ -127,6 +133,7 @@ _LATER = {
     "groups.so3": ("SO3", "SO3Algebra"),
     "groups.unit_quaternions": ("UnitQuaternions",),
     "groups.vector_space": ("VectorSpace",),
+    "integrators.adaptive_verlet": ("AdaptiveVerlet",),
     "integrators.class_functions": ("CayleySquare", "ClassFunction", "InvariantForm", "TraceOfAd"),
     "integrators.commutator_free": ("CommutatorFree", "CrouchGrossman"),
     "integrators.composition": ("Composition",),
@@ -144,6 +151,8 @@ _LATER = {
     "integrators.midpoint": ("ImplicitMidpoint", "Isospectral", "SphericalMidpoint"),
     "integrators.moser_veselov": ("ExactMoserVeselov", "MoserVeselov"),
     "integrators.rattle": ("RATTLE", "ConstrainedEuler"),
+    "integrators.reversible_controller": ("ReversibleController",),
+    "integrators.multiple_time_steps": ("MultipleTimeSteps",),
     "integrators.rkmk": ("RKMK",),
     "integrators.separable": ("Splitting", "StormerVerlet", "SymplecticEuler"),
     "integrators.splitting": ("ThreeRotations",),
@@ -177,8 +186,11 @@ _LATER = {
     "systems.lagrangian": ("Lagrangian",),
     "systems.lie_poisson": ("BodyState", "LiePoissonSystem"),
     "systems.mechanical": ("MechanicalSystem",),
+    "systems.multirate": ("MultirateSystem",),
     "systems.potential": ("Force", "NoPotential", "Potential"),
     "systems.separable": ("SeparableSystem",),
+    "systems.time_scales": ("DistancePower", "EqualArc", "EqualChange", "EqualPath", "TimeScale"),
+    "systems.time_transformed": ("LogarithmicHamiltonian", "TimeTransformed"),
     "tableaus": ("tableaus",),
     "tableaus.tableau": ("ButcherTableau",),
     "viewer": ("viewer",),
@@ -225,6 +237,7 @@ __all__ = [
     "SO3",
     "SU",
     "U",
+    "AdaptiveVerlet",
     "AdjointAction",
     "Ambient",
     "BodyState",
@@ -245,8 +258,12 @@ __all__ = [
     "ConstrainedSystem",
     "CovariantVariational",
     "CrouchGrossman",
+    "DistancePower",
     "DoublePendulum",
     "Element",
+    "EqualArc",
+    "EqualChange",
+    "EqualPath",
     "ExactFreeBody",
     "ExactMoserVeselov",
     "Exponential",
@@ -285,12 +302,15 @@ __all__ = [
     "LinearAction",
     "LinearGroupEquation",
     "LobattoPair",
+    "LogarithmicHamiltonian",
     "Magnus",
     "Mat",
     "MatrixLieGroup",
     "MechanicalSystem",
     "Method",
     "MoserVeselov",
+    "MultipleTimeSteps",
+    "MultirateSystem",
     "NoPotential",
     "OrbitingBody",
     "OrthogonalBody",
@@ -303,6 +323,7 @@ __all__ = [
     "ReducedHeavyTop",
     "Representation",
     "Retraction",
+    "ReversibleController",
     "RigidBody",
     "RotationAction",
     "SO3Algebra",
@@ -321,6 +342,8 @@ __all__ = [
     "System",
     "Taylor",
     "ThreeRotations",
+    "TimeScale",
+    "TimeTransformed",
     "TraceOfAd",
     "Plan",
     "Trajectory",

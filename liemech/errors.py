@@ -15,6 +15,7 @@
         ├── OutsideChart        a step, or an argument, is where the retraction is no chart             (also a ValueError)
         ├── NotFinite           a step produced inf or nan
         ├── StepTooSmall        adaptive steps became too small, or too many, to reach the end
+        ├── InvalidTimeScale    a time transformation whose scale is not positive
         └── InconsistentState   the state is off the group, the orbit or the constraint
 
     KeyboardInterrupt
@@ -109,6 +110,10 @@ class NotFinite(IntegrationFailure):
 
 class StepTooSmall(IntegrationFailure):
     """Adaptive steps became too small to advance the time, or more than were allowed."""
+
+
+class InvalidTimeScale(IntegrationFailure):
+    """Physical time would stand still or run backwards: the scale of a time transformation is not positive."""
 
 
 class InconsistentState(IntegrationFailure):

@@ -134,6 +134,11 @@ def check_method(
     _require("check_method: method", method, Method)
     _require("check_method: system", system, System)
     _require("check_method: start", start, State)
+    if method.fictive or system.fictive:
+        raise InvalidInput(
+            f"check_method: {method!r} on {system!r} steps in a fictive time; compare runs of integrate(..., t_end=...) instead, "
+            "and check the method that is controlled"
+        )
     method.require(system)
     if start.bodies is not None:
         raise InvalidInput(f"check_method: start is an ensemble of {start.bodies}; give one start")

@@ -83,6 +83,11 @@ class Composition(Method):
         """As its base is."""
         return self.base.symplectic
 
+    @property
+    def fictive(self) -> bool:  # type: ignore[override]
+        """As its base is."""
+        return self.base.fictive
+
     def require(self, system: Any) -> None:
         """A system that the base accepts."""
         self.base.require(system)

@@ -24,6 +24,7 @@ class Method(Record):
     symmetric: ClassVar[bool] = False
     symplectic: ClassVar[bool] = False
     needs: ClassVar[tuple[str, ...]] = ()
+    fictive: ClassVar[bool] = False  # are its steps those of a fictive time, and is physical time carried along?
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -68,7 +68,7 @@ class SeparableSplitting(Method):
 
     def _unsuitable(self, system: Any) -> str:
         """Why a system is not separable, and what it is to be stepped with."""
-        if isinstance(system, HamiltonianSystem):
+        if isinstance(system, HamiltonianSystem) and not system.fictive:
             return (
                 f"{system!r} gives one energy(q, p). If that is a sum T(p) + V(q), derive from "
                 "SeparableSystem and write kinetic(p) and potential(q); if not, HamiltonJacobi(order=4) "

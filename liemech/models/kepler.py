@@ -50,6 +50,10 @@ class Kepler(SeparableSystem):
         square = dot(q, q)
         return (-self.attraction / (square * norm(q))) * q
 
+    def relative_force(self, q: Vec) -> Vec:
+        """-q/|q|^2.  q : (2,)."""
+        return (-1.0 / dot(q, q)) * q
+
     def angular_momentum(self, q: Vec, p: Vec) -> float:
         """x p_y - y p_x.  q, p : (2,)."""
         return q[0] * p[1] - q[1] * p[0]

@@ -95,9 +95,12 @@ def integrate(
         plan = key = None
     if plan is None:
         several = systems_of(system)
-        arguments.matching(system if several is None else several[0], method)
+        one: Any = system if several is None else several[0]
+        arguments.matching(one, method)
         options = dict(zip(OPTIONS, rest, strict=False))
-        if t_end is None:
+        if method.fictive or one.fictive:
+            pass
+        elif t_end is None:
             _only_alike(h, steps, options)
         elif h is None or not arguments.alike(method) or any(options[name] is not None for name in ("rtol", "atol", "max_step")):
             arguments.only_adaptive(method, every, workers)

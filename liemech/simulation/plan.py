@@ -81,7 +81,14 @@ class Plan:
             events=events, dense=dense, compensated=compensated, compiled=compiled, progress=progress, workers=workers,
         )  # fmt: skip
         self._steps: Any = None
-        if h is None or not (rtol is atol is max_step is None) or len(breaks):
+        if method.fictive or one.fictive:
+            if h is None:
+                raise InvalidInput("integrate: give h, the step in fictive time, and steps or t_end")
+            others = {"rtol": rtol, "atol": atol, "max_step": max_step, "events": events or None, "dense": dense}
+            for name in (name for name, given in others.items() if given is not None):
+                raise InvalidInput(f"integrate: {name} is for adaptive steps; {method!r} steps by h in fictive time")
+            self._steps = Steps(self.system, method, arguments.step(h), every, compensated, compiled, progress, workers)
+        elif h is None or not (rtol is atol is max_step is None) or len(breaks):
             from .adaptive_run import AdaptiveSteps
 
             arguments.only_adaptive(method, every, workers)
@@ -132,6 +139,8 @@ class Plan:
 
         Returns and raises what `integrate` does.
         """
+        if self.fictive:
+            return self._transformed(start, steps, t_end, t0, t_eval, checkpoint)
         start, t0 = arguments.started(self._one, start, self.record), arguments.real(t0, "t0")
         if self._one is not self.system and start.bodies != len(self.system):
             raise InvalidInput(f"integrate: there are {len(self.system)} systems for {start.bodies or 'a start of one'} bodies")
@@ -162,10 +171,36 @@ class Plan:
         """
         if not isinstance(run, Trajectory):
             raise InvalidType(f"Plan.resume goes on with a Trajectory; got {type(run).__name__}")
+        if self.fictive:
+            raise InvalidInput("Plan.resume: runs in fictive time do not go on; start a new one from run.last")
         carry, kept = self._of_this_plan(run), arguments.checkpoint(checkpoint, checkpoint_every)
         if self.adaptive:
             return self._steps.run(carry, carry.t, t_end, steps, t_eval, self.events, kept)
         return self._stepped(carry, self._count(steps, t_end, carry.t0, carry.step), carry.t0, t_eval, kept)
+
+    @property
+    def fictive(self) -> bool:
+        """Are its steps equal in a fictive time, and not in time?"""
+        return bool(self.method.fictive or self._one.fictive)
+
+    def _transformed(self, start: Any, steps: Any, t_end: Any, t0: Any, t_eval: Any, checkpoint: Any) -> Trajectory:
+        """A run in fictive time."""
+        from .transformed import TransformedRun
+
+        if checkpoint is not None or self._one is not self.system:
+            raise InvalidInput(f"integrate: {self.method!r} steps in fictive time, without checkpoint and several systems")
+        if steps is None and t_end is None:
+            raise InvalidInput("integrate: give h, the step in fictive time, and steps or t_end")
+        given, plan, t0 = self._one, self._steps, arguments.real(t0, "t0")
+        start = arguments.started(given.system if given.fictive else given, start, self.record)
+        run = TransformedRun(given, self.method, start, plan.h, t0, plan.compensated, plan.compiled, plan.progress)
+        if t_end is None:
+            if t_eval is not None:
+                raise InvalidInput("integrate: t_eval needs t_end, the time up to which the run goes")
+            return run.steps(arguments.count(steps, "steps", 0), plan.every, plan.workers)
+        t_end = arguments.real(t_end, "t_end")
+        limit = arguments.MOST if steps is None else arguments.count(steps, "steps", 1)
+        return run.until(t_end, plan.every, limit, arguments.times(t_eval, t0, t_end))
 
     def _count(self, steps: int | None, t_end: float | None, t0: float, before: int = 0) -> int:
         """How many steps, checked, and with them their times."""
@@ -267,8 +302,8 @@ class Plan:
         return advanced(self._steps, carry, steps)
 
     def _one_length(self, what: str) -> None:
-        if self.adaptive:
-            raise InvalidInput(f"Plan.{what} is for steps of one length; give the plan an h and no tolerances")
+        if self.adaptive or self.fictive:
+            raise InvalidInput(f"Plan.{what} is for steps of one length; give the plan an h, no tolerances, and no time scale")
 
     def __repr__(self) -> str:
         defaults = inspect.signature(Plan).parameters

@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import cached_property
 from typing import Any, ClassVar, final
 
-from ..errors import NotDefined
+from ..errors import InvalidTimeScale, NotDefined
 from ..formulas import Vec, gradient, record, vec
 from ..formulas.series import Series
 from .canonical import CanonicalSystem, HamiltonianSystem
@@ -39,6 +39,13 @@ class SeparableEnergy(CanonicalSystem):
         """The force p' = -dV/dq, (n,).  q, p : (n,)."""
         return -gradient(lambda x: self.potential(x), q)
 
+    def relative_force(self, q: Vec) -> Vec:
+        """f/(-V), the gradient of log(-V), for a potential that is negative.  q : (n,)."""
+        depth = -self.potential(q)
+        if not depth > 0.0:
+            raise InvalidTimeScale(f"{self!r}: -V = {depth:g}, and its logarithm needs a negative potential")
+        return (1.0 / depth) * self.force(q, 0.0 * q)
+
     @cached_property
     def quadratic(self) -> bool:
         """Is T a polynomial of at most second degree?  Asked of its formula: the power series of T(a + b s) ends with s^2.
@@ -59,8 +66,8 @@ class SeparableSystem(SeparableEnergy, HamiltonianSystem):
 
     1. A subclass writes `kinetic(p)` and `potential(q)`, as formulas, and says its number of `degrees` of freedom, n.  Its fields
        are the parameters.
-    2. It may write `velocity(q, p)`, dT/dp, and `force(q, p)`, -dV/dq, in closed form; left out, they follow by differentiation,
-       exact to rounding.
+    2. It may write `velocity(q, p)`, dT/dp, `force(q, p)`, -dV/dq, and `relative_force(q)`, for LogarithmicHamiltonian, in closed
+       form; left out, they follow by differentiation, exact to rounding.
     3. It may name what stays constant beside the energy (`constants`).
 
     StormerVerlet and Splitting step such systems by their two parts, whose motions are known.

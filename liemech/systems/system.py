@@ -64,6 +64,7 @@ class System(Record):
     side: ClassVar[str] = "left"
     called: ClassVar[str] = "system"
     coordinates: ClassVar[tuple[str, ...]] = ()
+    fictive: ClassVar[bool] = False  # is it one in a fictive time, with physical time in its state?
     if TYPE_CHECKING:
         group: LieGroup
 

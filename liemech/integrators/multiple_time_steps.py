@@ -1,0 +1,170 @@
+"""Multiple time steps: kicks by slow forces seldom, by fast ones often."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, ClassVar
+
+import numpy as np
+
+from ..errors import IncompatibleSystem, InvalidInput, InvalidType
+from ..formulas import Record, Vec, gradient, jacobian, plain, record
+from ..systems.canonical import CanonicalState
+from ..systems.multirate import MultirateSystem
+from .method import Method
+
+NEAR = 0.1
+"""How near h w may come to a multiple of pi, as a part of pi, before a resonance is warned of."""
+
+
+@record
+class Impelled(Record):
+    """What multiple time steps carry along: the state, and the force of each part there; None for a mollified one."""
+
+    state: CanonicalState
+    forces: Any
+
+
+@record
+class MultipleTimeSteps(Method):
+    """The impulse method (Verlet-I, r-RESPA): half a kick by the slow force, fast steps without it, half a kick.
+
+        Phi_h = slow(h/2) o (fast(h/N))^N o slow(h/2),   fast(h) = the method of Stormer and Verlet, or again of this kind
+
+    ratios : for a MultirateSystem of m parts, m - 1 whole numbers: how many steps with the first part there are in one with the
+    second, and so on; (5, 2) makes ten steps with the fastest part, two with the second, one with the slowest.
+    mollified : takes the slow potential at the mean A(q) of the positions that the fast motion goes through from rest in q, in a
+    time h; its force is (dA/dq)^T f(A(q)), by differentiation.  For two parts.
+
+    Order 2, symmetric, symplectic; one slow force a step.  Where h w is near a multiple of pi, w a frequency of the fast part, the
+    kicks are in resonance with it and the energy grows: a StepWarning says so.  There the mollified force vanishes.
+
+    Source: Grubmueller, Heller, Windemuth, Schulten, Mol. Simul. 6 (1991), 121; Tuckerman, Berne, Martyna, J. Chem. Phys. 97
+    (1992), 1990; mollified Garcia-Archilla, Sanz-Serna, Skeel, SIAM J. Sci. Comput. 20 (1998), 930; Hairer, Lubich, Wanner, VIII.4
+    and XIII.1.
+    """
+
+    order: ClassVar[int] = 2
+    symmetric: ClassVar[bool] = True
+    symplectic: ClassVar[bool] = True
+
+    ratios: tuple[int, ...] = (10,)
+    mollified: bool = False
+
+    def __post_init__(self) -> None:
+        if not self.ratios or any(type(n) is not int or n < 1 for n in self.ratios):
+            raise InvalidInput(f"MultipleTimeSteps: ratios are whole numbers of at least 1, such as (10,); got {self.ratios!r}")
+        if type(self.mollified) is not bool:
+            raise InvalidType(f"MultipleTimeSteps: mollified is True or False; got {self.mollified!r}")
+        if self.mollified and len(self.ratios) != 1:
+            raise InvalidInput(f"MultipleTimeSteps: mollified is for two parts, with one ratio; got {self.ratios!r}")
+        super().__post_init__()
+
+    @property
+    def name(self) -> str:
+        """The method and its ratios."""
+        return f"{'Mollified impulse' if self.mollified else 'Impulse'} {':'.join(map(str, self.ratios))}"
+
+    def require(self, system: Any) -> None:
+        """A multirate system with one more part than there are ratios."""
+        if not isinstance(system, MultirateSystem):
+            raise IncompatibleSystem(
+                f"{self!r} needs a MultirateSystem, whose potential is a sum of fast and slow parts; got {system!r}. "
+                f"{getattr(system, 'instead', 'RKMK accepts every system')}"
+            )
+        if len(system.parts) != len(self.ratios) + 1:
+            raise IncompatibleSystem(
+                f"{self!r} has {len(self.ratios)} ratios, for {len(self.ratios) + 1} parts; {system!r} has {system.parts}"
+            )
+        super().require(system)
+
+    def caution(self, system: Any, start: CanonicalState, h: float) -> str | None:
+        """Of resonance, and of fast steps that are unstable, by the frequencies of all but the slowest part at the start."""
+        if start.bodies is not None:
+            return None
+        q, p, last = start.q, start.p, len(self.ratios)
+        by_p = np.array(jacobian(lambda x: system.velocity(q, x), p))
+        hessian = np.array(jacobian(lambda x: sum_of([system.part_force(k, x) for k in range(last)]), q))
+        frequencies = np.sqrt(np.maximum(np.real(np.linalg.eigvals(-by_p @ hessian)), 0.0))
+        phases = abs(h) * frequencies
+        steps = math.prod(self.ratios)
+        if phases.max() >= 2.0 * steps:
+            return (
+                f"{self!r}: the fast steps h/{steps} = {h / steps:g} are unstable for the frequency {frequencies.max():.3g} of the "
+                f"fast part; try ratios whose product is {math.ceil(phases.max())} or more"
+            )
+        near = [w for w, phase in zip(frequencies, phases) if phase > (1.0 - NEAR) * math.pi and off(phase) < NEAR]
+        if near and not self.mollified:
+            return (
+                f"{self!r}: h = {h:g} is in resonance with the frequency {near[0]:.3g} of the fast part, h w being near a multiple "
+                f"of pi; the energy may grow. Try h = {0.8 * math.pi / frequencies.max():.3g}, or mollified=True"
+            )
+        return None
+
+    # ---------------------------------------------------------------- one step
+
+    def start(self, system: Any, state: CanonicalState, h: float) -> Impelled:
+        """The state and the forces there."""
+        q = plain(state.q)
+        slowest = None if self.mollified else system.part_force(len(self.ratios), q)
+        return Impelled(state, (*[system.part_force(k, q) for k in range(len(self.ratios))], slowest))
+
+    def observe(self, memory: Impelled) -> CanonicalState:
+        """Positions and momenta."""
+        return memory.state
+
+    def step(self, system: Any, t: float, memory: Impelled, h: float) -> Impelled:
+        """Kicks at all rates, each half before and half after those that are faster."""
+        state, forces = memory.state, memory.forces
+        if not self.mollified:
+            return self._advanced(system, len(self.ratios), state, forces, h)
+        fast = (forces[0],)
+        kicked = CanonicalState(state.q, state.p + (0.5 * h) * self._mollified(system, plain(state.q), h))
+        for _ in range(self.ratios[0]):
+            after = self._advanced(system, 0, kicked, fast, h / self.ratios[0])
+            kicked, fast = after.state, after.forces
+        slow = self._mollified(system, plain(kicked.q), h)
+        return Impelled(CanonicalState(kicked.q, kicked.p + (0.5 * h) * slow), (fast[0], None))
+
+    def _advanced(self, system: Any, k: int, state: CanonicalState, forces: Any, h: float) -> Impelled:
+        """A step of length h with the parts 0 to k."""
+        state = CanonicalState(state.q, state.p + (0.5 * h) * forces[k])
+        faster = forces[:k]
+        if k == 0:
+            state = CanonicalState(state.q + h * system.velocity(plain(state.q), plain(state.p)), state.p)
+        else:
+            for _ in range(self.ratios[k - 1]):
+                after = self._advanced(system, k - 1, state, faster, h / self.ratios[k - 1])
+                state, faster = after.state, after.forces
+        force = system.part_force(k, plain(state.q))
+        return Impelled(CanonicalState(state.q, state.p + (0.5 * h) * force), (*faster, force))
+
+    # ---------------------------------------------------------------- the mollified force
+
+    def _mollified(self, system: Any, q: Vec, h: float) -> Vec:
+        """-d/dq of the slow potential at the mean position."""
+        return -gradient(lambda x: system.part(1, self._mean(system, x, h)), q)
+
+    def _mean(self, system: Any, q: Vec, h: float) -> Vec:
+        """The mean over a step of the positions of the fast motion that starts at q at rest, by the fast steps and trapezoids."""
+        n = self.ratios[0]
+        s = h / n
+        x, p, total = q, 0.0 * q, 0.5 * q
+        for i in range(n):
+            p = p + ((0.5 if i == 0 else 1.0) * s) * system.part_force(0, x)
+            x = x + s * system.velocity(x, p)
+            total = total + (0.5 if i == n - 1 else 1.0) * x
+        return (1.0 / n) * total
+
+
+def sum_of(vectors: list[Vec]) -> Vec:
+    """The sum of vectors."""
+    total = vectors[0]
+    for v in vectors[1:]:
+        total = total + v
+    return total
+
+
+def off(phase: float) -> float:
+    """How far a phase is from a multiple of pi, as a part of pi."""
+    return abs(phase / math.pi - round(phase / math.pi))

@@ -1,0 +1,151 @@
+"""The state at a given physical time of a run in fictive time: a last step, as long as it must be."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..compiler.driver import accepted, attempt, itself, read, reason, write
+from ..errors import InvalidInput, failure, is_mistake
+from ..formulas import plain, real_array
+from ..formulas.pytree import NUMBER, layout_of
+from .dense import unpacked
+from .execution import Execution
+
+TURNS = 60
+"""Trials after which the step to a given time is taken as it is; a good one needs five."""
+
+ULP = 2.0**-52
+
+
+def arrive(method: Any, system: Any, shown: Any, h: float, count: int, given: Any, out: Any, failures: Any) -> None:
+    """The driver: from each of many samples, steps until a given time is passed, and instead of the last one a shorter one to it.
+
+    given : for each the sample and the time.  out : the sample then, the fictive time that went by, and 1 (0 if a step failed).
+    """
+    for k in range(count):
+        at = k * (shown.width + 1)
+        trial = attempt(
+            arrived, method, system, read(given, at, shown), h, read(given, at + shown.width, NUMBER)
+        )
+        good = accepted(trial, itself)
+        at = k * (shown.width + 2)
+        if good:
+            write(out, at, trial, None)
+            write(out, at + shown.width + 1, 1.0)
+        else:
+            write(out, at + shown.width + 1, 0.0)
+            if failures is not None:
+                failures.append(reason(trial))
+
+
+def arrived(method: Any, system: Any, sample: Any, h: float, target: float) -> tuple[Any, float]:
+    """The sample at the time `target`, and the fictive time to it, from a sample before it."""
+    memory = method.start(system, sample, h)
+    now = sample
+    passed, gone = (system.clock(now) - target) * h >= 0.0, 0.0
+    while not passed:
+        after = method.step(system, gone, memory, h)
+        seen = plain(method.observe(after))
+        passed = (system.clock(seen) - target) * h >= 0.0
+        if not passed:
+            memory, now, gone = after, seen, gone + h
+    found, s = landed(method, system, memory, h, target)
+    return found, gone + s
+
+
+def landed(method: Any, system: Any, memory: Any, h: float, target: float) -> tuple[Any, float]:
+    """The sample at the time `target`, at most a step away, and the length s of the step there.
+
+    The time after a step grows with its length; the secant method finds s, halving where it leaves what is left of the interval.
+    Source: Dahlquist and Bjorck, Numerical Methods, section 6.4.
+    """
+    found = plain(method.observe(memory))
+    low, high, before = 0.0, h, 0.0
+    error_before = system.clock(found) - target
+    error, s, turns = error_before, h, 0
+    done = error_before == 0.0
+    if done:
+        s = 0.0
+    while not done:
+        found = plain(method.observe(method.step(system, 0.0, memory, s)))
+        error = system.clock(found) - target
+        if error * h < 0.0:
+            low = s
+        else:
+            high = s
+        slope = (error - error_before) / (s - before)
+        new = s - error / slope if slope != 0.0 else low
+        if not (min(low, high) < new < max(low, high)):
+            new = 0.5 * (low + high)
+        turns = turns + 1
+        done = error == 0.0 or abs(new - s) <= ULP * abs(s) or turns >= TURNS
+        if not done:
+            before, error_before, s = s, error, new
+    return found, s
+
+
+@dataclass(frozen=True, eq=False)
+class Between:
+    """The motion between the samples of a run: from the last one before, steps of the method, the last of them shorter.
+
+    So the state at a time is that of a run that ends there, up to rounding.
+    """
+
+    method: Any
+    system: Any
+    kind: Any
+    example: Any
+    h: float
+    t: np.ndarray
+    points: np.ndarray
+    compiled: bool | None
+
+    def numbers(self, times: np.ndarray) -> np.ndarray:
+        """At each of these times the numbers of the state with its clock, and the fictive time since the sample, (m, width + 1)."""
+        t = self.t
+        inside = (times >= min(t[0], t[-1])) & (times <= max(t[0], t[-1]))
+        if not inside.all():
+            raise InvalidInput(f"t = {times[~inside][0]:g} is outside the run, which goes from {t[0]:g} to {t[-1]:g}")
+        sign = 1.0 if self.h > 0.0 else -1.0
+        last = np.searchsorted(sign * t, sign * times, "right") - 1
+        found = np.concatenate([self.points[last], np.zeros((len(times), 1))], axis=1)
+        away = np.flatnonzero(times != t[last])
+        found[away] = self._moved(np.concatenate([self.points[last[away]], times[away, None]], axis=1))
+        return found
+
+    def _moved(self, given: np.ndarray) -> np.ndarray:
+        shown, many = layout_of(self.example), len(given)
+        arguments, array = (self.method, self.system, shown, self.h), np.empty(1)
+        execution = Execution(self.compiled, False, arrive, *arguments, 1, array, array, None)
+        found, done, failures = np.empty((many, shown.width + 2)), 0, []  # type: Any, int, list[Any]
+        while done < many:
+            if execution.ready(done / many):
+                run: Any = execution.native
+                rest = np.ascontiguousarray(given[done:]).ravel()
+                out = np.empty((many - done) * (shown.width + 2))
+                run(*arguments, many - done, rest, out, None)
+                found[done:] = out.reshape(many - done, -1)
+                break
+            out = np.empty(shown.width + 2)
+            with execution.plain():
+                arrive(*arguments, 1, np.ascontiguousarray(given[done]), out, failures)
+            found[done] = out
+            done += 1
+        for k in np.flatnonzero(found[:, -1] == 0.0).tolist():
+            arrive(*arguments, 1, np.ascontiguousarray(given[k]), np.empty(shown.width + 2), failures)
+            error = failures[0]
+            raise error if error is not None and is_mistake(error) else failure(error, repr(self.method), "between two steps")
+        return found[:, :-1]
+
+    def __call__(self, times: Any) -> Any:
+        """The state at one time, or at many, (m,), whose arrays then have a leading axis."""
+        at = real_array(times, "t")
+        shown = layout_of(self.example)
+        arrays = unpacked(self.example, shown, self.numbers(np.atleast_1d(at).ravel())[:, : shown.width])
+        states = self.system.apart(arrays)[1]
+        one = 0 if at.ndim == 0 else slice(None)
+        names = self.kind.__dataclass_fields__
+        return self.kind(*(states[name][one] if name in states else None for name in names))

@@ -1,0 +1,86 @@
+"""Systems whose state carries its physical time and its time scale along, for steps that are equal in a fictive time."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from typing import Any, ClassVar
+
+import numpy as np
+
+from ..formulas import Record, record
+from .system import State, System
+from .time_scales import TimeScale, one_of
+
+
+@record
+class ClockedState(State):
+    """The parts of a state, the physical `time`, and `z`, about 1/sigma; abstract: `clocked` makes one for each kind of state."""
+
+    inner: ClassVar[type[State]]
+    names: ClassVar[tuple[str, ...]]
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Its class is made anew where it is read."""
+        return _remade, (self.inner, tuple(self.parts.values()))
+
+
+def _remade(inner: Any, values: tuple[Any, ...]) -> Any:
+    return clocked(inner)(*values)
+
+
+@functools.cache
+def clocked(inner: type[State]) -> Any:
+    """The kind of state that has the parts of another kind, and time and z."""
+    names = tuple(f.name for f in dataclasses.fields(inner))
+    body = {
+        "__annotations__": dict.fromkeys((*names, "time", "z"), Any),
+        "__module__": __name__,
+        "__doc__": f"{inner.__name__} with its physical time and z.",
+        "names": names,
+        "inner": inner,
+    }
+    return record(type(f"Clocked{inner.__name__}", (ClockedState,), body))
+
+
+@record
+class Clocked(Record):
+    """A system and its states with time and z: what a ReversibleController steps.
+
+    sigma : bound to the start.
+    """
+
+    system: System
+    sigma: TimeScale
+
+    def without(self, state: Any) -> Any:
+        """The state of the system itself."""
+        return state.inner(*[getattr(state, name) for name in state.names])
+
+    def clock(self, state: Any) -> Any:
+        """The physical time of a state."""
+        return state.time
+
+    def essential(self, state: Any) -> Any:
+        """What the motion depends on: time and z too."""
+        inner = self.system.essential(self.without(state))
+        return type(state)(*inner.parts.values(), state.time, state.z)
+
+    def extended(self, start: State, t0: float) -> Any:
+        """A start with its time and z = 1/sigma, for an ensemble too."""
+        time: Any = t0
+        z: Any
+        if start.bodies is None:
+            z = 1.0 / self.sigma.value(self.system, start)
+        else:
+            members = [one_of(start, i) for i in range(start.bodies)]
+            sigma = [self.sigma.value(self.system, member) for member in members]
+            time, z = np.full(start.bodies, t0), 1.0 / np.array(sigma)
+        kind: Any = type(start)
+        return clocked(kind)(*start.parts.values(), time, z)
+
+    def apart(self, states: dict[str, np.ndarray]) -> tuple[np.ndarray, dict[str, np.ndarray], np.ndarray]:
+        """Of samples: the times, the parts of the states, and z."""
+        rest = dict(states)
+        return rest.pop("time"), rest, rest.pop("z")
+

@@ -1,0 +1,241 @@
+"""The reversible controller: order, symmetry and reversibility around any symmetric method, on any system; what it refuses."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+import liemech as lm
+from liemech.errors import IncompatibleSystem, InvalidInput, InvalidTimeScale, InvalidType, StepTooSmall
+from liemech.systems.clocked import Clocked
+
+KEPLER = lm.Kepler()
+ORBIT = KEPLER.pericentre(0.6)
+TIME = 7.3
+
+TOP = lm.LagrangeTop(weight=1.0, transverse=1.0, axial=0.5, length=1.0)
+FALLING = TOP.state(mu=[0.3, 0.0, 1.5], g=np.eye(3))
+
+
+def verlet(sigma: Any = None) -> lm.ReversibleController:
+    return lm.ReversibleController(lm.StormerVerlet(), lm.DistancePower(1.5) if sigma is None else sigma)
+
+
+def slopes(error: Callable[[float], float], h: float, count: int = 3) -> list[float]:
+    errors = [error(h / 2**k) for k in range(count)]
+    return [math.log2(a / b) for a, b in itertools.pairwise(errors)]
+
+
+@lm.record
+class Constant(lm.TimeScale):
+    """Steps of one length, in another unit."""
+
+    unit: float
+
+    def value(self, system: Any, state: Any) -> float:
+        return self.unit
+
+
+@pytest.mark.parametrize(
+    ("method", "order", "h"),
+    [
+        (verlet(), 2, 0.08),
+        (verlet(lm.EqualArc()), 2, 0.08),
+        pytest.param(verlet(lm.EqualChange()), 2, 0.08, marks=pytest.mark.slow),
+        (verlet(lambda q, p: 1.0 / (1.0 + lm.dot(p, p))), 2, 0.08),
+        (lm.ReversibleController(lm.Splitting(order=4), lm.EqualArc()), 4, 0.16),
+        (lm.ReversibleController(lm.Composition(lm.StormerVerlet(), order=4), lm.DistancePower(2.0)), 4, 0.16),
+        (lm.Composition(verlet(), order=4), 4, 0.16),
+        (lm.ReversibleController(lm.Splitting(order=6), lm.DistancePower(1.5)), 6, 0.32),
+        (lm.Composition(verlet(), order=6), 6, 0.32),
+    ],
+    ids=lambda x: getattr(x, "name", None),
+)
+def test_order_at_a_physical_time(method: lm.Method, order: int, h: float) -> None:
+    assert method.order == order
+    exact = KEPLER.exact(ORBIT, TIME)
+
+    def error(h: float) -> float:
+        run = lm.integrate(KEPLER, method, ORBIT, h=h, t_end=TIME, compiled=False)
+        assert run.t[-1] == TIME
+        return float(np.abs(run.q[-1] - exact.q).max())
+
+    assert min(slopes(error, h)) > order - 0.15
+
+
+@pytest.mark.parametrize(
+    ("base", "order", "sigma"),
+    [
+        (lm.LieVerlet(), 2, lambda mu: 1.0 / (0.1 + lm.dot(mu, mu))),
+        (lm.KickDrift(order=4), 4, lambda g: 1.0 + 0.5 * g[2, 2]),
+        pytest.param(lm.LieVerlet(), 2, lm.EqualArc(), marks=pytest.mark.slow),
+        pytest.param(lm.KickDrift(order=4), 4, lambda mu: 1.0 / (0.1 + lm.dot(mu, mu)), marks=pytest.mark.slow),
+        pytest.param(lm.KickDrift(order=4), 4, lm.EqualArc(), marks=pytest.mark.slow),
+    ],
+)
+def test_order_on_a_group(base: lm.Method, order: int, sigma: Any) -> None:
+    method, t = lm.ReversibleController(base, sigma), 1.5
+
+    def end(h: float) -> np.ndarray:
+        run = lm.integrate(TOP, method, FALLING, h=h, t_end=t, compiled=False)
+        assert run.drift()["vertical momentum"].verdict == "exact"
+        return np.concatenate([run.mu[-1], run.g[-1].ravel()])
+
+    exact = lm.integrate(TOP, lm.RKMK(order=8), FALLING, h=t / 40, steps=40, compiled=False)
+    reference = np.concatenate([exact.mu[-1], exact.g[-1].ravel()])
+    assert min(slopes(lambda h: float(np.abs(end(h) - reference).max()), 0.2)) > order - 0.2
+
+
+def test_a_constant_sigma_is_no_transformation() -> None:
+    run = lm.integrate(KEPLER, verlet(Constant(0.25)), ORBIT, h=0.5, steps=60)
+    plain = lm.integrate(KEPLER, lm.StormerVerlet(), ORBIT, h=0.125, steps=60)
+    assert np.array_equal(run.q, plain.q) and np.array_equal(run.p, plain.p) and np.array_equal(run.t, plain.t)
+    assert np.array_equal(run.tau, 0.5 * np.arange(61)) and (run.z == 4.0).all()
+
+
+@pytest.mark.parametrize("method", [verlet(), verlet(lm.EqualArc()), lm.Composition(verlet(), order=4)], ids=repr)
+def test_symmetric(method: lm.Method) -> None:
+    """Steps with h, as many with -h from where they lead, with z and time: back at the start."""
+    controller = getattr(method, "base", method)
+    whole = Clocked(KEPLER, controller.sigma)
+    start = whole.extended(ORBIT, 0.0)
+    memory = method.start(whole, start, 0.1)
+    for _ in range(40):
+        memory = method.step(whole, 0.0, memory, 0.1)
+    there = method.observe(memory)
+    memory = method.start(whole, there, -0.1)
+    for _ in range(40):
+        memory = method.step(whole, 0.0, memory, -0.1)
+    back = method.observe(memory)
+    assert abs(there.q - start.q)[0] > 0.1
+    for a, b in zip((*back.q, *back.p, back.time, back.z), (*start.q, *start.p, start.time, start.z)):
+        assert abs(a - b) < 2e-13 * max(1.0, abs(b))
+
+
+def test_energy_does_not_drift_and_z_follows_sigma() -> None:
+    run = lm.integrate(KEPLER, verlet(), KEPLER.pericentre(0.9), h=8.4 / 500, steps=20_000, every=20)
+    report = run.drift()["energy"]
+    assert report.verdict == "bounded" and abs(report.slope) * report.duration < 1e-6
+    assert np.abs(run.z * run.scale - 1.0).max() < 1e-3
+
+
+def test_steps_by_the_printed_formula_collapse() -> None:
+    """The slides print G(y_n) in the second half step too, (3.8) and (3.9): then z sigma = 1 is lost, and z falls below zero."""
+    start, sigma = KEPLER.pericentre(0.9), lm.DistancePower(2.0)
+    whole, eps = Clocked(KEPLER, sigma), 0.06
+
+    def smallest(printed: bool) -> float:
+        method = lm.ReversibleController(lm.StormerVerlet(), sigma)
+        memory, least = method.start(whole, whole.extended(start, 0.0), eps), math.inf
+        for _ in range(400):
+            before = memory
+            try:
+                memory = method.step(whole, 0.0, memory, eps)
+            except InvalidTimeScale:
+                return -1.0
+            if printed:
+                z = memory.z + 0.5 * eps * (before.rate - memory.rate)
+                memory = dataclasses.replace(memory, z=z)
+            state = method.observe(memory)
+            least = min(least, state.z * sigma.value(KEPLER, whole.without(state)))
+        return least
+
+    assert smallest(printed=True) < 0.5 < 0.99 < smallest(printed=False)
+
+
+# ------------------------------------------------------------------ native code and ensembles
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize(
+    ("system", "method", "start"),
+    [
+        (KEPLER, verlet(), ORBIT),
+        (TOP, lm.ReversibleController(lm.KickDrift(order=2), lambda mu: 1.0 / (0.1 + lm.dot(mu, mu))), FALLING),
+        pytest.param(TOP, lm.ReversibleController(lm.LieVerlet(), lm.EqualArc()), FALLING, marks=pytest.mark.slow),
+    ],
+    ids=["orbit", "top", "turning top"],
+)
+def test_native_code_gives_the_same_bits(system: Any, method: lm.Method, start: Any) -> None:
+    plain, native = (lm.integrate(system, method, start, h=0.1, t_end=4.0, every=3, compiled=c) for c in (False, True))
+    assert native.compiled and not plain.compiled
+    for name, values in plain.states.items():
+        assert np.array_equal(values, native.states[name])
+    assert np.array_equal(plain.t, native.t) and np.array_equal(plain.tau, native.tau)
+
+
+def test_a_member_of_an_ensemble_moves_as_it_does_alone() -> None:
+    factors = np.linspace(1.0, 1.1, 3)[:, None]
+    starts = KEPLER.state(factors * np.array(ORBIT.q), np.repeat([np.array(ORBIT.p)], 3, axis=0))
+    many = lm.integrate(KEPLER, verlet(), starts, h=0.05, steps=60, compiled=False)
+    assert many.t.shape == (61, 3) and many.q.shape == (61, 3, 2) and many.z.shape == (61, 3)
+    for i in range(3):
+        one = lm.integrate(KEPLER, verlet(), KEPLER.state(starts.q[i], starts.p[i]), h=0.05, steps=60, compiled=False)
+        assert np.array_equal(one.q, many.q[:, i]) and np.array_equal(one.t, many.t[:, i])
+    assert many.drift()["energy"].verdict == "bounded"
+    assert "3 bodies" in repr(many)
+
+
+# ------------------------------------------------------------------ refusals
+
+
+def test_what_is_refused() -> None:
+    with pytest.raises(InvalidInput, match="not symmetric"):
+        lm.ReversibleController(lm.SymplecticEuler(), lm.EqualArc())
+    with pytest.raises(InvalidInput, match="steps of one length"):
+        lm.ReversibleController(verlet(), lm.EqualArc())
+    with pytest.raises(InvalidType, match="sigma is a TimeScale"):
+        lm.ReversibleController(lm.StormerVerlet(), 3.0)  # type: ignore[arg-type]
+    with pytest.raises(InvalidType, match="must be a method"):
+        lm.ReversibleController(lm.StormerVerlet, lm.EqualArc())  # type: ignore[arg-type]
+    body = lm.RigidBody([1.0, 1.5, 2.0])
+    spin = body.state(mu=[0.5, 0.0, 0.75**0.5])
+    free = lm.CovariantVariational(lm.Cayley())
+    for sigma in (lm.DistancePower(), lm.EqualPath()):
+        with pytest.raises(IncompatibleSystem):
+            lm.integrate(body, lm.ReversibleController(free, sigma), spin, h=0.1, steps=3)
+    with pytest.raises(IncompatibleSystem, match="StormerVerlet"):
+        lm.integrate(body, verlet(), spin, h=0.1, steps=3)
+    with pytest.raises(InvalidInput, match="must be parts of the state"):
+        lm.integrate(KEPLER, verlet(lambda x: x), ORBIT, h=0.1, steps=3)
+    starts = KEPLER.state([ORBIT.q, ORBIT.q], [ORBIT.p, ORBIT.p])
+    with pytest.raises(InvalidInput, match="energy of one start"):
+        lm.integrate(KEPLER, verlet(lm.EqualPath()), starts, h=0.1, steps=3)
+    with pytest.raises(InvalidTimeScale, match="body 1"):
+        two = KEPLER.state([[1.0, 0.0], [-1.0, 0.0]], [[0.0, 1.0], [0.0, 1.0]])
+        lm.integrate(KEPLER, verlet(lambda q: q[0]), two, h=0.1, steps=3)
+
+
+def test_sigma_and_z_must_be_positive() -> None:
+    with pytest.raises(InvalidTimeScale, match=r"sigma\(q\) = -1 at the start"):
+        lm.integrate(KEPLER, verlet(lambda q: -1.0), ORBIT, h=0.1, steps=3)
+    with pytest.raises(InvalidTimeScale, match=r"try 1\.25") as failed:
+        lm.integrate(KEPLER, verlet(lm.DistancePower(2.0)), ORBIT, h=5.0, steps=30)
+    run = failed.value.trajectory
+    assert " tau = " in str(failed.value) and " t = " not in str(failed.value)
+    assert len(run) > 1 and (np.diff(run.t) > 0.0).all()  # the time of what there is does not go back
+    with pytest.raises(InvalidTimeScale, match="at t = "):  # a sigma that jumps below zero
+        lm.integrate(KEPLER, verlet(lambda q: lm.formulas.where(q[0] > 0.0, 1.0, -1.0)), ORBIT, h=0.1, t_end=9.0)
+
+
+def test_which_options_a_run_takes() -> None:
+    for wrong, words in (
+        ({"h": 0.1, "t_end": 1.0, "rtol": 1e-3}, "rtol is for adaptive steps"),
+        ({"h": 0.1}, "steps or t_end"),
+        ({"t_end": 1.0}, "give h"),
+        ({"h": -0.1, "t_end": 1.0}, "turn the sign of h"),
+        ({"h": 0.1, "steps": 5, "t_eval": [0.0]}, "t_eval needs t_end"),
+        ({"h": 0.1, "t_end": 1.0, "t_eval": [2.0]}, "not between"),
+        ({"h": 0.1, "t_end": 1.0, "events": [lambda t, y: t]}, "events"),
+    ):
+        with pytest.raises(InvalidInput, match=words):
+            lm.integrate(KEPLER, verlet(), ORBIT, **wrong)
+    with pytest.raises(StepTooSmall, match="5 steps led to") as failed:
+        lm.integrate(KEPLER, verlet(), ORBIT, h=0.1, t_end=3.0, steps=5)
+    assert failed.value.trajectory.steps == 5
