@@ -44,12 +44,13 @@ if TYPE_CHECKING:
     from . import plots as plots
     from . import tableaus
     from . import viewer as viewer
-    from .checks import check_action, check_group, check_method, check_retraction, check_system
+    from .checks import check_action, check_group, check_method, check_poisson, check_retraction, check_system
     from .groups.actions import GroupAction, LeftMultiplication, LinearAction, SphereAction, TranslationAction
     from .groups.classical import GL, SL, SO, SU, Sp, U
     from .groups.coadjoint import CoadjointAction, coadjoint
     from .groups.heisenberg import Heisenberg
     from .groups.matrix_group import MatrixLieGroup
+    from .groups.poisson_structure import Canonical, ConstantStructure, LiePoissonStructure, LogCanonical, PoissonStructure
     from .groups.product import ProductGroup
     from .groups.representations import AdjointAction, Representation, RotationAction
     from .groups.se2 import SE2
@@ -76,14 +77,21 @@ if TYPE_CHECKING:
     from .integrators.splitting import ThreeRotations
     from .integrators.taylor import Taylor
     from .integrators.variational import CovariantVariational
+    from .models.charged_particle import AxialField, ChargedParticle, GuidingCentre, MagneticField, TokamakField, UniformField
+    from .models.fermi_pasta_ulam import FermiPastaUlam
     from .models.gravity import CentralGravity, FixedPointGravity, UniformGravity
     from .models.heavy_top import HeavyTop, LagrangeTop, ReducedHeavyTop
     from .models.henon_heiles import HenonHeiles
     from .models.kepler import Kepler
     from .models.kirchhoff import KirchhoffBody
+    from .models.lotka_volterra import LotkaVolterra
+    from .models.maxwell_bloch import MaxwellBloch
+    from .models.n_body import NBody
     from .models.pendulums import DoublePendulum, Pendulum
+    from .models.poisson_top import PoissonTop
     from .models.rigid_body import RigidBody
     from .models.space_bodies import FallingBody, OrbitingBody
+    from .models.toda import TodaLattice
     from .systems.canonical import CanonicalState, HamiltonianSystem
     from .systems.group_equation import GroupEquation, LinearGroupEquation
     from .systems.hamiltonian import Hamiltonian
@@ -92,17 +100,20 @@ if TYPE_CHECKING:
     from .systems.lagrangian import Lagrangian
     from .systems.lie_poisson import BodyState, LiePoissonSystem
     from .systems.mechanical import MechanicalSystem
+    from .systems.parts import Part, SplitHamiltonian
+    from .systems.poisson import PoissonState, PoissonSystem
     from .systems.potential import Force, NoPotential, Potential
     from .systems.separable import SeparableSystem
     from .tableaus.tableau import ButcherTableau
 
 _LATER = {
-    "checks": ("check_action", "check_group", "check_method", "check_retraction", "check_system"),
+    "checks": ("check_action", "check_group", "check_method", "check_poisson", "check_retraction", "check_system"),
     "groups.actions": ("GroupAction", "LeftMultiplication", "LinearAction", "SphereAction", "TranslationAction"),
     "groups.classical": ("GL", "SL", "SO", "SU", "Sp", "U"),
     "groups.coadjoint": ("CoadjointAction", "coadjoint"),
     "groups.heisenberg": ("Heisenberg",),
     "groups.matrix_group": ("MatrixLieGroup",),
+    "groups.poisson_structure": ("Canonical", "ConstantStructure", "LiePoissonStructure", "LogCanonical", "PoissonStructure"),
     "groups.product": ("ProductGroup",),
     "groups.representations": ("AdjointAction", "Representation", "RotationAction"),
     "groups.se2": ("SE2",),
@@ -129,14 +140,21 @@ _LATER = {
     "integrators.splitting": ("ThreeRotations",),
     "integrators.taylor": ("Taylor",),
     "integrators.variational": ("CovariantVariational",),
+    "models.charged_particle": ("AxialField", "ChargedParticle", "GuidingCentre", "MagneticField", "TokamakField", "UniformField"),
+    "models.fermi_pasta_ulam": ("FermiPastaUlam",),
     "models.gravity": ("CentralGravity", "FixedPointGravity", "UniformGravity"),
     "models.heavy_top": ("HeavyTop", "LagrangeTop", "ReducedHeavyTop"),
     "models.henon_heiles": ("HenonHeiles",),
     "models.kepler": ("Kepler",),
     "models.kirchhoff": ("KirchhoffBody",),
+    "models.lotka_volterra": ("LotkaVolterra",),
+    "models.maxwell_bloch": ("MaxwellBloch",),
+    "models.n_body": ("NBody",),
     "models.pendulums": ("DoublePendulum", "Pendulum"),
+    "models.poisson_top": ("PoissonTop",),
     "models.rigid_body": ("RigidBody",),
     "models.space_bodies": ("FallingBody", "OrbitingBody"),
+    "models.toda": ("TodaLattice",),
     "plots": ("plots",),
     "systems.canonical": ("CanonicalState", "HamiltonianSystem"),
     "systems.group_equation": ("GroupEquation", "LinearGroupEquation"),
@@ -146,6 +164,8 @@ _LATER = {
     "systems.lagrangian": ("Lagrangian",),
     "systems.lie_poisson": ("BodyState", "LiePoissonSystem"),
     "systems.mechanical": ("MechanicalSystem",),
+    "systems.parts": ("Part", "SplitHamiltonian"),
+    "systems.poisson": ("PoissonState", "PoissonSystem"),
     "systems.potential": ("Force", "NoPotential", "Potential"),
     "systems.separable": ("SeparableSystem",),
     "tableaus": ("tableaus",),
@@ -195,17 +215,21 @@ __all__ = [
     "U",
     "AdjointAction",
     "Ambient",
+    "AxialField",
     "BodyState",
     "ButcherTableau",
+    "Canonical",
     "CanonicalState",
     "Cayley",
     "CayleyAdjoint",
     "CayleySquare",
     "CentralGravity",
+    "ChargedParticle",
     "ClassFunction",
     "CoadjointAction",
     "CommutatorFree",
     "Composition",
+    "ConstantStructure",
     "CovariantVariational",
     "CrouchGrossman",
     "DoublePendulum",
@@ -214,12 +238,14 @@ __all__ = [
     "ExactMoserVeselov",
     "Exponential",
     "FallingBody",
+    "FermiPastaUlam",
     "FirstKindHamiltonJacobi",
     "FixedPointGravity",
     "Force",
     "GalerkinVariational",
     "GroupAction",
     "GroupEquation",
+    "GuidingCentre",
     "HamiltonJacobi",
     "Hamiltonian",
     "HamiltonianSystem",
@@ -240,19 +266,30 @@ __all__ = [
     "LieAlgebra",
     "LieGroup",
     "LiePoissonHamiltonJacobi",
+    "LiePoissonStructure",
     "LiePoissonSystem",
     "LieVerlet",
     "LinearAction",
     "LinearGroupEquation",
+    "LogCanonical",
+    "LotkaVolterra",
+    "MagneticField",
     "Magnus",
     "Mat",
     "MatrixLieGroup",
+    "MaxwellBloch",
     "MechanicalSystem",
     "Method",
     "MoserVeselov",
+    "NBody",
     "NoPotential",
     "OrbitingBody",
+    "Part",
     "Pendulum",
+    "PoissonState",
+    "PoissonStructure",
+    "PoissonSystem",
+    "PoissonTop",
     "Potential",
     "ProductGroup",
     "Record",
@@ -267,6 +304,7 @@ __all__ = [
     "Sp",
     "SphereAction",
     "SphericalMidpoint",
+    "SplitHamiltonian",
     "Splitting",
     "State",
     "StormerVerlet",
@@ -274,9 +312,12 @@ __all__ = [
     "System",
     "Taylor",
     "ThreeRotations",
+    "TodaLattice",
+    "TokamakField",
     "TraceOfAd",
     "Trajectory",
     "TranslationAction",
+    "UniformField",
     "UniformGravity",
     "UnitQuaternions",
     "Vec",
@@ -284,6 +325,7 @@ __all__ = [
     "check_action",
     "check_group",
     "check_method",
+    "check_poisson",
     "check_retraction",
     "check_system",
     "coadjoint",

@@ -119,6 +119,32 @@ class SplittingTableau(Record):
         """The largest |a_i|: what the step of the free motion must allow."""
         return max(map(abs, self.drifts))
 
+    def sequence(self, parts: int) -> tuple[tuple[int, float], ...]:
+        """A step for an energy of any number of parts: which part moves in turn, and for which share of the step.
+
+        With Phi_h = exp(h A_1) ... exp(h A_n), last part first, and its adjoint, the splitting of two parts is the composition
+        ... Phi*_(c_2 h) Phi_(c_1 h) with c_1 = b_0, c_2 = a_1 - c_1, c_3 = b_1 - c_2, ..., whose order is that of the splitting
+        whatever Phi is.  For two parts it is the splitting itself.  Raises InvalidInput for more than two if the order is that of
+        quadratic kinetic energies only.
+
+        Source: McLachlan, SIAM J. Sci. Comput. 16 (1995), section 2; Hairer, Lubich, Wanner, III.3.4.
+        """
+        if self.quadratic and parts > 2:
+            raise InvalidInput(f"{self.name}: it is for two parts, the order is that of quadratic T only; got {parts}")
+        turns = [turn for pair in zip(((1, b) for b in self.kicks), ((0, a) for a in self.drifts)) for turn in pair]
+        if parts == 2:
+            return tuple([(part, c) for part, c in (*turns, (1, self.kicks[-1])) if c != 0.0])
+        found: list[tuple[int, float]] = []
+        share = 0.0
+        for last_first, coefficient in turns:
+            share = coefficient - share
+            for part in range(parts - 1, -1, -1) if last_first else range(parts):
+                if len(found) > 0 and found[-1][0] == part:
+                    found[-1] = part, found[-1][1] + share
+                else:
+                    found.append((part, share))
+        return tuple([(part, c) for part, c in found if c != 0.0])
+
     def __repr__(self) -> str:
         return f"SplittingTableau({self.name}: order {self.order}, {self.stages} kicks)"
 
