@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     from . import plots as plots
     from . import tableaus
     from . import viewer as viewer
-    from .checks import check_action, check_group, check_method, check_poisson, check_retraction, check_system
+    from .checks import check_action, check_group, check_method, check_poisson, check_retraction, check_system, poisson_defect
     from .groups.actions import GroupAction, LeftMultiplication, LinearAction, SphereAction, TranslationAction
     from .groups.classical import GL, SL, SO, SU, Sp, U
     from .groups.coadjoint import CoadjointAction, coadjoint
@@ -72,6 +72,7 @@ if TYPE_CHECKING:
     from .integrators.magnus import Magnus
     from .integrators.midpoint import ImplicitMidpoint, Isospectral, SphericalMidpoint
     from .integrators.moser_veselov import ExactMoserVeselov, MoserVeselov
+    from .integrators.poisson_euler import PoissonEuler, PoissonVerlet
     from .integrators.rkmk import RKMK
     from .integrators.separable import Splitting, StormerVerlet, SymplecticEuler
     from .integrators.splitting import ThreeRotations
@@ -107,7 +108,10 @@ if TYPE_CHECKING:
     from .tableaus.tableau import ButcherTableau
 
 _LATER = {
-    "checks": ("check_action", "check_group", "check_method", "check_poisson", "check_retraction", "check_system"),
+    "checks": (
+        *("check_action", "check_group", "check_method", "check_poisson", "check_retraction", "check_system"),
+        "poisson_defect",
+    ),
     "groups.actions": ("GroupAction", "LeftMultiplication", "LinearAction", "SphereAction", "TranslationAction"),
     "groups.classical": ("GL", "SL", "SO", "SU", "Sp", "U"),
     "groups.coadjoint": ("CoadjointAction", "coadjoint"),
@@ -135,6 +139,7 @@ _LATER = {
     "integrators.magnus": ("Magnus",),
     "integrators.midpoint": ("ImplicitMidpoint", "Isospectral", "SphericalMidpoint"),
     "integrators.moser_veselov": ("ExactMoserVeselov", "MoserVeselov"),
+    "integrators.poisson_euler": ("PoissonEuler", "PoissonVerlet"),
     "integrators.rkmk": ("RKMK",),
     "integrators.separable": ("Splitting", "StormerVerlet", "SymplecticEuler"),
     "integrators.splitting": ("ThreeRotations",),
@@ -286,10 +291,12 @@ __all__ = [
     "OrbitingBody",
     "Part",
     "Pendulum",
+    "PoissonEuler",
     "PoissonState",
     "PoissonStructure",
     "PoissonSystem",
     "PoissonTop",
+    "PoissonVerlet",
     "Potential",
     "ProductGroup",
     "Record",
@@ -339,6 +346,7 @@ __all__ = [
     "mat",
     "norm",
     "outer",
+    "poisson_defect",
     "record",
     "sum",
     "tableaus",

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..compiler import kernel
 from ..errors import NotDefined
-from ..formulas import dot, gradient, jacobian, vec
+from ..formulas import derivative, dot, gradient, jacobian, vec
 from ..integrators.rkmk import RKMK
 from ..simulation.integrate import integrate
 from ..systems.canonical import HamiltonianSystem
@@ -18,6 +18,8 @@ from ..systems.hamiltonian import Hamiltonian
 from ..systems.lagrangian import Lagrangian
 from ..systems.lie_poisson import LiePoissonSystem
 from ..systems.mechanical import MechanicalSystem
+from ..systems.parts import Part
+from ..systems.poisson import PoissonSystem
 from ..systems.potential import Potential
 from ..systems.separable import SeparableSystem
 from .law import Law, Same, axiom, factors, replaced
@@ -173,6 +175,42 @@ def quadratic(system: HamiltonianSystem, at: AtState) -> Iterator[Same]:
         yield Same(v2 - v1, v1 - v0, size(v0) + size(v1) + size(v2))
 
 
+# ---------------------------------------------------------------- Poisson systems
+
+PARTS: list[Law] = []
+
+
+@axiom(PARTS, "gradient of energy", "gradient(y) = dH/dy", slack=CLOSE)
+def gradient_of_point(system: PoissonSystem, at: AtState) -> Iterator[Same]:
+    yield _matches(system.gradient(at.state.y), system.energy, at.state.y)
+
+
+@axiom(PARTS, "Casimirs of the structure", "B dC = 0", optional=True, slack=CLOSE)
+def casimirs_of_structure(system: PoissonSystem, at: AtState) -> Iterator[Same]:
+    y = at.state.y
+    slopes, rounding = derived(system.casimirs, y)
+    for row in slopes.reshape(-1, len(y)):
+        there = system.structure.sharp(y, vec(*row.tolist()))
+        scale = size(np.abs(np.asarray(system.structure.matrix(y))) @ np.abs(row)) + size(row)
+        yield Same(there, 0.0 * y, rounding * scale)
+
+
+@axiom(PARTS, "motions of parts", "d/dt flow(y, t) = B dH_i at flow(y, t), at two t", optional=True, slack=CLOSE)
+def motions_of_parts(system: PoissonSystem, at: AtState) -> Iterator[Same]:
+    known = [part for part in system.parts if isinstance(part, Part)]
+    if not known:
+        raise NotDefined("no part has a motion that is known")
+    y, B = at.state.y, system.structure
+    for part in known:
+        yield Same(part.flow(B, y, 0.0), y, size(y))
+        for t in (0.0, 0.1 / (at.pace or 1.0)):
+            there = part.flow(B, y, t)
+            rate = B.sharp(there, part.gradient(there))
+            found = derivative(lambda s, part=part: part.flow(B, y, s), t)
+            scale = size(rate) + size(found) + size(y) * (at.pace or 1.0)
+            yield Same(found, rate, scale, lambda rate=rate: factors(flat(rate)))  # type: ignore[misc]
+
+
 # ---------------------------------------------------------------- what is kept
 
 KEPT: list[Law] = []
@@ -238,6 +276,8 @@ def laws_of(system: Any) -> Iterator[tuple[list[Law], Any, Callable[[str], bool]
                 SeparableSystem if isinstance(system, SeparableSystem) else HamiltonianSystem,
             ),
         )
+    if isinstance(system, PoissonSystem):
+        yield PARTS, system, lambda name: True
     yield KEPT, system, lambda name: True
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, final
 import numpy as np
 
 from ..errors import InvalidInput, InvalidType, LawViolation, NotDefined
-from ..formulas import Mat, Record, Vec, diagonal, dot, expm1, gradient, log, mat, plain, record, vec
+from ..formulas import Mat, Record, Vec, diagonal, dot, exp, gradient, log, mat, plain, record, vec
 from ..formulas.broadcasting import check_finite, real_array
 from .lie_group import LieGroup
 from .matrix_group import whole_number
@@ -67,7 +67,8 @@ class PoissonStructure(Record):
         F, G : from y, (n,), to a number, for instance `hamiltonian.energy`.  Along a motion F' = {F, H}.
         Raises InvalidType for what cannot be called.
         """
-        _formulas("bracket", F=F, G=G)
+        _require_formula("bracket", "F", F)
+        _require_formula("bracket", "G", G)
 
         def of(y: Any) -> Any:
             at = vec(*y)
@@ -88,7 +89,7 @@ class PoissonStructure(Record):
     @final
     def hamiltonian_vector_field(self, H: Observable) -> Callable[[Any], Vec]:
         """The velocity y' = B(y) dH(y) of the motion of H: a formula of y."""
-        _formulas("hamiltonian_vector_field", H=H)
+        _require_formula("hamiltonian_vector_field", "H", H)
 
         def velocity(y: Any) -> Vec:
             at = vec(*y)
@@ -102,7 +103,6 @@ class PoissonStructure(Record):
 
         points : (m, n), where to look; left out, five random points of size one.
         """
-        _formulas("is_invariant", F=F, H=H)
         return all(self.commute(F, H, y) for y in self._points(points, seed, "is_invariant"))
 
     @final
@@ -113,7 +113,6 @@ class PoissonStructure(Record):
 
         Source: Hairer, Lubich, Wanner, VII.2, theorem 2.2.
         """
-        _formulas("poisson_theorem", F=F, G=G, H=H)
         for name, invariant in (("F", F), ("G", G)):
             for y in self._points(points, seed, "poisson_theorem"):
                 if not self.commute(invariant, H, y):
@@ -144,11 +143,11 @@ class PoissonStructure(Record):
         return (self.dim,) if kind == "Vec" else None
 
 
-def _formulas(method: str, **given: Any) -> None:
-    for name, formula in given.items():
-        if not callable(formula):
-            what = "a formula of momenta, or of points y, as `hamiltonian.energy` is"
-            raise InvalidType(f"{method}: {name} must be {what}; got {formula!r}")
+def _require_formula(method: str, name: str, value: Any) -> None:
+    """Refuse what is no formula, where a formula says so too: by its type, without asking whether it can be called."""
+    if isinstance(value, (float, int, str, tuple, list, np.ndarray, Record)) or value is None:
+        what = "a formula of momenta, or of points y, as `hamiltonian.energy` is"
+        raise InvalidType(f"{method}: {name} must be {what}; got {value!r}")
 
 
 # ---------------------------------------------------------------- constant ones
@@ -280,10 +279,10 @@ class LogCanonical(PoissonStructure):
         return vec(*[dot(k, logs) for k in self.kernel])
 
     def coordinate_flow(self, y: Vec, index: int, s: float) -> Vec:
-        """y_i exp(s c_i,index y_index), as y_i and what it gains.  y : (n,)."""
+        """y_i exp(s c_i,index y_index): positive for every s.  y : (n,)."""
         here = plain(y)
         rate = s * here[index]
-        return vec(*[y[i] if i == index else y[i] + here[i] * expm1(self.values[i, index] * rate) for i in range(len(y))])
+        return vec(*[y[i] if i == index else here[i] * exp(self.values[i, index] * rate) for i in range(len(y))])
 
 
 @record

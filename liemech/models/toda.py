@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidInput
-from ..formulas import Mat, Vec, expm1, log, mat, plain, real_array, record, vec
+from ..formulas import Mat, Vec, exp, log, mat, plain, real_array, record, vec
 from ..groups.matrix_group import whole_number
 from ..groups.poisson_structure import PoissonStructure
 from ..systems.hamiltonian import Hamiltonian
@@ -98,8 +98,8 @@ class TodaKinetic(Part):
     def flow(self, structure: PoissonStructure, y: Vec, t: float) -> Vec:
         """a_i exp(t (b_i+1 - b_i)), b.  y : (dim,)."""
         here, m, n = plain(y), self.springs, self.particles
-        gains = [here[i] * expm1(t * (here[m + (i + 1) % n] - here[m + i])) for i in range(m)]
-        return vec(*[y[i] + gains[i] for i in range(m)], *[y[m + i] for i in range(n)])
+        grown = [here[i] * exp(t * (here[m + (i + 1) % n] - here[m + i])) for i in range(m)]
+        return vec(*grown, *[y[m + i] for i in range(n)])
 
 
 @record
