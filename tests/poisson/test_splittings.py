@@ -254,7 +254,7 @@ def test_orbits_close_or_spiral() -> None:
     assert np.ptp(first[:250]) == pytest.approx(np.ptp(first[250:]), rel=0.02)
     assert np.ptp(logs[:250]) == pytest.approx(np.ptp(logs[250:]), rel=0.02)
     assert explicit[-1] - explicit[0] > 2.0 * np.ptp(first)
-    large = lm.integrate(SPECIES, lm.Splitting(order=2), START, h=1.5, steps=200, compiled=False)
+    large = lm.integrate(SPECIES, lm.Splitting(order=2), START, h=0.7, steps=200, compiled=False)
     assert large.y.min() > 0.0
 
 
