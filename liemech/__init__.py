@@ -62,6 +62,7 @@ if TYPE_CHECKING:
     from .integrators.class_functions import CayleySquare, ClassFunction, InvariantForm, TraceOfAd
     from .integrators.commutator_free import CommutatorFree, CrouchGrossman
     from .integrators.composition import Composition
+    from .integrators.darboux_lie import DarbouxLieChart
     from .integrators.exact_free_body import ExactFreeBody
     from .integrators.galerkin import GalerkinVariational
     from .integrators.hamilton_jacobi import HamiltonJacobi
@@ -94,12 +95,14 @@ if TYPE_CHECKING:
     from .models.space_bodies import FallingBody, OrbitingBody
     from .models.toda import TodaLattice
     from .systems.canonical import CanonicalState, HamiltonianSystem
+    from .systems.darboux import Andoyer, DarbouxChart, InDarbouxChart, LinearDarboux, LogarithmicDarboux
     from .systems.group_equation import GroupEquation, LinearGroupEquation
     from .systems.hamiltonian import Hamiltonian
     from .systems.homogeneous_equation import HomogeneousEquation
     from .systems.kinetic_energy import KineticEnergy
     from .systems.lagrangian import Lagrangian
     from .systems.lie_poisson import BodyState, LiePoissonSystem
+    from .systems.local_coordinates import InducedStructure, LocalChart, in_coordinates
     from .systems.mechanical import MechanicalSystem
     from .systems.parts import Part, SplitHamiltonian
     from .systems.poisson import PoissonState, PoissonSystem
@@ -129,6 +132,7 @@ _LATER = {
     "integrators.class_functions": ("CayleySquare", "ClassFunction", "InvariantForm", "TraceOfAd"),
     "integrators.commutator_free": ("CommutatorFree", "CrouchGrossman"),
     "integrators.composition": ("Composition",),
+    "integrators.darboux_lie": ("DarbouxLieChart",),
     "integrators.exact_free_body": ("ExactFreeBody",),
     "integrators.galerkin": ("GalerkinVariational",),
     "integrators.hamilton_jacobi": ("HamiltonJacobi",),
@@ -162,12 +166,14 @@ _LATER = {
     "models.toda": ("TodaLattice",),
     "plots": ("plots",),
     "systems.canonical": ("CanonicalState", "HamiltonianSystem"),
+    "systems.darboux": ("Andoyer", "DarbouxChart", "InDarbouxChart", "LinearDarboux", "LogarithmicDarboux"),
     "systems.group_equation": ("GroupEquation", "LinearGroupEquation"),
     "systems.hamiltonian": ("Hamiltonian",),
     "systems.homogeneous_equation": ("HomogeneousEquation",),
     "systems.kinetic_energy": ("KineticEnergy",),
     "systems.lagrangian": ("Lagrangian",),
     "systems.lie_poisson": ("BodyState", "LiePoissonSystem"),
+    "systems.local_coordinates": ("InducedStructure", "LocalChart", "in_coordinates"),
     "systems.mechanical": ("MechanicalSystem",),
     "systems.parts": ("Part", "SplitHamiltonian"),
     "systems.poisson": ("PoissonState", "PoissonSystem"),
@@ -220,6 +226,7 @@ __all__ = [
     "U",
     "AdjointAction",
     "Ambient",
+    "Andoyer",
     "AxialField",
     "BodyState",
     "ButcherTableau",
@@ -237,6 +244,8 @@ __all__ = [
     "ConstantStructure",
     "CovariantVariational",
     "CrouchGrossman",
+    "DarbouxChart",
+    "DarbouxLieChart",
     "DoublePendulum",
     "Element",
     "ExactFreeBody",
@@ -259,6 +268,8 @@ __all__ = [
     "HenonHeiles",
     "HomogeneousEquation",
     "ImplicitMidpoint",
+    "InDarbouxChart",
+    "InducedStructure",
     "InvariantForm",
     "Isospectral",
     "Kepler",
@@ -275,8 +286,11 @@ __all__ = [
     "LiePoissonSystem",
     "LieVerlet",
     "LinearAction",
+    "LinearDarboux",
     "LinearGroupEquation",
+    "LocalChart",
     "LogCanonical",
+    "LogarithmicDarboux",
     "LotkaVolterra",
     "MagneticField",
     "Magnus",
@@ -341,6 +355,7 @@ __all__ = [
     "dot",
     "errors",
     "gradient",
+    "in_coordinates",
     "integrate",
     "jacobian",
     "mat",

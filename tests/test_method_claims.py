@@ -68,6 +68,7 @@ def systems() -> dict[str, tuple[Any, Any]]:
         "heavy top": heavy_top(),
         "satellite": orbiting_body(),
         "galaxy": (galaxy, galaxy.state([0.1, 0.2], [0.3, -0.2])),
+        "species": (species := lm.LotkaVolterra(), species.state([1.5, 1.0])),
         "double pendulum": (double, double.state([0.9, -0.4], [0.7, 0.2])),
         "relativistic": (relativistic, relativistic.state([1.0, 0.2], [0.3, 1.0])),
         "driven": (driven := Driven(lm.SO3()), driven.state(turning)),
@@ -79,7 +80,7 @@ def systems() -> dict[str, tuple[Any, Any]]:
 
 # ---------------------------------------------------------------- methods
 
-KINDS = "free body", "heavy top", "galaxy", "fluid", "driven", "steered", "sphere"
+KINDS = "free body", "heavy top", "galaxy", "species", "fluid", "driven", "steered", "sphere"
 """A representative of each kind."""
 
 
@@ -142,6 +143,8 @@ def methods() -> Iterator[tuple[lm.Method, bool]]:
     yield from ((lm.Splitting(order=p), True) for p in (3, 4, 6, 8))
     yield from ((lm.Splitting(order=p, quadratic=False), True) for p in (4, 6, 8))
     yield lm.Splitting(tableau=SplittingTableau.of(KAHAN_LI6)), True
+    yield from ((lm.PoissonEuler(first), True) for first in ("u", "v"))
+    yield from ((lm.PoissonVerlet(), True), (lm.Composition(lm.PoissonVerlet(), order=4), False))
 
 
 def fitted() -> lm.Method:
@@ -183,7 +186,7 @@ def cases() -> Iterator[Any]:
                 method.require(system)
             except lm.errors.IncompatibleSystem:
                 continue
-            fast = quick and (name == "galaxy" or is_quick(method, name))
+            fast = quick and (name in ("galaxy", "species") or is_quick(method, name))
             marks = [] if fast else [pytest.mark.slow]
             yield pytest.param(method, name, marks=marks, id=f"{method!r}-{name}")
 

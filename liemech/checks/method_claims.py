@@ -81,8 +81,9 @@ class Trial:
             )
 
     def end(self, steps: int, method: Any = None) -> dict[str, np.ndarray]:
-        """The parts of the state after the time, made in so many steps."""
-        return self.run(steps, self.time / steps, method=method).last.arrays
+        """The parts of the state after the time, made in so many steps, on the space or off it."""
+        run = self.run(steps, self.time / steps, method=method)
+        return {name: np.asarray(samples[-1]) for name, samples in run.states.items()}
 
     @cached_property
     def exact(self) -> tuple[dict[str, np.ndarray], float]:

@@ -91,7 +91,7 @@ def jacobi(B: Any, at: AtPoint) -> Iterator[Same]:
     nested = np.einsum("lij,lk->ijk", d, b)
     total = nested + nested.transpose(2, 0, 1) + nested.transpose(1, 2, 0)  # cyclic: ijk, jki, kij
     terms = np.einsum("lij,lk->ijk", np.abs(d), np.abs(b))
-    scale = float(terms.max(initial=0.0))
+    scale = float(terms.max(initial=0.0)) + float(np.abs(b).max(initial=0.0)) ** 2 / (size(at.y) or 1.0)  # rounding of the slopes
     for i, j, k in itertools.combinations(range(at.dim), 3):
         at_fault = f"b_{i + 1},{j + 1}, b_{j + 1},{k + 1}, b_{k + 1},{i + 1}, or what these are multiplied by"
         yield Entry(total[i, j, k], 0.0, scale, entries=at_fault)

@@ -320,3 +320,16 @@ def test_native_code_and_ensembles_have_the_same_bits(system: Any, start: Any, h
     native = lm.integrate(system, lm.Splitting(order=4), many, h=h, steps=10, compiled=True, progress=False)
     plain = lm.integrate(system, lm.Splitting(order=4), system.state(many.y[3]), h=h, steps=10, compiled=False)
     assert np.array_equal(native.y[:, 3], plain.y)
+
+
+@pytest.mark.parametrize(
+    "method",
+    [
+        *(lm.LiePoissonHamiltonJacobi(), lm.FirstKindHamiltonJacobi(order=2), lm.CovariantVariational()),
+        *(lm.ImplicitMidpoint(), lm.KickDrift()),
+    ],
+    ids=repr,
+)
+def test_methods_for_bodies_refuse_poisson_systems(method: Any) -> None:
+    with pytest.raises(lm.errors.IncompatibleSystem):
+        lm.integrate(TOP, method, TOP_START, h=0.1, steps=1)
