@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -129,7 +129,7 @@ def coordinate_flow(B: Any, at: AtPoint) -> Iterator[Same]:
     for i in range(at.dim):
         for s in (0.0, 0.25):
             there = B.coordinate_flow(at.y, i, s)
-            rate = flat(derivative(lambda r, i=i: B.coordinate_flow(at.y, i, r), s))
+            rate = flat(derivative(partial(B.coordinate_flow, at.y, i), s))
             b = np.array(B.matrix(there), dtype=float)
             scale = float(np.abs(b).max(initial=0.0)) + size(rate)
             yield Entry(rate, b[:, i], scale, entries=f"the motion of y_{i + 1}")
@@ -171,9 +171,10 @@ def check_poisson(structure: PoissonStructure, points: Any = None, *, raises: bo
 
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.2, lemma 2.3 and equation (2.10).
     """
-    if not isinstance(structure, PoissonStructure):
-        cure = f"; write {structure.__name__}(), with the brackets" if isinstance(structure, type) else ""
-        raise InvalidType(f"check_poisson: structure must be a PoissonStructure; got {structure!r}{cure}")
+    given: Any = structure
+    if not isinstance(given, PoissonStructure):
+        cure = f"; write {given.__name__}(), with the brackets" if isinstance(given, type) else ""
+        raise InvalidType(f"check_poisson: structure must be a PoissonStructure; got {given!r}{cure}")
     where = _places(structure, points, seed)
     report = Report(repr(structure), tuple(_findings(structure, where)))
     if report.broken and raises:

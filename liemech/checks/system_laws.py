@@ -206,7 +206,7 @@ def motions_of_parts(system: PoissonSystem, at: AtState) -> Iterator[Same]:
         for t in (0.0, 0.1 / (at.pace or 1.0)):
             there = part.flow(B, y, t)
             rate = B.sharp(there, part.gradient(there))
-            found = derivative(lambda s, part=part: part.flow(B, y, s), t)
+            found = derivative(partial(part.flow, B, y), t)
             scale = size(rate) + size(found) + size(y) * (at.pace or 1.0)
             yield Same(found, rate, scale, lambda rate=rate: factors(flat(rate)))  # type: ignore[misc]
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import field
-from typing import TYPE_CHECKING, Any, ClassVar, final
+from typing import Any, ClassVar, final
 
 import numpy as np
 
 from ..errors import InvalidInput, InvalidType, LawViolation, NotDefined
-from ..formulas import Mat, Record, Vec, diagonal, dot, exp, gradient, log, mat, plain, record, vec
+from ..formulas import Mat, Record, Vec, dot, exp, gradient, log, mat, plain, record, vec
 from ..formulas.broadcasting import check_finite, real_array
 from .lie_group import LieGroup
 from .matrix_group import whole_number
@@ -35,10 +35,13 @@ class PoissonStructure(Record):
     """
 
     rank: ClassVar[int | None] = None
-    if TYPE_CHECKING:
-        dim: int
 
     # ---------------------------------------------------------------- 1. a subclass writes
+
+    @property
+    def dim(self) -> int:
+        """n."""
+        raise NotDefined(f"{type(self).__name__} must say its dimension, dim: ClassVar[int] = 3")
 
     def matrix(self, y: Vec) -> Mat:
         """B(y), (n, n).  y : (n,)."""
@@ -168,7 +171,7 @@ class Canonical(PoissonStructure):
         object.__setattr__(self, "degrees", whole_number(type(self).__name__, self.degrees, 1))
 
     @property
-    def dim(self) -> int:  # type: ignore[override]
+    def dim(self) -> int:
         """2n."""
         return 2 * self.degrees
 
@@ -211,7 +214,7 @@ class ConstantStructure(PoissonStructure):
         super().__post_init__()
 
     @property
-    def dim(self) -> int:  # type: ignore[override]
+    def dim(self) -> int:
         """n."""
         return len(self.values)
 
@@ -256,7 +259,7 @@ class LogCanonical(PoissonStructure):
         super().__post_init__()
 
     @property
-    def dim(self) -> int:  # type: ignore[override]
+    def dim(self) -> int:
         """n."""
         return len(self.values)
 
@@ -267,7 +270,8 @@ class LogCanonical(PoissonStructure):
 
     def matrix(self, y: Vec) -> Mat:
         """c_ij y_i y_j.  y : (n,)."""
-        return diagonal(y) @ self.values @ diagonal(y)
+        n, c = len(y), self.values
+        return mat(*[vec(*[c[i, j] * (y[i] * y[j]) for j in range(n)]) for i in range(n)])
 
     def sharp(self, y: Vec, a: Vec) -> Vec:
         """y (c (y a)), products of components.  y, a : (n,)."""
@@ -305,7 +309,7 @@ class LiePoissonStructure(PoissonStructure):
             raise InvalidInput(f"{type(self).__name__}: sign is -1 (momenta in the body) or 1 (in space); got {self.sign!r}")
 
     @property
-    def dim(self) -> int:  # type: ignore[override]
+    def dim(self) -> int:
         """That of the group."""
         return self.group.dim
 

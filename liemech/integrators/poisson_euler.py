@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
@@ -34,8 +35,7 @@ class PlanarEuler(Method):
         for y in np.random.default_rng(11).uniform(0.5, 1.0, size=(3, 2)).tolist():
             at = vec(*y)
             for axis, name in ((0, "u"), (1, "v")):
-                unit = [float(axis == 0), float(axis == 1)]
-                curvature = derivative(lambda x, unit=unit: derivative(lambda z: _b(system, z), x, unit), at, unit)
+                curvature = derivative(partial(_slope, system, axis), at, [float(axis == 0), float(axis == 1)])
                 if abs(curvature) > ROUNDING * (abs(_b(system, at)) + abs(curvature)):
                     raise IncompatibleSystem(
                         f"{self!r} is no Poisson map here: b_12 of {system.structure!r} is not affine in {name}, its second "
@@ -65,7 +65,7 @@ class PlanarEuler(Method):
 
     def _gain(self, system: Any, y: Vec, s: float, h: float, axis: int) -> float:
         """The d with d = s (b + d b'), b' the slope of b along the axis."""
-        rest = 1.0 - s * derivative(lambda x: _b(system, x), y, [float(axis == 0), float(axis == 1)])
+        rest = 1.0 - s * _slope(system, axis, y)
         if not rest > 0.0:
             raise NoConvergence(
                 f"{self!r}: the step h = {h:g} is too large, 1 - h (dH)' b' = {rest:.3g} is not positive. Try {0.25 * h:g}, or "
@@ -76,6 +76,11 @@ class PlanarEuler(Method):
 
 def _b(system: Any, y: Any) -> Any:
     return system.structure.matrix(y)[0, 1]
+
+
+def _slope(system: Any, axis: int, y: Any) -> Any:
+    """db/du or db/dv."""
+    return derivative(lambda x: _b(system, x), y, [float(axis == 0), float(axis == 1)])
 
 
 @record

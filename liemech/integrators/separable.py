@@ -112,9 +112,9 @@ class SeparableSplitting(Method):
     def step(self, system: Any, t: float, memory: Kicked, h: float) -> Kicked:
         """Kick, drift, kick, ..., or the motions of the parts in turn."""
         if isinstance(system, PoissonSystem):
-            y = memory.state.y
-            for part, share in self.tableau_for(system).sequence(len(system.parts)):
-                y = system.parts[part].flow(system.structure, y, share * h)
+            y, parts = memory.state.y, system.parts  # type: Any, Any
+            for part, share in self.tableau_for(system).sequence(len(parts)):
+                y = parts[part].flow(system.structure, y, share * h)
             return Kicked(PoissonState(y), None)
         tableau, force = self.tableau, memory.force  # type: ignore[attr-defined]
         q, p = memory.state.q, memory.state.p

@@ -144,7 +144,7 @@ class MagneticStructure(PoissonStructure):
     Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 6.7; He et al. (2017).
     """
 
-    dim: ClassVar[int] = 6  # type: ignore[misc]
+    dim: ClassVar[int] = 6
     rank: ClassVar[int] = 6
     field: MagneticField
 
@@ -262,7 +262,7 @@ class GuidingCentreStructure(PoissonStructure):
     Source: Littlejohn, J. Plasma Phys. 29 (1983), 111; Cary and Brizard, Rev. Mod. Phys. 81 (2009), 693.
     """
 
-    dim: ClassVar[int] = 4  # type: ignore[misc]
+    dim: ClassVar[int] = 4
     rank: ClassVar[int] = 4
     field: MagneticField
 
@@ -344,4 +344,5 @@ class GuidingCentre(PoissonSystem):
         along = float(v @ b)
         across = v - along * b
         moment = float(across @ across / (2.0 * size))
-        return cls(particle.field, moment, particle.potential), np.array([*(x + np.cross(v, b) / size), along])
+        centre: Any = cls
+        return centre(particle.field, moment, particle.potential), np.array([*(x + np.cross(v, b) / size), along])

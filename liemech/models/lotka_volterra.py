@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import field
+from typing import Any
 
 import numpy as np
 
@@ -82,7 +83,8 @@ class LotkaVolterra(PoissonSystem):
         Source: Kac and van Moerbeke, Adv. Math. 16 (1975), 160.
         """
         n = whole_number("LotkaVolterra.volterra_lattice: n", n, 2)
-        return cls(np.eye(n, k=1) - np.eye(n, k=-1), np.ones(n), np.zeros(n))
+        make: Any = cls
+        return make(np.eye(n, k=1) - np.eye(n, k=-1), np.ones(n), np.zeros(n))
 
     def equilibrium(self) -> PoissonState:
         """The state at rest, y_i = p_i/d_i."""

@@ -19,7 +19,7 @@ class MaxwellBlochStructure(PoissonStructure):
     Source: David and Holm, J. Nonlinear Sci. 2 (1992), 241.
     """
 
-    dim: ClassVar[int] = 3  # type: ignore[misc]
+    dim: ClassVar[int] = 3
     rank: ClassVar[int] = 2
 
     def matrix(self, y: Vec) -> Mat:

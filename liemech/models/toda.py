@@ -35,7 +35,7 @@ class FlaschkaStructure(PoissonStructure):
         return self.particles if self.periodic else self.particles - 1
 
     @property
-    def dim(self) -> int:  # type: ignore[override]
+    def dim(self) -> int:
         """Springs and particles."""
         return self.springs + self.particles
 

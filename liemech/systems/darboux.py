@@ -56,7 +56,7 @@ class DarbouxChart(Record):
         return float(np.abs(D @ B @ D.T - canonical).max())
 
     @final
-    def system(self, system: PoissonSystem, state: PoissonState) -> tuple[InDarbouxChart, CanonicalState]:
+    def system(self, system: Any, state: Any) -> tuple[InDarbouxChart, CanonicalState]:
         """A Poisson system in this chart, on the symplectic leaf of a state, and the state there.
 
         Raises InvalidInput for ensembles and systems with another structure; OutsideChart.
@@ -66,7 +66,7 @@ class DarbouxChart(Record):
         if not isinstance(state, PoissonState) or state.bodies is not None:
             raise InvalidInput(f"{type(self).__name__}.system: state must be one state, system.state(...); got {state!r}")
         z, n = [float(x) for x in self.coordinates(vec(*map(float, state.y)))], self.degrees
-        there = InDarbouxChart(self, system, vec(*z[2 * n :]))
+        there = InDarbouxChart(chart=self, original=system, leaf=vec(*z[2 * n :]))  # type: ignore[call-arg]
         return there, there.state(z[:n], z[n : 2 * n])
 
     def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
@@ -116,7 +116,7 @@ class Andoyer(DarbouxChart):
     """
 
     structure: LiePoissonStructure = LiePoissonStructure(SO3())
-    degrees: ClassVar[int] = 1  # type: ignore[misc]
+    degrees: ClassVar[int] = 1
 
     def __post_init__(self) -> None:
         if self.structure != LiePoissonStructure(SO3()):

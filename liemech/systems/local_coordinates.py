@@ -22,6 +22,11 @@ class LocalChart(Record):
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.2.3 and VII.1.
     """
 
+    @property
+    def dim(self) -> int:
+        """The number of coordinates."""
+        raise NotDefined(f"{type(self).__name__} must say its dimension, dim: ClassVar[int] = 4")
+
     def embedding(self, y: Vec) -> Vec:
         """(q, p), (2N,).  y : (dim,)."""
         raise NotDefined(f"{type(self).__name__} must define `embedding`")
@@ -43,14 +48,14 @@ class InducedStructure(PoissonStructure):
     chart: LocalChart
 
     @property
-    def dim(self) -> int:  # type: ignore[override]
+    def dim(self) -> int:
         """That of the chart."""
-        return self.chart.dim  # type: ignore[attr-defined]
+        return self.chart.dim
 
     @property
     def rank(self) -> int:  # type: ignore[override]
         """All of the dimension."""
-        return self.chart.dim  # type: ignore[attr-defined]
+        return self.chart.dim
 
     def form(self, y: Vec) -> Mat:
         """X'^T J X': what the symplectic form is for velocities y'.  y : (dim,)."""
@@ -102,9 +107,9 @@ def in_coordinates(system: Any, chart: LocalChart) -> PoissonSystem:
         raise InvalidType(f"in_coordinates: chart must be a LocalChart; got {chart!r}")
     if not callable(getattr(system, "energy", None)):
         raise InvalidType(f"in_coordinates: system must have an energy(q, p); got {system!r}")
-    dim = getattr(chart, "dim", None)
+    dim: Any = chart.dim
     if type(dim) is not int or dim < 2 or dim % 2:
         raise InvalidType(f"in_coordinates: {type(chart).__name__} must say its dimension, an even number; got {dim!r}")
-    return PoissonSystem(InducedStructure(chart), InducedEnergy(system, chart))
+    return PoissonSystem(structure=InducedStructure(chart), hamiltonian=InducedEnergy(system, chart))  # type: ignore[call-arg]
 
 

@@ -46,15 +46,15 @@ class PoissonSystem(System):
     instead: ClassVar[str] = "Splitting(order=4) is for parts whose motion is known, RKMK accepts every system"
 
     structure: PoissonStructure
-    hamiltonian: Hamiltonian = None  # type: ignore[assignment]  # None: a subclass writes `energy`
+    hamiltonian: Hamiltonian | None = None  # None: a subclass writes `energy`
     parts: tuple[Hamiltonian, ...] = field(init=False, repr=False, default=())
     quadratic: bool = field(init=False, repr=False, default=False)
 
     def __post_init__(self) -> None:
         name = type(self).__name__
-        if not isinstance(self.structure, PoissonStructure):
-            raise InvalidType(f"{name}: structure must be a PoissonStructure, such as Canonical(2); got {self.structure!r}")
-        given: Any = self.hamiltonian
+        structure, given = self.structure, self.hamiltonian  # type: Any, Any
+        if not isinstance(structure, PoissonStructure):
+            raise InvalidType(f"{name}: structure must be a PoissonStructure, such as Canonical(2); got {structure!r}")
         if given is not None:
             if not isinstance(given, Hamiltonian):
                 raise InvalidType(f"{name}: hamiltonian must be a Hamiltonian, a record with `energy`; got {given!r}")
