@@ -29,7 +29,7 @@ def poisson_defect(method: Method, system: System, state: State, h: float) -> fl
     too, of order eight, and the smaller defect counts.
 
     Raises IncompatibleSystem for other systems, and what the method refuses; InvalidInput for ensembles.
-    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.4.1, definition 4.1 and equation (4.1).
+    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.4.1.
     """
     if not isinstance(method, Method):
         raise InvalidType(f"poisson_defect: method must be a Method, such as Splitting(order=2); got {method!r}")

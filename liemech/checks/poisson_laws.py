@@ -169,7 +169,7 @@ def check_poisson(structure: PoissonStructure, points: Any = None, *, raises: bo
 
     Returns a Report, which prints as a table.  Raises LawViolation: the first law broken, the entries, where and by how much.
 
-    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.2, lemma 2.3 and equation (2.10).
+    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.2.2, the identity (2.10).
     """
     given: Any = structure
     if not isinstance(given, PoissonStructure):

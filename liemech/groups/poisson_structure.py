@@ -31,7 +31,7 @@ class PoissonStructure(Record):
        and `coordinate_flow`, the motion that a coordinate has as energy.
     3. Brackets, derivatives along motions and vector fields follow: formulas that compile, and may be bracketed again.
 
-    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.2, equations (2.8) to (2.11).
+    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.2.2.
     """
 
     rank: ClassVar[int | None] = None
@@ -83,7 +83,7 @@ class PoissonStructure(Record):
     def lie_derivative(self, F: Observable, H: Observable, times: int = 1) -> Observable:
         """The rate of change of F along the motion of H, {F, H}, or its derivative {{F, H}, H}, ...: a formula of y.
 
-        times : how often.  Source: Hairer, Lubich, Wanner, VII.2, equation (2.6) ff.
+        times : how often.  Source: Hairer, Lubich, Wanner, VII.2.1.
         """
         for _ in range(whole_number("lie_derivative", times, 1)):
             F = self.bracket(F, H)
@@ -114,7 +114,7 @@ class PoissonStructure(Record):
 
         points : as in `is_invariant`.  Raises LawViolation if F or G is no invariant of H there.
 
-        Source: Hairer, Lubich, Wanner, VII.2, theorem 2.2.
+        Source: Hairer, Lubich, Wanner, VII.2.1.
         """
         for name, invariant in (("F", F), ("G", G)):
             for y in self._points(points, seed, "poisson_theorem"):
@@ -162,7 +162,7 @@ class Canonical(PoissonStructure):
 
     degrees : n.  Books that write y = (p, q) have the negative matrix, and the same brackets.
 
-    Source: Hairer, Lubich, Wanner, VII.2, equation (2.2).
+    Source: Hairer, Lubich, Wanner, VII.2.1.
     """
 
     degrees: int
@@ -246,7 +246,7 @@ class LogCanonical(PoissonStructure):
     values : the skew-symmetric matrix c, (n, n).  Its Casimirs are the products of y_i^k_i with c k = 0, of which this takes the
     logarithms, for y_i > 0.
 
-    Raises InvalidInput if c is not skew-symmetric.  Source: Hairer, Lubich, Wanner, VII.2.2, equations (2.13) ff.; Plank, J. Math.
+    Raises InvalidInput if c is not skew-symmetric.  Source: Hairer, Lubich, Wanner, VII.2.2; Plank, J. Math.
     Phys. 36 (1995), 3520.
     """
 

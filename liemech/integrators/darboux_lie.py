@@ -45,7 +45,7 @@ class DarbouxLieChart(DarbouxChart):
     `defect(y)` tells how canonical the coordinates are: rounding near y_0.
 
     Raises InvalidInput where the rank at y_0 is zero; OutsideChart where a motion no longer crosses.
-    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.3.1 and VII.3.3, theorem 3.4.
+    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.3.
     """
 
     centre: Vec

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..errors import IncompatibleSystem, InvalidInput, NoConvergence
-from ..formulas import Vec, derivative, plain, record, vec
+from ..formulas import Record, Vec, derivative, plain, record, vec
 from ..systems.poisson import PoissonState, PoissonSystem
 from .method import Method
 
@@ -47,21 +47,27 @@ class PlanarEuler(Method):
                     f"{self!r} needs an energy K(u) + L(v); that of {system!r} has d2H/du dv = {mixed:.3g} at {y}"
                 )
 
-    def u_first(self, system: Any, y: Vec, h: float) -> Vec:
-        """u_1 = u + h b(u_1, v) L'(v), v_1 = v - h b(u_1, v) K'(u_1): linear in u_1, for b is affine in u."""
+    def u_first(self, system: Any, y: Vec, slope: float, h: float) -> tuple[Vec, float]:
+        """u_1 = u + h b(u_1, v) L'(v), v_1 = v - h b(u_1, v) K'(u_1), linear in u_1, for b is affine in u; and K'(u_1).
+
+        slope : L'(v).
+        """
         here = plain(y)
-        slope = system.gradient(here)[1]
         gain = self._gain(system, here, h * slope, h, 0)
         between = vec(here[0] + gain, here[1])
-        return vec(y[0] + gain, y[1] - h * _b(system, between) * system.gradient(between)[0])
+        new = system.gradient(between)[0]
+        return vec(y[0] + gain, y[1] - h * _b(system, between) * new), new
 
-    def v_first(self, system: Any, y: Vec, h: float) -> Vec:
-        """Its adjoint, v_1 = v - h b(u, v_1) K'(u), u_1 = u + h b(u, v_1) L'(v_1)."""
+    def v_first(self, system: Any, y: Vec, slope: float, h: float) -> tuple[Vec, float]:
+        """Its adjoint, v_1 = v - h b(u, v_1) K'(u), u_1 = u + h b(u, v_1) L'(v_1); and L'(v_1).
+
+        slope : K'(u).
+        """
         here = plain(y)
-        slope = system.gradient(here)[0]
         gain = self._gain(system, here, -h * slope, h, 1)
         between = vec(here[0], here[1] + gain)
-        return vec(y[0] + h * _b(system, between) * system.gradient(between)[1], y[1] + gain)
+        new = system.gradient(between)[1]
+        return vec(y[0] + h * _b(system, between) * new, y[1] + gain), new
 
     def _gain(self, system: Any, y: Vec, s: float, h: float, axis: int) -> float:
         """The d with d = s (b + d b'), b' the slope of b along the axis."""
@@ -80,7 +86,7 @@ def _b(system: Any, y: Any) -> Any:
 
 def _slope(system: Any, axis: int, y: Any) -> Any:
     """db/du or db/dv."""
-    return derivative(lambda x: _b(system, x), y, [float(axis == 0), float(axis == 1)])
+    return derivative(lambda x: _b(system, x), y, [1.0, 0] if axis == 0 else [0, 1.0])  # an integer 0 rests
 
 
 @record
@@ -106,8 +112,18 @@ class PoissonEuler(PlanarEuler):
 
     def step(self, system: Any, t: float, state: PoissonState, h: float) -> PoissonState:
         """One step."""
-        move = self.u_first if self.first == "u" else self.v_first
-        return PoissonState(move(system, state.y, h))
+        slopes = system.gradient(plain(state.y))
+        if self.first == "u":
+            return PoissonState(self.u_first(system, state.y, slopes[1], h)[0])
+        return PoissonState(self.v_first(system, state.y, slopes[0], h)[0])
+
+
+@record
+class Leaning(Record):
+    """A state, and the slope L'(v) there."""
+
+    state: PoissonState
+    slope: float
 
 
 @record
@@ -122,6 +138,16 @@ class PoissonVerlet(PlanarEuler):
     order: ClassVar[int] = 2
     symmetric: ClassVar[bool] = True
 
-    def step(self, system: Any, t: float, state: PoissonState, h: float) -> PoissonState:
-        """One step."""
-        return PoissonState(self.v_first(system, self.u_first(system, state.y, 0.5 * h), 0.5 * h))
+    def start(self, system: Any, state: PoissonState, h: float) -> Leaning:
+        """The state and L'(v)."""
+        return Leaning(state, system.gradient(plain(state.y))[1])
+
+    def observe(self, memory: Leaning) -> PoissonState:
+        """The state."""
+        return memory.state
+
+    def step(self, system: Any, t: float, memory: Leaning, h: float) -> Leaning:
+        """Half a step u first, half a step v first; L' at the end is that of the next beginning."""
+        y, slope = self.u_first(system, memory.state.y, memory.slope, 0.5 * h)
+        y, slope = self.v_first(system, y, slope, 0.5 * h)
+        return Leaning(PoissonState(y), slope)

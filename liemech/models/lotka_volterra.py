@@ -22,7 +22,7 @@ class Species(Hamiltonian):
 
     index : which, from 0.  number : of all species.  weight : d.  rate : p.
 
-    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.2.2, equation (2.14).
+    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.2.2.
     """
 
     index: int

@@ -23,7 +23,7 @@ class DarbouxChart(Record):
     where there is no such point; it has `degrees`, the number of q.
 
     In the chart a system is p' = -dK/dq, q' = dK/dp, c' = 0: `system` makes it.
-    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.3, theorem 3.3 and corollary 3.5.
+    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.3.
     """
 
     structure: PoissonStructure

@@ -42,7 +42,7 @@ class InducedStructure(PoissonStructure):
 
     chart : a LocalChart.
 
-    Source: Hairer, Lubich, Wanner, VII.2.3, equations (2.14) to (2.16).
+    Source: Hairer, Lubich, Wanner, VII.2.3.
     """
 
     chart: LocalChart
@@ -101,7 +101,7 @@ def in_coordinates(system: Any, chart: LocalChart) -> PoissonSystem:
     system : with `energy(q, p)`, constrained to the submanifold of the chart or not.  chart : a LocalChart.
     `chart.embedding(run.y)` leads back, `chart.coordinates` there if it is written.
 
-    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.2.3, equation (2.16).
+    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.2.3.
     """
     if not isinstance(chart, LocalChart):
         raise InvalidType(f"in_coordinates: chart must be a LocalChart; got {chart!r}")

@@ -39,7 +39,7 @@ class PoissonSystem(System):
     known; `quadratic` : are they two, (T, V), with {V, {V, {V, T}}} = 0, as if T were of second degree in momenta?
 
     Raises InvalidType, InvalidInput for a hamiltonian that does not fit the structure.
-    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.2, equation (2.11).
+    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.2.2.
     """
 
     coordinates: ClassVar[tuple[str, ...]] = ("y",)
