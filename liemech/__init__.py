@@ -90,6 +90,7 @@ if TYPE_CHECKING:
     from .models.maxwell_bloch import MaxwellBloch
     from .models.n_body import NBody
     from .models.pendulums import DoublePendulum, Pendulum
+    from .models.planetary_system import PlanetarySystem
     from .models.poisson_top import PoissonTop
     from .models.rigid_body import RigidBody
     from .models.space_bodies import FallingBody, OrbitingBody
@@ -160,6 +161,7 @@ _LATER = {
     "models.maxwell_bloch": ("MaxwellBloch",),
     "models.n_body": ("NBody",),
     "models.pendulums": ("DoublePendulum", "Pendulum"),
+    "models.planetary_system": ("PlanetarySystem",),
     "models.poisson_top": ("PoissonTop",),
     "models.rigid_body": ("RigidBody",),
     "models.space_bodies": ("FallingBody", "OrbitingBody"),
@@ -305,6 +307,7 @@ __all__ = [
     "OrbitingBody",
     "Part",
     "Pendulum",
+    "PlanetarySystem",
     "PoissonEuler",
     "PoissonState",
     "PoissonStructure",

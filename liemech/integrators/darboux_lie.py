@@ -54,7 +54,7 @@ class DarbouxLieChart(DarbouxChart):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        whole_number("DarbouxLieChart: steps", self.steps, 1)
+        whole_number("DarbouxLieChart.steps", self.steps, 1)
         if len(self.centre) != self.structure.dim:
             raise InvalidInput(f"DarbouxLieChart: centre must have {self.structure.dim} components; got {self.centre!r}")
         B = np.array(self.structure.matrix(self.centre), dtype=float)

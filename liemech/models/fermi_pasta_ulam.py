@@ -28,7 +28,7 @@ class FermiPastaUlam(SeparableSystem):
     beta: float = 0.0
 
     def __post_init__(self) -> None:
-        whole_number(f"{type(self).__name__}: particles", self.particles, 1)
+        whole_number(type(self).__name__, self.particles, 1)
         super().__post_init__()
 
     @property
@@ -58,7 +58,7 @@ class FermiPastaUlam(SeparableSystem):
 
     def mode(self, k: int, amplitude: float) -> CanonicalState:
         """The start at rest in the k-th mode, q_i = amplitude (2/(n + 1))^(1/2) sin(i k pi/(n + 1))."""
-        k = whole_number(f"{type(self).__name__}.mode: k", k, 1)
+        k = whole_number(f"{type(self).__name__}.mode", k, 1)
         n = self.particles
         return self.state(amplitude * np.sqrt(2.0 / (n + 1)) * np.sin(np.arange(1, n + 1) * k * np.pi / (n + 1)), np.zeros(n))
 

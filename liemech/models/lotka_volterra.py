@@ -82,7 +82,7 @@ class LotkaVolterra(PoissonSystem):
         For n odd u_1 u_3 ... u_n is kept, as are the eigenvalues of a matrix that `TodaLattice.of_volterra` makes.
         Source: Kac and van Moerbeke, Adv. Math. 16 (1975), 160.
         """
-        n = whole_number("LotkaVolterra.volterra_lattice: n", n, 2)
+        n = whole_number("LotkaVolterra.volterra_lattice", n, 2)
         make: Any = cls
         return make(np.eye(n, k=1) - np.eye(n, k=-1), np.ones(n), np.zeros(n))
 

@@ -143,7 +143,7 @@ class TodaLattice(PoissonSystem):
     periodic: bool = False
 
     def __post_init__(self) -> None:
-        n = whole_number(f"{type(self).__name__}: particles", self.particles, 3 if self.periodic else 2)
+        n = whole_number(type(self).__name__, self.particles, 3 if self.periodic else 2)
         structure = FlaschkaStructure(n, self.periodic)
         object.__setattr__(self, "structure", structure)
         parts = TodaKinetic(n, structure.springs), TodaPotential(n, structure.springs)

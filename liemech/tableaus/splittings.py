@@ -310,11 +310,59 @@ BLANES_CASAS_ESCORIHUELA8 = shipped(
     "Blanes, Casas and Escorihuela-Tomas, Appl. Numer. Math. 182 (2022)",
 )  # fmt: skip
 
+# ---------------------------------------------------------------- for A + e B with a small e, errors e h^n + e^2 h^m + ...
+
+SABA82 = shipped(
+    "SABA (8, 2)", 2, (0.0, *_around_pair((0.1739274225687269286865319746109997036177,)), 0.0),
+    _around_drift((0.06943184420297371238802675555359524745214, 0.2605776340045981552106403648947824089476)),
+    "McLachlan, BIT 35 (1995); Laskar and Robutel, Celest. Mech. Dyn. Astron. 80 (2001)", quadratic=False,
+)  # fmt: skip
+
+ABA104 = shipped(
+    "ABA (10, 4)", 4,
+    (0.0, *_around_drift((
+        0.1188819173681970199453503950853885936957, 0.2410504605515015657441667865901651105675,
+        -0.2732866667053238060543113981664559460630,
+    )), 0.0),
+    _around_pair((
+        0.04706710064597250612947887637243678556564, 0.1847569354170881069247376193702560968574,
+        0.2827060056798362053243616565541452479160,
+    )),
+    "Blanes et al., Appl. Numer. Math. 68 (2013)", quadratic=False,
+)  # fmt: skip
+
+ABA864 = shipped(
+    "ABA (8, 6, 4)", 4,
+    (0.0, *_around_drift((
+        0.183083687472197221961703757166430291072, 0.310782859898574869507522291054262796375,
+        -0.0265646185119588006972121379164987592663,
+    )), 0.0),
+    _around_pair((
+        0.0711334264982231177779387300061549964174, 0.241153427956640098736487795326289649618,
+        0.521411761772814789212136078067994229991,
+    )),
+    "Blanes et al., Appl. Numer. Math. 68 (2013)", quadratic=False,
+)  # fmt: skip
+
+ABA1064 = shipped(
+    "ABA (10, 6, 4)", 4,
+    (0.0, *_around_pair((
+        0.09585888083707521061077150377145884776921, 0.2044461531429987806805077839164344779763,
+        0.2170703479789911017143385924306336714532,
+    )), 0.0),
+    _around_drift((
+        0.03809449742241219545697532230863756534060, 0.1452987161169137492940200726606637497442,
+        0.2076276957255412507162056113249882065158, 0.4359097036515261592231548624010651844006,
+    )),
+    "Blanes et al., Appl. Numer. Math. 68 (2013); Farres et al., Celest. Mech. Dyn. Astron. 116 (2013)", quadratic=False,
+)  # fmt: skip
+
 SPLITTINGS = {
     t.name: t
     for t in (
         *(STRANG, BLANES_MOAN4, BLANES_MOAN6, BLANES_MOAN6_SHORT, BLANES_CASAS_ESCORIHUELA8),
         *(SYMPLECTIC_EULER, RUTH3, BLANES_MOAN4_GENERAL, BLANES_MOAN6_GENERAL),
+        *(SABA82, ABA104, ABA864, ABA1064),
     )
 }
 """All splittings, by name."""

@@ -9,6 +9,8 @@ import pytest
 from scipy.integrate import quad
 
 import liemech as lm
+from liemech.models.planetary_system import kepler_step
+from liemech.tableaus.splittings import ABA1064, STRANG
 
 EIGHT_PERIOD = 6.325913982926211677589000333967
 
@@ -195,3 +197,59 @@ def test_banana_and_passing_orbits() -> None:
         rho = np.hypot(guide.y[:, 0], guide.y[:, 1])
         gyration = 2.2e-3 / 0.5  # |v|/|B|
         assert [rho.min() - gyration, rho.max() + gyration] == pytest.approx([R.min(), R.max()], abs=4e-3)
+
+
+# ---------------------------------------------------------------- Kepler's motion as a part
+
+
+@pytest.mark.parametrize("eccentricity", [0.0, 0.3, 0.9])
+def test_steps_on_keplers_ellipses(eccentricity: float) -> None:
+    """Against Kepler's equation, forwards, backwards and over more than a period."""
+    kepler = lm.Kepler(1.7)
+    start = kepler.pericentre(eccentricity)
+    for t in (1e-3, 0.7, 2.5, -1.3, 9.0):
+        end = kepler.exact(start, t)
+        dq, dv = kepler_step(lm.vec(*start.q, 0.0), lm.vec(*start.p, 0.0), 1.7, t)
+        error = np.abs([*(np.array(dq)[:2] + start.q - end.q), *(np.array(dv)[:2] + start.p - end.p)]).max()
+        assert error < 2e-13 / (1.0 - eccentricity) ** 2
+
+
+def test_steps_on_hyperbolas_are_those_of_rk8() -> None:
+    kepler = lm.Kepler()
+    start = kepler.state([1.0, 0.2], [0.3, 1.9])
+    run = lm.integrate(kepler, lm.RKMK(order=8), start, h=0.02, steps=100, compiled=False)
+    dq, dv = kepler_step(lm.vec(1.0, 0.2, 0.0), lm.vec(0.3, 1.9, 0.0), 1.0, 2.0)
+    assert np.allclose(np.array(dq)[:2] + [1.0, 0.2], run.q[-1], rtol=1e-12)
+    assert np.allclose(np.array(dv)[:2] + [0.3, 1.9], run.p[-1], rtol=1e-12)
+
+
+def test_planets_in_jacobis_coordinates() -> None:
+    """The energy and the motion of NBody; two bodies are exact; steps of Wisdom and Holman beside those of Verlet."""
+    system, start = lm.PlanetarySystem.outer_solar_system()
+    bodies, begin = lm.NBody.outer_solar_system()
+    assert system.energy(start.y) == pytest.approx(bodies.energy(begin.q, begin.p), rel=1e-13)
+    q, p = system.bodies(start.y)
+    assert np.allclose(q, begin.q, rtol=0.0, atol=1e-13) and np.allclose(p, begin.p, rtol=0.0, atol=1e-17)
+    run = lm.integrate(bodies, lm.Splitting(order=8), begin, h=50.0, steps=20, compiled=False, progress=False)
+    errors = []
+    for h in (200.0, 100.0):
+        found = lm.integrate(system, lm.Splitting(order=2), start, h=h, steps=round(1000 / h), compiled=False, progress=False)
+        errors.append(np.abs(system.bodies(found.y[-1])[0] - run.q[-1]).max())
+    assert errors[1] < 1e-4 and np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.3)
+    pair = lm.PlanetarySystem([1.0, 1e-3], 1.0)
+    y = pair.state([1.0, 0.0, 0.0, 0.0, 1.2e-3, 1e-4])
+    once = lm.integrate(pair, lm.Splitting(order=2), y, h=3.0, steps=1, compiled=False)
+    many = lm.integrate(pair, lm.Splitting(order=2), y, h=0.1, steps=30, compiled=False)
+    assert np.allclose(once.y[-1], many.y[-1], rtol=0.0, atol=1e-13)
+
+
+@pytest.mark.compiled
+@pytest.mark.slow
+def test_wisdom_and_holman_over_ten_thousand_years() -> None:
+    """The errors of energy that REBOUND 5.2.2 has on the same start: WHFast 2.1e-6, SABA(10, 6, 4) 2.4e-12 at h = 400 d."""
+    system, start = lm.PlanetarySystem.outer_solar_system()
+    for tableau, h, error in ((STRANG.exchanged, 200.0, 2.1e-6), (ABA1064, 400.0, 2.4e-12)):
+        steps = round(3652425 / h)
+        method = lm.Splitting(tableau=tableau)
+        run = lm.integrate(system, method, start, h=h, steps=steps, every=steps // 400, compiled=True, progress=False)
+        assert np.abs(run.energy / run.energy[0] - 1.0).max() == pytest.approx(error, rel=0.5)
