@@ -45,12 +45,13 @@ if TYPE_CHECKING:
     from . import plots as plots
     from . import tableaus
     from . import viewer as viewer
-    from .checks import check_action, check_group, check_method, check_retraction, check_system
+    from .checks import check_action, check_group, check_method, check_poisson, check_retraction, check_system, poisson_defect
     from .groups.actions import GroupAction, LeftMultiplication, LinearAction, SphereAction, TranslationAction
     from .groups.classical import GL, SL, SO, SU, Sp, U
     from .groups.coadjoint import CoadjointAction, coadjoint
     from .groups.heisenberg import Heisenberg
     from .groups.matrix_group import MatrixLieGroup
+    from .groups.poisson_structure import Canonical, ConstantStructure, LiePoissonStructure, LogCanonical, PoissonStructure
     from .groups.product import ProductGroup
     from .groups.representations import AdjointAction, Representation, RotationAction
     from .groups.se2 import SE2
@@ -63,6 +64,7 @@ if TYPE_CHECKING:
     from .integrators.class_functions import CayleySquare, ClassFunction, InvariantForm, TraceOfAd
     from .integrators.commutator_free import CommutatorFree, CrouchGrossman
     from .integrators.composition import Composition
+    from .integrators.darboux_lie import DarbouxLieChart
     from .integrators.exact_free_body import ExactFreeBody
     from .integrators.galerkin import GalerkinVariational
     from .integrators.geodesic_splitting import GeodesicSplitting
@@ -77,6 +79,7 @@ if TYPE_CHECKING:
     from .integrators.midpoint import ImplicitMidpoint, Isospectral, SphericalMidpoint
     from .integrators.moser_veselov import ExactMoserVeselov, MoserVeselov
     from .integrators.multiple_time_steps import MultipleTimeSteps
+    from .integrators.poisson_euler import PoissonEuler, PoissonVerlet
     from .integrators.rattle import RATTLE, ConstrainedEuler
     from .integrators.reversible_controller import ReversibleController
     from .integrators.rkmk import RKMK
@@ -84,18 +87,26 @@ if TYPE_CHECKING:
     from .integrators.splitting import ThreeRotations
     from .integrators.taylor import Taylor
     from .integrators.variational import CovariantVariational
+    from .models.charged_particle import AxialField, ChargedParticle, GuidingCentre, MagneticField, TokamakField, UniformField
     from .models.constrained_pendulums import ChainPendulum, FourBarLinkage, SphericalPendulum
+    from .models.fermi_pasta_ulam import FermiPastaUlam
     from .models.frames import OrthonormalFrame
     from .models.gravity import CentralGravity, FixedPointGravity, UniformGravity
     from .models.heavy_top import HeavyTop, LagrangeTop, ReducedHeavyTop
     from .models.henon_heiles import HenonHeiles
     from .models.kepler import Kepler
     from .models.kirchhoff import KirchhoffBody
+    from .models.lotka_volterra import LotkaVolterra
+    from .models.maxwell_bloch import MaxwellBloch
+    from .models.n_body import NBody
     from .models.orthogonal_body import OrthogonalBody
     from .models.pendulums import DoublePendulum, Pendulum
+    from .models.planetary_system import PlanetarySystem
+    from .models.poisson_top import PoissonTop
     from .models.rigid_body import RigidBody
     from .models.space_bodies import FallingBody, OrbitingBody
     from .models.surfaces import ParticleOnEllipsoid
+    from .models.toda import TodaLattice
     from .systems.canonical import CanonicalState, HamiltonianSystem
     from .systems.constrained import (
         Constrained,
@@ -104,14 +115,18 @@ if TYPE_CHECKING:
         SeparableConstrainedSystem,
         Surface,
     )
+    from .systems.darboux import Andoyer, DarbouxChart, InDarbouxChart, LinearDarboux, LogarithmicDarboux
     from .systems.group_equation import GroupEquation, LinearGroupEquation
     from .systems.hamiltonian import Hamiltonian
     from .systems.homogeneous_equation import HomogeneousEquation
     from .systems.kinetic_energy import KineticEnergy
     from .systems.lagrangian import Lagrangian
     from .systems.lie_poisson import BodyState, LiePoissonSystem
+    from .systems.local_coordinates import InducedStructure, LocalChart, in_coordinates
     from .systems.mechanical import MechanicalSystem
     from .systems.multirate import MultirateSystem
+    from .systems.parts import Part, SplitHamiltonian
+    from .systems.poisson import PoissonState, PoissonSystem
     from .systems.potential import Force, NoPotential, Potential
     from .systems.separable import SeparableSystem
     from .systems.time_scales import DistancePower, EqualArc, EqualChange, EqualPath, TimeScale
@@ -119,12 +134,16 @@ if TYPE_CHECKING:
     from .tableaus.tableau import ButcherTableau
 
 _LATER = {
-    "checks": ("check_action", "check_group", "check_method", "check_retraction", "check_system"),
+    "checks": (
+        *("check_action", "check_group", "check_method", "check_poisson", "check_retraction", "check_system"),
+        "poisson_defect",
+    ),
     "groups.actions": ("GroupAction", "LeftMultiplication", "LinearAction", "SphereAction", "TranslationAction"),
     "groups.classical": ("GL", "SL", "SO", "SU", "Sp", "U"),
     "groups.coadjoint": ("CoadjointAction", "coadjoint"),
     "groups.heisenberg": ("Heisenberg",),
     "groups.matrix_group": ("MatrixLieGroup",),
+    "groups.poisson_structure": ("Canonical", "ConstantStructure", "LiePoissonStructure", "LogCanonical", "PoissonStructure"),
     "groups.product": ("ProductGroup",),
     "groups.representations": ("AdjointAction", "Representation", "RotationAction"),
     "groups.se2": ("SE2",),
@@ -137,6 +156,7 @@ _LATER = {
     "integrators.class_functions": ("CayleySquare", "ClassFunction", "InvariantForm", "TraceOfAd"),
     "integrators.commutator_free": ("CommutatorFree", "CrouchGrossman"),
     "integrators.composition": ("Composition",),
+    "integrators.darboux_lie": ("DarbouxLieChart",),
     "integrators.exact_free_body": ("ExactFreeBody",),
     "integrators.galerkin": ("GalerkinVariational",),
     "integrators.geodesic_splitting": ("GeodesicSplitting",),
@@ -153,6 +173,7 @@ _LATER = {
     "integrators.rattle": ("RATTLE", "ConstrainedEuler"),
     "integrators.reversible_controller": ("ReversibleController",),
     "integrators.multiple_time_steps": ("MultipleTimeSteps",),
+    "integrators.poisson_euler": ("PoissonEuler", "PoissonVerlet"),
     "integrators.rkmk": ("RKMK",),
     "integrators.separable": ("Splitting", "StormerVerlet", "SymplecticEuler"),
     "integrators.splitting": ("ThreeRotations",),
@@ -160,13 +181,20 @@ _LATER = {
     "integrators.variational": ("CovariantVariational",),
     "models.constrained_pendulums": ("ChainPendulum", "FourBarLinkage", "SphericalPendulum"),
     "models.frames": ("OrthonormalFrame",),
+    "models.charged_particle": ("AxialField", "ChargedParticle", "GuidingCentre", "MagneticField", "TokamakField", "UniformField"),
+    "models.fermi_pasta_ulam": ("FermiPastaUlam",),
     "models.gravity": ("CentralGravity", "FixedPointGravity", "UniformGravity"),
     "models.heavy_top": ("HeavyTop", "LagrangeTop", "ReducedHeavyTop"),
     "models.henon_heiles": ("HenonHeiles",),
     "models.kepler": ("Kepler",),
     "models.kirchhoff": ("KirchhoffBody",),
     "models.orthogonal_body": ("OrthogonalBody",),
+    "models.lotka_volterra": ("LotkaVolterra",),
+    "models.maxwell_bloch": ("MaxwellBloch",),
+    "models.n_body": ("NBody",),
     "models.pendulums": ("DoublePendulum", "Pendulum"),
+    "models.planetary_system": ("PlanetarySystem",),
+    "models.poisson_top": ("PoissonTop",),
     "models.rigid_body": ("RigidBody",),
     "models.space_bodies": ("FallingBody", "OrbitingBody"),
     "models.surfaces": ("ParticleOnEllipsoid",),
@@ -179,14 +207,19 @@ _LATER = {
         "SeparableConstrainedSystem",
         "Surface",
     ),
+    "models.toda": ("TodaLattice",),
+    "systems.darboux": ("Andoyer", "DarbouxChart", "InDarbouxChart", "LinearDarboux", "LogarithmicDarboux"),
     "systems.group_equation": ("GroupEquation", "LinearGroupEquation"),
     "systems.hamiltonian": ("Hamiltonian",),
     "systems.homogeneous_equation": ("HomogeneousEquation",),
     "systems.kinetic_energy": ("KineticEnergy",),
     "systems.lagrangian": ("Lagrangian",),
     "systems.lie_poisson": ("BodyState", "LiePoissonSystem"),
+    "systems.local_coordinates": ("InducedStructure", "LocalChart", "in_coordinates"),
     "systems.mechanical": ("MechanicalSystem",),
     "systems.multirate": ("MultirateSystem",),
+    "systems.parts": ("Part", "SplitHamiltonian"),
+    "systems.poisson": ("PoissonState", "PoissonSystem"),
     "systems.potential": ("Force", "NoPotential", "Potential"),
     "systems.separable": ("SeparableSystem",),
     "systems.time_scales": ("DistancePower", "EqualArc", "EqualChange", "EqualPath", "TimeScale"),
@@ -240,14 +273,18 @@ __all__ = [
     "AdaptiveVerlet",
     "AdjointAction",
     "Ambient",
+    "Andoyer",
+    "AxialField",
     "BodyState",
     "ButcherTableau",
+    "Canonical",
     "CanonicalState",
     "Cayley",
     "CayleyAdjoint",
     "CayleySquare",
     "CentralGravity",
     "ChainPendulum",
+    "ChargedParticle",
     "ClassFunction",
     "CoadjointAction",
     "CommutatorFree",
@@ -259,6 +296,9 @@ __all__ = [
     "CovariantVariational",
     "CrouchGrossman",
     "DistancePower",
+    "ConstantStructure",
+    "DarbouxChart",
+    "DarbouxLieChart",
     "DoublePendulum",
     "Element",
     "EqualArc",
@@ -268,6 +308,7 @@ __all__ = [
     "ExactMoserVeselov",
     "Exponential",
     "FallingBody",
+    "FermiPastaUlam",
     "FirstKindHamiltonJacobi",
     "FixedPointGravity",
     "Force",
@@ -276,6 +317,7 @@ __all__ = [
     "GeodesicSplitting",
     "GroupAction",
     "GroupEquation",
+    "GuidingCentre",
     "HamiltonJacobi",
     "Hamiltonian",
     "HamiltonianSystem",
@@ -285,6 +327,8 @@ __all__ = [
     "HomogeneousEquation",
     "ImplicitMidpoint",
     "IndexReduction",
+    "InDarbouxChart",
+    "InducedStructure",
     "InvariantForm",
     "Isospectral",
     "Kepler",
@@ -297,15 +341,23 @@ __all__ = [
     "LieAlgebra",
     "LieGroup",
     "LiePoissonHamiltonJacobi",
+    "LiePoissonStructure",
     "LiePoissonSystem",
     "LieVerlet",
     "LinearAction",
+    "LinearDarboux",
     "LinearGroupEquation",
     "LobattoPair",
     "LogarithmicHamiltonian",
+    "LocalChart",
+    "LogCanonical",
+    "LogarithmicDarboux",
+    "LotkaVolterra",
+    "MagneticField",
     "Magnus",
     "Mat",
     "MatrixLieGroup",
+    "MaxwellBloch",
     "MechanicalSystem",
     "Method",
     "MoserVeselov",
@@ -316,7 +368,16 @@ __all__ = [
     "OrthogonalBody",
     "OrthonormalFrame",
     "ParticleOnEllipsoid",
+    "NBody",
+    "Part",
     "Pendulum",
+    "PlanetarySystem",
+    "PoissonEuler",
+    "PoissonState",
+    "PoissonStructure",
+    "PoissonSystem",
+    "PoissonTop",
+    "PoissonVerlet",
     "Potential",
     "ProductGroup",
     "Record",
@@ -334,6 +395,7 @@ __all__ = [
     "SphereAction",
     "SphericalMidpoint",
     "SphericalPendulum",
+    "SplitHamiltonian",
     "Splitting",
     "State",
     "StormerVerlet",
@@ -344,10 +406,13 @@ __all__ = [
     "ThreeRotations",
     "TimeScale",
     "TimeTransformed",
+    "TodaLattice",
+    "TokamakField",
     "TraceOfAd",
     "Plan",
     "Trajectory",
     "TranslationAction",
+    "UniformField",
     "UniformGravity",
     "UnitQuaternions",
     "Vec",
@@ -355,6 +420,7 @@ __all__ = [
     "check_action",
     "check_group",
     "check_method",
+    "check_poisson",
     "check_retraction",
     "check_system",
     "coadjoint",
@@ -363,12 +429,14 @@ __all__ = [
     "dot",
     "errors",
     "gradient",
+    "in_coordinates",
     "integrate",
     "jacobian",
     "mat",
     "norm",
     "outer",
     "plots",
+    "poisson_defect",
     "record",
     "sum",
     "tableaus",

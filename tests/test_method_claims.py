@@ -68,6 +68,7 @@ def systems() -> dict[str, tuple[Any, Any]]:
         "heavy top": heavy_top(),
         "satellite": orbiting_body(),
         "galaxy": (galaxy, galaxy.state([0.1, 0.2], [0.3, -0.2])),
+        "species": (species := lm.LotkaVolterra(), species.state([1.5, 1.0])),
         "double pendulum": (double, double.state([0.9, -0.4], [0.7, 0.2])),
         "relativistic": (relativistic, relativistic.state([1.0, 0.2], [0.3, 1.0])),
         "driven": (driven := Driven(lm.SO3()), driven.state(turning)),
@@ -80,7 +81,7 @@ def systems() -> dict[str, tuple[Any, Any]]:
 
 # ---------------------------------------------------------------- methods
 
-KINDS = "free body", "heavy top", "galaxy", "fluid", "driven", "steered", "sphere", "rod"
+KINDS = "free body", "heavy top", "galaxy", "species", "fluid", "driven", "steered", "sphere", "rod"
 """A representative of each kind."""
 
 
@@ -148,6 +149,8 @@ def methods() -> Iterator[tuple[lm.Method, bool]]:
     yield from ((lm.LobattoPair(order=p), False) for p in (2, 4, 6, 8))
     yield from ((lm.GeodesicSplitting(order=p), p == 4) for p in (2, 4, 6, 8))
     yield from ((lm.IndexReduction(lm.RKMK(order=4), project), False) for project in (False, True))
+    yield from ((lm.PoissonEuler(first), True) for first in ("u", "v"))
+    yield from ((lm.PoissonVerlet(), True), (lm.Composition(lm.PoissonVerlet(), order=4), False))
 
 
 def fitted() -> lm.Method:
@@ -190,7 +193,7 @@ def cases() -> Iterator[Any]:
             except lm.errors.IncompatibleSystem:
                 continue
             constrained = name == "rod" and method.symplectic
-            fast = quick and (name == "galaxy" or constrained or is_quick(method, name))
+            fast = quick and (name in ("galaxy", "species") or constrained or is_quick(method, name))
             marks = [] if fast else [pytest.mark.slow]
             yield pytest.param(method, name, marks=marks, id=f"{method!r}-{name}")
 

@@ -4,6 +4,11 @@ The checks go through the tables of laws, at several places, and report.
 """
 
 from .check import check_action, check_group, check_method, check_retraction, check_system
+from .poisson_defect import poisson_defect
+from .poisson_laws import check_poisson
 from .report import Finding, Observation, Report
 
-__all__ = ["Finding", "Observation", "Report", "check_action", "check_group", "check_method", "check_retraction", "check_system"]
+__all__ = [
+    "Finding", "Observation", "Report", "check_action", "check_group", "check_method", "check_poisson", "check_retraction",
+    "check_system", "poisson_defect",
+]

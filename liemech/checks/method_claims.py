@@ -22,6 +22,7 @@ from ..simulation.integrate import integrate
 from ..systems.canonical import CanonicalSystem, HamiltonianSystem
 from ..systems.lie_poisson import LiePoissonSystem
 from ..systems.mechanical import MechanicalSystem
+from ..systems.poisson import PoissonSystem
 from .places import STEP, Units, flat, size
 from .report import ROUNDING, Observation
 from .system_places import CENTRAL, pace
@@ -163,7 +164,7 @@ class Trial:
                 try:
                     there = self.run(WAY, h)
                     return h, there, self.run(WAY, -h, self.at(ended(there)), t0=WAY * h)
-                except IntegrationFailure:
+                except (IntegrationFailure, InvalidInput):  # the step left where the system is defined
                     continue
         raise InvalidInput(
             f"check_method: {self.method!r} made no sensible step on {self.system!r}; give a smaller h"
@@ -319,6 +320,9 @@ class Charts:
             q, p, speed = size(self.begin.q), size(self.begin.p), pace(self.system, 0.0, self.begin)
             n = self.system.degrees
             return np.repeat([max(q, v / speed), max(p, f / speed)], n)
+        if isinstance(self.system, PoissonSystem):
+            y = np.abs(flat(self.begin.y))
+            return np.where(y > 0.1 * size(y), y, size(y) or 1.0)
         momenta = np.full(len(self.begin.mu), size(self.begin.mu))
         if not self.whole:
             return momenta
@@ -341,6 +345,8 @@ class Charts:
         n = len(x) // 2
         if isinstance(self.system, HamiltonianSystem):
             return {"q": first["q"] + x[:n], "p": first["p"] + x[n:]}
+        if isinstance(self.system, PoissonSystem):
+            return {"y": first["y"] + x}
         if not self.whole:
             return {"mu": first["mu"] + x}
         g = self.group.compose(self.begin.g, self.group.exp(small(x[:n])))
@@ -353,6 +359,8 @@ class Charts:
                 np.concatenate([state["q"] - flat(about.q), state["p"] - flat(about.p)])
                 / self.units
             )
+        if isinstance(self.system, PoissonSystem):
+            return (state["y"] - flat(about.y)) / self.units
         change = state["mu"] - flat(about.mu)
         if not self.whole:
             return change / self.units
@@ -364,6 +372,8 @@ class Charts:
         if isinstance(self.system, HamiltonianSystem):
             n = self.system.degrees
             whole = np.block([[np.zeros((n, n)), np.eye(n)], [-np.eye(n), np.zeros((n, n))]])
+        elif isinstance(self.system, PoissonSystem):
+            whole = np.asarray(self.system.structure.matrix(at.y))
         else:
             momenta = np.asarray(self.group.algebra.poisson_structure(at.mu))
             one = np.eye(len(momenta))
@@ -421,6 +431,9 @@ def claims(trial: Trial, keeps: tuple[str, ...], native: bool) -> Iterator[Obser
         yield bracket(
             trial, Charts(system, start, True), "symplectic", "Phi' J Phi'^T = J", symplectic
         )
+    if isinstance(system, PoissonSystem):
+        formula = "Phi' B(y) Phi'^T = B(Phi(y))"
+        yield bracket(trial, Charts(system, start, False), "Poisson", formula, symplectic)
     yield from kept(trial, keeps)
     if isinstance(system, LiePoissonSystem) and start.g is not None:
         yield equivariance(trial)

@@ -19,6 +19,8 @@ from ..systems.hamiltonian import Hamiltonian
 from ..systems.lagrangian import Lagrangian
 from ..systems.lie_poisson import LiePoissonSystem
 from ..systems.mechanical import MechanicalSystem
+from ..systems.parts import Part
+from ..systems.poisson import PoissonSystem
 from ..systems.potential import Potential
 from ..systems.separable import SeparableEnergy, SeparableSystem
 from .law import Law, Same, axiom, factors, replaced
@@ -204,6 +206,40 @@ def geodesic(system: Any, at: AtState) -> Iterator[Same]:
     yield Same(system.constraint(there), 0.0 * system.constraint(there), size(G) * size(there))
     yield Same(G @ v, 0.0 * (G @ v), size(G) * size(v))
     yield Same(system.kinetic(after), system.kinetic(p), abs(system.kinetic(p)))
+# ---------------------------------------------------------------- Poisson systems
+
+PARTS: list[Law] = []
+
+
+@axiom(PARTS, "gradient of energy", "gradient(y) = dH/dy", slack=CLOSE)
+def gradient_of_point(system: PoissonSystem, at: AtState) -> Iterator[Same]:
+    yield _matches(system.gradient(at.state.y), system.energy, at.state.y)
+
+
+@axiom(PARTS, "Casimirs of the structure", "B dC = 0", optional=True, slack=CLOSE)
+def casimirs_of_structure(system: PoissonSystem, at: AtState) -> Iterator[Same]:
+    y = at.state.y
+    slopes, rounding = derived(system.casimirs, y)
+    for row in slopes.reshape(-1, len(y)):
+        there = system.structure.sharp(y, vec(*row.tolist()))
+        scale = size(np.abs(np.asarray(system.structure.matrix(y))) @ np.abs(row)) + size(row)
+        yield Same(there, 0.0 * y, rounding * scale)
+
+
+@axiom(PARTS, "motions of parts", "d/dt flow(y, t) = B dH_i at flow(y, t), at two t", optional=True, slack=CLOSE)
+def motions_of_parts(system: PoissonSystem, at: AtState) -> Iterator[Same]:
+    known = [part for part in system.parts if isinstance(part, Part)]
+    if not known:
+        raise NotDefined("no part has a motion that is known")
+    y, B = at.state.y, system.structure
+    for part in known:
+        yield Same(part.flow(B, y, 0.0), y, size(y))
+        for t in (0.0, 0.1 / (at.pace or 1.0)):
+            there = part.flow(B, y, t)
+            rate = B.sharp(there, part.gradient(there))
+            found = derivative(partial(part.flow, B, y), t)
+            scale = size(rate) + size(found) + size(y) * (at.pace or 1.0)
+            yield Same(found, rate, scale, lambda rate=rate: factors(flat(rate)))  # type: ignore[misc]
 
 
 # ---------------------------------------------------------------- what is kept
@@ -269,6 +305,8 @@ def laws_of(system: Any) -> Iterator[tuple[list[Law], Any, Callable[[str], bool]
         yield CANONICAL, system, partial(replaced, system, base)
     if isinstance(system, ConstrainedSystem):
         yield CONSTRAINED, system, partial(replaced, system, ConstrainedSystem)
+    if isinstance(system, PoissonSystem):
+        yield PARTS, system, lambda name: True
     yield KEPT, system, lambda name: True
 
 

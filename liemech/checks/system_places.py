@@ -17,6 +17,7 @@ from ..systems.group_equation import GroupEquation, Position
 from ..systems.homogeneous_equation import HomogeneousEquation, Point
 from ..systems.lie_poisson import BodyState, LiePoissonSystem
 from ..systems.mechanical import MechanicalSystem
+from ..systems.poisson import PoissonState, PoissonSystem
 from ..systems.system import State, System
 from .places import STENCIL, STEP, flat, size
 
@@ -134,6 +135,12 @@ def random_state(system: Any, rng: np.random.Generator) -> Any:
         return _consistent(system, rng)
     if isinstance(system, HamiltonianSystem):
         return CanonicalState(*(small(x) for x in rng.normal(size=(2, system.degrees))))
+    if isinstance(system, PoissonSystem):
+        y = rng.normal(size=system.structure.dim)
+        try:
+            return PoissonState(small(np.asarray(system.state(y).y)))
+        except InvalidInput:
+            return PoissonState(small(0.5 + np.abs(y)))
     if isinstance(system, GroupEquation):
         return Position(small(np.asarray(system.group.random(rng))))
     if isinstance(system, HomogeneousEquation):
@@ -175,6 +182,6 @@ def _energy(system: Any, state: Any) -> float:
         return float(system.energy(state.mu))
     return (
         float(system.energy(*state.parts.values()))
-        if isinstance(system, (MechanicalSystem, CanonicalSystem))
+        if isinstance(system, (MechanicalSystem, CanonicalSystem, PoissonSystem))
         else 0.0
     )

@@ -7,11 +7,12 @@ from typing import Any, final
 
 import numpy as np
 
-from ..errors import InvalidInput, InvalidType, NotDefined
-from ..formulas import Element, Mat, Vec, dot, gradient, record, vec
+from ..errors import InvalidInput, NotDefined
+from ..formulas import Element, Vec, dot, record
 from ..formulas.broadcasting import check_finite, real_array
 from . import orbits
 from .lie_group import LieGroup
+from .poisson_structure import LiePoissonStructure
 from .representations import Representation
 
 
@@ -53,10 +54,13 @@ class CoadjointAction(Representation):
         """The infinitesimal right action, d/ds Ad*_exp(s xi) mu = ad*_xi mu at s = 0.  xi, mu : (dim,)."""
         return self.group.ad_star(xi, mu)
 
-    @final
-    def poisson_structure(self, mu: Vec) -> Mat:
-        """The minus Lie-Poisson structure B(mu): mu' = B(mu) grad H(mu).  mu : (dim,), B : (dim, dim)."""
-        return self.group.algebra.poisson_structure(mu)
+    @property
+    def poisson_structure(self) -> LiePoissonStructure:
+        """The minus Lie-Poisson structure, `poisson_structure(mu)` its matrix B(mu): mu' = B(mu) grad H(mu).
+
+        `poisson_structure.opposite` is the plus structure, of momenta in space.
+        """
+        return LiePoissonStructure(self.group)
 
     @final
     def symplectic_form(self, mu: Vec, xi: Vec, eta: Vec) -> float:
@@ -103,17 +107,7 @@ class CoadjointAction(Representation):
         F, G : from mu, (dim,), to a number, for instance `hamiltonian.energy`.  Along a motion F' = {F, H}.
         Raises InvalidType for what cannot be called.  Source: Marsden and Ratiu, section 13.1.
         """
-        for name, formula in (("F", F), ("G", G)):
-            if not callable(formula):
-                raise InvalidType(
-                    f"poisson_bracket: {name} must be a formula of momenta, as `hamiltonian.energy` is; got {formula!r}"
-                )
-
-        def bracket(mu: Any) -> Any:
-            at = vec(*mu)
-            return -dot(at, self.group.ad(gradient(F, at), gradient(G, at)))
-
-        return bracket
+        return self.poisson_structure.bracket(F, G)
 
     @final
     def on_same_orbit(self, mu: Vec, nu: Vec, tolerance: float = 1e-12) -> bool:

@@ -1,4 +1,4 @@
-"""Splittings in R^2n: kicks by the force and drifts with the velocity, in turn, for energies T(p) + V(q)."""
+"""Splittings: the motions of the parts of an energy in turn; kicks and drifts for T(p) + V(q), exact flows for Poisson systems."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 from ..errors import IncompatibleSystem, InvalidInput, InvalidType
 from ..formulas import Record, plain, record
 from ..systems.canonical import CanonicalState, HamiltonianSystem
+from ..systems.poisson import PoissonState, PoissonSystem
 from ..systems.separable import SeparableSystem
 from ..tableaus.compositions import KAHAN_LI8
 from ..tableaus.splittings import (
@@ -26,17 +27,18 @@ from .method import Method
 
 @record
 class Kicked(Record):
-    """What a splitting carries along: positions and momenta, and the force there; None if a step evaluates all its forces."""
+    """What a splitting carries along: the state, and the force there; None if a step evaluates all its forces."""
 
-    state: CanonicalState
+    state: Any
     force: Any
 
 
 @record
 class SeparableSplitting(Method):
-    """Kicks p += b_i h f(q) and drifts q += a_i h v(p) in turn, by a `tableau`; abstract.
+    """Kicks p += b_i h f(q) and drifts q += a_i h v(p) in turn, by a `tableau`, or the motions of all parts; abstract.
 
-    A subclass has the tableau, as a field or a property.
+    A subclass has the tableau, as a field or a property.  The parts of a Poisson system are a composition of the step that makes
+    the motion of each part once, last part first, and of its adjoint, with the coefficients of the tableau.
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., II.5.
     """
 
@@ -53,7 +55,10 @@ class SeparableSplitting(Method):
         return self.tableau.symmetric  # type: ignore[attr-defined]
 
     def require(self, system: Any) -> None:
-        """A separable system, whose kinetic energy the tableau accepts."""
+        """A separable system, whose kinetic energy the tableau accepts, or a Poisson system of parts whose motions are known."""
+        if isinstance(system, PoissonSystem):
+            self._require_parts(system)
+            return
         if not isinstance(system, SeparableSystem):
             raise IncompatibleSystem(
                 f"{self!r} needs a SeparableSystem, H = T(p) + V(q); {self._unsuitable(system)}"
@@ -66,6 +71,23 @@ class SeparableSplitting(Method):
                 f"Splitting(order={self.order}, quadratic=False) is of this order for every T"
             )
 
+    def _require_parts(self, system: PoissonSystem) -> None:
+        """Parts whose motions are known, as many as the tableau can be used for."""
+        unknown = system.unknown_motion()
+        if unknown:
+            raise IncompatibleSystem(
+                f"{self!r} needs an energy whose parts have known motions: {unknown}. RKMK accepts every system"
+            )
+        if self.tableau_for(system).quadratic and not system.quadratic:
+            raise IncompatibleSystem(
+                f"{self!r} is of its order for two parts T, V with {{V, {{V, {{V, T}}}}}} = 0 only, and {system!r} is not such a "
+                f"system. Splitting(order={self.order}, quadratic=False) is of this order for all parts"
+            )
+
+    def tableau_for(self, system: Any) -> SplittingTableau:
+        """The tableau with which a system is stepped."""
+        return self.tableau  # type: ignore[attr-defined]
+
     def _unsuitable(self, system: Any) -> str:
         """Why a system is not separable, and what it is to be stepped with."""
         if isinstance(system, HamiltonianSystem) and not system.fictive:
@@ -76,17 +98,24 @@ class SeparableSplitting(Method):
             )
         return f"got {system!r}. {getattr(system, 'instead', 'RKMK accepts every system')}"
 
-    def start(self, system: Any, state: CanonicalState, h: float) -> Kicked:
+    def start(self, system: Any, state: Any, h: float) -> Kicked:
         """The state and, if a step begins with the force at which the one before ended, this force."""
+        if isinstance(system, PoissonSystem):
+            return Kicked(state, None)
         here = plain(state)
         return Kicked(state, system.force(here.q, here.p) if self.tableau.carries_force else None)  # type: ignore[attr-defined]
 
-    def observe(self, memory: Kicked) -> CanonicalState:
-        """Positions and momenta."""
+    def observe(self, memory: Kicked) -> Any:
+        """The state."""
         return memory.state
 
     def step(self, system: Any, t: float, memory: Kicked, h: float) -> Kicked:
-        """Kick, drift, kick, ..."""
+        """Kick, drift, kick, ..., or the motions of the parts in turn."""
+        if isinstance(system, PoissonSystem):
+            y, parts = memory.state.y, system.parts  # type: Any, Any
+            for part, share in self.tableau_for(system).sequence(len(parts)):
+                y = parts[part].flow(system.structure, y, share * h)
+            return Kicked(PoissonState(y), None)
         tableau, force = self.tableau, memory.force  # type: ignore[attr-defined]
         q, p = memory.state.q, memory.state.p
         for i, b in enumerate(tableau.kicks):
@@ -104,12 +133,16 @@ class SeparableSplitting(Method):
 
 @record
 class Splitting(SeparableSplitting):
-    """Splitting of H = T(p) + V(q): V kicks, p' = -dV/dq with q at rest, T drifts, q' = dT/dp with p at rest; both flows exactly.
+    """Splitting of an energy into parts whose motions are known, each made exactly and in turn.
+
+    Of H = T(p) + V(q), a SeparableSystem: V kicks, p' = -dV/dq with q at rest, T drifts, q' = dT/dp with p at rest.
+    Of a PoissonSystem with a SplitHamiltonian: any number of parts; a step is a Poisson map, and keeps Casimirs to rounding.
 
     order : 1 (symplectic Euler), 2 (Stormer-Verlet), 3 (Ruth), 4, 6 or 8 (6, 11 and 19 forces a step); or give a `tableau`, of
     `liemech.tableaus.splittings` or `SplittingTableau.of` a composition.
     quadratic : is T of second degree in p?  If so, orders 4, 6 and 8 are Runge-Kutta-Nystroem splittings, which need it; if not,
-    the order is reached for every T, with larger errors.
+    the order is reached for every T, with larger errors.  Of a Poisson system that is looked for, {V, {V, {V, T}}} = 0 for the
+    parts (T, V); the other tableau of the same order steps it where this does not hold.
 
     Explicit and symplectic; symmetric but for orders 1 and 3.  Linear and quadratic constants p . A q such as angular momenta are
     kept to rounding, the energy oscillates without drift.  On a step that is too large it grows.
@@ -155,6 +188,12 @@ class Splitting(SeparableSplitting):
         object.__setattr__(self, "tableau", tableau)
         object.__setattr__(self, "order", tableau.order)
         object.__setattr__(self, "quadratic", tableau.quadratic)
+
+    def tableau_for(self, system: Any) -> SplittingTableau:
+        """The one of this order that every energy allows, for a Poisson system that the one for quadratic T does not serve."""
+        if isinstance(system, PoissonSystem) and not system.quadratic and self.tableau == self.choices.get(self.order):
+            return self.general[self.order]
+        return self.tableau
 
     @property
     def name(self) -> str:

@@ -119,6 +119,32 @@ class SplittingTableau(Record):
         """The largest |a_i|: what the step of the free motion must allow."""
         return max(map(abs, self.drifts))
 
+    def sequence(self, parts: int) -> tuple[tuple[int, float], ...]:
+        """A step for an energy of any number of parts: which part moves in turn, and for which share of the step.
+
+        With Phi_h = exp(h A_1) ... exp(h A_n), last part first, and its adjoint, the splitting of two parts is the composition
+        ... Phi*_(c_2 h) Phi_(c_1 h) with c_1 = b_0, c_2 = a_1 - c_1, c_3 = b_1 - c_2, ..., whose order is that of the splitting
+        whatever Phi is.  For two parts it is the splitting itself.  Raises InvalidInput for more than two if the order is that of
+        quadratic kinetic energies only.
+
+        Source: McLachlan, SIAM J. Sci. Comput. 16 (1995), section 2; Hairer, Lubich, Wanner, III.3.4.
+        """
+        if self.quadratic and parts > 2:
+            raise InvalidInput(f"{self.name}: it is for two parts, the order is that of quadratic T only; got {parts}")
+        turns = [turn for pair in zip(((1, b) for b in self.kicks), ((0, a) for a in self.drifts)) for turn in pair]
+        if parts == 2:
+            return tuple([(part, c) for part, c in (*turns, (1, self.kicks[-1])) if c != 0.0])
+        found: list[tuple[int, float]] = []
+        share = 0.0
+        for last_first, coefficient in turns:
+            share = coefficient - share
+            for part in range(parts - 1, -1, -1) if last_first else range(parts):
+                if len(found) > 0 and found[-1][0] == part:
+                    found[-1] = part, found[-1][1] + share
+                else:
+                    found.append((part, share))
+        return tuple([(part, c) for part, c in found if c != 0.0])
+
     def __repr__(self) -> str:
         return f"SplittingTableau({self.name}: order {self.order}, {self.stages} kicks)"
 
@@ -284,11 +310,59 @@ BLANES_CASAS_ESCORIHUELA8 = shipped(
     "Blanes, Casas and Escorihuela-Tomas, Appl. Numer. Math. 182 (2022)",
 )  # fmt: skip
 
+# ---------------------------------------------------------------- for A + e B with a small e, errors e h^n + e^2 h^m + ...
+
+SABA82 = shipped(
+    "SABA (8, 2)", 2, (0.0, *_around_pair((0.1739274225687269286865319746109997036177,)), 0.0),
+    _around_drift((0.06943184420297371238802675555359524745214, 0.2605776340045981552106403648947824089476)),
+    "McLachlan, BIT 35 (1995); Laskar and Robutel, Celest. Mech. Dyn. Astron. 80 (2001)", quadratic=False,
+)  # fmt: skip
+
+ABA104 = shipped(
+    "ABA (10, 4)", 4,
+    (0.0, *_around_drift((
+        0.1188819173681970199453503950853885936957, 0.2410504605515015657441667865901651105675,
+        -0.2732866667053238060543113981664559460630,
+    )), 0.0),
+    _around_pair((
+        0.04706710064597250612947887637243678556564, 0.1847569354170881069247376193702560968574,
+        0.2827060056798362053243616565541452479160,
+    )),
+    "Blanes et al., Appl. Numer. Math. 68 (2013)", quadratic=False,
+)  # fmt: skip
+
+ABA864 = shipped(
+    "ABA (8, 6, 4)", 4,
+    (0.0, *_around_drift((
+        0.183083687472197221961703757166430291072, 0.310782859898574869507522291054262796375,
+        -0.0265646185119588006972121379164987592663,
+    )), 0.0),
+    _around_pair((
+        0.0711334264982231177779387300061549964174, 0.241153427956640098736487795326289649618,
+        0.521411761772814789212136078067994229991,
+    )),
+    "Blanes et al., Appl. Numer. Math. 68 (2013)", quadratic=False,
+)  # fmt: skip
+
+ABA1064 = shipped(
+    "ABA (10, 6, 4)", 4,
+    (0.0, *_around_pair((
+        0.09585888083707521061077150377145884776921, 0.2044461531429987806805077839164344779763,
+        0.2170703479789911017143385924306336714532,
+    )), 0.0),
+    _around_drift((
+        0.03809449742241219545697532230863756534060, 0.1452987161169137492940200726606637497442,
+        0.2076276957255412507162056113249882065158, 0.4359097036515261592231548624010651844006,
+    )),
+    "Blanes et al., Appl. Numer. Math. 68 (2013); Farres et al., Celest. Mech. Dyn. Astron. 116 (2013)", quadratic=False,
+)  # fmt: skip
+
 SPLITTINGS = {
     t.name: t
     for t in (
         *(STRANG, BLANES_MOAN4, BLANES_MOAN6, BLANES_MOAN6_SHORT, BLANES_CASAS_ESCORIHUELA8),
         *(SYMPLECTIC_EULER, RUTH3, BLANES_MOAN4_GENERAL, BLANES_MOAN6_GENERAL),
+        *(SABA82, ABA104, ABA864, ABA1064),
     )
 }
 """All splittings, by name."""

@@ -1,0 +1,103 @@
+"""How far a step is from a Poisson map."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from ..errors import IncompatibleSystem, InvalidInput, InvalidType, LiemechError
+from ..formulas import Vec, jacobian, vec
+from ..formulas.broadcasting import small
+from ..groups.poisson_structure import Canonical, LiePoissonStructure, PoissonStructure
+from ..integrators.method import Method
+from ..systems.canonical import CanonicalState, HamiltonianSystem
+from ..systems.lie_poisson import BodyState, LiePoissonSystem
+from ..systems.poisson import PoissonState, PoissonSystem
+from ..systems.system import State, System
+from .places import STEP, size
+from .system_places import CENTRAL
+
+
+def poisson_defect(method: Method, system: System, state: State, h: float) -> float:
+    """How far a step Phi of length h is from a Poisson map: max |Phi' B(y) Phi'^T - B(Phi(y))|/max |B(Phi(y))|.
+
+    system : a PoissonSystem, a LiePoissonSystem (its momenta) or a HamiltonianSystem.  state : one state, `system.state(...)`.
+    Rounding, 1e-12 or less, for a Poisson map.  Phi' is exact to rounding where the step is explicit: the step is made with numbers
+    that carry their derivative.  Steps that are iterated have derivatives that lag behind; for them Phi' is taken by differences
+    too, of order eight, and the smaller defect counts.
+
+    Raises IncompatibleSystem for other systems, and what the method refuses; InvalidInput for ensembles.
+    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.4.1.
+    """
+    if not isinstance(method, Method):
+        raise InvalidType(f"poisson_defect: method must be a Method, such as Splitting(order=2); got {method!r}")
+    structure, y = _point(system, state)
+    method.require(system)
+
+    def step(x: Any) -> Vec:
+        begin = method.start(system, _state(system, x), h)
+        end = method.observe(method.step(system, 0.0, begin, h))
+        return vec(*[component for name in system.coordinates for component in getattr(end, name)])
+
+    after = step(y)
+    B, there = (np.array(structure.matrix(x), dtype=float) for x in (y, after))
+    unit = float(np.abs(there).max(initial=0.0)) or 1.0
+    found = []
+    for derivative in (_exact, _by_differences):
+        D = derivative(step, y)
+        if D is not None:
+            found.append(float(np.abs(D @ B @ D.T - there).max(initial=0.0)) / unit)
+    if not found or not math.isfinite(min(found)):
+        raise InvalidInput(f"poisson_defect: a step of {method!r} with h = {h:g} has no derivative at {list(map(float, y))}")
+    return min(found)
+
+
+def _exact(step: Any, y: Vec) -> np.ndarray | None:
+    """The derivative by numbers that carry it along; None for a step that does not bear them."""
+    try:
+        D = np.array(jacobian(step, y), dtype=float)
+    except (TypeError, AttributeError, LiemechError, ArithmeticError, ValueError):
+        return None
+    return D if np.isfinite(D).all() else None
+
+
+def _by_differences(step: Any, y: Vec) -> np.ndarray | None:
+    """The derivative by differences of order eight, of steps that depend on the size of the components."""
+    numbers = np.array(y, dtype=float)
+    whole = size(numbers) or 1.0
+    columns = []
+    for j, x in enumerate(numbers):
+        apart = 0.25 * STEP * (abs(x) if abs(x) > 0.1 * whole else whole)
+        starts = [numbers + k * apart * np.eye(len(numbers))[j] for k in range(-4, 5)]
+        ends = [np.array(step(Vec.of(s.tolist())), dtype=float) for s in starts]
+        columns.append(sum(w * end for w, end in zip(CENTRAL, ends, strict=True)) / apart)
+    D = np.stack(columns, axis=1)
+    return D if np.isfinite(D).all() else None
+
+
+def _point(system: Any, state: Any) -> tuple[PoissonStructure, Vec]:
+    """The structure, and the coordinates of the state."""
+    if isinstance(system, PoissonSystem):
+        structure: PoissonStructure = system.structure
+    elif isinstance(system, LiePoissonSystem):
+        structure = LiePoissonStructure(system.group)
+    elif isinstance(system, HamiltonianSystem):
+        structure = Canonical(system.degrees)
+    else:
+        raise IncompatibleSystem(f"poisson_defect needs a PoissonSystem, LiePoissonSystem or HamiltonianSystem; got {system!r}")
+    if not isinstance(state, State) or state.bodies is not None:
+        raise InvalidInput(f"poisson_defect: state must be one state, system.state(...); got {state!r}")
+    parts = [small(np.asarray(getattr(state, name))) for name in system.coordinates]
+    return structure, vec(*[x for part in parts for x in part])
+
+
+def _state(system: Any, x: Any) -> State:
+    """The state with these coordinates."""
+    if isinstance(system, PoissonSystem):
+        return PoissonState(vec(*x))
+    if isinstance(system, LiePoissonSystem):
+        return BodyState(vec(*x), None)
+    n = system.degrees
+    return CanonicalState(vec(*[x[i] for i in range(n)]), vec(*[x[n + i] for i in range(n)]))

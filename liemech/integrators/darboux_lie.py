@@ -1,0 +1,173 @@
+"""The numerical construction of Darboux and Lie: canonical coordinates around a point, for any structure of constant rank."""
+
+from __future__ import annotations
+
+from dataclasses import field
+from typing import Any
+
+import numpy as np
+
+from ..errors import InvalidInput, OutsideChart
+from ..formulas import Mat, Record, Vec, dot, outer, record, vec
+from ..groups.matrix_group import whole_number
+from ..systems.darboux import DarbouxChart
+from ..tableaus import BY_ORDER
+from .rkmk import combination
+
+NO_RANK = 1e-9
+"""A structure this small, relative to its largest entry, is zero."""
+
+
+@record
+class Level(Record):
+    """One step of the recursion: a pair of functions in the space that is left, and what lies in both of their levels.
+
+    centre : y_0 in the coordinates of this level, (m,).  a, b : p = a . (y - y_0), and q = 0 where b . (y - y_0) = 0.
+    basis : of the rest, (m, m - 2), orthonormal, with a and b across; None if there is no rest.
+    """
+
+    centre: Vec
+    a: Vec
+    b: Vec
+    basis: Mat | None
+
+
+@record
+class DarbouxLieChart(DarbouxChart):
+    """Canonical coordinates around a point, by the construction of Darboux and Lie, with numerical motions.
+
+    One takes a linear function p and its motion, y' = B a.  Where b . (y - y_0) = 0 is crossed, q = 0, and q is the time since:
+    then {q, p} = 1.  The motions of q and p commute, and lead every point to a point of the plane q = p = 0, where functions are
+    left that commute with both; there the structure is B - (B a (B b)^T - B b (B a)^T)/(a . B b), and one goes on with it.  At last
+    B = 0: what is left are Casimirs.
+
+    structure : of constant rank near the point.  centre : the point y_0, (n,).  steps : of order 8, for each motion.
+    `defect(y)` tells how canonical the coordinates are: rounding near y_0.
+
+    Raises InvalidInput where the rank at y_0 is zero; OutsideChart where a motion no longer crosses.
+    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.3.
+    """
+
+    centre: Vec
+    steps: int = 4
+    levels: tuple[Level, ...] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        whole_number("DarbouxLieChart.steps", self.steps, 1)
+        if len(self.centre) != self.structure.dim:
+            raise InvalidInput(f"DarbouxLieChart: centre must have {self.structure.dim} components; got {self.centre!r}")
+        B = np.array(self.structure.matrix(self.centre), dtype=float)
+        whole = np.abs(B).max(initial=0.0)
+        if not np.isfinite(B).all() or not whole > 0.0:
+            here = list(self.centre)
+            raise InvalidInput(f"DarbouxLieChart: the structure has rank zero or no value at {here}; take another centre")
+        found: list[Level] = []
+        y = np.array(self.centre)
+        while len(B) > 1 and np.abs(B).max() > NO_RANK * whole:
+            i, j = np.unravel_index(int(np.abs(B).argmax()), B.shape)
+            a, b = np.eye(len(B))[j], np.eye(len(B))[i]
+            a = a / (b @ B @ a)  # {q, p} is one at the centre by itself
+            basis = np.eye(len(B))[:, [k for k in range(len(B)) if k not in (i, j)]]
+            found.append(Level(Vec.of(y), Vec.of(a), Vec.of(b), Mat.of(basis.tolist()) if basis.size else None))
+            B, y = basis.T @ np.asarray(_restricted(Mat.of(B.tolist()), found[-1])) @ basis, basis.T @ y
+        object.__setattr__(self, "levels", tuple(found))
+
+    @property
+    def degrees(self) -> int:
+        """Half the rank at the centre."""
+        return len(self.levels)
+
+    def coordinates(self, y: Vec) -> Vec:
+        """(q, p, c).  y : (n,)."""
+        q: list[Any] = []
+        p: list[Any] = []
+        for k, level in enumerate(self.levels):
+            y, time = self._to_section(k, y)
+            q.append(time)
+            p.append(dot(level.a, y - level.centre))
+            y = self._along(k, y, -p[k])
+            y = _inside(level, y)
+        return vec(*q, *p, *y)
+
+    def point(self, z: Vec) -> Vec:
+        """y.  z : (n,)."""
+        n = len(self.levels)
+        y = vec(*[z[i] for i in range(2 * n, len(z))])
+        for k in range(n - 1, -1, -1):
+            y = self._along(k, _embedded(self.levels[k], y), z[n + k])
+            y = self._flow(k, y, z[k])
+        return y
+
+    # ---------------------------------------------------------------- the motions of a level
+
+    def _matrix(self, k: int, y: Vec) -> Mat:
+        """The structure in the coordinates of a level."""
+        points = [y]
+        for level in self.levels[:k][::-1]:
+            points.append(_embedded(level, points[-1]))
+        B = self.structure.matrix(points[-1])
+        for level in self.levels[:k]:
+            rows = level.basis.T  # type: ignore[union-attr]
+            B = rows @ _restricted(B, level) @ level.basis
+        return B
+
+    def _to_section(self, k: int, y: Vec) -> tuple[Vec, Any]:
+        """Along the motion of p to where b . (y - y_0) = 0, with that as time; and the time that this takes, backwards."""
+        level = self.levels[k]
+        m, whole = len(y), dot(level.b, y - level.centre)
+
+        def rate(x: Vec) -> Vec:
+            velocity = self._matrix(k, vec(*[x[i] for i in range(m)])) @ level.a
+            crossing = dot(level.b, velocity)
+            if not crossing > 0.0:
+                raise OutsideChart(
+                    f"DarbouxLieChart: the motion of p_{k + 1} does not cross its section here; stay nearer to the centre"
+                )
+            return vec(*(velocity / crossing), 1.0 / crossing)
+
+        end = self._integrated(rate, vec(*y, 0.0), -whole)
+        return vec(*[end[i] for i in range(m)]), -end[m]
+
+    def _along(self, k: int, y: Vec, change: Any) -> Vec:
+        """Along the motion of q, on the section, until p has changed by so much."""
+        level = self.levels[k]
+
+        def rate(x: Vec) -> Vec:
+            velocity = self._matrix(k, x) @ level.b
+            return velocity / dot(level.a, velocity)
+
+        return self._integrated(rate, y, change)
+
+    def _flow(self, k: int, y: Vec, time: Any) -> Vec:
+        """The motion of p."""
+        return self._integrated(lambda x: self._matrix(k, x) @ self.levels[k].a, y, time)
+
+    def _integrated(self, rate: Any, y: Vec, time: Any) -> Vec:
+        """Steps of order 8."""
+        tableau = BY_ORDER[8]
+        h = time / self.steps
+        for _ in range(self.steps):
+            slopes: list[Any] = []
+            for row in tableau.A:
+                shift = combination(row, slopes)
+                slopes.append(rate(y if shift is None else y + h * shift))
+            y = y + h * combination(tableau.b, slopes)
+        return y
+
+
+def _restricted(B: Mat, level: Level) -> Mat:
+    """Dirac's bracket for the pair of the level: B - (B a (B b)^T - B b (B a)^T)/(a . B b)."""
+    x, y = B @ level.a, B @ level.b
+    return B - (outer(x, y) - outer(y, x)) / dot(level.a, y)
+
+
+def _inside(level: Level, y: Vec) -> Vec:
+    """The coordinates that are left."""
+    return vec() if level.basis is None else level.basis.T @ y
+
+
+def _embedded(level: Level, x: Vec) -> Vec:
+    """The point with these, at q = p = 0."""
+    across = level.centre if level.basis is None else level.centre - level.basis @ (level.basis.T @ level.centre)
+    return across if level.basis is None else across + level.basis @ x

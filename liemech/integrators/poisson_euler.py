@@ -1,0 +1,153 @@
+"""Symplectic Euler for planar Poisson systems, its adjoint, and the symmetric composition of both."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Any, ClassVar
+
+import numpy as np
+
+from ..errors import IncompatibleSystem, InvalidInput, NoConvergence
+from ..formulas import Record, Vec, derivative, plain, record, vec
+from ..systems.poisson import PoissonState, PoissonSystem
+from .method import Method
+
+ROUNDING = 2.0**-40
+"""What is below this, relative to its terms, is zero up to rounding."""
+
+
+@record
+class PlanarEuler(Method):
+    """Methods of the plane y = (u, v), B = [[0, b], [-b, 0]], H = K(u) + L(v), made of steps of symplectic Euler; abstract.
+
+    Such a step is a Poisson map for all K and L if and only if b is affine in u and affine in v: b = 1, u v, 1 + u v, u + v, but
+    not u^2 v.  `require` looks whether it is.  (That it is one for every b, as some texts have it, is not so.)
+
+    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.4.1; the condition: docs/poisson_systems.md.
+    """
+
+    symplectic: ClassVar[bool] = True
+
+    def require(self, system: Any) -> None:
+        """A Poisson system in the plane, b affine in each variable, H a sum K(u) + L(v)."""
+        if not isinstance(system, PoissonSystem) or system.structure.dim != 2:
+            raise IncompatibleSystem(f"{self!r} needs a PoissonSystem in the plane; got {system!r}. RKMK accepts every system")
+        for y in np.random.default_rng(11).uniform(0.5, 1.0, size=(3, 2)).tolist():
+            at = vec(*y)
+            for axis, name in ((0, "u"), (1, "v")):
+                curvature = derivative(partial(_slope, system, axis), at, [float(axis == 0), float(axis == 1)])
+                if abs(curvature) > ROUNDING * (abs(_b(system, at)) + abs(curvature)):
+                    raise IncompatibleSystem(
+                        f"{self!r} is no Poisson map here: b_12 of {system.structure!r} is not affine in {name}, its second "
+                        f"derivative at {y} is {curvature:.3g}. {system.instead}"
+                    )
+            mixed = derivative(lambda x: system.gradient(x), at, [0.0, 1.0])[0]
+            if abs(mixed) > ROUNDING * (sum(map(abs, system.gradient(at))) + abs(mixed)):
+                raise IncompatibleSystem(
+                    f"{self!r} needs an energy K(u) + L(v); that of {system!r} has d2H/du dv = {mixed:.3g} at {y}"
+                )
+
+    def u_first(self, system: Any, y: Vec, slope: float, h: float) -> tuple[Vec, float]:
+        """u_1 = u + h b(u_1, v) L'(v), v_1 = v - h b(u_1, v) K'(u_1), linear in u_1, for b is affine in u; and K'(u_1).
+
+        slope : L'(v).
+        """
+        here = plain(y)
+        gain = self._gain(system, here, h * slope, h, 0)
+        between = vec(here[0] + gain, here[1])
+        new = system.gradient(between)[0]
+        return vec(y[0] + gain, y[1] - h * _b(system, between) * new), new
+
+    def v_first(self, system: Any, y: Vec, slope: float, h: float) -> tuple[Vec, float]:
+        """Its adjoint, v_1 = v - h b(u, v_1) K'(u), u_1 = u + h b(u, v_1) L'(v_1); and L'(v_1).
+
+        slope : K'(u).
+        """
+        here = plain(y)
+        gain = self._gain(system, here, -h * slope, h, 1)
+        between = vec(here[0], here[1] + gain)
+        new = system.gradient(between)[1]
+        return vec(y[0] + h * _b(system, between) * new, y[1] + gain), new
+
+    def _gain(self, system: Any, y: Vec, s: float, h: float, axis: int) -> float:
+        """The d with d = s (b + d b'), b' the slope of b along the axis."""
+        rest = 1.0 - s * _slope(system, axis, y)
+        if not rest > 0.0:
+            raise NoConvergence(
+                f"{self!r}: the step h = {h:g} is too large, 1 - h (dH)' b' = {rest:.3g} is not positive. Try {0.25 * h:g}, or "
+                "Splitting, whose exact motions have no such bound"
+            )
+        return s * _b(system, y) / rest
+
+
+def _b(system: Any, y: Any) -> Any:
+    return system.structure.matrix(y)[0, 1]
+
+
+def _slope(system: Any, axis: int, y: Any) -> Any:
+    """db/du or db/dv."""
+    return derivative(lambda x: _b(system, x), y, [1.0, 0] if axis == 0 else [0, 1.0])  # an integer 0 rests
+
+
+@record
+class PoissonEuler(PlanarEuler):
+    """Symplectic Euler as a Poisson map, for y = (u, v), {u, v} = b(u, v) and H = K(u) + L(v), explicit where b is affine in u:
+
+        u_n+1 = u_n + h b(u_n+1, v_n) L'(v_n),   v_n+1 = v_n - h b(u_n+1, v_n) K'(u_n+1)        first="u"
+        v_n+1 = v_n - h b(u_n, v_n+1) K'(u_n),   u_n+1 = u_n + h b(u_n, v_n+1) L'(v_n+1)        first="v", its adjoint
+
+    Order 1.  Refused unless b is affine in u and in v.  Raises NoConvergence on a step too large for the linear equation.  Numbers
+    of animals may still become negative; Splitting(order=1), the same in logarithms, keeps them positive whatever the step.
+
+    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., I.1.1 and VII.4.1.
+    """
+
+    order: ClassVar[int] = 1
+    first: str = "u"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.first not in ("u", "v"):
+            raise InvalidInput(f'PoissonEuler: first is "u" or "v"; got {self.first!r}')
+
+    def step(self, system: Any, t: float, state: PoissonState, h: float) -> PoissonState:
+        """One step."""
+        slopes = system.gradient(plain(state.y))
+        if self.first == "u":
+            return PoissonState(self.u_first(system, state.y, slopes[1], h)[0])
+        return PoissonState(self.v_first(system, state.y, slopes[0], h)[0])
+
+
+@record
+class Leaning(Record):
+    """A state, and the slope L'(v) there."""
+
+    state: PoissonState
+    slope: float
+
+
+@record
+class PoissonVerlet(PlanarEuler):
+    """Half a step of PoissonEuler and half a step of its adjoint: the method of Stormer and Verlet as a Poisson map.
+
+    Order 2, symmetric; a base for `Composition`.  Refused unless b is affine in u and in v.
+
+    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.4.1 and II.4.
+    """
+
+    order: ClassVar[int] = 2
+    symmetric: ClassVar[bool] = True
+
+    def start(self, system: Any, state: PoissonState, h: float) -> Leaning:
+        """The state and L'(v)."""
+        return Leaning(state, system.gradient(plain(state.y))[1])
+
+    def observe(self, memory: Leaning) -> PoissonState:
+        """The state."""
+        return memory.state
+
+    def step(self, system: Any, t: float, memory: Leaning, h: float) -> Leaning:
+        """Half a step u first, half a step v first; L' at the end is that of the next beginning."""
+        y, slope = self.u_first(system, memory.state.y, memory.slope, 0.5 * h)
+        y, slope = self.v_first(system, y, slope, 0.5 * h)
+        return Leaning(PoissonState(y), slope)

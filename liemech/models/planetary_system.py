@@ -1,0 +1,249 @@
+"""Planets about a heavy sun: the N-body problem in Jacobi's coordinates, Kepler motions and what planets do to each other."""
+
+from __future__ import annotations
+
+from dataclasses import field
+from typing import Any
+
+import numpy as np
+
+from ..errors import InvalidInput, NoConvergence
+from ..formulas import Vec, dot, norm, plain, real_array, record, sqrt, vec, where
+from ..groups.poisson_structure import Canonical, PoissonStructure
+from ..systems.hamiltonian import Hamiltonian
+from ..systems.parts import Part, SplitHamiltonian, Straight
+from ..systems.poisson import PoissonState, PoissonSystem
+from .n_body import NBody
+from .pendulums import check_positive
+
+LIMIT = 60
+"""Iterations of Kepler's equation; a good step takes three to six."""
+
+
+def kepler_step(q: Vec, v: Vec, k: float, t: float) -> tuple[Vec, Vec]:
+    """What q and v gain in the time t under the attraction -k q/|q|^3: on ellipses, parabolas and hyperbolas.
+
+        t = r_0 G_1 + e_0 G_2 + k G_3,  G_n = s^n c_n(b s^2),  b = 2k/r_0 - |v|^2,  e_0 = q . v
+
+    with Stumpff's functions c_n and Laguerre's iteration for s.  q, v : (3,).
+
+    Source: Danby, Fundamentals of Celestial Mechanics, 2nd ed., section 6.9 (universal variables); Conway, Celest. Mech. 39 (1986).
+    """
+    r0 = norm(q)
+    b, e0 = 2.0 * k / r0 - dot(v, v), dot(q, v)
+    s, last, turns, searching = t / r0, float("inf"), 0, True
+    c1 = c2 = c3 = 0.0
+    while searching:
+        c0, c1, c2, c3 = stumpff(b * (s * s))
+        excess = s * (r0 * c1 + s * (e0 * c2 + s * (k * c3))) - t
+        slope = r0 * c0 + s * (e0 * c1 + s * (k * c2))
+        bend = e0 * c0 + s * ((k - b * r0) * c1)
+        change = 5.0 * excess / (slope + sqrt(abs(16.0 * slope * slope - 20.0 * excess * bend)))
+        size = abs(change)
+        searching = size > 2.0**-52 * abs(s) and (size < last or size > 2.0**-30 * abs(s))
+        s, last, turns = where(searching, s - change, s), size, turns + 1
+        if turns > LIMIT:
+            raise NoConvergence("Kepler's equation was not solved: a planet meets the sun, or the step is many periods long")
+    G1, G2, G3 = s * c1, s * s * c2, s * s * s * c3
+    r = r0 + e0 * G1 + (k - b * r0) * G2
+    f, g = -k * G2 / r0, t - k * G3
+    df, dg = -k * G1 / (r0 * r), -k * G2 / r
+    return f * q + g * v, df * q + dg * v
+
+
+def stumpff(z: float) -> tuple[float, float, float, float]:
+    """c_n(z) = sum (-z)^j/(n + 2j)!, n = 0, 1, 2, 3: the series of z/4^m, and quadruplings.
+
+    Source: Danby, Fundamentals of Celestial Mechanics, 2nd ed., section 6.9.
+    """
+    halvings = 0
+    while abs(z) > 0.1:
+        z, halvings = 0.25 * z, halvings + 1
+    c3, c2 = 1.0, 1.0
+    for j in range(6, 0, -1):
+        c3 = 1.0 - (c3 * z) * (1.0 / ((2.0 * j + 2.0) * (2.0 * j + 3.0)))
+        c2 = 1.0 - (c2 * z) * (1.0 / ((2.0 * j + 1.0) * (2.0 * j + 2.0)))
+    c3, c2 = (1.0 / 6.0) * c3, 0.5 * c2
+    c1, c0 = 1.0 - z * c3, 1.0 - z * c2
+    while halvings > 0:
+        c3, c2 = 0.25 * (c2 + c0 * c3), 0.5 * (c1 * c1)
+        c1, c0 = c0 * c1, 2.0 * c0 * c0 - 1.0
+        halvings = halvings - 1
+    return c0, c1, c2, c3
+
+
+@record
+class KeplerMotions(Part):
+    """Planets on Kepler's orbits in Jacobi's coordinates, sum |P_i|^2/(2 m'_i) - G m'_i M_i/|Q_i|: their motion is exact.
+
+    masses : m'_i, reduced ones.  attractions : G M_i.
+
+    Source: Wisdom and Holman, Astron. J. 102 (1991), 1528.
+    """
+
+    masses: Vec
+    attractions: Vec
+
+    def energy(self, mu: Vec) -> float:
+        """The energy.  mu : (6n,), the point (Q, P)."""
+        total, n = 0.0, len(self.masses)
+        for i, m in enumerate(self.masses):
+            Q, P = _body(mu, i), _body(mu, n + i)
+            total = total + (dot(P, P) / (2.0 * m) - m * self.attractions[i] / norm(Q))
+        return total
+
+    def gradient(self, mu: Vec) -> Vec:
+        """(G m'_i M_i Q_i/|Q_i|^3, P_i/m'_i).  mu : (6n,)."""
+        pulls: list[Any] = []
+        velocities: list[Any] = []
+        for i, m in enumerate(self.masses):
+            Q, P = _body(mu, i), _body(mu, len(self.masses) + i)
+            pulls = [*pulls, *((m * self.attractions[i] / (dot(Q, Q) * norm(Q))) * Q)]
+            velocities = [*velocities, *(P / m)]
+        return vec(*pulls, *velocities)
+
+    def flow(self, structure: PoissonStructure, y: Vec, t: float) -> Vec:
+        """Every planet along its orbit.  y : (6n,)."""
+        here, n = plain(y), len(self.masses)
+        gains: list[Any] = []
+        kicks: list[Any] = []
+        for i, m in enumerate(self.masses):
+            gain, kick = kepler_step(_body(here, i), _body(here, n + i) / m, self.attractions[i], t)
+            gains, kicks = [*gains, *gain], [*kicks, *(m * kick)]
+        return y + vec(*gains, *kicks)
+
+
+@record
+class Perturbation(Hamiltonian):
+    """What is left: the attraction between planets, and that of the sun less the one of Kepler's orbits; a function of positions.
+
+    masses : of all bodies, the sun first.  gravity : G.
+
+    Source: Wisdom and Holman, Astron. J. 102 (1991), 1528; Rein and Tamayo, Mon. Not. R. Astron. Soc. 452 (2015), 376.
+    """
+
+    masses: Vec
+    gravity: float
+
+    def energy(self, mu: Vec) -> float:
+        """The energy.  mu : (6n,), the point (Q, P)."""
+        m, total, inside = self.masses, 0.0, self.masses[0]
+        places = self.places(mu)
+        for i in range(1, len(m)):
+            total = total + self.gravity * m[i] * inside / norm(_body(mu, i - 1))
+            inside = inside + m[i]
+            for j in range(i):
+                total = total - self.gravity * m[i] * m[j] / norm(places[i] - places[j])
+        return total
+
+    def gradient(self, mu: Vec) -> Vec:
+        """(dV/dQ, 0).  mu : (6n,)."""
+        m, G, n = self.masses, self.gravity, len(self.masses)
+        places = self.places(mu)
+        slopes = [vec(0.0, 0.0, 0.0) for _ in m]
+        for i in range(1, n):
+            for j in range(i):
+                if i > 1:  # the sun and the first planet are Kepler's problem
+                    x = places[i] - places[j]
+                    pull = (G * m[i] * m[j] / (dot(x, x) * norm(x))) * x
+                    slopes[i], slopes[j] = slopes[i] + pull, slopes[j] - pull
+        found: list[Any] = []
+        outside = vec(0.0, 0.0, 0.0)
+        inside = sum([m[i] for i in range(n)])
+        for i in range(n - 1, 0, -1):
+            slope = slopes[i] + (m[i] / inside) * outside
+            inside = inside - m[i]
+            if i > 1:
+                Q = _body(mu, i - 1)
+                slope = slope - (G * m[i] * inside / (dot(Q, Q) * norm(Q))) * Q
+            outside = outside + slopes[i]
+            found = [*slope, *found]
+        return vec(*found, *[0.0 for _ in range(3 * (n - 1))])
+
+    def places(self, mu: Vec) -> Any:
+        """Positions seen from the sun."""
+        m, inside = self.masses, self.masses[0]
+        centre = vec(0.0, 0.0, 0.0)
+        found = [centre]
+        for i in range(1, len(m)):
+            Q = _body(mu, i - 1)
+            found = [*found, centre + Q]
+            inside = inside + m[i]
+            centre = centre + (m[i] / inside) * Q
+        return found
+
+
+def _body(y: Vec, i: int) -> Vec:
+    return vec(y[3 * i], y[3 * i + 1], y[3 * i + 2])
+
+
+@record
+class PlanetarySystem(PoissonSystem):
+    """Planets about a sun in Jacobi's coordinates y = (Q, P), Q_i the position of a planet seen from the centre of those inside.
+
+    masses : the sun's, and those of the planets from the inside out, (n + 1,).  gravity : G.
+    The energy is that of Kepler's orbits, whose motion is exact, and a small rest that kicks: `Splitting` is the method of Wisdom
+    and Holman, with `lm.tableaus.SPLITTINGS["ABA (10, 6, 4)"]` one for small rests.
+    The centre of mass rests.  `state_of` and `bodies` translate from and to `NBody`.
+
+    Source: Wisdom and Holman, Astron. J. 102 (1991), 1528; Hairer, Lubich, Wanner, XIII.
+    """
+
+    structure: Canonical = field(init=False, repr=False)
+    hamiltonian: SplitHamiltonian = field(init=False, repr=False)
+    masses: Vec
+    gravity: float = 1.0
+
+    def __post_init__(self) -> None:
+        m = np.array(real_array(self.masses, f"{type(self).__name__}: masses"))
+        if m.ndim != 1 or len(m) < 2:
+            raise InvalidInput(f"{type(self).__name__}: masses are the sun's and one planet's at least; got {self.masses!r}")
+        check_positive(self, "masses", "gravity")
+        whole = np.cumsum(m)
+        object.__setattr__(self, "structure", Canonical(3 * (len(m) - 1)))
+        kepler = KeplerMotions(Vec.of((m[1:] * whole[:-1] / whole[1:]).tolist()), Vec.of((self.gravity * whole[1:]).tolist()))
+        rest = Straight(Perturbation(Vec.of(m.tolist()), float(self.gravity)))
+        object.__setattr__(self, "hamiltonian", SplitHamiltonian((kepler, rest)))
+        super().__post_init__()
+
+    def state_of(self, q: Any, p: Any) -> PoissonState:
+        """The state with these positions and momenta of all bodies, (3 (n + 1),) each, as in `NBody`.
+
+        What the centre of mass does is left out.
+        """
+        m, whole = np.array(self.masses), np.cumsum(np.array(self.masses))
+        Q = [real_array(x, f"{type(self).__name__}.state_of").reshape(len(m), 3) for x in (q, p)]
+        x, v = Q[0], Q[1] / m[:, None]
+        jacobi = []
+        for values in (x, v):
+            centres = np.cumsum(m[:, None] * values, axis=0) / whole[:, None]
+            jacobi.append(values[1:] - centres[:-1])
+        reduced = m[1:] * whole[:-1] / whole[1:]
+        return self.state(np.concatenate([jacobi[0].ravel(), (reduced[:, None] * jacobi[1]).ravel()]))
+
+    def bodies(self, y: Any) -> tuple[np.ndarray, np.ndarray]:
+        """Positions and momenta of all bodies, seen from the centre of mass.  y : (..., 6n), returns (..., 3 (n + 1)) each."""
+        y, m = np.asarray(y, dtype=float), np.array(self.masses)
+        whole, n = np.cumsum(m), len(m) - 1
+        reduced = m[1:] * whole[:-1] / whole[1:]
+        halves = y.reshape(*y.shape[:-1], 2, n, 3)
+        found = []
+        for values in (halves[..., 0, :, :], halves[..., 1, :, :] / reduced[:, None]):
+            centre, places = np.zeros_like(values[..., 0, :]), [np.zeros_like(values[..., 0, :])]
+            for i in range(n):
+                places.append(centre + values[..., i, :])
+                centre = centre + m[i + 1] / whole[i + 1] * values[..., i, :]
+            found.append(np.stack(places, axis=-2) - centre[..., None, :])
+        q, p = found[0], found[1] * m[:, None]
+        return q.reshape(*y.shape[:-1], -1), p.reshape(*y.shape[:-1], -1)
+
+    @classmethod
+    def outer_solar_system(cls) -> tuple[PlanetarySystem, PoissonState]:
+        """The Sun (with the inner planets), Jupiter, Saturn, Uranus, Neptune and Pluto on 5 September 1994; AU, days, Suns.
+
+        Source: Hairer, Lubich, Wanner, I.2.4, table 2.2.
+        """
+        bodies, start = NBody.outer_solar_system()
+        make: Any = cls
+        system = make(bodies.masses, bodies.gravity)
+        return system, system.state_of(np.array(start.q), np.array(start.p))

@@ -1,0 +1,193 @@
+"""Parts of an energy, and those of them whose motion is known in closed form."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..errors import InvalidInput, InvalidType, NotDefined
+from ..formulas import Mat, Vec, derivative, gradient, jacobian, plain, record, vec
+from ..formulas.vectors import Vec as SmallVector
+from ..groups.matrix_functions import phi1m
+from ..groups.poisson_structure import PoissonStructure
+from .hamiltonian import Hamiltonian
+
+ROUNDING = 2.0**-44
+"""What is below this, relative to its terms, is zero up to rounding."""
+
+
+@record
+class Part(Hamiltonian):
+    """An energy whose motion is known: a part of another one, by which `Splitting` steps it.
+
+    A subclass writes `energy(y)`, and `flow`.  Parts that are T(p), V(q), a function of one coordinate, or at most quadratic where
+    the structure is constant, need no flow: they are Hamiltonians, and recognised.
+    """
+
+    def flow(self, structure: PoissonStructure, y: Vec, t: float) -> Vec:
+        """Where y is after the time t, if this part is all the energy.  structure : the Poisson structure.  y : (n,)."""
+        raise NotDefined(f"{type(self).__name__} must define `flow`")
+
+
+@record
+class SplitHamiltonian(Hamiltonian):
+    """An energy that is the sum of parts, H = H_1 + H_2 + ..., whose motions are known one by one.
+
+    parts : Hamiltonians; those with a motion of their own are `Part`s, the others are recognised where they can be.
+
+    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.4.2.
+    """
+
+    parts: tuple[Hamiltonian, ...]
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for part in self.parts:
+            if not isinstance(part, Hamiltonian):
+                raise InvalidType(f"SplitHamiltonian: parts must be Hamiltonians, such as KineticEnergy(...); got {part!r}")
+        if not self.parts:
+            raise InvalidInput("SplitHamiltonian: parts is empty")
+
+    def energy(self, mu: Vec) -> float:
+        """H_1 + H_2 + ...  mu : (n,), a point."""
+        total = self.parts[0].energy(mu)
+        for part in self.parts[1:]:
+            total = total + part.energy(mu)
+        return total
+
+    def gradient(self, mu: Vec) -> Vec:
+        """dH_1 + dH_2 + ...  mu : (n,), a point."""
+        total = self.parts[0].gradient(mu)
+        for part in self.parts[1:]:
+            total = total + part.gradient(mu)
+        return total
+
+
+# ---------------------------------------------------------------- recognised ones
+
+
+@record
+class Recognised(Part):
+    """A Hamiltonian whose motion was recognised; abstract.
+
+    hamiltonian : the energy.
+    """
+
+    hamiltonian: Hamiltonian
+
+    def energy(self, mu: Vec) -> float:
+        """That of the Hamiltonian.  mu : (n,)."""
+        return self.hamiltonian.energy(mu)
+
+    def gradient(self, mu: Vec) -> Vec:
+        """That of the Hamiltonian.  mu : (n,)."""
+        return self.hamiltonian.gradient(mu)
+
+
+@record
+class Straight(Recognised):
+    """An energy that moves every point along a straight line, at a constant velocity: T(p), V(q)."""
+
+    def flow(self, structure: PoissonStructure, y: Vec, t: float) -> Vec:
+        """y + t B(y) dH(y).  y : (n,)."""
+        here = plain(y)
+        return y + t * structure.sharp(here, self.hamiltonian.gradient(here))
+
+
+@record
+class OfCoordinate(Recognised):
+    """An energy that depends on one coordinate, which it leaves where it is.
+
+    index : the coordinate, from 0.
+    """
+
+    index: int
+
+    def flow(self, structure: PoissonStructure, y: Vec, t: float) -> Vec:
+        """The motion that the coordinate has as energy, for the time t dH/dy_index.  y : (n,)."""
+        return structure.coordinate_flow(y, self.index, t * self.hamiltonian.gradient(plain(y))[self.index])
+
+
+@record
+class Affine(Recognised):
+    """An energy whose velocity is an affine function of the point: quadratic ones where the structure is constant.
+
+    rates : the matrix A of the velocity A y + c.
+    """
+
+    rates: Mat
+
+    def flow(self, structure: PoissonStructure, y: Vec, t: float) -> Vec:
+        """y + t phi_1(t A) (A y + c), phi_1(x) = (e^x - 1)/x.  y : (n,)."""
+        here = plain(y)
+        return y + phi1m(t * self.rates) @ (t * structure.sharp(here, self.hamiltonian.gradient(here)))
+
+
+def recognised(structure: PoissonStructure, part: Hamiltonian) -> Part | str:
+    """The part with its motion, or why none is known."""
+    if isinstance(part, Part):
+        return part
+    points = _points(structure)
+
+    def velocity(y: Any) -> Any:
+        return structure.sharp(y, part.gradient(y))
+
+    try:
+        if all(_rests(velocity, y) for y in points):
+            return Straight(part)
+        slopes = [np.array(gradient(lambda x: part.energy(x), y), dtype=float) for y in points]
+        felt = np.flatnonzero(np.any(slopes, axis=0))
+        if len(felt) == 1:
+            structure.coordinate_flow(points[0], int(felt[0]), 0.5)
+            return OfCoordinate(part, int(felt[0]))
+        rates = [np.array(jacobian(velocity, y), dtype=float) for y in points]
+        if max(np.abs(a - rates[0]).max() for a in rates) <= ROUNDING * np.abs(rates[0]).max():
+            return Affine(part, rates[0])
+    except NotDefined as missing:
+        return f"{missing}, and so no motion of the energy {part!r} of one coordinate"
+    except (ArithmeticError, ValueError, TypeError) as error:
+        return f"{part!r} cannot be looked at near {vec(*points[0])}: {error}"
+    return (
+        f"the motion of {part!r} is not known: it is no straight line, depends on more than one coordinate, and its velocity is "
+        "not affine. Derive it from Part and write `flow`, or split it further"
+    )
+
+
+def second_degree(structure: PoissonStructure, T: Hamiltonian, V: Hamiltonian) -> bool:
+    """Is {V, {V, {V, T}}} = 0, at one to three points and to rounding?  Then Runge-Kutta-Nystroem splittings are of their order."""
+
+    def velocity(y: Any) -> Any:
+        return structure.sharp(y, V.gradient(y))
+
+    def once(y: Any) -> Any:  # {T, V}, the slope of T along the motion of V
+        return derivative(lambda x: T.energy(x), y, velocity(y))
+
+    def twice(y: Any) -> Any:
+        return derivative(once, y, velocity(y))
+
+    def vanishes(y: Any) -> bool:
+        if abs(derivative(twice, y, velocity(y)) * once(y)) > 1e-8 * twice(y) ** 2:  # by far: terms need not be compared
+            return False
+        slopes = np.array(gradient(twice, y), dtype=float)
+        terms = slopes * np.array(velocity(y), dtype=float)
+        return bool(abs(terms.sum()) <= ROUNDING * np.abs(terms).sum())
+
+    try:
+        return all(vanishes(y) for y in _points(structure)[: 3 if structure.dim <= 12 else 1])
+    except (ArithmeticError, ValueError, TypeError):
+        return False
+
+
+def _points(structure: PoissonStructure) -> list[Any]:
+    """Three points of nothing special."""
+    drawn = np.random.default_rng(7).uniform(0.5, 1.0, size=(3, structure.dim))
+    return [SmallVector.of(y) for y in drawn.tolist()]
+
+
+def _rests(velocity: Any, y: Any) -> bool:
+    """Is the velocity constant along itself at y, to rounding?"""
+    v = velocity(y)
+    change = np.array(derivative(velocity, y, v), dtype=float)
+    slopes = np.abs(np.array(jacobian(velocity, y), dtype=float)) @ np.abs(np.array(v, dtype=float))
+    return bool((np.abs(change) <= ROUNDING * slopes.max()).all())

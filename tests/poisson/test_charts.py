@@ -1,0 +1,209 @@
+"""Canonical and local coordinates of Poisson systems: there, an integration, and back."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+import numpy as np
+import pytest
+
+import liemech as lm
+from liemech.formulas import cos, sin
+
+SPECIES = lm.LotkaVolterra([[0, 1, -1], [-1, 0, 1], [1, -1, 0]], [1.0, 2.0, 1.0], [1.0, 1.0, 1.0])
+BODY = lm.RigidBody([1.0, 1.5, 2.0])
+MOMENTA = lm.PoissonSystem(lm.coadjoint(lm.SO3()).poisson_structure, BODY.hamiltonian)
+
+
+# ---------------------------------------------------------------- canonical coordinates
+
+
+@pytest.mark.parametrize("dim", [2, 3, 5, 6])
+def test_linear_charts_of_any_rank(dim: int) -> None:
+    rng = np.random.default_rng(dim)
+    full = rng.normal(size=(dim, dim))
+    low = np.outer(full[0], full[1])  # rank 2
+    for values in (full - full.T, low - low.T, np.zeros((dim, dim))):
+        chart = lm.LinearDarboux(lm.ConstantStructure(values))
+        assert 2 * chart.degrees == np.linalg.matrix_rank(values)
+        assert chart.defect(rng.normal(size=dim)) < 1e-13
+        y = rng.normal(size=dim)
+        assert np.allclose(chart.point(chart.coordinates(y)), y, rtol=0.0, atol=1e-13)
+
+
+@pytest.mark.parametrize(
+    ("chart", "y"),
+    [(lm.Andoyer(), [0.3, -0.4, 0.5]), (lm.LogarithmicDarboux(SPECIES.structure), [1.0, 0.8, 1.2])],
+    ids=["Andoyer", "logarithms"],
+)
+def test_closed_charts_are_canonical_and_lead_back(chart: Any, y: list[float]) -> None:
+    assert chart.defect(y) < 1e-15
+    assert np.allclose(chart.point(chart.coordinates(y)), y, rtol=1e-15, atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("structure", "y", "degrees"),
+    [
+        (MOMENTA.structure, [0.3, 0.4, 0.5], 1),
+        (SPECIES.structure, [1.0, 0.8, 1.2], 1),
+        (lm.MaxwellBloch().structure, [1.0, 0.5, 0.3], 1),
+        (lm.TodaLattice(3).structure, [0.6, 0.5, 0.2, -0.1, 0.3], 2),
+    ],
+    ids=["so(3)*", "species", "Maxwell-Bloch", "Toda"],
+)
+def test_the_construction_of_darboux_and_lie(structure: Any, y: list[float], degrees: int) -> None:
+    """Canonical to 1e-10 near the point, with as many Casimirs as are left, functions of the ones that are known."""
+    chart = lm.DarbouxLieChart(structure, y, steps=2)
+    assert chart.degrees == degrees
+    near = np.array(y) * (1.0 + 0.1 * np.random.default_rng(3).uniform(-1.0, 1.0, len(y)))
+    assert chart.defect(near) < 1e-10
+    z = chart.coordinates(near)
+    assert np.allclose(chart.point(z), near, rtol=0.0, atol=1e-11)
+    assert np.allclose(chart.coordinates(y)[: 2 * degrees], 0.0, atol=1e-15)
+    leaf = chart.point(np.array([*np.zeros(2 * degrees), *z[2 * degrees :]]))
+    assert np.allclose(structure.casimirs(leaf), structure.casimirs(near), rtol=1e-10, atol=1e-12)
+
+
+@pytest.mark.slow
+def test_the_construction_where_a_level_is_inside_another() -> None:
+    """Rank 4 with derivatives of the field in it, and rank 4 of 6."""
+    guide, motions = lm.GuidingCentre(lm.TokamakField(), 0.1).structure, lm.coadjoint(lm.SE3()).poisson_structure
+    for structure, y in ((guide, [1.05, 0.1, 0.1, 0.2]), (motions, [0.3, 0.4, 0.5, 0.9, -0.2, 0.4])):
+        chart = lm.DarbouxLieChart(structure, y)
+        assert chart.degrees == 2
+        assert chart.defect(np.array(y) * 1.05) < 1e-10
+
+
+def test_a_body_in_andoyers_variables_and_back() -> None:
+    """Order 4 against the exact motion; the momentum stays on its sphere; the step is a Poisson map."""
+    mu = [0.9, 0.3, 0.4]
+    chart = lm.Andoyer()
+    there, start = chart.system(MOMENTA, MOMENTA.state(mu))
+    assert there.energy(start.q, start.p) == pytest.approx(BODY.energy(mu), rel=1e-15)
+    errors = []
+    for steps in (10, 20):
+        run = lm.integrate(there, lm.HamiltonJacobi(order=4), start, h=2.0 / steps, steps=steps, compiled=False, progress=False)
+        back = there.points(run.q, run.p)
+        assert np.allclose(np.linalg.norm(back, axis=1), np.linalg.norm(mu), rtol=1e-14)
+        errors.append(np.abs(back[-1] - BODY.exact(BODY.state(mu), 2.0).mu).max())
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(4.0, abs=0.3)
+    assert lm.poisson_defect(lm.HamiltonJacobi(order=4), there, start, 0.2) < 1e-12
+
+
+def test_a_chart_that_is_left_says_so() -> None:
+    chart = lm.Andoyer()
+    with pytest.raises(lm.errors.OutsideChart, match="over the third axis"):
+        chart.point([0.3, 1.2, 1.0])
+    there, start = chart.system(MOMENTA, MOMENTA.state([0.3, 0.2, 1.0]))
+    with pytest.raises(lm.errors.OutsideChart, match="left the chart"):
+        lm.integrate(there, lm.RKMK(order=1), start, h=3.0, steps=200, compiled=False, progress=False)
+    far = lm.DarbouxLieChart(MOMENTA.structure, [0.3, 0.4, 0.5], steps=2)
+    with pytest.raises(lm.errors.OutsideChart, match="stay nearer"):
+        far.coordinates([0.3, 0.9, -0.5])
+    with pytest.raises(lm.errors.InvalidInput, match="rank zero"):
+        lm.DarbouxLieChart(MOMENTA.structure, [0.0, 0.0, 0.0])
+    with pytest.raises(lm.errors.InvalidInput, match="a PoissonSystem with"):
+        chart.system(SPECIES, SPECIES.state([1.0, 1.0, 1.0]))
+
+
+def test_species_in_logarithms_and_back() -> None:
+    """Gauss' method is a Poisson integrator there, and keeps the Casimir; here it is none."""
+    chart = lm.LogarithmicDarboux(SPECIES.structure)
+    begin = SPECIES.state([1.0, 0.8, 1.2])
+    there, start = chart.system(SPECIES, begin)
+    gauss = lm.RKMK(tableau=lm.tableaus.gauss(2))
+    assert lm.poisson_defect(gauss, there, start, 0.3) < 1e-12
+    assert lm.poisson_defect(gauss, SPECIES, begin, 0.3) > 1e-7
+    run = lm.integrate(there, gauss, start, h=0.05, steps=20, compiled=False, progress=False)
+    back = there.points(run.q, run.p)
+    direct = lm.integrate(SPECIES, lm.RKMK(order=8), begin, h=0.05, steps=20, compiled=False, progress=False)
+    assert np.allclose(back, direct.y, rtol=0.0, atol=3e-7)
+    assert np.allclose(SPECIES.casimirs(back), SPECIES.casimirs(direct.y[0]), rtol=0.0, atol=1e-14)
+
+
+# ---------------------------------------------------------------- local coordinates of a constrained system
+
+GRAVITY = 9.81
+Q0, V0 = [0.6, 0.0, -0.8], [0.4, 1.5, 0.3]
+AT_HALF = (
+    [0.118622044704195811, 0.466592090544287381, -0.876481963049843540],
+    [-1.96537876408542766, -0.143566790544161937, -0.342419341411690487],
+)
+"""The spherical pendulum after half a second, from a computation in 36 digits."""
+
+
+@lm.record
+class Particle(lm.HamiltonianSystem):
+    """A free particle under gravity: the constraint |q| = 1 is in the chart alone."""
+
+    degrees: ClassVar[int] = 3
+
+    def energy(self, q: lm.Vec, p: lm.Vec) -> float:
+        return 0.5 * lm.dot(p, p) + GRAVITY * q[2]
+
+
+@lm.record
+class Sphere(lm.LocalChart):
+    """y = (theta, phi, and either their velocities or their momenta)."""
+
+    dim: ClassVar[int] = 4
+    momenta: bool
+
+    def embedding(self, y: lm.Vec) -> lm.Vec:
+        s, c, sp, cp = sin(y[0]), cos(y[0]), sin(y[1]), cos(y[1])
+        turn = y[3] / (s * s) if self.momenta else y[3]
+        along, around = lm.vec(c * cp, c * sp, -s), lm.vec(-s * sp, s * cp, 0.0)
+        return lm.vec(s * cp, s * sp, c, *(y[2] * along + turn * around))
+
+    def coordinates(self, x: lm.Vec) -> lm.Vec:
+        q, p = lm.vec(x[0], x[1], x[2]), lm.vec(x[3], x[4], x[5])
+        s2 = q[0] * q[0] + q[1] * q[1]
+        turn = q[0] * p[1] - q[1] * p[0]
+        theta = lm.formulas.acos(q[2])
+        return lm.vec(theta, lm.formulas.atan2(q[1], q[0]), -p[2] / lm.formulas.sqrt(s2), turn if self.momenta else turn / s2)
+
+
+@pytest.mark.parametrize("momenta", [True, False], ids=["momenta", "velocities"])
+def test_the_spherical_pendulum_in_local_coordinates(momenta: bool) -> None:
+    """The round trip: into the chart, half a second of motion, and back, against known digits; L_3 is an invariant."""
+    chart = Sphere(momenta)
+    system = lm.in_coordinates(Particle(), chart)
+    x = np.array([*Q0, *V0])
+    y = chart.coordinates(x)
+    assert np.allclose(chart.embedding(y), x, rtol=0.0, atol=1e-15)
+    assert lm.check_poisson(system.structure, [y, [0.7, 0.3, -0.4, 0.9]])
+    run = lm.integrate(system, lm.RKMK(order=8), system.state(y), h=0.05, steps=10, compiled=False, progress=False)
+    assert np.allclose(chart.embedding(run.y[-1]), [*AT_HALF[0], *AT_HALF[1]], rtol=0.0, atol=1e-8)
+
+    def vertical(z: Any) -> Any:
+        w = chart.embedding(z)
+        return w[0] * w[4] - w[1] * w[3]
+
+    assert system.structure.is_invariant(vertical, system.energy, [y])
+    assert not system.structure.is_invariant(lambda z: z[0], system.energy, [y])
+
+
+def test_structures_of_the_sphere_in_closed_form() -> None:
+    """With momenta canonical; with velocities B_12 of them 2 v_phi cot theta, and 1 and 1/sin^2 theta beside the angles."""
+    y = [0.7, 0.3, -0.4, 0.9]
+    B = np.array(lm.in_coordinates(Particle(), Sphere(True)).structure.matrix(y))
+    assert np.allclose(B, lm.Canonical(2).matrix(y), rtol=0.0, atol=1e-15)
+    theta, _, _, turn = y
+    B = np.array(lm.in_coordinates(Particle(), Sphere(False)).structure.matrix(y))
+    expected = np.zeros((4, 4))
+    expected[0, 2], expected[1, 3], expected[2, 3] = 1.0, 1.0 / np.sin(theta) ** 2, 2.0 * turn / np.tan(theta)
+    assert np.allclose(B, expected - expected.T, rtol=0.0, atol=1e-14)
+
+
+def test_charts_that_are_none_are_refused() -> None:
+    with pytest.raises(lm.errors.InvalidType, match="chart must be a LocalChart"):
+        lm.in_coordinates(Particle(), lm.Andoyer())  # type: ignore[arg-type]
+    with pytest.raises(lm.errors.InvalidType, match="an even number"):
+
+        @lm.record
+        class Odd(lm.LocalChart):
+            dim: ClassVar[int] = 3
+
+        lm.in_coordinates(Particle(), Odd())
+    with pytest.raises(lm.errors.InvalidType, match="energy"):
+        lm.in_coordinates(lm.SO3(), Sphere(True))
