@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 from ..errors import IncompatibleSystem, NoConvergence
 from ..formulas import Element, Mat, Record, Vec, dot, norm, plain, record, vec, vectors
 from ..retractions import Exponential, Retraction
-from ..solvers import NOISE, TOLERANCE
+from ..solvers import NOISE
 from ..systems.constrained_body import ConstrainedBody
 from ..systems.lie_poisson import BodyState
 from .implicit import extrapolated
@@ -17,6 +17,9 @@ from .variational import momentum_slope, with_inertia
 
 ROUNDING = 2.0**-100
 """A displacement below this, squared, relative to the size of a configuration, is rounding: four units in the last place."""
+
+LEAST = 2.0**-104
+"""An error below this, squared, relative to the displacement, is rounding."""
 
 DEPENDENT = 1e-12
 """A pivot below this part of its diagonal entry says that a condition follows from those before it."""
@@ -117,7 +120,7 @@ class LieRATTLE(Method):
         begun = vec(*(h * system.velocity(mu)), *guess[system.configurations.dim :])
         solution, slope, y = 0.0 * guess, begun, guess
         reached, piece, before = 0.0, 1.0, INFINITY
-        while reached < 1.0 and piece > SHORTEST:
+        while True:
             part = min(1.0, reached + piece)
             change, upright = self._correction(system, part * h, mu, g, memory, part * y)
             new = part * y - change
@@ -125,7 +128,8 @@ class LieRATTLE(Method):
             length, whole = self._square(system, dx), self._square(system, x)
             shrinks, noisy = length <= CONTRACTION * before, length <= NOISE * NOISE * (whole + size)
             good = upright and (shrinks or noisy)
-            done = good and (length <= TOLERANCE * TOLERANCE * whole + ROUNDING * size or not shrinks)
+            left = ROUNDING * size + LEAST * whole  # of the error, when this correction has been made
+            done = good and (length <= ROUNDING * size or (before < INFINITY and length * (length / before) <= left) or not shrinks)
             if not good or (done and not self._is_inside(system, x)):
                 y, piece, before = slope, 0.5 * piece, INFINITY
             elif done:
@@ -133,6 +137,8 @@ class LieRATTLE(Method):
                 slope = y = new / part
             else:
                 y, before = new / part, length
+            if not (reached < 1.0 and piece > SHORTEST):
+                break
         if reached < 1.0:
             raise self._ended(system, h, reached * h, g, split(solution, system.configurations.dim)[0])
         return solution
@@ -141,52 +147,41 @@ class LieRATTLE(Method):
         """What Newton's method subtracts, by Schur complement, block for block; and whether all pivots are positive, as near h = 0.
 
         With r the mismatch of Algorithm 1 in every block,  A dx + B dl = r,  C dx = c  gives  (C A^-1 B) dl = C A^-1 r - c.
+        B and C are cut after the second order of x: every correction shrinks the error by about |x|^3/24.
         """
         x, impulses = split(unknown, system.configurations.dim)
-        rate, touches, upright = 1.0 / h, system.touches, True
+        rate, upright = 1.0 / h, True
         momentum = mu + ((0.5 * h) * memory.force - pulled(system, memory.rows, impulses))
-        inertia, p = system.inertias, system.body.body.lagrangian.momentum(rate * x)
+        inertias, p = system.inertias, system.body.body.lagrangian.momentum(rate * x)
         there = self.retraction.compose_tau(system.configurations, g, x)
         c, rows = system.constraint.value(there), system.rows(there)
-        free: list[Any] = []  # A^-1 r
-        pushed: list[Any] = []  # A^-1 B, of each block by its conditions
-        led: list[Any] = []  # C
-        for b, (group, start, end) in enumerate(system.blocks):
+        free, pushed, led = [], [], []  # type: list[Any], list[Any], list[Any]  # A^-1 r, A^-1 B and C, block by block
+        for (group, start, end), J, held in zip(system.blocks, inertias, system.held):
             y = vec(*x[start:end])
             r, by_p, by_x = self.retraction.mismatch(group, y, vec(*p[start:end]), vec(*momentum[start:end]))
-            A = with_inertia(by_x, momentum_slope(by_p, scaled(rate, inertia[b])))
-            held = system.held[b]
-            before = [memory.rows[a][touches[a].index(b)] for a in held]
-            columns, good = eliminated(A, [r, *[carried(self.retraction, group, y, by_p, row) for row in before]])
+            A = with_inertia(by_x, momentum_slope(by_p, rate * J))
+            B = [carried(group, y, by_p, memory.rows[a][i]) for a, i in held]
+            columns, good = eliminated(A, [r, *B])
             upright = upright and good
-            free = [*free, columns[0]]
-            pushed = [*pushed, columns[1:]]
-            led = [*led, [self.retraction.dtau_dual(group, y, rows[a][touches[a].index(b)], "left") for a in held]]
-        S, rest = [], []
-        for a in range(system.conditions):
-            S = [*S, [_joint(system, led, pushed, a, k) for k in range(system.conditions)]]
-            rest = [*rest, vectors.sum([dot(led[b][system.held[b].index(a)], free[b]) for b in touches[a]]) - c[a]]
-        dl, good = solved_sparse(S, rest)
+            free, pushed = [*free, columns[0]], [*pushed, columns[1:]]
+            led = [*led, [bent(group, -1.0, y, rows[a][i]) for a, i in held]]
+        rest = [vectors.sum([dot(led[b][i], free[b]) for b, i in ties]) - value for ties, value in zip(system.touches, c)]
+        dl, good = solved_sparse(joint(system, led, pushed), rest)
         dx: list[Any] = []
-        for b in range(len(system.blocks)):
-            y = free[b]
-            for a, column in zip(system.held[b], pushed[b]):
+        for y, columns, held in zip(free, pushed, system.held):
+            for (a, _), column in zip(held, columns):
                 y = y - dl[a] * column
             dx = [*dx, *y]
         return vec(*dx, *dl), upright and good
 
     def _excess(self, system: Any, rows: Any, mu: Vec) -> Vec:
         """The impulses that take away the velocity off the constraint: (G J^-1 G*) l' = G J^-1 mu."""
-        xi, touches = system.velocity(mu), system.touches
-        blocks, inverse = system.blocks, system.inverses
-        led = [[rows[a][touches[a].index(b)] for a in held] for b, held in enumerate(system.held)]
-        pushed = [[times(inverse[b], row) for row in led[b]] for b in range(len(blocks))]
-        S = [[_joint(system, led, pushed, a, k) for k in range(system.conditions)] for a in range(system.conditions)]
-        rest = [
-            vectors.sum([dot(row, vec(*xi[blocks[b][1] : blocks[b][2]])) for b, row in zip(touches[a], rows[a])])
-            for a in range(system.conditions)
-        ]
-        return solved_sparse(S, rest)[0]
+        xi = system.velocity(mu)
+        velocities = [vec(*xi[start:end]) for start, end in system.places]
+        led = [[rows[a][i] for a, i in held] for held in system.held]
+        pushed = [[times(inverse, row) for row in block] for inverse, block in zip(system.inverses, led)]
+        rest = [vectors.sum([dot(led[b][i], velocities[b]) for b, i in ties]) for ties in system.touches]
+        return solved_sparse(joint(system, led, pushed), rest)[0]
 
     # ---------------------------------------------------------------- sizes
 
@@ -227,30 +222,31 @@ class LieRATTLE(Method):
 
 def pulled(system: Any, rows: Any, impulses: Vec) -> Vec:
     """G* l.  impulses : (m,);  returns (dim,)."""
-    total: list[Any] = [None for _ in system.blocks]
-    for a in range(system.conditions):
-        for b, row in zip(system.touches[a], rows[a]):
-            total[b] = impulses[a] * row if total[b] is None else total[b] + impulses[a] * row
-    free = [vec(*[0.0 for _ in range(end - start)]) if part is None else part for part, (_, start, end) in zip(total, system.blocks)]
-    return vec(*[x for part in free for x in part])
+    parts = []
+    for held, (start, end) in zip(system.held, system.places):
+        pulls = [impulses[a] * rows[a][i] for a, i in held]
+        parts = [*parts, *(vectors.sum(pulls) if len(pulls) > 0 else [0.0] * (end - start))]
+    return vec(*parts)
 
 
-def _joint(system: Any, led: list[Any], pushed: list[Any], a: int, k: int) -> Any:
-    """An entry of C A^-1 B: None where two conditions have no block in common."""
-    shared = [b for b in system.touches[a] if b in system.touches[k]]
-    pairs = [(led[b][system.held[b].index(a)], pushed[b][system.held[b].index(k)]) for b in shared]
-    return vectors.sum([dot(row, column) for row, column in pairs]) if len(pairs) > 0 else None
+def joint(system: Any, led: list[Any], pushed: list[Any]) -> list[list[Any]]:
+    """C A^-1 B, from the rows of C and the columns of A^-1 B block by block: None where conditions have no block in common."""
+    return [
+        [vectors.sum([dot(led[b][i], pushed[b][j]) for b, i, j in common]) if len(common) > 0 else None for common in row]
+        for row in system.shared
+    ]
 
 
-def carried(retraction: Retraction, group: Any, x: Vec, by_p: float | Mat, row: Vec) -> Vec:
-    """What a unit impulse along a row of G adds to the mismatch r = by_p (p - dtau_x* m)."""
-    dual = retraction.dtau_dual(group, x, row)
+def carried(group: Any, x: Vec, by_p: float | Mat, row: Vec) -> Vec:
+    """What a unit impulse along a row of G adds to the mismatch r = by_p (p - dtau_x* m), nearly."""
+    dual = bent(group, 1.0, x, row)
     return by_p @ dual if isinstance(by_p, vectors.Mat) else by_p * dual
 
 
-def scaled(rate: float, inertia: Vec | Mat) -> Vec | Mat:
-    """J/h."""
-    return rate * inertia
+def bent(group: Any, side: float, x: Vec, row: Vec) -> Vec:
+    """(dtau_x)* of a row of G up to the third order in x, right-trivialised for side = 1, left-trivialised for -1."""
+    first = group.ad_star(x, row)
+    return row + ((0.5 * side) * first + (1.0 / 6.0) * group.ad_star(x, first))
 
 
 def times(inertia: Vec | Mat, x: Vec) -> Vec:
@@ -279,39 +275,37 @@ def eliminated(m: Mat, columns: list[Vec]) -> tuple[list[Vec], bool]:
     for k in range(n):
         positive = positive and rows[k][k] > 0.0
         pivot = 1.0 / rows[k][k]
-        for i in range(k + 1, n):
-            rows[i] = rows[i] - (pivot * rows[i][k]) * rows[k]
-    found = []
-    for j in range(len(columns)):
-        x = [0.0] * n
-        for k in range(n - 1, -1, -1):
-            rest = rows[k][n + j]
-            for i in range(k + 1, n):
-                rest = rest - rows[k][i] * x[i]
-            x[k] = rest / rows[k][k]
-        found = [*found, vec(*x)]
-    return found, positive
+        rows = [row if i <= k else row - (pivot * row[k]) * rows[k] for i, row in enumerate(rows)]
+    found: list[Any] = []  # from the last row upwards, each of all columns
+    for k in range(n - 1, -1, -1):
+        rest = vec(*rows[k][n:])
+        for i, x in enumerate(found):
+            rest = rest - rows[k][n - 1 - i] * x
+        found = [*found, rest / rows[k][k]]
+    return [vec(*[found[n - 1 - i][j] for i in range(n)]) for j in range(len(columns))], positive
 
 
 def solved_sparse(m: list[list[Any]], rhs: list[Any]) -> tuple[Vec, bool]:
     """m^-1 rhs by elimination in the given order, None standing for zeros that are known to be; and whether all pivots are
     positive, and no smaller than DEPENDENT times what they were before the elimination."""
     n, positive = len(rhs), True
-    rows, x = [[*row] for row in m], [*rhs]
+    rows = [[*row, x] for row, x in zip(m, rhs)]
     for k in range(n):
-        pivot = rows[k][k]
-        positive = positive and pivot > DEPENDENT * m[k][k]
-        for i in range(k + 1, n):
-            if rows[i][k] is not None:
-                factor = rows[i][k] / pivot
-                rows[i] = [_less(rows[i][j], factor, rows[k][j]) if j > k else None for j in range(n)]
-                x[i] = x[i] - factor * x[k]
+        positive = positive and rows[k][k] > DEPENDENT * m[k][k]
+        rows = [row if i <= k or row[k] is None else _reduced(row, row[k] / rows[k][k], rows[k], k) for i, row in enumerate(rows)]
+    found: list[Any] = []
     for k in range(n - 1, -1, -1):
-        for j in range(k + 1, n):
-            if rows[k][j] is not None:
-                x[k] = x[k] - rows[k][j] * x[j]
-        x[k] = x[k] / rows[k][k]
-    return vec(*x), positive
+        rest = rows[k][n]
+        for i, x in enumerate(found):
+            if rows[k][n - 1 - i] is not None:
+                rest = rest - rows[k][n - 1 - i] * x
+        found = [*found, rest / rows[k][k]]
+    return vec(*reversed(found)), positive
+
+
+def _reduced(row: list[Any], factor: Any, above: list[Any], k: int) -> list[Any]:
+    """A row less a multiple of one above it, beyond column k."""
+    return [_less(a, factor, b) if j > k else None for j, (a, b) in enumerate(zip(row, above))]
 
 
 def _less(a: Any, factor: float, b: Any) -> Any:

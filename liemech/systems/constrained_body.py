@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import field
-from functools import cached_property
 from typing import Any, ClassVar, final
 
 import numpy as np
@@ -53,6 +52,10 @@ class ConstrainedBody(System):
     constraint: Constraint
     conditions: int = field(init=False, repr=False)
     separate: bool = field(init=False, repr=False)
+    touches: tuple[Any, ...] = field(init=False, repr=False)
+    held: tuple[Any, ...] = field(init=False, repr=False)
+    shared: tuple[Any, ...] = field(init=False, repr=False)
+    places: tuple[Any, ...] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         name = type(self).__name__
@@ -73,7 +76,36 @@ class ConstrainedBody(System):
             raise InvalidType(f"{name}: {type(self.constraint).__name__}.value must return lm.vec(...), (m,); got {value!r}")
         object.__setattr__(self, "conditions", len(value))
         object.__setattr__(self, "separate", _separate(body.configurations, np.array(body.body.lagrangian.inertia)))
+        self._connect(len(value))
         super().__post_init__()
+
+    def _connect(self, conditions: int) -> None:
+        """Who depends on whom, for sums that leave out what is known to be zero.
+
+        touches : of each condition the blocks of the algebra that it depends on; a block is what the inertia leaves to itself.
+        held : of each block the conditions.  shared : of two conditions their common blocks, and their places among the `held`.
+        places : of each block where its coordinates begin and end.
+        """
+        group = self.configurations
+        touches: Any = ((0,),) * conditions
+        groups: tuple[LieGroup, ...] = (group,)
+        if self.separate:
+            touches, groups = self.constraint.touches(group, conditions), factors_of(group)
+        ends = np.cumsum([one.dim for one in groups]).tolist()
+        held = tuple(tuple(a for a in range(conditions) if b in touches[a]) for b in range(len(groups)))
+        at = [{a: i for i, a in enumerate(block)} for block in held]
+        common = [[[b for b in touches[a] if b in touches[k]] for k in range(conditions)] for a in range(conditions)]
+        shared = tuple(
+            tuple(tuple((b, at[b][a], at[b][k]) for b in blocks) for k, blocks in enumerate(row)) for a, row in enumerate(common)
+        )
+        found = {
+            "touches": tuple(tuple((b, at[b][a]) for b in row) for a, row in enumerate(touches)),
+            "held": tuple(tuple((a, tuple(touches[a]).index(b)) for a in block) for b, block in enumerate(held)),
+            "shared": shared,
+            "places": tuple((end - one.dim, end) for one, end in zip(groups, ends, strict=True)),
+        }
+        for name, value in found.items():
+            object.__setattr__(self, name, value)
 
     @final
     @property
@@ -86,24 +118,11 @@ class ConstrainedBody(System):
         """T*G, the group that moves momentum and configuration together."""
         return self.body.group
 
-    @cached_property
-    def touches(self) -> tuple[tuple[int, ...], ...]:
-        """The blocks of the algebra, those that the inertia leaves to themselves, that each condition depends on."""
-        if not self.separate:
-            return ((0,),) * self.conditions
-        return tuple(tuple(row) for row in self.constraint.touches(self.configurations, self.conditions))
-
-    @cached_property
-    def held(self) -> tuple[tuple[int, ...], ...]:
-        """The conditions that depend on each block."""
-        return tuple(tuple(a for a in range(self.conditions) if b in self.touches[a]) for b in range(len(self.blocks)))
-
-    @cached_property
+    @property
     def blocks(self) -> tuple[tuple[LieGroup, int, int], ...]:
         """Of each block of the algebra the group, and where its coordinates begin and end."""
         groups = factors_of(self.configurations) if self.separate else (self.configurations,)
-        ends = np.cumsum([group.dim for group in groups]).tolist()
-        return tuple((group, end - group.dim, end) for group, end in zip(groups, ends, strict=True))
+        return tuple([(group, start, end) for group, (start, end) in zip(groups, self.places)])
 
     @property
     def inertias(self) -> tuple[Vec | Mat, ...]:
