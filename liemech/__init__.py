@@ -67,10 +67,12 @@ if TYPE_CHECKING:
     from .integrators.kick_drift import KickDrift
     from .integrators.lie_poisson_first_kind import FirstKindHamiltonJacobi
     from .integrators.lie_poisson_hj import LiePoissonHamiltonJacobi
+    from .integrators.lie_rattle import LieRATTLE
     from .integrators.lie_verlet import LieVerlet
     from .integrators.magnus import Magnus
     from .integrators.midpoint import ImplicitMidpoint, Isospectral, SphericalMidpoint
     from .integrators.moser_veselov import ExactMoserVeselov, MoserVeselov
+    from .integrators.nonholonomic import LagrangeDAlembert
     from .integrators.rkmk import RKMK
     from .integrators.separable import Splitting, StormerVerlet, SymplecticEuler
     from .integrators.splitting import ThreeRotations
@@ -79,12 +81,16 @@ if TYPE_CHECKING:
     from .models.gravity import CentralGravity, FixedPointGravity, UniformGravity
     from .models.heavy_top import HeavyTop, LagrangeTop, ReducedHeavyTop
     from .models.henon_heiles import HenonHeiles
+    from .models.joints import BallJoint, FixedPoint, PrismaticJoint, RevoluteJoint, RigidRod, UniversalJoint
     from .models.kepler import Kepler
     from .models.kirchhoff import KirchhoffBody
+    from .models.linkage import Link, Linkage, chain
     from .models.pendulums import DoublePendulum, Pendulum
     from .models.rigid_body import RigidBody
     from .models.space_bodies import FallingBody, OrbitingBody
     from .systems.canonical import CanonicalState, HamiltonianSystem
+    from .systems.constrained_body import ConstrainedBody, NonholonomicBody
+    from .systems.constraint import Constraint, VelocityConstraint
     from .systems.group_equation import GroupEquation, LinearGroupEquation
     from .systems.hamiltonian import Hamiltonian
     from .systems.homogeneous_equation import HomogeneousEquation
@@ -120,10 +126,12 @@ _LATER = {
     "integrators.kick_drift": ("KickDrift",),
     "integrators.lie_poisson_first_kind": ("FirstKindHamiltonJacobi",),
     "integrators.lie_poisson_hj": ("LiePoissonHamiltonJacobi",),
+    "integrators.lie_rattle": ("LieRATTLE",),
     "integrators.lie_verlet": ("LieVerlet",),
     "integrators.magnus": ("Magnus",),
     "integrators.midpoint": ("ImplicitMidpoint", "Isospectral", "SphericalMidpoint"),
     "integrators.moser_veselov": ("ExactMoserVeselov", "MoserVeselov"),
+    "integrators.nonholonomic": ("LagrangeDAlembert",),
     "integrators.rkmk": ("RKMK",),
     "integrators.separable": ("Splitting", "StormerVerlet", "SymplecticEuler"),
     "integrators.splitting": ("ThreeRotations",),
@@ -132,13 +140,17 @@ _LATER = {
     "models.gravity": ("CentralGravity", "FixedPointGravity", "UniformGravity"),
     "models.heavy_top": ("HeavyTop", "LagrangeTop", "ReducedHeavyTop"),
     "models.henon_heiles": ("HenonHeiles",),
+    "models.joints": ("BallJoint", "FixedPoint", "PrismaticJoint", "RevoluteJoint", "RigidRod", "UniversalJoint"),
     "models.kepler": ("Kepler",),
     "models.kirchhoff": ("KirchhoffBody",),
+    "models.linkage": ("Link", "Linkage", "chain"),
     "models.pendulums": ("DoublePendulum", "Pendulum"),
     "models.rigid_body": ("RigidBody",),
     "models.space_bodies": ("FallingBody", "OrbitingBody"),
     "plots": ("plots",),
     "systems.canonical": ("CanonicalState", "HamiltonianSystem"),
+    "systems.constrained_body": ("ConstrainedBody", "NonholonomicBody"),
+    "systems.constraint": ("Constraint", "VelocityConstraint"),
     "systems.group_equation": ("GroupEquation", "LinearGroupEquation"),
     "systems.hamiltonian": ("Hamiltonian",),
     "systems.homogeneous_equation": ("HomogeneousEquation",),
@@ -195,6 +207,7 @@ __all__ = [
     "U",
     "AdjointAction",
     "Ambient",
+    "BallJoint",
     "BodyState",
     "ButcherTableau",
     "CanonicalState",
@@ -206,6 +219,8 @@ __all__ = [
     "CoadjointAction",
     "CommutatorFree",
     "Composition",
+    "ConstrainedBody",
+    "Constraint",
     "CovariantVariational",
     "CrouchGrossman",
     "DoublePendulum",
@@ -215,6 +230,7 @@ __all__ = [
     "Exponential",
     "FallingBody",
     "FirstKindHamiltonJacobi",
+    "FixedPoint",
     "FixedPointGravity",
     "Force",
     "GalerkinVariational",
@@ -234,6 +250,7 @@ __all__ = [
     "KickDrift",
     "KineticEnergy",
     "KirchhoffBody",
+    "LagrangeDAlembert",
     "LagrangeTop",
     "Lagrangian",
     "LeftMultiplication",
@@ -241,9 +258,12 @@ __all__ = [
     "LieGroup",
     "LiePoissonHamiltonJacobi",
     "LiePoissonSystem",
+    "LieRATTLE",
     "LieVerlet",
     "LinearAction",
     "LinearGroupEquation",
+    "Link",
+    "Linkage",
     "Magnus",
     "Mat",
     "MatrixLieGroup",
@@ -251,15 +271,19 @@ __all__ = [
     "Method",
     "MoserVeselov",
     "NoPotential",
+    "NonholonomicBody",
     "OrbitingBody",
     "Pendulum",
     "Potential",
+    "PrismaticJoint",
     "ProductGroup",
     "Record",
     "ReducedHeavyTop",
     "Representation",
     "Retraction",
+    "RevoluteJoint",
     "RigidBody",
+    "RigidRod",
     "RotationAction",
     "SO3Algebra",
     "SemidirectProduct",
@@ -279,8 +303,11 @@ __all__ = [
     "TranslationAction",
     "UniformGravity",
     "UnitQuaternions",
+    "UniversalJoint",
     "Vec",
     "VectorSpace",
+    "VelocityConstraint",
+    "chain",
     "check_action",
     "check_group",
     "check_method",

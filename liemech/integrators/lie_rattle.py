@@ -95,7 +95,7 @@ class LieRATTLE(Method):
         return Bound(state, system.force(g), system.rows(g), *past)
 
     def step(self, system: Any, t: float, memory: Bound, h: float) -> Bound:
-        """Solve for displacement and impulses from the extrapolated ones, move, kick, and take away what leads off the constraint."""
+        """Solve for displacement and impulses, move, kick, and take away what leads off the constraint."""
         state, free = memory.state, system.body.body
         unknown = self._solved(system, h, memory, extrapolated(*self.past(memory)))
         x, impulses = split(unknown, system.configurations.dim)
@@ -144,7 +144,7 @@ class LieRATTLE(Method):
         return solution
 
     def _correction(self, system: Any, h: float, mu: Vec, g: Element, memory: Bound, unknown: Vec) -> tuple[Vec, bool]:
-        """What Newton's method subtracts, by Schur complement, block for block; and whether all pivots are positive, as near h = 0.
+        """What Newton's method subtracts, by Schur complement, block for block; and whether pivots have the sign of h.
 
         With r the mismatch of Algorithm 1 in every block,  A dx + B dl = r,  C dx = c  gives  (C A^-1 B) dl = C A^-1 r - c.
         B and C are cut after the second order of x: every correction shrinks the error by about |x|^3/24.
@@ -153,26 +153,35 @@ class LieRATTLE(Method):
         rate, upright = 1.0 / h, True
         momentum = mu + ((0.5 * h) * memory.force - pulled(system, memory.rows, impulses))
         inertias, p = system.inertias, system.body.body.lagrangian.momentum(rate * x)
-        there = self.retraction.compose_tau(system.configurations, g, x)
-        c, rows = system.constraint.value(there), system.rows(there)
+        c, C = self._condition(system, g, x)
         free, pushed, led = [], [], []  # type: list[Any], list[Any], list[Any]  # A^-1 r, A^-1 B and C, block by block
         for (group, start, end), J, held in zip(system.blocks, inertias, system.held):
             y = vec(*x[start:end])
             r, by_p, by_x = self.retraction.mismatch(group, y, vec(*p[start:end]), vec(*momentum[start:end]))
             A = with_inertia(by_x, momentum_slope(by_p, rate * J))
             B = [carried(group, y, by_p, memory.rows[a][i]) for a, i in held]
-            columns, good = eliminated(A, [r, *B])
+            columns, good = eliminated(A, [r, *B], h)
             upright = upright and good
             free, pushed = [*free, columns[0]], [*pushed, columns[1:]]
-            led = [*led, [bent(group, -1.0, y, rows[a][i]) for a, i in held]]
+            led = [*led, [C[a][i] for a, i in held]]
         rest = [vectors.sum([dot(led[b][i], free[b]) for b, i in ties]) - value for ties, value in zip(system.touches, c)]
-        dl, good = solved_sparse(joint(system, led, pushed), rest)
+        dl, good = solved_sparse(joint(system, led, pushed), rest, h)
         dx: list[Any] = []
         for y, columns, held in zip(free, pushed, system.held):
             for (a, _), column in zip(held, columns):
                 y = y - dl[a] * column
             dx = [*dx, *y]
         return vec(*dx, *dl), upright and good
+
+    def _condition(self, system: Any, g: Element, x: Vec) -> tuple[Vec, Any]:
+        """c(g tau(x)), and its derivative by x, by rows and blocks."""
+        there = self.retraction.compose_tau(system.configurations, g, x)
+        rows, blocks, parts = system.rows(there), system.blocks, [vec(*x[start:end]) for start, end in system.places]
+        bends = [
+            [bent(blocks[b][0], -1.0, parts[b], rows[a][i]) for i, (b, _) in enumerate(ties)]
+            for a, ties in enumerate(system.touches)
+        ]
+        return system.constraint.value(there), bends
 
     def _excess(self, system: Any, rows: Any, mu: Vec) -> Vec:
         """The impulses that take away the velocity off the constraint: (G J^-1 G*) l' = G J^-1 mu."""
@@ -181,7 +190,7 @@ class LieRATTLE(Method):
         led = [[rows[a][i] for a, i in held] for held in system.held]
         pushed = [[times(inverse, row) for row in block] for inverse, block in zip(system.inverses, led)]
         rest = [vectors.sum([dot(led[b][i], velocities[b]) for b, i in ties]) for ties in system.touches]
-        return solved_sparse(joint(system, led, pushed), rest)[0]
+        return solved_sparse(joint(system, led, pushed), rest, 1.0)[0]
 
     # ---------------------------------------------------------------- sizes
 
@@ -264,8 +273,8 @@ def entries(g: Element) -> list[Any]:
     return [x for row in g for x in row] if isinstance(g, vectors.Mat) else [*g]
 
 
-def eliminated(m: Mat, columns: list[Vec]) -> tuple[list[Vec], bool]:
-    """m^-1 of each column, by elimination in the given order; and whether all pivots are positive.
+def eliminated(m: Mat, columns: list[Vec], sign: float) -> tuple[list[Vec], bool]:
+    """m^-1 of each column, by elimination in the given order; and whether all pivots have this sign.
 
     For matrices whose symmetric part is positive, as those of a step that is not too large: they need no exchange of rows.
     Source: Golub and Van Loan, Matrix Computations, 4th ed., section 4.1.
@@ -273,7 +282,7 @@ def eliminated(m: Mat, columns: list[Vec]) -> tuple[list[Vec], bool]:
     n, positive = len(m), True
     rows = [vec(*m[i], *[column[i] for column in columns]) for i in range(n)]
     for k in range(n):
-        positive = positive and rows[k][k] > 0.0
+        positive = positive and sign * rows[k][k] > 0.0
         pivot = 1.0 / rows[k][k]
         rows = [row if i <= k else row - (pivot * row[k]) * rows[k] for i, row in enumerate(rows)]
     found: list[Any] = []  # from the last row upwards, each of all columns
@@ -285,13 +294,13 @@ def eliminated(m: Mat, columns: list[Vec]) -> tuple[list[Vec], bool]:
     return [vec(*[found[n - 1 - i][j] for i in range(n)]) for j in range(len(columns))], positive
 
 
-def solved_sparse(m: list[list[Any]], rhs: list[Any]) -> tuple[Vec, bool]:
-    """m^-1 rhs by elimination in the given order, None standing for zeros that are known to be; and whether all pivots are
-    positive, and no smaller than DEPENDENT times what they were before the elimination."""
+def solved_sparse(m: list[list[Any]], rhs: list[Any], sign: float) -> tuple[Vec, bool]:
+    """m^-1 rhs by elimination in the given order, None standing for zeros that are known to be; and whether all pivots have this
+    sign, and are no smaller than DEPENDENT times what they were before the elimination."""
     n, positive = len(rhs), True
     rows = [[*row, x] for row, x in zip(m, rhs)]
     for k in range(n):
-        positive = positive and rows[k][k] > DEPENDENT * m[k][k]
+        positive = positive and sign * rows[k][k] > DEPENDENT * (sign * m[k][k])
         rows = [row if i <= k or row[k] is None else _reduced(row, row[k] / rows[k][k], rows[k], k) for i, row in enumerate(rows)]
     found: list[Any] = []
     for k in range(n - 1, -1, -1):

@@ -42,7 +42,7 @@ class Joint(Record):
         name = type(self).__name__
         for what, number in (("first", self.first), ("second", 0 if self.second is None else self.second)):
             if type(number) is not int or number < 0:
-                raise InvalidType(f"{name}: {what} is the number of a body, from 0 on{' (or None)' if what == 'second' else ''}; got {number!r}")
+                raise InvalidType(f"{name}: {what} is the number of a body, 0 or more (second: None is the ground); got {number!r}")
         if self.first == self.second:
             raise InvalidInput(f"{name}: a joint holds two bodies together; first and second are both {self.first}")
         for field, value in vars(self).items():
@@ -119,7 +119,7 @@ class RevoluteJoint(Joint):
         """Of the points, and of the axes."""
         points = [(along(g, self.at_first, n), -along(k, self.at_second, n)) for n in AXES]
         axes = [crossed(g, u, k, self.axis_second) for u in across(self.axis_first)]
-        return tuple([*points, *axes])
+        return (*points, *axes)
 
 
 @record
@@ -146,7 +146,7 @@ class UniversalJoint(Joint):
     def rows(self, g: Mat, k: Mat) -> tuple[tuple[Vec, Vec], ...]:
         """Of the points, and of the axes."""
         points = [(along(g, self.at_first, n), -along(k, self.at_second, n)) for n in AXES]
-        return tuple([*points, crossed(g, self.axis_first, k, self.axis_second)])
+        return (*points, crossed(g, self.axis_first, k, self.axis_second))
 
 
 @record
@@ -181,7 +181,7 @@ class PrismaticJoint(Joint):
         for u in across(self.axis):
             n = turned(g, u)
             slides = [*slides, (turning(g, u, d) - along(g, self.at_first, n), along(k, self.at_second, n))]
-        return tuple([*slides, *[crossed(g, AXES[i], k, self.attitude[j]) for i, j in TURNS]])
+        return (*slides, *[crossed(g, AXES[i], k, self.attitude[j]) for i, j in TURNS])
 
     def _others(self, k: Mat) -> tuple[Vec, ...]:
         """The axes of the first body as the second one carries them."""
@@ -225,7 +225,7 @@ class RigidRod(Joint):
 
 @record
 class Joints(Constraint):
-    """The conditions of several joints, on a product of SE(3)s: one pose, [[R, p], [0, 1]] with p the centre of mass, for each body.
+    """The conditions of several joints, on a product of SE(3)s: a pose [[R, p], [0, 1]], p the centre of mass, for each body.
 
     joints : of bodies numbered as the factors of the group.
 

@@ -174,7 +174,9 @@ def _inertia(links: tuple[Link, ...]) -> np.ndarray:
     return whole
 
 
-def chain(count: int, mass: float = 1.0, length: float = 1.0, radius: float = 0.05, axis: Any = None, gravity: float = 9.80665) -> Linkage:
+def chain(
+    count: int, mass: float = 1.0, length: float = 1.0, radius: float = 0.05, axis: Any = None, gravity: float = 9.80665
+) -> Linkage:
     """Equal rods that hang one from another, the first from the origin, by ball joints or, given an axis, by hinges.
 
     mass : of a rod, in kg.  length, radius : in m.  axis : of all hinges, across e3, (3,).  Frames have e3 along the rod, upwards.

@@ -7,12 +7,12 @@ from typing import Any, ClassVar, final
 
 import numpy as np
 
-from ..errors import InconsistentState, InvalidInput, InvalidType, NoConvergence
+from ..errors import InconsistentState, InvalidInput, InvalidType, NoConvergence, NotDefined
 from ..formulas import Element, Mat, Vec, derivative, mat, record, solve, vec, vectors
 from ..formulas.broadcasting import small
 from ..groups.lie_group import LieGroup
 from ..retractions import Retraction
-from .constraint import Constraint, factors_of, parts_of
+from .constraint import Constraint, VelocityConstraint, factors_of
 from .kinetic_energy import KineticEnergy
 from .lie_poisson import BodyState, LiePoissonSystem, body_state
 from .mechanical import MechanicalSystem
@@ -30,24 +30,16 @@ PATIENCE = 50
 
 
 @record
-class ConstrainedBody(System):
-    """Bodies whose configuration obeys c(g) = 0:
+class BoundBody(System):
+    """Bodies whose velocity obeys G(g) xi = 0 with a force -G(g)* lam that does no work; abstract.
 
-        mu' = ad*_xi mu + f(g) - G(g)* lam,   g' = g xi,   xi = J^-1 mu,   c(g) = 0,   hence   G(g) xi = 0
+    1. A subclass says what makes `G`, and how consistent a start is.
 
-    body : what moves without the constraint: a free body such as RigidBody(J), or a MechanicalSystem; its kinetic energy is
-    quadratic.  On a ProductGroup it is many bodies.
-    constraint : c, with m components, m >= 1, whose derivatives G(g), left-trivialised, are independent.
-    LieRATTLE keeps both constraints to rounding, the two-form on what is left, and the momenta of common symmetries.
-    `rate` is that of the reduced equation, with lam in closed form: other methods accept it, and drift off the constraint.
-
-    Raises InvalidInput for an energy that is not quadratic, InvalidType for what is no body or no constraint.
-    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.1; Leyendecker, Marsden and Ortiz, ZAMM 88 (2008).
+    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.1; Bloch, Nonholonomic Mechanics and Control, 2nd
+    ed., section 1.3.
     """
 
     coordinates: ClassVar[tuple[str, ...]] = ("mu",)
-    instead: ClassVar[str] = "LieRATTLE() keeps the constraint"
-
     body: Any
     constraint: Constraint
     conditions: int = field(init=False, repr=False)
@@ -64,20 +56,20 @@ class ConstrainedBody(System):
             body = MechanicalSystem(body, NoPotential())
         if not isinstance(body, MechanicalSystem):
             raise InvalidType(f"{name}: body must be a body such as RigidBody([1.0, 1.5, 2.0]) or a MechanicalSystem; got {body!r}")
-        if not isinstance(self.constraint, Constraint):
-            raise InvalidType(f"{name}: constraint must be a Constraint, a subclass with a `value(g)`; got {self.constraint!r}")
         if not isinstance(body.body.lagrangian, KineticEnergy):
             raise InvalidInput(f"{name}: the kinetic energy must be quadratic, a KineticEnergy; {body.body!r} has another one")
         if body.load is not None:
             raise InvalidInput(f"{name}: a load without a potential is not supported; got {body.load!r}")
         object.__setattr__(self, "body", body)
-        value = self.constraint.value(small(np.array(body.configurations.identity())))
-        if not isinstance(value, vectors.Vec) or not len(value):
-            raise InvalidType(f"{name}: {type(self.constraint).__name__}.value must return lm.vec(...), (m,); got {value!r}")
-        object.__setattr__(self, "conditions", len(value))
+        count = self._count(small(np.array(body.configurations.identity())))
+        object.__setattr__(self, "conditions", count)
         object.__setattr__(self, "separate", _separate(body.configurations, np.array(body.body.lagrangian.inertia)))
-        self._connect(len(value))
+        self._connect(count)
         super().__post_init__()
+
+    def _count(self, g: Any) -> int:
+        """The number of conditions, seen at an element."""
+        raise NotDefined(f"{type(self).__name__} must define `_count`")
 
     def _connect(self, conditions: int) -> None:
         """Who depends on whom, for sums that leave out what is known to be zero.
@@ -175,26 +167,18 @@ class ConstrainedBody(System):
         return self.constraint.rows(self.configurations, g)
 
     @final
-    def conditions_at(self, mu: Vec, g: Element) -> tuple[Vec, Vec]:
-        """c(g) and G(g) J^-1 mu, (m,) each: both are zero along the motion.  mu : (dim,), g : an element."""
-        return self.constraint.value(g), self.jacobian(g) @ self.velocity(mu)
-
-    @final
     def multipliers(self, mu: Vec, g: Element) -> Vec:
         """The multipliers lam, (m,), at a consistent state: -G* lam is the force of the constraint on the momentum.
 
-            lam = (G J^-1 G*)^-1 [ d2/ds2 c(g exp(s xi)) + G J^-1 (ad*_xi mu + f) ]
+            lam = (G J^-1 G*)^-1 [ d/ds G(g exp(s xi)) xi + G J^-1 (ad*_xi mu + f) ]
 
         A condition measured in m has its lam in N, one that is an angle or a cosine in N m.  mu : (dim,), g : an element.
         Source: Hairer, Lubich, Wanner, VII.1.2, equation (1.9), on a group.
         """
         G, xi = self.jacobian(g), self.velocity(mu)
         pull = self.configurations.ad_star(xi, mu) + self.force(g)
-        curved = derivative(lambda s: derivative(lambda u: self.constraint.value(self._along(g, u, xi)), s), 0.0)
+        curved = derivative(lambda s: self.jacobian(self.configurations.compose_exp(g, s * xi)) @ xi, 0.0)
         return solve(self.gram(G), curved + G @ self.velocity(pull))
-
-    def _along(self, g: Element, s: float, xi: Vec) -> Element:
-        return self.configurations.compose_exp(g, s * xi)
 
     @final
     def gram(self, G: Mat) -> Mat:
@@ -227,7 +211,7 @@ class ConstrainedBody(System):
 
     @final
     def state(self, mu: Any, g: Any = None) -> BodyState:
-        """A start for `integrate`: body momentum mu and configuration g, which obey both constraints, c(g) = 0 and G(g) J^-1 mu = 0.
+        """A start for `integrate`: body momentum mu and configuration g, which obey the constraint.
 
         mu : (dim,) for one body, (bodies, dim) for an ensemble;  g : an element, or one for each body.
         Raises InvalidInput as MechanicalSystem.state does, and for redundant conditions; InconsistentState for a start off the
@@ -239,36 +223,35 @@ class ConstrainedBody(System):
             self._require_consistent(one, where)
         return self.vouched(state)
 
-    @final
-    def consistent(self, mu: Any, g: Any = None) -> BodyState:
-        """The start on the constraint that is nearest, measured by the kinetic energy, to one that is close to it.
+    def _require_consistent(self, mu: Any, g: Any) -> None:
+        """Raise InconsistentState for a velocity off the constraint, beside what velocities of its energy could be off."""
+        G, momentum, inverse = np.array(self.jacobian(g)), np.array(mu), self._inverse
+        scale = np.sqrt((momentum @ inverse @ momentum) * np.einsum("ij,jk,ik->i", G, inverse, G))
+        self._require_zero("G(g) J^-1 mu", G @ inverse @ momentum, scale)
 
-        The configuration moves by exp of the shortest displacement to c = 0, then the momentum loses G* (G J^-1 G*)^-1 G J^-1 mu.
-        mu : (dim,), g : an element.  Raises InvalidInput as `state` does, NoConvergence if g is too far off.
-        """
-        state = self._given("consistent", mu, g)
+    def _require_zero(self, what: str, value: np.ndarray, scale: np.ndarray) -> None:
+        if (np.abs(value) > CONSISTENT * scale).any():
+            i = int(np.argmax(np.abs(value) / np.where(scale > 0.0, scale, 1.0)))
+            raise InconsistentState(
+                f"{type(self).__name__}.state: {what} must be zero; condition {i} is {value[i]:.3g}. `consistent(mu, g)` gives the "
+                "nearest start on the constraint"
+            )
+
+    def _start(self, what: str, mu: Any, g: Any) -> tuple[np.ndarray, Any]:
+        """One start, with independent conditions."""
+        state = self._given(what, mu, g)
         if state.bodies is not None:
-            raise InvalidInput(f"{type(self).__name__}.consistent takes one start at a time; loop over the ensemble")
+            raise InvalidInput(f"{type(self).__name__}.{what} takes one start at a time; loop over the ensemble")
         start = small(np.array(state.g))
-        self._require_independent(start, f"{type(self).__name__}.consistent")
-        group, inverse = self.configurations, self._inverse
-        x, change = np.zeros(group.dim), np.inf
-        for _ in range(PATIENCE):
-            before, there = change, group.compose_exp(start, Vec.of(x))
-            G = np.array(mat(*[group.dexp_dual(Vec.of(x), row, "left") for row in self.jacobian(there)]))
-            aim = G @ x - np.array(self.constraint.value(there))
-            new = inverse @ G.T @ np.linalg.solve(G @ inverse @ G.T, aim)
-            change, x = float(np.abs(new - x).max()), new
-            if not change < np.inf or (change >= before and change <= CONSISTENT * max(1.0, np.abs(x).max())) or change == 0.0:
-                break
-        if not change <= CONSISTENT * max(1.0, np.abs(x).max()):
-            raise NoConvergence(f"{type(self).__name__}.consistent: no configuration on the constraint found near g; start closer")
-        there = group.compose_exp(start, Vec.of(x))
-        G = np.array(self.jacobian(there))
-        momentum = np.array(state.mu)
+        self._require_independent(start, f"{type(self).__name__}.{what}")
+        return np.array(state.mu), start
+
+    def _projected(self, momentum: np.ndarray, g: Any) -> np.ndarray:
+        """The momentum less G* (G J^-1 G*)^-1 G J^-1 mu: the nearest with a velocity on the constraint."""
+        G, inverse = np.array(self.jacobian(g)), self._inverse
         for _ in range(2):  # the second time for rounding
             momentum = momentum - G.T @ np.linalg.solve(G @ inverse @ G.T, G @ inverse @ momentum)
-        return self.state(momentum, np.array(there))
+        return momentum
 
     def _given(self, what: str, mu: Any, g: Any) -> BodyState:
         name = f"{type(self).__name__}.{what}"
@@ -291,7 +274,7 @@ class ConstrainedBody(System):
         silent = np.flatnonzero(unit == 0.0)
         if len(silent):
             raise InvalidInput(
-                f"{name}: condition {silent[0]} of {type(self.constraint).__name__} does not change with g here: its derivative is zero"
+                f"{name}: condition {silent[0]} of {type(self.constraint).__name__} does not change here: its derivative is zero"
             )
         values, directions = np.linalg.eigh(gram / np.outer(unit, unit))
         rank = int((np.abs(values) > INDEPENDENT * values[-1]).sum())
@@ -309,21 +292,6 @@ class ConstrainedBody(System):
         gram = G @ self._inverse @ G.T
         unit = np.sqrt(np.abs(np.diag(gram)))
         return float(np.sqrt(np.abs(np.linalg.eigvalsh(gram / np.outer(unit, unit)))).min())
-
-    def _require_consistent(self, mu: Any, g: Any) -> None:
-        name = f"{type(self).__name__}.state"
-        (c, v), G = (np.array(x) for x in self.conditions_at(mu, g)), np.array(self.jacobian(g))
-        terms = _terms(self.constraint, g)
-        reach = np.sqrt(np.einsum("ij,jk,ik->i", G, self._inverse, G) * np.abs(np.linalg.eigvalsh(self._inverse)).max() ** -1)
-        speeds = np.abs(G) @ np.abs(np.array(self.velocity(mu)))
-        for what, value, scale in (("c(g)", c, terms + reach), ("G(g) J^-1 mu", v, speeds)):
-            off = np.abs(value) > CONSISTENT * scale
-            if off.any():
-                i = int(np.argmax(np.abs(value) / np.where(scale > 0.0, scale, 1.0)))
-                raise InconsistentState(
-                    f"{name}: {what} must be zero; condition {i} is {value[i]:.3g}. `consistent(mu, g)` gives the nearest start "
-                    "on the constraint"
-                )
 
     # elements are those of the configurations
 
@@ -345,6 +313,107 @@ class ConstrainedBody(System):
 
     def _objection(self, argument: str, value: Any) -> str | None:
         return self.configurations._objection(argument, value) if argument != "G" else None
+
+
+@record
+class ConstrainedBody(BoundBody):
+    """Bodies whose configuration obeys c(g) = 0:
+
+        mu' = ad*_xi mu + f(g) - G(g)* lam,   g' = g xi,   xi = J^-1 mu,   c(g) = 0,   hence   G(g) xi = 0
+
+    body : what moves without the constraint: a free body such as RigidBody(J), or a MechanicalSystem; its kinetic energy is
+    quadratic.  On a ProductGroup it is many bodies.
+    constraint : c, with m components, m >= 1, whose derivatives G(g), left-trivialised, are independent.
+    LieRATTLE keeps both constraints to rounding, the two-form on what is left, and the momenta of common symmetries.
+    `rate` is that of the reduced equation, with lam in closed form: other methods accept it, and drift off the constraint.
+
+    Raises InvalidInput for an energy that is not quadratic, InvalidType for what is no body or no constraint.
+    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.1; Leyendecker, Marsden and Ortiz, ZAMM 88 (2008).
+    """
+
+    instead: ClassVar[str] = "LieRATTLE() keeps the constraint"
+
+    def _count(self, g: Any) -> int:
+        if not isinstance(self.constraint, Constraint) or isinstance(self.constraint, VelocityConstraint):
+            wanted = "a Constraint, a subclass with a `value(g)` (conditions on velocities: NonholonomicBody)"
+            raise InvalidType(f"{type(self).__name__}: constraint must be {wanted}; got {self.constraint!r}")
+        value = self.constraint.value(g)
+        if not isinstance(value, vectors.Vec) or not len(value):
+            name = f"{type(self).__name__}: {type(self.constraint).__name__}"
+            raise InvalidType(f"{name}.value must return lm.vec(...), (m,); got {value!r}")
+        return len(value)
+
+    @final
+    def conditions_at(self, mu: Vec, g: Element) -> tuple[Vec, Vec]:
+        """c(g) and G(g) J^-1 mu, (m,) each: both are zero along the motion.  mu : (dim,), g : an element."""
+        return self.constraint.value(g), self.jacobian(g) @ self.velocity(mu)
+
+    @final
+    def consistent(self, mu: Any, g: Any = None) -> BodyState:
+        """The start on the constraint that is nearest, measured by the kinetic energy, to one that is close to it.
+
+        The configuration moves by exp of the shortest displacement to c = 0, then the momentum loses G* (G J^-1 G*)^-1 G J^-1 mu.
+        mu : (dim,), g : an element.  Raises InvalidInput as `state` does, NoConvergence if g is too far off.
+        """
+        momentum, start = self._start("consistent", mu, g)
+        group, inverse = self.configurations, self._inverse
+        x, change = np.zeros(group.dim), np.inf
+        for _ in range(PATIENCE):
+            before, there = change, group.compose_exp(start, Vec.of(x))
+            G = np.array(mat(*[group.dexp_dual(Vec.of(x), row, "left") for row in self.jacobian(there)]))
+            aim = G @ x - np.array(self.constraint.value(there))
+            new = inverse @ G.T @ np.linalg.solve(G @ inverse @ G.T, aim)
+            change, x = float(np.abs(new - x).max()), new
+            if not change < np.inf or (change >= before and change <= CONSISTENT * max(1.0, np.abs(x).max())) or change == 0.0:
+                break
+        if not change <= CONSISTENT * max(1.0, np.abs(x).max()):
+            raise NoConvergence(f"{type(self).__name__}.consistent: no configuration on the constraint found near g; start closer")
+        there = group.compose_exp(start, Vec.of(x))
+        return self.state(self._projected(momentum, there), np.array(there))
+
+    def _require_consistent(self, mu: Any, g: Any) -> None:
+        """Raise InconsistentState for a configuration off the constraint, measured beside the terms of c, or such a velocity."""
+        G, least = np.array(self.jacobian(g)), 1.0 / np.abs(np.linalg.eigvalsh(self._inverse)).max()
+        reach = np.sqrt(least * np.einsum("ij,jk,ik->i", G, self._inverse, G))
+        self._require_zero("c(g)", np.array(self.constraint.value(g)), _terms(self.constraint, g) + reach)
+        super()._require_consistent(mu, g)
+
+
+@record
+class NonholonomicBody(BoundBody):
+    """Bodies that roll, or glide on a blade: velocities obey A(g) xi = 0, configurations nothing.
+
+        mu' = ad*_xi mu + f(g) - A(g)* lam,   g' = g xi,   xi = J^-1 mu,   A(g) xi = 0          (Lagrange-d'Alembert)
+
+    body : what moves without the constraint: a free body or a MechanicalSystem, with quadratic kinetic energy.
+    constraint : A, a VelocityConstraint with m independent rows.
+    The motion keeps the energy.  It keeps no symplectic form, and of a symmetry's momentum no more than its allowed motions tell.
+    LagrangeDAlembert() is the method for it; `rate` is that of the reduced equation, for RKMK.
+
+    Raises InvalidInput for an energy that is not quadratic, InvalidType for what is no body or no constraint.
+    Source: Bloch, Nonholonomic Mechanics and Control, 2nd ed., chapter 5; Cortes and Martinez, Nonlinearity 14 (2001).
+    """
+
+    instead: ClassVar[str] = "LagrangeDAlembert() is the method for velocity constraints"
+
+    def _count(self, g: Any) -> int:
+        if not isinstance(self.constraint, VelocityConstraint):
+            wanted = "a VelocityConstraint, a subclass with a `matrix(g)`"
+            raise InvalidType(f"{type(self).__name__}: constraint must be {wanted}; got {self.constraint!r}")
+        A, dim = self.constraint.matrix(g), self.configurations.dim
+        if not isinstance(A, vectors.Mat) or len(A[0]) != dim:
+            name = f"{type(self).__name__}: {type(self.constraint).__name__}"
+            raise InvalidType(f"{name}.matrix must return lm.mat(...), (m, {dim}); got {A!r}")
+        return len(A)
+
+    @final
+    def consistent(self, mu: Any, g: Any = None) -> BodyState:
+        """The start with the momentum nearest, measured by the kinetic energy, to mu.
+
+        mu : (dim,), g : an element.  Raises InvalidInput as `state` does.
+        """
+        momentum, start = self._start("consistent", mu, g)
+        return self.state(self._projected(momentum, start), np.array(start))
 
 
 def _members(state: BodyState) -> list[tuple[Any, Any]]:

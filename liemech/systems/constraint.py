@@ -41,6 +41,28 @@ class Constraint(Record):
         return tuple([parts_of(group, row) for row in self.jacobian(group, g)])
 
 
+@record
+class VelocityConstraint(Constraint):
+    """Conditions on velocities, linear and homogeneous, A(g) xi = 0, that come from no c(g): rolling, blades, knife edges.
+
+    1. A subclass writes `matrix`, as a formula that returns m independent rows.  Its fields are the parameters.
+
+    Source: Bloch, Nonholonomic Mechanics and Control, 2nd ed., section 1.3; Cortes and Martinez, Nonlinearity 14 (2001).
+    """
+
+    def matrix(self, g: Any) -> Mat:
+        """A(g), (m, dim), for left-trivialised velocities.  g : an element."""
+        raise NotDefined(f"{type(self).__name__} must define `matrix`")
+
+    def value(self, g: Any) -> Vec:
+        """None: raises NotDefined."""
+        raise NotDefined(f"{type(self).__name__}: conditions on velocities come from no function c(g)")
+
+    def jacobian(self, group: LieGroup, g: Element) -> Mat:
+        """A(g).  g : an element."""
+        return self.matrix(g)
+
+
 def factors_of(group: LieGroup) -> tuple[LieGroup, ...]:
     """The factors of a product; of another group, the group itself."""
     return group.factors if isinstance(group, ProductGroup) else (group,)
