@@ -128,8 +128,8 @@ class LieRATTLE(Method):
             length, whole = self._square(system, dx), self._square(system, x)
             shrinks, noisy = length <= CONTRACTION * before, length <= NOISE * NOISE * (whole + size)
             good = upright and (shrinks or noisy)
-            left = ROUNDING * size + LEAST * whole  # of the error, when this correction has been made
-            done = good and (length <= ROUNDING * size or (before < INFINITY and length * (length / before) <= left) or not shrinks)
+            settled = length <= ROUNDING * size or (before < INFINITY and length * (length / before) <= LEAST * whole)
+            done = good and (settled or not shrinks)
             if not good or (done and not self._is_inside(system, x)):
                 y, piece, before = slope, 0.5 * piece, INFINITY
             elif done:
@@ -231,7 +231,7 @@ class LieRATTLE(Method):
 
 def pulled(system: Any, rows: Any, impulses: Vec) -> Vec:
     """G* l.  impulses : (m,);  returns (dim,)."""
-    parts = []
+    parts: list[Any] = []
     for held, (start, end) in zip(system.held, system.places):
         pulls = [impulses[a] * rows[a][i] for a, i in held]
         parts = [*parts, *(vectors.sum(pulls) if len(pulls) > 0 else [0.0] * (end - start))]

@@ -12,9 +12,9 @@ from .lie_rattle import LieRATTLE
 
 @record
 class LagrangeDAlembert(LieRATTLE):
-    """Discrete Lagrange-d'Alembert equations: a step of Algorithm 1 under a condition on velocities, half-way.
+    """Discrete Lagrange-d'Alembert equations: a step of Algorithm 1 under a condition on velocities, averaged over its ends.
 
-        m = mu_i + (h/2) f(g_i) - A(g_i)* l,   (dtau^-1_x)* J x/h = m,   A(g_i tau(x/2)) x = 0                   for x and l
+        m = mu_i + (h/2) f(g_i) - A(g_i)* l,  (dtau^-1_x)* J x/h = m,  (A(g_i) + A(g_i tau(x))) x = 0        for x and l
         g_i+1 = g_i tau(x),  mu_i+1 = Ad*_tau(x) m + (h/2) f(g_i+1) - A(g_i+1)* l',  A(g_i+1) J^-1 mu_i+1 = 0  for l'
 
     retraction : Exponential() is the more accurate one.
@@ -22,8 +22,8 @@ class LagrangeDAlembert(LieRATTLE):
     motion keeps, is kept up to O(h^2), and may stay off by as much for good where the motion goes from one regime to another.
     Raises NoConvergence if the step is too large.
 
-    Source: Cortes and Martinez, Nonlinearity 14 (2001); Fedorov and Zenkov, Nonlinearity 18 (2005); Kobilarov, Marsden and Sukhatme,
-    Discrete Contin. Dyn. Syst. S 3 (2010).
+    Source: Cortes and Martinez, Nonlinearity 14 (2001); Fedorov and Zenkov, Nonlinearity 18 (2005); Kobilarov, Marsden and
+    Sukhatme, Discrete Contin. Dyn. Syst. S 3 (2010).
     """
 
     symmetric: ClassVar[bool] = True
@@ -43,10 +43,11 @@ class LagrangeDAlembert(LieRATTLE):
         self.retraction.require(system.configurations)
 
     def _condition(self, system: Any, g: Element, x: Vec) -> tuple[Vec, Any]:
-        """A(g tau(x/2)) x, and its derivative by x, by rows and blocks."""
+        """(A(g) + A(g tau(x))) x/2, and its derivative by x, by rows and blocks."""
         C = jacobian(lambda y: self._crossing(system, g, y), x)
         rows = [[vec(*row[start:end]) for start, end in system.places] for row in C]
         return self._crossing(system, g, x), [[rows[a][b] for b, _ in ties] for a, ties in enumerate(system.touches)]
 
     def _crossing(self, system: Any, g: Element, x: Vec) -> Vec:
-        return system.jacobian(self.retraction.compose_tau(system.configurations, g, 0.5 * x)) @ x
+        there = self.retraction.compose_tau(system.configurations, g, x)
+        return 0.5 * (system.jacobian(g) @ x + system.jacobian(there) @ x)

@@ -177,7 +177,7 @@ class PrismaticJoint(Joint):
     def rows(self, g: Mat, k: Mat) -> tuple[tuple[Vec, Vec], ...]:
         """Of the connection, and of the axes."""
         d = place(k, self.at_second) - place(g, self.at_first)
-        slides = []
+        slides: list[Any] = []
         for u in across(self.axis):
             n = turned(g, u)
             slides = [*slides, (turning(g, u, d) - along(g, self.at_first, n), along(k, self.at_second, n))]
@@ -253,7 +253,7 @@ class Joints(Constraint):
 
     def jacobian(self, group: LieGroup, g: Any) -> Mat:
         """The rows, with zeros for the other bodies."""
-        made = []
+        made: list[Any] = []
         for parts, bodies in zip(self.rows(group, g), self.touches(group, 0)):
             row = [REST6 for _ in range(group.dim // 6)]
             for body, part in zip(bodies, parts):

@@ -38,7 +38,7 @@ class Link(Record):
     inertia: Vec | Mat
 
     def __post_init__(self) -> None:
-        if not (isinstance(self.mass, (int, float)) and 0.0 < self.mass < np.inf):
+        if not 0.0 < self.mass < np.inf:
             raise InvalidInput(f"Link: mass must be a positive number; got {self.mass!r}")
         object.__setattr__(self, "inertia", checked_inertia(self.inertia, "Link: inertia", 3)[0])
         super().__post_init__()
@@ -110,7 +110,7 @@ class Linkage(ConstrainedBody):
         group = ProductGroup(*[SE3()] * len(links))
         free = LiePoissonSystem(group, KineticEnergy(_inertia(links)))
         weights = Weights([link.mass * self.gravity for link in links])
-        object.__setattr__(self, "body", MechanicalSystem(free, weights))
+        object.__setattr__(self, "body", MechanicalSystem(free, weights))  # type: ignore[call-arg, arg-type]
         object.__setattr__(self, "constraint", Joints(joints))
         super().__post_init__()
 
@@ -150,16 +150,14 @@ class Linkage(ConstrainedBody):
 
     def _symmetries(self, g: np.ndarray) -> np.ndarray:
         """The velocities of space, (k, 6), that change no condition and no energy, at the first, a middle and the last sample."""
-        changes = []
-        flat = g.reshape(-1, g.shape[-1])
+        changes, flat = [], g.reshape(-1, g.shape[-1])
         for one in flat[[0, len(flat) // 2, -1]]:
-            turns = [np.array(SE3().Ad(SE3().inverse(pose), np.eye(6))).T for pose in self.poses(one)]
-            changes += [np.array(self.jacobian(one)) @ np.concatenate(turns)]
-            changes += [np.array(self.force(one))[None] @ np.concatenate(turns)]
-        rows = np.concatenate(changes)
-        rows = rows / np.maximum(np.abs(rows).max(axis=1, keepdims=True), np.finfo(float).tiny)
-        _, sizes, directions = np.linalg.svd(rows)
-        return directions[np.r_[sizes, np.zeros(6)][:6] <= SURVIVES * max(sizes[0], 1.0)]
+            turns = np.concatenate([np.array(SE3().Ad(SE3().inverse(pose), np.eye(6))).T for pose in self.poses(one)])
+            for rows in np.array(self.jacobian(one)), np.array(self.force(one))[None]:
+                sizes = (np.abs(rows) @ np.abs(turns)).max(axis=1, keepdims=True)
+                changes.append(rows @ turns / np.where(sizes > 0.0, sizes, 1.0))
+        _, sizes, directions = np.linalg.svd(np.concatenate(changes))
+        return directions[np.r_[sizes, np.zeros(6)][:6] <= SURVIVES]
 
 
 def _inertia(links: tuple[Link, ...]) -> np.ndarray:
@@ -186,5 +184,8 @@ def chain(
         raise InvalidInput(f"chain: count is a whole number of rods, at least 1; got {count!r}")
     top, bottom = vec(0.0, 0.0, 0.5 * length), vec(0.0, 0.0, -0.5 * length)
     ends = [(b, None, top, vec(0.0, 0.0, 0.0)) if b == 0 else (b, b - 1, top, bottom) for b in range(count)]
-    joints = [BallJoint(*end) if axis is None else RevoluteJoint(*end, axis, axis) for end in ends]
-    return Linkage([Link.rod(mass, length, radius)] * count, joints, gravity)
+    joints: list[Any] = [BallJoint(*end) for end in ends]
+    if axis is not None:
+        joints = [RevoluteJoint(*end, axis_first=axis, axis_second=axis) for end in ends]
+    linkage: Any = Linkage
+    return linkage([Link.rod(mass, length, radius)] * count, joints, gravity)

@@ -53,7 +53,7 @@ class BoundBody(System):
         name = type(self).__name__
         body = self.body
         if isinstance(body, LiePoissonSystem):
-            body = MechanicalSystem(body, NoPotential())
+            body = MechanicalSystem(body, NoPotential())  # type: ignore[call-arg, arg-type]
         if not isinstance(body, MechanicalSystem):
             raise InvalidType(f"{name}: body must be a body such as RigidBody([1.0, 1.5, 2.0]) or a MechanicalSystem; got {body!r}")
         if not isinstance(body.body.lagrangian, KineticEnergy):
@@ -334,7 +334,8 @@ class ConstrainedBody(BoundBody):
     instead: ClassVar[str] = "LieRATTLE() keeps the constraint"
 
     def _count(self, g: Any) -> int:
-        if not isinstance(self.constraint, Constraint) or isinstance(self.constraint, VelocityConstraint):
+        given: Any = self.constraint
+        if not isinstance(given, Constraint) or isinstance(given, VelocityConstraint):
             wanted = "a Constraint, a subclass with a `value(g)` (conditions on velocities: NonholonomicBody)"
             raise InvalidType(f"{type(self).__name__}: constraint must be {wanted}; got {self.constraint!r}")
         value = self.constraint.value(g)
