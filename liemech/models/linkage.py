@@ -184,8 +184,8 @@ def chain(
         raise InvalidInput(f"chain: count is a whole number of rods, at least 1; got {count!r}")
     top, bottom = vec(0.0, 0.0, 0.5 * length), vec(0.0, 0.0, -0.5 * length)
     ends = [(b, None, top, vec(0.0, 0.0, 0.0)) if b == 0 else (b, b - 1, top, bottom) for b in range(count)]
+    linkage, hinge = Linkage, RevoluteJoint  # type: Any, Any
     joints: list[Any] = [BallJoint(*end) for end in ends]
     if axis is not None:
-        joints = [RevoluteJoint(*end, axis_first=axis, axis_second=axis) for end in ends]
-    linkage: Any = Linkage
+        joints = [hinge(*end, axis, axis) for end in ends]
     return linkage([Link.rod(mass, length, radius)] * count, joints, gravity)

@@ -288,7 +288,7 @@ def parallelogram(angle: float, rate: float):
 
 
 def test_what_is_no_start_is_refused():
-    body, start = pendulum()
+    body, _ = pendulum()
     with pytest.raises(lm.errors.InconsistentState, match=r"c\(g\) must be zero; condition 0 is 0\.17"):
         body.state([0.0, 1.2, 0.0], [0.7, 0.0, -np.sqrt(0.68)])
     with pytest.raises(lm.errors.InconsistentState, match=r"G\(g\) J\^-1 mu must be zero"):
