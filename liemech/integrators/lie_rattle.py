@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 from ..errors import IncompatibleSystem, NoConvergence
-from ..formulas import Element, Mat, Record, Vec, dot, norm, plain, record, vec, vectors
+from ..formulas import Element, Mat, Record, Vec, dot, norm, plain, record, vec, vectors, where
 from ..retractions import Exponential, Retraction
 from ..solvers import NOISE
 from ..systems.constrained_body import ConstrainedBody
@@ -144,7 +144,7 @@ class LieRATTLE(Method):
         return solution
 
     def _correction(self, system: Any, h: float, mu: Vec, g: Element, memory: Bound, unknown: Vec) -> tuple[Vec, bool]:
-        """What Newton's method subtracts, by Schur complement, block for block; and whether pivots have the sign of h.
+        """What Newton's method subtracts, by Schur complement, block for block; and whether determinants have the sign of h = 0.
 
         With r the mismatch of Algorithm 1 in every block,  A dx + B dl = r,  C dx = c  gives  (C A^-1 B) dl = C A^-1 r - c.
         B and C are cut after the second order of x: every correction shrinks the error by about |x|^3/24.
@@ -274,15 +274,16 @@ def entries(g: Element) -> list[Any]:
 
 
 def eliminated(m: Mat, columns: list[Vec], sign: float) -> tuple[list[Vec], bool]:
-    """m^-1 of each column, by elimination in the given order; and whether all pivots have this sign.
+    """m^-1 of each column, by elimination in the given order; and whether det m has the sign of that of a positive matrix times
+    `sign`.
 
     For matrices whose symmetric part is positive, as those of a step that is not too large: they need no exchange of rows.
     Source: Golub and Van Loan, Matrix Computations, 4th ed., section 4.1.
     """
-    n, positive = len(m), True
+    n, same = len(m), 1.0
     rows = [vec(*m[i], *[column[i] for column in columns]) for i in range(n)]
     for k in range(n):
-        positive = positive and sign * rows[k][k] > 0.0
+        same = where(sign * rows[k][k] > 0.0, same, -same)
         pivot = 1.0 / rows[k][k]
         rows = [row if i <= k else row - (pivot * row[k]) * rows[k] for i, row in enumerate(rows)]
     found: list[Any] = []  # from the last row upwards, each of all columns
@@ -291,16 +292,17 @@ def eliminated(m: Mat, columns: list[Vec], sign: float) -> tuple[list[Vec], bool
         for i, x in enumerate(found):
             rest = rest - rows[k][n - 1 - i] * x
         found = [*found, rest / rows[k][k]]
-    return [vec(*[found[n - 1 - i][j] for i in range(n)]) for j in range(len(columns))], positive
+    return [vec(*[found[n - 1 - i][j] for i in range(n)]) for j in range(len(columns))], same > 0.0
 
 
 def solved_sparse(m: list[list[Any]], rhs: list[Any], sign: float) -> tuple[Vec, bool]:
-    """m^-1 rhs by elimination in the given order, None standing for zeros that are known to be; and whether all pivots have this
-    sign, and are no smaller than DEPENDENT times what they were before the elimination."""
-    n, positive = len(rhs), True
+    """m^-1 rhs by elimination in the given order, None standing for zeros that are known to be; and whether det m has the sign of
+    that of a positive matrix times `sign`, no pivot being smaller than DEPENDENT times what it was before the elimination."""
+    n, same, regular = len(rhs), 1.0, True
     rows = [[*row, x] for row, x in zip(m, rhs)]
     for k in range(n):
-        positive = positive and sign * rows[k][k] > DEPENDENT * (sign * m[k][k])
+        same = where(sign * rows[k][k] > 0.0, same, -same)
+        regular = regular and abs(rows[k][k]) > DEPENDENT * abs(m[k][k])
         rows = [row if i <= k or row[k] is None else _reduced(row, row[k] / rows[k][k], rows[k], k) for i, row in enumerate(rows)]
     found: list[Any] = []
     for k in range(n - 1, -1, -1):
@@ -309,7 +311,7 @@ def solved_sparse(m: list[list[Any]], rhs: list[Any], sign: float) -> tuple[Vec,
             if rows[k][n - 1 - i] is not None:
                 rest = rest - rows[k][n - 1 - i] * x
         found = [*found, rest / rows[k][k]]
-    return vec(*reversed(found)), positive
+    return vec(*reversed(found)), regular and same > 0.0
 
 
 def _reduced(row: list[Any], factor: Any, above: list[Any], k: int) -> list[Any]:
