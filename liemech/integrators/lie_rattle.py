@@ -21,6 +21,9 @@ ROUNDING = 2.0**-100
 LEAST = 2.0**-104
 """An error below this, squared, relative to the displacement, is rounding."""
 
+MOST = 500.0
+"""Corrections in a step after which its branch is given up."""
+
 DEPENDENT = 1e-12
 """A pivot below this part of its diagonal entry says that a condition follows from those before it."""
 
@@ -119,7 +122,7 @@ class LieRATTLE(Method):
         mu, g, size = plain(memory.state.mu), plain(memory.state.g), self._size(system, memory)
         begun = vec(*(h * system.velocity(mu)), *guess[system.configurations.dim :])
         solution, slope, y = 0.0 * guess, begun, guess
-        reached, piece, before = 0.0, 1.0, INFINITY
+        reached, piece, before, tried = 0.0, 1.0, INFINITY, 0.0
         while True:
             part = min(1.0, reached + piece)
             change, upright = self._correction(system, part * h, mu, g, memory, part * y)
@@ -137,7 +140,8 @@ class LieRATTLE(Method):
                 slope = y = new / part
             else:
                 y, before = new / part, length
-            if not (reached < 1.0 and piece > SHORTEST):
+            tried = tried + 1.0
+            if not (reached < 1.0 and piece > SHORTEST and tried < MOST):
                 break
         if reached < 1.0:
             raise self._ended(system, h, reached * h, g, split(solution, system.configurations.dim)[0])
@@ -147,7 +151,6 @@ class LieRATTLE(Method):
         """What Newton's method subtracts, by Schur complement, block for block; and whether determinants have the sign of h = 0.
 
         With r the mismatch of Algorithm 1 in every block,  A dx + B dl = r,  C dx = c  gives  (C A^-1 B) dl = C A^-1 r - c.
-        B and C are cut after the second order of x: every correction shrinks the error by about |x|^3/24.
         """
         x, impulses = split(unknown, system.configurations.dim)
         rate, upright = 1.0 / h, True
@@ -159,7 +162,7 @@ class LieRATTLE(Method):
             y = vec(*x[start:end])
             r, by_p, by_x = self.retraction.mismatch(group, y, vec(*p[start:end]), vec(*momentum[start:end]))
             A = with_inertia(by_x, momentum_slope(by_p, rate * J))
-            B = [carried(group, y, by_p, memory.rows[a][i]) for a, i in held]
+            B = [carried(self.retraction, group, y, by_p, memory.rows[a][i]) for a, i in held]
             columns, good = eliminated(A, [r, *B], h)
             upright = upright and good
             free, pushed = [*free, columns[0]], [*pushed, columns[1:]]
@@ -178,7 +181,7 @@ class LieRATTLE(Method):
         there = self.retraction.compose_tau(system.configurations, g, x)
         rows, blocks, parts = system.rows(there), system.blocks, [vec(*x[start:end]) for start, end in system.places]
         bends = [
-            [bent(blocks[b][0], -1.0, parts[b], rows[a][i]) for i, (b, _) in enumerate(ties)]
+            [self.retraction.dtau_dual(blocks[b][0], parts[b], rows[a][i], "left") for i, (b, _) in enumerate(ties)]
             for a, ties in enumerate(system.touches)
         ]
         return system.constraint.value(there), bends
@@ -246,16 +249,10 @@ def joint(system: Any, led: list[Any], pushed: list[Any]) -> list[list[Any]]:
     ]
 
 
-def carried(group: Any, x: Vec, by_p: float | Mat, row: Vec) -> Vec:
-    """What a unit impulse along a row of G adds to the mismatch r = by_p (p - dtau_x* m), nearly."""
-    dual = bent(group, 1.0, x, row)
+def carried(retraction: Retraction, group: Any, x: Vec, by_p: float | Mat, row: Vec) -> Vec:
+    """What a unit impulse along a row of G adds to the mismatch r = by_p (p - dtau_x* m)."""
+    dual = retraction.dtau_dual(group, x, row)
     return by_p @ dual if isinstance(by_p, vectors.Mat) else by_p * dual
-
-
-def bent(group: Any, side: float, x: Vec, row: Vec) -> Vec:
-    """(dtau_x)* of a row of G up to the third order in x, right-trivialised for side = 1, left-trivialised for -1."""
-    first = group.ad_star(x, row)
-    return row + ((0.5 * side) * first + (1.0 / 6.0) * group.ad_star(x, first))
 
 
 def times(inertia: Vec | Mat, x: Vec) -> Vec:

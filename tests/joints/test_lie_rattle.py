@@ -89,10 +89,10 @@ def about_point(mu: np.ndarray) -> np.ndarray:
 def test_on_a_body_with_a_fixed_point_it_is_Lie_Verlet_of_the_heavy_top(retraction):
     # Rotations about the point are a subgroup, and these maps commute with moving the origin into it.
     body, start, heavy, heavy_start = top()
-    bound = run(body, lm.LieRATTLE(retraction), start, 0.05, 40)
-    turning = run(heavy, lm.LieVerlet(retraction), heavy_start, 0.05, 40)
-    assert np.allclose(bound.g[:, :3, :3], turning.g, rtol=0.0, atol=40 * 20 * EPSILON)
-    assert np.allclose(about_point(bound.mu), turning.mu, rtol=0.0, atol=40 * 20 * EPSILON * np.abs(turning.mu).max())
+    bound = run(body, lm.LieRATTLE(retraction), start, 0.05, 15)
+    turning = run(heavy, lm.LieVerlet(retraction), heavy_start, 0.05, 15)
+    assert np.allclose(bound.g[:, :3, :3], turning.g, rtol=0.0, atol=15 * 20 * EPSILON)
+    assert np.allclose(about_point(bound.mu), turning.mu, rtol=0.0, atol=15 * 20 * EPSILON * np.abs(turning.mu).max())
     assert off(body, bound) < 8 * EPSILON
 
 
@@ -144,10 +144,10 @@ def test_two_links_on_hinges_are_the_double_pendulum():
         hinge, speed = hinge + length * down, speed + length * np.cross(w, down)
     start = linkage.assembled(poses, rates)
     errors = []
-    for steps in 25, 50:
+    for steps in 20, 40:
         end = linkage.poses(run(linkage, lm.LieRATTLE(), start, 1.0 / steps, steps, every=steps).g[-1])
         errors.append(np.abs(np.arctan2(-end[:, 0, 2], end[:, 2, 2]) - exact).max())
-    assert errors[1] < 2e-3
+    assert errors[1] < 4e-3
     assert np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.1)
 
 
@@ -158,10 +158,10 @@ def test_two_links_on_hinges_are_the_double_pendulum():
 def test_order_two_and_the_way_back(retraction):
     body, start, heavy, heavy_start = top()
     exact = run(heavy, lm.RKMK(order=8), heavy_start, 0.05, 20).g[-1]
-    errors = [np.abs(run(body, lm.LieRATTLE(retraction), start, 1 / n, n, every=n).g[-1][:3, :3] - exact).max() for n in (25, 50)]
+    errors = [np.abs(run(body, lm.LieRATTLE(retraction), start, 1 / n, n, every=n).g[-1][:3, :3] - exact).max() for n in (15, 30)]
     assert np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.05)
-    there = run(body, lm.LieRATTLE(retraction), start, 0.05, 20)
-    back = run(body, lm.LieRATTLE(retraction), there.last, -0.05, 20)
+    there = run(body, lm.LieRATTLE(retraction), start, 0.05, 10)
+    back = run(body, lm.LieRATTLE(retraction), there.last, -0.05, 10)
     assert np.allclose(back.mu[-1], np.array(start.mu), rtol=0.0, atol=1e-13)
     assert np.allclose(back.g[-1], np.array(start.g), rtol=0.0, atol=1e-13)
 
@@ -252,7 +252,7 @@ def test_large_steps_are_followed_from_zero_on():
 
 def test_at_its_dead_point_a_linkage_stops_and_says_so():
     # A parallelogram of three rods: flat on the ground it may go on as an antiparallelogram.
-    linkage, start = parallelogram(np.pi / 2, -1.0)
+    linkage, start = parallelogram(np.pi / 6, -1.0)
     with pytest.raises(lm.errors.NoConvergence, match="dead point") as stop:
         run(linkage, lm.LieRATTLE(), start, 0.01, 200)
     reached = stop.value.trajectory
@@ -261,7 +261,7 @@ def test_at_its_dead_point_a_linkage_stops_and_says_so():
     assert 0.0 < angle[-1] < 0.05
     # One degree of freedom, both cranks and the coupler with them: I a'^2/2 + M g sin a is kept.
     pull = 2.0 * (2.0 * 0.5 + 1.0) * 9.81 / (2.0 / 3.0 + 1.0)
-    time, _ = quad(lambda a: 1.0 / np.sqrt(1.0 + pull * (1.0 - np.sin(a))), angle[-1], np.pi / 2)
+    time, _ = quad(lambda a: 1.0 / np.sqrt(1.0 + pull * (0.5 - np.sin(a))), angle[-1], np.pi / 6)
     assert reached.t[-1] == pytest.approx(time, abs=1e-3)
 
 
