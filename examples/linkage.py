@@ -33,8 +33,8 @@ velocities[0, 1] = -40.0
 start = linkage.assembled(poses, velocities)
 
 # some seconds in plain Python; native code for so many joints takes longer to make than this run
-run = lm.integrate(linkage, lm.LieRATTLE(), start, h=0.01, steps=300, compiled=False)
-misses = np.abs([linkage.conditions_at(mu, g) for mu, g in zip(run.mu, run.g)]).max(axis=(1, 2))
+run = lm.integrate(linkage, lm.LieRATTLE(), start, h=0.01, steps=150, compiled=False)
+misses = np.abs([linkage.conditions_at(mu, g) for mu, g in zip(run.mu[::10], run.g[::10])])
 print(run.drift())
 print(f"largest miss of the joints: {misses.max():.0e} (m, m/s)")
 
