@@ -38,7 +38,8 @@ class Link(Record):
     inertia: Vec | Mat
 
     def __post_init__(self) -> None:
-        if not 0.0 < self.mass < np.inf:
+        mass = real_array(self.mass, "Link: mass")
+        if mass.ndim or not 0.0 < mass < np.inf:
             raise InvalidInput(f"Link: mass must be a positive number; got {self.mass!r}")
         object.__setattr__(self, "inertia", checked_inertia(self.inertia, "Link: inertia", 3)[0])
         super().__post_init__()
@@ -97,10 +98,11 @@ class Linkage(ConstrainedBody):
     gravity: float = 9.80665
 
     def __post_init__(self) -> None:
+        given: Any = self
+        for name, items, kind in (("links", given.links, Link), ("joints", given.joints, Joint)):
+            if not isinstance(items, (list, tuple)) or not items or not all(isinstance(x, kind) for x in items):
+                raise InvalidType(f"Linkage: {name} is a list of one or more {kind.__name__}s; got {items!r}")
         links, joints = tuple(self.links), tuple(self.joints)
-        for name, items, kind in (("links", links, Link), ("joints", joints, Joint)):
-            if not items or not all(isinstance(x, kind) for x in items):
-                raise InvalidType(f"Linkage: {name} are one or more {kind.__name__}s; got {items!r}")
         for joint in joints:
             for number in (joint.first, joint.second):
                 if number is not None and number >= len(links):

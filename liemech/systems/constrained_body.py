@@ -61,7 +61,7 @@ class BoundBody(System):
         if body.load is not None:
             raise InvalidInput(f"{name}: a load without a potential is not supported; got {body.load!r}")
         object.__setattr__(self, "body", body)
-        count = self._count(small(np.array(body.configurations.identity())))
+        count = self._count(small(body.configurations.random(1)))  # formulas may have no value at the identity
         object.__setattr__(self, "conditions", count)
         object.__setattr__(self, "separate", _separate(body.configurations, np.array(body.body.lagrangian.inertia)))
         self._connect(count)
@@ -266,9 +266,12 @@ class BoundBody(System):
 
     def _require_independent(self, g: Any, name: str) -> None:
         """Raise InvalidInput unless the conditions are independent at g; beside each other they are measured by G J^-1 G*."""
-        G = np.array(self.jacobian(g))
+        try:
+            G = np.array(self.jacobian(g))
+        except ArithmeticError as error:
+            raise InvalidInput(f"{name}: {type(self.constraint).__name__} has no derivative at g: {error}") from None
         if not np.isfinite(G).all():
-            raise InvalidInput(f"{name}: the constraint has no finite derivative at g: G = {G.tolist()}")
+            raise InvalidInput(f"{name}: {type(self.constraint).__name__} has no finite derivative at g: G = {G.tolist()}")
         gram = G @ self._inverse @ G.T
         unit = np.sqrt(np.abs(np.diag(gram)))
         silent = np.flatnonzero(unit == 0.0)

@@ -99,8 +99,12 @@ def test_what_is_no_joint_is_refused():
     link = lm.Link(1.0, [0.1, 0.1, 0.1])
     with pytest.raises(lm.errors.InvalidInput, match="holds body 1; there are 1, numbered from 0"):
         lm.Linkage([link], [lm.BallJoint(0, 1)])
-    with pytest.raises(lm.errors.InvalidType, match="links are one or more Links"):
+    with pytest.raises(lm.errors.InvalidType, match="links is a list of one or more Links"):
         lm.Linkage([1.0], [lm.BallJoint(0, None)])
+    with pytest.raises(lm.errors.InvalidType, match="joints is a list of one or more Joints"):
+        lm.Linkage([link], lm.BallJoint(0, None))
+    with pytest.raises(lm.errors.InvalidType, match="mass must be real numbers"):
+        lm.Link("heavy", [0.1, 0.1, 0.1])
     with pytest.raises(lm.errors.InvalidInput, match="mass must be a positive number"):
         lm.Link(0.0, [0.1, 0.1, 0.1])
     with pytest.raises(lm.errors.InvalidInput, match=r"poses has shape \(4, 4\); 2 bodies have \(2, 4, 4\)"):

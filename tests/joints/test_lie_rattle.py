@@ -301,6 +301,38 @@ def test_what_is_no_start_is_refused():
     assert run(body, lm.LieRATTLE(), many, 0.1, 3).g.shape == (4, 2, 3)
 
 
+@lm.record
+class Length(lm.Constraint):
+    """The same sphere by a root, which has no derivative in its centre, where the identity of R^3 is."""
+
+    def value(self, g):
+        return lm.vec(lm.norm(g) - 1.0)
+
+
+def test_a_constraint_with_a_kink():
+    body, start = pendulum()
+    rooted = lm.ConstrainedBody(body.body, Length())
+    with pytest.raises(lm.errors.InvalidInput, match="Length has no derivative at g"):
+        rooted.consistent([0.0, 1.0, 0.0], [0.0, 0.0, 0.0])
+    same = run(rooted, lm.LieRATTLE(), rooted.state(start.mu, start.g), 0.1, 30)
+    assert np.allclose(same.mu, run(body, lm.LieRATTLE(), start, 0.1, 30).mu, rtol=0.0, atol=1e-14)
+
+
+@pytest.mark.parametrize("unit", [1e-6, 1e6])
+def test_units_do_not_matter(unit):
+    # A pendulum a million times smaller or larger, its time scaled with the root: the same angles.
+    found = []
+    for size in 1.0, unit:
+        swing = lm.Linkage([lm.Link(size**2, [0.1 * size**4] * 3)], [lm.FixedPoint(0, [0.0, 0.0, 0.5 * size])], 9.81)
+        pose = np.eye(4)
+        pose[:3, :3] = lm.SO3().exp([0.0, 0.7, 0.0])
+        pose[:3, 3] = -0.5 * size * pose[:3, 2]
+        end = run(swing, lm.LieRATTLE(), swing.assembled([pose]), 0.05 * size**0.5, 20)
+        found.append(swing.poses(end.g)[:, 0, :3, :3])
+        assert max(np.abs(np.array(swing.conditions_at(mu, g)[0])).max() for mu, g in zip(end.mu, end.g)) < 1e-15 * size
+    assert np.allclose(*found, rtol=0.0, atol=1e-13)
+
+
 def test_redundant_conditions_are_named():
     links = [lm.Link(1.0, [0.1, 0.1, 0.1])]
     twice = lm.Linkage(links, [lm.FixedPoint(0, [0.0, 0.0, 0.5]), lm.BallJoint(0, None, [0.0, 0.0, 0.5])])
