@@ -73,12 +73,14 @@ if TYPE_CHECKING:
     from .integrators.kick_drift import KickDrift
     from .integrators.lie_poisson_first_kind import FirstKindHamiltonJacobi
     from .integrators.lie_poisson_hj import LiePoissonHamiltonJacobi
+    from .integrators.lie_rattle import LieRATTLE
     from .integrators.lie_verlet import LieVerlet
     from .integrators.lobatto_pair import LobattoPair
     from .integrators.magnus import Magnus
     from .integrators.midpoint import ImplicitMidpoint, Isospectral, SphericalMidpoint
     from .integrators.moser_veselov import ExactMoserVeselov, MoserVeselov
     from .integrators.multiple_time_steps import MultipleTimeSteps
+    from .integrators.nonholonomic import LagrangeDAlembert
     from .integrators.poisson_euler import PoissonEuler, PoissonVerlet
     from .integrators.rattle import RATTLE, ConstrainedEuler
     from .integrators.reversible_controller import ReversibleController
@@ -94,8 +96,10 @@ if TYPE_CHECKING:
     from .models.gravity import CentralGravity, FixedPointGravity, UniformGravity
     from .models.heavy_top import HeavyTop, LagrangeTop, ReducedHeavyTop
     from .models.henon_heiles import HenonHeiles
+    from .models.joints import BallJoint, FixedPoint, PrismaticJoint, RevoluteJoint, RigidRod, UniversalJoint
     from .models.kepler import Kepler
     from .models.kirchhoff import KirchhoffBody
+    from .models.linkage import Link, Linkage, chain
     from .models.lotka_volterra import LotkaVolterra
     from .models.maxwell_bloch import MaxwellBloch
     from .models.n_body import NBody
@@ -115,6 +119,8 @@ if TYPE_CHECKING:
         SeparableConstrainedSystem,
         Surface,
     )
+    from .systems.constrained_body import ConstrainedBody, NonholonomicBody
+    from .systems.constraint import Constraint, VelocityConstraint
     from .systems.darboux import Andoyer, DarbouxChart, InDarbouxChart, LinearDarboux, LogarithmicDarboux
     from .systems.group_equation import GroupEquation, LinearGroupEquation
     from .systems.hamiltonian import Hamiltonian
@@ -165,6 +171,7 @@ _LATER = {
     "integrators.kick_drift": ("KickDrift",),
     "integrators.lie_poisson_first_kind": ("FirstKindHamiltonJacobi",),
     "integrators.lie_poisson_hj": ("LiePoissonHamiltonJacobi",),
+    "integrators.lie_rattle": ("LieRATTLE",),
     "integrators.lie_verlet": ("LieVerlet",),
     "integrators.lobatto_pair": ("LobattoPair",),
     "integrators.magnus": ("Magnus",),
@@ -174,6 +181,7 @@ _LATER = {
     "integrators.reversible_controller": ("ReversibleController",),
     "integrators.multiple_time_steps": ("MultipleTimeSteps",),
     "integrators.poisson_euler": ("PoissonEuler", "PoissonVerlet"),
+    "integrators.nonholonomic": ("LagrangeDAlembert",),
     "integrators.rkmk": ("RKMK",),
     "integrators.separable": ("Splitting", "StormerVerlet", "SymplecticEuler"),
     "integrators.splitting": ("ThreeRotations",),
@@ -186,12 +194,14 @@ _LATER = {
     "models.gravity": ("CentralGravity", "FixedPointGravity", "UniformGravity"),
     "models.heavy_top": ("HeavyTop", "LagrangeTop", "ReducedHeavyTop"),
     "models.henon_heiles": ("HenonHeiles",),
+    "models.joints": ("BallJoint", "FixedPoint", "PrismaticJoint", "RevoluteJoint", "RigidRod", "UniversalJoint"),
     "models.kepler": ("Kepler",),
     "models.kirchhoff": ("KirchhoffBody",),
     "models.orthogonal_body": ("OrthogonalBody",),
     "models.lotka_volterra": ("LotkaVolterra",),
     "models.maxwell_bloch": ("MaxwellBloch",),
     "models.n_body": ("NBody",),
+    "models.linkage": ("Link", "Linkage", "chain"),
     "models.pendulums": ("DoublePendulum", "Pendulum"),
     "models.planetary_system": ("PlanetarySystem",),
     "models.poisson_top": ("PoissonTop",),
@@ -209,6 +219,8 @@ _LATER = {
     ),
     "models.toda": ("TodaLattice",),
     "systems.darboux": ("Andoyer", "DarbouxChart", "InDarbouxChart", "LinearDarboux", "LogarithmicDarboux"),
+    "systems.constrained_body": ("ConstrainedBody", "NonholonomicBody"),
+    "systems.constraint": ("Constraint", "VelocityConstraint"),
     "systems.group_equation": ("GroupEquation", "LinearGroupEquation"),
     "systems.hamiltonian": ("Hamiltonian",),
     "systems.homogeneous_equation": ("HomogeneousEquation",),
@@ -275,6 +287,7 @@ __all__ = [
     "Ambient",
     "Andoyer",
     "AxialField",
+    "BallJoint",
     "BodyState",
     "ButcherTableau",
     "Canonical",
@@ -293,6 +306,8 @@ __all__ = [
     "ConstrainedEuler",
     "ConstrainedLagrangianSystem",
     "ConstrainedSystem",
+    "ConstrainedBody",
+    "Constraint",
     "CovariantVariational",
     "CrouchGrossman",
     "DistancePower",
@@ -310,6 +325,7 @@ __all__ = [
     "FallingBody",
     "FermiPastaUlam",
     "FirstKindHamiltonJacobi",
+    "FixedPoint",
     "FixedPointGravity",
     "Force",
     "FourBarLinkage",
@@ -335,6 +351,7 @@ __all__ = [
     "KickDrift",
     "KineticEnergy",
     "KirchhoffBody",
+    "LagrangeDAlembert",
     "LagrangeTop",
     "Lagrangian",
     "LeftMultiplication",
@@ -343,6 +360,7 @@ __all__ = [
     "LiePoissonHamiltonJacobi",
     "LiePoissonStructure",
     "LiePoissonSystem",
+    "LieRATTLE",
     "LieVerlet",
     "LinearAction",
     "LinearDarboux",
@@ -354,6 +372,8 @@ __all__ = [
     "LogarithmicDarboux",
     "LotkaVolterra",
     "MagneticField",
+    "Link",
+    "Linkage",
     "Magnus",
     "Mat",
     "MatrixLieGroup",
@@ -364,6 +384,7 @@ __all__ = [
     "MultipleTimeSteps",
     "MultirateSystem",
     "NoPotential",
+    "NonholonomicBody",
     "OrbitingBody",
     "OrthogonalBody",
     "OrthonormalFrame",
@@ -379,13 +400,16 @@ __all__ = [
     "PoissonTop",
     "PoissonVerlet",
     "Potential",
+    "PrismaticJoint",
     "ProductGroup",
     "Record",
     "ReducedHeavyTop",
     "Representation",
     "Retraction",
     "ReversibleController",
+    "RevoluteJoint",
     "RigidBody",
+    "RigidRod",
     "RotationAction",
     "SO3Algebra",
     "SemidirectProduct",
@@ -415,8 +439,11 @@ __all__ = [
     "UniformField",
     "UniformGravity",
     "UnitQuaternions",
+    "UniversalJoint",
     "Vec",
     "VectorSpace",
+    "VelocityConstraint",
+    "chain",
     "check_action",
     "check_group",
     "check_method",

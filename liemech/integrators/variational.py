@@ -146,7 +146,7 @@ class CovariantVariational(Implicit):
         """The mismatch of dl/dxi and mu, its derivative, and the factor of its square."""
         xi = rate * x
         r, by_p, by_x = self.retraction.mismatch(system.group, x, system.lagrangian.momentum(xi), mu)
-        jacobian = with_inertia(by_x, _times(by_p, rate * system.lagrangian.hessian(xi)))
+        jacobian = with_inertia(by_x, momentum_slope(by_p, rate * system.lagrangian.hessian(xi)))
         return r, jacobian, weight(by_p)
 
 
@@ -155,7 +155,7 @@ def weight(by_p: float | Mat) -> float:
     return 1.0 if isinstance(by_p, vectors.Mat) else by_p * by_p
 
 
-def _times(by_p: float | Mat, hessian: Mat | Vec) -> Mat | Vec:
+def momentum_slope(by_p: float | Mat, hessian: Mat | Vec) -> Mat | Vec:
     """dr/dp d2l: a Vec stands for a diagonal matrix, a number for a multiple of the unit matrix."""
     if not isinstance(by_p, vectors.Mat):
         return by_p * hessian

@@ -1,0 +1,323 @@
+"""RATTLE on a Lie group: the covariant variational method under holonomic constraints."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+from ..errors import IncompatibleSystem, NoConvergence
+from ..formulas import Element, Mat, Record, Vec, dot, norm, plain, record, vec, vectors, where
+from ..retractions import Exponential, Retraction
+from ..solvers import NOISE
+from ..systems.constrained_body import ConstrainedBody
+from ..systems.lie_poisson import BodyState
+from .implicit import extrapolated
+from .method import Method
+from .solvability import CONTRACTION, INFINITY, SHORTEST
+from .variational import momentum_slope, with_inertia
+
+ROUNDING = 2.0**-100
+"""A displacement below this, squared, relative to the size of a configuration, is rounding: four units in the last place."""
+
+LEAST = 2.0**-104
+"""An error below this, squared, relative to the displacement, is rounding."""
+
+MOST = 500.0
+"""Corrections in a step after which its branch is given up."""
+
+DEPENDENT = 1e-12
+"""A pivot below this part of its diagonal entry says that a condition follows from those before it."""
+
+
+@record
+class Bound(Record):
+    """What the method carries along: the state, at its node the force and the derivative of the constraint by rows, and the
+    unknowns of the last three steps, displacement and impulses of the constraint one after another."""
+
+    state: BodyState
+    force: Vec
+    rows: Any
+    last: Any
+    last_1: Any
+    last_2: Any
+
+
+@record
+class LieRATTLE(Method):
+    """RATTLE on a group: one step of Algorithm 1 between two kicks, by the field and by the constraint.
+
+        m = mu_i + (h/2) f(g_i) - G(g_i)* l,   (dtau^-1_x)* J x/h = m,   g_i+1 = g_i tau(x),   c(g_i+1) = 0       for x and l
+        mu_i+1 = Ad*_tau(x) m + (h/2) f(g_i+1) - G(g_i+1)* l',   G(g_i+1) J^-1 mu_i+1 = 0                       for l'
+
+    These are the discrete Euler-Lagrange equations of the sum of h l(xi_i) - h (V(g_i) + V(g_i+1))/2 under c(g_i) = 0.
+    retraction : Exponential() is the more accurate one.
+    Order 2, symmetric; both constraints hold to rounding at every step; the two-form on the constrained phase space is kept, and so
+    are momenta of common symmetries of potential and constraint; the energy oscillates without drift.
+    2 l/h and 2 l'/h are multipliers to first order only: `ConstrainedBody.multipliers` gives those of a state, of second order.
+    Raises NoConvergence if the step is too large, or where the conditions become dependent (a dead point): no solution grows out of
+    h = 0 up to this step.
+
+    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.1.3 (RATTLE); Leyendecker, Marsden and Ortiz, ZAMM
+    88 (2008), section 3; Marsden and West, Acta Numerica 10 (2001), section 3.5 (constraints).
+    """
+
+    symmetric: ClassVar[bool] = True
+    symplectic: ClassVar[bool] = True
+    order: ClassVar[int] = 2
+
+    retraction: Retraction = Exponential()
+
+    @property
+    def name(self) -> str:
+        """RATTLE on a group and the retraction."""
+        return f"Lie-RATTLE ({type(self.retraction).__name__})"
+
+    def require(self, system: Any) -> None:
+        """A ConstrainedBody, on a group that has the retraction."""
+        if not isinstance(system, ConstrainedBody):
+            instead = getattr(system, "instead", "RKMK accepts every system")
+            raise IncompatibleSystem(f"{self!r} needs bodies under a constraint, a ConstrainedBody; got {system!r}. {instead}")
+        self.retraction.require(system.configurations)
+
+    def start(self, system: Any, state: BodyState, h: float) -> Bound:
+        """A past in which every step had the velocity and the multipliers of the start."""
+        impulses = (0.5 * h) * system.multipliers(state.mu, state.g)
+        unknown = vec(*(h * system.velocity(state.mu)), *impulses)
+        return self.resume(system, state, (unknown, unknown, unknown), h)
+
+    def observe(self, memory: Bound) -> BodyState:
+        """Momentum and configuration at the node."""
+        return memory.state
+
+    def past(self, memory: Bound) -> tuple[Any, Any, Any]:
+        """The unknowns of the last three steps."""
+        return memory.last, memory.last_1, memory.last_2
+
+    def resume(self, system: Any, state: BodyState, past: tuple[Any, Any, Any], h: float) -> Bound:
+        """Momentum and configuration from elsewhere, unknowns to extrapolate from the past."""
+        g = plain(state.g)
+        return Bound(state, system.force(g), system.rows(g), *past)
+
+    def step(self, system: Any, t: float, memory: Bound, h: float) -> Bound:
+        """Solve for displacement and impulses, move, kick, and take away what leads off the constraint."""
+        state, free = memory.state, system.body.body
+        unknown = self._solved(system, h, memory, extrapolated(*self.past(memory)))
+        x, impulses = split(unknown, system.configurations.dim)
+        kick = (0.5 * h) * memory.force - pulled(system, memory.rows, impulses)
+        state = free.moved(self.retraction, BodyState(state.mu + kick, state.g), x)
+        g = plain(state.g)
+        force, rows = system.force(g), system.rows(g)
+        mu = state.mu + (0.5 * h) * force
+        mu = mu - pulled(system, rows, self._excess(system, rows, plain(mu)))
+        return Bound(BodyState(mu, state.g), force, rows, unknown, memory.last, memory.last_1)
+
+    # ---------------------------------------------------------------- the two systems of a step
+
+    def _solved(self, system: Any, h: float, memory: Bound, guess: Vec) -> Vec:
+        """Displacement and impulses: the solution that grows out of zero with h.
+
+        The whole step is tried from the guess.  It counts if Newton's corrections shrink well, if the determinants have the signs
+        that they have on the whole branch, and if the displacement is in the inner half of the chart; else the step is followed
+        from h = 0 on, in pieces to which the same applies.  What is followed is the unknown over the part s of the step.
+        """
+        mu, g, size = plain(memory.state.mu), plain(memory.state.g), self._size(system, memory)
+        begun = vec(*(h * system.velocity(mu)), *guess[system.configurations.dim :])
+        solution, slope, y = 0.0 * guess, begun, guess
+        reached, piece, before, tried = 0.0, 1.0, INFINITY, 0.0
+        while True:
+            part = min(1.0, reached + piece)
+            change, upright = self._correction(system, part * h, mu, g, memory, part * y)
+            new = part * y - change
+            x, dx = split(new, system.configurations.dim)[0], split(change, system.configurations.dim)[0]
+            length, whole = self._square(system, dx), self._square(system, x)
+            shrinks, noisy = length <= CONTRACTION * before, length <= NOISE * NOISE * (whole + size)
+            good = upright and (shrinks or noisy)
+            settled = length <= ROUNDING * size or (before < INFINITY and length * (length / before) <= LEAST * whole)
+            done = good and (settled or not shrinks)
+            if not good or (done and not self._is_inside(system, x)):
+                y, piece, before = slope, 0.5 * piece, INFINITY
+            elif done:
+                solution, reached, piece, before = new, part, 2.0 * piece, INFINITY
+                slope = y = new / part
+            else:
+                y, before = new / part, length
+            tried = tried + 1.0
+            if not (reached < 1.0 and piece > SHORTEST and tried < MOST):
+                break
+        if reached < 1.0:
+            raise self._ended(system, h, reached * h, g, split(solution, system.configurations.dim)[0])
+        return solution
+
+    def _correction(self, system: Any, h: float, mu: Vec, g: Element, memory: Bound, unknown: Vec) -> tuple[Vec, bool]:
+        """What Newton's method subtracts, by Schur complement, block for block; and whether determinants have the sign of h = 0.
+
+        With r the mismatch of Algorithm 1 in every block,  A dx + B dl = r,  C dx = c  gives  (C A^-1 B) dl = C A^-1 r - c.
+        """
+        x, impulses = split(unknown, system.configurations.dim)
+        rate, upright = 1.0 / h, True
+        momentum = mu + ((0.5 * h) * memory.force - pulled(system, memory.rows, impulses))
+        inertias, p = system.inertias, system.body.body.lagrangian.momentum(rate * x)
+        c, C = self._condition(system, g, x)
+        free, pushed, led = [], [], []  # type: list[Any], list[Any], list[Any]  # A^-1 r, A^-1 B and C, block by block
+        for (group, start, end), J, held in zip(system.blocks, inertias, system.held):
+            y = vec(*x[start:end])
+            r, by_p, by_x = self.retraction.mismatch(group, y, vec(*p[start:end]), vec(*momentum[start:end]))
+            A = with_inertia(by_x, momentum_slope(by_p, rate * J))
+            B = [carried(self.retraction, group, y, by_p, memory.rows[a][i]) for a, i in held]
+            columns, good = eliminated(A, [r, *B], h)
+            upright = upright and good
+            free, pushed = [*free, columns[0]], [*pushed, columns[1:]]
+            led = [*led, [C[a][i] for a, i in held]]
+        rest = [vectors.sum([dot(led[b][i], free[b]) for b, i in ties]) - value for ties, value in zip(system.touches, c)]
+        dl, good = solved_sparse(joint(system, led, pushed), rest, h)
+        dx: list[Any] = []
+        for y, columns, held in zip(free, pushed, system.held):
+            for (a, _), column in zip(held, columns):
+                y = y - dl[a] * column
+            dx = [*dx, *y]
+        return vec(*dx, *dl), upright and good
+
+    def _condition(self, system: Any, g: Element, x: Vec) -> tuple[Vec, Any]:
+        """c(g tau(x)), and its derivative by x, by rows and blocks."""
+        there = self.retraction.compose_tau(system.configurations, g, x)
+        rows, blocks, parts = system.rows(there), system.blocks, [vec(*x[start:end]) for start, end in system.places]
+        bends = [
+            [self.retraction.dtau_dual(blocks[b][0], parts[b], rows[a][i], "left") for i, (b, _) in enumerate(ties)]
+            for a, ties in enumerate(system.touches)
+        ]
+        return system.constraint.value(there), bends
+
+    def _excess(self, system: Any, rows: Any, mu: Vec) -> Vec:
+        """The impulses that take away the velocity off the constraint: (G J^-1 G*) l' = G J^-1 mu."""
+        xi = system.velocity(mu)
+        velocities = [vec(*xi[start:end]) for start, end in system.places]
+        led = [[rows[a][i] for a, i in held] for held in system.held]
+        pushed = [[times(inverse, row) for row in block] for inverse, block in zip(system.inverses, led)]
+        rest = [vectors.sum([dot(led[b][i], velocities[b]) for b, i in ties]) for ties in system.touches]
+        return solved_sparse(joint(system, led, pushed), rest, 1.0)[0]
+
+    # ---------------------------------------------------------------- sizes
+
+    def _square(self, system: Any, x: Vec) -> float:
+        """x . J x."""
+        return dot(x, system.body.body.lagrangian.momentum(x))
+
+    def _size(self, system: Any, memory: Bound) -> float:
+        """That of a configuration, for rounding: tr J times the square of the largest entry of g."""
+        most = 0.0
+        for x in entries(plain(memory.state.g)):
+            most = max(most, abs(x))
+        return most * most * system.trace
+
+    def _is_inside(self, system: Any, x: Vec) -> bool:
+        inside = True
+        for group, start, end in system.blocks:
+            inside = inside and self.retraction.is_chart(group, 2.0 * vec(*x[start:end]))
+        return inside
+
+    def _ended(self, system: Any, h: float, end: float, g: Element, x: Vec) -> NoConvergence:
+        """The error of a step without a solution of its own."""
+        weakest = system.independence(g)
+        where = (
+            f"The conditions are nearly dependent here (the least singular value of G is {weakest:.1e} of what it is for unrelated "
+            "conditions): the mechanism is close to a dead point, where it may go on in several ways, or in none"
+            if weakest < 0.1
+            else f"The step h = {h:g} is too large for this motion; try {0.25 * h:g}"
+        )
+        return NoConvergence(
+            f"{self!r}: the solution that grows out of h = 0 ends at h = {end:.3g}, |h xi| = {norm(x):.2g}, in a fold or at the "
+            f"chart's edge. {where}"
+        )
+
+
+# ------------------------------------------------------------------ sums over conditions and blocks
+
+
+def pulled(system: Any, rows: Any, impulses: Vec) -> Vec:
+    """G* l.  impulses : (m,);  returns (dim,)."""
+    parts: list[Any] = []
+    for held, (start, end) in zip(system.held, system.places):
+        pulls = [impulses[a] * rows[a][i] for a, i in held]
+        parts = [*parts, *(vectors.sum(pulls) if len(pulls) > 0 else [0.0] * (end - start))]
+    return vec(*parts)
+
+
+def joint(system: Any, led: list[Any], pushed: list[Any]) -> list[list[Any]]:
+    """C A^-1 B, from the rows of C and the columns of A^-1 B block by block: None where conditions have no block in common."""
+    return [
+        [vectors.sum([dot(led[b][i], pushed[b][j]) for b, i, j in common]) if len(common) > 0 else None for common in row]
+        for row in system.shared
+    ]
+
+
+def carried(retraction: Retraction, group: Any, x: Vec, by_p: float | Mat, row: Vec) -> Vec:
+    """What a unit impulse along a row of G adds to the mismatch r = by_p (p - dtau_x* m)."""
+    dual = retraction.dtau_dual(group, x, row)
+    return by_p @ dual if isinstance(by_p, vectors.Mat) else by_p * dual
+
+
+def times(inertia: Vec | Mat, x: Vec) -> Vec:
+    """J x, a Vec standing for a diagonal matrix."""
+    return inertia @ x if isinstance(inertia, vectors.Mat) else inertia * x
+
+
+def split(unknown: Vec, dim: int) -> tuple[Vec, Vec]:
+    """Displacement and impulses."""
+    return vec(*unknown[:dim]), vec(*unknown[dim:])
+
+
+def entries(g: Element) -> list[Any]:
+    """The numbers of an element."""
+    return [x for row in g for x in row] if isinstance(g, vectors.Mat) else [*g]
+
+
+def eliminated(m: Mat, columns: list[Vec], sign: float) -> tuple[list[Vec], bool]:
+    """m^-1 of each column, by elimination in the given order; and whether det m has the sign of that of a positive matrix times
+    `sign`.
+
+    For matrices whose symmetric part is positive, as those of a step that is not too large: they need no exchange of rows.
+    Source: Golub and Van Loan, Matrix Computations, 4th ed., section 4.1.
+    """
+    n, same = len(m), 1.0
+    rows = [vec(*m[i], *[column[i] for column in columns]) for i in range(n)]
+    for k in range(n):
+        same = where(sign * rows[k][k] > 0.0, same, -same)
+        pivot = 1.0 / rows[k][k]
+        rows = [row if i <= k else row - (pivot * row[k]) * rows[k] for i, row in enumerate(rows)]
+    found: list[Any] = []  # from the last row upwards, each of all columns
+    for k in range(n - 1, -1, -1):
+        rest = vec(*rows[k][n:])
+        for i, x in enumerate(found):
+            rest = rest - rows[k][n - 1 - i] * x
+        found = [*found, rest / rows[k][k]]
+    return [vec(*[found[n - 1 - i][j] for i in range(n)]) for j in range(len(columns))], same > 0.0
+
+
+def solved_sparse(m: list[list[Any]], rhs: list[Any], sign: float) -> tuple[Vec, bool]:
+    """m^-1 rhs by elimination in the given order, None standing for zeros that are known to be; and whether det m has the sign of
+    that of a positive matrix times `sign`, no pivot being smaller than DEPENDENT times what it was before the elimination."""
+    n, same, regular = len(rhs), 1.0, True
+    rows = [[*row, x] for row, x in zip(m, rhs)]
+    for k in range(n):
+        same = where(sign * rows[k][k] > 0.0, same, -same)
+        regular = regular and abs(rows[k][k]) > DEPENDENT * abs(m[k][k])
+        rows = [row if i <= k or row[k] is None else _reduced(row, row[k] / rows[k][k], rows[k], k) for i, row in enumerate(rows)]
+    found: list[Any] = []
+    for k in range(n - 1, -1, -1):
+        rest = rows[k][n]
+        for i, x in enumerate(found):
+            if rows[k][n - 1 - i] is not None:
+                rest = rest - rows[k][n - 1 - i] * x
+        found = [*found, rest / rows[k][k]]
+    return vec(*reversed(found)), regular and same > 0.0
+
+
+def _reduced(row: list[Any], factor: Any, above: list[Any], k: int) -> list[Any]:
+    """A row less a multiple of one above it, beyond column k."""
+    return [_less(a, factor, b) if j > k else None for j, (a, b) in enumerate(zip(row, above))]
+
+
+def _less(a: Any, factor: float, b: Any) -> Any:
+    """a - factor b, where None is zero."""
+    if b is None:
+        return a
+    return -(factor * b) if a is None else a - factor * b

@@ -1,0 +1,456 @@
+"""Bodies under holonomic constraints: on any group, with joints, rods, fixed points."""
+
+from __future__ import annotations
+
+from dataclasses import field
+from typing import Any, ClassVar, final
+
+import numpy as np
+
+from ..errors import InconsistentState, InvalidInput, InvalidType, NoConvergence, NotDefined
+from ..formulas import Element, Mat, Vec, derivative, mat, record, solve, vec, vectors
+from ..formulas.broadcasting import small
+from ..groups.lie_group import LieGroup
+from ..retractions import Retraction
+from .constraint import Constraint, VelocityConstraint, factors_of
+from .kinetic_energy import KineticEnergy
+from .lie_poisson import BodyState, LiePoissonSystem, body_state
+from .mechanical import MechanicalSystem
+from .potential import NoPotential
+from .system import System
+
+CONSISTENT = 1e-9
+"""A start may miss its constraints by this part of their terms: rounding and printed digits, not mistakes."""
+
+INDEPENDENT = 1e-10
+"""Conditions whose derivatives are closer to dependent than this, by singular values, are taken for redundant."""
+
+PATIENCE = 50
+"""Iterations after which no consistent start is looked for any more."""
+
+
+@record
+class BoundBody(System):
+    """Bodies whose velocity obeys G(g) xi = 0 with a force -G(g)* lam that does no work; abstract.
+
+    1. A subclass says what makes `G`, and how consistent a start is.
+
+    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.1; Bloch, Nonholonomic Mechanics and Control, 2nd
+    ed., section 1.3.
+    """
+
+    coordinates: ClassVar[tuple[str, ...]] = ("mu",)
+    body: Any
+    constraint: Constraint
+    conditions: int = field(init=False, repr=False)
+    separate: bool = field(init=False, repr=False)
+    touches: tuple[Any, ...] = field(init=False, repr=False)
+    held: tuple[Any, ...] = field(init=False, repr=False)
+    shared: tuple[Any, ...] = field(init=False, repr=False)
+    places: tuple[Any, ...] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        name = type(self).__name__
+        body = self.body
+        if isinstance(body, LiePoissonSystem):
+            body = MechanicalSystem(body, NoPotential())  # type: ignore[call-arg, arg-type]
+        if not isinstance(body, MechanicalSystem):
+            raise InvalidType(f"{name}: body must be a body such as RigidBody([1.0, 1.5, 2.0]) or a MechanicalSystem; got {body!r}")
+        if not isinstance(body.body.lagrangian, KineticEnergy):
+            raise InvalidInput(f"{name}: the kinetic energy must be quadratic, a KineticEnergy; {body.body!r} has another one")
+        if body.load is not None:
+            raise InvalidInput(f"{name}: a load without a potential is not supported; got {body.load!r}")
+        object.__setattr__(self, "body", body)
+        count = self._count(small(body.configurations.random(1)))  # formulas may have no value at the identity
+        object.__setattr__(self, "conditions", count)
+        object.__setattr__(self, "separate", _separate(body.configurations, np.array(body.body.lagrangian.inertia)))
+        self._connect(count)
+        super().__post_init__()
+
+    def _count(self, g: Any) -> int:
+        """The number of conditions, seen at an element."""
+        raise NotDefined(f"{type(self).__name__} must define `_count`")
+
+    def _connect(self, conditions: int) -> None:
+        """Who depends on whom, for sums that leave out what is known to be zero.
+
+        touches : of each condition the blocks of the algebra that it depends on; a block is what the inertia leaves to itself.
+        held : of each block the conditions.  shared : of two conditions their common blocks, and their places among the `held`.
+        places : of each block where its coordinates begin and end.
+        """
+        group = self.configurations
+        touches: Any = ((0,),) * conditions
+        groups: tuple[LieGroup, ...] = (group,)
+        if self.separate:
+            touches, groups = self.constraint.touches(group, conditions), factors_of(group)
+        ends = np.cumsum([one.dim for one in groups]).tolist()
+        held = tuple(tuple(a for a in range(conditions) if b in touches[a]) for b in range(len(groups)))
+        at = [{a: i for i, a in enumerate(block)} for block in held]
+        common = [[[b for b in touches[a] if b in touches[k]] for k in range(conditions)] for a in range(conditions)]
+        shared = tuple(
+            tuple(tuple((b, at[b][a], at[b][k]) for b in blocks) for k, blocks in enumerate(row)) for a, row in enumerate(common)
+        )
+        found = {
+            "touches": tuple(tuple((b, at[b][a]) for b in row) for a, row in enumerate(touches)),
+            "held": tuple(tuple((a, tuple(touches[a]).index(b)) for a in block) for b, block in enumerate(held)),
+            "shared": shared,
+            "places": tuple((end - one.dim, end) for one, end in zip(groups, ends, strict=True)),
+        }
+        for name, value in found.items():
+            object.__setattr__(self, name, value)
+
+    @final
+    @property
+    def configurations(self) -> LieGroup:
+        """The group whose elements tell where the bodies are."""
+        return self.body.configurations
+
+    @property  # type: ignore[misc]
+    def group(self) -> Any:
+        """T*G, the group that moves momentum and configuration together."""
+        return self.body.group
+
+    @property
+    def blocks(self) -> tuple[tuple[LieGroup, int, int], ...]:
+        """Of each block of the algebra the group, and where its coordinates begin and end."""
+        groups = factors_of(self.configurations) if self.separate else (self.configurations,)
+        return tuple([(group, start, end) for group, (start, end) in zip(groups, self.places)])
+
+    @property
+    def inertias(self) -> tuple[Vec | Mat, ...]:
+        """J, block by block."""
+        return tuple([_block(self.body.body.lagrangian.inertia, start, end) for _, start, end in self.blocks])
+
+    @property
+    def inverses(self) -> tuple[Vec | Mat, ...]:
+        """J^-1, block by block."""
+        return tuple([_block(self.body.body.lagrangian.inverse, start, end) for _, start, end in self.blocks])
+
+    @property
+    def trace(self) -> float:
+        """The sum of the moments on the diagonal of J."""
+        J = self.body.body.lagrangian.inertia
+        return vectors.sum([J[i, i] if isinstance(J, vectors.Mat) else J[i] for i in range(len(J))])
+
+    # ---------------------------------------------------------------- formulas
+
+    @final
+    def velocity(self, mu: Vec) -> Vec:
+        """The body velocity xi = J^-1 mu.  mu : (dim,)."""
+        return self.body.velocity(mu)
+
+    @final
+    def force(self, g: Element) -> Vec:
+        """The force of the field, without that of the constraint.  g : an element;  returns (dim,)."""
+        return self.body.force(g)
+
+    @final
+    def energy(self, mu: Vec, g: Element) -> float:
+        """H(mu) + V(g).  mu : (dim,), g : an element."""
+        return self.body.energy(mu, g)
+
+    @final
+    def spatial_momentum(self, mu: Vec, g: Element) -> Vec:
+        """The momentum seen from space, K_g mu.  mu : (dim,), g : an element."""
+        return self.body.spatial_momentum(mu, g)
+
+    @final
+    def jacobian(self, g: Element) -> Mat:
+        """G(g), the left-trivialised derivative of the constraint, (m, dim).  g : an element."""
+        return self.constraint.jacobian(self.configurations, g)
+
+    @final
+    def rows(self, g: Any) -> Any:
+        """G(g) by conditions and blocks, as `touches` says.  g : an element."""
+        if not self.separate:
+            return tuple([(row,) for row in self.jacobian(g)])
+        return self.constraint.rows(self.configurations, g)
+
+    @final
+    def multipliers(self, mu: Vec, g: Element) -> Vec:
+        """The multipliers lam, (m,), at a consistent state: -G* lam is the force of the constraint on the momentum.
+
+            lam = (G J^-1 G*)^-1 [ d/ds G(g exp(s xi)) xi + G J^-1 (ad*_xi mu + f) ]
+
+        A condition measured in m has its lam in N, one that is an angle or a cosine in N m.  mu : (dim,), g : an element.
+        Source: Hairer, Lubich, Wanner, VII.1.2, equation (1.9), on a group.
+        """
+        G, xi = self.jacobian(g), self.velocity(mu)
+        pull = self.configurations.ad_star(xi, mu) + self.force(g)
+        curved = derivative(lambda s: self.jacobian(self.configurations.compose_exp(g, s * xi)) @ xi, 0.0)
+        return solve(self.gram(G), curved + G @ self.velocity(pull))
+
+    @final
+    def gram(self, G: Mat) -> Mat:
+        """G J^-1 G*, (m, m): how impulses of the conditions change their velocities.  G : (m, dim)."""
+        return mat(*[G @ self.velocity(row) for row in G])
+
+    # ---------------------------------------------------------------- how it moves
+
+    @final
+    def rate(self, t: float, state: BodyState) -> Vec:
+        """(xi, f - G* lam): the velocity on T*G, by index reduction."""
+        push = self.force(state.g) - self.multipliers(state.mu, state.g) @ self.jacobian(state.g)
+        return vec(*self.velocity(state.mu), *push)
+
+    @final
+    def moved(self, retraction: Retraction, state: BodyState, omega: Vec) -> BodyState:
+        """As without the constraint."""
+        return self.body.moved(retraction, state, omega)
+
+    @final
+    def deviation(self, state: BodyState, omega: Vec) -> tuple[Vec, Vec]:
+        """As without the constraint."""
+        return self.body.deviation(state, omega)
+
+    def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """The energy."""
+        return {"energy": np.asarray(self.energy(states["mu"], states["g"]))}
+
+    # ---------------------------------------------------------------- the border
+
+    @final
+    def state(self, mu: Any, g: Any = None) -> BodyState:
+        """A start for `integrate`: body momentum mu and configuration g, which obey the constraint.
+
+        mu : (dim,) for one body, (bodies, dim) for an ensemble;  g : an element, or one for each body.
+        Raises InvalidInput as MechanicalSystem.state does, and for redundant conditions; InconsistentState for a start off the
+        constraint, with the cure: `consistent(mu, g)` is the nearest start on it.
+        """
+        state = self._given("state", mu, g)
+        for k, (one, where) in enumerate(_members(state)):
+            self._require_independent(where, f"{type(self).__name__}.state" + ("" if state.bodies is None else f": body {k}"))
+            self._require_consistent(one, where)
+        return self.vouched(state)
+
+    def _require_consistent(self, mu: Any, g: Any) -> None:
+        """Raise InconsistentState for a velocity off the constraint, beside what velocities of its energy could be off."""
+        G, momentum, inverse = np.array(self.jacobian(g)), np.array(mu), self._inverse
+        scale = np.sqrt((momentum @ inverse @ momentum) * np.einsum("ij,jk,ik->i", G, inverse, G))
+        self._require_zero("G(g) J^-1 mu", G @ inverse @ momentum, scale)
+
+    def _require_zero(self, what: str, value: np.ndarray, scale: np.ndarray) -> None:
+        if (np.abs(value) > CONSISTENT * scale).any():
+            i = int(np.argmax(np.abs(value) / np.where(scale > 0.0, scale, 1.0)))
+            raise InconsistentState(
+                f"{type(self).__name__}.state: {what} must be zero; condition {i} is {value[i]:.3g}. `consistent(mu, g)` gives the "
+                "nearest start on the constraint"
+            )
+
+    def _start(self, what: str, mu: Any, g: Any) -> tuple[np.ndarray, Any]:
+        """One start, with independent conditions."""
+        state = self._given(what, mu, g)
+        if state.bodies is not None:
+            raise InvalidInput(f"{type(self).__name__}.{what} takes one start at a time; loop over the ensemble")
+        start = small(np.array(state.g))
+        self._require_independent(start, f"{type(self).__name__}.{what}")
+        return np.array(state.mu), start
+
+    def _projected(self, momentum: np.ndarray, g: Any) -> np.ndarray:
+        """The momentum less G* (G J^-1 G*)^-1 G J^-1 mu: the nearest with a velocity on the constraint."""
+        G, inverse = np.array(self.jacobian(g)), self._inverse
+        for _ in range(2):  # the second time for rounding
+            momentum = momentum - G.T @ np.linalg.solve(G @ inverse @ G.T, G @ inverse @ momentum)
+        return momentum
+
+    def _given(self, what: str, mu: Any, g: Any) -> BodyState:
+        name = f"{type(self).__name__}.{what}"
+        if g is None:
+            raise InvalidInput(f"{name}: g is missing; the constraint depends on where the body is, give {what}(mu=..., g=...)")
+        return body_state(name, self.configurations, mu, g)
+
+    @property
+    def _inverse(self) -> np.ndarray:
+        inverse = np.array(self.body.body.lagrangian.inverse)
+        return inverse if inverse.ndim == 2 else np.diag(inverse)
+
+    def _require_independent(self, g: Any, name: str) -> None:
+        """Raise InvalidInput unless the conditions are independent at g; beside each other they are measured by G J^-1 G*."""
+        try:
+            G = np.array(self.jacobian(g))
+        except ArithmeticError as error:
+            raise InvalidInput(f"{name}: {type(self.constraint).__name__} has no derivative at g: {error}") from None
+        if not np.isfinite(G).all():
+            raise InvalidInput(f"{name}: {type(self.constraint).__name__} has no finite derivative at g: G = {G.tolist()}")
+        gram = G @ self._inverse @ G.T
+        unit = np.sqrt(np.abs(np.diag(gram)))
+        silent = np.flatnonzero(unit == 0.0)
+        if len(silent):
+            raise InvalidInput(
+                f"{name}: condition {silent[0]} of {type(self.constraint).__name__} does not change here: its derivative is zero"
+            )
+        values, directions = np.linalg.eigh(gram / np.outer(unit, unit))
+        rank = int((np.abs(values) > INDEPENDENT * values[-1]).sum())
+        if rank < len(G):
+            together = np.abs(directions[:, : len(G) - rank]).max(axis=1)
+            which = ", ".join(str(i) for i in np.flatnonzero(together > 1e-3))
+            raise InvalidInput(
+                f"{name}: the {len(G)} conditions have rank {rank} here; conditions {which} depend on each other. Leave out "
+                f"{len(G) - rank} of them, or start elsewhere if it is a dead point"
+            )
+
+    def independence(self, g: Any) -> float:
+        """The least singular value of J^-1/2 G*, its columns of length 1: 1 for unrelated conditions, 0 for dependent ones."""
+        G = np.array(self.jacobian(g))
+        gram = G @ self._inverse @ G.T
+        unit = np.sqrt(np.abs(np.diag(gram)))
+        return float(np.sqrt(np.abs(np.linalg.eigvalsh(gram / np.outer(unit, unit)))).min())
+
+    # elements are those of the configurations
+
+    @final
+    def identity(self) -> Any:
+        """The neutral element of the configurations."""
+        return self.configurations.identity()
+
+    @final
+    def defect(self, g: Any) -> float:
+        """How far an array is from being a configuration.  g : shaped like an element."""
+        return self.configurations.defect(g)
+
+    def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
+        return (self.conditions, self.configurations.dim) if argument == "G" else self.body._shape(argument, kind)
+
+    def _complex(self, kind: str) -> bool:
+        return self.configurations._complex(kind)
+
+    def _objection(self, argument: str, value: Any) -> str | None:
+        return self.configurations._objection(argument, value) if argument != "G" else None
+
+
+@record
+class ConstrainedBody(BoundBody):
+    """Bodies whose configuration obeys c(g) = 0:
+
+        mu' = ad*_xi mu + f(g) - G(g)* lam,   g' = g xi,   xi = J^-1 mu,   c(g) = 0,   hence   G(g) xi = 0
+
+    body : what moves without the constraint: a free body such as RigidBody(J), or a MechanicalSystem; its kinetic energy is
+    quadratic.  On a ProductGroup it is many bodies.
+    constraint : c, with m components, m >= 1, whose derivatives G(g), left-trivialised, are independent.
+    LieRATTLE keeps both constraints to rounding, the two-form on what is left, and the momenta of common symmetries.
+    `rate` is that of the reduced equation, with lam in closed form: other methods accept it, and drift off the constraint.
+
+    Raises InvalidInput for an energy that is not quadratic, InvalidType for what is no body or no constraint.
+    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.1; Leyendecker, Marsden and Ortiz, ZAMM 88 (2008).
+    """
+
+    instead: ClassVar[str] = "LieRATTLE() keeps the constraint"
+
+    def _count(self, g: Any) -> int:
+        given: Any = self.constraint
+        if not isinstance(given, Constraint) or isinstance(given, VelocityConstraint):
+            wanted = "a Constraint, a subclass with a `value(g)` (conditions on velocities: NonholonomicBody)"
+            raise InvalidType(f"{type(self).__name__}: constraint must be {wanted}; got {self.constraint!r}")
+        value = self.constraint.value(g)
+        if not isinstance(value, vectors.Vec) or not len(value):
+            name = f"{type(self).__name__}: {type(self.constraint).__name__}"
+            raise InvalidType(f"{name}.value must return lm.vec(...), (m,); got {value!r}")
+        return len(value)
+
+    @final
+    def conditions_at(self, mu: Vec, g: Element) -> tuple[Vec, Vec]:
+        """c(g) and G(g) J^-1 mu, (m,) each: both are zero along the motion.  mu : (dim,), g : an element."""
+        return self.constraint.value(g), self.jacobian(g) @ self.velocity(mu)
+
+    @final
+    def consistent(self, mu: Any, g: Any = None) -> BodyState:
+        """The start on the constraint that is nearest, measured by the kinetic energy, to one that is close to it.
+
+        The configuration moves by exp of the shortest displacement to c = 0, then the momentum loses G* (G J^-1 G*)^-1 G J^-1 mu.
+        mu : (dim,), g : an element.  Raises InvalidInput as `state` does, NoConvergence if g is too far off.
+        """
+        momentum, start = self._start("consistent", mu, g)
+        group, inverse = self.configurations, self._inverse
+        x, change = np.zeros(group.dim), np.inf
+        for _ in range(PATIENCE):
+            before, there = change, group.compose_exp(start, Vec.of(x))
+            G = np.array(mat(*[group.dexp_dual(Vec.of(x), row, "left") for row in self.jacobian(there)]))
+            aim = G @ x - np.array(self.constraint.value(there))
+            new = inverse @ G.T @ np.linalg.solve(G @ inverse @ G.T, aim)
+            change, x = float(np.abs(new - x).max()), new
+            if not change < np.inf or (change >= before and change <= CONSISTENT * max(1.0, np.abs(x).max())) or change == 0.0:
+                break
+        if not change <= CONSISTENT * max(1.0, np.abs(x).max()):
+            raise NoConvergence(f"{type(self).__name__}.consistent: no configuration on the constraint found near g; start closer")
+        there = group.compose_exp(start, Vec.of(x))
+        return self.state(self._projected(momentum, there), np.array(there))
+
+    def _require_consistent(self, mu: Any, g: Any) -> None:
+        """Raise InconsistentState for a configuration off the constraint, measured beside the terms of c, or such a velocity."""
+        G, least = np.array(self.jacobian(g)), 1.0 / np.abs(np.linalg.eigvalsh(self._inverse)).max()
+        reach = np.sqrt(least * np.einsum("ij,jk,ik->i", G, self._inverse, G))
+        self._require_zero("c(g)", np.array(self.constraint.value(g)), _terms(self.constraint, g) + reach)
+        super()._require_consistent(mu, g)
+
+
+@record
+class NonholonomicBody(BoundBody):
+    """Bodies that roll, or glide on a blade: velocities obey A(g) xi = 0, configurations nothing.
+
+        mu' = ad*_xi mu + f(g) - A(g)* lam,   g' = g xi,   xi = J^-1 mu,   A(g) xi = 0          (Lagrange-d'Alembert)
+
+    body : what moves without the constraint: a free body or a MechanicalSystem, with quadratic kinetic energy.
+    constraint : A, a VelocityConstraint with m independent rows.
+    The motion keeps the energy.  It keeps no symplectic form, and of a symmetry's momentum no more than its allowed motions tell.
+    LagrangeDAlembert() is the method for it; `rate` is that of the reduced equation, for RKMK.
+
+    Raises InvalidInput for an energy that is not quadratic, InvalidType for what is no body or no constraint.
+    Source: Bloch, Nonholonomic Mechanics and Control, 2nd ed., chapter 5; Cortes and Martinez, Nonlinearity 14 (2001).
+    """
+
+    instead: ClassVar[str] = "LagrangeDAlembert() is the method for velocity constraints"
+
+    def _count(self, g: Any) -> int:
+        if not isinstance(self.constraint, VelocityConstraint):
+            wanted = "a VelocityConstraint, a subclass with a `matrix(g)`"
+            raise InvalidType(f"{type(self).__name__}: constraint must be {wanted}; got {self.constraint!r}")
+        A, dim = self.constraint.matrix(g), self.configurations.dim
+        if not isinstance(A, vectors.Mat) or len(A[0]) != dim:
+            name = f"{type(self).__name__}: {type(self.constraint).__name__}"
+            raise InvalidType(f"{name}.matrix must return lm.mat(...), (m, {dim}); got {A!r}")
+        return len(A)
+
+    @final
+    def consistent(self, mu: Any, g: Any = None) -> BodyState:
+        """The start with the momentum nearest, measured by the kinetic energy, to mu.
+
+        mu : (dim,), g : an element.  Raises InvalidInput as `state` does.
+        """
+        momentum, start = self._start("consistent", mu, g)
+        return self.state(self._projected(momentum, start), np.array(start))
+
+
+def _members(state: BodyState) -> list[tuple[Any, Any]]:
+    """Momentum and element of each body, small."""
+    if state.bodies is None:
+        return [(state.mu, state.g)]
+    return [(small(mu), small(g)) for mu, g in zip(np.array(state.mu), np.array(state.g), strict=True)]
+
+
+def _terms(constraint: Constraint, g: Any) -> np.ndarray:
+    """How large the terms are whose sums the conditions are: sum |dc/dg_ij g_ij| over the entries of g."""
+    entries = np.array(g)
+    total = np.zeros(0)
+    for at in np.ndindex(entries.shape):
+        direction = np.zeros(entries.shape)
+        direction[at] = entries[at].real
+        slope = np.abs(np.array(derivative(constraint.value, g, small(direction))))
+        total = total + slope if len(total) else slope
+    return total
+
+
+def _block(inertia: Vec | Mat, start: int, end: int) -> Vec | Mat:
+    """The part of an inertia that belongs to these coordinates."""
+    if isinstance(inertia, vectors.Mat):
+        return mat(*[vec(*inertia[i][start:end]) for i in range(start, end)])
+    return vec(*inertia[start:end])
+
+
+def _separate(group: LieGroup, inertia: np.ndarray) -> bool:
+    """Does the inertia leave the factors of the group to themselves?"""
+    if inertia.ndim == 1:
+        return True
+    ends = np.cumsum([factor.dim for factor in factors_of(group)])
+    owner = np.searchsorted(ends, np.arange(group.dim), side="right")
+    return not inertia[owner[:, None] != owner].any()
+

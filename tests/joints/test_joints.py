@@ -1,0 +1,111 @@
+"""Joints: their derivatives, what they leave free, and what is refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import liemech as lm
+from liemech.models.joints import Joints, across
+from liemech.systems.constraint import Constraint
+
+A, B = [0.1, 0.2, 0.3], [0.3, -0.1, 0.2]
+JOINTS = {
+    "ball": (lm.BallJoint(0, 1, A, B), 3),
+    "fixed point": (lm.FixedPoint(1, A, [1.0, 2.0, 3.0]), 3),
+    "revolute": (lm.RevoluteJoint(0, 1, A, B, [1.0, 2.0, 3.0], [-1.0, 0.3, -0.2]), 1),
+    "revolute to the ground": (lm.RevoluteJoint(1, None, A, B, [1.0, 2.0, -3.0], [-1.0, 0.3, -0.2]), 1),
+    "universal": (lm.UniversalJoint(1, 0, A, B, [1.0, 2.0, 3.0], [-1.0, 0.3, 0.2]), 2),
+    "prismatic": (lm.PrismaticJoint(0, 1, A, B, [1.0, 2.0, 3.0], lm.SO3().exp([0.4, -1.0, 0.3])), 1),
+    "rod": (lm.RigidRod(0, 1, A, B, 1.3), 5),
+}
+
+
+@pytest.mark.parametrize("name", JOINTS)
+def test_written_derivatives_are_derived_ones(name):
+    joint, freedom = JOINTS[name]
+    group, joints = lm.ProductGroup(lm.SE3(), lm.SE3()), Joints((joint,))
+    g = group.random(7)
+    written, derived = np.array(joints.jacobian(group, g)), np.array(Constraint.jacobian(joints, group, g))
+    assert np.allclose(written, derived, rtol=0.0, atol=1e-15 * np.abs(derived).max() * 16)
+    assert len(written) == joint.conditions == 6 - freedom
+
+
+@pytest.mark.parametrize(
+    ("joint", "velocity"),
+    [
+        # the second body turns about the hinge, slides along its axis, or does both turns of a Cardan joint
+        (lm.RevoluteJoint(0, 1, [0, 0, 0], [0, 0, -1], [1, 0, 0], [1, 0, 0]), [1, 0, 0, 0, 1, 0]),
+        (lm.PrismaticJoint(0, 1, [0, 0, 0], [0, 0, -1], [0, 0, 1]), [0, 0, 0, 0, 0, 1]),
+        (lm.UniversalJoint(0, 1, [0, 0, 0], [0, 0, -1], [1, 0, 0], [0, 1, 0]), [0, 1, 0, -1, 0, 0]),
+        (lm.UniversalJoint(0, 1, [0, 0, 0], [0, 0, -1], [1, 0, 0], [0, 1, 0]), [1, 0, 0, 0, 1, 0]),
+    ],
+)
+def test_what_a_joint_leaves_free(joint, velocity):
+    # The second body 1 m above the first one, both parallel: v = w x r with r = e3.
+    group, joints = lm.ProductGroup(lm.SE3(), lm.SE3()), Joints((joint,))
+    g = np.array([np.eye(4), np.eye(4)])
+    g[1, 2, 3] = 1.0
+    w, v = np.array(velocity[:3], dtype=float), np.array(velocity[3:], dtype=float)
+    if w.any():
+        v = np.cross(w, [0.0, 0.0, 1.0])
+    c, G = np.array(joints.value(g.ravel())), np.array(joints.jacobian(group, g.ravel()))
+    assert not c.any()
+    assert np.allclose(G @ [0, 0, 0, 0, 0, 0, *w, *v], 0.0, rtol=0.0, atol=1e-15)
+    assert np.linalg.matrix_rank(G) == joint.conditions
+
+
+@pytest.mark.parametrize("axis", [[0.0, 0.0, 1.0], [0.0, 0.0, -1.0], [0.6, 0.0, 0.8], [-0.48, 0.64, -0.6], [0.0, 1.0, 0.0]])
+def test_directions_across_an_axis(axis):
+    frame = np.array([*across(lm.Vec(*axis)), axis])
+    assert np.allclose(frame @ frame.T, np.eye(3), rtol=0.0, atol=1e-15)
+
+
+def test_a_slider_falls_along_its_axis():
+    # A block on an inclined rail without friction: half g sin(slope) t^2 along it, exactly for a method of order 2.
+    slope = 0.5
+    rail = [np.cos(slope), 0.0, -np.sin(slope)]
+    block = lm.Linkage([lm.Link(3.0, [0.1, 0.2, 0.2])], [lm.PrismaticJoint(0, None, axis=rail)], 9.81)
+    start = block.assembled([np.eye(4)])
+    run = lm.integrate(block, lm.LieRATTLE(), start, h=0.1, steps=10, compiled=False, progress=False)
+    end = block.poses(run.g[-1])[0]
+    assert np.allclose(end[:3, 3], 0.5 * 9.81 * np.sin(slope) * np.array(rail), rtol=0.0, atol=1e-13)
+    assert np.allclose(end[:3, :3], np.eye(3), rtol=0.0, atol=1e-14)
+
+
+def test_a_chain_of_three_hangs_still():
+    hanging = lm.chain(3, mass=0.5, length=0.4)
+    poses = np.tile(np.eye(4), (3, 1, 1))
+    poses[:, 2, 3] = [-0.2, -0.6, -1.0]
+    start = hanging.assembled(poses)
+    run = lm.integrate(hanging, lm.LieRATTLE(), start, h=0.1, steps=5, compiled=False, progress=False)
+    assert np.allclose(run.g[-1], np.array(start.g), rtol=0.0, atol=1e-15)
+    pulls = np.array(hanging.multipliers(start.mu, start.g)).reshape(3, 3)
+    weight = 0.5 * hanging.gravity
+    assert np.allclose(pulls[:, 2], [-3 * weight, -2 * weight, -weight], rtol=1e-13)
+
+
+def test_what_is_no_joint_is_refused():
+    with pytest.raises(lm.errors.InvalidInput, match="first and second are both 1"):
+        lm.BallJoint(1, 1)
+    with pytest.raises(lm.errors.InvalidType, match="first is the number of a body"):
+        lm.BallJoint(-1, 0)
+    with pytest.raises(lm.errors.InvalidInput, match="axis_first must have a direction"):
+        lm.RevoluteJoint(0, 1, A, B, [0, 0, 0], [0, 0, 1])
+    with pytest.raises(lm.errors.InvalidInput, match=r"at_first must be a vector in space, \(3,\)"):
+        lm.BallJoint(0, 1, [1.0, 2.0])
+    with pytest.raises(lm.errors.InvalidInput, match="two points in one place are a BallJoint"):
+        lm.RigidRod(0, 1, A, B, 0.0)
+    link = lm.Link(1.0, [0.1, 0.1, 0.1])
+    with pytest.raises(lm.errors.InvalidInput, match="holds body 1; there are 1, numbered from 0"):
+        lm.Linkage([link], [lm.BallJoint(0, 1)])
+    with pytest.raises(lm.errors.InvalidType, match="links is a list of one or more Links"):
+        lm.Linkage([1.0], [lm.BallJoint(0, None)])
+    with pytest.raises(lm.errors.InvalidType, match="joints is a list of one or more Joints"):
+        lm.Linkage([link], lm.BallJoint(0, None))
+    with pytest.raises(lm.errors.InvalidType, match="mass must be real numbers"):
+        lm.Link("heavy", [0.1, 0.1, 0.1])
+    with pytest.raises(lm.errors.InvalidInput, match="mass must be a positive number"):
+        lm.Link(0.0, [0.1, 0.1, 0.1])
+    with pytest.raises(lm.errors.InvalidInput, match=r"poses has shape \(4, 4\); 2 bodies have \(2, 4, 4\)"):
+        lm.chain(2).assembled(np.eye(4))
