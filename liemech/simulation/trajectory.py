@@ -91,21 +91,26 @@ class Trajectory:
     @cached_property
     def energy(self) -> np.ndarray:
         """The energy at every sample, in J.  (n,)"""
-        energy = getattr(self.system, "energy", None)
-        if energy is None:
-            raise InvalidInput(f"Trajectory.energy: {self.system!r} has no energy")
-        return energy(*(self.states[name] for name in inspect.signature(energy).parameters))
+        return self._quantity("energy", "has no energy")
 
     @cached_property
     def casimirs(self) -> np.ndarray:
         """The Casimir functions at every sample; |mu|^2 on SO(3).  (n, number of Casimirs)"""
-        casimirs = getattr(self._laws, "casimirs", None)
-        if casimirs is None:
-            raise InvalidInput(
-                f"Trajectory.casimirs is for free bodies; {self.system!r} has no Casimir functions of the momentum alone. "
-                "`run.drift()` names what it keeps"
-            )
-        return casimirs(self.mu)
+        return self._quantity(
+            "casimirs", "has no Casimir functions, of which free bodies and Poisson systems know. `run.drift()` names what it keeps"
+        )
+
+    @cached_property
+    def multipliers(self) -> np.ndarray:
+        """The multipliers of the constraints at every sample: forces of constraint in units of theirs.  (n, number of constraints)"""
+        return self._quantity("multipliers", "has no constraints")
+
+    def _quantity(self, name: str, otherwise: str) -> np.ndarray:
+        """What the system computes from parts of the state."""
+        formula = getattr(self._laws, name, None)
+        if formula is None:
+            raise InvalidInput(f"Trajectory.{name}: {self.system!r} {otherwise}")
+        return formula(*(self.states[part] for part in inspect.signature(formula).parameters))
 
     @cached_property
     def xi(self) -> np.ndarray:
