@@ -103,10 +103,8 @@ class SO3(LieGroup):
 
     def defect(self, g: Ambient) -> float:
         """The largest entry of |g^T g - 1|, and of |det g - 1|."""
-        a, b, c = g[0], g[1], g[2]
-        lengths = max(abs(dot(a, a) - 1.0), abs(dot(b, b) - 1.0), abs(dot(c, c) - 1.0))
-        angles = max(abs(dot(a, b)), abs(dot(b, c)), abs(dot(c, a)))
-        return max(lengths, angles, abs(dot(cross(a, b), c) - 1.0))
+        (a, b, c), (d, e, f), (p, q, r) = g
+        return rotation_defect(a, b, c, d, e, f, p, q, r)
 
     def objection(self, g: np.ndarray) -> str | None:
         """A reflection, or not orthogonal to 1e-6."""
@@ -274,6 +272,14 @@ class SO3(LieGroup):
     dcayley_adjoint, dcayley_adjoint_inv = dcayley, dcayley_inv
     dcayley_adjoint_dual, dcayley_adjoint_inv_dual = dcayley_dual, dcayley_inv_dual
     cayley_adjoint_mismatch = cayley_mismatch
+
+
+def rotation_defect(a: float, b: float, c: float, d: float, e: float, f: float, p: float, q: float, r: float) -> float:
+    """The defect of the rows (a, b, c), (d, e, f), (p, q, r), which every start has to pass."""
+    lengths = max(abs(a * a + b * b + c * c - 1.0), abs(d * d + e * e + f * f - 1.0), abs(p * p + q * q + r * r - 1.0))
+    angles = max(abs(a * d + b * e + c * f), abs(d * p + e * q + f * r), abs(p * a + q * b + r * c))
+    determinant = (b * f - c * e) * p + (c * d - a * f) * q + (a * e - b * d) * r
+    return max(lengths, angles, abs(determinant - 1.0))
 
 
 def _cayley_turn(xi: Vec) -> Mat:

@@ -8,12 +8,14 @@ import numpy as np
 
 from ..errors import InvalidInput, InvalidType, NotDefined
 from ..formulas import Element, Vec, record, vec
+from ..formulas.broadcasting import at_a_glance
+from ..formulas.pytree import fill
 from ..groups.lie_group import LieGroup
 from ..retractions import Retraction
 from .agreement import require_one_body
 from .hamiltonian import Hamiltonian
 from .lagrangian import Lagrangian
-from .system import State, System, frozen, members_of, points
+from .system import State, System, element_at_a_glance, frozen, members_of, points
 
 
 @record
@@ -25,6 +27,9 @@ class BodyState(State):
 
     mu: Any
     g: Any = None
+
+
+_NO_LAGRANGIAN = Lagrangian()
 
 
 @record
@@ -48,7 +53,7 @@ class LiePoissonSystem(System):
     lagrangian: Lagrangian | None = None
 
     def __post_init__(self) -> None:
-        given: tuple[Any, ...] = self.group, self.hamiltonian, self.lagrangian or Lagrangian()
+        given: tuple[Any, ...] = self.group, self.hamiltonian, self.lagrangian or _NO_LAGRANGIAN
         for name, value, kind in zip(("group", "hamiltonian", "lagrangian"), given, (LieGroup, Hamiltonian, Lagrangian)):
             if not isinstance(value, kind):
                 raise InvalidType(f"{type(self).__name__}: {name} must be a {kind.__name__}; got {value!r}")
@@ -123,7 +128,10 @@ class LiePoissonSystem(System):
 
 def body_state(name: str, group: LieGroup, mu: Any, g: Any) -> BodyState:
     """Momenta on a group and, if given, elements of it, checked; one of either may serve for many of the other."""
-    dim, shape = (group.dim,), group.element_shape
+    dim, shape = group._sizes
+    quick = at_a_glance(mu, dim)
+    if quick is not None and (g is None or (at := element_at_a_glance(group, g)) is not None):
+        return fill(BodyState, {"mu": quick, "g": None if g is None else at})
     momenta = points(mu, f"{name}: mu", dim, f"a momentum on {group!r}")
     elements = None if g is None else members_of(group, g, f"{name}: g")
     counts = [len(a) for a, one in ((momenta, dim), (elements, shape)) if a is not None and a.shape != one]

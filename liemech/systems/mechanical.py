@@ -18,6 +18,8 @@ from .lie_poisson import BodyState, LiePoissonSystem, body_state
 from .potential import Force, Potential
 from .system import System
 
+_NO_FORCE = Force()
+
 
 @record
 class MechanicalSystem(System):
@@ -46,7 +48,7 @@ class MechanicalSystem(System):
         given: tuple[tuple[str, Any, type, str], ...] = (
             ("body", self.body, LiePoissonSystem, "such as RigidBody([1.0, 1.5, 2.0])"),
             ("potential", self.potential, Potential, "a subclass with an `energy(g)`"),
-            ("load", self.load or Force(), Force, "a subclass with a `covector(t, xi, g)`"),
+            ("load", self.load or _NO_FORCE, Force, "a subclass with a `covector(t, xi, g)`"),
         )
         for name, value, kind, words in given:
             if not isinstance(value, kind):

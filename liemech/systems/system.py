@@ -9,7 +9,7 @@ import numpy as np
 
 from ..errors import InvalidInput, NotDefined
 from ..formulas import Record, Vec, check_finite, real_array, record
-from ..formulas.broadcasting import small
+from ..formulas.broadcasting import MEMBERSHIP, at_a_glance, bare, small
 from ..formulas.fields import array_held, frozen_array
 from ..formulas.remembered import Remembered
 from ..groups.lie_group import LieGroup
@@ -82,7 +82,7 @@ class System(Record):
         return omega, self.group.scale(None)
 
     @final
-    def vouched(self, state: State) -> Any:
+    def vouched(self, state: Any) -> Any:
         """The state, which this system's `state` has just made and checked; `integrate` need not do it again."""
         _checked.set(state, (type(self), self.group))
         return state
@@ -120,6 +120,14 @@ def points(value: Any, name: str, shape: tuple[int, ...], space: str, or_complex
         raise InvalidInput(f"{name} has shape {array.shape}; an ensemble needs at least one body")
     check_finite(array, name)
     return array
+
+
+def element_at_a_glance(group: LieGroup, value: Any) -> Any:
+    """A real array that is an element, as a small vector or matrix; None if it is something else, or wrong."""
+    element = None if group.is_large else at_a_glance(value, group.element_shape)
+    if element is None or group.is_complex or not bare(type(group).defect)(group, element) <= MEMBERSHIP:
+        return None
+    return element
 
 
 def members_of(group: LieGroup, value: Any, name: str) -> np.ndarray:
