@@ -14,7 +14,7 @@ import functools
 import inspect
 import os
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
@@ -79,6 +79,34 @@ def evaluate_rows(batch: Batch) -> Any:
         return batch.stacked(values, range(n))
     _native.add(key)
     return _finished(batch, job, run, values)
+
+
+def fill(driver: Callable[..., None], args: tuple[Any, ...], arrays: Sequence[np.ndarray], in_numpy: Callable[[], None]) -> None:
+    """Let a driver read and write the rows of these arrays in native code, once that pays; before that, NumPy does it at once.
+
+    Both must give the same bits.  in_numpy : does the same to whole arrays.
+    """
+    rows, lanes = [kernel.Rows(a) for a in arrays], len(arrays[0])
+    known, spent = (driver, tuple(map(layout_of, args))), _spent.get(driver, 0.0)
+    run = None
+    if lanes >= FEW and known in _native:
+        run = kernel.known(driver, *args, *rows, lanes=kernel.width())
+    if run is None and lanes >= FEW and spent > _next.get(known, DISK) and kernel.available() is None:
+        _next[known] = max(WORTH, 2.0 * spent)
+        run = kernel.stored(driver, *args, *rows, lanes=kernel.width())
+        if run is None and spent > WORTH:
+            run = kernel.kernel(driver, *args, *rows, lanes=kernel.width())
+        _native.update({known} if run else ())
+    if run is None:
+        begun = time.thread_time()
+        in_numpy()
+        _spent[driver] = spent + time.thread_time() - begun
+    else:
+        _share_out(lambda begin, end: run(*args, *rows, begin=begin, end=end), len(arrays[0]), run.lanes)
+
+
+_next: dict[Any, float] = {}
+"""After how many seconds in NumPy it is asked again whether drivers have native code."""
 
 
 # ------------------------------------------------------------------ native code for a batch

@@ -56,16 +56,14 @@ class RigidBody(LiePoissonSystem):
             raise InvalidInput(f"RigidBody.exact: t must be a time or a row of times; got shape {times.shape}")
         if not np.isfinite(times).all():
             raise InvalidInput(f"RigidBody.exact: t must be finite; got {times[~np.isfinite(times)][0]}")
-        g = None if start.g is None else np.array(start.g)
-        mu, g = exact_rigid_body(np.array(self.inertia), np.array(start.mu), g, times)
-        return BodyState(mu, g)
+        return BodyState(*exact_rigid_body(self.inertia, start.mu, start.g, times))
 
     def period(self, start: BodyState) -> float:
         """The time after which the body momentum returns; infinite on the separatrix."""
         from .exact_rigid_body import momentum_period
 
         _single(start, "RigidBody.period")
-        return momentum_period(np.array(self.inertia), np.array(start.mu))
+        return momentum_period(self.inertia, start.mu)
 
 
 def _single(start: BodyState, name: str) -> None:
