@@ -95,8 +95,12 @@ class Kernel:
                 integers.append(value.step)
             else:
                 (integers if kind == "integer" else arrays).append(value)
-        packed = array("d", numbers), array("q", integers), array("q", [a.ctypes.data for a in arrays])
-        self._call(*(a.buffer_info()[0] for a in packed), bodies, begin, end)
+        places = array("q", [a.ctypes.data for a in arrays])
+        self.on(array("d", numbers), array("q", integers), places, bodies, begin, end)
+
+    def on(self, numbers: array[float], integers: array[int], places: array[int], bodies: int, begin: int, end: int) -> None:
+        """Run on arguments laid out already: the numbers of the values, integers and steps of rows, addresses of arrays."""
+        self._call(numbers.buffer_info()[0], integers.buffer_info()[0], places.buffer_info()[0], bodies, begin, end)
 
     def assembly(self) -> str:
         """The machine code as text, for those who want to see what became of a formula."""

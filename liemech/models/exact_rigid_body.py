@@ -39,7 +39,7 @@ from numpy.typing import ArrayLike
 from ..compiler import batch
 from ..formulas import Mat, Vec, diagonal, dot, identity_matrix, mat, vec, vectors
 from .carlson import duplications, elliprf
-from .polhode import Polhode, angle, at, attitude, direction, frame, in_body, momentum, moved, sin_cos, third_kind
+from .polhode import Direction, Polhode, angle, at, attitude, direction, frame, in_body, momentum, moved, sin_cos, third_kind
 
 __all__ = ["exact_rigid_body", "momentum_period"]
 
@@ -72,21 +72,19 @@ def exact_rigid_body(
     Source: Whittaker, Analytical Dynamics, 4th ed., sections 69-71, in the form of this module's first lines.
     """
     t = np.asarray(t, dtype=float)
-    mu = _frozen(mu)
-    motion, start = _prepared(_frozen(inertia), mu, None if g is None else _frozen(g))
-    orbit, unit = motion[:2]
-    momenta, attitudes = np.empty((t.size, 3)), np.empty((t.size if start is not None else 0, 9))
-    times = np.ascontiguousarray(_times_power_of_two(t, -unit.time) if unit.extreme else t).reshape(-1, 1)
+    m = _frozen(mu)
+    orbit, unit, start, values = _prepared(_frozen(inertia), m, None if g is None else _frozen(g))
+    times = (_times_power_of_two(t, -unit.time) if unit.extreme else t).reshape(-1)
+    width = 3 if start is None else 12
     if isinstance(orbit, Polhode):
-        arrays = times, momenta, attitudes if start is not None else times
-        batch.fill(moved, (orbit, start), arrays, lambda: _along(orbit, start, times[:, 0], momenta, attitudes))
+        rows = _MOVED.rows(values, times, width, lambda x, made: _along(orbit, start, x, made))
     else:
-        _other(orbit, start, times[:, 0], momenta, attitudes)
-    if unit.extreme:
-        momenta = _times_power_of_two(momenta, unit.momentum)
+        rows = np.empty((t.size, width))
+        _other(orbit, start, times, rows)
+    momenta = _times_power_of_two(rows[:, :3], unit.momentum) if unit.extreme else rows[:, :3]
     if isinstance(orbit, _Steady):
-        momenta[:] = mu
-    return momenta.reshape(*t.shape, 3), None if start is None else attitudes.reshape(*t.shape, 3, 3)
+        momenta[:] = m
+    return momenta.reshape(*t.shape, 3), None if start is None else rows[:, 3:].reshape(*t.shape, 3, 3)
 
 
 def momentum_period(inertia: ArrayLike, mu: ArrayLike) -> float:
@@ -109,39 +107,49 @@ def momentum_period(inertia: ArrayLike, mu: ArrayLike) -> float:
 # --- the motion at many times -----------------------------------------------------------------------------------------
 
 
-def _along(p: Polhode, start: Mat | None, t: np.ndarray, momenta: np.ndarray, attitudes: np.ndarray) -> None:
+def _along(p: Polhode, start: Mat | None, t: np.ndarray, rows: np.ndarray) -> None:
     """The formulas of native code, on arrays."""
     with np.errstate(all="ignore"):
         t = at(p, t)
         e, s, c, turns = direction(p, t)
-        _columns(momenta, momentum(p, e))
-        if start is not None:
-            sine, cosine = sin_cos(angle(p, t, s, c, turns))
-            _columns(attitudes, attitude(p.axes, start, e, cosine, sine))
+        _place(p, start, e, None if start is None else angle(p, t, s, c, turns), rows)
 
 
-def _other(orbit: _Steady | _Separatrix, start: Mat | None, t: np.ndarray, momenta: np.ndarray, attitudes: np.ndarray) -> None:
+def _other(orbit: _Steady | _Separatrix, start: Mat | None, t: np.ndarray, rows: np.ndarray) -> None:
     """Motions that are no elliptic functions of time."""
-    e, psi = orbit.evolve(at(orbit, t))
-    _columns(momenta, momentum(orbit, e))
+    with np.errstate(all="ignore"):
+        _place(orbit, start, *orbit.evolve(at(orbit, t)), rows)
+
+
+def _place(orbit: Any, start: Mat | None, e: Any, psi: Any, rows: np.ndarray) -> None:
+    entries = momentum(orbit, e)
     if start is not None:
         sine, cosine = sin_cos(psi)
-        _columns(attitudes, attitude(orbit.axes, start, e, cosine, sine))
+        entries = *entries, *attitude(orbit.axes, start, e, cosine, sine)
+    for j, column in enumerate(entries):
+        rows[:, j] = column
 
 
-def _columns(array: np.ndarray, columns: Any) -> None:
-    for j, column in enumerate(columns):
-        array[:, j] = column
+_MOVED = batch.Driver(moved)
+
+
+class _Prepared(NamedTuple):
+    """What the motions of a body from one start have in common.  start : g(0) P(e(0))^T in the principal frame."""
+
+    orbit: _Steady | _Separatrix | Polhode
+    unit: _Unit
+    start: Mat | None
+    values: batch.Values
 
 
 @functools.lru_cache(256)
-def _prepared(inertia: Vec | Mat, mu: Vec, g: Mat | None) -> tuple[_Motion, Mat | None]:
-    """The motion, and g(0) P(e(0))^T in the principal frame."""
-    motion = _motion(inertia, mu)
-    if g is None:
-        return motion, None
-    rows = [vec(*[in_body(motion.orbit.axes, *x, j) for j in range(3)]) for x in (*frame(motion.e0), motion.e0)]
-    return motion, mat(*[vec(*[dot(x, y) for y in rows]) for x in g])
+def _prepared(inertia: Vec | Mat, mu: Vec, g: Mat | None) -> _Prepared:
+    orbit, unit, e0 = _motion(inertia, mu)
+    start = None
+    if g is not None:
+        rows = [vec(*[in_body(orbit.axes, *x, j) for j in range(3)]) for x in (*frame(e0), e0)]
+        start = mat(*[vec(*[dot(x, y) for y in rows]) for x in g])
+    return _Prepared(orbit, unit, start, batch.Values(orbit, start))
 
 
 # --- the data, in the principal frame and in units of their own -------------------------------------------------------
@@ -169,10 +177,10 @@ class _Motion(NamedTuple):
 
     orbit: _Steady | _Separatrix | Polhode
     unit: _Unit
-    e0: tuple[float, ...]
+    e0: Direction
 
 
-def _frozen(value: Any) -> Vec | Mat:
+def _frozen(value: Any) -> Any:
     """As small vectors and matrices, which can be looked up."""
     if isinstance(value, (vectors.Vec, vectors.Mat)):
         return value
@@ -357,9 +365,9 @@ def _orbit(J: list[int], J_scale: int, m: list[int], m_scale: int, axes: list[Ve
     return _Motion(orbit, unit, e0)
 
 
-def _from(pole: int, three: Any) -> tuple[Any, ...]:
+def _from(pole: int, three: Any) -> Direction:
     """Three things in cyclic order, from this one on."""
-    return (*three[pole:], *three[:pole])
+    return three[pole], three[pole - 2], three[pole - 1]
 
 
 def _means(k1: float) -> list[tuple[float, float]]:

@@ -157,14 +157,14 @@ def sin_cos(x: Any) -> tuple[Any, Any]:
 # ------------------------------------------------------------------ the driver of native code
 
 
-def moved(p: Polhode, start: Mat | None, times: Any, momenta: Any, attitudes: Any) -> None:
+def moved(p: Polhode, start: Mat | None, times: Any, rows: Any) -> None:
     """The motion at one time."""
     t = at(p, read(times, 0, NUMBER))
     e, s, c, turns = direction(p, t)
-    write(momenta, 0, vec(*momentum(p, e)))
+    write(rows, 0, vec(*momentum(p, e)))
     if start is not None:
-        sn, cs = sin_cos(angle(p, t, s, c, turns))
-        write(attitudes, 0, vec(*attitude(p.axes, start, e, cs, sn)))
+        sine, cosine = sin_cos(angle(p, t, s, c, turns))
+        write(rows, 3, vec(*attitude(p.axes, start, e, cosine, sine)))
 
 
 def at(p: Any, t: Any) -> Any:

@@ -10,6 +10,8 @@ import numpy as np
 
 from ..errors import InertiaWarning, InvalidInput, warn
 from ..formulas import Mat, Vec, real_array, record
+from ..formulas.fields import frozen_array
+from ..formulas.pytree import fill
 from ..groups.so3 import SO3
 from ..systems.kinetic_energy import MAX, KineticEnergy, kinetic_energy
 from ..systems.lie_poisson import BodyState, LiePoissonSystem
@@ -56,7 +58,8 @@ class RigidBody(LiePoissonSystem):
             raise InvalidInput(f"RigidBody.exact: t must be a time or a row of times; got shape {times.shape}")
         if not np.isfinite(times).all():
             raise InvalidInput(f"RigidBody.exact: t must be finite; got {times[~np.isfinite(times)][0]}")
-        return BodyState(*exact_rigid_body(self.inertia, start.mu, start.g, times))
+        mu, g = exact_rigid_body(self.inertia, start.mu, start.g, times)
+        return fill(BodyState, {"mu": frozen_array(mu, "mu"), "g": None if g is None else frozen_array(g, "g")})
 
     def period(self, start: BodyState) -> float:
         """The time after which the body momentum returns; infinite on the separatrix."""
