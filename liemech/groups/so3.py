@@ -24,6 +24,9 @@ HALF_TURN = 2.0**-51
 
 AT_HALF_TURN = "cayley_inv of half a turn: the Cayley map cannot represent it, |xi| = 2 tan(angle/2) is infinite; use log"
 
+ORDERS = "wxyz", "xyzw"
+"""Where the scalar part of a quaternion stands, first or last."""
+
 HUGE, TINY = 1e300, 2.0**-600
 """Squares above the first may overflow; their vectors are scaled by the second."""
 
@@ -138,6 +141,28 @@ class SO3(LieGroup):
         from scipy.spatial.transform import Rotation
 
         return Rotation.from_matrix(np.asarray(g, dtype=float))
+
+    def from_quaternion(self, q: Vec, order: str) -> Element:
+        """The rotation of a unit quaternion: 1 + 2 w hat(v) + 2 hat(v)^2, over |q|^2, with its vector v and its scalar w.
+
+        q : (4,).  order : "wxyz", scalar first, as MuJoCo, Eigen's constructor and textbooks have it, or "xyzw", scalar last, as
+        SciPy, ROS and `quaternion` have it: there is no default.
+        Raises InvalidInput for another order, and if |q|^2 differs from 1 by more than 1e-6.
+        Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 9.2.
+        """
+        size = dot(q, q)
+        if abs(size - 1.0) > MEMBERSHIP:
+            raise InvalidInput(f"SO3.from_quaternion: q is no unit quaternion, |q|^2 is {size:.8g}, not 1 up to 1e-6; divide by |q|")
+        v, w = (vec(q[1], q[2], q[3]), q[0]) if order == "wxyz" else (vec(q[0], q[1], q[2]), q[3])
+        return plus(turn(2.0 * w / size, 2.0 / size, v), 1.0)
+
+    def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
+        return (4,) if argument == "q" else super()._shape(argument, kind)
+
+    def _objection(self, argument: str, value: Any) -> str | None:
+        if argument == "order" and not (isinstance(value, str) and value in ORDERS):
+            return f'is "wxyz", scalar first, or "xyzw", scalar last; got {value!r}'
+        return super()._objection(argument, value)
 
     def casimirs(self, mu: Vec) -> Vec:
         """|mu|^2: momenta move on spheres."""

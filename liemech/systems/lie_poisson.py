@@ -117,13 +117,30 @@ class LiePoissonSystem(System):
     # ---------------------------------------------------------------- the border
 
     @final
-    def state(self, mu: Any, g: Any = None) -> BodyState:
-        """A start for `integrate`: body momentum mu and, if the motion on the group is wanted, the element g.
+    def state(self, mu: Any = None, g: Any = None, *, xi: Any = None) -> BodyState:
+        """A start for `integrate`: body momentum mu, or body velocity xi, and, if the motion on the group is wanted, the element g.
 
-        mu : (dim,) for one body, (bodies, dim) for an ensemble;  g : an element, for matrix groups (n, n), or (bodies, n, n).
+        mu, xi : (dim,) for one body, (bodies, dim) for an ensemble;  g : an element, for matrix groups (n, n), or (bodies, n, n);
+        SciPy's Rotation and RigidTransform will do.  xi needs a Lagrangian, dl/dxi is the momentum.
         Raises InvalidInput for wrong shapes, entries that are not finite, and a g that is not on the group.
         """
-        return self.vouched(body_state(f"{type(self).__name__}.state", self.group, mu, g))
+        name = f"{type(self).__name__}.state"
+        momentum = mu if xi is None and mu is not None else self.momentum_of(name, mu, xi)
+        return self.vouched(body_state(name, self.group, momentum, g))
+
+    @final
+    def momentum_of(self, name: Any, mu: Any, xi: Any) -> Any:
+        """The one of them that is given, as a momentum.  name : who asks, for messages."""
+        if mu is None and xi is None:
+            raise InvalidInput(f"{name}: give mu, the momentum, or xi, the velocity")
+        if xi is None:
+            return mu
+        if mu is not None:
+            raise InvalidInput(f"{name}: give mu, the momentum, or xi, the velocity, not both")
+        if self.lagrangian is None:
+            raise InvalidInput(f"{name}: {self!r} has no Lagrangian, which makes a momentum of the velocity xi; give mu")
+        dim = self.group._sizes[0]
+        return self.lagrangian.momentum(points(xi, f"{name}: xi", dim, f"a velocity on {self.group!r}"))
 
 
 def body_state(name: str, group: LieGroup, mu: Any, g: Any) -> BodyState:

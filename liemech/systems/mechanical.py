@@ -133,16 +133,18 @@ class MechanicalSystem(System):
     # ---------------------------------------------------------------- the border
 
     @final
-    def state(self, mu: Any, g: Any = None) -> BodyState:
-        """A start for `integrate`: body momentum mu and configuration g.
+    def state(self, mu: Any = None, g: Any = None, *, xi: Any = None) -> BodyState:
+        """A start for `integrate`: body momentum mu, or body velocity xi, and configuration g.
 
-        mu : (dim,) for one body, (bodies, dim) for an ensemble;  g : an element, or one for each body.
+        mu, xi : (dim,) for one body, (bodies, dim) for an ensemble;  g : an element, or one for each body; SciPy's Rotation and
+        RigidTransform will do.
         Raises InvalidInput for a missing g, wrong shapes, entries that are not finite, and a g that is not on the group.
         """
         name = f"{type(self).__name__}.state"
         if g is None:
             raise InvalidInput(f"{name}: g is missing; the force depends on where the body is, give state(mu=..., g=...)")
-        return self.vouched(body_state(name, self.body.group, mu, g))
+        momentum = mu if xi is None and mu is not None else self.body.momentum_of(name, mu, xi)
+        return self.vouched(body_state(name, self.body.group, momentum, g))
 
     # elements are those of the configurations
 
