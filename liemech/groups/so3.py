@@ -152,7 +152,7 @@ class SO3(LieGroup):
         """
         size = dot(q, q)
         if abs(size - 1.0) > MEMBERSHIP:
-            raise InvalidInput(f"SO3.from_quaternion: q is no unit quaternion, |q|^2 is {size:.8g}, not 1 up to 1e-6; divide by |q|")
+            raise InvalidInput(f"SO3.from_quaternion: q is no unit quaternion, |q|^2 is {size:.8g}, not 1 to 1e-6; divide by |q|")
         v, w = (vec(q[1], q[2], q[3]), q[0]) if order == "wxyz" else (vec(q[0], q[1], q[2]), q[3])
         return plus(turn(2.0 * w / size, 2.0 / size, v), 1.0)
 
