@@ -63,6 +63,8 @@ def evaluate_rows(batch: Batch) -> Any:
     values = [batch.row(0)]
     job = _job(batch, values[0]) if n >= FEW else None
     run = _known(job) if job is not None and key in _native else None
+    if run is not None and job is not None:
+        return _finished(batch, job, run, values)
     begun, before, looked = time.thread_time(), _spent.get(key, 0.0), False
     while run is None and len(values) < n:
         values.append(batch.row(len(values)))
@@ -71,9 +73,9 @@ def evaluate_rows(batch: Batch) -> Any:
             continue
         spent = time.thread_time() - begun  # asked after 1, 2, 4, 8, ... rows
         expected = before + spent * (n - 1) / done
-        if expected > DISK and spent > NOISE and not looked:
+        if expected > DISK and before + spent > NOISE and not looked:
             run, looked = _stored(job), True
-        if expected > WORTH + ROWS * spent / done and spent > NOISE and run is None:
+        if expected > WORTH + ROWS * spent / done and before + spent > NOISE and run is None:
             run = _compiled(job, batch)
             job = None if run is None else job
     _spent[key] = before + time.thread_time() - begun
@@ -105,9 +107,9 @@ class Driver:
         given[:n, 0] = x
         run = self._kernel(values, given, made) if n >= FEW else None
         if run is None:
-            begun = time.thread_time()
+            begun = time.perf_counter()
             in_numpy(x, made[:n])
-            self.spent += time.thread_time() - begun
+            self.spent += time.perf_counter() - begun
         else:
             places = array("q", [ctypes.addressof(ctypes.c_char.from_buffer(a)) for a in (given.data, made.data)])
             steps = array("q", [1, width])
