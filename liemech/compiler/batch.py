@@ -198,8 +198,8 @@ def _known(job: Job) -> kernel.Kernel | None:
     """Its native code, if this process has it already."""
     if kernel.available() is not None:
         return None
-    found = [kernel.known(_each, *job.arguments, *job.rows, lanes=lanes) for lanes in _lanes()]
-    return found[0] or found[1]
+    found = (kernel.known(_each, *job.arguments, *job.rows, lanes=lanes) for lanes in _lanes())
+    return next((run for run in found if run is not None), None)
 
 
 def _stored(job: Job) -> kernel.Kernel | None:
