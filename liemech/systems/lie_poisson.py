@@ -125,11 +125,11 @@ class LiePoissonSystem(System):
         Raises InvalidInput for wrong shapes, entries that are not finite, and a g that is not on the group.
         """
         name = f"{type(self).__name__}.state"
-        momentum = mu if xi is None and mu is not None else self.momentum_of(name, mu, xi)
-        return self.vouched(body_state(name, self.group, momentum, g))
+        momentum = mu if xi is None and mu is not None else self._momentum_of(name, mu, xi)
+        return self._vouched(body_state(name, self.group, momentum, g))
 
     @final
-    def momentum_of(self, name: Any, mu: Any, xi: Any) -> Any:
+    def _momentum_of(self, name: str, mu: Any, xi: Any) -> Any:
         """The one of them that is given, as a momentum.  name : who asks, for messages."""
         if mu is None and xi is None:
             raise InvalidInput(f"{name}: give mu, the momentum, or xi, the velocity")

@@ -143,8 +143,8 @@ class MechanicalSystem(System):
         name = f"{type(self).__name__}.state"
         if g is None:
             raise InvalidInput(f"{name}: g is missing; the force depends on where the body is, give state(mu=..., g=...)")
-        momentum = mu if xi is None and mu is not None else self.body.momentum_of(name, mu, xi)
-        return self.vouched(body_state(name, self.body.group, momentum, g))
+        momentum = mu if xi is None and mu is not None else self.body._momentum_of(name, mu, xi)
+        return self._vouched(body_state(name, self.body.group, momentum, g))
 
     # elements are those of the configurations
 
