@@ -106,7 +106,8 @@ class CoadjointAction(Representation):
         for name, formula in (("F", F), ("G", G)):
             if not callable(formula):
                 raise InvalidType(
-                    f"{type(self).__name__}.poisson_bracket: {name} must be a formula of momenta, as `hamiltonian.energy` is; got {formula!r}"
+                    f"{type(self).__name__}.poisson_bracket: {name} must be a formula of momenta, as `hamiltonian.energy` is; "
+                    f"got {formula!r}"
                 )
 
         def bracket(mu: Any) -> Any:
