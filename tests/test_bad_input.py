@@ -160,7 +160,7 @@ MOMENTA = [
     (value, "masked", np.ma.array([1.0, 2.0, 3.0], mask=[0, 1, 0])),
     (kind, "mu must be real numbers; got dtype", "abc"),
     (kind, "mu must be real numbers; got dtype", ["1", "2", "3"]),
-    (kind, "mu must be real numbers; got dtype object", None),
+    (value, "give mu, the momentum, or xi, the velocity", None),
     (kind, "mu must be real numbers; got dtype bool", [True, False, True]),
     (kind, "mu must be real numbers; got dtype complex", [1j, 0, 0]),
 ]

@@ -9,11 +9,13 @@ or error counts.
 
 from __future__ import annotations
 
+import ctypes
 import dataclasses
 import functools
 import inspect
 import os
 import time
+from array import array
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
@@ -23,7 +25,7 @@ import numpy as np
 from ..errors import InvalidInput, NotCompilable, NotCompiledWarning, warn
 from ..formulas.broadcasting import MEMBERSHIP, Batch, row_of
 from ..formulas.complex_numbers import Complex
-from ..formulas.pytree import Layout, is_any_number, layout_of
+from ..formulas.pytree import Layout, is_any_number, layout_of, leaves
 from ..formulas.sums import total as total_of
 from ..formulas.vectors import Mat, Vec, vec
 from . import kernel
@@ -61,6 +63,8 @@ def evaluate_rows(batch: Batch) -> Any:
     values = [batch.row(0)]
     job = _job(batch, values[0]) if n >= FEW else None
     run = _known(job) if job is not None and key in _native else None
+    if run is not None and job is not None:
+        return _finished(batch, job, run, values)
     begun, before, looked = time.thread_time(), _spent.get(key, 0.0), False
     while run is None and len(values) < n:
         values.append(batch.row(len(values)))
@@ -69,9 +73,9 @@ def evaluate_rows(batch: Batch) -> Any:
             continue
         spent = time.thread_time() - begun  # asked after 1, 2, 4, 8, ... rows
         expected = before + spent * (n - 1) / done
-        if expected > DISK and spent > NOISE and not looked:
+        if expected > DISK and before + spent > NOISE and not looked:
             run, looked = _stored(job), True
-        if expected > WORTH + ROWS * spent / done and spent > NOISE and run is None:
+        if expected > WORTH + ROWS * spent / done and before + spent > NOISE and run is None:
             run = _compiled(job, batch)
             job = None if run is None else job
     _spent[key] = before + time.thread_time() - begun
@@ -79,6 +83,63 @@ def evaluate_rows(batch: Batch) -> Any:
         return batch.stacked(values, range(n))
     _native.add(key)
     return _finished(batch, job, run, values)
+
+
+WIDEST = 8
+"""No register holds more numbers."""
+
+
+class Driver:
+    """A driver of rows: what it does, NumPy does too, all at once, until native code pays; both must give the same bits.
+
+    driver : of values, and of two arrays: it reads the number in a row of the first and fills the row of the second.
+    """
+
+    def __init__(self, driver: Callable[..., None]) -> None:
+        self.driver = driver
+        self.spent, self.next = 0.0, DISK  # seconds in NumPy, and after how many it is asked again for native code
+        self.kernels: dict[Any, kernel.Kernel] = {}
+
+    def rows(self, values: Values, x: np.ndarray, width: int, in_numpy: Callable[[np.ndarray, np.ndarray], None]) -> np.ndarray:
+        """A row of so many numbers for every x, (n,).  in_numpy : fills them, given x and the rows, without native code."""
+        n = len(x)
+        given, made = np.zeros((n + -n % WIDEST, 1)), np.empty((n + -n % WIDEST, width))
+        given[:n, 0] = x
+        run = self._kernel(values, given, made) if n >= FEW else None
+        if run is None:
+            begun = time.perf_counter()
+            in_numpy(x, made[:n])
+            self.spent += time.perf_counter() - begun
+        else:
+            places = array("q", [ctypes.addressof(ctypes.c_char.from_buffer(a)) for a in (given.data, made.data)])
+            steps = array("q", [1, width])
+            _share_out(lambda begin, end: run.on(values.numbers, steps, places, 1, begin, end), len(given), run.lanes)
+        return made[:n]
+
+    def _kernel(self, values: Values, *arrays: np.ndarray) -> kernel.Kernel | None:
+        run = self.kernels.get(values.layouts)
+        if run is not None and run.reads.unchanged((*values.values, *arrays)):
+            return run
+        if self.spent <= self.next or kernel.available() is not None:
+            return None
+        args = self.driver, *values.values, *[kernel.Rows(a) for a in arrays]
+        run = kernel.stored(*args, lanes=kernel.width())
+        if run is None and self.spent > WORTH:
+            run = kernel.kernel(*args, lanes=kernel.width())
+        if run is None:
+            self.next = min(WORTH, 2.0 * self.spent)
+        else:
+            self.kernels[values.layouts] = run
+        return run
+
+
+class Values:
+    """Values as a driver gets them: looked at and laid out once."""
+
+    def __init__(self, *values: Any) -> None:
+        self.values = values
+        self.layouts = tuple(map(layout_of, values))
+        self.numbers = array("d", [x for value, layout in zip(values, self.layouts) for x in leaves(value, layout)])
 
 
 # ------------------------------------------------------------------ native code for a batch
@@ -137,8 +198,8 @@ def _known(job: Job) -> kernel.Kernel | None:
     """Its native code, if this process has it already."""
     if kernel.available() is not None:
         return None
-    found = [kernel.known(_each, *job.arguments, *job.rows, lanes=lanes) for lanes in _lanes()]
-    return found[0] or found[1]
+    found = (kernel.known(_each, *job.arguments, *job.rows, lanes=lanes) for lanes in _lanes())
+    return next((run for run in found if run is not None), None)
 
 
 def _stored(job: Job) -> kernel.Kernel | None:
@@ -198,14 +259,16 @@ def _put(results: Any, rows: Any, values: Any) -> None:
 
 def _share_out(run: Callable[[int, int], None], n: int, lanes: int) -> None:
     """Run from 0 to n, large numbers of rows on all processors; the last rows, too few for all lanes, with some once more."""
+    if n < 2 * SHARE:
+        run(0, n - n % lanes)
+        if n % lanes:
+            run(n - lanes, n)
+        return
     processors = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     threads, whole = max(1, min(processors, n // SHARE)), n // lanes
     bounds = [whole * i // threads * lanes for i in range(threads + 1)]
-    if threads == 1:
-        run(0, bounds[1])
-    else:
-        with ThreadPoolExecutor(threads) as pool:
-            list(pool.map(run, bounds[:-1], bounds[1:]))
+    with ThreadPoolExecutor(threads) as pool:
+        list(pool.map(run, bounds[:-1], bounds[1:]))
     if n % lanes:
         run(n - lanes, n)
 

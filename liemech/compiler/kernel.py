@@ -127,8 +127,11 @@ class Kernel:
         self, numbers: array[float], integers: Sequence[int], arrays: Sequence[Any], bodies: int = 1, begin: int = 0, end: int = 1
     ) -> None:
         """Run on arguments that are laid out already: the numbers of all values in turn, the integers, the arrays."""
-        whole, places = array("q", integers), array("q", [address(a) for a in arrays])
-        self._call(*[a.buffer_info()[0] for a in (numbers, whole, places)], bodies, begin, end)
+        self.on(numbers, array("q", integers), array("q", [address(a) for a in arrays]), bodies, begin, end)
+
+    def on(self, numbers: array[float], integers: array[int], places: array[int], bodies: int, begin: int, end: int) -> None:
+        """The same, with the addresses of the arrays."""
+        self._call(numbers.buffer_info()[0], integers.buffer_info()[0], places.buffer_info()[0], bodies, begin, end)
 
     def assembly(self) -> str:
         """The machine code as text, for those who want to see what became of a formula."""

@@ -10,10 +10,9 @@ from __future__ import annotations
 import abc
 import dataclasses
 import functools
-import itertools
-import operator
+import keyword
 import types
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from ..errors import NotCompilable
@@ -247,24 +246,26 @@ class Reads:
 
     def unchanged(self, args: Sequence[Any]) -> bool:
         """Is all that was read what it was?  The same objects, in a few microseconds, or others with the same tokens."""
-        guard = self._guard or Guard(self.steps, self.values, self.tokens)
-        self._guard = guard
+        guard = self._guard
+        if guard is None:
+            guard = self._guard = Guard(self.steps, self.values, self.tokens)
         verdict = guard.verdict(args)
         return self.follow(args) if verdict is None else verdict
 
 
 class Guard:
-    """Compares the values of reads with the present ones: those of one holder in one go."""
+    """Compares the values of reads with the present ones: by one expression of all comparisons, written and compiled for them.
+
+    Where it does not hold, every read is asked for anew, one after the other, which tells what is different.
+    """
 
     def __init__(self, steps: list[Step], values: list[Any], all_tokens: list[str]) -> None:
-        self.values, self.tokens = values, all_tokens
-        self.fetch: list[Callable[[], Iterable[Any]]] = []  # the present values, holder by holder
-        self.then: list[Any] = []
-        self.absent: list[tuple[Any, tuple[str, ...]]] = []  # globals, and the names of Python's own they must not have
+        self.steps, self.values, self.tokens = steps, values, all_tokens
+        self.compared: list[int] = []
+        self.others: list[Any] = []  # what the comparisons need beside the values
         self.mutable: list[int] = []
         self.of_arguments: list[tuple[list[tuple[str, Any]], int]] = []
         self.parents = {parent for parent, *_ in steps}
-        groups: dict[Any, list[int]] = {}
         paths: list[list[tuple[str, Any]] | None] = []  # from the arguments, of what is a part of them
         made: set[int] = set()  # by properties: only `_glance` looks at what Python computed from them
         for i, (parent, how, name) in enumerate(steps):
@@ -279,87 +280,114 @@ class Guard:
             if all_tokens[i] and above is not None and parent >= 0:
                 self.of_arguments.append(([*above, (how, name)], i))
             elif all_tokens[i] or (parent >= 0 and above is None and how in ("item", "value") and is_mutable(values[parent])):
-                key = (how, name) if name in _OF_FUNCTIONS else (how, id(values[parent].__globals__) if how == "global" else parent)
-                groups.setdefault(key, []).append(i)
+                self.compared.append(i)
             if all_tokens[i] and name != "__dataclass_fields__" and is_mutable(values[i]):
                 self.mutable.append(i)
-        for (how, _), numbers in groups.items():
-            names = [steps[i][2] for i in numbers]
-            self._check(how, [values[steps[i][0]] for i in numbers], names, [values[i] for i in numbers])
+        self.same = self._expressions()
 
-    def _check(self, how: str, holders: list[Any], names: list[Any], then: list[Any]) -> None:
-        if how == "global":
-            space, builtin = holders[0].__globals__, holders[0].__builtins__
-            for names_of, here in ((space, [n in space for n in names]), (builtin, [n not in space for n in names])):
-                found = tuple(itertools.compress(names, here))
-                if found:
-                    self._all(operator.itemgetter(*found, found[0]), names_of, [*itertools.compress(then, here)])
-                if found and names_of is builtin:
-                    self.absent.append((space.keys(), found))
-        elif how == "cell":
-            cells = [f.__closure__[f.__code__.co_freevars.index(n)] for f, n in zip(holders, names, strict=True)]
-            self._add(lambda: [c.cell_contents for c in cells], then)
-        elif names[0] in _OF_FUNCTIONS:
-            get = operator.attrgetter(names[0])
-            self._add(lambda: map(get, holders), then)
-        elif how == "attribute" or how.startswith("member"):
-            after = 0 if how == "attribute" else int(how.partition(" ")[2])
-            holder = super(holders[0].__mro__[after - 1], holders[0]) if after else holders[0]
-            steady = [getattr(holder, n, _MISSING) is v for n, v in zip(names, then, strict=True)]
-            known = [*itertools.compress(names, steady)]
-            if known:
-                self._all(operator.attrgetter(*known, known[0]), holder, [*itertools.compress(then, steady)])
-            for n, v, s in zip(names, then, steady, strict=True):
-                if not s:
-                    self._add(functools.partial(_one, holders[0], how, n), [v])
-        else:
-            for h, n, v in zip(holders, names, then, strict=True):
-                self._add(functools.partial(_one, h, how, n), [v])
+    def _expressions(self) -> list[Callable[[Sequence[Any], list[Any], list[Any]], bool]]:
+        """One for each module, which sees its names as any function there does, and one for everything else."""
+        general: list[str] = []
+        modules: dict[tuple[int, int], tuple[Any, list[str]]] = {}
+        for i in self.compared:
+            parent, how, name = self.steps[i]
+            holder = self.values[parent]
+            if how == "global" and "__builtins__" in holder.__globals__:
+                space = id(holder.__globals__), id(holder.__builtins__)
+                modules.setdefault(space, (holder, []))[1].append(f"{name} is _values[{i}]")
+            else:
+                general.append(self._comparison(i, holder, how, name))
+        for path, i in self.of_arguments:
+            now = "_args"
+            for how, name in path:
+                now = f"{now}[{name}]" if how == "argument" else self._asked(now, how, name)
+            general.append(f"{now} is _values[{i}]")
+        found = [_expression(general, {})]
+        for holder, names in modules.values():
+            made = _expression(names, holder.__globals__)
+            found.append(made if made.__builtins__ is holder.__builtins__ else _never)
+        return found
 
-    def _all(self, get: Callable[[Any], Any], holder: Any, then: list[Any]) -> None:
-        self._add(functools.partial(get, holder), [*then, then[0]])
+    def _comparison(self, i: int, holder: Any, how: str, name: Any) -> str:
+        """What read number i asks for is what it was, as a text."""
+        now, then = f"_values[{self.steps[i][0]}]", f" is _values[{i}]"
+        if how == "cell":
+            return f"{self._other(holder.__closure__[holder.__code__.co_freevars.index(name)])}.cell_contents{then}"
+        if how.startswith("member"):
+            after = int(how.partition(" ")[2])
+            if isinstance(self.values[i], functools.cached_property):  # Python code answers for it, and takes its time
+                spaces = [self._other(vars(c)) for c in holder.__mro__[after:]]
+                home = next(k for k, c in enumerate(holder.__mro__[after:]) if name in vars(c))
+                hidden = [f"{name!r} not in {space} and " for space in spaces[:home]]
+                return f"{now}.__mro__ is {self._other(holder.__mro__)} and {''.join(hidden)}{spaces[home]}[{name!r}]{then}"
+            seen = super(holder.__mro__[after - 1], holder) if after else holder
+            if getattr(seen, name, _MISSING) is self.values[i]:
+                return self._asked(self._other(seen) if after else now, "attribute", name) + then
+        return self._asked(now, how, name) + then
 
-    def _add(self, fetch: Callable[[], Iterable[Any]], then: list[Any]) -> None:
-        self.fetch.append(fetch)
-        self.then += then
+    def _other(self, value: Any) -> str:
+        """A value that is no read, as a text."""
+        self.others.append(value)
+        return f"_others[{len(self.others) - 1}]"
+
+    def _asked(self, holder: str, how: str, name: Any) -> str:
+        """A question to a holder, as a text."""
+        if how == "attribute" and name.isidentifier() and not keyword.iskeyword(name):
+            return f"{holder}.{name}"
+        return f"{self._other(_asked)}({holder}, {how!r}, {name!r})"
 
     def verdict(self, args: Sequence[Any]) -> bool | None:
         """Is everything the same?  None: there are other objects, and their tokens must tell."""
         try:
-            for names, others in self.absent:
-                if not names.isdisjoint(others):
-                    return None
-            present = itertools.chain.from_iterable(map(operator.call, self.fetch))
-            if not all(map(operator.is_, present, self.then)):
-                present = itertools.chain.from_iterable(map(operator.call, self.fetch))
-                other = [(now, then) for now, then in zip(present, self.then, strict=True) if now is not then]
-                if any(type(now) in ATOMS and not same(now, then) for now, then in other):
-                    return False
-                if any(type(now) not in ATOMS for now, then in other):
-                    return None
-            for i in self.mutable:
-                if digest(self.values[i]) != self.tokens[i]:
-                    return False
-            for path, i in self.of_arguments:
-                value: Any = (None, args)
-                for how, name in path:
-                    value = _asked(value, how, name)
-                if value is not self.values[i]:
-                    if digest(value) != self.tokens[i]:
-                        return False
-                    if i in self.parents:
-                        return None
-                    self.values[i] = value
-        except Exception:  # something is no longer there
+            for holds in self.same:
+                if not holds(args, self.values, self.others):
+                    break
+            else:
+                return not self.mutable or all(digest(self.values[i]) == self.tokens[i] for i in self.mutable)
+        except Exception:  # something is no longer there; which, does not matter yet
+            pass
+        try:
+            return self._by_parts(args)
+        except Exception:
             return False
+
+    def _by_parts(self, args: Sequence[Any]) -> bool | None:
+        unknown = False
+        for i in self.compared:
+            parent, how, name = self.steps[i]
+            now, then = _asked(self.values[parent], how, name), self.values[i]
+            if now is not then:
+                if type(now) in ATOMS and not same(now, then):
+                    return False
+                unknown = unknown or type(now) not in ATOMS
+        if unknown:
+            return None
+        for i in self.mutable:
+            if digest(self.values[i]) != self.tokens[i]:
+                return False
+        for path, i in self.of_arguments:
+            value: Any = (None, args)
+            for how, name in path:
+                value = _asked(value, how, name)
+            if value is not self.values[i]:
+                if digest(value) != self.tokens[i]:
+                    return False
+                if i in self.parents:
+                    return None
+                self.values[i] = value
         return True
 
 
-_OF_FUNCTIONS = {"__code__", "__defaults__", "__kwdefaults__", "__formula__"}
+def _expression(comparisons: list[str], names: dict[str, Any]) -> Any:
+    """A function that says whether all of these hold, where a text sees these names.
+
+    A module that has one of the names of its arguments is compared with them, in vain: then everything is asked for anew.
+    """
+    return eval(f"lambda _args, _values, _others: {' and '.join(comparisons) or True}", names)
 
 
-def _one(holder: Any, how: str, name: Any) -> list[Any]:
-    return [_asked(holder, how, name)]
+def _never(*_: Any) -> bool:
+    return False
 
 
 _OWN: Any = object()

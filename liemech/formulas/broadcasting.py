@@ -22,7 +22,7 @@ from ..errors import InvalidInput, InvalidType
 from .annotations import kind_of, own_annotations
 from .complex_numbers import Complex
 from .numbers import Pair, StandIn
-from .vectors import Mat, Vec
+from .vectors import Mat, Vec, of_floats
 
 MEMBERSHIP = 1e-6
 """Arrays whose `defect` is larger are no elements with rounding errors but mistakes, and are refused."""
@@ -97,6 +97,8 @@ def real_array(value: Any, name: str, or_complex: bool = False) -> np.ndarray:
         array = np.asarray(value)
     except ValueError:
         raise InvalidInput(f"{name} is ragged: its rows have different lengths") from None
+    if array.dtype is _DOUBLE and not or_complex:
+        return array
     if array.dtype.kind not in ("iufc" if or_complex else "iuf"):
         kind = "complex" if or_complex else "real"
         raise InvalidType(f"{name} must be {kind} numbers; got dtype {array.dtype} from {shown(value)}")
@@ -104,8 +106,35 @@ def real_array(value: Any, name: str, or_complex: bool = False) -> np.ndarray:
         return array.astype(np.complex128 if or_complex else np.float64, copy=False)
 
 
+_DOUBLE = np.dtype(float)
+
+
+def at_a_glance(value: Any, shape: tuple[int, ...]) -> Any:
+    """A list of numbers, or an array, as a `Vec` or `Mat` if it obviously has this shape and finite entries.
+
+    None: it is something else, or something that only `real_array` and `check_finite` can judge.
+    """
+    kind = type(value)
+    if kind is np.ndarray:
+        return of_floats(value) if value.dtype is _DOUBLE and value.shape == shape and len(shape) in (1, 2) else None
+    if kind not in _SEQUENCES or (len(value),) != shape:
+        return None
+    if not _FLOAT.issuperset(map(type, value)):
+        whole = [x for x in value if type(x) is int]
+        if not _REAL.issuperset(map(type, value)) or not -(2**53) < min(whole) <= max(whole) < 2**53:
+            return None
+        value = map(float, value)
+    made = tuple.__new__(Vec, value)
+    return made if all(map(math.isfinite, made)) else None
+
+
+_SEQUENCES, _FLOAT, _REAL = frozenset([list, tuple, Vec]), frozenset([float]), frozenset([float, int])
+
+
 def check_finite(array: np.ndarray, name: str) -> None:
     """Refuse an array with an infinity or a nan, saying where it is."""
+    if np.isfinite(array).all():
+        return
     bad = np.argwhere(~np.isfinite(array))
     if len(bad):
         at = tuple(map(int, bad[0]))
@@ -558,7 +587,11 @@ def row_of(arrays: dict[str, np.ndarray], i: int) -> dict[str, Any]:
 
 def small(array: np.ndarray) -> Any:
     """An array without a batch axis as a formula takes it: a float, a `Vec` or a `Mat`."""
-    return (float, Vec.of, Mat.of)[array.ndim](array.tolist())
+    return _SMALL[array.ndim](array.tolist())
+
+
+_SMALL: tuple[Callable[..., Any], ...] = float, Vec.of, Mat.of
+
 
 
 def _is_element(group: Any, array: np.ndarray) -> bool:

@@ -26,7 +26,7 @@ import numpy as np
 
 from ..errors import InvalidInput, InvalidType
 from .annotations import UNKNOWN, members, own_annotations
-from .broadcasting import AXES, real_array
+from .broadcasting import AXES, Broadcasting, real_array
 from .numbers import Pair, StandIn
 from .vectors import Mat, Vec
 
@@ -62,7 +62,7 @@ _CURES: dict[type, str] = {list: "lm.Vec, lm.Mat or tuple", dict: "dict", set: "
 def immutable(owner: Any, name: str, value: Any) -> Any:
     """The value if nothing in it can be changed in place, arrays as copies of which this holds; else InvalidType."""
     kind = type(value)
-    if kind in CONSTANT:
+    if kind in CONSTANT or isinstance(value, Broadcasting):
         return value
     if isinstance(value, tuple):
         parts = [immutable(owner, name, x) for x in value]
@@ -111,18 +111,18 @@ def _unknown(owner: Any, name: str) -> str:
 
 
 @functools.cache
-def converters(cls: Any) -> tuple[tuple[str, Convert, frozenset[type], bool], ...]:
+def converters(cls: Any) -> tuple[tuple[str, Convert, set[type], bool], ...]:
     """For each field its name, what converts its value, the types of value that need no conversion, and whether it can wait.
 
     What says nothing before the class itself has had its say can wait: refusals of lists and of numbers that are no integers.
     """
-    found: list[tuple[str, Convert, frozenset[type], bool]] = []
+    found: list[tuple[str, Convert, set[type], bool]] = []
     for field in dataclasses.fields(cls):
         convert = _conversion(field.type, _places(cls, field.name))
         if convert is None:
-            found.append((field.name, cls._held, CONSTANT, True))
+            found.append((field.name, cls._held, set(CONSTANT), True))
         else:
-            found.append((field.name, _or_default(convert, field.default), _EASY.get(convert, frozenset()), convert is _integer))
+            found.append((field.name, _or_default(convert, field.default), set(_EASY.get(convert, ())), convert is _integer))
     return tuple(found)
 
 
@@ -241,9 +241,14 @@ _EASY: dict[Convert, frozenset[type]] = {
 }
 
 
+_FLOAT = frozenset([float])
+
+
 def _small(owner: Any, name: str, value: Any, allowed: tuple[type, ...]) -> Any:
     if isinstance(value, allowed):
         rows: Any = value.rows if isinstance(value, Mat) else (value,)
+        if all(_FLOAT.issuperset(map(type, row)) for row in rows):
+            return value
         ordinary = all(type(x) is float or not isinstance(x, (int, np.number)) for row in rows for x in row)
         return value if ordinary else type(value).of(value)  # type: ignore[attr-defined]
     array = real_array(value, f"{type(owner).__name__}.{name}")

@@ -10,7 +10,6 @@ What lies in a field after construction cannot be changed in place: `fields` say
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 import functools
 from collections.abc import Callable
@@ -68,6 +67,8 @@ def _convert(self: Any, last: bool) -> None:
             new = convert(self, name, value)
             if new is not value:
                 object.__setattr__(self, name, new)
+            elif can_wait and isinstance(value, Record):  # which a field that takes anything holds as it is
+                easy.add(type(value))
 
 
 def _then_checked(initialise: Callable[..., None]) -> Callable[..., None]:
@@ -78,7 +79,7 @@ def _then_checked(initialise: Callable[..., None]) -> Callable[..., None]:
         initialise(self, *args, **options)
         if method in (vars(type(self)).get("__init__"), type(self).__post_init__):
             _convert(self, True)
-            with contextlib.suppress(AttributeError):  # if its layout was looked at before it was ready
+            if hasattr(self, "_layout"):  # it was looked at before it was ready
                 object.__delattr__(self, "_layout")
 
     return method

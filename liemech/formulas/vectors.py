@@ -7,6 +7,7 @@ Native code knows the operators and keeps components in registers; the functions
 
 from __future__ import annotations
 
+import builtins
 import operator
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any
@@ -35,7 +36,8 @@ class Vec(tuple[Any, ...]):
     @classmethod
     def of(cls, values: Iterable[Any]) -> Vec:
         """The vector with the given components, numbers made floats and pairs of floats."""
-        return _make(cls, [_component(v) for v in values])
+        made = tuple(values)
+        return _make(cls, made if _FLOATS.issuperset(map(type, made)) else map(_component, made))
 
     def __add__(self, other: Any) -> Vec:
         return _make(Vec, map(operator.add, self, _same_length(self, other)))
@@ -105,6 +107,8 @@ class Vec(tuple[Any, ...]):
         return sum(self)
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
+        if _FLOATS.issuperset(map(type, self)):
+            return np.array(tuple(self), dtype=dtype)
         array = np.array(tuple(self), dtype=dtype)
         return array.astype(complex) if any(isinstance(x, Complex) for x in self) else array
 
@@ -116,6 +120,7 @@ class Vec(tuple[Any, ...]):
 
 
 _VECTORS = (np.ndarray, list, tuple)
+_FLOATS = frozenset([float])
 
 
 def _component(x: Any) -> Any:
@@ -157,10 +162,10 @@ class Mat:
     rows: tuple[Vec, ...]
 
     def __init__(self, *rows: Iterable[Any]) -> None:
-        made = tuple([_make(Vec, row) for row in rows])
-        if any(len(row) != len(made[0]) for row in made):
+        made = tuple([row if type(row) is Vec else _make(Vec, row) for row in rows])
+        if len(set(map(len, made))) > 1:
             raise InvalidType(f"the rows of a Mat have the same length; got rows of {', '.join([str(len(row)) for row in made])}")
-        object.__setattr__(self, "rows", made)
+        _set_rows(self, made)
 
     def __setattr__(self, name: str, value: Any) -> None:
         raise AttributeError("a Mat is immutable")
@@ -171,7 +176,7 @@ class Mat:
     @classmethod
     def of(cls, rows: Iterable[Iterable[Any]]) -> Mat:
         """The matrix with the given rows, numbers made floats."""
-        return cls(*(Vec.of(row) for row in rows))
+        return cls(*map(Vec.of, rows))
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -252,10 +257,29 @@ class Mat:
         return hash(self.rows)
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
+        if all(_FLOATS.issuperset(map(type, row)) for row in self.rows):
+            return np.array([tuple(row) for row in self.rows], dtype=dtype)
         return np.array([np.asarray(row, dtype=dtype) for row in self.rows])
 
     def __repr__(self) -> str:
         return f"Mat({', '.join(repr(tuple(row)) for row in self.rows)})"
+
+
+_set_rows: Any = Mat.rows.__set__  # type: ignore[attr-defined, misc]
+
+
+def of_floats(array: np.ndarray) -> Any:
+    """An array of float64, (n,) or (m, n), as a vector or matrix; None if an entry, or the sum of all, is not finite."""
+    values = array.tolist()
+    many = array.ndim == 2
+    total = builtins.sum(map(builtins.sum, values) if many else values)
+    if total - total != 0.0:
+        return None
+    if not many:
+        return _make(Vec, values)
+    made = object.__new__(Mat)
+    _set_rows(made, tuple([_make(Vec, row) for row in values]))
+    return made
 
 
 def vec(*components: Any) -> Vec:

@@ -287,6 +287,11 @@ class LieGroup(Record):
         return np.array(self.identity()).shape
 
     @cached_property
+    def _sizes(self) -> tuple[tuple[int, ...], tuple[int, ...]]:
+        """The shapes of a velocity and of an element."""
+        return (self.dim,), self.element_shape
+
+    @cached_property
     def is_complex(self) -> bool:
         """Do elements have complex entries?"""
         return np.iscomplexobj(np.array(self.identity()))

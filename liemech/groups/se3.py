@@ -24,7 +24,7 @@ from ..formulas.broadcasting import MEMBERSHIP
 from .lie_algebra import Constants, LieAlgebra
 from .lie_group import BERNOULLI, LieGroup
 from .rotation_coefficients import all_coefficients, bernoulli_coefficients, dexp_curvatures
-from .so3 import SO3, SO3Algebra, plus, turn
+from .so3 import SO3, SO3Algebra, plus, rotation_defect, turn
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -147,8 +147,8 @@ class SE3(LieGroup):
 
     def defect(self, g: Ambient) -> float:
         """That of the rotation, and what the last row is away from 0 0 0 1."""
-        last = max(abs(g[3, 0]), abs(g[3, 1]), abs(g[3, 2]), abs(g[3, 3] - 1.0))
-        return max(SO3().defect(_parts(g)[0]), last)
+        (a, b, c, _), (d, e, f, _), (p, q, r, _), (x, y, z, one) = g
+        return max(rotation_defect(a, b, c, d, e, f, p, q, r), abs(x), abs(y), abs(z), abs(one - 1.0))
 
     def objection(self, g: np.ndarray) -> str | None:
         """The last row is not 0 0 0 1, or the rotation is none."""

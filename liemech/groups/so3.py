@@ -24,6 +24,9 @@ HALF_TURN = 2.0**-51
 
 AT_HALF_TURN = "cayley_inv of half a turn: the Cayley map cannot represent it, |xi| = 2 tan(angle/2) is infinite; use log"
 
+ORDERS = "wxyz", "xyzw"
+"""Where the scalar part of a quaternion stands, first or last."""
+
 HUGE, TINY = 1e300, 2.0**-600
 """Squares above the first may overflow; their vectors are scaled by the second."""
 
@@ -103,10 +106,8 @@ class SO3(LieGroup):
 
     def defect(self, g: Ambient) -> float:
         """The largest entry of |g^T g - 1|, and of |det g - 1|."""
-        a, b, c = g[0], g[1], g[2]
-        lengths = max(abs(dot(a, a) - 1.0), abs(dot(b, b) - 1.0), abs(dot(c, c) - 1.0))
-        angles = max(abs(dot(a, b)), abs(dot(b, c)), abs(dot(c, a)))
-        return max(lengths, angles, abs(dot(cross(a, b), c) - 1.0))
+        (a, b, c), (d, e, f), (p, q, r) = g
+        return rotation_defect(a, b, c, d, e, f, p, q, r)
 
     def objection(self, g: np.ndarray) -> str | None:
         """A reflection, or not orthogonal to 1e-6."""
@@ -140,6 +141,28 @@ class SO3(LieGroup):
         from scipy.spatial.transform import Rotation
 
         return Rotation.from_matrix(np.asarray(g, dtype=float))
+
+    def from_quaternion(self, q: Vec, order: str) -> Element:
+        """The rotation of a unit quaternion: 1 + 2 w hat(v) + 2 hat(v)^2, over |q|^2, with its vector v and its scalar w.
+
+        q : (4,).  order : "wxyz", scalar first, as MuJoCo, Eigen's constructor and textbooks have it, or "xyzw", scalar last, as
+        SciPy, ROS and `quaternion` have it: there is no default.
+        Raises InvalidInput for another order, and if |q|^2 differs from 1 by more than 1e-6.
+        Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 9.2.
+        """
+        size = dot(q, q)
+        if abs(size - 1.0) > MEMBERSHIP:
+            raise InvalidInput(f"SO3.from_quaternion: q is no unit quaternion, |q|^2 is {size:.8g}, not 1 to 1e-6; divide by |q|")
+        v, w = (vec(q[1], q[2], q[3]), q[0]) if order == "wxyz" else (vec(q[0], q[1], q[2]), q[3])
+        return plus(turn(2.0 * w / size, 2.0 / size, v), 1.0)
+
+    def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
+        return (4,) if argument == "q" else super()._shape(argument, kind)
+
+    def _objection(self, argument: str, value: Any) -> str | None:
+        if argument == "order" and not (isinstance(value, str) and value in ORDERS):
+            return f'is "wxyz", scalar first, or "xyzw", scalar last; got {value!r}'
+        return super()._objection(argument, value)
 
     def casimirs(self, mu: Vec) -> Vec:
         """|mu|^2: momenta move on spheres."""
@@ -274,6 +297,14 @@ class SO3(LieGroup):
     dcayley_adjoint, dcayley_adjoint_inv = dcayley, dcayley_inv
     dcayley_adjoint_dual, dcayley_adjoint_inv_dual = dcayley_dual, dcayley_inv_dual
     cayley_adjoint_mismatch = cayley_mismatch
+
+
+def rotation_defect(a: float, b: float, c: float, d: float, e: float, f: float, p: float, q: float, r: float) -> float:
+    """The defect of the rows (a, b, c), (d, e, f), (p, q, r), which every start has to pass."""
+    lengths = max(abs(a * a + b * b + c * c - 1.0), abs(d * d + e * e + f * f - 1.0), abs(p * p + q * q + r * r - 1.0))
+    angles = max(abs(a * d + b * e + c * f), abs(d * p + e * q + f * r), abs(p * a + q * b + r * c))
+    determinant = (b * f - c * e) * p + (c * d - a * f) * q + (a * e - b * d) * r
+    return max(lengths, angles, abs(determinant - 1.0))
 
 
 def _cayley_turn(xi: Vec) -> Mat:

@@ -92,7 +92,20 @@ class ExactFreeBody(Method):
 
     def step(self, system: Any, t: float, state: BodyState, h: float) -> BodyState:
         """As many equal parts of the orbit as it takes to keep them short, mostly one."""
-        K, mu, unit = (0.5 * h) * _turning(system.hamiltonian.inverse), _turning(state.mu), 1.0
+        orbit, parts, unit = self._cut(_turning(system.hamiltonian.inverse), _turning(state.mu), h)
+        layout, done = layout_of(state), 0.0
+        while done < parts:
+            x = _with_flight(system, orbit.displacement(_turning(state.mu), unit), state.mu, h / parts)
+            state = fitted(system.moved(Cayley(), state, x), layout)
+            done = done + 1.0
+        return state
+
+    def _cut(self, inverse: Vec | Mat, mu: Vec, h: float) -> tuple[Orbit, float, float]:
+        """The orbit through mu for parts of a step, how many parts make the step, and the factor that `displacement` needs.
+
+        inverse : of the inertia, (3,) or (3, 3).  mu : (3,).
+        """
+        K, unit = (0.5 * h) * inverse, 1.0
         square = dot(mu, mu)
         if not FINE < square < 1.0 / FINE:  # nearly at rest, or in units for which squares leave the range of floats
             unit = MASS if square < 1.0 else 1.0 / MASS
@@ -111,12 +124,7 @@ class ExactFreeBody(Method):
                     f"try {h / size / parts:g}"
                 )
             K, D, action = K / parts, D / parts, action / parts
-        orbit, layout, done = _orbit(K, D, action, square, per_square), layout_of(state), 0.0
-        while done < parts:
-            x = _with_flight(system, orbit.displacement(_turning(state.mu), unit), state.mu, h / parts)
-            state = fitted(system.moved(Cayley(), state, x), layout)
-            done = done + 1.0
-        return state
+        return _orbit(K, D, action, square, per_square), parts, unit
 
 
 @record

@@ -12,9 +12,10 @@ from ..formulas import Mat, Vec, cross, dot, norm, outer, record, sqrt, vec, vec
 from ..groups.so3 import SO3, plus
 from ..models.rigid_body import RigidBody
 from ..retractions import Cayley
-from ..solvers import newton
+from ..solvers import beyond_fold, newton
 from ..systems.kinetic_energy import KineticEnergy
 from ..systems.lie_poisson import BodyState
+from .exact_free_body import ExactFreeBody
 from .implicit import Implicit, Memory, extrapolated
 from .method import Method
 from .variational import with_inertia
@@ -82,11 +83,14 @@ class MoserVeselov(Implicit):
 
 NAN = math.nan
 
-SPANS = 1, 16
-"""After how many steps a fitted method is compared with the exact motion: one to find it, more to find it beyond rounding."""
+PARALLEL = 2.0**-100
+"""Of vectors whose part across another is smaller than this, squared and relative, rounding decides the direction."""
+
+SHORT, TRIED = 0.5, 16
+"""Steps with h|mu| above this part of the least moment may have no solution farther on; so many of them are tried."""
 
 FITTED = 1e-10
-"""How far, relatively, a start may be from the constants of motion for which a method was fitted."""
+"""How far, relatively, steps may be from the exact ones, and a start from the constants for which a method was fitted."""
 
 
 @record
@@ -112,7 +116,11 @@ class ExactMoserVeselov(MoserVeselov):
 
     @classmethod
     def of(cls, body: RigidBody, start: BodyState, h: float) -> ExactMoserVeselov:
-        """The method for a free body, a start and a length of steps, fitted by Newton's method to `body.exact`.
+        """The method for a free body, a start and a length of steps, fitted to the exact motion.
+
+        An exact step cay(x) is one of Moser and Veselov if J'x = r, r = y - x x y/2 + x (x.y)/4, y = h mu.  With
+        1/J' = (1 + s)/J + d these are linear equations for s and d.  They are taken where the orbit meets the plane of the least
+        and the largest moment; there r and r/J differ most.
 
         Raises IncompatibleSystem unless it is a RigidBody, NoConvergence if h is too large.
         """
@@ -120,39 +128,27 @@ class ExactMoserVeselov(MoserVeselov):
             raise IncompatibleSystem(f"ExactMoserVeselov.of needs a RigidBody, whose exact motion is known; got {body!r}")
         if start.bodies is not None:
             raise InvalidInput("ExactMoserVeselov.of takes one body at a time: the method is fitted to its energy")
-        start = BodyState(start.mu, SO3().identity())
-        exact = {steps: np.array(body.exact(start, steps * h).g) for steps in SPANS}
-        inverse = np.array(body.hamiltonian.inverse)
-        constants = _fingerprint(body, start.mu)
-        one = np.ones(3) if inverse.ndim == 1 else np.eye(3)
-        change = np.array([inverse, np.sum(inverse * one) / 3.0 * one])
-
-        def fitted(p: np.ndarray) -> ExactMoserVeselov:
-            total = inverse + np.tensordot(p, change, 1)
-            return cls(h, constants, 1.0 / total if inverse.ndim == 1 else np.linalg.inv(total))
-
-        def error(p: np.ndarray, steps: int) -> np.ndarray:
-            method = fitted(p)
-            memory = method.start(body, start, h)
-            for _ in range(steps):
-                memory = method.step(body, 0.0, memory, h)
-            return np.array(body.group.log(exact[steps].T @ np.array(memory.g)))
-
-        p = np.zeros(2)
-        for steps in SPANS:
-            for _ in range(8):
-                slopes = [(error(p + e, steps) - error(p - e, steps)) / 2e-4 for e in 1e-4 * np.eye(2)]
-                step = np.linalg.lstsq(np.transpose(slopes), -error(p, steps), rcond=1e-8)[0]
-                p = p + step
-                if np.abs(step).max() < 1e-15:
-                    break
-        rest = np.abs(error(p, SPANS[-1])).max()
-        if not rest <= FITTED:
+        inverse, mu, unit = _in_the_plane(body, start.mu)
+        x, y = _exact_displacement(inverse, mu, unit * h), (unit * h) * mu
+        r = y + ((0.25 * dot(x, y)) * x - 0.5 * cross(x, y))
+        s, d, off = _combined(inverse * r, r, x - inverse * r)
+        method = cls(h, _fingerprint(body, start.mu), 1.0 / vec(*[(1.0 + s) * k + d for k in inverse]))
+        folded = beyond_fold(method.equation(body, y, x)[1], 1.0)
+        if folded or not (norm(off) <= FITTED * norm(x) and min(method.moments) > 0.0):
             raise NoConvergence(
-                f"ExactMoserVeselov: no moments found whose steps are exact, {SPANS[-1]} of them are off by {rest:.1e}. "
+                f"ExactMoserVeselov: no moments found whose steps are exact, they are off by {norm(off):.1e}. "
                 f"The step h = {h:g} is too large for this motion; try {0.25 * h:g}"
             )
-        return fitted(p)
+        K, shift = body.hamiltonian.inverse, d * _trace(body.hamiltonian.inverse) / (inverse[0] + inverse[1] + inverse[2])
+        if isinstance(K, vectors.Vec):
+            method = cls(h, method.constants, 1.0 / vec(*[(1.0 + s) * k + shift for k in K]))
+        else:
+            method = cls(h, method.constants, np.linalg.inv(np.array(plus((1.0 + s) * K, shift))))
+        if norm(y) * max(inverse) > SHORT:
+            memory = method.start(body, BodyState(start.mu, None), h)
+            for _ in range(TRIED):
+                memory = method.step(body, 0.0, memory, h)
+        return method
 
     @property
     def name(self) -> str:
@@ -178,6 +174,53 @@ class ExactMoserVeselov(MoserVeselov):
     def inertia(self, system: Any) -> Vec | Mat:
         """The fitted moments."""
         return self.moments
+
+
+def _in_the_plane(body: RigidBody, mu: Vec) -> tuple[Vec, Vec, float]:
+    """1/J of the principal moments; a momentum of the same orbit, in principal axes, without component along the middle one.
+
+    Both in units near to their size, and the factor that makes steps of time those of such units.
+    mu_1^2 = J_1/(J_3 - J_1) sum_i mu_i^2 (J_3 - J_i)/J_i from energy and |mu|^2, and likewise mu_3^2.
+    """
+    J, m = body.inertia, mu
+    if isinstance(J, vectors.Mat):
+        moments, axes = np.linalg.eigh(np.array(J))
+        J, m = Vec.of(moments.tolist()), Vec.of((np.array(mu) @ axes).tolist())
+    order = sorted(range(3), key=lambda i: J[i])
+    j, u = 2.0 ** math.frexp(J[order[0]])[1], 2.0 ** math.frexp(max(map(abs, m)))[1]
+    J1, J2, J3 = J = vec(*[J[i] / j for i in order])
+    squares = vec(*[(m[i] / u) * (m[i] / u) for i in order]) / J
+    if J1 < J3:
+        first = J1 / (J3 - J1) * (squares[0] * (J3 - J1) + squares[1] * (J3 - J2))
+        last = J3 / (J3 - J1) * (squares[1] * (J2 - J1) + squares[2] * (J3 - J1))
+        return 1.0 / J, vec(sqrt(first), 0.0, sqrt(last)), u / j
+    return 1.0 / J, vec(*[m[i] / u for i in order]), u / j
+
+
+def _exact_displacement(inverse: Vec, mu: Vec, h: float) -> Vec:
+    """The x with cay(x) the exact step of h, of more than half a turn no number at all."""
+    orbit, parts, unit = ExactFreeBody()._cut(inverse, mu, h)
+    z = vec(0.0, 0.0, 0.0)
+    for _ in range(int(parts)):
+        x = orbit.displacement(mu, unit)
+        mu, more = SO3().cayley_Ad_star(x, mu), 0.5 * x
+        left = 1.0 - dot(z, more)  # tan of half the angle, times the axis: Rodrigues' formula
+        z = (1.0 / left if left > 0.0 else NAN) * (z + more + cross(z, more))
+    return 2.0 * z
+
+
+def _combined(a: Vec, b: Vec, wanted: Vec) -> tuple[float, float, Vec]:
+    """The s and d with s a + d b = wanted, and what is left of it; s = 0 if a and b are parallel."""
+    size = dot(b, b) or 1.0
+    across, rest = (v - (dot(v, b) / size) * b for v in (a, wanted))
+    spread = dot(across, across)
+    s = dot(across, rest) / spread if spread > PARALLEL * dot(a, a) else 0.0
+    d = dot(b, wanted - s * a) / size
+    return s, d, wanted - s * a - d * b
+
+
+def _trace(m: Vec | Mat) -> float:
+    return m[0, 0] + m[1, 1] + m[2, 2] if isinstance(m, vectors.Mat) else m[0] + m[1] + m[2]
 
 
 def _fingerprint(system: Any, mu: Vec) -> Vec:

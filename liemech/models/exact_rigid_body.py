@@ -27,22 +27,27 @@ Source: Whittaker, Analytical Dynamics, 4th ed., sections 69-71; van Zon and Sch
 Celledoni, Fasso, Safstrom and Zanna, SIAM J. Sci. Comput. 30 (2008) 2084.
 """
 
+from __future__ import annotations
+
+import functools
 import math
-from dataclasses import dataclass
-from fractions import Fraction
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .carlson import elliprf, elliprj
+from ..compiler import batch
+from ..formulas import Mat, Vec, diagonal, dot, identity_matrix, mat, vec, vectors
+from .carlson import duplications, elliprf
+from .polhode import Direction, Polhode, angle, at, attitude, direction, frame, in_body, momentum, moved, sin_cos, third_kind
 
 __all__ = ["exact_rigid_body", "momentum_period"]
 
 # Below this k' the body counts as on the separatrix, which it would only leave after the time K/lam = 174/lam.
 _SEPARATRIX = 2.0**-250
 
-# A phase beyond 2^53 radians has lost its last digit. This bound on the time keeps it a number.
-_LONGEST_TIME = 1e300
+# Bodies that are not next to the separatrix have so many arithmetic-geometric means, or fewer; all get the same native code.
+_MEANS = 6
 
 
 def exact_rigid_body(
@@ -66,19 +71,20 @@ def exact_rigid_body(
 
     Source: Whittaker, Analytical Dynamics, 4th ed., sections 69-71, in the form of this module's first lines.
     """
-    t, mu = np.asarray(t, float), np.asarray(mu, float)
-    motion, axes, unit = _motion(inertia, mu)
-    tau = np.clip(_times_power_of_two(t.ravel(), -unit.time), -_LONGEST_TIME, _LONGEST_TIME)
-    e, psi = motion.evolve(tau, attitude=g is not None)  # psi is None if g is
-    if isinstance(motion, _Steady):
-        momentum = np.broadcast_to(mu, (tau.size, 3)).copy()
+    t = np.asarray(t, dtype=float)
+    m = _frozen(mu)
+    orbit, unit, start, values = _prepared(_frozen(inertia), m, None if g is None else _frozen(g))
+    times = (_times_power_of_two(t, -unit.time) if unit.extreme else t).reshape(-1)
+    width = 3 if start is None else 12
+    if isinstance(orbit, Polhode):
+        rows = _MOVED.rows(values, times, width, lambda x, made: _along(orbit, start, x, made))
     else:
-        momentum = _times_power_of_two(_combine(axes.T, motion.norm * e).T, unit.momentum)
-    momentum = momentum.reshape(t.shape + (3,))
-    if g is None or psi is None:
-        return momentum, None
-    attitude = _attitude(np.asarray(g, float), axes, motion, e, psi)
-    return momentum, attitude.reshape(t.shape + (3, 3))
+        rows = np.empty((t.size, width))
+        _other(orbit, start, times, rows)
+    momenta = _times_power_of_two(rows[:, :3], unit.momentum) if unit.extreme else rows[:, :3]
+    if isinstance(orbit, _Steady):
+        momenta[:] = m
+    return momenta.reshape(*t.shape, 3), None if start is None else rows[:, 3:].reshape(*t.shape, 3, 3)
 
 
 def momentum_period(inertia: ArrayLike, mu: ArrayLike) -> float:
@@ -90,193 +96,278 @@ def momentum_period(inertia: ArrayLike, mu: ArrayLike) -> float:
 
     Source: Whittaker, Analytical Dynamics, 4th ed., section 69.
     """
-    motion, _, unit = _motion(inertia, np.asarray(mu, float))
-    if isinstance(motion, _Steady):
+    orbit, unit = _motion(_frozen(inertia), _frozen(mu))[:2]
+    if isinstance(orbit, _Steady):
         return 0.0
-    if motion.k1 < _SEPARATRIX or motion.rate == 0.0:
+    if not isinstance(orbit, Polhode) or orbit.rate == 0.0:
         return math.inf
-    return float(_times_power_of_two(4.0 * _quarter_period(_means(motion.k1)) / abs(motion.rate), unit.time))
+    return float(_times_power_of_two(2.0 * orbit.half / abs(orbit.rate), unit.time))
+
+
+# --- the motion at many times -----------------------------------------------------------------------------------------
+
+
+def _along(p: Polhode, start: Mat | None, t: np.ndarray, rows: np.ndarray) -> None:
+    """The formulas of native code, on arrays."""
+    with np.errstate(all="ignore"):
+        t = at(p, t)
+        e, s, c, turns = direction(p, t)
+        _place(p, start, e, None if start is None else angle(p, t, s, c, turns), rows)
+
+
+def _other(orbit: _Steady | _Separatrix, start: Mat | None, t: np.ndarray, rows: np.ndarray) -> None:
+    """Motions that are no elliptic functions of time."""
+    with np.errstate(all="ignore"):
+        _place(orbit, start, *orbit.evolve(at(orbit, t)), rows)
+
+
+def _place(orbit: Any, start: Mat | None, e: Any, psi: Any, rows: np.ndarray) -> None:
+    entries = momentum(orbit, e)
+    if start is not None:
+        sine, cosine = sin_cos(psi)
+        entries = *entries, *attitude(orbit.axes, start, e, cosine, sine)
+    for j, column in enumerate(entries):
+        rows[:, j] = column
+
+
+_MOVED = batch.Driver(moved)
+
+
+class _Prepared(NamedTuple):
+    """What the motions of a body from one start have in common.  start : g(0) P(e(0))^T in the principal frame."""
+
+    orbit: _Steady | _Separatrix | Polhode
+    unit: _Unit
+    start: Mat | None
+    values: batch.Values
+
+
+@functools.lru_cache(256)
+def _prepared(inertia: Vec | Mat, mu: Vec, g: Mat | None) -> _Prepared:
+    orbit, unit, e0 = _motion(inertia, mu)
+    start = None
+    if g is not None:
+        rows = [vec(*[in_body(orbit.axes, *x, j) for j in range(3)]) for x in (*frame(e0), e0)]
+        start = mat(*[vec(*[dot(x, y) for y in rows]) for x in g])
+    return _Prepared(orbit, unit, start, batch.Values(orbit, start))
 
 
 # --- the data, in the principal frame and in units of their own -------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class _Unit:
+class _Unit(NamedTuple):
     """Exponents of two: in these units the largest component of the momentum and the least moment are in [1/2, 1)."""
 
     time: int
     momentum: int
 
+    @property
+    def extreme(self) -> bool:
+        """Are they no floats?  Then times and momenta are scaled before and after."""
+        return max(map(abs, self)) > 1000
 
-def _motion(inertia: ArrayLike, mu: np.ndarray) -> "tuple[_Steady | _Polhode, np.ndarray, _Unit]":
-    """The motion in the frame and the units that suit it; that frame, axes as rows; those units.
+    @property
+    def factors(self) -> tuple[float, float]:
+        """What makes times those of the motion, and its momenta those of the caller."""
+        return (1.0, 1.0) if self.extreme else (math.ldexp(1.0, -self.time), math.ldexp(1.0, self.momentum))
+
+
+class _Motion(NamedTuple):
+    """The kind of motion; units; e(0), along the principal axes from the axis p on."""
+
+    orbit: _Steady | _Separatrix | Polhode
+    unit: _Unit
+    e0: Direction
+
+
+def _frozen(value: Any) -> Any:
+    """As small vectors and matrices, which can be looked up."""
+    if isinstance(value, (vectors.Vec, vectors.Mat)):
+        return value
+    array = np.asarray(value, dtype=float)
+    return Vec.of(array.tolist()) if array.ndim == 1 else Mat.of(array.tolist())
+
+
+@functools.lru_cache(256)
+def _motion(inertia: Vec | Mat, mu: Vec) -> _Motion:
+    """The motion in the frame and the units that suit it.
 
     The constants are rational functions of the data, or roots of such. They are computed exactly and rounded once, so
     no small difference of moments, no nearness of the separatrix and no unit of measurement spoils them.
     """
-    moments, axes = _principal(np.asarray(inertia, float))
-    momentum = _combine(axes, mu)
-    inertia_exponent, momentum_exponent = math.frexp(min(moments))[1], math.frexp(max(abs(momentum)))[1]
-    J = [Fraction(x) / Fraction(2) ** inertia_exponent for x in moments.tolist()]
-    pi = [Fraction(x) / Fraction(2) ** momentum_exponent for x in momentum.tolist()]
-    unit = _Unit(time=inertia_exponent - momentum_exponent, momentum=momentum_exponent)
-    if all(J[i] == J[j] or not pi[i] * pi[j] for i, j in ((0, 1), (1, 2), (2, 0))):
-        return _steady(J, pi), axes, unit
-    J, pi, relabel = _relabelled(J, pi)
-    return _polhode(J, pi), _combine(relabel, axes), unit
-
-
-def _principal(inertia: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Principal moments (3,) and axes (3, 3), the axes as the rows of a rotation."""
-    diagonal = inertia if inertia.ndim == 1 else np.diagonal(inertia)
-    if inertia.ndim == 1 or np.array_equal(inertia, np.diag(diagonal)):
-        return diagonal, np.eye(3)
-    exponent = math.frexp(abs(inertia).max())[1]
-    moments, vectors = np.linalg.eigh(_times_power_of_two(inertia, -exponent))
-    vectors[:, 0] *= np.sign(np.linalg.det(vectors))
-    # A moment below the rounding error of the largest may come out zero or negative: the matrix does not know it.
-    moments = np.maximum(moments, np.finfo(float).eps * moments[2])
-    return _times_power_of_two(moments, exponent), vectors.T
-
-
-def _relabelled(J: list[Fraction], pi: list[Fraction]) -> tuple[list[Fraction], list[Fraction], np.ndarray]:
-    """Moments and momentum in the order of the formulas, and the rotation (rows: new axes) that orders them so."""
+    moments, axes = _principal(inertia)
+    pi = [dot(axis, mu) for axis in axes]
+    unit_of_inertia, unit_of_momentum = math.frexp(min(moments))[1], math.frexp(max(map(abs, pi)))[1]
+    unit = _Unit(unit_of_inertia - unit_of_momentum, unit_of_momentum)
+    J, J_scale = _whole(moments, unit_of_inertia)
+    m, m_scale = _whole(pi, unit_of_momentum)
+    if all(J[i] == J[j] or not m[i] * m[j] for i, j in ((0, 1), (1, 2), (2, 0))):
+        return _steady(J, J_scale, m, m_scale, axes, unit)
     order = sorted(range(3), key=lambda i: J[i])
-    if _separatrix_side(J, pi, J[order[1]]) < 0:
+    if _side([J[i] for i in order], [m[i] for i in order]) < 0:
         order.reverse()
     sign = [1, 1 if (order[1] - order[0]) % 3 == 1 else -1, 1]
-    if pi[order[2]] < 0:
+    if m[order[2]] < 0:
         sign[1], sign[2] = -sign[1], -sign[2]
-    rotation = np.zeros((3, 3))
-    rotation[range(3), order] = sign
-    return [J[i] for i in order], [s * pi[i] for s, i in zip(sign, order, strict=True)], rotation
+    J, m = [J[i] for i in order], [s * m[i] for s, i in zip(sign, order, strict=True)]
+    return _orbit(J, J_scale, m, m_scale, [s * axes[i] for s, i in zip(sign, order, strict=True)], unit)
 
 
-def _separatrix_side(J: list[Fraction], pi: list[Fraction], J2: Fraction) -> Fraction:
-    """D = G^2 - 2 E J2: positive if the polhode surrounds the axis of the largest moment, negative if of the least."""
-    return sum((p * p * (j - J2) / j for j, p in zip(J, pi, strict=True)), Fraction(0))
+def _principal(inertia: Vec | Mat) -> tuple[Vec, Mat]:
+    """Principal moments (3,) and axes (3, 3), the axes as the rows of a rotation."""
+    one = identity_matrix(3)
+    if isinstance(inertia, vectors.Vec):
+        return inertia, one
+    if inertia == diagonal(vec(*[inertia[i, i] for i in range(3)])):
+        return vec(*[inertia[i, i] for i in range(3)]), one
+    matrix = np.array(inertia)
+    exponent = math.frexp(abs(matrix).max())[1]
+    moments, columns = np.linalg.eigh(_times_power_of_two(matrix, -exponent))
+    columns[:, 0] *= np.sign(np.linalg.det(columns))
+    # A moment below the rounding error of the largest may come out zero or negative: the matrix does not know it.
+    moments = np.maximum(moments, np.finfo(float).eps * moments[2])
+    return Vec.of(_times_power_of_two(moments, exponent).tolist()), Mat.of(columns.T.tolist())
 
 
-# --- the two kinds of motion ------------------------------------------------------------------------------------------
+def _whole(numbers: Vec | list[float], exponent: int) -> tuple[list[int], int]:
+    """Whole numbers and k: the numbers, exactly, over 2^exponent and times 2^k."""
+    parts = [math.frexp(x) for x in numbers]
+    least = min([e for x, e in parts if x], default=0)
+    return [int(math.ldexp(x, 53)) << (e - least) if x else 0 for x, e in parts], 53 - least + exponent
 
 
-@dataclass(frozen=True)
-class _Steady:
+def _side(J: list[int], m: list[int]) -> int:
+    """J1 J3 (G^2 - 2 E J2): positive if the polhode surrounds the axis of the largest moment, negative if of the least."""
+    return m[0] ** 2 * (J[0] - J[1]) * J[2] + m[2] ** 2 * (J[2] - J[1]) * J[0]
+
+
+def _root(top: int, bottom: int, power: int = 0) -> float:
+    """sign(q) sqrt|q| of q = 4^power top/bottom, rounded, also where q is beyond the range of floating-point numbers."""
+    exponent = (abs(top).bit_length() - bottom.bit_length()) // 2
+    q = abs(top) / (bottom << 2 * exponent) if exponent > 0 else (abs(top) << -2 * exponent) / bottom
+    root = math.ldexp(math.sqrt(q), exponent + power)
+    return -root if top < 0 else root
+
+
+# --- the kinds of motion ----------------------------------------------------------------------------------------------
+
+
+class _Steady(NamedTuple):
     """Momentum and velocity are parallel: e stays, psi = rate t."""
 
     e0: tuple[float, ...]
-    pole: int
     rate: float
+    axes: Mat
+    unit_of_time: float
+    unit_of_momentum: float
+    norm: float = 0.0
 
-    def evolve(self, t: np.ndarray, attitude: bool) -> tuple[np.ndarray, np.ndarray | None]:
-        """Directions (3, n) and angles psi (n,) at the times t (n,)."""
-        return np.multiply.outer(self.e0, np.ones_like(t)), self.rate * t if attitude else None
-
-
-def _steady(J: list[Fraction], pi: list[Fraction]) -> _Steady:
-    """Sphere, rest, or rotation about a principal axis."""
-    norm2 = _sum_of_squares(pi)
-    if not norm2:
-        return _Steady((0.0, 0.0, 1.0), pole=0, rate=0.0)
-    e0 = tuple(_root(p * abs(p) / norm2) for p in pi)
-    pole = min(range(3), key=lambda i: abs(e0[i]))
-    return _Steady(e0, pole, rate=_root(_sum_of_squares([p / j for p, j in zip(pi, J, strict=True)])))
+    def evolve(self, t: np.ndarray) -> tuple[Any, np.ndarray]:
+        """Direction and angles psi (n,) at the times t (n,)."""
+        return self.e0, self.rate * t
 
 
-@dataclass(frozen=True)
-class _Polhode:
-    """The momentum moves: the constants of the module's first lines."""
+class _Separatrix(NamedTuple):
+    """k' = 0: sn u = tanh u, cn u = dn u = 1/cosh u, T by partial fractions in tanh u."""
 
-    e0: tuple[float, ...]
-    norm: float  # G
-    amplitude: tuple[float, ...]  # a1, a2, a3
-    rate: float  # lam
-    k1: float  # k'
-    s0: float  # sn u0
-    c0: float  # cn u0, not negative
-    pole: int  # p - 1
-    spin: float  # G/J_q
-    nu: float  # N or n, whichever is at most 1
-    kappa: float  # +- nu sqrt((1+n)(1+N))
+    amplitude: tuple[float, ...]
+    norm: float
+    rate: float
+    u0: float
+    pole: int
+    spin: float
+    nu: float
+    kappa: float
+    axes: Mat
+    unit_of_time: float
+    unit_of_momentum: float
 
-    def evolve(self, t: np.ndarray, attitude: bool) -> tuple[np.ndarray, np.ndarray | None]:
-        """Directions (3, n) and, if wanted, angles psi (n,) at the times t (n,)."""
-        functions = _hyperbolic if self.k1 < _SEPARATRIX else _elliptic
-        sn, cn, dn, T = functions(self, t, attitude)
+    def evolve(self, t: np.ndarray) -> tuple[Any, np.ndarray]:
+        """Directions and angles psi (n,) at the times t (n,)."""
+        u = self.u0 + self.rate * t
+        s, decay = np.tanh(u), np.exp(-abs(u))
+        c = 2.0 * decay / (1.0 + decay * decay)
+        root = math.sqrt(self.nu)
+        T = (self.rate * t - (np.arctan(root * s) - np.arctan(root * np.tanh(self.u0))) / root) / (1.0 + self.nu)
         a1, a2, a3 = self.amplitude
-        return np.stack((a1 * cn, a2 * sn, a3 * dn)), None if T is None else self.spin * t + self.kappa * T
+        return _from(self.pole, (a1 * c, a2 * s, a3 * c)), self.spin * t + self.kappa * T
 
 
-def _polhode(J: list[Fraction], pi: list[Fraction]) -> _Polhode:
-    """The constants, from moments and momentum in the order of the formulas."""
+def _steady(J: list[int], J_scale: int, m: list[int], m_scale: int, axes: Mat, unit: _Unit) -> _Motion:
+    """Sphere, rest, or rotation about a principal axis."""
+    norm2 = sum([x * x for x in m])
+    if not norm2:
+        return _Motion(_Steady((0.0, 0.0, 1.0), 0.0, axes, *unit.factors), unit, (0.0, 0.0, 1.0))
+    e0 = [_root(x * abs(x), norm2) for x in m]
+    pole = min(range(3), key=lambda i: abs(e0[i]))
+    others = J[1] * J[2], J[2] * J[0], J[0] * J[1]
+    velocity2 = sum([(x * other) ** 2 for x, other in zip(m, others, strict=True)])
+    rate = _root(velocity2, (J[0] * J[1] * J[2]) ** 2, J_scale - m_scale)
+    here = _from(pole, e0)
+    return _Motion(_Steady(here, rate, mat(*_from(pole, axes.rows)), *unit.factors), unit, here)
+
+
+def _orbit(J: list[int], J_scale: int, m: list[int], m_scale: int, axes: list[Vec], unit: _Unit) -> _Motion:
+    """The constants of the module's first lines, from moments and momentum in the order of the formulas."""
     J1, J2, J3 = J
-    norm2 = _sum_of_squares(pi)
-    X = pi[0] ** 2 * (J3 - J1) / J1 + pi[1] ** 2 * (J3 - J2) / J2
-    Y = pi[1] ** 2 * (J2 - J1) / J2 + pi[2] ** 2 * (J3 - J1) / J3
-    A1_2, A2_2, A3_2 = J1 * X / (J3 - J1), J2 * X / (J3 - J2), J3 * Y / (J3 - J1)
-    n, N = J3 * (J2 - J1) / (J1 * (J3 - J2)), A1_2 / A3_2
-    pole, nu, Jq, sign = (0, N, J3, 1) if N <= 1 else (2, n, J1, -1)
+    norm2 = sum([x * x for x in m])
+    X = m[0] ** 2 * (J3 - J1) * J2 + m[1] ** 2 * (J3 - J2) * J1  # J1 J2 times that of the formulas
+    Y = m[1] ** 2 * (J2 - J1) * J3 + m[2] ** 2 * (J3 - J1) * J2  # J2 J3 times
+    signed = 1 if J3 > J1 else -1  # of all these differences
+    (J12, J13, J23), X, Y = (signed * x for x in (J2 - J1, J3 - J1, J3 - J2)), signed * X, signed * Y
+    n_top, n_bottom = J3 * J12, J1 * J23
+    at_axis_1 = X <= Y  # N = X/Y
+    nu_top, nu_bottom, Jq = (X, Y, J3) if at_axis_1 else (n_top, n_bottom, J1)
+    nu = nu_top / nu_bottom
+    kappa = _root(nu_top**2 * (n_bottom + n_top) * (Y + X), nu_bottom**2 * n_bottom * Y)
     # The half turn u -> u + 2K changes the signs of sn and cn: use it to start on the half of the polhode with cn >= 0.
-    half = -1 if pi[0] < 0 else 1
-    return _Polhode(
-        e0=tuple(_root(p * abs(p) / norm2) for p in pi),
-        norm=_root(norm2),
-        amplitude=(half * _root(A1_2 / norm2), half * _root(A2_2 / norm2), _root(A3_2 / norm2)),
-        rate=(1 if J3 > J2 else -1) * _root((J3 - J2) * Y / (J1 * J2 * J3)),
-        k1=_root((J3 - J1) * _separatrix_side(J, pi, J2) / ((J3 - J2) * Y)),
-        s0=half * _root(pi[1] * abs(pi[1]) / A2_2),
-        c0=_root(pi[0] ** 2 / A1_2),
-        pole=pole,
-        spin=_root(norm2 / Jq**2),
-        nu=float(nu),
-        kappa=sign * _root(nu**2 * (1 + n) * (1 + N)),
-    )
-
-
-def _sum_of_squares(v: list[Fraction]) -> Fraction:
-    return sum((x * x for x in v), Fraction(0))
-
-
-def _root(q: Fraction) -> float:
-    """sign(q) sqrt|q|, rounded, also where q is beyond the range of floating-point numbers but its root is not."""
-    exponent = (q.numerator.bit_length() - q.denominator.bit_length()) // 2
-    root = math.ldexp(math.sqrt(abs(q) / Fraction(4) ** exponent), exponent)
-    return -root if q < 0 else root
-
-
-# --- sn, cn, dn and T(u) - T(u0) at u = u0 + lam t --------------------------------------------------------------------
-
-_Functions = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray | None]
-
-
-def _elliptic(polhode: _Polhode, t: np.ndarray, attitude: bool) -> _Functions:
-    """On either side of the separatrix. Two quarter periods change the signs of sn and cn and add 2 T(K) to T."""
-    s0, c0, k1 = polhode.s0, polhode.c0, polhode.k1
+    turned = -1 if m[0] < 0 else 1
+    amplitude = (
+        turned * _root(X, J2 * J13 * norm2), turned * _root(X, J1 * J23 * norm2), _root(Y, J2 * J13 * norm2)
+    )  # fmt: skip
+    rate = signed * _root(J23 * Y, J1 * (J2 * J3) ** 2, J_scale - m_scale)
+    k1 = _root(J13 * signed * _side(J, m) * J2, J23 * J1 * Y)
+    s0 = turned * _root(m[1] * abs(m[1]) * J1 * J23, X)
+    c0 = _root(m[0] ** 2 * J2 * J13, X)
+    pole = 0 if at_axis_1 else 2
+    norm, spin = _root(norm2, 1, -m_scale), _root(norm2, Jq**2, J_scale - m_scale)
+    kappa = kappa if at_axis_1 else -kappa
+    rows, e0 = mat(*_from(pole, axes)), _from(pole, [_root(x * abs(x), norm2) for x in m])
+    if k1 < _SEPARATRIX:
+        # cn u0 = 0 can happen only next to the separatrix, where dn u0 takes its place; it has k' as its least value.
+        u0 = math.asinh(s0 / max(math.hypot(c0, k1 * s0), np.finfo(float).tiny))
+        return _Motion(_Separatrix(amplitude, norm, rate, u0, pole, spin, nu, kappa, rows, *unit.factors), unit, e0)
     means = _means(k1)
-    K = _quarter_period(means)
-    u = s0 * float(elliprf(c0**2, c0**2 + (k1 * s0) ** 2, 1.0)) + polhode.rate * t
-    turns = np.rint(u / (2.0 * K))
-    s, c, d = _sn_cn_dn(u - turns * (2.0 * K), means)
-    sign = 1.0 - 2.0 * np.mod(turns, 2.0)
-    if not attitude:
-        return sign * s, sign * c, d, None
-    whole, start = _third_kind(np.array([1.0, s0]), np.array([0.0, c0]), k1, polhode.nu)
-    return sign * s, sign * c, d, turns * (2.0 * whole) + (_third_kind(s, c, k1, polhode.nu) - start)
+    least = means[-1][0]
+    a, b = zip(*(means[:-1] + [(least, least)] * (_MEANS - len(means) + 1)), strict=True)
+    count = duplications(0.0, k1 * k1, 1.0, 1.0 + nu)
+    orbit = Polhode(
+        rate=rate,
+        begin=s0 * elliprf(c0 * c0, c0 * c0 + (k1 * s0) ** 2, 1.0),
+        half=2.0 * _quarter_period(means),
+        a=vec(*a),
+        b=vec(*b),
+        least=least,
+        k1=k1,
+        nu=nu,
+        count=count,
+        spin=spin,
+        kappa=kappa,
+        whole=2.0 * third_kind(1.0, 0.0, k1, nu, count),
+        begun=third_kind(s0, c0, k1, nu, count),
+        pole=float(pole),
+        amplitude=vec(*amplitude),
+        norm=norm,
+        axes=rows,
+        unit_of_time=unit.factors[0],
+        unit_of_momentum=unit.factors[1],
+    )
+    return _Motion(orbit, unit, e0)
 
 
-def _hyperbolic(polhode: _Polhode, t: np.ndarray, attitude: bool) -> _Functions:
-    """On the separatrix, k' = 0: sn u = tanh u, cn u = dn u = 1/cosh u, T by partial fractions in tanh u."""
-    # cn u0 = 0 can happen only next to the separatrix, where dn u0 takes its place; it has k' as its least value.
-    u0 = math.asinh(polhode.s0 / max(math.hypot(polhode.c0, polhode.k1 * polhode.s0), np.finfo(float).tiny))
-    u = u0 + polhode.rate * t
-    s, decay = np.tanh(u), np.exp(-abs(u))
-    c = 2.0 * decay / (1.0 + decay * decay)
-    if not attitude:
-        return s, c, c, None
-    nu, root = polhode.nu, math.sqrt(polhode.nu)
-    T = (polhode.rate * t - (np.arctan(root * s) - np.arctan(root * np.tanh(u0))) / root) / (1.0 + nu)
-    return s, c, c, T
+def _from(pole: int, three: Any) -> Direction:
+    """Three things in cyclic order, from this one on."""
+    return three[pole], three[pole - 2], three[pole - 1]
 
 
 def _means(k1: float) -> list[tuple[float, float]]:
@@ -294,60 +385,6 @@ def _means(k1: float) -> list[tuple[float, float]]:
 def _quarter_period(means: list[tuple[float, float]]) -> float:
     """K. Source: DLMF 19.8.5."""
     return 0.5 * math.pi / means[-1][0]
-
-
-def _sn_cn_dn(u: np.ndarray, means: list[tuple[float, float]]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Jacobi's functions, |u| <= K, by descending Landen transformations: from the circle, a = b, up to (1, k').
-
-    With c/s = a cn/sn, s kept, one step is  c <- c dn,  dn <- (b s^2 + c^2/a')/(a s^2 + c^2/a'), where a' = (a + b)/2
-    is the a of the step before. All terms are positive: cn and dn stay accurate relatively, however close k' is to 0.
-
-    Source: DLMF 22.7.2-22.7.4, with 1 - k1 sn^2 = cn^2 + (1 - k1) sn^2.
-    """
-    below = means[-1][0]
-    s, c, dn = np.sin(below * u), below * np.cos(below * u), np.ones_like(u)
-    s2 = s * s
-    for a, b in reversed(means[:-1]):
-        c2 = c * c / below
-        c, dn = c * dn, (b * s2 + c2) / (a * s2 + c2)
-        below = a
-    norm = np.sqrt(s2 + c * c)
-    return s / norm, c / norm, dn
-
-
-def _third_kind(sn: np.ndarray, cn: np.ndarray, k1: float, nu: float) -> np.ndarray:
-    """T = integral of sn^2/(1 + nu sn^2) from 0 to u, |u| <= K. Source: DLMF 19.25.14 (T = (F - Pi)/nu there)."""
-    s2, c2 = sn * sn, cn * cn
-    return sn * s2 * elliprj(c2, c2 + k1 * k1 * s2, 1.0, 1.0 + nu * s2) / 3.0
-
-
-# --- the attitude -----------------------------------------------------------------------------------------------------
-
-
-def _attitude(
-    g: np.ndarray, axes: np.ndarray, motion: _Steady | _Polhode, e: np.ndarray, psi: np.ndarray
-) -> np.ndarray:
-    """g P(e(0))^T Rot3(psi) P(e), shape (n, 3, 3), for directions e (3, n) in the frame of the rows of axes."""
-    start = np.stack(_frame(np.array(motion.e0), motion.pole, axes))
-    a, b, e = _frame(e, motion.pole, axes)
-    cos, sin = np.cos(psi), np.sin(psi)
-    rows = _combine(_combine(g, start.T), np.stack((cos * a - sin * b, sin * a + cos * b, e)))
-    return np.ascontiguousarray(np.moveaxis(rows, -1, 0))
-
-
-def _frame(e: np.ndarray, pole: int, axes: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The rows a, e x a, e of P(e; p), given back in the body frame; e : (3,) or (3, n), so are they."""
-    ep, ei, ej = np.roll(e, -pole, axis=0)
-    r = np.sqrt(ei * ei + ej * ej)
-    a = np.roll(np.stack((r, -ep * ei / r, -ep * ej / r)), pole, axis=0)
-    b = np.roll(np.stack((np.zeros_like(r), ej / r, -ei / r)), pole, axis=0)
-    return _combine(axes.T, a), _combine(axes.T, b), _combine(axes.T, e)
-
-
-def _combine(matrix: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """matrix @ rows, written out: the same bits for one time and for many, which BLAS does not promise."""
-    x, y, z = rows
-    return np.stack([m[0] * x + m[1] * y + m[2] * z for m in matrix])
 
 
 def _times_power_of_two(x: ArrayLike, exponent: int) -> np.ndarray:

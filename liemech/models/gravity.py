@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -130,5 +131,6 @@ def _check_load(owner: Any) -> None:
     if len(owner.centre) != 3:
         raise InvalidInput(f"{name}: centre is a vector in space, (3,); got {len(owner.centre)} components")
     for what in ("weight", "centre"):
-        if not np.isfinite(np.array(getattr(owner, what))).all():
-            raise InvalidInput(f"{name}: {what} must be finite; got {getattr(owner, what)}")
+        value = getattr(owner, what)
+        if not all(map(math.isfinite, value if what == "centre" else (value,))):
+            raise InvalidInput(f"{name}: {what} must be finite; got {value}")

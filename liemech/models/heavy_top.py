@@ -136,7 +136,6 @@ class ReducedHeavyTop(LiePoissonSystem):
         object.__setattr__(self, "inertia", body.inertia)
         load = FixedPointGravity(self.weight, self.centre)
         object.__setattr__(self, "hamiltonian", HeavyTopEnergy(body.hamiltonian, load.weight, load.centre))
-        super().__post_init__()
 
     @property
     def instead(self) -> str:

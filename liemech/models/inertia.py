@@ -8,6 +8,7 @@ import numpy as np
 
 from ..errors import InvalidInput
 from ..formulas import Mat, Vec, check_finite, real_array
+from ..formulas.broadcasting import at_a_glance
 
 SYMMETRY = 1e-12
 """An inertia matrix less symmetric than this, relative to its size, is a mistake and not a rounding error."""
@@ -18,7 +19,7 @@ ROUNDING = 6 * np.finfo(float).eps
 WORDS = {3: "three", 6: "six"}
 
 
-def checked_inertia(value: Any, name: str, dim: int, mixed: bool = False) -> tuple[Vec | Mat, np.ndarray]:
+def checked_inertia(value: Any, name: str, dim: int, mixed: bool = False) -> tuple[Vec | Mat, Vec | np.ndarray]:
     """The inertia, as a diagonal, (dim,), or a matrix, (dim, dim), and its principal moments, (dim,).
 
     mixed : are its rows in different units, such as kg m^2 and kg?  Scaled to a diagonal of ones, rows and columns alike, they can
@@ -27,6 +28,9 @@ def checked_inertia(value: Any, name: str, dim: int, mixed: bool = False) -> tup
 
     Source: Horn and Johnson, Matrix Analysis, 2nd ed., theorem 4.5.8 (Sylvester's law of inertia).
     """
+    moments = at_a_glance(value, (dim,))
+    if moments is not None and min(moments) > 0.0:
+        return moments, moments
     array = real_array(value, name)
     if array.shape not in ((dim,), (dim, dim)):
         raise InvalidInput(f"{name} has shape {array.shape}; give {WORDS[dim]} principal moments or a {dim}x{dim} matrix")

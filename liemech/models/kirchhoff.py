@@ -10,7 +10,7 @@ import numpy as np
 from ..errors import InvalidInput
 from ..formulas import Mat, Vec, real_array, record
 from ..groups.se3 import SE3
-from ..systems.kinetic_energy import KineticEnergy
+from ..systems.kinetic_energy import KineticEnergy, kinetic_energy
 from ..systems.lie_poisson import LiePoissonSystem
 from .inertia import checked_inertia
 
@@ -39,7 +39,7 @@ class KirchhoffBody(LiePoissonSystem):
     def __post_init__(self) -> None:
         inertia, _ = checked_inertia(self.inertia, "KirchhoffBody: inertia", 6, mixed=True)
         object.__setattr__(self, "inertia", inertia)
-        kinetic = KineticEnergy(self.inertia)
+        kinetic = kinetic_energy(inertia)
         object.__setattr__(self, "hamiltonian", kinetic)
         object.__setattr__(self, "lagrangian", kinetic)
 

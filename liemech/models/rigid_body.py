@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import field
 from typing import Any, ClassVar
 
@@ -9,8 +10,10 @@ import numpy as np
 
 from ..errors import InertiaWarning, InvalidInput, warn
 from ..formulas import Mat, Vec, real_array, record
+from ..formulas.fields import frozen_array
+from ..formulas.pytree import fill
 from ..groups.so3 import SO3
-from ..systems.kinetic_energy import KineticEnergy
+from ..systems.kinetic_energy import MAX, KineticEnergy, kinetic_energy
 from ..systems.lie_poisson import BodyState, LiePoissonSystem
 from .inertia import checked_inertia
 
@@ -36,8 +39,9 @@ class RigidBody(LiePoissonSystem):
     inertia: Vec | Mat
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "inertia", _inertia(self.inertia))
-        kinetic = KineticEnergy(self.inertia)
+        inertia = _inertia(self.inertia)
+        object.__setattr__(self, "inertia", inertia)
+        kinetic = kinetic_energy(inertia)
         object.__setattr__(self, "hamiltonian", kinetic)
         object.__setattr__(self, "lagrangian", kinetic)
 
@@ -54,16 +58,15 @@ class RigidBody(LiePoissonSystem):
             raise InvalidInput(f"RigidBody.exact: t must be a time or a row of times; got shape {times.shape}")
         if not np.isfinite(times).all():
             raise InvalidInput(f"RigidBody.exact: t must be finite; got {times[~np.isfinite(times)][0]}")
-        g = None if start.g is None else np.array(start.g)
-        mu, g = exact_rigid_body(np.array(self.inertia), np.array(start.mu), g, times)
-        return BodyState(mu, g)
+        mu, g = exact_rigid_body(self.inertia, start.mu, start.g, times)
+        return fill(BodyState, {"mu": frozen_array(mu, "mu"), "g": None if g is None else frozen_array(g, "g")})
 
     def period(self, start: BodyState) -> float:
         """The time after which the body momentum returns; infinite on the separatrix."""
         from .exact_rigid_body import momentum_period
 
         _single(start, "RigidBody.period")
-        return momentum_period(np.array(self.inertia), np.array(start.mu))
+        return momentum_period(self.inertia, start.mu)
 
 
 def _single(start: BodyState, name: str) -> None:
@@ -74,12 +77,11 @@ def _single(start: BodyState, name: str) -> None:
 def _inertia(value: Any) -> Vec | Mat:
     """The inertia, checked."""
     inertia, moments = checked_inertia(value, "RigidBody: inertia", 3)
-    if not 1.0 / np.finfo(float).max <= moments.min() <= moments.max() <= np.finfo(float).max:
-        raise InvalidInput(
-            f"RigidBody: inertia has the principal moments {moments.tolist()}; they and their inverses must not overflow"
-        )
-    a, b, c = np.sort(moments)
-    if a < c - b - 4 * np.finfo(float).eps * c:
+    a, b, c = sorted([float(x) for x in moments])
+    if not (a >= 1.0 / MAX and b <= MAX and c <= MAX):
+        shown = [float(x) for x in moments]
+        raise InvalidInput(f"RigidBody: inertia has the principal moments {shown}; they and their inverses must not overflow")
+    if a < c - b - 4 * sys.float_info.epsilon * c:
         warn(
             f"the principal moments {a:g}, {b:g}, {c:g} break the triangle inequality ({a:g} + {b:g} < {c:g}): "
             "the motion is computed all the same, but no body made of positive masses has them",

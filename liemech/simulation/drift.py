@@ -71,7 +71,7 @@ class Drift:
         """
         if len(t) < 2:
             raise InvalidInput("Trajectory.drift needs at least two samples")
-        series, terms = system.constants(states), _terms(system, states)
+        series, terms = _constants(system, states, len(t))
         axes = t.ndim + (bodies is not None)
 
         def flat(values: np.ndarray) -> np.ndarray:
@@ -90,19 +90,26 @@ class Drift:
         return "\n".join(map(str, self.kept)) or "no constants of the motion are known"
 
 
-def _terms(system: System, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """How large the terms of the constants are, sum_i |x_i dC/dx_i| over the coordinates, at the start, half-way and at the end."""
-    states = {name: values[_some(len(values))] for name, values in states.items()}
-    constants, bit = system.constants(states), 2.0**-20
-    sizes = {name: np.abs(values) for name, values in constants.items()}
-    totals = {name: np.zeros_like(values) for name, values in sizes.items()}
-    for part in system.coordinates:
-        for i in range(states[part].shape[-1]):
-            varied = states[part].copy()
-            varied[..., i] *= 1.0 + bit
-            for name, values in system.constants(states | {part: varied}).items():
-                totals[name] += np.abs(values - constants[name]) / bit
-    return {name: np.maximum(sizes[name], totals[name]) for name in sizes}
+def _constants(system: System, states: dict[str, np.ndarray], n: int) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+    """The constants at all n samples; how large their terms are, sum_i |x_i dC/dx_i|, at the start, half-way and at the end.
+
+    All are computed at once, for the samples and for some with one coordinate varied.
+    """
+    bit, some = 2.0**-20, _some(n)
+    varied = [(part, i) for part in system.coordinates for i in range(states[part].shape[-1])]
+    longer: dict[str, np.ndarray] = {}
+    for name, values in states.items():
+        more = np.repeat(values[some][None], len(varied), axis=0)
+        for row, (part, i) in zip(more, varied, strict=True):
+            if part == name:
+                row[..., i] *= 1.0 + bit
+        longer[name] = np.concatenate([values, more.reshape(-1, *values.shape[1:])])
+    series, terms = {}, {}
+    for name, values in system.constants(longer).items():
+        here = values[:n][some]
+        changes = np.abs(values[n:].reshape(len(varied), *here.shape) - here)
+        series[name], terms[name] = values[:n], np.maximum(np.abs(here), changes.sum(axis=0) / bit)
+    return series, terms
 
 
 def _some(samples: int) -> list[int]:

@@ -14,6 +14,7 @@ from ..errors import InvalidInput, InvalidType
 from ..formulas import Vec, derivative, dot
 from ..groups.lie_group import LieGroup
 from .hamiltonian import Hamiltonian
+from .kinetic_energy import KineticEnergy
 from .lagrangian import Lagrangian
 
 if TYPE_CHECKING:
@@ -36,7 +37,8 @@ def require_one_body(name: str, group: LieGroup, hamiltonian: Hamiltonian, lagra
         shape = formula._shape(argument, "Vec") if formula is not None else None
         if shape not in (None, (dim,)):
             raise InvalidInput(f"{name}: {formula!r} takes vectors of {shape[0]} components; those of {group!r} have {dim}")
-    if dim > PROBED:
+    alone = lagrangian is None or lagrangian is hamiltonian  # type: ignore[comparison-overlap]
+    if dim > PROBED or (alone and type(hamiltonian) is KineticEnergy):  # whose inertia is symmetric, as it has made sure
         return
     mu = _probe(5, dim)
     xi = _value(name, group, hamiltonian, hamiltonian.gradient, mu)

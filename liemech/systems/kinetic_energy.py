@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import field
 from typing import Any
 
@@ -9,6 +10,7 @@ import numpy as np
 
 from ..errors import InvalidInput
 from ..formulas import Mat, Vec, check_finite, dot, real_array, record, vectors
+from ..formulas.pytree import fill
 from .hamiltonian import Hamiltonian
 from .lagrangian import Lagrangian
 
@@ -59,16 +61,32 @@ class KineticEnergy(Hamiltonian, Lagrangian):
         return (len(self.inertia),) if kind == "Vec" else None
 
 
+def kinetic_energy(inertia: Vec | Mat) -> KineticEnergy:
+    """KineticEnergy(inertia), sooner where there is nothing to convert and nothing wrong.  inertia : (dim,) or (dim, dim)."""
+    if isinstance(inertia, vectors.Vec) and _invertible(inertia):
+        return fill(KineticEnergy, {"inertia": inertia, "inverse": 1.0 / inertia})
+    return KineticEnergy(inertia)
+
+
+def _invertible(moments: Vec) -> bool:
+    """Have all moments finite inverses?"""
+    return all(type(x) is float and 1.0 / MAX <= abs(x) <= MAX for x in moments)
+
+
+MAX = sys.float_info.max
+
 SYMMETRY = 1e-12
 """An entry that differs by more than this from its mirror image, relative to its row and column, is a mistake."""
 
 
 def require_invertible(inertia: Vec | Mat) -> None:
     """Raise InvalidInput for an inertia that is empty, not finite, not symmetric or singular.  (dim,) or (dim, dim)"""
+    if isinstance(inertia, vectors.Vec) and _invertible(inertia):
+        return
     array = real_array(inertia, "KineticEnergy: inertia")
     check_finite(array, "KineticEnergy: inertia")
     if array.ndim == 1:
-        small = np.flatnonzero(np.abs(array) < 1.0 / np.finfo(float).max)
+        small = np.flatnonzero(np.abs(array) < 1.0 / MAX)
         if len(small):
             at = int(small[0])
             raise InvalidInput(f"KineticEnergy: inertia[{at}] is {array[at]:g}; a moment without a finite inverse has no velocity")

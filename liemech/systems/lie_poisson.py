@@ -8,12 +8,14 @@ import numpy as np
 
 from ..errors import InvalidInput, InvalidType, NotDefined
 from ..formulas import Element, Vec, record, vec
+from ..formulas.broadcasting import at_a_glance
+from ..formulas.pytree import fill
 from ..groups.lie_group import LieGroup
 from ..retractions import Retraction
 from .agreement import require_one_body
 from .hamiltonian import Hamiltonian
 from .lagrangian import Lagrangian
-from .system import State, System, frozen, members_of, points
+from .system import State, System, element_at_a_glance, frozen, members_of, points
 
 
 @record
@@ -25,6 +27,9 @@ class BodyState(State):
 
     mu: Any
     g: Any = None
+
+
+_NO_LAGRANGIAN = Lagrangian()
 
 
 @record
@@ -48,7 +53,7 @@ class LiePoissonSystem(System):
     lagrangian: Lagrangian | None = None
 
     def __post_init__(self) -> None:
-        given: tuple[Any, ...] = self.group, self.hamiltonian, self.lagrangian or Lagrangian()
+        given: tuple[Any, ...] = self.group, self.hamiltonian, self.lagrangian or _NO_LAGRANGIAN
         for name, value, kind in zip(("group", "hamiltonian", "lagrangian"), given, (LieGroup, Hamiltonian, Lagrangian)):
             if not isinstance(value, kind):
                 raise InvalidType(f"{type(self).__name__}: {name} must be a {kind.__name__}; got {value!r}")
@@ -112,18 +117,38 @@ class LiePoissonSystem(System):
     # ---------------------------------------------------------------- the border
 
     @final
-    def state(self, mu: Any, g: Any = None) -> BodyState:
-        """A start for `integrate`: body momentum mu and, if the motion on the group is wanted, the element g.
+    def state(self, mu: Any = None, g: Any = None, *, xi: Any = None) -> BodyState:
+        """A start for `integrate`: body momentum mu, or body velocity xi, and, if the motion on the group is wanted, the element g.
 
-        mu : (dim,) for one body, (bodies, dim) for an ensemble;  g : an element, for matrix groups (n, n), or (bodies, n, n).
+        mu, xi : (dim,) for one body, (bodies, dim) for an ensemble;  g : an element, for matrix groups (n, n), or (bodies, n, n);
+        SciPy's Rotation and RigidTransform will do.  xi needs a Lagrangian, dl/dxi is the momentum.
         Raises InvalidInput for wrong shapes, entries that are not finite, and a g that is not on the group.
         """
-        return self.vouched(body_state(f"{type(self).__name__}.state", self.group, mu, g))
+        name = f"{type(self).__name__}.state"
+        momentum = mu if xi is None and mu is not None else self._momentum_of(name, mu, xi)
+        return self._vouched(body_state(name, self.group, momentum, g))
+
+    @final
+    def _momentum_of(self, name: str, mu: Any, xi: Any) -> Any:
+        """The one of them that is given, as a momentum.  name : who asks, for messages."""
+        if mu is None and xi is None:
+            raise InvalidInput(f"{name}: give mu, the momentum, or xi, the velocity")
+        if xi is None:
+            return mu
+        if mu is not None:
+            raise InvalidInput(f"{name}: give mu, the momentum, or xi, the velocity, not both")
+        if self.lagrangian is None:
+            raise InvalidInput(f"{name}: {self!r} has no Lagrangian, which makes a momentum of the velocity xi; give mu")
+        dim = self.group._sizes[0]
+        return self.lagrangian.momentum(points(xi, f"{name}: xi", dim, f"a velocity on {self.group!r}"))
 
 
 def body_state(name: str, group: LieGroup, mu: Any, g: Any) -> BodyState:
     """Momenta on a group and, if given, elements of it, checked; one of either may serve for many of the other."""
-    dim, shape = (group.dim,), group.element_shape
+    dim, shape = group._sizes
+    quick = at_a_glance(mu, dim)
+    if quick is not None and (g is None or (at := element_at_a_glance(group, g)) is not None):
+        return fill(BodyState, {"mu": quick, "g": None if g is None else at})
     momenta = points(mu, f"{name}: mu", dim, f"a momentum on {group!r}")
     elements = None if g is None else members_of(group, g, f"{name}: g")
     counts = [len(a) for a, one in ((momenta, dim), (elements, shape)) if a is not None and a.shape != one]

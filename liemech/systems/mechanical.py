@@ -18,6 +18,8 @@ from .lie_poisson import BodyState, LiePoissonSystem, body_state
 from .potential import Force, Potential
 from .system import System
 
+_NO_FORCE = Force()
+
 
 @record
 class MechanicalSystem(System):
@@ -46,7 +48,7 @@ class MechanicalSystem(System):
         given: tuple[tuple[str, Any, type, str], ...] = (
             ("body", self.body, LiePoissonSystem, "such as RigidBody([1.0, 1.5, 2.0])"),
             ("potential", self.potential, Potential, "a subclass with an `energy(g)`"),
-            ("load", self.load or Force(), Force, "a subclass with a `covector(t, xi, g)`"),
+            ("load", self.load or _NO_FORCE, Force, "a subclass with a `covector(t, xi, g)`"),
         )
         for name, value, kind, words in given:
             if not isinstance(value, kind):
@@ -131,16 +133,18 @@ class MechanicalSystem(System):
     # ---------------------------------------------------------------- the border
 
     @final
-    def state(self, mu: Any, g: Any = None) -> BodyState:
-        """A start for `integrate`: body momentum mu and configuration g.
+    def state(self, mu: Any = None, g: Any = None, *, xi: Any = None) -> BodyState:
+        """A start for `integrate`: body momentum mu, or body velocity xi, and configuration g.
 
-        mu : (dim,) for one body, (bodies, dim) for an ensemble;  g : an element, or one for each body.
+        mu, xi : (dim,) for one body, (bodies, dim) for an ensemble;  g : an element, or one for each body; SciPy's Rotation and
+        RigidTransform will do.
         Raises InvalidInput for a missing g, wrong shapes, entries that are not finite, and a g that is not on the group.
         """
         name = f"{type(self).__name__}.state"
         if g is None:
             raise InvalidInput(f"{name}: g is missing; the force depends on where the body is, give state(mu=..., g=...)")
-        return self.vouched(body_state(name, self.body.group, mu, g))
+        momentum = mu if xi is None and mu is not None else self.body._momentum_of(name, mu, xi)
+        return self._vouched(body_state(name, self.body.group, momentum, g))
 
     # elements are those of the configurations
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..errors import InvalidInput, NotDefined
 from ..formulas import Record, Vec, check_finite, real_array, record
-from ..formulas.broadcasting import small
+from ..formulas.broadcasting import MEMBERSHIP, at_a_glance, bare, small
 from ..formulas.fields import array_held, frozen_array
 from ..formulas.pytree import fields_of
 from ..formulas.remembered import Remembered
@@ -87,6 +87,10 @@ class System(Record):
     @final
     def vouched(self, state: State) -> Any:
         """The state, which this system's `state` has just made and checked; `integrate` need not do it again."""
+        return self._vouched(state)
+
+    def _vouched(self, state: State) -> Any:
+        """The same, when nobody can have passed anything else."""
         _checked.set(state, (type(self), self.group))
         return state
 
@@ -123,6 +127,14 @@ def points(value: Any, name: str, shape: tuple[int, ...], space: str, or_complex
         raise InvalidInput(f"{name} has shape {array.shape}; an ensemble needs at least one body")
     check_finite(array, name)
     return array
+
+
+def element_at_a_glance(group: LieGroup, value: Any) -> Any:
+    """A real array that is an element, as a small vector or matrix; None if it is something else, or wrong."""
+    element = None if group.is_large else at_a_glance(value, group.element_shape)
+    if element is None or group.is_complex or not bare(type(group).defect)(group, element) <= MEMBERSHIP:
+        return None
+    return element
 
 
 def members_of(group: LieGroup, value: Any, name: str) -> np.ndarray:

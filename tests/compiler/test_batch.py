@@ -22,7 +22,7 @@ pytestmark = pytest.mark.compiled
 SO3 = lm.SO3()
 N = 2053  # enough for native code, no multiple of any number of lanes
 
-CALLS: dict[str, dict[str, Any]] = {"dexp_inv_series": {"terms": 4}}
+CALLS: dict[str, dict[str, Any]] = {"dexp_inv_series": {"terms": 4}, "from_quaternion": {"order": "wxyz"}}
 """Arguments that are no arrays."""
 
 METHODS = sorted(
@@ -43,7 +43,9 @@ def rows(rng: np.random.Generator) -> dict[str, np.ndarray]:
     angle[7] = 0.0
     g = np.array([np.array(SO3.exp(Vec.of(w))) for w in 2.9 * rng.random((N, 1)) * other])
     h = g[::-1].copy()
-    return {"xi": angle * xi, "eta": eta, "mu": mu, "p": p, "g": g, "h": h, "rate": rng.normal(size=(N, 3, 3))}
+    q = rng.normal(size=(N, 4))
+    q /= np.linalg.norm(q, axis=1, keepdims=True)
+    return {"xi": angle * xi, "eta": eta, "mu": mu, "p": p, "g": g, "h": h, "q": q, "rate": rng.normal(size=(N, 3, 3))}
 
 
 @pytest.fixture(autouse=True)
