@@ -15,7 +15,7 @@ def short_run(system: lm.System, start: lm.State) -> lm.Trajectory:
 def test_casimirs_of_a_top() -> None:
     top = lm.HeavyTop([1.0, 1.5, 2.0], 1.0, [0.0, 0.0, 1.0])
     run = short_run(top, top.state([0.1, 0.2, 0.3], np.eye(3)))
-    with pytest.raises(lm.errors.InvalidInput, match=r"Trajectory\.casimirs is for free bodies; HeavyTop.*`run\.drift\(\)` names"):
+    with pytest.raises(lm.errors.InvalidInput, match=r"Trajectory\.casimirs: HeavyTop.* free bodies .*`run\.drift\(\)` names"):
         run.casimirs  # noqa: B018
 
 

@@ -102,7 +102,7 @@ class Trajectory:
 
     @cached_property
     def multipliers(self) -> np.ndarray:
-        """The multipliers of the constraints at every sample: forces of constraint in units of theirs.  (n, number of constraints)"""
+        """The multipliers of the constraints at every sample: forces of constraint.  (n, number of constraints)"""
         return self._quantity("multipliers", "has no constraints")
 
     def _quantity(self, name: str, otherwise: str) -> np.ndarray:

@@ -96,7 +96,7 @@ class CanonicalSystem(System):
         return both, counts[0] if counts else None
 
     @final
-    def _vouched(self, both: list[np.ndarray], members: int | None) -> CanonicalState:
+    def _canonical_state(self, both: list[np.ndarray], members: int | None) -> CanonicalState:
         """The state of checked positions and momenta."""
         return self.vouched(CanonicalState(*[frozen(a, (self.degrees,), members) for a in both]))
 
@@ -132,7 +132,7 @@ class HamiltonianSystem(CanonicalSystem):
 
         Raises InvalidInput for wrong shapes and entries that are not finite.
         """
-        return self._vouched(*self._points(q, p))
+        return self._canonical_state(*self._points(q, p))
 
 
 def _vector(value: Any, degrees: int) -> Any:

@@ -230,7 +230,7 @@ class ConstrainedSystem(CanonicalSystem):
                 f"{where}: the start{member} is not consistent: {'; '.join(told)} (at most {CONSISTENT:.0e}). "
                 "Use `consistent(q, p)`, which gives the nearest state that is"
             )
-        return self._vouched(both, members)
+        return self._canonical_state(both, members)
 
     @final
     def consistent(self, q: Any, p: Any) -> CanonicalState:
