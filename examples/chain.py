@@ -14,3 +14,4 @@ run = lm.integrate(chain, lm.RATTLE(), start, h=0.002, steps=20_000, every=10, p
 tensions = np.asarray(chain.multipliers(run.q, run.p))
 print(run.drift())
 print(f"the uppermost rod carries between {tensions[:, 0].min():.2f} and {tensions[:, 0].max():.2f} N; at rest 7.85 N")
+lm.plots.save(lm.plots.invariants(run).figure, "chain.png", dpi=110)

@@ -1,6 +1,7 @@
 """The inertia of a body from a gyroscope: least squares whose derivatives are those of the steps themselves."""
 
 import numpy as np
+from matplotlib.figure import Figure
 from scipy.optimize import least_squares
 
 import liemech as lm
@@ -17,6 +18,15 @@ def motion(moments, xi):
     shown, by_mu, by_inertia = run.mu / moments, run.tangent["start"], run.tangent["inertia"]
     by_inertia = by_inertia + by_mu * xi - np.einsum("nj,ji->nji", shown, np.eye(3))  # mu at the start is J xi, xi = mu / J
     return shown, np.concatenate([by_inertia, by_mu * moments], axis=2) / moments[:, None]
+
+
+def draw(axes, t, dots, line, colour, label):
+    """Readings as dots, the fitted motion as a line."""
+    axes = axes or Figure(figsize=(7.0, 3.6), layout="constrained").add_subplot(xlabel="t, s", ylabel="angular velocity, 1/s")
+    axes.plot(t, dots, ".", color=colour, markersize=2)
+    axes.plot(t, line, color=colour, label=label)
+    axes.legend(frameon=False, ncols=3)
+    return axes
 
 
 def main():
@@ -39,7 +49,10 @@ def main():
     print(f"{fit.nfev} evaluations, chi^2 per reading {2 * fit.cost / measured.size:.3f}")
     for name, x, s, true in zip(("J_2/J_1", "J_3/J_1"), fit.x, spread, TRUE[1:]):
         print(f"{name} = {x:.5f} +- {s:.5f}   (true {true})")
-    assert np.abs(fit.x[:2] - TRUE[1:]).max() < 4.0 * spread[:2].max()
+    axes = None
+    for i, colour in enumerate(lm.plots.COLORS[:3]):
+        axes = draw(axes, H * np.arange(STEPS + 1), measured[:, i], motion(*unknown(fit.x))[0][:, i], colour, f"axis {i + 1}")
+    lm.plots.save(axes.figure, "fit_inertia.png", dpi=110)
 
 
 if __name__ == "__main__":

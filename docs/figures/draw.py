@@ -30,6 +30,9 @@ SECTIONS = {
     ),
     "Tops and bodies of one's own": ("heavy_top", "gyrostat", "rotations_in_four_dimensions", "heisenberg", "magnetic_moment"),
     "Positions and momenta": ("pendulums", "double_pendulum", "chaos_in_a_galaxy"),
+    "Constraints, joints, rolling": ("index_reduction", "chain", "linkage"),
+    "Poisson systems, and steps that follow the motion": ("lotka_volterra", "eccentric_orbit"),
+    "From measurements": ("fit_inertia",),
     "In the browser": ("flip_in_the_browser", "top_in_the_browser", "ensemble_in_the_browser"),
 }
 """The examples as the gallery has them; those that are not here come at the end."""

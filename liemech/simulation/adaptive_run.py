@@ -372,7 +372,7 @@ class AdaptiveRun:
         else:
             numbers = np.concatenate([np.empty((0, self.width)), *self.sampled])
             times = self.t_eval[: len(numbers)]
-        return times, unpacked(self.shape.example, self.shape.state, numbers)
+        return times, unpacked(self.shape.state, numbers)
 
     def _failure(self) -> Exception:
         """Why the steps became too small to go on: what the last trial had to say.  A mistake in a formula is raised itself."""

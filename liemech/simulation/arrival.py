@@ -144,7 +144,7 @@ class Between:
         """The state at one time, or at many, (m,), whose arrays then have a leading axis."""
         at = real_array(times, "t")
         shown = layout_of(self.example)
-        arrays = unpacked(self.example, shown, self.numbers(np.atleast_1d(at).ravel())[:, : shown.width])
+        arrays = unpacked(shown, self.numbers(np.atleast_1d(at).ravel())[:, : shown.width])
         states = self.system.apart(arrays)[1]
         one = 0 if at.ndim == 0 else slice(None)
         names = self.kind.__dataclass_fields__

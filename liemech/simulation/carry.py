@@ -43,7 +43,7 @@ class Carry:
         shape: Any = self.shape
         if self.bodies is None:
             return build(shape.shown, iter(self.last[:, 0].tolist()))
-        parts = unpacked(shape.example, shape.shown, self.last.T)
+        parts = unpacked(shape.shown, self.last.T)
         return type(shape.example)(*(parts.get(name) for name in shape.example.parts))
 
     def __getstate__(self) -> dict[str, Any]:

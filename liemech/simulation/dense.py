@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 from typing import Any
 
@@ -84,7 +85,7 @@ class Between:
     def __call__(self, times: Any) -> Any:
         """The state at one time, or at many, (m,), whose arrays then have a leading axis."""
         at = real_array(times, "t")
-        arrays = unpacked(self.example, layout_of(self.example), self.numbers(np.atleast_1d(at).ravel()))
+        arrays = unpacked(layout_of(self.example), self.numbers(np.atleast_1d(at).ravel()))
         one = 0 if at.ndim == 0 else slice(None)
         return type(self.example)(*(arrays[name][one] if name in arrays else None for name in self.example.parts))
 
@@ -196,17 +197,25 @@ def _one(driver: Any, arguments: tuple[Any, ...], given: np.ndarray, out: np.nda
         raise error if error is not None and is_mistake(error) else failure(error, "dense output", "between two steps")
 
 
-def unpacked(example: Any, layout: Any, numbers: np.ndarray) -> dict[str, np.ndarray]:
+def unpacked(layout: Any, numbers: np.ndarray) -> dict[str, np.ndarray]:
     """Numbers of states, (..., width), as the parts of the state by name: views, of complex numbers perhaps copies."""
     arrays, at = {}, 0
-    for (name, part), inner in zip(example.parts.items(), layout.parts, strict=True):
-        if part is not None:
-            one, own = np.array(part), numbers[..., at : at + inner.width]
-            if one.dtype == complex:
+    for name, inner in zip(layout.detail[1], layout.parts, strict=True):
+        if inner.width:
+            shape, is_complex = _form(inner)
+            own = numbers[..., at : at + inner.width]
+            if is_complex:
                 own = np.ascontiguousarray(own).view(complex)
-            arrays[name] = own.reshape(*numbers.shape[:-1], *one.shape)
+            arrays[name] = own.reshape(*numbers.shape[:-1], *shape)
             at += inner.width
     return arrays
+
+
+@functools.lru_cache(256)
+def _form(layout: Any) -> tuple[tuple[int, ...], bool]:
+    """The shape of the array of a vector or matrix, and whether it is complex."""
+    zero = np.array(build(layout, iter([0.0] * layout.width)))
+    return zero.shape, zero.dtype == complex
 
 
 def flat(arrays: dict[str, np.ndarray], count: int) -> np.ndarray:

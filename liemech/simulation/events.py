@@ -47,7 +47,7 @@ class Watch:
         """Of every event the times and the states, as a Trajectory holds them."""
         shown = []
         for found in self.found:
-            arrays = unpacked(example, layout, np.array([row for _, row in found]).reshape(len(found), layout.width))
+            arrays = unpacked(layout, np.array([row for _, row in found]).reshape(len(found), layout.width))
             shown.append((np.array([t for t, _ in found]), type(example)(*(arrays.get(name) for name in example.parts))))
         return tuple(shown)
 

@@ -187,6 +187,8 @@ class FixedRun:
         """Step to the end, in pieces short enough to show progress and to be interrupted."""
         done, settled, pace = 0, False, PLAIN
         stepping = self.shape.stepping
+        if self._at_once():
+            return self._result(self.steps)
         try:
             with Bar(self.plan.progress, self.steps * self.count) as bar:
                 while done < self.steps:
@@ -218,6 +220,22 @@ class FixedRun:
             )
             raise self._with_trajectory(stopped, self._result(done)) from None
         return self._result(self.steps)
+
+    def _at_once(self) -> bool:
+        """One call of native code for one body, if that is all there is to do: no bar, no clock, microseconds."""
+        native, samples = self.shape.stepping.native, self.steps // self.every
+        if native is None or self.bodies is not None or not 0 < self.steps <= NATIVE or self.marks is not None:
+            return False
+        if samples * self.every != self.steps or self.before % self.every or self.plan.progress:
+            return False
+        numbers, target = self.shape.constants + array("d", (self.t0, self.h)), self.out[1:]
+        before = self.states.copy()
+        native.run(numbers, (self.before, self.every, samples), (self.states, target))
+        if self.taken[0] == self.before + self.steps:
+            self.latest = target[-1:]
+            return True
+        self.states[:] = before  # the loop says why
+        return False
 
     def _piece(self, done: int, every: int, samples: int, pace: int) -> int:
         """Step all bodies this far; in how many calls, if in native code?"""
@@ -325,8 +343,9 @@ class FixedRun:
     def _so_far(self, steps: int) -> Trajectory:
         """The samples of the first `steps` steps."""
         rows, reached = self._rows(steps), self.before + steps
-        behind = self.taken[: self.count] < reached
-        stopped = {int(i): max(0, int(self.taken[i])) for i in np.flatnonzero(behind)} if behind.any() else {}
+        stopped = {}
+        if self.bodies is not None or self.taken[0] < reached:
+            stopped = {int(i): max(0, int(self.taken[i])) for i in np.flatnonzero(self.taken[: self.count] < reached)}
         for i in stopped:  # the first sample after the failure holds the last state; some later ones nothing
             last = self._rows(int(self.taken[i]) - self.before) if self.taken[i] >= self.before else 0
             self.out[last + 1 : rows, :, i] = self.out[last : last + 1, :, i]
@@ -363,7 +382,7 @@ class FixedRun:
     def _samples(self, out: np.ndarray, steps: int) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         """Times and parts of the state, (n, ...) each, as views of what the steps have written."""
         flat = out[..., 0] if self.bodies is None else np.moveaxis(out[..., : self.bodies], 1, -1)
-        return self.times(len(out), steps), unpacked(self.shape.example, self.shape.shown, flat)
+        return self.times(len(out), steps), unpacked(self.shape.shown, flat)
 
     def times(self, rows: int, steps: int) -> np.ndarray:
         """The times of so many samples."""

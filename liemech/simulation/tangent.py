@@ -61,7 +61,7 @@ def tangent_run(plan: Steps, start: State, steps: int, t0: float, names: tuple[s
     run = _Run(plan, start, np.array(moves), systems, steps, t0)
     made = run.trajectory()
     values, slopes = run.halves()
-    states = unpacked(start, layout_of(start), values)
+    states = unpacked(layout_of(start), values)
     rows = []
     at = 0
     for name, directions in frames.items():

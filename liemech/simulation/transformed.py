@@ -240,7 +240,7 @@ class TransformedRun:
         self, t: np.ndarray, numbers: np.ndarray, tau: np.ndarray, example: Any, steps: int, compiled: bool
     ) -> TransformedTrajectory:
         """A trajectory of one body: times, numbers of the samples of the extended system, (n, width), and fictive times."""
-        _, states, z = self.whole.apart(unpacked(example, layout_of(example), numbers))
+        _, states, z = self.whole.apart(unpacked(layout_of(example), numbers))
         dense: Any = Between(self.method, self.whole, type(self.given), example, self.h, t, numbers, self.compiled)
         return self._made(t, states, tau, None, steps, compiled, dense=dense, z=z)
 
@@ -333,7 +333,7 @@ class March:
     # ---------------------------------------------------------------- results
 
     def _clock(self, rows: np.ndarray) -> np.ndarray:
-        return self.run.whole.apart(unpacked(self.example, self.shown, rows))[0]
+        return self.run.whole.apart(unpacked(self.shown, rows))[0]
 
     def _time(self) -> float:
         """Where the last sample is."""

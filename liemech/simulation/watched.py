@@ -41,7 +41,7 @@ def sampled(plan: Steps, start: State | Carry, steps: int, t0: float, times: np.
         begun, asked = (np.repeat(x[:, None], run.count, axis=1)[moving] for x in (whole.t[at], times))
         motion = ShortSteps(whole.system, whole.method, shape.example, begun, numbers[moving], plan.compiled)
         numbers[moving] = motion.moved(np.arange(len(begun)), asked)
-    states = unpacked(shape.example, shape.shown, numbers[:, 0] if run.bodies is None else numbers)
+    states = unpacked(shape.shown, numbers[:, 0] if run.bodies is None else numbers)
     return dataclasses.replace(whole, t=times, states=states)
 
 
@@ -132,7 +132,7 @@ class WatchedRun:
             self.plan.method,
             self.plan.h,
             t,
-            unpacked(self.shape.example, self.shape.shown, numbers),
+            unpacked(self.shape.shown, numbers),
             None,
             self.done,
             self.shape.stepping.native is not None,
