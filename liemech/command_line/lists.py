@@ -14,7 +14,9 @@ from .constructors import names
 from .options import Parser
 from .scenes import SCENES
 
-EXAMPLES = {"Composition": "Composition(CovariantVariational(), order=4)"}
+EXAMPLES = {
+    "IndexReduction": "IndexReduction(RKMK(order=4))",
+    "ReversibleController": "ReversibleController(StormerVerlet(), EqualArc())","Composition": "Composition(CovariantVariational(), order=4)"}
 """What stands for methods that need another one."""
 
 

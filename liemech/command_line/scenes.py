@@ -109,3 +109,41 @@ def henon_heiles() -> Scene:
     system = models.HenonHeiles()
     start = system.state(q=[0.0, 0.1], p=[(2.0 / 8.0 - 0.01 + 2e-3 / 3.0) ** 0.5, 0.0])
     return Scene("a star in a galaxy", system, lm.Splitting(order=4), start, h=0.05, steps=2000)
+
+
+@scene
+def comet() -> Scene:
+    """A comet on an ellipse of eccentricity 0.97, with steps that follow it: short near the sun, and still symplectic."""
+    system = models.LogarithmicHamiltonian(models.Kepler())
+    method = lm.Splitting(order=4, quadratic=False)
+    return Scene("a comet", system, method, models.Kepler().pericentre(0.97), h=0.05, steps=600)
+
+
+@scene
+def spherical_pendulum() -> Scene:
+    """A ball on a rod, in three coordinates and one constraint."""
+    system = models.SphericalPendulum()
+    start = system.consistent(q=[0.8, 0.0, -0.6], p=[0.0, 1.2, 0.0])
+    return Scene("a spherical pendulum", system, lm.RATTLE(), start, h=0.01, steps=1500)
+
+
+@scene
+def chain() -> Scene:
+    """Four links that swing from rest."""
+    system = models.ChainPendulum(masses=[0.2] * 4, lengths=[0.25] * 4)
+    q = system.hanging(np.tile([np.cos(0.3), 0.0, -np.sin(0.3)], 4))
+    return Scene("a chain of four links", system, lm.RATTLE(), system.consistent(q, np.zeros(12)), h=0.005, steps=1000)
+
+
+@scene
+def figure_eight() -> Scene:
+    """Three equal masses follow each other on an eight."""
+    system, start = models.NBody.figure_eight()
+    return Scene("three bodies on an eight", system, lm.Splitting(order=6), start, h=0.02, steps=316)
+
+
+@scene
+def hares_and_foxes() -> Scene:
+    """Lotka and Volterra's species, whose numbers circle for ever: by a Poisson integrator."""
+    system = models.LotkaVolterra()
+    return Scene("hares and foxes", system, lm.Splitting(order=4), system.state([1.5, 1.0]), h=0.05, steps=400)

@@ -17,7 +17,9 @@ from ..groups.so3 import SO3
 from ..groups.unit_quaternions import UnitQuaternions
 from ..groups.vector_space import VectorSpace
 from ..systems.mechanical import MechanicalSystem
+from .constrained_pendulums import ChainPendulum
 from .heavy_top import ReducedHeavyTop
+from .n_body import NBody
 from .pendulums import DoublePendulum, Pendulum
 
 Array = NDArray[np.float64]
@@ -70,12 +72,14 @@ def place(system: Any, g: Array) -> Array:
 
 
 def places(system: Any, q: Array, p: Array) -> Array:
-    """The points of a canonical system, (..., m, 2) or (..., m, 3): pendulums hang, other positions are a point, and with one
-    degree of freedom position and momentum are one.  q, p : (..., degrees)."""
+    """The points of a canonical system, (..., m, 2) or (..., m, 3): pendulums hang, bodies are where they are, other positions are
+    a point, and with one degree of freedom position and momentum are one.  q, p : (..., degrees)."""
     if isinstance(system, Pendulum):
         return system.length * _hanging(q)
     if isinstance(system, DoublePendulum):
         return np.cumsum(np.array(system.lengths)[:, None] * _hanging(q), axis=-2)
+    if isinstance(system, (ChainPendulum, NBody)):
+        return q.reshape(*q.shape[:-1], -1, system.dimension)
     return np.stack([q, p], axis=-1) if q.shape[-1] == 1 else q[..., None, :]
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..models.heavy_top import HeavyTop, ReducedHeavyTop
 from ..models.poses import configurations, flies, is_pose, turns
-from ..systems.canonical import HamiltonianSystem
+from ..systems.canonical import CanonicalSystem, HamiltonianSystem
 from .attitude import quaternion
 from .cloud import cloud
 from .components import components
@@ -34,8 +34,10 @@ def plot(run: Any, *, ax: Axes | None = None, title: str | None = None) -> Axes:
     """
     needs_run(run, "plots.plot")
     system, parts = run.system, run.states
-    if isinstance(system, HamiltonianSystem):
-        return (path if has_path(run) and system.degrees > 1 else phase_portrait)(run, ax=ax, title=title)
+    if isinstance(system, CanonicalSystem):
+        if system.degrees == 1 or (isinstance(system, HamiltonianSystem) and not has_path(run)):
+            return phase_portrait(run, ax=ax, title=title)
+        return (path if has_path(run) else components)(run, ax=ax, title=title)
     if "x" in parts:
         x = parts["x"]
         if x.ndim == 2 and x.shape[1] == 3 and _constant(np.linalg.norm(x, axis=1)):

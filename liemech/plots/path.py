@@ -8,11 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InvalidInput
+from ..models.constrained_pendulums import ChainPendulum, SphericalPendulum
 from ..models.kepler import Kepler
+from ..models.n_body import NBody
 from ..models.pendulums import DoublePendulum, Pendulum
 from ..models.poses import flies, place, places
 from ..models.space_bodies import OrbitingBody
-from ..systems.canonical import HamiltonianSystem
+from ..systems.canonical import CanonicalSystem
 from .cloud import colors
 from .projection import VIEW, view_frame
 from .style import COLORS, GREY, INK, needs_run, part, plane_axes, thinned
@@ -28,8 +30,8 @@ def path(
 ) -> Axes:
     """Draw the path that a motion takes: of a planet, of the last bob of a pendulum, of a body in space.
 
-    run : of a canonical system with positions in a plane or in space, or one that recorded the poses of a body that flies; of an
-    ensemble every member, coloured from dark to light by the energy at the start, or by number.
+    run : of a canonical system with positions in a plane or in space, of several bodies all of them, or one that recorded the
+    poses of a body that flies; of an ensemble every member, coloured from dark to light by the energy at the start, or by number.
     view : azimuth and elevation of the eye, in degrees, for paths in space, whose shadow on the ground is grey.
 
     A ring is the start, a dot the end. Returns the axes. Raises InvalidInput where there is no path to draw.
@@ -52,7 +54,7 @@ def path(
         for k in range(points.shape[1]):
             ax.plot(*(ground[thinned(len(ground)), k] @ frame.T).T, color="#c9ced6", linewidth=0.8, zorder=0.8)
         _triad(ax, frame)
-    palette: Any = [COLORS[0]] if run.bodies is None else colors(_order(run))
+    palette: Any = [COLORS[k % len(COLORS)] for k in range(points.shape[1])] if run.bodies is None else colors(_order(run))
     for k, color in enumerate(palette):
         seen = points[:, k] @ frame.T
         ax.plot(*seen[thinned(len(seen))].T, color=color, linewidth=1.0)
@@ -62,14 +64,15 @@ def path(
     if isinstance(run.system, (Kepler, OrbitingBody)):
         ax.plot(0.0, 0.0, marker="o", markersize=9.0, color="#E69F00", markeredgecolor="white", zorder=3)
     for rods in joints[:1]:
-        ax.plot(*rods.T, color=GREY, linewidth=1.4, zorder=3, marker="o", markersize=4.0)
+        ax.plot(*(rods @ frame.T).T, color=GREY, linewidth=1.4, zorder=3, marker="o", markersize=4.0)
     return ax
 
 
 def has_path(run: Any) -> bool:
     """Is there a path to draw?"""
-    if isinstance(run.system, HamiltonianSystem):
-        return 1 < run.system.degrees <= 3 or isinstance(run.system, Pendulum)
+    if isinstance(run.system, CanonicalSystem):
+        known = Pendulum if run.bodies is not None else (Pendulum, ChainPendulum, NBody)
+        return 1 < run.system.degrees <= 3 or isinstance(run.system, known)
     return run.states.get("g") is not None and hasattr(run.system, "group") and flies(run.system)
 
 
@@ -79,10 +82,12 @@ def _points(run: Any) -> tuple[Array, list[Array]]:
         raise InvalidInput(
             f"plots.path is for positions in a plane or in space, and for bodies with recorded poses g; got a run of {run.system!r}"
         )
-    if isinstance(run.system, HamiltonianSystem):
+    if isinstance(run.system, CanonicalSystem):
         points = places(run.system, part(run, "q", "plots.path"), part(run, "p", "plots.path"))
-        hangs = isinstance(run.system, (Pendulum, DoublePendulum)) and run.bodies is None
-        joints = [np.vstack([np.zeros((1, 2)), points[-1]])] if hangs else []
+        if isinstance(run.system, NBody):
+            return points, []
+        hangs = isinstance(run.system, (Pendulum, DoublePendulum, ChainPendulum, SphericalPendulum)) and run.bodies is None
+        joints = [np.vstack([np.zeros((1, points.shape[-1])), points[-1]])] if hangs else []
         last = points[..., -1, :]
         return (last[:, None] if run.bodies is None else last), joints
     g = part(run, "g", "plots.path")

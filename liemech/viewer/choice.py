@@ -7,7 +7,7 @@ from typing import Any
 from ..errors import InvalidInput
 from ..models.heavy_top import HeavyTop, ReducedHeavyTop
 from ..models.poses import configurations, flies, is_pose, turns
-from ..systems.canonical import HamiltonianSystem
+from ..systems.canonical import CanonicalSystem
 from .body import Body, Path
 from .content import Content
 from .points import Points
@@ -27,7 +27,7 @@ KNOWN: dict[str, type[Content]] = {
 
 def suited(system: Any, parts: frozenset[str], ensemble: bool) -> tuple[Content, ...]:
     """The contents that suit a system of which these parts of the state are known."""
-    if isinstance(system, HamiltonianSystem):
+    if isinstance(system, CanonicalSystem):
         return (Points(),)
     if not hasattr(system, "group"):
         raise InvalidInput(f"there is no picture of {system!r} yet; say what to show, such as show=Points(places=...)")

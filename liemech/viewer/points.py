@@ -10,10 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InvalidInput
+from ..models.constrained_pendulums import ChainPendulum, SphericalPendulum
 from ..models.kepler import Kepler
+from ..models.n_body import NBody
 from ..models.pendulums import DoublePendulum, Pendulum
 from ..models.poses import places
-from ..systems.canonical import HamiltonianSystem
+from ..systems.canonical import CanonicalSystem
 from ..systems.system import System
 from .content import Content, refuse
 from .drawing import Drawing
@@ -21,6 +23,9 @@ from .motion import Motion
 from .shapes import ball, mixed, rod
 
 Array = NDArray[np.float64]
+
+HANGING = Pendulum, DoublePendulum, SphericalPendulum, ChainPendulum
+"""Systems whose points hang on rods."""
 
 
 @dataclass(frozen=True)
@@ -44,9 +49,9 @@ class Points(Content):
 
     def needs(self, system: System) -> tuple[str, ...]:
         """Position; of one degree of freedom that does not hang, momentum too."""
-        if not isinstance(system, HamiltonianSystem):
+        if not isinstance(system, CanonicalSystem):
             raise refuse(self, system, "positions q")
-        if self.places is None and system.degrees > 3:
+        if self.places is None and system.degrees > 3 and not isinstance(system, (ChainPendulum, NBody)):
             raise InvalidInput(
                 f"Points: {system!r} has {system.degrees} degrees of freedom; say where the points are, "
                 "Points(places=lambda q, p: ...), as (n, m, 2) or (n, m, 3)"
@@ -61,7 +66,7 @@ class Points(Content):
         """Balls, rods, the trail of the last point, and a mark in the origin."""
         points, origin = drawing.panel.inside(self._points(motion)), drawing.panel.inside(np.zeros(3))
         system, dark = motion.system, mixed(drawing.color, "#000000", 0.25)
-        hangs = isinstance(system, (Pendulum, DoublePendulum)) and self.places is None
+        hangs = isinstance(system, HANGING) and self.places is None
         from_the_origin = np.broadcast_to(origin, points[:, 0].shape)
         for k in range(points.shape[1]):
             drawing.add(f"point {k + 1}", ball(0.05, dark), position=points[:, k])

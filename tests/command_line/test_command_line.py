@@ -216,7 +216,7 @@ def test_what_does_not_exist_is_named_with_what_does(folder: Path, capsys: pytes
     assert "cannot be read" in refused(capsys, "run", "gone.toml")
     assert "does not end with .npz" in refused(capsys, "run", "flip", "--save", "run.zip")
     assert "RKMK has no 'ordr'; allowed are order" in refused(capsys, "run", "flip", "--method", "RKMK(ordr=4)")
-    assert "is no Method; there are RKMK" in refused(capsys, "run", "flip", "--method", "Kepler")
+    assert "is no Method; there are RATTLE, RKMK" in refused(capsys, "run", "flip", "--method", "Kepler")
     assert "accepts" in refused(capsys, "run", "kepler", "--method", "CovariantVariational")
     assert "is no class of the library; there is RigidBody" in refused(capsys, "check", "RigidBoby")
     assert "no module 'nowhere'" in refused(capsys, "check", "nowhere:Group")
