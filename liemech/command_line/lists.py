@@ -15,8 +15,10 @@ from .options import Parser
 from .scenes import SCENES
 
 EXAMPLES = {
+    "Composition": "Composition(CovariantVariational(), order=4)",
     "IndexReduction": "IndexReduction(RKMK(order=4))",
-    "ReversibleController": "ReversibleController(StormerVerlet(), EqualArc())","Composition": "Composition(CovariantVariational(), order=4)"}
+    "ReversibleController": "ReversibleController(StormerVerlet(), EqualArc())",
+}
 """What stands for methods that need another one."""
 
 
