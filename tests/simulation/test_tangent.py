@@ -143,3 +143,21 @@ def test_what_has_no_tangent_map() -> None:
         lm.Plan(BODY, lm.Taylor(order=8), 0.1).tangent(START, steps=2)
     with pytest.raises(lm.errors.InvalidInput, match="steps of one length"):
         lm.Plan(BODY, lm.RKMK(order=5), rtol=1e-6).tangent(START, steps=2)
+
+
+def test_poisson_integrators_keep_the_bracket_and_rattle_the_two_form() -> None:
+    """D B(y) D^T = B(y') for a splitting and symplectic Euler on Lotka and Volterra's species; on the sphere v D^T J D w = v J w
+    for directions v, w along the constraints."""
+    species = lm.LotkaVolterra()
+    for method in (lm.Splitting(order=4), lm.PoissonEuler()):
+        run = lm.Plan(species, method, 0.1, compiled=False).tangent(species.state([1.5, 1.0]), steps=50)
+        first, last = (np.array(species.structure.matrix(lm.vec(*y))) for y in run.y[[0, -1]])
+        D = run.tangent["start"][-1]
+        assert np.abs(D @ first @ D.T - last).max() < 1e-13 * np.abs(D).max() ** 2
+    pendulum = lm.SphericalPendulum()
+    start = pendulum.consistent(q=[0.8, 0.0, -0.6], p=[0.0, 1.2, 0.0])
+    run = lm.Plan(pendulum, lm.RATTLE(), 0.02, compiled=False).tangent(start, steps=50)
+    J = np.block([[np.zeros((3, 3)), np.eye(3)], [-np.eye(3), np.zeros((3, 3))]])
+    q, p, D = np.array(start.q), np.array(start.p), run.tangent["start"][-1]
+    along = np.linalg.svd(np.array([[*q, 0.0, 0.0, 0.0], [*p, *q]]))[2][2:].T  # of q.q = 1 and q.p = 0
+    assert np.abs(along.T @ (D.T @ J @ D - J) @ along).max() < 1e-13 * np.abs(D).max() ** 2
