@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import inspect
 import math
 import os
@@ -116,6 +117,10 @@ class Plan:
         if unknown:
             raise InvalidInput(f"Plan.replace: there is no {unknown[0]}; there are {', '.join(self._given)}")
         return Plan(**self._given | changed)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """What it was made with; layouts and native code are found again where it arrives."""
+        return functools.partial(Plan, **self._given), ()
 
     # ---------------------------------------------------------------- whole runs
 

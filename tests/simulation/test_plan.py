@@ -107,6 +107,20 @@ def test_a_plan_and_its_runs_can_be_copied() -> None:
     assert same(pickle.loads(pickle.dumps(plan)).run(START, steps=30), whole)
 
 
+@pytest.mark.compiled
+def test_plans_travel_to_other_processes() -> None:
+    """With `concurrent.futures` or anything else that pickles; bit for bit."""
+    from concurrent.futures import ProcessPoolExecutor
+    from multiprocessing import get_context
+
+    plan = lm.Plan(BODY, lm.CovariantVariational(lm.Cayley()), 0.05, compiled=True)
+    here = plan.run(START, steps=30)
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
+        there = pool.submit(plan.run, START, steps=30).result()
+        assert same(there, here)
+        assert same(pool.submit(plan.resume, there, steps=5).result(), plan.resume(here, steps=5))
+
+
 def test_only_runs_of_an_equal_plan_are_resumed() -> None:
     plan = lm.Plan(BODY, lm.RKMK(order=4), 0.1, compiled=False)
     run = plan.run(START, steps=3)
