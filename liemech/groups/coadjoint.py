@@ -7,7 +7,7 @@ from typing import Any, final
 
 import numpy as np
 
-from ..errors import InvalidInput, NotDefined
+from ..errors import InvalidInput, InvalidType, NotDefined
 from ..formulas import Element, Vec, dot, record
 from ..formulas.broadcasting import check_finite, real_array
 from . import orbits
@@ -107,6 +107,12 @@ class CoadjointAction(Representation):
         F, G : from mu, (dim,), to a number, for instance `hamiltonian.energy`.  Along a motion F' = {F, H}.
         Raises InvalidType for what cannot be called.  Source: Marsden and Ratiu, section 13.1.
         """
+        for name, formula in (("F", F), ("G", G)):
+            if not callable(formula):
+                raise InvalidType(
+                    f"{type(self).__name__}.poisson_bracket: {name} must be a formula of momenta, as `hamiltonian.energy` is; "
+                    f"got {formula!r}"
+                )
         return self.poisson_structure.bracket(F, G)
 
     @final

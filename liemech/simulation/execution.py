@@ -43,11 +43,13 @@ class Execution:
 
     wanted : True for native code, at once or NotCompilable; False for plain Python; None to choose by the time plain Python takes.
     call : the driver and arguments like those to come; arrays and integers may be any.
-    native : the kernel; None for plain Python.
+    native : the kernel; None for plain Python.  silent : is a refusal not told, because little depends on it?
     """
 
-    def __init__(self, wanted: bool | None, progress: bool | None, *call: Any, lanes: int = 1) -> None:
-        self.asked, self.progress, self.call, self.lanes = wanted, progress, call, lanes
+    def __init__(
+        self, wanted: bool | None, progress: bool | None, *call: Any, lanes: int = 1, silent: bool = False
+    ) -> None:
+        self.asked, self.progress, self.call, self.lanes, self.silent = wanted, progress, call, lanes, silent
         self.native: kernel.Kernel | None = None
         self.again()
 
@@ -104,7 +106,7 @@ class Execution:
             self.wanted = False
             if why_not is None:
                 self.history.refused = True
-                if str(error) not in _told:
+                if not self.silent and str(error) not in _told:
                     _told.add(str(error))
                     warn(f"{error}. Running in plain Python instead, much slower", NotCompiledWarning)
 

@@ -6,7 +6,7 @@ import os
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from ..errors import InvalidInput
+from ..errors import InvalidInput, NotCompilable
 from ..integrators.method import Method
 from ..systems.system import State, System
 from . import arguments
@@ -111,7 +111,10 @@ def integrate(
                 _plans.pop(next(iter(_plans)), None)
             _plans[key] = plan
     kept: dict[str, Any] = {} if checkpoint is None else {"checkpoint": checkpoint, "checkpoint_every": checkpoint_every}
-    return plan.run(start, steps=steps, t_end=t_end, t0=t0, t_eval=t_eval, **kept)
+    try:
+        return plan.run(start, steps=steps, t_end=t_end, t0=t0, t_eval=t_eval, **kept)
+    except NotCompilable as error:
+        raise error.with_traceback(None)  # noqa: B904 - it names the formula and its line; the way through the compiler tells nothing
 
 
 def _only_alike(h: Any, steps: Any, options: dict[str, Any]) -> None:

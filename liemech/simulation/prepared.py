@@ -101,7 +101,8 @@ class Shape:
         if self._beginning is None:
             none = np.empty(0)
             wanted = steps.compiled if self.lanes > 1 or steps.compiled is False else None
-            self._beginning = Execution(wanted, steps.progress, begin, *self.beginner, none, none, none, None, lanes=self.lanes)
+            call = begin, *self.beginner, none, none, none, None
+            self._beginning = Execution(wanted, steps.progress, *call, lanes=self.lanes, silent=self.lanes == 1)
         return self._beginning
 
 

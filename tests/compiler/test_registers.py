@@ -24,7 +24,7 @@ def test_one_register_or_two_give_the_same_bits(monkeypatch: pytest.MonkeyPatch)
     for limit in (outlined.SIDE_BY_SIDE, 0):
         monkeypatch.setattr(outlined, "SIDE_BY_SIDE", limit)
         kernel.forget()
-        runs.append(lm.integrate(body, method, starts, h=0.1, steps=20, compiled=True))
+        runs.append(lm.Plan(body, method, 0.1, compiled=True).run(starts, steps=20))
         sizes.append(max(k.assembly().count("\n") for k in kernel.alive()))
     assert (runs[0].mu == runs[1].mu).all() and (runs[0].mu[-1] != runs[0].mu[0]).any()
     assert sizes[1] < 0.7 * sizes[0]  # there were two widths
