@@ -98,7 +98,11 @@ class CoadjointAction(Representation):
         self, mu: Any, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()
     ) -> np.ndarray:
         """Momenta K_g mu with random elements g of the group.  mu : (dim,).  rng : a generator or a seed.  size : leading axes."""
-        return np.asarray(self.group.K(self.group.random(rng, size), self._momentum(mu, "random_on_orbit")))
+        try:
+            elements = self.group.random(rng, size)
+        except (InvalidInput, InvalidType) as error:
+            raise type(error)(f"{type(self).__name__}.random_on_orbit: {str(error).partition(': ')[2]}") from None
+        return np.asarray(self.group.K(elements, self._momentum(mu, "random_on_orbit")))
 
     @final
     def poisson_bracket(self, F: Callable[[Any], Any], G: Callable[[Any], Any]) -> Callable[[Any], Any]:
