@@ -88,7 +88,7 @@ def landed(method: Any, system: Any, memory: Any, h: float, target: float) -> tu
 
 
 @dataclass(frozen=True, eq=False)
-class Between:
+class FictiveMotion:
     """The motion between the samples of a run: from the last one before, steps of the method, the last of them shorter.
 
     So the state at a time is that of a run that ends there, up to rounding.

@@ -29,7 +29,7 @@ from ..formulas.pytree import compensated, layout_of, leaves
 from ..integrators.composition import Composition
 from ..systems.clocked import Clocked
 from ..systems.time_transformed import ExtendedSystem
-from .arrival import Between, landed
+from .arrival import FictiveMotion, landed
 from .dense import unpacked
 from .drift import Drift
 from .execution import LOOK, Execution
@@ -241,7 +241,7 @@ class TransformedRun:
     ) -> TransformedTrajectory:
         """A trajectory of one body: times, numbers of the samples of the extended system, (n, width), and fictive times."""
         _, states, z = self.whole.apart(unpacked(layout_of(example), numbers))
-        dense: Any = Between(self.method, self.whole, type(self.given), example, self.h, t, numbers, self.compiled)
+        dense: Any = FictiveMotion(self.method, self.whole, type(self.given), example, self.h, t, numbers, self.compiled)
         return self._made(t, states, tau, None, steps, compiled, dense=dense, z=z)
 
     def _made(self, t: np.ndarray, states: Any, tau: np.ndarray, *rest: Any, **more: Any) -> TransformedTrajectory:
