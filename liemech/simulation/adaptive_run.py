@@ -13,7 +13,6 @@ import numpy as np
 
 from ..compiler.driver import accepted, attempt, itself, reason
 from ..errors import IntegrationFailure, IntegrationInterrupted, InvalidInput, StepTooSmall, failure, is_mistake, warn
-from ..formulas import check_finite, real_array
 from ..formulas.pytree import build, layout_of, leaves
 from ..systems.system import State
 from . import arguments
@@ -71,10 +70,8 @@ class AdaptiveSteps:
         longest = math.inf if longest is None else arguments.real(longest, "max_step")
         if not longest > 0.0:
             raise InvalidInput(f"integrate: max_step must be positive; got {longest:g}")
-        jumps = np.atleast_1d(real_array(breaks, "integrate: breaks")) if len(breaks) else np.empty(0)
-        check_finite(jumps, "integrate: breaks")
         first = None if h is None else arguments.step(h)
-        return cls(system, method, first, *tolerances, longest, tuple(sorted(jumps.tolist())), dense, compiled, progress)
+        return cls(system, method, first, *tolerances, longest, breaks, dense, compiled, progress)
 
     def run(
         self, start: Any, t0: float, t_end: Any, limit: Any, t_eval: Any, events: tuple[Event, ...], kept: Checkpoint | None = None
@@ -195,6 +192,8 @@ class AdaptiveRun:
             self.clock = np.array([t0, first, 1.0, 0.0, 0.0, 0.0, 1.0])
         self.watch: Any = None
         self.watch = Watch(events, self._ended, t0, self.start)
+        if isinstance(start, AdaptiveCarry) and start.ended is not None and start.ended < len(events):
+            self.watch.values[start.ended] = 0.0  # the zero that ended the run before
 
     def _shape(self, curves: bool) -> Shape:
         """The layouts of this run, from other runs of the plan if their starts were like this one."""
@@ -224,11 +223,15 @@ class AdaptiveRun:
             if not self.kept:
                 self._sample(1)
             with Bar(self.plan.progress, 1000) as bar:
+                if self.t0 in self.plan.breaks and self.t0 != self.t_end:
+                    self._jump(self.t0 + math.copysign(MARGIN, self.t_end - self.t0) * float(np.spacing(abs(self.t0))))
                 for end, beyond in self._stretches():
                     if self._stepped(end, bar):
                         break
-                    if end != self.t_end:
+                    if end != beyond:
                         self._jump(beyond)
+                        if beyond == self.t_end:
+                            self.rows[self.filled - 1, 0] = beyond
         except KeyboardInterrupt:
             stopped = IntegrationInterrupted(f"integrate: interrupted at t = {self.clock[0]:g}; the samples are in `.trajectory`")
             raise self._ended(stopped) from None
@@ -239,13 +242,15 @@ class AdaptiveRun:
     def _stretches(self) -> list[tuple[float, float]]:
         """The times to which steps lead, and where they go on: from jump to jump, to the end."""
         t0, t_end = self.t0, self.t_end
-        jumps = [b for b in self.plan.breaks if min(t0, t_end) < b < max(t0, t_end)]
+        jumps = [b for b in self.plan.breaks if min(t0, t_end) <= b <= max(t0, t_end) and b != t0]
         away = math.copysign(MARGIN, t_end - t0)
         stretches = []
         for b in jumps if t_end > t0 else jumps[::-1]:
             margin = away * float(np.spacing(abs(b)))
-            stretches.append((b - margin, b + margin))
-        return [*stretches, (t_end, t_end)] if t0 != t_end else []
+            stretches.append((b - margin, t_end if b == t_end else b + margin))
+        if t_end not in jumps:
+            stretches.append((t_end, t_end))
+        return stretches if t0 != t_end else []
 
     def _jump(self, beyond: float) -> None:
         """On to the other side of a jump of the velocity: the state is the same, the step is found anew."""
@@ -360,7 +365,7 @@ class AdaptiveRun:
             numbers[: self.width] = last[1 : 1 + self.width]
             clock[1], clock[6] = 0.0, 1.0
         state = build(self.shape.state, iter(last[1 : 1 + self.width].tolist()))
-        return AdaptiveCarry(numbers, clock, state, float(clock[0]))
+        return AdaptiveCarry(numbers, clock, state, float(clock[0]), self.watch.ended)
 
     def _samples(self, dense: DenseOutput | None) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         """Times and parts of the state."""

@@ -38,6 +38,8 @@ MARK = b"sha256:"
 
 def save(run: Any, path: str | os.PathLike[str]) -> None:
     """Write a run, all of it or nothing: a file that is there is replaced when the new one lies on the disk."""
+    if type(run).__name__ != "Trajectory":
+        raise InvalidInput(f"Trajectory.save: a {type(run).__name__} has more than samples; save the arrays you need, numpy.savez")
     arrays: dict[str, Any] = {"t": run.t, **{f"state.{name}": x for name, x in run.states.items()}}
     about: dict[str, Any] = {"format": FORMAT, "method": encoded(run.method), "h": run.h, "steps": run.steps, "bodies": run.bodies}
     about["system"] = [encoded(s) for s in run.system] if isinstance(run.system, Systems) else encoded(run.system)
@@ -58,7 +60,7 @@ def save(run: Any, path: str | os.PathLike[str]) -> None:
         about["carry"]["failures"] = {str(i): str(error) for i, error in carry.failures.items()}
     elif isinstance(carry, AdaptiveCarry):
         arrays |= {"carry.numbers": carry.numbers, "carry.clock": carry.clock}
-        about["carry"] = {"t": carry.t, "state": encoded(carry.state)}
+        about["carry"] = {"t": carry.t, "state": encoded(carry.state), "ended": carry.ended}
     _replace(Path(path), _packed(arrays | {"about": np.array(json.dumps(about))}))
 
 
@@ -92,7 +94,7 @@ def load(path: str | os.PathLike[str], modules: Sequence[str] = ()) -> dict[str,
         kept = about["carry"]
         state = decode(kept["state"])
         if "t" in kept:
-            carry = AdaptiveCarry(arrays["carry.numbers"], arrays["carry.clock"], state, kept["t"])
+            carry = AdaptiveCarry(arrays["carry.numbers"], arrays["carry.clock"], state, kept["t"], kept["ended"])
         else:
             failures: dict[int, Exception | None] = {int(i): IntegrationFailure(text) for i, text in kept["failures"].items()}
             carry = Carry(

@@ -39,7 +39,11 @@ def started(system: Any, start: Any, record: Iterable[str] | None) -> State:
     if not isinstance(start, State):
         raise InvalidType(f"integrate: start must come from system.state(...); got {type(start).__name__}")
     if not system.knows(start):
-        start = system.state(**start.arrays)
+        try:
+            start = system.state(**start.arrays)
+        except TypeError:
+            parts = ", ".join(start.arrays)
+            raise InvalidType(f"integrate: start has {parts} and is of another kind of system than {system!r}") from None
     if record is None:
         return start
     least = [name for name, x in system.essential(start).parts.items() if x is not None]
@@ -71,6 +75,28 @@ def affordable_times(t0: float, h: float, steps: int) -> None:
         raise InvalidInput(
             f"integrate: h = {h:g} is lost beside t = {end:g}; the smallest useful step there is {smallest:.1e}"
         )
+
+
+def jumps(breaks: Any) -> tuple[float, ...]:
+    """Times at which the velocity jumps."""
+    if breaks is None:
+        return ()
+    given = list(breaks) if hasattr(breaks, "__next__") else breaks
+    array = np.atleast_1d(real_array(given, "integrate: breaks")) if np.size(given) else np.empty(0)
+    if array.ndim > 1:
+        raise InvalidInput(f"integrate: breaks has shape {array.shape}; it is a list of times, (n,)")
+    check_finite(array, "integrate: breaks")
+    return tuple(sorted(array.tolist()))
+
+
+def names(record: Any) -> Any:
+    """The parts of the state to record, as they were named."""
+    if record is None or isinstance(record, str):
+        return record
+    try:
+        return tuple(record)
+    except TypeError:
+        return record
 
 
 def only_adaptive(method: Any, every: int, workers: int) -> None:
@@ -114,16 +140,22 @@ def times(t_eval: Any, t0: float, t_end: float) -> np.ndarray | None:
     if times.ndim != 1:
         raise InvalidInput(f"integrate: t_eval has shape {times.shape}; it is a list of times, (n,)")
     check_finite(times, "integrate: t_eval")
-    outside = (times < min(t0, t_end)) | (times > max(t0, t_end))
+    low, high = min(t0, t_end), max(t0, t_end)
+    margin = 4.0 * sys.float_info.epsilon * max(abs(low), abs(high))
+    outside = (times < low - margin) | (times > high + margin)
     if outside.any():
-        raise InvalidInput(f"integrate: t_eval has t = {times[outside][0]:g}, which is not between {t0:g} and {t_end:g}")
+        raise InvalidInput(f"integrate: t_eval has t = {times[outside][0]:g}, which is not between {low:g} and {high:g}")
+    times = np.clip(times, low, high)
     if (np.diff(times) * (t_end - t0) < 0).any():
         raise InvalidInput("integrate: t_eval must be sorted in the direction of time")
     return times
 
 
 def events(events: Any) -> tuple[Any, ...]:
-    functions = (events,) if callable(events) else tuple(events)
+    try:
+        functions = (events,) if callable(events) else tuple(events)
+    except TypeError:
+        raise InvalidType(f"integrate: events are functions of t and state; got {events!r}") from None
     for event in functions:
         if not callable(event):
             raise InvalidType(f"integrate: events are functions of t and state; got {event!r}")
@@ -160,7 +192,7 @@ def count(value: Any, name: str, least: int) -> int:
 
 
 def choice(value: Any, name: str) -> None:
-    if value not in (True, False, None):
+    if not any(value is x for x in (True, False, None)):
         raise InvalidType(f"integrate: {name} must be True, False or None; got {value!r}")
 
 
@@ -168,7 +200,9 @@ def checkpoint(path: Any, seconds: Any) -> Checkpoint | None:
     """Where and how often a run is saved, if it is."""
     if path is None:
         return None
-    if not isinstance(path, (str, os.PathLike)) or not os.path.isdir(os.path.dirname(os.fspath(path)) or "."):
+    if not isinstance(path, (str, os.PathLike)) or not os.path.isdir(os.path.dirname(os.fspath(path)) or ".") or (
+        os.path.isdir(path)
+    ):
         raise InvalidInput(f"integrate: checkpoint is the name of a file in a folder that exists; got {path!r}")
     seconds = real(seconds, "checkpoint_every")
     if seconds < 0.0:

@@ -53,10 +53,11 @@ class Carry:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class AdaptiveCarry:
-    """Where a run with adaptive steps stands: state and velocity, clock and controller, the last row."""
+    """Where a run with adaptive steps stands: state and velocity, clock and controller; which event ended it, if one did."""
 
     numbers: np.ndarray = dataclasses.field(repr=False)
     clock: np.ndarray = dataclasses.field(repr=False)
     state: State
     t: float
+    ended: int | None = None
     bodies: None = None

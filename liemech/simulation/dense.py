@@ -70,9 +70,12 @@ class Between:
     def numbers(self, times: np.ndarray) -> np.ndarray:
         """The numbers of the states at these times, (m, width).  Raises InvalidInput for times outside the run."""
         t, forward = self.t, self.t[-1] >= self.t[0]
-        inside = (times >= min(t[0], t[-1])) & (times <= max(t[0], t[-1]))
+        low, high = min(t[0], t[-1]), max(t[0], t[-1])
+        margin = 4.0 * np.finfo(float).eps * max(abs(low), abs(high))
+        inside = (times >= low - margin) & (times <= high + margin)
         if not inside.all():
             raise InvalidInput(f"t = {times[~inside][0]:g} is outside the run, which goes from {t[0]:g} to {t[-1]:g}")
+        times = np.clip(times, low, high)
         if len(t) == 1:
             return np.repeat(self.points, len(times), axis=0)
         step = np.clip(np.searchsorted(t if forward else -t, times if forward else -times, "right") - 1, 0, len(t) - 2)

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from ..errors import IntegrationInterrupted, InvalidType
 from .dense import Between, packed, unpacked
 
 Event = Callable[[float, Any], float]
@@ -20,6 +21,8 @@ class Watch:
 
     def __init__(self, events: tuple[Event, ...], ended: Callable[[Any], Any], t: float, state: Any) -> None:
         self.events, self._ended = events, ended
+        self.looked = 0  # how many of the last steps have been looked at
+        self.ended: int | None = None  # by which event
         self.found: list[list[tuple[float, np.ndarray]]] = [[] for _ in events]
         self.terminal = [int(getattr(event, "terminal", None) or 0) for event in events]
         self.values = [self._value(event, t, state) for event in events]
@@ -30,6 +33,7 @@ class Watch:
         Returns, if a terminal event ends the run, the number of the step in which it does, the time, and the numbers of the state.
         """
         for k, (a, b) in enumerate(zip(motion.t[:-1].tolist(), motion.t[1:].tolist(), strict=True)):
+            self.looked = k
             hits, state = [], motion.end(k + 1)
             for i, (event, old) in enumerate(zip(self.events, self.values, strict=True)):
                 new = self.values[i] = self._value(event, b, state)
@@ -40,6 +44,7 @@ class Watch:
                 numbers = packed(motion.state(at))
                 self.found[i].append((at, numbers))
                 if len(self.found[i]) == self.terminal[i]:
+                    self.ended = i
                     return k, at, numbers
         return None
 
@@ -54,7 +59,14 @@ class Watch:
     def _value(self, event: Event, t: float, state: Any) -> float:
         """The value of an event.  What it raises goes to the caller, with the run up to here."""
         try:
-            return float(event(t, state))
+            value = event(t, state)
+            try:
+                return float(value)
+            except TypeError:
+                raise InvalidType(f"integrate: an event gives a number; {event!r} gave {value!r}") from None
+        except KeyboardInterrupt:
+            stopped = IntegrationInterrupted(f"integrate: interrupted at t = {t:g}; the samples are in `.trajectory`")
+            raise self._ended(stopped) from None
         except Exception as error:
             error.add_note(f"[integrate: in an event at t = {t:g}; the samples before it are in `.trajectory`]")
             raise self._ended(error) from None

@@ -59,6 +59,7 @@ class FixedRun:
         self.t0, self.before = (t0, 0) if carry is None else (carry.t0, carry.step)
         self.checkpoint, self.bodies = checkpoint, start.bodies
         self.count = self.bodies or 1
+        self.whole, self.earlier = steps, 0  # of the run that this one is a part of: its steps, and the samples before this one's
         self.failures: dict[int, Exception | None] = {}  # what plain Python saw failing steps raise
         shape = None if carry is None or carry.shape is None else plan.own(carry.shape)
         if shape is None:
@@ -164,6 +165,8 @@ class FixedRun:
 
     def _continue(self, carry: Carry) -> None:
         """Take up what another run carried along."""
+        if len(carry.numbers) != len(self.states):
+            raise InvalidInput("Plan.resume: the run summed up its steps with another `compensated` than the plan does")
         self.states[:] = self._padded(carry.numbers)
         self.out[0] = self._padded(carry.last)
         self.failures = dict(carry.failures)
@@ -351,7 +354,7 @@ class FixedRun:
             self.out[last + 1 : rows, :, i] = self.out[last : last + 1, :, i]
         carry = None
         if not stopped or self.taken.max() == reached:
-            memory, shown = self.states[:, : self.count], self.latest[0, :, : self.count]
+            memory, shown = self.states[:, : self.count], self.latest[0, :, : self.count].copy()
             carry = Carry(self.shape, self.t0, self.h, reached, self.bodies, memory, shown, self.failures)
         return Trajectory.promised(
             functools.partial(self._samples, self.out[:rows], steps),
@@ -397,9 +400,9 @@ class FixedRun:
         """Why a body stopped: what plain Python saw its step raise."""
         step = int(self.taken[body])
         t = self.t0 + step * self.h
-        at = f"step {step + 1} of {self.before + self.steps}, t = {t:g}" if step >= 0 else f"at the start, t = {self.t0:g}"
+        at = f"step {step + 1} of {self.before + self.whole}, t = {t:g}" if step >= 0 else f"at the start, t = {self.t0:g}"
         if self.bodies is None:
-            at += f"; {self._rows(step - self.before)} samples are in `.trajectory`"
+            at += f"; {self.earlier + self._rows(step - self.before)} samples are in `.trajectory`"
         return failure(self.failures.get(body), repr(self.plan.method), at)
 
     def _ended(self, body: int) -> Exception:

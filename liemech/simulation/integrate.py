@@ -119,8 +119,8 @@ def integrate(
 
 def _only_alike(h: Any, steps: Any, options: dict[str, Any]) -> None:
     """Refuse what is for adaptive steps."""
-    for name in ("rtol", "atol", "max_step"):
-        if options[name] is not None:
+    for name in ("rtol", "atol", "max_step", "breaks"):
+        if options[name] is not None and not (name == "breaks" and not arguments.jumps(options[name])):
             raise InvalidInput(f"integrate: {name} is for adaptive steps; give t_end and, if you like, h as the first step")
     if h is None or steps is None:
         raise InvalidInput("integrate: give h and steps, for steps of one length, or t_end, for adaptive ones")

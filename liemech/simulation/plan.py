@@ -18,7 +18,7 @@ from . import arguments
 from .carry import Carry
 from .checkpoint import Checkpoint
 from .fixed_run import FixedRun, advanced
-from .prepared import Steps
+from .prepared import Steps, member
 from .systems import Systems, systems_of
 from .trajectory import Trajectory
 
@@ -66,6 +66,10 @@ class Plan:
         progress: bool | None = None,
         workers: int = 1,
     ) -> None:
+        if not isinstance(system, System) and isinstance(system, (list, tuple)):
+            system = tuple(system)
+        breaks = arguments.jumps(breaks)
+        record = arguments.names(record)
         several = systems_of(system)
         one: Any = system if several is None else several[0]
         arguments.matching(one, method)
@@ -76,7 +80,7 @@ class Plan:
         self.system: Any = one if several is None else several
         self.method, self.record = method, record
         self._one = one
-        self.events = arguments.events(events)
+        events = self.events = arguments.events(events)
         self._given = dict(
             system=system, method=method, h=h, rtol=rtol, atol=atol, max_step=max_step, breaks=breaks, every=every, record=record,
             events=events, dense=dense, compensated=compensated, compiled=compiled, progress=progress, workers=workers,
@@ -85,7 +89,8 @@ class Plan:
         if method.fictive or one.fictive:
             if h is None:
                 raise InvalidInput("integrate: give h, the step in fictive time, and steps or t_end")
-            others = {"rtol": rtol, "atol": atol, "max_step": max_step, "events": events or None, "dense": dense}
+            others = {"rtol": rtol, "atol": atol, "max_step": max_step, "dense": dense}
+            others |= {"events": events or None, "breaks": breaks or None}
             for name in (name for name, given in others.items() if given is not None):
                 raise InvalidInput(f"integrate: {name} is for adaptive steps; {method!r} steps by h in fictive time")
             self._steps = Steps(self.system, method, arguments.step(h), every, compensated, compiled, progress, workers)
@@ -153,10 +158,17 @@ class Plan:
         if self.adaptive:
             return self._steps.run(start, t0, t_end, steps, t_eval, self.events, kept)
         steps = self._count(steps, t_end, t0)
-        doubt = self.method.caution(self._one, start, self._steps.h)
+        doubt = self._doubt(start)
         if doubt:
             warn(doubt, StepWarning)
         return self._stepped(start, steps, t0, t_eval, kept)
+
+    def _doubt(self, start: State) -> str | None:
+        """What the method warns of; of several systems the first warning."""
+        if not isinstance(self.system, Systems):
+            return self.method.caution(self.system, start, self._steps.h)
+        doubts = (self.method.caution(s, member(start, i), self._steps.h) for i, s in enumerate(self.system))
+        return next((doubt for doubt in doubts if doubt), None)
 
     def resume(
         self,
@@ -252,6 +264,9 @@ class Plan:
         of_bodies = [("system", *pair) for pair in zip(*systems, strict=False)]
         if len(systems[0]) != len(systems[1]):
             raise InvalidInput(f"Plan.resume: the run was made with {len(systems[1])} systems, the plan with {len(systems[0])}")
+        record = (self.record,) if isinstance(self.record, str) else self.record
+        if record is not None and sorted(run.states) != sorted(record):
+            raise InvalidInput(f"Plan.resume: the run recorded {', '.join(run.states)}, the plan records {self.record}")
         for name, mine, theirs in (*of_bodies, ("method", self.method, run.method)):
             if mine is not theirs and exact(mine) != exact(theirs):
                 raise InvalidInput(
@@ -287,7 +302,11 @@ class Plan:
         start, t0 = arguments.started(self._one, start, self.record), arguments.real(t0, "t0")
         if start.bodies is not None or self._one is not self.system:
             raise InvalidInput("Plan.tangent is for one body at a time")
-        names = (by,) if isinstance(by, str) else tuple(by)
+        names: tuple[Any, ...] = (by,) if isinstance(by, str) else tuple(by) if isinstance(by, (list, tuple)) else (by,)
+        if not names or not all(isinstance(name, str) for name in names):
+            raise InvalidType(f'Plan.tangent: by is "start", a parameter such as "inertia", or a list of these; got {by!r}')
+        if self.events:
+            raise InvalidInput("Plan.tangent looks for no events; make a plan without them")
         return tangent_run(self._steps, start, self._count(steps, t_end, t0), t0, names)
 
     # ---------------------------------------------------------------- step by step
@@ -304,6 +323,17 @@ class Plan:
         For control loops and live pictures.
         Raises what `integrate` raises.
         """
+        if type(steps) is not int or steps < 1:
+            steps = arguments.count(steps, "steps", 1)
+        self._one_length("step")
+        given: Any = carry
+        if not isinstance(given, Carry):
+            raise InvalidType(f"Plan.step goes on from what `begin` or `step` gave; got {given!r}")
+        if carry.shape is None or self._steps.own(carry.shape) is None:
+            if carry.h != self._steps.h:
+                raise InvalidInput(f"Plan.step: the carry is of steps of h = {carry.h!r}, the plan has {self._steps.h!r}")
+            if carry.shape is not None and exact(carry.shape.arguments[:2]) != exact((self._one, self.method)):
+                raise InvalidInput("Plan.step: the carry is of another system or method; begin anew from carry.state")
         return advanced(self._steps, carry, steps)
 
     def _one_length(self, what: str) -> None:

@@ -12,7 +12,7 @@ from ..errors import InvalidInput
 from ..formulas.pytree import layout_of
 from ..systems.system import System
 
-BY_MEMBER = ("energy", "velocity", "momentum")
+BY_MEMBER = ("energy", "velocity", "momentum", "casimirs", "multipliers")
 """Quantities that depend on the parameters, of arrays (n, bodies, ...)."""
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InvalidInput
+from ..errors import IncompatibleSystem, InvalidInput, InvalidType
 from ..formulas import Record, Vec, derivative
 from ..formulas.dual import Dual
 from ..formulas.pytree import build, layout_of, leaves
@@ -50,7 +50,7 @@ def tangent_run(plan: Steps, start: State, steps: int, t0: float, names: tuple[s
             for part, directions in frames.items():
                 size = layout_of(start.parts[part]).width
                 for direction in directions(np.asarray(start.parts[part])[None])[0]:
-                    moves.append(np.concatenate([np.zeros(at), direction.ravel(), np.zeros(width - at - size)]))
+                    moves.append(np.concatenate([np.zeros(at), real_numbers(direction), np.zeros(width - at - size)]))
                     systems.append(None)
                 at += size
         else:
@@ -58,15 +58,22 @@ def tangent_run(plan: Steps, start: State, steps: int, t0: float, names: tuple[s
                 moves.append(np.zeros(width))
                 systems.append(moving)
         columns[name] = slice(begun, len(moves))
-    run = _Run(plan, start, np.array(moves), systems, steps, t0)
-    made = run.trajectory()
+    try:
+        run = _Run(plan, start, np.array(moves), systems, steps, t0)
+        made = run.trajectory()
+    except (InvalidType, AttributeError) as error:
+        if "series" in str(error) or "Dual" in str(error):
+            raise IncompatibleSystem(
+                f"Plan.tangent: {plan.method!r} computes with power series or keeps numbers that cannot carry a derivative"
+            ) from None
+        raise
     values, slopes = run.halves()
     states = unpacked(layout_of(start), values)
     rows = []
     at = 0
     for name, directions in frames.items():
         size = layout_of(start.parts[name]).width
-        basis = directions(states[name]).reshape(len(values), -1, size)  # (n, components, numbers)
+        basis = real_numbers(directions(states[name])).reshape(len(values), -1, size)  # (n, components, numbers)
         changes = slopes[:, :, at : at + size]  # (n, directions, numbers)
         rows.append(np.linalg.pinv(basis).transpose(0, 2, 1) @ changes.transpose(0, 2, 1))
         at += size
@@ -86,6 +93,12 @@ def frame(system: Any, name: str, part: Any) -> Any:
         return lambda points: np.broadcast_to(units, (len(points), *units.shape))
     algebra = np.array([derivative(group.exp, Vec(*[0.0] * group.dim), list(unit)) for unit in np.eye(group.dim)])
     return lambda points: points[:, None] @ algebra
+
+
+def real_numbers(array: np.ndarray) -> np.ndarray:
+    """The numbers of an array in turn, a complex one as two."""
+    flat = np.ascontiguousarray(array)
+    return (flat.view(float) if np.iscomplexobj(flat) else flat).ravel()
 
 
 def parameter_slopes(system: System, name: str) -> list[System]:

@@ -16,6 +16,7 @@ from ..systems.system import State, System
 from .dense import Between, DenseOutput, ShortSteps, flat
 from .drift import Drift
 from .stopped import Stop, Stopped
+from .systems import Systems
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -124,6 +125,8 @@ class Trajectory:
                 f"Trajectory.xi is for methods with a velocity on every interval, as CovariantVariational; {self.method!r} has "
                 "none. At the samples of a free body the velocity is `run.system.velocity(run.mu)`"
             )
+        if isinstance(self.system, Systems):
+            return np.stack([between(system, self.mu[:, i], self.h) for i, system in enumerate(self.system)], axis=1)
         return between(self.system, self.mu, self.h)
 
     @cached_property
@@ -163,7 +166,8 @@ class Trajectory:
         """The motion between the samples."""
         if self.dense is not None:
             return self.dense
-        if self.bodies is not None or self.rejected is not None or len(self.t) != self.steps + 1 or not self.steps:
+        whole = self.bodies is None and self.rejected is None and len(self.t) == self.steps + 1 and self.steps > 0
+        if not whole or np.abs(np.diff(self.t)).max() > abs(self.h) * (1.0 + 1e-6):
             raise InvalidInput(
                 "Trajectory.at needs a run of one body that kept all its steps: adaptive ones do with dense=True, "
                 "those of one length with every=1"
@@ -198,22 +202,29 @@ class Trajectory:
 
         Raises InvalidInput if the second begins at another time than this one's `carry` has.
         """
-        if self.carry is None or rest.t[0] != self.carry.t or self.states.keys() != rest.states.keys():
+        ahead = self.carry is not None and len(rest) and (rest.t[0] - self.carry.t) * self.h >= 0.0
+        if not ahead or self.states.keys() != rest.states.keys():
             raise InvalidInput(f"Trajectory.then: {rest!r} does not begin where {self!r} was to go on")
+        again = int(rest.t[0] == self.carry.t)  # where one ends and the other begins is one sample at most
+        dense = None
+        if self.dense is not None and rest.dense is not None:
+            dense = replace(rest.dense, rows=np.concatenate([self.dense.rows, rest.dense.rows[1:]]))
         return replace(
             rest,
-            t=np.concatenate([self.t, rest.t[1:]]),
-            states={name: np.concatenate([x, rest.states[name][1:]]) for name, x in self.states.items()},
+            t=np.concatenate([self.t, rest.t[again:]]),
+            states={name: np.concatenate([x, rest.states[name][again:]]) for name, x in self.states.items()},
             steps=self.steps + rest.steps,
             rejected=None if rest.rejected is None else rest.rejected + (self.rejected or 0),
-            dense=None,
-            events=(),
+            dense=dense,
+            events=tuple([_joined(*pair) for pair in zip(self.events, rest.events, strict=False)]),
         )
 
     def view(self, show: Any = None) -> Scene:
         """The run as a moving picture: `run.view().show()` opens it, notebooks show it.  show : as in viewer.Scene."""
         from ..viewer import Scene
 
+        if isinstance(self.system, Systems):
+            raise InvalidInput("Trajectory.view shows bodies of one system; run one of them by itself")
         return Scene(self, show)
 
     def plot(self, ax: Any = None) -> Axes:
@@ -239,3 +250,10 @@ class Trajectory:
             f"Trajectory({self.method!r}: {many}{len(self)} samples {end}, {steps}, "
             f"{'compiled' if self.compiled else 'plain'}; {', '.join(self.states)})"
         )
+
+
+def _joined(first: tuple[np.ndarray, State], second: tuple[np.ndarray, State]) -> tuple[np.ndarray, State]:
+    """The times and states of an event in one run and in the next."""
+    parts = zip(first[1].parts.values(), second[1].parts.values(), strict=True)
+    states = type(first[1])(*(None if a is None else np.concatenate([a, b]) for a, b in parts))
+    return np.concatenate([first[0], second[0]]), states

@@ -15,6 +15,7 @@ from .events import Event, Watch
 from .fixed_run import FixedRun
 from .prepared import Steps
 from .progress import Bar
+from .systems import Systems
 from .trajectory import Trajectory
 
 CHUNK, LARGEST = 8, 512
@@ -39,8 +40,13 @@ def sampled(plan: Steps, start: State | Carry, steps: int, t0: float, times: np.
         moving[:, body] &= after < stop.steps
     if moving.any():
         begun, asked = (np.repeat(x[:, None], run.count, axis=1)[moving] for x in (whole.t[at], times))
-        motion = ShortSteps(whole.system, whole.method, shape.example, begun, numbers[moving], plan.compiled)
-        numbers[moving] = motion.moved(np.arange(len(begun)), asked)
+        found = numbers[moving]
+        bodies = np.nonzero(moving)[1] if isinstance(plan.system, Systems) else np.zeros(len(begun), dtype=int)
+        for i in np.unique(bodies):
+            of = bodies == i
+            motion = ShortSteps(plan.of(int(i)), whole.method, shape.example, begun[of], found[of], plan.compiled)
+            found[of] = motion.moved(np.arange(len(motion.t)), asked[of])
+        numbers[moving] = found
     states = unpacked(shape.shown, numbers[:, 0] if run.bodies is None else numbers)
     return dataclasses.replace(whole, t=times, states=states)
 
@@ -66,6 +72,7 @@ class WatchedRun:
         self.carry: Carry = begun.trajectory().carry
         self.shape, self.before, self.t0 = begun.shape, self.carry.step, self.carry.t0
         self.done, self.reached = 0, self.carry.t
+        self.looking: tuple[FixedRun, Trajectory] | None = None
         self.kept: list[tuple[np.ndarray, np.ndarray]] = []  # times and numbers of samples
         self._keep(np.array([self.carry.t]), self.carry.last.T.copy(), None)
         self.watch: Any = None
@@ -78,15 +85,18 @@ class WatchedRun:
             while self.done < self.steps:
                 n = min(chunk, self.steps - self.done)
                 run = FixedRun(self.fine, self.carry, n)
+                run.whole, run.earlier = self.steps - self.done, self.done
                 try:
                     taken = run.trajectory()
-                except Exception as error:
+                except (Exception, KeyboardInterrupt) as error:
                     if hasattr(error, "trajectory"):
                         self._look(run, error.trajectory)
                         raise self._ended(error) from error.__cause__
                     raise
+                self.looking = run, taken
                 if self._look(run, taken):
                     return self._result(None)
+                self.looking = None
                 self.carry = taken.carry
                 bar.advance(n)
                 chunk = min(2 * chunk, LARGEST)
@@ -111,8 +121,8 @@ class WatchedRun:
             return
         before, self.reached = self.reached, float(t[-1])
         if self.times is None:
-            number = self.done + 1 + np.arange(len(t)) if motion is not None else np.zeros(1, dtype=int)
-            kept = (number % self.plan.every == 0) | (number == self.steps)
+            number = self.before + self.done + 1 + np.arange(len(t))
+            kept = (number % self.plan.every == 0) | (number == self.before + self.steps) | (motion is None)
             if motion is not None and t[-1] != motion.t[len(t)]:  # a terminal event
                 kept[-1] = True
             self.kept.append((t[kept], numbers[kept]))
@@ -141,5 +151,11 @@ class WatchedRun:
         )
 
     def _ended(self, error: Any) -> Any:
+        if self.looking is not None:  # an event itself failed: keep the steps up to it
+            (run, taken), n = self.looking, self.watch.looked
+            points = run.out[: len(taken), :, 0]
+            motion = ShortSteps(taken.system, taken.method, self.shape.example, taken.t, points, self.plan.compiled)
+            self._keep(taken.t[1 : n + 1], points[1 : n + 1], motion)
+            self.done, self.looking = self.done + n, None
         error.trajectory = self._result(None)
         return error

@@ -7,7 +7,8 @@ from typing import Any
 import harness
 import numpy as np
 
-import liemech as lm
+from liemech.simulation.fixed_run import FixedRun, advanced
+from liemech.simulation.prepared import Steps
 
 
 class Native:
@@ -17,11 +18,11 @@ class Native:
     """
 
     def __init__(self, system: Any, method: Any, start: Any, h: float, compensate: bool | None = False) -> None:
-        plan = lm.Plan(system, method, h, compensated=compensate, compiled=True, progress=False)
-        self.plan, self.carry = plan, plan.begin(start)
+        self.plan = Steps(system, method, h, 1, compensate, True, False, 1)  # a Plan of any method and system, in fictive time too
+        self.carry = FixedRun(self.plan, start, 0).trajectory().carry
 
     def __call__(self, steps: int) -> np.ndarray:
-        return self.plan.step(self.carry, steps).last[:, 0]
+        return advanced(self.plan, self.carry, steps).last[:, 0]
 
 
 def agreeing(runs: Mapping[str, Callable[[int], np.ndarray]], tolerance: float = 1e-13) -> None:
