@@ -294,7 +294,7 @@ class Plan:
 
         Returns a TangentTrajectory, whose `tangent["start"]` is (n, N, N): derivatives of the state at each sample, group
         elements left-trivialised, dg = g hat(eta).
-        Raises what `integrate` does; InvalidInput for what is no parameter, and for methods of power series, which have none.
+        Raises what `integrate` does; InvalidInput for what is no parameter, IncompatibleSystem for methods of power series.
         """
         from .tangent import tangent_run
 
