@@ -65,7 +65,8 @@ class FixedRun:
         if shape is None:
             self.start: State = start.state if isinstance(start, Carry) else start
             shape = self._shape()
-        shape.stepping.again()
+        else:
+            shape.stepping.again()
         self.shape = shape
         self.columns = -(-self.count // shape.lanes) * shape.lanes
         rows = self._rows(steps)
@@ -105,6 +106,8 @@ class FixedRun:
             started = layout_of(remembering)
             first, example = self._first(remembering, started)
             shape = self.plan.shapes[given, many] = Shape(self.plan, given, started, first, example, many)
+        else:
+            shape.stepping.again()
         return shape
 
     def _first(self, one: State, started: Layout) -> tuple[Any, Any]:
