@@ -93,8 +93,8 @@ class TimeScale(Record):
                 raise InvalidTimeScale(f"{self!r} has no value {here} ({error}); {POSITIVE}") from None
             if not isinstance(value, Real):
                 raise InvalidType(f"{self!r} must be one number; {here} it is {value!r}")
-            if not value > 0.0:
-                raise InvalidTimeScale(f"{self!r} = {value:g} {here}; {POSITIVE}")
+            if not float(value) > 0.0:
+                raise InvalidTimeScale(f"{self!r} = {float(value):g} {here}; {POSITIVE}")
         return self
 
 

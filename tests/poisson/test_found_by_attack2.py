@@ -9,7 +9,7 @@ import pytest
 
 import liemech as lm
 from liemech.errors import IncompatibleSystem, InvalidInput, OutsideChart
-from liemech.formulas import cos, sin, sqrt
+from liemech.formulas import cos, sin, sqrt, where
 
 EULERS = [lm.PoissonEuler(), lm.PoissonVerlet()]
 
@@ -107,3 +107,54 @@ class Shorter(Short):
 def test_embeddings_of_the_wrong_length(chart: Any) -> None:
     with pytest.raises(InvalidInput, match="3 positions and 3 momenta"):
         lm.in_coordinates(lm.SphericalPendulum(), chart)
+
+
+@lm.record
+class Wall(lm.Hamiltonian):
+    """A spring, or a free particle, or V(q), with a soft wall at q = place."""
+
+    kind: str
+    place: float
+
+    def energy(self, y: lm.Vec) -> float:
+        off = y[0] - self.place
+        wall = where(off > 0.0, 100.0 * off**4, 0.0)
+        if self.kind == "spring":
+            return 0.5 * (y[0] ** 2 + y[1] ** 2) + wall
+        return 0.5 * y[1] ** 2 + wall
+
+
+@lm.record
+class Light(lm.Hamiltonian):
+    """A light particle in a quartic well."""
+
+    mass: float
+
+    def energy(self, y: lm.Vec) -> float:
+        return y[1] ** 2 / (2.0 * self.mass) + 0.25 * y[0] ** 4
+
+
+@lm.record
+class LightSpring(Light):
+    """A light particle on a spring: an affine motion in any units."""
+
+    def energy(self, y: lm.Vec) -> float:
+        return y[1] ** 2 / (2.0 * self.mass) + 0.5 * y[0] ** 2
+
+
+@pytest.mark.parametrize(
+    "energy",
+    [Wall("spring", 2.0), Wall("free", 2.0), Wall("spring", 50.0), Wall("free", 500.0), Light(1e-15), Light(1e15)],
+    ids=repr,
+)
+def test_motions_are_not_recognised_by_a_look_at_one_place(energy: Any) -> None:
+    assert "is not known" in lm.PoissonSystem(lm.Canonical(1), energy).unknown_motion()
+
+
+@pytest.mark.parametrize("mass", [1e-15, 1.0, 1e15])
+def test_springs_are_recognised_in_any_units(mass: float) -> None:
+    system = lm.PoissonSystem(lm.Canonical(1), LightSpring(mass))
+    assert not system.unknown_motion()
+    h = 0.4 * np.sqrt(mass)
+    run = lm.integrate(system, lm.Splitting(order=2), system.state([1.0, 0.0]), h=h, steps=1, compiled=False, progress=False)
+    assert np.allclose(run.y[-1], [np.cos(0.4), -np.sqrt(mass) * np.sin(0.4)], rtol=1e-12)
