@@ -353,7 +353,29 @@ def skew(value: Any, name: str) -> np.ndarray:
 
 
 def null_vectors(array: np.ndarray) -> tuple[Vec, ...]:
-    """A basis of the null space; the largest component of each is one."""
-    _, sizes, directions = np.linalg.svd(array)
+    """A basis of the null space; the largest component of each is one.  Units are chosen first in which rows are of like size."""
+    units = like_sizes(array)
+    _, sizes, directions = np.linalg.svd(units[:, None] * array * units)
     rank = int((sizes > len(array) * np.finfo(float).eps * sizes[0]).sum())
-    return tuple(Vec.of((v / v[np.abs(v).argmax()]).tolist()) for v in directions[rank:])
+    vectors = units * directions[rank:]
+    return tuple(Vec.of((v / v[np.abs(v).argmax()]).tolist()) for v in vectors)
+
+
+def like_sizes(array: np.ndarray) -> np.ndarray:
+    """Powers of two d for which the largest entries of all rows of d_i b_ij d_j are near one; 1 for rows of zeros.
+
+    Source: Ruiz, A scaling algorithm to equilibrate both rows and columns norms in matrices, RAL-TR-2001-034.
+    """
+    units = np.ones(len(array))
+    for _ in range(TURNS):
+        largest = np.abs(units[:, None] * array * units).max(axis=1)
+        largest[largest == 0.0] = 1.0
+        change = np.exp2(-np.round(0.5 * np.log2(largest)))
+        if (change == 1.0).all():
+            break
+        units = units * change
+    return units
+
+
+TURNS = 100
+"""Of looking for units; each halves the orders of magnitude that are left."""

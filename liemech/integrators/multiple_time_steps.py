@@ -9,12 +9,16 @@ import numpy as np
 
 from ..errors import IncompatibleSystem, InvalidInput, InvalidType
 from ..formulas import Record, Vec, gradient, jacobian, plain, record
+from ..formulas.broadcasting import small
 from ..systems.canonical import CanonicalState
 from ..systems.multirate import MultirateSystem
 from .method import Method
 
 NEAR = 0.1
 """How near h w may come to a multiple of pi, as a part of pi, before a resonance is warned of."""
+
+LOOKED_AT = 8
+"""Members of an ensemble that are looked at for a warning, the first ones."""
 
 
 @record
@@ -52,6 +56,8 @@ class MultipleTimeSteps(Method):
     mollified: bool = False
 
     def __post_init__(self) -> None:
+        if not isinstance(self.ratios, tuple | list):
+            raise InvalidType(f"MultipleTimeSteps: ratios is a tuple of whole numbers, such as (10,); got {self.ratios!r}")
         if not self.ratios or any(type(n) is not int or n < 1 for n in self.ratios):
             raise InvalidInput(f"MultipleTimeSteps: ratios are whole numbers of at least 1, such as (10,); got {self.ratios!r}")
         if type(self.mollified) is not bool:
@@ -80,12 +86,24 @@ class MultipleTimeSteps(Method):
 
     def caution(self, system: Any, start: CanonicalState, h: float) -> str | None:
         """Of resonance, and of fast steps that are unstable, by the frequencies of all but the slowest part at the start."""
-        if start.bodies is not None:
+        if start.bodies is None:
+            return self._caution(system, start.q, start.p, h)
+        for q, p in zip(start.q[:LOOKED_AT], start.p[:LOOKED_AT], strict=True):
+            doubt = self._caution(system, small(q), small(p), h)
+            if doubt is not None:
+                return doubt
+        return None
+
+    def _caution(self, system: Any, q: Vec, p: Vec, h: float) -> str | None:
+        """The same of one body; None where the forces have no derivative."""
+        last = len(self.ratios)
+        try:
+            by_p = np.array(jacobian(lambda x: system.velocity(q, x), p))
+            hessian = np.array(jacobian(lambda x: sum_of([system.part_force(k, x) for k in range(last)]), q))
+            squares = np.real(np.linalg.eigvals(-by_p @ hessian))
+        except (ArithmeticError, ValueError):  # LinAlgError, for entries that are not finite, is a ValueError
             return None
-        q, p, last = start.q, start.p, len(self.ratios)
-        by_p = np.array(jacobian(lambda x: system.velocity(q, x), p))
-        hessian = np.array(jacobian(lambda x: sum_of([system.part_force(k, x) for k in range(last)]), q))
-        frequencies = np.sqrt(np.maximum(np.real(np.linalg.eigvals(-by_p @ hessian)), 0.0))
+        frequencies = np.sqrt(np.maximum(squares, 0.0))
         phases = abs(h) * frequencies
         steps = math.prod(self.ratios)
         if phases.max() >= 2.0 * steps:

@@ -15,6 +15,14 @@ from .method import Method
 ROUNDING = 2.0**-40
 """What is below this, relative to its terms, is zero up to rounding."""
 
+PROBES = [
+    (float(u), float(v))
+    for size in (1.0, 4.0, 0.1, 30.0, 1000.0)
+    for signs in ((1, 1), (-1, 1), (1, -1), (-1, -1))
+    for u, v in np.random.default_rng(11).uniform(0.5, 1.0, size=(2, 2)) * size * signs
+]
+"""Points in the plane, of several sizes and all signs, at which b and H are looked at."""
+
 
 @record
 class PlanarEuler(Method):
@@ -32,20 +40,39 @@ class PlanarEuler(Method):
         """A Poisson system in the plane, b affine in each variable, H a sum K(u) + L(v)."""
         if not isinstance(system, PoissonSystem) or system.structure.dim != 2:
             raise IncompatibleSystem(f"{self!r} needs a PoissonSystem in the plane; got {system!r}. RKMK accepts every system")
-        for y in np.random.default_rng(11).uniform(0.5, 1.0, size=(3, 2)).tolist():
-            at = vec(*y)
-            for axis, name in ((0, "u"), (1, "v")):
-                curvature = derivative(partial(_slope, system, axis), at, [float(axis == 0), float(axis == 1)])
-                if abs(curvature) > ROUNDING * (abs(_b(system, at)) + abs(curvature)):
-                    raise IncompatibleSystem(
-                        f"{self!r} is no Poisson map here: b_12 of {system.structure!r} is not affine in {name}, its second "
-                        f"derivative at {y} is {curvature:.3g}. {system.instead}"
-                    )
+        found = [self._looked_at(system, vec(*y)) for y in PROBES]
+        if not any(found):
+            raise IncompatibleSystem(
+                f"{self!r}: b_12 of {system.structure!r} or the energy has no value at any of {len(PROBES)} points such as "
+                f"{PROBES[0]}, so that b_12 cannot be seen to be affine. {system.instead}"
+            )
+
+    def _looked_at(self, system: Any, at: Vec) -> bool:
+        """Do b and H have values at a point?  IncompatibleSystem if they have, but not the form that they should."""
+        try:
+            matrix, gradient = system.structure.matrix(at), system.gradient(at)
+            curvatures = [derivative(partial(_slope, system, axis), at, [float(axis == 0), float(axis == 1)]) for axis in (0, 1)]
             mixed = derivative(lambda x: system.gradient(x), at, [0.0, 1.0])[0]
-            if abs(mixed) > ROUNDING * (sum(map(abs, system.gradient(at))) + abs(mixed)):
+        except (ArithmeticError, ValueError):
+            return False
+        b = matrix[0, 1]
+        if not np.isfinite([*(x for row in matrix for x in row), *gradient, *curvatures, mixed]).all():
+            return False
+        if not max(abs(b + matrix[1, 0]), abs(matrix[0, 0]), abs(matrix[1, 1])) <= ROUNDING * abs(b):
+            raise IncompatibleSystem(
+                f"{self!r}: the matrix of {system.structure!r} is not skew-symmetric at {tuple(at)}, where it is {matrix!r}"
+            )
+        for name, curvature in zip("uv", curvatures, strict=True):
+            if not abs(curvature) <= ROUNDING * (abs(b) + abs(curvature)):
                 raise IncompatibleSystem(
-                    f"{self!r} needs an energy K(u) + L(v); that of {system!r} has d2H/du dv = {mixed:.3g} at {y}"
+                    f"{self!r} is no Poisson map here: b_12 of {system.structure!r} is not affine in {name}, its second "
+                    f"derivative at {tuple(at)} is {curvature:.3g}. {system.instead}"
                 )
+        if not abs(mixed) <= ROUNDING * (sum(map(abs, gradient)) + abs(mixed)):
+            raise IncompatibleSystem(
+                f"{self!r} needs an energy K(u) + L(v); that of {system!r} has d2H/du dv = {mixed:.3g} at {tuple(at)}"
+            )
+        return True
 
     def u_first(self, system: Any, y: Vec, slope: float, h: float) -> tuple[Vec, float]:
         """u_1 = u + h b(u_1, v) L'(v), v_1 = v - h b(u_1, v) K'(u_1), linear in u_1, for b is affine in u; and K'(u_1).

@@ -124,7 +124,9 @@ class Andoyer(DarbouxChart):
             raise InvalidInput(f"Andoyer: the structure is {wanted}; got {self.structure!r}")
 
     def coordinates(self, y: Vec) -> Vec:
-        """(l, L, G).  y : (3,)."""
+        """(l, L, G).  y : (3,).  Raises OutsideChart on the third axis, where l has no value."""
+        if not abs(y[0]) + abs(y[1]) > 0.0:
+            raise OutsideChart(f"Andoyer: y = ({y[0]}, {y[1]}, {y[2]}) is on the third axis, where l has no value")
         return vec(atan2(y[0], y[1]), y[2], norm(y))
 
     def point(self, z: Vec) -> Vec:

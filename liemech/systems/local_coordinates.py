@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..errors import InvalidType, NotDefined
+import numpy as np
+
+from ..errors import InvalidInput, InvalidType, NotDefined
 from ..formulas import Mat, Record, Vec, derivative, dot, gradient, mat, record, solve, transpose, vec
 from ..formulas.derivatives import axes
+from ..formulas.vectors import Vec as SmallVec
 from ..groups.poisson_structure import PoissonStructure
 from .hamiltonian import Hamiltonian
 from .poisson import PoissonSystem
@@ -110,6 +113,19 @@ def in_coordinates(system: Any, chart: LocalChart) -> PoissonSystem:
     dim: Any = chart.dim
     if type(dim) is not int or dim < 2 or dim % 2:
         raise InvalidType(f"in_coordinates: {type(chart).__name__} must say its dimension, an even number; got {dim!r}")
+    _require_lengths(system, chart)
     return PoissonSystem(structure=InducedStructure(chart), hamiltonian=InducedEnergy(system, chart))  # type: ignore[call-arg]
 
 
+def _require_lengths(system: Any, chart: LocalChart) -> None:
+    """Raise InvalidInput where the embedding does not give the positions and momenta of the system."""
+    y = SmallVec.of(np.random.default_rng(3).uniform(0.5, 1.0, chart.dim).tolist())
+    try:
+        x = chart.embedding(y)
+    except (ArithmeticError, ValueError):  # no value there: not judged
+        return
+    degrees = getattr(system, "degrees", None)
+    count = len(x)
+    if count % 2 or (degrees is not None and count != 2 * degrees):
+        wanted = "an even number" if degrees is None else f"{2 * degrees}, {degrees} positions and {degrees} momenta of {system!r}"
+        raise InvalidInput(f"in_coordinates: {type(chart).__name__}.embedding gives {count} components; needed are {wanted}")

@@ -16,6 +16,9 @@ from .hamiltonian import Hamiltonian
 ROUNDING = 2.0**-44
 """What is below this, relative to its terms, is zero up to rounding."""
 
+LEAST = 3
+"""With fewer points at which it has a velocity no motion is recognised."""
+
 
 @record
 class Part(Hamiltonian):
@@ -128,12 +131,14 @@ def recognised(structure: PoissonStructure, part: Hamiltonian) -> Part | str:
     """The part with its motion, or why none is known."""
     if isinstance(part, Part):
         return part
-    points = _points(structure)
 
     def velocity(y: Any) -> Any:
         return structure.sharp(y, part.gradient(y))
 
     try:
+        points, error = _where_defined(velocity, _points(structure))
+        if len(points) < LEAST:
+            return f"{part!r} has a velocity at {len(points)} of the points where it was looked at, too few to know it; {error}"
         if all(_rests(velocity, y) for y in points):
             return Straight(part)
         slopes = [np.array(gradient(lambda x: part.energy(x), y), dtype=float) for y in points]
@@ -141,13 +146,13 @@ def recognised(structure: PoissonStructure, part: Hamiltonian) -> Part | str:
         if len(felt) == 1:
             structure.coordinate_flow(points[0], int(felt[0]), 0.5)
             return OfCoordinate(part, int(felt[0]))
-        rates = [np.array(jacobian(velocity, y), dtype=float) for y in points]
-        if max(np.abs(a - rates[0]).max() for a in rates) <= ROUNDING * np.abs(rates[0]).max():
-            return Affine(part, rates[0])
+        rates = np.array(jacobian(velocity, points[0]), dtype=float)
+        if _everywhere(rates, velocity, points[1:]):
+            return Affine(part, rates)
     except NotDefined as missing:
         return f"{missing}, and so no motion of the energy {part!r} of one coordinate"
     except (ArithmeticError, ValueError, TypeError) as error:
-        return f"{part!r} cannot be looked at near {vec(*points[0])}: {error}"
+        return f"{part!r} cannot be looked at: {error}"
     return (
         f"the motion of {part!r} is not known: it is no straight line, depends on more than one coordinate, and its velocity is "
         "not affine. Derive it from Part and write `flow`, or split it further"
@@ -180,14 +185,51 @@ def second_degree(structure: PoissonStructure, T: Hamiltonian, V: Hamiltonian) -
 
 
 def _points(structure: PoissonStructure) -> list[Any]:
-    """Three points of nothing special."""
-    drawn = np.random.default_rng(7).uniform(0.5, 1.0, size=(3, structure.dim))
-    return [SmallVector.of(y) for y in drawn.tolist()]
+    """Points of nothing special: three of size one in the first octant, then others of many sizes and signs."""
+    rng, n = np.random.default_rng(7), structure.dim
+    drawn = [*rng.uniform(0.5, 1.0, size=(3, n))]
+    for size in (3.0, 0.05, 10.0, 100.0, 1e4):
+        x, signs = size * rng.uniform(0.5, 1.0, size=(2, n)), rng.choice([-1.0, 1.0], size=n)
+        drawn += [x[0], signs * x[1], -signs * x[1]]
+    return [SmallVector.of(y.tolist()) for y in drawn]
+
+
+def _where_defined(velocity: Any, points: list[Any]) -> tuple[list[Any], str]:
+    """The points at which the velocity has a finite value and derivative, and why another one has none."""
+    there, why = [], "it is not finite elsewhere"
+    for y in points:
+        try:
+            v = velocity(y)
+            if np.isfinite([*v, *derivative(velocity, y, v)]).all():
+                there.append(y)
+        except (ArithmeticError, ValueError, TypeError) as error:
+            why = f"at {vec(*y)}: {error}"
+    return there, why
 
 
 def _rests(velocity: Any, y: Any) -> bool:
-    """Is the velocity constant along itself at y, to rounding?"""
+    """Is the velocity constant along itself at y, to rounding, each component beside its own terms?"""
     v = velocity(y)
-    change = np.array(derivative(velocity, y, v), dtype=float)
-    slopes = np.abs(np.array(jacobian(velocity, y), dtype=float)) @ np.abs(np.array(v, dtype=float))
-    return bool((np.abs(change) <= ROUNDING * slopes.max()).all())
+    change = np.abs(np.array(derivative(velocity, y, v), dtype=float))
+    if not change.any():
+        return True
+    terms = np.abs(np.array(jacobian(velocity, y), dtype=float)) @ np.abs(np.array(v, dtype=float))
+    return bool((change <= ROUNDING * terms).all())
+
+
+def _everywhere(rates: np.ndarray, velocity: Any, points: list[Any]) -> bool:
+    """Is this the derivative of the velocity at all points?  Seen along a direction to which every column contributes alike.
+
+    The columns are compared after the rows, for components have units of their own.  Columns of zeros must be zero.
+    """
+    sizes = np.abs(rates)
+    rows = sizes.max(axis=1, keepdims=True)
+    columns = (sizes / np.where(rows > 0.0, rows, 1.0)).max(axis=0)
+    rng, felt = np.random.default_rng(9), columns > 0.0
+    for y in points:
+        weights = rng.uniform(0.5, 1.0, len(columns)) * rng.choice([-1.0, 1.0], len(columns))
+        for direction in (np.where(felt, weights / np.where(felt, columns, 1.0), 0.0), np.where(felt, 0.0, weights)):
+            found = np.array(derivative(velocity, y, SmallVector.of(direction.tolist())), dtype=float)
+            if not (np.abs(found - rates @ direction) <= ROUNDING * (sizes @ np.abs(direction))).all():
+                return False
+    return True

@@ -5,15 +5,16 @@ from __future__ import annotations
 import dataclasses
 import inspect
 from collections.abc import Callable
+from numbers import Real
 from typing import Any, ClassVar
 
-from ..errors import IncompatibleSystem, InvalidInput, InvalidTimeScale, InvalidType, NotDefined
+from ..errors import IncompatibleSystem, InvalidInput, InvalidTimeScale, InvalidType, LiemechError, NotDefined
 from ..formulas import Record, Vec, derivative, dot, gradient, norm, record, sqrt, vec
 from ..formulas.broadcasting import small
 from ..retractions import Exponential
-from .canonical import CanonicalState, HamiltonianSystem
-from .lie_poisson import BodyState
-from .mechanical import MechanicalSystem
+from .canonical import CanonicalState, CanonicalSystem
+from .constrained import ConstrainedSystem
+from .lie_poisson import BodyState, LiePoissonSystem
 from .separable import SeparableSystem
 from .system import State, System
 
@@ -55,6 +56,8 @@ class TimeScale(Record):
         if self.positions:
             return derivative(lambda x: self.value(system, CanonicalState(x, x)), state.q, v)
         f = system.force(state.q, state.p)
+        if isinstance(system, ConstrainedSystem) and (self.parts is None or "p" in self.parts):
+            f = f + system.constraint_force(state.q, state.p)
         return derivative(lambda s: self.value(system, CanonicalState(state.q + s * v, state.p + s * f)), 0.0)
 
     def _later(self, system: Any, t: float, state: Any, s: float) -> Any:
@@ -62,10 +65,11 @@ class TimeScale(Record):
         if not isinstance(state, BodyState):
             return system.moved(Exponential(), state, s * system.rate(t, state))
         mu, g, xi = state.mu, state.g, system.velocity(state.mu)
-        group = system.configurations if isinstance(system, MechanicalSystem) else system.group
+        pushed = not isinstance(system, LiePoissonSystem)  # by a field, or by a constraint
+        group = system.configurations if pushed else system.group
         if self.parts is None or "mu" in self.parts:
             force = group.ad_star(xi, mu)
-            if isinstance(system, MechanicalSystem):
+            if pushed:
                 force = force + vec(*[system.rate(t, state)[group.dim + i] for i in range(group.dim)])
             mu = mu + s * force
         if g is not None and (self.parts is None or "g" in self.parts):
@@ -75,13 +79,22 @@ class TimeScale(Record):
     def bound(self, system: System, start: State) -> TimeScale:
         """This sigma for the motion from a start, on whose energy it may depend.
 
-        Raises IncompatibleSystem for a system it is not made for, InvalidTimeScale unless it is positive at the start.
+        Raises IncompatibleSystem for a system it is not made for, InvalidTimeScale unless it is positive at the start, InvalidType
+        if its value is no number.
         """
         many = start.bodies is not None
         for i in range(start.bodies or 1):
-            value = self.value(system, one_of(start, i) if many else start)
-            if not value > 0.0:
-                raise InvalidTimeScale(f"{self!r} = {value:g} at the start{f' of body {i}' if many else ''}; {POSITIVE}")
+            here = f"at the start{f' of body {i}' if many else ''}"
+            try:
+                value: Any = self.value(system, one_of(start, i) if many else start)
+            except LiemechError:
+                raise
+            except (ArithmeticError, ValueError) as error:
+                raise InvalidTimeScale(f"{self!r} has no value {here} ({error}); {POSITIVE}") from None
+            if not isinstance(value, Real):
+                raise InvalidType(f"{self!r} must be one number; {here} it is {value!r}")
+            if not float(value) > 0.0:
+                raise InvalidTimeScale(f"{self!r} = {float(value):g} {here}; {POSITIVE}")
         return self
 
 
@@ -171,7 +184,7 @@ class DistancePower(TimeScale):
 
     def bound(self, system: System, start: State) -> TimeScale:
         """A canonical system."""
-        if not isinstance(system, HamiltonianSystem):
+        if not isinstance(system, CanonicalSystem):
             raise IncompatibleSystem(
                 f"{self!r} is for systems with positions q; {system!r} has none"
             )
