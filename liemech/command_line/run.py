@@ -14,6 +14,7 @@ import numpy as np
 
 import liemech as lm
 
+from ..simulation.arguments import alike
 from .constructors import read
 from .numbers import duration
 from .options import Parser, count, number, output, picture
@@ -65,7 +66,12 @@ def explained(scene: Scene, record: tuple[str, ...], every: int) -> str:
     known = [name for name, x in scene.start.parts.items() if x is not None]
     essential = [name for name, x in scene.system.essential(scene.start).parts.items() if x is not None]
     lines = [f"{scene.title}: {scene.system!r}", f"  method        {scene.method!r}"]
-    if scene.t_end is None:
+    if scene.system.fictive or scene.method.fictive:
+        end = f"{scene.steps} of them" if scene.t_end is None else f"to t = {scene.t_end:g}"
+        lines.append(f"  steps         of h = {scene.h:g} in fictive time, {end}; one in {every} is kept")
+    elif scene.t_end is not None and scene.h is not None and alike(scene.method):
+        lines.append(f"  steps         of h = {scene.h:g}, all alike, to t = {scene.t_end:g}; one in {every} is kept")
+    elif scene.t_end is None:
         assert scene.steps is not None
         samples = scene.steps // every + 1 + bool(scene.steps % every)
         lines.append(f"  steps         {scene.steps} of h = {scene.h:g}; {samples} samples are kept")

@@ -389,7 +389,7 @@ class ConstrainedLagrangianSystem(ConstrainedSystem):
                     raise InvalidInput(f"{name} is not positive: entry [{i}, {i}] is {m[i, i]:.6g} {at}")
             unit = 1.0 / np.sqrt(np.diag(m))
             m1 = unit[:, None] * m * unit  # with a diagonal of ones: entries in different units can be compared
-            i, j = np.unravel_index(np.argmax(np.abs(m1 - m1.T)), m.shape)
+            i, j = divmod(int(np.argmax(np.abs(m1 - m1.T))), n)
             if not abs(m1[i, j] - m1[j, i]) <= CONSISTENT:
                 raise InvalidInput(
                     f"{name} is not symmetric: entry [{i}, {j}] is {m[i, j]:.6g}, but [{j}, {i}] is {m[j, i]:.6g} {at}. "
