@@ -14,6 +14,9 @@ from .method import Method
 NEARLY = 1e-2
 """The reciprocal of a condition number below which a failing step is blamed on constraints that become dependent."""
 
+FOLD = 2.0**-4
+"""A pivot that falls below this part of what it was: the last correction, quadratic, may err by more than rounding."""
+
 
 @record
 class OnConstraints(Method):
@@ -40,14 +43,17 @@ class OnConstraints(Method):
         singular, the last correction may leave g(there) too large; so g is looked at once more.
         """
         G_there = system.constraint_jacobian(there)
-        for value, row in zip(system.constraint(there), G_there):
-            if not abs(value) <= CONSISTENT * dot(abs(row), abs(q) + abs(there)):
-                raise self._unsolved(system, h, q, p, f"g(q) = {value:.1e} is left; its derivative is nearly singular there")
         products = cross_products(G_there, pushed(system, q, p, G))
         _, turned = eliminated(products, pivots)
+        folding = False
         for now, then in zip(pivots, turned):
             if not now * then > 0.0:
                 raise self._unsolved(system, h, q, p, "the positions found are on another branch of the constraints")
+            folding = folding or abs(then) < FOLD * abs(now)
+        if folding:
+            for value, row in zip(system.constraint(there), G_there):
+                if not abs(value) <= CONSISTENT * dot(abs(row), abs(q) + abs(there)):
+                    raise self._unsolved(system, h, q, p, f"g(q) = {value:.1e} is left; its derivative is nearly singular there")
 
     def _unsolved(self, system: Any, h: float, q: Vec, p: Vec, what: str) -> NoConvergence | InconsistentState:
         """The error of a step that could not be made."""

@@ -61,6 +61,29 @@ def test_a_step_to_the_fold_is_refused() -> None:
         assert done.q[-1, 1] == pytest.approx(h)
 
 
+@record
+class OnATable(lm.SeparableConstrainedSystem):
+    """A mass that rests on a plane through the origin."""
+
+    degrees: ClassVar[int] = 2
+
+    def kinetic(self, p: lm.Vec) -> float:
+        return lm.dot(p, p) / 1.4
+
+    def potential(self, q: lm.Vec) -> float:
+        return 9.81 * q[0] + 0.3 * q[1] * q[1]
+
+    def constraint(self, q: lm.Vec) -> lm.Vec:
+        return vec(q[0])
+
+
+def test_rest_at_the_origin_is_no_fold() -> None:
+    """There all that g(q) could be compared with is zero."""
+    table = OnATable()
+    run = lm.integrate(table, lm.RATTLE(), table.state([0.0, 0.0], [0.0, 0.0]), h=0.1, steps=50, compiled=False)
+    assert np.abs(run.q).max() < 1e-14
+
+
 def test_only_methods_for_any_equation_are_reduced() -> None:
     for method in (lm.RATTLE(), lm.LobattoPair(4), lm.ConstrainedEuler(), lm.Composition(lm.RATTLE())):
         with pytest.raises(InvalidInput, match="keeps the constraints"):
