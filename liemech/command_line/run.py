@@ -84,8 +84,10 @@ def explained(scene: Scene, record: tuple[str, ...], every: int) -> str:
             why = "computed, it is recorded or shown" if name in record else "not computed, nothing shows it"
         lines.append(f"  {name:<13} {why}")
     arrays = {name: np.asarray(x)[None] for name, x in scene.start.arrays.items()}
-    all_constants = list(scene.system.constants(arrays))
-    few = list(scene.system.constants({name: rows for name, rows in arrays.items() if name in record}))
+    whole: Any = scene.system
+    system = whole.system if whole.fictive else whole  # whose constants a run in fictive time tells
+    all_constants = list(system.constants(arrays))
+    few = list(system.constants({name: rows for name, rows in arrays.items() if name in record}))
     lines.append(f"  constants     {', '.join(few) or 'none'}")
     missing = [name for name in all_constants if name not in few]
     if missing:

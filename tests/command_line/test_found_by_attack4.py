@@ -148,6 +148,12 @@ def test_steps_that_are_all_alike_are_explained_as_such() -> None:
     assert "adaptive" in explained(pendulum("t_end = 1.0"), ("q", "p"), 1)
 
 
+def test_steps_in_fictive_time_are_explained(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["run", "comet", "--explain"]) == 0
+    told = capsys.readouterr().out
+    assert "in fictive time" in told and "angular momentum" in told
+
+
 # ---------------------------------------------------------------- checks, and runs that cannot be saved
 
 
