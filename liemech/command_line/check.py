@@ -16,12 +16,16 @@ from .options import Parser
 GROUPS = (lm.SO3(), lm.SE3())
 """Where a retraction is checked."""
 
+BELOW = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, -0.5], [0.0, 0.0, 0.0, 1.0]]).ravel()
+"""The pose of a body that hangs half a metre below its fixed point."""
+
 
 def check(arguments: Sequence[str]) -> int:
     """The command.  Returns the exit status: 0, 1 if a law is broken."""
     parser = Parser(
         prog="liemech check",
-        description="Check the laws of a group, a retraction or a system, or the claims of a method, and print a table.",
+        description="Check the laws of a group, a retraction, a Poisson structure or a system, or the claims of a method; "
+        "print a table.",
         epilog="liemech check my_module:Heisenberg    liemech check 'RigidBody([1.0, 2.0, 2.5])'    liemech check 'RKMK(order=5)'",
     )
     parser.add_argument("what", metavar="module:Class", help="a class of yours, with or without arguments, or one of the library")
@@ -44,6 +48,8 @@ def _reports(thing: Any) -> list[Any]:
         return [lm.check_group(thing, raises=False)]
     if isinstance(thing, lm.Retraction):
         return [lm.check_retraction(thing, group, raises=False) for group in GROUPS]
+    if isinstance(thing, lm.PoissonStructure):
+        return [lm.check_poisson(thing, raises=False)]
     if isinstance(thing, lm.System):
         return [lm.check_system(thing, raises=False)]
     if isinstance(thing, lm.Method):
@@ -53,18 +59,26 @@ def _reports(thing: Any) -> list[Any]:
             except lm.errors.IncompatibleSystem:
                 continue
             return [lm.check_method(thing, system, start, raises=False)]
-        raise lm.errors.InvalidInput(f"{thing!r} accepts none of the systems tried here; call lm.check_method with one of yours")
-    raise lm.errors.InvalidInput(f"{thing!r} is neither a group, a retraction, a system nor a method")
+        raise lm.errors.InvalidInput(
+            f"{thing!r} accepts none of the systems tried here, which are a free body, a top, a planet, a pendulum on a sphere, "
+            "hares and foxes, and a body at a fixed point; call lm.check_method(method, system, start) with a system of yours"
+        )
+    raise lm.errors.InvalidInput(f"{thing!r} is neither a group, a retraction, a system, a Poisson structure nor a method")
 
 
 def _problems() -> list[tuple[Any, Any]]:
-    """Systems on which a method can be checked: a free body, a top, a planet."""
+    """Systems on which a method can be checked: a free body, a top, a planet, and ones for methods that take nothing else."""
     models: Any = lm  # type checkers take fields that a model derives for arguments
     body, planet = models.RigidBody([1.0, 1.5, 2.0]), models.Kepler()
+    ball, species = models.SphericalPendulum(), models.LotkaVolterra()
+    hung = models.Linkage([lm.Link(3.0, [0.1, 0.2, 0.2])], [lm.FixedPoint(0, [0.0, 0.0, 0.5])], 9.81)
     top = models.HeavyTop([1.0, 1.5, 0.7], 1.3, [0.6, 0.0, 0.8])
     return [
         (body, body.state([0.5, 0.3, 0.8], np.eye(3))),
         (body, body.state([0.5, 0.3, 0.8])),
         (top, top.state([0.3, 0.6, 1.1], np.eye(3))),
         (planet, planet.pericentre(0.3)),
+        (ball, ball.consistent([0.8, 0.0, -0.6], [0.0, 1.2, 0.0])),
+        (species, species.state([1.5, 1.0])),
+        (hung, hung.consistent([0.1, 0.2, 0.3, 0.0, 0.0, 0.0], BELOW)),
     ]

@@ -11,6 +11,7 @@ import difflib
 import inspect
 import math
 import sys
+import traceback
 from collections.abc import Mapping
 from importlib import import_module
 from typing import Any
@@ -56,7 +57,12 @@ def imported(module: str, where: str) -> Any:
     except ModuleNotFoundError as missing:
         if missing.name == module.partition(".")[0] or missing.name == module:
             raise lm.errors.InvalidInput(f"{where}: there is no module {module!r} here") from None
-        raise
+        raise lm.errors.InvalidInput(f"{where}: module {module!r} cannot be imported: {missing}") from missing
+    except Exception as wrong:  # whatever the module does when it is loaded
+        place = wrong if isinstance(wrong, SyntaxError) else traceback.extract_tb(wrong.__traceback__)[-1]
+        at = f"{place.filename}, line {place.lineno}"
+        told = f"{type(wrong).__name__}: {getattr(wrong, 'msg', wrong)}".partition("\n")[0]
+        raise lm.errors.InvalidInput(f"{where}: module {module!r} cannot be imported: {told} ({at})") from wrong
 
 
 def names(kind: type) -> list[str]:
@@ -94,11 +100,24 @@ def _value(node: ast.AST, kind: type, where: str, modules: list[Any]) -> Any:
     if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
         values = [_value(argument, lm.Record, where, modules) for argument in node.args]
         if node.func.id == "array":  # as NumPy prints one
-            return np.array(*values)
+            return _array(values, ast.unparse(node), where)
+        if any(k.arg is None for k in node.keywords):
+            raise lm.errors.InvalidInput(f"{where}: {ast.unparse(node)!r}: ** is not read; write the arguments out, name=value")
         cls = _public(node.func.id, kind, where, modules)
         options = {k.arg: _value(k.value, lm.Record, where, modules) for k in node.keywords if k.arg}
         return _call(cls, [_made(v, where) for v in values], {k: _made(v, where) for k, v in options.items()}, where)
     raise lm.errors.InvalidInput(f"{where}: {ast.unparse(node)!r} is neither a number, a list, nor a class of the library")
+
+
+def _array(values: list[Any], text: str, where: str) -> np.ndarray:
+    """The array of a list of numbers, or of rows of the same length."""
+    try:
+        (rows,) = values
+        return np.array(rows, dtype=float)
+    except (TypeError, ValueError):
+        raise lm.errors.InvalidInput(
+            f"{where}: {text!r} is no array; give one list, of numbers or of rows of the same length"
+        ) from None
 
 
 def _made(value: Any, where: str) -> Any:
@@ -141,5 +160,5 @@ def _call(cls: Any, values: Any, options: Mapping[str, Any], where: str) -> Any:
         return cls(*values, **options)
     except lm.errors.LiemechError as wrong:
         raise lm.errors.InvalidInput(f"{where}: {wrong}") from None
-    except TypeError as wrong:
+    except (TypeError, ValueError) as wrong:
         raise lm.errors.InvalidInput(f"{where}: {wrong}; {cls.__name__}{inspect.signature(cls)}") from None

@@ -16,6 +16,9 @@ COMMANDS = {
 }
 """The commands, and the file of each, which is loaded when it is wanted."""
 
+MAIN = "main_job"
+"""The command if none is named, and its file."""
+
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command.
@@ -24,14 +27,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
     if not words or words[0].startswith("-"):
-        from .main_job import main_job
-
-        return main_job(words)
-    name, *options = words
-    if name not in COMMANDS:
-        print(f"liemech: {name!r} is no command; there are {', '.join(COMMANDS)} (--help explains)", file=sys.stderr)
+        words = [MAIN, *words]
+    elif words[0] not in COMMANDS:
+        print(f"liemech: {words[0]!r} is no command; there are {', '.join(COMMANDS)} (--help explains)", file=sys.stderr)
         raise SystemExit(2)
-    command: Callable[[Sequence[str]], int] = getattr(import_module(f".{COMMANDS[name]}", __package__), name)
+    name, *options = words
+    command: Callable[[Sequence[str]], int] = getattr(import_module(f".{COMMANDS.get(name, MAIN)}", __package__), name)
     try:
         return command(options)
     except KeyboardInterrupt:

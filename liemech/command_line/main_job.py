@@ -59,10 +59,11 @@ other commands, each with a --help of its own:
 
 
 def main_job(arguments: Sequence[str] | None = None) -> int:
-    """Run the job.  Returns the exit status: 0, or 1 if a run or the picture failed; bad options exit with 2."""
+    """Run the job.  Returns the exit status: 0; 1 if a run or the picture failed; 130 after Ctrl-C.  Bad options exit with 2."""
     options, parser = parse(arguments)
     every = -(-options.steps // SAMPLES)
     step = {"h": options.h, "steps": options.steps // every * every, "every": every}
+    interrupted = False
     runs: list[tuple[str, lm.Trajectory, float]] = []
     try:
         with warnings.catch_warnings(record=True) as notes:
@@ -74,11 +75,20 @@ def main_job(arguments: Sequence[str] | None = None) -> int:
                 runs.append((name, *timed(lambda m=method: lm.integrate(body, m, start, **step), step["steps"])))  # type: ignore[misc]
             except lm.errors.IntegrationFailure as failure:
                 print(f"{name}: {failure}", file=sys.stderr)
+            except lm.errors.IntegrationInterrupted as stopped:
+                interrupted = True
+                cut = stopped.trajectory
+                print(f"{name}: interrupted at t = {cut.t[-1]:g}; the errors told are those there", file=sys.stderr)
+                if len(cut) > 1:
+                    runs.append((name, cut, math.nan))
+                break
+        if interrupted and not runs:
+            return 130
         t = step["h"] * np.arange(0, step["steps"] + 1, every)
         exact, seconds = timed(lambda: body.exact(start, t), len(t))
     except lm.errors.LiemechError as wrong:
         parser.error(str(wrong))
-    rows = [compare(body, name, run, exact, spent) for name, run, spent in runs]
+    rows = [compare(body, name, run, _until(exact, len(run)), spent) for name, run, spent in runs]
     rows.append(compare(body, "exact", exact, exact, seconds))
     if not options.quiet:
         native = [name for name, run, _ in runs if run.compiled]
@@ -87,9 +97,11 @@ def main_job(arguments: Sequence[str] | None = None) -> int:
             how += f": {'; '.join(native)}.\nThe others ran in plain Python; long runs are compiled"
         print(header(body, start, step, notes), table(rows), f"Steps ran in {how}.", sep="\n\n")
     captions = [f"momentum error {row[1]}\nenergy error {row[3]}" for row in rows]
-    panels = [(name, run.mu, text, exact.mu[-1]) for (name, run, _), text in zip(runs, captions)]
+    panels = [(name, run.mu, text, exact.mu[len(run) - 1]) for (name, run, _), text in zip(runs, captions)]
     page(body, start, [(name, run) for name, run, _ in runs], float(t[-1]), options.out.with_suffix(".html"), options.quiet)
     drawn = draw(body, start, panels, options.out, options.quiet)
+    if interrupted:
+        return 130
     return 0 if drawn and len(runs) == len(options.methods) else 1
 
 
@@ -118,8 +130,14 @@ def compare(body: Any, name: str, run: Any, exact: lm.BodyState, seconds: float)
         short(np.abs(energy - energy[0]).max()),
         short(np.abs(casimir / casimir[0] - 1.0).max()),
         short(np.linalg.norm(spatial - spatial[0], axis=1).max() / np.linalg.norm(spatial[0])),
-        duration(seconds),
+        duration(seconds) if math.isfinite(seconds) else "-",
     )
+
+
+def _until(exact: lm.BodyState, samples: int) -> Any:
+    """The exact motion at the first samples."""
+    whole: Any = exact
+    return lm.BodyState(whole.mu[:samples], whole.g[:samples])
 
 
 # ------------------------------------------------------------------ what is printed

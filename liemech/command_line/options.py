@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import os
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -54,11 +55,14 @@ def picture(text: str, name: str = "rigid_body.png") -> Path:
 
 
 def writable(path: Path) -> Path:
-    """The same file, in a folder that exists then."""
+    """The same file, in a folder that exists then; both may be written."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as refused:
         raise argparse.ArgumentTypeError(f"cannot write there: {refused}") from None
+    if path.is_dir() or not os.access(path if path.exists() else path.parent, os.W_OK):
+        what = "it is a folder" if path.is_dir() else "permission denied"
+        raise argparse.ArgumentTypeError(f"cannot write to {str(path)!r}: {what}")
     return path
 
 

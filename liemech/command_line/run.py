@@ -14,6 +14,7 @@ import numpy as np
 
 import liemech as lm
 
+from ..simulation.arguments import alike
 from .constructors import read
 from .numbers import duration
 from .options import Parser, count, number, output, picture
@@ -65,7 +66,12 @@ def explained(scene: Scene, record: tuple[str, ...], every: int) -> str:
     known = [name for name, x in scene.start.parts.items() if x is not None]
     essential = [name for name, x in scene.system.essential(scene.start).parts.items() if x is not None]
     lines = [f"{scene.title}: {scene.system!r}", f"  method        {scene.method!r}"]
-    if scene.t_end is None:
+    if scene.system.fictive or scene.method.fictive:
+        end = f"{scene.steps} of them" if scene.t_end is None else f"to t = {scene.t_end:g}"
+        lines.append(f"  steps         of h = {scene.h:g} in fictive time, {end}; one in {every} is kept")
+    elif scene.t_end is not None and scene.h is not None and alike(scene.method):
+        lines.append(f"  steps         of h = {scene.h:g}, all alike, to t = {scene.t_end:g}; one in {every} is kept")
+    elif scene.t_end is None:
         assert scene.steps is not None
         samples = scene.steps // every + 1 + bool(scene.steps % every)
         lines.append(f"  steps         {scene.steps} of h = {scene.h:g}; {samples} samples are kept")
@@ -78,8 +84,10 @@ def explained(scene: Scene, record: tuple[str, ...], every: int) -> str:
             why = "computed, it is recorded or shown" if name in record else "not computed, nothing shows it"
         lines.append(f"  {name:<13} {why}")
     arrays = {name: np.asarray(x)[None] for name, x in scene.start.arrays.items()}
-    all_constants = list(scene.system.constants(arrays))
-    few = list(scene.system.constants({name: rows for name, rows in arrays.items() if name in record}))
+    whole: Any = scene.system
+    system = whole.system if whole.fictive else whole  # whose constants a run in fictive time tells
+    all_constants = list(system.constants(arrays))
+    few = list(system.constants({name: rows for name, rows in arrays.items() if name in record}))
     lines.append(f"  constants     {', '.join(few) or 'none'}")
     missing = [name for name in all_constants if name not in few]
     if missing:

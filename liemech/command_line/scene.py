@@ -69,13 +69,13 @@ class Scene:
     def sampling(self, saved: bool) -> int:
         """Every how many steps a state is kept."""
         if self.every is not None or self.steps is None:
-            return self.every or 1
+            return 1 if self.every is None else self.every
         return max(1, -(-self.steps // (SAMPLES if saved else 10 * FRAMES)))
 
     def run(self, record: tuple[str, ...], every: int, progress: bool | None) -> lm.Trajectory:
         """The run; raises what `integrate` raises."""
-        where: dict[str, Any] = {"record": record, "t0": self.t0, "progress": progress}
-        if self.t_end is not None:
-            end: dict[str, Any] = {"t_end": self.t_end, "rtol": self.rtol, "atol": self.atol}
-            return lm.integrate(self.system, self.method, self.start, h=self.h, steps=self.steps, **end, **where)
-        return lm.integrate(self.system, self.method, self.start, h=self.h, steps=self.steps, every=every, **where)
+        asked = {"h": self.h, "steps": self.steps, "t_end": self.t_end, "rtol": self.rtol, "atol": self.atol}
+        given: dict[str, Any] = {name: value for name, value in asked.items() if value is not None}
+        return lm.integrate(
+            self.system, self.method, self.start, **given, every=every, record=record, t0=self.t0, progress=progress
+        )

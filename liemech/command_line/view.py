@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import sys
 import webbrowser
 from collections.abc import Sequence
 from pathlib import Path
 
 import liemech as lm
 
+from .constructors import imported
 from .options import Parser, output
 
 
@@ -21,14 +21,14 @@ def view(arguments: Sequence[str]) -> int:
     add("--modules", nargs="+", default=(), metavar="MODULE", help="where classes of yours are, which the run is made of")
     add("--out", type=output(".html"), metavar="PAGE", help="write the page there, and do not open it")
     options = parser.parse_args(arguments)
-    if "" not in sys.path:
-        sys.path.insert(0, "")  # modules in the folder where the command runs
     try:
         if options.file.suffix == ".html":
             if not options.file.exists():
                 raise lm.errors.InvalidInput(f"{options.file}: there is no such page")
             page = options.file
         else:
+            for module in options.modules:
+                imported(module, "argument --modules")
             run = lm.Trajectory.load(options.file, options.modules)
             scene = lm.viewer.Scene(run, options.show, title=options.file.stem)
             page = scene.save(options.out or options.file.with_suffix(".html"))

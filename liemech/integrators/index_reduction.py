@@ -8,7 +8,9 @@ from ..errors import IncompatibleSystem, InvalidInput, InvalidType
 from ..formulas import plain, record
 from ..systems.canonical import CanonicalState
 from ..systems.constrained import ConstrainedSystem
+from .composition import Composition
 from .method import Method
+from .on_constraints import OnConstraints
 
 
 @record
@@ -37,6 +39,13 @@ class IndexReduction(Method):
             raise InvalidType(f"IndexReduction: method must be a method such as RKMK(order=4); got {self.method!r}")
         if isinstance(self.method, IndexReduction):
             raise InvalidInput(f"IndexReduction: {self.method!r} reduces the index already")
+        if isinstance(self.method.base if isinstance(self.method, Composition) else self.method, OnConstraints):
+            raise InvalidInput(
+                f"IndexReduction: {self.method!r} keeps the constraints; use it as it is, or give a method for any equation, "
+                "such as RKMK(order=4)"
+            )
+        if type(self.project) is not bool:
+            raise InvalidType(f"IndexReduction: project must be True or False; got {self.project!r}")
 
     @property
     def order(self) -> int:

@@ -7,12 +7,15 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..errors import IncompatibleSystem, InconsistentState, NoConvergence
-from ..formulas import Mat, Vec, derivative, mat, record
-from ..systems.constrained import ConstrainedSystem, cross_products, eliminated
+from ..formulas import Mat, Vec, derivative, dot, mat, record
+from ..systems.constrained import CONSISTENT, ConstrainedSystem, cross_products, eliminated
 from .method import Method
 
 NEARLY = 1e-2
 """The reciprocal of a condition number below which a failing step is blamed on constraints that become dependent."""
+
+FOLD = 2.0**-4
+"""A pivot that falls below this part of what it was: the last correction, quadratic, may err by more than rounding."""
 
 
 @record
@@ -36,13 +39,21 @@ class OnConstraints(Method):
     def check_branch(self, system: Any, h: float, q: Vec, there: Vec, p: Vec, G: Mat, pivots: Vec) -> None:
         """Refuse a step to positions that cannot be reached from q, with G there, on the branch that begins at h = 0.
 
-        On it G(there) H_pp G^T is invertible, with pivots of the signs that those of G H_pp G^T have.
+        On it G(there) H_pp G^T is invertible, with pivots of the signs that those of G H_pp G^T have.  Where it is nearly
+        singular, the last correction may leave g(there) too large; so g is looked at once more.
         """
-        products = cross_products(system.constraint_jacobian(there), pushed(system, q, p, G))
+        G_there = system.constraint_jacobian(there)
+        products = cross_products(G_there, pushed(system, q, p, G))
         _, turned = eliminated(products, pivots)
+        folding = False
         for now, then in zip(pivots, turned):
             if not now * then > 0.0:
                 raise self._unsolved(system, h, q, p, "the positions found are on another branch of the constraints")
+            folding = folding or abs(then) < FOLD * abs(now)
+        if folding:
+            for value, row in zip(system.constraint(there), G_there):
+                if not abs(value) <= CONSISTENT * dot(abs(row), abs(q) + abs(there)):
+                    raise self._unsolved(system, h, q, p, f"g(q) = {value:.1e} is left; its derivative is nearly singular there")
 
     def _unsolved(self, system: Any, h: float, q: Vec, p: Vec, what: str) -> NoConvergence | InconsistentState:
         """The error of a step that could not be made."""

@@ -100,6 +100,9 @@ class ChainPendulum(SeparableConstrainedSystem):
     def __post_init__(self) -> None:
         if self.dimension not in (2, 3):
             raise InvalidInput(f"ChainPendulum: dimension is 2 or 3; got {self.dimension!r}")
+        for name, value in (("masses", self.masses), ("lengths", self.lengths)):
+            if np.ndim(value) != 1:
+                raise InvalidInput(f"ChainPendulum: {name} must be a list, a number for each link, such as [1.0]; got {value!r}")
         if len(self.masses) != len(self.lengths) or not len(self.masses):
             raise InvalidInput(
                 f"ChainPendulum: {len(self.masses)} masses and {len(self.lengths)} lengths; each mass has its rod"

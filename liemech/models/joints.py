@@ -10,6 +10,7 @@ from ..errors import InvalidInput, InvalidType, NotDefined
 from ..formulas import Mat, Record, Vec, cross, dot, mat, record, sqrt, vec
 from ..groups.lie_group import LieGroup
 from ..groups.se3 import join
+from ..groups.so3 import SO3
 from ..systems.constraint import Constraint, Rows
 
 GROUND = mat(vec(1.0, 0.0, 0.0, 0.0), vec(0.0, 1.0, 0.0, 0.0), vec(0.0, 0.0, 1.0, 0.0), vec(0.0, 0.0, 0.0, 1.0))
@@ -166,6 +167,15 @@ class PrismaticJoint(Joint):
     at_second: Vec = ORIGIN
     axis: Vec = AXES[2]
     attitude: Mat = mat(*AXES)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        attitude = np.array(self.attitude)
+        if attitude.shape != (3, 3) or not SO3().contains(self.attitude):
+            raise InvalidInput(
+                f"PrismaticJoint: attitude must be a rotation from the second body to the first, (3, 3), R^T R = 1 and det R = 1; "
+                f"got {attitude.tolist()}. SO3().exp(rotation vector) gives one"
+            )
 
     def value(self, g: Mat, k: Mat) -> Vec:
         """The components of x_2 - x_1 across the axis, and three cosines of axes that stay at right angles."""

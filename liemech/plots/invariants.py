@@ -35,13 +35,13 @@ def invariants(
     """
     needs_run(run, "plots.invariants")
     chosen = _names(run, names)
-    ax = plane_axes(ax, title, "time $t$", "relative change")
+    ax = plane_axes(ax, title, _label(run), "relative change")
     if len(run.t) < 2:
         raise InvalidInput("plots.invariants needs at least two samples")
     kept = np.arange(1, len(run.t))[thinned(len(run.t) - 1)]
     for k, name in enumerate(chosen):
-        ax.semilogy(run.t[kept], changes(run, name)[kept], label=name, **look(k))
-    ax.fill_between(run.t[kept], _least(), noise(run)[kept], color="#e9ebef", zorder=0.5, linewidth=0)
+        ax.semilogy(_time(run)[kept], changes(run, name)[kept], label=name, **look(k))
+    ax.fill_between(_time(run)[kept], _least(), noise(run)[kept], color="#e9ebef", zorder=0.5, linewidth=0)
     ax.set_ylim(bottom=_least())
     legend(ax, loc="best")
     return ax
@@ -61,12 +61,12 @@ def drift(
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., IX.8 (long-time energy conservation) and VIII.5.
     """
     found = named_runs(runs, "plots.drift")
-    ax = plane_axes(ax, title, "time $t$", f"{name},\nlargest change so far")
+    ax = plane_axes(ax, title, _label(next(iter(found.values()))), f"{name},\nlargest change so far")
     for k, (label, run) in enumerate(found.items()):
         (name,) = _names(run, (name,))
         if len(run.t) < 2:
             raise InvalidInput("plots.drift needs at least two samples")
-        passed = np.abs(run.t - run.t[0])[1:]
+        passed = np.abs(_time(run) - _time(run)[0])[1:]
         highest = np.maximum.accumulate(changes(run, name))[1:]
         kept = np.unique(np.geomspace(1, len(passed), min(len(passed), 800)).round().astype(int)) - 1
         ax.loglog(passed[kept], highest[kept], label=label or None, **look(k))
@@ -88,8 +88,18 @@ def changes(run: Any, name: str) -> Array:
 
 def noise(run: Any) -> Array:
     """What rounding alone does to a constant until each sample, (n,): EPSILON sqrt(steps)."""
-    passed = np.abs(run.t - run.t[0])
+    passed = np.abs(_time(run) - _time(run)[0])
     return EPSILON * np.sqrt(1.0 + run.steps * passed / (passed[-1] or 1.0))
+
+
+def _time(run: Any) -> Array:
+    """Time, (n,); of an ensemble in fictive time that, which its members share."""
+    return run.t if run.t.ndim == 1 else run.tau
+
+
+def _label(run: Any) -> str:
+    """What `_time` is."""
+    return "time $t$" if run.t.ndim == 1 else r"fictive time $\tau$"
 
 
 def _least() -> float:

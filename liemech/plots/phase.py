@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ..errors import InvalidInput
 from ..models.pendulums import DoublePendulum, Pendulum
-from ..systems.canonical import HamiltonianSystem
+from ..systems.canonical import CanonicalSystem
 from .cloud import colors
 from .style import COLORS, needs_run, part, plane_axes, thinned
 
@@ -61,6 +61,6 @@ def _curve(ax: Axes, q: Array, p: Array, wrap: float | None, color: Any) -> None
 
 def canonical(run: Any, where: str) -> tuple[Array, Array]:
     needs_run(run, where)
-    if not isinstance(run.system, HamiltonianSystem):
+    if not isinstance(run.system, CanonicalSystem):
         raise InvalidInput(f"{where} is for canonical systems, with positions q and momenta p; this run is of {run.system!r}")
     return part(run, "q", where), part(run, "p", where)

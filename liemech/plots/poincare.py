@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InvalidInput
+from ..systems.constrained import ConstrainedSystem
 from .phase import canonical
 from .style import COLORS, plane_axes
 
@@ -22,7 +23,7 @@ def section(
 ) -> tuple[Array, Array, NDArray[np.intp]]:
     """Where a canonical motion pierces the surface q_i = value: positions (m, degrees), momenta (m, degrees), members (m,).
 
-    coordinate : i, from 0.  direction : +1 for crossings with q_i rising, -1 falling, 0 both.
+    coordinate : i, from 0.  direction : +1 for crossings with q_i rising in time, -1 falling, 0 both.
 
     Between two samples the motion is the cubic that has their values and velocities, with an error of fourth order in the time
     between samples; so record every step. Raises InvalidInput for systems that are not canonical.
@@ -36,15 +37,17 @@ def section(
     if run.bodies is None:
         q, p = q[:, None], p[:, None]
     above = q[..., coordinate] - value >= 0.0
-    rises, falls = ~above[:-1] & above[1:], above[:-1] & ~above[1:]
-    k, member = np.nonzero({1: rises, -1: falls}.get(int(np.sign(direction)), rises | falls))
-    h = np.diff(run.t)[k][:, None]
+    t = np.broadcast_to(run.t.reshape(len(q), -1), above.shape)
+    later = np.where(t[-1] >= t[0], 1, -1)  # a run backwards in time has its samples in the order it made them
+    change = (above[1:].astype(int) - above[:-1]) * later
+    k, member = np.nonzero(change == np.sign(direction) if direction else change)
+    h = np.diff(t, axis=0)[k, member][:, None]
     y = np.concatenate([q, p], axis=-1)
     before, after = y[k, member], y[k + 1, member]
     if not len(k):
         return before[:, :n], before[:, n:], member
     rates = [
-        np.concatenate([np.asarray(run.system.velocity(*x)), np.asarray(run.system.force(*x))], axis=-1)
+        np.concatenate([np.asarray(run.system.velocity(*x)), _force(run.system, *x)], axis=-1)
         for x in ((before[:, :n], before[:, n:]), (after[:, :n], after[:, n:]))
     ]
     low, high = np.zeros((len(k), 1)), np.ones((len(k), 1))
@@ -81,6 +84,12 @@ def poincare_section(
         own = member == k
         ax.plot(q[own, shown], p[own, shown], linestyle="none", marker="o", markersize=1.6, color=COLORS[k % len(COLORS)])
     return ax
+
+
+def _force(system: Any, q: Array, p: Array) -> Array:
+    """p', that of the constraints included."""
+    force = np.asarray(system.force(q, p))
+    return force + np.asarray(system.constraint_force(q, p)) if isinstance(system, ConstrainedSystem) else force
 
 
 def _cubic(s: Array, h: Array, y0: Array, y1: Array, f0: Array, f1: Array) -> Array:

@@ -19,7 +19,7 @@ SMALL = 0.1
 
 @dataclass(frozen=True)
 class Kept:
-    """How well one quantity was kept: its size, the largest change, the trend, and how sure the trend is.
+    """How well one quantity was kept: its size, the largest change, that at the end, the trend, and how sure the trend is.
 
     size : at the start.  scale : what changes are divided by: the size, or that of the terms the quantity is the sum of where these
     nearly cancel; 0 if changes are absolute, because everything is zero at the start.
@@ -33,15 +33,22 @@ class Kept:
     spread: float
     duration: float
     samples: int
+    last: float
 
     @property
     def verdict(self) -> str:
-        """`exact` (rounding only), `bounded` (oscillates), `drifting` (the trend dominates), or `changed` (who knows)."""
+        """What can be said of it:
+
+        `exact` (rounding only), `bounded` (oscillates), `drifting` (the trend dominates), `lost` (the run ends with a change as
+        large as the quantity itself, and no trend explains it), or `changed` (who knows).
+        """
         if self.largest <= 1e-12:
             return "exact"
         if self.samples < FEW:
             return "changed"
-        return "drifting" if abs(self.slope) * self.duration > 4.0 * self.spread else "bounded"
+        if abs(self.slope) * self.duration > 4.0 * self.spread:
+            return "drifting"
+        return "lost" if self.scale and self.largest >= 1.0 and self.last >= 0.5 * self.largest else "bounded"
 
     @property
     def measure(self) -> str:
@@ -129,10 +136,11 @@ def _kept(name: str, t: np.ndarray, values: np.ndarray, terms: np.ndarray) -> Ke
     change = (values - values[0]) / unit[..., None]
     largest = np.linalg.norm(change, axis=-1)
     worst = np.unravel_index(np.argmax(largest), largest.shape)[1:]
+    last = float(largest[(-1, *worst)])
     series = change[(slice(None), *worst)]
     component = np.ascontiguousarray(series[:, np.abs(series[-1]).argmax()])
     time = t - t.mean()
     slope = float(time @ component / (time @ time))
     spread = float(np.std(component - slope * time))
     size, scale = (float(np.ldexp(x, exponent)[worst]) for x in (size, scale))
-    return Kept(name, size, scale, float(largest.max()), slope, spread, float(abs(t[-1] - t[0])), len(t))
+    return Kept(name, size, scale, float(largest.max()), slope, spread, float(abs(t[-1] - t[0])), len(t), last)

@@ -35,6 +35,8 @@ CONSISTENT = 2.0**-40
 INDEPENDENT = 2.0**-40
 """Constraints are dependent if what elimination leaves of one of them is below this, relative to what it was."""
 
+EPSILON = float(np.finfo(float).eps)
+
 NEAREST = 12
 """Turns in which Newton's method finds the nearest consistent position; if not, the one across the constraints is taken."""
 
@@ -210,7 +212,7 @@ class ConstrainedSystem(CanonicalSystem):
         is not consistent: it says by how much g(q) and G H_p fail.  `consistent` gives the nearest start that is.
         """
         both, members = self._points(q, p)
-        self._check_constraint(both[0])
+        self._check_formulas(both[0])
         where, one = f"{type(self).__name__}.state", members is None
         q, p = (np.broadcast_to(np.atleast_2d(a), (members or 1, self.degrees)) for a in both)
         self._check_rank(where, q, p, one)
@@ -240,7 +242,7 @@ class ConstrainedSystem(CanonicalSystem):
         Raises InvalidInput as `state` does, and if no such state is found near by.
         """
         both, members = self._points(q, p)
-        self._check_constraint(both[0])
+        self._check_formulas(both[0])
         where, one = f"{type(self).__name__}.consistent", members is None
         q, p = (np.broadcast_to(np.atleast_2d(a), (members or 1, self.degrees)) for a in both)
         self._check_rank(where, q, p, one)
@@ -270,13 +272,18 @@ class ConstrainedSystem(CanonicalSystem):
                 break
         return there, self.tangent(there, p)
 
-    def _check_constraint(self, q: np.ndarray) -> None:
-        """Is `constraint` a vector of numbers?"""
+    def _check_formulas(self, q: np.ndarray) -> None:
+        """Is `constraint` a vector of numbers?  q : (n,), or (members, n)."""
         value = self.constraint(small(np.atleast_2d(q)[0]))
         if not isinstance(value, SmallVec):
             raise InvalidInput(
                 f"{type(self).__name__}.constraint returns {value!r}; it must be a vector, one number for each constraint: "
                 "lm.vec(...)"
+            )
+        if not len(value):
+            raise InvalidInput(
+                f"{type(self).__name__}.constraint returns no number; give at least one constraint. "
+                "Without any, the system is a HamiltonianSystem"
             )
         if len(value) > self.degrees:
             raise InvalidInput(
@@ -365,6 +372,36 @@ class ConstrainedLagrangianSystem(ConstrainedSystem):
     def momentum(self, q: Vec, v: Vec) -> Vec:
         """p = M(q) v, (n,).  q, v : (n,)."""
         return self.mass(q) @ v
+
+    def _check_formulas(self, q: np.ndarray) -> None:
+        """Are the masses symmetric and positive too?
+
+        Source: Horn and Johnson, Matrix Analysis, 2nd ed., theorem 4.5.8 (Sylvester's law of inertia).
+        """
+        super()._check_formulas(q)
+        n, name = self.degrees, f"{type(self).__name__}.mass"
+        for member in np.atleast_2d(q):
+            m, at = np.array(self.mass(small(member))), f"at q = {tuple(np.round(member, 6).tolist())}"
+            if m.shape != (n, n):
+                raise InvalidInput(f"{name} has shape {m.shape}; it must be a matrix, ({n}, {n})")
+            for i in range(n):
+                if not m[i, i] > 0.0:
+                    raise InvalidInput(f"{name} is not positive: entry [{i}, {i}] is {m[i, i]:.6g} {at}")
+            unit = 1.0 / np.sqrt(np.diag(m))
+            m1 = unit[:, None] * m * unit  # with a diagonal of ones: entries in different units can be compared
+            i, j = divmod(int(np.argmax(np.abs(m1 - m1.T))), n)
+            if not abs(m1[i, j] - m1[j, i]) <= CONSISTENT:
+                raise InvalidInput(
+                    f"{name} is not symmetric: entry [{i}, {j}] is {m[i, j]:.6g}, but [{j}, {i}] is {m[j, i]:.6g} {at}. "
+                    "The energy v . M v/2 needs a symmetric matrix, (M + M^T)/2"
+                )
+            values, vectors = np.linalg.eigh(m1)
+            if not values[0] > 2 * n * EPSILON:
+                entries = ", ".join(f"[{i}, {i}]" for i in np.flatnonzero(np.abs(vectors[:, 0]) > 1e-6))
+                raise InvalidInput(
+                    f"{name} is not positive: with rows and columns scaled to a diagonal of ones it has the eigenvalue "
+                    f"{values[0]:.3g} {at}, from the rows and columns of the entries {entries}"
+                )
 
     @final
     def acceleration(self, q: Vec, v: Vec) -> tuple[Vec, Vec]:
