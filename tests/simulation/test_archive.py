@@ -175,6 +175,8 @@ def test_where_a_checkpoint_may_lie(tmp_path: Path) -> None:
 
 PROGRAM = """
 import sys, numpy as np, liemech as lm
+from liemech.simulation import checkpoint
+checkpoint.SHARE = 1e9  # it does nothing but write
 body = lm.RigidBody([1.0, 1.6, 2.3])
 plan = lm.Plan(body, lm.CovariantVariational(lm.Cayley()), 0.05, every=10)
 plan.run(body.state(mu=[0.5, -0.3, 0.75], g=np.eye(3)), steps=10**7, checkpoint=sys.argv[1], checkpoint_every=0.0)
