@@ -83,7 +83,7 @@ class FixedRun:
             self.states[:-1, 0] = [numbers[i] for i in shape.order]
         else:
             self._begin()
-        self.latest = self.out[:1]  # the sample after the last step
+        self.latest, self.held = self.out[:1], self.before  # a sample, and after how many steps it was taken
 
     @property
     def compiled(self) -> bool:
@@ -238,7 +238,7 @@ class FixedRun:
         before = self.states.copy()
         native.run(numbers, (self.before, self.every, samples), (self.states, target))
         if self.taken[0] == self.before + self.steps:
-            self.latest = target[-1:]
+            self.latest, self.held = target[-1:], self.before + self.steps
             return True
         self.states[:] = before  # the loop says why
         return False
@@ -247,7 +247,6 @@ class FixedRun:
         """Step all bodies this far; in how many calls, if in native code?"""
         first, last, after = self._rows(done), self._rows(done + every * samples), self.before + done + every * samples
         target = self.out[first:last] if first < last else np.empty((1, *self.out.shape[1:]))
-        self.latest = target[-1:]
         values = *self.shape.arguments, self.t0, self.h, self.before + done, every, samples
         running = None if self.bodies is None else self.taken[: self.count] == self.before + done
         more = every * samples
@@ -260,6 +259,7 @@ class FixedRun:
         else:
             for i in np.flatnonzero(running & (self.taken[: self.count] < after)):
                 self._once_more(int(i), self.before + done, every, after, target)
+        self.latest, self.held = target[-1:], after
         return calls
 
     def _run(
@@ -355,8 +355,8 @@ class FixedRun:
         for i in stopped:  # the first sample after the failure holds the last state; some later ones nothing
             last = self._rows(int(self.taken[i]) - self.before) if self.taken[i] >= self.before else 0
             self.out[last + 1 : rows, :, i] = self.out[last : last + 1, :, i]
-        carry = None
-        if not stopped or self.taken.max() == reached:
+        carry, ahead = None, self.taken[0] if self.bodies is None else self.taken.max()
+        if ahead == reached == self.held:  # not in the middle of a piece that was interrupted or failed
             memory, shown = self.states[:, : self.count], self.latest[0, :, : self.count].copy()
             carry = Carry(self.shape, self.t0, self.h, reached, self.bodies, memory, shown, self.failures)
         return Trajectory.promised(

@@ -186,3 +186,30 @@ def test_what_a_plan_was_given_is_kept_as_it_was() -> None:
         lm.Plan(BODY, ALGORITHM_1, 0.1, compiled=False).resume(one, steps=1)
     with pytest.raises(lm.errors.InvalidInput, match="has more than samples"):
         lm.Plan(BODY, ALGORITHM_1, 0.1, compiled=False).tangent(START, steps=1).save("run.npz")
+
+
+@lm.record
+class Interrupted(lm.Method):
+    """Ctrl-C in the middle of a piece, once."""
+
+    def step(self, system: Any, t: float, state: Any, h: float) -> Any:
+        if t >= 29.0 and interruptions:
+            raise interruptions.pop()
+        return lm.BodyState(state.mu + lm.vec(1.0, 0.0, 0.0), state.g)
+
+
+interruptions: list[KeyboardInterrupt] = []
+
+
+@pytest.mark.parametrize("bodies", [None, 3])
+def test_an_interrupted_run_goes_on_from_a_sample_that_was_taken(bodies: int | None) -> None:
+    """The first sample of what follows is the last state, not memory that nobody has written to."""
+    interruptions[:] = [KeyboardInterrupt()]
+    mu = [0.0, 0.0, 0.0] if bodies is None else np.zeros((bodies, 3))
+    plan = lm.Plan(BODY, Interrupted(), 1.0, compiled=False)
+    with pytest.raises(lm.errors.IntegrationInterrupted) as caught:
+        plan.run(BODY.state(mu=mu), steps=200)
+    run = caught.value.trajectory  # type: ignore[attr-defined]
+    rest = plan.resume(run, steps=3)
+    assert np.array_equal(rest.mu[..., 0].reshape(4, -1)[:, 0], rest.t)
+    assert np.array_equal(rest.mu[0], run.mu[-1])
