@@ -197,13 +197,8 @@ class Canonical(PoissonStructure):
 
 
 @record
-class ConstantStructure(PoissonStructure):
-    """A structure that is the same everywhere, {y_i, y_j} = b_ij: any skew-symmetric matrix.
-
-    values : B, (n, n).  Its Casimirs are the linear functions k . y with B k = 0.  Raises InvalidInput if B is not skew-symmetric.
-
-    Source: Hairer, Lubich, Wanner, VII.2.2.
-    """
+class _OfMatrix(PoissonStructure):
+    """A structure made of one skew-symmetric matrix, `values`, (n, n), with null vectors, `kernel`, for its Casimirs; abstract."""
 
     values: Mat
     kernel: tuple[Vec, ...] = field(init=False, repr=False)
@@ -223,6 +218,16 @@ class ConstantStructure(PoissonStructure):
         """n less the number of Casimirs."""
         return len(self.values) - len(self.kernel)
 
+
+@record
+class ConstantStructure(_OfMatrix):
+    """A structure that is the same everywhere, {y_i, y_j} = b_ij: any skew-symmetric matrix.
+
+    values : B, (n, n).  Its Casimirs are the linear functions k . y with B k = 0.  Raises InvalidInput if B is not skew-symmetric.
+
+    Source: Hairer, Lubich, Wanner, VII.2.2.
+    """
+
     def matrix(self, y: Vec) -> Mat:
         """The values.  y : (n,)."""
         return self.values
@@ -240,7 +245,7 @@ class ConstantStructure(PoissonStructure):
 
 
 @record
-class LogCanonical(PoissonStructure):
+class LogCanonical(_OfMatrix):
     """A structure that is constant in the logarithms of the coordinates, {y_i, y_j} = c_ij y_i y_j: that of Lotka and Volterra.
 
     values : the skew-symmetric matrix c, (n, n).  Its Casimirs are the products of y_i^k_i with c k = 0, of which this takes the
@@ -249,24 +254,6 @@ class LogCanonical(PoissonStructure):
     Raises InvalidInput if c is not skew-symmetric.  Source: Hairer, Lubich, Wanner, VII.2.2; Plank, J. Math.
     Phys. 36 (1995), 3520.
     """
-
-    values: Mat
-    kernel: tuple[Vec, ...] = field(init=False, repr=False)
-
-    def __post_init__(self) -> None:
-        array = skew(self.values, f"{type(self).__name__}: values")
-        object.__setattr__(self, "kernel", null_vectors(array))
-        super().__post_init__()
-
-    @property
-    def dim(self) -> int:
-        """n."""
-        return len(self.values)
-
-    @property
-    def rank(self) -> int:  # type: ignore[override]
-        """That of c."""
-        return len(self.values) - len(self.kernel)
 
     def matrix(self, y: Vec) -> Mat:
         """c_ij y_i y_j.  y : (n,)."""

@@ -25,12 +25,7 @@ def along(retraction: Any, system: Any, point: Any, curve: Any, given: Any, out:
     coefficients = read(given, point.width, curve)
     theta = read(given, point.width + curve.width, NUMBER)
     moved = attempt(system.moved, retraction, state, theta * horner(coefficients, theta))
-    good = accepted(moved, itself, point)
-    if any_body(good):
-        write(out, 0, moved, point)
-    write(out, point.width, where(good, 1.0, 0.0))
-    if failures is not None and not good:
-        failures.append(reason(moved))
+    told(moved, point, out, failures)
 
 
 def short_step(method: Any, system: Any, point: Any, given: Any, out: Any, failures: Any) -> None:
@@ -38,6 +33,11 @@ def short_step(method: Any, system: Any, point: Any, given: Any, out: Any, failu
     state = read(given, 0, point)
     t, h = read(given, point.width, NUMBER), read(given, point.width + 1, NUMBER)
     moved = attempt(_stepped, method, system, t, state, h)
+    told(moved, point, out, failures)
+
+
+def told(moved: Any, point: Any, out: Any, failures: Any) -> None:
+    """The end of a driver: the state that came of an attempt, and behind it whether it went through."""
     good = accepted(moved, itself, point)
     if any_body(good):
         write(out, 0, moved, point)

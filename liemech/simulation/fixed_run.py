@@ -229,14 +229,13 @@ class FixedRun:
 
     def _at_once(self) -> bool:
         """One call of native code for one body, if that is all there is to do: no bar, no clock, microseconds."""
-        native, samples = self.shape.stepping.native, self.steps // self.every
-        if native is None or self.bodies is not None or not 0 < self.steps <= NATIVE or self.marks is not None:
+        samples, target = self.steps // self.every, self.out[1:]
+        if not self.compiled or self.bodies is not None or not 0 < self.steps <= NATIVE or self.marks is not None:
             return False
         if samples * self.every != self.steps or self.before % self.every or self.plan.progress:
             return False
-        numbers, target = self.shape.constants + array("d", (self.t0, self.h)), self.out[1:]
         before = self.states.copy()
-        native.run(numbers, (self.before, self.every, samples), (self.states, target))
+        self.shape.native_steps(self.t0, self.h, self.before, self.every, samples, self.states, target)
         if self.taken[0] == self.before + self.steps:
             self.latest, self.held = target[-1:], self.before + self.steps
             return True
@@ -426,14 +425,12 @@ class FixedRun:
 def advanced(plan: Steps, carry: Carry, steps: int) -> Carry:
     """Some more steps from where a run stands, without samples between."""
     shape = None if carry.shape is None or carry.bodies is not None else plan.own(carry.shape)
-    native = None if shape is None else shape.stepping.native
-    if shape is None or native is None:
-        return FixedRun(dataclasses.replace(plan, every=max(1, steps)), carry, steps).trajectory().carry
-    numbers, last = carry.numbers.copy(), np.empty_like(carry.last)
-    native.run(shape.constants + array("d", (carry.t0, carry.h)), (carry.step, steps, 1), (numbers, last))
-    if numbers[-1, 0] != carry.step + steps:
-        return FixedRun(dataclasses.replace(plan, every=steps), carry, steps).trajectory().carry  # which says why
-    return Carry(shape, carry.t0, carry.h, carry.step + steps, None, numbers, last)
+    if shape is not None and shape.stepping.native is not None:
+        numbers, last = carry.numbers.copy(), np.empty_like(carry.last)
+        shape.native_steps(carry.t0, carry.h, carry.step, steps, 1, numbers, last)
+        if numbers[-1, 0] == carry.step + steps:
+            return Carry(shape, carry.t0, carry.h, carry.step + steps, None, numbers, last)
+    return FixedRun(dataclasses.replace(plan, every=steps), carry, steps).trajectory().carry  # of a failing step it says why
 
 
 @functools.cache

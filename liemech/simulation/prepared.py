@@ -96,6 +96,11 @@ class Shape:
             numbered = fitted(build(given, iter([1.0 + i for i in range(given.width)])), self.layout)
             self.order = [int(x) - 1 for x in leaves(numbered, self.layout)]
 
+    def native_steps(self, t0: float, h: float, first: int, every: int, samples: int, states: np.ndarray, out: np.ndarray) -> None:
+        """`fixed_steps` of one body, in native code that is there."""
+        native: Any = self.stepping.native
+        native.run(self.constants + array("d", (t0, h)), (first, every, samples), (states, out))
+
     def beginning(self, steps: Steps) -> Execution:
         """Who runs `begin`."""
         if self._beginning is None:

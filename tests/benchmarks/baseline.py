@@ -7,6 +7,7 @@ import re
 import shutil
 import subprocess
 import tempfile
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -128,3 +129,22 @@ def _load(contraction: str, path: Path) -> Baseline:
     library = ctypes.CDLL(str(path))
     library.advance.restype = ctypes.c_long
     return Baseline(contraction, path, library.simd_width(), library)
+
+
+def plain_c(source: Path, defines: Mapping[str, object], contraction: str, folder: Path) -> ctypes.CDLL | None:
+    """A library of plain C, compiled for these definitions, with or without fused multiply-add; None without a compiler."""
+    compiler = os.environ.get("CC") or shutil.which("gcc")
+    if not compiler:
+        return None
+    name = hashlib.sha256(repr((sorted(defines.items()), contraction)).encode()).hexdigest()[:16]
+    flags = [f for f in FLAGS if not f.startswith("-std")]
+    values = [f"-D{key}={value}" for key, value in defines.items()]
+    path = folder / f"{source.stem}-{name}.so"
+    command = [compiler, *flags, f"-ffp-contract={contraction}", *values, str(source), "-o", str(path), "-lm"]
+    subprocess.run(command, check=True)
+    return ctypes.CDLL(str(path))
+
+
+def listed(numbers: Iterable[float]) -> str:
+    """Numbers as C has them in braces."""
+    return ",".join(map(repr, numbers))

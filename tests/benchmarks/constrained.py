@@ -5,9 +5,6 @@
 
 import ctypes
 import importlib
-import os
-import shutil
-import subprocess
 import tempfile
 import time
 from pathlib import Path
@@ -56,14 +53,8 @@ class C:
 
 
 def compiled(contraction: str, folder: Path) -> Any:
-    """The C; None without a compiler."""
-    compiler = os.environ.get("CC") or shutil.which("gcc")
-    if not compiler:
-        return None
-    path = folder / f"constrained-{contraction}.so"
-    flags = [f for f in baseline.FLAGS if not f.startswith("-std")]
-    subprocess.run([compiler, *flags, f"-ffp-contract={contraction}", str(SOURCE), "-o", str(path), "-lm"], check=True)
-    return ctypes.CDLL(str(path))
+    """The C of both systems; None without a compiler."""
+    return baseline.plain_c(SOURCE, {}, contraction, folder)
 
 
 def steps_beside_c(repetitions: int, duration: float) -> list[dict[str, Any]]:

@@ -4,9 +4,6 @@
 """
 
 import ctypes
-import os
-import shutil
-import subprocess
 import tempfile
 from pathlib import Path
 from typing import Any
@@ -46,18 +43,11 @@ class C:
 
 def compiled(method: Any, contraction: str, folder: Path) -> Any:
     """The C of a method; None without a compiler."""
-    compiler = os.environ.get("CC") or shutil.which("gcc")
-    if not compiler:
-        return None
     gamma = method.tableau.gamma if isinstance(method, lm.Composition) else (1.0,)
     tableau = method.tableau_for(SPECIES) if isinstance(method, lm.Splitting) else STRANG
-    path = folder / f"{len(gamma)}-{len(tableau.drifts)}-{tableau.order}-{contraction}.so"
-    values = {"GAMMA": gamma, "KICKS": tableau.kicks, "DRIFTS": tableau.drifts}
-    defines = [f"-DSTAGES={len(tableau.drifts)}", *[f"-D{name}={','.join(map(repr, row))}" for name, row in values.items()]]
-    flags = [f for f in baseline.FLAGS if not f.startswith("-std")]
-    command = [compiler, *flags, f"-ffp-contract={contraction}", *defines, str(SOURCE)]
-    subprocess.run([*command, "-o", str(path), "-lm"], check=True)
-    return ctypes.CDLL(str(path))
+    rows = {"GAMMA": gamma, "KICKS": tableau.kicks, "DRIFTS": tableau.drifts}
+    defines = {"STAGES": len(tableau.drifts), **{name: baseline.listed(row) for name, row in rows.items()}}
+    return baseline.plain_c(SOURCE, defines, contraction, folder)
 
 
 def main() -> None:

@@ -4,9 +4,6 @@
 """
 
 import ctypes
-import os
-import shutil
-import subprocess
 import tempfile
 from pathlib import Path
 from typing import Any
@@ -43,21 +40,9 @@ class C:
 
 def compiled(tableau: SplittingTableau, contraction: str, folder: Path) -> Any:
     """The C of a tableau; None without a compiler."""
-    compiler = os.environ.get("CC") or shutil.which("gcc")
-    if not compiler:
-        return None
-    path = folder / f"{tableau.order}-{tableau.stages}-{contraction}.so"
-    values = {
-        "STAGES": len(tableau.drifts),
-        "KICKS": ",".join(map(repr, tableau.kicks)),
-        "DRIFTS": ",".join(map(repr, tableau.drifts)),
-        "CARRIES": int(tableau.carries_force),
-    }
-    flags = [f for f in baseline.FLAGS if not f.startswith("-std")]
-    defines = [f"-D{name}={value}" for name, value in values.items()]
-    command = [compiler, *flags, f"-ffp-contract={contraction}", *defines, str(SOURCE)]
-    subprocess.run([*command, "-o", str(path), "-lm"], check=True)
-    return ctypes.CDLL(str(path))
+    rows = {"KICKS": baseline.listed(tableau.kicks), "DRIFTS": baseline.listed(tableau.drifts)}
+    defines = {"STAGES": len(tableau.drifts), "CARRIES": int(tableau.carries_force), **rows}
+    return baseline.plain_c(SOURCE, defines, contraction, folder)
 
 
 def steps_beside_c(repetitions: int, duration: float) -> list[dict[str, Any]]:

@@ -5,9 +5,6 @@
 
 import ctypes
 import importlib
-import os
-import shutil
-import subprocess
 import tempfile
 import time
 from collections.abc import Callable
@@ -55,20 +52,8 @@ class C:
 
 def library(tableau: SplittingTableau, contraction: str, folder: Path) -> Any:
     """The C of a tableau; None without a compiler."""
-    compiler = os.environ.get("CC") or shutil.which("gcc")
-    if not compiler:
-        return None
-    path = folder / f"{tableau.order}-{contraction}.so"
-    values = {
-        "STAGES": len(tableau.drifts),
-        "KICKS": ",".join(map(repr, tableau.kicks)),
-        "DRIFTS": ",".join(map(repr, tableau.drifts)),
-    }
-    flags = [f for f in baseline.FLAGS if not f.startswith("-std")]
-    defines = [f"-D{name}={value}" for name, value in values.items()]
-    command = [compiler, *flags, f"-ffp-contract={contraction}", *defines, str(SOURCE)]
-    subprocess.run([*command, "-o", str(path), "-lm"], check=True)
-    return ctypes.CDLL(str(path))
+    rows = {"KICKS": baseline.listed(tableau.kicks), "DRIFTS": baseline.listed(tableau.drifts)}
+    return baseline.plain_c(SOURCE, {"STAGES": len(tableau.drifts), **rows}, contraction, folder)
 
 
 def steps_beside_c(repetitions: int, duration: float) -> list[dict[str, Any]]:
