@@ -245,10 +245,10 @@ def test_samples_between_steps_have_the_order_of_the_method() -> None:
 
 def test_ensembles_are_sampled_like_their_members() -> None:
     plan = lm.Plan(BODY, Limited(), 1.0, compiled=False)
-    starts, times = BODY.state(mu=[[0.0, 0.0, 0.0], [7.0, 0.0, 0.0]]), [0.5, 3.0, 4.5]
+    starts, times = BODY.state(mu=[[0.0, 0.0, 0.0], [7.0, 0.0, 0.0]]), [0.5, 3.0, 3.5, 4.5]
     with pytest.warns(RuntimeWarning, match="body 1 after 3 steps"):
         run = plan.run(starts, steps=5, t_eval=times)
-    assert run.mu[:, :, 0].T.tolist() == [[1.0, 3.0, 5.0], [8.0, 10.0, 10.0]]  # a short step counts as one
+    assert run.mu[:, :, 0].T.tolist() == [[1.0, 3.0, 4.0, 5.0], [8.0, 10.0, 10.0, 10.0]]  # a short step counts as one
 
 
 # ------------------------------------------------------------------ events
