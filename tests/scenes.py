@@ -6,13 +6,13 @@ import json
 import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
 
 import liemech as lm
-from liemech.formulas import cos, sin, vec
+from liemech.formulas import cos, sin, sqrt, vec
 from liemech.systems.group_equation import GroupEquation, LinearGroupEquation
 
 REFERENCES = Path(__file__).parent / "reference"
@@ -254,3 +254,31 @@ class PlaneMotions(lm.LieGroup):
             g[0, 0] * xi[1] + g[0, 1] * xi[2] + g[1, 2] * xi[0],
             g[1, 0] * xi[1] + g[1, 1] * xi[2] - g[0, 2] * xi[0],
         )
+
+
+@lm.record
+class Relativistic(lm.SeparableSystem):
+    """A relativistic particle in an anharmonic well: T is not quadratic, and no derivative is written."""
+
+    degrees: ClassVar[int] = 2
+    c: float = 2.0
+
+    def kinetic(self, p: lm.Vec) -> float:
+        return self.c * sqrt(self.c * self.c + p @ p)
+
+    def potential(self, q: lm.Vec) -> float:
+        return 0.5 * (q @ q) + 0.1 * q[0] ** 4
+
+
+@lm.record
+class Oscillator(lm.SeparableSystem):
+    """H = (p^2 + w^2 q^2)/2."""
+
+    degrees: ClassVar[int] = 1
+    w: float
+
+    def kinetic(self, p: lm.Vec) -> float:
+        return 0.5 * p[0] * p[0]
+
+    def potential(self, q: lm.Vec) -> float:
+        return 0.5 * self.w * self.w * q[0] * q[0]

@@ -26,7 +26,7 @@ from scenes import (
 
 import liemech as lm
 
-REFERENCE = json.loads((Path(__file__).parent / "reference" / "integrator_steps_so3.json").read_text())
+REFERENCE = json.loads((Path(__file__).parent.parent / "reference" / "integrator_steps_so3.json").read_text())
 pytestmark = pytest.mark.filterwarnings("ignore::liemech.errors.StepWarning")
 BOTH = pytest.mark.parametrize("method", [EXP, CAYLEY], ids=named)
 COUNTS = {EXP: (40, 80, 160, 320), CAYLEY: (160, 320, 640, 1280)}

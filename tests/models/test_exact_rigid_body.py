@@ -14,7 +14,7 @@ import pytest
 from liemech.models.exact_rigid_body import exact_rigid_body, momentum_period
 
 EPS = np.finfo(float).eps
-REFERENCE = Path(__file__).parent / "reference"
+REFERENCE = Path(__file__).parent.parent / "reference"
 
 
 # --- an independent solution: Taylor series of mu' = mu x w, r' = r x w (r a row of g), in integers scaled by 2^BITS --
@@ -357,4 +357,4 @@ def test_finite_in_finite_out(J):
 
 def test_scipy_is_loaded_only_when_needed():
     code = "import sys, liemech.models.exact_rigid_body; assert 'scipy' not in sys.modules"
-    subprocess.run([sys.executable, "-c", code], check=True, cwd=Path(__file__).parents[1])
+    subprocess.run([sys.executable, "-c", code], check=True, cwd=Path(__file__).parents[2])

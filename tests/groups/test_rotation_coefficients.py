@@ -17,7 +17,7 @@ from liemech.formulas import Vec, dot
 from liemech.groups import rotation_coefficients as code
 
 EPS = 2.0**-52
-DERIVATION = Path(__file__).parents[1] / "docs" / "derivations" / "rotation_polynomials.py"
+DERIVATION = Path(__file__).parents[2] / "docs" / "derivations" / "rotation_polynomials.py"
 derivation = runpy.run_path(str(DERIVATION))
 POLYNOMIALS = derivation["POLYNOMIALS"]
 TERMS = derivation["TERMS"]

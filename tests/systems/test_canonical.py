@@ -18,7 +18,7 @@ from liemech.models.kepler import Kepler, kepler_equation
 from liemech.models.pendulums import DoublePendulum, Pendulum
 from liemech.systems.canonical import CanonicalState, HamiltonianSystem
 
-REFERENCE = Path(__file__).parent / "reference"
+REFERENCE = Path(__file__).parent.parent / "reference"
 MODELS = (Pendulum(1.2, 0.8, 3.0), DoublePendulum([1.0, 0.5], [1.0, 0.8], 9.81), HenonHeiles(0.7), Kepler(2.0))
 EACH = pytest.mark.parametrize("model", MODELS, ids=lambda model: type(model).__name__)
 

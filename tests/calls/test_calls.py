@@ -15,7 +15,7 @@ def test_calls_end_with_a_result_or_with_an_error_that_says_what_is_wrong() -> N
 
 @pytest.mark.slow
 def test_many_calls_end_with_a_result_or_with_an_error_that_says_what_is_wrong() -> None:
-    """A thousand here; all by `python tests/fuzz_calls.py 20000 6`."""
+    """A thousand here; all by `python tests/calls/fuzz_calls.py 20000 6`."""
     assert fuzz_calls.failures(1_000, seed=6) == []
 
 

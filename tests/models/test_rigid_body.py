@@ -12,7 +12,7 @@ from scenes import METHODS, RKMK4, asymmetric_body, named, quiet_body, rotation,
 
 import liemech as lm
 
-REFERENCE = Path(__file__).parent / "reference"
+REFERENCE = Path(__file__).parent.parent / "reference"
 ALL = pytest.mark.parametrize("method", METHODS, ids=named)
 
 

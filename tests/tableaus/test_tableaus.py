@@ -512,7 +512,7 @@ def test_what_is_worked_out_later_belongs_to_no_comparison() -> None:
 
 def test_the_table_in_the_documentation_is_complete() -> None:
     """One row for each: name, order, stages, whether and how its error is estimated, the order in between."""
-    page = Path(__file__).parent.parent / "docs" / "tableaus.md"
+    page = Path(__file__).parent.parent.parent / "docs" / "tableaus.md"
     lines = [line for line in page.read_text(encoding="utf-8").splitlines() if line.startswith("| ")]
     found = {row[0]: row[1:5] for row in ([cell.strip() for cell in line.split("|")[1:]] for line in lines)}
     for t in TABLEAUS.values():

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 from scenes import (
     Driven,
+    Oscillator,
+    Relativistic,
     SteeredFromSpace,
     asymmetric_body,
     falling_body,
@@ -16,7 +18,6 @@ from scenes import (
     lagrange_top,
     orbiting_body,
 )
-from test_separable import Oscillator, Relativistic
 
 import liemech as lm
 from liemech.checks import check_system

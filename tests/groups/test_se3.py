@@ -19,7 +19,7 @@ from liemech.systems.kinetic_energy import KineticEnergy
 
 G, R3 = SE3(), lm.SO3()
 EPS = np.finfo(float).eps
-REFERENCE = Path(__file__).parent / "reference"
+REFERENCE = Path(__file__).parent.parent / "reference"
 MAPS = json.loads((REFERENCE / "lie_maps_se3.json").read_text())["SE3"]
 KIRCHHOFF = json.loads((REFERENCE / "kirchhoff_se3.json").read_text())
 UNITS = np.eye(6)

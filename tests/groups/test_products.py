@@ -18,7 +18,7 @@ import liemech as lm
 from liemech.groups.representations import AdjointAction, Representation, RotationAction
 
 EPS = 2.0**-52
-HEAVY_TOP = json.loads((Path(__file__).parent / "reference" / "heavy_top.json").read_text())
+HEAVY_TOP = json.loads((Path(__file__).parent.parent / "reference" / "heavy_top.json").read_text())
 
 SO3, SE3, Q, SL2 = lm.SO3(), lm.SE3(), lm.UnitQuaternions(), lm.SL(2)
 RIGID = lm.SemidirectProduct(SO3)

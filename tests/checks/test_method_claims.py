@@ -14,13 +14,13 @@ import pytest
 from scenes import (
     Driven,
     DrivenFromSpace,
+    Relativistic,
     Steered,
     asymmetric_body,
     heavy_top,
     kirchhoff_body,
     orbiting_body,
 )
-from test_separable import Relativistic
 
 import liemech as lm
 from liemech.checks import Report, check_method

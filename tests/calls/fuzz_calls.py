@@ -1,7 +1,8 @@
 """Random calls of every public method of every shipped group, algebra, action, retraction, system, energy: whatever people pass.
 
 A call ends well if it gives finite numbers of the right shape, or an error of this package that names the method and an argument
-(a TypeError of Python's own if the number of arguments is wrong).  Run `python tests/fuzz_calls.py [count] [seed]` for a report.
+(a TypeError of Python's own if the number of arguments is wrong).
+Run `python tests/calls/fuzz_calls.py [count] [seed]` for a report.
 """
 
 from __future__ import annotations

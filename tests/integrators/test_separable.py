@@ -9,46 +9,18 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
-from scenes import same_bits
+from scenes import Oscillator, Relativistic, same_bits
 
 import liemech as lm
 from liemech.errors import IncompatibleSystem, InvalidInput, InvalidType, LawViolation
-from liemech.formulas import cos, record, sin, sqrt, vec
+from liemech.formulas import cos, record, sin, vec
 from liemech.tableaus import KAHAN_LI6, KAHAN_LI8, RUTH3, STRANG, SplittingTableau, suzuki
 
-PENDULUM = json.loads((Path(__file__).parent / "reference" / "pendulum.json").read_text())
+PENDULUM = json.loads((Path(__file__).parent.parent / "reference" / "pendulum.json").read_text())
 GALAXY = lm.HenonHeiles()
 STAR = GALAXY.state([0.1, 0.2], [0.3, -0.2])
 Q, P = np.array(STAR.q), np.array(STAR.p)
 PLANETS = lm.Kepler()
-
-
-@record
-class Relativistic(lm.SeparableSystem):
-    """A relativistic particle in an anharmonic well: T is not quadratic, and no derivative is written."""
-
-    degrees: ClassVar[int] = 2
-    c: float = 2.0
-
-    def kinetic(self, p: lm.Vec) -> float:
-        return self.c * sqrt(self.c * self.c + p @ p)
-
-    def potential(self, q: lm.Vec) -> float:
-        return 0.5 * (q @ q) + 0.1 * q[0] ** 4
-
-
-@record
-class Oscillator(lm.SeparableSystem):
-    """H = (p^2 + w^2 q^2)/2."""
-
-    degrees: ClassVar[int] = 1
-    w: float
-
-    def kinetic(self, p: lm.Vec) -> float:
-        return 0.5 * p[0] * p[0]
-
-    def potential(self, q: lm.Vec) -> float:
-        return 0.5 * self.w * self.w * q[0] * q[0]
 
 
 def plain(

@@ -17,7 +17,7 @@ from liemech.formulas import cos, sin, vec
 from liemech.tableaus import gauss, radau_iia
 from liemech.tableaus.tableau import ButcherTableau
 
-REFERENCE = json.loads((Path(__file__).parent / "reference" / "integrator_steps_so3.json").read_text())
+REFERENCE = json.loads((Path(__file__).parent.parent / "reference" / "integrator_steps_so3.json").read_text())
 HEUN3 = ButcherTableau("Heun 3", 3, ((), (1 / 3,), (0, 2 / 3)), (1 / 4, 0, 3 / 4), (0, 1 / 3, 2 / 3))
 COUNTS = {1: (800, 1600, 3200), 2: (80, 160, 320, 640), 3: (40, 80, 160, 320), 4: (20, 40, 80, 160)}
 

@@ -17,7 +17,7 @@ import liemech as lm
 
 G = lm.SO3()
 EPS = np.finfo(float).eps
-MAPS = json.loads((Path(__file__).parent / "reference" / "lie_maps.json").read_text())["SO3"]
+MAPS = json.loads((Path(__file__).parent.parent / "reference" / "lie_maps.json").read_text())["SO3"]
 UNITS = np.eye(3)
 
 

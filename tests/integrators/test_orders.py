@@ -1,6 +1,6 @@
 """Every order, measured: all methods on all problems, momentum and attitude apart.
 
-`python tests/test_orders.py --write` puts the table into docs/verification.md; `--print` only shows it.
+`PYTHONPATH=tests python tests/integrators/test_orders.py --write` puts the table into docs/verification.md; `--print` only shows it.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from liemech.tableaus import (
     radau_iia,
 )
 
-TOP = json.loads((Path(__file__).parent / "reference" / "heavy_top.json").read_text())
+TOP = json.loads((Path(__file__).parent.parent / "reference" / "heavy_top.json").read_text())
 
 
 # ---------------------------------------------------------------- problems
