@@ -9,13 +9,13 @@ import numpy as np
 from ..errors import InvalidType, NotDefined
 from ..formulas import Record, Vec, gradient, record, vec
 from ..groups.lie_group import LieGroup
-from .canonical import CanonicalState, CanonicalSystem
+from .canonical import CanonicalState, PhaseSpace
 from .lie_poisson import BodyState, LiePoissonSystem, body_state
 from .system import System
 
 
 @record
-class DrivenHamiltonianSystem(CanonicalSystem):
+class DrivenHamiltonianSystem(PhaseSpace):
     """Hamilton's equations in R^2n for an energy that changes with time, q' = dH/dp(t, q, p), p' = -dH/dq(t, q, p).
 
     1. A subclass writes `energy(t, q, p)`, as a formula, and says its number of `degrees` of freedom, n.  Its fields are the
@@ -28,15 +28,15 @@ class DrivenHamiltonianSystem(CanonicalSystem):
 
     instead: ClassVar[str] = "HamiltonJacobi(order=4) keeps its symplectic form, RKMK accepts every system"
 
-    def energy(self, t: float, q: Vec, p: Vec) -> float:  # type: ignore[override]
+    def energy(self, t: float, q: Vec, p: Vec) -> float:
         """H(t, q, p).  q, p : (n,)."""
         raise NotDefined(f"{type(self).__name__} must define `energy`")
 
-    def velocity(self, t: float, q: Vec, p: Vec) -> Vec:  # type: ignore[override]
+    def velocity(self, t: float, q: Vec, p: Vec) -> Vec:
         """The velocity q' = dH/dp, (n,).  q, p : (n,)."""
         return gradient(lambda x: self.energy(t, q, x), p)
 
-    def force(self, t: float, q: Vec, p: Vec) -> Vec:  # type: ignore[override]
+    def force(self, t: float, q: Vec, p: Vec) -> Vec:
         """The force p' = -dH/dq, (n,).  q, p : (n,)."""
         return -gradient(lambda x: self.energy(t, x, p), q)
 
