@@ -38,7 +38,7 @@ class HamiltonJacobi(Method):
     For any energy H(q, p) or H(t, q, p), separable or not, and any number of degrees of freedom.  Order 1 of the kind "qP",
     G = q.P - h H(q, P), is the symplectic Euler method, with H_q and H_p at (q, P).
 
-    order : 1 to 10; of the kinds "qQ" and "pP" 1 to 6.  kind : the variables of the generating function.
+    order : 1 to 10; of the kinds "qQ" and "pP" 1 to 4.  kind : the variables of the generating function.
     adjoint : the inverse of the method with -h; of the kind "qP" it is the one of the old q and the new p.
     "qQ" and "pP" have no generating function at h = 0, where new and old are the same and not independent.  G is expanded in h for a
     fixed mean velocity (q - Q)/h, or a fixed mean force.
@@ -227,7 +227,7 @@ class SymmetricHamiltonJacobi(Method):
 
         Phi_h = Phi*_(h/2) o Phi_(h/2),   Phi*_h = (Phi_-h)^-1
 
-    order : 2, 4, 6, 8 or 10; of the kinds "qQ" and "pP" 2, 4 or 6.  kind : "qP", "qQ" or "pP", as of HamiltonJacobi.
+    order : 2, 4, 6, 8 or 10; of the kinds "qQ" and "pP" 2 or 4.  kind : "qP", "qQ" or "pP", as of HamiltonJacobi.
     Order 2 of a separable energy is the Stormer-Verlet method.  Both halves are expanded about the middle of the step.
     Symplectic; `Composition` takes it further.  Raises NoConvergence if the step is too large.
 
@@ -272,7 +272,7 @@ class SymmetricHamiltonJacobi(Method):
 
 # ---------------------------------------------------------------------- kinds
 
-HIGHEST = {"qP": ORDERS[1], "qQ": 6, "pP": 6}
+HIGHEST = {"qP": ORDERS[1], "qQ": 4, "pP": 4}
 """The highest order of a kind: those that start from a Legendre transform take longer to compile."""
 
 FOLDS = {

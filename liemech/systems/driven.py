@@ -10,6 +10,7 @@ from ..errors import InvalidType, NotDefined
 from ..formulas import Record, Vec, gradient, record, vec
 from ..groups.lie_group import LieGroup
 from .canonical import CanonicalState, PhaseSpace
+from .hamiltonian import Hamiltonian
 from .lie_poisson import BodyState, LiePoissonSystem, body_state
 from .system import System
 
@@ -80,6 +81,25 @@ class DrivenHamiltonian(Record):
 
 
 @record
+class Frozen(Hamiltonian):
+    """A driven energy as it is at one time, H(mu) = K(time, mu).
+
+    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., 13.7.
+    """
+
+    driven: DrivenHamiltonian
+    time: float
+
+    def energy(self, mu: Vec) -> float:
+        """K(time, mu).  mu : (dim,)."""
+        return self.driven.energy(self.time, mu)
+
+    def gradient(self, mu: Vec) -> Vec:
+        """dK/dmu.  mu : (dim,)."""
+        return self.driven.gradient(self.time, mu)
+
+
+@record
 class DrivenLiePoissonSystem(System):
     """Motion on the dual of a Lie algebra by an energy that changes with time, mu' = ad*_xi mu with xi = dK/dmu(t, mu), g' = g xi.
 
@@ -114,6 +134,10 @@ class DrivenLiePoissonSystem(System):
     def rate(self, t: float, state: BodyState) -> Vec:
         """The body velocity."""
         return self.velocity(t, state.mu)
+
+    def at(self, t: float) -> LiePoissonSystem:
+        """The free system whose energy is for ever what this one's is at time t.  Raises InvalidInput as LiePoissonSystem does."""
+        return LiePoissonSystem(self.group, Frozen(self.hamiltonian, t))
 
     # momenta and attitudes move as those of a free body
 
