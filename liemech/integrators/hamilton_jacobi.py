@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import cached_property
 from typing import Any, ClassVar
 
-from ..errors import IncompatibleSystem, InvalidInput, InvalidType, NoConvergence
+from ..errors import IncompatibleSystem, InvalidInput, InvalidType, NoConvergence, OutsideChart
 from ..formulas import Mat, Vec, dot, jacobian, plain, record, sqrt, vec
 from ..formulas.series import Series
 from ..retractions import Exponential
@@ -40,8 +40,8 @@ class HamiltonJacobi(Method):
 
     order : 1 to 10; of the kinds "qQ" and "pP" 1 to 4.  kind : the variables of the generating function.
     adjoint : the inverse of the method with -h; of the kind "qP" it is the one of the old q and the new p.
-    "qQ" and "pP" have no generating function at h = 0, where new and old are the same and not independent.  G is expanded in h for a
-    fixed mean velocity (q - Q)/h, or a fixed mean force.
+    "qQ" and "pP" have no generating function at h = 0, where new and old are the same and not independent.  G is expanded in h
+    for a fixed mean velocity (q - Q)/h, or a fixed mean force.
     Symplectic, not symmetric (SymmetricHamiltonJacobi is): the energy oscillates without drift.  H must be analytic along a step.
     Raises NoConvergence if the step is too large for the equation to be solved.
 
@@ -95,7 +95,9 @@ class HamiltonJacobi(Method):
             pass
         else:
             if singular:
-                raise IncompatibleSystem(f"{self!r}: {DEGENERATE[self.kind].format(system)}. HamiltonJacobi(kind='qP') always exists")
+                raise IncompatibleSystem(
+                    f"{self!r}: {DEGENERATE[self.kind].format(system)}. HamiltonJacobi(kind='qP') always exists"
+                )
 
     # ---------------------------------------------------------------- one step
 
@@ -114,6 +116,11 @@ class HamiltonJacobi(Method):
         The Taylor method T of this order undoes Q(q) = dG/dP(h, q, P) up to h^(order + 1).  So with q = T(Q + w) the iteration
         w <- w - (Q(T(Q + w)) - Q) gains about as many digits in each turn as the first guess, T(Q), has.
         """
+        if self.kind != "qP" and h == 0.0:
+            raise OutsideChart(
+                f"{self!r}: the identity, the step with h = 0, has no generating function of {self.kind[0]} and {self.kind[1]}: "
+                "the two are the same then, not independent. That of kind 'qP' is q.P"
+            )
         w = 0.0 * (x if self.kind == "qP" and not self.adjoint else y)
         change = vec(*w, *w)
         size, before, scale, last = 0.0, 0.0, 0.0, False
@@ -133,7 +140,7 @@ class HamiltonJacobi(Method):
         return change
 
     def _tried(self, system: Any, t: float, h: float, x: Vec, y: Vec, w: Vec) -> tuple[Vec, Vec, float]:
-        """With this w: the change of (x, y), the mismatch of the old state, and the square that its square is to be compared with."""
+        """With this w: the change of (x, y), the mismatch of the old state, and the square to compare its square with."""
         if self.kind != "qP":
             to_x, to_y = self._motion(system, t, h, x, y + w)
             forth, scale = total(to_x), dot(y, y) + _squares(to_y)

@@ -29,8 +29,8 @@ def second_kind(
 
         x' = dtau^-1_x v,   (dtau^-1_x)* p = mu,   both left-trivialised, and of both the even part: x is odd in t, p is even.
 
-    Half way it is `time`.  The first gives x, the second p = m + t^2 p_2 + t^4 p_4 + ..., and from there m = p - t^2 p_2 - ... as a series in t^2.  The
-    unit of time is h: powers of it might under- or overflow.
+    Half way it is `time`.  The first gives x, the second p = m + t^2 p_2 + t^4 p_4 + ..., and from there m = p - t^2 p_2 - ... as
+    a series in t^2.  The unit of time is h: powers of it might under- or overflow.
     """
     group, n = system.group, system.group.dim
     m = vec(*[Series(c) for c in p])
@@ -52,7 +52,8 @@ def first_kind(
     """pi_0, pi_1, ... of the momentum pi = pi_0 + t pi_1 + ... + t^order pi_order at the end of a step tau(xi), xi fixed.
 
     The step is the motion k for the time t h, up to pi, and a step of the class function s0 alone: tau(xi) = k h with h of momentum
-    pi.  At the end it is `time`.  Followed backwards from pi, k obeys k' = v k, and h = k^-1 tau(xi) moves with the body velocity -u,
+    pi.  At the end it is `time`.  Followed backwards from pi, k obeys k' = v k, and h = k^-1 tau(xi) moves with the body velocity
+    -u,
 
         h' = -h u,   u = Ad_tau(xi)^-1 v.
     """

@@ -32,8 +32,9 @@ class CovariantVariational(Implicit):
     one.  `largest_step` tells.  On other groups, such as SL(2), neither has one for every step.
     mu belongs to the nodes, xi to the intervals between them: J xi is a momentum half way, an O(h) away from mu.  Velocities are
     `Trajectory.xi`; a run that is to start with a velocity starts with its `momentum`.
-    Order 2 and symmetric, or what the discrete Lagrangian claims; spatial momentum, Casimirs and the Lie-Poisson bracket are kept to rounding, the energy oscillates
-    without drift.  Raises NoConvergence if the step is too large: there is no solution that grows out of h = 0.
+    Order 2 and symmetric, or what the discrete Lagrangian claims; spatial momentum, Casimirs and the Lie-Poisson bracket are kept
+    to rounding, the energy oscillates without drift.  Raises NoConvergence if the step is too large: there is no solution that
+    grows out of h = 0.
 
     Source: Geometric Numerical Methods with Lie Groups, algorithm 1 (with the factor h of its first line corrected);
     Bou-Rabee and Marsden, Found. Comput. Math. 9 (2009); Marsden, Pekarsky, Shkoller, Nonlinearity 12 (1999).
@@ -49,7 +50,8 @@ class CovariantVariational(Implicit):
         super().__post_init__()
         if self.lagrangian is not None and not isinstance(self.lagrangian, DiscreteLagrangian):
             raise InvalidType(
-                f"{type(self).__name__}: lagrangian must be a DiscreteLagrangian, the action of a step, or None; got {self.lagrangian!r}"
+                f"{type(self).__name__}: lagrangian must be a DiscreteLagrangian, the action of a step, or None; "
+                f"got {self.lagrangian!r}"
             )
 
     @property
@@ -86,7 +88,8 @@ class CovariantVariational(Implicit):
         rate, square = 1.0 / h, dot(mu, mu)
         x, size, enough, folded = newton(lambda x: self.equation(system, rate, mu, x), guess, square, rate)
         doubtful = folded or not (size <= enough and self.retraction.is_chart(system.group, 2.0 * x))
-        if self.lagrangian is None and turns_freely(system, self.retraction) and h * h * square > surely_solvable(system.lagrangian.inverse):
+        known = self.lagrangian is None and turns_freely(system, self.retraction)
+        if known and h * h * square > surely_solvable(system.lagrangian.inverse):
             fold = first_fold(system.lagrangian.inertia, self.retraction)
             doubtful = doubtful or h * h * square > fold * fold
         if doubtful:

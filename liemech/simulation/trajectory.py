@@ -111,7 +111,8 @@ class Trajectory:
         formula = getattr(self._laws, name, None)
         if formula is None:
             raise InvalidInput(f"Trajectory.{name}: {self.system!r} {otherwise}")
-        return formula(*(self.states[part] for part in inspect.signature(formula).parameters))
+        known = {"t": self.t if self.bodies is None else self.t[:, None], **self.states}
+        return formula(*(known[part] for part in inspect.signature(formula).parameters))
 
     @cached_property
     def xi(self) -> np.ndarray:

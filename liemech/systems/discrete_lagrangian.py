@@ -1,4 +1,4 @@
-"""Discrete Lagrangians: the action of one step of a body, as a function of the mean velocity or of the group element of the step."""
+"""Discrete Lagrangians: the action of one step of a body, a function of its mean velocity or of its group element."""
 
 from __future__ import annotations
 
@@ -81,8 +81,9 @@ class QuadratureLagrangian(DiscreteLagrangian):
         l_d(xi) = h sum_j b_j l(dtau_X(c_j) X'(c_j)/h)  (left-trivialised),   X(s) = s h xi + s (1 - s) y,
         y = -(h^2/2) (d2l/dxi2)^-1 ad*_xi dl/dxi
 
-    Of the exponential, dtau is cut after ad^3, which changes the action by O(h^5).  The action is stationary for the motion, and this y, which bends the path as the motion does, is right to leading order: the
-    action is wrong by the square of what is missing.  With y = 0 the exponential gives h l(xi), of order 2.
+    The action is stationary for the motion, and this y, which bends the path as the motion does, is right to leading order: the
+    action is wrong by the square of what is missing.  Of the exponential, dtau is cut after ad^3, which changes it by O(h^5).
+    With y = 0 the exponential gives h l(xi), of order 2.
 
     nodes : of the quadrature, 2 or more; more of them change the error, not the order.
     Needs a body with a Lagrangian, and a retraction whose differential has a formula.
