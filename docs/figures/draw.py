@@ -27,9 +27,10 @@ STRONG = 40  # between the largest and the smallest of red, green and blue, of 2
 SECTIONS = {
     "Bodies that turn freely": (
         *("energy_drift", "tennis_racket", "poinsot", "ensemble", "order_of_methods", "three_rotations", "open_question"),
+        "figure_three",
     ),
     "Tops and bodies of one's own": ("heavy_top", "gyrostat", "rotations_in_four_dimensions", "heisenberg", "magnetic_moment"),
-    "Positions and momenta": ("pendulums", "double_pendulum", "chaos_in_a_galaxy"),
+    "Positions and momenta": ("figure_two", "pendulums", "double_pendulum", "chaos_in_a_galaxy"),
     "Constraints, joints, rolling": ("index_reduction", "chain", "linkage"),
     "Poisson systems, and steps that follow the motion": ("lotka_volterra", "eccentric_orbit"),
     "From measurements": ("fit_inertia",),
