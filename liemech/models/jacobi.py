@@ -56,5 +56,5 @@ class Jacobi(NamedTuple):
             c = 2.0 * decay / (1.0 + decay * decay)
             return np.tanh(u), c, c, np.zeros_like(u)
         turns = nearest(u / self.half)
-        rest = u - turns * self.half
-        return *elliptic(self, np.where(np.abs(rest) <= self.half, rest, 0.0)), turns
+        rest, modulus = u - turns * self.half, self  # type: Any, Any
+        return *elliptic(modulus, np.where(np.abs(rest) <= self.half, rest, 0.0)), turns

@@ -141,11 +141,11 @@ class DrivenLiePoissonSystem(System):
 
     # momenta and attitudes move as those of a free body
 
-    casimirs = LiePoissonSystem.casimirs
-    spatial_momentum = LiePoissonSystem.spatial_momentum
-    moved = LiePoissonSystem.moved
-    essential = LiePoissonSystem.essential
-    deviation = LiePoissonSystem.deviation
+    casimirs: ClassVar[Any] = LiePoissonSystem.casimirs
+    spatial_momentum: ClassVar[Any] = LiePoissonSystem.spatial_momentum
+    moved: ClassVar[Any] = LiePoissonSystem.moved
+    essential: ClassVar[Any] = LiePoissonSystem.essential
+    deviation: ClassVar[Any] = LiePoissonSystem.deviation
 
     def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Casimirs and, if the attitude is known, the spatial momentum."""
