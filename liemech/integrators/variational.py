@@ -54,6 +54,10 @@ class CovariantVariational(Implicit):
                 f"got {self.lagrangian!r}"
             )
 
+    def __repr__(self) -> str:
+        action = "" if self.lagrangian is None else f", lagrangian={self.lagrangian!r}"
+        return f"{type(self).__name__}(retraction={self.retraction!r}{action})"
+
     @property
     def order(self) -> int:
         """2, or the order of the discrete Lagrangian."""
