@@ -45,18 +45,22 @@ def newton(
     In numbers of two doubles it is found to 16 digits first, and then `refined`.
     Returns x, |r|^2 at the last test, what it had to reach (w tolerance^2 data, else x is no root), and whether x is `beyond_fold`.
     """
-    x, goal = narrow(guess), tolerance * tolerance * data
+    x, goal = guess, tolerance * tolerance * data
+    long = isinstance(guess[0], DoubleDouble)
+    if long:
+        x = rounded(guess)
     size = enough = goal
     folded = False
     for _ in range(LIMIT):
         r, jacobian, weight = equation(x)
-        r = narrow(r)
+        if long:
+            r, jacobian, weight = rounded((r, jacobian, weight))
         x = x - _asked(solved, jacobian, r)
         folded = beyond_fold(jacobian, rate)
         size, enough = dot(r, r), weight * goal
         if size <= enough:
             break
-    if isinstance(guess[0], DoubleDouble):
+    if long:
         x = refined(equation, x, solved)
     return x, size, enough, folded
 
@@ -71,7 +75,7 @@ def refined(
     _, jacobian, _ = equation(x)
     x = double_double(x)
     r, _, _ = equation(x)
-    return x - _asked(solved, rounded(jacobian), narrow(r))
+    return x - _asked(solved, rounded(jacobian), rounded(r))
 
 
 def narrow(x: Vec) -> Vec:

@@ -1,4 +1,4 @@
-"""The Stumpff functions in numbers of two doubles: what the coefficients of rotations are made of, to 31 digits.
+"""The Stumpff functions in numbers of two doubles: what the coefficients of rotations are made of, to 31 digits, their derivatives to 28.
 
     c_k(x) = 1/k! - x/(k+2)! + x^2/(k+4)! - ...,   c_k = 1/k! - x c_(k+2),   c_k' = (k c_(k+2) - c_(k+1))/2
 
@@ -12,10 +12,10 @@ import math
 from ..formulas import sin, sqrt
 from ..formulas.double_double import DoubleDouble, quotient, series, sin_cos
 
-LIMIT = 0.4
+LIMIT = 1.0
 """Up to this x the series of c_5 and c_6 are summed; beyond, sines and cosines leave more digits than are wanted."""
 
-TERMS, LONG = 13, 7
+TERMS, LONG = 14, 8
 C5 = tuple([quotient((-1) ** k, math.factorial(2 * k + 5)) for k in range(TERMS)])
 C6 = tuple([quotient((-1) ** k, math.factorial(2 * k + 6)) for k in range(TERMS)])
 SIXTH, TWENTY_FOURTH = quotient(1, 6), quotient(1, 24)
