@@ -8,7 +8,7 @@ from typing import Any
 
 from .errors import NoConvergence
 from .formulas import Mat, Vec, cross, dot, mat, solve, solve3, vec
-from .formulas.double_double import DoubleDouble
+from .formulas.double_double import is_long
 from .formulas.pytree import double_double, layout_of, rounded
 from .groups.lie_group import EPSILON
 
@@ -46,9 +46,9 @@ def newton(
     Returns x, |r|^2 at the last test, what it had to reach (w tolerance^2 data, else x is no root), and whether x is `beyond_fold`.
     """
     x, goal = guess, tolerance * tolerance * data
-    long = isinstance(guess[0], DoubleDouble)
+    long = is_long(guess[0])
     if long:
-        x = rounded(guess)
+        x, goal = rounded(guess), rounded(goal)
     size = enough = goal
     folded = False
     for _ in range(LIMIT):
@@ -80,7 +80,7 @@ def refined(
 
 def narrow(x: Vec) -> Vec:
     """A vector in numbers of one double."""
-    return rounded(x) if isinstance(x[0], DoubleDouble) else x
+    return rounded(x) if is_long(x[0]) else x
 
 
 def _asked(solved: Callable[[Mat, Vec], Vec] | None, jacobian: Mat, r: Vec) -> Vec:

@@ -2,8 +2,8 @@
 
     x = value + low,   |low| at most half a unit in the last place of the value
 
-Products and quotients are rounded to a few 2^-106, sums to that of |a| + |b|.  They are made of ordinary operations and of fused multiplications, and so
-have the same bits in plain Python and in native code.  No operation here branches.
+Products and quotients are rounded to a few 2^-106, sums to that of |a| + |b|.  They are made of ordinary operations and of fused
+multiplications, and so have the same bits in plain Python and in native code.  No operation here branches.
 
 Source: Joldes, Muller, Popescu, Tight and rigorous error bounds for basic building blocks of double-word arithmetic,
 ACM Trans. Math. Softw. 44 (2017), algorithms 4, 5, 9, 12, 15, 17; Dekker, Numer. Math. 18 (1971), 224.
@@ -98,7 +98,7 @@ class DoubleDouble(ByValue):
 
     def __float__(self) -> float:
         raise TypeError(
-            "a number of two doubles cannot become a float: take functions from liemech.formulas (sin, exp, sqrt, ...), not from math"
+            "a number of two doubles cannot become a float: take functions from liemech.formulas (sin, exp, ...), not from math"
         )
 
     def __repr__(self) -> str:
@@ -108,6 +108,11 @@ class DoubleDouble(ByValue):
 def _joins(x: Any) -> bool:
     """May x meet such a number here, and not by rules of its own?"""
     return isinstance(x, (int, float, StandIn, DoubleDouble))
+
+
+def is_long(x: Any) -> bool:
+    """Is it a number of two doubles?"""
+    return isinstance(x, DoubleDouble)
 
 
 def rounded_number(x: Any) -> Any:
@@ -150,8 +155,8 @@ def series(x: Any, coefficients: tuple[tuple[float, float], ...], long: int) -> 
     for c, _ in coefficients[-2 : long - 1 : -1]:
         tail = tail * x.value + c
     total = DoubleDouble(tail, 0.0)
-    for c in coefficients[long - 1 :: -1]:
-        total = total * x + DoubleDouble(*c)
+    for word, low in coefficients[long - 1 :: -1]:
+        total = total * x + DoubleDouble(word, low)
     return total
 
 

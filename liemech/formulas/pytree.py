@@ -52,7 +52,8 @@ class Layout:
     @functools.cached_property
     def remembers(self) -> bool:
         """Are there numbers in it that carry a rest or a derivative along?"""
-        return (self.kind == "pair" and self.detail[0] in (Compensated, DoubleDouble, Dual)) or any(part.remembers for part in self.parts)
+        inside = any(part.remembers for part in self.parts)
+        return inside or (self.kind == "pair" and self.detail[0] in (Compensated, DoubleDouble, Dual))
 
     @functools.cached_property
     def long(self) -> bool:

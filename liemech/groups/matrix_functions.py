@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import Any
 
 from ..formulas import Complex, Mat, Vec, mat, vec
-from ..formulas.double_double import DoubleDouble
+from ..formulas.double_double import DoubleDouble, is_long
 from ..formulas.sums import abs2, total
 
 INFINITE = float("inf")
@@ -18,7 +18,7 @@ TINY = 2.0**-112
 
 def digits(size2: Any) -> tuple[float, Any]:
     """What takes the place of TINY beside numbers of this kind, and the 1 that fractions are made of."""
-    return (TINY * TINY, DoubleDouble(1.0)) if isinstance(size2, DoubleDouble) else (TINY, 1.0)
+    return (TINY * TINY, DoubleDouble(1.0)) if is_long(size2) else (TINY, 1.0)
 
 
 LOST = 52.0

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..errors import IncompatibleSystem, InvalidInput, InvalidType, NotDefined
 from ..formulas import Ambient, Complex, Element, Mat, Vec, dot, identity_matrix, mat, record, solve, solve3, sqrt, vec
-from ..formulas.double_double import DoubleDouble
+from ..formulas.double_double import is_long
 from ..formulas.sums import abs2, scaled, total
 from . import matrix_arrays
 from .casimir_polynomials import casimir_polynomials
@@ -547,7 +547,7 @@ def _series(action: Callable[..., Vec], x: Vec, v: Vec, size2: float, first: flo
 
 def _bernoulli_series(action: Callable[..., Vec], x: Vec, v: Vec, size2: float) -> Vec:
     """The sum of B_k/k! A^k v, A = action(x, .) with |A|^2 <= size2 <= 1: as many terms as that needs."""
-    if isinstance(size2, DoubleDouble):
+    if is_long(size2):
         raise InvalidType("precision: the inverse of dexp is known to 16 digits only here; take Cayley() or precision='double'")
     if size2 <= 0.02:
         return _bernoulli_sum(BERNOULLI[:5], action, x, v)

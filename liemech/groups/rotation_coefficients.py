@@ -23,7 +23,7 @@ from __future__ import annotations
 
 from ..errors import InvalidType, OutsideChart
 from ..formulas import Vec, cos, sin, sqrt, tan
-from ..formulas.double_double import DoubleDouble, rounded_number, sin_cos
+from ..formulas.double_double import is_long, rounded_number, sin_cos
 from . import stumpff
 
 LIMIT = 0.4
@@ -116,7 +116,7 @@ def polynomial(c: tuple[float, ...], x: float) -> float:
     Summed in groups (after Estrin), it is five operations deep; one coefficient after the other, twelve.
     Raises InvalidType for a number of two doubles, which such a polynomial does not serve.
     """
-    if isinstance(x, DoubleDouble):
+    if is_long(x):
         raise InvalidType("precision: these functions of angles are known to 16 digits only; take Cayley() or precision='double'")
     x2 = x * x
     low = (c[0] + c[1] * x) + x2 * (c[2] + c[3] * x)
@@ -129,7 +129,7 @@ def sin_cos_root(x: float, low: float = 0.0) -> tuple[float, float]:
     The root is rounded, sqrt(x) = t + e, and next to a zero of the sine this alone would cost all digits.  x - t^2 is
     computed exactly, from the halves of t, and e = (x - t^2 + low)/(2 t) put back: to first order as long as e^2 is nothing.
     """
-    if isinstance(x, DoubleDouble):
+    if is_long(x):
         return sin_cos(sqrt(x))
     t = sqrt(x)
     high = SPLITTER * t - (SPLITTER * t - t)
@@ -147,7 +147,7 @@ def lost_in_square(w: Vec, x: float) -> float:
 
     Source: Dekker, Numer. Math. 18 (1971), 224: exact products; Knuth, The Art of Computer Programming 2, 4.2.2: exact sums.
     """
-    if isinstance(x, DoubleDouble):
+    if is_long(x):
         return 0.0
     total, lost = 0.0, 0.0
     for c in w:
@@ -168,8 +168,9 @@ def exp_coefficients(x: float, w: Vec | None = None) -> tuple[float, float]:
 
     The polynomials are evaluated in any case: the rare branch then stands aside of the common path and costs it nothing.
     """
-    if isinstance(x, DoubleDouble):
-        return stumpff.stumpff(x)[:2]
+    if is_long(x):
+        c1, c2, *_ = stumpff.stumpff(x)
+        return c1, c2
     a, b = polynomial(SINC, x), polynomial(VERSINE, x)
     if x > LIMIT:
         a, b = _by_half_angles(x, 0.0 if w is None else lost_in_square(w, x))
@@ -206,7 +207,7 @@ def all_coefficients(x: float, w: Vec | None = None) -> tuple[float, float, floa
     sinc' = (segment - versine)/2, versine' = c_4 - segment/2 = (sinc - 2 versine)/(2 x), segment' = (3 c_5 - c_4)/2 =
     (versine - 3 segment)/(2 x).
     """
-    if isinstance(x, DoubleDouble):
+    if is_long(x):
         return stumpff.coefficients(x)
     c4, c5 = polynomial(STUMPFF4, x), polynomial(STUMPFF5, x)
     b, c = 0.5 - x * c4, 1 / 6 - x * c5
@@ -266,7 +267,7 @@ def bernoulli(x: float) -> float:
     1/12 at zero, 1/pi^2 at half a turn.  Its Taylor coefficients are |B_2k|/(2k)!, B_2k the Bernoulli numbers.
     Raises OutsideChart from a full turn on, where it has a pole.
     """
-    if isinstance(x, DoubleDouble):
+    if is_long(x):
         return bernoulli_coefficients(x)[0]
     d = polynomial(BERNOULLI, x)
     if x > LIMIT:
@@ -294,7 +295,7 @@ def bernoulli_coefficients(x: float) -> tuple[float, float]:
 
     The derivative of the sum above is one of positive terms again, d'(x) = d'(x/4)/16 + segment(x/4)/(128 cos^2(theta/4)).
     """
-    if isinstance(x, DoubleDouble):
+    if is_long(x):
         check_chart(x)
         return stumpff.bernoulli(x)
     d, d_slope = polynomial(BERNOULLI, x), polynomial(BERNOULLI_SLOPE, x)

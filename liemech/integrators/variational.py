@@ -9,7 +9,7 @@ import numpy as np
 
 from ..errors import InvalidInput
 from ..formulas import Mat, Vec, dot, mat, norm, plain, record, vec, vectors
-from ..formulas.double_double import DoubleDouble
+from ..formulas.double_double import is_long
 from ..retractions import Exponential, Retraction
 from ..solvers import narrow, newton, refined
 from ..systems.lie_poisson import BodyState
@@ -74,7 +74,7 @@ class CovariantVariational(Implicit):
             doubtful = doubtful or h * h * square > fold * fold
         if doubtful:
             x = self._grown(system, h, coarse)
-            if isinstance(mu[0], DoubleDouble):
+            if is_long(mu[0]):
                 x = refined(lambda x: self.equation(system, rate, mu, x), x)
         return x
 

@@ -170,7 +170,7 @@ class FixedRun:
     def _continue(self, carry: Carry) -> None:
         """Take up what another run carried along."""
         if len(carry.numbers) != len(self.states):
-            raise InvalidInput("Plan.resume: the run summed up its steps with another `compensated` or `precision` than the plan does")
+            raise InvalidInput("Plan.resume: the run had another `compensated` or `precision` than the plan has")
         self.states[:] = self._padded(carry.numbers)
         self.out[0] = self._padded(carry.last)
         self.failures = dict(carry.failures)

@@ -83,7 +83,8 @@ def test_coefficients_of_rotations_have_28_digits(theta: float) -> None:
         cot = t / 2 * mp.cot(t / 2)
         sinc, versine, segment = mp.sin(t) / t, (1 - mp.cos(t)) / t**2, (t - mp.sin(t)) / t**3
         wanted = (
-            *(sinc, versine, segment, (segment - versine) / 2, (sinc - 2 * versine) / (2 * t**2), (versine - 3 * segment) / (2 * t**2)),
+            *(sinc, versine, segment, (segment - versine) / 2),
+            *((sinc - 2 * versine) / (2 * t**2), (versine - 3 * segment) / (2 * t**2)),
             *((1 - cot) / t**2, ((cot**2 - cot + t**2 / 4) / 2 - (1 - cot)) / t**4),
         )
         got = *rotation_coefficients.all_coefficients(x), *rotation_coefficients.bernoulli_coefficients(x)
