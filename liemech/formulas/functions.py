@@ -121,7 +121,7 @@ LIBM = (
 )  # fmt: skip
 """What compiled code calls in the C library."""
 
-INSTRUCTIONS = "sqrt", "copysign", "fma"
+INSTRUCTIONS = "sqrt", "copysign"
 """What are instructions of the processor."""
 
 SYMBOLIC: dict[str, Callable[..., Any]] = {
