@@ -113,7 +113,9 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     yield  # the tests are chosen by their marks
     every = config.getoption("one_in")
     config.hook.pytest_deselected(items=[item for i, item in enumerate(items) if i % every])
-    items[:] = sorted(items[::every], key=place)
+    items[:] = items[::every]
+    if hasattr(config, "workerinput"):  # of xdist
+        items.sort(key=place)
     if can_compile():
         return
     plain = pytest.mark.skip(reason="needs the compiler, which is missing or switched off")

@@ -44,11 +44,22 @@ class Change:
         text = lines[self.line - 1]
         assert text[self.column :].startswith(self.old)
         lines[self.line - 1] = text[: self.column] + self.new + text[self.column + len(self.old) :]
-        path.write_text("".join(lines), encoding="utf-8")
+        write(path, "".join(lines))
+
+    def undo(self, tree: Path) -> None:
+        """Write what was there before."""
+        write(tree / self.file, (ROOT / self.file).read_text(encoding="utf-8"))
 
     def __str__(self) -> str:
         text = (ROOT / self.file).read_text(encoding="utf-8").splitlines()[self.line - 1].strip()
         return f"{self.file}:{self.line}: {self.old} -> {self.new} in `{text}`"
+
+
+def write(path: Path, text: str) -> None:
+    """Change a file such that Python sees it: its time is one that the file never had."""
+    last = path.stat().st_mtime
+    path.write_text(text, encoding="utf-8")
+    os.utime(path, (last + 2.0, last + 2.0))
 
 
 def changes(file: Path) -> list[Change]:
@@ -79,8 +90,8 @@ def tests_of(file: Path) -> list[str]:
 
 
 def noticed(tree: Path, tests: list[str]) -> bool:
-    """Does a test fail?  Nothing is kept on disk between changes."""
-    environment = os.environ | {"PYTHONPATH": str(tree), "LIEMECH_CACHE_DIR": str(tree / "cache"), "PYTHONDONTWRITEBYTECODE": "1"}
+    """Does a test fail?  Native code of what was not changed is found on disk."""
+    environment = os.environ | {"PYTHONPATH": str(tree), "LIEMECH_CACHE_DIR": str(tree / "cache")}
     command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", *tests]
     try:
         done = subprocess.run(command, cwd=tree, env=environment, capture_output=True, timeout=TIME_LIMIT, check=False)
@@ -100,25 +111,25 @@ def main() -> None:
     files = [p.relative_to(ROOT) for folder in FOLDERS for p in sorted((ROOT / "liemech" / folder).rglob("*.py"))]
     chosen = random.Random(options.seed).sample([c for file in files for c in changes(file)], options.count)
     survivors: list[Change] = []
-    for i, change in enumerate(chosen, 1):
-        if options.list:
-            print(change)
-            continue
-        with tempfile.TemporaryDirectory() as folder:
-            tree = Path(folder)
-            for name in ("liemech", "tests", "docs", "examples"):
-                shutil.copytree(ROOT / name, tree / name, ignore=shutil.ignore_patterns("__pycache__"))
-            for name in ("pyproject.toml", "README.md"):
-                shutil.copy(ROOT / name, tree)
+    if options.list:
+        print(*chosen, sep="\n")
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        tree = Path(folder)
+        for name in ("liemech", "tests", "docs", "examples"):
+            shutil.copytree(ROOT / name, tree / name, ignore=shutil.ignore_patterns("__pycache__"))
+        for name in ("pyproject.toml", "README.md"):
+            shutil.copy(ROOT / name, tree)
+        for i, change in enumerate(chosen, 1):
             change.apply(tree)
             tests = tests_of(change.file)
             caught = bool(tests) and noticed(tree, tests)
             if not caught and not options.quick:
                 caught = noticed(tree, [])
-        print(f"{i:4} {'caught  ' if caught else 'SURVIVED'} {change}", flush=True)
-        survivors += [] if caught else [change]
-    if not options.list:
-        print(f"\n{len(chosen) - len(survivors)} of {len(chosen)} changes were noticed; survivors:", *survivors, sep="\n  ")
+            change.undo(tree)
+            print(f"{i:4} {'caught  ' if caught else 'SURVIVED'} {change}", flush=True)
+            survivors += [] if caught else [change]
+    print(f"\n{len(chosen) - len(survivors)} of {len(chosen)} changes were noticed; survivors:", *survivors, sep="\n  ")
 
 
 if __name__ == "__main__":
