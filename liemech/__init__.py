@@ -50,6 +50,7 @@ if TYPE_CHECKING:
     from .groups.classical import GL, SL, SO, SU, Sp, U
     from .groups.coadjoint import CoadjointAction, coadjoint
     from .groups.heisenberg import Heisenberg
+    from .groups.matrix_algebra import MatrixLieAlgebra
     from .groups.matrix_group import MatrixLieGroup
     from .groups.poisson_structure import Canonical, ConstantStructure, LiePoissonStructure, LogCanonical, PoissonStructure
     from .groups.product import ProductGroup
@@ -148,6 +149,7 @@ _LATER = {
     "groups.classical": ("GL", "SL", "SO", "SU", "Sp", "U"),
     "groups.coadjoint": ("CoadjointAction", "coadjoint"),
     "groups.heisenberg": ("Heisenberg",),
+    "groups.matrix_algebra": ("MatrixLieAlgebra",),
     "groups.matrix_group": ("MatrixLieGroup",),
     "groups.poisson_structure": ("Canonical", "ConstantStructure", "LiePoissonStructure", "LogCanonical", "PoissonStructure"),
     "groups.product": ("ProductGroup",),
@@ -376,6 +378,7 @@ __all__ = [
     "Linkage",
     "Magnus",
     "Mat",
+    "MatrixLieAlgebra",
     "MatrixLieGroup",
     "MaxwellBloch",
     "MechanicalSystem",

@@ -8,7 +8,7 @@ from typing import Any
 
 from .errors import NoConvergence
 from .formulas import Mat, Vec, cross, dot, mat, solve, solve3, vec
-from .groups.lie_group import EPSILON
+from .formulas.sizes import EPSILON
 
 TOLERANCE = 2.0**-30
 """A residual below this, relative to the data, means that the correction it asks for is the last one needed.

@@ -10,7 +10,7 @@ import numpy as np
 from ..errors import IncompatibleSystem, InvalidInput
 from ..formulas import Mat, Record, Vec, derivative, identity_matrix, mat, norm, plain, record, vec
 from ..formulas.derivatives import tangent
-from ..groups.lie_group import one_norm
+from ..formulas.sizes import one_norm
 from ..retractions import Exponential, Retraction
 from ..solvers import correction, fixed_point
 from ..systems.kinetic_energy import times

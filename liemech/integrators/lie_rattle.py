@@ -160,7 +160,7 @@ class LieRATTLE(Method):
         free, pushed, led = [], [], []  # type: list[Any], list[Any], list[Any]  # A^-1 r, A^-1 B and C, block by block
         for (group, start, end), J, held in zip(system.blocks, inertias, system.held):
             y = vec(*x[start:end])
-            r, by_p, by_x = self.retraction.mismatch(group, y, vec(*p[start:end]), vec(*momentum[start:end]))
+            r, by_p, by_x = self.retraction.residual(group, y, vec(*p[start:end]), vec(*momentum[start:end]))
             A = with_inertia(by_x, momentum_slope(by_p, rate * J))
             B = [carried(self.retraction, group, y, by_p, memory.rows[a][i]) for a, i in held]
             columns, good = eliminated(A, [r, *B], h)

@@ -203,7 +203,7 @@ def _exact_displacement(inverse: Vec, mu: Vec, h: float) -> Vec:
     z = vec(0.0, 0.0, 0.0)
     for _ in range(int(parts)):
         x = orbit.displacement(mu, unit)
-        mu, more = SO3().cayley_Ad_star(x, mu), 0.5 * x
+        mu, more = SO3().algebra.cayley_Ad_star(x, mu), 0.5 * x
         left = 1.0 - dot(z, more)  # tan of half the angle, times the axis: Rodrigues' formula
         z = (1.0 / left if left > 0.0 else NAN) * (z + more + cross(z, more))
     return 2.0 * z

@@ -6,7 +6,8 @@ from typing import Any
 
 from ..errors import InvalidInput, InvalidType, OrderWarning, warn
 from ..formulas import Record, Vec, plain, record, sqrt, where
-from ..groups.lie_group import BERNOULLI, one_norm
+from ..formulas.sizes import one_norm
+from ..groups.bernoulli import BERNOULLI, TERMS
 from ..retractions import Exponential, Retraction
 from ..solvers import fixed_point
 from ..systems.system import System
@@ -69,8 +70,8 @@ class RKMK(Method):
     def _check_truncation(self, q: int | str) -> None:
         if q == "closed":
             return
-        if not (type(q) is int and 0 <= q <= 12):
-            raise InvalidInput(f'RKMK: truncation is a number of terms from 0 to 12 or "closed"; got {q!r}')
+        if not (type(q) is int and 0 <= q <= TERMS):
+            raise InvalidInput(f'RKMK: truncation is a number of terms from 0 to {TERMS} or "closed"; got {q!r}')
         if not isinstance(self.retraction, Exponential):
             raise InvalidInput(f"RKMK: {self.retraction!r} has a closed differential and no series to cut; leave truncation out")
         missing = next((k for k in range(q + 1, len(BERNOULLI)) if BERNOULLI[k] != 0.0), len(BERNOULLI))
@@ -172,7 +173,7 @@ class RKMK(Method):
         xi = system.rate(t, system.moved(self.retraction, start, omega))
         if isinstance(self.truncation, str):
             return self.retraction.dtau_inv(system.group, omega, xi, system.side)
-        return system.group.dexp_inv_series(omega, xi, self.truncation, system.side)
+        return system.group.algebra.dexp_inv_series(omega, xi, self.truncation, system.side)
 
     def __repr__(self) -> str:
         parts = [f"order={self.order}"]

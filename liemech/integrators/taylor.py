@@ -8,7 +8,7 @@ from typing import Any
 from ..errors import InvalidInput
 from ..formulas import Vec, derivative, plain, record, sqrt, vec
 from ..formulas.series import Series
-from ..groups.lie_group import BERNOULLI
+from ..groups.bernoulli import TERMS
 from ..retractions import Cayley, Exponential, Retraction
 from ..systems.system import System
 from .method import Method
@@ -45,7 +45,7 @@ class Taylor(Method):
         if type(self.order) is not int or not ORDERS[0] <= self.order <= ORDERS[1]:
             raise InvalidInput(f"Taylor: order is a whole number from {ORDERS[0]} to {ORDERS[1]}; got {self.order!r}")
         super().__post_init__()
-        highest = len(BERNOULLI) + 1
+        highest = TERMS + 2
         if isinstance(self.retraction, Exponential) and self.order > highest:
             raise InvalidInput(
                 f"Taylor: with Exponential() the order is at most {highest}, with Cayley() {ORDERS[1]}; got {self.order}"
@@ -77,7 +77,7 @@ class Taylor(Method):
     def _slope(self, system: System, omega: Vec, xi: Vec) -> Vec:
         """dtau^-1_Omega xi; for the exponential its series, of which later terms have no part in the order."""
         if isinstance(self.retraction, Exponential):
-            return system.group.dexp_inv_series(omega, xi, self.order - 2, system.side)
+            return system.group.algebra.dexp_inv_series(omega, xi, self.order - 2, system.side)
         return self.retraction.dtau_inv(system.group, omega, xi, system.side)
 
     # ---------------------------------------------------------------- adaptive steps

@@ -145,7 +145,7 @@ class CovariantVariational(Implicit):
     def equation(self, system: Any, rate: float, mu: Vec, x: Vec) -> tuple[Vec, Mat, float]:
         """The mismatch of dl/dxi and mu, its derivative, and the factor of its square."""
         xi = rate * x
-        r, by_p, by_x = self.retraction.mismatch(system.group, x, system.lagrangian.momentum(xi), mu)
+        r, by_p, by_x = self.retraction.residual(system.group, x, system.lagrangian.momentum(xi), mu)
         jacobian = with_inertia(by_x, momentum_slope(by_p, rate * system.lagrangian.hessian(xi)))
         return r, jacobian, weight(by_p)
 

@@ -364,7 +364,7 @@ class ConstrainedBody(BoundBody):
         x, change = np.zeros(group.dim), np.inf
         for _ in range(PATIENCE):
             before, there = change, group.compose_exp(start, Vec.of(x))
-            G = np.array(mat(*[group.dexp_dual(Vec.of(x), row, "left") for row in self.jacobian(there)]))
+            G = np.array(mat(*[group.algebra.dexp_dual(Vec.of(x), row, "left") for row in self.jacobian(there)]))
             aim = G @ x - np.array(self.constraint.value(there))
             new = inverse @ G.T @ np.linalg.solve(G @ inverse @ G.T, aim)
             change, x = float(np.abs(new - x).max()), new

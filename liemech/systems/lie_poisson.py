@@ -6,7 +6,7 @@ from typing import Any, ClassVar, final
 
 import numpy as np
 
-from ..errors import InvalidInput, InvalidType, NotDefined
+from ..errors import InvalidInput, InvalidType
 from ..formulas import Element, Vec, record, vec
 from ..formulas.broadcasting import at_a_glance
 from ..formulas.pytree import fill
@@ -57,8 +57,6 @@ class LiePoissonSystem(System):
         for name, value, kind in zip(("group", "hamiltonian", "lagrangian"), given, (LieGroup, Hamiltonian, Lagrangian)):
             if not isinstance(value, kind):
                 raise InvalidType(f"{type(self).__name__}: {name} must be a {kind.__name__}; got {value!r}")
-        if type(self.group).Ad_star is LieGroup.Ad_star and type(self.group).Ad is LieGroup.Ad:
-            raise NotDefined(f"{type(self).__name__}: {type(self.group).__name__} must define `Ad`, by which momenta move")
         if self.lagrangian is None and isinstance(self.hamiltonian, Lagrangian):
             object.__setattr__(self, "lagrangian", self.hamiltonian)
         super().__post_init__()
