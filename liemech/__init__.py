@@ -57,7 +57,9 @@ if TYPE_CHECKING:
     from .groups.representations import AdjointAction, Representation, RotationAction
     from .groups.se2 import SE2
     from .groups.se3 import SE3
+    from .groups.se23 import SE23, SE23Algebra
     from .groups.semidirect import SemidirectProduct
+    from .groups.sgal3 import SGal3, SGal3Algebra
     from .groups.so3 import SO3, SO3Algebra
     from .groups.unit_quaternions import UnitQuaternions
     from .groups.vector_space import VectorSpace
@@ -155,8 +157,10 @@ _LATER = {
     "groups.product": ("ProductGroup",),
     "groups.representations": ("AdjointAction", "Representation", "RotationAction"),
     "groups.se2": ("SE2",),
+    "groups.se23": ("SE23", "SE23Algebra"),
     "groups.se3": ("SE3",),
     "groups.semidirect": ("SemidirectProduct",),
+    "groups.sgal3": ("SGal3", "SGal3Algebra"),
     "groups.so3": ("SO3", "SO3Algebra"),
     "groups.unit_quaternions": ("UnitQuaternions",),
     "groups.vector_space": ("VectorSpace",),
@@ -278,9 +282,13 @@ __all__ = [
     "RATTLE",
     "RKMK",
     "SE2",
+    "SE23",
+    "SE23Algebra",
     "SE3",
     "SL",
     "SO",
+    "SGal3",
+    "SGal3Algebra",
     "SO3",
     "SU",
     "U",
