@@ -206,6 +206,33 @@ class LieAlgebra(Record):
         return self.bracket(xi, eta)
 
     @final
+    def dexp_matrix(self, xi: Vec, side: str = "right") -> Mat:
+        """The matrix of `dexp`: exp(xi + d) = exp(dexp_matrix(xi) @ d + ...) exp(xi), for small d.
+
+        With side="left" exp(xi + d) = exp(xi) exp(dexp_matrix(xi, "left") @ d + ...).  Robotics names
+        Jacobians by the side on which the small element stands and not by the trivialisation: its left
+        Jacobian is that of side="right" all the same, and its right Jacobian that of side="left".
+
+        xi : (dim,);  returns (dim, dim).  Source: Sola, Deray and Atchuthan, A micro Lie theory for state
+        estimation in robotics (2018), equations (67) and (71).
+        """
+        return mat(*[self.dexp(xi, unit, side) for unit in identity_matrix(self.dim)]).T
+
+    @final
+    def dexp_inv_matrix(self, xi: Vec, side: str = "right") -> Mat:
+        """The matrix of `dexp_inv`: log(exp(d) exp(xi)) = xi + dexp_inv_matrix(xi) @ d + ..., for small d.
+
+        With side="left" log(exp(xi) exp(d)) = xi + dexp_inv_matrix(xi, "left") @ d + ...
+        xi : (dim,);  returns (dim, dim).  Raises OutsideChart where `dexp_inv` does.
+        """
+        return mat(*[self.dexp_inv(xi, unit, side) for unit in identity_matrix(self.dim)]).T
+
+    @final
+    def dcayley_matrix(self, xi: Vec, side: str = "right") -> Mat:
+        """The matrix of `dcayley`.  xi : (dim,);  returns (dim, dim)."""
+        return mat(*[self.dcayley(xi, unit, side) for unit in identity_matrix(self.dim)]).T
+
+    @final
     def ad_size(self, xi: Vec) -> float:
         """A bound for the Euclidean norm of ad_xi, the sum of |xi_i| |ad E_i|.  xi : (dim,)."""
         total = 0.0

@@ -17,6 +17,7 @@ from ..formulas import (
     derivative,
     dot,
     identity_matrix,
+    mat,
     record,
     sqrt,
     vec,
@@ -218,6 +219,14 @@ class LieGroup(Record):
     def ad_star(self, xi: Vec, mu: Vec) -> Vec:
         """The dual of ad, <ad*_xi mu, eta> = <mu, [xi, eta]>.  xi, mu : (dim,)."""
         return self.algebra.ad_star(xi, mu)
+
+    @final
+    def Ad_matrix(self, g: Element) -> Mat:
+        """The matrix of Ad_g: g exp(d) = exp(Ad_matrix(g) @ d) g.  Momenta move by its transpose.
+
+        g : an element;  returns (dim, dim).
+        """
+        return mat(*[self.Ad(g, unit) for unit in identity_matrix(self.dim)]).T
 
     @final
     def exp_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
