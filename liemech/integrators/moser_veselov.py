@@ -10,6 +10,7 @@ import numpy as np
 from ..errors import IncompatibleSystem, InconsistentState, InvalidInput, NoConvergence
 from ..formulas import Mat, Vec, cross, dot, norm, outer, record, sqrt, vec, vectors, where
 from ..groups.so3 import SO3, plus
+from ..groups.unit_quaternions import UnitQuaternions
 from ..models.rigid_body import RigidBody
 from ..retractions import Cayley
 from ..solvers import beyond_fold, newton
@@ -234,8 +235,9 @@ def _minus(m: Mat, s: float) -> Mat:
 
 
 def require_free_body(method: Method, system: Any) -> None:
-    """Raise IncompatibleSystem unless the system is a free rigid body: kinetic energy on SO(3)."""
-    if not (isinstance(getattr(system, "group", None), SO3) and isinstance(getattr(system, "hamiltonian", None), KineticEnergy)):
+    """Raise IncompatibleSystem unless the system is a free rigid body: kinetic energy on SO(3) or the unit quaternions."""
+    turns = isinstance(getattr(system, "group", None), (SO3, UnitQuaternions))
+    if not (turns and isinstance(getattr(system, "hamiltonian", None), KineticEnergy)):
         raise IncompatibleSystem(
             f"{method!r} is a method for the free rigid body, such as RigidBody([1.0, 1.5, 2.0]); got {system!r}. "
             "For this one use CovariantVariational(Exponential()), which keeps the same structure, or RKMK(order=4)"
