@@ -52,6 +52,7 @@ if TYPE_CHECKING:
     from .groups.heisenberg import Heisenberg
     from .groups.matrix_algebra import MatrixLieAlgebra
     from .groups.matrix_group import MatrixLieGroup
+    from .groups.opposite import OppositeGroup
     from .groups.poisson_structure import Canonical, ConstantStructure, LiePoissonStructure, LogCanonical, PoissonStructure
     from .groups.product import ProductGroup
     from .groups.representations import AdjointAction, Representation, RotationAction
@@ -153,6 +154,7 @@ _LATER = {
     "groups.heisenberg": ("Heisenberg",),
     "groups.matrix_algebra": ("MatrixLieAlgebra",),
     "groups.matrix_group": ("MatrixLieGroup",),
+    "groups.opposite": ("OppositeGroup",),
     "groups.poisson_structure": ("Canonical", "ConstantStructure", "LiePoissonStructure", "LogCanonical", "PoissonStructure"),
     "groups.product": ("ProductGroup",),
     "groups.representations": ("AdjointAction", "Representation", "RotationAction"),
@@ -397,6 +399,7 @@ __all__ = [
     "NoPotential",
     "NonholonomicBody",
     "OrbitingBody",
+    "OppositeGroup",
     "OrthogonalBody",
     "OrthonormalFrame",
     "ParticleOnEllipsoid",
