@@ -97,7 +97,7 @@ class ExactFreeBody(Method):
         layout, done = layout_of(state), 0.0
         while done < parts:
             x = _with_flight(system, orbit.displacement(_turning(state.mu), unit), state.mu, h / parts)
-            state = fitted(system.moved(Cayley(), state, x), layout)
+            state = fitted(system.displaced(Cayley(), state, x), layout)
             done = done + 1.0
         return state
 

@@ -75,7 +75,7 @@ class LiePoissonHamiltonJacobi(Implicit):
         """Solve for p, whose difference to mu is extrapolated, then move momentum and attitude by x(p)."""
         mu = plain(state.mu)
         p, x = self.solution(system, h, mu, mu + extrapolated(*self.past(state)))
-        return self.after(state, system.moved(self.retraction, self.observe(state), x), p - mu)
+        return self.after(state, system.displaced(self.retraction, self.observe(state), x), p - mu)
 
     def solution(self, system: Any, h: float, mu: Vec, guess: Vec) -> tuple[Vec, Vec]:
         """The p and x = ds/dp that fit mu."""

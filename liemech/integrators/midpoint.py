@@ -59,7 +59,7 @@ class ImplicitMidpoint(Implicit):
         """Solve for the mean from the extrapolated one, then move momentum and attitude by the displacement that belongs to it."""
         m = self.mean(system, h, state.mu, extrapolated(*self.past(state)))
         x = self.turn(system, h, m, state.mu)
-        return self.after(state, system.moved(Cayley(), self.observe(state), x), m)
+        return self.after(state, system.displaced(Cayley(), self.observe(state), x), m)
 
     def mean(self, system: Any, h: float, mu: Vec, guess: Vec) -> Vec:
         """The m with m - m x x(m)/2 = mu."""

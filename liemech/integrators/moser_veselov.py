@@ -57,7 +57,7 @@ class MoserVeselov(Implicit):
     def step(self, system: Any, t: float, state: Memory, h: float) -> Memory:
         """Solve for the displacement from the extrapolated one, then move momentum and attitude by it."""
         x = self.displacement(system, h, state.mu, extrapolated(*self.past(state)))
-        return self.after(state, system.moved(Cayley(), self.observe(state), x), x)
+        return self.after(state, system.displaced(Cayley(), self.observe(state), x), x)
 
     def inertia(self, system: Any) -> Vec | Mat:
         """The moments J, or their matrix."""

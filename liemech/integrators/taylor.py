@@ -58,16 +58,16 @@ class Taylor(Method):
 
     def step(self, system: System, t: float, state: Any, h: float) -> Any:
         """One step in the chart at the state."""
-        return system.moved(self.retraction, state, total(self._terms(system, t, state, h)))
+        return system.displaced(self.retraction, state, total(self._terms(system, t, state, h)))
 
     def _terms(self, system: System, t: float, state: Any, h: float) -> tuple[Vec, ...]:
         """Omega_1, ..., Omega_order: along the step Omega = sum_k s^k Omega_k, 0 <= s <= 1."""
-        start = plain(system.essential(state))
+        start = plain(system.essential_part(state))
         y, omega = Series.unknown(start), vec(*[Series(None) for _ in range(system.group.dim)])
         time: Any = Series(t, h)
         xi = system.rate(time, y)
         rest = vec(*[Series() for _ in xi])
-        rates = derivative(lambda v: system.moved(self.retraction, y, v), rest, xi)  # dtau_0 = 1: this is xi . y
+        rates = derivative(lambda v: system.displaced(self.retraction, y, v), rest, xi)  # dtau_0 = 1: this is xi . y
         slope = self._slope(system, omega, xi)
         Series.follow(start, y, rates, h)
         for unknown, rate in zip(omega, slope):
@@ -104,10 +104,10 @@ class Taylor(Method):
         e_p and e_(p-1)^(p/(p-1)), which is as if h = min(e_p^(-1/p), e_(p-1)^(-1/(p-1))) were the step for an error of 1.
         """
         p, terms = self.order, self._terms(system, t, state, h)
-        new = system.moved(self.retraction, state, total(terms))
+        new = system.displaced(self.retraction, state, total(terms))
         last, before = (mean_square(system, state, new, terms[k], rtol, atol) for k in (p - 1, p - 2))
         error = max(last, before ** (p / (p - 1.0)))
-        return Trial(new, system.rate(t + h, system.essential(new)), sqrt(error), terms if dense else ())
+        return Trial(new, system.rate(t + h, system.essential_part(new)), sqrt(error), terms if dense else ())
 
 
 def total(terms: Sequence[Vec]) -> Vec:

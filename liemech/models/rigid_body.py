@@ -67,12 +67,12 @@ class RigidBody(LiePoissonSystem):
             raise InvalidInput(f"RigidBody.exact: t must be a time or a row of times; got shape {times.shape}")
         if not np.isfinite(times).all():
             raise InvalidInput(f"RigidBody.exact: t must be finite; got {times[~np.isfinite(times)][0]}")
-        quaternions, g = isinstance(self.group, UnitQuaternions), start.g
-        if quaternions and g is not None:
-            g = self.group.matrix(g)
+        group, g = self.group, start.g
+        if isinstance(group, UnitQuaternions) and g is not None:
+            g = group.matrix(g)
         mu, g = exact_rigid_body(self.inertia, start.mu, g, times)
-        if quaternions and g is not None:
-            g = self.group.from_matrix(g)
+        if isinstance(group, UnitQuaternions) and g is not None:
+            g = group.from_matrix(g)
         return fill(BodyState, {"mu": frozen_array(mu, "mu"), "g": None if g is None else frozen_array(g, "g")})
 
     def period(self, start: BodyState) -> float:

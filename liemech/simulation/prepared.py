@@ -57,7 +57,7 @@ class Steps:
     def remembering(self, start: State) -> State:
         """The start of one body, in compensated numbers what is to be summed up so: all, nothing, or what the motion depends on."""
         if self.compensated is None and (self.method.symmetric or self.method.symplectic):
-            motion = self.one.essential(start).parts
+            motion = self.one.essential_part(start).parts
             return type(start)(*(compensated(x) if motion[name] is not None else x for name, x in start.parts.items()))
         return compensated(start) if self.compensated else start
 

@@ -90,16 +90,16 @@ class LiePoissonSystem(System):
         """The body velocity."""
         return self.velocity(state.mu)
 
-    def moved(self, retraction: Retraction, state: BodyState, omega: Vec) -> BodyState:
+    def displaced(self, retraction: Retraction, state: BodyState, omega: Vec) -> BodyState:
         """Momentum and attitude moved by the same displacement: Ad*_tau(omega) mu, g tau(omega)."""
         mu = retraction.tau_Ad_star(self.group, omega, state.mu)
         return BodyState(mu, None if state.g is None else retraction.compose_tau(self.group, state.g, omega))
 
-    def essential(self, state: BodyState) -> BodyState:  # type: ignore[override]
+    def essential_part(self, state: BodyState) -> BodyState:  # type: ignore[override]
         """The momentum."""
         return BodyState(state.mu, None)
 
-    def deviation(self, state: BodyState, omega: Vec) -> tuple[Vec, Vec]:
+    def variation(self, state: BodyState, omega: Vec) -> tuple[Vec, Vec]:
         """ad*_omega mu beside |mu|, and omega beside what counts as large where the body is."""
         change, size = self.group.ad_star(omega, state.mu), vec(*[abs(m) for m in state.mu])
         return (change, size) if state.g is None else (vec(*change, *omega), vec(*size, *self.group.scale(state.g)))
