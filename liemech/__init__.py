@@ -50,13 +50,17 @@ if TYPE_CHECKING:
     from .groups.classical import GL, SL, SO, SU, Sp, U
     from .groups.coadjoint import CoadjointAction, coadjoint
     from .groups.heisenberg import Heisenberg
+    from .groups.matrix_algebra import MatrixLieAlgebra
     from .groups.matrix_group import MatrixLieGroup
+    from .groups.opposite import OppositeGroup
     from .groups.poisson_structure import Canonical, ConstantStructure, LiePoissonStructure, LogCanonical, PoissonStructure
     from .groups.product import ProductGroup
     from .groups.representations import AdjointAction, Representation, RotationAction
     from .groups.se2 import SE2
     from .groups.se3 import SE3
+    from .groups.se23 import SE23, SE23Algebra
     from .groups.semidirect import SemidirectProduct
+    from .groups.sgal3 import SGal3, SGal3Algebra
     from .groups.so3 import SO3, SO3Algebra
     from .groups.unit_quaternions import UnitQuaternions
     from .groups.vector_space import VectorSpace
@@ -148,13 +152,17 @@ _LATER = {
     "groups.classical": ("GL", "SL", "SO", "SU", "Sp", "U"),
     "groups.coadjoint": ("CoadjointAction", "coadjoint"),
     "groups.heisenberg": ("Heisenberg",),
+    "groups.matrix_algebra": ("MatrixLieAlgebra",),
     "groups.matrix_group": ("MatrixLieGroup",),
+    "groups.opposite": ("OppositeGroup",),
     "groups.poisson_structure": ("Canonical", "ConstantStructure", "LiePoissonStructure", "LogCanonical", "PoissonStructure"),
     "groups.product": ("ProductGroup",),
     "groups.representations": ("AdjointAction", "Representation", "RotationAction"),
     "groups.se2": ("SE2",),
+    "groups.se23": ("SE23", "SE23Algebra"),
     "groups.se3": ("SE3",),
     "groups.semidirect": ("SemidirectProduct",),
+    "groups.sgal3": ("SGal3", "SGal3Algebra"),
     "groups.so3": ("SO3", "SO3Algebra"),
     "groups.unit_quaternions": ("UnitQuaternions",),
     "groups.vector_space": ("VectorSpace",),
@@ -276,9 +284,13 @@ __all__ = [
     "RATTLE",
     "RKMK",
     "SE2",
+    "SE23",
+    "SE23Algebra",
     "SE3",
     "SL",
     "SO",
+    "SGal3",
+    "SGal3Algebra",
     "SO3",
     "SU",
     "U",
@@ -376,6 +388,7 @@ __all__ = [
     "Linkage",
     "Magnus",
     "Mat",
+    "MatrixLieAlgebra",
     "MatrixLieGroup",
     "MaxwellBloch",
     "MechanicalSystem",
@@ -386,6 +399,7 @@ __all__ = [
     "NoPotential",
     "NonholonomicBody",
     "OrbitingBody",
+    "OppositeGroup",
     "OrthogonalBody",
     "OrthonormalFrame",
     "ParticleOnEllipsoid",

@@ -200,7 +200,7 @@ class AdaptiveRun:
         given = layout_of(self.start)
         shape = self.plan.shapes.get((given, curves))
         if shape is None:
-            xi = attempt(self.system.rate, self.t0, self.system.essential(self.start))
+            xi = attempt(self.system.rate, self.t0, self.system.essential_part(self.start))
             if not accepted(xi, itself):
                 raise self._not_begun(reason(xi))
             shape = self.plan.shapes[given, curves] = Shape(self.plan, self.start, xi, curves)
@@ -383,7 +383,7 @@ class AdaptiveRun:
         """Why the steps became too small to go on: what the last trial had to say.  A mistake in a formula is raised itself."""
         t, h = float(self.clock[0]), float(self.clock[1])
         state, xi = build(self.shape.layout, iter(self.states.tolist()))
-        first = attempt(self.system.rate, t, self.system.essential(state))
+        first = attempt(self.system.rate, t, self.system.essential_part(state))
         if t == self.t0 and not accepted(first, itself):
             return self._not_begun(reason(first))
         raised: list[Exception] = []  # by the steps that led here: each was at most five times as long as the next

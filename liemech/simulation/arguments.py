@@ -46,7 +46,7 @@ def started(system: Any, start: Any, record: Iterable[str] | None) -> State:
             raise InvalidType(f"integrate: start has {parts} and is of another kind of system than {system!r}") from None
     if record is None:
         return start
-    least = [name for name, x in system.essential(start).parts.items() if x is not None]
+    least = [name for name, x in system.essential_part(start).parts.items() if x is not None]
     choices = " or ".join(dict.fromkeys(str(tuple(names)).replace("'", '"') for names in (least, [*start.parts])))
     try:
         wanted = (record,) if isinstance(record, str) else tuple(record)
@@ -105,7 +105,7 @@ def only_adaptive(method: Any, every: int, workers: int) -> None:
             f"integrate: {method!r} keeps the structure because all its steps are alike, which an error control would spoil. "
             "Give h and steps; for adaptive steps take a method with an error estimate, such as RKMK(order=5)"
         )
-    if not getattr(method, "error_order", 0):
+    if not method.error_order:
         raise IncompatibleSystem(
             f"integrate: {method!r} has no error estimate to choose steps by. Give h and steps, or take a method with an embedded "
             "pair, such as RKMK(order=5)"

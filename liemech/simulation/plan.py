@@ -172,8 +172,8 @@ class Plan:
     def _doubt(self, start: State) -> str | None:
         """What the method warns of; of several systems the first warning."""
         if not isinstance(self.system, Systems):
-            return self.method.caution(self.system, start, self._steps.h)
-        doubts = (self.method.caution(s, member(start, i), self._steps.h) for i, s in enumerate(self.system))
+            return self.method.step_warning(self.system, start, self._steps.h)
+        doubts = (self.method.step_warning(s, member(start, i), self._steps.h) for i, s in enumerate(self.system))
         return next((doubt for doubt in doubts if doubt), None)
 
     def resume(

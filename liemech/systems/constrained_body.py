@@ -194,14 +194,14 @@ class BoundBody(System):
         return vec(*self.velocity(state.mu), *push)
 
     @final
-    def moved(self, retraction: Retraction, state: BodyState, omega: Vec) -> BodyState:
+    def displaced(self, retraction: Retraction, state: BodyState, omega: Vec) -> BodyState:
         """As without the constraint."""
-        return self.body.moved(retraction, state, omega)
+        return self.body.displaced(retraction, state, omega)
 
     @final
-    def deviation(self, state: BodyState, omega: Vec) -> tuple[Vec, Vec]:
+    def variation(self, state: BodyState, omega: Vec) -> tuple[Vec, Vec]:
         """As without the constraint."""
-        return self.body.deviation(state, omega)
+        return self.body.variation(state, omega)
 
     def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """The energy."""
@@ -334,7 +334,7 @@ class ConstrainedBody(BoundBody):
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.1; Leyendecker, Marsden and Ortiz, ZAMM 88 (2008).
     """
 
-    instead: ClassVar[str] = "LieRATTLE() keeps the constraint"
+    alternatives: ClassVar[str] = "LieRATTLE() keeps the constraint"
 
     def _count(self, g: Any) -> int:
         given: Any = self.constraint
@@ -364,7 +364,7 @@ class ConstrainedBody(BoundBody):
         x, change = np.zeros(group.dim), np.inf
         for _ in range(PATIENCE):
             before, there = change, group.compose_exp(start, Vec.of(x))
-            G = np.array(mat(*[group.dexp_dual(Vec.of(x), row, "left") for row in self.jacobian(there)]))
+            G = np.array(mat(*[group.algebra.dexp_dual(Vec.of(x), row, "left") for row in self.jacobian(there)]))
             aim = G @ x - np.array(self.constraint.value(there))
             new = inverse @ G.T @ np.linalg.solve(G @ inverse @ G.T, aim)
             change, x = float(np.abs(new - x).max()), new
@@ -398,7 +398,7 @@ class NonholonomicBody(BoundBody):
     Source: Bloch, Nonholonomic Mechanics and Control, 2nd ed., chapter 5; Cortes and Martinez, Nonlinearity 14 (2001).
     """
 
-    instead: ClassVar[str] = "LagrangeDAlembert() is the method for velocity constraints"
+    alternatives: ClassVar[str] = "LagrangeDAlembert() is the method for velocity constraints"
 
     def _count(self, g: Any) -> int:
         if not isinstance(self.constraint, VelocityConstraint):

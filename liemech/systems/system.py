@@ -53,10 +53,11 @@ class System(Record):
     side : "left" for body velocities, which move a group element as g exp(xi), "right" for spatial ones, exp(xi) g.
 
     called : what a user may call it, in messages.
+    alternatives : what to use where a method does not accept the system, a sentence without its full stop.
     coordinates : the parts of the state whose components are numbers that vary freely, such as ("mu",) or ("q", "p").
 
-    1. A subclass writes `rate`, `moved` and `state`, and has a `group`.  (Mostly through one of the classes of this folder.)
-    2. It may say what the velocity depends on (`essential`) and what stays constant (`constants`).
+    1. A subclass writes `rate`, `displaced` and `state`, and has a `group`.  (Mostly through one of the classes of this folder.)
+    2. It may say what the velocity depends on (`essential_part`) and what stays constant (`constants`).
 
     Source: Munthe-Kaas, Appl. Numer. Math. 29 (1999), section 2: equations on homogeneous spaces.
     """
@@ -64,6 +65,7 @@ class System(Record):
     side: ClassVar[str] = "left"
     called: ClassVar[str] = "system"
     coordinates: ClassVar[tuple[str, ...]] = ()
+    alternatives: ClassVar[str] = "RKMK accepts every system"
     fictive: ClassVar[bool] = False  # is it one in a fictive time, with physical time in its state?
     if TYPE_CHECKING:
         group: LieGroup
@@ -72,15 +74,15 @@ class System(Record):
         """The velocity xi in the Lie algebra, (dim,), at time t and in this state."""
         raise NotDefined(f"{type(self).__name__} must define `rate`")
 
-    def moved(self, retraction: Retraction, state: Any, omega: Vec) -> Any:
+    def displaced(self, retraction: Retraction, state: Any, omega: Vec) -> Any:
         """The state after a displacement tau(omega)."""
-        raise NotDefined(f"{type(self).__name__} must define `moved`")
+        raise NotDefined(f"{type(self).__name__} must define `displaced`")
 
-    def essential(self, state: State) -> Any:
+    def essential_part(self, state: State) -> Any:
         """The part of the state that the velocity depends on; what is None in it may be left unrecorded."""
         return state
 
-    def deviation(self, state: Any, omega: Vec) -> tuple[Vec, Vec]:
+    def variation(self, state: Any, omega: Vec) -> tuple[Vec, Vec]:
         """What a small displacement omega changes in the state, and the sizes of what it changes: for adaptive steps."""
         return omega, self.group.scale(None)
 
