@@ -108,6 +108,7 @@ if TYPE_CHECKING:
     from .models.planetary_system import PlanetarySystem
     from .models.poisson_top import PoissonTop
     from .models.rigid_body import RigidBody
+    from .models.rolling import Blade, Rolling, Suslov
     from .models.space_bodies import FallingBody, OrbitingBody
     from .models.surfaces import ParticleOnEllipsoid
     from .models.toda import TodaLattice
@@ -206,6 +207,7 @@ _LATER = {
     "models.planetary_system": ("PlanetarySystem",),
     "models.poisson_top": ("PoissonTop",),
     "models.rigid_body": ("RigidBody",),
+    "models.rolling": ("Blade", "Rolling", "Suslov"),
     "models.space_bodies": ("FallingBody", "OrbitingBody"),
     "models.surfaces": ("ParticleOnEllipsoid",),
     "plots": ("plots",),
@@ -288,6 +290,7 @@ __all__ = [
     "Andoyer",
     "AxialField",
     "BallJoint",
+    "Blade",
     "BodyState",
     "ButcherTableau",
     "Canonical",
@@ -410,6 +413,7 @@ __all__ = [
     "RevoluteJoint",
     "RigidBody",
     "RigidRod",
+    "Rolling",
     "RotationAction",
     "SO3Algebra",
     "SemidirectProduct",
@@ -424,6 +428,7 @@ __all__ = [
     "State",
     "StormerVerlet",
     "Surface",
+    "Suslov",
     "SymplecticEuler",
     "System",
     "Taylor",
