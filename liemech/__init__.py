@@ -132,7 +132,7 @@ if TYPE_CHECKING:
     from .systems.local_coordinates import InducedStructure, LocalChart, in_coordinates
     from .systems.mechanical import MechanicalSystem
     from .systems.multirate import MultirateSystem
-    from .systems.parts import Part, SplitHamiltonian
+    from .systems.parts import OfCoordinate, Part, SplitHamiltonian, Straight
     from .systems.poisson import PoissonState, PoissonSystem
     from .systems.potential import Force, NoPotential, Potential
     from .systems.separable import SeparableSystem
@@ -232,7 +232,7 @@ _LATER = {
     "systems.local_coordinates": ("InducedStructure", "LocalChart", "in_coordinates"),
     "systems.mechanical": ("MechanicalSystem",),
     "systems.multirate": ("MultirateSystem",),
-    "systems.parts": ("Part", "SplitHamiltonian"),
+    "systems.parts": ("OfCoordinate", "Part", "SplitHamiltonian", "Straight"),
     "systems.poisson": ("PoissonState", "PoissonSystem"),
     "systems.potential": ("Force", "NoPotential", "Potential"),
     "systems.separable": ("SeparableSystem",),
@@ -388,6 +388,7 @@ __all__ = [
     "MultirateSystem",
     "NoPotential",
     "NonholonomicBody",
+    "OfCoordinate",
     "OrbitingBody",
     "OrthogonalBody",
     "OrthonormalFrame",
@@ -427,6 +428,7 @@ __all__ = [
     "Splitting",
     "State",
     "StormerVerlet",
+    "Straight",
     "Surface",
     "Suslov",
     "SymplecticEuler",
