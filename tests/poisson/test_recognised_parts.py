@@ -83,7 +83,7 @@ def test_a_part_with_a_wall_says_what_it_is() -> None:
     for walls in (lm.Straight(Walls()), lm.OfCoordinate(Walls(), 0)):
         ball = system(walls)
         run = lm.integrate(ball, lm.Splitting(order=2), ball.state([0.0, 1.0]), h=0.01, steps=400, compiled=False, progress=False)
-        assert run.y[-1] == pytest.approx([-np.pi / 5.0, 1.0], abs=2e-3)
+        assert run.y[-1] == pytest.approx([-np.pi / 5.0, 1.0], abs=5e-3)
 
 
 def test_splittings_of_nystroems_kind_need_formulas_that_are_the_same_everywhere() -> None:
@@ -102,3 +102,13 @@ def test_splittings_of_nystroems_kind_need_formulas_that_are_the_same_everywhere
         return lm.PoissonSystem(lm.Canonical(1), lm.SplitHamiltonian(parts)).quadratic
 
     assert quadratic(0.0) and not quadratic(NARROW)
+
+
+def test_a_separable_system_is_quadratic_at_all_momenta_or_not() -> None:
+    @lm.record
+    class Layered(lm.HenonHeiles):
+        def kinetic(self, p: lm.Vec) -> Any:
+            square = 0.5 * lm.dot(p, p)
+            return square + p[0] ** 4 if 0.7 < p[0] < 0.7 + NARROW else square
+
+    assert lm.HenonHeiles().quadratic and not Layered().quadratic
