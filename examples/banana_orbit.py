@@ -40,6 +40,6 @@ for axis, (name, method) in zip(axes, methods.items()):
     print(f"largest error of the energy {change.max():.0e}")
     for orbit, look in (run, {"color": "tab:blue", "linewidth": 0.3}), (guide, {"color": "tab:red", "linewidth": 1.2}):
         axis.plot(np.hypot(orbit.y[:, 0], orbit.y[:, 1]), orbit.y[:, 2], **look)
-    axis.set(title=name, xlabel="R", aspect="equal")
+    axis.set(title=name, xlabel="R", aspect="equal", xticks=[0.95, 1.0, 1.05])
 axes[0].set_ylabel("z")
 figure.savefig("banana_orbit.png", dpi=90)

@@ -32,9 +32,9 @@ SECTIONS = {
         *("energy_drift", "tennis_racket", "poinsot", "ensemble", "order_of_methods", "three_rotations", "open_question"),
     ),
     "Tops and bodies of one's own": ("heavy_top", "gyrostat", "rotations_in_four_dimensions", "heisenberg", "magnetic_moment"),
-    "Positions and momenta": ("pendulums", "double_pendulum", "chaos_in_a_galaxy"),
+    "Positions and momenta": ("pendulums", "double_pendulum", "chaos_in_a_galaxy", "energy_exchange"),
     "Constraints, joints, rolling": ("index_reduction", "chain", "linkage"),
-    "Poisson systems, and steps that follow the motion": ("lotka_volterra", "eccentric_orbit"),
+    "Poisson systems, and steps that follow the motion": ("lotka_volterra", "banana_orbit", "eccentric_orbit"),
     "From measurements": ("fit_inertia",),
     "In the browser": ("flip_in_the_browser", "top_in_the_browser", "ensemble_in_the_browser", "linkage_in_the_browser"),
 }
