@@ -10,7 +10,7 @@ import liemech as lm
 
 @lm.record
 class Boris(lm.Method):
-    """Half a way, a turn of the velocity by Cayley's map of the field there, half a way: it keeps volumes, but is no Poisson map."""
+    """Half a way, a turn of the velocity by Cayley's map of the field there, half a way: keeps volumes, but is no Poisson map."""
 
     order: ClassVar[int] = 2
     symmetric: ClassVar[bool] = True
