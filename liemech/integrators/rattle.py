@@ -98,7 +98,7 @@ class Projected(OnConstraints):
         return h * system.velocity(q, p + kick), kick, x, size, enough
 
     def _linearly(self, system: Any, h: float, q: Vec, G: Mat, guess: Vec, free: Vec, drift: Vec, normals: Mat) -> Any:
-        """For a velocity of first degree in p: each multiplier moves the drift that is free of them along its normal, h^2 H_pp G^T."""
+        """For a velocity of first degree in p: multipliers move the drift that is free of them along normals, h^2 H_pp G^T."""
         aim = q + drift
         weights = inverse_sizes(G, drift - guess @ normals, q)
 

@@ -514,8 +514,8 @@ def eliminated(m: Mat, rhs: Vec) -> tuple[Vec, Vec]:
     if n == 2:  # by Cramer's rule: one division before the solution
         volume, first = m[0, 0] * m[1, 1] - m[0, 1] * m[1, 0], where(m[0, 0] != 0.0, m[0, 0], 1.0)
         scale = 1.0 / where(volume != 0.0, volume, 1.0)
-        x = vec(scale * (m[1, 1] * rhs[0] - m[0, 1] * rhs[1]), scale * (m[0, 0] * rhs[1] - m[1, 0] * rhs[0]))
-        return x, vec(m[0, 0], volume / first)
+        both = vec(scale * (m[1, 1] * rhs[0] - m[0, 1] * rhs[1]), scale * (m[0, 0] * rhs[1] - m[1, 0] * rhs[0]))
+        return both, vec(m[0, 0], volume / first)
     rows: list[Vec] = [vec(*m[i], rhs[i]) for i in range(n)]
     inverse: list[Any] = []
     for k in range(n):
