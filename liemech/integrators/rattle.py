@@ -83,7 +83,7 @@ class Projected(OnConstraints):
         before, _ = self.shares
         free = (before * h) * system.force(q, p) if before != 0.0 else 0.0 * p
         if system.linear:
-            normals = (h * h) * pushed(system, q, p, G)
+            normals = h * (h * pushed(system, q, p, G))  # h * h would be rounded
             return self._linearly(system, h, q, G, guess, free, h * system.velocity(q, p + free), normals)
         weights = inverse_sizes(G, h * system.velocity(q, p + (free - (h * guess) @ G)), q)
 
