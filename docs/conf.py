@@ -1,4 +1,4 @@
-"""The settings of the rendered documentation.  `sphinx-build -W docs build/site` makes it; `pip install ".[docs]"` brings what it needs.
+"""The settings of the rendered documentation: `pip install ".[docs]"`, then `sphinx-build -W docs build/site`.
 
 The pages are plain Markdown, which a forge shows as they are.  What is more than Markdown is made by the files in `site/`.
 """
@@ -12,15 +12,11 @@ sys.path[:0] = [str(HERE.parent), str(HERE / "site")]
 project = "liemech"
 language = "en"
 extensions = [
-    *("myst_parser", "sphinx.ext.autodoc", "sphinx.ext.autosummary", "sphinx.ext.viewcode", "sphinx_copybutton"),
+    *("myst_parser", "sphinx.ext.autodoc", "sphinx.ext.viewcode", "sphinx_copybutton"),
     *("mathml", "contents", "docstrings", "reference", "examples"),
 ]
 exclude_patterns = ["figures/*.py", "derivations", "site", "generated/pages"]
 nitpicky = True
-nitpick_ignore_regex = [
-    (r"py:.*", r"(np|numpy|scipy|matplotlib|collections|typing|concurrent|pathlib|Path|ArrayLike|Axes|Figure|Rotation|RigidTransform)\b.*"),
-]
-
 # Markdown
 myst_enable_extensions = ["dollarmath", "colon_fence"]
 myst_heading_anchors = 4

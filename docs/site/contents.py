@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import re
+from typing import TYPE_CHECKING
 
-from sphinx.application import Sphinx
+if TYPE_CHECKING:
+    from sphinx.application import Sphinx
 
 GENERATED = {"Reference": ("generated/api/index",)}
 """Pages that are written while the site is built, by the heading under which they stand."""

@@ -9,13 +9,14 @@
 
 from __future__ import annotations
 
-import builtins
 import functools
 import inspect
 import itertools
 import re
 from typing import Any
 
+from docutils import nodes
+from sphinx import addnodes
 from sphinx.application import Sphinx
 
 import liemech
@@ -35,7 +36,7 @@ def public() -> dict[str, str]:
         for name in getattr(inside, "__all__", None) or [n for n, x in vars(inside).items() if inspect.isclass(x)]:
             if not inspect.ismodule(getattr(inside, name)):
                 spellings = {f"{path}{name}", f"lm.{path}{name}", f"liemech.{path}{name}"}
-                if name[0].isupper():  # `drift` alone is a word
+                if name[0].isupper() or (not module and ("_" in name or name == "integrate")):  # `drift` alone is a word
                     spellings.add(name)
                 found |= dict.fromkeys(spellings, f"liemech.{path}{name}")
     return found
@@ -53,19 +54,22 @@ def home(owner: type, name: str) -> str | None:
     return None
 
 
+def place(code: str, owner: type | None = None) -> str | None:
+    """The full name of what code names, a public thing or a member of a class; None if it has no place in the reference."""
+    name = code.partition("(")[0]
+    if owner is not None and name.isidentifier() and (found := home(owner, name)):
+        return found
+    if name in public() or name.count(".") != 1:
+        return public().get(name)
+    one, member = name.split(".")
+    thing = getattr(liemech, one) if one in liemech.__all__ else None
+    return home(thing, member) if inspect.isclass(thing) else None
+
+
 def linked(code: str, owner: type | None) -> str:
     """Code in the text; a link where it names something that has a place in the reference."""
-    name, _, call = code.partition("(")
-    target = public().get(name)
-    if target is None and owner is not None and name.isidentifier():
-        target = home(owner, name)
-    if target is None and name.count(".") == 1:
-        cls, member = name.split(".")
-        thing = getattr(liemech, cls) if cls in liemech.__all__ else None
-        target = home(thing, member) if inspect.isclass(thing) else None
-    if target is None or hasattr(builtins, name):
-        return f"``{code}``"
-    return f":obj:`{code} <{target}>`"
+    target = place(code, owner)
+    return f":obj:`{code} <{target}>`" if target else f"``{code}``"
 
 
 def escaped(text: str, owner: type | None) -> str:
@@ -142,13 +146,15 @@ def convert(app: Sphinx, what: str, name: str, thing: Any, options: Any, lines: 
     lines[:] = readable(lines, owner if inspect.isclass(owner) else None)
 
 
-def signature(app: Sphinx, what: str, name: str, thing: Any, options: Any, arguments: str, returns: str) -> tuple[str, str] | None:
+def signature(
+    app: Sphinx, what: str, name: str, thing: Any, options: Any, arguments: str, returns: str
+) -> tuple[str, str] | None:
     """The arguments of a class are its fields: those of a record stand in its `__signature__`."""
     if what != "class" or not arguments:
         return None
     known = inspect.signature(thing)
-    empty = inspect.Parameter.empty
-    return str(known.replace(parameters=[p.replace(annotation=empty) for p in known.parameters.values()], return_annotation=empty)), ""
+    bare = [p.replace(annotation=inspect.Parameter.empty) for p in known.parameters.values()]
+    return str(known.replace(parameters=bare, return_annotation=inspect.Signature.empty)), ""
 
 
 def bases(app: Sphinx, name: str, thing: type, options: Any, found: list[Any]) -> None:
@@ -166,8 +172,19 @@ def bases(app: Sphinx, name: str, thing: type, options: Any, found: list[Any]) -
     found[:] = list(dict.fromkeys(up or own or [object]))
 
 
+def link_pages(app: Sphinx, doctree: nodes.document) -> None:
+    """In the pages too, code that is a public name leads to the reference."""
+    for code in list(doctree.findall(nodes.literal)):
+        target = place(code.astext())
+        if target and not isinstance(code.parent, nodes.reference | nodes.title | addnodes.pending_xref):
+            link = addnodes.pending_xref("", code.deepcopy(), refdoc=app.env.docname, refexplicit=True, refwarn=True)
+            link.attributes |= {"refdomain": "py", "reftype": "obj", "reftarget": target}
+            code.replace_self(link)
+
+
 def setup(app: Sphinx) -> dict[str, bool]:
     app.connect("autodoc-process-docstring", convert)
+    app.connect("doctree-read", link_pages)
     app.connect("autodoc-process-signature", signature)
     app.connect("autodoc-process-bases", bases)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

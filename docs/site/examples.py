@@ -1,4 +1,4 @@
-"""The examples: each has a page with its code, and those that write a page for the browser are run, so that the gallery shows it."""
+"""Each example has a page with its code.  Those that write a page for the browser are run, and the gallery links to it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from sphinx.application import Sphinx
 
 ROOT = Path(__file__).parent.parent.parent
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
-IN_THE_BROWSER = {"flip_in_the_browser": "flip", "top_in_the_browser": "top", "ensemble_in_the_browser": "ensemble"}
+IN_THE_BROWSER = {e.stem: found[1] for e in EXAMPLES if (found := re.search(r'"(\w+)\.html"', e.read_text(encoding="utf-8")))}
 """The examples that write a page, and its name."""
 
 
@@ -30,10 +30,11 @@ def write(app: Sphinx) -> None:
     pages = Path(app.srcdir) / "generated" / "extra" / "pages"
     pages.mkdir(parents=True, exist_ok=True)
     paths = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
+    surroundings = os.environ | {"PYTHONPATH": paths, "MPLBACKEND": "Agg"}
     for name, page in IN_THE_BROWSER.items():
         if not (pages / f"{page}.html").exists():
             program = [sys.executable, str(ROOT / "examples" / f"{name}.py")]
-            subprocess.run(program, cwd=pages, check=True, capture_output=True, env=os.environ | {"PYTHONPATH": paths, "MPLBACKEND": "Agg"})
+            subprocess.run(program, cwd=pages, check=True, capture_output=True, env=surroundings)
             for picture in pages.glob("*.png"):
                 picture.unlink()
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import inspect
+import re
 import sys
 from pathlib import Path
 from typing import Any
 
-from docstrings import readable
+from docstrings import escaped, readable
 from sphinx.application import Sphinx
 from sphinx.pycode import ModuleAnalyzer
 
@@ -31,13 +32,28 @@ MODULES = ("tableaus", "plots", "viewer", "errors")
 """Parts that are modules of their own: their names are `lm.plots.drift` and so on."""
 
 
+INDEX = """API reference
+=============
+
+Every public name, by the part of the library that it belongs to.
+
+.. toctree::
+   :maxdepth: 1
+
+"""
+
+
 def names(part: str) -> list[str]:
     """The full names of what a part exports."""
     if part in MODULES:
         module = getattr(liemech, part)
-        own = getattr(module, "__all__", None) or [n for n, x in vars(module).items() if getattr(x, "__module__", "") == module.__name__]
+        own = getattr(module, "__all__", None) or [name for name, x in vars(module).items() if _is_from(x, module)]
         return [f"liemech.{part}.{name}" for name in own if not name.startswith("_")]
     return [f"liemech.{name}" for name in liemech.__all__ if _part(name) == part]
+
+
+def _is_from(thing: Any, module: Any) -> bool:
+    return getattr(thing, "__module__", "") == module.__name__
 
 
 def _part(name: str) -> str:
@@ -65,6 +81,13 @@ def constants(part: str) -> dict[str, str]:
     return found
 
 
+def row(full: str) -> list[str]:
+    """A name and the first sentence about it, whose full stop follows a letter or a sign, not a space as in g . x."""
+    about = " ".join((inspect.getdoc(_thing(full)) or "").split("\n\n")[0].split())
+    first = re.split(r"(?<=[^ .])\.(?= |$)", about)[0].rstrip(".:")
+    return [f"   * - :obj:`~{full}`", f"     - {escaped(first, None)}."]
+
+
 def page(part: str) -> str:
     """One part: a table of its names, then each of them."""
     title, about = PARTS[part]
@@ -72,7 +95,7 @@ def page(part: str) -> str:
     documented = [full for full in everything if inspect.isclass(_thing(full)) or inspect.isroutine(_thing(full))]
     data = [full for full in everything if full not in documented]
     text = [title, "=" * len(title), "", about.replace("`", "``"), ""]
-    text += [".. autosummary::", "   :nosignatures:", "", *[f"   ~{full}" for full in documented], ""]
+    text += [".. list-table::", "", *[line for full in documented for line in row(full)], ""]
     for full in documented:
         kind = "autoclass" if inspect.isclass(_thing(full)) else "autofunction"
         text += [f".. {kind}:: {full}", ""]
@@ -81,7 +104,7 @@ def page(part: str) -> str:
         texts = constants(part)
         for full in data:
             name, value = full.rpartition(".")[2], _thing(full)
-            about = texts.get(name) or " ".join(filter(None, [f"``{value!r}``" if hasattr(value, "source") else "", getattr(value, "source", "")]))
+            about = texts.get(name) or (f"``{value!r}`` {value.source}" if hasattr(value, "source") else "")
             text += [f".. py:data:: {full}", "", *[f"   {line}" for line in readable(about.split("\n"), None)], ""]
     return "\n".join(text)
 
@@ -90,9 +113,7 @@ def write(app: Sphinx) -> None:
     """The pages, where they have changed, and their index."""
     folder = Path(app.srcdir) / "generated" / "api"
     folder.mkdir(parents=True, exist_ok=True)
-    head = "API reference"
-    index = [head, "=" * len(head), "", "Every public name, by the part of the library that it belongs to.", "", ".. toctree::", "   :maxdepth: 1", ""]
-    pages = {part: page(part) for part in PARTS} | {"index": "\n".join([*index, *[f"   {part}" for part in PARTS], ""])}
+    pages = {part: page(part) for part in PARTS} | {"index": INDEX + "".join(f"   {part}\n" for part in PARTS)}
     for name, text in pages.items():
         file = folder / f"{name}.rst"
         if not file.exists() or file.read_text(encoding="utf-8") != text:

@@ -13,9 +13,10 @@ PAGE = HERE.parent.parent / "docs" / "leader_board.md"
 OURS = ("liemech", "liemech, symplectic")
 HEAD = """# Leader board
 
-For each problem and each error the quickest method of this library, and the quickest one of any other package. The ratio is our time
-over theirs: below one we are ahead. Times are of a whole call, as [work and precision](work_precision.md) explains; that page has all
-packages and what each of them integrates. Measured with {versions}.
+For each problem and each error the quickest method of this library, and the quickest one of any other package. The
+ratio is our time over theirs: below one we are ahead. Times are of a whole call, as
+[work and precision](work_precision.md) explains; that page has all packages and what each of them integrates.
+Measured with {versions}.
 
 `python tests/benchmarks/work_precision.py` measures, `python tests/benchmarks/leader_board.py` writes this page.
 
@@ -25,10 +26,10 @@ packages and what each of them integrates. Measured with {versions}.
 TAIL = """
 ## What stands in the way
 
-The calls. Of our time about 0.1 ms is the call, which checks its arguments and builds a run out of Python objects; the steps take less
-than that. [Prepared runs](prepared_runs.md) pay for it once. They are not in this table, which calls every package as its users do.
-These are short runs. After a long time, where energy and Casimirs count, the order is another one:
-[energy after a long time](work_precision.md#energy-after-a-long-time).
+The calls. Of our time about 0.1 ms is the call, which checks its arguments and builds a run out of Python objects; the
+steps take less than that. [Prepared runs](prepared_runs.md) pay for it once. They are not in this table, which calls
+every package as its users do. These are short runs. After a long time, where energy and Casimirs count, the order is
+another one: [energy after a long time](work_precision.md#energy-after-a-long-time).
 """
 
 
@@ -39,8 +40,9 @@ def page(measured: dict) -> str:
         best = winners(curves, sorted({curve["package"] for curve in curves}))
         for target in TARGETS:
             ours = min((best[p][target] for p in OURS if best.get(p, {}).get(target)), default=None)
-            theirs = min(((*cell[target], p) for p, cell in best.items() if p not in OURS and cell[target]), default=None)
-            cells = [f"{1e3 * t[0]:.2g} ({t[1]})" if t else "not reached" for t in (ours, (theirs[0], theirs[2]) if theirs else None)]
+            others = [(cell[target][0], p) for p, cell in best.items() if p not in OURS and cell[target]]
+            theirs = min(others, default=None)
+            cells = [f"{1e3 * t[0]:.2g} ({t[1]})" if t else "not reached" for t in (ours, theirs)]
             ratio = f"{ours[0] / theirs[0]:.2g}" if ours and theirs else ""
             ahead = ours and (not theirs or ours[0] < theirs[0])
             text += f"| {problem} | {target:.0e} | {cells[0]} | {cells[1]} | {ratio} | {'🟢 ahead' if ahead else '🔴 behind'} |\n"
