@@ -44,3 +44,16 @@ def test_every_link_to_a_term_of_the_glossary_finds_it() -> None:
         text = page.read_text(encoding="utf-8")
         links = re.findall(r"glossary\.md#([\w-]+)", text) + (re.findall(r"\(#([\w-]+)\)", text) if page.stem == "glossary" else [])
         assert set(links) <= anchors, f"{page.name}: no such terms: {sorted(set(links) - anchors)}"
+
+
+def test_every_row_of_a_table_has_as_many_cells_as_its_head() -> None:
+    """A bar inside a cell parts it, in code too, unless a backslash stands before it; what is too much is not shown."""
+    for page in [ROOT / "README.md", *DOCS.rglob("*.md")]:
+        cells = None
+        for number, line in enumerate(page.read_text(encoding="utf-8").splitlines(), start=1):
+            if not line.startswith("|"):
+                cells = None
+                continue
+            here = len(re.split(r"(?<!\\)\|", line.strip())) - 2
+            cells = cells or here
+            assert here == cells, f"{page.name}, line {number}: {here} cells under a head of {cells}"

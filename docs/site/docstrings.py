@@ -35,10 +35,10 @@ def public() -> dict[str, str]:
         path = f"{module}." if module else ""
         for name in getattr(inside, "__all__", None) or [n for n, x in vars(inside).items() if inspect.isclass(x)]:
             if not inspect.ismodule(getattr(inside, name)):
-                spellings = {f"{path}{name}", f"lm.{path}{name}", f"liemech.{path}{name}"}
-                if name[0].isupper() or (not module and ("_" in name or name == "integrate")):  # `drift` alone is a word
-                    spellings.add(name)
-                found |= dict.fromkeys(spellings, f"liemech.{path}{name}")
+                spellings = [f"lm.{path}{name}", f"liemech.{path}{name}", f"{path}{name}", name]
+                alone = name[0].isupper() or (not module and ("_" in name or name == "integrate"))
+                known = spellings if alone else spellings[: 3 if module else 2]  # `record` and `drift` alone are words
+                found |= dict.fromkeys(known, f"liemech.{path}{name}")
     return found
 
 
