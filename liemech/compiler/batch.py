@@ -137,7 +137,7 @@ class Values:
     def __init__(self, *values: Any) -> None:
         self.values = values
         self.layouts = tuple(map(layout_of, values))
-        self.numbers = array("d", [x for value, layout in zip(values, self.layouts) for x in leaves(value, layout)])
+        self.numbers = array("d", [x for value, layout in zip(values, self.layouts) for x in leaves(value, layout)]).tobytes()
 
 
 # ------------------------------------------------------------------ native code for a batch

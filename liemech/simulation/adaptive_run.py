@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import functools
 import math
 import time
 from array import array
@@ -50,6 +49,10 @@ class AdaptiveSteps:
     compiled: bool | None
     progress: bool | None
     shapes: dict[Any, Shape] = dataclasses.field(default_factory=dict, repr=False)
+
+    def owns(self, shape: Any) -> bool:
+        """Is the shape one of this plan?"""
+        return shape in self.shapes.values()
 
     @classmethod
     def checked(
@@ -143,7 +146,7 @@ class Shape:
         self.example, self.curves = start, curves
         self.state, self.layout = layout_of(start), layout_of((start, xi))
         self.row = layout_of((0.0, start, (xi,) * method.curve_terms if curves else ()))
-        self.constants = array("d", leaves(method, layout_of(method)) + leaves(system, layout_of(system)))
+        self.constants = array("d", leaves(method, layout_of(method)) + leaves(system, layout_of(system))).tobytes()
         self.arguments = method, system, self.layout, self.row
         none = np.empty(0)
         call = *self.arguments, 0.0, 0.0, 0.0, 0.0, curves, 1, none, none, none, None
@@ -298,7 +301,7 @@ class AdaptiveRun:
         if shape.stepping.ready(self._part()):
             native: Any = shape.stepping.native
             self.compiled = True
-            native.run(shape.constants + array("d", numbers), (room,), arrays)
+            native.run(shape.constants + array("d", numbers).tobytes(), (room,), arrays)
         else:
             with shape.stepping.plain():
                 adaptive_steps(*shape.arguments, *numbers, shape.curves, room, *arrays, self.failures)
@@ -341,7 +344,7 @@ class AdaptiveRun:
         dense = self._dense() if self.kept and self.shape.curves else None
         kept = dense if self.dense else None
         return Trajectory.promised(
-            functools.partial(self._samples, dense),
+            lambda: dict(zip(("t", "states"), self._samples(dense), strict=True)),
             system=self.system,
             method=self.method,
             h=(reached - self.t0) / max(1, steps),

@@ -50,13 +50,14 @@ class Execution:
         self, wanted: bool | None, progress: bool | None, *call: Any, lanes: int = 1, silent: bool = False
     ) -> None:
         self.asked, self.progress, self.call, self.lanes, self.silent = wanted, progress, call, lanes, silent
+        self.given = kernel.examples(call[1:])
         self.native: kernel.Kernel | None = None
         self.again()
 
     def again(self) -> None:
         """For another run: native code that says what the formulas say now, if there is some."""
         self.seconds = 0.0
-        if self.native is not None and self.native.reads.unchanged(kernel.examples(self.call[1:])):
+        if self.native is not None and self.native.reads.unchanged(self.given):
             return
         self.wanted = self.asked
         self.native = kernel.known(*self.call, lanes=self.lanes) if self.wanted is not False else None

@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 import dataclasses
+import operator
+import struct
 from array import array
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from ..compiler import kernel
 from ..formulas.broadcasting import small
-from ..formulas.pytree import Layout, build, compensated, fitted, layout_of, leaves
+from ..formulas.pytree import Layout, build, compensated, fitted, gatherer, layout_of, leaves
 from ..integrators.method import Method
 from ..systems.system import State, System
 from .execution import Execution
 from .fixed import begin, fixed_steps
 from .systems import Systems
+
+WORDS, TIMES = struct.Struct("8q"), struct.Struct("2d")
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -50,9 +55,9 @@ class Steps:
         """All but the system, for a plan of another one."""
         return self.method, self.h, self.every, self.compensated, self.compiled, self.progress, self.workers
 
-    def own(self, shape: Shape) -> Shape | None:
-        """The shape, if it is one of this plan."""
-        return shape if self.shapes.get(shape.key) is shape else None
+    def owns(self, shape: Shape | None) -> bool:
+        """Is the shape one of this plan?"""
+        return shape in self.shapes.values()
 
     def remembering(self, start: State) -> State:
         """The start of one body, in compensated numbers what is to be summed up so: all, nothing, or what the motion depends on."""
@@ -65,15 +70,16 @@ class Steps:
 class Shape:
     """The layouts of a run, and the code that makes its steps.
 
-    key : by which the plan knows it.  given : of a start of one body as it comes; started : in the numbers of the run.
+    given : of a start of one body as it comes; started : in the numbers of the run.
     layout : of what the method carries along.  example, shown : a sample and its layout.  lanes : bodies side by side.
     stepping : who runs `fixed_steps`.  constants : the numbers of method and system; own : those of which every body has its own.
-    order : for a method without a memory, which number of the start each number of the memory is, -1 for a rest of zero.
+    carried, sampled : how many numbers are carried along, with that of the steps, and are in a sample.
+    order : for a method without a memory, picks what is carried along, and the first sample, from the numbers of the start and a
+    zero behind them.
     """
 
     def __init__(self, steps: Steps, given: Layout, started: Layout, first: Any, example: State, many: bool) -> None:
         method, system = steps.method, steps.system
-        self.key = given, many
         self.given, self.started, self.example = given, started, example
         self.layout, self.shown = layout_of(first), layout_of(example)
         native = steps.compiled is not False and many and kernel.available() is None
@@ -84,22 +90,33 @@ class Shape:
             self.own.append(system.columns)
         else:
             constants += leaves(system, layout_of(system))
-        self.constants = array("d", constants)
+        self.constants = array("d", constants).tobytes()
+        self.carried, self.sampled, self.gather = self.layout.width + 1, self.shown.width, gatherer(given)
         none = np.empty(0)
         self.arguments = method, system, self.layout, self.shown
         call = fixed_steps, *self.arguments, 0.0, steps.h, 0, 1, 1, none, none, None
         self.stepping = Execution(steps.compiled, steps.progress, *call, lanes=self.lanes)
         self.beginner = method, system, given, started, self.layout, self.shown, steps.h
         self._beginning: Execution | None = None
-        self.order: list[int] | None = None
+        self.order: Callable[[list[float]], tuple[float, ...]] | None = None
+        self.first = struct.Struct(f"{self.carried + self.sampled}d")
         if not many and all(getattr(type(method), f) is getattr(Method, f) for f in ("start", "observe")):
             numbered = fitted(build(given, iter([1.0 + i for i in range(given.width)])), self.layout)
-            self.order = [int(x) - 1 for x in leaves(numbered, self.layout)]
+            self.order = operator.itemgetter(*[int(x) - 1 for x in leaves(numbered, self.layout)], -1, *range(given.width))
 
-    def native_steps(self, t0: float, h: float, first: int, every: int, samples: int, states: np.ndarray, out: np.ndarray) -> None:
-        """`fixed_steps` of one body, in native code that is there."""
+    def begin(self, start: State, memory: np.ndarray) -> bool:
+        """Write what one body carries along, and behind it the first sample; False if only the method knows that."""
+        if self.order is None:
+            return False
+        numbers = self.gather(start)
+        numbers.append(0.0)
+        self.first.pack_into(memory, 0, *self.order(numbers))
+        return True
+
+    def native_steps(self, t0: float, h: float, first: int, every: int, samples: int, states: int, out: int) -> None:
+        """`fixed_steps` of one body, in native code that is there.  states, out : the addresses of the arrays."""
         native: Any = self.stepping.native
-        native.run(self.constants + array("d", (t0, h)), (first, every, samples), (states, out))
+        native.call(WORDS.pack(1, 0, 1, first, every, samples, states, out) + self.constants + TIMES.pack(t0, h))
 
     def beginning(self, steps: Steps) -> Execution:
         """Who runs `begin`."""
