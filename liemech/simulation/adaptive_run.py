@@ -21,7 +21,7 @@ from .checkpoint import Checkpoint
 from .dense import DenseOutput, unpacked
 from .events import Event, Watch
 from .execution import LOOK, Execution
-from .prepared import member
+from .prepared import Prepared, member, numbers_of
 from .progress import Bar
 from .stopped import Stopped
 from .systems import Systems
@@ -53,6 +53,10 @@ class AdaptiveSteps:
     def owns(self, shape: Any) -> bool:
         """Is the shape one of this plan?"""
         return shape in self.shapes.values()
+
+    def of_system(self, system: Any) -> AdaptiveSteps:
+        """The same for a system of the same layout; what is laid out and compiled is shared."""
+        return dataclasses.replace(self, system=system, shapes={key: shape.of_system(system) for key, shape in self.shapes.items()})
 
     @classmethod
     def checked(
@@ -135,7 +139,7 @@ def _prolonged(values: np.ndarray, start: np.ndarray, count: int) -> np.ndarray:
     return np.concatenate([values, np.repeat(values[-1:] if len(values) else start[None], count - len(values), axis=0)])
 
 
-class Shape:
+class Shape(Prepared):
     """The layouts of a run, and the code that makes its steps.
 
     example : a state.  layout : of state and velocity; row : of time, state and the way to it.  curves : is the way there?
@@ -146,7 +150,7 @@ class Shape:
         self.example, self.curves = start, curves
         self.state, self.layout = layout_of(start), layout_of((start, xi))
         self.row = layout_of((0.0, start, (xi,) * method.curve_terms if curves else ()))
-        self.constants = array("d", leaves(method, layout_of(method)) + leaves(system, layout_of(system))).tobytes()
+        self.constants = numbers_of(method, system)
         self.arguments = method, system, self.layout, self.row
         none = np.empty(0)
         call = *self.arguments, 0.0, 0.0, 0.0, 0.0, curves, 1, none, none, none, None

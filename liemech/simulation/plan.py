@@ -11,13 +11,14 @@ from typing import TYPE_CHECKING, Any
 
 from ..errors import InvalidInput, InvalidType, StepWarning, warn
 from ..formulas import Record
-from ..formulas.pytree import exact, fields_of
+from ..formulas.pytree import exact, fields_of, layout_of
 from ..integrators.method import Method
 from ..systems.system import State, System
 from . import arguments
 from .at_once import advanced, at_once
 from .carry import Carry
 from .checkpoint import Checkpoint
+from .execution import like
 from .fixed_run import FixedRun
 from .prepared import Steps, member
 from .systems import Systems, systems_of
@@ -122,7 +123,18 @@ class Plan:
         unknown = sorted(set(changed) - set(self._given))
         if unknown:
             raise InvalidInput(f"Plan.replace: there is no {unknown[0]}; there are {', '.join(self._given)}")
+        system = changed.get("system")
+        if len(changed) == 1 and isinstance(system, System) and layout_of(system) == layout_of(self._given["system"]):
+            return self.of_system(system)
         return Plan(**self._given | changed)
+
+    def of_system(self, system: System) -> Plan:
+        """This plan of one system for another of the same layout, that is, with other numbers only: what is prepared is shared."""
+        arguments.matching(system, self.method)
+        other: Plan = like(self)
+        other.system = other._one = system
+        other._given, other._steps = self._given | {"system": system}, self._steps.of_system(system)
+        return other
 
     def __reduce__(self) -> tuple[Any, ...]:
         """What it was made with; layouts and native code are found again where it arrives."""

@@ -16,7 +16,7 @@ from ..formulas.broadcasting import small
 from ..formulas.pytree import Layout, build, compensated, fitted, gatherer, layout_of, leaves
 from ..integrators.method import Method
 from ..systems.system import State, System
-from .execution import Execution
+from .execution import Execution, like
 from .fixed import begin, fixed_steps
 from .systems import Systems
 
@@ -40,6 +40,10 @@ class Steps:
     progress: bool | None
     workers: int
     shapes: dict[Any, Shape] = dataclasses.field(default_factory=dict, repr=False)
+
+    def of_system(self, system: System) -> Steps:
+        """The same for a system of the same layout; what is laid out and compiled is shared."""
+        return Steps(system, *self.settings, {key: shape.of_system(system) for key, shape in self.shapes.items()})
 
     @property
     def one(self) -> System:
@@ -67,12 +71,36 @@ class Steps:
         return compensated(start) if self.compensated else start
 
 
-class Shape:
+class Prepared:
+    """What drivers of steps of all kinds need.
+
+    arguments : method, system, layouts.  constants : the numbers of method and system.  stepping : who runs the driver.
+    """
+
+    arguments: tuple[Any, ...]
+    constants: bytes
+    stepping: Execution
+
+    def of_system(self, system: System) -> Any:
+        """The same for another system of the same layout."""
+        other = like(self)
+        method, _, *layouts = self.arguments
+        other.arguments, other.constants = (method, system, *layouts), numbers_of(method, system)
+        other.stepping = self.stepping.of(system)
+        return other
+
+
+def numbers_of(*values: Any) -> bytes:
+    """The numbers of values in turn, as native code gets them."""
+    return b"".join([array("d", gatherer(layout_of(value))(value)).tobytes() for value in values])
+
+
+class Shape(Prepared):
     """The layouts of a run, and the code that makes its steps.
 
     given : of a start of one body as it comes; started : in the numbers of the run.
     layout : of what the method carries along.  example, shown : a sample and its layout.  lanes : bodies side by side.
-    stepping : who runs `fixed_steps`.  constants : the numbers of method and system; own : those of which every body has its own.
+    own : numbers of which every body has its own.
     carried, sampled : how many numbers are carried along, with that of the steps, and are in a sample.
     order : for a method without a memory, picks what is carried along, and the first sample, from the numbers of the start and a
     zero behind them.
@@ -84,25 +112,36 @@ class Shape:
         self.layout, self.shown = layout_of(first), layout_of(example)
         native = steps.compiled is not False and many and kernel.available() is None
         self.lanes = kernel.lanes() if native else 1
-        constants, self.own = leaves(method, layout_of(method)), []
+        self.own: list[np.ndarray] = []
         if isinstance(system, Systems):
+            self.constants = numbers_of(method)
             system = kernel.Several.of(system.systems, -(-len(system) // self.lanes) * self.lanes)
             self.own.append(system.columns)
         else:
-            constants += leaves(system, layout_of(system))
-        self.constants = array("d", constants).tobytes()
+            self.constants = numbers_of(method, system)
         self.carried, self.sampled, self.gather = self.layout.width + 1, self.shown.width, gatherer(given)
         none = np.empty(0)
         self.arguments = method, system, self.layout, self.shown
         call = fixed_steps, *self.arguments, 0.0, steps.h, 0, 1, 1, none, none, None
         self.stepping = Execution(steps.compiled, steps.progress, *call, lanes=self.lanes)
-        self.beginner = method, system, given, started, self.layout, self.shown, steps.h
+        self.h = steps.h
         self._beginning: Execution | None = None
         self.order: Callable[[list[float]], tuple[float, ...]] | None = None
         self.first = struct.Struct(f"{self.carried + self.sampled}d")
         if not many and all(getattr(type(method), f) is getattr(Method, f) for f in ("start", "observe")):
             numbered = fitted(build(given, iter([1.0 + i for i in range(given.width)])), self.layout)
             self.order = operator.itemgetter(*[int(x) - 1 for x in leaves(numbered, self.layout)], -1, *range(given.width))
+
+    def of_system(self, system: System) -> Shape:
+        other: Shape = super().of_system(system)
+        if other._beginning is not None:
+            other._beginning = other._beginning.of(system)
+        return other
+
+    @property
+    def beginner(self) -> tuple[Any, ...]:
+        """The arguments of `begin` that are no arrays."""
+        return *self.arguments[:2], self.given, self.started, self.layout, self.shown, self.h
 
     def begin(self, start: State, memory: np.ndarray) -> bool:
         """Write what one body carries along, and behind it the first sample; False if only the method knows that."""
