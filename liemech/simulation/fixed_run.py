@@ -130,17 +130,18 @@ class FixedRun:
     def _begin(self) -> None:
         """Let the method begin with every body."""
         shape, plan = self.shape, self.plan
-        if self.bodies is None and shape.begin(self.start, memory := np.empty(shape.carried + shape.sampled)):
-            self.states[:, 0], self.out[0, :, 0] = memory[: shape.carried], memory[shape.carried :]
+        starts = self.out[0] if shape.given == shape.shown else np.empty((shape.given.width, self.columns))
+        self._lay_down(starts)
+        if shape.order is not None:
+            for number, place in zip(self.states, shape.order, strict=False):
+                if place >= 0:
+                    number[:] = starts[place]
             return
-        starts = self._columns_of(self.start)
         beginning = shape.beginning(plan)
         beginning.again()
         if shape.stepping.native is not None and self.bodies is not None:
             beginning.compile()
-        if shape.given == shape.shown:
-            self.out[0] = starts
-        else:
+        if shape.given != shape.shown:
             self.out[0] = 0.0
         self.taken[:] = -1.0
         arrays = starts, self.states, self.out[0]
@@ -153,11 +154,17 @@ class FixedRun:
         if beginning.native is not None and self.bodies is not None:
             shape.stepping.compile()
 
-    def _columns_of(self, start: State) -> np.ndarray:
-        """The start with a column for each body; the last lanes, if there are too many, repeat the last body."""
+    def _lay_down(self, columns: np.ndarray) -> None:
+        """Write the numbers of the start, a column for each body; lanes that are left over repeat the last body."""
         if self.bodies is None:
-            return np.array(leaves(start, self.shape.given), dtype=float)[:, None]
-        return self._padded(flat(start.arrays, self.count).T)
+            columns[:, 0] = leaves(self.start, self.shape.given)
+            return
+        at = 0
+        for part in self.start.arrays.values():
+            numbers = flat({"": part}, self.count).T
+            columns[at : at + len(numbers), : self.count] = numbers
+            at += len(numbers)
+        columns[:, self.count :] = columns[:, self.count - 1 : self.count]
 
     def _padded(self, columns: np.ndarray) -> np.ndarray:
         """Columns of all bodies, the last one repeated for the lanes that are left over."""

@@ -6,7 +6,6 @@ import dataclasses
 import operator
 import struct
 from array import array
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -102,8 +101,7 @@ class Shape(Prepared):
     layout : of what the method carries along.  example, shown : a sample and its layout.  lanes : bodies side by side.
     own : numbers of which every body has its own.
     carried, sampled : how many numbers are carried along, with that of the steps, and are in a sample.
-    order : for a method without a memory, picks what is carried along, and the first sample, from the numbers of the start and a
-    zero behind them.
+    order : for a method without a memory, which number of the start each number is that is carried along; -1 for a rest, zero.
     """
 
     def __init__(self, steps: Steps, given: Layout, started: Layout, first: Any, example: State, many: bool) -> None:
@@ -126,11 +124,12 @@ class Shape(Prepared):
         self.stepping = Execution(steps.compiled, steps.progress, *call, lanes=self.lanes)
         self.h = steps.h
         self._beginning: Execution | None = None
-        self.order: Callable[[list[float]], tuple[float, ...]] | None = None
-        self.first = struct.Struct(f"{self.carried + self.sampled}d")
-        if not many and all(getattr(type(method), f) is getattr(Method, f) for f in ("start", "observe")):
+        self.order: list[int] | None = None
+        if given == self.shown and all(getattr(type(method), f) is getattr(Method, f) for f in ("start", "observe")):
             numbered = fitted(build(given, iter([1.0 + i for i in range(given.width)])), self.layout)
-            self.order = operator.itemgetter(*[int(x) - 1 for x in leaves(numbered, self.layout)], -1, *range(given.width))
+            self.order = [int(x) - 1 for x in leaves(numbered, self.layout)]
+            self._first = struct.Struct(f"{self.carried + self.sampled}d")
+            self._picked = operator.itemgetter(*self.order, -1, *range(given.width))
 
     def of_system(self, system: System) -> Shape:
         other: Shape = super().of_system(system)
@@ -149,7 +148,7 @@ class Shape(Prepared):
             return False
         numbers = self.gather(start)
         numbers.append(0.0)
-        self.first.pack_into(memory, 0, *self.order(numbers))
+        self._first.pack_into(memory, 0, *self._picked(numbers))
         return True
 
     def native_steps(self, t0: float, h: float, first: int, every: int, samples: int, states: int, out: int) -> None:
