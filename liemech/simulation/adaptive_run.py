@@ -12,7 +12,7 @@ import numpy as np
 
 from ..compiler.driver import accepted, attempt, itself, reason
 from ..errors import IntegrationFailure, IntegrationInterrupted, InvalidInput, StepTooSmall, failure, is_mistake, warn
-from ..formulas.pytree import build, layout_of, leaves
+from ..formulas.pytree import build, gatherer, layout_of
 from ..systems.system import State
 from . import arguments
 from .adaptive import adaptive_steps, noted
@@ -184,7 +184,7 @@ class AdaptiveRun:
         self.compiled = False
         self.rows = np.empty((8, shape.row.width))  # the start, and after every step one more
         self.rows[0] = 0.0
-        self.rows[0, : 1 + self.width] = [t0, *leaves(self.start, shape.state)]
+        self.rows[0, : 1 + self.width] = [t0, *gatherer(shape.state)(self.start)]
         self.filled = 1
         self.sampled: list[np.ndarray] = []
         if isinstance(start, AdaptiveCarry):
@@ -269,7 +269,7 @@ class AdaptiveRun:
         while self.clock[0] != end:
             begun = time.perf_counter()
             before = self.filled
-            self._more(end, ROOM if self.compiled else room)
+            self._more(end, room if self.shape.stepping.native is None else ROOM)
             if time.perf_counter() - begun < 0.5 * LOOK:
                 room = min(2 * room, ROOM)
             bar.advance(int(1000 * self._part()) - bar.done)
@@ -348,7 +348,7 @@ class AdaptiveRun:
         dense = self._dense() if self.kept and self.shape.curves else None
         kept = dense if self.dense else None
         return Trajectory.promised(
-            lambda: dict(zip(("t", "states"), self._samples(dense), strict=True)),
+            lambda: dict(zip(("t", "states", "carry"), (*self._samples(dense), self._carry()), strict=True)),
             system=self.system,
             method=self.method,
             h=(reached - self.t0) / max(1, steps),
@@ -358,7 +358,6 @@ class AdaptiveRun:
             rejected=int(self.clock[4]),
             dense=kept,
             events=self.watch.shown(self.shape.example, self.shape.state) if self.watch else (),
-            carry=self._carry(),
             stopped={},
         )
 
