@@ -56,7 +56,7 @@ class AdaptiveSteps:
 
     def of_system(self, system: Any) -> AdaptiveSteps:
         """The same for a system of the same layout; what is laid out and compiled is shared."""
-        return dataclasses.replace(self, system=system, shapes={key: shape.of_system(system) for key, shape in self.shapes.items()})
+        return dataclasses.replace(self, system=system, shapes={k: s.of_system(system) for k, s in [*self.shapes.items()]})
 
     @classmethod
     def checked(

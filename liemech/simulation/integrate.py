@@ -89,16 +89,13 @@ def integrate(
     and disturbs no other.
     """
     rest = h, rtol, atol, max_step, breaks, every, record, events, dense, compensated, compiled, progress, workers, t_end is None
-    key: Any = None
-    plan = None
+    key: Any = (layout_of(system), id(method), *map(type, rest), *rest) if isinstance(system, System) else None
     try:
-        if isinstance(system, System):
-            key = layout_of(system), id(method), *map(type, rest), *rest
-            plan = _plans.get(key)
+        plan = _plans.get(key)
     except TypeError:  # a list or an array among them
-        key = None
+        plan = key = None
     if plan is not None and plan.system is not system:
-        plan = _plans[key] = plan.of_system(system)
+        plan = _plans[key] = plan.of_system(system)  # type: ignore[arg-type]  # with a key it is one system
     if plan is None:
         several = systems_of(system)
         one: Any = system if several is None else several[0]

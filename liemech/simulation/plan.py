@@ -339,8 +339,9 @@ class Plan:
         """
         if type(steps) is not int or steps < 1:
             steps = arguments.count(steps, "steps", 1)
-        if not isinstance(carry, Carry) or not self._steps.owns(carry.shape):
-            self._require_mine(carry)
+        given: Any = carry
+        if not isinstance(given, Carry) or not self._steps.owns(carry.shape):
+            self._require_mine(given)
         return advanced(self._steps, carry, steps)
 
     def _require_mine(self, carry: Any) -> None:

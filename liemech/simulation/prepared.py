@@ -42,7 +42,10 @@ class Steps:
 
     def of_system(self, system: System) -> Steps:
         """The same for a system of the same layout; what is laid out and compiled is shared."""
-        return Steps(system, *self.settings, {key: shape.of_system(system) for key, shape in self.shapes.items()})
+        return Steps(
+            system, self.method, self.h, self.every, self.compensated, self.compiled, self.progress, self.workers,
+            {key: shape.of_system(system) for key, shape in [*self.shapes.items()]},
+        )  # fmt: skip
 
     @property
     def one(self) -> System:
@@ -73,18 +76,18 @@ class Steps:
 class Prepared:
     """What drivers of steps of all kinds need.
 
-    arguments : method, system, layouts.  constants : the numbers of method and system.  stepping : who runs the driver.
+    arguments : method, system, two layouts.  constants : the numbers of method and system.  stepping : who runs the driver.
     """
 
-    arguments: tuple[Any, ...]
+    arguments: tuple[Any, Any, Any, Any]
     constants: bytes
     stepping: Execution
 
     def of_system(self, system: System) -> Any:
         """The same for another system of the same layout."""
         other = like(self)
-        method, _, *layouts = self.arguments
-        other.arguments, other.constants = (method, system, *layouts), numbers_of(method, system)
+        method, _, first, second = self.arguments
+        other.arguments, other.constants = (method, system, first, second), numbers_of(method, system)
         other.stepping = self.stepping.of(system)
         return other
 
@@ -129,7 +132,7 @@ class Shape(Prepared):
             numbered = fitted(build(given, iter([1.0 + i for i in range(given.width)])), self.layout)
             self.order = [int(x) - 1 for x in leaves(numbered, self.layout)]
             self._first = struct.Struct(f"{self.carried + self.sampled}d")
-            self._picked = operator.itemgetter(*self.order, -1, *range(given.width))
+            self._picked: Any = operator.itemgetter(*[*self.order, -1, *range(given.width)])
 
     def of_system(self, system: System) -> Shape:
         other: Shape = super().of_system(system)
@@ -142,7 +145,7 @@ class Shape(Prepared):
         """The arguments of `begin` that are no arrays."""
         return *self.arguments[:2], self.given, self.started, self.layout, self.shown, self.h
 
-    def begin(self, start: State, memory: np.ndarray) -> bool:
+    def begin(self, start: State, memory: Any) -> bool:
         """Write what one body carries along, and behind it the first sample; False if only the method knows that."""
         if self.order is None:
             return False

@@ -30,7 +30,8 @@ class State(Record):
     @property
     def bodies(self) -> int | None:
         """How many members an ensemble has; None for a single system."""
-        for name in names_of(type(self)):
+        cls: Any = type(self)
+        for name in names_of(cls):
             x = getattr(self, name)
             if x is not None:
                 return len(x) if isinstance(x, np.ndarray) else None
