@@ -12,7 +12,7 @@ import numpy as np
 
 from ..compiler import kernel
 from ..formulas.broadcasting import small
-from ..formulas.pytree import Layout, build, compensated, fitted, gatherer, layout_of, leaves
+from ..formulas.pytree import Layout, build, compensated, double_double, fitted, gatherer, layout_of, leaves
 from ..integrators.method import Method
 from ..systems.system import State, System
 from .execution import Execution, like
@@ -27,7 +27,7 @@ class Steps:
     """Steps of one length: what a plan was told of them.
 
     system : one for all bodies, or `Systems`.
-    compensated, compiled, progress, workers : as for `integrate`.
+    compensated, precision, compiled, progress, workers : as for `integrate`.
     """
 
     system: Any
@@ -35,6 +35,7 @@ class Steps:
     h: float
     every: int
     compensated: bool | None
+    precision: str
     compiled: bool | None
     progress: bool | None
     workers: int
@@ -43,7 +44,7 @@ class Steps:
     def of_system(self, system: System) -> Steps:
         """The same for a system of the same layout; what is laid out and compiled is shared."""
         return Steps(
-            system, self.method, self.h, self.every, self.compensated, self.compiled, self.progress, self.workers,
+            system, self.method, self.h, self.every, self.compensated, self.precision, self.compiled, self.progress, self.workers,
             {key: shape.of_system(system) for key, shape in [*self.shapes.items()]},
         )  # fmt: skip
 
@@ -59,14 +60,19 @@ class Steps:
     @property
     def settings(self) -> tuple[Any, ...]:
         """All but the system, for a plan of another one."""
-        return self.method, self.h, self.every, self.compensated, self.compiled, self.progress, self.workers
+        return self.method, self.h, self.every, self.compensated, self.precision, self.compiled, self.progress, self.workers
 
     def owns(self, shape: Shape | None) -> bool:
         """Is the shape one of this plan?"""
         return shape in self.shapes.values()
 
     def remembering(self, start: State) -> State:
-        """The start of one body, in compensated numbers what is to be summed up so: all, nothing, or what the motion depends on."""
+        """The start of one body, in compensated numbers what is to be summed up so: all, nothing, or what the motion depends on.
+
+        In double-double precision in numbers of two doubles.
+        """
+        if self.precision == "double-double":
+            return double_double(start)
         if self.compensated is None and (self.method.symmetric or self.method.symplectic):
             motion = self.one.essential(start).parts
             return type(start)(*(compensated(x) if motion[name] is not None else x for name, x in start.parts.items()))
