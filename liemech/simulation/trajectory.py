@@ -71,8 +71,10 @@ class Trajectory:
     def __getattr__(self, name: str) -> Any:
         """A part of the state that belongs to this kind of system; fields that were promised."""
         own = vars(self)
-        if "_rest" in own:
-            own.update(own.pop("_rest")())
+        rest = own.get("_rest")
+        if rest is not None:
+            own.update(rest())  # two threads may both come here: they find the same
+            own.pop("_rest", None)
             return getattr(self, name)
         states = own.get("states", {})
         if name in states:

@@ -19,7 +19,8 @@ class Native:
     """
 
     def __init__(self, system: Any, method: Any, start: Any, h: float, compensate: bool | None = False) -> None:
-        self.plan = Steps(system, method, h, 1, compensate, "double", True, False, 1)  # a Plan of any method and system, in fictive time too
+        # a Plan of any method and system, in fictive time too
+        self.plan = Steps(system, method, h, 1, compensate, "double", True, False, 1)
         self.carry = FixedRun(self.plan, start, 0).trajectory().carry
 
     def __call__(self, steps: int) -> np.ndarray:

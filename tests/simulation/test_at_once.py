@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import dataclasses
 import pickle
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -140,3 +141,20 @@ def test_a_short_run_that_fails_says_where() -> None:
             plan.step(plan.begin(start), 200)
         said.append((str(caught.value), run.steps, run.mu.tobytes()))
     assert said[0] == said[1]
+
+
+@pytest.mark.compiled
+def test_threads_may_share_a_plan_and_a_run() -> None:
+    one = body(0.0)
+    plan = lm.Plan(one, RKMK4, 0.1, compiled=True)
+    starts = one.state(mu=np.random.default_rng(3).normal(size=(8, 3)))
+    singles = [one.state(mu=mu) for mu in np.asarray(starts.mu)]
+    wanted = [plan.run(start, steps=50).mu for start in singles]
+    shared = [plan.run(start, steps=50) for start in singles]
+
+    def look(_: int) -> bool:
+        again = all(np.array_equal(plan.run(start, steps=50).mu, mu) for start, mu in zip(singles * 5, wanted * 5, strict=True))
+        return again and all(np.array_equal(run.mu, mu) for run, mu in zip(shared, wanted, strict=True))
+
+    with ThreadPoolExecutor(4) as pool:
+        assert all(pool.map(look, range(8)))
