@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import functools
 import math
 import time
 from array import array
@@ -13,7 +12,7 @@ import numpy as np
 
 from ..compiler.driver import accepted, attempt, itself, reason
 from ..errors import IntegrationFailure, IntegrationInterrupted, InvalidInput, StepTooSmall, failure, is_mistake, warn
-from ..formulas.pytree import build, layout_of, leaves
+from ..formulas.pytree import build, gatherer, layout_of
 from ..systems.system import State
 from . import arguments
 from .adaptive import adaptive_steps, noted
@@ -22,7 +21,7 @@ from .checkpoint import Checkpoint
 from .dense import DenseOutput, unpacked
 from .events import Event, Watch
 from .execution import LOOK, Execution
-from .prepared import member
+from .prepared import Prepared, member, numbers_of
 from .progress import Bar
 from .stopped import Stopped
 from .systems import Systems
@@ -50,6 +49,14 @@ class AdaptiveSteps:
     compiled: bool | None
     progress: bool | None
     shapes: dict[Any, Shape] = dataclasses.field(default_factory=dict, repr=False)
+
+    def owns(self, shape: Any) -> bool:
+        """Is the shape one of this plan?"""
+        return shape in self.shapes.values()
+
+    def of_system(self, system: Any) -> AdaptiveSteps:
+        """The same for a system of the same layout; what is laid out and compiled is shared."""
+        return dataclasses.replace(self, system=system, shapes={k: s.of_system(system) for k, s in [*self.shapes.items()]})
 
     @classmethod
     def checked(
@@ -132,7 +139,7 @@ def _prolonged(values: np.ndarray, start: np.ndarray, count: int) -> np.ndarray:
     return np.concatenate([values, np.repeat(values[-1:] if len(values) else start[None], count - len(values), axis=0)])
 
 
-class Shape:
+class Shape(Prepared):
     """The layouts of a run, and the code that makes its steps.
 
     example : a state.  layout : of state and velocity; row : of time, state and the way to it.  curves : is the way there?
@@ -143,7 +150,7 @@ class Shape:
         self.example, self.curves = start, curves
         self.state, self.layout = layout_of(start), layout_of((start, xi))
         self.row = layout_of((0.0, start, (xi,) * method.curve_terms if curves else ()))
-        self.constants = array("d", leaves(method, layout_of(method)) + leaves(system, layout_of(system)))
+        self.constants = numbers_of(method, system)
         self.arguments = method, system, self.layout, self.row
         none = np.empty(0)
         call = *self.arguments, 0.0, 0.0, 0.0, 0.0, curves, 1, none, none, none, None
@@ -177,7 +184,7 @@ class AdaptiveRun:
         self.compiled = False
         self.rows = np.empty((8, shape.row.width))  # the start, and after every step one more
         self.rows[0] = 0.0
-        self.rows[0, : 1 + self.width] = [t0, *leaves(self.start, shape.state)]
+        self.rows[0, : 1 + self.width] = [t0, *gatherer(shape.state)(self.start)]
         self.filled = 1
         self.sampled: list[np.ndarray] = []
         if isinstance(start, AdaptiveCarry):
@@ -262,7 +269,7 @@ class AdaptiveRun:
         while self.clock[0] != end:
             begun = time.perf_counter()
             before = self.filled
-            self._more(end, ROOM if self.compiled else room)
+            self._more(end, room if self.shape.stepping.native is None else ROOM)
             if time.perf_counter() - begun < 0.5 * LOOK:
                 room = min(2 * room, ROOM)
             bar.advance(int(1000 * self._part()) - bar.done)
@@ -298,7 +305,7 @@ class AdaptiveRun:
         if shape.stepping.ready(self._part()):
             native: Any = shape.stepping.native
             self.compiled = True
-            native.run(shape.constants + array("d", numbers), (room,), arrays)
+            native.run(shape.constants + array("d", numbers).tobytes(), (room,), arrays)
         else:
             with shape.stepping.plain():
                 adaptive_steps(*shape.arguments, *numbers, shape.curves, room, *arrays, self.failures)
@@ -341,7 +348,7 @@ class AdaptiveRun:
         dense = self._dense() if self.kept and self.shape.curves else None
         kept = dense if self.dense else None
         return Trajectory.promised(
-            functools.partial(self._samples, dense),
+            lambda: dict(zip(("t", "states", "carry"), (*self._samples(dense), self._carry()), strict=True)),
             system=self.system,
             method=self.method,
             h=(reached - self.t0) / max(1, steps),
@@ -351,7 +358,6 @@ class AdaptiveRun:
             rejected=int(self.clock[4]),
             dense=kept,
             events=self.watch.shown(self.shape.example, self.shape.state) if self.watch else (),
-            carry=self._carry(),
             stopped={},
         )
 

@@ -38,7 +38,7 @@ def matching(system: Any, method: Any) -> None:
 def started(system: Any, start: Any, record: Iterable[str] | None) -> State:
     if not isinstance(start, State):
         raise InvalidType(f"integrate: start must come from system.state(...); got {type(start).__name__}")
-    if not system.knows(start):
+    if not system._knows(start):
         try:
             start = system.state(**start.arrays)
         except TypeError:
@@ -70,8 +70,9 @@ def affordable_times(t0: float, h: float, steps: int) -> None:
     end = t0 + steps * h
     if not math.isfinite(end):
         raise InvalidInput(f"integrate: {steps} steps of h = {h:g} lead to t = {end}")
-    if steps and max(abs(t0), abs(end)) + abs(h) == max(abs(t0), abs(end)):
-        smallest = np.spacing(max(abs(t0), abs(end)))
+    latest = max(abs(t0), abs(end))
+    if steps and latest + abs(h) == latest:
+        smallest = np.spacing(latest)
         raise InvalidInput(
             f"integrate: h = {h:g} is lost beside t = {end:g}; the smallest useful step there is {smallest:.1e}"
         )
@@ -184,6 +185,8 @@ def real(value: Any, name: str) -> float:
 
 
 def count(value: Any, name: str, least: int) -> int:
+    if type(value) is int and least <= value <= MOST:
+        return value
     if isinstance(value, (bool, np.bool_)) or not isinstance(value, (int, np.integer)):
         raise InvalidType(f"integrate: {name} must be a whole number; got {value!r}")
     if not least <= value <= MOST:

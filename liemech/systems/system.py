@@ -10,7 +10,7 @@ from ..errors import InvalidInput, NotDefined
 from ..formulas import Record, Vec, check_finite, real_array, record
 from ..formulas.broadcasting import MEMBERSHIP, at_a_glance, bare, small
 from ..formulas.fields import array_held, frozen_array
-from ..formulas.pytree import fields_of
+from ..formulas.pytree import fields_of, names_of
 from ..formulas.remembered import Remembered
 from ..groups.lie_group import LieGroup
 from ..retractions import Retraction
@@ -30,7 +30,9 @@ class State(Record):
     @property
     def bodies(self) -> int | None:
         """How many members an ensemble has; None for a single system."""
-        for x in fields_of(self).values():
+        cls: Any = type(self)
+        for name in names_of(cls):
+            x = getattr(self, name)
             if x is not None:
                 return len(x) if isinstance(x, np.ndarray) else None
         return None
@@ -99,7 +101,11 @@ class System(Record):
     @final
     def knows(self, state: State) -> bool:
         """Was the state made by `state`, of this system or one of its kind on the same group?"""
-        return _checked.get(state) == (type(self), self.group)
+        return self._knows(state)
+
+    def _knows(self, state: Any) -> bool:
+        """The same, when nobody can have passed anything else."""
+        return bool(_checked.get(state) == (type(self), self.group))
 
     def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Quantities that the motion should keep, by name, each (n, ...), from the samples of a run."""
