@@ -25,6 +25,7 @@ from ..errors import IntegrationFailure, InvalidInput
 from ..formulas import Record
 from ..formulas.complex_numbers import Complex
 from ..formulas.fields import FrozenDict
+from ..formulas.tables import Table
 from ..formulas.vectors import Mat, Vec
 from .carry import AdaptiveCarry, Carry
 from .dense import DenseOutput
@@ -132,6 +133,8 @@ def encoded(value: Any) -> Any:
         return {"vec": [encoded(x) for x in value]}
     if isinstance(value, Mat):
         return {"mat": [encoded(row) for row in value.rows]}
+    if isinstance(value, Table):
+        return {"table": value.array.tolist()}
     if isinstance(value, complex):
         return {"complex": [value.real, value.imag], "as": "complex"}
     if isinstance(value, Complex):
@@ -173,6 +176,8 @@ def decoded(value: Any, modules: frozenset[str], where: str) -> Any:
             dtype = np.dtype(value["dtype"])
             numbers = np.array(given, dtype=float).view(dtype) if dtype.kind == "c" else np.array(given, dtype=dtype)
             return numbers.reshape(value["shape"])
+        case "table":
+            return Table(given)
         case "tuple":
             return tuple(map(inside, given))
         case "list":
