@@ -44,7 +44,7 @@ def save(run: Any, path: str | os.PathLike[str]) -> None:
     arrays: dict[str, Any] = {"t": run.t, **{f"state.{name}": x for name, x in run.states.items()}}
     about: dict[str, Any] = {"format": FORMAT, "method": encoded(run.method), "h": run.h, "steps": run.steps, "bodies": run.bodies}
     about["system"] = [encoded(s) for s in run.system] if isinstance(run.system, Systems) else encoded(run.system)
-    about |= {"compiled": run.compiled, "rejected": run.rejected}
+    about |= {"compiled": run.compiled, "rejected": run.rejected, "observed": list(run.observed)}
     about["stopped"] = {str(body): [stop.steps, str(stop.error)] for body, stop in run.stopped.items()}
     if run.dense is not None:
         arrays["dense"] = run.dense.rows
@@ -117,6 +117,7 @@ def load(path: str | os.PathLike[str], modules: Sequence[str] = ()) -> dict[str,
         "dense": dense,
         "events": tuple(events),
         "carry": carry,
+        "observed": tuple(about.get("observed", ())),
     }
 
 

@@ -53,7 +53,10 @@ def started(system: Any, start: Any, record: Iterable[str] | None) -> State:
     except TypeError:
         raise InvalidType(f"integrate: record is {choices}; got {record!r}") from None
     if not set(least) <= set(wanted) <= set(start.parts):
-        raise InvalidInput(f"integrate: record is {choices}, all else follows from them; got {record!r}")
+        raise InvalidInput(
+            f"integrate: record is {choices}, all else follows from them; or methods of the system such as \"energy\", and "
+            f"functions of time and state; got {record!r}"
+        )
     for name in wanted:
         if start.parts[name] is None:
             raise InvalidInput(f"integrate: record asks for {name}, but the start has none; give system.state a {name}")

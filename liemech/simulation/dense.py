@@ -166,8 +166,18 @@ class ShortSteps(Between):
         return evaluated(short_step, (self.method, self.system, point), given, point.width, self.wanted)
 
 
-def evaluated(driver: Any, arguments: tuple[Any, ...], given: np.ndarray, width: int, wanted: bool | None) -> np.ndarray:
-    """What a driver makes of every row of numbers, (m, width): in plain Python until native code pays."""
+def evaluated(
+    driver: Any,
+    arguments: tuple[Any, ...],
+    given: np.ndarray,
+    width: int,
+    wanted: bool | None,
+    what: tuple[str, str] = ("dense output", "between two steps"),
+) -> np.ndarray:
+    """What a driver makes of every row of numbers, (m, width): in plain Python until native code pays.
+
+    what : fails, and where, if a row does.
+    """
     many = len(given)
     native = wanted is not False and kernel.available() is None
     lanes, array = kernel.lanes() if native else 1, np.empty((1, 1))
@@ -178,7 +188,7 @@ def evaluated(driver: Any, arguments: tuple[Any, ...], given: np.ndarray, width:
         end = min(done + 8, many)
         with execution.plain():
             for k in range(done, end):
-                _one(driver, arguments, given[k], found[k])
+                _one(driver, arguments, given[k], found[k], what)
         done = end
     if done < many:
         rows = np.ascontiguousarray(given[np.minimum(np.arange(columns), many - 1)].T)
@@ -188,16 +198,16 @@ def evaluated(driver: Any, arguments: tuple[Any, ...], given: np.ndarray, width:
         run(*arguments, rows, out, None, bodies=columns, begin=begin, end=columns)
         found[done:] = out.T[done:]
         for k in np.flatnonzero(found[:many, -1] == 0.0).tolist():  # say why
-            _one(driver, arguments, given[k], found[k])
+            _one(driver, arguments, given[k], found[k], what)
     return found[:many, :-1].copy()
 
 
-def _one(driver: Any, arguments: tuple[Any, ...], given: np.ndarray, out: np.ndarray) -> None:
+def _one(driver: Any, arguments: tuple[Any, ...], given: np.ndarray, out: np.ndarray, what: tuple[str, str]) -> None:
     failures: list[Exception | None] = []
     driver(*arguments, given, out, failures)
     if failures:
         error = failures[0]
-        raise error if error is not None and is_mistake(error) else failure(error, "dense output", "between two steps")
+        raise error if error is not None and is_mistake(error) else failure(error, *what)
 
 
 def unpacked(layout: Any, numbers: np.ndarray) -> dict[str, np.ndarray]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -14,7 +14,7 @@ import numpy as np
 from ..errors import InvalidInput
 from ..systems.system import State, System
 from .dense import Between, DenseOutput, ShortSteps, flat
-from .drift import Drift
+from .drift import RECORDED, Drift
 from .stopped import Stop, Stopped
 from .systems import Systems
 
@@ -36,6 +36,7 @@ class Trajectory:
     Of adaptive steps h is the mean; `at(t)` gives the state at any time; rejected : the steps that were tried in vain;
     events : for every event function the times, and the states then.
     carry : what the method carries along at the end, with which `Plan.resume` goes on.
+    observed : names in `states` that are no parts of the state but functions of it, which `record` asked for.
     stopped : for an ensemble, the bodies that did not reach the end, each with the `steps` it took and the `error` that ended it.
     """
 
@@ -52,6 +53,7 @@ class Trajectory:
     dense: DenseOutput | None = None
     events: tuple[tuple[np.ndarray, State], ...] = ()
     carry: Any = None
+    observed: tuple[str, ...] = ()
 
     @classmethod
     def promised(cls, samples: Callable[[], tuple[np.ndarray, dict[str, np.ndarray]]], **known: Any) -> Trajectory:
@@ -107,11 +109,21 @@ class Trajectory:
         return self._quantity("multipliers", "has no constraints")
 
     def _quantity(self, name: str, otherwise: str) -> np.ndarray:
-        """What the system computes from parts of the state."""
+        """What the system computes from parts of the state, or what was recorded of it."""
+        if name in self.observed:
+            return self.states[name]
         formula = getattr(self._laws, name, None)
         if formula is None:
             raise InvalidInput(f"Trajectory.{name}: {self.system!r} {otherwise}")
-        return formula(*(self.states[part] for part in inspect.signature(formula).parameters))
+        needed = [*inspect.signature(formula).parameters]
+        self._recorded(name, needed)
+        return formula(*(self.states[part] for part in needed))
+
+    def _recorded(self, what: str, needed: Iterable[str]) -> None:
+        """Refuse what needs parts of the state that were not recorded."""
+        missing = [part for part in needed if part not in self.states or part in self.observed]
+        if missing:
+            raise InvalidInput(f"Trajectory.{what} needs {', '.join(missing)}; this run recorded {', '.join(self.states)}")
 
     @cached_property
     def xi(self) -> np.ndarray:
@@ -132,7 +144,11 @@ class Trajectory:
     @cached_property
     def spatial_momentum(self) -> np.ndarray:
         """The momentum seen from space, K_g mu, at every sample.  (n, dim)"""
-        return self._laws.spatial_momentum(self.mu, self._attitude("spatial_momentum"))
+        if "spatial_momentum" in self.observed:
+            return self.states["spatial_momentum"]
+        g = self._attitude("spatial_momentum")
+        self._recorded("spatial_momentum", ["mu"])
+        return self._laws.spatial_momentum(self.mu, g)
 
     @cached_property
     def rotation(self) -> Rotation:
@@ -152,6 +168,10 @@ class Trajectory:
     @property
     def last(self) -> State:
         """The last state, from which a run can be continued."""
+        if self.observed:
+            if self.carry is None:
+                raise InvalidInput("Trajectory.last: this run kept functions of the state only, and has not come to its end")
+            return self.carry.state
         return self._laws.state(**{name: array[-1] for name, array in self.states.items()})
 
     def at(self, t: Any) -> Any:
@@ -167,7 +187,7 @@ class Trajectory:
         if self.dense is not None:
             return self.dense
         whole = self.bodies is None and self.rejected is None and len(self.t) == self.steps + 1 and self.steps > 0
-        if not whole or np.abs(np.diff(self.t)).max() > abs(self.h) * (1.0 + 1e-6):
+        if self.observed or not whole or np.abs(np.diff(self.t)).max() > abs(self.h) * (1.0 + 1e-6):
             raise InvalidInput(
                 "Trajectory.at needs a run of one body that kept all its steps: adaptive ones do with dense=True, "
                 "those of one length with every=1"
@@ -234,7 +254,12 @@ class Trajectory:
         return plot(self, ax=ax)
 
     def drift(self) -> Drift:
-        """How well the constants of the motion were kept: bounded or drifting, and how fast."""
+        """How well the constants of the motion were kept: bounded or drifting, and how fast.
+
+        Of a run that recorded functions of the state instead, those among them that stay constant: energy, casimirs, ...
+        """
+        if self.observed:
+            return Drift.recorded({n: self.states[n] for n in self.observed if n in RECORDED}, self.t, self.bodies)
         return Drift.of(self.system, self.t, self.states, self.bodies)
 
     def _attitude(self, what: str) -> np.ndarray:
