@@ -82,7 +82,7 @@ class Drift:
         """
         if len(t) < 2:
             raise InvalidInput("Trajectory.drift needs at least two samples")
-        series, terms = _constants(system, states, len(t))
+        series, terms = constants_and_terms(system, states, len(t))
         axes = t.ndim + (bodies is not None)
 
         def flat(values: np.ndarray) -> np.ndarray:
@@ -110,7 +110,9 @@ class Drift:
         return "\n".join(map(str, self.kept)) or "no constants of the motion are known"
 
 
-def _constants(system: System, states: dict[str, np.ndarray], n: int) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+def constants_and_terms(
+    system: System, states: dict[str, np.ndarray], n: int
+) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
     """The constants at all n samples; how large their terms are, sum_i |x_i dC/dx_i|, at the start, half-way and at the end.
 
     All are computed at once, for the samples and for some with one coordinate varied.

@@ -156,6 +156,8 @@ class Plan:
         start, t0 = self._started(start), arguments.real(t0, "t0")
         if self._one is not self.system and start.bodies != len(self.system):
             raise InvalidInput(f"integrate: there are {len(self.system)} systems for {start.bodies or 'a start of one'} bodies")
+        if self._one is not self.system and self._one.bounded:
+            arguments.allowed(self.system, start)
         kept = arguments.checkpoint(checkpoint, checkpoint_every)
         if self.adaptive:
             return self._steps.run(start, t0, t_end, steps, t_eval, self.events, kept, self.recorder)

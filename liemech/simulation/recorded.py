@@ -98,7 +98,8 @@ class Recorder:
         parts = {part: states[part] for part in first.arrays}
         rows = np.column_stack([flat(parts, math.prod(lead)), np.repeat(t, bodies or 1)])
         arguments = function, layout_of(first), layout_of(result)
-        numbers = evaluated(observe, arguments, rows, np.size(result), compiled, (f"record={name!r}", "at a sample"))
+        what = f"record={name!r}", lambda k: f"at t = {rows[k, -1]:g}"
+        numbers = evaluated(observe, arguments, rows, np.size(result), compiled, what)
         return numbers.reshape(*lead, *np.shape(result))
 
     def _result(self, name: str, function: Any, t: float, state: Any) -> Any:

@@ -218,14 +218,14 @@ class Trajectory:
         return Trajectory(**load(path, modules))
 
     def then(self, rest: Trajectory) -> Trajectory:
-        """This run and the one that `Plan.resume` made of it, as one: the samples of both, without the first of the second.
+        """This run and the one that `Plan.resume` made of it, as one: the samples of both, the one that they share once.
 
         Raises InvalidInput if the second begins at another time than this one's `carry` has.
         """
         ahead = self.carry is not None and len(rest) and (rest.t[0] - self.carry.t) * self.h >= 0.0
         if not ahead or self.states.keys() != rest.states.keys():
             raise InvalidInput(f"Trajectory.then: {rest!r} does not begin where {self!r} was to go on")
-        again = int(rest.t[0] == self.carry.t)  # where one ends and the other begins is one sample at most
+        again = int(rest.t[0] == self.carry.t and len(self) > 0 and self.t[-1] == rest.t[0])  # kept by both
         dense = None
         if self.dense is not None and rest.dense is not None:
             dense = replace(rest.dense, rows=np.concatenate([self.dense.rows, rest.dense.rows[1:]]))
