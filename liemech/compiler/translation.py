@@ -22,7 +22,18 @@ from ..errors import NotCompilable
 from ..formulas import functions, series, sums, tables, vectors
 from ..formulas.derivatives import axes, tangent
 from ..formulas.fields import floats
-from ..formulas.pytree import PAIRS, compensated, fill, fitted, is_any_number, layout_of, leaves, plain
+from ..formulas.pytree import (
+    PAIRS,
+    compensated,
+    double_double,
+    fill,
+    fitted,
+    is_any_number,
+    layout_of,
+    leaves,
+    plain,
+    rounded,
+)
 from ..formulas.records import Record
 from ..formulas.series import Series
 from ..formulas.vectors import Mat, Vec
@@ -63,7 +74,7 @@ class Interpreter(Statements):
             super: self.super,
             getattr: self.named,
             hasattr: reads.has,
-            **{f: f for f in (layout_of, compensated, plain, fitted, axes)},
+            **{f: f for f in (layout_of, compensated, double_double, plain, rounded, fitted, axes)},
             tangent: lambda formula, *x: tangent(functools.partial(self.call, formula), *x),
             sums.bilinear_map: lambda *x: large.sums(emitter, sums.bilinear_map, *x),
             sums.antisymmetric_map: lambda *x: large.sums(emitter, sums.antisymmetric_map, *x),

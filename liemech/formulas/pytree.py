@@ -18,6 +18,7 @@ import numpy as np
 
 from .compensated import Compensated, value_of
 from .complex_numbers import Complex
+from .double_double import DoubleDouble, rounded_number
 from .dual import Dual
 from .fields import FrozenDict
 from .numbers import StandIn
@@ -25,10 +26,10 @@ from .records import Record
 from .tables import Table
 from .vectors import Mat, Vec
 
-PAIRS = (Complex, Dual, Compensated)
+PAIRS = (Complex, Dual, Compensated, DoubleDouble)
 """Numbers made of two."""
 
-_COMPENSATED = (Compensated,)  # the form of such numbers
+_COMPENSATED, _DOUBLE_DOUBLE = (Compensated,), (DoubleDouble,)  # the forms of such numbers
 
 
 @dataclasses.dataclass(frozen=True)
@@ -52,7 +53,13 @@ class Layout:
     @functools.cached_property
     def remembers(self) -> bool:
         """Are there numbers in it that carry a rest or a derivative along?"""
-        return (self.kind == "pair" and self.detail[0] in (Compensated, Dual)) or any(part.remembers for part in self.parts)
+        inside = any(part.remembers for part in self.parts)
+        return inside or (self.kind == "pair" and self.detail[0] in (Compensated, DoubleDouble, Dual))
+
+    @functools.cached_property
+    def long(self) -> bool:
+        """Are there numbers of two doubles in it?"""
+        return (self.kind == "pair" and self.detail[0] is DoubleDouble) or any(part.long for part in self.parts)
 
     @functools.cached_property
     def _identity(self) -> Any:
@@ -299,13 +306,23 @@ def compensated(value: Any) -> Any:
 
 
 def plain(value: Any) -> Any:
-    """The value with ordinary numbers."""
+    """The value without what its numbers remember of rounding."""
     return _mapped(value, value_of)
+
+
+def double_double(value: Any) -> Any:
+    """The value in numbers of two doubles; ask `rounded` for it in one."""
+    return _mapped(value, lambda x: x if isinstance(x, DoubleDouble) else DoubleDouble(value_of(x), 0.0))
+
+
+def rounded(value: Any) -> Any:
+    """The value in numbers of one double, which remember nothing."""
+    return _mapped(value, lambda x: rounded_number(value_of(x)))
 
 
 def _mapped(value: Any, change: Callable[[Any], Any]) -> Any:
     """The value with every real number changed."""
-    if isinstance(value, (float, Compensated)) or is_number(value):
+    if isinstance(value, (float, Compensated, DoubleDouble)) or is_number(value):
         return change(value)
     if isinstance(value, _STRUCTURES):
         return _like(value, [_mapped(x, change) for x in _parts(value)])
@@ -317,9 +334,11 @@ def _mapped(value: Any, change: Callable[[Any], Any]) -> Any:
 def fitted(value: Any, layout: Layout) -> Any:
     """The value with numbers that carry a rest or a derivative where the layout has such, and only there."""
     if layout.kind == "number":
-        return value_of(value)
+        return rounded_number(value_of(value))
     if layout.kind == "pair" and layout.detail == _COMPENSATED:
         return Compensated(value) if is_number(value) else value
+    if layout.kind == "pair" and layout.detail == _DOUBLE_DOUBLE:
+        return DoubleDouble(value, 0.0) if is_number(value) else value
     if layout.kind == "pair" and layout.detail[0] is Dual and not isinstance(value, Dual):
         return Dual(fitted(value, layout.parts[0]), fitted(0.0, layout.parts[1]), layout.detail[1])
     if isinstance(value, Record) and len(layout.parts) == len(fields_of(value)):

@@ -208,6 +208,14 @@ def choice(value: Any, name: str) -> None:
         raise InvalidType(f"integrate: {name} must be True, False or None; got {value!r}")
 
 
+def digits(precision: Any, compensated: Any) -> None:
+    """The numbers of the steps are of one double or of two."""
+    if precision not in ("double", "double-double"):
+        raise InvalidInput(f"integrate: precision is 'double' or 'double-double'; got {precision!r}")
+    if precision == "double-double" and compensated is not None:
+        raise InvalidInput("integrate: numbers of two doubles need no compensated sums; leave compensated out")
+
+
 def checkpoint(path: Any, seconds: Any) -> Checkpoint | None:
     """Where and how often a run is saved, if it is."""
     if path is None:

@@ -9,8 +9,7 @@ import numpy as np
 
 from ..compiler.driver import accepted, attempt, itself, read, reason, write
 from ..errors import InvalidInput, failure, is_mistake
-from ..formulas import plain
-from ..formulas.pytree import NUMBER, layout_of
+from ..formulas.pytree import NUMBER, layout_of, rounded
 from .dense import one_or_many, unpacked
 from .execution import Execution
 
@@ -48,7 +47,7 @@ def arrived(method: Any, system: Any, sample: Any, h: float, target: float) -> t
     passed, gone = (system.clock(now) - target) * h >= 0.0, 0.0
     while not passed:
         after = method.step(system, gone, memory, h)
-        seen = plain(method.observe(after))
+        seen = rounded(method.observe(after))
         passed = (system.clock(seen) - target) * h >= 0.0
         if not passed:
             memory, now, gone = after, seen, gone + h
@@ -62,7 +61,7 @@ def landed(method: Any, system: Any, memory: Any, h: float, target: float) -> tu
     The time after a step grows with its length; the secant method finds s, halving where it leaves what is left of the interval.
     Source: Dahlquist and Bjorck, Numerical Methods, section 6.4.
     """
-    found = plain(method.observe(memory))
+    found = rounded(method.observe(memory))
     low, high, before = 0.0, h, 0.0
     error_before = system.clock(found) - target
     error, s, turns = error_before, h, 0
@@ -70,7 +69,7 @@ def landed(method: Any, system: Any, memory: Any, h: float, target: float) -> tu
     if done:
         s = 0.0
     while not done:
-        found = plain(method.observe(method.step(system, 0.0, memory, s)))
+        found = rounded(method.observe(method.step(system, 0.0, memory, s)))
         error = system.clock(found) - target
         if error * h < 0.0:
             low = s

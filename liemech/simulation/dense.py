@@ -13,7 +13,7 @@ from ..compiler import kernel
 from ..compiler.driver import accepted, any_body, attempt, itself, read, reason, write
 from ..errors import InvalidInput, failure, is_mistake
 from ..formulas import Vec, horner, real_array, where
-from ..formulas.pytree import NUMBER, build, layout_of, leaves, plain
+from ..formulas.pytree import NUMBER, build, layout_of, leaves, rounded
 from .execution import Execution
 
 
@@ -49,7 +49,7 @@ def told(moved: Any, point: Any, out: Any, failures: Any) -> None:
 
 def _stepped(method: Any, system: Any, t: float, state: Any, h: float) -> Any:
     """The state after one step of a method that begins here."""
-    return plain(method.observe(method.step(system, t, method.start(system, state, h), h)))
+    return rounded(method.observe(method.step(system, t, method.start(system, state, h), h)))
 
 
 def one_or_many(times: Any) -> np.ndarray:

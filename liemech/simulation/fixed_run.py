@@ -14,7 +14,7 @@ import numpy as np
 from ..compiler.driver import Rejected, attempt, reason
 from ..compiler.kernel import Several
 from ..errors import IntegrationFailure, IntegrationInterrupted, InvalidInput, failure, is_mistake, warn
-from ..formulas.pytree import Layout, fitted, layout_of, leaves
+from ..formulas.pytree import Layout, double_double, fitted, layout_of, leaves
 from ..systems.system import State
 from .carry import Carry
 from .checkpoint import Checkpoint
@@ -116,7 +116,8 @@ class FixedRun:
             start = fitted(self._member(i), started) if i else one
             trial = attempt(begun, self.plan.method, self.plan.of(i), start, self.h)
             if not isinstance(trial, Rejected):
-                return trial
+                carry, example = trial
+                return double_double(carry) if started.long else carry, example
             self.failures[i] = reason(trial)
             if is_mistake(self.failures[i]):
                 break
@@ -169,7 +170,7 @@ class FixedRun:
     def _continue(self, carry: Carry) -> None:
         """Take up what another run carried along."""
         if len(carry.numbers) != len(self.states):
-            raise InvalidInput("Plan.resume: the run summed up its steps with another `compensated` than the plan does")
+            raise InvalidInput("Plan.resume: the run had another `compensated` or `precision` than the plan has")
         self.states[:] = self._padded(carry.numbers)
         self.out[0] = self._padded(carry.last)
         self.failures = dict(carry.failures)

@@ -19,7 +19,7 @@ KEPT = 32
 
 OPTIONS = (
     *("h", "rtol", "atol", "max_step", "breaks", "every", "record", "events"),
-    *("dense", "compensated", "compiled", "progress", "workers"),
+    *("dense", "compensated", "precision", "compiled", "progress", "workers"),
 )
 """What a plan is made of beside system and method."""
 
@@ -45,6 +45,7 @@ def integrate(
     record: Iterable[str] | None = None,
     t0: float = 0.0,
     compensated: bool | None = None,
+    precision: str = "double",
     compiled: bool | None = None,
     progress: bool | None = None,
     workers: int = 1,
@@ -69,6 +70,7 @@ def integrate(
     instead of steps; t_end is then the end of a step.
     compensated : whether the increments of the steps are summed up in compensated numbers: True for all parts of the state, False
     for none, None for those that the motion depends on, if the method is symmetric or symplectic.
+    precision : "double", or "double-double" for steps in numbers of two doubles: 31 digits, of which the samples show 16.
     workers : threads among which the bodies of an ensemble are divided.
     Between the ends of steps t_eval and events take a shorter step of the method.
 
@@ -88,7 +90,10 @@ def integrate(
     In an ensemble a body that fails stays at its last state, is found in `Trajectory.stopped` with its reason, and in a warning,
     and disturbs no other.
     """
-    rest = h, rtol, atol, max_step, breaks, every, record, events, dense, compensated, compiled, progress, workers, t_end is None
+    rest = (
+        *(h, rtol, atol, max_step, breaks, every, record, events, dense, compensated, precision, compiled, progress, workers),
+        t_end is None,
+    )
     key: Any = (id(system), id(method), *map(type, rest), *rest)
     try:
         plan = _plans.get(key) if isinstance(system, System) else None

@@ -37,7 +37,7 @@ class Plan:
     every body its own parameters.
 
     Steps of one length:
-    h : the step, in s; negative runs backwards.  every, compensated, workers : as for `integrate`.
+    h : the step, in s; negative runs backwards.  every, compensated, precision, workers : as for `integrate`.
 
     Adaptive steps, of a method with an error estimate, if h is None or rtol or atol is given:
     rtol, atol, dense : as for `integrate`.  h : the first step; max_step : the longest one.
@@ -63,6 +63,7 @@ class Plan:
         events: Any = (),
         dense: bool | None = None,
         compensated: bool | None = None,
+        precision: str = "double",
         compiled: bool | None = None,
         progress: bool | None = None,
         workers: int = 1,
@@ -78,6 +79,7 @@ class Plan:
         for name, value in (("compensated", compensated), ("compiled", compiled), ("progress", progress)):
             arguments.choice(value, name)
         arguments.choice(dense, "dense")
+        arguments.digits(precision, compensated)
         self.system: Any = one if several is None else several
         self.recorder = recorder_of(record, one)
         self.method, self.record = method, record
@@ -85,21 +87,25 @@ class Plan:
         events = self.events = arguments.events(events)
         self._given = dict(
             system=system, method=method, h=h, rtol=rtol, atol=atol, max_step=max_step, breaks=breaks, every=every, record=record,
-            events=events, dense=dense, compensated=compensated, compiled=compiled, progress=progress, workers=workers,
+            events=events, dense=dense, compensated=compensated, precision=precision, compiled=compiled, progress=progress,
+            workers=workers,
         )  # fmt: skip
         self._steps: Any = None
         if method.fictive or one.fictive:
             if h is None:
                 raise InvalidInput("integrate: give h, the step in fictive time, and steps or t_end")
-            others = {"rtol": rtol, "atol": atol, "max_step": max_step, "dense": dense}
+            others: dict[str, Any] = {"precision": precision if precision != "double" else None}
+            others |= {"rtol": rtol, "atol": atol, "max_step": max_step, "dense": dense}
             others |= {"events": events or None, "breaks": breaks or None}
             for name in (name for name, given in others.items() if given is not None):
-                raise InvalidInput(f"integrate: {name} is for adaptive steps; {method!r} steps by h in fictive time")
-            self._steps = Steps(self.system, method, arguments.step(h), every, compensated, compiled, progress, workers)
+                raise InvalidInput(f"integrate: {name} is not for steps in fictive time, as {method!r} makes them by h")
+            self._steps = Steps(self.system, method, arguments.step(h), every, compensated, precision, compiled, progress, workers)
         elif h is None or not (rtol is atol is max_step is None) or len(breaks):
             from .adaptive_run import AdaptiveSteps
 
             arguments.only_adaptive(method, every, workers)
+            if precision != "double":
+                raise InvalidInput(f"integrate: precision={precision!r} is for steps of one length; give h and steps")
             if compensated is not None:
                 raise InvalidInput(
                     "integrate: compensated is for steps of one length; adaptive ones have larger errors than rounding"
@@ -108,7 +114,7 @@ class Plan:
         else:
             if dense is not None and dense is not True:
                 raise InvalidInput("integrate: dense is for adaptive steps; those of one length keep no way between them")
-            self._steps = Steps(self.system, method, arguments.step(h), every, compensated, compiled, progress, workers)
+            self._steps = Steps(self.system, method, arguments.step(h), every, compensated, precision, compiled, progress, workers)
 
     @property
     def adaptive(self) -> bool:

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..compiler import kernel
 from ..formulas.broadcasting import small
-from ..formulas.pytree import Layout, build, compensated, fitted, layout_of, leaves
+from ..formulas.pytree import Layout, build, compensated, double_double, fitted, layout_of, leaves
 from ..integrators.method import Method
 from ..systems.system import State, System
 from .execution import Execution
@@ -23,7 +23,7 @@ class Steps:
     """Steps of one length: what a plan was told of them.
 
     system : one for all bodies, or `Systems`.
-    compensated, compiled, progress, workers : as for `integrate`.
+    compensated, precision, compiled, progress, workers : as for `integrate`.
     """
 
     system: Any
@@ -31,6 +31,7 @@ class Steps:
     h: float
     every: int
     compensated: bool | None
+    precision: str
     compiled: bool | None
     progress: bool | None
     workers: int
@@ -48,14 +49,19 @@ class Steps:
     @property
     def settings(self) -> tuple[Any, ...]:
         """All but the system, for a plan of another one."""
-        return self.method, self.h, self.every, self.compensated, self.compiled, self.progress, self.workers
+        return self.method, self.h, self.every, self.compensated, self.precision, self.compiled, self.progress, self.workers
 
     def own(self, shape: Shape) -> Shape | None:
         """The shape, if it is one of this plan."""
         return shape if self.shapes.get(shape.key) is shape else None
 
     def remembering(self, start: State) -> State:
-        """The start of one body, in compensated numbers what is to be summed up so: all, nothing, or what the motion depends on."""
+        """The start of one body, in compensated numbers what is to be summed up so: all, nothing, or what the motion depends on.
+
+        In double-double precision in numbers of two doubles.
+        """
+        if self.precision == "double-double":
+            return double_double(start)
         if self.compensated is None and (self.method.symmetric or self.method.symplectic):
             motion = self.one.essential(start).parts
             return type(start)(*(compensated(x) if motion[name] is not None else x for name, x in start.parts.items()))
