@@ -199,6 +199,7 @@ class Trajectory:
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the run to a file: NumPy's .npz, with what the arrays are in JSON, and a checksum; nothing is pickled.
 
+        path : with the ending .h5 or .hdf5 an HDF5 file, which needs h5py.
         A file of this name is replaced when the new one lies on the disk, not before.
         Raises InvalidInput if a parameter of the system or the method is no number, vector, matrix, text or record.
         """
@@ -216,6 +217,18 @@ class Trajectory:
         from .archive import load
 
         return Trajectory(**load(path, modules))
+
+    def to_xarray(self) -> Any:
+        """The samples as an xarray.Dataset over t: mu is (t, mu_0), g (t, g_0, g_1), in an ensemble with `body` behind t."""
+        from .labelled import to_xarray
+
+        return to_xarray(self)
+
+    def to_pandas(self) -> Any:
+        """The samples as a pandas.DataFrame: a row for each time t, or each t and body; columns mu[0], g[0,1], ..."""
+        from .labelled import to_pandas
+
+        return to_pandas(self)
 
     def then(self, rest: Trajectory) -> Trajectory:
         """This run and the one that `Plan.resume` made of it, as one: the samples of both, the one that they share once.
