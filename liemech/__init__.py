@@ -140,6 +140,7 @@ if TYPE_CHECKING:
     from .systems.poisson import PoissonState, PoissonSystem
     from .systems.potential import Force, NoPotential, Potential
     from .systems.separable import SeparableSystem
+    from .systems.tabulated import PiecewisePolynomial
     from .systems.time_scales import DistancePower, EqualArc, EqualChange, EqualPath, TimeScale
     from .systems.time_transformed import LogarithmicHamiltonian, TimeTransformed
     from .tableaus.tableau import ButcherTableau
@@ -244,6 +245,7 @@ _LATER = {
     "systems.poisson": ("PoissonState", "PoissonSystem"),
     "systems.potential": ("Force", "NoPotential", "Potential"),
     "systems.separable": ("SeparableSystem",),
+    "systems.tabulated": ("PiecewisePolynomial",),
     "systems.time_scales": ("DistancePower", "EqualArc", "EqualChange", "EqualPath", "TimeScale"),
     "systems.time_transformed": ("LogarithmicHamiltonian", "TimeTransformed"),
     "tableaus": ("tableaus",),
@@ -454,6 +456,7 @@ __all__ = [
     "TodaLattice",
     "TokamakField",
     "TraceOfAd",
+    "PiecewisePolynomial",
     "Plan",
     "Trajectory",
     "TranslationAction",

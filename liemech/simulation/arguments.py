@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import IncompatibleSystem, InvalidInput, InvalidType, warn
+from ..errors import IncompatibleSystem, InconsistentState, InvalidInput, InvalidType, warn
 from ..formulas import check_finite, real_array
 from ..integrators.method import Method
 from ..systems.system import State, System
@@ -53,11 +53,23 @@ def started(system: Any, start: Any, record: Iterable[str] | None) -> State:
     except TypeError:
         raise InvalidType(f"integrate: record is {choices}; got {record!r}") from None
     if not set(least) <= set(wanted) <= set(start.parts):
-        raise InvalidInput(f"integrate: record is {choices}, all else follows from them; got {record!r}")
+        raise InvalidInput(
+            f"integrate: record is {choices}, all else follows from them; or methods of the system such as \"energy\", and "
+            f"functions of time and state; got {record!r}"
+        )
     for name in wanted:
         if start.parts[name] is None:
             raise InvalidInput(f"integrate: record asks for {name}, but the start has none; give system.state a {name}")
     return type(start)(*(x if name in wanted else None for name, x in start.parts.items()))
+
+
+def allowed(systems: Any, start: State) -> None:
+    """Refuse starts that are none of their systems'."""
+    for i, system in enumerate(systems):
+        try:
+            system.state(**{name: x[i] for name, x in start.arrays.items()})
+        except (InvalidInput, InconsistentState) as error:
+            raise type(error)(f"integrate: body {i}: {error}") from None
 
 
 def alike(method: Any) -> bool:

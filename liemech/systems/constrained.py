@@ -64,6 +64,7 @@ class ConstrainedSystem(CanonicalSystem):
 
     alternatives: ClassVar[str] = "RATTLE() is for it; RKMK accepts every system, but leaves the constraints"
 
+    bounded: ClassVar[bool] = True
     separable: ClassVar[bool] = False
     """Is the energy T(p) + V(q), with `velocity` a function of p alone and `force` one of q alone?"""
 

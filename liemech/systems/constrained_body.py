@@ -44,6 +44,7 @@ class BoundBody(System):
     """
 
     coordinates: ClassVar[tuple[str, ...]] = ("mu",)
+    bounded: ClassVar[bool] = True
     body: Any
     constraint: Constraint
     conditions: int = field(init=False, repr=False)
@@ -215,9 +216,14 @@ class BoundBody(System):
         return self.vouched(state)
 
     def _require_consistent(self, mu: Any, g: Any) -> None:
-        """Raise InconsistentState for a velocity off the constraint, beside what velocities of its energy could be off."""
-        G, momentum, inverse = self._matrix(self.rows(g)), np.array(mu), self._inverse
-        scale = np.sqrt((momentum @ (inverse @ momentum)) * (G @ inverse @ G.T).diagonal())
+        """Raise InconsistentState for a velocity off the constraint, beside what velocities of its energy could be off.
+
+        To its energy counts what the force does on a unit displacement: at rest in a field a momentum is nothing but rounding.
+        """
+        G, momentum, force, inverse = self._matrix(self.rows(g)), np.array(mu), np.array(self.force(g)), self._inverse
+        least = 1.0 / abs(inverse).sum(axis=1).max()
+        energy = momentum @ (inverse @ momentum) + np.sqrt(least * (force @ (inverse @ force)))
+        scale = np.sqrt(energy * (G @ inverse @ G.T).diagonal())
         self._require_zero("G(g) J^-1 mu", G @ (inverse @ momentum), scale)
 
     def _require_zero(self, what: str, value: np.ndarray, scale: np.ndarray) -> None:
