@@ -10,6 +10,7 @@ from ..formulas.remembered import Remembered
 from ..formulas.vectors import Vec
 from ..systems.driven import DrivenLiePoissonSystem
 from ..systems.lie_poisson import LiePoissonSystem
+from .method import alternatives
 from .motion_series import motion
 
 _derivable = Remembered()
@@ -29,7 +30,7 @@ def require_derivatives(method: Any, system: Any) -> None:
         _require_series(method, system)
         return
     if not isinstance(system, LiePoissonSystem):
-        raise IncompatibleSystem(f"{method!r} needs a Lie-Poisson system; got {system!r}. {getattr(system, 'instead', '')}")
+        raise IncompatibleSystem(f"{method!r} needs a Lie-Poisson system; got {system!r}. {alternatives(system)}")
     hamiltonian, n = system.hamiltonian, system.group.dim
     if _derivable.get(hamiltonian) == n:  # a record never changes: it is tried once, not at every run
         return

@@ -107,8 +107,8 @@ class HamiltonJacobi(Method):
         if self.kind == "pP":
             n = len(start.q)
             change = self.solution(system, t, h, start.p, -start.q)
-            return system.moved(Exponential(), state, vec(*[-change[n + i] for i in range(n)], *[change[i] for i in range(n)]))
-        return system.moved(Exponential(), state, self.solution(system, t, h, start.q, start.p))
+            return system.displaced(Exponential(), state, vec(*[-change[n + i] for i in range(n)], *[change[i] for i in range(n)]))
+        return system.displaced(Exponential(), state, self.solution(system, t, h, start.q, start.p))
 
     def solution(self, system: Any, t: float, h: float, x: Vec, y: Vec) -> Vec:
         """The change of (x, y) in a step: of (q, p), or, of the kind "pP", of (p, -q), which is a canonical pair too.

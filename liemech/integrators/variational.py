@@ -9,8 +9,9 @@ import numpy as np
 
 from ..errors import InvalidInput, InvalidType
 from ..formulas import Mat, Vec, dot, mat, norm, plain, record, vec, vectors
+from ..formulas.double_double import is_long
 from ..retractions import Exponential, Retraction
-from ..solvers import newton
+from ..solvers import narrow, newton, refined
 from ..systems.discrete_lagrangian import DiscreteLagrangian
 from ..systems.lie_poisson import BodyState
 from .implicit import Implicit, Memory, extrapolated
@@ -81,7 +82,7 @@ class CovariantVariational(Implicit):
     def step(self, system: Any, t: float, state: Memory, h: float) -> Memory:
         """Solve for the displacement of the interval from the extrapolated one, then move momentum and attitude by it."""
         x = self.displacement(system, h, plain(state.mu), extrapolated(*self.past(state)))
-        return self.after(state, system.moved(self.retraction, self.observe(state), x), x)
+        return self.after(state, system.displaced(self.retraction, self.observe(state), x), x)
 
     def displacement(self, system: Any, h: float, mu: Vec, guess: Vec) -> Vec:
         """The x = h xi whose momentum dl/dxi fits mu.
@@ -89,15 +90,18 @@ class CovariantVariational(Implicit):
         A root that Newton's method finds is the right one where there is no other: before the first fold, if that is known, and in
         the inner half of the chart.  Elsewhere the step is grown.
         """
-        rate, square = 1.0 / h, dot(mu, mu)
+        rate, coarse = 1.0 / h, narrow(mu)
+        square = dot(coarse, coarse)
         x, size, enough, folded = newton(lambda x: self.equation(system, rate, mu, x), guess, square, rate)
-        doubtful = folded or not (size <= enough and self.retraction.is_chart(system.group, 2.0 * x))
+        doubtful = folded or not (size <= enough and self.retraction.is_chart(system.group, 2.0 * narrow(x)))
         known = self.lagrangian is None and turns_freely(system, self.retraction)
         if known and h * h * square > surely_solvable(system.lagrangian.inverse):
             fold = first_fold(system.lagrangian.inertia, self.retraction)
             doubtful = doubtful or h * h * square > fold * fold
         if doubtful:
-            return self._grown(system, h, mu)
+            x = self._grown(system, h, coarse)
+            if is_long(mu[0]):
+                x = refined(lambda x: self.equation(system, rate, mu, x), x)
         return x
 
     def _grown(self, system: Any, h: float, mu: Vec) -> Vec:
@@ -148,7 +152,7 @@ class CovariantVariational(Implicit):
             size = float(np.hypot.reduce(np.array(start.mu), axis=-1).max())
         return largest_impulse(system.lagrangian.inertia, self.retraction) / size if size > 0.0 else math.inf
 
-    def caution(self, system: Any, start: BodyState, h: float) -> str | None:
+    def step_warning(self, system: Any, start: BodyState, h: float) -> str | None:
         """What to tell before a run whose step is larger than the `largest_step`; None if it is not.
 
         Raises InvalidInput for units in which Newton's method, which multiplies three entries of J/h, would divide by zero.
@@ -171,7 +175,7 @@ class CovariantVariational(Implicit):
     def equation(self, system: Any, rate: float, mu: Vec, x: Vec) -> tuple[Vec, Mat, float]:
         """The mismatch of dl/dxi and mu, its derivative, and the factor of its square."""
         xi = rate * x
-        r, by_p, by_x = self.retraction.mismatch(system.group, x, self._momentum(system, xi, 1.0 / rate), mu)
+        r, by_p, by_x = self.retraction.residual(system.group, x, self._momentum(system, xi, 1.0 / rate), mu)
         jacobian = with_inertia(by_x, momentum_slope(by_p, rate * self._hessian(system, xi, 1.0 / rate)))
         return r, jacobian, weight(by_p)
 

@@ -27,7 +27,7 @@ class DrivenHamiltonianSystem(PhaseSpace):
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VI.1.2 and VI.5.3.
     """
 
-    instead: ClassVar[str] = "HamiltonJacobi(order=4) keeps its symplectic form, RKMK accepts every system"
+    alternatives: ClassVar[str] = "HamiltonJacobi(order=4) keeps its symplectic form, RKMK accepts every system"
 
     def energy(self, t: float, q: Vec, p: Vec) -> float:
         """H(t, q, p).  q, p : (n,)."""
@@ -110,7 +110,7 @@ class DrivenLiePoissonSystem(System):
     """
 
     coordinates: ClassVar[tuple[str, ...]] = ("mu",)
-    instead: ClassVar[str] = "LiePoissonHamiltonJacobi(order=4) and FirstKindHamiltonJacobi serve it, RKMK accepts every system"
+    alternatives: ClassVar[str] = "LiePoissonHamiltonJacobi(order=4) keeps its structure, RKMK accepts every system"
 
     group: LieGroup
     hamiltonian: DrivenHamiltonian
@@ -143,9 +143,9 @@ class DrivenLiePoissonSystem(System):
 
     casimirs: ClassVar[Any] = LiePoissonSystem.casimirs
     spatial_momentum: ClassVar[Any] = LiePoissonSystem.spatial_momentum
-    moved: ClassVar[Any] = LiePoissonSystem.moved
-    essential: ClassVar[Any] = LiePoissonSystem.essential
-    deviation: ClassVar[Any] = LiePoissonSystem.deviation
+    displaced: ClassVar[Any] = LiePoissonSystem.displaced
+    essential_part: ClassVar[Any] = LiePoissonSystem.essential_part
+    variation: ClassVar[Any] = LiePoissonSystem.variation
 
     def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Casimirs and, if the attitude is known, the spatial momentum."""
