@@ -25,7 +25,6 @@ from decimal import Context, Decimal, localcontext
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.special import elliprc, elliprf, elliprj
 
 from .jacobi import Jacobi
 
@@ -53,6 +52,8 @@ class Phase(NamedTuple):
 
         Source: DLMF 19.25.14 (T = (F - Pi)/nu there), and 19.21.12 with z for x.
         """
+        from scipy.special import elliprc, elliprf, elliprj
+
         s2, c2 = s * s, c * c
         d2 = c2 + k1 * k1 * s2
         if self.nu <= 0.0:
