@@ -194,7 +194,7 @@ def _tilting(A_: float, C_: float, M_: float, mu: Any, q: Quaternion) -> Tilting
     """The constants of the module's first lines."""
     with localcontext(Context(prec=DIGITS)):
         A, C, M, m1, m2, p3, *four = map(Decimal, map(float, (A_, C_, M_, *mu, *q)))
-        size = sum(x * x for x in four).sqrt()
+        size = sum((x * x for x in four), Decimal(0)).sqrt()
         w, x, y, z = (c / size for c in four)
         up, down = 2 * (w * w + z * z), 2 * (x * x + y * y)  # 1 + u, 1 - u
         G1, G2 = 2 * (x * z - w * y), 2 * (y * z + w * x)
