@@ -168,8 +168,9 @@ class Shape(Prepared):
             native: Any = beginning.native
             native.run(self.constants + TIME.pack(self.h), (), (starts, states, out))
         else:
+            arguments = [*self.beginner, starts, states, out, []]
             with beginning.plain():
-                begin(*self.beginner, starts, states, out, [])
+                begin(*arguments)
         return bool(states[-1] == 0.0)
 
     def native_steps(self, t0: float, h: float, first: int, every: int, samples: int, states: int, out: int) -> None:
