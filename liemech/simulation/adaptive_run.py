@@ -6,6 +6,7 @@ import dataclasses
 import math
 import time
 from array import array
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -81,7 +82,15 @@ class AdaptiveSteps:
         return cls(system, method, first, *tolerances, longest, breaks, dense, compiled, progress)
 
     def run(
-        self, start: Any, t0: float, t_end: Any, limit: Any, t_eval: Any, events: tuple[Event, ...], kept: Checkpoint | None = None
+        self,
+        start: Any,
+        t0: float,
+        t_end: Any,
+        limit: Any,
+        t_eval: Any,
+        events: tuple[Event, ...],
+        kept: Checkpoint | None = None,
+        recorder: Any = None,
     ) -> Trajectory:
         """From a start, or from where another run stands, to t_end."""
         if t_end is None:
@@ -92,8 +101,12 @@ class AdaptiveSteps:
         if kept is not None and (events or start.bodies is not None):
             raise InvalidInput("integrate: checkpoint is for runs of one body without events, and for steps of one length")
         if start.bodies is not None:
-            return self._each(start, t0, t_end, limit, np.array([t0, t_end]) if times is None else times, events)
-        return AdaptiveRun(self, start, t0, t_end, limit, times, events, kept).trajectory()
+            times = np.array([t0, t_end]) if times is None else times
+            each = functools.partial(self._each, start, t0, t_end, limit, times, events)
+            return each() if recorder is None else recorder.instead(each, type(start), self.compiled)
+        if recorder is not None and self.dense:
+            raise InvalidInput("integrate: dense=True keeps the states; record no functions of them")
+        return AdaptiveRun(self, start, t0, t_end, limit, times, events, kept, recorder).trajectory()
 
     def _each(self, start: State, t0: float, t_end: float, limit: int, times: np.ndarray, events: tuple[Event, ...]) -> Trajectory:
         """Every body of an ensemble with steps of its own.  One that fails stays at its last state and disturbs no other."""
@@ -170,12 +183,15 @@ class AdaptiveRun:
         t_eval: np.ndarray | None,
         events: tuple[Event, ...],
         checkpoint: Checkpoint | None = None,
+        recorder: Any = None,
     ) -> None:
+        self.recorder = recorder
+        self.told: list[tuple[np.ndarray, dict[str, np.ndarray]]] = []  # times, and what it kept of the samples then
         self.plan, self.system, self.method, self.t0, self.t_end = plan, plan.system, plan.method, t0, t_end
         self.limit, self.t_eval, self.events, self.checkpoint = limit, t_eval, events, checkpoint
         self.failures: list[Exception] = []
-        self.kept = plan.dense is True or t_eval is None  # all rows, or only what t_eval asks for
-        dense = plan.dense is True or (plan.dense is None and t_eval is None)
+        self.kept = plan.dense is True or (t_eval is None and recorder is None)  # all rows, or only what is asked for
+        dense = plan.dense is True or (plan.dense is None and t_eval is None and recorder is None)
         self.dense = dense
         curves = dense or bool(events) or (t_eval is not None and bool(np.any(t_eval != t_end)))
         self.start = start.state if isinstance(start, AdaptiveCarry) else start
@@ -207,7 +223,7 @@ class AdaptiveRun:
         given = layout_of(self.start)
         shape = self.plan.shapes.get((given, curves))
         if shape is None:
-            xi = attempt(self.system.rate, self.t0, self.system.essential(self.start))
+            xi = attempt(self.system.rate, self.t0, self.system.essential_part(self.start))
             if not accepted(xi, itself):
                 raise self._not_begun(reason(xi))
             shape = self.plan.shapes[given, curves] = Shape(self.plan, self.start, xi, curves)
@@ -228,7 +244,7 @@ class AdaptiveRun:
         """Step to the end, or to a terminal event, in pieces short enough to show progress and to be interrupted."""
         try:
             if not self.kept:
-                self._sample(1)
+                self._sample(1 if self.recorder is None or self.t_eval is not None else 0)
             with Bar(self.plan.progress, 1000) as bar:
                 if self.t0 in self.plan.breaks and self.t0 != self.t_end:
                     self._jump(self.t0 + math.copysign(MARGIN, self.t_end - self.t0) * float(np.spacing(abs(self.t0))))
@@ -314,13 +330,29 @@ class AdaptiveRun:
     def _sample(self, before: int) -> None:
         """Keep the states that t_eval asks for in the last steps, and of the steps only the last."""
         times: Any = self.t_eval
+        if times is None:
+            self._tell(self.rows[before : self.filled, 0], self.rows[before : self.filled, 1 : 1 + self.width])
+        else:
+            self._at_times(before, times)
+        self.rows[0] = self.rows[self.filled - 1]
+        self.filled = 1
+
+    def _tell(self, times: np.ndarray, numbers: np.ndarray) -> None:
+        """Keep what the recorder keeps of some samples."""
+        states = unpacked(self.shape.state, numbers.copy())
+        run = SimpleNamespace(system=self.system, bodies=None)
+        self.told.append((times.copy(), self.recorder.values(run, type(self.shape.example), times, states, self.plan.compiled)))
+
+    def _at_times(self, before: int, times: np.ndarray) -> None:
+        """Keep the states that t_eval asks for in the last steps."""
         done = sum(map(len, self.sampled))
         reached, forward = self.clock[0], self.t_end >= self.t0
         inside = times[done:][times[done:] <= reached if forward else times[done:] >= reached]
         if len(inside):
             self.sampled.append(self._dense(before - 1).numbers(inside))
-        self.rows[0] = self.rows[self.filled - 1]
-        self.filled = 1
+            if self.recorder is not None:
+                self._tell(inside, self.sampled[-1])
+                self.sampled[-1] = np.empty((len(inside), 0))
 
     def _terminated(self, before: int) -> bool:
         """Look for events in the last steps, and end the run at the first terminal one."""
@@ -359,6 +391,7 @@ class AdaptiveRun:
             dense=kept,
             events=self.watch.shown(self.shape.example, self.shape.state) if self.watch else (),
             stopped={},
+            observed=() if self.recorder is None else tuple(self.recorder.quantities),
         )
 
     def _carry(self) -> AdaptiveCarry | None:
@@ -375,6 +408,13 @@ class AdaptiveRun:
 
     def _samples(self, dense: DenseOutput | None) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         """Times and parts of the state."""
+        if self.recorder is not None:
+            names = self.recorder.names if self.told else ()
+            joined = {name: np.concatenate([kept[name] for _, kept in self.told]) for name in names}
+            times = np.concatenate([np.empty(0), *(t for t, _ in self.told)])
+            if self.t_eval is None and len(times):
+                times[-1] = self.rows[self.filled - 1, 0]  # behind a jump at t_end
+            return times, joined
         if self.t_eval is None:
             times, numbers = self.rows[: self.filled, 0], self.rows[: self.filled, 1 : 1 + self.width]
         elif dense is not None:
@@ -389,7 +429,7 @@ class AdaptiveRun:
         """Why the steps became too small to go on: what the last trial had to say.  A mistake in a formula is raised itself."""
         t, h = float(self.clock[0]), float(self.clock[1])
         state, xi = build(self.shape.layout, iter(self.states.tolist()))
-        first = attempt(self.system.rate, t, self.system.essential(state))
+        first = attempt(self.system.rate, t, self.system.essential_part(state))
         if t == self.t0 and not accepted(first, itself):
             return self._not_begun(reason(first))
         raised: list[Exception] = []  # by the steps that led here: each was at most five times as long as the next

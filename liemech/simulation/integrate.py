@@ -57,7 +57,8 @@ def integrate(
 
     system : a list of systems of one kind, one for each body of an ensemble, gives every body its own parameters.
     start : `system.state(...)`; with a leading axis an ensemble, which runs in SIMD lanes.
-    record : the parts of the state to keep, such as ("mu",) or ("mu", "g"); what is not recorded is not computed.
+    record : the parts of the state to keep, such as ("mu",) or ("mu", "g"); what is not recorded is not computed.  Or functions of
+    it, kept instead: methods of the system by name, ("energy",), functions of t and state, and pairs [(name, function), ...].
     t_eval : (n,) times at which to keep the state; default: at the ends of steps.
     events : functions of t and state whose zeros are looked for; their attributes `terminal` (True: the first zero ends the run; 3:
     the third one) and `direction` (+1 only rising, -1 only falling zeros) mean what they do in SciPy.  For one body.

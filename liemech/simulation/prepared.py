@@ -74,7 +74,7 @@ class Steps:
         if self.precision == "double-double":
             return double_double(start)
         if self.compensated is None and (self.method.symmetric or self.method.symplectic):
-            motion = self.one.essential(start).parts
+            motion = self.one.essential_part(start).parts
             return type(start)(*(compensated(x) if motion[name] is not None else x for name, x in start.parts.items()))
         return compensated(start) if self.compensated else start
 

@@ -106,7 +106,7 @@ def parameter_slopes(system: System, name: str) -> list[System]:
     value = parameter(system, name)
     layout = layout_of(system)
     numbers, base = leaves(value, layout_of(value)), leaves(system, layout)
-    if not numbers:
+    if not numbers or "table" in repr(layout_of(value)):
         raise InvalidInput(f"Plan.tangent: {name} of {system!r} is no number, vector or matrix")
     found = []
     for i, x in enumerate(numbers):
