@@ -38,6 +38,7 @@ def differences(plan: lm.Plan, start: Any, steps: int) -> np.ndarray:
     return np.array(columns).T
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize(
     ("method", "system", "start"),
     [
