@@ -9,6 +9,7 @@ from ..formulas import cos, derivative, dot, vec
 from ..formulas.remembered import Remembered
 from ..formulas.vectors import Vec
 from ..systems.lie_poisson import LiePoissonSystem
+from .method import alternatives
 
 _derivable = Remembered()
 """Of Hamiltonians that passed: the dimension."""
@@ -23,7 +24,7 @@ def require_derivatives(method: Any, system: Any) -> None:
     Source: Griewank and Walther, Evaluating Derivatives, 2nd ed., chapter 3 (forward mode).
     """
     if not isinstance(system, LiePoissonSystem):
-        raise IncompatibleSystem(f"{method!r} needs a Lie-Poisson system; got {system!r}. {getattr(system, 'instead', '')}")
+        raise IncompatibleSystem(f"{method!r} needs a Lie-Poisson system; got {system!r}. {alternatives(system)}")
     hamiltonian, n = system.hamiltonian, system.group.dim
     if _derivable.get(hamiltonian) == n:  # a record never changes: it is tried once, not at every run
         return

@@ -82,7 +82,7 @@ class HamiltonJacobi(Method):
     def step(self, system: Any, t: float, state: CanonicalState, h: float) -> CanonicalState:
         """Solve for the change of (q, p) and apply it."""
         start = plain(state)
-        return system.moved(Exponential(), state, self.solution(system, h, start.q, start.p))
+        return system.displaced(Exponential(), state, self.solution(system, h, start.q, start.p))
 
     def solution(self, system: Any, h: float, q: Vec, p: Vec) -> Vec:
         """The change of (q, p) in a step.

@@ -94,10 +94,10 @@ class FirstKindHamiltonJacobi(Implicit):
         mu, scale = plain(state.mu), state.scale
         turn = self.turn(system, mu, scale)
         xi = self.displacement(system, h, mu, scale, turn + extrapolated(*self.past(state)))
-        moved = system.moved(self.retraction, self.observe(state), xi)
+        moved = system.displaced(self.retraction, self.observe(state), xi)
         g = moved.g
         if g is not None:
-            g = system.moved(self.retraction, moved, -self.turn(system, plain(moved.mu), scale)).g
+            g = system.displaced(self.retraction, moved, -self.turn(system, plain(moved.mu), scale)).g
         return Turned(moved.mu, g, xi - turn, state.last, state.last_1, scale)
 
     def turn(self, system: Any, mu: Vec, scale: float) -> Vec:

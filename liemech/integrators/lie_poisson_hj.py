@@ -75,7 +75,7 @@ class LiePoissonHamiltonJacobi(Implicit):
         """Solve for p, whose difference to mu is extrapolated, then move momentum and attitude by x(p)."""
         mu = plain(state.mu)
         p, x = self.solution(system, h, mu, mu + extrapolated(*self.past(state)))
-        return self.after(state, system.moved(self.retraction, self.observe(state), x), p - mu)
+        return self.after(state, system.displaced(self.retraction, self.observe(state), x), p - mu)
 
     def solution(self, system: Any, h: float, mu: Vec, guess: Vec) -> tuple[Vec, Vec]:
         """The p and x = ds/dp that fit mu."""
@@ -90,7 +90,7 @@ class LiePoissonHamiltonJacobi(Implicit):
 
     def equation(self, system: Any, h: float, mu: Vec, p: Vec) -> tuple[Vec, Mat, float]:
         """The mismatch of p and mu, its derivative (in orders 6 and 8 that of order 4), and the factor of its square."""
-        r, by_p, by_x = self.retraction.mismatch(system.group, self.displacement(system, h, p), p, mu)
+        r, by_p, by_x = self.retraction.residual(system.group, self.displacement(system, h, p), p, mu)
         own = by_p if isinstance(by_p, vectors.Mat) else by_p * identity_matrix(len(p))
         return r, by_x @ self.slope(system, h, p, min(self.order, 4)) + own, weight(by_p)
 

@@ -15,7 +15,8 @@ from typing import Any
 
 from ..formulas import Vec, vec
 from ..formulas.series import Series
-from ..groups.lie_group import BERNOULLI, LieGroup
+from ..groups.bernoulli import BERNOULLI
+from ..groups.lie_group import LieGroup
 from ..retractions import Exponential, Retraction
 
 

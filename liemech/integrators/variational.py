@@ -57,7 +57,7 @@ class CovariantVariational(Implicit):
     def step(self, system: Any, t: float, state: Memory, h: float) -> Memory:
         """Solve for the displacement of the interval from the extrapolated one, then move momentum and attitude by it."""
         x = self.displacement(system, h, plain(state.mu), extrapolated(*self.past(state)))
-        return self.after(state, system.moved(self.retraction, self.observe(state), x), x)
+        return self.after(state, system.displaced(self.retraction, self.observe(state), x), x)
 
     def displacement(self, system: Any, h: float, mu: Vec, guess: Vec) -> Vec:
         """The x = h xi whose momentum dl/dxi fits mu.
@@ -126,7 +126,7 @@ class CovariantVariational(Implicit):
             size = float(np.hypot.reduce(np.array(start.mu), axis=-1).max())
         return largest_impulse(system.lagrangian.inertia, self.retraction) / size if size > 0.0 else math.inf
 
-    def caution(self, system: Any, start: BodyState, h: float) -> str | None:
+    def step_warning(self, system: Any, start: BodyState, h: float) -> str | None:
         """What to tell before a run whose step is larger than the `largest_step`; None if it is not.
 
         Raises InvalidInput for units in which Newton's method, which multiplies three entries of J/h, would divide by zero.
@@ -149,7 +149,7 @@ class CovariantVariational(Implicit):
     def equation(self, system: Any, rate: float, mu: Vec, x: Vec) -> tuple[Vec, Mat, float]:
         """The mismatch of dl/dxi and mu, its derivative, and the factor of its square."""
         xi = rate * x
-        r, by_p, by_x = self.retraction.mismatch(system.group, x, system.lagrangian.momentum(xi), mu)
+        r, by_p, by_x = self.retraction.residual(system.group, x, system.lagrangian.momentum(xi), mu)
         jacobian = with_inertia(by_x, momentum_slope(by_p, rate * system.lagrangian.hessian(xi)))
         return r, jacobian, weight(by_p)
 

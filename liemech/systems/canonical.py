@@ -67,14 +67,14 @@ class CanonicalSystem(System):
         return VectorSpace(2 * self.degrees)
 
     @final
-    def moved(self, retraction: Retraction, state: CanonicalState, omega: Vec) -> CanonicalState:
+    def displaced(self, retraction: Retraction, state: CanonicalState, omega: Vec) -> CanonicalState:
         """(q, p) + omega."""
         y = retraction.compose_tau(self.group, vec(*state.q, *state.p), omega)
         n = len(state.q)
         return CanonicalState(vec(*[y[i] for i in range(n)]), vec(*[y[n + i] for i in range(n)]))
 
     @final
-    def deviation(self, state: CanonicalState, omega: Vec) -> tuple[Vec, Vec]:
+    def variation(self, state: CanonicalState, omega: Vec) -> tuple[Vec, Vec]:
         """The displacement, beside |q| and |p|."""
         return omega, vec(*[abs(x) for x in state.q], *[abs(x) for x in state.p])
 

@@ -61,11 +61,11 @@ def test_the_way_between_the_ends_of_a_step_has_its_order(tableau: lm.ButcherTab
         trial, at = method.trial(BODY, 0.0, START, rate, h, 1.0, 1.0, True), []
         for theta in (0.2, 0.5, 0.7):
             omega = sum((theta ** (k + 1) * p for k, p in enumerate(trial.curve)), vec(0.0, 0.0, 0.0))
-            state = BODY.moved(lm.Exponential(), START, omega)
+            state = BODY.displaced(lm.Exponential(), START, omega)
             at.append(np.abs(np.array(state.g) - BODY.exact(START, [theta * h]).g[0]).max())
         worst.append(max(at))
         end = sum(trial.curve, vec(0.0, 0.0, 0.0))
-        assert np.allclose(BODY.moved(lm.Exponential(), START, end).mu, trial.state.mu, rtol=0, atol=1e-14)
+        assert np.allclose(BODY.displaced(lm.Exponential(), START, end).mu, trial.state.mu, rtol=0, atol=1e-14)
     assert slope(sizes, worst) > method.dense_order + 0.8
 
 

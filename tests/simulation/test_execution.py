@@ -29,6 +29,7 @@ def fresh(monkeypatch: pytest.MonkeyPatch) -> Any:
     """A process that has learned nothing yet, and has a cache of nothing."""
     monkeypatch.setattr(execution, "_histories", {})
     monkeypatch.setattr(execution, "_told", set())
+    monkeypatch.setattr(sys.modules["liemech.simulation.integrate"], "_plans", {})
     monkeypatch.setattr(kernel, "_kept", collections.OrderedDict())
     monkeypatch.setattr(kernel, "stored", lambda *_, **__: None)
     return monkeypatch
