@@ -393,7 +393,10 @@ class ConstrainedBody(BoundBody):
         for _ in range(PATIENCE):
             before, there = change, group.compose_exp(start, Vec.of(x))
             bent = [
-                [self.blocks[b][0].algebra.dexp_dual(Vec.of(x[slice(*self.places[b])]), part, "left") for part, (b, _) in zip(row, ties)]
+                [
+                    self.blocks[b][0].algebra.dexp_dual(Vec.of(x[slice(*self.places[b])]), part, "left")
+                    for part, (b, _) in zip(row, ties)
+                ]
                 for row, ties in zip(self.rows(there), self.touches)
             ]
             G = self._matrix(bent)
