@@ -72,7 +72,7 @@ if TYPE_CHECKING:
     from .integrators.exact_free_body import ExactFreeBody
     from .integrators.galerkin import GalerkinVariational
     from .integrators.geodesic_splitting import GeodesicSplitting
-    from .integrators.hamilton_jacobi import HamiltonJacobi
+    from .integrators.hamilton_jacobi import HamiltonJacobi, SymmetricHamiltonJacobi
     from .integrators.index_reduction import IndexReduction
     from .integrators.kick_drift import KickDrift
     from .integrators.lie_poisson_first_kind import FirstKindHamiltonJacobi
@@ -127,6 +127,8 @@ if TYPE_CHECKING:
     from .systems.constrained_body import ConstrainedBody, NonholonomicBody
     from .systems.constraint import Constraint, VelocityConstraint
     from .systems.darboux import Andoyer, DarbouxChart, InDarbouxChart, LinearDarboux, LogarithmicDarboux
+    from .systems.discrete_lagrangian import DiscreteLagrangian, GroupLagrangian, QuadratureLagrangian
+    from .systems.driven import DrivenHamiltonian, DrivenHamiltonianSystem, DrivenLiePoissonSystem
     from .systems.group_equation import GroupEquation, LinearGroupEquation
     from .systems.hamiltonian import Hamiltonian
     from .systems.homogeneous_equation import HomogeneousEquation
@@ -176,7 +178,7 @@ _LATER = {
     "integrators.exact_free_body": ("ExactFreeBody",),
     "integrators.galerkin": ("GalerkinVariational",),
     "integrators.geodesic_splitting": ("GeodesicSplitting",),
-    "integrators.hamilton_jacobi": ("HamiltonJacobi",),
+    "integrators.hamilton_jacobi": ("HamiltonJacobi", "SymmetricHamiltonJacobi"),
     "integrators.index_reduction": ("IndexReduction",),
     "integrators.kick_drift": ("KickDrift",),
     "integrators.lie_poisson_first_kind": ("FirstKindHamiltonJacobi",),
@@ -232,6 +234,8 @@ _LATER = {
     "systems.darboux": ("Andoyer", "DarbouxChart", "InDarbouxChart", "LinearDarboux", "LogarithmicDarboux"),
     "systems.constrained_body": ("ConstrainedBody", "NonholonomicBody"),
     "systems.constraint": ("Constraint", "VelocityConstraint"),
+    "systems.discrete_lagrangian": ("DiscreteLagrangian", "GroupLagrangian", "QuadratureLagrangian"),
+    "systems.driven": ("DrivenHamiltonian", "DrivenHamiltonianSystem", "DrivenLiePoissonSystem"),
     "systems.group_equation": ("GroupEquation", "LinearGroupEquation"),
     "systems.hamiltonian": ("Hamiltonian",),
     "systems.homogeneous_equation": ("HomogeneousEquation",),
@@ -299,6 +303,13 @@ __all__ = [
     "SU",
     "U",
     "AdaptiveVerlet",
+    "SymmetricHamiltonJacobi",
+    "DrivenLiePoissonSystem",
+    "DrivenHamiltonianSystem",
+    "DrivenHamiltonian",
+    "QuadratureLagrangian",
+    "GroupLagrangian",
+    "DiscreteLagrangian",
     "AdjointAction",
     "Ambient",
     "Andoyer",
