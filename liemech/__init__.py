@@ -50,13 +50,17 @@ if TYPE_CHECKING:
     from .groups.classical import GL, SL, SO, SU, Sp, U
     from .groups.coadjoint import CoadjointAction, coadjoint
     from .groups.heisenberg import Heisenberg
+    from .groups.matrix_algebra import MatrixLieAlgebra
     from .groups.matrix_group import MatrixLieGroup
+    from .groups.opposite import OppositeGroup
     from .groups.poisson_structure import Canonical, ConstantStructure, LiePoissonStructure, LogCanonical, PoissonStructure
     from .groups.product import ProductGroup
     from .groups.representations import AdjointAction, Representation, RotationAction
     from .groups.se2 import SE2
     from .groups.se3 import SE3
+    from .groups.se23 import SE23, SE23Algebra
     from .groups.semidirect import SemidirectProduct
+    from .groups.sgal3 import SGal3, SGal3Algebra
     from .groups.so3 import SO3, SO3Algebra
     from .groups.unit_quaternions import UnitQuaternions
     from .groups.vector_space import VectorSpace
@@ -68,7 +72,7 @@ if TYPE_CHECKING:
     from .integrators.exact_free_body import ExactFreeBody
     from .integrators.galerkin import GalerkinVariational
     from .integrators.geodesic_splitting import GeodesicSplitting
-    from .integrators.hamilton_jacobi import HamiltonJacobi
+    from .integrators.hamilton_jacobi import HamiltonJacobi, SymmetricHamiltonJacobi
     from .integrators.index_reduction import IndexReduction
     from .integrators.kick_drift import KickDrift
     from .integrators.lie_poisson_first_kind import FirstKindHamiltonJacobi
@@ -124,6 +128,8 @@ if TYPE_CHECKING:
     from .systems.constrained_body import ConstrainedBody, NonholonomicBody
     from .systems.constraint import Constraint, VelocityConstraint
     from .systems.darboux import Andoyer, DarbouxChart, InDarbouxChart, LinearDarboux, LogarithmicDarboux
+    from .systems.discrete_lagrangian import DiscreteLagrangian, GroupLagrangian, QuadratureLagrangian
+    from .systems.driven import DrivenHamiltonian, DrivenHamiltonianSystem, DrivenLiePoissonSystem
     from .systems.group_equation import GroupEquation, LinearGroupEquation
     from .systems.hamiltonian import Hamiltonian
     from .systems.homogeneous_equation import HomogeneousEquation
@@ -137,6 +143,7 @@ if TYPE_CHECKING:
     from .systems.poisson import PoissonState, PoissonSystem
     from .systems.potential import Force, NoPotential, Potential
     from .systems.separable import SeparableSystem
+    from .systems.tabulated import PiecewisePolynomial
     from .systems.time_scales import DistancePower, EqualArc, EqualChange, EqualPath, TimeScale
     from .systems.time_transformed import LogarithmicHamiltonian, TimeTransformed
     from .tableaus.tableau import ButcherTableau
@@ -150,13 +157,17 @@ _LATER = {
     "groups.classical": ("GL", "SL", "SO", "SU", "Sp", "U"),
     "groups.coadjoint": ("CoadjointAction", "coadjoint"),
     "groups.heisenberg": ("Heisenberg",),
+    "groups.matrix_algebra": ("MatrixLieAlgebra",),
     "groups.matrix_group": ("MatrixLieGroup",),
+    "groups.opposite": ("OppositeGroup",),
     "groups.poisson_structure": ("Canonical", "ConstantStructure", "LiePoissonStructure", "LogCanonical", "PoissonStructure"),
     "groups.product": ("ProductGroup",),
     "groups.representations": ("AdjointAction", "Representation", "RotationAction"),
     "groups.se2": ("SE2",),
+    "groups.se23": ("SE23", "SE23Algebra"),
     "groups.se3": ("SE3",),
     "groups.semidirect": ("SemidirectProduct",),
+    "groups.sgal3": ("SGal3", "SGal3Algebra"),
     "groups.so3": ("SO3", "SO3Algebra"),
     "groups.unit_quaternions": ("UnitQuaternions",),
     "groups.vector_space": ("VectorSpace",),
@@ -168,7 +179,7 @@ _LATER = {
     "integrators.exact_free_body": ("ExactFreeBody",),
     "integrators.galerkin": ("GalerkinVariational",),
     "integrators.geodesic_splitting": ("GeodesicSplitting",),
-    "integrators.hamilton_jacobi": ("HamiltonJacobi",),
+    "integrators.hamilton_jacobi": ("HamiltonJacobi", "SymmetricHamiltonJacobi"),
     "integrators.index_reduction": ("IndexReduction",),
     "integrators.kick_drift": ("KickDrift",),
     "integrators.lie_poisson_first_kind": ("FirstKindHamiltonJacobi",),
@@ -225,6 +236,8 @@ _LATER = {
     "systems.darboux": ("Andoyer", "DarbouxChart", "InDarbouxChart", "LinearDarboux", "LogarithmicDarboux"),
     "systems.constrained_body": ("ConstrainedBody", "NonholonomicBody"),
     "systems.constraint": ("Constraint", "VelocityConstraint"),
+    "systems.discrete_lagrangian": ("DiscreteLagrangian", "GroupLagrangian", "QuadratureLagrangian"),
+    "systems.driven": ("DrivenHamiltonian", "DrivenHamiltonianSystem", "DrivenLiePoissonSystem"),
     "systems.group_equation": ("GroupEquation", "LinearGroupEquation"),
     "systems.hamiltonian": ("Hamiltonian",),
     "systems.homogeneous_equation": ("HomogeneousEquation",),
@@ -238,6 +251,7 @@ _LATER = {
     "systems.poisson": ("PoissonState", "PoissonSystem"),
     "systems.potential": ("Force", "NoPotential", "Potential"),
     "systems.separable": ("SeparableSystem",),
+    "systems.tabulated": ("PiecewisePolynomial",),
     "systems.time_scales": ("DistancePower", "EqualArc", "EqualChange", "EqualPath", "TimeScale"),
     "systems.time_transformed": ("LogarithmicHamiltonian", "TimeTransformed"),
     "tableaus": ("tableaus",),
@@ -280,13 +294,24 @@ __all__ = [
     "RATTLE",
     "RKMK",
     "SE2",
+    "SE23",
+    "SE23Algebra",
     "SE3",
     "SL",
     "SO",
+    "SGal3",
+    "SGal3Algebra",
     "SO3",
     "SU",
     "U",
     "AdaptiveVerlet",
+    "SymmetricHamiltonJacobi",
+    "DrivenLiePoissonSystem",
+    "DrivenHamiltonianSystem",
+    "DrivenHamiltonian",
+    "QuadratureLagrangian",
+    "GroupLagrangian",
+    "DiscreteLagrangian",
     "AdjointAction",
     "Ambient",
     "Andoyer",
@@ -382,6 +407,7 @@ __all__ = [
     "Linkage",
     "Magnus",
     "Mat",
+    "MatrixLieAlgebra",
     "MatrixLieGroup",
     "MaxwellBloch",
     "MechanicalSystem",
@@ -393,6 +419,7 @@ __all__ = [
     "NonholonomicBody",
     "OfCoordinate",
     "OrbitingBody",
+    "OppositeGroup",
     "OrthogonalBody",
     "OrthonormalFrame",
     "ParticleOnEllipsoid",
@@ -443,6 +470,7 @@ __all__ = [
     "TodaLattice",
     "TokamakField",
     "TraceOfAd",
+    "PiecewisePolynomial",
     "Plan",
     "Trajectory",
     "TranslationAction",

@@ -10,7 +10,7 @@ from .errors import NoConvergence
 from .formulas import Mat, Vec, cross, dot, mat, solve, solve3, vec
 from .formulas.double_double import is_long
 from .formulas.pytree import double_double, layout_of, rounded
-from .groups.lie_group import EPSILON
+from .formulas.sizes import EPSILON
 
 TOLERANCE = 2.0**-30
 """A residual below this, relative to the data, means that the correction it asks for is the last one needed.

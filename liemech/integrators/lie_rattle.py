@@ -12,7 +12,7 @@ from ..systems.conditions import joint, led, pulled, solved_sparse, speeds, time
 from ..systems.constrained_body import ConstrainedBody
 from ..systems.lie_poisson import BodyState
 from .implicit import extrapolated
-from .method import Method
+from .method import Method, alternatives
 from .solvability import CONTRACTION, INFINITY, SHORTEST
 from .variational import momentum_slope, with_inertia
 
@@ -75,8 +75,9 @@ class LieRATTLE(Method):
     def require(self, system: Any) -> None:
         """A ConstrainedBody, on a group that has the retraction."""
         if not isinstance(system, ConstrainedBody):
-            instead = getattr(system, "instead", "RKMK accepts every system")
-            raise IncompatibleSystem(f"{self!r} needs bodies under a constraint, a ConstrainedBody; got {system!r}. {instead}")
+            raise IncompatibleSystem(
+                f"{self!r} needs bodies under a constraint, a ConstrainedBody; got {system!r}. {alternatives(system)}"
+            )
         self.retraction.require(system.configurations)
 
     def start(self, system: Any, state: BodyState, h: float) -> Bound:
@@ -104,7 +105,7 @@ class LieRATTLE(Method):
         unknown = self._solved(system, h, memory, extrapolated(*self.past(memory)))
         x, impulses = split(unknown, system.configurations.dim)
         kick = (0.5 * h) * memory.force - pulled(system, memory.rows, impulses)
-        state = free.moved(self.retraction, BodyState(state.mu + kick, state.g), x)
+        state = free.displaced(self.retraction, BodyState(state.mu + kick, state.g), x)
         g = plain(state.g)
         force, rows = system.force(g), system.rows(g)
         mu = state.mu + (0.5 * h) * force
@@ -161,7 +162,7 @@ class LieRATTLE(Method):
         free, pushed = [], []  # type: list[Any], list[Any]  # A^-1 r and A^-1 B, block by block
         for (group, start, end), J, held in zip(system.blocks, inertias, system.held):
             y = vec(*x[start:end])
-            r, by_p, by_x = self.retraction.mismatch(group, y, vec(*p[start:end]), vec(*momentum[start:end]))
+            r, by_p, by_x = self.retraction.residual(group, y, vec(*p[start:end]), vec(*momentum[start:end]))
             A = with_inertia(by_x, momentum_slope(by_p, rate * J))
             B = [carried(self.retraction, group, y, by_p, memory.rows[a][i]) for a, i in held]
             columns, good = eliminated(A, [r, *B], h)

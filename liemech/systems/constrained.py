@@ -62,8 +62,9 @@ class ConstrainedSystem(CanonicalSystem):
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.1.2.
     """
 
-    instead: ClassVar[str] = "RATTLE() is for it; RKMK accepts every system, but leaves the constraints"
+    alternatives: ClassVar[str] = "RATTLE() is for it; RKMK accepts every system, but leaves the constraints"
 
+    bounded: ClassVar[bool] = True
     separable: ClassVar[bool] = False
     """Is the energy T(p) + V(q), with `velocity` a function of p alone and `force` one of q alone?"""
 

@@ -44,6 +44,7 @@ class BoundBody(System):
     """
 
     coordinates: ClassVar[tuple[str, ...]] = ("mu",)
+    bounded: ClassVar[bool] = True
     body: Any
     constraint: Constraint
     conditions: int = field(init=False, repr=False)
@@ -185,14 +186,14 @@ class BoundBody(System):
         return vec(*self.velocity(state.mu), *push)
 
     @final
-    def moved(self, retraction: Retraction, state: BodyState, omega: Vec) -> BodyState:
+    def displaced(self, retraction: Retraction, state: BodyState, omega: Vec) -> BodyState:
         """As without the constraint."""
-        return self.body.moved(retraction, state, omega)
+        return self.body.displaced(retraction, state, omega)
 
     @final
-    def deviation(self, state: BodyState, omega: Vec) -> tuple[Vec, Vec]:
+    def variation(self, state: BodyState, omega: Vec) -> tuple[Vec, Vec]:
         """As without the constraint."""
-        return self.body.deviation(state, omega)
+        return self.body.variation(state, omega)
 
     def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """The energy."""
@@ -215,9 +216,14 @@ class BoundBody(System):
         return self.vouched(state)
 
     def _require_consistent(self, mu: Any, g: Any) -> None:
-        """Raise InconsistentState for a velocity off the constraint, beside what velocities of its energy could be off."""
-        G, momentum, inverse = self._matrix(self.rows(g)), np.array(mu), self._inverse
-        scale = np.sqrt((momentum @ (inverse @ momentum)) * (G @ inverse @ G.T).diagonal())
+        """Raise InconsistentState for a velocity off the constraint, beside what velocities of its energy could be off.
+
+        To its energy counts what the force does on a unit displacement: at rest in a field a momentum is nothing but rounding.
+        """
+        G, momentum, force, inverse = self._matrix(self.rows(g)), np.array(mu), np.array(self.force(g)), self._inverse
+        least = 1.0 / abs(inverse).sum(axis=1).max()
+        energy = momentum @ (inverse @ momentum) + np.sqrt(least * (force @ (inverse @ force)))
+        scale = np.sqrt(energy * (G @ inverse @ G.T).diagonal())
         self._require_zero("G(g) J^-1 mu", G @ (inverse @ momentum), scale)
 
     def _require_zero(self, what: str, value: np.ndarray, scale: np.ndarray) -> None:
@@ -356,7 +362,7 @@ class ConstrainedBody(BoundBody):
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.1; Leyendecker, Marsden and Ortiz, ZAMM 88 (2008).
     """
 
-    instead: ClassVar[str] = "LieRATTLE() keeps the constraint"
+    alternatives: ClassVar[str] = "LieRATTLE() keeps the constraint"
 
     def _count(self, g: Any) -> int:
         given: Any = self.constraint
@@ -386,8 +392,9 @@ class ConstrainedBody(BoundBody):
         x, change = np.zeros(group.dim), np.inf
         for _ in range(PATIENCE):
             before, there = change, group.compose_exp(start, Vec.of(x))
+            algebras, pieces = [group.algebra for group, _, _ in self.blocks], [Vec.of(x[slice(*place)]) for place in self.places]
             bent = [
-                [self.blocks[b][0].dexp_dual(Vec.of(x[slice(*self.places[b])]), part, "left") for part, (b, _) in zip(row, ties)]
+                [algebras[b].dexp_dual(pieces[b], part, "left") for part, (b, _) in zip(row, ties)]
                 for row, ties in zip(self.rows(there), self.touches)
             ]
             G = self._matrix(bent)
@@ -443,7 +450,7 @@ class NonholonomicBody(BoundBody):
     Source: Bloch, Nonholonomic Mechanics and Control, 2nd ed., chapter 5; Cortes and Martinez, Nonlinearity 14 (2001).
     """
 
-    instead: ClassVar[str] = "LagrangeDAlembert() is the method for velocity constraints"
+    alternatives: ClassVar[str] = "LagrangeDAlembert() is the method for velocity constraints"
 
     def _count(self, g: Any) -> int:
         if not isinstance(self.constraint, VelocityConstraint):

@@ -78,6 +78,6 @@ class SeparableSystem(SeparableEnergy, HamiltonianSystem):
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VI.1.2 and II.5.
     """
 
-    instead: ClassVar[str] = (
+    alternatives: ClassVar[str] = (
         "StormerVerlet() and Splitting(order=4) are for it, RKMK accepts every system"
     )

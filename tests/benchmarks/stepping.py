@@ -7,7 +7,8 @@ from typing import Any
 import harness
 import numpy as np
 
-from liemech.simulation.fixed_run import FixedRun, advanced
+from liemech.simulation.at_once import advanced
+from liemech.simulation.fixed_run import FixedRun
 from liemech.simulation.prepared import Steps
 
 
@@ -23,7 +24,7 @@ class Native:
         self.carry = FixedRun(self.plan, start, 0).trajectory().carry
 
     def __call__(self, steps: int) -> np.ndarray:
-        return advanced(self.plan, self.carry, steps).last[:, 0]
+        return advanced(self.plan, self.carry, steps).last
 
 
 def agreeing(runs: Mapping[str, Callable[[int], np.ndarray]], tolerance: float = 1e-13) -> None:
