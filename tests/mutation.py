@@ -24,7 +24,7 @@ ROOT = Path(__file__).parent.parent
 FOLDERS = "groups", "integrators", "tableaus", "systems", "models", "formulas"
 OTHERS = {"+": "-", "-": "+", "*": "+", "/": "*", "<": ">", ">": "<", "<=": ">", ">=": "<", "==": "!=", "!=": "=="}
 TIME_LIMIT = 900
-"""Seconds for the tests of one change; a change that makes them hang is noticed."""
+"""Seconds for the tests of one change; one that makes them hang is noticed, and said to hang, for the machine may be busy."""
 
 
 @dataclass(frozen=True)
@@ -92,15 +92,15 @@ def tests_of(file: Path) -> list[list[str]]:
     return [[str(p.relative_to(ROOT)) for p in stage] for stage in stages if stage]
 
 
-def noticed(tree: Path, tests: list[str]) -> bool:
+def verdict(tree: Path, tests: list[str]) -> str:
     """Does a test fail?  Native code of what was not changed is found on disk."""
     environment = os.environ | {"PYTHONPATH": str(tree), "LIEMECH_CACHE_DIR": str(tree / "cache")}
     command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", *tests]
     try:
         done = subprocess.run(command, cwd=tree, env=environment, capture_output=True, timeout=TIME_LIMIT, check=False)
     except subprocess.TimeoutExpired:
-        return True
-    return done.returncode not in (0, 5)  # 5: no test there
+        return "hung"
+    return "SURVIVED" if done.returncode in (0, 5) else "caught"  # 5: no test there
 
 
 def main() -> None:
@@ -126,10 +126,11 @@ def main() -> None:
         for i, change in enumerate(chosen, 1):
             change.apply(tree)
             stages = tests_of(change.file) + ([] if options.quick else [[]])
-            caught = any(noticed(tree, tests) for tests in stages)
+            verdicts = (verdict(tree, tests) for tests in stages)
+            found = next((word for word in verdicts if word != "SURVIVED"), "SURVIVED")
             change.undo(tree)
-            print(f"{i:4} {'caught  ' if caught else 'SURVIVED'} {change}", flush=True)
-            survivors += [] if caught else [change]
+            print(f"{i:4} {found:8} {change}", flush=True)
+            survivors += [change] if found == "SURVIVED" else []
     print(f"\n{len(chosen) - len(survivors)} of {len(chosen)} changes were noticed; survivors:", *survivors, sep="\n  ")
 
 

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import NotCompilable
-from ..formulas import functions, series, sums, vectors
+from ..formulas import functions, series, sums, tables, vectors
 from ..formulas.derivatives import axes, tangent
 from ..formulas.fields import floats
 from ..formulas.pytree import (
@@ -78,6 +78,7 @@ class Interpreter(Statements):
             tangent: lambda formula, *x: tangent(functools.partial(self.call, formula), *x),
             sums.bilinear_map: lambda *x: large.sums(emitter, sums.bilinear_map, *x),
             sums.antisymmetric_map: lambda *x: large.sums(emitter, sums.antisymmetric_map, *x),
+            tables.entry: lambda *x: large.entry(emitter, *x),
             driver.numbers: lambda x: Vec(*leaves(x, layout_of(x, is_any_number))),
         }
 
@@ -85,6 +86,8 @@ class Interpreter(Statements):
 
     def call(self, function: Any, *args: Any, **options: Any) -> Any:
         """The value of a call: an intrinsic, a record, a formula to inline, or Python itself on what is known now."""
+        if isinstance(function, Record):
+            return self.call(self.attribute(function, "__call__"), *args, **options)
         if isinstance(function, types.MethodType):
             return self.call(function.__func__, function.__self__, *args, **options)
         if isinstance(function, Closure):

@@ -23,6 +23,7 @@ from .dual import Dual
 from .fields import FrozenDict
 from .numbers import StandIn
 from .records import Record
+from .tables import Table
 from .vectors import Mat, Vec
 
 PAIRS = (Complex, Dual, Compensated, DoubleDouble)
@@ -33,7 +34,7 @@ _COMPENSATED, _DOUBLE_DOUBLE = (Compensated,), (DoubleDouble,)  # the forms of s
 
 @dataclasses.dataclass(frozen=True)
 class Layout:
-    """The structure of a value: `kind` is number, pair, vec, mat, tuple, record or static."""
+    """The structure of a value: `kind` is number, pair, vec, mat, tuple, record, table or static."""
 
     kind: str
     parts: tuple[Layout, ...] = ()
@@ -42,7 +43,7 @@ class Layout:
     @functools.cached_property
     def width(self) -> int:
         """How many numbers the value holds."""
-        return 1 if self.kind == "number" else sum(part.width for part in self.parts)
+        return 1 if self.kind in ("number", "table") else sum(part.width for part in self.parts)
 
     @functools.cached_property
     def plain(self) -> bool:
@@ -91,7 +92,7 @@ class Layout:
         return repr(self.detail) if self.kind == "static" else f"{self.kind}({inside})" if inside else self.kind
 
 
-NUMBER = Layout("number")
+NUMBER, TABLE = Layout("number"), Layout("table")
 
 
 class _Itself:
@@ -148,6 +149,7 @@ _BY_PARTS: dict[type, Callable[[Any], tuple[Any, ...]]] = {
     functools.partial: lambda x: (x.func, x.args, *x.keywords.items()),
     types.MethodType: lambda x: (x.__func__, x.__self__),
     Mat: lambda x: x.rows,
+    Table: lambda x: (x.content,),
     **{pair: lambda x: (x.level, *x.parts) for pair in PAIRS},
 }
 
@@ -182,6 +184,8 @@ def layout_of(value: Any, number: Callable[[Any], bool] = is_number) -> Layout:
         return _matrix(tuple([layout_of(row, number) for row in value.rows]))
     if isinstance(value, PAIRS):
         return _pair(tuple([layout_of(x, number) for x in value.parts]), value.form)
+    if isinstance(value, Table) and (number is is_number or value.content is None):  # else a constant of native code
+        return TABLE
     if isinstance(value, list) or (isinstance(value, tuple) and (number is is_any_number or not is_static(value))):
         return _sequence(type(value).__name__, tuple([layout_of(x, number) for x in value]))
     return Layout("static", (), value)
@@ -192,11 +196,11 @@ _known, _know = Record._layout.__get__, Record._layout.__set__  # type: ignore[a
 
 def _of_record(value: Any, number: Callable[[Any], bool]) -> Layout:
     cls: Any = type(value)
-    return _record(tuple([layout_of(getattr(value, n), number) for n in _names(cls)]), cls)
+    return _record(tuple([layout_of(getattr(value, n), number) for n in names_of(cls)]), cls)
 
 
 @functools.cache
-def _names(cls: Any) -> tuple[str, ...]:
+def names_of(cls: Any) -> tuple[str, ...]:
     return tuple(f.name for f in dataclasses.fields(cls))
 
 
@@ -207,7 +211,7 @@ _MANY = 4096
 
 @functools.lru_cache(_MANY)
 def _record(parts: tuple[Layout, ...], cls: type) -> Layout:
-    return Layout("record", parts, (cls, _names(cls)))
+    return Layout("record", parts, (cls, names_of(cls)))
 
 
 @functools.lru_cache(_MANY)
@@ -234,7 +238,7 @@ def is_static(value: Any) -> bool:
     """A tuple of plain constants, however nested."""
     if isinstance(value, tuple) and not isinstance(value, Vec):
         return all(map(is_static, value))
-    return not isinstance(value, (Vec, Mat, Record, StandIn, *PAIRS))
+    return not isinstance(value, (Vec, Mat, Record, Table, StandIn, *PAIRS))
 
 
 def leaves(value: Any, layout: Layout) -> list[Any]:
@@ -248,6 +252,8 @@ def _gather(value: Any, layout: Layout, found: list[Any]) -> None:
     """Append the numbers of a value."""
     if layout.kind == "number":
         found.append(value)
+    elif layout.kind == "table":
+        found.append(value.place)
     elif layout.kind == "record":
         for name, part in zip(layout.detail[1], layout.parts, strict=True):
             if part.width:
@@ -259,12 +265,35 @@ def _gather(value: Any, layout: Layout, found: list[Any]) -> None:
             _gather(item, part, found)
 
 
+@functools.lru_cache(256)
+def gatherer(layout: Layout) -> Callable[[Any], list[Any]]:
+    """`leaves` of values that are known to have this layout: a list written out, such as [*x.mu, *x.g.rows[0], ...]."""
+    return eval(f"lambda x: [{', '.join(_places(layout, 'x'))}]", {})
+
+
+def _places(layout: Layout, value: str) -> Iterator[str]:
+    """Where the numbers of a value are, as texts."""
+    if layout.kind == "number":
+        yield value
+    elif layout.plain and layout.kind in ("vec", "tuple", "list"):
+        yield f"*{value}"
+    elif layout.width:
+        names = layout.detail[1] if layout.kind == "record" else range(len(layout.parts))
+        inside = {"record": ".{}", "mat": ".rows[{}]", "pair": ".parts[{}]"}.get(layout.kind, "[{}]")
+        for name, part in zip(names, layout.parts, strict=True):
+            if part.width:
+                yield from _places(part, value + inside.format(name))
+
+
 def build(layout: Layout, numbers: Iterator[Any]) -> Any:
     """The value of this layout with the given numbers; records are filled in without running their checks."""
     if layout.kind == "number":
         return next(numbers)
     if layout.kind == "static":
         return layout.detail
+    if layout.kind == "table":
+        place = next(numbers)
+        return Table.at(place.value if isinstance(place, Dual) else place)
     parts = [build(part, numbers) for part in layout.parts]
     if layout.kind == "pair":
         return paired(layout.detail, parts)
@@ -345,7 +374,7 @@ _STRUCTURES = (Vec, Mat, tuple, list, Complex, Dual)
 def fields_of(value: Any) -> dict[str, Any]:
     """What the fields of a record hold."""
     cls: Any = type(value)
-    return {name: getattr(value, name) for name in _names(cls)}
+    return {name: getattr(value, name) for name in names_of(cls)}
 
 
 def _parts(value: Any) -> Any:

@@ -9,9 +9,8 @@ import numpy as np
 
 from ..compiler.driver import accepted, attempt, itself, read, reason, write
 from ..errors import InvalidInput, failure, is_mistake
-from ..formulas import real_array
 from ..formulas.pytree import NUMBER, layout_of, rounded
-from .dense import unpacked
+from .dense import one_or_many, unpacked
 from .execution import Execution
 
 TURNS = 60
@@ -137,12 +136,14 @@ class FictiveMotion:
         for k in np.flatnonzero(found[:, -1] == 0.0).tolist():
             arrive(*arguments, 1, np.ascontiguousarray(given[k]), np.empty(shown.width + 2), failures)
             error = failures[0]
-            raise error if error is not None and is_mistake(error) else failure(error, repr(self.method), "between two steps")
+            if is_mistake(error):
+                raise error
+            raise failure(error, repr(self.method), f"on the way to t = {given[k, -1]:g}")
         return found[:, :-1]
 
     def __call__(self, times: Any) -> Any:
         """The state at one time, or at many, (m,), whose arrays then have a leading axis."""
-        at = real_array(times, "t")
+        at = one_or_many(times)
         shown = layout_of(self.example)
         arrays = unpacked(shown, self.numbers(np.atleast_1d(at).ravel())[:, : shown.width])
         states = self.system.apart(arrays)[1]

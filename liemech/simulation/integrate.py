@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from ..errors import InvalidInput, NotCompilable
+from ..formulas.pytree import layout_of
 from ..integrators.method import Method
 from ..systems.system import State, System
 from . import arguments
@@ -56,7 +57,8 @@ def integrate(
 
     system : a list of systems of one kind, one for each body of an ensemble, gives every body its own parameters.
     start : `system.state(...)`; with a leading axis an ensemble, which runs in SIMD lanes.
-    record : the parts of the state to keep, such as ("mu",) or ("mu", "g"); what is not recorded is not computed.
+    record : the parts of the state to keep, such as ("mu",) or ("mu", "g"); what is not recorded is not computed.  Or functions of
+    it, kept instead: methods of the system by name, ("energy",), functions of t and state, and pairs [(name, function), ...].
     t_eval : (n,) times at which to keep the state; default: at the ends of steps.
     events : functions of t and state whose zeros are looked for; their attributes `terminal` (True: the first zero ends the run; 3:
     the third one) and `direction` (+1 only rising, -1 only falling zeros) mean what they do in SciPy.  For one body.
@@ -93,11 +95,13 @@ def integrate(
         *(h, rtol, atol, max_step, breaks, every, record, events, dense, compensated, precision, compiled, progress, workers),
         t_end is None,
     )
-    key: Any = (id(system), id(method), *map(type, rest), *rest)
+    key: Any = (layout_of(system), id(method), *map(type, rest), *rest) if isinstance(system, System) else None
     try:
-        plan = _plans.get(key) if isinstance(system, System) else None
+        plan = _plans.get(key)
     except TypeError:  # a list or an array among them
         plan = key = None
+    if plan is not None and plan.system is not system:
+        plan = _plans[key] = plan.of_system(system)  # type: ignore[arg-type]  # with a key it is one system
     if plan is None:
         several = systems_of(system)
         one: Any = system if several is None else several[0]
@@ -111,7 +115,7 @@ def integrate(
             arguments.only_adaptive(method, every, workers)
             options["rtol"] = arguments.RTOL if rtol is None else rtol
         plan = Plan(system, method, **options)
-        if key is not None and isinstance(system, System):
+        if key is not None:
             if len(_plans) >= KEPT:
                 _plans.pop(next(iter(_plans)), None)
             _plans[key] = plan

@@ -316,12 +316,12 @@ def test_largest_step() -> None:
 def test_caution() -> None:
     body, start = seed_body()
     largest = EXP.largest_step(body, start)
-    assert EXP.caution(body, start, 0.99 * largest) is None
-    assert CAYLEY.caution(body, start, 1e6) is None
-    assert f"{largest:.3g}" in EXP.caution(body, start, -1.01 * largest)
+    assert EXP.step_warning(body, start, 0.99 * largest) is None
+    assert CAYLEY.step_warning(body, start, 1e6) is None
+    assert f"{largest:.3g}" in EXP.step_warning(body, start, -1.01 * largest)
     composed = lm.Composition(EXP, order=4)
-    assert composed.caution(body, start, 1.01 * largest) is None  # its largest substep is 0.66 h
-    assert composed.caution(body, start, 1.6 * largest) is not None
+    assert composed.step_warning(body, start, 1.01 * largest) is None  # its largest substep is 0.66 h
+    assert composed.step_warning(body, start, 1.6 * largest) is not None
 
 
 @pytest.mark.filterwarnings("default::liemech.errors.StepWarning")
