@@ -135,7 +135,7 @@ def test_the_tangent_map_of_a_centre() -> None:
 
 def test_what_has_no_tangent_map() -> None:
     plan = lm.Plan(BODY, lm.RKMK(order=4), 0.1, compiled=False)
-    with pytest.raises(lm.errors.InvalidInput, match=r"mass is no parameter of .*; there are inertia, and the start"):
+    with pytest.raises(lm.errors.InvalidInput, match=r"mass is no parameter of .*; there are inertia, group, and the start"):
         plan.tangent(START, steps=2, by="mass")
     with pytest.raises(lm.errors.InvalidInput, match="one body at a time"):
         plan.tangent(BODY.state(mu=np.ones((2, 3))), steps=2)
