@@ -94,6 +94,7 @@ if TYPE_CHECKING:
     from .integrators.splitting import ThreeRotations
     from .integrators.taylor import Taylor
     from .integrators.variational import CovariantVariational
+    from .models.andrews import AndrewsMechanism
     from .models.charged_particle import AxialField, ChargedParticle, GuidingCentre, MagneticField, TokamakField, UniformField
     from .models.constrained_pendulums import ChainPendulum, FourBarLinkage, SphericalPendulum
     from .models.fermi_pasta_ulam import FermiPastaUlam
@@ -204,6 +205,7 @@ _LATER = {
     "models.charged_particle": ("AxialField", "ChargedParticle", "GuidingCentre", "MagneticField", "TokamakField", "UniformField"),
     "models.fermi_pasta_ulam": ("FermiPastaUlam",),
     "models.gravity": ("CentralGravity", "FixedPointGravity", "UniformGravity"),
+    "models.andrews": ("AndrewsMechanism",),
     "models.heavy_top": ("HeavyTop", "LagrangeTop", "ReducedHeavyTop"),
     "models.henon_heiles": ("HenonHeiles",),
     "models.joints": ("BallJoint", "FixedPoint", "PrismaticJoint", "RevoluteJoint", "RigidRod", "UniversalJoint"),
@@ -313,6 +315,7 @@ __all__ = [
     "AdjointAction",
     "Ambient",
     "Andoyer",
+    "AndrewsMechanism",
     "AxialField",
     "BallJoint",
     "Blade",
