@@ -50,13 +50,17 @@ if TYPE_CHECKING:
     from .groups.classical import GL, SL, SO, SU, Sp, U
     from .groups.coadjoint import CoadjointAction, coadjoint
     from .groups.heisenberg import Heisenberg
+    from .groups.matrix_algebra import MatrixLieAlgebra
     from .groups.matrix_group import MatrixLieGroup
+    from .groups.opposite import OppositeGroup
     from .groups.poisson_structure import Canonical, ConstantStructure, LiePoissonStructure, LogCanonical, PoissonStructure
     from .groups.product import ProductGroup
     from .groups.representations import AdjointAction, Representation, RotationAction
     from .groups.se2 import SE2
     from .groups.se3 import SE3
+    from .groups.se23 import SE23, SE23Algebra
     from .groups.semidirect import SemidirectProduct
+    from .groups.sgal3 import SGal3, SGal3Algebra
     from .groups.so3 import SO3, SO3Algebra
     from .groups.unit_quaternions import UnitQuaternions
     from .groups.vector_space import VectorSpace
@@ -68,7 +72,7 @@ if TYPE_CHECKING:
     from .integrators.exact_free_body import ExactFreeBody
     from .integrators.galerkin import GalerkinVariational
     from .integrators.geodesic_splitting import GeodesicSplitting
-    from .integrators.hamilton_jacobi import HamiltonJacobi
+    from .integrators.hamilton_jacobi import HamiltonJacobi, SymmetricHamiltonJacobi
     from .integrators.index_reduction import IndexReduction
     from .integrators.kick_drift import KickDrift
     from .integrators.lie_poisson_first_kind import FirstKindHamiltonJacobi
@@ -89,6 +93,7 @@ if TYPE_CHECKING:
     from .integrators.splitting import ThreeRotations
     from .integrators.taylor import Taylor
     from .integrators.variational import CovariantVariational
+    from .models.andrews import AndrewsMechanism
     from .models.charged_particle import AxialField, ChargedParticle, GuidingCentre, MagneticField, TokamakField, UniformField
     from .models.constrained_pendulums import ChainPendulum, FourBarLinkage, SphericalPendulum
     from .models.fermi_pasta_ulam import FermiPastaUlam
@@ -108,6 +113,7 @@ if TYPE_CHECKING:
     from .models.planetary_system import PlanetarySystem
     from .models.poisson_top import PoissonTop
     from .models.rigid_body import RigidBody
+    from .models.rolling import Blade, Rolling, Suslov
     from .models.space_bodies import FallingBody, OrbitingBody
     from .models.surfaces import ParticleOnEllipsoid
     from .models.toda import TodaLattice
@@ -122,6 +128,8 @@ if TYPE_CHECKING:
     from .systems.constrained_body import ConstrainedBody, NonholonomicBody
     from .systems.constraint import Constraint, VelocityConstraint
     from .systems.darboux import Andoyer, DarbouxChart, InDarbouxChart, LinearDarboux, LogarithmicDarboux
+    from .systems.discrete_lagrangian import DiscreteLagrangian, GroupLagrangian, QuadratureLagrangian
+    from .systems.driven import DrivenHamiltonian, DrivenHamiltonianSystem, DrivenLiePoissonSystem
     from .systems.group_equation import GroupEquation, LinearGroupEquation
     from .systems.hamiltonian import Hamiltonian
     from .systems.homogeneous_equation import HomogeneousEquation
@@ -131,7 +139,7 @@ if TYPE_CHECKING:
     from .systems.local_coordinates import InducedStructure, LocalChart, in_coordinates
     from .systems.mechanical import MechanicalSystem
     from .systems.multirate import MultirateSystem
-    from .systems.parts import Part, SplitHamiltonian
+    from .systems.parts import OfCoordinate, Part, SplitHamiltonian, Straight
     from .systems.poisson import PoissonState, PoissonSystem
     from .systems.potential import Force, NoPotential, Potential
     from .systems.separable import SeparableSystem
@@ -149,13 +157,17 @@ _LATER = {
     "groups.classical": ("GL", "SL", "SO", "SU", "Sp", "U"),
     "groups.coadjoint": ("CoadjointAction", "coadjoint"),
     "groups.heisenberg": ("Heisenberg",),
+    "groups.matrix_algebra": ("MatrixLieAlgebra",),
     "groups.matrix_group": ("MatrixLieGroup",),
+    "groups.opposite": ("OppositeGroup",),
     "groups.poisson_structure": ("Canonical", "ConstantStructure", "LiePoissonStructure", "LogCanonical", "PoissonStructure"),
     "groups.product": ("ProductGroup",),
     "groups.representations": ("AdjointAction", "Representation", "RotationAction"),
     "groups.se2": ("SE2",),
+    "groups.se23": ("SE23", "SE23Algebra"),
     "groups.se3": ("SE3",),
     "groups.semidirect": ("SemidirectProduct",),
+    "groups.sgal3": ("SGal3", "SGal3Algebra"),
     "groups.so3": ("SO3", "SO3Algebra"),
     "groups.unit_quaternions": ("UnitQuaternions",),
     "groups.vector_space": ("VectorSpace",),
@@ -167,7 +179,7 @@ _LATER = {
     "integrators.exact_free_body": ("ExactFreeBody",),
     "integrators.galerkin": ("GalerkinVariational",),
     "integrators.geodesic_splitting": ("GeodesicSplitting",),
-    "integrators.hamilton_jacobi": ("HamiltonJacobi",),
+    "integrators.hamilton_jacobi": ("HamiltonJacobi", "SymmetricHamiltonJacobi"),
     "integrators.index_reduction": ("IndexReduction",),
     "integrators.kick_drift": ("KickDrift",),
     "integrators.lie_poisson_first_kind": ("FirstKindHamiltonJacobi",),
@@ -193,6 +205,7 @@ _LATER = {
     "models.charged_particle": ("AxialField", "ChargedParticle", "GuidingCentre", "MagneticField", "TokamakField", "UniformField"),
     "models.fermi_pasta_ulam": ("FermiPastaUlam",),
     "models.gravity": ("CentralGravity", "FixedPointGravity", "UniformGravity"),
+    "models.andrews": ("AndrewsMechanism",),
     "models.heavy_top": ("HeavyTop", "LagrangeTop", "ReducedHeavyTop"),
     "models.henon_heiles": ("HenonHeiles",),
     "models.joints": ("BallJoint", "FixedPoint", "PrismaticJoint", "RevoluteJoint", "RigidRod", "UniversalJoint"),
@@ -207,6 +220,7 @@ _LATER = {
     "models.planetary_system": ("PlanetarySystem",),
     "models.poisson_top": ("PoissonTop",),
     "models.rigid_body": ("RigidBody",),
+    "models.rolling": ("Blade", "Rolling", "Suslov"),
     "models.space_bodies": ("FallingBody", "OrbitingBody"),
     "models.surfaces": ("ParticleOnEllipsoid",),
     "plots": ("plots",),
@@ -222,6 +236,8 @@ _LATER = {
     "systems.darboux": ("Andoyer", "DarbouxChart", "InDarbouxChart", "LinearDarboux", "LogarithmicDarboux"),
     "systems.constrained_body": ("ConstrainedBody", "NonholonomicBody"),
     "systems.constraint": ("Constraint", "VelocityConstraint"),
+    "systems.discrete_lagrangian": ("DiscreteLagrangian", "GroupLagrangian", "QuadratureLagrangian"),
+    "systems.driven": ("DrivenHamiltonian", "DrivenHamiltonianSystem", "DrivenLiePoissonSystem"),
     "systems.group_equation": ("GroupEquation", "LinearGroupEquation"),
     "systems.hamiltonian": ("Hamiltonian",),
     "systems.homogeneous_equation": ("HomogeneousEquation",),
@@ -231,7 +247,7 @@ _LATER = {
     "systems.local_coordinates": ("InducedStructure", "LocalChart", "in_coordinates"),
     "systems.mechanical": ("MechanicalSystem",),
     "systems.multirate": ("MultirateSystem",),
-    "systems.parts": ("Part", "SplitHamiltonian"),
+    "systems.parts": ("OfCoordinate", "Part", "SplitHamiltonian", "Straight"),
     "systems.poisson": ("PoissonState", "PoissonSystem"),
     "systems.potential": ("Force", "NoPotential", "Potential"),
     "systems.separable": ("SeparableSystem",),
@@ -278,18 +294,31 @@ __all__ = [
     "RATTLE",
     "RKMK",
     "SE2",
+    "SE23",
+    "SE23Algebra",
     "SE3",
     "SL",
     "SO",
+    "SGal3",
+    "SGal3Algebra",
     "SO3",
     "SU",
     "U",
     "AdaptiveVerlet",
+    "SymmetricHamiltonJacobi",
+    "DrivenLiePoissonSystem",
+    "DrivenHamiltonianSystem",
+    "DrivenHamiltonian",
+    "QuadratureLagrangian",
+    "GroupLagrangian",
+    "DiscreteLagrangian",
     "AdjointAction",
     "Ambient",
     "Andoyer",
+    "AndrewsMechanism",
     "AxialField",
     "BallJoint",
+    "Blade",
     "BodyState",
     "ButcherTableau",
     "Canonical",
@@ -378,6 +407,7 @@ __all__ = [
     "Linkage",
     "Magnus",
     "Mat",
+    "MatrixLieAlgebra",
     "MatrixLieGroup",
     "MaxwellBloch",
     "MechanicalSystem",
@@ -387,7 +417,9 @@ __all__ = [
     "MultirateSystem",
     "NoPotential",
     "NonholonomicBody",
+    "OfCoordinate",
     "OrbitingBody",
+    "OppositeGroup",
     "OrthogonalBody",
     "OrthonormalFrame",
     "ParticleOnEllipsoid",
@@ -412,6 +444,7 @@ __all__ = [
     "RevoluteJoint",
     "RigidBody",
     "RigidRod",
+    "Rolling",
     "RotationAction",
     "SO3Algebra",
     "SemidirectProduct",
@@ -425,7 +458,9 @@ __all__ = [
     "Splitting",
     "State",
     "StormerVerlet",
+    "Straight",
     "Surface",
+    "Suslov",
     "SymplecticEuler",
     "System",
     "Taylor",

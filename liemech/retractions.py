@@ -91,7 +91,7 @@ class Retraction(Record):
         """Is xi in the neighbourhood of zero on which dtau can be inverted?  xi : (dim,)."""
         return True
 
-    def mismatch(self, group: LieGroup, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float | Mat, Mat]:
+    def residual(self, group: LieGroup, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float | Mat, Mat]:
         """How far p = dl/dxi is from fitting the momentum mu at the start of a step tau(xi): r = p - (dtau_xi)* mu, or a multiple.
 
         r = 0 is the discrete Legendre transform (dtau_xi^-1)* p = mu, freed of the inverse.  Returns r, dr/dp (a number or a
@@ -130,7 +130,7 @@ class Exponential(Retraction):
 
     def tau_Ad_star(self, group: LieGroup, xi: Vec, mu: Vec) -> Vec:
         """Ad*_exp(xi) mu."""
-        return group.exp_Ad_star(xi, mu)
+        return group.algebra.exp_Ad_star(xi, mu)
 
     def compose_tau(self, group: LieGroup, g: Element, xi: Vec) -> Element:
         """g exp(xi)."""
@@ -142,27 +142,27 @@ class Exponential(Retraction):
 
     def dtau(self, group: LieGroup, xi: Vec, eta: Vec, side: str = "right") -> Vec:
         """dexp_xi eta = sum_k ad_xi^k eta/(k + 1)! (right)."""
-        return group.dexp(xi, eta, side)
+        return group.algebra.dexp(xi, eta, side)
 
     def dtau_inv(self, group: LieGroup, xi: Vec, eta: Vec, side: str = "right") -> Vec:
         """dexp_xi^-1 eta = sum_k B_k/k! ad_xi^k eta (right)."""
-        return group.dexp_inv(xi, eta, side)
-
-    def dtau_inv_dual(self, group: LieGroup, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """(dexp_xi^-1)* mu."""
-        return group.dexp_inv_dual(xi, mu, side)
+        return group.algebra.dexp_inv(xi, eta, side)
 
     def dtau_dual(self, group: LieGroup, xi: Vec, mu: Vec, side: str = "right") -> Vec:
         """(dexp_xi)* mu."""
-        return group.dexp_dual(xi, mu, side)
+        return group.algebra.dexp_dual(xi, mu, side)
+
+    def dtau_inv_dual(self, group: LieGroup, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+        """(dexp_xi^-1)* mu."""
+        return group.algebra.dexp_inv_dual(xi, mu, side)
 
     def is_chart(self, group: LieGroup, xi: Vec) -> bool:
         """Before the first turn is complete."""
-        return group.is_exp_chart(xi)
+        return group.algebra.is_exp_chart(xi)
 
-    def mismatch(self, group: LieGroup, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float | Mat, Mat]:
+    def residual(self, group: LieGroup, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float | Mat, Mat]:
         """p - (dexp_xi)* mu."""
-        return group.exp_mismatch(xi, p, mu)
+        return group.algebra.exp_residual(xi, p, mu)
 
 
 @record
@@ -174,6 +174,10 @@ class Cayley(Retraction):
     Source: Hairer, Lubich, Wanner, IV.8.3; Bou-Rabee and Marsden (2009), section 4.4.
     """
 
+    def _on(self, group: LieGroup) -> LieGroup:
+        """The group whose Cayley map this is."""
+        return group
+
     def why_not(self, group: LieGroup) -> str | None:
         """Its algebra is not closed under x y x."""
         reason = group.why_no_cayley()
@@ -181,43 +185,43 @@ class Cayley(Retraction):
 
     def tau(self, group: LieGroup, xi: Vec) -> Element:
         """cay(xi)."""
-        return group.cayley(xi)
+        return self._on(group).cayley(xi)
 
     def tau_inv(self, group: LieGroup, g: Element) -> Vec:
         """2 (g - 1)(g + 1)^-1."""
-        return group.cayley_inv(g)
+        return self._on(group).cayley_inv(g)
 
     def tau_Ad_star(self, group: LieGroup, xi: Vec, mu: Vec) -> Vec:
         """Ad*_cay(xi) mu."""
-        return group.cayley_Ad_star(xi, mu)
+        return self._on(group).algebra.cayley_Ad_star(xi, mu)
 
     def compose_tau(self, group: LieGroup, g: Element, xi: Vec) -> Element:
         """g cay(xi)."""
-        return group.compose_cayley(g, xi)
+        return self._on(group).compose_cayley(g, xi)
 
     def dtau(self, group: LieGroup, xi: Vec, eta: Vec, side: str = "right") -> Vec:
         """(1 - xi/2)^-1 eta (1 + xi/2)^-1 (right)."""
-        return group.dcayley(xi, eta, side)
+        return self._on(group).algebra.dcayley(xi, eta, side)
 
     def dtau_inv(self, group: LieGroup, xi: Vec, eta: Vec, side: str = "right") -> Vec:
         """(1 - xi/2) eta (1 + xi/2) (right)."""
-        return group.dcayley_inv(xi, eta, side)
+        return self._on(group).algebra.dcayley_inv(xi, eta, side)
 
     def dtau_dual(self, group: LieGroup, xi: Vec, mu: Vec, side: str = "right") -> Vec:
         """The dual of (1 - xi/2)^-1 eta (1 + xi/2)^-1."""
-        return group.dcayley_dual(xi, mu, side)
+        return self._on(group).algebra.dcayley_dual(xi, mu, side)
 
     def dtau_inv_dual(self, group: LieGroup, xi: Vec, mu: Vec, side: str = "right") -> Vec:
         """The dual of (1 - xi/2) eta (1 + xi/2)."""
-        return group.dcayley_inv_dual(xi, mu, side)
+        return self._on(group).algebra.dcayley_inv_dual(xi, mu, side)
 
-    def mismatch(self, group: LieGroup, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float | Mat, Mat]:
+    def residual(self, group: LieGroup, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float | Mat, Mat]:
         """A multiple of p - (dcay_xi)* mu without its division."""
-        return group.cayley_mismatch(xi, p, mu)
+        return self._on(group).algebra.cayley_residual(xi, p, mu)
 
 
 @record
-class CayleyAdjoint(Retraction):
+class CayleyAdjoint(Cayley):
     """The Cayley map of the adjoint representation: Ad_tau(xi) = (1 - ad_xi/2)^-1 (1 + ad_xi/2), 6 by 6 matrices on SE(3).
 
     It differs from `Cayley` in the third order of the displacement.  On SO(3), where ad is hat, the two are the same.
@@ -225,42 +229,13 @@ class CayleyAdjoint(Retraction):
     Source: Selig, Cayley maps for SE(3), 12th IFToMM World Congress (2007); Kobilarov and Marsden, IEEE T-RO 27 (2011).
     """
 
+    def _on(self, group: LieGroup) -> LieGroup:
+        """The group with the Cayley map of its matrices Ad_g."""
+        found = group.by_adjoint
+        return group if found is None else found
+
     def why_not(self, group: LieGroup) -> str | None:
-        """The group has no second Cayley map."""
-        return None if hasattr(group, "cayley_adjoint") else "it has no Cayley map of the adjoint representation, as SE3() has"
-
-    def tau(self, group: Any, xi: Vec) -> Element:
-        """The element whose Ad is cay(ad_xi)."""
-        return group.cayley_adjoint(xi)
-
-    def tau_inv(self, group: Any, g: Element) -> Vec:
-        """The inverse."""
-        return group.cayley_adjoint_inv(g)
-
-    def tau_Ad_star(self, group: Any, xi: Vec, mu: Vec) -> Vec:
-        """(1 + ad*_xi/2)(1 - ad*_xi/2)^-1 mu."""
-        return group.cayley_adjoint_Ad_star(xi, mu)
-
-    def compose_tau(self, group: Any, g: Element, xi: Vec) -> Element:
-        """g tau(xi)."""
-        return group.compose_cayley_adjoint(g, xi)
-
-    def dtau(self, group: Any, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """Of ad: (1 - ad_xi/2)^-1 ad_eta (1 + ad_xi/2)^-1 (right)."""
-        return group.dcayley_adjoint(xi, eta, side)
-
-    def dtau_dual(self, group: Any, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """Its dual."""
-        return group.dcayley_adjoint_dual(xi, mu, side)
-
-    def dtau_inv(self, group: Any, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """Of ad: (1 - ad_xi/2) ad_eta (1 + ad_xi/2) (right)."""
-        return group.dcayley_adjoint_inv(xi, eta, side)
-
-    def dtau_inv_dual(self, group: Any, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """The dual of the inverse."""
-        return group.dcayley_adjoint_inv_dual(xi, mu, side)
-
-    def mismatch(self, group: Any, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float | Mat, Mat]:
-        """A multiple of p - (dtau_xi)* mu."""
-        return group.cayley_adjoint_mismatch(xi, p, mu)
+        """The Cayley map of its matrices Ad_g is not known."""
+        if group.by_adjoint is None:
+            return "it has no Cayley map of the adjoint representation, as SE3() has"
+        return None

@@ -10,7 +10,7 @@ from .errors import NoConvergence
 from .formulas import Mat, Vec, cross, dot, mat, solve, solve3, vec
 from .formulas.double_double import is_long
 from .formulas.pytree import double_double, layout_of, rounded
-from .groups.lie_group import EPSILON
+from .formulas.sizes import EPSILON
 
 TOLERANCE = 2.0**-30
 """A residual below this, relative to the data, means that the correction it asks for is the last one needed.
@@ -36,12 +36,14 @@ def newton(
     rate: float = 1.0,
     tolerance: float = TOLERANCE,
     solved: Callable[[Mat, Vec], Vec] | None = None,
+    weights: Vec | None = None,
 ) -> tuple[Vec, float, float, bool]:
     """The root of an equation: its residual is tested against the data, and the correction that it asks for applied once more.
 
     equation : gives at x the residual r, its derivative and the factor w that |r|^2 has over the data.  data : a square.
     tolerance : smaller for a derivative that is not exact, with which the last correction gains fewer digits.
     solved : the solution of a linear system, if `correction` is not the best way to it.
+    weights : of the residuals where they are tested; None: all are one.
     In numbers of two doubles it is found to 16 digits first, and then `refined`.
     Returns x, |r|^2 at the last test, what it had to reach (w tolerance^2 data, else x is no root), and whether x is `beyond_fold`.
     """
@@ -57,7 +59,8 @@ def newton(
             r, jacobian, weight = rounded((r, jacobian, weight))
         x = x - _asked(solved, jacobian, r)
         folded = beyond_fold(jacobian, rate)
-        size, enough = dot(r, r), weight * goal
+        tested = r if weights is None else narrow(weights) * r
+        size, enough = dot(tested, tested), weight * goal
         if size <= enough:
             break
     if long:

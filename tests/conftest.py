@@ -38,9 +38,9 @@ settings.load_profile("liemech")
 execution.WAIT = 0.6
 
 LONGEST = (
-    *("documentation", "galerkin", "mechanical", "orders", "lie_poisson_hj", "symmetric_orders", "first_kind", "reads"),
-    *("outlined", "exact_rigid_body", "checks", "kicks", "variational_groups", "products", "hamilton_jacobi", "cache", "language"),
-    "composition",
+    *("documentation", "lie_poisson_hj", "checks", "kicks", "cache", "mechanical", "first_kind", "galerkin", "orders"),
+    *("method_claims", "hamilton_jacobi", "composition", "exact_rigid_body", "symmetric_orders", "products", "variational_groups"),
+    *("whole_language", "outlined", "lanes", "reads", "main", "adaptive", "execution"),
 )
 """Files that begin first, so that no worker is left alone with one at the end."""
 

@@ -12,6 +12,7 @@ import argparse
 import io
 import os
 import random
+import re
 import shutil
 import subprocess
 import sys
@@ -24,7 +25,7 @@ ROOT = Path(__file__).parent.parent
 FOLDERS = "groups", "integrators", "tableaus", "systems", "models", "formulas"
 OTHERS = {"+": "-", "-": "+", "*": "+", "/": "*", "<": ">", ">": "<", "<=": ">", ">=": "<", "==": "!=", "!=": "=="}
 TIME_LIMIT = 900
-"""Seconds for the tests of one change; a change that makes them hang is noticed."""
+"""Seconds for the tests of one change; one that makes them hang is noticed, and said to hang, for the machine may be busy."""
 
 
 @dataclass(frozen=True)
@@ -82,25 +83,27 @@ def changes(file: Path) -> list[Change]:
 
 
 def tests_of(file: Path) -> list[list[str]]:
-    """Test files that import the module or name it, the one of its name first; then those of its folder."""
+    """Test files that import or name the module, the one of its name first; then those of its folder or that name its classes."""
     module, home = ".".join(file.with_suffix("").parts), ROOT / "tests" / file.parts[1]
     everything = sorted((ROOT / "tests").rglob("test_*.py"))
     own = [p for p in everything if file.stem in p.stem]
     named = [p for p in everything if module in p.read_text(encoding="utf-8")]
     first = dict.fromkeys((*own, *named))
-    stages = list(first), [p for p in everything if p.is_relative_to(home) and p not in first]
+    classes = re.findall(r"^class (\w+)", (ROOT / file).read_text(encoding="utf-8"), re.MULTILINE)
+    users = [p for p in everything if classes and re.search(rf"\b({'|'.join(classes)})\b", p.read_text(encoding="utf-8"))]
+    stages = list(first), [p for p in everything if (p.is_relative_to(home) or p in users) and p not in first]
     return [[str(p.relative_to(ROOT)) for p in stage] for stage in stages if stage]
 
 
-def noticed(tree: Path, tests: list[str]) -> bool:
+def verdict(tree: Path, tests: list[str]) -> str:
     """Does a test fail?  Native code of what was not changed is found on disk."""
     environment = os.environ | {"PYTHONPATH": str(tree), "LIEMECH_CACHE_DIR": str(tree / "cache")}
     command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", *tests]
     try:
         done = subprocess.run(command, cwd=tree, env=environment, capture_output=True, timeout=TIME_LIMIT, check=False)
     except subprocess.TimeoutExpired:
-        return True
-    return done.returncode not in (0, 5)  # 5: no test there
+        return "hung"
+    return "SURVIVED" if done.returncode in (0, 5) else "caught"  # 5: no test there
 
 
 def main() -> None:
@@ -109,7 +112,7 @@ def main() -> None:
     parser.add_argument("count", type=int)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--list", action="store_true", help="only show the changes")
-    parser.add_argument("--quick", action="store_true", help="only the tests that name the file, and those of its folder")
+    parser.add_argument("--quick", action="store_true", help="not the whole suite")
     options = parser.parse_args()
     files = [p.relative_to(ROOT) for folder in FOLDERS for p in sorted((ROOT / "liemech" / folder).rglob("*.py"))]
     chosen = random.Random(options.seed).sample([c for file in files for c in changes(file)], options.count)
@@ -126,10 +129,11 @@ def main() -> None:
         for i, change in enumerate(chosen, 1):
             change.apply(tree)
             stages = tests_of(change.file) + ([] if options.quick else [[]])
-            caught = any(noticed(tree, tests) for tests in stages)
+            verdicts = (verdict(tree, tests) for tests in stages)
+            found = next((word for word in verdicts if word != "SURVIVED"), "SURVIVED")
             change.undo(tree)
-            print(f"{i:4} {'caught  ' if caught else 'SURVIVED'} {change}", flush=True)
-            survivors += [] if caught else [change]
+            print(f"{i:4} {found:8} {change}", flush=True)
+            survivors += [change] if found == "SURVIVED" else []
     print(f"\n{len(chosen) - len(survivors)} of {len(chosen)} changes were noticed; survivors:", *survivors, sep="\n  ")
 
 

@@ -29,10 +29,10 @@ LANGUAGES = {"python", "python no-run", "sh", "bash", "text", "toml", "math", "j
 """Every fence says what it holds, so that no program hides from this test behind a misspelt tag."""
 
 COMPILED = {
-    "chaos_in_a_galaxy",
+    *("chaos_in_a_galaxy", "energy_exchange", "banana_orbit"),
     *("README", "native", "your_own_group", "long_runs", "bodies_in_fields", "hamilton_jacobi", "classical_hamilton_jacobi"),
     *("symplectic_methods", "time_transformations", "eccentric_orbit", "ensemble", "double_pendulum", "ensemble_in_the_browser"),
-    *("constrained_systems", "index_reduction", "chain"),
+    *("constrained_systems", "index_reduction", "chain", "tutorial"),
 }
 """Pages and examples about native code, or too long without it."""
 

@@ -13,7 +13,9 @@ from numpy.linalg import cond, inv, norm, solve
 
 from ..errors import InvalidInput, NoConvergence
 from ..formulas import Vec
-from ..groups.lie_group import BERNOULLI, LieGroup
+from ..groups.bernoulli import BERNOULLI
+from ..groups.lie_algebra import LieAlgebra
+from ..groups.lie_group import LieGroup
 from ..retractions import Cayley, Exponential, Retraction
 from .law import Law, Same, axiom, cases, factors, replaced
 from .places import LARGE, STEP, At, flat, phi1, size, slope, turning
@@ -21,9 +23,9 @@ from .places import LARGE, STEP, At, flat, phi1, size, slope, turning
 MAPS: list[Law] = []
 """In names and formulas {tau} stands for exp, cayley, or tau itself."""
 
-EXP = "exp log exp_Ad_star compose_exp dexp dexp_inv dexp_dual dexp_inv_dual exp_mismatch is_exp_chart"
-CAY = "cayley cayley_inv cayley_Ad_star compose_cayley dcayley dcayley_inv dcayley_dual dcayley_inv_dual cayley_mismatch is_chart"
-TAU = "tau tau_inv tau_Ad_star compose_tau dtau dtau_inv dtau_dual dtau_inv_dual mismatch is_chart"
+EXP = "exp log exp_Ad_star compose_exp dexp dexp_inv dexp_dual dexp_inv_dual exp_residual is_exp_chart"
+CAY = "cayley cayley_inv cayley_Ad_star compose_cayley dcayley dcayley_inv dcayley_dual dcayley_inv_dual cayley_residual is_chart"
+TAU = "tau tau_inv tau_Ad_star compose_tau dtau dtau_inv dtau_dual dtau_inv_dual residual is_chart"
 
 
 @dataclass(frozen=True)
@@ -54,8 +56,11 @@ class Map:
     def own(self, name: str) -> bool:
         """Is the method the author's own?  What a retraction leaves out is made by differentiating tau: his own too."""
         if isinstance(self.retraction, Exponential | Cayley):
-            return replaced(self.group, LieGroup, self.words.get(name, name))
-        derived = ("dtau", "dtau_dual", "dtau_inv", "dtau_inv_dual", "mismatch")
+            word = self.words.get(name, name)
+            if hasattr(LieAlgebra, word):
+                return replaced(self.group.algebra, LieAlgebra, word)
+            return replaced(self.group, LieGroup, word)
+        derived = ("dtau", "dtau_dual", "dtau_inv", "dtau_inv_dual", "residual")
         return replaced(self.retraction, Retraction, name) or name in derived[: None if self.group.dim <= LARGE else 1]
 
     def differential(self, at: At, side: str) -> tuple[np.ndarray, float]:
@@ -217,18 +222,18 @@ def dual_of_the_inverse(tau: Map, at: At) -> Iterator[Same]:
 NEWTON = "r = 0 where p = {dtau_dual}_xi mu, and dr/dp and dr/dxi are the derivatives of r"
 
 
-@axiom(MAPS, "{mismatch}", NEWTON, "mismatch", "dtau_dual", optional=True)
-def mismatch(tau: Map, at: At) -> Iterator[Same]:
+@axiom(MAPS, "{residual}", NEWTON, "residual", "dtau_dual", optional=True)
+def residual(tau: Map, at: At) -> Iterator[Same]:
     d, roundings = tau.differential(at, "right")
     p = Vec.of((d.T @ flat(at.mu)).tolist())
-    r, by_p, _ = tau.mismatch(at.xi, p, at.mu)
+    r, by_p, _ = tau.residual(at.xi, p, at.mu)
     scale = (1.0 + size(by_p)) * (size(p) + size(at.mu)) * (1.0 + at.length) ** 2
     left = flat(p) - tau.differential(at, "left")[0].T @ flat(at.mu)
     yield Same(r, 0.0 * p, scale * roundings, lambda: {"it is that of the left-trivialised dual": times(by_p, left)})
 
     q = p + at.nu
-    _, by_p, by_xi = tau.mismatch(at.xi, q, at.mu)
-    found = slope(lambda s: tau.mismatch(at.xi + s * at.eta, q + s * at.nu, at.mu)[0])
+    _, by_p, by_xi = tau.residual(at.xi, q, at.mu)
+    found = slope(lambda s: tau.residual(at.xi + s * at.eta, q + s * at.nu, at.mu)[0])
     by_formula = times(by_xi, at.eta) + times(by_p, at.nu)
     scale = (size(by_xi) + size(by_p) * (size(q) + size(at.nu)) + size(at.mu)) * (1.0 + size(at.eta)) * (1.0 + at.length)
     slips = {
@@ -264,7 +269,7 @@ def series_of_the_inverse(exp: Map, at: At) -> Iterator[Same]:
         terms = bernoulli_terms(ad, flat(at.eta))
         scale = float(norm(terms, axis=1).sum()) * (1.0 + at.length)
         for k, total in enumerate(np.cumsum(terms, axis=0)):
-            yield Same(exp.group.dexp_inv_series(at.xi, at.eta, k, side), total, scale)
+            yield Same(exp.group.algebra.dexp_inv_series(at.xi, at.eta, k, side), total, scale)
 
 
 # ---------------------------------------------------------------- what only the Cayley map has

@@ -55,7 +55,7 @@ class AtState:
     def nearby(self) -> list[Any]:
         """States before and after this one, at equal times, along the velocity here: the motion to first order."""
         times = [k * self.unit for k in range(-4, 5)]
-        return [self.system.moved(Exponential(), self.state, time * self.rate) for time in times]
+        return [self.system.displaced(Exponential(), self.state, time * self.rate) for time in times]
 
     @property
     def unit(self) -> float:
@@ -83,7 +83,7 @@ def pace(system: Any, t: float, state: Any) -> float:
     found = (
         max(size(group.ad(rate, e)) for e in np.eye(group.dim).tolist()) if group.dim <= 32 else 0.0
     )
-    change, large = (flat(x) for x in system.deviation(state, rate))
+    change, large = (flat(x) for x in system.variation(state, rate))
     return max(float(found), float(np.linalg.norm(change)) / (float(np.linalg.norm(large)) or 1.0))
 
 

@@ -64,7 +64,7 @@ def run(arguments: Sequence[str]) -> int:
 def explained(scene: Scene, record: tuple[str, ...], every: int) -> str:
     """What is computed and what is not, and why."""
     known = [name for name, x in scene.start.parts.items() if x is not None]
-    essential = [name for name, x in scene.system.essential(scene.start).parts.items() if x is not None]
+    essential = [name for name, x in scene.system.essential_part(scene.start).parts.items() if x is not None]
     lines = [f"{scene.title}: {scene.system!r}", f"  method        {scene.method!r}"]
     if scene.system.fictive or scene.method.fictive:
         end = f"{scene.steps} of them" if scene.t_end is None else f"to t = {scene.t_end:g}"

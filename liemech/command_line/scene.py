@@ -49,7 +49,7 @@ class Scene:
     def parts(self, *, saved: bool, viewed: bool, plotted: bool) -> tuple[str, ...]:
         """The parts of the state that are computed: what the motion depends on, and what is recorded, saved or shown."""
         known = [name for name, x in self.start.parts.items() if x is not None]
-        wanted = {name for name, x in self.system.essential(self.start).parts.items() if x is not None}
+        wanted = {name for name, x in self.system.essential_part(self.start).parts.items() if x is not None}
         wanted |= set(self.record or (known if saved else ()))
         ensemble = self.start.bodies is not None
         if viewed:

@@ -196,11 +196,11 @@ _known, _know = Record._layout.__get__, Record._layout.__set__  # type: ignore[a
 
 def _of_record(value: Any, number: Callable[[Any], bool]) -> Layout:
     cls: Any = type(value)
-    return _record(tuple([layout_of(getattr(value, n), number) for n in _names(cls)]), cls)
+    return _record(tuple([layout_of(getattr(value, n), number) for n in names_of(cls)]), cls)
 
 
 @functools.cache
-def _names(cls: Any) -> tuple[str, ...]:
+def names_of(cls: Any) -> tuple[str, ...]:
     return tuple(f.name for f in dataclasses.fields(cls))
 
 
@@ -211,7 +211,7 @@ _MANY = 4096
 
 @functools.lru_cache(_MANY)
 def _record(parts: tuple[Layout, ...], cls: type) -> Layout:
-    return Layout("record", parts, (cls, _names(cls)))
+    return Layout("record", parts, (cls, names_of(cls)))
 
 
 @functools.lru_cache(_MANY)
@@ -263,6 +263,26 @@ def _gather(value: Any, layout: Layout, found: list[Any]) -> None:
     elif layout.width:
         for item, part in zip(value.parts if layout.kind == "pair" else value, layout.parts, strict=True):
             _gather(item, part, found)
+
+
+@functools.lru_cache(256)
+def gatherer(layout: Layout) -> Callable[[Any], list[Any]]:
+    """`leaves` of values that are known to have this layout: a list written out, such as [*x.mu, *x.g.rows[0], ...]."""
+    return eval(f"lambda x: [{', '.join(_places(layout, 'x'))}]", {})
+
+
+def _places(layout: Layout, value: str) -> Iterator[str]:
+    """Where the numbers of a value are, as texts."""
+    if layout.kind == "number":
+        yield value
+    elif layout.plain and layout.kind in ("vec", "tuple", "list"):
+        yield f"*{value}"
+    elif layout.width:
+        names = layout.detail[1] if layout.kind == "record" else range(len(layout.parts))
+        inside = {"record": ".{}", "mat": ".rows[{}]", "pair": ".parts[{}]"}.get(layout.kind, "[{}]")
+        for name, part in zip(names, layout.parts, strict=True):
+            if part.width:
+                yield from _places(part, value + inside.format(name))
 
 
 def build(layout: Layout, numbers: Iterator[Any]) -> Any:
@@ -354,7 +374,7 @@ _STRUCTURES = (Vec, Mat, tuple, list, Complex, Dual)
 def fields_of(value: Any) -> dict[str, Any]:
     """What the fields of a record hold."""
     cls: Any = type(value)
-    return {name: getattr(value, name) for name in _names(cls)}
+    return {name: getattr(value, name) for name in names_of(cls)}
 
 
 def _parts(value: Any) -> Any:

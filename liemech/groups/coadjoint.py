@@ -177,7 +177,7 @@ class CoadjointAction(Representation):
 
     def phi1(self, xi: Vec, x: Vec) -> Vec:
         """The left dexp_xi* x.  xi, x : (dim,)."""
-        return self.group.dexp_dual(xi, x, "left")
+        return self.group.algebra.dexp_dual(xi, x, "left")
 
     def phi1_dual(self, xi: Vec, p: Vec) -> Vec:
         """The left dexp_xi p.  xi, p : (dim,)."""
@@ -185,7 +185,7 @@ class CoadjointAction(Representation):
 
     def phi1_inv(self, xi: Vec, x: Vec) -> Vec:
         """The left (dexp_xi^-1)* x.  xi, x : (dim,)."""
-        return self.group.dexp_inv_dual(xi, x, "left")
+        return self.group.algebra.dexp_inv_dual(xi, x, "left")
 
     def phi1_inv_dual(self, xi: Vec, p: Vec) -> Vec:
         """The left dexp_xi^-1 p.  xi, p : (dim,)."""

@@ -8,7 +8,64 @@ from typing import Any
 import numpy as np
 
 from ..formulas import Ambient, Element, Mat, Vec, dot, mat, record, vec
+from .matrix_algebra import MatrixLieAlgebra
 from .matrix_group import MatrixLieGroup, whole_number
+
+
+@record
+class HeisenbergAlgebra(MatrixLieAlgebra):
+    """Nilpotent: [x, [x, y]] = 0, so that every series ends after its second term.
+
+    Source: Hall, Lie Groups, Lie Algebras, and Representations, 2nd ed., section 5.2.
+    """
+
+    def exp_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
+        """mu + ad*_xi mu."""
+        return mu + self.ad_star(xi, mu)
+
+    def dexp(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
+        """eta + [xi, eta]/2."""
+        return eta + self.bracket(0.5 * xi if side == "right" else -0.5 * xi, eta)
+
+    def dexp_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+        """mu + ad*_xi mu/2."""
+        return mu + self.ad_star(0.5 * xi if side == "right" else -0.5 * xi, mu)
+
+    def dexp_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
+        """eta - [xi, eta]/2."""
+        return self.dexp(xi, eta, "left" if side == "right" else "right")
+
+    def dexp_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+        """mu - ad*_xi mu/2."""
+        return self.dexp_dual(xi, mu, "left" if side == "right" else "right")
+
+    def exp_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float | Mat, Mat]:
+        """r = p - mu - ad*_xi mu/2, linear in xi."""
+        return p - self.dexp_dual(xi, mu), 1.0, -0.5 * self._ad_star_of_basis(mu)
+
+    def cayley_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
+        """mu + ad*_xi mu."""
+        return self.exp_Ad_star(xi, mu)
+
+    def dcayley(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
+        """eta + [xi, eta]/2."""
+        return self.dexp(xi, eta, side)
+
+    def dcayley_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+        """mu + ad*_xi mu/2."""
+        return self.dexp_dual(xi, mu, side)
+
+    def dcayley_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
+        """eta - [xi, eta]/2."""
+        return self.dexp_inv(xi, eta, side)
+
+    def dcayley_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+        """mu - ad*_xi mu/2."""
+        return self.dexp_inv_dual(xi, mu, side)
+
+    def cayley_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float | Mat, Mat]:
+        """As for the exponential."""
+        return self.exp_residual(xi, p, mu)
 
 
 @record
@@ -35,6 +92,11 @@ class Heisenberg(MatrixLieGroup):
         e = np.zeros((2 * n + 1, n + 2, n + 2))
         e[i, 0, 1 + i] = e[n + i, 1 + i, n + 1] = e[2 * n, 0, n + 1] = 1.0
         return e
+
+    @cached_property
+    def algebra(self) -> MatrixLieAlgebra:
+        """The algebra that the generators span."""
+        return HeisenbergAlgebra(self)
 
     # ---------------------------------------------------------------- group
 
@@ -67,30 +129,6 @@ class Heisenberg(MatrixLieGroup):
         """mu + ad*_log g mu."""
         return mu + self.algebra.ad_star(self.log(g), mu)
 
-    def exp_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
-        """mu + ad*_xi mu."""
-        return mu + self.algebra.ad_star(xi, mu)
-
-    def dexp(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """eta + [xi, eta]/2."""
-        return eta + self.algebra.bracket(0.5 * xi if side == "right" else -0.5 * xi, eta)
-
-    def dexp_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """mu + ad*_xi mu/2."""
-        return mu + self.algebra.ad_star(0.5 * xi if side == "right" else -0.5 * xi, mu)
-
-    def dexp_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """eta - [xi, eta]/2."""
-        return self.dexp(xi, eta, "left" if side == "right" else "right")
-
-    def dexp_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """mu - ad*_xi mu/2."""
-        return self.dexp_dual(xi, mu, "left" if side == "right" else "right")
-
-    def exp_mismatch(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float | Mat, Mat]:
-        """r = p - mu - ad*_xi mu/2, linear in xi."""
-        return p - self.dexp_dual(xi, mu), 1.0, -0.5 * self._ad_star_of_basis(mu)
-
     def casimirs(self, mu: Vec) -> Vec:
         """The momentum along Z."""
         return vec(mu[2 * self.n])
@@ -121,30 +159,6 @@ class Heisenberg(MatrixLieGroup):
     def cayley_inv(self, g: Element) -> Vec:
         """log(g)."""
         return self.log(g)
-
-    def cayley_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
-        """mu + ad*_xi mu."""
-        return self.exp_Ad_star(xi, mu)
-
-    def dcayley(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """eta + [xi, eta]/2."""
-        return self.dexp(xi, eta, side)
-
-    def dcayley_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """mu + ad*_xi mu/2."""
-        return self.dexp_dual(xi, mu, side)
-
-    def dcayley_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """eta - [xi, eta]/2."""
-        return self.dexp_inv(xi, eta, side)
-
-    def dcayley_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """mu - ad*_xi mu/2."""
-        return self.dexp_inv_dual(xi, mu, side)
-
-    def cayley_mismatch(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float | Mat, Mat]:
-        """As for the exponential."""
-        return self.exp_mismatch(xi, p, mu)
 
     # ---------------------------------------------------------------- parts
 

@@ -3,13 +3,33 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import final
+from typing import Any, final
 
 import numpy as np
 
 from ..errors import LawViolation, NotDefined
-from ..formulas import Mat, Record, Vec, dot, identity_matrix, mat, record, vec
+from ..formulas import (
+    Mat,
+    Record,
+    Vec,
+    dot,
+    identity_matrix,
+    jacobian,
+    mat,
+    record,
+    solve,
+    vec,
+)
 from ..formulas.dual import value_of
+from .ad_series import bernoulli_series, exponential_series, mean
+from .bernoulli import TERMS
+from .matrix_functions import expm, phi1m
+
+SHORT = 4.0
+"""Series of ad_xi are summed as they stand where |ad_xi| is no larger; beyond, their terms cancel.
+
+There exp(ad_xi) and its mean come from matrices, by halving and squaring.
+"""
 
 Constants = tuple[tuple[tuple[float, ...], ...], ...]
 
@@ -21,11 +41,20 @@ class LieAlgebra(Record):
     Its elements, velocities, are coordinate vectors `xi` of shape (dim,).  The elements of its dual, momenta, are coordinate
     vectors `mu` with respect to the dual basis, so that the pairing <mu, xi> is the scalar product.
 
-    1. A subclass writes `dim` and `structure_constants`.
-    2. It may replace `bracket`, `ad_star`, `hat` and `vee` by closed forms.
-    3. The rest follows.
+    must:     `dim`, and `bracket` or `structure_constants`
+    may:      closed forms of everything in part 2
+    follows:  part 3
 
-    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., sections 9.1, 13.1 and 14.1.
+    What depends on velocities and momenta alone is found here: ad, the differential dexp of the
+    exponential, exp of ad*, and, for algebras of matrices closed under x y x, the differential
+    dcayley of the Cayley map of the matrices hat(xi).  Maps to the group are found there.
+
+    Differentials are right-trivialised, d/de exp(xi + e eta) = (dexp_xi eta) exp(xi); with
+    `side="left"` d/de exp(xi + e eta) = exp(xi) (dexp_xi eta).  Both maps tau, exp and Cayley, have
+    tau(-xi) = tau(xi)^-1, so that the left differential at xi is the right one at -xi.
+
+    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., sections 9.1, 13.1
+    and 14.1; Iserles et al., Acta Numerica 9 (2000), section 2.6.
     """
 
     # ---------------------------------------------------------------- 1. a subclass writes
@@ -35,16 +64,20 @@ class LieAlgebra(Record):
         """The dimension of the algebra and of its group."""
         raise NotDefined(f"{type(self).__name__} must define `dim`")
 
-    @property
+    @cached_property
     def structure_constants(self) -> Constants:
         """c[k][i][j] with [E_i, E_j] = sum_k c[k][i][j] E_k, as nested tuples of numbers."""
-        raise NotDefined(f"{type(self).__name__} must define `structure_constants`")
-
-    # ---------------------------------------------------------------- 2. closed forms are welcome
+        if type(self).bracket is LieAlgebra.bracket:
+            raise NotDefined(f"{type(self).__name__} must define `bracket` or `structure_constants`")
+        units = list(identity_matrix(self.dim))
+        c = np.array([[self.bracket(a, b) for b in units] for a in units], dtype=float)
+        return tuple(tuple(tuple(row) for row in plane) for plane in c.transpose(2, 0, 1).tolist())
 
     def bracket(self, xi: Vec, eta: Vec) -> Vec:
         """The Lie bracket, [xi, eta]^k = c^k_ij xi^i eta^j.  xi, eta : (dim,)."""
         return vec(*[_bilinear(c, xi, eta) for c in self.structure_constants])
+
+    # ---------------------------------------------------------------- 2. closed forms are welcome
 
     def ad_star(self, xi: Vec, mu: Vec) -> Vec:
         """The dual of the bracket, <ad*_xi mu, eta> = <mu, [xi, eta]>, the plain transpose of ad_xi.
@@ -52,6 +85,10 @@ class LieAlgebra(Record):
         Momenta obey the Euler-Poincare equation mu' = ad*_xi mu.  xi, mu : (dim,).
         """
         return vec(*[dot(mu, self.bracket(xi, unit)) for unit in identity_matrix(self.dim)])
+
+    def ad_matrix(self, xi: Vec) -> Mat:
+        """The matrix of ad_xi: ad_matrix(xi) @ eta = [xi, eta].  xi : (dim,), returns (dim, dim)."""
+        return mat(*[self.bracket(xi, unit) for unit in identity_matrix(self.dim)]).T
 
     def hat(self, xi: Vec) -> Mat:
         """The matrix that represents xi, for algebras of matrices.  xi : (dim,)."""
@@ -61,12 +98,139 @@ class LieAlgebra(Record):
         """The coordinates of a matrix of the algebra: the inverse of `hat`."""
         raise NotDefined(f"{type(self).__name__} is not given as an algebra of matrices")
 
+    # the exponential
+
+    def exp_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
+        """Ad*_exp(xi) mu = exp(ad*_xi) mu, the coadjoint orbit followed with velocity xi for unit time.
+
+        xi, mu : (dim,).
+        """
+        if self.ad_size(xi) <= SHORT:
+            return exponential_series(self.ad_star, xi, mu)
+        return mu @ expm(self.ad_matrix(xi))
+
+    def dexp(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
+        """The trivialised differential of exp, sum_k ad_xi^k eta/(k + 1)!.  xi, eta : (dim,)."""
+        x = xi if side == "right" else -xi
+        if self.ad_size(x) <= SHORT:
+            return mean(self.bracket, x, eta)
+        return phi1m(self.ad_matrix(x)) @ eta
+
+    def dexp_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+        """The dual of `dexp`, <dexp_dual_xi mu, eta> = <mu, dexp_xi eta>.  xi, mu : (dim,)."""
+        x = xi if side == "right" else -xi
+        if self.ad_size(x) <= SHORT:
+            return mean(self.ad_star, x, mu)
+        return mu @ phi1m(self.ad_matrix(x))
+
+    def dexp_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
+        """The inverse of `dexp`, defined while no eigenvalue of ad_xi is 2 pi i k, k != 0.
+
+        xi, eta : (dim,).
+        """
+        return solve(self._dexp_matrix(xi, side), eta)
+
+    def dexp_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+        """The dual of `dexp_inv`, <dexp_inv_dual_xi mu, eta> = <mu, dexp_inv_xi eta>.  xi, mu : (dim,)."""
+        return solve(self._dexp_matrix(xi, side).T, mu)
+
+    def _dexp_matrix(self, xi: Vec, side: str) -> Mat:
+        return phi1m(self.ad_matrix(xi if side == "right" else -xi))
+
+    def dexp_inv_series(self, xi: Vec, eta: Vec, terms: int, side: str = "right") -> Vec:
+        """`dexp_inv` cut after ad_xi^terms: eta - [xi, eta]/2 + [xi, [xi, eta]]/12 - ...
+
+        Converges for |ad_xi| < 2 pi.  Source: Hairer, Lubich, Wanner, III.4, equation (4.4).
+        """
+        return bernoulli_series(self.bracket, xi if side == "right" else -xi, eta, terms)
+
+    def is_exp_chart(self, xi: Vec) -> bool:
+        """Is xi closer to zero than the first singularity of dexp?  xi : (dim,).
+
+        An algebra that does not know lets all pass.
+        """
+        return True
+
+    def exp_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float | Mat, Mat]:
+        """How far the momentum p is from being carried by exp(xi) to mu: r = p - (dexp_xi)* mu, or a multiple.
+
+        Returns r, dr/dp (a number or a matrix) and dr/dxi (a matrix), for Newton's method.
+        xi, p, mu : (dim,).
+        """
+        if type(self).dexp_dual is LieAlgebra.dexp_dual:  # the derivative is taken of the sum alone
+            by_xi = jacobian(lambda x: -1.0 * mean(self.ad_star, x, mu), xi)
+        else:
+            by_xi = jacobian(lambda x: -1.0 * self.dexp_dual(x, mu), xi)
+        return p - self.dexp_dual(xi, mu), 1.0, by_xi
+
+    # the Cayley map (1 - x/2)^-1 (1 + x/2) of the matrices x = hat(xi)
+
+    def cayley_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
+        """Ad*_cay(xi) mu = mu + ad*_xi (dcay_xi)* mu.  xi, mu : (dim,)."""
+        return mu + self.ad_star(xi, self.dcayley_dual(xi, mu))
+
+    def dcayley(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
+        """The trivialised differential of the Cayley map.  xi, eta : (dim,)."""
+        units = identity_matrix(self.dim)
+        return solve(mat(*[self.dcayley_inv(xi, unit, side) for unit in units]).T, eta)
+
+    def dcayley_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+        """The dual of `dcayley`.  xi, mu : (dim,)."""
+        units = identity_matrix(self.dim)
+        return solve(mat(*[self.dcayley_inv_dual(xi, unit, side) for unit in units]).T, mu)
+
+    def dcayley_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
+        """The inverse of `dcayley`, eta - [xi, eta]/2 - xi eta xi/4 as matrices.  xi, eta : (dim,)."""
+        x = xi if side == "right" else -xi
+        m = self.hat(x)
+        return eta - (0.5 * self.bracket(x, eta) + 0.25 * self.vee(m @ self.hat(eta) @ m))
+
+    def dcayley_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+        """The dual of `dcayley_inv`.  xi, mu : (dim,)."""
+        units = identity_matrix(self.dim)
+        return vec(*[dot(mu, self.dcayley_inv(xi, unit, side)) for unit in units])
+
+    def cayley_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float | Mat, Mat]:
+        """r = (dcayley_xi^-1)* p - mu, or an equation with the same roots, as in `exp_residual`.
+
+        xi, p, mu : (dim,).
+        """
+        by_p = mat(*[self.dcayley_inv_dual(xi, unit) for unit in identity_matrix(self.dim)]).T
+        return by_p @ p - mu, by_p, jacobian(lambda x: self.dcayley_inv_dual(x, p), xi)
+
     # ---------------------------------------------------------------- 3. what follows
 
     @final
     def ad(self, xi: Vec, eta: Vec) -> Vec:
         """The adjoint representation, ad_xi eta = [xi, eta].  xi, eta : (dim,)."""
         return self.bracket(xi, eta)
+
+    @final
+    def dexp_matrix(self, xi: Vec, side: str = "right") -> Mat:
+        """The matrix of `dexp`: exp(xi + d) = exp(dexp_matrix(xi) @ d + ...) exp(xi), for small d.
+
+        With side="left" exp(xi + d) = exp(xi) exp(dexp_matrix(xi, "left") @ d + ...).  Robotics names
+        Jacobians by the side on which the small element stands and not by the trivialisation: its left
+        Jacobian is that of side="right" all the same, and its right Jacobian that of side="left".
+
+        xi : (dim,);  returns (dim, dim).  Source: Sola, Deray and Atchuthan, A micro Lie theory for state
+        estimation in robotics (2018), equations (67) and (71).
+        """
+        return mat(*[self.dexp(xi, unit, side) for unit in identity_matrix(self.dim)]).T
+
+    @final
+    def dexp_inv_matrix(self, xi: Vec, side: str = "right") -> Mat:
+        """The matrix of `dexp_inv`: log(exp(d) exp(xi)) = xi + dexp_inv_matrix(xi) @ d + ..., for small d.
+
+        With side="left" log(exp(xi) exp(d)) = xi + dexp_inv_matrix(xi, "left") @ d + ...
+        xi : (dim,);  returns (dim, dim).  Raises OutsideChart where `dexp_inv` does.
+        """
+        return mat(*[self.dexp_inv(xi, unit, side) for unit in identity_matrix(self.dim)]).T
+
+    @final
+    def dcayley_matrix(self, xi: Vec, side: str = "right") -> Mat:
+        """The matrix of `dcayley`.  xi : (dim,);  returns (dim, dim)."""
+        return mat(*[self.dcayley(xi, unit, side) for unit in identity_matrix(self.dim)]).T
 
     @final
     def ad_size(self, xi: Vec) -> float:
@@ -132,8 +296,9 @@ class LieAlgebra(Record):
     @property
     def _ad_matrices(self) -> np.ndarray:
         """The matrices of ad E_i.  (dim, dim, dim), first axis i"""
-        basis = list(identity_matrix(self.dim))
-        return np.array([[self.bracket(a, b) for b in basis] for a in basis], dtype=float).transpose(0, 2, 1)
+        units = list(identity_matrix(self.dim))
+        c = np.array([[self.bracket(a, b) for b in units] for a in units], dtype=float)
+        return c.transpose(0, 2, 1)
 
     @final
     def check(self) -> None:
@@ -156,6 +321,9 @@ class LieAlgebra(Record):
                     f"defect {defect[worst]:.1e}, structure constants up to {scale:.1e}"
                 )
 
+    def _objection(self, argument: str, value: Any) -> str | None:
+        return objection(argument, value)
+
     def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
         return (self.dim,) if kind == "Vec" else self._matrix_shape
 
@@ -166,6 +334,15 @@ class LieAlgebra(Record):
             return np.shape(self.hat(vec(*[0.0] * self.dim)))
         except NotDefined:
             return None
+
+
+def objection(argument: str, value: Any) -> str | None:
+    """Why a side or a number of terms is none, in words; None if it is."""
+    if argument == "side" and not (isinstance(value, str) and value in ("right", "left")):
+        return f'is "right" or "left"; got {value!r}'
+    if argument == "terms" and not 0 <= value <= TERMS:
+        return f"must be from 0 to {TERMS}; got {value if abs(value) < 10**20 else 'a huge number'}"
+    return None
 
 
 def _nondegenerate(form: np.ndarray) -> bool:

@@ -2,15 +2,42 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
 from typing import Any
 
-import numpy as np
-
-from ..formulas import Complex, Mat, Vec, mat, record, vec
-from ..formulas.sums import antisymmetric_map, bilinear, bilinear_map, entries, linear
+from ..errors import InvalidType
+from ..formulas import Complex, Mat, Vec, mat, record, solve, solve3, vec
+from ..formulas.double_double import is_long
+from ..formulas.sums import (
+    antisymmetric_map,
+    bilinear,
+    bilinear_map,
+    entries,
+    linear,
+    scaled,
+    total,
+)
+from . import matrix_arrays
+from .bernoulli import BERNOULLI
 from .lie_algebra import Constants, LieAlgebra
 from .matrix_basis import MatrixBasis
+from .matrix_functions import (
+    INFINITE,
+    LOST,
+    digits,
+    expm1,
+    inverse,
+    phi1m,
+    plus,
+    solve_matrix,
+)
+
+EVEN = BERNOULLI[2::2]
+"""B_2k/(2k)!, k = 1, 2, ...: the coefficients of dexp^-1 but the first two."""
+
+ROUGH = 2.0**-72
+"""(2^-36)^2: the square of what an iteration does not feel."""
 
 
 @record
@@ -90,23 +117,168 @@ class MatrixLieAlgebra(LieAlgebra):
         return kind == "Mat" and self.generated.complex
 
     def _in_numpy(self, method: str, arguments: dict[str, Any]) -> Any:
-        basis = self.generated
-        match method, *arguments.values():
-            case "hat", xi:
-                return basis.hat(xi)
-            case "vee", matrix:
-                return basis.vee(matrix)
-            case "covector", mu:
-                return basis.covector(mu)
-            case "pairing", matrix:
-                return basis.pairing(matrix)
-            case ("bracket" | "ad"), xi, eta:
-                x, y = basis.hat(xi), basis.hat(eta)
-                return basis.vee(x @ y - y @ x)
-            case "ad_star", xi, mu:
-                x, m = np.conj(basis.hat(xi)).swapaxes(1, 2), basis.covector(mu)
-                return basis.pairing(x @ m - m @ x)
-        return None
+        return matrix_arrays.of_algebra(self, method, arguments)
+
+    def exp_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
+        """sum_k ad*_xi^k mu/k!, without forming a matrix unless xi is large."""
+        if self.ad_size2(xi) <= 4.0:
+            return mu + _series(self.ad_star, xi, mu, self.ad_size2(xi), 0.0)
+        g, group = self.group.exp(xi), self.group
+        back = group.exp(-xi) if group._form is None else group.inverse(g)
+        return self._coadjoint(g, back, mu)
+
+    def dexp(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
+        """sum_k ad_xi^k eta/(k + 1)!; for large xi from its half, dexp_xi = (1 + Ad_exp(xi/2))/2 dexp_(xi/2)."""
+        return self._phi(self.bracket, self._conjugated, xi if side == "right" else -xi, eta)
+
+    def dexp_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+        """sum_k ad*_xi^k mu/(k + 1)!; for large xi from its half."""
+        return self._phi(self.ad_star, self._coadjoint, xi if side == "right" else -xi, mu)
+
+    def dexp_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
+        """eta - [xi, eta]/2 + [xi, [xi, eta]]/12 - ...; for large xi the solution of dexp_xi (...) = eta."""
+        x = xi if side == "right" else -xi
+        size2 = self.ad_size2(x)
+        if size2 <= 1.0:
+            return _bernoulli_series(self.bracket, x, eta, size2)
+        return solve(phi1m(self.ad_matrix(x)), eta)
+
+    def dexp_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+        """mu - ad*_xi mu/2 + ad*_xi^2 mu/12 - ...; for large xi the solution of (dexp_xi)* (...) = mu."""
+        x = xi if side == "right" else -xi
+        size2 = self.ad_size2(x)
+        if size2 <= 1.0:
+            return _bernoulli_series(self.ad_star, x, mu, size2)
+        return solve(phi1m(self.ad_matrix(x).T), mu)
+
+    def exp_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float | Mat, Mat]:
+        """r = p - sum_k t_k with t_k = ad*_xi t_k-1/(k + 1), t_0 = mu; the derivative of the recursion gives dr/dxi.
+
+        The derivative stops at 1e-11: Newton's method feels no less.
+        """
+        size2 = self.ad_size2(xi)
+        if self.generated.large:
+            return LieAlgebra.exp_residual(self, xi, p, mu)
+        tiny, one = digits(size2)
+        k = 2.0
+        term = self.ad_star(0.5 * xi, mu)
+        slope, bound = 0.5 * self._ad_star_of_basis(mu), size2
+        by_xi, change = slope, term
+        while bound > ROUGH and k < 64.0:
+            k = k + 1.0
+            x = (one / k) * xi
+            slope = self._ad_star_of_columns(x, slope) + (one / k) * self._ad_star_of_basis(term)
+            term = self.ad_star(x, term)
+            by_xi, change, bound = by_xi + slope, change + term, bound * (size2 / (k * k))
+        while bound > tiny and k < 64.0:
+            k = k + 1.0
+            term = self.ad_star((one / k) * xi, term)
+            change, bound = change + term, bound * (size2 / (k * k))
+        carried = mu + change if size2 <= 4.0 else self.dexp_dual(xi, mu)
+        return p - carried, 1.0, -by_xi
+
+    def _phi(self, small: Callable[..., Vec], large: Callable[..., Vec], x: Vec, v: Vec) -> Vec:
+        size2 = self.ad_size2(x)
+        if size2 <= 4.0:
+            return v + _series(small, x, v, size2, 1.0)
+        halvings = 0.0
+        while size2 > 4.0 and halvings < 1100.0:
+            x = 0.5 * x
+            size2, halvings = self.ad_size2(x), halvings + 1.0
+        if halvings > LOST:
+            v = v * (INFINITE - INFINITE)
+        v = v + _series(small, x, v, size2, 1.0)
+        g, back = expm1(self.hat(x)), expm1(self.hat(-x))
+        while halvings > 0.0:
+            v = 0.5 * (v + large(plus(g, 1.0), plus(back, 1.0), v))
+            g, back, halvings = 2.0 * g + g @ g, 2.0 * back + back @ back, halvings - 1.0
+        return v
+
+    def _ad_star_of_basis(self, mu: Vec) -> Mat:
+        """The matrix whose columns are ad*_E_m mu."""
+        terms, dim = self.generated.ad_star_terms, self.dim
+        return mat(*[vec(*[_sum([scaled(c, mu[k]) for c, i, k in terms[j] if i == m]) for m in range(dim)]) for j in range(dim)])
+
+    def ad_matrix(self, xi: Vec) -> Mat:
+        """The matrix of ad_xi, from the structure constants."""
+        terms, dim = self.generated.ad_star_terms, self.dim
+        rows = [[[scaled(c, xi[i]) for c, i, k in terms[j] if k == m] for m in range(dim)] for j in range(dim)]
+        return mat(*[vec(*[_sum(entry) for entry in row]) for row in rows]).T
+
+    def _conjugated(self, g: Mat, back: Mat, xi: Vec) -> Vec:
+        return self.vee(g @ self.hat(xi) @ back)
+
+    def _coadjoint(self, g: Mat, back: Mat, mu: Vec) -> Vec:
+        return self.pairing(adjoint(g) @ self.covector(mu) @ adjoint(back))
+
+    def _ad_star_of_columns(self, x: Vec, columns: Mat) -> Mat:
+        """The matrix whose columns are ad*_x of the columns of another."""
+        dim = self.dim
+        return mat(*[_sum_rows([columns[k] * scaled(c, x[i]) for c, i, k in terms], dim) for terms in self.generated.ad_star_terms])
+
+    def dcayley(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
+        """(1 - x/2)^-1 eta (1 + x/2)^-1."""
+        half = 0.5 * self.hat(xi if side == "right" else -xi)
+        return self.vee(solve_matrix(plus(-half, 1.0), self.hat(eta)) @ inverse(plus(half, 1.0)))
+
+    def dcayley_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+        """The dual of (1 - x/2)^-1 eta (1 + x/2)^-1."""
+        x = xi if side == "right" else -xi
+        if self.dim == 3 and self.generated.few_triples:
+            return solve3(self._dcayley_inv_dual(x), mu)
+        half = adjoint(0.5 * self.hat(x))
+        return self.pairing(solve_matrix(plus(-half, 1.0), self.covector(mu)) @ inverse(plus(half, 1.0)))
+
+    def dcayley_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+        """mu - ad*_xi mu/2 - (the dual of eta -> xi eta xi) mu/4."""
+        x = xi if side == "right" else -xi
+        if self.generated.few_triples:
+            return self._dcayley_inv_dual(x) @ mu
+        m = adjoint(self.hat(x))
+        triple = self.pairing(m @ self.covector(mu) @ m)
+        return mu - (0.5 * self.ad_star(x, mu) + 0.25 * triple)
+
+    def cayley_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float | Mat, Mat]:
+        """r = D p - mu with D = (dcay_xi^-1)*, whose entries are polynomials of xi; dr/dp = D, and dr/dxi term by term."""
+        if not self.generated.few_triples:
+            return LieAlgebra.cayley_residual(self, xi, p, mu)
+        by_p = self._dcayley_inv_dual(xi)
+        linear, square, dim = self.generated.ad_star_terms, self.generated.triple_dual_terms, self.dim
+        by_xi = mat(
+            *[
+                vec(
+                    *[
+                        _sum(
+                            [scaled(-0.5 * c, p[k]) for c, i, k in linear[j] if i == m]
+                            + [scaled(-0.25 * c, xi[b] * p[k]) for c, a, b, k in square[j] if a == m]
+                            + [scaled(-0.25 * c, xi[a] * p[k]) for c, a, b, k in square[j] if b == m]
+                        )
+                        for m in range(dim)
+                    ]
+                )
+                for j in range(dim)
+            ]
+        )
+        return by_p @ p - mu, by_p, by_xi
+
+    def _dcayley_inv_dual(self, x: Vec) -> Mat:
+        """The matrix of (dcay_x^-1)*, from the constants of ad* and of y -> x y x."""
+        linear, square, dim = self.generated.ad_star_terms, self.generated.triple_dual_terms, self.dim
+        return mat(
+            *[
+                vec(
+                    *[
+                        _sum(
+                            ([1.0] if j == k else [])
+                            + [scaled(-0.5 * c, x[i]) for c, i, col in linear[j] if col == k]
+                            + [scaled(-0.25 * c, x[a] * x[b]) for c, a, b, col in square[j] if col == k]
+                        )
+                        for k in range(dim)
+                    ]
+                )
+                for j in range(dim)
+            ]
+        )
 
 
 def adjoint(m: Mat) -> Mat:
@@ -114,3 +286,43 @@ def adjoint(m: Mat) -> Mat:
     if isinstance(m[0, 0], Complex):
         return mat(*[vec(*[x.conjugate() for x in row]) for row in m.T])
     return m.T
+
+
+def _sum(items: list[Any]) -> Any:
+    return total(items) if len(items) else 0.0
+
+
+def _sum_rows(rows: list[Vec], dim: int) -> Vec:
+    return total(rows) if len(rows) else vec(*[0.0] * dim)
+
+
+def _series(action: Callable[..., Vec], x: Vec, v: Vec, size2: float, first: float) -> Vec:
+    """The sum of A^k v first!/(k + first)! for k = 1, 2, ..., A = action(x, .) with |A|^2 <= size2: exp(A) v - v for first = 0."""
+    tiny, one = digits(size2)
+    k = first + 1.0
+    term = action((one / k) * x, v)
+    result, bound = term, size2
+    while bound > tiny and k < 64.0:
+        k = k + 1.0
+        term = action((one / k) * x, term)
+        result, bound = result + term, bound * (size2 / (k * k))
+    return result
+
+
+def _bernoulli_series(action: Callable[..., Vec], x: Vec, v: Vec, size2: float) -> Vec:
+    """The sum of B_k/k! A^k v, A = action(x, .) with |A|^2 <= size2 <= 1: as many terms as that needs."""
+    if is_long(size2):
+        raise InvalidType("precision: the inverse of dexp is known to 16 digits only here; take Cayley() or precision='double'")
+    if size2 <= 0.02:
+        return _bernoulli_sum(EVEN[:5], action, x, v)
+    return _bernoulli_sum(EVEN, action, x, v)
+
+
+def _bernoulli_sum(coefficients: tuple[float, ...], action: Callable[..., Vec], x: Vec, v: Vec) -> Vec:
+    power = action(x, v)
+    change = -0.5 * power
+    for b in coefficients:
+        power = action(x, power)
+        change = change + b * power
+        power = action(x, power)
+    return v + change

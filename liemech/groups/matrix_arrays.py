@@ -12,19 +12,14 @@ from .matrix_basis import MatrixBasis
 from .matrix_invariants import objections
 
 if TYPE_CHECKING:
+    from .matrix_algebra import MatrixLieAlgebra
     from .matrix_group import MatrixLieGroup
 
 
-def value(group: MatrixLieGroup, method: str, arguments: dict[str, Any]) -> Any:
-    """The value of a method for arrays whose first axis is the batch; None if there is no formula here.
-
-    Source: Higham, Functions of Matrices (2008), theorem 3.6 (the differential of exp from a block matrix).
-    """
-    basis = group.generated
-    given = list(arguments.values())
-    if arguments.get("side", "right") == "left":
-        given[0] = -given[0]
-    match method, *given:
+def of_group(group: MatrixLieGroup, method: str, arguments: dict[str, Any]) -> Any:
+    """The value of a group's method, for arrays whose first axis is the batch; None if it is not here."""
+    basis, one = group.generated, np.eye(group.generated.n)
+    match method, *arguments.values():
         case "compose", g, h:
             return g @ h
         case "inverse", g:
@@ -35,18 +30,56 @@ def value(group: MatrixLieGroup, method: str, arguments: dict[str, Any]) -> Any:
             return _coadjoint(basis, g, _inverse(group, g), mu)
         case "K", g, mu:
             return _coadjoint(basis, _inverse(group, g), g, mu)
-        case ("ad" | "ad_star"), *_:
-            return group.algebra._in_numpy(method, arguments)
+        case ("ad" | "ad_star" | "dexp" | "dexp_inv" | "exp_Ad_star"), *_:
+            return of_algebra(group.algebra, method, arguments)
         case "exp", xi:
             return _exp(basis, xi)
         case "compose_exp", g, xi:
             return g @ _exp(basis, xi)
-        case "exp_Ad_star", xi, mu:
-            return _coadjoint(basis, _exp(basis, xi), _exp(basis, -xi), mu)
         case "log", g:
             return log(basis, g)
         case "distance", g, h:
             return np.linalg.norm(log(basis, _inverse(group, g) @ h), axis=-1)
+        case "cayley", xi if basis.without_cayley is None:
+            return _cayley(basis, xi)
+        case "compose_cayley", g, xi if basis.without_cayley is None:
+            return g @ _cayley(basis, xi)
+        case "cayley_inv", g if basis.without_cayley is None:
+            return basis.vee(2.0 * np.linalg.solve(g + one, g - one))
+        case "defect", g:
+            return _defects(group, g)
+        case "contains", g:
+            return _defects(group, g) <= MEMBERSHIP
+    return None
+
+
+def of_algebra(algebra: MatrixLieAlgebra, method: str, arguments: dict[str, Any]) -> Any:
+    """The value of an algebra's method, for arrays whose first axis is the batch; None if it is not here.
+
+    Source: Higham, Functions of Matrices (2008), theorem 3.6 (the differential of exp from a block
+    matrix).
+    """
+    basis, one = algebra.generated, np.eye(algebra.generated.n)
+    given = list(arguments.values())
+    if arguments.get("side", "right") == "left":
+        given[0] = -given[0]
+    match method, *given:
+        case "hat", xi:
+            return basis.hat(xi)
+        case "vee", matrix:
+            return basis.vee(matrix)
+        case "covector", mu:
+            return basis.covector(mu)
+        case "pairing", matrix:
+            return basis.pairing(matrix)
+        case ("bracket" | "ad"), xi, eta:
+            x, y = basis.hat(xi), basis.hat(eta)
+            return basis.vee(x @ y - y @ x)
+        case "ad_star", xi, mu:
+            x, m = _star(basis.hat(xi)), basis.covector(mu)
+            return basis.pairing(x @ m - m @ x)
+        case "exp_Ad_star", xi, mu:
+            return _coadjoint(basis, _exp(basis, xi), _exp(basis, -xi), mu)
         case "dexp", xi, eta, *_:
             return basis.vee(_phi(basis.hat(xi), basis.hat(eta)))
         case "dexp_dual", xi, mu, *_:
@@ -55,39 +88,31 @@ def value(group: MatrixLieGroup, method: str, arguments: dict[str, Any]) -> Any:
             return basis.vee(_phi_inverse(basis.hat(xi), basis.hat(eta)))
         case "dexp_inv_dual", xi, mu, *_:
             return basis.pairing(_phi_inverse(_star(basis.hat(xi)), basis.covector(mu)))
-        case _ if "cayley" in method and method not in ("why_no_cayley", "cayley_mismatch"):
-            return _of_cayley(group, method, given)
-        case "defect", g:
-            return _defects(group, g)
-        case "contains", g:
-            return _defects(group, g) <= MEMBERSHIP
+    if basis.without_cayley is not None:
+        return None
+    match method, *given:
+        case "dcayley", xi, eta, *_:
+            half = 0.5 * basis.hat(xi)
+            back = np.linalg.inv(one + half)
+            return basis.vee(np.linalg.solve(one - half, basis.hat(eta)) @ back)
+        case "dcayley_inv", xi, eta, *_:
+            half = 0.5 * basis.hat(xi)
+            return basis.vee((one - half) @ basis.hat(eta) @ (one + half))
+        case "dcayley_inv_dual", xi, mu, *_:
+            half = 0.5 * _star(basis.hat(xi))
+            return basis.pairing((one - half) @ basis.covector(mu) @ (one + half))
+        case "dcayley_dual", xi, mu, *_:
+            half = 0.5 * _star(basis.hat(xi))
+            back = np.linalg.inv(one + half)
+            return basis.pairing(np.linalg.solve(one - half, basis.covector(mu)) @ back)
+        case "cayley_Ad_star", xi, mu:
+            return _coadjoint(basis, _cayley(basis, xi), _cayley(basis, -xi), mu)
     return None
 
 
-def _of_cayley(group: MatrixLieGroup, method: str, given: list[Any]) -> Any:
-    if group.why_no_cayley():
-        return None
-    basis, one = group.generated, np.eye(group.generated.n)
-    if method == "cayley_inv":
-        (g,) = given
-        return basis.vee(2.0 * np.linalg.solve(g + one, g - one))
-    g, xi = given if method == "compose_cayley" else (one, given[0])
-    half = 0.5 * basis.hat(xi)
-    match method:
-        case "dcayley":
-            return basis.vee(np.linalg.solve(one - half, basis.hat(given[1])) @ np.linalg.inv(one + half))
-        case "dcayley_inv":
-            return basis.vee((one - half) @ basis.hat(given[1]) @ (one + half))
-        case "dcayley_inv_dual":
-            half = _star(half)
-            return basis.pairing((one - half) @ basis.covector(given[1]) @ (one + half))
-        case "dcayley_dual":
-            half = _star(half)
-            return basis.pairing(np.linalg.solve(one - half, basis.covector(given[1])) @ np.linalg.inv(one + half))
-        case "cayley_Ad_star":
-            forth, back = np.linalg.solve(one - half, one + half), np.linalg.solve(one + half, one - half)
-            return _coadjoint(basis, forth, back, given[1])
-    return g @ np.linalg.solve(one - half, one + half)
+def _cayley(basis: MatrixBasis, xi: np.ndarray) -> np.ndarray:
+    half, one = 0.5 * basis.hat(xi), np.eye(basis.n)
+    return np.linalg.solve(one - half, one + half)
 
 
 def _star(m: np.ndarray) -> np.ndarray:

@@ -108,8 +108,9 @@ def expm(x: Mat) -> Mat:
 
 
 def phi1m(a: Mat) -> Mat:
-    """(exp(a) - 1)/a = 1 + a/2 + a^2/6 + ..., for large a from its half: phi_1(2a) = phi_1(a) + a phi_1(a)^2/2.  a : (n, n).
+    """(exp(a) - 1)/a = 1 + a/2 + a^2/6 + ..., for large a from its half.  a : (n, n).
 
+    phi_1(2a) = phi_1(a) + E phi_1(a)/2 and exp(2a) - 1 = 2 E + E^2, with E = exp(a) - 1.
     Source: Higham, Functions of Matrices (2008), section 10.7.4.
     """
     size2, halvings = frobenius2(a), 0.0
@@ -125,8 +126,10 @@ def phi1m(a: Mat) -> Mat:
         k = k + 1.0
         term, bound = (one / k) * (term @ a), bound * (size2 / (k * k))
         phi = phi + term
+    e = a @ phi
     while halvings > 0.0:
-        phi, a, halvings = phi + 0.5 * (a @ (phi @ phi)), 2.0 * a, halvings - 1.0
+        phi = phi + 0.5 * (e @ phi)
+        e, halvings = 2.0 * e + e @ e, halvings - 1.0
     return phi
 
 

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from ..errors import IncompatibleSystem, InvalidInput, InvalidType, NotDefined
-from ..formulas import Ambient, Complex, Element, Mat, Vec, dot, identity_matrix, mat, record, solve, solve3, sqrt, vec
-from ..formulas.double_double import is_long
+from ..errors import IncompatibleSystem, InvalidInput, NotDefined
+from ..formulas import Ambient, Complex, Element, Mat, Vec, dot, identity_matrix, mat, record, sqrt, vec
 from ..formulas.sums import abs2, scaled, total
 from . import matrix_arrays
 from .casimir_polynomials import casimir_polynomials
@@ -19,27 +17,17 @@ from .lie_group import MEMBERSHIP, LieGroup
 from .matrix_algebra import MatrixLieAlgebra, adjoint
 from .matrix_basis import MatrixBasis, basis_of
 from .matrix_functions import (
-    INFINITE,
-    LOST,
     determinant,
-    digits,
     expm1,
     frobenius2,
     inverse,
     log1pm,
     logm,
-    phi1m,
     plus,
     solve_matrix,
 )
 from .matrix_invariants import Invariants, invariants_of, objections
 from .nearest import nearest
-
-BERNOULLI = (
-    1 / 12, -1 / 720, 1 / 30240, -1 / 1209600, 1 / 47900160, -691 / 1307674368000, 1 / 74724249600,
-    -3617 / 10670622842880000, 43867 / 5109094217170944000, -174611 / 802857662698291200000,
-)  # fmt: skip
-"""B_2k/(2k)!, k = 1, 2, ...: the even coefficients of z/(e^z - 1).  Source: Abramowitz and Stegun, table 23.2."""
 
 
 @record
@@ -117,19 +105,9 @@ class MatrixLieGroup(LieGroup):
                 return signs, signs
         return None
 
-    def Ad(self, g: Element, xi: Vec) -> Vec:
-        """The coordinates of g hat(xi) g^-1."""
-        return self._conjugated(g, self.inverse(g), xi)
-
     def Ad_star(self, g: Element, mu: Vec) -> Vec:
         """The momentum of g^H M g^-H, M the matrix that stands for mu."""
-        return self._coadjoint(g, self.inverse(g), mu)
-
-    def _conjugated(self, g: Mat, back: Mat, xi: Vec) -> Vec:
-        return self.algebra.vee(g @ self.algebra.hat(xi) @ back)
-
-    def _coadjoint(self, g: Mat, back: Mat, mu: Vec) -> Vec:
-        return self.algebra.pairing(adjoint(g) @ self.algebra.covector(mu) @ adjoint(back))
+        return self.algebra._coadjoint(g, self.inverse(g), mu)
 
     # ---------------------------------------------------------------- exponential
 
@@ -140,13 +118,6 @@ class MatrixLieGroup(LieGroup):
     def compose_exp(self, g: Element, xi: Vec) -> Element:
         """g + g (exp(xi) - 1): rounded by what the step adds, not by what is there."""
         return g + g @ expm1(self.algebra.hat(xi))
-
-    def exp_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
-        """sum_k ad*_xi^k mu/k!, without forming a matrix unless xi is large."""
-        if self.algebra.ad_size2(xi) <= 4.0:
-            return mu + _series(self.algebra.ad_star, xi, mu, self.algebra.ad_size2(xi), 0.0)
-        g = self.exp(xi)
-        return self._coadjoint(g, self.exp(-xi) if self._form is None else self.inverse(g), mu)
 
     def log(self, g: Element) -> Vec:
         """The principal logarithm, by square roots, corrected on the group; InvalidInput if there is none in the algebra.
@@ -179,88 +150,6 @@ class MatrixLieGroup(LieGroup):
         x = self.generated.hat(direction)
         return _constant(np.array(expm1(Mat.of((1e-3 / np.linalg.norm(x) * x).tolist()))) + np.eye(len(x)))
 
-    def dexp(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """sum_k ad_xi^k eta/(k + 1)!; for large xi from its half, dexp_xi = (1 + Ad_exp(xi/2))/2 dexp_(xi/2)."""
-        return self._phi(self.algebra.bracket, self._conjugated, xi if side == "right" else -xi, eta)
-
-    def dexp_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """sum_k ad*_xi^k mu/(k + 1)!; for large xi from its half."""
-        return self._phi(self.algebra.ad_star, self._coadjoint, xi if side == "right" else -xi, mu)
-
-    def _phi(self, small: Callable[..., Vec], large: Callable[..., Vec], x: Vec, v: Vec) -> Vec:
-        size2 = self.algebra.ad_size2(x)
-        if size2 <= 4.0:
-            return v + _series(small, x, v, size2, 1.0)
-        halvings = 0.0
-        while size2 > 4.0 and halvings < 1100.0:
-            x = 0.5 * x
-            size2, halvings = self.algebra.ad_size2(x), halvings + 1.0
-        if halvings > LOST:
-            v = v * (INFINITE - INFINITE)
-        v = v + _series(small, x, v, size2, 1.0)
-        g, back = expm1(self.algebra.hat(x)), expm1(self.algebra.hat(-x))
-        while halvings > 0.0:
-            v = 0.5 * (v + large(plus(g, 1.0), plus(back, 1.0), v))
-            g, back, halvings = 2.0 * g + g @ g, 2.0 * back + back @ back, halvings - 1.0
-        return v
-
-    def dexp_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """eta - [xi, eta]/2 + [xi, [xi, eta]]/12 - ...; for large xi the solution of dexp_xi (...) = eta."""
-        x = xi if side == "right" else -xi
-        size2 = self.algebra.ad_size2(x)
-        if size2 <= 1.0:
-            return _bernoulli_series(self.algebra.bracket, x, eta, size2)
-        return solve(phi1m(self._ad_star_matrix(x).T), eta)
-
-    def dexp_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """mu - ad*_xi mu/2 + ad*_xi^2 mu/12 - ...; for large xi the solution of (dexp_xi)* (...) = mu."""
-        x = xi if side == "right" else -xi
-        size2 = self.algebra.ad_size2(x)
-        if size2 <= 1.0:
-            return _bernoulli_series(self.algebra.ad_star, x, mu, size2)
-        return solve(phi1m(self._ad_star_matrix(x)), mu)
-
-    def exp_mismatch(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float | Mat, Mat]:
-        """r = p - sum_k t_k with t_k = ad*_xi t_k-1/(k + 1), t_0 = mu; the derivative of the recursion gives dr/dxi.
-
-        The derivative stops at 1e-11: Newton's method feels no less.
-        """
-        size2 = self.algebra.ad_size2(xi)
-        if self.generated.large:
-            return LieGroup.exp_mismatch(self, xi, p, mu)
-        tiny, one = digits(size2)
-        k = 2.0
-        term = self.algebra.ad_star(0.5 * xi, mu)
-        slope, bound = 0.5 * self._ad_star_of_basis(mu), size2
-        by_xi, change = slope, term
-        while bound > ROUGH and k < 64.0:
-            k = k + 1.0
-            x = (one / k) * xi
-            slope = self._ad_star_of_columns(x, slope) + (one / k) * self._ad_star_of_basis(term)
-            term = self.algebra.ad_star(x, term)
-            by_xi, change, bound = by_xi + slope, change + term, bound * (size2 / (k * k))
-        while bound > tiny and k < 64.0:
-            k = k + 1.0
-            term = self.algebra.ad_star((one / k) * xi, term)
-            change, bound = change + term, bound * (size2 / (k * k))
-        carried = mu + change if size2 <= 4.0 else self.dexp_dual(xi, mu)
-        return p - carried, 1.0, -by_xi
-
-    def _ad_star_of_basis(self, mu: Vec) -> Mat:
-        """The matrix whose columns are ad*_E_m mu."""
-        terms, dim = self.generated.ad_star_terms, self.dim
-        return mat(*[vec(*[_sum([scaled(c, mu[k]) for c, i, k in terms[j] if i == m]) for m in range(dim)]) for j in range(dim)])
-
-    def _ad_star_matrix(self, x: Vec) -> Mat:
-        """The matrix of ad*_x."""
-        terms, dim = self.generated.ad_star_terms, self.dim
-        return mat(*[vec(*[_sum([scaled(c, x[i]) for c, i, k in terms[j] if k == m]) for m in range(dim)]) for j in range(dim)])
-
-    def _ad_star_of_columns(self, x: Vec, columns: Mat) -> Mat:
-        """The matrix whose columns are ad*_x of the columns of another."""
-        dim = self.dim
-        return mat(*[_sum_rows([columns[k] * scaled(c, x[i]) for c, i, k in terms], dim) for terms in self.generated.ad_star_terms])
-
     # ---------------------------------------------------------------- Cayley map
 
     def why_no_cayley(self) -> str | None:
@@ -289,81 +178,6 @@ class MatrixLieGroup(LieGroup):
         """2 (g - 1)(g + 1)^-1; InvalidInput if -1 is an eigenvalue of g."""
         self._require_cayley()
         return self.algebra.vee(2.0 * (plus(g, -1.0) @ inverse(plus(g, 1.0))))
-
-    def cayley_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
-        """mu + ad*_xi (dcay_xi)* mu: what is added is small."""
-        return mu + self.algebra.ad_star(xi, self.dcayley_dual(xi, mu))
-
-    def dcayley(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """(1 - x/2)^-1 eta (1 + x/2)^-1."""
-        half = 0.5 * self.algebra.hat(xi if side == "right" else -xi)
-        return self.algebra.vee(solve_matrix(plus(-half, 1.0), self.algebra.hat(eta)) @ inverse(plus(half, 1.0)))
-
-    def dcayley_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """The dual of (1 - x/2)^-1 eta (1 + x/2)^-1."""
-        x = xi if side == "right" else -xi
-        if self.dim == 3 and self.generated.few_triples:
-            return solve3(self._dcayley_inv_dual(x), mu)
-        half = adjoint(0.5 * self.algebra.hat(x))
-        return self.algebra.pairing(solve_matrix(plus(-half, 1.0), self.algebra.covector(mu)) @ inverse(plus(half, 1.0)))
-
-    def dcayley_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """eta - [xi, eta]/2 - xi eta xi/4."""
-        x = xi if side == "right" else -xi
-        m = self.algebra.hat(x)
-        triple = self.algebra.vee(m @ self.algebra.hat(eta) @ m)
-        return eta - (0.5 * self.algebra.bracket(x, eta) + 0.25 * triple)
-
-    def dcayley_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """mu - ad*_xi mu/2 - (the dual of eta -> xi eta xi) mu/4."""
-        x = xi if side == "right" else -xi
-        if self.generated.few_triples:
-            return self._dcayley_inv_dual(x) @ mu
-        m = adjoint(self.algebra.hat(x))
-        triple = self.algebra.pairing(m @ self.algebra.covector(mu) @ m)
-        return mu - (0.5 * self.algebra.ad_star(x, mu) + 0.25 * triple)
-
-    def cayley_mismatch(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float | Mat, Mat]:
-        """r = D p - mu with D = (dcay_xi^-1)*, whose entries are polynomials of xi; dr/dp = D, and dr/dxi term by term."""
-        if not self.generated.few_triples:
-            return LieGroup.cayley_mismatch(self, xi, p, mu)
-        by_p = self._dcayley_inv_dual(xi)
-        linear, square, dim = self.generated.ad_star_terms, self.generated.triple_dual_terms, self.dim
-        by_xi = mat(
-            *[
-                vec(
-                    *[
-                        _sum(
-                            [scaled(-0.5 * c, p[k]) for c, i, k in linear[j] if i == m]
-                            + [scaled(-0.25 * c, xi[b] * p[k]) for c, a, b, k in square[j] if a == m]
-                            + [scaled(-0.25 * c, xi[a] * p[k]) for c, a, b, k in square[j] if b == m]
-                        )
-                        for m in range(dim)
-                    ]
-                )
-                for j in range(dim)
-            ]
-        )
-        return by_p @ p - mu, by_p, by_xi
-
-    def _dcayley_inv_dual(self, x: Vec) -> Mat:
-        """The matrix of (dcay_x^-1)*, from the constants of ad* and of y -> x y x."""
-        linear, square, dim = self.generated.ad_star_terms, self.generated.triple_dual_terms, self.dim
-        return mat(
-            *[
-                vec(
-                    *[
-                        _sum(
-                            ([1.0] if j == k else [])
-                            + [scaled(-0.5 * c, x[i]) for c, i, col in linear[j] if col == k]
-                            + [scaled(-0.25 * c, x[a] * x[b]) for c, a, b, col in square[j] if col == k]
-                        )
-                        for k in range(dim)
-                    ]
-                )
-                for j in range(dim)
-            ]
-        )
 
     # ---------------------------------------------------------------- Casimir functions
 
@@ -452,7 +266,7 @@ class MatrixLieGroup(LieGroup):
         return _constant(nearest(self, np.array(g)))
 
     def _in_numpy(self, method: str, arguments: dict[str, Any]) -> Any:
-        return matrix_arrays.value(self, method, arguments)
+        return matrix_arrays.of_group(self, method, arguments)
 
 
 class Matrices:
@@ -497,10 +311,6 @@ class GeneratedGroup(MatrixLieGroup):
 
 HUGE = 1e150
 
-ROUGH = 2.0**-72
-"""(2^-36)^2: the square of what an iteration does not feel."""
-
-
 def whole_number(name: str, n: Any, smallest: int) -> int:
     """The size of a group, checked.  Raises InvalidInput."""
     if isinstance(n, bool) or not isinstance(n, (int, np.integer)):
@@ -522,43 +332,3 @@ def _real(x: Any) -> Any:
 def _of(g: Mat, i: int, j: int) -> Any:
     """The entry i, j, conjugated."""
     return g[i, j].conjugate() if isinstance(g[i, j], Complex) else g[i, j]
-
-
-def _sum(items: list[Any]) -> Any:
-    return total(items) if len(items) else 0.0
-
-
-def _sum_rows(rows: list[Vec], dim: int) -> Vec:
-    return total(rows) if len(rows) else vec(*[0.0] * dim)
-
-
-def _series(action: Callable[..., Vec], x: Vec, v: Vec, size2: float, first: float) -> Vec:
-    """The sum of A^k v first!/(k + first)! for k = 1, 2, ..., A = action(x, .) with |A|^2 <= size2: exp(A) v - v for first = 0."""
-    tiny, one = digits(size2)
-    k = first + 1.0
-    term = action((one / k) * x, v)
-    result, bound = term, size2
-    while bound > tiny and k < 64.0:
-        k = k + 1.0
-        term = action((one / k) * x, term)
-        result, bound = result + term, bound * (size2 / (k * k))
-    return result
-
-
-def _bernoulli_series(action: Callable[..., Vec], x: Vec, v: Vec, size2: float) -> Vec:
-    """The sum of B_k/k! A^k v, A = action(x, .) with |A|^2 <= size2 <= 1: as many terms as that needs."""
-    if is_long(size2):
-        raise InvalidType("precision: the inverse of dexp is known to 16 digits only here; take Cayley() or precision='double'")
-    if size2 <= 0.02:
-        return _bernoulli_sum(BERNOULLI[:5], action, x, v)
-    return _bernoulli_sum(BERNOULLI, action, x, v)
-
-
-def _bernoulli_sum(coefficients: tuple[float, ...], action: Callable[..., Vec], x: Vec, v: Vec) -> Vec:
-    power = action(x, v)
-    change = -0.5 * power
-    for b in coefficients:
-        power = action(x, power)
-        change = change + b * power
-        power = action(x, power)
-    return v + change

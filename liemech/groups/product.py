@@ -11,7 +11,7 @@ import numpy as np
 from ..errors import InvalidInput, InvalidType
 from ..formulas import Ambient, Complex, Element, Mat, Vec, mat, real_array, record, vec, vectors
 from ..formulas.broadcasting import small
-from .lie_algebra import Constants, LieAlgebra
+from .lie_algebra import LieAlgebra
 from .lie_group import LieGroup
 
 
@@ -29,14 +29,6 @@ class ProductAlgebra(LieAlgebra):
         """The sum of the dimensions."""
         return sum([factor.dim for factor in self.factors])
 
-    @property
-    def structure_constants(self) -> Constants:
-        """Those of the factors, and zeros between them."""
-        c = np.zeros((self.dim,) * 3)
-        for factor, (start, end) in zip(self.factors, spans([factor.dim for factor in self.factors])):
-            c[start:end, start:end, start:end] = factor.structure_constants
-        return tuple(tuple(tuple(row) for row in plane) for plane in c.tolist())
-
     def bracket(self, xi: Vec, eta: Vec) -> Vec:
         """The brackets of the parts."""
         return joined([f.bracket(x, y) for f, x, y in zip(self.factors, self.parts(xi), self.parts(eta))])
@@ -48,6 +40,71 @@ class ProductAlgebra(LieAlgebra):
     def parts(self, xi: Vec) -> tuple[Vec, ...]:
         """The coordinates of each factor.  xi : (dim,)."""
         return tuple([vec(*xi[start:end]) for start, end in spans([factor.dim for factor in self.factors])])
+
+    def _each(self, formula: Callable[..., Vec], *arguments: Sequence[Vec]) -> Vec:
+        """The vector of a formula's values, for each factor and its share of the arguments."""
+        return joined([formula(*one) for one in zip(self.factors, *arguments)])
+
+    def exp_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
+        """Ad*_exp(xi) of each factor."""
+        return self._each(lambda f, x, m: f.exp_Ad_star(x, m), self.parts(xi), self.parts(mu))
+
+    def dexp(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
+        """dexp of each factor."""
+        return self._each(lambda f, x, y: f.dexp(x, y, side), self.parts(xi), self.parts(eta))
+
+    def dexp_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+        """dexp* of each factor."""
+        return self._each(lambda f, x, m: f.dexp_dual(x, m, side), self.parts(xi), self.parts(mu))
+
+    def dexp_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
+        """dexp^-1 of each factor."""
+        return self._each(lambda f, x, y: f.dexp_inv(x, y, side), self.parts(xi), self.parts(eta))
+
+    def dexp_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+        """(dexp^-1)* of each factor."""
+        return self._each(lambda f, x, m: f.dexp_inv_dual(x, m, side), self.parts(xi), self.parts(mu))
+
+    def dexp_inv_series(self, xi: Vec, eta: Vec, terms: int, side: str = "right") -> Vec:
+        """The series of each factor."""
+        return self._each(lambda f, x, y: f.dexp_inv_series(x, y, terms, side), self.parts(xi), self.parts(eta))
+
+    def is_exp_chart(self, xi: Vec) -> bool:
+        """Is it each factor's?"""
+        inside = True
+        for factor, x in zip(self.factors, self.parts(xi)):
+            inside = inside and factor.is_exp_chart(x)
+        return inside
+
+    def exp_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, Mat, Mat]:
+        """The equations of the factors, and block diagonal derivatives."""
+        shares = zip(self.factors, self.parts(xi), self.parts(p), self.parts(mu))
+        return _stacked([f.exp_residual(x, q, m) for f, x, q, m in shares])
+
+    def cayley_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
+        """Ad*_cay(xi) of each factor."""
+        return self._each(lambda f, x, m: f.cayley_Ad_star(x, m), self.parts(xi), self.parts(mu))
+
+    def dcayley(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
+        """dcay of each factor."""
+        return self._each(lambda f, x, y: f.dcayley(x, y, side), self.parts(xi), self.parts(eta))
+
+    def dcayley_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+        """dcay* of each factor."""
+        return self._each(lambda f, x, m: f.dcayley_dual(x, m, side), self.parts(xi), self.parts(mu))
+
+    def dcayley_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
+        """dcay^-1 of each factor."""
+        return self._each(lambda f, x, y: f.dcayley_inv(x, y, side), self.parts(xi), self.parts(eta))
+
+    def dcayley_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+        """(dcay^-1)* of each factor."""
+        return self._each(lambda f, x, m: f.dcayley_inv_dual(x, m, side), self.parts(xi), self.parts(mu))
+
+    def cayley_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, Mat, Mat]:
+        """The equations of the factors, and block diagonal derivatives."""
+        shares = zip(self.factors, self.parts(xi), self.parts(p), self.parts(mu))
+        return _stacked([f.cayley_residual(x, q, m) for f, x, q, m in shares])
 
 
 @record
@@ -216,45 +273,9 @@ class ProductGroup(LieGroup):
         """(log g_1, log g_2, ...)."""
         return self._each(lambda f, a: f.log(a), self._elements(g))
 
-    def exp_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
-        """Ad*_exp(xi) of each factor."""
-        return self._each(lambda f, x, m: f.exp_Ad_star(x, m), self._parts(xi), self._parts(mu))
-
     def compose_exp(self, g: Element, xi: Vec) -> Element:
         """(g_1 exp xi_1, g_2 exp xi_2, ...)."""
         return self._each(lambda f, a, x: f.compose_exp(a, x), self._elements(g), self._parts(xi))
-
-    def dexp(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """dexp of each factor."""
-        return self._each(lambda f, x, y: f.dexp(x, y, side), self._parts(xi), self._parts(eta))
-
-    def dexp_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """dexp* of each factor."""
-        return self._each(lambda f, x, m: f.dexp_dual(x, m, side), self._parts(xi), self._parts(mu))
-
-    def dexp_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """dexp^-1 of each factor."""
-        return self._each(lambda f, x, y: f.dexp_inv(x, y, side), self._parts(xi), self._parts(eta))
-
-    def dexp_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """(dexp^-1)* of each factor."""
-        return self._each(lambda f, x, m: f.dexp_inv_dual(x, m, side), self._parts(xi), self._parts(mu))
-
-    def dexp_inv_series(self, xi: Vec, eta: Vec, terms: int, side: str = "right") -> Vec:
-        """The series of each factor."""
-        return self._each(lambda f, x, y: f.dexp_inv_series(x, y, terms, side), self._parts(xi), self._parts(eta))
-
-    def is_exp_chart(self, xi: Vec) -> bool:
-        """Is it each factor's?"""
-        inside = True
-        for factor, x in zip(self.factors, self._parts(xi)):
-            inside = inside and factor.is_exp_chart(x)
-        return inside
-
-    def exp_mismatch(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, Mat, Mat]:
-        """The equations of the factors, and block diagonal derivatives."""
-        shares = zip(self.factors, self._parts(xi), self._parts(p), self._parts(mu))
-        return _stacked([f.exp_mismatch(x, q, m) for f, x, q, m in shares])
 
     # ---------------------------------------------------------------- Cayley map
 
@@ -265,6 +286,12 @@ class ProductGroup(LieGroup):
                 return f"its factor {factor!r} has none: {factor.why_no_cayley()}"
         return None
 
+    @property
+    def by_adjoint(self) -> LieGroup | None:
+        """The product of those of the factors."""
+        found = [factor.by_adjoint for factor in self.factors]
+        return None if None in found else ProductGroup(*found)
+
     def cayley(self, xi: Vec) -> Element:
         """(cay xi_1, cay xi_2, ...)."""
         return self._each(lambda f, x: f.cayley(x), self._parts(xi))
@@ -273,34 +300,9 @@ class ProductGroup(LieGroup):
         """(cay^-1 g_1, cay^-1 g_2, ...)."""
         return self._each(lambda f, a: f.cayley_inv(a), self._elements(g))
 
-    def cayley_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
-        """Ad*_cay(xi) of each factor."""
-        return self._each(lambda f, x, m: f.cayley_Ad_star(x, m), self._parts(xi), self._parts(mu))
-
     def compose_cayley(self, g: Element, xi: Vec) -> Element:
         """(g_1 cay xi_1, g_2 cay xi_2, ...)."""
         return self._each(lambda f, a, x: f.compose_cayley(a, x), self._elements(g), self._parts(xi))
-
-    def dcayley(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """dcay of each factor."""
-        return self._each(lambda f, x, y: f.dcayley(x, y, side), self._parts(xi), self._parts(eta))
-
-    def dcayley_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """dcay* of each factor."""
-        return self._each(lambda f, x, m: f.dcayley_dual(x, m, side), self._parts(xi), self._parts(mu))
-
-    def dcayley_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """dcay^-1 of each factor."""
-        return self._each(lambda f, x, y: f.dcayley_inv(x, y, side), self._parts(xi), self._parts(eta))
-
-    def dcayley_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """(dcay^-1)* of each factor."""
-        return self._each(lambda f, x, m: f.dcayley_inv_dual(x, m, side), self._parts(xi), self._parts(mu))
-
-    def cayley_mismatch(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, Mat, Mat]:
-        """The equations of the factors, and block diagonal derivatives."""
-        shares = zip(self.factors, self._parts(xi), self._parts(p), self._parts(mu))
-        return _stacked([f.cayley_mismatch(x, q, m) for f, x, q, m in shares])
 
 
 # ------------------------------------------------------------------ parts of vectors

@@ -8,8 +8,9 @@ from typing import Any
 from ..errors import InvalidInput, InvalidType, NotDefined
 from ..formulas import Element, Vec, cross, derivative, dot, identity_matrix, mat, record, solve, vec
 from ..formulas.dual import value_of
+from ..formulas.sizes import one_norm
 from .group_action import GroupAction
-from .lie_group import LieGroup, one_norm
+from .lie_group import LieGroup
 from .matrix_functions import digits
 from .so3 import SO3
 from .unit_quaternions import UnitQuaternions
@@ -188,7 +189,7 @@ class AdjointAction(Representation):
 
     def phi1_dual(self, xi: Vec, p: Vec) -> Vec:
         """dexp_xi* p.  xi, p : (dim,)."""
-        return self.group.dexp_dual(xi, p)
+        return self.group.algebra.dexp_dual(xi, p)
 
     def phi1_inv(self, xi: Vec, x: Vec) -> Vec:
         """dexp_xi^-1 x.  xi, x : (dim,)."""
@@ -196,7 +197,7 @@ class AdjointAction(Representation):
 
     def phi1_inv_dual(self, xi: Vec, p: Vec) -> Vec:
         """(dexp_xi^-1)* p.  xi, p : (dim,)."""
-        return self.group.dexp_inv_dual(xi, p)
+        return self.group.algebra.dexp_inv_dual(xi, p)
 
     def invariants(self, mu: Vec, p: Vec) -> Vec:
         """C(p) and dC(p) . mu for the Casimir functions C of the group: C(p + e mu) with e^2 = 0.  mu, p : (dim,).

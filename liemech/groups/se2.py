@@ -13,8 +13,9 @@ import numpy as np
 from ..errors import InvalidInput, OutsideChart
 from ..formulas import Ambient, Element, Mat, Vec, atan2, mat, outer, record, vec
 from ..formulas.broadcasting import MEMBERSHIP
+from .bernoulli import BERNOULLI
 from .lie_algebra import Constants, LieAlgebra
-from .lie_group import BERNOULLI, LieGroup
+from .lie_group import LieGroup
 from .rotation_coefficients import WHOLE_TURN, bernoulli, dexp_coefficients, exp_coefficients
 from .so3 import AT_HALF_TURN, HALF_TURN, HUGE
 
@@ -53,6 +54,83 @@ class SE2Algebra(LieAlgebra):
     def vee(self, matrix: Mat) -> Vec:
         """(w, v) of a matrix [[w J, v], [0, 0]], w that of the antisymmetric part."""
         return vec(0.5 * (matrix[1, 0] - matrix[0, 1]), matrix[0, 2], matrix[1, 2])
+
+    def exp_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
+        """1 + (sin w/w) ad* + ((1 - cos w)/w^2) ad*^2."""
+        a, b = exp_coefficients(xi[0] * xi[0], vec(xi[0]))
+        return _series_dual(xi, mu, a, b)
+
+    def dexp(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
+        """eta + b [xi, eta] + c [xi, [xi, eta]], b = (1 - cos w)/w^2, c = (w - sin w)/w^3."""
+        b, c, _, _ = dexp_coefficients(xi[0] * xi[0])
+        return _series(xi, eta, _signed(b, side), c)
+
+    def dexp_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+        """mu + b ad*_xi mu + c ad*_xi^2 mu."""
+        b, c, _, _ = dexp_coefficients(xi[0] * xi[0])
+        return _series_dual(xi, mu, _signed(b, side), c)
+
+    def dexp_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
+        """eta - [xi, eta]/2 + d [xi, [xi, eta]], d = (1 - (w/2) cot(w/2))/w^2; raises OutsideChart unless |w| < 2 pi."""
+        return _series(xi, eta, _signed(-0.5, side), bernoulli(xi[0] * xi[0]))
+
+    def dexp_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+        """mu - ad*_xi mu/2 + d ad*_xi^2 mu; raises OutsideChart unless |w| < 2 pi."""
+        return _series_dual(xi, mu, _signed(-0.5, side), bernoulli(xi[0] * xi[0]))
+
+    def dexp_inv_series(self, xi: Vec, eta: Vec, terms: int, side: str = "right") -> Vec:
+        """Since ad^3 = -w^2 ad, the series is 1 - ad/2 + (1/12 + w^2/720 + ...) ad^2."""
+        x, total = xi[0] * xi[0], 0.0
+        for k in range(terms - terms % 2, 1, -2):
+            total = BERNOULLI[k] - x * total
+        return _series(xi, eta, _signed(-0.5 if terms else 0.0, side), total)
+
+    def is_exp_chart(self, xi: Vec) -> bool:
+        """|w| < 2 pi: less than a whole turn."""
+        return xi[0] * xi[0] < WHOLE_TURN
+
+    def exp_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
+        """r = p - (mu + b y + c ad*_xi y), y = ad*_xi mu; with y = B(mu) xi and the derivatives b', c' with respect to w^2
+
+        dr/dxi = -2 w (b' y + c' ad*_xi y) e_1^T - b B(mu) - c (B(y) + ad*_xi B(mu)).
+        """
+        w, along, across_x, across_y = xi[0], mu[1] * xi[1] + mu[2] * xi[2], xi[0] * mu[1], xi[0] * mu[2]
+        b, c, b_slope, c_slope = dexp_coefficients(w * w)
+        ad_star, structure = self.ad_star, self.poisson_structure
+        y = ad_star(xi, mu)
+        z = ad_star(xi, y)
+        second = mat(vec(along, across_x, across_y), vec(-2.0 * across_x, 0.0, 0.0), vec(-2.0 * across_y, 0.0, 0.0))
+        first = outer((2.0 * w) * (b_slope * y + c_slope * z), vec(1.0, 0.0, 0.0))
+        return p - (mu + (b * y + c * z)), 1.0, -(first + (b * structure(mu) + c * second))
+
+    def cayley_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
+        """1 + f ad* + (f/2) ad*^2, f = 4/(4 + w^2)."""
+        f = _cayley_factor(xi)
+        return _series_dual(xi, mu, f, 0.5 * f)
+
+    def dcayley(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
+        """f (eta + [xi, eta]/2)."""
+        return _cayley_factor(xi) * (eta + _signed(0.5, side) * self.bracket(xi, eta))
+
+    def dcayley_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+        """f (mu + ad*_xi mu/2)."""
+        return _cayley_factor(xi) * (mu + _signed(0.5, side) * self.ad_star(xi, mu))
+
+    def dcayley_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
+        """eta - [xi, eta]/2 + w a (w, v)/4."""
+        return eta + (_signed(-0.5, side) * self.bracket(xi, eta) + (0.25 * xi[0] * eta[0]) * xi)
+
+    def dcayley_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+        """mu - ad*_xi mu/2 + (w <mu, xi>/4, 0)."""
+        pairing = mu[0] * xi[0] + (mu[1] * xi[1] + mu[2] * xi[2])
+        return mu + (_signed(-0.5, side) * self.ad_star(xi, mu) + vec(0.25 * xi[0] * pairing, 0.0, 0.0))
+
+    def cayley_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
+        """r = (4 + w^2) p - 4 mu - 2 ad*_xi mu,  dr/dp = 4 + w^2,  dr/dxi = 2 w p e_1^T - 2 B(mu)."""
+        scale = 4.0 + xi[0] * xi[0]
+        r = scale * p - (4.0 * mu + 2.0 * self.ad_star(xi, mu))
+        by_xi = outer((2.0 * xi[0]) * p, vec(1.0, 0.0, 0.0)) - 2.0 * self.poisson_structure(mu)
+        return r, scale, by_xi
 
 
 @record
@@ -93,10 +171,6 @@ class SE2(LieGroup):
         """(Pi - P.J p, R^T P)."""
         c, s = g[0, 0], g[1, 0]
         return vec(mu[0] + (mu[1] * g[1, 2] - mu[2] * g[0, 2]), c * mu[1] + s * mu[2], c * mu[2] - s * mu[1])
-
-    def why_no_cayley(self) -> None:
-        """There is one: x y x is -w^2 a J and -w a v."""
-        return None
 
     def casimirs(self, mu: Vec) -> Vec:
         """P.P."""
@@ -158,59 +232,11 @@ class SE2(LieGroup):
         """g + g (exp(xi) - 1): rounded by what the step adds, not by what is there."""
         return _advanced(g, *_exp_less_one(xi))
 
-    def is_exp_chart(self, xi: Vec) -> bool:
-        """|w| < 2 pi: less than a whole turn."""
-        return xi[0] * xi[0] < WHOLE_TURN
-
     def log(self, g: Element) -> Vec:
         """(w, (w/2) cot(w/2) p - w J p/2), |w| at most pi."""
         w = atan2(g[1, 0] - g[0, 1], g[0, 0] + g[1, 1])
         along, x, y = 1.0 - (w * w) * bernoulli(w * w), g[0, 2], g[1, 2]
         return vec(w, along * x + (0.5 * w) * y, along * y - (0.5 * w) * x)
-
-    def exp_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
-        """1 + (sin w/w) ad* + ((1 - cos w)/w^2) ad*^2."""
-        a, b = exp_coefficients(xi[0] * xi[0], vec(xi[0]))
-        return _series_dual(xi, mu, a, b)
-
-    def dexp(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """eta + b [xi, eta] + c [xi, [xi, eta]], b = (1 - cos w)/w^2, c = (w - sin w)/w^3."""
-        b, c, _, _ = dexp_coefficients(xi[0] * xi[0])
-        return _series(xi, eta, _signed(b, side), c)
-
-    def dexp_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """mu + b ad*_xi mu + c ad*_xi^2 mu."""
-        b, c, _, _ = dexp_coefficients(xi[0] * xi[0])
-        return _series_dual(xi, mu, _signed(b, side), c)
-
-    def dexp_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """eta - [xi, eta]/2 + d [xi, [xi, eta]], d = (1 - (w/2) cot(w/2))/w^2; raises OutsideChart unless |w| < 2 pi."""
-        return _series(xi, eta, _signed(-0.5, side), bernoulli(xi[0] * xi[0]))
-
-    def dexp_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """mu - ad*_xi mu/2 + d ad*_xi^2 mu; raises OutsideChart unless |w| < 2 pi."""
-        return _series_dual(xi, mu, _signed(-0.5, side), bernoulli(xi[0] * xi[0]))
-
-    def dexp_inv_series(self, xi: Vec, eta: Vec, terms: int, side: str = "right") -> Vec:
-        """Since ad^3 = -w^2 ad, the series is 1 - ad/2 + (1/12 + w^2/720 + ...) ad^2."""
-        x, total = xi[0] * xi[0], 0.0
-        for k in range(terms - terms % 2, 1, -2):
-            total = BERNOULLI[k] - x * total
-        return _series(xi, eta, _signed(-0.5 if terms else 0.0, side), total)
-
-    def exp_mismatch(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
-        """r = p - (mu + b y + c ad*_xi y), y = ad*_xi mu; with y = B(mu) xi and the derivatives b', c' with respect to w^2
-
-        dr/dxi = -2 w (b' y + c' ad*_xi y) e_1^T - b B(mu) - c (B(y) + ad*_xi B(mu)).
-        """
-        w, along, across_x, across_y = xi[0], mu[1] * xi[1] + mu[2] * xi[2], xi[0] * mu[1], xi[0] * mu[2]
-        b, c, b_slope, c_slope = dexp_coefficients(w * w)
-        ad_star, structure = self.algebra.ad_star, self.algebra.poisson_structure
-        y = ad_star(xi, mu)
-        z = ad_star(xi, y)
-        second = mat(vec(along, across_x, across_y), vec(-2.0 * across_x, 0.0, 0.0), vec(-2.0 * across_y, 0.0, 0.0))
-        first = outer((2.0 * w) * (b_slope * y + c_slope * z), vec(1.0, 0.0, 0.0))
-        return p - (mu + (b * y + c * z)), 1.0, -(first + (b * structure(mu) + c * second))
 
     # ---------------------------------------------------------------- Cayley map
 
@@ -231,41 +257,10 @@ class SE2(LieGroup):
         w = 2.0 * s / (1.0 + c) if c > 0.0 else 2.0 * (1.0 - c) / s
         return vec(w, x + (0.5 * w) * y, y - (0.5 * w) * x)
 
-    def cayley_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
-        """1 + f ad* + (f/2) ad*^2, f = 4/(4 + w^2)."""
-        f = _cayley_factor(xi)
-        return _series_dual(xi, mu, f, 0.5 * f)
-
-    def dcayley(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """f (eta + [xi, eta]/2)."""
-        return _cayley_factor(xi) * (eta + _signed(0.5, side) * self.algebra.bracket(xi, eta))
-
-    def dcayley_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """f (mu + ad*_xi mu/2)."""
-        return _cayley_factor(xi) * (mu + _signed(0.5, side) * self.algebra.ad_star(xi, mu))
-
-    def dcayley_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """eta - [xi, eta]/2 + w a (w, v)/4."""
-        return eta + (_signed(-0.5, side) * self.algebra.bracket(xi, eta) + (0.25 * xi[0] * eta[0]) * xi)
-
-    def dcayley_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """mu - ad*_xi mu/2 + (w <mu, xi>/4, 0)."""
-        pairing = mu[0] * xi[0] + (mu[1] * xi[1] + mu[2] * xi[2])
-        return mu + (_signed(-0.5, side) * self.algebra.ad_star(xi, mu) + vec(0.25 * xi[0] * pairing, 0.0, 0.0))
-
-    def cayley_mismatch(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
-        """r = (4 + w^2) p - 4 mu - 2 ad*_xi mu,  dr/dp = 4 + w^2,  dr/dxi = 2 w p e_1^T - 2 B(mu)."""
-        scale = 4.0 + xi[0] * xi[0]
-        r = scale * p - (4.0 * mu + 2.0 * self.algebra.ad_star(xi, mu))
-        by_xi = outer((2.0 * xi[0]) * p, vec(1.0, 0.0, 0.0)) - 2.0 * self.algebra.poisson_structure(mu)
-        return r, scale, by_xi
-
-    # the Cayley map of ad is Ad of the Cayley map
-    cayley_adjoint, cayley_adjoint_inv = cayley, cayley_inv
-    cayley_adjoint_Ad_star, compose_cayley_adjoint = cayley_Ad_star, compose_cayley
-    dcayley_adjoint, dcayley_adjoint_inv = dcayley, dcayley_inv
-    dcayley_adjoint_dual, dcayley_adjoint_inv_dual = dcayley_dual, dcayley_inv_dual
-    cayley_adjoint_mismatch = cayley_mismatch
+    @property
+    def by_adjoint(self) -> LieGroup:
+        """Itself: the Cayley map of ad is Ad of the Cayley map."""
+        return self
 
 
 # ------------------------------------------------------------------ series

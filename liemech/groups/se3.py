@@ -21,8 +21,9 @@ import numpy as np
 
 from ..formulas import Ambient, Element, Mat, Vec, cross, dot, mat, outer, record, vec
 from ..formulas.broadcasting import MEMBERSHIP
+from .bernoulli import BERNOULLI
 from .lie_algebra import Constants, LieAlgebra
-from .lie_group import BERNOULLI, LieGroup
+from .lie_group import LieGroup
 from .rotation_coefficients import all_coefficients, bernoulli_coefficients, dexp_curvatures
 from .so3 import SO3, SO3Algebra, plus, rotation_defect, turn
 
@@ -82,6 +83,111 @@ class SE3Algebra(LieAlgebra):
         W, v = _parts(matrix)
         return join(SO3Algebra().vee(W), v)
 
+    def exp_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
+        """exp(-ad) on P + eps Pi, without forming a matrix."""
+        x, slope = _square(xi)
+        a, b, _, a_slope, b_slope, _ = all_coefficients(x, halves(xi)[0])
+        return _series_dual(xi, mu, (a, b), (slope * a_slope, slope * b_slope))
+
+    def dexp(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
+        """1 + b ad + c ad^2 over dual numbers, b = (1 - cos th)/th^2, c = (th - sin th)/th^3."""
+        return _series(xi, eta, *_dexp(xi, side))
+
+    def dexp_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+        """1 - b ad + c ad^2 on P + eps Pi."""
+        return _series_dual(xi, mu, *_dexp(xi, side))
+
+    def dexp_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
+        """1 - ad/2 + d ad^2 over dual numbers, d = (1 - (th/2) cot(th/2))/th^2.
+
+        Raises OutsideChart unless |w| < 2 pi.
+        """
+        return _series(xi, eta, *_dexp_inv(xi, side))
+
+    def dexp_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+        """1 + ad/2 + d ad^2 on P + eps Pi.  Raises OutsideChart unless |w| < 2 pi."""
+        return _series_dual(xi, mu, *_dexp_inv(xi, side))
+
+    def dexp_inv_series(self, xi: Vec, eta: Vec, terms: int, side: str = "right") -> Vec:
+        """Since ad^3 = -|xi|^2 ad over dual numbers, the series is 1 - ad/2 + (1/12 + |xi|^2/720 + ...) ad^2."""
+        x, slope = _square(xi)
+        total, total_slope = 0.0, 0.0
+        for k in range(terms - terms % 2, 1, -2):  # Horner's rule, for the polynomial and for its derivative
+            total_slope = -(total + x * total_slope)
+            total = BERNOULLI[k] - x * total
+        first = 0.0 if terms == 0 else -0.5 if side == "right" else 0.5
+        return _series(xi, eta, (first, total), None if terms < 4 else (0.0, slope * total_slope))
+
+    def is_exp_chart(self, xi: Vec) -> bool:
+        """|w| < 2 pi: less than a whole turn."""
+        return SO3Algebra().is_exp_chart(halves(xi)[0])
+
+    def exp_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
+        """r = p - (dexp_xi)* mu; r and its Jacobian are those of SO(3) over dual numbers.
+
+        A Jacobian A + eps B over dual numbers is [[B, A], [A, 0]] for the parts (eps, 1) of r and (1, eps) of xi.
+        """
+        (w, v), (Pi, P), hat = halves(xi), halves(mu), SO3Algebra().hat
+        x, slope = _square(xi)
+        a, b, c, a1, b1, c1 = all_coefficients(x)
+        b2, c2 = dexp_curvatures(x)
+        da, db, dc, db1, dc1 = slope * a1, slope * b1, slope * c1, slope * b2, slope * c2  # the eps parts of a, b, c, b', c'
+        s, ds = dot(w, P), dot(w, Pi) + dot(v, P)
+        cs, dcs = c * s, c * ds + dc * s
+        y, dy = cross(w, P), cross(w, Pi) + cross(v, P)
+        carried = (a * P - b * y) + cs * w
+        dcarried = ((a * Pi + da * P) - (b * dy + db * y)) + (cs * v + dcs * w)
+        along = (b - c) * P + 2.0 * (b1 * y - (c1 * s) * w)
+        dalong = ((b - c) * Pi + (db - dc) * P) + 2.0 * ((b1 * dy + db1 * y) - ((c1 * s) * v + (c1 * ds + dc1 * s) * w))
+        A = outer(along, w) - outer(c * w, P) - hat(b * P)
+        B = (outer(dalong, w) + outer(along, v)) - (outer(c * v + dc * w, P) + outer(c * w, Pi)) - hat(b * Pi + db * P)
+        A, B = plus(A, -cs), plus(B, -dcs)
+        return p - join(dcarried, carried), 1.0, _blocks(B, A, A)
+
+    def cayley_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
+        """Ad* of (cay w, (1 - W/2)^-1 v), without forming the matrix."""
+        (w, v), (Pi, P) = halves(xi), halves(mu)
+        moved = Pi - cross(_half_inverse(w, v), P)
+        return join(SO3Algebra().cayley_Ad_star(w, moved), SO3Algebra().cayley_Ad_star(w, P))
+
+    def dcayley(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
+        """(a', v x a'/2 + (1 - W/2)^-1 u) with a' = dcay_w a."""
+        (w, v), (a, u) = _sided(xi, side), halves(eta)
+        turned = SO3Algebra().dcayley(w, a)
+        return join(turned, 0.5 * cross(v, turned) + _half_inverse(w, u))
+
+    def dcayley_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+        """((dcay_w)* (Pi - v x P/2), (1 + W/2)^-1 P)."""
+        (w, v), (Pi, P) = _sided(xi, side), halves(mu)
+        return join(SO3Algebra().dcayley_dual(w, Pi - 0.5 * cross(v, P)), _half_inverse(-w, P))
+
+    def dcayley_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
+        """(dcay_w^-1 a, (1 - W/2)(u - v x a/2))."""
+        (w, v), (a, u) = _sided(xi, side), halves(eta)
+        rest = u - 0.5 * cross(v, a)
+        return join(SO3Algebra().dcayley_inv(w, a), rest - 0.5 * cross(w, rest))
+
+    def dcayley_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+        """((dcay_w^-1)* Pi + v x P'/2, P') with P' = (1 + W/2) P."""
+        (w, v), (Pi, P) = _sided(xi, side), halves(mu)
+        turned = P + 0.5 * cross(w, P)
+        return join(SO3Algebra().dcayley_inv_dual(w, Pi) + 0.5 * cross(v, turned), turned)
+
+    def cayley_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
+        """4 + |w|^2 times p - (dcay_xi)* mu, a polynomial; with N = Pi - v x P/2 and p = (l, m)
+
+            ( (4 + |w|^2) l - 4 N + 2 w x N,  (4 + |w|^2) m - 4 P + 2 w x P - w (w.P) ).
+        """
+        (w, v), (Pi, P), (l, m) = halves(xi), halves(mu), halves(p)
+        hat, scale, N = SO3Algebra().hat, 4.0 + dot(w, w), Pi - 0.5 * cross(v, P)
+        s, along, across = dot(w, P), dot(w, P) * w, cross(w, 2.0 * P)
+        r = join(scale * l + (cross(w, 2.0 * N) - 4.0 * N), scale * m + ((across - 4.0 * P) - along))
+        # (W - 2) hat(P) = P w^T - w.P - 2 hat(P)
+        angular_by_w = outer(2.0 * l, w) - hat(2.0 * N)
+        angular_by_v = plus(outer(P, w) - hat(2.0 * P), -s)
+        linear_by_w = plus((outer(2.0 * m, w) - outer(w, P)) - hat(2.0 * P), -s)
+        return r, scale, _blocks(angular_by_w, angular_by_v, linear_by_w)
+
 
 @record
 class SE3(LieGroup):
@@ -91,8 +197,8 @@ class SE3(LieGroup):
 
         exp(w, v) = (exp w, V v),   Ad_g (a, u) = (R a, R u + p x R a),   Ad*_g (Pi, P) = (R^T (Pi - p x P), R^T P).
 
-    `cayley` is the Cayley map of 4 by 4 matrices, `cayley_adjoint` the one whose Ad is the Cayley map of ad, 6 by 6: it is that of
-    SO(3) over dual numbers.  They agree up to the third order.
+    `cayley` is the Cayley map of 4 by 4 matrices; `by_adjoint` has the one of the matrices Ad_g,
+    6 by 6.  They agree up to the third order.
 
     Source: Bou-Rabee and Marsden (2009), section 4; Selig, Cayley maps for SE(3), 12th IFToMM World Congress (2007).
     """
@@ -126,10 +232,6 @@ class SE3(LieGroup):
         """(R^T (Pi - p x P), R^T P)."""
         (R, p), (Pi, P) = _parts(g), halves(mu)
         return join((Pi - cross(p, P)) @ R, P @ R)
-
-    def why_no_cayley(self) -> None:
-        """There is one, and a second one."""
-        return None
 
     def casimirs(self, mu: Vec) -> Vec:
         """P.P and Pi.P: |P + eps Pi|^2 is P.P + eps 2 Pi.P."""
@@ -193,74 +295,18 @@ class SE3(LieGroup):
         (R, p), (rotation, q) = _parts(g), _screw(xi)
         return _matrix(R + R @ rotation, p + R @ q)
 
-    def is_exp_chart(self, xi: Vec) -> bool:
-        """|w| < 2 pi: less than a whole turn."""
-        return SO3().is_exp_chart(halves(xi)[0])
-
     def log(self, g: Element) -> Vec:
         """(w, dexp_w^-1 p) with the rotation vector w of R, of length at most pi."""
         R, p = _parts(g)
         w = SO3().log(R)
-        return join(w, SO3().dexp_inv(w, p))
-
-    def exp_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
-        """exp(-ad) on P + eps Pi, without forming a matrix."""
-        x, slope = _square(xi)
-        a, b, _, a_slope, b_slope, _ = all_coefficients(x, halves(xi)[0])
-        return _series_dual(xi, mu, (a, b), (slope * a_slope, slope * b_slope))
-
-    def dexp(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """1 + b ad + c ad^2 over dual numbers, b = (1 - cos th)/th^2, c = (th - sin th)/th^3."""
-        return _series(xi, eta, *_dexp(xi, side))
-
-    def dexp_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """1 - b ad + c ad^2 on P + eps Pi."""
-        return _series_dual(xi, mu, *_dexp(xi, side))
-
-    def dexp_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """1 - ad/2 + d ad^2 over dual numbers, d = (1 - (th/2) cot(th/2))/th^2.
-
-        Raises OutsideChart unless |w| < 2 pi.
-        """
-        return _series(xi, eta, *_dexp_inv(xi, side))
-
-    def dexp_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """1 + ad/2 + d ad^2 on P + eps Pi.  Raises OutsideChart unless |w| < 2 pi."""
-        return _series_dual(xi, mu, *_dexp_inv(xi, side))
-
-    def dexp_inv_series(self, xi: Vec, eta: Vec, terms: int, side: str = "right") -> Vec:
-        """Since ad^3 = -|xi|^2 ad over dual numbers, the series is 1 - ad/2 + (1/12 + |xi|^2/720 + ...) ad^2."""
-        x, slope = _square(xi)
-        total, total_slope = 0.0, 0.0
-        for k in range(terms - terms % 2, 1, -2):  # Horner's rule, for the polynomial and for its derivative
-            total_slope = -(total + x * total_slope)
-            total = BERNOULLI[k] - x * total
-        first = 0.0 if terms == 0 else -0.5 if side == "right" else 0.5
-        return _series(xi, eta, (first, total), None if terms < 4 else (0.0, slope * total_slope))
-
-    def exp_mismatch(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
-        """r = p - (dexp_xi)* mu; r and its Jacobian are those of SO(3) over dual numbers.
-
-        A Jacobian A + eps B over dual numbers is [[B, A], [A, 0]] for the parts (eps, 1) of r and (1, eps) of xi.
-        """
-        (w, v), (Pi, P), hat = halves(xi), halves(mu), SO3Algebra().hat
-        x, slope = _square(xi)
-        a, b, c, a1, b1, c1 = all_coefficients(x)
-        b2, c2 = dexp_curvatures(x)
-        da, db, dc, db1, dc1 = slope * a1, slope * b1, slope * c1, slope * b2, slope * c2  # the eps parts of a, b, c, b', c'
-        s, ds = dot(w, P), dot(w, Pi) + dot(v, P)
-        cs, dcs = c * s, c * ds + dc * s
-        y, dy = cross(w, P), cross(w, Pi) + cross(v, P)
-        carried = (a * P - b * y) + cs * w
-        dcarried = ((a * Pi + da * P) - (b * dy + db * y)) + (cs * v + dcs * w)
-        along = (b - c) * P + 2.0 * (b1 * y - (c1 * s) * w)
-        dalong = ((b - c) * Pi + (db - dc) * P) + 2.0 * ((b1 * dy + db1 * y) - ((c1 * s) * v + (c1 * ds + dc1 * s) * w))
-        A = outer(along, w) - outer(c * w, P) - hat(b * P)
-        B = (outer(dalong, w) + outer(along, v)) - (outer(c * v + dc * w, P) + outer(c * w, Pi)) - hat(b * Pi + db * P)
-        A, B = plus(A, -cs), plus(B, -dcs)
-        return p - join(dcarried, carried), 1.0, _blocks(B, A, A)
+        return join(w, SO3Algebra().dexp_inv(w, p))
 
     # ---------------------------------------------------------------- Cayley map of 4 by 4 matrices
+
+    @property
+    def by_adjoint(self) -> LieGroup:
+        """SE(3) with the Cayley map of 6 by 6 matrices."""
+        return SE3ByAdjoint()
 
     def cayley(self, xi: Vec) -> Element:
         """(cay w, (1 - W/2)^-1 v)."""
@@ -278,96 +324,39 @@ class SE3(LieGroup):
         w = SO3().cayley_inv(R)
         return join(w, p - 0.5 * cross(w, p))
 
+
+@record
+class SE3ByAdjointAlgebra(SE3Algebra):
+    """se(3) with the differentials of the Cayley map of 6 by 6 matrices, those of SO(3) over dual numbers."""
+
     def cayley_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
-        """Ad* of (cay w, (1 - W/2)^-1 v), without forming the matrix."""
-        (w, v), (Pi, P) = halves(xi), halves(mu)
-        moved = Pi - cross(_half_inverse(w, v), P)
-        return join(SO3().cayley_Ad_star(w, moved), SO3().cayley_Ad_star(w, P))
-
-    def dcayley(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """(a', v x a'/2 + (1 - W/2)^-1 u) with a' = dcay_w a."""
-        (w, v), (a, u) = _sided(xi, side), halves(eta)
-        turned = SO3().dcayley(w, a)
-        return join(turned, 0.5 * cross(v, turned) + _half_inverse(w, u))
-
-    def dcayley_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """(dcay_w^-1 a, (1 - W/2)(u - v x a/2))."""
-        (w, v), (a, u) = _sided(xi, side), halves(eta)
-        rest = u - 0.5 * cross(v, a)
-        return join(SO3().dcayley_inv(w, a), rest - 0.5 * cross(w, rest))
-
-    def dcayley_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """((dcay_w)* (Pi - v x P/2), (1 + W/2)^-1 P)."""
-        (w, v), (Pi, P) = _sided(xi, side), halves(mu)
-        return join(SO3().dcayley_dual(w, Pi - 0.5 * cross(v, P)), _half_inverse(-w, P))
-
-    def dcayley_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """((dcay_w^-1)* Pi + v x P'/2, P') with P' = (1 + W/2) P."""
-        (w, v), (Pi, P) = _sided(xi, side), halves(mu)
-        turned = P + 0.5 * cross(w, P)
-        return join(SO3().dcayley_inv_dual(w, Pi) + 0.5 * cross(v, turned), turned)
-
-    def cayley_mismatch(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
-        """4 + |w|^2 times p - (dcay_xi)* mu, a polynomial; with N = Pi - v x P/2 and p = (l, m)
-
-            ( (4 + |w|^2) l - 4 N + 2 w x N,  (4 + |w|^2) m - 4 P + 2 w x P - w (w.P) ).
-        """
-        (w, v), (Pi, P), (l, m) = halves(xi), halves(mu), halves(p)
-        hat, scale, N = SO3Algebra().hat, 4.0 + dot(w, w), Pi - 0.5 * cross(v, P)
-        s, along, across = dot(w, P), dot(w, P) * w, cross(w, 2.0 * P)
-        r = join(scale * l + (cross(w, 2.0 * N) - 4.0 * N), scale * m + ((across - 4.0 * P) - along))
-        # (W - 2) hat(P) = P w^T - w.P - 2 hat(P)
-        angular_by_w = outer(2.0 * l, w) - hat(2.0 * N)
-        angular_by_v = plus(outer(P, w) - hat(2.0 * P), -s)
-        linear_by_w = plus((outer(2.0 * m, w) - outer(w, P)) - hat(2.0 * P), -s)
-        return r, scale, _blocks(angular_by_w, angular_by_v, linear_by_w)
-
-    # ---------------------------------------------------------------- Cayley map of the adjoint representation, 6 by 6
-
-    def cayley_adjoint(self, xi: Vec) -> Element:
-        """(cay w, dcay_w v)."""
-        w, v = halves(xi)
-        return _matrix(SO3().cayley(w), SO3().dcayley(w, v))
-
-    def compose_cayley_adjoint(self, g: Element, xi: Vec) -> Element:
-        """(R + R (cay(w) - 1), p + R dcay_w v)."""
-        (R, p), (w, v) = _parts(g), halves(xi)
-        return _matrix(SO3().compose_cayley(R, w), p + R @ SO3().dcayley(w, v))
-
-    def cayley_adjoint_inv(self, g: Element) -> Vec:
-        """(w, dcay_w^-1 p) with w = cay^-1 R.  Raises OutsideChart at half a turn."""
-        R, p = _parts(g)
-        w = SO3().cayley_inv(R)
-        return join(w, SO3().dcayley_inv(w, p))
-
-    def cayley_adjoint_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
         """1 - f ad + (f/2) ad^2 on P + eps Pi, f = 4/(4 + |w|^2 + eps 2 w.v)."""
         f, df = _cayley_factor(xi)
         return _series_dual(xi, mu, (f, 0.5 * f), (df, 0.5 * df))
 
-    def dcayley_adjoint(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
+    def dcayley(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
         """f (1 + ad/2) over dual numbers."""
         (w, v), (a, u) = _sided(xi, side), halves(eta)
         f, df = _cayley_factor(xi)
         first, second = a + 0.5 * cross(w, a), u + 0.5 * (cross(w, u) + cross(v, a))
         return join(f * first, f * second + df * first)
 
-    def dcayley_adjoint_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
+    def dcayley_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
         """1 - ad/2 + xi (xi . )/4 over dual numbers."""
         (w, v), (a, u) = _sided(xi, side), halves(eta)
         s, ds = 0.25 * dot(w, a), 0.25 * (dot(w, u) + dot(v, a))
         first, second = cross(w, a), cross(w, u) + cross(v, a)
         return join(a + (s * w - 0.5 * first), u + ((s * v + ds * w) - 0.5 * second))
 
-    def dcayley_adjoint_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+    def dcayley_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
         """The other side's differential, of P + eps Pi."""
-        return _exchanged(self.dcayley_adjoint(xi, _exchanged(mu), _other(side)))
+        return _exchanged(self.dcayley(xi, _exchanged(mu), _other(side)))
 
-    def dcayley_adjoint_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+    def dcayley_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
         """The other side's inverse differential, of P + eps Pi."""
-        return _exchanged(self.dcayley_adjoint_inv(xi, _exchanged(mu), _other(side)))
+        return _exchanged(self.dcayley_inv(xi, _exchanged(mu), _other(side)))
 
-    def cayley_adjoint_mismatch(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
+    def cayley_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
         """4 + |w|^2 times p - (dcay_xi)* mu, that is, over dual numbers, with k = 1/(1 + eps 2 w.v/(4 + |w|^2)),
 
         r = (4 + |w|^2) p + k (2 xi x mu - 4 mu).
@@ -383,6 +372,36 @@ class SE3(LieGroup):
         by_w = (outer(2.0 * l, w) - hat(2.0 * (Pi - k * P))) - outer(first, (2.0 / scale) * (v - k * w))
         return r, scale, _blocks(by_w, by_v, A)
 
+
+@record
+class SE3ByAdjoint(SE3):
+    """SE(3) with the Cayley map of the matrices Ad_g, 6 by 6: that of SO(3) over dual numbers.
+
+    It differs from that of 4 by 4 matrices in the third order of the displacement.
+
+    Source: Selig, Cayley maps for SE(3), 12th IFToMM World Congress (2007).
+    """
+
+    @property
+    def algebra(self) -> SE3Algebra:
+        """se(3)."""
+        return SE3ByAdjointAlgebra()
+
+    def cayley(self, xi: Vec) -> Element:
+        """(cay w, dcay_w v)."""
+        w, v = halves(xi)
+        return _matrix(SO3().cayley(w), SO3Algebra().dcayley(w, v))
+
+    def compose_cayley(self, g: Element, xi: Vec) -> Element:
+        """(R + R (cay(w) - 1), p + R dcay_w v)."""
+        (R, p), (w, v) = _parts(g), halves(xi)
+        return _matrix(SO3().compose_cayley(R, w), p + R @ SO3Algebra().dcayley(w, v))
+
+    def cayley_inv(self, g: Element) -> Vec:
+        """(w, dcay_w^-1 p) with w = cay^-1 R.  Raises OutsideChart at half a turn."""
+        R, p = _parts(g)
+        w = SO3().cayley_inv(R)
+        return join(w, SO3Algebra().dcayley_inv(w, p))
 
 # ------------------------------------------------------------------ screws
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..errors import IncompatibleSystem, InvalidInput, InvalidType
 from ..formulas import Ambient, Element, Mat, Vec, identity_matrix, mat, record, vec
-from .lie_algebra import Constants, LieAlgebra
+from .lie_algebra import LieAlgebra
 from .lie_group import LieGroup
 from .product import ProductGroup
 from .representations import LinearAction, Representation, RotationAction, averaged, squares, standard_action
@@ -35,11 +35,9 @@ class SemidirectAlgebra(LieAlgebra):
         return self.action.group.dim + self.action.space_dim
 
     @property
-    def structure_constants(self) -> Constants:
-        """The brackets of the basis."""
-        basis = list(identity_matrix(self.dim))
-        c = np.array([[self.bracket(a, b) for b in basis] for a in basis], dtype=float)
-        return tuple(tuple(tuple(row) for row in plane) for plane in c.transpose(2, 0, 1).tolist())
+    def acting(self) -> LieAlgebra:
+        """The algebra of the group."""
+        return self.action.group.algebra
 
     def bracket(self, xi: Vec, eta: Vec) -> Vec:
         """([xi, eta], xi . v - eta . u)."""
@@ -57,6 +55,111 @@ class SemidirectAlgebra(LieAlgebra):
         """The coordinates in the algebra of the group, and the vector.  xi : (dim,)."""
         n = self.action.group.dim
         return vec(*xi[:n]), vec(*xi[n:])
+
+    def exp_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
+        """(Ad*_exp(xi) (m - J(phi1(xi) u, p)), p . exp(xi)), without forming the element."""
+        (x, u), (m, p) = self.parts(xi), self.parts(mu)
+        moved = m - self.action.momentum(self.action.phi1(x, u), p)
+        return vec(*self.acting.exp_Ad_star(x, moved), *self.action.exp_act_dual(x, p))
+
+    def dexp(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
+        """sum_k ad_xi^k eta/(k + 1)!; for large xi from its half, dexp_xi = (1 + Ad_exp(xi/2)) dexp_(xi/2)/2."""
+        x = xi if side == "right" else -xi
+        return averaged(self.ad, self._exp_Ad, self._size2(x), x, eta)
+
+    def dexp_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+        """sum_k ad*_xi^k mu/(k + 1)!; for large xi from its half."""
+        x = xi if side == "right" else -xi
+        return averaged(self.ad_star, self.exp_Ad_star, self._size2(x), x, mu)
+
+    def dexp_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
+        """(y, phi1^-1 (v - c)) with y = dexp_xi^-1 eta in the group, and c the vector of dexp_(xi, u) (y, 0)."""
+        x = xi if side == "right" else -xi
+        (w, _), (a, v) = self.parts(x), self.parts(eta)
+        y = self.acting.dexp_inv(w, a)
+        _, c = self.parts(self.dexp(x, vec(*y, *(0.0 * v))))
+        return vec(*y, *self.action.phi1_inv(w, v - c))
+
+    def dexp_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+        """((dexp_xi^-1)* (m - c), q) with q = p . phi1^-1, and c the group's part of (dexp_(xi, u))* (0, q)."""
+        x = xi if side == "right" else -xi
+        (w, _), (m, p) = self.parts(x), self.parts(mu)
+        q = self.action.phi1_inv_dual(w, p)
+        c, _ = self.parts(self.dexp_dual(x, vec(*(0.0 * m), *q)))
+        return vec(*self.acting.dexp_inv_dual(w, m - c), *q)
+
+    def is_exp_chart(self, xi: Vec) -> bool:
+        """Is xi's part in the chart of the group?"""
+        return self.acting.is_exp_chart(self.parts(xi)[0])
+
+    def exp_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
+        """r = p - sum_k t_k with t_k = ad*_xi t_k-1/(k + 1), t_0 = mu; the derivative of the recursion gives dr/dxi.
+
+        The derivative stops at 1e-11: Newton's method feels no less.
+        """
+        units, size2 = identity_matrix(self.dim), self._size2(xi)
+        term, k = 0.5 * self.ad_star(xi, mu), 2.0
+        slopes = mat(*[0.5 * self.ad_star(unit, mu) for unit in units])
+        by_xi, before, bound = slopes, 1.0, size2
+        while before > ROUGH and k < 64.0:
+            k = k + 1.0
+            x = (1.0 / k) * xi
+            slopes = mat(*[self.ad_star(x, s) + (1.0 / k) * self.ad_star(unit, term) for unit, s in zip(units, slopes)])
+            term, by_xi = self.ad_star(x, term), by_xi + slopes
+            before, bound = bound, bound * (size2 / (k * k))
+        return p - self.dexp_dual(xi, mu), 1.0, -by_xi.T
+
+    def cayley_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
+        """Ad* of (cay xi, y) with y = (1 - xi/2)^-1 u, where p . cay xi = p + q . xi with q = p . (1 - xi/2)^-1."""
+        (x, u), (m, p) = self.parts(xi), self.parts(mu)
+        moved = m - self.action.momentum(self._half_inverse(x, u), p)
+        turned = p + self.action.infinitesimal_dual(x, self.action.half_inverse_dual(x, p))
+        return vec(*self.acting.cayley_Ad_star(x, moved), *turned)
+
+    def dcayley(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
+        """(y, (1 - xi/2)^-1 v - y . u/2) with y = dcay_xi eta."""
+        (x, u), (a, v) = self.parts(xi if side == "right" else -xi), self.parts(eta)
+        y = self.acting.dcayley(x, a)
+        return vec(*y, *(self._half_inverse(x, v) - 0.5 * self.action.infinitesimal(y, u)))
+
+    def dcayley_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+        """((dcay_xi)* (m - J(u, p)/2), p . (1 - xi/2)^-1)."""
+        (x, u), (m, p) = self.parts(xi if side == "right" else -xi), self.parts(mu)
+        shifted = m - 0.5 * self.action.momentum(u, p)
+        return vec(*self.acting.dcayley_dual(x, shifted), *self.action.half_inverse_dual(x, p))
+
+    def dcayley_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
+        """(dcay_xi^-1 eta, (1 - xi/2)(v + eta . u/2))."""
+        (x, u), (a, v) = self.parts(xi if side == "right" else -xi), self.parts(eta)
+        rest = v + 0.5 * self.action.infinitesimal(a, u)
+        return vec(*self.acting.dcayley_inv(x, a), *(rest - 0.5 * self.action.infinitesimal(x, rest)))
+
+    def dcayley_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+        """((dcay_xi^-1)* m + J(u, q)/2, q) with q = p . (1 - xi/2)."""
+        (x, u), (m, p) = self.parts(xi if side == "right" else -xi), self.parts(mu)
+        q = p - 0.5 * self.action.infinitesimal_dual(x, p)
+        return vec(*(self.acting.dcayley_inv_dual(x, m) + 0.5 * self.action.momentum(u, q)), *q)
+
+
+    def _exp_Ad(self, xi: Vec, eta: Vec) -> Vec:
+        """Ad_exp(xi) eta."""
+        (x, u), (y, v), action = self.parts(xi), self.parts(eta), self.action
+        g = action.group.exp(x)
+        moved = action.group.Ad(g, y)
+        return vec(*moved, *(action.act(g, v) - action.infinitesimal(moved, action.phi1(x, u))))
+
+    def _size2(self, xi: Vec) -> float:
+        """The squared entries of ad_xi, those with u left out, which is nilpotent."""
+        x, _ = self.parts(xi)
+        units = identity_matrix(self.acting.dim)
+        return squares([self.acting.bracket(x, unit) for unit in units]) + self.action._size2(x)
+
+    def _half_inverse(self, xi: Vec, v: Vec) -> Vec:
+        """(1 - xi/2)^-1 v, where the Cayley map exists."""
+        reason = self.action.why_no_cayley()
+        if reason is not None:
+            raise IncompatibleSystem(f"SemidirectProduct has no Cayley map: {reason}")
+        return self.action.half_inverse(xi, v)
 
 
 @record
@@ -214,122 +317,24 @@ class SemidirectProduct(LieGroup):
         y = self.acting.log(a)
         return vec(*y, *self.action.phi1_inv(y, x))
 
-    def is_exp_chart(self, xi: Vec) -> bool:
-        """Is xi's part in the chart of the group?"""
-        return self.acting.is_exp_chart(self.algebra.parts(xi)[0])
-
-    def exp_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
-        """(Ad*_exp(xi) (m - J(phi1(xi) u, p)), p . exp(xi)), without forming the element."""
-        (x, u), (m, p) = self.algebra.parts(xi), self.algebra.parts(mu)
-        moved = m - self.action.momentum(self.action.phi1(x, u), p)
-        return vec(*self.acting.exp_Ad_star(x, moved), *self.action.exp_act_dual(x, p))
-
-    def dexp(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """sum_k ad_xi^k eta/(k + 1)!; for large xi from its half, dexp_xi = (1 + Ad_exp(xi/2)) dexp_(xi/2)/2."""
-        x = xi if side == "right" else -xi
-        return averaged(self.ad, self._exp_Ad, self._size2(x), x, eta)
-
-    def dexp_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """sum_k ad*_xi^k mu/(k + 1)!; for large xi from its half."""
-        x = xi if side == "right" else -xi
-        return averaged(self.ad_star, self.exp_Ad_star, self._size2(x), x, mu)
-
-    def dexp_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """(y, phi1^-1 (v - c)) with y = dexp_xi^-1 eta in the group, and c the vector of dexp_(xi, u) (y, 0)."""
-        x = xi if side == "right" else -xi
-        (w, _), (a, v) = self.algebra.parts(x), self.algebra.parts(eta)
-        y = self.acting.dexp_inv(w, a)
-        _, c = self.algebra.parts(self.dexp(x, vec(*y, *(0.0 * v))))
-        return vec(*y, *self.action.phi1_inv(w, v - c))
-
-    def dexp_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """((dexp_xi^-1)* (m - c), q) with q = p . phi1^-1, and c the group's part of (dexp_(xi, u))* (0, q)."""
-        x = xi if side == "right" else -xi
-        (w, _), (m, p) = self.algebra.parts(x), self.algebra.parts(mu)
-        q = self.action.phi1_inv_dual(w, p)
-        c, _ = self.algebra.parts(self.dexp_dual(x, vec(*(0.0 * m), *q)))
-        return vec(*self.acting.dexp_inv_dual(w, m - c), *q)
-
-    def exp_mismatch(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
-        """r = p - sum_k t_k with t_k = ad*_xi t_k-1/(k + 1), t_0 = mu; the derivative of the recursion gives dr/dxi.
-
-        The derivative stops at 1e-11: Newton's method feels no less.
-        """
-        units, size2 = identity_matrix(self.dim), self._size2(xi)
-        term, k = 0.5 * self.ad_star(xi, mu), 2.0
-        slopes = mat(*[0.5 * self.ad_star(unit, mu) for unit in units])
-        by_xi, before, bound = slopes, 1.0, size2
-        while before > ROUGH and k < 64.0:
-            k = k + 1.0
-            x = (1.0 / k) * xi
-            slopes = mat(*[self.ad_star(x, s) + (1.0 / k) * self.ad_star(unit, term) for unit, s in zip(units, slopes)])
-            term, by_xi = self.ad_star(x, term), by_xi + slopes
-            before, bound = bound, bound * (size2 / (k * k))
-        return p - self.dexp_dual(xi, mu), 1.0, -by_xi.T
-
-    def _exp_Ad(self, xi: Vec, eta: Vec) -> Vec:
-        return self.Ad(self.exp(xi), eta)
-
-    def _size2(self, xi: Vec) -> float:
-        """The squared entries of ad_xi, those with u left out, which is nilpotent."""
-        x, _ = self.algebra.parts(xi)
-        return squares([self.acting.ad(x, unit) for unit in identity_matrix(self.acting.dim)]) + self.action._size2(x)
-
     # ---------------------------------------------------------------- Cayley map
 
     def why_no_cayley(self) -> str | None:
         """The reason why the action has none."""
         return self.action.why_no_cayley()
 
-    def _half_inverse(self, xi: Vec, v: Vec) -> Vec:
-        """(1 - xi/2)^-1 v, where the Cayley map exists."""
-        if self.why_no_cayley() is not None:
-            raise IncompatibleSystem(f"{type(self).__name__} has no Cayley map: {self.why_no_cayley()}")
-        return self.action.half_inverse(xi, v)
-
     def cayley(self, xi: Vec) -> Element:
         """(cay xi, (1 - xi/2)^-1 u)."""
         x, u = self.algebra.parts(xi)
-        return self.join(self.acting.cayley(x), self._half_inverse(x, u))
+        return self.join(self.acting.cayley(x), self.algebra._half_inverse(x, u))
 
     def compose_cayley(self, g: Element, xi: Vec) -> Element:
         """(a cay xi, x + a . (1 - xi/2)^-1 u)."""
         (a, x), (y, u) = self.split(g), self.algebra.parts(xi)
-        return self.join(self.acting.compose_cayley(a, y), x + self.action.act(a, self._half_inverse(y, u)))
+        return self.join(self.acting.compose_cayley(a, y), x + self.action.act(a, self.algebra._half_inverse(y, u)))
 
     def cayley_inv(self, g: Element) -> Vec:
         """(xi, x - xi . x/2) with xi = cay^-1 a."""
         a, x = self.split(g)
         y = self.acting.cayley_inv(a)
         return vec(*y, *(x - 0.5 * self.action.infinitesimal(y, x)))
-
-    def cayley_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
-        """Ad* of (cay xi, y) with y = (1 - xi/2)^-1 u, where p . cay xi = p + q . xi with q = p . (1 - xi/2)^-1."""
-        (x, u), (m, p) = self.algebra.parts(xi), self.algebra.parts(mu)
-        moved = m - self.action.momentum(self._half_inverse(x, u), p)
-        turned = p + self.action.infinitesimal_dual(x, self.action.half_inverse_dual(x, p))
-        return vec(*self.acting.cayley_Ad_star(x, moved), *turned)
-
-    def dcayley(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """(y, (1 - xi/2)^-1 v - y . u/2) with y = dcay_xi eta."""
-        (x, u), (a, v) = self.algebra.parts(xi if side == "right" else -xi), self.algebra.parts(eta)
-        y = self.acting.dcayley(x, a)
-        return vec(*y, *(self._half_inverse(x, v) - 0.5 * self.action.infinitesimal(y, u)))
-
-    def dcayley_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """((dcay_xi)* (m - J(u, p)/2), p . (1 - xi/2)^-1)."""
-        (x, u), (m, p) = self.algebra.parts(xi if side == "right" else -xi), self.algebra.parts(mu)
-        shifted = m - 0.5 * self.action.momentum(u, p)
-        return vec(*self.acting.dcayley_dual(x, shifted), *self.action.half_inverse_dual(x, p))
-
-    def dcayley_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """(dcay_xi^-1 eta, (1 - xi/2)(v + eta . u/2))."""
-        (x, u), (a, v) = self.algebra.parts(xi if side == "right" else -xi), self.algebra.parts(eta)
-        rest = v + 0.5 * self.action.infinitesimal(a, u)
-        return vec(*self.acting.dcayley_inv(x, a), *(rest - 0.5 * self.action.infinitesimal(x, rest)))
-
-    def dcayley_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """((dcay_xi^-1)* m + J(u, q)/2, q) with q = p . (1 - xi/2)."""
-        (x, u), (m, p) = self.algebra.parts(xi if side == "right" else -xi), self.algebra.parts(mu)
-        q = p - 0.5 * self.action.infinitesimal_dual(x, p)
-        return vec(*(self.acting.dcayley_inv_dual(x, m) + 0.5 * self.action.momentum(u, q)), *q)

@@ -9,8 +9,9 @@ import numpy as np
 from ..errors import InvalidInput, OutsideChart
 from ..formulas import Ambient, Element, Mat, Vec, cross, dot, mat, outer, record, vec
 from ..formulas.broadcasting import MEMBERSHIP, small
+from .bernoulli import BERNOULLI
 from .lie_algebra import Constants, LieAlgebra
-from .lie_group import BERNOULLI, LieGroup
+from .lie_group import LieGroup
 from .nearest import nearest_unitary
 from .rotation_coefficients import WHOLE_TURN, all_coefficients, bernoulli, dexp_coefficients, exp_coefficients
 from .rotation_logarithm import rotation_quaternion, rotation_vector
@@ -69,6 +70,88 @@ class SO3Algebra(LieAlgebra):
         m = matrix
         return 0.5 * vec(m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1])
 
+    def exp_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
+        """exp(-hat xi) mu, without forming the matrix."""
+        a, b = exp_coefficients(dot(xi, xi), xi)
+        w = cross(xi, mu)
+        return mu + (b * cross(xi, w) - a * w)
+
+    def dexp(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
+        """eta + b xi x eta + c xi x (xi x eta), b = (1 - cos th)/th^2, c = (th - sin th)/th^3."""
+        u = xi if side == "right" else -xi
+        b, c, _, _ = dexp_coefficients(dot(u, u))
+        w = cross(u, eta)
+        return eta + (b * w + c * cross(u, w))
+
+    def dexp_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+        """mu - b xi x mu + c xi x (xi x mu): the other side's differential."""
+        return self.dexp(xi, mu, "left" if side == "right" else "right")
+
+    def dexp_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
+        """eta - xi x eta/2 + d xi x (xi x eta), d = (1 - (th/2) cot(th/2))/th^2; raises OutsideChart unless |xi| < 2 pi."""
+        u = xi if side == "right" else -xi
+        w = cross(u, eta)
+        return eta + (bernoulli(dot(u, u)) * cross(u, w) - 0.5 * w)
+
+    def dexp_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+        """mu + xi x mu/2 + d xi x (xi x mu): the other side's inverse differential."""
+        return self.dexp_inv(xi, mu, "left" if side == "right" else "right")
+
+    def dexp_inv_series(self, xi: Vec, eta: Vec, terms: int, side: str = "right") -> Vec:
+        """Since ad^3 = -x ad, the series is 1 - W/2 + (1/12 + x/720 + ...) W^2: a matrix, ready before eta is."""
+        u = xi if side == "right" else -xi
+        x = dot(u, u)
+        power, total = 1.0, 0.0
+        for k in range(2, terms + 1, 2):
+            total = total + BERNOULLI[k] * power
+            power = -x * power
+        return plus(turn(-0.5 if terms else 0.0, total, u), 1.0) @ eta
+
+    def is_exp_chart(self, xi: Vec) -> bool:
+        """|xi| < 2 pi: less than a whole turn."""
+        return dot(xi, xi) < WHOLE_TURN
+
+    def exp_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
+        """r = p - a mu + b xi x mu - c s xi,  s = xi . mu,  with a = sin th/th, b = (1 - cos th)/th^2, c = (th - sin th)/th^3 and
+
+        dr/dxi = ((b - c) mu + 2 b' xi x mu - 2 c' s xi) xi^T - c (xi mu^T + s) - b hat(mu),  primes with respect to th^2.
+        """
+        x, w, s = dot(xi, xi), cross(xi, mu), dot(xi, mu)
+        a, b, c, _, b_slope, c_slope = all_coefficients(x)
+        r = (p - a * mu) + (b * w - c * (s * xi))
+        m = outer(mu, xi)
+        along = (2.0 * b_slope) * w - (2.0 * c_slope) * (s * xi)
+        by_xi = (b * (m - self.hat(mu)) - c * plus(m + m.T, s)) + outer(along, xi)
+        return r, 1.0, by_xi
+
+    def cayley_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
+        """cay(-hat xi) mu, without forming the matrix."""
+        f, w = 4.0 / (4.0 + dot(xi, xi)), cross(xi, mu)
+        return mu + f * (0.5 * cross(xi, w) - w)
+
+    def dcayley(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
+        """4/(4 + |xi|^2) (eta + xi x eta/2)."""
+        u = xi if side == "right" else -xi
+        return (4.0 / (4.0 + dot(u, u))) * (eta + 0.5 * cross(u, eta))
+
+    def dcayley_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+        """4/(4 + |xi|^2) (mu - xi x mu/2): the other side's differential."""
+        return self.dcayley(xi, mu, "left" if side == "right" else "right")
+
+    def dcayley_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
+        """eta - xi x eta/2 + xi (xi . eta)/4."""
+        u = xi if side == "right" else -xi
+        return eta + ((0.25 * dot(u, eta)) * u - 0.5 * cross(u, eta))
+
+    def dcayley_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+        """mu + xi x mu/2 + xi (xi . mu)/4: the other side's inverse differential."""
+        return self.dcayley_inv(xi, mu, "left" if side == "right" else "right")
+
+    def cayley_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
+        """r = (4 + |xi|^2) p + 2 xi x mu - 4 mu,  dr/dp = 4 + |xi|^2,  dr/dxi = 2 p xi^T - 2 hat(mu)."""
+        scale, twice = 4.0 + dot(xi, xi), 2.0 * mu
+        return scale * p + (cross(xi, twice) - 4.0 * mu), scale, outer(2.0 * p, xi) - self.hat(twice)
+
 
 @record
 class SO3(LieGroup):
@@ -99,10 +182,6 @@ class SO3(LieGroup):
     def Ad_star(self, g: Element, mu: Vec) -> Vec:
         """g^T mu."""
         return mu @ g
-
-    def why_no_cayley(self) -> None:
-        """There is one."""
-        return None
 
     def defect(self, g: Ambient) -> float:
         """The largest entry of |g^T g - 1|, and of |det g - 1|."""
@@ -184,10 +263,6 @@ class SO3(LieGroup):
         a, b = exp_coefficients(dot(xi, xi), xi)
         return g + g @ turn(a, b, xi)
 
-    def is_exp_chart(self, xi: Vec) -> bool:
-        """|xi| < 2 pi: less than a whole turn."""
-        return dot(xi, xi) < WHOLE_TURN
-
     def log(self, g: Element) -> Vec:
         """The rotation vector, of length at most pi."""
         return rotation_vector(g)
@@ -195,56 +270,6 @@ class SO3(LieGroup):
     def quaternion(self, g: Element) -> Vec:
         """The unit quaternion (x, y, z, w) of a rotation, scalar last and not negative.  g : (3, 3)."""
         return rotation_quaternion(g)
-
-    def exp_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
-        """exp(-hat xi) mu, without forming the matrix."""
-        a, b = exp_coefficients(dot(xi, xi), xi)
-        w = cross(xi, mu)
-        return mu + (b * cross(xi, w) - a * w)
-
-    def dexp(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """eta + b xi x eta + c xi x (xi x eta), b = (1 - cos th)/th^2, c = (th - sin th)/th^3."""
-        u = xi if side == "right" else -xi
-        b, c, _, _ = dexp_coefficients(dot(u, u))
-        w = cross(u, eta)
-        return eta + (b * w + c * cross(u, w))
-
-    def dexp_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """eta - xi x eta/2 + d xi x (xi x eta), d = (1 - (th/2) cot(th/2))/th^2; raises OutsideChart unless |xi| < 2 pi."""
-        u = xi if side == "right" else -xi
-        w = cross(u, eta)
-        return eta + (bernoulli(dot(u, u)) * cross(u, w) - 0.5 * w)
-
-    def dexp_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """mu - b xi x mu + c xi x (xi x mu): the other side's differential."""
-        return self.dexp(xi, mu, "left" if side == "right" else "right")
-
-    def dexp_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """mu + xi x mu/2 + d xi x (xi x mu): the other side's inverse differential."""
-        return self.dexp_inv(xi, mu, "left" if side == "right" else "right")
-
-    def dexp_inv_series(self, xi: Vec, eta: Vec, terms: int, side: str = "right") -> Vec:
-        """Since ad^3 = -x ad, the series is 1 - W/2 + (1/12 + x/720 + ...) W^2: a matrix, ready before eta is."""
-        u = xi if side == "right" else -xi
-        x = dot(u, u)
-        power, total = 1.0, 0.0
-        for k in range(2, terms + 1, 2):
-            total = total + BERNOULLI[k] * power
-            power = -x * power
-        return plus(turn(-0.5 if terms else 0.0, total, u), 1.0) @ eta
-
-    def exp_mismatch(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
-        """r = p - a mu + b xi x mu - c s xi,  s = xi . mu,  with a = sin th/th, b = (1 - cos th)/th^2, c = (th - sin th)/th^3 and
-
-        dr/dxi = ((b - c) mu + 2 b' xi x mu - 2 c' s xi) xi^T - c (xi mu^T + s) - b hat(mu),  primes with respect to th^2.
-        """
-        x, w, s = dot(xi, xi), cross(xi, mu), dot(xi, mu)
-        a, b, c, _, b_slope, c_slope = all_coefficients(x)
-        r = (p - a * mu) + (b * w - c * (s * xi))
-        m = outer(mu, xi)
-        along = (2.0 * b_slope) * w - (2.0 * c_slope) * (s * xi)
-        by_xi = (b * (m - self.algebra.hat(mu)) - c * plus(m + m.T, s)) + outer(along, xi)
-        return r, 1.0, by_xi
 
     # ---------------------------------------------------------------- Cayley map
 
@@ -263,40 +288,10 @@ class SO3(LieGroup):
             raise OutsideChart(AT_HALF_TURN)
         return (2.0 / q[3]) * vec(q[0], q[1], q[2])
 
-    def cayley_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
-        """cay(-hat xi) mu, without forming the matrix."""
-        f, w = 4.0 / (4.0 + dot(xi, xi)), cross(xi, mu)
-        return mu + f * (0.5 * cross(xi, w) - w)
-
-    def dcayley(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """4/(4 + |xi|^2) (eta + xi x eta/2)."""
-        u = xi if side == "right" else -xi
-        return (4.0 / (4.0 + dot(u, u))) * (eta + 0.5 * cross(u, eta))
-
-    def dcayley_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """eta - xi x eta/2 + xi (xi . eta)/4."""
-        u = xi if side == "right" else -xi
-        return eta + ((0.25 * dot(u, eta)) * u - 0.5 * cross(u, eta))
-
-    def dcayley_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """4/(4 + |xi|^2) (mu - xi x mu/2): the other side's differential."""
-        return self.dcayley(xi, mu, "left" if side == "right" else "right")
-
-    def dcayley_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """mu + xi x mu/2 + xi (xi . mu)/4: the other side's inverse differential."""
-        return self.dcayley_inv(xi, mu, "left" if side == "right" else "right")
-
-    def cayley_mismatch(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
-        """r = (4 + |xi|^2) p + 2 xi x mu - 4 mu,  dr/dp = 4 + |xi|^2,  dr/dxi = 2 p xi^T - 2 hat(mu)."""
-        scale, twice = 4.0 + dot(xi, xi), 2.0 * mu
-        return scale * p + (cross(xi, twice) - 4.0 * mu), scale, outer(2.0 * p, xi) - self.algebra.hat(twice)
-
-    # the Cayley map of ad is Ad of the Cayley map
-    cayley_adjoint, cayley_adjoint_inv = cayley, cayley_inv
-    cayley_adjoint_Ad_star, compose_cayley_adjoint = cayley_Ad_star, compose_cayley
-    dcayley_adjoint, dcayley_adjoint_inv = dcayley, dcayley_inv
-    dcayley_adjoint_dual, dcayley_adjoint_inv_dual = dcayley_dual, dcayley_inv_dual
-    cayley_adjoint_mismatch = cayley_mismatch
+    @property
+    def by_adjoint(self) -> LieGroup:
+        """Itself: the Cayley map of ad is Ad of the Cayley map."""
+        return self
 
 
 def rotation_defect(a: float, b: float, c: float, d: float, e: float, f: float, p: float, q: float, r: float) -> float:

@@ -156,43 +156,7 @@ class UnitQuaternions(LieGroup):
             return 2.0 * v if g[3] > 0.0 else vec(WHOLE_TURN, 0.0, 0.0)
         return (2.0 * atan2(size, g[3]) / size) * v
 
-    def is_exp_chart(self, xi: Vec) -> bool:
-        """|xi| < 2 pi: less than a whole turn."""
-        return SO3().is_exp_chart(xi)
-
-    def exp_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
-        """That of rotations."""
-        return SO3().exp_Ad_star(xi, mu)
-
-    def dexp(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """That of rotations."""
-        return SO3().dexp(xi, eta, side)
-
-    def dexp_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """That of rotations."""
-        return SO3().dexp_dual(xi, mu, side)
-
-    def dexp_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """That of rotations.  Raises OutsideChart unless |xi| < 2 pi."""
-        return SO3().dexp_inv(xi, eta, side)
-
-    def dexp_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """That of rotations.  Raises OutsideChart unless |xi| < 2 pi."""
-        return SO3().dexp_inv_dual(xi, mu, side)
-
-    def dexp_inv_series(self, xi: Vec, eta: Vec, terms: int, side: str = "right") -> Vec:
-        """That of rotations."""
-        return SO3().dexp_inv_series(xi, eta, terms, side)
-
-    def exp_mismatch(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
-        """That of rotations."""
-        return SO3().exp_mismatch(xi, p, mu)
-
     # ---------------------------------------------------------------- Cayley map
-
-    def why_no_cayley(self) -> None:
-        """There is one: that of SO(3), followed upwards from 1."""
-        return None
 
     def cayley(self, xi: Vec) -> Element:
         """(xi/2, 1)/sqrt(1 + |xi|^2/4): the rotation by 2 atan(|xi|/2), whose matrix is (1 - hat(xi)/2)^-1 (1 + hat(xi)/2)."""
@@ -219,36 +183,10 @@ class UnitQuaternions(LieGroup):
             )
         return (2.0 / g[3]) * _vector(g)
 
-    def cayley_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
-        """That of rotations."""
-        return SO3().cayley_Ad_star(xi, mu)
-
-    def dcayley(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """That of rotations."""
-        return SO3().dcayley(xi, eta, side)
-
-    def dcayley_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """That of rotations."""
-        return SO3().dcayley_dual(xi, mu, side)
-
-    def dcayley_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """That of rotations."""
-        return SO3().dcayley_inv(xi, eta, side)
-
-    def dcayley_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """That of rotations."""
-        return SO3().dcayley_inv_dual(xi, mu, side)
-
-    def cayley_mismatch(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
-        """That of rotations."""
-        return SO3().cayley_mismatch(xi, p, mu)
-
-    # the Cayley map of ad is Ad of the Cayley map
-    cayley_adjoint, cayley_adjoint_inv = cayley, cayley_inv
-    cayley_adjoint_Ad_star, compose_cayley_adjoint = cayley_Ad_star, compose_cayley
-    dcayley_adjoint, dcayley_adjoint_inv = dcayley, dcayley_inv
-    dcayley_adjoint_dual, dcayley_adjoint_inv_dual = dcayley_dual, dcayley_inv_dual
-    cayley_adjoint_mismatch = cayley_mismatch
+    @property
+    def by_adjoint(self) -> LieGroup:
+        """Itself: the Cayley map of ad is Ad of the Cayley map."""
+        return self
 
 
 def _vector(q: Vec) -> Vec:

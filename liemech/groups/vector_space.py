@@ -42,6 +42,58 @@ class AbelianAlgebra(LieAlgebra):
         """Zero: momenta are constant."""
         return vec(*[0.0] * self.n)
 
+    def exp_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
+        """mu."""
+        return mu
+
+    def dexp(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
+        """eta."""
+        return eta
+
+    def dexp_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+        """mu."""
+        return mu
+
+    def dexp_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
+        """eta."""
+        return eta
+
+    def dexp_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+        """mu."""
+        return mu
+
+    def dexp_inv_series(self, xi: Vec, eta: Vec, terms: int, side: str = "right") -> Vec:
+        """eta."""
+        return eta
+
+    def exp_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
+        """r = p - mu, dr/dp = 1, dr/dxi = 0."""
+        return p - mu, 1.0, mat(*[vec(*[0.0] * self.n) for _ in range(self.n)])
+
+    def cayley_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
+        """mu."""
+        return mu
+
+    def dcayley(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
+        """eta."""
+        return eta
+
+    def dcayley_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+        """mu."""
+        return mu
+
+    def dcayley_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
+        """eta."""
+        return eta
+
+    def dcayley_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+        """mu."""
+        return mu
+
+    def cayley_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
+        """r = p - mu, dr/dp = 1, dr/dxi = 0."""
+        return self.exp_residual(xi, p, mu)
+
 
 @record
 class VectorSpace(LieGroup):
@@ -113,43 +165,11 @@ class VectorSpace(LieGroup):
         """g."""
         return g
 
-    def exp_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
-        """mu."""
-        return mu
-
     def compose_exp(self, g: Element, xi: Vec) -> Element:
         """g + xi."""
         return g + xi
 
-    def dexp(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """eta."""
-        return eta
-
-    def dexp_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """mu."""
-        return mu
-
-    def dexp_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """eta."""
-        return eta
-
-    def dexp_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """mu."""
-        return mu
-
-    def dexp_inv_series(self, xi: Vec, eta: Vec, terms: int, side: str = "right") -> Vec:
-        """eta."""
-        return eta
-
-    def exp_mismatch(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
-        """r = p - mu, dr/dp = 1, dr/dxi = 0."""
-        return p - mu, 1.0, mat(*[vec(*[0.0] * self.n) for _ in range(self.n)])
-
     # ---------------------------------------------------------------- Cayley map
-
-    def why_no_cayley(self) -> None:
-        """There is one: as translations, matrices [[1, xi], [0, 1]], products of the algebra vanish."""
-        return None
 
     def cayley(self, xi: Vec) -> Element:
         """xi."""
@@ -159,37 +179,11 @@ class VectorSpace(LieGroup):
         """g."""
         return g
 
-    def cayley_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
-        """mu."""
-        return mu
-
     def compose_cayley(self, g: Element, xi: Vec) -> Element:
         """g + xi."""
         return g + xi
 
-    def dcayley(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """eta."""
-        return eta
-
-    def dcayley_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """mu."""
-        return mu
-
-    def dcayley_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """eta."""
-        return eta
-
-    def dcayley_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """mu."""
-        return mu
-
-    def cayley_mismatch(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
-        """r = p - mu, dr/dp = 1, dr/dxi = 0."""
-        return self.exp_mismatch(xi, p, mu)
-
-    # and so is the Cayley map of the adjoint representation
-    cayley_adjoint, cayley_adjoint_inv = cayley, cayley_inv
-    cayley_adjoint_Ad_star, compose_cayley_adjoint = cayley_Ad_star, compose_cayley
-    dcayley_adjoint, dcayley_adjoint_inv = dcayley, dcayley_inv
-    dcayley_adjoint_dual, dcayley_adjoint_inv_dual = dcayley_dual, dcayley_inv_dual
-    cayley_adjoint_mismatch = cayley_mismatch
+    @property
+    def by_adjoint(self) -> LieGroup:
+        """Itself: the Cayley map of ad is Ad of the Cayley map."""
+        return self

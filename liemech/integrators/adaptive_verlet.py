@@ -11,7 +11,7 @@ from ..systems.canonical import CanonicalState
 from ..systems.separable import SeparableSystem
 from ..systems.time_scales import POSITIVE
 from ..systems.time_transformed import TimeTransformed
-from .method import Method
+from .method import Method, alternatives
 
 CLOSE = 2.0**-27
 """A relative mismatch of sigma below which the correction of Newton's method, applied once more, leaves rounding only."""
@@ -57,7 +57,7 @@ class AdaptiveVerlet(Method):
         """A separable system, T of second degree, transformed by a sigma(q)."""
         if not isinstance(system, TimeTransformed):
             raise IncompatibleSystem(
-                f"{self!r} needs a TimeTransformed(system, sigma); got {system!r}. {getattr(system, 'instead', '')}"
+                f"{self!r} needs a TimeTransformed(system, sigma); got {system!r}. {alternatives(system)}"
             )
         if not (isinstance(system.system, SeparableSystem) and system.system.quadratic and system.sigma.positions):
             raise IncompatibleSystem(

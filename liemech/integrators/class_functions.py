@@ -33,6 +33,7 @@ from ..groups.lie_group import LieGroup
 from ..groups.rotation_coefficients import BERNOULLI, LIMIT, polynomial
 from ..groups.se3 import SE3Algebra
 from ..groups.so3 import SO3, SO3Algebra
+from ..groups.unit_quaternions import UnitQuaternions
 from ..retractions import Cayley, Exponential, Retraction
 from ..solvers import newton
 
@@ -159,8 +160,8 @@ class CayleySquare(ClassFunction):
     """
 
     def require(self, group: LieGroup, retraction: Retraction) -> None:
-        """Only SO3() with Cayley()."""
-        if not isinstance(group, SO3) or not isinstance(retraction, Cayley):
+        """Only rotations with Cayley()."""
+        if not isinstance(group, (SO3, UnitQuaternions)) or not isinstance(retraction, Cayley):
             raise IncompatibleSystem(
                 f"CayleySquare is for SO3() with Cayley(); got {group!r} with {retraction!r}. InvariantForm() knows more groups"
             )

@@ -60,10 +60,10 @@ class CommutatorFree(Method):
         velocities: list[Vec] = []
         for c, rows, origin, main in zip(data.c, data.flows[1:], data.origins[1:], data.main[1:]):
             places = [*places, place]
-            velocities = [*velocities, system.rate(t + c * h, system.essential(place))]
-            place = places[origin] if main else system.essential(places[origin])
+            velocities = [*velocities, system.rate(t + c * h, system.essential_part(place))]
+            place = places[origin] if main else system.essential_part(places[origin])
             for row in rows:
-                place = system.moved(Exponential(), place, combination(row, velocities, h))
+                place = system.displaced(Exponential(), place, combination(row, velocities, h))
         return place
 
     def __repr__(self) -> str:

@@ -92,9 +92,9 @@ class Composition(Method):
         """A system that the base accepts."""
         self.base.require(system)
 
-    def caution(self, system: Any, start: State, h: float) -> str | None:
+    def step_warning(self, system: Any, start: State, h: float) -> str | None:
         """What the base says of the largest substep."""
-        return self.base.caution(system, start, self.tableau.reach * h)
+        return self.base.step_warning(system, start, self.tableau.reach * h)
 
     def start(self, system: Any, state: State, h: float) -> Substeps:
         """Every substep begins with no other past than the state."""

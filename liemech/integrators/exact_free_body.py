@@ -35,6 +35,7 @@ from ..groups.product import ProductGroup
 from ..groups.rotation_coefficients import LIMIT, SINC, VERSINE, polynomial
 from ..groups.se3 import SE3, join
 from ..groups.so3 import SO3, plus
+from ..groups.unit_quaternions import UnitQuaternions
 from ..groups.vector_space import VectorSpace
 from ..retractions import Cayley
 from ..systems.kinetic_energy import KineticEnergy, times
@@ -96,7 +97,7 @@ class ExactFreeBody(Method):
         layout, done = layout_of(state), 0.0
         while done < parts:
             x = _with_flight(system, orbit.displacement(_turning(state.mu), unit), state.mu, h / parts)
-            state = fitted(system.moved(Cayley(), state, x), layout)
+            state = fitted(system.displaced(Cayley(), state, x), layout)
             done = done + 1.0
         return state
 
@@ -233,7 +234,7 @@ def _why_not(system: Any) -> str:
         return "it is in a field"
     group, energy = getattr(system, "group", None), getattr(system, "hamiltonian", None)
     in_space = isinstance(group, SE3) or group == ProductGroup(SO3(), VectorSpace(3))
-    if not (isinstance(group, SO3) or in_space):
+    if not (isinstance(group, (SO3, UnitQuaternions)) or in_space):
         return "it does not turn in space"
     if not isinstance(energy, KineticEnergy):
         return "its energy is not quadratic"

@@ -10,7 +10,7 @@ import numpy as np
 from ..errors import IncompatibleSystem, InvalidInput
 from ..formulas import Mat, Record, Vec, derivative, identity_matrix, mat, norm, plain, record, vec
 from ..formulas.derivatives import tangent
-from ..groups.lie_group import one_norm
+from ..formulas.sizes import one_norm
 from ..retractions import Exponential, Retraction
 from ..solvers import correction, fixed_point
 from ..systems.kinetic_energy import times
@@ -124,7 +124,7 @@ class GalerkinVariational(Implicit):
         x, mu = combination(b, velocities, h), state.mu if kick is None else state.mu + kick
         if not self.retraction.is_chart(body.group, x):
             raise self._out_of_chart(h, f"|x| = {norm(x):.2g}")
-        return self.after(state, body.moved(self.retraction, BodyState(mu, state.g), x), velocities)
+        return self.after(state, body.displaced(self.retraction, BodyState(mu, state.g), x), velocities)
 
     def _sweep(
         self, system: Any, t: float, start: BodyState, h: float, middle: Middle, velocities: tuple[Vec, ...]

@@ -8,7 +8,7 @@ from ..errors import IncompatibleSystem
 from ..formulas import Vec, plain, record, vec
 from ..systems.canonical import CanonicalState
 from ..systems.constrained import SeparableConstrainedSystem, cross_products, eliminated
-from .method import Method
+from .method import Method, alternatives
 from .separable import Splitting
 
 
@@ -34,7 +34,7 @@ class GeodesicSplitting(Splitting):
         if not isinstance(system, SeparableConstrainedSystem):
             raise IncompatibleSystem(
                 f"{self!r} needs a SeparableConstrainedSystem, H = T(p) + V(q) with g(q) = 0; got {system!r}. "
-                f"{getattr(system, 'instead', 'RKMK accepts every system')}"
+                f"{alternatives(system)}"
             )
         if not callable(getattr(system, "geodesic", None)):
             raise IncompatibleSystem(

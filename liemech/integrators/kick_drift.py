@@ -12,7 +12,7 @@ from ..systems.lie_poisson import BodyState
 from ..systems.mechanical import MechanicalSystem
 from ..tableaus.splittings import BLANES_CASAS_ESCORIHUELA8, BLANES_MOAN4, BLANES_MOAN6, STRANG, SplittingTableau
 from .exact_free_body import ExactFreeBody
-from .method import Method
+from .method import Method, alternatives
 from .moser_veselov import ExactMoserVeselov
 
 
@@ -39,8 +39,8 @@ class FieldSplitting(Method):
     def require(self, system: Any) -> None:
         """A body in a field, that the free motion accepts."""
         if not isinstance(system, MechanicalSystem):
-            instead = getattr(system, "instead", f"Without a field it is {self.free!r}")  # type: ignore[attr-defined]
-            raise IncompatibleSystem(f"{self!r} needs a body in a field, a MechanicalSystem; got {system!r}. {instead}")
+            told = alternatives(system, f"Without a field it is {self.free!r}")  # type: ignore[attr-defined]
+            raise IncompatibleSystem(f"{self!r} needs a body in a field, a MechanicalSystem; got {system!r}. {told}")
         self.free.require(system.body)  # type: ignore[attr-defined]
 
     def start(self, system: Any, state: BodyState, h: float) -> Flight:

@@ -64,9 +64,9 @@ class Magnus(Method):
 
     def step(self, system: System, t: float, state: Any, h: float) -> Any:
         """One step by one exponential."""
-        start = system.essential(state)
+        start = system.essential_part(state)
         velocities = [system.rate(t + c * h, start) for c in NODES[self.order]]
-        return system.moved(Exponential(), state, self.displacement(system, velocities, h))
+        return system.displaced(Exponential(), state, self.displacement(system, velocities, h))
 
     def displacement(self, system: System, velocities: list[Vec], h: float) -> Vec:
         """Omega, from the velocities at the nodes."""

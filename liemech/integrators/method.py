@@ -14,9 +14,11 @@ from ..systems.system import State, System
 class Method(Record):
     """A one-step method; subclass it to write your own.
 
-    1. A subclass claims `order`, `symmetric` and `symplectic`, and writes `step`.
-    2. It may say what it needs (`needs`) and keep its own memory from step to step (`start`, `observe`, `past`, `resume`).
-    3. Whoever owns the loop calls `start` once and `step` again and again; `integrate` is such a loop.
+    must:     `step`, and the claims `order`, `symmetric`, `symplectic`
+    may:      `needs` and `require`, what systems it accepts; a field `retraction`;
+              `start`, `observe`, `past`, `resume`, a memory from step to step;
+              `error_order` with an adaptive `trial`, and its dense output; `step_warning`; `name`
+    follows:  `integrate` and whoever else owns a loop call `start` once and `step` again and again
 
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., II.1 and V.
     """
@@ -31,6 +33,11 @@ class Method(Record):
         given = getattr(self, "retraction", None)
         if given is not None and not isinstance(given, Retraction):
             raise InvalidType(f"{type(self).__name__}: retraction must be Exponential(), Cayley() or one of yours; got {given!r}")
+
+    @property
+    def error_order(self) -> int:
+        """The order of the error estimate plus one, by which adaptive steps are chosen; 0 if there is none."""
+        return 0
 
     @property
     def name(self) -> str:
@@ -64,13 +71,18 @@ class Method(Record):
         """
         if not isinstance(system, System):
             raise IncompatibleSystem(f"{self!r} needs a system such as RigidBody([1.0, 1.5, 2.0]); got {system!r}")
-        instead = getattr(system, "instead", "RKMK accepts every system")
         for need in self.needs:
             if getattr(system, need, None) is None:
-                raise IncompatibleSystem(f"{self!r} needs a system with a {need}; {system!r} has none. {instead}.")
+                raise IncompatibleSystem(f"{self!r} needs a system with a {need}; {system!r} has none. {system.alternatives}.")
         if hasattr(self, "retraction"):
             self.retraction.require(system.group)
 
-    def caution(self, system: Any, start: Any, h: float) -> str | None:
+    def step_warning(self, system: Any, start: Any, h: float) -> str | None:
         """What to warn of before a run with this start and step; nothing by default."""
         return None
+
+
+def alternatives(system: Any, otherwise: str = System.alternatives) -> str:
+    """What to use where a method does not accept a system.  otherwise : if its class says nothing of its own."""
+    own = system.alternatives if isinstance(system, System) else otherwise
+    return otherwise if own == System.alternatives else own

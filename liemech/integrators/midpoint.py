@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 from ..errors import IncompatibleSystem, InvalidInput
 from ..formulas import Mat, Vec, cross, dot, jacobian, mat, norm, record, sqrt, transpose
 from ..groups.so3 import SO3, plus
+from ..groups.unit_quaternions import UnitQuaternions
 from ..retractions import Cayley
 from ..solvers import fixed_point, newton
 from ..systems.lie_poisson import BodyState, LiePoissonSystem
@@ -58,7 +59,7 @@ class ImplicitMidpoint(Implicit):
         """Solve for the mean from the extrapolated one, then move momentum and attitude by the displacement that belongs to it."""
         m = self.mean(system, h, state.mu, extrapolated(*self.past(state)))
         x = self.turn(system, h, m, state.mu)
-        return self.after(state, system.moved(Cayley(), self.observe(state), x), m)
+        return self.after(state, system.displaced(Cayley(), self.observe(state), x), m)
 
     def mean(self, system: Any, h: float, mu: Vec, guess: Vec) -> Vec:
         """The m with m - m x x(m)/2 = mu."""
@@ -139,9 +140,13 @@ class Isospectral(Implicit):
         return f"Isospectral Gauss {self.order}"
 
     def require(self, system: Any) -> None:
-        """A Lie-Poisson system of rotations."""
+        """A Lie-Poisson system of rotations, by matrices: the step adds to them what it turns."""
         super().require(system)
         require_rotations(self, system)
+        if isinstance(system.group, UnitQuaternions):
+            raise IncompatibleSystem(
+                f"{self!r} moves rotation matrices, not quaternions; got {system!r}. Use group=SO3(), or ImplicitMidpoint()"
+            )
 
     def first(self, system: Any, state: BodyState, h: float) -> tuple[Mat, ...]:
         """h B at the start, for all stages."""
@@ -179,8 +184,8 @@ def cofactors(q: Mat) -> Mat:
 
 
 def require_rotations(method: Method, system: Any) -> None:
-    """Raise IncompatibleSystem unless the system is a Lie-Poisson system on SO(3)."""
-    if not (isinstance(system, LiePoissonSystem) and isinstance(system.group, SO3)):
+    """Raise IncompatibleSystem unless the system is a Lie-Poisson system of rotations."""
+    if not (isinstance(system, LiePoissonSystem) and isinstance(system.group, (SO3, UnitQuaternions))):
         raise IncompatibleSystem(
             f"{method!r} is a method for momenta on so(3)*, a LiePoissonSystem on SO3() such as RigidBody([1.0, 1.5, 2.0]); "
             f"got {system!r}. RKMK(order=4) accepts every system"

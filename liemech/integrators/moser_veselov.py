@@ -10,6 +10,7 @@ import numpy as np
 from ..errors import IncompatibleSystem, InconsistentState, InvalidInput, NoConvergence
 from ..formulas import Mat, Vec, cross, dot, norm, outer, record, sqrt, vec, vectors, where
 from ..groups.so3 import SO3, plus
+from ..groups.unit_quaternions import UnitQuaternions
 from ..models.rigid_body import RigidBody
 from ..retractions import Cayley
 from ..solvers import beyond_fold, newton
@@ -56,7 +57,7 @@ class MoserVeselov(Implicit):
     def step(self, system: Any, t: float, state: Memory, h: float) -> Memory:
         """Solve for the displacement from the extrapolated one, then move momentum and attitude by it."""
         x = self.displacement(system, h, state.mu, extrapolated(*self.past(state)))
-        return self.after(state, system.moved(Cayley(), self.observe(state), x), x)
+        return self.after(state, system.displaced(Cayley(), self.observe(state), x), x)
 
     def inertia(self, system: Any) -> Vec | Mat:
         """The moments J, or their matrix."""
@@ -203,7 +204,7 @@ def _exact_displacement(inverse: Vec, mu: Vec, h: float) -> Vec:
     z = vec(0.0, 0.0, 0.0)
     for _ in range(int(parts)):
         x = orbit.displacement(mu, unit)
-        mu, more = SO3().cayley_Ad_star(x, mu), 0.5 * x
+        mu, more = SO3().algebra.cayley_Ad_star(x, mu), 0.5 * x
         left = 1.0 - dot(z, more)  # tan of half the angle, times the axis: Rodrigues' formula
         z = (1.0 / left if left > 0.0 else NAN) * (z + more + cross(z, more))
     return 2.0 * z
@@ -234,8 +235,9 @@ def _minus(m: Mat, s: float) -> Mat:
 
 
 def require_free_body(method: Method, system: Any) -> None:
-    """Raise IncompatibleSystem unless the system is a free rigid body: kinetic energy on SO(3)."""
-    if not (isinstance(getattr(system, "group", None), SO3) and isinstance(getattr(system, "hamiltonian", None), KineticEnergy)):
+    """Raise IncompatibleSystem unless the system is a free rigid body: kinetic energy on SO(3) or the unit quaternions."""
+    turns = isinstance(getattr(system, "group", None), (SO3, UnitQuaternions))
+    if not (turns and isinstance(getattr(system, "hamiltonian", None), KineticEnergy)):
         raise IncompatibleSystem(
             f"{method!r} is a method for the free rigid body, such as RigidBody([1.0, 1.5, 2.0]); got {system!r}. "
             "For this one use CovariantVariational(Exponential()), which keeps the same structure, or RKMK(order=4)"

@@ -12,7 +12,7 @@ from ..formulas import Record, Vec, gradient, jacobian, plain, record
 from ..formulas.broadcasting import small
 from ..systems.canonical import CanonicalState
 from ..systems.multirate import MultirateSystem
-from .method import Method
+from .method import Method, alternatives
 
 NEAR = 0.1
 """How near h w may come to a multiple of pi, as a part of pi, before a resonance is warned of."""
@@ -76,7 +76,7 @@ class MultipleTimeSteps(Method):
         if not isinstance(system, MultirateSystem):
             raise IncompatibleSystem(
                 f"{self!r} needs a MultirateSystem, whose potential is a sum of fast and slow parts; got {system!r}. "
-                f"{getattr(system, 'instead', 'RKMK accepts every system')}"
+                f"{alternatives(system)}"
             )
         if len(system.parts) != len(self.ratios) + 1:
             raise IncompatibleSystem(
@@ -84,7 +84,7 @@ class MultipleTimeSteps(Method):
             )
         super().require(system)
 
-    def caution(self, system: Any, start: CanonicalState, h: float) -> str | None:
+    def step_warning(self, system: Any, start: CanonicalState, h: float) -> str | None:
         """Of resonance, and of fast steps that are unstable, by the frequencies of all but the slowest part at the start."""
         if start.bodies is None:
             return self._caution(system, start.q, start.p, h)

@@ -8,6 +8,7 @@ from ..errors import IncompatibleSystem
 from ..formulas import Element, Vec, jacobian, record, vec
 from ..systems.constrained_body import NonholonomicBody
 from .lie_rattle import LieRATTLE
+from .method import alternatives
 
 
 @record
@@ -38,8 +39,7 @@ class LagrangeDAlembert(LieRATTLE):
     def require(self, system: Any) -> None:
         """A NonholonomicBody, on a group that has the retraction."""
         if not isinstance(system, NonholonomicBody):
-            instead = getattr(system, "instead", "RKMK accepts every system")
-            raise IncompatibleSystem(f"{self!r} needs a NonholonomicBody; got {system!r}. {instead}")
+            raise IncompatibleSystem(f"{self!r} needs a NonholonomicBody; got {system!r}. {alternatives(system)}")
         self.retraction.require(system.configurations)
 
     def _condition(self, system: Any, g: Element, x: Vec) -> tuple[Vec, Any]:

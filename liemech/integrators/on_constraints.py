@@ -9,7 +9,7 @@ import numpy as np
 from ..errors import IncompatibleSystem, InconsistentState, NoConvergence
 from ..formulas import Mat, Vec, derivative, dot, mat, record
 from ..systems.constrained import CONSISTENT, ConstrainedSystem, cross_products, eliminated
-from .method import Method
+from .method import Method, alternatives
 
 NEARLY = 1e-2
 """The reciprocal of a condition number below which a failing step is blamed on constraints that become dependent."""
@@ -32,7 +32,7 @@ class OnConstraints(Method):
         if not isinstance(system, ConstrainedSystem):
             raise IncompatibleSystem(
                 f"{self!r} needs a ConstrainedSystem, an energy and equations g(q) = 0; got {system!r}. "
-                f"{getattr(system, 'instead', 'RKMK accepts every system')}"
+                f"{alternatives(system)}"
             )
         super().require(system)
 

@@ -44,7 +44,7 @@ class PlanarEuler(Method):
         if not any(found):
             raise IncompatibleSystem(
                 f"{self!r}: b_12 of {system.structure!r} or the energy has no value at any of {len(PROBES)} points such as "
-                f"{PROBES[0]}, so that b_12 cannot be seen to be affine. {system.instead}"
+                f"{PROBES[0]}, so that b_12 cannot be seen to be affine. {system.alternatives}"
             )
 
     def _looked_at(self, system: Any, at: Vec) -> bool:
@@ -66,7 +66,7 @@ class PlanarEuler(Method):
             if not abs(curvature) <= ROUNDING * (abs(b) + abs(curvature)):
                 raise IncompatibleSystem(
                     f"{self!r} is no Poisson map here: b_12 of {system.structure!r} is not affine in {name}, its second "
-                    f"derivative at {tuple(at)} is {curvature:.3g}. {system.instead}"
+                    f"derivative at {tuple(at)} is {curvature:.3g}. {system.alternatives}"
                 )
         if not abs(mixed) <= ROUNDING * (sum(map(abs, gradient)) + abs(mixed)):
             raise IncompatibleSystem(

@@ -78,9 +78,9 @@ class ReversibleController(Method):
         """A system that the method accepts."""
         self.method.require(system.system if isinstance(system, Clocked) else system)
 
-    def caution(self, system: Any, start: Any, h: float) -> str | None:
+    def step_warning(self, system: Any, start: Any, h: float) -> str | None:
         """What the method says of the first step."""
-        return self.method.caution(system.system, system.without(start), h / start.z)
+        return self.method.step_warning(system.system, system.without(start), h / start.z)
 
     def start(self, system: Any, state: Any, h: float) -> Controlled:
         """The method's own memory beside time, z and the growth rate."""

@@ -6,7 +6,8 @@ from typing import Any
 
 from ..errors import InvalidInput, InvalidType, OrderWarning, warn
 from ..formulas import Record, Vec, plain, record, sqrt, where
-from ..groups.lie_group import BERNOULLI, one_norm
+from ..formulas.sizes import one_norm
+from ..groups.bernoulli import BERNOULLI, TERMS
 from ..retractions import Exponential, Retraction
 from ..solvers import fixed_point
 from ..systems.system import System
@@ -69,8 +70,8 @@ class RKMK(Method):
     def _check_truncation(self, q: int | str) -> None:
         if q == "closed":
             return
-        if not (type(q) is int and 0 <= q <= 12):
-            raise InvalidInput(f'RKMK: truncation is a number of terms from 0 to 12 or "closed"; got {q!r}')
+        if not (type(q) is int and 0 <= q <= TERMS):
+            raise InvalidInput(f'RKMK: truncation is a number of terms from 0 to {TERMS} or "closed"; got {q!r}')
         if not isinstance(self.retraction, Exponential):
             raise InvalidInput(f"RKMK: {self.retraction!r} has a closed differential and no series to cut; leave truncation out")
         missing = next((k for k in range(q + 1, len(BERNOULLI)) if BERNOULLI[k] != 0.0), len(BERNOULLI))
@@ -87,9 +88,9 @@ class RKMK(Method):
 
     def step(self, system: System, t: float, state: Any, h: float) -> Any:
         """One step in the chart at the state."""
-        start, tableau = plain(system.essential(state)), self.tableau.bare
+        start, tableau = plain(system.essential_part(state)), self.tableau.bare
         slopes = self._slopes(tableau, system, t, start, system.rate(t, start), h)
-        return system.moved(self.retraction, state, combination(tableau.b, slopes, h))
+        return system.displaced(self.retraction, state, combination(tableau.b, slopes, h))
 
     def _slopes(self, tableau: ButcherTableau, system: System, t: float, start: Any, first: Vec, h: float) -> list[Vec]:
         """The slopes k_i of Omega at the stages; `first` is the velocity at the start.
@@ -144,11 +145,11 @@ class RKMK(Method):
 
         The error is the root mean square of what such a displacement changes, over atol + rtol |what it changes|.
         """
-        tableau, start = self.tableau, system.essential(state)
+        tableau, start = self.tableau, system.essential_part(state)
         slopes = self._slopes(tableau, system, t, start, first, h)
         omega = combination(tableau.b, slopes, h)
-        new = system.moved(self.retraction, state, omega)
-        velocity = system.rate(t + h, system.essential(new))
+        new = system.displaced(self.retraction, state, omega)
+        velocity = system.rate(t + h, system.essential_part(new))
         error = mean_square(system, state, new, _difference(tableau.b, tableau.b_hat, slopes, h), rtol, atol)
         if tableau.b_low:
             low = mean_square(system, state, new, _difference(tableau.b, tableau.b_low, slopes, h), rtol, atol)
@@ -169,10 +170,10 @@ class RKMK(Method):
 
     def slope(self, system: System, t: float, start: Any, omega: Vec) -> Vec:
         """dtau^-1_Omega xi(t, the start displaced by tau(Omega)), trivialised like the velocity."""
-        xi = system.rate(t, system.moved(self.retraction, start, omega))
+        xi = system.rate(t, system.displaced(self.retraction, start, omega))
         if isinstance(self.truncation, str):
             return self.retraction.dtau_inv(system.group, omega, xi, system.side)
-        return system.group.dexp_inv_series(omega, xi, self.truncation, system.side)
+        return system.group.algebra.dexp_inv_series(omega, xi, self.truncation, system.side)
 
     def __repr__(self) -> str:
         parts = [f"order={self.order}"]
@@ -205,7 +206,7 @@ LEAST = 2.0**-1000
 
 def mean_square(system: System, state: Any, new: Any, off: Vec, rtol: float, atol: float) -> float:
     """The mean square of what a displacement changes, over the tolerance."""
-    (change, before), (_, after) = system.deviation(state, off), system.deviation(new, off)
+    (change, before), (_, after) = system.variation(state, off), system.variation(new, off)
     total = 0.0
     for c, a, b in zip(change, before, after):
         ratio = c / (atol + rtol * max(a, b) + LEAST)

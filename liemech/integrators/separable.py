@@ -22,7 +22,7 @@ from ..tableaus.splittings import (
     SYMPLECTIC_EULER,
     SplittingTableau,
 )
-from .method import Method
+from .method import Method, alternatives
 
 
 @record
@@ -96,7 +96,7 @@ class SeparableSplitting(Method):
                 "SeparableSystem and write kinetic(p) and potential(q); if not, HamiltonJacobi(order=4) "
                 "and RKMK(tableau=tableaus.gauss(2)) are symplectic for it"
             )
-        return f"got {system!r}. {getattr(system, 'instead', 'RKMK accepts every system')}"
+        return f"got {system!r}. {alternatives(system)}"
 
     def start(self, system: Any, state: Any, h: float) -> Kicked:
         """The state and, if a step begins with the force at which the one before ended, this force."""

@@ -6,6 +6,7 @@ from typing import Any, ClassVar
 
 from ..errors import IncompatibleSystem
 from ..formulas import Vec, cos, mat, record, sin, vec, vectors
+from ..groups.so3 import SO3
 from ..systems.lie_poisson import BodyState
 from .method import Method
 from .moser_veselov import require_free_body
@@ -47,12 +48,16 @@ class ThreeRotations(Method):
     def step(self, system: Any, t: float, state: BodyState, h: float) -> BodyState:
         """Five turns; momentum and the rows of g change alike."""
         mu, g = state.mu, state.g
+        matrices = isinstance(system.group, SO3)
         for axis, share in TURNS:
             half = 0.5 * (share * h) * (system.hamiltonian.inverse[axis] * mu[axis])
             s, c = sin(half), cos(half)
             sine, versine = 2.0 * (s * c), 2.0 * (s * s)
             mu = _turned(mu, axis, sine, versine)
-            g = None if g is None else mat(*[_turned(row, axis, sine, versine) for row in g])
+            if g is not None and matrices:
+                g = mat(*[_turned(row, axis, sine, versine) for row in g])
+            elif g is not None:
+                g = system.group.compose_exp(g, vec(*[2.0 * half if i == axis else 0.0 for i in range(3)]))
         return BodyState(mu, g)
 
 

@@ -8,7 +8,7 @@ from typing import Any
 from ..errors import InvalidInput
 from ..formulas import Vec, derivative, plain, record, sqrt, vec
 from ..formulas.series import Series
-from ..groups.lie_group import BERNOULLI
+from ..groups.bernoulli import TERMS
 from ..retractions import Cayley, Exponential, Retraction
 from ..systems.system import System
 from .method import Method
@@ -45,7 +45,7 @@ class Taylor(Method):
         if type(self.order) is not int or not ORDERS[0] <= self.order <= ORDERS[1]:
             raise InvalidInput(f"Taylor: order is a whole number from {ORDERS[0]} to {ORDERS[1]}; got {self.order!r}")
         super().__post_init__()
-        highest = len(BERNOULLI) + 1
+        highest = TERMS + 2
         if isinstance(self.retraction, Exponential) and self.order > highest:
             raise InvalidInput(
                 f"Taylor: with Exponential() the order is at most {highest}, with Cayley() {ORDERS[1]}; got {self.order}"
@@ -58,16 +58,16 @@ class Taylor(Method):
 
     def step(self, system: System, t: float, state: Any, h: float) -> Any:
         """One step in the chart at the state."""
-        return system.moved(self.retraction, state, total(self._terms(system, t, state, h)))
+        return system.displaced(self.retraction, state, total(self._terms(system, t, state, h)))
 
     def _terms(self, system: System, t: float, state: Any, h: float) -> tuple[Vec, ...]:
         """Omega_1, ..., Omega_order: along the step Omega = sum_k s^k Omega_k, 0 <= s <= 1."""
-        start = plain(system.essential(state))
+        start = plain(system.essential_part(state))
         y, omega = Series.unknown(start), vec(*[Series(None) for _ in range(system.group.dim)])
         time: Any = Series(t, h)
         xi = system.rate(time, y)
         rest = vec(*[Series() for _ in xi])
-        rates = derivative(lambda v: system.moved(self.retraction, y, v), rest, xi)  # dtau_0 = 1: this is xi . y
+        rates = derivative(lambda v: system.displaced(self.retraction, y, v), rest, xi)  # dtau_0 = 1: this is xi . y
         slope = self._slope(system, omega, xi)
         Series.follow(start, y, rates, h)
         for unknown, rate in zip(omega, slope):
@@ -77,7 +77,7 @@ class Taylor(Method):
     def _slope(self, system: System, omega: Vec, xi: Vec) -> Vec:
         """dtau^-1_Omega xi; for the exponential its series, of which later terms have no part in the order."""
         if isinstance(self.retraction, Exponential):
-            return system.group.dexp_inv_series(omega, xi, self.order - 2, system.side)
+            return system.group.algebra.dexp_inv_series(omega, xi, self.order - 2, system.side)
         return self.retraction.dtau_inv(system.group, omega, xi, system.side)
 
     # ---------------------------------------------------------------- adaptive steps
@@ -104,10 +104,10 @@ class Taylor(Method):
         e_p and e_(p-1)^(p/(p-1)), which is as if h = min(e_p^(-1/p), e_(p-1)^(-1/(p-1))) were the step for an error of 1.
         """
         p, terms = self.order, self._terms(system, t, state, h)
-        new = system.moved(self.retraction, state, total(terms))
+        new = system.displaced(self.retraction, state, total(terms))
         last, before = (mean_square(system, state, new, terms[k], rtol, atol) for k in (p - 1, p - 2))
         error = max(last, before ** (p / (p - 1.0)))
-        return Trial(new, system.rate(t + h, system.essential(new)), sqrt(error), terms if dense else ())
+        return Trial(new, system.rate(t + h, system.essential_part(new)), sqrt(error), terms if dense else ())
 
 
 def total(terms: Sequence[Vec]) -> Vec:

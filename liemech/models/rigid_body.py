@@ -8,11 +8,12 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..errors import InertiaWarning, InvalidInput, warn
+from ..errors import InertiaWarning, InvalidInput, InvalidType, warn
 from ..formulas import Mat, Vec, real_array, record
 from ..formulas.fields import frozen_array
 from ..formulas.pytree import fill
 from ..groups.so3 import SO3
+from ..groups.unit_quaternions import UnitQuaternions
 from ..systems.kinetic_energy import MAX, KineticEnergy, kinetic_energy
 from ..systems.lie_poisson import BodyState, LiePoissonSystem
 from .inertia import checked_inertia
@@ -24,21 +25,28 @@ class RigidBody(LiePoissonSystem):
 
     inertia : the principal moments, shape (3,), or the symmetric positive matrix J, shape (3, 3), in kg m^2.
     mu is the angular momentum in the body, in kg m^2/s; g the rotation from body to space.
+    group : SO3() for rotation matrices, or UnitQuaternions(), by which momenta move alike.
 
-    Raises InvalidInput if J is not symmetric and positive.  Warns (InertiaWarning) if J breaks the triangle inequality
-    J_1 + J_2 >= J_3: the equations are as good, but no distribution of mass has such moments.
+    Raises InvalidType for another group, InvalidInput if J is not symmetric and positive.  Warns (InertiaWarning) if J breaks the
+    triangle inequality J_1 + J_2 >= J_3: the equations are as good, but no distribution of mass has such moments.
 
     Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., chapter 15.
     """
 
     called: ClassVar[str] = "body"
 
-    group: SO3 = field(init=False, repr=False, default=SO3())
+    group: SO3 | UnitQuaternions = field(default=SO3(), kw_only=True)
     hamiltonian: KineticEnergy = field(init=False, repr=False)
     lagrangian: KineticEnergy = field(init=False, repr=False)
     inertia: Vec | Mat
 
+    def __repr__(self) -> str:
+        attitude = "" if isinstance(self.group, SO3) else f", group={self.group!r}"
+        return f"{type(self).__name__}(inertia={self.inertia!r}{attitude})"
+
     def __post_init__(self) -> None:
+        if not isinstance(self.group, (SO3, UnitQuaternions)):
+            raise InvalidType(f"RigidBody: group must be SO3() or UnitQuaternions(); got {self.group!r}")
         inertia = _inertia(self.inertia)
         object.__setattr__(self, "inertia", inertia)
         kinetic = kinetic_energy(inertia)
@@ -48,7 +56,8 @@ class RigidBody(LiePoissonSystem):
     def exact(self, start: BodyState, t: Any) -> BodyState:
         """The exact motion, by elliptic functions: no integration, any time, error about 1e-13 (1 + |omega| t).
 
-        t : () or (n,), in s, from the start.  Returns mu : (..., 3) and, if the start has a g, g : (..., 3, 3).
+        t : () or (n,), in s, from the start.  Returns mu : (..., 3) and, if the start has a g, g : (..., 3, 3), or unit
+        quaternions (..., 4) with a scalar part that is not negative.
         """
         from .exact_rigid_body import exact_rigid_body
 
@@ -58,7 +67,12 @@ class RigidBody(LiePoissonSystem):
             raise InvalidInput(f"RigidBody.exact: t must be a time or a row of times; got shape {times.shape}")
         if not np.isfinite(times).all():
             raise InvalidInput(f"RigidBody.exact: t must be finite; got {times[~np.isfinite(times)][0]}")
-        mu, g = exact_rigid_body(self.inertia, start.mu, start.g, times)
+        group, g = self.group, start.g
+        if isinstance(group, UnitQuaternions) and g is not None:
+            g = group.matrix(g)
+        mu, g = exact_rigid_body(self.inertia, start.mu, g, times)
+        if isinstance(group, UnitQuaternions) and g is not None:
+            g = group.from_matrix(g)
         return fill(BodyState, {"mu": frozen_array(mu, "mu"), "g": None if g is None else frozen_array(g, "g")})
 
     def period(self, start: BodyState) -> float:

@@ -114,7 +114,7 @@ def started(
 
     Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, 2nd ed., II.4, "Starting step size".
     """
-    start = system.essential(state)
+    start = system.essential_part(state)
     xi = system.rate(t, start)
     if h == 0.0:
         span = t_end - t
@@ -140,12 +140,12 @@ def started(
 
 def probed(method: Any, system: Any, t: float, start: Any, xi: Vec, h: float) -> Vec:
     """The velocity after an Euler step."""
-    return system.rate(t + h, system.moved(method.retraction, start, h * xi))
+    return system.rate(t + h, system.displaced(method.retraction, start, h * xi))
 
 
 def sizes(system: Any, state: Any, omega: Vec, rtol: float, atol: float) -> tuple[float, float]:
     """The root mean squares of what a displacement changes, and of what is there, over the tolerances."""
-    change, scale = system.deviation(state, omega)
+    change, scale = system.variation(state, omega)
     total = [0.0, 0.0]
     for c, s in zip(change, scale):
         weight = 0.0

@@ -14,7 +14,7 @@ import numpy as np
 
 from ..compiler.driver import accepted, attempt, itself, reason
 from ..errors import IntegrationFailure, IntegrationInterrupted, InvalidInput, StepTooSmall, failure, is_mistake, warn
-from ..formulas.pytree import build, layout_of, leaves
+from ..formulas.pytree import build, gatherer, layout_of
 from ..systems.system import State
 from . import arguments
 from .adaptive import adaptive_steps, noted
@@ -23,7 +23,7 @@ from .checkpoint import Checkpoint
 from .dense import DenseOutput, unpacked
 from .events import Event, Watch
 from .execution import LOOK, Execution
-from .prepared import member
+from .prepared import Prepared, member, numbers_of
 from .progress import Bar
 from .stopped import Stopped
 from .systems import Systems
@@ -51,6 +51,14 @@ class AdaptiveSteps:
     compiled: bool | None
     progress: bool | None
     shapes: dict[Any, Shape] = dataclasses.field(default_factory=dict, repr=False)
+
+    def owns(self, shape: Any) -> bool:
+        """Is the shape one of this plan?"""
+        return shape in self.shapes.values()
+
+    def of_system(self, system: Any) -> AdaptiveSteps:
+        """The same for a system of the same layout; what is laid out and compiled is shared."""
+        return dataclasses.replace(self, system=system, shapes={k: s.of_system(system) for k, s in [*self.shapes.items()]})
 
     @classmethod
     def checked(
@@ -107,11 +115,11 @@ class AdaptiveSteps:
             raise InvalidInput("integrate: events and dense=True are for one body at a time")
         runs: list[Trajectory] = []
         errors: dict[int, Any] = {}
+        plan = dataclasses.replace(self, dense=False, progress=False)
         with Bar(self.progress, start.bodies or 0) as bar:
             for i in range(start.bodies or 0):
-                plan = dataclasses.replace(self, dense=False, progress=False)
                 if isinstance(self.system, Systems):
-                    plan = dataclasses.replace(plan, system=self.system[i], shapes={})
+                    plan = plan.of_system(self.system[i])
                 try:
                     run = AdaptiveRun(plan, member(start, i), t0, t_end, limit, times, ()).trajectory()
                 except IntegrationFailure as error:
@@ -145,7 +153,7 @@ def _prolonged(values: np.ndarray, start: np.ndarray, count: int) -> np.ndarray:
     return np.concatenate([values, np.repeat(values[-1:] if len(values) else start[None], count - len(values), axis=0)])
 
 
-class Shape:
+class Shape(Prepared):
     """The layouts of a run, and the code that makes its steps.
 
     example : a state.  layout : of state and velocity; row : of time, state and the way to it.  curves : is the way there?
@@ -156,7 +164,7 @@ class Shape:
         self.example, self.curves = start, curves
         self.state, self.layout = layout_of(start), layout_of((start, xi))
         self.row = layout_of((0.0, start, (xi,) * method.curve_terms if curves else ()))
-        self.constants = array("d", leaves(method, layout_of(method)) + leaves(system, layout_of(system)))
+        self.constants = numbers_of(method, system)
         self.arguments = method, system, self.layout, self.row
         none = np.empty(0)
         call = *self.arguments, 0.0, 0.0, 0.0, 0.0, curves, 1, none, none, none, None
@@ -193,7 +201,7 @@ class AdaptiveRun:
         self.compiled = False
         self.rows = np.empty((8, shape.row.width))  # the start, and after every step one more
         self.rows[0] = 0.0
-        self.rows[0, : 1 + self.width] = [t0, *leaves(self.start, shape.state)]
+        self.rows[0, : 1 + self.width] = [t0, *gatherer(shape.state)(self.start)]
         self.filled = 1
         self.sampled: list[np.ndarray] = []
         if isinstance(start, AdaptiveCarry):
@@ -216,7 +224,7 @@ class AdaptiveRun:
         given = layout_of(self.start)
         shape = self.plan.shapes.get((given, curves))
         if shape is None:
-            xi = attempt(self.system.rate, self.t0, self.system.essential(self.start))
+            xi = attempt(self.system.rate, self.t0, self.system.essential_part(self.start))
             if not accepted(xi, itself):
                 raise self._not_begun(reason(xi))
             shape = self.plan.shapes[given, curves] = Shape(self.plan, self.start, xi, curves)
@@ -278,7 +286,7 @@ class AdaptiveRun:
         while self.clock[0] != end:
             begun = time.perf_counter()
             before = self.filled
-            self._more(end, ROOM if self.compiled else room)
+            self._more(end, room if self.shape.stepping.native is None else ROOM)
             if time.perf_counter() - begun < 0.5 * LOOK:
                 room = min(2 * room, ROOM)
             bar.advance(int(1000 * self._part()) - bar.done)
@@ -314,7 +322,7 @@ class AdaptiveRun:
         if shape.stepping.ready(self._part()):
             native: Any = shape.stepping.native
             self.compiled = True
-            native.run(shape.constants + array("d", numbers), (room,), arrays)
+            native.run(shape.constants + array("d", numbers).tobytes(), (room,), arrays)
         else:
             with shape.stepping.plain():
                 adaptive_steps(*shape.arguments, *numbers, shape.curves, room, *arrays, self.failures)
@@ -373,7 +381,7 @@ class AdaptiveRun:
         dense = self._dense() if self.kept and self.shape.curves else None
         kept = dense if self.dense else None
         return Trajectory.promised(
-            functools.partial(self._samples, dense),
+            lambda: dict(zip(("t", "states", "carry"), (*self._samples(dense), self._carry()), strict=True)),
             system=self.system,
             method=self.method,
             h=(reached - self.t0) / max(1, steps),
@@ -383,7 +391,6 @@ class AdaptiveRun:
             rejected=int(self.clock[4]),
             dense=kept,
             events=self.watch.shown(self.shape.example, self.shape.state) if self.watch else (),
-            carry=self._carry(),
             stopped={},
             observed=() if self.recorder is None else tuple(self.recorder.quantities),
         )
@@ -423,7 +430,7 @@ class AdaptiveRun:
         """Why the steps became too small to go on: what the last trial had to say.  A mistake in a formula is raised itself."""
         t, h = float(self.clock[0]), float(self.clock[1])
         state, xi = build(self.shape.layout, iter(self.states.tolist()))
-        first = attempt(self.system.rate, t, self.system.essential(state))
+        first = attempt(self.system.rate, t, self.system.essential_part(state))
         if t == self.t0 and not accepted(first, itself):
             return self._not_begun(reason(first))
         raised: list[Exception] = []  # by the steps that led here: each was at most five times as long as the next

@@ -38,7 +38,7 @@ def matching(system: Any, method: Any) -> None:
 def started(system: Any, start: Any, record: Iterable[str] | None) -> State:
     if not isinstance(start, State):
         raise InvalidType(f"integrate: start must come from system.state(...); got {type(start).__name__}")
-    if not system.knows(start):
+    if not system._knows(start):
         try:
             start = system.state(**start.arrays)
         except TypeError:
@@ -46,7 +46,7 @@ def started(system: Any, start: Any, record: Iterable[str] | None) -> State:
             raise InvalidType(f"integrate: start has {parts} and is of another kind of system than {system!r}") from None
     if record is None:
         return start
-    least = [name for name, x in system.essential(start).parts.items() if x is not None]
+    least = [name for name, x in system.essential_part(start).parts.items() if x is not None]
     choices = " or ".join(dict.fromkeys(str(tuple(names)).replace("'", '"') for names in (least, [*start.parts])))
     try:
         wanted = (record,) if isinstance(record, str) else tuple(record)
@@ -82,8 +82,9 @@ def affordable_times(t0: float, h: float, steps: int) -> None:
     end = t0 + steps * h
     if not math.isfinite(end):
         raise InvalidInput(f"integrate: {steps} steps of h = {h:g} lead to t = {end}")
-    if steps and max(abs(t0), abs(end)) + abs(h) == max(abs(t0), abs(end)):
-        smallest = np.spacing(max(abs(t0), abs(end)))
+    latest = max(abs(t0), abs(end))
+    if steps and latest + abs(h) == latest:
+        smallest = np.spacing(latest)
         raise InvalidInput(
             f"integrate: h = {h:g} is lost beside t = {end:g}; the smallest useful step there is {smallest:.1e}"
         )
@@ -117,7 +118,7 @@ def only_adaptive(method: Any, every: int, workers: int) -> None:
             f"integrate: {method!r} keeps the structure because all its steps are alike, which an error control would spoil. "
             "Give h and steps; for adaptive steps take a method with an error estimate, such as RKMK(order=5)"
         )
-    if not getattr(method, "error_order", 0):
+    if not method.error_order:
         raise IncompatibleSystem(
             f"integrate: {method!r} has no error estimate to choose steps by. Give h and steps, or take a method with an embedded "
             "pair, such as RKMK(order=5)"
@@ -196,6 +197,8 @@ def real(value: Any, name: str) -> float:
 
 
 def count(value: Any, name: str, least: int) -> int:
+    if type(value) is int and least <= value <= MOST:
+        return value
     if isinstance(value, (bool, np.bool_)) or not isinstance(value, (int, np.integer)):
         raise InvalidType(f"integrate: {name} must be a whole number; got {value!r}")
     if not least <= value <= MOST:

@@ -25,7 +25,7 @@ def along(retraction: Any, system: Any, point: Any, curve: Any, given: Any, out:
     state = read(given, 0, point)
     coefficients = read(given, point.width, curve)
     theta = read(given, point.width + curve.width, NUMBER)
-    moved = attempt(system.moved, retraction, state, theta * horner(coefficients, theta))
+    moved = attempt(system.displaced, retraction, state, theta * horner(coefficients, theta))
     told(moved, point, out, failures)
 
 
@@ -248,7 +248,8 @@ def flat(arrays: dict[str, np.ndarray], count: int) -> np.ndarray:
     """The numbers of many states, (count, width), from the parts of the state by name; a complex number is two."""
     parts = [np.ascontiguousarray(x) for x in arrays.values()]
     real = [x.view(float) if np.iscomplexobj(x) else x.astype(float, copy=False) for x in parts]
-    return np.concatenate([x.reshape(count, -1) for x in real], axis=1)
+    rows = [x.reshape(count, -1) for x in real]
+    return rows[0] if len(rows) == 1 else np.concatenate(rows, axis=1)
 
 
 def packed(value: Any) -> np.ndarray:

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from ..errors import InvalidInput, NotCompilable
+from ..formulas.pytree import layout_of
 from ..integrators.method import Method
 from ..systems.system import State, System
 from . import arguments
@@ -96,11 +97,13 @@ def integrate(
         *(h, rtol, atol, max_step, breaks, every, record, events, dense, compensated, precision, compiled, progress, workers),
         t_end is None,
     )
-    key: Any = (id(system), id(method), *map(type, rest), *rest)
+    key: Any = (layout_of(system), id(method), *map(type, rest), *rest) if isinstance(system, System) else None
     try:
-        plan = _plans.get(key) if isinstance(system, System) else None
+        plan = _plans.get(key)
     except TypeError:  # a list or an array among them
         plan = key = None
+    if plan is not None and plan.system is not system:
+        plan = _plans[key] = plan.of_system(system)  # type: ignore[arg-type]  # with a key it is one system
     if plan is None:
         several = systems_of(system)
         one: Any = system if several is None else several[0]
@@ -114,7 +117,7 @@ def integrate(
             arguments.only_adaptive(method, every, workers)
             options["rtol"] = arguments.RTOL if rtol is None else rtol
         plan = Plan(system, method, **options)
-        if key is not None and isinstance(system, System):
+        if key is not None:
             if len(_plans) >= KEPT:
                 _plans.pop(next(iter(_plans)), None)
             _plans[key] = plan

@@ -11,13 +11,15 @@ from typing import TYPE_CHECKING, Any
 
 from ..errors import InvalidInput, InvalidType, StepWarning, warn
 from ..formulas import Record
-from ..formulas.pytree import exact, fields_of
+from ..formulas.pytree import exact, fields_of, layout_of
 from ..integrators.method import Method
 from ..systems.system import State, System
 from . import arguments
+from .at_once import advanced, at_once
 from .carry import Carry
 from .checkpoint import Checkpoint
-from .fixed_run import FixedRun, advanced
+from .execution import like
+from .fixed_run import FixedRun
 from .prepared import Steps, member
 from .recorded import Recorder, recorder_of
 from .systems import Systems, systems_of
@@ -129,7 +131,18 @@ class Plan:
         unknown = sorted(set(changed) - set(self._given))
         if unknown:
             raise InvalidInput(f"Plan.replace: there is no {unknown[0]}; there are {', '.join(self._given)}")
+        system = changed.get("system")
+        if len(changed) == 1 and isinstance(system, System) and layout_of(system) == layout_of(self._given["system"]):
+            return self.of_system(system)
         return Plan(**self._given | changed)
+
+    def of_system(self, system: System) -> Plan:
+        """This plan of one system for another of the same layout, that is, with other numbers only: what is prepared is shared."""
+        arguments.matching(system, self.method)
+        other: Plan = like(self)
+        other.system = other._one = system
+        other._given, other._steps = self._given | {"system": system}, self._steps.of_system(system)
+        return other
 
     def __reduce__(self) -> tuple[Any, ...]:
         """What it was made with; layouts and native code are found again where it arrives."""
@@ -189,8 +202,8 @@ class Plan:
     def _doubt(self, start: State) -> str | None:
         """What the method warns of; of several systems the first warning."""
         if not isinstance(self.system, Systems):
-            return self.method.caution(self.system, start, self._steps.h)
-        doubts = (self.method.caution(s, member(start, i), self._steps.h) for i, s in enumerate(self.system))
+            return self.method.step_warning(self.system, start, self._steps.h)
+        doubts = (self.method.step_warning(s, member(start, i), self._steps.h) for i, s in enumerate(self.system))
         return next((doubt for doubt in doubts if doubt), None)
 
     def resume(
@@ -285,7 +298,8 @@ class Plan:
 
     def _whole(self, start: State | Carry, steps: int, t0: float, t_eval: Any, kept: Checkpoint | None) -> Trajectory:
         if t_eval is None and not self.events:
-            return FixedRun(self._steps, start, steps, t0, checkpoint=kept).trajectory()
+            run = at_once(self._steps, start, steps, t0) if kept is None else None
+            return FixedRun(self._steps, start, steps, t0, checkpoint=kept).trajectory() if run is None else run
         if kept is not None:
             raise InvalidInput("integrate: checkpoint is for runs without events, those of steps of one length without t_eval")
         from .watched import WatchedRun, sampled
@@ -372,16 +386,20 @@ class Plan:
         """
         if type(steps) is not int or steps < 1:
             steps = arguments.count(steps, "steps", 1)
-        self._one_length("step")
         given: Any = carry
-        if not isinstance(given, Carry):
-            raise InvalidType(f"Plan.step goes on from what `begin` or `step` gave; got {given!r}")
-        if carry.shape is None or self._steps.own(carry.shape) is None:
-            if carry.h != self._steps.h:
-                raise InvalidInput(f"Plan.step: the carry is of steps of h = {carry.h!r}, the plan has {self._steps.h!r}")
-            if carry.shape is not None and exact(carry.shape.arguments[:2]) != exact((self._one, self.method)):
-                raise InvalidInput("Plan.step: the carry is of another system or method; begin anew from carry.state")
+        if not isinstance(given, Carry) or not self._steps.owns(carry.shape):
+            self._require_mine(given)
         return advanced(self._steps, carry, steps)
+
+    def _require_mine(self, carry: Any) -> None:
+        """Refuse what `step` does not go on from."""
+        self._one_length("step")
+        if not isinstance(carry, Carry):
+            raise InvalidType(f"Plan.step goes on from what `begin` or `step` gave; got {carry!r}")
+        if carry.h != self._steps.h:
+            raise InvalidInput(f"Plan.step: the carry is of steps of h = {carry.h!r}, the plan has {self._steps.h!r}")
+        if carry.shape is not None and exact(carry.shape.arguments[:2]) != exact((self._one, self.method)):
+            raise InvalidInput("Plan.step: the carry is of another system or method; begin anew from carry.state")
 
     def _one_length(self, what: str) -> None:
         if self.adaptive or self.fictive:

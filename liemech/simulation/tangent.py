@@ -159,8 +159,8 @@ class _Run(FixedRun):
     def _member(self, i: int) -> Any:
         return self.duals[i]
 
-    def _columns_of(self, start: Any) -> np.ndarray:
-        return self._padded(np.array([leaves(dual, self.shape.given) for dual in self.duals]).T)
+    def _lay_down(self, columns: np.ndarray) -> None:
+        columns[:] = self._padded(np.array([leaves(dual, self.shape.given) for dual in self.duals]).T)
 
     def _only_start(self) -> Trajectory:
         return Trajectory(self.plan.system, self.plan.method, self.h, np.empty(0), {}, None, 0)

@@ -15,7 +15,7 @@ from ..errors import InvalidInput
 from ..systems.system import State, System
 from .dense import Between, DenseOutput, ShortSteps, flat
 from .drift import RECORDED, Drift
-from .stopped import Stop, Stopped
+from .stopped import NONE, Stop
 from .systems import Systems
 
 if TYPE_CHECKING:
@@ -48,18 +48,18 @@ class Trajectory:
     bodies: int | None
     steps: int
     compiled: bool = False
-    stopped: Mapping[int, Stop] = field(default_factory=Stopped)
+    stopped: Mapping[int, Stop] = field(default_factory=lambda: NONE)
     rejected: int | None = None
     dense: DenseOutput | None = None
     events: tuple[tuple[np.ndarray, State], ...] = ()
-    carry: Any = None
+    carry: Any = field(default_factory=lambda: None)
     observed: tuple[str, ...] = ()
 
     @classmethod
-    def promised(cls, samples: Callable[[], tuple[np.ndarray, dict[str, np.ndarray]]], **known: Any) -> Trajectory:
-        """A trajectory whose times and states are made when they are first asked for."""
-        run: Any = object.__new__(cls)
-        vars(run).update(known, _samples=samples)
+    def promised(cls, rest: Callable[[], dict[str, Any]], **known: Any) -> Trajectory:
+        """A trajectory whose other fields, those without a default, are made when one of them is first asked for."""
+        run, known["_rest"] = object.__new__(cls), rest
+        object.__setattr__(run, "__dict__", known)
         return run
 
     def __len__(self) -> int:
@@ -71,10 +71,12 @@ class Trajectory:
         return vars(self)
 
     def __getattr__(self, name: str) -> Any:
-        """A part of the state that belongs to this kind of system; times and states that were promised."""
+        """A part of the state that belongs to this kind of system; fields that were promised."""
         own = vars(self)
-        if "_samples" in own:
-            own["t"], own["states"] = own.pop("_samples")()
+        rest = own.get("_rest")
+        if rest is not None:
+            own.update(rest())  # two threads may both come here: they find the same
+            own.pop("_rest", None)
             return getattr(self, name)
         states = own.get("states", {})
         if name in states:
@@ -116,8 +118,9 @@ class Trajectory:
         if formula is None:
             raise InvalidInput(f"Trajectory.{name}: {self.system!r} {otherwise}")
         needed = [*inspect.signature(formula).parameters]
-        self._recorded(name, needed)
-        return formula(*(self.states[part] for part in needed))
+        self._recorded(name, [part for part in needed if part != "t"])
+        known = {"t": self.t if self.bodies is None else self.t[:, None], **self.states}
+        return formula(*(known[part] for part in needed))
 
     def _recorded(self, what: str, needed: Iterable[str]) -> None:
         """Refuse what needs parts of the state that were not recorded."""

@@ -199,7 +199,7 @@ class TransformedRun:
     ) -> None:
         self.whole: Any = extended(system, method, start)
         self.system, self.method, self.given, self.start = self.whole.system, method, start, self.whole.extended(start, t0)
-        doubt = method.caution(self.whole, self.start, h) if start.bodies is None else None
+        doubt = method.step_warning(self.whole, self.start, h) if start.bodies is None else None
         if doubt:
             warn(doubt, StepWarning)
         self.h, self.t0, self.compensated, self.compiled, self.progress = h, t0, compensated, compiled, progress
@@ -261,7 +261,7 @@ class March:
         self.run, self.t_end, self.every, self.limit, self.times = run, t_end, every, limit, times
         start = run.start
         if run.compensated is not False:
-            motion = run.whole.essential(start).parts
+            motion = run.whole.essential_part(start).parts
             start = type(start)(
                 *(compensated(x) if run.compensated or motion[n] is not None else x for n, x in start.parts.items())
             )

@@ -78,7 +78,7 @@ class WatchedRun:
         self.done, self.reached = 0, self.carry.t
         self.looking: tuple[FixedRun, Trajectory] | None = None
         self.kept: list[tuple[np.ndarray, np.ndarray]] = []  # times and numbers of samples
-        self._keep(np.array([self.carry.t]), self.carry.last.T.copy(), None)
+        self._keep(np.array([self.carry.t]), self.carry.last.reshape(1, -1), None)
         self.watch: Any = None
         self.watch = Watch(events, self._ended, self.carry.t, self.carry.state)
 

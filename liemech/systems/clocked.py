@@ -61,9 +61,9 @@ class Clocked(Record):
         """The physical time of a state."""
         return state.time
 
-    def essential(self, state: Any) -> Any:
+    def essential_part(self, state: Any) -> Any:
         """What the motion depends on: time and z too."""
-        inner = self.system.essential(self.without(state))
+        inner = self.system.essential_part(self.without(state))
         return type(state)(*inner.parts.values(), state.time, state.z)
 
     def extended(self, start: State, t0: float) -> Any:

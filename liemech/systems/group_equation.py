@@ -42,14 +42,14 @@ class GroupEquation(System):
         return self.velocity(t, state.g)
 
     @final
-    def moved(self, retraction: Retraction, state: Position, omega: Vec) -> Position:
+    def displaced(self, retraction: Retraction, state: Position, omega: Vec) -> Position:
         """g tau(omega), or tau(omega) g for spatial velocities."""
         if self.side == "left":
             return Position(retraction.compose_tau(self.group, state.g, omega))
         return Position(self.group.compose(retraction.tau(self.group, omega), state.g))
 
     @final
-    def deviation(self, state: Position, omega: Vec) -> tuple[Vec, Vec]:
+    def variation(self, state: Position, omega: Vec) -> tuple[Vec, Vec]:
         """The displacement, beside what counts as large at g."""
         return omega, self.group.scale(state.g)
 

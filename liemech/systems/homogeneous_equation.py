@@ -55,12 +55,12 @@ class HomogeneousEquation(System):
         return self.velocity(t, state.x)
 
     @final
-    def moved(self, retraction: Retraction, state: Point, omega: Vec) -> Point:
+    def displaced(self, retraction: Retraction, state: Point, omega: Vec) -> Point:
         """tau(omega) . x."""
         return Point(retraction.tau_act(self.action, omega, state.x))
 
     @final
-    def deviation(self, state: Point, omega: Vec) -> tuple[Vec, Vec]:
+    def variation(self, state: Point, omega: Vec) -> tuple[Vec, Vec]:
         """What omega does to x, beside |x|."""
         return self.action.infinitesimal(omega, state.x), vec(*[abs(a) for a in state.x])
 

@@ -6,7 +6,7 @@ from typing import Any, ClassVar, final
 
 import numpy as np
 
-from ..errors import InvalidInput, InvalidType, NotDefined
+from ..errors import InvalidInput, InvalidType
 from ..formulas import Element, Vec, record, vec
 from ..formulas.broadcasting import at_a_glance
 from ..formulas.pytree import fill
@@ -57,8 +57,6 @@ class LiePoissonSystem(System):
         for name, value, kind in zip(("group", "hamiltonian", "lagrangian"), given, (LieGroup, Hamiltonian, Lagrangian)):
             if not isinstance(value, kind):
                 raise InvalidType(f"{type(self).__name__}: {name} must be a {kind.__name__}; got {value!r}")
-        if type(self.group).Ad_star is LieGroup.Ad_star and type(self.group).Ad is LieGroup.Ad:
-            raise NotDefined(f"{type(self).__name__}: {type(self.group).__name__} must define `Ad`, by which momenta move")
         if self.lagrangian is None and isinstance(self.hamiltonian, Lagrangian):
             object.__setattr__(self, "lagrangian", self.hamiltonian)
         super().__post_init__()
@@ -92,16 +90,16 @@ class LiePoissonSystem(System):
         """The body velocity."""
         return self.velocity(state.mu)
 
-    def moved(self, retraction: Retraction, state: BodyState, omega: Vec) -> BodyState:
+    def displaced(self, retraction: Retraction, state: BodyState, omega: Vec) -> BodyState:
         """Momentum and attitude moved by the same displacement: Ad*_tau(omega) mu, g tau(omega)."""
         mu = retraction.tau_Ad_star(self.group, omega, state.mu)
         return BodyState(mu, None if state.g is None else retraction.compose_tau(self.group, state.g, omega))
 
-    def essential(self, state: BodyState) -> BodyState:  # type: ignore[override]
+    def essential_part(self, state: BodyState) -> BodyState:  # type: ignore[override]
         """The momentum."""
         return BodyState(state.mu, None)
 
-    def deviation(self, state: BodyState, omega: Vec) -> tuple[Vec, Vec]:
+    def variation(self, state: BodyState, omega: Vec) -> tuple[Vec, Vec]:
         """ad*_omega mu beside |mu|, and omega beside what counts as large where the body is."""
         change, size = self.group.ad_star(omega, state.mu), vec(*[abs(m) for m in state.mu])
         return (change, size) if state.g is None else (vec(*change, *omega), vec(*size, *self.group.scale(state.g)))

@@ -38,7 +38,7 @@ class MechanicalSystem(System):
     """
 
     coordinates: ClassVar[tuple[str, ...]] = ("mu",)
-    instead: ClassVar[str] = "RKMK accepts every system, KickDrift and LieVerlet bodies in a field"
+    alternatives: ClassVar[str] = "RKMK accepts every system, KickDrift and LieVerlet bodies in a field"
 
     body: LiePoissonSystem
     potential: Potential
@@ -103,7 +103,7 @@ class MechanicalSystem(System):
         return vec(*self.velocity(state.mu), *force)
 
     @final
-    def moved(self, retraction: Retraction, state: BodyState, omega: Vec) -> BodyState:
+    def displaced(self, retraction: Retraction, state: BodyState, omega: Vec) -> BodyState:
         """(g h, Ad*_h (mu + n)) with (h, n) = tau(omega).
 
         The exponential takes the part of omega in the algebra of G to h; momentum and element are then moved by increments, which
@@ -116,7 +116,7 @@ class MechanicalSystem(System):
         return BodyState(self.body.group.Ad_star(h, state.mu + n), self.body.group.compose(state.g, h))
 
     @final
-    def deviation(self, state: BodyState, omega: Vec) -> tuple[Vec, Vec]:
+    def variation(self, state: BodyState, omega: Vec) -> tuple[Vec, Vec]:
         """ad*_omega mu and the kick beside |mu|, and omega beside what counts as large where the body is."""
         group = self.body.group
         xi, kick = self._cotangent.algebra.parts(omega)

@@ -44,7 +44,7 @@ class PoissonSystem(System):
 
     coordinates: ClassVar[tuple[str, ...]] = ("y",)
     bounded: ClassVar[bool] = True
-    instead: ClassVar[str] = "Splitting(order=4) is for parts whose motion is known, RKMK accepts every system"
+    alternatives: ClassVar[str] = "Splitting(order=4) is for parts whose motion is known, RKMK accepts every system"
 
     structure: PoissonStructure
     hamiltonian: Hamiltonian | None = None  # None: a subclass writes `energy`
@@ -107,12 +107,12 @@ class PoissonSystem(System):
         return self.velocity(state.y)
 
     @final
-    def moved(self, retraction: Retraction, state: PoissonState, omega: Vec) -> PoissonState:
+    def displaced(self, retraction: Retraction, state: PoissonState, omega: Vec) -> PoissonState:
         """y + omega."""
         return PoissonState(retraction.compose_tau(self.group, state.y, omega))
 
     @final
-    def deviation(self, state: PoissonState, omega: Vec) -> tuple[Vec, Vec]:
+    def variation(self, state: PoissonState, omega: Vec) -> tuple[Vec, Vec]:
         """The displacement, beside |y|."""
         return omega, vec(*[abs(x) for x in state.y])
 

@@ -10,7 +10,7 @@ from ..errors import InvalidInput, NotDefined
 from ..formulas import Record, Vec, check_finite, real_array, record
 from ..formulas.broadcasting import MEMBERSHIP, at_a_glance, bare, small
 from ..formulas.fields import array_held, frozen_array
-from ..formulas.pytree import exact, fields_of
+from ..formulas.pytree import exact, fields_of, names_of
 from ..formulas.remembered import Remembered
 from ..groups.lie_group import LieGroup
 from ..retractions import Retraction
@@ -30,7 +30,9 @@ class State(Record):
     @property
     def bodies(self) -> int | None:
         """How many members an ensemble has; None for a single system."""
-        for x in fields_of(self).values():
+        cls: Any = type(self)
+        for name in names_of(cls):
+            x = getattr(self, name)
             if x is not None:
                 return len(x) if isinstance(x, np.ndarray) else None
         return None
@@ -53,10 +55,11 @@ class System(Record):
     side : "left" for body velocities, which move a group element as g exp(xi), "right" for spatial ones, exp(xi) g.
 
     called : what a user may call it, in messages.
+    alternatives : what to use where a method does not accept the system, a sentence without its full stop.
     coordinates : the parts of the state whose components are numbers that vary freely, such as ("mu",) or ("q", "p").
 
-    1. A subclass writes `rate`, `moved` and `state`, and has a `group`.  (Mostly through one of the classes of this folder.)
-    2. It may say what the velocity depends on (`essential`) and what stays constant (`constants`).
+    1. A subclass writes `rate`, `displaced` and `state`, and has a `group`.  (Mostly through one of the classes of this folder.)
+    2. It may say what the velocity depends on (`essential_part`) and what stays constant (`constants`).
 
     Source: Munthe-Kaas, Appl. Numer. Math. 29 (1999), section 2: equations on homogeneous spaces.
     """
@@ -64,6 +67,7 @@ class System(Record):
     side: ClassVar[str] = "left"
     called: ClassVar[str] = "system"
     coordinates: ClassVar[tuple[str, ...]] = ()
+    alternatives: ClassVar[str] = "RKMK accepts every system"
     bounded: ClassVar[bool] = False  # does it depend on its parameters which states there are?
     fictive: ClassVar[bool] = False  # is it one in a fictive time, with physical time in its state?
     if TYPE_CHECKING:
@@ -73,15 +77,15 @@ class System(Record):
         """The velocity xi in the Lie algebra, (dim,), at time t and in this state."""
         raise NotDefined(f"{type(self).__name__} must define `rate`")
 
-    def moved(self, retraction: Retraction, state: Any, omega: Vec) -> Any:
+    def displaced(self, retraction: Retraction, state: Any, omega: Vec) -> Any:
         """The state after a displacement tau(omega)."""
-        raise NotDefined(f"{type(self).__name__} must define `moved`")
+        raise NotDefined(f"{type(self).__name__} must define `displaced`")
 
-    def essential(self, state: State) -> Any:
+    def essential_part(self, state: State) -> Any:
         """The part of the state that the velocity depends on; what is None in it may be left unrecorded."""
         return state
 
-    def deviation(self, state: Any, omega: Vec) -> tuple[Vec, Vec]:
+    def variation(self, state: Any, omega: Vec) -> tuple[Vec, Vec]:
         """What a small displacement omega changes in the state, and the sizes of what it changes: for adaptive steps."""
         return omega, self.group.scale(None)
 
@@ -98,6 +102,10 @@ class System(Record):
     @final
     def knows(self, state: State) -> bool:
         """Was the state made by `state`, of this system or one of its kind with the same states?"""
+        return self._knows(state)
+
+    def _knows(self, state: Any) -> bool:
+        """The same, when nobody can have passed anything else."""
         known = _checked.get(state)
         if known is None or known[:2] != (type(self), self.group):
             return False

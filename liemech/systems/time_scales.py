@@ -63,7 +63,7 @@ class TimeScale(Record):
     def _later(self, system: Any, t: float, state: Any, s: float) -> Any:
         """The state a short time s later, to first order, as far as the parts that count."""
         if not isinstance(state, BodyState):
-            return system.moved(Exponential(), state, s * system.rate(t, state))
+            return system.displaced(Exponential(), state, s * system.rate(t, state))
         mu, g, xi = state.mu, state.g, system.velocity(state.mu)
         pushed = not isinstance(system, LiePoissonSystem)  # by a field, or by a constraint
         group = system.configurations if pushed else system.group

@@ -84,7 +84,7 @@ class TimeTransformed(ExtendedSystem):
     Source: Hairer, Lubich, Wanner, VIII.2; Hairer, Appl. Numer. Math. 25 (1997), 219; Reich, SIAM J. Numer. Anal. 36 (1999), 1549.
     """
 
-    instead: ClassVar[str] = (
+    alternatives: ClassVar[str] = (
         "AdaptiveVerlet() is for sigma(q), HamiltonJacobi(order=4) for any sigma; RKMK accepts every system"
     )
 
@@ -157,7 +157,7 @@ class LogarithmicHamiltonian(ExtendedSystem, SeparableSystem):
     """
 
     wanted: ClassVar[type[HamiltonianSystem]] = SeparableSystem
-    instead: ClassVar[str] = (
+    alternatives: ClassVar[str] = (
         "StormerVerlet() and Splitting(order=4, quadratic=False) are for it, RKMK accepts every system"
     )
 

@@ -42,7 +42,7 @@ def animate(
     known = frozenset(name for name, x in start.parts.items() if x is not None)
     contents = suited(system, known, start.bodies is not None) if show is None else chosen(show, KNOWN)
     require(contents, system, known)
-    least = [name for name, x in system.essential(start).parts.items() if x is not None]
+    least = [name for name, x in system.essential_part(start).parts.items() if x is not None]
     needed = {*least, *(part for content in contents for part in content.needs(system))}
     record = [name for name in start.parts if name in needed]
     if t_end is not None:

@@ -91,7 +91,7 @@ class ByHand(lm.Method):
 
     def velocity(self, system: Any, mu: lm.Vec, omega: lm.Vec, terms: int) -> lm.Vec:
         xi = system.hamiltonian.gradient(system.group.exp_Ad_star(omega, mu))
-        return system.group.dexp_inv_series(omega, xi, terms, "left")
+        return system.group.algebra.dexp_inv_series(omega, xi, terms, "left")
 
     def moved(self, system: Any, state: Any, omega: lm.Vec) -> Any:
         g = None if state.g is None else system.group.compose_exp(state.g, omega)
@@ -110,7 +110,7 @@ class ClassicalByHand(ByHand):
         k2 = self.velocity(system, mu, half * k1, 2)
         k3 = self.velocity(system, mu, half * k2, 2)
         k4 = self.velocity(system, mu, h * k3, 2)
-        return self.moved(system, state, (h / 6.0) * k1 + (h / 3.0) * k2 + (h / 3.0) * k3 + (h / 6.0) * k4)
+        return self.displaced(system, state, (h / 6.0) * k1 + (h / 3.0) * k2 + (h / 3.0) * k3 + (h / 6.0) * k4)
 
 
 @lm.record
@@ -138,7 +138,7 @@ class DormandPrinceByHand(ByHand):
             3,
         )
         omega = (h * 35 / 384) * k1 + (h * 500 / 1113) * k3 + (h * 125 / 192) * k4 - (h * 2187 / 6784) * k5 + (h * 11 / 84) * k6
-        return self.moved(system, state, omega)
+        return self.displaced(system, state, omega)
 
 
 # ------------------------------------------------------------------ runs

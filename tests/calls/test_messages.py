@@ -34,18 +34,13 @@ def test_rotations_of_every_kind() -> None:
         short_run(plane, plane.state(mu, lm.SE2().exp([0.1, 1.0, 2.0]))).rotation  # noqa: B018
 
 
-def test_a_group_without_the_adjoint_action() -> None:
-    @lm.record
-    class Silent(lm.LieGroup):
-        @property
-        def algebra(self) -> lm.LieAlgebra:
-            return lm.SO3().algebra
+def test_a_closed_form_in_the_wrong_class() -> None:
+    """dexp depends on the algebra alone; in the class of the group no method would find it."""
+    with pytest.raises(lm.errors.InvalidType, match=r"Misplaced\.dexp.*class of the algebra"):
 
-        def identity(self) -> lm.Element:
-            return lm.SO3().identity()
-
-    with pytest.raises(lm.errors.NotDefined, match="Silent must define `Ad`"):
-        lm.LiePoissonSystem(Silent(), lm.KineticEnergy([1.0, 2.0, 3.0]))
+        class Misplaced(lm.SO3):
+            def dexp(self, xi: lm.Vec, eta: lm.Vec, side: str = "right") -> lm.Vec:  # type: ignore[misc]
+                return eta
 
 
 def test_nothing_to_compose() -> None:

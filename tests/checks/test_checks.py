@@ -248,27 +248,27 @@ class CoadjointFromTheLeft(Plane):
         return lm.LieGroup.Ad_star(self, self.inverse(g), mu)
 
 
-@slip("dexp by definition", "left-trivialised")
-class LeftIsRight(lm.SO3):
+@slip("dexp by definition", "left-trivialised", group=lm.SO3)
+class LeftIsRight(lm.SO3Algebra):
     def dexp(self, xi, eta, side="right"):
         return lm.SO3().dexp(xi, eta, "left" if side == "right" else "right")
 
 
-@slip("dexp by definition")
-class SideIsIgnored(lm.SO3):
+@slip("dexp by definition", group=lm.SO3)
+class SideIsIgnored(lm.SO3Algebra):
     def dexp(self, xi, eta, side="right"):
         return lm.SO3().dexp(xi, eta)
 
 
-@slip("dexp by definition")
-class DifferentialCutShort(lm.SO3):
+@slip("dexp by definition", group=lm.SO3)
+class DifferentialCutShort(lm.SO3Algebra):
     def dexp(self, xi, eta, side="right"):
         w = lm.cross(xi if side == "right" else -xi, eta)
         return eta + 0.5 * w
 
 
-@slip("dexp by definition")
-class TextbookQuotients(lm.SO3):
+@slip("dexp by definition", group=lm.SO3)
+class TextbookQuotients(lm.SO3Algebra):
     """(1 - cos th)/th^2 and (th - sin th)/th^3 as printed: cancellation at small angles."""
 
     def dexp(self, xi, eta, side="right"):
@@ -279,42 +279,42 @@ class TextbookQuotients(lm.SO3):
         return eta + (1.0 - cos(th)) / x * w + (th - sin(th)) / (x * th) * lm.cross(u, w)
 
 
-@slip("dexp_inv", "left-trivialised")
-class WrongSignInDexpInv(lm.SO3):
+@slip("dexp_inv", "left-trivialised", group=lm.SO3)
+class WrongSignInDexpInv(lm.SO3Algebra):
     def dexp_inv(self, xi, eta, side="right"):
         return lm.SO3().dexp_inv(-xi, eta, side)
 
 
-@slip("dexp_inv", "series cut after ad^2")
-class TruncatedDexpInv(lm.SO3):
+@slip("dexp_inv", "series cut after ad^2", group=lm.SO3)
+class TruncatedDexpInv(lm.SO3Algebra):
     def dexp_inv(self, xi, eta, side="right"):
         return self.dexp_inv_series(xi, eta, 2, side)
 
 
-@slip("dexp_inv", "it is not the inverse")
-class DexpInvIsDexp(lm.SO3):
+@slip("dexp_inv", "it is not the inverse", group=lm.SO3)
+class DexpInvIsDexp(lm.SO3Algebra):
     def dexp_inv(self, xi, eta, side="right"):
         return self.dexp(xi, eta, side)
 
 
-@slip("dexp_dual", "it is not the dual")
-class DexpDualIsDexp(lm.SO3):
+@slip("dexp_dual", "it is not the dual", group=lm.SO3)
+class DexpDualIsDexp(lm.SO3Algebra):
     def dexp_dual(self, xi, mu, side="right"):
         return self.dexp(xi, mu, side)
 
 
-@slip("dexp_inv_dual", "it is not the dual")
-class DualWithoutTranspose(lm.SO3):
+@slip("dexp_inv_dual", "it is not the dual", group=lm.SO3)
+class DualWithoutTranspose(lm.SO3Algebra):
     def dexp_inv_dual(self, xi, mu, side="right"):
         return self.dexp_inv(xi, mu, side)
 
 
-@slip("dexp_inv_series")
-class OtherBernoulliNumbers(lm.SO3):
+@slip("dexp_inv_series", group=lm.SO3)
+class OtherBernoulliNumbers(lm.SO3Algebra):
     """B_1 = +1/2, as half of the literature has it."""
 
     def dexp_inv_series(self, xi, eta, terms, side="right"):
-        return lm.SO3().dexp_inv_series(-xi, eta, terms, side)
+        return lm.SO3().algebra.dexp_inv_series(-xi, eta, terms, side)
 
 
 @slip("log")
@@ -333,8 +333,8 @@ class LogarithmByArccosine(lm.SO3):
         return (th / sin(th) if th > 0.0 else 1.0) * self.algebra.vee(g)
 
 
-@slip("exp_Ad_star", "left action")
-class ShortcutToTheLeft(lm.SO3):
+@slip("exp_Ad_star", "left action", group=lm.SO3)
+class ShortcutToTheLeft(lm.SO3Algebra):
     def exp_Ad_star(self, xi, mu):
         return lm.SO3().exp_Ad_star(-xi, mu)
 
@@ -345,22 +345,22 @@ class ShortcutFromTheLeft(lm.SO3):
         return self.exp(xi) @ g
 
 
-@slip("exp_mismatch", "left-trivialised")
-class MismatchOfTheOtherSide(lm.SO3):
-    def exp_mismatch(self, xi, p, mu):
-        r, by_p, by_xi = lm.SO3().exp_mismatch(-xi, p, mu)
+@slip("exp_residual", "left-trivialised", group=lm.SO3)
+class ResidualOfTheOtherSide(lm.SO3Algebra):
+    def exp_residual(self, xi, p, mu):
+        r, by_p, by_xi = lm.SO3().algebra.exp_residual(-xi, p, mu)
         return r, by_p, -by_xi
 
 
-@slip("exp_mismatch", "transposed")
-class TransposedDerivative(lm.SO3):
-    def exp_mismatch(self, xi, p, mu):
-        r, by_p, by_xi = lm.SO3().exp_mismatch(xi, p, mu)
+@slip("exp_residual", "transposed", group=lm.SO3)
+class TransposedDerivative(lm.SO3Algebra):
+    def exp_residual(self, xi, p, mu):
+        r, by_p, by_xi = lm.SO3().algebra.exp_residual(xi, p, mu)
         return r, by_p, by_xi.T
 
 
-@slip("is_exp_chart")
-class ChartBeyondTheSingularity(lm.SO3):
+@slip("is_exp_chart", group=lm.SO3)
+class ChartBeyondTheSingularity(lm.SO3Algebra):
     def is_exp_chart(self, xi):
         return lm.dot(xi, xi) < 49.0
 
@@ -371,20 +371,20 @@ class CayleyWithoutHalf(lm.SO3):
         return lm.SO3().cayley(2.0 * xi)
 
 
-@slip("dcayley_inv as matrices", "left-trivialised")
-class CayleyDifferentialFromTheLeft(lm.SO3):
+@slip("dcayley_inv as matrices", "left-trivialised", group=lm.SO3)
+class CayleyDifferentialFromTheLeft(lm.SO3Algebra):
     def dcayley_inv(self, xi, eta, side="right"):
-        return lm.SO3().dcayley_inv(-xi, eta, side)
+        return lm.SO3().algebra.dcayley_inv(-xi, eta, side)
 
 
-@slip("dcayley by definition", "inverse")
-class CayleyDifferentialInverted(lm.SO3):
+@slip("dcayley by definition", "inverse", group=lm.SO3)
+class CayleyDifferentialInverted(lm.SO3Algebra):
     def dcayley(self, xi, eta, side="right"):
         return self.dcayley_inv(xi, eta, side)
 
 
-@slip("dcayley_inv_dual", "it is not the dual")
-class CayleyDualWithoutTranspose(lm.SO3):
+@slip("dcayley_inv_dual", "it is not the dual", group=lm.SO3)
+class CayleyDualWithoutTranspose(lm.SO3Algebra):
     def dcayley_inv_dual(self, xi, mu, side="right"):
         return self.dcayley_inv(xi, mu, side)
 
@@ -395,10 +395,10 @@ class CayleyInverseWithoutTwo(lm.SO3):
         return 0.5 * lm.SO3().cayley_inv(g)
 
 
-@slip("cayley_mismatch")
-class CayleyMismatchWithWrongDerivative(lm.SO3):
-    def cayley_mismatch(self, xi, p, mu):
-        r, by_p, by_xi = lm.SO3().cayley_mismatch(xi, p, mu)
+@slip("cayley_residual", group=lm.SO3)
+class CayleyResidualWithWrongDerivative(lm.SO3Algebra):
+    def cayley_residual(self, xi, p, mu):
+        r, by_p, by_xi = lm.SO3().algebra.cayley_residual(xi, p, mu)
         return r, 2.0 * by_p, by_xi
 
 
@@ -483,7 +483,8 @@ def test_a_violation_tells_where_and_by_how_much() -> None:
 
 
 def test_without_raising_the_report_has_every_broken_law() -> None:
-    report = check_group(WrongSignInDexpInv(), raises=False)
+    wrong = next(group for group, _, _ in SLIPS if type(group).__name__ == "WrongSignInDexpInv")
+    report = check_group(wrong, raises=False)
     assert not report
     assert [f.law for f in report.broken] == ["dexp_inv", "dexp_inv_dual"]  # the dual is made from the inverse
     assert "2 broken" in str(report).splitlines()[0]
@@ -517,13 +518,13 @@ class WrongDifferential(CayleyOfQuaternions):
 @lm.record
 class WrongInverse(CayleyOfQuaternions):
     def dtau_inv(self, group, xi, eta, side="right"):
-        return group.dcayley_inv(-xi, eta, side)
+        return group.algebra.dcayley_inv(-xi, eta, side)
 
 
 @lm.record
-class WrongMismatch(CayleyOfQuaternions):
-    def mismatch(self, group, xi, p, mu):
-        return group.exp_mismatch(xi, p, mu)
+class WrongResidual(CayleyOfQuaternions):
+    def residual(self, group, xi, p, mu):
+        return group.algebra.exp_residual(xi, p, mu)
 
 
 @pytest.mark.parametrize(
@@ -533,7 +534,7 @@ class WrongMismatch(CayleyOfQuaternions):
         (Unsymmetric(), "inverse of tau"),
         (WrongDifferential(), "dtau by definition"),
         (WrongInverse(), "dtau_inv"),
-        (WrongMismatch(), "mismatch"),
+        (WrongResidual(), "residual"),
     ],
     ids=lambda x: x if isinstance(x, str) else type(x).__name__,
 )

@@ -270,19 +270,19 @@ class Leapfrog(lm.Method):
     symmetric: ClassVar[bool] = True
 
     def start(self, system: Any, state: Any, h: float) -> Memory:
-        half = self.moved(system, state, -0.5 * h * system.velocity(state.mu))
-        return Memory(self.moved(system, state, -h * system.velocity(half.mu)), state)
+        half = self.displaced(system, state, -0.5 * h * system.velocity(state.mu))
+        return Memory(self.displaced(system, state, -h * system.velocity(half.mu)), state)
 
     def observe(self, memory: Any) -> Any:
         return memory.now
 
     def step(self, system: Any, t: float, memory: Any, h: float) -> Memory:
         return Memory(
-            memory.now, self.moved(system, memory.before, 2.0 * h * system.velocity(memory.now.mu))
+            memory.now, self.displaced(system, memory.before, 2.0 * h * system.velocity(memory.now.mu))
         )
 
     def moved(self, system: Any, state: Any, turn: lm.Vec) -> lm.BodyState:
-        return system.moved(EXP, state, turn)  # type: ignore[no-any-return]
+        return system.displaced(EXP, state, turn)  # type: ignore[no-any-return]
 
 
 def verdicts(report: Report) -> dict[str, str]:

@@ -614,7 +614,7 @@ def records_inherited_and_nested(a, b, c, d, n):
 def records_made_and_returned(a, b, c, d, n):
     p = Point(a, vec(b, c))
     for _ in range(3):
-        p = p.moved(d if abs(d) < 2.0 else 0.5)
+        p = p.displaced(d if abs(d) < 2.0 else 0.5)
     q = p if a < b else Point(1, vec(2, 3))
     if c < d:
         q = Point(x=q.x / 2, v=q.v, tag=None)

@@ -12,12 +12,24 @@ EPS = 2.0**-52
 
 
 @lm.record
+class BareAlgebra(lm.LieAlgebra):
+    """so(3) from what an algebra of one's own must write, and nothing else."""
+
+    @property
+    def dim(self) -> int:
+        return 3
+
+    def bracket(self, xi: lm.Vec, eta: lm.Vec) -> lm.Vec:
+        return lm.cross(xi, eta)
+
+
+@lm.record
 class Rotations(lm.LieGroup):
     """SO(3) from what a group of one's own must write, and nothing else."""
 
     @property
     def algebra(self) -> lm.LieAlgebra:
-        return lm.SO3().algebra
+        return BareAlgebra()
 
     def identity(self) -> lm.Element:
         return lm.SO3().identity()
@@ -48,7 +60,7 @@ def test_mean_of_exp(size: float, side: str) -> None:
     matrix = phi1(sign * np.array(lm.SO3().algebra.hat(xi))) if size <= 40.0 else None
     for found, closed, expected in (
         (group.dexp(xi, eta, side), lm.SO3().dexp(xi, eta, side), matrix),
-        (group.dexp_dual(xi, eta, side), lm.SO3().dexp_dual(xi, eta, side), None if matrix is None else matrix.T),
+        (group.algebra.dexp_dual(xi, eta, side), lm.SO3().algebra.dexp_dual(xi, eta, side), None if matrix is None else matrix.T),
     ):
         assert np.abs(found - closed).max() <= (16 + 4 * size) * EPS * np.abs(eta).max()
         if expected is not None:

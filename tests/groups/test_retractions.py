@@ -118,8 +118,8 @@ def derivative(f: Callable[[mp.matrix], mp.matrix], x: mp.matrix) -> np.ndarray:
 
 def test_mismatch_and_its_derivatives(tau: lm.Retraction, vectors: tuple[np.ndarray, ...]) -> None:
     xi, p, mu = vectors
-    r, by_p, by_xi = tau.mismatch(G, *(lm.Vec.of(v) for v in (xi, p, mu)))
-    multiple = tau.mismatch(G, *(lm.Vec.of(v) for v in (0 * xi, p, mu)))[1]  # a number of the author's choice
+    r, by_p, by_xi = tau.residual(G, *(lm.Vec.of(v) for v in (xi, p, mu)))
+    multiple = tau.residual(G, *(lm.Vec.of(v) for v in (0 * xi, p, mu)))[1]  # a number of the author's choice
     r, by_p, by_xi = np.array(r) / multiple, by_p / multiple, np.array(by_xi) / multiple
     with mp.workdps(60):
         x, q, m = (mp.matrix(v.tolist()) for v in (xi, p, mu))
@@ -134,7 +134,7 @@ def test_mismatch_and_its_derivatives(tau: lm.Retraction, vectors: tuple[np.ndar
 def test_mismatch_vanishes_at_the_discrete_legendre_transform(tau: lm.Retraction, vectors: tuple[np.ndarray, ...]) -> None:
     xi, p, _ = vectors
     mu = tau.dtau_inv_dual(G, xi, p)
-    r, by_p, _ = tau.mismatch(G, *(lm.Vec.of(v) for v in (xi, p, mu)))
+    r, by_p, _ = tau.residual(G, *(lm.Vec.of(v) for v in (xi, p, mu)))
     assert np.abs(np.array(r)).max() < 32 * EPS * by_p * max(np.abs(mu).max(), np.abs(p).max())
 
 
@@ -150,7 +150,7 @@ def test_a_retraction_of_ones_own_must_say_what_it_is() -> None:
         lambda r: r.dtau(G, xi, xi),
         lambda r: r.dtau_inv(G, xi, xi),
         lambda r: r.dtau_inv_dual(G, xi, xi),
-        lambda r: r.mismatch(G, xi, xi, xi),
+        lambda r: r.residual(G, xi, xi, xi),
     ):
         with pytest.raises(NotImplementedError, match="Nothing"):
             call(Nothing())

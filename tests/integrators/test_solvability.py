@@ -193,6 +193,7 @@ def test_steps_of_rigid_motions_are_those_that_grow_out_of_zero(method: lm.Covar
     assert accepted > 12
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(("thin", "size"), [(1 / 1000, 0.8), (1 / 1000, 2.0)])
 def test_thin_rods_have_steps_on_other_sheets_which_are_refused(thin: float, size: float) -> None:
     """Newton's method from J^-1 mu does find a root, with det > 0: not the one of the motion."""
@@ -316,12 +317,12 @@ def test_largest_step() -> None:
 def test_caution() -> None:
     body, start = seed_body()
     largest = EXP.largest_step(body, start)
-    assert EXP.caution(body, start, 0.99 * largest) is None
-    assert CAYLEY.caution(body, start, 1e6) is None
-    assert f"{largest:.3g}" in EXP.caution(body, start, -1.01 * largest)
+    assert EXP.step_warning(body, start, 0.99 * largest) is None
+    assert CAYLEY.step_warning(body, start, 1e6) is None
+    assert f"{largest:.3g}" in EXP.step_warning(body, start, -1.01 * largest)
     composed = lm.Composition(EXP, order=4)
-    assert composed.caution(body, start, 1.01 * largest) is None  # its largest substep is 0.66 h
-    assert composed.caution(body, start, 1.6 * largest) is not None
+    assert composed.step_warning(body, start, 1.01 * largest) is None  # its largest substep is 0.66 h
+    assert composed.step_warning(body, start, 1.6 * largest) is not None
 
 
 @pytest.mark.filterwarnings("default::liemech.errors.StepWarning")
@@ -364,6 +365,7 @@ def test_a_failure_says_where_the_branch_ends_and_keeps_what_there_is() -> None:
     assert ends == pytest.approx(20.0 * part[0], rel=1e-2)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.compiled
 @BOTH
 def test_large_steps_have_the_same_bits_in_native_code(method: lm.CovariantVariational) -> None:

@@ -270,7 +270,7 @@ def test_steps_of_exp_beyond_a_fold_are_refused(h: float) -> None:
     J, rng = np.array(body.inertia), np.random.default_rng(0)
 
     def legendre(x: np.ndarray) -> np.ndarray:
-        return body.group.dexp_inv_dual(x, J * x / h)
+        return body.group.algebra.dexp_inv_dual(x, J * x / h)
 
     for mu in rng.normal(size=(40, 3)):
         m = lm.Vec.of(mu / np.linalg.norm(mu))

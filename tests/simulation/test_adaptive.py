@@ -61,17 +61,18 @@ def test_the_way_between_the_ends_of_a_step_has_its_order(tableau: lm.ButcherTab
         trial, at = method.trial(BODY, 0.0, START, rate, h, 1.0, 1.0, True), []
         for theta in (0.2, 0.5, 0.7):
             omega = sum((theta ** (k + 1) * p for k, p in enumerate(trial.curve)), vec(0.0, 0.0, 0.0))
-            state = BODY.moved(lm.Exponential(), START, omega)
+            state = BODY.displaced(lm.Exponential(), START, omega)
             at.append(np.abs(np.array(state.g) - BODY.exact(START, [theta * h]).g[0]).max())
         worst.append(max(at))
         end = sum(trial.curve, vec(0.0, 0.0, 0.0))
-        assert np.allclose(BODY.moved(lm.Exponential(), START, end).mu, trial.state.mu, rtol=0, atol=1e-14)
+        assert np.allclose(BODY.displaced(lm.Exponential(), START, end).mu, trial.state.mu, rtol=0, atol=1e-14)
     assert slope(sizes, worst) > method.dense_order + 0.8
 
 
 # ---------------------------------------------------------------- runs
 
 
+@pytest.mark.sample(4)
 @EVERY_PAIR
 def test_the_error_follows_the_tolerance(tableau: lm.ButcherTableau) -> None:
     """From 1e-4 to 1e-8 both errors fall by at least 10^3, and stay within a factor of the tolerance."""

@@ -148,9 +148,9 @@ def test_ensembles_in_resonance_are_warned_of() -> None:
     """With w = 10 and h = pi/10, and a start on the pole is not judged."""
     system, method = Stiff(), lm.MultipleTimeSteps((10,))
     many = system.state([[0.0], [1.0]], [[0.0], [0.0]])
-    assert "resonance" in str(method.caution(system, many, np.pi / 10.0))
-    assert method.caution(system, many, 0.2) is None
-    assert method.caution(system, system.state(0.0, 0.0), np.pi / 10.0) is None
+    assert "resonance" in str(method.step_warning(system, many, np.pi / 10.0))
+    assert method.step_warning(system, many, 0.2) is None
+    assert method.step_warning(system, system.state(0.0, 0.0), np.pi / 10.0) is None
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         start = system.state([[1.0], [1.1]], [[0.0], [0.0]])

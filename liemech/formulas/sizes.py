@@ -1,0 +1,17 @@
+"""Sizes of numbers and vectors beside rounding."""
+
+from __future__ import annotations
+
+from .dual import size_of
+from .vectors import Vec
+
+EPSILON = 2.0**-52
+"""The distance from 1 to the next double."""
+
+
+def one_norm(x: Vec) -> float:
+    """|x_1| + |x_2| + ..., derivatives included that the components carry."""
+    total = size_of(x[0])
+    for i in range(1, len(x)):
+        total = total + size_of(x[i])
+    return total

@@ -1,0 +1,48 @@
+"""Series of ad_xi applied to a vector: its exponential, the mean of that, and Bernoulli's series.
+
+Every function takes the action `ad(x, v)`, that of ad_x or of its dual ad*_x.
+Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., III.4.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from ..formulas import Vec
+from ..formulas.double_double import is_long
+from ..formulas.sizes import EPSILON, one_norm
+from .bernoulli import BERNOULLI
+
+Action = Callable[[Vec, Vec], Vec]
+
+
+def exponential_series(ad: Action, x: Vec, v: Vec) -> Vec:
+    """exp(ad_x) v = v + ad_x v + ad_x^2 v/2 + ..., summed as it stands.  x, v : (dim,)."""
+    return _sum(ad, x, v, 1.0)
+
+
+def mean(ad: Action, x: Vec, v: Vec) -> Vec:
+    """The mean of exp(s ad_x) v over 0 <= s <= 1, sum_k ad_x^k v/(k + 1)!, as it stands.  x, v : (dim,)."""
+    return _sum(ad, x, v, 2.0)
+
+
+def bernoulli_series(ad: Action, x: Vec, v: Vec, terms: int) -> Vec:
+    """sum_k B_k/k! ad_x^k v, k = 0, ..., terms.  x, v : (dim,)."""
+    power, total = v, v
+    for k in range(1, terms + 1):
+        power = ad(x, power)
+        if BERNOULLI[k] != 0.0:
+            total = total + BERNOULLI[k] * power
+    return total
+
+
+def _sum(ad: Action, x: Vec, v: Vec, k: float) -> Vec:
+    """v + ad_x v/k + ad_x^2 v/(k (k + 1)) + ..., until a term is rounding."""
+    term = ad(x, v) / k
+    total = v + term
+    epsilon = EPSILON * EPSILON if is_long(total[0]) else EPSILON
+    while one_norm(term) > 0.0625 * epsilon * one_norm(total):
+        k = k + 1.0
+        term = ad(x, term) / k
+        total = total + term
+    return total

@@ -1,0 +1,228 @@
+"""The opposite group: the same elements multiplied in the other order, for systems that look from space."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..errors import InvalidType
+from ..formulas import Ambient, Element, Mat, Vec, record
+from .lie_algebra import LieAlgebra
+from .lie_group import LieGroup
+
+
+def _other(side: str) -> str:
+    return "left" if side == "right" else "right"
+
+
+@record
+class OppositeAlgebra(LieAlgebra):
+    """The same velocities with the opposite bracket, [xi, eta]' = -[xi, eta]: right and left change places.
+
+    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., sections 9.1 and 13.1.
+    """
+
+    algebra: Any
+
+    @property
+    def dim(self) -> int:
+        """That of the algebra."""
+        return self.algebra.dim
+
+    @property
+    def invariant_form(self) -> np.ndarray | None:
+        """That of the algebra."""
+        return self.algebra.invariant_form
+
+    def bracket(self, xi: Vec, eta: Vec) -> Vec:
+        """-[xi, eta]."""
+        return self.algebra.bracket(eta, xi)
+
+    def ad_star(self, xi: Vec, mu: Vec) -> Vec:
+        """-ad*_xi mu."""
+        return self.algebra.ad_star(-xi, mu)
+
+    # the exponential
+
+    def exp_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
+        """Ad*_exp(-xi) mu."""
+        return self.algebra.exp_Ad_star(-xi, mu)
+
+    def dexp(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
+        """That of the other side."""
+        return self.algebra.dexp(xi, eta, _other(side))
+
+    def dexp_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+        """That of the other side."""
+        return self.algebra.dexp_dual(xi, mu, _other(side))
+
+    def dexp_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
+        """That of the other side."""
+        return self.algebra.dexp_inv(xi, eta, _other(side))
+
+    def dexp_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+        """That of the other side."""
+        return self.algebra.dexp_inv_dual(xi, mu, _other(side))
+
+    def dexp_inv_series(self, xi: Vec, eta: Vec, terms: int, side: str = "right") -> Vec:
+        """That of the other side."""
+        return self.algebra.dexp_inv_series(xi, eta, terms, _other(side))
+
+    def is_exp_chart(self, xi: Vec) -> bool:
+        """The same chart."""
+        return self.algebra.is_exp_chart(xi)
+
+    def exp_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float | Mat, Mat]:
+        """That at -xi."""
+        r, by_p, by_xi = self.algebra.exp_residual(-xi, p, mu)
+        return r, by_p, -by_xi
+
+    # the Cayley map
+
+    def cayley_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
+        """Ad*_cay(-xi) mu."""
+        return self.algebra.cayley_Ad_star(-xi, mu)
+
+    def dcayley(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
+        """That of the other side."""
+        return self.algebra.dcayley(xi, eta, _other(side))
+
+    def dcayley_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+        """That of the other side."""
+        return self.algebra.dcayley_dual(xi, mu, _other(side))
+
+    def dcayley_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
+        """That of the other side."""
+        return self.algebra.dcayley_inv(xi, eta, _other(side))
+
+    def dcayley_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+        """That of the other side."""
+        return self.algebra.dcayley_inv_dual(xi, mu, _other(side))
+
+    def cayley_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float | Mat, Mat]:
+        """That at -xi."""
+        r, by_p, by_xi = self.algebra.cayley_residual(-xi, p, mu)
+        return r, by_p, -by_xi
+
+
+@record
+class OppositeGroup(LieGroup):
+    """The elements of a group with the product in the other order, g * h = h g.
+
+    A left-invariant system on it is a right-invariant one on the group, such as a fluid's: velocities
+    and momenta are those seen from space,
+
+        g' = xi g,    mu' = -ad*_xi mu,    xi = dH/dmu,
+
+    with ad* of the group, and every method for the one serves the other.  What a run calls the spatial
+    momentum, constant by Noether's theorem, is then the momentum in the body, Ad*_g mu.
+
+    group : a LieGroup.  Raises InvalidType for anything else.
+    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 13.1 (right
+    Lie-Poisson reduction); Arnold, Ann. Inst. Fourier 16 (1966), 319.
+    """
+
+    group: Any
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not isinstance(self.group, LieGroup):
+            raise InvalidType(f"OppositeGroup: group must be a LieGroup; got {self.group!r}")
+
+    def __repr__(self) -> str:
+        return f"OppositeGroup({self.group!r})"
+
+    @property
+    def algebra(self) -> OppositeAlgebra:
+        """The same velocities with the opposite bracket."""
+        return OppositeAlgebra(self.group.algebra)
+
+    def identity(self) -> Element:
+        """The neutral element of the group."""
+        return self.group.identity()
+
+    def compose(self, g: Element, h: Element) -> Element:
+        """h g."""
+        return self.group.compose(h, g)
+
+    def inverse(self, g: Element) -> Element:
+        """g^-1."""
+        return self.group.inverse(g)
+
+    def exp(self, xi: Vec) -> Element:
+        """exp(xi)."""
+        return self.group.exp(xi)
+
+    def Ad(self, g: Element, xi: Vec) -> Vec:
+        """Ad of g^-1."""
+        return self.group.Ad(self.group.inverse(g), xi)
+
+    def Ad_star(self, g: Element, mu: Vec) -> Vec:
+        """Ad* of g^-1."""
+        return self.group.Ad_star(self.group.inverse(g), mu)
+
+    def log(self, g: Element) -> Vec:
+        """log g."""
+        return self.group.log(g)
+
+    def body_velocity(self, g: Element, rate: Ambient) -> Vec:
+        """The spatial velocity xi with g' = xi g."""
+        return self.group.Ad(g, self.group.body_velocity(g, rate))
+
+    # the Cayley map
+
+    def why_no_cayley(self) -> str | None:
+        """The reason why the group has none."""
+        return self.group.why_no_cayley()
+
+    def cayley(self, xi: Vec) -> Element:
+        """cay(xi)."""
+        return self.group.cayley(xi)
+
+    def cayley_inv(self, g: Element) -> Vec:
+        """cay^-1 g."""
+        return self.group.cayley_inv(g)
+
+    @property
+    def by_adjoint(self) -> LieGroup | None:
+        """The opposite of that of the group."""
+        found = self.group.by_adjoint
+        return None if found is None else OppositeGroup(found)
+
+    # momenta and arrays
+
+    def casimirs(self, mu: Vec) -> Vec:
+        """Those of the group: the orbits are the same."""
+        return self.group.casimirs(mu)
+
+    @property
+    def unit_blocks(self) -> tuple[int, ...]:
+        """Those of the group."""
+        return self.group.unit_blocks
+
+    def further_invariants(self, mu: Any) -> tuple[float, ...] | None:
+        """Those of the group."""
+        return self.group.further_invariants(mu)
+
+    def defect(self, g: Ambient) -> float:
+        """That of the group."""
+        return self.group.defect(g)
+
+    def objection(self, g: np.ndarray) -> str | None:
+        """That of the group."""
+        return self.group.objection(g)
+
+    def scale(self, g: Element | None) -> Vec:
+        """That of the group."""
+        return self.group.scale(g)
+
+    def nearest(self, g: Ambient) -> Element:
+        """That of the group."""
+        return self.group.nearest(g)
+
+    def random(
+        self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()
+    ) -> np.ndarray:
+        """Random elements of the group."""
+        return self.group.random(rng, size)
