@@ -60,7 +60,8 @@ def many_bodies() -> None:
     plan.run(BODY.state(mu=MANY.mu[:100]), steps=100)
     before = megabytes()
     took = seconds(lambda: plan.run(MANY, steps=100))
-    print(f"10^6 bodies x 100 steps: {took:.1f} s, {1e8 / took / 1e6:.0f} M body-steps a second; {megabytes() - before:.0f} MB more")
+    told = f"{took:.1f} s, {1e8 / took / 1e6:.0f} M body-steps a second"
+    print(f"10^6 bodies x 100 steps: {told}; {megabytes() - before:.0f} MB more")
 
 
 def interrupted() -> None:
@@ -92,7 +93,8 @@ def interrupted() -> None:
 
 
 def tangents() -> None:
-    print("| motion | directions n | tangent map | n + 1 runs, one by one | n + 1 runs, an ensemble |\n| --- | --- | --- | --- | --- |")
+    print("| motion | directions n | tangent map | n + 1 runs, one by one | n + 1 runs, an ensemble |")
+    print("| --- | --- | --- | --- | --- |")
     top: Any = lm.HeavyTop([1.0, 1.0, 0.5], 1.0, [0.0, 0.0, 1.0])
     kepler = lm.Kepler()
     for name, system, method, start in (
