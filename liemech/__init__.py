@@ -112,6 +112,7 @@ if TYPE_CHECKING:
     from .models.planetary_system import PlanetarySystem
     from .models.poisson_top import PoissonTop
     from .models.rigid_body import RigidBody
+    from .models.rolling import Blade, Rolling, Suslov
     from .models.space_bodies import FallingBody, OrbitingBody
     from .models.surfaces import ParticleOnEllipsoid
     from .models.toda import TodaLattice
@@ -135,10 +136,11 @@ if TYPE_CHECKING:
     from .systems.local_coordinates import InducedStructure, LocalChart, in_coordinates
     from .systems.mechanical import MechanicalSystem
     from .systems.multirate import MultirateSystem
-    from .systems.parts import Part, SplitHamiltonian
+    from .systems.parts import OfCoordinate, Part, SplitHamiltonian, Straight
     from .systems.poisson import PoissonState, PoissonSystem
     from .systems.potential import Force, NoPotential, Potential
     from .systems.separable import SeparableSystem
+    from .systems.tabulated import PiecewisePolynomial
     from .systems.time_scales import DistancePower, EqualArc, EqualChange, EqualPath, TimeScale
     from .systems.time_transformed import LogarithmicHamiltonian, TimeTransformed
     from .tableaus.tableau import ButcherTableau
@@ -214,6 +216,7 @@ _LATER = {
     "models.planetary_system": ("PlanetarySystem",),
     "models.poisson_top": ("PoissonTop",),
     "models.rigid_body": ("RigidBody",),
+    "models.rolling": ("Blade", "Rolling", "Suslov"),
     "models.space_bodies": ("FallingBody", "OrbitingBody"),
     "models.surfaces": ("ParticleOnEllipsoid",),
     "plots": ("plots",),
@@ -238,10 +241,11 @@ _LATER = {
     "systems.local_coordinates": ("InducedStructure", "LocalChart", "in_coordinates"),
     "systems.mechanical": ("MechanicalSystem",),
     "systems.multirate": ("MultirateSystem",),
-    "systems.parts": ("Part", "SplitHamiltonian"),
+    "systems.parts": ("OfCoordinate", "Part", "SplitHamiltonian", "Straight"),
     "systems.poisson": ("PoissonState", "PoissonSystem"),
     "systems.potential": ("Force", "NoPotential", "Potential"),
     "systems.separable": ("SeparableSystem",),
+    "systems.tabulated": ("PiecewisePolynomial",),
     "systems.time_scales": ("DistancePower", "EqualArc", "EqualChange", "EqualPath", "TimeScale"),
     "systems.time_transformed": ("LogarithmicHamiltonian", "TimeTransformed"),
     "tableaus": ("tableaus",),
@@ -300,6 +304,7 @@ __all__ = [
     "Andoyer",
     "AxialField",
     "BallJoint",
+    "Blade",
     "BodyState",
     "ButcherTableau",
     "Canonical",
@@ -398,6 +403,7 @@ __all__ = [
     "MultirateSystem",
     "NoPotential",
     "NonholonomicBody",
+    "OfCoordinate",
     "OrbitingBody",
     "OppositeGroup",
     "OrthogonalBody",
@@ -424,6 +430,7 @@ __all__ = [
     "RevoluteJoint",
     "RigidBody",
     "RigidRod",
+    "Rolling",
     "RotationAction",
     "SO3Algebra",
     "SemidirectProduct",
@@ -437,7 +444,9 @@ __all__ = [
     "Splitting",
     "State",
     "StormerVerlet",
+    "Straight",
     "Surface",
+    "Suslov",
     "SymplecticEuler",
     "System",
     "Taylor",
@@ -447,6 +456,7 @@ __all__ = [
     "TodaLattice",
     "TokamakField",
     "TraceOfAd",
+    "PiecewisePolynomial",
     "Plan",
     "Trajectory",
     "TranslationAction",

@@ -8,6 +8,8 @@ from typing import Any
 
 from .errors import NoConvergence
 from .formulas import Mat, Vec, cross, dot, mat, solve, solve3, vec
+from .formulas.double_double import is_long
+from .formulas.pytree import double_double, layout_of, rounded
 from .formulas.sizes import EPSILON
 
 TOLERANCE = 2.0**-30
@@ -34,25 +36,59 @@ def newton(
     rate: float = 1.0,
     tolerance: float = TOLERANCE,
     solved: Callable[[Mat, Vec], Vec] | None = None,
+    weights: Vec | None = None,
 ) -> tuple[Vec, float, float, bool]:
     """The root of an equation: its residual is tested against the data, and the correction that it asks for applied once more.
 
     equation : gives at x the residual r, its derivative and the factor w that |r|^2 has over the data.  data : a square.
     tolerance : smaller for a derivative that is not exact, with which the last correction gains fewer digits.
     solved : the solution of a linear system, if `correction` is not the best way to it.
+    weights : of the residuals where they are tested; None: all are one.
+    In numbers of two doubles it is found to 16 digits first, and then `refined`.
     Returns x, |r|^2 at the last test, what it had to reach (w tolerance^2 data, else x is no root), and whether x is `beyond_fold`.
     """
     x, goal = guess, tolerance * tolerance * data
+    long = is_long(guess[0])
+    if long:
+        x, goal = rounded(guess), rounded(goal)
     size = enough = goal
     folded = False
     for _ in range(LIMIT):
         r, jacobian, weight = equation(x)
-        x = x - (correction(jacobian, r) if solved is None else solved(jacobian, r))
+        if long:
+            r, jacobian, weight = rounded((r, jacobian, weight))
+        x = x - _asked(solved, jacobian, r)
         folded = beyond_fold(jacobian, rate)
-        size, enough = dot(r, r), weight * goal
+        tested = r if weights is None else narrow(weights) * r
+        size, enough = dot(tested, tested), weight * goal
         if size <= enough:
             break
+    if long:
+        x = refined(equation, x, solved)
     return x, size, enough, folded
+
+
+def refined(
+    equation: Callable[[Vec], tuple[Vec, Mat, float]], x: Vec, solved: Callable[[Mat, Vec], Vec] | None = None
+) -> Vec:
+    """A root that is known to 16 digits, in numbers of two doubles: 31 digits of the residual, 16 of its derivative.
+
+    equation, solved : as for `newton`.
+    """
+    _, jacobian, _ = equation(x)
+    x = double_double(x)
+    r, _, _ = equation(x)
+    return x - _asked(solved, rounded(jacobian), rounded(r))
+
+
+def narrow(x: Vec) -> Vec:
+    """A vector in numbers of one double."""
+    return rounded(x) if is_long(x[0]) else x
+
+
+def _asked(solved: Callable[[Mat, Vec], Vec] | None, jacobian: Mat, r: Vec) -> Vec:
+    """The correction that a residual asks for."""
+    return correction(jacobian, r) if solved is None else solved(jacobian, r)
 
 
 def fixed_point(sweep: Callable[[Any], tuple[Any, float, float]], guess: Any, method: Any, h: float) -> Any:
@@ -65,16 +101,18 @@ def fixed_point(sweep: Callable[[Any], tuple[Any, float, float]], guess: Any, me
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VIII.6.2 and VIII.5 (the error is iterated away).
     """
     unknown, change, size, done = guess, 0.0, 0.0, False
-    for _ in range(LIMIT):
+    words = 2 if layout_of(guess).long else 1
+    epsilon, noise = EPSILON**words, NOISE**words
+    for _ in range(words * LIMIT):
         before = change
         unknown, change, size = sweep(unknown)
-        done = change <= EPSILON * size
+        done = change <= epsilon * size
         if before > 0.0:
             ratio = change / before
-            done = done or 16.0 * ratio * change <= EPSILON * size or (ratio >= 1.0 and change <= NOISE * size)
+            done = done or 16.0 * ratio * change <= epsilon * size or (ratio >= 1.0 and change <= noise * size)
         if done or not size < math.inf:  # iterates that grow without bound: no change is small beside infinity
             break
-    if not (size < math.inf and (done or change <= 64.0 * EPSILON * size)):
+    if not (size < math.inf and (done or change <= 64.0 * epsilon * size)):
         raise NoConvergence(
             f"{method!r}: the stages did not converge in {LIMIT} iterations, they still change by {change / size:.1e}. "
             f"The step h = {h:g} is too large for this motion; try {0.25 * h:g}"

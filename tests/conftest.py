@@ -5,8 +5,16 @@ from __future__ import annotations
 import gc
 import importlib.util
 import os
+import sys
+from collections import Counter, defaultdict
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+
+if sys.dont_write_bytecode:  # then elsewhere: else every process of the tests would translate all modules again
+    sys.dont_write_bytecode = False
+    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+    sys.pycache_prefix = os.environ["PYTHONPYCACHEPREFIX"] = str(Path(__file__).parent.parent / ".pytest_cache" / "bytecode")
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # small matrices: threads that wait for each other on a busy machine
 
@@ -30,9 +38,9 @@ settings.load_profile("liemech")
 execution.WAIT = 0.6
 
 LONGEST = (
-    *("documentation", "galerkin", "mechanical", "orders", "lie_poisson_hj", "symmetric_orders", "first_kind", "reads"),
-    *("outlined", "exact_rigid_body", "checks", "kicks", "variational_groups", "products", "hamilton_jacobi", "cache", "language"),
-    "composition",
+    *("documentation", "lie_poisson_hj", "checks", "kicks", "cache", "mechanical", "first_kind", "galerkin", "orders"),
+    *("method_claims", "hamilton_jacobi", "composition", "exact_rigid_body", "symmetric_orders", "products", "variational_groups"),
+    *("whole_language", "outlined", "lanes", "reads", "main", "adaptive", "execution"),
 )
 """Files that begin first, so that no worker is left alone with one at the end."""
 
@@ -70,11 +78,44 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--one-in", type=int, default=1, metavar="N", help="run every N-th of the selected tests only")
 
 
-@pytest.hookimpl(trylast=True)
-def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+def sampled(variants: list[pytest.Function], count: int) -> list[pytest.Function]:
+    """So many variants of a test, each with those values of its parameters that were taken least often before."""
+    taken: Counter[str] = Counter()
+    rest = [variants[i] for i in sorted(range(len(variants)), key=lambda i: 0.618034 * i % 1.0)]  # neighbours apart
+    chosen: list[pytest.Function] = []
+    while rest and len(chosen) < count:
+        chosen.append(rest.pop(min(range(len(rest)), key=lambda i: sum(taken[value] for value in values(rest[i])))))
+        taken.update(values(chosen[-1]))
+    return chosen
+
+
+def values(item: pytest.Function) -> list[str]:
+    """The values of the parameters of a test."""
+    return [f"{name} = {value!r}" for name, value in item.callspec.params.items()]
+
+
+def leave_a_sample(items: list[pytest.Item]) -> None:
+    """Of a test marked `sample(n)` n variants run by default; the others are slow."""
+    tests = defaultdict(list)
+    for item in items:
+        if isinstance(item, pytest.Function) and item.get_closest_marker("sample") and not item.get_closest_marker("slow"):
+            tests[item.parent, item.originalname].append(item)
+    for variants in tests.values():
+        chosen = sampled(variants, *variants[0].get_closest_marker("sample").args)
+        for item in variants:
+            if item not in chosen:
+                item.add_marker(pytest.mark.slow)
+
+
+@pytest.hookimpl(wrapper=True, tryfirst=True)
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> Iterator[None]:
+    leave_a_sample(items)
+    yield  # the tests are chosen by their marks
     every = config.getoption("one_in")
     config.hook.pytest_deselected(items=[item for i, item in enumerate(items) if i % every])
-    items[:] = sorted(items[::every], key=place)
+    items[:] = items[::every]
+    if hasattr(config, "workerinput"):  # of xdist
+        items.sort(key=place)
     if can_compile():
         return
     plain = pytest.mark.skip(reason="needs the compiler, which is missing or switched off")

@@ -2,8 +2,8 @@
 
 `python tests/mutation.py 200 --seed 1` tries two hundred changes, one after another, in a copy of the tree; `--list` only shows
 them.  Numbers, signs, operators, comparisons and small indices of groups, methods, tableaus, systems, models and formulas are
-changed.  A change that no test of the file itself notices meets the whole default suite, unless `--quick`.  Survivors are listed,
-to be judged by a reader: some change nothing that can be observed.
+changed.  A change that the tests of the file do not notice meets those of its folder, and then the whole default suite, unless
+`--quick`.  Survivors are listed, to be judged by a reader: some change nothing that can be observed.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ ROOT = Path(__file__).parent.parent
 FOLDERS = "groups", "integrators", "tableaus", "systems", "models", "formulas"
 OTHERS = {"+": "-", "-": "+", "*": "+", "/": "*", "<": ">", ">": "<", "<=": ">", ">=": "<", "==": "!=", "!=": "=="}
 TIME_LIMIT = 900
-"""Seconds for the tests of one change; a change that makes them hang is noticed."""
+"""Seconds for the tests of one change; one that makes them hang is noticed, and said to hang, for the machine may be busy."""
 
 
 @dataclass(frozen=True)
@@ -44,11 +44,22 @@ class Change:
         text = lines[self.line - 1]
         assert text[self.column :].startswith(self.old)
         lines[self.line - 1] = text[: self.column] + self.new + text[self.column + len(self.old) :]
-        path.write_text("".join(lines), encoding="utf-8")
+        write(path, "".join(lines))
+
+    def undo(self, tree: Path) -> None:
+        """Write what was there before."""
+        write(tree / self.file, (ROOT / self.file).read_text(encoding="utf-8"))
 
     def __str__(self) -> str:
         text = (ROOT / self.file).read_text(encoding="utf-8").splitlines()[self.line - 1].strip()
         return f"{self.file}:{self.line}: {self.old} -> {self.new} in `{text}`"
+
+
+def write(path: Path, text: str) -> None:
+    """Change a file such that Python sees it: its time is one that the file never had."""
+    last = path.stat().st_mtime
+    path.write_text(text, encoding="utf-8")
+    os.utime(path, (last + 2.0, last + 2.0))
 
 
 def changes(file: Path) -> list[Change]:
@@ -70,23 +81,26 @@ def changes(file: Path) -> list[Change]:
     return found
 
 
-def tests_of(file: Path) -> list[str]:
-    """The test files that import the module or name it, the one of its name first."""
-    module = ".".join(file.with_suffix("").parts)
-    own = [p for p in sorted((ROOT / "tests").rglob("test_*.py")) if file.stem in p.stem]
-    named = [p for p in sorted((ROOT / "tests").rglob("test_*.py")) if module in p.read_text(encoding="utf-8")]
-    return [str(p.relative_to(ROOT)) for p in dict.fromkeys((*own, *named))]
+def tests_of(file: Path) -> list[list[str]]:
+    """Test files that import the module or name it, the one of its name first; then those of its folder."""
+    module, home = ".".join(file.with_suffix("").parts), ROOT / "tests" / file.parts[1]
+    everything = sorted((ROOT / "tests").rglob("test_*.py"))
+    own = [p for p in everything if file.stem in p.stem]
+    named = [p for p in everything if module in p.read_text(encoding="utf-8")]
+    first = dict.fromkeys((*own, *named))
+    stages = list(first), [p for p in everything if p.is_relative_to(home) and p not in first]
+    return [[str(p.relative_to(ROOT)) for p in stage] for stage in stages if stage]
 
 
-def noticed(tree: Path, tests: list[str]) -> bool:
-    """Does a test fail?  Nothing is kept on disk between changes."""
-    environment = os.environ | {"PYTHONPATH": str(tree), "LIEMECH_CACHE_DIR": str(tree / "cache"), "PYTHONDONTWRITEBYTECODE": "1"}
+def verdict(tree: Path, tests: list[str]) -> str:
+    """Does a test fail?  Native code of what was not changed is found on disk."""
+    environment = os.environ | {"PYTHONPATH": str(tree), "LIEMECH_CACHE_DIR": str(tree / "cache")}
     command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", *tests]
     try:
         done = subprocess.run(command, cwd=tree, env=environment, capture_output=True, timeout=TIME_LIMIT, check=False)
     except subprocess.TimeoutExpired:
-        return True
-    return done.returncode not in (0, 5)  # 5: no test there
+        return "hung"
+    return "SURVIVED" if done.returncode in (0, 5) else "caught"  # 5: no test there
 
 
 def main() -> None:
@@ -95,30 +109,29 @@ def main() -> None:
     parser.add_argument("count", type=int)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--list", action="store_true", help="only show the changes")
-    parser.add_argument("--quick", action="store_true", help="only the tests that name the file")
+    parser.add_argument("--quick", action="store_true", help="only the tests that name the file, and those of its folder")
     options = parser.parse_args()
     files = [p.relative_to(ROOT) for folder in FOLDERS for p in sorted((ROOT / "liemech" / folder).rglob("*.py"))]
     chosen = random.Random(options.seed).sample([c for file in files for c in changes(file)], options.count)
     survivors: list[Change] = []
-    for i, change in enumerate(chosen, 1):
-        if options.list:
-            print(change)
-            continue
-        with tempfile.TemporaryDirectory() as folder:
-            tree = Path(folder)
-            for name in ("liemech", "tests", "docs", "examples"):
-                shutil.copytree(ROOT / name, tree / name, ignore=shutil.ignore_patterns("__pycache__"))
-            for name in ("pyproject.toml", "README.md"):
-                shutil.copy(ROOT / name, tree)
+    if options.list:
+        print(*chosen, sep="\n")
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        tree = Path(folder)
+        for name in ("liemech", "tests", "docs", "examples"):
+            shutil.copytree(ROOT / name, tree / name, ignore=shutil.ignore_patterns("__pycache__"))
+        for name in ("pyproject.toml", "README.md"):
+            shutil.copy(ROOT / name, tree)
+        for i, change in enumerate(chosen, 1):
             change.apply(tree)
-            tests = tests_of(change.file)
-            caught = bool(tests) and noticed(tree, tests)
-            if not caught and not options.quick:
-                caught = noticed(tree, [])
-        print(f"{i:4} {'caught  ' if caught else 'SURVIVED'} {change}", flush=True)
-        survivors += [] if caught else [change]
-    if not options.list:
-        print(f"\n{len(chosen) - len(survivors)} of {len(chosen)} changes were noticed; survivors:", *survivors, sep="\n  ")
+            stages = tests_of(change.file) + ([] if options.quick else [[]])
+            verdicts = (verdict(tree, tests) for tests in stages)
+            found = next((word for word in verdicts if word != "SURVIVED"), "SURVIVED")
+            change.undo(tree)
+            print(f"{i:4} {found:8} {change}", flush=True)
+            survivors += [change] if found == "SURVIVED" else []
+    print(f"\n{len(chosen) - len(survivors)} of {len(chosen)} changes were noticed; survivors:", *survivors, sep="\n  ")
 
 
 if __name__ == "__main__":

@@ -121,23 +121,23 @@ class Table:
     rows: dict[str, tuple[lm.Method, int]]
     columns: Callable[[], tuple[tuple[Problem, ...], ...]]
 
-    def measured(self, name: str, half: bool = False) -> list[float | None]:
+    def measured(self, name: str, half: int | None = None) -> list[float | None]:
         """The slopes of a row: None where a method does not apply.
 
-        half : every other problem, the odd ones in odd rows; nan in the place of what is not measured.
+        half : 0 for every other problem, the odd ones in odd rows; 1 for the rest; nan in the place of what is not measured.
         """
         method, order = self.rows[name]
         found: list[float | None] = []
         number = list(self.rows).index(name)
         for column in self.columns():
             problem = next((p for p in column if p.accepts(method)), None)
-            if problem and half and number % 2:
+            if problem and half is not None and number % 2 != half:
                 found += [math.nan] * len(column[0].exact)
             else:
                 found += problem.slopes(method, order) if problem else [None] * len(column[0].exact)
             number += problem is not None
         if any(p is not None for p in found) and all(p is None or math.isnan(p) for p in found):
-            return self.measured(name)  # its only problem is an odd one
+            return self.measured(name)  # its only problem is in the other half
         return found
 
     def line(self, name: str, slopes: list[float | None]) -> str:

@@ -336,15 +336,16 @@ def driven_attitude(compensated: bool | None = None, steps: int = 1_000_000, h: 
     return float(np.abs(run.g[-1] - product).max())
 
 
-def offset(method: lm.Method, delta: float = 1e-12, compensated: bool | None = None, steps: int = 1_000_000) -> float:
+def offset(method: lm.Method, delta: float = 1e-12, steps: int = 1_000_000, **sums: object) -> float:
     """The offset from the middle axis of the article's body that explains the mean time between its flips; 16 starts with another.
 
     From an offset d along another axis they come every 2K/rate = 4 log(4/(sqrt(2) d)); far below rounding d is what rounding adds.
+    sums : `compensated` or `precision`, as for `integrate`.
     """
     body, _ = seed_body()
     mu = np.tile([0.0, 1.0, 0.0], (16, 1))
     mu[0::2, 0] = mu[1::2, 2] = delta * np.linspace(0.95, 1.05, 8) * np.resize([1.0, -1.0], 8)
-    run = lm.integrate(body, method, body.state(mu), h=0.1, steps=steps, every=10, compensated=compensated, progress=False)
+    run = lm.integrate(body, method, body.state(mu), h=0.1, steps=steps, every=10, progress=False, **sums)  # type: ignore[arg-type]
     flips = [np.flatnonzero(np.diff(np.sign(y))) for y in run.mu[:, :, 1].T]
     between = np.mean([(f[-1] - f[0]) / (len(f) - 1) for f in flips])
     return float(8.0**0.5 * np.exp(-between / 4.0))

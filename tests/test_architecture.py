@@ -132,10 +132,13 @@ def imports() -> tuple[Import, ...]:
     )
 
 
-INSIDE = [one for one in imports() if one.target.partition(".")[0] == "liemech"]
-OUTSIDE = [
-    one for one in imports() if one.target.partition(".")[0] not in sys.stdlib_module_names | {"liemech", "__future__"}
-]
+def inside() -> list[Import]:
+    return [one for one in imports() if one.target.partition(".")[0] == "liemech"]
+
+
+def outside() -> list[Import]:
+    known = sys.stdlib_module_names | {"liemech", "__future__"}
+    return [one for one in imports() if one.target.partition(".")[0] not in known]
 
 
 def complain(offenders: list[object], law: str) -> None:
@@ -166,7 +169,7 @@ def test_imports_point_down_the_layers() -> None:
     height = {name: number for number, name in enumerate(LAYERS)} | {"": len(LAYERS)}
     upward = [
         one
-        for one in INSIDE
+        for one in inside()
         if one.module != "liemech"
         and height.get(one.layers[0], -1) < height.get(one.layers[1], -1)
         and not (one.lazy and one.layers in DOORS)
@@ -197,7 +200,7 @@ def test_imports_for_typing_point_down_too() -> None:
 
 def test_no_circles() -> None:
     graph: dict[str, set[str]] = {module: set() for module in trees()}
-    for one in INSIDE:
+    for one in inside():
         if one.module != "liemech" and one.target != one.module and not (one.lazy and one.layers in DOORS):
             graph[one.module].add(one.target)
     try:
@@ -212,7 +215,7 @@ def test_no_circles() -> None:
 def test_each_optional_package_has_one_home() -> None:
     strays = [
         one
-        for one in OUTSIDE
+        for one in outside()
         if HOMES.get(one.target.partition(".")[0], layer(one.module)) != layer(one.module)
     ]
     complain(strays, f"Packages imported away from home, which is {HOMES}:")
@@ -221,7 +224,7 @@ def test_each_optional_package_has_one_home() -> None:
 def test_only_numpy_is_imported_before_it_is_needed() -> None:
     eager = [
         one
-        for one in OUTSIDE
+        for one in outside()
         if not one.lazy
         and (top := one.target.partition(".")[0]) != "numpy"
         and HOMES.get(top) != layer(one.module)
@@ -257,12 +260,13 @@ def test_public_names_are_unique() -> None:
     assert len(set(liemech.__all__)) == len(liemech.__all__)
 
 
-@pytest.mark.parametrize("name", [name for name in liemech.__all__ if not name.startswith("__")])
-def test_public_name_exists_and_is_documented(name: str) -> None:
-    thing = getattr(liemech, name)
-    assert name in dir(liemech)
-    if inspect.isclass(thing) or inspect.isroutine(thing) or inspect.ismodule(thing):
-        assert (thing.__doc__ or "").strip(), f"liemech.{name} has no docstring of its own"
+def test_public_names_exist_and_are_documented() -> None:
+    names = [name for name in liemech.__all__ if not name.startswith("__")]
+    complain([name for name in names if name not in dir(liemech)], "Public names that are not there:")
+    kinds = inspect.isclass, inspect.isroutine, inspect.ismodule
+    things = {name: getattr(liemech, name) for name in names}
+    silent = [name for name, it in things.items() if any(kind(it) for kind in kinds) and not (it.__doc__ or "").strip()]
+    complain(silent, "Public names without a docstring of their own:")
 
 
 def test_public_formulas_name_their_source() -> None:

@@ -6,9 +6,15 @@ A page is one program: its ```python blocks share one namespace and run in order
 
 from __future__ import annotations
 
+import contextlib
+import importlib
+import multiprocessing
+import os
 import re
+import runpy
 import subprocess
 import sys
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -23,10 +29,10 @@ LANGUAGES = {"python", "python no-run", "sh", "bash", "text", "toml", "math", "j
 """Every fence says what it holds, so that no program hides from this test behind a misspelt tag."""
 
 COMPILED = {
-    "chaos_in_a_galaxy",
+    *("chaos_in_a_galaxy", "energy_exchange", "banana_orbit"),
     *("README", "native", "your_own_group", "long_runs", "bodies_in_fields", "hamilton_jacobi", "classical_hamilton_jacobi"),
     *("symplectic_methods", "time_transformations", "eccentric_orbit", "ensemble", "double_pendulum", "ensemble_in_the_browser"),
-    *("constrained_systems", "index_reduction", "chain"),
+    *("constrained_systems", "index_reduction", "chain", "tutorial"),
 }
 """Pages and examples about native code, or too long without it."""
 
@@ -69,12 +75,37 @@ def page_name(page: Path) -> str:
 
 
 def run(program: Path, folder: Path) -> str:
-    """What a program prints when it runs in a folder of its own."""
-    done = subprocess.run(
-        [sys.executable, str(program)], cwd=folder, capture_output=True, text=True, timeout=TIME_LIMIT, check=False
-    )
-    assert done.returncode == 0, f"{program.name} failed:\n{done.stdout[-2000:]}\n{done.stderr[-6000:]}"
-    return done.stdout
+    """What a program prints in a folder of its own: in a copy of this process, which has imported all, where there is fork."""
+    printed = folder.with_name(f"{folder.name}.printed")
+    if "fork" in multiprocessing.get_all_start_methods():
+        for module in ("llvmlite.binding", "matplotlib.pyplot", "scipy.optimize", "scipy.spatial.transform"):
+            with contextlib.suppress(ImportError):
+                importlib.import_module(module)
+        copy = multiprocessing.get_context("fork").Process(target=inside, args=(program, folder, printed))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", DeprecationWarning)  # a worker of xdist has a second thread, which only listens
+            copy.start()
+        copy.join(TIME_LIMIT)
+        copy.kill()
+        copy.join()
+        code = copy.exitcode
+    else:
+        with open(printed, "w", encoding="utf-8") as out:
+            command = [sys.executable, str(program)]
+            code = subprocess.run(command, cwd=folder, stdout=out, stderr=out, timeout=TIME_LIMIT, check=False).returncode
+    text = printed.read_text(encoding="utf-8")
+    assert code == 0, f"{program.name} failed:\n{text[-6000:]}"
+    return text
+
+
+def inside(program: Path, folder: Path, printed: Path) -> None:
+    """Run a program in a folder as `python program` does."""
+    os.chdir(folder)
+    sys.stdout = sys.stderr = out = open(printed, "w", encoding="utf-8", buffering=1)  # noqa: SIM115
+    os.dup2(out.fileno(), 1)
+    os.dup2(out.fileno(), 2)
+    sys.argv, sys.path[0:0] = [str(program)], [str(program.parent)]
+    runpy.run_path(str(program), run_name="__main__")
 
 
 @pytest.mark.parametrize("page", PAGES, ids=page_name)

@@ -2,17 +2,20 @@
 
     python docs/figures/draw.py [NAME ...]         # all of them, or only some; `gallery` alone draws nothing
 
-Each program runs in an empty folder; its PNGs come here, with 256 colours, at a quarter of their size. Moving pictures and those of
-the benchmarks are made elsewhere.
+Each program runs in an empty folder; its PNGs come here, with 256 colours, at a quarter of their size. The pictures
+`work_precision` and `energy` are drawn from what those benchmarks measured last. Moving pictures are made elsewhere.
 """
 
 import argparse
 import ast
+import importlib
+import json
 import os
 import re
 import subprocess
 import sys
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -22,18 +25,18 @@ HERE = Path(__file__).parent
 ROOT = HERE.parent.parent
 WIDEST = 1600  # pixels
 STRONG = 40  # between the largest and the smallest of red, green and blue, of 255
-
+MEASURED = {"work_precision": "curves", "energy": "runs"}  # the benchmarks with a picture, and where their files have its numbers
 
 SECTIONS = {
     "Bodies that turn freely": (
         *("energy_drift", "tennis_racket", "poinsot", "ensemble", "order_of_methods", "three_rotations", "open_question"),
     ),
     "Tops and bodies of one's own": ("heavy_top", "gyrostat", "rotations_in_four_dimensions", "heisenberg", "magnetic_moment"),
-    "Positions and momenta": ("pendulums", "double_pendulum", "chaos_in_a_galaxy"),
+    "Positions and momenta": ("pendulums", "double_pendulum", "chaos_in_a_galaxy", "energy_exchange"),
     "Constraints, joints, rolling": ("index_reduction", "chain", "linkage"),
-    "Poisson systems, and steps that follow the motion": ("lotka_volterra", "eccentric_orbit"),
+    "Poisson systems, and steps that follow the motion": ("lotka_volterra", "banana_orbit", "eccentric_orbit"),
     "From measurements": ("fit_inertia",),
-    "In the browser": ("flip_in_the_browser", "top_in_the_browser", "ensemble_in_the_browser"),
+    "In the browser": ("flip_in_the_browser", "top_in_the_browser", "ensemble_in_the_browser", "linkage_in_the_browser"),
 }
 """The examples as the gallery has them; those that are not here come at the end."""
 
@@ -85,26 +88,48 @@ def reduced(image: Image.Image) -> Image.Image:
     return picture
 
 
+def program(*words: str) -> Callable[[str], None]:
+    """What draws by running a program in a folder."""
+
+    def draw(folder: str) -> None:
+        paths = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
+        subprocess.run([sys.executable, *words], cwd=folder, check=True, env=os.environ | {"PYTHONPATH": paths})
+
+    return draw
+
+
+def measured(name: str) -> Callable[[str], None]:
+    """What draws the numbers that a benchmark left."""
+
+    def draw(folder: str) -> None:
+        benchmarks = ROOT / "tests" / "benchmarks"
+        sys.path[:0] = [str(ROOT), str(benchmarks)]
+        numbers = json.loads((benchmarks / f"{name}.json").read_text(encoding="utf-8"))
+        importlib.import_module(name).figure(numbers[MEASURED[name]], Path(folder) / f"{name}.png")
+
+    return draw
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    examples = {path.stem: [str(path)] for path in sorted((ROOT / "examples").glob("*.py"))}
-    programs = {"main_job": ["-m", "liemech"]} | examples
-    parser.add_argument("names", nargs="*", metavar="NAME", help=f"of {', '.join(programs)}; all of them if left out")
-    wanted = parser.parse_args().names or list(programs)
+    examples = sorted((ROOT / "examples").glob("*.py"))
+    makers = {"main_job": program("-m", "liemech")} | {path.stem: program(str(path)) for path in examples}
+    makers |= {name: measured(name) for name in MEASURED}
+    parser.add_argument("names", nargs="*", metavar="NAME", help=f"of {', '.join(makers)}; all of them if left out")
+    wanted = parser.parse_args().names or list(makers)
     for name in wanted:
         if name == "gallery":
             continue
-        if name not in programs:
-            parser.error(f"{name!r} is neither gallery nor one of {', '.join(programs)}")
+        if name not in makers:
+            parser.error(f"{name!r} is neither gallery nor one of {', '.join(makers)}")
         with tempfile.TemporaryDirectory() as folder:
-            paths = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
-            subprocess.run([sys.executable, *programs[name]], cwd=folder, check=True, env=os.environ | {"PYTHONPATH": paths})
+            makers[name](folder)
             for picture in sorted(Path(folder).glob("*.png")):
                 image = Image.open(picture).convert("RGB")
                 image.thumbnail((WIDEST, WIDEST))
                 reduced(image).save(HERE / picture.name, optimize=True)
                 print(f"{picture.name}: {(HERE / picture.name).stat().st_size / 1e3:.0f} kB")
-    (ROOT / "docs" / "gallery.md").write_text(gallery(list(examples)), encoding="utf-8")
+    (ROOT / "docs" / "gallery.md").write_text(gallery([path.stem for path in examples]), encoding="utf-8")
 
 
 if __name__ == "__main__":

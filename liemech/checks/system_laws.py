@@ -12,6 +12,7 @@ from ..compiler import kernel
 from ..errors import NotDefined
 from ..formulas import derivative, dot, gradient, jacobian, vec
 from ..integrators.rkmk import RKMK
+from ..simulation.drift import constants_and_terms
 from ..simulation.integrate import integrate
 from ..systems.canonical import CanonicalSystem, HamiltonianSystem
 from ..systems.constrained import ConstrainedSystem, SeparableConstrainedSystem
@@ -255,19 +256,15 @@ KEPT: list[Law] = []
     slack=CLOSE,
 )
 def constants(system: Any, at: AtState) -> Iterator[Same]:
-    values = [_constants(system, state) for state in at.nearby]
-    if not values[0]:
+    states = {name: np.stack([state.arrays[name] for state in at.nearby]) for name in at.state.arrays}
+    values, terms = constants_and_terms(system, states, len(at.nearby))
+    if isinstance(system, ConstrainedSystem):  # they are zero, and so are their terms at some states
+        values = {name: value for name, value in values.items() if name not in ("constraint", "hidden constraint")}
+    if not values:
         raise NotDefined("the system names none")
-    for name in values[0]:
-        change, scale = at.along([each[name] for each in values])
-        yield Same(change, 0.0 * change, scale)
-
-
-def _constants(system: Any, state: Any) -> dict[str, Any]:
-    """The constants at one state; without constraints, which are zero, so that nothing tells the size of their rounding."""
-    found = system.constants({name: x[None] for name, x in state.arrays.items()})
-    zero = ("constraint", "hidden constraint") if isinstance(system, ConstrainedSystem) else ()
-    return {name: value for name, value in found.items() if name not in zero}
+    for name, value in values.items():
+        change, scale = at.along([*value])
+        yield Same(change, 0.0 * change, max(scale, size(terms[name]) / at.unit))  # of sums that cancel the terms round
 
 
 # ---------------------------------------------------------------- native code

@@ -147,3 +147,60 @@ def hares_and_foxes() -> Scene:
     """Lotka and Volterra's species, whose numbers circle for ever: by a Poisson integrator."""
     system = models.LotkaVolterra()
     return Scene("hares and foxes", system, lm.Splitting(order=4), system.state([1.5, 1.0]), h=0.05, steps=400)
+
+
+@scene
+def four_bar() -> Scene:
+    """Two parallelograms of rods side by side swing from rest: one degree of freedom in six coordinates."""
+    system = models.FourBarLinkage(loops=2)
+    joints = np.ravel([(j + np.sin(1.1), -np.cos(1.1)) for j in range(3)])
+    return Scene("a four-bar linkage", system, lm.RATTLE(), system.consistent(joints, np.zeros(6)), h=0.01, steps=1000)
+
+
+@scene
+def hanging_rods() -> Scene:
+    """Two rods that hang one from another by ball joints: bodies on SE(3), six conditions."""
+    system = models.chain(2)
+    poses, top = np.tile(np.eye(4), (2, 1, 1)), np.zeros(3)
+    for pose, axis in zip(poses, ([1.2, 0.0, 0.0], [0.4, 0.9, 0.0]), strict=True):
+        pose[:3, :3] = lm.SO3().exp(axis)
+        pose[:3, 3] = top - 0.5 * pose[:3, 2]
+        top = top - pose[:3, 2]
+    return Scene("two hanging rods", system, lm.LieRATTLE(), system.assembled(poses), h=0.01, steps=900)
+
+
+@scene
+def slider_crank() -> Scene:
+    """A crank on a hinge, a piston in its cylinder, a rod between them: a loop that is closed."""
+    turn, out = [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]
+    hinge: Any = lm.RevoluteJoint
+    crank, piston = lm.Link(1.0, [0.002, 0.02, 0.02]), lm.Link(0.5, [0.002, 0.002, 0.002])
+    joints = [
+        hinge(0, None, [-0.25, 0.0, 0.0], [0.0, 0.0, 0.0], turn, turn),
+        lm.PrismaticJoint(1, None, axis=out),
+        lm.RigidRod(0, 1, [0.25, 0.0, 0.0], [0.0, 0.0, 0.0], 1.5),
+    ]
+    poses = np.tile(np.eye(4), (2, 1, 1))
+    poses[:, 0, 3] = 0.25, 2.0
+    system = models.Linkage([crank, piston], joints)
+    start = system.assembled(poses, [[0.0, -6.0, 0.0, 0.0, 0.0, 1.5], [0.0] * 6])
+    return Scene("a crank, a rod and a piston", system, lm.LieRATTLE(), start, h=0.01, steps=300)
+
+
+@scene
+def sleigh() -> Scene:
+    """Chaplygin's sleigh: a blade behind the centre of mass lets it turn round, until it glides with the blade behind."""
+    body = models.LiePoissonSystem(lm.SE2(), models.KineticEnergy([0.7, 1.3, 1.3]))
+    system = models.NonholonomicBody(body, lm.Blade(0.4))
+    start = system.consistent([0.77, -1.2, 0.5], np.eye(3))
+    return Scene("Chaplygin's sleigh", system, lm.LagrangeDAlembert(), start, h=0.02, steps=400)
+
+
+@scene
+def rolling_ball() -> Scene:
+    """Chaplygin's ball: uneven, but with its centre of mass in its centre, it rolls on a plane and wobbles."""
+    group = lm.ProductGroup(lm.SO3(), lm.VectorSpace(3))
+    body = models.LiePoissonSystem(group, models.KineticEnergy([0.3, 0.5, 0.7, 1.0, 1.0, 1.0]))
+    system = models.NonholonomicBody(body, lm.Rolling(1.0))
+    start = system.consistent([0.1, 1.0, 0.3, 0.0, 0.0, 0.0], group.identity())
+    return Scene("a ball that rolls", system, lm.LagrangeDAlembert(), start, h=0.05, steps=400)

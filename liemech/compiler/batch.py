@@ -9,7 +9,6 @@ or error counts.
 
 from __future__ import annotations
 
-import ctypes
 import dataclasses
 import functools
 import inspect
@@ -111,9 +110,8 @@ class Driver:
             in_numpy(x, made[:n])
             self.spent += time.perf_counter() - begun
         else:
-            places = array("q", [ctypes.addressof(ctypes.c_char.from_buffer(a)) for a in (given.data, made.data)])
-            steps = array("q", [1, width])
-            _share_out(lambda begin, end: run.on(values.numbers, steps, places, 1, begin, end), len(given), run.lanes)
+            call = functools.partial(run.run, values.numbers, (1, width), (given, made), 1)
+            _share_out(call, len(given), run.lanes)
         return made[:n]
 
     def _kernel(self, values: Values, *arrays: np.ndarray) -> kernel.Kernel | None:
@@ -139,7 +137,7 @@ class Values:
     def __init__(self, *values: Any) -> None:
         self.values = values
         self.layouts = tuple(map(layout_of, values))
-        self.numbers = array("d", [x for value, layout in zip(values, self.layouts) for x in leaves(value, layout)])
+        self.numbers = array("d", [x for value, layout in zip(values, self.layouts) for x in leaves(value, layout)]).tobytes()
 
 
 # ------------------------------------------------------------------ native code for a batch

@@ -116,3 +116,16 @@ def arguments(emitter: Emitter, kinds: Any, function: ir.Function) -> list[Any]:
         else:
             args.append(Columns(emitter, load(arrays, "array", F64.as_pointer()), bodies))
     return args
+
+
+def entrance(module: ir.Module, function: ir.Function, kinds: Any) -> None:
+    """What Python calls, with the address of one block: bodies, begin, end, the integers, the addresses of arrays, the numbers."""
+    integers = sum(kind in ("integer", "rows") for kind in kinds)
+    arrays = sum(not isinstance(kind, Layout) and kind != "integer" for kind in kinds)
+    kernel = ir.Function(module, ir.FunctionType(ir.VoidType(), [I64.as_pointer()]), "kernel")
+    b, block = ir.IRBuilder(kernel.append_basic_block("entry")), kernel.args[0]
+    places = [b.gep(block, [ir.Constant(I64, at)], source_etype=I64) for at in (0, 1, 2, 3, 3 + integers, 3 + integers + arrays)]
+    bodies, begin, end = (b.load(place, typ=I64) for place in places[:3])
+    integer, array, number = (b.bitcast(p, a.type) for p, a in zip(places[3:], (function.args[i] for i in (1, 2, 0)), strict=True))
+    b.call(function, [number, integer, array, bodies, begin, end])
+    b.ret_void()

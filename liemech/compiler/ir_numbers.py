@@ -332,7 +332,7 @@ class Num(StandIn):
         return self.kind == "i"
 
     def elementary(self, name: str, *x: Any) -> Num:
-        return self.emitter.call(f"llvm.{name}" if name in INSTRUCTIONS else name, *x)
+        return self.emitter.call(f"llvm.{name}" if name in (*INSTRUCTIONS, "fma") else name, *x)
 
     def __add__(self, other: Any) -> Any:
         return self._binary("add", self, other)

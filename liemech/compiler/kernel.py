@@ -14,6 +14,7 @@ import dataclasses
 import functools
 import hashlib
 import os
+import struct
 import sys
 import threading
 from array import array
@@ -82,7 +83,11 @@ def available() -> str | None:
 
 
 class Kernel:
-    """Machine code of one driver for arguments of one layout, for one body (lanes = 1) or several at once."""
+    """Machine code of one driver for arguments of one layout, for one body (lanes = 1) or several at once.
+
+    call : runs it, on one block of memory (bytes): the number of bodies, the first of them and the one after the last, the
+    integers, the addresses of the arrays, of 64 bits each, and the numbers of all values in turn.
+    """
 
     def __init__(
         self, entry: Callable[..., Any], kinds: tuple[Kind, ...], lanes: int, args: Sequence[Any] | None = None, make: bool = True
@@ -104,7 +109,7 @@ class Kernel:
             code = llvm.object_code(text)
             if key and args and self.reads.follow(known):  # nothing has changed meanwhile
                 cache.store(key, self.reads.manifest(), code)
-        self._engine, self._call = llvm.linked(code)
+        self._engine, self.call = llvm.linked(code)
 
     def __call__(self, *args: Any, bodies: int = 1, begin: int = 0, end: int = 1) -> None:
         """Run on these arguments, for the bodies from begin to end (whole lanes); arrays hold a column for each of `bodies`."""
@@ -121,17 +126,14 @@ class Kernel:
                 integers.append(value.step)
             else:
                 (integers if kind == "integer" else arrays).append(value)
-        self.run(array("d", numbers), integers, arrays, bodies, begin, end)
+        self.run(array("d", numbers).tobytes(), integers, arrays, bodies, begin, end)
 
     def run(
-        self, numbers: array[float], integers: Sequence[int], arrays: Sequence[Any], bodies: int = 1, begin: int = 0, end: int = 1
+        self, numbers: bytes, integers: Sequence[int], arrays: Sequence[Any], bodies: int = 1, begin: int = 0, end: int = 1
     ) -> None:
         """Run on arguments that are laid out already: the numbers of all values in turn, the integers, the arrays."""
-        self.on(numbers, array("q", integers), array("q", [address(a) for a in arrays]), bodies, begin, end)
-
-    def on(self, numbers: array[float], integers: array[int], places: array[int], bodies: int, begin: int, end: int) -> None:
-        """The same, with the addresses of the arrays."""
-        self._call(numbers.buffer_info()[0], integers.buffer_info()[0], places.buffer_info()[0], bodies, begin, end)
+        words = bodies, begin, end, *integers, *map(address, arrays)
+        self.call(struct.pack(f"{len(words)}q", *words) + numbers)
 
     def assembly(self) -> str:
         """The machine code as text, for those who want to see what became of a formula."""
@@ -140,10 +142,13 @@ class Kernel:
         return llvm.assembly(_translated(self.entry, self.kinds, self.lanes)[1])
 
 
-def address(values: np.ndarray) -> int:
+_addressof, _byte_in = ctypes.addressof, ctypes.c_char.from_buffer
+
+
+def address(values: Any) -> int:
     """Where an array lies."""
     try:
-        return ctypes.addressof(ctypes.c_char.from_buffer(values))  # type: ignore[arg-type]  # a quarter of the time of the other way
+        return _addressof(_byte_in(values))  # a quarter of the time of the other way
     except (TypeError, ValueError, BufferError):  # not to be written to, empty, or with gaps
         return values.ctypes.data
 
@@ -306,7 +311,7 @@ def _translation(
         from llvmlite import ir
 
         from . import llvm
-        from .buffers import Array, arguments
+        from .buffers import Array, arguments, entrance
         from .ir_numbers import F64, I64, Emitter
         from .outlined import Builder, drop_unused
         from .reads import Reads
@@ -315,7 +320,7 @@ def _translation(
     module = ir.Module("liemech")
     module.triple = llvm.triple()
     signature = ir.FunctionType(ir.VoidType(), [F64.as_pointer(), I64.as_pointer(), F64.as_pointer().as_pointer(), I64, I64, I64])
-    function = ir.Function(module, signature, "kernel")
+    function = ir.Function(module, signature, "loop")
     for pointer in function.args[:3]:
         pointer.add_attribute("noalias")
     function.attributes.add("nounwind")
@@ -360,6 +365,7 @@ def _translation(
     builder.position_at_end(done)
     builder.ret_void()
     drop_unused(module, function)
+    entrance(module, function, kinds)
     return reads, str(module)
 
 

@@ -12,7 +12,9 @@ from typing import Any
 from llvmlite import ir
 
 from ..formulas import sums as formulas
+from ..formulas import tables
 from ..formulas.complex_numbers import Complex
+from ..formulas.tables import Table
 from ..formulas.vectors import Mat, Vec
 from .ir_numbers import F64, I32, I64, Emitter, Num
 
@@ -224,6 +226,31 @@ def _table(e: Emitter, type_: ir.Type, numbers: list[Any]) -> ir.Value:
         table.global_constant, table.linkage, table.initializer = True, "internal", constant
     zero = ir.Constant(I64, 0)
     return e.builder.gep(table, [zero, zero], inbounds=True, source_etype=kind)
+
+
+def entry(e: Emitter, table: Table, i: Any) -> Any:
+    """A number of a table, which lies where the run says; of one that is known now, in the code itself."""
+    if not isinstance(i, Num) and table.content is not None:
+        return tables.entry(table, i)
+    b, place = e.builder, table.place
+    varying = any(isinstance(x, Num) and x.varying for x in (place, i))
+    pointer = None if isinstance(place, Num) else _table(e, F64, table.array.tolist())
+
+    def load(at: ir.Value, index: ir.Value) -> ir.Value:
+        first = pointer or b.inttoptr(b.mul(b.fptosi(at, I64), ir.Constant(I64, 8)), F64.as_pointer())
+        return b.load(b.gep(first, [index], source_etype=F64), typ=F64)
+
+    places, indices = e.cast(place, "f", varying), e.cast(i, "i", varying)
+    if not varying:
+        return e.num([load(places[0], indices[0])])
+    registers = []
+    for at, index in zip(places, indices):
+        register: ir.Value = ir.Constant(e.type("f", True), ir.Undefined)
+        for lane in range(e.width):
+            k = ir.Constant(I32, lane)
+            register = b.insert_element(register, load(b.extract_element(at, k), b.extract_element(index, k)), k)
+        registers.append(register)
+    return e.num(registers)
 
 
 def _unknown(x: Any) -> bool:

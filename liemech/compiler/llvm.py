@@ -20,7 +20,7 @@ from ..formulas.functions import LIBM
 from . import callbacks
 
 VERSION: str = llvmlite.__version__
-SIGNATURE = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 3, *[ctypes.c_int64] * 3)
+SIGNATURE = ctypes.CFUNCTYPE(None, ctypes.c_char_p)
 
 NEAR = os.name != "nt"
 """Does code find its constants by their distance?  Else each one's address takes a register, and steps up to a fifth more time."""

@@ -18,6 +18,7 @@ from llvmlite import ir
 from ..errors import NotCompilable
 from ..formulas.pytree import PAIRS, Layout, build, fill, is_any_number, layout_of, leaves
 from ..formulas.records import Record
+from ..formulas.tables import Table
 from ..formulas.vectors import Mat, Vec
 from .ir_numbers import F64, I64, TYPES, Num
 from .joins import Open
@@ -266,7 +267,7 @@ class Outliner:
 
     def _whole(self, x: Any) -> bool:
         """Something known now that is told by its identity: a function, an array, a record or tuple of nothing but constants."""
-        if id(x) in self.kept or isinstance(x, _OBJECTS):
+        if id(x) in self.kept or isinstance(x, _OBJECTS) or (isinstance(x, Table) and x.content is not None):
             return True
         if type(x) is tuple:
             return all(y is None or isinstance(y, (bool, int, float, str)) or (type(y) is tuple and self._whole(y)) for y in x)
@@ -493,7 +494,7 @@ class Outliner:
         return restored(made.pattern)
 
 
-_STRUCTURES = (Vec, Mat, *PAIRS, tuple, list, Record)
+_STRUCTURES = (Vec, Mat, *PAIRS, tuple, list, Record, Table)
 _OBJECTS = (types.FunctionType, types.BuiltinFunctionType, type, np.ndarray, np.generic, range, Layout)
 
 
@@ -501,6 +502,8 @@ def _parts(x: Any) -> list[Any]:
     """What a vector, a record, ... is made of."""
     if isinstance(x, Record):
         return [getattr(x, f.name) for f in dataclasses.fields(x)]  # type: ignore[arg-type]
+    if isinstance(x, Table):
+        return [x.place]
     return list(x.parts if isinstance(x, PAIRS) else x)
 
 
@@ -511,4 +514,6 @@ def _of_parts(x: Any, parts: list[Any]) -> Any:
         return build(layout, iter([y for part in parts for y in leaves(part, layout_of(part, is_any_number))]))
     if isinstance(x, Record):
         return fill(type(x), {f.name: y for f, y in zip(dataclasses.fields(x), parts)})  # type: ignore[arg-type]
+    if isinstance(x, Table):
+        return Table.at(*parts)
     return type(x)(parts) if type(x) in (tuple, list) else type(x)(*parts)

@@ -8,6 +8,7 @@ paths are followed anew and the tokens of what is found there are compared.
 from __future__ import annotations
 
 import abc
+import collections
 import dataclasses
 import functools
 import keyword
@@ -265,7 +266,7 @@ class Guard:
         self.others: list[Any] = []  # what the comparisons need beside the values
         self.mutable: list[int] = []
         self.of_arguments: list[tuple[list[tuple[str, Any]], int]] = []
-        self.parents = {parent for parent, *_ in steps}
+        self.parents = collections.Counter(parent for parent, *_ in steps)
         paths: list[list[tuple[str, Any]] | None] = []  # from the arguments, of what is a part of them
         made: set[int] = set()  # by properties: only `_glance` looks at what Python computed from them
         for i, (parent, how, name) in enumerate(steps):
@@ -285,32 +286,36 @@ class Guard:
                 self.mutable.append(i)
         self.same = self._expressions()
 
-    def _expressions(self) -> list[Callable[[Sequence[Any], list[Any], list[Any]], bool]]:
+    def _expressions(self) -> list[Callable[[Sequence[Any], list[Any]], bool]]:
         """One for each module, which sees its names as any function there does, and one for everything else."""
-        general: list[str] = []
+        general: dict[int, str] = {}
         modules: dict[tuple[int, int], tuple[Any, list[str]]] = {}
+        known = {f"v{i}": value for i, value in enumerate(self.values)}
         for i in self.compared:
             parent, how, name = self.steps[i]
             holder = self.values[parent]
             if how == "global" and "__builtins__" in holder.__globals__:
                 space = id(holder.__globals__), id(holder.__builtins__)
                 modules.setdefault(space, (holder, []))[1].append(f"{name} is _values[{i}]")
+            elif name == "__formula__" and parent in general and self.parents[parent] == 1:  # of a method only its formula counts
+                general[i] = f"{general.pop(parent).removesuffix(f' is v{parent}')}.__formula__ is v{i}"
             else:
-                general.append(self._comparison(i, holder, how, name))
+                general[i] = self._comparison(i, holder, how, name)
+        found = [*general.values()]
         for path, i in self.of_arguments:
             now = "_args"
             for how, name in path:
                 now = f"{now}[{name}]" if how == "argument" else self._asked(now, how, name)
-            general.append(f"{now} is _values[{i}]")
-        found = [_expression(general, {})]
+            found.append(f"{now} is _values[{i}]")
+        same = [_expression(found, known | {f"o{i}": value for i, value in enumerate(self.others)})]
         for holder, names in modules.values():
             made = _expression(names, holder.__globals__)
-            found.append(made if made.__builtins__ is holder.__builtins__ else _never)
-        return found
+            same.append(made if made.__builtins__ is holder.__builtins__ else _never)
+        return same
 
     def _comparison(self, i: int, holder: Any, how: str, name: Any) -> str:
         """What read number i asks for is what it was, as a text."""
-        now, then = f"_values[{self.steps[i][0]}]", f" is _values[{i}]"
+        now, then = f"v{self.steps[i][0]}", f" is v{i}"
         if how == "cell":
             return f"{self._other(holder.__closure__[holder.__code__.co_freevars.index(name)])}.cell_contents{then}"
         if how.startswith("member"):
@@ -328,7 +333,7 @@ class Guard:
     def _other(self, value: Any) -> str:
         """A value that is no read, as a text."""
         self.others.append(value)
-        return f"_others[{len(self.others) - 1}]"
+        return f"o{len(self.others) - 1}"
 
     def _asked(self, holder: str, how: str, name: Any) -> str:
         """A question to a holder, as a text."""
@@ -340,7 +345,7 @@ class Guard:
         """Is everything the same?  None: there are other objects, and their tokens must tell."""
         try:
             for holds in self.same:
-                if not holds(args, self.values, self.others):
+                if not holds(args, self.values):
                     break
             else:
                 return not self.mutable or all(digest(self.values[i]) == self.tokens[i] for i in self.mutable)
@@ -383,7 +388,7 @@ def _expression(comparisons: list[str], names: dict[str, Any]) -> Any:
 
     A module that has one of the names of its arguments is compared with them, in vain: then everything is asked for anew.
     """
-    return eval(f"lambda _args, _values, _others: {' and '.join(comparisons) or True}", names)
+    return eval(f"lambda _args, _values: {' and '.join(comparisons) or True}", names)
 
 
 def _never(*_: Any) -> bool:

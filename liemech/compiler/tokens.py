@@ -25,6 +25,7 @@ import numpy as np
 from ..formulas.numbers import StandIn
 from ..formulas.pytree import PAIRS, Layout
 from ..formulas.records import Record
+from ..formulas.tables import Table
 from ..formulas.vectors import Mat
 
 ATOMS = {types.NoneType, bool, int, float, complex, str, bytes, range, types.EllipsisType, types.NotImplementedType}
@@ -64,6 +65,7 @@ def parts(value: Any) -> Iterator[Part]:
 _ATTRIBUTES: dict[type, tuple[str, ...]] = {
     Layout: ("kind", "detail", "parts"),
     Mat: ("rows",),
+    Table: ("content",),
     **dict.fromkeys(PAIRS, ("parts",)),
     types.MethodType: ("__func__", "__self__"),
     property: ("fget",),

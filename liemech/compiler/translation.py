@@ -19,10 +19,21 @@ from typing import Any
 import numpy as np
 
 from ..errors import NotCompilable
-from ..formulas import functions, series, sums, vectors
+from ..formulas import functions, series, sums, tables, vectors
 from ..formulas.derivatives import axes, tangent
 from ..formulas.fields import floats
-from ..formulas.pytree import PAIRS, compensated, fill, fitted, is_any_number, layout_of, leaves, plain
+from ..formulas.pytree import (
+    PAIRS,
+    compensated,
+    double_double,
+    fill,
+    fitted,
+    is_any_number,
+    layout_of,
+    leaves,
+    plain,
+    rounded,
+)
 from ..formulas.records import Record
 from ..formulas.series import Series
 from ..formulas.vectors import Mat, Vec
@@ -63,10 +74,11 @@ class Interpreter(Statements):
             super: self.super,
             getattr: self.named,
             hasattr: reads.has,
-            **{f: f for f in (layout_of, compensated, plain, fitted, axes)},
+            **{f: f for f in (layout_of, compensated, double_double, plain, rounded, fitted, axes)},
             tangent: lambda formula, *x: tangent(functools.partial(self.call, formula), *x),
             sums.bilinear_map: lambda *x: large.sums(emitter, sums.bilinear_map, *x),
             sums.antisymmetric_map: lambda *x: large.sums(emitter, sums.antisymmetric_map, *x),
+            tables.entry: lambda *x: large.entry(emitter, *x),
             driver.numbers: lambda x: Vec(*leaves(x, layout_of(x, is_any_number))),
         }
 
@@ -74,6 +86,8 @@ class Interpreter(Statements):
 
     def call(self, function: Any, *args: Any, **options: Any) -> Any:
         """The value of a call: an intrinsic, a record, a formula to inline, or Python itself on what is known now."""
+        if isinstance(function, Record):
+            return self.call(self.attribute(function, "__call__"), *args, **options)
         if isinstance(function, types.MethodType):
             return self.call(function.__func__, function.__self__, *args, **options)
         if isinstance(function, Closure):

@@ -19,6 +19,9 @@ LOG_2, LOG_10 = math.log(2.0), math.log(10.0)
 RULES: dict[str, Callable[..., Any]] = {}
 """What the elementary functions do to numbers that carry a derivative; filled by `dual`."""
 
+DOUBLE_DOUBLE: dict[str, Callable[..., Any]] = {}
+"""What they do to numbers of two doubles; filled by `double_double`."""
+
 
 def _elementary(name: str, numpy_name: str | None = None) -> Callable[..., Any]:
     on_float = getattr(math, name)
@@ -49,6 +52,8 @@ def _of_others(name: str, on_array: Callable[..., Any], x: tuple[Any, ...]) -> A
         return on_array(*x)
     if any(hasattr(a, "slope") for a in x):
         return RULES[name](*x)
+    if any(hasattr(a, "low") for a in x):
+        return DOUBLE_DOUBLE[name](*x)
     for a in x:
         if hasattr(a, "elementary"):
             return a.elementary(name, *x)
@@ -85,6 +90,30 @@ log1p = _elementary("log1p")
 
 copysign = _elementary("copysign")
 pow = _elementary("pow", "power")
+
+
+
+def fma(x: Any, y: Any, z: Any) -> Any:
+    """x y + z, rounded once."""
+    for a in (x, y, z):
+        if isinstance(a, StandIn):
+            return a.elementary("fma", x, y, z)
+    if _FMA is not None:
+        try:
+            return _FMA(x, y, z)
+        except (ValueError, OverflowError):
+            return x * y + z
+    if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(z)):
+        return x * y + z
+    (a, b), (c, d), (e, g) = x.as_integer_ratio(), y.as_integer_ratio(), z.as_integer_ratio()
+    exact = a * c * g + e * b * d
+    try:
+        return exact / (b * d * g) if exact else x * y + z
+    except OverflowError:
+        return x * y + z
+
+
+_FMA = getattr(math, "fma", None)  # from Python 3.13 on
 
 LIBM = (
     cbrt, sin, cos, tan, asin, acos, atan, atan2, sinh, cosh, tanh, asinh, acosh, atanh, exp, exp2, log, log2, log10, expm1, log1p,

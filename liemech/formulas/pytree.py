@@ -18,21 +18,23 @@ import numpy as np
 
 from .compensated import Compensated, value_of
 from .complex_numbers import Complex
+from .double_double import DoubleDouble, rounded_number
 from .dual import Dual
 from .fields import FrozenDict
 from .numbers import StandIn
 from .records import Record
+from .tables import Table
 from .vectors import Mat, Vec
 
-PAIRS = (Complex, Dual, Compensated)
+PAIRS = (Complex, Dual, Compensated, DoubleDouble)
 """Numbers made of two."""
 
-_COMPENSATED = (Compensated,)  # the form of such numbers
+_COMPENSATED, _DOUBLE_DOUBLE = (Compensated,), (DoubleDouble,)  # the forms of such numbers
 
 
 @dataclasses.dataclass(frozen=True)
 class Layout:
-    """The structure of a value: `kind` is number, pair, vec, mat, tuple, record or static."""
+    """The structure of a value: `kind` is number, pair, vec, mat, tuple, record, table or static."""
 
     kind: str
     parts: tuple[Layout, ...] = ()
@@ -41,7 +43,7 @@ class Layout:
     @functools.cached_property
     def width(self) -> int:
         """How many numbers the value holds."""
-        return 1 if self.kind == "number" else sum(part.width for part in self.parts)
+        return 1 if self.kind in ("number", "table") else sum(part.width for part in self.parts)
 
     @functools.cached_property
     def plain(self) -> bool:
@@ -51,7 +53,13 @@ class Layout:
     @functools.cached_property
     def remembers(self) -> bool:
         """Are there numbers in it that carry a rest or a derivative along?"""
-        return (self.kind == "pair" and self.detail[0] in (Compensated, Dual)) or any(part.remembers for part in self.parts)
+        inside = any(part.remembers for part in self.parts)
+        return inside or (self.kind == "pair" and self.detail[0] in (Compensated, DoubleDouble, Dual))
+
+    @functools.cached_property
+    def long(self) -> bool:
+        """Are there numbers of two doubles in it?"""
+        return (self.kind == "pair" and self.detail[0] is DoubleDouble) or any(part.long for part in self.parts)
 
     @functools.cached_property
     def _identity(self) -> Any:
@@ -84,7 +92,7 @@ class Layout:
         return repr(self.detail) if self.kind == "static" else f"{self.kind}({inside})" if inside else self.kind
 
 
-NUMBER = Layout("number")
+NUMBER, TABLE = Layout("number"), Layout("table")
 
 
 class _Itself:
@@ -141,6 +149,7 @@ _BY_PARTS: dict[type, Callable[[Any], tuple[Any, ...]]] = {
     functools.partial: lambda x: (x.func, x.args, *x.keywords.items()),
     types.MethodType: lambda x: (x.__func__, x.__self__),
     Mat: lambda x: x.rows,
+    Table: lambda x: (x.content,),
     **{pair: lambda x: (x.level, *x.parts) for pair in PAIRS},
 }
 
@@ -175,6 +184,8 @@ def layout_of(value: Any, number: Callable[[Any], bool] = is_number) -> Layout:
         return _matrix(tuple([layout_of(row, number) for row in value.rows]))
     if isinstance(value, PAIRS):
         return _pair(tuple([layout_of(x, number) for x in value.parts]), value.form)
+    if isinstance(value, Table) and (number is is_number or value.content is None):  # else a constant of native code
+        return TABLE
     if isinstance(value, list) or (isinstance(value, tuple) and (number is is_any_number or not is_static(value))):
         return _sequence(type(value).__name__, tuple([layout_of(x, number) for x in value]))
     return Layout("static", (), value)
@@ -185,11 +196,11 @@ _known, _know = Record._layout.__get__, Record._layout.__set__  # type: ignore[a
 
 def _of_record(value: Any, number: Callable[[Any], bool]) -> Layout:
     cls: Any = type(value)
-    return _record(tuple([layout_of(getattr(value, n), number) for n in _names(cls)]), cls)
+    return _record(tuple([layout_of(getattr(value, n), number) for n in names_of(cls)]), cls)
 
 
 @functools.cache
-def _names(cls: Any) -> tuple[str, ...]:
+def names_of(cls: Any) -> tuple[str, ...]:
     return tuple(f.name for f in dataclasses.fields(cls))
 
 
@@ -200,7 +211,7 @@ _MANY = 4096
 
 @functools.lru_cache(_MANY)
 def _record(parts: tuple[Layout, ...], cls: type) -> Layout:
-    return Layout("record", parts, (cls, _names(cls)))
+    return Layout("record", parts, (cls, names_of(cls)))
 
 
 @functools.lru_cache(_MANY)
@@ -227,7 +238,7 @@ def is_static(value: Any) -> bool:
     """A tuple of plain constants, however nested."""
     if isinstance(value, tuple) and not isinstance(value, Vec):
         return all(map(is_static, value))
-    return not isinstance(value, (Vec, Mat, Record, StandIn, *PAIRS))
+    return not isinstance(value, (Vec, Mat, Record, Table, StandIn, *PAIRS))
 
 
 def leaves(value: Any, layout: Layout) -> list[Any]:
@@ -241,6 +252,8 @@ def _gather(value: Any, layout: Layout, found: list[Any]) -> None:
     """Append the numbers of a value."""
     if layout.kind == "number":
         found.append(value)
+    elif layout.kind == "table":
+        found.append(value.place)
     elif layout.kind == "record":
         for name, part in zip(layout.detail[1], layout.parts, strict=True):
             if part.width:
@@ -252,12 +265,35 @@ def _gather(value: Any, layout: Layout, found: list[Any]) -> None:
             _gather(item, part, found)
 
 
+@functools.lru_cache(256)
+def gatherer(layout: Layout) -> Callable[[Any], list[Any]]:
+    """`leaves` of values that are known to have this layout: a list written out, such as [*x.mu, *x.g.rows[0], ...]."""
+    return eval(f"lambda x: [{', '.join(_places(layout, 'x'))}]", {})
+
+
+def _places(layout: Layout, value: str) -> Iterator[str]:
+    """Where the numbers of a value are, as texts."""
+    if layout.kind == "number":
+        yield value
+    elif layout.plain and layout.kind in ("vec", "tuple", "list"):
+        yield f"*{value}"
+    elif layout.width:
+        names = layout.detail[1] if layout.kind == "record" else range(len(layout.parts))
+        inside = {"record": ".{}", "mat": ".rows[{}]", "pair": ".parts[{}]"}.get(layout.kind, "[{}]")
+        for name, part in zip(names, layout.parts, strict=True):
+            if part.width:
+                yield from _places(part, value + inside.format(name))
+
+
 def build(layout: Layout, numbers: Iterator[Any]) -> Any:
     """The value of this layout with the given numbers; records are filled in without running their checks."""
     if layout.kind == "number":
         return next(numbers)
     if layout.kind == "static":
         return layout.detail
+    if layout.kind == "table":
+        place = next(numbers)
+        return Table.at(place.value if isinstance(place, Dual) else place)
     parts = [build(part, numbers) for part in layout.parts]
     if layout.kind == "pair":
         return paired(layout.detail, parts)
@@ -290,13 +326,23 @@ def compensated(value: Any) -> Any:
 
 
 def plain(value: Any) -> Any:
-    """The value with ordinary numbers."""
+    """The value without what its numbers remember of rounding."""
     return _mapped(value, value_of)
+
+
+def double_double(value: Any) -> Any:
+    """The value in numbers of two doubles; ask `rounded` for it in one."""
+    return _mapped(value, lambda x: x if isinstance(x, DoubleDouble) else DoubleDouble(value_of(x), 0.0))
+
+
+def rounded(value: Any) -> Any:
+    """The value in numbers of one double, which remember nothing."""
+    return _mapped(value, lambda x: rounded_number(value_of(x)))
 
 
 def _mapped(value: Any, change: Callable[[Any], Any]) -> Any:
     """The value with every real number changed."""
-    if isinstance(value, (float, Compensated)) or is_number(value):
+    if isinstance(value, (float, Compensated, DoubleDouble)) or is_number(value):
         return change(value)
     if isinstance(value, _STRUCTURES):
         return _like(value, [_mapped(x, change) for x in _parts(value)])
@@ -308,9 +354,11 @@ def _mapped(value: Any, change: Callable[[Any], Any]) -> Any:
 def fitted(value: Any, layout: Layout) -> Any:
     """The value with numbers that carry a rest or a derivative where the layout has such, and only there."""
     if layout.kind == "number":
-        return value_of(value)
+        return rounded_number(value_of(value))
     if layout.kind == "pair" and layout.detail == _COMPENSATED:
         return Compensated(value) if is_number(value) else value
+    if layout.kind == "pair" and layout.detail == _DOUBLE_DOUBLE:
+        return DoubleDouble(value, 0.0) if is_number(value) else value
     if layout.kind == "pair" and layout.detail[0] is Dual and not isinstance(value, Dual):
         return Dual(fitted(value, layout.parts[0]), fitted(0.0, layout.parts[1]), layout.detail[1])
     if isinstance(value, Record) and len(layout.parts) == len(fields_of(value)):
@@ -326,7 +374,7 @@ _STRUCTURES = (Vec, Mat, tuple, list, Complex, Dual)
 def fields_of(value: Any) -> dict[str, Any]:
     """What the fields of a record hold."""
     cls: Any = type(value)
-    return {name: getattr(value, name) for name in _names(cls)}
+    return {name: getattr(value, name) for name in names_of(cls)}
 
 
 def _parts(value: Any) -> Any:

@@ -153,6 +153,8 @@ class Series:
     def unknown(start: Any) -> Any:
         """A value whose numbers are unknown series that begin with those of `start`; `follow` determines them."""
         layout = layout_of(start)
+        if layout.long:
+            raise InvalidType("precision: power series have numbers of one double; take precision='double' or another method")
         return build(layout, iter([Series(x) for x in leaves(start, layout)]))
 
     @staticmethod

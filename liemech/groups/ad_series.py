@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from ..formulas import Vec
+from ..formulas.double_double import is_long
 from ..formulas.sizes import EPSILON, one_norm
 from .bernoulli import BERNOULLI
 
@@ -39,7 +40,8 @@ def _sum(ad: Action, x: Vec, v: Vec, k: float) -> Vec:
     """v + ad_x v/k + ad_x^2 v/(k (k + 1)) + ..., until a term is rounding."""
     term = ad(x, v) / k
     total = v + term
-    while one_norm(term) > 0.0625 * EPSILON * one_norm(total):
+    epsilon = EPSILON * EPSILON if is_long(total[0]) else EPSILON
+    while one_norm(term) > 0.0625 * epsilon * one_norm(total):
         k = k + 1.0
         term = ad(x, term) / k
         total = total + term

@@ -6,7 +6,9 @@ from collections.abc import Callable
 from functools import cached_property
 from typing import Any
 
+from ..errors import InvalidType
 from ..formulas import Complex, Mat, Vec, mat, record, solve, solve3, vec
+from ..formulas.double_double import is_long
 from ..formulas.sums import (
     antisymmetric_map,
     bilinear,
@@ -23,7 +25,7 @@ from .matrix_basis import MatrixBasis
 from .matrix_functions import (
     INFINITE,
     LOST,
-    TINY,
+    digits,
     expm1,
     inverse,
     phi1m,
@@ -157,19 +159,20 @@ class MatrixLieAlgebra(LieAlgebra):
         size2 = self.ad_size2(xi)
         if self.generated.large:
             return LieAlgebra.exp_residual(self, xi, p, mu)
+        tiny, one = digits(size2)
         k = 2.0
         term = self.ad_star(0.5 * xi, mu)
         slope, bound = 0.5 * self._ad_star_of_basis(mu), size2
         by_xi, change = slope, term
         while bound > ROUGH and k < 64.0:
             k = k + 1.0
-            x = (1.0 / k) * xi
-            slope = self._ad_star_of_columns(x, slope) + (1.0 / k) * self._ad_star_of_basis(term)
+            x = (one / k) * xi
+            slope = self._ad_star_of_columns(x, slope) + (one / k) * self._ad_star_of_basis(term)
             term = self.ad_star(x, term)
             by_xi, change, bound = by_xi + slope, change + term, bound * (size2 / (k * k))
-        while bound > TINY and k < 64.0:
+        while bound > tiny and k < 64.0:
             k = k + 1.0
-            term = self.ad_star((1.0 / k) * xi, term)
+            term = self.ad_star((one / k) * xi, term)
             change, bound = change + term, bound * (size2 / (k * k))
         carried = mu + change if size2 <= 4.0 else self.dexp_dual(xi, mu)
         return p - carried, 1.0, -by_xi
@@ -295,18 +298,21 @@ def _sum_rows(rows: list[Vec], dim: int) -> Vec:
 
 def _series(action: Callable[..., Vec], x: Vec, v: Vec, size2: float, first: float) -> Vec:
     """The sum of A^k v first!/(k + first)! for k = 1, 2, ..., A = action(x, .) with |A|^2 <= size2: exp(A) v - v for first = 0."""
+    tiny, one = digits(size2)
     k = first + 1.0
-    term = action((1.0 / k) * x, v)
+    term = action((one / k) * x, v)
     result, bound = term, size2
-    while bound > TINY and k < 64.0:
+    while bound > tiny and k < 64.0:
         k = k + 1.0
-        term = action((1.0 / k) * x, term)
+        term = action((one / k) * x, term)
         result, bound = result + term, bound * (size2 / (k * k))
     return result
 
 
 def _bernoulli_series(action: Callable[..., Vec], x: Vec, v: Vec, size2: float) -> Vec:
     """The sum of B_k/k! A^k v, A = action(x, .) with |A|^2 <= size2 <= 1: as many terms as that needs."""
+    if is_long(size2):
+        raise InvalidType("precision: the inverse of dexp is known to 16 digits only here; take Cayley() or precision='double'")
     if size2 <= 0.02:
         return _bernoulli_sum(EVEN[:5], action, x, v)
     return _bernoulli_sum(EVEN, action, x, v)

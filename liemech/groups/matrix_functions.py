@@ -8,12 +8,18 @@ from __future__ import annotations
 from typing import Any
 
 from ..formulas import Complex, Mat, Vec, mat, vec
+from ..formulas.double_double import DoubleDouble, is_long
 from ..formulas.sums import abs2, total
 
 INFINITE = float("inf")
 
 TINY = 2.0**-112
 """(2^-56)^2: the square of what a sum of size one does not feel."""
+
+def digits(size2: Any) -> tuple[float, Any]:
+    """What takes the place of TINY beside numbers of this kind, and the 1 that fractions are made of."""
+    return (TINY * TINY, DoubleDouble(1.0)) if is_long(size2) else (TINY, 1.0)
+
 
 LOST = 52.0
 """Doublings after which no digit of exp(x) would be left: nan instead."""
@@ -56,15 +62,16 @@ def expm1(x: Mat) -> Mat:
 
 def _series(x: Mat, size2: float) -> Mat:
     """x + x^2/2 + x^3/6 + ..., as cosh(x) - 1 + x (sinh(x)/x), for a matrix of norm 1 at most."""
+    tiny, one = digits(size2)
     square = x @ x
     term = 0.5 * square
-    even, odd = term, (1.0 / 3.0) * term
+    even, odd = term, (one / 3.0) * term
     bound, k = 0.5 * size2, 2.0
-    while bound * bound > TINY * size2 and k < 64.0:
+    while bound * bound > tiny * size2 and k < 64.0:
         bound = bound * (size2 / ((k + 1.0) * (k + 2.0)))
-        term = (1.0 / ((k + 1.0) * (k + 2.0))) * (term @ square)
+        term = (one / ((k + 1.0) * (k + 2.0))) * (term @ square)
         k = k + 2.0
-        even, odd = even + term, odd + (1.0 / (k + 1.0)) * term
+        even, odd = even + term, odd + (one / (k + 1.0)) * term
     return x + (even + x @ odd)
 
 
@@ -73,6 +80,7 @@ def _series_by_characteristic(x: Mat, size2: float) -> Mat:
 
     Source: the theorem of Cayley and Hamilton; Gantmacher, The Theory of Matrices, volume 1, chapter 4.
     """
+    tiny, one = digits(size2)
     square = x @ x
     s = x[0, 0] + x[1, 1] + x[2, 2]
     t = 0.5 * (square[0, 0] + square[1, 1] + square[2, 2] - s * s)
@@ -81,9 +89,9 @@ def _series_by_characteristic(x: Mat, size2: float) -> Mat:
     a = 0.5 + b
     of_square, of_x, of_one = a, b, c
     bound, k = 0.25 * size2 * size2, 2.0
-    while bound > TINY * size2 and k < 64.0:
+    while bound > tiny * size2 and k < 64.0:
         k = k + 1.0
-        part = 1.0 / k
+        part = one / k
         a, b, c = part * (s * a + b), part * (t * a + c), part * (d * a)
         of_square, of_x, of_one, bound = of_square + a, of_x + b, of_one + c, bound * (size2 * (part * part))
     return x + plus(square * of_square + x * of_x, of_one)
@@ -111,11 +119,12 @@ def phi1m(a: Mat) -> Mat:
         size2, halvings = frobenius2(a), halvings + 1.0
     if halvings > LOST:
         a = a * (INFINITE - INFINITE)
+    tiny, one = digits(size2)
     term, k, bound = 0.5 * a, 2.0, 0.25 * size2
     phi = plus(term, 1.0)
-    while bound > TINY and k < 64.0:
+    while bound > tiny and k < 64.0:
         k = k + 1.0
-        term, bound = (1.0 / k) * (term @ a), bound * (size2 / (k * k))
+        term, bound = (one / k) * (term @ a), bound * (size2 / (k * k))
         phi = phi + term
     e = a @ phi
     while halvings > 0.0:
@@ -221,9 +230,10 @@ def atanhm(z: Mat) -> Mat:
     """The series z + z^3/3 + z^5/5 + ..., for norms well below 1.  z : (n, n)."""
     square = z @ z
     size2 = frobenius2(z)
+    tiny, one = digits(size2)
     power, sum_, k, bound = z, z, 1.0, 1.0
-    while bound * bound > TINY and k < 200.0:
+    while bound * bound > tiny and k < 200.0:
         power = power @ square
         k, bound = k + 2.0, bound * size2
-        sum_ = sum_ + (1.0 / k) * power
+        sum_ = sum_ + (one / k) * power
     return sum_

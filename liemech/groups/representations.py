@@ -11,12 +11,11 @@ from ..formulas.dual import value_of
 from ..formulas.sizes import one_norm
 from .group_action import GroupAction
 from .lie_group import LieGroup
+from .matrix_functions import digits
 from .so3 import SO3
 from .unit_quaternions import UnitQuaternions
 
-TINY = 2.0**-56
 INFINITY = float("inf")
-"""What a sum of size one does not feel."""
 
 
 @record
@@ -273,12 +272,13 @@ def averaged(by: Callable[..., Any], exp_by: Callable[..., Any], size2: float, x
     size2, halvings = value_of(size2), 0.0
     while size2 > 1.0 and halvings < 1100.0:
         xi, size2, halvings = 0.5 * xi, 0.25 * size2, halvings + 1.0
+    tiny, one = digits(size2)
     term, k = by(0.5 * xi, x), 2.0
     total = x + term
     before, bound = 1.0, 0.25 * size2  # squares: a nilpotent part makes a term as large as the one before would let expect
-    while before > TINY * TINY and k < 64.0:
+    while before > tiny and k < 64.0:
         k = k + 1.0
-        term = by((1.0 / k) * xi, term)
+        term = by((one / k) * xi, term)
         total = total + term
         before, bound = bound, bound * (size2 / (k * k))
     while halvings > 0.0 and one_norm(total) < INFINITY:

@@ -21,8 +21,10 @@ segment are the Stumpff functions c_1, c_2, c_3 of celestial mechanics.
 
 from __future__ import annotations
 
-from ..errors import OutsideChart
+from ..errors import InvalidType, OutsideChart
 from ..formulas import Vec, cos, sin, sqrt, tan
+from ..formulas.double_double import is_long, rounded_number, sin_cos
+from . import stumpff
 
 LIMIT = 0.4
 """Up to this x (theta = 0.63, a tenth of a turn: more than a step should make) the polynomials hold."""
@@ -112,7 +114,10 @@ def polynomial(c: tuple[float, ...], x: float) -> float:
     """The polynomial of seven coefficients, c_0 + c_1 x + ... + c_6 x^6.
 
     Summed in groups (after Estrin), it is five operations deep; one coefficient after the other, twelve.
+    Raises InvalidType for a number of two doubles, which such a polynomial does not serve.
     """
+    if is_long(x):
+        raise InvalidType("precision: these functions of angles are known to 16 digits only; take Cayley() or precision='double'")
     x2 = x * x
     low = (c[0] + c[1] * x) + x2 * (c[2] + c[3] * x)
     return low + (x2 * x2) * ((c[4] + c[5] * x) + x2 * c[6])
@@ -124,6 +129,8 @@ def sin_cos_root(x: float, low: float = 0.0) -> tuple[float, float]:
     The root is rounded, sqrt(x) = t + e, and next to a zero of the sine this alone would cost all digits.  x - t^2 is
     computed exactly, from the halves of t, and e = (x - t^2 + low)/(2 t) put back: to first order as long as e^2 is nothing.
     """
+    if is_long(x):
+        return sin_cos(sqrt(x))
     t = sqrt(x)
     high = SPLITTER * t - (SPLITTER * t - t)
     rest = t - high
@@ -140,6 +147,8 @@ def lost_in_square(w: Vec, x: float) -> float:
 
     Source: Dekker, Numer. Math. 18 (1971), 224: exact products; Knuth, The Art of Computer Programming 2, 4.2.2: exact sums.
     """
+    if is_long(x):
+        return 0.0
     total, lost = 0.0, 0.0
     for c in w:
         square, high = c * c, SPLITTER * c - (SPLITTER * c - c)
@@ -159,6 +168,9 @@ def exp_coefficients(x: float, w: Vec | None = None) -> tuple[float, float]:
 
     The polynomials are evaluated in any case: the rare branch then stands aside of the common path and costs it nothing.
     """
+    if is_long(x):
+        c1, c2, *_ = stumpff.stumpff(x)
+        return c1, c2
     a, b = polynomial(SINC, x), polynomial(VERSINE, x)
     if x > LIMIT:
         a, b = _by_half_angles(x, 0.0 if w is None else lost_in_square(w, x))
@@ -195,6 +207,8 @@ def all_coefficients(x: float, w: Vec | None = None) -> tuple[float, float, floa
     sinc' = (segment - versine)/2, versine' = c_4 - segment/2 = (sinc - 2 versine)/(2 x), segment' = (3 c_5 - c_4)/2 =
     (versine - 3 segment)/(2 x).
     """
+    if is_long(x):
+        return stumpff.coefficients(x)
     c4, c5 = polynomial(STUMPFF4, x), polynomial(STUMPFF5, x)
     b, c = 0.5 - x * c4, 1 / 6 - x * c5
     a, b_slope, c_slope = (1.0 - x * (1 / 6)) + (x * x) * c5, (c4 - 1 / 12) + (0.5 * x) * c5, 1.5 * c5 - 0.5 * c4
@@ -219,6 +233,7 @@ def dexp_curvatures(x: float) -> tuple[float, float]:
 
     versine'' = (sinc' - 4 versine')/(2 x),  segment'' = (versine' - 5 segment')/(2 x).
     """
+    x = rounded_number(x)
     b, c = polynomial(VERSINE_CURVATURE, x), polynomial(SEGMENT_CURVATURE, x)
     if x > LIMIT:
         _, _, _, a_slope, b_slope, c_slope = all_coefficients(x)
@@ -252,6 +267,8 @@ def bernoulli(x: float) -> float:
     1/12 at zero, 1/pi^2 at half a turn.  Its Taylor coefficients are |B_2k|/(2k)!, B_2k the Bernoulli numbers.
     Raises OutsideChart from a full turn on, where it has a pole.
     """
+    if is_long(x):
+        return bernoulli_coefficients(x)[0]
     d = polynomial(BERNOULLI, x)
     if x > LIMIT:
         check_chart(x)
@@ -278,6 +295,9 @@ def bernoulli_coefficients(x: float) -> tuple[float, float]:
 
     The derivative of the sum above is one of positive terms again, d'(x) = d'(x/4)/16 + segment(x/4)/(128 cos^2(theta/4)).
     """
+    if is_long(x):
+        check_chart(x)
+        return stumpff.bernoulli(x)
     d, d_slope = polynomial(BERNOULLI, x), polynomial(BERNOULLI_SLOPE, x)
     if x > LIMIT:
         check_chart(x)

@@ -8,6 +8,7 @@ from ..errors import IncompatibleSystem, NoConvergence
 from ..formulas import Element, Mat, Record, Vec, dot, norm, plain, record, vec, vectors, where
 from ..retractions import Exponential, Retraction
 from ..solvers import NOISE
+from ..systems.conditions import joint, led, pulled, solved_sparse, speeds, times
 from ..systems.constrained_body import ConstrainedBody
 from ..systems.lie_poisson import BodyState
 from .implicit import extrapolated
@@ -158,7 +159,7 @@ class LieRATTLE(Method):
         momentum = mu + ((0.5 * h) * memory.force - pulled(system, memory.rows, impulses))
         inertias, p = system.inertias, system.body.body.lagrangian.momentum(rate * x)
         c, C = self._condition(system, g, x)
-        free, pushed, led = [], [], []  # type: list[Any], list[Any], list[Any]  # A^-1 r, A^-1 B and C, block by block
+        free, pushed = [], []  # type: list[Any], list[Any]  # A^-1 r and A^-1 B, block by block
         for (group, start, end), J, held in zip(system.blocks, inertias, system.held):
             y = vec(*x[start:end])
             r, by_p, by_x = self.retraction.residual(group, y, vec(*p[start:end]), vec(*momentum[start:end]))
@@ -167,15 +168,16 @@ class LieRATTLE(Method):
             columns, good = eliminated(A, [r, *B], h)
             upright = upright and good
             free, pushed = [*free, columns[0]], [*pushed, columns[1:]]
-            led = [*led, [C[a][i] for a, i in held]]
-        rest = [vectors.sum([dot(led[b][i], free[b]) for b, i in ties]) - value for ties, value in zip(system.touches, c)]
-        dl, good = solved_sparse(joint(system, led, pushed), rest, h)
+        through = led(system, C)
+        rest = [vectors.sum([dot(through[b][i], free[b]) for b, i in ties]) - value for ties, value in zip(system.touches, c)]
+        m = joint(system, through, pushed)
+        dl, pivots = solved_sparse(system, m, rest)
         dx: list[Any] = []
         for y, columns, held in zip(free, pushed, system.held):
             for (a, _), column in zip(held, columns):
                 y = y - dl[a] * column
             dx = [*dx, *y]
-        return vec(*dx, *dl), upright and good
+        return vec(*dx, *dl), upright and regular(system, m, pivots, h)
 
     def _condition(self, system: Any, g: Element, x: Vec) -> tuple[Vec, Any]:
         """c(g tau(x)), and its derivative by x, by rows and blocks."""
@@ -189,12 +191,9 @@ class LieRATTLE(Method):
 
     def _excess(self, system: Any, rows: Any, mu: Vec) -> Vec:
         """The impulses that take away the velocity off the constraint: (G J^-1 G*) l' = G J^-1 mu."""
-        xi = system.velocity(mu)
-        velocities = [vec(*xi[start:end]) for start, end in system.places]
-        led = [[rows[a][i] for a, i in held] for held in system.held]
-        pushed = [[times(inverse, row) for row in block] for inverse, block in zip(system.inverses, led)]
-        rest = [vectors.sum([dot(led[b][i], velocities[b]) for b, i in ties]) for ties in system.touches]
-        return solved_sparse(joint(system, led, pushed), rest, 1.0)[0]
+        through = led(system, rows)
+        pushed = [[times(inverse, row) for row in block] for inverse, block in zip(system.inverses, through)]
+        return solved_sparse(system, joint(system, through, pushed), speeds(system, rows, system.velocity(mu)))[0]
 
     # ---------------------------------------------------------------- sizes
 
@@ -230,35 +229,13 @@ class LieRATTLE(Method):
         )
 
 
-# ------------------------------------------------------------------ sums over conditions and blocks
-
-
-def pulled(system: Any, rows: Any, impulses: Vec) -> Vec:
-    """G* l.  impulses : (m,);  returns (dim,)."""
-    parts: list[Any] = []
-    for held, (start, end) in zip(system.held, system.places):
-        pulls = [impulses[a] * rows[a][i] for a, i in held]
-        parts = [*parts, *(vectors.sum(pulls) if len(pulls) > 0 else [0.0] * (end - start))]
-    return vec(*parts)
-
-
-def joint(system: Any, led: list[Any], pushed: list[Any]) -> list[list[Any]]:
-    """C A^-1 B, from the rows of C and the columns of A^-1 B block by block: None where conditions have no block in common."""
-    return [
-        [vectors.sum([dot(led[b][i], pushed[b][j]) for b, i, j in common]) if len(common) > 0 else None for common in row]
-        for row in system.shared
-    ]
+# ------------------------------------------------------------------ block by block
 
 
 def carried(retraction: Retraction, group: Any, x: Vec, by_p: float | Mat, row: Vec) -> Vec:
     """What a unit impulse along a row of G adds to the mismatch r = by_p (p - dtau_x* m)."""
     dual = retraction.dtau_dual(group, x, row)
     return by_p @ dual if isinstance(by_p, vectors.Mat) else by_p * dual
-
-
-def times(inertia: Vec | Mat, x: Vec) -> Vec:
-    """J x, a Vec standing for a diagonal matrix."""
-    return inertia @ x if isinstance(inertia, vectors.Mat) else inertia * x
 
 
 def split(unknown: Vec, dim: int) -> tuple[Vec, Vec]:
@@ -293,32 +270,10 @@ def eliminated(m: Mat, columns: list[Vec], sign: float) -> tuple[list[Vec], bool
     return [vec(*[found[n - 1 - i][j] for i in range(n)]) for j in range(len(columns))], same > 0.0
 
 
-def solved_sparse(m: list[list[Any]], rhs: list[Any], sign: float) -> tuple[Vec, bool]:
-    """m^-1 rhs by elimination in the given order, None standing for zeros that are known to be; and whether det m has the sign of
-    that of a positive matrix times `sign`, no pivot being smaller than DEPENDENT times what it was before the elimination."""
-    n, same, regular = len(rhs), 1.0, True
-    rows = [[*row, x] for row, x in zip(m, rhs)]
-    for k in range(n):
-        same = where(sign * rows[k][k] > 0.0, same, -same)
-        regular = regular and abs(rows[k][k]) > DEPENDENT * abs(m[k][k])
-        rows = [row if i <= k or row[k] is None else _reduced(row, row[k] / rows[k][k], rows[k], k) for i, row in enumerate(rows)]
-    found: list[Any] = []
-    for k in range(n - 1, -1, -1):
-        rest = rows[k][n]
-        for i, x in enumerate(found):
-            if rows[k][n - 1 - i] is not None:
-                rest = rest - rows[k][n - 1 - i] * x
-        found = [*found, rest / rows[k][k]]
-    return vec(*reversed(found)), regular and same > 0.0
-
-
-def _reduced(row: list[Any], factor: Any, above: list[Any], k: int) -> list[Any]:
-    """A row less a multiple of one above it, beyond column k."""
-    return [_less(a, factor, b) if j > k else None for j, (a, b) in enumerate(zip(row, above))]
-
-
-def _less(a: Any, factor: float, b: Any) -> Any:
-    """a - factor b, where None is zero."""
-    if b is None:
-        return a
-    return -(factor * b) if a is None else a - factor * b
+def regular(system: Any, m: list[list[Any]], pivots: list[Any], sign: float) -> bool:
+    """Has det m the sign of that of a positive matrix times `sign`, with no pivot below DEPENDENT times what it was before?"""
+    same, far = 1.0, True
+    for row, pivot, ends in zip(m, pivots, system.elimination):
+        same = where(sign * pivot > 0.0, same, -same)
+        far = far and abs(pivot) > DEPENDENT * abs(row[ends[0]])
+    return far and same > 0.0

@@ -9,7 +9,7 @@ from ..errors import InvalidInput
 from ..formulas import Mat, Record, Vec, jacobian, norm, plain, record, sqrt, vec, where
 from ..solvers import newton
 from ..systems.canonical import CanonicalState
-from ..systems.constrained import FAR, cross_products, in_order, inverse_sizes, scaled
+from ..systems.constrained import FAR, cross_products, in_order, inverse_sizes
 from .implicit import extrapolated
 from .on_constraints import OnConstraints, pushed
 
@@ -82,17 +82,32 @@ class Projected(OnConstraints):
         """For T(p) + V(q): positions and momenta follow from the multipliers, which are the only unknowns."""
         before, _ = self.shares
         free = (before * h) * system.force(q, p) if before != 0.0 else 0.0 * p
+        if system.linear:
+            normals = h * (h * pushed(system, q, p, G))  # h * h would be rounded
+            return self._linearly(system, h, q, G, guess, free, h * system.velocity(q, p + free), normals)
         weights = inverse_sizes(G, h * system.velocity(q, p + (free - (h * guess) @ G)), q)
 
         def equation(x: Vec) -> tuple[Vec, Mat, float]:
             ph = p + (free - (h * x) @ G)
             there = q + h * system.velocity(q, ph)
             slope = cross_products(system.constraint_jacobian(there), pushed(system, q, ph, G))
-            return weights * system.constraint(there), (-h * h) * scaled(slope, weights), 1.0
+            return system.constraint(there), (-h * h) * slope, 1.0
 
-        x, size, enough, _ = newton(equation, guess, 1.0, solved=in_order)
+        x, size, enough, _ = newton(equation, guess, 1.0, solved=in_order, weights=weights)
         kick = free - (h * x) @ G
         return h * system.velocity(q, p + kick), kick, x, size, enough
+
+    def _linearly(self, system: Any, h: float, q: Vec, G: Mat, guess: Vec, free: Vec, drift: Vec, normals: Mat) -> Any:
+        """For a velocity of first degree in p: multipliers move the drift that is free of them along normals, h^2 H_pp G^T."""
+        aim = q + drift
+        weights = inverse_sizes(G, drift - guess @ normals, q)
+
+        def equation(x: Vec) -> tuple[Vec, Mat, float]:
+            there = aim - x @ normals
+            return system.constraint(there), -cross_products(system.constraint_jacobian(there), normals), 1.0
+
+        x, size, enough, _ = newton(equation, guess, 1.0, solved=in_order, weights=weights)
+        return drift - x @ normals, free - (h * x) @ G, x, size, enough
 
     def _implicitly(self, system: Any, h: float, q: Vec, p: Vec, G: Mat, guess: Vec) -> Any:
         """For any energy: the unknowns are the changes of q and p, and the multipliers."""

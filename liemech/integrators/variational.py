@@ -9,8 +9,9 @@ import numpy as np
 
 from ..errors import InvalidInput
 from ..formulas import Mat, Vec, dot, mat, norm, plain, record, vec, vectors
+from ..formulas.double_double import is_long
 from ..retractions import Exponential, Retraction
-from ..solvers import newton
+from ..solvers import narrow, newton, refined
 from ..systems.lie_poisson import BodyState
 from .implicit import Implicit, Memory, extrapolated
 from .solvability import first_fold, grown, largest_impulse, surely_solvable, turns_freely
@@ -64,14 +65,17 @@ class CovariantVariational(Implicit):
         A root that Newton's method finds is the right one where there is no other: before the first fold, if that is known, and in
         the inner half of the chart.  Elsewhere the step is grown.
         """
-        rate, square = 1.0 / h, dot(mu, mu)
+        rate, coarse = 1.0 / h, narrow(mu)
+        square = dot(coarse, coarse)
         x, size, enough, folded = newton(lambda x: self.equation(system, rate, mu, x), guess, square, rate)
-        doubtful = folded or not (size <= enough and self.retraction.is_chart(system.group, 2.0 * x))
+        doubtful = folded or not (size <= enough and self.retraction.is_chart(system.group, 2.0 * narrow(x)))
         if turns_freely(system, self.retraction) and h * h * square > surely_solvable(system.lagrangian.inverse):
             fold = first_fold(system.lagrangian.inertia, self.retraction)
             doubtful = doubtful or h * h * square > fold * fold
         if doubtful:
-            return self._grown(system, h, mu)
+            x = self._grown(system, h, coarse)
+            if is_long(mu[0]):
+                x = refined(lambda x: self.equation(system, rate, mu, x), x)
         return x
 
     def _grown(self, system: Any, h: float, mu: Vec) -> Vec:

@@ -155,8 +155,8 @@ class Linkage(ConstrainedBody):
         changes, flat = [], g.reshape(-1, g.shape[-1])
         for one in flat[[0, len(flat) // 2, -1]]:
             turns = np.concatenate([np.array(SE3().Ad(SE3().inverse(pose), np.eye(6))).T for pose in self.poses(one)])
-            for rows in np.array(self.jacobian(one)), np.array(self.force(one))[None]:
-                sizes = (np.abs(rows) @ np.abs(turns)).max(axis=1, keepdims=True)
+            for rows in self._matrix(self.rows(one)), np.array(self.force(one))[None]:
+                sizes = (abs(rows) @ np.abs(turns)).max(axis=1, keepdims=True)
                 changes.append(rows @ turns / np.where(sizes > 0.0, sizes, 1.0))
         _, sizes, directions = np.linalg.svd(np.concatenate(changes))
         return directions[np.r_[sizes, np.zeros(6)][:6] <= SURVIVES]

@@ -16,8 +16,9 @@ from ..groups.se3 import SE3
 from ..groups.so3 import SO3
 from ..groups.unit_quaternions import UnitQuaternions
 from ..groups.vector_space import VectorSpace
+from ..systems.constrained_body import BoundBody
 from ..systems.mechanical import MechanicalSystem
-from .constrained_pendulums import ChainPendulum
+from .constrained_pendulums import ChainPendulum, FourBarLinkage, SphericalPendulum
 from .heavy_top import ReducedHeavyTop
 from .n_body import NBody
 from .pendulums import DoublePendulum, Pendulum
@@ -27,7 +28,7 @@ Array = NDArray[np.float64]
 
 def configurations(system: Any) -> LieGroup:
     """The group whose elements tell where the body is."""
-    return system.configurations if isinstance(system, MechanicalSystem) else system.group
+    return system.configurations if isinstance(system, (MechanicalSystem, BoundBody)) else system.group
 
 
 def turns(group: LieGroup) -> bool:
@@ -78,9 +79,25 @@ def places(system: Any, q: Array, p: Array) -> Array:
         return system.length * _hanging(q)
     if isinstance(system, DoublePendulum):
         return np.cumsum(np.array(system.lengths)[:, None] * _hanging(q), axis=-2)
-    if isinstance(system, (ChainPendulum, NBody)):
-        return q.reshape(*q.shape[:-1], -1, system.dimension)
+    if isinstance(system, (ChainPendulum, NBody, FourBarLinkage)):
+        return q.reshape(*q.shape[:-1], -1, 2 if isinstance(system, FourBarLinkage) else system.dimension)
     return np.stack([q, p], axis=-1) if q.shape[-1] == 1 else q[..., None, :]
+
+
+def rods(system: Any) -> tuple[Array, list[tuple[int, int]]]:
+    """The pivots, (k, 2 or 3), on which the points of a canonical system hang, and which points its rods join.
+
+    The rods are pairs of numbers; those of the pivots follow those of the points.  Systems without rods have none of either.
+    """
+    if isinstance(system, FourBarLinkage):
+        n = system.loops + 1
+        pivots = np.array([[j * system.length, 0.0] for j in range(n)])
+        return pivots, [(n + j, j) for j in range(n)] + [(j, j + 1) for j in range(n - 1)]
+    if isinstance(system, (Pendulum, DoublePendulum, SphericalPendulum, ChainPendulum)):
+        flat = isinstance(system, (Pendulum, DoublePendulum)) or (isinstance(system, ChainPendulum) and system.dimension == 2)
+        n = len(system.masses) if isinstance(system, (DoublePendulum, ChainPendulum)) else 1
+        return np.zeros((1, 2 if flat else 3)), [(n if j == 0 else j - 1, j) for j in range(n)]
+    return np.zeros((0, 3)), []
 
 
 def _hanging(angles: Array) -> Array:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..models.heavy_top import HeavyTop, ReducedHeavyTop
+from ..models.linkage import Linkage
 from ..models.poses import configurations, flies, is_pose, turns
 from ..systems.canonical import CanonicalSystem, HamiltonianSystem
 from .attitude import quaternion
@@ -27,8 +28,8 @@ def plot(run: Any, *, ax: Axes | None = None, title: str | None = None) -> Axes:
     """Draw what tells most about a run.
 
     A body that rotates freely: its momentum on the sphere, of an ensemble a cloud. A top: the vertical it sees. A body that flies:
-    its path. One degree of freedom: the phase plane; two or three: the path. An equation on rotations: the quaternion; on a sphere:
-    the point there. Everything else: its components over time.
+    its path, of a linkage that of every body. One degree of freedom: the phase plane; two or three: the path. An equation on
+    rotations: the quaternion; on a sphere: the point there. Everything else: its components over time.
 
     Returns the axes; `plots.save(ax.figure, "run.png")` writes them.
     """
@@ -44,6 +45,8 @@ def plot(run: Any, *, ax: Axes | None = None, title: str | None = None) -> Axes:
             return momentum_sphere(x, ax=ax, title=title)
         return components(run, ax=ax, title=title)
     group = configurations(system) if hasattr(system, "group") else None
+    if isinstance(system, Linkage) and has_path(run):
+        return path(run, ax=ax, title=title)
     if group is None or not is_pose(group):
         return components(run, ax=ax, title=title)
     if isinstance(system, ReducedHeavyTop) or (isinstance(system, HeavyTop) and "g" in parts):
@@ -67,6 +70,8 @@ def shown_parts(system: Any, known: Iterable[str]) -> set[str]:
     if "mu" not in have or "g" not in have or not hasattr(system, "group"):
         return have
     group = configurations(system)
+    if isinstance(system, Linkage):
+        return {"g"}
     if isinstance(system, ReducedHeavyTop) or not is_pose(group):
         return {"mu"}
     return {"g"} if isinstance(system, HeavyTop) or flies(system) else {"mu"}

@@ -8,11 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InvalidInput
-from ..models.constrained_pendulums import ChainPendulum, SphericalPendulum
+from ..models.constrained_pendulums import ChainPendulum, FourBarLinkage
 from ..models.kepler import Kepler
+from ..models.linkage import Linkage
 from ..models.n_body import NBody
-from ..models.pendulums import DoublePendulum, Pendulum
-from ..models.poses import flies, place, places
+from ..models.pendulums import Pendulum
+from ..models.poses import flies, place, places, rods
 from ..models.space_bodies import OrbitingBody
 from ..systems.canonical import CanonicalSystem
 from .cloud import colors
@@ -31,7 +32,8 @@ def path(
     """Draw the path that a motion takes: of a planet, of the last bob of a pendulum, of a body in space.
 
     run : of a canonical system with positions in a plane or in space, of several bodies all of them, or one that recorded the
-    poses of a body that flies; of an ensemble every member, coloured from dark to light by the energy at the start, or by number.
+    poses of a body that flies, or those of the bodies of a linkage; of an ensemble every member, coloured from dark to light by the
+    energy at the start, or by number.
     view : azimuth and elevation of the eye, in degrees, for paths in space, whose shadow on the ground is grey.
 
     A ring is the start, a dot the end. Returns the axes. Raises InvalidInput where there is no path to draw.
@@ -63,21 +65,23 @@ def path(
         ax.plot(*seen[-1], marker="o", markersize=5.0, color=color, markeredgecolor="white", markeredgewidth=0.5, zorder=4)
     if isinstance(run.system, (Kepler, OrbitingBody)):
         ax.plot(0.0, 0.0, marker="o", markersize=9.0, color="#E69F00", markeredgecolor="white", zorder=3)
-    for rods in joints[:1]:
-        ax.plot(*(rods @ frame.T).T, color=GREY, linewidth=1.4, zorder=3, marker="o", markersize=4.0)
+    for ends in joints:
+        ax.plot(*(ends @ frame.T).T, color=GREY, linewidth=1.4, zorder=3, marker="o", markersize=4.0)
     return ax
 
 
 def has_path(run: Any) -> bool:
     """Is there a path to draw?"""
     if isinstance(run.system, CanonicalSystem):
-        known = Pendulum if run.bodies is not None else (Pendulum, ChainPendulum, NBody)
+        known = Pendulum if run.bodies is not None else (Pendulum, ChainPendulum, FourBarLinkage, NBody)
         return 1 < run.system.degrees <= 3 or isinstance(run.system, known)
+    if isinstance(run.system, Linkage):
+        return run.states.get("g") is not None and run.bodies is None
     return run.states.get("g") is not None and hasattr(run.system, "group") and flies(run.system)
 
 
 def _points(run: Any) -> tuple[Array, list[Array]]:
-    """The places of all members, (n, bodies, 2 or 3); of a single pendulum also its joints at the end."""
+    """The places of all members, (n, bodies, 2 or 3); of a single pendulum or linkage also the ends of its rods at last."""
     if not has_path(run):
         raise InvalidInput(
             f"plots.path is for positions in a plane or in space, and for bodies with recorded poses g; got a run of {run.system!r}"
@@ -86,11 +90,13 @@ def _points(run: Any) -> tuple[Array, list[Array]]:
         points = places(run.system, part(run, "q", "plots.path"), part(run, "p", "plots.path"))
         if isinstance(run.system, NBody):
             return points, []
-        hangs = isinstance(run.system, (Pendulum, DoublePendulum, ChainPendulum, SphericalPendulum)) and run.bodies is None
-        joints = [np.vstack([np.zeros((1, points.shape[-1])), points[-1]])] if hangs else []
+        pivots, pairs = rods(run.system) if run.bodies is None else (np.zeros((0, 3)), [])
+        joints = [np.concatenate([points[-1], pivots])[list(pair)] for pair in pairs]
         last = points[..., -1, :]
         return (last[:, None] if run.bodies is None else last), joints
     g = part(run, "g", "plots.path")
+    if isinstance(run.system, Linkage):
+        return run.system.poses(g)[..., :3, 3], []
     many = g.shape[: 1 if run.bodies is None else 2]
     found = place(run.system, g.reshape(-1, *g.shape[len(many) :]))
     return found.reshape(len(g), -1, 3), []

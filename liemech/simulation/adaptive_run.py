@@ -7,13 +7,14 @@ import functools
 import math
 import time
 from array import array
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
 from ..compiler.driver import accepted, attempt, itself, reason
 from ..errors import IntegrationFailure, IntegrationInterrupted, InvalidInput, StepTooSmall, failure, is_mistake, warn
-from ..formulas.pytree import build, layout_of, leaves
+from ..formulas.pytree import build, gatherer, layout_of
 from ..systems.system import State
 from . import arguments
 from .adaptive import adaptive_steps, noted
@@ -22,7 +23,7 @@ from .checkpoint import Checkpoint
 from .dense import DenseOutput, unpacked
 from .events import Event, Watch
 from .execution import LOOK, Execution
-from .prepared import member
+from .prepared import Prepared, member, numbers_of
 from .progress import Bar
 from .stopped import Stopped
 from .systems import Systems
@@ -51,6 +52,14 @@ class AdaptiveSteps:
     progress: bool | None
     shapes: dict[Any, Shape] = dataclasses.field(default_factory=dict, repr=False)
 
+    def owns(self, shape: Any) -> bool:
+        """Is the shape one of this plan?"""
+        return shape in self.shapes.values()
+
+    def of_system(self, system: Any) -> AdaptiveSteps:
+        """The same for a system of the same layout; what is laid out and compiled is shared."""
+        return dataclasses.replace(self, system=system, shapes={k: s.of_system(system) for k, s in [*self.shapes.items()]})
+
     @classmethod
     def checked(
         cls,
@@ -74,7 +83,15 @@ class AdaptiveSteps:
         return cls(system, method, first, *tolerances, longest, breaks, dense, compiled, progress)
 
     def run(
-        self, start: Any, t0: float, t_end: Any, limit: Any, t_eval: Any, events: tuple[Event, ...], kept: Checkpoint | None = None
+        self,
+        start: Any,
+        t0: float,
+        t_end: Any,
+        limit: Any,
+        t_eval: Any,
+        events: tuple[Event, ...],
+        kept: Checkpoint | None = None,
+        recorder: Any = None,
     ) -> Trajectory:
         """From a start, or from where another run stands, to t_end."""
         if t_end is None:
@@ -85,8 +102,12 @@ class AdaptiveSteps:
         if kept is not None and (events or start.bodies is not None):
             raise InvalidInput("integrate: checkpoint is for runs of one body without events, and for steps of one length")
         if start.bodies is not None:
-            return self._each(start, t0, t_end, limit, np.array([t0, t_end]) if times is None else times, events)
-        return AdaptiveRun(self, start, t0, t_end, limit, times, events, kept).trajectory()
+            times = np.array([t0, t_end]) if times is None else times
+            each = functools.partial(self._each, start, t0, t_end, limit, times, events)
+            return each() if recorder is None else recorder.instead(each, type(start), self.compiled)
+        if recorder is not None and self.dense:
+            raise InvalidInput("integrate: dense=True keeps the states; record no functions of them")
+        return AdaptiveRun(self, start, t0, t_end, limit, times, events, kept, recorder).trajectory()
 
     def _each(self, start: State, t0: float, t_end: float, limit: int, times: np.ndarray, events: tuple[Event, ...]) -> Trajectory:
         """Every body of an ensemble with steps of its own.  One that fails stays at its last state and disturbs no other."""
@@ -132,7 +153,7 @@ def _prolonged(values: np.ndarray, start: np.ndarray, count: int) -> np.ndarray:
     return np.concatenate([values, np.repeat(values[-1:] if len(values) else start[None], count - len(values), axis=0)])
 
 
-class Shape:
+class Shape(Prepared):
     """The layouts of a run, and the code that makes its steps.
 
     example : a state.  layout : of state and velocity; row : of time, state and the way to it.  curves : is the way there?
@@ -143,7 +164,7 @@ class Shape:
         self.example, self.curves = start, curves
         self.state, self.layout = layout_of(start), layout_of((start, xi))
         self.row = layout_of((0.0, start, (xi,) * method.curve_terms if curves else ()))
-        self.constants = array("d", leaves(method, layout_of(method)) + leaves(system, layout_of(system)))
+        self.constants = numbers_of(method, system)
         self.arguments = method, system, self.layout, self.row
         none = np.empty(0)
         call = *self.arguments, 0.0, 0.0, 0.0, 0.0, curves, 1, none, none, none, None
@@ -163,12 +184,15 @@ class AdaptiveRun:
         t_eval: np.ndarray | None,
         events: tuple[Event, ...],
         checkpoint: Checkpoint | None = None,
+        recorder: Any = None,
     ) -> None:
+        self.recorder = recorder
+        self.told: list[tuple[np.ndarray, dict[str, np.ndarray]]] = []  # times, and what it kept of the samples then
         self.plan, self.system, self.method, self.t0, self.t_end = plan, plan.system, plan.method, t0, t_end
         self.limit, self.t_eval, self.events, self.checkpoint = limit, t_eval, events, checkpoint
         self.failures: list[Exception] = []
-        self.kept = plan.dense is True or t_eval is None  # all rows, or only what t_eval asks for
-        dense = plan.dense is True or (plan.dense is None and t_eval is None)
+        self.kept = plan.dense is True or (t_eval is None and recorder is None)  # all rows, or only what is asked for
+        dense = plan.dense is True or (plan.dense is None and t_eval is None and recorder is None)
         self.dense = dense
         curves = dense or bool(events) or (t_eval is not None and bool(np.any(t_eval != t_end)))
         self.start = start.state if isinstance(start, AdaptiveCarry) else start
@@ -177,7 +201,7 @@ class AdaptiveRun:
         self.compiled = False
         self.rows = np.empty((8, shape.row.width))  # the start, and after every step one more
         self.rows[0] = 0.0
-        self.rows[0, : 1 + self.width] = [t0, *leaves(self.start, shape.state)]
+        self.rows[0, : 1 + self.width] = [t0, *gatherer(shape.state)(self.start)]
         self.filled = 1
         self.sampled: list[np.ndarray] = []
         if isinstance(start, AdaptiveCarry):
@@ -221,7 +245,7 @@ class AdaptiveRun:
         """Step to the end, or to a terminal event, in pieces short enough to show progress and to be interrupted."""
         try:
             if not self.kept:
-                self._sample(1)
+                self._sample(1 if self.recorder is None or self.t_eval is not None else 0)
             with Bar(self.plan.progress, 1000) as bar:
                 if self.t0 in self.plan.breaks and self.t0 != self.t_end:
                     self._jump(self.t0 + math.copysign(MARGIN, self.t_end - self.t0) * float(np.spacing(abs(self.t0))))
@@ -262,7 +286,7 @@ class AdaptiveRun:
         while self.clock[0] != end:
             begun = time.perf_counter()
             before = self.filled
-            self._more(end, ROOM if self.compiled else room)
+            self._more(end, room if self.shape.stepping.native is None else ROOM)
             if time.perf_counter() - begun < 0.5 * LOOK:
                 room = min(2 * room, ROOM)
             bar.advance(int(1000 * self._part()) - bar.done)
@@ -298,7 +322,7 @@ class AdaptiveRun:
         if shape.stepping.ready(self._part()):
             native: Any = shape.stepping.native
             self.compiled = True
-            native.run(shape.constants + array("d", numbers), (room,), arrays)
+            native.run(shape.constants + array("d", numbers).tobytes(), (room,), arrays)
         else:
             with shape.stepping.plain():
                 adaptive_steps(*shape.arguments, *numbers, shape.curves, room, *arrays, self.failures)
@@ -307,13 +331,29 @@ class AdaptiveRun:
     def _sample(self, before: int) -> None:
         """Keep the states that t_eval asks for in the last steps, and of the steps only the last."""
         times: Any = self.t_eval
+        if times is None:
+            self._tell(self.rows[before : self.filled, 0], self.rows[before : self.filled, 1 : 1 + self.width])
+        else:
+            self._at_times(before, times)
+        self.rows[0] = self.rows[self.filled - 1]
+        self.filled = 1
+
+    def _tell(self, times: np.ndarray, numbers: np.ndarray) -> None:
+        """Keep what the recorder keeps of some samples."""
+        states = unpacked(self.shape.state, numbers.copy())
+        run = SimpleNamespace(system=self.system, bodies=None)
+        self.told.append((times.copy(), self.recorder.values(run, type(self.shape.example), times, states, self.plan.compiled)))
+
+    def _at_times(self, before: int, times: np.ndarray) -> None:
+        """Keep the states that t_eval asks for in the last steps."""
         done = sum(map(len, self.sampled))
         reached, forward = self.clock[0], self.t_end >= self.t0
         inside = times[done:][times[done:] <= reached if forward else times[done:] >= reached]
         if len(inside):
             self.sampled.append(self._dense(before - 1).numbers(inside))
-        self.rows[0] = self.rows[self.filled - 1]
-        self.filled = 1
+            if self.recorder is not None:
+                self._tell(inside, self.sampled[-1])
+                self.sampled[-1] = np.empty((len(inside), 0))
 
     def _terminated(self, before: int) -> bool:
         """Look for events in the last steps, and end the run at the first terminal one."""
@@ -341,7 +381,7 @@ class AdaptiveRun:
         dense = self._dense() if self.kept and self.shape.curves else None
         kept = dense if self.dense else None
         return Trajectory.promised(
-            functools.partial(self._samples, dense),
+            lambda: dict(zip(("t", "states", "carry"), (*self._samples(dense), self._carry()), strict=True)),
             system=self.system,
             method=self.method,
             h=(reached - self.t0) / max(1, steps),
@@ -351,8 +391,8 @@ class AdaptiveRun:
             rejected=int(self.clock[4]),
             dense=kept,
             events=self.watch.shown(self.shape.example, self.shape.state) if self.watch else (),
-            carry=self._carry(),
             stopped={},
+            observed=() if self.recorder is None else tuple(self.recorder.quantities),
         )
 
     def _carry(self) -> AdaptiveCarry | None:
@@ -369,6 +409,13 @@ class AdaptiveRun:
 
     def _samples(self, dense: DenseOutput | None) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         """Times and parts of the state."""
+        if self.recorder is not None:
+            names = self.recorder.names if self.told else ()
+            joined = {name: np.concatenate([kept[name] for _, kept in self.told]) for name in names}
+            times = np.concatenate([np.empty(0), *(t for t, _ in self.told)])
+            if self.t_eval is None and len(times):
+                times[-1] = self.rows[self.filled - 1, 0]  # behind a jump at t_end
+            return times, joined
         if self.t_eval is None:
             times, numbers = self.rows[: self.filled, 0], self.rows[: self.filled, 1 : 1 + self.width]
         elif dense is not None:

@@ -1,4 +1,4 @@
-"""Runs in files: the arrays as they are, in NumPy's .npz, and beside them in JSON what they are.  Nothing is pickled.
+"""Runs in files: the arrays as they are, in NumPy's .npz or in HDF5, and beside them in JSON what they are.  Nothing is pickled.
 
 `numpy.load("run.npz")["state.mu"]` needs no liemech.  The last bytes of a file are a checksum of all others.
 """
@@ -21,10 +21,11 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import IntegrationFailure, InvalidInput
+from ..errors import IntegrationFailure, InvalidInput, MissingExtra
 from ..formulas import Record
 from ..formulas.complex_numbers import Complex
 from ..formulas.fields import FrozenDict
+from ..formulas.tables import Table
 from ..formulas.vectors import Mat, Vec
 from .carry import AdaptiveCarry, Carry
 from .dense import DenseOutput
@@ -32,6 +33,7 @@ from .stopped import Stopped
 from .systems import Systems
 
 FORMAT = 1
+HDF5 = b"\x89HDF"
 MARK = b"sha256:"
 """What the checksum begins with, at the end of a file."""
 
@@ -43,7 +45,7 @@ def save(run: Any, path: str | os.PathLike[str]) -> None:
     arrays: dict[str, Any] = {"t": run.t, **{f"state.{name}": x for name, x in run.states.items()}}
     about: dict[str, Any] = {"format": FORMAT, "method": encoded(run.method), "h": run.h, "steps": run.steps, "bodies": run.bodies}
     about["system"] = [encoded(s) for s in run.system] if isinstance(run.system, Systems) else encoded(run.system)
-    about |= {"compiled": run.compiled, "rejected": run.rejected}
+    about |= {"compiled": run.compiled, "rejected": run.rejected, "observed": list(run.observed)}
     about["stopped"] = {str(body): [stop.steps, str(stop.error)] for body, stop in run.stopped.items()}
     if run.dense is not None:
         arrays["dense"] = run.dense.rows
@@ -61,7 +63,8 @@ def save(run: Any, path: str | os.PathLike[str]) -> None:
     elif isinstance(carry, AdaptiveCarry):
         arrays |= {"carry.numbers": carry.numbers, "carry.clock": carry.clock}
         about["carry"] = {"t": carry.t, "state": encoded(carry.state), "ended": carry.ended}
-    _replace(Path(path), _packed(arrays | {"about": np.array(json.dumps(about))}))
+    packed = _in_hdf5 if Path(path).suffix in (".h5", ".hdf5") else _packed
+    _replace(Path(path), packed(arrays | {"about": np.array(json.dumps(about))}))
 
 
 def load(path: str | os.PathLike[str], modules: Sequence[str] = ()) -> dict[str, Any]:
@@ -116,6 +119,7 @@ def load(path: str | os.PathLike[str], modules: Sequence[str] = ()) -> dict[str,
         "dense": dense,
         "events": tuple(events),
         "carry": carry,
+        "observed": tuple(about.get("observed", ())),
     }
 
 
@@ -132,6 +136,8 @@ def encoded(value: Any) -> Any:
         return {"vec": [encoded(x) for x in value]}
     if isinstance(value, Mat):
         return {"mat": [encoded(row) for row in value.rows]}
+    if isinstance(value, Table):
+        return {"table": value.array.tolist()}
     if isinstance(value, complex):
         return {"complex": [value.real, value.imag], "as": "complex"}
     if isinstance(value, Complex):
@@ -173,6 +179,8 @@ def decoded(value: Any, modules: frozenset[str], where: str) -> Any:
             dtype = np.dtype(value["dtype"])
             numbers = np.array(given, dtype=float).view(dtype) if dtype.kind == "c" else np.array(given, dtype=dtype)
             return numbers.reshape(value["shape"])
+        case "table":
+            return Table(given)
         case "tuple":
             return tuple(map(inside, given))
         case "list":
@@ -226,16 +234,64 @@ def _packed(arrays: dict[str, np.ndarray]) -> bytes:
 def _unpacked(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
     """The arrays of a file, and what is told about them."""
     data = path.read_bytes()
+    if data.startswith(HDF5):
+        return _of_hdf5(path, data)
     if not data.startswith(b"PK") and MARK not in data[-40:]:
         raise InvalidInput(f"{path}: is no run saved by liemech")
     if data[-39:-32] != MARK or hashlib.sha256(data[:-32]).digest() != data[-32:]:
         raise InvalidInput(f"{path}: is damaged or no run saved by liemech: its checksum is not that of its content")
     with np.load(io.BytesIO(data), allow_pickle=False) as file:
         arrays = {name: file[name] for name in file.files}
-    about = json.loads(str(arrays.pop("about")))
+    return arrays, _about(path, str(arrays.pop("about")))
+
+
+def _about(path: Path, text: str) -> dict[str, Any]:
+    """What is told about the arrays."""
+    about: dict[str, Any] = json.loads(text)
     if about["format"] != FORMAT:
         raise InvalidInput(f"{path}: is of format {about['format']}; this liemech reads format {FORMAT}")
-    return arrays, about
+    return about
+
+
+def _in_hdf5(arrays: dict[str, np.ndarray]) -> bytes:
+    """The bytes of an HDF5 file: a dataset for each array and for what is told about them, and a checksum as attribute."""
+    memory = io.BytesIO()
+    with _h5py().File(memory, "w") as file:
+        for name, array in arrays.items():
+            file[name] = str(array) if name == "about" else array
+        file.attrs["checksum"] = _checksum(arrays)
+    return memory.getvalue()
+
+
+def _of_hdf5(path: Path, data: bytes) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+    """The arrays of an HDF5 file, and what is told about them."""
+    damaged = InvalidInput(f"{path}: is damaged or no run saved by liemech: its checksum is not that of its content")
+    h5py = _h5py()
+    try:
+        with h5py.File(io.BytesIO(data), "r") as file:
+            arrays = {name: np.asarray(file[name]) for name in file if name != "about"}
+            text, checksum = str(file["about"].asstr()[()]), file.attrs["checksum"]
+    except (OSError, KeyError, RuntimeError, ValueError, TypeError):  # what h5py has to say of damaged files
+        raise damaged from None
+    if checksum != _checksum(arrays | {"about": np.array(text)}):
+        raise damaged
+    return arrays, _about(path, text)
+
+
+def _checksum(arrays: dict[str, np.ndarray]) -> str:
+    """One of names, types, shapes and bytes."""
+    whole = hashlib.sha256()
+    for name, array in sorted(arrays.items()):
+        whole.update(repr((name, array.dtype.str, array.shape)).encode() + np.ascontiguousarray(array).tobytes())
+    return whole.hexdigest()
+
+
+def _h5py() -> Any:
+    try:
+        import h5py
+    except ImportError:
+        raise MissingExtra("HDF5 files need h5py", "data") from None
+    return h5py
 
 
 def _replace(path: Path, data: bytes) -> None:

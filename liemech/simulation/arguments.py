@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import IncompatibleSystem, InvalidInput, InvalidType, warn
+from ..errors import IncompatibleSystem, InconsistentState, InvalidInput, InvalidType, warn
 from ..formulas import check_finite, real_array
 from ..integrators.method import Method
 from ..systems.system import State, System
@@ -38,7 +38,7 @@ def matching(system: Any, method: Any) -> None:
 def started(system: Any, start: Any, record: Iterable[str] | None) -> State:
     if not isinstance(start, State):
         raise InvalidType(f"integrate: start must come from system.state(...); got {type(start).__name__}")
-    if not system.knows(start):
+    if not system._knows(start):
         try:
             start = system.state(**start.arrays)
         except TypeError:
@@ -53,11 +53,23 @@ def started(system: Any, start: Any, record: Iterable[str] | None) -> State:
     except TypeError:
         raise InvalidType(f"integrate: record is {choices}; got {record!r}") from None
     if not set(least) <= set(wanted) <= set(start.parts):
-        raise InvalidInput(f"integrate: record is {choices}, all else follows from them; got {record!r}")
+        raise InvalidInput(
+            f"integrate: record is {choices}, all else follows from them; or methods of the system such as \"energy\", and "
+            f"functions of time and state; got {record!r}"
+        )
     for name in wanted:
         if start.parts[name] is None:
             raise InvalidInput(f"integrate: record asks for {name}, but the start has none; give system.state a {name}")
     return type(start)(*(x if name in wanted else None for name, x in start.parts.items()))
+
+
+def allowed(systems: Any, start: State) -> None:
+    """Refuse starts that are none of their systems'."""
+    for i, system in enumerate(systems):
+        try:
+            system.state(**{name: x[i] for name, x in start.arrays.items()})
+        except (InvalidInput, InconsistentState) as error:
+            raise type(error)(f"integrate: body {i}: {error}") from None
 
 
 def alike(method: Any) -> bool:
@@ -70,8 +82,9 @@ def affordable_times(t0: float, h: float, steps: int) -> None:
     end = t0 + steps * h
     if not math.isfinite(end):
         raise InvalidInput(f"integrate: {steps} steps of h = {h:g} lead to t = {end}")
-    if steps and max(abs(t0), abs(end)) + abs(h) == max(abs(t0), abs(end)):
-        smallest = np.spacing(max(abs(t0), abs(end)))
+    latest = max(abs(t0), abs(end))
+    if steps and latest + abs(h) == latest:
+        smallest = np.spacing(latest)
         raise InvalidInput(
             f"integrate: h = {h:g} is lost beside t = {end:g}; the smallest useful step there is {smallest:.1e}"
         )
@@ -184,6 +197,8 @@ def real(value: Any, name: str) -> float:
 
 
 def count(value: Any, name: str, least: int) -> int:
+    if type(value) is int and least <= value <= MOST:
+        return value
     if isinstance(value, (bool, np.bool_)) or not isinstance(value, (int, np.integer)):
         raise InvalidType(f"integrate: {name} must be a whole number; got {value!r}")
     if not least <= value <= MOST:
@@ -194,6 +209,14 @@ def count(value: Any, name: str, least: int) -> int:
 def choice(value: Any, name: str) -> None:
     if not any(value is x for x in (True, False, None)):
         raise InvalidType(f"integrate: {name} must be True, False or None; got {value!r}")
+
+
+def digits(precision: Any, compensated: Any) -> None:
+    """The numbers of the steps are of one double or of two."""
+    if precision not in ("double", "double-double"):
+        raise InvalidInput(f"integrate: precision is 'double' or 'double-double'; got {precision!r}")
+    if precision == "double-double" and compensated is not None:
+        raise InvalidInput("integrate: numbers of two doubles need no compensated sums; leave compensated out")
 
 
 def checkpoint(path: Any, seconds: Any) -> Checkpoint | None:

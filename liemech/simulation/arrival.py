@@ -9,9 +9,8 @@ import numpy as np
 
 from ..compiler.driver import accepted, attempt, itself, read, reason, write
 from ..errors import InvalidInput, failure, is_mistake
-from ..formulas import plain, real_array
-from ..formulas.pytree import NUMBER, layout_of
-from .dense import unpacked
+from ..formulas.pytree import NUMBER, layout_of, rounded
+from .dense import one_or_many, unpacked
 from .execution import Execution
 
 TURNS = 60
@@ -48,7 +47,7 @@ def arrived(method: Any, system: Any, sample: Any, h: float, target: float) -> t
     passed, gone = (system.clock(now) - target) * h >= 0.0, 0.0
     while not passed:
         after = method.step(system, gone, memory, h)
-        seen = plain(method.observe(after))
+        seen = rounded(method.observe(after))
         passed = (system.clock(seen) - target) * h >= 0.0
         if not passed:
             memory, now, gone = after, seen, gone + h
@@ -62,7 +61,7 @@ def landed(method: Any, system: Any, memory: Any, h: float, target: float) -> tu
     The time after a step grows with its length; the secant method finds s, halving where it leaves what is left of the interval.
     Source: Dahlquist and Bjorck, Numerical Methods, section 6.4.
     """
-    found = plain(method.observe(memory))
+    found = rounded(method.observe(memory))
     low, high, before = 0.0, h, 0.0
     error_before = system.clock(found) - target
     error, s, turns = error_before, h, 0
@@ -70,7 +69,7 @@ def landed(method: Any, system: Any, memory: Any, h: float, target: float) -> tu
     if done:
         s = 0.0
     while not done:
-        found = plain(method.observe(method.step(system, 0.0, memory, s)))
+        found = rounded(method.observe(method.step(system, 0.0, memory, s)))
         error = system.clock(found) - target
         if error * h < 0.0:
             low = s
@@ -137,12 +136,14 @@ class FictiveMotion:
         for k in np.flatnonzero(found[:, -1] == 0.0).tolist():
             arrive(*arguments, 1, np.ascontiguousarray(given[k]), np.empty(shown.width + 2), failures)
             error = failures[0]
-            raise error if error is not None and is_mistake(error) else failure(error, repr(self.method), "between two steps")
+            if is_mistake(error):
+                raise error
+            raise failure(error, repr(self.method), f"on the way to t = {given[k, -1]:g}")
         return found[:, :-1]
 
     def __call__(self, times: Any) -> Any:
         """The state at one time, or at many, (m,), whose arrays then have a leading axis."""
-        at = real_array(times, "t")
+        at = one_or_many(times)
         shown = layout_of(self.example)
         arrays = unpacked(shown, self.numbers(np.atleast_1d(at).ravel())[:, : shown.width])
         states = self.system.apart(arrays)[1]

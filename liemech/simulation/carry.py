@@ -14,13 +14,13 @@ from .dense import unpacked
 from .prepared import Shape
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
+@dataclasses.dataclass(eq=False)
 class Carry:
     """Where a run stands, with all that its method carries along: from here it goes on as if it had never stopped.
 
     t0, h, step : the time is t0 + step h.  bodies : of an ensemble, else None.
-    numbers : (width + 1, bodies) of what the method carries along, and the steps taken.  last : the numbers of the state.
-    failures : what ended bodies that stopped.
+    numbers : (width + 1,) or (width + 1, bodies), of what the method carries along, and the steps taken.
+    last : the numbers of the state.  failures : what ended bodies that stopped.  Nothing of it is changed, ever.
     """
 
     shape: Shape | None = dataclasses.field(repr=False)
@@ -42,7 +42,7 @@ class Carry:
         """The state at this time."""
         shape: Any = self.shape
         if self.bodies is None:
-            return build(shape.shown, iter(self.last[:, 0].tolist()))
+            return build(shape.shown, iter(self.last.ravel().tolist()))
         parts = unpacked(shape.shown, self.last.T)
         return type(shape.example)(*(parts.get(name) for name in shape.example.parts))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,7 +13,7 @@ from ..compiler import kernel
 from ..compiler.driver import accepted, any_body, attempt, itself, read, reason, write
 from ..errors import InvalidInput, failure, is_mistake
 from ..formulas import Vec, horner, real_array, where
-from ..formulas.pytree import NUMBER, build, layout_of, leaves, plain
+from ..formulas.pytree import NUMBER, build, layout_of, leaves, rounded
 from .execution import Execution
 
 
@@ -48,7 +49,15 @@ def told(moved: Any, point: Any, out: Any, failures: Any) -> None:
 
 def _stepped(method: Any, system: Any, t: float, state: Any, h: float) -> Any:
     """The state after one step of a method that begins here."""
-    return plain(method.observe(method.step(system, t, method.start(system, state, h), h)))
+    return rounded(method.observe(method.step(system, t, method.start(system, state, h), h)))
+
+
+def one_or_many(times: Any) -> np.ndarray:
+    """A time, or a list of times."""
+    at = real_array(times, "t")
+    if at.ndim > 1:
+        raise InvalidInput(f"Trajectory.at takes one time or many, (m,); got t of shape {at.shape}")
+    return at
 
 
 class Between:
@@ -87,7 +96,7 @@ class Between:
 
     def __call__(self, times: Any) -> Any:
         """The state at one time, or at many, (m,), whose arrays then have a leading axis."""
-        at = real_array(times, "t")
+        at = one_or_many(times)
         arrays = unpacked(layout_of(self.example), self.numbers(np.atleast_1d(at).ravel()))
         one = 0 if at.ndim == 0 else slice(None)
         return type(self.example)(*(arrays[name][one] if name in arrays else None for name in self.example.parts))
@@ -137,7 +146,8 @@ class DenseOutput(Between):
         theta = (times - self.t[step]) / (self.t[step + 1] - self.t[step])
         given = np.concatenate([self.points[step], self.curves[step], theta[:, None]], axis=1)
         arguments = self.retraction, self.system, layout_of(self.example), curve
-        return evaluated(along, arguments, given, layout_of(self.example).width, self.wanted)
+        what = "dense output", lambda k: f"between two steps, t = {times[k]:g}"
+        return evaluated(along, arguments, given, layout_of(self.example).width, self.wanted, what)
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,11 +173,22 @@ class ShortSteps(Between):
         begun = self.t[step]
         given = np.concatenate([self.points[step], begun[:, None], (times - begun)[:, None]], axis=1)
         point = layout_of(self.example)
-        return evaluated(short_step, (self.method, self.system, point), given, point.width, self.wanted)
+        what = repr(self.method), lambda k: f"the shorter step from t = {begun[k]:g} to t = {times[k]:g}"
+        return evaluated(short_step, (self.method, self.system, point), given, point.width, self.wanted, what)
 
 
-def evaluated(driver: Any, arguments: tuple[Any, ...], given: np.ndarray, width: int, wanted: bool | None) -> np.ndarray:
-    """What a driver makes of every row of numbers, (m, width): in plain Python until native code pays."""
+def evaluated(
+    driver: Any,
+    arguments: tuple[Any, ...],
+    given: np.ndarray,
+    width: int,
+    wanted: bool | None,
+    what: tuple[str, Callable[[int], str]] = ("dense output", lambda k: "between two steps"),
+) -> np.ndarray:
+    """What a driver makes of every row of numbers, (m, width): in plain Python until native code pays.
+
+    what : what has failed if a row does, and where, by the number of the row.
+    """
     many = len(given)
     native = wanted is not False and kernel.available() is None
     lanes, array = kernel.lanes() if native else 1, np.empty((1, 1))
@@ -178,7 +199,7 @@ def evaluated(driver: Any, arguments: tuple[Any, ...], given: np.ndarray, width:
         end = min(done + 8, many)
         with execution.plain():
             for k in range(done, end):
-                _one(driver, arguments, given[k], found[k])
+                _one(driver, arguments, given[k], found[k], what, k)
         done = end
     if done < many:
         rows = np.ascontiguousarray(given[np.minimum(np.arange(columns), many - 1)].T)
@@ -188,16 +209,18 @@ def evaluated(driver: Any, arguments: tuple[Any, ...], given: np.ndarray, width:
         run(*arguments, rows, out, None, bodies=columns, begin=begin, end=columns)
         found[done:] = out.T[done:]
         for k in np.flatnonzero(found[:many, -1] == 0.0).tolist():  # say why
-            _one(driver, arguments, given[k], found[k])
+            _one(driver, arguments, given[k], found[k], what, k)
     return found[:many, :-1].copy()
 
 
-def _one(driver: Any, arguments: tuple[Any, ...], given: np.ndarray, out: np.ndarray) -> None:
+def _one(
+    driver: Any, arguments: tuple[Any, ...], given: np.ndarray, out: np.ndarray, what: tuple[str, Callable[[int], str]], k: int
+) -> None:
     failures: list[Exception | None] = []
     driver(*arguments, given, out, failures)
     if failures:
         error = failures[0]
-        raise error if error is not None and is_mistake(error) else failure(error, "dense output", "between two steps")
+        raise error if error is not None and is_mistake(error) else failure(error, what[0], what[1](k))
 
 
 def unpacked(layout: Any, numbers: np.ndarray) -> dict[str, np.ndarray]:
@@ -225,7 +248,8 @@ def flat(arrays: dict[str, np.ndarray], count: int) -> np.ndarray:
     """The numbers of many states, (count, width), from the parts of the state by name; a complex number is two."""
     parts = [np.ascontiguousarray(x) for x in arrays.values()]
     real = [x.view(float) if np.iscomplexobj(x) else x.astype(float, copy=False) for x in parts]
-    return np.concatenate([x.reshape(count, -1) for x in real], axis=1)
+    rows = [x.reshape(count, -1) for x in real]
+    return rows[0] if len(rows) == 1 else np.concatenate(rows, axis=1)
 
 
 def packed(value: Any) -> np.ndarray:

@@ -64,6 +64,10 @@ class Kept:
         return f"{self.name:<18}{self.verdict:<10}largest change {self.largest:.1e} ({self.measure}){trend}"
 
 
+RECORDED = ("energy", "casimirs", "spatial_momentum")
+"""Quantities that a run may record instead of the state, and that stay constant in a free motion."""
+
+
 @dataclass(frozen=True)
 class Drift:
     """The structure report of a run; `print` it."""
@@ -78,13 +82,22 @@ class Drift:
         """
         if len(t) < 2:
             raise InvalidInput("Trajectory.drift needs at least two samples")
-        series, terms = _constants(system, states, len(t))
+        series, terms = constants_and_terms(system, states, len(t))
         axes = t.ndim + (bodies is not None)
 
         def flat(values: np.ndarray) -> np.ndarray:
             return values.reshape(*values.shape[:axes], -1)
 
         return cls(tuple(_kept(name, t, flat(values), flat(terms[name])) for name, values in series.items()))
+
+    @classmethod
+    def recorded(cls, series: dict[str, np.ndarray], t: np.ndarray, bodies: int | None = None) -> Drift:
+        """The same of quantities whose values were recorded, (n, ...), without the state."""
+        if len(t) < 2:
+            raise InvalidInput("Trajectory.drift needs at least two samples")
+        axes = t.ndim + (bodies is not None)
+        flat = {name: values.reshape(*values.shape[:axes], -1) for name, values in series.items()}
+        return cls(tuple(_kept(name, t, values, np.abs(values)[_some(len(t))]) for name, values in flat.items()))
 
     def __getitem__(self, name: str) -> Kept:
         for kept in self.kept:
@@ -97,7 +110,9 @@ class Drift:
         return "\n".join(map(str, self.kept)) or "no constants of the motion are known"
 
 
-def _constants(system: System, states: dict[str, np.ndarray], n: int) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+def constants_and_terms(
+    system: System, states: dict[str, np.ndarray], n: int
+) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
     """The constants at all n samples; how large their terms are, sum_i |x_i dC/dx_i|, at the start, half-way and at the end.
 
     All are computed at once, for the samples and for some with one coordinate varied.

@@ -7,7 +7,7 @@ from typing import Any
 from ..compiler.driver import accepted, any_body, attempt, read, reason, write
 from ..errors import InvalidType
 from ..formulas import where
-from ..formulas.pytree import NUMBER, fitted, layout_of, plain
+from ..formulas.pytree import NUMBER, fitted, layout_of, rounded
 
 
 def fixed_steps(
@@ -89,18 +89,18 @@ def stepped(method: Any, system: Any, t: float, carry: Any, h: float, layout: An
         new = fitted(new, layout)
     if checked:
         _require(layout, new, method, system)
-    return new, plain(method.observe(new))
+    return new, rounded(method.observe(new))
 
 
 def begun(method: Any, system: Any, state: Any, h: float) -> Any:
     """What the method carries along from a start, and the sample that shows it."""
     carry = method.start(system, state, h)
-    return carry, plain(method.observe(carry))
+    return carry, rounded(method.observe(carry))
 
 
 def sample(method: Any, carry: Any) -> Any:
     """The sample that shows what the method carries along."""
-    return plain(method.observe(carry))
+    return rounded(method.observe(carry))
 
 
 def observed(trial: Any) -> Any:

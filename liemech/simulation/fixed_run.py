@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 import os
 import time
@@ -14,7 +13,7 @@ import numpy as np
 from ..compiler.driver import Rejected, attempt, reason
 from ..compiler.kernel import Several
 from ..errors import IntegrationFailure, IntegrationInterrupted, InvalidInput, failure, is_mistake, warn
-from ..formulas.pytree import Layout, fitted, layout_of, leaves
+from ..formulas.pytree import Layout, double_double, fitted, layout_of, leaves
 from ..systems.system import State
 from .carry import Carry
 from .checkpoint import Checkpoint
@@ -61,7 +60,7 @@ class FixedRun:
         self.count = self.bodies or 1
         self.whole, self.earlier = steps, 0  # of the run that this one is a part of: its steps, and the samples before this one's
         self.failures: dict[int, Exception | None] = {}  # what plain Python saw failing steps raise
-        shape = None if carry is None or carry.shape is None else plan.own(carry.shape)
+        shape = carry.shape if carry is not None and plan.owns(carry.shape) else None
         if shape is None:
             self.start: State = start.state if isinstance(start, Carry) else start
             shape = self._shape()
@@ -76,11 +75,6 @@ class FixedRun:
         self.taken = self.states[-1]
         if carry is not None:
             self._continue(carry)
-        elif shape.order is not None:
-            numbers = leaves(self.start, shape.given)
-            self.out[0, :, 0] = numbers
-            numbers.append(0.0)
-            self.states[:-1, 0] = [numbers[i] for i in shape.order]
         else:
             self._begin()
         self.latest, self.held = self.out[:1], self.before  # a sample, and after how many steps it was taken
@@ -116,7 +110,8 @@ class FixedRun:
             start = fitted(self._member(i), started) if i else one
             trial = attempt(begun, self.plan.method, self.plan.of(i), start, self.h)
             if not isinstance(trial, Rejected):
-                return trial
+                carry, example = trial
+                return double_double(carry) if started.long else carry, example
             self.failures[i] = reason(trial)
             if is_mistake(self.failures[i]):
                 break
@@ -136,14 +131,18 @@ class FixedRun:
     def _begin(self) -> None:
         """Let the method begin with every body."""
         shape, plan = self.shape, self.plan
-        starts = self._columns_of(self.start)
+        starts = self.out[0] if shape.given == shape.shown else np.empty((shape.given.width, self.columns))
+        self._lay_down(starts)
+        if shape.order is not None:
+            for number, place in zip(self.states, shape.order, strict=False):
+                if place >= 0:
+                    number[:] = starts[place]
+            return
         beginning = shape.beginning(plan)
         beginning.again()
         if shape.stepping.native is not None and self.bodies is not None:
             beginning.compile()
-        if shape.given == shape.shown:
-            self.out[0] = starts
-        else:
+        if shape.given != shape.shown:
             self.out[0] = 0.0
         self.taken[:] = -1.0
         arrays = starts, self.states, self.out[0]
@@ -156,11 +155,17 @@ class FixedRun:
         if beginning.native is not None and self.bodies is not None:
             shape.stepping.compile()
 
-    def _columns_of(self, start: State) -> np.ndarray:
-        """The start with a column for each body; the last lanes, if there are too many, repeat the last body."""
+    def _lay_down(self, columns: np.ndarray) -> None:
+        """Write the numbers of the start, a column for each body; lanes that are left over repeat the last body."""
         if self.bodies is None:
-            return np.array(leaves(start, self.shape.given), dtype=float)[:, None]
-        return self._padded(flat(start.arrays, self.count).T)
+            columns[:, 0] = leaves(self.start, self.shape.given)
+            return
+        at = 0
+        for part in self.start.arrays.values():
+            numbers = flat({"": part}, self.count).T
+            columns[at : at + len(numbers), : self.count] = numbers
+            at += len(numbers)
+        columns[:, self.count :] = columns[:, self.count - 1 : self.count]
 
     def _padded(self, columns: np.ndarray) -> np.ndarray:
         """Columns of all bodies, the last one repeated for the lanes that are left over."""
@@ -169,9 +174,9 @@ class FixedRun:
     def _continue(self, carry: Carry) -> None:
         """Take up what another run carried along."""
         if len(carry.numbers) != len(self.states):
-            raise InvalidInput("Plan.resume: the run summed up its steps with another `compensated` than the plan does")
-        self.states[:] = self._padded(carry.numbers)
-        self.out[0] = self._padded(carry.last)
+            raise InvalidInput("Plan.resume: the run had another `compensated` or `precision` than the plan has")
+        self.states[:] = self._padded(carry.numbers.reshape(-1, self.count))
+        self.out[0] = self._padded(carry.last.reshape(-1, self.count))
         self.failures = dict(carry.failures)
 
     # ---------------------------------------------------------------- stepping
@@ -193,8 +198,6 @@ class FixedRun:
         """Step to the end, in pieces short enough to show progress and to be interrupted."""
         done, settled, pace = 0, False, PLAIN
         stepping = self.shape.stepping
-        if self._at_once():
-            return self._result(self.steps)
         try:
             with Bar(self.plan.progress, self.steps * self.count) as bar:
                 while done < self.steps:
@@ -226,21 +229,6 @@ class FixedRun:
             )
             raise self._with_trajectory(stopped, self._result(done)) from None
         return self._result(self.steps)
-
-    def _at_once(self) -> bool:
-        """One call of native code for one body, if that is all there is to do: no bar, no clock, microseconds."""
-        samples, target = self.steps // self.every, self.out[1:]
-        if not self.compiled or self.bodies is not None or not 0 < self.steps <= NATIVE or self.marks is not None:
-            return False
-        if samples * self.every != self.steps or self.before % self.every or self.plan.progress:
-            return False
-        before = self.states.copy()
-        self.shape.native_steps(self.t0, self.h, self.before, self.every, samples, self.states, target)
-        if self.taken[0] == self.before + self.steps:
-            self.latest, self.held = target[-1:], self.before + self.steps
-            return True
-        self.states[:] = before  # the loop says why
-        return False
 
     def _piece(self, done: int, every: int, samples: int, pace: int) -> int:
         """Step all bodies this far; in how many calls, if in native code?"""
@@ -319,10 +307,10 @@ class FixedRun:
         native: Any = execution.native
         arrays = *self.shape.own, *arrays
         if execution is self.shape.stepping:
-            numbers = self.shape.constants + array("d", values[4:6])
+            numbers = self.shape.constants + array("d", values[4:6]).tobytes()
             integers: tuple[int, ...] = values[6:]
         else:
-            numbers, integers = self.shape.constants + array("d", values[6:]), ()
+            numbers, integers = self.shape.constants + array("d", values[6:]).tobytes(), ()
         if self.bodies is None:
             native.run(numbers, integers, arrays)
             return 1
@@ -356,10 +344,11 @@ class FixedRun:
             self.out[last + 1 : rows, :, i] = self.out[last : last + 1, :, i]
         carry, ahead = None, self.taken[0] if self.bodies is None else self.taken.max()
         if ahead == reached == self.held:  # not in the middle of a piece that was interrupted or failed
-            memory, shown = self.states[:, : self.count], self.latest[0, :, : self.count].copy()
+            columns: Any = 0 if self.bodies is None else slice(self.count)
+            memory, shown = self.states[:, columns], self.latest[0, :, columns]
             carry = Carry(self.shape, self.t0, self.h, reached, self.bodies, memory, shown, self.failures)
         return Trajectory.promised(
-            functools.partial(self._samples, self.out[:rows], steps),
+            lambda: dict(zip(("t", "states"), self._samples(self.out[:rows], steps), strict=True)),
             system=self.plan.system,
             method=self.plan.method,
             h=self.h,
@@ -420,17 +409,6 @@ class FixedRun:
     def _with_trajectory(error: Any, run: Trajectory) -> Any:
         error.trajectory = run
         return error
-
-
-def advanced(plan: Steps, carry: Carry, steps: int) -> Carry:
-    """Some more steps from where a run stands, without samples between."""
-    shape = None if carry.shape is None or carry.bodies is not None else plan.own(carry.shape)
-    if shape is not None and shape.stepping.native is not None:
-        numbers, last = carry.numbers.copy(), np.empty_like(carry.last)
-        shape.native_steps(carry.t0, carry.h, carry.step, steps, 1, numbers, last)
-        if numbers[-1, 0] == carry.step + steps:
-            return Carry(shape, carry.t0, carry.h, carry.step + steps, None, numbers, last)
-    return FixedRun(dataclasses.replace(plan, every=steps), carry, steps).trajectory().carry  # of a failing step it says why
 
 
 @functools.cache

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from ..errors import InvalidInput, NotCompilable
+from ..formulas.pytree import layout_of
 from ..integrators.method import Method
 from ..systems.system import State, System
 from . import arguments
@@ -19,7 +20,7 @@ KEPT = 32
 
 OPTIONS = (
     *("h", "rtol", "atol", "max_step", "breaks", "every", "record", "events"),
-    *("dense", "compensated", "compiled", "progress", "workers"),
+    *("dense", "compensated", "precision", "compiled", "progress", "workers"),
 )
 """What a plan is made of beside system and method."""
 
@@ -45,6 +46,7 @@ def integrate(
     record: Iterable[str] | None = None,
     t0: float = 0.0,
     compensated: bool | None = None,
+    precision: str = "double",
     compiled: bool | None = None,
     progress: bool | None = None,
     workers: int = 1,
@@ -55,7 +57,8 @@ def integrate(
 
     system : a list of systems of one kind, one for each body of an ensemble, gives every body its own parameters.
     start : `system.state(...)`; with a leading axis an ensemble, which runs in SIMD lanes.
-    record : the parts of the state to keep, such as ("mu",) or ("mu", "g"); what is not recorded is not computed.
+    record : the parts of the state to keep, such as ("mu",) or ("mu", "g"); what is not recorded is not computed.  Or functions of
+    it, kept instead: methods of the system by name, ("energy",), functions of t and state, and pairs [(name, function), ...].
     t_eval : (n,) times at which to keep the state; default: at the ends of steps.
     events : functions of t and state whose zeros are looked for; their attributes `terminal` (True: the first zero ends the run; 3:
     the third one) and `direction` (+1 only rising, -1 only falling zeros) mean what they do in SciPy.  For one body.
@@ -68,6 +71,7 @@ def integrate(
     instead of steps; t_end is then the end of a step.
     compensated : whether the increments of the steps are summed up in compensated numbers: True for all parts of the state, False
     for none, None for those that the motion depends on, if the method is symmetric or symplectic.
+    precision : "double", or "double-double" for steps in numbers of two doubles: 31 digits, of which the samples show 16.
     workers : threads among which the bodies of an ensemble are divided.
     Between the ends of steps t_eval and events take a shorter step of the method.
 
@@ -87,12 +91,17 @@ def integrate(
     In an ensemble a body that fails stays at its last state, is found in `Trajectory.stopped` with its reason, and in a warning,
     and disturbs no other.
     """
-    rest = h, rtol, atol, max_step, breaks, every, record, events, dense, compensated, compiled, progress, workers, t_end is None
-    key: Any = (id(system), id(method), *map(type, rest), *rest)
+    rest = (
+        *(h, rtol, atol, max_step, breaks, every, record, events, dense, compensated, precision, compiled, progress, workers),
+        t_end is None,
+    )
+    key: Any = (layout_of(system), id(method), *map(type, rest), *rest) if isinstance(system, System) else None
     try:
-        plan = _plans.get(key) if isinstance(system, System) else None
+        plan = _plans.get(key)
     except TypeError:  # a list or an array among them
         plan = key = None
+    if plan is not None and plan.system is not system:
+        plan = _plans[key] = plan.of_system(system)  # type: ignore[arg-type]  # with a key it is one system
     if plan is None:
         several = systems_of(system)
         one: Any = system if several is None else several[0]
@@ -106,7 +115,7 @@ def integrate(
             arguments.only_adaptive(method, every, workers)
             options["rtol"] = arguments.RTOL if rtol is None else rtol
         plan = Plan(system, method, **options)
-        if key is not None and isinstance(system, System):
+        if key is not None:
             if len(_plans) >= KEPT:
                 _plans.pop(next(iter(_plans)), None)
             _plans[key] = plan

@@ -11,14 +11,17 @@ from typing import TYPE_CHECKING, Any
 
 from ..errors import InvalidInput, InvalidType, StepWarning, warn
 from ..formulas import Record
-from ..formulas.pytree import exact, fields_of
+from ..formulas.pytree import exact, fields_of, layout_of
 from ..integrators.method import Method
 from ..systems.system import State, System
 from . import arguments
+from .at_once import advanced, at_once
 from .carry import Carry
 from .checkpoint import Checkpoint
-from .fixed_run import FixedRun, advanced
+from .execution import like
+from .fixed_run import FixedRun
 from .prepared import Steps, member
+from .recorded import Recorder, recorder_of
 from .systems import Systems, systems_of
 from .trajectory import Trajectory
 
@@ -36,7 +39,7 @@ class Plan:
     every body its own parameters.
 
     Steps of one length:
-    h : the step, in s; negative runs backwards.  every, compensated, workers : as for `integrate`.
+    h : the step, in s; negative runs backwards.  every, compensated, precision, workers : as for `integrate`.
 
     Adaptive steps, of a method with an error estimate, if h is None or rtol or atol is given:
     rtol, atol, dense : as for `integrate`.  h : the first step; max_step : the longest one.
@@ -62,6 +65,7 @@ class Plan:
         events: Any = (),
         dense: bool | None = None,
         compensated: bool | None = None,
+        precision: str = "double",
         compiled: bool | None = None,
         progress: bool | None = None,
         workers: int = 1,
@@ -77,27 +81,33 @@ class Plan:
         for name, value in (("compensated", compensated), ("compiled", compiled), ("progress", progress)):
             arguments.choice(value, name)
         arguments.choice(dense, "dense")
+        arguments.digits(precision, compensated)
         self.system: Any = one if several is None else several
+        self.recorder = recorder_of(record, one)
         self.method, self.record = method, record
         self._one = one
         events = self.events = arguments.events(events)
         self._given = dict(
             system=system, method=method, h=h, rtol=rtol, atol=atol, max_step=max_step, breaks=breaks, every=every, record=record,
-            events=events, dense=dense, compensated=compensated, compiled=compiled, progress=progress, workers=workers,
+            events=events, dense=dense, compensated=compensated, precision=precision, compiled=compiled, progress=progress,
+            workers=workers,
         )  # fmt: skip
         self._steps: Any = None
         if method.fictive or one.fictive:
             if h is None:
                 raise InvalidInput("integrate: give h, the step in fictive time, and steps or t_end")
-            others = {"rtol": rtol, "atol": atol, "max_step": max_step, "dense": dense}
+            others: dict[str, Any] = {"precision": precision if precision != "double" else None}
+            others |= {"rtol": rtol, "atol": atol, "max_step": max_step, "dense": dense}
             others |= {"events": events or None, "breaks": breaks or None}
             for name in (name for name, given in others.items() if given is not None):
-                raise InvalidInput(f"integrate: {name} is for adaptive steps; {method!r} steps by h in fictive time")
-            self._steps = Steps(self.system, method, arguments.step(h), every, compensated, compiled, progress, workers)
+                raise InvalidInput(f"integrate: {name} is not for steps in fictive time, as {method!r} makes them by h")
+            self._steps = Steps(self.system, method, arguments.step(h), every, compensated, precision, compiled, progress, workers)
         elif h is None or not (rtol is atol is max_step is None) or len(breaks):
             from .adaptive_run import AdaptiveSteps
 
             arguments.only_adaptive(method, every, workers)
+            if precision != "double":
+                raise InvalidInput(f"integrate: precision={precision!r} is for steps of one length; give h and steps")
             if compensated is not None:
                 raise InvalidInput(
                     "integrate: compensated is for steps of one length; adaptive ones have larger errors than rounding"
@@ -106,7 +116,7 @@ class Plan:
         else:
             if dense is not None and dense is not True:
                 raise InvalidInput("integrate: dense is for adaptive steps; those of one length keep no way between them")
-            self._steps = Steps(self.system, method, arguments.step(h), every, compensated, compiled, progress, workers)
+            self._steps = Steps(self.system, method, arguments.step(h), every, compensated, precision, compiled, progress, workers)
 
     @property
     def adaptive(self) -> bool:
@@ -121,7 +131,18 @@ class Plan:
         unknown = sorted(set(changed) - set(self._given))
         if unknown:
             raise InvalidInput(f"Plan.replace: there is no {unknown[0]}; there are {', '.join(self._given)}")
+        system = changed.get("system")
+        if len(changed) == 1 and isinstance(system, System) and layout_of(system) == layout_of(self._given["system"]):
+            return self.of_system(system)
         return Plan(**self._given | changed)
+
+    def of_system(self, system: System) -> Plan:
+        """This plan of one system for another of the same layout, that is, with other numbers only: what is prepared is shared."""
+        arguments.matching(system, self.method)
+        other: Plan = like(self)
+        other.system = other._one = system
+        other._given, other._steps = self._given | {"system": system}, self._steps.of_system(system)
+        return other
 
     def __reduce__(self) -> tuple[Any, ...]:
         """What it was made with; layouts and native code are found again where it arrives."""
@@ -151,17 +172,23 @@ class Plan:
         """
         if self.fictive:
             return self._transformed(start, steps, t_end, t0, t_eval, checkpoint)
-        start, t0 = arguments.started(self._one, start, self.record), arguments.real(t0, "t0")
+        start, t0 = self._started(start), arguments.real(t0, "t0")
         if self._one is not self.system and start.bodies != len(self.system):
             raise InvalidInput(f"integrate: there are {len(self.system)} systems for {start.bodies or 'a start of one'} bodies")
+        if self._one is not self.system and self._one.bounded:
+            arguments.allowed(self.system, start)
         kept = arguments.checkpoint(checkpoint, checkpoint_every)
         if self.adaptive:
-            return self._steps.run(start, t0, t_end, steps, t_eval, self.events, kept)
+            return self._steps.run(start, t0, t_end, steps, t_eval, self.events, kept, self.recorder)
         steps = self._count(steps, t_end, t0)
         doubt = self._doubt(start)
         if doubt:
             warn(doubt, StepWarning)
         return self._stepped(start, steps, t0, t_eval, kept)
+
+    def _started(self, start: Any) -> Any:
+        """The start with the parts that the run needs."""
+        return arguments.started(self._one, start, self.recorder.needed(self._one, start) if self.recorder else self.record)
 
     def _doubt(self, start: State) -> str | None:
         """What the method warns of; of several systems the first warning."""
@@ -192,7 +219,7 @@ class Plan:
             raise InvalidInput("Plan.resume: runs in fictive time do not go on; start a new one from run.last")
         carry, kept = self._of_this_plan(run), arguments.checkpoint(checkpoint, checkpoint_every)
         if self.adaptive:
-            return self._steps.run(carry, carry.t, t_end, steps, t_eval, self.events, kept)
+            return self._steps.run(carry, carry.t, t_end, steps, t_eval, self.events, kept, self.recorder)
         return self._stepped(carry, self._count(steps, t_end, carry.t0, carry.step), carry.t0, t_eval, kept)
 
     @property
@@ -209,15 +236,21 @@ class Plan:
         if steps is None and t_end is None:
             raise InvalidInput("integrate: give h, the step in fictive time, and steps or t_end")
         given, plan, t0 = self._one, self._steps, arguments.real(t0, "t0")
-        start = arguments.started(given.system if given.fictive else given, start, self.record)
+        inner = given.system if given.fictive else given
+        start = arguments.started(inner, start, self.recorder.needed(inner, start) if self.recorder else self.record)
         run = TransformedRun(given, self.method, start, plan.h, t0, plan.compensated, plan.compiled, plan.progress)
-        if t_end is None:
-            if t_eval is not None:
-                raise InvalidInput("integrate: t_eval needs t_end, the time up to which the run goes")
-            return run.steps(arguments.count(steps, "steps", 0), plan.every, plan.workers)
-        t_end = arguments.real(t_end, "t_end")
-        limit = arguments.MOST if steps is None else arguments.count(steps, "steps", 1)
-        return run.until(t_end, plan.every, limit, arguments.times(t_eval, t0, t_end))
+        recorder = self.recorder
+
+        def made() -> Trajectory:
+            if t_end is None:
+                return run.steps(arguments.count(steps, "steps", 0), plan.every, plan.workers)
+            last = arguments.real(t_end, "t_end")
+            limit = arguments.MOST if steps is None else arguments.count(steps, "steps", 1)
+            return run.until(last, plan.every, limit, arguments.times(t_eval, t0, last))
+
+        if t_end is None and t_eval is not None:
+            raise InvalidInput("integrate: t_eval needs t_end, the time up to which the run goes")
+        return made() if recorder is None else recorder.instead(made, type(start), plan.compiled)
 
     def _count(self, steps: int | None, t_end: float | None, t0: float, before: int = 0) -> int:
         """How many steps, checked, and with them their times."""
@@ -241,8 +274,23 @@ class Plan:
         return steps
 
     def _stepped(self, start: State | Carry, steps: int, t0: float, t_eval: Any, kept: Checkpoint | None) -> Trajectory:
+        if self.recorder is not None:
+            return self._recorded(self.recorder, start, steps, t0, t_eval, kept)
+        return self._whole(start, steps, t0, t_eval, kept)
+
+    def _recorded(
+        self, recorder: Recorder, start: State | Carry, steps: int, t0: float, t_eval: Any, kept: Checkpoint | None
+    ) -> Trajectory:
+        """A run that keeps functions of the state."""
         if t_eval is None and not self.events:
-            return FixedRun(self._steps, start, steps, t0, checkpoint=kept).trajectory()
+            return recorder.fixed(self._steps, start, steps, t0, kept)
+        kind = type(start.state if isinstance(start, Carry) else start)
+        return recorder.instead(lambda: self._whole(start, steps, t0, t_eval, kept), kind, self._steps.compiled)
+
+    def _whole(self, start: State | Carry, steps: int, t0: float, t_eval: Any, kept: Checkpoint | None) -> Trajectory:
+        if t_eval is None and not self.events:
+            run = at_once(self._steps, start, steps, t0) if kept is None else None
+            return FixedRun(self._steps, start, steps, t0, checkpoint=kept).trajectory() if run is None else run
         if kept is not None:
             raise InvalidInput("integrate: checkpoint is for runs without events, those of steps of one length without t_eval")
         from .watched import WatchedRun, sampled
@@ -265,7 +313,9 @@ class Plan:
         if len(systems[0]) != len(systems[1]):
             raise InvalidInput(f"Plan.resume: the run was made with {len(systems[1])} systems, the plan with {len(systems[0])}")
         record = (self.record,) if isinstance(self.record, str) else self.record
-        if record is not None and sorted(run.states) != sorted(record):
+        if self.recorder is not None:
+            record = self.recorder.names
+        if (record is not None and sorted(run.states) != sorted(record)) or (run.observed and self.recorder is None):
             raise InvalidInput(f"Plan.resume: the run recorded {', '.join(run.states)}, the plan records {self.record}")
         for name, mine, theirs in (*of_bodies, ("method", self.method, run.method)):
             if mine is not theirs and exact(mine) != exact(theirs):
@@ -299,6 +349,8 @@ class Plan:
         from .tangent import tangent_run
 
         self._one_length("tangent")
+        if self.recorder is not None:
+            raise InvalidInput("Plan.tangent is of the state; make a plan that records no functions of it")
         start, t0 = arguments.started(self._one, start, self.record), arguments.real(t0, "t0")
         if start.bodies is not None or self._one is not self.system:
             raise InvalidInput("Plan.tangent is for one body at a time")
@@ -314,7 +366,7 @@ class Plan:
     def begin(self, start: State, t0: float = 0.0) -> Carry:
         """What the method carries along at the start, for `step`."""
         self._one_length("begin")
-        start, t0 = arguments.started(self._one, start, self.record), arguments.real(t0, "t0")
+        start, t0 = self._started(start), arguments.real(t0, "t0")
         return FixedRun(self._steps, start, 0, t0).trajectory().carry
 
     def step(self, carry: Carry, steps: int = 1) -> Carry:
@@ -325,16 +377,20 @@ class Plan:
         """
         if type(steps) is not int or steps < 1:
             steps = arguments.count(steps, "steps", 1)
-        self._one_length("step")
         given: Any = carry
-        if not isinstance(given, Carry):
-            raise InvalidType(f"Plan.step goes on from what `begin` or `step` gave; got {given!r}")
-        if carry.shape is None or self._steps.own(carry.shape) is None:
-            if carry.h != self._steps.h:
-                raise InvalidInput(f"Plan.step: the carry is of steps of h = {carry.h!r}, the plan has {self._steps.h!r}")
-            if carry.shape is not None and exact(carry.shape.arguments[:2]) != exact((self._one, self.method)):
-                raise InvalidInput("Plan.step: the carry is of another system or method; begin anew from carry.state")
+        if not isinstance(given, Carry) or not self._steps.owns(carry.shape):
+            self._require_mine(given)
         return advanced(self._steps, carry, steps)
+
+    def _require_mine(self, carry: Any) -> None:
+        """Refuse what `step` does not go on from."""
+        self._one_length("step")
+        if not isinstance(carry, Carry):
+            raise InvalidType(f"Plan.step goes on from what `begin` or `step` gave; got {carry!r}")
+        if carry.h != self._steps.h:
+            raise InvalidInput(f"Plan.step: the carry is of steps of h = {carry.h!r}, the plan has {self._steps.h!r}")
+        if carry.shape is not None and exact(carry.shape.arguments[:2]) != exact((self._one, self.method)):
+            raise InvalidInput("Plan.step: the carry is of another system or method; begin anew from carry.state")
 
     def _one_length(self, what: str) -> None:
         if self.adaptive or self.fictive:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import operator
+import struct
 from array import array
 from typing import Any
 
@@ -10,12 +12,14 @@ import numpy as np
 
 from ..compiler import kernel
 from ..formulas.broadcasting import small
-from ..formulas.pytree import Layout, build, compensated, fitted, layout_of, leaves
+from ..formulas.pytree import Layout, build, compensated, double_double, fitted, gatherer, layout_of, leaves
 from ..integrators.method import Method
 from ..systems.system import State, System
-from .execution import Execution
+from .execution import Execution, like
 from .fixed import begin, fixed_steps
 from .systems import Systems
+
+WORDS, TIMES = struct.Struct("8q"), struct.Struct("2d")
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -23,7 +27,7 @@ class Steps:
     """Steps of one length: what a plan was told of them.
 
     system : one for all bodies, or `Systems`.
-    compensated, compiled, progress, workers : as for `integrate`.
+    compensated, precision, compiled, progress, workers : as for `integrate`.
     """
 
     system: Any
@@ -31,10 +35,18 @@ class Steps:
     h: float
     every: int
     compensated: bool | None
+    precision: str
     compiled: bool | None
     progress: bool | None
     workers: int
     shapes: dict[Any, Shape] = dataclasses.field(default_factory=dict, repr=False)
+
+    def of_system(self, system: System) -> Steps:
+        """The same for a system of the same layout; what is laid out and compiled is shared."""
+        return Steps(
+            system, self.method, self.h, self.every, self.compensated, self.precision, self.compiled, self.progress, self.workers,
+            {key: shape.of_system(system) for key, shape in [*self.shapes.items()]},
+        )  # fmt: skip
 
     @property
     def one(self) -> System:
@@ -48,58 +60,110 @@ class Steps:
     @property
     def settings(self) -> tuple[Any, ...]:
         """All but the system, for a plan of another one."""
-        return self.method, self.h, self.every, self.compensated, self.compiled, self.progress, self.workers
+        return self.method, self.h, self.every, self.compensated, self.precision, self.compiled, self.progress, self.workers
 
-    def own(self, shape: Shape) -> Shape | None:
-        """The shape, if it is one of this plan."""
-        return shape if self.shapes.get(shape.key) is shape else None
+    def owns(self, shape: Shape | None) -> bool:
+        """Is the shape one of this plan?"""
+        return shape in self.shapes.values()
 
     def remembering(self, start: State) -> State:
-        """The start of one body, in compensated numbers what is to be summed up so: all, nothing, or what the motion depends on."""
+        """The start of one body, in compensated numbers what is to be summed up so: all, nothing, or what the motion depends on.
+
+        In double-double precision in numbers of two doubles.
+        """
+        if self.precision == "double-double":
+            return double_double(start)
         if self.compensated is None and (self.method.symmetric or self.method.symplectic):
             motion = self.one.essential_part(start).parts
             return type(start)(*(compensated(x) if motion[name] is not None else x for name, x in start.parts.items()))
         return compensated(start) if self.compensated else start
 
 
-class Shape:
+class Prepared:
+    """What drivers of steps of all kinds need.
+
+    arguments : method, system, two layouts.  constants : the numbers of method and system.  stepping : who runs the driver.
+    """
+
+    arguments: tuple[Any, Any, Any, Any]
+    constants: bytes
+    stepping: Execution
+
+    def of_system(self, system: System) -> Any:
+        """The same for another system of the same layout."""
+        other = like(self)
+        method, _, first, second = self.arguments
+        other.arguments, other.constants = (method, system, first, second), numbers_of(method, system)
+        other.stepping = self.stepping.of(system)
+        return other
+
+
+def numbers_of(*values: Any) -> bytes:
+    """The numbers of values in turn, as native code gets them."""
+    return b"".join([array("d", gatherer(layout_of(value))(value)).tobytes() for value in values])
+
+
+class Shape(Prepared):
     """The layouts of a run, and the code that makes its steps.
 
-    key : by which the plan knows it.  given : of a start of one body as it comes; started : in the numbers of the run.
+    given : of a start of one body as it comes; started : in the numbers of the run.
     layout : of what the method carries along.  example, shown : a sample and its layout.  lanes : bodies side by side.
-    stepping : who runs `fixed_steps`.  constants : the numbers of method and system; own : those of which every body has its own.
-    order : for a method without a memory, which number of the start each number of the memory is, -1 for a rest of zero.
+    own : numbers of which every body has its own.
+    carried, sampled : how many numbers are carried along, with that of the steps, and are in a sample.
+    order : for a method without a memory, which number of the start each number is that is carried along; -1 for a rest, zero.
     """
 
     def __init__(self, steps: Steps, given: Layout, started: Layout, first: Any, example: State, many: bool) -> None:
         method, system = steps.method, steps.system
-        self.key = given, many
         self.given, self.started, self.example = given, started, example
         self.layout, self.shown = layout_of(first), layout_of(example)
         native = steps.compiled is not False and many and kernel.available() is None
         self.lanes = kernel.lanes() if native else 1
-        constants, self.own = leaves(method, layout_of(method)), []
+        self.own: list[np.ndarray] = []
         if isinstance(system, Systems):
+            self.constants = numbers_of(method)
             system = kernel.Several.of(system.systems, -(-len(system) // self.lanes) * self.lanes)
             self.own.append(system.columns)
         else:
-            constants += leaves(system, layout_of(system))
-        self.constants = array("d", constants)
+            self.constants = numbers_of(method, system)
+        self.carried, self.sampled, self.gather = self.layout.width + 1, self.shown.width, gatherer(given)
         none = np.empty(0)
         self.arguments = method, system, self.layout, self.shown
         call = fixed_steps, *self.arguments, 0.0, steps.h, 0, 1, 1, none, none, None
         self.stepping = Execution(steps.compiled, steps.progress, *call, lanes=self.lanes)
-        self.beginner = method, system, given, started, self.layout, self.shown, steps.h
+        self.h = steps.h
         self._beginning: Execution | None = None
         self.order: list[int] | None = None
-        if not many and all(getattr(type(method), f) is getattr(Method, f) for f in ("start", "observe")):
+        if given == self.shown and all(getattr(type(method), f) is getattr(Method, f) for f in ("start", "observe")):
             numbered = fitted(build(given, iter([1.0 + i for i in range(given.width)])), self.layout)
             self.order = [int(x) - 1 for x in leaves(numbered, self.layout)]
+            self._first = struct.Struct(f"{self.carried + self.sampled}d")
+            self._picked: Any = operator.itemgetter(*[*self.order, -1, *range(given.width)])
 
-    def native_steps(self, t0: float, h: float, first: int, every: int, samples: int, states: np.ndarray, out: np.ndarray) -> None:
-        """`fixed_steps` of one body, in native code that is there."""
+    def of_system(self, system: System) -> Shape:
+        other: Shape = super().of_system(system)
+        if other._beginning is not None:
+            other._beginning = other._beginning.of(system)
+        return other
+
+    @property
+    def beginner(self) -> tuple[Any, ...]:
+        """The arguments of `begin` that are no arrays."""
+        return *self.arguments[:2], self.given, self.started, self.layout, self.shown, self.h
+
+    def begin(self, start: State, memory: Any) -> bool:
+        """Write what one body carries along, and behind it the first sample; False if only the method knows that."""
+        if self.order is None:
+            return False
+        numbers = self.gather(start)
+        numbers.append(0.0)
+        self._first.pack_into(memory, 0, *self._picked(numbers))
+        return True
+
+    def native_steps(self, t0: float, h: float, first: int, every: int, samples: int, states: int, out: int) -> None:
+        """`fixed_steps` of one body, in native code that is there.  states, out : the addresses of the arrays."""
         native: Any = self.stepping.native
-        native.run(self.constants + array("d", (t0, h)), (first, every, samples), (states, out))
+        native.call(WORDS.pack(1, 0, 1, first, every, samples, states, out) + self.constants + TIMES.pack(t0, h))
 
     def beginning(self, steps: Steps) -> Execution:
         """Who runs `begin`."""

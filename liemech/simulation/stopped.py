@@ -43,3 +43,7 @@ class Stopped(Mapping[int, Stop]):
     def __getstate__(self) -> dict[str, Any]:
         """With all reasons and without the run, which would find them out."""
         return {"steps": self.steps, "_failure": None, "_errors": {body: self[body].error for body in self}}
+
+
+NONE = Stopped()
+"""All have reached the end."""

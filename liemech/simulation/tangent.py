@@ -106,7 +106,7 @@ def parameter_slopes(system: System, name: str) -> list[System]:
     value = parameter(system, name)
     layout = layout_of(system)
     numbers, base = leaves(value, layout_of(value)), leaves(system, layout)
-    if not numbers:
+    if not numbers or "table" in repr(layout_of(value)):
         raise InvalidInput(f"Plan.tangent: {name} of {system!r} is no number, vector or matrix")
     found = []
     for i, x in enumerate(numbers):
@@ -159,8 +159,8 @@ class _Run(FixedRun):
     def _member(self, i: int) -> Any:
         return self.duals[i]
 
-    def _columns_of(self, start: Any) -> np.ndarray:
-        return self._padded(np.array([leaves(dual, self.shape.given) for dual in self.duals]).T)
+    def _lay_down(self, columns: np.ndarray) -> None:
+        columns[:] = self._padded(np.array([leaves(dual, self.shape.given) for dual in self.duals]).T)
 
     def _only_start(self) -> Trajectory:
         return Trajectory(self.plan.system, self.plan.method, self.h, np.empty(0), {}, None, 0)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -14,8 +14,8 @@ import numpy as np
 from ..errors import InvalidInput
 from ..systems.system import State, System
 from .dense import Between, DenseOutput, ShortSteps, flat
-from .drift import Drift
-from .stopped import Stop, Stopped
+from .drift import RECORDED, Drift
+from .stopped import NONE, Stop
 from .systems import Systems
 
 if TYPE_CHECKING:
@@ -36,6 +36,7 @@ class Trajectory:
     Of adaptive steps h is the mean; `at(t)` gives the state at any time; rejected : the steps that were tried in vain;
     events : for every event function the times, and the states then.
     carry : what the method carries along at the end, with which `Plan.resume` goes on.
+    observed : names in `states` that are no parts of the state but functions of it, which `record` asked for.
     stopped : for an ensemble, the bodies that did not reach the end, each with the `steps` it took and the `error` that ended it.
     """
 
@@ -47,17 +48,18 @@ class Trajectory:
     bodies: int | None
     steps: int
     compiled: bool = False
-    stopped: Mapping[int, Stop] = field(default_factory=Stopped)
+    stopped: Mapping[int, Stop] = field(default_factory=lambda: NONE)
     rejected: int | None = None
     dense: DenseOutput | None = None
     events: tuple[tuple[np.ndarray, State], ...] = ()
-    carry: Any = None
+    carry: Any = field(default_factory=lambda: None)
+    observed: tuple[str, ...] = ()
 
     @classmethod
-    def promised(cls, samples: Callable[[], tuple[np.ndarray, dict[str, np.ndarray]]], **known: Any) -> Trajectory:
-        """A trajectory whose times and states are made when they are first asked for."""
-        run: Any = object.__new__(cls)
-        vars(run).update(known, _samples=samples)
+    def promised(cls, rest: Callable[[], dict[str, Any]], **known: Any) -> Trajectory:
+        """A trajectory whose other fields, those without a default, are made when one of them is first asked for."""
+        run, known["_rest"] = object.__new__(cls), rest
+        object.__setattr__(run, "__dict__", known)
         return run
 
     def __len__(self) -> int:
@@ -69,10 +71,12 @@ class Trajectory:
         return vars(self)
 
     def __getattr__(self, name: str) -> Any:
-        """A part of the state that belongs to this kind of system; times and states that were promised."""
+        """A part of the state that belongs to this kind of system; fields that were promised."""
         own = vars(self)
-        if "_samples" in own:
-            own["t"], own["states"] = own.pop("_samples")()
+        rest = own.get("_rest")
+        if rest is not None:
+            own.update(rest())  # two threads may both come here: they find the same
+            own.pop("_rest", None)
             return getattr(self, name)
         states = own.get("states", {})
         if name in states:
@@ -107,11 +111,21 @@ class Trajectory:
         return self._quantity("multipliers", "has no constraints")
 
     def _quantity(self, name: str, otherwise: str) -> np.ndarray:
-        """What the system computes from parts of the state."""
+        """What the system computes from parts of the state, or what was recorded of it."""
+        if name in self.observed:
+            return self.states[name]
         formula = getattr(self._laws, name, None)
         if formula is None:
             raise InvalidInput(f"Trajectory.{name}: {self.system!r} {otherwise}")
-        return formula(*(self.states[part] for part in inspect.signature(formula).parameters))
+        needed = [*inspect.signature(formula).parameters]
+        self._recorded(name, needed)
+        return formula(*(self.states[part] for part in needed))
+
+    def _recorded(self, what: str, needed: Iterable[str]) -> None:
+        """Refuse what needs parts of the state that were not recorded."""
+        missing = [part for part in needed if part not in self.states or part in self.observed]
+        if missing:
+            raise InvalidInput(f"Trajectory.{what} needs {', '.join(missing)}; this run recorded {', '.join(self.states)}")
 
     @cached_property
     def xi(self) -> np.ndarray:
@@ -132,7 +146,11 @@ class Trajectory:
     @cached_property
     def spatial_momentum(self) -> np.ndarray:
         """The momentum seen from space, K_g mu, at every sample.  (n, dim)"""
-        return self._laws.spatial_momentum(self.mu, self._attitude("spatial_momentum"))
+        if "spatial_momentum" in self.observed:
+            return self.states["spatial_momentum"]
+        g = self._attitude("spatial_momentum")
+        self._recorded("spatial_momentum", ["mu"])
+        return self._laws.spatial_momentum(self.mu, g)
 
     @cached_property
     def rotation(self) -> Rotation:
@@ -152,6 +170,10 @@ class Trajectory:
     @property
     def last(self) -> State:
         """The last state, from which a run can be continued."""
+        if self.observed:
+            if self.carry is None:
+                raise InvalidInput("Trajectory.last: this run kept functions of the state only, and has not come to its end")
+            return self.carry.state
         return self._laws.state(**{name: array[-1] for name, array in self.states.items()})
 
     def at(self, t: Any) -> Any:
@@ -167,7 +189,7 @@ class Trajectory:
         if self.dense is not None:
             return self.dense
         whole = self.bodies is None and self.rejected is None and len(self.t) == self.steps + 1 and self.steps > 0
-        if not whole or np.abs(np.diff(self.t)).max() > abs(self.h) * (1.0 + 1e-6):
+        if self.observed or not whole or np.abs(np.diff(self.t)).max() > abs(self.h) * (1.0 + 1e-6):
             raise InvalidInput(
                 "Trajectory.at needs a run of one body that kept all its steps: adaptive ones do with dense=True, "
                 "those of one length with every=1"
@@ -179,6 +201,7 @@ class Trajectory:
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the run to a file: NumPy's .npz, with what the arrays are in JSON, and a checksum; nothing is pickled.
 
+        path : with the ending .h5 or .hdf5 an HDF5 file, which needs h5py.
         A file of this name is replaced when the new one lies on the disk, not before.
         Raises InvalidInput if a parameter of the system or the method is no number, vector, matrix, text or record.
         """
@@ -197,15 +220,27 @@ class Trajectory:
 
         return Trajectory(**load(path, modules))
 
+    def to_xarray(self) -> Any:
+        """The samples as an xarray.Dataset over t: mu is (t, mu_0), g (t, g_0, g_1), in an ensemble with `body` behind t."""
+        from .labelled import to_xarray
+
+        return to_xarray(self)
+
+    def to_pandas(self) -> Any:
+        """The samples as a pandas.DataFrame: a row for each time t, or each t and body; columns mu[0], g[0,1], ..."""
+        from .labelled import to_pandas
+
+        return to_pandas(self)
+
     def then(self, rest: Trajectory) -> Trajectory:
-        """This run and the one that `Plan.resume` made of it, as one: the samples of both, without the first of the second.
+        """This run and the one that `Plan.resume` made of it, as one: the samples of both, the one that they share once.
 
         Raises InvalidInput if the second begins at another time than this one's `carry` has.
         """
         ahead = self.carry is not None and len(rest) and (rest.t[0] - self.carry.t) * self.h >= 0.0
         if not ahead or self.states.keys() != rest.states.keys():
             raise InvalidInput(f"Trajectory.then: {rest!r} does not begin where {self!r} was to go on")
-        again = int(rest.t[0] == self.carry.t)  # where one ends and the other begins is one sample at most
+        again = int(rest.t[0] == self.carry.t and len(self) > 0 and self.t[-1] == rest.t[0])  # kept by both
         dense = None
         if self.dense is not None and rest.dense is not None:
             dense = replace(rest.dense, rows=np.concatenate([self.dense.rows, rest.dense.rows[1:]]))
@@ -234,7 +269,12 @@ class Trajectory:
         return plot(self, ax=ax)
 
     def drift(self) -> Drift:
-        """How well the constants of the motion were kept: bounded or drifting, and how fast."""
+        """How well the constants of the motion were kept: bounded or drifting, and how fast.
+
+        Of a run that recorded functions of the state instead, those among them that stay constant: energy, casimirs, ...
+        """
+        if self.observed:
+            return Drift.recorded({n: self.states[n] for n in self.observed if n in RECORDED}, self.t, self.bodies)
         return Drift.of(self.system, self.t, self.states, self.bodies)
 
     def _attitude(self, what: str) -> np.ndarray:

@@ -206,7 +206,7 @@ class TransformedRun:
 
     def steps(self, steps: int, every: int, workers: int) -> Trajectory:
         """So many steps of one length in fictive time, for one body or an ensemble."""
-        stepping = self.h, every, self.compensated, self.compiled, self.progress, workers
+        stepping = self.h, every, self.compensated, "double", self.compiled, self.progress, workers
         run = FixedRun(Steps(self.whole, self.method, *stepping), self.start, steps)
         try:
             made = run.trajectory()

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InvalidInput
+from ..errors import IntegrationFailure, InvalidInput
 from ..systems.system import State
 from .carry import Carry
 from .dense import ShortSteps, unpacked
@@ -45,7 +45,11 @@ def sampled(plan: Steps, start: State | Carry, steps: int, t0: float, times: np.
         for i in np.unique(bodies):
             of = bodies == i
             motion = ShortSteps(plan.of(int(i)), whole.method, shape.example, begun[of], found[of], plan.compiled)
-            found[of] = motion.moved(np.arange(len(motion.t)), asked[of])
+            try:
+                found[of] = motion.moved(np.arange(len(motion.t)), asked[of])
+            except IntegrationFailure as error:
+                error.trajectory = whole
+                raise
         numbers[moving] = found
     states = unpacked(shape.shown, numbers[:, 0] if run.bodies is None else numbers)
     return dataclasses.replace(whole, t=times, states=states)
@@ -74,7 +78,7 @@ class WatchedRun:
         self.done, self.reached = 0, self.carry.t
         self.looking: tuple[FixedRun, Trajectory] | None = None
         self.kept: list[tuple[np.ndarray, np.ndarray]] = []  # times and numbers of samples
-        self._keep(np.array([self.carry.t]), self.carry.last.T.copy(), None)
+        self._keep(np.array([self.carry.t]), self.carry.last.reshape(1, -1), None)
         self.watch: Any = None
         self.watch = Watch(events, self._ended, self.carry.t, self.carry.state)
 

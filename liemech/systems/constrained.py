@@ -64,6 +64,7 @@ class ConstrainedSystem(CanonicalSystem):
 
     alternatives: ClassVar[str] = "RATTLE() is for it; RKMK accepts every system, but leaves the constraints"
 
+    bounded: ClassVar[bool] = True
     separable: ClassVar[bool] = False
     """Is the energy T(p) + V(q), with `velocity` a function of p alone and `force` one of q alone?"""
 
@@ -509,6 +510,13 @@ def eliminated(m: Mat, rhs: Vec) -> tuple[Vec, Vec]:
     Source: Golub and Van Loan, Matrix Computations, 4th ed., 3.2 and 4.2 (no exchange of rows for positive matrices).
     """
     n = len(rhs)
+    if n == 1:
+        return vec(rhs[0] / where(m[0, 0] != 0.0, m[0, 0], 1.0)), vec(m[0, 0])
+    if n == 2:  # by Cramer's rule: one division before the solution
+        volume, first = m[0, 0] * m[1, 1] - m[0, 1] * m[1, 0], where(m[0, 0] != 0.0, m[0, 0], 1.0)
+        scale = 1.0 / where(volume != 0.0, volume, 1.0)
+        both = vec(scale * (m[1, 1] * rhs[0] - m[0, 1] * rhs[1]), scale * (m[0, 0] * rhs[1] - m[1, 0] * rhs[0]))
+        return both, vec(m[0, 0], volume / first)
     rows: list[Vec] = [vec(*m[i], rhs[i]) for i in range(n)]
     inverse: list[Any] = []
     for k in range(n):
@@ -524,6 +532,8 @@ def eliminated(m: Mat, rhs: Vec) -> tuple[Vec, Vec]:
 
 def in_order(m: Mat, rhs: Vec) -> Vec:
     """The solution of m x = rhs for such a matrix."""
+    if len(rhs) == 1:
+        return vec(rhs[0] / m[0, 0])
     return correction(m, rhs) if len(rhs) <= 3 else eliminated(m, rhs)[0]
 
 

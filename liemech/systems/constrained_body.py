@@ -8,10 +8,11 @@ from typing import Any, ClassVar, final
 import numpy as np
 
 from ..errors import InconsistentState, InvalidInput, InvalidType, NoConvergence, NotDefined
-from ..formulas import Element, Mat, Vec, derivative, mat, record, solve, vec, vectors
+from ..formulas import Element, Mat, Vec, derivative, mat, record, vec, vectors
 from ..formulas.broadcasting import small
 from ..groups.lie_group import LieGroup
 from ..retractions import Retraction
+from .conditions import connections, joint, led, pulled, solved_sparse, speeds, times
 from .constraint import Constraint, VelocityConstraint, factors_of
 from .kinetic_energy import KineticEnergy
 from .lie_poisson import BodyState, LiePoissonSystem, body_state
@@ -24,6 +25,9 @@ CONSISTENT = 1e-9
 
 INDEPENDENT = 1e-10
 """Conditions whose derivatives are closer to dependent than this, by singular values, are taken for redundant."""
+
+DENSE = 20_000
+"""Entries of G beyond which it is made without its zeros: chains of more than thirty bodies."""
 
 PATIENCE = 50
 """Iterations after which no consistent start is looked for any more."""
@@ -40,6 +44,7 @@ class BoundBody(System):
     """
 
     coordinates: ClassVar[tuple[str, ...]] = ("mu",)
+    bounded: ClassVar[bool] = True
     body: Any
     constraint: Constraint
     conditions: int = field(init=False, repr=False)
@@ -47,6 +52,7 @@ class BoundBody(System):
     touches: tuple[Any, ...] = field(init=False, repr=False)
     held: tuple[Any, ...] = field(init=False, repr=False)
     shared: tuple[Any, ...] = field(init=False, repr=False)
+    elimination: tuple[Any, ...] = field(init=False, repr=False)
     places: tuple[Any, ...] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -72,11 +78,9 @@ class BoundBody(System):
         raise NotDefined(f"{type(self).__name__} must define `_count`")
 
     def _connect(self, conditions: int) -> None:
-        """Who depends on whom, for sums that leave out what is known to be zero.
+        """Who depends on whom, for sums that leave out what is known to be zero: `connections`.
 
-        touches : of each condition the blocks of the algebra that it depends on; a block is what the inertia leaves to itself.
-        held : of each block the conditions.  shared : of two conditions their common blocks, and their places among the `held`.
-        places : of each block where its coordinates begin and end.
+        A block is what the inertia leaves to itself.  places : of each block where its coordinates begin and end.
         """
         group = self.configurations
         touches: Any = ((0,),) * conditions
@@ -84,18 +88,8 @@ class BoundBody(System):
         if self.separate:
             touches, groups = self.constraint.touches(group, conditions), factors_of(group)
         ends = np.cumsum([one.dim for one in groups]).tolist()
-        held = tuple(tuple(a for a in range(conditions) if b in touches[a]) for b in range(len(groups)))
-        at = [{a: i for i, a in enumerate(block)} for block in held]
-        common = [[[b for b in touches[a] if b in touches[k]] for k in range(conditions)] for a in range(conditions)]
-        shared = tuple(
-            tuple(tuple((b, at[b][a], at[b][k]) for b in blocks) for k, blocks in enumerate(row)) for a, row in enumerate(common)
-        )
-        found = {
-            "touches": tuple(tuple((b, at[b][a]) for b in row) for a, row in enumerate(touches)),
-            "held": tuple(tuple((a, tuple(touches[a]).index(b)) for a in block) for b, block in enumerate(held)),
-            "shared": shared,
-            "places": tuple((end - one.dim, end) for one, end in zip(groups, ends, strict=True)),
-        }
+        found = connections(touches, len(groups))
+        found["places"] = tuple((end - one.dim, end) for one, end in zip(groups, ends, strict=True))
         for name, value in found.items():
             object.__setattr__(self, name, value)
 
@@ -175,22 +169,20 @@ class BoundBody(System):
         A condition measured in m has its lam in N, one that is an angle or a cosine in N m.  mu : (dim,), g : an element.
         Source: Hairer, Lubich, Wanner, VII.1.2, equation (1.9), on a group.
         """
-        G, xi = self.jacobian(g), self.velocity(mu)
+        rows, xi = self.rows(g), self.velocity(mu)
         pull = self.configurations.ad_star(xi, mu) + self.force(g)
-        curved = derivative(lambda s: self.jacobian(self.configurations.compose_exp(g, s * xi)) @ xi, 0.0)
-        return solve(self.gram(G), curved + G @ self.velocity(pull))
-
-    @final
-    def gram(self, G: Mat) -> Mat:
-        """G J^-1 G*, (m, m): how impulses of the conditions change their velocities.  G : (m, dim)."""
-        return mat(*[G @ self.velocity(row) for row in G])
+        curved = derivative(lambda s: vec(*speeds(self, self.rows(self.configurations.compose_exp(g, s * xi)), xi)), 0.0)
+        needed = [a + b for a, b in zip(curved, speeds(self, rows, self.velocity(pull)))]
+        through = led(self, rows)
+        pushed = [[times(inverse, row) for row in block] for inverse, block in zip(self.inverses, through)]
+        return solved_sparse(self, joint(self, through, pushed), needed)[0]
 
     # ---------------------------------------------------------------- how it moves
 
     @final
     def rate(self, t: float, state: BodyState) -> Vec:
         """(xi, f - G* lam): the velocity on T*G, by index reduction."""
-        push = self.force(state.g) - self.multipliers(state.mu, state.g) @ self.jacobian(state.g)
+        push = self.force(state.g) - pulled(self, self.rows(state.g), self.multipliers(state.mu, state.g))
         return vec(*self.velocity(state.mu), *push)
 
     @final
@@ -224,10 +216,15 @@ class BoundBody(System):
         return self.vouched(state)
 
     def _require_consistent(self, mu: Any, g: Any) -> None:
-        """Raise InconsistentState for a velocity off the constraint, beside what velocities of its energy could be off."""
-        G, momentum, inverse = np.array(self.jacobian(g)), np.array(mu), self._inverse
-        scale = np.sqrt((momentum @ inverse @ momentum) * np.einsum("ij,jk,ik->i", G, inverse, G))
-        self._require_zero("G(g) J^-1 mu", G @ inverse @ momentum, scale)
+        """Raise InconsistentState for a velocity off the constraint, beside what velocities of its energy could be off.
+
+        To its energy counts what the force does on a unit displacement: at rest in a field a momentum is nothing but rounding.
+        """
+        G, momentum, force, inverse = self._matrix(self.rows(g)), np.array(mu), np.array(self.force(g)), self._inverse
+        least = 1.0 / abs(inverse).sum(axis=1).max()
+        energy = momentum @ (inverse @ momentum) + np.sqrt(least * (force @ (inverse @ force)))
+        scale = np.sqrt(energy * (G @ inverse @ G.T).diagonal())
+        self._require_zero("G(g) J^-1 mu", G @ (inverse @ momentum), scale)
 
     def _require_zero(self, what: str, value: np.ndarray, scale: np.ndarray) -> None:
         if (np.abs(value) > CONSISTENT * scale).any():
@@ -248,9 +245,9 @@ class BoundBody(System):
 
     def _projected(self, momentum: np.ndarray, g: Any) -> np.ndarray:
         """The momentum less G* (G J^-1 G*)^-1 G J^-1 mu: the nearest with a velocity on the constraint."""
-        G, inverse = np.array(self.jacobian(g)), self._inverse
+        G, inverse = self._matrix(self.rows(g)), self._inverse
         for _ in range(2):  # the second time for rounding
-            momentum = momentum - G.T @ np.linalg.solve(G @ inverse @ G.T, G @ inverse @ momentum)
+            momentum = momentum - G.T @ _solved(G @ inverse @ G.T, G @ (inverse @ momentum))
         return momentum
 
     def _given(self, what: str, mu: Any, g: Any) -> BodyState:
@@ -260,39 +257,70 @@ class BoundBody(System):
         return body_state(name, self.configurations, mu, g)
 
     @property
-    def _inverse(self) -> np.ndarray:
+    def _sparse(self) -> bool:
+        """Are there so many bodies that matrices of all conditions and velocities are made without their zeros?"""
+        return self.conditions * self.configurations.dim > DENSE
+
+    @property
+    def _inverse(self) -> Any:
+        """J^-1, a matrix; a sparse one of many bodies."""
+        if self._sparse:
+            return sparse().block_diag([np.diag(np.array(J)) if np.ndim(J) == 1 else np.array(J) for J in self.inverses], "csr")
         inverse = np.array(self.body.body.lagrangian.inverse)
         return inverse if inverse.ndim == 2 else np.diag(inverse)
+
+    def _matrix(self, rows: Any) -> Any:
+        """G from its rows, by conditions and blocks, (m, dim); a sparse one of many bodies."""
+        entries = [
+            (a, start + j, x)
+            for a, (row, ties) in enumerate(zip(rows, self.touches, strict=True))
+            for part, (b, _) in zip(row, ties, strict=True)
+            for start, _ in (self.places[b],)
+            for j, x in enumerate(part)
+        ]
+        at, columns, values = (np.array(some) for some in zip(*entries, strict=True))
+        shape = self.conditions, self.configurations.dim
+        if self._sparse:
+            return sparse().csr_array((values, (at, columns)), shape)
+        G = np.zeros(shape, dtype=values.dtype)
+        G[at, columns] = values
+        return G
 
     def _require_independent(self, g: Any, name: str) -> None:
         """Raise InvalidInput unless the conditions are independent at g; beside each other they are measured by G J^-1 G*."""
         try:
-            G = np.array(self.jacobian(g))
+            G = self._matrix(self.rows(g))
         except ArithmeticError as error:
             raise InvalidInput(f"{name}: {type(self.constraint).__name__} has no derivative at g: {error}") from None
-        if not np.isfinite(G).all():
-            raise InvalidInput(f"{name}: {type(self.constraint).__name__} has no finite derivative at g: G = {G.tolist()}")
         gram = G @ self._inverse @ G.T
-        unit = np.sqrt(np.abs(np.diag(gram)))
+        unit = np.sqrt(np.abs(gram.diagonal()))
+        if not np.isfinite(unit).all():
+            bad = f"G[{(a := int(np.argmin(np.isfinite(unit))))}] = {[x for part in self.rows(g)[a] for x in part]}"
+            raise InvalidInput(f"{name}: {type(self.constraint).__name__} has no finite derivative at g: {bad}")
         silent = np.flatnonzero(unit == 0.0)
         if len(silent):
             raise InvalidInput(
                 f"{name}: condition {silent[0]} of {type(self.constraint).__name__} does not change here: its derivative is zero"
             )
+        if self._sparse and unit.all():
+            if _pivots(gram, unit).min() > INDEPENDENT:
+                return
+            gram = gram.toarray()  # rows that depend on each other are to be named, whatever it takes
         values, directions = np.linalg.eigh(gram / np.outer(unit, unit))
         rank = int((np.abs(values) > INDEPENDENT * values[-1]).sum())
-        if rank < len(G):
-            together = np.abs(directions[:, : len(G) - rank]).max(axis=1)
+        if rank < self.conditions:
+            together = np.abs(directions[:, : self.conditions - rank]).max(axis=1)
             which = ", ".join(str(i) for i in np.flatnonzero(together > 1e-3))
             raise InvalidInput(
-                f"{name}: the {len(G)} conditions have rank {rank} here; conditions {which} depend on each other. Leave out "
-                f"{len(G) - rank} of them, or start elsewhere if it is a dead point"
+                f"{name}: the {self.conditions} conditions have rank {rank} here; conditions {which} depend on each other. "
+                f"Leave out {self.conditions - rank} of them, or start elsewhere if it is a dead point"
             )
 
     def independence(self, g: Any) -> float:
         """The least singular value of J^-1/2 G*, its columns of length 1: 1 for unrelated conditions, 0 for dependent ones."""
-        G = np.array(self.jacobian(g))
+        G = self._matrix(self.rows(g))
         gram = G @ self._inverse @ G.T
+        gram = gram.toarray() if self._sparse else gram
         unit = np.sqrt(np.abs(np.diag(gram)))
         return float(np.sqrt(np.abs(np.linalg.eigvalsh(gram / np.outer(unit, unit)))).min())
 
@@ -364,9 +392,16 @@ class ConstrainedBody(BoundBody):
         x, change = np.zeros(group.dim), np.inf
         for _ in range(PATIENCE):
             before, there = change, group.compose_exp(start, Vec.of(x))
-            G = np.array(mat(*[group.algebra.dexp_dual(Vec.of(x), row, "left") for row in self.jacobian(there)]))
+            bent = [
+                [
+                    self.blocks[b][0].algebra.dexp_dual(Vec.of(x[slice(*self.places[b])]), part, "left")
+                    for part, (b, _) in zip(row, ties)
+                ]
+                for row, ties in zip(self.rows(there), self.touches)
+            ]
+            G = self._matrix(bent)
             aim = G @ x - np.array(self.constraint.value(there))
-            new = inverse @ G.T @ np.linalg.solve(G @ inverse @ G.T, aim)
+            new = inverse @ (G.T @ _solved(G @ inverse @ G.T, aim))
             change, x = float(np.abs(new - x).max()), new
             if not change < np.inf or (change >= before and change <= CONSISTENT * max(1.0, np.abs(x).max())) or change == 0.0:
                 break
@@ -377,10 +412,29 @@ class ConstrainedBody(BoundBody):
 
     def _require_consistent(self, mu: Any, g: Any) -> None:
         """Raise InconsistentState for a configuration off the constraint, measured beside the terms of c, or such a velocity."""
-        G, least = np.array(self.jacobian(g)), 1.0 / np.abs(np.linalg.eigvalsh(self._inverse)).max()
-        reach = np.sqrt(least * np.einsum("ij,jk,ik->i", G, self._inverse, G))
-        self._require_zero("c(g)", np.array(self.constraint.value(g)), _terms(self.constraint, g) + reach)
+        G, inverse = self._matrix(self.rows(g)), self._inverse
+        largest = max(np.abs(np.array(J)).max() if np.ndim(J) == 1 else np.linalg.norm(np.array(J), 2) for J in self.inverses)
+        reach = np.sqrt((G @ inverse @ G.T).diagonal() / largest)
+        self._require_zero("c(g)", np.array(self.constraint.value(g)), self._terms(g) + reach)
         super()._require_consistent(mu, g)
+
+
+    def _terms(self, g: Any) -> np.ndarray:
+        """How large the terms are whose sums the conditions are: sum |dc/dg_i g_i| over the entries of g.
+
+        Entries of bodies that no condition touches together are varied at once.
+        """
+        entries = np.array(g)
+        flat = entries.ravel()
+        sizes = [np.size(group.identity()) for group, _, _ in self.blocks]
+        ends, total = np.cumsum(sizes), np.zeros(self.conditions)
+        for some in _apart(self.touches, len(sizes)):
+            for i in range(max(sizes[b] for b in some)):
+                at = [ends[b] - sizes[b] + i for b in some if i < sizes[b]]
+                direction = np.zeros(len(flat))
+                direction[at] = flat[at].real
+                total += np.abs(np.array(derivative(self.constraint.value, g, small(direction.reshape(entries.shape)))))
+        return total
 
 
 @record
@@ -427,16 +481,44 @@ def _members(state: BodyState) -> list[tuple[Any, Any]]:
     return [(small(mu), small(g)) for mu, g in zip(np.array(state.mu), np.array(state.g), strict=True)]
 
 
-def _terms(constraint: Constraint, g: Any) -> np.ndarray:
-    """How large the terms are whose sums the conditions are: sum |dc/dg_ij g_ij| over the entries of g."""
-    entries = np.array(g)
-    total = np.zeros(0)
-    for at in np.ndindex(entries.shape):
-        direction = np.zeros(entries.shape)
-        direction[at] = entries[at].real
-        slope = np.abs(np.array(derivative(constraint.value, g, small(direction))))
-        total = total + slope if len(total) else slope
-    return total
+def sparse() -> Any:
+    """SciPy's sparse matrices, imported when they are needed."""
+    import scipy.sparse
+    import scipy.sparse.linalg
+
+    return scipy.sparse
+
+
+def _solved(matrix: Any, rhs: np.ndarray) -> np.ndarray:
+    """The solution of a symmetric, positive system."""
+    return np.linalg.solve(matrix, rhs) if isinstance(matrix, np.ndarray) else sparse().linalg.spsolve(matrix.tocsc(), rhs)
+
+
+def _pivots(gram: Any, unit: np.ndarray) -> np.ndarray:
+    """The pivots of a sparse positive matrix, scaled to a diagonal of ones; zeros if it is singular.
+
+    Source: Golub and Van Loan, Matrix Computations, 4th ed., section 4.2.
+    """
+    scale = sparse().diags_array(1.0 / unit)
+    options = {"SymmetricMode": True}
+    try:
+        factors = sparse().linalg.splu((scale @ gram @ scale).tocsc(), "MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
+    except RuntimeError:
+        return np.zeros(1)
+    return np.abs(factors.U.diagonal())
+
+
+def _apart(touches: Any, blocks: int) -> list[list[int]]:
+    """The blocks in groups of which no condition touches two."""
+    near: list[set[int]] = [set() for _ in range(blocks)]
+    for row in touches:
+        for b, _ in row:
+            near[b] |= {k for k, _ in row}
+    colors: list[int] = []
+    for b in range(blocks):
+        taken = {colors[k] for k in near[b] if k < b}
+        colors.append(next(c for c in range(b + 1) if c not in taken))
+    return [[b for b in range(blocks) if colors[b] == c] for c in range(max(colors) + 1)]
 
 
 def _block(inertia: Vec | Mat, start: int, end: int) -> Vec | Mat:

@@ -8,6 +8,7 @@ import numpy as np
 
 from ..errors import InvalidInput, InvalidType, NotDefined
 from ..formulas import Mat, Vec, derivative, gradient, jacobian, plain, record, vec
+from ..formulas.anything import choice
 from ..formulas.vectors import Vec as SmallVector
 from ..groups.matrix_functions import phi1m
 from ..groups.poisson_structure import PoissonStructure
@@ -25,7 +26,8 @@ class Part(Hamiltonian):
     """An energy whose motion is known: a part of another one, by which `Splitting` steps it.
 
     A subclass writes `energy(y)`, and `flow`.  Parts that are T(p), V(q), a function of one coordinate, or at most quadratic where
-    the structure is constant, need no flow: they are Hamiltonians, and recognised.
+    the structure is constant, need no flow: they are Hamiltonians, and recognised by what their formulas do at all points.  A part
+    that compares, as a wall does, says what it is: `Straight(part)`, `OfCoordinate(part, i)`.
     """
 
     def flow(self, structure: PoissonStructure, y: Vec, t: float) -> Vec:
@@ -90,7 +92,10 @@ class Recognised(Part):
 
 @record
 class Straight(Recognised):
-    """An energy that moves every point along a straight line, at a constant velocity: T(p), V(q)."""
+    """An energy that moves every point along a straight line, at a constant velocity: T(p), V(q).
+
+    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., II.5.
+    """
 
     def flow(self, structure: PoissonStructure, y: Vec, t: float) -> Vec:
         """y + t B(y) dH(y).  y : (n,)."""
@@ -103,6 +108,8 @@ class OfCoordinate(Recognised):
     """An energy that depends on one coordinate, which it leaves where it is.
 
     index : the coordinate, from 0.
+
+    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.4.2.
     """
 
     index: int
@@ -135,6 +142,12 @@ def recognised(structure: PoissonStructure, part: Hamiltonian) -> Part | str:
     def velocity(y: Any) -> Any:
         return structure.sharp(y, part.gradient(y))
 
+    reason = choice(lambda y: (part.energy(y), velocity(y)), structure.dim)
+    if reason:
+        return (
+            f"the motion of {part!r} is not known: its formula need not be the same at all points ({reason}). Say what it is, "
+            "Straight(part) or OfCoordinate(part, i), or derive it from Part and write `flow`"
+        )
     try:
         points, error = _where_defined(velocity, _points(structure))
         if len(points) < LEAST:
@@ -160,10 +173,16 @@ def recognised(structure: PoissonStructure, part: Hamiltonian) -> Part | str:
 
 
 def second_degree(structure: PoissonStructure, T: Hamiltonian, V: Hamiltonian) -> bool:
-    """Is {V, {V, {V, T}}} = 0, at one to three points and to rounding?  Then Runge-Kutta-Nystroem splittings are of their order."""
+    """Is {V, {V, {V, T}}} = 0, at one to three points and to rounding?  Then Runge-Kutta-Nystroem splittings are of their order.
+
+    Formulas that need not be the same at all points have the others.
+    """
 
     def velocity(y: Any) -> Any:
         return structure.sharp(y, V.gradient(y))
+
+    if choice(lambda y: (T.energy(y), velocity(y)), structure.dim):
+        return False
 
     def once(y: Any) -> Any:  # {T, V}, the slope of T along the motion of V
         return derivative(lambda x: T.energy(x), y, velocity(y))

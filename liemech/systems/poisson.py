@@ -43,6 +43,7 @@ class PoissonSystem(System):
     """
 
     coordinates: ClassVar[tuple[str, ...]] = ("y",)
+    bounded: ClassVar[bool] = True
     alternatives: ClassVar[str] = "Splitting(order=4) is for parts whose motion is known, RKMK accepts every system"
 
     structure: PoissonStructure

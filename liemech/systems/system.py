@@ -10,7 +10,7 @@ from ..errors import InvalidInput, NotDefined
 from ..formulas import Record, Vec, check_finite, real_array, record
 from ..formulas.broadcasting import MEMBERSHIP, at_a_glance, bare, small
 from ..formulas.fields import array_held, frozen_array
-from ..formulas.pytree import fields_of
+from ..formulas.pytree import exact, fields_of, names_of
 from ..formulas.remembered import Remembered
 from ..groups.lie_group import LieGroup
 from ..retractions import Retraction
@@ -30,7 +30,9 @@ class State(Record):
     @property
     def bodies(self) -> int | None:
         """How many members an ensemble has; None for a single system."""
-        for x in fields_of(self).values():
+        cls: Any = type(self)
+        for name in names_of(cls):
+            x = getattr(self, name)
             if x is not None:
                 return len(x) if isinstance(x, np.ndarray) else None
         return None
@@ -66,6 +68,7 @@ class System(Record):
     called: ClassVar[str] = "system"
     coordinates: ClassVar[tuple[str, ...]] = ()
     alternatives: ClassVar[str] = "RKMK accepts every system"
+    bounded: ClassVar[bool] = False  # does it depend on its parameters which states there are?
     fictive: ClassVar[bool] = False  # is it one in a fictive time, with physical time in its state?
     if TYPE_CHECKING:
         group: LieGroup
@@ -93,13 +96,20 @@ class System(Record):
 
     def _vouched(self, state: State) -> Any:
         """The same, when nobody can have passed anything else."""
-        _checked.set(state, (type(self), self.group))
+        _checked.set(state, (type(self), self.group, self if self.bounded else None))
         return state
 
     @final
     def knows(self, state: State) -> bool:
-        """Was the state made by `state`, of this system or one of its kind on the same group?"""
-        return _checked.get(state) == (type(self), self.group)
+        """Was the state made by `state`, of this system or one of its kind with the same states?"""
+        return self._knows(state)
+
+    def _knows(self, state: Any) -> bool:
+        """The same, when nobody can have passed anything else."""
+        known = _checked.get(state)
+        if known is None or known[:2] != (type(self), self.group):
+            return False
+        return not self.bounded or known[2] is self or exact(known[2]) == exact(self)
 
     def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Quantities that the motion should keep, by name, each (n, ...), from the samples of a run."""
@@ -116,7 +126,7 @@ class System(Record):
 
 
 _checked = Remembered()
-"""Of states: the class and the group of the system that made and checked them."""
+"""Of states: the class and the group of the system that made and checked them, and where it depends on more, the system."""
 
 
 def points(value: Any, name: str, shape: tuple[int, ...], space: str, or_complex: bool = False) -> np.ndarray:

@@ -12,6 +12,7 @@ from .animate import animate, live
 from .body import Body, Path
 from .content import Content
 from .drawing import Drawing
+from .links import Links
 from .live import Live
 from .motion import Motion
 from .points import Points
@@ -22,6 +23,7 @@ __all__ = [
     "Body",
     "Content",
     "Drawing",
+    "Links",
     "Live",
     "Momentum",
     "Motion",

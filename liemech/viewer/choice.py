@@ -6,10 +6,12 @@ from typing import Any
 
 from ..errors import InvalidInput
 from ..models.heavy_top import HeavyTop, ReducedHeavyTop
+from ..models.linkage import Linkage
 from ..models.poses import configurations, flies, is_pose, turns
 from ..systems.canonical import CanonicalSystem
 from .body import Body, Path
 from .content import Content
+from .links import Links
 from .points import Points
 from .vectors import Momentum, Nose, SpatialMomentum, Vertical
 
@@ -21,6 +23,7 @@ KNOWN: dict[str, type[Content]] = {
     "nose": Nose,
     "path": Path,
     "points": Points,
+    "links": Links,
 }
 """What can be asked for by name."""
 
@@ -33,7 +36,9 @@ def suited(system: Any, parts: frozenset[str], ensemble: bool) -> tuple[Content,
         raise InvalidInput(f"there is no picture of {system!r} yet; say what to show, such as show=Points(places=...)")
     group, one = configurations(system), "g" in parts and not ensemble
     wanted: list[Content] = []
-    if isinstance(system, (HeavyTop, ReducedHeavyTop)):
+    if isinstance(system, Linkage):
+        wanted = [Links()] if one else []
+    elif isinstance(system, (HeavyTop, ReducedHeavyTop)):
         wanted = [Body(), Nose(), Vertical()] if one else [Vertical()] if not ensemble else []
     elif is_pose(group):
         wanted += [Body()] if one else []

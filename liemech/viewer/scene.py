@@ -51,8 +51,8 @@ class Scene:
         Scene(run, show=("body", "momentum")).save("body.html")
 
     run : what `integrate` returns, or a `Motion(system, t, states)`.
-    show : names, "body", "momentum", "spatial momentum", "vertical", "nose", "path", "points", or contents with options, such as
-    Momentum(levels=0).  Left out: what suits the system.  Nothing else is computed or written.
+    show : names, "body", "momentum", "spatial momentum", "vertical", "nose", "path", "points", "links", or contents with options,
+    such as Momentum(levels=0).  Left out: what suits the system.  Nothing else is computed or written.
     name, color : of the run in the legend, "#rrggbb".  body : the one to show of an ensemble.
     title : of the page.  seconds : how long it plays; default: as long as the motion, but 5 to 15 s.
     frames : samples that are kept of each run, evenly chosen; the data of the run are not touched.

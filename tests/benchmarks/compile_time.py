@@ -194,7 +194,7 @@ def measured(name: str, steps: bool) -> dict[str, Any]:
     kernel._translated = timed(kernel._translated, "translation")
     llvm.object_code = timed(llvm.object_code, "llvm")
     with warnings.catch_warnings(action="ignore"):
-        run = FixedRun(Steps(system, method, h, 10**9, None, True, False, 1), start, 10)
+        run = FixedRun(Steps(system, method, h, 10**9, None, "double", True, False, 1), start, 10)
     result: dict[str, Any] = {"cold": sum(spent.values()), **spent, "instructions": sum(counts)}
     if steps:
         states, bodies = run.states.copy(), run.columns

@@ -19,17 +19,20 @@ void advance_sphere(double *s, const double *parameters, double h, long steps) {
     double q[3] = {s[0], s[1], s[2]}, p[3] = {s[3], s[4], s[5]};
     double start = 0.5 * (dot(p, p, 3) * over_m - m * g * q[2]) / l, last = start, last_1 = start, last_2 = start;
     for (long n = 0; n < steps; n++) {
-        double x = 3.0 * last + (last_2 - 3.0 * last_1), G[3], q1[3], ph[3], unit = 0.0;
-        for (int i = 0; i < 3; i++) G[i] = q[i] * over_l;
+        double x = 3.0 * last + (last_2 - 3.0 * last_1), G[3], N[3], aim[3], q1[3], ph[3], unit = 0.0;
         const double free[3] = {p[0], p[1], p[2] - 0.5 * h * m * g};
-        for (int i = 0; i < 3; i++) unit += fabs(G[i]) * (fabs(h * over_m * (free[i] - h * x * G[i])) + FAR * fabs(q[i]));
+        for (int i = 0; i < 3; i++) {
+            const double drift = h * over_m * free[i];
+            G[i] = q[i] * over_l, N[i] = h * h * over_m * G[i], aim[i] = q[i] + drift;
+            unit += fabs(G[i]) * (fabs(drift - x * N[i]) + FAR * fabs(q[i]));
+        }
         for (int k = 0; k < 50; k++) {
-            for (int i = 0; i < 3; i++) ph[i] = free[i] - h * x * G[i], q1[i] = q[i] + h * over_m * ph[i];
-            double r = 0.5 * over_l * (dot(q1, q1, 3) - l * l), slope = -h * h * over_m * over_l * dot(q1, G, 3);
+            for (int i = 0; i < 3; i++) q1[i] = aim[i] - x * N[i];
+            double r = 0.5 * over_l * (dot(q1, q1, 3) - l * l), slope = -over_l * dot(q1, N, 3);
             x -= r / slope;
             if (fabs(r) <= TOLERANCE * unit) break;
         }
-        for (int i = 0; i < 3; i++) ph[i] = free[i] - h * x * G[i], q[i] += h * over_m * ph[i];
+        for (int i = 0; i < 3; i++) ph[i] = free[i] - h * x * G[i], q[i] = aim[i] - x * N[i];
         ph[2] -= 0.5 * h * m * g;
         const double y = dot(q, ph, 3) / dot(q, q, 3);
         for (int i = 0; i < 3; i++) p[i] = ph[i] - y * q[i];
@@ -83,15 +86,18 @@ void advance_chain(double *s, const double *parameters, double h, long steps, co
     for (int k = 0; k < 2; k++) last[k] = last_1[k] = last_2[k] = 0.5 * guess[k];
     rods(q, over_l, G);
     for (long n = 0; n < steps; n++) {
-        double x[2], unit[2] = {0.0, 0.0}, free[4], ph[4], q1[4], r[2], c[2];
+        double x[2], unit[2] = {0.0, 0.0}, free[4], aim[4], ph[4], q1[4], r[2], c[2];
         for (int k = 0; k < 2; k++) x[k] = 3.0 * last[k] + (last_2[k] - 3.0 * last_1[k]);
         for (int i = 0; i < 4; i++) {
             free[i] = p[i] + f[i];
-            const double d = fabs(h * w[i] * (free[i] - h * (x[0] * G[0][i] + x[1] * G[1][i]))) + FAR * fabs(q[i]);
-            for (int k = 0; k < 2; k++) N[k][i] = h * h * w[i] * G[k][i], unit[k] += fabs(G[k][i]) * d;
+            const double drift = h * w[i] * free[i];
+            for (int k = 0; k < 2; k++) N[k][i] = h * h * w[i] * G[k][i];
+            const double d = fabs(drift - (x[0] * N[0][i] + x[1] * N[1][i])) + FAR * fabs(q[i]);
+            for (int k = 0; k < 2; k++) unit[k] += fabs(G[k][i]) * d;
+            aim[i] = q[i] + drift;
         }
         for (int it = 0; it < 50; it++) {
-            for (int i = 0; i < 4; i++) q1[i] = q[i] + h * w[i] * (free[i] - h * (x[0] * G[0][i] + x[1] * G[1][i]));
+            for (int i = 0; i < 4; i++) q1[i] = aim[i] - (x[0] * N[0][i] + x[1] * N[1][i]);
             rods(q1, over_l, T);
             products(T, N, S);
             const double a = q1[2] - q1[0], b = q1[3] - q1[1];
@@ -103,8 +109,8 @@ void advance_chain(double *s, const double *parameters, double h, long steps, co
             if (u * u + v * v <= TOLERANCE * TOLERANCE) break;
         }
         for (int i = 0; i < 4; i++) {
-            const double half = free[i] - h * (x[0] * G[0][i] + x[1] * G[1][i]);
-            q[i] += h * w[i] * half, ph[i] = half + f[i];
+            q[i] = aim[i] - (x[0] * N[0][i] + x[1] * N[1][i]);
+            ph[i] = free[i] - h * (x[0] * G[0][i] + x[1] * G[1][i]) + f[i];
         }
         rods(q, over_l, G);
         for (int k = 0; k < 2; k++) {

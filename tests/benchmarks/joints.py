@@ -1,7 +1,13 @@
-"""What a step of Lie-RATTLE costs in native code, and how long that takes to make: a body with a fixed point, chains."""
+"""What a step of Lie-RATTLE costs in native code, and how long that takes to make: a body with a fixed point, chains.
+
+    python tests/benchmarks/joints.py [--long 1000]
+
+With `--long` chains of up to so many rods in plain Python, and the power of the number of rods with which the time of a step grows.
+"""
 
 from __future__ import annotations
 
+import argparse
 import time
 
 import numpy as np
@@ -31,8 +37,35 @@ def hanging(count: int) -> tuple[lm.Linkage, lm.State]:
     return chain, chain.assembled(poses)
 
 
+def long_chains(most: int) -> None:
+    """Processor time of starts and steps in plain Python."""
+    method, h, counts, steps = lm.LieRATTLE(), 0.002, [], []
+    print(f"{'rods':>6}{'start, s':>10}{'step, s':>9}{'a rod, ms':>11}")
+    for count in (n for n in (8, 16, 32, 64, 125, 250, 500, 1000, 2000) if n <= most):
+        begun = time.process_time()
+        chain, start = hanging(count)
+        made = time.process_time()
+        memory = method.start(chain, start, h)
+        spent = []
+        for n in range(2):
+            at = time.process_time()
+            memory = method.step(chain, n * h, memory, h)
+            spent.append(time.process_time() - at)
+        counts, steps = [*counts, count], [*steps, min(spent)]
+        print(f"{count:6}{made - begun:10.2f}{steps[-1]:9.3f}{1e3 * steps[-1] / count:11.2f}", flush=True)
+    half = len(counts) // 2
+    slope = np.polyfit(np.log(counts[half:]), np.log(steps[half:]), 1)[0]
+    print(f"from {counts[half]} rods on a step costs their number to the power {slope:.2f}")
+
+
 def main() -> None:
-    """Print the table of docs/joints.md."""
+    """Print the tables of docs/joints.md."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--long", type=int, metavar="N", help="chains of up to N rods in plain Python, nothing else")
+    chosen = parser.parse_args()
+    if chosen.long is not None:
+        long_chains(chosen.long)
+        return
     moments, mass, centre = np.array([1.0, 1.5, 0.7]), 2.0, np.array([0.3, 0.1, 0.4])
     about_point = np.diag(moments) + mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
     top = lm.HeavyTop(about_point, mass * 9.81, centre)

@@ -7,7 +7,8 @@ from typing import Any
 import harness
 import numpy as np
 
-from liemech.simulation.fixed_run import FixedRun, advanced
+from liemech.simulation.at_once import advanced
+from liemech.simulation.fixed_run import FixedRun
 from liemech.simulation.prepared import Steps
 
 
@@ -18,11 +19,12 @@ class Native:
     """
 
     def __init__(self, system: Any, method: Any, start: Any, h: float, compensate: bool | None = False) -> None:
-        self.plan = Steps(system, method, h, 1, compensate, True, False, 1)  # a Plan of any method and system, in fictive time too
+        # a Plan of any method and system, in fictive time too
+        self.plan = Steps(system, method, h, 1, compensate, "double", True, False, 1)
         self.carry = FixedRun(self.plan, start, 0).trajectory().carry
 
     def __call__(self, steps: int) -> np.ndarray:
-        return advanced(self.plan, self.carry, steps).last[:, 0]
+        return advanced(self.plan, self.carry, steps).last
 
 
 def agreeing(runs: Mapping[str, Callable[[int], np.ndarray]], tolerance: float = 1e-13) -> None:

@@ -86,7 +86,7 @@ def guarded(paths: tuple[Step, ...] = PATHS) -> tuple[Any, Guard]:
 
 
 def quick(guard: Guard, args: Any = ()) -> bool:
-    return all(holds(args, guard.values, guard.others) for holds in guard.same)
+    return all(holds(args, guard.values) for holds in guard.same)
 
 
 def other_code(m: Any) -> None:

@@ -210,6 +210,7 @@ def test_many_processes_fill_one_empty_cache(project: Project) -> None:
     assert project.hits()
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     "damage",
     [
@@ -243,6 +244,7 @@ def test_an_installation_keeps_its_code_beside_itself_or_with_the_user_or_nowher
         "XDG_CACHE_HOME": str(user),
         "HOME": str(user),
         "LOCALAPPDATA": str(user),
+        "PYTHONDONTWRITEBYTECODE": "",
     }
     assert [project.hits(**places), project.hits(**places)] == [False, True]
     assert len(list(beside.glob("*.o"))) == 1 and not user.exists()

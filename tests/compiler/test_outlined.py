@@ -157,6 +157,7 @@ QUICK = PAIRS[2], PAIRS[5]
 """A composition, a body in a field; the others are slow."""
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize("lanes", [1, 3])
 @pytest.mark.parametrize(
     ("system", "method"),
@@ -178,6 +179,7 @@ def test_methods(system: Any, method: Any, lanes: int, everything: None) -> None
         assert np.array_equal(ours[0], plain.mu) and np.array_equal(ours[1], plain.g)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("lanes", [1, 16])
 def test_products(lanes: int, everything: None, tmp_path: Path) -> None:
     """Matrices and vectors of any shape, real and complex, against the operators of plain Python."""

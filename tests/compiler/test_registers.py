@@ -19,7 +19,7 @@ def test_one_register_or_two_give_the_same_bits(monkeypatch: pytest.MonkeyPatch)
     body, count = lm.RigidBody([1.0, 1.5, 2.0]), 2 * kernel.lanes() + 3
     turned = np.linspace(0.0, 1.5, count)
     starts = body.state(mu=np.stack([np.cos(turned), np.sin(turned), 0.3 * turned], axis=-1))
-    method = lm.CovariantVariational(lm.Exponential())
+    method = lm.CovariantVariational(lm.Cayley())
     runs, sizes = [], []
     for limit in (outlined.SIDE_BY_SIDE, 0):
         monkeypatch.setattr(outlined, "SIDE_BY_SIDE", limit)

@@ -138,6 +138,7 @@ def test_index_reduction_does_not() -> None:
         assert two_form_defect(method, PENDULUM, SWINGING, 0.1) > 1e-6
 
 
+@pytest.mark.sample(1)
 @pytest.mark.compiled
 @pytest.mark.parametrize("scene", SCENES)
 def test_constraints_hold_and_energies_do_not_drift_in_a_hundred_thousand_steps(scene: str) -> None:
@@ -153,6 +154,7 @@ def test_constraints_hold_and_energies_do_not_drift_in_a_hundred_thousand_steps(
         assert drift["vertical momentum"].largest < 1e-13
 
 
+@pytest.mark.sample(1)
 @pytest.mark.compiled
 @pytest.mark.parametrize("method", [PAIRS[1], GEODESIC[2]], ids=repr)
 def test_constraints_hold_in_other_methods(method: lm.Method) -> None:

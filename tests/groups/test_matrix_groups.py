@@ -108,6 +108,7 @@ def test_rotations_from_generators_equal_the_closed_forms(size: float) -> None:
         assert close(group.cayley_inv(closed.cayley(xi)), xi, 64)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("method", METHODS, ids=lambda m: m.name)
 def test_rotations_from_generators_move_a_body_as_the_closed_forms_do(method: lm.Method) -> None:
     runs = []
@@ -131,6 +132,7 @@ def test_logarithm_near_half_a_turn(angle: float) -> None:
 # ---------------------------------------------------------------- any group
 
 
+@pytest.mark.sample(36)
 @names
 @sizes
 def test_definitions(group: MatrixLieGroup, size: float) -> None:
@@ -183,6 +185,7 @@ def test_cayley_family(group: MatrixLieGroup, size: float) -> None:
     assert close(group.compose_cayley(g, xi), g @ g)
 
 
+@pytest.mark.sample(12)
 @names
 @pytest.mark.parametrize("size", [1e-8, 0.3, 1.0])
 def test_mismatches(group: MatrixLieGroup, size: float) -> None:
@@ -279,6 +282,7 @@ def test_logarithm_outside_the_image_of_exp() -> None:
 # ---------------------------------------------------------------- both worlds
 
 
+@pytest.mark.sample(2)
 @pytest.mark.compiled
 @pytest.mark.parametrize(
     ("group", "method"),

@@ -55,11 +55,13 @@ SLOW = (PRODUCTS[0], *PRODUCTS[2:], *(SEMIDIRECT[i] for i in (1, 2, 3, 4, 5, 6))
 """Series and iterations in plain Python: some seconds each."""
 
 
+@pytest.mark.sample(2)
 @each([g if g not in SLOW else slow(g) for g in (*VECTORS, *PRODUCTS, *SEMIDIRECT)])
 def test_laws(group: lm.LieGroup) -> None:
     assert lm.check_group(group)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.compiled
 @each([VECTORS[1], RIGID, slow(PRODUCTS[1])])
 def test_laws_in_native_code(group: lm.LieGroup) -> None:
@@ -216,6 +218,7 @@ def test_compiled_runs_equal_plain_ones(group: lm.LieGroup, method: lm.Method) -
     assert np.array_equal(a.g, b.g)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.compiled
 @each([PRODUCTS[0], RIGID])
 def test_batches_equal_rows(group: lm.LieGroup) -> None:
@@ -253,6 +256,7 @@ def as_matrix(g: np.ndarray) -> np.ndarray:
     return np.block([[R, p[:, None]], [np.zeros((1, 3)), np.ones((1, 1))]])
 
 
+@pytest.mark.sample(8)
 @pytest.mark.parametrize("side", ["right", "left"])
 @pytest.mark.parametrize("size", SIZES)
 @each([SEMIDIRECT[0], SEMIDIRECT[1]])
@@ -309,6 +313,7 @@ def mp_phi1(a: np.ndarray, exact: list[mp.mpf], basis: list[np.ndarray]) -> mp.m
     return total
 
 
+@pytest.mark.sample(8)
 @pytest.mark.parametrize("size", [0.0, 1e-8, 1e-3, 0.9, 1.1, 3.0, 6.2])
 @each([RIGID, SEMIDIRECT[3], SEMIDIRECT[4]])
 def test_dexp_and_its_inverses_by_definition_in_50_digits(group: lm.SemidirectProduct, size: float) -> None:

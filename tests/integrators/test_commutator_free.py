@@ -146,6 +146,7 @@ def test_a_tableau_of_fractions() -> None:
 # ---------------------------------------------------------------- orders
 
 
+@pytest.mark.sample(4)
 @by_name
 @pytest.mark.parametrize("t_end", [slow(2.0), -2.0])
 def test_order_of_momentum_and_attitude(method: CommutatorFree, t_end: float) -> None:
@@ -184,6 +185,7 @@ def reference(kind: type[Steered], t_end: float) -> np.ndarray:
     return solve_ivp(rate, (0.0, t_end), ATTITUDE.ravel(), method="DOP853", rtol=3e-14, atol=1e-15).y[:, -1].reshape(3, 3)
 
 
+@pytest.mark.sample(4)
 @by_name
 @pytest.mark.parametrize("kind", [Steered, slow(SteeredFromSpace)], ids=["body", "space"])
 def test_order_of_a_driven_equation(method: CommutatorFree, kind: type[Steered]) -> None:
@@ -196,6 +198,7 @@ def test_order_of_a_driven_equation(method: CommutatorFree, kind: type[Steered])
     assert slope([1 / n for n in counts], error) == pytest.approx(method.order, abs=0.1)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("method", METHODS[2:], ids=lambda m: m.name)
 def test_order_on_a_heavy_top(method: CommutatorFree) -> None:
     """Momentum and pose, against a converged run of another method; two Casimirs and the spatial momentum kept all the same."""
@@ -213,6 +216,7 @@ def test_order_on_a_heavy_top(method: CommutatorFree) -> None:
         assert slope([1 / n for n in counts], error) == pytest.approx(method.order, abs=0.1)
 
 
+@pytest.mark.sample(3)
 @by_name
 def test_order_on_a_body_in_a_fluid(method: CommutatorFree) -> None:
     """Momentum and pose of a Kirchhoff body on SE(3), against 20 digits."""
@@ -241,6 +245,7 @@ def test_a_fifth_velocity_makes_errors_smaller() -> None:
         assert 1.5 * error[1] < error[0]
 
 
+@pytest.mark.sample(4)
 @by_name
 def test_a_motion_and_its_inverse(method: CommutatorFree) -> None:
     """g' = g xi and the equation of g^-1, with its velocity in space: step by step inverse to each other."""
@@ -310,6 +315,7 @@ def test_shared_flows_are_the_same_as_flows_followed_again() -> None:
 # ---------------------------------------------------------------- what is kept
 
 
+@pytest.mark.sample(4)
 @by_name
 def test_orbit_group_and_spatial_momentum_are_kept_to_rounding(method: CommutatorFree) -> None:
     body, start = asymmetric_body()
@@ -328,6 +334,7 @@ def test_the_bracket_is_not_kept() -> None:
     assert slope(h, defects) == pytest.approx(5.0, abs=0.4)
 
 
+@pytest.mark.sample(3)
 @by_name
 @pytest.mark.compiled
 def test_native_code_gives_the_same_bits(method: CommutatorFree) -> None:
@@ -339,6 +346,7 @@ def test_native_code_gives_the_same_bits(method: CommutatorFree) -> None:
         assert system is steered or same_bits(plain.mu, native.mu)
 
 
+@pytest.mark.sample(3)
 @by_name
 def test_the_momentum_does_not_know_whether_the_attitude_is_asked_for(method: CommutatorFree) -> None:
     body, start = asymmetric_body()

@@ -128,6 +128,7 @@ def test_relatives_of_the_cayley_map() -> None:
 # ---------------------------------------------------------------- order, symmetry, structure
 
 
+@pytest.mark.sample(4)
 @each
 def test_order_of_momentum_and_attitude(method: lm.Method) -> None:
     body, start = asymmetric_body()
@@ -201,6 +202,7 @@ def test_midpoint_rules_are_methods_for_momenta(method: lm.Method) -> None:
     assert two_form_defect(body, method, TILTED, rotation(np.random.default_rng(1)), 0.3) > 1e-4
 
 
+@pytest.mark.sample(4)
 @pytest.mark.compiled
 @each
 def test_ten_thousand_steps(method: lm.Method) -> None:
@@ -264,6 +266,7 @@ def test_axes_do_not_matter(method: lm.Method) -> None:
     assert np.abs(a.g @ U.T - b.g).max() < 1e-13
 
 
+@pytest.mark.sample(8)
 @each
 @pytest.mark.parametrize("scale", [2.0**-300, 2.0**300])
 def test_units_do_not_matter(method: lm.Method, scale: float) -> None:
@@ -284,6 +287,7 @@ def test_a_body_at_rest_stays(method: lm.Method) -> None:
     assert (run.g == np.array(start.g)).all()
 
 
+@pytest.mark.sample(2)
 @pytest.mark.compiled
 @pytest.mark.parametrize("method", METHODS[:-2], ids=named)
 def test_plain_and_native_and_ensembles_agree_to_the_bit(method: lm.Method) -> None:
@@ -346,6 +350,7 @@ EXACT_BODIES = {
 }
 
 
+@pytest.mark.sample(6)
 @pytest.mark.parametrize("case", EXACT_BODIES)
 @pytest.mark.parametrize("h", [0.05, 0.4])
 def test_fitted_steps_are_exact(case: str, h: float) -> None:

@@ -168,6 +168,7 @@ QUICK = (CAYLEY, None), (CAYLEY, True), (lm.RKMK(4), True), (lm.ImplicitMidpoint
 """Sums of what the motion depends on, and of the attitude too; by methods with and without an iteration.  All pairs are slow."""
 
 
+@pytest.mark.sample(2)
 @pytest.mark.compiled
 @pytest.mark.parametrize(("method", "mode"), [p if p in QUICK else slow(*p) for p in PAIRS])
 def test_plain_and_native_and_ensembles_agree_to_the_bit(method: lm.Method, mode: bool | None) -> None:
@@ -193,6 +194,7 @@ def test_by_default_symmetric_methods_sum_up_what_the_motion_depends_on() -> Non
     assert same_bits(rkmk[None].mu, rkmk[False].mu)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("group", [lm.SE3(), lm.SU(2), lm.UnitQuaternions(), lm.SO(4)], ids=repr)
 def test_on_other_groups(group: lm.LieGroup) -> None:
     """Whatever the elements are, the run is the same to rounding."""

@@ -15,6 +15,7 @@ START = TOP.state([0.5, 0.3, 2.8], np.eye(3))
 METHODS = (lm.RKMK(order=4), lm.CommutatorFree(order=4), lm.CrouchGrossman(order=3), lm.Taylor(4, lm.Exponential()), lm.LieVerlet())
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize("method", METHODS, ids=lambda m: m.name)
 def test_a_step_keeps_what_rounding_takes(method: lm.Method) -> None:
     """The low parts are there after a step, and the value they belong to is that of an ordinary step, to rounding."""

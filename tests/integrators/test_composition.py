@@ -130,6 +130,7 @@ def test_families_gain_two_orders(family: object, base: int) -> None:
 # ---------------------------------------------------------------- the order of the method
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("method", BY_ORDER, ids=named)
 def test_order_of_momentum_and_attitude(method: Composition) -> None:
     body, start = asymmetric_body()
@@ -142,6 +143,7 @@ STEPS = {TRIPLE_JUMP4: (160, 320), SUZUKI4: (80, 160), YOSHIDA6: (80, 160), KAHA
 BASES = EXP, SphericalMidpoint(), ThreeRotations()
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     ("base", "tableau", "counts"),
     [
@@ -159,6 +161,7 @@ def test_orders_of_the_other_tableaus_and_bases(base: lm.Method, tableau: Compos
         assert math.log2(error[0] / error[1]) == pytest.approx(tableau.order, abs=0.3)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("base", [Isospectral(4), Composition(EXP, order=4)], ids=named)
 def test_a_base_of_order_four_gives_order_six(base: lm.Method) -> None:
     body, start = asymmetric_body()
@@ -169,6 +172,7 @@ def test_a_base_of_order_four_gives_order_six(base: lm.Method) -> None:
     assert math.log2(error[0] / error[1]) == pytest.approx(6.0, abs=0.25)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("order", [4, 6])
 def test_substeps_know_the_time(order: int) -> None:
     """Another kind of system, another kind of state: Magnus' method of order 2, against that of order 6 with small steps."""

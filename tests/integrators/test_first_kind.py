@@ -181,13 +181,12 @@ def test_order_on_so3(order: int, s0: ClassFunction, retraction: lm.Retraction) 
     ("order", "retraction", "scene"),
     [
         (2, EXP, top),
-        (4, ADJOINT, fish),
         *(
             slow(order, retraction, scene)
             for order in (1, 2, 3, 4)
             for retraction in (EXP, ADJOINT)
             for scene in (fish, top)
-            if (order, retraction, scene) not in ((2, EXP, top), (4, ADJOINT, fish))
+            if (order, retraction, scene) != (2, EXP, top)
         ),
     ],
 )
@@ -238,6 +237,7 @@ def assert_order(
 # ---------------------------------------------------------------- structure
 
 
+@pytest.mark.sample(2)
 @ON_SO3
 def test_what_a_body_keeps(s0: ClassFunction, retraction: lm.Retraction) -> None:
     body, start = asymmetric_body()

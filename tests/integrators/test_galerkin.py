@@ -209,6 +209,7 @@ def test_order_of_momentum_and_attitude(method: GalerkinVariational, t_end: floa
         assert slope([1 / n for n in counts], error) == pytest.approx(method.order, abs=0.1 if method.order < 8 else 0.15)
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize("method", [*EXPS.values(), *CAYLEYS.values(), GalerkinVariational(4, lm.CayleyAdjoint())], ids=named)
 def test_order_in_a_fluid(method: GalerkinVariational) -> None:
     """A Kirchhoff body with all its couplings."""
@@ -218,6 +219,7 @@ def test_order_in_a_fluid(method: GalerkinVariational) -> None:
     assert_order(body, method, start, (mu, pose), t_end, counts)
 
 
+@pytest.mark.sample(4)
 @ALL
 def test_order_of_a_heavy_top(method: GalerkinVariational) -> None:
     """Momentum and attitude, in a field."""
@@ -227,6 +229,7 @@ def test_order_of_a_heavy_top(method: GalerkinVariational) -> None:
     assert_order(top, method, start, (np.array(at["pi"], float), np.array(at["R"], float)), float(at["t"]), counts)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("method", EXPS.values(), ids=named)
 def test_order_under_a_load_that_changes_with_time(method: GalerkinVariational) -> None:
     system, start = heavy_top(Driven())
@@ -235,6 +238,7 @@ def test_order_under_a_load_that_changes_with_time(method: GalerkinVariational) 
     assert_order(system, method, start, (end.mu, end.g), 1.0, counts, t0=0.3)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("group", [Affine(), PlaneMotions(), lm.SO(4)], ids=["generators only", "exp only", "SO(4)"])
 def test_orders_on_other_groups(group: lm.LieGroup) -> None:
     system, start = free(group)
@@ -287,6 +291,7 @@ def test_composition_takes_what_is_symmetric() -> None:
 # ---------------------------------------------------------------- structure
 
 
+@pytest.mark.sample(4)
 @ALL
 def test_the_bracket_is_kept(method: GalerkinVariational) -> None:
     for (system, start), h in ((seed_body(), 0.5), (asymmetric_body(), 0.2)):

@@ -91,6 +91,7 @@ def galaxy(q: Any, p: Any) -> sympy.Expr:
     return (p[0] ** 2 + p[1] ** 2 + q[0] ** 2 + q[1] ** 2) / 2 + q[0] ** 2 * q[1] - q[1] ** 3 / 3
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(("system", "energy"), [(CURVED, curved), (GALAXY, galaxy)], ids=["Curved", "HenonHeiles"])
 def test_steps_are_generated_by_the_truncated_series(system: HamiltonianSystem, energy: Any) -> None:
     """Q = dG/dP and p = dG/dq to rounding, with G_1 to G_4 from computer algebra."""
@@ -125,6 +126,7 @@ def test_the_formulas_for_the_first_four_terms() -> None:
 # ------------------------------------------------------------------ order
 
 
+@pytest.mark.sample(9)
 @pytest.mark.compiled
 @pytest.mark.parametrize("order", range(1, 7))
 @pytest.mark.parametrize(("system", "adjoint"), [(PENDULUM, False), (CURVED, False), (CURVED, True)])
@@ -134,6 +136,7 @@ def test_order_in_one_degree_of_freedom(system: HamiltonianSystem, order: int, a
     assert abs(slope([1 / n for n in counts], error) - order) <= 0.1
 
 
+@pytest.mark.sample(5)
 @pytest.mark.compiled
 @pytest.mark.parametrize("adjoint", [False, True])
 @pytest.mark.parametrize("order", [2, 4, 6])
@@ -196,6 +199,7 @@ def jacobian(system: HamiltonianSystem, method: lm.Method, h: float, y: np.ndarr
     return (64 * three - 20 * two + one) / 45
 
 
+@pytest.mark.sample(10)
 @SOME
 @SYSTEMS
 def test_steps_are_symplectic(system: HamiltonianSystem, method: HamiltonJacobi) -> None:
@@ -245,6 +249,7 @@ def test_angular_momentum_is_kept() -> None:
 # ------------------------------------------------------------------ native code
 
 
+@pytest.mark.sample(2)
 @pytest.mark.compiled
 @pytest.mark.parametrize(
     ("system", "method"),

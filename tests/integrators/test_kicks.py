@@ -113,6 +113,7 @@ def starts_of_all_kinds(J: Any) -> list[np.ndarray]:
     return starts
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize("moments", MOMENTS.values(), ids=MOMENTS)
 def test_a_step_is_exact(moments: list[float]) -> None:
     """To a rounding error of what the step adds, whatever the motion."""
@@ -250,6 +251,7 @@ def test_orders_on_the_heavy_top(method: Any) -> None:
         assert slope([3.0 / n for n in COUNTS[method]], error) == pytest.approx(method.order, abs=0.2)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.compiled
 @pytest.mark.parametrize("method", [BY_ORDER[1], BY_ORDER[2]], ids=named)
 def test_the_reference_digits(method: Any) -> None:
@@ -263,6 +265,7 @@ def test_the_reference_digits(method: Any) -> None:
             assert np.abs(run.g[k][2] - numbers(at["Gamma"])).max() < bound
 
 
+@pytest.mark.sample(2)
 @EVERYWHERE
 def test_order_four_in_other_fields(scene: Any) -> None:
     """Spinning tops, thrown and orbiting bodies, with inertia that is no diagonal."""

@@ -81,6 +81,7 @@ def reference(kind: type[Driven], t_end: float) -> np.ndarray:
 # ---------------------------------------------------------------- orders
 
 
+@pytest.mark.sample(6)
 @by_name
 @KINDS
 @pytest.mark.parametrize("t_end", [2.0, -2.0])
@@ -94,6 +95,7 @@ def test_order(method: Magnus, kind: type[Driven], t_end: float) -> None:
     assert slope([1 / n for n in counts], error) == pytest.approx(method.order, abs=0.1)
 
 
+@pytest.mark.sample(3)
 @by_name
 @pytest.mark.parametrize("kind", [Screw, ScrewFromSpace], ids=["body", "space"])
 def test_order_for_rigid_motions(method: Magnus, kind: type[Screw]) -> None:
@@ -181,6 +183,7 @@ def test_order_two_is_the_midpoint_rule_and_all_stay_on_the_group(method: Magnus
         assert same_bits(run.g, midpoint.g)
 
 
+@pytest.mark.sample(2)
 @by_name
 @KINDS
 @pytest.mark.compiled

@@ -116,7 +116,8 @@ ALWAYS = {
     *("RKMK, order 4, closed dexp^-1", "RKMK, order 4, Cayley coordinates", "RKMK, order 3, truncation 0"),
     *("CF4", "CG4", "Magnus2", "Magnus4", "Magnus6"),
 }
-"""What is measured whenever the tests run; the others are slow.  The low orders are measured beside their methods, too."""
+"""What is measured whenever the tests run, on half of the problems; the others are slow.  The low orders are measured beside their
+methods, too."""
 WANDERING = {"RKMK, order 7, Cayley coordinates", "RKMK, order 8, Cayley coordinates"}
 """Where the slope depends on the steps, for errors are rounding before their leading term is the largest."""
 
@@ -134,14 +135,12 @@ def columns() -> tuple[tuple[Problem, ...], ...]:
 TABLE = Table(HEAD, ROWS, columns)
 MISSED = {"RKMK, order 8, truncation 5": "6.89 on the driven rotation, where 6.90 is asked for"}
 CHOICES = [
-    pytest.param(
-        name,
-        marks=[
-            *([] if name in ALWAYS else [pytest.mark.slow]),
-            *([pytest.mark.xfail(reason=MISSED[name], strict=True)] if name in MISSED else []),
-        ],
-    )
-    for name in ROWS
+    *(pytest.param(name, 0, marks=[] if name in ALWAYS else [pytest.mark.slow]) for name in ROWS if name not in MISSED),
+    *(pytest.param(name, 1, marks=pytest.mark.slow) for name in ROWS if name in ALWAYS),
+    *(
+        pytest.param(name, None, marks=[pytest.mark.slow, pytest.mark.xfail(reason=why, strict=True)])
+        for name, why in MISSED.items()
+    ),
 ]
 
 
@@ -150,19 +149,18 @@ def test_the_page_has_the_table() -> None:
 
 
 @pytest.mark.compiled  # in plain Python each row takes ten seconds and more
-@pytest.mark.parametrize("name", CHOICES)
-def test_order(name: str) -> None:
+@pytest.mark.parametrize(("name", "half"), CHOICES)
+def test_order(name: str, half: int | None) -> None:
     """Within 0.1, on every problem.  More than that is starred in the page, above order 4 alone, and not on all problems.
 
-    What is slow is measured on half of the problems; `--print` measures all.  The rows of `WANDERING` do not settle before
-    rounding; of them no more is asked than not to be of a lower order.
+    On half of the problems, those that are always measured on the other half if slow; `--print` measures all.  The rows of
+    `WANDERING` do not settle before rounding; of them no more is asked than not to be of a lower order.
     """
-    order, half = ROWS[name][1], not (name in ALWAYS or name in MISSED)
-    slopes = TABLE.measured(name, half)
+    order, slopes = ROWS[name][1], TABLE.measured(name, half)
     found = [p for p in slopes if p is not None and not math.isnan(p)]
     assert min(found) > order - (0.2 if name in WANDERING else 0.1)
     assert max(found) < order + 0.1 or order > 4
-    assert min(found) < order + 0.1 or name in WANDERING or half
+    assert min(found) < order + 0.1 or name in WANDERING or half is not None
     TABLE.agrees(name, slopes)
 
 

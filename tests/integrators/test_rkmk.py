@@ -53,6 +53,7 @@ METHODS = [
 IMPLICIT = [lm.RKMK(tableau=t) for t in (gauss(1), gauss(2), radau_iia(2))]
 
 
+@pytest.mark.sample(6)
 @pytest.mark.parametrize("method", METHODS, ids=repr)
 def test_order_of_momentum_and_attitude(method: lm.RKMK) -> None:
     body, start = asymmetric_body()
@@ -117,6 +118,7 @@ def runge_kutta(tableau: lm.ButcherTableau, t: float, y: np.ndarray, h: float) -
     return y + sum_of(tableau.b)
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize("order", range(1, 9))
 def test_on_a_vector_space_it_is_the_runge_kutta_method_bit_for_bit(order: int) -> None:
     system, method = Pendulum(lm.VectorSpace(2)), lm.RKMK(order=order)
@@ -148,6 +150,7 @@ class SteeredInverse(lm.GroupEquation):
 ATTITUDE = rotation(np.random.default_rng(5))
 
 
+@pytest.mark.sample(5)
 @pytest.mark.parametrize("method", [*METHODS, *IMPLICIT], ids=repr)
 def test_a_motion_and_its_inverse(method: lm.RKMK) -> None:
     """g' = g xi and the equation of g^-1, with its velocity in space: step by step inverse to each other."""
@@ -238,6 +241,7 @@ def test_bodies_of_an_ensemble_move_as_if_alone(method: lm.RKMK) -> None:
 # ---------------------------------------------------------------- what is kept
 
 
+@pytest.mark.sample(6)
 @pytest.mark.parametrize("method", METHODS, ids=repr)
 def test_orbit_group_and_spatial_momentum_are_kept_to_rounding(method: lm.RKMK) -> None:
     body, start = asymmetric_body()

@@ -84,7 +84,11 @@ HEAD = (
 ROWS = {method.name: (method, method.order) for method in rows()}
 TABLE = Table(HEAD, ROWS, columns)
 ALWAYS = {m.name for m in (*ALGORITHM_1, lm.ThreeRotations(), lm.Isospectral(4))}
-"""What is measured whenever the tests run; the others are slow.  In fields test_mechanical has the orders, too."""
+"""What is measured whenever the tests run, on half of the problems.  In fields test_mechanical has the orders, too."""
+CHOICES = [
+    *(pytest.param(name, 0, marks=[] if name in ALWAYS else [pytest.mark.slow]) for name in ROWS),
+    *(pytest.param(name, 1, marks=pytest.mark.slow) for name in ROWS if name in ALWAYS),
+]
 
 
 def test_the_page_has_the_table() -> None:
@@ -92,10 +96,10 @@ def test_the_page_has_the_table() -> None:
 
 
 @pytest.mark.compiled  # in plain Python each row takes ten seconds and more
-@pytest.mark.parametrize("name", [pytest.param(name, marks=[] if name in ALWAYS else [pytest.mark.slow]) for name in ROWS])
-def test_order(name: str) -> None:
-    """Within 0.1, on every problem, on half of them if slow, and within 0.05 of what the page has; `--print` measures all."""
-    order, slopes = ROWS[name][1], TABLE.measured(name, half=name not in ALWAYS)
+@pytest.mark.parametrize(("name", "half"), CHOICES)
+def test_order(name: str, half: int) -> None:
+    """Within 0.1, on half of the problems, and within 0.05 of what the page has; `--print` measures all."""
+    order, slopes = ROWS[name][1], TABLE.measured(name, half)
     found = [p for p in slopes if p is not None and not math.isnan(p)]
     assert found == pytest.approx([order] * len(found), abs=0.1)
     assert found

@@ -106,6 +106,7 @@ def last(system: lm.System, method: lm.Method, start: Any, t_end: float, n: int,
 # ------------------------------------------------------------------ order
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(("order", "counts"), [(2, (40, 80, 160)), (4, (20, 40, 80)), (8, (8, 12, 18)), (12, (5, 7, 10))])
 def test_order_on_the_asymmetric_body(order: int, counts: tuple[int, ...]) -> None:
     body, start = asymmetric_body()
@@ -119,6 +120,7 @@ def test_order_on_the_asymmetric_body(order: int, counts: tuple[int, ...]) -> No
         assert order - 0.5 < slope(3.0 / np.array(counts), error) < order + 1.2, error
 
 
+@pytest.mark.sample(8)
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize(("order", "counts"), [(4, (8, 16)), (8, (4, 8))])
 def test_order_on_every_kind_of_system(name: str, order: int, counts: tuple[int, int]) -> None:
@@ -132,6 +134,7 @@ def test_order_on_every_kind_of_system(name: str, order: int, counts: tuple[int,
 # ------------------------------------------------------------------ one formula, two worlds
 
 
+@pytest.mark.sample(4)
 @pytest.mark.compiled
 @pytest.mark.parametrize("name", NAMES)
 def test_native_code_gives_the_bits_of_plain_python(name: str) -> None:
@@ -200,6 +203,7 @@ def test_backwards_and_forwards() -> None:
 # ------------------------------------------------------------------ adaptive steps
 
 
+@pytest.mark.sample(2)
 @pytest.mark.compiled
 @pytest.mark.parametrize("order", [8, 12, 16])
 def test_the_error_follows_the_tolerance(order: int) -> None:
@@ -217,6 +221,7 @@ def test_the_error_follows_the_tolerance(order: int) -> None:
     assert 0.8 < growth * order < 1.3
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("name", ["driven", "sphere", "Kirchhoff"])
 def test_adaptive_steps_on_other_systems(name: str) -> None:
     system, start, retraction = moving(name)

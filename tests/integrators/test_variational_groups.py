@@ -84,6 +84,7 @@ def test_the_bracket_is_kept(scene: object, method: lm.Method) -> None:
     assert poisson_defect(system, method, np.array(start.mu), 0.3) < 1e-11
 
 
+@pytest.mark.sample(3)
 @SCENES
 @pytest.mark.parametrize("method", COMPOSED[:2], ids=named)
 def test_compositions_keep_the_bracket(scene: object, method: lm.Method) -> None:
@@ -101,6 +102,7 @@ def test_rkmk_does_not_keep_the_bracket() -> None:
 # ---------------------------------------------------------------- the same map under other names
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("scene", [asymmetric_body, on_SO4], ids=["SO3", "SO4"])
 @pytest.mark.parametrize("h", [0.05, 0.3])
 def test_cayley_is_the_isospectral_midpoint_rule(scene: object, h: float) -> None:
@@ -123,6 +125,7 @@ def test_cayley_is_the_isospectral_midpoint_rule(scene: object, h: float) -> Non
         assert np.abs(run.g[n] @ Q.T - run.g[n + 1]).max() < 2e-15
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("retraction", [lm.Exponential(), lm.Cayley()], ids=repr)
 def test_order_two_of_hamilton_jacobi_is_the_same_step(retraction: lm.Retraction) -> None:
     """s = h H: the displacement is h dH(p), p = dl(xi), and the equation for p is that of Algorithm 1; on any group."""
@@ -152,6 +155,7 @@ def third(system: lm.LiePoissonSystem, retraction: lm.Retraction, p: np.ndarray)
     return (4.0 * fine - coarse) / 3.0
 
 
+@pytest.mark.sample(3)
 @EACH
 def test_modified_energy_is_kept_to_fourth_order(scene: object, method: lm.CovariantVariational) -> None:
     """H - (h^2/6) s_3, s_3 of the Hamilton-Jacobi equation: its oscillation falls by 16 per halving, that of H by 4."""

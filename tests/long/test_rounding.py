@@ -84,6 +84,13 @@ def test_the_offset_wanted_at_the_separatrix(method: lm.Method) -> None:
 
 
 @pytest.mark.parametrize("method", [rounding.EXP, rounding.CAYLEY], ids=lambda method: method.name)
+def test_the_offset_at_the_separatrix_in_31_digits(method: lm.Method) -> None:
+    """Rounding at 2^-105 changes the energy like an offset of 2^-52: one of 1e-12 is seen, one of 1e-24 is not."""
+    assert rounding.offset(method, 1e-12, steps=100_000, precision="double-double") == pytest.approx(1e-12, rel=0.15)
+    assert rounding.offset(method, 1e-24, steps=100_000, precision="double-double") < 1e-15
+
+
+@pytest.mark.parametrize("method", [rounding.EXP, rounding.CAYLEY], ids=lambda method: method.name)
 def test_orthogonality_over_ten_million_steps(method: lm.Method) -> None:
     """Nothing is renormalised: with sums compensated throughout what is lost in 10^7 steps is some hundred roundings."""
     case = next(case for case in CASES if case.method == method)

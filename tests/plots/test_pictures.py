@@ -90,6 +90,7 @@ SYSTEMS: dict[str, tuple[Any, Any]] = {
 }
 
 
+@pytest.mark.sample(14)
 @pytest.mark.parametrize("name", SYSTEMS)
 def test_every_system_has_a_picture_that_draws_something_finite(name: str) -> None:
     ax = follow(*SYSTEMS[name]).plot()

@@ -61,6 +61,7 @@ def test_splittings_are_poisson_maps_and_keep_casimirs(system: Any, start: Any, 
             assert kept.verdict == "exact" and kept.largest < 1e-14
 
 
+@pytest.mark.sample(6)
 @pytest.mark.parametrize("order", [1, 2, 3, 4, 6, 8])
 @pytest.mark.parametrize("system", [SPECIES, TOP], ids=["two parts", "four parts"])
 def test_orders_of_parts(system: Any, order: int) -> None:

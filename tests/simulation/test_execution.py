@@ -29,6 +29,7 @@ def fresh(monkeypatch: pytest.MonkeyPatch) -> Any:
     """A process that has learned nothing yet, and has a cache of nothing."""
     monkeypatch.setattr(execution, "_histories", {})
     monkeypatch.setattr(execution, "_told", set())
+    monkeypatch.setattr(sys.modules["liemech.simulation.integrate"], "_plans", {})
     monkeypatch.setattr(kernel, "_kept", collections.OrderedDict())
     monkeypatch.setattr(kernel, "stored", lambda *_, **__: None)
     return monkeypatch
@@ -53,6 +54,7 @@ class Clock:
         return self.now
 
 
+@pytest.mark.sample(6)
 @pytest.mark.parametrize("count", [None, 3, 19])
 @pytest.mark.parametrize("wait", [0.0, 0.002, 0.003])
 @pytest.mark.parametrize("every", [1, 7])

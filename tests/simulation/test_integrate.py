@@ -52,6 +52,7 @@ def test_plain_and_compiled(method: lm.Method) -> None:
     assert [run.compiled for run in runs] == [False, True]
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize("attitude", [True, False], ids=["mu, g", "mu"])
 @ALL
 @BOTH_WORLDS
@@ -121,6 +122,7 @@ def test_momentum_alone_has_the_same_bits(method: lm.Method, compiled: bool) -> 
     assert bare.g is None
 
 
+@pytest.mark.sample(6)
 @ALL
 @pytest.mark.parametrize("exponent", [-250, -100, 1, 250])
 def test_units_of_mass_and_time_change_no_bit(method: lm.Method, exponent: int) -> None:
@@ -241,6 +243,7 @@ FAILURES = {
 }
 
 
+@pytest.mark.sample(8)
 @pytest.mark.parametrize("every", [1, 3, 100])
 @pytest.mark.parametrize("how", FAILURES)
 @BOTH_WORLDS
@@ -275,6 +278,7 @@ def test_failures_are_the_same_plain_and_compiled() -> None:
     assert same_run(found[0][2], found[1][2])
 
 
+@pytest.mark.sample(6)
 @BOTH_WORLDS
 @pytest.mark.parametrize("how", FAILURES)
 @pytest.mark.parametrize("every", [1, 4])

@@ -140,6 +140,7 @@ def test_order_two_against_the_reference(method: lm.Method, scene: Any, numbers_
         assert slope([2.0 / n for n in counts], error) == pytest.approx(2.0, abs=0.1)
 
 
+@pytest.mark.sample(4)
 @BOTH
 @EVERYWHERE
 def test_order_two_of_momentum_and_configuration(method: LieVerlet, scene: Any) -> None:
@@ -220,6 +221,7 @@ def test_symmetries_of_gravity_in_space() -> None:
             assert report[name].largest < 3e-12
 
 
+@pytest.mark.sample(6)
 @METHODS
 @EVERYWHERE
 def test_a_way_back_undoes_a_way(method: lm.Method, scene: Any) -> None:
@@ -273,6 +275,7 @@ class Overlap(Potential):
         return total
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("group", [lm.SO(4), lm.Heisenberg(), lm.SL(2)], ids=repr)
 def test_order_two_on_other_groups(group: lm.LieGroup) -> None:
     """With a force that is derived, by definition -tr(a^T g hat(e_i))."""
@@ -315,6 +318,7 @@ def test_compositions_of_lie_verlet() -> None:
     assert run.drift()["vertical momentum"].verdict == "exact"
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(("method", "free"), [(VERLET, EXP), (VERLET_CAYLEY, CAYLEY)], ids=["exp", "Cayley"])
 def test_without_a_field_it_is_algorithm_1(method: lm.Method, free: lm.CovariantVariational) -> None:
     rng = np.random.default_rng(5)
@@ -349,6 +353,7 @@ def loaded_top(friction: float = 0.2, drive: float = 0.3) -> tuple[MechanicalSys
     return HeavyTop(top.inertia, top.weight, top.centre, load=Friction(friction, drive)), start
 
 
+@pytest.mark.sample(2)
 @METHODS
 def test_order_two_under_a_load(method: lm.Method) -> None:
     system, start = loaded_top()

@@ -1,4 +1,4 @@
-"""Poisson systems that were taken for others once."""
+"""Which forms, coordinates and charts a Poisson system is taken for, and which it is not."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Masses that are none, steps to a fold, methods reduced twice, joints that shear, constraints without equations, lost energies."""
+"""Where constrained systems end: masses that are none, folds, methods reduced twice, joints that shear, lost energies."""
 
 from __future__ import annotations
 

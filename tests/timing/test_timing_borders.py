@@ -1,4 +1,4 @@
-"""Time scales and time steps where ordinary calls went wrong once."""
+"""Where time scales and multiple time steps end: constraints, loads, poles, scales without a value."""
 
 from __future__ import annotations
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from scenes import slow
 
 import liemech as lm
 from liemech.command_line import main_job as job
@@ -157,7 +158,7 @@ def test_steps_in_fictive_time_are_explained(capsys: pytest.CaptureFixture[str])
 # ---------------------------------------------------------------- checks, and runs that cannot be saved
 
 
-@pytest.mark.parametrize("method", [lm.RATTLE(), lm.PoissonEuler(), lm.LieRATTLE()])
+@pytest.mark.parametrize("method", [lm.RATTLE(), lm.PoissonEuler(), slow(lm.LieRATTLE())])
 def test_methods_with_systems_of_their_own_are_checked(method: lm.Method) -> None:
     (report,) = _reports(method)
     assert report["order"].verdict == "holds" and not report.broken

@@ -1,0 +1,125 @@
+"""The reference: one page for each part of the library, with all its public names, written from what the library exports."""
+
+from __future__ import annotations
+
+import inspect
+import re
+import sys
+from pathlib import Path
+from typing import Any
+
+from docstrings import escaped, readable
+from sphinx.application import Sphinx
+from sphinx.pycode import ModuleAnalyzer
+
+import liemech
+
+PARTS = {
+    "simulation": ("Runs", "`integrate`, prepared runs, and what a run leaves behind."),
+    "groups": ("Groups", "Lie groups, their algebras, actions, coadjoint orbits and Poisson structures."),
+    "retractions": ("Retractions", "Maps from the algebra to the group."),
+    "systems": ("Systems", "What moves: groups and energies, bodies in fields, constraints, Poisson systems."),
+    "models": ("Models", "Systems that are ready: bodies, tops, pendulums, planets, lattices."),
+    "integrators": ("Methods", "One step each; `integrate` owns the loop."),
+    "tableaus": ("Tableaus", "Coefficients with names, sources and checks of their own."),
+    "checks": ("Checks", "Every law and every claim, on the classes you write."),
+    "plots": ("Pictures", "Matplotlib axes; every function draws one thing."),
+    "viewer": ("Viewer", "Moving pictures in the browser."),
+    "formulas": ("Formulas", "What formulas are made of: vectors, matrices, functions, derivatives."),
+    "errors": ("Errors", "All errors and warnings, in one tree."),
+}
+MODULES = ("tableaus", "plots", "viewer", "errors")
+"""Parts that are modules of their own: their names are `lm.plots.drift` and so on."""
+
+
+INDEX = """API reference
+=============
+
+Every public name, by the part of the library that it belongs to.
+
+.. toctree::
+   :maxdepth: 1
+
+"""
+
+
+def names(part: str) -> list[str]:
+    """The full names of what a part exports."""
+    if part in MODULES:
+        module = getattr(liemech, part)
+        own = getattr(module, "__all__", None) or [name for name, x in vars(module).items() if _is_from(x, module)]
+        return [f"liemech.{part}.{name}" for name in own if not name.startswith("_")]
+    return [f"liemech.{name}" for name in liemech.__all__ if _part(name) == part]
+
+
+def _is_from(thing: Any, module: Any) -> bool:
+    return getattr(thing, "__module__", "") == module.__name__
+
+
+def _part(name: str) -> str:
+    thing = getattr(liemech, name)
+    module = getattr(thing, "__module__", "") or ""
+    if inspect.ismodule(thing):
+        return ""
+    return module.split(".")[1] if module.startswith("liemech.") else "formulas"
+
+
+def _thing(full: str) -> Any:
+    path = full.split(".")[1:]
+    thing: Any = liemech
+    for name in path:
+        thing = getattr(thing, name)
+    return thing
+
+
+def constants(part: str) -> dict[str, str]:
+    """The texts under the constants of a part's files."""
+    found: dict[str, str] = {}
+    for module in [name for name in sys.modules if name.startswith(f"liemech.{part}.")]:
+        docs = ModuleAnalyzer.for_module(module).find_attr_docs()
+        found |= {name: "\n".join(lines).strip() for (scope, name), lines in docs.items() if not scope}
+    return found
+
+
+def row(full: str) -> list[str]:
+    """A name and the first sentence about it, whose full stop follows a letter or a sign, not a space as in g . x."""
+    about = " ".join((inspect.getdoc(_thing(full)) or "").split("\n\n")[0].split())
+    first = re.split(r"(?<=[^ .])\.(?= |$)", about)[0].rstrip(".:")
+    return [f"   * - :obj:`~{full}`", f"     - {escaped(first, None)}."]
+
+
+def page(part: str) -> str:
+    """One part: a table of its names, then each of them."""
+    title, about = PARTS[part]
+    everything = sorted(names(part), key=lambda full: full.rpartition(".")[2].lower())
+    documented = [full for full in everything if inspect.isclass(_thing(full)) or inspect.isroutine(_thing(full))]
+    data = [full for full in everything if full not in documented]
+    text = [title, "=" * len(title), "", about.replace("`", "``"), ""]
+    text += [".. list-table::", "", *[line for full in documented for line in row(full)], ""]
+    for full in documented:
+        kind = "autoclass" if inspect.isclass(_thing(full)) else "autofunction"
+        text += [f".. {kind}:: {full}", ""]
+    if data:
+        text += ["Constants", "---------", ""]
+        texts = constants(part)
+        for full in data:
+            name, value = full.rpartition(".")[2], _thing(full)
+            about = texts.get(name) or (f"``{value!r}`` {value.source}" if hasattr(value, "source") else "")
+            text += [f".. py:data:: {full}", "", *[f"   {line}" for line in readable(about.split("\n"), None)], ""]
+    return "\n".join(text)
+
+
+def write(app: Sphinx) -> None:
+    """The pages, where they have changed, and their index."""
+    folder = Path(app.srcdir) / "generated" / "api"
+    folder.mkdir(parents=True, exist_ok=True)
+    pages = {part: page(part) for part in PARTS} | {"index": INDEX + "".join(f"   {part}\n" for part in PARTS)}
+    for name, text in pages.items():
+        file = folder / f"{name}.rst"
+        if not file.exists() or file.read_text(encoding="utf-8") != text:
+            file.write_text(text, encoding="utf-8")
+
+
+def setup(app: Sphinx) -> dict[str, bool]:
+    app.connect("builder-inited", write)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -1,0 +1,65 @@
+"""Tables: many numbers of which a formula reads some, by an index that is known at run time only."""
+
+from __future__ import annotations
+
+import weakref
+from typing import Any
+
+import numpy as np
+
+from .numbers import StandIn
+
+
+class Table:
+    """Numbers that stay where they lie in memory, however many; `entry` reads one.
+
+    Native code is told the place and nothing else, so that tables of all lengths share one code, made in the same time.
+
+    place : the address in words of eight bytes, exact as a float.  content : the bytes; None in native code.
+    """
+
+    __slots__ = ("__weakref__", "array", "content", "place")
+
+    def __init__(self, numbers: Any) -> None:
+        self.content: Any = np.ascontiguousarray(numbers, dtype=np.float64).tobytes()
+        self.array: Any = np.frombuffer(self.content)
+        address = self.array.ctypes.data
+        self.place: Any = float(address // 8)
+        if address % 8 or int(self.place) * 8 != address:  # no Python does so
+            raise MemoryError(f"a table of {len(self.array)} numbers lies at {address:#x}, which native code cannot use")
+        _alive[self.place] = self
+
+    @staticmethod
+    def at(place: Any) -> Table:
+        """The table that lies here; in native code one of which nothing else is known."""
+        if not isinstance(place, StandIn):
+            return _alive[place]
+        made = object.__new__(Table)
+        made.content, made.array, made.place = None, None, place
+        return made
+
+    def __len__(self) -> int:
+        return len(self.array)
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
+        return self.array if dtype is None and not copy else np.array(self.array, dtype=dtype)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Table, (np.array(self.array),)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Table) and self.content == other.content
+
+    def __hash__(self) -> int:
+        return hash(self.content)
+
+    def __repr__(self) -> str:
+        return f"Table({len(self)} numbers)"
+
+
+_alive: weakref.WeakValueDictionary[float, Table] = weakref.WeakValueDictionary()
+
+
+def entry(table: Table, i: Any) -> Any:
+    """Number i of a table, 0 <= i < len(table), which is not checked."""
+    return table.array.item(i)

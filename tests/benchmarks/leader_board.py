@@ -1,0 +1,53 @@
+"""The leader board: for each problem and error this library's quickest method beside the quickest one of any other package.
+
+    python tests/benchmarks/leader_board.py         # writes docs/leader_board.md from what work_precision.py has measured
+"""
+
+import json
+from pathlib import Path
+
+from work_precision import TARGETS, winners
+
+HERE = Path(__file__).parent
+PAGE = HERE.parent.parent / "docs" / "leader_board.md"
+OURS = ("liemech", "liemech, symplectic")
+HEAD = """# Leader board
+
+For each problem and each error the quickest method of this library, and the quickest one of any other package. The
+ratio is our time over theirs: below one we are ahead. Times are of a whole call, as
+[work and precision](work_precision.md) explains; that page has all packages and what each of them integrates.
+Measured with {versions}.
+
+`python tests/benchmarks/work_precision.py` measures, `python tests/benchmarks/leader_board.py` writes this page.
+
+| problem | error | liemech, ms | best other package, ms | ratio | |
+| --- | --- | --- | --- | --- | --- |
+"""
+TAIL = """
+## What stands in the way
+
+The calls. Of our time about 0.1 ms is the call, which checks its arguments and builds a run out of Python objects; the
+steps take less than that. [Prepared runs](prepared_runs.md) pay for it once. They are not in this table, which calls
+every package as its users do. These are short runs. After a long time, where energy and Casimirs count, the order is
+another one: [energy after a long time](work_precision.md#energy-after-a-long-time).
+"""
+
+
+def page(measured: dict) -> str:
+    """The page, of what was measured."""
+    text = HEAD.format(versions=", ".join(f"{name} {version}" for name, version in measured["versions"].items()))
+    for problem, curves in measured["curves"].items():
+        best = winners(curves, sorted({curve["package"] for curve in curves}))
+        for target in TARGETS:
+            ours = min((best[p][target] for p in OURS if best.get(p, {}).get(target)), default=None)
+            others = [(cell[target][0], p) for p, cell in best.items() if p not in OURS and cell[target]]
+            theirs = min(others, default=None)
+            cells = [f"{1e3 * t[0]:.2g} ({t[1]})" if t else "not reached" for t in (ours, theirs)]
+            ratio = f"{ours[0] / theirs[0]:.2g}" if ours and theirs else ""
+            ahead = ours and (not theirs or ours[0] < theirs[0])
+            text += f"| {problem} | {target:.0e} | {cells[0]} | {cells[1]} | {ratio} | {'🟢 ahead' if ahead else '🔴 behind'} |\n"
+    return text.replace("e-0", "e-") + TAIL
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page(json.loads((HERE / "work_precision.json").read_text(encoding="utf-8"))), encoding="utf-8")

@@ -1,0 +1,54 @@
+"""What 31 digits cost: a step in numbers of two doubles beside one in ordinary numbers.
+
+    python tests/benchmarks/precision.py [--quick] [--out results.json]
+"""
+
+from typing import Any
+
+import harness
+import numpy as np
+
+import liemech as lm
+
+BODY, TOP = lm.RigidBody([1.0, 1.6, 2.3]), lm.LagrangeTop(transverse=1.0, axial=0.5, weight=1.0, length=1.0)
+GALAXY, ROD = lm.HenonHeiles(), lm.SphericalPendulum()
+SCENES = {
+    "free body, momentum": (BODY, BODY.state([0.3, 0.8, -0.5]), 0.1),
+    "free body, attitude too": (BODY, BODY.state([0.3, 0.8, -0.5], np.eye(3)), 0.1),
+    "Lagrange top": (TOP, TOP.state([0.1, 0.2, 1.5], lm.SO3().exp([0.3, 0.0, 0.0])), 0.02),
+    "galaxy": (GALAXY, GALAXY.state([0.0, 0.1], [0.5, 0.0]), 0.1),
+    "rod": (ROD, ROD.state([0.0, 0.0, -1.0], [0.4, 1.5, 0.0]), 0.05),
+}
+CASES = [
+    *((lm.CovariantVariational(r), name) for r in (lm.Cayley(), lm.Exponential()) for name in list(SCENES)[:2]),
+    (lm.RKMK(4), "free body, momentum"),
+    (lm.LieVerlet(lm.Cayley()), "Lagrange top"),
+    (lm.StormerVerlet(), "galaxy"),
+    (lm.Splitting(order=8), "galaxy"),
+    (lm.RATTLE(), "rod"),
+]
+
+
+def main() -> None:
+    out, (repetitions, _) = harness.options(__doc__, "precision_benchmark.json")
+    duration = 0.02  # a call takes as long as hundreds of steps
+    rows: list[dict[str, Any]] = []
+    for method, scene in CASES if repetitions > 15 else CASES[:1]:
+        system, start, h = SCENES[scene]
+        runs: dict[str, harness.Run] = {}
+        for digits in ("double", "double-double"):
+            plan = lm.Plan(system, method, h, every=10**9, precision=digits, compiled=True, progress=False)
+            runs[digits] = lambda n, plan=plan: plan.run(start, steps=n)  # noqa: B023
+        times = harness.measure(runs, repetitions=min(repetitions, 25), duration=duration)
+        ratio = times["double-double"].over(times["double"])
+        rows.append({"method": method.name, "scene": scene, "ratio": ratio, **{k: t.median for k, t in times.items()}})
+    harness.table(
+        "ns a step",
+        ["method", "scene", "double", "double-double", "ratio"],
+        [[r["method"], r["scene"], f"{r['double']:.0f}", f"{r['double-double']:.0f}", f"{r['ratio']:.1f}"] for r in rows],
+    )
+    harness.write(out, {"steps": rows})
+
+
+if __name__ == "__main__":
+    main()

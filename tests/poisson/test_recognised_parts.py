@@ -1,0 +1,114 @@
+"""Parts of an energy are recognised by what their formulas do at all points, not at those that somebody tried."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import liemech as lm
+from liemech.formulas import copysign, cos, exp, sqrt, where
+
+NARROW = 1e-9
+"""The width of what no probe hits."""
+
+
+@lm.record
+class Potential(lm.Hamiltonian):
+    """A spring, q^2/2, with something very narrow or far away: V(q) all the same."""
+
+    kind: str
+
+    def energy(self, y: lm.Vec) -> Any:
+        q, p = y
+        spring = 0.5 * q * q
+        if self.kind == "where":
+            return spring + where(abs(q - 0.7) < NARROW, p * q, 0.0)
+        if self.kind == "if":
+            return spring + p * q if 0.7 < q < 0.7 + NARROW else spring
+        if self.kind == "max":
+            return spring + p * max(0.0, q - 1e9)
+        if self.kind == "abs":
+            return spring + p * (abs(q - 1e9) - (1e9 - q))
+        if self.kind == "sign":
+            return spring + p * (1.0 + copysign(1.0, q - 1e9))
+        if self.kind == "floor":
+            return spring + p * (q // 1e9) * (q // -1e9)
+        if self.kind == "equal":
+            return spring + (p if q == 0.7 else 0.0)
+        if self.kind == "loop":
+            n = 0
+            while q > 1e9 + n:
+                n = n + 1
+            return spring + n * p
+        return spring + self.smooth(q)
+
+    def smooth(self, q: Any) -> Any:
+        return 0.1 * cos(q) + exp(-q * q) + sqrt(1.0 + q**2) + q**4 / (2.0 + q**2.0)
+
+
+def why(part: lm.Hamiltonian) -> str:
+    return lm.PoissonSystem(lm.Canonical(1), part).unknown_motion()
+
+
+@pytest.mark.parametrize("kind", ["where", "if", "max", "abs", "sign", "floor", "equal", "loop"])
+def test_what_a_formula_does_somewhere_else_is_not_missed(kind: str) -> None:
+    assert "is not known: its formula need not be the same at all points (it depends on a comparison" in why(Potential(kind))
+
+
+def test_smooth_formulas_are_recognised() -> None:
+    assert not why(Potential("smooth"))
+
+
+def test_a_part_with_a_wall_says_what_it_is() -> None:
+    """A ball between soft walls: half a turn of frequency 10 in the wall at 1, half a turn in that at -1."""
+
+    @lm.record
+    class Walls(lm.Hamiltonian):
+        def energy(self, y: lm.Vec) -> Any:
+            off = abs(y[0]) - 1.0
+            return where(off > 0.0, 50.0 * off * off, 0.0)
+
+    @lm.record
+    class Kinetic(lm.Hamiltonian):
+        def energy(self, y: lm.Vec) -> Any:
+            return 0.5 * y[1] * y[1]
+
+    def system(walls: lm.Hamiltonian) -> Any:
+        return lm.PoissonSystem(lm.Canonical(1), lm.SplitHamiltonian((Kinetic(), walls)))
+
+    with pytest.raises(lm.errors.IncompatibleSystem, match="Straight"):
+        lm.Splitting(order=2).require(system(Walls()))
+    for walls in (lm.Straight(Walls()), lm.OfCoordinate(Walls(), 0)):
+        ball = system(walls)
+        run = lm.integrate(ball, lm.Splitting(order=2), ball.state([0.0, 1.0]), h=0.01, steps=400, compiled=False, progress=False)
+        assert run.y[-1] == pytest.approx([-np.pi / 5.0, 1.0], abs=5e-3)
+
+
+def test_splittings_of_nystroems_kind_need_formulas_that_are_the_same_everywhere() -> None:
+    """T is of second degree at every probe and of the fourth in a narrow layer: order conditions of all parts are wanted."""
+
+    @lm.record
+    class Kinetic(lm.Hamiltonian):
+        layer: float
+
+        def energy(self, y: lm.Vec) -> Any:
+            square = 0.5 * y[1] * y[1]
+            return square + y[1] ** 4 if self.layer and 0.7 < y[1] < 0.7 + self.layer else square
+
+    def quadratic(layer: float) -> bool:
+        parts = lm.Straight(Kinetic(layer)), Potential("smooth")
+        return lm.PoissonSystem(lm.Canonical(1), lm.SplitHamiltonian(parts)).quadratic
+
+    assert quadratic(0.0) and not quadratic(NARROW)
+
+
+def test_a_separable_system_is_quadratic_at_all_momenta_or_not() -> None:
+    @lm.record
+    class Layered(lm.HenonHeiles):
+        def kinetic(self, p: lm.Vec) -> Any:
+            square = 0.5 * lm.dot(p, p)
+            return square + p[0] ** 4 if 0.7 < p[0] < 0.7 + NARROW else square
+
+    assert lm.HenonHeiles().quadratic and not Layered().quadratic

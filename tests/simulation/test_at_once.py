@@ -1,0 +1,160 @@
+"""Short runs in one native call, and plans that share what is prepared with systems of other numbers."""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+import pickle
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+import pytest
+
+import liemech as lm
+from liemech.errors import IncompatibleSystem, IntegrationFailure, InvalidInput
+from liemech.formulas.pytree import compensated, gatherer, layout_of, leaves
+from liemech.simulation.fixed_run import FixedRun
+
+RKMK4 = lm.RKMK(order=4)
+MOMENTA = ([0.5, 0.0, 0.75**0.5], [0.1, -0.9, 0.3])
+GAIN = 1.0
+
+
+@lm.record
+class Gained(lm.Hamiltonian):
+    """A Hamiltonian that reads a number from outside."""
+
+    inverse: lm.Vec
+
+    def energy(self, mu: lm.Vec) -> float:
+        return GAIN * 0.5 * lm.dot(mu, self.inverse * mu)
+
+    def gradient(self, mu: lm.Vec) -> lm.Vec:
+        return GAIN * (self.inverse * mu)
+
+
+def body(x: float) -> lm.RigidBody:
+    return lm.RigidBody([1.0, 1.5 + x, 2.0])
+
+
+@pytest.mark.parametrize(
+    "value",
+    [
+        body(0.0),
+        body(0.0).state(mu=MOMENTA[0], g=np.eye(3)),
+        compensated(body(0.0).state(mu=MOMENTA[0], g=np.eye(3))),
+        (1.0, lm.vec(2.0, 3.0), (lm.mat(lm.vec(4.0, 5.0), lm.vec(6.0, 7.0)), 8)),
+        [lm.vec(1.0, 2.0), 3.0],
+        lm.RigidBody(np.diag([1.0, 1.5, 2.0]) + 0.1),
+        lm.SO3(),
+    ],
+)
+def test_numbers_gathered_are_the_leaves(value: Any) -> None:
+    layout = layout_of(value)
+    assert gatherer(layout)(value) == leaves(value, layout)
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("every", [1, 4])
+def test_a_short_run_is_the_run_in_pieces(every: int) -> None:
+    """Whoever steps, all fields are the same; and so is what goes on from them."""
+    one = body(0.0)
+    plan = lm.Plan(one, RKMK4, 0.1, every=every, compiled=True)
+    start = one.state(mu=MOMENTA[0])
+    plan.run(start, steps=4)
+    short = plan.run(start, steps=20, t0=0.3)
+    pieces = FixedRun(plan._steps, start, 20, 0.3).trajectory()
+    assert "_rest" in vars(short)  # nothing of it was made yet
+    for name in ("system", "method", "h", "bodies", "steps", "compiled", "rejected", "dense", "events"):
+        assert getattr(short, name) == getattr(pieces, name)
+    assert np.array_equal(short.t, pieces.t) and np.array_equal(short.mu, pieces.mu) and not short.stopped
+    for run in (short, pickle.loads(pickle.dumps(short)), copy.copy(short), dataclasses.replace(short, compiled=True)):
+        on = plan.resume(run, steps=8)
+        assert np.array_equal(on.mu, plan.resume(pieces, steps=8).mu)
+        assert np.array_equal(plan.step(run.carry, 8).last, on.mu[-1])
+    odd = plan.run(start, steps=7, t0=0.3)
+    assert np.array_equal(odd.mu[-1], plan.run(start, steps=7).mu[-1])
+    assert np.array_equal(plan.resume(odd, steps=13).mu[-1], short.mu[-1])
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("method", [RKMK4, lm.CovariantVariational(lm.Cayley())], ids=["RKMK4", "Algorithm 1"])
+def test_bodies_of_one_layout_share_a_plan_and_nothing_else(method: lm.Method) -> None:
+    plans = {x: lm.Plan(body(x), method, 0.1, compiled=False) for x in (0.0, 0.1, 0.2)}
+    plain = {x: plan.run(body(x).state(mu=MOMENTA[0]), steps=9).mu for x, plan in plans.items()}
+    first = lm.Plan(body(0.0), method, 0.1, compiled=True)
+    for x in (0.0, 0.1, 0.2, 0.0, 0.1):
+        for mu in (
+            lm.integrate(body(x), method, body(0.0).state(mu=MOMENTA[0]), h=0.1, steps=9, compiled=True).mu,
+            first.replace(system=body(x)).run(body(x).state(mu=MOMENTA[0]), steps=9).mu,
+        ):
+            assert np.array_equal(mu, plain[x])
+    assert first.replace(system=body(0.1)).system.inertia == body(0.1).inertia and first.system.inertia == body(0.0).inertia
+
+
+@pytest.mark.compiled
+def test_a_carry_of_another_body_is_refused() -> None:
+    first = lm.Plan(body(0.0), RKMK4, 0.1, compiled=True)
+    carry = first.begin(body(0.0).state(mu=MOMENTA[0]))
+    with pytest.raises(InvalidInput, match="another system"):
+        first.replace(system=body(0.1)).step(carry)
+    with pytest.raises(IncompatibleSystem):
+        lm.Plan(body(0.0), RKMK4, 0.1).replace(method=lm.RATTLE())
+
+
+@pytest.mark.compiled
+def test_what_formulas_read_is_seen_by_new_systems_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    def last(compiled: bool) -> Any:
+        system = lm.LiePoissonSystem(lm.SO3(), Gained([1.0, 0.5, 0.4]))
+        return lm.integrate(system, RKMK4, system.state(mu=MOMENTA[1]), h=0.1, steps=5, compiled=compiled).mu[-1]
+
+    before = last(True)
+    assert np.array_equal(before, last(True)) and np.array_equal(before, last(False))
+    monkeypatch.setitem(globals(), "GAIN", 1.25)
+    assert np.array_equal(last(True), last(False)) and not np.array_equal(last(True), before)
+
+
+@lm.record
+class Fenced(lm.RKMK):
+    """Steps that end where mu_2 becomes large."""
+
+    def step(self, system: Any, t: float, state: Any, h: float) -> Any:
+        if state.mu[1] > 0.6:
+            raise ValueError("beyond the fence")
+        return super().step(system, t, state, h)
+
+
+@pytest.mark.compiled
+def test_a_short_run_that_fails_says_where() -> None:
+    """Native code comes to a step that fails; plain Python says why, after the samples that went through."""
+    one, said = body(0.0), []
+    start = one.state(mu=[0.3, 0.4, 0.75])
+    for compiled in (True, False):
+        plan = lm.Plan(one, Fenced(order=4), 0.1, compiled=compiled)
+        plan.run(start, steps=1)
+        with pytest.raises(IntegrationFailure, match="beyond the fence") as caught:
+            plan.run(start, steps=200)
+        run = caught.value.trajectory
+        assert 1 < run.steps < 200 and np.all(run.mu[:-1, 1] <= 0.6) and run.mu[-1, 1] > 0.6
+        with pytest.raises(IntegrationFailure, match="beyond the fence"):
+            plan.step(plan.begin(start), 200)
+        said.append((str(caught.value), run.steps, run.mu.tobytes()))
+    assert said[0] == said[1]
+
+
+@pytest.mark.compiled
+def test_threads_may_share_a_plan_and_a_run() -> None:
+    one = body(0.0)
+    plan = lm.Plan(one, RKMK4, 0.1, compiled=True)
+    starts = one.state(mu=np.random.default_rng(3).normal(size=(8, 3)))
+    singles = [one.state(mu=mu) for mu in np.asarray(starts.mu)]
+    wanted = [plan.run(start, steps=50).mu for start in singles]
+    shared = [plan.run(start, steps=50) for start in singles]
+
+    def look(_: int) -> bool:
+        again = all(np.array_equal(plan.run(start, steps=50).mu, mu) for start, mu in zip(singles * 5, wanted * 5, strict=True))
+        return again and all(np.array_equal(run.mu, mu) for run, mu in zip(shared, wanted, strict=True))
+
+    with ThreadPoolExecutor(4) as pool:
+        assert all(pool.map(look, range(8)))

@@ -1,0 +1,201 @@
+"""Steps in numbers of two doubles: structure and ways back to 30 digits, the samples of ordinary steps, the same bits natively."""
+
+from __future__ import annotations
+
+import json
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import mpmath as mp
+import numpy as np
+import pytest
+from scenes import CAYLEY, EXP, asymmetric_body, heavy_top, named, same_bits
+
+import liemech as lm
+from liemech.errors import InvalidInput, InvalidType
+from liemech.formulas import acos, asin, atan2, cbrt, cos, exp, log, sin, sqrt, tanh
+from liemech.formulas.double_double import DoubleDouble
+from liemech.formulas.pytree import build, double_double, layout_of, leaves
+from liemech.groups import rotation_coefficients
+
+PENDULUM = json.loads((Path(__file__).parent.parent / "reference" / "pendulum.json").read_text())
+
+
+def exactly(x: DoubleDouble) -> mp.mpf:
+    return mp.mpf(x.value) + mp.mpf(x.low)
+
+
+def numbers(count: int) -> list[DoubleDouble]:
+    """Numbers of all signs and of sizes from 1e-3 to 1e2, with words of their own."""
+    rng = np.random.default_rng(5)
+    sizes = rng.choice([-1.0, 1.0], count) * 10.0 ** rng.uniform(-3, 2, count)
+    return [DoubleDouble(x, 0.0) + 1e-17 * x * w for x, w in zip(sizes.tolist(), rng.uniform(-1, 1, count).tolist(), strict=True)]
+
+
+def test_arithmetic_has_31_digits() -> None:
+    with mp.workdps(60):
+        for a, b in zip(numbers(200), numbers(400)[200:], strict=True):
+            A, B = exactly(a), exactly(b)
+            x = b.value
+            for got, want, size in (
+                (a + b, A + B, abs(A) + abs(B)),
+                (a - x, A - x, abs(A) + abs(x)),
+                (x - a, x - A, abs(A) + abs(x)),
+                (a * b, A * B, abs(A * B)),
+                (x * a, x * A, abs(x * A)),
+                (a / b, A / B, abs(A / B)),
+                (a / x, A / x, abs(A / x)),
+                (x / a, x / A, abs(x / A)),
+                (a**3, A**3, abs(A**3)),
+                (abs(a) ** 1.5, abs(A) ** mp.mpf(1.5), 10 * abs(A) ** mp.mpf(1.5)),
+            ):
+                assert abs(exactly(got) - want) < mp.mpf(2) ** -103 * size
+
+
+def test_elementary_functions_have_31_digits() -> None:
+    """sqrt, cbrt, exp, log, sines, their inverses, relative to the function, or to the angle where that is lost in it."""
+    with mp.workdps(60):
+        for a in numbers(100):
+            A, s = exactly(a), a / (abs(a) + 1.0)
+            S = exactly(s)
+            for got, want, size in (
+                (sin(a), mp.sin(A), max(abs(mp.sin(A)), abs(A))),
+                (cos(a), mp.cos(A), max(abs(mp.cos(A)), abs(A))),
+                (exp(a), mp.exp(A), (1 + abs(A)) * mp.exp(A)),
+                (tanh(a), mp.tanh(A), abs(mp.tanh(A))),
+                (cbrt(a), mp.sign(A) * mp.cbrt(abs(A)), mp.cbrt(abs(A))),
+                (sqrt(abs(a)), mp.sqrt(abs(A)), mp.sqrt(abs(A))),
+                (log(abs(a)), mp.log(abs(A)), abs(mp.log(abs(A)))),
+                (asin(s), mp.asin(S), abs(mp.asin(S))),
+                (acos(s), mp.acos(S), abs(mp.acos(S))),
+                (atan2(a, s), mp.atan2(A, S), abs(mp.atan2(A, S))),
+            ):
+                assert abs(exactly(got) - want) < mp.mpf(2) ** -101 * size
+
+
+@pytest.mark.parametrize("theta", [1e-9, 0.3, 0.9999, 1.0001, 3.0, 6.2])
+def test_coefficients_of_rotations_have_28_digits(theta: float) -> None:
+    """On both sides of where series end."""
+    x = DoubleDouble(theta, 0.0) * theta
+    with mp.workdps(80):
+        t = mp.sqrt(exactly(x))
+        cot = t / 2 * mp.cot(t / 2)
+        sinc, versine, segment = mp.sin(t) / t, (1 - mp.cos(t)) / t**2, (t - mp.sin(t)) / t**3
+        wanted = (
+            *(sinc, versine, segment, (segment - versine) / 2),
+            *((sinc - 2 * versine) / (2 * t**2), (versine - 3 * segment) / (2 * t**2)),
+            *((1 - cot) / t**2, ((cot**2 - cot + t**2 / 4) / 2 - (1 - cot)) / t**4),
+        )
+        got = *rotation_coefficients.all_coefficients(x), *rotation_coefficients.bernoulli_coefficients(x)
+        for a, b in zip(got, wanted, strict=True):
+            assert abs(exactly(a) - b) < mp.mpf(10) ** -28 * abs(b)
+        assert rotation_coefficients.exp_coefficients(x)[1] == got[1]
+
+
+def pendulum() -> tuple[Any, Any]:
+    system = lm.Pendulum()
+    return system, system.state(0.9, 0.3)
+
+
+def rod() -> tuple[Any, Any]:
+    system = lm.SphericalPendulum()
+    return system, system.state([0.0, 0.0, -1.0], [0.4, 1.5, 0.0])
+
+
+def four() -> tuple[Any, Any]:
+    system = lm.LiePoissonSystem(lm.SO(4), lm.KineticEnergy([1.0, 1.3, 0.8, 1.1, 0.9, 1.4]))
+    return system, system.state([0.6, -0.5, 0.4, 0.7, 0.3, -0.2], lm.SO(4).random(1))
+
+
+CASES = [
+    (EXP, asymmetric_body),
+    (CAYLEY, asymmetric_body),
+    (lm.Composition(CAYLEY, order=4), asymmetric_body),
+    (lm.LieVerlet(lm.Cayley()), heavy_top),
+    (CAYLEY, four),
+    (EXP, four),
+    (lm.StormerVerlet(), pendulum),
+    (lm.Splitting(order=6), pendulum),
+    (lm.RATTLE(), rod),
+    (lm.ImplicitMidpoint(), asymmetric_body),
+    (lm.LiePoissonHamiltonJacobi(4, lm.Cayley()), asymmetric_body),
+]
+
+
+@pytest.mark.parametrize("method, scene", CASES, ids=lambda x: named(x) if isinstance(x, lm.Method) else x.__name__)
+def test_the_way_back_ends_where_it_began_to_26_digits(method: Any, scene: Any) -> None:
+    """Three steps of h and three of -h of a symmetric method; ordinary numbers show the same samples to rounding."""
+    system, start = scene()[:2]
+    plan = lm.Plan(system, method, 0.05, compiled=False)
+    plain, run = (p.run(start, steps=3) for p in (plan, plan.replace(precision="double-double")))
+    for name, x in plain.states.items():
+        assert np.abs(x - run.states[name]).max() < 3e-15
+    memory = build(run.carry.shape.layout, iter(run.carry.numbers[:-1, 0].tolist()))
+    memory = double_double(method.start(system, method.observe(memory), -0.05))
+    for _ in range(3):
+        memory = double_double(method.step(system, 0.0, memory, -0.05))
+    end = method.observe(memory)
+    words = np.array(leaves(end, layout_of(end))).reshape(-1, 2)
+    begun = np.array(leaves(start, layout_of(start)))
+    assert np.abs((words[:, 0] - begun) + words[:, 1]).max() < 1e-26
+
+
+@pytest.mark.compiled
+def test_native_code_has_the_same_bits_and_keeps_the_structure() -> None:
+    """Casimir, spatial momentum and orthogonality over 20,000 steps, from both words; resumed, and in an ensemble."""
+    body, start = asymmetric_body()
+    plan = lm.Plan(body, CAYLEY, 0.1, precision="double-double", every=50)
+    plain, native = (plan.replace(compiled=c).run(start, steps=100) for c in (False, True))
+    assert same_bits(plain.mu, native.mu)
+    assert same_bits(plain.carry.numbers, native.carry.numbers)
+    half = plan.replace(compiled=True).run(start, steps=50)
+    assert same_bits(plan.replace(compiled=True).resume(half, steps=50).carry.numbers, native.carry.numbers)
+    run = plan.replace(compiled=True, every=20_000).run(start, steps=20_000)
+    casimir, space, unit = defects(run, start)
+    assert max(casimir, space, unit) < 1e-28
+
+
+def defects(run: Any, start: Any) -> tuple[float, float, float]:
+    """How much of |mu|^2, of the momentum in space and of g g^T was lost, in exact arithmetic on both words."""
+    words = [Fraction(x) for x in run.carry.numbers[:24, 0].tolist()]
+    x = [words[i] + words[i + 1] for i in range(0, 24, 2)]
+    mu, g = x[:3], [x[3 + 3 * i : 6 + 3 * i] for i in range(3)]
+    mu0 = [Fraction(float(v)) for v in start.mu]
+    g0 = [[Fraction(float(v)) for v in row] for row in np.asarray(start.g)]
+    space, space0 = ([sum(a * b for a, b in zip(row, m, strict=True)) for row in m_g] for m_g, m in ((g, mu), (g0, mu0)))
+    gram, gram0 = ([[sum(m[i][k] * m[j][k] for k in range(3)) for j in range(3)] for i in range(3)] for m in (g, g0))
+    return (
+        abs(float(sum(a * a for a in mu) / sum(a * a for a in mu0) - 1)),
+        max(abs(float(a - b)) for a, b in zip(space, space0, strict=True)),
+        max(abs(float(a - b)) for r, s in zip(gram, gram0, strict=True) for a, b in zip(r, s, strict=True)),
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.compiled
+@pytest.mark.parametrize("method", [EXP, CAYLEY, lm.LiePoissonHamiltonJacobi(4, lm.Cayley())], ids=named)
+def test_a_million_steps_lose_nothing_of_the_structure(method: lm.Method) -> None:
+    body, start = asymmetric_body()
+    run = lm.integrate(body, method, start, h=0.1, steps=10**6, every=10**6, precision="double-double")
+    assert max(defects(run, start)) < 1e-27
+
+
+def test_what_has_16_digits_only_is_refused() -> None:
+    body, start = asymmetric_body()
+    with pytest.raises(InvalidType, match="power series"):
+        lm.integrate(body, lm.Taylor(order=6), start, h=0.1, steps=2, precision="double-double", compiled=False)
+    with pytest.raises(InvalidType, match="16 digits only; take Cayley"):
+        lm.integrate(body, lm.ExactFreeBody(), start, h=0.1, steps=2, precision="double-double", compiled=False)
+
+
+def test_choices_of_precision() -> None:
+    body, start = asymmetric_body()
+    with pytest.raises(InvalidInput, match="precision is 'double' or 'double-double'; got 'quad'"):
+        lm.integrate(body, CAYLEY, start, h=0.1, steps=2, precision="quad")
+    with pytest.raises(InvalidInput, match="need no compensated sums"):
+        lm.integrate(body, CAYLEY, start, h=0.1, steps=2, precision="double-double", compensated=True)
+    with pytest.raises(InvalidInput, match="steps of one length"):
+        lm.integrate(body, lm.RKMK(order=5), start, t_end=1.0, precision="double-double")
+    with pytest.raises(TypeError, match="two doubles cannot become a float"):
+        float(DoubleDouble(1.0, 0.0))

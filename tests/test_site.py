@@ -1,0 +1,59 @@
+"""What the rendered documentation relies on, as far as it can be told without rendering it; `.ci/run` renders it."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+DOCS = ROOT / "docs"
+
+
+def test_every_page_is_in_the_lists_of_the_first_page() -> None:
+    spec = importlib.util.spec_from_file_location("contents", DOCS / "site" / "contents.py")
+    assert spec is not None and spec.loader is not None
+    contents = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(contents)
+    groups = contents.groups((DOCS / "index.md").read_text(encoding="utf-8"))
+    assert all(groups), "a page is linked from a list above the first heading"
+    listed = [page for pages in groups.values() for page in pages if not page.startswith("generated/")]
+    pages = {str(page.relative_to(DOCS).with_suffix("")) for page in DOCS.rglob("*.md")} - {"index"}
+    assert sorted(listed) == sorted(pages)
+
+
+@pytest.mark.parametrize("name", ["verification", "equations"])
+def test_tests_that_the_pages_name_exist(name: str) -> None:
+    text = (DOCS / f"{name}.md").read_text(encoding="utf-8")
+    named = re.findall(r"`(?:tests/)?([a-z_]+/[\w/]*test_\w+\.py|test_\w+\.py)(?:::(\w+))?`", text)
+    assert len(named) > 30
+    for file, function in named:
+        path = ROOT / "tests" / file
+        assert path.exists(), f"{name}.md names {file}, which does not exist"
+        if function:
+            assert f"def {function}(" in path.read_text(encoding="utf-8"), f"{name}.md names {function} in {file}"
+
+
+def test_every_link_to_a_term_of_the_glossary_finds_it() -> None:
+    terms = re.findall(r"^### (.+)$", (DOCS / "glossary.md").read_text(encoding="utf-8"), flags=re.MULTILINE)
+    assert len(terms) == len(set(terms))
+    anchors = {re.sub(r"[^\w -]", "", term.lower()).replace(" ", "-") for term in terms}
+    for page in DOCS.rglob("*.md"):
+        text = page.read_text(encoding="utf-8")
+        links = re.findall(r"glossary\.md#([\w-]+)", text) + (re.findall(r"\(#([\w-]+)\)", text) if page.stem == "glossary" else [])
+        assert set(links) <= anchors, f"{page.name}: no such terms: {sorted(set(links) - anchors)}"
+
+
+def test_every_row_of_a_table_has_as_many_cells_as_its_head() -> None:
+    """A bar inside a cell parts it, in code too, unless a backslash stands before it; what is too much is not shown."""
+    for page in [ROOT / "README.md", *DOCS.rglob("*.md")]:
+        cells = None
+        for number, line in enumerate(page.read_text(encoding="utf-8").splitlines(), start=1):
+            if not line.startswith("|"):
+                cells = None
+                continue
+            here = len(re.split(r"(?<!\\)\|", line.strip())) - 2
+            cells = cells or here
+            assert here == cells, f"{page.name}, line {number}: {here} cells under a head of {cells}"

@@ -1,0 +1,99 @@
+"""Linkages and rolling bodies in pictures: joints stay together, boxes have the size of the bodies, rods keep their length."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import liemech as lm
+from liemech.command_line.scenes import SCENES
+from liemech.errors import InvalidInput
+from liemech.models.poses import rotated
+from liemech.viewer import Links, Motion, Scene
+from liemech.viewer.links import principal_box
+
+models: Any = lm
+
+
+def rods(count: int = 3) -> Motion:
+    """Poses of a chain whose joints hold, at four times; no equation is solved."""
+    chain, rng = models.chain(count, length=0.8), np.random.default_rng(3)
+    poses = np.tile(np.eye(4), (4, count, 1, 1))
+    for pose in poses:
+        top = np.zeros(3)
+        for link in pose:
+            link[:3, :3] = lm.SO3().exp(rng.normal(size=3))
+            link[:3, 3] = top - 0.4 * link[:3, 2]
+            top = top - 0.8 * link[:3, 2]
+    return Motion(chain, np.arange(4.0), {"g": poses.reshape(4, -1)})
+
+
+def test_joints_of_two_bodies_are_in_one_place() -> None:
+    (panel,) = Scene(rods()).panels()
+    nodes = {path.partition("run 1/")[2]: node for path, node in panel.nodes.items()}
+
+    def seen(body: int, joint: int) -> np.ndarray:
+        node, at = nodes[f"link {body}"], nodes[f"link {body}/joint {joint}"].still["position"]
+        return node.moving["position"] + rotated(node.moving["quaternion"], at)
+
+    # a rod holds the one above it first; its own lower end belongs to the joint of the next one
+    assert np.abs(seen(1, 2) - seen(2, 1)).max() < 1e-14
+    assert np.abs(seen(2, 2) - seen(3, 1)).max() < 1e-14
+    assert np.abs(seen(1, 1) - panel.nodes["panel 1/support 1"].still["position"]).max() < 1e-14
+    inside = np.concatenate([node.moving["position"] for node in nodes.values() if "position" in node.moving])
+    assert np.linalg.norm(inside, axis=1).max() < 1.0
+    assert len(nodes["trail"].moving["reveal"]) == 4
+
+
+def test_the_box_of_a_link_has_its_size() -> None:
+    edges, mass = np.array([0.3, 0.5, 0.9]), 2.5
+    J = mass * ((edges**2).sum() - edges**2) / 12.0
+    R = np.array(lm.SO3().exp([0.4, -0.3, 0.5]))
+    assert principal_box(lm.Link(mass, J))[1] == pytest.approx(edges, rel=1e-14)
+    axes, found = principal_box(lm.Link(mass, R @ np.diag(J) @ R.T))
+    assert np.sort(found) == pytest.approx(edges, rel=1e-12)
+    assert np.linalg.det(axes) == pytest.approx(1.0) and axes * found**2 @ axes.T == pytest.approx(R * edges**2 @ R.T)
+    assert principal_box(lm.Link.rod(1.3, 0.8, 0.05))[1][2] == pytest.approx(0.8, rel=1e-14)
+
+
+def test_rods_of_a_four_bar_linkage_keep_their_length_and_stand_on_their_supports() -> None:
+    scene = SCENES["four-bar"]()
+    run = lm.integrate(scene.system, scene.method, scene.start, h=scene.h, steps=20, compiled=False)
+    (panel,) = Scene(run).panels()
+    rods = [node for path, node in panel.nodes.items() if "/rod " in path]
+    assert len(rods) == 5 and all("scale" in rod.still for rod in rods)  # equal lengths, which never change
+    assert np.ptp([float(rod.still["scale"]) for rod in rods]) < 1e-14
+    for k in range(3):
+        pivot = panel.nodes[f"panel 1/pivot {k + 1}"].still["position"]
+        assert (rods[k].still["position"] == pivot).all()
+
+
+@pytest.mark.parametrize("name", ["sleigh", "rolling-ball"])
+def test_bodies_under_conditions_have_pictures(name: str) -> None:
+    scene = SCENES[name]()
+    run = lm.integrate(scene.system, scene.method, scene.start, h=scene.h, steps=4, compiled=False)
+    (panel,) = Scene(run).panels()
+    assert {"panel 1/run 1/body/box", "panel 1/run 1/path"} <= set(panel.nodes)
+
+
+def test_the_path_of_a_linkage_is_that_of_its_bodies() -> None:
+    pytest.importorskip("matplotlib")
+    chain = models.chain(2)
+    poses = np.tile(np.eye(4), (2, 1, 1))
+    poses[:, 2, 3] = -0.5, -1.5
+    start = chain.assembled(poses, [[1.0, 0.0, 0.0, 0.0, 0.5, 0.0], [0.0, 2.0, 0.0, 0.0, 0.0, 0.0]])
+    run = lm.integrate(chain, lm.LieRATTLE(), start, h=0.01, steps=3, compiled=False)
+    shadows_and_paths = [line for line in lm.plots.plot(run).lines if len(line.get_xdata()) == 4]
+    assert len(shadows_and_paths) == 4
+
+
+def test_what_is_no_linkage_is_refused() -> None:
+    body = lm.RigidBody([1.0, 1.5, 2.0])
+    free = Motion(body, [0.0], {"mu": np.ones((1, 3)), "g": np.eye(3)[None]})
+    with pytest.raises(InvalidInput, match="Links shows bodies that joints hold together"):
+        Scene(free, show="links")
+    with pytest.raises(InvalidInput, match="trail = 5 is not there; the linkage has 3 bodies"):
+        Scene(rods(), show=Links(trail=5))
+    assert not any("trail" in path for path in Scene(rods(), show=Links(trail=None)).panels()[0].nodes)
