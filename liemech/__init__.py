@@ -72,7 +72,7 @@ if TYPE_CHECKING:
     from .integrators.exact_free_body import ExactFreeBody
     from .integrators.galerkin import GalerkinVariational
     from .integrators.geodesic_splitting import GeodesicSplitting
-    from .integrators.hamilton_jacobi import HamiltonJacobi
+    from .integrators.hamilton_jacobi import HamiltonJacobi, SymmetricHamiltonJacobi
     from .integrators.index_reduction import IndexReduction
     from .integrators.kick_drift import KickDrift
     from .integrators.lie_poisson_first_kind import FirstKindHamiltonJacobi
@@ -93,6 +93,7 @@ if TYPE_CHECKING:
     from .integrators.splitting import ThreeRotations
     from .integrators.taylor import Taylor
     from .integrators.variational import CovariantVariational
+    from .models.andrews import AndrewsMechanism
     from .models.charged_particle import AxialField, ChargedParticle, GuidingCentre, MagneticField, TokamakField, UniformField
     from .models.constrained_pendulums import ChainPendulum, FourBarLinkage, SphericalPendulum
     from .models.fermi_pasta_ulam import FermiPastaUlam
@@ -127,6 +128,8 @@ if TYPE_CHECKING:
     from .systems.constrained_body import ConstrainedBody, NonholonomicBody
     from .systems.constraint import Constraint, VelocityConstraint
     from .systems.darboux import Andoyer, DarbouxChart, InDarbouxChart, LinearDarboux, LogarithmicDarboux
+    from .systems.discrete_lagrangian import DiscreteLagrangian, GroupLagrangian, QuadratureLagrangian
+    from .systems.driven import DrivenHamiltonian, DrivenHamiltonianSystem, DrivenLiePoissonSystem
     from .systems.group_equation import GroupEquation, LinearGroupEquation
     from .systems.hamiltonian import Hamiltonian
     from .systems.homogeneous_equation import HomogeneousEquation
@@ -176,7 +179,7 @@ _LATER = {
     "integrators.exact_free_body": ("ExactFreeBody",),
     "integrators.galerkin": ("GalerkinVariational",),
     "integrators.geodesic_splitting": ("GeodesicSplitting",),
-    "integrators.hamilton_jacobi": ("HamiltonJacobi",),
+    "integrators.hamilton_jacobi": ("HamiltonJacobi", "SymmetricHamiltonJacobi"),
     "integrators.index_reduction": ("IndexReduction",),
     "integrators.kick_drift": ("KickDrift",),
     "integrators.lie_poisson_first_kind": ("FirstKindHamiltonJacobi",),
@@ -202,6 +205,7 @@ _LATER = {
     "models.charged_particle": ("AxialField", "ChargedParticle", "GuidingCentre", "MagneticField", "TokamakField", "UniformField"),
     "models.fermi_pasta_ulam": ("FermiPastaUlam",),
     "models.gravity": ("CentralGravity", "FixedPointGravity", "UniformGravity"),
+    "models.andrews": ("AndrewsMechanism",),
     "models.heavy_top": ("HeavyTop", "LagrangeTop", "ReducedHeavyTop"),
     "models.henon_heiles": ("HenonHeiles",),
     "models.joints": ("BallJoint", "FixedPoint", "PrismaticJoint", "RevoluteJoint", "RigidRod", "UniversalJoint"),
@@ -232,6 +236,8 @@ _LATER = {
     "systems.darboux": ("Andoyer", "DarbouxChart", "InDarbouxChart", "LinearDarboux", "LogarithmicDarboux"),
     "systems.constrained_body": ("ConstrainedBody", "NonholonomicBody"),
     "systems.constraint": ("Constraint", "VelocityConstraint"),
+    "systems.discrete_lagrangian": ("DiscreteLagrangian", "GroupLagrangian", "QuadratureLagrangian"),
+    "systems.driven": ("DrivenHamiltonian", "DrivenHamiltonianSystem", "DrivenLiePoissonSystem"),
     "systems.group_equation": ("GroupEquation", "LinearGroupEquation"),
     "systems.hamiltonian": ("Hamiltonian",),
     "systems.homogeneous_equation": ("HomogeneousEquation",),
@@ -299,9 +305,17 @@ __all__ = [
     "SU",
     "U",
     "AdaptiveVerlet",
+    "SymmetricHamiltonJacobi",
+    "DrivenLiePoissonSystem",
+    "DrivenHamiltonianSystem",
+    "DrivenHamiltonian",
+    "QuadratureLagrangian",
+    "GroupLagrangian",
+    "DiscreteLagrangian",
     "AdjointAction",
     "Ambient",
     "Andoyer",
+    "AndrewsMechanism",
     "AxialField",
     "BallJoint",
     "Blade",

@@ -27,9 +27,9 @@ LAYERS = (
     "groups",
     "solvers",  # Newton's method
     "retractions",
+    "tableaus",  # numbers and their laws, which know no mechanics
     "systems",
     "models",
-    "tableaus",
     "integrators",
     "simulation",
     "checks",

@@ -30,9 +30,10 @@ MEASURED = {"work_precision": "curves", "energy": "runs"}  # the benchmarks with
 SECTIONS = {
     "Bodies that turn freely": (
         *("energy_drift", "tennis_racket", "poinsot", "ensemble", "order_of_methods", "three_rotations", "open_question"),
+        "figure_three",
     ),
     "Tops and bodies of one's own": ("heavy_top", "gyrostat", "rotations_in_four_dimensions", "heisenberg", "magnetic_moment"),
-    "Positions and momenta": ("pendulums", "double_pendulum", "chaos_in_a_galaxy", "energy_exchange"),
+    "Positions and momenta": ("figure_two", "pendulums", "double_pendulum", "chaos_in_a_galaxy", "energy_exchange"),
     "Constraints, joints, rolling": ("index_reduction", "chain", "linkage"),
     "Poisson systems, and steps that follow the motion": ("lotka_volterra", "banana_orbit", "eccentric_orbit"),
     "From measurements": ("fit_inertia",),

@@ -13,6 +13,7 @@ from ..formulas.broadcasting import small
 from ..groups.poisson_structure import Canonical, LiePoissonStructure, PoissonStructure
 from ..integrators.method import Method
 from ..systems.canonical import CanonicalState, HamiltonianSystem
+from ..systems.driven import DrivenHamiltonianSystem, DrivenLiePoissonSystem
 from ..systems.lie_poisson import BodyState, LiePoissonSystem
 from ..systems.poisson import PoissonState, PoissonSystem
 from ..systems.system import State, System
@@ -81,9 +82,9 @@ def _point(system: Any, state: Any) -> tuple[PoissonStructure, Vec]:
     """The structure, and the coordinates of the state."""
     if isinstance(system, PoissonSystem):
         structure: PoissonStructure = system.structure
-    elif isinstance(system, LiePoissonSystem):
+    elif isinstance(system, (LiePoissonSystem, DrivenLiePoissonSystem)):
         structure = LiePoissonStructure(system.group)
-    elif isinstance(system, HamiltonianSystem):
+    elif isinstance(system, (HamiltonianSystem, DrivenHamiltonianSystem)):
         structure = Canonical(system.degrees)
     else:
         raise IncompatibleSystem(f"poisson_defect needs a PoissonSystem, LiePoissonSystem or HamiltonianSystem; got {system!r}")
@@ -97,7 +98,7 @@ def _state(system: Any, x: Any) -> State:
     """The state with these coordinates."""
     if isinstance(system, PoissonSystem):
         return PoissonState(vec(*x))
-    if isinstance(system, LiePoissonSystem):
+    if isinstance(system, (LiePoissonSystem, DrivenLiePoissonSystem)):
         return BodyState(vec(*x), None)
     n = system.degrees
     return CanonicalState(vec(*[x[i] for i in range(n)]), vec(*[x[n + i] for i in range(n)]))

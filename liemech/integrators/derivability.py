@@ -8,8 +8,10 @@ from ..errors import IncompatibleSystem, InvalidInput
 from ..formulas import cos, derivative, dot, vec
 from ..formulas.remembered import Remembered
 from ..formulas.vectors import Vec
+from ..systems.driven import DrivenLiePoissonSystem
 from ..systems.lie_poisson import LiePoissonSystem
 from .method import alternatives
+from .motion_series import motion
 
 _derivable = Remembered()
 """Of Hamiltonians that passed: the dimension."""
@@ -23,6 +25,10 @@ def require_derivatives(method: Any, system: Any) -> None:
 
     Source: Griewank and Walther, Evaluating Derivatives, 2nd ed., chapter 3 (forward mode).
     """
+    if isinstance(system, DrivenLiePoissonSystem):
+        require_derivatives(method, system.at(0.0))
+        _require_series(method, system)
+        return
     if not isinstance(system, LiePoissonSystem):
         raise IncompatibleSystem(f"{method!r} needs a Lie-Poisson system; got {system!r}. {alternatives(system)}")
     hamiltonian, n = system.hamiltonian, system.group.dim
@@ -52,3 +58,18 @@ def require_derivatives(method: Any, system: Any) -> None:
             f"{along:.6g} instead of {slope:.6g}. Leave it out and it is derived"
         )
     _derivable.set(hamiltonian, n)
+
+
+def _require_series(method: Any, system: DrivenLiePoissonSystem) -> None:
+    """Raise IncompatibleSystem unless K(t, mu) can be expanded in powers of time too."""
+    mu = vec(*[float(cos(1.0 + k)) for k in range(system.group.dim)])
+    try:
+        for component in motion(system, 0.125, mu, 0.5)[0]:
+            component.term(2)
+    except (TypeError, AttributeError) as error:
+        raise IncompatibleSystem(
+            f"{method!r} expands the energy in powers of time, and {type(system.hamiltonian).__name__} does not bear it ({error}). "
+            "Write it with + - * / ** and functions of liemech.formulas (sin, exp, ...), or use RKMK"
+        ) from error
+    except (ArithmeticError, ValueError):  # not in their domain
+        pass

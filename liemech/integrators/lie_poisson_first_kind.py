@@ -13,7 +13,7 @@ from ..systems.lie_poisson import BodyState
 from .class_functions import ClassFunction, InvariantForm, inverse_differential
 from .derivability import require_derivatives
 from .implicit import Implicit, Memory, extrapolated
-from .motion_series import first_kind
+from .motion_series import first_kind, velocity_at
 
 ORDERS = 1, 2, 3, 4
 
@@ -43,6 +43,7 @@ class FirstKindHamiltonJacobi(Implicit):
     Cayley() on SO(3), CayleySquare().  scale : c, an action; by default chosen at the start so that the turn is one by the angle 3
     for InvariantForm() with the exponential, by about 1 for the others.  The series in h converges like (c h/J)^k; too small a c
     leads out of the chart.
+    An energy that changes with time, K(t, mu), is that of a DrivenLiePoissonSystem; S is then expanded about the end of the step.
     Casimirs, spatial momentum and the Lie-Poisson bracket are kept to rounding.  Not symmetric: for the same error the second kind,
     LiePoissonHamiltonJacobi, takes far longer steps, and it serves every group.
     Raises NoConvergence or OutsideChart if the step is too large, or |mu| for the scale.
@@ -93,7 +94,7 @@ class FirstKindHamiltonJacobi(Implicit):
         """Solve for xi, whose difference to the turn is extrapolated, move momentum and attitude, and turn the attitude back."""
         mu, scale = plain(state.mu), state.scale
         turn = self.turn(system, mu, scale)
-        xi = self.displacement(system, h, mu, scale, turn + extrapolated(*self.past(state)))
+        xi = self.displacement(system, h, mu, scale, turn + extrapolated(*self.past(state)), t + h)
         moved = system.displaced(self.retraction, self.observe(state), xi)
         g = moved.g
         if g is not None:
@@ -104,35 +105,37 @@ class FirstKindHamiltonJacobi(Implicit):
         """What the class function alone does to the group at a momentum."""
         return self.s0.turn(system.group, self.retraction, mu / scale)
 
-    def displacement(self, system: Any, h: float, mu: Vec, scale: float, guess: Vec) -> Vec:
-        """The xi whose momentum is mu, seen from where the step begins."""
-        xi, size, enough, _ = newton(lambda x: self.equation(system, h, mu, scale, x), guess, dot(mu, mu), tolerance=FINER)
+    def displacement(self, system: Any, h: float, mu: Vec, scale: float, guess: Vec, end: float = 0.0) -> Vec:
+        """The xi whose momentum is mu, seen from where the step begins; it ends at the time `end`."""
+        xi, size, enough, _ = newton(
+            lambda x: self.equation(system, h, mu, scale, x, end), guess, dot(mu, mu), tolerance=FINER
+        )
         if not size <= enough:
             raise self._unsolved(h, size, enough, f", |xi| = {norm(xi):.2g}, scale = {scale:.2g}")
         if not self.retraction.is_chart(system.group, xi):
             raise self._out_of_chart(h, f"|xi| = {norm(xi):.2g}, scale = {scale:.2g}")
         return xi
 
-    def equation(self, system: Any, h: float, mu: Vec, scale: float, xi: Vec) -> tuple[Vec, Mat, float]:
+    def equation(self, system: Any, h: float, mu: Vec, scale: float, xi: Vec, end: float) -> tuple[Vec, Mat, float]:
         """pi - Ad*_tau(xi) mu, its derivative (that of order 1), and 1."""
-        slope = jacobian(lambda x: self.excess(system, h, mu, scale, x, 1), xi)
-        return self.excess(system, h, mu, scale, xi, self.order), slope, 1.0
+        slope = jacobian(lambda x: self.excess(system, h, mu, scale, x, 1, end), xi)
+        return self.excess(system, h, mu, scale, xi, self.order, end), slope, 1.0
 
-    def excess(self, system: Any, h: float, mu: Vec, scale: float, xi: Vec, order: int) -> Vec:
+    def excess(self, system: Any, h: float, mu: Vec, scale: float, xi: Vec, order: int, end: float) -> Vec:
         """pi - Ad*_tau(xi) mu of an order."""
-        return self.momentum(system, h, scale, xi, order) - self.retraction.tau_Ad_star(system.group, xi, mu)
+        return self.momentum(system, h, scale, xi, order, end) - self.retraction.tau_Ad_star(system.group, xi, mu)
 
-    def momentum(self, system: Any, h: float, scale: float, xi: Vec, order: int) -> Vec:
-        """pi, the momentum at the end of a step tau(xi)."""
+    def momentum(self, system: Any, h: float, scale: float, xi: Vec, order: int, end: float = 0.0) -> Vec:
+        """pi, the momentum at the end of a step tau(xi), at the time `end`."""
         if order == 1:
-            return self._leading(system, h, scale, xi)
-        return total(first_kind(system, self.retraction, self.s0, scale, xi, order, h))
+            return self._leading(system, h, scale, xi, end)
+        return total(first_kind(system, self.retraction, self.s0, scale, xi, order, h, end))
 
-    def _leading(self, system: Any, h: float, scale: float, xi: Vec) -> Vec:
+    def _leading(self, system: Any, h: float, scale: float, xi: Vec, end: float) -> Vec:
         """pi_0 + h (ad*_v pi_0 - d(pi_0) v), pi_0 = c P(xi), v = dH(pi_0), the derivative along tau(xi) v."""
         group, retraction = system.group, self.retraction
         start = scale * self.s0.momentum(group, retraction, xi)
-        v = system.velocity(start)
+        v = velocity_at(system, end, start)
         onward = inverse_differential(group, retraction, xi, v)
         change = derivative(lambda x: self.s0.momentum(group, retraction, x), xi, onward)
         return start + h * (group.ad_star(v, start) - scale * change)

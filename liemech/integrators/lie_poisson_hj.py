@@ -11,10 +11,10 @@ from ..groups.so3 import SO3Algebra
 from ..retractions import Exponential, Retraction
 from ..solvers import TOLERANCE, newton
 from ..systems.kinetic_energy import KineticEnergy
-from ..systems.lie_poisson import BodyState
+from ..systems.lie_poisson import BodyState, LiePoissonSystem
 from .derivability import require_derivatives
 from .implicit import Implicit, Memory, extrapolated
-from .motion_series import second_kind
+from .motion_series import second_kind, velocity_at
 from .variational import weight
 
 ORDERS = 2, 4, 6, 8
@@ -35,7 +35,9 @@ class LiePoissonHamiltonJacobi(Implicit):
     that is needed, and x is read off the motion.
 
     order : 2 (s = h H), 4, 6 or 8.  retraction : Exponential() serves every group and is the more accurate one.
-    For every group and every Hamiltonian, also one that has no Lagrangian.  Where there is one, order 2 is CovariantVariational.
+    For every group and every Hamiltonian, also one that has no Lagrangian, or one that changes with time, K(t, mu), of a
+    DrivenLiePoissonSystem: s is then expanded about the middle of the step.  Where there is a Lagrangian, order 2 is
+    CovariantVariational.
     Symmetric; spatial momentum, Casimirs and the Lie-Poisson bracket are kept to rounding, the energy oscillates
     without drift.  Raises NoConvergence or OutsideChart if the step is too large for the equation to be solved.
 
@@ -74,46 +76,49 @@ class LiePoissonHamiltonJacobi(Implicit):
     def step(self, system: Any, t: float, state: Memory, h: float) -> Memory:
         """Solve for p, whose difference to mu is extrapolated, then move momentum and attitude by x(p)."""
         mu = plain(state.mu)
-        p, x = self.solution(system, h, mu, mu + extrapolated(*self.past(state)))
+        p, x = self.solution(system, h, mu, mu + extrapolated(*self.past(state)), t + 0.5 * h)
         return self.after(state, system.displaced(self.retraction, self.observe(state), x), p - mu)
 
-    def solution(self, system: Any, h: float, mu: Vec, guess: Vec) -> tuple[Vec, Vec]:
-        """The p and x = ds/dp that fit mu."""
+    def solution(self, system: Any, h: float, mu: Vec, guess: Vec, middle: float = 0.0) -> tuple[Vec, Vec]:
+        """The p and x = ds/dp that fit mu, of a step about the time `middle`."""
         tolerance = TOLERANCE if self.order <= 4 else FINER
-        p, size, enough, folded = newton(lambda p: self.equation(system, h, mu, p), guess, dot(mu, mu), tolerance=tolerance)
-        x = self.displacement(system, h, p)
+        p, size, enough, folded = newton(
+            lambda p: self.equation(system, h, mu, p, middle), guess, dot(mu, mu), tolerance=tolerance
+        )
+        x = self.displacement(system, h, p, middle)
         if not size <= enough:
             raise self._unsolved(h, size, enough, f", |x| = {norm(x):.2g}; H must be smooth")
         if folded or not self.retraction.is_chart(system.group, x):
             raise self._out_of_chart(h, f"|x| = {norm(x):.2g}")
         return p, x
 
-    def equation(self, system: Any, h: float, mu: Vec, p: Vec) -> tuple[Vec, Mat, float]:
+    def equation(self, system: Any, h: float, mu: Vec, p: Vec, middle: float = 0.0) -> tuple[Vec, Mat, float]:
         """The mismatch of p and mu, its derivative (in orders 6 and 8 that of order 4), and the factor of its square."""
-        r, by_p, by_x = self.retraction.residual(system.group, self.displacement(system, h, p), p, mu)
+        x = self.displacement(system, h, p, middle)
+        r, by_p, by_x = self.retraction.residual(system.group, x, p, mu)
         own = by_p if isinstance(by_p, vectors.Mat) else by_p * identity_matrix(len(p))
-        return r, by_x @ self.slope(system, h, p, min(self.order, 4)) + own, weight(by_p)
+        return r, by_x @ self.slope(system, h, p, min(self.order, 4), middle) + own, weight(by_p)
 
     # ---------------------------------------------------------------- the generating function
 
-    def displacement(self, system: Any, h: float, p: Vec) -> Vec:
-        """The displacement of a step, x = ds/dp."""
-        return self._displacement(system, h, p, self.order)
+    def displacement(self, system: Any, h: float, p: Vec, middle: float = 0.0) -> Vec:
+        """The displacement of a step about the time `middle`, x = ds/dp."""
+        return self._displacement(system, h, p, self.order, middle)
 
-    def slope(self, system: Any, h: float, p: Vec, order: int) -> Mat:
+    def slope(self, system: Any, h: float, p: Vec, order: int, middle: float = 0.0) -> Mat:
         """The derivative of the displacement of an order, d^2s/dp^2."""
         if order == 4 and has_axes(system, self.retraction):
             return along_axes(system.hamiltonian.inverse, h, p)[1]
-        return jacobian(lambda q: self._displacement(system, h, q, order), p)
+        return jacobian(lambda q: self._displacement(system, h, q, order, middle), p)
 
-    def _displacement(self, system: Any, h: float, p: Vec, order: int) -> Vec:
+    def _displacement(self, system: Any, h: float, p: Vec, order: int, middle: float) -> Vec:
         if order == 2:
-            return h * system.velocity(p)
+            return h * velocity_at(system, middle, p)
         if order == 4 and has_axes(system, self.retraction):
             return along_axes(system.hamiltonian.inverse, h, p)[0]
-        if order == 4 and isinstance(self.retraction, Exponential):
+        if order == 4 and isinstance(self.retraction, Exponential) and isinstance(system, LiePoissonSystem):
             return self.two_terms(system, h, p)
-        return total(second_kind(system, self.retraction, p, order // 2, h))
+        return total(second_kind(system, self.retraction, p, order // 2, h, middle))
 
     def two_terms(self, system: Any, h: float, p: Vec) -> Vec:
         """h dH(p) + (h^3/6) ds_3/dp of the exponential on every group, s_3 = D^2H(p)[w, w]/4 with w = ad*_v p, v = dH(p):

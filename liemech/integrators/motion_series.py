@@ -18,21 +18,24 @@ from ..formulas.series import Series
 from ..groups.bernoulli import BERNOULLI
 from ..groups.lie_group import LieGroup
 from ..retractions import Exponential, Retraction
+from ..systems.lie_poisson import BodyState
 
 
-def second_kind(system: Any, retraction: Retraction, p: Vec, terms: int, h: float = 1.0) -> list[Vec]:
+def second_kind(
+    system: Any, retraction: Retraction, p: Vec, terms: int, h: float = 1.0, time: float = 0.0
+) -> list[Vec]:
     """x_1, x_3, ... of the displacement x = t x_1 + t^3 x_3 + ... of the motion for the time t h, p, conjugate to x, fixed.
 
     With m the momentum half way, v and mu the velocity and the momentum at the end,
 
         x' = dtau^-1_x v,   (dtau^-1_x)* p = mu,   both left-trivialised, and of both the even part: x is odd in t, p is even.
 
-    The first gives x, the second p = m + t^2 p_2 + t^4 p_4 + ..., and from there m = p - t^2 p_2 - ... as a series in t^2.  The
-    unit of time is h: powers of it might under- or overflow.
+    Half way it is `time`.  The first gives x, the second p = m + t^2 p_2 + t^4 p_4 + ..., and from there m = p - t^2 p_2 - ... as
+    a series in t^2.  The unit of time is h: powers of it might under- or overflow.
     """
     group, n = system.group, system.group.dim
     m = vec(*[Series(c) for c in p])
-    v, mu = motion(system, h, m, 0.5)
+    v, mu = motion(system, h, m, 0.5, time)
     odd, even = [], [m]  # type: list[Vec], list[Vec]
     for k in range(0, 2 * terms, 2):
         x = vec(*[Series(None, *[c for term in odd for c in (term[i], None)]) for i in range(n)])
@@ -44,27 +47,35 @@ def second_kind(system: Any, retraction: Retraction, p: Vec, terms: int, h: floa
     return values(odd)
 
 
-def first_kind(system: Any, retraction: Retraction, s0: Any, scale: float, xi: Vec, order: int, h: float = 1.0) -> list[Vec]:
+def first_kind(
+    system: Any, retraction: Retraction, s0: Any, scale: float, xi: Vec, order: int, h: float = 1.0, time: float = 0.0
+) -> list[Vec]:
     """pi_0, pi_1, ... of the momentum pi = pi_0 + t pi_1 + ... + t^order pi_order at the end of a step tau(xi), xi fixed.
 
     The step is the motion k for the time t h, up to pi, and a step of the class function s0 alone: tau(xi) = k h with h of momentum
-    pi.  Followed backwards from pi, k obeys k' = v k, and h = k^-1 tau(xi) moves with the body velocity -u,
+    pi.  At the end it is `time`.  Followed backwards from pi, k obeys k' = v k, and h = k^-1 tau(xi) moves with the body velocity
+    -u,
 
         h' = -h u,   u = Ad_tau(xi)^-1 v.
     """
     group = system.group
     m = vec(*[Series(c) for c in scale * s0.momentum(group, retraction, xi)])
-    v, _ = motion(system, h, m, -1.0)
+    v, _ = motion(system, h, m, -1.0, time)
     u = series(group.Ad(group.inverse(retraction.tau(group, xi)), v))
     momentum = s0.along(group, retraction, xi, u)
     settle(m, [scale * _at(k, momentum) for k in range(1, order + 1)])
     return [_at(k, m) for k in range(order + 1)]
 
 
-def motion(system: Any, h: float, m: Vec, pace: float) -> tuple[Vec, Vec]:
-    """Velocity and momentum a time `pace` t h after the momentum was m: v = h dH(mu), mu' = pace ad*_v mu."""
+def velocity_at(system: Any, time: Any, mu: Vec) -> Vec:
+    """The body velocity dH/dmu at a time, of free and of driven systems."""
+    return system.rate(time, BodyState(mu, None))
+
+
+def motion(system: Any, h: float, m: Vec, pace: float, time: float = 0.0) -> tuple[Vec, Vec]:
+    """Velocity and momentum a time `pace` t h after the momentum was m at `time`: v = h dH(mu), mu' = pace ad*_v mu."""
     mu = vec(*[Series(c) for c in m])
-    v = series(h * system.velocity(mu))
+    v = series(h * velocity_at(system, Series(time, pace * h), mu))
     for component, rate in zip(mu, system.group.ad_star(v, mu)):
         component.grow(rate, pace)
     return v, mu

@@ -7,11 +7,12 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..errors import InvalidInput
+from ..errors import InvalidInput, InvalidType
 from ..formulas import Mat, Vec, dot, mat, norm, plain, record, vec, vectors
 from ..formulas.double_double import is_long
 from ..retractions import Exponential, Retraction
 from ..solvers import narrow, newton, refined
+from ..systems.discrete_lagrangian import DiscreteLagrangian
 from ..systems.lie_poisson import BodyState
 from .implicit import Implicit, Memory, extrapolated
 from .solvability import first_fold, grown, largest_impulse, surely_solvable, turns_freely
@@ -22,33 +23,53 @@ LEAST, MOST = 2.0**-336, 2.0**339
 
 @record
 class CovariantVariational(Implicit):
-    """Algorithm 1: the discrete Euler-Poincare equations of the action sum h l(xi_i) with g_i+1 = g_i tau(h xi_i).
+    """Algorithm 1: the discrete Euler-Poincare equations of the action sum l_d(xi_i) with g_i+1 = g_i tau(h xi_i).
 
-        (dtau^-1_{h xi_i})* dl/dxi(xi_i) = mu_i            solved for h xi_i by Newton's method
+        (1/h) (dtau^-1_{h xi_i})* dl_d/dxi(xi_i) = mu_i            solved for h xi_i by Newton's method
         mu_i+1 = Ad*_tau(h xi_i) mu_i,   g_i+1 = g_i tau(h xi_i)
 
+    lagrangian : a DiscreteLagrangian, the action l_d of one step; by default h l(xi), of the body's own Lagrangian l.
     retraction : Cayley() has, for rigid bodies that are no thin rods, a solution for every step; Exponential() is the more accurate
     one.  `largest_step` tells.  On other groups, such as SL(2), neither has one for every step.
     mu belongs to the nodes, xi to the intervals between them: J xi is a momentum half way, an O(h) away from mu.  Velocities are
     `Trajectory.xi`; a run that is to start with a velocity starts with its `momentum`.
-    Order 2, symmetric; spatial momentum, Casimirs and the Lie-Poisson bracket are kept to rounding, the energy oscillates
-    without drift.  Raises NoConvergence if the step is too large: there is no solution that grows out of h = 0.
+    Order 2 and symmetric, or what the discrete Lagrangian claims; spatial momentum, Casimirs and the Lie-Poisson bracket are kept
+    to rounding, the energy oscillates without drift.  Raises NoConvergence if the step is too large: there is no solution that
+    grows out of h = 0.
 
     Source: Geometric Numerical Methods with Lie Groups, algorithm 1 (with the factor h of its first line corrected);
     Bou-Rabee and Marsden, Found. Comput. Math. 9 (2009); Marsden, Pekarsky, Shkoller, Nonlinearity 12 (1999).
     """
 
-    symmetric: ClassVar[bool] = True
     symplectic: ClassVar[bool] = True
-    order: ClassVar[int] = 2
     needs: ClassVar[tuple[str, ...]] = ("lagrangian",)
 
     retraction: Retraction = Exponential()
+    lagrangian: DiscreteLagrangian | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.lagrangian is not None and not isinstance(self.lagrangian, DiscreteLagrangian):
+            raise InvalidType(
+                f"{type(self).__name__}: lagrangian must be a DiscreteLagrangian, the action of a step, or None; "
+                f"got {self.lagrangian!r}"
+            )
+
+    @property
+    def order(self) -> int:
+        """2, or the order of the discrete Lagrangian."""
+        return 2 if self.lagrangian is None else self.lagrangian.order
+
+    @property
+    def symmetric(self) -> bool:  # type: ignore[override]
+        """As the discrete Lagrangian is; h l(xi) is."""
+        return self.lagrangian is None or self.lagrangian.symmetric
 
     @property
     def name(self) -> str:
-        """Algorithm 1 and the retraction."""
-        return f"Algorithm 1 ({type(self.retraction).__name__})"
+        """Algorithm 1, the retraction and the discrete Lagrangian."""
+        action = "" if self.lagrangian is None else f", {type(self.lagrangian).__name__}"
+        return f"Algorithm 1 ({type(self.retraction).__name__}{action})"
 
     def first(self, system: Any, state: BodyState, h: float) -> Vec:
         """The displacement at the velocity of the start, h J^-1 mu."""
@@ -69,7 +90,8 @@ class CovariantVariational(Implicit):
         square = dot(coarse, coarse)
         x, size, enough, folded = newton(lambda x: self.equation(system, rate, mu, x), guess, square, rate)
         doubtful = folded or not (size <= enough and self.retraction.is_chart(system.group, 2.0 * narrow(x)))
-        if turns_freely(system, self.retraction) and h * h * square > surely_solvable(system.lagrangian.inverse):
+        known = self.lagrangian is None and turns_freely(system, self.retraction)
+        if known and h * h * square > surely_solvable(system.lagrangian.inverse):
             fold = first_fold(system.lagrangian.inertia, self.retraction)
             doubtful = doubtful or h * h * square > fold * fold
         if doubtful:
@@ -102,7 +124,7 @@ class CovariantVariational(Implicit):
 
         xi : (dim,), in 1/s.  h : in s.  Returns (dim,).
         """
-        return self.retraction.dtau_inv_dual(system.group, h * xi, system.lagrangian.momentum(xi))
+        return self.retraction.dtau_inv_dual(system.group, h * xi, self._momentum(system, xi, h))
 
     def velocity(self, system: Any, mu: Vec, h: float) -> Vec:
         """The velocity xi of the step of length h after a node with momentum mu; `momentum` backwards.
@@ -120,7 +142,7 @@ class CovariantVariational(Implicit):
         on bodies that are `is_always_solvable`.  A larger step may go well: it is followed from h = 0 on, refused if that ends.
         start : of one body or an ensemble, which the largest |mu| decides.
         """
-        if not turns_freely(system, self.retraction):
+        if self.lagrangian is not None or not turns_freely(system, self.retraction):
             return None
         with np.errstate(over="ignore"):
             size = float(np.hypot.reduce(np.array(start.mu), axis=-1).max())
@@ -132,7 +154,7 @@ class CovariantVariational(Implicit):
         Raises InvalidInput for units in which Newton's method, which multiplies three entries of J/h, would divide by zero.
         """
         mu = start.mu if start.bodies is None else start.mu[0]
-        size = float(np.abs(np.array(system.lagrangian.hessian(system.velocity(mu)), dtype=float)).max()) / abs(h)
+        size = float(np.abs(np.array(self._hessian(system, system.velocity(mu), h), dtype=float)).max()) / abs(h)
         if not LEAST < size < MOST:
             raise InvalidInput(
                 f"{self!r}: J/h is {size:.1e} in these units, and products of three such numbers leave the range of floats. "
@@ -149,9 +171,21 @@ class CovariantVariational(Implicit):
     def equation(self, system: Any, rate: float, mu: Vec, x: Vec) -> tuple[Vec, Mat, float]:
         """The mismatch of dl/dxi and mu, its derivative, and the factor of its square."""
         xi = rate * x
-        r, by_p, by_x = self.retraction.residual(system.group, x, system.lagrangian.momentum(xi), mu)
-        jacobian = with_inertia(by_x, momentum_slope(by_p, rate * system.lagrangian.hessian(xi)))
+        r, by_p, by_x = self.retraction.residual(system.group, x, self._momentum(system, xi, 1.0 / rate), mu)
+        jacobian = with_inertia(by_x, momentum_slope(by_p, rate * self._hessian(system, xi, 1.0 / rate)))
         return r, jacobian, weight(by_p)
+
+    def _momentum(self, system: Any, xi: Vec, h: float) -> Vec:
+        """(1/h) dl_d/dxi."""
+        if self.lagrangian is None:
+            return system.lagrangian.momentum(xi)
+        return self.lagrangian.momentum(system, self.retraction, xi, h)
+
+    def _hessian(self, system: Any, xi: Vec, h: float) -> Mat | Vec:
+        """(1/h) d2l_d/dxi2."""
+        if self.lagrangian is None:
+            return system.lagrangian.hessian(xi)
+        return self.lagrangian.hessian(system, self.retraction, xi, h)
 
 
 def weight(by_p: float | Mat) -> float:

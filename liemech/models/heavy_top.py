@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import field
+from typing import Any
 
 import numpy as np
 
 from ..errors import InvalidInput
-from ..formulas import Mat, Vec, dot, record, sqrt, vec
+from ..formulas import Mat, Vec, dot, real_array, record, sqrt, vec
+from ..formulas.fields import frozen_array
 from ..groups.se3 import SE3, halves, join
+from ..groups.so3 import SO3
 from ..systems.hamiltonian import Hamiltonian
 from ..systems.kinetic_energy import KineticEnergy
 from ..systems.lie_poisson import BodyState, LiePoissonSystem
@@ -77,9 +80,43 @@ class LagrangeTop(HeavyTop):
         """The spin |mu_3| = 2 sqrt(A w l) above which the upright top sleeps: it is stable; below it falls."""
         return 2.0 * sqrt(self.transverse * abs(self.weight * self.length))
 
+    def exact(self, start: BodyState, t: Any) -> BodyState:
+        """The exact motion, by elliptic functions: nodding, steady, sleeping, falling from the vertical, through either pole.
+
+        t : () or (n,), in s, from the start.  Returns mu : (..., 3), g : (..., 3, 3).
+        Error about 1e-15 (1 + |omega| t), of motions next to the separatrix as much more as they enlarge an error of the start.
+        Raises InvalidInput under a load.
+
+        Source: Whittaker, Analytical Dynamics, 4th ed., sections 71-73.
+        """
+        from .exact_top import lagrange_top
+
+        if start.bodies is not None:
+            raise InvalidInput("LagrangeTop.exact takes one top at a time; loop over the ensemble")
+        if self.load is not None:
+            raise InvalidInput("LagrangeTop.exact knows no motion under a load; integrate it")
+        times = real_array(t, "LagrangeTop.exact: t")
+        if times.ndim > 1 or not np.isfinite(times).all():
+            raise InvalidInput(f"LagrangeTop.exact: t must be a finite time or a row of them; got {t!r}")
+        x, y, z, w = SO3().rotation(np.array(start.g)).as_quat()
+        moment = self.weight * self.length
+        q, mu = lagrange_top(self.transverse, self.axial, moment, tuple(start.mu), (w, x, y, z), times.reshape(-1))
+        g = _matrix(*q)
+        return BodyState(frozen_array(mu.reshape(*times.shape, 3), "mu"), frozen_array(g.reshape(*times.shape, 3, 3), "g"))
+
     def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Energy, vertical momentum and spin."""
         return super().constants(states) | ({} if self.load else {"spin": states["mu"][..., 2]})
+
+
+def _matrix(w: Any, x: Any, y: Any, z: Any) -> np.ndarray:
+    """The rotations of unit quaternions, (n, 3, 3)."""
+    rows = (
+        (w * w + x * x - y * y - z * z, 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)),
+        (2.0 * (x * y + w * z), w * w - x * x + y * y - z * z, 2.0 * (y * z - w * x)),
+        (2.0 * (x * z - w * y), 2.0 * (y * z + w * x), w * w - x * x - y * y + z * z),
+    )
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
 # ------------------------------------------------------------------ on se(3)*

@@ -7,8 +7,9 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..errors import InvalidInput
-from ..formulas import Vec, cos, record, sin, vec
-from ..systems.canonical import HamiltonianSystem
+from ..formulas import Vec, cos, real_array, record, sin, vec
+from ..formulas.fields import frozen_array
+from ..systems.canonical import CanonicalState, HamiltonianSystem
 from ..systems.separable import SeparableSystem
 
 
@@ -51,6 +52,47 @@ class Pendulum(SeparableSystem):
     def momentum(self, q: Vec, velocity: Vec) -> Vec:
         """The momentum that belongs to an angular velocity, m l^2 q'.  q, velocity : (1,)."""
         return self.mass * self.length * self.length * velocity
+
+    # ---------------------------------------------------------------- the exact motion
+
+    def exact(self, start: CanonicalState, t: Any) -> CanonicalState:
+        """The exact motion, swings, turns and the separatrix, by elliptic functions; error about 1e-15 (1 + w t), w = sqrt(g/l).
+
+        t : () or (n,), in s, from the start.  Returns q, p : (..., 1); q counts whole turns.
+        The parameters and the start are taken to be exact.
+
+        Source: Whittaker, Analytical Dynamics, 4th ed., section 44.
+        """
+        q, p = _single(start, "Pendulum.exact")
+        times = real_array(t, "Pendulum.exact: t")
+        if times.ndim > 1 or not np.isfinite(times).all():
+            raise InvalidInput(f"Pendulum.exact: t must be a finite time or a row of them; got {t!r}")
+        inertia = self.mass * self.length * self.length
+        if self.gravity == 0.0:
+            angle, speed = q + p / inertia * times, np.full(times.shape, p / inertia)
+        else:
+            swing = self._swing(q, p)
+            angle, speed = (np.full(times.shape, q), np.zeros(times.shape)) if swing is None else swing.at(times)
+        return CanonicalState(frozen_array(angle[..., None], "q"), frozen_array(inertia * speed[..., None], "p"))
+
+    def period(self, start: CanonicalState) -> float:
+        """The time after which the pendulum moves as before, in s; infinite on the separatrix, 0 if it hangs or stands still."""
+        q, p = _single(start, "Pendulum.period")
+        if self.gravity == 0.0:
+            return abs(2.0 * np.pi * self.mass * self.length * self.length / p) if p else 0.0
+        swing = self._swing(q, p)
+        return 0.0 if swing is None else swing.period
+
+    def _swing(self, q: float, p: float) -> Any:
+        from .exact_pendulum import pendulum
+
+        return pendulum(q, p, self.mass, self.gravity, self.length)
+
+
+def _single(start: CanonicalState, name: str) -> tuple[float, float]:
+    if start.bodies is not None:
+        raise InvalidInput(f"{name} takes one pendulum at a time; loop over the ensemble")
+    return float(start.q[0]), float(start.p[0])
 
 
 @record

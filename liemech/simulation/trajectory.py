@@ -118,8 +118,9 @@ class Trajectory:
         if formula is None:
             raise InvalidInput(f"Trajectory.{name}: {self.system!r} {otherwise}")
         needed = [*inspect.signature(formula).parameters]
-        self._recorded(name, needed)
-        return formula(*(self.states[part] for part in needed))
+        self._recorded(name, [part for part in needed if part != "t"])
+        known = {"t": self.t if self.bodies is None else self.t[:, None], **self.states}
+        return formula(*(known[part] for part in needed))
 
     def _recorded(self, what: str, needed: Iterable[str]) -> None:
         """Refuse what needs parts of the state that were not recorded."""

@@ -23,11 +23,10 @@ class CanonicalState(State):
 
 
 @record
-class CanonicalSystem(System):
-    """Positions q and momenta p in R^n, and an energy H(q, p): what free and constrained systems share; abstract.
+class PhaseSpace(System):
+    """Positions q and momenta p in R^n, as points that R^2n moves by addition; abstract.
 
-    A subclass says how they move, `rate`, and which states there are, `state`.
-    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VI.1.2 and VII.1.
+    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VI.1.2.
     """
 
     coordinates: ClassVar[tuple[str, ...]] = "q", "p"
@@ -38,22 +37,6 @@ class CanonicalSystem(System):
         n = getattr(self, "degrees", None)
         if type(n) is not int or n < 1:
             raise InvalidInput(f"{type(self).__name__} must say its degrees of freedom, degrees: ClassVar[int] = 2; got {n!r}")
-
-    # ---------------------------------------------------------------- 1. a subclass writes
-
-    def energy(self, q: Vec, p: Vec) -> float:
-        """H(q, p).  q, p : (n,)."""
-        raise NotDefined(f"{type(self).__name__} must define `energy`")
-
-    # ---------------------------------------------------------------- 2. closed forms are welcome
-
-    def velocity(self, q: Vec, p: Vec) -> Vec:
-        """The velocity q' = dH/dp, (n,).  q, p : (n,)."""
-        return gradient(lambda x: self.energy(q, x), p)
-
-    def force(self, q: Vec, p: Vec) -> Vec:
-        """The force p' = -dH/dq, (n,).  q, p : (n,)."""
-        return -gradient(lambda x: self.energy(x, p), q)
 
     # ---------------------------------------------------------------- how it moves
 
@@ -78,10 +61,6 @@ class CanonicalSystem(System):
         """The displacement, beside |q| and |p|."""
         return omega, vec(*[abs(x) for x in state.q], *[abs(x) for x in state.p])
 
-    def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """The energy."""
-        return {"energy": np.asarray(self.energy(states["q"], states["p"]))}
-
     @final
     def _points(self, q: Any, p: Any) -> tuple[list[np.ndarray], int | None]:
         """Positions and momenta as arrays, checked, and how many members an ensemble of them has."""
@@ -103,6 +82,35 @@ class CanonicalSystem(System):
     @final
     def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
         return self.group._shape(argument, kind) if argument == "omega" or kind != "Vec" else (self.degrees,)
+
+
+@record
+class CanonicalSystem(PhaseSpace):
+    """Positions q and momenta p in R^n, and an energy H(q, p): what free and constrained systems share; abstract.
+
+    A subclass says how they move, `rate`, and which states there are, `state`.
+    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VI.1.2 and VII.1.
+    """
+
+    # ---------------------------------------------------------------- 1. a subclass writes
+
+    def energy(self, q: Vec, p: Vec) -> float:
+        """H(q, p).  q, p : (n,)."""
+        raise NotDefined(f"{type(self).__name__} must define `energy`")
+
+    # ---------------------------------------------------------------- 2. closed forms are welcome
+
+    def velocity(self, q: Vec, p: Vec) -> Vec:
+        """The velocity q' = dH/dp, (n,).  q, p : (n,)."""
+        return gradient(lambda x: self.energy(q, x), p)
+
+    def force(self, q: Vec, p: Vec) -> Vec:
+        """The force p' = -dH/dq, (n,).  q, p : (n,)."""
+        return -gradient(lambda x: self.energy(x, p), q)
+
+    def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """The energy."""
+        return {"energy": np.asarray(self.energy(states["q"], states["p"]))}
 
 
 @record

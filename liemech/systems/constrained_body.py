@@ -392,11 +392,9 @@ class ConstrainedBody(BoundBody):
         x, change = np.zeros(group.dim), np.inf
         for _ in range(PATIENCE):
             before, there = change, group.compose_exp(start, Vec.of(x))
+            algebras, pieces = [group.algebra for group, _, _ in self.blocks], [Vec.of(x[slice(*place)]) for place in self.places]
             bent = [
-                [
-                    self.blocks[b][0].algebra.dexp_dual(Vec.of(x[slice(*self.places[b])]), part, "left")
-                    for part, (b, _) in zip(row, ties)
-                ]
+                [algebras[b].dexp_dual(pieces[b], part, "left") for part, (b, _) in zip(row, ties)]
                 for row, ties in zip(self.rows(there), self.touches)
             ]
             G = self._matrix(bent)
