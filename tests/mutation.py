@@ -12,6 +12,7 @@ import argparse
 import io
 import os
 import random
+import re
 import shutil
 import subprocess
 import sys
@@ -82,13 +83,15 @@ def changes(file: Path) -> list[Change]:
 
 
 def tests_of(file: Path) -> list[list[str]]:
-    """Test files that import the module or name it, the one of its name first; then those of its folder."""
+    """Test files that import or name the module, the one of its name first; then those of its folder or that name its classes."""
     module, home = ".".join(file.with_suffix("").parts), ROOT / "tests" / file.parts[1]
     everything = sorted((ROOT / "tests").rglob("test_*.py"))
     own = [p for p in everything if file.stem in p.stem]
     named = [p for p in everything if module in p.read_text(encoding="utf-8")]
     first = dict.fromkeys((*own, *named))
-    stages = list(first), [p for p in everything if p.is_relative_to(home) and p not in first]
+    classes = re.findall(r"^class (\w+)", (ROOT / file).read_text(encoding="utf-8"), re.MULTILINE)
+    users = [p for p in everything if classes and re.search(rf"\b({'|'.join(classes)})\b", p.read_text(encoding="utf-8"))]
+    stages = list(first), [p for p in everything if (p.is_relative_to(home) or p in users) and p not in first]
     return [[str(p.relative_to(ROOT)) for p in stage] for stage in stages if stage]
 
 
@@ -109,7 +112,7 @@ def main() -> None:
     parser.add_argument("count", type=int)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--list", action="store_true", help="only show the changes")
-    parser.add_argument("--quick", action="store_true", help="only the tests that name the file, and those of its folder")
+    parser.add_argument("--quick", action="store_true", help="not the whole suite")
     options = parser.parse_args()
     files = [p.relative_to(ROOT) for folder in FOLDERS for p in sorted((ROOT / "liemech" / folder).rglob("*.py"))]
     chosen = random.Random(options.seed).sample([c for file in files for c in changes(file)], options.count)

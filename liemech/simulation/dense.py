@@ -25,7 +25,7 @@ def along(retraction: Any, system: Any, point: Any, curve: Any, given: Any, out:
     state = read(given, 0, point)
     coefficients = read(given, point.width, curve)
     theta = read(given, point.width + curve.width, NUMBER)
-    moved = attempt(system.moved, retraction, state, theta * horner(coefficients, theta))
+    moved = attempt(system.displaced, retraction, state, theta * horner(coefficients, theta))
     told(moved, point, out, failures)
 
 

@@ -142,6 +142,7 @@ def test_a_uniform_motion_arrives_where_it_should() -> None:
     assert np.abs(end[False] / truth - 1).max() > 1e-12
 
 
+@pytest.mark.sample(1)
 @pytest.mark.compiled
 @pytest.mark.parametrize("method", [m if m is not EXP else slow(m) for m in METHODS], ids=named)
 def test_what_a_million_steps_keep(method: lm.Method) -> None:

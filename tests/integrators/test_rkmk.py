@@ -179,6 +179,7 @@ def compass() -> np.ndarray:
     return solve_ivp(rate, (0.0, 2.0), [0.6, 0.0, 0.8], method="DOP853", rtol=3e-14, atol=1e-15).y[:, -1]
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize("method", [lm.RKMK(order=2), RKMK4, *IMPLICIT, lm.RKMK(order=2, retraction=lm.Cayley())], ids=repr)
 def test_points_stay_on_the_sphere(method: lm.RKMK) -> None:
     system, counts = Compass(lm.SphereAction(3)), [2 * n for n in COUNTS[method.order]]

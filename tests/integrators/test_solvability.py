@@ -193,6 +193,7 @@ def test_steps_of_rigid_motions_are_those_that_grow_out_of_zero(method: lm.Covar
     assert accepted > 12
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(("thin", "size"), [(1 / 1000, 0.8), (1 / 1000, 2.0)])
 def test_thin_rods_have_steps_on_other_sheets_which_are_refused(thin: float, size: float) -> None:
     """Newton's method from J^-1 mu does find a root, with det > 0: not the one of the motion."""
@@ -364,6 +365,7 @@ def test_a_failure_says_where_the_branch_ends_and_keeps_what_there_is() -> None:
     assert ends == pytest.approx(20.0 * part[0], rel=1e-2)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.compiled
 @BOTH
 def test_large_steps_have_the_same_bits_in_native_code(method: lm.CovariantVariational) -> None:

@@ -73,6 +73,7 @@ def test_a_member_of_an_ensemble_is_the_body_alone(method: lm.Method, attitude: 
             assert same_bits(together.g[:, i], one.g)
 
 
+@pytest.mark.sample(3)
 @ALL
 @BOTH_WORLDS
 def test_pieces_change_nothing(method: lm.Method, compiled: bool, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -110,6 +111,7 @@ def test_the_progress_bar_changes_nothing(capsys: pytest.CaptureFixture[str]) ->
     assert "step" in capsys.readouterr().err
 
 
+@pytest.mark.sample(3)
 @ALL
 @BOTH_WORLDS
 def test_momentum_alone_has_the_same_bits(method: lm.Method, compiled: bool) -> None:
