@@ -28,7 +28,7 @@ def test_every_page_is_in_the_lists_of_the_first_page() -> None:
 def test_tests_that_the_pages_name_exist(name: str) -> None:
     text = (DOCS / f"{name}.md").read_text(encoding="utf-8")
     named = re.findall(r"`(?:tests/)?([a-z_]+/[\w/]*test_\w+\.py|test_\w+\.py)(?:::(\w+))?`", text)
-    assert len(named) > 30
+    assert len(named) > 15
     for file, function in named:
         path = ROOT / "tests" / file
         assert path.exists(), f"{name}.md names {file}, which does not exist"
@@ -57,3 +57,8 @@ def test_every_row_of_a_table_has_as_many_cells_as_its_head() -> None:
             here = len(re.split(r"(?<!\\)\|", line.strip())) - 2
             cells = cells or here
             assert here == cells, f"{page.name}, line {number}: {here} cells under a head of {cells}"
+
+
+def test_no_picture_of_the_gallery_is_shown_twice() -> None:
+    pictures = re.findall(r"\]\((figures/\w+\.png)\)", (DOCS / "gallery.md").read_text(encoding="utf-8"))
+    assert len(pictures) == len(set(pictures))

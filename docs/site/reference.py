@@ -53,7 +53,7 @@ def names(part: str) -> list[str]:
 
 
 def _is_from(thing: Any, module: Any) -> bool:
-    return getattr(thing, "__module__", "") == module.__name__
+    return inspect.isclass(thing) and thing.__module__ == module.__name__
 
 
 def _part(name: str) -> str:

@@ -39,11 +39,12 @@ class Emitter:
         self.builder = builder
         self.lanes = lanes
         self.width = width if lanes % width == 0 else lanes
+        self.vectors = {kind: ir.VectorType(t, self.width) for kind, t in TYPES.items()}
         self.calls = 0  # of the C library so far: a branch that has some is the rare one
         self.fail_if: Callable[[Any], None] = lambda condition: None  # what to do where Python raises
 
     def type(self, kind: str, varying: bool) -> ir.Type:
-        return ir.VectorType(TYPES[kind], self.width) if varying else TYPES[kind]
+        return self.vectors[kind] if varying else TYPES[kind]
 
     def registers(self, varying: bool) -> int:
         """How many values make up a number."""
@@ -53,7 +54,7 @@ class Emitter:
         values = tuple(values)
         type_ = values[0].type
         scalar = type_.element if isinstance(type_, ir.VectorType) else type_
-        return Num(self, values, next(kind for kind, t in TYPES.items() if t == scalar))
+        return Num(self, values, "f" if scalar is F64 else next(kind for kind, t in TYPES.items() if t == scalar))
 
     def each(self, instruction: Callable[..., ir.Value], *numbers: Values) -> Num:
         """One instruction for every register."""
@@ -363,9 +364,11 @@ class Num(StandIn):
 
     def _of(self, function: Callable[..., Any], *items: Any) -> Any:
         """A function of this number and another one, if it is one; NumPy's integers are integers."""
-        items = tuple(int(x) if isinstance(x, (np.integer, np.bool_)) else x for x in items)
-        if not all(isinstance(x, (Num, int, float)) for x in items):
-            return NotImplemented
+        for x in items:
+            if not isinstance(x, (Num, int, float)):
+                if not isinstance(x, (np.integer, np.bool_)):
+                    return NotImplemented
+                items = tuple([int(y) if isinstance(y, (np.integer, np.bool_)) else y for y in items])
         return function(*items)
 
     def __pow__(self, other: Any) -> Any:

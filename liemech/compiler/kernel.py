@@ -313,7 +313,7 @@ def _translation(
         from . import llvm
         from .buffers import Array, arguments, entrance
         from .ir_numbers import F64, I64, Emitter
-        from .outlined import Builder, drop_unused
+        from .outlined import Builder, Names, drop_unused
         from .reads import Reads
         from .translation import Interpreter
 
@@ -321,6 +321,7 @@ def _translation(
     module.triple = llvm.triple()
     signature = ir.FunctionType(ir.VoidType(), [F64.as_pointer(), I64.as_pointer(), F64.as_pointer().as_pointer(), I64, I64, I64])
     function = ir.Function(module, signature, "loop")
+    function.scope = Names(function)
     for pointer in function.args[:3]:
         pointer.add_attribute("noalias")
     function.attributes.add("nounwind")

@@ -7,9 +7,12 @@ built into it, numbers are passed.  Both ways give the same bits.
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
+import math
 import struct
 import types
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -20,7 +23,7 @@ from ..formulas.pytree import PAIRS, Layout, build, fill, is_any_number, layout_
 from ..formulas.records import Record
 from ..formulas.tables import Table
 from ..formulas.vectors import Mat, Vec
-from .ir_numbers import F64, I64, TYPES, Num
+from .ir_numbers import F64, I32, I64, TYPES, Num
 from .joins import Open
 from .scopes import Frame
 
@@ -36,6 +39,10 @@ LARGE = 120
 HUGE = 3000
 """Formulas of more instructions are never written out in a native function that has been made of a formula."""
 
+SLACK, MOST = 1.25, 0.8
+"""Writing out is given up when so many times HUGE have been emitted, some of which might have been taken back later; the innermost
+formula that has this part of HUGE becomes a function."""
+
 ALONE = 5
 """The kernel of a single body, not the functions that it calls, may write out so many times more: there a call costs most."""
 
@@ -47,6 +54,9 @@ WIDE = 64
 
 WIDEST = 1000
 """Numbers of a state from which nothing is compiled: to carry so many in registers takes too long to make."""
+
+RETURNED = 64
+"""Registers of results up to which a native function returns them; more it writes into memory."""
 
 LIMIT = 100_000
 """Instructions of a kernel that LLVM compiles in about ten seconds: more are refused."""
@@ -62,6 +72,7 @@ class Builder(ir.IRBuilder):
     """Counts the instructions of a kernel while they are made."""
 
     emitted = 0  # in the present native function, without what was taken back
+    room: float = math.inf  # up to which the formula that is being written out may make it grow
     finished = 0  # in the other ones
     made = 0  # in all, with what was taken back
 
@@ -73,6 +84,8 @@ class Builder(ir.IRBuilder):
     def _insert(self, instruction: Any) -> None:
         self.emitted += 1
         self.made += 1
+        if self.emitted > self.room:
+            raise Growing
         if self.emitted + self.finished > self.limit:
             self.finished = _reachable(self.within) - self.emitted
         if self.emitted + self.finished > self.limit or self.made > EFFORT * LIMIT:
@@ -83,6 +96,18 @@ class Builder(ir.IRBuilder):
                 "order, a smaller group, closed forms for what is derived, or compiled=False"
             )
         super()._insert(instruction)
+
+
+class Names:
+    """The names in a native function: numbers, quicker than those of llvmlite."""
+
+    def __init__(self, function: ir.Function) -> None:
+        self.count = len(function.args)
+
+    def register(self, name: str, deduplicate: bool = False) -> str:
+        """A name that no other value or block has."""
+        self.count += 1
+        return f"{name}.{self.count}"
 
 
 def _called(function: ir.Function) -> set[ir.Function]:
@@ -118,6 +143,10 @@ class TooLong(NotCompilable):
     """There is no other way to translate that would be shorter."""
 
 
+class Growing(Exception):
+    """A formula that is being written out is too large for it."""
+
+
 class Unknown(Exception):
     """An argument whose form cannot be told: the call is written out."""
 
@@ -127,6 +156,7 @@ class Outlined:
     """A native function made of a formula."""
 
     function: ir.Function
+    memory: ir.Type | None  # of the results, where they are too many for registers
     pattern: Any  # how the result is put together, of returned numbers, arguments and constants
     kinds: list[tuple[str, bool, bool]]  # of the returned numbers
     failed: bool  # does it return which lanes have failed
@@ -156,6 +186,10 @@ class Outliner:
         self.made: dict[Any, Outlined | None] = {}  # None: it has to be written out
         self.patience, self.huge = (ALONE, ALONE * HUGE) if self.e.lanes == 1 else (1, WHOLE * HUGE)
         self.kept: dict[int, Any] = {}  # objects that are told apart by their identity
+        self.grown: set[Any] = set()  # formulas that were too large to be written out
+        self.forms: set[Any] = set()  # the general ones of their calls
+        self.buffers: dict[ir.Function, dict[str, ir.Value]] = {}  # of native functions, for the results of those they call
+        self.begun: list[int] = []  # where the formulas begin that are being written out in the present native function
 
     def fitting(self, layout: Layout) -> Layout:
         """The layout of a state, refused if it is too wide.  Raises TooLong."""
@@ -179,22 +213,64 @@ class Outliner:
                 made = self.made.get(key) or (self.make(key, frame, given, general) if key else None)
                 if made is not None:
                     return self.emit(made, call, general)
-        before, spent = b.emitted, self.spent
-        forget = t.mark() if t.frames else None
-        result = t.enter(frame)
-        cost = b.emitted - before
-        if cost >= self.huge and forget is not None:  # again, shorter: most of what is in it has been met by now
+        elif function in self.grown and t.frames:
             call = self.call(function, given)
-            if call and call.known not in self.made:
-                forget()
-                made = self.make(call.known, frame, given, False)
-                return self.emit(made, call, False) if made is not None else t.enter(Frame(frame.source, frame.scope, given))
+            if call:
+                return self._grown(call, frame, given)
+        before, spent = b.emitted, self.spent
+        if not t.frames:
+            return t.enter(frame)
+        forget = t.mark()
+        try:
+            with self._limited(before):
+                result = t.enter(frame)
+            large = b.emitted - before >= self.huge
+        except Growing:
+            large = b.emitted - before >= MOST * self.huge
+            if not large:
+                raise
+        cost = b.emitted - before
+        if large:  # it becomes a function
+            forget()
+            self.grown.add(function)
+            call = self.call(function, given)
+            return self._grown(call, frame, given) if call else self._written_out(frame, given)
         if cost >= LARGE and spent is self.spent:
             self.large.add(function)
             call = self.call(function, given)
             if call:
                 spent += [(call.known, cost), (call.general, cost)] if call.general != call.known else [(call.known, cost)]
         return result
+
+    def _grown(self, call: Call, frame: Frame, given: dict[str, Any]) -> Any:
+        """The value of a call of a formula that has been too large to be written out."""
+        general = self.made.get(call.known) is None and call.general in self.forms
+        key = call.general if general else call.known
+        self.forms.add(call.general)
+        made = self.made[key] if key in self.made else self.make(key, frame, given, general, WORTH)
+        return self._written_out(frame, given) if made is None else self.emit(made, call, general)
+
+    def _written_out(self, frame: Frame, given: dict[str, Any]) -> Any:
+        """The value of a call that has to be written out, however large: what is around it does not count that."""
+        b, begun, room = self.e.builder, self.begun, self.e.builder.room
+        self.begun, b.room, before = [], math.inf, b.emitted
+        try:
+            return self.t.enter(Frame(frame.source, frame.scope, given))
+        finally:
+            begun[:] = [x + b.emitted - before for x in begun]
+            self.begun, b.room = begun, room + b.emitted - before
+
+    @contextlib.contextmanager
+    def _limited(self, begin: int) -> Iterator[None]:
+        """What is being written out may not become huge."""
+        begun, b = self.begun, self.e.builder
+        begun.append(begin)
+        b.room = begun[0] + SLACK * self.huge
+        try:
+            yield
+        finally:
+            begun.pop()
+            b.room = begun[0] + SLACK * self.huge if begun else math.inf
 
     def _chosen(self, call: Call) -> tuple[Any, bool]:
         """The form in which a call becomes one of a function, and whether it is the general one; None for neither."""
@@ -294,14 +370,14 @@ class Outliner:
 
     # -------------------------------------------------------------- the function
 
-    def make(self, key: Any, frame: Frame, given: dict[str, Any], general: bool) -> Outlined | None:
-        """The native function of a formula, for calls of this form; None if it has to be written out."""
+    def make(self, key: Any, frame: Frame, given: dict[str, Any], general: bool, least: int = 0) -> Outlined | None:
+        """The native function of a formula, for calls of this form; None if it must be written out, or has too few instructions."""
         t, b = self.t, self.e.builder
         active = t.active(t.frames[-1].env)
         call = self.call(frame.source.function, given)
         assert call is not None
         state = t.base, t.depth, t.failed, t.escapes, t.raises, t.marks, t.region, self.e.calls, self.spent
-        patience = self.patience, self.huge
+        patience, begun, room = (self.patience, self.huge), self.begun, b.room
         block, outer = b.block, b.emitted
         frames, module = len(t.frames), b.module
         passed = [*call.numbers, *(call.constants if general else [])]
@@ -310,13 +386,14 @@ class Outliner:
         types_ += [self.e.type("b", self.e.lanes > 1)] * slots
         name = module.get_unique_name(f"{frame.source.function.__name__}.{len(self.made)}")
         function = ir.Function(module, ir.FunctionType(ir.VoidType(), types_), name)
-        function.linkage, function.calling_convention = "internal", "fastcc"
+        function.linkage, function.calling_convention, function.scope = "internal", "fastcc", Names(function)
         for fact in ("noinline", "nounwind"):
             function.attributes.add(fact)
         function.args[0].add_attribute("noalias")
         if self.e.lanes > 1:
             function.attributes.alignstack = 8 * self.e.width
         b.finished, b.emitted, self.spent, self.patience, self.huge = b.finished + outer, 0, [], 1, HUGE
+        self.begun, b.room = [], math.inf
         b.within.append(function)
         escapes: list[Open] = []
         made: Outlined | None = None
@@ -335,8 +412,11 @@ class Outliner:
             b.position_at_end(start)
             t.frames.append(Frame(frame.source, frame.scope, {}))  # between the variables of two native functions
             result = t.enter(Frame(frame.source, frame.scope, arguments))
-            made = self._returned(function, result, inner, parts, escapes)
-            b.finished += b.emitted
+            if b.emitted >= least:
+                made = self._returned(function, result, inner, parts, escapes)
+                b.finished += b.emitted
+            else:
+                del module.globals[name]
         except NotCompilable as error:
             if isinstance(error, TooLong):
                 raise
@@ -344,7 +424,7 @@ class Outliner:
         b.within.pop()
         del t.frames[frames:]
         t.base, t.depth, t.failed, t.escapes, t.raises, t.marks, t.region, self.e.calls, self.spent = state
-        self.patience, self.huge = patience
+        (self.patience, self.huge), self.begun, b.room = patience, begun, room
         b.finished, b.emitted = b.finished - outer, outer
         b.position_at_end(block)
         self.made[key] = made
@@ -424,6 +504,9 @@ class Outliner:
         if escapes:
             kinds.append(TYPES["b"])
         type_ = ir.LiteralStructType(kinds)
+        buffer = ir.Argument(function, type_.as_pointer()) if len(kinds) > RETURNED else None
+        if buffer is not None:
+            buffer.add_attribute("noalias")
 
         def leave(escaped: bool) -> None:
             values = [ir.Constant(v.type, ir.Undefined) for v in registers] if escaped else registers
@@ -431,6 +514,11 @@ class Outliner:
                 values = [*values, *e.load(t.failed).values]
             if escapes:
                 values = [*values, ir.Constant(TYPES["b"], escaped)]
+            if buffer is not None:
+                for i, v in enumerate(values):
+                    b.store(v, _field(b, buffer, i))
+                b.ret_void()
+                return
             structure = ir.Constant(type_, ir.Undefined)
             for i, v in enumerate(values):
                 structure = b.insert_value(structure, v, i)
@@ -440,11 +528,17 @@ class Outliner:
         for o in escapes:
             b.position_at_end(o.block)
             leave(True)
-        if kinds:
+        if buffer is not None:
+            function.ftype = ir.FunctionType(ir.VoidType(), [*function.ftype.args, buffer.type])
+            function.type = function.ftype.as_pointer()
+            function.args = (*function.args, buffer)
+        elif kinds:
             function.ftype = ir.FunctionType(type_, function.ftype.args)
             function.type = function.ftype.as_pointer()
             function.return_value = ir.values.ReturnValue(function, type_)
-        return Outlined(function, whole, [(x.kind, x.varying, x.mixed) for x in numbers], failed, bool(escapes), t.raises, e.calls)
+        memory = type_ if buffer is not None else None
+        forms = [(x.kind, x.varying, x.mixed) for x in numbers]
+        return Outlined(function, memory, whole, forms, failed, bool(escapes), t.raises, e.calls)
 
     # -------------------------------------------------------------- the call
 
@@ -455,20 +549,27 @@ class Outliner:
         arguments = [b.function.args[0], *(v for x in passed for v in x.values)]
         if t.escapes:
             arguments += e.load(t.failed).values
+        if made.memory is not None:
+            arguments.append(self._buffer(made.memory))
         structure = b.call(made.function, arguments, cconv="fastcc")
         at = 0
+
+        def result(i: int) -> ir.Value:
+            if made.memory is None:
+                return b.extract_value(structure, i)
+            return b.load(_field(b, arguments[-1], i), typ=made.memory.elements[i])
 
         def next_number(kind: str, varying: bool, mixed: bool = False) -> Num:
             nonlocal at
             count = e.registers(varying)
             at += count
-            return Num(e, tuple(b.extract_value(structure, i) for i in range(at - count, at)), kind, mixed)
+            return Num(e, tuple([result(i) for i in range(at - count, at)]), kind, mixed)
 
         numbers = [next_number(*kind) for kind in made.kinds]
         if made.failed:
             e.store(next_number("b", e.lanes > 1), t.failed)
         if made.escapes:
-            escaped = b.extract_value(structure, at)
+            escaped = result(at)
             gone, on = b.append_basic_block(), b.append_basic_block()
             b.cbranch(escaped, gone, on)
             t.escapes[-1].append(Open(gone, {}))
@@ -492,6 +593,20 @@ class Outliner:
             return x
 
         return restored(made.pattern)
+
+    def _buffer(self, type_: ir.Type) -> ir.Value:
+        """Where functions leave results of this form for the present one."""
+        b = self.e.builder
+        places = self.buffers.setdefault(b.function, {})
+        if str(type_) not in places:
+            with b.goto_entry_block():
+                places[str(type_)] = b.alloca(type_)
+        return places[str(type_)]
+
+
+def _field(b: ir.IRBuilder, place: ir.Value, i: int) -> ir.Value:
+    """The address of a result."""
+    return b.gep(place, [ir.Constant(I32, 0), ir.Constant(I32, i)], inbounds=True)
 
 
 _STRUCTURES = (Vec, Mat, *PAIRS, tuple, list, Record, Table)

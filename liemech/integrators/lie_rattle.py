@@ -172,12 +172,8 @@ class LieRATTLE(Method):
         rest = [vectors.sum([dot(through[b][i], free[b]) for b, i in ties]) - value for ties, value in zip(system.touches, c)]
         m = joint(system, through, pushed)
         dl, pivots = solved_sparse(system, m, rest)
-        dx: list[Any] = []
-        for y, columns, held in zip(free, pushed, system.held):
-            for (a, _), column in zip(held, columns):
-                y = y - dl[a] * column
-            dx = [*dx, *y]
-        return vec(*dx, *dl), upright and regular(system, m, pivots, h)
+        dx = [less(y, columns, [dl[a] for a, _ in held]) for y, columns, held in zip(free, pushed, system.held)]
+        return vec(*[x for part in dx for x in part], *dl), upright and regular(system, m, pivots, h)
 
     def _condition(self, system: Any, g: Element, x: Vec) -> tuple[Vec, Any]:
         """c(g tau(x)), and its derivative by x, by rows and blocks."""
@@ -236,6 +232,13 @@ def carried(retraction: Retraction, group: Any, x: Vec, by_p: float | Mat, row: 
     """What a unit impulse along a row of G adds to the mismatch r = by_p (p - dtau_x* m)."""
     dual = retraction.dtau_dual(group, x, row)
     return by_p @ dual if isinstance(by_p, vectors.Mat) else by_p * dual
+
+
+def less(y: Vec, columns: Any, shares: Any) -> Vec:
+    """y without these shares of the columns."""
+    for share, column in zip(shares, columns):
+        y = y - share * column
+    return y
 
 
 def split(unknown: Vec, dim: int) -> tuple[Vec, Vec]:

@@ -115,11 +115,11 @@ class AdaptiveSteps:
             raise InvalidInput("integrate: events and dense=True are for one body at a time")
         runs: list[Trajectory] = []
         errors: dict[int, Any] = {}
+        plan = dataclasses.replace(self, dense=False, progress=False)
         with Bar(self.progress, start.bodies or 0) as bar:
             for i in range(start.bodies or 0):
-                plan = dataclasses.replace(self, dense=False, progress=False)
                 if isinstance(self.system, Systems):
-                    plan = dataclasses.replace(plan, system=self.system[i], shapes={})
+                    plan = plan.of_system(self.system[i])
                 try:
                     run = AdaptiveRun(plan, member(start, i), t0, t_end, limit, times, ()).trajectory()
                 except IntegrationFailure as error:

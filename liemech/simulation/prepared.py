@@ -19,7 +19,7 @@ from .execution import Execution, like
 from .fixed import begin, fixed_steps
 from .systems import Systems
 
-WORDS, TIMES = struct.Struct("8q"), struct.Struct("2d")
+WORDS, TIME, TIMES = struct.Struct("8q"), struct.Struct("d"), struct.Struct("2d")
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -152,13 +152,26 @@ class Shape(Prepared):
         return *self.arguments[:2], self.given, self.started, self.layout, self.shown, self.h
 
     def begin(self, start: State, memory: Any) -> bool:
-        """Write what one body carries along, and behind it the first sample; False if only the method knows that."""
-        if self.order is None:
-            return False
+        """Write what one body carries along, and behind it the first sample; False if the method cannot begin so."""
         numbers = self.gather(start)
-        numbers.append(0.0)
-        self._first.pack_into(memory, 0, *self._picked(numbers))
-        return True
+        if self.order is not None:
+            numbers.append(0.0)
+            self._first.pack_into(memory, 0, *self._picked(numbers))
+            return True
+        beginning = self._beginning
+        if beginning is None:
+            return False
+        beginning.again()
+        states, out, starts = memory[: self.carried], memory[self.carried :][: self.sampled], np.array(numbers)
+        out[:] = numbers if self.given == self.shown else 0.0
+        if beginning.ready(0.0):
+            native: Any = beginning.native
+            native.run(self.constants + TIME.pack(self.h), (), (starts, states, out))
+        else:
+            arguments = [*self.beginner, starts, states, out, []]
+            with beginning.plain():
+                begin(*arguments)
+        return bool(states[-1] == 0.0)
 
     def native_steps(self, t0: float, h: float, first: int, every: int, samples: int, states: int, out: int) -> None:
         """`fixed_steps` of one body, in native code that is there.  states, out : the addresses of the arrays."""

@@ -62,7 +62,7 @@ class Recorder:
             return None
         if not all(isinstance(q, str) for q in self.quantities.values()):
             return tuple(dict.fromkeys([*start.arrays, *self.parts]))
-        wanted = [name for name, x in system.essential(start).parts.items() if x is not None]
+        wanted = [name for name, x in system.essential_part(start).parts.items() if x is not None]
         for quantity in self.quantities.values():
             parts = inspect.signature(getattr(system, str(quantity))).parameters
             if not set(parts) <= set(start.parts):

@@ -55,11 +55,9 @@ def connections(touches: Sequence[Sequence[int]], blocks: int) -> dict[str, Any]
 
 def pulled(system: Any, rows: Any, impulses: Vec) -> Vec:
     """G* l.  impulses : (m,);  returns (dim,)."""
-    parts: list[Any] = []
-    for held, (start, end) in zip(system.held, system.places):
-        pulls = [impulses[a] * rows[a][i] for a, i in held]
-        parts = [*parts, *(vectors.sum(pulls) if len(pulls) > 0 else [0.0] * (end - start))]
-    return vec(*parts)
+    pulls = [[impulses[a] * rows[a][i] for a, i in held] for held in system.held]
+    parts = [vectors.sum(pull) if len(pull) > 0 else [0.0] * (end - start) for pull, (start, end) in zip(pulls, system.places)]
+    return vec(*[x for part in parts for x in part])
 
 
 def led(system: Any, rows: Any) -> list[Any]:

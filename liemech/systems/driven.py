@@ -110,9 +110,7 @@ class DrivenLiePoissonSystem(System):
     """
 
     coordinates: ClassVar[tuple[str, ...]] = ("mu",)
-    alternatives: ClassVar[str] = (
-        "LiePoissonHamiltonJacobi(order=4) and FirstKindHamiltonJacobi serve it, RKMK accepts every system"
-    )
+    alternatives: ClassVar[str] = "LiePoissonHamiltonJacobi and FirstKindHamiltonJacobi serve it, RKMK accepts every system"
 
     group: LieGroup
     hamiltonian: DrivenHamiltonian

@@ -24,6 +24,7 @@ from liemech.formulas import sqrt
 from liemech.integrators.taylor import Taylor
 from liemech.simulation.fixed_run import FixedRun
 from liemech.simulation.prepared import Steps
+from liemech.systems.clocked import Clocked
 
 LIMIT = {"cold": 4.0, "SO(16)": 10.0, "SO(32)": 60.0}
 """Seconds that a cold compilation may take: by default, and for the groups named."""
@@ -122,6 +123,33 @@ def three_bodies(method: Any, lanes: bool = False) -> Case:
     return system, method, system.state(q, p), 0.001
 
 
+def chain(method: Any, links: int = 2, lanes: bool = False) -> Case:
+    """A pendulum of rods on ball joints."""
+    half, places = np.array([0.0, 0.0, 0.5]), np.tile(np.eye(4), (links, 1, 1))
+    places[:, 2, 3] = -0.5 - np.arange(links)
+    joints = [lm.BallJoint(k, k - 1 if k else None, half, -half if k else 0.0 * half) for k in range(links)]
+    system = lm.Linkage([lm.Link(1.0, [0.1, 0.1, 0.05])] * links, joints, 9.81)
+    start = system.assembled(places, np.full((links, 6), 0.1))
+    return system, method, _start(system, np.array(start.mu), np.array(start.g), lanes), 0.01
+
+
+def planets(method: Any, lanes: bool = False) -> Case:
+    system, start = lm.PlanetarySystem.outer_solar_system()
+    if lanes:
+        start = system.state(np.tile(np.array(start.y), (kernel.lanes(), 1)))
+    return system, method, start, 100.0
+
+
+def satellite(method: Any, lanes: bool = False) -> Case:
+    """On an eccentric orbit, with steps by its distance."""
+    system = lm.OrbitingBody([1e-4, 1.5e-4, 2e-4], mass=1.0, attraction=1.0)
+    circle = system.circular_orbit(0.3)
+    controlled = lm.ReversibleController(method, lambda g: (g[9] * g[9] + g[10] * g[10] + g[11] * g[11]) ** 0.75)
+    start = _start(system, np.array(circle.mu), np.array(circle.g), lanes)
+    clocked = Clocked(system, controlled.sigma.bound(system, start))
+    return clocked, controlled, clocked.extended(start, 0.0), 0.05
+
+
 def _start(system: Any, mu: np.ndarray, g: np.ndarray, lanes: bool) -> Any:
     if lanes:
         mu, g = (np.tile(x, (kernel.lanes(), *[1] * x.ndim)) for x in (mu, g))
@@ -160,6 +188,19 @@ CASES: dict[str, Callable[[], Case]] = {
     "Algorithm 1, polar, lanes": lambda: body(lm.CovariantVariational(Polar()), True),
     "RKMK8, three bodies": lambda: three_bodies(lm.RKMK(order=8)),
     "RKMK8, three bodies, lanes": lambda: three_bodies(lm.RKMK(order=8), True),
+    "LieRATTLE, chain of 1": lambda: chain(lm.LieRATTLE(), 1),
+    "LieRATTLE, chain of 1, lanes": lambda: chain(lm.LieRATTLE(), 1, True),
+    "LieRATTLE, chain of 2": lambda: chain(lm.LieRATTLE()),
+    "LieRATTLE, chain of 2, lanes": lambda: chain(lm.LieRATTLE(), 2, True),
+    "LieRATTLE, chain of 3": lambda: chain(lm.LieRATTLE(), 3),
+    "RKMK4, chain of 2": lambda: chain(lm.RKMK(order=4)),
+    "Splitting 4, planets": lambda: planets(lm.Splitting(order=4)),
+    "Splitting 4, planets, lanes": lambda: planets(lm.Splitting(order=4), True),
+    "Splitting 8, planets": lambda: planets(lm.Splitting(order=8)),
+    "Controller of KickDrift 2, satellite": lambda: satellite(lm.KickDrift(order=2)),
+    "Controller of KickDrift 4, satellite": lambda: satellite(lm.KickDrift(order=4)),
+    "Controller of LieVerlet, satellite": lambda: satellite(lm.LieVerlet()),
+    "Controller of Algorithm 1, satellite": lambda: satellite(COVARIANT["exp"]),
     "Taylor 12, body": lambda: body(Taylor(12)),
     "Taylor 18, body": lambda: body(Taylor(18)),
     "Taylor 30, body": lambda: body(Taylor(30)),

@@ -108,6 +108,7 @@ def everything(monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest) 
     monkeypatch.setattr(large, "LARGE", 0)
     monkeypatch.setattr(large, "TERMS", 0)
     if request.param == "general":
+        monkeypatch.setattr(outlined, "RETURNED", 0)
         monkeypatch.setattr(outlined.Outliner, "_chosen", lambda self, call: (call.general, True))
 
 
@@ -137,6 +138,42 @@ MU = np.array([0.5, 0.1, 0.75**0.5])
 
 def of(group: Any) -> Any:
     return lm.LiePoissonSystem(group, lm.KineticEnergy(np.linspace(1.0, 2.0, group.dim)))
+
+
+@pytest.fixture
+def small(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
+    """What is large is small; the builders of all kernels."""
+    no_kernels(monkeypatch)
+    for name, value in {"HUGE": 40, "ALONE": 1, "WHOLE": 1, "WORTH": 10, "RETURNED": 0}.items():
+        monkeypatch.setattr(outlined, name, value)
+    builders: list[Any] = []
+    made = outlined.Builder.__init__
+    monkeypatch.setattr(outlined.Builder, "__init__", lambda self, *args: (builders.append(self), made(self, *args))[1])
+    return builders
+
+
+@pytest.mark.parametrize("name", ["ways", "raising", "derived", "lists", "imaginary"])
+def test_what_grows_has_the_same_bits(name: str, small: list[Any], tmp_path: Path) -> None:
+    text = TEXT + f"def turned(x, y, turns):\n    return {name}(x, y)"
+    worlds.same_in_all_worlds(worlds.module_from(text, tmp_path, f"growing_{name}").turned, ROWS, lanes=[1, 4])
+
+
+def test_what_grows_is_given_up_soon(small: list[Any], tmp_path: Path) -> None:
+    """Not when all of it has been written out: nested formulas were translated twice for each that is around them."""
+    text = """
+def turn(x, y):
+    return x * x - y * y, x * y + x
+
+def long(x, y):
+    for k in range(32):
+        x, y = turn(x, y)
+    return x, y
+
+def formula(x, y, n):
+    return long(*long(x, y))
+"""
+    worlds.same_in_all_worlds(worlds.module_from(text, tmp_path, "given_up").formula, [(0.3, 0.4), (0.1, -0.2)], lanes=[1])
+    assert small and all(b.made < 1.5 * (b.emitted + b.finished) for b in small)
 
 
 PAIRS = [

@@ -56,11 +56,11 @@ def test_numbers_gathered_are_the_leaves(value: Any) -> None:
 
 
 @pytest.mark.compiled
-@pytest.mark.parametrize("every", [1, 4])
-def test_a_short_run_is_the_run_in_pieces(every: int) -> None:
+@pytest.mark.parametrize(("method", "every"), [(RKMK4, 1), (RKMK4, 4), (lm.CovariantVariational(lm.Cayley()), 1)])
+def test_a_short_run_is_the_run_in_pieces(method: lm.Method, every: int) -> None:
     """Whoever steps, all fields are the same; and so is what goes on from them."""
     one = body(0.0)
-    plan = lm.Plan(one, RKMK4, 0.1, every=every, compiled=True)
+    plan = lm.Plan(one, method, 0.1, every=every, compiled=True)
     start = one.state(mu=MOMENTA[0])
     plan.run(start, steps=4)
     short = plan.run(start, steps=20, t0=0.3)

@@ -131,7 +131,7 @@ def test_the_way_back_ends_where_it_began_to_26_digits(method: Any, scene: Any) 
     plain, run = (p.run(start, steps=3) for p in (plan, plan.replace(precision="double-double")))
     for name, x in plain.states.items():
         assert np.abs(x - run.states[name]).max() < 3e-15
-    memory = build(run.carry.shape.layout, iter(run.carry.numbers[:-1, 0].tolist()))
+    memory = build(run.carry.shape.layout, iter(np.ravel(run.carry.numbers)[:-1].tolist()))
     memory = double_double(method.start(system, method.observe(memory), -0.05))
     for _ in range(3):
         memory = double_double(method.step(system, 0.0, memory, -0.05))
@@ -158,7 +158,7 @@ def test_native_code_has_the_same_bits_and_keeps_the_structure() -> None:
 
 def defects(run: Any, start: Any) -> tuple[float, float, float]:
     """How much of |mu|^2, of the momentum in space and of g g^T was lost, in exact arithmetic on both words."""
-    words = [Fraction(x) for x in run.carry.numbers[:24, 0].tolist()]
+    words = [Fraction(x) for x in np.ravel(run.carry.numbers)[:24].tolist()]
     x = [words[i] + words[i + 1] for i in range(0, 24, 2)]
     mu, g = x[:3], [x[3 + 3 * i : 6 + 3 * i] for i in range(3)]
     mu0 = [Fraction(float(v)) for v in start.mu]
