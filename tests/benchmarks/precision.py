@@ -35,7 +35,7 @@ def measured(method: lm.Method, scene: str, repetitions: int, duration: float) -
     runs: dict[str, harness.Run] = {}
     for digits in ("double", "double-double"):
         plan = lm.Plan(system, method, h, every=10**9, precision=digits, compiled=True, progress=False)
-        runs[digits] = lambda n, plan=plan: plan.run(start, steps=n)  # noqa: B023
+        runs[digits] = lambda n, plan=plan: plan.run(start, steps=n)
     times = harness.measure(runs, repetitions=repetitions, duration=duration)
     ratio = times["double-double"].over(times["double"])
     return {"method": method.name, "scene": scene, "ratio": ratio, **{k: t.median for k, t in times.items()}}

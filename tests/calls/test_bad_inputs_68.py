@@ -1,4 +1,4 @@
-"""Sixty-eight bad inputs, by number: each is answered at once, by a clear error or as the table says; where others hold one, it is named.
+"""Sixty-eight bad inputs, by number: each is answered at once, by a clear error or as the table says, here or where it says.
 
 `python tests/stress/run.py --only R19` times them.
 """
@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import math
+import re
 import time
 import warnings
 from collections.abc import Callable
@@ -35,7 +36,7 @@ BAD_INPUT, ARCHIVE = "calls/test_bad_input.py", "simulation/test_archive.py"
 
 @dataclass(frozen=True)
 class Entry:
-    """A row: calls that raise such an error, with such words; or that are answered, with what is true or finite; or tests elsewhere."""
+    """A row: calls that raise such an error, with such words; or that give what is true or finite; or tests elsewhere."""
 
     number: int
     what: str
@@ -63,7 +64,8 @@ def body(inertia: object) -> Call:
 
 def exp_step(h: float, **options: Any) -> Call:
     """Steps of Algorithm 1 with the exponential, the article's body."""
-    return lambda: go(system=quiet(2 / 3, 1, 2), method=lm.CovariantVariational(), start=lm.BodyState(lm.vec(0.5, 0.0, 0.75**0.5)), h=h, **options)
+    start = lm.BodyState(lm.vec(0.5, 0.0, 0.75**0.5))
+    return lambda: go(system=quiet(2 / 3, 1, 2), method=lm.CovariantVariational(), start=start, h=h, **options)
 
 
 def quiet(*inertia: float) -> lm.RigidBody:
@@ -228,14 +230,32 @@ TABLE = (
     Entry(9, "steps that are no count", (lambda: go(steps=2.5), lambda: go(steps=True), lambda: go(steps="10")), KIND, N),
     Entry(9, "fewer than no steps", (lambda: go(steps=-1),), VALUE, N),
     Entry(10, "more samples than memory", (lambda: go(steps=10**12),), VALUE, "larger `every`"),
-    Entry(11, "t_end NaN or inf", tuple(lambda t=t: go(method=lm.RKMK(order=5), h=None, steps=None, t_end=t) for t in (NAN, INF)), VALUE, "t_end must be finite"),
-    Entry(12, "t_end before t0", (lambda: go(method=lm.StormerVerlet(), system=lm.Kepler(), start=lm.Kepler().state([1, 0], [0, 1]), steps=None, t_end=-1.0),), VALUE, "t_end"),
-    Entry(13, "tolerances that are none", tuple(lambda r=r: go(method=lm.RKMK(order=5), h=None, steps=None, t_end=1.0, rtol=r) for r in (NAN, -1.0, 0.0)), VALUE, "rtol"),
+    Entry(
+        11, "t_end NaN or inf",
+        tuple(lambda t=t: go(method=lm.RKMK(order=5), h=None, steps=None, t_end=t) for t in (NAN, INF)),
+        VALUE,
+        "t_end must be finite",
+    ),
+    Entry(
+        12, "t_end before t0",
+        (lambda: go(method=lm.CovariantVariational(lm.Cayley()), steps=None, t_end=-1.0),),
+        VALUE,
+        "t_end",
+    ),
+    Entry(
+        13, "tolerances that are none",
+        tuple(lambda r=r: go(method=lm.RKMK(order=5), h=None, steps=None, t_end=1.0, rtol=r) for r in (NAN, -1.0, 0.0)),
+        VALUE,
+        "rtol",
+    ),
     Entry(14, "negative moment of inertia", (body([-1, 1, 1]),), VALUE, "principal moment -1"),
     Entry(15, "inertia without an inverse", (body([0, 1, 1]),), VALUE, "principal moment 0"),
     Entry(16, "inertia not symmetric", (body([[1, 1e-6, 0], [0, 1, 0], [0, 0, 1]]),), VALUE, "not symmetric"),
     Entry(16, "not symmetric by rounding", (lambda: lm.RigidBody([[1, 1e-16, 0], [0, 2, 0], [0, 0, 1.5]]) is not None,)),
-    Entry(17, "no body has this inertia: it runs, with a warning", (warned(lm.errors.InertiaWarning, "", body([2 / 3, 1, 2])),)),
+    Entry(
+        17, "no body has this inertia: it runs, with a warning",
+        (warned(lm.errors.InertiaWarning, "inertia|moment", body([2 / 3, 1, 2])),),
+    ),
     Entry(18, "moments that differ by 1e12 run", (lambda: go(system=quiet(1.0, 1.0, 1e-12)).mu,)),
     Entry(19, "inertia in any units", (lambda: scaled(1e-46), lambda: scaled(1e40))),
     Entry(20, "inertia of another shape", (body([[1, 2, 3]]), body([[1], [2], [3]])), VALUE, "shape"),
@@ -243,21 +263,42 @@ TABLE = (
     Entry(22, "an SE(3) inertia of tiny determinant runs", (lambda: lm.KirchhoffBody(1e-60 * KIRCHHOFF) is not None,)),
     Entry(23, "a reflection", (state(-np.eye(3)), lambda: G.log(-np.eye(3))), VALUE, "reflection"),
     Entry(24, "twice the unit matrix", (state(2 * np.eye(3)), lambda: G.log(2 * np.eye(3))), VALUE, "by 3.0e"),
-    Entry(25, "orthogonal to 1e-10: kept as it is", (lambda: np.array_equal(BODY.state(MU, np.eye(3) + 1e-10).g, np.eye(3) + 1e-10),)),
+    Entry(
+        25, "orthogonal to 1e-10: kept as it is",
+        (lambda: np.array_equal(BODY.state(MU, np.eye(3) + 1e-10).g, np.eye(3) + 1e-10),),
+    ),
     Entry(25, "orthogonal to 1e-5", (state(np.eye(3) + 1e-5),), VALUE, "more than 1e-06"),
     Entry(26, "NaN in a rotation", (state([[1, NAN, 0], [0, 1, 0], [0, 0, 1]]),), VALUE, r"g\[0, 1\] is nan"),
-    Entry(27, "no rotation by shape", (state(np.zeros((3, 3))), state(np.empty((0, 3, 3))), state(np.zeros((3, 2))), state([[1, 0], [1]])), VALUE, "g|ragged"),
+    Entry(
+        27, "no rotation by shape",
+        (state(np.zeros((3, 3))), state(np.empty((0, 3, 3))), state(np.zeros((3, 2))), state([[1, 0], [1]])), VALUE, "g|ragged",
+    ),
     Entry(28, "quaternion zero", (lambda: Q.log([0.0, 0.0, 0.0, 0.0]),), VALUE, "not in UnitQuaternions"),
-    Entry(29, "quaternions that are no units", (lambda: Q.log([1e200, 0, 0, 0]), lambda: Q.log([0, 0, 0, 1e-200])), VALUE, "not in UnitQuaternions"),
-    Entry(30, "q and -q are one attitude", (lambda: np.array_equal(Q.rotation([0.5] * 4).as_matrix(), Q.rotation([-0.5] * 4).as_matrix()),)),
+    Entry(
+        29, "quaternions that are no units",
+        (lambda: Q.log([1e200, 0, 0, 0]), lambda: Q.log([0, 0, 0, 1e-200])), VALUE, "not in UnitQuaternions",
+    ),
+    Entry(
+        30, "q and -q are one attitude",
+        (lambda: np.array_equal(Q.rotation([0.5] * 4).as_matrix(), Q.rotation([-0.5] * 4).as_matrix()),),
+    ),
     Entry(31, "quaternions for a matrix: no guess", (state([0.0, 0.0, 0.0, 1.0]),), VALUE, r"g has shape \(4,\)"),
     Entry(32, "a pose with another last row", (lambda: SE3.log(LOWER),), VALUE, "not in SE3"),
     Entry(33, "a far translation", (lambda: SE3.log(FAR), lambda: SE3.exp([0.1, 0.2, 0.3, 1e300, 0.0, 0.0]))),
     Entry(34, "log at half a turn", (half_turns,)),
     Entry(35, "log at pi - 1e-13", where="groups/test_rotation_logarithm.py::test_accuracy"),
-    Entry(36, "log of the identity", (lambda: not np.any(G.log(np.eye(3))), lambda: not np.any(G.log(np.eye(3) + np.full((3, 3), -0.0))))),
-    Entry(37, "exp of next to nothing", (lambda: np.array_equal(G.exp(np.zeros(3)), np.eye(3)), lambda: G.exp([1e-320, 0, 0])[2, 1] == 1e-320)),
-    Entry(38, "exp of 1e8", (lambda: np.abs(np.array(G.exp([1e8, 0, 0])).T @ np.array(G.exp([1e8, 0, 0])) - np.eye(3)).max() < 8 * EPS,)),
+    Entry(
+        36, "log of the identity",
+        (lambda: not np.any(G.log(np.eye(3))), lambda: not np.any(G.log(np.eye(3) + np.full((3, 3), -0.0)))),
+    ),
+    Entry(
+        37, "exp of next to nothing",
+        (lambda: np.array_equal(G.exp(np.zeros(3)), np.eye(3)), lambda: G.exp([1e-320, 0, 0])[2, 1] == 1e-320),
+    ),
+    Entry(
+        38, "exp of 1e8",
+        (lambda: np.abs(np.array(G.exp([1e8, 0, 0])).T @ np.array(G.exp([1e8, 0, 0])) - np.eye(3)).max() < 8 * EPS,),
+    ),
     Entry(38, "exp of 1e200", (lambda: G.exp([1e200, 0, 0]),), VALUE, "no finite value"),
     Entry(39, "exp of inf", (lambda: G.exp([INF, 0, 0]),), VALUE, r"xi\[0\] is inf"),
     Entry(40, "dexp^-1 at a whole turn", (lambda: G.dexp_inv([2 * math.pi, 0, 0], MU),), CHART),
@@ -265,8 +306,11 @@ TABLE = (
     Entry(42, "dexp^-1 beyond a turn", (lambda: G.dexp_inv([7.0, 0, 0], MU), lambda: G.dexp_inv([0, 12.0, 0], MU)), CHART),
     Entry(43, "inverse Cayley of half a turn", (lambda: G.cayley_inv(np.diag([1.0, -1.0, -1.0])),), CHART, "Cayley"),
     Entry(44, "Cayley of 1e160", (lambda: np.abs(np.array(G.cayley([1e160, 0, 0])) - np.diag([1, -1, -1])).max() < EPS,)),
-    Entry(45, "exp step of more than half a turn: warned", (warned(lm.errors.StepWarning, "", exp_step(3.1)),)),
-    Entry(46, "exp steps that may have no solution: warned, and followed from h = 0", (warned(lm.errors.StepWarning, "followed from h = 0", exp_step(8.0)),)),
+    Entry(45, "exp step of more than half a turn: warned", (warned(lm.errors.StepWarning, "larger than", exp_step(3.1)),)),
+    Entry(
+        46, "exp steps that may have no solution: warned, and followed from h = 0",
+        (warned(lm.errors.StepWarning, "followed from h = 0", exp_step(8.0)),),
+    ),
     Entry(47, "Newton without an end", (exp_step(20.0),), FAILED),
     Entry(48, "a rod's other branch", where="integrators/test_solvability.py"),
     Entry(49, "a gradient of NaN", (formula("nan"),), FAILED, "overflowed or left the domain"),
@@ -277,13 +321,26 @@ TABLE = (
     Entry(53, "a gradient that is not the energy's", where="checks/test_system_laws.py"),
     Entry(54, "a structure matrix without Jacobi", where="poisson/test_structures.py"),
     Entry(55, "a constraint without a gradient", (redundant,), lm.errors.LiemechError, "rank|depend|gradient|rows"),
-    Entry(56, "a start off the constraint", (pendulum([0.0, 0.0, -1.001], [0.0, 0.0, 0.0]), pendulum([0.0, 0.0, -1.0], [0.0, 0.0, 1.0])), lm.errors.LiemechError, "consistent"),
+    Entry(
+        56, "a start off the constraint",
+        (pendulum([0.0, 0.0, -1.001], [0.0, 0.0, 0.0]), pendulum([0.0, 0.0, -1.0], [0.0, 0.0, 1.0])),
+        lm.errors.LiemechError,
+        "consistent",
+    ),
     Entry(57, "constraints that become dependent on the way", where="constrained/test_constrained_input.py"),
     Entry(58, "a RATTLE step too large", (pendulum([0.0, 0.0, -1.0], [1.0, 0.0, 0.0], h=50.0),), FAILED, "step|h = "),
     Entry(59, "a time scale that is none", where="timing/test_time_transformed.py"),
     Entry(60, "a splitting of parts that do not fit", where="poisson/test_splittings.py"),
-    Entry(61, "integers and float32 are numbers", (lambda: np.array_equal(BODY.state([1, 2, 3]).mu, BODY.state(np.float32([1, 2, 3])).mu),)),
-    Entry(61, "no numbers", (lambda: BODY.state(["1", "2", "3"]), lambda: BODY.state([True, False, True]), lambda: BODY.state(np.array([1, None, 2]))), KIND, "real numbers"),
+    Entry(
+        61, "integers and float32 are numbers",
+        (lambda: np.array_equal(BODY.state([1, 2, 3]).mu, BODY.state(np.float32([1, 2, 3])).mu),),
+    ),
+    Entry(
+        61, "no numbers",
+        (lambda: BODY.state(["1", "2", "3"]), lambda: BODY.state([True, False, True]), lambda: BODY.state(np.array([1, None, 2]))),
+        KIND,
+        "real numbers",
+    ),
     Entry(62, "any layout in memory", (layouts,)),
     Entry(63, "a masked entry", (lambda: BODY.state(np.ma.array([1.0, 2.0, 3.0], mask=[0, 1, 0])),), VALUE, "masked"),
     Entry(64, "one bad body among forty", (one_bad_member,)),
@@ -306,11 +363,8 @@ def answer(entry: Entry, call: Call) -> tuple[str, float]:
         seconds = time.perf_counter() - begun
         if entry.error is None or not isinstance(error, entry.error):
             return f"{type(error).__name__}: {error}", seconds
-        try:
-            with pytest.raises(entry.error, match=entry.words):
-                raise error
-        except AssertionError as other:
-            return str(other), seconds
+        if not re.search(entry.words, str(error)):
+            return f"in other words: {error}", seconds
         kept = getattr(error, "trajectory", None)
         finite = kept is None or all(np.isfinite(x).all() for x in kept.states.values())
         return "" if finite else "samples that are not finite", seconds
