@@ -157,5 +157,5 @@ def there_and_back(size: Size) -> str:
         for steps in (100, 1000, 10_000):
             there = plan.run(start, steps=steps)
             back = plan.replace(h=-0.05).run(there.last, steps=steps)
-            cells.append(f"{np.abs(back.mu[-1] - start.mu).max():.0e}")
+            cells.append(f"{np.abs(back.mu[-1] - np.asarray(start.mu)).max():.0e}")
     return f"| {cells[0]} | {cells[1]} | {cells[2]} | {cells[3]} | {cells[4]} | {cells[5]} |"

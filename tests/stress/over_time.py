@@ -34,6 +34,6 @@ def draw(path: Path, size: Size) -> None:
     axes.text(curves[0][1][0], 1.3 * np.finfo(float).eps, "eps", color="0.5")
     axes.set(xlabel="steps N", ylabel="relative error of the energy")
     axes.set_title("Free rigid body, h = 0.1; dotted: N and sqrt N", fontsize="medium")
-    axes.legend(fontsize="small", loc="upper left", bbox_to_anchor=(0.0, 0.86))
+    axes.legend(fontsize="small", loc="upper left", bbox_to_anchor=(0.0, 0.72))
     figure.savefig(path, dpi=110)
     plt.close(figure)
