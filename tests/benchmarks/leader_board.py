@@ -60,7 +60,8 @@ def tables(measured: dict) -> str:
         text += f"{problem[0].upper()}{problem[1:]}:\n\n| | {' | '.join(f'{target:.0e}' for target in TARGETS)} |\n"
         text += f"| --- |{' --- |' * len(TARGETS)}\n"
         for package, cell in best.items():
-            cells = [f"{float(f'{1e3 * cell[target][0]:.2g}'):g} ({cell[target][1]})" if cell[target] else "not reached" for target in TARGETS]
+            times = [cell[target] and (float(f"{1e3 * cell[target][0]:.2g}"), cell[target][1]) for target in TARGETS]
+            cells = [f"{time[0]:g} ({time[1]})" if time else "not reached" for time in times]
             text += f"| {package} | {' | '.join(cells)} |\n"
         text += "\n"
     versions = ", ".join(f"{name} {version}" for name, version in measured["versions"].items())
