@@ -69,6 +69,7 @@ if TYPE_CHECKING:
     from .integrators.commutator_free import CommutatorFree, CrouchGrossman
     from .integrators.composition import Composition
     from .integrators.darboux_lie import DarbouxLieChart
+    from .integrators.discrete_lagrangian import DiscreteLagrangian, GroupLagrangian, QuadratureLagrangian
     from .integrators.exact_free_body import ExactFreeBody
     from .integrators.galerkin import GalerkinVariational
     from .integrators.geodesic_splitting import GeodesicSplitting
@@ -128,7 +129,6 @@ if TYPE_CHECKING:
     from .systems.constrained_body import ConstrainedBody, NonholonomicBody
     from .systems.constraint import Constraint, VelocityConstraint
     from .systems.darboux import Andoyer, DarbouxChart, InDarbouxChart, LinearDarboux, LogarithmicDarboux
-    from .systems.discrete_lagrangian import DiscreteLagrangian, GroupLagrangian, QuadratureLagrangian
     from .systems.driven import DrivenHamiltonian, DrivenHamiltonianSystem, DrivenLiePoissonSystem
     from .systems.group_equation import GroupEquation, LinearGroupEquation
     from .systems.hamiltonian import Hamiltonian
@@ -236,7 +236,7 @@ _LATER = {
     "systems.darboux": ("Andoyer", "DarbouxChart", "InDarbouxChart", "LinearDarboux", "LogarithmicDarboux"),
     "systems.constrained_body": ("ConstrainedBody", "NonholonomicBody"),
     "systems.constraint": ("Constraint", "VelocityConstraint"),
-    "systems.discrete_lagrangian": ("DiscreteLagrangian", "GroupLagrangian", "QuadratureLagrangian"),
+    "integrators.discrete_lagrangian": ("DiscreteLagrangian", "GroupLagrangian", "QuadratureLagrangian"),
     "systems.driven": ("DrivenHamiltonian", "DrivenHamiltonianSystem", "DrivenLiePoissonSystem"),
     "systems.group_equation": ("GroupEquation", "LinearGroupEquation"),
     "systems.hamiltonian": ("Hamiltonian",),

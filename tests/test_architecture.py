@@ -101,6 +101,13 @@ def executed(node: ast.AST, lazy: bool = False) -> Iterator[tuple[ast.Import | a
             yield from executed(child, lazy or isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef))
 
 
+def for_typing(tree: ast.Module) -> Iterator[ast.Import | ast.ImportFrom]:
+    """The import statements that only type checkers run."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
+            yield from (s for part in node.body for s in ast.walk(part) if isinstance(s, ast.Import | ast.ImportFrom))
+
+
 def targets(module: str, statement: ast.Import | ast.ImportFrom) -> Iterator[str]:
     """The modules that one statement imports, by dotted name."""
     if isinstance(statement, ast.Import):
@@ -169,6 +176,26 @@ def test_imports_point_down_the_layers() -> None:
         and one.layers != ("command_line", "")
     ]
     complain(upward, f"Imports that point up the layers {' < '.join(LAYERS)}:")
+
+
+def test_imports_for_typing_point_down_too() -> None:
+    """A layer that names what stands above it, if only in an annotation, cannot be read without it."""
+    height = {name: number for number, name in enumerate(LAYERS)} | {"": len(LAYERS)}
+    named = [
+        Import(module, statement.lineno, target, lazy=True)
+        for module, tree in trees().items()
+        if module != "liemech"
+        for statement in for_typing(tree)
+        for target in targets(module, statement)
+        if target.partition(".")[0] == "liemech"
+    ]
+    assert named
+    upward = [
+        one
+        for one in named
+        if height.get(one.layers[0], -1) < height.get(one.layers[1], -1) and one.layers not in DOORS
+    ]
+    complain(upward, f"Imports for typing that point up the layers {' < '.join(LAYERS)}:")
 
 
 def test_no_circles() -> None:

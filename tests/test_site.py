@@ -57,3 +57,8 @@ def test_every_row_of_a_table_has_as_many_cells_as_its_head() -> None:
             here = len(re.split(r"(?<!\\)\|", line.strip())) - 2
             cells = cells or here
             assert here == cells, f"{page.name}, line {number}: {here} cells under a head of {cells}"
+
+
+def test_no_picture_of_the_gallery_is_shown_twice() -> None:
+    pictures = re.findall(r"\]\((figures/\w+\.png)\)", (DOCS / "gallery.md").read_text(encoding="utf-8"))
+    assert len(pictures) == len(set(pictures))

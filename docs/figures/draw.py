@@ -65,7 +65,7 @@ def gallery(examples: list[str]) -> str:
             about = " ".join((ast.get_docstring(ast.parse(code)) or "").split("\n\n")[0].split())
             about = re.sub(r"docs/([\w/]+\.md)", r"[\1](\1)", about)
             text += f"\n**[{name}](../examples/{name}.py)** {about}\n"
-            pictures = [p for p in re.findall(r'"(\w+\.png)"', code) if (HERE / p).exists()]
+            pictures = [p for p in dict.fromkeys(re.findall(r'"(\w+\.png)"', code)) if (HERE / p).exists()]
             if pictures:
                 text += "\n" + " ".join(f"![{name.replace('_', ' ')}](figures/{p})" for p in pictures) + "\n"
     return text + TAIL

@@ -275,6 +275,8 @@ def _places(layout: Layout, value: str) -> Iterator[str]:
     """Where the numbers of a value are, as texts."""
     if layout.kind == "number":
         yield value
+    elif layout.kind == "table":
+        yield f"{value}.place"
     elif layout.plain and layout.kind in ("vec", "tuple", "list"):
         yield f"*{value}"
     elif layout.width:

@@ -8,10 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from ..formulas import Vec
+from ..formulas import Mat, Vec, identity_matrix, mat
 from ..formulas.double_double import is_long
 from ..formulas.sizes import EPSILON, one_norm
 from .bernoulli import BERNOULLI
+
+ROUGH = 2.0**-72
+"""(2^-36)^2: the square of what an iteration does not feel."""
 
 Action = Callable[[Vec, Vec], Vec]
 
@@ -24,6 +27,24 @@ def exponential_series(ad: Action, x: Vec, v: Vec) -> Vec:
 def mean(ad: Action, x: Vec, v: Vec) -> Vec:
     """The mean of exp(s ad_x) v over 0 <= s <= 1, sum_k ad_x^k v/(k + 1)!, as it stands.  x, v : (dim,)."""
     return _sum(ad, x, v, 2.0)
+
+
+def mean_slope(ad: Action, x: Vec, v: Vec, size2: float) -> Mat:
+    """The derivative of `mean` with respect to x, from that of the recursion of its terms.
+
+    size2 : a bound for the square of |ad_x|.  It stops at 1e-11: Newton's method feels no less.  x, v : (dim,).
+    """
+    units = identity_matrix(len(x))
+    term, k = 0.5 * ad(x, v), 2.0
+    slopes = mat(*[0.5 * ad(unit, v) for unit in units])
+    total, before, bound = slopes, 1.0, size2
+    while before > ROUGH and k < 64.0:
+        k = k + 1.0
+        y = (1.0 / k) * x
+        slopes = mat(*[ad(y, s) + (1.0 / k) * ad(unit, term) for unit, s in zip(units, slopes)])
+        term, total = ad(y, term), total + slopes
+        before, bound = bound, bound * (size2 / (k * k))
+    return total.T
 
 
 def bernoulli_series(ad: Action, x: Vec, v: Vec, terms: int) -> Vec:

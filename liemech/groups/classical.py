@@ -10,7 +10,7 @@ import numpy as np
 from ..errors import InvalidInput
 from ..formulas import Ambient, Complex, Element, Mat, Vec, mat, record, vec
 from ..formulas.sums import total
-from .matrix_group import MatrixLieGroup, whole_number
+from .matrix_group import MatrixLieGroup, named_by_size, whole_number
 from .matrix_invariants import Invariants
 from .nearest import nearest_unitary
 
@@ -102,6 +102,8 @@ class SO(ClassicalGroup):
     Source: Hall, Lie Groups, Lie Algebras, and Representations, 2nd ed., sections 1.2 and 3.4.
     """
 
+    __repr__ = named_by_size
+
     smallest: ClassVar[int] = 2
 
     @cached_property
@@ -165,6 +167,8 @@ class SL(ClassicalGroup):
     Source: Hall, Lie Groups, Lie Algebras, and Representations, 2nd ed., sections 1.2 and 3.4.
     """
 
+    __repr__ = named_by_size
+
     smallest: ClassVar[int] = 2
 
     @cached_property
@@ -193,6 +197,8 @@ class GL(ClassicalGroup):
     n : the number of rows.  An element has a logarithm if no eigenvalue is zero or negative.
     Source: Hall, Lie Groups, Lie Algebras, and Representations, 2nd ed., sections 1.2 and 3.4.
     """
+
+    __repr__ = named_by_size
 
     @cached_property
     def generators(self) -> np.ndarray:
@@ -224,6 +230,8 @@ class SU(ClassicalGroup):
     Basis E_ij - E_ji and i (E_ij + E_ji) for i < j, then i (E_jj - E_j+1,j+1).  n : the number of rows.
     Source: Hall, Lie Groups, Lie Algebras, and Representations, 2nd ed., sections 1.2 and 3.4.
     """
+
+    __repr__ = named_by_size
 
     smallest: ClassVar[int] = 2
 
@@ -260,6 +268,8 @@ class U(ClassicalGroup):
     Basis E_ij - E_ji and i (E_ij + E_ji) for i < j, then i E_jj.  n : the number of rows.
     Source: Hall, Lie Groups, Lie Algebras, and Representations, 2nd ed., sections 1.2 and 3.4.
     """
+
+    __repr__ = named_by_size
 
     @cached_property
     def generators(self) -> np.ndarray:
@@ -303,6 +313,8 @@ class Sp(ClassicalGroup):
     Not every element has a logarithm.
     Source: Hall, Lie Groups, Lie Algebras, and Representations, 2nd ed., sections 1.2 and 3.4.
     """
+
+    __repr__ = named_by_size
 
     smallest: ClassVar[int] = 2
 

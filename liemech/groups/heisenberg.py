@@ -9,7 +9,7 @@ import numpy as np
 
 from ..formulas import Ambient, Element, Mat, Vec, dot, mat, record, vec
 from .matrix_algebra import MatrixLieAlgebra
-from .matrix_group import MatrixLieGroup, whole_number
+from .matrix_group import MatrixLieGroup, named_by_size, whole_number
 
 
 @record
@@ -81,6 +81,8 @@ class Heisenberg(MatrixLieGroup):
     """
 
     n: int = 1
+
+    __repr__ = named_by_size
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "n", whole_number(type(self).__name__, self.n, 1))

@@ -311,6 +311,11 @@ class GeneratedGroup(MatrixLieGroup):
 
 HUGE = 1e150
 
+def named_by_size(self: Any) -> str:
+    """The `__repr__` of a group or algebra that is told by its size n: SO(4)."""
+    return f"{type(self).__name__}({self.n})"
+
+
 def whole_number(name: str, n: Any, smallest: int) -> int:
     """The size of a group, checked.  Raises InvalidInput."""
     if isinstance(n, bool) or not isinstance(n, (int, np.integer)):

@@ -9,14 +9,12 @@ import numpy as np
 
 from ..errors import IncompatibleSystem, InvalidInput, InvalidType
 from ..formulas import Ambient, Element, Mat, Vec, identity_matrix, mat, record, vec
+from .ad_series import mean_slope
 from .lie_algebra import LieAlgebra
 from .lie_group import LieGroup
 from .product import ProductGroup
 from .representations import LinearAction, Representation, RotationAction, averaged, squares, standard_action
 from .vector_space import VectorSpace
-
-ROUGH = 2.0**-72
-"""(2^-36)^2: the square of what an iteration does not feel."""
 
 
 @record
@@ -97,17 +95,8 @@ class SemidirectAlgebra(LieAlgebra):
 
         The derivative stops at 1e-11: Newton's method feels no less.
         """
-        units, size2 = identity_matrix(self.dim), self._size2(xi)
-        term, k = 0.5 * self.ad_star(xi, mu), 2.0
-        slopes = mat(*[0.5 * self.ad_star(unit, mu) for unit in units])
-        by_xi, before, bound = slopes, 1.0, size2
-        while before > ROUGH and k < 64.0:
-            k = k + 1.0
-            x = (1.0 / k) * xi
-            slopes = mat(*[self.ad_star(x, s) + (1.0 / k) * self.ad_star(unit, term) for unit, s in zip(units, slopes)])
-            term, by_xi = self.ad_star(x, term), by_xi + slopes
-            before, bound = bound, bound * (size2 / (k * k))
-        return p - self.dexp_dual(xi, mu), 1.0, -by_xi.T
+        by_xi = mean_slope(self.ad_star, xi, mu, self._size2(xi))
+        return p - self.dexp_dual(xi, mu), 1.0, -by_xi
 
     def cayley_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
         """Ad* of (cay xi, y) with y = (1 - xi/2)^-1 u, where p . cay xi = p + q . xi with q = p . (1 - xi/2)^-1."""

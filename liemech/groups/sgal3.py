@@ -13,6 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..formulas import Ambient, Element, Mat, Vec, cross, dot, record, vec
+from .ad_series import mean_slope
 from .lie_algebra import LieAlgebra
 from .lie_group import LieGroup
 from .rotation_coefficients import LIMIT, STUMPFF4, all_coefficients, polynomial
@@ -104,6 +105,11 @@ class SGal3Algebra(LieAlgebra):
         swept, dragged, _ = thirds(done)
         first = SE3Algebra().dexp_inv_dual(join(w, a), join(m - swept, k - dragged))
         return vec(*first, *p, mu[9] - done[9])
+
+    def exp_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
+        """r = p - (dexp_xi)* mu, and dr/dxi from the series."""
+        size = self.ad_size(xi)
+        return p - self.dexp_dual(xi, mu), 1.0, -mean_slope(self.ad_star, xi, mu, size * size)
 
     def is_exp_chart(self, xi: Vec) -> bool:
         """|w| < 2 pi: less than a whole turn."""

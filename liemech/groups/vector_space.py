@@ -9,7 +9,7 @@ import numpy as np
 from ..formulas import Ambient, Element, Mat, Vec, mat, record, vec
 from .lie_algebra import Constants, LieAlgebra
 from .lie_group import LieGroup
-from .matrix_group import whole_number
+from .matrix_group import named_by_size, whole_number
 
 
 @record
@@ -20,6 +20,8 @@ class AbelianAlgebra(LieAlgebra):
     """
 
     n: int
+
+    __repr__ = named_by_size
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "n", whole_number(type(self).__name__, self.n, 1))
@@ -105,6 +107,8 @@ class VectorSpace(LieGroup):
     """
 
     n: int
+
+    __repr__ = named_by_size
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "n", whole_number(type(self).__name__, self.n, 1))

@@ -12,8 +12,8 @@ from ..formulas import Mat, Vec, dot, mat, norm, plain, record, vec, vectors
 from ..formulas.double_double import is_long
 from ..retractions import Exponential, Retraction
 from ..solvers import narrow, newton, refined
-from ..systems.discrete_lagrangian import DiscreteLagrangian
 from ..systems.lie_poisson import BodyState
+from .discrete_lagrangian import DiscreteLagrangian
 from .implicit import Implicit, Memory, extrapolated
 from .solvability import first_fold, grown, largest_impulse, surely_solvable, turns_freely
 
@@ -54,6 +54,10 @@ class CovariantVariational(Implicit):
                 f"{type(self).__name__}: lagrangian must be a DiscreteLagrangian, the action of a step, or None; "
                 f"got {self.lagrangian!r}"
             )
+
+    def __repr__(self) -> str:
+        action = "" if self.lagrangian is None else f", lagrangian={self.lagrangian!r}"
+        return f"{type(self).__name__}(retraction={self.retraction!r}{action})"
 
     @property
     def order(self) -> int:

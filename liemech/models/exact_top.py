@@ -27,7 +27,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .jacobi import Jacobi
-from .third_kind import elliprj
 
 DIGITS = 200
 SAME = Decimal(10) ** -60
@@ -37,7 +36,7 @@ Quaternion = tuple[Any, Any, Any, Any]
 
 
 class Phase(NamedTuple):
-    """The phase of alpha or beta: `begin` + rate t + factor (T(v) - T(v_0)), T the integral of sn^2/(1 + nu sn^2)."""
+    """The phase of alpha or beta: `begin` + rate t + factor (I(v) - I(v_0)), I the integral of 1/(1 + nu sn^2)."""
 
     begin: float
     rate: float
@@ -45,6 +44,23 @@ class Phase(NamedTuple):
     nu: float
     rest: float
     """1 + nu."""
+    ratio: float
+    """k^2/nu."""
+
+    def integral(self, k1: float, s: Any, c: Any) -> Any:
+        """I(v), |v| <= K: for nu < 0 as F - nu T, for nu > 0 by another such sum, so that all terms are positive.
+
+        Source: DLMF 19.25.14 (T = (F - Pi)/nu there), and 19.21.12 with z for x.
+        """
+        from scipy.special import elliprc, elliprf, elliprj
+
+        s2, c2 = s * s, c * c
+        d2 = c2 + k1 * k1 * s2
+        if self.nu <= 0.0:
+            third = elliprj(c2, d2, 1.0, c2 + self.rest * s2)
+            return s * (elliprf(c2, d2, 1.0) - self.nu * s2 * third / 3.0)
+        q = 1.0 + self.ratio * s2
+        return s * (elliprc(c2 * d2, (c2 + self.rest * s2) * q) + self.ratio * s2 * elliprj(c2, d2, 1.0, q) / 3.0)
 
 
 class Tilting(NamedTuple):
@@ -92,27 +108,22 @@ class Tilting(NamedTuple):
             up, down = self.sums[0] - 2.0 * self.spin * one * one, self.sums[1] + 2.0 * self.spin * two * two
             turning = np.where(np.abs(two) < np.abs(one), down, up) / (2.0 * one * two)
         turning = turning / self.A
-        cosine, sine = np.cos(p - r), np.sin(p - r)
+        (cp, sp), (cr, sr) = ((np.cos(x), np.sin(x)) for x in (p, r))
+        cosine, sine = cp * cr + sp * sr, sp * cr - cp * sr  # of psi = p - r, with the rounding errors of the attitude
         velocity = tilting * cosine + turning * sine, turning * cosine - tilting * sine
-        return (one * np.cos(p), two * np.cos(r), two * np.sin(r), one * np.sin(p)), *velocity
+        return (one * cp, two * cr, two * sr, one * sp), *velocity
 
     def _phase(self, phase: Phase, t: Any, s: Any, c: Any, d: Any, turns: Any) -> Any:
         if not phase.factor:
             return phase.begin + phase.rate * t
         s0, c0 = self.start
-        if not self.jacobi.k1:  # sn = tanh v
+        k1 = self.jacobi.k1
+        if not k1:  # sn = tanh v, and nu > 0
             root = math.sqrt(phase.nu)
-            start = self.jacobi.argument(s0, c0)
-            T = (self.rate * t - (np.arctan(root * s) - math.atan(root * s0)) / root) / phase.rest
-            return phase.begin + phase.rate * t + phase.factor * (T if math.isfinite(start) else 0.0 * t)
-        whole = self._third(phase, 1.0, 0.0) if np.any(turns) else 0.0
-        T = 2.0 * turns * whole + (self._third(phase, s, c) - self._third(phase, s0, c0))
-        return phase.begin + phase.rate * t + phase.factor * T
-
-    def _third(self, phase: Phase, s: Any, c: Any) -> Any:
-        """T(v), |v| <= K.  1 + nu sn^2 = cn^2 + (1 + nu) sn^2."""
-        s2, c2 = s * s, c * c
-        return s * s2 * elliprj(c2, c2 + self.jacobi.k1**2 * s2, 1.0, c2 + phase.rest * s2) / 3.0
+            gone = (self.rate * t + root * (np.arctan(root * s) - math.atan(root * s0))) / phase.rest
+        else:
+            gone = 2.0 * turns * phase.integral(k1, 1.0, 0.0) + (phase.integral(k1, s, c) - phase.integral(k1, s0, c0))
+        return phase.begin + phase.rate * t + phase.factor * gone
 
 
 def lagrange_top(A: float, C: float, M: float, mu: Any, q: Quaternion, t: np.ndarray) -> tuple[Quaternion, np.ndarray]:
@@ -136,6 +147,23 @@ def lagrange_top(A: float, C: float, M: float, mu: Any, q: Quaternion, t: np.nda
     motion = _tilting(A, C, M, mu, (w, x, y, z))
     attitude, one, two = motion.at(t)
     return attitude, np.stack([A * one, A * two, np.full(t.shape, spin)], axis=-1)
+
+
+def quaternion(g: np.ndarray) -> Quaternion:
+    """A unit quaternion (w, x, y, z) of a rotation (3, 3): the largest by a root, the others, however small, by division.
+
+    Source: Shepperd, J. Guidance and Control 1 (1978), 223.
+    """
+    (a, b, c), (d, e, f), (k, l, m) = g.tolist()
+    rows = (
+        (1.0 + a + e + m, l - f, c - k, d - b),
+        (l - f, 1.0 + a - e - m, b + d, c + k),
+        (c - k, b + d, 1.0 - a + e - m, f + l),
+        (d - b, c + k, f + l, 1.0 - a - e + m),
+    )
+    row = rows[max(range(4), key=lambda i: rows[i][i])]
+    size = math.hypot(*row)
+    return row[0] / size, row[1] / size, row[2] / size, row[3] / size
 
 
 def _spun(q: Any, half: Any) -> Quaternion:
@@ -187,9 +215,9 @@ def _tilting(A_: float, C_: float, M_: float, mu: Any, q: Quaternion) -> Tilting
             s0 = -s0 if speed < 0 else s0
         else:
             width, gap = Decimal(0), span
-        # rates without and with T, over the least 1 + u and the largest 1 - u
-        p_part = Decimal(0) if signed[0] else high / (2 * A * below)
-        r_part = Decimal(0) if signed[1] else low / (2 * A * (1 - u1))
+        # over the least 1 + u and the largest 1 - u
+        p_part = Decimal(0) if signed[0] else high / (2 * A * below * rate)
+        r_part = Decimal(0) if signed[1] else low / (2 * A * (1 - u1) * rate)
         p_nu, r_nu = (Decimal(0) if signed[0] else width / below), -width / (1 - u1)
         own = p3 / (2 * C) - p3 / (2 * A)
         v = [float(c) for c in (m1 / A, m2 / A, p3 / C)]
@@ -204,8 +232,8 @@ def _tilting(A_: float, C_: float, M_: float, mu: Any, q: Quaternion) -> Tilting
             start=(float(s0), float(c0)),
             signed=signed,
             phases=(
-                Phase(0.0, float(p_part + own), -float(p_part * p_nu / rate), float(p_nu), float(1 + p_nu)),
-                Phase(0.0, float(r_part - own), -float(r_part * r_nu / rate), float(r_nu), float(above / (1 - u1))),
+                Phase(0.0, float(own), float(p_part), float(p_nu), float(1 + p_nu), float(below / span)),
+                Phase(0.0, -float(own), float(r_part), float(r_nu), float(above / (1 - u1)), 0.0),
             ),
         )
     return motion._replace(phases=_begun(motion, [float(c) for c in (w, x, y, z)], v))

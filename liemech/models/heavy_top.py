@@ -11,7 +11,6 @@ from ..errors import InvalidInput
 from ..formulas import Mat, Vec, dot, real_array, record, sqrt, vec
 from ..formulas.fields import frozen_array
 from ..groups.se3 import SE3, halves, join
-from ..groups.so3 import SO3
 from ..systems.hamiltonian import Hamiltonian
 from ..systems.kinetic_energy import KineticEnergy
 from ..systems.lie_poisson import BodyState, LiePoissonSystem
@@ -89,7 +88,7 @@ class LagrangeTop(HeavyTop):
 
         Source: Whittaker, Analytical Dynamics, 4th ed., sections 71-73.
         """
-        from .exact_top import lagrange_top
+        from .exact_top import lagrange_top, quaternion
 
         if start.bodies is not None:
             raise InvalidInput("LagrangeTop.exact takes one top at a time; loop over the ensemble")
@@ -98,9 +97,8 @@ class LagrangeTop(HeavyTop):
         times = real_array(t, "LagrangeTop.exact: t")
         if times.ndim > 1 or not np.isfinite(times).all():
             raise InvalidInput(f"LagrangeTop.exact: t must be a finite time or a row of them; got {t!r}")
-        x, y, z, w = SO3().rotation(np.array(start.g)).as_quat()
-        moment = self.weight * self.length
-        q, mu = lagrange_top(self.transverse, self.axial, moment, tuple(start.mu), (w, x, y, z), times.reshape(-1))
+        moment, begin = self.weight * self.length, quaternion(np.array(start.g))
+        q, mu = lagrange_top(self.transverse, self.axial, moment, tuple(start.mu), begin, times.reshape(-1))
         g = _matrix(*q)
         return BodyState(frozen_array(mu.reshape(*times.shape, 3), "mu"), frozen_array(g.reshape(*times.shape, 3, 3), "g"))
 

@@ -18,8 +18,11 @@ from .prepared import Shape, Steps
 from .stopped import NONE
 from .trajectory import Trajectory
 
-LONGEST, LARGEST = 2**17, 2**24
-"""Steps and numbers of such a run at most: milliseconds, in which nobody looks at the clock or the keyboard."""
+LONGEST, LARGEST = 2**23, 2**24
+"""Steps of such a run, each counted as the square of the numbers it carries along, and numbers of its samples at most.
+
+A step costs about as many nanoseconds as that square: native code comes back in milliseconds, and then Ctrl-C is heard.
+"""
 
 
 def at_once(plan: Steps, start: State | Carry, steps: int, t0: float) -> Trajectory | None:
@@ -28,14 +31,14 @@ def at_once(plan: Steps, start: State | Carry, steps: int, t0: float) -> Traject
     That is `FixedRun`'s: what is not prepared yet, ensembles, samples in the middle of `every`, progress bars, steps that fail.
     """
     every, step = plan.every, 0
-    if not 0 < steps <= LONGEST or steps % every or plan.progress or start.bodies is not None:
+    if steps <= 0 or steps % every or plan.progress or start.bodies is not None:
         return None
     shape = start.shape if isinstance(start, Carry) else plan.shapes.get((layout_of(start), False))
     if shape is None or not plan.owns(shape):
         return None
     shape.stepping.again()
     carried, shown, samples = shape.carried, shape.sampled, steps // every
-    if shape.stepping.native is None or samples * shown > LARGEST:
+    if shape.stepping.native is None or steps * carried * carried > LONGEST or samples * shown > LARGEST:
         return None
     memory = np.empty(carried + (samples + 1) * shown)  # what is carried along, and the samples
     if isinstance(start, Carry):
@@ -53,7 +56,8 @@ def at_once(plan: Steps, start: State | Carry, steps: int, t0: float) -> Traject
 def advanced(plan: Steps, carry: Carry, steps: int) -> Carry:
     """Where a run stands some steps later, without samples between."""
     shape: Any = carry.shape
-    if plan.owns(shape) and carry.bodies is None and shape.stepping.native is not None and steps <= LONGEST:
+    short = plan.owns(shape) and carry.bodies is None and steps * shape.carried * shape.carried <= LONGEST
+    if short and shape.stepping.native is not None:
         carried, reached = shape.carried, carry.step + steps
         memory = np.empty(carried + shape.sampled)
         memory[:carried] = carry.numbers

@@ -52,6 +52,7 @@ def integrate(
     workers: int = 1,
     checkpoint: str | os.PathLike[str] | None = None,
     checkpoint_every: float = 60.0,
+    executor: Any = None,
 ) -> Trajectory:
     """Follow a motion, in `steps` steps of length h, or adaptively to the time `t_end`.
 
@@ -73,6 +74,7 @@ def integrate(
     for none, None for those that the motion depends on, if the method is symmetric or symplectic.
     precision : "double", or "double-double" for steps in numbers of two doubles: 31 digits, of which the samples show 16.
     workers : threads among which the bodies of an ensemble are divided.
+    executor : of concurrent.futures, dask.distributed, ...: the same for its workers, which may be processes and machines.
     Between the ends of steps t_eval and events take a shorter step of the method.
 
     Adaptive steps, for a method with an error estimate; in an ensemble every body chooses its own, and t_eval says what is kept:
@@ -120,6 +122,8 @@ def integrate(
                 _plans.pop(next(iter(_plans)), None)
             _plans[key] = plan
     kept: dict[str, Any] = {} if checkpoint is None else {"checkpoint": checkpoint, "checkpoint_every": checkpoint_every}
+    if executor is not None:
+        kept["executor"] = executor
     try:
         return plan.run(start, steps=steps, t_end=t_end, t0=t0, t_eval=t_eval, **kept)
     except NotCompilable as error:

@@ -160,6 +160,7 @@ class Plan:
         t_eval: Any = None,
         checkpoint: str | os.PathLike[str] | None = None,
         checkpoint_every: float = 60.0,
+        executor: Any = None,
     ) -> Trajectory:
         """Follow the motion from a start at time t0, in so many steps or to the time t_end.
 
@@ -168,8 +169,16 @@ class Plan:
         t_eval : (n,) times at which to keep the state, instead of the ends of steps.
         checkpoint : a file to which the run is saved every so many seconds, `checkpoint_every`, as far as it has come.
 
+        executor : of concurrent.futures, dask.distributed, ...: the bodies of an ensemble are divided among its workers.
+
         Returns and raises what `integrate` does.
         """
+        if executor is not None:
+            from .spread import spread
+
+            if checkpoint is not None:
+                raise InvalidInput("integrate: checkpoint is for runs without executor")
+            return spread(self, start, executor, steps=steps, t_end=t_end, t0=t0, t_eval=t_eval)
         if self.fictive:
             return self._transformed(start, steps, t_end, t0, t_eval, checkpoint)
         start, t0 = self._started(start), arguments.real(t0, "t0")

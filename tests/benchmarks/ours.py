@@ -41,6 +41,13 @@ def place(problem: Problem) -> Place:
     return Place(body, body.state(mu=problem.mu, g=peers.result(problem.start)[1]))
 
 
+def turning(problem: Problem) -> Place:
+    """The rigid body with a quaternion for its attitude."""
+    with warnings.catch_warnings(action="ignore", category=lm.errors.InertiaWarning):
+        body = lm.RigidBody(problem.inertia, group=lm.UnitQuaternions())
+    return Place(body, body.state(mu=problem.mu, g=problem.quaternion))
+
+
 def reduced(problem: Problem) -> Place:
     """The top on se(3)*, as a Lie-Poisson system."""
     top = place(problem)
@@ -115,6 +122,10 @@ def classical(problem: Problem) -> list[Contender]:
         if at is reduced or not problem.heavy:
             add(f"Taylor 12{on}", lm.Taylor(12), doubled(16, 8), at, True)
             add(f"Taylor 18{on}", lm.Taylor(18), doubled(16, 8), at, True)
+        if not problem.heavy:
+            add("Taylor 12, quaternion", lm.Taylor(12), doubled(16, 8), turning, True)
+            add("Taylor 18, quaternion", lm.Taylor(18), doubled(16, 8), turning, True)
+            add("RKMK DOP853, quaternion", lm.RKMK(tableau=TABLEAUS["DOP853"]), doubled(16, 9), turning, True)
     add("commutator-free 4", lm.CommutatorFree(order=4), doubled(128, 13), place, False)
     add("commutator-free CK4", lm.CommutatorFree(tableau=flows.CARPENTER_KENNEDY4), doubled(128, 13), place, False)
     return found
@@ -137,14 +148,21 @@ def _fitted(problem: Problem, setting: float) -> Run:
 
 
 def _run(problem: Problem, at: Place, method: Any, options_for: Callable[[float], dict[str, Any]]) -> Run:
+    """Plans are prepared once, for each length of time, as an integrator of heyoka is."""
+    prepared: list[tuple[float, lm.Plan, dict[str, Any]]] = []
+    for begin, end in problem.spans:
+        span, options = end - begin, options_for(end - begin)
+        steps = options.pop("steps", None)
+        length = {"steps": steps} if steps else {"t_end": span}
+        step = {"h": span / steps} if steps else {}
+        prepared.append((end, lm.Plan(at.system, method, **step, **options, compiled=True, progress=False), length))
+
     def run() -> list[Result]:
         start, found = at.start, []
-        for begin, end in problem.spans:
-            span, options = end - begin, options_for(end - begin)
-            length = {"h": span / options["steps"]} if "steps" in options else {"t_end": span}
-            motion: Any = lm.integrate(at.system, method, start, **length, **options, compiled=True, progress=False)
+        for end, plan, length in prepared:
+            motion: Any = plan.run(start, **length)
             mu, g = motion.mu[-1], motion.g[-1]
-            found.append((mu[:3], g[:3, :3]))
+            found.append((mu[:3], g[:3, :3] if g.ndim == 2 else peers.result(np.array([*mu, *g]))[1]))
             if end < problem.times[-1]:
                 start = at.system.state(mu=mu, g=g)
         return found

@@ -2,8 +2,8 @@
 
     python tests/benchmarks/work_precision.py [--quick] [--out work_precision.json] [--figure work_precision.png] [--only NAME]
 
-The error is the largest entry of the difference to the exact motion at the end.  The time is that of a whole call of the package,
-the best of several in turn with all others; making machine code and setting up are apart.
+The error is the largest entry of the difference to the exact motion at the end.  The time is that of a whole call of the
+package, prepared where it can be, the best of several in turn with all others; making machine code and setting up are apart.
 """
 
 import argparse

@@ -26,12 +26,20 @@ CALLS: dict[str, dict[str, Any]] = {"dexp_inv_series": {"terms": 4}, "from_quate
 """Arguments that are no arrays."""
 
 METHODS = sorted(
-    name
-    for name in dir(lm.SO3)
-    if not name.startswith("_")
-    and hasattr(getattr(lm.SO3, name), "__formula__")
-    and name not in ("nearest", "rotation", "random", "objection", "scale")  # work of NumPy, LAPACK and SciPy
+    {
+        name
+        for owner in (lm.SO3, lm.SO3Algebra)
+        for name in dir(owner)
+        if not name.startswith("_")
+        and hasattr(getattr(owner, name), "__formula__")
+        and name not in ("nearest", "rotation", "random", "objection", "scale")  # work of NumPy, LAPACK and SciPy
+    }
 )
+
+
+def owner_of(name: str) -> Any:
+    """The group, or its algebra, where the method is."""
+    return SO3 if hasattr(lm.SO3, name) else SO3.algebra
 
 
 @pytest.fixture(scope="module")
@@ -46,7 +54,8 @@ def rows() -> dict[str, np.ndarray]:
     h = g[::-1].copy()
     q = rng.normal(size=(N, 4))
     q /= np.linalg.norm(q, axis=1, keepdims=True)
-    return {"xi": angle * xi, "eta": eta, "mu": mu, "p": p, "g": g, "h": h, "q": q, "rate": rng.normal(size=(N, 3, 3))}
+    rate = rng.normal(size=(N, 3, 3))
+    return {"xi": angle * xi, "eta": eta, "mu": mu, "p": p, "g": g, "h": h, "q": q, "rate": rate, "matrix": g - h}
 
 
 @pytest.fixture(autouse=True)
@@ -70,12 +79,13 @@ def no_python(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def arguments_of(name: str, rows: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    parameters = inspect.signature(broadcasting.bare(getattr(lm.SO3, name))).parameters
+    parameters = inspect.signature(broadcasting.bare(getattr(type(owner_of(name)), name))).parameters
     return {k: rows[k] for k in parameters if k in rows}
 
 
-def in_python(name: str, arrays: dict[str, np.ndarray], owner: Any = SO3) -> Any:
+def in_python(name: str, arrays: dict[str, np.ndarray], owner: Any = None) -> Any:
     """The formula for one row after the other, on small vectors."""
+    owner = owner or owner_of(name)
     formula = broadcasting.bare(getattr(type(owner), name))
     count = len(next(iter(arrays.values())))
     found = [formula(owner, **broadcasting.row_of(arrays, i), **CALLS.get(name, {})) for i in range(count)]
@@ -101,7 +111,7 @@ def test_the_list_is_the_public_surface() -> None:
 @pytest.mark.parametrize("name", METHODS)
 def test_every_method_gives_the_bits_of_plain_python(name: str, rows: dict[str, np.ndarray], no_python: None) -> None:
     arrays = arguments_of(name, rows)
-    assert equal(getattr(SO3, name)(**arrays, **CALLS.get(name, {})), in_python(name, arrays))
+    assert equal(getattr(owner_of(name), name)(**arrays, **CALLS.get(name, {})), in_python(name, arrays))
 
 
 @pytest.mark.parametrize("name", ["compose", "Ad_star", "exp_Ad_star", "exp_residual"])
@@ -110,7 +120,7 @@ def test_one_row_serves_all(name: str, rows: dict[str, np.ndarray], no_python: N
     for one in arrays:
         given = arrays | {one: arrays[one][3]}
         spread = arrays | {one: np.broadcast_to(arrays[one][3], arrays[one].shape)}
-        assert equal(getattr(SO3, name)(**given), in_python(name, spread))
+        assert equal(getattr(owner_of(name), name)(**given), in_python(name, spread))
 
 
 def test_leading_axes_broadcast(rows: dict[str, np.ndarray], no_python: None) -> None:
@@ -165,7 +175,7 @@ def test_arrays_in_any_form(form: Callable[..., Any], name: str, rows: dict[str,
     arrays = arguments_of(name, rows)
     before = {k: a.copy() for k, a in arrays.items()}
     given = {k: form(a) for k, a in arrays.items()}
-    assert equal(getattr(SO3, name)(**given), getattr(SO3, name)(**arrays))
+    assert equal(getattr(owner_of(name), name)(**given), getattr(SO3, name)(**arrays))
     assert all(np.array_equal(given[k], before[k]) for k in before)
 
 

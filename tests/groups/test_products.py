@@ -177,7 +177,7 @@ def test_products_name_the_factor_at_fault() -> None:
     with pytest.raises(lm.errors.InvalidInput, match="at least one"):
         lm.ProductGroup()
     without = lm.ProductGroup(SO3, lm.SL(3))
-    assert "its factor SL(n=3) has none" in str(without.why_no_cayley())
+    assert "its factor SL(3) has none" in str(without.why_no_cayley())
     with pytest.raises(lm.errors.IncompatibleSystem, match="SL"):
         lm.Cayley().require(without)
 

@@ -12,6 +12,7 @@ import scipy.interpolate as curves
 import liemech as lm
 from liemech import errors
 from liemech.compiler import kernel
+from liemech.formulas.pytree import build, gatherer, layout_of, leaves
 
 RNG = np.random.default_rng(14)
 KNOTS = np.concatenate([[0.0], np.sort(RNG.uniform(0.0, 10.0, 18)), [10.0]])
@@ -128,6 +129,15 @@ def test_tables_are_pickled_compared_and_saved(tmp_path: Path):
         plan.replace(system=other).resume(run, steps=1)
     with pytest.raises(errors.InvalidInput, match="no number"):
         plan.tangent(system.state(np.zeros(2)), steps=2, by="drive")
+
+
+def test_a_table_is_one_number_wherever_values_are_laid_out():
+    system = driven(lm.PiecewisePolynomial.cubic(KNOTS, VALUES))
+    layout = layout_of(system)
+    numbers = leaves(system, layout)
+    assert len(numbers) == layout.width and gatherer(layout)(system) == numbers
+    assert build(layout, iter(numbers)) == system
+    assert layout == layout_of(driven(lm.PiecewisePolynomial.cubic(np.arange(500.0), RNG.normal(size=(500, 2)))))
 
 
 @pytest.mark.compiled

@@ -227,7 +227,7 @@ def test_sigma_and_z_must_be_positive() -> None:
 
 def test_which_options_a_run_takes() -> None:
     for wrong, words in (
-        ({"h": 0.1, "t_end": 1.0, "rtol": 1e-3}, "rtol is for adaptive steps"),
+        ({"h": 0.1, "t_end": 1.0, "rtol": 1e-3}, "rtol is not for steps in fictive time"),
         ({"h": 0.1}, "steps or t_end"),
         ({"t_end": 1.0}, "give h"),
         ({"h": -0.1, "t_end": 1.0}, "turn the sign of h"),

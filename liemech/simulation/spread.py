@@ -1,0 +1,165 @@
+"""Ensembles on many processes and machines: chunks of bodies, by any executor of concurrent.futures."""
+
+from __future__ import annotations
+
+import dataclasses
+from concurrent import futures
+from typing import Any
+
+import numpy as np
+
+from ..errors import IntegrationInterrupted, InvalidInput, InvalidType, warn
+from ..systems.system import State
+from .carry import Carry
+from .progress import Bar
+from .stopped import Stopped
+from .systems import Systems
+
+CHUNK = 2**22
+"""Steps of all bodies of a chunk together, at least: some tenths of a second in native code."""
+
+CHUNKS = 64
+"""Chunks at most, for executors that do not say how many workers they have; else four for each worker."""
+
+TRIES = 3
+"""How often a chunk is handed out whose worker was lost."""
+
+LANES = 16
+"""Bodies of a chunk are a multiple of this: what runs side by side in native code."""
+
+LOOK = 0.25
+"""Seconds between two looks at the keyboard."""
+
+
+def spread(plan: Any, start: Any, executor: Any, **how: Any) -> Any:
+    """A run of an ensemble by an executor: chunks of bodies, joined in order, each with the bits that it has alone.
+
+    A chunk whose worker was lost is handed out again; if the executor is broken or keeps losing it, it is computed here.
+    """
+    if not callable(getattr(executor, "submit", None)):
+        raise InvalidType(f"integrate: executor is one of concurrent.futures, or has its `submit`; got {executor!r}")
+    if not isinstance(start, State) or start.bodies is None:
+        raise InvalidInput("integrate: executor is for ensembles, whose bodies it spreads; executor.submit(plan.run, ...) for one")
+    chunks = _chunks(start.bodies, how.get("steps") or 1000, getattr(executor, "_max_workers", None))
+    jobs = [(_part_of(plan, first, end), _members(start, first, end)) for first, end in chunks]
+    found: dict[int, Any] = {}
+    tries = [0] * len(jobs)
+    running: dict[Any, int] = {}
+
+    def here(i: int) -> None:
+        found[i] = _run(*jobs[i], how)
+
+    def hand_out(i: int) -> None:
+        tries[i] += 1
+        try:
+            if tries[i] <= TRIES:
+                running[executor.submit(_run, *jobs[i], how)] = i
+                return
+        except futures.BrokenExecutor:
+            pass
+        warn(f"integrate: the executor lost chunk {i} of {len(jobs)}; it is computed here", RuntimeWarning)
+        here(i)
+
+    try:
+        with Bar(plan._given["progress"], start.bodies) as bar:
+            for i in range(len(jobs)):
+                hand_out(i)
+            while running:
+                done, _ = futures.wait(running, timeout=LOOK, return_when=futures.FIRST_COMPLETED)
+                for future in done:
+                    i = running.pop(future)
+                    try:
+                        found[i] = future.result()
+                    except (Exception, futures.CancelledError) as error:
+                        if tries[i] >= TRIES and not isinstance(error, futures.BrokenExecutor):
+                            raise
+                        hand_out(i)
+                    if i in found:
+                        bar.advance(chunks[i][1] - chunks[i][0])
+    except BaseException as error:
+        for future in running:
+            future.cancel()
+        if isinstance(error, KeyboardInterrupt):
+            told = f"integrate: interrupted; {len(found)} of {len(jobs)} chunks of bodies were done"
+            raise IntegrationInterrupted(told) from None
+        raise
+    for i, result in sorted(found.items()):
+        if isinstance(result, Exception):
+            first, end = chunks[i]
+            result.add_note(f"[integrate: in the chunk of bodies {first} to {end - 1}, which are counted from 0 there]")
+            raise result
+    return _joined(plan, chunks, [found[i] for i in range(len(jobs))])
+
+
+def _run(plan: Any, start: Any, how: dict[str, Any]) -> Any:
+    """A chunk, where it is computed.  What its run raises is a result: an error of `submit` tells of a lost worker."""
+    try:
+        return plan.run(start, **how)
+    except Exception as error:
+        return error
+
+
+def _chunks(bodies: int, steps: int, workers: int | None) -> list[tuple[int, int]]:
+    """Where chunks begin and end."""
+    wanted = CHUNKS if workers is None else 4 * workers
+    size = max(-(-bodies // wanted), CHUNK // max(1, steps))
+    size = -(-min(size, bodies) // LANES) * LANES
+    return [(first, min(first + size, bodies)) for first in range(0, bodies, size)]
+
+
+def _part_of(plan: Any, first: int, end: int) -> Any:
+    """The plan of some bodies."""
+    system: Any = plan.system
+    some = [*system][first:end] if isinstance(system, Systems) else plan._given["system"]
+    return plan.replace(system=some, progress=False)
+
+
+def _members(start: Any, first: int, end: int) -> Any:
+    return type(start)(*(None if x is None else np.array(x[first:end]) for x in start.parts.values()))
+
+
+def _joined(plan: Any, chunks: list[tuple[int, int]], runs: list[Any]) -> Any:
+    """The runs of all chunks as one."""
+    first, bodies = runs[0], chunks[-1][1]
+    places = {begin + i: (run, i) for (begin, _), run in zip(chunks, runs) for i in run.stopped}
+    steps = {body: run.stopped.steps[i] for body, (run, i) in places.items()}
+    stopped = Stopped(steps, lambda body: places[body][0].stopped[places[body][1]].error)
+    if steps:
+        some = ", ".join(f"body {i} after {n} steps" for i, n in list(steps.items())[:5])
+        warn(f"integrate: {len(steps)} of {bodies} bodies stopped early: {some}. {stopped[min(steps)].error}", RuntimeWarning)
+    more: dict[str, Any] = {}
+    if first.t.ndim == 2:  # fictive time: every body has times of its own
+        more = {"t": np.concatenate([run.t for run in runs], axis=1)}
+        if first.z is not None:
+            more["z"] = np.concatenate([run.z for run in runs], axis=1)
+    return dataclasses.replace(
+        first,
+        system=plan.system,
+        states={name: np.concatenate([run.states[name] for run in runs], axis=1) for name in first.states},
+        h=float(np.average([run.h for run in runs], weights=[end - begin for begin, end in chunks])) if first.rejected else first.h,
+        bodies=bodies,
+        steps=max(run.steps for run in runs),
+        compiled=all(run.compiled for run in runs),
+        stopped=stopped,
+        rejected=None if first.rejected is None else sum(run.rejected for run in runs),
+        carry=_carry(chunks, [run.carry for run in runs]),
+        **more,
+    )
+
+
+def _carry(chunks: list[tuple[int, int]], carries: list[Any]) -> Carry | None:
+    """What all bodies carry along; None if those of a chunk have all stopped."""
+    if not all(isinstance(carry, Carry) for carry in carries):
+        return None
+    states = [carry.state for carry in carries]
+    arrays = zip(*(state.parts.values() for state in states))
+    made = dataclasses.replace(
+        carries[0],
+        shape=None,
+        bodies=chunks[-1][1],
+        numbers=np.concatenate([carry.numbers for carry in carries], axis=1),
+        last=np.concatenate([carry.last for carry in carries], axis=1),
+        failures={begin + i: error for (begin, _), carry in zip(chunks, carries) for i, error in carry.failures.items()},
+    )
+    vars(made)["state"] = type(states[0])(*(None if some[0] is None else np.concatenate(some) for some in arrays))
+    return made
