@@ -10,6 +10,7 @@ import pytest
 from scenes import asymmetric_body, named, same_bits, slow
 
 import liemech as lm
+from liemech.errors import InvalidType
 from liemech.formulas import cosh, pow, tanh
 from liemech.formulas.double_double import DoubleDouble
 from liemech.formulas.pytree import double_double, layout_of, leaves
@@ -61,3 +62,10 @@ def test_native_code_of_the_exponential_and_of_inexact_derivatives(method: lm.Me
     plan = lm.Plan(body, method, 0.4, precision="double-double")
     plain, native = (plan.replace(compiled=c).run(body.state(start.mu), steps=3) for c in (False, True))
     assert same_bits(plain.carry.numbers, native.carry.numbers)
+
+
+@pytest.mark.parametrize("method", [lm.HamiltonJacobi(4), lm.SymmetricHamiltonJacobi(4)], ids=named)
+def test_generating_functions_by_power_series_are_refused_in_plain_words(method: lm.Method) -> None:
+    system = lm.Pendulum()
+    with pytest.raises(InvalidType, match="power series have numbers of one double"):
+        lm.integrate(system, method, system.state(0.3, 0.1), h=0.1, steps=2, precision="double-double", compiled=False)
