@@ -296,6 +296,25 @@ def growth(case: Case, compensated: bool | None = None, h: float = 0.1, most: in
     return float(np.polyfit(np.log(counts), np.log(rms), 1)[0]), rms
 
 
+def energy_walk(method: lm.Method, counts: Array, h: float = 0.1, **sums: object) -> tuple[Array, Array]:
+    """After numbers of steps, root mean square over 16 free bodies: the change of the mean energy, and that of the energy itself.
+
+    One run for all; the mean is taken over the steps that follow.  sums : `compensated` or `precision`, as for `integrate`.
+    """
+    windows = np.add.outer(np.concatenate([[0], counts]), np.arange(len(WINDOW)))
+    times, back = np.unique(windows, return_inverse=True)
+    start = BODY.system.state(starts(BODY, np.random.default_rng(11)))
+    run = lm.integrate(
+        BODY.system, method, start, h=h, steps=int(times[-1]), t_eval=h * times, progress=False, **sums  # type: ignore[arg-type]
+    )
+    mu = run.mu.astype(Wide).reshape(-1, 3).T
+    energy = BODY.energy(mu, 0 * mu).reshape(-1, 16)[back.reshape(windows.shape)]
+    mean = np.einsum("k,nkb->nb", WINDOW, energy) / WINDOW.sum()
+    changes = (mean[1:] - mean[0]) / mean[0], (energy[1:, 0] - energy[0, 0]) / energy[0, 0]
+    of_mean, itself = (np.sqrt((x**2).mean(axis=1)).astype(float) for x in changes)
+    return of_mean, itself
+
+
 def starts(scene: Scene, rng: np.random.Generator) -> Array:
     """Sixteen momenta: of a body near its stable axes, half about each; of a top near its start."""
     near = np.array([scene.mu] * 16 if scene.weight else [[1.3, 0.0, 0.0], [0.0, 0.0, 1.3]] * 8)

@@ -29,19 +29,23 @@ CASES = [
 ]
 
 
+def measured(method: lm.Method, scene: str, repetitions: int, duration: float) -> dict[str, Any]:
+    """A row: nanoseconds a step in both kinds of numbers, and their ratio."""
+    system, start, h = SCENES[scene]
+    runs: dict[str, harness.Run] = {}
+    for digits in ("double", "double-double"):
+        plan = lm.Plan(system, method, h, every=10**9, precision=digits, compiled=True, progress=False)
+        runs[digits] = lambda n, plan=plan: plan.run(start, steps=n)
+    times = harness.measure(runs, repetitions=repetitions, duration=duration)
+    ratio = times["double-double"].over(times["double"])
+    return {"method": method.name, "scene": scene, "ratio": ratio, **{k: t.median for k, t in times.items()}}
+
+
 def main() -> None:
     out, (repetitions, _) = harness.options(__doc__, "precision_benchmark.json")
     duration = 0.02  # a call takes as long as hundreds of steps
-    rows: list[dict[str, Any]] = []
-    for method, scene in CASES if repetitions > 15 else CASES[:1]:
-        system, start, h = SCENES[scene]
-        runs: dict[str, harness.Run] = {}
-        for digits in ("double", "double-double"):
-            plan = lm.Plan(system, method, h, every=10**9, precision=digits, compiled=True, progress=False)
-            runs[digits] = lambda n, plan=plan: plan.run(start, steps=n)  # noqa: B023
-        times = harness.measure(runs, repetitions=min(repetitions, 25), duration=duration)
-        ratio = times["double-double"].over(times["double"])
-        rows.append({"method": method.name, "scene": scene, "ratio": ratio, **{k: t.median for k, t in times.items()}})
+    chosen = CASES if repetitions > 15 else CASES[:1]
+    rows = [measured(method, scene, min(repetitions, 25), duration) for method, scene in chosen]
     harness.table(
         "ns a step",
         ["method", "scene", "double", "double-double", "ratio"],

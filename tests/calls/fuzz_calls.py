@@ -321,6 +321,8 @@ def leading(method: Method, arguments: dict[str, Any]) -> tuple[int, ...] | None
         if shape is None:
             continue
         found = np.shape(value.as_matrix() if isinstance(value, Rotation) else value)
+        if not isinstance(found, tuple):
+            return None  # a class, whose `shape` is a property
         if len(found) < len(shape) or found[len(found) - len(shape) :] != shape:
             return None
         leads.append(found[: len(found) - len(shape)])
