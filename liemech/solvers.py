@@ -44,7 +44,7 @@ def newton(
     tolerance : smaller for a derivative that is not exact, with which the last correction gains fewer digits.
     solved : the solution of a linear system, if `correction` is not the best way to it.
     weights : of the residuals where they are tested; None: all are one.
-    In numbers of two doubles it is found to 16 digits first, and then `refined`.
+    In numbers of two doubles it is found to 16 digits first, and then `refined`, by a derivative that is not exact `iterated`.
     Returns x, |r|^2 at the last test, what it had to reach (w tolerance^2 data, else x is no root), and whether x is `beyond_fold`.
     """
     x, goal = guess, tolerance * tolerance * data
@@ -64,7 +64,7 @@ def newton(
         if size <= enough:
             break
     if long:
-        x = refined(equation, x, solved)
+        x = refined(equation, x, solved) if tolerance >= TOLERANCE else iterated(equation, x, EPSILON * EPSILON * goal, solved)
     return x, size, enough, folded
 
 
@@ -79,6 +79,26 @@ def refined(
     x = double_double(x)
     r, _, _ = equation(x)
     return x - _asked(solved, rounded(jacobian), rounded(r))
+
+
+def iterated(
+    equation: Callable[[Vec], tuple[Vec, Mat, float]],
+    x: Vec,
+    goal: float,
+    solved: Callable[[Mat, Vec], Vec] | None = None,
+) -> Vec:
+    """The same by a derivative that is not exact, with which each correction gains a few digits only.
+
+    goal : what w^-1 |r|^2 has to reach before the last correction; the others are as for `newton`.
+    """
+    jacobian = rounded(equation(x)[1])
+    x = double_double(x)
+    for _ in range(LIMIT):
+        at = rounded(equation(x))
+        x = x - _asked(solved, jacobian, at[0])
+        if dot(at[0], at[0]) <= at[2] * goal:
+            break
+    return x
 
 
 def narrow(x: Vec) -> Vec:

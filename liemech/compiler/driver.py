@@ -40,10 +40,15 @@ def numbers(value: Any) -> Vec:
 
 
 def attempt(function: Callable[..., Any], *args: Any) -> Any:
-    """`function(*args)`, where formulas may raise; ask `accepted` before using the result."""
+    """`function(*args)`, where formulas may raise; ask `accepted` before using the result.
+
+    Powers of negative numbers are complex in Python and nan in native code: what cannot go on with them has left its domain.
+    """
     try:
         return function(*args)
     except Exception as error:  # whoever started the driver decides what becomes of it
+        if isinstance(error, TypeError) and "complex" in str(error):
+            return Rejected(ArithmeticError(f"a power of a negative number is complex: {error}"))
         return Rejected(error)
 
 

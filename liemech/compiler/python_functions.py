@@ -95,6 +95,7 @@ class PythonFunctions:
             self.table[math.sumprod] = self.refused("math.sumprod", "liemech.dot")
         for f in (functions.fma, *(getattr(functions, name) for name in functions.INSTRUCTIONS)):
             self.table[f] = _elementary(f)
+        self.table[functions.fma] = functions.fma
         for f in functions.LIBM:
             self.table[f] = _elementary(f)
             self.table.setdefault(getattr(math, f.__name__), self.of_math(getattr(math, f.__name__), f.__name__))

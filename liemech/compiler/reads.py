@@ -234,23 +234,39 @@ class Reads:
 
     def follow(self, args: Sequence[Any]) -> bool:
         """Follow all paths from these arguments: are the tokens of what is there the same?"""
+        values = self._found_from(args)
+        if values is None:
+            return False
+        self.values, self._guard = values, None
+        return True
+
+    def _found_from(self, args: Sequence[Any]) -> list[Any] | None:
+        """What the paths from these arguments lead to; None if some of it is not what was read."""
         values: list[Any] = []
         try:
             for (parent, how, name), token in zip(self.steps, self.tokens, strict=True):
                 values.append(_asked(values[parent] if parent >= 0 else (self.entry, args), how, name))
                 if token and digest(values[-1]) != token:
-                    return False
+                    return None
         except Exception:  # whatever a path meets that is no longer there
-            return False
-        self.values, self._guard = values, None
-        return True
+            return None
+        return values
+
+    @property
+    def guard(self) -> Guard:
+        """Compares what was read with what is there now."""
+        if self._guard is None:
+            self._guard = Guard(self.steps, self.values, self.tokens)
+        return self._guard
+
+    def guard_of(self, args: Sequence[Any]) -> Guard | None:
+        """A guard of their own for other arguments that lead to the same; None if they do not."""
+        values = self._found_from(args)
+        return None if values is None else Guard(self.steps, values, self.tokens)
 
     def unchanged(self, args: Sequence[Any]) -> bool:
         """Is all that was read what it was?  The same objects, in a few microseconds, or others with the same tokens."""
-        guard = self._guard
-        if guard is None:
-            guard = self._guard = Guard(self.steps, self.values, self.tokens)
-        verdict = guard.verdict(args)
+        verdict = self.guard.verdict(args)
         return self.follow(args) if verdict is None else verdict
 
 

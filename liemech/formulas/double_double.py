@@ -82,10 +82,14 @@ class DoubleDouble(ByValue):
         if isinstance(n, int) and abs(n) <= INTEGER_POWER:
             power = whole_power(self, abs(n)) if n else DoubleDouble(self.value**0, 0.0 * self.low)
             return power if n >= 0 else 1.0 / power
-        return _exp(n * _log(self)) if _joins(n) else NotImplemented
+        if not _joins(n):
+            return NotImplemented
+        ordinary = f.pow(self.value, rounded_number(1.0 * n))  # has the sign, and knows what there is at zero and below
+        zero = 1.0 * (self.value == 0.0)
+        return (f.copysign(1.0, ordinary) * (1.0 - zero)) * _exp(n * _log(abs(self) + zero)) + zero * ordinary
 
     def __rpow__(self, base: Any) -> Any:
-        return _exp(self * _log(DoubleDouble(1.0 * base))) if _joins(base) else NotImplemented
+        return DoubleDouble(1.0 * base) ** self if _joins(base) else NotImplemented
 
     def __neg__(self) -> DoubleDouble:
         return DoubleDouble(-self.value, -self.low)
@@ -278,13 +282,13 @@ def _sinh(x: Any) -> Any:
 
 
 def _cosh(x: Any) -> Any:
-    e = _exp(x)
+    e = _exp(abs(x))
     return 0.5 * (e + 1.0 / e)
 
 
 def _tanh(x: Any) -> Any:
-    e = _expm1(2.0 * x)
-    return e / (e + 2.0)
+    e = _expm1(-2.0 * abs(x))
+    return -f.copysign(1.0, x.value) * e / (e + 2.0)
 
 
 def _asinh(x: Any) -> Any:

@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 
 from ..errors import IncompatibleSystem, InvalidInput, InvalidType, NoConvergence, OutsideChart
 from ..formulas import Mat, Vec, dot, jacobian, plain, record, sqrt, vec
+from ..formulas.double_double import is_long
 from ..formulas.series import Series
 from ..retractions import Exponential
 from ..solvers import LIMIT, correction, newton
@@ -172,6 +173,8 @@ class HamiltonJacobi(Method):
 
     def _motion(self, system: Any, t: float, h: float, x: Vec, y: Vec) -> tuple[list[Vec], list[Vec]]:
         """The Taylor method: the terms of h, ..., h^order in the change of x and in that of y along the motion from time t."""
+        if is_long(x[0]):
+            raise InvalidType("precision: power series have numbers of one double; take precision='double' or another method")
         u, v = (vec(*[Series(c) for c in z]) for z in (x, y))
         for z, rate in zip((*u, *v), [c for part in self._rates(system, Series(t, h), u, v) for c in part]):
             z.grow(rate, h)

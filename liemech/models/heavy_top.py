@@ -173,7 +173,7 @@ class ReducedHeavyTop(LiePoissonSystem):
         object.__setattr__(self, "hamiltonian", HeavyTopEnergy(body.hamiltonian, load.weight, load.centre))
 
     @property
-    def instead(self) -> str:
+    def alternatives(self) -> str:  # type: ignore[override]
         """What to use where a method refuses this form of the top."""
         top = f"HeavyTop({self.inertia!r}, {self.weight!r}, {self.centre!r})"
         return (

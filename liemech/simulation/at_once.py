@@ -80,5 +80,5 @@ def _fields(plan: Steps, shape: Shape, memory: np.ndarray, t0: float, step: int,
         "bodies": None,
         "steps": steps,
         "stopped": NONE,
-        "carry": Carry(shape, t0, h, step + steps, None, memory[:carried], memory[-shown:]),
+        "carry": Carry(shape, t0, h, step + steps, None, memory[:carried], memory[-shown:].copy()),
     }

@@ -52,19 +52,20 @@ class Execution:
         self.asked, self.progress, self.call, self.lanes, self.silent = wanted, progress, call, lanes, silent
         self.given: Sequence[Any] = kernel.examples(call[1:])
         self.native: kernel.Kernel | None = None
+        self.guard: Any = None  # of this call, where it has parts of its own
         self.again()
 
     def of(self, system: Any) -> Execution:
         """The same for another system of the same layout: the second argument of every driver of steps."""
         other = like(self)
         other.call = *self.call[:2], system, *self.call[3:]
-        other.given = other.call[1:]
+        other.given, other.guard = other.call[1:], None
         return other
 
     def again(self) -> None:
         """For another run: native code that says what the formulas say now, if there is some."""
         self.seconds = 0.0
-        if self.native is not None and self.native.reads.unchanged(self.given):
+        if self.native is not None and self._unchanged(self.native.reads):
             return
         self.wanted = self.asked
         self.native = kernel.known(*self.call, lanes=self.lanes) if self.wanted is not False else None
@@ -74,6 +75,15 @@ class Execution:
                 self.compile()
             elif self.history.refused:
                 self.wanted = False
+
+    def _unchanged(self, reads: Any) -> bool:
+        """Is all that was read what it was?  Calls that differ in their objects share native code, and each has a guard."""
+        guard = self.guard or reads.guard
+        verdict = guard.verdict(self.given)
+        if verdict is None:
+            self.guard = reads.guard_of(self.given)
+            verdict = self.guard is not None
+        return bool(verdict)
 
     @contextmanager
     def plain(self) -> Iterator[None]:

@@ -345,7 +345,7 @@ class FixedRun:
         carry, ahead = None, self.taken[0] if self.bodies is None else self.taken.max()
         if ahead == reached == self.held:  # not in the middle of a piece that was interrupted or failed
             columns: Any = 0 if self.bodies is None else slice(self.count)
-            memory, shown = self.states[:, columns], self.latest[0, :, columns]
+            memory, shown = self.states[:, columns], self.latest[0, :, columns].copy()  # samples may be written to
             carry = Carry(self.shape, self.t0, self.h, reached, self.bodies, memory, shown, self.failures)
         return Trajectory.promised(
             lambda: dict(zip(("t", "states"), self._samples(self.out[:rows], steps), strict=True)),

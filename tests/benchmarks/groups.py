@@ -93,7 +93,7 @@ class ByHand(lm.Method):
         xi = system.hamiltonian.gradient(system.group.exp_Ad_star(omega, mu))
         return system.group.algebra.dexp_inv_series(omega, xi, terms, "left")
 
-    def moved(self, system: Any, state: Any, omega: lm.Vec) -> Any:
+    def displaced(self, system: Any, state: Any, omega: lm.Vec) -> Any:
         g = None if state.g is None else system.group.compose_exp(state.g, omega)
         return lm.BodyState(system.group.exp_Ad_star(omega, state.mu), g)
 

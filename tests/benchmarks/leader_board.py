@@ -1,6 +1,6 @@
 """The leader board: for each problem and error this library's quickest method beside the quickest one of any other package.
 
-    python tests/benchmarks/leader_board.py         # writes docs/leader_board.md from what work_precision.py has measured
+    python tests/benchmarks/leader_board.py         # writes it, and the tables of docs/work_precision.md, from what was measured
 """
 
 import json
@@ -10,6 +10,8 @@ from work_precision import TARGETS, winners
 
 HERE = Path(__file__).parent
 PAGE = HERE.parent.parent / "docs" / "leader_board.md"
+TABLES = PAGE.with_name("work_precision.md")
+MARKS = "<!-- measured: tests/benchmarks/leader_board.py -->\n", "<!-- end -->"
 OURS = ("liemech", "liemech, symplectic")
 HEAD = """# Leader board
 
@@ -50,5 +52,25 @@ def page(measured: dict) -> str:
     return text.replace("e-0", "e-") + TAIL
 
 
+def tables(measured: dict) -> str:
+    """For each problem the quickest method of each package, in milliseconds."""
+    text = ""
+    for problem, curves in measured["curves"].items():
+        best = winners(curves, list(dict.fromkeys(curve["package"] for curve in curves)))
+        text += f"{problem[0].upper()}{problem[1:]}:\n\n| | {' | '.join(f'{target:.0e}' for target in TARGETS)} |\n"
+        text += f"| --- |{' --- |' * len(TARGETS)}\n"
+        for package, cell in best.items():
+            times = [cell[target] and (float(f"{1e3 * cell[target][0]:.2g}"), cell[target][1]) for target in TARGETS]
+            cells = [f"{time[0]:g} ({time[1]})" if time else "not reached" for time in times]
+            text += f"| {package} | {' | '.join(cells)} |\n"
+        text += "\n"
+    versions = ", ".join(f"{name} {version}" for name, version in measured["versions"].items())
+    return text.replace("e-0", "e-") + f"On {measured['machine']['cpu']}, {measured['machine']['time'][:10]}, with {versions}.\n"
+
+
 if __name__ == "__main__":
-    PAGE.write_text(page(json.loads((HERE / "work_precision.json").read_text(encoding="utf-8"))), encoding="utf-8")
+    measured = json.loads((HERE / "work_precision.json").read_text(encoding="utf-8"))
+    PAGE.write_text(page(measured), encoding="utf-8")
+    before, _, rest = TABLES.read_text(encoding="utf-8").partition(MARKS[0])
+    after = rest.partition(MARKS[1])[2]
+    TABLES.write_text(before + MARKS[0] + tables(measured) + MARKS[1] + after, encoding="utf-8")

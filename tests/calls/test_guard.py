@@ -8,9 +8,11 @@ import types
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
 import pytest
 
-from liemech.compiler.reads import Guard, Step, _asked
+import liemech as lm
+from liemech.compiler.reads import Guard, Reads, Step, _asked
 from liemech.compiler.tokens import digest
 
 TEXT = """
@@ -147,3 +149,16 @@ def test_parts_of_arguments_are_compared_by_their_tokens() -> None:
     assert quick(guard, (equal,))
     assert guard.verdict((other,)) is False
     assert guard.verdict((types.SimpleNamespace(),)) is False
+
+
+@pytest.mark.compiled
+def test_equal_systems_take_turns_without_a_comparison_of_all_that_was_read(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two tops that share native code: each run of one had every path followed anew, for milliseconds, after one of the other."""
+    plans = []
+    for _ in range(2):
+        top = lm.HeavyTop([1.0, 1.5, 0.7], 1.3, [0.6, 0.0, 0.8])
+        plans.append((lm.Plan(top, lm.RKMK(order=4), 0.01, compiled=True), top.state([0.1, 0.2, 1.0], np.eye(3))))
+    first = [[plan.run(start, steps=3).mu for plan, start in plans] for _ in range(2)]
+    monkeypatch.setattr(Reads, "_found_from", None)  # whoever follows paths now fails
+    again = [plan.run(start, steps=3).mu for plan, start in plans]
+    assert all(np.array_equal(x, y) for x, y in zip(first[0], again, strict=True))

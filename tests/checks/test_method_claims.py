@@ -118,6 +118,7 @@ def methods() -> Iterator[tuple[lm.Method, bool]]:
     yield from (
         (lm.HamiltonJacobi(p, adjoint), p == 2) for p in (1, 2, 4, 6) for adjoint in (False, True)
     )
+    yield from ((lm.SymmetricHamiltonJacobi(p), p == 2) for p in (2, 4))
     yield from (
         (lm.Composition(base, order=p), False)
         for base in (lm.LieVerlet(), lm.CovariantVariational())
@@ -281,7 +282,7 @@ class Leapfrog(lm.Method):
             memory.now, self.displaced(system, memory.before, 2.0 * h * system.velocity(memory.now.mu))
         )
 
-    def moved(self, system: Any, state: Any, turn: lm.Vec) -> lm.BodyState:
+    def displaced(self, system: Any, state: Any, turn: lm.Vec) -> lm.BodyState:
         return system.displaced(EXP, state, turn)  # type: ignore[no-any-return]
 
 

@@ -582,7 +582,7 @@ class Point(Record):
     v: Vec
     tag: Any = None
 
-    def moved(self, by):
+    def displaced(self, by):
         return Point(self.x + by, self.v * by, self.tag)
 
 
