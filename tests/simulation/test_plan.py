@@ -336,7 +336,7 @@ def test_a_short_pulse_is_met() -> None:
 def test_two_samples_of_many_steps_take_no_memory() -> None:
     import tracemalloc
 
-    plan = lm.Plan(BODY, lm.RKMK(order=5), rtol=1e-10, compiled=False)
+    plan = lm.Plan(BODY, lm.RKMK(order=5), rtol=1e-10, compiled=False, progress=False)
     plan.run(START, t_end=1.0, t_eval=[1.0])
     tracemalloc.start()
     run = plan.run(START, t_end=60.0, t_eval=[30.0, 60.0])
