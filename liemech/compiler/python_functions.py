@@ -93,7 +93,7 @@ class PythonFunctions:
         }
         if hasattr(math, "sumprod"):  # from Python 3.12 on
             self.table[math.sumprod] = self.refused("math.sumprod", "liemech.dot")
-        for f in (functions.fma, *(getattr(functions, name) for name in functions.INSTRUCTIONS)):
+        for f in (getattr(functions, name) for name in functions.INSTRUCTIONS):
             self.table[f] = _elementary(f)
         self.table[functions.fma] = functions.fma
         for f in functions.LIBM:
