@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from math import inf
 from typing import Any
 
 import numpy as np
 
 from ..errors import InvalidInput, InvalidType, NotDefined
 from ..formulas import Mat, Vec, derivative, gradient, jacobian, plain, record, vec
-from ..formulas.anything import choice
+from ..formulas.anything import Anything, degree, looked_at, made_of
 from ..formulas.vectors import Vec as SmallVector
 from ..groups.matrix_functions import phi1m
 from ..groups.poisson_structure import PoissonStructure
@@ -142,7 +143,7 @@ def recognised(structure: PoissonStructure, part: Hamiltonian) -> Part | str:
     def velocity(y: Any) -> Any:
         return structure.sharp(y, part.gradient(y))
 
-    reason = choice(lambda y: (part.energy(y), velocity(y)), structure.dim)
+    found, reason = looked_at(lambda y: (part.energy(y), velocity(y)), [1] * structure.dim)
     if reason:
         return (
             f"the motion of {part!r} is not known: its formula need not be the same at all points ({reason}). Say what it is, "
@@ -152,15 +153,17 @@ def recognised(structure: PoissonStructure, part: Hamiltonian) -> Part | str:
         points, error = _where_defined(velocity, _points(structure))
         if len(points) < LEAST:
             return f"{part!r} has a velocity at {len(points)} of the points where it was looked at, too few to know it; {error}"
-        if all(_rests(velocity, y) for y in points):
+        energy, speeds = found
+        polynomial = max(map(degree, speeds)) < inf  # what vanishes at some points of nothing special vanishes at all
+        if (_straight(speeds) or polynomial) and all(_rests(velocity, y) for y in points):
             return Straight(part)
         slopes = [np.array(gradient(lambda x: part.energy(x), y), dtype=float) for y in points]
         felt = np.flatnonzero(np.any(slopes, axis=0))
-        if len(felt) == 1:
+        if len(felt) == 1 and (len(made_of(energy)) == 1 or polynomial):
             structure.coordinate_flow(points[0], int(felt[0]), 0.5)
             return OfCoordinate(part, int(felt[0]))
         rates = np.array(jacobian(velocity, points[0]), dtype=float)
-        if _everywhere(rates, velocity, points[1:]):
+        if polynomial and _everywhere(rates, velocity, points[1:]):
             return Affine(part, rates)
     except NotDefined as missing:
         return f"{missing}, and so no motion of the energy {part!r} of one coordinate"
@@ -173,15 +176,22 @@ def recognised(structure: PoissonStructure, part: Hamiltonian) -> Part | str:
 
 
 def second_degree(structure: PoissonStructure, T: Hamiltonian, V: Hamiltonian) -> bool:
-    """Is {V, {V, {V, T}}} = 0, at one to three points and to rounding?  Then Runge-Kutta-Nystroem splittings are of their order.
+    """Is {V, {V, {V, T}}} = 0?  Then Runge-Kutta-Nystroem splittings are of their order.
 
-    Formulas that need not be the same at all points have the others.
+    Told by the degree of T along the straight lines of V; of other polynomials at one to three points, to rounding.
     """
 
     def velocity(y: Any) -> Any:
         return structure.sharp(y, V.gradient(y))
 
-    if choice(lambda y: (T.energy(y), velocity(y)), structure.dim):
+    found, reason = looked_at(lambda y: (T.energy(y), velocity(y)), [1] * structure.dim)
+    if reason:
+        return False
+    speeds = found[1]
+    if _straight(speeds):  # T along a line of constant velocity
+        along, _ = looked_at(lambda y: T.energy(y), [int(_moves(v)) for v in speeds])
+        return degree(along) <= 2
+    if max(map(degree, [found[0], *speeds])) == inf:
         return False
 
     def once(y: Any) -> Any:  # {T, V}, the slope of T along the motion of V
@@ -201,6 +211,17 @@ def second_degree(structure: PoissonStructure, T: Hamiltonian, V: Hamiltonian) -
         return all(vanishes(y) for y in _points(structure)[: 3 if structure.dim <= 12 else 1])
     except (ArithmeticError, ValueError, TypeError):
         return False
+
+
+def _moves(speed: Any) -> bool:
+    """Is it not zero everywhere?"""
+    return isinstance(speed, Anything) or speed != 0.0
+
+
+def _straight(speeds: Any) -> bool:
+    """Are speeds made of coordinates alone that do not move?"""
+    moving = {i for i, v in enumerate(speeds) if _moves(v)}
+    return all(moving.isdisjoint(made_of(v)) for v in speeds)
 
 
 def _points(structure: PoissonStructure) -> list[Any]:

@@ -9,6 +9,7 @@ import pytest
 
 import liemech as lm
 from liemech.formulas import copysign, cos, exp, sqrt, where
+from liemech.systems.parts import Affine, OfCoordinate, Straight, recognised, second_degree
 
 NARROW = 1e-9
 """The width of what no probe hits."""
@@ -112,3 +113,27 @@ def test_a_separable_system_is_quadratic_at_all_momenta_or_not() -> None:
             return square + p[0] ** 4 if 0.7 < p[0] < 0.7 + NARROW else square
 
     assert lm.HenonHeiles().quadratic and not Layered().quadratic
+
+
+@lm.record
+class Bump(lm.Hamiltonian):
+    """A quadratic energy and a bump, whose every trace underflows a tenth away from it."""
+
+    stiffness: float
+    height: float
+    beside: float = 0.0
+
+    def energy(self, mu: lm.Vec) -> float:
+        q, p = mu[0], mu[1]
+        bump = exp(-2000.0 * ((q - 1.3) ** 2 + self.beside * (p - 0.7) ** 2))
+        return 0.5 * p * p + self.stiffness * q * q + self.height * bump
+
+
+def test_what_underflows_wherever_one_looks_is_seen() -> None:
+    """Narrow features: an energy that looks quadratic, T(p), or of second degree at every point that is tried, and is not."""
+    plane = lm.Canonical(1)
+    assert "not known" in str(recognised(plane, Bump(0.5, 1.0)))
+    assert "not known" in str(recognised(plane, Bump(0.0, 1.0, 1.0)))
+    assert not second_degree(plane, Bump(0.0, 1.0, 1.0), Bump(0.5, 0.0))
+    assert isinstance(recognised(plane, Bump(0.5, 0.0)), Affine)  # constants that are zero
+    assert isinstance(recognised(plane, Bump(0.0, 0.0)), OfCoordinate | Straight)
