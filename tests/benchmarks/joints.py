@@ -61,10 +61,12 @@ def long_chains(most: int) -> None:
 def main() -> None:
     """Print the tables of docs/joints.md."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--quick", action="store_true", help="smoke run: one joint, and short chains")
     parser.add_argument("--long", type=int, metavar="N", help="chains of up to N rods in plain Python, nothing else")
     chosen = parser.parse_args()
+    if chosen.long is not None or chosen.quick:
+        long_chains(chosen.long or 32)
     if chosen.long is not None:
-        long_chains(chosen.long)
         return
     moments, mass, centre = np.array([1.0, 1.5, 0.7]), 2.0, np.array([0.3, 0.1, 0.4])
     about_point = np.diag(moments) + mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
@@ -79,7 +81,7 @@ def main() -> None:
         ("LieRATTLE(Cayley()), fixed point", body, lm.LieRATTLE(lm.Cayley()), start),
         *[(f"LieRATTLE, chain({n})", chain, lm.LieRATTLE(), begun) for n in (2, 3) for chain, begun in (hanging(n),)],
     ]
-    for name, system, method, begun in rows:
+    for name, system, method, begun in rows[:2] if chosen.quick else rows:
         made, step = cost(system, method, begun)
         print(f"{name:36}{step:8.0f} ns a step {made:6.1f} s to compile", flush=True)
 
