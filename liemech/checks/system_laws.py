@@ -172,7 +172,7 @@ def force_of_energy(system: CanonicalSystem, at: AtState) -> Iterator[Same]:
 )
 def quadratic(system: CanonicalSystem, at: AtState) -> Iterator[Same]:
     quadratic = isinstance(system, SeparableEnergy) and system.quadratic
-    if quadratic or (isinstance(system, ConstrainedSystem) and system.linear):
+    if quadratic or (isinstance(system, ConstrainedSystem) and system.linear_velocity):
         q, p = at.state.q, at.state.p
         v0, v1, v2 = (flat(system.velocity(q, s * p)) for s in (0.0, 1.0, 2.0))
         yield Same(v2 - v1, v1 - v0, size(v0) + size(v1) + size(v2))

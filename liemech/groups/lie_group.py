@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import functools
+from collections.abc import Callable
 from functools import cached_property
 from typing import Any, final
 
 import numpy as np
 
-from ..errors import IncompatibleSystem, InvalidType, NotDefined
+from ..errors import IncompatibleSystem, InvalidInput, InvalidType, NotDefined
 from ..formulas import (
     Ambient,
     Element,
@@ -23,7 +25,7 @@ from ..formulas import (
     vec,
 )
 from ..formulas.broadcasting import MEMBERSHIP as MEMBERSHIP
-from ..formulas.broadcasting import small
+from ..formulas.broadcasting import check_finite, real_array, small
 from .lie_algebra import LieAlgebra, objection
 
 OF_THE_ALGEBRA = {
@@ -59,6 +61,8 @@ class LieGroup(Record):
                 f"{cls.__name__}.{name}: a closed form of {name} belongs into the class of the algebra, "
                 "where methods look for it"
             )
+        if "further_invariants" in vars(cls):
+            cls.further_invariants = _of_one_momentum(vars(cls)["further_invariants"])  # type: ignore[method-assign]
 
     # ---------------------------------------------------------------- 1. a subclass writes
 
@@ -302,6 +306,21 @@ class LieGroup(Record):
                 reason = self.objection(value)
             return reason and f"is not in {self!r}: {reason}"
         return objection(argument, value)
+
+
+def _of_one_momentum(formula: Callable[..., Any]) -> Callable[..., Any]:
+    """A method of one momentum, which is looked at first."""
+
+    @functools.wraps(formula)
+    def method(self: LieGroup, mu: Any) -> Any:
+        name = f"{type(self).__name__}.{formula.__name__}: mu"
+        momentum = real_array(mu, name)
+        if momentum.shape != (self.dim,):
+            raise InvalidInput(f"{name} must be one momentum, of shape ({self.dim},); got shape {momentum.shape}")
+        check_finite(momentum, name)
+        return formula(self, mu)
+
+    return method
 
 
 def _flat(rate: Any) -> Vec:

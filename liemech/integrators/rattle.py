@@ -82,7 +82,7 @@ class Projected(OnConstraints):
         """For T(p) + V(q): positions and momenta follow from the multipliers, which are the only unknowns."""
         before, _ = self.shares
         free = (before * h) * system.force(q, p) if before != 0.0 else 0.0 * p
-        if system.linear:
+        if system.linear_velocity:
             normals = h * (h * pushed(system, q, p, G))  # h * h would be rounded
             return self._linearly(system, h, q, G, guess, free, h * system.velocity(q, p + free), normals)
         weights = inverse_sizes(G, h * system.velocity(q, p + (free - (h * guess) @ G)), q)

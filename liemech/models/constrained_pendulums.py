@@ -27,7 +27,7 @@ class SphericalPendulum(SeparableConstrainedSystem):
     """
 
     degrees: ClassVar[int] = 3
-    linear: ClassVar[bool] = True
+    linear_velocity: ClassVar[bool] = True
 
     mass: float = 1.0
     length: float = 1.0
@@ -90,7 +90,7 @@ class ChainPendulum(SeparableConstrainedSystem):
     Source: Hairer, Lubich, Wanner, VII.1 (the N-fold pendulum); Landau and Lifshitz, Mechanics, 3rd ed., section 5.
     """
 
-    linear: ClassVar[bool] = True
+    linear_velocity: ClassVar[bool] = True
 
     masses: Vec = vec(1.0, 1.0)
     lengths: Vec = vec(1.0, 1.0)
@@ -193,7 +193,7 @@ class FourBarLinkage(SeparableConstrainedSystem):
     Source: Gonzalez, Dopico, Lugris, Cuadrado, Multibody Syst. Dyn. 16 (2006) (benchmark problem A02 of the IFToMM library).
     """
 
-    linear: ClassVar[bool] = True
+    linear_velocity: ClassVar[bool] = True
 
     loops: int = 1
     mass: float = 1.0

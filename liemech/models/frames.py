@@ -24,7 +24,7 @@ class OrthonormalFrame(SeparableConstrainedSystem):
     Source: Edelman, Arias, Smith, SIAM J. Matrix Anal. Appl. 20 (1998), 303, section 2.2.
     """
 
-    linear: ClassVar[bool] = True
+    linear_velocity: ClassVar[bool] = True
 
     field: Mat
     mass: float = 1.0

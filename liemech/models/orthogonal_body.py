@@ -27,7 +27,7 @@ class OrthogonalBody(SeparableConstrainedSystem):
     """
 
     degrees: ClassVar[int] = 9
-    linear: ClassVar[bool] = True
+    linear_velocity: ClassVar[bool] = True
 
     inertia: Vec = vec(1.0, 1.5, 2.0)
 

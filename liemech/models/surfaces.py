@@ -23,7 +23,7 @@ class ParticleOnEllipsoid(SeparableConstrainedSystem):
     Source: Jacobi, Vorlesungen ueber Dynamik, lecture 28; Moser, Various aspects of integrable Hamiltonian systems (1980), 3.
     """
 
-    linear: ClassVar[bool] = True
+    linear_velocity: ClassVar[bool] = True
 
     axes: Vec = vec(1.0, 1.5, 2.0)
     mass: float = 1.0

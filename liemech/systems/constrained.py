@@ -68,7 +68,7 @@ class ConstrainedSystem(CanonicalSystem):
     separable: ClassVar[bool] = False
     """Is the energy T(p) + V(q), with `velocity` a function of p alone and `force` one of q alone?"""
 
-    linear: ClassVar[bool] = False
+    linear_velocity: ClassVar[bool] = False
     """Is the velocity of first degree in p, as for a kinetic energy p . M(q)^-1 p/2?  Whoever says so saves time."""
 
     # ---------------------------------------------------------------- 1. a subclass writes
@@ -168,7 +168,7 @@ class ConstrainedSystem(CanonicalSystem):
         x, pivots = eliminated(cross_products(G, across), G @ v)
         if not independent(pivots, G, across):
             raise InconsistentState(self._dependence(q, p))
-        if self.linear:
+        if self.linear_velocity:
             return -(x @ G), pivots
         weights = inverse_sizes(G, v, 0.0 * v)
 
@@ -346,7 +346,7 @@ class ConstrainedLagrangianSystem(ConstrainedSystem):
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.1.1.
     """
 
-    linear: ClassVar[bool] = True
+    linear_velocity: ClassVar[bool] = True
 
     def mass(self, q: Vec) -> Mat:
         """M(q), (n, n), symmetric and positive.  q : (n,)."""

@@ -143,3 +143,9 @@ def test_bad_momenta_are_named() -> None:
             ask([1.0, 2.0, 3.0])
     with pytest.raises(lm.errors.InvalidInput, match="every entry must be finite"):
         action.isotropy([1.0, 2.0, 3.0, np.nan, 0.0, 0.0])
+
+
+@pytest.mark.parametrize("mu, why", [((), "shape"), ([1.0, 2.0], "shape"), (len, "real numbers"), ([np.nan] * 6, "finite")])
+def test_further_invariants_are_of_one_momentum(mu: object, why: str) -> None:
+    with pytest.raises((lm.errors.InvalidInput, lm.errors.InvalidType), match=f"SE3.further_invariants: mu.*{why}"):
+        lm.SE3().further_invariants(mu)

@@ -216,7 +216,9 @@ def test_refusals() -> None:
             Magnus(order)  # type: ignore[arg-type]
     body, start = asymmetric_body()
     steered = Steered(lm.SO3())
-    for system, state in ((body, start), (steered, steered.state(ATTITUDE))):
+    rod = lm.SphericalPendulum()  # its velocity is linear in the momentum, and no linear equation
+    hanging = rod.state([0.0, 0.0, -1.0], [0.4, 1.5, 0.0])
+    for system, state in ((body, start), (steered, steered.state(ATTITUDE)), (rod, hanging)):
         with pytest.raises(lm.errors.IncompatibleSystem, match=r"needs a linear equation.*use RKMK.*or CommutatorFree"):
             lm.integrate(system, Magnus(), state, h=0.1, steps=1)
 
