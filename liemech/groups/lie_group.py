@@ -318,7 +318,7 @@ def _of_one_momentum(formula: Callable[..., Any]) -> Callable[..., Any]:
         if momentum.shape != (self.dim,):
             raise InvalidInput(f"{name} must be one momentum, of shape ({self.dim},); got shape {momentum.shape}")
         check_finite(momentum, name)
-        return formula(self, mu)
+        return formula(self, momentum)
 
     return method
 

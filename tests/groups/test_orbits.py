@@ -149,3 +149,8 @@ def test_bad_momenta_are_named() -> None:
 def test_further_invariants_are_of_one_momentum(mu: object, why: str) -> None:
     with pytest.raises((lm.errors.InvalidInput, lm.errors.InvalidType), match=f"SE3.further_invariants: mu.*{why}"):
         lm.SE3().further_invariants(mu)
+
+
+def test_further_invariants_take_a_momentum_as_a_list() -> None:
+    assert lm.SE3().further_invariants([3.0, 0.0, 4.0, 0.0, 0.0, 0.0]) == (5.0,)
+    assert lm.Heisenberg().further_invariants((1.0, 2.0, 0.0)) == (1.0, 2.0, 0.0)
