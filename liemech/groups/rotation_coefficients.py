@@ -23,7 +23,7 @@ from __future__ import annotations
 
 from ..errors import InvalidType, OutsideChart
 from ..formulas import Vec, cos, sin, sqrt, tan
-from ..formulas.double_double import is_long, rounded_number, sin_cos
+from ..formulas.double_double import is_long, rounded_number, sin_cos, two_sum
 from . import stumpff
 
 LIMIT = 0.4
@@ -145,7 +145,7 @@ def sin_cos_root(x: float, low: float = 0.0) -> tuple[float, float]:
 def lost_in_square(w: Vec, x: float) -> float:
     """|w|^2 - x, what was rounded away when x = |w|^2 was computed: beyond many turns it decides where the last one ends.
 
-    Source: Dekker, Numer. Math. 18 (1971), 224: exact products; Knuth, The Art of Computer Programming 2, 4.2.2: exact sums.
+    Source: Dekker, Numer. Math. 18 (1971), 224: exact products; the sums are those of `two_sum`.
     """
     if is_long(x):
         return 0.0
@@ -154,10 +154,8 @@ def lost_in_square(w: Vec, x: float) -> float:
         square, high = c * c, SPLITTER * c - (SPLITTER * c - c)
         rest = c - high
         of_square = ((high * high - square) + 2.0 * high * rest) + rest * rest
-        longer = total + square
-        added = longer - total
-        lost = lost + (of_square + ((total - (longer - added)) + (square - added)))
-        total = longer
+        total, of_sum = two_sum(total, square)
+        lost = lost + (of_square + of_sum)
     return (total - x) + lost
 
 
