@@ -11,8 +11,7 @@ from ..formulas import Record, Vec, gradient, record, vec
 from ..groups.lie_group import LieGroup
 from .canonical import CanonicalState, PhaseSpace
 from .hamiltonian import Hamiltonian
-from .lie_poisson import BodyState, LiePoissonSystem, body_state
-from .system import System
+from .lie_poisson import BodyState, LiePoissonMotion, LiePoissonSystem, body_state
 
 
 @record
@@ -100,7 +99,7 @@ class Frozen(Hamiltonian):
 
 
 @record
-class DrivenLiePoissonSystem(System):
+class DrivenLiePoissonSystem(LiePoissonMotion):
     """Motion on the dual of a Lie algebra by an energy that changes with time, mu' = ad*_xi mu with xi = dK/dmu(t, mu), g' = g xi.
 
     group : the configuration space.  hamiltonian : the energy as a function of time and body momentum.
@@ -109,7 +108,6 @@ class DrivenLiePoissonSystem(System):
     Source: Ge and Marsden, Phys. Lett. A 133 (1988), 134; Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., 13.7.
     """
 
-    coordinates: ClassVar[tuple[str, ...]] = ("mu",)
     alternatives: ClassVar[str] = "LiePoissonHamiltonJacobi and FirstKindHamiltonJacobi serve it, RKMK accepts every system"
 
     group: LieGroup
@@ -138,21 +136,6 @@ class DrivenLiePoissonSystem(System):
     def at(self, t: float) -> LiePoissonSystem:
         """The free system whose energy is for ever what this one's is at time t.  Raises InvalidInput as LiePoissonSystem does."""
         return LiePoissonSystem(self.group, Frozen(self.hamiltonian, t))
-
-    # momenta and attitudes move as those of a free body
-
-    casimirs: ClassVar[Any] = LiePoissonSystem.casimirs
-    spatial_momentum: ClassVar[Any] = LiePoissonSystem.spatial_momentum
-    displaced: ClassVar[Any] = LiePoissonSystem.displaced
-    essential_part: ClassVar[Any] = LiePoissonSystem.essential_part
-    variation: ClassVar[Any] = LiePoissonSystem.variation
-
-    def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """Casimirs and, if the attitude is known, the spatial momentum."""
-        mu, g = states["mu"], states.get("g")
-        casimirs = np.asarray(self.casimirs(mu))
-        kept = {f"Casimir {i + 1}": casimirs[..., i] for i in range(casimirs.shape[-1])}
-        return kept if g is None else kept | {"spatial momentum": np.asarray(self.spatial_momentum(mu, g))}
 
     @final
     def state(self, mu: Any, g: Any = None) -> BodyState:

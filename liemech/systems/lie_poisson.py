@@ -33,7 +33,50 @@ _NO_LAGRANGIAN = Lagrangian()
 
 
 @record
-class LiePoissonSystem(System):
+class LiePoissonMotion(System):
+    """Momenta that move on their coadjoint orbits and elements of the group above them, by whatever energy; abstract.
+
+    A subclass writes `velocity`, `energy`, `rate` and `state`.
+
+    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., sections 13.1 and 13.5.
+    """
+
+    coordinates: ClassVar[tuple[str, ...]] = ("mu",)
+
+    @final
+    def casimirs(self, mu: Vec) -> Vec:
+        """The Casimir functions of the group: constant whatever the energy.  mu : (dim,)."""
+        return self.group.casimirs(mu)
+
+    @final
+    def spatial_momentum(self, mu: Vec, g: Element) -> Vec:
+        """The momentum seen from space, K_g mu = Ad*_{g^-1} mu: constant by Noether's theorem.  mu : (dim,), g : an element."""
+        return self.group.K(g, mu)
+
+    def displaced(self, retraction: Retraction, state: BodyState, omega: Vec) -> BodyState:
+        """Momentum and attitude moved by the same displacement: Ad*_tau(omega) mu, g tau(omega)."""
+        mu = retraction.tau_Ad_star(self.group, omega, state.mu)
+        return BodyState(mu, None if state.g is None else retraction.compose_tau(self.group, state.g, omega))
+
+    def essential_part(self, state: BodyState) -> BodyState:  # type: ignore[override]
+        """The momentum."""
+        return BodyState(state.mu, None)
+
+    def variation(self, state: BodyState, omega: Vec) -> tuple[Vec, Vec]:
+        """ad*_omega mu beside |mu|, and omega beside what counts as large where the body is."""
+        change, size = self.group.ad_star(omega, state.mu), vec(*[abs(m) for m in state.mu])
+        return (change, size) if state.g is None else (vec(*change, *omega), vec(*size, *self.group.scale(state.g)))
+
+    def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """Casimirs and, if the attitude is known, the spatial momentum."""
+        mu, g = states["mu"], states.get("g")
+        casimirs = np.asarray(self.casimirs(mu))
+        kept = {f"Casimir {i + 1}": casimirs[..., i] for i in range(casimirs.shape[-1])}
+        return kept if g is None else kept | {"spatial momentum": np.asarray(self.spatial_momentum(mu, g))}
+
+
+@record
+class LiePoissonSystem(LiePoissonMotion):
     """Motion on the dual of a Lie algebra, mu' = ad*_xi mu with xi = dH/dmu, and on the group above it, g' = g xi.
 
     group : the configuration space.  hamiltonian : the energy as a function of the body momentum.
@@ -45,8 +88,6 @@ class LiePoissonSystem(System):
 
     Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., sections 13.1, 13.5 and 13.7.
     """
-
-    coordinates: ClassVar[tuple[str, ...]] = ("mu",)
 
     group: LieGroup
     hamiltonian: Hamiltonian
@@ -74,43 +115,13 @@ class LiePoissonSystem(System):
         """H(mu).  mu : (dim,)."""
         return self.hamiltonian.energy(mu)
 
-    @final
-    def casimirs(self, mu: Vec) -> Vec:
-        """The Casimir functions of the group: constant whatever the energy.  mu : (dim,)."""
-        return self.group.casimirs(mu)
-
-    @final
-    def spatial_momentum(self, mu: Vec, g: Element) -> Vec:
-        """The momentum seen from space, K_g mu = Ad*_{g^-1} mu: constant by Noether's theorem.  mu : (dim,), g : an element."""
-        return self.group.K(g, mu)
-
-    # ---------------------------------------------------------------- how it moves
-
     def rate(self, t: float, state: BodyState) -> Vec:
         """The body velocity."""
         return self.velocity(state.mu)
 
-    def displaced(self, retraction: Retraction, state: BodyState, omega: Vec) -> BodyState:
-        """Momentum and attitude moved by the same displacement: Ad*_tau(omega) mu, g tau(omega)."""
-        mu = retraction.tau_Ad_star(self.group, omega, state.mu)
-        return BodyState(mu, None if state.g is None else retraction.compose_tau(self.group, state.g, omega))
-
-    def essential_part(self, state: BodyState) -> BodyState:  # type: ignore[override]
-        """The momentum."""
-        return BodyState(state.mu, None)
-
-    def variation(self, state: BodyState, omega: Vec) -> tuple[Vec, Vec]:
-        """ad*_omega mu beside |mu|, and omega beside what counts as large where the body is."""
-        change, size = self.group.ad_star(omega, state.mu), vec(*[abs(m) for m in state.mu])
-        return (change, size) if state.g is None else (vec(*change, *omega), vec(*size, *self.group.scale(state.g)))
-
     def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Energy, Casimirs and, if the attitude is known, the spatial momentum."""
-        mu, g = states["mu"], states.get("g")
-        casimirs = np.asarray(self.casimirs(mu))
-        kept = {"energy": np.asarray(self.energy(mu))}
-        kept |= {f"Casimir {i + 1}": casimirs[..., i] for i in range(casimirs.shape[-1])}
-        return kept if g is None else kept | {"spatial momentum": np.asarray(self.spatial_momentum(mu, g))}
+        return {"energy": np.asarray(self.energy(states["mu"]))} | super().constants(states)
 
     # ---------------------------------------------------------------- the border
 
