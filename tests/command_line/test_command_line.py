@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from refusals import refused
 from scenes import slow
 
 import liemech as lm
@@ -42,21 +43,6 @@ h = 0.1
 steps = 20
 every = 5
 """
-
-
-@pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
-def refused(capsys: pytest.CaptureFixture[str], *words: str) -> str:
-    """What a command complains of, in one line and with status 2."""
-    with pytest.raises(SystemExit) as exit:
-        main(words)
-    printed, complained = capsys.readouterr()
-    assert exit.value.code == 2 and printed == "" and complained.count("\n") == 1
-    return complained
 
 
 # ---------------------------------------------------------------- scenes

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from refusals import refused
 from scenes import slow
 
 import liemech as lm
@@ -17,6 +18,8 @@ from liemech.command_line.main import main
 from liemech.command_line.run import explained
 from liemech.command_line.scene_file import scene_file
 from liemech.errors import InvalidInput
+
+pytestmark = pytest.mark.usefixtures("folder")
 
 PENDULUM = """
 [system]
@@ -32,21 +35,6 @@ name = "{method}"
 [run]
 {run}
 """
-
-
-@pytest.fixture(autouse=True)
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
-def refused(capsys: pytest.CaptureFixture[str], *words: str) -> str:
-    """What a command complains of, in one line and with status 2."""
-    with pytest.raises(SystemExit) as exit:
-        main(words)
-    printed, complained = capsys.readouterr()
-    assert exit.value.code == 2 and printed == "" and complained.count("\n") == 1, complained
-    return complained
 
 
 def pendulum(run: str, method: str = "RKMK") -> Any:
