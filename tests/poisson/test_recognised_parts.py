@@ -9,6 +9,7 @@ import pytest
 
 import liemech as lm
 from liemech.formulas import copysign, cos, exp, sqrt, where
+from liemech.formulas.anything import degree, looked_at, made_of
 from liemech.systems.parts import Affine, OfCoordinate, Straight, recognised, second_degree
 
 NARROW = 1e-9
@@ -129,11 +130,61 @@ class Bump(lm.Hamiltonian):
         return 0.5 * p * p + self.stiffness * q * q + self.height * bump
 
 
+@lm.record
+class Spring(lm.Hamiltonian):
+    """V(q) = q^2/2."""
+
+    def energy(self, mu: lm.Vec) -> float:
+        return 0.5 * mu[0] * mu[0]
+
+
 def test_what_underflows_wherever_one_looks_is_seen() -> None:
     """Narrow features: an energy that looks quadratic, T(p), or of second degree at every point that is tried, and is not."""
     plane = lm.Canonical(1)
     assert "not known" in str(recognised(plane, Bump(0.5, 1.0)))
     assert "not known" in str(recognised(plane, Bump(0.0, 1.0, 1.0)))
-    assert not second_degree(plane, Bump(0.0, 1.0, 1.0), Bump(0.5, 0.0))
+    assert not second_degree(plane, Bump(0.0, 1.0, 1.0), Spring())
+    assert second_degree(plane, Bump(0.0, 0.0, 1.0), Spring())
     assert isinstance(recognised(plane, Bump(0.5, 0.0)), Affine)  # constants that are zero
     assert isinstance(recognised(plane, Bump(0.0, 0.0)), OfCoordinate | Straight)
+
+
+@lm.record
+class Quartic(lm.Hamiltonian):
+    """A kinetic energy of fourth degree, by products alone."""
+
+    def energy(self, mu: lm.Vec) -> float:
+        square = mu[1] * mu[1]
+        return 0.5 * square + 0.25 * square * square
+
+
+def test_products_of_momenta_are_of_higher_degree() -> None:
+    plane = lm.Canonical(1)
+    assert not second_degree(plane, Quartic(), Spring())
+    assert isinstance(recognised(plane, Quartic()), Straight | OfCoordinate)
+
+
+@pytest.mark.parametrize(
+    "formula, wanted, numbers",
+    [
+        (lambda x, y: x * y * x + y, 3, {0, 1}),
+        (lambda x, y: (x - 2.0 * y) ** 4, 4, {0, 1}),
+        (lambda x, y: x * x / 3.0 - 1.0, 2, {0}),
+        (lambda x, y: 0.0 * x**5 + y, 1, {1}),
+        (lambda x, y: x / (1.0 + y), np.inf, {0, 1}),
+        (lambda x, y: 2.0 / x, np.inf, {0}),
+        (lambda x, y: sqrt(x * x), np.inf, {0}),
+        (lambda x, y: y**0.5, np.inf, {1}),
+        (lambda x, y: x**-1 * x, np.inf, {0}),
+        (lambda x, y: 7.0, 0, set()),
+    ],
+)
+def test_a_formula_tells_its_degree_and_of_what_it_is_made(formula: Any, wanted: float, numbers: set[int]) -> None:
+    found, reason = looked_at(lambda z: formula(*z), [1, 1])
+    assert (degree(found), made_of(found), reason) == (wanted, numbers, "")
+
+
+def test_numbers_that_do_not_count_are_constants() -> None:
+    """Of q, which stands still, any function may stand before p^2."""
+    found, _ = looked_at(lambda z: z[1] * z[1] * exp(z[0]) / (2.0 + z[0]), [0, 1])
+    assert (degree(found), made_of(found)) == (2, {0, 1})
