@@ -117,7 +117,7 @@ class Recorder:
     def presented(self, run: Any, kind: type, compiled: Any) -> Any:
         """A run that kept the states, with what is to be kept instead."""
         kept = self.values(run, kind, run.t, run.states, compiled)
-        return dataclasses.replace(run, states=kept, observed=tuple(self.quantities))
+        return dataclasses.replace(run, states=kept, observed=tuple(self.quantities), dense=None)
 
     def instead(self, make: Callable[[], Any], kind: type, compiled: Any) -> Any:
         """The same of a run to be made, which may fail."""

@@ -11,6 +11,7 @@ import numpy as np
 from ..errors import IntegrationInterrupted, InvalidInput, InvalidType, warn
 from ..systems.system import State
 from .carry import Carry
+from .fictive import FictiveCarry
 from .progress import Bar
 from .stopped import Stopped
 from .systems import Systems
@@ -132,6 +133,7 @@ def _joined(plan: Any, chunks: list[tuple[int, int]], runs: list[Any]) -> Any:
         more = {"t": np.concatenate([run.t for run in runs], axis=1)}
         if first.z is not None:
             more["z"] = np.concatenate([run.z for run in runs], axis=1)
+        more["origin"] = dataclasses.replace(first.origin, start=_all([run.origin.start for run in runs]))
     return dataclasses.replace(
         first,
         system=plan.system,
@@ -142,17 +144,23 @@ def _joined(plan: Any, chunks: list[tuple[int, int]], runs: list[Any]) -> Any:
         compiled=all(run.compiled for run in runs),
         stopped=stopped,
         rejected=None if first.rejected is None else sum(run.rejected for run in runs),
-        carry=_carry(chunks, [run.carry for run in runs]),
+        carry=_carry(chunks, [run.carry for run in runs], more.get("origin")),
         **more,
     )
 
 
-def _carry(chunks: list[tuple[int, int]], carries: list[Any]) -> Carry | None:
-    """What all bodies carry along; None if those of a chunk have all stopped."""
+def _all(states: list[Any]) -> Any:
+    """The states of all bodies."""
+    arrays = zip(*(state.parts.values() for state in states))
+    return type(states[0])(*(None if some[0] is None else np.concatenate(some) for some in arrays))
+
+
+def _carry(chunks: list[tuple[int, int]], carries: list[Any], origin: Any = None) -> Any:
+    """What all bodies carry along, from an origin in fictive time; None if those of a chunk have all stopped."""
+    if origin is not None and None not in carries:
+        return FictiveCarry(origin, _carry(chunks, [carry.inner for carry in carries]))
     if not all(isinstance(carry, Carry) for carry in carries):
         return None
-    states = [carry.state for carry in carries]
-    arrays = zip(*(state.parts.values() for state in states))
     made = dataclasses.replace(
         carries[0],
         shape=None,
@@ -161,5 +169,5 @@ def _carry(chunks: list[tuple[int, int]], carries: list[Any]) -> Carry | None:
         last=np.concatenate([carry.last for carry in carries], axis=1),
         failures={begin + i: error for (begin, _), carry in zip(chunks, carries) for i, error in carry.failures.items()},
     )
-    vars(made)["state"] = type(states[0])(*(None if some[0] is None else np.concatenate(some) for some in arrays))
+    vars(made)["state"] = _all([carry.state for carry in carries])
     return made
