@@ -196,7 +196,7 @@ def sin_cos(x: Any) -> tuple[Any, Any]:
     """Sine and cosine, by the distance from the nearest quarter turn; nan beyond LARGEST_ANGLE."""
     many, near = _reduced(x, HALF_PI)
     few, r = _reduced(near, HALF_PI)  # 0 quarters, unless there were more than 2^51
-    r = r + f.where(abs(x.value) <= LARGEST_ANGLE, 0.0, math.nan)
+    r = r + f.sqrt(-1.0 * (abs(x.value) > LARGEST_ANGLE))  # the root of -1 is nan
     square = r * r
     s, c = r * series(square, SINE, 8), series(square, COSINE, 8)
     quarter = _modulo_4(_modulo_4(many) + few)
