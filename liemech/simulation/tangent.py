@@ -163,7 +163,7 @@ class _Run(FixedRun):
         columns[:] = self._padded(np.array([leaves(dual, self.shape.given) for dual in self.duals]).T)
 
     def _only_start(self) -> Trajectory:
-        return Trajectory(self.plan.system, self.plan.method, self.h, np.empty(0), {}, None, 0)
+        return Trajectory(self.plan.system, self.plan.method, self.plan.h, np.empty(0), {}, None, 0)
 
     def _samples(self, out: np.ndarray, steps: int) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         return self.times(len(out), steps), {}
