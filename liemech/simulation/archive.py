@@ -46,7 +46,8 @@ def save(run: Any, path: str | os.PathLike[str]) -> None:
     if not fictive and type(run).__name__ != "Trajectory":
         raise InvalidInput(f"Trajectory.save: a {type(run).__name__} has more than samples; save the arrays you need, numpy.savez")
     arrays: dict[str, Any] = {"t": run.t, **{f"state.{name}": x for name, x in run.states.items()}}
-    about: dict[str, Any] = {"format": FORMAT, "method": encoded(run.method), "h": run.h, "steps": run.steps, "bodies": run.bodies}
+    about: dict[str, Any] = {"format": FORMAT, "method": encoded(run.method), "h": encoded(run.h)}
+    about |= {"steps": run.steps, "bodies": run.bodies}
     about["system"] = [encoded(s) for s in run.system] if isinstance(run.system, Systems) else encoded(run.system)
     about |= {"compiled": run.compiled, "rejected": run.rejected, "observed": list(run.observed)}
     about["stopped"] = {str(body): [stop.steps, str(stop.error)] for body, stop in run.stopped.items()}
@@ -71,7 +72,7 @@ def save(run: Any, path: str | os.PathLike[str]) -> None:
     if isinstance(carry, Carry):
         arrays |= {"carry.numbers": carry.numbers, "carry.last": carry.last}
         state: Any = carry.state if about["tau"] is None else tuple(carry.state.parts.values())
-        about["carry"] = {"t0": carry.t0, "h": carry.h, "step": carry.step, "state": encoded(state)}
+        about["carry"] = {"t0": carry.t0, "h": encoded(carry.h), "step": carry.step, "state": encoded(state)}
         about["carry"]["failures"] = {str(i): str(error) for i, error in carry.failures.items()}
     elif isinstance(carry, AdaptiveCarry):
         arrays |= {"carry.numbers": carry.numbers, "carry.clock": carry.clock}
@@ -121,9 +122,8 @@ def load(path: str | os.PathLike[str], modules: Sequence[str] = ()) -> dict[str,
             carry = AdaptiveCarry(arrays["carry.numbers"], arrays["carry.clock"], state, kept["t"], kept["ended"])
         else:
             failures: dict[int, Exception | None] = {int(i): IntegrationFailure(text) for i, text in kept["failures"].items()}
-            carry = Carry(
-                None, kept["t0"], kept["h"], kept["step"], about["bodies"], arrays["carry.numbers"], arrays["carry.last"], failures
-            )
+            own = arrays["carry.numbers"], arrays["carry.last"], failures
+            carry = Carry(None, kept["t0"], decode(kept["h"]), kept["step"], about["bodies"], *own)
             vars(carry)["state"] = state
         if isinstance(carry, Carry) and origin is not None:
             vars(carry)["state"] = type(example)(*state)
@@ -134,7 +134,7 @@ def load(path: str | os.PathLike[str], modules: Sequence[str] = ()) -> dict[str,
     return fictive | {
         "system": made,
         "method": method,
-        "h": about["h"],
+        "h": decode(about["h"]),
         "t": arrays["t"],
         "states": {name.removeprefix("state."): x for name, x in arrays.items() if name.startswith("state.")},
         "bodies": about["bodies"],

@@ -41,7 +41,8 @@ class Plan:
     every body its own parameters.
 
     Steps of one length:
-    h : the step, in s; negative runs backwards.  every, compensated, precision, workers : as for `integrate`.
+    h : the step, in s; negative runs backwards; (bodies,) gives every body of an ensemble its own.
+    every, compensated, precision, workers : as for `integrate`.
 
     Adaptive steps, of a method with an error estimate, if h is None or rtol or atol is given:
     rtol, atol, dense : as for `integrate`.  h : the first step; max_step : the longest one.
@@ -56,7 +57,7 @@ class Plan:
         self,
         system: System | Sequence[System],
         method: Method,
-        h: float | None = None,
+        h: Any = None,
         *,
         rtol: float | None = None,
         atol: float | None = None,
@@ -118,7 +119,7 @@ class Plan:
         else:
             if dense is not None and dense is not True:
                 raise InvalidInput("integrate: dense is for adaptive steps; those of one length keep no way between them")
-            self._steps = Steps(self.system, method, arguments.step(h), every, compensated, precision, compiled, progress, workers)
+            self._steps = Steps(self.system, method, arguments.steps(h), every, compensated, precision, compiled, progress, workers)
 
     @property
     def adaptive(self) -> bool:
@@ -187,7 +188,10 @@ class Plan:
             return self._transformed(start, steps, t_end, t0, t_eval, arguments.checkpoint(checkpoint, checkpoint_every))
         start, t0 = self._started(start), arguments.real(t0, "t0")
         if self._one is not self.system and start.bodies != len(self.system):
-            raise InvalidInput(f"integrate: there are {len(self.system)} systems for {start.bodies or 'a start of one'} bodies")
+            raise InvalidInput(f"integrate: there are {len(self.system)} systems for {arguments.bodies(start)}")
+        own = getattr(self._steps, "h", None)
+        if isinstance(own, tuple) and start.bodies != len(own):
+            raise InvalidInput(f"integrate: h has {len(own)} steps for {arguments.bodies(start)}")
         if self._one is not self.system and self._one.bounded:
             arguments.allowed(self.system, start)
         kept = arguments.checkpoint(checkpoint, checkpoint_every)
@@ -209,9 +213,11 @@ class Plan:
 
     def _doubt(self, start: State) -> str | None:
         """What the method warns of; of several systems the first warning."""
-        if not isinstance(self.system, Systems):
-            return self.method.step_warning(self.system, start, self._steps.h)
-        doubts = (self.method.step_warning(s, member(start, i), self._steps.h) for i, s in enumerate(self.system))
+        steps: Steps = self._steps
+        if not isinstance(self.system, Systems) and not isinstance(steps.h, tuple):
+            return self.method.step_warning(self.system, start, steps.h)
+        bodies = range(start.bodies or 0)
+        doubts = (self.method.step_warning(steps.of(i), member(start, i), steps.h_of(i)) for i in bodies)
         return next((doubt for doubt in doubts if doubt), None)
 
     def resume(
@@ -283,6 +289,8 @@ class Plan:
         if t_end is not None:
             if steps is not None:
                 raise InvalidInput("integrate: give steps or t_end for steps of one length, not both")
+            if isinstance(h, tuple):
+                raise InvalidInput("integrate: bodies with steps of their own come to times of their own; give steps, not t_end")
             span = (arguments.real(t_end, "t_end") - t0) / h - before
             steps = round(span)
             if steps < 0 or abs(span - steps) > ROUNDING * max(1, steps):
@@ -295,7 +303,8 @@ class Plan:
         elif steps is None:
             raise InvalidInput("integrate: give h and steps, for steps of one length, or t_end, for adaptive ones")
         steps = arguments.count(steps, "steps", 0)
-        arguments.affordable_times(t0, h, before + steps)
+        for one in {min(h), max(h)} if isinstance(h, tuple) else (h,):
+            arguments.affordable_times(t0, one, before + steps)
         return steps
 
     def _stepped(self, start: State | Carry, steps: int, t0: float, t_eval: Any, kept: Checkpoint | None) -> Trajectory:
@@ -320,6 +329,8 @@ class Plan:
             raise InvalidInput("integrate: checkpoint is for runs without events, those of steps of one length without t_eval")
         from .watched import WatchedRun, sampled
 
+        if isinstance(self._steps.h, tuple):
+            raise InvalidInput("integrate: t_eval and events need one h for all bodies; these have steps of their own")
         begun = start.t if isinstance(start, Carry) else t0
         before = start.step if isinstance(start, Carry) else 0
         times = arguments.times(t_eval, begun, t0 + (before + steps) * self._steps.h)

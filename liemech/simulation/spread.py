@@ -15,6 +15,7 @@ from .fictive import FictiveCarry
 from .progress import Bar
 from .stopped import Stopped
 from .systems import Systems
+from .trajectory import TransformedTrajectory
 
 CHUNK = 2**22
 """Steps of all bodies of a chunk together, at least: some tenths of a second in native code."""
@@ -112,7 +113,8 @@ def _part_of(plan: Any, first: int, end: int) -> Any:
     """The plan of some bodies."""
     system: Any = plan.system
     some = [*system][first:end] if isinstance(system, Systems) else plan._given["system"]
-    return plan.replace(system=some, progress=False)
+    h = plan._given["h"]
+    return plan.replace(system=some, progress=False, h=h[first:end] if np.ndim(h) else h)
 
 
 def _members(start: Any, first: int, end: int) -> Any:
@@ -129,8 +131,9 @@ def _joined(plan: Any, chunks: list[tuple[int, int]], runs: list[Any]) -> Any:
         some = ", ".join(f"body {i} after {n} steps" for i, n in list(steps.items())[:5])
         warn(f"integrate: {len(steps)} of {bodies} bodies stopped early: {some}. {stopped[min(steps)].error}", RuntimeWarning)
     more: dict[str, Any] = {}
-    if first.t.ndim == 2:  # fictive time: every body has times of its own
+    if first.t.ndim == 2:  # every body has times of its own
         more = {"t": np.concatenate([run.t for run in runs], axis=1)}
+    if isinstance(first, TransformedTrajectory):
         if first.z is not None:
             more["z"] = np.concatenate([run.z for run in runs], axis=1)
         more["origin"] = dataclasses.replace(first.origin, start=_all([run.origin.start for run in runs]))
@@ -138,7 +141,7 @@ def _joined(plan: Any, chunks: list[tuple[int, int]], runs: list[Any]) -> Any:
         first,
         system=plan.system,
         states={name: np.concatenate([run.states[name] for run in runs], axis=1) for name in first.states},
-        h=float(np.average([run.h for run in runs], weights=[end - begin for begin, end in chunks])) if first.rejected else first.h,
+        h=_step(chunks, runs),
         bodies=bodies,
         steps=max(run.steps for run in runs),
         compiled=all(run.compiled for run in runs),
@@ -147,6 +150,13 @@ def _joined(plan: Any, chunks: list[tuple[int, int]], runs: list[Any]) -> Any:
         carry=_carry(chunks, [run.carry for run in runs], more.get("origin")),
         **more,
     )
+
+
+def _step(chunks: list[tuple[int, int]], runs: list[Any]) -> Any:
+    """The step of all bodies, those of each, or of adaptive ones the mean."""
+    if runs[0].rejected:
+        return float(np.average([run.h for run in runs], weights=[end - begin for begin, end in chunks]))
+    return np.concatenate([run.h for run in runs]) if np.ndim(runs[0].h) else runs[0].h
 
 
 def _all(states: list[Any]) -> Any:
@@ -164,6 +174,7 @@ def _carry(chunks: list[tuple[int, int]], carries: list[Any], origin: Any = None
     made = dataclasses.replace(
         carries[0],
         shape=None,
+        h=sum([carry.h for carry in carries], ()) if isinstance(carries[0].h, tuple) else carries[0].h,
         bodies=chunks[-1][1],
         numbers=np.concatenate([carry.numbers for carry in carries], axis=1),
         last=np.concatenate([carry.last for carry in carries], axis=1),

@@ -33,7 +33,7 @@ class Trajectory:
 
     t : (n,) times in s.  states : the recorded parts of the state by name, (n, ...) each; also as attributes, such as
     mu : (n, dim) body momentum and g : (n, k, k) group elements, None if they were not recorded.
-    In an ensemble of m bodies mu is (n, m, dim) and g is (n, m, k, k).
+    In an ensemble of m bodies mu is (n, m, dim) and g is (n, m, k, k); if they have steps of their own h is (m,) and t is (n, m).
     Of adaptive steps h is the mean; `at(t)` gives the state at any time; rejected : the steps that were tried in vain;
     events : for every event function the times, and the states then.
     carry : what the method carries along at the end, with which `Plan.resume` goes on.
@@ -43,7 +43,7 @@ class Trajectory:
 
     system: System
     method: Method
-    h: float
+    h: Any
     t: np.ndarray
     states: dict[str, np.ndarray]
     bodies: int | None
@@ -120,7 +120,7 @@ class Trajectory:
             raise InvalidInput(f"Trajectory.{name}: {self.system!r} {otherwise}")
         needed = [*inspect.signature(formula).parameters]
         self._recorded(name, [part for part in needed if part != "t"])
-        known = {"t": self.t if self.bodies is None else self.t[:, None], **self.states}
+        known = {"t": self.t if self.bodies is None or self.t.ndim == 2 else self.t[:, None], **self.states}
         return formula(*(known[part] for part in needed))
 
     def _recorded(self, what: str, needed: Iterable[str]) -> None:
@@ -141,8 +141,10 @@ class Trajectory:
                 f"Trajectory.xi is for methods with a velocity on every interval, as CovariantVariational; {self.method!r} has "
                 "none. At the samples of a free body the velocity is `run.system.velocity(run.mu)`"
             )
-        if isinstance(self.system, Systems):
-            return np.stack([between(system, self.mu[:, i], self.h) for i, system in enumerate(self.system)], axis=1)
+        if isinstance(self.system, Systems) or np.ndim(self.h):
+            several: Any = self.system if isinstance(self.system, Systems) else [self.system] * self.mu.shape[1]
+            each = zip(several, np.moveaxis(self.mu, 1, 0), np.broadcast_to(self.h, len(several)).tolist(), strict=True)
+            return np.stack([between(*one) for one in each], axis=1)
         return between(self.system, self.mu, self.h)
 
     @cached_property
@@ -244,9 +246,9 @@ class Trajectory:
         """
         alike = type(self) is type(rest) and self.carry is not None and self.states.keys() == rest.states.keys()
         end, t, more = (self._clock(self.carry), self._clock(), rest._clock()) if alike else (0.0, self.t, self.t[:0])
-        if not len(more) or (more[0] - end) * self.h < 0.0:
+        if not len(more) or np.any((more[0] - end) * self.h < 0.0):
             raise InvalidInput(f"Trajectory.then: {rest!r} does not begin where {self!r} was to go on")
-        again = int(more[0] == end and len(self) > 0 and t[-1] == more[0])  # kept by both
+        again = int(len(self) > 0 and np.all(more[0] == end) and np.all(t[-1] == more[0]))  # kept by both
         return replace(
             rest,
             t=np.concatenate([self.t, rest.t[again:]]),
@@ -297,8 +299,8 @@ class Trajectory:
 
     def __repr__(self) -> str:
         many = "" if self.bodies is None else f"{self.bodies} bodies, "
-        end = f"to t = {self.t[-1]:g}" if len(self) else "none"
-        steps = f"h = {self.h:g}" if self.rejected is None else f"{self.steps} steps, {self.rejected} rejected"
+        end = f"to t = {_range(self.t[-1])}" if len(self) else "none"
+        steps = f"h = {_range(self.h)}" if self.rejected is None else f"{self.steps} steps, {self.rejected} rejected"
         return (
             f"Trajectory({self.method!r}: {many}{len(self)} samples {end}, {steps}, "
             f"{'compiled' if self.compiled else 'plain'}; {', '.join(self.states)})"
@@ -366,6 +368,12 @@ class TransformedTrajectory(Trajectory):
             f"Trajectory({self.method!r}, {self.sigma!r}: {many}{len(self)} samples {end}{last}h = {self.h:g} in tau, "
             f"{'compiled' if self.compiled else 'plain'}; {', '.join(self.states)})"
         )
+
+
+def _range(values: Any) -> str:
+    """A number, or from which one to which."""
+    low, high = np.min(values), np.max(values)
+    return f"{low:g}" if low == high else f"{low:g} ... {high:g}"
 
 
 def _joined(first: tuple[np.ndarray, State], second: tuple[np.ndarray, State]) -> tuple[np.ndarray, State]:
