@@ -16,18 +16,17 @@ rivals = {
 steps, t_end = 2.0 ** -np.arange(1.0, 7.0), 8.0
 
 
-def momenta(method, h, n):
-    """The momentum after n steps."""
+def momentum_after(n, method, h):
     return lm.integrate(body, method, start, h=h, steps=n, progress=False).mu[-1]
 
 
 def far(method, mu, n):
-    """How far the method is from momenta, for every step."""
-    return [np.abs(momenta(method, h, k) - m).max() for h, m, k in zip(steps, mu, n)]
+    """How far the method is from the momenta mu, for every step."""
+    return [np.abs(momentum_after(k, method, h) - m).max() for h, m, k in zip(steps, mu, n)]
 
 
 once, many = [1] * 6, [round(t_end / h) for h in steps]
-algorithm_1 = [momenta(variational, h, 1) for h in steps]
+algorithm_1 = [momentum_after(1, variational, h) for h in steps]
 exact = [body.exact(start, t_end).mu] * 6
 gaps = {name: np.maximum(far(method, algorithm_1, once), 1e-17) for name, method in rivals.items()}
 errors = {name: far(method, exact, many) for name, method in rivals.items()}

@@ -1,4 +1,4 @@
-"""An example tells one story in under forty lines and ends with a number and a picture, which the gallery shows."""
+"""An example tells one story in under forty lines, and ends with a number and a picture."""
 
 from __future__ import annotations
 
@@ -7,9 +7,7 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parent.parent
-EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
-GALLERY = (ROOT / "docs" / "gallery.md").read_text(encoding="utf-8")
+EXAMPLES = sorted((Path(__file__).parent.parent / "examples").glob("*.py"))
 
 
 @pytest.mark.parametrize("example", EXAMPLES, ids=lambda example: example.stem)
@@ -17,9 +15,4 @@ def test_one_story_a_number_and_a_picture(example: Path) -> None:
     code = example.read_text(encoding="utf-8")
     assert len(code.splitlines()) < 40
     assert "print(" in code
-    pictures = re.findall(r'"(\w+\.png)"', code)
-    assert pictures
-    for picture in pictures:
-        assert (ROOT / "docs" / "figures" / picture).stat().st_size < 150_000
-        assert f"(figures/{picture})" in GALLERY
-    assert f"(../examples/{example.name})" in GALLERY
+    assert re.search(r'"\w+\.png"', code)
