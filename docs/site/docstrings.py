@@ -102,10 +102,11 @@ def rendered(paragraph: str, owner: type | None) -> list[str]:
     """One paragraph as reStructuredText."""
     if PARAMETER.match(paragraph):
         lines = []
+        paragraph, *source = re.split(r"(?<=\.) +(?=Sources?: )", paragraph, maxsplit=1)
         for part in re.split(r"(?<=\.)  (?=(?:\w+)(?:, \w+)* : )", paragraph):
             names, _, what = part.partition(" : ")
             lines += [", ".join(f"``{name}``" for name in names.split(", ")), f"    {escaped(what, owner)}"]
-        return [*lines, ""]
+        return [*lines, "", *(line for text in source for line in rendered(text, owner))]
     if item := ITEM.match(paragraph):
         return [f"{item[1]} {escaped(paragraph[item.end():], owner)}", ""]
     if paragraph.startswith(("Source:", "Sources:")):

@@ -232,7 +232,8 @@ def test_claims(method: lm.Method, name: str) -> None:
 
 ELSEWHERE = {
     *(lm.ReversibleController, lm.AdaptiveVerlet),  # equal steps of another time: tests/timing
-    *(lm.MultipleTimeSteps, lm.LieRATTLE, lm.LagrangeDAlembert),  # systems of their own: tests/timing, tests/joints
+    # systems of their own: tests/timing, tests/joints, tests/poisson
+    *(lm.MultipleTimeSteps, lm.LieRATTLE, lm.LagrangeDAlembert, lm.Boris),
 }
 """Methods whose claims `check_method` does not look at."""
 
