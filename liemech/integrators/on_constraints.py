@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import Any, ClassVar
 
 import numpy as np
@@ -73,7 +74,7 @@ class OnConstraints(Method):
         )
 
     def _unsolved(self, system: Any, h: float, q: Vec, p: Vec, what: str) -> NoConvergence | InconsistentState:
-        """The error of a step that could not be made: what lies ahead, on the straight line, tells why."""
+        """The error of a step that could not be made: what lies on the straight line ahead, or just behind, tells why."""
         try:
             ahead = Ahead(system, q, p)
             where, left = ahead.weakest(BEYOND * h)
@@ -115,8 +116,8 @@ class Ahead:
         return small(self.q + s * self.v)
 
     def weakest(self, end: float) -> tuple[Vec, float]:
-        """Where up to s = end the least singular value of G H_pp G^T, rows measured at s = 0, is least; and that value."""
-        s, step = np.linspace(0.0, end, 65), end / 64
+        """Where from s = -end to end the least singular value of G H_pp G^T, rows measured at s = 0, is least; and that value."""
+        s, step = np.linspace(-end, end, 129), end / 64
         best = float(s[np.argmin([self._least(x) for x in s])])
         for _ in range(40):
             step *= 0.5
@@ -131,7 +132,7 @@ class Ahead:
             parts = 64 if halvings == 0 else 2
             width /= parts
             rows = [self._rows(begin + i * width) for i in range(parts + 1)]
-            jumps = [np.abs(b - a).max() for a, b in zip(rows, rows[1:], strict=False)]
+            jumps = [np.abs(b - a).max() for a, b in itertools.pairwise(rows)]
             begin, jump = begin + int(np.argmax(jumps)) * width, max(jumps)
             whole = whole or jump
         return self.at(begin) if jump > 0.5 * whole > NEARLY else None

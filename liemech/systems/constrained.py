@@ -315,11 +315,11 @@ class ConstrainedSystem(CanonicalSystem):
                 weights = np.linalg.lstsq(rows[:k].T, rows[k], rcond=None)[0]
                 others = ", ".join(f"constraint[{j}]" for j in np.flatnonzero(np.abs(weights) > 1e-6))
                 told = f"the constraints are dependent ({at}): that of constraint[{k}] follows from those of {others}. "
-                unit = np.linalg.norm(G, axis=1)
-                values = np.array(self.constraint(small(np.array(q, dtype=float)))) / unit
-                off, size = abs(values[k] - weights @ values[:k]), np.abs(G[k]) @ np.abs(np.array(q, dtype=float)) / unit[k]
-                if off > np.sqrt(CONSISTENT) * size:
-                    return f"{told}At this place they contradict each other: constraint[{k}] is {off * unit[k]:.3g} where the others are zero"
+                here, unit = small(np.array(q, dtype=float)), np.linalg.norm(G[: k + 1], axis=1)
+                values = np.array(self.constraint(here))[: k + 1] / unit
+                off = float(abs(values[k] - weights @ values[:k])) * unit[k]
+                if off > np.sqrt(CONSISTENT) * (np.abs(G[k]) @ np.abs(np.array(here))):
+                    return f"{told}At this place they contradict each other: constraint[{k}] is {off:.3g} where the others are zero"
                 return f"{told}Leave out those that are redundant; at a dead point the motion is not determined"
         return f"the matrix G H_pp G^T is singular ({at}): the constraints do not determine their forces"
 

@@ -44,26 +44,27 @@ class Corner(Gliding):
         return vec(q[1] - abs(q[0]))
 
 
-METHODS = [lm.RATTLE(), lm.ConstrainedEuler(), lm.Composition(lm.RATTLE(), order=4)]
+METHODS = [lm.RATTLE(), lm.ConstrainedEuler()]
 
 
+@pytest.mark.parametrize("h", [0.04, 0.05])
 @pytest.mark.parametrize("method", METHODS, ids=repr)
-def test_one_constraint_whose_derivative_vanishes_on_the_way(method: lm.Method) -> None:
-    """Down the line x = z, z = (1 - t^2)/4: it is at the apex at t = 1, and no smaller step would go on."""
-    start = Cone().state([0.25, 0.0, 0.25], [0.0, 0.0, 0.0])
-    with pytest.raises(InconsistentState, match="nearly dependent at q = .*a dead point") as stopped:
-        plain(Cone(), method, start, 0.05, 40)
+def test_one_constraint_whose_derivative_vanishes_on_the_way(method: lm.Method, h: float) -> None:
+    """Down the line x = z, z = 1/16 - t^2/4: it is at the apex at t = 1/2, between two steps or after one."""
+    start = Cone().state([0.0625, 0.0, 0.0625], [0.0, 0.0, 0.0])
+    with pytest.raises(InconsistentState, match=r"nearly dependent at q = .*a dead point") as stopped:
+        plain(Cone(), method, start, h, 40)
     run = stopped.value.trajectory
-    assert 0.8 < run.t[-1] <= 1.0
-    assert run.q[-1, 2] > 0.0
+    assert 0.4 < run.t[-1] <= 0.5
+    assert run.q[-1, 2] > -1e-4
 
 
-@pytest.mark.parametrize("x", [-0.06, -0.0625])
+@pytest.mark.parametrize("x", [-0.02, -0.024])
 def test_a_corner_is_called_a_kink(x: float) -> None:
     """Also where a step meets it exactly and Newton's method would divide by zero."""
     for method in METHODS:
-        with pytest.raises(NoConvergence, match="jumps at q = .*kink"):
-            plain(Corner(), method, Corner().state([x, -x], [0.1, -0.1]), 0.02, 40)
+        with pytest.raises(NoConvergence, match=r"jumps at q = .*kink"):
+            plain(Corner(), method, Corner().state([x, -x], [0.1, -0.1]), 0.02, 20)
 
 
 def test_too_large_a_step_is_neither() -> None:
