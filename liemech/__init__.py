@@ -65,8 +65,8 @@ if TYPE_CHECKING:
     from .groups.unit_quaternions import UnitQuaternions
     from .groups.vector_space import VectorSpace
     from .integrators.adaptive_verlet import AdaptiveVerlet
-    from .integrators.class_functions import CayleySquare, ClassFunction, InvariantForm, TraceOfAd
     from .integrators.boris import Boris
+    from .integrators.class_functions import CayleySquare, ClassFunction, InvariantForm, TraceOfAd
     from .integrators.commutator_free import CommutatorFree, CrouchGrossman
     from .integrators.composition import Composition
     from .integrators.darboux_lie import DarbouxLieChart
