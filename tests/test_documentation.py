@@ -117,6 +117,7 @@ def test_fences_say_what_they_hold(page: Path) -> None:
             assert "not run" in block.before, f"{place}: say in the paragraph before it why it is not run"
 
 
+@pytest.mark.sample(12)  # the README first; CI runs them all, and so does `-m "slow or not slow"`
 @pytest.mark.parametrize("page", programs(PAGES), ids=page_name)
 def test_page_runs(page: Path, tmp_path: Path) -> None:
     # The program has its lines where the page has them, so a traceback points into the page; and a file, which the
@@ -132,6 +133,7 @@ def test_page_runs(page: Path, tmp_path: Path) -> None:
     run(file, tmp_path)
 
 
+@pytest.mark.sample(7)
 @pytest.mark.parametrize("example", programs(EXAMPLES), ids=lambda example: example.stem)
 def test_example_runs_and_shows_something(example: Path, tmp_path: Path) -> None:
     printed = run(example, tmp_path)

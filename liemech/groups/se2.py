@@ -126,11 +126,11 @@ class SE2Algebra(LieAlgebra):
         return mu + (_signed(-0.5, side) * self.ad_star(xi, mu) + vec(0.25 * xi[0] * pairing, 0.0, 0.0))
 
     def cayley_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
-        """r = (4 + w^2) p - 4 mu - 2 ad*_xi mu,  dr/dp = 4 + w^2,  dr/dxi = 2 w p e_1^T - 2 B(mu)."""
-        scale = 4.0 + xi[0] * xi[0]
-        r = scale * p - (4.0 * mu + 2.0 * self.ad_star(xi, mu))
+        """r = 4 (p - mu) + w^2 p - 2 ad*_xi mu,  dr/dp = 4 + w^2,  dr/dxi = 2 w p e_1^T - 2 B(mu)."""
+        square = xi[0] * xi[0]
+        r = 4.0 * (p - mu) + (square * p - 2.0 * self.ad_star(xi, mu))
         by_xi = outer((2.0 * xi[0]) * p, vec(1.0, 0.0, 0.0)) - 2.0 * self.poisson_structure(mu)
-        return r, scale, by_xi
+        return r, 4.0 + square, by_xi
 
 
 @record

@@ -63,6 +63,11 @@ def started(system: Any, start: Any, record: Iterable[str] | None) -> State:
     return type(start)(*(x if name in wanted else None for name, x in start.parts.items()))
 
 
+def bodies(start: State) -> str:
+    """How many there are."""
+    return "a start of one body" if start.bodies is None else f"{start.bodies} bodies"
+
+
 def allowed(systems: Any, start: State) -> None:
     """Refuse starts that are none of their systems'."""
     for i, system in enumerate(systems):
@@ -133,6 +138,16 @@ def step(h: Any) -> float:
     if abs(h) < sys.float_info.min:
         raise InvalidInput(f"integrate: h = {h:g} is no step; it must not be zero, nor so small that 1/h overflows")
     return h
+
+
+def steps(h: Any) -> float | tuple[float, ...]:
+    """The step of all bodies, or one for each."""
+    if not isinstance(h, (list, tuple, np.ndarray)) or not np.ndim(h):
+        return step(h)
+    array = real_array(h, "integrate: h")
+    if array.ndim != 1 or not len(array):
+        raise InvalidInput(f"integrate: h has shape {array.shape}; it is one number, or one for each body, (bodies,)")
+    return tuple([step(x) for x in array.tolist()])
 
 
 def tolerance(value: Any, name: str, default: float) -> float:

@@ -32,7 +32,7 @@ def integrate(
     method: Method,
     start: State,
     *,
-    h: float | None = None,
+    h: Any = None,
     steps: int | None = None,
     every: int = 1,
     t_end: float | None = None,
@@ -68,7 +68,8 @@ def integrate(
     checkpoint : a file to which the run is saved every `checkpoint_every` seconds, as far as it has come; Trajectory.load reads it.
 
     Steps of one length: kept are the start, every `every`-th state after it, and the last one.
-    h : the step, in s; negative runs backwards.  Times are t0 + n h.  A method that keeps the structure may be given h and t_end
+    h : the step, in s; negative runs backwards.  Times are t0 + n h.  An array, (bodies,), gives every body of an ensemble
+    its own, and run.t is (n, bodies).  A method that keeps the structure may be given h and t_end
     instead of steps; t_end is then the end of a step.
     compensated : whether the increments of the steps are summed up in compensated numbers: True for all parts of the state, False
     for none, None for those that the motion depends on, if the method is symmetric or symplectic.

@@ -107,7 +107,7 @@ def test_the_list_is_the_public_surface() -> None:
     assert len(METHODS) > 40
 
 
-@pytest.mark.sample(18)
+@pytest.mark.sample(9)
 @pytest.mark.parametrize("name", METHODS)
 def test_every_method_gives_the_bits_of_plain_python(name: str, rows: dict[str, np.ndarray], no_python: None) -> None:
     arrays = arguments_of(name, rows)

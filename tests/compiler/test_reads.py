@@ -311,7 +311,7 @@ RUNS = {
 }
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("many", [False, True])
 @pytest.mark.parametrize("what", ["short", "long"])
 def test_runs_in_a_loop_over_a_global(what: str, many: bool, monkeypatch: pytest.MonkeyPatch) -> None:

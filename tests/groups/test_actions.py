@@ -251,7 +251,7 @@ def test_a_group_moves_itself(rng: np.random.Generator) -> None:
 # ---------------------------------------------------------------- many at once
 
 
-@pytest.mark.sample(3)
+@pytest.mark.sample(2)
 @pytest.mark.compiled
 @each([SPHERES[0], lm.LinearAction(SL3), lm.CoadjointAction(SE3), lm.TranslationAction(3), lm.LeftMultiplication(SO3)])
 def test_batches_equal_rows(action: lm.GroupAction) -> None:

@@ -282,7 +282,7 @@ def test_logarithm_outside_the_image_of_exp() -> None:
 # ---------------------------------------------------------------- both worlds
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.compiled
 @pytest.mark.parametrize(
     ("group", "method"),
@@ -301,6 +301,7 @@ def test_plain_and_compiled_give_the_same_bits(group: MatrixLieGroup, method: lm
     assert np.array_equal(runs[0].g, runs[1].g)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.compiled
 @pytest.mark.parametrize("group", [Rotations(), SU(2)], ids=repr)
 def test_batches_give_the_same_bits(group: MatrixLieGroup) -> None:

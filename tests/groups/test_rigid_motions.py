@@ -312,6 +312,7 @@ def test_series_of_the_inverse_differential(motion: Motion, side: str) -> None:
 DIFFERENTIALS = {"exp": mp_dexp, "cayley": mp_dcayley, "cayley_adjoint": mp_dcayley_adjoint}
 
 
+@pytest.mark.sample(14)
 @pytest.mark.parametrize("name", DIFFERENTIALS)
 def test_mismatch_and_its_jacobian(motion: Motion, name: str) -> None:
     """r = s (p - (dtau_xi)* mu) with s = dr/dp; dr/dxi by differences in 40 digits."""

@@ -111,6 +111,7 @@ def sledge() -> tuple[lm.LiePoissonSystem, lm.BodyState]:
     return system, system.state([0.4, 0.8, -0.5], G.exp(np.array([0.3, 1.0, -2.0])))
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("method", METHODS, ids=lambda m: f"{m.name}-{m.retraction!r}")
 def test_order_and_what_the_group_keeps(method: lm.Method) -> None:
     system, start = sledge()

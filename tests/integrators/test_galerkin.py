@@ -238,7 +238,7 @@ def test_order_under_a_load_that_changes_with_time(method: GalerkinVariational) 
     assert_order(system, method, start, (end.mu, end.g), 1.0, counts, t0=0.3)
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("group", [Affine(), PlaneMotions(), lm.SO(4)], ids=["generators only", "exp only", "SO(4)"])
 def test_orders_on_other_groups(group: lm.LieGroup) -> None:
     system, start = free(group)

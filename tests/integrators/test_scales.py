@@ -11,7 +11,7 @@ from liemech import FirstKindHamiltonJacobi
 RNG = np.random.default_rng(7)
 
 
-@pytest.mark.sample(3)
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("retraction", [lm.Exponential(), lm.Cayley()], ids=["exp", "cay"])
 @pytest.mark.parametrize("group", [lm.SU(2), lm.Sp(2), lm.SL(2)], ids=repr)
 def test_trace_of_ad_reaches_every_start(group: lm.LieGroup, retraction: lm.Retraction) -> None:

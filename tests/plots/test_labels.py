@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -22,4 +24,4 @@ def test_labels_of_steps_do_not_overlap(count: int) -> None:
     low, high = figure.axes[0].bbox.intervalx
     inside = sorted((b.x0, b.x1) for b in seen if low <= (b.x0 + b.x1) / 2 <= high)
     assert len(inside) > 1
-    assert all(left[1] < right[0] for left, right in zip(inside, inside[1:]))
+    assert all(left[1] < right[0] for left, right in pairwise(inside))
