@@ -74,8 +74,9 @@ def blocks(page: Path) -> list[Block]:
 
 def programs(files: list[Path]) -> list[Any]:
     """The files as parameters of a test, with marks for those that need the compiler and for the slow ones."""
-    marks = {pytest.mark.compiled: COMPILED, pytest.mark.slow: {f.stem for f in files} - QUICK}
-    return [pytest.param(f, marks=[m for m, names in marks.items() if f.stem in names]) for f in files]
+    native = {f: [pytest.mark.compiled] if f.stem in COMPILED else [] for f in files}
+    slow = {f: [] if f.stem in QUICK else [pytest.mark.slow] for f in files}
+    return [pytest.param(f, marks=[*native[f], *slow[f]]) for f in files]
 
 
 def page_name(page: Path) -> str:
