@@ -317,7 +317,7 @@ def _translation(
         from .reads import Reads
         from .translation import Interpreter
 
-    module = ir.Module("liemech")
+    module = ir.Module("liemech", ir.Context())
     module.triple = llvm.triple()
     signature = ir.FunctionType(ir.VoidType(), [F64.as_pointer(), I64.as_pointer(), F64.as_pointer().as_pointer(), I64, I64, I64])
     function = ir.Function(module, signature, "loop")

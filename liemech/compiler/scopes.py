@@ -158,6 +158,13 @@ def changed_names(body: list[Any]) -> set[str]:
     return names
 
 
+def breaks(body: list[ast.stmt]) -> bool:
+    """Do these statements leave the loop around them?"""
+    inner = [n for n in _of_scope(body) if isinstance(n, (ast.For, ast.While))]
+    own = {id(n) for loop in inner for n in _of_scope(loop.body)}
+    return any(isinstance(n, ast.Break) and id(n) not in own for n in _of_scope(body))
+
+
 def _body(node: Function) -> list[Any]:
     return node.body if isinstance(node, ast.FunctionDef) else [node.body]
 

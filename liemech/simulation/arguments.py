@@ -63,11 +63,6 @@ def started(system: Any, start: Any, record: Iterable[str] | None) -> State:
     return type(start)(*(x if name in wanted else None for name, x in start.parts.items()))
 
 
-def bodies(start: State) -> str:
-    """How many there are."""
-    return "a start of one body" if start.bodies is None else f"{start.bodies} bodies"
-
-
 def allowed(systems: Any, start: State) -> None:
     """Refuse starts that are none of their systems'."""
     for i, system in enumerate(systems):
@@ -177,6 +172,23 @@ def times(t_eval: Any, t0: float, t_end: float) -> np.ndarray | None:
     if (np.diff(times) * (t_end - t0) < 0).any():
         raise InvalidInput("integrate: t_eval must be sorted in the direction of time")
     return times
+
+
+def ends_and_times(t_end: Any, t_eval: Any, t0: float, bodies: int) -> tuple[list[float], np.ndarray]:
+    """The last time of each body of an ensemble, and the times of samples: (n,), or (n, bodies) with those of each."""
+    many = np.ndim(t_end) > 0
+    if many and np.shape(t_end) != (bodies,):
+        raise InvalidInput(f"integrate: t_end has shape {np.shape(t_end)}; it is one time, or one for each of {bodies} bodies")
+    ends = [real(t, "t_end") for t in t_end] if many else [real(t_end, "t_end")] * bodies
+    if t_eval is None:
+        return ends, np.array([[t0] * bodies, ends]) if many else np.array([t0, ends[0]])
+    asked = np.array(real_array(t_eval, "integrate: t_eval"))
+    if asked.ndim == 2 and asked.shape[1] != bodies:
+        raise InvalidInput(f"integrate: t_eval has shape {asked.shape}; it is (n,), or (n, {bodies}) with a column for each body")
+    if asked.ndim != 2:
+        found = [times(asked, t0, end) for end in dict.fromkeys(ends)]
+        return ends, np.array(found[0])
+    return ends, np.stack([np.array(times(column, t0, end)) for column, end in zip(asked.T, ends, strict=True)], axis=1)
 
 
 def events(events: Any) -> tuple[Any, ...]:

@@ -35,7 +35,7 @@ def integrate(
     h: Any = None,
     steps: int | None = None,
     every: int = 1,
-    t_end: float | None = None,
+    t_end: Any = None,
     rtol: float | None = None,
     atol: float | None = None,
     max_step: float | None = None,
@@ -79,7 +79,8 @@ def integrate(
     Between the ends of steps t_eval and events take a shorter step of the method.
 
     Adaptive steps, for a method with an error estimate; in an ensemble every body chooses its own, and t_eval says what is kept:
-    t_end : the last time, before or after t0.  h, steps : the first step and the largest number of steps, if given.
+    t_end : the last time, before or after t0; (bodies,) gives every body its own, as t_eval of shape (n, bodies) does.
+    h, steps : the first step and the largest number of steps, if given.
     rtol, atol : the error of a step is kept below atol + rtol |state| (1e-6 and 1e-9).  As with every local error control, the
     error of the motion grows along it.
     max_step : the longest step.  breaks : times at which the velocity jumps; no step goes across one.

@@ -158,7 +158,7 @@ class Plan:
         start: State,
         *,
         steps: int | None = None,
-        t_end: float | None = None,
+        t_end: Any = None,
         t0: float = 0.0,
         t_eval: Any = None,
         checkpoint: str | os.PathLike[str] | None = None,
@@ -170,6 +170,7 @@ class Plan:
         start : `system.state(...)`; with a leading axis an ensemble.
         t_end : of steps of one length it is the end of one.  steps : of adaptive ones the largest number.
         t_eval : (n,) times at which to keep the state, instead of the ends of steps.
+        In an ensemble with adaptive steps t_end may be (bodies,), and t_eval (n, bodies): then run.t is (n, bodies), too.
         checkpoint : a file to which the run is saved every so many seconds, `checkpoint_every`, as far as it has come.
 
         executor : of concurrent.futures, dask.distributed, ...: the bodies of an ensemble are divided among its workers.
@@ -188,10 +189,12 @@ class Plan:
             return self._transformed(start, steps, t_end, t0, t_eval, arguments.checkpoint(checkpoint, checkpoint_every))
         start, t0 = self._started(start), arguments.real(t0, "t0")
         if self._one is not self.system and start.bodies != len(self.system):
-            raise InvalidInput(f"integrate: there are {len(self.system)} systems for {arguments.bodies(start)}")
+            raise InvalidInput(f"integrate: there are {len(self.system)} systems for {start.bodies or 'a start of one'} bodies")
         own = getattr(self._steps, "h", None)
         if isinstance(own, tuple) and start.bodies != len(own):
-            raise InvalidInput(f"integrate: h has {len(own)} steps for {arguments.bodies(start)}")
+            if start.bodies is None:
+                raise InvalidType(f"integrate: h must be a number for a start of one body; got {self._given['h']!r}")
+            raise InvalidInput(f"integrate: h has {len(own)} steps for {start.bodies} bodies")
         if self._one is not self.system and self._one.bounded:
             arguments.allowed(self.system, start)
         kept = arguments.checkpoint(checkpoint, checkpoint_every)

@@ -43,19 +43,19 @@ def spread(plan: Any, start: Any, executor: Any, **how: Any) -> Any:
     if not isinstance(start, State) or start.bodies is None:
         raise InvalidInput("integrate: executor is for ensembles, whose bodies it spreads; executor.submit(plan.run, ...) for one")
     chunks = _chunks(start.bodies, how.get("steps") or 1000, getattr(executor, "_max_workers", None))
-    jobs = [(_part_of(plan, first, end), _members(start, first, end)) for first, end in chunks]
+    jobs = [(_part_of(plan, first, end), _members(start, first, end), _times_of(how, first, end)) for first, end in chunks]
     found: dict[int, Any] = {}
     tries = [0] * len(jobs)
     running: dict[Any, int] = {}
 
     def here(i: int) -> None:
-        found[i] = _run(*jobs[i], how)
+        found[i] = _run(*jobs[i])
 
     def hand_out(i: int) -> None:
         tries[i] += 1
         try:
             if tries[i] <= TRIES:
-                running[executor.submit(_run, *jobs[i], how)] = i
+                running[executor.submit(_run, *jobs[i])] = i
                 return
         except futures.BrokenExecutor:
             pass
@@ -115,6 +115,16 @@ def _part_of(plan: Any, first: int, end: int) -> Any:
     some = [*system][first:end] if isinstance(system, Systems) else plan._given["system"]
     h = plan._given["h"]
     return plan.replace(system=some, progress=False, h=h[first:end] if np.ndim(h) else h)
+
+
+def _times_of(how: dict[str, Any], first: int, end: int) -> dict[str, Any]:
+    """What a run is asked for, where bodies have times of their own those of some bodies."""
+    t_end, t_eval = how["t_end"], how["t_eval"]
+    if np.ndim(t_end) == 1:
+        t_end = np.asarray(t_end)[first:end]
+    if np.ndim(t_eval) == 2:
+        t_eval = np.asarray(t_eval)[:, first:end]
+    return how | {"t_end": t_end, "t_eval": t_eval}
 
 
 def _members(start: Any, first: int, end: int) -> Any:

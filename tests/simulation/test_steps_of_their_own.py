@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import liemech as lm
-from liemech.errors import InvalidInput
+from liemech.errors import InvalidInput, InvalidType
 
 BODY = lm.RigidBody([1.0, 1.5, 2.0])
 H = (0.1, 0.05, -0.1, 0.025, 0.2)
@@ -85,7 +85,31 @@ def test_what_one_step_is_needed_for() -> None:
     ):
         with pytest.raises(InvalidInput, match=words):
             lm.integrate(BODY, METHODS[1], starts, compiled=False, **how)  # type: ignore[arg-type]
-    with pytest.raises(InvalidInput, match="for a start of one body"):
+    with pytest.raises(InvalidType, match="h must be a number for a start of one body"):
         lm.integrate(BODY, METHODS[1], BODY.state(MU[0]), h=H, steps=3, compiled=False)
     with pytest.raises(InvalidInput, match=r"h = 0\.1 instead of \(0\.1, 0\.05"):
         lm.Plan(BODY, METHODS[1], H).resume(lm.integrate(BODY, METHODS[1], starts, h=0.1, steps=3, compiled=False), steps=2)
+
+
+def test_adaptive_bodies_have_ends_and_times_of_their_own() -> None:
+    starts, ends = BODY.state(MU[:3], G[:3]), [1.0, -0.5, 2.5]
+    plan = lm.Plan(BODY, lm.RKMK(order=5), rtol=1e-6, compiled=False)
+    bare, times = plan.run(starts, t_end=ends), np.linspace(0.0, ends, 4)
+    asked = plan.run(starts, t_end=ends, t_eval=times)
+    with ThreadPoolExecutor(2) as executor:
+        spread = plan.run(starts, t_end=ends, t_eval=times, executor=executor)
+    assert np.array_equal(bare.t, [[0.0] * 3, ends]) and np.array_equal(asked.t, times) and np.array_equal(spread.mu, asked.mu)
+    for i, end in enumerate(ends):
+        alone = plan.run(BODY.state(MU[i], G[i]), t_end=end, t_eval=times[:, i])
+        assert np.array_equal(asked.mu[:, i], alone.mu) and np.array_equal(asked.g[:, i], alone.g)
+        assert np.array_equal(bare.mu[-1, i], plan.run(BODY.state(MU[i], G[i]), t_end=end, t_eval=[end]).mu[-1])
+    shared = plan.run(starts, t_end=[1.0, 2.0, 1.5], t_eval=[0.0, 0.5, 1.0])
+    assert shared.t.shape == (3,) and np.array_equal(shared.mu[-1, 0], bare.mu[-1, 0])
+    for how, words in (
+        ({"t_end": [1.0, 2.0]}, r"shape \(2,\); it is one time, or one for each of 3"),
+        ({"t_end": 1.0, "t_eval": np.zeros((4, 2))}, r"\(4, 2\); it is \(n,\), or \(n, 3\)"),
+        ({"t_end": [1.0, 0.4, 1.0], "t_eval": [0.0, 0.5]}, "t = 0.5, which is not between 0 and 0.4"),
+        ({"t_end": [1.0, np.inf, 1.0]}, "t_end must be finite"),
+    ):
+        with pytest.raises(InvalidInput, match=words):
+            plan.run(starts, **how)  # type: ignore[arg-type]

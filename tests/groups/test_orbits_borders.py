@@ -1,0 +1,14 @@
+"""A group that knows nothing of its orbits looks at a momentum all the same."""
+
+from __future__ import annotations
+
+import pytest
+
+import liemech as lm
+
+
+@pytest.mark.parametrize("mu", [[[1.0, 2.0], [1.0]], [1.0, 2.0], [float("nan")] * 4, "abc"], ids=str)
+def test_groups_without_further_invariants_refuse_what_is_no_momentum(mu: object) -> None:
+    assert lm.GL(2).further_invariants([1.0, 2.0, 3.0, 4.0]) is None
+    with pytest.raises((lm.errors.InvalidInput, lm.errors.InvalidType), match=r"GL.*further_invariants: mu"):
+        lm.GL(2).further_invariants(mu)
