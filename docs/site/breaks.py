@@ -7,7 +7,16 @@ from typing import Any
 
 from sphinx.application import Sphinx
 
-PLACE = re.compile(r"(?<=[/_.,(=])(?=\w)|(?<=[a-z])(?=[A-Z][a-z])")
+PLACE = re.compile(r"(?<=[/.,(=])(?=\w)|(?<=_)(?=[a-z]{2})")
+HUMP = re.compile(r"(?<=[a-z])(?=[A-Z][a-z])")
+LONG = 16
+"""A word with more letters may break before its capitals."""
+
+
+def breakable(word: str) -> str:
+    """A word of code with its places marked."""
+    word = PLACE.sub("<wbr>", word)
+    return "<wbr>".join(HUMP.sub("<wbr>", w) if len(w) > LONG else w for w in word.split("<wbr>"))
 
 
 def allow(app: Sphinx, page: str, template: str, context: dict[str, Any], doctree: Any) -> None:
@@ -15,7 +24,7 @@ def allow(app: Sphinx, page: str, template: str, context: dict[str, Any], doctre
     if "body" in context:
         context["body"] = re.sub(
             r'(<span class="pre">)([^<]+)(</span>)',
-            lambda word: word[1] + re.sub(PLACE, "<wbr>", word[2]) + word[3],
+            lambda word: word[1] + breakable(word[2]) + word[3],
             context["body"],
         )
 

@@ -256,7 +256,7 @@ print(sum(k.entry is fixed_steps for k in kernel.alive()))
 
 
 def test_many_processes_fill_one_empty_cache(project: Project) -> None:
-    running = [project.start() for _ in range(6)]
+    running = [project.start() for _ in range(4)]
     for process in running:
         Project.result(process)
     assert len(list(project.cache.glob("*.o"))) == 1

@@ -128,7 +128,7 @@ def test_relatives_of_the_cayley_map() -> None:
 # ---------------------------------------------------------------- order, symmetry, structure
 
 
-@pytest.mark.sample(4)
+@pytest.mark.sample(2)
 @each
 def test_order_of_momentum_and_attitude(method: lm.Method) -> None:
     body, start = asymmetric_body()
@@ -239,6 +239,7 @@ class Quartic(lm.Hamiltonian):
         return 0.5 * lm.dot(mu, mu / lm.vec(1.0, 2.0, 3.0)) + self.stiffness * mu[0] ** 4 + self.stiffness * mu[1] ** 3
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("method", [IMPLICIT, SPHERICAL, Isospectral(4)], ids=named)
 def test_any_hamiltonian(method: lm.Method) -> None:
     system = lm.LiePoissonSystem(lm.SO3(), Quartic(0.3))

@@ -218,6 +218,7 @@ def test_where_gauss_methods_undo_their_steps() -> None:
     assert not lm.RKMK.symmetric
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("method", IMPLICIT, ids=repr)
 @pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=pytest.mark.compiled)])
 def test_stages_that_do_not_converge_are_an_error(method: lm.RKMK, compiled: bool) -> None:

@@ -94,6 +94,7 @@ def test_pieces_change_nothing(method: lm.Method, compiled: bool, monkeypatch: p
         assert same_bits(sparse.t, whole.t[rows])
 
 
+@pytest.mark.sample(2)
 @pytest.mark.compiled
 @pytest.mark.parametrize("workers", [1, 2, 3, 8, 100])
 def test_threads_change_nothing(workers: int) -> None:
@@ -411,6 +412,7 @@ def test_a_needle() -> None:
     assert wild.drift()["energy"].largest > 1e6
 
 
+@pytest.mark.sample(3)
 @pytest.mark.compiled
 @ALL
 @pytest.mark.parametrize("h", [0.1, 0.5])

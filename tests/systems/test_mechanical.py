@@ -189,6 +189,7 @@ def test_falling_bodies_fall_on_parabolas() -> None:
 # ---------------------------------------------------------------- structure
 
 
+@pytest.mark.sample(1)
 @pytest.mark.compiled
 @METHODS
 def test_vertical_momentum_and_energy_of_tops(method: lm.Method) -> None:

@@ -42,7 +42,7 @@ class Constant(lm.TimeScale):
         return self.unit
 
 
-@pytest.mark.sample(4)
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     ("method", "order", "h"),
     [
