@@ -435,11 +435,11 @@ class Plan:
         if type(steps) is not int or steps < 1:
             steps = arguments.count(steps, "steps", 1)
         given: Any = carry
-        if isinstance(given, FictiveCarry) and self.fictive:
+        if type(given) is not Carry or not self._steps.owns(carry.shape):
             self._require_mine(given)
-            return FictiveCarry(given.origin, advanced(given.origin.steps(self._steps), given.inner, steps))  # type: ignore[return-value]
-        if not isinstance(given, Carry) or not self._steps.owns(carry.shape):
-            self._require_mine(given)
+            if isinstance(given, FictiveCarry):
+                inner = advanced(given.origin.steps(self._steps), given.inner, steps)
+                return FictiveCarry(given.origin, inner)  # type: ignore[return-value]
         return advanced(self._steps, carry, steps)
 
     def _require_mine(self, carry: Any) -> None:
