@@ -134,6 +134,14 @@ def measure(
     return [curve for curve, _ in found]
 
 
+def keep(kept: dict[str, Any]) -> None:
+    """Write the file, one method a line."""
+    kept["machine"] = harness.machine()
+    kept["races"] = {race.key: kept["races"][race.key] for race in RACES if race.key in kept["races"]}
+    text = json.dumps(kept, separators=(",", ":")).replace('{"package"', '\n{"package"')
+    KEPT.write_text(text + "\n", encoding="utf-8")
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
@@ -187,19 +195,14 @@ def main() -> None:
             ["package", "method", *[f"{e:.0e}" for e in TARGETS]],
             rows,
         )
+        if not chosen.quick:
+            kept["versions"] = {**versions, "numbalsoda": rivals.version("numbalsoda")}
+            keep(kept)
     if chosen.quick or not chosen.only or "crowds" in chosen.only:
         kept["crowds"] = crowds.measure(chosen.quick)
-    if chosen.quick:
-        return
-    kept["versions"] = {
-        **kept.get("versions", {}),
-        **versions,
-        "numbalsoda": rivals.version("numbalsoda"),
-    }
-    kept["machine"] = harness.machine()
-    text = json.dumps(kept, separators=(",", ":")).replace('{"package"', '\n{"package"')
-    KEPT.write_text(text + "\n", encoding="utf-8")
-    write_pages(kept)
+    if not chosen.quick:
+        keep(kept)
+        write_pages(kept)
 
 
 if __name__ == "__main__":
