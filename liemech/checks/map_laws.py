@@ -18,7 +18,7 @@ from ..groups.lie_algebra import LieAlgebra
 from ..groups.lie_group import LieGroup
 from ..retractions import Cayley, Exponential, Retraction
 from .law import Law, Same, axiom, cases, factors, replaced
-from .places import LARGE, STEP, At, flat, phi1, size, slope, turning
+from .sample_points import LARGE, STEP, At, flat, phi1, size, slope, turning
 
 MAPS: list[Law] = []
 """In names and formulas {tau} stands for exp, cayley, or tau itself."""
@@ -137,10 +137,10 @@ def map_of_the_opposite(tau: Map, at: At) -> Iterator[Same]:
 @axiom(MAPS, "{tau_inv}", "{tau_inv}({tau}(xi)) = xi inside the chart, {tau}({tau_inv}(g)) = g", "tau_inv", optional=True)
 def inverse_map(tau: Map, at: At) -> Iterator[Same]:
     cut, angle = math.pi if tau.is_exp else math.inf, at.spectrum[0]  # where the logarithm changes its branch
-    places = [at.xi] if angle < 0.98 * cut else []
+    points = [at.xi] if angle < 0.98 * cut else []
     if tau.is_exp and at.name == "random" and angle:
-        places.append(((1.0 - 1e-6) * cut / angle) * at.xi)  # close to the cut, where roundings grow like 1/distance
-    for xi in places:
+        points.append(((1.0 - 1e-6) * cut / angle) * at.xi)  # close to the cut, where roundings grow like 1/distance
+    for xi in points:
         g = tau.tau(xi)
         try:
             found = tau.tau_inv(g)

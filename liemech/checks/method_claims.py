@@ -24,9 +24,9 @@ from ..systems.driven import DrivenHamiltonianSystem
 from ..systems.lie_poisson import LiePoissonMotion
 from ..systems.mechanical import MechanicalSystem
 from ..systems.poisson import PoissonSystem
-from .places import STEP, Units, flat, size
 from .report import ROUNDING, Observation
-from .system_places import CENTRAL, pace
+from .sample_points import STEP, Units, flat, size
+from .sample_states import CENTRAL, pace
 
 COUNTS = 1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256
 """Numbers of steps over the same time."""

@@ -79,8 +79,6 @@ class Expressions(Loops):
     def expression(self, node: ast.expr, env: Env) -> Any:
         self.frames[-1].env = env  # what nested functions see
         match node:
-            case ast.Constant():
-                return node.value
             case ast.Name(id=name):
                 value, certain = self.frames[-1].value(name)
                 if certain is not True:
@@ -90,8 +88,18 @@ class Expressions(Loops):
                 return value
             case ast.Attribute():
                 return self.attribute(self.expression(node.value, env), node.attr)
+            case ast.Call():
+                function = self.expression(node.func, env)
+                if function in (any, all) and len(node.args) == 1 and isinstance(node.args[0], ast.GeneratorExp):
+                    return self.some_or_every(function, node.args[0], env)
+                args = self.items(node.args, env)
+                return self.call(function, *args, **{k.arg: self.expression(k.value, env) for k in _named(node)})
             case ast.BinOp():
                 return self.operate(node, self.expression(node.left, env), self.expression(node.right, env))
+            case ast.Subscript():
+                return self.item(self.expression(node.value, env), self.expression(node.slice, env))
+            case ast.Constant():
+                return node.value
             case ast.UnaryOp(op=ast.Not()):
                 return self.emitter.negation(self.truth(self.expression(node.operand, env)))
             case ast.UnaryOp():
@@ -102,16 +110,8 @@ class Expressions(Loops):
                 return self.comparison(node, env)
             case ast.IfExp():
                 return self.choice(node, env)
-            case ast.Subscript():
-                return self.item(self.expression(node.value, env), self.expression(node.slice, env))
             case ast.Slice():
                 return slice(*(self.expression(x, env) if x else None for x in (node.lower, node.upper, node.step)))
-            case ast.Call():
-                function = self.expression(node.func, env)
-                if function in (any, all) and len(node.args) == 1 and isinstance(node.args[0], ast.GeneratorExp):
-                    return self.some_or_every(function, node.args[0], env)
-                args = self.items(node.args, env)
-                return self.call(function, *args, **{k.arg: self.expression(k.value, env) for k in _named(node)})
             case ast.Tuple():
                 return tuple(self.items(node.elts, env))
             case ast.List():

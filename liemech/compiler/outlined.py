@@ -95,7 +95,27 @@ class Builder(ir.IRBuilder):
                 f"the native code would be too long: {size} take more than about ten seconds to make. Take fewer stages or a lower "
                 "order, a smaller group, closed forms for what is derived, or compiled=False"
             )
-        super()._insert(instruction)
+        self._block.instructions.insert(self._anchor, instruction)
+        self._anchor += 1
+
+
+    def floats(self, op: str, a: ir.Value, b: ir.Value) -> ir.Value:
+        """Arithmetic of two floats of one type."""
+        made = Arithmetic(self._block, op, a, b)
+        self._insert(made)
+        return made
+
+
+class Arithmetic(ir.Instruction):
+    """Two floats added, subtracted, multiplied or divided: most instructions are such, and this makes them in half the time."""
+
+    def __init__(self, block: ir.Block, op: str, a: ir.Value, b: ir.Value) -> None:
+        self.parent, self.type, self.opname, self.operands = block, a.type, op, (a, b)
+        self._name = block.scope.register("")
+
+    def _to_string(self) -> str:
+        a, b = self.operands
+        return f"{self.get_reference()} = {self.opname} {self.type} {a.get_reference()}, {b.get_reference()}"
 
 
 class Names:

@@ -26,6 +26,7 @@ CHANGES = ("append", "extend")
 """Methods that change a list: assignments to its name, in a formula."""
 
 
+@functools.cache
 def has(name: str) -> str:
     """The variable that tells whether another one, which has a value on some ways only, has one here."""
     return f"<has {name}>"

@@ -311,7 +311,7 @@ def _advanced(g: Mat, c: float, s: float, x: float, y: float) -> Mat:
 
 
 def _exp_less_one(xi: Vec) -> tuple[float, float, float, float]:
-    """Of exp(xi): cosine less one, sine, displacement."""
+    """The parts of exp(xi): cosine less one, sine, displacement."""
     w, v, u = xi[0], xi[1], xi[2]
     a, b = exp_coefficients(w * w, vec(w))
     across = w * b
@@ -324,7 +324,7 @@ def _cayley_factor(xi: Vec) -> float:
 
 
 def _cayley_less_one(xi: Vec) -> tuple[float, float, float, float]:
-    """Of cay(xi): cosine less one, sine, displacement."""
+    """The parts of cay(xi): cosine less one, sine, displacement."""
     w, v, u = xi[0], xi[1], xi[2]
     if w * w >= HUGE:  # half a turn, nearly
         return -2.0, 4.0 / w, (-2.0 / w) * u, (2.0 / w) * v

@@ -249,7 +249,7 @@ class SE3(LieGroup):
         return () if mu[3:].any() else (float(np.linalg.norm(mu[:3])),)
 
     def defect(self, g: Ambient) -> float:
-        """That of the rotation, and what the last row is away from 0 0 0 1."""
+        """The defect of the rotation, and how far the last row is from 0 0 0 1."""
         (a, b, c, _), (d, e, f, _), (p, q, r, _), (x, y, z, one) = g
         return max(rotation_defect(a, b, c, d, e, f, p, q, r), abs(x), abs(y), abs(z), abs(one - 1.0))
 

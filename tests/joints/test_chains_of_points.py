@@ -19,18 +19,18 @@ def as_bodies(chain: Any) -> Any:
 
 def test_a_chain_of_masses_steps_as_a_linkage_of_rods() -> None:
     """LieRATTLE is RATTLE where nothing turns."""
-    chain: Any = lm.ChainPendulum([1.0, 0.5, 0.7], [1.0, 0.8, 0.6])
-    angles = np.linspace(0.5, 1.1, 3)
+    chain: Any = lm.ChainPendulum([1.0, 0.5], [1.0, 0.8])
+    angles = np.array([0.5, 1.1])
     along = np.stack([np.sin(angles), 0.0 * angles, -np.cos(angles)], axis=1)
-    start = chain.consistent(chain.hanging(along.ravel().tolist()), np.random.default_rng(0).normal(size=9))
+    start = chain.consistent(chain.hanging(along.ravel().tolist()), np.random.default_rng(0).normal(size=6))
     bodies = as_bodies(chain)
-    poses, velocities = np.tile(np.eye(4), (3, 1, 1)), np.zeros((3, 6))
-    poses[:, :3, 3] = np.reshape(np.array(start.q), (3, 3))
-    velocities[:, 3:] = np.reshape(np.array(start.p), (3, 3)) / np.array(chain.masses)[:, None]
-    options: Any = {"h": 0.02, "steps": 10, "compiled": False, "compensated": False, "progress": False}
+    poses, velocities = np.tile(np.eye(4), (2, 1, 1)), np.zeros((2, 6))
+    poses[:, :3, 3] = np.reshape(np.array(start.q), (2, 3))
+    velocities[:, 3:] = np.reshape(np.array(start.p), (2, 3)) / np.array(chain.masses)[:, None]
+    options: Any = {"h": 0.02, "steps": 5, "compiled": False, "compensated": False, "progress": False}
     one = lm.integrate(chain, lm.RATTLE(), start, **options)
     other = lm.integrate(bodies, lm.LieRATTLE(), bodies.assembled(poses, velocities), **options)
-    assert np.abs(bodies.poses(other.g)[..., :3, 3].reshape(-1, 9) - one.q).max() < 4e-15
+    assert np.abs(bodies.poses(other.g)[..., :3, 3].reshape(-1, 6) - one.q).max() < 4e-15
     tensions = np.asarray(bodies.multipliers(other.mu[-1], other.g[-1]))
     assert np.allclose(tensions, np.asarray(chain.multipliers(one.q[-1], one.p[-1])), rtol=1e-12)
 
