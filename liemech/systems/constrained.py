@@ -314,10 +314,13 @@ class ConstrainedSystem(CanonicalSystem):
             if np.linalg.matrix_rank(rows[: k + 1], tol=np.sqrt(INDEPENDENT)) <= k:
                 weights = np.linalg.lstsq(rows[:k].T, rows[k], rcond=None)[0]
                 others = ", ".join(f"constraint[{j}]" for j in np.flatnonzero(np.abs(weights) > 1e-6))
-                return (
-                    f"the constraints are dependent ({at}): that of constraint[{k}] follows from those of {others}. "
-                    "Leave out those that are redundant; at a dead point the motion is not determined"
-                )
+                told = f"the constraints are dependent ({at}): that of constraint[{k}] follows from those of {others}. "
+                here, unit = small(np.array(q, dtype=float)), np.linalg.norm(G[: k + 1], axis=1)
+                values = np.array(self.constraint(here))[: k + 1] / unit
+                off = float(abs(values[k] - weights @ values[:k])) * unit[k]
+                if off > np.sqrt(CONSISTENT) * (np.abs(G[k]) @ np.abs(np.array(here))):
+                    return f"{told}At this place they contradict each other: constraint[{k}] is {off:.3g} where the others are zero"
+                return f"{told}Leave out those that are redundant; at a dead point the motion is not determined"
         return f"the matrix G H_pp G^T is singular ({at}): the constraints do not determine their forces"
 
 
@@ -532,9 +535,7 @@ def eliminated(m: Mat, rhs: Vec) -> tuple[Vec, Vec]:
 
 def in_order(m: Mat, rhs: Vec) -> Vec:
     """The solution of m x = rhs for such a matrix."""
-    if len(rhs) == 1:
-        return vec(rhs[0] / m[0, 0])
-    return correction(m, rhs) if len(rhs) <= 3 else eliminated(m, rhs)[0]
+    return correction(m, rhs) if len(rhs) == 3 else eliminated(m, rhs)[0]
 
 
 def independent(pivots: Vec, G: Mat, normals: Mat) -> Any:
