@@ -1,31 +1,56 @@
-"""What the tests would miss: one token of a formula is changed at a time, and the tests that know the file must notice.
+"""What the tests would miss: one token of a formula is changed at a time, and the tests that reach it must notice.
 
-`python tests/mutation.py 200 --seed 1` tries two hundred changes, one after another, in a copy of the tree; `--list` only shows
-them.  Numbers, signs, operators, comparisons and small indices of groups, methods, tableaus, systems, models and formulas are
-changed.  A change that the tests of the file do not notice meets those of its folder, and then the whole default suite, unless
-`--quick`.  Survivors are listed, to be judged by a reader: some change nothing that can be observed.
+`python tests/mutation.py 200 --seed 1` tries two hundred changes in a copy of the tree; `--list` only shows them.  Numbers,
+signs, operators, comparisons and small indices of groups, methods, tableaus, systems, models and formulas are changed.
+
+First all tests run once in plain Python, and which lines each of them reaches is kept (`--reach` names the file).  Then each
+change is put into the functions of a process that has collected all tests, and those that reach its line run in a fork, the
+quickest and most particular first, until one fails.  What no function holds (a tableau, a default), and what was not noticed,
+meets whole files of tests in a new process, native code and all.  Survivors are listed, to be judged by a reader: some change
+nothing that can be observed.  Needs Python 3.12 and a system that can fork.
 """
 
 from __future__ import annotations
 
 import argparse
+import ast
+import contextlib
+import functools
+import gc
+import importlib
 import io
+import itertools
 import os
+import pickle
 import random
 import re
+import resource
 import shutil
-import subprocess
+import signal
 import sys
 import tempfile
+import time
 import tokenize
+import types
+from collections import defaultdict
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from _pytest.runner import runtestprotocol
 
 ROOT = Path(__file__).parent.parent
 FOLDERS = "groups", "integrators", "tableaus", "systems", "models", "formulas"
 OTHERS = {"+": "-", "-": "+", "*": "+", "/": "*", "<": ">", ">": "<", "<=": ">", ">=": "<", "==": "!=", "!=": "=="}
-TIME_LIMIT = 900
-"""Seconds for the tests of one change; one that makes them hang is noticed, and said to hang, for the machine may be busy."""
+LONGEST = 1.0
+"""Seconds of processor time for a test in plain Python; longer ones are left to native code."""
+PLAIN, NATIVE = 40.0, 90.0
+"""Seconds of processor time for one change, in a fork and in a new process."""
+PRELOADED = "hypothesis", "llvmlite.binding", "matplotlib", "mpmath", "scipy.integrate", "scipy.linalg", "scipy.special", "sympy"
+SURVIVED, CAUGHT, HUNG, UNDECIDED = "SURVIVED", "caught", "hung", "undecided"
 
 
 @dataclass(frozen=True)
@@ -38,22 +63,33 @@ class Change:
     old: str
     new: str
 
-    def apply(self, tree: Path) -> None:
-        """Write it into a copy of the tree."""
-        path = tree / self.file
-        lines = path.read_text(encoding="utf-8").splitlines(keepends=True)
-        text = lines[self.line - 1]
-        assert text[self.column :].startswith(self.old)
-        lines[self.line - 1] = text[: self.column] + self.new + text[self.column + len(self.old) :]
-        write(path, "".join(lines))
+    def text(self) -> str:
+        """The file with the change."""
+        lines = (ROOT / self.file).read_text(encoding="utf-8").splitlines(keepends=True)
+        line = lines[self.line - 1]
+        assert line[self.column :].startswith(self.old)
+        lines[self.line - 1] = line[: self.column] + self.new + line[self.column + len(self.old) :]
+        return "".join(lines)
 
-    def undo(self, tree: Path) -> None:
-        """Write what was there before."""
+    @contextlib.contextmanager
+    def made(self, tree: Path) -> Iterator[None]:
+        """A copy of the tree has the change for a while."""
+        write(tree / self.file, self.text())
+        yield
         write(tree / self.file, (ROOT / self.file).read_text(encoding="utf-8"))
 
     def __str__(self) -> str:
         text = (ROOT / self.file).read_text(encoding="utf-8").splitlines()[self.line - 1].strip()
         return f"{self.file}:{self.line}: {self.old} -> {self.new} in `{text}`"
+
+
+OUTPUT = os.dup(1)
+"""Where this program writes, also while pytest keeps what tests write."""
+
+
+def say(text: str) -> None:
+    """A line of the report, at once."""
+    os.write(OUTPUT, f"{text}\n".encode())
 
 
 def write(path: Path, text: str) -> None:
@@ -82,28 +118,217 @@ def changes(file: Path) -> list[Change]:
     return found
 
 
-def tests_of(file: Path) -> list[list[str]]:
-    """Test files that import or name the module, the one of its name first; then those of its folder or that name its classes."""
-    module, home = ".".join(file.with_suffix("").parts), ROOT / "tests" / file.parts[1]
-    everything = sorted((ROOT / "tests").rglob("test_*.py"))
-    own = [p for p in everything if file.stem in p.stem]
-    named = [p for p in everything if module in p.read_text(encoding="utf-8")]
-    first = dict.fromkeys((*own, *named))
-    classes = re.findall(r"^class (\w+)", (ROOT / file).read_text(encoding="utf-8"), re.MULTILINE)
-    users = [p for p in everything if classes and re.search(rf"\b({'|'.join(classes)})\b", p.read_text(encoding="utf-8"))]
-    stages = list(first), [p for p in everything if (p.is_relative_to(home) or p in users) and p not in first]
-    return [[str(p.relative_to(ROOT)) for p in stage] for stage in stages if stage]
+def statement(change: Change) -> tuple[range, str]:
+    """The lines of the statement that is changed (of a loop or a branch its head), and the name at the top that it belongs to."""
+    tree = ast.parse((ROOT / change.file).read_text(encoding="utf-8"))
+    inside = [n for n in ast.walk(tree) if isinstance(n, ast.stmt) and n.lineno <= change.line <= (n.end_lineno or 0)]
+    top, last = inside[0], inside[-1]
+    body = getattr(last, "body", None)
+    names = [n.id for n in ast.walk(top) if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)]
+    owner = top.name if isinstance(top, ast.ClassDef | ast.FunctionDef) else (names or [""])[0]
+    return range(last.lineno, body[0].lineno if body else (last.end_lineno or 0) + 1), owner
 
 
-def verdict(tree: Path, tests: list[str]) -> str:
-    """Does a test fail?  Native code of what was not changed is found on disk."""
-    environment = os.environ | {"PYTHONPATH": str(tree), "LIEMECH_CACHE_DIR": str(tree / "cache")}
-    command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", *tests]
+# Which test reaches which line.
+
+
+class TooLong(BaseException):
+    """The time of a test is over."""
+
+
+@contextlib.contextmanager
+def processor_time(seconds: float) -> Iterator[None]:
+    """No longer than so many seconds of the processor; again and again, for whatever catches the first exception."""
+
+    def stop(*_: Any) -> None:
+        raise TooLong
+
+    signal.signal(signal.SIGPROF, stop)
+    signal.setitimer(signal.ITIMER_PROF, seconds, 1.0)
     try:
-        done = subprocess.run(command, cwd=tree, env=environment, capture_output=True, timeout=TIME_LIMIT, check=False)
-    except subprocess.TimeoutExpired:
-        return "hung"
-    return "SURVIVED" if done.returncode in (0, 5) else "caught"  # 5: no test there
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
+
+
+def outcome(item: pytest.Item, following: pytest.Item | None, seconds: float) -> str:
+    """Run a test: does it pass in this time?"""
+    try:
+        with processor_time(seconds):
+            reports = runtestprotocol(item, nextitem=following, log=False)
+    except TooLong:
+        return HUNG
+    failed = [r for r in reports if r.failed]
+    return HUNG if any("TooLong" in str(r.longrepr) for r in failed) else CAUGHT if failed else SURVIVED
+
+
+def in_fork(work: Callable[[], Any], folder: Path) -> Any:
+    """What some work gives in a child of this process; None if the child dies."""
+    handle, name = tempfile.mkstemp(dir=folder)
+    os.close(handle)
+    file = Path(name)
+    sys.stdout.flush()
+    child = os.fork()
+    if child == 0:
+        try:
+            file.write_bytes(pickle.dumps(work()))
+        finally:
+            os._exit(0)
+    os.waitpid(child, 0)
+    content = file.read_bytes()
+    file.unlink()
+    return pickle.loads(content) if content else None
+
+
+@dataclass
+class Reach:
+    """The lines that tests reach in plain Python, the time they need, and those that pass."""
+
+    names: list[str]
+    places: dict[tuple[str, int], int]
+    reached: Any
+    """Tests times places, in bits."""
+    seconds: Any
+    passed: Any
+
+    def of(self, file: Path, lines: range) -> Any:
+        """Which tests reach one of the lines."""
+        columns = [self.places[str(file), line] for line in lines if (str(file), line) in self.places]
+        found = np.zeros(len(self.names), bool)
+        for k in columns:
+            found |= (self.reached[:, k // 8] >> (7 - k % 8)) & 1 == 1
+        return found
+
+
+def reach(items: list[pytest.Item], tree: Path) -> Reach:
+    """Run tests in plain Python and see what each of them reaches."""
+    monitoring, tool, prefix = sys.monitoring, sys.monitoring.COVERAGE_ID, str(tree / "liemech") + os.sep
+    places: dict[tuple[str, int], int] = {}
+    lines: set[int] = set()
+    rows, seconds, passed = [], [], []
+
+    def line(code: types.CodeType, number: int) -> Any:
+        if code.co_filename.startswith(prefix):
+            lines.add(places.setdefault((code.co_filename[len(str(tree)) + 1 :], number), len(places)))
+        return monitoring.DISABLE
+
+    monitoring.use_tool_id(tool, "mutation")
+    monitoring.register_callback(tool, monitoring.events.LINE, line)
+    monitoring.set_events(tool, monitoring.events.LINE)
+    for item, following in itertools.zip_longest(items, items[1:]):
+        lines.clear()
+        begin = time.process_time()
+        monitoring.restart_events()
+        passed.append(not item.get_closest_marker("compiled") and outcome(item, following, LONGEST) == SURVIVED)
+        seconds.append(time.process_time() - begin)
+        rows.append(np.array(sorted(lines), np.int64))
+        if len(rows) % 500 == 0:
+            say(f"{len(rows)} of {len(items)} tests have run, {sum(seconds):.0f} s")
+    bits = np.zeros((len(items), len(places)), bool)
+    for row, found in zip(bits, rows, strict=True):
+        row[found] = True
+    return Reach([i.nodeid for i in items], places, np.packbits(bits, axis=1), np.array(seconds), np.array(passed))
+
+
+# Changes of functions, in forks of a process that has collected all tests.
+
+
+def nested(code: types.CodeType) -> Iterator[types.CodeType]:
+    for c in code.co_consts:
+        if isinstance(c, types.CodeType):
+            yield c
+            yield from nested(c)
+
+
+class Trials:
+    """A plugin of pytest that runs the tests once and again, in forks, with one change after another."""
+
+    def __init__(self, tree: Path, chosen: list[Change], kept: Path) -> None:
+        self.tree, self.chosen, self.kept = tree, chosen, kept
+        self.verdicts: dict[Change, str] = {}
+        self.reach: Reach | None = None
+
+    def pytest_runtestloop(self, session: pytest.Session) -> bool:
+        os.environ["LIEMECH_COMPILE"] = "0"
+        gc.unfreeze()
+        functions = defaultdict(list)
+        for found in gc.get_objects():
+            if isinstance(found, types.FunctionType):
+                functions[found.__code__.co_filename].append(found)
+        gc.freeze()
+        items = {item.nodeid: item for item in session.items}
+        if not self.kept.exists():
+            self.kept.write_bytes(pickle.dumps(in_fork(lambda: reach(session.items, self.tree), self.tree)))
+        self.reach = pickle.loads(self.kept.read_bytes())
+        for i, change in enumerate(self.chosen, 1):
+            with change.made(self.tree):
+                path, old = self.tree / change.file, (ROOT / change.file).read_text(encoding="utf-8")
+                before, after = (compile(t, str(path), "exec", dont_inherit=True) for t in (old, change.text()))
+                other = {a: b for a, b in zip(nested(before), nested(after), strict=True) if a != b}
+                swapped = [(f, other[f.__code__]) for f in functions[str(path)] if f.__code__ in other]
+                if swapped:
+                    tests = self.ordered(change, items)
+                    self.verdicts[change] = in_fork(functools.partial(self.trial, swapped, tests), self.tree) or HUNG
+                    say(f"{i:4} {self.verdicts[change]:9} {len(tests):4} tests {change}")
+        return True
+
+    def ordered(self, change: Change, items: dict[str, pytest.Item]) -> list[tuple[pytest.Item, float]]:
+        """The tests that reach the change: of each test function one variant, then one more, the quick and particular first."""
+        assert self.reach
+        found = self.reach.of(change.file, statement(change)[0]) & self.reach.passed
+        lines = np.bitwise_count(self.reach.reached).sum(axis=1)
+        turns: dict[str, int] = defaultdict(int)
+        order = []
+        for k in sorted(np.flatnonzero(found), key=lambda k: self.reach.seconds[k] * lines[k]):
+            name = self.reach.names[k]
+            function = name.partition("[")[0]
+            order.append((turns[function], self.reach.seconds[k] * lines[k], name, self.reach.seconds[k]))
+            turns[function] += 1
+        return [(items[name], seconds) for _, _, name, seconds in sorted(order) if name in items]
+
+    @staticmethod
+    def trial(swapped: list[tuple[types.FunctionType, types.CodeType]], tests: list[tuple[pytest.Item, float]]) -> str:
+        """Does a test fail with other code in these functions?"""
+        for function, code in swapped:
+            function.__code__ = code
+        begin = time.process_time()
+        for (item, seconds), following in itertools.zip_longest(tests, tests[1:]):
+            found = outcome(item, following and following[0], 5.0 + 10.0 * seconds)
+            if found != SURVIVED:
+                return found
+            if time.process_time() - begin > PLAIN:
+                return UNDECIDED
+        return SURVIVED
+
+
+# Changes of what is made once, and of functions whose tests have not noticed: a new process, whole files, native code.
+
+
+def test_files(change: Change, reached: Reach) -> list[str]:
+    """The files of tests that know what is changed, those that know most about it first."""
+    module, home, owner = ".".join(change.file.with_suffix("").parts), f"tests/{change.file.parts[1]}", statement(change)[1]
+    reaching = {name.partition("::")[0] for name, yes in zip(reached.names, reached.of(change.file, range(10**5))) if yes}
+    points = {}
+    for path in sorted((ROOT / "tests").rglob("test_*.py")):
+        name, text = str(path.relative_to(ROOT)), path.read_text(encoding="utf-8")
+        points[name] = 2 * (change.file.stem in path.stem) + 3 * name.startswith(home) + 2 * (module in text)
+        points[name] += (name in reaching) + (3 * bool(re.search(rf"\b{owner}\b", text)) if owner else 0)
+    return sorted([name for name in points if points[name] > 1], key=lambda name: -points[name])
+
+
+def verdict(tree: Path, files: list[str], seconds: float, native: bool) -> str:
+    """Does a test of these files fail?  Native code of what was not changed is found on disk."""
+
+    def run() -> int:
+        resource.setrlimit(resource.RLIMIT_CPU, (int(seconds), int(seconds) + 5))
+        os.environ["LIEMECH_COMPILE"] = "1" if native else "0"
+        with open(os.devnull, "w") as nowhere:
+            os.dup2(nowhere.fileno(), 1)
+            os.dup2(nowhere.fileno(), 2)
+        return int(pytest.main(["-x", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", *files]))
+
+    code = in_fork(run, tree)
+    return UNDECIDED if code is None else SURVIVED if code in (0, 5) else CAUGHT  # 5: no test there
 
 
 def main() -> None:
@@ -112,29 +337,47 @@ def main() -> None:
     parser.add_argument("count", type=int)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--list", action="store_true", help="only show the changes")
-    parser.add_argument("--quick", action="store_true", help="not the whole suite")
+    parser.add_argument("--reach", type=Path, help="what each test reaches: written here, or read if it is there")
     options = parser.parse_args()
     files = [p.relative_to(ROOT) for folder in FOLDERS for p in sorted((ROOT / "liemech" / folder).rglob("*.py"))]
     chosen = random.Random(options.seed).sample([c for file in files for c in changes(file)], options.count)
-    survivors: list[Change] = []
     if options.list:
         print(*chosen, sep="\n")
         return
     with tempfile.TemporaryDirectory() as folder:
-        tree = Path(folder)
+        tree = Path(folder).resolve()
         for name in ("liemech", "tests", "docs", "examples"):
             shutil.copytree(ROOT / name, tree / name, ignore=shutil.ignore_patterns("__pycache__"))
         for name in ("pyproject.toml", "README.md"):
             shutil.copy(ROOT / name, tree)
+        os.chdir(tree)
+        os.environ |= {"PYTHONPATH": str(tree), "LIEMECH_CACHE_DIR": str(tree / "cache")}
+        sys.path[:] = [str(tree), *(p for p in sys.path if not p.startswith(str(ROOT)))]
+        kept = (ROOT / options.reach).resolve() if options.reach else tree / "reach.pickle"
+
+        def in_memory() -> dict[Change, str]:
+            trials = Trials(tree, chosen, kept)
+            pytest.main(["-q", "-p", "no:cacheprovider", "-p", "no:xdist"], plugins=[trials])
+            return trials.verdicts
+
+        for name in PRELOADED:
+            importlib.import_module(name)
+        verdicts = in_fork(in_memory, tree)
+        reached = pickle.loads(kept.read_bytes())
+        survivors: list[tuple[str, Change]] = []
         for i, change in enumerate(chosen, 1):
-            change.apply(tree)
-            stages = tests_of(change.file) + ([] if options.quick else [[]])
-            verdicts = (verdict(tree, tests) for tests in stages)
-            found = next((word for word in verdicts if word != "SURVIVED"), "SURVIVED")
-            change.undo(tree)
-            print(f"{i:4} {found:8} {change}", flush=True)
-            survivors += [change] if found == "SURVIVED" else []
-    print(f"\n{len(chosen) - len(survivors)} of {len(chosen)} changes were noticed; survivors:", *survivors, sep="\n  ")
+            found = verdicts.get(change, UNDECIDED)
+            if found in (SURVIVED, UNDECIDED):
+                known = test_files(change, reached)
+                with change.made(tree):
+                    found = verdict(tree, known[:3], 30.0, False)
+                    if found != CAUGHT:
+                        found = verdict(tree, known, NATIVE, True)
+                say(f"{i:4} {found:9} {len(known):4} files {change}")
+            survivors += [(found, change)] if found in (SURVIVED, UNDECIDED) else []
+    say(f"\n{len(chosen) - len(survivors)} of {len(chosen)} changes were noticed; the others:")
+    for word, change in survivors:
+        say(f"  {word} {change}")
 
 
 if __name__ == "__main__":

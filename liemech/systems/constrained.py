@@ -203,7 +203,7 @@ class ConstrainedSystem(CanonicalSystem):
         kept = {"constraint": self.constraint(q), "hidden constraint": self.hidden_constraint(q, p)}
         return super().constants(states) | {name: np.asarray(x) for name, x in kept.items()}
 
-    # ---------------------------------------------------------------- the border
+    # ---------------------------------------------------------------- checked input
 
     @final
     def state(self, q: Any, p: Any) -> CanonicalState:
@@ -456,24 +456,24 @@ class Constrained(ConstrainedSystem):
 
     @property
     def degrees(self) -> int:  # type: ignore[override]
-        """Those of the system."""
+        """The degrees of freedom of the system."""
         return self.system.degrees
 
     @property
     def separable(self) -> bool:  # type: ignore[override]
-        """As the system is."""
+        """It is separable if the system is."""
         return isinstance(self.system, SeparableSystem)
 
     def energy(self, q: Vec, p: Vec) -> float:
-        """That of the system.  q, p : (n,)."""
+        """The energy of the system.  q, p : (n,)."""
         return self.system.energy(q, p)
 
     def velocity(self, q: Vec, p: Vec) -> Vec:
-        """That of the system.  q, p : (n,)."""
+        """The velocity of the system.  q, p : (n,)."""
         return self.system.velocity(q, p)
 
     def force(self, q: Vec, p: Vec) -> Vec:
-        """That of the system, without the constraints.  q, p : (n,)."""
+        """The force of the system, without the constraints.  q, p : (n,)."""
         return self.system.force(q, p)
 
     def constraint(self, q: Vec) -> Vec:
@@ -501,7 +501,7 @@ def inverse_sizes(G: Mat, change: Vec, q: Vec) -> Vec:
 
 
 FAR = 2.0**-18
-"""With TOLERANCE, 2^-30, this asks of a constraint no more than 16 roundings of its terms before the last correction."""
+"""TOLERANCE, 2^-30, times this is 16 roundings: constraints hold to 16 roundings of their terms before the last correction."""
 
 
 def eliminated(m: Mat, rhs: Vec) -> tuple[Vec, Vec]:
