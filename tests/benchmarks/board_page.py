@@ -167,7 +167,7 @@ def set_ups(measured: dict[str, Any]) -> str:
             points = [
                 c["points"] for c in race["curves"] if c["package"] == package and c["points"]
             ]
-            costs = [max(p["set_up"] + p["first"] - p["warm"] for p in curve) for curve in points]
+            costs = [max(0.0, *(p["set_up"] + p["first"] - p["warm"] for p in curve)) for curve in points]
             cells.append(f"{number(min(costs))} to {number(max(costs))}" if costs else "-")
         text += f"| {race['name']} | {' | '.join(cells)} |\n"
     return text

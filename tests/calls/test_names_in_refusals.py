@@ -1,10 +1,23 @@
-"""A group that knows nothing of its orbits looks at a momentum all the same."""
+"""Refusals in the name of what was called, where another function found the fault."""
 
 from __future__ import annotations
 
 import pytest
 
 import liemech as lm
+
+
+@lm.record
+class Circling(lm.HomogeneousEquation):
+    """A point on a sphere."""
+
+    def velocity(self, t: float, x: lm.Vec) -> lm.Vec:
+        return lm.vec(x[1], x[2], 1.0)
+
+
+def test_points_too_far_off_for_a_float_are_refused_by_the_state() -> None:
+    with pytest.raises(lm.errors.InvalidInput, match=r"Circling\.state: x is no point of SphereAction"):
+        Circling(lm.SphereAction(lm.SO3())).state(x=[1e308] * 3)
 
 
 @pytest.mark.parametrize("mu", [[[1.0, 2.0], [1.0]], [1.0, 2.0], [float("nan")] * 4, "abc"], ids=str)
