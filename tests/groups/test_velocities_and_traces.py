@@ -61,3 +61,13 @@ def test_the_mean_of_a_long_motion_is_halved_until_its_series_is_short() -> None
     xi = vec(0.0, 0.0, angle)
     x, _, z = averaged(group.ad, lambda w, x: group.Ad(group.exp(w), x), angle * angle, xi, vec(1.0, 0.0, 1.0))
     assert x == pytest.approx(np.sin(angle) / angle, abs=1e-14) and z == pytest.approx(1.0, rel=1e-14)
+
+
+@pytest.mark.parametrize("group", [lm.UnitQuaternions(), lm.ProductGroup(lm.SO3(), lm.SE2())], ids=repr)
+def test_the_velocity_of_elements_that_are_no_matrices(group: Any) -> None:
+    """The formula for every group, where these have closed forms."""
+    rng = np.random.default_rng(3)
+    g, xi = group.exp(vec(*rng.normal(size=group.dim))), vec(*rng.normal(size=group.dim))
+    rate = derivative(lambda s: group.compose(g, group.exp(s * xi)), 0.0)
+    found = np.array(lm.LieGroup.body_velocity(group, g, rate))
+    assert np.allclose(found, np.array(xi), rtol=0.0, atol=1e-13)
