@@ -13,7 +13,7 @@ project = "liemech"
 language = "en"
 extensions = [
     *("myst_parser", "sphinx.ext.autodoc", "sphinx.ext.viewcode", "sphinx_copybutton"),
-    *("mathml", "contents", "docstrings", "reference", "examples"),
+    *("mathml", "contents", "docstrings", "reference", "examples", "breaks"),
 ]
 exclude_patterns = ["figures/*.py", "derivations", "site", "generated/pages"]
 nitpicky = True

@@ -65,6 +65,7 @@ if TYPE_CHECKING:
     from .groups.unit_quaternions import UnitQuaternions
     from .groups.vector_space import VectorSpace
     from .integrators.adaptive_verlet import AdaptiveVerlet
+    from .integrators.boris import Boris
     from .integrators.class_functions import CayleySquare, ClassFunction, InvariantForm, TraceOfAd
     from .integrators.commutator_free import CommutatorFree, CrouchGrossman
     from .integrators.composition import Composition
@@ -173,6 +174,7 @@ _LATER = {
     "groups.vector_space": ("VectorSpace",),
     "integrators.adaptive_verlet": ("AdaptiveVerlet",),
     "integrators.class_functions": ("CayleySquare", "ClassFunction", "InvariantForm", "TraceOfAd"),
+    "integrators.boris": ("Boris",),
     "integrators.commutator_free": ("CommutatorFree", "CrouchGrossman"),
     "integrators.composition": ("Composition",),
     "integrators.darboux_lie": ("DarbouxLieChart",),
@@ -320,6 +322,7 @@ __all__ = [
     "BallJoint",
     "Blade",
     "BodyState",
+    "Boris",
     "ButcherTableau",
     "Canonical",
     "CanonicalState",

@@ -20,7 +20,6 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # small matrices: threads th
 
 import numpy as np
 import pytest
-from hypothesis import settings
 
 import liemech
 from liemech.simulation import execution
@@ -29,10 +28,6 @@ from liemech.simulation import execution
 os.environ["MPLBACKEND"] = "Agg"
 home = str(Path(liemech.__file__).parent.parent)
 os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [home, os.environ.get("PYTHONPATH")]))
-
-# The same examples in every run: a law that fails fails again. No deadline, for the first call may compile.
-settings.register_profile("liemech", derandomize=True, deadline=None, database=None, max_examples=50)
-settings.load_profile("liemech")
 
 # Most runs of tests are short, and nobody repeats them: native code is made where plain Python would take seconds, or on demand.
 execution.WAIT = 0.6

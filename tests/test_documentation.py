@@ -36,6 +36,13 @@ COMPILED = {
 }
 """Pages and examples about native code, or too long without it."""
 
+QUICK = {
+    *("README", "index", "tutorial", "conventions", "notation", "choosing_a_step", "tabulated_inputs"),
+    *("galerkin", "hamilton_jacobi", "tableaus", "native", "long_runs", "changelog", "verification"),
+    *("tennis_racket", "poinsot", "three_rotations", "energy_drift", "top_in_the_browser", "chaos_in_a_galaxy"),
+}
+"""Pages and examples that run whenever the tests run; the others are slow, and `.ci/run` runs them all."""
+
 TIME_LIMIT = 120  # seconds for one page or one example
 
 
@@ -66,8 +73,10 @@ def blocks(page: Path) -> list[Block]:
 
 
 def programs(files: list[Path]) -> list[Any]:
-    """The files as parameters of a test, those that need the compiler marked."""
-    return [pytest.param(f, marks=pytest.mark.compiled) if f.stem in COMPILED else f for f in files]
+    """The files as parameters of a test, with marks for those that need the compiler and for the slow ones."""
+    native = {f: [pytest.mark.compiled] if f.stem in COMPILED else [] for f in files}
+    slow = {f: [] if f.stem in QUICK else [pytest.mark.slow] for f in files}
+    return [pytest.param(f, marks=[*native[f], *slow[f]]) for f in files]
 
 
 def page_name(page: Path) -> str:

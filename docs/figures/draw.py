@@ -43,8 +43,8 @@ SECTIONS = {
 
 HEAD = """# Gallery
 
-One idea per example; each ends with a number and a picture. `python docs/figures/draw.py` draws all of them anew, and writes
-this page.
+One idea per example, in under forty lines; each ends with a number and a picture. `python docs/figures/draw.py` draws all of
+them anew, and writes this page.
 """
 TAIL = """
 The page of the flip, as it moves:

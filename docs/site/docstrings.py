@@ -102,10 +102,12 @@ def rendered(paragraph: str, owner: type | None) -> list[str]:
     """One paragraph as reStructuredText."""
     if PARAMETER.match(paragraph):
         lines = []
+        paragraph, *source = re.split(r"(?<=\.) +(?=Sources?: )", paragraph, maxsplit=1)
         for part in re.split(r"(?<=\.)  (?=(?:\w+)(?:, \w+)* : )", paragraph):
             names, _, what = part.partition(" : ")
-            lines += [", ".join(f"``{name}``" for name in names.split(", ")), f"    {escaped(what, owner)}"]
-        return [*lines, ""]
+            what = re.sub(r"^(?=\w+\.( |$))", r"\\ ", escaped(what, owner))  # `n. Books` begins no list
+            lines += [", ".join(f"``{name}``" for name in names.split(", ")), f"    {what}"]
+        return [*lines, "", *(line for text in source for line in rendered(text, owner))]
     if item := ITEM.match(paragraph):
         return [f"{item[1]} {escaped(paragraph[item.end():], owner)}", ""]
     if paragraph.startswith(("Source:", "Sources:")):
@@ -173,7 +175,9 @@ def bases(app: Sphinx, name: str, thing: type, options: Any, found: list[Any]) -
 
 
 def link_pages(app: Sphinx, doctree: nodes.document) -> None:
-    """In the pages too, code that is a public name leads to the reference."""
+    """In the pages too, code that is a public name leads to the reference.  Classes without a base do not say so."""
+    for line in [p for p in doctree.findall(nodes.paragraph) if p.astext() == "Bases: object"]:
+        line.parent.remove(line)
     for code in list(doctree.findall(nodes.literal)):
         target = place(code.astext())
         if target and not isinstance(code.parent, nodes.reference | nodes.title | addnodes.pending_xref):

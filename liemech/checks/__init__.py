@@ -1,6 +1,6 @@
 """Does a class obey the laws it claims?  Groups, retractions, actions, systems and methods; one small function for each law.
 
-The checks go through the tables of laws, at several places, and report.
+The checks go through the tables of laws, at several points, and report.
 """
 
 from .check import check_action, check_group, check_method, check_retraction, check_system

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from .law import Law, Same, axiom, factors
-from .places import STEP, At, size, slope
+from .sample_points import STEP, At, size, slope
 
 ACTION: list[Law] = []
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..groups.lie_algebra import LieAlgebra
 from .law import Law, Same, axiom, factors
-from .places import At, flat, size
+from .sample_points import At, flat, size
 
 ALGEBRA: list[Law] = []
 

@@ -25,10 +25,10 @@ from .group_laws import GROUP, NATIVE, PLACE
 from .law import replaced, verdicts
 from .map_laws import CAYLEY, EXPONENTIAL, Map
 from .method_claims import Trial, claims
-from .places import At, places
 from .report import Finding, Report
+from .sample_points import At, sample_points
+from .sample_states import members, pace, sample_states
 from .system_laws import RUNS, laws_of
-from .system_places import members, pace, system_places
 
 LONGEST = 12.0
 """The longest time over which an order is observed, in times in which the start changes by its size."""
@@ -39,7 +39,7 @@ def check_group(group: LieGroup, *, native: bool = False, raises: bool = True, s
 
     native : make a short run of native code too, and compare it bit by bit with plain Python.
     raises : False returns the report on a broken group as well.
-    seed : of the random places.
+    seed : of the random points.
 
     Returns a Report, which prints as a table.  Raises LawViolation: the first law that is broken, where, by how much, what was
     expected and, where that can be told, the slip.
@@ -63,7 +63,7 @@ def check_action(action: Any, points: Any = None, *, raises: bool = True, seed: 
 
     points : some points of the space, one per row; left out, the action is asked for random ones.  The rest as in `check_group`.
     """
-    where, rng = places(action.group, seed), np.random.default_rng(seed)
+    where, rng = sample_points(action.group, seed), np.random.default_rng(seed)
     some = [action.random(rng) for _ in where] if points is None else list(points)
     if not some:
         raise InvalidInput("check_action: points is empty; give at least one point of the space")
@@ -93,7 +93,7 @@ def check_system(
         _require("check_system: states", states, State)
 
     def findings() -> Iterator[Finding]:
-        where = system_places(system, states, seed)
+        where = sample_states(system, states, seed)
         for laws, subject, own in laws_of(system):
             yield from verdicts(laws, subject, where, own)
         yield from verdicts(RUNS if native else [], system, where, lambda name: True)
@@ -172,7 +172,7 @@ def _finished(subject: str, findings: Iterator[Finding], raises: bool) -> Report
 
 def _of_group(group: LieGroup, native: bool, seed: int) -> Iterator[Finding]:
     try:
-        where = places(group, seed)
+        where = sample_points(group, seed)
     except NotImplementedError as missing:
         yield Finding("obligations", "a group has an algebra", "broken", remark=str(missing))
         return
@@ -199,4 +199,4 @@ def _of_retraction(retraction: Retraction, group: LieGroup, seed: int) -> Iterat
     if reason:
         yield Finding("a retraction", "tau(0) = e, dtau_0 = 1", "refused", remark=reason)
     else:
-        yield from verdicts(tau.laws(), tau, places(group, seed), tau.own)
+        yield from verdicts(tau.laws(), tau, sample_points(group, seed), tau.own)

@@ -11,8 +11,8 @@ import numpy as np
 from ..formulas import jacobian, vec
 from ..formulas.broadcasting import small
 from .method_claims import Charts, Trial, bracket, claims
-from .places import flat
 from .report import Observation
+from .sample_points import flat
 
 
 def constrained_claims(trial: Trial, keeps: tuple[str, ...], native: bool) -> Iterator[Observation]:

@@ -16,7 +16,7 @@ from ..simulation.integrate import integrate
 from ..systems.kinetic_energy import KineticEnergy
 from ..systems.lie_poisson import LiePoissonSystem
 from .law import Law, Same, axiom, cases, factors
-from .places import STEP, At, exponential, flat, size, slope
+from .sample_points import STEP, At, exponential, flat, size, slope
 
 GROUP: list[Law] = []
 

@@ -16,8 +16,8 @@ import numpy as np
 
 from ..errors import IncompatibleSystem, LiemechError
 from ..formulas.broadcasting import bare
-from .places import flat
 from .report import ROUNDING, Finding
+from .sample_points import flat
 
 SLACK = 16.0
 """Roundings per dimension (counted as 3 at least) that a good formula needs; on SO(3) the worst needs one."""
@@ -95,7 +95,7 @@ def verdicts(laws: Iterable[Law], subject: Any, where: Sequence[Any], own: Calla
 
 
 def judge(law: Law, subject: Any, where: Sequence[Any]) -> Finding:
-    """The worst of all places; a slip that explains one of them is kept."""
+    """The worst of all points; a slip that explains one of them is kept."""
     worst = Finding(law.name, law.formula, "not there")
     for at in [where[len(where) // 2]] if law.once else where:
         bound = law.slack * max(3, at.dim)

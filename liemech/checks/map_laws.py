@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
@@ -18,7 +18,7 @@ from ..groups.lie_algebra import LieAlgebra
 from ..groups.lie_group import LieGroup
 from ..retractions import Cayley, Exponential, Retraction
 from .law import Law, Same, axiom, cases, factors, replaced
-from .places import LARGE, STEP, At, flat, phi1, size, slope, turning
+from .sample_points import LARGE, STEP, At, flat, phi1, size, slope, turning
 
 MAPS: list[Law] = []
 """In names and formulas {tau} stands for exp, cayley, or tau itself."""
@@ -34,6 +34,9 @@ class Map:
 
     retraction: Retraction
     group: LieGroup
+    differentials: dict[tuple[int, str], tuple[np.ndarray, float]] = field(
+        default_factory=dict, repr=False, compare=False
+    )
 
     def __getattr__(self, name: str) -> Any:
         return partial(getattr(self.retraction, name), self.group)
@@ -64,10 +67,15 @@ class Map:
         return replaced(self.retraction, Retraction, name) or name in derived[: None if self.group.dim <= LARGE else 1]
 
     def differential(self, at: At, side: str) -> tuple[np.ndarray, float]:
-        """The matrix of dtau by definition, and how many roundings are in it."""
-        if self.is_exp:
-            return phi1(at.ad if side == "right" else -at.ad), 1.0
-        return np.stack([self.difference(at, axis, side) for axis in at.axes], axis=1), 1.0 / STEP
+        """The matrix of dtau by definition, and how many roundings are in it: found once, for several laws need it."""
+        known = id(at), side  # a place lives as long as the check
+        if known not in self.differentials:
+            if self.is_exp:
+                found = phi1(at.ad if side == "right" else -at.ad), 1.0
+            else:
+                found = np.stack([self.difference(at, axis, side) for axis in at.axes], axis=1), 1.0 / STEP
+            self.differentials[known] = found
+        return self.differentials[known]
 
     def difference(self, at: At, eta: Vec, side: str) -> np.ndarray:
         """d/de of tau(xi + e eta) tau(xi)^-1, or of tau(xi)^-1 tau(xi + e eta) for side="left"."""
@@ -129,10 +137,10 @@ def map_of_the_opposite(tau: Map, at: At) -> Iterator[Same]:
 @axiom(MAPS, "{tau_inv}", "{tau_inv}({tau}(xi)) = xi inside the chart, {tau}({tau_inv}(g)) = g", "tau_inv", optional=True)
 def inverse_map(tau: Map, at: At) -> Iterator[Same]:
     cut, angle = math.pi if tau.is_exp else math.inf, at.spectrum[0]  # where the logarithm changes its branch
-    places = [at.xi] if angle < 0.98 * cut else []
+    points = [at.xi] if angle < 0.98 * cut else []
     if tau.is_exp and at.name == "random" and angle:
-        places.append(((1.0 - 1e-6) * cut / angle) * at.xi)  # close to the cut, where roundings grow like 1/distance
-    for xi in places:
+        points.append(((1.0 - 1e-6) * cut / angle) * at.xi)  # close to the cut, where roundings grow like 1/distance
+    for xi in points:
         g = tau.tau(xi)
         try:
             found = tau.tau_inv(g)

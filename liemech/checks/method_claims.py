@@ -19,13 +19,14 @@ from ..errors import IntegrationFailure, InvalidInput
 from ..formulas.broadcasting import small
 from ..integrators.rkmk import RKMK
 from ..simulation.integrate import integrate
-from ..systems.canonical import CanonicalSystem, HamiltonianSystem
-from ..systems.lie_poisson import LiePoissonSystem
+from ..systems.canonical import HamiltonianSystem, PhaseSpace
+from ..systems.driven import DrivenHamiltonianSystem
+from ..systems.lie_poisson import LiePoissonMotion
 from ..systems.mechanical import MechanicalSystem
 from ..systems.poisson import PoissonSystem
-from .places import STEP, Units, flat, size
 from .report import ROUNDING, Observation
-from .system_places import CENTRAL, pace
+from .sample_points import STEP, Units, flat, size
+from .sample_states import CENTRAL, pace
 
 COUNTS = 1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256
 """Numbers of steps over the same time."""
@@ -148,11 +149,11 @@ class Trial:
         )  # what does not come down to sense has its order too
         return [(n, e) for n, e in found if 30.0 * doubt < e <= nonsense]
 
-    def slope(self, name: str) -> float:
-        """The observed order of a part, or of "all": infinite where all errors are rounding, nan if too few are seen."""
+    def slope(self, name: str) -> float | None:
+        """The observed order of a part, or of "all": infinite where all errors are rounding, None if too few are seen."""
         errors = self.visible(name) if self.errors else []
         if len(errors) < 3:
-            return math.nan if errors or not self.errors else math.inf
+            return None if errors or not self.errors else math.inf
         return slope(errors[-3:])
 
     @cached_property
@@ -195,16 +196,22 @@ def order(trial: Trial) -> Observation:
     p, formula = trial.method.order, "error = O(h^p) on a nonlinear motion"
     found = {name: trial.slope(name) for name in trial.start.arrays}
     whole = trial.slope("all")
-    text = ", ".join(
-        f"{name} {'exact' if math.isinf(q) else f'{q:.2f}'}" for name, q in found.items()
-    )
-    if math.isnan(whole):
+    text = ", ".join(f"{name} {_in_words(q)}" for name, q in found.items())
+    if whole is None:
         few = "too few errors between 0.1 and rounding; give another h"
         return Observation("order", formula, "not seen", observed=text, wanted=f"{p}", remark=few)
-    good = whole >= p - MISSING and not any(q < p - 2.0 * MISSING for q in found.values())
+    parts = [q for q in found.values() if q is not None]
+    good = whole >= p - MISSING and not any(q < p - 2.0 * MISSING for q in parts)
     return Observation(
         "order", formula, "holds" if good else "broken", observed=text, wanted=f"{p}"
     )
+
+
+def _in_words(order: float | None) -> str:
+    """An observed order."""
+    if order is None:
+        return "not seen"
+    return "exact" if math.isinf(order) else f"{order:.2f}"
 
 
 def way_back(trial: Trial) -> Observation:
@@ -297,6 +304,10 @@ def _exactly(law: str, formula: str, claimed: bool, defect: float, roundings: fl
 # ---------------------------------------------------------------- coordinates of phase space
 
 
+FREE_OF_CONSTRAINTS = HamiltonianSystem, DrivenHamiltonianSystem
+"""Systems whose phase space is all of R^2n."""
+
+
 @dataclass(frozen=True)
 class Charts:
     """Coordinates about the states of a system with a Poisson structure, in units of their size.
@@ -312,13 +323,10 @@ class Charts:
     @cached_property
     def units(self) -> np.ndarray:
         """What counts as a unit of each coordinate."""
-        if isinstance(self.system, CanonicalSystem):
-            v, f = (
-                size(x(self.begin.q, self.begin.p))
-                for x in (self.system.velocity, self.system.force)
-            )
+        if isinstance(self.system, PhaseSpace):
+            n, rate = self.system.degrees, flat(self.system.rate(0.0, self.begin))
+            v, f = size(rate[:n]), size(rate[n:])
             q, p, speed = size(self.begin.q), size(self.begin.p), pace(self.system, 0.0, self.begin)
-            n = self.system.degrees
             return np.repeat([max(q, v / speed), max(p, f / speed)], n)
         if isinstance(self.system, PoissonSystem):
             y = np.abs(flat(self.begin.y))
@@ -343,7 +351,7 @@ class Charts:
         x = x * self.units
         first = self.begin.arrays
         n = len(x) // 2
-        if isinstance(self.system, HamiltonianSystem):
+        if isinstance(self.system, FREE_OF_CONSTRAINTS):
             return {"q": first["q"] + x[:n], "p": first["p"] + x[n:]}
         if isinstance(self.system, PoissonSystem):
             return {"y": first["y"] + x}
@@ -354,7 +362,7 @@ class Charts:
 
     def coordinates(self, about: Any, state: dict[str, np.ndarray]) -> np.ndarray:
         """The coordinates of a state about another one."""
-        if isinstance(self.system, HamiltonianSystem):
+        if isinstance(self.system, FREE_OF_CONSTRAINTS):
             return (
                 np.concatenate([state["q"] - flat(about.q), state["p"] - flat(about.p)])
                 / self.units
@@ -369,7 +377,7 @@ class Charts:
 
     def structure(self, at: Any) -> np.ndarray:
         """The Poisson structure at a state, in these units."""
-        if isinstance(self.system, HamiltonianSystem):
+        if isinstance(self.system, FREE_OF_CONSTRAINTS):
             n = self.system.degrees
             whole = np.block([[np.zeros((n, n)), np.eye(n)], [-np.eye(n), np.zeros((n, n))]])
         elif isinstance(self.system, PoissonSystem):
@@ -415,10 +423,10 @@ def claims(trial: Trial, keeps: tuple[str, ...], native: bool) -> Iterator[Obser
     system, start, symplectic = trial.system, trial.start, trial.method.symplectic
     yield order(trial)
     yield way_back(trial)
-    if isinstance(system, LiePoissonSystem):
+    if isinstance(system, LiePoissonMotion):
         formula = "Phi' B(mu) Phi'^T = B(Phi(mu)) for the momenta"
         yield bracket(trial, Charts(system, start, False), "Poisson", formula, symplectic)
-    if isinstance(system, (LiePoissonSystem, MechanicalSystem)) and start.g is not None:
+    if isinstance(system, (LiePoissonMotion, MechanicalSystem)) and start.g is not None:
         claimed = symplectic and isinstance(system, MechanicalSystem)
         yield bracket(
             trial,
@@ -427,7 +435,7 @@ def claims(trial: Trial, keeps: tuple[str, ...], native: bool) -> Iterator[Obser
             "the same on T*G, with the elements",
             claimed,
         )
-    if isinstance(system, HamiltonianSystem):
+    if isinstance(system, FREE_OF_CONSTRAINTS):
         yield bracket(
             trial, Charts(system, start, True), "symplectic", "Phi' J Phi'^T = J", symplectic
         )
@@ -435,7 +443,7 @@ def claims(trial: Trial, keeps: tuple[str, ...], native: bool) -> Iterator[Obser
         formula = "Phi' B(y) Phi'^T = B(Phi(y))"
         yield bracket(trial, Charts(system, start, False), "Poisson", formula, symplectic)
     yield from kept(trial, keeps)
-    if isinstance(system, LiePoissonSystem) and start.g is not None:
+    if isinstance(system, LiePoissonMotion) and start.g is not None:
         yield equivariance(trial)
     if native:
         yield native_code(trial)

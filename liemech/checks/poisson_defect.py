@@ -17,8 +17,8 @@ from ..systems.driven import DrivenHamiltonianSystem, DrivenLiePoissonSystem
 from ..systems.lie_poisson import BodyState, LiePoissonSystem
 from ..systems.poisson import PoissonState, PoissonSystem
 from ..systems.system import State, System
-from .places import STEP, size
-from .system_places import CENTRAL
+from .sample_points import STEP, size
+from .sample_states import CENTRAL
 
 
 def poisson_defect(method: Method, system: System, state: State, h: float) -> float:

@@ -15,8 +15,8 @@ from ..formulas import Vec, derivative, dot, gradient, jacobian, real_array
 from ..formulas.broadcasting import check_finite
 from ..groups.poisson_structure import PoissonStructure
 from .law import Law, Same, axiom, verdicts
-from .places import flat, size
 from .report import Finding, Report
+from .sample_points import flat, size
 
 PLACES = 6
 """How many points are drawn."""

@@ -25,8 +25,8 @@ from ..systems.poisson import PoissonSystem
 from ..systems.potential import Potential
 from ..systems.separable import SeparableEnergy, SeparableSystem
 from .law import Law, Same, axiom, factors, replaced
-from .places import STEP, flat, size, slope
-from .system_places import AtState
+from .sample_points import STEP, flat, size, slope
+from .sample_states import AtState
 
 CLOSE = 4096.0
 """Roundings per dimension: closed forms and derived ones round differently; a slip is larger by far."""

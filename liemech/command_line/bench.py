@@ -13,7 +13,7 @@ import numpy as np
 
 import liemech as lm
 
-from ..checks.system_places import random_state
+from ..checks.sample_states import random_state
 from ..plots.orders import order_of
 from .constructors import imported, read
 from .numbers import duration, short

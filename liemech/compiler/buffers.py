@@ -18,58 +18,72 @@ class Array:
     def __init__(self, emitter: Emitter, pointer: ir.Value, step: ir.Value) -> None:
         self.emitter, self.pointer, self.step = emitter, pointer, step
 
-    def load(self, at: Any) -> Any:
-        """Number `at` of the bodies that run together."""
+    def first(self, start: Any) -> list[ir.Value]:
+        """Where number `start` lies, of the bodies that are loaded and stored apart."""
         raise NotImplementedError
 
-    def store(self, at: Any, x: Any) -> None:
-        """Set number `at` of the bodies that run together."""
+    def load(self, first: list[ir.Value], i: int) -> Any:
+        """The number that comes i after the first, of the bodies that run together."""
+        raise NotImplementedError
+
+    def store(self, first: list[ir.Value], i: int, x: Any) -> None:
+        """Set the number that comes i after the first, of the bodies that run together."""
         raise NotImplementedError
 
     def read(self, start: Any, layout: Layout) -> Any:
-        return build(layout, iter([self.load(start + i) for i in range(layout.width)]))
+        first = self.first(start)
+        return build(layout, iter([self.load(first, i) for i in range(layout.width)]))
 
     def write(self, start: Any, value: Any) -> None:
+        first = self.first(start)
         for i, x in enumerate(leaves(value, layout_of(value))):
-            self.store(start + i, x)
+            self.store(first, i, x)
+
+    def after(self, place: ir.Value, count: Any) -> ir.Value:
+        """The address so many numbers further."""
+        count = ir.Constant(I64, count) if isinstance(count, int) else count
+        return self.emitter.builder.gep(place, [count], source_etype=F64)
 
 
 class Columns(Array):
     """A column for each body, neighbours side by side: number k of body i lies at k * bodies + i."""
 
-    def address(self, at: Any, register: int = 0) -> ir.Value:
+    def first(self, start: Any) -> list[ir.Value]:
         e, b = self.emitter, self.emitter.builder
-        row = b.mul(e.cast(at, "i", False)[0], self.step)
-        column = b.add(self.body, ir.Constant(I64, register * e.width))
-        place = b.gep(self.pointer, [b.add(row, column)], source_etype=F64)
-        return place if e.lanes == 1 else b.bitcast(place, e.type("f", True).as_pointer())
+        place = b.add(b.mul(e.cast(start, "i", False)[0], self.step), self.body)
+        return [self.after(self.pointer, b.add(place, ir.Constant(I64, r * e.width))) for r in range(e.registers(e.lanes > 1))]
 
-    def load(self, at: Any) -> Any:
-        e, varying = self.emitter, self.emitter.lanes > 1
-        places = [self.address(at, r) for r in range(e.registers(varying))]
-        return e.num([e.builder.load(place, align=8, typ=e.type("f", varying)) for place in places])
+    def addresses(self, first: list[ir.Value], i: int) -> list[ir.Value]:
+        """Where the registers of a number lie."""
+        e, b = self.emitter, self.emitter.builder
+        offset = i if e.lanes == 1 else b.mul(ir.Constant(I64, i), self.step)
+        places = [self.after(place, offset) for place in first]
+        return places if e.lanes == 1 else [b.bitcast(place, e.type("f", True).as_pointer()) for place in places]
 
-    def store(self, at: Any, x: Any) -> None:
+    def load(self, first: list[ir.Value], i: int) -> Any:
         e = self.emitter
-        for r, v in enumerate(e.cast(x, "f", e.lanes > 1)):
-            e.builder.store(v, self.address(at, r), align=8)
+        type_ = e.type("f", e.lanes > 1)
+        return e.num([e.builder.load(place, align=8, typ=type_) for place in self.addresses(first, i)])
+
+    def store(self, first: list[ir.Value], i: int, x: Any) -> None:
+        e = self.emitter
+        for v, place in zip(e.cast(x, "f", e.lanes > 1), self.addresses(first, i), strict=True):
+            e.builder.store(v, place, align=8)
 
 
 class Rows(Array):
     """A row for each body, as the caller has it: number k of body i lies at i * step + k."""
 
-    def addresses(self, at: Any) -> list[ir.Value]:
-        """Where number `at` of each body lies."""
+    def first(self, start: Any) -> list[ir.Value]:
         e, b = self.emitter, self.emitter.builder
-        first = b.add(b.mul(self.body, self.step), e.cast(at, "i", False)[0])
-        places = [first]
+        places = [b.add(b.mul(self.body, self.step), e.cast(start, "i", False)[0])]
         while len(places) < e.lanes:
             places.append(b.add(places[-1], self.step))
-        return [b.gep(self.pointer, [place], source_etype=F64) for place in places]
+        return [self.after(self.pointer, place) for place in places]
 
-    def load(self, at: Any) -> Any:
+    def load(self, first: list[ir.Value], i: int) -> Any:
         e, b = self.emitter, self.emitter.builder
-        values = [b.load(place, align=8, typ=F64) for place in self.addresses(at)]
+        values = [b.load(self.after(place, i), align=8, typ=F64) for place in first]
         if e.lanes == 1:
             return e.num(values)
         registers = []
@@ -80,12 +94,13 @@ class Rows(Array):
             registers.append(register)
         return e.num(registers)
 
-    def store(self, at: Any, x: Any) -> None:
+    def store(self, first: list[ir.Value], i: int, x: Any) -> None:
         e, b = self.emitter, self.emitter.builder
         values = e.cast(x, "f", e.lanes > 1)
-        for lane, place in enumerate(self.addresses(at)):
+        for lane, place in enumerate(first):
             value = values[lane // e.width]
-            b.store(b.extract_element(value, ir.Constant(I32, lane % e.width)) if e.lanes > 1 else value, place, align=8)
+            value = b.extract_element(value, ir.Constant(I32, lane % e.width)) if e.lanes > 1 else value
+            b.store(value, self.after(place, i), align=8)
 
 
 def arguments(emitter: Emitter, kinds: Any, function: ir.Function) -> list[Any]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import builtins
+import functools
 import operator
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -78,8 +79,6 @@ class Expressions(Loops):
     def expression(self, node: ast.expr, env: Env) -> Any:
         self.frames[-1].env = env  # what nested functions see
         match node:
-            case ast.Constant():
-                return node.value
             case ast.Name(id=name):
                 value, certain = self.frames[-1].value(name)
                 if certain is not True:
@@ -89,8 +88,18 @@ class Expressions(Loops):
                 return value
             case ast.Attribute():
                 return self.attribute(self.expression(node.value, env), node.attr)
+            case ast.Call():
+                function = self.expression(node.func, env)
+                if function in (any, all) and len(node.args) == 1 and isinstance(node.args[0], ast.GeneratorExp):
+                    return self.some_or_every(function, node.args[0], env)
+                args = self.items(node.args, env)
+                return self.call(function, *args, **{k.arg: self.expression(k.value, env) for k in _named(node)})
             case ast.BinOp():
                 return self.operate(node, self.expression(node.left, env), self.expression(node.right, env))
+            case ast.Subscript():
+                return self.item(self.expression(node.value, env), self.expression(node.slice, env))
+            case ast.Constant():
+                return node.value
             case ast.UnaryOp(op=ast.Not()):
                 return self.emitter.negation(self.truth(self.expression(node.operand, env)))
             case ast.UnaryOp():
@@ -101,16 +110,8 @@ class Expressions(Loops):
                 return self.comparison(node, env)
             case ast.IfExp():
                 return self.choice(node, env)
-            case ast.Subscript():
-                return self.item(self.expression(node.value, env), self.expression(node.slice, env))
             case ast.Slice():
                 return slice(*(self.expression(x, env) if x else None for x in (node.lower, node.upper, node.step)))
-            case ast.Call():
-                function = self.expression(node.func, env)
-                if function in (any, all) and len(node.args) == 1 and isinstance(node.args[0], ast.GeneratorExp):
-                    return self.some_or_every(function, node.args[0], env)
-                args = self.items(node.args, env)
-                return self.call(function, *args, **{k.arg: self.expression(k.value, env) for k in _named(node)})
             case ast.Tuple():
                 return tuple(self.items(node.elts, env))
             case ast.List():
@@ -288,21 +289,24 @@ class Expressions(Loops):
 
     def boolean(self, node: ast.BoolOp, env: Env) -> Any:
         """`a and b`, `a or b`: the operand that decides.  The second is computed in any case if that changes and risks nothing."""
-        first, *others = node.values
+        first = node.values[0]
         value, either = self.expression(first, env), isinstance(node.op, ast.Or)
         test = self.truth(value)
-        rest = ast.copy_location(ast.BoolOp(node.op, others), node) if len(others) > 1 else others[0]
+        rest = _others(node)
         if not isinstance(test, Num):
             return value if test is either else self.expression(rest, env)
-        forget, block, raises, before = self.mark(), self.builder.block, self.raises, dict(env)
-        other = self.expression(rest, env)
-        if self.builder.block is block and self.raises == raises and not any(isinstance(n, ast.NamedExpr) for n in ast.walk(rest)):
-            if all(isinstance(x, bool) or (isinstance(x, Num) and x.kind == "b") for x in (value, other)):
-                return self.emitter.logic("or_" if either else "and_", test, other)
-            return self.where(test, value, other) if either else self.where(test, other, value)
-        forget()
-        env.clear()
-        env.update(before)
+        if rest not in self.branching:
+            forget, block, raises, before = self.mark(), self.builder.block, self.raises, dict(env)
+            other = self.expression(rest, env)
+            walrus = any(isinstance(n, ast.NamedExpr) for n in ast.walk(rest))
+            if self.builder.block is block and self.raises == raises and not walrus:
+                if all(isinstance(x, bool) or (isinstance(x, Num) and x.kind == "b") for x in (value, other)):
+                    return self.emitter.logic("or_" if either else "and_", test, other)
+                return self.where(test, value, other) if either else self.where(test, other, value)
+            forget()
+            env.clear()
+            env.update(before)
+            self.branching.add(rest)
         known = Later(lambda: value)
         choice = ast.IfExp(Later(lambda: test), known, rest) if either else ast.IfExp(Later(lambda: test), rest, known)
         return self.choice(ast.copy_location(choice, node), env)
@@ -344,6 +348,13 @@ class Expressions(Loops):
         if isinstance(value, Undefined):
             raise NotCompilable(f"a choice: {value.reason}")
         return value
+
+
+@functools.cache
+def _others(node: ast.BoolOp) -> ast.expr:
+    """What comes after the first operand of `and` or `or`."""
+    _, *others = node.values
+    return ast.copy_location(ast.BoolOp(node.op, others), node) if len(others) > 1 else others[0]
 
 
 def _named(node: ast.Call) -> list[Any]:

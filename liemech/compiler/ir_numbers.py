@@ -104,6 +104,11 @@ class Emitter:
 
     def arithmetic(self, op: str, a: Any, b: Any) -> Num:
         """a + b, a - b, a * b, a / b, as Python has them: integers are exact, and nothing is divided by zero."""
+        pair = self._floats(a, b)
+        if pair:
+            if op == "div":
+                self.fail_if(self.zero(b))
+            return Num(self, tuple([self.builder.floats(f"f{op}", x, y) for x, y in zip(*pair)]), "f")
         kind, pair = self.alike(a, b, kind="f" if op == "div" else "i")
         if kind == "i":
             return self.integer(op, *map(self.num, pair))
@@ -118,6 +123,20 @@ class Emitter:
         result = self.each(getattr(self.builder, "f" + op), *pair)
         result.mixed = mixed
         return result
+
+    def _floats(self, a: Any, b: Any) -> tuple[Values, Values] | None:
+        """The registers of two floats of one type, one of which may be known now; None of all else."""
+        for x, other in ((a, b), (b, a)):
+            if type(x) is not Num:
+                if type(x) is not float or type(other) is not Num:
+                    return None
+            elif x.kind != "f" or x.mixed:
+                return None
+        if type(a) is float:
+            return self.constant(a, "f", b.varying).values, b.values
+        if type(b) is float:
+            return a.values, self.constant(b, "f", a.varying).values
+        return (a.values, b.values) if a.values[0].type is b.values[0].type else None
 
     def unmixed(self, what: str, *items: Any) -> None:
         """Refuse what integers and floats do differently: -0 is 0, -0.0 is not."""
@@ -360,6 +379,8 @@ class Num(StandIn):
         return self._binary("div", other, self)
 
     def _binary(self, op: str, a: Any, b: Any) -> Any:
+        if type(a) is Num and type(b) is Num:
+            return self.emitter.arithmetic(op, a, b)
         return self._of(functools.partial(self.emitter.arithmetic, op), a, b)
 
     def _of(self, function: Callable[..., Any], *items: Any) -> Any:

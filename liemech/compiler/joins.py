@@ -70,6 +70,8 @@ class Joins:
         self.emitter, self.builder, self.reads = emitter, emitter.builder, reads
         self.outliner: Any = None  # makes functions of formulas
         self.loop_forms: dict[Any, Any] = {}  # of loops met before: whether they are masked, and the types that changed
+        self.lasting: set[Any] = set()  # `while` loops met before whose number of turns the run decides
+        self.branching: set[ast.expr] = set()  # `and` and `or` met before whose second operand needs a branch
         self.frames: list[Frame] = []
         self.base: Any = None  # lanes for which the present code was entered (None: all)
         self.depth = 0  # enclosing conditions of the present call that differ between lanes

@@ -12,6 +12,7 @@ import contextlib
 import ctypes
 import dataclasses
 import functools
+import gc
 import hashlib
 import os
 import struct
@@ -297,10 +298,16 @@ def _translated(
     with _importing:
         from .outlined import LIMIT, SIDE_BY_SIDE, TooLong
 
-    if lanes > width():
-        with contextlib.suppress(TooLong):
-            return _translation(entry, kinds, lanes, given, SIDE_BY_SIDE)
-    return _translation(entry, kinds, min(lanes, width()), given, LIMIT)
+    collecting = gc.isenabled()
+    gc.disable()  # millions of small objects are made, none of which can go before the end
+    try:
+        if lanes > width():
+            with contextlib.suppress(TooLong):
+                return _translation(entry, kinds, lanes, given, SIDE_BY_SIDE)
+        return _translation(entry, kinds, min(lanes, width()), given, LIMIT)
+    finally:
+        if collecting:
+            gc.enable()
 
 
 def _translation(
@@ -317,7 +324,7 @@ def _translation(
         from .reads import Reads
         from .translation import Interpreter
 
-    module = ir.Module("liemech")
+    module = ir.Module("liemech", ir.Context())
     module.triple = llvm.triple()
     signature = ir.FunctionType(ir.VoidType(), [F64.as_pointer(), I64.as_pointer(), F64.as_pointer().as_pointer(), I64, I64, I64])
     function = ir.Function(module, signature, "loop")

@@ -25,6 +25,10 @@ SIGNATURE = ctypes.CFUNCTYPE(None, ctypes.c_char_p)
 NEAR = os.name != "nt"
 """Does code find its constants by their distance?  Else each one's address takes a register, and steps up to a fifth more time."""
 
+LONG = 20_000
+"""Lines from which a module gets the first of LLVM's levels of optimisation, not the second: the passes take half the time, the
+steps up to a hundredth more."""
+
 _numbers = itertools.count()
 _lock = threading.RLock()
 if hasattr(os, "register_at_fork"):
@@ -104,7 +108,7 @@ def _linker() -> Any:
 def _optimised(text: str) -> Any:
     module = llvm.parse_assembly(text)
     module.verify()
-    tuning = llvm.create_pipeline_tuning_options(speed_level=3)
+    tuning = llvm.create_pipeline_tuning_options(speed_level=2 if text.count("\n") < LONG else 1)
     tuning.loop_vectorization = tuning.slp_vectorization = False  # lanes are explicit; formulas are scalar on purpose
     passes = llvm.create_pass_builder(_target(), tuning)
     passes.getModulePassManager().run(module, passes)

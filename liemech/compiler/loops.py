@@ -14,7 +14,7 @@ from ..formulas.pytree import build, is_any_number, layout_of, leaves
 from .branches import Branches
 from .ir_numbers import Num
 from .joins import BROKEN, CONTINUED, LEFT, LIVE, NOBODY, Loop, Open, Promote, Retype, come_from, leveled
-from .scopes import Env, Undefined, changed_names, has
+from .scopes import Closure, Env, Undefined, breaks, changed_names, has
 
 UNROLL = 32  # a static loop with more turns than this stays a loop
 
@@ -82,8 +82,8 @@ class Loops(Branches):
                 del env[name]
         changed = {*changed_names(body), *counters}
         carried = sorted((changed | {*map(has, changed)}) & env.keys())
-        form = id(self.frames[-1].node), tuple([(name, _form(value)) for name, value in env.items()]), self.active(env) is None
-        masked, types = self.loop_forms.get(form, (False, {}))
+        form = self.frames[-1].node, forms(env), self.active(env) is None
+        masked, types = self.loop_forms.get(form, (self._parting(body), {}))
         types, promoted = dict(types), False
         while True:
             forget = self.mark()
@@ -103,6 +103,10 @@ class Loops(Branches):
                     masked = True
                 else:
                     types[wanted.number] = wanted.type
+
+    def _parting(self, body: list[ast.stmt]) -> bool:
+        """Will lanes leave a loop one after the other?  Where a formula has a `break`; that of a driver is for all of them."""
+        return self.emitter.lanes > 1 and len(self.frames) > 1 and breaks(body)
 
     def mark(self) -> Callable[[], None]:
         """A way back to this point: undoes everything emitted since, so that it can be translated in another way."""
@@ -239,9 +243,13 @@ class Loops(Branches):
         return True
 
 
+def forms(env: Env) -> Any:
+    """What a loop's translation may depend on in the variables: their structure, and the kinds of their numbers."""
+    return tuple([(name, _form(value)) for name, value in env.items()])
+
+
 def _form(value: Any) -> Any:
-    """What a loop's translation may depend on in a variable: its structure, and the kinds of its numbers."""
-    if isinstance(value, Undefined):
-        return None
+    if isinstance(value, (Undefined, Closure)):
+        return value.node if isinstance(value, Closure) else None
     layout = layout_of(value, is_any_number)
     return layout, tuple([(x.kind, x.varying, x.mixed) if isinstance(x, Num) else type(x) for x in leaves(value, layout)])

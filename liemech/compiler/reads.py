@@ -81,6 +81,8 @@ class Reads:
     def settled(self, *values: Any, inside: bool = False) -> None:
         """Refuse to let Python compute with objects (`inside`: or containers of such) whose code or content nobody has read."""
         for value in values:
+            if isinstance(value, StandIn) or type(value) in ATOMS:
+                continue
             foreign = id(value) in self._origins or of_python(type(value)) or isinstance(value, (type, types.FunctionType))
             if foreign and not tokens.known(value, inside):
                 what = getattr(value, "__qualname__", None) or f"an object of {type(value).__qualname__}"

@@ -26,6 +26,7 @@ CHANGES = ("append", "extend")
 """Methods that change a list: assignments to its name, in a formula."""
 
 
+@functools.cache
 def has(name: str) -> str:
     """The variable that tells whether another one, which has a value on some ways only, has one here."""
     return f"<has {name}>"
@@ -156,6 +157,13 @@ def changed_names(body: list[Any]) -> set[str]:
             case ast.Call(func=ast.Attribute(value=ast.Name(id=name), attr=method)) if method in CHANGES:
                 names.add(name)
     return names
+
+
+def breaks(body: list[ast.stmt]) -> bool:
+    """Do these statements leave the loop around them?"""
+    inner = [n for n in _of_scope(body) if isinstance(n, (ast.For, ast.While))]
+    own = {id(n) for loop in inner for n in _of_scope(loop.body)}
+    return any(isinstance(n, ast.Break) and id(n) not in own for n in _of_scope(body))
 
 
 def _body(node: Function) -> list[Any]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import copy
+import functools
 from collections.abc import Callable
 from typing import Any
 
@@ -12,7 +13,7 @@ from .expressions import Expressions
 from .ir_numbers import Num
 from .iterators import Stream
 from .joins import LIVE, NOBODY, RETURN, Open, Retype
-from .loops import UNROLL
+from .loops import UNROLL, forms
 from .scopes import CHANGES, Closure, Env, Frame, has
 
 
@@ -58,7 +59,7 @@ class Statements(Expressions):
                 if node.value:
                     self.assign(node.target, self.expression(node.value, env), env)
             case ast.AugAssign():
-                old = self.expression(ast.parse(ast.unparse(node.target), mode="eval").body, env)
+                old = self.expression(_value(node.target), env)
                 if isinstance(old, list):
                     self.unshared(old, node.target, env)
                 self.assign(node.target, self.operate(node, old, self.expression(node.value, env)), env)
@@ -185,16 +186,19 @@ class Statements(Expressions):
             return value
 
         def too_many(variables: Env) -> Any:
-            raise Retype(None)
+            raise Retype(UNROLL)
 
-        if not isinstance(node.test, ast.Constant):
+        form = node, forms(env)
+        if not isinstance(node.test, ast.Constant) and form not in self.lasting:
             forget, before = self.mark(), dict(env)
             try:
                 return self.written_out([*[turn] * UNROLL, too_many], node.body, env)
-            except Retype:
+            except Retype as wanted:
                 forget()
                 env.clear()
                 env.update(before)
+                if wanted.number is None:
+                    self.lasting.add(form)
         return self.loop(test, lambda variables: None, node.body, env)
 
     def for_loop(self, node: ast.For, env: Env) -> bool:
@@ -262,6 +266,12 @@ class _Breaks(ast.NodeTransformer):
 
     def visit_FunctionDef(self, node: Any) -> Any:
         return node
+
+
+@functools.cache
+def _value(target: ast.expr) -> ast.expr:
+    """What is assigned to, as an expression."""
+    return ast.parse(ast.unparse(target), mode="eval").body
 
 
 def _lines(found: Any) -> list[Any]:

@@ -173,10 +173,19 @@ HALF_PI = 1.5707963267948966, 6.123233995736766e-17, -1.4973849048591698e-33, 5.
 LN_2 = 0.6931471805599453, 2.3190468138462996e-17, 5.707708438416212e-34, -3.5824322106018114e-50
 SHIFT = 1.5 * 2.0**52
 
+LARGEST_ANGLE = 2.0**60
+"""Up to here the words of pi/2 tell how many turns an angle has."""
+
+
+def _whole(x: Any) -> Any:
+    """The whole number next to x; beyond 2^51 one nearby, off by 2^-53 of x at most."""
+    shift = f.copysign(SHIFT, x)
+    return (x + shift) - shift
+
 
 def _reduced(x: Any, words: tuple[float, ...]) -> tuple[Any, Any]:
     """The whole k next to x over a constant, and what is left, x - k constant."""
-    k = (x.value * (1.0 / words[0]) + SHIFT) - SHIFT
+    k = _whole(x.value * (1.0 / words[0]))
     rest = x
     for word in words:
         rest = rest - DoubleDouble(*two_product(k, word))
@@ -184,14 +193,21 @@ def _reduced(x: Any, words: tuple[float, ...]) -> tuple[Any, Any]:
 
 
 def sin_cos(x: Any) -> tuple[Any, Any]:
-    """Sine and cosine, by the distance from the nearest quarter turn."""
-    k, r = _reduced(x, HALF_PI)
+    """Sine and cosine, by the distance from the nearest quarter turn; nan beyond LARGEST_ANGLE."""
+    many, near = _reduced(x, HALF_PI)
+    few, r = _reduced(near, HALF_PI)  # 0 quarters, unless there were more than 2^51
+    r = r + f.sqrt(-1.0 * (abs(x.value) > LARGEST_ANGLE))  # the root of -1 is nan
     square = r * r
     s, c = r * series(square, SINE, 8), series(square, COSINE, 8)
-    quarter = k - 4.0 * ((0.25 * k + SHIFT) - SHIFT)  # -2, -1, 0, 1 or 2
+    quarter = _modulo_4(_modulo_4(many) + few)
     odd = 1.0 * (abs(quarter) == 1.0)
     back = 1.0 - 2.0 * (abs(quarter) == 2.0)  # half a turn changes both signs
     return (back * (1.0 - odd)) * s + (quarter * odd) * c, (back * (1.0 - odd)) * c - (quarter * odd) * s
+
+
+def _modulo_4(k: Any) -> Any:
+    """A whole number less a multiple of 4 near it, up to 2^53 the next one: -2, -1, 0, 1 or 2."""
+    return k - 4.0 * _whole(0.25 * k)
 
 
 def _sin(x: Any) -> Any:

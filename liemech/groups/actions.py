@@ -30,7 +30,7 @@ class LeftMultiplication(GroupAction):
 
     @property
     def point_shape(self) -> tuple[int, ...]:
-        """That of elements."""
+        """The shape of elements."""
         return self.group.element_shape
 
     def infinitesimal(self, xi: Vec, x: Element) -> Element:
@@ -44,7 +44,7 @@ class LeftMultiplication(GroupAction):
         return self.group.compose(self.group.exp(xi), x)
 
     def defect(self, x: Ambient) -> float:
-        """That of the group.  x : shaped like an element."""
+        """The defect of the group.  x : shaped like an element."""
         return self.group.defect(x)
 
     def contains(self, x: Ambient) -> bool:

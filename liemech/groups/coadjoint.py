@@ -102,7 +102,11 @@ class CoadjointAction(Representation):
             elements = self.group.random(rng, size)
         except (InvalidInput, InvalidType) as error:
             raise type(error)(f"{type(self).__name__}.random_on_orbit: {str(error).partition(': ')[2]}") from None
-        return np.asarray(self.group.K(elements, self._momentum(mu, "random_on_orbit")))
+        momentum = self._momentum(mu, "random_on_orbit")
+        try:
+            return np.asarray(self.group.K(elements, momentum))
+        except InvalidInput as error:
+            raise InvalidInput(f"{type(self).__name__}.random_on_orbit: {error}") from None
 
     @final
     def poisson_bracket(self, F: Callable[[Any], Any], G: Callable[[Any], Any]) -> Callable[[Any], Any]:

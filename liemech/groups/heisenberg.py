@@ -64,7 +64,7 @@ class HeisenbergAlgebra(MatrixLieAlgebra):
         return self.dexp_inv_dual(xi, mu, side)
 
     def cayley_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float | Mat, Mat]:
-        """As for the exponential."""
+        """The residual of the exponential: the Cayley map is the same."""
         return self.exp_residual(xi, p, mu)
 
 

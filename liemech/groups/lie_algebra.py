@@ -329,7 +329,7 @@ class LieAlgebra(Record):
 
     @cached_property
     def _matrix_shape(self) -> tuple[int, ...] | None:
-        """That of the matrices hat(xi), where there are such."""
+        """The shape of the matrices hat(xi), where there are such."""
         try:
             return np.shape(self.hat(vec(*[0.0] * self.dim)))
         except NotDefined:

@@ -36,6 +36,21 @@ OF_THE_ALGEBRA = {
 """What depends on velocities and momenta alone: closed forms stand in the class of the algebra."""
 
 
+def _of_one_momentum(formula: Callable[..., Any]) -> Callable[..., Any]:
+    """A method of one momentum, which is looked at first."""
+
+    @functools.wraps(formula)
+    def method(self: LieGroup, mu: Any) -> Any:
+        name = f"{type(self).__name__}.{formula.__name__}: mu"
+        momentum = real_array(mu, name)
+        if momentum.shape != (self.dim,):
+            raise InvalidInput(f"{name} must be one momentum, of shape ({self.dim},); got shape {momentum.shape}")
+        check_finite(momentum, name)
+        return formula(self, momentum)
+
+    return method
+
+
 @record
 class LieGroup(Record):
     """A Lie group acting on itself from the left: velocities are left-trivialised, xi = g^-1 g', momenta those of the body.
@@ -168,6 +183,7 @@ class LieGroup(Record):
         """How many components in a row share a physical unit: (3, 3) on SE(3), angular and linear momenta."""
         return (self.dim,)
 
+    @_of_one_momentum
     def further_invariants(self, mu: Any) -> tuple[float, ...] | None:
         """What tells the coadjoint orbit through mu from others of its dimension with the same Casimirs; () if there are none.
 
@@ -306,21 +322,6 @@ class LieGroup(Record):
                 reason = self.objection(value)
             return reason and f"is not in {self!r}: {reason}"
         return objection(argument, value)
-
-
-def _of_one_momentum(formula: Callable[..., Any]) -> Callable[..., Any]:
-    """A method of one momentum, which is looked at first."""
-
-    @functools.wraps(formula)
-    def method(self: LieGroup, mu: Any) -> Any:
-        name = f"{type(self).__name__}.{formula.__name__}: mu"
-        momentum = real_array(mu, name)
-        if momentum.shape != (self.dim,):
-            raise InvalidInput(f"{name} must be one momentum, of shape ({self.dim},); got shape {momentum.shape}")
-        check_finite(momentum, name)
-        return formula(self, momentum)
-
-    return method
 
 
 def _flat(rate: Any) -> Vec:

@@ -169,12 +169,12 @@ class MatrixBasis:
 
     @cached_property
     def hat_terms(self) -> tuple[tuple[tuple[Terms, Terms], ...], ...]:
-        """Of each entry of hat(xi) the terms (coefficient, i) of real and imaginary part."""
+        """For each entry of hat(xi), the terms (coefficient, i) of real and imaginary part."""
         return self._entries(self.columns.toarray())
 
     @cached_property
     def covector_terms(self) -> tuple[tuple[tuple[Terms, Terms], ...], ...]:
-        """Of each entry of sum_i mu_i V_i the terms (coefficient, i) of real and imaginary part."""
+        """For each entry of sum_i mu_i V_i, the terms (coefficient, i) of real and imaginary part."""
         return self._entries(self.rows.toarray().T)
 
     def _entries(self, columns: np.ndarray) -> Any:
@@ -184,12 +184,12 @@ class MatrixBasis:
 
     @cached_property
     def vee_terms(self) -> tuple[Terms, ...]:
-        """Of each coordinate the terms (coefficient, row, column, 0 or 1 for the imaginary part)."""
+        """For each coordinate, the terms (coefficient, row, column, 0 or 1 for the imaginary part)."""
         return self._readings(self.rows.toarray())
 
     @cached_property
     def pairing_terms(self) -> tuple[Terms, ...]:
-        """Of each Re tr(M^H E_i) the terms (coefficient, row, column, 0 or 1 for the imaginary part)."""
+        """For each Re tr(M^H E_i), the terms (coefficient, row, column, 0 or 1 for the imaginary part)."""
         return self._readings(self.columns.toarray().T)
 
     def _readings(self, rows: np.ndarray) -> tuple[Terms, ...]:
@@ -200,13 +200,13 @@ class MatrixBasis:
 
     @cached_property
     def bracket_terms(self) -> tuple[Terms, ...]:
-        """Of each component of [x, y] the terms (c, i, j), standing for c (x_i y_j - x_j y_i) with c > 0."""
+        """For each component of [x, y], the terms (c, i, j), standing for c (x_i y_j - x_j y_i) with c > 0."""
         upper = [products(np.triu(c, 1)) for c in self.structure_constants]
         return tuple(tuple((v, i, j) if v > 0 else (-v, j, i) for v, i, j in terms) for terms in upper)
 
     @cached_property
     def ad_star_terms(self) -> tuple[Terms, ...]:
-        """Of each component of ad*_x mu the terms (c, i, k), standing for c x_i mu_k."""
+        """For each component of ad*_x mu, the terms (c, i, k), standing for c x_i mu_k."""
         return tuple(products(c.T) for c in self.structure_constants.transpose(2, 0, 1))
 
     @cached_property
@@ -228,7 +228,7 @@ class MatrixBasis:
 
     @cached_property
     def triple_terms(self) -> tuple[Terms, ...]:
-        """Of each coordinate of x y x the terms (c, i, l, j), i <= l, standing for c x_i x_l y_j."""
+        """For each coordinate of x y x, the terms (c, i, l, j), i <= l, standing for c x_i x_l y_j."""
         e = self.generators
         t = self.vee(np.einsum("iab,jbc,lcd->ijlad", e, e, e))
         t = clean(t + t.transpose(2, 1, 0, 3)).transpose(3, 0, 2, 1)  # [k, i, l, j]
@@ -239,7 +239,7 @@ class MatrixBasis:
 
     @cached_property
     def triple_dual_terms(self) -> tuple[Terms, ...]:
-        """Of each component of the dual of y -> x y x, applied to mu, the terms (c, i, l, k), standing for c x_i x_l mu_k."""
+        """For each component of the dual of y -> x y x, applied to mu, the terms (c, i, l, k), standing for c x_i x_l mu_k."""
         found: list[list[Any]] = [[] for _ in range(self.dim)]
         for k, terms in enumerate(self.triple_terms):
             for c, i, l, j in terms:

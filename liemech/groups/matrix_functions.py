@@ -200,7 +200,8 @@ def sqrtm(a: Mat) -> Mat:
     """
     m, y, turns = a, a, 0.0
     error2 = frobenius2(plus(m, -1.0))
-    while error2 > 1e-18 and turns < 60.0:
+    enough = 1e-33 if is_long(error2) else 1e-18  # the last line squares the error
+    while error2 > enough and turns < 60.0:
         back = inverse(m)
         y = 0.5 * (y + y @ back)
         m = plus(0.25 * (m + back), 0.5)

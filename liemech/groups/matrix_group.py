@@ -97,7 +97,7 @@ class MatrixLieGroup(LieGroup):
 
     @cached_property
     def _form(self) -> tuple[tuple[float, ...], tuple[float, ...]] | None:
-        """Of an invariant form that is diagonal with entries 1 and -1, the diagonals of its inverse and of itself."""
+        """The diagonals of the inverse of an invariant form and of the form itself, if it is diagonal with entries 1 and -1."""
         for b in self.invariants.hermitian if self.generated.complex else self.invariants.forms:
             diagonal = np.diag(b)
             if np.array_equal(b, np.diag(diagonal)) and (np.abs(diagonal) == 1.0).all() and not np.any(np.imag(diagonal)):

@@ -131,7 +131,7 @@ def _freedom(laws: Invariants, n: int, complex_: bool) -> int:
 
 
 def objections(laws: Invariants, basis: MatrixBasis | None, g: np.ndarray) -> list[tuple[float, str]]:
-    """By how much, relative to the size of an element, each law is broken, and words for it.  g : (n, n)."""
+    """How far each law is broken, relative to the size of an element, and words for it.  g : (n, n)."""
     size, star = max(1.0, float(np.linalg.norm(g)) / len(g) ** 0.5), np.conj(g).T
     found: list[tuple[float, str]] = []
 

@@ -27,12 +27,12 @@ class OppositeAlgebra(LieAlgebra):
 
     @property
     def dim(self) -> int:
-        """That of the algebra."""
+        """The dimension of the algebra."""
         return self.algebra.dim
 
     @property
     def invariant_form(self) -> np.ndarray | None:
-        """That of the algebra."""
+        """The invariant form of the algebra."""
         return self.algebra.invariant_form
 
     def bracket(self, xi: Vec, eta: Vec) -> Vec:
@@ -50,23 +50,23 @@ class OppositeAlgebra(LieAlgebra):
         return self.algebra.exp_Ad_star(-xi, mu)
 
     def dexp(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """That of the other side."""
+        """The differential of exp on the algebra, trivialised on the other side."""
         return self.algebra.dexp(xi, eta, _other(side))
 
     def dexp_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """That of the other side."""
+        """The dual differential of exp on the algebra, trivialised on the other side."""
         return self.algebra.dexp_dual(xi, mu, _other(side))
 
     def dexp_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """That of the other side."""
+        """The inverse differential of exp on the algebra, trivialised on the other side."""
         return self.algebra.dexp_inv(xi, eta, _other(side))
 
     def dexp_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """That of the other side."""
+        """The dual of the inverse differential of exp on the algebra, trivialised on the other side."""
         return self.algebra.dexp_inv_dual(xi, mu, _other(side))
 
     def dexp_inv_series(self, xi: Vec, eta: Vec, terms: int, side: str = "right") -> Vec:
-        """That of the other side."""
+        """The series of the inverse differential of exp on the algebra, trivialised on the other side."""
         return self.algebra.dexp_inv_series(xi, eta, terms, _other(side))
 
     def is_exp_chart(self, xi: Vec) -> bool:
@@ -74,7 +74,7 @@ class OppositeAlgebra(LieAlgebra):
         return self.algebra.is_exp_chart(xi)
 
     def exp_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float | Mat, Mat]:
-        """That at -xi."""
+        """The residual of exp on the algebra, at -xi."""
         r, by_p, by_xi = self.algebra.exp_residual(-xi, p, mu)
         return r, by_p, -by_xi
 
@@ -85,23 +85,23 @@ class OppositeAlgebra(LieAlgebra):
         return self.algebra.cayley_Ad_star(-xi, mu)
 
     def dcayley(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """That of the other side."""
+        """The differential of the Cayley map on the algebra, trivialised on the other side."""
         return self.algebra.dcayley(xi, eta, _other(side))
 
     def dcayley_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """That of the other side."""
+        """The dual differential of the Cayley map on the algebra, trivialised on the other side."""
         return self.algebra.dcayley_dual(xi, mu, _other(side))
 
     def dcayley_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """That of the other side."""
+        """The inverse differential of the Cayley map on the algebra, trivialised on the other side."""
         return self.algebra.dcayley_inv(xi, eta, _other(side))
 
     def dcayley_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """That of the other side."""
+        """The dual of the inverse differential of the Cayley map on the algebra, trivialised on the other side."""
         return self.algebra.dcayley_inv_dual(xi, mu, _other(side))
 
     def cayley_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float | Mat, Mat]:
-        """That at -xi."""
+        """The residual of the Cayley map on the algebra, at -xi."""
         r, by_p, by_xi = self.algebra.cayley_residual(-xi, p, mu)
         return r, by_p, -by_xi
 
@@ -193,32 +193,32 @@ class OppositeGroup(LieGroup):
     # momenta and arrays
 
     def casimirs(self, mu: Vec) -> Vec:
-        """Those of the group: the orbits are the same."""
+        """The Casimirs of the group: the orbits are the same."""
         return self.group.casimirs(mu)
 
     @property
     def unit_blocks(self) -> tuple[int, ...]:
-        """Those of the group."""
+        """The blocks of equal units of the group."""
         return self.group.unit_blocks
 
     def further_invariants(self, mu: Any) -> tuple[float, ...] | None:
-        """Those of the group."""
+        """The further invariants of the group."""
         return self.group.further_invariants(mu)
 
     def defect(self, g: Ambient) -> float:
-        """That of the group."""
+        """The defect of the group."""
         return self.group.defect(g)
 
     def objection(self, g: np.ndarray) -> str | None:
-        """That of the group."""
+        """The objection of the group."""
         return self.group.objection(g)
 
     def scale(self, g: Element | None) -> Vec:
-        """That of the group."""
+        """The scale of the group."""
         return self.group.scale(g)
 
     def nearest(self, g: Ambient) -> Element:
-        """That of the group."""
+        """The nearest elements of the group."""
         return self.group.nearest(g)
 
     def random(

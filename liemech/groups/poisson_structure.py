@@ -297,7 +297,7 @@ class LiePoissonStructure(PoissonStructure):
 
     @property
     def dim(self) -> int:
-        """That of the group."""
+        """The dimension of the group."""
         return self.group.dim
 
     @property
@@ -311,7 +311,7 @@ class LiePoissonStructure(PoissonStructure):
         return B if self.sign == -1 else -B
 
     def casimirs(self, y: Vec) -> Vec:
-        """Those of the group.  y : (dim,)."""
+        """The Casimirs of the group.  y : (dim,)."""
         return self.group.casimirs(y)
 
     def sharp(self, y: Vec, a: Vec) -> Vec:
@@ -365,4 +365,4 @@ def like_sizes(array: np.ndarray) -> np.ndarray:
 
 
 TURNS = 100
-"""Of looking for units; each halves the orders of magnitude that are left."""
+"""The most rounds of the search for units; each halves the orders of magnitude that are left."""

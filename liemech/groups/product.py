@@ -209,26 +209,26 @@ class ProductGroup(LieGroup):
         return self._each(lambda f, a, m: f.Ad_star(a, m), self._elements(g), self._parts(mu))
 
     def body_velocity(self, g: Element, rate: Ambient) -> Vec:
-        """That of each factor."""
+        """The body velocities of the factors."""
         return self._each(lambda f, a, r: f.body_velocity(a, r), self._elements(g), self._elements(rate))
 
     def casimirs(self, mu: Vec) -> Vec:
-        """Those of the factors."""
+        """The Casimirs of the factors."""
         return self._each(lambda f, m: f.casimirs(m), self._parts(mu))
 
     @property
     def unit_blocks(self) -> tuple[int, ...]:
-        """Those of the factors."""
+        """The blocks of equal units of the factors."""
         return tuple(size for factor in self.factors for size in factor.unit_blocks)
 
     def further_invariants(self, mu: Any) -> tuple[float, ...] | None:
-        """Those of the factors, if each of them knows."""
+        """The further invariants of the factors, if each of them knows."""
         ends = np.cumsum([factor.dim for factor in self.factors])
         found = [f.further_invariants(part) for f, part in zip(self.factors, np.split(mu, ends[:-1]), strict=True)]
         return None if None in found else tuple(x for known in found for x in known or ())
 
     def scale(self, g: Element | None) -> Vec:
-        """Those of the factors."""
+        """The scales of the factors."""
         if g is None:
             return self._each(lambda f: f.scale(None))
         return self._each(lambda f, a: f.scale(a), self._elements(g))
@@ -255,7 +255,7 @@ class ProductGroup(LieGroup):
         return None
 
     def nearest(self, g: Ambient) -> Element:
-        """Those of the factors."""
+        """The nearest elements of the factors."""
         return self._each(lambda f, a: f.nearest(a), self._elements(g))
 
     def random(self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()) -> np.ndarray:

@@ -236,7 +236,7 @@ class RotationAction(AdjointAction):
         return (4.0 / (4.0 + dot(xi, xi))) * (x + (0.5 * cross(xi, x) + (0.25 * dot(xi, x)) * xi))
 
     def half_inverse_dual(self, xi: Vec, p: Vec) -> Vec:
-        """That of -xi.  xi, p : (3,)."""
+        """The dual of the inverse of -xi.  xi, p : (3,)."""
         return self.half_inverse(-xi, p)
 
     def invariants(self, mu: Vec, p: Vec) -> Vec:
@@ -275,7 +275,7 @@ def averaged(by: Callable[..., Any], exp_by: Callable[..., Any], size2: float, x
     tiny, one = digits(size2)
     term, k = by(0.5 * xi, x), 2.0
     total = x + term
-    before, bound = 1.0, 0.25 * size2  # squares: a nilpotent part makes a term as large as the one before would let expect
+    before, bound = 1.0, 0.25 * size2  # squares; a nilpotent part can keep the next term as large as this one
     while before > tiny and k < 64.0:
         k = k + 1.0
         term = by((one / k) * xi, term)

@@ -13,7 +13,7 @@ double x, next to the zeros of sinc and versine and to the pole too: below 1.5 e
 (derivatives: 3 eps of their terms).
 
 The comparison `x <= LIMIT` needs a number.  For symbols, put the closed forms of the docstrings in the place of these
-functions at the border; a branch for them here would cost every step.
+functions; a branch for them here would cost every step.
 
 Source: Iserles, Munthe-Kaas, Norsett, Zanna, Lie-group methods, Acta Numerica 9 (2000), appendix B; sinc, versine and
 segment are the Stumpff functions c_1, c_2, c_3 of celestial mechanics.

@@ -126,11 +126,11 @@ class SE2Algebra(LieAlgebra):
         return mu + (_signed(-0.5, side) * self.ad_star(xi, mu) + vec(0.25 * xi[0] * pairing, 0.0, 0.0))
 
     def cayley_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
-        """r = (4 + w^2) p - 4 mu - 2 ad*_xi mu,  dr/dp = 4 + w^2,  dr/dxi = 2 w p e_1^T - 2 B(mu)."""
-        scale = 4.0 + xi[0] * xi[0]
-        r = scale * p - (4.0 * mu + 2.0 * self.ad_star(xi, mu))
+        """r = 4 (p - mu) + w^2 p - 2 ad*_xi mu,  dr/dp = 4 + w^2,  dr/dxi = 2 w p e_1^T - 2 B(mu)."""
+        square = xi[0] * xi[0]
+        r = 4.0 * (p - mu) + (square * p - 2.0 * self.ad_star(xi, mu))
         by_xi = outer((2.0 * xi[0]) * p, vec(1.0, 0.0, 0.0)) - 2.0 * self.poisson_structure(mu)
-        return r, scale, by_xi
+        return r, 4.0 + square, by_xi
 
 
 @record
@@ -311,7 +311,7 @@ def _advanced(g: Mat, c: float, s: float, x: float, y: float) -> Mat:
 
 
 def _exp_less_one(xi: Vec) -> tuple[float, float, float, float]:
-    """Of exp(xi): cosine less one, sine, displacement."""
+    """The parts of exp(xi): cosine less one, sine, displacement."""
     w, v, u = xi[0], xi[1], xi[2]
     a, b = exp_coefficients(w * w, vec(w))
     across = w * b
@@ -324,7 +324,7 @@ def _cayley_factor(xi: Vec) -> float:
 
 
 def _cayley_less_one(xi: Vec) -> tuple[float, float, float, float]:
-    """Of cay(xi): cosine less one, sine, displacement."""
+    """The parts of cay(xi): cosine less one, sine, displacement."""
     w, v, u = xi[0], xi[1], xi[2]
     if w * w >= HUGE:  # half a turn, nearly
         return -2.0, 4.0 / w, (-2.0 / w) * u, (2.0 / w) * v

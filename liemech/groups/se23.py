@@ -54,27 +54,27 @@ class SE23Algebra(LieAlgebra):
     # the exponential
 
     def exp_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
-        """That of both rigid motions."""
+        """Ad*_exp(xi) of both rigid motions."""
         return _covector(SE3Algebra().exp_Ad_star, xi, mu)
 
     def dexp(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """That of both rigid motions."""
+        """The differential of exp of both rigid motions."""
         return _vector(lambda x, y: SE3Algebra().dexp(x, y, side), xi, eta)
 
     def dexp_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """That of both rigid motions."""
+        """The dual differential of exp of both rigid motions."""
         return _covector(lambda x, m: SE3Algebra().dexp_dual(x, m, side), xi, mu)
 
     def dexp_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """That of both rigid motions.  Raises OutsideChart unless |w| < 2 pi."""
+        """The inverse differential of exp of both rigid motions.  Raises OutsideChart unless |w| < 2 pi."""
         return _vector(lambda x, y: SE3Algebra().dexp_inv(x, y, side), xi, eta)
 
     def dexp_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """That of both rigid motions.  Raises OutsideChart unless |w| < 2 pi."""
+        """The dual of the inverse differential of exp of both rigid motions.  Raises OutsideChart unless |w| < 2 pi."""
         return _covector(lambda x, m: SE3Algebra().dexp_inv_dual(x, m, side), xi, mu)
 
     def dexp_inv_series(self, xi: Vec, eta: Vec, terms: int, side: str = "right") -> Vec:
-        """That of both rigid motions."""
+        """The series of the inverse differential of exp of both rigid motions."""
         return _vector(lambda x, y: SE3Algebra().dexp_inv_series(x, y, terms, side), xi, eta)
 
     def is_exp_chart(self, xi: Vec) -> bool:
@@ -82,33 +82,33 @@ class SE23Algebra(LieAlgebra):
         return SO3Algebra().is_exp_chart(thirds(xi)[0])
 
     def exp_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
-        """That of both rigid motions; dr/dxi is [[B_1 + B_2, A_1, A_2], [A_1, 0, 0], [A_2, 0, 0]]."""
+        """The residual of exp of both rigid motions; dr/dxi is [[B_1 + B_2, A_1, A_2], [A_1, 0, 0], [A_2, 0, 0]]."""
         return _residual(SE3Algebra().exp_residual, xi, p, mu)
 
     # the Cayley map of 5 by 5 matrices
 
     def cayley_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
-        """That of both rigid motions."""
+        """Ad*_cay(xi) of both rigid motions."""
         return _covector(SE3Algebra().cayley_Ad_star, xi, mu)
 
     def dcayley(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """That of both rigid motions."""
+        """The differential of the Cayley map of both rigid motions."""
         return _vector(lambda x, y: SE3Algebra().dcayley(x, y, side), xi, eta)
 
     def dcayley_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """That of both rigid motions."""
+        """The dual differential of the Cayley map of both rigid motions."""
         return _covector(lambda x, m: SE3Algebra().dcayley_dual(x, m, side), xi, mu)
 
     def dcayley_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """That of both rigid motions."""
+        """The inverse differential of the Cayley map of both rigid motions."""
         return _vector(lambda x, y: SE3Algebra().dcayley_inv(x, y, side), xi, eta)
 
     def dcayley_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """That of both rigid motions."""
+        """The dual of the inverse differential of the Cayley map of both rigid motions."""
         return _covector(lambda x, m: SE3Algebra().dcayley_inv_dual(x, m, side), xi, mu)
 
     def cayley_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
-        """That of both rigid motions."""
+        """The residual of the Cayley map of both rigid motions."""
         return _residual(SE3Algebra().cayley_residual, xi, p, mu)
 
 
@@ -167,7 +167,7 @@ class SE23(LieGroup):
     # ---------------------------------------------------------------- membership
 
     def defect(self, g: Ambient) -> float:
-        """That of the rotation, and what the last rows are away from 0 0 0 1 0 and 0 0 0 0 1."""
+        """The defect of the rotation, and how far the last rows are from 0 0 0 1 0 and 0 0 0 0 1."""
         return max(defect(g), abs(g[3, 4]))
 
     def objection(self, g: np.ndarray) -> str | None:

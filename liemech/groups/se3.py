@@ -176,17 +176,18 @@ class SE3Algebra(LieAlgebra):
     def cayley_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
         """4 + |w|^2 times p - (dcay_xi)* mu, a polynomial; with N = Pi - v x P/2 and p = (l, m)
 
-            ( (4 + |w|^2) l - 4 N + 2 w x N,  (4 + |w|^2) m - 4 P + 2 w x P - w (w.P) ).
+            ( 4 (l - Pi) + |w|^2 l + 2 w x N + 2 v x P,  4 (m - P) + |w|^2 m + 2 w x P - w (w.P) ).
         """
         (w, v), (Pi, P), (l, m) = halves(xi), halves(mu), halves(p)
-        hat, scale, N = SO3Algebra().hat, 4.0 + dot(w, w), Pi - 0.5 * cross(v, P)
-        s, along, across = dot(w, P), dot(w, P) * w, cross(w, 2.0 * P)
-        r = join(scale * l + (cross(w, 2.0 * N) - 4.0 * N), scale * m + ((across - 4.0 * P) - along))
+        hat, square, arm, s = SO3Algebra().hat, dot(w, w), cross(v, P), dot(w, P)
+        N = Pi - 0.5 * arm
+        angular = 4.0 * (l - Pi) + ((square * l + cross(w, 2.0 * N)) + 2.0 * arm)
+        r = join(angular, 4.0 * (m - P) + ((square * m + cross(w, 2.0 * P)) - s * w))
         # (W - 2) hat(P) = P w^T - w.P - 2 hat(P)
         angular_by_w = outer(2.0 * l, w) - hat(2.0 * N)
         angular_by_v = plus(outer(P, w) - hat(2.0 * P), -s)
         linear_by_w = plus((outer(2.0 * m, w) - outer(w, P)) - hat(2.0 * P), -s)
-        return r, scale, _blocks(angular_by_w, angular_by_v, linear_by_w)
+        return r, 4.0 + square, _blocks(angular_by_w, angular_by_v, linear_by_w)
 
 
 @record
@@ -248,7 +249,7 @@ class SE3(LieGroup):
         return () if mu[3:].any() else (float(np.linalg.norm(mu[:3])),)
 
     def defect(self, g: Ambient) -> float:
-        """That of the rotation, and what the last row is away from 0 0 0 1."""
+        """The defect of the rotation, and how far the last row is from 0 0 0 1."""
         (a, b, c, _), (d, e, f, _), (p, q, r, _), (x, y, z, one) = g
         return max(rotation_defect(a, b, c, d, e, f, p, q, r), abs(x), abs(y), abs(z), abs(one - 1.0))
 
@@ -359,14 +360,14 @@ class SE3ByAdjointAlgebra(SE3Algebra):
     def cayley_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
         """4 + |w|^2 times p - (dcay_xi)* mu, that is, over dual numbers, with k = 1/(1 + eps 2 w.v/(4 + |w|^2)),
 
-        r = (4 + |w|^2) p + k (2 xi x mu - 4 mu).
+        r = (4 + |w|^2) p + k (2 xi x mu - 4 mu),  where (4 + |w|^2) p - 4 mu is 4 (p - mu) + |w|^2 p.
         """
         (w, v), (Pi, P), (l, m) = halves(xi), halves(mu), halves(p)
-        hat, scale = SO3Algebra().hat, 4.0 + dot(w, w)
+        hat, square, across = SO3Algebra().hat, dot(w, w), cross(w, 2.0 * P)
+        scale, first = 4.0 + square, across - 4.0 * P
         k = 2.0 * dot(w, v) / scale
-        first = cross(w, 2.0 * P) - 4.0 * P
-        second = (cross(w, 2.0 * Pi) + cross(v, 2.0 * P)) - 4.0 * Pi
-        r = join(scale * l + (second - k * first), scale * m + first)
+        second = (cross(w, 2.0 * Pi) + cross(v, 2.0 * P)) - k * first
+        r = join(4.0 * (l - Pi) + (square * l + second), 4.0 * (m - P) + (square * m + across))
         A = outer(2.0 * m, w) - hat(2.0 * P)
         by_v = hat(-2.0 * P) - outer(first, (2.0 / scale) * w)
         by_w = (outer(2.0 * l, w) - hat(2.0 * (Pi - k * P))) - outer(first, (2.0 / scale) * (v - k * w))

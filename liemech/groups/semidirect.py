@@ -29,7 +29,7 @@ class SemidirectAlgebra(LieAlgebra):
 
     @property
     def dim(self) -> int:
-        """That of the group and that of the vector space."""
+        """The dimension of the group plus that of the vector space."""
         return self.action.group.dim + self.action.space_dim
 
     @property
@@ -248,13 +248,13 @@ class SemidirectProduct(LieGroup):
         return vec(*self.acting.body_velocity(a, a_rate), *self.action.act(self.acting.inverse(a), x_rate))
 
     def casimirs(self, mu: Vec) -> Vec:
-        """Those that the action knows; for rotations p.p and mu.p."""
+        """The Casimirs that the action knows; for rotations p.p and mu.p."""
         m, p = self.algebra.parts(mu)
         return self.action.invariants(m, p)
 
     @property
     def unit_blocks(self) -> tuple[int, ...]:
-        """Those of the group, and the covector."""
+        """The blocks of equal units of the group, and the covector."""
         return (*self.acting.unit_blocks, self.action.space_dim)
 
     def further_invariants(self, mu: Any) -> tuple[float, ...] | None:
@@ -264,13 +264,13 @@ class SemidirectProduct(LieGroup):
         return () if mu[3:].any() else (float(np.linalg.norm(mu[:3])),)
 
     def scale(self, g: Element | None) -> Vec:
-        """That of the group, and 1 for the vector."""
+        """The scale of the group, and 1 for the vector."""
         return self._pairs.scale(g)
 
     # ---------------------------------------------------------------- membership
 
     def defect(self, g: Ambient) -> float:
-        """That of the group's part."""
+        """The defect of the group's part."""
         return self._pairs.defect(g)
 
     def objection(self, g: np.ndarray) -> str | None:

@@ -176,7 +176,7 @@ class SGal3(LieGroup):
     # ---------------------------------------------------------------- membership
 
     def defect(self, g: Ambient) -> float:
-        """That of the rotation, and what the last rows are away from 0 0 0 1 t and 0 0 0 0 1."""
+        """The defect of the rotation, and how far the last rows are from 0 0 0 1 t and 0 0 0 0 1."""
         return defect(g)
 
     def objection(self, g: np.ndarray) -> str | None:

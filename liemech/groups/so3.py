@@ -148,9 +148,13 @@ class SO3Algebra(LieAlgebra):
         return self.dcayley_inv(xi, mu, "left" if side == "right" else "right")
 
     def cayley_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
-        """r = (4 + |xi|^2) p + 2 xi x mu - 4 mu,  dr/dp = 4 + |xi|^2,  dr/dxi = 2 p xi^T - 2 hat(mu)."""
-        scale, twice = 4.0 + dot(xi, xi), 2.0 * mu
-        return scale * p + (cross(xi, twice) - 4.0 * mu), scale, outer(2.0 * p, xi) - self.hat(twice)
+        """r = 4 (p - mu) + |xi|^2 p + 2 xi x mu,  dr/dp = 4 + |xi|^2,  dr/dxi = 2 p xi^T - 2 hat(mu).
+
+        p - mu is small and exact, so that r rounds by the size of xi and not by that of mu.
+        """
+        square, twice = dot(xi, xi), 2.0 * mu
+        r = 4.0 * (p - mu) + (square * p + cross(xi, twice))
+        return r, 4.0 + square, outer(2.0 * p, xi) - self.hat(twice)
 
 
 @record

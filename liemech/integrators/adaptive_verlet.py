@@ -99,7 +99,7 @@ class AdaptiveVerlet(Method):
         return Adapted(state, inner.force(q, p), inner.potential(q), scale, sigma.slope(inner, q))
 
     def _kinetic(self, inner: Any, q: Vec, a: Vec, c: Vec, h: float) -> float:
-        """The b = T(a + b c) that is T(a) where c is zero."""
+        """The solution b of b = T(a + b c) that is T(a) where c is zero."""
         linear = dot(c, inner.velocity(q, a)) - 1.0
         square = 0.5 * dot(c, inner.velocity(q, c) - inner.velocity(q, 0.0 * c))
         constant = inner.kinetic(a)
@@ -109,7 +109,7 @@ class AdaptiveVerlet(Method):
         return 2.0 * constant / (sqrt(discriminant) - linear)
 
     def _scale(self, inner: Any, sigma: Any, q: Vec, v: Vec, scale: float, slope: Vec, half: float) -> float:
-        """The s = sigma(q + half (scale + s) v) that is `scale` where half is zero, by Newton's method."""
+        """The solution s of s = sigma(q + half (scale + s) v) that is `scale` where half is zero, by Newton's method."""
         guess = scale + 2.0 * half * scale * dot(slope, v)
         s, done = guess if guess > 0.0 else scale, False
         for _ in range(LIMIT):

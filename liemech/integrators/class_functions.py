@@ -80,7 +80,9 @@ class ClassFunction(Record):
 
 @record
 class InvariantForm(ClassFunction):
-    """Of an invariant form, P(xi) = F xi:  S_0 = (xi, xi)/2 for the exponential, 2 log(1 + |xi|^2/4) for the Cayley map on so(3).
+    """The class function of an invariant form, P(xi) = F xi.
+
+    S_0 is (xi, xi)/2 for the exponential, 2 log(1 + |xi|^2/4) for the Cayley map on so(3).
 
     form : F, (dim, dim), symmetric, regular, invariant under ad; by default `algebra.invariant_form`: |xi|^2 on so(3), the Klein
     form w.v on se(3).  The Heisenberg algebra has none.
@@ -140,7 +142,7 @@ class InvariantForm(ClassFunction):
         return _times(self._form(group), _chart(group, retraction, xi, u))
 
     def size(self, group: LieGroup, retraction: Retraction, mu: Vec) -> float:
-        """The turning of F^-1 mu, for the exponential over 3: half a turn, nearly.  mu : (dim,)."""
+        """The angle of F^-1 mu, over 3 (nearly half a turn) for the exponential.  mu : (dim,)."""
         return _ratio(group, self._raised(group, mu), 3.0 if isinstance(retraction, Exponential) else self.reach)
 
     def _raised(self, group: LieGroup, mu: Vec) -> Vec:
@@ -210,7 +212,7 @@ class TraceOfAd(ClassFunction):
         return self._trace(group, self._rows(group, retraction, xi))
 
     def turn(self, group: LieGroup, retraction: Retraction, mu: Vec) -> Vec:
-        """By Newton's method.  mu : (dim,).  Raises OutsideChart."""
+        """The xi with P = mu, by Newton's method.  mu : (dim,).  Raises OutsideChart."""
         first = self._first(group, mu)
         xi, size, enough, _ = newton(lambda x: self._excess(group, retraction, x, mu), first, dot(mu, mu))
         if not size <= enough:
@@ -229,7 +231,7 @@ class TraceOfAd(ClassFunction):
         return self._trace(group, rows)
 
     def size(self, group: LieGroup, retraction: Retraction, mu: Vec) -> float:
-        """The turning of the xi that the Killing form gives, over 1/2: the slope of P is regular up to pi/2.  mu : (dim,)."""
+        """The angle of the xi that the Killing form gives, over 1/2: the slope of P is regular up to pi/2.  mu : (dim,)."""
         return _ratio(group, self._first(group, mu), self.reach)
 
     def _first(self, group: LieGroup, mu: Vec) -> Vec:
@@ -262,14 +264,14 @@ class TraceOfAd(ClassFunction):
 
 
 def _ratio(group: LieGroup, xi: Vec, reach: float) -> float:
-    """The turning of xi over a reach; of a displacement that does not turn its length, and 1 for none."""
+    """The angle of xi over a reach.  A displacement that does not turn counts by its length, and zero as 1."""
     angle = _turning(group, xi)
     length = where(angle > 0.0, angle, norm(xi))
     return where(length > 0.0, length / reach, 1.0)
 
 
 def _turning(group: LieGroup, xi: Vec) -> float:
-    """An angle, whatever the units: of a rotation or a screw its own, else |ad_xi|_F/sqrt 2.
+    """The angle of a displacement, the same in all units: that of a rotation or a screw, else |ad_xi|_F/sqrt 2.
 
     The latter is no less than any eigenvalue of ad_xi on a semisimple algebra, where these come in pairs of opposite sign.
     Source: Horn and Johnson, Matrix Analysis, 2nd ed., theorem 2.3.1 and inequality (2.3.2a) (Schur).
@@ -301,7 +303,7 @@ def _flaw(group: LieGroup, form: np.ndarray) -> str | None:
 
 
 def _is_class_function(group: LieGroup, retraction: Retraction, form: Mat) -> bool:
-    """Is dS = (dtau_xi)* F xi the same for both sides, and a gradient?  Tried at one place in no special direction."""
+    """Is dS = (dtau_xi)* F xi the same for both sides, and a gradient?  Tested at one generic point."""
     xi = vec(*[0.4 * float(np.cos(1.0 + k)) for k in range(group.dim)])
     slopes = jacobian(lambda x: retraction.dtau_dual(group, x, form @ x, "left"), xi)
     sides = [np.array(retraction.dtau_dual(group, xi, form @ xi, side)) for side in ("left", "right")]

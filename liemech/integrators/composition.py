@@ -80,12 +80,12 @@ class Composition(Method):
 
     @property
     def symplectic(self) -> bool:  # type: ignore[override]
-        """As its base is."""
+        """A composition is symplectic if its base is."""
         return self.base.symplectic
 
     @property
     def fictive(self) -> bool:  # type: ignore[override]
-        """As its base is."""
+        """A composition steps in a fictive time if its base does."""
         return self.base.fictive
 
     def require(self, system: Any) -> None:

@@ -113,7 +113,7 @@ class DarbouxLieChart(DarbouxChart):
         return B
 
     def _to_section(self, k: int, y: Vec) -> tuple[Vec, Any]:
-        """Along the motion of p to where b . (y - y_0) = 0, with that as time; and the time that this takes, backwards."""
+        """Follow the motion of p until b . (y - y_0) = 0; return the point, and the time with its sign changed."""
         level = self.levels[k]
         m, whole = len(y), dot(level.b, y - level.centre)
 
@@ -130,7 +130,7 @@ class DarbouxLieChart(DarbouxChart):
         return vec(*[end[i] for i in range(m)]), -end[m]
 
     def _along(self, k: int, y: Vec, change: Any) -> Vec:
-        """Along the motion of q, on the section, until p has changed by so much."""
+        """Follow the motion of q, on the section, until p has changed by so much."""
         level = self.levels[k]
 
         def rate(x: Vec) -> Vec:

@@ -1,4 +1,4 @@
-"""Can a Hamiltonian be differentiated as often as a method wants it?  Asked once, before a run."""
+"""Can a Hamiltonian be differentiated as often as a method wants it?  This is found out once, before a run."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from .method import alternatives
 from .motion_series import motion
 
 _derivable = Remembered()
-"""Of Hamiltonians that passed: the dimension."""
+"""The Hamiltonians that passed, each with its dimension."""
 
 
 def require_derivatives(method: Any, system: Any) -> None:

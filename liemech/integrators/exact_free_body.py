@@ -1,4 +1,4 @@
-"""The exact motion of a free rigid body as a formula for one step: no iteration, no case distinctions, constants found anew.
+"""The exact motion of a free rigid body as a formula for one step: no iteration, no branches.
 
 Let the step be 2, by choice of the unit of time, K = J^-1 and G = |mu|.  Constants of motion are mu . K mu and what is made of
 
@@ -50,10 +50,10 @@ TURN = 0.25 * LIMIT
 """Up to this |K mu|^2 a step turns by a tenth of a turn at most, far from the half turn that no Cayley map reaches."""
 
 FINE, MASS = 2.0**-900, 2.0**500
-"""A square below FINE or beyond its inverse is taken in another unit, by the factor MASS; what is below FINE there is rest."""
+"""If |mu|^2 is below FINE or beyond 1/FINE, mu is scaled by MASS; a body whose |mu|^2 is still below FINE is at rest."""
 
 PARTS = 2.0**20
-"""A step of more parts than this, a hundred thousand turns, is taken for a mistake."""
+"""A step of more parts than this, a hundred thousand turns, is refused as a mistake."""
 
 NODES = (0.16471028689654242, 0.5498684992164436, 0.9008058292716294)
 WEIGHTS = (0.06289133716441942, 0.15380118384095637, 0.11664081232795754)
@@ -92,7 +92,7 @@ class ExactFreeBody(Method):
             raise IncompatibleSystem(f"{self!r} is the exact motion of a free rigid body; {system!r} is none, {reason}. {instead}")
 
     def step(self, system: Any, t: float, state: BodyState, h: float) -> BodyState:
-        """As many equal parts of the orbit as it takes to keep them short, mostly one."""
+        """Move along the orbit in equal parts short enough for the formula; mostly one part is enough."""
         orbit, parts, unit = self._cut(_turning(system.hamiltonian.inverse), _turning(state.mu), h)
         layout, done = layout_of(state), 0.0
         while done < parts:

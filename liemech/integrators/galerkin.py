@@ -63,7 +63,7 @@ class GalerkinVariational(Implicit):
 
     @property
     def symmetric(self) -> bool:  # type: ignore[override]
-        """With one node, in the middle of the path exp(t x)."""
+        """It is symmetric with one node, which lies in the middle of the path exp(t x)."""
         return self.order == 2 and isinstance(self.retraction, Exponential)
 
     @property
@@ -191,7 +191,7 @@ class Middle(Record):
 
 
 def _middle(body: Any, xi: Vec, mu: Vec, h: float) -> Middle:
-    """With the derivative J + h ((J ad_xi + ad*_xi J)/4 - ad*_. mu/2)."""
+    """Velocity, momentum and inertia in the middle of a step, and J + h ((J ad_xi + ad*_xi J)/4 - ad*_. mu/2)."""
     group, inertia = body.group, body.lagrangian.hessian(xi)
     columns: list[Vec] = []
     for e in identity_matrix(group.dim):

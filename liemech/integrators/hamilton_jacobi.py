@@ -141,7 +141,7 @@ class HamiltonJacobi(Method):
         return change
 
     def _tried(self, system: Any, t: float, h: float, x: Vec, y: Vec, w: Vec) -> tuple[Vec, Vec, float]:
-        """With this w: the change of (x, y), the mismatch of the old state, and the square to compare its square with."""
+        """The change of (x, y) with this w, the mismatch of the old state, and the square to compare its square with."""
         if self.kind != "qP":
             to_x, to_y = self._motion(system, t, h, x, y + w)
             forth, scale = total(to_x), dot(y, y) + _squares(to_y)

@@ -49,7 +49,7 @@ class IndexReduction(Method):
 
     @property
     def order(self) -> int:
-        """That of the method."""
+        """The order of the method."""
         return self.method.order  # type: ignore[attr-defined]
 
     @property
@@ -64,19 +64,19 @@ class IndexReduction(Method):
         self.method.require(system)
 
     def start(self, system: Any, state: CanonicalState, h: float) -> Any:
-        """As the method does."""
+        """What the method carries along."""
         return self.method.start(system, state, h)
 
     def observe(self, memory: Any) -> CanonicalState:
-        """As the method does."""
+        """The state in what the method carries along."""
         return self.method.observe(memory)  # type: ignore[return-value]
 
     def past(self, memory: Any) -> tuple[Any, ...]:
-        """As the method does."""
+        """What the method remembers beside the state."""
         return self.method.past(memory)
 
     def resume(self, system: Any, state: CanonicalState, past: Any, h: float) -> Any:
-        """As the method does."""
+        """What the method carries along, from a state and a past."""
         return self.method.resume(system, state, past, h)
 
     def step(self, system: Any, t: float, memory: Any, h: float) -> Any:

@@ -30,7 +30,7 @@ class Flight(Record):
 
 @record
 class FieldSplitting(Method):
-    """Kicks and drifts in turn, by a `tableau`, around the motion of a `free` method; abstract.
+    """Kicks and drifts in turn, by a `tableau`; the drifts are made by a `free` method; abstract.
 
     A subclass has both, as fields or properties.
     Source: Hairer, Lubich, Wanner, II.5; for loads Marsden and West, Acta Numerica 10 (2001), section 3.2.
@@ -174,12 +174,12 @@ class KickDrift(FieldSplitting):
 
     @property
     def symmetric(self) -> bool:  # type: ignore[override]
-        """As the free motion is."""
+        """It is symmetric if the method for the free motion is."""
         return self.free.symmetric
 
     @property
     def symplectic(self) -> bool:  # type: ignore[override]
-        """As the free motion is."""
+        """It is symplectic if the method for the free motion is."""
         return self.free.symplectic
 
     def require(self, system: Any) -> None:

@@ -102,7 +102,7 @@ class FirstKindHamiltonJacobi(Implicit):
         return Turned(moved.mu, g, xi - turn, state.last, state.last_1, scale)
 
     def turn(self, system: Any, mu: Vec, scale: float) -> Vec:
-        """What the class function alone does to the group at a momentum."""
+        """The displacement that the class function alone generates at a momentum."""
         return self.s0.turn(system.group, self.retraction, mu / scale)
 
     def displacement(self, system: Any, h: float, mu: Vec, scale: float, guess: Vec, end: float = 0.0) -> Vec:

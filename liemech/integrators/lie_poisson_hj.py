@@ -18,7 +18,7 @@ from .motion_series import second_kind, velocity_at
 from .variational import weight
 
 ORDERS = 2, 4, 6, 8
-"""With one, two, three or four terms of the generating function."""
+"""The orders of methods with one, two, three or four terms of the generating function."""
 
 FINER = 2.0**-42
 """The tolerance of Newton's method where its matrix is that of order 4: each correction is wrong by O(h^5) of itself."""
@@ -164,5 +164,5 @@ def _turned(system: Any, h: float, p: Vec, w: Vec) -> Vec:
 
 
 def _half(y: Vec, first: int) -> Vec:
-    """The half of a vector that begins there."""
+    """The half of a vector that begins at the component `first`."""
     return vec(*[y[first + i] for i in range(len(y) // 2)])

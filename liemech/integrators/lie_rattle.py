@@ -198,7 +198,7 @@ class LieRATTLE(Method):
         return dot(x, system.body.body.lagrangian.momentum(x))
 
     def _size(self, system: Any, memory: Bound) -> float:
-        """That of a configuration, for rounding: tr J times the square of the largest entry of g."""
+        """The size of a configuration, for rounding: tr J times the square of the largest entry of g."""
         most = 0.0
         for x in entries(plain(memory.state.g)):
             most = max(most, abs(x))

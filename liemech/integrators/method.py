@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
 from typing import Any, ClassVar
 
 from ..errors import IncompatibleSystem, InvalidType
@@ -15,7 +16,7 @@ class Method(Record):
     """A one-step method; subclass it to write your own.
 
     must:     `step`, and the claims `order`, `symmetric`, `symplectic`
-    may:      `needs` and `require`, what systems it accepts; a field `retraction`;
+    may:      `needs` and `require`, what systems it accepts; a field `retraction`, which must fit the group;
               `start`, `observe`, `past`, `resume`, a memory from step to step;
               `error_order` with an adaptive `trial`, and its dense output; `step_warning`; `name`
     follows:  `integrate` and whoever else owns a loop call `start` once and `step` again and again
@@ -30,9 +31,15 @@ class Method(Record):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        given = getattr(self, "retraction", None)
-        if given is not None and not isinstance(given, Retraction):
-            raise InvalidType(f"{type(self).__name__}: retraction must be Exponential(), Cayley() or one of yours; got {given!r}")
+        for name, given in self._fields():
+            if name == "retraction" and not isinstance(given, Retraction):
+                raise InvalidType(
+                    f"{type(self).__name__}: retraction must be Exponential(), Cayley() or one of yours; got {given!r}"
+                )
+
+    def _fields(self) -> list[tuple[str, Any]]:
+        """The names and values of the fields."""
+        return [(f.name, getattr(self, f.name)) for f in fields(self)]
 
     @property
     def error_order(self) -> int:
@@ -67,15 +74,16 @@ class Method(Record):
     def require(self, system: Any) -> None:
         """Raise IncompatibleSystem, saying what to use instead, unless the method accepts the system.
 
-        A method with a `retraction` needs a group that has it.
+        A retraction among the fields must be one of the system's group.
         """
         if not isinstance(system, System):
             raise IncompatibleSystem(f"{self!r} needs a system such as RigidBody([1.0, 1.5, 2.0]); got {system!r}")
         for need in self.needs:
             if getattr(system, need, None) is None:
                 raise IncompatibleSystem(f"{self!r} needs a system with a {need}; {system!r} has none. {system.alternatives}.")
-        if hasattr(self, "retraction"):
-            self.retraction.require(system.group)
+        for _, value in self._fields():
+            if isinstance(value, Retraction):
+                value.require(system.group)
 
     def step_warning(self, system: Any, start: Any, h: float) -> str | None:
         """What to warn of before a run with this start and step; nothing by default."""

@@ -85,10 +85,10 @@ class MoserVeselov(Implicit):
 NAN = math.nan
 
 PARALLEL = 2.0**-100
-"""Of vectors whose part across another is smaller than this, squared and relative, rounding decides the direction."""
+"""If the part of a vector perpendicular to another one is smaller than this (squared, relative), its direction is rounding."""
 
 SHORT, TRIED = 0.5, 16
-"""Steps with h|mu| above this part of the least moment may have no solution farther on; so many of them are tried."""
+"""Above SHORT of the least moment, h|mu| may have no solution later on the orbit: TRIED steps are tested."""
 
 FITTED = 1e-10
 """How far, relatively, steps may be from the exact ones, and a start from the constants for which a method was fitted."""

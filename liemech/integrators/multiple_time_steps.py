@@ -85,7 +85,7 @@ class MultipleTimeSteps(Method):
         super().require(system)
 
     def step_warning(self, system: Any, start: CanonicalState, h: float) -> str | None:
-        """Of resonance, and of fast steps that are unstable, by the frequencies of all but the slowest part at the start."""
+        """A warning of resonance or of unstable fast steps, by the frequencies at the start of all parts but the slowest."""
         if start.bodies is None:
             return self._caution(system, start.q, start.p, h)
         for q, p in zip(start.q[:LOOKED_AT], start.p[:LOOKED_AT], strict=True):

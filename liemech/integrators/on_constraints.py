@@ -2,20 +2,27 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import Any, ClassVar
 
 import numpy as np
 
 from ..errors import IncompatibleSystem, InconsistentState, NoConvergence
 from ..formulas import Mat, Vec, derivative, dot, mat, record
+from ..formulas.broadcasting import small
 from ..systems.constrained import CONSISTENT, ConstrainedSystem, cross_products, eliminated
 from .method import Method, alternatives
 
 NEARLY = 1e-2
-"""The reciprocal of a condition number below which a failing step is blamed on constraints that become dependent."""
+"""The part of the largest singular value of G H_pp G^T below which a failing step is blamed on dependent constraints; and what a
+kink changes in G at least, beside its size."""
 
 FOLD = 2.0**-4
 """A pivot that falls below this part of what it was: the last correction, quadratic, may err by more than rounding."""
+
+LOST = 2.0**-20
+"""A derivative that falls below this part of what it was: the step happens to end where a constraint has none, with no direction
+to go on in."""
 
 
 @record
@@ -40,37 +47,112 @@ class OnConstraints(Method):
         """Refuse a step to positions that cannot be reached from q, with G there, on the branch that begins at h = 0.
 
         On it G(there) H_pp G^T is invertible, with pivots of the signs that those of G H_pp G^T have.  Where it is nearly
-        singular, the last correction may leave g(there) too large; so g is looked at once more.
+        singular, the last correction may leave g(there) too large; so g is looked at once more, and what is left of its derivative.
         """
         G_there = system.constraint_jacobian(there)
-        products = cross_products(G_there, pushed(system, q, p, G))
+        normals = pushed(system, q, p, G)
+        products = cross_products(G_there, normals)
         _, turned = eliminated(products, pivots)
         folding = False
         for now, then in zip(pivots, turned):
             if not now * then > 0.0:
                 raise self._unsolved(system, h, q, p, "the positions found are on another branch of the constraints")
-            folding = folding or abs(then) < FOLD * abs(now)
+            folding = folding or abs(then) < FOLD * abs(now) or abs(now) < FOLD * abs(then)
         if folding:
+            for row, begun, normal in zip(G_there, G, normals):
+                if not dot(abs(row), abs(normal)) > LOST * dot(abs(begun), abs(normal)):
+                    raise self._ended(there)
             for value, row in zip(system.constraint(there), G_there):
                 if not abs(value) <= CONSISTENT * dot(abs(row), abs(q) + abs(there)):
                     raise self._unsolved(system, h, q, p, f"g(q) = {value:.1e} is left; its derivative is nearly singular there")
 
+    def _ended(self, there: Vec) -> InconsistentState:
+        """The error of a step that has met a dead point."""
+        return InconsistentState(
+            f"{self!r}: the step ends where the constraints are nearly dependent at q = {shown(there)}: a dead point, beyond which "
+            "the motion is not determined"
+        )
+
     def _unsolved(self, system: Any, h: float, q: Vec, p: Vec, what: str) -> NoConvergence | InconsistentState:
-        """The error of a step that could not be made."""
+        """The error of a step that could not be made: what lies on the straight line ahead, or just behind, tells why."""
         try:
-            normals, G = np.array(system.normals(q, p)), np.array(system.constraint_jacobian(q))
-            values = np.linalg.svd(G @ normals.T / np.outer(*[np.sqrt(np.abs(np.sum(G * normals, axis=1)))] * 2), compute_uv=False)
-            near = values[-1] < NEARLY * values[0]
+            ahead = Ahead(system, q, p)
+            where, left = ahead.weakest(BEYOND * h)
+            kink = ahead.kink(BEYOND * h)
         except (ArithmeticError, ValueError, np.linalg.LinAlgError):
-            near = False
-        if near:
+            left, kink = 1.0, None
+        if left < NEARLY:
             return InconsistentState(
-                f"{self!r}: {what}. The constraints are nearly dependent here, |G H_pp G^T| has the condition "
-                f"{values[0] / values[-1]:.1e} with its rows at length one: a dead point, beyond which the motion is not determined"
+                f"{self!r}: {what}. The constraints are nearly dependent at q = {shown(where)}: of the least singular value "
+                f"of G H_pp G^T, its rows now at length one, {left:.1e} of the largest is left there: a dead point, beyond which "
+                "the motion is not determined"
+            )
+        if kink is not None:
+            return NoConvergence(
+                f"{self!r}: {what}. The derivative of the constraints jumps at q = {shown(kink)}: they have a kink there. "
+                "Constraints must be smooth"
             )
         return NoConvergence(
             f"{self!r}: {what}. The step h = {h:g} is too large for this motion and these constraints; try {0.25 * h:g}"
         )
+
+
+BEYOND = 1.5
+"""A step that fails met its obstacle within this many steps, by the straight line."""
+
+
+class Ahead:
+    """The constraints on the straight line q + s v from where a step has failed; for messages.  system, q, p : as of the step."""
+
+    def __init__(self, system: Any, q: Vec, p: Vec) -> None:
+        self.system, self.p = system, p
+        self.q, self.v = np.array(q), np.array(system.velocity(q, p))
+        across = self._products(0.0)
+        self.unit = np.sqrt(np.abs(np.diag(across)))
+        self.most = np.linalg.svd(across / np.outer(self.unit, self.unit), compute_uv=False)[0]
+
+    def at(self, s: float) -> Vec:
+        """q + s v."""
+        return small(self.q + s * self.v)
+
+    def weakest(self, end: float) -> tuple[Vec, float]:
+        """Where from s = -end to end the least singular value of G H_pp G^T, rows measured at s = 0, is least; and that value."""
+        s, step = np.linspace(-end, end, 129), end / 64
+        best = float(s[np.argmin([self._least(x) for x in s])])
+        for _ in range(40):
+            step *= 0.5
+            best = min((best - step, best, best + step), key=self._least)
+        return self.at(best), self._least(best)
+
+    def kink(self, end: float) -> Vec | None:
+        """Where up to s = end the derivative G jumps; None where it changes in proportion to s."""
+        begin, width = 0.0, end
+        whole = jump = 0.0
+        for halvings in range(40):
+            parts = 64 if halvings == 0 else 2
+            width /= parts
+            rows = [self._rows(begin + i * width) for i in range(parts + 1)]
+            jumps = [np.abs(b - a).max() for a, b in itertools.pairwise(rows)]
+            begin, jump = begin + int(np.argmax(jumps)) * width, max(jumps)
+            whole = whole or jump
+        return self.at(begin) if jump > 0.5 * whole > NEARLY else None
+
+    def _rows(self, s: float) -> np.ndarray:
+        rows: np.ndarray = np.array(self.system.constraint_jacobian(self.at(s))) / self.unit[:, None]
+        return rows
+
+    def _products(self, s: float) -> np.ndarray:
+        there = self.at(s)
+        return np.array(self.system.constraint_jacobian(there)) @ np.array(self.system.normals(there, self.p)).T
+
+    def _least(self, s: float) -> float:
+        values = np.linalg.svd(self._products(s) / np.outer(self.unit, self.unit), compute_uv=False)
+        return float(values[-1] / self.most)
+
+
+def shown(q: Vec) -> tuple[float, ...]:
+    """Coordinates in a message."""
+    return tuple(float(f"{x:.6g}") for x in q)
 
 
 def pushed(system: Any, q: Vec, p: Vec, G: Mat) -> Mat:

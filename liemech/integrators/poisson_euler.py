@@ -86,7 +86,7 @@ class PlanarEuler(Method):
         return vec(y[0] + gain, y[1] - h * _b(system, between) * new), new
 
     def v_first(self, system: Any, y: Vec, slope: float, h: float) -> tuple[Vec, float]:
-        """Its adjoint, v_1 = v - h b(u, v_1) K'(u), u_1 = u + h b(u, v_1) L'(v_1); and L'(v_1).
+        """The adjoint, v_1 = v - h b(u, v_1) K'(u), u_1 = u + h b(u, v_1) L'(v_1); and L'(v_1).
 
         slope : K'(u).
         """

@@ -79,7 +79,7 @@ class Projected(OnConstraints):
     # ---------------------------------------------------------------- the first half of the step
 
     def _explicitly(self, system: Any, h: float, q: Vec, p: Vec, G: Mat, guess: Vec) -> Any:
-        """For T(p) + V(q): positions and momenta follow from the multipliers, which are the only unknowns."""
+        """A step for T(p) + V(q): positions and momenta follow from the multipliers, which are the only unknowns."""
         before, _ = self.shares
         free = (before * h) * system.force(q, p) if before != 0.0 else 0.0 * p
         if system.linear_velocity:
@@ -98,7 +98,7 @@ class Projected(OnConstraints):
         return h * system.velocity(q, p + kick), kick, x, size, enough
 
     def _linearly(self, system: Any, h: float, q: Vec, G: Mat, guess: Vec, free: Vec, drift: Vec, normals: Mat) -> Any:
-        """For a velocity of first degree in p: multipliers move the drift that is free of them along normals, h^2 H_pp G^T."""
+        """A step for a velocity of first degree in p: multipliers move the end of the free drift along normals, h^2 H_pp G^T."""
         aim = q + drift
         weights = inverse_sizes(G, drift - guess @ normals, q)
 
@@ -110,7 +110,7 @@ class Projected(OnConstraints):
         return drift - x @ normals, free - (h * x) @ G, x, size, enough
 
     def _implicitly(self, system: Any, h: float, q: Vec, p: Vec, G: Mat, guess: Vec) -> Any:
-        """For any energy: the unknowns are the changes of q and p, and the multipliers."""
+        """A step for any energy: the unknowns are the changes of q and p, and the multipliers."""
         n, m, (before, after) = len(q), len(G), self.shares
         kick = h * (before * system.force(q, p) - guess @ G)
         drift = h * system.velocity(q, p + kick)

@@ -66,7 +66,7 @@ class ReversibleController(Method):
 
     @property
     def order(self) -> int:
-        """That of its method."""
+        """The order of its method."""
         return self.method.order  # type: ignore[attr-defined]
 
     @property

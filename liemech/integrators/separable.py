@@ -46,12 +46,12 @@ class SeparableSplitting(Method):
 
     @property
     def order(self) -> int:
-        """That of the tableau."""
+        """The order of the tableau."""
         return self.tableau.order  # type: ignore[attr-defined]
 
     @property
     def symmetric(self) -> bool:  # type: ignore[override]
-        """As the tableau is."""
+        """It is symmetric if the tableau is."""
         return self.tableau.symmetric  # type: ignore[attr-defined]
 
     def require(self, system: Any) -> None:

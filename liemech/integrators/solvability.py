@@ -18,7 +18,7 @@ CONTRACTION = 1.0 / 16.0
 """A branch is followed in pieces on which Newton's corrections shrink to a quarter of their length, or less; this is the square."""
 
 LEAP, MISS = 1.0 / 4.0, 1.0 / 64.0
-"""On a piece the displacement changes by half a radian at most, an eighth unforeseen; the maps bend within a radian (squares)."""
+"""Squares: along one piece the displacement changes by at most half a radian, by an eighth more than foreseen."""
 
 SHORTEST = 2.0**-24
 """The part of a step below which a branch that cannot be followed is said to have ended."""

@@ -66,7 +66,7 @@ class CovariantVariational(Implicit):
 
     @property
     def symmetric(self) -> bool:  # type: ignore[override]
-        """As the discrete Lagrangian is; h l(xi) is."""
+        """It is symmetric if the discrete Lagrangian is, as h l(xi)."""
         return self.lagrangian is None or self.lagrangian.symmetric
 
     @property

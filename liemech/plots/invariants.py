@@ -93,13 +93,13 @@ def noise(run: Any) -> Array:
 
 
 def _time(run: Any) -> Array:
-    """Time, (n,); of an ensemble in fictive time that, which its members share."""
-    return run.t if run.t.ndim == 1 else run.tau
+    """Time, (n,); of an ensemble in fictive time that, which its members share; of bodies with steps of their own the samples."""
+    return run.t if run.t.ndim == 1 else run.tau if "tau" in vars(run) else np.arange(float(len(run.t)))
 
 
 def _label(run: Any) -> str:
     """What `_time` is."""
-    return "time $t$" if run.t.ndim == 1 else r"fictive time $\tau$"
+    return "time $t$" if run.t.ndim == 1 else r"fictive time $\tau$" if "tau" in vars(run) else "sample"
 
 
 def _least() -> float:

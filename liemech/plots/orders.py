@@ -43,7 +43,7 @@ def orders(
             guide = error[foot] * (steps / steps[foot]) ** round(fitted)
             seen = (guide >= 0.3 * np.nanmin(error)) & (guide <= 3.0 * np.nanmax(error))
             ax.loglog(steps[seen], guide[seen], color=GREY, linestyle=":", linewidth=0.8, zorder=0.5)
-    if np.ptp(np.log10(steps)) < 1.5:
+    if np.ptp(np.log10(steps)) < 2.0:
         from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
         ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))

@@ -96,21 +96,27 @@ class AdaptiveSteps:
         """From a start, or from where another run stands, to t_end."""
         if t_end is None:
             raise InvalidInput("integrate: adaptive steps need a t_end; for steps of one length give h and steps")
-        t_end = arguments.real(t_end, "t_end")
         limit = arguments.MOST if limit is None else arguments.count(limit, "steps", 1)
-        times = arguments.times(t_eval, t0, t_end)
+        if start.bodies is None:
+            t_end = arguments.real(t_end, "t_end")
+            times = arguments.times(t_eval, t0, t_end)
         if kept is not None and (events or start.bodies is not None):
             raise InvalidInput("integrate: checkpoint is for runs of one body without events, and for steps of one length")
         if start.bodies is not None:
-            times = np.array([t0, t_end]) if times is None else times
-            each = functools.partial(self._each, start, t0, t_end, limit, times, events)
+            ends, times = arguments.ends_and_times(t_end, t_eval, t0, start.bodies)
+            each = functools.partial(self._each, start, t0, ends, limit, times, events)
             return each() if recorder is None else recorder.instead(each, type(start), self.compiled)
         if recorder is not None and self.dense:
             raise InvalidInput("integrate: dense=True keeps the states; record no functions of them")
         return AdaptiveRun(self, start, t0, t_end, limit, times, events, kept, recorder).trajectory()
 
-    def _each(self, start: State, t0: float, t_end: float, limit: int, times: np.ndarray, events: tuple[Event, ...]) -> Trajectory:
-        """Every body of an ensemble with steps of its own.  One that fails stays at its last state and disturbs no other."""
+    def _each(
+        self, start: State, t0: float, ends: list[float], limit: int, times: np.ndarray, events: tuple[Event, ...]
+    ) -> Trajectory:
+        """Every body of an ensemble with steps of its own.  One that fails stays at its last state and disturbs no other.
+
+        ends : the last time of each body.  times : of samples, (n,), or (n, bodies) with those of each.
+        """
         if events or self.dense:
             raise InvalidInput("integrate: events and dense=True are for one body at a time")
         runs: list[Trajectory] = []
@@ -121,7 +127,8 @@ class AdaptiveSteps:
                 if isinstance(self.system, Systems):
                     plan = plan.of_system(self.system[i])
                 try:
-                    run = AdaptiveRun(plan, member(start, i), t0, t_end, limit, times, ()).trajectory()
+                    own = times if times.ndim == 1 else times[:, i]
+                    run = AdaptiveRun(plan, member(start, i), t0, ends[i], limit, own, ()).trajectory()
                 except IntegrationFailure as error:
                     errors[i], run = error, error.trajectory
                 runs.append(run)

@@ -27,8 +27,10 @@ from ..formulas.complex_numbers import Complex
 from ..formulas.fields import FrozenDict
 from ..formulas.tables import Table
 from ..formulas.vectors import Mat, Vec
+from .arrival import FictiveMotion
 from .carry import AdaptiveCarry, Carry
 from .dense import DenseOutput
+from .fictive import FictiveCarry, Origin
 from .stopped import Stopped
 from .systems import Systems
 
@@ -40,14 +42,21 @@ MARK = b"sha256:"
 
 def save(run: Any, path: str | os.PathLike[str]) -> None:
     """Write a run, all of it or nothing: a file that is there is replaced when the new one lies on the disk."""
-    if type(run).__name__ != "Trajectory":
+    fictive = type(run).__name__ == "TransformedTrajectory"
+    if not fictive and type(run).__name__ != "Trajectory":
         raise InvalidInput(f"Trajectory.save: a {type(run).__name__} has more than samples; save the arrays you need, numpy.savez")
     arrays: dict[str, Any] = {"t": run.t, **{f"state.{name}": x for name, x in run.states.items()}}
-    about: dict[str, Any] = {"format": FORMAT, "method": encoded(run.method), "h": run.h, "steps": run.steps, "bodies": run.bodies}
+    about: dict[str, Any] = {"format": FORMAT, "method": encoded(run.method), "h": encoded(run.h)}
+    about |= {"steps": run.steps, "bodies": run.bodies}
     about["system"] = [encoded(s) for s in run.system] if isinstance(run.system, Systems) else encoded(run.system)
     about |= {"compiled": run.compiled, "rejected": run.rejected, "observed": list(run.observed)}
     about["stopped"] = {str(body): [stop.steps, str(stop.error)] for body, stop in run.stopped.items()}
-    if run.dense is not None:
+    if fictive:
+        arrays |= {"tau": run.tau} if run.z is None else {"tau": run.tau, "z": run.z}
+        about["origin"] = [encoded(run.origin.given), encoded(run.origin.start)]
+    if isinstance(run.dense, FictiveMotion):
+        arrays |= {"dense.t": run.dense.t, "dense.points": run.dense.points}
+    elif run.dense is not None:
         arrays["dense"] = run.dense.rows
         about["dense"] = [run.dense.order, encoded(run.dense.example)]
     about["events"] = [list(states.arrays) for _, states in run.events]
@@ -56,9 +65,14 @@ def save(run: Any, path: str | os.PathLike[str]) -> None:
         arrays |= {f"event.{i}.{name}": x for name, x in states.arrays.items()}
         about["states"] = encoded(type(states))
     carry = run.carry
+    about["tau"], ahead = (carry.tau, carry.ahead) if isinstance(carry, FictiveCarry) else (None, None)
+    about["ahead"] = None if ahead is None else encoded(tuple(ahead.parts.values()))
+    if isinstance(carry, FictiveCarry):
+        carry = carry.inner
     if isinstance(carry, Carry):
         arrays |= {"carry.numbers": carry.numbers, "carry.last": carry.last}
-        about["carry"] = {"t0": carry.t0, "h": carry.h, "step": carry.step, "state": encoded(carry.state)}
+        state: Any = carry.state if about["tau"] is None else tuple(carry.state.parts.values())
+        about["carry"] = {"t0": carry.t0, "h": encoded(carry.h), "step": carry.step, "state": encoded(state)}
         about["carry"]["failures"] = {str(i): str(error) for i, error in carry.failures.items()}
     elif isinstance(carry, AdaptiveCarry):
         arrays |= {"carry.numbers": carry.numbers, "carry.clock": carry.clock}
@@ -84,11 +98,19 @@ def load(path: str | os.PathLike[str], modules: Sequence[str] = ()) -> dict[str,
     system = about["system"]
     made: Any = Systems(tuple(map(decode, system))) if isinstance(system, list) else decode(system)
     method = decode(about["method"])
-    dense, events = None, []
-    carry: Carry | AdaptiveCarry | None = None
-    if "dense" in about:
-        order, example = about["dense"]
-        dense = DenseOutput(made, method.retraction, decode(example), arrays["dense"], order)
+    dense: Any = None
+    events = []
+    carry: Carry | AdaptiveCarry | FictiveCarry | None = None
+    origin: Any = None
+    if "origin" in about:
+        origin = Origin(*map(decode, (about["origin"][0], about["method"], about["origin"][1])))
+        example = origin.whole.extended(origin.start, 0.0)
+        if "dense.t" in arrays:
+            points, kind = (arrays["dense.t"], arrays["dense.points"]), type(origin.start)
+            dense = FictiveMotion(method, origin.whole, kind, example, about["h"], *points, None)
+    elif "dense" in about:
+        order, point = about["dense"]
+        dense = DenseOutput(made, method.retraction, decode(point), arrays["dense"], order)
     for i, names in enumerate(about["events"]):
         cls = decode(about["states"])
         parts = {name: arrays[f"event.{i}.{name}"] for name in names}
@@ -100,15 +122,19 @@ def load(path: str | os.PathLike[str], modules: Sequence[str] = ()) -> dict[str,
             carry = AdaptiveCarry(arrays["carry.numbers"], arrays["carry.clock"], state, kept["t"], kept["ended"])
         else:
             failures: dict[int, Exception | None] = {int(i): IntegrationFailure(text) for i, text in kept["failures"].items()}
-            carry = Carry(
-                None, kept["t0"], kept["h"], kept["step"], about["bodies"], arrays["carry.numbers"], arrays["carry.last"], failures
-            )
+            own = arrays["carry.numbers"], arrays["carry.last"], failures
+            carry = Carry(None, kept["t0"], decode(kept["h"]), kept["step"], about["bodies"], *own)
             vars(carry)["state"] = state
+        if isinstance(carry, Carry) and origin is not None:
+            vars(carry)["state"] = type(example)(*state)
+            ahead = decode(about["ahead"])
+            carry = FictiveCarry(origin, carry, None if ahead is None else type(example)(*ahead), about["tau"])
     reasons = {int(body): (steps, IntegrationFailure(text)) for body, (steps, text) in about["stopped"].items()}
-    return {
+    fictive = {"tau": arrays["tau"], "z": arrays.get("z"), "origin": origin} if origin is not None else {}
+    return fictive | {
         "system": made,
         "method": method,
-        "h": about["h"],
+        "h": decode(about["h"]),
         "t": arrays["t"],
         "states": {name.removeprefix("state."): x for name, x in arrays.items() if name.startswith("state.")},
         "bodies": about["bodies"],

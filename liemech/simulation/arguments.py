@@ -135,6 +135,16 @@ def step(h: Any) -> float:
     return h
 
 
+def steps(h: Any) -> float | tuple[float, ...]:
+    """The step of all bodies, or one for each."""
+    if not isinstance(h, (list, tuple, np.ndarray)) or not np.ndim(h):
+        return step(h)
+    array = real_array(h, "integrate: h")
+    if array.ndim != 1 or not len(array):
+        raise InvalidInput(f"integrate: h has shape {array.shape}; it is one number, or one for each body, (bodies,)")
+    return tuple([step(x) for x in array.tolist()])
+
+
 def tolerance(value: Any, name: str, default: float) -> float:
     value = default if value is None else real(value, name)
     if value < 0.0 or (name == "rtol" and value == 0.0):
@@ -162,6 +172,23 @@ def times(t_eval: Any, t0: float, t_end: float) -> np.ndarray | None:
     if (np.diff(times) * (t_end - t0) < 0).any():
         raise InvalidInput("integrate: t_eval must be sorted in the direction of time")
     return times
+
+
+def ends_and_times(t_end: Any, t_eval: Any, t0: float, bodies: int) -> tuple[list[float], np.ndarray]:
+    """The last time of each body of an ensemble, and the times of samples: (n,), or (n, bodies) with those of each."""
+    many = np.ndim(t_end) > 0
+    if many and np.shape(t_end) != (bodies,):
+        raise InvalidInput(f"integrate: t_end has shape {np.shape(t_end)}; it is one time, or one for each of {bodies} bodies")
+    ends = [real(t, "t_end") for t in t_end] if many else [real(t_end, "t_end")] * bodies
+    if t_eval is None:
+        return ends, np.array([[t0] * bodies, ends]) if many else np.array([t0, ends[0]])
+    asked = np.array(real_array(t_eval, "integrate: t_eval"))
+    if asked.ndim == 2 and asked.shape[1] != bodies:
+        raise InvalidInput(f"integrate: t_eval has shape {asked.shape}; it is (n,), or (n, {bodies}) with a column for each body")
+    if asked.ndim != 2:
+        found = [times(asked, t0, end) for end in dict.fromkeys(ends)]
+        return ends, np.array(found[0])
+    return ends, np.stack([np.array(times(column, t0, end)) for column, end in zip(asked.T, ends, strict=True)], axis=1)
 
 
 def events(events: Any) -> tuple[Any, ...]:

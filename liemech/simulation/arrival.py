@@ -9,8 +9,9 @@ import numpy as np
 
 from ..compiler.driver import accepted, attempt, itself, read, reason, write
 from ..errors import InvalidInput, failure, is_mistake
+from ..formulas.broadcasting import small
 from ..formulas.pytree import NUMBER, layout_of, rounded
-from .dense import one_or_many, unpacked
+from .dense import Between, one_or_many, unpacked
 from .execution import Execution
 
 TURNS = 60
@@ -87,7 +88,7 @@ def landed(method: Any, system: Any, memory: Any, h: float, target: float) -> tu
 
 
 @dataclass(frozen=True, eq=False)
-class FictiveMotion:
+class FictiveMotion(Between):
     """The motion between the samples of a run: from the last one before, steps of the method, the last of them shorter.
 
     So the state at a time is that of a run that ends there, up to rounding.
@@ -144,9 +145,24 @@ class FictiveMotion:
     def __call__(self, times: Any) -> Any:
         """The state at one time, or at many, (m,), whose arrays then have a leading axis."""
         at = one_or_many(times)
-        shown = layout_of(self.example)
-        arrays = unpacked(shown, self.numbers(np.atleast_1d(at).ravel())[:, : shown.width])
-        states = self.system.apart(arrays)[1]
+        states = self._own(self.numbers(np.atleast_1d(at).ravel()))
         one = 0 if at.ndim == 0 else slice(None)
         names = self.kind.__dataclass_fields__
         return self.kind(*(states[name][one] if name in states else None for name in names))
+
+    def state(self, t: float) -> Any:
+        """The state at a time as formulas take it."""
+        return self._small(self.numbers(np.array([t])))
+
+    def end(self, k: int) -> Any:
+        """The state at the k-th end of a step as formulas take it."""
+        return self._small(self.points[k : k + 1])
+
+    def _own(self, numbers: np.ndarray) -> dict[str, np.ndarray]:
+        """Of the numbers of states with their clock the parts of the states themselves."""
+        shown = layout_of(self.example)
+        return self.system.apart(unpacked(shown, numbers[:, : shown.width]))[1]
+
+    def _small(self, numbers: np.ndarray) -> Any:
+        states = self._own(numbers)
+        return self.kind(*(small(states[n][0]) if n in states else None for n in self.kind.__dataclass_fields__))

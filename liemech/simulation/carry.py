@@ -18,14 +18,14 @@ from .prepared import Shape
 class Carry:
     """Where a run stands, with all that its method carries along: from here it goes on as if it had never stopped.
 
-    t0, h, step : the time is t0 + step h.  bodies : of an ensemble, else None.
+    t0, h, step : the time is t0 + step h; h is one for each body if they have steps of their own.  bodies : of an ensemble.
     numbers : (width + 1,) or (width + 1, bodies), of what the method carries along, and the steps taken.
     last : the numbers of the state.  failures : what ended bodies that stopped.  Nothing of it is changed, ever.
     """
 
     shape: Shape | None = dataclasses.field(repr=False)
     t0: float
-    h: float
+    h: float | tuple[float, ...]
     step: int
     bodies: int | None
     numbers: np.ndarray = dataclasses.field(repr=False)
@@ -33,9 +33,9 @@ class Carry:
     failures: dict[int, Exception | None] = dataclasses.field(default_factory=dict, repr=False)
 
     @property
-    def t(self) -> float:
-        """The time, in s."""
-        return self.t0 + self.step * self.h
+    def t(self) -> Any:
+        """The time, in s; of bodies with steps of their own those of all, (bodies,)."""
+        return self.t0 + self.step * (self.h if type(self.h) is float else np.array(self.h))
 
     @functools.cached_property
     def state(self) -> State:

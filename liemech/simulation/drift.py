@@ -78,12 +78,13 @@ class Drift:
     def of(cls, system: System, t: np.ndarray, states: dict[str, np.ndarray], bodies: int | None = None) -> Drift:
         """Measure what the system names as constant, of a body energy, Casimirs and spatial momentum, along samples of a motion.
 
-        t : (n,).  states : the parts of the state by name, (n, ...), of an ensemble (n, bodies, ...).
+        t : (n,), or of bodies with times of their own (n, bodies).
+        states : the parts of the state by name, (n, ...), of an ensemble (n, bodies, ...).
         """
         if len(t) < 2:
             raise InvalidInput("Trajectory.drift needs at least two samples")
         series, terms = constants_and_terms(system, states, len(t))
-        axes = t.ndim + (bodies is not None)
+        axes = 1 + (bodies is not None)
 
         def flat(values: np.ndarray) -> np.ndarray:
             return values.reshape(*values.shape[:axes], -1)
@@ -95,7 +96,7 @@ class Drift:
         """The same of quantities whose values were recorded, (n, ...), without the state."""
         if len(t) < 2:
             raise InvalidInput("Trajectory.drift needs at least two samples")
-        axes = t.ndim + (bodies is not None)
+        axes = 1 + (bodies is not None)
         flat = {name: values.reshape(*values.shape[:axes], -1) for name, values in series.items()}
         return cls(tuple(_kept(name, t, values, np.abs(values)[_some(len(t))]) for name, values in flat.items()))
 
@@ -154,6 +155,8 @@ def _kept(name: str, t: np.ndarray, values: np.ndarray, terms: np.ndarray) -> Ke
     last = float(largest[(-1, *worst)])
     series = change[(slice(None), *worst)]
     component = np.ascontiguousarray(series[:, np.abs(series[-1]).argmax()])
+    if t.ndim == 2:
+        t = t[:, worst[0]]
     time = t - t.mean()
     slope = float(time @ component / (time @ time))
     spread = float(np.std(component - slope * time))

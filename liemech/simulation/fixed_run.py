@@ -20,7 +20,7 @@ from .checkpoint import Checkpoint
 from .dense import flat, unpacked
 from .execution import LOOK, Execution
 from .fixed import begin, begun, fixed_steps
-from .prepared import Shape, Steps, member
+from .prepared import Shape, Steps, member, shown_step, times
 from .progress import Bar
 from .stopped import Stopped
 from .trajectory import Trajectory
@@ -54,7 +54,7 @@ class FixedRun:
         checkpoint: Checkpoint | None = None,
     ) -> None:
         carry = start if isinstance(start, Carry) else None
-        self.plan, self.h, self.every, self.steps, self.marks = plan, plan.h, plan.every, steps, marks
+        self.plan, self.every, self.steps, self.marks = plan, plan.every, steps, marks
         self.t0, self.before = (t0, 0) if carry is None else (carry.t0, carry.step)
         self.checkpoint, self.bodies = checkpoint, start.bodies
         self.count = self.bodies or 1
@@ -108,7 +108,7 @@ class FixedRun:
         """What the method carries along from the start of the first body that can begin, and the sample that shows it."""
         for i in range(self.count):
             start = fitted(self._member(i), started) if i else one
-            trial = attempt(begun, self.plan.method, self.plan.of(i), start, self.h)
+            trial = attempt(begun, self.plan.method, self.plan.of(i), start, self.plan.h_of(i))
             if not isinstance(trial, Rejected):
                 carry, example = trial
                 return double_double(carry) if started.long else carry, example
@@ -126,7 +126,8 @@ class FixedRun:
     def _only_start(self) -> Trajectory:
         """The start as the only sample."""
         states = {name: np.array(x)[None] for name, x in self.start.parts.items() if x is not None}
-        return Trajectory(self.plan.system, self.plan.method, self.h, np.array([self.t0]), states, self.bodies, 0)
+        h, t = self.plan.h, times(self.t0, np.zeros(1), self.plan.h)
+        return Trajectory(self.plan.system, self.plan.method, shown_step(h), t, states, self.bodies, 0)
 
     def _begin(self) -> None:
         """Let the method begin with every body."""
@@ -234,7 +235,7 @@ class FixedRun:
         """Step all bodies this far; in how many calls, if in native code?"""
         first, last, after = self._rows(done), self._rows(done + every * samples), self.before + done + every * samples
         target = self.out[first:last] if first < last else np.empty((1, *self.out.shape[1:]))
-        values = *self.shape.arguments, self.t0, self.h, self.before + done, every, samples
+        values = *self.shape.arguments, self.t0, self.shape.h, self.before + done, every, samples
         running = None if self.bodies is None else self.taken[: self.count] == self.before + done
         more = every * samples
         calls = self._run(self.shape.stepping, values, self.states, target, done=done, more=more, of=self.steps, pace=pace)
@@ -297,7 +298,7 @@ class FixedRun:
         while self.taken[i] < after and i not in self.failures:
             step = int(self.taken[i])
             row, part = divmod(step - first, every)
-            values = *self.shape.arguments, self.t0, self.h, step, every - part, 1
+            values = *self.shape.arguments, self.t0, self.shape.h, step, every - part, 1
             self._plain(fixed_steps, values, (self.states, target[row : row + 1]), i)
 
     def _native(
@@ -306,11 +307,10 @@ class FixedRun:
         """Run a driver in native code on the bodies from `start`, in blocks, perhaps in threads; how many blocks in turn?"""
         native: Any = execution.native
         arrays = *self.shape.own, *arrays
-        if execution is self.shape.stepping:
-            numbers = self.shape.constants + array("d", values[4:6]).tobytes()
-            integers: tuple[int, ...] = values[6:]
-        else:
-            numbers, integers = self.shape.constants + array("d", values[6:]).tobytes(), ()
+        stepping = execution is self.shape.stepping
+        floats = [x for x in (values[4:6] if stepping else values[6:]) if not isinstance(x, Several)]
+        numbers = self.shape.constants + array("d", floats).tobytes()
+        integers: tuple[int, ...] = values[6:] if stepping else ()
         if self.bodies is None:
             native.run(numbers, integers, arrays)
             return 1
@@ -346,12 +346,12 @@ class FixedRun:
         if ahead == reached == self.held:  # not in the middle of a piece that was interrupted or failed
             columns: Any = 0 if self.bodies is None else slice(self.count)
             memory, shown = self.states[:, columns], self.latest[0, :, columns].copy()  # samples may be written to
-            carry = Carry(self.shape, self.t0, self.h, reached, self.bodies, memory, shown, self.failures)
+            carry = Carry(self.shape, self.t0, self.plan.h, reached, self.bodies, memory, shown, self.failures)
         return Trajectory.promised(
             lambda: dict(zip(("t", "states"), self._samples(self.out[:rows], steps), strict=True)),
             system=self.plan.system,
             method=self.plan.method,
-            h=self.h,
+            h=shown_step(self.plan.h),
             bodies=self.bodies,
             steps=steps,
             compiled=self.compiled,
@@ -385,12 +385,12 @@ class FixedRun:
         else:
             numbers = np.minimum((np.arange(rows) + self.before // self.every) * self.every, self.before + steps)
             numbers[0] = self.before
-        return self.t0 + numbers * self.h
+        return times(self.t0, numbers, self.plan.h)
 
     def _failure(self, body: int) -> IntegrationFailure:
         """Why a body stopped: what plain Python saw its step raise."""
         step = int(self.taken[body])
-        t = self.t0 + step * self.h
+        t = self.t0 + step * self.plan.h_of(body)
         at = f"step {step + 1} of {self.before + self.whole}, t = {t:g}" if step >= 0 else f"at the start, t = {self.t0:g}"
         if self.bodies is None:
             at += f"; {self.earlier + self._rows(step - self.before)} samples are in `.trajectory`"

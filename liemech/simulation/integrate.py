@@ -32,10 +32,10 @@ def integrate(
     method: Method,
     start: State,
     *,
-    h: float | None = None,
+    h: Any = None,
     steps: int | None = None,
     every: int = 1,
-    t_end: float | None = None,
+    t_end: Any = None,
     rtol: float | None = None,
     atol: float | None = None,
     max_step: float | None = None,
@@ -68,7 +68,8 @@ def integrate(
     checkpoint : a file to which the run is saved every `checkpoint_every` seconds, as far as it has come; Trajectory.load reads it.
 
     Steps of one length: kept are the start, every `every`-th state after it, and the last one.
-    h : the step, in s; negative runs backwards.  Times are t0 + n h.  A method that keeps the structure may be given h and t_end
+    h : the step, in s; negative runs backwards.  Times are t0 + n h.  An array, (bodies,), gives every body of an ensemble
+    its own, and run.t is (n, bodies).  A method that keeps the structure may be given h and t_end
     instead of steps; t_end is then the end of a step.
     compensated : whether the increments of the steps are summed up in compensated numbers: True for all parts of the state, False
     for none, None for those that the motion depends on, if the method is symmetric or symplectic.
@@ -78,7 +79,8 @@ def integrate(
     Between the ends of steps t_eval and events take a shorter step of the method.
 
     Adaptive steps, for a method with an error estimate; in an ensemble every body chooses its own, and t_eval says what is kept:
-    t_end : the last time, before or after t0.  h, steps : the first step and the largest number of steps, if given.
+    t_end : the last time, before or after t0; (bodies,) gives every body its own, as t_eval of shape (n, bodies) does.
+    h, steps : the first step and the largest number of steps, if given.
     rtol, atol : the error of a step is kept below atol + rtol |state| (1e-6 and 1e-9).  As with every local error control, the
     error of the motion grows along it.
     max_step : the longest step.  breaks : times at which the velocity jumps; no step goes across one.

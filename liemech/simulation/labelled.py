@@ -46,8 +46,10 @@ def to_pandas(run: Any) -> Any:
 
 
 def _time(run: Any) -> tuple[str, dict[str, tuple[tuple[str, ...], np.ndarray]]]:
-    """The axis of the samples, and what is known along it: times, of an ensemble in fictive time those of each body."""
+    """The axis of the samples, and what is known along it: times, perhaps of each body of an ensemble."""
     tau = getattr(run, "tau", None) if hasattr(type(run), "tau") else None
     if run.t.ndim == 1:
         return "t", {"t": (("t",), run.t)} | ({} if tau is None else {"tau": (("t",), tau)})
+    if tau is None:  # bodies with steps of their own
+        return "sample", {"sample": (("sample",), np.arange(len(run.t))), "t": (("sample", "body"), run.t)}
     return "tau", {"tau": (("tau",), np.asarray(tau)), "t": (("tau", "body"), run.t)}

@@ -9,6 +9,7 @@ import os
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
+from ..compiler.kernel import Several
 from ..errors import InvalidInput, InvalidType, StepWarning, warn
 from ..formulas import Record
 from ..formulas.pytree import exact, fields_of, layout_of
@@ -16,9 +17,10 @@ from ..integrators.method import Method
 from ..systems.system import State, System
 from . import arguments
 from .at_once import advanced, at_once
-from .carry import Carry
+from .carry import AdaptiveCarry, Carry
 from .checkpoint import Checkpoint
 from .execution import like
+from .fictive import FictiveCarry
 from .fixed_run import FixedRun
 from .prepared import Steps, member
 from .recorded import Recorder, recorder_of
@@ -39,7 +41,8 @@ class Plan:
     every body its own parameters.
 
     Steps of one length:
-    h : the step, in s; negative runs backwards.  every, compensated, precision, workers : as for `integrate`.
+    h : the step, in s; negative runs backwards; (bodies,) gives every body of an ensemble its own.
+    every, compensated, precision, workers : as for `integrate`.
 
     Adaptive steps, of a method with an error estimate, if h is None or rtol or atol is given:
     rtol, atol, dense : as for `integrate`.  h : the first step; max_step : the longest one.
@@ -54,7 +57,7 @@ class Plan:
         self,
         system: System | Sequence[System],
         method: Method,
-        h: float | None = None,
+        h: Any = None,
         *,
         rtol: float | None = None,
         atol: float | None = None,
@@ -98,7 +101,7 @@ class Plan:
                 raise InvalidInput("integrate: give h, the step in fictive time, and steps or t_end")
             others: dict[str, Any] = {"precision": precision if precision != "double" else None}
             others |= {"rtol": rtol, "atol": atol, "max_step": max_step, "dense": dense}
-            others |= {"events": events or None, "breaks": breaks or None}
+            others |= {"breaks": breaks or None}
             for name in (name for name, given in others.items() if given is not None):
                 raise InvalidInput(f"integrate: {name} is not for steps in fictive time, as {method!r} makes them by h")
             self._steps = Steps(self.system, method, arguments.step(h), every, compensated, precision, compiled, progress, workers)
@@ -116,7 +119,7 @@ class Plan:
         else:
             if dense is not None and dense is not True:
                 raise InvalidInput("integrate: dense is for adaptive steps; those of one length keep no way between them")
-            self._steps = Steps(self.system, method, arguments.step(h), every, compensated, precision, compiled, progress, workers)
+            self._steps = Steps(self.system, method, arguments.steps(h), every, compensated, precision, compiled, progress, workers)
 
     @property
     def adaptive(self) -> bool:
@@ -155,7 +158,7 @@ class Plan:
         start: State,
         *,
         steps: int | None = None,
-        t_end: float | None = None,
+        t_end: Any = None,
         t0: float = 0.0,
         t_eval: Any = None,
         checkpoint: str | os.PathLike[str] | None = None,
@@ -167,6 +170,7 @@ class Plan:
         start : `system.state(...)`; with a leading axis an ensemble.
         t_end : of steps of one length it is the end of one.  steps : of adaptive ones the largest number.
         t_eval : (n,) times at which to keep the state, instead of the ends of steps.
+        In an ensemble with adaptive steps t_end may be (bodies,), and t_eval (n, bodies): then run.t is (n, bodies), too.
         checkpoint : a file to which the run is saved every so many seconds, `checkpoint_every`, as far as it has come.
 
         executor : of concurrent.futures, dask.distributed, ...: the bodies of an ensemble are divided among its workers.
@@ -180,13 +184,20 @@ class Plan:
                 raise InvalidInput("integrate: checkpoint is for runs without executor")
             return spread(self, start, executor, steps=steps, t_end=t_end, t0=t0, t_eval=t_eval)
         if self.fictive:
-            return self._transformed(start, steps, t_end, t0, t_eval, checkpoint)
+            t0 = arguments.real(t0, "t0")
+            start = arguments.started(self._inner, start, self._needed(self._inner, start))
+            return self._transformed(start, steps, t_end, t0, t_eval, self._kept(checkpoint, checkpoint_every))
         start, t0 = self._started(start), arguments.real(t0, "t0")
         if self._one is not self.system and start.bodies != len(self.system):
             raise InvalidInput(f"integrate: there are {len(self.system)} systems for {start.bodies or 'a start of one'} bodies")
+        own = getattr(self._steps, "h", None)
+        if isinstance(own, tuple) and start.bodies != len(own):
+            if start.bodies is None:
+                raise InvalidType(f"integrate: h must be a number for a start of one body; got {self._given['h']!r}")
+            raise InvalidInput(f"integrate: h has {len(own)} steps for {start.bodies} bodies")
         if self._one is not self.system and self._one.bounded:
             arguments.allowed(self.system, start)
-        kept = arguments.checkpoint(checkpoint, checkpoint_every)
+        kept = self._kept(checkpoint, checkpoint_every)
         if self.adaptive:
             return self._steps.run(start, t0, t_end, steps, t_eval, self.events, kept, self.recorder)
         steps = self._count(steps, t_end, t0)
@@ -197,13 +208,28 @@ class Plan:
 
     def _started(self, start: Any) -> Any:
         """The start with the parts that the run needs."""
-        return arguments.started(self._one, start, self.recorder.needed(self._one, start) if self.recorder else self.record)
+        return arguments.started(self._one, start, self._needed(self._one, start))
+
+    def _kept(self, path: Any, seconds: Any) -> Checkpoint | None:
+        """Where the run is saved, if it is; what cannot be saved is refused now, and not after a minute."""
+        kept = arguments.checkpoint(path, seconds)
+        if kept is not None:
+            from .archive import encoded
+
+            encoded(self._one), encoded(self.method)
+        return kept
+
+    def _needed(self, system: Any, start: Any) -> Any:
+        """The parts of the state that the run needs, if not all."""
+        return self.recorder.needed(system, start) if self.recorder else self.record
 
     def _doubt(self, start: State) -> str | None:
         """What the method warns of; of several systems the first warning."""
-        if not isinstance(self.system, Systems):
-            return self.method.step_warning(self.system, start, self._steps.h)
-        doubts = (self.method.step_warning(s, member(start, i), self._steps.h) for i, s in enumerate(self.system))
+        steps: Steps = self._steps
+        if not isinstance(self.system, Systems) and not isinstance(steps.h, tuple):
+            return self.method.step_warning(self.system, start, steps.h)
+        bodies = range(start.bodies or 0)
+        doubts = (self.method.step_warning(steps.of(i), member(start, i), steps.h_of(i)) for i in bodies)
         return next((doubt for doubt in doubts if doubt), None)
 
     def resume(
@@ -224,9 +250,9 @@ class Plan:
         """
         if not isinstance(run, Trajectory):
             raise InvalidType(f"Plan.resume goes on with a Trajectory; got {type(run).__name__}")
+        carry, kept = self._of_this_plan(run), self._kept(checkpoint, checkpoint_every)
         if self.fictive:
-            raise InvalidInput("Plan.resume: runs in fictive time do not go on; start a new one from run.last")
-        carry, kept = self._of_this_plan(run), arguments.checkpoint(checkpoint, checkpoint_every)
+            return self._transformed(carry, steps, t_end, carry.t, t_eval, kept)
         if self.adaptive:
             return self._steps.run(carry, carry.t, t_end, steps, t_eval, self.events, kept, self.recorder)
         return self._stepped(carry, self._count(steps, t_end, carry.t0, carry.step), carry.t0, t_eval, kept)
@@ -236,30 +262,38 @@ class Plan:
         """Are its steps equal in a fictive time, and not in time?"""
         return bool(self.method.fictive or self._one.fictive)
 
-    def _transformed(self, start: Any, steps: Any, t_end: Any, t0: Any, t_eval: Any, checkpoint: Any) -> Trajectory:
+    @property
+    def _inner(self) -> Any:
+        """The system whose states runs begin from: of one in fictive time the one that it transforms."""
+        return self._one.system if self._one.fictive else self._one
+
+    def _transformed(
+        self, start: State | FictiveCarry, steps: Any, t_end: Any, t0: Any, t_eval: Any, kept: Checkpoint | None
+    ) -> Trajectory:
         """A run in fictive time."""
         from .transformed import TransformedRun
 
-        if checkpoint is not None or self._one is not self.system:
-            raise InvalidInput(f"integrate: {self.method!r} steps in fictive time, without checkpoint and several systems")
+        if self._one is not self.system:
+            raise InvalidInput(f"integrate: {self.method!r} steps in fictive time, which several systems do not share")
         if steps is None and t_end is None:
             raise InvalidInput("integrate: give h, the step in fictive time, and steps or t_end")
-        given, plan, t0 = self._one, self._steps, arguments.real(t0, "t0")
-        inner = given.system if given.fictive else given
-        start = arguments.started(inner, start, self.recorder.needed(inner, start) if self.recorder else self.record)
-        run = TransformedRun(given, self.method, start, plan.h, t0, plan.compensated, plan.compiled, plan.progress)
-        recorder = self.recorder
-
-        def made() -> Trajectory:
-            if t_end is None:
-                return run.steps(arguments.count(steps, "steps", 0), plan.every, plan.workers)
-            last = arguments.real(t_end, "t_end")
-            limit = arguments.MOST if steps is None else arguments.count(steps, "steps", 1)
-            return run.until(last, plan.every, limit, arguments.times(t_eval, t0, last))
-
         if t_end is None and t_eval is not None:
             raise InvalidInput("integrate: t_eval needs t_end, the time up to which the run goes")
-        return made() if recorder is None else recorder.instead(made, type(start), plan.compiled)
+        recorder, compiled = self.recorder, self._steps.compiled
+        kind = type(start if isinstance(start, State) else start.origin.start)
+        if kept is not None and recorder is not None:
+            kept.shown = functools.partial(recorder.presented, kind=kind, compiled=compiled)
+        last = None if t_end is None else arguments.real(t_end, "t_end")
+        limit = arguments.MOST // 2 if steps is None else arguments.count(steps, "steps", 0 if last is None else 1)
+        run = TransformedRun(self._steps, start, t0, kept)
+
+        def made() -> Trajectory:
+            if last is None and not self.events:
+                return run.steps(limit)
+            times = None if last is None else arguments.times(t_eval, t0, last)
+            return run.march(last, limit, times, self.events)
+
+        return made() if recorder is None else recorder.instead(made, kind, compiled)
 
     def _count(self, steps: int | None, t_end: float | None, t0: float, before: int = 0) -> int:
         """How many steps, checked, and with them their times."""
@@ -267,6 +301,8 @@ class Plan:
         if t_end is not None:
             if steps is not None:
                 raise InvalidInput("integrate: give steps or t_end for steps of one length, not both")
+            if isinstance(h, tuple):
+                raise InvalidInput("integrate: bodies with steps of their own come to times of their own; give steps, not t_end")
             span = (arguments.real(t_end, "t_end") - t0) / h - before
             steps = round(span)
             if steps < 0 or abs(span - steps) > ROUNDING * max(1, steps):
@@ -279,7 +315,8 @@ class Plan:
         elif steps is None:
             raise InvalidInput("integrate: give h and steps, for steps of one length, or t_end, for adaptive ones")
         steps = arguments.count(steps, "steps", 0)
-        arguments.affordable_times(t0, h, before + steps)
+        for one in {min(h), max(h)} if isinstance(h, tuple) else (h,):
+            arguments.affordable_times(t0, one, before + steps)
         return steps
 
     def _stepped(self, start: State | Carry, steps: int, t0: float, t_eval: Any, kept: Checkpoint | None) -> Trajectory:
@@ -304,6 +341,8 @@ class Plan:
             raise InvalidInput("integrate: checkpoint is for runs without events, those of steps of one length without t_eval")
         from .watched import WatchedRun, sampled
 
+        if isinstance(self._steps.h, tuple):
+            raise InvalidInput("integrate: t_eval and events need one h for all bodies; these have steps of their own")
         begun = start.t if isinstance(start, Carry) else t0
         before = start.step if isinstance(start, Carry) else 0
         times = arguments.times(t_eval, begun, t0 + (before + steps) * self._steps.h)
@@ -314,10 +353,11 @@ class Plan:
 
     def _of_this_plan(self, run: Trajectory) -> Any:
         """What the run carries along, if it is this plan's to go on with."""
-        carry = run.carry
+        carry: Any = run.carry
         if carry is None:
             raise InvalidInput("Plan.resume: this run was interrupted or has failed, and carries nothing on; start from run.last")
-        systems = [[*x] if isinstance(x, Systems) else [x] for x in (self.system, run.system)]
+        given = carry.origin.given if isinstance(carry, FictiveCarry) else run.system
+        systems = [[*x] if isinstance(x, Systems) else [x] for x in (self.system, given)]
         of_bodies = [("system", *pair) for pair in zip(*systems, strict=False)]
         if len(systems[0]) != len(systems[1]):
             raise InvalidInput(f"Plan.resume: the run was made with {len(systems[1])} systems, the plan with {len(systems[0])}")
@@ -332,9 +372,13 @@ class Plan:
                     f"Plan.resume: the run was made with another {name}: {', '.join(differing(mine, theirs))}; "
                     "start a new one from run.last, or make a plan of what it was made with"
                 )
-        if self.adaptive == isinstance(carry, Carry) or (isinstance(carry, Carry) and carry.h != self._steps.h):
-            other = "other steps" if self.adaptive == isinstance(carry, Carry) else f"h = {carry.h!r} instead of {self._steps.h!r}"
-            raise InvalidInput(f"Plan.resume: the run was made with {other}; start a new one from run.last")
+        if not isinstance(carry, AdaptiveCarry if self.adaptive else FictiveCarry if self.fictive else Carry):
+            raise InvalidInput("Plan.resume: the run was made with other steps; start a new one from run.last")
+        inner: Any = carry.inner if isinstance(carry, FictiveCarry) else carry
+        if not self.adaptive and inner.h != self._steps.h:
+            raise InvalidInput(
+                f"Plan.resume: the run was made with h = {inner.h!r} instead of {self._steps.h!r}; start a new one from run.last"
+            )
         return carry
 
     def tangent(
@@ -358,6 +402,8 @@ class Plan:
         from .tangent import tangent_run
 
         self._one_length("tangent")
+        if self.fictive:
+            raise InvalidInput("Plan.tangent is for steps of one length in time; give the plan no time scale")
         if self.recorder is not None:
             raise InvalidInput("Plan.tangent is of the state; make a plan that records no functions of it")
         start, t0 = arguments.started(self._one, start, self.record), arguments.real(t0, "t0")
@@ -375,6 +421,8 @@ class Plan:
     def begin(self, start: State, t0: float = 0.0) -> Carry:
         """What the method carries along at the start, for `step`."""
         self._one_length("begin")
+        if self.fictive:
+            return self.run(start, steps=0, t0=t0).carry
         start, t0 = self._started(start), arguments.real(t0, "t0")
         return FixedRun(self._steps, start, 0, t0).trajectory().carry
 
@@ -387,22 +435,33 @@ class Plan:
         if type(steps) is not int or steps < 1:
             steps = arguments.count(steps, "steps", 1)
         given: Any = carry
-        if not isinstance(given, Carry) or not self._steps.owns(carry.shape):
+        if type(given) is not Carry or not self._steps.owns(carry.shape):
             self._require_mine(given)
+            if isinstance(given, FictiveCarry):
+                inner = advanced(given.origin.steps(self._steps), given.inner, steps)
+                return FictiveCarry(given.origin, inner)  # type: ignore[return-value]
         return advanced(self._steps, carry, steps)
 
     def _require_mine(self, carry: Any) -> None:
         """Refuse what `step` does not go on from."""
         self._one_length("step")
-        if not isinstance(carry, Carry):
+        if not isinstance(carry, FictiveCarry if self.fictive else Carry):
             raise InvalidType(f"Plan.step goes on from what `begin` or `step` gave; got {carry!r}")
-        if carry.h != self._steps.h:
-            raise InvalidInput(f"Plan.step: the carry is of steps of h = {carry.h!r}, the plan has {self._steps.h!r}")
-        if carry.shape is not None and exact(carry.shape.arguments[:2]) != exact((self._one, self.method)):
+        inner: Any = carry.inner if isinstance(carry, FictiveCarry) else carry
+        if inner.h != self._steps.h:
+            raise InvalidInput(f"Plan.step: the carry is of steps of h = {inner.h!r}, the plan has {self._steps.h!r}")
+        theirs: Any = None
+        if isinstance(carry, FictiveCarry):
+            theirs = carry.origin.given, carry.origin.method
+        elif inner.shape is not None:
+            method, system, *_ = inner.shape.arguments
+            theirs = (system.values if isinstance(system, Several) else system), method
+        mine = self.system.systems if isinstance(self.system, Systems) else self.system
+        if theirs is not None and exact(theirs) != exact((mine, self.method)):
             raise InvalidInput("Plan.step: the carry is of another system or method; begin anew from carry.state")
 
     def _one_length(self, what: str) -> None:
-        if self.adaptive or self.fictive:
+        if self.adaptive:
             raise InvalidInput(f"Plan.{what} is for steps of one length; give the plan an h, no tolerances, and no time scale")
 
     def __repr__(self) -> str:

@@ -19,20 +19,20 @@ from .execution import Execution, like
 from .fixed import begin, fixed_steps
 from .systems import Systems
 
-WORDS, TIME, TIMES = struct.Struct("8q"), struct.Struct("d"), struct.Struct("2d")
+TIME = struct.Struct("d")
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Steps:
     """Steps of one length: what a plan was told of them.
 
-    system : one for all bodies, or `Systems`.
+    system : one for all bodies, or `Systems`.  h : one for all bodies, or one for each.
     compensated, precision, compiled, progress, workers : as for `integrate`.
     """
 
     system: Any
     method: Method
-    h: float
+    h: Any
     every: int
     compensated: bool | None
     precision: str
@@ -56,6 +56,11 @@ class Steps:
     def of(self, body: int) -> System:
         """The system of a body."""
         return self.system[body] if isinstance(self.system, Systems) else self.system
+
+    def h_of(self, body: int) -> float:
+        """The step of a body."""
+        h: float = self.h[body] if isinstance(self.h, tuple) else self.h
+        return h
 
     @property
     def settings(self) -> tuple[Any, ...]:
@@ -126,12 +131,16 @@ class Shape(Prepared):
             self.own.append(system.columns)
         else:
             self.constants = numbers_of(method, system)
+        self.h: Any = steps.h
+        if isinstance(steps.h, tuple):
+            self.h = kernel.Several.of(steps.h, -(-len(steps.h) // self.lanes) * self.lanes)
+            self.own.append(self.h.columns)
         self.carried, self.sampled, self.gather = self.layout.width + 1, self.shown.width, gatherer(given)
         none = np.empty(0)
         self.arguments = method, system, self.layout, self.shown
-        call = fixed_steps, *self.arguments, 0.0, steps.h, 0, 1, 1, none, none, None
+        call = fixed_steps, *self.arguments, 0.0, self.h, 0, 1, 1, none, none, None
         self.stepping = Execution(steps.compiled, steps.progress, *call, lanes=self.lanes)
-        self.h = steps.h
+        self._call = struct.Struct(f"8q{len(self.constants)}s2d").pack
         self._beginning: Execution | None = None
         self.order: list[int] | None = None
         if given == self.shown and all(getattr(type(method), f) is getattr(Method, f) for f in ("start", "observe")):
@@ -176,7 +185,7 @@ class Shape(Prepared):
     def native_steps(self, t0: float, h: float, first: int, every: int, samples: int, states: int, out: int) -> None:
         """`fixed_steps` of one body, in native code that is there.  states, out : the addresses of the arrays."""
         native: Any = self.stepping.native
-        native.call(WORDS.pack(1, 0, 1, first, every, samples, states, out) + self.constants + TIMES.pack(t0, h))
+        native.call(self._call(1, 0, 1, first, every, samples, states, out, self.constants, t0, h))
 
     def beginning(self, steps: Steps) -> Execution:
         """Who runs `begin`."""
@@ -186,6 +195,16 @@ class Shape(Prepared):
             call = begin, *self.beginner, none, none, none, None
             self._beginning = Execution(wanted, steps.progress, *call, lanes=self.lanes, silent=self.lanes == 1)
         return self._beginning
+
+
+def times(t0: float, numbers: np.ndarray, h: float | tuple[float, ...]) -> np.ndarray:
+    """The times after so many steps, (n,); of bodies with steps of their own (n, bodies)."""
+    return t0 + numbers[:, None] * np.array(h) if isinstance(h, tuple) else t0 + numbers * h
+
+
+def shown_step(h: float | tuple[float, ...]) -> Any:
+    """The step as a run shows it: a number, or an array of one for each body."""
+    return np.array(h) if isinstance(h, tuple) else h
 
 
 def member(start: State, i: int) -> State:

@@ -21,7 +21,7 @@ from .checkpoint import Checkpoint
 from .dense import evaluated, flat, told
 from .drift import RECORDED
 from .fixed_run import FixedRun
-from .prepared import Steps
+from .prepared import Steps, times
 from .progress import Bar
 from .trajectory import Trajectory
 
@@ -94,9 +94,9 @@ class Recorder:
         """A function of time and state at every sample."""
         lead, at = ((len(t),), (0,)) if bodies is None else ((len(t), bodies), (0, 0))
         first = kind(*[small(states[f.name][at]) if f.name in states else None for f in dataclasses.fields(kind)])
-        result = self._result(name, function, float(t[0]), first)
+        result = self._result(name, function, float(np.ravel(t)[0]), first)
         parts = {part: states[part] for part in first.arrays}
-        rows = np.column_stack([flat(parts, math.prod(lead)), np.repeat(t, bodies or 1)])
+        rows = np.column_stack([flat(parts, math.prod(lead)), t.ravel() if t.ndim == 2 else np.repeat(t, bodies or 1)])
         arguments = function, layout_of(first), layout_of(result)
         what = f"record={name!r}", lambda k: f"at t = {rows[k, -1]:g}"
         numbers = evaluated(observe, arguments, rows, np.size(result), compiled, what)
@@ -117,7 +117,7 @@ class Recorder:
     def presented(self, run: Any, kind: type, compiled: Any) -> Any:
         """A run that kept the states, with what is to be kept instead."""
         kept = self.values(run, kind, run.t, run.states, compiled)
-        return dataclasses.replace(run, states=kept, observed=tuple(self.quantities))
+        return dataclasses.replace(run, states=kept, observed=tuple(self.quantities), dense=None)
 
     def instead(self, make: Callable[[], Any], kind: type, compiled: Any) -> Any:
         """The same of a run to be made, which may fail."""
@@ -204,7 +204,8 @@ class _RecordedRun:
         numbers = np.arange(self.before + self.done + 1, self.before + self.steps + 1)
         numbers = numbers[(numbers % self.plan.every == 0) | (numbers == self.before + self.steps)]
         t0 = self.now.t0 if isinstance(self.now, Carry) else self.t0
-        self._add(part, t0 + numbers * part.h, {name: np.repeat(x[-1:], len(numbers), axis=0) for name, x in part.states.items()})
+        last = times(t0, numbers, self.plan.h)
+        self._add(part, last, {name: np.repeat(x[-1:], len(numbers), axis=0) for name, x in part.states.items()})
         self.done = self.steps
 
     def _add(self, part: Trajectory, t: np.ndarray, states: dict[str, np.ndarray]) -> None:
@@ -216,7 +217,7 @@ class _RecordedRun:
         """The run so far, as which its last part ends."""
         names = self.recorder.names
         states = {name: np.concatenate([kept[name] for kept in self.kept]) for name in names if self.kept}
-        t = np.concatenate([np.empty(0), *self.t])
+        t = np.concatenate(self.t) if self.t else np.empty(0)
         return dataclasses.replace(part, t=t, states=states, steps=self.done, observed=tuple(self.recorder.quantities))
 
 

@@ -11,9 +11,11 @@ import numpy as np
 from ..errors import IntegrationInterrupted, InvalidInput, InvalidType, warn
 from ..systems.system import State
 from .carry import Carry
+from .fictive import FictiveCarry
 from .progress import Bar
 from .stopped import Stopped
 from .systems import Systems
+from .trajectory import TransformedTrajectory
 
 CHUNK = 2**22
 """Steps of all bodies of a chunk together, at least: some tenths of a second in native code."""
@@ -41,19 +43,19 @@ def spread(plan: Any, start: Any, executor: Any, **how: Any) -> Any:
     if not isinstance(start, State) or start.bodies is None:
         raise InvalidInput("integrate: executor is for ensembles, whose bodies it spreads; executor.submit(plan.run, ...) for one")
     chunks = _chunks(start.bodies, how.get("steps") or 1000, getattr(executor, "_max_workers", None))
-    jobs = [(_part_of(plan, first, end), _members(start, first, end)) for first, end in chunks]
+    jobs = [(_part_of(plan, first, end), _members(start, first, end), _times_of(how, first, end)) for first, end in chunks]
     found: dict[int, Any] = {}
     tries = [0] * len(jobs)
     running: dict[Any, int] = {}
 
     def here(i: int) -> None:
-        found[i] = _run(*jobs[i], how)
+        found[i] = _run(*jobs[i])
 
     def hand_out(i: int) -> None:
         tries[i] += 1
         try:
             if tries[i] <= TRIES:
-                running[executor.submit(_run, *jobs[i], how)] = i
+                running[executor.submit(_run, *jobs[i])] = i
                 return
         except futures.BrokenExecutor:
             pass
@@ -111,7 +113,18 @@ def _part_of(plan: Any, first: int, end: int) -> Any:
     """The plan of some bodies."""
     system: Any = plan.system
     some = [*system][first:end] if isinstance(system, Systems) else plan._given["system"]
-    return plan.replace(system=some, progress=False)
+    h = plan._given["h"]
+    return plan.replace(system=some, progress=False, h=h[first:end] if np.ndim(h) else h)
+
+
+def _times_of(how: dict[str, Any], first: int, end: int) -> dict[str, Any]:
+    """What a run is asked for, where bodies have times of their own those of some bodies."""
+    t_end, t_eval = how["t_end"], how["t_eval"]
+    if np.ndim(t_end) == 1:
+        t_end = np.asarray(t_end)[first:end]
+    if np.ndim(t_eval) == 2:
+        t_eval = np.asarray(t_eval)[:, first:end]
+    return how | {"t_end": t_end, "t_eval": t_eval}
 
 
 def _members(start: Any, first: int, end: int) -> Any:
@@ -128,38 +141,54 @@ def _joined(plan: Any, chunks: list[tuple[int, int]], runs: list[Any]) -> Any:
         some = ", ".join(f"body {i} after {n} steps" for i, n in list(steps.items())[:5])
         warn(f"integrate: {len(steps)} of {bodies} bodies stopped early: {some}. {stopped[min(steps)].error}", RuntimeWarning)
     more: dict[str, Any] = {}
-    if first.t.ndim == 2:  # fictive time: every body has times of its own
+    if first.t.ndim == 2:  # every body has times of its own
         more = {"t": np.concatenate([run.t for run in runs], axis=1)}
+    if isinstance(first, TransformedTrajectory):
         if first.z is not None:
             more["z"] = np.concatenate([run.z for run in runs], axis=1)
+        more["origin"] = dataclasses.replace(first.origin, start=_all([run.origin.start for run in runs]))
     return dataclasses.replace(
         first,
         system=plan.system,
         states={name: np.concatenate([run.states[name] for run in runs], axis=1) for name in first.states},
-        h=float(np.average([run.h for run in runs], weights=[end - begin for begin, end in chunks])) if first.rejected else first.h,
+        h=_step(chunks, runs),
         bodies=bodies,
         steps=max(run.steps for run in runs),
         compiled=all(run.compiled for run in runs),
         stopped=stopped,
         rejected=None if first.rejected is None else sum(run.rejected for run in runs),
-        carry=_carry(chunks, [run.carry for run in runs]),
+        carry=_carry(chunks, [run.carry for run in runs], more.get("origin")),
         **more,
     )
 
 
-def _carry(chunks: list[tuple[int, int]], carries: list[Any]) -> Carry | None:
-    """What all bodies carry along; None if those of a chunk have all stopped."""
+def _step(chunks: list[tuple[int, int]], runs: list[Any]) -> Any:
+    """The step of all bodies, those of each, or of adaptive ones the mean."""
+    if runs[0].rejected:
+        return float(np.average([run.h for run in runs], weights=[end - begin for begin, end in chunks]))
+    return np.concatenate([run.h for run in runs]) if np.ndim(runs[0].h) else runs[0].h
+
+
+def _all(states: list[Any]) -> Any:
+    """The states of all bodies."""
+    arrays = zip(*(state.parts.values() for state in states))
+    return type(states[0])(*(None if some[0] is None else np.concatenate(some) for some in arrays))
+
+
+def _carry(chunks: list[tuple[int, int]], carries: list[Any], origin: Any = None) -> Any:
+    """What all bodies carry along, from an origin in fictive time; None if those of a chunk have all stopped."""
+    if origin is not None and None not in carries:
+        return FictiveCarry(origin, _carry(chunks, [carry.inner for carry in carries]))
     if not all(isinstance(carry, Carry) for carry in carries):
         return None
-    states = [carry.state for carry in carries]
-    arrays = zip(*(state.parts.values() for state in states))
     made = dataclasses.replace(
         carries[0],
         shape=None,
+        h=sum([carry.h for carry in carries], ()) if isinstance(carries[0].h, tuple) else carries[0].h,
         bodies=chunks[-1][1],
         numbers=np.concatenate([carry.numbers for carry in carries], axis=1),
         last=np.concatenate([carry.last for carry in carries], axis=1),
         failures={begin + i: error for (begin, _), carry in zip(chunks, carries) for i, error in carry.failures.items()},
     )
-    vars(made)["state"] = type(states[0])(*(None if some[0] is None else np.concatenate(some) for some in arrays))
+    vars(made)["state"] = _all([carry.state for carry in carries])
     return made

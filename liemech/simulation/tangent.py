@@ -9,12 +9,13 @@ from typing import Any
 
 import numpy as np
 
+from ..compiler.driver import attempt, read
 from ..errors import IncompatibleSystem, InvalidInput, InvalidType
 from ..formulas import Record, Vec, derivative
 from ..formulas.dual import Dual
 from ..formulas.pytree import build, layout_of, leaves
 from ..systems.system import State, System
-from .dense import unpacked
+from .dense import evaluated, flat, told, unpacked
 from .fixed_run import FixedRun
 from .prepared import Steps
 from .systems import Systems
@@ -87,12 +88,33 @@ def tangent_run(plan: Steps, start: State, steps: int, t0: float, names: tuple[s
 def frame(system: Any, name: str, part: Any) -> Any:
     """The directions in which a part of the state can move, as a function of the part, (n, ...) to (n, components, ...)."""
     group = getattr(system, "configurations", system.group) if name == "g" else None
-    if group is None or len(np.shape(part)) != 2:
-        size = layout_of(part).width
-        units = np.eye(size).reshape(size, *np.shape(part))
-        return lambda points: np.broadcast_to(units, (len(points), *units.shape))
+    size = layout_of(part).width
+    if group is None:
+        basis = np.eye(size).reshape(size, *np.shape(part))
+        return lambda points: np.broadcast_to(basis, (len(points), *basis.shape))
+    if len(np.shape(part)) != 2:  # elements that are not matrices, such as unit quaternions
+        point = layout_of(part)
+        arguments = group, point, layout_of(translated(group, part))
+
+        def directions(points: np.ndarray) -> np.ndarray:
+            rows = flat({name: points}, len(points))
+            return evaluated(translations, arguments, rows, group.dim * size, None).reshape(len(points), group.dim, size)
+
+        return directions
     algebra = np.array([derivative(group.exp, Vec(*[0.0] * group.dim), list(unit)) for unit in np.eye(group.dim)])
     return lambda points: points[:, None] @ algebra
+
+
+def translated(group: Any, g: Any) -> list[Any]:
+    """The directions g hat(e_i) in which an element moves."""
+    still = Vec(*[0.0] * group.dim)
+    units = [Vec(*[float(i == j) for j in range(group.dim)]) for i in range(group.dim)]
+    return [derivative(lambda xi: group.compose_exp(g, xi), still, unit) for unit in units]
+
+
+def translations(group: Any, point: Any, result: Any, given: Any, out: Any, failures: Any) -> None:
+    """The driver: the directions in which an element moves."""
+    told(attempt(translated, group, read(given, 0, point)), result, out, failures)
 
 
 def real_numbers(array: np.ndarray) -> np.ndarray:
@@ -163,7 +185,7 @@ class _Run(FixedRun):
         columns[:] = self._padded(np.array([leaves(dual, self.shape.given) for dual in self.duals]).T)
 
     def _only_start(self) -> Trajectory:
-        return Trajectory(self.plan.system, self.plan.method, self.h, np.empty(0), {}, None, 0)
+        return Trajectory(self.plan.system, self.plan.method, self.plan.h, np.empty(0), {}, None, 0)
 
     def _samples(self, out: np.ndarray, steps: int) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         return self.times(len(out), steps), {}

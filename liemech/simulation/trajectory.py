@@ -15,6 +15,7 @@ from ..errors import InvalidInput
 from ..systems.system import State, System
 from .dense import Between, DenseOutput, ShortSteps, flat
 from .drift import RECORDED, Drift
+from .fictive import Origin, state_of
 from .stopped import NONE, Stop
 from .systems import Systems
 
@@ -32,7 +33,7 @@ class Trajectory:
 
     t : (n,) times in s.  states : the recorded parts of the state by name, (n, ...) each; also as attributes, such as
     mu : (n, dim) body momentum and g : (n, k, k) group elements, None if they were not recorded.
-    In an ensemble of m bodies mu is (n, m, dim) and g is (n, m, k, k).
+    In an ensemble of m bodies mu is (n, m, dim) and g is (n, m, k, k); if they have steps of their own h is (m,) and t is (n, m).
     Of adaptive steps h is the mean; `at(t)` gives the state at any time; rejected : the steps that were tried in vain;
     events : for every event function the times, and the states then.
     carry : what the method carries along at the end, with which `Plan.resume` goes on.
@@ -42,7 +43,7 @@ class Trajectory:
 
     system: System
     method: Method
-    h: float
+    h: Any
     t: np.ndarray
     states: dict[str, np.ndarray]
     bodies: int | None
@@ -119,7 +120,7 @@ class Trajectory:
             raise InvalidInput(f"Trajectory.{name}: {self.system!r} {otherwise}")
         needed = [*inspect.signature(formula).parameters]
         self._recorded(name, [part for part in needed if part != "t"])
-        known = {"t": self.t if self.bodies is None else self.t[:, None], **self.states}
+        known = {"t": self.t if self.bodies is None or self.t.ndim == 2 else self.t[:, None], **self.states}
         return formula(*(known[part] for part in needed))
 
     def _recorded(self, what: str, needed: Iterable[str]) -> None:
@@ -140,8 +141,10 @@ class Trajectory:
                 f"Trajectory.xi is for methods with a velocity on every interval, as CovariantVariational; {self.method!r} has "
                 "none. At the samples of a free body the velocity is `run.system.velocity(run.mu)`"
             )
-        if isinstance(self.system, Systems):
-            return np.stack([between(system, self.mu[:, i], self.h) for i, system in enumerate(self.system)], axis=1)
+        if isinstance(self.system, Systems) or np.ndim(self.h):
+            several: Any = self.system if isinstance(self.system, Systems) else [self.system] * self.mu.shape[1]
+            each = zip(several, np.moveaxis(self.mu, 1, 0), np.broadcast_to(self.h, len(several)).tolist(), strict=True)
+            return np.stack([between(*one) for one in each], axis=1)
         return between(self.system, self.mu, self.h)
 
     @cached_property
@@ -219,7 +222,10 @@ class Trajectory:
         """
         from .archive import load
 
-        return Trajectory(**load(path, modules))
+        kept = load(path, modules)
+        if "tau" in kept:
+            return TransformedTrajectory(**kept)
+        return Trajectory(**kept)
 
     def to_xarray(self) -> Any:
         """The samples as an xarray.Dataset over t: mu is (t, mu_0), g (t, g_0, g_1), in an ensemble with `body` behind t."""
@@ -238,22 +244,30 @@ class Trajectory:
 
         Raises InvalidInput if the second begins at another time than this one's `carry` has.
         """
-        ahead = self.carry is not None and len(rest) and (rest.t[0] - self.carry.t) * self.h >= 0.0
-        if not ahead or self.states.keys() != rest.states.keys():
+        alike = type(self) is type(rest) and self.carry is not None and self.states.keys() == rest.states.keys()
+        end, t, more = (self._clock(self.carry), self._clock(), rest._clock()) if alike else (0.0, self.t, self.t[:0])
+        if not len(more) or np.any((more[0] - end) * self.h < 0.0):
             raise InvalidInput(f"Trajectory.then: {rest!r} does not begin where {self!r} was to go on")
-        again = int(rest.t[0] == self.carry.t and len(self) > 0 and self.t[-1] == rest.t[0])  # kept by both
-        dense = None
-        if self.dense is not None and rest.dense is not None:
-            dense = replace(rest.dense, rows=np.concatenate([self.dense.rows, rest.dense.rows[1:]]))
+        again = int(len(self) > 0 and np.all(more[0] == end) and np.all(t[-1] == more[0]))  # kept by both
         return replace(
             rest,
             t=np.concatenate([self.t, rest.t[again:]]),
             states={name: np.concatenate([x, rest.states[name][again:]]) for name, x in self.states.items()},
             steps=self.steps + rest.steps,
             rejected=None if rest.rejected is None else rest.rejected + (self.rejected or 0),
-            dense=dense,
             events=tuple([_joined(*pair) for pair in zip(self.events, rest.events, strict=False)]),
+            **self._more(rest, again),
         )
+
+    def _clock(self, carry: Any = None) -> Any:
+        """What samples are ordered by, their times; that of a carry."""
+        return self.t if carry is None else carry.t
+
+    def _more(self, rest: Any, again: int) -> dict[str, Any]:
+        """Of this run and the next one, whose first sample may be there again: what this kind of run has more than samples."""
+        if self.dense is None or rest.dense is None:
+            return {"dense": None}
+        return {"dense": replace(rest.dense, rows=np.concatenate([self.dense.rows, rest.dense.rows[1:]]))}
 
     def view(self, show: Any = None) -> Scene:
         """The run as a moving picture: `run.view().show()` opens it, notebooks show it.  show : as in viewer.Scene."""
@@ -285,12 +299,81 @@ class Trajectory:
 
     def __repr__(self) -> str:
         many = "" if self.bodies is None else f"{self.bodies} bodies, "
-        end = f"to t = {self.t[-1]:g}" if len(self) else "none"
-        steps = f"h = {self.h:g}" if self.rejected is None else f"{self.steps} steps, {self.rejected} rejected"
+        end = f"to t = {_range(self.t[-1])}" if len(self) else "none"
+        steps = f"h = {_range(self.h)}" if self.rejected is None else f"{self.steps} steps, {self.rejected} rejected"
         return (
             f"Trajectory({self.method!r}: {many}{len(self)} samples {end}, {steps}, "
             f"{'compiled' if self.compiled else 'plain'}; {', '.join(self.states)})"
         )
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class TransformedTrajectory(Trajectory):
+    """Samples of a run in fictive time.
+
+    t : physical times, (n,), whose distances differ; of an ensemble of m members (n, m).  tau : (n,) fictive times.
+    h : the step in fictive time.
+    z : (n,) what a ReversibleController takes for 1/sigma; None for other methods.
+    origin : where the motion began.
+    """
+
+    tau: np.ndarray = None  # type: ignore[assignment]
+    z: np.ndarray | None = None
+    origin: Origin = None  # type: ignore[assignment]
+
+    @property
+    def sigma(self) -> Any:
+        """The time scale, dt = sigma dtau, bound to the start of the motion."""
+        return self.origin.whole.sigma
+
+    @cached_property
+    def scale(self) -> np.ndarray:
+        """sigma at every sample, (n,): physical time for a unit of fictive time."""
+        if self.bodies is not None:
+            raise InvalidInput("TransformedTrajectory.scale takes one body at a time")
+        kind = type(self.origin.start)
+        return np.array(
+            [
+                self.sigma.value(self.system, state_of(kind, {n: x[k] for n, x in self.states.items()}))
+                for k in range(len(self))
+            ]
+        )
+
+    def drift(self) -> Drift:
+        """How well the constants of the motion were kept; for an ensemble over fictive time, which its members share."""
+        if self.observed:
+            return super().drift()
+        return Drift.of(self.system, self.t if self.bodies is None else self.tau, self.states, self.bodies)
+
+    def _clock(self, carry: Any = None) -> Any:
+        return self.tau if carry is None else carry.tau
+
+    def _more(self, rest: Any, again: int) -> dict[str, Any]:
+        dense: Any = self.dense
+        if dense is not None and rest.dense is not None:
+            first = int(dense.t[-1] == rest.dense.t[0])
+            joined = {name: np.concatenate([getattr(dense, name), getattr(rest.dense, name)[first:]]) for name in ("t", "points")}
+            dense = replace(dense, **joined)
+        return {
+            "dense": dense,
+            "tau": np.concatenate([self.tau, rest.tau[again:]]),
+            "z": None if self.z is None else np.concatenate([self.z, rest.z[again:]]),
+        }
+
+    def __repr__(self) -> str:
+        many = "" if self.bodies is None else f"{self.bodies} bodies, "
+        end = f"to t = {np.ravel(self.t[-1])[0]:g}, " if len(self) and self.bodies is None else ""
+        last = f"tau = {self.tau[-1]:g}, " if len(self) else ""
+        return (
+            f"Trajectory({self.method!r}, {self.sigma!r}: {many}{len(self)} samples {end}{last}h = {self.h:g} in tau, "
+            f"{'compiled' if self.compiled else 'plain'}; {', '.join(self.states)})"
+        )
+
+
+def _range(values: Any) -> str:
+    """A number, or from which one to which."""
+    low, high = np.min(values), np.max(values)
+    return f"{low:g}" if low == high else f"{low:g} ... {high:g}"
 
 
 def _joined(first: tuple[np.ndarray, State], second: tuple[np.ndarray, State]) -> tuple[np.ndarray, State]:

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import dataclass, replace
-from functools import cached_property
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from ..compiler.driver import accepted, attempt, itself, read, reason, write
 from ..errors import (
-    IncompatibleSystem,
     IntegrationFailure,
     IntegrationInterrupted,
     InvalidInput,
@@ -24,39 +24,26 @@ from ..errors import (
     warn,
 )
 from ..formulas import Record, record
-from ..formulas.broadcasting import small
-from ..formulas.pytree import compensated, layout_of, leaves
-from ..integrators.composition import Composition
-from ..systems.clocked import Clocked
-from ..systems.time_transformed import ExtendedSystem
+from ..formulas.pytree import build, layout_of, leaves
+from ..systems.system import State
 from .arrival import FictiveMotion, landed
+from .carry import Carry
+from .checkpoint import Checkpoint
 from .dense import unpacked
-from .drift import Drift
+from .events import Event, Watch
 from .execution import LOOK, Execution
-from .fixed import begun, observed, sample, stepped
+from .fictive import FictiveCarry, Origin, state_of
+from .fixed import observed, sample, stepped
 from .fixed_run import FixedRun
 from .prepared import Steps
 from .progress import Bar
-from .trajectory import Trajectory
+from .trajectory import Trajectory, TransformedTrajectory
 
 STILL = 1000.0
 """Steps without a change of the physical time after which a run to a given time is ended."""
 
 
-def extended(system: Any, method: Any, start: Any) -> Any:
-    """The system whose state carries physical time along, bound to a start."""
-    if isinstance(system, ExtendedSystem):
-        if method.fictive:
-            raise IncompatibleSystem(f"integrate: {method!r} varies its steps, and so does {system!r}; one of them will do")
-        whole = system.bound(start)
-        method.require(whole)
-        return whole
-    while isinstance(method, Composition):
-        method = method.base
-    return Clocked(system, method.sigma.bound(system, start))
-
-
-# ------------------------------------------------------------------ the drivers
+# ------------------------------------------------------------------ the driver
 
 
 @record
@@ -64,7 +51,7 @@ class Marched(Record):
     """How far a run came: steps, those since the last sample, samples in this call, the length of the last step, and the steps for
     which the physical time has stood still.
 
-    ended : 0 not yet, 1 at the last time, 2 the next step failed.
+    ended : 0 not yet, 1 at the last time by a shorter step, 2 the next step failed, 3 at the last time by a whole step.
     """
 
     steps: float
@@ -95,7 +82,7 @@ def march(
 ) -> None:
     """The driver: steps, a sample after each `every`, until there are `room` - 1 of them or so many steps, or t_end is reached.
 
-    The step that would lead to t_end or beyond is replaced by one that ends there, and its sample kept.
+    A step that would lead beyond t_end is replaced by one that ends there.  The sample at t_end is kept.
     failures : None in native code; in plain Python a list for what the failing step raised.
     """
     carry, mark = read(states, 0, layout), read(marked, 0, MARCHED)
@@ -107,7 +94,7 @@ def march(
             ended = 2.0
             if failures is not None:
                 failures.append(reason(trial))
-        elif (system.clock(trial[1]) - t_end) * h >= 0.0:
+        elif (system.clock(trial[1]) - t_end) * h > 0.0:
             ended = 1.0
         elif still >= STILL:
             ended = 2.0
@@ -116,9 +103,13 @@ def march(
         else:
             still = still + 1.0 if system.clock(trial[1]) == time else 0.0
             carry, steps, since, time = trial[0], steps + 1.0, since + 1.0, system.clock(trial[1])
-            if since == every:
+            if time == t_end:
+                ended = 3.0
+            if since == every or ended == 3.0:
                 write(out, n * shown.width, trial[1], shown)
-                n, since = n + 1, 0.0
+                n = n + 1
+            if since == every:
+                since = 0.0
     if ended == 1.0:
         end = attempt(landed, method, system, carry, h, t_end)
         if accepted(end, itself):
@@ -135,118 +126,100 @@ def march(
 # ------------------------------------------------------------------ the run
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class TransformedTrajectory(Trajectory):
-    """Samples of a run in fictive time.
-
-    t : physical times, (n,), whose distances differ; of an ensemble of m members (n, m).  tau : (n,) fictive times.
-    h : the step in fictive time.  sigma : the time scale, dt = sigma dtau, bound to the start.
-    z : (n,) what a ReversibleController takes for 1/sigma; None for other methods.
-    """
-
-    tau: np.ndarray = None  # type: ignore[assignment]
-    sigma: Any = None
-    z: np.ndarray | None = None
-
-    @cached_property
-    def scale(self) -> np.ndarray:
-        """sigma at every sample, (n,): physical time for a unit of fictive time."""
-        if self.bodies is not None:
-            raise InvalidInput("TransformedTrajectory.scale takes one body at a time")
-        kind = type(self.last)
-        return np.array(
-            [
-                self.sigma.value(self.system, small_state(kind, {n: x[k] for n, x in self.states.items()}))
-                for k in range(len(self))
-            ]
-        )
-
-    def drift(self) -> Drift:
-        """How well the constants of the motion were kept; for an ensemble over fictive time, which its members share."""
-        return Drift.of(self.system, self.t if self.bodies is None else self.tau, self.states, self.bodies)
-
-    def __repr__(self) -> str:
-        many = "" if self.bodies is None else f"{self.bodies} bodies, "
-        end = f"to t = {np.ravel(self.t[-1])[0]:g}, " if len(self) and self.bodies is None else ""
-        return (
-            f"Trajectory({self.method!r}, {self.sigma!r}: {many}{len(self)} samples {end}"
-            f"tau = {self.tau[-1]:g}, h = {self.h:g} in tau, "
-            f"{'compiled' if self.compiled else 'plain'}; {', '.join(self.states)})"
-        )
-
-
-def small_state(kind: Any, arrays: dict[str, np.ndarray]) -> Any:
-    """A state as formulas take it."""
-    return kind(*[small(np.asarray(arrays[name])) if name in arrays else None for name in kind.__dataclass_fields__])
-
-
 class TransformedRun:
-    """One call of `integrate` in fictive time.
+    """One run in fictive time, from a start at a time or from where another one stands.
 
-    whole : the system whose state carries time along.  given, start : where it begins, without and with its time.
+    whole : the system whose state carries time along.  now : where its motion begins.
     """
 
-    def __init__(
-        self,
-        system: Any,
-        method: Any,
-        start: Any,
-        h: float,
-        t0: float,
-        compensated: bool | None,
-        compiled: bool | None,
-        progress: bool | None,
-    ) -> None:
-        self.whole: Any = extended(system, method, start)
-        self.system, self.method, self.given, self.start = self.whole.system, method, start, self.whole.extended(start, t0)
-        doubt = method.step_warning(self.whole, self.start, h) if start.bodies is None else None
-        if doubt:
-            warn(doubt, StepWarning)
-        self.h, self.t0, self.compensated, self.compiled, self.progress = h, t0, compensated, compiled, progress
+    def __init__(self, plan: Steps, start: State | FictiveCarry, t0: float, kept: Checkpoint | None = None) -> None:
+        self.now: Any
+        self.carry: Any = None
+        if isinstance(start, FictiveCarry):
+            self.origin, self.carry, self.now, self.t0 = start.origin, start, start.inner, start.t
+            self.bodies, self.before = start.bodies, start.step
+        else:
+            self.origin = Origin(plan.system, plan.method, start)
+            self.t0, self.bodies, self.before = t0, start.bodies, 0
+            self.now = self.origin.whole.extended(start, t0)
+        self.whole, self.plan, self.h, self.kept = self.origin.whole, self.origin.steps(plan), plan.h, kept
+        self.system, self.method = self.whole.system, plan.method
+        if self.carry is None and self.bodies is None:
+            doubt = self.method.step_warning(self.whole, self.now, self.h)
+            if doubt:
+                warn(doubt, StepWarning)
+        if kept is not None:
+            shown = kept.shown
+            kept.shown = lambda run: shown(self.presented(run))
 
-    def steps(self, steps: int, every: int, workers: int) -> Trajectory:
+    def steps(self, steps: int) -> Trajectory:
         """So many steps of one length in fictive time, for one body or an ensemble."""
-        stepping = self.h, every, self.compensated, "double", self.compiled, self.progress, workers
-        run = FixedRun(Steps(self.whole, self.method, *stepping), self.start, steps)
+        with self._failures():
+            made = FixedRun(self.plan, self.now, steps, checkpoint=self.kept).trajectory()
+        return self.presented(made)
+
+    def begun(self) -> FixedRun:
+        """The run before its first step."""
+        with self._failures():
+            return FixedRun(self.plan, self.now, 0)
+
+    @contextmanager
+    def _failures(self) -> Iterator[None]:
+        """Around the loop of steps of one length: its failures are told as those of a run in fictive time."""
         try:
-            made = run.trajectory()
+            yield
         except BaseException as error:
             if isinstance(getattr(error, "trajectory", None), Trajectory):
-                error.trajectory = self._presented(error.trajectory)  # type: ignore[attr-defined]
+                error.trajectory = self.presented(error.trajectory)  # type: ignore[attr-defined]
             if isinstance(error, IntegrationFailure):
                 error.args = (" tau = ".join(str(error).rsplit(" t = ", 1)),)  # of the step: the loop knows no other time
             raise
-        return self._presented(made)
 
-    def until(self, t_end: float, every: int, limit: int, times: np.ndarray | None) -> Trajectory:
-        """As many steps as lead to a time, for one body; kept are every `every`-th state and the last one, or those at `times`."""
-        if self.start.bodies is not None:
-            raise InvalidInput("integrate: t_end is for one body at a time; give an ensemble h and steps")
-        if (t_end - self.t0) * self.h < 0.0:
+    def march(self, t_end: float | None, limit: int, times: np.ndarray | None, events: tuple[Event, ...]) -> Trajectory:
+        """As many steps as lead to a time, or to the limit, for one body, with samples at times, and events."""
+        if self.bodies is not None:
+            what = "events are" if events else "t_end is"
+            raise InvalidInput(f"integrate: {what} for one body at a time; give an ensemble h and steps")
+        if t_end is not None and (t_end - self.t0) * self.h < 0.0:
             raise InvalidInput(
                 f"integrate: t_end = {t_end:g} is not where steps of h = {self.h:g} lead from {self.t0:g}; turn the sign of h"
             )
-        return March(self, t_end, every, limit, times).trajectory()
+        return March(self, t_end, limit, times, events).trajectory()
 
-    def _presented(self, run: Trajectory) -> TransformedTrajectory:
+    def presented(self, run: Trajectory) -> TransformedTrajectory:
         """Samples of the extended system as those of the system."""
+        if isinstance(run, TransformedTrajectory):
+            return run
+        carry = FictiveCarry(self.origin, run.carry) if isinstance(run.carry, Carry) else None
+        more = {"steps": run.steps, "compiled": run.compiled, "carry": carry}
         if run.bodies is None:
             numbers = np.concatenate([_floats(x).reshape(len(run), -1) for x in run.states.values()], axis=1)
-            return self.result(self.whole.apart(run.states)[0], numbers, run.t, self.start, run.steps, run.compiled)
+            tau, ahead = run.t, None if self.carry is None else self.carry.ahead
+            if ahead is not None:  # the first sample is the last one before
+                numbers[0], tau[0] = leaves(ahead, layout_of(ahead)), self.carry.tau
+                if len(tau) > 1 and tau[1] == tau[0]:
+                    numbers, tau = numbers[1:], tau[1:]
+            return self.result(self.whole.apart(unpacked(layout_of(self.example), numbers))[0], numbers, tau, **more)
         t, states, z = self.whole.apart(run.states)
-        return self._made(t, states, run.t, run.bodies, run.steps, run.compiled, run.stopped, z=z)
+        return self._made(t, states, run.t, bodies=run.bodies, stopped=run.stopped, z=z, **more)
 
-    def result(
-        self, t: np.ndarray, numbers: np.ndarray, tau: np.ndarray, example: Any, steps: int, compiled: bool
-    ) -> TransformedTrajectory:
+    @property
+    def example(self) -> Any:
+        """A state of the extended system."""
+        return self.now.state if isinstance(self.now, Carry) else self.now
+
+    def result(self, t: np.ndarray, numbers: np.ndarray, tau: np.ndarray, **more: Any) -> TransformedTrajectory:
         """A trajectory of one body: times, numbers of the samples of the extended system, (n, width), and fictive times."""
-        _, states, z = self.whole.apart(unpacked(layout_of(example), numbers))
-        dense: Any = FictiveMotion(self.method, self.whole, type(self.given), example, self.h, t, numbers, self.compiled)
-        return self._made(t, states, tau, None, steps, compiled, dense=dense, z=z)
+        _, states, z = self.whole.apart(unpacked(layout_of(self.example), numbers))
+        return self._made(t, states, tau, bodies=None, dense=self.motion(t, numbers), z=z, **more)
 
-    def _made(self, t: np.ndarray, states: Any, tau: np.ndarray, *rest: Any, **more: Any) -> TransformedTrajectory:
-        more |= {"tau": tau, "sigma": self.whole.sigma}
-        made = TransformedTrajectory(self.system, self.method, self.h, t, states, *rest, **more)
+    def motion(self, t: np.ndarray, numbers: np.ndarray) -> Any:
+        """The motion between samples of one body."""
+        kind = type(self.origin.start)
+        return FictiveMotion(self.method, self.whole, kind, self.example, self.h, t, numbers, self.plan.compiled)
+
+    def _made(self, t: np.ndarray, states: Any, tau: np.ndarray, **more: Any) -> TransformedTrajectory:
+        made = TransformedTrajectory(self.system, self.method, self.h, t, states, tau=tau, origin=self.origin, **more)
         if (np.diff(t, axis=0) * math.copysign(1.0, self.h) < 0.0).any():
             error = InvalidTimeScale(f"integrate: physical time went back; {self.whole.sigma!r} is not positive all the way")
             error.trajectory = made
@@ -255,46 +228,64 @@ class TransformedRun:
 
 
 class March:
-    """One run to a given time: its samples and its progress."""
+    """One run of one body to a given time, or with events: its samples and its progress.
 
-    def __init__(self, run: TransformedRun, t_end: float, every: int, limit: int, times: np.ndarray | None) -> None:
-        self.run, self.t_end, self.every, self.limit, self.times = run, t_end, every, limit, times
-        start = run.start
-        if run.compensated is not False:
-            motion = run.whole.essential_part(start).parts
-            start = type(start)(
-                *(compensated(x) if run.compensated or motion[n] is not None else x for n, x in start.parts.items())
-            )
-        trial = attempt(begun, run.method, run.whole, start, run.h)
-        if not accepted(trial, observed):
-            error: Any = reason(trial)
-            raise error if is_mistake(error) else failure(error, repr(run.method), f"at the start, t = {run.t0:g}")
-        carry, self.example = trial
-        self.layout, self.shown = layout_of(carry), layout_of(self.example)
-        self.states = np.array([*leaves(carry, self.layout)])
+    fine : are all steps kept while it lasts, because samples at times or events are between them?
+    """
+
+    def __init__(
+        self, run: TransformedRun, t_end: float | None, limit: int, times: np.ndarray | None, events: tuple[Event, ...]
+    ) -> None:
+        self.run, self.t_end, self.times = run, math.copysign(math.inf, run.h) if t_end is None else t_end, times
+        self.limit, self.fine = run.before + limit, times is not None or bool(events)
+        self.every = 1 if self.fine else run.plan.every
+        begun = run.begun()
+        self.shape = begun.shape
+        self.layout, self.shown = self.shape.layout, self.shape.shown
+        self.states = begun.states[:-1, 0].copy()
         self.marked = np.zeros(MARCHED.width)
-        self.mark: Marched = read(self.marked, 0, MARCHED)
-        self.rows = [np.array([[*leaves(self.example, self.shown)]])]
-        self.taus = [np.zeros(1)]
+        self.marked[:2] = run.before, run.before % self.every
+        first, tau = begun.out[0, :, 0], run.before * run.h
+        if run.carry is not None and run.carry.ahead is not None:
+            first, tau = np.array(leaves(run.carry.ahead, self.shown)), run.carry.tau
+        self.rows = [first.reshape(1, -1).copy()]
+        self.taus = [np.array([tau])]
         self.failures: list[Any] = []
         array = np.empty(1)
-        self.arguments = run.method, run.whole, self.layout, self.shown, run.h, t_end, float(every if times is None else 1)
-        self.execution = Execution(run.compiled, run.progress, march, *self.arguments, 1, 1.0, array, array, array, None)
+        self.arguments = run.method, run.whole, self.layout, self.shown, run.h, self.t_end, float(self.every)
+        plan = run.plan
+        self.execution = Execution(plan.compiled, plan.progress, march, *self.arguments, 1, 1.0, array, array, array, None)
+        self.at: float | None = None  # where an event ended the run, a terminal one or one that failed
+        self.looking: FictiveMotion | None = None
+        self.watch: Any = None
+        if events:
+            start = run.carry.state if run.carry is not None else run.origin.start
+            self.first = state_of(type(start), start.arrays)
+            self.watch = Watch(events, self._ended, run.t0, self.first)
+
+    @property
+    def mark(self) -> Any:
+        """How far it came."""
+        return read(self.marked, 0, MARCHED)
 
     def trajectory(self) -> TransformedTrajectory:
         """Step to t_end, in pieces short enough to be interrupted."""
-        steps = 16
+        steps, plan, kept = 16, self.run.plan, self.run.kept
         try:
-            with Bar(self.run.progress, 1000) as bar:
-                while not self.mark.ended and self._time() != self.t_end:
+            with Bar(plan.progress, 1000) as bar:
+                while not self.mark.ended and self.at is None and self._time() != self.t_end:
+                    if self.mark.steps >= self.limit:
+                        if math.isinf(self.t_end):
+                            break
+                        reached = f"{self.limit - self.run.before} steps led to t = {self._time():g} only, not to {self.t_end:g}"
+                        raise self._ended(StepTooSmall(f"integrate: {reached}; give a larger h or allow more `steps`"))
                     begun = time.perf_counter()
                     self._more(min(steps, self.limit - int(self.mark.steps)))
                     used = time.perf_counter() - begun
                     steps = 2 * steps if used < 0.5 * LOOK else max(1, steps // 2) if used > 4.0 * LOOK else steps
                     bar.advance(int(1000 * self._part()) - bar.done)
-                    if self.mark.steps >= self.limit and not self.mark.ended:
-                        reached = f"{self.limit} steps led to t = {self._time():g} only, not to {self.t_end:g}"
-                        raise self._ended(StepTooSmall(f"integrate: {reached}; give a larger h or allow more `steps`"))
+                    if kept is not None and kept.due() and not self.mark.ended and self.at is None:
+                        kept.save(self._result())
         except KeyboardInterrupt:
             stopped = IntegrationInterrupted(f"integrate: interrupted at t = {self._time():g}; the samples are in `.trajectory`")
             raise self._ended(stopped) from None
@@ -304,8 +295,7 @@ class March:
 
     def _more(self, most: int) -> None:
         """Up to so many more steps."""
-        every = int(self.arguments[-1])
-        room = most // every + 2
+        room = most // self.every + 2
         if not self.execution.ready(self._part()):
             with self.execution.plain():
                 self._piece(march, room, most)
@@ -317,23 +307,53 @@ class March:
 
     def _piece(self, driver: Any, room: int, most: int) -> None:
         """A call of the driver; its samples are kept."""
-        before, every, width = self.mark, int(self.arguments[-1]), self.shown.width
-        out = np.empty(room * width)
-        driver(*self.arguments, room, float(most), self.states, self.marked, out, self.failures if driver is march else None)
-        self.mark = read(self.marked, 0, MARCHED)
-        count = int(self.mark.samples)
+        before, width, h = self.mark, self.shown.width, self.run.h
+        out, states, marked = np.empty(room * width), self.states.copy(), self.marked.copy()
+        driver(*self.arguments, room, float(most), states, marked, out, self.failures if driver is march else None)
+        mark: Any = read(marked, 0, MARCHED)
+        count = int(mark.samples)
         if count:
-            tau = before.steps - before.since + every * np.arange(1.0, count + 1.0)
-            tau = tau * self.run.h
-            if self.mark.ended == 1.0:
-                tau[-1] = (self.mark.steps - 1.0) * self.run.h + self.mark.last
-            self.rows.append(out[: count * width].reshape(count, width))
-            self.taus.append(tau)
+            tau = before.steps - before.since + self.every * np.arange(1.0, count + 1.0)
+            tau = tau * h
+            if mark.ended == 1.0:
+                tau[-1] = (mark.steps - 1.0) * h + mark.last
+            elif mark.ended == 3.0:
+                tau[-1] = mark.steps * h
+            rows, first = out[: count * width].reshape(count, width), int(tau[0] == self.taus[-1][-1])
+            if first < count:  # else the only sample is the one that the run before ended with
+                self.rows.append(rows[first:])
+                self.taus.append(tau[first:])
+        self.states, self.marked = states, marked
+        if self.watch is not None and count:
+            self._look()
+
+    def _look(self) -> None:
+        """Look for events in the last piece; a terminal one ends the run."""
+        if len(self.rows) < 2:
+            return
+        points = np.concatenate([self.rows[-2][-1:], self.rows[-1]])
+        times = self._clock(points)
+        if self.mark.ended == 1.0:
+            times[-1] = self.t_end
+        self.looking = motion = self.run.motion(times, points)
+        hit = self.watch.look(motion)
+        if hit is not None:
+            self._cut(hit[0], hit[1])
+        self.looking = None
+
+    def _cut(self, k: int, at: float) -> None:
+        """End the run in step k of the last piece, at a time."""
+        motion: Any = self.looking
+        found, taus = motion.numbers(np.array([at])), np.concatenate([self.taus[-2][-1:], self.taus[-1]])
+        last = int(at != motion.t[k])
+        self.rows[-1] = np.concatenate([motion.points[1 : k + 1], found[:last, :-1]])
+        self.taus[-1] = np.append(taus[1 : k + 1], taus[k] + found[:last, -1])
+        self.at = at
 
     # ---------------------------------------------------------------- results
 
     def _clock(self, rows: np.ndarray) -> np.ndarray:
-        return self.run.whole.apart(unpacked(self.shown, rows))[0]
+        return self.run.whole.apart(unpacked(self.shown, rows))[0].copy()
 
     def _time(self) -> float:
         """Where the last sample is."""
@@ -341,21 +361,48 @@ class March:
 
     def _part(self) -> float:
         """How much of the run is done."""
+        if math.isinf(self.t_end):
+            return (self.mark.steps - self.run.before) / max(1, self.limit - self.run.before)
         return (self._time() - self.run.t0) / (self.t_end - self.run.t0) if self.t_end != self.run.t0 else 1.0
 
+    def _carry(self) -> FictiveCarry | None:
+        """Where it stands, unless a step failed or an event ended it."""
+        mark = self.mark
+        if mark.ended == 2.0 or self.at is not None:
+            return None
+        whole, h = int(mark.steps) - (mark.ended == 1.0), self.run.h
+        last = sample(self.run.method, read(self.states, 0, self.layout))
+        numbers = np.append(self.states, float(whole))
+        inner = Carry(self.shape, 0.0, h, whole, None, numbers, np.array(leaves(last, self.shown)))
+        tau = float(self.taus[-1][-1])
+        if (tau - whole * h) * h <= 0.0:
+            return FictiveCarry(self.run.origin, inner)
+        return FictiveCarry(self.run.origin, inner, build(self.shown, iter(self.rows[-1][-1].tolist())), tau)
+
     def _result(self) -> TransformedTrajectory:
-        numbers, tau = np.concatenate(self.rows), np.concatenate(self.taus)
-        times, steps, native = self._clock(numbers), int(self.mark.steps), self.execution.native is not None
+        run, numbers, tau = self.run, np.concatenate(self.rows), np.concatenate(self.taus)
+        times, carry = self._clock(numbers), self._carry()
         if self.mark.ended == 1.0:
             times[-1] = self.t_end
-        made = self.run.result(times, numbers, tau, self.example, steps, native)
+        steps = int(self.mark.steps) - run.before
+        if self.at is not None:
+            times[-1], steps = self.at, len(tau) - 1
+        more: dict[str, Any] = {"steps": steps, "compiled": self.execution.native is not None}
+        if self.watch is not None:
+            more["events"] = self.watch.shown(self.first, layout_of(self.first))
+        if self.fine and self.times is None:
+            whole = np.rint(tau / run.h)
+            kept = (whole % run.plan.every == 0) & (whole * run.h == tau)
+            kept[[0, -1]] = True
+            times, numbers, tau = times[kept], numbers[kept], tau[kept]
+        made = run.result(times, numbers, tau, carry=carry, **more)
         if self.times is None:
             return made
-        sign = math.copysign(1.0, self.run.h)
+        sign = math.copysign(1.0, run.h)
         asked = self.times[sign * self.times <= sign * times[-1]]
         found = made.dense.numbers(asked)  # type: ignore[union-attr]
         tau = tau[np.searchsorted(sign * times, sign * asked, "right") - 1] + found[:, -1]
-        few = self.run.result(asked, found[:, :-1], tau, self.example, steps, native)
+        few = run.result(asked, found[:, :-1], tau, carry=carry, **more)
         return replace(few, dense=made.dense)
 
     def _failed(self) -> Any:
@@ -365,6 +412,10 @@ class March:
         return self._ended(error if is_mistake(error) else failure(error, repr(self.run.method), at))
 
     def _ended(self, error: Any) -> Any:
+        if self.looking is not None:  # an event itself failed: keep the steps up to it
+            k = self.watch.looked
+            self._cut(k, self.looking.t[k])
+            self.looking = None
         error.trajectory = self._result()
         return error
 

@@ -28,7 +28,7 @@ NEAR = 4 * np.finfo(float).eps
 def sampled(plan: Steps, start: State | Carry, steps: int, t0: float, times: np.ndarray) -> Trajectory:
     """A run whose samples are at these times: after the last whole step before each, a shorter one."""
     before = start.step if isinstance(start, Carry) else 0
-    after, exact = _steps_before(times, t0, plan.h)
+    after, exact = _steps_before(times, t0, plan.h_of(0))
     row = after - before
     marks = np.unique(np.append(row[row > 0], [steps] if steps else []).astype(np.int64))
     run = FixedRun(plan, start, steps, t0, marks)
@@ -131,7 +131,7 @@ class WatchedRun:
                 kept[-1] = True
             self.kept.append((t[kept], numbers[kept]))
             return
-        forward = self.plan.h > 0.0
+        forward = self.plan.h_of(0) > 0.0
         past = self.times <= before if forward else self.times >= before
         ahead = self.times > self.reached if forward else self.times < self.reached
         times = self.times[~ahead] if motion is None else self.times[~past & ~ahead]

@@ -144,5 +144,5 @@ class HamiltonianSystem(CanonicalSystem):
 
 
 def _vector(value: Any, degrees: int) -> Any:
-    """With one degree of freedom a number will do."""
+    """A number becomes a vector of one component, where there is one degree of freedom."""
     return [value] if degrees == 1 and isinstance(value, (int, float, np.number)) else value

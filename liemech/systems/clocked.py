@@ -21,7 +21,7 @@ class ClockedState(State):
     names: ClassVar[tuple[str, ...]]
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Its class is made anew where it is read."""
+        """The class is not pickled; it is made again when the state is read."""
         return _remade, (self.inner, tuple(self.parts.values()))
 
 
@@ -80,7 +80,7 @@ class Clocked(Record):
         return clocked(kind)(*start.parts.values(), time, z)
 
     def apart(self, states: dict[str, np.ndarray]) -> tuple[np.ndarray, dict[str, np.ndarray], np.ndarray]:
-        """Of samples: the times, the parts of the states, and z."""
+        """The samples taken apart: the times, the parts of the states, and z."""
         rest = dict(states)
         return rest.pop("time"), rest, rest.pop("z")
 

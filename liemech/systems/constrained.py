@@ -203,7 +203,7 @@ class ConstrainedSystem(CanonicalSystem):
         kept = {"constraint": self.constraint(q), "hidden constraint": self.hidden_constraint(q, p)}
         return super().constants(states) | {name: np.asarray(x) for name, x in kept.items()}
 
-    # ---------------------------------------------------------------- the border
+    # ---------------------------------------------------------------- checked input
 
     @final
     def state(self, q: Any, p: Any) -> CanonicalState:
@@ -314,10 +314,13 @@ class ConstrainedSystem(CanonicalSystem):
             if np.linalg.matrix_rank(rows[: k + 1], tol=np.sqrt(INDEPENDENT)) <= k:
                 weights = np.linalg.lstsq(rows[:k].T, rows[k], rcond=None)[0]
                 others = ", ".join(f"constraint[{j}]" for j in np.flatnonzero(np.abs(weights) > 1e-6))
-                return (
-                    f"the constraints are dependent ({at}): that of constraint[{k}] follows from those of {others}. "
-                    "Leave out those that are redundant; at a dead point the motion is not determined"
-                )
+                told = f"the constraints are dependent ({at}): that of constraint[{k}] follows from those of {others}. "
+                here, unit = small(np.array(q, dtype=float)), np.linalg.norm(G[: k + 1], axis=1)
+                values = np.array(self.constraint(here))[: k + 1] / unit
+                off = float(abs(values[k] - weights @ values[:k])) * unit[k]
+                if off > np.sqrt(CONSISTENT) * (np.abs(G[k]) @ np.abs(np.array(here))):
+                    return f"{told}At this place they contradict each other: constraint[{k}] is {off:.3g} where the others are zero"
+                return f"{told}Leave out those that are redundant; at a dead point the motion is not determined"
         return f"the matrix G H_pp G^T is singular ({at}): the constraints do not determine their forces"
 
 
@@ -453,24 +456,24 @@ class Constrained(ConstrainedSystem):
 
     @property
     def degrees(self) -> int:  # type: ignore[override]
-        """Those of the system."""
+        """The degrees of freedom of the system."""
         return self.system.degrees
 
     @property
     def separable(self) -> bool:  # type: ignore[override]
-        """As the system is."""
+        """It is separable if the system is."""
         return isinstance(self.system, SeparableSystem)
 
     def energy(self, q: Vec, p: Vec) -> float:
-        """That of the system.  q, p : (n,)."""
+        """The energy of the system.  q, p : (n,)."""
         return self.system.energy(q, p)
 
     def velocity(self, q: Vec, p: Vec) -> Vec:
-        """That of the system.  q, p : (n,)."""
+        """The velocity of the system.  q, p : (n,)."""
         return self.system.velocity(q, p)
 
     def force(self, q: Vec, p: Vec) -> Vec:
-        """That of the system, without the constraints.  q, p : (n,)."""
+        """The force of the system, without the constraints.  q, p : (n,)."""
         return self.system.force(q, p)
 
     def constraint(self, q: Vec) -> Vec:
@@ -498,7 +501,7 @@ def inverse_sizes(G: Mat, change: Vec, q: Vec) -> Vec:
 
 
 FAR = 2.0**-18
-"""With TOLERANCE, 2^-30, this asks of a constraint no more than 16 roundings of its terms before the last correction."""
+"""TOLERANCE, 2^-30, times this is 16 roundings: constraints hold to 16 roundings of their terms before the last correction."""
 
 
 def eliminated(m: Mat, rhs: Vec) -> tuple[Vec, Vec]:
@@ -532,9 +535,7 @@ def eliminated(m: Mat, rhs: Vec) -> tuple[Vec, Vec]:
 
 def in_order(m: Mat, rhs: Vec) -> Vec:
     """The solution of m x = rhs for such a matrix."""
-    if len(rhs) == 1:
-        return vec(rhs[0] / m[0, 0])
-    return correction(m, rhs) if len(rhs) <= 3 else eliminated(m, rhs)[0]
+    return correction(m, rhs) if len(rhs) == 3 else eliminated(m, rhs)[0]
 
 
 def independent(pivots: Vec, G: Mat, normals: Mat) -> Any:

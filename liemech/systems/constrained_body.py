@@ -106,7 +106,7 @@ class BoundBody(System):
 
     @property
     def blocks(self) -> tuple[tuple[LieGroup, int, int], ...]:
-        """Of each block of the algebra the group, and where its coordinates begin and end."""
+        """The blocks of the algebra: of each the group, and the places where its coordinates begin and end."""
         groups = factors_of(self.configurations) if self.separate else (self.configurations,)
         return tuple([(group, start, end) for group, (start, end) in zip(groups, self.places)])
 
@@ -187,19 +187,19 @@ class BoundBody(System):
 
     @final
     def displaced(self, retraction: Retraction, state: BodyState, omega: Vec) -> BodyState:
-        """As without the constraint."""
+        """The state of the free body, displaced."""
         return self.body.displaced(retraction, state, omega)
 
     @final
     def variation(self, state: BodyState, omega: Vec) -> tuple[Vec, Vec]:
-        """As without the constraint."""
+        """The variation of the state of the free body."""
         return self.body.variation(state, omega)
 
     def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """The energy."""
         return {"energy": np.asarray(self.energy(states["mu"], states["g"]))}
 
-    # ---------------------------------------------------------------- the border
+    # ---------------------------------------------------------------- checked input
 
     @final
     def state(self, mu: Any, g: Any = None) -> BodyState:

@@ -89,7 +89,7 @@ class InDarbouxChart(HamiltonianSystem):
 
     @property
     def degrees(self) -> int:  # type: ignore[override]
-        """That of the chart."""
+        """The degrees of freedom of the chart."""
         return self.chart.degrees
 
     def energy(self, q: Vec, p: Vec) -> float:

@@ -76,7 +76,11 @@ class HomogeneousEquation(System):
         off = np.flatnonzero(~np.atleast_1d(self.action.contains(array)))
         if len(off):
             which, bad = (name, array) if array.shape == one else (f"{name}[{off[0]}]", array[off[0]])
-            raise InvalidInput(f"{which} is no point of {self.action!r}: it is off by {self.action.defect(bad):.1e}")
+            try:
+                how = f"it is off by {self.action.defect(bad):.1e}"
+            except InvalidInput:  # so far off that no float says it
+                how = f"got {bad!r}"
+            raise InvalidInput(f"{which} is no point of {self.action!r}: {how}")
         return self.vouched(Point(frozen(array, one, None if array.shape == one else len(array))))
 
     def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:

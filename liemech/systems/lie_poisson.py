@@ -123,7 +123,7 @@ class LiePoissonSystem(LiePoissonMotion):
         """Energy, Casimirs and, if the attitude is known, the spatial momentum."""
         return {"energy": np.asarray(self.energy(states["mu"]))} | super().constants(states)
 
-    # ---------------------------------------------------------------- the border
+    # ---------------------------------------------------------------- checked input
 
     @final
     def state(self, mu: Any = None, g: Any = None, *, xi: Any = None) -> BodyState:

@@ -52,7 +52,7 @@ class InducedStructure(PoissonStructure):
 
     @property
     def dim(self) -> int:
-        """That of the chart."""
+        """The dimension of the chart."""
         return self.chart.dim
 
     @property

@@ -130,7 +130,7 @@ class MechanicalSystem(System):
             return {}
         return {"energy": np.asarray(self.energy(mu, g))} | self.potential.symmetry(self.body.group, mu, g)
 
-    # ---------------------------------------------------------------- the border
+    # ---------------------------------------------------------------- checked input
 
     @final
     def state(self, mu: Any = None, g: Any = None, *, xi: Any = None) -> BodyState:

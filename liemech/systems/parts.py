@@ -19,7 +19,7 @@ ROUNDING = 2.0**-44
 """What is below this, relative to its terms, is zero up to rounding."""
 
 LEAST = 3
-"""With fewer points at which it has a velocity no motion is recognised."""
+"""A motion is recognised only if the part has a velocity at this many points or more."""
 
 
 @record
@@ -83,11 +83,11 @@ class Recognised(Part):
     hamiltonian: Hamiltonian
 
     def energy(self, mu: Vec) -> float:
-        """That of the Hamiltonian.  mu : (n,)."""
+        """The energy of the Hamiltonian.  mu : (n,)."""
         return self.hamiltonian.energy(mu)
 
     def gradient(self, mu: Vec) -> Vec:
-        """That of the Hamiltonian.  mu : (n,)."""
+        """The gradient of the Hamiltonian.  mu : (n,)."""
         return self.hamiltonian.gradient(mu)
 
 

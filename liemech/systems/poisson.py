@@ -133,7 +133,7 @@ class PoissonSystem(System):
                 return str(recognised(self.structure, part))
         return ""
 
-    # ---------------------------------------------------------------- the border
+    # ---------------------------------------------------------------- checked input
 
     @final
     def state(self, y: Any) -> PoissonState:

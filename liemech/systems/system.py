@@ -126,7 +126,7 @@ class System(Record):
 
 
 _checked = Remembered()
-"""Of states: the class and the group of the system that made and checked them, and where it depends on more, the system."""
+"""For each state that was checked: the class and the group of the system that checked it, or the system, if more matters."""
 
 
 def points(value: Any, name: str, shape: tuple[int, ...], space: str, or_complex: bool = False) -> np.ndarray:

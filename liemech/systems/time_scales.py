@@ -112,7 +112,7 @@ class OfState(TimeScale):
 
     @property
     def parts(self) -> tuple[str, ...]:  # type: ignore[override]
-        """Its arguments."""
+        """The names of the arguments of sigma."""
         return self.names
 
     def value(self, system: Any, state: Any) -> float:
@@ -120,7 +120,7 @@ class OfState(TimeScale):
         return self.function(*[getattr(state, name) for name in self.names])
 
     def bound(self, system: System, start: State) -> TimeScale:
-        """Its arguments must be parts of the state."""
+        """Raise unless the arguments of sigma are parts of the state."""
         there = tuple(name for name, x in start.parts.items() if x is not None)
         if not self.names or not set(self.names) <= set(there):
             raise InvalidInput(

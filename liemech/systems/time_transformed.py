@@ -65,7 +65,7 @@ class ExtendedSystem(HamiltonianSystem):
         )
 
     def apart(self, states: dict[str, np.ndarray]) -> tuple[np.ndarray, dict[str, np.ndarray], None]:
-        """Of samples: the times, and the parts of the states of the system itself."""
+        """The samples taken apart: the times, and the parts of the states of the system itself."""
         return states["q"][..., -1], {name: x[..., :-1] for name, x in states.items()}, None
 
 
@@ -95,7 +95,7 @@ class TimeTransformed(ExtendedSystem):
         super().__post_init__()
 
     def bound(self, start: CanonicalState) -> TimeTransformed:
-        """With the sigma that belongs to a start."""
+        """The same system with the sigma that belongs to a start."""
         return dataclasses.replace(self, sigma=self.sigma.bound(self.system, start))
 
     def scale(self, q: Vec, p: Vec) -> float:

@@ -1,76 +1,208 @@
-"""The leader board: for each problem and error this library's quickest method beside the quickest one of any other package.
+"""The leader board: time against error, this library beside all other packages that are installed, on ten problems and ensembles.
 
-    python tests/benchmarks/leader_board.py         # writes it, and the tables of docs/work_precision.md, from what was measured
+    python tests/benchmarks/leader_board.py [--minutes 10] [--only top kepler] [--quick] [--page]
+
+It measures, writes `leader_board.json` beside this file, docs/leader_board.md and the tables of
+docs/work_precision.md; --page writes the pages from the file that is there, --quick is the smoke run
+and writes nothing.
+
+An error is the largest difference to the reference over all outputs.  A "warm" call is one of
+several in a row, a "cold" one the first after all others had their turn.  Setting up, fitting and
+making machine code are apart: `prepare` and the first call.
 """
+
+from __future__ import annotations
+
+import argparse
+import os
+
+os.environ |= dict.fromkeys(
+    ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"
+)  # before NumPy comes
+os.environ.setdefault(
+    "XLA_FLAGS", "--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1"
+)
 
 import json
+import math
+import time
+import warnings
 from pathlib import Path
+from typing import Any
 
-from work_precision import TARGETS, winners
+import crowds
+import harness
+import homes
+import numpy as np
+import rivals
+from board_page import TARGETS, time_for, write_pages
+from races import RACES, Race
+from rivals import Entry, Run
 
-HERE = Path(__file__).parent
-PAGE = HERE.parent.parent / "docs" / "leader_board.md"
-TABLES = PAGE.with_name("work_precision.md")
-MARKS = "<!-- measured: tests/benchmarks/leader_board.py -->\n", "<!-- end -->"
-OURS = ("liemech", "liemech, symplectic")
-HEAD = """# Leader board
-
-For each problem and each error the quickest method of this library, and the quickest one of any other package. The
-ratio is our time over theirs: below one we are ahead. Times are of a whole call, as
-[work and precision](work_precision.md) explains; that page has all packages and what each of them integrates.
-Measured with {versions}.
-
-`python tests/benchmarks/work_precision.py` measures, `python tests/benchmarks/leader_board.py` writes this page.
-
-| problem | error | liemech, ms | best other package, ms | ratio | |
-| --- | --- | --- | --- | --- | --- |
-"""
-TAIL = """
-## What stands in the way
-
-The call. Both we and heyoka are [prepared](prepared_runs.md) once, and a run is one call; of ours 0.03 to 0.05 ms is
-Python around the native steps: what formulas have read is compared with what it is now, the arguments are checked, arrays are made
-for the samples, and a run that knows its system is built around them. heyoka advances one object in place.
-These are short runs. After a long time, where energy and Casimirs count, the order is
-another one: [energy after a long time](work_precision.md#energy-after-a-long-time).
-"""
+KEPT = Path(__file__).with_suffix(".json")
+ROUNDS = 9
+LONG = 0.1
+"""Seconds: longer calls are made three times, those of more than ten times this once."""
 
 
-def page(measured: dict) -> str:
-    """The page, of what was measured."""
-    text = HEAD.format(versions=", ".join(f"{name} {version}" for name, version in measured["versions"].items()))
-    for problem, curves in measured["curves"].items():
-        best = winners(curves, sorted({curve["package"] for curve in curves}))
-        for target in TARGETS:
-            ours = min((best[p][target] for p in OURS if best.get(p, {}).get(target)), default=None)
-            others = [(cell[target][0], p) for p, cell in best.items() if p not in OURS and cell[target]]
-            theirs = min(others, default=None)
-            cells = [f"{1e3 * t[0]:.2g} ({t[1]})" if t else "not reached" for t in (ours, theirs)]
-            ratio = f"{ours[0] / theirs[0]:.2g}" if ours and theirs else ""
-            ahead = ours and (not theirs or ours[0] < theirs[0])
-            text += f"| {problem} | {target:.0e} | {cells[0]} | {cells[1]} | {ratio} | {'🟢 ahead' if ahead else '🔴 behind'} |\n"
-    return text.replace("e-0", "e-") + TAIL
+def first_calls(
+    race: Race, everybody: list[Entry], patience: float
+) -> list[tuple[dict[str, Any], list[tuple[dict[str, Any], Run]]]]:
+    """Every method set up and called once with each of its settings: error, and seconds of setting up and of the first call."""
+    exact, found = race.exact, []
+    for entry in everybody:
+        curve = {
+            "package": entry.package,
+            "method": entry.method,
+            "closed": entry.closed,
+            "points": [],
+            "failed": [],
+        }
+        runs: list[tuple[dict[str, Any], Run]] = []
+        fine = 0
+        for setting in entry.settings:
+            try:
+                with warnings.catch_warnings(action="ignore"):
+                    begun = time.perf_counter()
+                    run = entry.prepare(setting)
+                    ready = time.perf_counter()
+                    raw = run()
+                    done = time.perf_counter()
+                    spent = _timed(run)[1]  # the first call may have made machine code
+                error = float(np.abs(entry.outputs(raw) - exact).max())
+            except Exception as failure:  # of whatever kind: the package gives up at this setting
+                curve["failed"].append(
+                    [
+                        setting,
+                        str(failure).splitlines()[0][:200]
+                        if str(failure)
+                        else type(failure).__name__,
+                    ]
+                )
+                continue
+            if not math.isfinite(error):
+                curve["failed"].append([setting, "not finite"])
+                continue
+            point = {
+                "setting": setting,
+                "error": error,
+                "set_up": ready - begun,
+                "first": done - ready,
+                "warm": [],
+                "cold": [],
+            }
+            curve["points"].append(point)
+            runs.append((point, run))
+            fine += error < 1e-13
+            if spent > patience or fine > 1:
+                break
+        found.append((curve, runs))
+    return found
 
 
-def tables(measured: dict) -> str:
-    """For each problem the quickest method of each package, in milliseconds."""
-    text = ""
-    for problem, curves in measured["curves"].items():
-        best = winners(curves, list(dict.fromkeys(curve["package"] for curve in curves)))
-        text += f"{problem[0].upper()}{problem[1:]}:\n\n| | {' | '.join(f'{target:.0e}' for target in TARGETS)} |\n"
-        text += f"| --- |{' --- |' * len(TARGETS)}\n"
-        for package, cell in best.items():
-            times = [cell[target] and (float(f"{1e3 * cell[target][0]:.2g}"), cell[target][1]) for target in TARGETS]
-            cells = [f"{time[0]:g} ({time[1]})" if time else "not reached" for time in times]
-            text += f"| {package} | {' | '.join(cells)} |\n"
-        text += "\n"
-    versions = ", ".join(f"{name} {version}" for name, version in measured["versions"].items())
-    return text.replace("e-0", "e-") + f"On {measured['machine']['cpu']}, {measured['machine']['time'][:10]}, with {versions}.\n"
+def _timed(run: Run, times: int = 1) -> tuple[Any, float]:
+    """What the last of so many calls gives, and the seconds of one."""
+    begun = time.perf_counter()
+    for _ in range(times):
+        raw = run()
+    return raw, (time.perf_counter() - begun) / times
+
+
+def measure(
+    race: Race, everybody: list[Entry], rounds: int, seconds: float
+) -> list[dict[str, Any]]:
+    """All methods of a race, in turn: medians and quartiles of warm and of cold calls."""
+    begun = time.perf_counter()
+    found = first_calls(race, everybody, 0.2 if rounds == 1 else 3.0)
+    everything = [pair for _, runs in found for pair in runs]
+    for k in range(rounds):
+        if k > 2 and time.perf_counter() - begun > seconds:
+            break
+        for point, run in everything:
+            known = point["cold"][0] if point["cold"] else point["first"]
+            if (k > 2 and known > LONG) or (k > 0 and known > 10 * LONG):
+                continue
+            with warnings.catch_warnings(action="ignore"):
+                point["cold"].append(_timed(run)[1])
+                point["warm"].append(_timed(run, max(1, min(20, int(2e-3 / point["cold"][-1]))))[1])
+    for point, _ in everything:
+        for kind in ("warm", "cold"):
+            low, middle, high = np.quantile(point.pop(kind), [0.25, 0.5, 0.75]).tolist()
+            point |= {kind: middle, f"{kind} quartiles": [low, high]}
+    print(f"{race.name}: {time.perf_counter() - begun:.0f} s", flush=True)
+    return [curve for curve, _ in found]
+
+
+def keep(kept: dict[str, Any]) -> None:
+    """Write the file, one method a line."""
+    kept["machine"] = harness.machine()
+    kept["races"] = {race.key: kept["races"][race.key] for race in RACES if race.key in kept["races"]}
+    text = json.dumps(kept, separators=(",", ":")).replace('{"package"', '\n{"package"')
+    KEPT.write_text(text + "\n", encoding="utf-8")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--quick",
+        action="store_true",
+        help="smoke run: two races, every third method, two settings, once",
+    )
+    parser.add_argument(
+        "--minutes", type=float, default=10.0, help="for the rounds; setting up takes what it takes"
+    )
+    parser.add_argument(
+        "--only", nargs="*", help="races by key, or `crowds`; the others stay as they were measured"
+    )
+    parser.add_argument("--page", action="store_true", help="write the pages only")
+    chosen = parser.parse_args()
+    if chosen.page:
+        write_pages(json.loads(KEPT.read_text(encoding="utf-8")))
+        return
+    kept: dict[str, Any] = (
+        json.loads(KEPT.read_text(encoding="utf-8"))
+        if KEPT.exists() and chosen.only
+        else {"races": {}}
+    )
+    races = [race for race in RACES if race.key in chosen.only] if chosen.only else list(RACES)
+    if chosen.quick:
+        races = [race for race in RACES if race.key in ("momentum", "driven")]
+    versions: dict[str, str | None] = {}
+    for race in races:
+        others, versions = rivals.entries(race)
+        everybody = [*homes.entries(race), *others]
+        if chosen.quick:
+            everybody = [
+                Entry(e.package, e.method, e.settings[:2], e.prepare, e.outputs, e.closed)
+                for e in everybody[1::3]
+            ]
+        share = 60.0 * chosen.minutes / (len(RACES) + 2)
+        curves = measure(race, everybody, 1 if chosen.quick else ROUNDS, share)
+        kept["races"][race.key] = {"name": race.name, "curves": curves}
+        rows = [
+            [
+                c["package"],
+                c["method"],
+                *[1e3 * t if (t := time_for(c["points"], e)) else None for e in TARGETS],
+            ]
+            for c in curves
+        ]
+        harness.table(
+            f"{race.name}: ms for an error of",
+            ["package", "method", *[f"{e:.0e}" for e in TARGETS]],
+            rows,
+        )
+        if not chosen.quick:
+            kept["versions"] = {**versions, "numbalsoda": rivals.version("numbalsoda")}
+            keep(kept)
+    if chosen.quick or not chosen.only or "crowds" in chosen.only:
+        kept["crowds"] = crowds.measure(chosen.quick)
+    if not chosen.quick:
+        keep(kept)
+        write_pages(kept)
 
 
 if __name__ == "__main__":
-    measured = json.loads((HERE / "work_precision.json").read_text(encoding="utf-8"))
-    PAGE.write_text(page(measured), encoding="utf-8")
-    before, _, rest = TABLES.read_text(encoding="utf-8").partition(MARKS[0])
-    after = rest.partition(MARKS[1])[2]
-    TABLES.write_text(before + MARKS[0] + tables(measured) + MARKS[1] + after, encoding="utf-8")
+    main()

@@ -26,6 +26,7 @@ BODIES, BEGIN = lm.NBody.outer_solar_system()
 
 METHODS: dict[str, tuple[Any, float, str]] = {
     "Wisdom and Holman, 200 d": (STRANG.exchanged, 200.0, "whfast"),
+    "the same, kick first, 200 d": (STRANG, 200.0, "whfast"),
     "Wisdom and Holman, 50 d": (STRANG.exchanged, 50.0, "whfast"),
     "(8, 2), 200 d": (SPLITTINGS["SABA (8, 2)"], 200.0, "saba4"),
     "(10, 6, 4), 400 d": (SPLITTINGS["ABA (10, 6, 4)"], 400.0, "saba10,6,4"),

@@ -33,7 +33,7 @@ HOOKS = ("distance", "of_blocks", "constants", "symmetry", "rate", "deviation", 
 """Methods that pass parts of a state, or of several arrays, on to others, which then name themselves."""
 
 SHAPELESS = (
-    *("constants", "symmetry", "state", "exact", "essential", "deviation", "vouched"),
+    *("constants", "symmetry", "state", "exact", "essential", "deviation", "vouched", "further_invariants"),
     *("rotation", "rigid_transform", "objection", "tangent", "isotropy"),
 )
 """Methods of states, and of objects other than arrays or of as many as there happen to be, whose shapes nobody compares."""
@@ -348,6 +348,7 @@ def ending(method: Method, args: tuple[Any, ...], options: dict[str, Any]) -> st
             return "" if named else f"unnamed: {type(error).__name__}: {error}"
         return "" if str(error) else "no message"
     except TypeError as error:
+        counted = counted and "positional argument" not in str(error)  # of one that has to be named
         return "" if not counted else f"bare: {_shown(error)}"
     except Exception as error:
         return f"bare: {_shown(error)}"

@@ -453,7 +453,7 @@ class NotANumberAtZero(lm.SO3):
         return lm.SO3().exp((sin(th) / th) / (sin(th) / th) * xi)
 
 
-@pytest.mark.sample(24)
+@pytest.mark.sample(16)
 @pytest.mark.parametrize(("group", "law", "hint"), SLIPS, ids=[type(group).__name__ for group, _, _ in SLIPS])
 def test_a_slip_is_found_and_named(group: lm.LieGroup, law: str, hint: str) -> None:
     with pytest.raises(lm.errors.LawViolation) as found:

@@ -81,6 +81,7 @@ def test_options_reach_the_run(tmp_path: Path, capsys: pytest.CaptureFixture[str
     assert "</svg>" in picture.read_text()
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("start", ["--mu 0 1 0", "--inertia 1 1 1", "--inertia 1 1 2", "--mu 1e-150 0 1e-150"])
 def test_every_kind_of_motion_can_be_drawn(start: str, tmp_path: Path) -> None:
     assert main(["--steps", "5", "--quiet", "--out", str(tmp_path), *start.split()]) == 0

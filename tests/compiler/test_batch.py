@@ -107,7 +107,7 @@ def test_the_list_is_the_public_surface() -> None:
     assert len(METHODS) > 40
 
 
-@pytest.mark.sample(18)
+@pytest.mark.sample(9)
 @pytest.mark.parametrize("name", METHODS)
 def test_every_method_gives_the_bits_of_plain_python(name: str, rows: dict[str, np.ndarray], no_python: None) -> None:
     arrays = arguments_of(name, rows)
@@ -168,7 +168,7 @@ FORMS = (
 )
 
 
-@pytest.mark.sample(10)
+@pytest.mark.sample(5)
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize("name", ["exp", "log", "compose", "Ad_star"])
 def test_arrays_in_any_form(form: Callable[..., Any], name: str, rows: dict[str, np.ndarray], no_python: None) -> None:
@@ -206,6 +206,7 @@ def many(rng: np.random.Generator) -> dict[str, np.ndarray]:
     return {"g": g, "mu": rng.normal(size=(len(g), 3))}
 
 
+@pytest.mark.sample(8)
 @pytest.mark.parametrize(
     ("value", "reason"),
     [
@@ -353,6 +354,7 @@ class Faulty(Record):
         return x[1] / (x[0] - 2.0)
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize("rows", [1, 3, 40, 700])
 @pytest.mark.parametrize(("method", "error"), [("name", NameError), ("form", TypeError)])
 def test_a_mistake_in_a_formula_is_raised_as_itself(rows: int, method: str, error: type[Exception]) -> None:

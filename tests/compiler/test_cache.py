@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import json
+import multiprocessing
 import os
 import shutil
 import subprocess
 import sys
 import time
+import traceback
+import warnings
 from pathlib import Path
+from typing import Any
 
 import pytest
+import worlds  # noqa: F401 -- with all that it needs, for the copies of this process
 
 import liemech
-from liemech.compiler import cache
+from liemech.compiler import cache, kernel
 
 pytestmark = pytest.mark.compiled
 
@@ -108,6 +115,43 @@ print(json.dumps({"cached": [k.cached for k in kernel.alive()], "right": found =
 '''
 
 
+def in_a_copy(program: str, *arguments: str, folder: Path) -> str:
+    """What a program prints in a process of its own: a copy of this one, which has imported the compiler, where there is fork.
+
+    Whatever this process compiled is forgotten there; the folder is that of the cache.
+    """
+    if "fork" not in multiprocessing.get_all_start_methods():
+        env = os.environ | {"LIEMECH_CACHE_DIR": str(folder), "PYTHONDONTWRITEBYTECODE": "1"}
+        command = [sys.executable, "-c", program, *arguments]
+        return subprocess.run(command, env=env, capture_output=True, text=True, timeout=120, check=True).stdout
+
+    def inside(channel: Any) -> None:
+        os.environ["LIEMECH_CACHE_DIR"] = str(folder)
+        sys.argv, sys.dont_write_bytecode = ["-c", *arguments], True
+        kernel.forget()
+        cache.folder.cache_clear()
+        printed = io.StringIO()
+        try:
+            with contextlib.redirect_stdout(printed):
+                exec(compile(program, "<program>", "exec"), {"__name__": "__main__"})
+        except BaseException:
+            channel.send((False, traceback.format_exc()))
+        else:
+            channel.send((True, printed.getvalue()))
+
+    context = multiprocessing.get_context("fork")
+    here, there = context.Pipe(duplex=False)
+    copy = context.Process(target=inside, args=(there,))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)  # a worker of xdist has a second thread, which only listens
+        copy.start()
+    assert here.poll(120)
+    worked, text = here.recv()
+    copy.join(120)
+    assert worked, text
+    return text
+
+
 class Project:
     """Two modules in a folder, and a cache."""
 
@@ -128,13 +172,22 @@ class Project:
         return subprocess.Popen(command, cwd=self.place, env=env, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
     def hits(self, **environment: str) -> bool:
-        """Run the formula in a new process: was its code found?  The result is right in any case."""
-        return self.result(self.start(**environment))
+        """Run the formula in another process, of a new Python if it has its own environment: was its code found?
 
-    @staticmethod
-    def result(process: subprocess.Popen[str]) -> bool:
+        The result is right in any case.
+        """
+        if environment:
+            return self.result(self.start(**environment))
+        return self.verdict(in_a_copy(PROGRAM, str(self.place), str(Path(__file__).parent), folder=self.cache))
+
+    @classmethod
+    def result(cls, process: subprocess.Popen[str]) -> bool:
         out, err = process.communicate(timeout=120)
         assert process.returncode == 0, err
+        return cls.verdict(out)
+
+    @staticmethod
+    def verdict(out: str) -> bool:
         answer = json.loads(out.splitlines()[-1])
         assert answer["right"] and len(answer["cached"]) == 1
         return answer["cached"][0]
@@ -173,6 +226,7 @@ def test_found_by_the_next_process_and_missed_after_every_edit_that_matters(proj
     objects = list(project.cache.glob("*.o"))
     assert len(objects) == cache.VARIANTS < len(EDITS)  # the last ones used
     assert all(500 < f.stat().st_size < 40_000 for f in objects)
+    assert Project.result(project.start()), "a new Python found nothing of what the others have made"
 
 
 def test_found_after_edits_that_do_not_matter(project: Project) -> None:
@@ -202,7 +256,7 @@ print(sum(k.entry is fixed_steps for k in kernel.alive()))
 
 
 def test_many_processes_fill_one_empty_cache(project: Project) -> None:
-    running = [project.start() for _ in range(6)]
+    running = [project.start() for _ in range(4)]
     for process in running:
         Project.result(process)
     assert len(list(project.cache.glob("*.o"))) == 1
@@ -431,18 +485,16 @@ QUICK = {"a nested lambda", "a default", "a slot", "a module reached through a c
 """What is edited whenever the tests run; the others are slow, for each needs four processes."""
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("what", [what if what in QUICK else pytest.param(what, marks=pytest.mark.slow) for what in IN_PLACE])
 def test_an_edit_while_the_process_runs_poisons_nothing(what: str, tmp_path: Path) -> None:
     """The process that was there before the edit runs what it has read, or refuses; the next one runs the new text."""
-    env = os.environ | {"LIEMECH_CACHE_DIR": str(tmp_path / "cache"), "PYTHONDONTWRITEBYTECODE": "1"}
     (tmp_path / "edited.py").write_text(EDITABLE)
     (tmp_path / "elsewhere.py").write_text("RATE = 0.5\n")
 
     def run(edit: list[str] | None) -> list[bool | str]:
-        command = [sys.executable, "-c", EDITED, str(tmp_path), str(Path(__file__).parent), json.dumps(edit)]
-        done = subprocess.run(command, env=env, capture_output=True, text=True, timeout=120)
-        assert done.returncode == 0, done.stderr
-        return json.loads(done.stdout)
+        arguments = str(tmp_path), str(Path(__file__).parent), json.dumps(edit)
+        return json.loads(in_a_copy(EDITED, *arguments, folder=tmp_path / "cache"))
 
     assert EDITABLE.count(IN_PLACE[what][0]) == 1
     assert run(IN_PLACE[what]) in ([True, False], ["refused", True])

@@ -194,7 +194,7 @@ QUICK = PAIRS[2], PAIRS[5]
 """A composition, a body in a field; the others are slow."""
 
 
-@pytest.mark.sample(3)
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("lanes", [1, 3])
 @pytest.mark.parametrize(
     ("system", "method"),

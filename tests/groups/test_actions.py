@@ -173,6 +173,7 @@ def test_duals_are_transposes(action: Representation) -> None:
     assert action.momentum(x, p) @ xi == pytest.approx(p @ action.infinitesimal(xi, x), abs=64 * EPS)
 
 
+@pytest.mark.sample(18)
 @pytest.mark.parametrize("size", [0.0, 1e-8, 0.9, 1.1, 6.0])
 @each(REPRESENTATIONS)
 def test_averages_by_matrices(action: Representation, size: float) -> None:
@@ -251,7 +252,7 @@ def test_a_group_moves_itself(rng: np.random.Generator) -> None:
 # ---------------------------------------------------------------- many at once
 
 
-@pytest.mark.sample(3)
+@pytest.mark.sample(2)
 @pytest.mark.compiled
 @each([SPHERES[0], lm.LinearAction(SL3), lm.CoadjointAction(SE3), lm.TranslationAction(3), lm.LeftMultiplication(SO3)])
 def test_batches_equal_rows(action: lm.GroupAction) -> None:

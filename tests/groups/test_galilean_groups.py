@@ -111,6 +111,7 @@ def test_casimirs_and_orbits(group: lm.LieGroup) -> None:
         assert np.abs(there - here).max() <= 1e-11 * max(1.0, np.abs(there).max())
 
 
+@pytest.mark.sample(2)
 @names
 @pytest.mark.parametrize("method", [lm.RKMK(order=4), lm.CovariantVariational(lm.Cayley())], ids=repr)
 def test_a_body_moves_on_them(group: lm.LieGroup, method: lm.Method) -> None:

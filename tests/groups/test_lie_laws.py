@@ -326,6 +326,7 @@ def by_definition(case: Case, tau: Callable, xi: np.ndarray, side: str) -> np.nd
     return np.stack(columns, axis=1)
 
 
+@pytest.mark.sample(12)
 @pytest.mark.parametrize("side", ["right", "left"])
 def test_dexp_and_its_inverses_by_definition(case: Case, side: str) -> None:
     G, xi = case.group, case.xi[0]

@@ -36,7 +36,7 @@ def exact_expm1(x: np.ndarray) -> np.ndarray:
         return np.array([[complex(v) for v in row] for row in total.tolist()])
 
 
-@pytest.mark.sample(20)
+@pytest.mark.sample(10)
 @pytest.mark.parametrize("complex_", [False, True])
 @pytest.mark.parametrize("size", SIZES)
 @pytest.mark.parametrize("n", [1, 2, 3, 4, 6])

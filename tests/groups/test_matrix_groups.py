@@ -132,7 +132,7 @@ def test_logarithm_near_half_a_turn(angle: float) -> None:
 # ---------------------------------------------------------------- any group
 
 
-@pytest.mark.sample(36)
+@pytest.mark.sample(18)
 @names
 @sizes
 def test_definitions(group: MatrixLieGroup, size: float) -> None:
@@ -162,6 +162,7 @@ def test_definitions(group: MatrixLieGroup, size: float) -> None:
         assert np.abs(group.log(g) - xi).max() <= 1e-14
 
 
+@pytest.mark.sample(24)
 @names
 @pytest.mark.parametrize("size", [0.0, 1e-8, 0.3, 1.0])
 def test_cayley_family(group: MatrixLieGroup, size: float) -> None:
@@ -185,7 +186,7 @@ def test_cayley_family(group: MatrixLieGroup, size: float) -> None:
     assert close(group.compose_cayley(g, xi), g @ g)
 
 
-@pytest.mark.sample(12)
+@pytest.mark.sample(6)
 @names
 @pytest.mark.parametrize("size", [1e-8, 0.3, 1.0])
 def test_mismatches(group: MatrixLieGroup, size: float) -> None:
@@ -282,7 +283,7 @@ def test_logarithm_outside_the_image_of_exp() -> None:
 # ---------------------------------------------------------------- both worlds
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.compiled
 @pytest.mark.parametrize(
     ("group", "method"),
@@ -301,6 +302,7 @@ def test_plain_and_compiled_give_the_same_bits(group: MatrixLieGroup, method: lm
     assert np.array_equal(runs[0].g, runs[1].g)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.compiled
 @pytest.mark.parametrize("group", [Rotations(), SU(2)], ids=repr)
 def test_batches_give_the_same_bits(group: MatrixLieGroup) -> None:
@@ -351,6 +353,7 @@ def test_large_matrices_go_through_numpy() -> None:
     assert group.exp(np.zeros((3, 190))).shape == (3, 20, 20)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("group", [SO(20), SU(13), Sp(18), SL(13)], ids=repr)
 def test_bound_of_ad_without_structure_constants(group: MatrixLieGroup) -> None:
     """|[x, y]|^2 <= ad_size2(x) |y|^2 in coordinates, though structure constants are never formed."""
@@ -363,8 +366,8 @@ def test_bound_of_ad_without_structure_constants(group: MatrixLieGroup) -> None:
 
 
 def test_brackets_of_large_matrices_by_structure_constants() -> None:
-    """SO(14), of plain formulas: the same as products of matrices, to rounding."""
-    group = SO(14)
+    """SO(13), of plain formulas: the same as products of matrices, to rounding."""
+    group = SO(13)
     basis = group.generated
     assert basis.large and basis.tabled
     xi, eta, mu = np.random.default_rng(7).normal(size=(3, group.dim))

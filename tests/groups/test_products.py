@@ -55,7 +55,7 @@ SLOW = (PRODUCTS[0], *PRODUCTS[2:], *(SEMIDIRECT[i] for i in (1, 2, 3, 4, 5, 6))
 """Series and iterations in plain Python: some seconds each."""
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @each([g if g not in SLOW else slow(g) for g in (*VECTORS, *PRODUCTS, *SEMIDIRECT)])
 def test_laws(group: lm.LieGroup) -> None:
     assert lm.check_group(group)
@@ -195,6 +195,7 @@ def test_a_product_moves_as_its_factors_do_on_their_own() -> None:
             assert np.abs(alone.g - group.split(run.g)[half.start // 3]).max() <= 64 * EPS
 
 
+@pytest.mark.sample(1)
 @pytest.mark.compiled
 @pytest.mark.parametrize(
     ("group", "method"),
@@ -313,7 +314,7 @@ def mp_phi1(a: np.ndarray, exact: list[mp.mpf], basis: list[np.ndarray]) -> mp.m
     return total
 
 
-@pytest.mark.sample(8)
+@pytest.mark.sample(5)
 @pytest.mark.parametrize("size", [0.0, 1e-8, 1e-3, 0.9, 1.1, 3.0, 6.2])
 @each([RIGID, SEMIDIRECT[3], SEMIDIRECT[4]])
 def test_dexp_and_its_inverses_by_definition_in_50_digits(group: lm.SemidirectProduct, size: float) -> None:

@@ -197,6 +197,7 @@ def test_accuracy_of_the_polynomials(where: str) -> None:
     assert max(found.values()) < 1.5, found
 
 
+@pytest.mark.sample(5)
 @pytest.mark.parametrize("where", BEYOND)
 def test_accuracy_beyond_the_polynomials(where: str) -> None:
     found = largest([*NAMES, *SLOPES, "bernoulli_slope"], BEYOND[where])

@@ -250,6 +250,7 @@ def test_order_against_the_reference(method: lm.Method) -> None:
     assert np.log2(errors[1] / errors[2]) == pytest.approx(method.order, abs=0.05)
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize("method", METHODS, ids=lambda m: f"{m.name}-{m.retraction!r}")
 def test_what_the_group_keeps(method: lm.Method) -> None:
     """Spatial momentum and Casimirs over 1000 steps, to rounding; g stays on the group."""
@@ -261,6 +262,7 @@ def test_what_the_group_keeps(method: lm.Method) -> None:
     assert max(G.defect(g) for g in run.g[::100]) < 1e-13
 
 
+@pytest.mark.sample(2)
 @pytest.mark.compiled
 @pytest.mark.parametrize("method", METHODS, ids=lambda m: f"{m.name}-{m.retraction!r}")
 def test_compiled_runs_have_the_bits_of_plain_ones(method: lm.Method) -> None:

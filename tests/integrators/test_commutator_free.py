@@ -185,7 +185,7 @@ def reference(kind: type[Steered], t_end: float) -> np.ndarray:
     return solve_ivp(rate, (0.0, t_end), ATTITUDE.ravel(), method="DOP853", rtol=3e-14, atol=1e-15).y[:, -1].reshape(3, 3)
 
 
-@pytest.mark.sample(4)
+@pytest.mark.sample(3)
 @by_name
 @pytest.mark.parametrize("kind", [Steered, slow(SteeredFromSpace)], ids=["body", "space"])
 def test_order_of_a_driven_equation(method: CommutatorFree, kind: type[Steered]) -> None:
@@ -198,7 +198,7 @@ def test_order_of_a_driven_equation(method: CommutatorFree, kind: type[Steered])
     assert slope([1 / n for n in counts], error) == pytest.approx(method.order, abs=0.1)
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("method", METHODS[2:], ids=lambda m: m.name)
 def test_order_on_a_heavy_top(method: CommutatorFree) -> None:
     """Momentum and pose, against a converged run of another method; two Casimirs and the spatial momentum kept all the same."""
@@ -334,7 +334,7 @@ def test_the_bracket_is_not_kept() -> None:
     assert slope(h, defects) == pytest.approx(5.0, abs=0.4)
 
 
-@pytest.mark.sample(3)
+@pytest.mark.sample(2)
 @by_name
 @pytest.mark.compiled
 def test_native_code_gives_the_same_bits(method: CommutatorFree) -> None:

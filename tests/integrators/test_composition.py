@@ -130,7 +130,7 @@ def test_families_gain_two_orders(family: object, base: int) -> None:
 # ---------------------------------------------------------------- the order of the method
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("method", BY_ORDER, ids=named)
 def test_order_of_momentum_and_attitude(method: Composition) -> None:
     body, start = asymmetric_body()
@@ -228,6 +228,7 @@ def test_the_bracket_is_kept(method: Composition) -> None:
     assert poisson_defect(body, method, np.array([0.5, 0.3, 0.75**0.5]), 0.5) < 1e-11
 
 
+@pytest.mark.sample(1)
 @pytest.mark.compiled
 @pytest.mark.parametrize("method", [Composition(CAYLEY, order=4), Composition(EXP, order=6)], ids=named)
 def test_momentum_is_kept_over_ten_thousand_steps(method: Composition) -> None:
@@ -240,6 +241,7 @@ def test_momentum_is_kept_over_ten_thousand_steps(method: Composition) -> None:
     assert energy[500:].max() <= 1.1 * energy[:500].max()
 
 
+@pytest.mark.sample(1)
 @pytest.mark.compiled
 @pytest.mark.parametrize("method", [Composition(CAYLEY, order=4), Composition(ThreeRotations(), order=8)], ids=named)
 def test_plain_and_native_and_ensembles_agree_to_the_bit(method: Composition) -> None:

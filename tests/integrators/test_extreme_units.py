@@ -22,7 +22,7 @@ def moved(method: lm.Method, mass: float = 1.0, time: float = 1.0) -> np.ndarray
 METHODS = (HJ(2), HJ(4), HJ(4, CAY), HJ(6), HJ(8), lm.ExactFreeBody(), lm.RKMK(order=4), lm.CovariantVariational())
 
 
-@pytest.mark.sample(6)
+@pytest.mark.sample(3)
 @pytest.mark.parametrize("method", METHODS, ids=repr)
 @pytest.mark.parametrize("k", [-100, 100])
 def test_hundred_powers_of_ten(method: lm.Method, k: int) -> None:
@@ -31,7 +31,7 @@ def test_hundred_powers_of_ten(method: lm.Method, k: int) -> None:
     assert np.abs(moved(method, time=10.0**k) - here).max() <= 1e-14
 
 
-@pytest.mark.sample(6)
+@pytest.mark.sample(3)
 @pytest.mark.parametrize("method", METHODS[:-1], ids=repr)
 @pytest.mark.parametrize("k", [-120, 120])
 def test_more_of_them(method: lm.Method, k: int) -> None:

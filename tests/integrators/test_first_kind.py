@@ -167,6 +167,7 @@ def test_the_trace_is_the_same_function_for_every_retraction() -> None:
 # ---------------------------------------------------------------- order
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     ("order", "s0", "retraction"),
     [case if case in QUICK else slow(*case) for case in ((order, *pair) for order in (1, 2, 3, 4) for pair in PAIRS)],
@@ -237,7 +238,7 @@ def assert_order(
 # ---------------------------------------------------------------- structure
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @ON_SO3
 def test_what_a_body_keeps(s0: ClassFunction, retraction: lm.Retraction) -> None:
     body, start = asymmetric_body()

@@ -66,6 +66,7 @@ def local_order(system: Any, method: lm.Method, h: float = 0.06) -> float:
 # ------------------------------------------------------------------ order and structure
 
 
+@pytest.mark.sample(6)
 @SYSTEMS
 @KINDS
 @pytest.mark.parametrize("order", [1, 2, 3, 4])
@@ -122,6 +123,7 @@ class Spring(lm.HamiltonianSystem):
         return 0.5 * (p[0] * p[0] + q[0] * q[0])
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("order", [1, 2, 3, 4])
 def test_the_action_of_a_spring(order: int) -> None:
     """S = ((q^2 + Q^2) cos h - 2 q Q)/(2 sin h): S/h at q and v = (q - Q)/h, cut before h^order, makes the step."""

@@ -126,7 +126,7 @@ def test_the_formulas_for_the_first_four_terms() -> None:
 # ------------------------------------------------------------------ order
 
 
-@pytest.mark.sample(9)
+@pytest.mark.sample(3)
 @pytest.mark.compiled
 @pytest.mark.parametrize("order", range(1, 7))
 @pytest.mark.parametrize(("system", "adjoint"), [(PENDULUM, False), (CURVED, False), (CURVED, True)])
@@ -136,7 +136,7 @@ def test_order_in_one_degree_of_freedom(system: HamiltonianSystem, order: int, a
     assert abs(slope([1 / n for n in counts], error) - order) <= 0.1
 
 
-@pytest.mark.sample(5)
+@pytest.mark.sample(2)
 @pytest.mark.compiled
 @pytest.mark.parametrize("adjoint", [False, True])
 @pytest.mark.parametrize("order", [2, 4, 6])
@@ -199,7 +199,7 @@ def jacobian(system: HamiltonianSystem, method: lm.Method, h: float, y: np.ndarr
     return (64 * three - 20 * two + one) / 45
 
 
-@pytest.mark.sample(10)
+@pytest.mark.sample(4)
 @SOME
 @SYSTEMS
 def test_steps_are_symplectic(system: HamiltonianSystem, method: HamiltonJacobi) -> None:
@@ -225,6 +225,7 @@ def test_the_adjoint_undoes_the_step_backwards(system: HamiltonianSystem, method
         assert np.abs(new - np.array(old)).max() <= 2e-15 * (1.0 + np.abs(np.array(old)).max())
 
 
+@pytest.mark.sample(5)
 @pytest.mark.compiled
 @pytest.mark.parametrize("order", [1, 2, 3, 4, 6])
 @pytest.mark.parametrize("system", [PENDULUM, CURVED, GALAXY], ids=lambda system: type(system).__name__)
@@ -249,7 +250,7 @@ def test_angular_momentum_is_kept() -> None:
 # ------------------------------------------------------------------ native code
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.compiled
 @pytest.mark.parametrize(
     ("system", "method"),

@@ -113,7 +113,7 @@ def starts_of_all_kinds(J: Any) -> list[np.ndarray]:
     return starts
 
 
-@pytest.mark.sample(4)
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("moments", MOMENTS.values(), ids=MOMENTS)
 def test_a_step_is_exact(moments: list[float]) -> None:
     """To a rounding error of what the step adds, whatever the motion."""
@@ -238,6 +238,7 @@ def fast_top() -> tuple[HeavyTop, lm.BodyState, lm.BodyState]:
     return top, start, lm.integrate(top, lm.RKMK(order=8), start, h=1e-3, steps=3000, every=3000).last
 
 
+@pytest.mark.sample(3)
 @pytest.mark.compiled
 @pytest.mark.parametrize("method", [m if m in QUICK else slow(m) for m in COUNTS], ids=named)
 def test_orders_on_the_heavy_top(method: Any) -> None:
@@ -265,17 +266,17 @@ def test_the_reference_digits(method: Any) -> None:
             assert np.abs(run.g[k][2] - numbers(at["Gamma"])).max() < bound
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @EVERYWHERE
 def test_order_four_in_other_fields(scene: Any) -> None:
     """Spinning tops, thrown and orbiting bodies, with inertia that is no diagonal."""
     system, start = scene()
-    exact = lm.integrate(system, lm.RKMK(order=8), start, h=1 / 80, steps=80, every=80, compiled=False)
+    exact = lm.integrate(system, lm.RKMK(order=8), start, h=1 / 40, steps=40, every=40, compiled=False)
     errors = []
-    for n in (12, 16, 24):
+    for n in (8, 12, 16):
         run = lm.integrate(system, BY_ORDER[1], start, h=1 / n, steps=n, compiled=False)
         errors.append(max(np.abs(run.mu[-1] - exact.mu[-1]).max(), np.abs(run.g[-1] - exact.g[-1]).max()))
-    assert errors[-1] < 1e-13 or slope([1 / 12, 1 / 16, 1 / 24], errors) == pytest.approx(4.0, abs=0.2)
+    assert errors[-1] < 1e-13 or slope([1 / 8, 1 / 12, 1 / 16], errors) == pytest.approx(4.0, abs=0.2)
 
 
 def test_a_thrown_body_is_split_without_error() -> None:
@@ -297,6 +298,7 @@ def test_without_a_field_only_the_drift_is_left() -> None:
     assert same_bits(a.g, b.g)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.compiled
 @pytest.mark.parametrize("method", [BY_ORDER[1], ROTATIONS, *(slow(m) for m in (BY_ORDER[0], BY_ORDER[2]))], ids=named)
 def test_energy_is_bounded_and_the_vertical_momentum_kept(method: Any) -> None:
@@ -311,8 +313,8 @@ def test_energy_is_bounded_and_the_vertical_momentum_kept(method: Any) -> None:
 @EVERYWHERE
 def test_a_way_back_undoes_a_way(scene: Any) -> None:
     system, start = scene()
-    away = lm.integrate(system, BY_ORDER[1], start, h=0.1, steps=20)
-    home = lm.integrate(system, BY_ORDER[1], away.last, h=-0.1, steps=20)
+    away = lm.integrate(system, BY_ORDER[1], start, h=0.1, steps=10, compiled=False)
+    home = lm.integrate(system, BY_ORDER[1], away.last, h=-0.1, steps=10, compiled=False)
     assert np.abs(home.mu[-1] - np.array(start.mu)).max() < 1e-12
     assert np.abs(home.g[-1] - np.array(start.g)).max() < 1e-12
 
@@ -343,6 +345,7 @@ def test_the_canonical_form_is_kept() -> None:
     assert np.abs(D.T @ form(mu1) @ D - form(mu0)).max() < 1e-9
 
 
+@pytest.mark.sample(1)
 @pytest.mark.compiled
 @pytest.mark.parametrize(
     ("method", "scene"),
@@ -402,13 +405,13 @@ def test_orders_under_a_load(friction: float, order: int) -> None:
     """A driven top keeps the order, one with friction does not."""
     top, start = heavy_top()
     system = HeavyTop(top.inertia, top.weight, top.centre, load=Drive(friction))
-    exact = lm.integrate(system, lm.RKMK(order=6), start, h=1 / 100, steps=200, every=200, t0=0.3, compiled=False)
+    exact = lm.integrate(system, lm.RKMK(order=8), start, h=1 / 40, steps=80, every=80, t0=0.3, compiled=False)
     errors = []
     for n in (24, 32, 48):
         run = lm.integrate(system, BY_ORDER[1], start, h=2 / n, steps=n, t0=0.3, compiled=False)
         errors.append(max(np.abs(run.mu[-1] - exact.mu[-1]).max(), np.abs(run.g[-1] - exact.g[-1]).max()))
     assert slope([1 / 24, 1 / 32, 1 / 48], errors) == pytest.approx(order, abs=0.2)
-    home = lm.integrate(system, BY_ORDER[1], run.last, h=-2 / n, steps=n, t0=2.3)
+    home = lm.integrate(system, BY_ORDER[1], run.last, h=-2 / n, steps=n, t0=2.3, compiled=False)
     assert np.abs(home.mu[-1] - np.array(start.mu)).max() < 1e-12
 
 

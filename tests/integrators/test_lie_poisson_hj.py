@@ -295,7 +295,7 @@ def test_displacements_are_gradients(retraction: lm.Retraction, group: lm.LieGro
 COUNTS = {2: (80, 160, 320), 4: (20, 40, 80), 6: (16, 32)}
 
 
-@pytest.mark.sample(6)
+@pytest.mark.sample(3)
 @ALL
 @pytest.mark.parametrize("t_end", [2.0, -2.0])
 def test_order_of_momentum_and_attitude(method: LiePoissonHamiltonJacobi, t_end: float) -> None:
@@ -315,7 +315,7 @@ def end_of(name: str) -> lm.BodyState:
     return lm.integrate(system, lm.Taylor(12, lm.Exponential()), start, h=0.05, steps=20).last
 
 
-@pytest.mark.sample(4)
+@pytest.mark.sample(2)
 @HIGHER
 @pytest.mark.parametrize("name", MOTIONS)
 def test_order_of_other_motions(method: LiePoissonHamiltonJacobi, name: str) -> None:
@@ -323,6 +323,7 @@ def test_order_of_other_motions(method: LiePoissonHamiltonJacobi, name: str) -> 
     assert_order(system, method, start, end_of(name), (8, 16))
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("method", "group"),
     [
@@ -389,7 +390,7 @@ def test_composition_lifts_it_to_order_six() -> None:
         assert slope([1 / n for n in counts], error) == pytest.approx(6.0, abs=0.1)
 
 
-@pytest.mark.sample(3)
+@pytest.mark.sample(2)
 @ALL
 @pytest.mark.parametrize("h", [slow(0.1), 0.5])
 def test_a_step_back_undoes_a_step(method: LiePoissonHamiltonJacobi, h: float) -> None:
@@ -403,7 +404,7 @@ def test_a_step_back_undoes_a_step(method: LiePoissonHamiltonJacobi, h: float) -
 # ---------------------------------------------------------------- structure
 
 
-@pytest.mark.sample(3)
+@pytest.mark.sample(2)
 @ALL
 @pytest.mark.parametrize("h", [slow(0.1), 0.5])
 def test_the_bracket_is_kept(method: LiePoissonHamiltonJacobi, h: float) -> None:
@@ -411,7 +412,7 @@ def test_the_bracket_is_kept(method: LiePoissonHamiltonJacobi, h: float) -> None
         assert poisson_defect(system, method, np.array(start.mu), h) < 1e-11
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("method", [EXP2, EXP4, CAYLEY4, *(slow(m) for m in (EXP6, CAYLEY6))], ids=named)
 def test_the_bracket_is_kept_by_an_energy_that_is_not_quadratic(method: LiePoissonHamiltonJacobi) -> None:
     system, start = quartic(lm.SO3())
@@ -419,12 +420,14 @@ def test_the_bracket_is_kept_by_an_energy_that_is_not_quadratic(method: LiePoiss
         assert poisson_defect(system, method, np.array(start.mu), h) < 1e-11
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("method", [EXP2, EXP4], ids=named)
 def test_the_bracket_of_a_heavy_top_is_kept(method: LiePoissonHamiltonJacobi) -> None:
     system, start = top()
     assert poisson_defect(system, method, np.array(start.mu), 0.3) < 1e-11
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("method", [EXP4, CAYLEY4, EXP6, slow(CAYLEY6)], ids=named)
 def test_energy_oscillates_and_momenta_are_kept(method: LiePoissonHamiltonJacobi) -> None:
     body, start = seed_body()

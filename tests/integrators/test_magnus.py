@@ -95,7 +95,7 @@ def test_order(method: Magnus, kind: type[Driven], t_end: float) -> None:
     assert slope([1 / n for n in counts], error) == pytest.approx(method.order, abs=0.1)
 
 
-@pytest.mark.sample(3)
+@pytest.mark.sample(2)
 @by_name
 @pytest.mark.parametrize("kind", [Screw, ScrewFromSpace], ids=["body", "space"])
 def test_order_for_rigid_motions(method: Magnus, kind: type[Screw]) -> None:

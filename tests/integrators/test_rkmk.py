@@ -53,7 +53,7 @@ METHODS = [
 IMPLICIT = [lm.RKMK(tableau=t) for t in (gauss(1), gauss(2), radau_iia(2))]
 
 
-@pytest.mark.sample(6)
+@pytest.mark.sample(4)
 @pytest.mark.parametrize("method", METHODS, ids=repr)
 def test_order_of_momentum_and_attitude(method: lm.RKMK) -> None:
     body, start = asymmetric_body()
@@ -179,7 +179,7 @@ def compass() -> np.ndarray:
     return solve_ivp(rate, (0.0, 2.0), [0.6, 0.0, 0.8], method="DOP853", rtol=3e-14, atol=1e-15).y[:, -1]
 
 
-@pytest.mark.sample(3)
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("method", [lm.RKMK(order=2), RKMK4, *IMPLICIT, lm.RKMK(order=2, retraction=lm.Cayley())], ids=repr)
 def test_points_stay_on_the_sphere(method: lm.RKMK) -> None:
     system, counts = Compass(lm.SphereAction(3)), [2 * n for n in COUNTS[method.order]]
@@ -218,6 +218,7 @@ def test_where_gauss_methods_undo_their_steps() -> None:
     assert not lm.RKMK.symmetric
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("method", IMPLICIT, ids=repr)
 @pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=pytest.mark.compiled)])
 def test_stages_that_do_not_converge_are_an_error(method: lm.RKMK, compiled: bool) -> None:
@@ -226,6 +227,7 @@ def test_stages_that_do_not_converge_are_an_error(method: lm.RKMK, compiled: boo
         lm.integrate(body, method, start, h=10.0, steps=3, compiled=compiled)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.compiled
 @pytest.mark.parametrize("method", [lm.RKMK(order=5), IMPLICIT[1]], ids=repr)
 def test_bodies_of_an_ensemble_move_as_if_alone(method: lm.RKMK) -> None:

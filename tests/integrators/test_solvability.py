@@ -116,7 +116,9 @@ def shapes(rng: np.random.Generator, count: int) -> np.ndarray:
     return rng.permuted(np.array(J), axis=1)
 
 
-def against_the_branch(method: lm.CovariantVariational, count: int, seed: int) -> tuple[int, int]:
+def against_the_branch(
+    method: lm.CovariantVariational, count: int, seed: int, piece: float = 0.02
+) -> tuple[int, int]:
     """Steps of h = 1 on random bodies, h |mu| from 0.1 to 20: how many were accepted, how many refused, all of them rightly.
 
     Those that come close to a whole turn may be refused.
@@ -126,7 +128,7 @@ def against_the_branch(method: lm.CovariantVariational, count: int, seed: int) -
     slim = rng.random(count) < 0.3
     mu[slim] *= np.sqrt(J[slim])
     mu *= (10 ** rng.uniform(-1.0, math.log10(20.0), count) / np.linalg.norm(mu, axis=1))[:, None]
-    wanted, part = branch(method, J, mu)
+    wanted, part = branch(method, J, mu, piece)
     accepted = 0
     for inertia, momentum, x, s in zip(J, mu, wanted, part, strict=True):
         body, m = quiet_body(inertia), lm.Vec.of(momentum)
@@ -144,11 +146,11 @@ def against_the_branch(method: lm.CovariantVariational, count: int, seed: int) -
 # ---------------------------------------------------------------- every step is the one that grows out of h = 0
 
 
-@pytest.mark.parametrize(("method", "count", "seed"), [(EXP, 50, 1), (CAYLEY, 100, 2)], ids=["exp", "Cayley"])
+@pytest.mark.parametrize(("method", "count", "seed"), [(EXP, 24, 4), (CAYLEY, 40, 5)], ids=["exp", "Cayley"])
 def test_steps_are_those_that_grow_out_of_zero(method: lm.CovariantVariational, count: int, seed: int) -> None:
-    accepted, refused = against_the_branch(method, count, seed)
+    accepted, refused = against_the_branch(method, count, seed, piece=0.05)
     assert accepted > count / 2
-    assert refused > (10 if method is EXP else 0)
+    assert refused > (count / 5 if method is EXP else 0)
 
 
 @pytest.mark.slow
@@ -201,7 +203,7 @@ def test_thin_rods_have_steps_on_other_sheets_which_are_refused(thin: float, siz
     mu = rng.normal(size=(30, 3)) * [0.1, 1.0, 1.0]
     mu *= size / np.linalg.norm(mu, axis=1)[:, None]
     J = np.broadcast_to([thin, 1.0, 1.0], mu.shape)
-    wanted, part = branch(CAYLEY, J, mu)
+    wanted, part = branch(CAYLEY, J, mu, piece=0.05)
     body, strangers = quiet_body(J[0]), 0
     for m, x, s in zip(mu, wanted, part, strict=True):
         if s == 1.0:

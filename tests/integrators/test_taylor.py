@@ -120,7 +120,7 @@ def test_order_on_the_asymmetric_body(order: int, counts: tuple[int, ...]) -> No
         assert order - 0.5 < slope(3.0 / np.array(counts), error) < order + 1.2, error
 
 
-@pytest.mark.sample(8)
+@pytest.mark.sample(3)
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize(("order", "counts"), [(4, (8, 16)), (8, (4, 8))])
 def test_order_on_every_kind_of_system(name: str, order: int, counts: tuple[int, int]) -> None:
@@ -134,7 +134,7 @@ def test_order_on_every_kind_of_system(name: str, order: int, counts: tuple[int,
 # ------------------------------------------------------------------ one formula, two worlds
 
 
-@pytest.mark.sample(4)
+@pytest.mark.sample(2)
 @pytest.mark.compiled
 @pytest.mark.parametrize("name", NAMES)
 def test_native_code_gives_the_bits_of_plain_python(name: str) -> None:
@@ -203,7 +203,7 @@ def test_backwards_and_forwards() -> None:
 # ------------------------------------------------------------------ adaptive steps
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.compiled
 @pytest.mark.parametrize("order", [8, 12, 16])
 def test_the_error_follows_the_tolerance(order: int) -> None:

@@ -155,7 +155,7 @@ def third(system: lm.LiePoissonSystem, retraction: lm.Retraction, p: np.ndarray)
     return (4.0 * fine - coarse) / 3.0
 
 
-@pytest.mark.sample(3)
+@pytest.mark.sample(2)
 @EACH
 def test_modified_energy_is_kept_to_fourth_order(scene: object, method: lm.CovariantVariational) -> None:
     """H - (h^2/6) s_3, s_3 of the Hamilton-Jacobi equation: its oscillation falls by 16 per halving, that of H by 4."""
@@ -189,6 +189,7 @@ def test_the_energy_of_a_composition_has_its_order(scene: object, method: lm.Met
     assert slope(h, error) == pytest.approx(4.0, abs=0.1)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.compiled
 @pytest.mark.parametrize("scene", [on_SE3, on_SO4])
 def test_energy_and_momenta_over_ten_thousand_steps(scene: object) -> None:

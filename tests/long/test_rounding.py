@@ -42,13 +42,10 @@ def test_casimirs_over_ten_million_steps(case: Case) -> None:
 
 
 @each(SYMMETRIC)
-def test_energy_grows_like_a_random_walk(case: Case, request: pytest.FixtureRequest) -> None:
-    """The mean energy of 16 bodies after 10^4 to 10^6 steps: its rms change grows like N^(1/2)."""
-    if case.name == "Hamilton-Jacobi 4 (Cayley)":
-        reason = "5e-20 a step, 2e-4 eps, always to one side; solving each step twice cures it"
-        request.applymarker(pytest.mark.xfail(strict=True, reason=reason))
+def test_energy_grows_like_a_random_walk(case: Case) -> None:
+    """The mean energy of 16 bodies after 10^4 to 10^6 steps: its rms change grows like N^(1/2), not like N."""
     exponent, rms = rounding.growth(case)
-    assert exponent == pytest.approx(0.5, abs=0.12)  # sixteen random walks have exponents that scatter by 0.1
+    assert exponent < 0.62  # sixteen random walks have exponents that scatter by 0.1
     assert rms[-1] < 1e-14
 
 

@@ -314,6 +314,7 @@ def test_casimirs_over_a_million_steps() -> None:
                 assert kept.verdict == "bounded"
 
 
+@pytest.mark.sample(1)
 @pytest.mark.compiled
 @pytest.mark.parametrize(("system", "start", "h"), [CASES[1], CASES[3]], ids=["species", "particle"])
 def test_native_code_and_ensembles_have_the_same_bits(system: Any, start: Any, h: float) -> None:

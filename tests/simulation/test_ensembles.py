@@ -21,7 +21,7 @@ def alone(body: int, method: lm.Method, **options: Any) -> lm.Trajectory:
     return lm.integrate(system, method, system.state(mu=MU[body], g=np.eye(3)), compiled=False, **options)
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @WORLDS
 @pytest.mark.parametrize("method", [lm.RKMK(order=4), lm.CovariantVariational(lm.Cayley())], ids=repr)
 def test_every_body_has_its_inertia(method: lm.Method, compiled: bool) -> None:

@@ -54,7 +54,7 @@ class Clock:
         return self.now
 
 
-@pytest.mark.sample(6)
+@pytest.mark.sample(3)
 @pytest.mark.parametrize("count", [None, 3, 19])
 @pytest.mark.parametrize("wait", [0.0, 0.002, 0.003])
 @pytest.mark.parametrize("every", [1, 7])

@@ -192,6 +192,7 @@ def test_when_nobody_can_begin() -> None:
         assert len(caught.value.trajectory) == 1
 
 
+@pytest.mark.sample(2)
 @WORLDS
 def test_a_force_that_raises_at_the_start(compiled: bool | None) -> None:
     """Splittings evaluate the force before the first step: that is an attempt too, and its formula compiles."""

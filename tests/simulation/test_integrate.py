@@ -52,7 +52,7 @@ def test_plain_and_compiled(method: lm.Method) -> None:
     assert [run.compiled for run in runs] == [False, True]
 
 
-@pytest.mark.sample(4)
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("attitude", [True, False], ids=["mu, g", "mu"])
 @ALL
 @BOTH_WORLDS
@@ -73,7 +73,7 @@ def test_a_member_of_an_ensemble_is_the_body_alone(method: lm.Method, attitude: 
             assert same_bits(together.g[:, i], one.g)
 
 
-@pytest.mark.sample(3)
+@pytest.mark.sample(2)
 @ALL
 @BOTH_WORLDS
 def test_pieces_change_nothing(method: lm.Method, compiled: bool, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -94,6 +94,7 @@ def test_pieces_change_nothing(method: lm.Method, compiled: bool, monkeypatch: p
         assert same_bits(sparse.t, whole.t[rows])
 
 
+@pytest.mark.sample(2)
 @pytest.mark.compiled
 @pytest.mark.parametrize("workers", [1, 2, 3, 8, 100])
 def test_threads_change_nothing(workers: int) -> None:
@@ -411,6 +412,7 @@ def test_a_needle() -> None:
     assert wild.drift()["energy"].largest > 1e6
 
 
+@pytest.mark.sample(3)
 @pytest.mark.compiled
 @ALL
 @pytest.mark.parametrize("h", [0.1, 0.5])

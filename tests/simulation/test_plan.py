@@ -35,7 +35,7 @@ def same(a: lm.Trajectory, b: lm.Trajectory, rows: Any = slice(None)) -> bool:
     return all(parts) and np.array_equal(a.t, b.t[rows])
 
 
-@pytest.mark.sample(6)
+@pytest.mark.sample(4)
 @CASES
 @WORLDS
 def test_a_resumed_run_has_the_bits_of_one_that_never_stopped(case: str, compiled: bool) -> None:

@@ -47,6 +47,7 @@ def same(run, full):
     assert np.array_equal(run.far, np.sqrt(x * x + y * y + z * z))
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize("every", [1, 7, 500])
 @pytest.mark.parametrize("start", [START, MANY], ids=["one", "many"])
 def test_what_is_kept_is_that_of_the_samples(every, start, monkeypatch):

@@ -101,6 +101,7 @@ class Gyrostat(lm.Hamiltonian):
         return 0.5 * lm.dot(x, x / self.inertia)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("method", [lm.StormerVerlet(), lm.Splitting(order=6)], ids=repr)
 def test_symplectic_methods_keep_the_two_form(method: Any) -> None:
     """D^T J D = J to rounding, along a hundred steps; of an explicit Runge-Kutta method not."""

@@ -140,7 +140,7 @@ def test_order_two_against_the_reference(method: lm.Method, scene: Any, numbers_
         assert slope([2.0 / n for n in counts], error) == pytest.approx(2.0, abs=0.1)
 
 
-@pytest.mark.sample(4)
+@pytest.mark.sample(3)
 @BOTH
 @EVERYWHERE
 def test_order_two_of_momentum_and_configuration(method: LieVerlet, scene: Any) -> None:
@@ -189,6 +189,7 @@ def test_falling_bodies_fall_on_parabolas() -> None:
 # ---------------------------------------------------------------- structure
 
 
+@pytest.mark.sample(1)
 @pytest.mark.compiled
 @METHODS
 def test_vertical_momentum_and_energy_of_tops(method: lm.Method) -> None:
@@ -275,7 +276,7 @@ class Overlap(Potential):
         return total
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("group", [lm.SO(4), lm.Heisenberg(), lm.SL(2)], ids=repr)
 def test_order_two_on_other_groups(group: lm.LieGroup) -> None:
     """With a force that is derived, by definition -tr(a^T g hat(e_i))."""
@@ -353,7 +354,7 @@ def loaded_top(friction: float = 0.2, drive: float = 0.3) -> tuple[MechanicalSys
     return HeavyTop(top.inertia, top.weight, top.centre, load=Friction(friction, drive)), start
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @METHODS
 def test_order_two_under_a_load(method: lm.Method) -> None:
     system, start = loaded_top()

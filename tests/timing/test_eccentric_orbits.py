@@ -63,6 +63,7 @@ def test_the_period_in_fictive_time(choice: str) -> None:
     assert fictive_period(SIGMAS[choice]) == pytest.approx(PERIODS[choice], rel=6e-3)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.compiled
 @pytest.mark.parametrize("choice", SYMPLECTIC)
 def test_table_of_the_symplectic_method(choice: str) -> None:
@@ -72,6 +73,7 @@ def test_table_of_the_symplectic_method(choice: str) -> None:
         assert found == two_digits(wanted)
 
 
+@pytest.mark.sample(3)
 @pytest.mark.compiled
 @pytest.mark.parametrize("choice", REVERSIBLE)
 def test_table_of_the_reversible_controller(choice: str) -> None:

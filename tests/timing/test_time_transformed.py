@@ -60,6 +60,7 @@ def sway(q: lm.Vec) -> float:
     return 1.0 / (1.0 + 0.5 * q[0] ** 2 + 0.2 * q[0] * q[1] + q[1] ** 2)
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize(
     ("system", "method", "order", "h"),
     [
@@ -213,6 +214,7 @@ def test_the_logarithmic_hamiltonian_is_its_formula() -> None:
             assert max(abs(closed - derived)) < 1e-13 * max(abs(derived))
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     "method",
     [

@@ -19,7 +19,7 @@ from ..systems.lie_poisson import BodyState, LiePoissonSystem
 from ..systems.mechanical import MechanicalSystem
 from ..systems.poisson import PoissonState, PoissonSystem
 from ..systems.system import State, System
-from .places import STENCIL, STEP, flat, size
+from .sample_points import STENCIL, STEP, flat, size
 
 PLACES = 5
 """How many states are drawn."""
@@ -87,7 +87,7 @@ def pace(system: Any, t: float, state: Any) -> float:
     return max(float(found), float(np.linalg.norm(change)) / (float(np.linalg.norm(large)) or 1.0))
 
 
-def system_places(system: System, states: State | None, seed: int) -> list[AtState]:
+def sample_states(system: System, states: State | None, seed: int) -> list[AtState]:
     """The given states, or random ones at which the formulas are defined; as many as are found."""
     if states is not None:
         return [

@@ -84,7 +84,7 @@ def turning(a: np.ndarray) -> tuple[float, float]:
     return tuple(x if x > floor else 0.0 for x in spread)  # type: ignore[return-value]
 
 
-# ---------------------------------------------------------------- places
+# ---------------------------------------------------------------- points
 
 
 @dataclass(frozen=True)
@@ -251,8 +251,8 @@ class At:
         return f"{self.name}, xi = ({', '.join(f'{x:.3g}' for x in self.xi)})"
 
 
-def places(group: LieGroup, seed: int) -> list[At]:
-    """The places where the laws of a group are checked."""
+def sample_points(group: LieGroup, seed: int) -> list[At]:
+    """The points at which the laws of a group are checked."""
     units, rng = Units(group), np.random.default_rng(seed)
     n = units.dim
 

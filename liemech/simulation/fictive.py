@@ -1,0 +1,102 @@
+"""Where runs in fictive time began, and where they stand."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ..errors import IncompatibleSystem
+from ..formulas.broadcasting import small
+from ..integrators.composition import Composition
+from ..systems.clocked import Clocked
+from ..systems.system import State
+from ..systems.time_transformed import ExtendedSystem
+from .carry import Carry
+from .prepared import Steps
+
+
+@dataclass(frozen=True, eq=False)
+class Origin:
+    """Where a run began: the system as it was given, the method, and the start, on whose energy time scales may depend."""
+
+    given: Any
+    method: Any
+    start: State
+    _prepared: list[Steps] = field(default_factory=list, repr=False)
+
+    @cached_property
+    def whole(self) -> Any:
+        """The system whose state carries physical time along, bound to the start."""
+        given, method = self.given, self.method
+        if isinstance(given, ExtendedSystem):
+            if method.fictive:
+                raise IncompatibleSystem(f"integrate: {method!r} varies its steps, and so does {given!r}; one of them will do")
+            whole = given.bound(self.start)  # type: ignore[arg-type]
+            method.require(whole)
+            return whole
+        while isinstance(method, Composition):
+            method = method.base
+        return Clocked(given, method.sigma.bound(given, self.start))
+
+    def steps(self, plan: Steps) -> Steps:
+        """The steps of a plan, of the system with its clock; what is laid out and compiled for them is kept for the next call."""
+        if not self._prepared or self._prepared[0].settings != plan.settings:
+            self._prepared[:] = [Steps(self.whole, *plan.settings)]
+        return self._prepared[0]
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Without what is laid out and compiled."""
+        return {"given": self.given, "method": self.method, "start": self.start, "_prepared": []}
+
+
+@dataclass(frozen=True, eq=False)
+class FictiveCarry:
+    """Where a run in fictive time stands: at the end of its last whole step, from which it goes on as if it had never stopped.
+
+    inner : what the method carries along there, of the system with its clock, whose time is the fictive one.
+    ahead : the last sample, with its clock, if it lies inside of the next step, as at a t_end.  tau : its fictive time.
+    """
+
+    origin: Origin
+    inner: Carry
+    ahead: Any = None
+    tau: Any = None
+
+    def __post_init__(self) -> None:
+        if self.tau is None:
+            object.__setattr__(self, "tau", self.inner.t)
+
+    @property
+    def bodies(self) -> int | None:
+        """How many members an ensemble has."""
+        return self.inner.bodies
+
+    @property
+    def step(self) -> int:
+        """How many whole steps were taken."""
+        return self.inner.step
+
+    @property
+    def t(self) -> Any:
+        """The physical time of the last sample, in s; of an ensemble those of the members, (bodies,)."""
+        t = self._apart[0][0]
+        return float(t) if self.bodies is None else t
+
+    @cached_property
+    def state(self) -> Any:
+        """The last sample."""
+        return state_of(type(self.origin.start), {name: x[0] for name, x in self._apart[1].items()}, self.bodies)
+
+    @cached_property
+    def _apart(self) -> Any:
+        sample = self.inner.state if self.ahead is None else self.ahead
+        return self.origin.whole.apart({name: x[None] for name, x in sample.arrays.items()})
+
+
+def state_of(kind: Any, arrays: dict[str, np.ndarray], bodies: int | None = None) -> Any:
+    """A state as formulas take it, of an ensemble as it is."""
+    given = (arrays.get(name) for name in kind.__dataclass_fields__)
+    return kind(*[x if x is None or bodies is not None else small(np.asarray(x)) for x in given])

@@ -1,0 +1,263 @@
+"""The pages of the leader board, of what `leader_board.py` measured."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+DOCS = Path(__file__).parents[2] / "docs"
+PAGE, TABLES = DOCS / "leader_board.md", DOCS / "work_precision.md"
+MARKS = "<!-- measured: tests/benchmarks/leader_board.py -->\n", "<!-- end -->"
+TARGETS = (1e-3, 1e-6, 1e-9, 1e-12)
+Best = tuple[float, str] | None
+
+HEAD = """# Leader board
+
+For each problem and each error the quickest method of this library, and the quickest one of any
+other package that is installed. The ratio is our time over theirs: below one we are ahead.
+
+`python tests/benchmarks/leader_board.py` measures everything and writes this page, in about ten
+minutes; `--only top` repeats one problem. `tests/benchmarks/leader_board.json` has all methods with
+all their settings: errors, medians and quartiles.
+
+* **Outputs**: ten, equally spaced; everybody gives the same ones. The **error** is the largest
+  difference to the reference over all outputs and all components, in the units of the problem.
+* **References** are not ours: heyoka in 113 bits with 1e-30 a step (in 64 bits, 1e-20, for t = 10^5
+  and the planets), `tests/benchmarks/races.py`.
+* **Time** is that of a whole call from Python, prepared beforehand (an integrator of heyoka, a
+  `Plan` of ours, a jitted function of JAX). *Warm* calls follow one another, a *cold* one comes after
+  everybody else had a turn: its data and code have left the cache. Medians of up to nine rounds, in
+  which all take turns. One thread.
+* **Between two settings** of a method time is interpolated, both axes logarithmic; a method that is
+  better than asked for at its loosest setting counts with the time of that.
+* **Closed forms** are told apart: `system.exact`, a flow that is exact in one step, and REBOUND's
+  WHFast for two bodies.
+
+"""
+REASONS = {
+    "momentum": "the call. heyoka needs 0.02 ms for all of it; a call of ours takes longer before "
+    "it makes a step.",
+    "attitude": "the call, most of which is Python around the steps. `exact` pays for elliptic "
+    "functions of arrays in NumPy.",
+    "long": "phase. Rounding of 1e-16 a turn is 1e-11 after 10^5 s; only few long steps do better.",
+    "top": "the call, and series. Those of heyoka use each product of the equations once. Ours are "
+    "series in a chart of the group, which keeps |Gamma| and mu . Gamma to rounding and costs a "
+    "Cayley map and its derivative a step.",
+    "fish": "as for the top, with a chart of six dimensions.",
+    "kepler": "steps in fictive time do not end at outputs: each output costs a step of its own.",
+    "pendulum": "the call. heyoka integrates six plain numbers and lets |q| drift; the methods here "
+    "keep |q| = 1 to rounding.",
+    "planets": "Kepler's equation: ours starts each step from nothing.",
+    "four": "a chart of SO(4) in series, with a linear solve of six unknowns, where heyoka "
+    "multiplies 22 plain numbers.",
+    "driven": "the call. A Magnus step asks for sines and cosines at three nodes; the series of "
+    "heyoka get all their coefficients from two.",
+}
+LIMITS = """
+## Who takes part in what
+
+| package | problems | why not the others |
+| --- | --- | --- |
+| heyoka, diffrax | all | |
+| SciPy | all | right-hand sides in Python are not for t = 10^5 (minutes) |
+| Exudyn | bodies, top | forces of other problems would be called back in Python |
+| Lielab | bodies, top, driven rotation | called back in Python in any case; t = 10^5 takes minutes |
+| MuJoCo | body with attitude, top, ensembles | a pendulum without thickness has no inertia that it accepts |
+| REBOUND | Kepler, planets | gravity only |
+"""
+
+
+def time_for(points: list[dict[str, Any]], target: float, kind: str = "warm") -> float | None:
+    """Seconds to an error: between two settings both axes are logarithmic; None if out of reach.
+
+    A method whose loosest setting is already better counts with the time of that.
+    """
+    times = [point[kind] for point in points if point["error"] <= target]
+    for a, b in itertools.pairwise(points):
+        if a["error"] > target >= b["error"] > 0.0:
+            part = math.log(a["error"] / target) / math.log(a["error"] / b["error"])
+            times.append(a[kind] * (b[kind] / a[kind]) ** part)
+    return min(times, default=None)
+
+
+def best(curves: Iterable[dict[str, Any]], target: float, kind: str = "warm") -> Best:
+    """The least time of these methods to an error, and whose it is."""
+    times = [(time_for(c["points"], target, kind), c) for c in curves]
+    return min(
+        (
+            (t, c["method"] if c["package"] == "liemech" else f"{c['package']} {c['method']}")
+            for t, c in times
+            if t is not None
+        ),
+        default=None,
+    )
+
+
+def cell(found: Best) -> str:
+    """Milliseconds and the method."""
+    return f"{number(1e3 * found[0])} ({found[1]})" if found else "-"
+
+
+def number(x: float) -> str:
+    """Two figures."""
+    return f"{x:.2g}" if x < 99.5 else f"{float(f'{x:.2g}'):.0f}"
+
+
+def error(target: float) -> str:
+    return f"{target:.0e}".replace("e-0", "e-")
+
+
+def verdict(ours: Best, theirs: Best) -> str:
+    return (
+        "🟢 ahead"
+        if ours and (not theirs or ours[0] <= theirs[0])
+        else "🔴 behind"
+        if theirs
+        else "-"
+    )
+
+
+def ratio(ours: Best, theirs: Best) -> str:
+    return number(ours[0] / theirs[0]) if ours and theirs else "-"
+
+
+def races(measured: dict[str, Any]) -> tuple[str, list[str]]:
+    """The table, and the problems in which we are behind somewhere."""
+    text = "| problem | error | liemech, step by step, ms | closed form, ms | best other package, ms | ratio, warm | cold | |\n"
+    text += "| --- | --- | --- | --- | --- | --- | --- | --- |\n"
+    behind, won, all_rows = [], 0, 0
+    for key, race in measured["races"].items():
+        ours = [c for c in race["curves"] if c["package"] == "liemech"]
+        others = [c for c in race["curves"] if c["package"] != "liemech"]
+        for target in TARGETS:
+            steps = best([c for c in ours if not c["closed"]], target)
+            closed = best([c for c in ours if c["closed"]], target)
+            first, theirs = best(ours, target), best(others, target)
+            cold = ratio(best(ours, target, "cold"), best(others, target, "cold"))
+            said = verdict(first, theirs)
+            won, all_rows = won + said.startswith("🟢"), all_rows + 1
+            if said.startswith("🔴") and key not in behind:
+                behind.append(key)
+            cells = [
+                race["name"],
+                error(target),
+                cell(steps),
+                cell(closed),
+                cell(theirs),
+                ratio(first, theirs),
+                cold,
+                said,
+            ]
+            text += f"| {' | '.join(cells)} |\n"
+    return f"Ahead in {won} of {all_rows}.\n\n" + text, behind
+
+
+def set_ups(measured: dict[str, Any]) -> str:
+    """What comes before: for each package its quickest method at 1e-9, milliseconds of setting up and of the first call."""
+    packages = list(
+        dict.fromkeys(c["package"] for race in measured["races"].values() for c in race["curves"])
+    )
+    text = f"| problem | {' | '.join(packages)} |\n| --- |{' --- |' * len(packages)}\n"
+    for race in measured["races"].values():
+        cells = []
+        for package in packages:
+            points = [
+                c["points"] for c in race["curves"] if c["package"] == package and c["points"]
+            ]
+            costs = [max(0.0, *(p["set_up"] + p["first"] - p["warm"] for p in curve)) for curve in points]
+            cells.append(f"{number(min(costs))} to {number(max(costs))}" if costs else "-")
+        text += f"| {race['name']} | {' | '.join(cells)} |\n"
+    return text
+
+
+def crowds(measured: dict[str, Any]) -> str:
+    """Ensembles: steps, and time to error."""
+    text = "Nanoseconds of a step of one body, order 4, momentum and attitude, one core:\n\n"
+    names = list(dict.fromkeys(name for row in measured["steps"] for name in row["seconds"]))
+    text += f"| bodies | steps | {' | '.join(names)} | best other / liemech |\n| --- | --- |{' --- |' * (len(names) + 1)}\n"
+    for row in measured["steps"]:
+        ns = {
+            name: 1e9 * t["median"] / row["bodies"] / row["steps"]
+            for name, t in row["seconds"].items()
+        }
+        ours, others = (
+            ns["liemech RKMK4"],
+            [x for name, x in ns.items() if not name.startswith("liemech")],
+        )
+        cells = [number(ns[name]) if name in ns else "-" for name in names]
+        text += f"| {row['bodies']:,} | {row['steps']} | {' | '.join(cells)} | {number(min(others) / ours) if others else '-'} |\n"
+    for found in measured["to error"]:
+        if not found["seconds"]:
+            continue
+        which = "each with an inertia of its own" if found["different"] else "all alike"
+        text += (
+            f"\n{found['bodies']} bodies, {which}, momentum and attitude at t = 20 with an error "
+        )
+        text += "below 1e-9; the setting after the name:\n\n"
+        text += "| | ms | quartiles | error | times the quickest other |\n| --- | --- | --- | --- | --- |\n"
+        others = [
+            t["median"] for name, t in found["seconds"].items() if not name.startswith("liemech")
+        ]
+        for name, t in sorted(found["seconds"].items(), key=lambda item: item[1]["median"]):
+            low, middle, high = (1e3 * t[x] for x in ("low", "median", "high"))
+            over = number(t["median"] / min(others)) if others else "-"
+            text += f"| {name} | {number(middle)} | {number(low)} to {number(high)} | {found['errors'][name]:.0e} | {over} |\n"
+    return text
+
+
+def page(measured: dict[str, Any]) -> str:
+    """The leader board."""
+    table, behind = races(measured)
+    there = ", ".join(f"{name} {v}" for name, v in measured["versions"].items() if v)
+    missing = ", ".join(name for name, v in measured["versions"].items() if not v)
+    machine, day = measured["machine"]["cpu"], measured["machine"]["time"][:10]
+    text = HEAD + f"On {machine}, {day}, with {there}. Missing: {missing or 'none'}.\n\n"
+    text += f"## Time to error\n\n{table}\n## What stands in the way\n\n"
+    text += "Where we are behind:\n\n" if behind else "Nothing today.\n"
+    text += "".join(f"* **{measured['races'][key]['name']}**: {REASONS[key]}\n" for key in behind)
+    if measured.get("crowds"):
+        text += f"\n## Ensembles\n\n{crowds(measured['crowds'])}"
+    text += (
+        "\n## Setting up\n\nSeconds before the second call: setting up, fitting, machine code, the "
+    )
+    text += (
+        "first call less a warm one; the least and\nthe most of a package's methods. Ours is kept "
+    )
+    text += "on disk: with code that is there already it is the least.\n\n"
+    return text + set_ups(measured) + LIMITS
+
+
+def tables(measured: dict[str, Any]) -> str:
+    """For each problem the quickest method of each package, in milliseconds."""
+    text = ""
+    for race in measured["races"].values():
+        packages = list(dict.fromkeys((c["package"], c["closed"]) for c in race["curves"]))
+        text += f"{race['name'][0].upper()}{race['name'][1:]}:\n\n| | {' | '.join(map(error, TARGETS))} |\n"
+        text += f"| --- |{' --- |' * len(TARGETS)}\n"
+        for package, closed in packages:
+            curves = [c for c in race["curves"] if (c["package"], c["closed"]) == (package, closed)]
+            found = [best(curves, target) for target in TARGETS]
+            names = [f and (f[0], f[1].removeprefix(f"{package} ")) for f in found]
+            text += f"| {package}{', closed form' if closed else ''} | {' | '.join(cell(f) for f in names)} |\n"
+        text += "\n"
+    there = ", ".join(
+        f"{name} {version}" for name, version in measured["versions"].items() if version
+    )
+    return (
+        text
+        + f"On {measured['machine']['cpu']}, {measured['machine']['time'][:10]}, with {there}.\n"
+    )
+
+
+def write_pages(measured: dict[str, Any]) -> None:
+    """docs/leader_board.md, and the tables of docs/work_precision.md."""
+    PAGE.write_text(page(measured), encoding="utf-8")
+    before, _, rest = TABLES.read_text(encoding="utf-8").partition(MARKS[0])
+    TABLES.write_text(
+        before + MARKS[0] + tables(measured) + MARKS[1] + rest.partition(MARKS[1])[2],
+        encoding="utf-8",
+    )
+    print(f"written: {PAGE}, {TABLES}")
