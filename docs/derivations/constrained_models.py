@@ -5,7 +5,8 @@
 Each is the solution of an ordinary differential equation by extrapolation of order 32, with 40 digits:
 
 * a chain of three masses in a plane, in its angles:
-  sum_j a_ij l_i l_j (cos(x_i - x_j) x_j'' + sin(x_i - x_j) x_j'^2) = -g l_i b_i sin x_i, with the masses a_ij = m_max(i,j) + ... + m_N and b_i = a_ii (Lagrange's equations);
+  sum_j a_ij l_i l_j (cos(x_i - x_j) x_j'' + sin(x_i - x_j) x_j'^2) = -g l_i b_i sin x_i, with the
+  masses a_ij = m_max(i,j) + ... + m_N and b_i = a_ii (Lagrange's equations);
 * a chain of two masses in space, in positions, with the tensions that keep rods as long as they are;
 * a bead on the parabola y = a x^2: (1 + 4 a^2 x^2) x'' + 4 a^2 x x'^2 + 2 a g x = 0;
 * a geodesic of an ellipsoid, in positions: q'' = -l n, n = (q_i/a_i^2), l = sum v_i^2/a_i^2 / |n|^2;
