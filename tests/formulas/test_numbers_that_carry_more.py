@@ -1,4 +1,4 @@
-"""Sizes of numbers with derivatives, sums of arrays and matrices, powers and logarithms of two doubles."""
+"""Sizes of numbers with derivatives, sums of arrays and matrices, powers, inverse sines and roots of two doubles."""
 
 from __future__ import annotations
 
@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 import liemech as lm
-from liemech.formulas import asinh
+from liemech.formulas import asinh, sqrt
 from liemech.formulas.double_double import DoubleDouble
 from liemech.formulas.dual import Dual, size_of
+from liemech.formulas.functions import fma
 
 
 def exactly(x: DoubleDouble) -> mp.mpf:
@@ -33,3 +34,15 @@ def test_powers_and_inverse_sines_of_two_doubles(x: float) -> None:
         wide = exactly(number)
         assert abs(exactly(asinh(number)) - mp.asinh(wide)) < mp.mpf(2) ** -98 * abs(mp.asinh(wide))
         assert abs(exactly(3.0**number) - mp.mpf(3) ** wide) < mp.mpf(2) ** -96 * mp.mpf(3) ** wide
+
+
+def test_roots_of_two_doubles_at_zero_and_at_one() -> None:
+    assert exactly(sqrt(DoubleDouble(0.0, 0.0))) == 0
+    with mp.workdps(60):
+        near_one = DoubleDouble(1.0, 2.0**-60)
+        assert abs(exactly(sqrt(near_one)) - mp.sqrt(exactly(near_one))) < mp.mpf(2) ** -104
+
+
+def test_products_and_sums_that_overflow_or_are_infinite() -> None:
+    assert fma(1e200, 1e200, 1.0) == np.inf and fma(-1e200, 1e200, 1.0) == -np.inf
+    assert fma(np.inf, -1.0, 2.0) == -np.inf and np.isnan(fma(np.inf, 0.0, 2.0))
