@@ -33,9 +33,10 @@ os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [home, os.environ.get("P
 execution.WAIT = 0.6
 
 LONGEST = (
-    *("documentation", "lie_poisson_hj", "checks", "kicks", "cache", "mechanical", "first_kind", "galerkin", "orders"),
-    *("method_claims", "hamilton_jacobi", "composition", "exact_rigid_body", "symmetric_orders", "products", "variational_groups"),
-    *("whole_language", "outlined", "lanes", "reads", "main", "adaptive", "execution"),
+    *("documentation", "hamilton_jacobi", "lie_poisson_hj", "kicks", "galerkin", "mechanical", "solvability"),
+    *("checks", "cache", "method_claims", "first_kind", "models", "main", "composition", "orders", "comparators"),
+    *("commutator_free", "se3", "pictures", "sphere", "command_line", "live", "variational", "lie_rattle"),
+    *("plan", "batch", "outlined", "galilean_groups", "controlled_bodies", "integrate", "lanes", "generating_kinds"),
 )
 """Files that begin first, so that no worker is left alone with one at the end."""
 

@@ -4,8 +4,8 @@
 
 Each is the solution of an ordinary differential equation by extrapolation of order 32, with 40 digits:
 
-* a chain of three masses in a plane, in its angles: sum_j a_ij l_i l_j (cos(x_i - x_j) x_j'' + sin(x_i - x_j) x_j'^2) = -g l_i b_i sin x_i, with the
-  masses a_ij = m_max(i,j) + ... + m_N and b_i = a_ii (Lagrange's equations);
+* a chain of three masses in a plane, in its angles, by Lagrange's equations with m_ij = m_max(i,j) + ... + m_N:
+  sum_j m_ij l_i l_j (cos(x_i - x_j) x_j'' + sin(x_i - x_j) x_j'^2) = -g l_i m_ii sin x_i;
 * a chain of two masses in space, in positions, with the tensions that keep rods as long as they are;
 * a bead on the parabola y = a x^2: (1 + 4 a^2 x^2) x'' + 4 a^2 x x'^2 + 2 a g x = 0;
 * a geodesic of an ellipsoid, in positions: q'' = -l n, n = (q_i/a_i^2), l = sum v_i^2/a_i^2 / |n|^2;
@@ -62,7 +62,7 @@ def planar_chain() -> dict[str, object]:
                 right[i] -= a[i][j] * l[i] * l[j] * mp.sin(x[i] - x[j]) * w[j] ** 2
         return [*w, *mp.lu_solve(left, right)]
 
-    x = end(rate, [*map(mp.mpf, x0), 0, 0, 0], "1")[:3]
+    x = end(rate, [*map(mp.mpf, x0), 0, 0, 0], "1", steps=64)[:3]
     at, found = [mp.mpf(0), mp.mpf(0)], []
     for angle, length in zip(x, l, strict=True):
         at = [at[0] + length * mp.sin(angle), at[1] - length * mp.cos(angle)]
@@ -97,7 +97,7 @@ def bead() -> dict[str, object]:
         x, v = y
         return [v, -(4 * a * a * x * v * v + 2 * a * G * x) / (1 + 4 * a * a * x * x)]
 
-    x = end(rate, [mp.mpf("0.5"), 0], "1")[0]
+    x = end(rate, [mp.mpf("0.5"), 0], "1", steps=64)[0]
     return {"a": "1.5", "x0": "0.5", "t": "1", "q": digits([x, a * x * x])}
 
 

@@ -149,11 +149,11 @@ class Trial:
         )  # what does not come down to sense has its order too
         return [(n, e) for n, e in found if 30.0 * doubt < e <= nonsense]
 
-    def slope(self, name: str) -> float:
-        """The observed order of a part, or of "all": infinite where all errors are rounding, nan if too few are seen."""
+    def slope(self, name: str) -> float | None:
+        """The observed order of a part, or of "all": infinite where all errors are rounding, None if too few are seen."""
         errors = self.visible(name) if self.errors else []
         if len(errors) < 3:
-            return math.nan if errors or not self.errors else math.inf
+            return None if errors or not self.errors else math.inf
         return slope(errors[-3:])
 
     @cached_property
@@ -196,16 +196,22 @@ def order(trial: Trial) -> Observation:
     p, formula = trial.method.order, "error = O(h^p) on a nonlinear motion"
     found = {name: trial.slope(name) for name in trial.start.arrays}
     whole = trial.slope("all")
-    text = ", ".join(
-        f"{name} {'exact' if math.isinf(q) else f'{q:.2f}'}" for name, q in found.items()
-    )
-    if math.isnan(whole):
+    text = ", ".join(f"{name} {_in_words(q)}" for name, q in found.items())
+    if whole is None:
         few = "too few errors between 0.1 and rounding; give another h"
         return Observation("order", formula, "not seen", observed=text, wanted=f"{p}", remark=few)
-    good = whole >= p - MISSING and not any(q < p - 2.0 * MISSING for q in found.values())
+    parts = [q for q in found.values() if q is not None]
+    good = whole >= p - MISSING and not any(q < p - 2.0 * MISSING for q in parts)
     return Observation(
         "order", formula, "holds" if good else "broken", observed=text, wanted=f"{p}"
     )
+
+
+def _in_words(order: float | None) -> str:
+    """An observed order."""
+    if order is None:
+        return "not seen"
+    return "exact" if math.isinf(order) else f"{order:.2f}"
 
 
 def way_back(trial: Trial) -> Observation:

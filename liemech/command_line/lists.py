@@ -5,6 +5,8 @@ from __future__ import annotations
 import inspect
 import json
 import math
+import shutil
+import textwrap
 from collections.abc import Sequence
 from typing import Any
 
@@ -30,7 +32,8 @@ def scenes(arguments: Sequence[str]) -> int:
         scene = function()
         row = {"scene": name, "about": _sentence(function), "system": type(scene.system).__name__, "method": repr(scene.method)}
         rows.append(row)
-    print(json.dumps(rows) if as_json else "\n".join(f"{r['scene']:<17}{r['about']}" for r in rows))
+    width = max(map(len, SCENES)) + 2
+    print(json.dumps(rows) if as_json else "\n".join(_row(f"{r['scene']:<{width}}", r["about"]) for r in rows))
     return 0
 
 
@@ -45,7 +48,8 @@ def methods(arguments: Sequence[str]) -> int:
         order = "exact" if r["order"] is None else str(r["order"])
         marks = ("yes" if r[claim] else "-" for claim in ("symmetric", "symplectic"))
         symmetric, symplectic = marks
-        lines.append(f"{r['method']:<26}{order:<7}{symmetric:<11}{symplectic:<12}{r['about']}")
+        columns = f"{r['method']:<26}{order:<7}{symmetric:<11}{symplectic:<12}"
+        lines.append(_row(columns, r["about"]))
     lines.append("The order is that of the default; most take another as order=...; docs/index.md says which to use.")
     print("\n".join(lines))
     return 0
@@ -73,7 +77,13 @@ def method_rows() -> list[dict[str, Any]]:
 def _sentence(thing: Any) -> str:
     """The first sentence of a docstring, in one line."""
     text = " ".join((inspect.getdoc(thing) or "").split("\n\n")[0].split())
-    return text if len(text) <= 90 else text[:87].rpartition(" ")[0] + " ..."
+    return text.partition(". ")[0].rstrip(".:")
+
+
+def _row(columns: str, about: str) -> str:
+    """A row whose last column goes on below itself, as wide as the terminal."""
+    width = max(shutil.get_terminal_size().columns, len(columns) + 40)
+    return textwrap.fill(columns + about, width, subsequent_indent=" " * len(columns))
 
 
 def _as_json(arguments: Sequence[str], name: str, description: str) -> bool:

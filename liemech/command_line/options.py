@@ -27,11 +27,12 @@ class Parser(argparse.ArgumentParser):
 def number(text: str) -> float:
     """A finite number, also written as a fraction."""
     above, _, below = text.partition("/")
+    value: float | None
     try:
         value = float(above) / float(below or 1)
     except (ValueError, ZeroDivisionError):
-        value = math.nan
-    if not math.isfinite(value):
+        value = None
+    if value is None or not math.isfinite(value):
         raise argparse.ArgumentTypeError(f"{text!r} is not a finite number, such as 0.5 or 2/3")
     return value
 

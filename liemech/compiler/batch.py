@@ -9,11 +9,13 @@ or error counts.
 
 from __future__ import annotations
 
+import collections
 import dataclasses
 import functools
 import inspect
 import os
 import time
+import weakref
 from array import array
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -56,9 +58,16 @@ _refused: set[Any] = set()
 """Formulas and layouts that cannot be compiled: nobody tries again."""
 
 
+_ready: collections.OrderedDict[Any, tuple[Job, weakref.ref[kernel.Kernel]]] = collections.OrderedDict()
+"""Jobs and their native code by the form of a batch, those used last at the end: such a batch needs no row of plain Python."""
+
+
 def evaluate_rows(batch: Batch) -> Any:
     """The formula for every row, the batch axis first: the values of plain Python, bit for bit, wherever they are computed."""
     n, key = len(batch), (batch.formula, type(batch.owner))
+    ready = _of_this_form(batch) if n >= FEW and key in _native else None
+    if ready is not None:
+        return _finished(batch, *ready, [])
     values = [batch.row(0)]
     job = _job(batch, values[0]) if n >= FEW else None
     run = _known(job) if job is not None and key in _native else None
@@ -82,6 +91,26 @@ def evaluate_rows(batch: Batch) -> Any:
         return batch.stacked(values, range(n))
     _native.add(key)
     return _finished(batch, job, run, values)
+
+
+def _form(batch: Batch) -> Any:
+    """What batches have in common that run the same native code."""
+    arrays = tuple([(name, a.shape[1:], a.dtype.char) for name, a in batch.arrays.items()])
+    return batch.formula, layout_of(batch.owner), arrays, batch.elements, tuple(batch.rest), layout_of(tuple(batch.rest.values()))
+
+
+def _of_this_form(batch: Batch) -> tuple[Job, kernel.Kernel] | None:
+    """The job and its native code, if a batch like this one had them and what was compiled is what is there now."""
+    form = _form(batch)
+    found = _ready.get(form)
+    run = found[1]() if found is not None and kernel.available() is None else None
+    if found is None or run is None:
+        return None
+    job = found[0].of(batch)
+    if not run.reads.unchanged((*job.arguments, *job.rows)):
+        return None
+    _ready.move_to_end(form)
+    return job, run
 
 
 WIDEST = 8
@@ -153,6 +182,15 @@ class Job:
     layouts: tuple[Layout, ...]
     rows: list[kernel.Rows]
     """Like those it will get: marks, arguments, results."""
+    static: dict[str, Any]
+    """The arguments of the formula that are the same for all rows."""
+
+    def of(self, batch: Batch) -> Job:
+        """The same for another batch of this form, whose numbers may be others."""
+        static = self.static | batch.rest
+        *_, plan, _, widths = self.arguments
+        arguments = batch.formula, batch.owner, batch.group, MEMBERSHIP, plan, tuple(static.values()), widths
+        return Job(arguments, self.example, self.parts, self.layouts, self.rows, static)
 
     @property
     def key(self) -> Any:
@@ -170,17 +208,17 @@ def _job(batch: Batch, example: Any) -> Job | None:
     bound = _signature(batch.formula).bind(batch.owner, **first, **batch.rest)
     bound.apply_defaults()
     plan: list[tuple[int, Layout | None, bool]] = []
-    static: list[Any] = []
+    static: dict[str, Any] = {}
     for name, value in list(bound.arguments.items())[1:]:
         if name in first:
             plan.append(([*first].index(name), layout_of(value), name in batch.elements))
         else:
             plan.append((len(static), None, False))
-            static.append(value)
+            static[name] = value
     widths = tuple([layout.width for layout in layouts])
-    arguments = batch.formula, batch.owner, batch.group, MEMBERSHIP, tuple(plan), tuple(static), widths
+    arguments = batch.formula, batch.owner, batch.group, MEMBERSHIP, tuple(plan), tuple(static.values()), widths
     one = [kernel.Rows(np.empty((1, 1))) for _ in range(1 + len(batch.arrays) + len(widths))]
-    job = Job(arguments, example, parts, layouts, one)
+    job = Job(arguments, example, parts, layouts, one, static)
     return None if job.key in _refused else job
 
 
@@ -225,6 +263,10 @@ def _compiled(job: Job, batch: Batch) -> kernel.Kernel | None:
 
 def _finished(batch: Batch, job: Job, run: kernel.Kernel, values: list[Any]) -> Any:
     """The results: the values of the first rows, all others from native code, those that it marks from plain Python."""
+    if values:
+        _ready[_form(batch)] = job, weakref.ref(run)
+        while len(_ready) > kernel.ALIVE:
+            _ready.popitem(last=False)
     start = min(len(values), len(batch) - run.lanes)  # at least a register full of rows, some of them twice
     whole = [np.empty((len(batch), layout.width)) for layout in job.layouts]
     arrays = [*[_in_rows(array[start:]) for array in batch.arrays.values()], *[array[start:] for array in whole]]
@@ -242,7 +284,8 @@ def _finished(batch: Batch, job: Job, run: kernel.Kernel, values: list[Any]) -> 
     results = _nested(job.example, iter([_assembled(*part) for part in zip(job.parts, job.layouts, whole, strict=True)]))
     marked = [start + int(i) for i in np.flatnonzero(marks)]
     rows = [*range(len(values)), *[i for i in marked if i >= len(values)]]
-    _put(results, rows, batch.stacked([*values, *[batch.row(i) for i in rows[len(values) :]]], rows))
+    if rows:
+        _put(results, rows, batch.stacked([*values, *[batch.row(i) for i in rows[len(values) :]]], rows))
     return results
 
 

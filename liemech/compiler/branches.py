@@ -11,13 +11,13 @@ from collections.abc import Callable
 from llvmlite import ir
 
 from .ir_numbers import Num
-from .joins import LEFT, LIVE, NOBODY, Joins, Open, replace
+from .phi import ACTIVE, LEFT, NO_LANE, Open, Phis, replace
 from .scopes import Env, has
 
 RARE = 1000000  # how much rarer than the other a rare branch is
 
 
-class Branches(Joins):
+class Branches(Phis):
     """`if` on run-time numbers."""
 
     def branch(self, test: Num, body: list[ast.stmt], orelse: list[ast.stmt], env: Env) -> bool:
@@ -46,13 +46,13 @@ class Branches(Joins):
     def masked_branch(self, test: Num, body: list[ast.stmt], orelse: list[ast.stmt], env: Env) -> None:
         e, b = self.emitter, self.builder
         outer, here = self.base, self.everyone(self.active(env))
-        before = {name: value for name, value in env.items() if name != LIVE}
+        before = {name: value for name, value in env.items() if name != ACTIVE}
         merged, ends, someone_left = dict(before), [], False
         certain: list[set[str]] = []  # for each way, the variables that have a value at its end
         self.depth += 1
         for mask, statements in ((test, body), (e.negation(test), orelse)):
             lanes = e.logic("and_", mask, here)
-            if LIVE in env:  # lanes that have left keep what they had
+            if ACTIVE in env:  # lanes that have left keep what they had
                 mask = lanes
             if not statements:
                 ends.append(lanes)
@@ -66,8 +66,8 @@ class Branches(Joins):
             self.base = lanes
             with self.apart():
                 self.block(statements, inside)
-            left = inside.pop(LIVE, None)
-            if left is not NOBODY:
+            left = inside.pop(ACTIVE, None)
+            if left is not NO_LANE:
                 certain.append({n for n in inside if has(n) not in inside})
             for n in [n for n in inside if n not in before and not n.startswith("<")]:
                 inside.setdefault(has(n), True)
@@ -89,16 +89,16 @@ class Branches(Joins):
                 merged,
             )
             someone_left |= left is not None
-            if left is not NOBODY:
+            if left is not NO_LANE:
                 ends.append(merged.pop("<end>", lanes))
         self.depth -= 1
-        live = env.get(LIVE)
+        live = env.get(ACTIVE)
         known = {has(n) for n in (set.intersection(*certain) if certain else merged)}
         replace(env, {n: v for n, v in merged.items() if n not in known})
         if someone_left:
-            env[LIVE] = NOBODY if not ends else ends[0] if len(ends) == 1 else e.logic("or_", *ends)
+            env[ACTIVE] = NO_LANE if not ends else ends[0] if len(ends) == 1 else e.logic("or_", *ends)
         elif live is not None:
-            env[LIVE] = live
+            env[ACTIVE] = live
 
     def _entering(self, some: Num, start: ir.Block, rare: bool) -> Callable[[ir.Block], None]:
         return lambda into: self._weigh(self.builder.cbranch(some.value, start, into), rare, False)

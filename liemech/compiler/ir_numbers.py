@@ -104,11 +104,11 @@ class Emitter:
 
     def arithmetic(self, op: str, a: Any, b: Any) -> Num:
         """a + b, a - b, a * b, a / b, as Python has them: integers are exact, and nothing is divided by zero."""
-        pair = self._floats(a, b)
-        if pair:
+        floats = self._floats(a, b)
+        if floats:
             if op == "div":
                 self.fail_if(self.zero(b))
-            return Num(self, tuple([self.builder.floats(f"f{op}", x, y) for x, y in zip(*pair)]), "f")
+            return Num(self, tuple([self.builder.floats(f"f{op}", x, y) for x, y in zip(*floats)]), "f")
         kind, pair = self.alike(a, b, kind="f" if op == "div" else "i")
         if kind == "i":
             return self.integer(op, *map(self.num, pair))

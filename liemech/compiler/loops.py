@@ -13,7 +13,7 @@ from ..errors import NotCompilable
 from ..formulas.pytree import build, is_any_number, layout_of, leaves
 from .branches import Branches
 from .ir_numbers import Num
-from .joins import BROKEN, CONTINUED, LEFT, LIVE, NOBODY, Loop, Open, Promote, Retype, come_from, leveled
+from .phi import ACTIVE, BROKEN, CONTINUED, LEFT, NO_LANE, Loop, Open, Promote, Retype, come_from, leveled
 from .scopes import Closure, Env, Undefined, breaks, changed_names, has
 
 UNROLL = 32  # a static loop with more turns than this stays a loop
@@ -25,7 +25,7 @@ class Loops(Branches):
     def leave(self, loop: Loop, how: str, env: Env) -> bool:
         """`break` or `continue`: control goes elsewhere, or the lanes running here are switched off."""
         places = {"break": loop.breaks, "continue": loop.continues}[how]
-        if self.depth == loop.depth and not loop.masked and LIVE not in env:
+        if self.depth == loop.depth and not loop.masked and ACTIVE not in env:
             places.append(Open(self.builder.block, dict(env)))
             return False
         if loop.dynamic and not loop.masked:
@@ -33,7 +33,7 @@ class Loops(Branches):
         if how == "break" or not loop.dynamic:  # a dynamic loop takes those up again that are not broken
             name = BROKEN if how == "break" else CONTINUED
             env[name] = self.emitter.logic("or_", env.get(name, False), self.everyone(self.active(env)))
-        env[LIVE] = NOBODY
+        env[ACTIVE] = NO_LANE
         return True
 
     def written_out(self, turns: Iterable[Callable[[Env], Any]], body: list[ast.stmt], env: Env) -> bool:
@@ -51,7 +51,7 @@ class Loops(Branches):
             loop.continues = []
             alive = self.join(opens, env)
             self._take_up(CONTINUED, env)
-            if not alive or env.get(LIVE) is NOBODY:
+            if not alive or env.get(ACTIVE) is NO_LANE:
                 break
         loops.pop()
         if loop.breaks or BROKEN in env:
@@ -65,8 +65,8 @@ class Loops(Branches):
     def _take_up(self, name: str, env: Env) -> None:
         """Lanes that left the turn or the loop run again."""
         lanes = env.pop(name, False)
-        if lanes is not False and LIVE in env:
-            env[LIVE] = lanes if env[LIVE] is NOBODY else self.emitter.logic("or_", lanes, env[LIVE])
+        if lanes is not False and ACTIVE in env:
+            env[ACTIVE] = lanes if env[ACTIVE] is NO_LANE else self.emitter.logic("or_", lanes, env[ACTIVE])
 
     def loop(
         self,
@@ -158,7 +158,7 @@ class Loops(Branches):
             come_from(phis[-1], value, before)
             return phis[-1]
 
-        masks = {n: v for n, v in env.items() if n in (LIVE, *LEFT)}
+        masks = {n: v for n, v in env.items() if n in (ACTIVE, *LEFT)}
         at_head = {n: v for n, v in env.items() if n not in masks}
         for name in carried:
             at_head[name] = build(layouts[name], iter([entering(x) for x in leaves(env[name], layouts[name])]))
@@ -234,7 +234,7 @@ class Loops(Branches):
         if not exits:
             raise NotCompilable("the loop never ends: no `break` is reached")
         for o in exits:
-            for name in (LIVE, *LEFT):
+            for name in (ACTIVE, *LEFT):
                 o.env.pop(name, None)
         self.join(exits, env, b.append_basic_block() if len(exits) == 1 else None)
         env |= masks

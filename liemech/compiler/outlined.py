@@ -24,7 +24,7 @@ from ..formulas.records import Record
 from ..formulas.tables import Table
 from ..formulas.vectors import Mat, Vec
 from .ir_numbers import F64, I32, I64, TYPES, Num
-from .joins import Open
+from .phi import Open
 from .scopes import Frame
 
 LONG = 2500

@@ -53,7 +53,7 @@ class Reads:
     # -------------------------------------------------------------- questions of the translation
 
     def source(self, function: types.FunctionType) -> Source:
-        """The source of a function, without the border of a method."""
+        """The source of a function, without the checks that a method makes of its arguments."""
         formula = self._read(function, "attribute", "__formula__") if bare(function) is not function else function
         for name in ("__code__", "__defaults__", "__kwdefaults__"):
             if getattr(formula, name) is not None:

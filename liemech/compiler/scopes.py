@@ -16,7 +16,7 @@ from ..errors import NotCompilable
 from .source import Source
 
 if TYPE_CHECKING:
-    from .joins import Loop, Open
+    from .phi import Loop, Open
 
 Env = dict[str, Any]
 

@@ -12,8 +12,8 @@ from ..errors import NotCompilable
 from .expressions import Expressions
 from .ir_numbers import Num
 from .iterators import Stream
-from .joins import LIVE, NOBODY, RETURN, Open, Retype
 from .loops import UNROLL, forms
+from .phi import ACTIVE, NO_LANE, RETURN, Open, Retype
 from .scopes import CHANGES, Closure, Env, Frame, has
 
 
@@ -35,14 +35,14 @@ class Statements(Expressions):
                 continue
             if not self.statement(node, env):
                 return False
-            if env.get(LIVE) is NOBODY:
+            if env.get(ACTIVE) is NO_LANE:
                 return self.running(env)
         return True
 
     def running(self, env: Env) -> bool:
         """True, unless every lane has returned from the call and it can end here."""
         frame = self.frames[-1]
-        if env.get(LIVE) is not NOBODY or self.depth or frame.loops:
+        if env.get(ACTIVE) is not NO_LANE or self.depth or frame.loops:
             return True
         frame.returns.append(Open(self.builder.block, {RETURN: env.get(RETURN)} | frame.captured(env)))
         return False
@@ -100,8 +100,8 @@ class Statements(Expressions):
     def assign(self, target: ast.expr, value: Any, env: Env) -> None:
         match target:
             case ast.Name(id=name):
-                if isinstance(env.get(LIVE), Num) and name in env:  # lanes that have left keep what they had
-                    value = self.blend(env[LIVE], value, env[name])
+                if isinstance(env.get(ACTIVE), Num) and name in env:  # lanes that have left keep what they had
+                    value = self.blend(env[ACTIVE], value, env[name])
                 env[name] = value
                 if has(name) in env:
                     env[has(name)] = True
@@ -152,7 +152,7 @@ class Statements(Expressions):
         if self.depth == 0:
             frame.returns.append(Open(self.builder.block, {RETURN: value} | frame.captured(env)))
             return False
-        env[RETURN], env[LIVE] = value, NOBODY
+        env[RETURN], env[ACTIVE] = value, NO_LANE
         return True
 
     def raised(self, env: Env) -> bool:
@@ -169,7 +169,7 @@ class Statements(Expressions):
         loops = self.frames[-1].loops
         if loops and loops[-1].dynamic and loops[-1].masked:
             return self.leave(loops[-1], "break", env)
-        env[LIVE] = NOBODY
+        env[ACTIVE] = NO_LANE
         return True
 
     def while_loop(self, node: ast.While, env: Env) -> bool:

@@ -40,8 +40,8 @@ from ..formulas.vectors import Mat, Vec
 from . import driver, large
 from .expressions import Expressions, holds_number
 from .ir_numbers import Emitter, Num
-from .joins import RETURN, Open
 from .outlined import Outliner
+from .phi import RETURN, Open
 from .python_functions import COMPUTING, OUTSIDE, STRUCTURE, PythonFunctions
 from .reads import Reads
 from .scopes import Closure, Env, Frame, Undefined, bound
@@ -160,7 +160,7 @@ class Interpreter(Statements):
         return self.within(frame, result)
 
     def construct(self, cls: type, args: tuple[Any, ...], options: dict[str, Any]) -> Any:
-        """A record made by a formula: its fields, without the checks of its border."""
+        """A record made by a formula: its fields, without the checks of its arguments."""
         fields = self.reads.fields(cls)
         given = dict(zip([f.name for f in fields if f.init], args, strict=False)) | options
         for f in fields:

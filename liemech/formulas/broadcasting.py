@@ -621,8 +621,8 @@ def _first_not_finite(results: Any) -> int | None:
     if isinstance(results, tuple):
         found = [i for part in results if (i := _first_not_finite(part)) is not None]
         return min(found) if found else None
-    bad = np.flatnonzero(~np.isfinite(results.reshape(len(results), -1)).all(axis=1))
-    return int(bad[0]) if len(bad) else None
+    finite = np.isfinite(results)
+    return None if finite.all() else int(np.argmin(finite.reshape(len(results), -1).all(axis=1)))
 
 
 def _none_of(one: Any) -> Any:

@@ -30,7 +30,7 @@ class Compensated(ByValue):
         return self.value, self.rest
 
     def __add__(self, other: Any) -> Any:
-        if not _joins(other):
+        if not _is_operand(other):
             return NotImplemented
         increment = other.value + (self.rest + other.rest) if isinstance(other, Compensated) else other + self.rest
         total = self.value + increment
@@ -39,10 +39,10 @@ class Compensated(ByValue):
     __radd__ = __add__
 
     def __sub__(self, other: Any) -> Any:
-        return self + -other if _joins(other) else NotImplemented
+        return self + -other if _is_operand(other) else NotImplemented
 
     def __rsub__(self, other: Any) -> Any:
-        return -self + other if _joins(other) else NotImplemented
+        return -self + other if _is_operand(other) else NotImplemented
 
     def __neg__(self) -> Compensated:
         return Compensated(-self.value, -self.rest)
@@ -78,7 +78,7 @@ class Compensated(ByValue):
         return f"({self.value} + {self.rest})"
 
 
-def _joins(x: Any) -> bool:
+def _is_operand(x: Any) -> bool:
     """May x be added to a compensated number here, and not by rules of its own?"""
     return isinstance(x, (int, float, StandIn, Compensated))
 

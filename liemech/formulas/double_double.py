@@ -36,7 +36,7 @@ class DoubleDouble(ByValue):
         if isinstance(other, DoubleDouble):  # algorithm 5
             high, error = two_sum(self.value, other.value)
             return DoubleDouble(*fast_two_sum(high, error + (self.low + other.low)))
-        if not _joins(other):
+        if not _is_operand(other):
             return NotImplemented
         high, error = two_sum(self.value, 1.0 * other)  # algorithm 4
         return DoubleDouble(*fast_two_sum(high, self.low + error))
@@ -44,17 +44,17 @@ class DoubleDouble(ByValue):
     __radd__ = __add__
 
     def __sub__(self, other: Any) -> Any:
-        return self + -other if _joins(other) else NotImplemented
+        return self + -other if _is_operand(other) else NotImplemented
 
     def __rsub__(self, other: Any) -> Any:
-        return -self + other if _joins(other) else NotImplemented
+        return -self + other if _is_operand(other) else NotImplemented
 
     def __mul__(self, other: Any) -> Any:
         if isinstance(other, DoubleDouble):  # algorithm 12
             high, error = two_product(self.value, other.value)
             cross = f.fma(self.low, other.value, f.fma(self.value, other.low, self.low * other.low))
             return DoubleDouble(*fast_two_sum(high, error + cross))
-        if not _joins(other):
+        if not _is_operand(other):
             return NotImplemented
         other = 1.0 * other
         high, error = two_product(self.value, other)  # algorithm 9
@@ -68,28 +68,28 @@ class DoubleDouble(ByValue):
             product = other * high
             rest = (self.value - product.value) + (self.low - product.low)
             return DoubleDouble(*fast_two_sum(high, rest / other.value))
-        if not _joins(other):
+        if not _is_operand(other):
             return NotImplemented
         high = self.value / other  # algorithm 15
         product, error = two_product(high, 1.0 * other)
         return DoubleDouble(*fast_two_sum(high, (((self.value - product) - error) + self.low) / other))
 
     def __rtruediv__(self, other: Any) -> Any:
-        return DoubleDouble(1.0 * other) / self if _joins(other) else NotImplemented
+        return DoubleDouble(1.0 * other) / self if _is_operand(other) else NotImplemented
 
     def __pow__(self, n: Any) -> Any:
         """An int as exponent makes products, where they are few; any other exponent is one of exp(n log x)."""
         if isinstance(n, int) and abs(n) <= INTEGER_POWER:
             power = whole_power(self, abs(n)) if n else DoubleDouble(self.value**0, 0.0 * self.low)
             return power if n >= 0 else 1.0 / power
-        if not _joins(n):
+        if not _is_operand(n):
             return NotImplemented
         ordinary = f.pow(self.value, rounded_number(1.0 * n))  # has the sign, and knows what there is at zero and below
         zero = 1.0 * (self.value == 0.0)
         return (f.copysign(1.0, ordinary) * (1.0 - zero)) * _exp(n * _log(abs(self) + zero)) + zero * ordinary
 
     def __rpow__(self, base: Any) -> Any:
-        return DoubleDouble(1.0 * base) ** self if _joins(base) else NotImplemented
+        return DoubleDouble(1.0 * base) ** self if _is_operand(base) else NotImplemented
 
     def __neg__(self) -> DoubleDouble:
         return DoubleDouble(-self.value, -self.low)
@@ -109,8 +109,8 @@ class DoubleDouble(ByValue):
         return f"({self.value} + {self.low})"
 
 
-def _joins(x: Any) -> bool:
-    """May x meet such a number here, and not by rules of its own?"""
+def _is_operand(x: Any) -> bool:
+    """Can x be an operand beside such a number here, and has it no rules of its own?"""
     return isinstance(x, (int, float, StandIn, DoubleDouble))
 
 

@@ -186,7 +186,7 @@ class Plan:
         if self.fictive:
             t0 = arguments.real(t0, "t0")
             start = arguments.started(self._inner, start, self._needed(self._inner, start))
-            return self._transformed(start, steps, t_end, t0, t_eval, arguments.checkpoint(checkpoint, checkpoint_every))
+            return self._transformed(start, steps, t_end, t0, t_eval, self._kept(checkpoint, checkpoint_every))
         start, t0 = self._started(start), arguments.real(t0, "t0")
         if self._one is not self.system and start.bodies != len(self.system):
             raise InvalidInput(f"integrate: there are {len(self.system)} systems for {start.bodies or 'a start of one'} bodies")
@@ -197,7 +197,7 @@ class Plan:
             raise InvalidInput(f"integrate: h has {len(own)} steps for {start.bodies} bodies")
         if self._one is not self.system and self._one.bounded:
             arguments.allowed(self.system, start)
-        kept = arguments.checkpoint(checkpoint, checkpoint_every)
+        kept = self._kept(checkpoint, checkpoint_every)
         if self.adaptive:
             return self._steps.run(start, t0, t_end, steps, t_eval, self.events, kept, self.recorder)
         steps = self._count(steps, t_end, t0)
@@ -209,6 +209,15 @@ class Plan:
     def _started(self, start: Any) -> Any:
         """The start with the parts that the run needs."""
         return arguments.started(self._one, start, self._needed(self._one, start))
+
+    def _kept(self, path: Any, seconds: Any) -> Checkpoint | None:
+        """Where the run is saved, if it is; what cannot be saved is refused now, and not after a minute."""
+        kept = arguments.checkpoint(path, seconds)
+        if kept is not None:
+            from .archive import encoded
+
+            encoded(self._one), encoded(self.method)
+        return kept
 
     def _needed(self, system: Any, start: Any) -> Any:
         """The parts of the state that the run needs, if not all."""
@@ -241,7 +250,7 @@ class Plan:
         """
         if not isinstance(run, Trajectory):
             raise InvalidType(f"Plan.resume goes on with a Trajectory; got {type(run).__name__}")
-        carry, kept = self._of_this_plan(run), arguments.checkpoint(checkpoint, checkpoint_every)
+        carry, kept = self._of_this_plan(run), self._kept(checkpoint, checkpoint_every)
         if self.fictive:
             return self._transformed(carry, steps, t_end, carry.t, t_eval, kept)
         if self.adaptive:
@@ -426,11 +435,11 @@ class Plan:
         if type(steps) is not int or steps < 1:
             steps = arguments.count(steps, "steps", 1)
         given: Any = carry
-        if isinstance(given, FictiveCarry) and self.fictive:
+        if type(given) is not Carry or not self._steps.owns(carry.shape):
             self._require_mine(given)
-            return FictiveCarry(given.origin, advanced(given.origin.steps(self._steps), given.inner, steps))  # type: ignore[return-value]
-        if not isinstance(given, Carry) or not self._steps.owns(carry.shape):
-            self._require_mine(given)
+            if isinstance(given, FictiveCarry):
+                inner = advanced(given.origin.steps(self._steps), given.inner, steps)
+                return FictiveCarry(given.origin, inner)  # type: ignore[return-value]
         return advanced(self._steps, carry, steps)
 
     def _require_mine(self, carry: Any) -> None:

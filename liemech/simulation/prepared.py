@@ -19,7 +19,7 @@ from .execution import Execution, like
 from .fixed import begin, fixed_steps
 from .systems import Systems
 
-WORDS, TIME, TIMES = struct.Struct("8q"), struct.Struct("d"), struct.Struct("2d")
+TIME = struct.Struct("d")
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -140,6 +140,7 @@ class Shape(Prepared):
         self.arguments = method, system, self.layout, self.shown
         call = fixed_steps, *self.arguments, 0.0, self.h, 0, 1, 1, none, none, None
         self.stepping = Execution(steps.compiled, steps.progress, *call, lanes=self.lanes)
+        self._call = struct.Struct(f"8q{len(self.constants)}s2d").pack
         self._beginning: Execution | None = None
         self.order: list[int] | None = None
         if given == self.shown and all(getattr(type(method), f) is getattr(Method, f) for f in ("start", "observe")):
@@ -184,7 +185,7 @@ class Shape(Prepared):
     def native_steps(self, t0: float, h: float, first: int, every: int, samples: int, states: int, out: int) -> None:
         """`fixed_steps` of one body, in native code that is there.  states, out : the addresses of the arrays."""
         native: Any = self.stepping.native
-        native.call(WORDS.pack(1, 0, 1, first, every, samples, states, out) + self.constants + TIMES.pack(t0, h))
+        native.call(self._call(1, 0, 1, first, every, samples, states, out, self.constants, t0, h))
 
     def beginning(self, steps: Steps) -> Execution:
         """Who runs `begin`."""

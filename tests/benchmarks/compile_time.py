@@ -2,7 +2,8 @@
 
     python tests/benchmarks/compile_time.py [--quick] [--only TEXT] [--no-steps] [--out results.json]
 
-Each case runs in a process of its own, which is ended after `--limit` seconds.
+Times are of the processor, so other work on the machine changes them by tens of percent, not by multiples.  Each case runs in a
+process of its own, which is ended after `--limit` seconds.  A dagger marks a time beyond its goal.
 """
 
 import argparse
@@ -26,8 +27,8 @@ from liemech.simulation.fixed_run import FixedRun
 from liemech.simulation.prepared import Steps
 from liemech.systems.clocked import Clocked
 
-LIMIT = {"cold": 4.0, "SO(16)": 10.0, "SO(32)": 60.0}
-"""Seconds that a cold compilation may take: by default, and for the groups named."""
+LIMIT = {"cold": 4.0, "SO(16)": 10.0}
+"""Seconds that a cold compilation may take: by default, and for the group named."""
 
 
 # ------------------------------------------------------------------ formulas of a user
@@ -88,7 +89,8 @@ class Bodies(lm.HamiltonianSystem):
 
 # ------------------------------------------------------------------ cases
 
-Case = tuple[Any, Any, Any, float]
+Case = tuple[Any, Any, Any, float] | Callable[[], Any]
+"""A system, a method, a start and the step; or a run of another kind, of which only the compilation is measured."""
 COVARIANT = {"Cayley": lm.CovariantVariational(lm.Cayley()), "exp": lm.CovariantVariational(lm.Exponential())}
 
 
@@ -140,14 +142,26 @@ def planets(method: Any, lanes: bool = False) -> Case:
     return system, method, start, 100.0
 
 
-def satellite(method: Any, lanes: bool = False) -> Case:
+def run(case: Case, tangent: bool = False, **options: Any) -> Case:
+    """The same with other options of `integrate`, or the tangent map of the motion."""
+    assert isinstance(case, tuple)
+    system, method, start, h = case
+    if tangent:
+        return lambda: lm.Plan(system, method, h, compiled=True, progress=False).tangent(start, steps=2)
+    steps = {} if "t_end" in options else {"h": h, "steps": 2}
+    return lambda: lm.integrate(system, method, start, **steps, **options, compiled=True, progress=False)
+
+
+def satellite(method: Any, lanes: bool = False, clocked: bool = True) -> Case:
     """On an eccentric orbit, with steps by its distance."""
     system = lm.OrbitingBody([1e-4, 1.5e-4, 2e-4], mass=1.0, attraction=1.0)
     circle = system.circular_orbit(0.3)
     controlled = lm.ReversibleController(method, lambda g: (g[9] * g[9] + g[10] * g[10] + g[11] * g[11]) ** 0.75)
+    if not clocked:
+        return system, controlled, _start(system, np.array(circle.mu), np.array(circle.g), lanes), 0.05
     start = _start(system, np.array(circle.mu), np.array(circle.g), lanes)
-    clocked = Clocked(system, controlled.sigma.bound(system, start))
-    return clocked, controlled, clocked.extended(start, 0.0), 0.05
+    extended = Clocked(system, controlled.sigma.bound(system, start))
+    return extended, controlled, extended.extended(start, 0.0), 0.05
 
 
 def _start(system: Any, mu: np.ndarray, g: np.ndarray, lanes: bool) -> Any:
@@ -175,7 +189,6 @@ CASES: dict[str, Callable[[], Case]] = {
     "RKMK4, SO(10), lanes": lambda: on(lm.SO(10), lm.RKMK(order=4), True),
     "RKMK4, SU(5)": lambda: on(lm.SU(5), lm.RKMK(order=4)),
     "RKMK4, SO(16)": lambda: on(lm.SO(16), lm.RKMK(order=4)),
-    "RKMK4, SO(32)": lambda: on(lm.SO(32), lm.RKMK(order=4)),
     "Algorithm 1, SO(6)": lambda: on(lm.SO(6), COVARIANT["exp"]),
     "Galerkin 4, exp": lambda: body(lm.GalerkinVariational(order=4)),
     "Galerkin 8, exp": lambda: body(lm.GalerkinVariational(order=8)),
@@ -193,6 +206,7 @@ CASES: dict[str, Callable[[], Case]] = {
     "LieRATTLE, chain of 2": lambda: chain(lm.LieRATTLE()),
     "LieRATTLE, chain of 2, lanes": lambda: chain(lm.LieRATTLE(), 2, True),
     "LieRATTLE, chain of 3": lambda: chain(lm.LieRATTLE(), 3),
+    "LieRATTLE, chain of 3, lanes": lambda: chain(lm.LieRATTLE(), 3, True),
     "RKMK4, chain of 2": lambda: chain(lm.RKMK(order=4)),
     "Splitting 4, planets": lambda: planets(lm.Splitting(order=4)),
     "Splitting 4, planets, lanes": lambda: planets(lm.Splitting(order=4), True),
@@ -201,6 +215,23 @@ CASES: dict[str, Callable[[], Case]] = {
     "Controller of KickDrift 4, satellite": lambda: satellite(lm.KickDrift(order=4)),
     "Controller of LieVerlet, satellite": lambda: satellite(lm.LieVerlet()),
     "Controller of Algorithm 1, satellite": lambda: satellite(COVARIANT["exp"]),
+    "Controller of LieVerlet, satellite, run": lambda: run(satellite(lm.LieVerlet(), clocked=False)),
+    "Controller of LieVerlet, satellite, run, lanes": lambda: run(satellite(lm.LieVerlet(), True, clocked=False)),
+    "Controller of KickDrift 4, satellite, run, lanes": lambda: run(satellite(lm.KickDrift(order=4), True, clocked=False)),
+    "Adaptive RKMK5, top": lambda: run(top(lm.RKMK(order=5)), t_end=1.0, rtol=1e-6),
+    "Adaptive RKMK5, top, lanes": lambda: run(top(lm.RKMK(order=5), True), t_end=1.0, rtol=1e-6),
+    "Adaptive RKMK8, top": lambda: run(top(lm.RKMK(order=8)), t_end=1.0, rtol=1e-6),
+    "Tangent of RKMK4, body": lambda: run(body(lm.RKMK(order=4)), tangent=True),
+    "Tangent of Algorithm 1, body": lambda: run(body(COVARIANT["exp"]), tangent=True),
+    "Tangent of Algorithm 1, SE(3)": lambda: run(kirchhoff(COVARIANT["exp"]), tangent=True),
+    "Tangent of LieVerlet, top": lambda: run(top(lm.LieVerlet()), tangent=True),
+    "Tangent of Composition 4 of exp, body": lambda: run(body(lm.Composition(COVARIANT["exp"])), tangent=True),
+    "Double-double, RKMK4, body": lambda: run(body(lm.RKMK(order=4)), precision="double-double"),
+    "Double-double, Algorithm 1, body": lambda: run(body(COVARIANT["exp"]), precision="double-double"),
+    "Double-double, Algorithm 1, SE(3)": lambda: run(kirchhoff(COVARIANT["exp"]), precision="double-double"),
+    "Double-double, LieVerlet, top": lambda: run(top(lm.LieVerlet()), precision="double-double"),
+    "Double-double, LieVerlet, top, lanes": lambda: run(top(lm.LieVerlet(), True), precision="double-double"),
+    "Double-double, Splitting 8, planets": lambda: run(planets(lm.Splitting(order=8)), precision="double-double"),
     "Taylor 12, body": lambda: body(Taylor(12)),
     "Taylor 18, body": lambda: body(Taylor(18)),
     "Taylor 30, body": lambda: body(Taylor(30)),
@@ -217,7 +248,7 @@ QUICK = (
 
 def measured(name: str, steps: bool) -> dict[str, Any]:
     """One case, in this process: `translation` and `llvm` in s, instructions, ns a step."""
-    system, method, start, h = CASES[name]()
+    case = CASES[name]()
     spent: dict[str, float] = {"translation": 0.0, "llvm": 0.0}
     counts: list[int] = []
 
@@ -235,7 +266,12 @@ def measured(name: str, steps: bool) -> dict[str, Any]:
     kernel._translated = timed(kernel._translated, "translation")
     llvm.object_code = timed(llvm.object_code, "llvm")
     with warnings.catch_warnings(action="ignore"):
-        run = FixedRun(Steps(system, method, h, 10**9, None, "double", True, False, 1), start, 10)
+        if callable(case):
+            case()
+            steps = False
+        else:
+            system, method, start, h = case
+            run = FixedRun(Steps(system, method, h, 10**9, None, "double", True, False, 1), start, 10)
     result: dict[str, Any] = {"cold": sum(spent.values()), **spent, "instructions": sum(counts)}
     if steps:
         states, bodies = run.states.copy(), run.columns
@@ -256,6 +292,11 @@ def measured(name: str, steps: bool) -> dict[str, Any]:
     return result
 
 
+def goal(name: str) -> float:
+    """Seconds that the compilation of a case may take."""
+    return next((s for g, s in LIMIT.items() if g in name), LIMIT["cold"])
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true", help="a few cases, without the time of a step; fails beyond the bounds")
@@ -270,7 +311,7 @@ def main() -> None:
         return
     chosen = QUICK if args.quick else [name for name in CASES if args.only in name]
     results: dict[str, Any] = {}
-    print(f"{'case':40s} {'cold s':>8s} {'transl.':>8s} {'LLVM':>8s} {'instr.':>9s} {'ns/step':>10s}")
+    print(f"| {'case':48s} | cold s | goal | translation | LLVM | instructions | ns/step |\n|{' --- |' * 7}")
     environment = os.environ | {"LIEMECH_CACHE_DIR": os.devnull}
     for name in chosen:
         options = ["--no-steps"] if args.quick or args.no_steps else []
@@ -278,24 +319,25 @@ def main() -> None:
         try:
             done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=args.limit)
         except subprocess.TimeoutExpired:
-            print(f"{name:40s} {'> ' + str(args.limit):>8s}", flush=True)
+            print(f"| {name:48s} | > {args.limit:g} † |", flush=True)
             results[name] = {"cold": float("inf")}
             continue
         if done.returncode:
-            print(f"{name:40s} {done.stderr.strip().splitlines()[-1][:300]}", flush=True)
+            print(f"| {name:48s} | {done.stderr.strip().splitlines()[-1][:300]} |", flush=True)
             results[name] = {"cold": float("nan")}
             continue
         r = results[name] = json.loads(done.stdout)
-        ns = f"{r['ns']:10.1f}" if "ns" in r else " " * 10
+        ns = f"{r['ns']:.1f}" if "ns" in r else "-"
+        mark, late = " †" if r["cold"] > goal(name) else "", " failed" if r.get("failed") else ""
         print(
-            f"{name:40s} {r['cold']:8.2f} {r['translation']:8.2f} {r['llvm']:8.2f} {r['instructions']:9d} {ns}"
-            + (" failed" if r.get("failed") else ""),
+            f"| {name:48s} | {r['cold']:.2f}{mark} | {goal(name):g} | {r['translation']:.2f} | {r['llvm']:.2f} "
+            f"| {r['instructions']} | {ns}{late} |",
             flush=True,
         )
     if args.out:
         args.out.write_text(json.dumps(results, indent=1) + "\n")
     if args.quick:
-        slow = [n for n, r in results.items() if not r["cold"] <= next((s for g, s in LIMIT.items() if g in n), LIMIT["cold"])]
+        slow = [n for n, r in results.items() if not r["cold"] <= goal(n)]
         if slow:
             print(f"longer than allowed: {slow}")
 

@@ -32,6 +32,7 @@ def test_every_law_holds(group: lm.LieGroup) -> None:
     assert {"log", "exp_Ad_star", "dexp_inv", "dexp_inv_dual", "dual of Ad", "cayley_inv"} <= closed
 
 
+@pytest.mark.sample(8)
 @names
 @pytest.mark.parametrize("size", [0.0, 1e-9, 1e-3, 0.6, 0.65, 2.5, 6.2, 30.0])
 def test_closed_forms_beside_block_exponentials(group: lm.LieGroup, size: float) -> None:

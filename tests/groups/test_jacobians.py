@@ -27,6 +27,7 @@ def phi1(a: np.ndarray) -> np.ndarray:
     return np.asarray(expm(np.block([[a, np.eye(n)], [np.zeros((n, 2 * n))]]))[:n, n:])
 
 
+@pytest.mark.sample(4)
 @names
 def test_against_the_exponential_of_a_block(group: lm.LieGroup) -> None:
     """dexp = phi1(ad) (right) and phi1(-ad) (left), each with its inverse; Ad_exp(xi) = exp(ad_xi)."""

@@ -257,7 +257,7 @@ def as_matrix(g: np.ndarray) -> np.ndarray:
     return np.block([[R, p[:, None]], [np.zeros((1, 3)), np.ones((1, 1))]])
 
 
-@pytest.mark.sample(8)
+@pytest.mark.sample(4)
 @pytest.mark.parametrize("side", ["right", "left"])
 @pytest.mark.parametrize("size", SIZES)
 @each([SEMIDIRECT[0], SEMIDIRECT[1]])

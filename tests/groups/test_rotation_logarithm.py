@@ -66,6 +66,7 @@ def largest_error(where: str, count: int = 150) -> float:
     return max(found)
 
 
+@pytest.mark.sample(5)
 @pytest.mark.parametrize("where", ANGLES)
 def test_accuracy(where: str) -> None:
     assert largest_error(where) < 3.0

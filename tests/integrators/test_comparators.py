@@ -159,6 +159,7 @@ def test_a_step_back_finds_the_start(method: lm.Method) -> None:
     assert np.abs(back.g[-1] - np.array(start.g)).max() < 1e-14
 
 
+@pytest.mark.sample(4)
 @each
 def test_the_bracket(method: lm.Method) -> None:
     """All are Poisson maps but one, which keeps energy and |mu| all the same."""
@@ -190,6 +191,7 @@ def two_form_defect(body: lm.RigidBody, method: lm.Method, mu: np.ndarray, g: np
     return float(np.abs(D.T @ omega(new.mu[-1]) @ D - omega(mu)).max())
 
 
+@pytest.mark.sample(5)
 @pytest.mark.parametrize("method", [*SYMPLECTIC, EXP, CAYLEY, Composition(ROTATIONS, order=4)], ids=named)
 def test_momentum_and_attitude_together_are_symplectic(method: lm.Method) -> None:
     body, _ = seed_body()
@@ -351,7 +353,7 @@ EXACT_BODIES = {
 }
 
 
-@pytest.mark.sample(6)
+@pytest.mark.sample(3)
 @pytest.mark.parametrize("case", EXACT_BODIES)
 @pytest.mark.parametrize("h", [0.05, 0.4])
 def test_fitted_steps_are_exact(case: str, h: float) -> None:

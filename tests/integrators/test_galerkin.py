@@ -188,7 +188,7 @@ def test_on_vectors_it_is_the_runge_kutta_method_of_gauss() -> None:
 # ---------------------------------------------------------------- orders
 
 
-@pytest.mark.sample(4)
+@pytest.mark.sample(3)
 @pytest.mark.parametrize(
     ("method", "t_end", "counts"),
     [

@@ -66,7 +66,7 @@ def local_order(system: Any, method: lm.Method, h: float = 0.06) -> float:
 # ------------------------------------------------------------------ order and structure
 
 
-@pytest.mark.sample(6)
+@pytest.mark.sample(4)
 @SYSTEMS
 @KINDS
 @pytest.mark.parametrize("order", [1, 2, 3, 4])
@@ -75,6 +75,7 @@ def test_order(system: Any, kind: str, order: int) -> None:
         assert abs(local_order(system, HamiltonJacobi(order, adjoint, kind)) - order) < 0.35
 
 
+@pytest.mark.sample(3)
 @SYSTEMS
 @KINDS
 @pytest.mark.parametrize("order", [2, 4])

@@ -199,7 +199,7 @@ def jacobian(system: HamiltonianSystem, method: lm.Method, h: float, y: np.ndarr
     return (64 * three - 20 * two + one) / 45
 
 
-@pytest.mark.sample(4)
+@pytest.mark.sample(3)
 @SOME
 @SYSTEMS
 def test_steps_are_symplectic(system: HamiltonianSystem, method: HamiltonJacobi) -> None:
@@ -215,6 +215,7 @@ def test_the_taylor_method_is_not() -> None:
     assert abs(np.linalg.det(D) - 1.0) >= 1e-8
 
 
+@pytest.mark.sample(12)
 @SOME
 @SYSTEMS
 def test_the_adjoint_undoes_the_step_backwards(system: HamiltonianSystem, method: HamiltonJacobi) -> None:

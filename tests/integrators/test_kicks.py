@@ -238,7 +238,7 @@ def fast_top() -> tuple[HeavyTop, lm.BodyState, lm.BodyState]:
     return top, start, lm.integrate(top, lm.RKMK(order=8), start, h=1e-3, steps=3000, every=3000).last
 
 
-@pytest.mark.sample(3)
+@pytest.mark.sample(2)
 @pytest.mark.compiled
 @pytest.mark.parametrize("method", [m if m in QUICK else slow(m) for m in COUNTS], ids=named)
 def test_orders_on_the_heavy_top(method: Any) -> None:

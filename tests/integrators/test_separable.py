@@ -51,6 +51,7 @@ def relativistic_end() -> np.ndarray:
     return plain(system, lm.RKMK(order=8), system.state([1.0, 0.2], [0.3, 1.0]), 0.1, 40).q[-1]
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize("method", GENERAL, ids=repr)
 def test_order_for_any_kinetic_energy(method: lm.Method) -> None:
     system, errors, n = Relativistic(), [], STEPS[method.order]

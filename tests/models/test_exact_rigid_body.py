@@ -218,6 +218,7 @@ def test_conserved_over_long_times(name):
     assert abs(energy - energy[25]).max() <= 20 * EPS * np.sum(np.square(mu)) / np.min(J)
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize("J, mu", [([2 / 3, 1, 2], [0.5, 0, 0.75**0.5]), ([3, 1, 2], [0.3, 1.5, -0.4])])
 @pytest.mark.parametrize("periods", [1, 1000, 10**6, -(10**6)])
 def test_long_times(J, mu, periods):

@@ -168,6 +168,7 @@ class Counting(lm.Method):
         return lm.BodyState(state.mu + vec(1.0, 0.0, 0.0), state.g)
 
 
+@pytest.mark.sample(4)
 @WORLDS
 @pytest.mark.parametrize("bad", [0, 1, 2])
 def test_a_body_that_cannot_begin_harms_no_other(bad: int, compiled: bool | None) -> None:

@@ -404,6 +404,7 @@ QUICK = (VERLET, lagrange_top), (VERLET, falling_body), (VERLET_CAYLEY, heavy_to
 """Every method and every scene; all pairs are slow."""
 
 
+@pytest.mark.sample(2)
 @pytest.mark.compiled
 @pytest.mark.parametrize(
     ("method", "scene"),

@@ -229,3 +229,12 @@ def test_what_a_run_does_not_go_on_with() -> None:
         plan().resume(first, t_end=1.0)
     with pytest.raises(InvalidInput, match="does not begin where"):
         first.then(first)
+
+
+def test_what_cannot_be_saved_is_refused_before_the_first_step(tmp_path: Path) -> None:
+    """Not when the first checkpoint is due, a minute later."""
+    no_record = plan(method=lm.ReversibleController(lm.StormerVerlet(), lambda q: lm.dot(q, q)))
+    with pytest.raises(InvalidInput, match="cannot be saved"):
+        no_record.run(ORBIT, t_end=0.2, checkpoint=tmp_path / "run.npz")
+    with pytest.raises(InvalidInput, match="cannot be saved"):
+        no_record.resume(no_record.run(ORBIT, t_end=0.2), t_end=0.3, checkpoint=tmp_path / "run.npz")

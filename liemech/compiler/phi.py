@@ -1,7 +1,7 @@
-"""Joins: how the variables of a formula come together where ways of control meet, for one body or for many in lanes.
+"""Phi nodes: how the variables of a formula come together where ways of control meet, for one body or for many in lanes.
 
 In an ensemble a condition may differ from lane to lane; then both ways run under a mask.  Values in lanes that a piece of code
-does not run for are arbitrary: whoever joins two pieces picks lane by lane.
+does not run for are arbitrary: where two pieces meet, the value of each lane is picked.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ from .iterators import Region, Stream
 from .reads import Reads
 from .scopes import Env, Frame, Undefined, has
 
-LIVE = "<live>"  # lanes still running at this point, where some have left (absent: all for which the code was entered)
+ACTIVE = "<active>"  # lanes still running at this point, where some have left (absent: all for which the code was entered)
 BROKEN = "<broken>"  # lanes that left the present loop by `break`
 CONTINUED = "<continued>"  # lanes that left the present turn of a written-out loop by `continue`
 LEFT = (BROKEN, CONTINUED)
 RETURN = "<return>"  # what lanes that have left the call return
-NOBODY = "no lane is running"  # value of LIVE when every lane has left
+NO_LANE = "no lane is running"  # value of ACTIVE when every lane has left
 
 class Retype(Exception):
     """A loop turns out to need another type for a number it carries (an int becomes a float), or a mask."""
@@ -63,7 +63,7 @@ class Promote(Exception):
         self.name, self.start = name, start
 
 
-class Joins:
+class Phis:
     """The state of a translation, and the meeting of ways; what statements mean is the business of those who build on it."""
 
     def __init__(self, emitter: Emitter, reads: Reads) -> None:
@@ -121,8 +121,8 @@ class Joins:
 
     def active(self, env: Env) -> Any:
         """The mask of lanes running here; None for all."""
-        live = env.get(LIVE)
-        return self.emitter.constant(False, "b", True) if live is NOBODY else self.base if live is None else live
+        live = env.get(ACTIVE)
+        return self.emitter.constant(False, "b", True) if live is NO_LANE else self.base if live is None else live
 
     @contextlib.contextmanager
     def apart(self, loop: bool = False) -> Iterator[None]:
@@ -144,7 +144,7 @@ class Joins:
     def everyone(self, mask: Any) -> Any:
         return True if mask is None else mask
 
-    # -------------------------------------------------------------- joins
+    # -------------------------------------------------------------- where ways meet
 
     def join(self, opens: list[Open], env: Env, into: ir.Block | None = None) -> bool:
         """Lead control from all open places to one, leaving there in `env` what the variables may be; False if none is open."""
@@ -202,10 +202,10 @@ class Joins:
 
     def _align_masks(self, opens: list[Open]) -> None:
         """Give every open place the masks that any of them has."""
-        if any(LIVE in o.env for o in opens) and not all(o.env.get(LIVE) is NOBODY for o in opens):
+        if any(ACTIVE in o.env for o in opens) and not all(o.env.get(ACTIVE) is NO_LANE for o in opens):
             for o in opens:
                 mask = self.active(o.env)
-                o.env[LIVE] = self.emitter.constant(True, "b", True) if mask is None else mask
+                o.env[ACTIVE] = self.emitter.constant(True, "b", True) if mask is None else mask
         for name in LEFT:
             if any(name in o.env for o in opens):
                 for o in opens:
