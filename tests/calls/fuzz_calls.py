@@ -33,7 +33,7 @@ HOOKS = ("distance", "of_blocks", "constants", "symmetry", "rate", "deviation", 
 """Methods that pass parts of a state, or of several arrays, on to others, which then name themselves."""
 
 SHAPELESS = (
-    *("constants", "symmetry", "state", "exact", "essential", "deviation", "vouched", "further_invariants"),
+    *("constants", "symmetry", "state", "exact", "essential_part", "variation", "vouched", "further_invariants"),
     *("rotation", "rigid_transform", "objection", "tangent", "isotropy"),
 )
 """Methods of states, and of objects other than arrays or of as many as there happen to be, whose shapes nobody compares."""

@@ -275,7 +275,7 @@ def kind(power: float | None, last: float) -> str:
         return "bounded"
     if power < 0.8:
         return "walks, rounding" if last < 1e-10 else "grows"
-    return "drifts"
+    return "drifts" if last > 1e-10 else "drifts, rounding"
 
 
 def table(kept: dict[str, Any]) -> str:
@@ -299,7 +299,7 @@ def draw(kept: dict[str, Any]) -> None:
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
 
-    figure, axes = plt.subplots(1, 2, figsize=(11, 4.8), sharey=True, layout="constrained")
+    figure, axes = plt.subplots(1, 2, figsize=(11, 5.8), sharey=True, layout="constrained")
     for ax, first in zip(axes, (True, False), strict=True):
         chosen = {
             key: found
@@ -317,7 +317,7 @@ def draw(kept: dict[str, Any]) -> None:
             title="free rigid body, h = 0.1" if first else "others",
             ylim=(1e-17, 1e1),
         )
-        ax.legend(fontsize=6, ncols=2, loc="upper left")
+        ax.legend(fontsize=7, ncols=3, loc="upper center", bbox_to_anchor=(0.5, -0.14))
         ax.grid(alpha=0.3)
     axes[0].set_ylabel("relative error of the energy")
     figure.savefig(FIGURE, dpi=100)
