@@ -1,6 +1,8 @@
-"""The settings of the rendered documentation: `pip install ".[docs]"`, then `sphinx-build -W docs build/site`.
+"""The settings of the rendered documentation: `pip install ".[docs]"`, then
+`sphinx-build -W docs build/site`.
 
-The pages are plain Markdown, which a forge shows as they are.  What is more than Markdown is made by the files in `site/`.
+The pages are plain Markdown, which a forge shows as they are.  What is more than Markdown is made
+by the files in `site/`.
 """
 
 import sys

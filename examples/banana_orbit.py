@@ -1,4 +1,6 @@
-"""A trapped particle in a tokamak: Boris' method and a Poisson splitting gyrate for long along the banana of its guiding centre."""
+"""A trapped particle in a tokamak: Boris' method and a Poisson splitting gyrate for long along the
+banana of its guiding centre.
+"""
 
 import matplotlib.pyplot as plt
 import numpy as np

@@ -1,4 +1,6 @@
-"""Fermi, Pasta and Ulam: the energy of a chain wanders from its first mode to others, and comes back, instead of spreading out."""
+"""Fermi, Pasta and Ulam: the energy of a chain wanders from its first mode to others, and comes
+back, instead of spreading out.
+"""
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -8,16 +10,23 @@ import liemech as lm
 chain = lm.FermiPastaUlam(particles=32, alpha=0.25)
 start = chain.mode(1, amplitude=4.0)
 period = np.pi / np.sin(np.pi / 66)  # of the first mode
-run = lm.integrate(chain, lm.StormerVerlet(), start, h=0.1, steps=120_000, every=120, progress=False)
+run = lm.integrate(
+    chain, lm.StormerVerlet(), start, h=0.1, steps=120_000, every=120, progress=False
+)
 
 energies = chain.mode_energies(run.q, run.p)
 share = energies[:, 0] / energies[0, 0]
 home = np.argmax(np.where(run.t > 80 * period, share, 0.0))  # the first return, not the start
 print(run.drift())
-print(f"after {run.t[home] / period:.0f} periods {100 * share[home]:.1f} percent of the energy are back in the first mode")
+print(
+    f"after {run.t[home] / period:.0f} periods {100 * share[home]:.1f} "
+    "percent of the energy are back in the first mode"
+)
 print(f"in between it had {100 * share[:home].min():.0f} percent")
 
-figure, (axis, below) = plt.subplots(2, 1, figsize=(7, 4.6), sharex=True, height_ratios=(3, 1), layout="constrained")
+figure, (axis, below) = plt.subplots(
+    2, 1, figsize=(7, 4.6), sharex=True, height_ratios=(3, 1), layout="constrained"
+)
 for k in range(5):
     axis.plot(run.t / period, energies[:, k], linewidth=1.2, label=f"mode {k + 1}")
 axis.set(ylabel="energy of a mode", title="32 masses on springs, alpha = 1/4")

@@ -1,4 +1,5 @@
-"""Lie-Poisson Hamilton-Jacobi methods on the momentum sphere: the first kind, Algorithm 1, and the second kind of order 4.
+"""Lie-Poisson Hamilton-Jacobi methods on the momentum sphere: the first kind, Algorithm 1, and the
+second kind of order 4.
 
 In the manner of the article's Fig. 3, with its body and its start.
 """
@@ -10,7 +11,8 @@ import numpy as np
 import liemech as lm
 
 with warnings.catch_warnings():
-    warnings.simplefilter("ignore", lm.errors.InertiaWarning)  # no body of positive masses has these moments
+    # no body of positive masses has these moments
+    warnings.simplefilter("ignore", lm.errors.InertiaWarning)
     body = lm.RigidBody([2 / 3, 1.0, 2.0])
 start, h, steps = body.state(mu=[0.5, 0.0, 0.75**0.5]), 0.5, 200
 exact = body.exact(start, h * np.arange(steps + 1)).mu
@@ -26,5 +28,7 @@ for title, method in methods.items():
     run = lm.integrate(body, method, start, h=h, steps=steps)
     off, energy = np.abs(run.mu - exact).max(), np.abs(run.energy - run.energy[0]).max()
     print(f"{title:<30} momentum off by {off:.1e}, energy by {energy:.1e}")
-    panels.append((title, run.mu, f"energy within {energy:.0e}\nmomentum within {off:.0e}", exact[-1]))
+    panels.append(
+        (title, run.mu, f"energy within {energy:.0e}\nmomentum within {off:.0e}", exact[-1])
+    )
 lm.plots.save(lm.plots.figure_one(panels, around, body.inertia), "figure_three.png", dpi=110)

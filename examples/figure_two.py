@@ -1,4 +1,5 @@
-"""Generating functions in R^2n: how the pendulum's curves fare under Hamilton-Jacobi methods of order 1 to 4, at a large step.
+"""Generating functions in R^2n: how the pendulum's curves fare under Hamilton-Jacobi methods of
+order 1 to 4, at a large step.
 
 In the manner of the article's Fig. 2, with the exact curves of the pendulum below.
 """
@@ -18,7 +19,10 @@ for ax, order in zip(panels, (1, 2, 3, 4)):
         exact = pendulum.exact(start, np.linspace(0.0, 25.0, 2000))
         run = lm.integrate(pendulum, lm.HamiltonJacobi(order), start, h=h, steps=200)
         worst = max(worst, np.abs(run.energy - run.energy[0]).max())
-        for states, look in (exact, {"color": "0.75", "markersize": 1.0}), (run, {"markersize": 2.5}):
+        for states, look in (
+            (exact, {"color": "0.75", "markersize": 1.0}),
+            (run, {"markersize": 2.5}),
+        ):
             angle = (np.asarray(states.q)[:, 0] + np.pi) % (2.0 * np.pi) - np.pi
             ax.plot(angle, np.asarray(states.p)[:, 0], ".", **look)
     print(f"order {order}: the energy stays within {worst:.1e}")

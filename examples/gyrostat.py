@@ -1,4 +1,6 @@
-"""A spinning rotor steadies a body's unstable middle axis: a Hamiltonian of one's own, compiled like a built-in one."""
+"""A spinning rotor steadies a body's unstable middle axis: a Hamiltonian of one's own, compiled
+like a built-in one.
+"""
 
 import numpy as np
 
@@ -7,7 +9,9 @@ import liemech as lm
 
 @lm.record
 class Gyrostat(lm.Hamiltonian):
-    """A body with a rotor of constant momentum r about a body axis: H(mu) = (mu - r).J^-1 (mu - r)/2."""
+    """A body with a rotor of constant momentum r about a body axis: H(mu) = (mu - r).J^-1
+    (mu - r)/2.
+    """
 
     inertia: lm.Vec
     rotor: lm.Vec

@@ -1,4 +1,6 @@
-"""A heavy top: kicks and drifts keep the vertical momentum, and the energy does not drift; RKMK4 loses both, slowly."""
+"""A heavy top: kicks and drifts keep the vertical momentum, and the energy does not drift; RKMK4
+loses both, slowly.
+"""
 
 import numpy as np
 
@@ -16,4 +18,6 @@ for method in lm.LieVerlet(), lm.LieVerlet(lm.Cayley()), lm.KickDrift(order=4), 
 run = lm.integrate(top, lm.KickDrift(order=6), start, h=0.1, steps=60, every=10)
 for t, height in zip(run.t, run.g[:, 2] @ np.array(top.centre)):
     print(f"t = {t:3.0f} s: centre of mass {height:+.3f} m above the fixed point")
-lm.plots.save(lm.plots.drift(runs, "vertical momentum", title="a heavy top").figure, "heavy_top.png", dpi=110)
+lm.plots.save(
+    lm.plots.drift(runs, "vertical momentum", title="a heavy top").figure, "heavy_top.png", dpi=110
+)

@@ -1,4 +1,6 @@
-"""A spherical pendulum by index reduction, with projection, and by RATTLE: distance from the sphere, and energy."""
+"""A spherical pendulum by index reduction, with projection, and by RATTLE: distance from the
+sphere, and energy.
+"""
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -20,7 +22,10 @@ for name, method in methods.items():
     error = np.maximum.accumulate(np.abs(run.energy / run.energy[0] - 1.0))
     left.loglog(run.t[1:], np.maximum(distance[1:], 1e-17), label=name)
     right.loglog(run.t[1:], error[1:], label=name)
-    print(f"{name:27} off the sphere by {distance.max():.1e} m, energy wrong by {error[-1]:.1e} of its size")
+    print(
+        f"{name:27} off the sphere by {distance.max():.1e} m, "
+        f"energy wrong by {error[-1]:.1e} of its size"
+    )
 left.set(title="distance from the sphere, m", xlabel="t, s")
 right.set(title="largest relative error of the energy so far", xlabel="t, s")
 left.legend(loc="center right")

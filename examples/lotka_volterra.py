@@ -1,4 +1,6 @@
-"""Hares and foxes: a Poisson integrator keeps their orbits closed, Euler's methods spiral, outwards or inwards."""
+"""Hares and foxes: a Poisson integrator keeps their orbits closed, Euler's methods spiral, outwards
+or inwards.
+"""
 
 import sys
 
@@ -10,11 +12,18 @@ import liemech as lm
 species = lm.LotkaVolterra()  # u' = u (v - 2), v' = v (1 - u), H = u - ln u + v - 2 ln v
 start = species.state([1.5, 1.0])
 outwards, inwards = lm.RKMK(order=1), lm.RKMK(tableau=lm.tableaus.IMPLICIT_EULER)
-methods = {"explicit Euler": outwards, "implicit Euler": inwards, "symplectic Euler, a Poisson map": lm.PoissonEuler()}
+methods = {
+    "explicit Euler": outwards,
+    "implicit Euler": inwards,
+    "symplectic Euler, a Poisson map": lm.PoissonEuler(),
+}
 
 for name, method in methods.items():
     run = lm.integrate(species, method, start, h=0.05, steps=400, progress=False)
-    print(f"{name:32}Poisson defect {lm.poisson_defect(method, species, start, 0.05):.0e}, {run.drift()['energy']}")
+    print(
+        f"{name:32}Poisson defect "
+        f"{lm.poisson_defect(method, species, start, 0.05):.0e}, {run.drift()['energy']}"
+    )
 
 figure, axes = plt.subplots(1, 3, figsize=(10, 3.6), sharex=True, sharey=True, layout="constrained")
 u, v = np.meshgrid(np.linspace(0.05, 3.6, 200), np.linspace(0.2, 5.4, 200))

@@ -1,4 +1,6 @@
-"""The order of a method is the slope of its error: four methods on one body, and what the same accuracy costs in steps."""
+"""The order of a method is the slope of its error: four methods on one body, and what the same
+accuracy costs in steps.
+"""
 
 import numpy as np
 
@@ -15,8 +17,15 @@ methods = {
 }
 errors = {}
 for name, method in methods.items():
-    runs = (lm.integrate(body, method, start, h=end / n, steps=int(n), every=int(n)) for n in counts)
+    runs = (
+        lm.integrate(body, method, start, h=end / n, steps=int(n), every=int(n)) for n in counts
+    )
     errors[name] = [np.abs(run.mu[-1] - exact).max() for run in runs]
-    print(f"{name:<22} order {lm.plots.order_of(end / counts, errors[name]):.2f}, error with 256 steps {errors[name][-1]:.1e}")
-ax = lm.plots.orders(end / counts, errors, title="a free rigid body, t = 8", ylabel="error of the momentum")
+    print(
+        f"{name:<22} order {lm.plots.order_of(end / counts, errors[name]):.2f}, error with 256 "
+        f"steps {errors[name][-1]:.1e}"
+    )
+ax = lm.plots.orders(
+    end / counts, errors, title="a free rigid body, t = 8", ylabel="error of the momentum"
+)
 lm.plots.save(ax.figure, "order_of_methods.png", dpi=110)

@@ -1,6 +1,7 @@
 """A body spun about its middle axis turns over again and again, the later the better it was aimed.
 
-Exactly on the axis it would never do so; the time between two flips grows like the logarithm of the error of aim.
+Exactly on the axis it would never do so; the time between two flips grows like the logarithm of the
+error of aim.
 """
 
 import numpy as np
@@ -17,5 +18,9 @@ for offset in 1e-2, 1e-4, 1e-6, 1e-8:
     flips = t[1:][upside_down[1:] != upside_down[:-1]]
     print(f"offset {offset:.0e}: {len(flips):2} flips, one every {body.period(start) / 2:6.2f} s")
 
-exact = lm.viewer.Motion(body, t[:20_000], body.exact(body.state(mu=[1e-4, 1.0, 0.0], g=np.eye(3)), t[:20_000]))
-lm.plots.save(lm.plots.components(exact, "mu", title="offset 1e-4").figure, "tennis_racket.png", dpi=110)
+exact = lm.viewer.Motion(
+    body, t[:20_000], body.exact(body.state(mu=[1e-4, 1.0, 0.0], g=np.eye(3)), t[:20_000])
+)
+lm.plots.save(
+    lm.plots.components(exact, "mu", title="offset 1e-4").figure, "tennis_racket.png", dpi=110
+)

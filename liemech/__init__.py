@@ -6,7 +6,8 @@
     start = body.state(mu=[0.5, 0.0, 0.75**0.5], g=np.eye(3))
     run = lm.integrate(body, lm.RKMK(order=4), start, h=0.1, steps=10_000)
 
-Spaces are objects, their elements arrays.  A method steps a system, `integrate` owns the loop, a `Trajectory` the samples.
+Spaces are objects, their elements arrays.  A method steps a system, `integrate` owns the loop, a
+`Trajectory` the samples.
 """
 
 from importlib import import_module
@@ -45,15 +46,35 @@ if TYPE_CHECKING:
     from . import plots as plots
     from . import tableaus
     from . import viewer as viewer
-    from .checks import check_action, check_group, check_method, check_poisson, check_retraction, check_system, poisson_defect
-    from .groups.actions import GroupAction, LeftMultiplication, LinearAction, SphereAction, TranslationAction
+    from .checks import (
+        check_action,
+        check_group,
+        check_method,
+        check_poisson,
+        check_retraction,
+        check_system,
+        poisson_defect,
+    )
+    from .groups.actions import (
+        GroupAction,
+        LeftMultiplication,
+        LinearAction,
+        SphereAction,
+        TranslationAction,
+    )
     from .groups.classical import GL, SL, SO, SU, Sp, U
     from .groups.coadjoint import CoadjointAction, coadjoint
     from .groups.heisenberg import Heisenberg
     from .groups.matrix_algebra import MatrixLieAlgebra
     from .groups.matrix_group import MatrixLieGroup
     from .groups.opposite import OppositeGroup
-    from .groups.poisson_structure import Canonical, ConstantStructure, LiePoissonStructure, LogCanonical, PoissonStructure
+    from .groups.poisson_structure import (
+        Canonical,
+        ConstantStructure,
+        LiePoissonStructure,
+        LogCanonical,
+        PoissonStructure,
+    )
     from .groups.product import ProductGroup
     from .groups.representations import AdjointAction, Representation, RotationAction
     from .groups.se2 import SE2
@@ -70,7 +91,11 @@ if TYPE_CHECKING:
     from .integrators.commutator_free import CommutatorFree, CrouchGrossman
     from .integrators.composition import Composition
     from .integrators.darboux_lie import DarbouxLieChart
-    from .integrators.discrete_lagrangian import DiscreteLagrangian, GroupLagrangian, QuadratureLagrangian
+    from .integrators.discrete_lagrangian import (
+        DiscreteLagrangian,
+        GroupLagrangian,
+        QuadratureLagrangian,
+    )
     from .integrators.exact_free_body import ExactFreeBody
     from .integrators.galerkin import GalerkinVariational
     from .integrators.geodesic_splitting import GeodesicSplitting
@@ -96,14 +121,28 @@ if TYPE_CHECKING:
     from .integrators.taylor import Taylor
     from .integrators.variational import CovariantVariational
     from .models.andrews import AndrewsMechanism
-    from .models.charged_particle import AxialField, ChargedParticle, GuidingCentre, MagneticField, TokamakField, UniformField
+    from .models.charged_particle import (
+        AxialField,
+        ChargedParticle,
+        GuidingCentre,
+        MagneticField,
+        TokamakField,
+        UniformField,
+    )
     from .models.constrained_pendulums import ChainPendulum, FourBarLinkage, SphericalPendulum
     from .models.fermi_pasta_ulam import FermiPastaUlam
     from .models.frames import OrthonormalFrame
     from .models.gravity import CentralGravity, FixedPointGravity, UniformGravity
     from .models.heavy_top import HeavyTop, LagrangeTop, ReducedHeavyTop
     from .models.henon_heiles import HenonHeiles
-    from .models.joints import BallJoint, FixedPoint, PrismaticJoint, RevoluteJoint, RigidRod, UniversalJoint
+    from .models.joints import (
+        BallJoint,
+        FixedPoint,
+        PrismaticJoint,
+        RevoluteJoint,
+        RigidRod,
+        UniversalJoint,
+    )
     from .models.kepler import Kepler
     from .models.kirchhoff import KirchhoffBody
     from .models.linkage import Link, Linkage, chain
@@ -129,7 +168,13 @@ if TYPE_CHECKING:
     )
     from .systems.constrained_body import ConstrainedBody, NonholonomicBody
     from .systems.constraint import Constraint, VelocityConstraint
-    from .systems.darboux import Andoyer, DarbouxChart, InDarbouxChart, LinearDarboux, LogarithmicDarboux
+    from .systems.darboux import (
+        Andoyer,
+        DarbouxChart,
+        InDarbouxChart,
+        LinearDarboux,
+        LogarithmicDarboux,
+    )
     from .systems.driven import DrivenHamiltonian, DrivenHamiltonianSystem, DrivenLiePoissonSystem
     from .systems.group_equation import GroupEquation, LinearGroupEquation
     from .systems.hamiltonian import Hamiltonian
@@ -151,17 +196,36 @@ if TYPE_CHECKING:
 
 _LATER = {
     "checks": (
-        *("check_action", "check_group", "check_method", "check_poisson", "check_retraction", "check_system"),
+        *(
+            "check_action",
+            "check_group",
+            "check_method",
+            "check_poisson",
+            "check_retraction",
+            "check_system",
+        ),
         "poisson_defect",
     ),
-    "groups.actions": ("GroupAction", "LeftMultiplication", "LinearAction", "SphereAction", "TranslationAction"),
+    "groups.actions": (
+        "GroupAction",
+        "LeftMultiplication",
+        "LinearAction",
+        "SphereAction",
+        "TranslationAction",
+    ),
     "groups.classical": ("GL", "SL", "SO", "SU", "Sp", "U"),
     "groups.coadjoint": ("CoadjointAction", "coadjoint"),
     "groups.heisenberg": ("Heisenberg",),
     "groups.matrix_algebra": ("MatrixLieAlgebra",),
     "groups.matrix_group": ("MatrixLieGroup",),
     "groups.opposite": ("OppositeGroup",),
-    "groups.poisson_structure": ("Canonical", "ConstantStructure", "LiePoissonStructure", "LogCanonical", "PoissonStructure"),
+    "groups.poisson_structure": (
+        "Canonical",
+        "ConstantStructure",
+        "LiePoissonStructure",
+        "LogCanonical",
+        "PoissonStructure",
+    ),
     "groups.product": ("ProductGroup",),
     "groups.representations": ("AdjointAction", "Representation", "RotationAction"),
     "groups.se2": ("SE2",),
@@ -204,13 +268,27 @@ _LATER = {
     "integrators.variational": ("CovariantVariational",),
     "models.constrained_pendulums": ("ChainPendulum", "FourBarLinkage", "SphericalPendulum"),
     "models.frames": ("OrthonormalFrame",),
-    "models.charged_particle": ("AxialField", "ChargedParticle", "GuidingCentre", "MagneticField", "TokamakField", "UniformField"),
+    "models.charged_particle": (
+        "AxialField",
+        "ChargedParticle",
+        "GuidingCentre",
+        "MagneticField",
+        "TokamakField",
+        "UniformField",
+    ),
     "models.fermi_pasta_ulam": ("FermiPastaUlam",),
     "models.gravity": ("CentralGravity", "FixedPointGravity", "UniformGravity"),
     "models.andrews": ("AndrewsMechanism",),
     "models.heavy_top": ("HeavyTop", "LagrangeTop", "ReducedHeavyTop"),
     "models.henon_heiles": ("HenonHeiles",),
-    "models.joints": ("BallJoint", "FixedPoint", "PrismaticJoint", "RevoluteJoint", "RigidRod", "UniversalJoint"),
+    "models.joints": (
+        "BallJoint",
+        "FixedPoint",
+        "PrismaticJoint",
+        "RevoluteJoint",
+        "RigidRod",
+        "UniversalJoint",
+    ),
     "models.kepler": ("Kepler",),
     "models.kirchhoff": ("KirchhoffBody",),
     "models.orthogonal_body": ("OrthogonalBody",),
@@ -235,10 +313,20 @@ _LATER = {
         "Surface",
     ),
     "models.toda": ("TodaLattice",),
-    "systems.darboux": ("Andoyer", "DarbouxChart", "InDarbouxChart", "LinearDarboux", "LogarithmicDarboux"),
+    "systems.darboux": (
+        "Andoyer",
+        "DarbouxChart",
+        "InDarbouxChart",
+        "LinearDarboux",
+        "LogarithmicDarboux",
+    ),
     "systems.constrained_body": ("ConstrainedBody", "NonholonomicBody"),
     "systems.constraint": ("Constraint", "VelocityConstraint"),
-    "integrators.discrete_lagrangian": ("DiscreteLagrangian", "GroupLagrangian", "QuadratureLagrangian"),
+    "integrators.discrete_lagrangian": (
+        "DiscreteLagrangian",
+        "GroupLagrangian",
+        "QuadratureLagrangian",
+    ),
     "systems.driven": ("DrivenHamiltonian", "DrivenHamiltonianSystem", "DrivenLiePoissonSystem"),
     "systems.group_equation": ("GroupEquation", "LinearGroupEquation"),
     "systems.hamiltonian": ("Hamiltonian",),
@@ -260,13 +348,17 @@ _LATER = {
     "tableaus.tableau": ("ButcherTableau",),
     "viewer": ("viewer",),
 }
-"""What is imported when it is first asked for, module by module, so that a script pays for what it uses."""
+"""What is imported when it is first asked for, module by module, so that a script pays for what it
+uses.
+"""
 
 _HOMES = {name: module for module, names in _LATER.items() for name in names}
 
 
 def _evaluate_rows(batch: broadcasting.Batch) -> Any:
-    """Methods called with many rows may be compiled: formulas do not know the compiler, the package does."""
+    """Methods called with many rows may be compiled: formulas do not know the compiler, the package
+    does.
+    """
     from .compiler.batch import evaluate_rows
 
     return evaluate_rows(batch)

@@ -113,7 +113,9 @@ class StepTooSmall(IntegrationFailure):
 
 
 class InvalidTimeScale(IntegrationFailure):
-    """Physical time would stand still or run backwards: the scale of a time transformation is not positive."""
+    """Physical time would stand still or run backwards: the scale of a time transformation is not
+    positive.
+    """
 
 
 class InconsistentState(IntegrationFailure):
@@ -126,19 +128,36 @@ class IntegrationInterrupted(KeyboardInterrupt):
     trajectory: Any = None  # a Trajectory
 
 
-# ------------------------------------------------------------------ what an exception of a formula means
+# ------------------------------------------------------------------ what an exception of a formula
+# means
 
-PROGRAMMING = (TypeError, NameError, AttributeError, LookupError, ImportError, SyntaxError, NotImplementedError, RecursionError)
-"""Exceptions that tell of a mistake in the program, not of a step that cannot be made: they are raised as they are."""
+PROGRAMMING = (
+    TypeError,
+    NameError,
+    AttributeError,
+    LookupError,
+    ImportError,
+    SyntaxError,
+    NotImplementedError,
+    RecursionError,
+)
+"""Exceptions that tell of a mistake in the program, not of a step that cannot be made: they are
+raised as they are.
+"""
 
 
 def is_mistake(error: BaseException | None) -> bool:
-    """Is the exception of a formula a mistake in the program?  Any other one is a failure of the step in which it was raised."""
-    return isinstance(error, (*PROGRAMMING, LiemechError)) and not isinstance(error, IntegrationFailure)
+    """Is the exception of a formula a mistake in the program?  Any other one is a failure of the
+    step in which it was raised.
+    """
+    return isinstance(error, (*PROGRAMMING, LiemechError)) and not isinstance(
+        error, IntegrationFailure
+    )
 
 
 def failure(error: Exception | None, what: str, at: str) -> IntegrationFailure:
-    """The failure that an exception of a formula stands for, with the exception as its cause; None for a number that is none.
+    """The failure that an exception of a formula stands for, with the exception as its cause; None
+    for a number that is none.
 
     what : which method failed.  at : where.
     """
@@ -149,7 +168,10 @@ def failure(error: Exception | None, what: str, at: str) -> IntegrationFailure:
     elif error is not None:
         cls, text = IntegrationFailure, f"{what}: {type(error).__name__}: {error}"
     else:
-        cls, text = NotFinite, f"{what}: the step overflowed or left the domain of a formula; a smaller h may help"
+        cls, text = (
+            NotFinite,
+            f"{what}: the step overflowed or left the domain of a formula; a smaller h may help",
+        )
     made = cls.__new__(cls)  # of a user's class too, whatever its constructor takes
     made.args, made.__cause__ = (f"{text} [{at}]",), error
     return made
@@ -159,6 +181,7 @@ def warn(message: str, category: type[Warning]) -> None:
     """Warn at the line outside of this package that led here."""
     here, level = os.path.dirname(__file__) + os.sep, 2
     frame = sys._getframe(1)
-    while frame.f_back is not None and frame.f_code.co_filename.startswith((here, "<string>")):  # of a dataclass: no file
+    # of a dataclass: no file
+    while frame.f_back is not None and frame.f_code.co_filename.startswith((here, "<string>")):
         frame, level = frame.f_back, level + 1
     warnings.warn(message, category, stacklevel=level)

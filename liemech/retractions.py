@@ -1,8 +1,10 @@
-"""Retractions: maps from the algebra to the group that replace the exponential, and their trivialised differentials.
+"""Retractions: maps from the algebra to the group that replace the exponential, and their
+trivialised differentials.
 
     right:  d/de tau(xi + e eta) = (dtau_xi eta) tau(xi)          left:  d/de tau(xi + e eta) = tau(xi) (dtau_xi eta)
 
-Source: Bou-Rabee and Marsden, Hamilton-Pontryagin integrators on Lie groups, Found. Comput. Math. 9 (2009), section 4.
+Source: Bou-Rabee and Marsden, Hamilton-Pontryagin integrators on Lie groups, Found. Comput. Math. 9
+(2009), section 4.
 """
 
 from __future__ import annotations
@@ -10,7 +12,21 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, final
 
 from .errors import IncompatibleSystem, NoConvergence, NotDefined
-from .formulas import Element, Mat, Record, Vec, derivative, dot, identity_matrix, jacobian, mat, record, solve, sqrt, vec
+from .formulas import (
+    Element,
+    Mat,
+    Record,
+    Vec,
+    derivative,
+    dot,
+    identity_matrix,
+    jacobian,
+    mat,
+    record,
+    solve,
+    sqrt,
+    vec,
+)
 from .groups.lie_group import LieGroup
 from .solvers import LIMIT, TOLERANCE
 
@@ -20,10 +36,12 @@ if TYPE_CHECKING:
 
 @record
 class Retraction(Record):
-    """A map tau with tau(0) = e, dtau_0 = 1 and tau(-xi) = tau(xi)^-1 that carries small steps from the algebra to the group.
+    """A map tau with tau(0) = e, dtau_0 = 1 and tau(-xi) = tau(xi)^-1 that carries small steps from
+    the algebra to the group.
 
     1. A subclass writes `tau`, as a formula.
-    2. It may add closed forms for everything else.  What it leaves out follows from tau by differentiation.
+    2. It may add closed forms for everything else.  What it leaves out follows from tau by
+    differentiation.
 
     Source: Bou-Rabee and Marsden (2009), definition 4.1.
     """
@@ -43,7 +61,8 @@ class Retraction(Record):
     def tau_inv(self, group: LieGroup, g: Element) -> Vec:
         """The xi with tau(xi) = g.  g : an element.
 
-        By Newton's method on the group, xi + dtau_xi^-1 log(tau(xi)^-1 g), from log(g).  Raises NoConvergence.
+        By Newton's method on the group, xi + dtau_xi^-1 log(tau(xi)^-1 g), from log(g).  Raises
+        NoConvergence.
         """
         xi = group.log(g)
         size = rest = dot(xi, xi)
@@ -54,7 +73,9 @@ class Retraction(Record):
             if not rest > TOLERANCE * TOLERANCE * size:
                 break
         if not rest <= TOLERANCE * TOLERANCE * size:
-            raise NoConvergence(f"{type(self).__name__}: no xi found with tau(xi) = g, |log g| = {sqrt(size):.2g}")
+            raise NoConvergence(
+                f"{type(self).__name__}: no xi found with tau(xi) = g, |log g| = {sqrt(size):.2g}"
+            )
         return xi
 
     def tau_Ad_star(self, group: LieGroup, xi: Vec, mu: Vec) -> Vec:
@@ -77,27 +98,41 @@ class Retraction(Record):
 
     def dtau_dual(self, group: LieGroup, xi: Vec, mu: Vec, side: str = "right") -> Vec:
         """Its dual, <dtau_dual_xi mu, eta> = <mu, dtau_xi eta>.  xi, mu : (dim,)."""
-        return vec(*[dot(mu, self.dtau(group, xi, unit, side)) for unit in identity_matrix(group.dim)])
+        return vec(
+            *[dot(mu, self.dtau(group, xi, unit, side)) for unit in identity_matrix(group.dim)]
+        )
 
     def dtau_inv(self, group: LieGroup, xi: Vec, eta: Vec, side: str = "right") -> Vec:
         """Its inverse.  xi, eta : (dim,)."""
-        return solve(mat(*[self.dtau(group, xi, unit, side) for unit in identity_matrix(group.dim)]).T, eta)
+        return solve(
+            mat(*[self.dtau(group, xi, unit, side) for unit in identity_matrix(group.dim)]).T, eta
+        )
 
     def dtau_inv_dual(self, group: LieGroup, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """The dual of the inverse, <dtau_inv_dual_xi mu, eta> = <mu, dtau_inv_xi eta>.  xi, mu : (dim,)."""
-        return solve(mat(*[self.dtau(group, xi, unit, side) for unit in identity_matrix(group.dim)]), mu)
+        """The dual of the inverse, <dtau_inv_dual_xi mu, eta> = <mu, dtau_inv_xi eta>.  xi,
+        mu : (dim,).
+        """
+        return solve(
+            mat(*[self.dtau(group, xi, unit, side) for unit in identity_matrix(group.dim)]), mu
+        )
 
     def is_chart(self, group: LieGroup, xi: Vec) -> bool:
         """Is xi in the neighbourhood of zero on which dtau can be inverted?  xi : (dim,)."""
         return True
 
     def residual(self, group: LieGroup, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float | Mat, Mat]:
-        """How far p = dl/dxi is from fitting the momentum mu at the start of a step tau(xi): r = p - (dtau_xi)* mu, or a multiple.
+        """How far p = dl/dxi is from fitting the momentum mu at the start of a step tau(xi):
+        r = p - (dtau_xi)* mu, or a multiple.
 
-        r = 0 is the discrete Legendre transform (dtau_xi^-1)* p = mu, freed of the inverse.  Returns r, dr/dp (a number or a
-        matrix) and dr/dxi (a matrix), for Newton's method.  xi, p, mu : (dim,).
+        r = 0 is the discrete Legendre transform (dtau_xi^-1)* p = mu, freed of the inverse.
+        Returns r, dr/dp (a number or a matrix) and dr/dxi (a matrix), for Newton's method.  xi, p,
+        mu : (dim,).
         """
-        return p - self.dtau_dual(group, xi, mu), 1.0, jacobian(lambda x: -self.dtau_dual(group, x, mu), xi)
+        return (
+            p - self.dtau_dual(group, xi, mu),
+            1.0,
+            jacobian(lambda x: -self.dtau_dual(group, x, mu), xi),
+        )
 
     # ---------------------------------------------------------------- 3. what follows
 
@@ -110,7 +145,9 @@ class Retraction(Record):
         """Raise IncompatibleSystem, with the reason, unless the map can be used on this group."""
         reason = self.why_not(group)
         if reason:
-            raise IncompatibleSystem(f"{self!r} cannot be used on {group!r}: {reason}. Exponential() serves every group")
+            raise IncompatibleSystem(
+                f"{self!r} cannot be used on {group!r}: {reason}. Exponential() serves every group"
+            )
 
 
 @record
@@ -167,9 +204,11 @@ class Exponential(Retraction):
 
 @record
 class Cayley(Retraction):
-    """The Cayley map (1 - xi/2)^-1 (1 + xi/2): no sine, no root, and an implicit step that has a solution for every step size.
+    """The Cayley map (1 - xi/2)^-1 (1 + xi/2): no sine, no root, and an implicit step that has a
+    solution for every step size.
 
-    On groups of matrices whose algebra is closed under x y x: SO(n), Sp(2n), U(n), SU(2), SL(2), SE(3).
+    On groups of matrices whose algebra is closed under x y x: SO(n), Sp(2n), U(n), SU(2), SL(2),
+    SE(3).
 
     Source: Hairer, Lubich, Wanner, IV.8.3; Bou-Rabee and Marsden (2009), section 4.4.
     """
@@ -222,11 +261,14 @@ class Cayley(Retraction):
 
 @record
 class CayleyAdjoint(Cayley):
-    """The Cayley map of the adjoint representation: Ad_tau(xi) = (1 - ad_xi/2)^-1 (1 + ad_xi/2), 6 by 6 matrices on SE(3).
+    """The Cayley map of the adjoint representation: Ad_tau(xi) = (1 - ad_xi/2)^-1 (1 + ad_xi/2), 6
+    by 6 matrices on SE(3).
 
-    It differs from `Cayley` in the third order of the displacement.  On SO(3), where ad is hat, the two are the same.
+    It differs from `Cayley` in the third order of the displacement.  On SO(3), where ad is hat, the
+    two are the same.
 
-    Source: Selig, Cayley maps for SE(3), 12th IFToMM World Congress (2007); Kobilarov and Marsden, IEEE T-RO 27 (2011).
+    Source: Selig, Cayley maps for SE(3), 12th IFToMM World Congress (2007); Kobilarov and Marsden,
+    IEEE T-RO 27 (2011).
     """
 
     def _on(self, group: LieGroup) -> LieGroup:

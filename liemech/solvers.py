@@ -1,4 +1,6 @@
-"""The one Newton iteration and the one fixed point iteration: when they stop, and what they say when they do not converge."""
+"""The one Newton iteration and the one fixed point iteration: when they stop, and what they say
+when they do not converge.
+"""
 
 from __future__ import annotations
 
@@ -13,14 +15,16 @@ from .formulas.pytree import double_double, layout_of, rounded
 from .formulas.sizes import EPSILON
 
 TOLERANCE = 2.0**-30
-"""A residual below this, relative to the data, means that the correction it asks for is the last one needed.
+"""A residual below this, relative to the data, means that the correction it asks for is the last
+one needed.
 
-Newton's method squares the relative error, so one more correction leaves about 2^-60: below rounding, and without the energy drift
-that stopping *at* a tolerance causes.
+Newton's method squares the relative error, so one more correction leaves about 2^-60: below
+rounding, and without the energy drift that stopping *at* a tolerance causes.
 """
 
 NOISE = 2.0**-40
-"""A change that does not become smaller is rounding, if it is below this, relative to the data; else it is no convergence.
+"""A change that does not become smaller is rounding, if it is below this, relative to the data;
+else it is no convergence.
 
 Rounding of the largest of the data may be large beside the smallest one.
 """
@@ -38,14 +42,19 @@ def newton(
     solved: Callable[[Mat, Vec], Vec] | None = None,
     weights: Vec | None = None,
 ) -> tuple[Vec, float, float, bool]:
-    """The root of an equation: its residual is tested against the data, and the correction that it asks for applied once more.
+    """The root of an equation: its residual is tested against the data, and the correction that it
+    asks for applied once more.
 
-    equation : gives at x the residual r, its derivative and the factor w that |r|^2 has over the data.  data : a square.
-    tolerance : smaller for a derivative that is not exact, with which the last correction gains fewer digits.
+    equation : gives at x the residual r, its derivative and the factor w that |r|^2 has over the
+    data.  data : a square.
+    tolerance : smaller for a derivative that is not exact, with which the last correction gains
+    fewer digits.
     solved : the solution of a linear system, if `correction` is not the best way to it.
     weights : of the residuals where they are tested; None: all are one.
-    In numbers of two doubles it is found to 16 digits first, and then `refined`, by a derivative that is not exact `iterated`.
-    Returns x, |r|^2 at the last test, what it had to reach (w tolerance^2 data, else x is no root), and whether x is `beyond_fold`.
+    In numbers of two doubles it is found to 16 digits first, and then `refined`, by a derivative
+    that is not exact `iterated`.
+    Returns x, |r|^2 at the last test, what it had to reach (w tolerance^2 data, else x is no root),
+    and whether x is `beyond_fold`.
     """
     x, goal = guess, tolerance * tolerance * data
     long = is_long(guess[0])
@@ -64,14 +73,21 @@ def newton(
         if size <= enough:
             break
     if long:
-        x = refined(equation, x, solved) if tolerance >= TOLERANCE else iterated(equation, x, EPSILON * EPSILON * goal, solved)
+        x = (
+            refined(equation, x, solved)
+            if tolerance >= TOLERANCE
+            else iterated(equation, x, EPSILON * EPSILON * goal, solved)
+        )
     return x, size, enough, folded
 
 
 def refined(
-    equation: Callable[[Vec], tuple[Vec, Mat, float]], x: Vec, solved: Callable[[Mat, Vec], Vec] | None = None
+    equation: Callable[[Vec], tuple[Vec, Mat, float]],
+    x: Vec,
+    solved: Callable[[Mat, Vec], Vec] | None = None,
 ) -> Vec:
-    """A root that is known to 16 digits, in numbers of two doubles: 31 digits of the residual, 16 of its derivative.
+    """A root that is known to 16 digits, in numbers of two doubles: 31 digits of the residual, 16
+    of its derivative.
 
     equation, solved : as for `newton`.
     """
@@ -87,7 +103,8 @@ def iterated(
     goal: float,
     solved: Callable[[Mat, Vec], Vec] | None = None,
 ) -> Vec:
-    """The same by a derivative that is not exact, with which each correction gains a few digits only.
+    """The same by a derivative that is not exact, with which each correction gains a few digits
+    only.
 
     goal : what w^-1 |r|^2 has to reach before the last correction; the others are as for `newton`.
     """
@@ -111,14 +128,18 @@ def _asked(solved: Callable[[Mat, Vec], Vec] | None, jacobian: Mat, r: Vec) -> V
     return correction(jacobian, r) if solved is None else solved(jacobian, r)
 
 
-def fixed_point(sweep: Callable[[Any], tuple[Any, float, float]], guess: Any, method: Any, h: float) -> Any:
+def fixed_point(
+    sweep: Callable[[Any], tuple[Any, float, float]], guess: Any, method: Any, h: float
+) -> Any:
     """What sweeps leave as it is: they are repeated until they change no more than rounding does.
 
     sweep : gives of an unknown a better one, how much they differ and how large the data are.
-    It ends when a change is below eps, when the next one, judged by the last two, would be below eps/16, or when the changes are
-    rounding and become no smaller.  Raises NoConvergence in the name of a method with step size h.
+    It ends when a change is below eps, when the next one, judged by the last two, would be below
+    eps/16, or when the changes are rounding and become no smaller.  Raises NoConvergence in the
+    name of a method with step size h.
 
-    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VIII.6.2 and VIII.5 (the error is iterated away).
+    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VIII.6.2 and VIII.5
+    (the error is iterated away).
     """
     unknown, change, size, done = guess, 0.0, 0.0, False
     words = 2 if layout_of(guess).long else 1
@@ -129,13 +150,19 @@ def fixed_point(sweep: Callable[[Any], tuple[Any, float, float]], guess: Any, me
         done = change <= epsilon * size
         if before > 0.0:
             ratio = change / before
-            done = done or 16.0 * ratio * change <= epsilon * size or (ratio >= 1.0 and change <= noise * size)
-        if done or not size < math.inf:  # iterates that grow without bound: no change is small beside infinity
+            done = (
+                done
+                or 16.0 * ratio * change <= epsilon * size
+                or (ratio >= 1.0 and change <= noise * size)
+            )
+        # iterates that grow without bound: no change is small beside infinity
+        if done or not size < math.inf:
             break
     if not (size < math.inf and (done or change <= 64.0 * epsilon * size)):
         raise NoConvergence(
-            f"{method!r}: the stages did not converge in {LIMIT} iterations, they still change by {change / size:.1e}. "
-            f"The step h = {h:g} is too large for this motion; try {0.25 * h:g}"
+            f"{method!r}: the stages did not converge in {LIMIT} iterations, they still change by "
+            f"{change / size:.1e}. The step h = {h:g} is too "
+            f"large for this motion; try {0.25 * h:g}"
         )
     return unknown
 
@@ -152,7 +179,9 @@ def correction(jacobian: Mat, residual: Vec) -> Vec:
 def solve2(m: Mat, rhs: Vec) -> Vec:
     """The solution of a 2 by 2 system by Cramer's rule: no branch, one division."""
     scale = 1.0 / (m[0, 0] * m[1, 1] - m[0, 1] * m[1, 0])
-    return vec(scale * (m[1, 1] * rhs[0] - m[0, 1] * rhs[1]), scale * (m[0, 0] * rhs[1] - m[1, 0] * rhs[0]))
+    return vec(
+        scale * (m[1, 1] * rhs[0] - m[0, 1] * rhs[1]), scale * (m[0, 0] * rhs[1] - m[1, 0] * rhs[0])
+    )
 
 
 def solve6(m: Mat, rhs: Vec) -> Vec:
@@ -164,7 +193,14 @@ def solve6(m: Mat, rhs: Vec) -> Vec:
     A, B = _block(m, 0, 0), _block(m, 0, 3)
     C, D = _block(m, 3, 0), _block(m, 3, 3)
     last = vec(rhs[3], rhs[4], rhs[5])
-    if D[0, 1] == 0.0 and D[0, 2] == 0.0 and D[1, 0] == 0.0 and D[1, 2] == 0.0 and D[2, 0] == 0.0 and D[2, 1] == 0.0:
+    if (
+        D[0, 1] == 0.0
+        and D[0, 2] == 0.0
+        and D[1, 0] == 0.0
+        and D[1, 2] == 0.0
+        and D[2, 0] == 0.0
+        and D[2, 1] == 0.0
+    ):
         d = vec(1.0 / D[0, 0], 1.0 / D[1, 1], 1.0 / D[2, 2])  # an inertia, along its axes
         G, g = mat(*[d[i] * C[i] for i in range(3)]), d * last
     else:
@@ -182,7 +218,8 @@ def _block(m: Mat, i: int, j: int) -> Mat:
 
 
 def beyond_fold(jacobian: Mat, rate: float) -> bool:
-    """Has the determinant the sign that it cannot have on the branch from h = 0?  Told in three dimensions only.
+    """Has the determinant the sign that it cannot have on the branch from h = 0?  Told in three
+    dimensions only.
 
     jacobian : (n, n), there rate times a positive matrix.
     """

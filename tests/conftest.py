@@ -1,4 +1,6 @@
-"""What every test may rely on: fixed seeds, no window, no compiler where it is switched off; and how workers share the tests."""
+"""What every test may rely on: fixed seeds, no window, no compiler where it is switched off; and
+how workers share the tests.
+"""
 
 from __future__ import annotations
 
@@ -11,12 +13,16 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-if sys.dont_write_bytecode:  # then elsewhere: else every process of the tests would translate all modules again
+# then elsewhere: else every process of the tests would translate all modules again
+if sys.dont_write_bytecode:
     sys.dont_write_bytecode = False
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
-    sys.pycache_prefix = os.environ["PYTHONPYCACHEPREFIX"] = str(Path(__file__).parent.parent / ".pytest_cache" / "bytecode")
+    sys.pycache_prefix = os.environ["PYTHONPYCACHEPREFIX"] = str(
+        Path(__file__).parent.parent / ".pytest_cache" / "bytecode"
+    )
 
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # small matrices: threads that wait for each other on a busy machine
+# small matrices: threads that wait for each other on a busy machine
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 import pytest
@@ -24,32 +30,76 @@ import pytest
 import liemech
 from liemech.simulation import execution
 
-# For this process and the programs that tests start anywhere: no window, and the liemech under test.
+# For this process and the programs that tests start anywhere: no window, and the liemech under
+# test.
 os.environ["MPLBACKEND"] = "Agg"
 home = str(Path(liemech.__file__).parent.parent)
 os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [home, os.environ.get("PYTHONPATH")]))
 
-# Most runs of tests are short, and nobody repeats them: native code is made where plain Python would take seconds, or on demand.
+# Most runs of tests are short, and nobody repeats them: native code is made where plain Python
+# would take seconds, or on demand.
 execution.WAIT = 0.6
 
 LONGEST = (
-    *("documentation", "hamilton_jacobi", "lie_poisson_hj", "kicks", "galerkin", "mechanical", "solvability"),
-    *("checks", "cache", "method_claims", "first_kind", "models", "main", "composition", "orders", "comparators"),
-    *("commutator_free", "se3", "pictures", "sphere", "command_line", "live", "variational", "lie_rattle"),
-    *("plan", "batch", "outlined", "galilean_groups", "controlled_bodies", "integrate", "lanes", "generating_kinds"),
+    *(
+        "documentation",
+        "hamilton_jacobi",
+        "lie_poisson_hj",
+        "kicks",
+        "galerkin",
+        "mechanical",
+        "solvability",
+    ),
+    *(
+        "checks",
+        "cache",
+        "method_claims",
+        "first_kind",
+        "models",
+        "main",
+        "composition",
+        "orders",
+        "comparators",
+    ),
+    *(
+        "commutator_free",
+        "se3",
+        "pictures",
+        "sphere",
+        "command_line",
+        "live",
+        "variational",
+        "lie_rattle",
+    ),
+    *(
+        "plan",
+        "batch",
+        "outlined",
+        "galilean_groups",
+        "controlled_bodies",
+        "integrate",
+        "lanes",
+        "generating_kinds",
+    ),
 )
 """Files that begin first, so that no worker is left alone with one at the end."""
 
 
 def can_compile() -> bool:
-    """Whether native code may be made in this run: llvmlite is installed and nobody asked for plain Python."""
-    switched_off = os.environ.get("LIEMECH_COMPILE") == "0" or os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0")
+    """Whether native code may be made in this run: llvmlite is installed and nobody asked for plain
+    Python.
+    """
+    switched_off = os.environ.get("LIEMECH_COMPILE") == "0" or os.environ.get(
+        "NUMBA_DISABLE_JIT", "0"
+    ) not in ("", "0")
     return not switched_off and importlib.util.find_spec("llvmlite") is not None
 
 
 @pytest.hookimpl(optionalhook=True, tryfirst=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
-    """With `-n` alone a worker gets whole files, the longest first: the kernels that the tests of a file share are made once."""
+    """With `-n` alone a worker gets whole files, the longest first: the kernels that the tests of a
+    file share are made once.
+    """
     if config.getvalue("dist") != "load":
         return None
     from xdist.scheduler import LoadFileScheduling
@@ -65,22 +115,37 @@ def place(item: pytest.Item) -> int:
 
 
 def pytest_collection_finish() -> None:
-    """What thousands of tests keep for good is not searched for garbage again and again while kernels are made."""
+    """What thousands of tests keep for good is not searched for garbage again and again while
+    kernels are made.
+    """
     gc.collect()
     gc.freeze()
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    parser.addoption("--one-in", type=int, default=1, metavar="N", help="run every N-th of the selected tests only")
+    parser.addoption(
+        "--one-in",
+        type=int,
+        default=1,
+        metavar="N",
+        help="run every N-th of the selected tests only",
+    )
 
 
 def sampled(variants: list[pytest.Function], count: int) -> list[pytest.Function]:
-    """So many variants of a test, each with those values of its parameters that were taken least often before."""
+    """So many variants of a test, each with those values of its parameters that were taken least
+    often before.
+    """
     taken: Counter[str] = Counter()
-    rest = [variants[i] for i in sorted(range(len(variants)), key=lambda i: 0.618034 * i % 1.0)]  # neighbours apart
+    # neighbours apart
+    rest = [variants[i] for i in sorted(range(len(variants)), key=lambda i: 0.618034 * i % 1.0)]
     chosen: list[pytest.Function] = []
     while rest and len(chosen) < count:
-        chosen.append(rest.pop(min(range(len(rest)), key=lambda i: sum(taken[value] for value in values(rest[i])))))
+        chosen.append(
+            rest.pop(
+                min(range(len(rest)), key=lambda i: sum(taken[value] for value in values(rest[i])))
+            )
+        )
         taken.update(values(chosen[-1]))
     return chosen
 
@@ -94,7 +159,11 @@ def leave_a_sample(items: list[pytest.Item]) -> None:
     """Of a test marked `sample(n)` n variants run by default; the others are slow."""
     tests = defaultdict(list)
     for item in items:
-        if isinstance(item, pytest.Function) and item.get_closest_marker("sample") and not item.get_closest_marker("slow"):
+        if (
+            isinstance(item, pytest.Function)
+            and item.get_closest_marker("sample")
+            and not item.get_closest_marker("slow")
+        ):
             tests[item.parent, item.originalname].append(item)
     for variants in tests.values():
         chosen = sampled(variants, *variants[0].get_closest_marker("sample").args)
@@ -104,7 +173,9 @@ def leave_a_sample(items: list[pytest.Item]) -> None:
 
 
 @pytest.hookimpl(wrapper=True, tryfirst=True)
-def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> Iterator[None]:
+def pytest_collection_modifyitems(
+    config: pytest.Config, items: list[pytest.Item]
+) -> Iterator[None]:
     leave_a_sample(items)
     yield  # the tests are chosen by their marks
     every = config.getoption("one_in")

@@ -1,13 +1,16 @@
-"""What the tests would miss: one token of a formula is changed at a time, and the tests that reach it must notice.
+"""What the tests would miss: one token of a formula is changed at a time, and the tests that reach
+it must notice.
 
-`python tests/mutation.py 200 --seed 1` tries two hundred changes in a copy of the tree; `--list` only shows them.  Numbers,
-signs, operators, comparisons and small indices of groups, methods, tableaus, systems, models and formulas are changed.
+`python tests/mutation.py 200 --seed 1` tries two hundred changes in a copy of the tree; `--list`
+only shows them.  Numbers, signs, operators, comparisons and small indices of groups, methods,
+tableaus, systems, models and formulas are changed.
 
-First all tests run once in plain Python, and which lines each of them reaches is kept (`--reach` names the file).  Then each
-change is put into the functions of a process that has collected all tests, and those that reach its line run in a fork, the
-quickest and most particular first, until one fails.  What no function holds (a tableau, a default), and what was not noticed,
-meets whole files of tests in a new process, native code and all.  Survivors are listed, to be judged by a reader: some change
-nothing that can be observed.  Needs Python 3.12 and a system that can fork.
+First all tests run once in plain Python, and which lines each of them reaches is kept (`--reach`
+names the file).  Then each change is put into the functions of a process that has collected all
+tests, and those that reach its line run in a fork, the quickest and most particular first, until
+one fails.  What no function holds (a tableau, a default), and what was not noticed, meets whole
+files of tests in a new process, native code and all.  Survivors are listed, to be judged by a
+reader: some change nothing that can be observed.  Needs Python 3.12 and a system that can fork.
 """
 
 from __future__ import annotations
@@ -44,14 +47,34 @@ from _pytest.runner import runtestprotocol
 
 ROOT = Path(__file__).parent.parent
 FOLDERS = "groups", "integrators", "tableaus", "systems", "models", "formulas"
-OTHERS = {"+": "-", "-": "+", "*": "+", "/": "*", "<": ">", ">": "<", "<=": ">", ">=": "<", "==": "!=", "!=": "=="}
+OTHERS = {
+    "+": "-",
+    "-": "+",
+    "*": "+",
+    "/": "*",
+    "<": ">",
+    ">": "<",
+    "<=": ">",
+    ">=": "<",
+    "==": "!=",
+    "!=": "==",
+}
 ELSEWHERE = "test_documentation.py", "test_site.py", "viewer"
 """Tests whose formulas run in other processes, where what they reach is not seen."""
 LONGEST = 1.0
 """Seconds of processor time for a test in plain Python; longer ones are left to native code."""
 PLAIN, NATIVE = 40.0, 90.0
 """Seconds of processor time for one change, in a fork and in a new process."""
-PRELOADED = "hypothesis", "llvmlite.binding", "matplotlib", "mpmath", "scipy.integrate", "scipy.linalg", "scipy.special", "sympy"
+PRELOADED = (
+    "hypothesis",
+    "llvmlite.binding",
+    "matplotlib",
+    "mpmath",
+    "scipy.integrate",
+    "scipy.linalg",
+    "scipy.special",
+    "sympy",
+)
 SURVIVED, CAUGHT, HUNG, UNDECIDED = "SURVIVED", "caught", "hung", "undecided"
 
 
@@ -107,26 +130,48 @@ def changes(file: Path) -> list[Change]:
     source = (ROOT / file).read_text(encoding="utf-8")
     for token in tokenize.generate_tokens(io.StringIO(source).readline):
         (line, column), text = token.start, token.line.strip()
-        if text.startswith(("import ", "from ", "@", "class ", "def ", "raise ", "__all__", '"', "f\"")):
+        if text.startswith(
+            ("import ", "from ", "@", "class ", "def ", "raise ", "__all__", '"', 'f"')
+        ):
             continue
         if token.type == tokenize.NUMBER and token.string.replace(".", "").isdigit():
             value = float(token.string)
-            new = str(int(value) + 1) if token.string.isdigit() else repr(value * 1.25 if value else 1.0)
+            new = (
+                str(int(value) + 1)
+                if token.string.isdigit()
+                else repr(value * 1.25 if value else 1.0)
+            )
             found.append(Change(file, line, column, token.string, new))
-        elif token.type == tokenize.OP and token.string in OTHERS and not text.startswith("*") and "->" not in text:
-            left, right = token.line[column - 1 : column], token.line[column + len(token.string) : column + len(token.string) + 1]
+        elif (
+            token.type == tokenize.OP
+            and token.string in OTHERS
+            and not text.startswith("*")
+            and "->" not in text
+        ):
+            left, right = (
+                token.line[column - 1 : column],
+                token.line[column + len(token.string) : column + len(token.string) + 1],
+            )
             if left == right == " ":  # an operator between two values, by the habits of this tree
                 found.append(Change(file, line, column, token.string, OTHERS[token.string]))
     return found
 
 
 def statement(change: Change) -> tuple[range, str]:
-    """The lines of the statement that is changed (of a loop or a branch its head), and the name at the top that it belongs to."""
+    """The lines of the statement that is changed (of a loop or a branch its head), and the name at
+    the top that it belongs to.
+    """
     tree = ast.parse((ROOT / change.file).read_text(encoding="utf-8"))
-    inside = [n for n in ast.walk(tree) if isinstance(n, ast.stmt) and n.lineno <= change.line <= (n.end_lineno or 0)]
+    inside = [
+        n
+        for n in ast.walk(tree)
+        if isinstance(n, ast.stmt) and n.lineno <= change.line <= (n.end_lineno or 0)
+    ]
     top, last = inside[0], inside[-1]
     body = getattr(last, "body", None)
-    names = [n.id for n in ast.walk(top) if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)]
+    names = [
+        n.id for n in ast.walk(top) if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)
+    ]
     owner = top.name if isinstance(top, ast.ClassDef | ast.FunctionDef) else (names or [""])[0]
     return range(last.lineno, body[0].lineno if body else (last.end_lineno or 0) + 1), owner
 
@@ -140,7 +185,9 @@ class TooLong(BaseException):
 
 @contextlib.contextmanager
 def processor_time(seconds: float) -> Iterator[None]:
-    """No longer than so many seconds of the processor, or ten times as long for what waits; again, if the exception is caught."""
+    """No longer than so many seconds of the processor, or ten times as long for what waits; again,
+    if the exception is caught.
+    """
 
     def stop(*_: Any) -> None:
         raise TooLong
@@ -164,7 +211,13 @@ def outcome(item: pytest.Item, following: pytest.Item | None, seconds: float) ->
     except TooLong:
         return HUNG
     failed = [r for r in reports if r.failed]
-    return HUNG if any("TooLong" in str(r.longrepr) for r in failed) else CAUGHT if failed else SURVIVED
+    return (
+        HUNG
+        if any("TooLong" in str(r.longrepr) for r in failed)
+        else CAUGHT
+        if failed
+        else SURVIVED
+    )
 
 
 def in_fork(work: Callable[[], Any], folder: Path) -> Any:
@@ -198,7 +251,9 @@ class Reach:
 
     def of(self, file: Path, lines: range) -> Any:
         """Which tests reach one of the lines."""
-        columns = [self.places[str(file), line] for line in lines if (str(file), line) in self.places]
+        columns = [
+            self.places[str(file), line] for line in lines if (str(file), line) in self.places
+        ]
         found = np.zeros(len(self.names), bool)
         for k in columns:
             found |= (self.reached[:, k // 8] >> (7 - k % 8)) & 1 == 1
@@ -207,14 +262,20 @@ class Reach:
 
 def reach(items: list[pytest.Item], tree: Path) -> Reach:
     """Run tests in plain Python and see what each of them reaches."""
-    monitoring, tool, prefix = sys.monitoring, sys.monitoring.COVERAGE_ID, str(tree / "liemech") + os.sep
+    monitoring, tool, prefix = (
+        sys.monitoring,
+        sys.monitoring.COVERAGE_ID,
+        str(tree / "liemech") + os.sep,
+    )
     places: dict[tuple[str, int], int] = {}
     lines: set[int] = set()
     rows, seconds, passed = [], [], []
 
     def line(code: types.CodeType, number: int) -> Any:
         if code.co_filename.startswith(prefix):
-            lines.add(places.setdefault((code.co_filename[len(str(tree)) + 1 :], number), len(places)))
+            lines.add(
+                places.setdefault((code.co_filename[len(str(tree)) + 1 :], number), len(places))
+            )
         return monitoring.DISABLE
 
     monitoring.use_tool_id(tool, "mutation")
@@ -224,7 +285,10 @@ def reach(items: list[pytest.Item], tree: Path) -> Reach:
         lines.clear()
         begin = time.process_time()
         monitoring.restart_events()
-        passed.append(not item.get_closest_marker("compiled") and outcome(item, following, LONGEST) == SURVIVED)
+        passed.append(
+            not item.get_closest_marker("compiled")
+            and outcome(item, following, LONGEST) == SURVIVED
+        )
         seconds.append(time.process_time() - begin)
         rows.append(np.array(sorted(lines), np.int64))
         if len(rows) % 500 == 0:
@@ -232,7 +296,13 @@ def reach(items: list[pytest.Item], tree: Path) -> Reach:
     bits = np.zeros((len(items), len(places)), bool)
     for row, found in zip(bits, rows, strict=True):
         row[found] = True
-    return Reach([i.nodeid for i in items], places, np.packbits(bits, axis=1), np.array(seconds), np.array(passed))
+    return Reach(
+        [i.nodeid for i in items],
+        places,
+        np.packbits(bits, axis=1),
+        np.array(seconds),
+        np.array(passed),
+    )
 
 
 # Changes of functions, in forks of a process that has collected all tests.
@@ -246,7 +316,9 @@ def nested(code: types.CodeType) -> Iterator[types.CodeType]:
 
 
 class Trials:
-    """A plugin of pytest that runs the tests once and again, in forks, with one change after another."""
+    """A plugin of pytest that runs the tests once and again, in forks, with one change after
+    another.
+    """
 
     def __init__(self, tree: Path, chosen: list[Change], kept: Path) -> None:
         self.tree, self.chosen, self.kept = tree, chosen, kept
@@ -263,22 +335,37 @@ class Trials:
         gc.freeze()
         items = {item.nodeid: item for item in session.items}
         if not self.kept.exists():
-            self.kept.write_bytes(pickle.dumps(in_fork(lambda: reach(session.items, self.tree), self.tree)))
+            self.kept.write_bytes(
+                pickle.dumps(in_fork(lambda: reach(session.items, self.tree), self.tree))
+            )
         self.reach = pickle.loads(self.kept.read_bytes())
         for i, change in enumerate(self.chosen, 1):
             with change.made(self.tree):
-                path, old = self.tree / change.file, (ROOT / change.file).read_text(encoding="utf-8")
-                before, after = (compile(t, str(path), "exec", dont_inherit=True) for t in (old, change.text()))
+                path, old = (
+                    self.tree / change.file,
+                    (ROOT / change.file).read_text(encoding="utf-8"),
+                )
+                before, after = (
+                    compile(t, str(path), "exec", dont_inherit=True) for t in (old, change.text())
+                )
                 other = {a: b for a, b in zip(nested(before), nested(after), strict=True) if a != b}
-                swapped = [(f, other[f.__code__]) for f in functions[str(path)] if f.__code__ in other]
+                swapped = [
+                    (f, other[f.__code__]) for f in functions[str(path)] if f.__code__ in other
+                ]
                 if swapped:
                     tests = self.ordered(change, items)
-                    self.verdicts[change] = in_fork(functools.partial(self.trial, swapped, tests), self.tree) or HUNG
+                    self.verdicts[change] = (
+                        in_fork(functools.partial(self.trial, swapped, tests), self.tree) or HUNG
+                    )
                     say(f"{i:4} {self.verdicts[change]:9} {len(tests):4} tests {change}")
         return True
 
-    def ordered(self, change: Change, items: dict[str, pytest.Item]) -> list[tuple[pytest.Item, float]]:
-        """The tests that reach the change: of each test function one variant, then one more, the quick and particular first."""
+    def ordered(
+        self, change: Change, items: dict[str, pytest.Item]
+    ) -> list[tuple[pytest.Item, float]]:
+        """The tests that reach the change: of each test function one variant, then one more, the
+        quick and particular first.
+        """
         assert self.reach
         found = self.reach.of(change.file, statement(change)[0]) & self.reach.passed
         lines = np.bitwise_count(self.reach.reached).sum(axis=1)
@@ -287,12 +374,17 @@ class Trials:
         for k in sorted(np.flatnonzero(found), key=lambda k: self.reach.seconds[k] * lines[k]):
             name = self.reach.names[k]
             function = name.partition("[")[0]
-            order.append((turns[function], self.reach.seconds[k] * lines[k], name, self.reach.seconds[k]))
+            order.append(
+                (turns[function], self.reach.seconds[k] * lines[k], name, self.reach.seconds[k])
+            )
             turns[function] += 1
         return [(items[name], seconds) for _, _, name, seconds in sorted(order) if name in items]
 
     @staticmethod
-    def trial(swapped: list[tuple[types.FunctionType, types.CodeType]], tests: list[tuple[pytest.Item, float]]) -> str:
+    def trial(
+        swapped: list[tuple[types.FunctionType, types.CodeType]],
+        tests: list[tuple[pytest.Item, float]],
+    ) -> str:
         """Does a test fail with other code in these functions?"""
         for function, code in swapped:
             function.__code__ = code
@@ -306,18 +398,31 @@ class Trials:
         return SURVIVED
 
 
-# Changes of what is made once, and of functions whose tests have not noticed: a new process, whole files, native code.
+# Changes of what is made once, and of functions whose tests have not noticed: a new process, whole
+# files, native code.
 
 
 def test_files(change: Change, reached: Reach) -> list[str]:
     """The files of tests that know what is changed, those that know most about it first."""
-    module, home, owner = ".".join(change.file.with_suffix("").parts), f"tests/{change.file.parts[1]}", statement(change)[1]
-    reaching = {name.partition("::")[0] for name, yes in zip(reached.names, reached.of(change.file, range(10**5))) if yes}
+    module, home, owner = (
+        ".".join(change.file.with_suffix("").parts),
+        f"tests/{change.file.parts[1]}",
+        statement(change)[1],
+    )
+    reaching = {
+        name.partition("::")[0]
+        for name, yes in zip(reached.names, reached.of(change.file, range(10**5)))
+        if yes
+    }
     points = {}
     for path in sorted((ROOT / "tests").rglob("test_*.py")):
         name, text = str(path.relative_to(ROOT)), path.read_text(encoding="utf-8")
-        points[name] = 2 * (change.file.stem in path.stem) + 3 * name.startswith(home) + 2 * (module in text)
-        points[name] += (name in reaching) + (3 * bool(re.search(rf"\b{owner}\b", text)) if owner else 0)
+        points[name] = (
+            2 * (change.file.stem in path.stem) + 3 * name.startswith(home) + 2 * (module in text)
+        )
+        points[name] += (name in reaching) + (
+            3 * bool(re.search(rf"\b{owner}\b", text)) if owner else 0
+        )
     return sorted([name for name in points if points[name] > 1], key=lambda name: -points[name])
 
 
@@ -342,10 +447,18 @@ def main() -> None:
     parser.add_argument("count", type=int)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--list", action="store_true", help="only show the changes")
-    parser.add_argument("--reach", type=Path, help="what each test reaches: written here, or read if it is there")
+    parser.add_argument(
+        "--reach", type=Path, help="what each test reaches: written here, or read if it is there"
+    )
     options = parser.parse_args()
-    files = [p.relative_to(ROOT) for folder in FOLDERS for p in sorted((ROOT / "liemech" / folder).rglob("*.py"))]
-    chosen = random.Random(options.seed).sample([c for file in files for c in changes(file)], options.count)
+    files = [
+        p.relative_to(ROOT)
+        for folder in FOLDERS
+        for p in sorted((ROOT / "liemech" / folder).rglob("*.py"))
+    ]
+    chosen = random.Random(options.seed).sample(
+        [c for file in files for c in changes(file)], options.count
+    )
     if options.list:
         print(*chosen, sep="\n")
         return
@@ -362,8 +475,19 @@ def main() -> None:
 
         def in_memory() -> dict[Change, str]:
             trials = Trials(tree, chosen, kept)
-            quiet = "-q", "-p", "no:cacheprovider", "-p", "no:xdist", "-W", "ignore::pluggy.PluggyTeardownRaisedWarning"
-            pytest.main([*quiet, *(f"--ignore={tree / 'tests' / name}" for name in ELSEWHERE)], plugins=[trials])
+            quiet = (
+                "-q",
+                "-p",
+                "no:cacheprovider",
+                "-p",
+                "no:xdist",
+                "-W",
+                "ignore::pluggy.PluggyTeardownRaisedWarning",
+            )
+            pytest.main(
+                [*quiet, *(f"--ignore={tree / 'tests' / name}" for name in ELSEWHERE)],
+                plugins=[trials],
+            )
             return trials.verdicts
 
         for name in PRELOADED:

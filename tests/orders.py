@@ -24,7 +24,9 @@ FLOOR = 5e-14
 
 @dataclass(frozen=True)
 class Problem:
-    """A motion of four starts to the time t_end, where it is compared; and the fewest steps, for each order."""
+    """A motion of four starts to the time t_end, where it is compared; and the fewest steps, for
+    each order.
+    """
 
     name: str
     system: lm.System
@@ -35,7 +37,9 @@ class Problem:
     def end(self, method: lm.Method, n: int, bodies: int = 4) -> list[np.ndarray]:
         """Momentum, if there is one, and attitude of the first bodies after n steps."""
         start = type(self.starts)(*(x[:bodies] for x in self.starts.parts.values()))
-        run = lm.integrate(self.system, method, start, h=self.t_end / n, steps=n, every=n, progress=False)
+        run = lm.integrate(
+            self.system, method, start, h=self.t_end / n, steps=n, every=n, progress=False
+        )
         return [*((run.mu[-1],) if "mu" in start.parts else ()), self.seen(run.g[-1])]
 
     def seen(self, g: np.ndarray) -> np.ndarray:
@@ -46,7 +50,10 @@ class Problem:
     def exact(self) -> list[np.ndarray]:
         """Where the starts lead: in closed form, or by a method of order 8 far beyond convergence."""
         if isinstance(self.system, lm.RigidBody):
-            ends = [self.system.exact(self.system.state(mu, g), self.t_end) for mu, g in zip(self.starts.mu, self.starts.g)]
+            ends = [
+                self.system.exact(self.system.state(mu, g), self.t_end)
+                for mu, g in zip(self.starts.mu, self.starts.g)
+            ]
             return [np.array([end.mu for end in ends]), np.array([end.g for end in ends])]
         return self.end(lm.RKMK(order=8), round(32 * self.t_end))
 
@@ -60,13 +67,18 @@ class Problem:
 
     def errors(self, method: lm.Method, n: int, bodies: int) -> list[float]:
         """The root mean squares of the errors of momentum and attitude."""
-        return [float(np.sqrt(np.mean((a - b[:bodies]) ** 2))) for a, b in zip(self.end(method, n, bodies), self.exact)]
+        return [
+            float(np.sqrt(np.mean((a - b[:bodies]) ** 2)))
+            for a, b in zip(self.end(method, n, bodies), self.exact)
+        ]
 
     def slopes(self, method: lm.Method, order: int) -> list[float]:
-        """The measured orders of momentum and attitude, by least squares over three steps, each half of the one before.
+        """The measured orders of momentum and attitude, by least squares over three steps, each
+        half of the one before.
 
-        Below order 4 the error of one start; from then on that of four, for one alone may have hardly any error by chance.  From
-        order 5 on the three smallest steps that are not lost in rounding.
+        Below order 4 the error of one start; from then on that of four, for one alone may have
+        hardly any error by chance.  From order 5 on the three smallest steps that are not lost in
+        rounding.
         """
         bodies, n = (1 if order < 4 else 4), self.fewest[order - 1]
         counts, found = [], []
@@ -92,11 +104,19 @@ SMALL = {2: 3e-3, 4: 3e-5, 6: 3e-8, 8: 1e-9}
 
 
 class Smooth(Problem):
-    """A problem on which the leading term of the error shows early, so that a level of the error tells where to begin."""
+    """A problem on which the leading term of the error shows early, so that a level of the error
+    tells where to begin.
+    """
 
     def slopes(self, method: lm.Method, order: int) -> list[float]:
-        """The measured orders, by least squares over three steps from the first with a `SMALL` error on; at order 8 closer ones."""
-        bodies, n, ratio = (1 if order < 4 else 2), round(self.t_end), (2.0 if order < 8 else 2.0**0.5)
+        """The measured orders, by least squares over three steps from the first with a `SMALL`
+        error on; at order 8 closer ones.
+        """
+        bodies, n, ratio = (
+            (1 if order < 4 else 2),
+            round(self.t_end),
+            (2.0 if order < 8 else 2.0**0.5),
+        )
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)  # of steps too large to be made
             while not max(self.errors(method, n, bodies)) < SMALL[order]:
@@ -112,9 +132,11 @@ class Smooth(Problem):
 
 @dataclass(frozen=True)
 class Table:
-    """A table of the page: its first line, its rows of names, methods and orders, and a column for each problem.
+    """A table of the page: its first line, its rows of names, methods and orders, and a column for
+    each problem.
 
-    A column has one problem or several of the same motion, of which the first is taken that the method accepts.
+    A column has one problem or several of the same motion, of which the first is taken that the
+    method accepts.
     """
 
     head: str
@@ -124,7 +146,8 @@ class Table:
     def measured(self, name: str, half: int | None = None) -> list[float | None]:
         """The slopes of a row: None where a method does not apply.
 
-        half : 0 for every other problem, the odd ones in odd rows; 1 for the rest; nan in the place of what is not measured.
+        half : 0 for every other problem, the odd ones in odd rows; 1 for the rest; nan in the place
+        of what is not measured.
         """
         method, order = self.rows[name]
         found: list[float | None] = []
@@ -149,21 +172,35 @@ class Table:
     def text(self) -> str:
         """All rows, measured now."""
         with ProcessPoolExecutor() as pool:
-            lines = [self.line(name, slopes) for name, slopes in zip(self.rows, pool.map(self.measured, self.rows))]
+            lines = [
+                self.line(name, slopes)
+                for name, slopes in zip(self.rows, pool.map(self.measured, self.rows))
+            ]
         return "\n".join((self.head, "| --- " * (self.head.count("|") - 1) + "|", *lines))
 
     def printed(self) -> dict[str, str]:
         """The lines of the table in the page, by their first cells."""
-        lines = PAGE.read_text(encoding="utf-8").partition(self.head)[2].partition("\n\n")[0].splitlines()[2:]
+        lines = (
+            PAGE.read_text(encoding="utf-8")
+            .partition(self.head)[2]
+            .partition("\n\n")[0]
+            .splitlines()[2:]
+        )
         return {text.split("|")[1].strip(): text for text in lines}
 
     def agrees(self, name: str, slopes: list[float | None]) -> None:
-        """Assert that the page has these slopes, to 0.05, and stars where they are due; nan is what was not measured."""
+        """Assert that the page has these slopes, to 0.05, and stars where they are due; nan is what
+        was not measured.
+        """
         cells = [cell.strip() for cell in self.printed()[name].split("|")[3:-1]]
         for cell, p in zip(cells, slopes, strict=True):
             if p is not None and math.isnan(p):
                 continue
-            assert cell.strip("*") == "" if p is None else float(cell.strip("*")) == pytest.approx(p, abs=0.05)
+            assert (
+                cell.strip("*") == ""
+                if p is None
+                else float(cell.strip("*")) == pytest.approx(p, abs=0.05)
+            )
             assert cell.endswith("*") == (p is not None and p > self.rows[name][1] + 0.1)
 
     def main(self) -> None:

@@ -1,8 +1,10 @@
-"""Rounding, measured: what single steps lose against the same steps in more digits, and what long runs lose.
+"""Rounding, measured: what single steps lose against the same steps in more digits, and what long
+runs lose.
 
-`python tests/rounding.py --write` puts the table into docs/verification.md; `--print` only shows it.  Every step of a run in double
-precision is made once more from where it began, in long doubles (19 digits), by closed formulas written down here once more: the
-defect of energy and Casimir is what this one step has rounded.  Its mean is the bias, the drift per step that remains when the
+`python tests/rounding.py --write` puts the table into docs/verification.md; `--print` only shows
+it.  Every step of a run in double precision is made once more from where it began, in long doubles
+(19 digits), by closed formulas written down here once more: the defect of energy and Casimir is
+what this one step has rounded.  Its mean is the bias, the drift per step that remains when the
 random walk is averaged out.
 """
 
@@ -26,12 +28,15 @@ Wide = np.longdouble
 HAS_MORE_DIGITS = np.finfo(Wide).eps < 1e-3 * EPS
 Array = np.ndarray
 
-# ---------------------------------------------------------------- vectors as columns: (3, n), in double or long double
+# ---------------------------------------------------------------- vectors as columns: (3, n), in
+# double or long double
 
 
 def cross(a: Array, b: Array) -> Array:
     """a x b."""
-    return np.stack([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+    return np.stack(
+        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+    )
 
 
 def dot(a: Array, b: Array) -> Array:
@@ -41,7 +46,9 @@ def dot(a: Array, b: Array) -> Array:
 
 def series(x: Array, first: int) -> Array:
     """sum_k (-x)^k/(2k + first)!, for angles up to 1.6."""
-    terms = [1 / x.dtype.type(math.factorial(2 * k + first)) for k in range(12 if x.dtype == Wide else 9)]
+    terms = [
+        1 / x.dtype.type(math.factorial(2 * k + first)) for k in range(12 if x.dtype == Wide else 9)
+    ]
     total = terms[-1] - 0 * x
     for term in reversed(terms[:-1]):
         total = term - x * total
@@ -50,7 +57,9 @@ def series(x: Array, first: int) -> Array:
 
 @dataclass(frozen=True)
 class Turn:
-    """tau(x) = 1 + a X + b X^2 and its dual differential (dtau_x)* = f - d X + c X^2, X = hat(x): a, b and f, d, c of |x|^2."""
+    """tau(x) = 1 + a X + b X^2 and its dual differential (dtau_x)* = f - d X + c X^2, X = hat(x):
+    a, b and f, d, c of |x|^2.
+    """
 
     way: Callable[[Array], tuple[Array, Array]]
     slope: Callable[[Array], tuple[Array | int, Array, Array | int]]
@@ -70,16 +79,24 @@ class Turn:
     def matrices(self, x: Array) -> Array:
         """tau(x), (n, 3, 3)."""
         a, b = self.way(dot(x, x))
-        units = [np.repeat(np.eye(3, dtype=Wide)[:, i : i + 1], x.shape[1], axis=1) for i in range(3)]
-        return np.stack([e + a * cross(x, e) + b * cross(x, cross(x, e)) for e in units], axis=1).transpose(2, 0, 1)
+        units = [
+            np.repeat(np.eye(3, dtype=Wide)[:, i : i + 1], x.shape[1], axis=1) for i in range(3)
+        ]
+        return np.stack(
+            [e + a * cross(x, e) + b * cross(x, cross(x, e)) for e in units], axis=1
+        ).transpose(2, 0, 1)
 
 
-EXPONENTIAL = Turn(lambda x: (series(x, 1), series(x, 2)), lambda x: (1, series(x, 2), series(x, 3)))
+EXPONENTIAL = Turn(
+    lambda x: (series(x, 1), series(x, 2)), lambda x: (1, series(x, 2), series(x, 3))
+)
 CAYLEY_MAP = Turn(lambda x: (4 / (4 + x), 2 / (4 + x)), lambda x: (4 / (4 + x), 2 / (4 + x), 0))
 
 
 def fixed(equation: Callable[..., Array], start: Array, *data: Array | Wide) -> Array:
-    """The fixed point of a contraction that depends on data: in double precision first, then in long doubles."""
+    """The fixed point of a contraction that depends on data: in double precision first, then in
+    long doubles.
+    """
     x = start
     for digits, most in ((float, 60), (Wide, 30)):
         x, given = x.astype(digits), [d.astype(digits) for d in data]
@@ -107,12 +124,18 @@ class Scene:
     @property
     def system(self) -> lm.System:
         """The library's."""
-        return lm.HeavyTop(self.moments, self.weight, self.centre) if self.weight else lm.RigidBody(self.moments)
+        return (
+            lm.HeavyTop(self.moments, self.weight, self.centre)
+            if self.weight
+            else lm.RigidBody(self.moments)
+        )
 
     def energy(self, mu: Array, vertical: Array) -> Array:
         """mu . J^-1 mu/2 + w Gamma . c."""
         centre = wide(self.centre)
-        return dot(mu, mu / wide(self.moments)) / 2 + self.weight * dot(vertical, centre * np.ones_like(vertical))
+        return dot(mu, mu / wide(self.moments)) / 2 + self.weight * dot(
+            vertical, centre * np.ones_like(vertical)
+        )
 
     def kick(self, vertical: Array) -> Array:
         """The torque w Gamma x c."""
@@ -135,7 +158,9 @@ def algorithm_1(turn: Turn, h: Wide, moments: Array, mu: Array) -> Array:
 
 
 def hamilton_jacobi_4(turn: Turn, h: Wide, moments: Array, mu: Array) -> Array:
-    """x(p) = h v + (h^3/6) ds_3, p = (dtau_x)* mu; of a quadratic energy, by the formula for rotations."""
+    """x(p) = h v + (h^3/6) ds_3, p = (dtau_x)* mu; of a quadratic energy, by the formula for
+    rotations.
+    """
 
     def displacement(p: Array, h: Wide, J: Array) -> Array:
         v = p / J
@@ -169,7 +194,9 @@ SUZUKI = (S, S, 1 - 4 * S, S, S)
 
 @dataclass(frozen=True)
 class Case:
-    """A method of the library, and its step once more: displacements of substeps, between kicks if there is a field."""
+    """A method of the library, and its step once more: displacements of substeps, between kicks if
+    there is a field.
+    """
 
     method: lm.Method
     turn: Turn
@@ -194,11 +221,27 @@ class Case:
             ways.append(x)
         return mu, vertical, ways
 
-    def run(self, steps: int, h: float = 0.1, every: int = 1, compensated: bool | None = None, **start: Array) -> lm.Trajectory:
+    def run(
+        self,
+        steps: int,
+        h: float = 0.1,
+        every: int = 1,
+        compensated: bool | None = None,
+        **start: Array,
+    ) -> lm.Trajectory:
         """A run of the library."""
         system = self.scene.system
         state = system.state(**({"mu": self.scene.mu, "g": ATTITUDE} | start))
-        return lm.integrate(system, self.method, state, h=h, steps=steps, every=every, compensated=compensated, progress=False)
+        return lm.integrate(
+            system,
+            self.method,
+            state,
+            h=h,
+            steps=steps,
+            every=every,
+            compensated=compensated,
+            progress=False,
+        )
 
 
 EXP, CAYLEY = lm.CovariantVariational(lm.Exponential()), lm.CovariantVariational(lm.Cayley())
@@ -219,7 +262,9 @@ CASES = (
 
 @dataclass(frozen=True)
 class Rounding:
-    """What the steps of a run have rounded, relative, in units of eps: means, standard errors of the means, and one step's size."""
+    """What the steps of a run have rounded, relative, in units of eps: means, standard errors of
+    the means, and one step's size.
+    """
 
     energy: float
     energy_error: float
@@ -229,7 +274,9 @@ class Rounding:
     attitude: float
 
 
-def rounding(case: Case, steps: int, h: float = 0.1, compensated: bool | None = None, chunk: int = 4096) -> Rounding:
+def rounding(
+    case: Case, steps: int, h: float = 0.1, compensated: bool | None = None, chunk: int = 4096
+) -> Rounding:
     """Every step of a run against the same step in long doubles."""
     run = case.run(steps, h, compensated=compensated)
     energies, casimirs, product = [], [], ATTITUDE.astype(Wide)
@@ -240,12 +287,21 @@ def rounding(case: Case, steps: int, h: float = 0.1, compensated: bool | None = 
         energy = case.scene.energy(after, upright)
         scale = EPS * np.abs(case.scene.energy(mu[:, :1], vertical[:, :1]))
         energies.append((case.scene.energy(mu[:, 1:], vertical[:, 1:]) - energy) / scale)
-        casimirs.append(casimir(case.scene, mu[:, 1:], vertical[:, 1:]) - casimir(case.scene, after, upright))
+        casimirs.append(
+            casimir(case.scene, mu[:, 1:], vertical[:, 1:]) - casimir(case.scene, after, upright)
+        )
         product = product @ whole_turn([case.turn.matrices(x) for x in ways])
     energy, other = (np.concatenate(parts).astype(float) for parts in (energies, casimirs))
     other = other / EPS / float(np.abs(casimir(case.scene, wide(run.mu[0]), wide(run.g[0, 2])))[0])
     attitude = float(np.abs(run.g[-1] - product).max())
-    return Rounding(energy.mean(), error_of_mean(energy), energy.std(), other.mean(), error_of_mean(other), attitude)
+    return Rounding(
+        energy.mean(),
+        error_of_mean(energy),
+        energy.std(),
+        other.mean(),
+        error_of_mean(other),
+        attitude,
+    )
 
 
 def casimir(scene: Scene, mu: Array, vertical: Array) -> Array:
@@ -254,7 +310,9 @@ def casimir(scene: Scene, mu: Array, vertical: Array) -> Array:
 
 
 def error_of_mean(values: Array, block: int = 1000) -> float:
-    """The standard error of the mean of values that may be correlated within a block, as those of compensated sums are."""
+    """The standard error of the mean of values that may be correlated within a block, as those of
+    compensated sums are.
+    """
     n = len(values) // block
     means = values[: n * block].reshape(n, block).mean(axis=1)
     return float(means.std() / np.sqrt(n - 1))
@@ -271,41 +329,69 @@ def whole_turn(substeps: list[Array]) -> Array:
 
 def multiplied(a: Array, b: Array) -> Array:
     """Products of matrices, entry by entry: there is no fast routine for long doubles."""
-    return np.stack([np.stack([sum(a[:, i, k] * b[:, k, j] for k in range(3)) for j in range(3)], -1) for i in range(3)], -2)
+    return np.stack(
+        [
+            np.stack([sum(a[:, i, k] * b[:, k, j] for k in range(3)) for j in range(3)], -1)
+            for i in range(3)
+        ],
+        -2,
+    )
 
 
 WINDOW = np.kaiser(4096, 40.0)
 """Weights of a mean in which an oscillation of less than 300 steps is invisible, by 16 digits."""
 
 
-def growth(case: Case, compensated: bool | None = None, h: float = 0.1, most: int = 1_000_000) -> tuple[float, Array]:
-    """How the root mean square over 16 starts of the change of the mean energy grows with the steps: its exponent, and itself."""
-    counts, rng = np.unique(np.geomspace(most / 100, most, 9).round().astype(int)), np.random.default_rng(11)
+def growth(
+    case: Case, compensated: bool | None = None, h: float = 0.1, most: int = 1_000_000
+) -> tuple[float, Array]:
+    """How the root mean square over 16 starts of the change of the mean energy grows with the
+    steps: its exponent, and itself.
+    """
+    counts, rng = (
+        np.unique(np.geomspace(most / 100, most, 9).round().astype(int)),
+        np.random.default_rng(11),
+    )
     mu = starts(case.scene, rng)
     run, means = case.run(len(WINDOW), h, compensated=compensated, mu=mu), []
     done = len(WINDOW)
     for n in (0, *counts):
         if n:
-            run = case.run(n - done, h, every=n - done, compensated=compensated, mu=run.mu[-1], g=run.g[-1])
+            run = case.run(
+                n - done, h, every=n - done, compensated=compensated, mu=run.mu[-1], g=run.g[-1]
+            )
             run = case.run(len(WINDOW), h, compensated=compensated, mu=run.mu[-1], g=run.g[-1])
             done = n + len(WINDOW)
-        energy = case.scene.energy(*(a[1:].astype(Wide).reshape(-1, 3).T for a in (run.mu, run.g[:, :, 2])))
+        energy = case.scene.energy(
+            *(a[1:].astype(Wide).reshape(-1, 3).T for a in (run.mu, run.g[:, :, 2]))
+        )
         means.append(WINDOW @ energy.reshape(-1, 16) / WINDOW.sum())
     change = np.array([(m - means[0]) / means[0] for m in means[1:]], dtype=float)
     rms = np.sqrt((change**2).mean(axis=1))
     return float(np.polyfit(np.log(counts), np.log(rms), 1)[0]), rms
 
 
-def energy_walk(method: lm.Method, counts: Array, h: float = 0.1, **sums: object) -> tuple[Array, Array]:
-    """After numbers of steps, root mean square over 16 free bodies: the change of the mean energy, and that of the energy itself.
+def energy_walk(
+    method: lm.Method, counts: Array, h: float = 0.1, **sums: object
+) -> tuple[Array, Array]:
+    """After numbers of steps, root mean square over 16 free bodies: the change of the mean energy,
+    and that of the energy itself.
 
-    One run for all; the mean is taken over the steps that follow.  sums : `compensated` or `precision`, as for `integrate`.
+    One run for all; the mean is taken over the steps that follow.  sums : `compensated` or
+    `precision`, as for `integrate`.
     """
     windows = np.add.outer(np.concatenate([[0], counts]), np.arange(len(WINDOW)))
     times, back = np.unique(windows, return_inverse=True)
     start = BODY.system.state(starts(BODY, np.random.default_rng(11)))
     run = lm.integrate(
-        BODY.system, method, start, h=h, steps=int(times[-1]), t_eval=h * times, progress=False, **sums  # type: ignore[arg-type]
+        BODY.system,
+        method,
+        start,
+        h=h,
+        steps=int(times[-1]),
+        t_eval=h * times,
+        progress=False,
+        **sums,  # type: ignore[arg-type]
     )
     mu = run.mu.astype(Wide).reshape(-1, 3).T
     energy = BODY.energy(mu, 0 * mu).reshape(-1, 16)[back.reshape(windows.shape)]
@@ -328,26 +414,49 @@ def casimir_drift(case: Case, steps: int, compensated: bool | None = None, h: fl
     return float(np.abs(value / value[0] - 1).max())
 
 
-def reversibility(case: Case, compensated: bool | None = None, h: float = 0.1, steps: int = 10_000) -> float:
+def reversibility(
+    case: Case, compensated: bool | None = None, h: float = 0.1, steps: int = 10_000
+) -> float:
     """How far from the start many steps forth and back lead."""
     there = case.run(steps, h, every=steps, compensated=compensated)
     back = case.run(steps, -h, every=steps, compensated=compensated, mu=there.mu[-1], g=there.g[-1])
-    return float(max(np.abs(back.mu[-1] - there.mu[0]).max(), np.abs(back.g[-1] - there.g[0]).max()))
+    return float(
+        max(np.abs(back.mu[-1] - there.mu[0]).max(), np.abs(back.g[-1] - there.g[0]).max())
+    )
 
 
-def spatial_drift(case: Case, steps: int, compensated: bool | None = None, h: float = 0.1) -> tuple[float, float]:
-    """The largest changes of what the space sees, the momentum (of a top its vertical part), and of g^T g."""
+def spatial_drift(
+    case: Case, steps: int, compensated: bool | None = None, h: float = 0.1
+) -> tuple[float, float]:
+    """The largest changes of what the space sees, the momentum (of a top its vertical part), and of
+    g^T g.
+    """
     run = case.run(steps, h, every=steps // 100, compensated=compensated)
     space = np.einsum("nij,nj->ni", run.g, run.mu)[:, 2 if case.scene.weight else slice(None)]
     size = np.linalg.norm(run.mu[0])
-    return float(np.abs(space - space[0]).max() / size), float(np.abs(np.swapaxes(run.g, 1, 2) @ run.g - np.eye(3)).max())
+    return float(np.abs(space - space[0]).max() / size), float(
+        np.abs(np.swapaxes(run.g, 1, 2) @ run.g - np.eye(3)).max()
+    )
 
 
-def driven_attitude(compensated: bool | None = None, steps: int = 1_000_000, h: float = 0.1, chunk: int = 4096) -> float:
-    """The error of an attitude that turns at a given varying rate: against the product of the same turns in long doubles."""
+def driven_attitude(
+    compensated: bool | None = None, steps: int = 1_000_000, h: float = 0.1, chunk: int = 4096
+) -> float:
+    """The error of an attitude that turns at a given varying rate: against the product of the same
+    turns in long doubles.
+    """
     system, product = Driven(lm.SO3()), ATTITUDE.astype(Wide)
     start = system.state(ATTITUDE)
-    run = lm.integrate(system, lm.Magnus(2), start, h=h, steps=steps, every=steps, compensated=compensated, progress=False)
+    run = lm.integrate(
+        system,
+        lm.Magnus(2),
+        start,
+        h=h,
+        steps=steps,
+        every=steps,
+        compensated=compensated,
+        progress=False,
+    )
     for first in range(0, steps, chunk):
         t = h * np.arange(first, min(first + chunk, steps)) + 0.5 * h
         x = h * np.array([1.0 / (1.0 + t), np.sin(2.0 * t), np.cos(t) * np.cos(t)])
@@ -355,16 +464,22 @@ def driven_attitude(compensated: bool | None = None, steps: int = 1_000_000, h: 
     return float(np.abs(run.g[-1] - product).max())
 
 
-def offset(method: lm.Method, delta: float = 1e-12, steps: int = 1_000_000, **sums: object) -> float:
-    """The offset from the middle axis of the article's body that explains the mean time between its flips; 16 starts with another.
+def offset(
+    method: lm.Method, delta: float = 1e-12, steps: int = 1_000_000, **sums: object
+) -> float:
+    """The offset from the middle axis of the article's body that explains the mean time between its
+    flips; 16 starts with another.
 
-    From an offset d along another axis they come every 2K/rate = 4 log(4/(sqrt(2) d)); far below rounding d is what rounding adds.
+    From an offset d along another axis they come every 2K/rate = 4 log(4/(sqrt(2) d)); far below
+    rounding d is what rounding adds.
     sums : `compensated` or `precision`, as for `integrate`.
     """
     body, _ = seed_body()
     mu = np.tile([0.0, 1.0, 0.0], (16, 1))
     mu[0::2, 0] = mu[1::2, 2] = delta * np.linspace(0.95, 1.05, 8) * np.resize([1.0, -1.0], 8)
-    run = lm.integrate(body, method, body.state(mu), h=0.1, steps=steps, every=10, progress=False, **sums)  # type: ignore[arg-type]
+    run = lm.integrate(
+        body, method, body.state(mu), h=0.1, steps=steps, every=10, progress=False, **sums
+    )  # type: ignore[arg-type]
     flips = [np.flatnonzero(np.diff(np.sign(y))) for y in run.mu[:, :, 1].T]
     between = np.mean([(f[-1] - f[0]) / (len(f) - 1) for f in flips])
     return float(8.0**0.5 * np.exp(-between / 4.0))
@@ -376,13 +491,15 @@ STEPS = 200_000
 """Steps, or substeps, of which every one is made once more."""
 
 HEAD = (
-    "| method | sums | energy a step, 10^-3 eps | Casimir | 10^7 steps | energy grows like | there and back "
-    "| momentum in space | g^T g |"
+    "| method | sums | energy a step, 10^-3 eps | Casimir | 10^7 steps | energy grows like | there "
+    "and back | momentum in space | g^T g |"
 )
 
 
 def line(choice: tuple[int, bool]) -> str:
-    """A row: a method with the sums it has by default (for those that are not symmetric, on demand), or with ordinary ones."""
+    """A row: a method with the sums it has by default (for those that are not symmetric, on
+    demand), or with ordinary ones.
+    """
     case, plain = CASES[choice[0]], choice[1]
     compensated = False if plain else None if case.method.symmetric else True
     one = rounding(case, STEPS // len(case.shares), compensated=compensated)

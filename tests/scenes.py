@@ -76,7 +76,9 @@ def slope(h: Sequence[float], error: Sequence[float]) -> float:
 def errors_at(
     body: lm.RigidBody, method: lm.Method, start: lm.BodyState, t_end: float, counts: Sequence[int]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The largest error of momentum and of attitude on the way to t_end, against the exact motion, for numbers of steps."""
+    """The largest error of momentum and of attitude on the way to t_end, against the exact motion,
+    for numbers of steps.
+    """
     mu, g = [], []
     for n in counts:
         run = lm.integrate(body, method, start, h=t_end / n, steps=n, every=n // min(counts))
@@ -86,13 +88,21 @@ def errors_at(
     return np.array(mu), np.array(g)
 
 
-def step_map(system: lm.LiePoissonSystem, method: lm.Method, h: float) -> Callable[[np.ndarray], np.ndarray]:
+def step_map(
+    system: lm.LiePoissonSystem, method: lm.Method, h: float
+) -> Callable[[np.ndarray], np.ndarray]:
     """One step of a method as a map of momenta (n, dim) to momenta."""
-    return lambda mu: lm.integrate(system, method, system.state(mu), h=h, steps=1, compiled=False).mu[-1]
+    return lambda mu: lm.integrate(
+        system, method, system.state(mu), h=h, steps=1, compiled=False
+    ).mu[-1]
 
 
-def poisson_defect(system: lm.LiePoissonSystem, method: lm.Method, mu: np.ndarray, h: float) -> float:
-    """max |phi' B(mu) phi'^T - B(phi(mu))| of one step phi; phi' by central differences, extrapolated."""
+def poisson_defect(
+    system: lm.LiePoissonSystem, method: lm.Method, mu: np.ndarray, h: float
+) -> float:
+    """max |phi' B(mu) phi'^T - B(phi(mu))| of one step phi; phi' by central differences,
+    extrapolated.
+    """
     phi, n = step_map(system, method, h), len(mu)
 
     def derivative(e: float) -> np.ndarray:
@@ -142,7 +152,8 @@ class SteeredFromSpace(Steered):
     side = "right"
 
 
-# ---------------------------------------------------------------- bodies with reference values, and bodies in fields
+# ---------------------------------------------------------------- bodies with reference values, and
+# bodies in fields
 
 
 def reference(name: str) -> dict[str, Any]:
@@ -179,17 +190,27 @@ def falling_body() -> tuple[lm.FallingBody, lm.BodyState]:
 
 def orbiting_body(radius: float = 3.0) -> tuple[lm.OrbitingBody, lm.BodyState]:
     """A satellite in a gravity gradient, on a circular orbit, inclined."""
-    body = lm.OrbitingBody([[0.05, 0.01, 0.0], [0.01, 0.08, 0.0], [0.0, 0.0, 0.11]], mass=1.7, attraction=1.0)
+    body = lm.OrbitingBody(
+        [[0.05, 0.01, 0.0], [0.01, 0.08, 0.0], [0.0, 0.0, 0.11]], mass=1.7, attraction=1.0
+    )
     return body, body.circular_orbit(radius, lm.SO3().exp([0.1, 0.2, 0.3]))
 
 
-def kirchhoff_body() -> tuple[lm.KirchhoffBody, lm.BodyState, list[tuple[float, np.ndarray, np.ndarray]]]:
-    """A body in a fluid with all its couplings, a start, and where it is later: times, momenta and poses, to 20 digits."""
+def kirchhoff_body() -> tuple[
+    lm.KirchhoffBody, lm.BodyState, list[tuple[float, np.ndarray, np.ndarray]]
+]:
+    """A body in a fluid with all its couplings, a start, and where it is later: times, momenta and
+    poses, to 20 digits.
+    """
     data = reference("kirchhoff_se3")
     A, D, M, R0, x0 = (numbers(data[name]) for name in ("A", "D", "M", "R0", "x0"))
     body = lm.KirchhoffBody(np.linalg.inv(np.block([[A, D], [D.T, M]])))
     later = [
-        (float(at["t"]), np.array(at["Pi"] + at["P"], float), pose(*(np.array(at[name], float) for name in ("R", "x"))))
+        (
+            float(at["t"]),
+            np.array(at["Pi"] + at["P"], float),
+            pose(*(np.array(at[name], float) for name in ("R", "x"))),
+        )
         for at in data["samples"]
     ]
     return body, body.state(np.array(data["Pi0"] + data["P0"], float), pose(R0, x0)), later
@@ -200,7 +221,8 @@ def pose(R: np.ndarray, x: np.ndarray) -> np.ndarray:
     return np.block([[R, x[:, None]], [np.zeros(3), 1.0]])
 
 
-# ---------------------------------------------------------------- a group that writes only what it must
+# ---------------------------------------------------------------- a group that writes only what it
+# must
 
 
 @lm.record
@@ -214,7 +236,11 @@ class PlaneAlgebra(lm.LieAlgebra):
     @property
     def structure_constants(self) -> tuple:
         zero = (0.0, 0.0, 0.0)
-        return (zero, zero, zero), ((0.0, 0.0, -1.0), zero, (1.0, 0.0, 0.0)), ((0.0, 1.0, 0.0), (-1.0, 0.0, 0.0), zero)
+        return (
+            (zero, zero, zero),
+            ((0.0, 0.0, -1.0), zero, (1.0, 0.0, 0.0)),
+            ((0.0, 1.0, 0.0), (-1.0, 0.0, 0.0), zero),
+        )
 
     def hat(self, xi: lm.Vec) -> lm.Mat:
         return lm.mat(lm.vec(0.0, -xi[0], xi[1]), lm.vec(xi[0], 0.0, xi[2]), lm.vec(0.0, 0.0, 0.0))
@@ -225,7 +251,9 @@ class PlaneAlgebra(lm.LieAlgebra):
 
 @lm.record
 class PlaneMotions(lm.LieGroup):
-    """SE(2), the motions of the plane: not compact, its adjoint action not orthogonal, and without closed forms."""
+    """SE(2), the motions of the plane: not compact, its adjoint action not orthogonal, and without
+    closed forms.
+    """
 
     @property
     def algebra(self) -> PlaneAlgebra:
@@ -258,7 +286,9 @@ class PlaneMotions(lm.LieGroup):
 
 @lm.record
 class Relativistic(lm.SeparableSystem):
-    """A relativistic particle in an anharmonic well: T is not quadratic, and no derivative is written."""
+    """A relativistic particle in an anharmonic well: T is not quadratic, and no derivative is
+    written.
+    """
 
     degrees: ClassVar[int] = 2
     c: float = 2.0

@@ -1,4 +1,6 @@
-"""The shape of the library: which file may import which, what an import costs, what a public name owes its reader."""
+"""The shape of the library: which file may import which, what an import costs, what a public name
+owes its reader.
+"""
 
 from __future__ import annotations
 
@@ -38,7 +40,9 @@ LAYERS = (
     "command_line",
     "__main__",
 )
-"""From the ground up: a module imports from its own layer and from those before it, never from those after it."""
+"""From the ground up: a module imports from its own layer and from those before it, never from
+those after it.
+"""
 
 DOORS = {("simulation", "plots"), ("simulation", "viewer")}
 """The exceptions: `run.plot_momentum()` opens a door upwards, inside the method, when it is called."""
@@ -47,13 +51,16 @@ HOMES = {"llvmlite": "compiler", "numba": None, "matplotlib": "plots", "meshcat"
 """The one layer that may know an optional package; None: nobody."""
 
 SOURCED = ("groups", "retractions", "models", "integrators")
-"""The layers made of other people's mathematics: a public docstring says where the formula stands in print."""
+"""The layers made of other people's mathematics: a public docstring says where the formula stands
+in print.
+"""
 
 UNSOURCED: frozenset[str] = frozenset()
 """Public names of those layers that hold nobody's formula."""
 
 
-# --- reading the imports -----------------------------------------------------------------------------------------
+# --- reading the imports
+# -----------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -74,7 +81,9 @@ class Import:
 
 
 def layer(module: str) -> str:
-    """liemech.groups.so3 is of the layer `groups`, and so is the package itself; `liemech` is above all layers."""
+    """liemech.groups.so3 is of the layer `groups`, and so is the package itself; `liemech` is above
+    all layers.
+    """
     return module.partition(".")[2].partition(".")[0]
 
 
@@ -89,8 +98,12 @@ def trees() -> dict[str, ast.Module]:
     return parsed
 
 
-def executed(node: ast.AST, lazy: bool = False) -> Iterator[tuple[ast.Import | ast.ImportFrom, bool]]:
-    """The import statements that run, and whether only when some function is called; annotations do not count."""
+def executed(
+    node: ast.AST, lazy: bool = False
+) -> Iterator[tuple[ast.Import | ast.ImportFrom, bool]]:
+    """The import statements that run, and whether only when some function is called; annotations do
+    not count.
+    """
     for child in ast.iter_child_nodes(node):
         if isinstance(child, ast.Import | ast.ImportFrom):
             yield child, lazy
@@ -98,14 +111,21 @@ def executed(node: ast.AST, lazy: bool = False) -> Iterator[tuple[ast.Import | a
             for other in child.orelse:
                 yield from executed(ast.Module([other], []), lazy)
         else:
-            yield from executed(child, lazy or isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef))
+            yield from executed(
+                child, lazy or isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef)
+            )
 
 
 def for_typing(tree: ast.Module) -> Iterator[ast.Import | ast.ImportFrom]:
     """The import statements that only type checkers run."""
     for node in ast.walk(tree):
         if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
-            yield from (s for part in node.body for s in ast.walk(part) if isinstance(s, ast.Import | ast.ImportFrom))
+            yield from (
+                s
+                for part in node.body
+                for s in ast.walk(part)
+                if isinstance(s, ast.Import | ast.ImportFrom)
+            )
 
 
 def targets(module: str, statement: ast.Import | ast.ImportFrom) -> Iterator[str]:
@@ -147,8 +167,16 @@ def complain(offenders: list[object], law: str) -> None:
 
 def test_the_reader_of_imports_sees_through_every_spelling() -> None:
     inside = "from ..formulas import Vec\nfrom .ad import hat\nimport liemech.errors\nfrom liemech import formulas, SO3\n"
-    found = [target for node in ast.parse(inside).body for target in targets("liemech.groups.so3", node)]
-    assert found == ["liemech.formulas", "liemech.groups.ad", "liemech.errors", "liemech.formulas", "liemech"]
+    found = [
+        target for node in ast.parse(inside).body for target in targets("liemech.groups.so3", node)
+    ]
+    assert found == [
+        "liemech.formulas",
+        "liemech.groups.ad",
+        "liemech.errors",
+        "liemech.formulas",
+        "liemech",
+    ]
     package = ast.parse("from .so3 import SO3\nfrom ..errors import LawViolation\n").body
     found = [target for node in package for target in targets("liemech.groups", node)]
     assert found == ["liemech.groups.so3", "liemech.errors"]
@@ -157,11 +185,14 @@ def test_the_reader_of_imports_sees_through_every_spelling() -> None:
     assert seen == [("b", False), ("c", True), ("d", False)]
 
 
-# --- the direction of imports ------------------------------------------------------------------------------------
+# --- the direction of imports
+# ------------------------------------------------------------------------------------
 
 
 def test_every_module_belongs_to_a_layer() -> None:
-    strangers = [module for module in trees() if module != "liemech" and layer(module) not in LAYERS]
+    strangers = [
+        module for module in trees() if module != "liemech" and layer(module) not in LAYERS
+    ]
     complain(strangers, "Modules that no layer knows; add a layer to LAYERS, in its place:")
 
 
@@ -201,7 +232,11 @@ def test_imports_for_typing_point_down_too() -> None:
 def test_no_circles() -> None:
     graph: dict[str, set[str]] = {module: set() for module in trees()}
     for one in inside():
-        if one.module != "liemech" and one.target != one.module and not (one.lazy and one.layers in DOORS):
+        if (
+            one.module != "liemech"
+            and one.target != one.module
+            and not (one.lazy and one.layers in DOORS)
+        ):
             graph[one.module].add(one.target)
     try:
         tuple(graphlib.TopologicalSorter(graph).static_order())
@@ -209,7 +244,8 @@ def test_no_circles() -> None:
         pytest.fail("Modules that import each other in a circle: " + " <- ".join(circle.args[1]))
 
 
-# --- other people's packages -------------------------------------------------------------------------------------
+# --- other people's packages
+# -------------------------------------------------------------------------------------
 
 
 def test_each_optional_package_has_one_home() -> None:
@@ -229,13 +265,19 @@ def test_only_numpy_is_imported_before_it_is_needed() -> None:
         and (top := one.target.partition(".")[0]) != "numpy"
         and HOMES.get(top) != layer(one.module)
     ]
-    complain(eager, "Packages imported with the module; import them in the function that needs them:")
+    complain(
+        eager, "Packages imported with the module; import them in the function that needs them:"
+    )
 
 
 def loaded_by(statements: str) -> set[str]:
-    """The top-level modules of a new process after the statements, without the standard library and liemech."""
+    """The top-level modules of a new process after the statements, without the standard library and
+    liemech.
+    """
     code = f"{statements}\nimport json, sys; print(json.dumps(sorted(sys.modules)))"
-    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=120)
+    run = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=120
+    )
     names = {name.partition(".")[0] for name in json.loads(run.stdout.splitlines()[-1])}
     return names - sys.stdlib_module_names - {"liemech", "__main__", "__mp_main__"}
 
@@ -245,11 +287,18 @@ def test_import_loads_numpy_and_nothing_else() -> None:
 
 
 def test_naming_groups_systems_and_methods_loads_numpy_and_nothing_else() -> None:
-    names = [name for name in ("SO3", "Cayley", "RigidBody", "RKMK", "integrate") if name in liemech.__all__]
-    assert loaded_by(f"import liemech; [getattr(liemech, name) for name in {names}]") <= loaded_by("import numpy")
+    names = [
+        name
+        for name in ("SO3", "Cayley", "RigidBody", "RKMK", "integrate")
+        if name in liemech.__all__
+    ]
+    assert loaded_by(f"import liemech; [getattr(liemech, name) for name in {names}]") <= loaded_by(
+        "import numpy"
+    )
 
 
-# --- what a public name owes -------------------------------------------------------------------------------------
+# --- what a public name owes
+# -------------------------------------------------------------------------------------
 
 
 def test_the_package_is_typed() -> None:
@@ -262,10 +311,16 @@ def test_public_names_are_unique() -> None:
 
 def test_public_names_exist_and_are_documented() -> None:
     names = [name for name in liemech.__all__ if not name.startswith("__")]
-    complain([name for name in names if name not in dir(liemech)], "Public names that are not there:")
+    complain(
+        [name for name in names if name not in dir(liemech)], "Public names that are not there:"
+    )
     kinds = inspect.isclass, inspect.isroutine, inspect.ismodule
     things = {name: getattr(liemech, name) for name in names}
-    silent = [name for name, it in things.items() if any(kind(it) for kind in kinds) and not (it.__doc__ or "").strip()]
+    silent = [
+        name
+        for name, it in things.items()
+        if any(kind(it) for kind in kinds) and not (it.__doc__ or "").strip()
+    ]
     complain(silent, "Public names without a docstring of their own:")
 
 
@@ -278,7 +333,10 @@ def test_public_formulas_name_their_source() -> None:
         and name not in UNSOURCED
         and "Source:" not in (thing.__doc__ or "")
     ]
-    complain(silent, "Public names of the mathematical layers without `Source:` (book or paper, equation):")
+    complain(
+        silent,
+        "Public names of the mathematical layers without `Source:` (book or paper, equation):",
+    )
 
 
 def test_modules_of_formulas_name_their_source() -> None:
@@ -288,6 +346,10 @@ def test_modules_of_formulas_name_their_source() -> None:
         for module, tree in trees().items()
         if layer(module) in SOURCED
         and any(isinstance(node, ast.ClassDef | ast.FunctionDef) for node in tree.body)
-        and not any("Source:" in (ast.get_docstring(n) or "") for n in ast.walk(tree) if isinstance(n, documented))
+        and not any(
+            "Source:" in (ast.get_docstring(n) or "")
+            for n in ast.walk(tree)
+            if isinstance(n, documented)
+        )
     ]
     complain(silent, "Modules of the mathematical layers that nowhere say `Source:`:")

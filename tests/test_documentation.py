@@ -1,6 +1,8 @@
-"""What the pages say is true: their Python runs, the examples run, and CI runs the commands of the README.
+"""What the pages say is true: their Python runs, the examples run, and CI runs the commands of the
+README.
 
-A page is one program: its ```python blocks share one namespace and run in order, in an empty folder. A block tagged
+A page is one program: its ```python blocks share one namespace and run in order, in an empty
+folder. A block tagged
 ```python no-run is left out, and the paragraph before it must say that it is not run, and why.
 """
 
@@ -22,7 +24,9 @@ from typing import Any
 import pytest
 
 ROOT = Path(__file__).parent.parent
-PAGES = [page for page in [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))] if page.exists()]
+PAGES = [
+    page for page in [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))] if page.exists()
+]
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 
 LANGUAGES = {"python", "python no-run", "sh", "bash", "text", "toml", "math", "json", "bibtex"}
@@ -30,8 +34,23 @@ LANGUAGES = {"python", "python no-run", "sh", "bash", "text", "toml", "math", "j
 
 COMPILED = {
     *("chaos_in_a_galaxy", "energy_exchange", "banana_orbit"),
-    *("README", "native", "your_own_group", "long_runs", "bodies_in_fields", "hamilton_jacobi", "classical_hamilton_jacobi"),
-    *("symplectic_methods", "time_transformations", "eccentric_orbit", "ensemble", "double_pendulum", "ensemble_in_the_browser"),
+    *(
+        "README",
+        "native",
+        "your_own_group",
+        "long_runs",
+        "bodies_in_fields",
+        "hamilton_jacobi",
+        "classical_hamilton_jacobi",
+    ),
+    *(
+        "symplectic_methods",
+        "time_transformations",
+        "eccentric_orbit",
+        "ensemble",
+        "double_pendulum",
+        "ensemble_in_the_browser",
+    ),
     *("constrained_systems", "index_reduction", "chain", "tutorial"),
 }
 """Pages and examples about native code, or too long without it."""
@@ -39,16 +58,27 @@ COMPILED = {
 QUICK = {
     *("README", "index", "conventions", "notation", "choosing_a_step", "tabulated_inputs"),
     *("tableaus", "native", "long_runs", "changelog", "verification"),
-    *("tennis_racket", "poinsot", "three_rotations", "energy_drift", "top_in_the_browser", "chaos_in_a_galaxy"),
+    *(
+        "tennis_racket",
+        "poinsot",
+        "three_rotations",
+        "energy_drift",
+        "top_in_the_browser",
+        "chaos_in_a_galaxy",
+    ),
 }
-"""Pages and examples that run whenever the tests run; the others are slow, and `.ci/run` runs them all."""
+"""Pages and examples that run whenever the tests run; the others are slow, and `.ci/run` runs them
+all.
+"""
 
 TIME_LIMIT = 300  # seconds for one page or one example
 
 
 @dataclass(frozen=True)
 class Block:
-    """A fenced block of a page: what its fence says, its lines, where they begin, and the paragraph before it."""
+    """A fenced block of a page: what its fence says, its lines, where they begin, and the paragraph
+    before it.
+    """
 
     language: str
     lines: tuple[str, ...]
@@ -73,7 +103,9 @@ def blocks(page: Path) -> list[Block]:
 
 
 def programs(files: list[Path]) -> list[Any]:
-    """The files as parameters of a test, with marks for those that need the compiler and for the slow ones."""
+    """The files as parameters of a test, with marks for those that need the compiler and for the
+    slow ones.
+    """
     native = {f: [pytest.mark.compiled] if f.stem in COMPILED else [] for f in files}
     slow = {f: [] if f.stem in QUICK else [pytest.mark.slow] for f in files}
     return [pytest.param(f, marks=[*native[f], *slow[f]]) for f in files]
@@ -84,15 +116,25 @@ def page_name(page: Path) -> str:
 
 
 def run(program: Path, folder: Path) -> str:
-    """What a program prints in a folder of its own: in a copy of this process, which has imported all, where there is fork."""
+    """What a program prints in a folder of its own: in a copy of this process, which has imported
+    all, where there is fork.
+    """
     printed = folder.with_name(f"{folder.name}.printed")
     if "fork" in multiprocessing.get_all_start_methods():
-        for module in ("llvmlite.binding", "matplotlib.pyplot", "scipy.optimize", "scipy.spatial.transform"):
+        for module in (
+            "llvmlite.binding",
+            "matplotlib.pyplot",
+            "scipy.optimize",
+            "scipy.spatial.transform",
+        ):
             with contextlib.suppress(ImportError):
                 importlib.import_module(module)
-        copy = multiprocessing.get_context("fork").Process(target=inside, args=(program, folder, printed))
+        copy = multiprocessing.get_context("fork").Process(
+            target=inside, args=(program, folder, printed)
+        )
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", DeprecationWarning)  # a worker of xdist has a second thread, which only listens
+            # a worker of xdist has a second thread, which only listens
+            warnings.simplefilter("ignore", DeprecationWarning)
             copy.start()
         copy.join(TIME_LIMIT)
         copy.kill()
@@ -101,7 +143,9 @@ def run(program: Path, folder: Path) -> str:
     else:
         with open(printed, "w", encoding="utf-8") as out:
             command = [sys.executable, str(program)]
-            code = subprocess.run(command, cwd=folder, stdout=out, stderr=out, timeout=TIME_LIMIT, check=False).returncode
+            code = subprocess.run(
+                command, cwd=folder, stdout=out, stderr=out, timeout=TIME_LIMIT, check=False
+            ).returncode
     text = printed.read_text(encoding="utf-8")
     assert code == 0, f"{program.name} failed:\n{text[-6000:]}"
     return text
@@ -123,13 +167,15 @@ def test_fences_say_what_they_hold(page: Path) -> None:
         place = f"{page_name(page)}, line {block.start}"
         assert block.language in LANGUAGES, f"{place}: ```{block.language} is not known here"
         if block.language == "python no-run":
-            assert "not run" in block.before, f"{place}: say in the paragraph before it why it is not run"
+            assert "not run" in " ".join(block.before.split()), (
+                f"{place}: say in the paragraph before it why it is not run"
+            )
 
 
 @pytest.mark.parametrize("page", programs(PAGES), ids=page_name)
 def test_page_runs(page: Path, tmp_path: Path) -> None:
-    # The program has its lines where the page has them, so a traceback points into the page; and a file, which the
-    # compiler of formulas reads.
+    # The program has its lines where the page has them, so a traceback points into the page; and a
+    # file, which the compiler of formulas reads.
     program = [""] * len(page.read_text(encoding="utf-8").splitlines())
     for block in blocks(page):
         if block.language == "python":
@@ -144,16 +190,21 @@ def test_page_runs(page: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize("example", programs(EXAMPLES), ids=lambda example: example.stem)
 def test_example_runs_and_shows_something(example: Path, tmp_path: Path) -> None:
     printed = run(example, tmp_path)
-    assert printed.strip() or any(tmp_path.iterdir()), f"{example.name} ends with neither a number nor a picture"
+    assert printed.strip() or any(tmp_path.iterdir()), (
+        f"{example.name} ends with neither a number nor a picture"
+    )
 
 
 @pytest.mark.parametrize("page", PAGES, ids=page_name)
 def test_links_inside_the_tree_lead_somewhere(page: Path) -> None:
     text = page.read_text(encoding="utf-8")
-    text = re.sub(r"^```.*?^```$|`[^`\n]+`", "", text, flags=re.MULTILINE | re.DOTALL)  # links stand outside code
+    # links stand outside code
+    text = re.sub(r"^```.*?^```$|`[^`\n]+`", "", text, flags=re.MULTILINE | re.DOTALL)
     for target in re.findall(r"\]\(([^)#\s]+)", text):
         if "://" not in target and not target.startswith("mailto:"):
-            assert (page.parent / target).exists(), f"{page_name(page)} links to {target}, which does not exist"
+            assert (page.parent / target).exists(), (
+                f"{page_name(page)} links to {target}, which does not exist"
+            )
 
 
 def test_readme_has_two_commands_and_ci_runs_them() -> None:

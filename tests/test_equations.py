@@ -15,8 +15,15 @@ FOLDERS = {"Constrained systems": "constrained", "Poisson systems": "poisson", "
 def test_every_equation_names_a_test_that_is_there() -> None:
     for head, folder in FOLDERS.items():
         section = PAGE.partition(f"## {head}\n")[2].partition("\n## ")[0]
-        code = "".join(path.read_text(encoding="utf-8") for path in sorted((ROOT / "tests" / folder).glob("test_*.py")))
-        rows = [row for row in section.splitlines() if row.startswith("| ") and not row.startswith(("| equation", "| ---"))]
+        code = "".join(
+            path.read_text(encoding="utf-8")
+            for path in sorted((ROOT / "tests" / folder).glob("test_*.py"))
+        )
+        rows = [
+            row
+            for row in section.splitlines()
+            if row.startswith("| ") and not row.startswith(("| equation", "| ---"))
+        ]
         assert len(rows) > 10
         for row in rows:
             names = re.findall(r"`(test_\w+)`", row.split("|")[4])
@@ -27,7 +34,9 @@ def test_every_equation_names_a_test_that_is_there() -> None:
 
 def test_no_equation_is_left_out() -> None:
     named = {(int(a), int(b)) for a, b in re.findall(r"\((\d)\.(\d+)\)", PAGE)}
-    assert {(1, k) for k in range(1, 17)} | {(2, k) for k in range(1, 19)} | {(3, k) for k in range(1, 10)} <= named
+    assert {(1, k) for k in range(1, 17)} | {(2, k) for k in range(1, 19)} | {
+        (3, k) for k in range(1, 10)
+    } <= named
 
 
 def test_classes_and_functions_of_the_table_are_there() -> None:

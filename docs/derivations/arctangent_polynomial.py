@@ -1,7 +1,9 @@
-"""The polynomial of `liemech.models.carlson`: atan(r)/r in w = r^2, interpolated in the Chebyshev points of 0 <= w <= 0.172.
+"""The polynomial of `liemech.models.carlson`: atan(r)/r in w = r^2, interpolated in the Chebyshev
+points of 0 <= w <= 0.172.
 
-Each term of Carlson's R_J has the factor atan(r)/r, where r^2 is the product of (sqrt p - sqrt x)/(sqrt p + sqrt x) over x, y, z.
-For x, y <= z <= p <= 2 z that is at most (sqrt 2 - 1)/(sqrt 2 + 1) = 0.1716.
+Each term of Carlson's R_J has the factor atan(r)/r, where r^2 is the product of
+(sqrt p - sqrt x)/(sqrt p + sqrt x) over x, y, z. For x, y <= z <= p <= 2 z that is at most
+(sqrt 2 - 1)/(sqrt 2 + 1) = 0.1716.
 """
 
 import mpmath

@@ -1,15 +1,21 @@
-"""Reference motions of constrained models, 25 digits, in coordinates of their own wherever there are some.
+"""Reference motions of constrained models, 25 digits, in coordinates of their own wherever there
+are some.
 
     python docs/derivations/constrained_models.py > tests/reference/constrained_models.json
 
-Each is the solution of an ordinary differential equation by extrapolation of order 32, with 40 digits:
+Each is the solution of an ordinary differential equation by extrapolation of order 32, with 40
+digits:
 
-* a chain of three masses in a plane, in its angles, by Lagrange's equations with m_ij = m_max(i,j) + ... + m_N:
+* a chain of three masses in a plane, in its angles, by Lagrange's equations with
+m_ij = m_max(i,j) + ... + m_N:
   sum_j m_ij l_i l_j (cos(x_i - x_j) x_j'' + sin(x_i - x_j) x_j'^2) = -g l_i m_ii sin x_i;
-* a chain of two masses in space, in positions, with the tensions that keep rods as long as they are;
+* a chain of two masses in space, in positions, with the tensions that keep rods as long as they
+are;
 * a bead on the parabola y = a x^2: (1 + 4 a^2 x^2) x'' + 4 a^2 x x'^2 + 2 a g x = 0;
-* a geodesic of an ellipsoid, in positions: q'' = -l n, n = (q_i/a_i^2), l = sum v_i^2/a_i^2 / |n|^2;
-* linkages of N parallelograms, by their angle: I x'' = -M g cos x, I = (N + 1)/3 + N, M = (N + 1)/2 + N.
+* a geodesic of an ellipsoid, in positions: q'' = -l n, n = (q_i/a_i^2), l = sum
+v_i^2/a_i^2 / |n|^2;
+* linkages of N parallelograms, by their angle: I x'' = -M g cos x, I = (N + 1)/3 + N,
+M = (N + 1)/2 + N.
 """
 
 import json
@@ -22,7 +28,9 @@ G = mp.mpf("9.81")
 
 
 def end(rate: Callable[..., list], start: list, t: str, steps: int = 16, columns: int = 16) -> list:
-    """The solution at a time: midpoint steps, extrapolated.  Source: Hairer, Norsett, Wanner, Solving ODEs I, II.9 (Gragg)."""
+    """The solution at a time: midpoint steps, extrapolated.  Source: Hairer, Norsett, Wanner,
+    Solving ODEs I, II.9 (Gragg).
+    """
     y, h = [mp.mpf(x) for x in start], mp.mpf(t) / steps
     for _ in range(steps):
         table: list[list] = []
@@ -31,8 +39,13 @@ def end(rate: Callable[..., list], start: list, t: str, steps: int = 16, columns
             small = h / parts
             before, now = y, [a + small * b for a, b in zip(y, rate(0, y), strict=True)]
             for _ in range(parts - 1):
-                before, now = now, [a + 2 * small * b for a, b in zip(before, rate(0, now), strict=True)]
-            row = [[(a + b + small * c) / 2 for a, b, c in zip(now, before, rate(0, now), strict=True)]]
+                before, now = (
+                    now,
+                    [a + 2 * small * b for a, b in zip(before, rate(0, now), strict=True)],
+                )
+            row = [
+                [(a + b + small * c) / 2 for a, b, c in zip(now, before, rate(0, now), strict=True)]
+            ]
             for k, upper in enumerate(table[-1] if table else []):
                 ratio = (mp.mpf(parts) / (2 * (j - k))) ** 2 - 1
                 row.append([a + (a - b) / ratio for a, b in zip(row[-1], upper, strict=True)])
@@ -48,7 +61,11 @@ def digits(x: list) -> list[str]:
 
 def planar_chain() -> dict[str, object]:
     """Three masses, from angles at rest."""
-    m, l, x0 = [mp.mpf(s) for s in ("1", "0.5", "0.7")], [mp.mpf(s) for s in ("1", "0.8", "0.6")], ["0.9", "0.4", "-0.7"]
+    m, l, x0 = (
+        [mp.mpf(s) for s in ("1", "0.5", "0.7")],
+        [mp.mpf(s) for s in ("1", "0.8", "0.6")],
+        ["0.9", "0.4", "-0.7"],
+    )
     a = [[mp.fsum(m[max(i, j) :]) for j in range(3)] for i in range(3)]
 
     def rate(t: object, y: list) -> list:
@@ -67,7 +84,13 @@ def planar_chain() -> dict[str, object]:
     for angle, length in zip(x, l, strict=True):
         at = [at[0] + length * mp.sin(angle), at[1] - length * mp.cos(angle)]
         found += at
-    return {"masses": ["1", "0.5", "0.7"], "lengths": ["1", "0.8", "0.6"], "angles": x0, "t": "1", "q": digits(found)}
+    return {
+        "masses": ["1", "0.5", "0.7"],
+        "lengths": ["1", "0.8", "0.6"],
+        "angles": x0,
+        "t": "1",
+        "q": digits(found),
+    }
 
 
 def spatial_chain() -> dict[str, object]:
@@ -124,5 +147,10 @@ def linkage(loops: int) -> dict[str, object]:
 
 
 if __name__ == "__main__":
-    models = {"planar chain": planar_chain(), "spatial chain": spatial_chain(), "bead": bead(), "ellipsoid": ellipsoid()}
+    models = {
+        "planar chain": planar_chain(),
+        "spatial chain": spatial_chain(),
+        "bead": bead(),
+        "ellipsoid": ellipsoid(),
+    }
     print(json.dumps({"gravity": "9.81", **models, "linkages": [linkage(1), linkage(2)]}, indent=1))

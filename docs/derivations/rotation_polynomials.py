@@ -1,12 +1,14 @@
-"""The polynomials of `liemech.groups.rotation_coefficients`, computed from scratch in 60-digit arithmetic.
+"""The polynomials of `liemech.groups.rotation_coefficients`, computed from scratch in 60-digit
+arithmetic.
 
-Seven coefficients for f(x) = c_0 + c_1 x + ... on [0, L]: keep c_0 .. c_{j-1}, interpolate the rest.  The nodes are the
-zeros of the Chebyshev polynomial T_7, stretched so that the smallest zero falls on x = 0 and the point u = 1 on x = L.
-Then the error, which is nearly const x prod (x - x_k), is T_7 itself: it swings evenly between its bounds, and the
-polynomial is nearly the best one.
+Seven coefficients for f(x) = c_0 + c_1 x + ... on [0, L]: keep c_0 .. c_{j-1}, interpolate the
+rest.  The nodes are the zeros of the Chebyshev polynomial T_7, stretched so that the smallest zero
+falls on x = 0 and the point u = 1 on x = L.  Then the error, which is nearly const x prod
+(x - x_k), is T_7 itself: it swings evenly between its bounds, and the polynomial is nearly the best
+one.
 
-c_0 is the Taylor coefficient.  Each further coefficient is rounded before the next is computed, so that the later ones
-make up for the rounding of the earlier ones.
+c_0 is the Taylor coefficient.  Each further coefficient is rounded before the next is computed, so
+that the later ones make up for the rounding of the earlier ones.
 
 Run this file to print the coefficients and the largest relative error of each polynomial.
 """
@@ -63,7 +65,10 @@ def versine_curvature(x: mpf) -> mpf:
 
 def segment_curvature(x: mpf) -> mpf:
     """From x segment' = versine/2 - 3 segment/2."""
-    versine_slope, slope = (sinc(x) - 2 * versine(x)) / (2 * x), (versine(x) - 3 * segment(x)) / (2 * x)
+    versine_slope, slope = (
+        (sinc(x) - 2 * versine(x)) / (2 * x),
+        (versine(x) - 3 * segment(x)) / (2 * x),
+    )
     return (versine_slope - 5 * slope) / (2 * x)
 
 
@@ -81,7 +86,9 @@ POLYNOMIALS: dict[str, tuple[Function, Fraction, tuple[float, ...]]] = {
 
 
 def coefficients(f: Function, at_zero: Fraction, limit: float) -> tuple[float, ...]:
-    """Seven doubles c for which c_0 + c_1 x + ... + c_6 x^6 is nearly the best approximation of f on [0, limit]."""
+    """Seven doubles c for which c_0 + c_1 x + ... + c_6 x^6 is nearly the best approximation of f
+    on [0, limit].
+    """
     with mp.workdps(DIGITS):
         zeros = [mp.cos((2 * k - 1) * mp.pi / (2 * TERMS)) for k in range(1, TERMS + 1)]
         nodes = [limit * (u - zeros[-1]) / (1 - zeros[-1]) for u in zeros]

@@ -1,9 +1,11 @@
-"""Draw the pictures of the pages anew, of the main job and of every example that draws one, and write the gallery.
+"""Draw the pictures of the pages anew, of the main job and of every example that draws one, and
+write the gallery.
 
     python docs/figures/draw.py [NAME ...]         # all of them, or only some; `gallery` alone draws nothing
 
-Each program runs in an empty folder; its PNGs come here, with 256 colours, at a quarter of their size. The pictures
-`work_precision` and `energy` are drawn from what those benchmarks measured last. Moving pictures are made elsewhere.
+Each program runs in an empty folder; its PNGs come here, with 256 colours, at a quarter of their
+size. The pictures `work_precision` and `energy` are drawn from what those benchmarks measured last.
+Moving pictures are made elsewhere.
 """
 
 import argparse
@@ -25,19 +27,49 @@ HERE = Path(__file__).parent
 ROOT = HERE.parent.parent
 WIDEST = 1600  # pixels
 STRONG = 40  # between the largest and the smallest of red, green and blue, of 255
-MEASURED = {"work_precision": "curves", "energy": "runs"}  # the benchmarks with a picture, and where their files have its numbers
+# the benchmarks with a picture, and where their files have its numbers
+MEASURED = {"work_precision": "curves", "energy": "runs"}
 
 SECTIONS = {
     "Bodies that turn freely": (
-        *("energy_drift", "tennis_racket", "poinsot", "ensemble", "order_of_methods", "three_rotations", "open_question"),
+        *(
+            "energy_drift",
+            "tennis_racket",
+            "poinsot",
+            "ensemble",
+            "order_of_methods",
+            "three_rotations",
+            "open_question",
+        ),
         "figure_three",
     ),
-    "Tops and bodies of one's own": ("heavy_top", "gyrostat", "rotations_in_four_dimensions", "heisenberg", "magnetic_moment"),
-    "Positions and momenta": ("figure_two", "pendulums", "double_pendulum", "chaos_in_a_galaxy", "energy_exchange"),
+    "Tops and bodies of one's own": (
+        "heavy_top",
+        "gyrostat",
+        "rotations_in_four_dimensions",
+        "heisenberg",
+        "magnetic_moment",
+    ),
+    "Positions and momenta": (
+        "figure_two",
+        "pendulums",
+        "double_pendulum",
+        "chaos_in_a_galaxy",
+        "energy_exchange",
+    ),
     "Constraints, joints, rolling": ("index_reduction", "chain", "linkage"),
-    "Poisson systems, and steps that follow the motion": ("lotka_volterra", "banana_orbit", "eccentric_orbit"),
+    "Poisson systems, and steps that follow the motion": (
+        "lotka_volterra",
+        "banana_orbit",
+        "eccentric_orbit",
+    ),
     "From measurements": ("fit_inertia",),
-    "In the browser": ("flip_in_the_browser", "top_in_the_browser", "ensemble_in_the_browser", "linkage_in_the_browser"),
+    "In the browser": (
+        "flip_in_the_browser",
+        "top_in_the_browser",
+        "ensemble_in_the_browser",
+        "linkage_in_the_browser",
+    ),
 }
 """The examples as the gallery has them; those that are not here come at the end."""
 
@@ -54,7 +86,9 @@ The page of the flip, as it moves:
 
 
 def gallery(examples: list[str]) -> str:
-    """The page: of every example the first sentence, and the pictures its code names, as far as they are drawn."""
+    """The page: of every example the first sentence, and the pictures its code names, as far as
+    they are drawn.
+    """
     listed = {name for names in SECTIONS.values() for name in names}
     more = tuple(name for name in examples if name not in listed)
     text = HEAD
@@ -65,14 +99,22 @@ def gallery(examples: list[str]) -> str:
             about = " ".join((ast.get_docstring(ast.parse(code)) or "").split("\n\n")[0].split())
             about = re.sub(r"docs/([\w/]+\.md)", r"[\1](\1)", about)
             text += f"\n**[{name}](../examples/{name}.py)** {about}\n"
-            pictures = [p for p in dict.fromkeys(re.findall(r'"(\w+\.png)"', code)) if (HERE / p).exists()]
+            pictures = [
+                p for p in dict.fromkeys(re.findall(r'"(\w+\.png)"', code)) if (HERE / p).exists()
+            ]
             if pictures:
-                text += "\n" + " ".join(f"![{name.replace('_', ' ')}](figures/{p})" for p in pictures) + "\n"
+                text += (
+                    "\n"
+                    + " ".join(f"![{name.replace('_', ' ')}](figures/{p})" for p in pictures)
+                    + "\n"
+                )
     return text + TAIL
 
 
 def reduced(image: Image.Image) -> Image.Image:
-    """The picture with 256 colours: a share of them for the strong ones, which are few beside the shades of a sphere."""
+    """The picture with 256 colours: a share of them for the strong ones, which are few beside the
+    shades of a sphere.
+    """
     pixels = np.asarray(image).reshape(-1, 3)
     strong = pixels[np.ptp(pixels.astype(int), axis=1) > STRONG]
     shares = [(pixels, 191), (strong, 64)] if len(strong) else [(pixels, 255)]
@@ -83,7 +125,8 @@ def reduced(image: Image.Image) -> Image.Image:
     palette = Image.new("P", (1, 1))
     palette.putpalette(colors)
     found = np.array(image.quantize(palette=palette, dither=Image.Dither.NONE))
-    found[(np.asarray(image) == 255).all(axis=2)] = 0  # Pillow looks for neighbours in a coarse grid of colours
+    # Pillow looks for neighbours in a coarse grid of colours
+    found[(np.asarray(image) == 255).all(axis=2)] = 0
     picture = Image.frombytes("P", image.size, found.tobytes())
     picture.putpalette(colors)
     return picture
@@ -94,7 +137,9 @@ def program(*words: str) -> Callable[[str], None]:
 
     def draw(folder: str) -> None:
         paths = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
-        subprocess.run([sys.executable, *words], cwd=folder, check=True, env=os.environ | {"PYTHONPATH": paths})
+        subprocess.run(
+            [sys.executable, *words], cwd=folder, check=True, env=os.environ | {"PYTHONPATH": paths}
+        )
 
     return draw
 
@@ -112,11 +157,17 @@ def measured(name: str) -> Callable[[str], None]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     examples = sorted((ROOT / "examples").glob("*.py"))
-    makers = {"main_job": program("-m", "liemech")} | {path.stem: program(str(path)) for path in examples}
+    makers = {"main_job": program("-m", "liemech")} | {
+        path.stem: program(str(path)) for path in examples
+    }
     makers |= {name: measured(name) for name in MEASURED}
-    parser.add_argument("names", nargs="*", metavar="NAME", help=f"of {', '.join(makers)}; all of them if left out")
+    parser.add_argument(
+        "names", nargs="*", metavar="NAME", help=f"of {', '.join(makers)}; all of them if left out"
+    )
     wanted = parser.parse_args().names or list(makers)
     for name in wanted:
         if name == "gallery":
@@ -130,7 +181,9 @@ def main() -> None:
                 image.thumbnail((WIDEST, WIDEST))
                 reduced(image).save(HERE / picture.name, optimize=True)
                 print(f"{picture.name}: {(HERE / picture.name).stat().st_size / 1e3:.0f} kB")
-    (ROOT / "docs" / "gallery.md").write_text(gallery([path.stem for path in examples]), encoding="utf-8")
+    (ROOT / "docs" / "gallery.md").write_text(
+        gallery([path.stem for path in examples]), encoding="utf-8"
+    )
 
 
 if __name__ == "__main__":

@@ -1,4 +1,6 @@
-"""Where code in the text may break at the end of a line: after signs, and before the words of a name, but not within them."""
+"""Where code in the text may break at the end of a line: after signs, and before the words of a
+name, but not within them.
+"""
 
 from __future__ import annotations
 

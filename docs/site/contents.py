@@ -1,4 +1,6 @@
-"""The table of contents at the side of every page, read from the lists of `index.md`: a heading there is a group of pages here."""
+"""The table of contents at the side of every page, read from the lists of `index.md`: a heading
+there is a group of pages here.
+"""
 
 from __future__ import annotations
 
@@ -33,7 +35,9 @@ def add(app: Sphinx, name: str, source: list[str]) -> None:
     """Give the first page the groups as hidden tables of contents."""
     if name == "index":
         for heading, pages in groups(source[0]).items():
-            source[0] += "\n".join(["\n\n```{toctree}", ":hidden:", f":caption: {heading}", "", *pages, "```\n"])
+            source[0] += "\n".join(
+                ["\n\n```{toctree}", ":hidden:", f":caption: {heading}", "", *pages, "```\n"]
+            )
 
 
 def setup(app: Sphinx) -> dict[str, bool]:

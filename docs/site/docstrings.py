@@ -1,4 +1,5 @@
-"""Docstrings as they are written, in plain text with formulas, made readable: nothing in them has to know of this site.
+"""Docstrings as they are written, in plain text with formulas, made readable: nothing in them has
+to know of this site.
 
 * An indented paragraph is a formula or a table and keeps its lines.
 * `name` in single backticks is code, and a link where it is a public name or a member of the class.
@@ -28,16 +29,21 @@ ITEM = re.compile(r"(\d+\.|[*-]) +")
 
 @functools.cache
 def public() -> dict[str, str]:
-    """The full name of every public thing, by its own name and by those with `lm.` or its module in front."""
+    """The full name of every public thing, by its own name and by those with `lm.` or its module in
+    front.
+    """
     found: dict[str, str] = {}
     for module in ("", "plots", "tableaus", "viewer", "errors"):
         inside = getattr(liemech, module) if module else liemech
         path = f"{module}." if module else ""
-        for name in getattr(inside, "__all__", None) or [n for n, x in vars(inside).items() if inspect.isclass(x)]:
+        for name in getattr(inside, "__all__", None) or [
+            n for n, x in vars(inside).items() if inspect.isclass(x)
+        ]:
             if not inspect.ismodule(getattr(inside, name)):
                 spellings = [f"lm.{path}{name}", f"liemech.{path}{name}", f"{path}{name}", name]
                 alone = name[0].isupper() or (not module and ("_" in name or name == "integrate"))
-                known = spellings if alone else spellings[: 3 if module else 2]  # `record` and `drift` alone are words
+                # `record` and `drift` alone are words
+                known = spellings if alone else spellings[: 3 if module else 2]
                 found |= dict.fromkeys(known, f"liemech.{path}{name}")
     return found
 
@@ -47,7 +53,9 @@ def home(owner: type, name: str) -> str | None:
     for one in owner.__mro__:
         member = vars(one).get(name)
         if member is not None and not name.startswith("_"):
-            method = inspect.isroutine(member) or isinstance(member, property | functools.cached_property)
+            method = inspect.isroutine(member) or isinstance(
+                member, property | functools.cached_property
+            )
             has_text = method and bool((member.__doc__ or "").strip())
             path = public().get(one.__name__)
             return f"{path}.{name}" if has_text and path else None
@@ -55,7 +63,9 @@ def home(owner: type, name: str) -> str | None:
 
 
 def place(code: str, owner: type | None = None) -> str | None:
-    """The full name of what code names, a public thing or a member of a class; None if it has no place in the reference."""
+    """The full name of what code names, a public thing or a member of a class; None if it has no
+    place in the reference.
+    """
     name = code.partition("(")[0]
     if owner is not None and name.isidentifier() and (found := home(owner, name)):
         return found
@@ -88,8 +98,15 @@ def paragraphs(lines: list[str]) -> list[str]:
     found: list[str] = []
     previous = ""
     for line in lines:
-        starts = PARAMETER.match(line) or ITEM.match(line) or re.match(r"(Source|Sources|Raises|Returns|Warns)\b", line)
-        ended = previous.endswith((".", ":", ";")) and len(previous) + 1 + len(line.split(" ")[0]) <= WIDTH
+        starts = (
+            PARAMETER.match(line)
+            or ITEM.match(line)
+            or re.match(r"(Source|Sources|Raises|Returns|Warns)\b", line)
+        )
+        ended = (
+            previous.endswith((".", ":", ";"))
+            and len(previous) + 1 + len(line.split(" ")[0]) <= WIDTH
+        )
         if found and not starts and not ended:
             found[-1] += " " + line.strip()
         else:
@@ -105,7 +122,8 @@ def rendered(paragraph: str, owner: type | None) -> list[str]:
         paragraph, *source = re.split(r"(?<=\.) +(?=Sources?: )", paragraph, maxsplit=1)
         for part in re.split(r"(?<=\.)  (?=(?:\w+)(?:, \w+)* : )", paragraph):
             names, _, what = part.partition(" : ")
-            what = re.sub(r"^(?=\w+\.( |$))", r"\\ ", escaped(what, owner))  # `n. Books` begins no list
+            # `n. Books` begins no list
+            what = re.sub(r"^(?=\w+\.( |$))", r"\\ ", escaped(what, owner))
             lines += [", ".join(f"``{name}``" for name in names.split(", ")), f"    {what}"]
         return [*lines, "", *(line for text in source for line in rendered(text, owner))]
     if item := ITEM.match(paragraph):
@@ -120,7 +138,9 @@ def readable(lines: list[str], owner: type | None) -> list[str]:
     blocks = [block.split("\n") for block in re.split(r"\n\s*\n", "\n".join(lines).strip("\n"))]
     out: list[str] = []
     for block in blocks:
-        for formula, part in itertools.groupby(zip(formulas(block), block, strict=True), lambda pair: pair[0]):
+        for formula, part in itertools.groupby(
+            zip(formulas(block), block, strict=True), lambda pair: pair[0]
+        ):
             if formula:  # the empty comment parts it from a formula before it
                 out += ["..", "", "::", "", *[line for _, line in part], ""]
             else:
@@ -130,7 +150,9 @@ def readable(lines: list[str], owner: type | None) -> list[str]:
 
 
 def formulas(block: list[str]) -> list[bool]:
-    """Which lines are formulas: the indented ones, unless they go on with an item or the text of a parameter."""
+    """Which lines are formulas: the indented ones, unless they go on with an item or the text of a
+    parameter.
+    """
     found = []
     hanging = False
     for i, line in enumerate(block):
@@ -144,7 +166,11 @@ def formulas(block: list[str]) -> list[bool]:
 
 def convert(app: Sphinx, what: str, name: str, thing: Any, options: Any, lines: list[str]) -> None:
     """Sphinx asks for every docstring."""
-    owner = thing if inspect.isclass(thing) else getattr(liemech, name.removeprefix("liemech.").partition(".")[0], None)
+    owner = (
+        thing
+        if inspect.isclass(thing)
+        else getattr(liemech, name.removeprefix("liemech.").partition(".")[0], None)
+    )
     lines[:] = readable(lines, owner if inspect.isclass(owner) else None)
 
 
@@ -170,18 +196,26 @@ def bases(app: Sphinx, name: str, thing: type, options: Any, found: list[Any]) -
         return [one for above in getattr(base, "__bases__", ()) for one in documented(above)]
 
     up = [one for base in found for one in documented(base)]
-    own = [base for base in found if not base.__module__.startswith("liemech") and base is not object]
+    own = [
+        base for base in found if not base.__module__.startswith("liemech") and base is not object
+    ]
     found[:] = list(dict.fromkeys(up or own or [object]))
 
 
 def link_pages(app: Sphinx, doctree: nodes.document) -> None:
-    """In the pages too, code that is a public name leads to the reference.  Classes without a base do not say so."""
+    """In the pages too, code that is a public name leads to the reference.  Classes without a base
+    do not say so.
+    """
     for line in [p for p in doctree.findall(nodes.paragraph) if p.astext() == "Bases: object"]:
         line.parent.remove(line)
     for code in list(doctree.findall(nodes.literal)):
         target = place(code.astext())
-        if target and not isinstance(code.parent, nodes.reference | nodes.title | addnodes.pending_xref):
-            link = addnodes.pending_xref("", code.deepcopy(), refdoc=app.env.docname, refexplicit=True, refwarn=True)
+        if target and not isinstance(
+            code.parent, nodes.reference | nodes.title | addnodes.pending_xref
+        ):
+            link = addnodes.pending_xref(
+                "", code.deepcopy(), refdoc=app.env.docname, refexplicit=True, refwarn=True
+            )
             link.attributes |= {"refdomain": "py", "reftype": "obj", "reftarget": target}
             code.replace_self(link)
 

@@ -1,4 +1,6 @@
-"""Each example has a page with its code.  Those that write a page for the browser are run, and the gallery links to it."""
+"""Each example has a page with its code.  Those that write a page for the browser are run, and the
+gallery links to it.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,11 @@ from sphinx.application import Sphinx
 
 ROOT = Path(__file__).parent.parent.parent
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
-IN_THE_BROWSER = {e.stem: found[1] for e in EXAMPLES if (found := re.search(r'"(\w+)\.html"', e.read_text(encoding="utf-8")))}
+IN_THE_BROWSER = {
+    e.stem: found[1]
+    for e in EXAMPLES
+    if (found := re.search(r'"(\w+)\.html"', e.read_text(encoding="utf-8")))
+}
 """The examples that write a page, and its name."""
 
 
@@ -42,7 +48,9 @@ def write(app: Sphinx) -> None:
 def link(app: Sphinx, name: str, source: list[str]) -> None:
     """Links to examples lead to their pages; the gallery shows what they write for the browser."""
     depth = "../" * name.count("/")
-    source[0] = re.sub(r"\]\((?:\.\./)+examples/(\w+)\.py\)", rf"]({depth}generated/examples/\1.rst)", source[0])
+    source[0] = re.sub(
+        r"\]\((?:\.\./)+examples/(\w+)\.py\)", rf"]({depth}generated/examples/\1.rst)", source[0]
+    )
     if name == "gallery":
         for example, page in IN_THE_BROWSER.items():
             picture = f"(figures/{example}.png)"

@@ -1,4 +1,6 @@
-"""Formulas as MathML, which browsers draw themselves: a page needs no script, no font and no network to show them."""
+"""Formulas as MathML, which browsers draw themselves: a page needs no script, no font and no
+network to show them.
+"""
 
 from __future__ import annotations
 

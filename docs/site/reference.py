@@ -1,4 +1,6 @@
-"""The reference: one page for each part of the library, with all its public names, written from what the library exports."""
+"""The reference: one page for each part of the library, with all its public names, written from
+what the library exports.
+"""
 
 from __future__ import annotations
 
@@ -16,16 +18,25 @@ import liemech
 
 PARTS = {
     "simulation": ("Runs", "`integrate`, prepared runs, and what a run leaves behind."),
-    "groups": ("Groups", "Lie groups, their algebras, actions, coadjoint orbits and Poisson structures."),
+    "groups": (
+        "Groups",
+        "Lie groups, their algebras, actions, coadjoint orbits and Poisson structures.",
+    ),
     "retractions": ("Retractions", "Maps from the algebra to the group."),
-    "systems": ("Systems", "What moves: groups and energies, bodies in fields, constraints, Poisson systems."),
+    "systems": (
+        "Systems",
+        "What moves: groups and energies, bodies in fields, constraints, Poisson systems.",
+    ),
     "models": ("Models", "Systems that are ready: bodies, tops, pendulums, planets, lattices."),
     "integrators": ("Methods", "One step each; `integrate` owns the loop."),
     "tableaus": ("Tableaus", "Coefficients with names, sources and checks of their own."),
     "checks": ("Checks", "Every law and every claim, on the classes you write."),
     "plots": ("Pictures", "Matplotlib axes; every function draws one thing."),
     "viewer": ("Viewer", "Moving pictures in the browser."),
-    "formulas": ("Formulas", "What formulas are made of: vectors, matrices, functions, derivatives."),
+    "formulas": (
+        "Formulas",
+        "What formulas are made of: vectors, matrices, functions, derivatives.",
+    ),
     "errors": ("Errors", "All errors and warnings, in one tree."),
 }
 MODULES = ("tableaus", "plots", "viewer", "errors")
@@ -47,7 +58,9 @@ def names(part: str) -> list[str]:
     """The full names of what a part exports."""
     if part in MODULES:
         module = getattr(liemech, part)
-        own = getattr(module, "__all__", None) or [name for name, x in vars(module).items() if _is_from(x, module)]
+        own = getattr(module, "__all__", None) or [
+            name for name, x in vars(module).items() if _is_from(x, module)
+        ]
         return [f"liemech.{part}.{name}" for name in own if not name.startswith("_")]
     return [f"liemech.{name}" for name in liemech.__all__ if _part(name) == part]
 
@@ -77,12 +90,16 @@ def constants(part: str) -> dict[str, str]:
     found: dict[str, str] = {}
     for module in [name for name in sys.modules if name.startswith(f"liemech.{part}.")]:
         docs = ModuleAnalyzer.for_module(module).find_attr_docs()
-        found |= {name: "\n".join(lines).strip() for (scope, name), lines in docs.items() if not scope}
+        found |= {
+            name: "\n".join(lines).strip() for (scope, name), lines in docs.items() if not scope
+        }
     return found
 
 
 def row(full: str) -> list[str]:
-    """A name and the first sentence about it, whose full stop follows a letter or a sign, not a space as in g . x."""
+    """A name and the first sentence about it, whose full stop follows a letter or a sign, not a
+    space as in g . x.
+    """
     about = " ".join((inspect.getdoc(_thing(full)) or "").split("\n\n")[0].split())
     first = re.split(r"(?<=[^ .])\.(?= |$)", about)[0].rstrip(".:")
     return [f"   * - :obj:`~{full}`", f"     - {escaped(first, None)}."]
@@ -92,7 +109,11 @@ def page(part: str) -> str:
     """One part: a table of its names, then each of them."""
     title, about = PARTS[part]
     everything = sorted(names(part), key=lambda full: full.rpartition(".")[2].lower())
-    documented = [full for full in everything if inspect.isclass(_thing(full)) or inspect.isroutine(_thing(full))]
+    documented = [
+        full
+        for full in everything
+        if inspect.isclass(_thing(full)) or inspect.isroutine(_thing(full))
+    ]
     data = [full for full in everything if full not in documented]
     text = [title, "=" * len(title), "", about.replace("`", "``"), ""]
     text += [".. list-table::", "", *[line for full in documented for line in row(full)], ""]
@@ -104,8 +125,15 @@ def page(part: str) -> str:
         texts = constants(part)
         for full in data:
             name, value = full.rpartition(".")[2], _thing(full)
-            about = texts.get(name) or (f"``{value!r}`` {value.source}" if hasattr(value, "source") else "")
-            text += [f".. py:data:: {full}", "", *[f"   {line}" for line in readable(about.split("\n"), None)], ""]
+            about = texts.get(name) or (
+                f"``{value!r}`` {value.source}" if hasattr(value, "source") else ""
+            )
+            text += [
+                f".. py:data:: {full}",
+                "",
+                *[f"   {line}" for line in readable(about.split("\n"), None)],
+                "",
+            ]
     return "\n".join(text)
 
 
@@ -113,7 +141,9 @@ def write(app: Sphinx) -> None:
     """The pages, where they have changed, and their index."""
     folder = Path(app.srcdir) / "generated" / "api"
     folder.mkdir(parents=True, exist_ok=True)
-    pages = {part: page(part) for part in PARTS} | {"index": INDEX + "".join(f"   {part}\n" for part in PARTS)}
+    pages = {part: page(part) for part in PARTS} | {
+        "index": INDEX + "".join(f"   {part}\n" for part in PARTS)
+    }
     for name, text in pages.items():
         file = folder / f"{name}.rst"
         if not file.exists() or file.read_text(encoding="utf-8") != text:

@@ -1,4 +1,5 @@
-"""Does a class obey the laws it claims?  Groups, retractions, actions, systems and methods; one small function for each law.
+"""Does a class obey the laws it claims?  Groups, retractions, actions, systems and methods; one
+small function for each law.
 
 The checks go through the tables of laws, at several points, and report.
 """
@@ -9,6 +10,14 @@ from .poisson_laws import check_poisson
 from .report import Finding, Observation, Report
 
 __all__ = [
-    "Finding", "Observation", "Report", "check_action", "check_group", "check_method", "check_poisson", "check_retraction",
-    "check_system", "poisson_defect",
+    "Finding",
+    "Observation",
+    "Report",
+    "check_action",
+    "check_group",
+    "check_method",
+    "check_poisson",
+    "check_retraction",
+    "check_system",
+    "poisson_defect",
 ]

@@ -1,4 +1,6 @@
-"""What methods on constraints claim: the constraints hold, and the two-form of the manifold is kept, in coordinates of it."""
+"""What methods on constraints claim: the constraints hold, and the two-form of the manifold is
+kept, in coordinates of it.
+"""
 
 from __future__ import annotations
 
@@ -18,15 +20,25 @@ from .sample_points import flat
 def constrained_claims(trial: Trial, keeps: tuple[str, ...], native: bool) -> Iterator[Observation]:
     """All claims in turn; a symplectic method keeps both constraints."""
     symplectic = trial.method.symplectic
-    yield from claims(trial, (*keeps, *(("constraint", "hidden constraint") if symplectic else ())), native)
+    yield from claims(
+        trial, (*keeps, *(("constraint", "hidden constraint") if symplectic else ())), native
+    )
     charts = ConstrainedCharts(trial.system, trial.start, True)
-    yield bracket(trial, charts, "symplectic", "dq dp on the constraints is kept: Phi' B Phi'^T = B(Phi)", symplectic)
+    yield bracket(
+        trial,
+        charts,
+        "symplectic",
+        "dq dp on the constraints is kept: Phi' B Phi'^T = B(Phi)",
+        symplectic,
+    )
 
 
 class ConstrainedCharts(Charts):
-    """Orthonormal coordinates of tangent spaces of M, in units of the size of positions and momenta.
+    """Orthonormal coordinates of tangent spaces of M, in units of the size of positions and
+    momenta.
 
-    A displaced state is start + displacement, moved across the constraints; coordinates of others are those of their projection.
+    A displaced state is start + displacement, moved across the constraints; coordinates of others
+    are those of their projection.
     """
 
     @cached_property

@@ -1,7 +1,8 @@
 """What a law is: two sides that must be equal to rounding, at every place.
 
-Each comparison names the size to which its rounding errors are relative: the product of the norms and condition numbers that
-enter.  A law holds while the defect is below `slack` roundings of that size per dimension.  No bound has a unit.
+Each comparison names the size to which its rounding errors are relative: the product of the norms
+and condition numbers that enter.  A law holds while the defect is below `slack` roundings of that
+size per dimension.  No bound has a unit.
 """
 
 from __future__ import annotations
@@ -20,12 +21,16 @@ from .report import ROUNDING, Finding
 from .sample_points import flat
 
 SLACK = 16.0
-"""Roundings per dimension (counted as 3 at least) that a good formula needs; on SO(3) the worst needs one."""
+"""Roundings per dimension (counted as 3 at least) that a good formula needs; on SO(3) the worst
+needs one.
+"""
 
 
 @dataclass(frozen=True)
 class Same:
-    """Two values that ought to be equal, the size of their rounding, and what a wrong one may be instead."""
+    """Two values that ought to be equal, the size of their rounding, and what a wrong one may be
+    instead.
+    """
 
     left: Any
     right: Any
@@ -36,20 +41,34 @@ class Same:
     def defect(self) -> float:
         """The largest difference, in roundings of the size."""
         left, right = flat(self.left), flat(self.right)
-        difference = float(np.abs(left - right).max(initial=0.0)) if left.size == right.size else math.inf
+        difference = (
+            float(np.abs(left - right).max(initial=0.0)) if left.size == right.size else math.inf
+        )
         if not difference:
             return 0.0
-        return difference / (ROUNDING * self.size) if math.isfinite(difference) and self.size > 0.0 else math.inf
+        return (
+            difference / (ROUNDING * self.size)
+            if math.isfinite(difference) and self.size > 0.0
+            else math.inf
+        )
 
     def slips(self, allowed: float) -> str:
         """Which of the usual slips give this left side."""
-        fit = (slip for slip, value in self.instead().items() if dataclasses.replace(self, right=value).defect <= allowed)
+        fit = (
+            slip
+            for slip, value in self.instead().items()
+            if dataclasses.replace(self, right=value).defect <= allowed
+        )
         return "; or ".join(fit)
 
 
 def factors(right: Any) -> dict[str, Any]:
     """The commonest slips."""
-    return {"a wrong sign": -right, "a factor 2 too many": 2.0 * right, "a factor 1/2 too many": 0.5 * right}
+    return {
+        "a wrong sign": -right,
+        "a factor 2 too many": 2.0 * right,
+        "a factor 1/2 too many": 0.5 * right,
+    }
 
 
 def cases(f: Callable[[Any], Any], slips: dict[str, Any]) -> dict[str, Any]:
@@ -59,18 +78,23 @@ def cases(f: Callable[[Any], Any], slips: dict[str, Any]) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Law:
-    """An axiom: its name, its formula, the function that compares both sides, and the methods it is about."""
+    """An axiom: its name, its formula, the function that compares both sides, and the methods it is
+    about.
+    """
 
     name: str
     formula: str
     sides: Callable[[Any, Any], Iterable[Same]]
-    closed: tuple[str, ...] = ()  # of interest only if the class has its own version of one of these
+    # of interest only if the class has its own version of one of these
+    closed: tuple[str, ...] = ()
     optional: bool = False  # about methods that a class need not have
     once: bool = False  # says nothing about a place
     slack: float = SLACK
 
 
-def axiom(table: list[Law], name: str, formula: str, *closed: str, **options: Any) -> Callable[[Any], Any]:
+def axiom(
+    table: list[Law], name: str, formula: str, *closed: str, **options: Any
+) -> Callable[[Any], Any]:
     """Enter a function that compares both sides into a table of laws."""
 
     def enter(sides: Callable[[Any, Any], Iterable[Same]]) -> Callable[[Any, Any], Iterable[Same]]:
@@ -85,8 +109,12 @@ def replaced(thing: Any, base: type, name: str) -> bool:
     return bare(getattr(type(thing), name, None)) is not bare(getattr(base, name, None))
 
 
-def verdicts(laws: Iterable[Law], subject: Any, where: Sequence[Any], own: Callable[[str], bool]) -> Iterator[Finding]:
-    """The laws in their order; those about methods that the class leaves to its base follow from the others."""
+def verdicts(
+    laws: Iterable[Law], subject: Any, where: Sequence[Any], own: Callable[[str], bool]
+) -> Iterator[Finding]:
+    """The laws in their order; those about methods that the class leaves to its base follow from
+    the others.
+    """
     for law in laws:
         if law.closed and not any(map(own, law.closed)):
             yield Finding(law.name, law.formula, "follows")
@@ -106,12 +134,33 @@ def judge(law: Law, subject: Any, where: Sequence[Any]) -> Finding:
                     remark = worst.remark or (same.slips(bound) if defect > bound else "")
                     if defect > worst.defect or not worst.bound:
                         verdict = "holds" if defect <= bound else "broken"
-                        worst = Finding(law.name, law.formula, verdict, str(at), defect, bound, same.size, remark)
+                        worst = Finding(
+                            law.name,
+                            law.formula,
+                            verdict,
+                            str(at),
+                            defect,
+                            bound,
+                            same.size,
+                            remark,
+                        )
                     elif remark:
                         worst = dataclasses.replace(worst, remark=remark)
         except (NotImplementedError, IncompatibleSystem) as missing:
-            return Finding(law.name, law.formula, "not there" if law.optional else "broken", remark=str(missing))
-        except (ArithmeticError, ValueError, TypeError, LookupError, AttributeError, LiemechError) as error:
+            return Finding(
+                law.name,
+                law.formula,
+                "not there" if law.optional else "broken",
+                remark=str(missing),
+            )
+        except (
+            ArithmeticError,
+            ValueError,
+            TypeError,
+            LookupError,
+            AttributeError,
+            LiemechError,
+        ) as error:
             remark = f"it raises {type(error).__name__}: {error}"
             return Finding(law.name, law.formula, "broken", str(at), remark=remark)
     return worst

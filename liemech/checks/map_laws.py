@@ -1,4 +1,6 @@
-"""The laws of maps from the algebra to the group: of the exponential, the Cayley map, and any retraction."""
+"""The laws of maps from the algebra to the group: of the exponential, the Cayley map, and any
+retraction.
+"""
 
 from __future__ import annotations
 
@@ -54,26 +56,39 @@ class Map:
     def laws(self) -> list[Law]:
         """The laws, in the words of the map."""
         words = self.words
-        return [replace(law, name=law.name.format(**words), formula=law.formula.format(**words)) for law in MAPS]
+        return [
+            replace(law, name=law.name.format(**words), formula=law.formula.format(**words))
+            for law in MAPS
+        ]
 
     def own(self, name: str) -> bool:
-        """Is the method the author's own?  What a retraction leaves out is made by differentiating tau: his own too."""
+        """Is the method the author's own?  What a retraction leaves out is made by differentiating
+        tau: his own too.
+        """
         if isinstance(self.retraction, Exponential | Cayley):
             word = self.words.get(name, name)
             if hasattr(LieAlgebra, word):
                 return replaced(self.group.algebra, LieAlgebra, word)
             return replaced(self.group, LieGroup, word)
         derived = ("dtau", "dtau_dual", "dtau_inv", "dtau_inv_dual", "residual")
-        return replaced(self.retraction, Retraction, name) or name in derived[: None if self.group.dim <= LARGE else 1]
+        return (
+            replaced(self.retraction, Retraction, name)
+            or name in derived[: None if self.group.dim <= LARGE else 1]
+        )
 
     def differential(self, at: At, side: str) -> tuple[np.ndarray, float]:
-        """The matrix of dtau by definition, and how many roundings are in it: found once, for several laws need it."""
+        """The matrix of dtau by definition, and how many roundings are in it: found once, for
+        several laws need it.
+        """
         known = id(at), side  # a place lives as long as the check
         if known not in self.differentials:
             if self.is_exp:
                 found = phi1(at.ad if side == "right" else -at.ad), 1.0
             else:
-                found = np.stack([self.difference(at, axis, side) for axis in at.axes], axis=1), 1.0 / STEP
+                found = (
+                    np.stack([self.difference(at, axis, side) for axis in at.axes], axis=1),
+                    1.0 / STEP,
+                )
             self.differentials[known] = found
         return self.differentials[known]
 
@@ -101,7 +116,9 @@ class Map:
             f"it is the {name} one": there @ x,
             "it is not the dual" if dual else "it is the dual": here.T @ x,
             "it is not the inverse" if inverse else "it is the inverse": inv(here) @ x,
-            f"it is not the inverse, and the {name} one" if inverse else f"it is the inverse of the {name} one": inv(there) @ x,
+            f"it is not the inverse, and the {name} one"
+            if inverse
+            else f"it is the inverse of the {name} one": inv(there) @ x,
         }
         if self.is_exp and inverse and not dual:
             sums = np.cumsum(bernoulli_terms(at.ad if side == "right" else -at.ad, x), axis=0)
@@ -134,12 +151,20 @@ def map_of_the_opposite(tau: Map, at: At) -> Iterator[Same]:
     yield Same(tau.tau(-at.xi), back, at.elements(g, back) * (1.0 + at.length))
 
 
-@axiom(MAPS, "{tau_inv}", "{tau_inv}({tau}(xi)) = xi inside the chart, {tau}({tau_inv}(g)) = g", "tau_inv", optional=True)
+@axiom(
+    MAPS,
+    "{tau_inv}",
+    "{tau_inv}({tau}(xi)) = xi inside the chart, {tau}({tau_inv}(g)) = g",
+    "tau_inv",
+    optional=True,
+)
 def inverse_map(tau: Map, at: At) -> Iterator[Same]:
-    cut, angle = math.pi if tau.is_exp else math.inf, at.spectrum[0]  # where the logarithm changes its branch
+    # where the logarithm changes its branch
+    cut, angle = math.pi if tau.is_exp else math.inf, at.spectrum[0]
     points = [at.xi] if angle < 0.98 * cut else []
     if tau.is_exp and at.name == "random" and angle:
-        points.append(((1.0 - 1e-6) * cut / angle) * at.xi)  # close to the cut, where roundings grow like 1/distance
+        # close to the cut, where roundings grow like 1/distance
+        points.append(((1.0 - 1e-6) * cut / angle) * at.xi)
     for xi in points:
         g = tau.tau(xi)
         try:
@@ -150,11 +175,19 @@ def inverse_map(tau: Map, at: At) -> Iterator[Same]:
             continue  # so close to the cut, to refuse is honest
         beside = cut / (cut - angle * size(xi) / size(at.xi)) if tau.is_exp and size(xi) else 1.0
         scale = at.share(g, tau.group.inverse(g)) * (1.0 + at.length) * beside
-        yield Same(found, xi, (size(xi) + size(at.eta)) * scale * at.condition, partial(factors, xi))
+        yield Same(
+            found, xi, (size(xi) + size(at.eta)) * scale * at.condition, partial(factors, xi)
+        )
         yield Same(tau.tau(found), g, at.units.weight * scale)
 
 
-@axiom(MAPS, "{tau_Ad_star}", "{tau_Ad_star}(xi, mu) = Ad_star({tau}(xi), mu)", "tau_Ad_star", optional=True)
+@axiom(
+    MAPS,
+    "{tau_Ad_star}",
+    "{tau_Ad_star}(xi, mu) = Ad_star({tau}(xi), mu)",
+    "tau_Ad_star",
+    optional=True,
+)
 def coadjoint_shortcut(tau: Map, at: At) -> Iterator[Same]:
     group, g = tau.group, tau.tau(at.xi)
     back = group.inverse(g)
@@ -166,12 +199,21 @@ def coadjoint_shortcut(tau: Map, at: At) -> Iterator[Same]:
 @axiom(MAPS, "{compose_tau}", "{compose_tau}(g, xi) = g {tau}(xi)", "compose_tau", optional=True)
 def composition_shortcut(tau: Map, at: At) -> Iterator[Same]:
     group, g = tau.group, tau.tau(at.xi)
-    slips = {"the factors are swapped": group.compose(g, at.h), "a wrong sign of xi": group.compose(at.h, group.inverse(g))}
+    slips = {
+        "the factors are swapped": group.compose(g, at.h),
+        "a wrong sign of xi": group.compose(at.h, group.inverse(g)),
+    }
     scale = at.elements(at.h, g) * (1.0 + at.length)
     yield Same(tau.compose_tau(at.h, at.xi), group.compose(at.h, g), scale, lambda: slips)
 
 
-@axiom(MAPS, "{is_chart}", "{is_chart}(xi) is true at zero, and false where {dtau} is singular", "is_chart", once=True)
+@axiom(
+    MAPS,
+    "{is_chart}",
+    "{is_chart}(xi) is true at zero, and false where {dtau} is singular",
+    "is_chart",
+    once=True,
+)
 def chart(tau: Map, at: At) -> Iterator[Same]:
     yield Same(bool(tau.is_chart(0.0 * at.eta)), True)
     for axis in at.axes if tau.is_exp else []:
@@ -183,7 +225,9 @@ def chart(tau: Map, at: At) -> Iterator[Same]:
 
 # ---------------------------------------------------------------- its differential
 
-DEFINITION = 'd/de {tau}(xi + e eta) = ({dtau}_xi eta) {tau}(xi); with side="left" {tau}(xi) ({dtau}_xi eta)'
+DEFINITION = (
+    'd/de {tau}(xi + e eta) = ({dtau}_xi eta) {tau}(xi); with side="left" {tau}(xi) ({dtau}_xi eta)'
+)
 
 
 @axiom(MAPS, "{dtau} by definition", DEFINITION, "dtau", optional=True)
@@ -192,10 +236,18 @@ def differential_by_definition(tau: Map, at: At) -> Iterator[Same]:
     for side in ("right", "left"):
         found = tau.difference(at, at.eta, side)
         scale = at.share(g, tau.group.inverse(g)) * (size(found) + size(at.eta)) / STEP
-        yield Same(tau.dtau(at.xi, at.eta, side), found, scale, partial(tau.slips, at, side, False, False))
+        yield Same(
+            tau.dtau(at.xi, at.eta, side), found, scale, partial(tau.slips, at, side, False, False)
+        )
 
 
-@axiom(MAPS, "{dtau_dual}", "<{dtau_dual}_xi mu, eta> = <mu, {dtau}_xi eta> on either side", "dtau_dual", optional=True)
+@axiom(
+    MAPS,
+    "{dtau_dual}",
+    "<{dtau_dual}_xi mu, eta> = <mu, {dtau}_xi eta> on either side",
+    "dtau_dual",
+    optional=True,
+)
 def dual_differential(tau: Map, at: At) -> Iterator[Same]:
     for side in ("right", "left"):
         d, roundings = tau.differential(at, side)
@@ -204,15 +256,27 @@ def dual_differential(tau: Map, at: At) -> Iterator[Same]:
         yield Same(tau.dtau_dual(at.xi, at.mu, side), d.T @ flat(at.mu), scale, slips)
 
 
-@axiom(MAPS, "{dtau_inv}", "{dtau_inv}_xi {dtau}_xi eta = eta on either side", "dtau_inv", optional=True)
+@axiom(
+    MAPS,
+    "{dtau_inv}",
+    "{dtau_inv}_xi {dtau}_xi eta = eta on either side",
+    "dtau_inv",
+    optional=True,
+)
 def inverse_differential(tau: Map, at: At) -> Iterator[Same]:
     for side in ("right", "left"):
         d, roundings = tau.differential(at, side)
         scale = float(norm(inv(d), 2) * cond(d)) * size(at.eta) * (1.0 + at.length)
         slips = partial(tau.slips, at, side, False, True)
-        yield Same(tau.dtau_inv(at.xi, at.eta, side), inv(d) @ flat(at.eta), scale * roundings, slips)
+        yield Same(
+            tau.dtau_inv(at.xi, at.eta, side), inv(d) @ flat(at.eta), scale * roundings, slips
+        )
         if not tau.is_exp:  # of which the series is accurate enough
-            yield Same(tau.dtau_inv(at.xi, tau.dtau(at.xi, at.eta, side), side), at.eta, scale * float(cond(d)))
+            yield Same(
+                tau.dtau_inv(at.xi, tau.dtau(at.xi, at.eta, side), side),
+                at.eta,
+                scale * float(cond(d)),
+            )
 
 
 PAIRING = "<{dtau_inv_dual}_xi mu, eta> = <mu, {dtau_inv}_xi eta> on either side"
@@ -237,13 +301,22 @@ def residual(tau: Map, at: At) -> Iterator[Same]:
     r, by_p, _ = tau.residual(at.xi, p, at.mu)
     scale = (1.0 + size(by_p)) * (size(p) + size(at.mu)) * (1.0 + at.length) ** 2
     left = flat(p) - tau.differential(at, "left")[0].T @ flat(at.mu)
-    yield Same(r, 0.0 * p, scale * roundings, lambda: {"it is that of the left-trivialised dual": times(by_p, left)})
+    yield Same(
+        r,
+        0.0 * p,
+        scale * roundings,
+        lambda: {"it is that of the left-trivialised dual": times(by_p, left)},
+    )
 
     q = p + at.nu
     _, by_p, by_xi = tau.residual(at.xi, q, at.mu)
     found = slope(lambda s: tau.residual(at.xi + s * at.eta, q + s * at.nu, at.mu)[0])
     by_formula = times(by_xi, at.eta) + times(by_p, at.nu)
-    scale = (size(by_xi) + size(by_p) * (size(q) + size(at.nu)) + size(at.mu)) * (1.0 + size(at.eta)) * (1.0 + at.length)
+    scale = (
+        (size(by_xi) + size(by_p) * (size(q) + size(at.nu)) + size(at.mu))
+        * (1.0 + size(at.eta))
+        * (1.0 + at.length)
+    )
     slips = {
         "dr/dxi is transposed": found + times(by_xi, at.eta) - times(np.asarray(by_xi).T, at.eta),
         "the sign of dr/dxi": found + 2.0 * times(by_xi, at.eta),
@@ -263,15 +336,27 @@ def times(derivative: Any, direction: Any) -> np.ndarray:
 EXPONENTIAL: list[Law] = []
 
 
-@axiom(EXPONENTIAL, "dexp as a series", 'dexp_xi = sum of ad_xi^k/(k + 1)!; with side="left" of -ad_xi', "dtau")
+@axiom(
+    EXPONENTIAL,
+    "dexp as a series",
+    'dexp_xi = sum of ad_xi^k/(k + 1)!; with side="left" of -ad_xi',
+    "dtau",
+)
 def series_of_the_differential(exp: Map, at: At) -> Iterator[Same]:
     for side in ("right", "left"):
         d, _ = exp.differential(at, side)
         scale = max(1.0, float(norm(d, 2))) * size(at.eta) * (1.0 + at.length)
-        yield Same(exp.dtau(at.xi, at.eta, side), d @ flat(at.eta), scale, partial(exp.slips, at, side, False, False))
+        yield Same(
+            exp.dtau(at.xi, at.eta, side),
+            d @ flat(at.eta),
+            scale,
+            partial(exp.slips, at, side, False, False),
+        )
 
 
-@axiom(EXPONENTIAL, "dexp_inv_series", "sum of B_k/k! ad_xi^k, k = 0, ..., terms", "dexp_inv_series")
+@axiom(
+    EXPONENTIAL, "dexp_inv_series", "sum of B_k/k! ad_xi^k, k = 0, ..., terms", "dexp_inv_series"
+)
 def series_of_the_inverse(exp: Map, at: At) -> Iterator[Same]:
     for side, ad in (("right", at.ad), ("left", -at.ad)):
         terms = bernoulli_terms(ad, flat(at.eta))
@@ -296,7 +381,12 @@ def cayley_as_matrices(cay: Map, at: At) -> Iterator[Same]:
         yield Same(cay.tau(at.xi), cayley(x), scale, partial(cases, cayley, factors(x)))
 
 
-@axiom(CAYLEY, "dcayley_inv as matrices", 'dcayley_inv_xi eta = (1 - X/2) Y (1 + X/2); with side="left" of -X', "dtau_inv")
+@axiom(
+    CAYLEY,
+    "dcayley_inv as matrices",
+    'dcayley_inv_xi eta = (1 - X/2) Y (1 + X/2); with side="left" of -X',
+    "dtau_inv",
+)
 def dcayley_inv_as_matrices(cay: Map, at: At) -> Iterator[Same]:
     def product(x: np.ndarray) -> np.ndarray:
         return (np.eye(len(x)) - 0.5 * x) @ y @ (np.eye(len(x)) + 0.5 * x)
@@ -305,7 +395,10 @@ def dcayley_inv_as_matrices(cay: Map, at: At) -> Iterator[Same]:
         hat = cay.group.algebra.hat
         x, y = np.asarray(hat(at.xi)), np.asarray(hat(at.eta))
         for side, signed, other in (("right", x, "left"), ("left", -x, "right")):
-            slips = {f"it is the {other}-trivialised one": -signed, "a factor 2 too many": 2.0 * signed}
+            slips = {
+                f"it is the {other}-trivialised one": -signed,
+                "a factor 2 too many": 2.0 * signed,
+            }
             found = hat(cay.dtau_inv(at.xi, at.eta, side))
             scale = (1.0 + size(x)) ** 2 * size(y)
             yield Same(found, product(signed), scale, partial(cases, product, slips))

@@ -1,6 +1,8 @@
-"""What a method claims, observed: its order, its symmetry, its Poisson bracket, what it keeps, and that it sees no direction.
+"""What a method claims, observed: its order, its symmetry, its Poisson bracket, what it keeps, and
+that it sees no direction.
 
-Each claim is observed at a step that is large enough for the claim to mean something: there the method errs visibly.
+Each claim is observed at a step that is large enough for the claim to mean something: there the
+method errs visibly.
 """
 
 from __future__ import annotations
@@ -35,7 +37,9 @@ SETTLED = 0.1
 """An order is told by three errors when the slope through them is this close to the one before."""
 
 MISSING = 0.5
-"""An observed order may be this much below the claim, that of one part of the state, whose leading term may be small, twice."""
+"""An observed order may be this much below the claim, that of one part of the state, whose leading
+term may be small, twice.
+"""
 
 VISIBLE = 0.05
 """The relative error up to which a step is one at which the other claims are looked at."""
@@ -47,7 +51,9 @@ BRACKET = 2.0**20
 """Roundings that are no error of a Poisson bracket whose derivatives are differences."""
 
 APART = 0.25 * STEP
-"""How far apart the starts are whose ends give the derivative of a step, in units of the size of the state."""
+"""How far apart the starts are whose ends give the derivative of a step, in units of the size of
+the state.
+"""
 
 WAY = 12
 """Steps there, and back again."""
@@ -111,7 +117,9 @@ class Trial:
 
     @cached_property
     def errors(self) -> list[tuple[int, dict[str, float]]]:
-        """The errors of the parts for more and more steps, until the slope has settled or rounding is near."""
+        """The errors of the parts for more and more steps, until the slope has settled or rounding
+        is near.
+        """
         exact, doubt = self.exact
         found: list[tuple[int, dict[str, float]]] = []
         for n in COUNTS:
@@ -150,7 +158,9 @@ class Trial:
         return [(n, e) for n, e in found if 30.0 * doubt < e <= nonsense]
 
     def slope(self, name: str) -> float | None:
-        """The observed order of a part, or of "all": infinite where all errors are rounding, None if too few are seen."""
+        """The observed order of a part, or of "all": infinite where all errors are rounding, None
+        if too few are seen.
+        """
         errors = self.visible(name) if self.errors else []
         if len(errors) < 3:
             return None if errors or not self.errors else math.inf
@@ -158,17 +168,21 @@ class Trial:
 
     @cached_property
     def journey(self) -> tuple[float, Any, Any]:
-        """The largest step with an error that is no nonsense, a run with it, and one back from its end."""
+        """The largest step with an error that is no nonsense, a run with it, and one back from its
+        end.
+        """
         for n, error in self.errors:
             h = self.time / n
             if max(error.values()) <= VISIBLE or n == self.errors[-1][0]:
                 try:
                     there = self.run(WAY, h)
                     return h, there, self.run(WAY, -h, self.at(ended(there)), t0=WAY * h)
-                except (IntegrationFailure, InvalidInput):  # the step left where the system is defined
+                # the step left where the system is defined
+                except (IntegrationFailure, InvalidInput):
                     continue
         raise InvalidInput(
-            f"check_method: {self.method!r} made no sensible step on {self.system!r}; give a smaller h"
+            f"check_method: {self.method!r} made no sensible step "
+            f"on {self.system!r}; give a smaller h"
         )
 
     @property
@@ -226,8 +240,8 @@ def way_back(trial: Trial) -> Observation:
 def bracket(trial: Trial, charts: Charts, name: str, formula: str, claimed: bool) -> Observation:
     """Phi' B Phi'^T - B(Phi), relative to |Phi'|^2 |B|, in units of the size of the state.
 
-    A defect that is claimed not to be there is looked at once more with closer starts: what was the error of the differences
-    goes with the eighth power of their distance.
+    A defect that is claimed not to be there is looked at once more with closer starts: what was the
+    error of the differences goes with the eighth power of their distance.
     """
     defect = charts.defect(trial, APART)
     if claimed and defect > BRACKET * ROUNDING:
@@ -246,7 +260,8 @@ def kept(trial: Trial, keeps: tuple[str, ...]) -> Iterator[Observation]:
         if not any(constant.name.startswith(name) for constant in drift.kept):
             known = ", ".join(constant.name for constant in drift.kept) or "none"
             raise InvalidInput(
-                f"check_method: keeps names {name!r}, which is no constant of this motion; known are: {known}"
+                f"check_method: keeps names {name!r}, which is no "
+                f"constant of this motion; known are: {known}"
             )
 
 
@@ -312,8 +327,9 @@ FREE_OF_CONSTRAINTS = HamiltonianSystem, DrivenHamiltonianSystem
 class Charts:
     """Coordinates about the states of a system with a Poisson structure, in units of their size.
 
-    whole : of a free body, is the group element a coordinate too?  On T*G coordinates are displacements xi of g, by g exp(xi), and
-    changes of mu, and the structure is {xi_i, mu_j} = delta_ij with that of the dual of the algebra for the momenta.
+    whole : of a free body, is the group element a coordinate too?  On T*G coordinates are
+    displacements xi of g, by g exp(xi), and changes of mu, and the structure is {xi_i,
+    mu_j} = delta_ij with that of the dual of the algebra for the momenta.
     """
 
     system: Any

@@ -22,18 +22,23 @@ from .sample_states import CENTRAL
 
 
 def poisson_defect(method: Method, system: System, state: State, h: float) -> float:
-    """How far a step Phi of length h is from a Poisson map: max |Phi' B(y) Phi'^T - B(Phi(y))|/max |B(Phi(y))|.
+    """How far a step Phi of length h is from a Poisson map: max |Phi' B(y) Phi'^T - B(Phi(y))|/max
+    |B(Phi(y))|.
 
-    system : a PoissonSystem, a LiePoissonSystem (its momenta) or a HamiltonianSystem.  state : one state, `system.state(...)`.
-    Rounding, 1e-12 or less, for a Poisson map.  Phi' is exact to rounding where the step is explicit: the step is made with numbers
-    that carry their derivative.  Steps that are iterated have derivatives that lag behind; for them Phi' is taken by differences
+    system : a PoissonSystem, a LiePoissonSystem (its momenta) or a HamiltonianSystem.  state : one
+    state, `system.state(...)`.  Rounding, 1e-12 or less, for a Poisson map.  Phi' is exact to
+    rounding where the step is explicit: the step is made with numbers that carry their derivative.
+    Steps that are iterated have derivatives that lag behind; for them Phi' is taken by differences
     too, of order eight, and the smaller defect counts.
 
-    Raises IncompatibleSystem for other systems, and what the method refuses; InvalidInput for ensembles.
+    Raises IncompatibleSystem for other systems, and what the method refuses; InvalidInput for
+    ensembles.
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.4.1.
     """
     if not isinstance(method, Method):
-        raise InvalidType(f"poisson_defect: method must be a Method, such as Splitting(order=2); got {method!r}")
+        raise InvalidType(
+            f"poisson_defect: method must be a Method, such as Splitting(order=2); got {method!r}"
+        )
     structure, y = _point(system, state)
     method.require(system)
 
@@ -51,7 +56,10 @@ def poisson_defect(method: Method, system: System, state: State, h: float) -> fl
         if D is not None:
             found.append(float(np.abs(D @ B @ D.T - there).max(initial=0.0)) / unit)
     if not found or not math.isfinite(min(found)):
-        raise InvalidInput(f"poisson_defect: a step of {method!r} with h = {h:g} has no derivative at {list(map(float, y))}")
+        raise InvalidInput(
+            f"poisson_defect: a step of {method!r} with h = {h:g} has "
+            f"no derivative at {list(map(float, y))}"
+        )
     return min(found)
 
 
@@ -65,7 +73,9 @@ def _exact(step: Any, y: Vec) -> np.ndarray | None:
 
 
 def _by_differences(step: Any, y: Vec) -> np.ndarray | None:
-    """The derivative by differences of order eight, of steps that depend on the size of the components."""
+    """The derivative by differences of order eight, of steps that depend on the size of the
+    components.
+    """
     numbers = np.array(y, dtype=float)
     whole = size(numbers) or 1.0
     columns = []
@@ -87,9 +97,14 @@ def _point(system: Any, state: Any) -> tuple[PoissonStructure, Vec]:
     elif isinstance(system, (HamiltonianSystem, DrivenHamiltonianSystem)):
         structure = Canonical(system.degrees)
     else:
-        raise IncompatibleSystem(f"poisson_defect needs a PoissonSystem, LiePoissonSystem or HamiltonianSystem; got {system!r}")
+        raise IncompatibleSystem(
+            "poisson_defect needs a PoissonSystem, "
+            f"LiePoissonSystem or HamiltonianSystem; got {system!r}"
+        )
     if not isinstance(state, State) or state.bodies is not None:
-        raise InvalidInput(f"poisson_defect: state must be one state, system.state(...); got {state!r}")
+        raise InvalidInput(
+            f"poisson_defect: state must be one state, system.state(...); got {state!r}"
+        )
     parts = [small(np.asarray(getattr(state, name))) for name in system.coordinates]
     return structure, vec(*[x for part in parts for x in part])
 

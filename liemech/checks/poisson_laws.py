@@ -1,4 +1,6 @@
-"""The laws of a Poisson structure: skew symmetry, the identity of Jacobi, Leibniz' rule, Casimirs, the rank."""
+"""The laws of a Poisson structure: skew symmetry, the identity of Jacobi, Leibniz' rule, Casimirs,
+the rank.
+"""
 
 from __future__ import annotations
 
@@ -52,10 +54,17 @@ class AtPoint:
     def slopes(self) -> np.ndarray:
         """d_l b_ij, with l first."""
         n = self.dim
-        return np.array([
-            np.array(derivative(lambda x: self.B.matrix(x), self.y, [float(i == l) for i in range(n)]), dtype=float)
-            for l in range(n)
-        ])
+        return np.array(
+            [
+                np.array(
+                    derivative(
+                        lambda x: self.B.matrix(x), self.y, [float(i == l) for i in range(n)]
+                    ),
+                    dtype=float,
+                )
+                for l in range(n)
+            ]
+        )
 
     def __str__(self) -> str:
         return f"{self.name}, y = ({', '.join(f'{c:.3g}' for c in self.y[:8])})"
@@ -82,16 +91,29 @@ def matrix(B: Any, at: AtPoint) -> Iterator[Same]:
 def skew_symmetry(B: Any, at: AtPoint) -> Iterator[Same]:
     b, scale = at.matrix, float(np.abs(at.matrix).max(initial=0.0))
     for i, j in itertools.combinations_with_replacement(range(at.dim), 2):
-        yield Entry(b[i, j], -b[j, i], scale, entries=f"b_{i + 1},{j + 1} = {b[i, j]:.3g} or b_{j + 1},{i + 1} = {b[j, i]:.3g}")
+        yield Entry(
+            b[i, j],
+            -b[j, i],
+            scale,
+            entries=f"b_{i + 1},{j + 1} = {b[i, j]:.3g} or b_{j + 1},{i + 1} = {b[j, i]:.3g}",
+        )
 
 
-@axiom(POISSON, "Jacobi identity", "sum_l (d_l b_ij b_lk + d_l b_jk b_li + d_l b_ki b_lj) = 0 for i < j < k", slack=CLOSE)
+@axiom(
+    POISSON,
+    "Jacobi identity",
+    "sum_l (d_l b_ij b_lk + d_l b_jk b_li + d_l b_ki b_lj) = 0 for i < j < k",
+    slack=CLOSE,
+)
 def jacobi(B: Any, at: AtPoint) -> Iterator[Same]:
     b, d = at.matrix, at.slopes
     nested = np.einsum("lij,lk->ijk", d, b)
     total = nested + nested.transpose(2, 0, 1) + nested.transpose(1, 2, 0)  # cyclic: ijk, jki, kij
     terms = np.einsum("lij,lk->ijk", np.abs(d), np.abs(b))
-    scale = float(terms.max(initial=0.0)) + float(np.abs(b).max(initial=0.0)) ** 2 / (size(at.y) or 1.0)  # rounding of the slopes
+    # rounding of the slopes
+    scale = float(terms.max(initial=0.0)) + float(np.abs(b).max(initial=0.0)) ** 2 / (
+        size(at.y) or 1.0
+    )
     for i, j, k in itertools.combinations(range(at.dim), 3):
         at_fault = f"b_{i + 1},{j + 1}, b_{j + 1},{k + 1}, b_{k + 1},{i + 1}, or what these are multiplied by"
         yield Entry(total[i, j, k], 0.0, scale, entries=at_fault)
@@ -121,10 +143,18 @@ def casimirs(B: Any, at: AtPoint) -> Iterator[Same]:
     slopes = np.array(jacobian(lambda y: B.casimirs(y), at.y), dtype=float).reshape(-1, at.dim)
     for i, row in enumerate(slopes):
         terms = float((np.abs(at.matrix) @ np.abs(row)).max(initial=0.0))
-        yield Entry(at.matrix @ row, np.zeros(at.dim), terms + size(row), entries=f"Casimir {i + 1}")
+        yield Entry(
+            at.matrix @ row, np.zeros(at.dim), terms + size(row), entries=f"Casimir {i + 1}"
+        )
 
 
-@axiom(POISSON, "motion of coordinates", "d/ds coordinate_flow(y, i, s) = B e_i, at two s", "coordinate_flow", slack=CLOSE)
+@axiom(
+    POISSON,
+    "motion of coordinates",
+    "d/ds coordinate_flow(y, i, s) = B e_i, at two s",
+    "coordinate_flow",
+    slack=CLOSE,
+)
 def coordinate_flow(B: Any, at: AtPoint) -> Iterator[Same]:
     for i in range(at.dim):
         for s in (0.0, 0.25):
@@ -135,15 +165,25 @@ def coordinate_flow(B: Any, at: AtPoint) -> Iterator[Same]:
             yield Entry(rate, b[:, i], scale, entries=f"the motion of y_{i + 1}")
 
 
-@axiom(POISSON, "rank", "B has one rank almost everywhere, even, the one named; Casimirs are no more than what is left")
+@axiom(
+    POISSON,
+    "rank",
+    "B has one rank almost everywhere, even, the one named; Casimirs are no more than what is left",
+)
 def rank(B: Any, at: AtPoint) -> Iterator[Same]:
     found = _rank(at.matrix)
-    yield Entry(found, at.generic, entries=f"the point: B has rank {found} here, {at.generic} elsewhere")
+    yield Entry(
+        found, at.generic, entries=f"the point: B has rank {found} here, {at.generic} elsewhere"
+    )
     yield Entry(found % 2, 0, entries="the skew symmetry")
     if B.rank is not None:
         yield Entry(B.rank, at.generic, entries=f"`rank`, which is {B.rank}")
     number = len(flat(B.casimirs(at.y)))
-    yield Entry(max(number, at.dim - at.generic), at.dim - at.generic, entries=f"`casimirs`, which are {number}")
+    yield Entry(
+        max(number, at.dim - at.generic),
+        at.dim - at.generic,
+        entries=f"`casimirs`, which are {number}",
+    )
 
 
 def _rank(b: np.ndarray) -> int:
@@ -158,23 +198,30 @@ def _polynomial(n: int, seed: int) -> Any:
     return lambda y: dot(a, y) + dot(b, y) * dot(a, y) + y[seed % n] ** 2
 
 
-def check_poisson(structure: PoissonStructure, points: Any = None, *, raises: bool = True, seed: int = 0) -> Report:
+def check_poisson(
+    structure: PoissonStructure, points: Any = None, *, raises: bool = True, seed: int = 0
+) -> Report:
     """Does a matrix B(y) make a Poisson bracket, and do the closed forms of its class belong to it?
 
-    Checked are skew symmetry, the identity of Jacobi for all i < j < k, Leibniz' rule, Casimirs, `sharp`, `coordinate_flow`, and
-    that the rank is the same at all points.
+    Checked are skew symmetry, the identity of Jacobi for all i < j < k, Leibniz' rule, Casimirs,
+    `sharp`, `coordinate_flow`, and that the rank is the same at all points.
 
-    points : (m, n), where to look; left out, random points of size one, with positive coordinates if B or the Casimirs need them.
+    points : (m, n), where to look; left out, random points of size one, with positive coordinates
+    if B or the Casimirs need them.
     raises : False returns the report on a broken structure as well.  seed : of the random points.
 
-    Returns a Report, which prints as a table.  Raises LawViolation: the first law broken, the entries, where and by how much.
+    Returns a Report, which prints as a table.  Raises LawViolation: the first law broken, the
+    entries, where and by how much.
 
-    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.2.2, the identity (2.10).
+    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.2.2, the identity
+    (2.10).
     """
     given: Any = structure
     if not isinstance(given, PoissonStructure):
         cure = f"; write {given.__name__}(), with the brackets" if isinstance(given, type) else ""
-        raise InvalidType(f"check_poisson: structure must be a PoissonStructure; got {given!r}{cure}")
+        raise InvalidType(
+            f"check_poisson: structure must be a PoissonStructure; got {given!r}{cure}"
+        )
     where = _places(structure, points, seed)
     report = Report(repr(structure), tuple(_findings(structure, where)))
     if report.broken and raises:
@@ -205,7 +252,10 @@ def _places(structure: PoissonStructure, points: Any, seed: int) -> list[AtPoint
             found = [("random", Vec.of((0.5 + abs(row)).tolist())) for row in drawn]
         found = [(name, y) for name, y in found if _defined(structure, y)]
         if not found:
-            raise InvalidInput(f"check_poisson: {structure!r} is not defined at random points; give some, points=[[...], ...]")
+            raise InvalidInput(
+                f"check_poisson: {structure!r} is not defined at random "
+                "points; give some, points=[[...], ...]"
+            )
     ranks = []
     for _, y in found:
         try:
@@ -216,9 +266,14 @@ def _places(structure: PoissonStructure, points: Any, seed: int) -> list[AtPoint
 
 
 def _defined(structure: PoissonStructure, y: Vec) -> bool:
-    """Have the matrix and the Casimirs values here?  What raises an error of another kind is for the laws to tell."""
+    """Have the matrix and the Casimirs values here?  What raises an error of another kind is for
+    the laws to tell.
+    """
     try:
-        return bool(np.isfinite(flat(structure.matrix(y))).all() and np.isfinite(flat(structure.casimirs(y))).all())
+        return bool(
+            np.isfinite(flat(structure.matrix(y))).all()
+            and np.isfinite(flat(structure.casimirs(y))).all()
+        )
     except (ArithmeticError, ValueError):
         return False
     except Exception:

@@ -12,7 +12,9 @@ ROUNDING = 2.0**-52
 
 @dataclass(frozen=True)
 class Finding:
-    """What came of one law: the worst place, the defect there and its bound, in roundings of the size, and a remark."""
+    """What came of one law: the worst place, the defect there and its bound, in roundings of the
+    size, and a remark.
+    """
 
     law: str
     formula: str
@@ -37,7 +39,10 @@ class Finding:
             lines.append(f"  where     {self.where}")
         if self.bound:
             lines.append(f"  defect    {self.defect * unit:.1e}, {self.defect:.2g} roundings")
-            lines.append(f"  expected  below {self.bound * unit:.1e}, {self.bound:.3g} roundings of {self.size:.2g}")
+            lines.append(
+                f"  expected  below {self.bound * unit:.1e}, "
+                f"{self.bound:.3g} roundings of {self.size:.2g}"
+            )
         if self.remark:
             lines.append(f"  {'probably' if self.bound else 'because '}  {self.remark}")
         return lines
@@ -67,10 +72,12 @@ class Observation(Finding):
 
 @dataclass(frozen=True)
 class Report:
-    """The verdict on each law; printed, a table.  Defects are in roundings (2^-52) of the size of what is compared.
+    """The verdict on each law; printed, a table.  Defects are in roundings (2^-52) of the size of
+    what is compared.
 
-    A law "holds" or is "broken"; it "follows" if the class leaves the method to its base; what a class lacks is "not there"; a
-    retraction that does not serve a group is "refused"; what a method does not claim is "seen" or "not seen".
+    A law "holds" or is "broken"; it "follows" if the class leaves the method to its base; what a
+    class lacks is "not there"; a retraction that does not serve a group is "refused"; what a method
+    does not claim is "seen" or "not seen".
     """
 
     subject: str
@@ -98,7 +105,13 @@ class Report:
     def __str__(self) -> str:
         broken = f"{len(self.broken)} broken" if self.broken else "none broken"
         header = self.findings[0].columns
-        return "\n".join([f"{self.subject}: {len(self.held)} laws hold, {broken}", header, *map(str, self.findings)])
+        return "\n".join(
+            [
+                f"{self.subject}: {len(self.held)} laws hold, {broken}",
+                header,
+                *map(str, self.findings),
+            ]
+        )
 
     def violation(self) -> LawViolation:
         """The first broken law as an error: where, by how much, and the probable cause."""

@@ -1,5 +1,6 @@
-"""Where laws are checked: at the neutral element, 1e-8 beside it, at random, with coordinates of mixed sizes, along each axis,
-and close to where `dexp` is singular.  The size of a velocity is that of ad_xi: in radians, for rotations.
+"""Where laws are checked: at the neutral element, 1e-8 beside it, at random, with coordinates of
+mixed sizes, along each axis, and close to where `dexp` is singular.  The size of a velocity is that
+of ad_xi: in radians, for rotations.
 """
 
 from __future__ import annotations
@@ -17,12 +18,15 @@ from ..formulas.broadcasting import small
 from ..groups.lie_group import LieGroup
 
 STEP = 0.01
-"""The step of differences, where velocities have size one: truncation below 1e-15, for the Cayley map too, and rounding 1/STEP."""
+"""The step of differences, where velocities have size one: truncation below 1e-15, for the Cayley
+map too, and rounding 1/STEP.
+"""
 
 STENCIL = ((1, 4 / 5), (2, -1 / 5), (3, 4 / 105), (4, -1 / 280))
 """f' = sum of weight (f(k STEP) - f(-k STEP))/STEP over the pairs (k, weight), of order eight.
 
-Source: Fornberg, Generation of finite difference formulas on arbitrarily spaced grids, Math. Comp. 51 (1988), table 1.
+Source: Fornberg, Generation of finite difference formulas on arbitrarily spaced grids, Math. Comp.
+51 (1988), table 1.
 """
 
 FAR = 12.0
@@ -79,7 +83,8 @@ def turning(a: np.ndarray) -> tuple[float, float]:
     if not np.isfinite(a).all():
         return math.inf, math.inf
     eigenvalues = np.linalg.eigvals(a)
-    floor = 1e-3 * np.abs(a).max(initial=0.0)  # eigenvalues of nilpotent matrices are zero only to a root of the rounding
+    # eigenvalues of nilpotent matrices are zero only to a root of the rounding
+    floor = 1e-3 * np.abs(a).max(initial=0.0)
     spread = [float(np.abs(part).max(initial=0.0)) for part in (eigenvalues.imag, eigenvalues.real)]
     return tuple(x if x > floor else 0.0 for x in spread)  # type: ignore[return-value]
 
@@ -89,7 +94,9 @@ def turning(a: np.ndarray) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class Units:
-    """What is natural on a group: the constants of its bracket, a unit of velocity, the weight of its elements."""
+    """What is natural on a group: the constants of its bracket, a unit of velocity, the weight of
+    its elements.
+    """
 
     group: LieGroup
 
@@ -105,7 +112,9 @@ class Units:
     @cached_property
     def constants(self) -> np.ndarray:
         """c[i, j] = [E_i, E_j], asked of the bracket."""
-        return np.array([[flat(self.group.algebra.bracket(a, b)) for b in self.axes] for a in self.axes])
+        return np.array(
+            [[flat(self.group.algebra.bracket(a, b)) for b in self.axes] for a in self.axes]
+        )
 
     def ad(self, xi: Vec) -> np.ndarray:
         """The matrix of ad_xi, from the structure constants."""
@@ -127,14 +136,25 @@ class Units:
 
     @cached_property
     def are_matrices(self) -> bool:
-        """Are the elements of the group matrices like those of its algebra, with the unit matrix among them?"""
+        """Are the elements of the group matrices like those of its algebra, with the unit matrix
+        among them?
+        """
         e, x = np.asarray(self.group.identity()), self.hat(self.axes[0])
-        return x is not None and e.ndim == 2 and e.shape == x.shape and np.array_equal(e, np.eye(len(e)))
+        return (
+            x is not None
+            and e.ndim == 2
+            and e.shape == x.shape
+            and np.array_equal(e, np.eye(len(e)))
+        )
 
     def length(self, xi: Vec) -> float:
-        """The size of a velocity: the norm of ad_xi, of its matrix if it commutes with all, else of its coordinates."""
+        """The size of a velocity: the norm of ad_xi, of its matrix if it commutes with all, else of
+        its coordinates.
+        """
         matrices = self.ad(xi), self.hat(xi), np.diag(flat(xi))
-        norms = [float(np.linalg.norm(a, 2)) for a in matrices if a is not None and np.isfinite(a).all()]
+        norms = [
+            float(np.linalg.norm(a, 2)) for a in matrices if a is not None and np.isfinite(a).all()
+        ]
         return next((n for n in norms if n > 0.0), 1.0)
 
     def of_length(self, xi: np.ndarray, length: float) -> Vec:
@@ -144,7 +164,10 @@ class Units:
     def weight(self) -> float:
         """How large elements are, not far from the neutral one."""
         g = self.group
-        return max(size(g.identity()), *(size(g.exp(self.of_length(flat(a), 1.0))) for a in self.axes)) or 1.0
+        return (
+            max(size(g.identity()), *(size(g.exp(self.of_length(flat(a), 1.0))) for a in self.axes))
+            or 1.0
+        )
 
     @cached_property
     def tangents(self) -> np.ndarray:
@@ -162,7 +185,9 @@ class Units:
 
 @dataclass(frozen=True)
 class At:
-    """A place: a velocity xi of the named size, two of size one, two momenta, and three elements of the group."""
+    """A place: a velocity xi of the named size, two of size one, two momenta, and three elements of
+    the group.
+    """
 
     name: str
     units: Units
@@ -219,7 +244,9 @@ class At:
 
     @cached_property
     def spectrum(self) -> tuple[float, float]:
-        """How far xi turns and stretches: the largest imaginary and real parts of eigenvalues of ad_xi and of its matrix."""
+        """How far xi turns and stretches: the largest imaginary and real parts of eigenvalues of
+        ad_xi and of its matrix.
+        """
         x = self.units.hat(self.xi)
         turns, stretches = zip(*[turning(a) for a in (self.ad, x) if a is not None], strict=True)
         return max(turns), max(stretches)
@@ -260,15 +287,27 @@ def sample_points(group: LieGroup, seed: int) -> list[At]:
         return flat(units.of_length(rng.normal(size=n), 1.0))
 
     def at(name: str, xi: np.ndarray) -> At:
-        return At(name, units, *(Vec.of(v.tolist()) for v in (xi, unit(), unit(), rng.normal(size=n), rng.normal(size=n))))
+        return At(
+            name,
+            units,
+            *(
+                Vec.of(v.tolist())
+                for v in (xi, unit(), unit(), rng.normal(size=n), rng.normal(size=n))
+            ),
+        )
 
     found = [at("the neutral element", 0.0 * unit()), at("size 1e-8", 1e-8 * unit())]
     found += [at("random", 1.3 * unit()), at("random", unit())]
-    found += [at("mixed sizes", unit() * 10.0 ** -rng.integers(0, 9, size=n)) for _ in range(3 if n <= LARGE else 1)]
+    found += [
+        at("mixed sizes", unit() * 10.0 ** -rng.integers(0, 9, size=n))
+        for _ in range(3 if n <= LARGE else 1)
+    ]
     for i in range(n) if n <= LARGE else sorted(rng.choice(n, 3, replace=False)):
         found.append(at(f"along axis {i + 1}", flat(units.of_length(np.eye(n)[i], 1.0))))
     u = unit()
     imaginary, real = turning(units.ad(Vec.of(u.tolist())))
-    far = min(0.95 * 2.0 * math.pi / imaginary if imaginary else FAR, 3.0 / real if real else FAR, FAR)
+    far = min(
+        0.95 * 2.0 * math.pi / imaginary if imaginary else FAR, 3.0 / real if real else FAR, FAR
+    )
     found.append(at(f"size {far:.2g}", far * u))
     return found

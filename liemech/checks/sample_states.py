@@ -53,9 +53,13 @@ class AtState:
 
     @cached_property
     def nearby(self) -> list[Any]:
-        """States before and after this one, at equal times, along the velocity here: the motion to first order."""
+        """States before and after this one, at equal times, along the velocity here: the motion to
+        first order.
+        """
         times = [k * self.unit for k in range(-4, 5)]
-        return [self.system.displaced(Exponential(), self.state, time * self.rate) for time in times]
+        return [
+            self.system.displaced(Exponential(), self.state, time * self.rate) for time in times
+        ]
 
     @property
     def unit(self) -> float:
@@ -63,7 +67,9 @@ class AtState:
         return 0.25 * STEP / (self.pace or 1.0)
 
     def along(self, values: list[Any]) -> tuple[np.ndarray, float]:
-        """The derivative along the motion of a quantity with these values at the states nearby, and the size of its rounding."""
+        """The derivative along the motion of a quantity with these values at the states nearby, and
+        the size of its rounding.
+        """
         found = sum(w * flat(v) for w, v in zip(CENTRAL, values, strict=True)) / self.unit
         return np.asarray(found), max(map(size, values)) / self.unit
 
@@ -77,7 +83,9 @@ class AtState:
 
 
 def pace(system: Any, t: float, state: Any) -> float:
-    """The rate of change relative to what changes, and of turning if the group turns: the inverse of a time."""
+    """The rate of change relative to what changes, and of turning if the group turns: the inverse
+    of a time.
+    """
     rate = system.rate(t, state)
     group = system.group
     found = (
@@ -146,12 +154,15 @@ def random_state(system: Any, rng: np.random.Generator) -> Any:
     if isinstance(system, HomogeneousEquation):
         return Point(small(np.asarray(system.action.random(rng))))
     raise InvalidInput(
-        f"check_system: how states of {system!r} are drawn is not known; give some, states=system.state(...)"
+        f"check_system: how states of {system!r} are drawn is not "
+        "known; give some, states=system.state(...)"
     )
 
 
 def _consistent(system: ConstrainedSystem, rng: np.random.Generator) -> CanonicalState:
-    """A state on the constraints, near a random one; if none is found, for what is wrong is for the laws to tell, a random one."""
+    """A state on the constraints, near a random one; if none is found, for what is wrong is for the
+    laws to tell, a random one.
+    """
     for _ in range(4 * PLACES):
         q, p = (small(x) for x in rng.normal(size=(2, system.degrees)))
         try:
@@ -163,7 +174,9 @@ def _consistent(system: ConstrainedSystem, rng: np.random.Generator) -> Canonica
 
 
 def why_undefined(at: AtState) -> str:
-    """Why velocity or energy have no value here; empty if they have, and if what is wrong is for the laws to tell."""
+    """Why velocity or energy have no value here; empty if they have, and if what is wrong is for
+    the laws to tell.
+    """
     try:
         with np.errstate(all="ignore"):
             values = [*flat(at.rate), _energy(at.system, at.state)]

@@ -1,4 +1,6 @@
-"""The laws of a system: derivatives belong to energies, Lagrangians to Hamiltonians, constants stay."""
+"""The laws of a system: derivatives belong to energies, Lagrangians to Hamiltonians, constants
+stay.
+"""
 
 from __future__ import annotations
 
@@ -29,13 +31,19 @@ from .sample_points import STEP, flat, size, slope
 from .sample_states import AtState
 
 CLOSE = 4096.0
-"""Roundings per dimension: closed forms and derived ones round differently; a slip is larger by far."""
+"""Roundings per dimension: closed forms and derived ones round differently; a slip is larger by
+far.
+"""
 
 
 def derived(f: Callable[[Any], Any], x: Any) -> tuple[np.ndarray, float]:
-    """df/dx by derivative numbers, or by differences of a formula that does not bear them; and by what these enlarge rounding."""
+    """df/dx by derivative numbers, or by differences of a formula that does not bear them; and by
+    what these enlarge rounding.
+    """
     try:
-        return np.asarray(jacobian(f, x) if isinstance(f(x), (tuple, list)) else gradient(f, x), dtype=float), 1.0
+        return np.asarray(
+            jacobian(f, x) if isinstance(f(x), (tuple, list)) else gradient(f, x), dtype=float
+        ), 1.0
     except TypeError:
         unit = STEP * (size(x) or 1.0)
         columns = [slope(lambda s, e=e: f(vec(*(flat(x) + s * e))), unit) for e in np.eye(len(x))]  # type: ignore[misc]
@@ -181,7 +189,13 @@ def quadratic(system: CanonicalSystem, at: AtState) -> Iterator[Same]:
 CONSTRAINED: list[Law] = []
 
 
-@axiom(CONSTRAINED, "Jacobian of the constraints", "constraint_jacobian(q) = dg/dq", "constraint_jacobian", slack=CLOSE)
+@axiom(
+    CONSTRAINED,
+    "Jacobian of the constraints",
+    "constraint_jacobian(q) = dg/dq",
+    "constraint_jacobian",
+    slack=CLOSE,
+)
 def jacobian_of_constraints(system: ConstrainedSystem, at: AtState) -> Iterator[Same]:
     yield _matches(system.constraint_jacobian(at.state.q), system.constraint, at.state.q)
 
@@ -189,7 +203,8 @@ def jacobian_of_constraints(system: ConstrainedSystem, at: AtState) -> Iterator[
 @axiom(
     CONSTRAINED,
     "geodesic",
-    "geodesic(q, p, t) begins with the velocity, stays on g = 0 and G H_p = 0, keeps T, and t is t/2 + t/2",
+    "geodesic(q, p, t) begins with the velocity, stays on g = 0 "
+    "and G H_p = 0, keeps T, and t is t/2 + t/2",
     optional=True,
     slack=CLOSE,
 )
@@ -227,7 +242,13 @@ def casimirs_of_structure(system: PoissonSystem, at: AtState) -> Iterator[Same]:
         yield Same(there, 0.0 * y, rounding * scale)
 
 
-@axiom(PARTS, "motions of parts", "d/dt flow(y, t) = B dH_i at flow(y, t), at two t", optional=True, slack=CLOSE)
+@axiom(
+    PARTS,
+    "motions of parts",
+    "d/dt flow(y, t) = B dH_i at flow(y, t), at two t",
+    optional=True,
+    slack=CLOSE,
+)
 def motions_of_parts(system: PoissonSystem, at: AtState) -> Iterator[Same]:
     known = [part for part in system.parts if isinstance(part, Part)]
     if not known:
@@ -256,15 +277,23 @@ KEPT: list[Law] = []
     slack=CLOSE,
 )
 def constants(system: Any, at: AtState) -> Iterator[Same]:
-    states = {name: np.stack([state.arrays[name] for state in at.nearby]) for name in at.state.arrays}
+    states = {
+        name: np.stack([state.arrays[name] for state in at.nearby]) for name in at.state.arrays
+    }
     values, terms = constants_and_terms(system, states, len(at.nearby))
-    if isinstance(system, ConstrainedSystem):  # they are zero, and so are their terms at some states
-        values = {name: value for name, value in values.items() if name not in ("constraint", "hidden constraint")}
+    # they are zero, and so are their terms at some states
+    if isinstance(system, ConstrainedSystem):
+        values = {
+            name: value
+            for name, value in values.items()
+            if name not in ("constraint", "hidden constraint")
+        }
     if not values:
         raise NotDefined("the system names none")
     for name, value in values.items():
         change, scale = at.along([*value])
-        yield Same(change, 0.0 * change, max(scale, size(terms[name]) / at.unit))  # of sums that cancel the terms round
+        # of sums that cancel the terms round
+        yield Same(change, 0.0 * change, max(scale, size(terms[name]) / at.unit))
 
 
 # ---------------------------------------------------------------- native code
@@ -289,7 +318,9 @@ def native_code(system: Any, at: AtState) -> Iterator[Same]:
 
 
 def laws_of(system: Any) -> Iterator[tuple[list[Law], Any, Callable[[str], bool]]]:
-    """The tables of laws for a system, what they are about, and which formulas its class has written itself."""
+    """The tables of laws for a system, what they are about, and which formulas its class has
+    written itself.
+    """
     yield SYSTEM, system, lambda name: True
     body = system.body if isinstance(system, MechanicalSystem) else system
     if isinstance(body, LiePoissonSystem):

@@ -16,7 +16,9 @@ from .options import Parser
 GROUPS = (lm.SO3(), lm.SE3())
 """Where a retraction is checked."""
 
-BELOW = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, -0.5], [0.0, 0.0, 0.0, 1.0]]).ravel()
+BELOW = np.array(
+    [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, -0.5], [0.0, 0.0, 0.0, 1.0]]
+).ravel()
 """The pose of a body that hangs half a metre below its fixed point."""
 
 
@@ -28,7 +30,11 @@ def check(arguments: Sequence[str]) -> int:
         "print a table.",
         epilog="liemech check my_module:Heisenberg    liemech check 'RigidBody([1.0, 2.0, 2.5])'    liemech check 'RKMK(order=5)'",
     )
-    parser.add_argument("what", metavar="module:Class", help="a class of yours, with or without arguments, or one of the library")
+    parser.add_argument(
+        "what",
+        metavar="module:Class",
+        help="a class of yours, with or without arguments, or one of the library",
+    )
     parser.add_argument("--json", action="store_true", help="print the verdicts as JSON")
     options = parser.parse_args(arguments)
     try:
@@ -36,7 +42,14 @@ def check(arguments: Sequence[str]) -> int:
     except lm.errors.LiemechError as wrong:
         parser.error(str(wrong))
     if options.json:
-        print(json.dumps([{"subject": r.subject, "laws": {f.law: f.verdict for f in r.findings}} for r in reports]))
+        print(
+            json.dumps(
+                [
+                    {"subject": r.subject, "laws": {f.law: f.verdict for f in r.findings}}
+                    for r in reports
+                ]
+            )
+        )
     else:
         print(*reports, sep="\n\n")
     return int(any(report.broken for report in reports))
@@ -60,18 +73,25 @@ def _reports(thing: Any) -> list[Any]:
                 continue
             return [lm.check_method(thing, system, start, raises=False)]
         raise lm.errors.InvalidInput(
-            f"{thing!r} accepts none of the systems tried here, which are a free body, a top, a planet, a pendulum on a sphere, "
-            "hares and foxes, and a body at a fixed point; call lm.check_method(method, system, start) with a system of yours"
+            f"{thing!r} accepts none of the systems tried here, which are a free body, a top, a "
+            "planet, a pendulum on a sphere, hares and foxes, and a body at a fixed point; call "
+            "lm.check_method(method, system, start) with a system of yours"
         )
-    raise lm.errors.InvalidInput(f"{thing!r} is neither a group, a retraction, a system, a Poisson structure nor a method")
+    raise lm.errors.InvalidInput(
+        f"{thing!r} is neither a group, a retraction, a system, a Poisson structure nor a method"
+    )
 
 
 def _problems() -> list[tuple[Any, Any]]:
-    """Systems on which a method can be checked: a free body, a top, a planet, and ones for methods that take nothing else."""
+    """Systems on which a method can be checked: a free body, a top, a planet, and ones for methods
+    that take nothing else.
+    """
     models: Any = lm  # type checkers take fields that a model derives for arguments
     body, planet = models.RigidBody([1.0, 1.5, 2.0]), models.Kepler()
     ball, species = models.SphericalPendulum(), models.LotkaVolterra()
-    hung = models.Linkage([lm.Link(3.0, [0.1, 0.2, 0.2])], [lm.FixedPoint(0, [0.0, 0.0, 0.5])], 9.81)
+    hung = models.Linkage(
+        [lm.Link(3.0, [0.1, 0.2, 0.2])], [lm.FixedPoint(0, [0.0, 0.0, 0.5])], 9.81
+    )
     top = models.HeavyTop([1.0, 1.5, 0.7], 1.3, [0.6, 0.0, 0.8])
     return [
         (body, body.state([0.5, 0.3, 0.8], np.eye(3))),

@@ -1,7 +1,8 @@
-"""Systems and methods from text: `RKMK(order=4)`, `HeavyTop([1.0, 1.5, 0.7], 1.3, centre=[0.6, 0.0, 0.8])`.
+"""Systems and methods from text: `RKMK(order=4)`,
+`HeavyTop([1.0, 1.5, 0.7], 1.3, centre=[0.6, 0.0, 0.8])`.
 
-Only public classes of the library, or of a module that is named, are called, with numbers, lists and each other; nothing else is
-evaluated.
+Only public classes of the library, or of a module that is named, are called, with numbers, lists
+and each other; nothing else is evaluated.
 """
 
 from __future__ import annotations
@@ -22,7 +23,8 @@ import liemech as lm
 
 
 def read(text: str, kind: type, where: str) -> Any:
-    """The object that a text describes, of some kind: `RKMK(order=4)`, `Cayley`, `my_module:Gyrostat(0.3)`.
+    """The object that a text describes, of some kind: `RKMK(order=4)`, `Cayley`,
+    `my_module:Gyrostat(0.3)`.
 
     Raises InvalidInput, which says where, what is wrong, and what is allowed.
     """
@@ -30,26 +32,41 @@ def read(text: str, kind: type, where: str) -> Any:
     try:
         tree = ast.parse(rest.strip(), mode="eval").body
     except SyntaxError as wrong:
-        raise lm.errors.InvalidInput(f"{where}: {text!r} cannot be read, {wrong.msg}; write it as RKMK(order=4)") from None
+        raise lm.errors.InvalidInput(
+            f"{where}: {text!r} cannot be read, {wrong.msg}; write it as RKMK(order=4)"
+        ) from None
     found = _value(tree, kind, where, [imported(module, where)] if module else [])
     if isinstance(found, type):
         found = _call(found, (), {}, where)
     if not isinstance(found, kind):
-        raise lm.errors.InvalidInput(f"{where}: {text!r} is no {_known(kind)}{_instead(text, kind)}")
+        raise lm.errors.InvalidInput(
+            f"{where}: {text!r} is no {_known(kind)}{_instead(text, kind)}"
+        )
     return found
 
 
 def build(name: Any, arguments: Mapping[str, Any], kind: type, where: str) -> Any:
-    """An object of a class by its name, with arguments by theirs; text among them is read in its turn."""
+    """An object of a class by its name, with arguments by theirs; text among them is read in its
+    turn.
+    """
     if not isinstance(name, str):
-        raise lm.errors.InvalidInput(f"{where}: name must be a text such as {names(kind)[0]!r}; got {name!r}")
+        raise lm.errors.InvalidInput(
+            f"{where}: name must be a text such as {names(kind)[0]!r}; got {name!r}"
+        )
     module, _, rest = name.rpartition(":")
     cls = _public(rest, kind, where, [imported(module, where)] if module else [])
-    return _call(cls, (), {key: _argument(value, f"{where}: {key}") for key, value in arguments.items()}, where)
+    return _call(
+        cls,
+        (),
+        {key: _argument(value, f"{where}: {key}") for key, value in arguments.items()},
+        where,
+    )
 
 
 def imported(module: str, where: str) -> Any:
-    """A module of the user's, from the folder where the command runs or from wherever Python finds it."""
+    """A module of the user's, from the folder where the command runs or from wherever Python finds
+    it.
+    """
     if "" not in sys.path:
         sys.path.insert(0, "")
     try:
@@ -57,18 +74,30 @@ def imported(module: str, where: str) -> Any:
     except ModuleNotFoundError as missing:
         if missing.name == module.partition(".")[0] or missing.name == module:
             raise lm.errors.InvalidInput(f"{where}: there is no module {module!r} here") from None
-        raise lm.errors.InvalidInput(f"{where}: module {module!r} cannot be imported: {missing}") from missing
+        raise lm.errors.InvalidInput(
+            f"{where}: module {module!r} cannot be imported: {missing}"
+        ) from missing
     except Exception as wrong:  # whatever the module does when it is loaded
-        place = wrong if isinstance(wrong, SyntaxError) else traceback.extract_tb(wrong.__traceback__)[-1]
+        place = (
+            wrong
+            if isinstance(wrong, SyntaxError)
+            else traceback.extract_tb(wrong.__traceback__)[-1]
+        )
         at = f"{place.filename}, line {place.lineno}"
         told = f"{type(wrong).__name__}: {getattr(wrong, 'msg', wrong)}".partition("\n")[0]
-        raise lm.errors.InvalidInput(f"{where}: module {module!r} cannot be imported: {told} ({at})") from wrong
+        raise lm.errors.InvalidInput(
+            f"{where}: module {module!r} cannot be imported: {told} ({at})"
+        ) from wrong
 
 
 def names(kind: type) -> list[str]:
     """The public classes of a kind."""
     found = ((name, getattr(lm, name)) for name in lm.__all__)
-    return [name for name, thing in found if isinstance(thing, type) and issubclass(thing, kind) and thing is not kind]
+    return [
+        name
+        for name, thing in found
+        if isinstance(thing, type) and issubclass(thing, kind) and thing is not kind
+    ]
 
 
 def _argument(value: Any, where: str) -> Any:
@@ -76,20 +105,26 @@ def _argument(value: Any, where: str) -> Any:
     if isinstance(value, str):
         return read(value, lm.Record, where)
     if isinstance(value, Mapping):
-        return build(value.get("name"), {k: v for k, v in value.items() if k != "name"}, lm.Record, where)
+        return build(
+            value.get("name"), {k: v for k, v in value.items() if k != "name"}, lm.Record, where
+        )
     return value
 
 
 def _value(node: ast.AST, kind: type, where: str, modules: list[Any]) -> Any:
     """A node of the text, as the number, list or object it is."""
-    if isinstance(node, ast.Constant) and isinstance(node.value, (int, float, str, bool, type(None))):
+    if isinstance(node, ast.Constant) and isinstance(
+        node.value, (int, float, str, bool, type(None))
+    ):
         return node.value
     if isinstance(node, ast.UnaryOp) and isinstance(node.op, (ast.USub, ast.UAdd)):
         value = _value(node.operand, kind, where, modules)
         return -value if isinstance(node.op, ast.USub) else value
     if isinstance(node, ast.BinOp) and isinstance(node.op, (ast.Div, ast.Mult)):
         left, right = (_value(side, kind, where, modules) for side in (node.left, node.right))
-        if all(isinstance(side, (int, float)) for side in (left, right)) and (right or isinstance(node.op, ast.Mult)):
+        if all(isinstance(side, (int, float)) for side in (left, right)) and (
+            right or isinstance(node.op, ast.Mult)
+        ):
             return left / right if isinstance(node.op, ast.Div) else left * right
     if isinstance(node, (ast.List, ast.Tuple)):
         return [_value(item, kind, where, modules) for item in node.elts]
@@ -102,11 +137,23 @@ def _value(node: ast.AST, kind: type, where: str, modules: list[Any]) -> Any:
         if node.func.id == "array":  # as NumPy prints one
             return _array(values, ast.unparse(node), where)
         if any(k.arg is None for k in node.keywords):
-            raise lm.errors.InvalidInput(f"{where}: {ast.unparse(node)!r}: ** is not read; write the arguments out, name=value")
+            raise lm.errors.InvalidInput(
+                f"{where}: {ast.unparse(node)!r}: ** is not read; "
+                "write the arguments out, name=value"
+            )
         cls = _public(node.func.id, kind, where, modules)
-        options = {k.arg: _value(k.value, lm.Record, where, modules) for k in node.keywords if k.arg}
-        return _call(cls, [_made(v, where) for v in values], {k: _made(v, where) for k, v in options.items()}, where)
-    raise lm.errors.InvalidInput(f"{where}: {ast.unparse(node)!r} is neither a number, a list, nor a class of the library")
+        options = {
+            k.arg: _value(k.value, lm.Record, where, modules) for k in node.keywords if k.arg
+        }
+        return _call(
+            cls,
+            [_made(v, where) for v in values],
+            {k: _made(v, where) for k, v in options.items()},
+            where,
+        )
+    raise lm.errors.InvalidInput(
+        f"{where}: {ast.unparse(node)!r} is neither a number, a list, nor a class of the library"
+    )
 
 
 def _array(values: list[Any], text: str, where: str) -> np.ndarray:
@@ -116,7 +163,8 @@ def _array(values: list[Any], text: str, where: str) -> np.ndarray:
         return np.array(rows, dtype=float)
     except (TypeError, ValueError):
         raise lm.errors.InvalidInput(
-            f"{where}: {text!r} is no array; give one list, of numbers or of rows of the same length"
+            f"{where}: {text!r} is no array; give one list, of "
+            "numbers or of rows of the same length"
         ) from None
 
 
@@ -130,10 +178,14 @@ def _public(name: str, kind: type, where: str, modules: list[Any]) -> Any:
     found = next((getattr(module, name) for module in modules if hasattr(module, name)), None)
     if found is None and name in lm.__all__:
         found = getattr(lm, name)
-    if found is not None and (not isinstance(found, type) or issubclass(found, (kind, lm.Vec, lm.Mat))):
+    if found is not None and (
+        not isinstance(found, type) or issubclass(found, (kind, lm.Vec, lm.Mat))
+    ):
         return found
     there = f" in {modules[0].__name__}" if modules else ""
-    raise lm.errors.InvalidInput(f"{where}: {name!r} is no {_known(kind)}{there}{_instead(name, kind)}")
+    raise lm.errors.InvalidInput(
+        f"{where}: {name!r} is no {_known(kind)}{there}{_instead(name, kind)}"
+    )
 
 
 def _known(kind: type) -> str:
@@ -155,10 +207,14 @@ def _call(cls: Any, values: Any, options: Mapping[str, Any], where: str) -> Any:
     allowed = list(inspect.signature(cls).parameters)
     for key in options:
         if key not in allowed and cls not in (lm.Vec, lm.Mat):
-            raise lm.errors.InvalidInput(f"{where}: {cls.__name__} has no {key!r}; allowed are {', '.join(allowed)}")
+            raise lm.errors.InvalidInput(
+                f"{where}: {cls.__name__} has no {key!r}; allowed are {', '.join(allowed)}"
+            )
     try:
         return cls(*values, **options)
     except lm.errors.LiemechError as wrong:
         raise lm.errors.InvalidInput(f"{where}: {wrong}") from None
     except (TypeError, ValueError) as wrong:
-        raise lm.errors.InvalidInput(f"{where}: {wrong}; {cls.__name__}{inspect.signature(cls)}") from None
+        raise lm.errors.InvalidInput(
+            f"{where}: {wrong}; {cls.__name__}{inspect.signature(cls)}"
+        ) from None

@@ -30,10 +30,19 @@ def scenes(arguments: Sequence[str]) -> int:
     rows = []
     for name, function in SCENES.items():
         scene = function()
-        row = {"scene": name, "about": _sentence(function), "system": type(scene.system).__name__, "method": repr(scene.method)}
+        row = {
+            "scene": name,
+            "about": _sentence(function),
+            "system": type(scene.system).__name__,
+            "method": repr(scene.method),
+        }
         rows.append(row)
     width = max(map(len, SCENES)) + 2
-    print(json.dumps(rows) if as_json else "\n".join(_row(f"{r['scene']:<{width}}", r["about"]) for r in rows))
+    print(
+        json.dumps(rows)
+        if as_json
+        else "\n".join(_row(f"{r['scene']:<{width}}", r["about"]) for r in rows)
+    )
     return 0
 
 
@@ -50,13 +59,18 @@ def methods(arguments: Sequence[str]) -> int:
         symmetric, symplectic = marks
         columns = f"{r['method']:<26}{order:<7}{symmetric:<11}{symplectic:<12}"
         lines.append(_row(columns, r["about"]))
-    lines.append("The order is that of the default; most take another as order=...; docs/index.md says which to use.")
+    lines.append(
+        "The order is that of the default; most take another as "
+        "order=...; docs/index.md says which to use."
+    )
     print("\n".join(lines))
     return 0
 
 
 def method_rows() -> list[dict[str, Any]]:
-    """Name, order (None if exact), symmetric, symplectic and a sentence for every public method that can be made without a run."""
+    """Name, order (None if exact), symmetric, symplectic and a sentence for every public method
+    that can be made without a run.
+    """
     from .constructors import read
 
     rows = []
@@ -68,7 +82,12 @@ def method_rows() -> list[dict[str, Any]]:
         method = read(EXAMPLES.get(name, name), lm.Method, name)
         order = None if math.isinf(method.order) else method.order
         rows.append(
-            {"method": name, "order": order, "symmetric": bool(method.symmetric), "symplectic": bool(method.symplectic)}
+            {
+                "method": name,
+                "order": order,
+                "symmetric": bool(method.symmetric),
+                "symplectic": bool(method.symplectic),
+            }
             | {"about": _sentence(cls)}
         )
     return rows

@@ -23,16 +23,23 @@ MAIN = "main_job"
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command.
 
-    Returns the exit status: 0; 1 if a run, a picture or a check failed; 130 after Ctrl-C.  Bad options exit with 2.
+    Returns the exit status: 0; 1 if a run, a picture or a check failed; 130 after Ctrl-C.  Bad
+    options exit with 2.
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
     if not words or words[0].startswith("-"):
         words = [MAIN, *words]
     elif words[0] not in COMMANDS:
-        print(f"liemech: {words[0]!r} is no command; there are {', '.join(COMMANDS)} (--help explains)", file=sys.stderr)
+        print(
+            f"liemech: {words[0]!r} is no command; there are "
+            f"{', '.join(COMMANDS)} (--help explains)",
+            file=sys.stderr,
+        )
         raise SystemExit(2)
     name, *options = words
-    command: Callable[[Sequence[str]], int] = getattr(import_module(f".{COMMANDS.get(name, MAIN)}", __package__), name)
+    command: Callable[[Sequence[str]], int] = getattr(
+        import_module(f".{COMMANDS.get(name, MAIN)}", __package__), name
+    )
     try:
         return command(options)
     except KeyboardInterrupt:

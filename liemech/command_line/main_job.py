@@ -1,8 +1,11 @@
-"""The main job, `python -m liemech`: a rigid body by several methods and in closed form, a table and a picture."""
+"""The main job, `python -m liemech`: a rigid body by several methods and in closed form, a table
+and a picture.
+"""
 
 from __future__ import annotations
 
 import argparse
+import functools
 import math
 import sys
 import textwrap
@@ -59,7 +62,9 @@ other commands, each with a --help of its own:
 
 
 def main_job(arguments: Sequence[str] | None = None) -> int:
-    """Run the job.  Returns the exit status: 0; 1 if a run or the picture failed; 130 after Ctrl-C.  Bad options exit with 2."""
+    """Run the job.  Returns the exit status: 0; 1 if a run or the picture failed; 130 after
+    Ctrl-C.  Bad options exit with 2.
+    """
     options, parser = parse(arguments)
     every = -(-options.steps // SAMPLES)
     step = {"h": options.h, "steps": options.steps // every * every, "every": every}
@@ -71,14 +76,18 @@ def main_job(arguments: Sequence[str] | None = None) -> int:
             body = lm.RigidBody(options.inertia)
         start = body.state(mu=options.mu, g=np.eye(3))
         for name, method in map(METHODS.__getitem__, options.methods):
+            run = functools.partial(lm.integrate, body, method, start, **step)
             try:
-                runs.append((name, *timed(lambda m=method: lm.integrate(body, m, start, **step), step["steps"])))  # type: ignore[misc]
+                runs.append((name, *timed(run, step["steps"])))
             except lm.errors.IntegrationFailure as failure:
                 print(f"{name}: {failure}", file=sys.stderr)
             except lm.errors.IntegrationInterrupted as stopped:
                 interrupted = True
                 cut = stopped.trajectory
-                print(f"{name}: interrupted at t = {cut.t[-1]:g}; the errors told are those there", file=sys.stderr)
+                print(
+                    f"{name}: interrupted at t = {cut.t[-1]:g}; the errors told are those there",
+                    file=sys.stderr,
+                )
                 if len(cut) > 1:
                     runs.append((name, cut, math.nan))
                 break
@@ -92,13 +101,26 @@ def main_job(arguments: Sequence[str] | None = None) -> int:
     rows.append(compare(body, "exact", exact, exact, seconds))
     if not options.quiet:
         native = [name for name, run, _ in runs if run.compiled]
-        how = "native code" if native else "plain Python; long runs are compiled where llvmlite is installed"
+        how = (
+            "native code"
+            if native
+            else "plain Python; long runs are compiled where llvmlite is installed"
+        )
         if 0 < len(native) < len(runs):
             how += f": {'; '.join(native)}.\nThe others ran in plain Python; long runs are compiled"
         print(header(body, start, step, notes), table(rows), f"Steps ran in {how}.", sep="\n\n")
     captions = [f"momentum error {row[1]}\nenergy error {row[3]}" for row in rows]
-    panels = [(name, run.mu, text, exact.mu[len(run) - 1]) for (name, run, _), text in zip(runs, captions)]
-    page(body, start, [(name, run) for name, run, _ in runs], float(t[-1]), options.out.with_suffix(".html"), options.quiet)
+    panels = [
+        (name, run.mu, text, exact.mu[len(run) - 1]) for (name, run, _), text in zip(runs, captions)
+    ]
+    page(
+        body,
+        start,
+        [(name, run) for name, run, _ in runs],
+        float(t[-1]),
+        options.out.with_suffix(".html"),
+        options.quiet,
+    )
     drawn = draw(body, start, panels, options.out, options.quiet)
     if interrupted:
         return 130
@@ -109,7 +131,9 @@ def main_job(arguments: Sequence[str] | None = None) -> int:
 
 
 def timed(call: Callable[[], Any], steps: int) -> tuple[Any, float]:
-    """What a call returns, and its seconds per step, without what only a first call does: load SciPy, or compile."""
+    """What a call returns, and its seconds per step, without what only a first call does: load
+    SciPy, or compile.
+    """
     begun = time.perf_counter()
     result = call()
     if not isinstance(result, lm.Trajectory) or result.compiled:
@@ -120,7 +144,11 @@ def timed(call: Callable[[], Any], steps: int) -> tuple[Any, float]:
 
 def compare(body: Any, name: str, run: Any, exact: lm.BodyState, seconds: float) -> tuple[str, ...]:
     """A line of the table: the errors of a run at its end, and how well it kept what is constant."""
-    energy, casimir, spatial = body.energy(run.mu), body.casimirs(run.mu), body.spatial_momentum(run.mu, run.g)
+    energy, casimir, spatial = (
+        body.energy(run.mu),
+        body.casimirs(run.mu),
+        body.spatial_momentum(run.mu, run.g),
+    )
     turn = body.group.log(exact.g[-1].T @ run.g[-1])
     return (
         name,
@@ -143,7 +171,9 @@ def _until(exact: lm.BodyState, samples: int) -> Any:
 # ------------------------------------------------------------------ what is printed
 
 
-def header(body: lm.RigidBody, start: lm.BodyState, step: dict[str, Any], notes: Sequence[Any]) -> str:
+def header(
+    body: lm.RigidBody, start: lm.BodyState, step: dict[str, Any], notes: Sequence[Any]
+) -> str:
     """What is simulated."""
     end, period = step["h"] * step["steps"], body.period(start)
     laps = f", {abs(end) / period:.3g} periods of mu" if 0.0 < period < math.inf else ""
@@ -155,7 +185,10 @@ def header(body: lm.RigidBody, start: lm.BodyState, step: dict[str, Any], notes:
         f"  run      {step['steps']} steps of h = {step['h']:g} s to t = {end:g} s{laps}{kept}",
     ]
     first, others = "  note     ", " " * 11
-    lines += [textwrap.fill(str(n.message), 80, initial_indent=first, subsequent_indent=others) for n in notes]
+    lines += [
+        textwrap.fill(str(n.message), 80, initial_indent=first, subsequent_indent=others)
+        for n in notes
+    ]
     return "\n".join(lines)
 
 
@@ -168,7 +201,9 @@ def table(rows: Sequence[Sequence[str]]) -> str:
     ]
     lines.append("-" * len(lines[-1]))
     widths = (9, 10, 10, 9, 10, 9, 10)
-    lines += [f"{name:<20}" + "".join(f"{c:>{w}}" for c, w in zip(cells, widths)) for name, *cells in rows]
+    lines += [
+        f"{name:<20}" + "".join(f"{c:>{w}}" for c, w in zip(cells, widths)) for name, *cells in rows
+    ]
     return "\n".join(lines)
 
 
@@ -179,8 +214,17 @@ def listed(numbers: Any) -> str:
 # ------------------------------------------------------------------ what is drawn
 
 
-def page(body: lm.RigidBody, start: lm.BodyState, runs: list[tuple[str, Any]], end: float, file: Path, quiet: bool) -> None:
-    """Bodies and momenta as a moving picture for the browser, the exact motion among them; a line where there is none."""
+def page(
+    body: lm.RigidBody,
+    start: lm.BodyState,
+    runs: list[tuple[str, Any]],
+    end: float,
+    file: Path,
+    quiet: bool,
+) -> None:
+    """Bodies and momenta as a moving picture for the browser, the exact motion among them; a line
+    where there is none.
+    """
     from ..viewer import Motion, Scene
 
     t = np.linspace(0.0, end, 401)
@@ -196,8 +240,12 @@ def page(body: lm.RigidBody, start: lm.BodyState, runs: list[tuple[str, Any]], e
         print(f"Page for the browser: {file}")
 
 
-def draw(body: lm.RigidBody, start: lm.BodyState, panels: list[Any], file: Path, quiet: bool) -> bool:
-    """The momenta on their sphere, a panel for each run.  False if there should be a picture and is none."""
+def draw(
+    body: lm.RigidBody, start: lm.BodyState, panels: list[Any], file: Path, quiet: bool
+) -> bool:
+    """The momenta on their sphere, a panel for each run.  False if there should be a picture and is
+    none.
+    """
     from .. import plots
 
     period = body.period(start)
@@ -229,11 +277,36 @@ def parse(arguments: Sequence[str] | None) -> tuple[argparse.Namespace, Parser]:
     three: dict[str, Any] = {"nargs": 3, "type": number}
     add = parser.add_argument
     add("--steps", type=count, default=200, metavar="N", help="number of steps (200)")
-    add("--h", type=number, default=0.5, metavar="H", help="length of a step in s (0.5); a negative one runs backwards")
-    add("--inertia", **three, default=(2 / 3, 1.0, 2.0), metavar="J", help="principal moments in kg m^2 (2/3 1 2)")
-    add("--mu", **three, default=(0.5, 0.0, 0.75**0.5), metavar="M", help="momentum in kg m^2/s (0.5 0 sqrt(3)/2)")
+    add(
+        "--h",
+        type=number,
+        default=0.5,
+        metavar="H",
+        help="length of a step in s (0.5); a negative one runs backwards",
+    )
+    add(
+        "--inertia",
+        **three,
+        default=(2 / 3, 1.0, 2.0),
+        metavar="J",
+        help="principal moments in kg m^2 (2/3 1 2)",
+    )
+    add(
+        "--mu",
+        **three,
+        default=(0.5, 0.0, 0.75**0.5),
+        metavar="M",
+        help="momentum in kg m^2/s (0.5 0 sqrt(3)/2)",
+    )
     names = " ".join(METHODS)
-    add("--methods", nargs="+", choices=METHODS, default=[*METHODS], metavar="NAME", help=f"among {names} (all)")
+    add(
+        "--methods",
+        nargs="+",
+        choices=METHODS,
+        default=[*METHODS],
+        metavar="NAME",
+        help=f"among {names} (all)",
+    )
     where = "folder for rigid_body.png, or a .png, .svg or .pdf file (here)"
     add("--out", type=picture, default="", metavar="PATH", help=where)
     add("--quiet", action="store_true", help="print nothing but errors; the picture is still drawn")

@@ -18,7 +18,8 @@ class Parser(argparse.ArgumentParser):
 
     def __init__(self, *arguments: object, **options: object) -> None:
         super().__init__(*arguments, **options)  # type: ignore[arg-type]
-        self._negative_number_matcher = re.compile(r"-[.\d]")  # or -1/2 and -1e-3 would be taken for options
+        # or -1/2 and -1e-3 would be taken for options
+        self._negative_number_matcher = re.compile(r"-[.\d]")
 
     def error(self, message: str) -> NoReturn:
         self.exit(2, f"{self.prog}: {message} (--help explains)\n")
@@ -41,7 +42,9 @@ def count(text: str) -> int:
     """A whole number from 1 on; 1e6 is one."""
     value = number(text)
     if value != int(value) or not 1 <= value <= MOST_STEPS:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from 1 to {MOST_STEPS:.0e}")
+        raise argparse.ArgumentTypeError(
+            f"{text!r} is not a whole number from 1 to {MOST_STEPS:.0e}"
+        )
     return int(value)
 
 
@@ -51,7 +54,9 @@ def picture(text: str, name: str = "rigid_body.png") -> Path:
     if not path.suffix or path.is_dir():
         path = path / name
     if path.suffix.lower() not in (".png", ".svg", ".pdf"):
-        raise argparse.ArgumentTypeError(f"{text!r} is neither a folder nor a .png, .svg or .pdf file")
+        raise argparse.ArgumentTypeError(
+            f"{text!r} is neither a folder nor a .png, .svg or .pdf file"
+        )
     return writable(path)
 
 

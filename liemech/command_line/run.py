@@ -30,7 +30,9 @@ def run(arguments: Sequence[str]) -> int:
     options, parser = _options(arguments)
     try:
         scene = _scene(options)
-        saved, viewed, plotted = (getattr(options, name) is not None for name in ("save", "view", "plot"))
+        saved, viewed, plotted = (
+            getattr(options, name) is not None for name in ("save", "view", "plot")
+        )
         record = scene.parts(saved=saved, viewed=viewed, plotted=plotted)
         every = scene.sampling(saved)
         if options.explain:
@@ -43,7 +45,11 @@ def run(arguments: Sequence[str]) -> int:
                 done = scene.run(record, every, False if options.quiet or options.json else None)
             except (lm.errors.IntegrationFailure, lm.errors.IntegrationInterrupted) as stopped:
                 done = stopped.trajectory
-                status, said = (1, str(stopped)) if isinstance(stopped, lm.errors.IntegrationFailure) else (130, "interrupted")
+                status, said = (
+                    (1, str(stopped))
+                    if isinstance(stopped, lm.errors.IntegrationFailure)
+                    else (130, "interrupted")
+                )
         spent = time.perf_counter() - begun
     except lm.errors.LiemechError as wrong:
         parser.error(str(wrong))
@@ -64,24 +70,40 @@ def run(arguments: Sequence[str]) -> int:
 def explained(scene: Scene, record: tuple[str, ...], every: int) -> str:
     """What is computed and what is not, and why."""
     known = [name for name, x in scene.start.parts.items() if x is not None]
-    essential = [name for name, x in scene.system.essential_part(scene.start).parts.items() if x is not None]
+    essential = [
+        name for name, x in scene.system.essential_part(scene.start).parts.items() if x is not None
+    ]
     lines = [f"{scene.title}: {scene.system!r}", f"  method        {scene.method!r}"]
     if scene.system.fictive or scene.method.fictive:
         end = f"{scene.steps} of them" if scene.t_end is None else f"to t = {scene.t_end:g}"
-        lines.append(f"  steps         of h = {scene.h:g} in fictive time, {end}; one in {every} is kept")
+        lines.append(
+            f"  steps         of h = {scene.h:g} in fictive time, {end}; one in {every} is kept"
+        )
     elif scene.t_end is not None and scene.h is not None and alike(scene.method):
-        lines.append(f"  steps         of h = {scene.h:g}, all alike, to t = {scene.t_end:g}; one in {every} is kept")
+        lines.append(
+            f"  steps         of h = {scene.h:g}, all alike, to t = "
+            f"{scene.t_end:g}; one in {every} is kept"
+        )
     elif scene.t_end is None:
         assert scene.steps is not None
         samples = scene.steps // every + 1 + bool(scene.steps % every)
-        lines.append(f"  steps         {scene.steps} of h = {scene.h:g}; {samples} samples are kept")
+        lines.append(
+            f"  steps         {scene.steps} of h = {scene.h:g}; {samples} samples are kept"
+        )
     else:
-        lines.append(f"  steps         adaptive, to t = {scene.t_end:g}; every one is kept, and the way between them")
+        lines.append(
+            f"  steps         adaptive, to t = {scene.t_end:g}; "
+            "every one is kept, and the way between them"
+        )
     for name in known:
         if name in essential:
             why = "computed, the motion depends on it"
         else:
-            why = "computed, it is recorded or shown" if name in record else "not computed, nothing shows it"
+            why = (
+                "computed, it is recorded or shown"
+                if name in record
+                else "not computed, nothing shows it"
+            )
         lines.append(f"  {name:<13} {why}")
     arrays = {name: np.asarray(x)[None] for name, x in scene.start.arrays.items()}
     whole: Any = scene.system
@@ -102,8 +124,12 @@ def _scene(options: Any) -> Scene:
     elif options.scene.endswith(".toml"):
         scene = scene_file(Path(options.scene))
     else:
-        raise lm.errors.InvalidInput(f"{options.scene!r} is neither a scene nor a .toml file; there are {', '.join(SCENES)}")
-    method = None if options.method is None else read(options.method, lm.Method, "argument --method")
+        raise lm.errors.InvalidInput(
+            f"{options.scene!r} is neither a scene nor a .toml file; there are {', '.join(SCENES)}"
+        )
+    method = (
+        None if options.method is None else read(options.method, lm.Method, "argument --method")
+    )
     return scene.changed(h=options.h, steps=options.steps, method=method)
 
 
@@ -114,13 +140,20 @@ def _files(scene: Scene, done: lm.Trajectory, options: Any) -> tuple[list[str], 
     name = Path(options.scene).stem
 
     def view(path: Path) -> None:
-        first = 0 if done.bodies is not None and isinstance(done.system, lm.HamiltonianSystem) else None  # a page shows one of them
+        # a page shows one of them
+        first = (
+            0 if done.bodies is not None and isinstance(done.system, lm.HamiltonianSystem) else None
+        )
         lm.viewer.Scene(done, scene.view, title=scene.title, body=first).save(path)
 
     def plot(path: Path) -> None:
         lm.plots.save(lm.plots.plot(done, title=scene.title).figure, path)  # type: ignore[arg-type]
 
-    for option, write, ending in ((options.save, done.save, "npz"), (options.view, view, "html"), (options.plot, plot, "png")):
+    for option, write, ending in (
+        (options.save, done.save, "npz"),
+        (options.view, view, "html"),
+        (options.plot, plot, "png"),
+    ):
         if option is None:
             continue
         path = Path(f"{name}.{ending}") if option == HERE else option
@@ -137,10 +170,14 @@ def _report(scene: Scene, done: lm.Trajectory, spent: float) -> str:
     how = "native code" if done.compiled else "plain Python"
     steps = f"{done.method!r}, {done.steps} steps to t = {done.t[-1]:g}, {how}, {duration(spent)}"
     lines = [f"{scene.title}: {scene.system!r}", steps]
-    return "\n".join([*lines, str(done.drift()) if len(done) > 1 else "the start alone; no constants to compare"])
+    return "\n".join(
+        [*lines, str(done.drift()) if len(done) > 1 else "the start alone; no constants to compare"]
+    )
 
 
-def _data(name: str, scene: Scene, done: lm.Trajectory, spent: float, files: list[str]) -> dict[str, Any]:
+def _data(
+    name: str, scene: Scene, done: lm.Trajectory, spent: float, files: list[str]
+) -> dict[str, Any]:
     """The same for programs."""
     kept = done.drift().kept if len(done) > 1 else ()
     return {
@@ -153,23 +190,63 @@ def _data(name: str, scene: Scene, done: lm.Trajectory, spent: float, files: lis
         "samples": len(done),
         "compiled": done.compiled,
         "seconds": spent,
-        "last": {"t": float(done.t[-1])} | {part: rows[-1].tolist() for part, rows in done.states.items()},
-        "kept": [{"name": k.name, "verdict": k.verdict, "largest change": k.largest, "measure": k.measure} for k in kept],
+        "last": {"t": float(done.t[-1])}
+        | {part: rows[-1].tolist() for part, rows in done.states.items()},
+        "kept": [
+            {
+                "name": k.name,
+                "verdict": k.verdict,
+                "largest change": k.largest,
+                "measure": k.measure,
+            }
+            for k in kept
+        ],
         "files": files,
     }
 
 
 def _options(arguments: Sequence[str]) -> tuple[Any, Parser]:
-    parser = Parser(prog="liemech run", description="Follow a scene and tell how well its constants were kept.")
+    parser = Parser(
+        prog="liemech run", description="Follow a scene and tell how well its constants were kept."
+    )
     add = parser.add_argument
     add("scene", metavar="SCENE", help=f"one of {', '.join(SCENES)}; or a file, scene.toml")
     add("--h", type=number, metavar="H", help="length of a step")
     add("--steps", type=count, metavar="N", help="number of steps")
-    add("--method", metavar="METHOD", help='another method, such as "RKMK(order=4)"; `liemech methods` lists them')
-    add("--save", nargs="?", const=HERE, type=output(".npz"), metavar="FILE", help="write the run to FILE, default SCENE.npz")
-    add("--view", nargs="?", const=HERE, type=output(".html"), metavar="FILE", help="write a page for the browser, SCENE.html")
-    add("--plot", nargs="?", const=HERE, type=picture, metavar="FILE", help="draw a picture, SCENE.png (or .svg, .pdf)")
-    add("--explain", action="store_true", help="tell what would be computed and what would not, and stop")
+    add(
+        "--method",
+        metavar="METHOD",
+        help='another method, such as "RKMK(order=4)"; `liemech methods` lists them',
+    )
+    add(
+        "--save",
+        nargs="?",
+        const=HERE,
+        type=output(".npz"),
+        metavar="FILE",
+        help="write the run to FILE, default SCENE.npz",
+    )
+    add(
+        "--view",
+        nargs="?",
+        const=HERE,
+        type=output(".html"),
+        metavar="FILE",
+        help="write a page for the browser, SCENE.html",
+    )
+    add(
+        "--plot",
+        nargs="?",
+        const=HERE,
+        type=picture,
+        metavar="FILE",
+        help="draw a picture, SCENE.png (or .svg, .pdf)",
+    )
+    add(
+        "--explain",
+        action="store_true",
+        help="tell what would be computed and what would not, and stop",
+    )
     add("--quiet", action="store_true", help="print nothing but errors")
     add("--json", action="store_true", help="print the result as JSON")
     return parser.parse_args(arguments), parser

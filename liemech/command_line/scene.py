@@ -1,4 +1,6 @@
-"""A scene: what moves, by which method, how far, and what of it is wanted; and what follows from that."""
+"""A scene: what moves, by which method, how far, and what of it is wanted; and what follows from
+that.
+"""
 
 from __future__ import annotations
 
@@ -19,9 +21,12 @@ FRAMES = 600
 class Scene:
     """A motion to follow, with steps of one length, or adaptively to `t_end`.
 
-    title : one line.  system, method, start : as in `integrate`, as are h, steps, every, t_end, rtol, atol, t0.
-    every : keep every k-th state; left out, as many as `SAMPLES`, of a scene that is only looked at about `FRAMES`.
-    record : the parts of the state that are kept; left out, what is shown, and what the motion depends on.
+    title : one line.  system, method, start : as in `integrate`, as are h, steps, every, t_end,
+    rtol, atol, t0.
+    every : keep every k-th state; left out, as many as `SAMPLES`, of a scene that is only looked at
+    about `FRAMES`.
+    record : the parts of the state that are kept; left out, what is shown, and what the motion
+    depends on.
     view : what a page shows, names of `lm.viewer`; left out, what suits the system.
     """
 
@@ -47,9 +52,15 @@ class Scene:
         return dataclasses.replace(self, **given)
 
     def parts(self, *, saved: bool, viewed: bool, plotted: bool) -> tuple[str, ...]:
-        """The parts of the state that are computed: what the motion depends on, and what is recorded, saved or shown."""
+        """The parts of the state that are computed: what the motion depends on, and what is
+        recorded, saved or shown.
+        """
         known = [name for name, x in self.start.parts.items() if x is not None]
-        wanted = {name for name, x in self.system.essential_part(self.start).parts.items() if x is not None}
+        wanted = {
+            name
+            for name, x in self.system.essential_part(self.start).parts.items()
+            if x is not None
+        }
         wanted |= set(self.record or (known if saved else ()))
         ensemble = self.start.bodies is not None
         if viewed:
@@ -57,13 +68,19 @@ class Scene:
             from ..viewer.content import chosen
 
             have = frozenset(known)
-            contents = suited(self.system, have, ensemble) if self.view is None else chosen(self.view, KNOWN)
+            contents = (
+                suited(self.system, have, ensemble)
+                if self.view is None
+                else chosen(self.view, KNOWN)
+            )
             wanted |= {name for content in contents for name in content.needs(self.system)}
         if plotted:
             wanted |= shown_parts(self.system, known)
         strange = sorted(wanted - set(known))
         if strange:
-            raise lm.errors.InvalidInput(f"record and view ask for {', '.join(strange)}; the start has {', '.join(known)}")
+            raise lm.errors.InvalidInput(
+                f"record and view ask for {', '.join(strange)}; the start has {', '.join(known)}"
+            )
         return tuple(name for name in known if name in wanted)
 
     def sampling(self, saved: bool) -> int:
@@ -74,8 +91,21 @@ class Scene:
 
     def run(self, record: tuple[str, ...], every: int, progress: bool | None) -> lm.Trajectory:
         """The run; raises what `integrate` raises."""
-        asked = {"h": self.h, "steps": self.steps, "t_end": self.t_end, "rtol": self.rtol, "atol": self.atol}
+        asked = {
+            "h": self.h,
+            "steps": self.steps,
+            "t_end": self.t_end,
+            "rtol": self.rtol,
+            "atol": self.atol,
+        }
         given: dict[str, Any] = {name: value for name, value in asked.items() if value is not None}
         return lm.integrate(
-            self.system, self.method, self.start, **given, every=every, record=record, t0=self.t0, progress=progress
+            self.system,
+            self.method,
+            self.start,
+            **given,
+            every=every,
+            record=record,
+            t0=self.t0,
+            progress=progress,
         )

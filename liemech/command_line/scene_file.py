@@ -42,7 +42,9 @@ COUNTS = ("steps", "every")
 
 
 def scene_file(path: Path) -> Scene:
-    """The scene that a file describes.  Raises InvalidInput: the file, the key, and what is allowed."""
+    """The scene that a file describes.  Raises InvalidInput: the file, the key, and what is
+    allowed.
+    """
     where = str(path)
     try:
         data = tomllib.loads(path.read_text(encoding="utf-8"))
@@ -53,11 +55,15 @@ def scene_file(path: Path) -> Scene:
     _strict(data, ("title", *LISTS, *TABLES), where, "the file")
     for name in TABLES:
         if not isinstance(data.get(name), Mapping):
-            raise lm.errors.InvalidInput(f"{where}: needs a table [{name}]; wanted are [{'], ['.join(TABLES)}]")
+            raise lm.errors.InvalidInput(
+                f"{where}: needs a table [{name}]; wanted are [{'], ['.join(TABLES)}]"
+            )
     title = data.get("title", path.stem)
     if not isinstance(title, str):
         raise lm.errors.InvalidInput(f"{where}: title must be a text; got {title!r}")
-    lists: dict[str, Any] = {name: _names(data[name], f"{where}: {name}") for name in LISTS if name in data}
+    lists: dict[str, Any] = {
+        name: _names(data[name], f"{where}: {name}") for name in LISTS if name in data
+    }
     system = _object(data["system"], lm.System, f"{where} [system]")
     method = _object(data["method"], lm.Method, f"{where} [method]")
     start = _start(system, data["start"], f"{where} [start]")
@@ -67,18 +73,24 @@ def scene_file(path: Path) -> Scene:
 def _object(table: Mapping[str, Any], kind: type, where: str) -> Any:
     if "name" not in table:
         raise lm.errors.InvalidInput(f"{where}: needs a name, the class of a {kind.__name__}")
-    return build(table["name"], {key: value for key, value in table.items() if key != "name"}, kind, where)
+    return build(
+        table["name"], {key: value for key, value in table.items() if key != "name"}, kind, where
+    )
 
 
 def _start(system: Any, table: Mapping[str, Any], where: str) -> Any:
-    """The state of the system; g may be "identity", or a rotation vector as { exp = [0.6, 0.0, 0.0] }."""
+    """The state of the system; g may be "identity", or a rotation vector as { exp = [0.6, 0.0, 0.0]
+    }.
+    """
     parts = list(inspect.signature(system.state).parameters)
     _strict(table, parts, where, "the start")
     given = dict(table)
     group: Any = getattr(system, "configurations", getattr(system, "group", None))
     g = given.get("g")
     if isinstance(g, str) and g != "identity":
-        raise lm.errors.InvalidInput(f'{where}: g is "identity", {{ exp = [...] }}, or an element as rows; got {g!r}')
+        raise lm.errors.InvalidInput(
+            f'{where}: g is "identity", {{ exp = [...] }}, or an element as rows; got {g!r}'
+        )
     if isinstance(g, Mapping):
         _strict(g, ("exp",), f"{where}: g", "g")
     try:
@@ -105,11 +117,15 @@ def _run(table: Mapping[str, Any], where: str) -> dict[str, Any]:
 
 def _names(value: Any, where: str) -> tuple[str, ...]:
     if not isinstance(value, list) or not value or not all(isinstance(one, str) for one in value):
-        raise lm.errors.InvalidInput(f'{where} must be a list of names such as ["mu"]; got {value!r}')
+        raise lm.errors.InvalidInput(
+            f'{where} must be a list of names such as ["mu"]; got {value!r}'
+        )
     return tuple(value)
 
 
 def _strict(table: Mapping[str, Any], allowed: Any, where: str, what: str) -> None:
     for key in table:
         if key not in allowed:
-            raise lm.errors.InvalidInput(f"{where}: {key!r} is no key of {what}; allowed are {', '.join(allowed)}")
+            raise lm.errors.InvalidInput(
+                f"{where}: {key!r} is no key of {what}; allowed are {', '.join(allowed)}"
+            )

@@ -29,7 +29,9 @@ def free_body() -> Scene:
     """A body that tumbles freely."""
     body = models.RigidBody([1.0, 1.5, 2.0])
     start = body.state(mu=[0.5, 0.0, 0.75**0.5], g=np.eye(3))
-    return Scene("a free rigid body", body, lm.LiePoissonHamiltonJacobi(order=4), start, h=0.1, steps=600)
+    return Scene(
+        "a free rigid body", body, lm.LiePoissonHamiltonJacobi(order=4), start, h=0.1, steps=600
+    )
 
 
 @scene
@@ -37,7 +39,9 @@ def flip() -> Scene:
     """Dzhanibekov's flip: spun about its middle axis, a body turns over again and again."""
     body = models.RigidBody([1.0, 2.0, 3.0])
     start = body.state(mu=[0.01, 1.0, 0.01], g=np.eye(3))
-    return Scene("Dzhanibekov's flip", body, lm.LiePoissonHamiltonJacobi(order=4), start, h=0.1, steps=600)
+    return Scene(
+        "Dzhanibekov's flip", body, lm.LiePoissonHamiltonJacobi(order=4), start, h=0.1, steps=600
+    )
 
 
 @scene
@@ -61,7 +65,9 @@ def kirchhoff() -> Scene:
     """An ellipsoid that sinks nowhere: it swims in an ideal fluid, and its path winds."""
     body = models.KirchhoffBody.of_blocks(angular=[1.2, 2.0, 2.6], linear=[1.3, 1.8, 2.5])
     start = body.state(mu=[0.5, 0.2, 0.9, 0.6, 0.3, 0.2], g=np.eye(4))
-    return Scene("a body in a fluid", body, lm.LiePoissonHamiltonJacobi(order=4), start, h=0.05, steps=800)
+    return Scene(
+        "a body in a fluid", body, lm.LiePoissonHamiltonJacobi(order=4), start, h=0.05, steps=800
+    )
 
 
 @scene
@@ -69,7 +75,9 @@ def satellite() -> Scene:
     """A long satellite that librates about the vertical of its orbit, in the gradient of gravity."""
     body = models.OrbitingBody(inertia=[0.05, 0.08, 0.11], mass=1.7, attraction=1.0)
     start = body.circular_orbit(3.0, lm.SO3().exp([0.1, 0.2, 0.3]))
-    return Scene("a satellite in a gravity gradient", body, lm.KickDrift(), start, h=0.1, steps=1000)
+    return Scene(
+        "a satellite in a gravity gradient", body, lm.KickDrift(), start, h=0.1, steps=1000
+    )
 
 
 @scene
@@ -100,7 +108,9 @@ def double_pendulum() -> Scene:
 def kepler() -> Scene:
     """A planet on a long ellipse."""
     system = models.Kepler()
-    return Scene("Kepler's planet", system, lm.Splitting(order=4), system.pericentre(0.6), h=0.02, steps=1000)
+    return Scene(
+        "Kepler's planet", system, lm.Splitting(order=4), system.pericentre(0.6), h=0.02, steps=1000
+    )
 
 
 @scene
@@ -113,7 +123,9 @@ def henon_heiles() -> Scene:
 
 @scene
 def comet() -> Scene:
-    """A comet on an ellipse of eccentricity 0.97, with steps that follow it: short near the sun, and still symplectic."""
+    """A comet on an ellipse of eccentricity 0.97, with steps that follow it: short near the sun,
+    and still symplectic.
+    """
     system = models.LogarithmicHamiltonian(models.Kepler())
     method = lm.Splitting(order=4, quadratic=False)
     return Scene("a comet", system, method, models.Kepler().pericentre(0.97), h=0.05, steps=600)
@@ -132,29 +144,54 @@ def chain() -> Scene:
     """Four links that swing from rest."""
     system = models.ChainPendulum(masses=[0.2] * 4, lengths=[0.25] * 4)
     q = system.hanging(np.tile([np.cos(0.3), 0.0, -np.sin(0.3)], 4))
-    return Scene("a chain of four links", system, lm.RATTLE(), system.consistent(q, np.zeros(12)), h=0.005, steps=1000)
+    return Scene(
+        "a chain of four links",
+        system,
+        lm.RATTLE(),
+        system.consistent(q, np.zeros(12)),
+        h=0.005,
+        steps=1000,
+    )
 
 
 @scene
 def figure_eight() -> Scene:
     """Three equal masses follow each other on an eight."""
     system, start = models.NBody.figure_eight()
-    return Scene("three bodies on an eight", system, lm.Splitting(order=6), start, h=0.02, steps=316)
+    return Scene(
+        "three bodies on an eight", system, lm.Splitting(order=6), start, h=0.02, steps=316
+    )
 
 
 @scene
 def hares_and_foxes() -> Scene:
     """Lotka and Volterra's species, whose numbers circle for ever: by a Poisson integrator."""
     system = models.LotkaVolterra()
-    return Scene("hares and foxes", system, lm.Splitting(order=4), system.state([1.5, 1.0]), h=0.05, steps=400)
+    return Scene(
+        "hares and foxes",
+        system,
+        lm.Splitting(order=4),
+        system.state([1.5, 1.0]),
+        h=0.05,
+        steps=400,
+    )
 
 
 @scene
 def four_bar() -> Scene:
-    """Two parallelograms of rods side by side swing from rest: one degree of freedom in six coordinates."""
+    """Two parallelograms of rods side by side swing from rest: one degree of freedom in six
+    coordinates.
+    """
     system = models.FourBarLinkage(loops=2)
     joints = np.ravel([(j + np.sin(1.1), -np.cos(1.1)) for j in range(3)])
-    return Scene("a four-bar linkage", system, lm.RATTLE(), system.consistent(joints, np.zeros(6)), h=0.01, steps=1000)
+    return Scene(
+        "a four-bar linkage",
+        system,
+        lm.RATTLE(),
+        system.consistent(joints, np.zeros(6)),
+        h=0.01,
+        steps=1000,
+    )
 
 
 @scene
@@ -166,7 +203,9 @@ def hanging_rods() -> Scene:
         pose[:3, :3] = lm.SO3().exp(axis)
         pose[:3, 3] = top - 0.5 * pose[:3, 2]
         top = top - pose[:3, 2]
-    return Scene("two hanging rods", system, lm.LieRATTLE(), system.assembled(poses), h=0.01, steps=900)
+    return Scene(
+        "two hanging rods", system, lm.LieRATTLE(), system.assembled(poses), h=0.01, steps=900
+    )
 
 
 @scene
@@ -189,7 +228,9 @@ def slider_crank() -> Scene:
 
 @scene
 def sleigh() -> Scene:
-    """Chaplygin's sleigh: a blade behind the centre of mass lets it turn round, until it glides with the blade behind."""
+    """Chaplygin's sleigh: a blade behind the centre of mass lets it turn round, until it glides
+    with the blade behind.
+    """
     body = models.LiePoissonSystem(lm.SE2(), models.KineticEnergy([0.7, 1.3, 1.3]))
     system = models.NonholonomicBody(body, lm.Blade(0.4))
     start = system.consistent([0.77, -1.2, 0.5], np.eye(3))
@@ -198,7 +239,9 @@ def sleigh() -> Scene:
 
 @scene
 def rolling_ball() -> Scene:
-    """Chaplygin's ball: uneven, but with its centre of mass in its centre, it rolls on a plane and wobbles."""
+    """Chaplygin's ball: uneven, but with its centre of mass in its centre, it rolls on a plane and
+    wobbles.
+    """
     group = lm.ProductGroup(lm.SO3(), lm.VectorSpace(3))
     body = models.LiePoissonSystem(group, models.KineticEnergy([0.3, 0.5, 0.7, 1.0, 1.0, 1.0]))
     system = models.NonholonomicBody(body, lm.Rolling(1.0))

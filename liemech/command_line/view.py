@@ -14,12 +14,31 @@ from .options import Parser, output
 
 def view(arguments: Sequence[str]) -> int:
     """The command.  Returns the exit status: 0."""
-    parser = Parser(prog="liemech view", description="Show a run saved by `liemech run SCENE --save` in the browser.")
+    parser = Parser(
+        prog="liemech view",
+        description="Show a run saved by `liemech run SCENE --save` in the browser.",
+    )
     add = parser.add_argument
     add("file", type=Path, metavar="FILE", help="a run, .npz, or a page, .html")
-    add("--show", nargs="+", metavar="NAME", help='what is shown, such as "body" or "momentum"; default: what suits the system')
-    add("--modules", nargs="+", default=(), metavar="MODULE", help="where classes of yours are, which the run is made of")
-    add("--out", type=output(".html"), metavar="PAGE", help="write the page there, and do not open it")
+    add(
+        "--show",
+        nargs="+",
+        metavar="NAME",
+        help='what is shown, such as "body" or "momentum"; default: what suits the system',
+    )
+    add(
+        "--modules",
+        nargs="+",
+        default=(),
+        metavar="MODULE",
+        help="where classes of yours are, which the run is made of",
+    )
+    add(
+        "--out",
+        type=output(".html"),
+        metavar="PAGE",
+        help="write the page there, and do not open it",
+    )
     options = parser.parse_args(arguments)
     try:
         if options.file.suffix == ".html":

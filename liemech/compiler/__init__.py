@@ -1,4 +1,5 @@
-"""Formulas to machine code: source, translation, control flow, the numbers of native code, buffers, reads, cache, kernels.
+"""Formulas to machine code: source, translation, control flow, the numbers of native code, buffers,
+reads, cache, kernels.
 
 It knows what formulas are made of and nothing of mechanics; only `llvm` knows LLVM's binding.
 """

@@ -1,10 +1,11 @@
 """Formulas on many arguments at once: the work behind a method called with arrays.
 
-Rows are evaluated in plain Python until it pays to have native code: it is there already, or the rows left would take longer than
-making it.  Native code takes as many rows at once as a vector register holds numbers.  It reads them where the caller has them,
-checks them, and writes the results where the caller gets them: nothing is copied or rearranged in memory.  A row that it marks (an
-argument or the result is not finite, an array is no element, the formula raises) is evaluated again in plain Python, whose result
-or error counts.
+Rows are evaluated in plain Python until it pays to have native code: it is there already, or the
+rows left would take longer than making it.  Native code takes as many rows at once as a vector
+register holds numbers.  It reads them where the caller has them, checks them, and writes the
+results where the caller gets them: nothing is copied or rearranged in memory.  A row that it marks
+(an argument or the result is not finite, an array is no element, the formula raises) is evaluated
+again in plain Python, whose result or error counts.
 """
 
 from __future__ import annotations
@@ -36,8 +37,9 @@ SHARE = 50_000
 """Rows that are worth a thread of their own."""
 
 WORTH, ROWS = 0.3, 200
-"""A compilation is worth while if plain Python would take longer than so many seconds and so many rows: formulas of many
-operations take longer to compile, too."""
+"""A compilation is worth while if plain Python would take longer than so many seconds and so many
+rows: formulas of many operations take longer to compile, too.
+"""
 
 DISK = 0.1
 """Seconds of plain Python that are worth a look at the disk, and the import of llvmlite."""
@@ -58,12 +60,18 @@ _refused: set[Any] = set()
 """Formulas and layouts that cannot be compiled: nobody tries again."""
 
 
-_ready: collections.OrderedDict[Any, tuple[Job, weakref.ref[kernel.Kernel]]] = collections.OrderedDict()
-"""Jobs and their native code by the form of a batch, those used last at the end: such a batch needs no row of plain Python."""
+_ready: collections.OrderedDict[Any, tuple[Job, weakref.ref[kernel.Kernel]]] = (
+    collections.OrderedDict()
+)
+"""Jobs and their native code by the form of a batch, those used last at the end: such a batch needs
+no row of plain Python.
+"""
 
 
 def evaluate_rows(batch: Batch) -> Any:
-    """The formula for every row, the batch axis first: the values of plain Python, bit for bit, wherever they are computed."""
+    """The formula for every row, the batch axis first: the values of plain Python, bit for bit,
+    wherever they are computed.
+    """
     n, key = len(batch), (batch.formula, type(batch.owner))
     ready = _of_this_form(batch) if n >= FEW and key in _native else None
     if ready is not None:
@@ -96,11 +104,20 @@ def evaluate_rows(batch: Batch) -> Any:
 def _form(batch: Batch) -> Any:
     """What batches have in common that run the same native code."""
     arrays = tuple([(name, a.shape[1:], a.dtype.char) for name, a in batch.arrays.items()])
-    return batch.formula, layout_of(batch.owner), arrays, batch.elements, tuple(batch.rest), layout_of(tuple(batch.rest.values()))
+    return (
+        batch.formula,
+        layout_of(batch.owner),
+        arrays,
+        batch.elements,
+        tuple(batch.rest),
+        layout_of(tuple(batch.rest.values())),
+    )
 
 
 def _of_this_form(batch: Batch) -> tuple[Job, kernel.Kernel] | None:
-    """The job and its native code, if a batch like this one had them and what was compiled is what is there now."""
+    """The job and its native code, if a batch like this one had them and what was compiled is what
+    is there now.
+    """
     form = _form(batch)
     found = _ready.get(form)
     run = found[1]() if found is not None and kernel.available() is None else None
@@ -118,18 +135,29 @@ WIDEST = 8
 
 
 class Driver:
-    """A driver of rows: what it does, NumPy does too, all at once, until native code pays; both must give the same bits.
+    """A driver of rows: what it does, NumPy does too, all at once, until native code pays; both
+    must give the same bits.
 
-    driver : of values, and of two arrays: it reads the number in a row of the first and fills the row of the second.
+    driver : of values, and of two arrays: it reads the number in a row of the first and fills the
+    row of the second.
     """
 
     def __init__(self, driver: Callable[..., None]) -> None:
         self.driver = driver
-        self.spent, self.next = 0.0, DISK  # seconds in NumPy, and after how many it is asked again for native code
+        # seconds in NumPy, and after how many it is asked again for native code
+        self.spent, self.next = 0.0, DISK
         self.kernels: dict[Any, kernel.Kernel] = {}
 
-    def rows(self, values: Values, x: np.ndarray, width: int, in_numpy: Callable[[np.ndarray, np.ndarray], None]) -> np.ndarray:
-        """A row of so many numbers for every x, (n,).  in_numpy : fills them, given x and the rows, without native code."""
+    def rows(
+        self,
+        values: Values,
+        x: np.ndarray,
+        width: int,
+        in_numpy: Callable[[np.ndarray, np.ndarray], None],
+    ) -> np.ndarray:
+        """A row of so many numbers for every x, (n,).  in_numpy : fills them, given x and the rows,
+        without native code.
+        """
         n = len(x)
         given, made = np.zeros((n + -n % WIDEST, 1)), np.empty((n + -n % WIDEST, width))
         given[:n, 0] = x
@@ -166,7 +194,9 @@ class Values:
     def __init__(self, *values: Any) -> None:
         self.values = values
         self.layouts = tuple(map(layout_of, values))
-        self.numbers = array("d", [x for value, layout in zip(values, self.layouts) for x in leaves(value, layout)]).tobytes()
+        self.numbers = array(
+            "d", [x for value, layout in zip(values, self.layouts) for x in leaves(value, layout)]
+        ).tobytes()
 
 
 # ------------------------------------------------------------------ native code for a batch
@@ -174,7 +204,9 @@ class Values:
 
 @dataclasses.dataclass(frozen=True)
 class Job:
-    """What native code for a batch is made for: the driver's arguments that are no arrays, and the parts of a result."""
+    """What native code for a batch is made for: the driver's arguments that are no arrays, and the
+    parts of a result.
+    """
 
     arguments: tuple[Any, ...]
     example: Any
@@ -189,7 +221,15 @@ class Job:
         """The same for another batch of this form, whose numbers may be others."""
         static = self.static | batch.rest
         *_, plan, _, widths = self.arguments
-        arguments = batch.formula, batch.owner, batch.group, MEMBERSHIP, plan, tuple(static.values()), widths
+        arguments = (
+            batch.formula,
+            batch.owner,
+            batch.group,
+            MEMBERSHIP,
+            plan,
+            tuple(static.values()),
+            widths,
+        )
         return Job(arguments, self.example, self.parts, self.layouts, self.rows, static)
 
     @property
@@ -216,7 +256,15 @@ def _job(batch: Batch, example: Any) -> Job | None:
             plan.append((len(static), None, False))
             static[name] = value
     widths = tuple([layout.width for layout in layouts])
-    arguments = batch.formula, batch.owner, batch.group, MEMBERSHIP, tuple(plan), tuple(static.values()), widths
+    arguments = (
+        batch.formula,
+        batch.owner,
+        batch.group,
+        MEMBERSHIP,
+        tuple(plan),
+        tuple(static.values()),
+        widths,
+    )
     one = [kernel.Rows(np.empty((1, 1))) for _ in range(1 + len(batch.arrays) + len(widths))]
     job = Job(arguments, example, parts, layouts, one, static)
     return None if job.key in _refused else job
@@ -256,36 +304,52 @@ def _compiled(job: Job, batch: Batch) -> kernel.Kernel | None:
         except NotCompilable as error:
             reason = error
     _refused.add(job.key)
-    if not batch.formula.__module__.startswith(f"{__package__.partition('.')[0]}."):  # ours that call NumPy mean to
+    # ours that call NumPy mean to
+    if not batch.formula.__module__.startswith(f"{__package__.partition('.')[0]}."):
         warn(f"{batch.where} runs as plain Python: {reason}", NotCompiledWarning)
     return None
 
 
 def _finished(batch: Batch, job: Job, run: kernel.Kernel, values: list[Any]) -> Any:
-    """The results: the values of the first rows, all others from native code, those that it marks from plain Python."""
+    """The results: the values of the first rows, all others from native code, those that it marks
+    from plain Python.
+    """
     if values:
         _ready[_form(batch)] = job, weakref.ref(run)
         while len(_ready) > kernel.ALIVE:
             _ready.popitem(last=False)
-    start = min(len(values), len(batch) - run.lanes)  # at least a register full of rows, some of them twice
+    # at least a register full of rows, some of them twice
+    start = min(len(values), len(batch) - run.lanes)
     whole = [np.empty((len(batch), layout.width)) for layout in job.layouts]
-    arrays = [*[_in_rows(array[start:]) for array in batch.arrays.values()], *[array[start:] for array in whole]]
+    arrays = [
+        *[_in_rows(array[start:]) for array in batch.arrays.values()],
+        *[array[start:] for array in whole],
+    ]
     count = len(batch) - start
 
     def evaluate(marks: np.ndarray) -> None:
         rows = [kernel.Rows(array) for array in (marks, *arrays)]
-        _share_out(lambda begin, end: run(*job.arguments, *rows, begin=begin, end=end), count, run.lanes)
+        _share_out(
+            lambda begin, end: run(*job.arguments, *rows, begin=begin, end=end), count, run.lanes
+        )
 
     mark, marks = np.zeros((1, 1)), np.zeros((0, 1))
     evaluate(np.broadcast_to(mark, (count, 1)))
     if mark[0, 0]:  # once more, now with a mark for every row
         marks = np.zeros((count, 1))
         evaluate(marks)
-    results = _nested(job.example, iter([_assembled(*part) for part in zip(job.parts, job.layouts, whole, strict=True)]))
+    results = _nested(
+        job.example,
+        iter([_assembled(*part) for part in zip(job.parts, job.layouts, whole, strict=True)]),
+    )
     marked = [start + int(i) for i in np.flatnonzero(marks)]
     rows = [*range(len(values)), *[i for i in marked if i >= len(values)]]
     if rows:
-        _put(results, rows, batch.stacked([*values, *[batch.row(i) for i in rows[len(values) :]]], rows))
+        _put(
+            results,
+            rows,
+            batch.stacked([*values, *[batch.row(i) for i in rows[len(values) :]]], rows),
+        )
     return results
 
 
@@ -299,13 +363,17 @@ def _put(results: Any, rows: Any, values: Any) -> None:
 
 
 def _share_out(run: Callable[[int, int], None], n: int, lanes: int) -> None:
-    """Run from 0 to n, large numbers of rows on all processors; the last rows, too few for all lanes, with some once more."""
+    """Run from 0 to n, large numbers of rows on all processors; the last rows, too few for all
+    lanes, with some once more.
+    """
     if n < 2 * SHARE:
         run(0, n - n % lanes)
         if n % lanes:
             run(n - lanes, n)
         return
-    processors = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    processors = (
+        len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    )
     threads, whole = max(1, min(processors, n // SHARE)), n // lanes
     bounds = [whole * i // threads * lanes for i in range(threads + 1)]
     with ThreadPoolExecutor(threads) as pool:
@@ -326,7 +394,15 @@ def _in_rows(array: np.ndarray) -> np.ndarray:
 
 
 def _each(
-    formula: Any, owner: Any, space: Any, tolerance: Any, plan: Any, static: Any, widths: Any, suspect: Any, *rows: Any
+    formula: Any,
+    owner: Any,
+    space: Any,
+    tolerance: Any,
+    plan: Any,
+    static: Any,
+    widths: Any,
+    suspect: Any,
+    *rows: Any,
 ) -> None:
     arguments: list[Any] = []
     for at, layout, _ in plan:
@@ -340,8 +416,12 @@ def _each(
         write(suspect, 0, vec(1.0))
 
 
-def _guarded(formula: Any, owner: Any, space: Any, tolerance: Any, plan: Any, widths: Any, arguments: Any) -> tuple[Vec, float]:
-    """The numbers of the result and their sum, finite only if they are; raises where plain Python must look at the arguments."""
+def _guarded(
+    formula: Any, owner: Any, space: Any, tolerance: Any, plan: Any, widths: Any, arguments: Any
+) -> tuple[Vec, float]:
+    """The numbers of the result and their sum, finite only if they are; raises where plain Python
+    must look at the arguments.
+    """
     given: list[Any] = []
     for k in range(len(plan)):
         if plan[k][1] is not None:
@@ -380,7 +460,16 @@ def _nested(example: Any, parts: Iterator[Any]) -> Any:
 
 def _assembled(example: Any, layout: Layout, rows: np.ndarray) -> np.ndarray:
     """Rows of numbers as an array of the example's shape, the batch axis first."""
-    shape = len(rows), *(example.shape if isinstance(example, Mat) else (len(example),) if isinstance(example, Vec) else ())
+    shape = (
+        len(rows),
+        *(
+            example.shape
+            if isinstance(example, Mat)
+            else (len(example),)
+            if isinstance(example, Vec)
+            else ()
+        ),
+    )
     widths = list(_entries(layout))
     if set(widths) == {2}:
         return rows.view(np.complex128).reshape(shape)
@@ -395,7 +484,9 @@ def _assembled(example: Any, layout: Layout, rows: np.ndarray) -> np.ndarray:
 
 
 def _entries(layout: Layout) -> Iterator[int]:
-    """How many numbers each entry of a vector or matrix has: one if it is real, two if it is complex."""
+    """How many numbers each entry of a vector or matrix has: one if it is real, two if it is
+    complex.
+    """
     if layout.kind in ("number", "pair"):
         yield layout.width
     for part in () if layout.kind == "pair" else layout.parts:

@@ -1,4 +1,5 @@
-"""Branches of native code: one way or the other, or both under masks where a condition differs from lane to lane.
+"""Branches of native code: one way or the other, or both under masks where a condition differs from
+lane to lane.
 
 The two ways then run one after the other, each only if some lane wants it.
 """
@@ -39,11 +40,15 @@ class Branches(Phis):
 
     @staticmethod
     def _weigh(fork: ir.Instruction, yes_calls: bool, no_calls: bool) -> None:
-        """A branch that calls the C library is the rare one: its spills and reloads belong on its own way."""
+        """A branch that calls the C library is the rare one: its spills and reloads belong on its
+        own way.
+        """
         if yes_calls is not no_calls:
             fork.set_weights([1, RARE] if yes_calls else [RARE, 1])
 
-    def masked_branch(self, test: Num, body: list[ast.stmt], orelse: list[ast.stmt], env: Env) -> None:
+    def masked_branch(
+        self, test: Num, body: list[ast.stmt], orelse: list[ast.stmt], env: Env
+    ) -> None:
         e, b = self.emitter, self.builder
         outer, here = self.base, self.everyone(self.active(env))
         before = {name: value for name, value in env.items() if name != ACTIVE}
@@ -73,8 +78,15 @@ class Branches(Phis):
                 inside.setdefault(has(n), True)
                 merged.setdefault(has(n), False)
             changed = {n: v for n, v in inside.items() if v is not before.get(n, inside)}
-            after = {n: self.blend(mask, v, merged[n]) if n in merged and n not in LEFT else v for n, v in changed.items()}
-            skipped = dict(merged) | {n: False if n in LEFT else self.blank(v) for n, v in after.items() if n not in merged}
+            after = {
+                n: self.blend(mask, v, merged[n]) if n in merged and n not in LEFT else v
+                for n, v in changed.items()
+            }
+            skipped = dict(merged) | {
+                n: False if n in LEFT else self.blank(v)
+                for n, v in after.items()
+                if n not in merged
+            }
             after = skipped | after
             if isinstance(left, Num):
                 after["<end>"], skipped["<end>"] = left, lanes
@@ -96,7 +108,9 @@ class Branches(Phis):
         known = {has(n) for n in (set.intersection(*certain) if certain else merged)}
         replace(env, {n: v for n, v in merged.items() if n not in known})
         if someone_left:
-            env[ACTIVE] = NO_LANE if not ends else ends[0] if len(ends) == 1 else e.logic("or_", *ends)
+            env[ACTIVE] = (
+                NO_LANE if not ends else ends[0] if len(ends) == 1 else e.logic("or_", *ends)
+            )
         elif live is not None:
             env[ACTIVE] = live
 

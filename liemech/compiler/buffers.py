@@ -51,19 +51,28 @@ class Columns(Array):
     def first(self, start: Any) -> list[ir.Value]:
         e, b = self.emitter, self.emitter.builder
         place = b.add(b.mul(e.cast(start, "i", False)[0], self.step), self.body)
-        return [self.after(self.pointer, b.add(place, ir.Constant(I64, r * e.width))) for r in range(e.registers(e.lanes > 1))]
+        return [
+            self.after(self.pointer, b.add(place, ir.Constant(I64, r * e.width)))
+            for r in range(e.registers(e.lanes > 1))
+        ]
 
     def addresses(self, first: list[ir.Value], i: int) -> list[ir.Value]:
         """Where the registers of a number lie."""
         e, b = self.emitter, self.emitter.builder
         offset = i if e.lanes == 1 else b.mul(ir.Constant(I64, i), self.step)
         places = [self.after(place, offset) for place in first]
-        return places if e.lanes == 1 else [b.bitcast(place, e.type("f", True).as_pointer()) for place in places]
+        return (
+            places
+            if e.lanes == 1
+            else [b.bitcast(place, e.type("f", True).as_pointer()) for place in places]
+        )
 
     def load(self, first: list[ir.Value], i: int) -> Any:
         e = self.emitter
         type_ = e.type("f", e.lanes > 1)
-        return e.num([e.builder.load(place, align=8, typ=type_) for place in self.addresses(first, i)])
+        return e.num(
+            [e.builder.load(place, align=8, typ=type_) for place in self.addresses(first, i)]
+        )
 
     def store(self, first: list[ir.Value], i: int, x: Any) -> None:
         e = self.emitter
@@ -99,7 +108,9 @@ class Rows(Array):
         values = e.cast(x, "f", e.lanes > 1)
         for lane, place in enumerate(first):
             value = values[lane // e.width]
-            value = b.extract_element(value, ir.Constant(I32, lane % e.width)) if e.lanes > 1 else value
+            value = (
+                b.extract_element(value, ir.Constant(I32, lane % e.width)) if e.lanes > 1 else value
+            )
             b.store(value, self.after(place, i), align=8)
 
 
@@ -127,20 +138,32 @@ def arguments(emitter: Emitter, kinds: Any, function: ir.Function) -> list[Any]:
         elif kind == "integer":
             args.append(emitter.num([load(integers, "integer", I64)]))
         elif kind == "rows":
-            args.append(Rows(emitter, load(arrays, "array", F64.as_pointer()), load(integers, "integer", I64)))
+            args.append(
+                Rows(
+                    emitter, load(arrays, "array", F64.as_pointer()), load(integers, "integer", I64)
+                )
+            )
         else:
             args.append(Columns(emitter, load(arrays, "array", F64.as_pointer()), bodies))
     return args
 
 
 def entrance(module: ir.Module, function: ir.Function, kinds: Any) -> None:
-    """What Python calls, with the address of one block: bodies, begin, end, the integers, the addresses of arrays, the numbers."""
+    """What Python calls, with the address of one block: bodies, begin, end, the integers, the
+    addresses of arrays, the numbers.
+    """
     integers = sum(kind in ("integer", "rows") for kind in kinds)
     arrays = sum(not isinstance(kind, Layout) and kind != "integer" for kind in kinds)
     kernel = ir.Function(module, ir.FunctionType(ir.VoidType(), [I64.as_pointer()]), "kernel")
     b, block = ir.IRBuilder(kernel.append_basic_block("entry")), kernel.args[0]
-    places = [b.gep(block, [ir.Constant(I64, at)], source_etype=I64) for at in (0, 1, 2, 3, 3 + integers, 3 + integers + arrays)]
+    places = [
+        b.gep(block, [ir.Constant(I64, at)], source_etype=I64)
+        for at in (0, 1, 2, 3, 3 + integers, 3 + integers + arrays)
+    ]
     bodies, begin, end = (b.load(place, typ=I64) for place in places[:3])
-    integer, array, number = (b.bitcast(p, a.type) for p, a in zip(places[3:], (function.args[i] for i in (1, 2, 0)), strict=True))
+    integer, array, number = (
+        b.bitcast(p, a.type)
+        for p, a in zip(places[3:], (function.args[i] for i in (1, 2, 0)), strict=True)
+    )
     b.call(function, [number, integer, array, bodies, begin, end])
     b.ret_void()

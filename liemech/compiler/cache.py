@@ -1,7 +1,8 @@
-"""Object code on disk: found again in a new process, never half-written, safe to share between the user's processes.
+"""Object code on disk: found again in a new process, never half-written, safe to share between the
+user's processes.
 
-A file holds what the code was made of (the manifest) and the code; the checksum covers both and the file's name.  For one key
-there may be several, made while globals or helpers were others.
+A file holds what the code was made of (the manifest) and the code; the checksum covers both and the
+file's name.  For one key there may be several, made while globals or helpers were others.
 """
 
 from __future__ import annotations
@@ -32,7 +33,9 @@ HOUR = 3600.0
 
 @functools.cache
 def own_source() -> str | None:
-    """A hash of the files of formulas and compiler: another compiler makes other code.  None if one was edited since the import."""
+    """A hash of the files of formulas and compiler: another compiler makes other code.  None if one
+    was edited since the import.
+    """
     digest = hashlib.sha256()
     here = Path(__file__).parent
     for file in sorted([*here.glob("*.py"), *(here.parent / "formulas").glob("*.py")]):
@@ -44,7 +47,9 @@ def own_source() -> str | None:
 
 @functools.cache
 def folder() -> Path | None:
-    """$LIEMECH_CACHE_DIR, or the first of: beside the package, the user's cache; None if that cannot be written or is not safe."""
+    """$LIEMECH_CACHE_DIR, or the first of: beside the package, the user's cache; None if that
+    cannot be written or is not safe.
+    """
     chosen = os.environ.get("LIEMECH_CACHE_DIR")
     package = Path(__file__).parent / "__pycache__"
     if sys.platform == "win32":
@@ -66,12 +71,16 @@ def folder() -> Path | None:
 
 def _is_safe(status: os.stat_result) -> bool:
     """A folder of the user's own, which nobody else can write: its files are code that will be run."""
-    mine = not hasattr(os, "getuid") or (status.st_uid == os.getuid() and not status.st_mode & (stat.S_IWGRP | stat.S_IWOTH))
+    mine = not hasattr(os, "getuid") or (
+        status.st_uid == os.getuid() and not status.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+    )
     return stat.S_ISDIR(status.st_mode) and mine
 
 
 def load(key: str, fits: Callable[[Any], Any]) -> tuple[Any, bytes] | None:
-    """What `fits` makes of the first manifest under this key that it accepts (not None), and the code beside it."""
+    """What `fits` makes of the first manifest under this key that it accepts (not None), and the
+    code beside it.
+    """
     for file in _files(key):
         content = _content(file)
         if content is not None:
@@ -118,8 +127,14 @@ def _last_use(file: Path) -> float:
 
 
 def _tidy(place: Path) -> None:
-    """Remove what was not used for the longest time beyond the limit, and what interrupted processes left behind."""
-    files = [(f.stat().st_mtime, f.stat().st_size, f.path) for f in os.scandir(place) if f.name.endswith((".o", ".tmp"))]
+    """Remove what was not used for the longest time beyond the limit, and what interrupted
+    processes left behind.
+    """
+    files = [
+        (f.stat().st_mtime, f.stat().st_size, f.path)
+        for f in os.scandir(place)
+        if f.name.endswith((".o", ".tmp"))
+    ]
     room = LIMIT
     for used, size, path in sorted(files, reverse=True):
         room -= size
@@ -131,7 +146,10 @@ def _tidy(place: Path) -> None:
 def _content(file: Path) -> tuple[bytes, bytes] | None:
     """Manifest and code, if the file is there, no link, and whole."""
     try:
-        with open(os.open(file, os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_BINARY", 0)), "rb") as opened:
+        with open(
+            os.open(file, os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_BINARY", 0)),
+            "rb",
+        ) as opened:
             content = opened.read()
     except OSError:
         return None

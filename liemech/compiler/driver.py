@@ -1,7 +1,9 @@
-"""What a driver, the loop that Python starts, needs beyond formulas; in plain Python and, by the compiler, in native code.
+"""What a driver, the loop that Python starts, needs beyond formulas; in plain Python and, by the
+compiler, in native code.
 
-A driver is a plain function of values, integers and arrays of float64.  It reads a state out of an array, marches and writes
-results into arrays.  Compiled for an ensemble it does so for several bodies at once, each with its own column of every array.
+A driver is a plain function of values, integers and arrays of float64.  It reads a state out of an
+array, marches and writes results into arrays.  Compiled for an ensemble it does so for several
+bodies at once, each with its own column of every array.
 """
 
 from __future__ import annotations
@@ -42,7 +44,8 @@ def numbers(value: Any) -> Vec:
 def attempt(function: Callable[..., Any], *args: Any) -> Any:
     """`function(*args)`, where formulas may raise; ask `accepted` before using the result.
 
-    Powers of negative numbers are complex in Python and nan in native code: what cannot go on with them has left its domain.
+    Powers of negative numbers are complex in Python and nan in native code: what cannot go on with
+    them has left its domain.
     """
     try:
         return function(*args)
@@ -53,7 +56,9 @@ def attempt(function: Callable[..., Any], *args: Any) -> Any:
 
 
 def accepted(value: Any, shown: Callable[[Any], Any], layout: Layout | None = None) -> bool:
-    """Did the attempt go through, and is what it shows finite?  Told, as in native code, from the sum of its numbers."""
+    """Did the attempt go through, and is what it shows finite?  Told, as in native code, from the
+    sum of its numbers.
+    """
     if isinstance(value, Rejected):
         return False
     part = shown(value)
@@ -62,16 +67,22 @@ def accepted(value: Any, shown: Callable[[Any], Any], layout: Layout | None = No
 
 
 def reason(value: Any) -> Exception | None:
-    """In plain Python, what an attempt that was not accepted raised; None if its numbers were not finite."""
+    """In plain Python, what an attempt that was not accepted raised; None if its numbers were not
+    finite.
+    """
     return value.error if isinstance(value, Rejected) else None
 
 
 def pairwise_sum(terms: list[Any]) -> Any:
-    """The sum of neighbours, of their sums and so on: no long chain of additions that wait for each other."""
+    """The sum of neighbours, of their sums and so on: no long chain of additions that wait for each
+    other.
+    """
     if not terms:
         return 0.0
     while len(terms) > 1:
-        terms = [a + b for a, b in zip(terms[::2], terms[1::2], strict=False)] + terms[len(terms) & ~1 :]
+        terms = [a + b for a, b in zip(terms[::2], terms[1::2], strict=False)] + terms[
+            len(terms) & ~1 :
+        ]
     return terms[0]
 
 

@@ -44,7 +44,9 @@ OPERATORS: dict[type, Callable[..., Any]] = {
 
 
 class Later(ast.expr):
-    """An expression whose value is computed when control comes to it, by a function of the translator."""
+    """An expression whose value is computed when control comes to it, by a function of the
+    translator.
+    """
 
     def __init__(self, value: Callable[[], Any]) -> None:
         super().__init__()
@@ -83,19 +85,30 @@ class Expressions(Loops):
                 value, certain = self.frames[-1].value(name)
                 if certain is not True:
                     if not self.escapes:
-                        raise NotCompilable(f"`{name}` may have no value here: give it one on every way to this line")
+                        raise NotCompilable(
+                            f"`{name}` may have no value here: give it "
+                            "one on every way to this line"
+                        )
                     self.fail_if(self.emitter.negation(certain))
                 return value
             case ast.Attribute():
                 return self.attribute(self.expression(node.value, env), node.attr)
             case ast.Call():
                 function = self.expression(node.func, env)
-                if function in (any, all) and len(node.args) == 1 and isinstance(node.args[0], ast.GeneratorExp):
+                if (
+                    function in (any, all)
+                    and len(node.args) == 1
+                    and isinstance(node.args[0], ast.GeneratorExp)
+                ):
                     return self.some_or_every(function, node.args[0], env)
                 args = self.items(node.args, env)
-                return self.call(function, *args, **{k.arg: self.expression(k.value, env) for k in _named(node)})
+                return self.call(
+                    function, *args, **{k.arg: self.expression(k.value, env) for k in _named(node)}
+                )
             case ast.BinOp():
-                return self.operate(node, self.expression(node.left, env), self.expression(node.right, env))
+                return self.operate(
+                    node, self.expression(node.left, env), self.expression(node.right, env)
+                )
             case ast.Subscript():
                 return self.item(self.expression(node.value, env), self.expression(node.slice, env))
             case ast.Constant():
@@ -111,7 +124,12 @@ class Expressions(Loops):
             case ast.IfExp():
                 return self.choice(node, env)
             case ast.Slice():
-                return slice(*(self.expression(x, env) if x else None for x in (node.lower, node.upper, node.step)))
+                return slice(
+                    *(
+                        self.expression(x, env) if x else None
+                        for x in (node.lower, node.upper, node.step)
+                    )
+                )
             case ast.Tuple():
                 return tuple(self.items(node.elts, env))
             case ast.List():
@@ -119,7 +137,11 @@ class Expressions(Loops):
             case ast.Dict():
                 if None in node.keys:
                     raise NotCompilable(f"`{ast.unparse(node)}`: a dict made of others")
-                return {self.key(k, env): self.expression(v, env) for k, v in zip(node.keys, node.values, strict=True) if k}
+                return {
+                    self.key(k, env): self.expression(v, env)
+                    for k, v in zip(node.keys, node.values, strict=True)
+                    if k
+                }
             case ast.Lambda():
                 return self.nested(node, env)
             case ast.ListComp():
@@ -128,7 +150,9 @@ class Expressions(Loops):
                 return self.stream(self.comprehension(node, env))
             case ast.NamedExpr():
                 if not isinstance(self.frames[-1].scope, Function):
-                    raise NotCompilable(f"`{ast.unparse(node)}` inside of a comprehension: use a loop")
+                    raise NotCompilable(
+                        f"`{ast.unparse(node)}` inside of a comprehension: use a loop"
+                    )
                 value = self.expression(node.value, env)
                 self.assign(node.target, value, env)
                 return value
@@ -137,10 +161,16 @@ class Expressions(Loops):
             case ast.FormattedValue():
                 value = self.expression(node.value, env)
                 if holds_number(value):
-                    raise NotCompilable("a text of numbers known only at run time (`raise` may have one)")
+                    raise NotCompilable(
+                        "a text of numbers known only at run time (`raise` may have one)"
+                    )
                 if node.conversion != -1:
-                    value = getattr(builtins, {"s": "str", "r": "repr", "a": "ascii"}[chr(node.conversion)])(value)
-                return format(value, self.expression(node.format_spec, env) if node.format_spec else "")
+                    value = getattr(
+                        builtins, {"s": "str", "r": "repr", "a": "ascii"}[chr(node.conversion)]
+                    )(value)
+                return format(
+                    value, self.expression(node.format_spec, env) if node.format_spec else ""
+                )
             case Later():
                 return node.compute()
         raise NotCompilable(f"`{ast.unparse(node)}`: this expression has no place in a formula")
@@ -156,7 +186,11 @@ class Expressions(Loops):
     def items(self, nodes: list[ast.expr], env: Env) -> list[Any]:
         found: list[Any] = []
         for n in nodes:
-            found += self.iterate(self.expression(n.value, env)) if isinstance(n, ast.Starred) else [self.expression(n, env)]
+            found += (
+                self.iterate(self.expression(n.value, env))
+                if isinstance(n, ast.Starred)
+                else [self.expression(n, env)]
+            )
         return found
 
     def key(self, node: ast.expr, env: Env) -> Any:
@@ -170,7 +204,11 @@ class Expressions(Loops):
     def nested(self, node: Function, env: Env) -> Closure:
         """A `lambda` or a `def` inside a formula."""
         a = node.args
-        options = {p.arg: self.expression(v, env) for p, v in zip(a.kwonlyargs, a.kw_defaults, strict=True) if v is not None}
+        options = {
+            p.arg: self.expression(v, env)
+            for p, v in zip(a.kwonlyargs, a.kw_defaults, strict=True)
+            if v is not None
+        }
         return Closure(self.frames[-1], node, tuple(self.items(a.defaults, env)), options)
 
     def within(self, frame: Frame, work: Callable[[], Any]) -> Any:
@@ -195,18 +233,28 @@ class Expressions(Loops):
             generator, *rest = generators
             for item in items:
                 self.within(frame, lambda: self.assign(generator.target, item, frame.env))  # noqa: B023
-                tests = (self.within(frame, lambda: self.truth(self.expression(test, frame.env))) for test in generator.ifs)  # noqa: B023
+                tests = (
+                    self.within(frame, lambda: self.truth(self.expression(test, frame.env)))  # noqa: B023
+                    for test in generator.ifs
+                )
                 if not all(map(_known, tests)):
                     continue
                 if rest:
-                    yield from turns(rest, self.within(frame, lambda: self.iterate(self.expression(rest[0].iter, frame.env))))
+                    yield from turns(
+                        rest,
+                        self.within(
+                            frame, lambda: self.iterate(self.expression(rest[0].iter, frame.env))
+                        ),
+                    )
                 else:
                     yield self.within(frame, lambda: self.expression(node.elt, frame.env))
 
         return turns(node.generators, first)
 
     def some_or_every(self, function: Any, node: ast.GeneratorExp, env: Env) -> Any:
-        """`any` and `all` of a generator expression: no item is computed after the one that decides."""
+        """`any` and `all` of a generator expression: no item is computed after the one that
+        decides.
+        """
         around, some = self.frames[-1], function is any
         frame = Frame(around.source, node, {}, around, node=around.node)
         first = self.iterate(self.expression(node.generators[0].iter, env))
@@ -222,7 +270,11 @@ class Expressions(Loops):
 
                 def value() -> Any:
                     self.assign(generator.target, item, frame.env)
-                    tests = generator.ifs if some else [ast.UnaryOp(ast.Not(), test) for test in generator.ifs]
+                    tests = (
+                        generator.ifs
+                        if some
+                        else [ast.UnaryOp(ast.Not(), test) for test in generator.ifs]
+                    )
                     return self.decided(some, [*tests, Later(inner)], frame.env)
 
                 return Later(value)
@@ -280,7 +332,9 @@ class Expressions(Loops):
             raise NotCompilable("a key of a dict must be known now")
         result, *others = value  # an index known at run time: pick by comparison
         count = len(others) + 1
-        self.fail_if(self.emitter.negation(self.emitter.logic("and_", index >= -count, index < count)))
+        self.fail_if(
+            self.emitter.negation(self.emitter.logic("and_", index >= -count, index < count))
+        )
         for i, other in enumerate(others, 1):
             result = self.where((index == i) | (index == i - count), other, result)
         return result
@@ -288,7 +342,9 @@ class Expressions(Loops):
     # -------------------------------------------------------------- choices
 
     def boolean(self, node: ast.BoolOp, env: Env) -> Any:
-        """`a and b`, `a or b`: the operand that decides.  The second is computed in any case if that changes and risks nothing."""
+        """`a and b`, `a or b`: the operand that decides.  The second is computed in any case if
+        that changes and risks nothing.
+        """
         first = node.values[0]
         value, either = self.expression(first, env), isinstance(node.op, ast.Or)
         test = self.truth(value)
@@ -300,7 +356,10 @@ class Expressions(Loops):
             other = self.expression(rest, env)
             walrus = any(isinstance(n, ast.NamedExpr) for n in ast.walk(rest))
             if self.builder.block is block and self.raises == raises and not walrus:
-                if all(isinstance(x, bool) or (isinstance(x, Num) and x.kind == "b") for x in (value, other)):
+                if all(
+                    isinstance(x, bool) or (isinstance(x, Num) and x.kind == "b")
+                    for x in (value, other)
+                ):
                     return self.emitter.logic("or_" if either else "and_", test, other)
                 return self.where(test, value, other) if either else self.where(test, other, value)
             forget()
@@ -308,7 +367,11 @@ class Expressions(Loops):
             env.update(before)
             self.branching.add(rest)
         known = Later(lambda: value)
-        choice = ast.IfExp(Later(lambda: test), known, rest) if either else ast.IfExp(Later(lambda: test), rest, known)
+        choice = (
+            ast.IfExp(Later(lambda: test), known, rest)
+            if either
+            else ast.IfExp(Later(lambda: test), rest, known)
+        )
         return self.choice(ast.copy_location(choice, node), env)
 
     def comparison(self, node: ast.Compare, env: Env) -> Any:
@@ -322,10 +385,14 @@ class Expressions(Loops):
         if len(node.ops) == 1:
             return first
         rest = ast.Compare(Later(lambda: right), node.ops[1:], node.comparators[1:])
-        return self.boolean(ast.copy_location(ast.BoolOp(ast.And(), [Later(lambda: first), rest]), node), env)
+        return self.boolean(
+            ast.copy_location(ast.BoolOp(ast.And(), [Later(lambda: first), rest]), node), env
+        )
 
     def identity(self, left: Any, right: Any, same: bool) -> Any:
-        """`left is right` or `left is not right`: a truth value of the run is True or False, and no number has an identity."""
+        """`left is right` or `left is not right`: a truth value of the run is True or False, and no
+        number has an identity.
+        """
         if isinstance(right, Num):
             left, right = right, left
         if not isinstance(left, Num) or not isinstance(right, (Num, bool, int, float)):
@@ -340,7 +407,10 @@ class Expressions(Loops):
         if not isinstance(test, Num):
             return self.expression(node.body if test else node.orelse, env)
         name = "<choice>"
-        bodies = [[ast.copy_location(ast.Assign([ast.Name(name, ast.Store())], x), x)] for x in (node.body, node.orelse)]
+        bodies = [
+            [ast.copy_location(ast.Assign([ast.Name(name, ast.Store())], x), x)]
+            for x in (node.body, node.orelse)
+        ]
         at = self.frames[-1].node
         self.branch(test, bodies[0], bodies[1], env)  # type: ignore[arg-type]
         self.frames[-1].node, self.frames[-1].env = at, env
@@ -376,4 +446,6 @@ def holds_number(value: Any) -> bool:
         return holds_number((value.start, value.stop, value.step))
     if isinstance(value, dict):
         return holds_number([*value.values()])
-    return isinstance(value, Num) or (isinstance(value, (tuple, list, Mat)) and any(map(holds_number, value)))
+    return isinstance(value, Num) or (
+        isinstance(value, (tuple, list, Mat)) and any(map(holds_number, value))
+    )

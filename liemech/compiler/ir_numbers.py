@@ -1,8 +1,9 @@
 """Run-time numbers of the compiler: a `Num` stands for a value that native code will compute.
 
-Formulas compute with `Num` through the ordinary operators, so `Vec` and `Mat` of `Num` work as they stand and every constant is
-folded by Python itself.  In an ensemble a number has one value per lane, an LLVM vector; a number that is the same for all
-lanes stays scalar until it meets a varying one.  No operation carries a fast-math flag: native code rounds as Python does.
+Formulas compute with `Num` through the ordinary operators, so `Vec` and `Mat` of `Num` work as they
+stand and every constant is folded by Python itself.  In an ensemble a number has one value per
+lane, an LLVM vector; a number that is the same for all lanes stays scalar until it meets a varying
+one.  No operation carries a fast-math flag: native code rounds as Python does.
 """
 
 from __future__ import annotations
@@ -32,7 +33,8 @@ EXACT = 2**53
 class Emitter:
     """Where instructions go, and how many lanes a varying number has (1: a single trajectory).
 
-    The lanes are spread over vector registers of `width` doubles; several registers work while one waits for a result.
+    The lanes are spread over vector registers of `width` doubles; several registers work while one
+    waits for a result.
     """
 
     def __init__(self, builder: ir.IRBuilder, lanes: int, width: int) -> None:
@@ -41,7 +43,8 @@ class Emitter:
         self.width = width if lanes % width == 0 else lanes
         self.vectors = {kind: ir.VectorType(t, self.width) for kind, t in TYPES.items()}
         self.calls = 0  # of the C library so far: a branch that has some is the rare one
-        self.fail_if: Callable[[Any], None] = lambda condition: None  # what to do where Python raises
+        # what to do where Python raises
+        self.fail_if: Callable[[Any], None] = lambda condition: None
 
     def type(self, kind: str, varying: bool) -> ir.Type:
         return self.vectors[kind] if varying else TYPES[kind]
@@ -54,7 +57,11 @@ class Emitter:
         values = tuple(values)
         type_ = values[0].type
         scalar = type_.element if isinstance(type_, ir.VectorType) else type_
-        return Num(self, values, "f" if scalar is F64 else next(kind for kind, t in TYPES.items() if t == scalar))
+        return Num(
+            self,
+            values,
+            "f" if scalar is F64 else next(kind for kind, t in TYPES.items() if t == scalar),
+        )
 
     def each(self, instruction: Callable[..., ir.Value], *numbers: Values) -> Num:
         """One instruction for every register."""
@@ -64,7 +71,9 @@ class Emitter:
         kind = kind or kind_of(value)
         python = {"f": float, "i": int, "b": int}[kind](value)
         if kind == "i" and not -HUGE <= python < HUGE:
-            raise NotCompilable(f"{python} is beyond the integers of native code, 2**63: make it a float")
+            raise NotCompilable(
+                f"{python} is beyond the integers of native code, 2**63: make it a float"
+            )
         one = ir.Constant(self.type(kind, varying), [python] * self.width if varying else python)
         return Num(self, (one,) * self.registers(varying), kind)
 
@@ -82,7 +91,9 @@ class Emitter:
         b = self.builder
         if value.kind != kind:
             if value.kind == "b":
-                integer = self.each(lambda v: b.zext(v, self.type("i", value.varying)), value.values)
+                integer = self.each(
+                    lambda v: b.zext(v, self.type("i", value.varying)), value.values
+                )
                 return self.cast(integer, kind, varying)
             if (value.kind, kind) != ("i", "f"):
                 raise NotCompilable("a run-time float cannot become an integer")
@@ -96,19 +107,27 @@ class Emitter:
         zeros = ir.Constant(ir.VectorType(I32, self.width), [0] * self.width)
         return (b.shuffle_vector(first, undefined, zeros),) * self.registers(True)
 
-    def alike(self, *items: Any, kind: str = "b", varying: bool = False) -> tuple[str, list[Values]]:
-        """Numbers made alike: at least of the given kind, floats before integers before truth values."""
+    def alike(
+        self, *items: Any, kind: str = "b", varying: bool = False
+    ) -> tuple[str, list[Values]]:
+        """Numbers made alike: at least of the given kind, floats before integers before truth
+        values.
+        """
         kind = max([kind, *map(kind_of, items)], key="bif".index)
         varying = varying or any(isinstance(x, Num) and x.varying for x in items)
         return kind, [self.cast(x, kind, varying) for x in items]
 
     def arithmetic(self, op: str, a: Any, b: Any) -> Num:
-        """a + b, a - b, a * b, a / b, as Python has them: integers are exact, and nothing is divided by zero."""
+        """a + b, a - b, a * b, a / b, as Python has them: integers are exact, and nothing is
+        divided by zero.
+        """
         floats = self._floats(a, b)
         if floats:
             if op == "div":
                 self.fail_if(self.zero(b))
-            return Num(self, tuple([self.builder.floats(f"f{op}", x, y) for x, y in zip(*floats)]), "f")
+            return Num(
+                self, tuple([self.builder.floats(f"f{op}", x, y) for x, y in zip(*floats)]), "f"
+            )
         kind, pair = self.alike(a, b, kind="f" if op == "div" else "i")
         if kind == "i":
             return self.integer(op, *map(self.num, pair))
@@ -117,9 +136,12 @@ class Emitter:
             self.unmixed("a product", a, b)
         if op == "div":
             self.fail_if(self.zero(b))
-            if kind_of(a) != "f" and kind_of(b) != "f":  # Python rounds the quotient of integers once
+            # Python rounds the quotient of integers once
+            if kind_of(a) != "f" and kind_of(b) != "f":
                 for x in (a, b):
-                    self.fail_if(self.logic("or_", self.compare("<", x, -EXACT), self.compare(">", x, EXACT)))
+                    self.fail_if(
+                        self.logic("or_", self.compare("<", x, -EXACT), self.compare(">", x, EXACT))
+                    )
         result = self.each(getattr(self.builder, "f" + op), *pair)
         result.mixed = mixed
         return result
@@ -140,8 +162,13 @@ class Emitter:
 
     def unmixed(self, what: str, *items: Any) -> None:
         """Refuse what integers and floats do differently: -0 is 0, -0.0 is not."""
-        if any(isinstance(x, Num) and x.mixed for x in items) and all(kind_of(x) != "f" or is_mixed(x) for x in items):
-            raise NotCompilable(f"{what} of a number that is an integer on one way and a float on another: use 0.0 instead of 0")
+        if any(isinstance(x, Num) and x.mixed for x in items) and all(
+            kind_of(x) != "f" or is_mixed(x) for x in items
+        ):
+            raise NotCompilable(
+                f"{what} of a number that is an integer on one way and a "
+                "float on another: use 0.0 instead of 0"
+            )
 
     def zero(self, x: Any) -> Any:
         return self.compare("==", x, 0) if isinstance(x, Num) else x == 0
@@ -150,9 +177,12 @@ class Emitter:
         """A sum, difference or product of integers; one beyond 2^63 (a product: 2^62) is a failure."""
         result = self.each(getattr(self.builder, op), a.values, b.values)
         if op == "mul":
-            size = abs(self.num(self.cast(a, "f", a.varying)) * self.num(self.cast(b, "f", b.varying)))
+            size = abs(
+                self.num(self.cast(a, "f", a.varying)) * self.num(self.cast(b, "f", b.varying))
+            )
             self.fail_if(size >= float(HUGE // 2))
-        else:  # the sign of the result is that of neither (of a sum), of b and not of a (of a difference)
+        # the sign of the result is that of neither (of a sum), of b and not of a (of a difference)
+        else:
             e = self.builder.xor
             other = b if op == "add" else a
             first = self.each(e, a.values, (result if op == "add" else b).values)
@@ -177,7 +207,9 @@ class Emitter:
             overflow = (q == -1) & (p == -HUGE)
             self.fail_if(overflow)
             q = self.select(overflow | (q == 0), 1, q)
-            quotient, rest = (self.each(f, p.values, q.values) for f in (self.builder.sdiv, self.builder.srem))
+            quotient, rest = (
+                self.each(f, p.values, q.values) for f in (self.builder.sdiv, self.builder.srem)
+            )
             down = (rest != 0) & ((rest < 0) != (q < 0))
             return (self.select(down, self.each(self.builder.sub, quotient.values, self.alike(1, quotient)[1][0]), quotient),
                     self.select(down, self.each(self.builder.add, rest.values, q.values), rest))  # fmt: skip
@@ -196,7 +228,10 @@ class Emitter:
         self.unmixed("a power", a, b)
         if kind_of(a) != "f" and kind_of(b) != "f":
             if not isinstance(b, int):
-                raise NotCompilable("an integer to the power of one known only at run time: make one of them a float")
+                raise NotCompilable(
+                    "an integer to the power of one known only at "
+                    "run time: make one of them a float"
+                )
             if b >= 0:
                 return math.prod([a] * b) if b else 1
         result = self.call("pow", a, b)
@@ -206,7 +241,9 @@ class Emitter:
     def overflowed(self, result: Num, *x: Any) -> Num:
         """Is the result of a function nan or infinite, and are its arguments finite?"""
         finite = [self.compare("==", a - a, 0.0) for a in x if isinstance(a, Num) and a.kind == "f"]
-        return functools.reduce(lambda a, b: self.logic("and_", a, b), finite, result - result != 0.0)
+        return functools.reduce(
+            lambda a, b: self.logic("and_", a, b), finite, result - result != 0.0
+        )
 
     def compare(self, op: str, a: Any, b: Any) -> Any:
         """A comparison, exact like Python's of integers with floats."""
@@ -222,12 +259,15 @@ class Emitter:
                 op, b = "<=" if op in ("<", "<=") else ">", _float_below(b)
         elif isinstance(b, Num) and {a.kind, b.kind} == {"i", "f"}:
             n = a if a.kind == "i" else b
-            self.fail_if(self.logic("or_", self.compare("<", n, -EXACT), self.compare(">", n, EXACT)))
+            self.fail_if(
+                self.logic("or_", self.compare("<", n, -EXACT), self.compare(">", n, EXACT))
+            )
         kind, pair = self.alike(a, b)
         if kind == "f":
             compare = self.builder.fcmp_unordered if op == "!=" else self.builder.fcmp_ordered
         else:
-            compare = self.builder.icmp_signed if kind == "i" else self.builder.icmp_unsigned  # True is 1, not -1
+            # True is 1, not -1
+            compare = self.builder.icmp_signed if kind == "i" else self.builder.icmp_unsigned
         return self.each(lambda x, y: compare(op, x, y), *pair)
 
     def logic(self, op: str, a: Any, b: Any) -> Any:
@@ -244,7 +284,9 @@ class Emitter:
         _, (x, y) = self.alike(yes, no, varying=condition.varying)
         conditions = condition.values * (len(x) // len(condition.values))
         result = self.each(self.builder.select, conditions, x, y)
-        result.mixed = result.kind == "f" and any(kind_of(x) != "f" or is_mixed(x) for x in (yes, no))
+        result.mixed = result.kind == "f" and any(
+            kind_of(x) != "f" or is_mixed(x) for x in (yes, no)
+        )
         return result
 
     def any(self, condition: Any) -> Any:
@@ -255,13 +297,21 @@ class Emitter:
         some, *others = condition.values
         for other in others:
             some = self.builder.or_(some, other)
-        return self.num([self.builder.icmp_unsigned("!=", self.builder.bitcast(some, word), ir.Constant(word, 0))])
+        return self.num(
+            [
+                self.builder.icmp_unsigned(
+                    "!=", self.builder.bitcast(some, word), ir.Constant(word, 0)
+                )
+            ]
+        )
 
     def slot(self) -> list[ir.Value]:
         """A place in memory for a truth value of every lane."""
         varying = self.lanes > 1
         with self.builder.goto_entry_block():
-            return [self.builder.alloca(self.type("b", varying)) for _ in range(self.registers(varying))]
+            return [
+                self.builder.alloca(self.type("b", varying)) for _ in range(self.registers(varying))
+            ]
 
     def store(self, value: Any, slot: list[ir.Value]) -> None:
         for v, place in zip(self.cast(value, "b", self.lanes > 1), slot, strict=True):
@@ -271,12 +321,18 @@ class Emitter:
         return self.num([self.builder.load(place) for place in slot])
 
     def call(self, name: str, *args: Any) -> Num:
-        """A function of floats: an LLVM intrinsic (`llvm.sqrt`) or one of the C library, lane by lane."""
+        """A function of floats: an LLVM intrinsic (`llvm.sqrt`) or one of the C library, lane by
+        lane.
+        """
         b = self.builder
         _, values = self.alike(*args, kind="f")
         varying = isinstance(values[0][0].type, ir.VectorType)
         if name.startswith("llvm."):
-            function = self._declared(name + (f".v{self.width}f64" if varying else ".f64"), self.type("f", varying), len(args))
+            function = self._declared(
+                name + (f".v{self.width}f64" if varying else ".f64"),
+                self.type("f", varying),
+                len(args),
+            )
             return self.each(lambda *v: b.call(function, v), *values)
         self.calls += 1
         function = self._declared(f"liemech_{name}", F64, len(args))
@@ -298,8 +354,10 @@ class Emitter:
         function = module.globals.get(symbol)
         if function is None:
             function = ir.Function(module, ir.FunctionType(type_, [type_] * arguments), symbol)
-            for fact in ("nounwind", "readnone", "willreturn"):  # unused and repeated calls disappear
-                set.add(function.attributes, fact)  # llvmlite's own check does not know the last one
+            # unused and repeated calls disappear
+            for fact in ("nounwind", "readnone", "willreturn"):
+                # llvmlite's own check does not know the last one
+                set.add(function.attributes, fact)
         return function
 
 
@@ -329,7 +387,8 @@ def _float_below(n: int) -> float:
 class Num(StandIn):
     """A number known at run time only: float (`f`), integer (`i`) or truth value (`b`).
 
-    One that is an integer on one way and a float on another is a `mixed` float: what Python makes of it may depend on the way.
+    One that is an integer on one way and a float on another is a `mixed` float: what Python makes
+    of it may depend on the way.
     """
 
     __slots__ = ("emitter", "kind", "mixed", "values")
@@ -389,7 +448,9 @@ class Num(StandIn):
             if not isinstance(x, (Num, int, float)):
                 if not isinstance(x, (np.integer, np.bool_)):
                     return NotImplemented
-                items = tuple([int(y) if isinstance(y, (np.integer, np.bool_)) else y for y in items])
+                items = tuple(
+                    [int(y) if isinstance(y, (np.integer, np.bool_)) else y for y in items]
+                )
         return function(*items)
 
     def __pow__(self, other: Any) -> Any:
@@ -419,13 +480,21 @@ class Num(StandIn):
     def __neg__(self) -> Num:
         e = self.emitter
         e.unmixed("the negative", self)
-        return e.each(e.builder.fneg, self.values) if self.kind == "f" else e.arithmetic("sub", 0, self)
+        return (
+            e.each(e.builder.fneg, self.values)
+            if self.kind == "f"
+            else e.arithmetic("sub", 0, self)
+        )
 
     def __pos__(self) -> Num:
         return self
 
     def __abs__(self) -> Num:
-        return self.emitter.call("llvm.fabs", self) if self.kind == "f" else self.emitter.select(self < 0, -self, 1 * self)
+        return (
+            self.emitter.call("llvm.fabs", self)
+            if self.kind == "f"
+            else self.emitter.select(self < 0, -self, 1 * self)
+        )
 
     def __lt__(self, other: Any) -> Any:
         return self._of(functools.partial(self.emitter.compare, "<"), self, other)
@@ -465,6 +534,8 @@ class Num(StandIn):
     __hash__ = object.__hash__
 
     def _refuse(self, *_: Any) -> NoReturn:
-        raise NotCompilable("a number known only at run time is used where Python needs its value now")
+        raise NotCompilable(
+            "a number known only at run time is used where Python needs its value now"
+        )
 
     __bool__ = __float__ = __int__ = __index__ = __array__ = __len__ = __iter__ = _refuse

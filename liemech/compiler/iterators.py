@@ -1,7 +1,9 @@
-"""Iterators of formulas: what `iter`, `zip`, `map`, `enumerate`, `reversed`, `filter` and generator expressions give.
+"""Iterators of formulas: what `iter`, `zip`, `map`, `enumerate`, `reversed`, `filter` and generator
+expressions give.
 
-How far an iterator has come is known while translating, so it must be the same on every way that control may take: one that is
-advanced on one way of a branch, or in a loop of unknown length, is refused after it.
+How far an iterator has come is known while translating, so it must be the same on every way that
+control may take: one that is advanced on one way of a branch, or in a loop of unknown length, is
+refused after it.
 """
 
 from __future__ import annotations
@@ -12,7 +14,9 @@ from typing import Any
 from ..errors import NotCompilable
 
 Region = tuple[tuple[int, bool], ...]
-"""Where control is: the branches and loops of unknown length around, each with a number of its own and whether it is a loop."""
+"""Where control is: the branches and loops of unknown length around, each with a number of its own
+and whether it is a loop.
+"""
 
 
 class Stream:
@@ -30,7 +34,9 @@ class Stream:
         if not self.refusal and any(loop for _, loop in between):
             self.refusal = "made outside of a loop of unknown length is advanced in it"
         if self.refusal:
-            raise NotCompilable(f"an iterator that {self.refusal}: take its items with `list(...)` and an index")
+            raise NotCompilable(
+                f"an iterator that {self.refusal}: take its items with `list(...)` and an index"
+            )
         if isinstance(self.items, list):
             if self.taken >= len(self.items):
                 raise StopIteration

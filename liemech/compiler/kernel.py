@@ -1,8 +1,10 @@
-"""Native kernels: a driver and the layouts of its arguments become machine code, kept on disk for the next process.
+"""Native kernels: a driver and the layouts of its arguments become machine code, kept on disk for
+the next process.
 
-A kernel is used again while everything that its formulas read from outside is what it was; else it is made anew, and the former
-one kept for the time when things are as before.  Without llvmlite, or with LIEMECH_COMPILE=0 or NUMBA_DISABLE_JIT=1 in the
-environment, nothing here is used and every driver runs in plain Python.
+A kernel is used again while everything that its formulas read from outside is what it was; else it
+is made anew, and the former one kept for the time when things are as before.  Without llvmlite, or
+with LIEMECH_COMPILE=0 or NUMBA_DISABLE_JIT=1 in the environment, nothing here is used and every
+driver runs in plain Python.
 """
 
 from __future__ import annotations
@@ -29,10 +31,14 @@ from ..formulas.pytree import Layout, layout_of, leaves
 from . import driver
 
 Kind = Layout | str | tuple[str, Layout]
-"""Of an argument: the layout of a value, ("several", layout) if every body has its own, "integer", "array" or "rows"."""
+"""Of an argument: the layout of a value, ("several", layout) if every body has its own, "integer",
+"array" or "rows".
+"""
 
 ALIVE = 256
-"""Drivers and layouts whose kernels a process keeps; those not used for the longest time are released."""
+"""Drivers and layouts whose kernels a process keeps; those not used for the longest time are
+released.
+"""
 
 VARIANTS = 8
 """Kernels kept for one driver and layout while globals, helpers, ... change."""
@@ -40,7 +46,9 @@ VARIANTS = 8
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Rows:
-    """An array, real or complex, of which each body has a row: they need not be next to each other, and may be all the same."""
+    """An array, real or complex, of which each body has a row: they need not be next to each other,
+    and may be all the same.
+    """
 
     array: np.ndarray
 
@@ -64,7 +72,10 @@ class Several:
     def of(cls, values: Sequence[Any], columns: int) -> Several:
         """Values for so many columns; the last value is repeated."""
         numbers = np.array([leaves(value, layout_of(value)) for value in values]).T
-        return cls(tuple(values), np.ascontiguousarray(numbers[:, np.minimum(np.arange(columns), len(values) - 1)]))
+        return cls(
+            tuple(values),
+            np.ascontiguousarray(numbers[:, np.minimum(np.arange(columns), len(values) - 1)]),
+        )
 
 
 def examples(args: Sequence[Any]) -> list[Any]:
@@ -74,7 +85,10 @@ def examples(args: Sequence[Any]) -> list[Any]:
 
 def available() -> str | None:
     """None if native code can be made here, else the reason why not."""
-    if os.environ.get("LIEMECH_COMPILE") == "0" or os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):
+    if os.environ.get("LIEMECH_COMPILE") == "0" or os.environ.get("NUMBA_DISABLE_JIT", "0") not in (
+        "",
+        "0",
+    ):
         return "compilation is switched off in the environment (LIEMECH_COMPILE=0 or NUMBA_DISABLE_JIT=1)"
     try:
         from . import llvm  # noqa: F401
@@ -84,22 +98,36 @@ def available() -> str | None:
 
 
 class Kernel:
-    """Machine code of one driver for arguments of one layout, for one body (lanes = 1) or several at once.
+    """Machine code of one driver for arguments of one layout, for one body (lanes = 1) or several
+    at once.
 
-    call : runs it, on one block of memory (bytes): the number of bodies, the first of them and the one after the last, the
-    integers, the addresses of the arrays, of 64 bits each, and the numbers of all values in turn.
+    call : runs it, on one block of memory (bytes): the number of bodies, the first of them and the
+    one after the last, the integers, the addresses of the arrays, of 64 bits each, and the numbers
+    of all values in turn.
     """
 
     def __init__(
-        self, entry: Callable[..., Any], kinds: tuple[Kind, ...], lanes: int, args: Sequence[Any] | None = None, make: bool = True
+        self,
+        entry: Callable[..., Any],
+        kinds: tuple[Kind, ...],
+        lanes: int,
+        args: Sequence[Any] | None = None,
+        make: bool = True,
     ) -> None:
         from . import cache, llvm
         from .reads import Reads
 
         self.entry, self.kinds, self.lanes = entry, kinds, lanes
         key = _key(entry, kinds, lanes)
-        known = [a if isinstance(_layout(k), Layout) else None for a, k in zip(examples(args or kinds), kinds, strict=True)]
-        found = cache.load(key, lambda manifest: Reads.found(entry, known, manifest)) if key and args else None
+        known = [
+            a if isinstance(_layout(k), Layout) else None
+            for a, k in zip(examples(args or kinds), kinds, strict=True)
+        ]
+        found = (
+            cache.load(key, lambda manifest: Reads.found(entry, known, manifest))
+            if key and args
+            else None
+        )
         self.cached = found is not None
         if found is not None:
             self.reads, code = found
@@ -113,7 +141,9 @@ class Kernel:
         self._engine, self.call = llvm.linked(code)
 
     def __call__(self, *args: Any, bodies: int = 1, begin: int = 0, end: int = 1) -> None:
-        """Run on these arguments, for the bodies from begin to end (whole lanes); arrays hold a column for each of `bodies`."""
+        """Run on these arguments, for the bodies from begin to end (whole lanes); arrays hold a
+        column for each of `bodies`.
+        """
         numbers: list[float] = []
         integers: list[int] = []
         arrays: list[np.ndarray] = []
@@ -130,9 +160,17 @@ class Kernel:
         self.run(array("d", numbers).tobytes(), integers, arrays, bodies, begin, end)
 
     def run(
-        self, numbers: bytes, integers: Sequence[int], arrays: Sequence[Any], bodies: int = 1, begin: int = 0, end: int = 1
+        self,
+        numbers: bytes,
+        integers: Sequence[int],
+        arrays: Sequence[Any],
+        bodies: int = 1,
+        begin: int = 0,
+        end: int = 1,
     ) -> None:
-        """Run on arguments that are laid out already: the numbers of all values in turn, the integers, the arrays."""
+        """Run on arguments that are laid out already: the numbers of all values in turn, the
+        integers, the arrays.
+        """
         words = bodies, begin, end, *integers, *map(address, arrays)
         self.call(struct.pack(f"{len(words)}q", *words) + numbers)
 
@@ -155,7 +193,9 @@ def address(values: Any) -> int:
 
 
 class _Kept:
-    """The kernels for one driver and layout, the last used first, and the lock of the thread that makes one."""
+    """The kernels for one driver and layout, the last used first, and the lock of the thread that
+    makes one.
+    """
 
     def __init__(self) -> None:
         self.lock = threading.RLock()
@@ -183,12 +223,18 @@ def _after_fork() -> None:
 _importing = threading.RLock()
 if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=_after_fork)
-    os.register_at_fork(before=_importing.acquire, after_in_parent=_importing.release, after_in_child=_importing.release)
+    os.register_at_fork(
+        before=_importing.acquire,
+        after_in_parent=_importing.release,
+        after_in_child=_importing.release,
+    )
 
 
 @functools.cache
 def _imported() -> None:
-    """The modules that kernels need: a process that is forked while another thread imports them would wait for ever."""
+    """The modules that kernels need: a process that is forked while another thread imports them
+    would wait for ever.
+    """
     with _importing:
         from . import cache, llvm, reads, tokens  # noqa: F401
 
@@ -196,8 +242,8 @@ def _imported() -> None:
 def kernel(entry: Callable[..., Any], *args: Any, lanes: int = 1) -> Kernel:
     """The kernel for a driver and arguments like these.
 
-    An int among the arguments is a run-time integer, arrays and rows are read and written in place; a layout describes everything
-    else.  Raises NotCompilable.
+    An int among the arguments is a run-time integer, arrays and rows are read and written in place;
+    a layout describes everything else.  Raises NotCompilable.
     """
     return _get(entry, args, lanes, make=True)
 
@@ -213,7 +259,8 @@ def _get(entry: Callable[..., Any], args: tuple[Any, ...], lanes: int, make: boo
             if found is None:
                 try:
                     found = Kernel(*key, args, make)
-                except RuntimeError as error:  # of LLVM: an unknown processor, a broken installation
+                # of LLVM: an unknown processor, a broken installation
+                except RuntimeError as error:
                     raise NotCompilable(f"native code cannot be made here: {error}") from error
                 kept.kernels = [found, *kept.kernels[: VARIANTS - 1]]
     with contextlib.suppress(KeyError):
@@ -253,7 +300,13 @@ def kind_of(value: Any) -> Kind:
         return "rows"
     if isinstance(value, Several):
         return "several", layout_of(value.values[0])
-    return "array" if isinstance(value, np.ndarray) else "integer" if type(value) is int else layout_of(value)
+    return (
+        "array"
+        if isinstance(value, np.ndarray)
+        else "integer"
+        if type(value) is int
+        else layout_of(value)
+    )
 
 
 def _layout(kind: Kind) -> Any:
@@ -262,14 +315,18 @@ def _layout(kind: Kind) -> Any:
 
 
 def _key(entry: Callable[..., Any], kinds: tuple[Kind, ...], lanes: int) -> str | None:
-    """Where a kernel lies on disk: for what it is made, by which compiler and Python, for which processor."""
+    """Where a kernel lies on disk: for what it is made, by which compiler and Python, for which
+    processor.
+    """
     from . import cache, llvm, tokens
 
     own = cache.own_source()
     if own is None:
         return None
     python = sys.implementation.cache_tag, np.__version__, own, *llvm.machine()
-    return hashlib.sha256(repr((tokens.digest((entry, *kinds)), lanes, python)).encode()).hexdigest()[:32]
+    return hashlib.sha256(
+        repr((tokens.digest((entry, *kinds)), lanes, python)).encode()
+    ).hexdigest()[:32]
 
 
 def width() -> int:
@@ -280,7 +337,9 @@ def width() -> int:
 
 
 def lanes() -> int:
-    """How many bodies run side by side: as many registers for each number as can work while one waits for a result."""
+    """How many bodies run side by side: as many registers for each number as can work while one
+    waits for a result.
+    """
     return 2 * width()
 
 
@@ -288,12 +347,15 @@ def lanes() -> int:
 
 
 def _translated(
-    entry: Callable[..., Any], kinds: tuple[Kind, ...], lanes: int, given: Sequence[Any] | None = None
+    entry: Callable[..., Any],
+    kinds: tuple[Kind, ...],
+    lanes: int,
+    given: Sequence[Any] | None = None,
 ) -> tuple[Any, str]:
     """What the driver reads, and the kernel in LLVM's language.
 
-    One that becomes long gets a single register for each number: it is made in half the time, and is the faster one too, because
-    the others would not find room beside each other.
+    One that becomes long gets a single register for each number: it is made in half the time, and
+    is the faster one too, because the others would not find room beside each other.
     """
     with _importing:
         from .outlined import LIMIT, SIDE_BY_SIDE, TooLong
@@ -311,7 +373,11 @@ def _translated(
 
 
 def _translation(
-    entry: Callable[..., Any], kinds: tuple[Kind, ...], lanes: int, given: Sequence[Any] | None, limit: int
+    entry: Callable[..., Any],
+    kinds: tuple[Kind, ...],
+    lanes: int,
+    given: Sequence[Any] | None,
+    limit: int,
 ) -> tuple[Any, str]:
     """A loop over bodies around the driver, inlined, of at most so many instructions."""
     with _importing:
@@ -326,14 +392,18 @@ def _translation(
 
     module = ir.Module("liemech", ir.Context())
     module.triple = llvm.triple()
-    signature = ir.FunctionType(ir.VoidType(), [F64.as_pointer(), I64.as_pointer(), F64.as_pointer().as_pointer(), I64, I64, I64])
+    signature = ir.FunctionType(
+        ir.VoidType(),
+        [F64.as_pointer(), I64.as_pointer(), F64.as_pointer().as_pointer(), I64, I64, I64],
+    )
     function = ir.Function(module, signature, "loop")
     function.scope = Names(function)
     for pointer in function.args[:3]:
         pointer.add_attribute("noalias")
     function.attributes.add("nounwind")
     if lanes > 1:
-        function.attributes.alignstack = 8 * width()  # else every register kept on the stack straddles two cache lines
+        # else every register kept on the stack straddles two cache lines
+        function.attributes.alignstack = 8 * width()
     builder = Builder(function.append_basic_block("entry"), limit)
     head, body, done = (function.append_basic_block(n) for n in ("head", "body", "done"))
     emitter = Emitter(builder, lanes, width())
@@ -385,4 +455,7 @@ def _located(error: Exception, interpreter: Any) -> Exception:
     line = getattr(frame.node, "lineno", frame.source.function.__code__.co_firstlineno)
     reason = str(error) if isinstance(error, NotCompilable) else f"{type(error).__name__}: {error}"
     kind = type(error) if isinstance(error, NotCompilable) else NotCompilable
-    return kind(f"{frame.source.name} ({os.path.basename(frame.source.file)}, line {line}) cannot be compiled: {reason}")
+    return kind(
+        f"{frame.source.name} ({os.path.basename(frame.source.file)}, "
+        f"line {line}) cannot be compiled: {reason}"
+    )

@@ -1,7 +1,9 @@
-"""Products of large matrices and large tables of sums: loops over buffers on the stack instead of instructions for every entry.
+"""Products of large matrices and large tables of sums: loops over buffers on the stack instead of
+instructions for every entry.
 
-Each entry is the sum of its products in the order that formulas have, so the bits are the same.  Of a single body several columns
-of a product are worked on side by side; in lanes every entry is a vector anyway.
+Each entry is the sum of its products in the order that formulas have, so the bits are the same.  Of
+a single body several columns of a product are worked on side by side; in lanes every entry is a
+vector anyway.
 """
 
 from __future__ import annotations
@@ -19,10 +21,14 @@ from ..formulas.vectors import Mat, Vec
 from .ir_numbers import F64, I32, I64, Emitter, Num
 
 LARGE = 300
-"""Products of numbers from which a product of matrices becomes a loop: 6 x 6 matrices are written out, 7 x 7 are not."""
+"""Products of numbers from which a product of matrices becomes a loop: 6 x 6 matrices are written
+out, 7 x 7 are not.
+"""
 
 TERMS = 200
-"""Terms from which a table of sums becomes loops over the table: the bracket of so(8) is written out, that of so(9) is not."""
+"""Terms from which a table of sums becomes loops over the table: the bracket of so(8) is written
+out, that of so(9) is not.
+"""
 
 
 def product(emitter: Emitter, a: Any, b: Any) -> Any:
@@ -32,7 +38,8 @@ def product(emitter: Emitter, a: Any, b: Any) -> Any:
     if isinstance(b, Mat) and isinstance(a, (Mat, Vec)):
         left, right = [*a.rows] if isinstance(a, Mat) else [a], [*b.rows]
     elif isinstance(a, Mat) and isinstance(b, Vec):
-        left, right = [b], [*zip(*a.rows, strict=True)]  # the products of two numbers are the same either way
+        # the products of two numbers are the same either way
+        left, right = [b], [*zip(*a.rows, strict=True)]
     else:
         return a @ b
     whole = _product(emitter, left, right)
@@ -53,7 +60,9 @@ def _product(e: Emitter, a: list[Any], b: list[Any]) -> list[list[Any]] | None:
         return None
     varying = any(isinstance(y, Num) and y.varying for y in numbers)
     builder, planes = e.builder, 2 if complex_ else 1
-    side = 1 if varying or e.lanes > 1 else next(w for w in (8, 4, 2, 1) if w <= e.width and w < 2 * p)
+    side = (
+        1 if varying or e.lanes > 1 else next(w for w in (8, 4, 2, 1) if w <= e.width and w < 2 * p)
+    )
     columns = -(-p // side) * side
     type_ = e.type("f", varying)
     registers = e.registers(varying)
@@ -65,10 +74,16 @@ def _product(e: Emitter, a: list[Any], b: list[Any]) -> list[list[Any]] | None:
             place.align = 8 * e.width
         return place
 
-    def at(place: ir.Value, index: Any, plane: int, register: int, rows: int, width: int) -> ir.Value:
+    def at(
+        place: ir.Value, index: Any, plane: int, register: int, rows: int, width: int
+    ) -> ir.Value:
         """The address of a number, given the index of its entry."""
         offset = (plane * registers + register) * rows * width
-        index = ir.Constant(I64, index + offset) if isinstance(index, int) else builder.add(index, ir.Constant(I64, offset))
+        index = (
+            ir.Constant(I64, index + offset)
+            if isinstance(index, int)
+            else builder.add(index, ir.Constant(I64, offset))
+        )
         return builder.gep(place, [index], source_etype=type_)
 
     def fill(place: ir.Value, rows: list[Any], width: int) -> None:
@@ -86,7 +101,9 @@ def _product(e: Emitter, a: list[Any], b: list[Any]) -> list[list[Any]] | None:
             return v
         undefined = ir.Constant(wide, ir.Undefined)
         first = builder.insert_element(undefined, v, ir.Constant(I32, 0))
-        return builder.shuffle_vector(first, undefined, ir.Constant(ir.VectorType(I32, side), [0] * side))
+        return builder.shuffle_vector(
+            first, undefined, ir.Constant(ir.VectorType(I32, side), [0] * side)
+        )
 
     A, B, C = buffer(n, m), buffer(m, columns), buffer(n, columns)
     fill(A, a, m)
@@ -102,11 +119,19 @@ def _product(e: Emitter, a: list[Any], b: list[Any]) -> list[list[Any]] | None:
         sums: list[ir.Value] = []
         for k in range(m):
             x = [
-                spread(builder.load(at(A, builder.add(row, ir.Constant(I64, k)), plane, r, n, m), typ=type_))
+                spread(
+                    builder.load(
+                        at(A, builder.add(row, ir.Constant(I64, k)), plane, r, n, m), typ=type_
+                    )
+                )
                 for plane in range(planes)
             ]
             y = [
-                builder.load(at(B, builder.add(j, ir.Constant(I64, k * columns)), plane, r, m, columns), typ=wide, align=8)
+                builder.load(
+                    at(B, builder.add(j, ir.Constant(I64, k * columns)), plane, r, m, columns),
+                    typ=wide,
+                    align=8,
+                )
                 for plane in range(planes)
             ]
             if complex_:
@@ -130,7 +155,12 @@ def _product(e: Emitter, a: list[Any], b: list[Any]) -> list[list[Any]] | None:
 
     def entry(i: int, j: int) -> Any:
         parts = [
-            e.num([builder.load(at(C, i * columns + j, plane, r, n, columns), typ=type_) for r in range(registers)])
+            e.num(
+                [
+                    builder.load(at(C, i * columns + j, plane, r, n, columns), typ=type_)
+                    for r in range(registers)
+                ]
+            )
             for plane in range(planes)
         ]
         return Complex(*parts) if complex_ else parts[0]
@@ -139,13 +169,20 @@ def _product(e: Emitter, a: list[Any], b: list[Any]) -> list[list[Any]] | None:
 
 
 def sums(e: Emitter, function: Any, table: Any, x: Any, y: Any) -> Any:
-    """The vector of sums of a table, of `bilinear_map` or `antisymmetric_map`: a loop for all sums of the same number of terms."""
+    """The vector of sums of a table, of `bilinear_map` or `antisymmetric_map`: a loop for all sums
+    of the same number of terms.
+    """
     by_length: dict[int, list[int]] = {}
     for row, terms in enumerate(table):
         by_length.setdefault(len(terms), []).append(row)
     numbers = [*x, *y]
     known = all(type(v) is float or (isinstance(v, Num) and v.kind == "f") for v in numbers)
-    if sum(map(len, table)) < TERMS or 2 * len(by_length) > len(table) or not known or not any(map(_unknown, numbers)):
+    if (
+        sum(map(len, table)) < TERMS
+        or 2 * len(by_length) > len(table)
+        or not known
+        or not any(map(_unknown, numbers))
+    ):
         return function(table, x, y)
     builder, varying = e.builder, any(isinstance(v, Num) and v.varying for v in numbers)
     type_, registers = e.type("f", varying), e.registers(varying)
@@ -159,14 +196,19 @@ def sums(e: Emitter, function: Any, table: Any, x: Any, y: Any) -> Any:
 
     def at(buffer: ir.Value, index: ir.Value, register: int) -> ir.Value:
         """The address of a register of a number."""
-        index = builder.add(builder.mul(index, ir.Constant(I64, registers)), ir.Constant(I64, register))
+        index = builder.add(
+            builder.mul(index, ir.Constant(I64, registers)), ir.Constant(I64, register)
+        )
         return builder.gep(buffer, [index], source_etype=type_)
 
     def buffer(v: Any) -> ir.Value:
         made = place(len(v))
         for i, number in enumerate(v):
             for r, value in enumerate(e.cast(number, "f", varying)):
-                builder.store(value, builder.gep(made, [ir.Constant(I64, i * registers + r)], source_etype=type_))
+                builder.store(
+                    value,
+                    builder.gep(made, [ir.Constant(I64, i * registers + r)], source_etype=type_),
+                )
         return made
 
     def coefficient(v: ir.Value) -> ir.Value:
@@ -181,7 +223,11 @@ def sums(e: Emitter, function: Any, table: Any, x: Any, y: Any) -> Any:
         factors = _table(e, F64, [float(c) for c, _, _ in terms])
         places = _table(e, I64, [k for _, i, j in terms for k in (i, j)])
         Z = place(len(rows))
-        before, head, done = builder.block, builder.append_basic_block(), builder.append_basic_block()
+        before, head, done = (
+            builder.block,
+            builder.append_basic_block(),
+            builder.append_basic_block(),
+        )
         builder.branch(head)
         builder.position_at_end(head)
         row = builder.phi(I64)
@@ -193,24 +239,34 @@ def sums(e: Emitter, function: Any, table: Any, x: Any, y: Any) -> Any:
             c = coefficient(builder.load(builder.gep(factors, [term], source_etype=F64), typ=F64))
             twice = builder.mul(term, ir.Constant(I64, 2))
             i = builder.load(builder.gep(places, [twice], source_etype=I64), typ=I64)
-            j = builder.load(builder.gep(places, [builder.add(twice, ir.Constant(I64, 1))], source_etype=I64), typ=I64)
+            j = builder.load(
+                builder.gep(places, [builder.add(twice, ir.Constant(I64, 1))], source_etype=I64),
+                typ=I64,
+            )
             for r in range(registers):
                 left, right = (builder.load(at(b, n, r), typ=type_) for b, n in ((X, i), (Y, j)))
                 product = builder.fmul(left, right)
                 if function is formulas.antisymmetric_map:
-                    left, right = (builder.load(at(b, n, r), typ=type_) for b, n in ((X, j), (Y, i)))
+                    left, right = (
+                        builder.load(at(b, n, r), typ=type_) for b, n in ((X, j), (Y, i))
+                    )
                     product = builder.fsub(product, builder.fmul(left, right))
-                found[r].append(builder.fmul(c, product))  # by 1 and -1 too: these products are exact
+                # by 1 and -1 too: these products are exact
+                found[r].append(builder.fmul(c, product))
         for r in range(registers):
             total = formulas.total([e.num([v]) for v in found[r]])
             builder.store(total.value, at(Z, row, r))
         following = builder.add(row, ir.Constant(I64, 1))
         row.add_incoming(following, builder.block)
-        builder.cbranch(builder.icmp_signed("==", following, ir.Constant(I64, len(rows))), done, head)
+        builder.cbranch(
+            builder.icmp_signed("==", following, ir.Constant(I64, len(rows))), done, head
+        )
         builder.position_at_end(done)
         for n, k in enumerate(rows):
             offsets = [ir.Constant(I64, n * registers + r) for r in range(registers)]
-            result[k] = e.num([builder.load(builder.gep(Z, [o], source_etype=type_), typ=type_) for o in offsets])
+            result[k] = e.num(
+                [builder.load(builder.gep(Z, [o], source_etype=type_), typ=type_) for o in offsets]
+            )
     return Vec(*result)
 
 
@@ -220,7 +276,9 @@ def _table(e: Emitter, type_: ir.Type, numbers: list[Any]) -> ir.Value:
     kind = ir.ArrayType(type_, len(numbers))
     constant = ir.Constant(kind, numbers)
     same = (g for g in module.globals.values() if isinstance(g, ir.GlobalVariable))
-    table = next((g for g in same if g.type.pointee == kind and g.initializer.constant == numbers), None)
+    table = next(
+        (g for g in same if g.type.pointee == kind and g.initializer.constant == numbers), None
+    )
     if table is None:
         table = ir.GlobalVariable(module, kind, module.get_unique_name("table"))
         table.global_constant, table.linkage, table.initializer = True, "internal", constant
@@ -229,7 +287,9 @@ def _table(e: Emitter, type_: ir.Type, numbers: list[Any]) -> ir.Value:
 
 
 def entry(e: Emitter, table: Table, i: Any) -> Any:
-    """A number of a table, which lies where the run says; of one that is known now, in the code itself."""
+    """A number of a table, which lies where the run says; of one that is known now, in the code
+    itself.
+    """
     if not isinstance(i, Num) and table.content is not None:
         return tables.entry(table, i)
     b, place = e.builder, table.place
@@ -237,7 +297,9 @@ def entry(e: Emitter, table: Table, i: Any) -> Any:
     pointer = None if isinstance(place, Num) else _table(e, F64, table.array.tolist())
 
     def load(at: ir.Value, index: ir.Value) -> ir.Value:
-        first = pointer or b.inttoptr(b.mul(b.fptosi(at, I64), ir.Constant(I64, 8)), F64.as_pointer())
+        first = pointer or b.inttoptr(
+            b.mul(b.fptosi(at, I64), ir.Constant(I64, 8)), F64.as_pointer()
+        )
         return b.load(b.gep(first, [index], source_etype=F64), typ=F64)
 
     places, indices = e.cast(place, "f", varying), e.cast(i, "i", varying)
@@ -248,13 +310,17 @@ def entry(e: Emitter, table: Table, i: Any) -> Any:
         register: ir.Value = ir.Constant(e.type("f", True), ir.Undefined)
         for lane in range(e.width):
             k = ir.Constant(I32, lane)
-            register = b.insert_element(register, load(b.extract_element(at, k), b.extract_element(index, k)), k)
+            register = b.insert_element(
+                register, load(b.extract_element(at, k), b.extract_element(index, k)), k
+            )
         registers.append(register)
     return e.num(registers)
 
 
 def _unknown(x: Any) -> bool:
-    return isinstance(x, Num) or (isinstance(x, Complex) and any(isinstance(y, Num) for y in x.parts))
+    return isinstance(x, Num) or (
+        isinstance(x, Complex) and any(isinstance(y, Num) for y in x.parts)
+    )
 
 
 def matmul(emitter: Emitter, function: Any, operands: tuple[Any, ...]) -> Any:

@@ -1,6 +1,8 @@
-"""LLVM: the only file that knows its binding.  Text in LLVM's language becomes object code, and object code becomes a function.
+"""LLVM: the only file that knows its binding.  Text in LLVM's language becomes object code, and
+object code becomes a function.
 
-All that may be one thread's at a time is done under one lock, which a fork waits for, so that the child finds LLVM at rest.
+All that may be one thread's at a time is done under one lock, which a fork waits for, so that the
+child finds LLVM at rest.
 """
 
 from __future__ import annotations
@@ -23,16 +25,21 @@ VERSION: str = llvmlite.__version__
 SIGNATURE = ctypes.CFUNCTYPE(None, ctypes.c_char_p)
 
 NEAR = os.name != "nt"
-"""Does code find its constants by their distance?  Else each one's address takes a register, and steps up to a fifth more time."""
+"""Does code find its constants by their distance?  Else each one's address takes a register, and
+steps up to a fifth more time.
+"""
 
 LONG = 20_000
-"""Lines from which a module gets the first of LLVM's levels of optimisation, not the second: the passes take half the time, the
-steps up to a hundredth more."""
+"""Lines from which a module gets the first of LLVM's levels of optimisation, not the second: the
+passes take half the time, the steps up to a hundredth more.
+"""
 
 _numbers = itertools.count()
 _lock = threading.RLock()
 if hasattr(os, "register_at_fork"):
-    os.register_at_fork(before=_lock.acquire, after_in_parent=_lock.release, after_in_child=_lock.release)
+    os.register_at_fork(
+        before=_lock.acquire, after_in_parent=_lock.release, after_in_child=_lock.release
+    )
 
 
 @functools.cache
@@ -91,7 +98,9 @@ def linked(code: bytes) -> tuple[Any, Any]:
 
 
 class Owner:
-    """Owns machine code, which goes when this does: under the lock, so that no fork meets LLVM at it."""
+    """Owns machine code, which goes when this does: under the lock, so that no fork meets LLVM at
+    it.
+    """
 
 
 def _unload(loaded: Any) -> None:
@@ -101,7 +110,9 @@ def _unload(loaded: Any) -> None:
 
 @functools.cache
 def _linker() -> Any:
-    """Loads object code: code and constants into one piece of memory, as the small code model wants it."""
+    """Loads object code: code and constants into one piece of memory, as the small code model wants
+    it.
+    """
     return llvm.create_lljit_compiler(_target_machine(), use_jit_link=NEAR)
 
 
@@ -109,7 +120,8 @@ def _optimised(text: str) -> Any:
     module = llvm.parse_assembly(text)
     module.verify()
     tuning = llvm.create_pipeline_tuning_options(speed_level=2 if text.count("\n") < LONG else 1)
-    tuning.loop_vectorization = tuning.slp_vectorization = False  # lanes are explicit; formulas are scalar on purpose
+    # lanes are explicit; formulas are scalar on purpose
+    tuning.loop_vectorization = tuning.slp_vectorization = False
     passes = llvm.create_pass_builder(_target(), tuning)
     passes.getModulePassManager().run(module, passes)
     return module
@@ -125,7 +137,11 @@ def _target_machine() -> Any:
     _prepare()
     addresses = {"codemodel": "small", "reloc": "pic"} if NEAR else {}
     return llvm.Target.from_triple(triple()).create_target_machine(
-        cpu=llvm.get_host_cpu_name(), features=llvm.get_host_cpu_features().flatten(), opt=3, jit=True, **addresses
+        cpu=llvm.get_host_cpu_name(),
+        features=llvm.get_host_cpu_features().flatten(),
+        opt=3,
+        jit=True,
+        **addresses,
     )
 
 
@@ -138,10 +154,15 @@ def _prepare() -> None:
 
 @functools.cache
 def _functions() -> dict[str, int]:
-    """The functions of the C library that plain Python uses too, under names that LLVM does not know, so that it changes nothing
-    about them; and those that call Python back."""
+    """The functions of the C library that plain Python uses too, under names that LLVM does not
+    know, so that it changes nothing about them; and those that call Python back.
+    """
     library = _c_library()
-    of_c = {f"liemech_{f.__name__}": ctypes.cast(getattr(library, f.__name__), ctypes.c_void_p).value or 0 for f in (*LIBM, pow)}
+    of_c = {
+        f"liemech_{f.__name__}": ctypes.cast(getattr(library, f.__name__), ctypes.c_void_p).value
+        or 0
+        for f in (*LIBM, pow)
+    }
     return of_c | callbacks.addresses()
 
 

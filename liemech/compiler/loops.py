@@ -1,4 +1,5 @@
-"""Loops: written out where the number of turns is known, else loops of native code with the variables they carry.
+"""Loops: written out where the number of turns is known, else loops of native code with the
+variables they carry.
 
 In lanes `break` switches a lane off until the loop ends, and the loop ends when no lane is active.
 """
@@ -13,7 +14,19 @@ from ..errors import NotCompilable
 from ..formulas.pytree import build, is_any_number, layout_of, leaves
 from .branches import Branches
 from .ir_numbers import Num
-from .phi import ACTIVE, BROKEN, CONTINUED, LEFT, NO_LANE, Loop, Open, Promote, Retype, come_from, leveled
+from .phi import (
+    ACTIVE,
+    BROKEN,
+    CONTINUED,
+    LEFT,
+    NO_LANE,
+    Loop,
+    Open,
+    Promote,
+    Retype,
+    come_from,
+    leveled,
+)
 from .scopes import Closure, Env, Undefined, breaks, changed_names, has
 
 UNROLL = 32  # a static loop with more turns than this stays a loop
@@ -23,21 +36,30 @@ class Loops(Branches):
     """`for` and `while`, `break` and `continue`."""
 
     def leave(self, loop: Loop, how: str, env: Env) -> bool:
-        """`break` or `continue`: control goes elsewhere, or the lanes running here are switched off."""
+        """`break` or `continue`: control goes elsewhere, or the lanes running here are switched
+        off.
+        """
         places = {"break": loop.breaks, "continue": loop.continues}[how]
         if self.depth == loop.depth and not loop.masked and ACTIVE not in env:
             places.append(Open(self.builder.block, dict(env)))
             return False
         if loop.dynamic and not loop.masked:
             raise Retype(None)
-        if how == "break" or not loop.dynamic:  # a dynamic loop takes those up again that are not broken
+        # a dynamic loop takes those up again that are not broken
+        if how == "break" or not loop.dynamic:
             name = BROKEN if how == "break" else CONTINUED
-            env[name] = self.emitter.logic("or_", env.get(name, False), self.everyone(self.active(env)))
+            env[name] = self.emitter.logic(
+                "or_", env.get(name, False), self.everyone(self.active(env))
+            )
         env[ACTIVE] = NO_LANE
         return True
 
-    def written_out(self, turns: Iterable[Callable[[Env], Any]], body: list[ast.stmt], env: Env) -> bool:
-        """A loop with a static number of turns; each first sets its variables, or ends the loop by returning False."""
+    def written_out(
+        self, turns: Iterable[Callable[[Env], Any]], body: list[ast.stmt], env: Env
+    ) -> bool:
+        """A loop with a static number of turns; each first sets its variables, or ends the loop by
+        returning False.
+        """
         loop = Loop(dynamic=False, depth=self.depth)
         loops, outer = self.frames[-1].loops, {name: env.pop(name) for name in LEFT if name in env}
         loops.append(loop)
@@ -58,7 +80,9 @@ class Loops(Branches):
             for stream, before in taken:
                 stream.part_ways(before)
         self._take_up(BROKEN, env)
-        alive = self.join(loop.breaks + ([Open(self.builder.block, dict(env))] if alive else []), env)
+        alive = self.join(
+            loop.breaks + ([Open(self.builder.block, dict(env))] if alive else []), env
+        )
         env |= outer
         return alive
 
@@ -66,7 +90,9 @@ class Loops(Branches):
         """Lanes that left the turn or the loop run again."""
         lanes = env.pop(name, False)
         if lanes is not False and ACTIVE in env:
-            env[ACTIVE] = lanes if env[ACTIVE] is NO_LANE else self.emitter.logic("or_", lanes, env[ACTIVE])
+            env[ACTIVE] = (
+                lanes if env[ACTIVE] is NO_LANE else self.emitter.logic("or_", lanes, env[ACTIVE])
+            )
 
     def loop(
         self,
@@ -76,7 +102,9 @@ class Loops(Branches):
         env: Env,
         counters: tuple[str, ...] = (),
     ) -> bool:
-        """A loop whose number of turns is known at run time only; `test` sees the variables at its head, `step` at its end."""
+        """A loop whose number of turns is known at run time only; `test` sees the variables at its
+        head, `step` at its end.
+        """
         for name in {*changed_names(body), *counters} & env.keys():
             if isinstance(env[name], Undefined):
                 del env[name]
@@ -105,24 +133,40 @@ class Loops(Branches):
                     types[wanted.number] = wanted.type
 
     def _parting(self, body: list[ast.stmt]) -> bool:
-        """Will lanes leave a loop one after the other?  Where a formula has a `break`; that of a driver is for all of them."""
+        """Will lanes leave a loop one after the other?  Where a formula has a `break`; that of a
+        driver is for all of them.
+        """
         return self.emitter.lanes > 1 and len(self.frames) > 1 and breaks(body)
 
     def mark(self) -> Callable[[], None]:
-        """A way back to this point: undoes everything emitted since, so that it can be translated in another way."""
+        """A way back to this point: undoes everything emitted since, so that it can be translated
+        in another way.
+        """
         b, function, frame = self.builder, self.builder.function, self.frames[-1]
         block, instructions, blocks = b.block, len(b.block.instructions), len(function.blocks)
-        lists: list[list[Any]] = [self.frames, frame.loops, frame.returns, self.escapes, *self.escapes, self.outliner.spent]
+        lists: list[list[Any]] = [
+            self.frames,
+            frame.loops,
+            frame.returns,
+            self.escapes,
+            *self.escapes,
+            self.outliner.spent,
+        ]
         lengths = [len(items) for items in lists]
         state = self.base, self.depth, self.raises, self.marks, self.region, frame.env, frame.node
-        taken, emitted = [(stream, stream.taken, stream.region) for stream in self.streams], b.emitted
+        taken, emitted = (
+            [(stream, stream.taken, stream.region) for stream in self.streams],
+            b.emitted,
+        )
 
         def forget() -> None:
             for items, length in zip(lists, lengths, strict=True):
                 del items[length:]
             del function.blocks[blocks:], block.instructions[instructions:]
             block.terminator, b.emitted = None, emitted
-            self.base, self.depth, self.raises, self.marks, self.region, frame.env, frame.node = state
+            self.base, self.depth, self.raises, self.marks, self.region, frame.env, frame.node = (
+                state
+            )
             for stream, before, region in taken:
                 stream.back_to(before, region)
             b.position_at_end(block)
@@ -148,7 +192,8 @@ class Loops(Branches):
 
         def entering(x: Any) -> Num:
             x = e.lift(x)
-            differs = x.varying or (e.lanes > 1 and (masked or x.kind == "f"))  # as it nearly always will in the loop
+            # as it nearly always will in the loop
+            differs = x.varying or (e.lanes > 1 and (masked or x.kind == "f"))
             kind, varying, mixed = types.get(len(phis), (x.kind, differs, x.mixed))
             b.position_at_end(before)
             value = e.cast(x, kind, varying)
@@ -161,7 +206,9 @@ class Loops(Branches):
         masks = {n: v for n, v in env.items() if n in (ACTIVE, *LEFT)}
         at_head = {n: v for n, v in env.items() if n not in masks}
         for name in carried:
-            at_head[name] = build(layouts[name], iter([entering(x) for x in leaves(env[name], layouts[name])]))
+            at_head[name] = build(
+                layouts[name], iter([entering(x) for x in leaves(env[name], layouts[name])])
+            )
         active: Any = None
         if masked:
             active = entering(e.constant(True, "b", True) if here is None else here)
@@ -189,21 +236,32 @@ class Loops(Branches):
             step(inside)
             index, retyped = 0, {}
             for name in carried:
-                new, old = inside.get(name, True), at_head[name]  # a mark that is gone: the variable has a value now
+                # a mark that is gone: the variable has a value now
+                new, old = inside.get(name, True), at_head[name]
                 layout = layout_of(new, is_any_number)
                 if layout != layouts[name] and not isinstance(new, Undefined):
                     first, now = leveled([env[name], new])
-                    if layout_of(first, is_any_number) == layout_of(now, is_any_number) != layouts[name]:
+                    if (
+                        layout_of(first, is_any_number)
+                        == layout_of(now, is_any_number)
+                        != layouts[name]
+                    ):
                         raise Promote(name, first)
                 if isinstance(new, Undefined) or layout != layouts[name]:
-                    what = new.reason if isinstance(new, Undefined) else f"from {layouts[name]} to {layout}"
+                    what = (
+                        new.reason
+                        if isinstance(new, Undefined)
+                        else f"from {layouts[name]} to {layout}"
+                    )
                     raise NotCompilable(f"`{name}` changes its structure in the loop: {what}")
                 for x, y in zip(leaves(new, layout), leaves(old, layout), strict=True):
                     phi = phis[index]
                     leaf = e.lift(x if not masked or x is y else e.select(lanes, x, y))
                     kind = max(leaf.kind, phi.kind, key="bif".index)
                     varying = leaf.varying or phi.varying
-                    mixed = kind == "f" and (leaf.kind != "f" or phi.kind != "f" or leaf.mixed or phi.mixed)
+                    mixed = kind == "f" and (
+                        leaf.kind != "f" or phi.kind != "f" or leaf.mixed or phi.mixed
+                    )
                     if (kind, varying, mixed) != (phi.kind, phi.varying, phi.mixed):
                         retyped[index] = kind, varying, mixed
                     else:
@@ -214,10 +272,14 @@ class Loops(Branches):
                 raise Retype(next(iter(retyped)), *retyped[next(iter(retyped))])
             if masked:
                 broken = inside.get(BROKEN, False)
-                if self.raises - raises > (self.marks - marks if counted else 0):  # a lane that has failed might never end
+                # a lane that has failed might never end
+                if self.raises - raises > (self.marks - marks if counted else 0):
                     broken = e.logic("or_", broken, e.load(self.failed))
-                come_from(active, e.cast(e.logic("and_", lanes, e.negation(broken)), "b", True), b.block)
-            if self.raises > raises and not masked and not counted:  # what has failed everywhere might never end
+                come_from(
+                    active, e.cast(e.logic("and_", lanes, e.negation(broken)), "b", True), b.block
+                )
+            # what has failed everywhere might never end
+            if self.raises > raises and not masked and not counted:
                 going, given_up = e.any(e.negation(e.load(self.failed))), b.append_basic_block()
                 b.cbranch(going.value, head, given_up)
                 self.escapes[-1].append(Open(given_up, {}))
@@ -228,7 +290,9 @@ class Loops(Branches):
         local = changed_names(body) - env.keys()
         b.position_at_end(head_end)
         if isinstance(go_on, Num):
-            exits.insert(0, Open(head_end, at_head, lambda into: b.cbranch(go_on.value, start, into)))
+            exits.insert(
+                0, Open(head_end, at_head, lambda into: b.cbranch(go_on.value, start, into))
+            )
         else:
             b.branch(start)
         if not exits:
@@ -239,12 +303,16 @@ class Loops(Branches):
         self.join(exits, env, b.append_basic_block() if len(exits) == 1 else None)
         env |= masks
         for name in local:
-            env[name] = Undefined("it gets one inside the loop only, which may have no turn: give it a value before")
+            env[name] = Undefined(
+                "it gets one inside the loop only, which may have no turn: give it a value before"
+            )
         return True
 
 
 def forms(env: Env) -> Any:
-    """What a loop's translation may depend on in the variables: their structure, and the kinds of their numbers."""
+    """What a loop's translation may depend on in the variables: their structure, and the kinds of
+    their numbers.
+    """
     return tuple([(name, _form(value)) for name, value in env.items()])
 
 
@@ -252,4 +320,9 @@ def _form(value: Any) -> Any:
     if isinstance(value, (Undefined, Closure)):
         return value.node if isinstance(value, Closure) else None
     layout = layout_of(value, is_any_number)
-    return layout, tuple([(x.kind, x.varying, x.mixed) if isinstance(x, Num) else type(x) for x in leaves(value, layout)])
+    return layout, tuple(
+        [
+            (x.kind, x.varying, x.mixed) if isinstance(x, Num) else type(x)
+            for x in leaves(value, layout)
+        ]
+    )

@@ -1,8 +1,10 @@
-"""Private functions: a formula that is called again and again is emitted once and called, instead of being written out each time.
+"""Private functions: a formula that is called again and again is emitted once and called, instead
+of being written out each time.
 
-Small kernels are written out whole.  Once a native function has grown long, a formula that has cost much in it, called again with
-arguments of the same form, becomes a function of its own: what is known while translating (classes, integers, texts, tableaus) is
-built into it, numbers are passed.  Both ways give the same bits.
+Small kernels are written out whole.  Once a native function has grown long, a formula that has cost
+much in it, called again with arguments of the same form, becomes a function of its own: what is
+known while translating (classes, integers, texts, tableaus) is built into it, numbers are passed.
+Both ways give the same bits.
 """
 
 from __future__ import annotations
@@ -37,23 +39,32 @@ LARGE = 120
 """Formulas of fewer instructions are always written out."""
 
 HUGE = 3000
-"""Formulas of more instructions are never written out in a native function that has been made of a formula."""
+"""Formulas of more instructions are never written out in a native function that has been made of a
+formula.
+"""
 
 SLACK, MOST = 1.25, 0.8
-"""Writing out is given up when so many times HUGE have been emitted, some of which might have been taken back later; the innermost
-formula that has this part of HUGE becomes a function."""
+"""Writing out is given up when so many times HUGE have been emitted, some of which might have been
+taken back later; the innermost formula that has this part of HUGE becomes a function.
+"""
 
 ALONE = 5
-"""The kernel of a single body, not the functions that it calls, may write out so many times more: there a call costs most."""
+"""The kernel of a single body, not the functions that it calls, may write out so many times more:
+there a call costs most.
+"""
 
 WHOLE = 3
 """The kernel of an ensemble may write out formulas that are so many times larger."""
 
 WIDE = 64
-"""Numbers of a state from which this is no longer so: the formulas of large groups take much longer than a call."""
+"""Numbers of a state from which this is no longer so: the formulas of large groups take much longer
+than a call.
+"""
 
 WIDEST = 1000
-"""Numbers of a state from which nothing is compiled: to carry so many in registers takes too long to make."""
+"""Numbers of a state from which nothing is compiled: to carry so many in registers takes too long
+to make.
+"""
 
 RETURNED = 64
 """Registers of results up to which a native function returns them; more it writes into memory."""
@@ -62,7 +73,9 @@ LIMIT = 100_000
 """Instructions of a kernel that LLVM compiles in about ten seconds: more are refused."""
 
 SIDE_BY_SIDE = 9000
-"""Instructions up to which each number of an ensemble takes two registers: one works while the other waits for a result."""
+"""Instructions up to which each number of an ensemble takes two registers: one works while the
+other waits for a result.
+"""
 
 EFFORT = 2.5
 """How many times the limit may be translated, where formulas and loops are tried in several ways."""
@@ -79,7 +92,8 @@ class Builder(ir.IRBuilder):
     def __init__(self, block: ir.Block, limit: int) -> None:
         super().__init__(block)
         self.limit = limit
-        self.within = [block.function]  # the native functions that are not finished, each made while making the one before
+        # the native functions that are not finished, each made while making the one before
+        self.within = [block.function]
 
     def _insert(self, instruction: Any) -> None:
         self.emitted += 1
@@ -92,8 +106,9 @@ class Builder(ir.IRBuilder):
             tries = f"{self.made} instructions, all tries counted,"
             size = tries if self.made > EFFORT * LIMIT else f"more than {self.limit} instructions"
             raise TooLong(
-                f"the native code would be too long: {size} take more than about ten seconds to make. Take fewer stages or a lower "
-                "order, a smaller group, closed forms for what is derived, or compiled=False"
+                f"the native code would be too long: {size} take more than about ten seconds to "
+                "make. Take fewer stages or a lower order, a smaller group, closed forms for what "
+                "is derived, or compiled=False"
             )
         self._block.instructions.insert(self._anchor, instruction)
         self._anchor += 1
@@ -107,7 +122,9 @@ class Builder(ir.IRBuilder):
 
 
 class Arithmetic(ir.Instruction):
-    """Two floats added, subtracted, multiplied or divided: most instructions are such, and this makes them in half the time."""
+    """Two floats added, subtracted, multiplied or divided: most instructions are such, and this
+    makes them in half the time.
+    """
 
     def __init__(self, block: ir.Block, op: str, a: ir.Value, b: ir.Value) -> None:
         self.parent, self.type, self.opname, self.operands = block, a.type, op, (a, b)
@@ -132,7 +149,12 @@ class Names:
 
 def _called(function: ir.Function) -> set[ir.Function]:
     """The functions of the module that a function calls."""
-    calls = (i.callee for block in function.blocks for i in block.instructions if isinstance(i, ir.CallInstr))
+    calls = (
+        i.callee
+        for block in function.blocks
+        for i in block.instructions
+        if isinstance(i, ir.CallInstr)
+    )
     return {f for f in calls if isinstance(f, ir.Function) and f.blocks}
 
 
@@ -190,7 +212,8 @@ class Call:
     """The arguments of a call: what is known now, and numbers."""
 
     known: tuple[Any, ...]
-    general: tuple[Any, ...]  # the same, the constants inside vectors, matrices and pairs passed like numbers
+    # the same, the constants inside vectors, matrices and pairs passed like numbers
+    general: tuple[Any, ...]
     numbers: list[Num]  # without those that occur before and those of the kernel's arguments
     all_numbers: list[Num]  # those of the general form
     constants: list[int]  # which of them are constants
@@ -206,22 +229,26 @@ class Outliner:
 
     def __init__(self, translator: Any) -> None:
         self.t, self.e = translator, translator.emitter
-        self.spent: list[tuple[Any, int]] = []  # what formulas have cost in the present native function, by form of the call
+        # what formulas have cost in the present native function, by form of the call
+        self.spent: list[tuple[Any, int]] = []
         self.large: set[Any] = set()  # formulas that have been large
         self.made: dict[Any, Outlined | None] = {}  # None: it has to be written out
         self.patience, self.huge = (ALONE, ALONE * HUGE) if self.e.lanes == 1 else (1, WHOLE * HUGE)
         self.kept: dict[int, Any] = {}  # objects that are told apart by their identity
         self.grown: set[Any] = set()  # formulas that were too large to be written out
         self.structures: dict[Any, int] = {}  # of results, by their types
-        self.buffers: dict[ir.Function, dict[str, ir.Value]] = {}  # of native functions, for the results of those they call
-        self.begun: list[int] = []  # where the formulas begin that are being written out in the present native function
+        # of native functions, for the results of those they call
+        self.buffers: dict[ir.Function, dict[str, ir.Value]] = {}
+        # where the formulas begin that are being written out in the present native function
+        self.begun: list[int] = []
 
     def fitting(self, layout: Layout) -> Layout:
         """The layout of a state, refused if it is too wide.  Raises TooLong."""
         if layout.width > WIDEST:
             raise TooLong(
-                f"the native code would be too long: a state of {layout.width} numbers, more than {WIDEST}, takes more than about "
-                "ten seconds to make. Take a smaller group, leave out what is not needed (the element g), or compiled=False"
+                f"the native code would be too long: a state of {layout.width} numbers, more than "
+                f"{WIDEST}, takes more than about ten seconds to make. Take a smaller group, leave "
+                "out what is not needed (the element g), or compiled=False"
             )
         if layout.width > WIDE:
             self.patience, self.huge = 1, HUGE
@@ -235,7 +262,9 @@ class Outliner:
             call = self.call(function, given)
             if call:
                 key, general = self._chosen(call)
-                made = self.made.get(key) or (self.make(key, frame, given, general) if key else None)
+                made = self.made.get(key) or (
+                    self.make(key, frame, given, general) if key else None
+                )
                 if made is not None:
                     return self.emit(made, call, general)
         elif function in self.grown and t.frames:
@@ -264,19 +293,27 @@ class Outliner:
             self.large.add(function)
             call = self.call(function, given)
             if call:
-                spent += [(call.known, cost), (call.general, cost)] if call.general != call.known else [(call.known, cost)]
+                spent += (
+                    [(call.known, cost), (call.general, cost)]
+                    if call.general != call.known
+                    else [(call.known, cost)]
+                )
         return result
 
     def _grown(self, call: Call, frame: Frame, given: dict[str, Any]) -> Any:
         """The value of a call of a formula that has been too large to be written out."""
         for key, general in ((call.general, True), (call.known, False)):
-            made = self.made[key] if key in self.made else self.make(key, frame, given, general, WORTH)
+            made = (
+                self.made[key] if key in self.made else self.make(key, frame, given, general, WORTH)
+            )
             if made is not None:
                 return self.emit(made, call, general)
         return self._written_out(frame, given)
 
     def _written_out(self, frame: Frame, given: dict[str, Any]) -> Any:
-        """The value of a call that has to be written out, however large: what is around it does not count that."""
+        """The value of a call that has to be written out, however large: what is around it does not
+        count that.
+        """
         b, begun, room = self.e.builder, self.begun, self.e.builder.room
         self.begun, b.room, before = [], math.inf, b.emitted
         try:
@@ -298,9 +335,14 @@ class Outliner:
             b.room = begun[0] + SLACK * self.huge if begun else math.inf
 
     def _chosen(self, call: Call) -> tuple[Any, bool]:
-        """The form in which a call becomes one of a function, and whether it is the general one; None for neither."""
+        """The form in which a call becomes one of a function, and whether it is the general one;
+        None for neither.
+        """
         known, general = self._cost(call.known), self._cost(call.general)
-        for key, is_general, worth in ((call.general, True, general > known), (call.known, False, True)):
+        for key, is_general, worth in (
+            (call.general, True, general > known),
+            (call.known, False, True),
+        ):
             if self.made.get(key) is not None:
                 return key, is_general
             if worth and key not in self.made and (general if is_general else known) >= WORTH:
@@ -367,57 +409,98 @@ class Outliner:
         return "object", id(x)
 
     def _whole(self, x: Any) -> bool:
-        """Something known now that is told by its identity: a function, an array, a record or tuple of nothing but constants."""
-        if id(x) in self.kept or isinstance(x, _OBJECTS) or (isinstance(x, Table) and x.content is not None):
+        """Something known now that is told by its identity: a function, an array, a record or tuple
+        of nothing but constants.
+        """
+        if (
+            id(x) in self.kept
+            or isinstance(x, _OBJECTS)
+            or (isinstance(x, Table) and x.content is not None)
+        ):
             return True
         if type(x) is tuple:
-            return all(y is None or isinstance(y, (bool, int, float, str)) or (type(y) is tuple and self._whole(y)) for y in x)
+            return all(
+                y is None
+                or isinstance(y, (bool, int, float, str))
+                or (type(y) is tuple and self._whole(y))
+                for y in x
+            )
         return isinstance(x, Record) and not layout_of(x).width
 
     def _parameter(self, x: Num) -> int | None:
         """Which of the kernel's arguments a number is: the functions read these themselves."""
         v = x.values[0]
         place = self._parameter_of(x)
-        return place if place is not None and v.operands[0].pointer is self.e.builder.function.args[0] else None
+        return (
+            place
+            if place is not None and v.operands[0].pointer is self.e.builder.function.args[0]
+            else None
+        )
 
     def _parameter_of(self, x: Num) -> int | None:
         v = x.values[0]
         if isinstance(v, ir.LoadInstr) and isinstance(v.operands[0], ir.GEPInstr) and v.type == F64:
             pointer = v.operands[0]
-            if isinstance(pointer.pointer, ir.Argument) and isinstance(pointer.indices[0], ir.Constant):
+            if isinstance(pointer.pointer, ir.Argument) and isinstance(
+                pointer.indices[0], ir.Constant
+            ):
                 return pointer.indices[0].constant
         return None
 
     def _loaded(self, place: int) -> Num:
         """This argument of the kernel, in the present function."""
         b = self.e.builder
-        return self.e.num([b.load(b.gep(b.function.args[0], [ir.Constant(I64, place)], source_etype=F64), typ=F64)])
+        return self.e.num(
+            [
+                b.load(
+                    b.gep(b.function.args[0], [ir.Constant(I64, place)], source_etype=F64), typ=F64
+                )
+            ]
+        )
 
     # -------------------------------------------------------------- the function
 
-    def make(self, key: Any, frame: Frame, given: dict[str, Any], general: bool, least: int = 0) -> Outlined | None:
-        """The native function of a formula, for calls of this form; None if it must be written out, or has too few instructions."""
+    def make(
+        self, key: Any, frame: Frame, given: dict[str, Any], general: bool, least: int = 0
+    ) -> Outlined | None:
+        """The native function of a formula, for calls of this form; None if it must be written out,
+        or has too few instructions.
+        """
         t, b = self.t, self.e.builder
         active = t.active(t.frames[-1].env)
         call = self.call(frame.source.function, given)
         assert call is not None
-        state = t.base, t.depth, t.failed, t.escapes, t.raises, t.marks, t.region, self.e.calls, self.spent
+        state = t.base, t.depth, t.failed, t.escapes, t.raises, t.marks, t.region
+        calls, spent = self.e.calls, self.spent
         patience, begun, room = (self.patience, self.huge), self.begun, b.room
         block, outer = b.block, b.emitted
         frames, module = len(t.frames), b.module
         passed = call.passed(general)
-        types_ = [b.function.args[0].type, *(self.e.type(x.kind, x.varying) for x in passed for _ in x.values)]
+        types_ = [
+            b.function.args[0].type,
+            *(self.e.type(x.kind, x.varying) for x in passed for _ in x.values),
+        ]
         slots = len(t.failed) if t.escapes else 0
         types_ += [self.e.type("b", self.e.lanes > 1)] * slots
         name = module.get_unique_name(f"{frame.source.function.__name__}.{len(self.made)}")
         function = ir.Function(module, ir.FunctionType(ir.VoidType(), types_), name)
-        function.linkage, function.calling_convention, function.scope = "internal", "fastcc", Names(function)
+        function.linkage, function.calling_convention, function.scope = (
+            "internal",
+            "fastcc",
+            Names(function),
+        )
         for fact in ("noinline", "nounwind"):
             function.attributes.add(fact)
         function.args[0].add_attribute("noalias")
         if self.e.lanes > 1:
             function.attributes.alignstack = 8 * self.e.width
-        b.finished, b.emitted, self.spent, self.patience, self.huge = b.finished + outer, 0, [], 1, HUGE
+        b.finished, b.emitted, self.spent, self.patience, self.huge = (
+            b.finished + outer,
+            0,
+            [],
+            1,
+            HUGE,
+        )
         self.begun, b.room = [], math.inf
         b.within.append(function)
         escapes: list[Open] = []
@@ -425,7 +508,9 @@ class Outliner:
         try:
             b.position_at_end(function.append_basic_block("entry"))
             values = iter(function.args[1:])
-            inner = [Num(self.e, tuple(next(values) for _ in x.values), x.kind, x.mixed) for x in passed]
+            inner = [
+                Num(self.e, tuple(next(values) for _ in x.values), x.kind, x.mixed) for x in passed
+            ]
             arguments, parts = self._inside(given, active, call, inner, general, function)
             t.base, t.depth, t.raises, t.marks, self.e.calls = arguments.pop("<mask>"), 0, 0, 0, 0
             t.failed, t.escapes = None, []
@@ -435,7 +520,8 @@ class Outliner:
             start = function.append_basic_block("start")
             b.branch(start)
             b.position_at_end(start)
-            t.frames.append(Frame(frame.source, frame.scope, {}))  # between the variables of two native functions
+            # between the variables of two native functions
+            t.frames.append(Frame(frame.source, frame.scope, {}))
             result = t.enter(Frame(frame.source, frame.scope, arguments))
             if b.emitted >= least:
                 made = self._returned(function, result, inner, parts, escapes)
@@ -449,7 +535,8 @@ class Outliner:
             del module.globals[name]
         b.within.pop()
         del t.frames[frames:]
-        t.base, t.depth, t.failed, t.escapes, t.raises, t.marks, t.region, self.e.calls, self.spent = state
+        t.base, t.depth, t.failed, t.escapes, t.raises, t.marks, t.region = state
+        self.e.calls, self.spent = calls, spent
         (self.patience, self.huge), self.begun, b.room = patience, begun, room
         b.finished, b.emitted = b.finished - outer, outer
         b.position_at_end(block)
@@ -457,7 +544,13 @@ class Outliner:
         return made
 
     def _inside(
-        self, given: dict[str, Any], active: Any, call: Call, inner: list[Num], general: bool, function: ir.Function
+        self,
+        given: dict[str, Any],
+        active: Any,
+        call: Call,
+        inner: list[Num],
+        general: bool,
+        function: ir.Function,
     ) -> tuple[dict[str, Any], list[Any]]:
         """The arguments as the function sees them, and their parts."""
         of = {x.values: y for x, y in zip(call.passed(general), inner)}
@@ -489,10 +582,20 @@ class Outliner:
 
         return {name: seen(x, False) for name, x in [*given.items(), ("<mask>", active)]}, parts
 
-    def _returned(self, function: ir.Function, result: Any, inner: list[Num], parts: list[Any], escapes: list[Open]) -> Outlined:
+    def _returned(
+        self,
+        function: ir.Function,
+        result: Any,
+        inner: list[Num],
+        parts: list[Any],
+        escapes: list[Open],
+    ) -> Outlined:
         """Let the function return: its numbers, the lanes that have failed, and whether all have."""
         t, b, e = self.t, self.e.builder, self.e
-        arguments, whole_arguments = {x.values: i for i, x in enumerate(inner)}, {id(x): i for i, x in enumerate(parts)}
+        arguments, whole_arguments = (
+            {x.values: i for i, x in enumerate(inner)},
+            {id(x): i for i, x in enumerate(parts)},
+        )
         numbers: list[Num] = []
         at: dict[Any, int] = {}
         made: list[list[Any]] = []  # lists in the result
@@ -535,7 +638,8 @@ class Outliner:
             buffer.add_attribute("noalias")
 
         def leave(escaped: bool) -> None:
-            values = dict(enumerate(() if escaped else registers))  # of a call that all lanes have left nobody takes results
+            # of a call that all lanes have left nobody takes results
+            values = dict(enumerate(() if escaped else registers))
             if failed:
                 values |= dict(enumerate(e.load(t.failed).values, len(registers)))
             if escapes:
@@ -571,7 +675,9 @@ class Outliner:
         return Outlined(function, memory, whole, forms, failed, bool(escapes), t.raises, e.calls)
 
     def _structure(self, kinds: list[ir.Type]) -> ir.Type:
-        """The type of results of these types; it has a name, because its text would stand at every use."""
+        """The type of results of these types; it has a name, because its text would stand at every
+        use.
+        """
         name = f"results {self.structures.setdefault(tuple(map(str, kinds)), len(self.structures))}"
         type_ = self.e.builder.module.context.get_identified_type(name)
         if type_.is_opaque:
@@ -648,7 +754,15 @@ def _field(b: ir.IRBuilder, place: ir.Value, i: int) -> ir.Value:
 
 
 _STRUCTURES = (Vec, Mat, *PAIRS, tuple, list, Record, Table)
-_OBJECTS = (types.FunctionType, types.BuiltinFunctionType, type, np.ndarray, np.generic, range, Layout)
+_OBJECTS = (
+    types.FunctionType,
+    types.BuiltinFunctionType,
+    type,
+    np.ndarray,
+    np.generic,
+    range,
+    Layout,
+)
 
 
 def _parts(x: Any) -> list[Any]:
@@ -663,8 +777,13 @@ def _parts(x: Any) -> list[Any]:
 def _of_parts(x: Any, parts: list[Any]) -> Any:
     """A thing like x, made of these parts."""
     if isinstance(x, PAIRS):
-        layout = dataclasses.replace(layout_of(x, is_any_number), parts=tuple([layout_of(y, is_any_number) for y in parts]))
-        return build(layout, iter([y for part in parts for y in leaves(part, layout_of(part, is_any_number))]))
+        layout = dataclasses.replace(
+            layout_of(x, is_any_number), parts=tuple([layout_of(y, is_any_number) for y in parts])
+        )
+        return build(
+            layout,
+            iter([y for part in parts for y in leaves(part, layout_of(part, is_any_number))]),
+        )
     if isinstance(x, Record):
         return fill(type(x), {f.name: y for f, y in zip(dataclasses.fields(x), parts)})  # type: ignore[arg-type]
     if isinstance(x, Table):

@@ -1,7 +1,9 @@
-"""Phi nodes: how the variables of a formula come together where ways of control meet, for one body or for many in lanes.
+"""Phi nodes: how the variables of a formula come together where ways of control meet, for one body
+or for many in lanes.
 
-In an ensemble a condition may differ from lane to lane; then both ways run under a mask.  Values in lanes that a piece of code
-does not run for are arbitrary: where two pieces meet, the value of each lane is picked.
+In an ensemble a condition may differ from lane to lane; then both ways run under a mask.  Values in
+lanes that a piece of code does not run for are arbitrary: where two pieces meet, the value of each
+lane is picked.
 """
 
 from __future__ import annotations
@@ -22,7 +24,9 @@ from .iterators import Region, Stream
 from .reads import Reads
 from .scopes import Env, Frame, Undefined, has
 
-ACTIVE = "<active>"  # lanes still running at this point, where some have left (absent: all for which the code was entered)
+# lanes still running at this point, where some have left (absent: all for which the code was
+# entered)
+ACTIVE = "<active>"
 BROKEN = "<broken>"  # lanes that left the present loop by `break`
 CONTINUED = "<continued>"  # lanes that left the present turn of a written-out loop by `continue`
 LEFT = (BROKEN, CONTINUED)
@@ -30,9 +34,13 @@ RETURN = "<return>"  # what lanes that have left the call return
 NO_LANE = "no lane is running"  # value of ACTIVE when every lane has left
 
 class Retype(Exception):
-    """A loop turns out to need another type for a number it carries (an int becomes a float), or a mask."""
+    """A loop turns out to need another type for a number it carries (an int becomes a float), or a
+    mask.
+    """
 
-    def __init__(self, number: int | None, kind: str = "b", varying: bool = False, mixed: bool = False) -> None:
+    def __init__(
+        self, number: int | None, kind: str = "b", varying: bool = False, mixed: bool = False
+    ) -> None:
         self.number, self.type = number, (kind, varying, mixed)
 
 
@@ -57,21 +65,28 @@ class Loop:
 
 
 class Promote(Exception):
-    """A loop turns out to need another structure for a variable it carries: a number that gets a derivative in it."""
+    """A loop turns out to need another structure for a variable it carries: a number that gets a
+    derivative in it.
+    """
 
     def __init__(self, name: str, start: Any) -> None:
         self.name, self.start = name, start
 
 
 class Phis:
-    """The state of a translation, and the meeting of ways; what statements mean is the business of those who build on it."""
+    """The state of a translation, and the meeting of ways; what statements mean is the business of
+    those who build on it.
+    """
 
     def __init__(self, emitter: Emitter, reads: Reads) -> None:
         self.emitter, self.builder, self.reads = emitter, emitter.builder, reads
         self.outliner: Any = None  # makes functions of formulas
-        self.loop_forms: dict[Any, Any] = {}  # of loops met before: whether they are masked, and the types that changed
-        self.lasting: set[Any] = set()  # `while` loops met before whose number of turns the run decides
-        self.branching: set[ast.expr] = set()  # `and` and `or` met before whose second operand needs a branch
+        # of loops met before: whether they are masked, and the types that changed
+        self.loop_forms: dict[Any, Any] = {}
+        # `while` loops met before whose number of turns the run decides
+        self.lasting: set[Any] = set()
+        # `and` and `or` met before whose second operand needs a branch
+        self.branching: set[ast.expr] = set()
         self.frames: list[Frame] = []
         self.base: Any = None  # lanes for which the present code was entered (None: all)
         self.depth = 0  # enclosing conditions of the present call that differ between lanes
@@ -117,12 +132,21 @@ class Phis:
             shapes = " and ".join(dict.fromkeys(map(repr, layouts)))
             return Undefined(f"it is one thing on one way and another on the other: {shapes}")
         rows = zip(*(leaves(v, layouts[0]) for v in items), strict=True)
-        return build(layouts[0], iter([row[0] if len(row) > 1 and _alike(row) else combine(*row) for row in rows]))
+        return build(
+            layouts[0],
+            iter([row[0] if len(row) > 1 and _alike(row) else combine(*row) for row in rows]),
+        )
 
     def active(self, env: Env) -> Any:
         """The mask of lanes running here; None for all."""
         live = env.get(ACTIVE)
-        return self.emitter.constant(False, "b", True) if live is NO_LANE else self.base if live is None else live
+        return (
+            self.emitter.constant(False, "b", True)
+            if live is NO_LANE
+            else self.base
+            if live is None
+            else live
+        )
 
     @contextlib.contextmanager
     def apart(self, loop: bool = False) -> Iterator[None]:
@@ -134,12 +158,18 @@ class Phis:
         self.region = outer
 
     def fail_if(self, condition: Any) -> None:
-        """Python raises here if the condition holds: the attempt has failed.  Outside of attempts numbers go on as they are."""
+        """Python raises here if the condition holds: the attempt has failed.  Outside of attempts
+        numbers go on as they are.
+        """
         if condition is False or not self.escapes:
             return
         self.raises, self.marks = self.raises + 1, self.marks + 1
-        lanes = self.emitter.logic("and_", condition, self.everyone(self.active(self.frames[-1].env)))
-        self.emitter.store(self.emitter.logic("or_", self.emitter.load(self.failed), lanes), self.failed)
+        lanes = self.emitter.logic(
+            "and_", condition, self.everyone(self.active(self.frames[-1].env))
+        )
+        self.emitter.store(
+            self.emitter.logic("or_", self.emitter.load(self.failed), lanes), self.failed
+        )
 
     def everyone(self, mask: Any) -> Any:
         return True if mask is None else mask
@@ -147,7 +177,9 @@ class Phis:
     # -------------------------------------------------------------- where ways meet
 
     def join(self, opens: list[Open], env: Env, into: ir.Block | None = None) -> bool:
-        """Lead control from all open places to one, leaving there in `env` what the variables may be; False if none is open."""
+        """Lead control from all open places to one, leaving there in `env` what the variables may
+        be; False if none is open.
+        """
         if not opens:
             return False
         if len(opens) == 1 and into is None and opens[0].end is None:
@@ -158,13 +190,17 @@ class Phis:
         self._align_masks(opens)
         merged: Env = {}
         blocks = [o.block for o in opens]
-        for name in dict.fromkeys(name for o in opens for name in o.env if not name.startswith("<has ")):
+        for name in dict.fromkeys(
+            name for o in opens for name in o.env if not name.startswith("<has ")
+        ):
             there = [o.env[name] for o in opens if name in o.env]
             certain = [o.env.get(has(name), name in o.env) for o in opens]
             if len(there) < len(opens):
                 if name.startswith("<"):
                     continue
-                blank = next((v for v in there if isinstance(v, Undefined)), None) or self.blank(there[0])
+                blank = next((v for v in there if isinstance(v, Undefined)), None) or self.blank(
+                    there[0]
+                )
                 there = [o.env.get(name, blank) for o in opens]
             merged[name] = self._together(into, blocks, there)
             if not all(c is True for c in certain):
@@ -177,8 +213,14 @@ class Phis:
         return True
 
     def _together(self, into: ir.Block, blocks: list[ir.Block], items: list[Any]) -> Any:
-        """What a variable is where these blocks, in which it is one of the items each, come together."""
-        return items[0] if len(items) == 1 else self._numberwise(items, lambda *numbers: self._phi(into, blocks, numbers))
+        """What a variable is where these blocks, in which it is one of the items each, come
+        together.
+        """
+        return (
+            items[0]
+            if len(items) == 1
+            else self._numberwise(items, lambda *numbers: self._phi(into, blocks, numbers))
+        )
 
     def _phi(self, into: ir.Block, blocks: list[ir.Block], numbers: Iterable[Any]) -> Num:
         lifted = [self.emitter.lift(x) for x in numbers]
@@ -202,7 +244,9 @@ class Phis:
 
     def _align_masks(self, opens: list[Open]) -> None:
         """Give every open place the masks that any of them has."""
-        if any(ACTIVE in o.env for o in opens) and not all(o.env.get(ACTIVE) is NO_LANE for o in opens):
+        if any(ACTIVE in o.env for o in opens) and not all(
+            o.env.get(ACTIVE) is NO_LANE for o in opens
+        ):
             for o in opens:
                 mask = self.active(o.env)
                 o.env[ACTIVE] = self.emitter.constant(True, "b", True) if mask is None else mask
@@ -217,11 +261,21 @@ class Phis:
 
 
 def leveled(items: list[Any]) -> list[Any]:
-    """The same values, a number made a pair (of derivative, of imaginary part, zero) where it meets one."""
-    makers: dict[Any, Any] = {Vec: lambda v: Vec(*v), Mat: lambda v: Mat(*v), tuple: tuple, list: list}
+    """The same values, a number made a pair (of derivative, of imaginary part, zero) where it meets
+    one.
+    """
+    makers: dict[Any, Any] = {
+        Vec: lambda v: Vec(*v),
+        Mat: lambda v: Mat(*v),
+        tuple: tuple,
+        list: list,
+    }
     kind = type(items[0])
     if kind in makers and all(type(v) is kind for v in items) and len({len(v) for v in items}) == 1:
-        return [makers[kind](v) for v in zip(*map(leveled, map(list, zip(*items, strict=True))), strict=True)]
+        return [
+            makers[kind](v)
+            for v in zip(*map(leveled, map(list, zip(*items, strict=True))), strict=True)
+        ]
     pairs = [v for v in items if isinstance(v, PAIRS)]
     if pairs and all(isinstance(v, PAIRS) or is_any_number(v) for v in items):
         form = max(pairs, key=lambda v: v.level).form
@@ -229,7 +283,10 @@ def leveled(items: list[Any]) -> list[Any]:
         parts = [v.parts if isinstance(v, PAIRS) and v.form == form else (v, zero) for v in items]
         if not all(type(second) is int for _, second in parts):  # a slope on one way at least
             parts = [(first, 0.0 if type(second) is int else second) for first, second in parts]
-        return [paired(form, p) for p in zip(*map(leveled, map(list, zip(*parts, strict=True))), strict=True)]
+        return [
+            paired(form, p)
+            for p in zip(*map(leveled, map(list, zip(*parts, strict=True))), strict=True)
+        ]
     return items
 
 
@@ -241,7 +298,10 @@ def come_from(phi: Num, values: Values, block: ir.Block) -> None:
 
 def _alike(numbers: tuple[Any, ...]) -> bool:
     first = numbers[0]
-    return all(x is first or (type(x) is type(first) and not isinstance(x, Num) and repr(x) == repr(first)) for x in numbers)
+    return all(
+        x is first or (type(x) is type(first) and not isinstance(x, Num) and repr(x) == repr(first))
+        for x in numbers
+    )
 
 
 def replace(env: Env, new: Env) -> None:

@@ -1,4 +1,6 @@
-"""What the functions of Python, `math` and NumPy mean where run-time numbers are among their arguments."""
+"""What the functions of Python, `math` and NumPy mean where run-time numbers are among their
+arguments.
+"""
 
 from __future__ import annotations
 
@@ -48,7 +50,9 @@ class PythonFunctions:
             type: lambda x: TYPES[x.kind] if isinstance(x, Num) else type(x),
             bool: lambda x=False: self.t.truth(x),
             float: self.float,
-            int: lambda x=0, *base: self.whole(x, "llvm.trunc") if isinstance(x, Num) else int(x, *base),
+            int: lambda x=0, *base: (
+                self.whole(x, "llvm.trunc") if isinstance(x, Num) else int(x, *base)
+            ),
             round: self.round,
             abs: abs,
             divmod: divmod,
@@ -70,7 +74,9 @@ class PythonFunctions:
             enumerate: lambda items, start=0: self.lazily(enumerate, items, start=start),
             reversed: lambda items: self.t.stream(list(reversed(items))),
             math.fabs: self.plain_number(lambda x: self.e.call("llvm.fabs", x), math.fabs),
-            math.copysign: self.plain_number(lambda x, y: self.e.call("llvm.copysign", x, y), math.copysign),
+            math.copysign: self.plain_number(
+                lambda x, y: self.e.call("llvm.copysign", x, y), math.copysign
+            ),
             math.floor: self.plain_number(lambda x: self.whole(x, "llvm.floor"), math.floor),
             math.ceil: self.plain_number(lambda x: self.whole(x, "llvm.ceil"), math.ceil),
             math.trunc: self.plain_number(lambda x: self.whole(x, "llvm.trunc"), math.trunc),
@@ -82,7 +88,9 @@ class PythonFunctions:
             math.sqrt: self.of_math(math.sqrt, "llvm.sqrt"),
             math.log: self.log,
             math.fsum: self.refused("math.fsum", "liemech.sum"),
-            math.prod: lambda items, start=1: functools.reduce(operator.mul, self.t.iterate(items), start),
+            math.prod: lambda items, start=1: functools.reduce(
+                operator.mul, self.t.iterate(items), start
+            ),
             np.sqrt: self.plain_number(lambda x: self.e.call("llvm.sqrt", x), np.sqrt),
             np.abs: self.plain_number(abs, np.abs),
             np.fabs: self.plain_number(lambda x: self.e.call("llvm.fabs", x), np.fabs),
@@ -98,7 +106,9 @@ class PythonFunctions:
         self.table[functions.fma] = functions.fma
         for f in functions.LIBM:
             self.table[f] = _elementary(f)
-            self.table.setdefault(getattr(math, f.__name__), self.of_math(getattr(math, f.__name__), f.__name__))
+            self.table.setdefault(
+                getattr(math, f.__name__), self.of_math(getattr(math, f.__name__), f.__name__)
+            )
         for python, symbol in FUNCTIONS.items():
             self.table.setdefault(python, self.called_back(python, symbol))
 
@@ -123,7 +133,9 @@ class PythonFunctions:
         inside = abs(x) < float(HUGE)
         self.t.fail_if(self.e.negation(inside))
         whole = self.e.call(rounding, self.e.select(inside, x, 0.0))
-        return self.e.each(lambda v: self.e.builder.fptosi(v, self.e.type("i", x.varying)), whole.values)
+        return self.e.each(
+            lambda v: self.e.builder.fptosi(v, self.e.type("i", x.varying)), whole.values
+        )
 
     def round(self, x: Any, digits: Any = None) -> Any:
         if not holds_number((x, digits)):
@@ -140,7 +152,9 @@ class PythonFunctions:
         if not holds_number(items) and all(map(is_any_number, items)):
             return (min if better is operator.lt else max)(items, **options)
         if options or not items:
-            raise NotCompilable("`min` and `max` of run-time numbers take no options, and at least one number")
+            raise NotCompilable(
+                "`min` and `max` of run-time numbers take no options, and at least one number"
+            )
         result, *others = items
         for x in others:
             result = self.t.where(better(x, result), x, result)
@@ -160,13 +174,17 @@ class PythonFunctions:
                         break
                     if _kind(x) == "f":
                         larger = total + x
-                        lost = lost + self.t.where(abs(total) >= abs(x), (total - larger) + x, (x - larger) + total)
+                        lost = lost + self.t.where(
+                            abs(total) >= abs(x), (total - larger) + x, (x - larger) + total
+                        )
                         total = larger
                     else:
                         total = total + x
                     taken += 1
                 if taken:
-                    total = self.t.where(self.e.logic("and_", lost != 0.0, lost - lost == 0.0), total + lost, total)
+                    total = self.t.where(
+                        self.e.logic("and_", lost != 0.0, lost - lost == 0.0), total + lost, total
+                    )
                     rest = rest[taken:]
                     continue
             total, rest = total + rest[0], rest[1:]
@@ -188,7 +206,9 @@ class PythonFunctions:
         return found
 
     def together(self, operation: str, start: bool, items: Any) -> Any:
-        return functools.reduce(lambda a, x: self.e.logic(operation, a, self.t.truth(x)), self.t.iterate(items), start)
+        return functools.reduce(
+            lambda a, x: self.e.logic(operation, a, self.t.truth(x)), self.t.iterate(items), start
+        )
 
     def len(self, items: Any) -> int:
         if isinstance(items, (Stream, Num)):
@@ -198,7 +218,9 @@ class PythonFunctions:
     # -------------------------------------------------------------- iterators
 
     def lazily(self, function: Callable[..., Any], *items: Any, **options: Any) -> Stream:
-        """A function of iterables that gives an iterator: of lists known now a list, of iterators one that asks them."""
+        """A function of iterables that gives an iterator: of lists known now a list, of iterators
+        one that asks them.
+        """
         found = function(*map(self.t.iterate, items), **options)
         return self.t.stream(found if any(isinstance(x, Stream) for x in items) else list(found))
 
@@ -231,14 +253,19 @@ class PythonFunctions:
 
     # -------------------------------------------------------------- functions of floats
 
-    def plain_number(self, native: Callable[..., Any], function: Callable[..., Any]) -> Callable[..., Any]:
+    def plain_number(
+        self, native: Callable[..., Any], function: Callable[..., Any]
+    ) -> Callable[..., Any]:
         """A function of plain numbers only: Python's own of what is known now."""
 
         def value(*x: Any) -> Any:
             x = tuple(map(value_of, x))
             if any(isinstance(a, (Dual, Series)) for a in x):
                 name = f"{'np' if isinstance(function, np.ufunc) else 'math'}.{function.__name__}"
-                raise NotCompilable(f"`{name}` of a number that carries a derivative: use liemech.formulas.{function.__name__}")
+                raise NotCompilable(
+                    f"`{name}` of a number that carries a derivative: use "
+                    f"liemech.formulas.{function.__name__}"
+                )
             if not any(isinstance(a, Num) for a in x):
                 return function(*x)
             if not all(map(is_any_number, x)):
@@ -253,7 +280,13 @@ class PythonFunctions:
 
     def log(self, x: Any, *base: Any) -> Any:
         one = self.of_math(math.log, "log")
-        return one(x) / one(*base) if base and holds_number((x, *base)) else math.log(x, *base) if base else one(x)
+        return (
+            one(x) / one(*base)
+            if base and holds_number((x, *base))
+            else math.log(x, *base)
+            if base
+            else one(x)
+        )
 
     def called_back(self, function: Callable[..., Any], symbol: str) -> Callable[..., Any]:
         """A function that native code asks Python for."""
@@ -267,7 +300,9 @@ class PythonFunctions:
         return self.plain_number(native, function)
 
     def raising(self, result: Num, *x: Any) -> Num:
-        """The result of a function of `math`: it raises where there is none, nan or infinite, and the arguments were finite."""
+        """The result of a function of `math`: it raises where there is none, nan or infinite, and
+        the arguments were finite.
+        """
         wrong = result != result
         for a in x:
             if isinstance(a, Num) and a.kind == "f":
@@ -277,7 +312,9 @@ class PythonFunctions:
 
     def refused(self, name: str, instead: str) -> Callable[..., Any]:
         def value(*x: Any, **options: Any) -> Any:
-            raise NotCompilable(f"`{name}` rounds or returns arrays in ways of its own: use {instead}")
+            raise NotCompilable(
+                f"`{name}` rounds or returns arrays in ways of its own: use {instead}"
+            )
 
         return value
 
@@ -288,5 +325,7 @@ def _kind(x: Any) -> str | None:
 
 
 def _elementary(function: Callable[..., Any]) -> Callable[..., Any]:
-    """A function of `liemech.formulas`, which knows all kinds of numbers; of what is compensated only the value counts."""
+    """A function of `liemech.formulas`, which knows all kinds of numbers; of what is compensated
+    only the value counts.
+    """
     return lambda *x: function(*map(value_of, x))

@@ -1,8 +1,10 @@
-"""What a translation reads from outside: names, attributes, code.  All of it is written down, and compared before it counts again.
+"""What a translation reads from outside: names, attributes, code.  All of it is written down, and
+compared before it counts again.
 
-A read has a path: from an argument of the driver, or the driver itself, over attributes, classes, globals and closures to a value.
-In this process the values are compared with the present ones by identity, which takes microseconds.  In another process the
-paths are followed anew and the tokens of what is found there are compared.
+A read has a path: from an argument of the driver, or the driver itself, over attributes, classes,
+globals and closures to a value.  In this process the values are compared with the present ones by
+identity, which takes microseconds.  In another process the paths are followed anew and the tokens
+of what is found there are compared.
 """
 
 from __future__ import annotations
@@ -39,8 +41,10 @@ class Reads:
         self.values: list[Any] = []
         self.tokens: list[str] = []  # empty for a part of something that has one
         self._numbers: dict[Step, int] = {}
-        self._origins: dict[int, tuple[Any, str, Any]] = {}  # by the identity of a value: its holder, and how it is reached
-        self._given: dict[int, Any] = {}  # by the identity of the compiler's copy of an argument: the argument
+        # by the identity of a value: its holder, and how it is reached
+        self._origins: dict[int, tuple[Any, str, Any]] = {}
+        # by the identity of the compiler's copy of an argument: the argument
+        self._given: dict[int, Any] = {}
         self._alive: list[Any] = [entry]
         self._spaces: dict[int, Any] = {}  # a function for each module
         self._guard: Guard | None = None
@@ -54,7 +58,11 @@ class Reads:
 
     def source(self, function: types.FunctionType) -> Source:
         """The source of a function, without the checks that a method makes of its arguments."""
-        formula = self._read(function, "attribute", "__formula__") if bare(function) is not function else function
+        formula = (
+            self._read(function, "attribute", "__formula__")
+            if bare(function) is not function
+            else function
+        )
         for name in ("__code__", "__defaults__", "__kwdefaults__"):
             if getattr(formula, name) is not None:
                 self._read(formula, "attribute", name)
@@ -64,7 +72,9 @@ class Reads:
         """The value of a name that is not local to the function."""
         if name in function.__code__.co_freevars:
             return self._read(function, "cell", name)
-        return self._read(self._spaces.setdefault(id(function.__globals__), function), "global", name)
+        return self._read(
+            self._spaces.setdefault(id(function.__globals__), function), "global", name
+        )
 
     def fields(self, cls: type) -> Any:
         """The fields of a record class."""
@@ -73,20 +83,36 @@ class Reads:
 
     def has(self, value: Any, name: str) -> bool:
         """What `hasattr` says."""
-        if id(value) in self._given or (isinstance(value, Record) and id(value) not in self._origins):
+        if id(value) in self._given or (
+            isinstance(value, Record) and id(value) not in self._origins
+        ):
             return name in vars(value) or self._read(type(value), "has", name)
-        outside = of_python(type(value)) or isinstance(value, (type, types.ModuleType, types.FunctionType))
+        outside = of_python(type(value)) or isinstance(
+            value, (type, types.ModuleType, types.FunctionType)
+        )
         return self._read(value, "has", name) if outside else hasattr(value, name)
 
     def settled(self, *values: Any, inside: bool = False) -> None:
-        """Refuse to let Python compute with objects (`inside`: or containers of such) whose code or content nobody has read."""
+        """Refuse to let Python compute with objects (`inside`: or containers of such) whose code or
+        content nobody has read.
+        """
         for value in values:
             if isinstance(value, StandIn) or type(value) in ATOMS:
                 continue
-            foreign = id(value) in self._origins or of_python(type(value)) or isinstance(value, (type, types.FunctionType))
+            foreign = (
+                id(value) in self._origins
+                or of_python(type(value))
+                or isinstance(value, (type, types.FunctionType))
+            )
             if foreign and not tokens.known(value, inside):
-                what = getattr(value, "__qualname__", None) or f"an object of {type(value).__qualname__}"
-                raise NotCompilable(f"Python would have to compute with {what} before the run: formulas use attributes and calls")
+                what = (
+                    getattr(value, "__qualname__", None)
+                    or f"an object of {type(value).__qualname__}"
+                )
+                raise NotCompilable(
+                    f"Python would have to compute with {what} before the "
+                    "run: formulas use attributes and calls"
+                )
 
     def attribute(self, value: Any, name: str, call: Callable[..., Any]) -> Any:
         """`value.name`; properties are formulas, which `call` translates."""
@@ -105,7 +131,11 @@ class Reads:
             return self._bound(self._read(cls, f"member {after}", name), None, cls, name, call)
         if isinstance(owner, (types.ModuleType, types.FunctionType)):
             return self._read(owner, "attribute", name)
-        if not isinstance(owner, Record) and (id(owner) not in self._origins or is_own(owner)) and not of_python(cls):
+        if (
+            not isinstance(owner, Record)
+            and (id(owner) not in self._origins or is_own(owner))
+            and not of_python(cls)
+        ):
             return getattr(value, name)
         if name == "__class__":
             return cls
@@ -114,12 +144,18 @@ class Reads:
         if name in own and not hasattr(type(member), "__set__"):
             copied = id(owner) in self._given or id(owner) not in self._origins
             return own[name] if copied else self._read(owner, "attribute", name)
-        if member is _MISSING or "__getattribute__" in {n for c in cls.__mro__[:-1] for n in vars(c)}:
+        if member is _MISSING or "__getattribute__" in {
+            n for c in cls.__mro__[:-1] for n in vars(c)
+        }:
             return self._read(owner, "attribute", name)
         return self._bound(self._read(cls, f"member {after}", name), owner, cls, name, call)
 
-    def _bound(self, member: Any, owner: Any, cls: type, name: str, call: Callable[..., Any]) -> Any:
-        """What Python makes of a member of a class, asked for through an instance or, if there is none, through the class."""
+    def _bound(
+        self, member: Any, owner: Any, cls: type, name: str, call: Callable[..., Any]
+    ) -> Any:
+        """What Python makes of a member of a class, asked for through an instance or, if there is
+        none, through the class.
+        """
         if isinstance(member, types.FunctionType):
             return member if owner is None else types.MethodType(member, owner)
         if isinstance(member, staticmethod):
@@ -130,7 +166,8 @@ class Reads:
             return member
         if isinstance(member, property) and member.fget is not None:
             made = call(member.fget, owner)
-            if isinstance(made, Record) and id(owner) in self._origins and not _varies(made):  # a constant of the owner
+            # a constant of the owner
+            if isinstance(made, Record) and id(owner) in self._origins and not _varies(made):
                 self._admit(made, made, owner, "property", name)
             return made
         if isinstance(member, functools.cached_property):
@@ -138,7 +175,9 @@ class Reads:
         return self._read(owner, "attribute", name)
 
     def _cached(self, member: Any, owner: Any, name: str, call: Callable[..., Any]) -> Any:
-        """A cached property: a constant that Python computes, or a formula where it depends on numbers of the run."""
+        """A cached property: a constant that Python computes, or a formula where it depends on
+        numbers of the run.
+        """
         if id(owner) not in self._origins:
             return call(member.func, owner)
         if self._is_made(owner):
@@ -156,11 +195,17 @@ class Reads:
         return how == "property" or (holder is not None and self._is_made(holder))
 
     def _glance(self, function: Any, cls: type, seen: set[int]) -> None:
-        """Write down what a function that Python runs names, and what the functions among that name."""
+        """Write down what a function that Python runs names, and what the functions among that
+        name.
+        """
         if not isinstance(function, types.FunctionType) or id(function) in seen or is_own(function):
             return
         seen.add(id(function))
-        formula = self._read(function, "attribute", "__formula__") if bare(function) is not function else function
+        formula = (
+            self._read(function, "attribute", "__formula__")
+            if bare(function) is not function
+            else function
+        )
         self._read(formula, "attribute", "__code__")
         for name in tokens.names(formula.__code__):
             if name in formula.__globals__:
@@ -168,7 +213,9 @@ class Reads:
             member = _member(cls, 0, name)
             if member is not _MISSING:
                 member = self._read(cls, "member 0", name)
-                self._glance(getattr(member, "fget", None) or getattr(member, "func", member), cls, seen)
+                self._glance(
+                    getattr(member, "fget", None) or getattr(member, "func", member), cls, seen
+                )
 
     # -------------------------------------------------------------- the record
 
@@ -196,7 +243,10 @@ class Reads:
         if origin is None:
             if is_own(value):
                 return _OWN
-            raise NotCompilable(f"where `{value!r:.60}` comes from cannot be told, so that a change of it would not be seen")
+            raise NotCompilable(
+                f"where `{value!r:.60}` comes from cannot be told, so "
+                "that a change of it would not be seen"
+            )
         holder, how, name = origin
         step = (-1 if holder is None else self._number(holder)), how, name
         if step not in self._numbers:
@@ -204,7 +254,9 @@ class Reads:
         return self._numbers[step]
 
     def _admit(self, copy: Any, value: Any, holder: Any, how: str, name: Any) -> None:
-        """Remember where a value comes from, and the parts of it.  A copy of an argument stands for the argument."""
+        """Remember where a value comes from, and the parts of it.  A copy of an argument stands for
+        the argument.
+        """
         if type(copy) in ATOMS or isinstance(copy, StandIn):
             return
         self._alive.append(copy)
@@ -227,7 +279,9 @@ class Reads:
         return [[*step, token] for step, token in zip(self.steps, self.tokens, strict=True)]
 
     @classmethod
-    def found(cls, entry: Callable[..., Any], args: Sequence[Any], manifest: list[Any]) -> Reads | None:
+    def found(
+        cls, entry: Callable[..., Any], args: Sequence[Any], manifest: list[Any]
+    ) -> Reads | None:
         """These reads, made in this process, if everything is as it was."""
         reads = cls(entry)
         for parent, how, name, token in manifest:
@@ -247,7 +301,9 @@ class Reads:
         values: list[Any] = []
         try:
             for (parent, how, name), token in zip(self.steps, self.tokens, strict=True):
-                values.append(_asked(values[parent] if parent >= 0 else (self.entry, args), how, name))
+                values.append(
+                    _asked(values[parent] if parent >= 0 else (self.entry, args), how, name)
+                )
                 if token and digest(values[-1]) != token:
                     return None
         except Exception:  # whatever a path meets that is no longer there
@@ -267,15 +323,19 @@ class Reads:
         return None if values is None else Guard(self.steps, values, self.tokens)
 
     def unchanged(self, args: Sequence[Any]) -> bool:
-        """Is all that was read what it was?  The same objects, in a few microseconds, or others with the same tokens."""
+        """Is all that was read what it was?  The same objects, in a few microseconds, or others
+        with the same tokens.
+        """
         verdict = self.guard.verdict(args)
         return self.follow(args) if verdict is None else verdict
 
 
 class Guard:
-    """Compares the values of reads with the present ones: by one expression of all comparisons, written and compiled for them.
+    """Compares the values of reads with the present ones: by one expression of all comparisons,
+    written and compiled for them.
 
-    Where it does not hold, every read is asked for anew, one after the other, which tells what is different.
+    Where it does not hold, every read is asked for anew, one after the other, which tells what is
+    different.
     """
 
     def __init__(self, steps: list[Step], values: list[Any], all_tokens: list[str]) -> None:
@@ -285,8 +345,10 @@ class Guard:
         self.mutable: list[int] = []
         self.of_arguments: list[tuple[list[tuple[str, Any]], int]] = []
         self.parents = collections.Counter(parent for parent, *_ in steps)
-        paths: list[list[tuple[str, Any]] | None] = []  # from the arguments, of what is a part of them
-        made: set[int] = set()  # by properties: only `_glance` looks at what Python computed from them
+        # from the arguments, of what is a part of them
+        paths: list[list[tuple[str, Any]] | None] = []
+        # by properties: only `_glance` looks at what Python computed from them
+        made: set[int] = set()
         for i, (parent, how, name) in enumerate(steps):
             above = [] if how == "argument" else paths[parent] if parent >= 0 else None
             named = isinstance(values[i], (type, types.FunctionType))
@@ -298,14 +360,21 @@ class Guard:
             paths.append([*above, (how, name)] if part and above is not None else None)
             if all_tokens[i] and above is not None and parent >= 0:
                 self.of_arguments.append(([*above, (how, name)], i))
-            elif all_tokens[i] or (parent >= 0 and above is None and how in ("item", "value") and is_mutable(values[parent])):
+            elif all_tokens[i] or (
+                parent >= 0
+                and above is None
+                and how in ("item", "value")
+                and is_mutable(values[parent])
+            ):
                 self.compared.append(i)
             if all_tokens[i] and name != "__dataclass_fields__" and is_mutable(values[i]):
                 self.mutable.append(i)
         self.same = self._expressions()
 
     def _expressions(self) -> list[Callable[[Sequence[Any], list[Any]], bool]]:
-        """One for each module, which sees its names as any function there does, and one for everything else."""
+        """One for each module, which sees its names as any function there does, and one for
+        everything else.
+        """
         general: dict[int, str] = {}
         modules: dict[tuple[int, int], tuple[Any, list[str]]] = {}
         known = {f"v{i}": value for i, value in enumerate(self.values)}
@@ -315,8 +384,11 @@ class Guard:
             if how == "global" and "__builtins__" in holder.__globals__:
                 space = id(holder.__globals__), id(holder.__builtins__)
                 modules.setdefault(space, (holder, []))[1].append(f"{name} is _values[{i}]")
-            elif name == "__formula__" and parent in general and self.parents[parent] == 1:  # of a method only its formula counts
-                general[i] = f"{general.pop(parent).removesuffix(f' is v{parent}')}.__formula__ is v{i}"
+            # of a method only its formula counts
+            elif name == "__formula__" and parent in general and self.parents[parent] == 1:
+                general[i] = (
+                    f"{general.pop(parent).removesuffix(f' is v{parent}')}.__formula__ is v{i}"
+                )
             else:
                 general[i] = self._comparison(i, holder, how, name)
         found = [*general.values()]
@@ -338,7 +410,8 @@ class Guard:
             return f"{self._other(holder.__closure__[holder.__code__.co_freevars.index(name)])}.cell_contents{then}"
         if how.startswith("member"):
             after = int(how.partition(" ")[2])
-            if isinstance(self.values[i], functools.cached_property):  # Python code answers for it, and takes its time
+            # Python code answers for it, and takes its time
+            if isinstance(self.values[i], functools.cached_property):
                 spaces = [self._other(vars(c)) for c in holder.__mro__[after:]]
                 home = next(k for k, c in enumerate(holder.__mro__[after:]) if name in vars(c))
                 hidden = [f"{name!r} not in {space} and " for space in spaces[:home]]
@@ -366,7 +439,9 @@ class Guard:
                 if not holds(args, self.values):
                     break
             else:
-                return not self.mutable or all(digest(self.values[i]) == self.tokens[i] for i in self.mutable)
+                return not self.mutable or all(
+                    digest(self.values[i]) == self.tokens[i] for i in self.mutable
+                )
         except Exception:  # something is no longer there; which, does not matter yet
             pass
         try:
@@ -404,7 +479,8 @@ class Guard:
 def _expression(comparisons: list[str], names: dict[str, Any]) -> Any:
     """A function that says whether all of these hold, where a text sees these names.
 
-    A module that has one of the names of its arguments is compared with them, in vain: then everything is asked for anew.
+    A module that has one of the names of its arguments is compared with them, in vain: then
+    everything is asked for anew.
     """
     return eval(f"lambda _args, _values: {' and '.join(comparisons) or True}", names)
 

@@ -1,6 +1,8 @@
-"""Scopes: which variables a function of a formula has, which it sees, and how a call fills its parameters.
+"""Scopes: which variables a function of a formula has, which it sees, and how a call fills its
+parameters.
 
-Names mean what they mean in Python.  A nested function sees the variables of the function around it, not their values at its birth.
+Names mean what they mean in Python.  A nested function sees the variables of the function around
+it, not their values at its birth.
 """
 
 from __future__ import annotations
@@ -28,7 +30,9 @@ CHANGES = ("append", "extend")
 
 @functools.cache
 def has(name: str) -> str:
-    """The variable that tells whether another one, which has a value on some ways only, has one here."""
+    """The variable that tells whether another one, which has a value on some ways only, has one
+    here.
+    """
     return f"<has {name}>"
 
 
@@ -41,7 +45,9 @@ class Undefined:
 
 @dataclasses.dataclass(eq=False)
 class Frame:
-    """One call being inlined, or one comprehension: its variables, and the frame of the function around it."""
+    """One call being inlined, or one comprehension: its variables, and the frame of the function
+    around it.
+    """
 
     source: Source
     scope: Function | Comprehension
@@ -52,7 +58,8 @@ class Frame:
     node: ast.AST | None = None  # the statement being translated
 
     def value(self, name: str) -> tuple[Any, Any]:
-        """What a name means here: a variable of this function, of one around it, of the module, of Python.
+        """What a name means here: a variable of this function, of one around it, of the module, of
+        Python.
 
         With it the condition under which it has a value here.
         """
@@ -64,7 +71,9 @@ class Frame:
                     raise NotCompilable(f"`{name}` has no one value here: {value.reason}")
                 return value, frame.env.get(has(name), True)
             if name in local_names(frame.scope):
-                raise NotCompilable(f"`{name}` may have no value here: give it one on every way to this line")
+                raise NotCompilable(
+                    f"`{name}` may have no value here: give it one on every way to this line"
+                )
             frame = frame.around
         return self.source.outer(name), True
 
@@ -100,13 +109,17 @@ class Closure:
         ]  # fmt: skip
         if a.vararg:
             parameters.append(P(a.vararg.arg, P.VAR_POSITIONAL))
-        parameters += [P(p.arg, P.KEYWORD_ONLY, default=self.options.get(p.arg, none)) for p in a.kwonlyargs]
+        parameters += [
+            P(p.arg, P.KEYWORD_ONLY, default=self.options.get(p.arg, none)) for p in a.kwonlyargs
+        ]
         if a.kwarg:
             raise NotCompilable(f"`**{a.kwarg.arg}` among the parameters of `{self.name}`")
         return bound(inspect.Signature(parameters), self.name, args, options)
 
 
-def bound(signature: inspect.Signature, name: str, args: tuple[Any, ...], options: dict[str, Any]) -> Env:
+def bound(
+    signature: inspect.Signature, name: str, args: tuple[Any, ...], options: dict[str, Any]
+) -> Env:
     """The variables that a call begins with."""
     try:
         filled = signature.bind(*args, **options)
@@ -123,7 +136,9 @@ def bound(signature: inspect.Signature, name: str, args: tuple[Any, ...], option
 def local_names(node: Function | Comprehension) -> frozenset[str]:
     """The variables of a function or a comprehension: what it assigns, and its parameters."""
     if isinstance(node, Comprehension):
-        return frozenset(n.id for g in node.generators for n in ast.walk(g.target) if isinstance(n, ast.Name))
+        return frozenset(
+            n.id for g in node.generators for n in ast.walk(g.target) if isinstance(n, ast.Name)
+        )
     a = node.args
     parameters = [*a.posonlyargs, *a.args, *a.kwonlyargs, *filter(None, (a.vararg, a.kwarg))]
     return frozenset(p.arg for p in parameters) | frozenset(stored_names(_body(node)))
@@ -154,7 +169,9 @@ def changed_names(body: list[Any]) -> set[str]:
         match n:
             case ast.Subscript(value=ast.Name(id=name), ctx=ast.Store()):
                 names.add(name)
-            case ast.Call(func=ast.Attribute(value=ast.Name(id=name), attr=method)) if method in CHANGES:
+            case ast.Call(func=ast.Attribute(value=ast.Name(id=name), attr=method)) if (
+                method in CHANGES
+            ):
                 names.add(name)
     return names
 
@@ -171,7 +188,9 @@ def _body(node: Function) -> list[Any]:
 
 
 def _of_scope(nodes: list[Any]) -> Iterator[ast.AST]:
-    """These nodes and those inside them, but not what is in the scope of a nested function or comprehension."""
+    """These nodes and those inside them, but not what is in the scope of a nested function or
+    comprehension.
+    """
     for node in nodes:
         yield node
         if isinstance(node, Function):  # its defaults are evaluated outside

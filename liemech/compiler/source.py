@@ -1,4 +1,6 @@
-"""The text of formulas: the syntax tree of a function, checked to be that of the code which Python runs."""
+"""The text of formulas: the syntax tree of a function, checked to be that of the code which Python
+runs.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +33,9 @@ class Source:
         """The value of a name that is not local: from the enclosing function, the module or Python."""
         code = self.function.__code__
         if name in code.co_varnames or (name in code.co_cellvars and name not in code.co_freevars):
-            raise NotCompilable(f"`{name}` may have no value here: give it one on every way to this line")
+            raise NotCompilable(
+                f"`{name}` may have no value here: give it one on every way to this line"
+            )
         return self.reads.outer(self.function, name)
 
 
@@ -42,10 +46,18 @@ def _syntax_tree(code: types.CodeType) -> ast.FunctionDef | ast.Lambda:
     linecache.checkcache(file)
     text = "".join(linecache.getlines(file))
     if not text:
-        raise NotCompilable(f"the source of {name} cannot be read: define it in a file or a notebook")
-    alike = [(n, c) for n, c in _functions(file, text) if c.co_name == code.co_name and code_token(c) == code_token(code)]
+        raise NotCompilable(
+            f"the source of {name} cannot be read: define it in a file or a notebook"
+        )
+    alike = [
+        (n, c)
+        for n, c in _functions(file, text)
+        if c.co_name == code.co_name and code_token(c) == code_token(code)
+    ]
     if not alike:
-        raise NotCompilable(f"the source of {name} cannot be told: {file} has changed since it was imported")
+        raise NotCompilable(
+            f"the source of {name} cannot be told: {file} has changed since it was imported"
+        )
     return min(alike, key=lambda pair: abs(pair[1].co_firstlineno - code.co_firstlineno))[0]
 
 
@@ -71,7 +83,11 @@ def _functions(file: str, text: str) -> list[tuple[ast.FunctionDef | ast.Lambda,
             if places:
                 around = [n for n in candidates if all(_within(p, _body(n)) for p in places)]
             else:  # it only returns a constant, which Python 3.12 has no place for
-                around = [n for n in candidates if isinstance(n, ast.Lambda) and _alone(n, file) == code_token(code)]
+                around = [
+                    n
+                    for n in candidates
+                    if isinstance(n, ast.Lambda) and _alone(n, file) == code_token(code)
+                ]
             candidates = sorted(around, key=_extent)[:1]
         pairs += [(node, code) for node in candidates]
     return pairs
@@ -95,13 +111,17 @@ Place = tuple[tuple[int, int], tuple[int, int]]
 
 
 def _places(code: types.CodeType) -> list[Place]:
-    """Where the instructions of a function are in the text; those that begin and end at no place left out."""
+    """Where the instructions of a function are in the text; those that begin and end at no place
+    left out.
+    """
     known = [p for p in code.co_positions() if None not in p]
     return [((a, c), (b, d)) for a, b, c, d in known if (a, c) != (b, d)]  # type: ignore[misc]
 
 
 def _body(node: ast.FunctionDef | ast.Lambda) -> Place:
-    first, last = (node.body, node.body) if isinstance(node, ast.Lambda) else (node.body[0], node.body[-1])
+    first, last = (
+        (node.body, node.body) if isinstance(node, ast.Lambda) else (node.body[0], node.body[-1])
+    )
     return (first.lineno, first.col_offset), (last.end_lineno or 0, last.end_col_offset or 0)
 
 

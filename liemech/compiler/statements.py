@@ -44,7 +44,9 @@ class Statements(Expressions):
         frame = self.frames[-1]
         if env.get(ACTIVE) is not NO_LANE or self.depth or frame.loops:
             return True
-        frame.returns.append(Open(self.builder.block, {RETURN: env.get(RETURN)} | frame.captured(env)))
+        frame.returns.append(
+            Open(self.builder.block, {RETURN: env.get(RETURN)} | frame.captured(env))
+        )
         return False
 
     def statement(self, node: ast.stmt, env: Env) -> bool:
@@ -62,19 +64,27 @@ class Statements(Expressions):
                 old = self.expression(_value(node.target), env)
                 if isinstance(old, list):
                     self.unshared(old, node.target, env)
-                self.assign(node.target, self.operate(node, old, self.expression(node.value, env)), env)
+                self.assign(
+                    node.target, self.operate(node, old, self.expression(node.value, env)), env
+                )
             case ast.Expr(ast.Call(ast.Attribute(ast.Name(id=name), method), [item], [])) if (
                 method in CHANGES and isinstance(env.get(name), list)
             ):
                 self.unshared(env[name], ast.Name(name), env)
                 items = self.expression(item, env)
-                self.assign(ast.Name(name), [*env[name], *([items] if method == "append" else self.iterate(items))], env)
+                self.assign(
+                    ast.Name(name),
+                    [*env[name], *([items] if method == "append" else self.iterate(items))],
+                    env,
+                )
             case ast.Expr():
                 self.expression(node.value, env)
             case ast.FunctionDef(name=name, decorator_list=[]):
                 self.assign(ast.Name(name), self.nested(node, env), env)
             case ast.Assert():
-                failure = ast.If(ast.UnaryOp(ast.Not(), node.test), [ast.copy_location(ast.Raise(), node)], [])
+                failure = ast.If(
+                    ast.UnaryOp(ast.Not(), node.test), [ast.copy_location(ast.Raise(), node)], []
+                )
                 return self.statement(ast.copy_location(failure, node), env)
             case ast.If():
                 test = self.truth(self.expression(node.test, env))
@@ -94,13 +104,17 @@ class Statements(Expressions):
             case ast.Pass():
                 pass
             case _:
-                raise NotCompilable(f"`{ast.unparse(node).splitlines()[0]}`: this statement has no place in a formula")
+                raise NotCompilable(
+                    f"`{ast.unparse(node).splitlines()[0]}`: this "
+                    "statement has no place in a formula"
+                )
         return True
 
     def assign(self, target: ast.expr, value: Any, env: Env) -> None:
         match target:
             case ast.Name(id=name):
-                if isinstance(env.get(ACTIVE), Num) and name in env:  # lanes that have left keep what they had
+                # lanes that have left keep what they had
+                if isinstance(env.get(ACTIVE), Num) and name in env:
                     value = self.blend(env[ACTIVE], value, env[name])
                 env[name] = value
                 if has(name) in env:
@@ -122,17 +136,24 @@ class Statements(Expressions):
                 if isinstance(index, Num) and index.kind != "f":
                     places = range(len(changed))
                     self.item(list(places), index)  # which fails outside of the list
-                    changed = [self.where((index == i) | (index == i - len(changed)), value, changed[i]) for i in places]
+                    changed = [
+                        self.where((index == i) | (index == i - len(changed)), value, changed[i])
+                        for i in places
+                    ]
                 else:
                     changed[index] = value
                 self.assign(target.value, changed, env)
             case _:
-                raise NotCompilable(f"`{ast.unparse(target)} = ...`: formulas do not change objects in place")
+                raise NotCompilable(
+                    f"`{ast.unparse(target)} = ...`: formulas do not change objects in place"
+                )
 
     def unshared(self, items: list[Any], name: ast.expr, env: Env) -> None:
         """Python would change the list under its other names too; lists of the compiler are values."""
         elsewhere = [v for frame in self.frames[:-1] for v in frame.env.values()]
-        elsewhere += [v for n, v in env.items() if not (isinstance(name, ast.Name) and n == name.id)]
+        elsewhere += [
+            v for n, v in env.items() if not (isinstance(name, ast.Name) and n == name.id)
+        ]
         running = [id(frame) for frame in self.frames]
         for closure in [v for v in elsewhere if isinstance(v, Closure)]:
             frame: Frame | None = closure.frame
@@ -141,12 +162,17 @@ class Statements(Expressions):
                 frame = frame.around
         if any(_holds(v, items) for v in elsewhere):
             it = ast.unparse(name)
-            raise NotCompilable(f"`{it}` is changed in place and has another name: change a copy, `[*{it}]`")
+            raise NotCompilable(
+                f"`{it}` is changed in place and has another name: change a copy, `[*{it}]`"
+            )
 
     def returned(self, value: Any, env: Env) -> bool:
         frame = self.frames[-1]
         if any(loop.dynamic for loop in frame.loops):
-            raise NotCompilable("`return` inside a loop of unknown length: set a variable, `break`, and return after it")
+            raise NotCompilable(
+                "`return` inside a loop of unknown length: set a "
+                "variable, `break`, and return after it"
+            )
         if RETURN in env:
             value = self.blend(self.everyone(self.active(env)), value, env[RETURN])
         if self.depth == 0:
@@ -156,7 +182,9 @@ class Statements(Expressions):
         return True
 
     def raised(self, env: Env) -> bool:
-        """The step is marked as failed.  Plain Python, run again on it, raises the error with its message."""
+        """The step is marked as failed.  Plain Python, run again on it, raises the error with its
+        message.
+        """
         b, mask = self.builder, self.active(env)
         if self.failed is None:
             raise NotCompilable("`raise` outside an attempted step")
@@ -205,7 +233,11 @@ class Statements(Expressions):
         if node.orelse:
             return self.with_else(node, env)
         iterable = node.iter
-        if isinstance(iterable, ast.Call) and not iterable.keywords and self.expression(iterable.func, env) is range:
+        if (
+            isinstance(iterable, ast.Call)
+            and not iterable.keywords
+            and self.expression(iterable.func, env) is range
+        ):
             bounds = self.items(iterable.args, env)
             if any(isinstance(n, Num) and n.kind == "f" for n in bounds):
                 raise NotCompilable(f"`{ast.unparse(iterable)}`: `range` of a float")
@@ -229,7 +261,9 @@ class Statements(Expressions):
         """A loop over a range that is long, or whose length is known at run time only."""
         start, stop = bounds if len(bounds) > 1 else (0, bounds[0])
         if len(bounds) > 2 or not isinstance(node.target, ast.Name):
-            raise NotCompilable("a loop over a long range has the form `for i in range(start, stop)`")
+            raise NotCompilable(
+                "a loop over a long range has the form `for i in range(start, stop)`"
+            )
         counter = f"<{node.target.id} of line {node.lineno}>"
         env[counter] = start
         first = ast.copy_location(ast.Assign([node.target], ast.Name(counter, ast.Load())), node)
@@ -237,13 +271,21 @@ class Statements(Expressions):
         def advance(variables: Env) -> None:
             variables[counter] = self.emitter.successor(variables[counter])
 
-        return self.loop(lambda variables: variables[counter] < stop, advance, [first, *node.body], env, (counter,))
+        return self.loop(
+            lambda variables: variables[counter] < stop,
+            advance,
+            [first, *node.body],
+            env,
+            (counter,),
+        )
 
     def with_else(self, node: ast.For | ast.While, env: Env) -> bool:
         """A loop with `else`: what is there runs unless the loop was left by `break`."""
         broken = f"<left the loop of line {node.lineno}>"
         body = [_Breaks(broken).visit(copy.deepcopy(statement)) for statement in node.body]
-        loop = ast.copy_location(type(node)(**{**dict(ast.iter_fields(node)), "body": body, "orelse": []}), node)
+        loop = ast.copy_location(
+            type(node)(**{**dict(ast.iter_fields(node)), "body": body, "orelse": []}), node
+        )
         otherwise = ast.If(ast.UnaryOp(ast.Not(), ast.Name(broken, ast.Load())), node.orelse, [])
         env[broken] = False
         return self.block([loop, ast.copy_location(otherwise, node)], env)
@@ -256,7 +298,12 @@ class _Breaks(ast.NodeTransformer):
         self.name = name
 
     def visit_Break(self, node: ast.Break) -> Any:
-        return [ast.copy_location(ast.Assign([ast.Name(self.name, ast.Store())], ast.Constant(True)), node), node]
+        return [
+            ast.copy_location(
+                ast.Assign([ast.Name(self.name, ast.Store())], ast.Constant(True)), node
+            ),
+            node,
+        ]
 
     def visit_For(self, node: Any) -> Any:
         node.orelse = [line for statement in node.orelse for line in _lines(self.visit(statement))]
@@ -281,7 +328,13 @@ def _lines(found: Any) -> list[Any]:
 def _holds(value: Any, items: list[Any]) -> bool:
     if isinstance(value, Stream) and not isinstance(value.items, list):
         return True  # its items are still to be computed, from whatever
-    inside = value.items if isinstance(value, Stream) else value if isinstance(value, (tuple, list)) else ()
+    inside = (
+        value.items
+        if isinstance(value, Stream)
+        else value
+        if isinstance(value, (tuple, list))
+        else ()
+    )
     return value is items or any(_holds(v, items) for v in inside)
 
 

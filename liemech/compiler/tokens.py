@@ -1,8 +1,9 @@
 """Tokens: what a value is, so that another process can tell whether it has the same one.
 
-Two values have one token exactly if code translated with either of them is the same: numbers count by type and bits, arrays by
-their bytes, functions by their code, classes and modules by name.  An object of another kind counts by its class alone; formulas
-may read its attributes, which have tokens of their own, and nothing else.
+Two values have one token exactly if code translated with either of them is the same: numbers count
+by type and bits, arrays by their bytes, functions by their code, classes and modules by name.  An
+object of another kind counts by its class alone; formulas may read its attributes, which have
+tokens of their own, and nothing else.
 """
 
 from __future__ import annotations
@@ -28,7 +29,18 @@ from ..formulas.records import Record
 from ..formulas.tables import Table
 from ..formulas.vectors import Mat
 
-ATOMS = {types.NoneType, bool, int, float, complex, str, bytes, range, types.EllipsisType, types.NotImplementedType}
+ATOMS = {
+    types.NoneType,
+    bool,
+    int,
+    float,
+    complex,
+    str,
+    bytes,
+    range,
+    types.EllipsisType,
+    types.NotImplementedType,
+}
 """Types whose values are known by their text."""
 
 Part = tuple[str, Any, Any]  # how it is reached, by which name or index, and the value
@@ -82,51 +94,102 @@ def is_mutable(value: Any) -> bool:
     """Can its content change while it stays the same object?"""
     if isinstance(value, (list, dict, set, np.ndarray)):
         return True
-    return type(value) not in ATOMS and not isinstance(value, Layout) and any(is_mutable(x) for *_, x in parts(value))
+    return (
+        type(value) not in ATOMS
+        and not isinstance(value, Layout)
+        and any(is_mutable(x) for *_, x in parts(value))
+    )
 
 
 def known(value: Any, inside: bool = True) -> bool:
-    """Does the token tell all about a value (and, `inside`, about its parts), so that Python may compute with it before the run?"""
+    """Does the token tell all about a value (and, `inside`, about its parts), so that Python may
+    compute with it before the run?
+    """
     if isinstance(value, StandIn) or type(value) in ATOMS or is_own(value):
         return True
     if isinstance(value, (types.FunctionType, types.MethodType)):
         return False  # Python would run what nobody has read
-    if of_python(type(value)) and any(_has_operators(c) for c in type(value).__mro__ if of_python(c)):
+    if of_python(type(value)) and any(
+        _has_operators(c) for c in type(value).__mro__ if of_python(c)
+    ):
         return False
     if isinstance(value, Record):
         return True
-    if _head(value) is None or isinstance(value, types.ModuleType) or (isinstance(value, type) and of_python(value)):
+    if (
+        _head(value) is None
+        or isinstance(value, types.ModuleType)
+        or (isinstance(value, type) and of_python(value))
+    ):
         return False
     return not inside or all(known(x) for *_, x in parts(value))
 
 
 def of_python(cls: type) -> bool:
     """Is it a class of the user or of liemech, whose methods are formulas?"""
-    return bool(cls.__flags__ & _HEAP) and not is_own(cls) and cls.__module__.partition(".")[0] not in _SETTLED
+    return (
+        bool(cls.__flags__ & _HEAP)
+        and not is_own(cls)
+        and cls.__module__.partition(".")[0] not in _SETTLED
+    )
 
 
 _HEAP = 1 << 9  # Python's flag of classes made while it runs
 _SETTLED = {"builtins", "enum", "fractions", "decimal", "numpy"}
 
-_TWO = ("add", "sub", "mul", "truediv", "floordiv", "mod", "pow", "matmul", "and", "or", "xor", "lshift", "rshift")
-_ONE = ("neg", "pos", "abs", "invert", "bool", "len", "iter", "next", "float", "int", "index", "complex", "round", "array")
+_TWO = (
+    "add",
+    "sub",
+    "mul",
+    "truediv",
+    "floordiv",
+    "mod",
+    "pow",
+    "matmul",
+    "and",
+    "or",
+    "xor",
+    "lshift",
+    "rshift",
+)
+_ONE = (
+    "neg",
+    "pos",
+    "abs",
+    "invert",
+    "bool",
+    "len",
+    "iter",
+    "next",
+    "float",
+    "int",
+    "index",
+    "complex",
+    "round",
+    "array",
+)
 _OTHER = ("lt", "le", "gt", "ge", "ne", "getitem", "contains", "call")
 _OPERATORS = {f"__{name}__" for name in (*_TWO, *(f"r{n}" for n in _TWO), *_ONE, *_OTHER)}
 
 
 def _has_operators(cls: type) -> bool:
-    """Does a class define operators of its own?  (The `==` of a dataclass compares its fields and has no file.)"""
+    """Does a class define operators of its own?  (The `==` of a dataclass compares its fields and
+    has no file.)
+    """
     equal = vars(cls).get("__eq__")
     written = isinstance(equal, types.FunctionType) and equal.__code__.co_filename != "<string>"
     return written or not _OPERATORS.isdisjoint(vars(cls))
 
 
 def is_own(value: Any) -> bool:
-    """Numbers, vectors, functions and modules the compiler itself computes with: the disk key covers their source."""
+    """Numbers, vectors, functions and modules the compiler itself computes with: the disk key
+    covers their source.
+    """
     if isinstance(value, types.ModuleType):
         return value.__name__.startswith(_OWN)
     cls = value if isinstance(value, (type, types.FunctionType)) else type(value)
-    return str(cls.__module__).startswith(_OWN) and not (isinstance(cls, type) and issubclass(cls, Record))
+    return str(cls.__module__).startswith(_OWN) and not (
+        isinstance(cls, type) and issubclass(cls, Record)
+    )
 
 
 _OWN = f"{__package__}.", f"{__package__.rpartition('.')[0]}.formulas."
@@ -169,19 +232,31 @@ def _head(value: Any) -> tuple[Any, ...] | None:
     if isinstance(value, (set, frozenset)):  # in the order in which a loop takes them
         return _named(kind), *map(_token, value)
     if isinstance(value, (np.ndarray, np.generic)) and not value.dtype.hasobject:
-        return _named(kind), value.dtype.str, str(value.shape), hashlib.sha256(value.tobytes()).hexdigest()
+        return (
+            _named(kind),
+            value.dtype.str,
+            str(value.shape),
+            hashlib.sha256(value.tobytes()).hexdigest(),
+        )
     if isinstance(value, (fractions.Fraction, decimal.Decimal, np.dtype)):
         return _named(kind), repr(value)
     if isinstance(value, types.CodeType):
         return "code", code_token(value)
-    if isinstance(value, np.ufunc) or (isinstance(value, types.BuiltinFunctionType) and _of_module(value)):
+    if isinstance(value, np.ufunc) or (
+        isinstance(value, types.BuiltinFunctionType) and _of_module(value)
+    ):
         return "builtin", _named(value)
     if isinstance(value, _DESCRIPTORS):
         return "descriptor", _named(value.__objclass__), value.__name__
     return None
 
 
-_DESCRIPTORS = types.WrapperDescriptorType, types.MethodDescriptorType, types.GetSetDescriptorType, types.MemberDescriptorType
+_DESCRIPTORS = (
+    types.WrapperDescriptorType,
+    types.MethodDescriptorType,
+    types.GetSetDescriptorType,
+    types.MemberDescriptorType,
+)
 
 
 def _of_module(function: types.BuiltinFunctionType) -> bool:
@@ -194,7 +269,9 @@ def _named(value: Any) -> str:
 
 @functools.lru_cache(4096)
 def code_token(code: types.CodeType) -> str:
-    """What a function does, from its code: comments, docstrings and line numbers make no difference."""
+    """What a function does, from its code: comments, docstrings and line numbers make no
+    difference.
+    """
     return hashlib.sha256(repr(_code(code)).encode()).hexdigest()
 
 
@@ -203,7 +280,12 @@ def _code(code: types.CodeType) -> Any:
     if constants and isinstance(constants[0], str) and _has_docstring(code):
         constants[0] = None
     names = code.co_names, code.co_varnames, code.co_cellvars, code.co_freevars
-    counts = code.co_argcount, code.co_posonlyargcount, code.co_kwonlyargcount, code.co_flags & _MEANING
+    counts = (
+        code.co_argcount,
+        code.co_posonlyargcount,
+        code.co_kwonlyargcount,
+        code.co_flags & _MEANING,
+    )
     return code.co_code.hex(), names, counts, [_constant(c) for c in constants]
 
 
@@ -222,7 +304,9 @@ def _constant(value: Any) -> Any:
 
 
 def _has_docstring(code: types.CodeType) -> bool:
-    """Is the first constant, a text, the docstring?  From Python 3.14 on a flag says so; before, it is in every `def`."""
+    """Is the first constant, a text, the docstring?  From Python 3.14 on a flag says so; before, it
+    is in every `def`.
+    """
     if sys.version_info >= (3, 14):
         return bool(code.co_flags & _DOCSTRING)
     return bool(code.co_flags & inspect.CO_OPTIMIZED) and not code.co_name.startswith("<")

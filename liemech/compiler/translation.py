@@ -1,8 +1,10 @@
-"""The compiler's front half: it walks a formula's syntax tree with run-time numbers in place of floats.
+"""The compiler's front half: it walks a formula's syntax tree with run-time numbers in place of
+floats.
 
-What Python knows now it does now: constants fold, static loops are written out, branches on static values disappear, methods
-resolve through the class (inheritance, overriding and `super` included) and are inlined.  Only what depends on run-time numbers
-becomes native code.  The same source serves a single body and an ensemble in lanes, and gives every lane the bits of a single run.
+What Python knows now it does now: constants fold, static loops are written out, branches on static
+values disappear, methods resolve through the class (inheritance, overriding and `super` included)
+and are inlined.  Only what depends on run-time numbers becomes native code.  The same source serves
+a single body and an ensemble in lanes, and gives every lane the bits of a single run.
 """
 
 from __future__ import annotations
@@ -50,12 +52,14 @@ from .statements import Statements
 
 DEPTH = 40  # nested calls
 
-_ARITHMETIC = vectors.__name__, series.__name__  # modules of classes whose methods run as they stand
+# modules of classes whose methods run as they stand
+_ARITHMETIC = vectors.__name__, series.__name__
 _OUTSIDE = {vars(builtins)[name] for name in OUTSIDE.split()}
 _PYTHON = {f for f in vars(builtins).values() if callable(f) and f not in _OUTSIDE}
 _READING = (
-    "index count get keys values items copy sum dot min max mean any all astype reshape transpose flatten ravel tolist item "
-    "bit_length conjugate as_integer_ratio is_integer hex join split startswith endswith format upper lower strip"
+    "index count get keys values items copy sum dot min max mean any all astype reshape transpose "
+    "flatten ravel tolist item bit_length conjugate as_integer_ratio is_integer hex join split "
+    "startswith endswith format upper lower strip"
 )
 """Methods of lists, dicts, texts, arrays and numbers that change nothing."""
 
@@ -85,14 +89,21 @@ class Interpreter(Statements):
     # -------------------------------------------------------------- calls
 
     def call(self, function: Any, *args: Any, **options: Any) -> Any:
-        """The value of a call: an intrinsic, a record, a formula to inline, or Python itself on what is known now."""
+        """The value of a call: an intrinsic, a record, a formula to inline, or Python itself on
+        what is known now.
+        """
         if isinstance(function, Record):
             return self.call(self.attribute(function, "__call__"), *args, **options)
         if isinstance(function, types.MethodType):
             return self.call(function.__func__, function.__self__, *args, **options)
         if isinstance(function, Closure):
             self.deeper()
-            frame = Frame(function.frame.source, function.node, function.arguments(args, options), function.frame)
+            frame = Frame(
+                function.frame.source,
+                function.node,
+                function.arguments(args, options),
+                function.frame,
+            )
             return self.enter(frame)
         intrinsic = self.intrinsics.get(function) if isinstance(function, Hashable) else None
         if intrinsic is not None:
@@ -109,7 +120,9 @@ class Interpreter(Statements):
         if function in (Vec, Mat):
             return function(*args, **options)
         if function in (Series, *PAIRS) or getattr(function, "__module__", None) in _ARITHMETIC:
-            if isinstance(function, types.FunctionType) and not function.__qualname__.startswith(("Vec.", "Mat.", "Series.")):
+            if isinstance(function, types.FunctionType) and not function.__qualname__.startswith(
+                ("Vec.", "Mat.", "Series.")
+            ):
                 return self.inline(function, args, options)
             return function(*args, **options)
         if isinstance(function, types.FunctionType):
@@ -122,20 +135,30 @@ class Interpreter(Statements):
     def known(self, function: Any, args: tuple[Any, ...], options: dict[str, Any]) -> Any:
         """A call that Python makes now, of what is known now."""
         name = getattr(function, "__qualname__", repr(function))
-        method = isinstance(function, types.BuiltinMethodType) and not isinstance(function.__self__, types.ModuleType)
-        if not (name.rpartition(".")[2] in _READING.split() if method else function in _PYTHON or _of_numbers(function)):
+        method = isinstance(function, types.BuiltinMethodType) and not isinstance(
+            function.__self__, types.ModuleType
+        )
+        if not (
+            name.rpartition(".")[2] in _READING.split()
+            if method
+            else function in _PYTHON or _of_numbers(function)
+        ):
             raise NotCompilable(f"`{name}` is not known to native code")
         if holds_number([*args, *options.values(), *([function.__self__] if method else [])]):
             raise NotCompilable(f"`{name}` of numbers known only at run time")
         if function is not callable:
-            self.reads.settled(*args, *options.values(), inside=function not in (dict, range, slice))
+            self.reads.settled(
+                *args, *options.values(), inside=function not in (dict, range, slice)
+            )
         return function(*args, **options)
 
     def deeper(self) -> None:
         if len(self.frames) > DEPTH:
             raise NotCompilable("formulas call each other without end")
 
-    def inline(self, function: types.FunctionType, args: tuple[Any, ...], options: dict[str, Any]) -> Any:
+    def inline(
+        self, function: types.FunctionType, args: tuple[Any, ...], options: dict[str, Any]
+    ) -> Any:
         self.deeper()
         source = self.reads.source(function)
         return self.outliner.enter(Frame(source, source.node, _parameters(source, args, options)))
@@ -147,7 +170,9 @@ class Interpreter(Statements):
             if not isinstance(frame.scope, ast.FunctionDef):
                 return self.expression(frame.scope.body, frame.env)  # type: ignore[union-attr]
             if self.block(frame.scope.body, frame.env):
-                frame.returns.append(Open(self.builder.block, {RETURN: None} | frame.captured(frame.env)))
+                frame.returns.append(
+                    Open(self.builder.block, {RETURN: None} | frame.captured(frame.env))
+                )
             if not frame.returns:
                 raise NotCompilable("every way through the formula raises")
             frame.env = {}
@@ -166,7 +191,10 @@ class Interpreter(Statements):
         for f in fields:
             if f.name not in given:
                 if f.default is dataclasses.MISSING or not f.init:
-                    raise NotCompilable(f"{cls.__name__} needs its field {f.name} (derived fields cannot be made by formulas)")
+                    raise NotCompilable(
+                        f"{cls.__name__} needs its field {f.name} (derived "
+                        "fields cannot be made by formulas)"
+                    )
                 given[f.name] = f.default
             if f.name in floats(cls) and is_any_number(given[f.name]):
                 given[f.name] = self.intrinsics[float](given[f.name])
@@ -187,10 +215,16 @@ class Interpreter(Statements):
         return super().where(condition, yes, no)
 
     def named(self, value: Any, name: str, *default: Any) -> Any:
-        return default[0] if default and not self.reads.has(value, name) else self.attribute(value, name)
+        return (
+            default[0]
+            if default and not self.reads.has(value, name)
+            else self.attribute(value, name)
+        )
 
     def attempt(self, function: Any, *args: Any) -> Any:
-        """The value of a call in which formulas may raise; after it, `accepted` tells whether one did."""
+        """The value of a call in which formulas may raise; after it, `accepted` tells whether one
+        did.
+        """
         b, e = self.builder, self.emitter
         if self.failed is None:
             self.failed = e.slot()
@@ -200,11 +234,19 @@ class Interpreter(Statements):
         result = self.call(function, *args)
         escapes, (self.raises, self.marks) = self.escapes.pop(), before
         joined: Env = {}
-        self.join([Open(b.block, {"": result}), *(Open(o.block, {"": self.blank(result)}) for o in escapes)], joined)
+        self.join(
+            [
+                Open(b.block, {"": result}),
+                *(Open(o.block, {"": self.blank(result)}) for o in escapes),
+            ],
+            joined,
+        )
         return joined[""]
 
     def accepted(self, value: Any, shown: Any, layout: Any = None) -> Num:
-        """Did the attempt go through, and is what it shows finite?  A sum is finite only if its terms are."""
+        """Did the attempt go through, and is what it shows finite?  A sum is finite only if its
+        terms are.
+        """
         part = self.call(shown, value)
         total = driver.pairwise_sum(leaves(part, layout_of(part)))
         finite = total - total == 0.0
@@ -215,13 +257,24 @@ class Interpreter(Statements):
 def _parameters(source: Source, args: tuple[Any, ...], options: dict[str, Any]) -> Env:
     """The parameters of a call, by Python's rules."""
     code = source.function.__code__
-    names, special = code.co_varnames[: code.co_argcount], code.co_flags & (inspect.CO_VARARGS | inspect.CO_VARKEYWORDS)
+    names, special = (
+        code.co_varnames[: code.co_argcount],
+        code.co_flags & (inspect.CO_VARARGS | inspect.CO_VARKEYWORDS),
+    )
     if len(args) == len(names) and not options and not special and not code.co_kwonlyargcount:
         return dict(zip(names, args, strict=True))
-    return bound(inspect.signature(source.function, follow_wrapped=False), source.name, args, options)
+    return bound(
+        inspect.signature(source.function, follow_wrapped=False), source.name, args, options
+    )
 
 
 def _of_numbers(function: Any) -> bool:
     """A function of `math` or NumPy, or a type of numbers."""
     home = getattr(function, "__module__", None) or ""
-    return isinstance(function, np.ufunc) or home.partition(".")[0] in ("math", "numpy", "fractions", "decimal", "operator")
+    return isinstance(function, np.ufunc) or home.partition(".")[0] in (
+        "math",
+        "numpy",
+        "fractions",
+        "decimal",
+        "operator",
+    )

@@ -1,8 +1,10 @@
-"""Formulas that run as they stand: in plain Python on small vectors and symbols, and as native code.
+"""Formulas that run as they stand: in plain Python on small vectors and symbols, and as native
+code.
 
-A formula is a method of a record (a frozen dataclass) or a free function, written with the arithmetic of small vectors and the
-elementary functions below.  The compiler inlines everything a driver calls, writes static loops out and emits one native
-function, for one body or for many in SIMD lanes; all of them give the same bits as plain Python.
+A formula is a method of a record (a frozen dataclass) or a free function, written with the
+arithmetic of small vectors and the elementary functions below.  The compiler inlines everything a
+driver calls, writes static loops out and emits one native function, for one body or for many in
+SIMD lanes; all of them give the same bits as plain Python.
 """
 
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -60,7 +62,8 @@ from .vectors import (
     vec,
 )
 
-if TYPE_CHECKING:  # formulas are dynamically typed: floats, symbols and arrays pass through the same source
+# formulas are dynamically typed: floats, symbols and arrays pass through the same source
+if TYPE_CHECKING:
     Vec: TypeAlias = Any
     Mat: TypeAlias = Any
     Element: TypeAlias = Any

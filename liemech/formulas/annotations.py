@@ -1,6 +1,8 @@
-"""What an annotation means: `Vec`, `lm.Vec`, `Optional[Vec]`, `"Vec | None"`, an alias, as a text or as a value, on every Python.
+"""What an annotation means: `Vec`, `lm.Vec`, `Optional[Vec]`, `"Vec | None"`, an alias, as a text
+or as a value, on every Python.
 
-Resolution never fails: a name that cannot be found, because it is defined later or imported for typing only, gives `Unknown`.
+Resolution never fails: a name that cannot be found, because it is defined later or imported for
+typing only, gives `Unknown`.
 """
 
 from __future__ import annotations
@@ -66,15 +68,19 @@ class _Names(Mapping[str, Any]):
 
 def own_annotations(thing: Any) -> Mapping[str, Any]:
     """The annotations written in a class or function itself, none of them evaluated in vain."""
-    if sys.version_info >= (3, 14):  # PEP 649: they are computed when asked for, and a name may not exist yet
+    # PEP 649: they are computed when asked for, and a name may not exist yet
+    if sys.version_info >= (3, 14):
         import annotationlib
 
         return annotationlib.get_annotations(thing, format=annotationlib.Format.FORWARDREF)
-    return vars(thing).get("__annotations__", {}) if isinstance(thing, type) else thing.__annotations__
+    return (
+        vars(thing).get("__annotations__", {}) if isinstance(thing, type) else thing.__annotations__
+    )
 
 
 def members(annotation: Any, *places: Mapping[str, Any]) -> tuple[Any, ...]:
-    """The types that an annotation allows: those of a union, without aliases, quotes, `Annotated` and the like.
+    """The types that an annotation allows: those of a union, without aliases, quotes, `Annotated`
+    and the like.
 
     places : where names are looked for, nearest first.
     """
@@ -103,10 +109,15 @@ def _union(parts: Iterable[Any], places: tuple[Mapping[str, Any], ...]) -> tuple
 
 def _value(annotation: Any, places: tuple[Mapping[str, Any], ...]) -> Any:
     for _ in range(8):  # a quoted text may stand for another
-        text = annotation if isinstance(annotation, str) else getattr(annotation, "__forward_arg__", None)
+        text = (
+            annotation
+            if isinstance(annotation, str)
+            else getattr(annotation, "__forward_arg__", None)
+        )
         if not isinstance(text, str):
             return annotation
-        extra = getattr(annotation, "__extra_names__", None) or {}  # what Python 3.14 knows about a text of its own making
+        # what Python 3.14 knows about a text of its own making
+        extra = getattr(annotation, "__extra_names__", None) or {}
         names = _Names(extra, *places)
         name, *attributes = text.strip().split(".")
         if name.isidentifier() and all(map(str.isidentifier, attributes)):
@@ -132,12 +143,20 @@ def _later(value: Callable[[], Any]) -> Any:
 
 # ------------------------------------------------------------------ of methods
 
-_KINDS = {id(Element): "Element", id(Ambient): "Ambient", id(Mat): "Mat", id(Vec): "Vec", id(float): "float"}
+_KINDS = {
+    id(Element): "Element",
+    id(Ambient): "Ambient",
+    id(Mat): "Mat",
+    id(Vec): "Vec",
+    id(float): "float",
+}
 _WRAPPERS = {id(x) for x in (typing.Optional, typing.Union, Annotated, typing.Final)}
 
 
 def kind_of(annotation: Any, names: Mapping[str, Any]) -> str | None:
-    """Which of `broadcasting.KINDS` the annotation of an argument is, None apart; every class pays for it on import."""
+    """Which of `broadcasting.KINDS` the annotation of an argument is, None apart; every class pays
+    for it on import.
+    """
     if type(annotation) is str:
         if annotation.isidentifier():
             found = names.get(annotation, names)

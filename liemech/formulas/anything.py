@@ -1,6 +1,7 @@
 """A number without a value: what a formula does with it, it does at every point, for it cannot ask.
 
-Beside that it tells of which numbers a result is made, and of what degree it is, if it is a polynomial.
+Beside that it tells of which numbers a result is made, and of what degree it is, if it is a
+polynomial.
 """
 
 from __future__ import annotations
@@ -24,7 +25,8 @@ def _asked(self: Anything, *others: Any) -> Any:
 class Anything(StandIn):
     """Some number, nobody knows which.
 
-    degree : as a polynomial of the numbers that count; 0 for what does not depend on them, infinite for what is no polynomial.
+    degree : as a polynomial of the numbers that count; 0 for what does not depend on them, infinite
+    for what is no polynomial.
     of : the numbers of which it is made.
     """
 
@@ -75,7 +77,10 @@ class Anything(StandIn):
     def _function(self, *others: Any) -> Anything:
         """Some function of this number and others."""
         numbers = [self, *(x for x in others if isinstance(x, Anything))]
-        return Anything(inf if any(x.degree for x in numbers) else 0, frozenset().union(*(x.of for x in numbers)))
+        return Anything(
+            inf if any(x.degree for x in numbers) else 0,
+            frozenset().union(*(x.of for x in numbers)),
+        )
 
     def elementary(self, name: str, *x: Any) -> Any:
         """A function of the number, except `copysign`, which looks at a sign."""
@@ -89,7 +94,9 @@ class Anything(StandIn):
 
 
 def looked_at(formula: Callable[[Vec], Any], degrees: list[int]) -> tuple[Any, str]:
-    """What a formula makes of numbers that count so much, 1 or 0; and why it may do one thing here and another thing there."""
+    """What a formula makes of numbers that count so much, 1 or 0; and why it may do one thing here
+    and another thing there.
+    """
     try:
         return formula(Vec(*[Anything(d, frozenset([i])) for i, d in enumerate(degrees)])), ""
     except (ArithmeticError, AttributeError, ValueError, TypeError) as refusal:
@@ -97,7 +104,9 @@ def looked_at(formula: Callable[[Vec], Any], degrees: list[int]) -> tuple[Any, s
 
 
 def choice(formula: Callable[[Vec], Any], n: int) -> str:
-    """Why a formula of n numbers may do one thing at one point and another thing at another; empty if it cannot."""
+    """Why a formula of n numbers may do one thing at one point and another thing at another; empty
+    if it cannot.
+    """
     return looked_at(formula, [1] * n)[1]
 
 

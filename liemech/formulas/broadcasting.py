@@ -1,8 +1,10 @@
-"""Broadcasting: methods called with arrays run over the leading axes; called with small vectors they are the bare formula.
+"""Broadcasting: methods called with arrays run over the leading axes; called with small vectors
+they are the bare formula.
 
-Every public method of a record passes here.  Arguments are converted and checked by what the method says they are (`Vec`,
-`Element`, `float`, `LieGroup`, `str`, ...); a wrong one is refused with its name, its value and what it must be.  What one formula
-hands to another (small vectors, floats, records) is looked at only by its type.
+Every public method of a record passes here.  Arguments are converted and checked by what the method
+says they are (`Vec`, `Element`, `float`, `LieGroup`, `str`, ...); a wrong one is refused with its
+name, its value and what it must be.  What one formula hands to another (small vectors, floats,
+records) is looked at only by its type.
 """
 
 from __future__ import annotations
@@ -25,13 +27,17 @@ from .numbers import Pair, StandIn
 from .vectors import Mat, Vec, of_floats
 
 MEMBERSHIP = 1e-6
-"""Arrays whose `defect` is larger are no elements with rounding errors but mistakes, and are refused."""
+"""Arrays whose `defect` is larger are no elements with rounding errors but mistakes, and are
+refused.
+"""
 
 AXES = {"float": 0, "Vec": 1, "Mat": 2}
 KINDS = ("Ambient", "Element", "Mat", "Vec", "float")
-"""What an argument can be annotated as.  Of a method and the one it overrides, the earlier of these annotations counts.
+"""What an argument can be annotated as.  Of a method and the one it overrides, the earlier of these
+annotations counts.
 
-An `Element` has as many axes as an element of the group has, and is one; an `Ambient` has only its shape.
+An `Element` has as many axes as an element of the group has, and is one; an `Ambient` has only its
+shape.
 """
 
 _records: dict[str, type[Broadcasting]] = {}
@@ -49,7 +55,11 @@ class Broadcasting:
                 kinds = _kinds(cls, name, member)
                 classes = _classes(cls, name, member)
                 if kinds or next(iter(classes.values()), "Any") != "Any":
-                    setattr(cls, name, _broadcasting(Signature(name, bare(member), dict(kinds or {}), classes)))
+                    setattr(
+                        cls,
+                        name,
+                        _broadcasting(Signature(name, bare(member), dict(kinds or {}), classes)),
+                    )
 
     @classmethod
     def _wanted(cls, owner: Any) -> str:
@@ -57,7 +67,9 @@ class Broadcasting:
         return f"be a {cls.__name__}"
 
     def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
-        """The shape that an array argument of this kind must have; None if any will do.  Subclasses know."""
+        """The shape that an array argument of this kind must have; None if any will do.  Subclasses
+        know.
+        """
         return None
 
     @property
@@ -66,7 +78,9 @@ class Broadcasting:
         return False
 
     def _in_numpy(self, method: str, arguments: dict[str, Any]) -> Any:
-        """A method on whole arrays, batch axis first, for owners that are large; None: use the formula."""
+        """A method on whole arrays, batch axis first, for owners that are large; None: use the
+        formula.
+        """
         return None
 
     def _complex(self, kind: str) -> bool:
@@ -74,20 +88,26 @@ class Broadcasting:
         return False
 
     def _objection(self, argument: str, value: Any) -> str | None:
-        """What is wrong with the value of an argument, an array or an option; None if nothing is.  Subclasses know."""
+        """What is wrong with the value of an argument, an array or an option; None if nothing is.
+        Subclasses know.
+        """
         return None
 
     def _explain(self, arguments: dict[str, Any]) -> None:
-        """Raise why the owner cannot serve these arguments, if that is why a formula failed.  Subclasses know."""
+        """Raise why the owner cannot serve these arguments, if that is why a formula failed.
+        Subclasses know.
+        """
 
 
 # ------------------------------------------------------------------ arrays
 
 
 def real_array(value: Any, name: str, or_complex: bool = False) -> np.ndarray:
-    """`value` as a float64 array, or a clear refusal: complex, object, string and ragged input is not guessed at.
+    """`value` as a float64 array, or a clear refusal: complex, object, string and ragged input is
+    not guessed at.
 
-    What has `as_matrix`, like SciPy's rotations, is asked for it.  With `or_complex` the array is complex128.
+    What has `as_matrix`, like SciPy's rotations, is asked for it.  With `or_complex` the array is
+    complex128.
     """
     if isinstance(value, np.ma.MaskedArray) and np.ma.is_masked(value):
         raise InvalidInput(f"{name} has masked entries; fill or drop them first")
@@ -101,7 +121,9 @@ def real_array(value: Any, name: str, or_complex: bool = False) -> np.ndarray:
         return array
     if array.dtype.kind not in ("iufc" if or_complex else "iuf"):
         kind = "complex" if or_complex else "real"
-        raise InvalidType(f"{name} must be {kind} numbers; got dtype {array.dtype} from {shown(value)}")
+        raise InvalidType(
+            f"{name} must be {kind} numbers; got dtype {array.dtype} from {shown(value)}"
+        )
     with np.errstate(over="ignore"):  # of long doubles; what becomes infinite is refused as that
         return array.astype(np.complex128 if or_complex else np.float64, copy=False)
 
@@ -110,25 +132,37 @@ _DOUBLE = np.dtype(float)
 
 
 def at_a_glance(value: Any, shape: tuple[int, ...]) -> Any:
-    """A list of numbers, or an array, as a `Vec` or `Mat` if it obviously has this shape and finite entries.
+    """A list of numbers, or an array, as a `Vec` or `Mat` if it obviously has this shape and finite
+    entries.
 
     None: it is something else, or something that only `real_array` and `check_finite` can judge.
     """
     kind = type(value)
     if kind is np.ndarray:
-        return of_floats(value) if value.dtype is _DOUBLE and value.shape == shape and len(shape) in (1, 2) else None
+        return (
+            of_floats(value)
+            if value.dtype is _DOUBLE and value.shape == shape and len(shape) in (1, 2)
+            else None
+        )
     if kind not in _SEQUENCES or (len(value),) != shape:
         return None
     if not _FLOAT.issuperset(map(type, value)):
         whole = [x for x in value if type(x) is int]
-        if not _REAL.issuperset(map(type, value)) or not -(2**53) < min(whole) <= max(whole) < 2**53:
+        if (
+            not _REAL.issuperset(map(type, value))
+            or not -(2**53) < min(whole) <= max(whole) < 2**53
+        ):
             return None
         value = map(float, value)
     made = tuple.__new__(Vec, value)
     return made if all(map(math.isfinite, made)) else None
 
 
-_SEQUENCES, _FLOAT, _REAL = frozenset([list, tuple, Vec]), frozenset([float]), frozenset([float, int])
+_SEQUENCES, _FLOAT, _REAL = (
+    frozenset([list, tuple, Vec]),
+    frozenset([float]),
+    frozenset([float, int]),
+)
 
 
 def check_finite(array: np.ndarray, name: str) -> None:
@@ -138,7 +172,9 @@ def check_finite(array: np.ndarray, name: str) -> None:
     bad = np.argwhere(~np.isfinite(array))
     if len(bad):
         at = tuple(map(int, bad[0]))
-        raise InvalidInput(f"{name}{list(at) if at else ''} is {array[at]}; every entry must be finite")
+        raise InvalidInput(
+            f"{name}{list(at) if at else ''} is {array[at]}; every entry must be finite"
+        )
 
 
 def shown(value: Any) -> str:
@@ -150,7 +186,8 @@ def shown(value: Any) -> str:
     return text if len(text) <= 60 else text[:57] + "..."
 
 
-# ------------------------------------------------------------------ what a method says of its arguments
+# ------------------------------------------------------------------ what a method says of its
+# arguments
 
 
 def _kinds(cls: type, name: str, method: Callable[..., Any]) -> dict[str, str] | None:
@@ -161,8 +198,12 @@ def _kinds(cls: type, name: str, method: Callable[..., Any]) -> dict[str, str] |
         if known is not None:
             annotations = own_annotations(known)
             for argument, other in zip(_arguments(method), _arguments(known), strict=False):
-                kind = kind_of(annotations[other], known.__globals__) if other in annotations else None
-                if kind is not None and KINDS.index(kind) < KINDS.index(kinds.get(argument, "float")):
+                kind = (
+                    kind_of(annotations[other], known.__globals__) if other in annotations else None
+                )
+                if kind is not None and KINDS.index(kind) < KINDS.index(
+                    kinds.get(argument, "float")
+                ):
                     kinds[argument] = kind
                 elif kind == "float":
                     kinds.setdefault(argument, kind)
@@ -170,11 +211,16 @@ def _kinds(cls: type, name: str, method: Callable[..., Any]) -> dict[str, str] |
 
 
 def _classes(cls: type, name: str, method: Callable[..., Any]) -> dict[str, str]:
-    """The annotations of a method's arguments as text; where they say nothing, of the method that it overrides."""
+    """The annotations of a method's arguments as text; where they say nothing, of the method that
+    it overrides.
+    """
     found: dict[str, str] = {}
     for base in cls.__mro__:
         known = bare(vars(base)[name]) if inspect.isfunction(vars(base).get(name)) else None
-        if known is not None and known.__code__.co_flags & (inspect.CO_VARARGS | inspect.CO_VARKEYWORDS) == 0:
+        if (
+            known is not None
+            and known.__code__.co_flags & (inspect.CO_VARARGS | inspect.CO_VARKEYWORDS) == 0
+        ):
             for argument, other in zip(_arguments(method), _arguments(known), strict=False):
                 text = _class_text(known.__annotations__.get(other, ""))
                 if text and found.get(argument, "Any") == "Any":
@@ -184,12 +230,18 @@ def _classes(cls: type, name: str, method: Callable[..., Any]) -> dict[str, str]
 
 def _class_text(annotation: Any) -> str:
     """An annotation without modules and brackets: "Generator | int | None", "int | tuple"."""
-    text = annotation if isinstance(annotation, str) else getattr(annotation, "__name__", str(annotation))
+    text = (
+        annotation
+        if isinstance(annotation, str)
+        else getattr(annotation, "__name__", str(annotation))
+    )
     return re.sub(r"\w+\.|\[.*?\]", "", text)
 
 
 def _arguments(method: Callable[..., Any]) -> tuple[str, ...]:
-    """The names of the arguments after `self`; much quicker than `inspect.signature`, and every class pays for it on import."""
+    """The names of the arguments after `self`; much quicker than `inspect.signature`, and every
+    class pays for it on import.
+    """
     code = method.__code__
     return code.co_varnames[1 : code.co_argcount]
 
@@ -199,7 +251,9 @@ def _arguments(method: Callable[..., Any]) -> tuple[str, ...]:
 
 @dataclasses.dataclass(frozen=True)
 class Signature:
-    """A method and what it says of its arguments: the kinds of numbers, and the classes of everything else."""
+    """A method and what it says of its arguments: the kinds of numbers, and the classes of
+    everything else.
+    """
 
     name: str
     formula: Callable[..., Any]
@@ -222,7 +276,9 @@ class Signature:
 
     @functools.cached_property
     def trusted(self) -> tuple[set[type] | None, ...]:
-        """The types that pass unseen, for each argument: those that one formula hands to another.  None: all of them."""
+        """The types that pass unseen, for each argument: those that one formula hands to another.
+        None: all of them.
+        """
         return tuple(map(self._trusted, self.names))
 
     def _trusted(self, name: str) -> set[type] | None:
@@ -231,8 +287,16 @@ class Signature:
         if kind != "float":
             return ({Vec} if kind == "Vec" else {Mat} if kind == "Mat" else {Vec, Mat}) | none
         text = self.classes.get(name, "").removesuffix(" | None")
-        passing: dict[str, set[type]] = {"float": {float} if self.kinds else set(), "int": {int}, "bool": {bool}}
-        return passing.get(text, set()) | none if text in (*passing, *_OPTIONS, *_ARRAYS, *_records) else None
+        passing: dict[str, set[type]] = {
+            "float": {float} if self.kinds else set(),
+            "int": {int},
+            "bool": {bool},
+        }
+        return (
+            passing.get(text, set()) | none
+            if text in (*passing, *_OPTIONS, *_ARRAYS, *_records)
+            else None
+        )
 
     def bound(self, args: tuple[Any, ...], options: dict[str, Any]) -> dict[str, Any] | None:
         """The arguments by name; None if their number is wrong, which Python says best."""
@@ -243,11 +307,15 @@ class Signature:
 
     def optional(self, name: str) -> bool:
         """May the argument be None?"""
-        return self.defaults.get(name, 0) is None or "None" in self.classes.get(name, "").split(" | ")
+        return self.defaults.get(name, 0) is None or "None" in self.classes.get(name, "").split(
+            " | "
+        )
 
 
 def _broadcasting(signature: Signature) -> Callable[..., Any]:
-    """The formula, its arguments checked: arrays are broadcast, small vectors pass straight through."""
+    """The formula, its arguments checked: arrays are broadcast, small vectors pass straight
+    through.
+    """
     formula = signature.formula
 
     @functools.wraps(formula)
@@ -275,17 +343,24 @@ def bare(method: Any) -> Any:
 # ------------------------------------------------------------------ arguments
 
 
-def _checked(signature: Signature, owner: Any, args: tuple[Any, ...], options: dict[str, Any]) -> Any:
+def _checked(
+    signature: Signature, owner: Any, args: tuple[Any, ...], options: dict[str, Any]
+) -> Any:
     """The method with every argument converted and checked."""
     formula, arguments = signature.formula, signature.bound(args, options)
     if arguments is None:
-        return formula(owner, *args, **options)  # a TypeError of Python's own: the number of arguments, or their names
+        # a TypeError of Python's own: the number of arguments, or their names
+        return formula(owner, *args, **options)
     where = f"{type(owner).__name__}.{signature.name}"
     for name, value in arguments.items():
         if name not in signature.kinds:  # a float too, where there is no vector beside it
             arguments[name] = _option(signature, owner, where, name, value)
     space = arguments.get("group", arguments.get("action", owner))  # who knows the shapes
-    absent = [name for name in signature.kinds if arguments.get(name, 0) is None and signature.optional(name)]
+    absent = [
+        name
+        for name in signature.kinds
+        if arguments.get(name, 0) is None and signature.optional(name)
+    ]
     numbers = [name for name in arguments if name in signature.kinds and name not in absent]
     for name, value in arguments.items():
         if signature.classes.get(name) in _ARRAYS:
@@ -310,7 +385,9 @@ def _option(signature: Signature, owner: Any, where: str, name: str, value: Any)
         return value
     if text in _records:
         if not any(base.__name__ == text for base in type(value).__mro__):
-            raise InvalidType(f"{where}: {name} must {_records[text]._wanted(owner)}; got {shown(value)}")
+            raise InvalidType(
+                f"{where}: {name} must {_records[text]._wanted(owner)}; got {shown(value)}"
+            )
         trusted = signature.trusted[signature.names.index(name)]
         if trusted is not None:
             trusted.add(type(value))
@@ -365,25 +442,48 @@ _OPTIONS: dict[str, tuple[str, Callable[[Any], Any]]] = {
     "int": ("a whole number", _whole),
     "bool": ("True or False", _truth),
     "dict": ("a dict", _mapping),
-    "Generator | int": ("a seed, a whole number from 0 on, or a numpy.random.Generator", _generator),
-    "int | tuple": ("a whole number from 0 on, or several as a tuple, below 2**31 altogether", _axes),
+    "Generator | int": (
+        "a seed, a whole number from 0 on, or a numpy.random.Generator",
+        _generator,
+    ),
+    "int | tuple": (
+        "a whole number from 0 on, or several as a tuple, below 2**31 altogether",
+        _axes,
+    ),
 }
 """What other arguments must be, and what makes them so, by annotation."""
 
 
 _ARRAYS = ("ndarray", "ArrayLike")
-"""What a method annotates that takes arrays itself: one, shaped like an element, or elements with any leading axes."""
+"""What a method annotates that takes arrays itself: one, shaped like an element, or elements with
+any leading axes.
+"""
 
 
 def _whole_array(signature: Signature, space: Any, where: str, name: str, value: Any) -> np.ndarray:
     """An argument of a method that takes arrays itself."""
-    array, shape = real_array(value, f"{where}: {name}", space._complex("Element")), space._shape(name, "Element")
+    array, shape = (
+        real_array(value, f"{where}: {name}", space._complex("Element")),
+        space._shape(name, "Element"),
+    )
     many = signature.classes[name] == "ArrayLike"
     leading = array.shape[: max(array.ndim - len(shape), 0)] if many else ()
     if array.shape != leading + shape:
-        raise InvalidInput(f"{where}: {name} has shape {array.shape}; it{'s last axes' if many else ''} must be {shape}")
+        raise InvalidInput(
+            f"{where}: {name} has shape {array.shape}; "
+            f"it{'s last axes' if many else ''} must be {shape}"
+        )
     if many:
-        rows = Batch(signature.formula, None, {name: _flattened(array, leading, shape)}, {}, (name,), space, where, leading)
+        rows = Batch(
+            signature.formula,
+            None,
+            {name: _flattened(array, leading, shape)},
+            {},
+            (name,),
+            space,
+            where,
+            leading,
+        )
         for i in range(len(rows)):
             rows.check(i)
     return array
@@ -395,7 +495,12 @@ def _is_small(value: Any, kind: str) -> bool:
         return isinstance(value, (Vec, Mat))
     if isinstance(value, (int, float, np.integer, np.floating)):
         return not isinstance(value, bool)
-    return isinstance(value, (StandIn, Pair)) or hasattr(value, "elementary") or hasattr(value, "free_symbols")  # series, symbols
+    # series, symbols
+    return (
+        isinstance(value, (StandIn, Pair))
+        or hasattr(value, "elementary")
+        or hasattr(value, "free_symbols")
+    )
 
 
 def _number(where: str, name: str, value: Any) -> Any:
@@ -411,7 +516,9 @@ def _number(where: str, name: str, value: Any) -> Any:
     return number
 
 
-def _small(signature: Signature, owner: Any, space: Any, where: str, arguments: dict[str, Any]) -> Any:
+def _small(
+    signature: Signature, owner: Any, space: Any, where: str, arguments: dict[str, Any]
+) -> Any:
     """The formula on small vectors, the shapes known to be right."""
     _check_shapes(signature, space, where, arguments)
     try:
@@ -422,17 +529,24 @@ def _small(signature: Signature, owner: Any, space: Any, where: str, arguments: 
     except KeyError as error:
         for name, value in arguments.items():
             if isinstance(value, dict) and error.args[0] not in value:
-                raise InvalidInput(f"{where}: {name} has no {error.args[0]!r}; got {shown(value)}") from error
+                raise InvalidInput(
+                    f"{where}: {name} has no {error.args[0]!r}; got {shown(value)}"
+                ) from error
         raise
 
 
 def _blame(signature: Signature, owner: Any, args: tuple[Any, ...], error: Exception) -> None:
-    """Raise what is wrong with small vectors for which a formula failed; return if it is not their shape."""
+    """Raise what is wrong with small vectors for which a formula failed; return if it is not their
+    shape.
+    """
     arguments = signature.bound(args, {})
     if arguments is not None:
         if isinstance(error, AttributeError):
             owner._explain(arguments)
-        space, where = arguments.get("group", arguments.get("action", owner)), f"{type(owner).__name__}.{signature.name}"
+        space, where = (
+            arguments.get("group", arguments.get("action", owner)),
+            f"{type(owner).__name__}.{signature.name}",
+        )
         try:
             _check_shapes(signature, space, where, arguments)
             for name, value in arguments.items():
@@ -453,7 +567,12 @@ def _check_shapes(signature: Signature, space: Any, where: str, arguments: dict[
 
 
 def _broadcast(
-    signature: Signature, owner: Any, space: Any, where: str, arguments: dict[str, Any], numbers: list[str]
+    signature: Signature,
+    owner: Any,
+    space: Any,
+    where: str,
+    arguments: dict[str, Any],
+    numbers: list[str],
 ) -> Any:
     """The formula on arrays: shapes, numbers and membership are checked, leading axes broadcast."""
     kinds = signature.kinds
@@ -466,8 +585,13 @@ def _broadcast(
         axes = AXES.get(kind, 0) if shape is None else len(shape)
         core = array.shape[array.ndim - axes :] if axes else ()
         if array.ndim < axes or (shape is not None and core != shape):
-            expected, got = shape if shape is not None else ("n",) * axes, "" if array.ndim else f"; got {shown(value)}"
-            raise InvalidInput(f"{where}: {name} has shape {array.shape}; its last axes must be {expected}{got}")
+            expected, got = (
+                shape if shape is not None else ("n",) * axes,
+                "" if array.ndim else f"; got {shown(value)}",
+            )
+            raise InvalidInput(
+                f"{where}: {name} has shape {array.shape}; its last axes must be {expected}{got}"
+            )
         arrays[name], lead[name] = array, array.shape[: array.ndim - axes]
     try:
         leading = np.broadcast_shapes(*lead.values())
@@ -522,7 +646,9 @@ class Batch:
         return _who_knows_elements(self.space)
 
     def row(self, i: int) -> Any:
-        """The formula for row i in plain Python.  Raises what is wrong with its arguments, and what the formula raises."""
+        """The formula for row i in plain Python.  Raises what is wrong with its arguments, and what
+        the formula raises.
+        """
         self.check(i)
         try:
             return self.formula(self.owner, **row_of(self.arrays, i), **self.rest)
@@ -530,17 +656,23 @@ class Batch:
             self.owner._explain(self.rest)
             raise
         except (ZeroDivisionError, OverflowError) as error:
-            raise InvalidInput(f"{self.where} has no finite value at {self.at(i)}: {error}") from error
+            raise InvalidInput(
+                f"{self.where} has no finite value at {self.at(i)}: {error}"
+            ) from error
 
     def check(self, i: int) -> None:
-        """Refuse a row with numbers that are not finite, or with an array that is no element of the group."""
+        """Refuse a row with numbers that are not finite, or with an array that is no element of the
+        group.
+        """
         for name, array in self.arrays.items():
             if not np.isfinite(array[i]).all():
                 at = list(map(int, np.unravel_index(i, self.leading))) if array.strides[0] else []
                 where = np.argwhere(~np.isfinite(array[i]))[0]
                 entry = [*at, *map(int, where)]
                 value = array[i][tuple(where)]
-                raise InvalidInput(f"{self.where}: {name}{entry or ''} is {value}; every entry must be finite")
+                raise InvalidInput(
+                    f"{self.where}: {name}{entry or ''} is {value}; every entry must be finite"
+                )
         for name in self.elements:
             array = self.arrays[name]
             if (array.strides[0] or not i) and not _is_element(self.group, array[i]):
@@ -577,7 +709,9 @@ def in_python(batch: Batch) -> Any:
 
 
 evaluate_rows: Callable[[Batch], Any] = in_python
-"""How the rows of a batch are evaluated.  The package, which knows the compiler too, puts another evaluator here."""
+"""How the rows of a batch are evaluated.  The package, which knows the compiler too, puts another
+evaluator here.
+"""
 
 
 def row_of(arrays: dict[str, np.ndarray], i: int) -> dict[str, Any]:
@@ -630,7 +764,9 @@ def _none_of(one: Any) -> Any:
 
 
 def _flattened(array: np.ndarray, leading: tuple[int, ...], core: tuple[int, ...]) -> np.ndarray:
-    """The leading axes as one; an array that is the same for all rows is not copied: its stride is zero."""
+    """The leading axes as one; an array that is the same for all rows is not copied: its stride is
+    zero.
+    """
     if math.prod(array.shape) == math.prod(core) and math.prod(leading) != 1:
         return np.broadcast_to(array.reshape(core), (math.prod(leading), *core))
     return np.broadcast_to(array, leading + core).reshape(math.prod(leading), *core)
@@ -644,7 +780,9 @@ def _unflattened(result: Any, leading: tuple[int, ...]) -> Any:
 
 
 def _stacked(results: Sequence[Any], where: str) -> Any:
-    """The values of a formula as arrays, the batch axis first; tuples of values as tuples of arrays."""
+    """The values of a formula as arrays, the batch axis first; tuples of values as tuples of
+    arrays.
+    """
     first = results[0]
     if isinstance(first, tuple) and not isinstance(first, Vec):
         return tuple(_stacked(list(part), where) for part in zip(*results, strict=True))
@@ -652,7 +790,10 @@ def _stacked(results: Sequence[Any], where: str) -> Any:
         return np.array(results)
     for one in results:
         if not isinstance(one, (float, int, Complex, Vec, Mat, np.ndarray, np.number)):
-            raise InvalidType(f"{where} gave {shown(one)}; a formula gives numbers, vectors, matrices or tuples of these")
+            raise InvalidType(
+                f"{where} gave {shown(one)}; a formula gives numbers, "
+                "vectors, matrices or tuples of these"
+            )
     try:
         return np.array(results, dtype=float)
     except TypeError:  # complex entries among them

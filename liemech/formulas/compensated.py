@@ -1,10 +1,13 @@
-"""Compensated sums: numbers that remember what rounding took from them, so that many small increments add up.
+"""Compensated sums: numbers that remember what rounding took from them, so that many small
+increments add up.
 
     s = value + rest,   s + x: value' = fl(value + fl(x + rest)),  rest' = fl(x + rest) - (value' - value)
 
-Only sums remember.  Whatever else is done with such a number is done with its value and gives an ordinary number.
+Only sums remember.  Whatever else is done with such a number is done with its value and gives an
+ordinary number.
 
-Source: Kahan, Comm. ACM 8 (1965), 40; Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VIII.5.
+Source: Kahan, Comm. ACM 8 (1965), 40; Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd
+ed., VIII.5.
 """
 
 from __future__ import annotations
@@ -32,7 +35,11 @@ class Compensated(ByValue):
     def __add__(self, other: Any) -> Any:
         if not _is_operand(other):
             return NotImplemented
-        increment = other.value + (self.rest + other.rest) if isinstance(other, Compensated) else other + self.rest
+        increment = (
+            other.value + (self.rest + other.rest)
+            if isinstance(other, Compensated)
+            else other + self.rest
+        )
         total = self.value + increment
         return Compensated(total, increment - (total - self.value))
 

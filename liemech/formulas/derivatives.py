@@ -1,9 +1,11 @@
-"""Derivatives of formulas, which may themselves take derivatives: of each, the numbers on the move have a level of their own.
+"""Derivatives of formulas, which may themselves take derivatives: of each, the numbers on the move
+have a level of their own.
 
     f(x + e d) = f(x) + e f'(x) d,   e^2 = 0
 
-Source: Griewank and Walther, Evaluating Derivatives, 2nd ed., chapter 3; Siskind and Pearlmutter, Perturbation confusion and
-referential transparency, IFL 2005 (why the e of two derivatives must differ).
+Source: Griewank and Walther, Evaluating Derivatives, 2nd ed., chapter 3; Siskind and Pearlmutter,
+Perturbation confusion and referential transparency, IFL 2005 (why the e of two derivatives must
+differ).
 """
 
 from __future__ import annotations
@@ -23,9 +25,11 @@ from .vectors import Mat, Vec, mat, transpose, vec
 
 
 def derivative(formula: Callable[[Any], Any], x: Any, direction: Any = 1.0) -> Any:
-    """f'(x) d: the derivative of a formula of a vector, a number or a matrix, along a direction of the same shape.
+    """f'(x) d: the derivative of a formula of a vector, a number or a matrix, along a direction of
+    the same shape.
 
-    The formula may return a number, a vector, a matrix, a record, or a tuple of these.  Its branches are those it takes at x.
+    The formula may return a number, a vector, a matrix, a record, or a tuple of these.  Its
+    branches are those it takes at x.
     |x| has the slope 1 at zero, x^0 the slope 0.  Raises InvalidType if the shapes of x and the direction differ.
     """
     return tangent(formula, x, direction)[1]
@@ -42,7 +46,9 @@ def jacobian(formula: Callable[[Any], Any], x: Any) -> Mat:
 
 
 def tangent(formula: Callable[[Any], Any], x: Any, direction: Any) -> tuple[Any, Any]:
-    """f(x) and f'(x) d.  Inside, the depth of derivatives is one more; the compiler runs this as it stands, as of `formula`."""
+    """f(x) and f'(x) d.  Inside, the depth of derivatives is one more; the compiler runs this as it
+    stands, as of `formula`.
+    """
     level = DEPTH.get() + 1
     before = DEPTH.set(level)
     try:
@@ -55,30 +61,53 @@ def tangent(formula: Callable[[Any], Any], x: Any, direction: Any) -> tuple[Any,
 def axes(x: Any) -> list[list[Any]]:
     """The unit vectors of the space of x; an integer 0 says that a component rests."""
     if not isinstance(x, (Vec, tuple, list, np.ndarray)):
-        raise InvalidType(f"x must be a vector; got {type(x).__name__} (of a number: `derivative(f, x)`)")
+        raise InvalidType(
+            f"x must be a vector; got {type(x).__name__} (of a number: `derivative(f, x)`)"
+        )
     return [[1.0 if i == j else 0 for i in range(len(x))] for j in range(len(x))]
 
 
 def _moving(x: Any, direction: Any, level: int) -> Any:
     """x + e d."""
-    if type(x) is float and (type(direction) is float or (type(direction) is int and not direction)):
+    if type(x) is float and (
+        type(direction) is float or (type(direction) is int and not direction)
+    ):
         return Dual(x, direction, level)
     if (isinstance(x, np.ndarray) and x.ndim) or isinstance(x, (tuple, list, Mat)):
         if not isinstance(direction, (tuple, list, Mat, np.ndarray)) or len(direction) != len(x):
-            size = f"{len(direction)} components" if hasattr(direction, "__len__") else f"{direction!r}"
-            raise InvalidType(f"the direction of a derivative at a vector of {len(x)} components has as many; got {size}")
+            size = (
+                f"{len(direction)} components"
+                if hasattr(direction, "__len__")
+                else f"{direction!r}"
+            )
+            raise InvalidType(
+                "the direction of a derivative at a vector of "
+                f"{len(x)} components has as many; got {size}"
+            )
         parts = [_moving(a, d, level) for a, d in zip(x, direction)]
         return mat(*parts) if parts and isinstance(parts[0], Vec) else vec(*parts)
     if isinstance(direction, (tuple, list, Mat, np.ndarray)):
-        raise InvalidType(f"the direction of a derivative at a number is a number; got {direction!r}")
+        raise InvalidType(
+            f"the direction of a derivative at a number is a number; got {direction!r}"
+        )
     if isinstance(x, (complex, Complex)) or isinstance(direction, (complex, Complex)):
         (a, b), (u, v) = _re_im(x), _re_im(direction)
         return Complex(_moving(a, u, level), _moving(b, v, level))
-    return Dual(_float(x), direction if type(direction) is int and not direction else _float(direction), level)
+    return Dual(
+        _float(x),
+        direction if type(direction) is int and not direction else _float(direction),
+        level,
+    )
 
 
 def _re_im(x: Any) -> tuple[Any, Any]:
-    return x.parts if isinstance(x, Complex) else (x.real, x.imag) if isinstance(x, complex) else (x, 0.0)
+    return (
+        x.parts
+        if isinstance(x, Complex)
+        else (x.real, x.imag)
+        if isinstance(x, complex)
+        else (x, 0.0)
+    )
 
 
 def _float(x: Any) -> Any:
@@ -87,7 +116,9 @@ def _float(x: Any) -> Any:
 
 
 def _split(value: Any, level: float) -> tuple[Any, Any]:
-    """What a number, a vector, ... is, and the slope that it has at this level; what is no number has none and stays."""
+    """What a number, a vector, ... is, and the slope that it has at this level; what is no number
+    has none and stays.
+    """
     if isinstance(value, Dual):
         if value.level == level:
             return value.value, _signless(value.slope)
@@ -100,22 +131,36 @@ def _split(value: Any, level: float) -> tuple[Any, Any]:
     if isinstance(value, np.ndarray):
         return _split(Mat.of(value.tolist()) if value.ndim == 2 else Vec.of(value.tolist()), level)
     if isinstance(value, (tuple, list, Mat, Complex)):
-        pairs = [_split(item, level) for item in (value.parts if isinstance(value, Complex) else value)]
+        pairs = [
+            _split(item, level) for item in (value.parts if isinstance(value, Complex) else value)
+        ]
         a, b = zip(*pairs) if pairs else ((), ())
-        return (type(value)(a), type(value)(b)) if type(value) in (tuple, list) else (type(value)(*a), type(value)(*b))
+        return (
+            (type(value)(a), type(value)(b))
+            if type(value) in (tuple, list)
+            else (type(value)(*a), type(value)(*b))
+        )
     if isinstance(value, Record):
         fields = fields_of(value)
-        made = {name: (x, x) if isinstance(x, int) else _split(x, level) for name, x in fields.items()}
+        made = {
+            name: (x, x) if isinstance(x, int) else _split(x, level) for name, x in fields.items()
+        }
         return tuple([fill(type(value), {n: pair[i] for n, pair in made.items()}) for i in (0, 1)])
     if value is None or isinstance(value, str):
         return value, value
-    if hasattr(value, "elementary") or hasattr(value, "free_symbols"):  # run-time numbers, series, symbols
+    # run-time numbers, series, symbols
+    if hasattr(value, "elementary") or hasattr(value, "free_symbols"):
         return value, 0.0
-    raise InvalidType(f"a formula to be differentiated returns numbers, vectors, matrices or records; got {type(value).__name__}")
+    raise InvalidType(
+        "a formula to be differentiated returns numbers, vectors, "
+        f"matrices or records; got {type(value).__name__}"
+    )
 
 
 def _signless(slope: Any) -> Any:
-    """A slope without the sign of zero, which would tell whether something rests or moves with slope zero."""
+    """A slope without the sign of zero, which would tell whether something rests or moves with
+    slope zero.
+    """
     if type(slope) is int:
         return 0.0
     if type(slope) is float:

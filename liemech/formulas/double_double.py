@@ -1,12 +1,15 @@
-"""Numbers of two doubles, 32 digits: a formula evaluated with them rounds at 2^-104 instead of 2^-53.
+"""Numbers of two doubles, 32 digits: a formula evaluated with them rounds at 2^-104 instead of
+2^-53.
 
     x = value + low,   |low| at most half a unit in the last place of the value
 
-Products and quotients are rounded to a few 2^-106, sums to that of |a| + |b|.  They are made of ordinary operations and of fused
-multiplications, and so have the same bits in plain Python and in native code.  No operation here branches.
+Products and quotients are rounded to a few 2^-106, sums to that of |a| + |b|.  They are made of
+ordinary operations and of fused multiplications, and so have the same bits in plain Python and in
+native code.  No operation here branches.
 
-Source: Joldes, Muller, Popescu, Tight and rigorous error bounds for basic building blocks of double-word arithmetic,
-ACM Trans. Math. Softw. 44 (2017), algorithms 4, 5, 9, 12, 15, 17; Dekker, Numer. Math. 18 (1971), 224.
+Source: Joldes, Muller, Popescu, Tight and rigorous error bounds for basic building blocks of
+double-word arithmetic, ACM Trans. Math. Softw. 44 (2017), algorithms 4, 5, 9, 12, 15, 17; Dekker,
+Numer. Math. 18 (1971), 224.
 """
 
 from __future__ import annotations
@@ -19,7 +22,9 @@ from .numbers import INTEGER_POWER, ByValue, StandIn, whole_power
 
 
 class DoubleDouble(ByValue):
-    """value + low, a number of 32 digits.  Comparisons look at the value, which is the number rounded to a double."""
+    """value + low, a number of 32 digits.  Comparisons look at the value, which is the number
+    rounded to a double.
+    """
 
     __slots__ = ("low", "value")
     level = 0
@@ -72,21 +77,28 @@ class DoubleDouble(ByValue):
             return NotImplemented
         high = self.value / other  # algorithm 15
         product, error = two_product(high, 1.0 * other)
-        return DoubleDouble(*fast_two_sum(high, (((self.value - product) - error) + self.low) / other))
+        return DoubleDouble(
+            *fast_two_sum(high, (((self.value - product) - error) + self.low) / other)
+        )
 
     def __rtruediv__(self, other: Any) -> Any:
         return DoubleDouble(1.0 * other) / self if _is_operand(other) else NotImplemented
 
     def __pow__(self, n: Any) -> Any:
-        """An int as exponent makes products, where they are few; any other exponent is one of exp(n log x)."""
+        """An int as exponent makes products, where they are few; any other exponent is one of
+        exp(n log x).
+        """
         if isinstance(n, int) and abs(n) <= INTEGER_POWER:
             power = whole_power(self, abs(n)) if n else DoubleDouble(self.value**0, 0.0 * self.low)
             return power if n >= 0 else 1.0 / power
         if not _is_operand(n):
             return NotImplemented
-        ordinary = f.pow(self.value, rounded_number(1.0 * n))  # has the sign, and knows what there is at zero and below
+        # has the sign, and knows what there is at zero and below
+        ordinary = f.pow(self.value, rounded_number(1.0 * n))
         zero = 1.0 * (self.value == 0.0)
-        return (f.copysign(1.0, ordinary) * (1.0 - zero)) * _exp(n * _log(abs(self) + zero)) + zero * ordinary
+        return (f.copysign(1.0, ordinary) * (1.0 - zero)) * _exp(
+            n * _log(abs(self) + zero)
+        ) + zero * ordinary
 
     def __rpow__(self, base: Any) -> Any:
         return DoubleDouble(1.0 * base) ** self if _is_operand(base) else NotImplemented
@@ -102,7 +114,8 @@ class DoubleDouble(ByValue):
 
     def __float__(self) -> float:
         raise TypeError(
-            "a number of two doubles cannot become a float: take functions from liemech.formulas (sin, exp, ...), not from math"
+            "a number of two doubles cannot become a float: take functions from liemech.formulas "
+            "(sin, exp, ...), not from math"
         )
 
     def __repr__(self) -> str:
@@ -125,7 +138,9 @@ def rounded_number(x: Any) -> Any:
 
 
 def two_sum(a: Any, b: Any) -> tuple[Any, Any]:
-    """fl(a + b), and what rounding took from it, exactly.  Source: Knuth, The Art of Computer Programming 2, 4.2.2."""
+    """fl(a + b), and what rounding took from it, exactly.  Source: Knuth, The Art of Computer
+    Programming 2, 4.2.2.
+    """
     total = a + b
     added = total - a
     return total, (a - (total - added)) + (b - added)
@@ -154,7 +169,9 @@ def quotient(numerator: int, denominator: int) -> tuple[float, float]:
 
 
 def series(x: Any, coefficients: tuple[tuple[float, float], ...], long: int) -> DoubleDouble:
-    """c_0 + c_1 x + c_2 x^2 + ..., of which the first `long` terms feel the low words of x and of the coefficients."""
+    """c_0 + c_1 x + c_2 x^2 + ..., of which the first `long` terms feel the low words of x and of
+    the coefficients.
+    """
     tail = coefficients[-1][0]
     for c, _ in coefficients[-2 : long - 1 : -1]:
         tail = tail * x.value + c
@@ -202,7 +219,9 @@ def sin_cos(x: Any) -> tuple[Any, Any]:
     quarter = _modulo_4(_modulo_4(many) + few)
     odd = 1.0 * (abs(quarter) == 1.0)
     back = 1.0 - 2.0 * (abs(quarter) == 2.0)  # half a turn changes both signs
-    return (back * (1.0 - odd)) * s + (quarter * odd) * c, (back * (1.0 - odd)) * c - (quarter * odd) * s
+    return (back * (1.0 - odd)) * s + (quarter * odd) * c, (back * (1.0 - odd)) * c - (
+        quarter * odd
+    ) * s
 
 
 def _modulo_4(k: Any) -> Any:
@@ -263,7 +282,11 @@ def _log_of(u: Any, guess: Any) -> Any:
 def _sqrt(x: Any) -> Any:
     root = f.sqrt(x.value)
     square, error = two_product(root, root)
-    return DoubleDouble(*fast_two_sum(root, (((x.value - square) - error) + x.low) / (2.0 * root + 1.0 * (root == 0.0))))
+    return DoubleDouble(
+        *fast_two_sum(
+            root, (((x.value - square) - error) + x.low) / (2.0 * root + 1.0 * (root == 0.0))
+        )
+    )
 
 
 def _cbrt(x: Any) -> Any:

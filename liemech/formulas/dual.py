@@ -1,8 +1,10 @@
-"""Numbers that carry a derivative along, so that a formula evaluated with them differentiates itself.
+"""Numbers that carry a derivative along, so that a formula evaluated with them differentiates
+itself.
 
     f(x + e d) = f(x) + e f'(x) d,   e^2 = 0
 
-Exact to rounding, in plain Python and in native code, where unused parts disappear.  `derivatives` makes them.
+Exact to rounding, in plain Python and in native code, where unused parts disappear.  `derivatives`
+makes them.
 
 Source: Griewank and Walther, Evaluating Derivatives, 2nd ed., chapter 3 (forward mode).
 """
@@ -18,7 +20,9 @@ from .complex_numbers import outranks
 from .functions import LOG_2, LOG_10
 from .numbers import AN_INT, INTEGER_POWER, ByValue, StandIn, whole_power
 
-DEPTH: ContextVar[int] = ContextVar("how many derivatives are being taken, one inside the other", default=0)
+DEPTH: ContextVar[int] = ContextVar(
+    "how many derivatives are being taken, one inside the other", default=0
+)
 
 
 class Dual(ByValue):
@@ -26,9 +30,10 @@ class Dual(ByValue):
 
     The integer 0 as a slope means that there is none: nothing is multiplied by it or added to it.
 
-    level : tells the e of one derivative from those of others, which are taken inside it and have higher levels.  Where two
-    meet, the higher level holds the lower one, which is a constant to it.  Left out, it is one of its own: above those of the
-    derivatives being taken, below those of derivatives still to be taken.
+    level : tells the e of one derivative from those of others, which are taken inside it and have
+    higher levels.  Where two meet, the higher level holds the lower one, which is a constant to
+    it.  Left out, it is one of its own: above those of the derivatives being taken, below those of
+    derivatives still to be taken.
 
     Source: Siskind and Pearlmutter, Perturbation confusion and referential transparency, IFL 2005.
     """
@@ -57,7 +62,9 @@ class Dual(ByValue):
             if other.level > self.level:
                 return other + self
             return Dual(self.value + other.value, _sum(self.slope, other.slope), self.level)
-        return NotImplemented if outranks(other) else Dual(self.value + other, self.slope, self.level)
+        return (
+            NotImplemented if outranks(other) else Dual(self.value + other, self.slope, self.level)
+        )
 
     __radd__ = __add__
 
@@ -66,10 +73,14 @@ class Dual(ByValue):
             if other.level > self.level:
                 return other.__rsub__(self)
             return Dual(self.value - other.value, _sum(self.slope, -other.slope), self.level)
-        return NotImplemented if outranks(other) else Dual(self.value - other, self.slope, self.level)
+        return (
+            NotImplemented if outranks(other) else Dual(self.value - other, self.slope, self.level)
+        )
 
     def __rsub__(self, other: Any) -> Any:
-        return NotImplemented if outranks(other) else Dual(other - self.value, -self.slope, self.level)
+        return (
+            NotImplemented if outranks(other) else Dual(other - self.value, -self.slope, self.level)
+        )
 
     def __mul__(self, other: Any) -> Any:
         if isinstance(other, Dual) and other.level >= self.level:
@@ -77,7 +88,11 @@ class Dual(ByValue):
                 return other * self
             slope = _sum(_scaled(self.value, other.slope), _scaled(other.value, self.slope))
             return Dual(self.value * other.value, slope, self.level)
-        return NotImplemented if outranks(other) else Dual(self.value * other, _scaled(other, self.slope), self.level)
+        return (
+            NotImplemented
+            if outranks(other)
+            else Dual(self.value * other, _scaled(other, self.slope), self.level)
+        )
 
     __rmul__ = __mul__
 
@@ -86,8 +101,16 @@ class Dual(ByValue):
             if other.level > self.level:
                 return other.__rtruediv__(self)
             quotient = self.value / other.value
-            return Dual(quotient, _over(_sum(self.slope, -_scaled(quotient, other.slope)), other.value), self.level)
-        return NotImplemented if outranks(other) else Dual(self.value / other, _over(self.slope, other), self.level)
+            return Dual(
+                quotient,
+                _over(_sum(self.slope, -_scaled(quotient, other.slope)), other.value),
+                self.level,
+            )
+        return (
+            NotImplemented
+            if outranks(other)
+            else Dual(self.value / other, _over(self.slope, other), self.level)
+        )
 
     def __rtruediv__(self, other: Any) -> Any:
         if outranks(other):
@@ -96,7 +119,9 @@ class Dual(ByValue):
         return Dual(quotient, _scaled(-(quotient / self.value), self.slope), self.level)
 
     def __pow__(self, n: Any) -> Any:
-        """An int as exponent makes products, where they are few; any other exponent, a float too, asks the C library."""
+        """An int as exponent makes products, where they are few; any other exponent, a float too,
+        asks the C library.
+        """
         if isinstance(n, int) and abs(n) <= INTEGER_POWER:
             if n == 0:
                 return Dual(self.value**0, 0, self.level)
@@ -105,13 +130,20 @@ class Dual(ByValue):
         if outranks(n):
             return NotImplemented
         if isinstance(n, StandIn) and n.is_integer:
-            raise NotCompilable(f"a power of a number that carries a derivative, with {AN_INT}: make it a float, `x ** float(n)`")
+            raise NotCompilable(
+                "a power of a number that carries a derivative, with "
+                f"{AN_INT}: make it a float, `x ** float(n)`"
+            )
         if isinstance(n, Dual) and n.level > self.level:
             return n.__rpow__(self)
         exponent, by_exponent = n.parts if isinstance(n, Dual) and n.level == self.level else (n, 0)
         value = self.value**exponent
         rise = exponent * self.value ** (exponent - 1.0 * (exponent != 0.0))  # x^0 = 1 at x = 0 too
-        return Dual(value, _sum(_scaled(rise, self.slope), _by_exponent(self.value, value, by_exponent)), self.level)
+        return Dual(
+            value,
+            _sum(_scaled(rise, self.slope), _by_exponent(self.value, value, by_exponent)),
+            self.level,
+        )
 
     def __rpow__(self, base: Any) -> Any:
         if outranks(base):
@@ -125,10 +157,16 @@ class Dual(ByValue):
                 return other.__rmod__(self)
             slope = _sum(self.slope, -_scaled(self // other, other.slope))
             return Dual(self.value % other.value, slope, self.level)
-        return NotImplemented if outranks(other) else Dual(self.value % other, self.slope, self.level)
+        return (
+            NotImplemented if outranks(other) else Dual(self.value % other, self.slope, self.level)
+        )
 
     def __rmod__(self, other: Any) -> Any:
-        return NotImplemented if outranks(other) else Dual(other % self.value, -_scaled(other // self, self.slope), self.level)
+        return (
+            NotImplemented
+            if outranks(other)
+            else Dual(other % self.value, -_scaled(other // self, self.slope), self.level)
+        )
 
     def __floordiv__(self, other: Any) -> Any:
         return NotImplemented if outranks(other) else value_of(self) // value_of(other)
@@ -148,8 +186,8 @@ class Dual(ByValue):
 
     def __float__(self) -> float:
         raise TypeError(
-            "a number that carries a derivative cannot become a float: take functions from liemech.formulas (sin, exp, sqrt, ...), "
-            "not from math"
+            "a number that carries a derivative cannot become a float: take functions from "
+            "liemech.formulas (sin, exp, sqrt, ...), not from math"
         )
 
     def __repr__(self) -> str:
@@ -175,7 +213,9 @@ def _over(slope: Any, k: Any) -> Any:
 
 
 def _by_exponent(base: Any, value: Any, slope: Any) -> Any:
-    """What an exponent with this slope adds to the slope of value = base^exponent; at base 0 nothing."""
+    """What an exponent with this slope adds to the slope of value = base^exponent; at base 0
+    nothing.
+    """
     return slope if type(slope) is int else value * f.log(base + 1.0 * (base == 0.0)) * slope
 
 
@@ -189,7 +229,8 @@ def size_of(x: Any) -> Any:
     return size_of(x.value) + size_of(x.slope) if isinstance(x, Dual) else abs(x)
 
 
-# ------------------------------------------------------------------ elementary functions: f(x + e d) = f(x) + e f'(x) d
+# ------------------------------------------------------------------ elementary functions:
+# f(x + e d) = f(x) + e f'(x) d
 
 
 def _sqrt(x: Any) -> Dual:
@@ -250,7 +291,9 @@ def _asinh(x: Any) -> Dual:
 
 
 def _acosh(x: Any) -> Dual:
-    return Dual(f.acosh(x.value), _over(x.slope, f.sqrt(x.value - 1.0) * f.sqrt(x.value + 1.0)), x.level)
+    return Dual(
+        f.acosh(x.value), _over(x.slope, f.sqrt(x.value - 1.0) * f.sqrt(x.value + 1.0)), x.level
+    )
 
 
 def _atanh(x: Any) -> Dual:

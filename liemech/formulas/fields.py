@@ -8,7 +8,8 @@
     np.ndarray                     arrays that nobody can write to, from lists too
     anything else, Any             arrays become copies that nobody can write to; lists, dicts and sets are refused
 
-A union takes the first of its types that fits, and whatever is the default of a field is welcome there.
+A union takes the first of its types that fits, and whatever is the default of a field is welcome
+there.
 """
 
 from __future__ import annotations
@@ -42,7 +43,10 @@ class FrozenDict(dict[Any, Any]):
     __slots__ = ()
 
     def _refuse(self, *args: Any, **options: Any) -> NoReturn:
-        raise TypeError("the dict in a field of a record cannot be changed; make a new record with dataclasses.replace")
+        raise TypeError(
+            "the dict in a field of a record cannot be changed; "
+            "make a new record with dataclasses.replace"
+        )
 
     __setitem__ = __delitem__ = __ior__ = update = setdefault = pop = popitem = clear = _refuse
 
@@ -55,12 +59,21 @@ class FrozenDict(dict[Any, Any]):
 
 # ------------------------------------------------------------------ values of any kind
 
-CONSTANT: frozenset[type] = frozenset((float, int, bool, str, bytes, complex, type(None), Vec, Mat, FrozenDict))
-_CURES: dict[type, str] = {list: "lm.Vec, lm.Mat or tuple", dict: "dict", set: "frozenset", collections.deque: "tuple"}
+CONSTANT: frozenset[type] = frozenset(
+    (float, int, bool, str, bytes, complex, type(None), Vec, Mat, FrozenDict)
+)
+_CURES: dict[type, str] = {
+    list: "lm.Vec, lm.Mat or tuple",
+    dict: "dict",
+    set: "frozenset",
+    collections.deque: "tuple",
+}
 
 
 def immutable(owner: Any, name: str, value: Any) -> Any:
-    """The value if nothing in it can be changed in place, arrays as copies of which this holds; else InvalidType."""
+    """The value if nothing in it can be changed in place, arrays as copies of which this holds;
+    else InvalidType.
+    """
     kind = type(value)
     if kind in CONSTANT or isinstance(value, Broadcasting):
         return value
@@ -73,8 +86,8 @@ def immutable(owner: Any, name: str, value: Any) -> Any:
         if isinstance(value, changeable):
             shown = repr(value) if len(repr(value)) < 80 else f"{repr(value)[:70]}..."
             raise InvalidType(
-                f"{type(owner).__name__}.{name} is {shown}, which can be changed in place: annotate the field as {cure}, "
-                f"which makes it one{_unknown(owner, name)}"
+                f"{type(owner).__name__}.{name} is {shown}, which can be changed in place: "
+                f"annotate the field as {cure}, which makes it one{_unknown(owner, name)}"
             )
     return value
 
@@ -84,7 +97,9 @@ def frozen_array(array: np.ndarray, name: str) -> np.ndarray:
     kind: Any = type(array)
     base: Any = array.base
     if kind is not np.ndarray or array.dtype.hasobject:
-        raise InvalidType(f"{name} must be an array of numbers; got {kind.__name__} of dtype {array.dtype}")
+        raise InvalidType(
+            f"{name} must be an array of numbers; got {kind.__name__} of dtype {array.dtype}"
+        )
     if isinstance(base, bytes):
         return array
     return np.ndarray(array.shape, array.dtype, array.tobytes())
@@ -97,14 +112,21 @@ def array_held(owner: Any, name: str, value: Any) -> Any:
     try:
         return frozen_array(np.array(value), f"{type(owner).__name__}.{name}")
     except ValueError:
-        raise InvalidInput(f"{type(owner).__name__}.{name} is ragged: its rows have different lengths") from None
+        raise InvalidInput(
+            f"{type(owner).__name__}.{name} is ragged: its rows have different lengths"
+        ) from None
 
 
 def _unknown(owner: Any, name: str) -> str:
     """A hint if the annotation of a field says nothing because its names cannot be found."""
     field = next(f for f in dataclasses.fields(owner) if f.name == name.partition("[")[0])
     unknown = UNKNOWN in members(field.type, *_places(type(owner), field.name))
-    return f" (where {type(owner).__name__} is defined, nothing is known by its annotation {field.type!r})" if unknown else ""
+    return (
+        f" (where {type(owner).__name__} is defined, nothing is "
+        f"known by its annotation {field.type!r})"
+        if unknown
+        else ""
+    )
 
 
 # ------------------------------------------------------------------ by annotation
@@ -112,9 +134,11 @@ def _unknown(owner: Any, name: str) -> str:
 
 @functools.cache
 def converters(cls: Any) -> tuple[tuple[str, Convert, set[type], bool], ...]:
-    """For each field its name, what converts its value, the types of value that need no conversion, and whether it can wait.
+    """For each field its name, what converts its value, the types of value that need no conversion,
+    and whether it can wait.
 
-    What says nothing before the class itself has had its say can wait: refusals of lists and of numbers that are no integers.
+    What says nothing before the class itself has had its say can wait: refusals of lists and of
+    numbers that are no integers.
     """
     found: list[tuple[str, Convert, set[type], bool]] = []
     for field in dataclasses.fields(cls):
@@ -122,14 +146,24 @@ def converters(cls: Any) -> tuple[tuple[str, Convert, set[type], bool], ...]:
         if convert is None:
             found.append((field.name, cls._held, set(CONSTANT), True))
         else:
-            found.append((field.name, _or_default(convert, field.default), set(_EASY.get(convert, ())), convert is _integer))
+            found.append(
+                (
+                    field.name,
+                    _or_default(convert, field.default),
+                    set(_EASY.get(convert, ())),
+                    convert is _integer,
+                )
+            )
     return tuple(found)
 
 
 @functools.cache
 def floats(cls: Any) -> frozenset[str]:
     """The fields whose numbers are floats."""
-    kinds = {f.name: set(members(f.type, *_places(cls, f.name))) - {type(None)} for f in dataclasses.fields(cls)}
+    kinds = {
+        f.name: set(members(f.type, *_places(cls, f.name))) - {type(None)}
+        for f in dataclasses.fields(cls)
+    }
     return frozenset(name for name, kind in kinds.items() if kind == {float})
 
 
@@ -152,7 +186,9 @@ def _or_default(convert: Convert, default: Any) -> Convert:
 
 
 def _conversion(annotation: Any, places: Places) -> Convert | None:
-    """The conversion to the first type of an annotation that fits; None if every value is welcome as it is."""
+    """The conversion to the first type of an annotation that fits; None if every value is welcome
+    as it is.
+    """
     allowed = members(annotation, *places)
     if Any in allowed or object in allowed:
         return None
@@ -160,7 +196,10 @@ def _conversion(annotation: Any, places: Places) -> Convert | None:
         return array_held
     small = tuple(kind for kind in (Vec, Mat) if kind in allowed)
     singles = {kind: _single(kind, places) for kind in allowed if kind not in small}
-    steps = [step for _, step in sorted(singles.items(), key=lambda item: item[0] is not int) if step]  # an int is a float too
+    # an int is a float too
+    steps = [
+        step for _, step in sorted(singles.items(), key=lambda item: item[0] is not int) if step
+    ]
     if small:
         steps.append(functools.partial(_small, allowed=small))
     if not steps:
@@ -168,7 +207,8 @@ def _conversion(annotation: Any, places: Places) -> Convert | None:
     if len(allowed) == max(len(small), 1):
         return steps[0]
     exact = frozenset(kind for kind in allowed if kind in CONSTANT) - {Vec, Mat}
-    others = not all(step or kind is type(None) for kind, step in singles.items())  # of a class that converts nothing
+    # of a class that converts nothing
+    others = not all(step or kind is type(None) for kind, step in singles.items())
 
     def first(owner: Any, name: str, value: Any) -> Any:
         if type(value) in exact:
@@ -206,7 +246,9 @@ def _single(kind: Any, places: Places) -> Convert | None:
 def _number(owner: Any, name: str, value: Any) -> Any:
     if type(value) is float or isinstance(value, (StandIn, Pair)):
         return value
-    if isinstance(value, (bool, np.bool_, complex, str, bytes)) or (isinstance(value, np.ndarray) and value.ndim):
+    if isinstance(value, (bool, np.bool_, complex, str, bytes)) or (
+        isinstance(value, np.ndarray) and value.ndim
+    ):
         raise InvalidType(f"{type(owner).__name__}.{name} is a number; got {value!r}")
     try:
         return float(value)
@@ -249,20 +291,28 @@ def _small(owner: Any, name: str, value: Any, allowed: tuple[type, ...]) -> Any:
         rows: Any = value.rows if isinstance(value, Mat) else (value,)
         if all(_FLOAT.issuperset(map(type, row)) for row in rows):
             return value
-        ordinary = all(type(x) is float or not isinstance(x, (int, np.number)) for row in rows for x in row)
+        ordinary = all(
+            type(x) is float or not isinstance(x, (int, np.number)) for row in rows for x in row
+        )
         return value if ordinary else type(value).of(value)  # type: ignore[attr-defined]
     array = real_array(value, f"{type(owner).__name__}.{name}")
     for kind in allowed:
         if array.ndim == AXES[kind.__name__]:
             return kind.of(array.tolist())  # type: ignore[attr-defined]
     expected = " or ".join({"Vec": "a vector", "Mat": "a matrix"}[k.__name__] for k in allowed)
-    raise InvalidInput(f"{type(owner).__name__}.{name} is {expected}; got an array of shape {array.shape}")
+    raise InvalidInput(
+        f"{type(owner).__name__}.{name} is {expected}; got an array of shape {array.shape}"
+    )
 
 
 def _sequence(args: tuple[Any, ...], fixed: bool, places: Places) -> Convert:
     """To tuples: of parts of one kind, or of one kind each for `tuple[A, B]`."""
     fixed = fixed and bool(args) and args[-1] is not Ellipsis
-    parts = [_conversion(a, places) or immutable for a in args if a is not Ellipsis] if args else [_nested]
+    parts = (
+        [_conversion(a, places) or immutable for a in args if a is not Ellipsis]
+        if args
+        else [_nested]
+    )
 
     def convert(owner: Any, name: str, value: Any) -> Any:
         if isinstance(value, tuple) and type(value) is not tuple:
@@ -271,18 +321,33 @@ def _sequence(args: tuple[Any, ...], fixed: bool, places: Places) -> Convert:
         if not isinstance(items, (tuple, list, range, collections.deque)):
             raise InvalidType(f"{type(owner).__name__}.{name} is a tuple; got {value!r}")
         if fixed and len(items) != len(parts):
-            raise InvalidInput(f"{type(owner).__name__}.{name} is a tuple of {len(parts)} parts; got {value!r}")
+            raise InvalidInput(
+                f"{type(owner).__name__}.{name} is a tuple of {len(parts)} parts; got {value!r}"
+            )
         chosen = parts if fixed else parts * len(items)
-        made = tuple([
-            x if c is _number and type(x) is float else c(owner, f"{name}[{i}]", x) for i, (x, c) in enumerate(zip(items, chosen))
-        ])
-        return value if items is value and type(value) is tuple and not any(map(operator.is_not, made, value)) else made
+        made = tuple(
+            [
+                x if c is _number and type(x) is float else c(owner, f"{name}[{i}]", x)
+                for i, (x, c) in enumerate(zip(items, chosen))
+            ]
+        )
+        return (
+            value
+            if items is value
+            and type(value) is tuple
+            and not any(map(operator.is_not, made, value))
+            else made
+        )
 
     return convert
 
 
 def _nested(owner: Any, name: str, value: Any) -> Any:
-    return _sequence((), False, ())(owner, name, value) if isinstance(value, (list, tuple)) else immutable(owner, name, value)
+    return (
+        _sequence((), False, ())(owner, name, value)
+        if isinstance(value, (list, tuple))
+        else immutable(owner, name, value)
+    )
 
 
 def _set(owner: Any, name: str, value: Any) -> Any:
@@ -297,6 +362,10 @@ def _dict(args: tuple[Any, ...], places: Places) -> Convert:
     def convert(owner: Any, name: str, value: Any) -> Any:
         if not isinstance(value, abc.Mapping):
             raise InvalidType(f"{type(owner).__name__}.{name} is a dict; got {value!r}")
-        return value if type(value) is FrozenDict else FrozenDict({k: part(owner, f"{name}[{k!r}]", v) for k, v in value.items()})
+        return (
+            value
+            if type(value) is FrozenDict
+            else FrozenDict({k: part(owner, f"{name}[{k!r}]", v) for k, v in value.items()})
+        )
 
     return convert

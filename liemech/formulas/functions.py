@@ -1,7 +1,9 @@
-"""Elementary functions that accept a float, an array, a symbol, and (by the compiler) a number in native code.
+"""Elementary functions that accept a float, an array, a symbol, and (by the compiler) a number in
+native code.
 
 On floats they are those of the C library, as in compiled code, so both worlds give the same bits.
-Outside their domain they return nan or an infinity, as IEEE 754 asks and as compiled code does, where `math` would raise.
+Outside their domain they return nan or an infinity, as IEEE 754 asks and as compiled code does,
+where `math` would raise.
 """
 
 from __future__ import annotations
@@ -47,7 +49,9 @@ def _elementary(name: str, numpy_name: str | None = None) -> Callable[..., Any]:
 
 
 def _of_others(name: str, on_array: Callable[..., Any], x: tuple[Any, ...]) -> Any:
-    """The function of what is no float: numbers that carry a derivative before others, for these may be their values."""
+    """The function of what is no float: numbers that carry a derivative before others, for these
+    may be their values.
+    """
     if any(isinstance(a, np.ndarray) for a in x):
         return on_array(*x)
     if any(hasattr(a, "slope") for a in x):
@@ -62,7 +66,9 @@ def _of_others(name: str, on_array: Callable[..., Any], x: tuple[Any, ...]) -> A
 
         return SYMBOLIC[name](*x) if name in SYMBOLIC else getattr(sympy, name)(*x)
     kinds = " and ".join(type(a).__name__ for a in x)
-    raise TypeError(f"{name} is a function of numbers; got {kinds} (of a vector: of its components, one by one)")
+    raise TypeError(
+        f"{name} is a function of numbers; got {kinds} (of a vector: of its components, one by one)"
+    )
 
 
 sqrt = _elementary("sqrt")
@@ -161,7 +167,9 @@ def degrees(x: Any) -> Any:
 
 
 def hypot(*x: Any) -> Any:
-    """sqrt(x_1^2 + x_2^2 + ...), from left to right.  That of `math` differs in the last bit at times."""
+    """sqrt(x_1^2 + x_2^2 + ...), from left to right.  That of `math` differs in the last bit at
+    times.
+    """
     square = x[0] * x[0]
     for a in x[1:]:
         square = square + a * a

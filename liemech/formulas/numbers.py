@@ -1,17 +1,25 @@
-"""What all numbers of formulas share: stand-ins for a float, numbers made of two, numbers compared by a value, whole powers."""
+"""What all numbers of formulas share: stand-ins for a float, numbers made of two, numbers compared
+by a value, whole powers.
+"""
 
 from __future__ import annotations
 
 from typing import Any
 
 INTEGER_POWER = 64
-"""Up to here powers with an int as exponent are products, which are fast and exist where the logarithm does not."""
+"""Up to here powers with an int as exponent are products, which are fast and exist where the
+logarithm does not.
+"""
 
-AN_INT = "an int as exponent that is known only at run time (products would be made of one known before)"
+AN_INT = (
+    "an int as exponent that is known only at run time (products would be made of one known before)"
+)
 
 
 class StandIn:
-    """Base of what takes the place of a number whose value is not known yet: the compiler's numbers."""
+    """Base of what takes the place of a number whose value is not known yet: the compiler's
+    numbers.
+    """
 
     __slots__ = ()
 
@@ -26,7 +34,9 @@ class StandIn:
 
 
 class Pair:
-    """A number made of two, its `parts`, as they lie in memory.  Of two kinds the one of the higher level holds the other."""
+    """A number made of two, its `parts`, as they lie in memory.  Of two kinds the one of the higher
+    level holds the other.
+    """
 
     __slots__ = ()
     level: Any

@@ -1,7 +1,9 @@
-"""Layouts: how a value made of numbers (a float, a `Vec`, a `Mat`, a record, a tuple of these) lies flat in memory.
+"""Layouts: how a value made of numbers (a float, a `Vec`, a `Mat`, a record, a tuple of these) lies
+flat in memory.
 
-The layout of an argument decides which native code is used: two arguments of one layout share it.  A part that is no number at
-run time (an int, a string, a tableau, None) belongs to the layout itself.
+The layout of an argument decides which native code is used: two arguments of one layout share it.
+A part that is no number at run time (an int, a string, a tableau, None) belongs to the layout
+itself.
 """
 
 from __future__ import annotations
@@ -38,7 +40,8 @@ class Layout:
 
     kind: str
     parts: tuple[Layout, ...] = ()
-    detail: Any = None  # the form of a pair, the class and field names of a record, the object of a static part
+    # the form of a pair, the class and field names of a record, the object of a static part
+    detail: Any = None
 
     @functools.cached_property
     def width(self) -> int:
@@ -54,12 +57,16 @@ class Layout:
     def remembers(self) -> bool:
         """Are there numbers in it that carry a rest or a derivative along?"""
         inside = any(part.remembers for part in self.parts)
-        return inside or (self.kind == "pair" and self.detail[0] in (Compensated, DoubleDouble, Dual))
+        return inside or (
+            self.kind == "pair" and self.detail[0] in (Compensated, DoubleDouble, Dual)
+        )
 
     @functools.cached_property
     def long(self) -> bool:
         """Are there numbers of two doubles in it?"""
-        return (self.kind == "pair" and self.detail[0] is DoubleDouble) or any(part.long for part in self.parts)
+        return (self.kind == "pair" and self.detail[0] is DoubleDouble) or any(
+            part.long for part in self.parts
+        )
 
     @functools.cached_property
     def _identity(self) -> Any:
@@ -89,7 +96,13 @@ class Layout:
         if self.kind == "pair":
             cls, *more = self.detail
             return f"{cls.__name__}({', '.join([inside, *map(str, more)])})"
-        return repr(self.detail) if self.kind == "static" else f"{self.kind}({inside})" if inside else self.kind
+        return (
+            repr(self.detail)
+            if self.kind == "static"
+            else f"{self.kind}({inside})"
+            if inside
+            else self.kind
+        )
 
 
 NUMBER, TABLE = Layout("number"), Layout("table")
@@ -111,10 +124,11 @@ class _Itself:
 
 
 def exact(value: Any) -> Any:
-    """What is equal and has one hash for values of one type that are the same in every bit, and only for those.
+    """What is equal and has one hash for values of one type that are the same in every bit, and
+    only for those.
 
-    1 is not True nor 1.0, 0.0 is not -0.0, and nan is itself.  Functions, classes, modules, members of enums and whatever is not
-    known here are the same if they are one object.
+    1 is not True nor 1.0, 0.0 is not -0.0, and nan is itself.  Functions, classes, modules, members
+    of enums and whatever is not known here are the same if they are one object.
     """
     kind = type(value)
     if kind in _COMPARABLE:
@@ -137,7 +151,8 @@ def exact(value: Any) -> Any:
         return kind, tuple([exact(part) for part in _BY_PARTS[kind](value)])
     if isinstance(value, Record):
         return kind, tuple([exact(x) for x in fields_of(value).values()])
-    if (kind.__module__, kind.__name__) in (("fractions", "Fraction"), ("decimal", "Decimal")):  # not imported for their sake
+    # not imported for their sake
+    if (kind.__module__, kind.__name__) in (("fractions", "Fraction"), ("decimal", "Decimal")):
         return kind, value.as_integer_ratio() if kind.__name__ == "Fraction" else value.as_tuple()
     return _Itself(value)
 
@@ -165,7 +180,9 @@ def is_any_number(value: Any) -> bool:
 
 
 def layout_of(value: Any, number: Callable[[Any], bool] = is_number) -> Layout:
-    """The layout of a value; tuples that hold no vector, matrix or record are static, like the rows of a tableau."""
+    """The layout of a value; tuples that hold no vector, matrix or record are static, like the rows
+    of a tableau.
+    """
     if isinstance(value, Record):
         if number is not is_number:
             return _of_record(value, number)
@@ -173,20 +190,28 @@ def layout_of(value: Any, number: Callable[[Any], bool] = is_number) -> Layout:
             return _known(value)
         except AttributeError:
             layout = _of_record(value, number)
-            _know(value, layout)  # a record never changes: a method is looked at once, not at every run
+            # a record never changes: a method is looked at once, not at every run
+            _know(value, layout)
             return layout
     if number(value):
         return NUMBER
     if isinstance(value, Vec):
         ordinary = all(map(is_any_number, value))
-        return _vector(len(value)) if ordinary else _sequence("vec", tuple([layout_of(x, number) for x in value]))
+        return (
+            _vector(len(value))
+            if ordinary
+            else _sequence("vec", tuple([layout_of(x, number) for x in value]))
+        )
     if isinstance(value, Mat):
         return _matrix(tuple([layout_of(row, number) for row in value.rows]))
     if isinstance(value, PAIRS):
         return _pair(tuple([layout_of(x, number) for x in value.parts]), value.form)
-    if isinstance(value, Table) and (number is is_number or value.content is None):  # else a constant of native code
+    # else a constant of native code
+    if isinstance(value, Table) and (number is is_number or value.content is None):
         return TABLE
-    if isinstance(value, list) or (isinstance(value, tuple) and (number is is_any_number or not is_static(value))):
+    if isinstance(value, list) or (
+        isinstance(value, tuple) and (number is is_any_number or not is_static(value))
+    ):
         return _sequence(type(value).__name__, tuple([layout_of(x, number) for x in value]))
     return Layout("static", (), value)
 
@@ -261,13 +286,17 @@ def _gather(value: Any, layout: Layout, found: list[Any]) -> None:
     elif layout.plain and layout.kind != "pair":
         found.extend(value)
     elif layout.width:
-        for item, part in zip(value.parts if layout.kind == "pair" else value, layout.parts, strict=True):
+        for item, part in zip(
+            value.parts if layout.kind == "pair" else value, layout.parts, strict=True
+        ):
             _gather(item, part, found)
 
 
 @functools.lru_cache(256)
 def gatherer(layout: Layout) -> Callable[[Any], list[Any]]:
-    """`leaves` of values that are known to have this layout: a list written out, such as [*x.mu, *x.g.rows[0], ...]."""
+    """`leaves` of values that are known to have this layout: a list written out, such as [*x.mu,
+    *x.g.rows[0], ...].
+    """
     return eval(f"lambda x: [{', '.join(_places(layout, 'x'))}]", {})
 
 
@@ -281,14 +310,18 @@ def _places(layout: Layout, value: str) -> Iterator[str]:
         yield f"*{value}"
     elif layout.width:
         names = layout.detail[1] if layout.kind == "record" else range(len(layout.parts))
-        inside = {"record": ".{}", "mat": ".rows[{}]", "pair": ".parts[{}]"}.get(layout.kind, "[{}]")
+        inside = {"record": ".{}", "mat": ".rows[{}]", "pair": ".parts[{}]"}.get(
+            layout.kind, "[{}]"
+        )
         for name, part in zip(names, layout.parts, strict=True):
             if part.width:
                 yield from _places(part, value + inside.format(name))
 
 
 def build(layout: Layout, numbers: Iterator[Any]) -> Any:
-    """The value of this layout with the given numbers; records are filled in without running their checks."""
+    """The value of this layout with the given numbers; records are filled in without running their
+    checks.
+    """
     if layout.kind == "number":
         return next(numbers)
     if layout.kind == "static":
@@ -302,7 +335,9 @@ def build(layout: Layout, numbers: Iterator[Any]) -> Any:
     if layout.kind == "record":
         cls, names = layout.detail
         return fill(cls, dict(zip(names, parts, strict=True)))
-    return {"vec": lambda p: Vec(*p), "mat": lambda p: Mat(*p), "tuple": tuple, "list": list}[layout.kind](parts)
+    return {"vec": lambda p: Vec(*p), "mat": lambda p: Mat(*p), "tuple": tuple, "list": list}[
+        layout.kind
+    ](parts)
 
 
 def paired(form: tuple[Any, ...], parts: Iterable[Any]) -> Any:
@@ -323,7 +358,9 @@ def fill(cls: type, fields: dict[str, Any]) -> Any:
 
 
 def compensated(value: Any) -> Any:
-    """The value with numbers that remember what rounding takes from them; ask `plain` for it without."""
+    """The value with numbers that remember what rounding takes from them; ask `plain` for it
+    without.
+    """
     return _mapped(value, Compensated)
 
 
@@ -334,7 +371,9 @@ def plain(value: Any) -> Any:
 
 def double_double(value: Any) -> Any:
     """The value in numbers of two doubles; ask `rounded` for it in one."""
-    return _mapped(value, lambda x: x if isinstance(x, DoubleDouble) else DoubleDouble(value_of(x), 0.0))
+    return _mapped(
+        value, lambda x: x if isinstance(x, DoubleDouble) else DoubleDouble(value_of(x), 0.0)
+    )
 
 
 def rounded(value: Any) -> Any:
@@ -354,7 +393,9 @@ def _mapped(value: Any, change: Callable[[Any], Any]) -> Any:
 
 
 def fitted(value: Any, layout: Layout) -> Any:
-    """The value with numbers that carry a rest or a derivative where the layout has such, and only there."""
+    """The value with numbers that carry a rest or a derivative where the layout has such, and only
+    there.
+    """
     if layout.kind == "number":
         return rounded_number(value_of(value))
     if layout.kind == "pair" and layout.detail == _COMPENSATED:
@@ -364,7 +405,10 @@ def fitted(value: Any, layout: Layout) -> Any:
     if layout.kind == "pair" and layout.detail[0] is Dual and not isinstance(value, Dual):
         return Dual(fitted(value, layout.parts[0]), fitted(0.0, layout.parts[1]), layout.detail[1])
     if isinstance(value, Record) and len(layout.parts) == len(fields_of(value)):
-        return fill(type(value), {n: fitted(x, part) for (n, x), part in zip(fields_of(value).items(), layout.parts)})
+        return fill(
+            type(value),
+            {n: fitted(x, part) for (n, x), part in zip(fields_of(value).items(), layout.parts)},
+        )
     if isinstance(value, _STRUCTURES) and len(_parts(value)) == len(layout.parts):
         return _like(value, [fitted(x, part) for x, part in zip(_parts(value), layout.parts)])
     return value
@@ -380,7 +424,9 @@ def fields_of(value: Any) -> dict[str, Any]:
 
 
 def _parts(value: Any) -> Any:
-    return value.rows if isinstance(value, Mat) else value.parts if isinstance(value, PAIRS) else value
+    return (
+        value.rows if isinstance(value, Mat) else value.parts if isinstance(value, PAIRS) else value
+    )
 
 
 def _like(value: Any, parts: list[Any]) -> Any:

@@ -1,11 +1,13 @@
 """Records: the classes people subclass, and what compiled code sees as plain numbers.
 
-A record is a frozen dataclass.  Its fields of type float, `Vec`, `Mat` or another record are numbers at run time; ints, bools,
-strings, tuples of numbers, functions and None are part of its type: loops over them are written out before compilation and
-branches on them disappear.  Its methods are formulas.  Called with NumPy arrays they check the shapes and broadcast over leading
+A record is a frozen dataclass.  Its fields of type float, `Vec`, `Mat` or another record are
+numbers at run time; ints, bools, strings, tuples of numbers, functions and None are part of its
+type: loops over them are written out before compilation and branches on them disappear.  Its
+methods are formulas.  Called with NumPy arrays they check the shapes and broadcast over leading
 axes; called with small vectors (from other formulas) they are the bare formula.
 
-What lies in a field after construction cannot be changed in place: `fields` says what becomes of lists, arrays, dicts and sets.
+What lies in a field after construction cannot be changed in place: `fields` says what becomes of
+lists, arrays, dicts and sets.
 """
 
 from __future__ import annotations
@@ -28,7 +30,8 @@ _complete: set[type] = set()  # classes known to be frozen dataclasses
 class Record(Broadcasting):
     """Base of everything that compiles: frozen dataclasses whose methods are formulas."""
 
-    __slots__ = ("_layout",)  # its structure, once somebody asked for it; not a field: neither pickled, copied nor in `vars`
+    # its structure, once somebody asked for it; not a field: neither pickled, copied nor in `vars`
+    __slots__ = ("_layout",)
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
@@ -55,7 +58,9 @@ class Record(Broadcasting):
         return immutable(self, name, value)
 
     def __post_init__(self, *_: Any) -> None:
-        """Convert the fields.  Overridden, it is called by `super().__post_init__()`, before or after setting derived fields."""
+        """Convert the fields.  Overridden, it is called by `super().__post_init__()`, before or
+        after setting derived fields.
+        """
         _convert(self, type(self).__post_init__ is Record.__post_init__)
 
 
@@ -67,12 +72,15 @@ def _convert(self: Any, last: bool) -> None:
             new = convert(self, name, value)
             if new is not value:
                 object.__setattr__(self, name, new)
-            elif can_wait and isinstance(value, Record):  # which a field that takes anything holds as it is
+            # which a field that takes anything holds as it is
+            elif can_wait and isinstance(value, Record):
                 easy.add(type(value))
 
 
 def _then_checked(initialise: Callable[..., None]) -> Callable[..., None]:
-    """An `__init__` or `__post_init__` of a subclass, after which all fields are checked; that of a base leaves it to the last."""
+    """An `__init__` or `__post_init__` of a subclass, after which all fields are checked; that of a
+    base leaves it to the last.
+    """
 
     @functools.wraps(initialise)
     def method(self: Any, *args: Any, **options: Any) -> None:
@@ -91,17 +99,30 @@ def _require_dataclass(cls: Any) -> None:
         known = [f.name for f in dataclasses.fields(cls)] if dataclasses.is_dataclass(cls) else []
         forgotten = [n for n, a in own_annotations(cls).items() if "ClassVar" not in str(a)]
         if not known and not forgotten and not dataclasses.is_dataclass(cls):
-            raise InvalidType(f"{cls.__name__} is no dataclass yet: put @liemech.record above the class")
+            raise InvalidType(
+                f"{cls.__name__} is no dataclass yet: put @liemech.record above the class"
+            )
         if not set(forgotten) <= set(known):
-            raise InvalidType(f"{cls.__name__} has the fields {', '.join(forgotten)}: put @liemech.record above the class")
+            raise InvalidType(
+                f"{cls.__name__} has the fields "
+                f"{', '.join(forgotten)}: put @liemech.record above the class"
+            )
     elif not params.frozen:
-        raise InvalidType(f"{cls.__name__} can be changed in place: put @liemech.record above the class instead of @dataclass")
+        raise InvalidType(
+            f"{cls.__name__} can be changed in place: put "
+            "@liemech.record above the class instead of @dataclass"
+        )
 
 
 @dataclass_transform(frozen_default=True, field_specifiers=(dataclasses.field,))
 def record(cls: T) -> T:
-    """Make a subclass of `Record` (a group, a Hamiltonian, a system, a method, ...) a frozen dataclass that compiles."""
+    """Make a subclass of `Record` (a group, a Hamiltonian, a system, a method, ...) a frozen
+    dataclass that compiles.
+    """
     if not issubclass(cls, Record):
-        raise InvalidType(f"@record is for subclasses of Record, such as liemech.Hamiltonian; {cls.__name__} is not one")
+        raise InvalidType(
+            "@record is for subclasses of Record, such as "
+            f"liemech.Hamiltonian; {cls.__name__} is not one"
+        )
     made: Any = dataclasses.dataclass(frozen=True)(cls)
     return made

@@ -1,4 +1,6 @@
-"""What is known about objects while they live, kept beside them: nothing is written into a frozen record."""
+"""What is known about objects while they live, kept beside them: nothing is written into a frozen
+record.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +9,9 @@ from typing import Any
 
 
 class Remembered:
-    """Values by the identity of objects, which need no hash.  An object that is gone takes its value along."""
+    """Values by the identity of objects, which need no hash.  An object that is gone takes its
+    value along.
+    """
 
     __slots__ = ("_entries",)
 

@@ -1,12 +1,15 @@
-"""Power series: numbers that know how they go on, so that a formula evaluated with them gives its Taylor expansion.
+"""Power series: numbers that know how they go on, so that a formula evaluated with them gives its
+Taylor expansion.
 
     f(c_0 + c_1 s + c_2 s^2 + ...)
 
-Coefficients are computed when they are asked for, each once, and may refer to earlier ones of the same series.  So a series can be
-the solution of a differential equation: y' = f(y) gives y_(k+1) = f(y)_k/(k + 1), and the formula f is run a single time.
+Coefficients are computed when they are asked for, each once, and may refer to earlier ones of the
+same series.  So a series can be the solution of a differential equation: y' = f(y) gives
+y_(k+1) = f(y)_k/(k + 1), and the formula f is run a single time.
 
-Source: Griewank and Walther, Evaluating Derivatives, 2nd ed., chapter 13 (Taylor arithmetic); McIlroy, Squinting at power series,
-Software: Practice and Experience 20 (1990) (series that refer to themselves).
+Source: Griewank and Walther, Evaluating Derivatives, 2nd ed., chapter 13 (Taylor arithmetic);
+McIlroy, Squinting at power series, Software: Practice and Experience 20 (1990) (series that refer
+to themselves).
 """
 
 from __future__ import annotations
@@ -24,7 +27,8 @@ from .pytree import build, layout_of, leaves
 class Series:
     """c_0 + c_1 s + c_2 s^2 + ...  Comparisons look at c_0.
 
-    A term that is not there, beyond the last of a polynomial or in sums of such, takes part in no operation.
+    A term that is not there, beyond the last of a polynomial or in sums of such, takes part in no
+    operation.
     """
 
     __slots__ = ("_rule", "_terms")
@@ -52,14 +56,22 @@ class Series:
     def __add__(self, other: Any) -> Any:
         if isinstance(other, Series):
             return _made(lambda k: _sum(self.term(k), other.term(k)))
-        return _made(lambda k: self.term(k) if k else _sum(self.term(0), other)) if _is_number(other) else NotImplemented
+        return (
+            _made(lambda k: self.term(k) if k else _sum(self.term(0), other))
+            if _is_number(other)
+            else NotImplemented
+        )
 
     __radd__ = __add__
 
     def __sub__(self, other: Any) -> Any:
         if isinstance(other, Series):
             return _made(lambda k: _difference(self.term(k), other.term(k)))
-        return _made(lambda k: self.term(k) if k else _difference(self.term(0), other)) if _is_number(other) else NotImplemented
+        return (
+            _made(lambda k: self.term(k) if k else _difference(self.term(0), other))
+            if _is_number(other)
+            else NotImplemented
+        )
 
     def __rsub__(self, other: Any) -> Any:
         return Series(other) - self if _is_number(other) else NotImplemented
@@ -67,14 +79,26 @@ class Series:
     def __mul__(self, other: Any) -> Any:
         if isinstance(other, Series):
             return _made(lambda k: _product(self, other, k))
-        return _made(lambda k: _each(lambda c: c * other, self.term(k))) if _is_number(other) else NotImplemented
+        return (
+            _made(lambda k: _each(lambda c: c * other, self.term(k)))
+            if _is_number(other)
+            else NotImplemented
+        )
 
     def __rmul__(self, other: Any) -> Any:
-        return _made(lambda k: _each(lambda c: other * c, self.term(k))) if _is_number(other) else NotImplemented
+        return (
+            _made(lambda k: _each(lambda c: other * c, self.term(k)))
+            if _is_number(other)
+            else NotImplemented
+        )
 
     def __truediv__(self, other: Any) -> Any:
         if not isinstance(other, Series):
-            return _made(lambda k: _each(lambda c: c / other, self.term(k))) if _is_number(other) else NotImplemented
+            return (
+                _made(lambda k: _each(lambda c: c / other, self.term(k)))
+                if _is_number(other)
+                else NotImplemented
+            )
         quotient = Series()
 
         def rule(k: int) -> Any:  # a_k = sum_j b_j q_(k-j)
@@ -92,7 +116,10 @@ class Series:
             power = whole_power(self, abs(int(n))) if n else Series(1.0)
             return power if n >= 0 else 1.0 / power
         if isinstance(n, StandIn):
-            raise NotCompilable("a power of a series whose exponent is known only at run time: write `exp(n * log(x))`")
+            raise NotCompilable(
+                "a power of a series whose exponent is known only "
+                "at run time: write `exp(n * log(x))`"
+            )
         if isinstance(n, Series):
             return _integral(Series(self[0] ** n[0]), lambda power: power, n * f.log(self))
         if not _is_number(n):
@@ -137,7 +164,8 @@ class Series:
     def __repr__(self) -> str:
         return f"<power series {id(self):x}>"
 
-    # -------------------------------------------------------------- what compiler and formulas ask for
+    # -------------------------------------------------------------- what compiler and formulas ask
+    # for
 
     def elementary(self, name: str, *x: Any) -> Series:
         """An elementary function of numbers of which some are series."""
@@ -147,14 +175,21 @@ class Series:
     def chosen(choose: Callable[[Any, Any], Any], yes: Any, no: Any) -> Series:
         """Term by term one or the other."""
         a, b = (x if isinstance(x, Series) else Series(x) for x in (yes, no))
-        return _made(lambda k: None if a.term(k) is None and b.term(k) is None else choose(a[k], b[k]))
+        return _made(
+            lambda k: None if a.term(k) is None and b.term(k) is None else choose(a[k], b[k])
+        )
 
     @staticmethod
     def unknown(start: Any) -> Any:
-        """A value whose numbers are unknown series that begin with those of `start`; `follow` determines them."""
+        """A value whose numbers are unknown series that begin with those of `start`; `follow`
+        determines them.
+        """
         layout = layout_of(start)
         if layout.long:
-            raise InvalidType("precision: power series have numbers of one double; take precision='double' or another method")
+            raise InvalidType(
+                "precision: power series have numbers of one double; "
+                "take precision='double' or another method"
+            )
         return build(layout, iter([Series(x) for x in leaves(start, layout)]))
 
     @staticmethod
@@ -167,7 +202,10 @@ class Series:
     def grow(self, rate: Any, h: Any) -> None:
         """Let this unknown series y solve y' = h rate, where the rate may depend on y."""
         if isinstance(rate, Pair):
-            raise InvalidType("a series can go on by numbers and series only: a method of power series cannot be differentiated")
+            raise InvalidType(
+                "a series can go on by numbers and series only: a method "
+                "of power series cannot be differentiated"
+            )
         series = rate if isinstance(rate, Series) else Series(rate)
         self.by(lambda k: _each(lambda c: h * (1.0 / k) * c, series.term(k - 1)))
 
@@ -204,7 +242,9 @@ def _each(function: Callable[[Any], Any], c: Any) -> Any:
 
 
 def _product(a: Series, b: Series, k: int, first: int = 0) -> Any:
-    """The Cauchy product, sum_j a_j b_(k-j) over j >= first; a term of b is not looked at where a has none."""
+    """The Cauchy product, sum_j a_j b_(k-j) over j >= first; a term of b is not looked at where a
+    has none.
+    """
     total = None
     if a is b and not first:  # a square: every mixed product occurs twice
         for j in range((k + 1) // 2):
@@ -222,23 +262,29 @@ def _times(a: Series, i: int, b: Series, j: int) -> Any:
     return None if y is None else x * y
 
 
-# ------------------------------------------------------------------ elementary functions: f(x)' = f'(x) x'
+# ------------------------------------------------------------------ elementary functions:
+# f(x)' = f'(x) x'
 
 
 def _integral(y: Series, slope: Callable[[Series], Any], x: Series) -> Series:
     """y, given its first term, with y' = slope(y) x'."""
     given, weighted = slope(y), Series()
     g = given if isinstance(given, Series) else Series(given)
-    weighted._rule = lambda k: _each(lambda c: float(k) * c, x.term(k) if k else None)  # s x', no term before its time
+    # s x', no term before its time
+    weighted._rule = lambda k: _each(lambda c: float(k) * c, x.term(k) if k else None)
     return y.by(lambda k: _each(lambda c: c / k, _product(weighted, g, k)))
 
 
-def _rule(function: Callable[..., Any], slope: Callable[[Series, Series], Any]) -> Callable[[Series], Series]:
+def _rule(
+    function: Callable[..., Any], slope: Callable[[Series, Series], Any]
+) -> Callable[[Series], Series]:
     """What an elementary function does to a series x: y = f(x), from f' as a function of y and x."""
     return lambda x: _integral(Series(function(x[0])), lambda y: slope(y, x), x)
 
 
-def _circle(cosine: Callable[[Any], Any], sine: Callable[[Any], Any], sign: float, which: int) -> Callable[[Series], Series]:
+def _circle(
+    cosine: Callable[[Any], Any], sine: Callable[[Any], Any], sign: float, which: int
+) -> Callable[[Series], Series]:
     """cos and sin, or cosh and sinh: c' = sign s x', s' = c x'."""
 
     def rule(x: Series) -> Series:
@@ -252,7 +298,10 @@ def _atan2(y: Any, x: Any) -> Series:
     """The angle a of (x, y): a' = (x y' - y x')/(x^2 + y^2)."""
     y, x = (a if isinstance(a, Series) else Series(a) for a in (y, x))
     square = x * x + y * y
-    rise, fall = _integral(Series(None), lambda _: x / square, y), _integral(Series(None), lambda _: y / square, x)
+    rise, fall = (
+        _integral(Series(None), lambda _: x / square, y),
+        _integral(Series(None), lambda _: y / square, x),
+    )
     return Series(f.atan2(y[0], x[0])) + (rise - fall)
 
 

@@ -1,7 +1,9 @@
-"""Sums of products with constant coefficients, given by tables: what linear and bilinear maps of large groups are made of.
+"""Sums of products with constant coefficients, given by tables: what linear and bilinear maps of
+large groups are made of.
 
-A term is a coefficient and the indices of what it multiplies; the terms of a sum are added by halves.  The compiler lets Python
-run these formulas as they stand, and makes loops over constant tables of large ones; the bits are the same.
+A term is a coefficient and the indices of what it multiplies; the terms of a sum are added by
+halves.  The compiler lets Python run these formulas as they stand, and makes loops over constant
+tables of large ones; the bits are the same.
 """
 
 from __future__ import annotations
@@ -47,7 +49,9 @@ def antisymmetric(terms: Terms, x: Vec, y: Vec) -> Any:
 
 def entries(terms: Terms, m: Any) -> Any:
     """The sum of c times the real (0) or imaginary (1) part of m_ij over the terms (c, i, j, part)."""
-    return total([scaled(c, _part(m[i, j], part)) for c, i, j, part in terms]) if len(terms) else 0.0
+    return (
+        total([scaled(c, _part(m[i, j], part)) for c, i, j, part in terms]) if len(terms) else 0.0
+    )
 
 
 def bilinear_map(table: tuple[Terms, ...], x: Vec, y: Vec) -> Vec:

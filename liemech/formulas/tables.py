@@ -13,9 +13,11 @@ from .numbers import StandIn
 class Table:
     """Numbers that stay where they lie in memory, however many; `entry` reads one.
 
-    Native code is told the place and nothing else, so that tables of all lengths share one code, made in the same time.
+    Native code is told the place and nothing else, so that tables of all lengths share one code,
+    made in the same time.
 
-    place : the address in words of eight bytes, exact as a float.  content : the bytes; None in native code.
+    place : the address in words of eight bytes, exact as a float.  content : the bytes; None in
+    native code.
     """
 
     __slots__ = ("__weakref__", "array", "content", "place")
@@ -26,7 +28,10 @@ class Table:
         address = self.array.ctypes.data
         self.place: Any = float(address // 8)
         if address % 8 or int(self.place) * 8 != address:  # no Python does so
-            raise MemoryError(f"a table of {len(self.array)} numbers lies at {address:#x}, which native code cannot use")
+            raise MemoryError(
+                f"a table of {len(self.array)} numbers lies at "
+                f"{address:#x}, which native code cannot use"
+            )
         _alive[self.place] = self
 
     @staticmethod

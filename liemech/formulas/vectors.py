@@ -1,8 +1,9 @@
 """Small vectors and matrices: the arithmetic of formulas.
 
-`Vec` and `Mat` are immutable and hold plain floats (or symbols).  The order of every operation is fixed and written out
-here, never left to BLAS, so that a formula gives the same bits in plain Python, in native code and in an ensemble.
-Native code knows the operators and keeps components in registers; the functions at the end are formulas like any other.
+`Vec` and `Mat` are immutable and hold plain floats (or symbols).  The order of every operation is
+fixed and written out here, never left to BLAS, so that a formula gives the same bits in plain
+Python, in native code and in an ensemble.  Native code knows the operators and keeps components in
+registers; the functions at the end are formulas like any other.
 """
 
 from __future__ import annotations
@@ -22,9 +23,11 @@ _make = tuple.__new__
 
 
 class Vec(tuple[Any, ...]):
-    """A small vector, `Vec(1.0, 2.0, 3.0)`; `+ - * / **` act component by component, scalars multiply and divide.
+    """A small vector, `Vec(1.0, 2.0, 3.0)`; `+ - * / **` act component by component, scalars
+    multiply and divide.
 
-    Lists, tuples and arrays of the same length may stand beside it.  Raises InvalidType if the lengths differ.
+    Lists, tuples and arrays of the same length may stand beside it.  Raises InvalidType if the
+    lengths differ.
     """
 
     __slots__ = ()
@@ -95,7 +98,10 @@ class Vec(tuple[Any, ...]):
         other = _small(other)
         if isinstance(other, Mat):
             if len(other) != len(self):
-                raise InvalidType(f"a Vec of {len(self)} components cannot multiply a matrix of shape {other.shape}")
+                raise InvalidType(
+                    f"a Vec of {len(self)} components cannot "
+                    f"multiply a matrix of shape {other.shape}"
+                )
             return _make(Vec, [_product(self, column) for column in zip(*other.rows, strict=True)])
         return _product(self, _same_length(self, other))
 
@@ -130,7 +136,9 @@ def _component(x: Any) -> Any:
 
 
 def _small(x: Any) -> Any:
-    """A list, a tuple or an array as a `Vec` or `Mat` with its numbers; anything else is what it is."""
+    """A list, a tuple or an array as a `Vec` or `Mat` with its numbers; anything else is what it
+    is.
+    """
     if not isinstance(x, _VECTORS) or isinstance(x, Vec):
         return x
     return Mat.of(x) if len(x) and isinstance(x[0], _VECTORS) else Vec.of(x)
@@ -141,7 +149,9 @@ def _same_length(v: Vec, other: Any) -> Any:
         other = _small(other)
     if isinstance(other, Vec) and len(other) == len(v):
         return other
-    kind = f"a vector of {len(other)} components" if isinstance(other, Vec) else type(other).__name__
+    kind = (
+        f"a vector of {len(other)} components" if isinstance(other, Vec) else type(other).__name__
+    )
     raise InvalidType(f"a Vec of {len(v)} components cannot be combined with {kind}")
 
 
@@ -155,7 +165,9 @@ def _product(a: Iterable[Any], b: Iterable[Any]) -> Any:
 
 
 class Mat:
-    """A small matrix, `Mat((1.0, 0.0), (0.0, 1.0))` by rows; `@` multiplies, `.T` transposes, `A[i, j]` picks an entry."""
+    """A small matrix, `Mat((1.0, 0.0), (0.0, 1.0))` by rows; `@` multiplies, `.T` transposes,
+    `A[i, j]` picks an entry.
+    """
 
     __slots__ = ("rows",)
     __array_ufunc__ = None
@@ -164,7 +176,10 @@ class Mat:
     def __init__(self, *rows: Iterable[Any]) -> None:
         made = tuple([row if type(row) is Vec else _make(Vec, row) for row in rows])
         if len(set(map(len, made))) > 1:
-            raise InvalidType(f"the rows of a Mat have the same length; got rows of {', '.join([str(len(row)) for row in made])}")
+            raise InvalidType(
+                "the rows of a Mat have the same length; got rows of "
+                f"{', '.join([str(len(row)) for row in made])}"
+            )
         _set_rows(self, made)
 
     def __setattr__(self, name: str, value: Any) -> None:
@@ -202,7 +217,9 @@ class Mat:
         other = _small(other)
         if isinstance(other, Mat):
             if other.shape != self.shape:
-                raise InvalidType(f"matrices of shapes {self.shape} and {other.shape} cannot be combined")
+                raise InvalidType(
+                    f"matrices of shapes {self.shape} and {other.shape} cannot be combined"
+                )
             return Mat(*map(op, self.rows, other.rows))
         if op in (operator.add, operator.sub):
             raise InvalidType(f"a Mat cannot be added to or subtracted from {type(other).__name__}")
@@ -240,7 +257,11 @@ class Mat:
     def __matmul__(self, other: Any) -> Any:
         other = _small(other)
         if not isinstance(other, (Vec, Mat)) or self.shape[1] != len(other):
-            kind = f"one with {len(other)} rows" if isinstance(other, (Vec, Mat)) else type(other).__name__
+            kind = (
+                f"one with {len(other)} rows"
+                if isinstance(other, (Vec, Mat))
+                else type(other).__name__
+            )
             raise InvalidType(f"a matrix of shape {self.shape} cannot multiply {kind}")
         if isinstance(other, Mat):
             columns = tuple(zip(*other.rows, strict=True))
@@ -269,7 +290,9 @@ _set_rows: Any = Mat.rows.__set__  # type: ignore[attr-defined, misc]
 
 
 def of_floats(array: np.ndarray) -> Any:
-    """An array of float64, (n,) or (m, n), as a vector or matrix; None if an entry, or the sum of all, is not finite."""
+    """An array of float64, (n,) or (m, n), as a vector or matrix; None if an entry, or the sum of
+    all, is not finite.
+    """
     values = array.tolist()
     many = array.ndim == 2
     total = builtins.sum(map(builtins.sum, values) if many else values)
@@ -354,16 +377,21 @@ def diagonal(v: Any) -> Mat:
 
 
 def solve(m: Mat, rhs: Any) -> Vec:
-    """The solution x of m x = rhs by Gaussian elimination with partial pivoting; a singular matrix gives inf or nan.
+    """The solution x of m x = rhs by Gaussian elimination with partial pivoting; a singular matrix
+    gives inf or nan.
 
     m : (n, n), rhs : (n,).  Raises InvalidType if m is not square or rhs has another length.
     """
     n = len(rhs)
     if len(m) != n or len(m[0]) != n:
-        raise InvalidType(f"solve: a matrix of {len(m)} rows and {len(m[0])} columns, and a right side of {n} components")
+        raise InvalidType(
+            f"solve: a matrix of {len(m)} rows and {len(m[0])} "
+            f"columns, and a right side of {n} components"
+        )
     rows = [vec(*m[i], rhs[i]) for i in range(n)]
     for k in range(n):
-        for i in range(k + 1, n):  # a compare-and-swap network brings the largest entry of the column to row k
+        # a compare-and-swap network brings the largest entry of the column to row k
+        for i in range(k + 1, n):
             larger = abs(rows[i][k]) > abs(rows[k][k])
             rows[k], rows[i] = _exchange(larger, rows[k], rows[i])
         for i in range(k + 1, n):
@@ -385,9 +413,11 @@ def _exchange(condition: Any, a: Vec, b: Vec) -> tuple[Vec, Vec]:
 
 
 def solve3(m: Mat, rhs: Any) -> Vec:
-    """The solution of a 3 by 3 system by Cramer's rule: one division, no branch; for well-conditioned Newton steps.
+    """The solution of a 3 by 3 system by Cramer's rule: one division, no branch; for
+    well-conditioned Newton steps.
 
-    x_i = det(m with column i replaced by rhs) / det m.  Raises InvalidType if m is not of three columns of length 3.
+    x_i = det(m with column i replaced by rhs) / det m.  Raises InvalidType if m is not of three
+    columns of length 3.
     """
     if len(m) != 3 or len(m[0]) != 3:
         raise InvalidType(f"solve3: a matrix of {len(m)} rows and {len(m[0])} columns")

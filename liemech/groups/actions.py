@@ -34,10 +34,14 @@ class LeftMultiplication(GroupAction):
         return self.group.element_shape
 
     def infinitesimal(self, xi: Vec, x: Element) -> Element:
-        """The rate xi x of an element with the spatial velocity xi, shaped like x.  xi : (dim,), x : an element."""
+        """The rate xi x of an element with the spatial velocity xi, shaped like x.  xi : (dim,),
+        x : an element.
+        """
         if self.group.is_complex:  # a group of matrices
             return self.group.algebra.hat(xi) @ x
-        return derivative(lambda v: self.group.compose(self.group.exp(v), x), vec(*[0.0] * self.group.dim), xi)
+        return derivative(
+            lambda v: self.group.compose(self.group.exp(v), x), vec(*[0.0] * self.group.dim), xi
+        )
 
     def exp_act(self, xi: Vec, x: Element) -> Element:
         """exp(xi) x.  xi : (dim,), x : an element."""
@@ -51,7 +55,9 @@ class LeftMultiplication(GroupAction):
         """Is an array an element of the group?  x : shaped like an element."""
         return self.group.contains(x)
 
-    def random(self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()) -> np.ndarray:
+    def random(
+        self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()
+    ) -> np.ndarray:
         """Random elements of the group."""
         return self.group.random(rng, size)
 
@@ -60,9 +66,11 @@ class LeftMultiplication(GroupAction):
 class TranslationAction(GroupAction):
     """Vectors moving the points of R^n, g . x = x + g: `TranslationAction(n)`.
 
-    It makes an ordinary differential equation one on a homogeneous space, and a method there the ordinary method, bit for bit.
+    It makes an ordinary differential equation one on a homogeneous space, and a method there the
+    ordinary method, bit for bit.
 
-    group : a VectorSpace, or its dimension.  Source: Iserles et al., Lie-group methods, Acta Numerica 9 (2000), section 2.2.
+    group : a VectorSpace, or its dimension.  Source: Iserles et al., Lie-group methods, Acta
+    Numerica 9 (2000), section 2.2.
     """
 
     def __post_init__(self) -> None:
@@ -70,7 +78,9 @@ class TranslationAction(GroupAction):
         if not isinstance(given, LieGroup):
             object.__setattr__(self, "group", VectorSpace(given))
         elif not isinstance(given, VectorSpace):
-            raise InvalidType(f"TranslationAction: group must be a VectorSpace or its dimension; got {given!r}")
+            raise InvalidType(
+                f"TranslationAction: group must be a VectorSpace or its dimension; got {given!r}"
+            )
 
     @property
     def point_shape(self) -> tuple[int, ...]:
@@ -92,10 +102,11 @@ class TranslationAction(GroupAction):
 
 @record
 class SphereAction(GroupAction):
-    """Rotations moving the points of the unit sphere S^(n-1) in R^n: `SphereAction(3)`, or `SphereAction(group)`.
+    """Rotations moving the points of the unit sphere S^(n-1) in R^n: `SphereAction(3)`, or
+    `SphereAction(group)`.
 
-    group : n, which stands for SO3() if it is 3 and for SO(n) else, or any group of real matrices that keeps lengths, or unit
-    quaternions.  Raises InvalidInput for a group that does not.
+    group : n, which stands for SO3() if it is 3 and for SO(n) else, or any group of real matrices
+    that keeps lengths, or unit quaternions.  Raises InvalidInput for a group that does not.
 
     Source: Iserles et al., Lie-group methods, Acta Numerica 9 (2000), section 2.3.
     """
@@ -109,7 +120,9 @@ class SphereAction(GroupAction):
         for xi in identity_matrix(self.group.dim):
             x = np.array([one.infinitesimal(xi, unit) for unit in units])
             if np.abs(x + x.T).max() > 1e-12 * np.abs(x).max():
-                raise InvalidInput(f"SphereAction: {self.group!r} does not keep the lengths of vectors")
+                raise InvalidInput(
+                    f"SphereAction: {self.group!r} does not keep the lengths of vectors"
+                )
 
     @property
     def _linear(self) -> Representation:
@@ -137,7 +150,9 @@ class SphereAction(GroupAction):
         """| |x|^2 - 1 |.  x : (n,)."""
         return abs(dot(x, x) - 1.0)
 
-    def random(self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()) -> np.ndarray:
+    def random(
+        self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()
+    ) -> np.ndarray:
         """Uniformly distributed points."""
         x = super().random(rng, size)
         return x / np.linalg.norm(x, axis=-1, keepdims=True)

@@ -25,14 +25,17 @@ def exponential_series(ad: Action, x: Vec, v: Vec) -> Vec:
 
 
 def mean(ad: Action, x: Vec, v: Vec) -> Vec:
-    """The mean of exp(s ad_x) v over 0 <= s <= 1, sum_k ad_x^k v/(k + 1)!, as it stands.  x, v : (dim,)."""
+    """The mean of exp(s ad_x) v over 0 <= s <= 1, sum_k ad_x^k v/(k + 1)!, as it stands.  x,
+    v : (dim,).
+    """
     return _sum(ad, x, v, 2.0)
 
 
 def mean_slope(ad: Action, x: Vec, v: Vec, size2: float) -> Mat:
     """The derivative of `mean` with respect to x, from that of the recursion of its terms.
 
-    size2 : a bound for the square of |ad_x|.  It stops at 1e-11: Newton's method feels no less.  x, v : (dim,).
+    size2 : a bound for the square of |ad_x|.  It stops at 1e-11: Newton's method feels no less.  x,
+    v : (dim,).
     """
     units = identity_matrix(len(x))
     term, k = 0.5 * ad(x, v), 2.0

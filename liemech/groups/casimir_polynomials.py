@@ -9,23 +9,29 @@ from .matrix_basis import MatrixBasis
 from .matrix_invariants import null_space
 
 WRITTEN_OUT = 12
-"""Dimension up to which all quadratic Casimirs are sought: the equations have dim (dim + 1)/2 unknowns."""
+"""Dimension up to which all quadratic Casimirs are sought: the equations have dim (dim + 1)/2
+unknowns.
+"""
 
 INDEPENDENT = 1e-9
-"""A gradient counts as new if it sticks out of those before by more than this, relative to the sizes of its terms."""
+"""A gradient counts as new if it sticks out of those before by more than this, relative to the
+sizes of its terms.
+"""
 
 Found = tuple[list[np.ndarray], list[np.ndarray], tuple[int, ...], np.ndarray]
 
 
 def casimir_polynomials(basis: MatrixBasis, algebra: LieAlgebra) -> Found:
-    """Independent Casimirs: z . mu for z in the centre; mu . Q mu; powers k of tr(hat(F mu)^k), and F.
+    """Independent Casimirs: z . mu for z in the centre; mu . Q mu; powers k of tr(hat(F mu)^k), and
+    F.
 
-    z is left alone by ad; Q by ad on both sides, ad_xi Q + Q ad_xi^T = 0; F is the inverse of an invariant form of the algebra,
-    so that hat(F mu) moves by conjugation when mu moves on its orbit.  Of complex matrices the odd powers give an imaginary part.
-    There are at most dim - (the dimension of the largest orbits) of them.
+    z is left alone by ad; Q by ad on both sides, ad_xi Q + Q ad_xi^T = 0; F is the inverse of an
+    invariant form of the algebra, so that hat(F mu) moves by conjugation when mu moves on its
+    orbit.  Of complex matrices the odd powers give an imaginary part.  There are at most dim - (the
+    dimension of the largest orbits) of them.
 
-    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 14.3; Hall, Lie Groups, Lie Algebras, and
-    Representations, 2nd ed., section 10.2 (the quadratic one).
+    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 14.3; Hall,
+    Lie Groups, Lie Algebras, and Representations, 2nd ed., section 10.2 (the quadratic one).
     """
     none: Found = ([], [], (), np.zeros((0, 0)))
     if not basis.tabled:
@@ -60,7 +66,9 @@ def casimir_polynomials(basis: MatrixBasis, algebra: LieAlgebra) -> Found:
 
 
 def _quadratic(ad: np.ndarray, from_form: np.ndarray) -> list[np.ndarray]:
-    """The invariant symmetric forms on momenta; in high dimensions only the inverse of that on the algebra."""
+    """The invariant symmetric forms on momenta; in high dimensions only the inverse of that on the
+    algebra.
+    """
     dim = len(ad)
     if dim > WRITTEN_OUT:
         return [from_form] if len(from_form) else []
@@ -69,4 +77,7 @@ def _quadratic(ad: np.ndarray, from_form: np.ndarray) -> list[np.ndarray]:
     forms[np.arange(len(i)), i, j] = forms[np.arange(len(i)), j, i] = 1.0
     moved = np.einsum("xab,pbc->pxac", ad, forms)
     equations = (moved + moved.swapaxes(-1, -2))[:, :, i, j].reshape(len(forms), -1).T
-    return [np.einsum("p,pab->ab", weights, forms) for weights in null_space(np.asarray(np.linalg.qr(equations, mode="r")))]
+    return [
+        np.einsum("p,pab->ab", weights, forms)
+        for weights in null_space(np.asarray(np.linalg.qr(equations, mode="r")))
+    ]

@@ -19,10 +19,11 @@ from .nearest import nearest_unitary
 class ClassicalGroup(MatrixLieGroup):
     """What the classical groups share: a size, and Casimir functions that are traces of powers.
 
-    The matrix M that stands for a momentum mu, <mu, xi> = Re tr(M^H xi), moves by conjugation along every motion, so that
-    tr((M^H)^k) is constant.
+    The matrix M that stands for a momentum mu, <mu, xi> = Re tr(M^H xi), moves by conjugation along
+    every motion, so that tr((M^H)^k) is constant.
 
-    Source: Hall, Lie Groups, Lie Algebras, and Representations, 2nd ed., section 1.2; Marsden and Ratiu, section 14.3.
+    Source: Hall, Lie Groups, Lie Algebras, and Representations, 2nd ed., section 1.2; Marsden and
+    Ratiu, section 14.3.
     """
 
     smallest: ClassVar[int] = 1
@@ -60,24 +61,34 @@ def _trace(power: Mat, k: int) -> Any:
 def pfaffian(a: Mat) -> Any:
     """The Pfaffian of an antisymmetric matrix of an even number n of rows, Pf^2 = det.
 
-    Eigenvalues of a J^T, J = diag([[0, 1], [-1, 0]], ...), come in equal pairs; Pf is the product of one of each pair, which
-    Newton's identities find from the traces of powers: divisions are by 1, ..., n/2 only.
+    Eigenvalues of a J^T, J = diag([[0, 1], [-1, 0]], ...), come in equal pairs; Pf is the product
+    of one of each pair, which Newton's identities find from the traces of powers: divisions are by
+    1, ..., n/2 only.
 
-    Source: the definition as in Wimmer, ACM Trans. Math. Softw. 38 (2012), 30; the rest is the characteristic polynomial of a J^T.
+    Source: the definition as in Wimmer, ACM Trans. Math. Softw. 38 (2012), 30; the rest is the
+    characteristic polynomial of a J^T.
     """
     n = len(a)
-    m = mat(*[vec(*[a[i, j + 1] if j % 2 == 0 else -a[i, j - 1] for j in range(n)]) for i in range(n)])
+    m = mat(
+        *[vec(*[a[i, j + 1] if j % 2 == 0 else -a[i, j - 1] for j in range(n)]) for i in range(n)]
+    )
     power, powers, products = m, [0.0], [1.0]
     for k in range(1, n // 2 + 1):
         power = m if k == 1 else power @ m
         powers = [*powers, 0.5 * total([power[i, i] for i in range(n)])]
-        terms = [products[k - i] * powers[i] if i % 2 else -(products[k - i] * powers[i]) for i in range(1, k + 1)]
+        terms = [
+            products[k - i] * powers[i] if i % 2 else -(products[k - i] * powers[i])
+            for i in range(1, k + 1)
+        ]
         products = [*products, total(terms) / float(k)]
     return products[n // 2]
 
 
-def haar(rng: np.random.Generator | int | None, size: int | tuple[int, ...], n: int, complex_: bool) -> np.ndarray:
-    """Orthogonal or unitary matrices, uniformly distributed: the QR decomposition of Gaussian matrices, signs made unique.
+def haar(
+    rng: np.random.Generator | int | None, size: int | tuple[int, ...], n: int, complex_: bool
+) -> np.ndarray:
+    """Orthogonal or unitary matrices, uniformly distributed: the QR decomposition of Gaussian
+    matrices, signs made unique.
 
     Source: Mezzadri, Notices of the AMS 54 (2007), 592.
     """
@@ -96,7 +107,8 @@ def haar(rng: np.random.Generator | int | None, size: int | tuple[int, ...], n: 
 
 @record
 class SO(ClassicalGroup):
-    """SO(n): rotations of n dimensions, n at least 2.  Basis E_ji - E_ij, i < j; for n = 3 the usual one, hat(w) x = w x x.
+    """SO(n): rotations of n dimensions, n at least 2.  Basis E_ji - E_ij, i < j; for n = 3 the
+    usual one, hat(w) x = w x x.
 
     n : the number of rows.
     Source: Hall, Lie Groups, Lie Algebras, and Representations, 2nd ed., sections 1.2 and 3.4.
@@ -108,7 +120,9 @@ class SO(ClassicalGroup):
 
     @cached_property
     def generators(self) -> np.ndarray:
-        """E_ji - E_ij for i < j, (1, 2), (1, 3), ...; of SO(3) in the order and with the signs of the vector product."""
+        """E_ji - E_ij for i < j, (1, 2), (1, 3), ...; of SO(3) in the order and with the signs of
+        the vector product.
+        """
         if self.n == 3:
             return np.cross(np.eye(3)[:, None], np.eye(3)[None]).swapaxes(1, 2)
         i, j = np.triu_indices(self.n, 1)
@@ -122,9 +136,11 @@ class SO(ClassicalGroup):
         return Invariants(forms=(np.eye(self.n),), determinant="1")
 
     def casimirs(self, mu: Vec) -> Vec:
-        """(-1)^k/2 tr(hat(mu)^2k), k = 1, ...: (n - 1)/2 of them for odd n, n/2 - 1 and the Pfaffian for even n.
+        """(-1)^k/2 tr(hat(mu)^2k), k = 1, ...: (n - 1)/2 of them for odd n, n/2 - 1 and the
+        Pfaffian for even n.
 
-        The first is |mu|^2.  The Pfaffian, mu_12 mu_34 - mu_13 mu_24 + mu_14 mu_23 on SO(4), changes its sign under a reflection.
+        The first is |mu|^2.  The Pfaffian, mu_12 mu_34 - mu_13 mu_24 + mu_14 mu_23 on SO(4),
+        changes its sign under a reflection.
         """
         square = self.algebra.hat(mu) @ self.algebra.hat(mu)
         power = square
@@ -136,20 +152,28 @@ class SO(ClassicalGroup):
         return vec(*values, *([] if self.n % 2 else [pfaffian(-self.algebra.hat(mu))]))
 
     def further_invariants(self, mu: Any) -> tuple[float, ...]:
-        """None: the Casimirs tell the angular velocities in all planes, for even n with the orientation."""
+        """None: the Casimirs tell the angular velocities in all planes, for even n with the
+        orientation.
+        """
         return ()
 
     def nearest(self, g: Ambient) -> Element:
-        """The rotation of least squared difference: the orthogonal polar factor, its last direction turned if it reflects.
+        """The rotation of least squared difference: the orthogonal polar factor, its last direction
+        turned if it reflects.
 
-        Raises InvalidInput for an array that is as close to several.  Source: Higham, Functions of Matrices (2008), theorem 8.4.
+        Raises InvalidInput for an array that is as close to several.  Source: Higham, Functions of
+        Matrices (2008), theorem 8.4.
         """
         h = nearest_unitary(np.array(g, dtype=float), oriented=True)
         if h is None:
-            raise InvalidInput(f"SO({self.n}).nearest: the array is as close to one rotation as to others")
+            raise InvalidInput(
+                f"SO({self.n}).nearest: the array is as close to one rotation as to others"
+            )
         return Mat.of(h.tolist())
 
-    def random(self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()) -> np.ndarray:
+    def random(
+        self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()
+    ) -> np.ndarray:
         """Rotations distributed uniformly (Haar measure)."""
         q = haar(rng, size, self.n, False)
         q[..., :, 0] *= np.linalg.det(q)[..., None]
@@ -161,7 +185,8 @@ class SO(ClassicalGroup):
 
 @record
 class SL(ClassicalGroup):
-    """SL(n): real matrices of determinant 1, n at least 2.  Basis E_ij for i != j, then E_ii - E_i+1,i+1.
+    """SL(n): real matrices of determinant 1, n at least 2.  Basis E_ij for i != j, then
+    E_ii - E_i+1,i+1.
 
     n : the number of rows.  Not every element has a logarithm.
     Source: Hall, Lie Groups, Lie Algebras, and Representations, 2nd ed., sections 1.2 and 3.4.
@@ -182,7 +207,9 @@ class SL(ClassicalGroup):
         return Invariants(determinant="1")
 
     def nearest(self, g: Ambient) -> Element:
-        """The multiple of the matrix that has determinant 1.  Raises InvalidInput for a determinant that is not positive."""
+        """The multiple of the matrix that has determinant 1.  Raises InvalidInput for a determinant
+        that is not positive.
+        """
         a = np.array(g, dtype=float)
         sign, log_det = np.linalg.slogdet(a)
         if sign <= 0:
@@ -216,7 +243,10 @@ class GL(ClassicalGroup):
     def nearest(self, g: Ambient) -> Element:
         """The matrix itself.  Raises InvalidInput for a singular one: there is no nearest."""
         if np.linalg.slogdet(np.array(g, dtype=float))[0] == 0.0:
-            raise InvalidInput(f"GL({self.n}).nearest: the matrix is singular; invertible ones are as close as one likes")
+            raise InvalidInput(
+                f"GL({self.n}).nearest: the matrix is singular; "
+                "invertible ones are as close as one likes"
+            )
         return g
 
 
@@ -227,7 +257,8 @@ class GL(ClassicalGroup):
 class SU(ClassicalGroup):
     """SU(n): unitary matrices of determinant 1, n at least 2; coordinates are real.
 
-    Basis E_ij - E_ji and i (E_ij + E_ji) for i < j, then i (E_jj - E_j+1,j+1).  n : the number of rows.
+    Basis E_ij - E_ji and i (E_ij + E_ji) for i < j, then i (E_jj - E_j+1,j+1).  n : the number of
+    rows.
     Source: Hall, Lie Groups, Lie Algebras, and Representations, 2nd ed., sections 1.2 and 3.4.
     """
 
@@ -250,11 +281,15 @@ class SU(ClassicalGroup):
         return ()
 
     def nearest(self, g: Ambient) -> Element:
-        """The unitary polar factor divided by the n-th root of its determinant.  Raises InvalidInput for a singular array."""
+        """The unitary polar factor divided by the n-th root of its determinant.  Raises
+        InvalidInput for a singular array.
+        """
         u = _polar(f"SU({self.n})", g)
         return Mat.of((u * np.exp(-1j * np.angle(np.linalg.det(u)) / self.n)).tolist())
 
-    def random(self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()) -> np.ndarray:
+    def random(
+        self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()
+    ) -> np.ndarray:
         """Elements distributed uniformly (Haar measure)."""
         q = haar(rng, size, self.n, True)
         q[..., :, 0] /= np.linalg.det(q)[..., None]
@@ -291,13 +326,16 @@ class U(ClassicalGroup):
         return tuple(range(1, self.n + 1))
 
     def nearest(self, g: Ambient) -> Element:
-        """The unitary matrix of least |h - g|: the polar factor.  Raises InvalidInput for a singular array.
+        """The unitary matrix of least |h - g|: the polar factor.  Raises InvalidInput for a
+        singular array.
 
         Source: Higham, Functions of Matrices (2008), theorem 8.4.
         """
         return Mat.of(_polar(f"U({self.n})", g).tolist())
 
-    def random(self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()) -> np.ndarray:
+    def random(
+        self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()
+    ) -> np.ndarray:
         """Elements distributed uniformly (Haar measure)."""
         return haar(rng, size, self.n, True)
 
@@ -307,7 +345,8 @@ class U(ClassicalGroup):
 
 @record
 class Sp(ClassicalGroup):
-    """Sp(2n), the real symplectic group: g^T Om g = Om with Om = [[0, 1], [-1, 0]].  The argument is 2n, an even number.
+    """Sp(2n), the real symplectic group: g^T Om g = Om with Om = [[0, 1], [-1, 0]].  The argument
+    is 2n, an even number.
 
     Basis Om^-1 S with S = E_ii, then S = E_ij + E_ji for i < j.  n : the number of rows, 2n.
     Not every element has a logarithm.
@@ -321,7 +360,10 @@ class Sp(ClassicalGroup):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.n % 2:
-            raise InvalidInput(f"Sp({self.n}): the argument is the number of rows 2n, an even number; Sp(2) is the smallest")
+            raise InvalidInput(
+                f"Sp({self.n}): the argument is the number of rows 2n, "
+                "an even number; Sp(2) is the smallest"
+            )
 
     @cached_property
     def form(self) -> np.ndarray:
@@ -389,5 +431,7 @@ def _polar(name: str, g: Ambient) -> np.ndarray:
     """The unitary factor of a = u p.  Raises InvalidInput."""
     u = nearest_unitary(np.array(g, dtype=complex), oriented=False)
     if u is None:
-        raise InvalidInput(f"{name}.nearest: the array is singular; it is as close to one element as to others")
+        raise InvalidInput(
+            f"{name}.nearest: the array is singular; it is as close to one element as to others"
+        )
     return u

@@ -18,17 +18,19 @@ from .representations import Representation
 
 @record
 class CoadjointAction(Representation):
-    """The coadjoint action of a group, its orbits, and the Poisson bracket whose symplectic leaves they are.
+    """The coadjoint action of a group, its orbits, and the Poisson bracket whose symplectic leaves
+    they are.
 
-    Two actions go by this name.  `Ad_star(g, mu)`, the dual of Ad_g, is a right action; `K(g, mu) = Ad_star(g^-1, mu)` is a left
-    action, and the one meant by `act`.  If g turns body into space, K takes a body momentum to space and Ad_star a spatial momentum
-    to the body.
+    Two actions go by this name.  `Ad_star(g, mu)`, the dual of Ad_g, is a right action;
+    `K(g, mu) = Ad_star(g^-1, mu)` is a left action, and the one meant by `act`.  If g turns body
+    into space, K takes a body momentum to space and Ad_star a spatial momentum to the body.
 
     1. A subclass writes nothing: `group` is enough.
     2. It may add `casimirs` where the group knows none.
     3. The rest follows.
 
-    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., sections 13.1, 14.1 and 14.3.
+    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., sections 13.1, 14.1
+    and 14.3.
     """
 
     # ---------------------------------------------------------------- 2. closed forms are welcome
@@ -51,12 +53,15 @@ class CoadjointAction(Representation):
 
     @final
     def ad_star(self, xi: Vec, mu: Vec) -> Vec:
-        """The infinitesimal right action, d/ds Ad*_exp(s xi) mu = ad*_xi mu at s = 0.  xi, mu : (dim,)."""
+        """The infinitesimal right action, d/ds Ad*_exp(s xi) mu = ad*_xi mu at s = 0.  xi,
+        mu : (dim,).
+        """
         return self.group.ad_star(xi, mu)
 
     @property
     def poisson_structure(self) -> LiePoissonStructure:
-        """The minus Lie-Poisson structure, `poisson_structure(mu)` its matrix B(mu): mu' = B(mu) grad H(mu).
+        """The minus Lie-Poisson structure, `poisson_structure(mu)` its matrix B(mu): mu' = B(mu)
+        grad H(mu).
 
         `poisson_structure.opposite` is the plus structure, of momenta in space.
         """
@@ -64,7 +69,8 @@ class CoadjointAction(Representation):
 
     @final
     def symplectic_form(self, mu: Vec, xi: Vec, eta: Vec) -> float:
-        """The Kirillov-Kostant-Souriau form of the orbit at mu, on the tangent vectors ad*_xi mu and ad*_eta mu: -<mu, [xi, eta]>.
+        """The Kirillov-Kostant-Souriau form of the orbit at mu, on the tangent vectors ad*_xi mu
+        and ad*_eta mu: -<mu, [xi, eta]>.
 
         mu, xi, eta : (dim,).  Source: Marsden and Ratiu, theorem 14.4.1, minus sign.
         """
@@ -79,7 +85,8 @@ class CoadjointAction(Representation):
 
     @final
     def tangent(self, mu: Any) -> np.ndarray:
-        """A basis of the directions ad*_xi mu in which the orbit through mu extends.  mu : (dim,), returns (orbit dimension, dim).
+        """A basis of the directions ad*_xi mu in which the orbit through mu extends.  mu : (dim,),
+        returns (orbit dimension, dim).
 
         Orthonormal where all components have the same unit.
         """
@@ -87,7 +94,8 @@ class CoadjointAction(Representation):
 
     @final
     def isotropy(self, mu: Any) -> np.ndarray:
-        """A basis of the velocities that leave mu alone, ad*_xi mu = 0.  mu : (dim,), returns (dim - orbit dimension, dim).
+        """A basis of the velocities that leave mu alone, ad*_xi mu = 0.  mu : (dim,), returns
+        (dim - orbit dimension, dim).
 
         The differentials of the Casimirs are among them.  Source: Marsden and Ratiu, section 14.2.
         """
@@ -95,13 +103,20 @@ class CoadjointAction(Representation):
 
     @final
     def random_on_orbit(
-        self, mu: Any, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()
+        self,
+        mu: Any,
+        rng: np.random.Generator | int | None = None,
+        size: int | tuple[int, ...] = (),
     ) -> np.ndarray:
-        """Momenta K_g mu with random elements g of the group.  mu : (dim,).  rng : a generator or a seed.  size : leading axes."""
+        """Momenta K_g mu with random elements g of the group.  mu : (dim,).  rng : a generator or a
+        seed.  size : leading axes.
+        """
         try:
             elements = self.group.random(rng, size)
         except (InvalidInput, InvalidType) as error:
-            raise type(error)(f"{type(self).__name__}.random_on_orbit: {str(error).partition(': ')[2]}") from None
+            raise type(error)(
+                f"{type(self).__name__}.random_on_orbit: {str(error).partition(': ')[2]}"
+            ) from None
         momentum = self._momentum(mu, "random_on_orbit")
         try:
             return np.asarray(self.group.K(elements, momentum))
@@ -109,17 +124,21 @@ class CoadjointAction(Representation):
             raise InvalidInput(f"{type(self).__name__}.random_on_orbit: {error}") from None
 
     @final
-    def poisson_bracket(self, F: Callable[[Any], Any], G: Callable[[Any], Any]) -> Callable[[Any], Any]:
-        """The minus Lie-Poisson bracket, {F, G}(mu) = -<mu, [dF, dG]>, of two formulas of momenta: again such a formula.
+    def poisson_bracket(
+        self, F: Callable[[Any], Any], G: Callable[[Any], Any]
+    ) -> Callable[[Any], Any]:
+        """The minus Lie-Poisson bracket, {F, G}(mu) = -<mu, [dF, dG]>, of two formulas of momenta:
+        again such a formula.
 
-        F, G : from mu, (dim,), to a number, for instance `hamiltonian.energy`.  Along a motion F' = {F, H}.
+        F, G : from mu, (dim,), to a number, for instance `hamiltonian.energy`.  Along a motion
+        F' = {F, H}.
         Raises InvalidType for what cannot be called.  Source: Marsden and Ratiu, section 13.1.
         """
         for name, formula in (("F", F), ("G", G)):
             if not callable(formula):
                 raise InvalidType(
-                    f"{type(self).__name__}.poisson_bracket: {name} must be a formula of momenta, as `hamiltonian.energy` is; "
-                    f"got {formula!r}"
+                    f"{type(self).__name__}.poisson_bracket: {name} must be a formula of momenta, "
+                    f"as `hamiltonian.energy` is; got {formula!r}"
                 )
         return self.poisson_structure.bracket(F, G)
 
@@ -127,16 +146,20 @@ class CoadjointAction(Representation):
     def on_same_orbit(self, mu: Vec, nu: Vec, tolerance: float = 1e-12) -> bool:
         """Do mu and nu lie on one orbit, up to rounding?  mu, nu : (dim,).
 
-        No, if the dimensions of their orbits, their Casimirs or their `further_invariants` differ.  Yes, if the group knows that
-        these tell all orbits apart, or if an element with K_g mu = nu is found.  Otherwise nobody knows, and NotDefined is raised.
+        No, if the dimensions of their orbits, their Casimirs or their `further_invariants` differ.
+        Yes, if the group knows that these tell all orbits apart, or if an element with K_g mu = nu
+        is found.  Otherwise nobody knows, and NotDefined is raised.
 
         tolerance : by how much Casimirs may differ, relative to the sizes of their terms.
         """
-        same = orbits.same(self, np.array(mu, dtype=float), np.array(nu, dtype=float), float(tolerance))
+        same = orbits.same(
+            self, np.array(mu, dtype=float), np.array(nu, dtype=float), float(tolerance)
+        )
         if same is None:
             raise NotDefined(
-                f"on_same_orbit: whether these momenta of {self.group!r} lie on one orbit is not known: their Casimirs agree, "
-                "but do not tell all orbits apart, and no g with K_g mu = nu was found. Define `further_invariants`"
+                f"on_same_orbit: whether these momenta of {self.group!r} lie on one orbit is not "
+                "known: their Casimirs agree, but do not tell all orbits apart, and no g with K_g "
+                "mu = nu was found. Define `further_invariants`"
             )
         return same
 
@@ -144,7 +167,10 @@ class CoadjointAction(Representation):
         where = f"CoadjointAction.{method}: mu"
         array = real_array(mu, where)
         if array.shape != (self.group.dim,):
-            raise InvalidInput(f"{where} must have shape ({self.group.dim},), a momentum of {self.group!r}; got {array.shape}")
+            raise InvalidInput(
+                f"{where} must have shape ({self.group.dim},), a "
+                f"momentum of {self.group!r}; got {array.shape}"
+            )
         check_finite(array, where)
         return array
 

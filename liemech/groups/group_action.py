@@ -1,4 +1,6 @@
-"""Groups that move the points of a space: homogeneous spaces, and how to move on them without leaving them."""
+"""Groups that move the points of a space: homogeneous spaces, and how to move on them without
+leaving them.
+"""
 
 from __future__ import annotations
 
@@ -14,17 +16,21 @@ from .lie_group import LieGroup
 
 @record
 class GroupAction(Record):
-    """A left action of a Lie group on a space: every element g moves the points x, e . x = x and (g h) . x = g . (h . x).
+    """A left action of a Lie group on a space: every element g moves the points x, e . x = x and
+    (g h) . x = g . (h . x).
 
-    Points are vectors (arrays of another shape where a subclass annotates them so), and the argument is named `x`.
+    Points are vectors (arrays of another shape where a subclass annotates them so), and the
+    argument is named `x`.
 
     1. A subclass writes `act`.
-    2. It may add `point_shape`, closed forms for `infinitesimal` and `exp_act`, `defect` and `random`.
+    2. It may add `point_shape`, closed forms for `infinitesimal` and `exp_act`, `defect` and
+    `random`.
     3. The rest follows.
 
-    A differential equation on the space is given by a velocity A(t, x) in the Lie algebra, x' = infinitesimal(A(t, x), x).  Its
-    solution near x_n is x(t) = exp(Omega(t)) . x_n with Omega' = dexp_Omega^-1 A(t, x), Omega(t_n) = 0, right-trivialised.  That is
-    an equation in a vector space: whatever method solves it, the point stays on its orbit.
+    A differential equation on the space is given by a velocity A(t, x) in the Lie algebra,
+    x' = infinitesimal(A(t, x), x).  Its solution near x_n is x(t) = exp(Omega(t)) . x_n with
+    Omega' = dexp_Omega^-1 A(t, x), Omega(t_n) = 0, right-trivialised.  That is an equation in a
+    vector space: whatever method solves it, the point stays on its orbit.
 
     Source: Munthe-Kaas, Appl. Numer. Math. 29 (1999), section 2; Marsden and Ratiu, section 9.3.
     """
@@ -34,7 +40,9 @@ class GroupAction(Record):
     def __post_init__(self) -> None:
         super().__post_init__()
         if not isinstance(self.group, LieGroup):
-            raise InvalidType(f"{type(self).__name__}: group must be a LieGroup; got {self.group!r}")
+            raise InvalidType(
+                f"{type(self).__name__}: group must be a LieGroup; got {self.group!r}"
+            )
 
     # ---------------------------------------------------------------- 1. a subclass writes
 
@@ -51,17 +59,23 @@ class GroupAction(Record):
 
     def infinitesimal(self, xi: Vec, x: Vec) -> Vec:
         """The velocity of a point, d/ds exp(s xi) . x at s = 0.  xi : (dim,), x : a point."""
-        return derivative(lambda v: self.act(self.group.exp(v), x), vec(*[0.0] * self.group.dim), xi)
+        return derivative(
+            lambda v: self.act(self.group.exp(v), x), vec(*[0.0] * self.group.dim), xi
+        )
 
     def exp_act(self, xi: Vec, x: Vec) -> Vec:
         """exp(xi) . x.  xi : (dim,), x : a point."""
         return self.act(self.group.exp(xi), x)
 
     def defect(self, x: Vec) -> float:
-        """How far an array is from being a point of the space, relative to a point's size; 0 on it.  x : shaped like a point."""
+        """How far an array is from being a point of the space, relative to a point's size; 0 on
+        it.  x : shaped like a point.
+        """
         return 0.0
 
-    def random(self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()) -> np.ndarray:
+    def random(
+        self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()
+    ) -> np.ndarray:
         """Random points, where nothing better is said vectors of normally distributed components.
 
         rng : a generator or a seed.  size : leading axes.
@@ -75,14 +89,18 @@ class GroupAction(Record):
 
     @final
     def generators(self, x: Vec) -> Mat:
-        """The velocities of a point under the basis of the algebra, as columns: they span the tangent space of its orbit.
+        """The velocities of a point under the basis of the algebra, as columns: they span the
+        tangent space of its orbit.
 
-        x : a point (k,);  returns (k, dim).  Its rank is the dimension of the orbit, its kernel the algebra of the isotropy group.
+        x : a point (k,);  returns (k, dim).  Its rank is the dimension of the orbit, its kernel the
+        algebra of the isotropy group.
         """
         return mat(*[self.infinitesimal(unit, x) for unit in identity_matrix(self.group.dim)]).T
 
     def contains(self, x: Vec) -> bool:
-        """Is an array a point of the space, up to rounding?  Its `defect` is at most 1e-6.  x : shaped like a point."""
+        """Is an array a point of the space, up to rounding?  Its `defect` is at most 1e-6.
+        x : shaped like a point.
+        """
         return self.defect(x) <= MEMBERSHIP
 
     def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:

@@ -70,11 +70,13 @@ class HeisenbergAlgebra(MatrixLieAlgebra):
 
 @record
 class Heisenberg(MatrixLieGroup):
-    """H_2n+1, the matrices [[1, q, z], [0, 1, p], [0, 0, 1]] with a row q and a column p of n numbers, and a number z.
+    """H_2n+1, the matrices [[1, q, z], [0, 1, p], [0, 0, 1]] with a row q and a column p of n
+    numbers, and a number z.
 
-    Coordinates are (q_1, ..., q_n, p_1, ..., p_n, z), with [Q_i, P_i] = Z and nothing else.  Since the product of any three
-    matrices of the algebra is zero, exp x = 1 + x + x^2/2, the Cayley map is the same, and [x, [x, y]] = 0 ends every series.
-    The component of the momentum along Z is the Casimir function; there is no invariant form.
+    Coordinates are (q_1, ..., q_n, p_1, ..., p_n, z), with [Q_i, P_i] = Z and nothing else.  Since
+    the product of any three matrices of the algebra is zero, exp x = 1 + x + x^2/2, the Cayley map
+    is the same, and [x, [x, y]] = 0 ends every series.  The component of the momentum along Z is
+    the Casimir function; there is no invariant form.
 
     n : pairs of coordinates; matrices have n + 2 rows.
     Source: Hall, Lie Groups, Lie Algebras, and Representations, 2nd ed., sections 1.2 and 5.2.
@@ -141,7 +143,9 @@ class Heisenberg(MatrixLieGroup):
         return (self.n, self.n, 1)
 
     def further_invariants(self, mu: Any) -> tuple[float, ...]:
-        """All components where that along Z is zero: such orbits are points.  All others are planes."""
+        """All components where that along Z is zero: such orbits are points.  All others are
+        planes.
+        """
         return () if mu[-1] else tuple(mu.tolist())
 
     def nearest(self, g: Ambient) -> Element:
@@ -170,7 +174,11 @@ class Heisenberg(MatrixLieGroup):
 
     def _parts(self, g: Mat) -> tuple[Vec, Vec, float]:
         n = self.n
-        return vec(*[g[0, i + 1] for i in range(n)]), vec(*[g[i + 1, n + 1] for i in range(n)]), g[0, n + 1]
+        return (
+            vec(*[g[0, i + 1] for i in range(n)]),
+            vec(*[g[i + 1, n + 1] for i in range(n)]),
+            g[0, n + 1],
+        )
 
     def _element(self, q: Vec, p: Vec, z: float) -> Mat:
         n = self.n

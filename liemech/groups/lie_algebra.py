@@ -38,8 +38,9 @@ Constants = tuple[tuple[tuple[float, ...], ...], ...]
 class LieAlgebra(Record):
     """A real Lie algebra, in coordinates with respect to a basis E_1, ..., E_dim.
 
-    Its elements, velocities, are coordinate vectors `xi` of shape (dim,).  The elements of its dual, momenta, are coordinate
-    vectors `mu` with respect to the dual basis, so that the pairing <mu, xi> is the scalar product.
+    Its elements, velocities, are coordinate vectors `xi` of shape (dim,).  The elements of its
+    dual, momenta, are coordinate vectors `mu` with respect to the dual basis, so that the pairing
+    <mu, xi> is the scalar product.
 
     must:     `dim`, and `bracket` or `structure_constants`
     may:      closed forms of everything in part 2
@@ -68,7 +69,9 @@ class LieAlgebra(Record):
     def structure_constants(self) -> Constants:
         """c[k][i][j] with [E_i, E_j] = sum_k c[k][i][j] E_k, as nested tuples of numbers."""
         if type(self).bracket is LieAlgebra.bracket:
-            raise NotDefined(f"{type(self).__name__} must define `bracket` or `structure_constants`")
+            raise NotDefined(
+                f"{type(self).__name__} must define `bracket` or `structure_constants`"
+            )
         units = list(identity_matrix(self.dim))
         c = np.array([[self.bracket(a, b) for b in units] for a in units], dtype=float)
         return tuple(tuple(tuple(row) for row in plane) for plane in c.transpose(2, 0, 1).tolist())
@@ -80,7 +83,8 @@ class LieAlgebra(Record):
     # ---------------------------------------------------------------- 2. closed forms are welcome
 
     def ad_star(self, xi: Vec, mu: Vec) -> Vec:
-        """The dual of the bracket, <ad*_xi mu, eta> = <mu, [xi, eta]>, the plain transpose of ad_xi.
+        """The dual of the bracket, <ad*_xi mu, eta> = <mu, [xi, eta]>, the plain transpose of
+        ad_xi.
 
         Momenta obey the Euler-Poincare equation mu' = ad*_xi mu.  xi, mu : (dim,).
         """
@@ -101,7 +105,8 @@ class LieAlgebra(Record):
     # the exponential
 
     def exp_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
-        """Ad*_exp(xi) mu = exp(ad*_xi) mu, the coadjoint orbit followed with velocity xi for unit time.
+        """Ad*_exp(xi) mu = exp(ad*_xi) mu, the coadjoint orbit followed with velocity xi for unit
+        time.
 
         xi, mu : (dim,).
         """
@@ -131,7 +136,9 @@ class LieAlgebra(Record):
         return solve(self._dexp_matrix(xi, side), eta)
 
     def dexp_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """The dual of `dexp_inv`, <dexp_inv_dual_xi mu, eta> = <mu, dexp_inv_xi eta>.  xi, mu : (dim,)."""
+        """The dual of `dexp_inv`, <dexp_inv_dual_xi mu, eta> = <mu, dexp_inv_xi eta>.  xi,
+        mu : (dim,).
+        """
         return solve(self._dexp_matrix(xi, side).T, mu)
 
     def _dexp_matrix(self, xi: Vec, side: str) -> Mat:
@@ -152,7 +159,8 @@ class LieAlgebra(Record):
         return True
 
     def exp_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float | Mat, Mat]:
-        """How far the momentum p is from being carried by exp(xi) to mu: r = p - (dexp_xi)* mu, or a multiple.
+        """How far the momentum p is from being carried by exp(xi) to mu: r = p - (dexp_xi)* mu, or
+        a multiple.
 
         Returns r, dr/dp (a number or a matrix) and dr/dxi (a matrix), for Newton's method.
         xi, p, mu : (dim,).
@@ -209,18 +217,20 @@ class LieAlgebra(Record):
     def dexp_matrix(self, xi: Vec, side: str = "right") -> Mat:
         """The matrix of `dexp`: exp(xi + d) = exp(dexp_matrix(xi) @ d + ...) exp(xi), for small d.
 
-        With side="left" exp(xi + d) = exp(xi) exp(dexp_matrix(xi, "left") @ d + ...).  Robotics names
-        Jacobians by the side on which the small element stands and not by the trivialisation: its left
-        Jacobian is that of side="right" all the same, and its right Jacobian that of side="left".
+        With side="left" exp(xi + d) = exp(xi) exp(dexp_matrix(xi, "left") @ d + ...).  Robotics
+        names Jacobians by the side on which the small element stands and not by the trivialisation:
+        its left Jacobian is that of side="right" all the same, and its right Jacobian that of
+        side="left".
 
-        xi : (dim,);  returns (dim, dim).  Source: Sola, Deray and Atchuthan, A micro Lie theory for state
-        estimation in robotics (2018), equations (67) and (71).
+        xi : (dim,);  returns (dim, dim).  Source: Sola, Deray and Atchuthan, A micro Lie theory for
+        state estimation in robotics (2018), equations (67) and (71).
         """
         return mat(*[self.dexp(xi, unit, side) for unit in identity_matrix(self.dim)]).T
 
     @final
     def dexp_inv_matrix(self, xi: Vec, side: str = "right") -> Mat:
-        """The matrix of `dexp_inv`: log(exp(d) exp(xi)) = xi + dexp_inv_matrix(xi) @ d + ..., for small d.
+        """The matrix of `dexp_inv`: log(exp(d) exp(xi)) = xi + dexp_inv_matrix(xi) @ d + ..., for
+        small d.
 
         With side="left" log(exp(xi) exp(d)) = xi + dexp_inv_matrix(xi, "left") @ d + ...
         xi : (dim,);  returns (dim, dim).  Raises OutsideChart where `dexp_inv` does.
@@ -247,7 +257,9 @@ class LieAlgebra(Record):
 
     @final
     def poisson_structure(self, mu: Vec) -> Mat:
-        """The minus Lie-Poisson structure matrix, B_ij(mu) = -c^k_ij mu_k: mu' = B(mu) grad H(mu).  mu : (dim,), B : (dim, dim)."""
+        """The minus Lie-Poisson structure matrix, B_ij(mu) = -c^k_ij mu_k: mu' = B(mu) grad H(mu).
+        mu : (dim,), B : (dim, dim).
+        """
         return mat(*[self.ad_star(unit, mu) for unit in identity_matrix(self.dim)]).T
 
     @final
@@ -259,7 +271,8 @@ class LieAlgebra(Record):
     @final
     @cached_property
     def killing_form(self) -> np.ndarray:
-        """The Killing form, K_ij = tr(ad_i ad_j): nondegenerate if and only if the algebra is semisimple.  (dim, dim)
+        """The Killing form, K_ij = tr(ad_i ad_j): nondegenerate if and only if the algebra is
+        semisimple.  (dim, dim)
 
         Source: Marsden and Ratiu, section 9.1; Cartan's criterion.
         """
@@ -268,11 +281,12 @@ class LieAlgebra(Record):
 
     @cached_property
     def invariant_form(self) -> np.ndarray | None:
-        """A nondegenerate symmetric form that ad leaves alone, ([x, y], z) = (x, [y, z]); None if there is none.  (dim, dim)
+        """A nondegenerate symmetric form that ad leaves alone, ([x, y], z) = (x, [y, z]); None if
+        there is none.  (dim, dim)
 
-        The Killing form of a semisimple algebra, scaled so that its largest entry is 1 and its sign that of -Killing; otherwise
-        what the linear equations for a form leave: the Klein form w.v on se(3), any form on an abelian algebra, nothing on
-        the Heisenberg algebra.
+        The Killing form of a semisimple algebra, scaled so that its largest entry is 1 and its sign
+        that of -Killing; otherwise what the linear equations for a form leave: the Klein form w.v
+        on se(3), any form on an abelian algebra, nothing on the Heisenberg algebra.
         """
         ad, n = self._ad_matrices, self.dim
         killing = self.killing_form
@@ -288,7 +302,8 @@ class LieAlgebra(Record):
         rank = int((sizes > 1e-12 * max(sizes.max(initial=0.0), 1e-300)).sum())
         kernel = np.einsum("kp,pab->kab", directions[rank:], forms)
         for weights in np.random.default_rng(1).normal(size=(4 if len(kernel) else 0, len(kernel))):
-            form = np.einsum("k,kab->ab", weights, kernel)  # a generic member of the family: degenerate only if all are
+            # a generic member of the family: degenerate only if all are
+            form = np.einsum("k,kab->ab", weights, kernel)
             if _nondegenerate(form):
                 return form / np.abs(form).max()
         return None
@@ -304,15 +319,20 @@ class LieAlgebra(Record):
     def check(self) -> None:
         """Verify that the bracket is antisymmetric and obeys the Jacobi identity, to rounding.
 
-        c^k_ij = -c^k_ji and c^a_ib c^b_jk + cyclic(i, j, k) = 0.  Raises LawViolation with the largest defect and where it is.
+        c^k_ij = -c^k_ji and c^a_ib c^b_jk + cyclic(i, j, k) = 0.  Raises LawViolation with the
+        largest defect and where it is.
         """
         basis = list(identity_matrix(self.dim))
-        c = np.array([[self.bracket(a, b) for b in basis] for a in basis], dtype=float)  # c[i, j] = [E_i, E_j]
+        # c[i, j] = [E_i, E_j]
+        c = np.array([[self.bracket(a, b) for b in basis] for a in basis], dtype=float)
         scale = np.abs(c).max(initial=0.0)
         antisymmetry = c + c.transpose(1, 0, 2)
         nested = np.einsum("jkb,iba->ijka", c, c)
         jacobi = nested + nested.transpose(1, 2, 0, 3) + nested.transpose(2, 0, 1, 3)
-        for law, defect, size in (("antisymmetry", antisymmetry, scale), ("the Jacobi identity", jacobi, scale**2)):
+        for law, defect, size in (
+            ("antisymmetry", antisymmetry, scale),
+            ("the Jacobi identity", jacobi, scale**2),
+        ):
             worst = np.unravel_index(np.abs(defect).argmax(), defect.shape)
             if abs(defect[worst]) > 64 * np.finfo(float).eps * size:
                 indices = tuple(int(i) + 1 for i in worst[:-1])

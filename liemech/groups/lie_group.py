@@ -29,8 +29,25 @@ from ..formulas.broadcasting import check_finite, real_array, small
 from .lie_algebra import LieAlgebra, objection
 
 OF_THE_ALGEBRA = {
-    *("bracket", "ad_star", "ad_matrix", "hat", "vee", "exp_Ad_star", "dexp", "dexp_dual", "dexp_inv"),
-    *("dexp_inv_dual", "dexp_inv_series", "exp_residual", "is_exp_chart", "cayley_Ad_star", "dcayley"),
+    *(
+        "bracket",
+        "ad_star",
+        "ad_matrix",
+        "hat",
+        "vee",
+        "exp_Ad_star",
+        "dexp",
+        "dexp_dual",
+        "dexp_inv",
+    ),
+    *(
+        "dexp_inv_dual",
+        "dexp_inv_series",
+        "exp_residual",
+        "is_exp_chart",
+        "cayley_Ad_star",
+        "dcayley",
+    ),
     *("dcayley_dual", "dcayley_inv", "dcayley_inv_dual", "cayley_residual"),
 }
 """What depends on velocities and momenta alone: closed forms stand in the class of the algebra."""
@@ -44,7 +61,9 @@ def _of_one_momentum(formula: Callable[..., Any]) -> Callable[..., Any]:
         name = f"{type(self).__name__}.{formula.__name__}: mu"
         momentum = real_array(mu, name)
         if momentum.shape != (self.dim,):
-            raise InvalidInput(f"{name} must be one momentum, of shape ({self.dim},); got shape {momentum.shape}")
+            raise InvalidInput(
+                f"{name} must be one momentum, of shape ({self.dim},); got shape {momentum.shape}"
+            )
         check_finite(momentum, name)
         return formula(self, momentum)
 
@@ -53,10 +72,11 @@ def _of_one_momentum(formula: Callable[..., Any]) -> Callable[..., Any]:
 
 @record
 class LieGroup(Record):
-    """A Lie group acting on itself from the left: velocities are left-trivialised, xi = g^-1 g', momenta those of the body.
+    """A Lie group acting on itself from the left: velocities are left-trivialised, xi = g^-1 g',
+    momenta those of the body.
 
-    Elements `g` are arrays, for most groups matrices of shape (n, n); velocities `xi` and momenta `mu` are coordinate vectors of
-    shape (dim,).
+    Elements `g` are arrays, for most groups matrices of shape (n, n); velocities `xi` and momenta
+    `mu` are coordinate vectors of shape (dim,).
 
     must:     `algebra`, `identity`, `inverse`, `exp`; `compose` unless it is the matrix product
     may:      closed forms of everything in part 2; the Cayley map; what is known of elements and orbits
@@ -73,8 +93,8 @@ class LieGroup(Record):
         super().__init_subclass__(**options)
         for name in vars(cls).keys() & OF_THE_ALGEBRA:
             raise InvalidType(
-                f"{cls.__name__}.{name}: a closed form of {name} belongs into the class of the algebra, "
-                "where methods look for it"
+                f"{cls.__name__}.{name}: a closed form of {name} belongs into the class of the "
+                "algebra, where methods look for it"
             )
         if "further_invariants" in vars(cls):
             cls.further_invariants = _of_one_momentum(vars(cls)["further_invariants"])  # type: ignore[method-assign]
@@ -153,7 +173,9 @@ class LieGroup(Record):
         return None
 
     def cayley(self, xi: Vec) -> Element:
-        """The Cayley map (1 - xi/2)^-1 (1 + xi/2), where the algebra is closed under x y x.  xi : (dim,)."""
+        """The Cayley map (1 - xi/2)^-1 (1 + xi/2), where the algebra is closed under x y x.
+        xi : (dim,).
+        """
         raise IncompatibleSystem(f"{type(self).__name__} has no Cayley map: {self.why_no_cayley()}")
 
     def cayley_inv(self, g: Element) -> Vec:
@@ -166,7 +188,8 @@ class LieGroup(Record):
 
     @property
     def by_adjoint(self) -> LieGroup | None:
-        """The group with the Cayley map of its matrices Ad_g, Ad_cay(xi) = (1 - ad_xi/2)^-1 (1 + ad_xi/2).
+        """The group with the Cayley map of its matrices Ad_g, Ad_cay(xi) = (1 - ad_xi/2)^-1
+        (1 + ad_xi/2).
 
         The group itself where that is its own Cayley map; None, the default, if it is not known.
         """
@@ -175,47 +198,65 @@ class LieGroup(Record):
     # momenta and arrays
 
     def casimirs(self, mu: Vec) -> Vec:
-        """Functions of the momentum that every motion keeps, whatever the Hamiltonian; none known by default.  mu : (dim,)."""
+        """Functions of the momentum that every motion keeps, whatever the Hamiltonian; none known
+        by default.  mu : (dim,).
+        """
         return vec()
 
     @property
     def unit_blocks(self) -> tuple[int, ...]:
-        """How many components in a row share a physical unit: (3, 3) on SE(3), angular and linear momenta."""
+        """How many components in a row share a physical unit: (3, 3) on SE(3), angular and linear
+        momenta.
+        """
         return (self.dim,)
 
     @_of_one_momentum
     def further_invariants(self, mu: Any) -> tuple[float, ...] | None:
-        """What tells the coadjoint orbit through mu from others of its dimension with the same Casimirs; () if there are none.
+        """What tells the coadjoint orbit through mu from others of its dimension with the same
+        Casimirs; () if there are none.
 
         None, the default: the group does not know.  mu : (dim,).
         """
         return None
 
     def defect(self, g: Ambient) -> float:
-        """How far an array is from being an element, relative to an element's size; 0 on the group.  g : shaped like an element.
+        """How far an array is from being an element, relative to an element's size; 0 on the
+        group.  g : shaped like an element.
 
         A group that does not know takes every array for an element.
         """
         return 0.0
 
     def objection(self, g: np.ndarray) -> str | None:
-        """Why an array is not an element, in words; None if it is.  g : one array, shaped like an element."""
+        """Why an array is not an element, in words; None if it is.  g : one array, shaped like an
+        element.
+        """
         defect = self.defect(small(g))
-        return None if defect <= MEMBERSHIP else f"it is off the group by {defect:.1e}, more than {MEMBERSHIP:.0e}"
+        return (
+            None
+            if defect <= MEMBERSHIP
+            else f"it is off the group by {defect:.1e}, more than {MEMBERSHIP:.0e}"
+        )
 
     def scale(self, g: Element | None) -> Vec:
-        """The displacements that count as large at g (None: anywhere), for the error control of adaptive steps: 1 by default.
+        """The displacements that count as large at g (None: anywhere), for the error control of
+        adaptive steps: 1 by default.
 
         g : an element.  Returns (dim,).
         """
         return vec(*[1.0 for _ in range(self.dim)])
 
     def nearest(self, g: Ambient) -> Element:
-        """An element close to an array that has drifted off the group.  Never called by an integrator.  g : like an element."""
+        """An element close to an array that has drifted off the group.  Never called by an
+        integrator.  g : like an element.
+        """
         raise NotDefined(f"{type(self).__name__} does not know the element nearest to an array")
 
-    def random(self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()) -> np.ndarray:
-        """Random elements: exp of normally distributed velocities, or Haar measure where a group knows better.
+    def random(
+        self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()
+    ) -> np.ndarray:
+        """Random elements: exp of normally distributed velocities, or Haar measure where a group
+        knows better.
 
         rng : a generator or a seed.  size : leading axes.
         """
@@ -268,17 +309,23 @@ class LieGroup(Record):
 
     @final
     def K(self, g: Element, mu: Vec) -> Vec:
-        """The left coadjoint action K_g = Ad*_{g^-1}: a body momentum seen from space.  g : an element, mu : (dim,)."""
+        """The left coadjoint action K_g = Ad*_{g^-1}: a body momentum seen from space.  g : an
+        element, mu : (dim,).
+        """
         return self.Ad_star(self.inverse(g), mu)
 
     @final
     def contains(self, g: Ambient) -> bool:
-        """Is an array an element, up to rounding?  Its `defect` is at most 1e-6.  g : shaped like an element."""
+        """Is an array an element, up to rounding?  Its `defect` is at most 1e-6.  g : shaped like
+        an element.
+        """
         return self.defect(g) <= MEMBERSHIP
 
     @final
     def distance(self, g: Element, h: Element) -> float:
-        """|log(g^-1 h)|: the length of the velocity that leads from g to h in unit time.  g, h : elements."""
+        """|log(g^-1 h)|: the length of the velocity that leads from g to h in unit time.  g,
+        h : elements.
+        """
         xi = self.log(self.compose(self.inverse(g), h))
         return sqrt(dot(xi, xi))
 

@@ -1,4 +1,6 @@
-"""Lie algebras of matrices, given by a basis: brackets, coordinates and momenta from constants that NumPy finds once."""
+"""Lie algebras of matrices, given by a basis: brackets, coordinates and momenta from constants that
+NumPy finds once.
+"""
 
 from __future__ import annotations
 
@@ -42,7 +44,8 @@ ROUGH = 2.0**-72
 
 @record
 class MatrixLieAlgebra(LieAlgebra):
-    """The algebra spanned by the generators of a group of matrices, real or complex; coordinates are real.
+    """The algebra spanned by the generators of a group of matrices, real or complex; coordinates
+    are real.
 
     Of large matrices the structure constants are never formed: the bracket is that of the matrices.
 
@@ -68,7 +71,9 @@ class MatrixLieAlgebra(LieAlgebra):
 
     @cached_property
     def structure_constants(self) -> Constants:
-        """c[k][i][j] with [E_i, E_j] = sum_k c[k][i][j] E_k, from commutators; small fractions exactly."""
+        """c[k][i][j] with [E_i, E_j] = sum_k c[k][i][j] E_k, from commutators; small fractions
+        exactly.
+        """
         return tuple(tuple(map(tuple, c)) for c in self.generated.structure_constants.tolist())
 
     def bracket(self, xi: Vec, eta: Vec) -> Vec:
@@ -90,15 +95,21 @@ class MatrixLieAlgebra(LieAlgebra):
         return self._assembled(self.generated.hat_terms, xi)
 
     def vee(self, matrix: Mat) -> Vec:
-        """Coordinates by least squares: of a matrix outside the algebra, those of its orthogonal projection."""
+        """Coordinates by least squares: of a matrix outside the algebra, those of its orthogonal
+        projection.
+        """
         return vec(*[entries(terms, matrix) for terms in self.generated.vee_terms])
 
     def covector(self, mu: Vec) -> Mat:
-        """The matrix M in the algebra that stands for a momentum, <mu, xi> = Re tr(M^H hat(xi)).  mu : (dim,)."""
+        """The matrix M in the algebra that stands for a momentum, <mu, xi> = Re tr(M^H hat(xi)).
+        mu : (dim,).
+        """
         return self._assembled(self.generated.covector_terms, mu)
 
     def pairing(self, matrix: Mat) -> Vec:
-        """The momentum that a matrix stands for, mu_i = Re tr(M^H E_i): the inverse of `covector`.  matrix : (n, n)."""
+        """The momentum that a matrix stands for, mu_i = Re tr(M^H E_i): the inverse of `covector`.
+        matrix : (n, n).
+        """
         return vec(*[entries(terms, matrix) for terms in self.generated.pairing_terms])
 
     def ad_size2(self, xi: Vec) -> float:
@@ -107,7 +118,9 @@ class MatrixLieAlgebra(LieAlgebra):
 
     def _assembled(self, places: Any, v: Vec) -> Mat:
         if self.generated.complex:
-            return mat(*[vec(*[Complex(linear(re, v), linear(im, v)) for re, im in row]) for row in places])
+            return mat(
+                *[vec(*[Complex(linear(re, v), linear(im, v)) for re, im in row]) for row in places]
+            )
         return mat(*[vec(*[linear(re, v) for re, _ in row]) for row in places])
 
     def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
@@ -128,7 +141,9 @@ class MatrixLieAlgebra(LieAlgebra):
         return self._coadjoint(g, back, mu)
 
     def dexp(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """sum_k ad_xi^k eta/(k + 1)!; for large xi from its half, dexp_xi = (1 + Ad_exp(xi/2))/2 dexp_(xi/2)."""
+        """sum_k ad_xi^k eta/(k + 1)!; for large xi from its half, dexp_xi = (1 + Ad_exp(xi/2))/2
+        dexp_(xi/2).
+        """
         return self._phi(self.bracket, self._conjugated, xi if side == "right" else -xi, eta)
 
     def dexp_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
@@ -136,7 +151,9 @@ class MatrixLieAlgebra(LieAlgebra):
         return self._phi(self.ad_star, self._coadjoint, xi if side == "right" else -xi, mu)
 
     def dexp_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """eta - [xi, eta]/2 + [xi, [xi, eta]]/12 - ...; for large xi the solution of dexp_xi (...) = eta."""
+        """eta - [xi, eta]/2 + [xi, [xi, eta]]/12 - ...; for large xi the solution of dexp_xi
+        (...) = eta.
+        """
         x = xi if side == "right" else -xi
         size2 = self.ad_size2(x)
         if size2 <= 1.0:
@@ -144,7 +161,9 @@ class MatrixLieAlgebra(LieAlgebra):
         return solve(phi1m(self.ad_matrix(x)), eta)
 
     def dexp_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """mu - ad*_xi mu/2 + ad*_xi^2 mu/12 - ...; for large xi the solution of (dexp_xi)* (...) = mu."""
+        """mu - ad*_xi mu/2 + ad*_xi^2 mu/12 - ...; for large xi the solution of (dexp_xi)*
+        (...) = mu.
+        """
         x = xi if side == "right" else -xi
         size2 = self.ad_size2(x)
         if size2 <= 1.0:
@@ -152,7 +171,8 @@ class MatrixLieAlgebra(LieAlgebra):
         return solve(phi1m(self.ad_matrix(x).T), mu)
 
     def exp_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float | Mat, Mat]:
-        """r = p - sum_k t_k with t_k = ad*_xi t_k-1/(k + 1), t_0 = mu; the derivative of the recursion gives dr/dxi.
+        """r = p - sum_k t_k with t_k = ad*_xi t_k-1/(k + 1), t_0 = mu; the derivative of the
+        recursion gives dr/dxi.
 
         The derivative stops at 1e-11: Newton's method feels no less.
         """
@@ -197,12 +217,25 @@ class MatrixLieAlgebra(LieAlgebra):
     def _ad_star_of_basis(self, mu: Vec) -> Mat:
         """The matrix whose columns are ad*_E_m mu."""
         terms, dim = self.generated.ad_star_terms, self.dim
-        return mat(*[vec(*[_sum([scaled(c, mu[k]) for c, i, k in terms[j] if i == m]) for m in range(dim)]) for j in range(dim)])
+        return mat(
+            *[
+                vec(
+                    *[
+                        _sum([scaled(c, mu[k]) for c, i, k in terms[j] if i == m])
+                        for m in range(dim)
+                    ]
+                )
+                for j in range(dim)
+            ]
+        )
 
     def ad_matrix(self, xi: Vec) -> Mat:
         """The matrix of ad_xi, from the structure constants."""
         terms, dim = self.generated.ad_star_terms, self.dim
-        rows = [[[scaled(c, xi[i]) for c, i, k in terms[j] if k == m] for m in range(dim)] for j in range(dim)]
+        rows = [
+            [[scaled(c, xi[i]) for c, i, k in terms[j] if k == m] for m in range(dim)]
+            for j in range(dim)
+        ]
         return mat(*[vec(*[_sum(entry) for entry in row]) for row in rows]).T
 
     def _conjugated(self, g: Mat, back: Mat, xi: Vec) -> Vec:
@@ -214,7 +247,12 @@ class MatrixLieAlgebra(LieAlgebra):
     def _ad_star_of_columns(self, x: Vec, columns: Mat) -> Mat:
         """The matrix whose columns are ad*_x of the columns of another."""
         dim = self.dim
-        return mat(*[_sum_rows([columns[k] * scaled(c, x[i]) for c, i, k in terms], dim) for terms in self.generated.ad_star_terms])
+        return mat(
+            *[
+                _sum_rows([columns[k] * scaled(c, x[i]) for c, i, k in terms], dim)
+                for terms in self.generated.ad_star_terms
+            ]
+        )
 
     def dcayley(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
         """(1 - x/2)^-1 eta (1 + x/2)^-1."""
@@ -227,7 +265,9 @@ class MatrixLieAlgebra(LieAlgebra):
         if self.dim == 3 and self.generated.few_triples:
             return solve3(self._dcayley_inv_dual(x), mu)
         half = adjoint(0.5 * self.hat(x))
-        return self.pairing(solve_matrix(plus(-half, 1.0), self.covector(mu)) @ inverse(plus(half, 1.0)))
+        return self.pairing(
+            solve_matrix(plus(-half, 1.0), self.covector(mu)) @ inverse(plus(half, 1.0))
+        )
 
     def dcayley_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
         """mu - ad*_xi mu/2 - (the dual of eta -> xi eta xi) mu/4."""
@@ -239,19 +279,33 @@ class MatrixLieAlgebra(LieAlgebra):
         return mu - (0.5 * self.ad_star(x, mu) + 0.25 * triple)
 
     def cayley_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float | Mat, Mat]:
-        """r = D p - mu with D = (dcay_xi^-1)*, whose entries are polynomials of xi; dr/dp = D, and dr/dxi term by term."""
+        """r = D p - mu with D = (dcay_xi^-1)*, whose entries are polynomials of xi; dr/dp = D, and
+        dr/dxi term by term.
+        """
         if not self.generated.few_triples:
             return LieAlgebra.cayley_residual(self, xi, p, mu)
         by_p = self._dcayley_inv_dual(xi)
-        linear, square, dim = self.generated.ad_star_terms, self.generated.triple_dual_terms, self.dim
+        linear, square, dim = (
+            self.generated.ad_star_terms,
+            self.generated.triple_dual_terms,
+            self.dim,
+        )
         by_xi = mat(
             *[
                 vec(
                     *[
                         _sum(
                             [scaled(-0.5 * c, p[k]) for c, i, k in linear[j] if i == m]
-                            + [scaled(-0.25 * c, xi[b] * p[k]) for c, a, b, k in square[j] if a == m]
-                            + [scaled(-0.25 * c, xi[a] * p[k]) for c, a, b, k in square[j] if b == m]
+                            + [
+                                scaled(-0.25 * c, xi[b] * p[k])
+                                for c, a, b, k in square[j]
+                                if a == m
+                            ]
+                            + [
+                                scaled(-0.25 * c, xi[a] * p[k])
+                                for c, a, b, k in square[j]
+                                if b == m
+                            ]
                         )
                         for m in range(dim)
                     ]
@@ -263,7 +317,11 @@ class MatrixLieAlgebra(LieAlgebra):
 
     def _dcayley_inv_dual(self, x: Vec) -> Mat:
         """The matrix of (dcay_x^-1)*, from the constants of ad* and of y -> x y x."""
-        linear, square, dim = self.generated.ad_star_terms, self.generated.triple_dual_terms, self.dim
+        linear, square, dim = (
+            self.generated.ad_star_terms,
+            self.generated.triple_dual_terms,
+            self.dim,
+        )
         return mat(
             *[
                 vec(
@@ -271,7 +329,11 @@ class MatrixLieAlgebra(LieAlgebra):
                         _sum(
                             ([1.0] if j == k else [])
                             + [scaled(-0.5 * c, x[i]) for c, i, col in linear[j] if col == k]
-                            + [scaled(-0.25 * c, x[a] * x[b]) for c, a, b, col in square[j] if col == k]
+                            + [
+                                scaled(-0.25 * c, x[a] * x[b])
+                                for c, a, b, col in square[j]
+                                if col == k
+                            ]
                         )
                         for k in range(dim)
                     ]
@@ -297,7 +359,9 @@ def _sum_rows(rows: list[Vec], dim: int) -> Vec:
 
 
 def _series(action: Callable[..., Vec], x: Vec, v: Vec, size2: float, first: float) -> Vec:
-    """The sum of A^k v first!/(k + first)! for k = 1, 2, ..., A = action(x, .) with |A|^2 <= size2: exp(A) v - v for first = 0."""
+    """The sum of A^k v first!/(k + first)! for k = 1, 2, ..., A = action(x, .) with |A|^2 <= size2:
+    exp(A) v - v for first = 0.
+    """
     tiny, one = digits(size2)
     k = first + 1.0
     term = action((one / k) * x, v)
@@ -310,15 +374,22 @@ def _series(action: Callable[..., Vec], x: Vec, v: Vec, size2: float, first: flo
 
 
 def _bernoulli_series(action: Callable[..., Vec], x: Vec, v: Vec, size2: float) -> Vec:
-    """The sum of B_k/k! A^k v, A = action(x, .) with |A|^2 <= size2 <= 1: as many terms as that needs."""
+    """The sum of B_k/k! A^k v, A = action(x, .) with |A|^2 <= size2 <= 1: as many terms as that
+    needs.
+    """
     if is_long(size2):
-        raise InvalidType("precision: the inverse of dexp is known to 16 digits only here; take Cayley() or precision='double'")
+        raise InvalidType(
+            "precision: the inverse of dexp is known to 16 digits only "
+            "here; take Cayley() or precision='double'"
+        )
     if size2 <= 0.02:
         return _bernoulli_sum(EVEN[:5], action, x, v)
     return _bernoulli_sum(EVEN, action, x, v)
 
 
-def _bernoulli_sum(coefficients: tuple[float, ...], action: Callable[..., Vec], x: Vec, v: Vec) -> Vec:
+def _bernoulli_sum(
+    coefficients: tuple[float, ...], action: Callable[..., Vec], x: Vec, v: Vec
+) -> Vec:
     power = action(x, v)
     change = -0.5 * power
     for b in coefficients:

@@ -1,4 +1,6 @@
-"""The maps of a group of large matrices on arrays, through NumPy and SciPy: what formulas would be too long for."""
+"""The maps of a group of large matrices on arrays, through NumPy and SciPy: what formulas would be
+too long for.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,9 @@ if TYPE_CHECKING:
 
 
 def of_group(group: MatrixLieGroup, method: str, arguments: dict[str, Any]) -> Any:
-    """The value of a group's method, for arrays whose first axis is the batch; None if it is not here."""
+    """The value of a group's method, for arrays whose first axis is the batch; None if it is not
+    here.
+    """
     basis, one = group.generated, np.eye(group.generated.n)
     match method, *arguments.values():
         case "compose", g, h:
@@ -54,7 +58,8 @@ def of_group(group: MatrixLieGroup, method: str, arguments: dict[str, Any]) -> A
 
 
 def of_algebra(algebra: MatrixLieAlgebra, method: str, arguments: dict[str, Any]) -> Any:
-    """The value of an algebra's method, for arrays whose first axis is the batch; None if it is not here.
+    """The value of an algebra's method, for arrays whose first axis is the batch; None if it is not
+    here.
 
     Source: Higham, Functions of Matrices (2008), theorem 3.6 (the differential of exp from a block
     matrix).
@@ -160,7 +165,9 @@ def _phi_inverse(x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 def _phi_inverse_series(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """The same for a matrix without a basis of eigenvectors, by the solution of phi_1(ad_x) z = y from z = y on."""
+    """The same for a matrix without a basis of eigenvectors, by the solution of phi_1(ad_x) z = y
+    from z = y on.
+    """
     z = y
     for _ in range(200):
         rest = y - _phi(x, z)
@@ -171,16 +178,27 @@ def _phi_inverse_series(x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 def log(basis: MatrixBasis, g: np.ndarray) -> np.ndarray:
-    """The principal logarithm of each matrix, in the algebra.  g : (bodies, n, n).  Raises InvalidInput."""
+    """The principal logarithm of each matrix, in the algebra.  g : (bodies, n, n).  Raises
+    InvalidInput.
+    """
     from scipy.linalg import logm
 
     logs = np.array([logm(m) for m in g])
     xi = basis.vee(logs)
-    off = np.linalg.norm(logs - basis.hat(xi), axis=(1, 2)) > 1e-6 * (1.0 + np.linalg.norm(logs, axis=(1, 2)))
+    off = np.linalg.norm(logs - basis.hat(xi), axis=(1, 2)) > 1e-6 * (
+        1.0 + np.linalg.norm(logs, axis=(1, 2))
+    )
     if off.any() or not np.isfinite(logs).all():
-        raise InvalidInput(f"{basis.name}.log: the element has no principal logarithm in the algebra")
+        raise InvalidInput(
+            f"{basis.name}.log: the element has no principal logarithm in the algebra"
+        )
     return xi
 
 
 def _defects(group: MatrixLieGroup, g: np.ndarray) -> np.ndarray:
-    return np.array([max(d for d, _ in [(0.0, ""), *objections(group.invariants, group.generated, m)]) for m in g])
+    return np.array(
+        [
+            max(d for d, _ in [(0.0, ""), *objections(group.invariants, group.generated, m)])
+            for m in g
+        ]
+    )

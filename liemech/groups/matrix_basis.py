@@ -1,4 +1,6 @@
-"""What NumPy finds once about the generators of an algebra of matrices, for formulas to use as constants."""
+"""What NumPy finds once about the generators of an algebra of matrices, for formulas to use as
+constants.
+"""
 
 from __future__ import annotations
 
@@ -12,22 +14,30 @@ from ..errors import InvalidInput, InvalidType, LawViolation
 from ..formulas.sums import Terms
 
 SMALL = 12
-"""Formulas for matrices with more rows than this would be too long to write out; arrays then go through NumPy."""
+"""Formulas for matrices with more rows than this would be too long to write out; arrays then go
+through NumPy.
+"""
 
 TABLED = 160
-"""Dimension up to which large groups have structure constants, a cube of numbers, nevertheless: so(16) has 120."""
+"""Dimension up to which large groups have structure constants, a cube of numbers, nevertheless:
+so(16) has 120.
+"""
 
 CLOSED = 1e-10
-"""What a bracket may stick out of the span of the generators, relative to the product of their sizes."""
+"""What a bracket may stick out of the span of the generators, relative to the product of their
+sizes.
+"""
 
 
 class MatrixBasis:
-    """Generators E_1, ..., E_dim of an algebra of real or complex matrices, real coordinates, checked when made.
+    """Generators E_1, ..., E_dim of an algebra of real or complex matrices, real coordinates,
+    checked when made.
 
-    Coordinates are taken by least squares: `dual` is the basis V_i with Re tr(V_i^H E_j) = 1 if i = j, else 0.
+    Coordinates are taken by least squares: `dual` is the basis V_i with Re tr(V_i^H E_j) = 1 if
+    i = j, else 0.
 
-    generators : (dim, n, n).  Raises InvalidInput, InvalidType for arrays that are no matrices, LawViolation for generators that
-    are linearly dependent or whose brackets leave their span.
+    generators : (dim, n, n).  Raises InvalidInput, InvalidType for arrays that are no matrices,
+    LawViolation for generators that are linearly dependent or whose brackets leave their span.
 
     Source: Hall, Lie Groups, Lie Algebras, and Representations, 2nd ed., sections 3.1 and 3.3.
     """
@@ -44,16 +54,20 @@ class MatrixBasis:
 
     @cached_property
     def columns(self) -> Any:
-        """The generators as the columns of a sparse matrix, real above imaginary parts.  (n^2 or 2 n^2, dim)"""
+        """The generators as the columns of a sparse matrix, real above imaginary parts.
+        (n^2 or 2 n^2, dim)
+        """
         from scipy.sparse import csr_array
 
         return csr_array(real_parts(self.generators).T)
 
     @cached_property
     def rows(self) -> Any:
-        """The pseudo-inverse of `columns`: rows that read off coordinates.  (dim, n^2 or 2 n^2), sparse
+        """The pseudo-inverse of `columns`: rows that read off coordinates.  (dim, n^2 or 2 n^2),
+        sparse
 
-        Generators that share no entry with the others are dealt with apart, so that zeros stay zeros.
+        Generators that share no entry with the others are dealt with apart, so that zeros stay
+        zeros.
         """
         from scipy.sparse import coo_array, csr_array
         from scipy.sparse.csgraph import connected_components
@@ -111,7 +125,9 @@ class MatrixBasis:
 
     @cached_property
     def tabled(self) -> bool:
-        """Are brackets quicker by structure constants than by the products of matrices that are large?"""
+        """Are brackets quicker by structure constants than by the products of matrices that are
+        large?
+        """
         if not self.large:
             return True
         return self.dim <= TABLED and np.count_nonzero(self.structure_constants) <= 2 * self.n**3
@@ -132,10 +148,15 @@ class MatrixBasis:
         off = self.sticks_out(a @ b - b @ a) / size
         if off.max(initial=0.0) > CLOSED:
             worst = int(off.argmax())
-            which = "two generic elements" if self.large else "the generators {} and {}".format(*(k + 1 for k in pairs[worst]))
+            which = (
+                "two generic elements"
+                if self.large
+                else "the generators {} and {}".format(*(k + 1 for k in pairs[worst]))
+            )
             raise LawViolation(
-                f"{self.name}.generators is not closed under the bracket: the bracket of {which} sticks out of their span by "
-                f"{off[worst]:.1e} of the size of the product. Add it to the generators"
+                f"{self.name}.generators is not closed under the bracket: the bracket of {which} "
+                f"sticks out of their span by {off[worst]:.1e} of the size "
+                "of the product. Add it to the generators"
             )
 
     @cached_property
@@ -145,9 +166,14 @@ class MatrixBasis:
         if self.large:
             x, y = self.hat(np.random.default_rng(1).normal(size=(2, n)))
             off = self.sticks_out(x @ y @ x) / (np.linalg.norm(x) ** 2 * np.linalg.norm(y))
-            return None if off <= CLOSED else f"its algebra is not closed under x y x: generic elements stick out by {off:.1e}"
+            return (
+                None
+                if off <= CLOSED
+                else f"its algebra is not closed under x y x: generic elements stick out by {off:.1e}"
+            )
         t = np.einsum("iab,jbc,lcd->ijlad", e, e, e)
-        t = t + t.transpose(2, 1, 0, 3, 4)  # x y x for all x if and only if x y z + z y x for all x and z
+        # x y x for all x if and only if x y z + z y x for all x and z
+        t = t + t.transpose(2, 1, 0, 3, 4)
         sizes = np.linalg.norm(e, axis=(1, 2))
         off = self.sticks_out(t) / np.einsum("i,j,l->ijl", sizes, sizes, sizes)
         if off.max() <= CLOSED:
@@ -156,13 +182,13 @@ class MatrixBasis:
         if diagonal.max() > CLOSED:
             i, j = (int(k) for k in np.unravel_index(diagonal.argmax(), diagonal.shape))
             return (
-                f"its algebra is not closed under x y x: with the generators x = E_{i + 1}, y = E_{j + 1} "
-                f"the product sticks out by {diagonal[i, j] / 2:.1e} of its size"
+                f"its algebra is not closed under x y x: with the generators x = E_{i + 1}, y = "
+                f"E_{j + 1} the product sticks out by {diagonal[i, j] / 2:.1e} of its size"
             )
         i, j, k = (int(x) + 1 for x in np.unravel_index(off.argmax(), off.shape))
         return (
-            f"its algebra is not closed under x y x: with the generators x = E_{i} + E_{k}, y = E_{j} "
-            f"the product sticks out by {off.max():.1e} of its size"
+            f"its algebra is not closed under x y x: with the generators x = E_{i} + E_{k}, y = "
+            f"E_{j} the product sticks out by {off.max():.1e} of its size"
         )
 
     # ---------------------------------------------------------------- constants of formulas
@@ -180,7 +206,9 @@ class MatrixBasis:
     def _entries(self, columns: np.ndarray) -> Any:
         n, terms = self.n, [linear_terms(row) for row in columns]
         parts = [terms[: n * n], terms[n * n :] or [()] * (n * n)]
-        return tuple(tuple((parts[0][n * i + j], parts[1][n * i + j]) for j in range(n)) for i in range(n))
+        return tuple(
+            tuple((parts[0][n * i + j], parts[1][n * i + j]) for j in range(n)) for i in range(n)
+        )
 
     @cached_property
     def vee_terms(self) -> tuple[Terms, ...]:
@@ -189,20 +217,27 @@ class MatrixBasis:
 
     @cached_property
     def pairing_terms(self) -> tuple[Terms, ...]:
-        """For each Re tr(M^H E_i), the terms (coefficient, row, column, 0 or 1 for the imaginary part)."""
+        """For each Re tr(M^H E_i), the terms (coefficient, row, column, 0 or 1 for the imaginary
+        part).
+        """
         return self._readings(self.columns.toarray().T)
 
     def _readings(self, rows: np.ndarray) -> tuple[Terms, ...]:
         n = self.n
         return tuple(
-            tuple((c, k % (n * n) // n, k % n, k // (n * n)) for c, k in linear_terms(row)) for row in rows
+            tuple((c, k % (n * n) // n, k % n, k // (n * n)) for c, k in linear_terms(row))
+            for row in rows
         )
 
     @cached_property
     def bracket_terms(self) -> tuple[Terms, ...]:
-        """For each component of [x, y], the terms (c, i, j), standing for c (x_i y_j - x_j y_i) with c > 0."""
+        """For each component of [x, y], the terms (c, i, j), standing for c (x_i y_j - x_j y_i)
+        with c > 0.
+        """
         upper = [products(np.triu(c, 1)) for c in self.structure_constants]
-        return tuple(tuple((v, i, j) if v > 0 else (-v, j, i) for v, i, j in terms) for terms in upper)
+        return tuple(
+            tuple((v, i, j) if v > 0 else (-v, j, i) for v, i, j in terms) for terms in upper
+        )
 
     @cached_property
     def ad_star_terms(self) -> tuple[Terms, ...]:
@@ -211,19 +246,31 @@ class MatrixBasis:
 
     @cached_property
     def ad_size_terms(self) -> Terms:
-        """The terms (c, i, j), i <= j, of a sum over c x_i x_j that bounds the square of the norm of ad_x.
+        """The terms (c, i, j), i <= j, of a sum over c x_i x_j that bounds the square of the norm
+        of ad_x.
 
-        The Frobenius norm; half of it where all ad_x are antisymmetric, so that their singular values come in pairs.  Without
-        structure constants |[x, y]|^2 <= 2 |x|^2 |y|^2, Frobenius norms of matrices, compared with lengths of coordinates.
+        The Frobenius norm; half of it where all ad_x are antisymmetric, so that their singular
+        values come in pairs.  Without structure constants |[x, y]|^2 <= 2 |x|^2 |y|^2, Frobenius
+        norms of matrices, compared with lengths of coordinates.
 
-        Source: Boettcher and Wenzel, The Frobenius norm and the commutator, Linear Algebra Appl. 429 (2008) 1864.
+        Source: Boettcher and Wenzel, The Frobenius norm and the commutator, Linear Algebra Appl.
+        429 (2008) 1864.
         """
         if not self.tabled:
             square = (self.columns.T @ self.columns).toarray()
             lengths = np.linalg.eigvalsh(square)
-            return products(clean(2.0 * lengths[-1] / lengths[0] * (2.0 * np.triu(square, 1) + np.diag(np.diag(square)))))
+            return products(
+                clean(
+                    2.0
+                    * lengths[-1]
+                    / lengths[0]
+                    * (2.0 * np.triu(square, 1) + np.diag(np.diag(square)))
+                )
+            )
         ad = self.structure_constants.transpose(1, 0, 2)
-        square = np.einsum("iab,jab->ij", ad, ad) * (0.5 if np.array_equal(ad, -ad.swapaxes(1, 2)) else 1.0)
+        square = np.einsum("iab,jab->ij", ad, ad) * (
+            0.5 if np.array_equal(ad, -ad.swapaxes(1, 2)) else 1.0
+        )
         return products(clean(2.0 * np.triu(square, 1) + np.diag(np.diag(square))))
 
     @cached_property
@@ -234,12 +281,15 @@ class MatrixBasis:
         t = clean(t + t.transpose(2, 1, 0, 3)).transpose(3, 0, 2, 1)  # [k, i, l, j]
         weight = np.triu(np.ones((self.dim, self.dim))) - 0.5 * np.eye(self.dim)
         return tuple(
-            tuple((float(c[i, l, j]), int(i), int(l), int(j)) for i, l, j in np.argwhere(c != 0.0)) for c in t * weight[:, :, None]
+            tuple((float(c[i, l, j]), int(i), int(l), int(j)) for i, l, j in np.argwhere(c != 0.0))
+            for c in t * weight[:, :, None]
         )
 
     @cached_property
     def triple_dual_terms(self) -> tuple[Terms, ...]:
-        """For each component of the dual of y -> x y x, applied to mu, the terms (c, i, l, k), standing for c x_i x_l mu_k."""
+        """For each component of the dual of y -> x y x, applied to mu, the terms (c, i, l, k),
+        standing for c x_i x_l mu_k.
+        """
         found: list[list[Any]] = [[] for _ in range(self.dim)]
         for k, terms in enumerate(self.triple_terms):
             for c, i, l, j in terms:
@@ -262,7 +312,9 @@ def basis_of(generators: Any, name: str) -> MatrixBasis:
     try:
         array = np.asarray(generators)
     except ValueError:
-        raise InvalidInput(f"{name}.generators is ragged: its rows have different lengths") from None
+        raise InvalidInput(
+            f"{name}.generators is ragged: its rows have different lengths"
+        ) from None
     if array.dtype == object or array.nbytes > 2**22:
         return MatrixBasis(array, name)
     key = name, array.dtype.str, array.shape, hashlib.sha256(array.tobytes()).digest()
@@ -275,16 +327,25 @@ def basis_of(generators: Any, name: str) -> MatrixBasis:
 
 
 def _checked(array: np.ndarray, name: str) -> np.ndarray:
-    """The generators as an array of floats or complex numbers, square, finite, linearly independent."""
+    """The generators as an array of floats or complex numbers, square, finite, linearly
+    independent.
+    """
     if array.dtype.kind not in "iufc":
-        raise InvalidType(f"{name}.generators must be real or complex numbers; got dtype {array.dtype}")
+        raise InvalidType(
+            f"{name}.generators must be real or complex numbers; got dtype {array.dtype}"
+        )
     if array.ndim != 3 or array.shape[1] != array.shape[2] or not array.size:
-        raise InvalidInput(f"{name}.generators has shape {array.shape}; it must be (dim, n, n): square matrices, one per generator")
+        raise InvalidInput(
+            f"{name}.generators has shape {array.shape}; it must be (dim, "
+            "n, n): square matrices, one per generator"
+        )
     array = np.array(array, dtype=complex if array.dtype.kind == "c" else float)
     bad = np.argwhere(~np.isfinite(array))
     if len(bad):
         at = tuple(map(int, bad[0]))
-        raise InvalidInput(f"{name}.generators{list(at)} is {array[at]}; every entry must be finite")
+        raise InvalidInput(
+            f"{name}.generators{list(at)} is {array[at]}; every entry must be finite"
+        )
     sizes = np.linalg.norm(array, axis=(1, 2))
     if len(array) <= 2 * SMALL**2:
         flat = real_parts(array) / np.where(sizes > 0.0, sizes, 1.0)[:, None]
@@ -292,13 +353,18 @@ def _checked(array: np.ndarray, name: str) -> np.ndarray:
     else:
         rank = int((sizes > 0.0).sum())
     if rank < len(array):
-        raise LawViolation(f"{name}.generators are linearly dependent: {len(array)} matrices of rank {rank}. Leave some out")
+        raise LawViolation(
+            f"{name}.generators are linearly dependent: {len(array)} "
+            f"matrices of rank {rank}. Leave some out"
+        )
     array.flags.writeable = False
     return array
 
 
 def real_parts(matrices: np.ndarray, both: bool | None = None) -> np.ndarray:
-    """Matrices as rows of real numbers, for complex ones the real parts before the imaginary parts.  matrices : (m, n, n)."""
+    """Matrices as rows of real numbers, for complex ones the real parts before the imaginary
+    parts.  matrices : (m, n, n).
+    """
     flat = matrices.reshape(len(matrices), int(np.prod(matrices.shape[1:])))
     if both or (both is None and np.iscomplexobj(matrices)):
         return np.concatenate([flat.real, flat.imag], axis=1)
@@ -306,7 +372,9 @@ def real_parts(matrices: np.ndarray, both: bool | None = None) -> np.ndarray:
 
 
 def clean(values: np.ndarray) -> np.ndarray:
-    """The values with rounding errors taken off those that are fractions with a denominator up to 60; no other changes."""
+    """The values with rounding errors taken off those that are fractions with a denominator up to
+    60; no other changes.
+    """
     values = np.array(values, dtype=float)
     scale = np.abs(values).max(initial=0.0)
     if scale == 0.0:

@@ -1,6 +1,8 @@
-"""Functions of small matrices, as formulas: exponential, logarithm, square root, inverse and determinant.
+"""Functions of small matrices, as formulas: exponential, logarithm, square root, inverse and
+determinant.
 
-Entries are numbers, complex numbers or numbers that carry a derivative.  Sizes are measured by the Frobenius norm.
+Entries are numbers, complex numbers or numbers that carry a derivative.  Sizes are measured by the
+Frobenius norm.
 """
 
 from __future__ import annotations
@@ -17,7 +19,9 @@ TINY = 2.0**-112
 """(2^-56)^2: the square of what a sum of size one does not feel."""
 
 def digits(size2: Any) -> tuple[float, Any]:
-    """What takes the place of TINY beside numbers of this kind, and the 1 that fractions are made of."""
+    """What takes the place of TINY beside numbers of this kind, and the 1 that fractions are made
+    of.
+    """
     return (TINY * TINY, DoubleDouble(1.0)) if is_long(size2) else (TINY, 1.0)
 
 
@@ -33,17 +37,22 @@ def frobenius2(m: Mat) -> float:
 def unit(m: Mat) -> Mat:
     """The unit matrix of the shape of m, its entries of the kind of m's."""
     zero = 0.0 if isinstance(m[0, 0], float) else 0.0 * m[0, 0]
-    return mat(*[vec(*[zero + 1.0 if i == j else zero for j in range(len(m))]) for i in range(len(m))])
+    return mat(
+        *[vec(*[zero + 1.0 if i == j else zero for j in range(len(m))]) for i in range(len(m))]
+    )
 
 
 def plus(m: Mat, s: float) -> Mat:
     """m + s 1."""
-    return mat(*[vec(*[m[i, j] + s if i == j else m[i, j] for j in range(len(m))]) for i in range(len(m))])
+    return mat(
+        *[vec(*[m[i, j] + s if i == j else m[i, j] for j in range(len(m))]) for i in range(len(m))]
+    )
 
 
 def expm1(x: Mat) -> Mat:
-    """exp(x) - 1, to rounding relative to x where x is small: cosh(x) - 1 + x (sinh(x)/x), both series in x^2, with x halved
-    until its norm is at most 1, and exp(2x) - 1 = 2 E + E^2 with E = exp(x) - 1 thereafter.  Norms above 2^52 give nan.
+    """exp(x) - 1, to rounding relative to x where x is small: cosh(x) - 1 + x (sinh(x)/x), both
+    series in x^2, with x halved until its norm is at most 1, and exp(2x) - 1 = 2 E + E^2 with
+    E = exp(x) - 1 thereafter.  Norms above 2^52 give nan.
 
     x : (n, n).  Source: Higham, Functions of Matrices (2008), section 10.3 (scaling and squaring).
     """
@@ -76,9 +85,11 @@ def _series(x: Mat, size2: float) -> Mat:
 
 
 def _series_by_characteristic(x: Mat, size2: float) -> Mat:
-    """The same for 3 by 3: with x^3 = s x^2 + t x + d every power is a x^2 + b x + c, and only numbers are summed.
+    """The same for 3 by 3: with x^3 = s x^2 + t x + d every power is a x^2 + b x + c, and only
+    numbers are summed.
 
-    Source: the theorem of Cayley and Hamilton; Gantmacher, The Theory of Matrices, volume 1, chapter 4.
+    Source: the theorem of Cayley and Hamilton; Gantmacher, The Theory of Matrices, volume 1,
+    chapter 4.
     """
     tiny, one = digits(size2)
     square = x @ x
@@ -93,12 +104,21 @@ def _series_by_characteristic(x: Mat, size2: float) -> Mat:
         k = k + 1.0
         part = one / k
         a, b, c = part * (s * a + b), part * (t * a + c), part * (d * a)
-        of_square, of_x, of_one, bound = of_square + a, of_x + b, of_one + c, bound * (size2 * (part * part))
+        of_square, of_x, of_one, bound = (
+            of_square + a,
+            of_x + b,
+            of_one + c,
+            bound * (size2 * (part * part)),
+        )
     return x + plus(square * of_square + x * of_x, of_one)
 
 
 def _determinant3(m: Mat) -> Any:
-    minors = m[1, 1] * m[2, 2] - m[1, 2] * m[2, 1], m[1, 2] * m[2, 0] - m[1, 0] * m[2, 2], m[1, 0] * m[2, 1] - m[1, 1] * m[2, 0]
+    minors = (
+        m[1, 1] * m[2, 2] - m[1, 2] * m[2, 1],
+        m[1, 2] * m[2, 0] - m[1, 0] * m[2, 2],
+        m[1, 0] * m[2, 1] - m[1, 1] * m[2, 0],
+    )
     return m[0, 0] * minors[0] + m[0, 1] * minors[1] + m[0, 2] * minors[2]
 
 
@@ -134,14 +154,16 @@ def phi1m(a: Mat) -> Mat:
 
 
 def solve_matrix(m: Mat, rhs: Mat) -> Mat:
-    """The solution X of m X = rhs by Gaussian elimination with partial pivoting; a singular matrix gives inf or nan.
+    """The solution X of m X = rhs by Gaussian elimination with partial pivoting; a singular matrix
+    gives inf or nan.
 
     m : (n, n), rhs : (n, k).
     """
     n = len(m)
     rows = [vec(*m[i], *rhs[i]) for i in range(n)]
     for k in range(n):
-        for i in range(k + 1, n):  # a compare-and-swap network brings the largest entry of the column to row k
+        # a compare-and-swap network brings the largest entry of the column to row k
+        for i in range(k + 1, n):
             rows[k], rows[i] = _exchange(_size(rows[i][k]) > _size(rows[k][k]), rows[k], rows[i])
         head = _reciprocal(rows[k][k])
         rows[k] = vec(*[x * head for x in rows[k]])
@@ -186,14 +208,16 @@ def determinant(m: Mat) -> Any:
             product = -product if larger else product
         pivot = rows[k][k]
         product = product * pivot
-        head = _reciprocal(pivot if _size(pivot) > 0.0 else pivot + 1.0)  # below zero there is nothing to eliminate
+        # below zero there is nothing to eliminate
+        head = _reciprocal(pivot if _size(pivot) > 0.0 else pivot + 1.0)
         for i in range(k + 1, n):
             rows[i] = rows[i] - rows[k] * (rows[i][k] * head)
     return product
 
 
 def sqrtm(a: Mat) -> Mat:
-    """The principal square root, by the product form of Denman and Beavers' iteration; inf or nan if there is none.
+    """The principal square root, by the product form of Denman and Beavers' iteration; inf or nan
+    if there is none.
 
     M' = (2 + M + M^-1)/4,  Y' = Y (1 + M^-1)/2,  from M = Y = a;  M -> 1, Y -> a^1/2.  a : (n, n).
     Source: Higham, Functions of Matrices (2008), equation (6.29).
@@ -210,9 +234,11 @@ def sqrtm(a: Mat) -> Mat:
 
 
 def logm(a: Mat) -> Mat:
-    """The principal logarithm, by square roots and log y = 2 atanh((y - 1)(y + 1)^-1); inf or nan if there is none.
+    """The principal logarithm, by square roots and log y = 2 atanh((y - 1)(y + 1)^-1); inf or nan
+    if there is none.
 
-    a : (n, n).  Source: Higham, Functions of Matrices (2008), chapter 11 (inverse scaling and squaring).
+    a : (n, n).  Source: Higham, Functions of Matrices (2008), chapter 11 (inverse scaling and
+    squaring).
     """
     y, roots, scale = a, 0.0, 2.0
     size2 = frobenius2(plus(y, -1.0))

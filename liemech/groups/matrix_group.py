@@ -1,4 +1,6 @@
-"""Groups of matrices from generators alone: every map follows, compiled for small matrices, through NumPy for large ones."""
+"""Groups of matrices from generators alone: every map follows, compiled for small matrices, through
+NumPy for large ones.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,19 @@ from typing import Any
 import numpy as np
 
 from ..errors import IncompatibleSystem, InvalidInput, NotDefined
-from ..formulas import Ambient, Complex, Element, Mat, Vec, dot, identity_matrix, mat, record, sqrt, vec
+from ..formulas import (
+    Ambient,
+    Complex,
+    Element,
+    Mat,
+    Vec,
+    dot,
+    identity_matrix,
+    mat,
+    record,
+    sqrt,
+    vec,
+)
 from ..formulas.sums import abs2, scaled, total
 from . import matrix_arrays
 from .casimir_polynomials import casimir_polynomials
@@ -32,20 +46,23 @@ from .nearest import nearest
 
 @record
 class MatrixLieGroup(LieGroup):
-    """A connected group of real or complex matrices, given by generators alone: a basis of its Lie algebra.
+    """A connected group of real or complex matrices, given by generators alone: a basis of its Lie
+    algebra.
 
         class Heisenberg(lm.MatrixLieGroup):
             generators = np.array([...])                     # (dim, n, n)
 
-    The generators may depend on fields (`@record`, and `generators` a property), or be a value: `MatrixLieGroup.of(generators)`.
-    Coordinates are real, of complex matrices too.  From the generators follow the structure constants, the exponential and the
-    logarithm, the coadjoint action, their differentials, the Cayley family where the algebra is closed under x y x, and what all
-    elements leave alone: an array that does not is no element.
+    The generators may depend on fields (`@record`, and `generators` a property), or be a value:
+    `MatrixLieGroup.of(generators)`.  Coordinates are real, of complex matrices too.  From the
+    generators follow the structure constants, the exponential and the logarithm, the coadjoint
+    action, their differentials, the Cayley family where the algebra is closed under x y x, and what
+    all elements leave alone: an array that does not is no element.
 
-    Raises InvalidInput, InvalidType for generators that are no square matrices of finite numbers, LawViolation if they are
-    linearly dependent or not closed under the bracket.
+    Raises InvalidInput, InvalidType for generators that are no square matrices of finite numbers,
+    LawViolation if they are linearly dependent or not closed under the bracket.
 
-    Source: Hall, Lie Groups, Lie Algebras, and Representations, 2nd ed., chapters 2, 3 and 5; Higham, Functions of Matrices (2008).
+    Source: Hall, Lie Groups, Lie Algebras, and Representations, 2nd ed., chapters 2, 3 and 5;
+    Higham, Functions of Matrices (2008).
     """
 
     # ---------------------------------------------------------------- 1. a subclass writes
@@ -53,7 +70,9 @@ class MatrixLieGroup(LieGroup):
     @property
     def generators(self) -> Any:
         """A basis E_1, ..., E_dim of the algebra.  (dim, n, n), real or complex."""
-        raise NotDefined(f"{type(self).__name__} must define `generators`, an array of shape (dim, n, n)")
+        raise NotDefined(
+            f"{type(self).__name__} must define `generators`, an array of shape (dim, n, n)"
+        )
 
     @staticmethod
     def of(generators: Any) -> MatrixLieGroup:
@@ -93,14 +112,25 @@ class MatrixLieGroup(LieGroup):
         if self._form is None:
             return inverse(g)
         back, b = self._form
-        return mat(*[vec(*[scaled(back[i] * b[j], _of(g, j, i)) for j in range(len(b))]) for i in range(len(b))])
+        return mat(
+            *[
+                vec(*[scaled(back[i] * b[j], _of(g, j, i)) for j in range(len(b))])
+                for i in range(len(b))
+            ]
+        )
 
     @cached_property
     def _form(self) -> tuple[tuple[float, ...], tuple[float, ...]] | None:
-        """The diagonals of the inverse of an invariant form and of the form itself, if it is diagonal with entries 1 and -1."""
+        """The diagonals of the inverse of an invariant form and of the form itself, if it is
+        diagonal with entries 1 and -1.
+        """
         for b in self.invariants.hermitian if self.generated.complex else self.invariants.forms:
             diagonal = np.diag(b)
-            if np.array_equal(b, np.diag(diagonal)) and (np.abs(diagonal) == 1.0).all() and not np.any(np.imag(diagonal)):
+            if (
+                np.array_equal(b, np.diag(diagonal))
+                and (np.abs(diagonal) == 1.0).all()
+                and not np.any(np.imag(diagonal))
+            ):
                 signs = tuple(float(x) for x in np.real(diagonal))
                 return signs, signs
         return None
@@ -120,10 +150,12 @@ class MatrixLieGroup(LieGroup):
         return g + g @ expm1(self.algebra.hat(xi))
 
     def log(self, g: Element) -> Vec:
-        """The principal logarithm, by square roots, corrected on the group; InvalidInput if there is none in the algebra.
+        """The principal logarithm, by square roots, corrected on the group; InvalidInput if there
+        is none in the algebra.
 
-        The correction is log(exp(xi) h) = xi + dexp_xi^-1 log h + ... (left) of h = exp(-xi) g, which is close to 1.  Where an
-        eigenvalue is -1 there may be several; one is found from a neighbour of g.
+        The correction is log(exp(xi) h) = xi + dexp_xi^-1 log h + ... (left) of h = exp(-xi) g,
+        which is close to 1.  Where an eigenvalue is -1 there may be several; one is found from a
+        neighbour of g.
         """
         xi, off2, near, tries = self.algebra.vee(plus(g, -1.0)), 1.0, g, 0.0
         while off2 > 1e-20 and tries < 2.0:
@@ -138,8 +170,8 @@ class MatrixLieGroup(LieGroup):
             near, tries = g @ self._neighbour, tries + 1.0
         if off2 > 1e-16 * max(1.0, frobenius2(g)):
             raise InvalidInput(
-                f"{type(self).__name__}.log: the element has no principal logarithm in the algebra: an eigenvalue is negative or "
-                "zero, or it is no exponential"
+                f"{type(self).__name__}.log: the element has no principal logarithm in the "
+                "algebra: an eigenvalue is negative or zero, or it is no exponential"
             )
         return xi
 
@@ -148,7 +180,9 @@ class MatrixLieGroup(LieGroup):
         """An element close to the identity, in no special direction."""
         direction = np.cos(np.arange(1.0, self.dim + 1.0))
         x = self.generated.hat(direction)
-        return _constant(np.array(expm1(Mat.of((1e-3 / np.linalg.norm(x) * x).tolist()))) + np.eye(len(x)))
+        return _constant(
+            np.array(expm1(Mat.of((1e-3 / np.linalg.norm(x) * x).tolist()))) + np.eye(len(x))
+        )
 
     # ---------------------------------------------------------------- Cayley map
 
@@ -158,7 +192,9 @@ class MatrixLieGroup(LieGroup):
 
     def _require_cayley(self) -> None:
         if self.why_no_cayley() is not None:
-            raise IncompatibleSystem(f"{type(self).__name__} has no Cayley map: {self.why_no_cayley()}")
+            raise IncompatibleSystem(
+                f"{type(self).__name__} has no Cayley map: {self.why_no_cayley()}"
+            )
 
     def cayley(self, xi: Vec) -> Element:
         """1 + (1 - x/2)^-1 x with the matrix x."""
@@ -182,12 +218,16 @@ class MatrixLieGroup(LieGroup):
     # ---------------------------------------------------------------- Casimir functions
 
     def casimirs(self, mu: Vec) -> Vec:
-        """Those found from the generators: momenta along the centre, quadratic forms, traces of powers of a matrix made of mu.
+        """Those found from the generators: momenta along the centre, quadratic forms, traces of
+        powers of a matrix made of mu.
 
-        As many as are independent; on a group without an invariant form there may be more of them than these.
+        As many as are independent; on a group without an invariant form there may be more of them
+        than these.
         """
         found = self._polynomials
-        values = [dot(z, mu) for z in found["linear"]] + [dot(mu, q @ mu) for q in found["quadratic"]]
+        values = [dot(z, mu) for z in found["linear"]] + [
+            dot(mu, q @ mu) for q in found["quadratic"]
+        ]
         if len(found["powers"]) > 0:
             m = self.algebra.hat(found["from_form"] @ mu)
             power = m @ m
@@ -195,7 +235,10 @@ class MatrixLieGroup(LieGroup):
                 power = power @ m
                 if k in found["powers"]:
                     trace = total([power[i, i] for i in range(len(power))])
-                    values = [*values, trace.im if isinstance(trace, Complex) and k % 2 else _real(trace)]
+                    values = [
+                        *values,
+                        trace.im if isinstance(trace, Complex) and k % 2 else _real(trace),
+                    ]
         return vec(*values)
 
     @cached_property
@@ -217,13 +260,23 @@ class MatrixLieGroup(LieGroup):
         if not spread < HUGE:
             return spread
         g_t, g_h = g.T, adjoint(g)
-        second = [g_t @ b @ g - b for b in laws["forms"]] + [g_h @ b @ g - b for b in laws["hermitian"]]
-        second = second + [g @ c @ g_t - c for c in laws["coforms"]] + [g @ c @ g_h - c for c in laws["cohermitian"]]
+        second = [g_t @ b @ g - b for b in laws["forms"]] + [
+            g_h @ b @ g - b for b in laws["hermitian"]
+        ]
+        second = (
+            second
+            + [g @ c @ g_t - c for c in laws["coforms"]]
+            + [g @ c @ g_h - c for c in laws["cohermitian"]]
+        )
         first = [g @ v - v for v in laws["vectors"]] + [w @ g - w for w in laws["covectors"]]
         commutators = [g @ a - a @ g for a in laws["commuting"]]
-        of_forms = max([0.0, 0.0] + [abs2(x) for m in second for row in m for x in row]) / (spread * spread)
+        of_forms = max([0.0, 0.0] + [abs2(x) for m in second for row in m for x in row]) / (
+            spread * spread
+        )
         of_vectors = max([0.0, 0.0] + [abs2(x) for v in first for x in v]) / spread
-        of_matrices = max([0.0, 0.0] + [abs2(x) for m in commutators for row in m for x in row]) / spread
+        of_matrices = (
+            max([0.0, 0.0] + [abs2(x) for m in commutators for row in m for x in row]) / spread
+        )
         others = max(self._determinant_defect(g), self._normaliser_defect(g))
         return max(sqrt(max(of_forms, of_vectors, of_matrices)), others)
 
@@ -251,17 +304,38 @@ class MatrixLieGroup(LieGroup):
     def _laws(self) -> dict[str, tuple[Any, ...]]:
         """The invariants as constants of formulas."""
         kind = self.generated.generators.dtype
-        names = ("vectors", "covectors", "commuting", "forms", "hermitian", "coforms", "cohermitian")
-        return {name: tuple(_constant(np.asarray(x, dtype=kind)) for x in getattr(self.invariants, name)) for name in names}
+        names = (
+            "vectors",
+            "covectors",
+            "commuting",
+            "forms",
+            "hermitian",
+            "coforms",
+            "cohermitian",
+        )
+        return {
+            name: tuple(
+                _constant(np.asarray(x, dtype=kind)) for x in getattr(self.invariants, name)
+            )
+            for name in names
+        }
 
     def objection(self, g: np.ndarray) -> str | None:
         """The first of the invariants that it breaks, and by how much."""
-        return next((words for off, words in objections(self.invariants, self.generated, g) if not off <= MEMBERSHIP), None)
+        return next(
+            (
+                words
+                for off, words in objections(self.invariants, self.generated, g)
+                if not off <= MEMBERSHIP
+            ),
+            None,
+        )
 
     def nearest(self, g: Ambient) -> Element:
         """The element of least |h - g|: the polar factor, where elements are orthogonal or unitary.
 
-        Raises InvalidInput for an array that is as close to several, or, on other groups, farther away than |g|/4.
+        Raises InvalidInput for an array that is as close to several, or, on other groups, farther
+        away than |g|/4.
         """
         return _constant(nearest(self, np.array(g)))
 
@@ -298,7 +372,9 @@ class GeneratedGroup(MatrixLieGroup):
 
     def __post_init__(self) -> None:
         if not isinstance(self.matrices, Matrices):
-            object.__setattr__(self, "matrices", Matrices(basis_of(self.matrices, "MatrixLieGroup").generators))
+            object.__setattr__(
+                self, "matrices", Matrices(basis_of(self.matrices, "MatrixLieGroup").generators)
+            )
 
     @property
     def generators(self) -> np.ndarray:

@@ -1,4 +1,6 @@
-"""What every element of a group of matrices leaves alone: found once from the generators, it tells elements from other matrices."""
+"""What every element of a group of matrices leaves alone: found once from the generators, it tells
+elements from other matrices.
+"""
 
 from __future__ import annotations
 
@@ -12,9 +14,11 @@ from .matrix_basis import MatrixBasis, clean, real_parts
 
 @dataclass(frozen=True)
 class Invariants:
-    """The laws g v = v, w^T g = w^T, g A = A g, g^T B g = B, g^H B g = B, g C g^T = C, g C g^H = C, det g = 1 or |det g| = 1.
+    """The laws g v = v, w^T g = w^T, g A = A g, g^T B g = B, g^H B g = B, g C g^T = C, g C g^H = C,
+    det g = 1 or |det g| = 1.
 
-    enough : do they leave no more freedom than the group has, so that g E_i g^-1 need not be looked at?
+    enough : do they leave no more freedom than the group has, so that g E_i g^-1 need not be looked
+    at?
     """
 
     vectors: tuple[np.ndarray, ...] = ()
@@ -31,7 +35,8 @@ class Invariants:
 def invariants_of(basis: MatrixBasis) -> Invariants:
     """Each law by its linear equations on the algebra, solved by singular values.
 
-    Source: Hall, Lie Groups, Lie Algebras, and Representations, 2nd ed., section 3.3 (from conditions on g to conditions on X).
+    Source: Hall, Lie Groups, Lie Algebras, and Representations, 2nd ed., section 3.3 (from
+    conditions on g to conditions on X).
     """
     e, n = basis.generators, basis.n
     one, traces = np.eye(n), np.einsum("iaa->i", e)
@@ -67,18 +72,23 @@ def invariants_of(basis: MatrixBasis) -> Invariants:
     return Invariants(**{**found.__dict__, "enough": enough})
 
 
-def _not_inverse(coforms: tuple[np.ndarray, ...], forms: tuple[np.ndarray, ...]) -> tuple[np.ndarray, ...]:
+def _not_inverse(
+    coforms: tuple[np.ndarray, ...], forms: tuple[np.ndarray, ...]
+) -> tuple[np.ndarray, ...]:
     """The coforms, unless forms can be inverted and say the same."""
     return () if any(np.linalg.cond(b) < 1e6 for b in forms) else coforms
 
 
 def null_space(equations: np.ndarray) -> np.ndarray:
-    """The solutions of linear equations, as rows in reduced form, their largest entry 1.  equations : (m, k), rows : (r, k)."""
+    """The solutions of linear equations, as rows in reduced form, their largest entry 1.
+    equations : (m, k), rows : (r, k).
+    """
     _, sizes, v = np.linalg.svd(equations, full_matrices=True)
     rank = int((sizes > 1e-10 * max(sizes.max(initial=0.0), 1e-300)).sum())
     rows = np.conj(v[rank:]).copy()
     done = 0
-    for column in range(rows.shape[1]):  # to reduced echelon form, so that simple solutions look simple
+    # to reduced echelon form, so that simple solutions look simple
+    for column in range(rows.shape[1]):
         if done == len(rows):
             break
         best = done + int(np.abs(rows[done:, column]).argmax())
@@ -130,8 +140,12 @@ def _freedom(laws: Invariants, n: int, complex_: bool) -> int:
     return len(space) - int(np.linalg.matrix_rank(np.concatenate(conditions, axis=1), tol=1e-9))
 
 
-def objections(laws: Invariants, basis: MatrixBasis | None, g: np.ndarray) -> list[tuple[float, str]]:
-    """How far each law is broken, relative to the size of an element, and words for it.  g : (n, n)."""
+def objections(
+    laws: Invariants, basis: MatrixBasis | None, g: np.ndarray
+) -> list[tuple[float, str]]:
+    """How far each law is broken, relative to the size of an element, and words for it.
+    g : (n, n).
+    """
     size, star = max(1.0, float(np.linalg.norm(g)) / len(g) ** 0.5), np.conj(g).T
     found: list[tuple[float, str]] = []
 
@@ -146,7 +160,13 @@ def objections(laws: Invariants, basis: MatrixBasis | None, g: np.ndarray) -> li
         law(off, size**2, f"{product} differs from {name} by {{:.1e}}{what}")
 
     for b in laws.forms:
-        kind = "antisymmetric" if np.allclose(b, -b.T) else "symmetric" if np.allclose(b, b.T) else "bilinear"
+        kind = (
+            "antisymmetric"
+            if np.allclose(b, -b.T)
+            else "symmetric"
+            if np.allclose(b, b.T)
+            else "bilinear"
+        )
         form(kind, "g^T", b, g.T @ b @ g - b)
     for b in laws.hermitian:
         form("sesquilinear", "g^H", b, star @ b @ g - b)
@@ -155,16 +175,28 @@ def objections(laws: Invariants, basis: MatrixBasis | None, g: np.ndarray) -> li
     for c in laws.cohermitian:
         law(g @ c @ star - c, size**2, f"g C g^H differs from C = {_shown(c)} by {{:.1e}}")
     for v in laws.vectors:
-        law(g @ v - v, size, f"it moves the vector {_shown(v)}, which every element leaves alone, by {{:.1e}}")
+        law(
+            g @ v - v,
+            size,
+            f"it moves the vector {_shown(v)}, which every element leaves alone, by {{:.1e}}",
+        )
     for w in laws.covectors:
-        law(w @ g - w, size, f"it changes the covector {_shown(w)}, which every element leaves alone, by {{:.1e}}")
+        law(
+            w @ g - w,
+            size,
+            f"it changes the covector {_shown(w)}, which every element leaves alone, by {{:.1e}}",
+        )
     for a in laws.commuting:
         law(g @ a - a @ g, size, f"it does not commute with {_shown(a)}, off by {{:.1e}}")
     if laws.determinant != "any":
         det = np.linalg.det(g)
         scale = max(1.0, float(np.prod(np.linalg.norm(g, axis=1))))
         value = f"{det.real:.6g}" if abs(det.imag) < 1e-9 * abs(det) else f"{det:.6g}"
-        words = f"its determinant is {value}, not 1" if laws.determinant == "1" else f"its determinant {value} is not of modulus 1"
+        words = (
+            f"its determinant is {value}, not 1"
+            if laws.determinant == "1"
+            else f"its determinant {value} is not of modulus 1"
+        )
         if abs(det + 1.0) < 1e-6 and laws.forms and not np.iscomplexobj(g):
             words = "its determinant is -1, it is a reflection"
         law(np.array([det - 1.0 if laws.determinant == "1" else abs(det) - 1.0]), scale, words)
@@ -174,9 +206,16 @@ def objections(laws: Invariants, basis: MatrixBasis | None, g: np.ndarray) -> li
         moved = g @ basis.generators @ np.linalg.inv(g)
         off = basis.sticks_out(moved) / np.maximum(np.linalg.norm(moved, axis=(1, 2)), 1e-300)
         worst = int(off.argmax())
-        found.append((float(off[worst]), f"g E_{worst + 1} g^-1 sticks out of the algebra by {off[worst]:.1e} of its size"))
+        found.append(
+            (
+                float(off[worst]),
+                f"g E_{worst + 1} g^-1 sticks out of the algebra by {off[worst]:.1e} of its size",
+            )
+        )
     return found
 
 
 def _shown(values: Any) -> str:
-    return np.array2string(np.asarray(values), separator=", ", precision=4, suppress_small=True, threshold=16).replace("\n", "")
+    return np.array2string(
+        np.asarray(values), separator=", ", precision=4, suppress_small=True, threshold=16
+    ).replace("\n", "")

@@ -14,7 +14,9 @@ if TYPE_CHECKING:
     from .matrix_group import MatrixLieGroup
 
 NEAR = 0.25
-"""How far, relative to its size, an array may be from a group that is not orthogonal or unitary, to have a nearest element."""
+"""How far, relative to its size, an array may be from a group that is not orthogonal or unitary, to
+have a nearest element.
+"""
 
 
 def nearest(group: MatrixLieGroup, g: np.ndarray) -> np.ndarray:
@@ -31,26 +33,37 @@ def nearest(group: MatrixLieGroup, g: np.ndarray) -> np.ndarray:
             h = nearest_unitary(g, laws.determinant == "1" and not basis.complex)
             if h is not None and laws.determinant == "1":
                 h = h * np.linalg.det(h) ** (-1.0 / basis.n)
-            if basis.complex or (h is not None and group.objection(h) is not None):  # a subgroup of all unitary matrices
+            # a subgroup of all unitary matrices
+            if basis.complex or (h is not None and group.objection(h) is not None):
                 h = _least_difference(basis, g, h)
         else:
             h = _least_difference(basis, g, _start(basis, form, g))
         if h is not None and np.isfinite(h).all() and group.objection(h) is None:
             return h
-    raise InvalidInput(f"{basis.name}.nearest: the array is too far from the group to have a nearest element")
+    raise InvalidInput(
+        f"{basis.name}.nearest: the array is too far from the group to have a nearest element"
+    )
 
 
 def nearest_unitary(g: np.ndarray, oriented: bool) -> np.ndarray | None:
-    """The unitary or orthogonal matrix of least |h - g|, of determinant 1 if oriented.  None if there are several.  g : (n, n).
+    """The unitary or orthogonal matrix of least |h - g|, of determinant 1 if oriented.  None if
+    there are several.  g : (n, n).
 
-    Source: Higham, Functions of Matrices (2008), theorem 8.4; Kabsch, Acta Crystallographica A32 (1976), for the orientation.
+    Source: Higham, Functions of Matrices (2008), theorem 8.4; Kabsch, Acta Crystallographica A32
+    (1976), for the orientation.
     """
     size = float(np.abs(g).max())
     if not 0.0 < size < np.inf:
         return None
     u, sizes, v = np.linalg.svd(g / size)
     turned = oriented and np.linalg.det(u) * np.linalg.det(v) < 0.0
-    least = sizes[-1] if not oriented else sizes[-2] + (-sizes[-1] if turned else sizes[-1]) if len(sizes) > 1 else 1.0
+    least = (
+        sizes[-1]
+        if not oriented
+        else sizes[-2] + (-sizes[-1] if turned else sizes[-1])
+        if len(sizes) > 1
+        else 1.0
+    )
     if least <= len(g) * 2.0**-50 * sizes[0]:
         return None
     if turned:
@@ -59,7 +72,9 @@ def nearest_unitary(g: np.ndarray, oriented: bool) -> np.ndarray | None:
 
 
 def _start(basis: MatrixBasis, form: np.ndarray | None, g: np.ndarray) -> np.ndarray | None:
-    """An element near g: the polar factor of the form that the group keeps; without one exp(log g), the logarithm projected."""
+    """An element near g: the polar factor of the form that the group keeps; without one exp(log g),
+    the logarithm projected.
+    """
     if not np.linalg.norm(g) < 1e100:
         return None
     if form is not None:
@@ -71,7 +86,8 @@ def _start(basis: MatrixBasis, form: np.ndarray | None, g: np.ndarray) -> np.nda
 
 
 def _polar_factor(form: np.ndarray, g: np.ndarray) -> np.ndarray | None:
-    """g (g* g)^-1/2 with the adjoint g* = B^-1 g^H B of the form B, by Newton's iteration x <- (x + (x*)^-1)/2.
+    """g (g* g)^-1/2 with the adjoint g* = B^-1 g^H B of the form B, by Newton's iteration x <-
+    (x + (x*)^-1)/2.
 
     Source: Higham, Mackey, Mackey and Tisseur, SIAM J. Matrix Anal. Appl. 25 (2004), 1178.
     """
@@ -89,16 +105,20 @@ def _polar_factor(form: np.ndarray, g: np.ndarray) -> np.ndarray | None:
 
 
 def _least_difference(basis: MatrixBasis, g: np.ndarray, h: np.ndarray | None) -> np.ndarray | None:
-    """From h on, by Gauss-Newton steps h exp(d), |h (1 + d) - g| = min; None if that ends farther from g than |g|/4.
+    """From h on, by Gauss-Newton steps h exp(d), |h (1 + d) - g| = min; None if that ends farther
+    from g than |g|/4.
 
-    Source: Absil, Mahony, Sepulchre, Optimization Algorithms on Matrix Manifolds (2008), section 8.4.
+    Source: Absil, Mahony, Sepulchre, Optimization Algorithms on Matrix Manifolds (2008), section
+    8.4.
     """
     from scipy.linalg import expm
 
     for _ in range(60):
         if h is None or not np.isfinite(h).all():
             return None
-        xi, *_ = np.linalg.lstsq(_reals(h @ basis.generators).T, _reals((g - h)[None])[0], rcond=None)
+        xi, *_ = np.linalg.lstsq(
+            _reals(h @ basis.generators).T, _reals((g - h)[None])[0], rcond=None
+        )
         step = float(np.linalg.norm(basis.hat(xi)))
         h = h @ expm(basis.hat(xi * min(1.0, 1.0 / max(step, 1e-300))))
         if step <= 1e-13 * float(np.linalg.norm(h)):

@@ -1,4 +1,6 @@
-"""The opposite group: the same elements multiplied in the other order, for systems that look from space."""
+"""The opposite group: the same elements multiplied in the other order, for systems that look from
+space.
+"""
 
 from __future__ import annotations
 
@@ -18,9 +20,11 @@ def _other(side: str) -> str:
 
 @record
 class OppositeAlgebra(LieAlgebra):
-    """The same velocities with the opposite bracket, [xi, eta]' = -[xi, eta]: right and left change places.
+    """The same velocities with the opposite bracket, [xi, eta]' = -[xi, eta]: right and left change
+    places.
 
-    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., sections 9.1 and 13.1.
+    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., sections 9.1 and
+    13.1.
     """
 
     algebra: Any
@@ -62,11 +66,15 @@ class OppositeAlgebra(LieAlgebra):
         return self.algebra.dexp_inv(xi, eta, _other(side))
 
     def dexp_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """The dual of the inverse differential of exp on the algebra, trivialised on the other side."""
+        """The dual of the inverse differential of exp on the algebra, trivialised on the other
+        side.
+        """
         return self.algebra.dexp_inv_dual(xi, mu, _other(side))
 
     def dexp_inv_series(self, xi: Vec, eta: Vec, terms: int, side: str = "right") -> Vec:
-        """The series of the inverse differential of exp on the algebra, trivialised on the other side."""
+        """The series of the inverse differential of exp on the algebra, trivialised on the other
+        side.
+        """
         return self.algebra.dexp_inv_series(xi, eta, terms, _other(side))
 
     def is_exp_chart(self, xi: Vec) -> bool:
@@ -97,7 +105,9 @@ class OppositeAlgebra(LieAlgebra):
         return self.algebra.dcayley_inv(xi, eta, _other(side))
 
     def dcayley_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """The dual of the inverse differential of the Cayley map on the algebra, trivialised on the other side."""
+        """The dual of the inverse differential of the Cayley map on the algebra, trivialised on the
+        other side.
+        """
         return self.algebra.dcayley_inv_dual(xi, mu, _other(side))
 
     def cayley_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float | Mat, Mat]:
@@ -110,13 +120,13 @@ class OppositeAlgebra(LieAlgebra):
 class OppositeGroup(LieGroup):
     """The elements of a group with the product in the other order, g * h = h g.
 
-    A left-invariant system on it is a right-invariant one on the group, such as a fluid's: velocities
-    and momenta are those seen from space,
+    A left-invariant system on it is a right-invariant one on the group, such as a fluid's:
+    velocities and momenta are those seen from space,
 
         g' = xi g,    mu' = -ad*_xi mu,    xi = dH/dmu,
 
-    with ad* of the group, and every method for the one serves the other.  What a run calls the spatial
-    momentum, constant by Noether's theorem, is then the momentum in the body, Ad*_g mu.
+    with ad* of the group, and every method for the one serves the other.  What a run calls the
+    spatial momentum, constant by Noether's theorem, is then the momentum in the body, Ad*_g mu.
 
     group : a LieGroup.  Raises InvalidType for anything else.
     Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 13.1 (right

@@ -1,4 +1,5 @@
-"""Coadjoint orbits in numbers: their dimensions, their tangent spaces, and whether two momenta lie on the same one.
+"""Coadjoint orbits in numbers: their dimensions, their tangent spaces, and whether two momenta lie
+on the same one.
 
 Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 14.2.
 """
@@ -16,10 +17,14 @@ if TYPE_CHECKING:
     from .coadjoint import CoadjointAction
 
 RANK = 1e-12
-"""A singular value of the Poisson structure counts as zero below this, relative to the sizes of its terms."""
+"""A singular value of the Poisson structure counts as zero below this, relative to the sizes of its
+terms.
+"""
 
 STARTS, STEPS, TRANSPORTED = 12, 60, 1e-11
-"""How often and how far an element with K_g mu = nu is sought, and how well, relative to the momenta, it must be met."""
+"""How often and how far an element with K_g mu = nu is sought, and how well, relative to the
+momenta, it must be met.
+"""
 
 
 def tangent(group: LieGroup, mu: np.ndarray) -> np.ndarray:
@@ -54,7 +59,9 @@ def same(action: CoadjointAction, mu: np.ndarray, nu: np.ndarray, tolerance: flo
     further = group.further_invariants(mu), group.further_invariants(nu)
     if further[0] is not None and further[1] is not None:
         c, d = np.array(further[0]), np.array(further[1])
-        return len(c) == len(d) and bool(np.linalg.norm(c - d) <= tolerance * max(np.linalg.norm(c), np.linalg.norm(d)))
+        return len(c) == len(d) and bool(
+            np.linalg.norm(c - d) <= tolerance * max(np.linalg.norm(c), np.linalg.norm(d))
+        )
     return True if _transported(action, mu, nu) else None
 
 
@@ -62,12 +69,18 @@ def _casimirs(action: CoadjointAction, mu: np.ndarray) -> tuple[np.ndarray, np.n
     """The Casimirs at mu and the sizes of their partial derivatives.  (k,), (k, dim)"""
     at = Vec.of(mu.tolist())
     values = np.array(action.casimirs(at), dtype=float)
-    slopes = np.array(jacobian(action.casimirs, at), dtype=float) if len(values) else np.zeros((0, len(mu)))
+    slopes = (
+        np.array(jacobian(action.casimirs, at), dtype=float)
+        if len(values)
+        else np.zeros((0, len(mu)))
+    )
     return values, np.abs(slopes)
 
 
 def _transported(action: CoadjointAction, mu: np.ndarray, nu: np.ndarray) -> bool:
-    """Is there an element with K_g mu = nu?  Gauss-Newton steps from several starts, K_exp(xi) y = y - ad*_xi y + ..."""
+    """Is there an element with K_g mu = nu?  Gauss-Newton steps from several starts, K_exp(xi)
+    y = y - ad*_xi y + ...
+    """
     group, rng = action.group, np.random.default_rng(1)
     sizes = np.maximum(_block_sizes(group, mu), _block_sizes(group, nu))
     weights = 1.0 / np.where(sizes > 0.0, sizes, 1.0)
@@ -77,8 +90,12 @@ def _transported(action: CoadjointAction, mu: np.ndarray, nu: np.ndarray) -> boo
             off = weights * (nu - y)
             if np.linalg.norm(off) <= TRANSPORTED * np.linalg.norm(weights * nu):
                 return True
-            xi, *_ = np.linalg.lstsq(-weights[:, None] * np.asarray(action.poisson_structure(y)), off, rcond=1e-10)
-            y = np.asarray(action.exp_act(xi * min(1.0, 1.0 / max(float(np.linalg.norm(xi)), 1e-300)), y))
+            xi, *_ = np.linalg.lstsq(
+                -weights[:, None] * np.asarray(action.poisson_structure(y)), off, rcond=1e-10
+            )
+            y = np.asarray(
+                action.exp_act(xi * min(1.0, 1.0 / max(float(np.linalg.norm(xi)), 1e-300)), y)
+            )
             if not np.isfinite(y).all():
                 break
     return False
@@ -93,9 +110,12 @@ def _decomposed(group: LieGroup, mu: np.ndarray) -> tuple[np.ndarray, np.ndarray
     terms = np.zeros_like(structure)
     for block in range(len(group.unit_blocks)):
         part = np.where(_blocks(group) == block, sizes, 0.0)
-        terms = np.maximum(terms, np.abs(np.array(group.algebra.poisson_structure(part), dtype=float)))
+        terms = np.maximum(
+            terms, np.abs(np.array(group.algebra.poisson_structure(part), dtype=float))
+        )
     blocks = _blocks(group)
-    for a in set(blocks.tolist()):  # the same for all components of a unit, whatever direction mu has
+    # the same for all components of a unit, whatever direction mu has
+    for a in set(blocks.tolist()):
         for b in set(blocks.tolist()):
             at = np.ix_(blocks == a, blocks == b)
             terms[at] = terms[at].max()

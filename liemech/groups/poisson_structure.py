@@ -1,4 +1,6 @@
-"""Poisson structures: matrices B(y) that turn the gradient of an energy into its motion, and brackets of functions."""
+"""Poisson structures: matrices B(y) that turn the gradient of an energy into its motion, and
+brackets of functions.
+"""
 
 from __future__ import annotations
 
@@ -23,13 +25,18 @@ KEPT = 2.0**-40
 
 @record
 class PoissonStructure(Record):
-    """A Poisson structure on R^n: {F, G}(y) = dF . B(y) dG, and the motion of an energy H is y' = B(y) dH(y).
+    """A Poisson structure on R^n: {F, G}(y) = dF . B(y) dG, and the motion of an energy H is
+    y' = B(y) dH(y).
 
-    1. A subclass says its dimension `dim`, n, and writes `matrix(y)`, as a formula: skew-symmetric, with the Jacobi identity
-       sum_l (d_l b_ij b_lk + d_l b_jk b_li + d_l b_ki b_lj) = 0.  `check_poisson` looks whether it is.
-    2. It may write `casimirs`, say the `rank` that B has almost everywhere, and write in closed form `sharp`, the product B(y) a,
+    1. A subclass says its dimension `dim`, n, and writes `matrix(y)`, as a formula: skew-symmetric,
+    with the Jacobi identity
+       sum_l (d_l b_ij b_lk + d_l b_jk b_li + d_l b_ki b_lj) = 0.  `check_poisson` looks whether it
+       is.
+    2. It may write `casimirs`, say the `rank` that B has almost everywhere, and write in closed
+    form `sharp`, the product B(y) a,
        and `coordinate_flow`, the motion that a coordinate has as energy.
-    3. Brackets, derivatives along motions and vector fields follow: formulas that compile, and may be bracketed again.
+    3. Brackets, derivatives along motions and vector fields follow: formulas that compile, and may
+    be bracketed again.
 
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.2.2.
     """
@@ -50,7 +57,9 @@ class PoissonStructure(Record):
     # ---------------------------------------------------------------- 2. closed forms are welcome
 
     def casimirs(self, y: Vec) -> Vec:
-        """The functions C with B dC = 0, constant whatever the energy; none by default.  y : (n,), returns (number,)."""
+        """The functions C with B dC = 0, constant whatever the energy; none by default.  y : (n,),
+        returns (number,).
+        """
         return vec()
 
     def sharp(self, y: Vec, a: Vec) -> Vec:
@@ -58,7 +67,9 @@ class PoissonStructure(Record):
         return self.matrix(y) @ a
 
     def coordinate_flow(self, y: Vec, index: int, s: float) -> Vec:
-        """Where y is after the time s if the coordinate y_index is the energy, y' = B(y) e_index.  y : (n,), index from 0."""
+        """Where y is after the time s if the coordinate y_index is the energy, y' = B(y) e_index.
+        y : (n,), index from 0.
+        """
         raise NotDefined(f"{type(self).__name__} knows no `coordinate_flow`")
 
     # ---------------------------------------------------------------- 3. what follows
@@ -67,7 +78,8 @@ class PoissonStructure(Record):
     def bracket(self, F: Observable, G: Observable) -> Observable:
         """The bracket {F, G}(y) = dF . B(y) dG of two formulas of y: again such a formula.
 
-        F, G : from y, (n,), to a number, for instance `hamiltonian.energy`.  Along a motion F' = {F, H}.
+        F, G : from y, (n,), to a number, for instance `hamiltonian.energy`.  Along a motion
+        F' = {F, H}.
         Raises InvalidType for what cannot be called.
         """
         _require_formula("bracket", "F", F)
@@ -81,7 +93,8 @@ class PoissonStructure(Record):
 
     @final
     def lie_derivative(self, F: Observable, H: Observable, times: int = 1) -> Observable:
-        """The rate of change of F along the motion of H, {F, H}, or its derivative {{F, H}, H}, ...: a formula of y.
+        """The rate of change of F along the motion of H, {F, H}, or its derivative {{F, H}, H},
+        ...: a formula of y.
 
         times : how often.  Source: Hairer, Lubich, Wanner, VII.2.1.
         """
@@ -109,7 +122,9 @@ class PoissonStructure(Record):
         return all(self.commute(F, H, y) for y in self._points(points, seed, "is_invariant"))
 
     @final
-    def poisson_theorem(self, F: Observable, G: Observable, H: Observable, points: Any = None, seed: int = 0) -> Observable:
+    def poisson_theorem(
+        self, F: Observable, G: Observable, H: Observable, points: Any = None, seed: int = 0
+    ) -> Observable:
         """Poisson's theorem: the bracket of two invariants of H is one more.  Returns {F, G}.
 
         points : as in `is_invariant`.  Raises LawViolation if F or G is no invariant of H there.
@@ -120,7 +135,10 @@ class PoissonStructure(Record):
             for y in self._points(points, seed, "poisson_theorem"):
                 if not self.commute(invariant, H, y):
                     rate = self.bracket(invariant, H)(y)
-                    raise LawViolation(f"poisson_theorem: {name} is no invariant of H: at y = {list(y)} its rate is {rate:.3g}")
+                    raise LawViolation(
+                        f"poisson_theorem: {name} is no invariant of H: at y "
+                        f"= {list(y)} its rate is {rate:.3g}"
+                    )
         return self.bracket(F, G)
 
     def __call__(self, y: Any) -> Any:
@@ -138,7 +156,9 @@ class PoissonStructure(Record):
             points = np.random.default_rng(seed).normal(size=(5, self.dim))
         array = np.atleast_2d(real_array(points, f"{method}: points"))
         if array.shape[1:] != (self.dim,):
-            raise InvalidInput(f"{method}: points must have shape (m, {self.dim}); got {array.shape}")
+            raise InvalidInput(
+                f"{method}: points must have shape (m, {self.dim}); got {array.shape}"
+            )
         check_finite(array, f"{method}: points")
         return [Vec.of(row) for row in array.tolist()]
 
@@ -147,7 +167,9 @@ class PoissonStructure(Record):
 
 
 def _require_formula(method: str, name: str, value: Any) -> None:
-    """Refuse what is no formula, where a formula says so too: by its type, without asking whether it can be called."""
+    """Refuse what is no formula, where a formula says so too: by its type, without asking whether
+    it can be called.
+    """
     if isinstance(value, (float, int, str, tuple, list, np.ndarray, Record)) or value is None:
         what = "a formula of momenta, or of points y, as `hamiltonian.energy` is"
         raise InvalidType(f"{method}: {name} must be {what}; got {value!r}")
@@ -183,7 +205,12 @@ class Canonical(PoissonStructure):
     def matrix(self, y: Vec) -> Mat:
         """[[0, 1], [-1, 0]].  y : (2n,)."""
         n = self.degrees
-        return mat(*[vec(*[float(j == i + n) - float(i == j + n) for j in range(2 * n)]) for i in range(2 * n)])
+        return mat(
+            *[
+                vec(*[float(j == i + n) - float(i == j + n) for j in range(2 * n)])
+                for i in range(2 * n)
+            ]
+        )
 
     def sharp(self, y: Vec, a: Vec) -> Vec:
         """(a_p, -a_q).  y, a : (2n,)."""
@@ -193,12 +220,19 @@ class Canonical(PoissonStructure):
     def coordinate_flow(self, y: Vec, index: int, s: float) -> Vec:
         """The conjugate coordinate moves, y + s B e_index.  y : (2n,)."""
         n = self.degrees
-        return vec(*[y[i] + s if i + n == index else y[i] - s if i == index + n else y[i] for i in range(2 * n)])
+        return vec(
+            *[
+                y[i] + s if i + n == index else y[i] - s if i == index + n else y[i]
+                for i in range(2 * n)
+            ]
+        )
 
 
 @record
 class _OfMatrix(PoissonStructure):
-    """A structure made of one skew-symmetric matrix, `values`, (n, n), with null vectors, `kernel`, for its Casimirs; abstract."""
+    """A structure made of one skew-symmetric matrix, `values`, (n, n), with null vectors, `kernel`,
+    for its Casimirs; abstract.
+    """
 
     values: Mat
     kernel: tuple[Vec, ...] = field(init=False, repr=False)
@@ -223,7 +257,8 @@ class _OfMatrix(PoissonStructure):
 class ConstantStructure(_OfMatrix):
     """A structure that is the same everywhere, {y_i, y_j} = b_ij: any skew-symmetric matrix.
 
-    values : B, (n, n).  Its Casimirs are the linear functions k . y with B k = 0.  Raises InvalidInput if B is not skew-symmetric.
+    values : B, (n, n).  Its Casimirs are the linear functions k . y with B k = 0.  Raises
+    InvalidInput if B is not skew-symmetric.
 
     Source: Hairer, Lubich, Wanner, VII.2.2.
     """
@@ -246,13 +281,14 @@ class ConstantStructure(_OfMatrix):
 
 @record
 class LogCanonical(_OfMatrix):
-    """A structure that is constant in the logarithms of the coordinates, {y_i, y_j} = c_ij y_i y_j: that of Lotka and Volterra.
+    """A structure that is constant in the logarithms of the coordinates, {y_i, y_j} = c_ij y_i y_j:
+    that of Lotka and Volterra.
 
-    values : the skew-symmetric matrix c, (n, n).  Its Casimirs are the products of y_i^k_i with c k = 0, of which this takes the
-    logarithms, for y_i > 0.
+    values : the skew-symmetric matrix c, (n, n).  Its Casimirs are the products of y_i^k_i with c
+    k = 0, of which this takes the logarithms, for y_i > 0.
 
-    Raises InvalidInput if c is not skew-symmetric.  Source: Hairer, Lubich, Wanner, VII.2.2; Plank, J. Math.
-    Phys. 36 (1995), 3520.
+    Raises InvalidInput if c is not skew-symmetric.  Source: Hairer, Lubich, Wanner, VII.2.2; Plank,
+    J. Math.  Phys. 36 (1995), 3520.
     """
 
     def matrix(self, y: Vec) -> Mat:
@@ -273,15 +309,21 @@ class LogCanonical(_OfMatrix):
         """y_i exp(s c_i,index y_index): positive for every s.  y : (n,)."""
         here = plain(y)
         rate = s * here[index]
-        return vec(*[y[i] if i == index else here[i] * exp(self.values[i, index] * rate) for i in range(len(y))])
+        return vec(
+            *[
+                y[i] if i == index else here[i] * exp(self.values[i, index] * rate)
+                for i in range(len(y))
+            ]
+        )
 
 
 @record
 class LiePoissonStructure(PoissonStructure):
     """The structure of the dual of a Lie algebra, {mu_i, mu_j} = -+ c^k_ij mu_k.
 
-    group : whose algebra it is.  sign : -1, the minus bracket, for momenta in the body, as everywhere in this library; +1 for
-    momenta in space.  With `SemidirectProduct` it is that of heavy tops and fluids.
+    group : whose algebra it is.  sign : -1, the minus bracket, for momenta in the body, as
+    everywhere in this library; +1 for momenta in space.  With `SemidirectProduct` it is that of
+    heavy tops and fluids.
 
     Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 13.1.
     """
@@ -291,9 +333,14 @@ class LiePoissonStructure(PoissonStructure):
 
     def __post_init__(self) -> None:
         if not isinstance(self.group, LieGroup):
-            raise InvalidType(f"{type(self).__name__}: group must be a LieGroup; got {self.group!r}")
+            raise InvalidType(
+                f"{type(self).__name__}: group must be a LieGroup; got {self.group!r}"
+            )
         if type(self.sign) is not int or self.sign not in (-1, 1):
-            raise InvalidInput(f"{type(self).__name__}: sign is -1 (momenta in the body) or 1 (in space); got {self.sign!r}")
+            raise InvalidInput(
+                f"{type(self).__name__}: sign is -1 (momenta in the "
+                f"body) or 1 (in space); got {self.sign!r}"
+            )
 
     @property
     def dim(self) -> int:
@@ -322,7 +369,9 @@ class LiePoissonStructure(PoissonStructure):
     def coordinate_flow(self, y: Vec, index: int, s: float) -> Vec:
         """Ad* of exp(-+ s E_index).  y : (dim,)."""
         turn = s if self.sign == -1 else -s
-        return self.group.exp_Ad_star(vec(*[turn if i == index else 0.0 for i in range(self.group.dim)]), y)
+        return self.group.exp_Ad_star(
+            vec(*[turn if i == index else 0.0 for i in range(self.group.dim)]), y
+        )
 
 
 def skew(value: Any, name: str) -> np.ndarray:
@@ -340,7 +389,9 @@ def skew(value: Any, name: str) -> np.ndarray:
 
 
 def null_vectors(array: np.ndarray) -> tuple[Vec, ...]:
-    """A basis of the null space; the largest component of each is one.  Units are chosen first in which rows are of like size."""
+    """A basis of the null space; the largest component of each is one.  Units are chosen first in
+    which rows are of like size.
+    """
     units = like_sizes(array)
     _, sizes, directions = np.linalg.svd(units[:, None] * array * units)
     rank = int((sizes > len(array) * np.finfo(float).eps * sizes[0]).sum())
@@ -349,9 +400,11 @@ def null_vectors(array: np.ndarray) -> tuple[Vec, ...]:
 
 
 def like_sizes(array: np.ndarray) -> np.ndarray:
-    """Powers of two d for which the largest entries of all rows of d_i b_ij d_j are near one; 1 for rows of zeros.
+    """Powers of two d for which the largest entries of all rows of d_i b_ij d_j are near one; 1 for
+    rows of zeros.
 
-    Source: Ruiz, A scaling algorithm to equilibrate both rows and columns norms in matrices, RAL-TR-2001-034.
+    Source: Ruiz, A scaling algorithm to equilibrate both rows and columns norms in matrices,
+    RAL-TR-2001-034.
     """
     units = np.ones(len(array))
     for _ in range(TURNS):

@@ -31,15 +31,21 @@ class ProductAlgebra(LieAlgebra):
 
     def bracket(self, xi: Vec, eta: Vec) -> Vec:
         """The brackets of the parts."""
-        return joined([f.bracket(x, y) for f, x, y in zip(self.factors, self.parts(xi), self.parts(eta))])
+        return joined(
+            [f.bracket(x, y) for f, x, y in zip(self.factors, self.parts(xi), self.parts(eta))]
+        )
 
     def ad_star(self, xi: Vec, mu: Vec) -> Vec:
         """ad* of the parts."""
-        return joined([f.ad_star(x, m) for f, x, m in zip(self.factors, self.parts(xi), self.parts(mu))])
+        return joined(
+            [f.ad_star(x, m) for f, x, m in zip(self.factors, self.parts(xi), self.parts(mu))]
+        )
 
     def parts(self, xi: Vec) -> tuple[Vec, ...]:
         """The coordinates of each factor.  xi : (dim,)."""
-        return tuple([vec(*xi[start:end]) for start, end in spans([factor.dim for factor in self.factors])])
+        return tuple(
+            [vec(*xi[start:end]) for start, end in spans([factor.dim for factor in self.factors])]
+        )
 
     def _each(self, formula: Callable[..., Vec], *arguments: Sequence[Vec]) -> Vec:
         """The vector of a formula's values, for each factor and its share of the arguments."""
@@ -63,11 +69,15 @@ class ProductAlgebra(LieAlgebra):
 
     def dexp_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
         """(dexp^-1)* of each factor."""
-        return self._each(lambda f, x, m: f.dexp_inv_dual(x, m, side), self.parts(xi), self.parts(mu))
+        return self._each(
+            lambda f, x, m: f.dexp_inv_dual(x, m, side), self.parts(xi), self.parts(mu)
+        )
 
     def dexp_inv_series(self, xi: Vec, eta: Vec, terms: int, side: str = "right") -> Vec:
         """The series of each factor."""
-        return self._each(lambda f, x, y: f.dexp_inv_series(x, y, terms, side), self.parts(xi), self.parts(eta))
+        return self._each(
+            lambda f, x, y: f.dexp_inv_series(x, y, terms, side), self.parts(xi), self.parts(eta)
+        )
 
     def is_exp_chart(self, xi: Vec) -> bool:
         """Is it each factor's?"""
@@ -91,15 +101,21 @@ class ProductAlgebra(LieAlgebra):
 
     def dcayley_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
         """dcay* of each factor."""
-        return self._each(lambda f, x, m: f.dcayley_dual(x, m, side), self.parts(xi), self.parts(mu))
+        return self._each(
+            lambda f, x, m: f.dcayley_dual(x, m, side), self.parts(xi), self.parts(mu)
+        )
 
     def dcayley_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
         """dcay^-1 of each factor."""
-        return self._each(lambda f, x, y: f.dcayley_inv(x, y, side), self.parts(xi), self.parts(eta))
+        return self._each(
+            lambda f, x, y: f.dcayley_inv(x, y, side), self.parts(xi), self.parts(eta)
+        )
 
     def dcayley_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
         """(dcay^-1)* of each factor."""
-        return self._each(lambda f, x, m: f.dcayley_inv_dual(x, m, side), self.parts(xi), self.parts(mu))
+        return self._each(
+            lambda f, x, m: f.dcayley_inv_dual(x, m, side), self.parts(xi), self.parts(mu)
+        )
 
     def cayley_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, Mat, Mat]:
         """The equations of the factors, and block diagonal derivatives."""
@@ -109,12 +125,15 @@ class ProductAlgebra(LieAlgebra):
 
 @record
 class ProductGroup(LieGroup):
-    """The direct product of groups, `ProductGroup(SO3(), VectorSpace(3))`: everything happens in each factor on its own.
+    """The direct product of groups, `ProductGroup(SO3(), VectorSpace(3))`: everything happens in
+    each factor on its own.
 
-    An element is one vector, the entries of the factors' elements one after another, matrices row by row and complex entries as
-    real and imaginary part; `join` and `split` translate.  Velocities and momenta are those of the factors one after another.
+    An element is one vector, the entries of the factors' elements one after another, matrices row
+    by row and complex entries as real and imaginary part; `join` and `split` translate.  Velocities
+    and momenta are those of the factors one after another.
 
-    factors : groups of any kind, products and complex ones among them.  Raises InvalidType, InvalidInput for what is none.
+    factors : groups of any kind, products and complex ones among them.  Raises InvalidType,
+    InvalidInput for what is none.
 
     Source: Hall, Lie Groups, Lie Algebras, and Representations, 2nd ed., definition 1.12.
     """
@@ -129,7 +148,9 @@ class ProductGroup(LieGroup):
         for number, factor in enumerate(self.factors, 1):
             if not isinstance(factor, LieGroup):
                 cure = "; write it with brackets" if isinstance(factor, type) else ""
-                raise InvalidType(f"ProductGroup: factor {number} must be a LieGroup; got {factor!r}{cure}")
+                raise InvalidType(
+                    f"ProductGroup: factor {number} must be a LieGroup; got {factor!r}{cure}"
+                )
         if not self.factors:
             raise InvalidInput("ProductGroup needs at least one factor")
 
@@ -146,12 +167,20 @@ class ProductGroup(LieGroup):
     @cached_property
     def places(self) -> tuple[tuple[int, int], ...]:
         """Where the entries of each factor's element begin and end."""
-        return tuple(spans([np.prod(f.element_shape, dtype=int).item() * (2 if f.is_complex else 1) for f in self.factors]))
+        return tuple(
+            spans(
+                [
+                    np.prod(f.element_shape, dtype=int).item() * (2 if f.is_complex else 1)
+                    for f in self.factors
+                ]
+            )
+        )
 
     def join(self, *elements: Any) -> Any:
         """One element from those of the factors, as a formula or for arrays with leading axes.
 
-        elements : one for each factor, e.g. (..., 3, 3) and (..., 3);  returns (..., 12).  Raises InvalidInput for wrong shapes.
+        elements : one for each factor, e.g. (..., 3, 3) and (..., 3);  returns (..., 12).  Raises
+        InvalidInput for wrong shapes.
         """
         if all(isinstance(g, (vectors.Vec, vectors.Mat)) for g in elements):
             return joined([entries(g) for g in elements])
@@ -166,21 +195,34 @@ class ProductGroup(LieGroup):
 
     def _joined_arrays(self, elements: tuple[Any, ...]) -> np.ndarray:
         if len(elements) != len(self.factors):
-            raise InvalidInput(f"{self!r}.join: {len(elements)} elements for {len(self.factors)} factors")
+            raise InvalidInput(
+                f"{self!r}.join: {len(elements)} elements for {len(self.factors)} factors"
+            )
         rows = []
         for number, (factor, g) in enumerate(zip(self.factors, elements, strict=True), 1):
-            array, axes = real_array(g, f"{self!r}.join: element {number}", factor.is_complex), len(factor.element_shape)
+            array, axes = (
+                real_array(g, f"{self!r}.join: element {number}", factor.is_complex),
+                len(factor.element_shape),
+            )
             if array.shape[array.ndim - axes :] != factor.element_shape:
                 raise InvalidInput(
-                    f"{self!r}.join: element {number} has shape {array.shape}; its last axes must be {factor.element_shape}"
+                    f"{self!r}.join: element {number} has shape {array.shape}; its last axes must "
+                    f"be {factor.element_shape}"
                 )
-            flat = np.ascontiguousarray(array).reshape(*array.shape[: array.ndim - axes], np.prod(factor.element_shape))
+            flat = np.ascontiguousarray(array).reshape(
+                *array.shape[: array.ndim - axes], np.prod(factor.element_shape)
+            )
             rows.append(flat.view(float))
         try:
             lead = np.broadcast_shapes(*(row.shape[:-1] for row in rows))
         except ValueError:
-            raise InvalidInput(f"{self!r}.join: the leading axes {[row.shape[:-1] for row in rows]} do not broadcast") from None
-        return np.concatenate([np.broadcast_to(row, (*lead, row.shape[-1])) for row in rows], axis=-1)
+            raise InvalidInput(
+                f"{self!r}.join: the leading axes "
+                f"{[row.shape[:-1] for row in rows]} do not broadcast"
+            ) from None
+        return np.concatenate(
+            [np.broadcast_to(row, (*lead, row.shape[-1])) for row in rows], axis=-1
+        )
 
     def _each(self, formula: Callable[..., Any], *arguments: Sequence[Any]) -> Vec:
         """The vector of a formula's values, for each factor and its share of the arguments."""
@@ -210,7 +252,9 @@ class ProductGroup(LieGroup):
 
     def body_velocity(self, g: Element, rate: Ambient) -> Vec:
         """The body velocities of the factors."""
-        return self._each(lambda f, a, r: f.body_velocity(a, r), self._elements(g), self._elements(rate))
+        return self._each(
+            lambda f, a, r: f.body_velocity(a, r), self._elements(g), self._elements(rate)
+        )
 
     def casimirs(self, mu: Vec) -> Vec:
         """The Casimirs of the factors."""
@@ -224,7 +268,10 @@ class ProductGroup(LieGroup):
     def further_invariants(self, mu: Any) -> tuple[float, ...] | None:
         """The further invariants of the factors, if each of them knows."""
         ends = np.cumsum([factor.dim for factor in self.factors])
-        found = [f.further_invariants(part) for f, part in zip(self.factors, np.split(mu, ends[:-1]), strict=True)]
+        found = [
+            f.further_invariants(part)
+            for f, part in zip(self.factors, np.split(mu, ends[:-1]), strict=True)
+        ]
         return None if None in found else tuple(x for known in found for x in known or ())
 
     def scale(self, g: Element | None) -> Vec:
@@ -248,7 +295,9 @@ class ProductGroup(LieGroup):
 
     def objection(self, g: np.ndarray) -> str | None:
         """What a factor has to object."""
-        for number, (factor, a) in enumerate(zip(self.factors, self._elements(small(g)), strict=True), 1):
+        for number, (factor, a) in enumerate(
+            zip(self.factors, self._elements(small(g)), strict=True), 1
+        ):
             reason = factor.objection(np.array(a))
             if reason:
                 return f"in factor {number}, {factor!r}, {reason}"
@@ -258,7 +307,9 @@ class ProductGroup(LieGroup):
         """The nearest elements of the factors."""
         return self._each(lambda f, a: f.nearest(a), self._elements(g))
 
-    def random(self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()) -> np.ndarray:
+    def random(
+        self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()
+    ) -> np.ndarray:
         """Independent elements of the factors, each as it does."""
         generator = np.random.default_rng(rng)
         return self._joined_arrays(tuple(factor.random(generator, size) for factor in self.factors))
@@ -302,7 +353,9 @@ class ProductGroup(LieGroup):
 
     def compose_cayley(self, g: Element, xi: Vec) -> Element:
         """(g_1 cay xi_1, g_2 cay xi_2, ...)."""
-        return self._each(lambda f, a, x: f.compose_cayley(a, x), self._elements(g), self._parts(xi))
+        return self._each(
+            lambda f, a, x: f.compose_cayley(a, x), self._elements(g), self._parts(xi)
+        )
 
 
 # ------------------------------------------------------------------ parts of vectors
@@ -319,7 +372,9 @@ def joined(parts: list[Vec]) -> Vec:
 
 
 def entries(g: Any) -> list[Any]:
-    """The real numbers of an element: matrices row by row, complex entries as real and imaginary part."""
+    """The real numbers of an element: matrices row by row, complex entries as real and imaginary
+    part.
+    """
     numbers = [x for row in g for x in row] if isinstance(g, vectors.Mat) else [*g]
     if len(numbers) > 0 and isinstance(numbers[0], Complex):
         return [part for x in numbers for part in (x.re, x.im)]
@@ -353,5 +408,9 @@ def _block_diagonal(blocks: list[Mat]) -> Mat:
     width = sum([len(block) for block in blocks])
     places = spans([len(block) for block in blocks])
     return mat(
-        *[vec(*[0.0] * start, *row, *[0.0] * (width - end)) for block, (start, end) in zip(blocks, places) for row in block]
+        *[
+            vec(*[0.0] * start, *row, *[0.0] * (width - end))
+            for block, (start, end) in zip(blocks, places)
+            for row in block
+        ]
     )

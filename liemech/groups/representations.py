@@ -6,7 +6,18 @@ from collections.abc import Callable
 from typing import Any
 
 from ..errors import InvalidInput, InvalidType, NotDefined
-from ..formulas import Element, Vec, cross, derivative, dot, identity_matrix, mat, record, solve, vec
+from ..formulas import (
+    Element,
+    Vec,
+    cross,
+    derivative,
+    dot,
+    identity_matrix,
+    mat,
+    record,
+    solve,
+    vec,
+)
 from ..formulas.dual import value_of
 from ..formulas.sizes import one_norm
 from .group_action import GroupAction
@@ -20,14 +31,16 @@ INFINITY = float("inf")
 
 @record
 class Representation(GroupAction):
-    """A linear action of a group on R^k, g . (a x + b y) = a g . x + b g . y; covectors, of shape (k,) too, are named `p`.
+    """A linear action of a group on R^k, g . (a x + b y) = a g . x + b g . y; covectors, of shape
+    (k,) too, are named `p`.
 
     1. A subclass writes `space_dim` (k) and `act`.
     2. It may add closed forms for `infinitesimal`, `exp_act`, the average `phi1`, and their duals.
     3. The rest follows.
 
-    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., sections 9.3 and 12.1; Cendra, Holm, Marsden and
-    Ratiu, Lagrangian reduction, the Euler-Poincare equations, and semidirect products, AMS Transl. 186 (1998).
+    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., sections 9.3 and
+    12.1; Cendra, Holm, Marsden and Ratiu, Lagrangian reduction, the Euler-Poincare equations, and
+    semidirect products, AMS Transl. 186 (1998).
     """
 
     @property
@@ -43,26 +56,34 @@ class Representation(GroupAction):
     # ---------------------------------------------------------------- 2. closed forms are welcome
 
     def act_dual(self, g: Element, p: Vec) -> Vec:
-        """The dual map, <act_dual_g p, x> = <p, g . x>: a right action on covectors.  g : an element, p : (k,)."""
+        """The dual map, <act_dual_g p, x> = <p, g . x>: a right action on covectors.  g : an
+        element, p : (k,).
+        """
         return vec(*[dot(p, self.act(g, unit)) for unit in identity_matrix(self.space_dim)])
 
     def infinitesimal_dual(self, xi: Vec, p: Vec) -> Vec:
         """The dual of `infinitesimal`.  xi : (dim,), p : (k,)."""
-        return vec(*[dot(p, self.infinitesimal(xi, unit)) for unit in identity_matrix(self.space_dim)])
+        return vec(
+            *[dot(p, self.infinitesimal(xi, unit)) for unit in identity_matrix(self.space_dim)]
+        )
 
     def exp_act_dual(self, xi: Vec, p: Vec) -> Vec:
         """act_dual of exp(xi).  xi : (dim,), p : (k,)."""
         return self.act_dual(self.group.exp(xi), p)
 
     def momentum(self, x: Vec, p: Vec) -> Vec:
-        """The momentum map J(x, p) of the action: <J, xi> = <p, xi . x>.  For rotations the angular momentum x x p.
+        """The momentum map J(x, p) of the action: <J, xi> = <p, xi . x>.  For rotations the angular
+        momentum x x p.
 
         x, p : (k,);  returns (dim,).
         """
-        return vec(*[dot(p, self.infinitesimal(unit, x)) for unit in identity_matrix(self.group.dim)])
+        return vec(
+            *[dot(p, self.infinitesimal(unit, x)) for unit in identity_matrix(self.group.dim)]
+        )
 
     def phi1(self, xi: Vec, x: Vec) -> Vec:
-        """The average of exp(s xi) . x over 0 <= s <= 1, sum_k xi^k . x/(k + 1)!.  xi : (dim,), x : (k,).
+        """The average of exp(s xi) . x over 0 <= s <= 1, sum_k xi^k . x/(k + 1)!.  xi : (dim,),
+        x : (k,).
 
         For large xi from its half, phi1(xi) = (1 + exp(xi/2)) phi1(xi/2)/2.
         """
@@ -81,8 +102,13 @@ class Representation(GroupAction):
         return solve(mat(*[self.phi1(xi, unit) for unit in identity_matrix(self.space_dim)]), p)
 
     def why_no_cayley(self) -> str | None:
-        """Why the Cayley map of the group is not that of the matrices of the representation; None if it is."""
-        return self.group.why_no_cayley() or f"cay(xi) does not act as (1 - xi/2)^-1 (1 + xi/2) in {self!r}"
+        """Why the Cayley map of the group is not that of the matrices of the representation; None
+        if it is.
+        """
+        return (
+            self.group.why_no_cayley()
+            or f"cay(xi) does not act as (1 - xi/2)^-1 (1 + xi/2) in {self!r}"
+        )
 
     def half_inverse(self, xi: Vec, x: Vec) -> Vec:
         """(1 - xi/2)^-1 x, with the matrix of xi.  xi : (dim,), x : (k,)."""
@@ -95,7 +121,9 @@ class Representation(GroupAction):
         return solve(mat(*[unit - 0.5 * self.infinitesimal(xi, unit) for unit in units]), p)
 
     def invariants(self, mu: Vec, p: Vec) -> Vec:
-        """Casimir functions of the semidirect product with the space; none known by default.  mu : (dim,), p : (k,)."""
+        """Casimir functions of the semidirect product with the space; none known by default.
+        mu : (dim,), p : (k,).
+        """
         return vec()
 
     def _size2(self, xi: Vec) -> float:
@@ -110,7 +138,8 @@ class Representation(GroupAction):
 class LinearAction(Representation):
     """A group of real matrices multiplying vectors, g . x = g x.
 
-    Source: Hall, Lie Groups, Lie Algebras, and Representations, 2nd ed., section 4.2 (the standard representation).
+    Source: Hall, Lie Groups, Lie Algebras, and Representations, 2nd ed., section 4.2 (the standard
+    representation).
     """
 
     def __post_init__(self) -> None:
@@ -118,7 +147,8 @@ class LinearAction(Representation):
         if len(self.group.element_shape) != 2 or self.group.is_complex:
             what = "complex" if self.group.is_complex else "vectors"
             raise InvalidInput(
-                f"LinearAction: the elements of {self.group!r} are {what}, not real matrices; write a Representation of your own"
+                f"LinearAction: the elements of {self.group!r} are {what}, not real matrices; "
+                "write a Representation of your own"
             )
 
     @property
@@ -200,7 +230,8 @@ class AdjointAction(Representation):
         return self.group.algebra.dexp_inv_dual(xi, p)
 
     def invariants(self, mu: Vec, p: Vec) -> Vec:
-        """C(p) and dC(p) . mu for the Casimir functions C of the group: C(p + e mu) with e^2 = 0.  mu, p : (dim,).
+        """C(p) and dC(p) . mu for the Casimir functions C of the group: C(p + e mu) with e^2 = 0.
+        mu, p : (dim,).
 
         Source: Takiff, Trans. Amer. Math. Soc. 160 (1971), 249: invariants of g + e g.
         """
@@ -209,7 +240,8 @@ class AdjointAction(Representation):
 
 @record
 class RotationAction(AdjointAction):
-    """Rotations of space, as matrices (SO3) or as unit quaternions, turning vectors of R^3: the adjoint action, in closed forms.
+    """Rotations of space, as matrices (SO3) or as unit quaternions, turning vectors of R^3: the
+    adjoint action, in closed forms.
 
     Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 9.2.
     """
@@ -217,7 +249,9 @@ class RotationAction(AdjointAction):
     def __post_init__(self) -> None:
         super().__post_init__()
         if not isinstance(self.group, (SO3, UnitQuaternions)):
-            raise InvalidType(f"RotationAction: group must be SO3() or UnitQuaternions(); got {self.group!r}")
+            raise InvalidType(
+                f"RotationAction: group must be SO3() or UnitQuaternions(); got {self.group!r}"
+            )
 
     def exp_act(self, xi: Vec, x: Vec) -> Vec:
         """x turned about xi by the angle |xi|, without forming the rotation.  xi, x : (3,)."""
@@ -245,11 +279,14 @@ class RotationAction(AdjointAction):
 
 
 def standard_action(group: LieGroup) -> Representation:
-    """How a group acts on vectors by its own matrices, unit quaternions by the rotations they stand for.
+    """How a group acts on vectors by its own matrices, unit quaternions by the rotations they stand
+    for.
 
     Source: Hall, Lie Groups, Lie Algebras, and Representations, 2nd ed., section 4.2.
     """
-    return RotationAction(group) if isinstance(group, (SO3, UnitQuaternions)) else LinearAction(group)
+    return (
+        RotationAction(group) if isinstance(group, (SO3, UnitQuaternions)) else LinearAction(group)
+    )
 
 
 # ------------------------------------------------------------------ series of operators
@@ -263,7 +300,9 @@ def squares(columns: list[Vec]) -> float:
     return total
 
 
-def averaged(by: Callable[..., Any], exp_by: Callable[..., Any], size2: float, xi: Vec, x: Any) -> Any:
+def averaged(
+    by: Callable[..., Any], exp_by: Callable[..., Any], size2: float, xi: Vec, x: Any
+) -> Any:
     """The sum of A^k x/(k + 1)! with A = by(xi, .) and e^A = exp_by(xi, .).
 
     |A|^2 <= size2, a nilpotent part of any size left out.  |A| is halved until it is at most one, and doubled again by
@@ -275,7 +314,8 @@ def averaged(by: Callable[..., Any], exp_by: Callable[..., Any], size2: float, x
     tiny, one = digits(size2)
     term, k = by(0.5 * xi, x), 2.0
     total = x + term
-    before, bound = 1.0, 0.25 * size2  # squares; a nilpotent part can keep the next term as large as this one
+    # squares; a nilpotent part can keep the next term as large as this one
+    before, bound = 1.0, 0.25 * size2
     while before > tiny and k < 64.0:
         k = k + 1.0
         term = by((one / k) * xi, term)

@@ -1,22 +1,25 @@
-"""The coefficients of rotations: functions of x = theta^2 that stand before W and W^2, W = hat(w), |w| = theta.
+"""The coefficients of rotations: functions of x = theta^2 that stand before W and W^2, W = hat(w),
+|w| = theta.
 
     exp(W)     = 1 + sinc(x) W    + versine(x) W^2
     dexp_w     = 1 + versine(x) W + segment(x) W^2
     dexp_w^-1  = 1 - W/2          + bernoulli(x) W^2
 
-Rigid motions need the derivatives with respect to x too, and Newton's method on them two second derivatives.
+Rigid motions need the derivatives with respect to x too, and Newton's method on them two second
+derivatives.
 
-All are analytic in x >= 0, the last before its pole at theta = 2 pi.  Up to x = LIMIT they are polynomials:
-no root, no division, and so accurate that sinc and versine together change the length of a rotated vector by less than
-2e-19 apart from rounding.  Beyond, half angles that never subtract nearly equal numbers.  Relative error for every
-double x, next to the zeros of sinc and versine and to the pole too: below 1.5 eps for the polynomials, 3 eps beyond
-(derivatives: 3 eps of their terms).
+All are analytic in x >= 0, the last before its pole at theta = 2 pi.  Up to x = LIMIT they are
+polynomials: no root, no division, and so accurate that sinc and versine together change the length
+of a rotated vector by less than 2e-19 apart from rounding.  Beyond, half angles that never subtract
+nearly equal numbers.  Relative error for every double x, next to the zeros of sinc and versine and
+to the pole too: below 1.5 eps for the polynomials, 3 eps beyond (derivatives: 3 eps of their
+terms).
 
-The comparison `x <= LIMIT` needs a number.  For symbols, put the closed forms of the docstrings in the place of these
-functions; a branch for them here would cost every step.
+The comparison `x <= LIMIT` needs a number.  For symbols, put the closed forms of the docstrings in
+the place of these functions; a branch for them here would cost every step.
 
-Source: Iserles, Munthe-Kaas, Norsett, Zanna, Lie-group methods, Acta Numerica 9 (2000), appendix B; sinc, versine and
-segment are the Stumpff functions c_1, c_2, c_3 of celestial mechanics.
+Source: Iserles, Munthe-Kaas, Norsett, Zanna, Lie-group methods, Acta Numerica 9 (2000), appendix B;
+sinc, versine and segment are the Stumpff functions c_1, c_2, c_3 of celestial mechanics.
 """
 
 from __future__ import annotations
@@ -27,10 +30,14 @@ from ..formulas.double_double import is_long, rounded_number, sin_cos, two_sum
 from . import stumpff
 
 LIMIT = 0.4
-"""Up to this x (theta = 0.63, a tenth of a turn: more than a step should make) the polynomials hold."""
+"""Up to this x (theta = 0.63, a tenth of a turn: more than a step should make) the polynomials
+hold.
+"""
 
 WHOLE_TURN = 39.478417604357375
-"""(2 pi)^2 less 8 units in the last place: where dexp is singular for the first time, and just before, where no digit is left."""
+"""(2 pi)^2 less 8 units in the last place: where dexp is singular for the first time, and just
+before, where no digit is left.
+"""
 
 SPLITTER = 2.0**27 + 1.0
 """Cuts a double into two halves of 26 bits.  Source: Dekker, Numer. Math. 18 (1971), 224."""
@@ -113,21 +120,27 @@ SEGMENT_CURVATURE = (
 def polynomial(c: tuple[float, ...], x: float) -> float:
     """The polynomial of seven coefficients, c_0 + c_1 x + ... + c_6 x^6.
 
-    Summed in groups (after Estrin), it is five operations deep; one coefficient after the other, twelve.
+    Summed in groups (after Estrin), it is five operations deep; one coefficient after the other,
+    twelve.
     Raises InvalidType for a number of two doubles, which such a polynomial does not serve.
     """
     if is_long(x):
-        raise InvalidType("precision: these functions of angles are known to 16 digits only; take Cayley() or precision='double'")
+        raise InvalidType(
+            "precision: these functions of angles are known to 16 digits "
+            "only; take Cayley() or precision='double'"
+        )
     x2 = x * x
     low = (c[0] + c[1] * x) + x2 * (c[2] + c[3] * x)
     return low + (x2 * x2) * ((c[4] + c[5] * x) + x2 * c[6])
 
 
 def sin_cos_root(x: float, low: float = 0.0) -> tuple[float, float]:
-    """Sine and cosine of sqrt(x + low), |low| <= eps x, each with its relative accuracy, even next to a zero.
+    """Sine and cosine of sqrt(x + low), |low| <= eps x, each with its relative accuracy, even next
+    to a zero.
 
-    The root is rounded, sqrt(x) = t + e, and next to a zero of the sine this alone would cost all digits.  x - t^2 is
-    computed exactly, from the halves of t, and e = (x - t^2 + low)/(2 t) put back: to first order as long as e^2 is nothing.
+    The root is rounded, sqrt(x) = t + e, and next to a zero of the sine this alone would cost all
+    digits.  x - t^2 is computed exactly, from the halves of t, and e = (x - t^2 + low)/(2 t) put
+    back: to first order as long as e^2 is nothing.
     """
     if is_long(x):
         return sin_cos(sqrt(x))
@@ -143,7 +156,8 @@ def sin_cos_root(x: float, low: float = 0.0) -> tuple[float, float]:
 
 
 def lost_in_square(w: Vec, x: float) -> float:
-    """|w|^2 - x, what was rounded away when x = |w|^2 was computed: beyond many turns it decides where the last one ends.
+    """|w|^2 - x, what was rounded away when x = |w|^2 was computed: beyond many turns it decides
+    where the last one ends.
 
     Source: Dekker, Numer. Math. 18 (1971), 224: exact products; the sums are those of `two_sum`.
     """
@@ -162,9 +176,11 @@ def lost_in_square(w: Vec, x: float) -> float:
 def exp_coefficients(x: float, w: Vec | None = None) -> tuple[float, float]:
     """`sinc` and `versine`, what the exponential needs.
 
-    w : the vector of which x is the squared length; given, sine and cosine are those of its length before x was rounded.
+    w : the vector of which x is the squared length; given, sine and cosine are those of its length
+    before x was rounded.
 
-    The polynomials are evaluated in any case: the rare branch then stands aside of the common path and costs it nothing.
+    The polynomials are evaluated in any case: the rare branch then stands aside of the common path
+    and costs it nothing.
     """
     if is_long(x):
         c1, c2, *_ = stumpff.stumpff(x)
@@ -193,23 +209,32 @@ def versine(x: float) -> float:
 
 
 def dexp_coefficients(x: float) -> tuple[float, float, float, float]:
-    """`versine` and `segment`, what the differential of the exponential needs, and their derivatives."""
+    """`versine` and `segment`, what the differential of the exponential needs, and their
+    derivatives.
+    """
     _, b, c, _, b_slope, c_slope = all_coefficients(x)
     return b, c, b_slope, c_slope
 
 
-def all_coefficients(x: float, w: Vec | None = None) -> tuple[float, float, float, float, float, float]:
-    """`sinc`, `versine`, `segment` and their derivatives with respect to x; w as in `exp_coefficients`.
+def all_coefficients(
+    x: float, w: Vec | None = None
+) -> tuple[float, float, float, float, float, float]:
+    """`sinc`, `versine`, `segment` and their derivatives with respect to x; w as in
+    `exp_coefficients`.
 
-    With the next two Stumpff functions c_4, c_5:  versine = 1/2 - x c_4, segment = 1/6 - x c_5, sinc = 1 - x segment, and
-    sinc' = (segment - versine)/2, versine' = c_4 - segment/2 = (sinc - 2 versine)/(2 x), segment' = (3 c_5 - c_4)/2 =
-    (versine - 3 segment)/(2 x).
+    With the next two Stumpff functions c_4, c_5:  versine = 1/2 - x c_4, segment = 1/6 - x c_5,
+    sinc = 1 - x segment, and sinc' = (segment - versine)/2, versine' = c_4 - segment/2 = (sinc - 2
+    versine)/(2 x), segment' = (3 c_5 - c_4)/2 = (versine - 3 segment)/(2 x).
     """
     if is_long(x):
         return stumpff.coefficients(x)
     c4, c5 = polynomial(STUMPFF4, x), polynomial(STUMPFF5, x)
     b, c = 0.5 - x * c4, 1 / 6 - x * c5
-    a, b_slope, c_slope = (1.0 - x * (1 / 6)) + (x * x) * c5, (c4 - 1 / 12) + (0.5 * x) * c5, 1.5 * c5 - 0.5 * c4
+    a, b_slope, c_slope = (
+        (1.0 - x * (1 / 6)) + (x * x) * c5,
+        (c4 - 1 / 12) + (0.5 * x) * c5,
+        1.5 * c5 - 0.5 * c4,
+    )
     if x > LIMIT:
         a, b = _by_half_angles(x, 0.0 if w is None else lost_in_square(w, x))
         if x <= 16.0 * LIMIT:
@@ -227,7 +252,8 @@ def all_coefficients(x: float, w: Vec | None = None) -> tuple[float, float, floa
 
 
 def dexp_curvatures(x: float) -> tuple[float, float]:
-    """The second derivatives of `versine` and `segment`: for the Jacobian of Newton's method, which forgives a few digits.
+    """The second derivatives of `versine` and `segment`: for the Jacobian of Newton's method, which
+    forgives a few digits.
 
     versine'' = (sinc' - 4 versine')/(2 x),  segment'' = (versine' - 5 segment')/(2 x).
     """
@@ -240,7 +266,8 @@ def dexp_curvatures(x: float) -> tuple[float, float]:
 
 
 def _doubled(q: float, c4: float, c5: float) -> tuple[float, float, float]:
-    """The Stumpff functions c_3, c_4, c_5 of twice the angle, x = 4 q: sums of positive terms where q < 2.
+    """The Stumpff functions c_3, c_4, c_5 of twice the angle, x = 4 q: sums of positive terms where
+    q < 2.
 
     c_3(4q) = (c_3 + c_1 c_2)/4,  c_4(4q) = c_3 (1 + c_1)/8,  c_5(4q) = (1/12 + c_5 (1 - q/2) + c_4 c_1)/16,
     with c_3 = 1/6 - q c_5, c_2 = 1/2 - q c_4, c_1 = 1 - q c_3.
@@ -260,9 +287,11 @@ def segment(x: float) -> float:
 
 
 def bernoulli(x: float) -> float:
-    """Coefficient of the inverse differential of exp, (1 - (theta/2) cot(theta/2))/theta^2 with x = theta^2.
+    """Coefficient of the inverse differential of exp, (1 - (theta/2) cot(theta/2))/theta^2 with
+    x = theta^2.
 
-    1/12 at zero, 1/pi^2 at half a turn.  Its Taylor coefficients are |B_2k|/(2k)!, B_2k the Bernoulli numbers.
+    1/12 at zero, 1/pi^2 at half a turn.  Its Taylor coefficients are |B_2k|/(2k)!, B_2k the
+    Bernoulli numbers.
     Raises OutsideChart from a full turn on, where it has a pole.
     """
     if is_long(x):
@@ -275,7 +304,9 @@ def bernoulli(x: float) -> float:
 
 
 def _bernoulli_by_halves(x: float) -> float:
-    """Halving the angle, cot 2a = (cot a - tan a)/2, gives a sum of positive terms, d(x) = d(x/4)/4 + tan(theta/4)/(4 theta)."""
+    """Halving the angle, cot 2a = (cot a - tan a)/2, gives a sum of positive terms,
+    d(x) = d(x/4)/4 + tan(theta/4)/(4 theta).
+    """
     total, weight = 0.0, 1.0
     if x > 16.0 * LIMIT:
         s, c = sin_cos_root(0.25 * x)
@@ -291,7 +322,8 @@ def _bernoulli_by_halves(x: float) -> float:
 def bernoulli_coefficients(x: float) -> tuple[float, float]:
     """`bernoulli` and its derivative with respect to x.  Raises OutsideChart from a full turn on.
 
-    The derivative of the sum above is one of positive terms again, d'(x) = d'(x/4)/16 + segment(x/4)/(128 cos^2(theta/4)).
+    The derivative of the sum above is one of positive terms again,
+    d'(x) = d'(x/4)/16 + segment(x/4)/(128 cos^2(theta/4)).
     """
     if is_long(x):
         check_chart(x)
@@ -306,9 +338,15 @@ def bernoulli_coefficients(x: float) -> tuple[float, float]:
             s, c = sin_cos_root(0.25 * quarter)
             _, area, _, _ = dexp_coefficients(quarter)
             weight = 0.25 * weight
-            d, d_slope = d + weight * (s / (c * sqrt(x))), d_slope + slope_weight * (area / (128.0 * c * c))
+            d, d_slope = (
+                d + weight * (s / (c * sqrt(x))),
+                d_slope + slope_weight * (area / (128.0 * c * c)),
+            )
             x, slope_weight = quarter, 0.0625 * slope_weight
-        d, d_slope = d + weight * polynomial(BERNOULLI, x), d_slope + slope_weight * polynomial(BERNOULLI_SLOPE, x)
+        d, d_slope = (
+            d + weight * polynomial(BERNOULLI, x),
+            d_slope + slope_weight * polynomial(BERNOULLI_SLOPE, x),
+        )
     return d, d_slope
 
 
@@ -316,6 +354,7 @@ def check_chart(x: float) -> None:
     """Raise OutsideChart from a full turn on, where dexp cannot be inverted."""
     if x >= WHOLE_TURN:
         raise OutsideChart(
-            f"dexp_inv at the angle {sqrt(x)}: dexp is singular at a full turn, 2 pi = 6.283185307179586; take log(exp(xi)), "
-            "which is at most half a turn, or in a step a smaller h"
+            f"dexp_inv at the angle {sqrt(x)}: dexp is singular at a full turn, 2 pi = "
+            "6.283185307179586; take log(exp(xi)), which is at most "
+            "half a turn, or in a step a smaller h"
         )

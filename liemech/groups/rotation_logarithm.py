@@ -1,7 +1,8 @@
 """From a rotation matrix back to its axis and angle, by way of the unit quaternion.
 
-Accurate for every angle from 0 to pi, both included.  The formula (theta/(2 sin theta)) vee(R - R^T) of the textbooks
-loses all digits at pi, and the angle from arccos((tr R - 1)/2) loses half of them at 0.
+Accurate for every angle from 0 to pi, both included.  The formula (theta/(2 sin theta))
+vee(R - R^T) of the textbooks loses all digits at pi, and the angle from arccos((tr R - 1)/2) loses
+half of them at 0.
 """
 
 from __future__ import annotations
@@ -12,15 +13,15 @@ from ..formulas import Mat, Vec, atan2, sqrt, vec
 def rotation_quaternion(R: Mat) -> Vec:
     """Unit quaternion (x, y, z, w) of a rotation matrix, scalar part last and w >= 0.
 
-    R = (w^2 - |v|^2) 1 + 2 v v^T + 2 w hat(v) with v = (x, y, z), so the entries of R hold the products of the
-    components.  The four products with one of the components are, up to a factor, the quaternion; a component of at
-    least 1/2 is taken, so nothing small is divided by.  A matrix that is orthogonal only up to rounding gives a unit
-    quaternion just the same.
+    R = (w^2 - |v|^2) 1 + 2 v v^T + 2 w hat(v) with v = (x, y, z), so the entries of R hold the
+    products of the components.  The four products with one of the components are, up to a factor,
+    the quaternion; a component of at least 1/2 is taken, so nothing small is divided by.  A matrix
+    that is orthogonal only up to rounding gives a unit quaternion just the same.
 
     R : (3, 3), a rotation (not checked);  returns (4,).
 
-    At half a turn q and -q both have w = 0; the component belonging to the largest diagonal entry is then positive,
-    the first of them if several are equal.
+    At half a turn q and -q both have w = 0; the component belonging to the largest diagonal entry
+    is then positive, the first of them if several are equal.
 
     Source: Shepperd, Quaternion from rotation matrix, J. Guidance and Control 1 (1978), 223.
     """
@@ -42,12 +43,13 @@ def rotation_quaternion(R: Mat) -> Vec:
 def rotation_vector(R: Mat) -> Vec:
     """Rotation vector w of a rotation matrix, exp(hat(w)) = R: axis times angle, 0 <= |w| <= pi.
 
-    w = 2 atan2(|v|, q_w) v/|v| for the quaternion (v, q_w).  The error is below 3 eps |w| for every angle.
+    w = 2 atan2(|v|, q_w) v/|v| for the quaternion (v, q_w).  The error is below 3 eps |w| for every
+    angle.
 
     R : (3, 3), a rotation (not checked);  returns (3,), radians.
 
-    The identity gives exact zeros.  At half a turn w and -w are both right; the component belonging to the largest
-    diagonal entry of R is then positive, the first of them if several are equal.
+    The identity gives exact zeros.  At half a turn w and -w are both right; the component belonging
+    to the largest diagonal entry of R is then positive, the first of them if several are equal.
     """
     q = rotation_quaternion(R)
     v = vec(q[0], q[1], q[2])

@@ -1,7 +1,7 @@
 """The group SE(2) of rigid motions of the plane.
 
-Its bracket obeys ad^3 = -w^2 ad, as that of rotations does, so that functions of ad have the same coefficients here and there:
-dexp = 1 + b ad + c ad^2, and so on, with th = |w|.
+Its bracket obeys ad^3 = -w^2 ad, as that of rotations does, so that functions of ad have the same
+coefficients here and there: dexp = 1 + b ad + c ad^2, and so on, with th = |w|.
 """
 
 from __future__ import annotations
@@ -24,7 +24,8 @@ NONE = (0.0, 0.0, 0.0)
 
 @record
 class SE2Algebra(LieAlgebra):
-    """se(2): a turning rate and a velocity of the plane, (w, v), [(w, v), (a, u)] = (0, w J u - a J v), J a quarter turn.
+    """se(2): a turning rate and a velocity of the plane, (w, v), [(w, v),
+    (a, u)] = (0, w J u - a J v), J a quarter turn.
 
     Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 14.6.
     """
@@ -37,7 +38,11 @@ class SE2Algebra(LieAlgebra):
     @property
     def structure_constants(self) -> Constants:
         """[E1, E2] = E3, [E1, E3] = -E2."""
-        return (NONE, NONE, NONE), ((0.0, 0.0, -1.0), NONE, (1.0, 0.0, 0.0)), ((0.0, 1.0, 0.0), (-1.0, 0.0, 0.0), NONE)
+        return (
+            (NONE, NONE, NONE),
+            ((0.0, 0.0, -1.0), NONE, (1.0, 0.0, 0.0)),
+            ((0.0, 1.0, 0.0), (-1.0, 0.0, 0.0), NONE),
+        )
 
     def bracket(self, xi: Vec, eta: Vec) -> Vec:
         """(0, w J u - a J v)."""
@@ -71,7 +76,9 @@ class SE2Algebra(LieAlgebra):
         return _series_dual(xi, mu, _signed(b, side), c)
 
     def dexp_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """eta - [xi, eta]/2 + d [xi, [xi, eta]], d = (1 - (w/2) cot(w/2))/w^2; raises OutsideChart unless |w| < 2 pi."""
+        """eta - [xi, eta]/2 + d [xi, [xi, eta]], d = (1 - (w/2) cot(w/2))/w^2; raises OutsideChart
+        unless |w| < 2 pi.
+        """
         return _series(xi, eta, _signed(-0.5, side), bernoulli(xi[0] * xi[0]))
 
     def dexp_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
@@ -90,16 +97,26 @@ class SE2Algebra(LieAlgebra):
         return xi[0] * xi[0] < WHOLE_TURN
 
     def exp_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
-        """r = p - (mu + b y + c ad*_xi y), y = ad*_xi mu; with y = B(mu) xi and the derivatives b', c' with respect to w^2
+        """r = p - (mu + b y + c ad*_xi y), y = ad*_xi mu; with y = B(mu) xi and the derivatives b',
+        c' with respect to w^2
 
         dr/dxi = -2 w (b' y + c' ad*_xi y) e_1^T - b B(mu) - c (B(y) + ad*_xi B(mu)).
         """
-        w, along, across_x, across_y = xi[0], mu[1] * xi[1] + mu[2] * xi[2], xi[0] * mu[1], xi[0] * mu[2]
+        w, along, across_x, across_y = (
+            xi[0],
+            mu[1] * xi[1] + mu[2] * xi[2],
+            xi[0] * mu[1],
+            xi[0] * mu[2],
+        )
         b, c, b_slope, c_slope = dexp_coefficients(w * w)
         ad_star, structure = self.ad_star, self.poisson_structure
         y = ad_star(xi, mu)
         z = ad_star(xi, y)
-        second = mat(vec(along, across_x, across_y), vec(-2.0 * across_x, 0.0, 0.0), vec(-2.0 * across_y, 0.0, 0.0))
+        second = mat(
+            vec(along, across_x, across_y),
+            vec(-2.0 * across_x, 0.0, 0.0),
+            vec(-2.0 * across_y, 0.0, 0.0),
+        )
         first = outer((2.0 * w) * (b_slope * y + c_slope * z), vec(1.0, 0.0, 0.0))
         return p - (mu + (b * y + c * z)), 1.0, -(first + (b * structure(mu) + c * second))
 
@@ -123,7 +140,9 @@ class SE2Algebra(LieAlgebra):
     def dcayley_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
         """mu - ad*_xi mu/2 + (w <mu, xi>/4, 0)."""
         pairing = mu[0] * xi[0] + (mu[1] * xi[1] + mu[2] * xi[2])
-        return mu + (_signed(-0.5, side) * self.ad_star(xi, mu) + vec(0.25 * xi[0] * pairing, 0.0, 0.0))
+        return mu + (
+            _signed(-0.5, side) * self.ad_star(xi, mu) + vec(0.25 * xi[0] * pairing, 0.0, 0.0)
+        )
 
     def cayley_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
         """r = 4 (p - mu) + w^2 p - 2 ad*_xi mu,  dr/dp = 4 + w^2,  dr/dxi = 2 w p e_1^T - 2 B(mu)."""
@@ -135,12 +154,13 @@ class SE2Algebra(LieAlgebra):
 
 @record
 class SE2(LieGroup):
-    """Rigid motions of the plane: g = [[R, p], [0, 1]] takes body coordinates to space coordinates, R = [[c, -s], [s, c]].
+    """Rigid motions of the plane: g = [[R, p], [0, 1]] takes body coordinates to space coordinates,
+    R = [[c, -s], [s, c]].
 
     Velocities are (w, v_x, v_y), momenta (Pi, P_x, P_y), the angular part first.
 
-    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 14.6; Sola et al., A micro Lie theory for
-    state estimation in robotics (2018), appendix C.
+    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 14.6; Sola
+    et al., A micro Lie theory for state estimation in robotics (2018), appendix C.
     """
 
     @property
@@ -170,7 +190,11 @@ class SE2(LieGroup):
     def Ad_star(self, g: Element, mu: Vec) -> Vec:
         """(Pi - P.J p, R^T P)."""
         c, s = g[0, 0], g[1, 0]
-        return vec(mu[0] + (mu[1] * g[1, 2] - mu[2] * g[0, 2]), c * mu[1] + s * mu[2], c * mu[2] - s * mu[1])
+        return vec(
+            mu[0] + (mu[1] * g[1, 2] - mu[2] * g[0, 2]),
+            c * mu[1] + s * mu[2],
+            c * mu[2] - s * mu[1],
+        )
 
     def casimirs(self, mu: Vec) -> Vec:
         """P.P."""
@@ -199,10 +223,15 @@ class SE2(LieGroup):
             return f"its last row is {g[2].tolist()}, not 0 0 1"
         if off > MEMBERSHIP:
             return f"of its rotation, R^T R differs from the unit matrix by {off:.1e}, more than {MEMBERSHIP:.0e}"
-        return "of its rotation, the determinant is -1, it is a reflection" if R[0, 0] * R[1, 1] < R[0, 1] * R[1, 0] else None
+        return (
+            "of its rotation, the determinant is -1, it is a reflection"
+            if R[0, 0] * R[1, 1] < R[0, 1] * R[1, 0]
+            else None
+        )
 
     def nearest(self, g: Ambient) -> Element:
-        """The nearest rotation with the same displacement: the direction of (g_11 + g_22, g_21 - g_12).
+        """The nearest rotation with the same displacement: the direction of
+        (g_11 + g_22, g_21 - g_12).
 
         Raises InvalidInput for an array that is as close to one rotation as to any other.
         """
@@ -212,9 +241,14 @@ class SE2(LieGroup):
             raise InvalidInput("SE2.nearest: the array is as close to one rotation as to any other")
         return _motion(c / size, s / size, g[0, 2], g[1, 2])
 
-    def random(self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()) -> np.ndarray:
+    def random(
+        self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()
+    ) -> np.ndarray:
         """Uniformly distributed angles, normally distributed displacements."""
-        generator, shape = np.random.default_rng(rng), (size,) if isinstance(size, int) else tuple(size)
+        generator, shape = (
+            np.random.default_rng(rng),
+            (size,) if isinstance(size, int) else tuple(size),
+        )
         xi = np.zeros((*shape, 3))
         xi[..., 0] = generator.uniform(-np.pi, np.pi, size=shape)
         g = np.array(self.exp(xi))
@@ -274,7 +308,9 @@ def _signed(first: float, side: str) -> float:
 def _series(xi: Vec, eta: Vec, k1: float, k2: float) -> Vec:
     """eta + k_1 ad eta + k_2 ad^2 eta."""
     w, y = xi[0], SE2Algebra().bracket(xi, eta)
-    return vec(eta[0], eta[1] + (k1 * y[1] - (k2 * w) * y[2]), eta[2] + (k1 * y[2] + (k2 * w) * y[1]))
+    return vec(
+        eta[0], eta[1] + (k1 * y[1] - (k2 * w) * y[2]), eta[2] + (k1 * y[2] + (k2 * w) * y[1])
+    )
 
 
 def _series_dual(xi: Vec, mu: Vec, k1: float, k2: float) -> Vec:
@@ -306,7 +342,9 @@ def _advanced(g: Mat, c: float, s: float, x: float, y: float) -> Mat:
     """g plus g times what a motion differs from 1 by: cosine less one, sine, displacement."""
     m = _moved(g, c, s, x, y)
     return mat(
-        vec(g[0, 0] + m[0, 0], g[0, 1] + m[0, 1], m[0, 2]), vec(g[1, 0] + m[1, 0], g[1, 1] + m[1, 1], m[1, 2]), vec(0.0, 0.0, 1.0)
+        vec(g[0, 0] + m[0, 0], g[0, 1] + m[0, 1], m[0, 2]),
+        vec(g[1, 0] + m[1, 0], g[1, 1] + m[1, 1], m[1, 2]),
+        vec(0.0, 0.0, 1.0),
     )
 
 

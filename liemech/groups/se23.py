@@ -1,7 +1,8 @@
-"""The group SE_2(3) of extended poses: rotations together with two vectors, a velocity and a position.
+"""The group SE_2(3) of extended poses: rotations together with two vectors, a velocity and a
+position.
 
-Each vector makes a rigid motion with the rotation, and every map on SE_2(3) is that of the two rigid
-motions, which share their angular part.  On momenta the angular parts of the two are added.
+Each vector makes a rigid motion with the rotation, and every map on SE_2(3) is that of the two
+rigid motions, which share their angular part.  On momenta the angular parts of the two are added.
 """
 
 from __future__ import annotations
@@ -66,11 +67,15 @@ class SE23Algebra(LieAlgebra):
         return _covector(lambda x, m: SE3Algebra().dexp_dual(x, m, side), xi, mu)
 
     def dexp_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """The inverse differential of exp of both rigid motions.  Raises OutsideChart unless |w| < 2 pi."""
+        """The inverse differential of exp of both rigid motions.  Raises OutsideChart unless
+        |w| < 2 pi.
+        """
         return _vector(lambda x, y: SE3Algebra().dexp_inv(x, y, side), xi, eta)
 
     def dexp_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """The dual of the inverse differential of exp of both rigid motions.  Raises OutsideChart unless |w| < 2 pi."""
+        """The dual of the inverse differential of exp of both rigid motions.  Raises OutsideChart
+        unless |w| < 2 pi.
+        """
         return _covector(lambda x, m: SE3Algebra().dexp_inv_dual(x, m, side), xi, mu)
 
     def dexp_inv_series(self, xi: Vec, eta: Vec, terms: int, side: str = "right") -> Vec:
@@ -82,7 +87,9 @@ class SE23Algebra(LieAlgebra):
         return SO3Algebra().is_exp_chart(thirds(xi)[0])
 
     def exp_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
-        """The residual of exp of both rigid motions; dr/dxi is [[B_1 + B_2, A_1, A_2], [A_1, 0, 0], [A_2, 0, 0]]."""
+        """The residual of exp of both rigid motions; dr/dxi is [[B_1 + B_2, A_1, A_2], [A_1, 0, 0],
+        [A_2, 0, 0]].
+        """
         return _residual(SE3Algebra().exp_residual, xi, p, mu)
 
     # the Cayley map of 5 by 5 matrices
@@ -114,7 +121,8 @@ class SE23Algebra(LieAlgebra):
 
 @record
 class SE23(LieGroup):
-    """Extended poses: g = [[R, v, p], [0, 1, 0], [0, 0, 1]] with a rotation, a velocity and a position.
+    """Extended poses: g = [[R, v, p], [0, 1, 0], [0, 0, 1]] with a rotation, a velocity and a
+    position.
 
     Velocities are (w, a, u), momenta (m, k, p), the angular part first.  With V = dexp_w on SO(3):
 
@@ -240,7 +248,10 @@ def thirds(xi: Vec) -> tuple[Vec, Vec, Vec]:
 def _vector(formula: Callable[[Vec, Vec], Vec], xi: Vec, eta: Vec) -> Vec:
     """A map of velocities: the angular parts of both rigid motions are the same."""
     (w, a, u), (w2, a2, u2) = thirds(xi), thirds(eta)
-    first, (_, second) = formula(join(w, a), join(w2, a2)), halves(formula(join(w, u), join(w2, u2)))
+    first, (_, second) = (
+        formula(join(w, a), join(w2, a2)),
+        halves(formula(join(w, u), join(w2, u2))),
+    )
     return vec(*first, *second)
 
 
@@ -269,9 +280,13 @@ def _residual(formula: Callable[..., Any], xi: Vec, p: Vec, mu: Vec) -> tuple[Ve
 
 
 def parts(g: Mat) -> tuple[Mat, Vec, Vec, float]:
-    """The rotation, the velocity, the position and the time of a matrix [[R, v, p], [0, 1, t], [0, 0, 1]]."""
+    """The rotation, the velocity, the position and the time of a matrix [[R, v, p], [0, 1, t],
+    [0, 0, 1]].
+    """
     rotation = mat(
-        vec(g[0, 0], g[0, 1], g[0, 2]), vec(g[1, 0], g[1, 1], g[1, 2]), vec(g[2, 0], g[2, 1], g[2, 2])
+        vec(g[0, 0], g[0, 1], g[0, 2]),
+        vec(g[1, 0], g[1, 1], g[1, 2]),
+        vec(g[2, 0], g[2, 1], g[2, 2]),
     )
     return rotation, vec(g[0, 3], g[1, 3], g[2, 3]), vec(g[0, 4], g[1, 4], g[2, 4]), g[3, 4]
 
@@ -298,7 +313,9 @@ def objection(g: np.ndarray) -> str | None:
     """The last rows are wrong, or the rotation is none."""
     for row, wanted in ((g[3, :4], [0.0, 0.0, 0.0, 1.0]), (g[4], [0.0, 0.0, 0.0, 0.0, 1.0])):
         if np.abs(row - wanted).max() > MEMBERSHIP:
-            return f"its last rows begin {g[3].tolist()}, {g[4].tolist()}, not 0 0 0 1 and 0 0 0 0 1"
+            return (
+                f"its last rows begin {g[3].tolist()}, {g[4].tolist()}, not 0 0 0 1 and 0 0 0 0 1"
+            )
     reason = SO3().objection(g[:3, :3])
     return reason and f"of its rotation, {reason}"
 

@@ -1,15 +1,17 @@
 """The group SE(3) of rigid motions of space: rotations together with displacements.
 
-A screw w + eps v, an angular and a linear velocity put together with eps^2 = 0, is a vector of dual numbers, and SE(3) is the
-rotation group over dual numbers: every formula of SO(3) holds with
+A screw w + eps v, an angular and a linear velocity put together with eps^2 = 0, is a vector of dual
+numbers, and SE(3) is the rotation group over dual numbers: every formula of SO(3) holds with
 
     |w + eps v|^2 = |w|^2 + eps 2 w.v,      f(|w|^2 + eps 2 w.v) = f + eps 2 (w.v) f',
 
-the bracket is the vector product, and the displacement of tau(w + eps v) is dtau_w v.  The pairing of a momentum (Pi, P) with a
-screw, Pi.w + P.v, is the eps part of the scalar product with P + eps Pi.  Hence momenta are dual vectors too, and the dual of a map
-made of ad is the same map with -ad: no transpose is taken in this file.
+the bracket is the vector product, and the displacement of tau(w + eps v) is dtau_w v.  The pairing
+of a momentum (Pi, P) with a screw, Pi.w + P.v, is the eps part of the scalar product with P + eps
+Pi.  Hence momenta are dual vectors too, and the dual of a map made of ad is the same map with -ad:
+no transpose is taken in this file.
 
-Source: Selig, Geometric Fundamentals of Robotics, 2nd ed., chapters 4 and 9 (the principle of transference).
+Source: Selig, Geometric Fundamentals of Robotics, 2nd ed., chapters 4 and 9 (the principle of
+transference).
 """
 
 from __future__ import annotations
@@ -34,7 +36,10 @@ if TYPE_CHECKING:
 EPSILON_IJK = SO3Algebra().structure_constants
 SCREWS: Constants = tuple(
     tuple(
-        tuple(EPSILON_IJK[k % 3][i % 3][j % 3] if k // 3 == i // 3 + j // 3 else 0.0 for j in range(6)) for i in range(6)
+        tuple(
+            EPSILON_IJK[k % 3][i % 3][j % 3] if k // 3 == i // 3 + j // 3 else 0.0 for j in range(6)
+        )
+        for i in range(6)
     )
     for k in range(6)
 )
@@ -60,7 +65,9 @@ class SE3Algebra(LieAlgebra):
 
     @cached_property
     def invariant_form(self) -> np.ndarray:
-        """The Klein form, ((w, v), (a, u)) = w . u + v . a; adding a multiple of w . a leaves it invariant.  (6, 6)"""
+        """The Klein form, ((w, v), (a, u)) = w . u + v . a; adding a multiple of w . a leaves it
+        invariant.  (6, 6)
+        """
         return np.kron([[0.0, 1.0], [1.0, 0.0]], np.eye(3))
 
     def bracket(self, xi: Vec, eta: Vec) -> Vec:
@@ -109,10 +116,13 @@ class SE3Algebra(LieAlgebra):
         return _series_dual(xi, mu, *_dexp_inv(xi, side))
 
     def dexp_inv_series(self, xi: Vec, eta: Vec, terms: int, side: str = "right") -> Vec:
-        """Since ad^3 = -|xi|^2 ad over dual numbers, the series is 1 - ad/2 + (1/12 + |xi|^2/720 + ...) ad^2."""
+        """Since ad^3 = -|xi|^2 ad over dual numbers, the series is
+        1 - ad/2 + (1/12 + |xi|^2/720 + ...) ad^2.
+        """
         x, slope = _square(xi)
         total, total_slope = 0.0, 0.0
-        for k in range(terms - terms % 2, 1, -2):  # Horner's rule, for the polynomial and for its derivative
+        # Horner's rule, for the polynomial and for its derivative
+        for k in range(terms - terms % 2, 1, -2):
             total_slope = -(total + x * total_slope)
             total = BERNOULLI[k] - x * total
         first = 0.0 if terms == 0 else -0.5 if side == "right" else 0.5
@@ -125,22 +135,30 @@ class SE3Algebra(LieAlgebra):
     def exp_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
         """r = p - (dexp_xi)* mu; r and its Jacobian are those of SO(3) over dual numbers.
 
-        A Jacobian A + eps B over dual numbers is [[B, A], [A, 0]] for the parts (eps, 1) of r and (1, eps) of xi.
+        A Jacobian A + eps B over dual numbers is [[B, A], [A, 0]] for the parts (eps, 1) of r and
+        (1, eps) of xi.
         """
         (w, v), (Pi, P), hat = halves(xi), halves(mu), SO3Algebra().hat
         x, slope = _square(xi)
         a, b, c, a1, b1, c1 = all_coefficients(x)
         b2, c2 = dexp_curvatures(x)
-        da, db, dc, db1, dc1 = slope * a1, slope * b1, slope * c1, slope * b2, slope * c2  # the eps parts of a, b, c, b', c'
+        # the eps parts of a, b, c, b', c'
+        da, db, dc, db1, dc1 = slope * a1, slope * b1, slope * c1, slope * b2, slope * c2
         s, ds = dot(w, P), dot(w, Pi) + dot(v, P)
         cs, dcs = c * s, c * ds + dc * s
         y, dy = cross(w, P), cross(w, Pi) + cross(v, P)
         carried = (a * P - b * y) + cs * w
         dcarried = ((a * Pi + da * P) - (b * dy + db * y)) + (cs * v + dcs * w)
         along = (b - c) * P + 2.0 * (b1 * y - (c1 * s) * w)
-        dalong = ((b - c) * Pi + (db - dc) * P) + 2.0 * ((b1 * dy + db1 * y) - ((c1 * s) * v + (c1 * ds + dc1 * s) * w))
+        dalong = ((b - c) * Pi + (db - dc) * P) + 2.0 * (
+            (b1 * dy + db1 * y) - ((c1 * s) * v + (c1 * ds + dc1 * s) * w)
+        )
         A = outer(along, w) - outer(c * w, P) - hat(b * P)
-        B = (outer(dalong, w) + outer(along, v)) - (outer(c * v + dc * w, P) + outer(c * w, Pi)) - hat(b * Pi + db * P)
+        B = (
+            (outer(dalong, w) + outer(along, v))
+            - (outer(c * v + dc * w, P) + outer(c * w, Pi))
+            - hat(b * Pi + db * P)
+        )
         A, B = plus(A, -cs), plus(B, -dcs)
         return p - join(dcarried, carried), 1.0, _blocks(B, A, A)
 
@@ -192,16 +210,19 @@ class SE3Algebra(LieAlgebra):
 
 @record
 class SE3(LieGroup):
-    """Rigid motions: g = [[R, p], [0, 1]] takes body coordinates to space coordinates, x_space = R x_body + p.
+    """Rigid motions: g = [[R, p], [0, 1]] takes body coordinates to space coordinates, x_space = R
+    x_body + p.
 
-    Velocities are (w, v), momenta (Pi, P), the angular part first.  With W = hat(w), V = dexp_w on SO(3):
+    Velocities are (w, v), momenta (Pi, P), the angular part first.  With W = hat(w), V = dexp_w on
+    SO(3):
 
         exp(w, v) = (exp w, V v),   Ad_g (a, u) = (R a, R u + p x R a),   Ad*_g (Pi, P) = (R^T (Pi - p x P), R^T P).
 
     `cayley` is the Cayley map of 4 by 4 matrices; `by_adjoint` has the one of the matrices Ad_g,
     6 by 6.  They agree up to the third order.
 
-    Source: Bou-Rabee and Marsden (2009), section 4; Selig, Cayley maps for SE(3), 12th IFToMM World Congress (2007).
+    Source: Bou-Rabee and Marsden (2009), section 4; Selig, Cayley maps for SE(3), 12th IFToMM World
+    Congress (2007).
     """
 
     @property
@@ -251,7 +272,9 @@ class SE3(LieGroup):
     def defect(self, g: Ambient) -> float:
         """The defect of the rotation, and how far the last row is from 0 0 0 1."""
         (a, b, c, _), (d, e, f, _), (p, q, r, _), (x, y, z, one) = g
-        return max(rotation_defect(a, b, c, d, e, f, p, q, r), abs(x), abs(y), abs(z), abs(one - 1.0))
+        return max(
+            rotation_defect(a, b, c, d, e, f, p, q, r), abs(x), abs(y), abs(z), abs(one - 1.0)
+        )
 
     def objection(self, g: np.ndarray) -> str | None:
         """The last row is not 0 0 0 1, or the rotation is none."""
@@ -265,7 +288,9 @@ class SE3(LieGroup):
         R, p = _parts(g)
         return _matrix(SO3().nearest(R), p)
 
-    def random(self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()) -> np.ndarray:
+    def random(
+        self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()
+    ) -> np.ndarray:
         """Uniformly distributed rotations (Haar measure), normally distributed displacements."""
         generator = np.random.default_rng(rng)
         R = SO3().random(generator, size)
@@ -274,14 +299,17 @@ class SE3(LieGroup):
         return g
 
     def rigid_transform(self, g: ArrayLike) -> RigidTransform:
-        """Rigid motions as SciPy's class (1.16 or later); the way back is automatic: arguments may be of that class.
+        """Rigid motions as SciPy's class (1.16 or later); the way back is automatic: arguments may
+        be of that class.
 
         g : (..., 4, 4).  Raises ImportError if SciPy is older.
         """
         try:
             from scipy.spatial.transform import RigidTransform
         except ImportError:
-            raise ImportError('scipy.spatial.transform has no RigidTransform yet: pip install "scipy>=1.16"') from None
+            raise ImportError(
+                'scipy.spatial.transform has no RigidTransform yet: pip install "scipy>=1.16"'
+            ) from None
         return RigidTransform.from_matrix(np.asarray(g, dtype=float))
 
     # ---------------------------------------------------------------- exponential
@@ -292,7 +320,9 @@ class SE3(LieGroup):
         return _matrix(plus(rotation, 1.0), p)
 
     def compose_exp(self, g: Element, xi: Vec) -> Element:
-        """(R + R (exp(w) - 1), p + R dexp_w v): rounded by what the step adds, not by what is there."""
+        """(R + R (exp(w) - 1), p + R dexp_w v): rounded by what the step adds, not by what is
+        there.
+        """
         (R, p), (rotation, q) = _parts(g), _screw(xi)
         return _matrix(R + R @ rotation, p + R @ q)
 
@@ -328,7 +358,9 @@ class SE3(LieGroup):
 
 @record
 class SE3ByAdjointAlgebra(SE3Algebra):
-    """se(3) with the differentials of the Cayley map of 6 by 6 matrices, those of SO(3) over dual numbers."""
+    """se(3) with the differentials of the Cayley map of 6 by 6 matrices, those of SO(3) over dual
+    numbers.
+    """
 
     def cayley_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
         """1 - f ad + (f/2) ad^2 on P + eps Pi, f = 4/(4 + |w|^2 + eps 2 w.v)."""
@@ -358,7 +390,8 @@ class SE3ByAdjointAlgebra(SE3Algebra):
         return _exchanged(self.dcayley_inv(xi, _exchanged(mu), _other(side)))
 
     def cayley_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
-        """4 + |w|^2 times p - (dcay_xi)* mu, that is, over dual numbers, with k = 1/(1 + eps 2 w.v/(4 + |w|^2)),
+        """4 + |w|^2 times p - (dcay_xi)* mu, that is, over dual numbers, with k = 1/(1 + eps 2
+        w.v/(4 + |w|^2)),
 
         r = (4 + |w|^2) p + k (2 xi x mu - 4 mu),  where (4 + |w|^2) p - 4 mu is 4 (p - mu) + |w|^2 p.
         """
@@ -370,7 +403,9 @@ class SE3ByAdjointAlgebra(SE3Algebra):
         r = join(4.0 * (l - Pi) + (square * l + second), 4.0 * (m - P) + (square * m + across))
         A = outer(2.0 * m, w) - hat(2.0 * P)
         by_v = hat(-2.0 * P) - outer(first, (2.0 / scale) * w)
-        by_w = (outer(2.0 * l, w) - hat(2.0 * (Pi - k * P))) - outer(first, (2.0 / scale) * (v - k * w))
+        by_w = (outer(2.0 * l, w) - hat(2.0 * (Pi - k * P))) - outer(
+            first, (2.0 / scale) * (v - k * w)
+        )
         return r, scale, _blocks(by_w, by_v, A)
 
 
@@ -441,7 +476,9 @@ Pair = tuple[float, float]
 
 
 def _series(xi: Vec, eta: Vec, k: Pair, dk: Pair | None) -> Vec:
-    """eta + k_1 ad eta + k_2 ad^2 eta over dual numbers with coefficients k + eps dk; dk None is zero."""
+    """eta + k_1 ad eta + k_2 ad^2 eta over dual numbers with coefficients k + eps dk; dk None is
+    zero.
+    """
     (w, v), (a, u) = halves(xi), halves(eta)
     first, second = _dual_series(k, dk, w, v, a, u)
     return join(first, second)
@@ -504,7 +541,11 @@ def _screw(xi: Vec) -> tuple[Mat, Vec]:
 
 def _parts(g: Mat) -> tuple[Mat, Vec]:
     """The rotation and the displacement."""
-    rotation = mat(vec(g[0, 0], g[0, 1], g[0, 2]), vec(g[1, 0], g[1, 1], g[1, 2]), vec(g[2, 0], g[2, 1], g[2, 2]))
+    rotation = mat(
+        vec(g[0, 0], g[0, 1], g[0, 2]),
+        vec(g[1, 0], g[1, 1], g[1, 2]),
+        vec(g[2, 0], g[2, 1], g[2, 2]),
+    )
     return rotation, vec(g[0, 3], g[1, 3], g[2, 3])
 
 
@@ -515,4 +556,6 @@ def _matrix(R: Mat, p: Vec, corner: float = 1.0) -> Mat:
 
 def _blocks(a: Mat, b: Mat, c: Mat) -> Mat:
     """[[a, b], [c, 0]]."""
-    return mat(*[vec(*a[i], *b[i]) for i in range(3)], *[vec(*c[i], 0.0, 0.0, 0.0) for i in range(3)])
+    return mat(
+        *[vec(*a[i], *b[i]) for i in range(3)], *[vec(*c[i], 0.0, 0.0, 0.0) for i in range(3)]
+    )

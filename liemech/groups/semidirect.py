@@ -1,4 +1,6 @@
-"""Semidirect products of a group with a vector space that it acts on: rigid motions, affine maps, and the home of heavy tops."""
+"""Semidirect products of a group with a vector space that it acts on: rigid motions, affine maps,
+and the home of heavy tops.
+"""
 
 from __future__ import annotations
 
@@ -13,16 +15,25 @@ from .ad_series import mean_slope
 from .lie_algebra import LieAlgebra
 from .lie_group import LieGroup
 from .product import ProductGroup
-from .representations import LinearAction, Representation, RotationAction, averaged, squares, standard_action
+from .representations import (
+    LinearAction,
+    Representation,
+    RotationAction,
+    averaged,
+    squares,
+    standard_action,
+)
 from .vector_space import VectorSpace
 
 
 @record
 class SemidirectAlgebra(LieAlgebra):
-    """Pairs (xi, u) of a velocity and a vector, [(xi, u), (eta, v)] = ([xi, eta], xi . v - eta . u).
+    """Pairs (xi, u) of a velocity and a vector, [(xi, u), (eta, v)] = ([xi, eta], xi . v - eta .
+    u).
 
-    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 14.7; Cendra, Holm, Marsden and Ratiu,
-    Lagrangian reduction, the Euler-Poincare equations, and semidirect products, AMS Transl. 186 (1998), section 1.
+    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 14.7;
+    Cendra, Holm, Marsden and Ratiu, Lagrangian reduction, the Euler-Poincare equations, and
+    semidirect products, AMS Transl. 186 (1998), section 1.
     """
 
     action: Representation
@@ -41,13 +52,19 @@ class SemidirectAlgebra(LieAlgebra):
         """([xi, eta], xi . v - eta . u)."""
         (x, u), (y, v) = self.parts(xi), self.parts(eta)
         action = self.action
-        return vec(*action.group.ad(x, y), *(action.infinitesimal(x, v) - action.infinitesimal(y, u)))
+        return vec(
+            *action.group.ad(x, y), *(action.infinitesimal(x, v) - action.infinitesimal(y, u))
+        )
 
     def ad_star(self, xi: Vec, mu: Vec) -> Vec:
-        """(ad*_xi mu - J(u, p), p . xi): the heavy top's equations are mu' = ad*_xi mu.  J is the action's `momentum`."""
+        """(ad*_xi mu - J(u, p), p . xi): the heavy top's equations are mu' = ad*_xi mu.  J is the
+        action's `momentum`.
+        """
         (x, u), (m, p) = self.parts(xi), self.parts(mu)
         action = self.action
-        return vec(*(action.group.ad_star(x, m) - action.momentum(u, p)), *action.infinitesimal_dual(x, p))
+        return vec(
+            *(action.group.ad_star(x, m) - action.momentum(u, p)), *action.infinitesimal_dual(x, p)
+        )
 
     def parts(self, xi: Vec) -> tuple[Vec, Vec]:
         """The coordinates in the algebra of the group, and the vector.  xi : (dim,)."""
@@ -61,7 +78,9 @@ class SemidirectAlgebra(LieAlgebra):
         return vec(*self.acting.exp_Ad_star(x, moved), *self.action.exp_act_dual(x, p))
 
     def dexp(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """sum_k ad_xi^k eta/(k + 1)!; for large xi from its half, dexp_xi = (1 + Ad_exp(xi/2)) dexp_(xi/2)/2."""
+        """sum_k ad_xi^k eta/(k + 1)!; for large xi from its half, dexp_xi = (1 + Ad_exp(xi/2))
+        dexp_(xi/2)/2.
+        """
         x = xi if side == "right" else -xi
         return averaged(self.ad, self._exp_Ad, self._size2(x), x, eta)
 
@@ -71,7 +90,9 @@ class SemidirectAlgebra(LieAlgebra):
         return averaged(self.ad_star, self.exp_Ad_star, self._size2(x), x, mu)
 
     def dexp_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """(y, phi1^-1 (v - c)) with y = dexp_xi^-1 eta in the group, and c the vector of dexp_(xi, u) (y, 0)."""
+        """(y, phi1^-1 (v - c)) with y = dexp_xi^-1 eta in the group, and c the vector of
+        dexp_(xi, u) (y, 0).
+        """
         x = xi if side == "right" else -xi
         (w, _), (a, v) = self.parts(x), self.parts(eta)
         y = self.acting.dexp_inv(w, a)
@@ -79,7 +100,9 @@ class SemidirectAlgebra(LieAlgebra):
         return vec(*y, *self.action.phi1_inv(w, v - c))
 
     def dexp_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """((dexp_xi^-1)* (m - c), q) with q = p . phi1^-1, and c the group's part of (dexp_(xi, u))* (0, q)."""
+        """((dexp_xi^-1)* (m - c), q) with q = p . phi1^-1, and c the group's part of
+        (dexp_(xi, u))* (0, q).
+        """
         x = xi if side == "right" else -xi
         (w, _), (m, p) = self.parts(x), self.parts(mu)
         q = self.action.phi1_inv_dual(w, p)
@@ -91,7 +114,8 @@ class SemidirectAlgebra(LieAlgebra):
         return self.acting.is_exp_chart(self.parts(xi)[0])
 
     def exp_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
-        """r = p - sum_k t_k with t_k = ad*_xi t_k-1/(k + 1), t_0 = mu; the derivative of the recursion gives dr/dxi.
+        """r = p - sum_k t_k with t_k = ad*_xi t_k-1/(k + 1), t_0 = mu; the derivative of the
+        recursion gives dr/dxi.
 
         The derivative stops at 1e-11: Newton's method feels no less.
         """
@@ -99,7 +123,9 @@ class SemidirectAlgebra(LieAlgebra):
         return p - self.dexp_dual(xi, mu), 1.0, -by_xi
 
     def cayley_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
-        """Ad* of (cay xi, y) with y = (1 - xi/2)^-1 u, where p . cay xi = p + q . xi with q = p . (1 - xi/2)^-1."""
+        """Ad* of (cay xi, y) with y = (1 - xi/2)^-1 u, where p . cay xi = p + q . xi with q = p .
+        (1 - xi/2)^-1.
+        """
         (x, u), (m, p) = self.parts(xi), self.parts(mu)
         moved = m - self.action.momentum(self._half_inverse(x, u), p)
         turned = p + self.action.infinitesimal_dual(x, self.action.half_inverse_dual(x, p))
@@ -121,7 +147,9 @@ class SemidirectAlgebra(LieAlgebra):
         """(dcay_xi^-1 eta, (1 - xi/2)(v + eta . u/2))."""
         (x, u), (a, v) = self.parts(xi if side == "right" else -xi), self.parts(eta)
         rest = v + 0.5 * self.action.infinitesimal(a, u)
-        return vec(*self.acting.dcayley_inv(x, a), *(rest - 0.5 * self.action.infinitesimal(x, rest)))
+        return vec(
+            *self.acting.dcayley_inv(x, a), *(rest - 0.5 * self.action.infinitesimal(x, rest))
+        )
 
     def dcayley_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
         """((dcay_xi^-1)* m + J(u, q)/2, q) with q = p . (1 - xi/2)."""
@@ -153,23 +181,27 @@ class SemidirectAlgebra(LieAlgebra):
 
 @record
 class SemidirectProduct(LieGroup):
-    """Pairs (g, x) of a group element and a vector that it acts on, (g, x)(h, y) = (g h, x + g . y): `SemidirectProduct(SO3())`.
+    """Pairs (g, x) of a group element and a vector that it acts on,
+    (g, x)(h, y) = (g h, x + g . y): `SemidirectProduct(SO3())`.
 
-    An element is one vector, the entries of g (a matrix row by row) and then x; `join` and `split` translate.  Velocities are
-    (xi, u) and momenta (mu, p), the group's part first.  With the momentum map J of the action, <J(x, p), xi> = <p, xi . x>,
+    An element is one vector, the entries of g (a matrix row by row) and then x; `join` and `split`
+    translate.  Velocities are (xi, u) and momenta (mu, p), the group's part first.  With the
+    momentum map J of the action, <J(x, p), xi> = <p, xi . x>,
 
         exp(xi, u) = (exp xi, phi1(xi) u),                  phi1(xi) = 1 + xi/2 + xi^2/6 + ...,
         Ad_(g, x) (eta, v) = (Ad_g eta, g . v - (Ad_g eta) . x),
         Ad*_(g, x) (mu, p) = (Ad*_g (mu - J(x, p)), p . g).
 
-    acting : the group.  action : a Representation of it; left out, its own matrices, for unit quaternions the rotations.
-    `SemidirectProduct(G, AdjointAction(G))` is the tangent group TG, with CoadjointAction(G) the cotangent group T*G.
+    acting : the group.  action : a Representation of it; left out, its own matrices, for unit
+    quaternions the rotations.  `SemidirectProduct(G, AdjointAction(G))` is the tangent group TG,
+    with CoadjointAction(G) the cotangent group T*G.
 
-    The Cayley map is that of the matrices [[xi, u], [0, 0]], where the action has one.  Raises InvalidType, InvalidInput for an
-    action that is none, or one of another group.
+    The Cayley map is that of the matrices [[xi, u], [0, 0]], where the action has one.  Raises
+    InvalidType, InvalidInput for an action that is none, or one of another group.
 
-    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., sections 9.1 and 14.7; Cendra, Holm, Marsden and
-    Ratiu (1998), section 1; Leonard and Marsden, Physica D 105 (1997), for the heavy top.
+    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., sections 9.1 and
+    14.7; Cendra, Holm, Marsden and Ratiu (1998), section 1; Leonard and Marsden, Physica D 105
+    (1997), for the heavy top.
     """
 
     acting: LieGroup
@@ -181,13 +213,21 @@ class SemidirectProduct(LieGroup):
         if self.action is None:
             object.__setattr__(self, "action", standard_action(self.acting))
         if not isinstance(self.action, Representation):
-            raise InvalidType(f"SemidirectProduct: action must be a Representation; got {self.action!r}")
+            raise InvalidType(
+                f"SemidirectProduct: action must be a Representation; got {self.action!r}"
+            )
         if self.action.group != self.acting:
-            raise InvalidInput(f"SemidirectProduct: {self.action!r} is no action of {self.acting!r}")
+            raise InvalidInput(
+                f"SemidirectProduct: {self.action!r} is no action of {self.acting!r}"
+            )
 
     def __repr__(self) -> str:
         own = type(self.action) in (LinearAction, RotationAction)
-        return f"SemidirectProduct({self.acting!r})" if own else f"SemidirectProduct({self.acting!r}, {self.action!r})"
+        return (
+            f"SemidirectProduct({self.acting!r})"
+            if own
+            else f"SemidirectProduct({self.acting!r}, {self.action!r})"
+        )
 
     @property
     def algebra(self) -> SemidirectAlgebra:
@@ -200,7 +240,9 @@ class SemidirectProduct(LieGroup):
         return ProductGroup(self.acting, VectorSpace(self.action.space_dim))
 
     def join(self, g: Any, x: Any) -> Any:
-        """The element (g, x), as a formula or for arrays with leading axes.  g : an element of the group, x : (k,)."""
+        """The element (g, x), as a formula or for arrays with leading axes.  g : an element of the
+        group, x : (k,).
+        """
         return self._pairs.join(g, x)
 
     def split(self, g: Element) -> tuple[Any, Any]:
@@ -212,7 +254,10 @@ class SemidirectProduct(LieGroup):
         """The affine map y -> g . y + x as a matrix [[g, x], [0, 1]].  Returns (k + 1, k + 1)."""
         h, x = self.split(g)
         columns = [self.action.act(h, unit) for unit in identity_matrix(len(x))]
-        return mat(*[vec(*[column[i] for column in columns], x[i]) for i in range(len(x))], vec(*[0.0] * len(x), 1.0))
+        return mat(
+            *[vec(*[column[i] for column in columns], x[i]) for i in range(len(x))],
+            vec(*[0.0] * len(x), 1.0),
+        )
 
     # ---------------------------------------------------------------- group
 
@@ -240,12 +285,16 @@ class SemidirectProduct(LieGroup):
     def Ad_star(self, g: Element, mu: Vec) -> Vec:
         """(Ad*_a (m - J(x, p)), p . a)."""
         (a, x), (m, p) = self.split(g), self.algebra.parts(mu)
-        return vec(*self.acting.Ad_star(a, m - self.action.momentum(x, p)), *self.action.act_dual(a, p))
+        return vec(
+            *self.acting.Ad_star(a, m - self.action.momentum(x, p)), *self.action.act_dual(a, p)
+        )
 
     def body_velocity(self, g: Element, rate: Ambient) -> Vec:
         """(a^-1 a', a^-1 . x')."""
         (a, _), (a_rate, x_rate) = self.split(g), self.split(rate)
-        return vec(*self.acting.body_velocity(a, a_rate), *self.action.act(self.acting.inverse(a), x_rate))
+        return vec(
+            *self.acting.body_velocity(a, a_rate), *self.action.act(self.acting.inverse(a), x_rate)
+        )
 
     def casimirs(self, mu: Vec) -> Vec:
         """The Casimirs that the action knows; for rotations p.p and mu.p."""
@@ -284,7 +333,9 @@ class SemidirectProduct(LieGroup):
         """The nearest element of the group, with the same vector."""
         return self._pairs.nearest(g)
 
-    def random(self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()) -> np.ndarray:
+    def random(
+        self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()
+    ) -> np.ndarray:
         """Random elements of the group, and vectors with normally distributed components."""
         return self._pairs.random(rng, size)
 
@@ -298,7 +349,9 @@ class SemidirectProduct(LieGroup):
     def compose_exp(self, g: Element, xi: Vec) -> Element:
         """(a exp xi, x + a . phi1(xi) u)."""
         (a, x), (y, u) = self.split(g), self.algebra.parts(xi)
-        return self.join(self.acting.compose_exp(a, y), x + self.action.act(a, self.action.phi1(y, u)))
+        return self.join(
+            self.acting.compose_exp(a, y), x + self.action.act(a, self.action.phi1(y, u))
+        )
 
     def log(self, g: Element) -> Vec:
         """(log a, phi1(log a)^-1 x)."""
@@ -320,7 +373,10 @@ class SemidirectProduct(LieGroup):
     def compose_cayley(self, g: Element, xi: Vec) -> Element:
         """(a cay xi, x + a . (1 - xi/2)^-1 u)."""
         (a, x), (y, u) = self.split(g), self.algebra.parts(xi)
-        return self.join(self.acting.compose_cayley(a, y), x + self.action.act(a, self.algebra._half_inverse(y, u)))
+        return self.join(
+            self.acting.compose_cayley(a, y),
+            x + self.action.act(a, self.algebra._half_inverse(y, u)),
+        )
 
     def cayley_inv(self, g: Element) -> Vec:
         """(xi, x - xi . x/2) with xi = cay^-1 a."""

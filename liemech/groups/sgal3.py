@@ -31,8 +31,8 @@ class SGal3Algebra(LieAlgebra):
 
     [(w, a, u, s), (w', a', u', s')] = (w x w', w x a' - w' x a, w x u' - w' x u + s' a - s a', 0).
 
-    Source: Kelly, All about the Galilean group SGal(3), arXiv:2312.07555 (2023), section 3; there the
-    order is (u, a, w, s).
+    Source: Kelly, All about the Galilean group SGal(3), arXiv:2312.07555 (2023), section 3; there
+    the order is (u, a, w, s).
     """
 
     @property
@@ -69,11 +69,16 @@ class SGal3Algebra(LieAlgebra):
         return SGal3().Ad_star(SGal3().exp(xi), mu)
 
     def dexp(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """(V w', ...): with the motions (w, a) and (w, u) those of SE(3), and in u the terms with s too."""
+        """(V w', ...): with the motions (w, a) and (w, u) those of SE(3), and in u the terms with s
+        too.
+        """
         x = xi if side == "right" else -xi
         (w, a, u), (w2, a2, u2), s, s2 = thirds(x), thirds(eta), x[9], eta[9]
         first = SE3Algebra().dexp(join(w, a), join(w2, a2))
-        (turned, boosted), (_, moved) = halves(first), halves(SE3Algebra().dexp(join(w, u), join(w2, u2)))
+        (turned, boosted), (_, moved) = (
+            halves(first),
+            halves(SE3Algebra().dexp(join(w, u), join(w2, u2))),
+        )
         by_a = _mean2(w, s2 * a + s * a2)
         by_w = _mean2_slope(w, a, w2) - cross(turned, _mean2(w, a))
         return vec(*first, *(moved + (by_a + s * (by_w - boosted))), s2)
@@ -86,7 +91,9 @@ class SGal3Algebra(LieAlgebra):
         more, moved = halves(SE3Algebra().dexp_dual(join(w, u), join(vec(0.0, 0.0, 0.0), p)))
         lever, mean = _mean2(w, a), _mean2(-w, p)
         swept = _mean2_slope_dual(w, a, p) - SO3Algebra().dexp_dual(w, cross(lever, p))
-        return vec(*(turned + more + s * swept), *(boosted + s * mean), *moved, mu[9] + dot(lever, p))
+        return vec(
+            *(turned + more + s * swept), *(boosted + s * mean), *moved, mu[9] + dot(lever, p)
+        )
 
     def dexp_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
         """The solution of dexp, part by part.  Raises OutsideChart unless |w| < 2 pi."""
@@ -118,7 +125,8 @@ class SGal3Algebra(LieAlgebra):
 
 @record
 class SGal3(LieGroup):
-    """Changes of the inertial frame: g = [[R, v, p], [0, 1, t], [0, 0, 1]], with a rotation, a boost and an event.
+    """Changes of the inertial frame: g = [[R, v, p], [0, 1, t], [0, 0, 1]], with a rotation, a
+    boost and an event.
 
     An event (x, t) goes to (R x + v t + p, t + t_g).  Velocities are (w, a, u, s), momenta
     (m, k, p, e), the angular part first and time last.  With V and E of the rotation vector:
@@ -213,7 +221,9 @@ class SGal3(LieGroup):
         return extended(SO3().compose_exp(R, w), v + R @ V(w, a), p + moved, t + s)
 
     def log(self, g: Element) -> Vec:
-        """(w, a, V^-1 (p - s E a), s) with a = V^-1 v and the rotation vector w, of length at most pi."""
+        """(w, a, V^-1 (p - s E a), s) with a = V^-1 v and the rotation vector w, of length at most
+        pi.
+        """
         R, v, p, s = parts(g)
         w, V_inv = SO3().log(R), SO3Algebra().dexp_inv
         a = V_inv(w, v)

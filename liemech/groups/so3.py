@@ -13,7 +13,13 @@ from .bernoulli import BERNOULLI
 from .lie_algebra import Constants, LieAlgebra
 from .lie_group import LieGroup
 from .nearest import nearest_unitary
-from .rotation_coefficients import WHOLE_TURN, all_coefficients, bernoulli, dexp_coefficients, exp_coefficients
+from .rotation_coefficients import (
+    WHOLE_TURN,
+    all_coefficients,
+    bernoulli,
+    dexp_coefficients,
+    exp_coefficients,
+)
 from .rotation_logarithm import rotation_quaternion, rotation_vector
 
 if TYPE_CHECKING:
@@ -88,7 +94,9 @@ class SO3Algebra(LieAlgebra):
         return self.dexp(xi, mu, "left" if side == "right" else "right")
 
     def dexp_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """eta - xi x eta/2 + d xi x (xi x eta), d = (1 - (th/2) cot(th/2))/th^2; raises OutsideChart unless |xi| < 2 pi."""
+        """eta - xi x eta/2 + d xi x (xi x eta), d = (1 - (th/2) cot(th/2))/th^2; raises
+        OutsideChart unless |xi| < 2 pi.
+        """
         u = xi if side == "right" else -xi
         w = cross(u, eta)
         return eta + (bernoulli(dot(u, u)) * cross(u, w) - 0.5 * w)
@@ -98,7 +106,9 @@ class SO3Algebra(LieAlgebra):
         return self.dexp_inv(xi, mu, "left" if side == "right" else "right")
 
     def dexp_inv_series(self, xi: Vec, eta: Vec, terms: int, side: str = "right") -> Vec:
-        """Since ad^3 = -x ad, the series is 1 - W/2 + (1/12 + x/720 + ...) W^2: a matrix, ready before eta is."""
+        """Since ad^3 = -x ad, the series is 1 - W/2 + (1/12 + x/720 + ...) W^2: a matrix, ready
+        before eta is.
+        """
         u = xi if side == "right" else -xi
         x = dot(u, u)
         power, total = 1.0, 0.0
@@ -163,7 +173,8 @@ class SO3(LieGroup):
 
     With th = |w|, x = th^2, W = hat(w):  exp w = 1 + (sin th/th) W + ((1 - cos th)/x) W^2,  cay w = 1 + 4/(4 + x) (W + W^2/2).
 
-    Source: Iserles et al., Lie-group methods, Acta Numerica 9 (2000), appendix B; Hairer, Lubich, Wanner, IV.8.3.
+    Source: Iserles et al., Lie-group methods, Acta Numerica 9 (2000), appendix B; Hairer, Lubich,
+    Wanner, IV.8.3.
     """
 
     @property
@@ -204,15 +215,20 @@ class SO3(LieGroup):
     def nearest(self, g: Ambient) -> Element:
         """The rotation with the least sum of squared differences of entries.
 
-        Raises InvalidInput for an array that is as close to several.  Source: Kabsch, Acta Crystallographica A32 (1976).
+        Raises InvalidInput for an array that is as close to several.  Source: Kabsch, Acta
+        Crystallographica A32 (1976).
         """
         h = nearest_unitary(np.array(g, dtype=float), oriented=True)
         if h is None:
             raise InvalidInput("SO3.nearest: the array is as close to one rotation as to others")
         return Mat.of(h.tolist())
 
-    def random(self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()) -> np.ndarray:
-        """Rotations distributed uniformly (Haar measure): those of uniformly distributed unit quaternions."""
+    def random(
+        self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()
+    ) -> np.ndarray:
+        """Rotations distributed uniformly (Haar measure): those of uniformly distributed unit
+        quaternions.
+        """
         from scipy.spatial.transform import Rotation
 
         shape = (size,) if isinstance(size, int) else tuple(size)
@@ -220,22 +236,28 @@ class SO3(LieGroup):
         return Rotation.from_quat(q.reshape(-1, 4)).as_matrix().reshape(*shape, 3, 3)
 
     def rotation(self, g: ArrayLike) -> Rotation:
-        """Rotation matrices as SciPy's class; the way back is automatic: arguments may be SciPy rotations.  g : (..., 3, 3)."""
+        """Rotation matrices as SciPy's class; the way back is automatic: arguments may be SciPy
+        rotations.  g : (..., 3, 3).
+        """
         from scipy.spatial.transform import Rotation
 
         return Rotation.from_matrix(np.asarray(g, dtype=float))
 
     def from_quaternion(self, q: Vec, order: str) -> Element:
-        """The rotation of a unit quaternion: 1 + 2 w hat(v) + 2 hat(v)^2, over |q|^2, with its vector v and its scalar w.
+        """The rotation of a unit quaternion: 1 + 2 w hat(v) + 2 hat(v)^2, over |q|^2, with its
+        vector v and its scalar w.
 
-        q : (4,).  order : "wxyz", scalar first, as MuJoCo, Eigen's constructor and textbooks have it, or "xyzw", scalar last, as
-        SciPy, ROS and `quaternion` have it: there is no default.
+        q : (4,).  order : "wxyz", scalar first, as MuJoCo, Eigen's constructor and textbooks have
+        it, or "xyzw", scalar last, as SciPy, ROS and `quaternion` have it: there is no default.
         Raises InvalidInput for another order, and if |q|^2 differs from 1 by more than 1e-6.
         Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 9.2.
         """
         size = dot(q, q)
         if abs(size - 1.0) > MEMBERSHIP:
-            raise InvalidInput(f"SO3.from_quaternion: q is no unit quaternion, |q|^2 is {size:.8g}, not 1 to 1e-6; divide by |q|")
+            raise InvalidInput(
+                "SO3.from_quaternion: q is no unit quaternion, |q|^2 is "
+                f"{size:.8g}, not 1 to 1e-6; divide by |q|"
+            )
         v, w = (vec(q[1], q[2], q[3]), q[0]) if order == "wxyz" else (vec(q[0], q[1], q[2]), q[3])
         return plus(turn(2.0 * w / size, 2.0 / size, v), 1.0)
 
@@ -272,7 +294,9 @@ class SO3(LieGroup):
         return rotation_vector(g)
 
     def quaternion(self, g: Element) -> Vec:
-        """The unit quaternion (x, y, z, w) of a rotation, scalar last and not negative.  g : (3, 3)."""
+        """The unit quaternion (x, y, z, w) of a rotation, scalar last and not negative.
+        g : (3, 3).
+        """
         return rotation_quaternion(g)
 
     # ---------------------------------------------------------------- Cayley map
@@ -298,9 +322,15 @@ class SO3(LieGroup):
         return self
 
 
-def rotation_defect(a: float, b: float, c: float, d: float, e: float, f: float, p: float, q: float, r: float) -> float:
+def rotation_defect(
+    a: float, b: float, c: float, d: float, e: float, f: float, p: float, q: float, r: float
+) -> float:
     """The defect of the rows (a, b, c), (d, e, f), (p, q, r), which every start has to pass."""
-    lengths = max(abs(a * a + b * b + c * c - 1.0), abs(d * d + e * e + f * f - 1.0), abs(p * p + q * q + r * r - 1.0))
+    lengths = max(
+        abs(a * a + b * b + c * c - 1.0),
+        abs(d * d + e * e + f * f - 1.0),
+        abs(p * p + q * q + r * r - 1.0),
+    )
     angles = max(abs(a * d + b * e + c * f), abs(d * p + e * q + f * r), abs(p * a + q * b + r * c))
     determinant = (b * f - c * e) * p + (c * d - a * f) * q + (a * e - b * d) * r
     return max(lengths, angles, abs(determinant - 1.0))
@@ -320,7 +350,11 @@ def _cayley_turn(xi: Vec) -> Mat:
 
 def plus(m: Mat, s: float) -> Mat:
     """m + s 1."""
-    return mat(vec(m[0, 0] + s, m[0, 1], m[0, 2]), vec(m[1, 0], m[1, 1] + s, m[1, 2]), vec(m[2, 0], m[2, 1], m[2, 2] + s))
+    return mat(
+        vec(m[0, 0] + s, m[0, 1], m[0, 2]),
+        vec(m[1, 0], m[1, 1] + s, m[1, 2]),
+        vec(m[2, 0], m[2, 1], m[2, 2] + s),
+    )
 
 
 def turn(s: float, b: float, w: Vec) -> Mat:

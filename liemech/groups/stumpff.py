@@ -1,8 +1,10 @@
-"""The Stumpff functions in numbers of two doubles: what coefficients of rotations are made of, to 31 digits.
+"""The Stumpff functions in numbers of two doubles: what coefficients of rotations are made of, to
+31 digits.
 
     c_k(x) = 1/k! - x/(k+2)! + x^2/(k+4)! - ...,   c_k = 1/k! - x c_(k+2),   c_k' = (k c_(k+2) - c_(k+1))/2
 
-Source: Stumpff, Himmelsmechanik I (1959), V.41; for the differential of exp see `rotation_coefficients`.
+Source: Stumpff, Himmelsmechanik I (1959), V.41; for the differential of exp see
+`rotation_coefficients`.
 """
 
 from __future__ import annotations
@@ -14,7 +16,9 @@ from ..formulas import sin, sqrt
 from ..formulas.double_double import DoubleDouble, quotient, series, sin_cos
 
 LIMIT = 1.0
-"""Up to this x the series of c_5 and c_6 are summed; beyond, sines and cosines leave more digits than are wanted."""
+"""Up to this x the series of c_5 and c_6 are summed; beyond, sines and cosines leave more digits
+than are wanted.
+"""
 
 TERMS, LONG = 14, 8
 C5 = tuple([quotient((-1) ** k, math.factorial(2 * k + 5)) for k in range(TERMS)])

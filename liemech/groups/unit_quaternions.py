@@ -24,16 +24,19 @@ WHOLE_TURN = 6.283185307179586
 
 @record
 class UnitQuaternions(LieGroup):
-    """Quaternions q = (x, y, z, w) of length one, the scalar last; q and -q turn a body in the same way.
+    """Quaternions q = (x, y, z, w) of length one, the scalar last; q and -q turn a body in the same
+    way.
 
     Velocities are angular velocities, those of SO(3): with th = |xi| and the axis n,
 
         exp(xi) = (sin(th/2) n, cos(th/2)),      Ad_q xi = q xi q^-1,
 
-    so that q -> `matrix(q)` is a homomorphism onto SO(3) that takes exp to exp and the Cayley map to the Cayley map.  What depends
-    on velocities and momenta alone is the same for both groups.  Two whole turns lead back to 1, and one to -1.
+    so that q -> `matrix(q)` is a homomorphism onto SO(3) that takes exp to exp and the Cayley map
+    to the Cayley map.  What depends on velocities and momenta alone is the same for both groups.
+    Two whole turns lead back to 1, and one to -1.
 
-    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.5.3; Marsden and Ratiu, section 9.2.
+    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.5.3; Marsden and
+    Ratiu, section 9.2.
     """
 
     @property
@@ -92,11 +95,16 @@ class UnitQuaternions(LieGroup):
         q = np.array(g, dtype=float)
         largest = float(np.abs(q).max())
         if largest == 0.0:
-            raise InvalidInput("UnitQuaternions.nearest: the zero quaternion is as close to one rotation as to any other")
+            raise InvalidInput(
+                "UnitQuaternions.nearest: the zero quaternion is as "
+                "close to one rotation as to any other"
+            )
         q = q / largest  # so that squares neither overflow nor vanish
         return Vec.of((q / np.linalg.norm(q)).tolist())
 
-    def random(self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()) -> np.ndarray:
+    def random(
+        self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()
+    ) -> np.ndarray:
         """Uniformly distributed on the sphere S^3 (Haar measure)."""
         shape = (size,) if isinstance(size, int) else tuple(size)
         q = np.random.default_rng(rng).normal(size=(*shape, 4))
@@ -105,7 +113,9 @@ class UnitQuaternions(LieGroup):
     # ---------------------------------------------------------------- the way to SO(3) and back
 
     def matrix(self, g: Element) -> Mat:
-        """The rotation matrix, 1 + 2 w V + 2 V^2 with V = hat(v): what q does to vectors.  g : (4,);  returns (3, 3)."""
+        """The rotation matrix, 1 + 2 w V + 2 V^2 with V = hat(v): what q does to vectors.
+        g : (4,);  returns (3, 3).
+        """
         x, y, z, w = 2.0 * g[0], 2.0 * g[1], 2.0 * g[2], g[3]
         xx, yy, zz = x * g[0], y * g[1], z * g[2]
         xy, xz, yz = x * g[1], x * g[2], y * g[2]
@@ -122,7 +132,9 @@ class UnitQuaternions(LieGroup):
         R : (3, 3), or SciPy rotations;  returns (4,).  Raises InvalidInput unless R is a rotation.
         """
         if not SO3().defect(R) <= MEMBERSHIP:
-            raise InvalidInput(f"UnitQuaternions.from_matrix: R is off the rotations by {SO3().defect(R):.1e}")
+            raise InvalidInput(
+                f"UnitQuaternions.from_matrix: R is off the rotations by {SO3().defect(R):.1e}"
+            )
         return rotation_quaternion(R)
 
     def rotation(self, g: ArrayLike) -> Rotation:
@@ -149,7 +161,9 @@ class UnitQuaternions(LieGroup):
         return g + self.compose(g, _quaternion(s * half, below))
 
     def log(self, g: Element) -> Vec:
-        """The rotation vector 2 atan2(|v|, w) v/|v|, of length at most 2 pi; at -1, where every axis will do, 2 pi e_1."""
+        """The rotation vector 2 atan2(|v|, w) v/|v|, of length at most 2 pi; at -1, where every
+        axis will do, 2 pi e_1.
+        """
         v = _vector(g)
         size = sqrt(dot(v, v))
         if size == 0.0:  # v is zero, or its square underflows
@@ -159,7 +173,9 @@ class UnitQuaternions(LieGroup):
     # ---------------------------------------------------------------- Cayley map
 
     def cayley(self, xi: Vec) -> Element:
-        """(xi/2, 1)/sqrt(1 + |xi|^2/4): the rotation by 2 atan(|xi|/2), whose matrix is (1 - hat(xi)/2)^-1 (1 + hat(xi)/2)."""
+        """(xi/2, 1)/sqrt(1 + |xi|^2/4): the rotation by 2 atan(|xi|/2), whose matrix is
+        (1 - hat(xi)/2)^-1 (1 + hat(xi)/2).
+        """
         scale = TINY if dot(xi, xi) >= HUGE else 1.0
         u = (0.5 * scale) * xi
         size = sqrt(scale * scale + dot(u, u))
@@ -178,8 +194,8 @@ class UnitQuaternions(LieGroup):
         """2 v/w.  Raises OutsideChart unless w > 0: the map stops short of half a turn."""
         if g[3] <= HALF_TURN:
             raise OutsideChart(
-                f"cayley_inv of a quaternion with scalar part {g[3]}: the Cayley map reaches only positive ones, less than half a "
-                "turn; use log, or -q, which is the same rotation"
+                f"cayley_inv of a quaternion with scalar part {g[3]}: the Cayley map reaches only "
+                "positive ones, less than half a turn; use log, or -q, which is the same rotation"
             )
         return (2.0 / g[3]) * _vector(g)
 

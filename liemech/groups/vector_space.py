@@ -1,4 +1,6 @@
-"""Vector spaces as Lie groups: the elements are vectors, the product is the sum, and nothing needs a correction."""
+"""Vector spaces as Lie groups: the elements are vectors, the product is the sum, and nothing needs
+a correction.
+"""
 
 from __future__ import annotations
 
@@ -99,9 +101,11 @@ class AbelianAlgebra(LieAlgebra):
 
 @record
 class VectorSpace(LieGroup):
-    """R^n under addition: elements, velocities and momenta are vectors (n,), and every map between them is the identity.
+    """R^n under addition: elements, velocities and momenta are vectors (n,), and every map between
+    them is the identity.
 
-    So a method for Lie groups is here the ordinary method that it generalises: no operation is added, and no bit differs.
+    So a method for Lie groups is here the ordinary method that it generalises: no operation is
+    added, and no bit differs.
 
     Source: Iserles et al., Lie-group methods, Acta Numerica 9 (2000), section 2.2.
     """
@@ -154,7 +158,9 @@ class VectorSpace(LieGroup):
         """g: every vector is an element."""
         return g
 
-    def random(self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()) -> np.ndarray:
+    def random(
+        self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()
+    ) -> np.ndarray:
         """Vectors with normally distributed components."""
         shape = (size,) if isinstance(size, int) else tuple(size)
         return np.random.default_rng(rng).normal(size=(*shape, self.n))

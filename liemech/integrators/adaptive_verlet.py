@@ -1,4 +1,6 @@
-"""Adaptive Verlet: the method of Stormer and Verlet in a fictive time, symplectic, with steps that follow a sigma(q)."""
+"""Adaptive Verlet: the method of Stormer and Verlet in a fictive time, symplectic, with steps that
+follow a sigma(q).
+"""
 
 from __future__ import annotations
 
@@ -14,12 +16,16 @@ from ..systems.time_transformed import TimeTransformed
 from .method import Method, alternatives
 
 CLOSE = 2.0**-27
-"""A relative mismatch of sigma below which the correction of Newton's method, applied once more, leaves rounding only."""
+"""A relative mismatch of sigma below which the correction of Newton's method, applied once more,
+leaves rounding only.
+"""
 
 
 @record
 class Adapted(Record):
-    """What adaptive Verlet carries along: the state with its time, and there the force, V, sigma and dsigma/dq."""
+    """What adaptive Verlet carries along: the state with its time, and there the force, V, sigma
+    and dsigma/dq.
+    """
 
     state: CanonicalState
     force: Vec
@@ -30,18 +36,21 @@ class Adapted(Record):
 
 @record
 class AdaptiveVerlet(Method):
-    """The method of Stormer and Verlet for K = sigma(q) (T(p) + V(q) - H_0), T of second degree: for a TimeTransformed system.
+    """The method of Stormer and Verlet for K = sigma(q) (T(p) + V(q) - H_0), T of second degree:
+    for a TimeTransformed system.
 
         p  = p_n - (h/2) (sigma_n dV(q_n) + (T(p) + V(q_n) - H_0) dsigma(q_n))         one quadratic equation, for T(p)
         q_n+1 = q_n + (h/2) (sigma_n + sigma_n+1) dT/dp(p)                            one equation, for sigma_n+1 = sigma(q_n+1)
         t_n+1 = t_n + (h/2) (sigma_n + sigma_n+1)
         p_n+1 = p - (h/2) (sigma_n+1 dV(q_n+1) + (T(p) + V(q_n+1) - H_0) dsigma(q_n+1))
 
-    Order 2, symmetric, symplectic, one force a step; Composition(AdaptiveVerlet(), order=4), 6 or 8.
-    Raises NoConvergence if h is too large for the equations, InvalidTimeScale where sigma is not positive.
+    Order 2, symmetric, symplectic, one force a step; Composition(AdaptiveVerlet(), order=4), 6 or
+    8.
+    Raises NoConvergence if h is too large for the equations, InvalidTimeScale where sigma is not
+    positive.
 
-    Source: Huang and Leimkuhler, SIAM J. Sci. Comput. 18 (1997), 239 (the name); Hairer, Appl. Numer. Math. 25 (1997), 219; Hairer,
-    Lubich, Wanner, VIII.2.1 and VI.3.
+    Source: Huang and Leimkuhler, SIAM J. Sci. Comput. 18 (1997), 239 (the name); Hairer, Appl.
+    Numer. Math. 25 (1997), 219; Hairer, Lubich, Wanner, VIII.2.1 and VI.3.
     """
 
     order: ClassVar[int] = 2
@@ -57,12 +66,18 @@ class AdaptiveVerlet(Method):
         """A separable system, T of second degree, transformed by a sigma(q)."""
         if not isinstance(system, TimeTransformed):
             raise IncompatibleSystem(
-                f"{self!r} needs a TimeTransformed(system, sigma); got {system!r}. {alternatives(system)}"
+                f"{self!r} needs a TimeTransformed(system, sigma); "
+                f"got {system!r}. {alternatives(system)}"
             )
-        if not (isinstance(system.system, SeparableSystem) and system.system.quadratic and system.sigma.positions):
+        if not (
+            isinstance(system.system, SeparableSystem)
+            and system.system.quadratic
+            and system.sigma.positions
+        ):
             raise IncompatibleSystem(
-                f"{self!r} needs an energy T(p) + V(q) with T of second degree, and a sigma of q alone; got {system!r}. "
-                "HamiltonJacobi(order=4) is for every energy and sigma, and so is ReversibleController around a symmetric method"
+                f"{self!r} needs an energy T(p) + V(q) with T of second degree, and a sigma of q "
+                f"alone; got {system!r}. HamiltonJacobi(order=4) is for every energy and sigma, "
+                "and so is ReversibleController around a symmetric method"
             )
         super().require(system)
 
@@ -86,7 +101,9 @@ class AdaptiveVerlet(Method):
         v = inner.velocity(here, system.without(plain(p)))
         time = half * (scale + self._scale(inner, system.sigma, here, v, scale, slope, half))
         after = self._at(system, CanonicalState(q + vec(*(time * v), time), p))
-        kick = (half * after.scale) * after.force - (half * (kinetic + after.potential + rest)) * after.slope
+        kick = (half * after.scale) * after.force - (
+            half * (kinetic + after.potential + rest)
+        ) * after.slope
         state = CanonicalState(after.state.q, p + vec(*kick, 0.0))
         return Adapted(state, after.force, after.potential, after.scale, after.slope)
 
@@ -105,11 +122,18 @@ class AdaptiveVerlet(Method):
         constant = inner.kinetic(a)
         discriminant = linear * linear - 4.0 * square * constant
         if not (discriminant >= 0.0 and linear < 0.0):
-            raise NoConvergence(f"AdaptiveVerlet: the kick of the step h = {h:g} has no solution, h is too large; try {0.25 * h:g}")
+            raise NoConvergence(
+                f"AdaptiveVerlet: the kick of the step h = {h:g} has no "
+                f"solution, h is too large; try {0.25 * h:g}"
+            )
         return 2.0 * constant / (sqrt(discriminant) - linear)
 
-    def _scale(self, inner: Any, sigma: Any, q: Vec, v: Vec, scale: float, slope: Vec, half: float) -> float:
-        """The solution s of s = sigma(q + half (scale + s) v) that is `scale` where half is zero, by Newton's method."""
+    def _scale(
+        self, inner: Any, sigma: Any, q: Vec, v: Vec, scale: float, slope: Vec, half: float
+    ) -> float:
+        """The solution s of s = sigma(q + half (scale + s) v) that is `scale` where half is zero,
+        by Newton's method.
+        """
         guess = scale + 2.0 * half * scale * dot(slope, v)
         s, done = guess if guess > 0.0 else scale, False
         for _ in range(LIMIT):
@@ -121,8 +145,8 @@ class AdaptiveVerlet(Method):
                 break
         if not done:
             raise NoConvergence(
-                f"AdaptiveVerlet: no sigma found that fits the end of a step in {LIMIT} iterations; h = {2.0 * half:g} is too "
-                f"large, try {0.5 * half:g}"
+                f"AdaptiveVerlet: no sigma found that fits the end of a step in {LIMIT} "
+                f"iterations; h = {2.0 * half:g} is too large, try {0.5 * half:g}"
             )
         if not s > 0.0:
             raise InvalidTimeScale(f"{sigma!r} = {s:g} at the end of a step; {POSITIVE}")

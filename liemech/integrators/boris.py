@@ -1,4 +1,6 @@
-"""Boris' method for charged particles, to compare with: explicit, keeps volumes, but is no Poisson map."""
+"""Boris' method for charged particles, to compare with: explicit, keeps volumes, but is no Poisson
+map.
+"""
 
 from __future__ import annotations
 
@@ -15,13 +17,14 @@ from .method import Method, alternatives
 class Boris(Method):
     """The method of Boris for a `ChargedParticle`: half a way, a kick, half a way.
 
-    The kick is half the electric one, a turn of the velocity about B, and the other half.  The turn is the Cayley map of
-    -h B, so the field alone does not change |v|.
+    The kick is half the electric one, a turn of the velocity about B, and the other half.  The turn
+    is the Cayley map of -h B, so the field alone does not change |v|.
 
-    Order 2, symmetric, explicit.  It keeps volumes in (x, v), but is no Poisson map.  Raises IncompatibleSystem for other
-    systems.
+    Order 2, symmetric, explicit.  It keeps volumes in (x, v), but is no Poisson map.  Raises
+    IncompatibleSystem for other systems.
 
-    Source: Boris, Proc. 4th Conf. Num. Sim. Plasmas (1970), 3; Qin et al., Phys. Plasmas 20 (2013), 084503.
+    Source: Boris, Proc. 4th Conf. Num. Sim. Plasmas (1970), 3; Qin et al., Phys. Plasmas 20 (2013),
+    084503.
     """
 
     order: ClassVar[int] = 2
@@ -32,7 +35,8 @@ class Boris(Method):
         super().require(system)
         if not isinstance(system, ChargedParticle):
             raise IncompatibleSystem(
-                f"{self!r} turns the velocity of a ChargedParticle; {system!r} is none. {alternatives(system)}."
+                f"{self!r} turns the velocity of a ChargedParticle; "
+                f"{system!r} is none. {alternatives(system)}."
             )
 
     def step(self, system: Any, t: float, state: PoissonState, h: float) -> PoissonState:

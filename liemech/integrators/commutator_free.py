@@ -15,24 +15,31 @@ from .rkmk import combination
 
 @record
 class CommutatorFree(Method):
-    """A commutator-free method: from stage to stage by exponentials alone, without dexp^-1, on any group.
+    """A commutator-free method: from stage to stage by exponentials alone, without dexp^-1, on any
+    group.
 
-    Stage i is reached by one flow after the other, and so is the end of the step, by the last rows of the tableau:
+    Stage i is reached by one flow after the other, and so is the end of the step, by the last rows
+    of the tableau:
 
         k_i = xi(t + c_i h, x_i),   x_i = exp(h sum_j a_J,ij k_j) ... exp(h sum_j a_1,ij k_j) . x_n,   the first row first.
 
-    order : of the tableau chosen, 1 (Lie-Euler), 2 (Lie-midpoint), 3 or 4; or give a `tableau`, such as CARPENTER_KENNEDY4 of
-    `liemech.tableaus.flows`, with five velocities instead of four and errors that are 2 to 50 times smaller in the tests.
-    The flows must be exact, so the exponential is the only choice: with another retraction nothing above order 2 is left.
-    Mu and g move by the same increments, so the spatial momentum and the Casimirs are kept to rounding.  The energy drifts.
+    order : of the tableau chosen, 1 (Lie-Euler), 2 (Lie-midpoint), 3 or 4; or give a `tableau`,
+    such as CARPENTER_KENNEDY4 of `liemech.tableaus.flows`, with five velocities instead of four and
+    errors that are 2 to 50 times smaller in the tests.  The flows must be exact, so the exponential
+    is the only choice: with another retraction nothing above order 2 is left.  Mu and g move by the
+    same increments, so the spatial momentum and the Casimirs are kept to rounding.  The energy
+    drifts.
 
-    Source: Celledoni, Marthinsen, Owren, Commutator-free Lie group methods, Future Gener. Comput. Syst. 19 (2003).
+    Source: Celledoni, Marthinsen, Owren, Commutator-free Lie group methods, Future Gener. Comput.
+    Syst. 19 (2003).
     """
 
     order: int = 4
     tableau: FlowTableau = None  # type: ignore[assignment]  # None: the one of this order
 
-    choices: ClassVar[dict[int, FlowTableau]] = {t.order: t for t in (LIE_EULER, LIE_MIDPOINT, CF3, CF4)}
+    choices: ClassVar[dict[int, FlowTableau]] = {
+        t.order: t for t in (LIE_EULER, LIE_MIDPOINT, CF3, CF4)
+    }
 
     def __post_init__(self) -> None:
         name, given = type(self).__name__, self.tableau  # type: Any, Any
@@ -40,7 +47,8 @@ class CommutatorFree(Method):
             if type(self.order) is not int or self.order not in self.choices:
                 choices = sorted(self.choices)
                 raise InvalidInput(
-                    f"{name}: order {self.order!r} has no tableau of its own; choose from {choices} or give a tableau"
+                    f"{name}: order {self.order!r} has no tableau of its own; choose from "
+                    f"{choices} or give a tableau"
                 )
             given = self.choices[self.order]
         if not isinstance(given, FlowTableau):
@@ -54,7 +62,9 @@ class CommutatorFree(Method):
         return self.tableau.name
 
     def step(self, system: System, t: float, state: Any, h: float) -> Any:
-        """One step, from stage to stage.  To stages off its way only what the velocity depends on is moved."""
+        """One step, from stage to stage.  To stages off its way only what the velocity depends on
+        is moved.
+        """
         data, place = self.tableau, state
         places: list[Any] = []
         velocities: list[Vec] = []
@@ -73,19 +83,26 @@ class CommutatorFree(Method):
 
 @record
 class CrouchGrossman(CommutatorFree):
-    """A Crouch-Grossman method: a commutator-free one in which every flow follows a single velocity.
+    """A Crouch-Grossman method: a commutator-free one in which every flow follows a single
+    velocity.
 
     order : of the tableau chosen, 1 to 4; or give a `tableau` whose rows have one weight each.
-    Order 4 takes five velocities and fifteen exponentials, where `CommutatorFree` takes four and five: it is here to compare with.
+    Order 4 takes five velocities and fifteen exponentials, where `CommutatorFree` takes four and
+    five: it is here to compare with.
 
     Source: Crouch and Grossman, J. Nonlinear Sci. 3 (1993); Hairer, Lubich, Wanner, IV.8.1.
     """
 
-    choices: ClassVar[dict[int, FlowTableau]] = {t.order: t for t in (LIE_EULER, LIE_MIDPOINT, CG3, CG4)}
+    choices: ClassVar[dict[int, FlowTableau]] = {
+        t.order: t for t in (LIE_EULER, LIE_MIDPOINT, CG3, CG4)
+    }
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if any(sum(map(bool, row)) > 1 for rows in self.tableau.flows for row in rows):
-            raise InvalidInput(f"CrouchGrossman: {self.tableau!r} has flows of several velocities; it belongs to CommutatorFree")
+            raise InvalidInput(
+                f"CrouchGrossman: {self.tableau!r} has flows of several "
+                "velocities; it belongs to CommutatorFree"
+            )
 
     __repr__ = CommutatorFree.__repr__

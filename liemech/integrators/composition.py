@@ -13,7 +13,9 @@ from .method import Method
 
 @record
 class Substeps(Record):
-    """What a composition carries along: the state, and for each substep what the base remembers of it from earlier steps."""
+    """What a composition carries along: the state, and for each substep what the base remembers of
+    it from earlier steps.
+    """
 
     state: State
     past: tuple[Any, ...]
@@ -21,15 +23,17 @@ class Substeps(Record):
 
 @record
 class Composition(Method):
-    """Substeps of a symmetric method, some of them backwards, whose errors cancel: order 4, 6 or 8 from order 2.
+    """Substeps of a symmetric method, some of them backwards, whose errors cancel: order 4, 6 or 8
+    from order 2.
 
         Phi_(gamma_s h) o ... o Phi_(gamma_1 h),   gamma_1 + ... + gamma_s = 1,   gamma_s+1-i = gamma_i
 
     base : a symmetric method, such as CovariantVariational(Cayley()).
-    order : of the composition chosen: 4 (Suzuki, 5 substeps), 6 (Kahan-Li, 9) or 8 (Kahan-Li, 17); on a base of a higher order p
-    only p + 2 (Suzuki); or give a `tableau`, such as TRIPLE_JUMP4 of `liemech.tableaus.compositions`.
-    What every step of the base keeps, the composition keeps: spatial momentum, Casimirs, the Poisson bracket.  The largest substep
-    is `tableau.reach` times h, and the base must be able to solve it.
+    order : of the composition chosen: 4 (Suzuki, 5 substeps), 6 (Kahan-Li, 9) or 8 (Kahan-Li, 17);
+    on a base of a higher order p only p + 2 (Suzuki); or give a `tableau`, such as TRIPLE_JUMP4 of
+    `liemech.tableaus.compositions`.  What every step of the base keeps, the composition keeps:
+    spatial momentum, Casimirs, the Poisson bracket.  The largest substep is `tableau.reach` times
+    h, and the base must be able to solve it.
 
     Raises InvalidInput if the base is not symmetric.
     Source: Hairer, Lubich, Wanner, II.4 and V.3; McLachlan, SIAM J. Sci. Comput. 16 (1995).
@@ -39,20 +43,29 @@ class Composition(Method):
     order: int = 4
     tableau: CompositionTableau = None  # type: ignore[assignment]  # None: the one of this order
 
-    choices: ClassVar[dict[int, CompositionTableau]] = {t.order: t for t in (SUZUKI4, KAHAN_LI6, KAHAN_LI8)}
+    choices: ClassVar[dict[int, CompositionTableau]] = {
+        t.order: t for t in (SUZUKI4, KAHAN_LI6, KAHAN_LI8)
+    }
     symmetric: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         base, tableau = self.base, self.tableau  # type: Any, Any
         if not isinstance(base, Method):
-            raise InvalidType(f"Composition: base must be a method such as CovariantVariational(Cayley()); got {base!r}")
+            raise InvalidType(
+                "Composition: base must be a method such as "
+                f"CovariantVariational(Cayley()); got {base!r}"
+            )
         if not base.symmetric:
             raise InvalidInput(
-                f"Composition: {base!r} is not symmetric, and its substeps cannot cancel errors of odd powers of h; "
-                "CovariantVariational(Cayley()) and CovariantVariational(Exponential()) are symmetric"
+                f"Composition: {base!r} is not symmetric, and its substeps cannot cancel errors of "
+                "odd powers of h; CovariantVariational(Cayley()) and "
+                "CovariantVariational(Exponential()) are symmetric"
             )
         if base.order == float("inf"):  # type: ignore[attr-defined]
-            raise InvalidInput(f"Composition: {base!r} is exact; there is no error for substeps to cancel. Use it as it is")
+            raise InvalidInput(
+                f"Composition: {base!r} is exact; there is no error "
+                "for substeps to cancel. Use it as it is"
+            )
         if tableau is None:
             tableau = self._chosen(base.order, self.order)  # type: ignore[attr-defined]
         if not isinstance(tableau, CompositionTableau):
@@ -68,8 +81,8 @@ class Composition(Method):
         choices = self.choices if base == 2 else {base + 2: suzuki(base)}
         if type(order) is not int or order not in choices:
             raise InvalidInput(
-                f"Composition: order {order!r} has no tableau for a base of order {base}; choose from {sorted(choices)} "
-                "or give a tableau"
+                f"Composition: order {order!r} has no tableau for a base of order {base}; choose "
+                f"from {sorted(choices)} or give a tableau"
             )
         return choices[order]
 
@@ -98,17 +111,29 @@ class Composition(Method):
 
     def start(self, system: Any, state: State, h: float) -> Substeps:
         """Every substep begins with no other past than the state."""
-        return Substeps(state, tuple([self.base.past(self.base.start(system, state, share * h)) for share in self.tableau.gamma]))
+        return Substeps(
+            state,
+            tuple(
+                [
+                    self.base.past(self.base.start(system, state, share * h))
+                    for share in self.tableau.gamma
+                ]
+            ),
+        )
 
     def observe(self, memory: Substeps) -> State:
         """The state between the steps."""
         return memory.state
 
     def step(self, system: Any, t: float, memory: Substeps, h: float) -> Substeps:
-        """The substeps in turn; each has a past of its own, since steps of one length extrapolate best from their like."""
+        """The substeps in turn; each has a past of its own, since steps of one length extrapolate
+        best from their like.
+        """
         state, kept = memory.state, []  # type: Any, list[Any]
         for share, node, past in zip(self.tableau.gamma, self.tableau.nodes, memory.past):
-            after = self.base.step(system, t + node * h, self.base.resume(system, state, past, share * h), share * h)
+            after = self.base.step(
+                system, t + node * h, self.base.resume(system, state, past, share * h), share * h
+            )
             state, kept = self.base.observe(after), [*kept, self.base.past(after)]
         return Substeps(state, tuple(kept))
 

@@ -1,4 +1,6 @@
-"""The numerical construction of Darboux and Lie: canonical coordinates around a point, for any structure of constant rank."""
+"""The numerical construction of Darboux and Lie: canonical coordinates around a point, for any
+structure of constant rank.
+"""
 
 from __future__ import annotations
 
@@ -20,9 +22,11 @@ NO_RANK = 1e-9
 
 @record
 class Level(Record):
-    """One step of the recursion: a pair of functions in the space that is left, and what lies in both of their levels.
+    """One step of the recursion: a pair of functions in the space that is left, and what lies in
+    both of their levels.
 
-    centre : y_0 in the coordinates of this level, (m,).  a, b : p = a . (y - y_0), and q = 0 where b . (y - y_0) = 0.
+    centre : y_0 in the coordinates of this level, (m,).  a, b : p = a . (y - y_0), and q = 0 where
+    b . (y - y_0) = 0.
     basis : of the rest, (m, m - 2), orthonormal, with a and b across; None if there is no rest.
     """
 
@@ -34,17 +38,20 @@ class Level(Record):
 
 @record
 class DarbouxLieChart(DarbouxChart):
-    """Canonical coordinates around a point, by the construction of Darboux and Lie, with numerical motions.
+    """Canonical coordinates around a point, by the construction of Darboux and Lie, with numerical
+    motions.
 
-    One takes a linear function p and its motion, y' = B a.  Where b . (y - y_0) = 0 is crossed, q = 0, and q is the time since:
-    then {q, p} = 1.  The motions of q and p commute, and lead every point to a point of the plane q = p = 0, where functions are
-    left that commute with both; there the structure is B - (B a (B b)^T - B b (B a)^T)/(a . B b), and one goes on with it.  At last
+    One takes a linear function p and its motion, y' = B a.  Where b . (y - y_0) = 0 is crossed,
+    q = 0, and q is the time since: then {q, p} = 1.  The motions of q and p commute, and lead every
+    point to a point of the plane q = p = 0, where functions are left that commute with both; there
+    the structure is B - (B a (B b)^T - B b (B a)^T)/(a . B b), and one goes on with it.  At last
     B = 0: what is left are Casimirs.
 
-    structure : of constant rank near the point.  centre : the point y_0, (n,).  steps : of order 8, for each motion.
-    `defect(y)` tells how canonical the coordinates are: rounding near y_0.
+    structure : of constant rank near the point.  centre : the point y_0, (n,).  steps : of order 8,
+    for each motion.  `defect(y)` tells how canonical the coordinates are: rounding near y_0.
 
-    Raises InvalidInput where the rank at y_0 is zero; OutsideChart where a motion no longer crosses.
+    Raises InvalidInput where the rank at y_0 is zero; OutsideChart where a motion no longer
+    crosses.
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.3.
     """
 
@@ -56,12 +63,18 @@ class DarbouxLieChart(DarbouxChart):
         super().__post_init__()
         whole_number("DarbouxLieChart.steps", self.steps, 1)
         if len(self.centre) != self.structure.dim:
-            raise InvalidInput(f"DarbouxLieChart: centre must have {self.structure.dim} components; got {self.centre!r}")
+            raise InvalidInput(
+                "DarbouxLieChart: centre must have "
+                f"{self.structure.dim} components; got {self.centre!r}"
+            )
         B = np.array(self.structure.matrix(self.centre), dtype=float)
         whole = np.abs(B).max(initial=0.0)
         if not np.isfinite(B).all() or not whole > 0.0:
             here = list(self.centre)
-            raise InvalidInput(f"DarbouxLieChart: the structure has rank zero or no value at {here}; take another centre")
+            raise InvalidInput(
+                "DarbouxLieChart: the structure has rank zero or no "
+                f"value at {here}; take another centre"
+            )
         found: list[Level] = []
         y = np.array(self.centre)
         while len(B) > 1 and np.abs(B).max() > NO_RANK * whole:
@@ -69,8 +82,15 @@ class DarbouxLieChart(DarbouxChart):
             a, b = np.eye(len(B))[j], np.eye(len(B))[i]
             a = a / (b @ B @ a)  # {q, p} is one at the centre by itself
             basis = np.eye(len(B))[:, [k for k in range(len(B)) if k not in (i, j)]]
-            found.append(Level(Vec.of(y), Vec.of(a), Vec.of(b), Mat.of(basis.tolist()) if basis.size else None))
-            B, y = basis.T @ np.asarray(_restricted(Mat.of(B.tolist()), found[-1])) @ basis, basis.T @ y
+            found.append(
+                Level(
+                    Vec.of(y), Vec.of(a), Vec.of(b), Mat.of(basis.tolist()) if basis.size else None
+                )
+            )
+            B, y = (
+                basis.T @ np.asarray(_restricted(Mat.of(B.tolist()), found[-1])) @ basis,
+                basis.T @ y,
+            )
         object.__setattr__(self, "levels", tuple(found))
 
     @property
@@ -113,7 +133,9 @@ class DarbouxLieChart(DarbouxChart):
         return B
 
     def _to_section(self, k: int, y: Vec) -> tuple[Vec, Any]:
-        """Follow the motion of p until b . (y - y_0) = 0; return the point, and the time with its sign changed."""
+        """Follow the motion of p until b . (y - y_0) = 0; return the point, and the time with its
+        sign changed.
+        """
         level = self.levels[k]
         m, whole = len(y), dot(level.b, y - level.centre)
 
@@ -122,7 +144,8 @@ class DarbouxLieChart(DarbouxChart):
             crossing = dot(level.b, velocity)
             if not crossing > 0.0:
                 raise OutsideChart(
-                    f"DarbouxLieChart: the motion of p_{k + 1} does not cross its section here; stay nearer to the centre"
+                    f"DarbouxLieChart: the motion of p_{k + 1} does not cross its section here; "
+                    "stay nearer to the centre"
                 )
             return vec(*(velocity / crossing), 1.0 / crossing)
 
@@ -169,5 +192,9 @@ def _inside(level: Level, y: Vec) -> Vec:
 
 def _embedded(level: Level, x: Vec) -> Vec:
     """The point with these, at q = p = 0."""
-    across = level.centre if level.basis is None else level.centre - level.basis @ (level.basis.T @ level.centre)
+    across = (
+        level.centre
+        if level.basis is None
+        else level.centre - level.basis @ (level.basis.T @ level.centre)
+    )
     return across if level.basis is None else across + level.basis @ x

@@ -1,4 +1,6 @@
-"""Can a Hamiltonian be differentiated as often as a method wants it?  This is found out once, before a run."""
+"""Can a Hamiltonian be differentiated as often as a method wants it?  This is found out once,
+before a run.
+"""
 
 from __future__ import annotations
 
@@ -18,10 +20,13 @@ _derivable = Remembered()
 
 
 def require_derivatives(method: Any, system: Any) -> None:
-    """Raise unless the formulas of the Hamiltonian can be differentiated twice and its gradient, if given, is that of the energy.
+    """Raise unless the formulas of the Hamiltonian can be differentiated twice and its gradient, if
+    given, is that of the energy.
 
-    Tried at one momentum in no special direction.  A kink elsewhere stays unseen: at a kink, Newton's method will not converge.
-    Raises IncompatibleSystem if a formula does not bear numbers that carry a derivative, InvalidInput for wrong values.
+    Tried at one momentum in no special direction.  A kink elsewhere stays unseen: at a kink,
+    Newton's method will not converge.
+    Raises IncompatibleSystem if a formula does not bear numbers that carry a derivative,
+    InvalidInput for wrong values.
 
     Source: Griewank and Walther, Evaluating Derivatives, 2nd ed., chapter 3 (forward mode).
     """
@@ -30,9 +35,12 @@ def require_derivatives(method: Any, system: Any) -> None:
         _require_series(method, system)
         return
     if not isinstance(system, LiePoissonSystem):
-        raise IncompatibleSystem(f"{method!r} needs a Lie-Poisson system; got {system!r}. {alternatives(system)}")
+        raise IncompatibleSystem(
+            f"{method!r} needs a Lie-Poisson system; got {system!r}. {alternatives(system)}"
+        )
     hamiltonian, n = system.hamiltonian, system.group.dim
-    if _derivable.get(hamiltonian) == n:  # a record never changes: it is tried once, not at every run
+    # a record never changes: it is tried once, not at every run
+    if _derivable.get(hamiltonian) == n:
         return
     name = type(hamiltonian).__name__
     mu, onward = (vec(*[float(cos(start + k)) for k in range(n)]) for start in (1.0, 2.0))
@@ -42,20 +50,26 @@ def require_derivatives(method: Any, system: Any) -> None:
         slope = derivative(lambda m: system.energy(m), mu, onward)
     except Exception as error:
         raise IncompatibleSystem(
-            f"{method!r} differentiates the Hamiltonian, and {name} does not bear it ({type(error).__name__}: {error}). Write "
-            "its energy with + - * / ** and functions of liemech.formulas (sqrt, sin, exp, ...), or use RKMK with a gradient of "
-            "yours"
+            f"{method!r} differentiates the Hamiltonian, and {name} does not bear it "
+            f"({type(error).__name__}: {error}). Write its energy with + - * / ** and functions of "
+            "liemech.formulas (sqrt, sin, exp, ...), or use RKMK with a gradient of yours"
         ) from error
     if not isinstance(energy, (int, float)):
         raise InvalidInput(f"{name}.energy must return a number; it returned {energy!r}")
     for found in (xi, change):
-        if not isinstance(found, Vec) or len(found) != n or not all(isinstance(c, (int, float)) for c in found):
-            raise InvalidInput(f"{name}.gradient must return a vector of {n} numbers; it returned {xi!r}")
+        if (
+            not isinstance(found, Vec)
+            or len(found) != n
+            or not all(isinstance(c, (int, float)) for c in found)
+        ):
+            raise InvalidInput(
+                f"{name}.gradient must return a vector of {n} numbers; it returned {xi!r}"
+            )
     along, size = dot(xi, onward), dot(xi, xi) ** 0.5 * dot(onward, onward) ** 0.5
     if abs(along - slope) > 1e-6 * size:
         raise InvalidInput(
-            f"{name}.gradient is not the gradient of its energy: at mu = {tuple(mu)}, along {tuple(onward)}, "
-            f"{along:.6g} instead of {slope:.6g}. Leave it out and it is derived"
+            f"{name}.gradient is not the gradient of its energy: at mu = {tuple(mu)}, along "
+            f"{tuple(onward)}, {along:.6g} instead of {slope:.6g}. Leave it out and it is derived"
         )
     _derivable.set(hamiltonian, n)
 
@@ -68,8 +82,9 @@ def _require_series(method: Any, system: DrivenLiePoissonSystem) -> None:
             component.term(2)
     except (TypeError, AttributeError) as error:
         raise IncompatibleSystem(
-            f"{method!r} expands the energy in powers of time, and {type(system.hamiltonian).__name__} does not bear it ({error}). "
-            "Write it with + - * / ** and functions of liemech.formulas (sin, exp, ...), or use RKMK"
+            f"{method!r} expands the energy in powers of time, and "
+            f"{type(system.hamiltonian).__name__} does not bear it ({error}). Write it with + - * "
+            "/ ** and functions of liemech.formulas (sin, exp, ...), or use RKMK"
         ) from error
     except (ArithmeticError, ValueError):  # not in their domain
         pass

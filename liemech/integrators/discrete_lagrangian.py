@@ -1,4 +1,6 @@
-"""Discrete Lagrangians: the action of one step of a body, a function of its mean velocity or of its group element."""
+"""Discrete Lagrangians: the action of one step of a body, a function of its mean velocity or of its
+group element.
+"""
 
 from __future__ import annotations
 
@@ -15,15 +17,19 @@ from ..tableaus.collocation import gauss
 
 @record
 class DiscreteLagrangian(Record):
-    """The action of a step, l_d(xi) of its mean velocity xi, where the step is g_i+1 = g_i tau(h xi); h l(xi) to first order.
+    """The action of a step, l_d(xi) of its mean velocity xi, where the step is g_i+1 = g_i
+    tau(h xi); h l(xi) to first order.
 
-    1. A subclass writes `value(xi, h)`, as a formula; its derivatives are derived.  Its fields are the parameters.
-    2. It says the `order` of the action it makes, and whether it is `symmetric`: l_d(xi, -h) = -l_d(xi, h).
+    1. A subclass writes `value(xi, h)`, as a formula; its derivatives are derived.  Its fields are
+    the parameters.
+    2. It says the `order` of the action it makes, and whether it is `symmetric`:
+    l_d(xi, -h) = -l_d(xi, h).
 
-    CovariantVariational(retraction, lagrangian=...) makes its steps stationary.  GroupLagrangian is the same for those who think of
-    the element of the step.
+    CovariantVariational(retraction, lagrangian=...) makes its steps stationary.  GroupLagrangian is
+    the same for those who think of the element of the step.
 
-    Source: Marsden, Pekarsky, Shkoller, Nonlinearity 12 (1999), 1647, section 3; Marsden and West, Acta Numerica 10 (2001), 1.3.
+    Source: Marsden, Pekarsky, Shkoller, Nonlinearity 12 (1999), 1647, section 3; Marsden and West,
+    Acta Numerica 10 (2001), 1.3.
     """
 
     order: ClassVar[int] = 1
@@ -51,7 +57,8 @@ class GroupLagrangian(DiscreteLagrangian):
     """The action of a step as a function of its element g = g_i^-1 g_i+1.
 
     1. A subclass writes `on_group(g, h)`, as a formula.  Its derivatives are derived.
-    2. `order` and `symmetric` are as of DiscreteLagrangian; it is symmetric if L_d(g^-1, -h) = -L_d(g, h).
+    2. `order` and `symmetric` are as of DiscreteLagrangian; it is symmetric if
+    L_d(g^-1, -h) = -L_d(g, h).
 
     Where a book has g_i+1^-1 g_i for the argument, write the inverse of g in its place.
 
@@ -67,28 +74,35 @@ class GroupLagrangian(DiscreteLagrangian):
         return self.on_group(retraction.tau(system.group, h * xi), h)
 
     def momentum(self, system: Any, retraction: Retraction, xi: Vec, h: float) -> Vec:
-        """(dtau_{h xi})* L_g* dL_d, left-trivialised, with <L_g* dL_d, eta> = d/ds L_d(g exp(s eta)).  xi : (dim,)."""
+        """(dtau_{h xi})* L_g* dL_d, left-trivialised, with <L_g* dL_d, eta> = d/ds L_d(g
+        exp(s eta)).  xi : (dim,).
+        """
         group = system.group
         g = retraction.tau(group, h * xi)
-        slope = gradient(lambda eta: self.on_group(group.compose_exp(g, eta), h), vec(*[0.0 for _ in xi]))
+        slope = gradient(
+            lambda eta: self.on_group(group.compose_exp(g, eta), h), vec(*[0.0 for _ in xi])
+        )
         return retraction.dtau_dual(group, h * xi, slope, "left")
 
 
 @record
 class QuadratureLagrangian(DiscreteLagrangian):
-    """The action of the body's own Lagrangian along a curved path to tau(h xi), by Gauss' quadrature: of order 4.
+    """The action of the body's own Lagrangian along a curved path to tau(h xi), by Gauss'
+    quadrature: of order 4.
 
         l_d(xi) = h sum_j b_j l(dtau_X(c_j) X'(c_j)/h)  (left-trivialised),   X(s) = s h xi + s (1 - s) y,
         y = -(h^2/2) (d2l/dxi2)^-1 ad*_xi dl/dxi
 
-    The action is stationary for the motion, and this y, which bends the path as the motion does, is right to leading order: the
-    action is wrong by the square of what is missing.  Of the exponential, dtau is cut after ad^3, which changes it by O(h^5).
-    With y = 0 the exponential gives h l(xi), of order 2.
+    The action is stationary for the motion, and this y, which bends the path as the motion does, is
+    right to leading order: the action is wrong by the square of what is missing.  Of the
+    exponential, dtau is cut after ad^3, which changes it by O(h^5).  With y = 0 the exponential
+    gives h l(xi), of order 2.
 
     nodes : of the quadrature, 2 or more; more of them change the error, not the order.
     Needs a body with a Lagrangian, and a retraction whose differential has a formula.
 
-    Source: Marsden and West, Acta Numerica 10 (2001), 2.6 (quadrature along a path); Hall and Leok, Found. Comput. Math. 17 (2017).
+    Source: Marsden and West, Acta Numerica 10 (2001), 2.6 (quadrature along a path); Hall and Leok,
+    Found. Comput. Math. 17 (2017).
     """
 
     order: ClassVar[int] = 4
@@ -111,11 +125,16 @@ class QuadratureLagrangian(DiscreteLagrangian):
         group, body = system.group, system.lagrangian
         pull = group.ad_star(xi, body.momentum(xi))
         inertia = body.hessian(xi)
-        bend = (-0.5 * h) * (correction(inertia, pull) if isinstance(inertia, vectors.Mat) else pull / inertia)  # y/h
+        # y/h
+        bend = (-0.5 * h) * (
+            correction(inertia, pull) if isinstance(inertia, vectors.Mat) else pull / inertia
+        )
         found = 0.0
         for s, weight in self.rule:
             place, speed = h * (s * xi + (s * (1.0 - s)) * bend), xi + (1.0 - 2.0 * s) * bend
-            found = found + (h * weight) * body.value(_body_velocity(group, retraction, place, speed))
+            found = found + (h * weight) * body.value(
+                _body_velocity(group, retraction, place, speed)
+            )
         return found
 
 

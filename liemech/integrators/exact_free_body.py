@@ -1,24 +1,27 @@
 """The exact motion of a free rigid body as a formula for one step: no iteration, no branches.
 
-Let the step be 2, by choice of the unit of time, K = J^-1 and G = |mu|.  Constants of motion are mu . K mu and what is made of
+Let the step be 2, by choice of the unit of time, K = J^-1 and G = |mu|.  Constants of motion are mu
+. K mu and what is made of
 
     D = K - mu . K mu/G^2,   C = G^2 cof D,   sigma = tr C,   and wp, Weierstrass' function with the roots e_i = C_i - sigma/3.
 
-The momentum follows by the addition theorem.  With r_i(s)^2 = wp(s) - e_i, along principal axes i, j, k,
+The momentum follows by the addition theorem.  With r_i(s)^2 = wp(s) - e_i, along principal axes i,
+j, k,
 
     mu_i(2) = (r_j r_k mu_i + r_i mu_i')/(wp(2) + sigma/3 + |mu'|^2/G^2),
     r_i(2)  = ((wp(1) - e_i)^2 - (e_i - e_j)(e_i - e_k))/(-wp'(1)).
 
-The displacement is the least rotation from mu to mu(2), and a rotation about mu by an angle psi.  This angle is the same all along
-an orbit, a function of the step and the constants: seen where the middle of the step lies in a principal plane it is
+The displacement is the least rotation from mu to mu(2), and a rotation about mu by an angle psi.
+This angle is the same all along an orbit, a function of the step and the constants: seen where the
+middle of the step lies in a principal plane it is
 
     psi = 2 mu . K mu/G + 2 G^3 det D int_0^1 ds/(wp(s) + sigma/3).
 
-The power series of wp and three nodes of Gauss give all this to rounding, on either side of the separatrix and on it, for any
-moments: each formula is symmetric in the axes, and polynomial in K.
+The power series of wp and three nodes of Gauss give all this to rounding, on either side of the
+separatrix and on it, for any moments: each formula is symmetric in the axes, and polynomial in K.
 
-Source: Jacobi, J. reine angew. Math. 39 (1850); Whittaker, Analytical Dynamics, 4th ed., sections 69-71; for wp DLMF 23.2, 23.9,
-23.10.
+Source: Jacobi, J. reine angew. Math. 39 (1850); Whittaker, Analytical Dynamics, 4th ed., sections
+69-71; for wp DLMF 23.2, 23.9, 23.10.
 """
 
 from __future__ import annotations
@@ -44,33 +47,44 @@ from ..systems.mechanical import MechanicalSystem
 from .method import Method
 
 SHORT = 0.18
-"""Up to this G^2 tr D^2 the terms of wp and the nodes are accurate to 1e-16; their errors grow with its eighth and sixth power."""
+"""Up to this G^2 tr D^2 the terms of wp and the nodes are accurate to 1e-16; their errors grow with
+its eighth and sixth power.
+"""
 
 TURN = 0.25 * LIMIT
-"""Up to this |K mu|^2 a step turns by a tenth of a turn at most, far from the half turn that no Cayley map reaches."""
+"""Up to this |K mu|^2 a step turns by a tenth of a turn at most, far from the half turn that no
+Cayley map reaches.
+"""
 
 FINE, MASS = 2.0**-900, 2.0**500
-"""If |mu|^2 is below FINE or beyond 1/FINE, mu is scaled by MASS; a body whose |mu|^2 is still below FINE is at rest."""
+"""If |mu|^2 is below FINE or beyond 1/FINE, mu is scaled by MASS; a body whose |mu|^2 is still
+below FINE is at rest.
+"""
 
 PARTS = 2.0**20
 """A step of more parts than this, a hundred thousand turns, is refused as a mistake."""
 
 NODES = (0.16471028689654242, 0.5498684992164436, 0.9008058292716294)
 WEIGHTS = (0.06289133716441942, 0.15380118384095637, 0.11664081232795754)
-"""int_0^1 f(s^2) s^2 ds = sum of weight f(node) for polynomials f of degree 5.  Source: DLMF 3.5(v), Gauss-Jacobi."""
+"""int_0^1 f(s^2) s^2 ds = sum of weight f(node) for polynomials f of degree 5.  Source: DLMF
+3.5(v), Gauss-Jacobi.
+"""
 
 
 @record
 class ExactFreeBody(Method):
-    """The exact motion of a free rigid body, momentum and attitude, whatever the step: nothing is left but rounding errors.
+    """The exact motion of a free rigid body, momentum and attitude, whatever the step: nothing is
+    left but rounding errors.
 
-    Explicit, symmetric, symplectic; energy, |mu| and spatial momentum kept to rounding.  A step of more than a tenth of a turn is
-    made in equal parts.
-    Also for a body in space, on SE3() or ProductGroup(SO3(), VectorSpace(3)): it turns freely, its centre of mass flies straight.
+    Explicit, symmetric, symplectic; energy, |mu| and spatial momentum kept to rounding.  A step of
+    more than a tenth of a turn is made in equal parts.
+    Also for a body in space, on SE3() or ProductGroup(SO3(), VectorSpace(3)): it turns freely, its
+    centre of mass flies straight.
 
-    Without a field `body.exact` gives any time at once.  In a field it is the free part of a splitting, `KickDrift`.
-    Source: Jacobi, J. reine angew. Math. 39 (1850); as a part of splittings Celledoni, Fasso, Safstrom and Zanna, SIAM J. Sci.
-    Comput. 30 (2008).
+    Without a field `body.exact` gives any time at once.  In a field it is the free part of a
+    splitting, `KickDrift`.
+    Source: Jacobi, J. reine angew. Math. 39 (1850); as a part of splittings Celledoni, Fasso,
+    Safstrom and Zanna, SIAM J. Sci.  Comput. 30 (2008).
     """
 
     order: ClassVar[float] = math.inf
@@ -88,27 +102,40 @@ class ExactFreeBody(Method):
         reason = _why_not(system)
         if reason:
             others = "CovariantVariational(Exponential()) keeps the same structure, RKMK(order=8) and Taylor() are accurate"
-            instead = f"KickDrift({self!r}) splits the field off" if isinstance(system, MechanicalSystem) else others
-            raise IncompatibleSystem(f"{self!r} is the exact motion of a free rigid body; {system!r} is none, {reason}. {instead}")
+            instead = (
+                f"KickDrift({self!r}) splits the field off"
+                if isinstance(system, MechanicalSystem)
+                else others
+            )
+            raise IncompatibleSystem(
+                f"{self!r} is the exact motion of a free rigid body; "
+                f"{system!r} is none, {reason}. {instead}"
+            )
 
     def step(self, system: Any, t: float, state: BodyState, h: float) -> BodyState:
-        """Move along the orbit in equal parts short enough for the formula; mostly one part is enough."""
+        """Move along the orbit in equal parts short enough for the formula; mostly one part is
+        enough.
+        """
         orbit, parts, unit = self._cut(_turning(system.hamiltonian.inverse), _turning(state.mu), h)
         layout, done = layout_of(state), 0.0
         while done < parts:
-            x = _with_flight(system, orbit.displacement(_turning(state.mu), unit), state.mu, h / parts)
+            x = _with_flight(
+                system, orbit.displacement(_turning(state.mu), unit), state.mu, h / parts
+            )
             state = fitted(system.displaced(Cayley(), state, x), layout)
             done = done + 1.0
         return state
 
     def _cut(self, inverse: Vec | Mat, mu: Vec, h: float) -> tuple[Orbit, float, float]:
-        """The orbit through mu for parts of a step, how many parts make the step, and the factor that `displacement` needs.
+        """The orbit through mu for parts of a step, how many parts make the step, and the factor
+        that `displacement` needs.
 
         inverse : of the inertia, (3,) or (3, 3).  mu : (3,).
         """
         K, unit = (0.5 * h) * inverse, 1.0
         square = dot(mu, mu)
-        if not FINE < square < 1.0 / FINE:  # nearly at rest, or in units for which squares leave the range of floats
+        # nearly at rest, or in units for which squares leave the range of floats
+        if not FINE < square < 1.0 / FINE:
             unit = MASS if square < 1.0 else 1.0 / MASS
             K, mu = (1.0 / unit) * K, unit * mu
             square = dot(mu, mu)
@@ -121,8 +148,8 @@ class ExactFreeBody(Method):
                 parts, size = 2.0 * parts, 0.25 * size
             if parts > PARTS:
                 raise NoConvergence(
-                    f"{self!r}: the step h = {h:g} is too large, the body turns more than a hundred thousand times in it; "
-                    f"try {h / size / parts:g}"
+                    f"{self!r}: the step h = {h:g} is too large, the body turns more than a "
+                    f"hundred thousand times in it; try {h / size / parts:g}"
                 )
             K, D, action = K / parts, D / parts, action / parts
         return _orbit(K, D, action, square, per_square), parts, unit
@@ -130,10 +157,13 @@ class ExactFreeBody(Method):
 
 @record
 class Orbit(Record):
-    """What all steps of an orbit share; u^2 is a common factor, u = -wp'(1)/2, that saves divisions.
+    """What all steps of an orbit share; u^2 is a common factor, u = -wp'(1)/2, that saves
+    divisions.
 
-    K : J^-1 times half the step.  per_square : 1/G^2.  sine : that of psi, over psi.  turned : 2 G (1 - cos psi)/psi.
-    along : 4 u^2 (r_j r_k - wp(2) - sigma/3).  across : 2 u^2 r_i(2).  scale : 4 u^2 (wp(2) + sigma/3).  unit : u^2.
+    K : J^-1 times half the step.  per_square : 1/G^2.  sine : that of psi, over psi.  turned : 2 G
+    (1 - cos psi)/psi.
+    along : 4 u^2 (r_j r_k - wp(2) - sigma/3).  across : 2 u^2 r_i(2).  scale : 4 u^2
+    (wp(2) + sigma/3).  unit : u^2.
     Source: this module's first lines.
     """
 
@@ -147,17 +177,22 @@ class Orbit(Record):
     unit: float
 
     def displacement(self, start: Vec, unit: float) -> Vec:
-        """The x = (d x m + 2 G tan(psi/2) m)/|m|^2 of a step from mu: d what it adds to mu, m the mean of its ends.
+        """The x = (d x m + 2 G tan(psi/2) m)/|m|^2 of a step from mu: d what it adds to mu, m the
+        mean of its ends.
 
         start : mu, perhaps compensated, before it was multiplied by the unit.
         """
         mu = unit * start
         rate = cross(mu, times(self.K, mu))
         extra = (4.0 * self.unit) * (self.per_square * dot(rate, rate))
-        d = (1.0 / (self.scale + extra)) * ((times(self.along, mu) - extra * mu) + 2.0 * times(self.across, rate))
+        d = (1.0 / (self.scale + extra)) * (
+            (times(self.along, mu) - extra * mu) + 2.0 * times(self.across, rate)
+        )
         m = unit * (start + (0.5 / unit) * d)
         mean = self.sine * (dot(mu, mu) - 0.25 * dot(d, d))
-        return (1.0 / where(mean > 0.5 * FINE, mean, 1.0)) * (cross(self.sine * d, mu) + self.turned * m)
+        return (1.0 / where(mean > 0.5 * FINE, mean, 1.0)) * (
+            cross(self.sine * d, mu) + self.turned * m
+        )
 
 
 def _orbit(K: Vec | Mat, D: Vec | Mat, action: float, square: float, per_square: float) -> Orbit:
@@ -174,21 +209,30 @@ def _orbit(K: Vec | Mat, D: Vec | Mat, action: float, square: float, per_square:
     p = (c2 + c3) + ((c4 + c5) + (c6 + (c7 + c8)))
     q = (c2 + 2.0 * c3) + ((3.0 * c4 + 4.0 * c5) + (5.0 * c6 + (6.0 * c7 + 7.0 * c8)))
     integral = 0.0
-    for s, weight in zip(NODES, WEIGHTS):  # of s^2 ds over s^2 (wp(s) + sigma/3); s stands for s^2 here
+    # of s^2 ds over s^2 (wp(s) + sigma/3); s stands for s^2 here
+    for s, weight in zip(NODES, WEIGHTS):
         ss = s * s
         low, high = (c2 + s * c3) + ss * (c4 + s * c5), (c6 + s * c7) + ss * c8
         integral = integral + weight / ((1.0 - third * s) + ss * (low + (ss * ss) * high))
     turn = 2.0 * (action + square * (_determinant(D, C) * integral))  # G psi
-    sine, versed = polynomial(SINC, (turn * turn) * per_square), polynomial(VERSINE, (turn * turn) * per_square)
+    sine, versed = (
+        polynomial(SINC, (turn * turn) * per_square),
+        polynomial(VERSINE, (turn * turn) * per_square),
+    )
     u = 1.0 - q
-    grown = _plus(-2.0 * (squares + (1.0 + p) * roots), (2.0 * p + p * p) + (5.0 * c2 + q))  # u (2 r_i - 1)
-    excess = (2.0 * u) * grown + (times(grown, grown) + (4.0 * u * u) * C)  # scale - u^2, times the unit matrix
+    # u (2 r_i - 1)
+    grown = _plus(-2.0 * (squares + (1.0 + p) * roots), (2.0 * p + p * p) + (5.0 * c2 + q))
+    # scale - u^2, times the unit matrix
+    excess = (2.0 * u) * grown + (times(grown, grown) + (4.0 * u * u) * C)
     along = _plus(_cofactors(grown) - (u * grown + excess), u * _trace(grown))
     scale = u * u + (1 / 3) * _trace(excess)
-    return Orbit(K, per_square, sine, (2.0 * turn) * versed, along, u * _plus(grown, u), scale, u * u)
+    return Orbit(
+        K, per_square, sine, (2.0 * turn) * versed, along, u * _plus(grown, u), scale, u * u
+    )
 
 
-# ------------------------------------------------------------------ a Vec stands for a diagonal matrix
+# ------------------------------------------------------------------ a Vec stands for a diagonal
+# matrix
 
 
 def _plus(m: Vec | Mat, s: float) -> Vec | Mat:
@@ -216,7 +260,11 @@ def _turning(a: Vec | Mat) -> Vec | Mat:
     """The part of rotation, of momentum or inertia."""
     if len(a) == 3:
         return a
-    return mat(*[vec(a[i, 0], a[i, 1], a[i, 2]) for i in range(3)]) if isinstance(a, vectors.Mat) else vec(a[0], a[1], a[2])
+    return (
+        mat(*[vec(a[i, 0], a[i, 1], a[i, 2]) for i in range(3)])
+        if isinstance(a, vectors.Mat)
+        else vec(a[0], a[1], a[2])
+    )
 
 
 def _with_flight(system: Any, x: Vec, mu: Vec, h: float) -> Vec:
@@ -242,6 +290,8 @@ def _why_not(system: Any) -> str:
         whole = np.array(energy.inertia)
         whole = np.diag(whole) if whole.ndim == 1 else whole
         mass = whole[3:, 3:]
-        if whole[:3, 3:].any() or (isinstance(group, SE3) and (mass != mass[0, 0] * np.eye(3)).any()):
+        if whole[:3, 3:].any() or (
+            isinstance(group, SE3) and (mass != mass[0, 0] * np.eye(3)).any()
+        ):
             return "its centre of mass does not fly straight on, as in a fluid"
     return ""

@@ -1,4 +1,6 @@
-"""Galerkin variational methods: an action principle for polynomials in a chart, of order 2, 4, 6 or 8."""
+"""Galerkin variational methods: an action principle for polynomials in a chart, of order 2, 4, 6 or
+8.
+"""
 
 from __future__ import annotations
 
@@ -28,27 +30,31 @@ ORDERS = 2, 4, 6, 8
 
 @record
 class GalerkinVariational(Implicit):
-    """The action principle for motions g_i tau(X(t)) whose X is a polynomial, with the integral taken by Gauss' quadrature.
+    """The action principle for motions g_i tau(X(t)) whose X is a polynomial, with the integral
+    taken by Gauss' quadrature.
 
-    With the velocities V_j of X at the s nodes of Gauss, his tableau a, b, c, and body velocities xi_j (left-trivialised),
+    With the velocities V_j of X at the s nodes of Gauss, his tableau a, b, c, and body velocities
+    xi_j (left-trivialised),
 
         X_j = h sum_k a_jk V_k,   x = h sum_k b_k V_k,   xi_j = dtau_X_j V_j,
 
-    the action h sum_j b_j (l(xi_j) - V(g_i tau(X_j))) is stationary for fixed ends.  Let P_j = (dtau_X_j)* dl/dxi(xi_j) be the
-    momentum that belongs to X, F_j its rate by Lagrange's equations, and k what the field adds to mu.  Then
+    the action h sum_j b_j (l(xi_j) - V(g_i tau(X_j))) is stationary for fixed ends.  Let
+    P_j = (dtau_X_j)* dl/dxi(xi_j) be the momentum that belongs to X, F_j its rate by Lagrange's
+    equations, and k what the field adds to mu.  Then
 
         P_j + h sum_k (b_k - a_jk) F_k = (dtau_x)* (mu_i + k)  (right-trivialised),   k = h sum_j b_j Ad*_tau(-X_j) f(g_i tau(X_j))
         mu_i+1 = Ad*_tau(x) (mu_i + k),   g_i+1 = g_i tau(x)
 
-    order : 2, 4, 6 or 8, twice the number of nodes.  retraction : Exponential() is more accurate and allows larger steps.
-    For bodies with a Lagrangian, free or in a field; a load acts at the nodes, by the principle of Lagrange and d'Alembert.
-    Symplectic; spatial momentum and Casimirs of a free body are kept to rounding, in a field the momentum that belongs to a
-    symmetry of the potential; the energy oscillates without drift.  The chart is that at the start of the step, so that only
-    order 2 with exp is symmetric; without a field this is CovariantVariational.
+    order : 2, 4, 6 or 8, twice the number of nodes.  retraction : Exponential() is more accurate
+    and allows larger steps.  For bodies with a Lagrangian, free or in a field; a load acts at the
+    nodes, by the principle of Lagrange and d'Alembert.  Symplectic; spatial momentum and Casimirs
+    of a free body are kept to rounding, in a field the momentum that belongs to a symmetry of the
+    potential; the energy oscillates without drift.  The chart is that at the start of the step, so
+    that only order 2 with exp is symmetric; without a field this is CovariantVariational.
     Raises NoConvergence or OutsideChart if the step is too large.
 
-    Source: Marsden and West, Acta Numerica 10 (2001), sections 2.6 and 3.2; Bogfjellmo and Marthinsen, Found. Comput. Math. 16
-    (2016); Hall and Leok, Found. Comput. Math. 17 (2017).
+    Source: Marsden and West, Acta Numerica 10 (2001), sections 2.6 and 3.2; Bogfjellmo and
+    Marthinsen, Found. Comput. Math. 16 (2016); Hall and Leok, Found. Comput. Math. 17 (2017).
     """
 
     symplectic: ClassVar[bool] = True
@@ -59,7 +65,9 @@ class GalerkinVariational(Implicit):
     def __post_init__(self) -> None:
         super().__post_init__()
         if type(self.order) is not int or self.order not in ORDERS:
-            raise InvalidInput(f"{type(self).__name__}: order must be one of {ORDERS}; got {self.order!r}")
+            raise InvalidInput(
+                f"{type(self).__name__}: order must be one of {ORDERS}; got {self.order!r}"
+            )
 
     @property
     def symmetric(self) -> bool:  # type: ignore[override]
@@ -76,13 +84,13 @@ class GalerkinVariational(Implicit):
         body = _body(system)
         if not isinstance(body, LiePoissonSystem):
             raise IncompatibleSystem(
-                f"{self!r} needs a body, free as RigidBody([1.0, 1.5, 2.0]) or in a field, a MechanicalSystem; got {system!r}. "
-                "RKMK accepts every system"
+                f"{self!r} needs a body, free as RigidBody([1.0, 1.5, 2.0]) or in a field, a "
+                f"MechanicalSystem; got {system!r}. RKMK accepts every system"
             )
         if body.lagrangian is None:
             raise IncompatibleSystem(
-                f"{self!r} needs a body with a lagrangian; {body!r} has none. LiePoissonHamiltonJacobi(order=4) does without one, "
-                "RKMK accepts every system"
+                f"{self!r} needs a body with a lagrangian; {body!r} has none. "
+                "LiePoissonHamiltonJacobi(order=4) does without one, RKMK accepts every system"
             )
         self.retraction.require(body.group)
 
@@ -92,17 +100,25 @@ class GalerkinVariational(Implicit):
     def tableau(self) -> tuple[tuple[Row, ...], Row, Row, tuple[Row, ...]]:
         """a, b and c of Gauss' method, and b_k - a_jk, the weights of what comes after a node."""
         gaussian = gauss(self.order // 2)
-        return gaussian.A, gaussian.b, gaussian.c, tuple([tuple([w - a for w, a in zip(gaussian.b, row)]) for row in gaussian.A])
+        return (
+            gaussian.A,
+            gaussian.b,
+            gaussian.c,
+            tuple([tuple([w - a for w, a in zip(gaussian.b, row)]) for row in gaussian.A]),
+        )
 
     @cached_property
     def legendre(self) -> tuple[tuple[Row, ...], tuple[Row, ...], Row]:
-        """From values at the nodes to coefficients of orthonormal Legendre polynomials, the way back, and what integration of one
-        has of the next.
+        """From values at the nodes to coefficients of orthonormal Legendre polynomials, the way
+        back, and what integration of one has of the next.
 
-        Source: Hairer and Wanner, Solving Ordinary Differential Equations II, 2nd ed., IV.5 (the W-transformation).
+        Source: Hairer and Wanner, Solving Ordinary Differential Equations II, 2nd ed., IV.5 (the
+        W-transformation).
         """
         _, b, c, _ = self.tableau
-        values = np.polynomial.legendre.legvander(2.0 * np.array(c) - 1.0, len(b) - 1) * np.sqrt(2.0 * np.arange(len(b)) + 1.0)
+        values = np.polynomial.legendre.legvander(2.0 * np.array(c) - 1.0, len(b) - 1) * np.sqrt(
+            2.0 * np.arange(len(b)) + 1.0
+        )
         there, back = (values.T * b).tolist(), values.tolist()
         couplings = tuple([0.5 / (4.0 * k * k - 1.0) ** 0.5 for k in range(1, len(b))])
         return tuple(map(tuple, there)), tuple(map(tuple, back)), couplings
@@ -115,36 +131,64 @@ class GalerkinVariational(Implicit):
         return tuple([xi for _ in self.tableau[1]])
 
     def step(self, system: Any, t: float, state: Memory, h: float) -> Memory:
-        """Solve for the velocities at the nodes from the extrapolated ones, then add what the field does, and move."""
+        """Solve for the velocities at the nodes from the extrapolated ones, then add what the field
+        does, and move.
+        """
         body, b, start = _body(system), self.tableau[1], plain(self.observe(state))
         guess = tuple([extrapolated(*node) for node in zip(*self.past(state))])
         middle = _middle(body, combination(b, guess), start.mu, h)
         kick = None if body is system else 0.0 * start.mu
-        velocities, kick = fixed_point(lambda last: self._sweep(system, t, start, h, middle, last[0]), (guess, kick), self, h)
+        velocities, kick = fixed_point(
+            lambda last: self._sweep(system, t, start, h, middle, last[0]), (guess, kick), self, h
+        )
         x, mu = combination(b, velocities, h), state.mu if kick is None else state.mu + kick
         if not self.retraction.is_chart(body.group, x):
             raise self._out_of_chart(h, f"|x| = {norm(x):.2g}")
-        return self.after(state, body.displaced(self.retraction, BodyState(mu, state.g), x), velocities)
+        return self.after(
+            state, body.displaced(self.retraction, BodyState(mu, state.g), x), velocities
+        )
 
     def _sweep(
-        self, system: Any, t: float, start: BodyState, h: float, middle: Middle, velocities: tuple[Vec, ...]
+        self,
+        system: Any,
+        t: float,
+        start: BodyState,
+        h: float,
+        middle: Middle,
+        velocities: tuple[Vec, ...],
     ) -> tuple[Any, float, float]:
-        """Better velocities, and what the field adds to the momentum; how far momenta were off, and their size."""
+        """Better velocities, and what the field adds to the momentum; how far momenta were off, and
+        their size.
+        """
         body, places = _body(system), [combination(row, velocities, h) for row in self.tableau[0]]
         misfits, kick, size = self._misfits(system, t, start, h, velocities, places)
         steps = self._corrections(body, middle, h, misfits)
-        velocities = tuple([v - (e + 0.5 * body.group.ad(x, e)) for v, e, x in zip(velocities, steps, places)])
+        velocities = tuple(
+            [v - (e + 0.5 * body.group.ad(x, e)) for v, e, x in zip(velocities, steps, places)]
+        )
         off = 0.0
         for r in misfits:
             off = off + one_norm(r)
         return (velocities, kick), off, size
 
     def _misfits(
-        self, system: Any, t: float, start: BodyState, h: float, velocities: tuple[Vec, ...], places: list[Vec]
+        self,
+        system: Any,
+        t: float,
+        start: BodyState,
+        h: float,
+        velocities: tuple[Vec, ...],
+        places: list[Vec],
     ) -> tuple[list[Vec], Vec | None, float]:
-        """How far the equations are from holding, as body momenta at the nodes; what the field adds to mu; the size of momenta."""
+        """How far the equations are from holding, as body momenta at the nodes; what the field adds
+        to mu; the size of momenta.
+        """
         (_, b, c, later), tau, body = self.tableau, self.retraction, _body(system)
-        group, kick, size = body.group, None if body is system else 0.0 * start.mu, one_norm(start.mu)
+        group, kick, size = (
+            body.group,
+            None if body is system else 0.0 * start.mu,
+            one_norm(start.mu),
+        )
         momenta, rates, misfits = [], [], []  # type: list[Vec], list[Vec], list[Vec]
         for i, (x, v) in enumerate(zip(places, velocities)):
             xi = tau.dtau(group, x, v, "left")
@@ -153,36 +197,52 @@ class GalerkinVariational(Implicit):
             if kick is not None:
                 force = _force(system, t + c[i] * h, xi, tau.compose_tau(group, start.g, x))
                 rate, kick = rate + force, kick + (h * b[i]) * tau.tau_Ad_star(group, -x, force)
-            P, F = tangent(lambda y: tau.dtau_dual(group, _half(y, 0), _half(y, 1), "left"), vec(*x, *p), vec(*v, *rate))
+            P, F = tangent(
+                lambda y: tau.dtau_dual(group, _half(y, 0), _half(y, 1), "left"),
+                vec(*x, *p),
+                vec(*v, *rate),
+            )
             momenta, rates = [*momenta, P], [*rates, F]
-        end = tau.dtau_dual(group, combination(b, velocities, h), start.mu if kick is None else start.mu + kick)
+        end = tau.dtau_dual(
+            group, combination(b, velocities, h), start.mu if kick is None else start.mu + kick
+        )
         for x, p, row in zip(places, momenta, later):
             r = (p + combination(row, rates, h)) - end
-            misfits = [*misfits, r + 0.5 * group.ad_star(x, r)]  # the inverse of dtau_x is 1 + ad_x/2 + ...
+            # the inverse of dtau_x is 1 + ad_x/2 + ...
+            misfits = [*misfits, r + 0.5 * group.ad_star(x, r)]
         return misfits, kick, size
 
     def _corrections(self, body: Any, middle: Middle, h: float, misfits: list[Vec]) -> list[Vec]:
-        """The e_j whose momenta fit, to first order in h:  J e_j + h sum_k a_jk W e_k + h U sum_k b_k e_k = r_j.
+        """The e_j whose momenta fit, to first order in h:  J e_j + h sum_k a_jk W e_k + h U sum_k
+        b_k e_k = r_j.
 
         W = (J ad_xi - ad*_xi J)/2 - ad*_. p,  U = (ad*_xi J + ad*_. (p - mu))/2, as they are in the middle of the step.  For the
-        coefficients of Legendre polynomials the matrix is tridiagonal.  A misfit shrinks by a factor of order h^2.
+        coefficients of Legendre polynomials the matrix is tridiagonal.  A misfit shrinks by a
+        factor of order h^2.
         """
         there, back, coupling = self.legendre
         e = [combination(row, misfits) for row in there]
         for k in range(len(e) - 1, 0, -1):
-            e[k - 1] = e[k - 1] + (h * coupling[k - 1]) * _turned(body, middle, _velocity(body, middle, e[k]))
+            e[k - 1] = e[k - 1] + (h * coupling[k - 1]) * _turned(
+                body, middle, _velocity(body, middle, e[k])
+            )
         e[0] = correction(middle.slope, e[0])
         for k in range(1, len(e)):
-            e[k] = _velocity(body, middle, e[k] - (h * coupling[k - 1]) * _turned(body, middle, e[k - 1]))
+            e[k] = _velocity(
+                body, middle, e[k] - (h * coupling[k - 1]) * _turned(body, middle, e[k - 1])
+            )
         return [combination(row, e) for row in back]
 
 
-# ---------------------------------------------------------------------- the middle of a step, for corrections
+# ---------------------------------------------------------------------- the middle of a step, for
+# corrections
 
 
 @record
 class Middle(Record):
-    """Velocity, momentum and inertia in the middle of a step, and the derivative of the equations for the mean velocity."""
+    """Velocity, momentum and inertia in the middle of a step, and the derivative of the equations
+    for the mean velocity.
+    """
 
     xi: Vec
     p: Vec
@@ -191,7 +251,9 @@ class Middle(Record):
 
 
 def _middle(body: Any, xi: Vec, mu: Vec, h: float) -> Middle:
-    """Velocity, momentum and inertia in the middle of a step, and J + h ((J ad_xi + ad*_xi J)/4 - ad*_. mu/2)."""
+    """Velocity, momentum and inertia in the middle of a step, and J + h
+    ((J ad_xi + ad*_xi J)/4 - ad*_. mu/2).
+    """
     group, inertia = body.group, body.lagrangian.hessian(xi)
     columns: list[Vec] = []
     for e in identity_matrix(group.dim):
@@ -203,7 +265,9 @@ def _middle(body: Any, xi: Vec, mu: Vec, h: float) -> Middle:
 def _turned(body: Any, middle: Middle, v: Vec) -> Vec:
     """W v."""
     group, xi, J = body.group, middle.xi, middle.inertia
-    return 0.5 * (times(J, group.ad(xi, v)) - group.ad_star(xi, times(J, v))) - group.ad_star(v, middle.p)
+    return 0.5 * (times(J, group.ad(xi, v)) - group.ad_star(xi, times(J, v))) - group.ad_star(
+        v, middle.p
+    )
 
 
 def _velocity(body: Any, middle: Middle, p: Vec) -> Vec:

@@ -1,4 +1,6 @@
-"""Splitting on the constraints: kicks within the tangent space, and free motions along geodesics, which are known."""
+"""Splitting on the constraints: kicks within the tangent space, and free motions along geodesics,
+which are known.
+"""
 
 from __future__ import annotations
 
@@ -14,17 +16,19 @@ from .separable import Splitting
 
 @record
 class GeodesicSplitting(Splitting):
-    """Splitting of H = T(p) + V(q) with constraints: V kicks p within the tangent space, T moves along a geodesic; both exactly.
+    """Splitting of H = T(p) + V(q) with constraints: V kicks p within the tangent space, T moves
+    along a geodesic; both exactly.
 
         V:  p += t (f - G^T y),  G H_p = 0        T:  (q, p) = system.geodesic(q, p, t)
 
-    order : 2, 4, 6 or 8; or a `tableau`, of `liemech.tableaus.splittings`.  As [V, [V, [V, T]]] = 0 on the constraints too, the
-    Runge-Kutta-Nystroem splittings are of their full order.
+    order : 2, 4, 6 or 8; or a `tableau`, of `liemech.tableaus.splittings`.  As [V, [V, [V, T]]] = 0
+    on the constraints too, the Runge-Kutta-Nystroem splittings are of their full order.
     Explicit, symmetric, symplectic on M; the energy oscillates without drift.
 
-    A SeparableConstrainedSystem with quadratic T and a formula `geodesic(q, p, t)` is needed, such as SphericalPendulum().
-    Source: Hairer, Lubich, Wanner, VII.1.5 (splitting of constrained systems); Dullweber, Leimkuhler, McLachlan, J. Chem. Phys.
-    107 (1997).
+    A SeparableConstrainedSystem with quadratic T and a formula `geodesic(q, p, t)` is needed, such
+    as SphericalPendulum().
+    Source: Hairer, Lubich, Wanner, VII.1.5 (splitting of constrained systems); Dullweber,
+    Leimkuhler, McLachlan, J. Chem. Phys.  107 (1997).
     """
 
     __repr__ = Splitting.__repr__
@@ -33,16 +37,19 @@ class GeodesicSplitting(Splitting):
         """A constrained system whose geodesics are known."""
         if not isinstance(system, SeparableConstrainedSystem):
             raise IncompatibleSystem(
-                f"{self!r} needs a SeparableConstrainedSystem, H = T(p) + V(q) with g(q) = 0; got {system!r}. "
-                f"{alternatives(system)}"
+                f"{self!r} needs a SeparableConstrainedSystem, H = T(p) + V(q) with g(q) = 0; got "
+                f"{system!r}. {alternatives(system)}"
             )
         if not callable(getattr(system, "geodesic", None)):
             raise IncompatibleSystem(
-                f"{self!r} needs the free motion on the constraints as a formula, geodesic(q, p, t) -> (q, p); "
-                f"{system!r} has none. RATTLE() and its compositions need none"
+                f"{self!r} needs the free motion on the constraints as a formula, geodesic(q, p, "
+                f"t) -> (q, p); {system!r} has none. RATTLE() and its compositions need none"
             )
         if not system.quadratic:
-            raise IncompatibleSystem(f"{self!r} needs a kinetic energy of second degree; that of {system!r} is none. Use RATTLE()")
+            raise IncompatibleSystem(
+                f"{self!r} needs a kinetic energy of second degree; "
+                f"that of {system!r} is none. Use RATTLE()"
+            )
         Method.require(self, system)
 
     def start(self, system: Any, state: CanonicalState, h: float) -> CanonicalState:  # type: ignore[override]
@@ -69,5 +76,7 @@ class GeodesicSplitting(Splitting):
     def _kicked(self, system: Any, q: Vec, p: Vec, t: float) -> Vec:
         """p + t f, without what is across the constraints, rounding of the steps before included."""
         G, p = system.constraint_jacobian(q), p + t * system.force(q, p)
-        x, _ = eliminated(cross_products(G, system.normals(q, p)), vec(*(G @ system.velocity(q, p))))
+        x, _ = eliminated(
+            cross_products(G, system.normals(q, p)), vec(*(G @ system.velocity(q, p)))
+        )
         return p - x @ G

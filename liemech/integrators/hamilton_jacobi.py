@@ -24,7 +24,9 @@ KINDS = "qP", "qQ", "pP"
 """The variables of the generating function, of the new state (q, p) and the old one (Q, P)."""
 
 ROUNDING, NOISE = 2.0**-53, 2.0**-46
-"""The iteration ends when the next mismatch will be below the first of these, or when this one, below the second, does not fall."""
+"""The iteration ends when the next mismatch will be below the first of these, or when this one,
+below the second, does not fall.
+"""
 
 
 @record
@@ -36,18 +38,22 @@ class HamiltonJacobi(Method):
         kind "qQ":  P = -dG/dQ, p = dG/dq,   G = h L((q - Q)/h) + ..., the discrete Lagrangian;   needs a regular d2H/dp2
         kind "pP":  Q = dG/dP,  q = -dG/dp,  the same with positions and momenta exchanged;       needs a regular d2H/dq2
 
-    For any energy H(q, p) or H(t, q, p), separable or not, and any number of degrees of freedom.  Order 1 of the kind "qP",
-    G = q.P - h H(q, P), is the symplectic Euler method, with H_q and H_p at (q, P).
+    For any energy H(q, p) or H(t, q, p), separable or not, and any number of degrees of freedom.
+    Order 1 of the kind "qP", G = q.P - h H(q, P), is the symplectic Euler method, with H_q and H_p
+    at (q, P).
 
-    order : 1 to 10; of the kinds "qQ" and "pP" 1 to 4.  kind : the variables of the generating function.
-    adjoint : the inverse of the method with -h; of the kind "qP" it is the one of the old q and the new p.
-    "qQ" and "pP" have no generating function at h = 0, where new and old are the same and not independent.  G is expanded in h
-    for a fixed mean velocity (q - Q)/h, or a fixed mean force.
-    Symplectic, not symmetric (SymmetricHamiltonJacobi is): the energy oscillates without drift.  H must be analytic along a step.
+    order : 1 to 10; of the kinds "qQ" and "pP" 1 to 4.  kind : the variables of the generating
+    function.
+    adjoint : the inverse of the method with -h; of the kind "qP" it is the one of the old q and the
+    new p.  "qQ" and "pP" have no generating function at h = 0, where new and old are the same and
+    not independent.  G is expanded in h for a fixed mean velocity (q - Q)/h, or a fixed mean force.
+    Symplectic, not symmetric (SymmetricHamiltonJacobi is): the energy oscillates without drift.  H
+    must be analytic along a step.
     Raises NoConvergence if the step is too large for the equation to be solved.
 
-    Source: Hairer, Lubich, Wanner, VI.5.4 (methods based on generating functions); Feng Kang, J. Comput. Math. 4 (1986), 279;
-    Channell and Scovel, Nonlinearity 3 (1990), 231; Marsden and West, Acta Numerica 10 (2001), 1.6 (the kind "qQ").
+    Source: Hairer, Lubich, Wanner, VI.5.4 (methods based on generating functions); Feng Kang, J.
+    Comput. Math. 4 (1986), 279; Channell and Scovel, Nonlinearity 3 (1990), 231; Marsden and West,
+    Acta Numerica 10 (2001), 1.6 (the kind "qQ").
     """
 
     symplectic: ClassVar[bool] = True
@@ -62,7 +68,8 @@ class HamiltonJacobi(Method):
         highest = HIGHEST[self.kind]
         if type(self.order) is not int or not ORDERS[0] <= self.order <= highest:
             raise InvalidInput(
-                f"HamiltonJacobi: order is a whole number from {ORDERS[0]} to {highest}, of kind {self.kind!r}; got {self.order!r}"
+                f"HamiltonJacobi: order is a whole number from {ORDERS[0]} to {highest}, of kind "
+                f"{self.kind!r}; got {self.order!r}"
             )
         if type(self.adjoint) is not bool:
             raise InvalidType(f"HamiltonJacobi: adjoint is True or False; got {self.adjoint!r}")
@@ -74,30 +81,37 @@ class HamiltonJacobi(Method):
         return f"Hamilton-Jacobi {self.order}{kind}{', adjoint' if self.adjoint else ''}"
 
     def require(self, system: Any) -> None:
-        """A canonical system whose formulas can be expanded in power series, and with which the generating function exists."""
+        """A canonical system whose formulas can be expanded in power series, and with which the
+        generating function exists.
+        """
         super().require(system)
         if not isinstance(system, (HamiltonianSystem, DrivenHamiltonianSystem)):
             raise IncompatibleSystem(
-                f"{self!r} needs a HamiltonianSystem, an energy of positions and momenta; {system!r} is none. "
-                "LiePoissonHamiltonJacobi is for energies of body momenta, RKMK for every system."
+                f"{self!r} needs a HamiltonianSystem, an energy of positions and momenta; "
+                f"{system!r} is none. LiePoissonHamiltonJacobi is for "
+                "energies of body momenta, RKMK for every system."
             )
         try:
             somewhere = vec(*[0.5 + 0.125 * i for i in range(system.degrees)])
             self._motion(system, 0.0, 0.125, somewhere, somewhere)
-            singular = self.kind != "qP" and not _regular(self._slope(system, 0.0, somewhere, somewhere))
+            singular = self.kind != "qP" and not _regular(
+                self._slope(system, 0.0, somewhere, somewhere)
+            )
         except (TypeError, AttributeError) as error:
             if "Series" in str(error) or "Dual" in str(error):  # anything else the run will tell
                 raise IncompatibleSystem(
-                    f"{self!r} expands the energy in power series, and the formulas of {system!r} do not allow it: {error}. "
-                    "Write them with + - * / ** and the functions of liemech.formulas (sin, exp, sqrt, ...); or write velocity and "
-                    "force too, and use a method that needs no more of them than values, such as RKMK."
+                    f"{self!r} expands the energy in power series, and the formulas of {system!r} "
+                    f"do not allow it: {error}. Write them with + - * / ** and the functions of "
+                    "liemech.formulas (sin, exp, sqrt, ...); or write velocity and force too, and "
+                    "use a method that needs no more of them than values, such as RKMK."
                 ) from error
         except (ArithmeticError, ValueError):  # not in their domain
             pass
         else:
             if singular:
                 raise IncompatibleSystem(
-                    f"{self!r}: {DEGENERATE[self.kind].format(system)}. HamiltonJacobi(kind='qP') always exists"
+                    f"{self!r}: {DEGENERATE[self.kind].format(system)}. "
+                    "HamiltonJacobi(kind='qP') always exists"
                 )
 
     # ---------------------------------------------------------------- one step
@@ -108,19 +122,26 @@ class HamiltonJacobi(Method):
         if self.kind == "pP":
             n = len(start.q)
             change = self.solution(system, t, h, start.p, -start.q)
-            return system.displaced(Exponential(), state, vec(*[-change[n + i] for i in range(n)], *[change[i] for i in range(n)]))
+            return system.displaced(
+                Exponential(),
+                state,
+                vec(*[-change[n + i] for i in range(n)], *[change[i] for i in range(n)]),
+            )
         return system.displaced(Exponential(), state, self.solution(system, t, h, start.q, start.p))
 
     def solution(self, system: Any, t: float, h: float, x: Vec, y: Vec) -> Vec:
-        """The change of (x, y) in a step: of (q, p), or, of the kind "pP", of (p, -q), which is a canonical pair too.
+        """The change of (x, y) in a step: of (q, p), or, of the kind "pP", of (p, -q), which is a
+        canonical pair too.
 
-        The Taylor method T of this order undoes Q(q) = dG/dP(h, q, P) up to h^(order + 1).  So with q = T(Q + w) the iteration
-        w <- w - (Q(T(Q + w)) - Q) gains about as many digits in each turn as the first guess, T(Q), has.
+        The Taylor method T of this order undoes Q(q) = dG/dP(h, q, P) up to h^(order + 1).  So with
+        q = T(Q + w) the iteration w <- w - (Q(T(Q + w)) - Q) gains about as many digits in each
+        turn as the first guess, T(Q), has.
         """
         if self.kind != "qP" and h == 0.0:
             raise OutsideChart(
-                f"{self!r}: the identity, the step with h = 0, has no generating function of {self.kind[0]} and {self.kind[1]}: "
-                "the two are the same then, not independent. That of kind 'qP' is q.P"
+                f"{self!r}: the identity, the step with h = 0, has no generating function of "
+                f"{self.kind[0]} and {self.kind[1]}: the two are the same "
+                "then, not independent. That of kind 'qP' is q.P"
             )
         w = 0.0 * (x if self.kind == "qP" and not self.adjoint else y)
         change = vec(*w, *w)
@@ -130,18 +151,24 @@ class HamiltonJacobi(Method):
             if last:
                 break
             before, size = size, dot(mismatch, mismatch)
-            foreseen = size * size <= ROUNDING * ROUNDING * scale * before  # the next one is about size/before times this one
+            # the next one is about size/before times this one
+            foreseen = size * size <= ROUNDING * ROUNDING * scale * before
             last = foreseen or before <= size <= NOISE * NOISE * scale
             w = w - mismatch
         if not last:
             raise NoConvergence(
-                f"{self!r}: the equation of the step was not solved in {LIMIT} iterations: mismatch {sqrt(size):.1e}, wanted "
-                f"{NOISE * sqrt(scale):.1e}. The step h = {h:g} is too large for this motion{FOLDS[self.kind]}; try {0.25 * h:g}"
+                f"{self!r}: the equation of the step was not solved in {LIMIT} iterations: "
+                f"mismatch {sqrt(size):.1e}, wanted {NOISE * sqrt(scale):.1e}. The step h = {h:g} "
+                f"is too large for this motion{FOLDS[self.kind]}; try {0.25 * h:g}"
             )
         return change
 
-    def _tried(self, system: Any, t: float, h: float, x: Vec, y: Vec, w: Vec) -> tuple[Vec, Vec, float]:
-        """The change of (x, y) with this w, the mismatch of the old state, and the square to compare its square with."""
+    def _tried(
+        self, system: Any, t: float, h: float, x: Vec, y: Vec, w: Vec
+    ) -> tuple[Vec, Vec, float]:
+        """The change of (x, y) with this w, the mismatch of the old state, and the square to
+        compare its square with.
+        """
         if self.kind != "qP":
             to_x, to_y = self._motion(system, t, h, x, y + w)
             forth, scale = total(to_x), dot(y, y) + _squares(to_y)
@@ -171,12 +198,21 @@ class HamiltonJacobi(Method):
         v, f = vec(*[rate[i] for i in range(n)]), vec(*[rate[n + i] for i in range(n)])
         return (f, -v) if turned else (v, f)
 
-    def _motion(self, system: Any, t: float, h: float, x: Vec, y: Vec) -> tuple[list[Vec], list[Vec]]:
-        """The Taylor method: the terms of h, ..., h^order in the change of x and in that of y along the motion from time t."""
+    def _motion(
+        self, system: Any, t: float, h: float, x: Vec, y: Vec
+    ) -> tuple[list[Vec], list[Vec]]:
+        """The Taylor method: the terms of h, ..., h^order in the change of x and in that of y along
+        the motion from time t.
+        """
         if is_long(x[0]):
-            raise InvalidType("precision: power series have numbers of one double; take precision='double' or another method")
+            raise InvalidType(
+                "precision: power series have numbers of one double; "
+                "take precision='double' or another method"
+            )
         u, v = (vec(*[Series(c) for c in z]) for z in (x, y))
-        for z, rate in zip((*u, *v), [c for part in self._rates(system, Series(t, h), u, v) for c in part]):
+        for z, rate in zip(
+            (*u, *v), [c for part in self._rates(system, Series(t, h), u, v) for c in part]
+        ):
             z.grow(rate, h)
         powers = range(1, self.order + 1)
         return [vec(*[z[k] for z in u]) for k in powers], [vec(*[z[k] for z in v]) for k in powers]
@@ -184,8 +220,8 @@ class HamiltonJacobi(Method):
     def _generated(self, system: Any, t: float, h: float, q: Vec, P: Vec) -> tuple[Vec, Vec]:
         """q - dG/dP and dG/dq - P at (h, q, P), where t is the time of (q, p).
 
-        The motion backwards from (q, p) leads to (Q, P).  With P fixed, p is a series in h: so are the terms of the motion, and
-        p = P - (what it adds to p) determines one after the other.
+        The motion backwards from (q, p) leads to (Q, P).  With P fixed, p is a series in h: so are
+        the terms of the motion, and p = P - (what it adds to p) determines one after the other.
         """
         p = vec(*[Series(c) for c in P])
         to_q, to_p = self._motion(system, t, -h, q, p)
@@ -196,11 +232,13 @@ class HamiltonJacobi(Method):
     def _between(
         self, system: Any, t: float, s: float, x: Vec, v: Vec, guess: Vec, size: float
     ) -> tuple[Vec, Vec, Vec]:
-        """y where x is, at time t; y at the place x + s v, at time t + s; and the first less the second.
+        """y where x is, at time t; y at the place x + s v, at time t + s; and the first less the
+        second.
 
-        G/s is the Lagrangian of v at x and a series in s; so y = m + s y_1 + ... with the m that belongs to v, x' = v.  The motion
-        from (x, y) is to lead to x + s v, whatever s is: of what it adds to x the terms of s^2, s^3, ... vanish, which determines
-        y_1, y_2, ...  G ends with s^order, dG/dv/s one term earlier.
+        G/s is the Lagrangian of v at x and a series in s; so y = m + s y_1 + ... with the m that
+        belongs to v, x' = v.  The motion from (x, y) is to lead to x + s v, whatever s is: of what
+        it adds to x the terms of s^2, s^3, ... vanish, which determines y_1, y_2, ...  G ends with
+        s^order, dG/dv/s one term earlier.
         """
         m, slope = self._conjugate(system, t, x, v, guess, size)
         y = [m]
@@ -212,8 +250,12 @@ class HamiltonJacobi(Method):
         here = total([*y, kicks[self.order - 1]])
         return here, total([*y, *[-kick for kick in kicks[: self.order - 1]]]), total(kicks)
 
-    def _conjugate(self, system: Any, t: float, x: Vec, v: Vec, guess: Vec, size: float) -> tuple[Vec, Mat]:
-        """The y with x' = v, the Legendre transform, and dx'/dy there.  size : a square, of velocities."""
+    def _conjugate(
+        self, system: Any, t: float, x: Vec, v: Vec, guess: Vec, size: float
+    ) -> tuple[Vec, Mat]:
+        """The y with x' = v, the Legendre transform, and dx'/dy there.  size : a square, of
+        velocities.
+        """
 
         def equation(y: Vec) -> tuple[Vec, Mat, float]:
             return self._rates(system, t, x, y)[0] - v, self._slope(system, t, x, y), 1.0
@@ -221,8 +263,8 @@ class HamiltonJacobi(Method):
         y, off, enough, _ = newton(equation, guess, size)
         if not off <= enough:
             raise NoConvergence(
-                f"{self!r}: no {MEANS[self.kind]}, off by {sqrt(off):.1e}, wanted {sqrt(enough):.1e}. "
-                "HamiltonJacobi(kind='qP') always exists"
+                f"{self!r}: no {MEANS[self.kind]}, off by {sqrt(off):.1e}, wanted "
+                f"{sqrt(enough):.1e}. HamiltonJacobi(kind='qP') always exists"
             )
         return y, self._slope(system, t, x, y)
 
@@ -233,13 +275,15 @@ class HamiltonJacobi(Method):
 
 @record
 class SymmetricHamiltonJacobi(Method):
-    """Half a step of a Hamilton-Jacobi method of odd order k and half a step of its adjoint: symmetric, of order k + 1.
+    """Half a step of a Hamilton-Jacobi method of odd order k and half a step of its adjoint:
+    symmetric, of order k + 1.
 
         Phi_h = Phi*_(h/2) o Phi_(h/2),   Phi*_h = (Phi_-h)^-1
 
-    order : 2, 4, 6, 8 or 10; of the kinds "qQ" and "pP" 2 or 4.  kind : "qP", "qQ" or "pP", as of HamiltonJacobi.
-    Order 2 of a separable energy is the Stormer-Verlet method.  Both halves are expanded about the middle of the step.
-    Symplectic; `Composition` takes it further.  Raises NoConvergence if the step is too large.
+    order : 2, 4, 6, 8 or 10; of the kinds "qQ" and "pP" 2 or 4.  kind : "qP", "qQ" or "pP", as of
+    HamiltonJacobi.  Order 2 of a separable energy is the Stormer-Verlet method.  Both halves are
+    expanded about the middle of the step.  Symplectic; `Composition` takes it further.  Raises
+    NoConvergence if the step is too large.
 
     Source: Hairer, Lubich, Wanner, II.4 (composition with the adjoint) and VI.5.4.
     """
@@ -256,13 +300,16 @@ class SymmetricHamiltonJacobi(Method):
         highest = HIGHEST[self.kind]
         if type(self.order) is not int or self.order % 2 or not 2 <= self.order <= highest:
             raise InvalidInput(
-                f"SymmetricHamiltonJacobi: order is an even number from 2 to {highest}, of kind {self.kind!r}; got {self.order!r}"
+                f"SymmetricHamiltonJacobi: order is an even number from 2 to {highest}, of kind "
+                f"{self.kind!r}; got {self.order!r}"
             )
 
     @cached_property
     def halves(self) -> tuple[HamiltonJacobi, HamiltonJacobi]:
         """The method and its adjoint."""
-        return HamiltonJacobi(self.order - 1, kind=self.kind), HamiltonJacobi(self.order - 1, True, self.kind)
+        return HamiltonJacobi(self.order - 1, kind=self.kind), HamiltonJacobi(
+            self.order - 1, True, self.kind
+        )
 
     @property
     def name(self) -> str:
@@ -305,9 +352,15 @@ DEGENERATE = {
 def require_kind(name: str, kind: Any) -> None:
     """Refuse a kind that there is not."""
     if kind == "Qp":
-        raise InvalidInput(f"{name}: kind 'Qp', of the old q and the new p, is the adjoint of 'qP': HamiltonJacobi(adjoint=True)")
+        raise InvalidInput(
+            f"{name}: kind 'Qp', of the old q and the new p, is the adjoint of 'qP': "
+            "HamiltonJacobi(adjoint=True)"
+        )
     if kind not in KINDS:
-        raise InvalidInput(f"{name}: kind is one of {', '.join(map(repr, KINDS))}, capitals for the old state; got {kind!r}")
+        raise InvalidInput(
+            f"{name}: kind is one of {', '.join(map(repr, KINDS))}, "
+            f"capitals for the old state; got {kind!r}"
+        )
 
 
 def _regular(slope: Mat) -> bool:

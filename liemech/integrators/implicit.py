@@ -1,4 +1,6 @@
-"""What methods whose step is an equation share: the unknowns of the last steps, from which the next guess is extrapolated."""
+"""What methods whose step is an equation share: the unknowns of the last steps, from which the next
+guess is extrapolated.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,9 @@ from .method import Method
 
 @record
 class Memory(Record):
-    """What such a method carries from step to step: the state at the node, and its unknowns in the last three steps."""
+    """What such a method carries from step to step: the state at the node, and its unknowns in the
+    last three steps.
+    """
 
     mu: Vec
     g: Element | None
@@ -26,11 +30,13 @@ class Memory(Record):
 class Implicit(Method):
     """A method for Lie-Poisson systems that solves an equation in every step; abstract.
 
-    1. A subclass writes `first`, the guess at the start, and `step`, which begins with a guess that is `extrapolated` and ends with
+    1. A subclass writes `first`, the guess at the start, and `step`, which begins with a guess that
+    is `extrapolated` and ends with
        `after`.
     2. The memory, and what compositions ask of it, follow.
 
-    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VIII.6.1 (starting approximations).
+    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VIII.6.1 (starting
+    approximations).
     """
 
     def first(self, system: Any, state: BodyState, h: float) -> Any:
@@ -59,10 +65,13 @@ class Implicit(Method):
         return Memory(state.mu, state.g, unknown, memory.last, memory.last_1)
 
     def _unsolved(self, h: float, size: float, enough: float, detail: str = "") -> NoConvergence:
-        """The error of a step whose equation Newton's method did not solve; `size` and `enough` are squares."""
+        """The error of a step whose equation Newton's method did not solve; `size` and `enough` are
+        squares.
+        """
         return NoConvergence(
-            f"{self!r}: Newton's method did not converge in {LIMIT} iterations: mismatch {sqrt(size):.1e}, "
-            f"wanted {sqrt(enough):.1e}{detail}. The step h = {h:g} is too large for this motion; try {0.25 * h:g}"
+            f"{self!r}: Newton's method did not converge in {LIMIT} iterations: mismatch "
+            f"{sqrt(size):.1e}, wanted {sqrt(enough):.1e}{detail}. The step h = {h:g} is too large "
+            f"for this motion; try {0.25 * h:g}"
         )
 
     def _out_of_chart(self, h: float, length: str) -> OutsideChart:
@@ -72,16 +81,24 @@ class Implicit(Method):
             f"continuation of the motion. The step h = {h:g} is too large; try {0.25 * h:g}"
         )
 
-    def _unconnected(self, h: float, end: float, length: str, usable: float | None = None) -> NoConvergence:
-        """The error of a step without a solution of its own: the one that grows out of h = 0 ends before.
+    def _unconnected(
+        self, h: float, end: float, length: str, usable: float | None = None
+    ) -> NoConvergence:
+        """The error of a step without a solution of its own: the one that grows out of h = 0 ends
+        before.
 
         usable : a step that every momentum of this size has, if known.
         """
         known = usable is not None and abs(usable) < abs(h)
-        cure = f"{usable:.3g}, which every direction of this momentum has" if known else f"{0.25 * h:g}"
+        cure = (
+            f"{usable:.3g}, which every direction of this momentum has"
+            if known
+            else f"{0.25 * h:g}"
+        )
         return NoConvergence(
-            f"{self!r}: the solution that grows out of h = 0 ends at h = {end:.3g}, {length}, in a fold or at the chart's edge, "
-            f"and another one would be no continuation of the motion. The step h = {h:g} is too large for this motion; try {cure}"
+            f"{self!r}: the solution that grows out of h = 0 ends at h = {end:.3g}, {length}, in a "
+            "fold or at the chart's edge, and another one would be no continuation of the motion. "
+            f"The step h = {h:g} is too large for this motion; try {cure}"
         )
 
 

@@ -1,4 +1,6 @@
-"""Index reduction: the equation without constraints that the multipliers give, by a method for any equation; to compare with."""
+"""Index reduction: the equation without constraints that the multipliers give, by a method for any
+equation; to compare with.
+"""
 
 from __future__ import annotations
 
@@ -15,16 +17,19 @@ from .on_constraints import OnConstraints
 
 @record
 class IndexReduction(Method):
-    """A constrained system by a method that knows nothing of constraints, with the multipliers put into the equation:
+    """A constrained system by a method that knows nothing of constraints, with the multipliers put
+    into the equation:
 
         q' = H_p,   p' = -H_q - G^T lambda(q, p),   lambda = (G H_pp G^T)^-1 (d/dq(G H_p) H_p - G H_pp H_q)
 
-    g(q) and G H_p are constants of this equation, which methods do not keep: steps leave M, and beside M the equation is
-    not Hamiltonian, so the energy drifts too.
+    g(q) and G H_p are constants of this equation, which methods do not keep: steps leave M, and
+    beside M the equation is not Hamiltonian, so the energy drifts too.
     method : for any equation, such as RKMK(order=4) or Taylor(order=10).
-    project : put q onto g(q) = 0, and p into the tangent space, after each step.  Then both hold, but the energy drifts still.
+    project : put q onto g(q) = 0, and p into the tangent space, after each step.  Then both hold,
+    but the energy drifts still.
 
-    It has the order of the method; neither symmetric nor symplectic.  Raises InvalidInput for a method that keeps constraints.
+    It has the order of the method; neither symmetric nor symplectic.  Raises InvalidInput for a
+    method that keeps constraints.
     Source: Hairer, Lubich, Wanner, VII.1.1 and VII.1.2 (1.6)-(1.9), IV.4 (standard projection).
     """
 
@@ -36,16 +41,23 @@ class IndexReduction(Method):
     def __post_init__(self) -> None:
         super().__post_init__()
         if not isinstance(self.method, Method):
-            raise InvalidType(f"IndexReduction: method must be a method such as RKMK(order=4); got {self.method!r}")
+            raise InvalidType(
+                "IndexReduction: method must be a method such as "
+                f"RKMK(order=4); got {self.method!r}"
+            )
         if isinstance(self.method, IndexReduction):
             raise InvalidInput(f"IndexReduction: {self.method!r} reduces the index already")
-        if isinstance(self.method.base if isinstance(self.method, Composition) else self.method, OnConstraints):
+        if isinstance(
+            self.method.base if isinstance(self.method, Composition) else self.method, OnConstraints
+        ):
             raise InvalidInput(
-                f"IndexReduction: {self.method!r} keeps the constraints; use it as it is, or give a method for any equation, "
-                "such as RKMK(order=4)"
+                f"IndexReduction: {self.method!r} keeps the constraints; use it as it is, or give "
+                "a method for any equation, such as RKMK(order=4)"
             )
         if type(self.project) is not bool:
-            raise InvalidType(f"IndexReduction: project must be True or False; got {self.project!r}")
+            raise InvalidType(
+                f"IndexReduction: project must be True or False; got {self.project!r}"
+            )
 
     @property
     def order(self) -> int:
@@ -60,7 +72,10 @@ class IndexReduction(Method):
     def require(self, system: Any) -> None:
         """A constrained system, and a method that accepts it as an equation."""
         if not isinstance(system, ConstrainedSystem):
-            raise IncompatibleSystem(f"{self!r} needs a ConstrainedSystem; got {system!r}, which {self.method!r} may take as it is")
+            raise IncompatibleSystem(
+                f"{self!r} needs a ConstrainedSystem; got {system!r}, "
+                f"which {self.method!r} may take as it is"
+            )
         self.method.require(system)
 
     def start(self, system: Any, state: CanonicalState, h: float) -> Any:

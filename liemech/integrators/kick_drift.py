@@ -1,4 +1,6 @@
-"""Bodies in fields by splitting: kicks by the field, and drifts without it by a method for the free body."""
+"""Bodies in fields by splitting: kicks by the field, and drifts without it by a method for the free
+body.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,13 @@ from ..solvers import newton
 from ..systems.kinetic_energy import KineticEnergy
 from ..systems.lie_poisson import BodyState
 from ..systems.mechanical import MechanicalSystem
-from ..tableaus.splittings import BLANES_CASAS_ESCORIHUELA8, BLANES_MOAN4, BLANES_MOAN6, STRANG, SplittingTableau
+from ..tableaus.splittings import (
+    BLANES_CASAS_ESCORIHUELA8,
+    BLANES_MOAN4,
+    BLANES_MOAN6,
+    STRANG,
+    SplittingTableau,
+)
 from .exact_free_body import ExactFreeBody
 from .method import Method, alternatives
 from .moser_veselov import ExactMoserVeselov
@@ -18,7 +26,8 @@ from .moser_veselov import ExactMoserVeselov
 
 @record
 class Flight(Record):
-    """What a splitting carries along: the state, what the free motion remembers of each drift, and the force at the node.
+    """What a splitting carries along: the state, what the free motion remembers of each drift, and
+    the force at the node.
 
     force : of the field; None if a step begins with a drift.
     """
@@ -33,19 +42,23 @@ class FieldSplitting(Method):
     """Kicks and drifts in turn, by a `tableau`; the drifts are made by a `free` method; abstract.
 
     A subclass has both, as fields or properties.
-    Source: Hairer, Lubich, Wanner, II.5; for loads Marsden and West, Acta Numerica 10 (2001), section 3.2.
+    Source: Hairer, Lubich, Wanner, II.5; for loads Marsden and West, Acta Numerica 10 (2001),
+    section 3.2.
     """
 
     def require(self, system: Any) -> None:
         """A body in a field, that the free motion accepts."""
         if not isinstance(system, MechanicalSystem):
             told = alternatives(system, f"Without a field it is {self.free!r}")  # type: ignore[attr-defined]
-            raise IncompatibleSystem(f"{self!r} needs a body in a field, a MechanicalSystem; got {system!r}. {told}")
+            raise IncompatibleSystem(
+                f"{self!r} needs a body in a field, a MechanicalSystem; got {system!r}. {told}"
+            )
         self.free.require(system.body)  # type: ignore[attr-defined]
 
     def start(self, system: Any, state: BodyState, h: float) -> Flight:
         """Every drift begins with no other past than the state."""
-        return self.resume(system, state, tuple([self._begun(system, state, a * h) for a in self.tableau.drifts]), h)  # type: ignore[attr-defined]
+        drifts = self.tableau.drifts  # type: ignore[attr-defined]
+        return self.resume(system, state, tuple([self._begun(system, state, a * h) for a in drifts]), h)
 
     def _begun(self, system: Any, state: BodyState, h: float) -> Any:
         return self.free.past(self.free.start(system.body, state, h))  # type: ignore[attr-defined]
@@ -63,7 +76,9 @@ class FieldSplitting(Method):
         return Flight(state, past, system.force(state.g) if self.tableau.kicks[0] != 0.0 else None)  # type: ignore[attr-defined]
 
     def step(self, system: Any, t: float, memory: Flight, h: float) -> Flight:
-        """Kick, drift, kick, ...; one force for each kick, the last one carried on to the next step."""
+        """Kick, drift, kick, ...; one force for each kick, the last one carried on to the next
+        step.
+        """
         free, tableau, state, force = self.free, self.tableau, memory.state, memory.force  # type: ignore[attr-defined]
         kept: list[Any] = []
         ends = len(tableau.drifts)
@@ -71,17 +86,31 @@ class FieldSplitting(Method):
             time = t + tableau.nodes[i] * h
             if tableau.kicks[i] != 0.0:
                 force = force if i == 0 else system.force(state.g)
-                state = self._kick(system, time, state, force, tableau.kicks[i] * h, i > 0, i < ends)
+                state = self._kick(
+                    system, time, state, force, tableau.kicks[i] * h, i > 0, i < ends
+                )
             if i < ends:
                 drift = tableau.drifts[i] * h
-                after = free.step(system.body, time, free.resume(system.body, state, memory.past[i], drift), drift)
+                after = free.step(
+                    system.body, time, free.resume(system.body, state, memory.past[i], drift), drift
+                )
                 state, kept = free.observe(after), [*kept, free.past(after)]
         return Flight(state, tuple(kept), force if tableau.kicks[0] != 0.0 else None)
 
-    def _kick(self, system: Any, t: float, state: BodyState, force: Vec, h: float, ends: bool, begins: bool) -> BodyState:
+    def _kick(
+        self,
+        system: Any,
+        t: float,
+        state: BodyState,
+        force: Vec,
+        h: float,
+        ends: bool,
+        begins: bool,
+    ) -> BodyState:
         """A kick of length h, which ends a drift, begins one, or both.
 
-        A load F joins it: in the part that ends a drift as it is at the end, an equation for mu, else as it is at the beginning.
+        A load F joins it: in the part that ends a drift as it is at the end, an equation for mu,
+        else as it is at the beginning.
         """
         if system.load is None:
             return _kicked(state, h * force)
@@ -99,10 +128,15 @@ class FieldSplitting(Method):
         guess = h * _load(system, t, state.mu, state.g)
         kick, rest, enough, _ = newton(lambda k: self._excess(system, t, state, h, k), guess, 1.0)
         if not rest <= enough:
-            raise NoConvergence(f"{self!r}: no momentum found that fits the load at the end of a kick; try h = {0.5 * h:g}")
+            raise NoConvergence(
+                f"{self!r}: no momentum found that fits the load at "
+                f"the end of a kick; try h = {0.5 * h:g}"
+            )
         return kick
 
-    def _excess(self, system: Any, t: float, state: BodyState, h: float, kick: Vec) -> tuple[Vec, Mat, float]:
+    def _excess(
+        self, system: Any, t: float, state: BodyState, h: float, kick: Vec
+    ) -> tuple[Vec, Mat, float]:
         """k - h F at mu + k and its derivative, beside |mu|^2 + |k|^2."""
         r = kick - h * _load(system, t, state.mu + kick, state.g)
         slope = jacobian(lambda m: h * _load(system, t, m, state.g), state.mu + kick)
@@ -119,19 +153,23 @@ def _load(system: Any, t: float, mu: Vec, g: Any) -> Vec:
 
 @record
 class KickDrift(FieldSplitting):
-    """Splitting of H = T + V: the field kicks, mu' = f(g) with g at rest, and the body drifts without it; both flows exactly.
+    """Splitting of H = T + V: the field kicks, mu' = f(g) with g at rest, and the body drifts
+    without it; both flows exactly.
 
-    free : the motion without the field, a method for the free body; for orders above 2 one of at least that order.
-    order : 2 (Strang, kick-drift-kick), 4, 6 or 8 (Runge-Kutta-Nystroem splittings of 6, 14 and 19 kicks; for quadratic T);
-    or give a `tableau`, such as BLANES_MOAN6_SHORT of `liemech.tableaus.splittings`.
+    free : the motion without the field, a method for the free body; for orders above 2 one of at
+    least that order.
+    order : 2 (Strang, kick-drift-kick), 4, 6 or 8 (Runge-Kutta-Nystroem splittings of 6, 14 and 19
+    kicks; for quadratic T); or give a `tableau`, such as BLANES_MOAN6_SHORT of
+    `liemech.tableaus.splittings`.
 
-    Symmetric, symplectic and of the order of the tableau if the free motion is; a momentum that belongs to a symmetry of the
-    potential is kept to rounding, the energy oscillates without drift.  The largest drift is `tableau.reach` times h.
-    A load F, by the principle of Lagrange and d'Alembert, joins each kick; where it depends on the velocity by the trapezoidal
-    rule, of order 2.
+    Symmetric, symplectic and of the order of the tableau if the free motion is; a momentum that
+    belongs to a symmetry of the potential is kept to rounding, the energy oscillates without
+    drift.  The largest drift is `tableau.reach` times h.  A load F, by the principle of Lagrange
+    and d'Alembert, joins each kick; where it depends on the velocity by the trapezoidal rule, of
+    order 2.
 
-    Source: Blanes and Moan, J. Comput. Appl. Math. 142 (2002); Hairer, Lubich, Wanner, II.5; for exact free bodies Celledoni,
-    Fasso, Safstrom and Zanna, SIAM J. Sci. Comput. 30 (2008).
+    Source: Blanes and Moan, J. Comput. Appl. Math. 142 (2002); Hairer, Lubich, Wanner, II.5; for
+    exact free bodies Celledoni, Fasso, Safstrom and Zanna, SIAM J. Sci. Comput. 30 (2008).
     """
 
     free: Method = ExactFreeBody()
@@ -145,14 +183,21 @@ class KickDrift(FieldSplitting):
     def __post_init__(self) -> None:
         free, tableau = self.free, self.tableau  # type: Any, Any
         if not isinstance(free, Method):
-            raise InvalidType(f"KickDrift: free must be a method for the free body such as ExactFreeBody(); got {free!r}")
+            raise InvalidType(
+                "KickDrift: free must be a method for the free body "
+                f"such as ExactFreeBody(); got {free!r}"
+            )
         if isinstance(free, ExactMoserVeselov):
             raise InvalidInput(
-                "KickDrift: ExactMoserVeselov is fitted to one orbit, and a kick moves the body to another; take ExactFreeBody()"
+                "KickDrift: ExactMoserVeselov is fitted to one orbit, and a kick moves the body to "
+                "another; take ExactFreeBody()"
             )
         if tableau is None:
             if type(self.order) is not int or self.order not in self.choices:
-                raise InvalidInput(f"KickDrift: order is one of {sorted(self.choices)}, or give a tableau; got {self.order!r}")
+                raise InvalidInput(
+                    f"KickDrift: order is one of {sorted(self.choices)}, "
+                    f"or give a tableau; got {self.order!r}"
+                )
             tableau = self.choices[self.order]
         if not isinstance(tableau, SplittingTableau):
             raise InvalidType(f"KickDrift: tableau must be a SplittingTableau; got {tableau!r}")
@@ -161,8 +206,9 @@ class KickDrift(FieldSplitting):
         order = free.order  # type: ignore[attr-defined]
         if order < tableau.order:
             raise InvalidInput(
-                f"KickDrift: {tableau.name} needs drifts of order {tableau.order}, such as ExactFreeBody(); {free!r} is of order "
-                f"{order}. Composition(KickDrift({free!r}), order={tableau.order}) is of order {tableau.order} with symmetric ones"
+                f"KickDrift: {tableau.name} needs drifts of order {tableau.order}, such as "
+                f"ExactFreeBody(); {free!r} is of order {order}. Composition(KickDrift({free!r}), "
+                f"order={tableau.order}) is of order {tableau.order} with symmetric ones"
             )
         object.__setattr__(self, "tableau", tableau)
         object.__setattr__(self, "order", tableau.order)
@@ -187,8 +233,9 @@ class KickDrift(FieldSplitting):
         super().require(system)
         if self.tableau.quadratic and not isinstance(system.body.hamiltonian, KineticEnergy):
             raise IncompatibleSystem(
-                f"{self!r} is for energies quadratic in the momentum; {system.body!r} has another one. "
-                f"Composition(KickDrift({self.free!r}), order={self.tableau.order}) is of its order with every energy"
+                f"{self!r} is for energies quadratic in the momentum; {system.body!r} has another "
+                f"one. Composition(KickDrift({self.free!r}), "
+                f"order={self.tableau.order}) is of its order with every energy"
             )
 
     def __repr__(self) -> str:

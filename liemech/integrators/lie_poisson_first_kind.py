@@ -1,4 +1,6 @@
-"""Hamilton-Jacobi methods of the first kind: generating functions of the displacement that start from a class function."""
+"""Hamilton-Jacobi methods of the first kind: generating functions of the displacement that start
+from a class function.
+"""
 
 from __future__ import annotations
 
@@ -30,25 +32,30 @@ class Turned(Memory):
 
 @record
 class FirstKindHamiltonJacobi(Implicit):
-    """Steps whose generating function S(xi), of the first kind, solves the Lie-Poisson Hamilton-Jacobi equation to an order in h.
+    """Steps whose generating function S(xi), of the first kind, solves the Lie-Poisson
+    Hamilton-Jacobi equation to an order in h.
 
         S = c S_0 + h S_1 + ... + (h^k/k!) S_k,   pi = (dtau^-1_xi)* dS/dxi  (left-trivialised)
         Ad*_tau(xi) mu_i = pi     solved for xi by Newton's method
         mu_i+1 = pi,   g_i+1 = g_i tau(xi) tau(turn)^-1
 
-    S is the action of the motion with the energy C + h H for the time 1, where C is the Casimir function that S_0 belongs to.  Its
-    motion leaves momenta alone and turns the group; tau(turn), the motion of C at mu_i+1, is what the attitude has to be freed of.
+    S is the action of the motion with the energy C + h H for the time 1, where C is the Casimir
+    function that S_0 belongs to.  Its motion leaves momenta alone and turns the group; tau(turn),
+    the motion of C at mu_i+1, is what the attitude has to be freed of.
 
-    order : k, 1 to 4.  retraction : Exponential() or Cayley().  s0 : the class function S_0, InvariantForm(), TraceOfAd() or, with
-    Cayley() on SO(3), CayleySquare().  scale : c, an action; by default chosen at the start so that the turn is one by the angle 3
-    for InvariantForm() with the exponential, by about 1 for the others.  The series in h converges like (c h/J)^k; too small a c
-    leads out of the chart.
-    An energy that changes with time, K(t, mu), is that of a DrivenLiePoissonSystem; S is then expanded about the end of the step.
-    Casimirs, spatial momentum and the Lie-Poisson bracket are kept to rounding.  Not symmetric: for the same error the second kind,
-    LiePoissonHamiltonJacobi, takes far longer steps, and it serves every group.
+    order : k, 1 to 4.  retraction : Exponential() or Cayley().  s0 : the class function S_0,
+    InvariantForm(), TraceOfAd() or, with Cayley() on SO(3), CayleySquare().  scale : c, an action;
+    by default chosen at the start so that the turn is one by the angle 3 for InvariantForm() with
+    the exponential, by about 1 for the others.  The series in h converges like (c h/J)^k; too small
+    a c leads out of the chart.
+    An energy that changes with time, K(t, mu), is that of a DrivenLiePoissonSystem; S is then
+    expanded about the end of the step.  Casimirs, spatial momentum and the Lie-Poisson bracket are
+    kept to rounding.  Not symmetric: for the same error the second kind, LiePoissonHamiltonJacobi,
+    takes far longer steps, and it serves every group.
     Raises NoConvergence or OutsideChart if the step is too large, or |mu| for the scale.
 
-    Source: Ge and Marsden, Phys. Lett. A 133 (1988), 134; Channell and Scovel, Physica D 50 (1991), 80.
+    Source: Ge and Marsden, Phys. Lett. A 133 (1988), 134; Channell and Scovel, Physica D 50 (1991),
+    80.
     """
 
     symplectic: ClassVar[bool] = True
@@ -64,11 +71,20 @@ class FirstKindHamiltonJacobi(Implicit):
         if type(self.order) is not int or self.order not in ORDERS:
             raise InvalidInput(f"{type(self).__name__}: order is 1, 2, 3 or 4; got {self.order!r}")
         if not isinstance(self.s0, ClassFunction):
-            raise InvalidType(f"{type(self).__name__}: s0 must be InvariantForm(), TraceOfAd() or CayleySquare(); got {self.s0!r}")
+            raise InvalidType(
+                f"{type(self).__name__}: s0 must be InvariantForm(), TraceOfAd() or "
+                f"CayleySquare(); got {self.s0!r}"
+            )
         scale: Any = self.scale
         if scale is not None:
-            if isinstance(scale, bool) or not isinstance(scale, (int, float)) or not 0.0 < scale < float("inf"):
-                raise InvalidInput(f"{type(self).__name__}: scale must be a positive number or None; got {scale!r}")
+            if (
+                isinstance(scale, bool)
+                or not isinstance(scale, (int, float))
+                or not 0.0 < scale < float("inf")
+            ):
+                raise InvalidInput(
+                    f"{type(self).__name__}: scale must be a positive number or None; got {scale!r}"
+                )
             object.__setattr__(self, "scale", float(scale))
 
     @property
@@ -77,7 +93,9 @@ class FirstKindHamiltonJacobi(Implicit):
         return f"Hamilton-Jacobi {self.order} of the first kind ({type(self.s0).__name__}, {type(self.retraction).__name__})"
 
     def require(self, system: Any) -> None:
-        """A Lie-Poisson system whose Hamiltonian can be differentiated, on a group on which S_0 generates the identity."""
+        """A Lie-Poisson system whose Hamiltonian can be differentiated, on a group on which S_0
+        generates the identity.
+        """
         super().require(system)
         require_derivatives(self, system)
         self.s0.require(system.group, self.retraction)
@@ -87,28 +105,39 @@ class FirstKindHamiltonJacobi(Implicit):
     def start(self, system: Any, state: BodyState, h: float) -> Turned:
         """The state, the scale, and a past in which xi was the turn."""
         mu = plain(state.mu)
-        scale = self.s0.size(system.group, self.retraction, mu) if self.scale is None else self.scale
+        scale = (
+            self.s0.size(system.group, self.retraction, mu) if self.scale is None else self.scale
+        )
         return Turned(state.mu, state.g, 0.0 * mu, 0.0 * mu, 0.0 * mu, scale)
 
     def step(self, system: Any, t: float, state: Turned, h: float) -> Turned:
-        """Solve for xi, whose difference to the turn is extrapolated, move momentum and attitude, and turn the attitude back."""
+        """Solve for xi, whose difference to the turn is extrapolated, move momentum and attitude,
+        and turn the attitude back.
+        """
         mu, scale = plain(state.mu), state.scale
         turn = self.turn(system, mu, scale)
         xi = self.displacement(system, h, mu, scale, turn + extrapolated(*self.past(state)), t + h)
         moved = system.displaced(self.retraction, self.observe(state), xi)
         g = moved.g
         if g is not None:
-            g = system.displaced(self.retraction, moved, -self.turn(system, plain(moved.mu), scale)).g
+            g = system.displaced(
+                self.retraction, moved, -self.turn(system, plain(moved.mu), scale)
+            ).g
         return Turned(moved.mu, g, xi - turn, state.last, state.last_1, scale)
 
     def turn(self, system: Any, mu: Vec, scale: float) -> Vec:
         """The displacement that the class function alone generates at a momentum."""
         return self.s0.turn(system.group, self.retraction, mu / scale)
 
-    def displacement(self, system: Any, h: float, mu: Vec, scale: float, guess: Vec, end: float = 0.0) -> Vec:
+    def displacement(
+        self, system: Any, h: float, mu: Vec, scale: float, guess: Vec, end: float = 0.0
+    ) -> Vec:
         """The xi whose momentum is mu, seen from where the step begins; it ends at the time `end`."""
         xi, size, enough, _ = newton(
-            lambda x: self.equation(system, h, mu, scale, x, end), guess, dot(mu, mu), tolerance=FINER
+            lambda x: self.equation(system, h, mu, scale, x, end),
+            guess,
+            dot(mu, mu),
+            tolerance=FINER,
         )
         if not size <= enough:
             raise self._unsolved(h, size, enough, f", |xi| = {norm(xi):.2g}, scale = {scale:.2g}")
@@ -116,23 +145,33 @@ class FirstKindHamiltonJacobi(Implicit):
             raise self._out_of_chart(h, f"|xi| = {norm(xi):.2g}, scale = {scale:.2g}")
         return xi
 
-    def equation(self, system: Any, h: float, mu: Vec, scale: float, xi: Vec, end: float) -> tuple[Vec, Mat, float]:
+    def equation(
+        self, system: Any, h: float, mu: Vec, scale: float, xi: Vec, end: float
+    ) -> tuple[Vec, Mat, float]:
         """pi - Ad*_tau(xi) mu, its derivative (that of order 1), and 1."""
         slope = jacobian(lambda x: self.excess(system, h, mu, scale, x, 1, end), xi)
         return self.excess(system, h, mu, scale, xi, self.order, end), slope, 1.0
 
-    def excess(self, system: Any, h: float, mu: Vec, scale: float, xi: Vec, order: int, end: float) -> Vec:
+    def excess(
+        self, system: Any, h: float, mu: Vec, scale: float, xi: Vec, order: int, end: float
+    ) -> Vec:
         """pi - Ad*_tau(xi) mu of an order."""
-        return self.momentum(system, h, scale, xi, order, end) - self.retraction.tau_Ad_star(system.group, xi, mu)
+        return self.momentum(system, h, scale, xi, order, end) - self.retraction.tau_Ad_star(
+            system.group, xi, mu
+        )
 
-    def momentum(self, system: Any, h: float, scale: float, xi: Vec, order: int, end: float = 0.0) -> Vec:
+    def momentum(
+        self, system: Any, h: float, scale: float, xi: Vec, order: int, end: float = 0.0
+    ) -> Vec:
         """pi, the momentum at the end of a step tau(xi), at the time `end`."""
         if order == 1:
             return self._leading(system, h, scale, xi, end)
         return total(first_kind(system, self.retraction, self.s0, scale, xi, order, h, end))
 
     def _leading(self, system: Any, h: float, scale: float, xi: Vec, end: float) -> Vec:
-        """pi_0 + h (ad*_v pi_0 - d(pi_0) v), pi_0 = c P(xi), v = dH(pi_0), the derivative along tau(xi) v."""
+        """pi_0 + h (ad*_v pi_0 - d(pi_0) v), pi_0 = c P(xi), v = dH(pi_0), the derivative along
+        tau(xi) v.
+        """
         group, retraction = system.group, self.retraction
         start = scale * self.s0.momentum(group, retraction, xi)
         v = velocity_at(system, end, start)

@@ -1,11 +1,26 @@
-"""Lie-Poisson Hamilton-Jacobi methods: symplectic steps of higher order from a generating function of the momentum."""
+"""Lie-Poisson Hamilton-Jacobi methods: symplectic steps of higher order from a generating function
+of the momentum.
+"""
 
 from __future__ import annotations
 
 from typing import Any, ClassVar
 
 from ..errors import InvalidInput
-from ..formulas import Mat, Vec, derivative, dot, identity_matrix, jacobian, mat, norm, plain, record, vec, vectors
+from ..formulas import (
+    Mat,
+    Vec,
+    derivative,
+    dot,
+    identity_matrix,
+    jacobian,
+    mat,
+    norm,
+    plain,
+    record,
+    vec,
+    vectors,
+)
 from ..formulas.sums import total
 from ..groups.so3 import SO3Algebra
 from ..retractions import Exponential, Retraction
@@ -21,28 +36,33 @@ ORDERS = 2, 4, 6, 8
 """The orders of methods with one, two, three or four terms of the generating function."""
 
 FINER = 2.0**-42
-"""The tolerance of Newton's method where its matrix is that of order 4: each correction is wrong by O(h^5) of itself."""
+"""The tolerance of Newton's method where its matrix is that of order 4: each correction is wrong by
+O(h^5) of itself.
+"""
 
 
 @record
 class LiePoissonHamiltonJacobi(Implicit):
-    """Steps whose generating function s(p), of the second kind, solves the Lie-Poisson Hamilton-Jacobi equation to an order in h.
+    """Steps whose generating function s(p), of the second kind, solves the Lie-Poisson
+    Hamilton-Jacobi equation to an order in h.
 
         s = h H + (h^3/6) s_3 + (h^5/120) s_5 + ...,   x = ds/dp,   (dtau^-1_x)* p = mu_i     solved for p by Newton's method
         mu_i+1 = Ad*_tau(x) mu_i,   g_i+1 = g_i tau(x)
 
-    The Hamilton-Jacobi equation ds/dt = H((dtau^-1_x)* p), left-trivialised, with s = 0 at t = 0 determines s.  Of it, x is all
-    that is needed, and x is read off the motion.
+    The Hamilton-Jacobi equation ds/dt = H((dtau^-1_x)* p), left-trivialised, with s = 0 at t = 0
+    determines s.  Of it, x is all that is needed, and x is read off the motion.
 
-    order : 2 (s = h H), 4, 6 or 8.  retraction : Exponential() serves every group and is the more accurate one.
-    For every group and every Hamiltonian, also one that has no Lagrangian, or one that changes with time, K(t, mu), of a
-    DrivenLiePoissonSystem: s is then expanded about the middle of the step.  Where there is a Lagrangian, order 2 is
-    CovariantVariational.
-    Symmetric; spatial momentum, Casimirs and the Lie-Poisson bracket are kept to rounding, the energy oscillates
-    without drift.  Raises NoConvergence or OutsideChart if the step is too large for the equation to be solved.
+    order : 2 (s = h H), 4, 6 or 8.  retraction : Exponential() serves every group and is the more
+    accurate one.  For every group and every Hamiltonian, also one that has no Lagrangian, or one
+    that changes with time, K(t, mu), of a DrivenLiePoissonSystem: s is then expanded about the
+    middle of the step.  Where there is a Lagrangian, order 2 is CovariantVariational.
+    Symmetric; spatial momentum, Casimirs and the Lie-Poisson bracket are kept to rounding, the
+    energy oscillates without drift.  Raises NoConvergence or OutsideChart if the step is too large
+    for the equation to be solved.
 
-    Source: Ge and Marsden, Phys. Lett. A 133 (1988), 134; Channell and Scovel, Physica D 50 (1991), 80; Ferraro, de Leon, Marrero,
-    Martin de Diego and Vaquero, Arch. Rational Mech. Anal. 226 (2017), 243.
+    Source: Ge and Marsden, Phys. Lett. A 133 (1988), 134; Channell and Scovel, Physica D 50 (1991),
+    80; Ferraro, de Leon, Marrero, Martin de Diego and Vaquero, Arch. Rational Mech. Anal. 226
+    (2017), 243.
     """
 
     symmetric: ClassVar[bool] = True
@@ -74,16 +94,23 @@ class LiePoissonHamiltonJacobi(Implicit):
         return 0.0 * plain(state.mu)
 
     def step(self, system: Any, t: float, state: Memory, h: float) -> Memory:
-        """Solve for p, whose difference to mu is extrapolated, then move momentum and attitude by x(p)."""
+        """Solve for p, whose difference to mu is extrapolated, then move momentum and attitude by
+        x(p).
+        """
         mu = plain(state.mu)
         p, x = self.solution(system, h, mu, mu + extrapolated(*self.past(state)), t + 0.5 * h)
         return self.after(state, system.displaced(self.retraction, self.observe(state), x), p - mu)
 
-    def solution(self, system: Any, h: float, mu: Vec, guess: Vec, middle: float = 0.0) -> tuple[Vec, Vec]:
+    def solution(
+        self, system: Any, h: float, mu: Vec, guess: Vec, middle: float = 0.0
+    ) -> tuple[Vec, Vec]:
         """The p and x = ds/dp that fit mu, of a step about the time `middle`."""
         tolerance = TOLERANCE if self.order <= 4 else FINER
         p, size, enough, folded = newton(
-            lambda p: self.equation(system, h, mu, p, middle), guess, dot(mu, mu), tolerance=tolerance
+            lambda p: self.equation(system, h, mu, p, middle),
+            guess,
+            dot(mu, mu),
+            tolerance=tolerance,
         )
         x = self.displacement(system, h, p, middle)
         if not size <= enough:
@@ -92,8 +119,12 @@ class LiePoissonHamiltonJacobi(Implicit):
             raise self._out_of_chart(h, f"|x| = {norm(x):.2g}")
         return p, x
 
-    def equation(self, system: Any, h: float, mu: Vec, p: Vec, middle: float = 0.0) -> tuple[Vec, Mat, float]:
-        """The mismatch of p and mu, its derivative (in orders 6 and 8 that of order 4), and the factor of its square."""
+    def equation(
+        self, system: Any, h: float, mu: Vec, p: Vec, middle: float = 0.0
+    ) -> tuple[Vec, Mat, float]:
+        """The mismatch of p and mu, its derivative (in orders 6 and 8 that of order 4), and the
+        factor of its square.
+        """
         x = self.displacement(system, h, p, middle)
         r, by_p, by_x = self.retraction.residual(system.group, x, p, mu)
         own = by_p if isinstance(by_p, vectors.Mat) else by_p * identity_matrix(len(p))
@@ -116,12 +147,17 @@ class LiePoissonHamiltonJacobi(Implicit):
             return h * velocity_at(system, middle, p)
         if order == 4 and has_axes(system, self.retraction):
             return along_axes(system.hamiltonian.inverse, h, p)[0]
-        if order == 4 and isinstance(self.retraction, Exponential) and isinstance(system, LiePoissonSystem):
+        if (
+            order == 4
+            and isinstance(self.retraction, Exponential)
+            and isinstance(system, LiePoissonSystem)
+        ):
             return self.two_terms(system, h, p)
         return total(second_kind(system, self.retraction, p, order // 2, h, middle))
 
     def two_terms(self, system: Any, h: float, p: Vec) -> Vec:
-        """h dH(p) + (h^3/6) ds_3/dp of the exponential on every group, s_3 = D^2H(p)[w, w]/4 with w = ad*_v p, v = dH(p):
+        """h dH(p) + (h^3/6) ds_3/dp of the exponential on every group, s_3 = D^2H(p)[w, w]/4 with
+        w = ad*_v p, v = dH(p):
 
         ds_3/dp/6 = ([v, a] - D^2H(p) ad*_a p)/12 + D^3H(p)[w, w]/24,   a = D^2H(p) w;  the h goes with H.
         """
@@ -129,19 +165,30 @@ class LiePoissonHamiltonJacobi(Implicit):
         w = group.ad_star(v, p)
         a = _turned(system, h, p, w)
         start, onward = vec(*p, *w), (*w, *[0 for _ in w])
-        curved = derivative(lambda y: _turned(system, h, _half(y, 0), _half(y, len(y) // 2)), start, onward)
-        return v + (1.0 / 12.0) * ((group.ad(v, a) - _turned(system, h, p, group.ad_star(a, p))) + 0.5 * curved)
+        curved = derivative(
+            lambda y: _turned(system, h, _half(y, 0), _half(y, len(y) // 2)), start, onward
+        )
+        return v + (1.0 / 12.0) * (
+            (group.ad(v, a) - _turned(system, h, p, group.ad_star(a, p))) + 0.5 * curved
+        )
 
 
 def has_axes(system: Any, retraction: Retraction) -> bool:
-    """Is it a free body with principal moments, moved by the exponential?  Then s_3 is a polynomial of three terms."""
+    """Is it a free body with principal moments, moved by the exponential?  Then s_3 is a polynomial
+    of three terms.
+    """
     energy = system.hamiltonian
     diagonal = isinstance(energy, KineticEnergy) and isinstance(energy.inverse, vectors.Vec)
-    return diagonal and isinstance(system.group.algebra, SO3Algebra) and isinstance(retraction, Exponential)
+    return (
+        diagonal
+        and isinstance(system.group.algebra, SO3Algebra)
+        and isinstance(retraction, Exponential)
+    )
 
 
 def along_axes(K: Vec, h: float, p: Vec) -> tuple[Vec, Mat]:
-    """x = h K p + (h^3/6) ds_3/dp of a free body with principal moments 1/K, and its derivative.  K, p : (3,).
+    """x = h K p + (h^3/6) ds_3/dp of a free body with principal moments 1/K, and its derivative.
+    K, p : (3,).
 
         s_3 = w . K w/4 = (e_1 p_2^2 p_3^2 + e_2 p_3^2 p_1^2 + e_3 p_1^2 p_2^2)/4,   w = p x K p,   e_1 = K_1 (K_2 - K_3)^2, ...
     """
@@ -155,7 +202,9 @@ def along_axes(K: Vec, h: float, p: Vec) -> tuple[Vec, Mat]:
         third[0] * (a01 * a01) + third[1] * (a10 * a10),
     )
     q = (2.0 * third) * vec(a01 * a02, a12 * a10, a20 * a21)
-    return rate * p, mat(vec(rate[0], q[2], q[1]), vec(q[2], rate[1], q[0]), vec(q[1], q[0], rate[2]))
+    return rate * p, mat(
+        vec(rate[0], q[2], q[1]), vec(q[2], rate[1], q[0]), vec(q[1], q[0], rate[2])
+    )
 
 
 def _turned(system: Any, h: float, p: Vec, w: Vec) -> Vec:

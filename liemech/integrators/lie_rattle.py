@@ -17,7 +17,9 @@ from .solvability import CONTRACTION, INFINITY, SHORTEST
 from .variational import momentum_slope, with_inertia
 
 ROUNDING = 2.0**-100
-"""A displacement below this, squared, relative to the size of a configuration, is rounding: four units in the last place."""
+"""A displacement below this, squared, relative to the size of a configuration, is rounding: four
+units in the last place.
+"""
 
 LEAST = 2.0**-104
 """An error below this, squared, relative to the displacement, is rounding."""
@@ -31,8 +33,10 @@ DEPENDENT = 1e-12
 
 @record
 class Bound(Record):
-    """What the method carries along: the state, at its node the force and the derivative of the constraint by rows, and the
-    unknowns of the last three steps, displacement and impulses of the constraint one after another."""
+    """What the method carries along: the state, at its node the force and the derivative of the
+    constraint by rows, and the unknowns of the last three steps, displacement and impulses of the
+    constraint one after another.
+    """
 
     state: BodyState
     force: Vec
@@ -44,21 +48,25 @@ class Bound(Record):
 
 @record
 class LieRATTLE(Method):
-    """RATTLE on a group: one step of Algorithm 1 between two kicks, by the field and by the constraint.
+    """RATTLE on a group: one step of Algorithm 1 between two kicks, by the field and by the
+    constraint.
 
         m = mu_i + (h/2) f(g_i) - G(g_i)* l,   (dtau^-1_x)* J x/h = m,   g_i+1 = g_i tau(x),   c(g_i+1) = 0       for x and l
         mu_i+1 = Ad*_tau(x) m + (h/2) f(g_i+1) - G(g_i+1)* l',   G(g_i+1) J^-1 mu_i+1 = 0                       for l'
 
-    These are the discrete Euler-Lagrange equations of the sum of h l(xi_i) - h (V(g_i) + V(g_i+1))/2 under c(g_i) = 0.
+    These are the discrete Euler-Lagrange equations of the sum of h l(xi_i) - h
+    (V(g_i) + V(g_i+1))/2 under c(g_i) = 0.
     retraction : Exponential() is the more accurate one.
-    Order 2, symmetric; both constraints hold to rounding at every step; the two-form on the constrained phase space is kept, and so
-    are momenta of common symmetries of potential and constraint; the energy oscillates without drift.
-    2 l/h and 2 l'/h are multipliers to first order only: `ConstrainedBody.multipliers` gives those of a state, of second order.
-    Raises NoConvergence if the step is too large, or where the conditions become dependent (a dead point): no solution grows out of
-    h = 0 up to this step.
+    Order 2, symmetric; both constraints hold to rounding at every step; the two-form on the
+    constrained phase space is kept, and so are momenta of common symmetries of potential and
+    constraint; the energy oscillates without drift. 2 l/h and 2 l'/h are multipliers to first order
+    only: `ConstrainedBody.multipliers` gives those of a state, of second order.
+    Raises NoConvergence if the step is too large, or where the conditions become dependent (a dead
+    point): no solution grows out of h = 0 up to this step.
 
-    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.1.3 (RATTLE); Leyendecker, Marsden and Ortiz, ZAMM
-    88 (2008), section 3; Marsden and West, Acta Numerica 10 (2001), section 3.5 (constraints).
+    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.1.3 (RATTLE);
+    Leyendecker, Marsden and Ortiz, ZAMM 88 (2008), section 3; Marsden and West, Acta Numerica 10
+    (2001), section 3.5 (constraints).
     """
 
     symmetric: ClassVar[bool] = True
@@ -76,7 +84,8 @@ class LieRATTLE(Method):
         """A ConstrainedBody, on a group that has the retraction."""
         if not isinstance(system, ConstrainedBody):
             raise IncompatibleSystem(
-                f"{self!r} needs bodies under a constraint, a ConstrainedBody; got {system!r}. {alternatives(system)}"
+                f"{self!r} needs bodies under a constraint, a "
+                f"ConstrainedBody; got {system!r}. {alternatives(system)}"
             )
         self.retraction.require(system.configurations)
 
@@ -100,7 +109,9 @@ class LieRATTLE(Method):
         return Bound(state, system.force(g), system.rows(g), *past)
 
     def step(self, system: Any, t: float, memory: Bound, h: float) -> Bound:
-        """Solve for displacement and impulses, move, kick, and take away what leads off the constraint."""
+        """Solve for displacement and impulses, move, kick, and take away what leads off the
+        constraint.
+        """
         state, free = memory.state, system.body.body
         unknown = self._solved(system, h, memory, extrapolated(*self.past(memory)))
         x, impulses = split(unknown, system.configurations.dim)
@@ -117,9 +128,10 @@ class LieRATTLE(Method):
     def _solved(self, system: Any, h: float, memory: Bound, guess: Vec) -> Vec:
         """Displacement and impulses: the solution that grows out of zero with h.
 
-        The whole step is tried from the guess.  It counts if Newton's corrections shrink well, if the determinants have the signs
-        that they have on the whole branch, and if the displacement is in the inner half of the chart; else the step is followed
-        from h = 0 on, in pieces to which the same applies.  What is followed is the unknown over the part s of the step.
+        The whole step is tried from the guess.  It counts if Newton's corrections shrink well, if
+        the determinants have the signs that they have on the whole branch, and if the displacement
+        is in the inner half of the chart; else the step is followed from h = 0 on, in pieces to
+        which the same applies.  What is followed is the unknown over the part s of the step.
         """
         mu, g, size = plain(memory.state.mu), plain(memory.state.g), self._size(system, memory)
         begun = vec(*(h * system.velocity(mu)), *guess[system.configurations.dim :])
@@ -129,11 +141,19 @@ class LieRATTLE(Method):
             part = min(1.0, reached + piece)
             change, upright = self._correction(system, part * h, mu, g, memory, part * y)
             new = part * y - change
-            x, dx = split(new, system.configurations.dim)[0], split(change, system.configurations.dim)[0]
+            x, dx = (
+                split(new, system.configurations.dim)[0],
+                split(change, system.configurations.dim)[0],
+            )
             length, whole = self._square(system, dx), self._square(system, x)
-            shrinks, noisy = length <= CONTRACTION * before, length <= NOISE * NOISE * (whole + size)
+            shrinks, noisy = (
+                length <= CONTRACTION * before,
+                length <= NOISE * NOISE * (whole + size),
+            )
             good = upright and (shrinks or noisy)
-            settled = length <= ROUNDING * size or (before < INFINITY and length * (length / before) <= LEAST * whole)
+            settled = length <= ROUNDING * size or (
+                before < INFINITY and length * (length / before) <= LEAST * whole
+            )
             done = good and (settled or not shrinks)
             if not good or (done and not self._is_inside(system, x)):
                 y, piece, before = slope, 0.5 * piece, INFINITY
@@ -146,11 +166,16 @@ class LieRATTLE(Method):
             if not (reached < 1.0 and piece > SHORTEST and tried < MOST):
                 break
         if reached < 1.0:
-            raise self._ended(system, h, reached * h, g, split(solution, system.configurations.dim)[0])
+            raise self._ended(
+                system, h, reached * h, g, split(solution, system.configurations.dim)[0]
+            )
         return solution
 
-    def _correction(self, system: Any, h: float, mu: Vec, g: Element, memory: Bound, unknown: Vec) -> tuple[Vec, bool]:
-        """What Newton's method subtracts, by Schur complement, block for block; and whether determinants have the sign of h = 0.
+    def _correction(
+        self, system: Any, h: float, mu: Vec, g: Element, memory: Bound, unknown: Vec
+    ) -> tuple[Vec, bool]:
+        """What Newton's method subtracts, by Schur complement, block for block; and whether
+        determinants have the sign of h = 0.
 
         With r the mismatch of Algorithm 1 in every block,  A dx + B dl = r,  C dx = c  gives  (C A^-1 B) dl = C A^-1 r - c.
         """
@@ -162,25 +187,42 @@ class LieRATTLE(Method):
         free, pushed = [], []  # type: list[Any], list[Any]  # A^-1 r and A^-1 B, block by block
         for (group, start, end), J, held in zip(system.blocks, inertias, system.held):
             y = vec(*x[start:end])
-            r, by_p, by_x = self.retraction.residual(group, y, vec(*p[start:end]), vec(*momentum[start:end]))
+            r, by_p, by_x = self.retraction.residual(
+                group, y, vec(*p[start:end]), vec(*momentum[start:end])
+            )
             A = with_inertia(by_x, momentum_slope(by_p, rate * J))
             B = [carried(self.retraction, group, y, by_p, memory.rows[a][i]) for a, i in held]
             columns, good = eliminated(A, [r, *B], h)
             upright = upright and good
             free, pushed = [*free, columns[0]], [*pushed, columns[1:]]
         through = led(system, C)
-        rest = [vectors.sum([dot(through[b][i], free[b]) for b, i in ties]) - value for ties, value in zip(system.touches, c)]
+        rest = [
+            vectors.sum([dot(through[b][i], free[b]) for b, i in ties]) - value
+            for ties, value in zip(system.touches, c)
+        ]
         m = joint(system, through, pushed)
         dl, pivots = solved_sparse(system, m, rest)
-        dx = [less(y, columns, [dl[a] for a, _ in held]) for y, columns, held in zip(free, pushed, system.held)]
-        return vec(*[x for part in dx for x in part], *dl), upright and regular(system, m, pivots, h)
+        dx = [
+            less(y, columns, [dl[a] for a, _ in held])
+            for y, columns, held in zip(free, pushed, system.held)
+        ]
+        return vec(*[x for part in dx for x in part], *dl), upright and regular(
+            system, m, pivots, h
+        )
 
     def _condition(self, system: Any, g: Element, x: Vec) -> tuple[Vec, Any]:
         """c(g tau(x)), and its derivative by x, by rows and blocks."""
         there = self.retraction.compose_tau(system.configurations, g, x)
-        rows, blocks, parts = system.rows(there), system.blocks, [vec(*x[start:end]) for start, end in system.places]
+        rows, blocks, parts = (
+            system.rows(there),
+            system.blocks,
+            [vec(*x[start:end]) for start, end in system.places],
+        )
         bends = [
-            [self.retraction.dtau_dual(blocks[b][0], parts[b], rows[a][i], "left") for i, (b, _) in enumerate(ties)]
+            [
+                self.retraction.dtau_dual(blocks[b][0], parts[b], rows[a][i], "left")
+                for i, (b, _) in enumerate(ties)
+            ]
             for a, ties in enumerate(system.touches)
         ]
         return system.constraint.value(there), bends
@@ -188,8 +230,13 @@ class LieRATTLE(Method):
     def _excess(self, system: Any, rows: Any, mu: Vec) -> Vec:
         """The impulses that take away the velocity off the constraint: (G J^-1 G*) l' = G J^-1 mu."""
         through = led(system, rows)
-        pushed = [[times(inverse, row) for row in block] for inverse, block in zip(system.inverses, through)]
-        return solved_sparse(system, joint(system, through, pushed), speeds(system, rows, system.velocity(mu)))[0]
+        pushed = [
+            [times(inverse, row) for row in block]
+            for inverse, block in zip(system.inverses, through)
+        ]
+        return solved_sparse(
+            system, joint(system, through, pushed), speeds(system, rows, system.velocity(mu))
+        )[0]
 
     # ---------------------------------------------------------------- sizes
 
@@ -198,7 +245,9 @@ class LieRATTLE(Method):
         return dot(x, system.body.body.lagrangian.momentum(x))
 
     def _size(self, system: Any, memory: Bound) -> float:
-        """The size of a configuration, for rounding: tr J times the square of the largest entry of g."""
+        """The size of a configuration, for rounding: tr J times the square of the largest entry of
+        g.
+        """
         most = 0.0
         for x in entries(plain(memory.state.g)):
             most = max(most, abs(x))
@@ -214,14 +263,15 @@ class LieRATTLE(Method):
         """The error of a step without a solution of its own."""
         weakest = system.independence(g)
         where = (
-            f"The conditions are nearly dependent here (the least singular value of G is {weakest:.1e} of what it is for unrelated "
-            "conditions): the mechanism is close to a dead point, where it may go on in several ways, or in none"
+            "The conditions are nearly dependent here (the least singular value of G is "
+            f"{weakest:.1e} of what it is for unrelated conditions): the mechanism is close to a "
+            "dead point, where it may go on in several ways, or in none"
             if weakest < 0.1
             else f"The step h = {h:g} is too large for this motion; try {0.25 * h:g}"
         )
         return NoConvergence(
-            f"{self!r}: the solution that grows out of h = 0 ends at h = {end:.3g}, |h xi| = {norm(x):.2g}, in a fold or at the "
-            f"chart's edge. {where}"
+            f"{self!r}: the solution that grows out of h = 0 ends at h = {end:.3g}, |h xi| = "
+            f"{norm(x):.2g}, in a fold or at the chart's edge. {where}"
         )
 
 
@@ -252,10 +302,11 @@ def entries(g: Element) -> list[Any]:
 
 
 def eliminated(m: Mat, columns: list[Vec], sign: float) -> tuple[list[Vec], bool]:
-    """m^-1 of each column, by elimination in the given order; and whether det m has the sign of that of a positive matrix times
-    `sign`.
+    """m^-1 of each column, by elimination in the given order; and whether det m has the sign of
+    that of a positive matrix times `sign`.
 
-    For matrices whose symmetric part is positive, as those of a step that is not too large: they need no exchange of rows.
+    For matrices whose symmetric part is positive, as those of a step that is not too large: they
+    need no exchange of rows.
     Source: Golub and Van Loan, Matrix Computations, 4th ed., section 4.1.
     """
     n, same = len(m), 1.0
@@ -274,7 +325,9 @@ def eliminated(m: Mat, columns: list[Vec], sign: float) -> tuple[list[Vec], bool
 
 
 def regular(system: Any, m: list[list[Any]], pivots: list[Any], sign: float) -> bool:
-    """Has det m the sign of that of a positive matrix times `sign`, with no pivot below DEPENDENT times what it was before?"""
+    """Has det m the sign of that of a positive matrix times `sign`, with no pivot below DEPENDENT
+    times what it was before?
+    """
     same, far = 1.0, True
     for row, pivot, ends in zip(m, pivots, system.elimination):
         same = where(sign * pivot > 0.0, same, -same)

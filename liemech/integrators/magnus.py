@@ -1,4 +1,6 @@
-"""Magnus methods: one exponential for a step of a linear equation, of integrals of its velocity and their commutators."""
+"""Magnus methods: one exponential for a step of a linear equation, of integrals of its velocity and
+their commutators.
+"""
 
 from __future__ import annotations
 
@@ -22,9 +24,11 @@ ROOT_3, ROOT_15 = math.sqrt(3.0), math.sqrt(15.0)
 
 @record
 class Magnus(Method):
-    """A Magnus method for linear equations, whose velocity depends on time alone: symmetric, with one exponential a step.
+    """A Magnus method for linear equations, whose velocity depends on time alone: symmetric, with
+    one exponential a step.
 
-    With velocities xi_i at the nodes of Gauss and [ , ] the bracket, for g' = xi(t) g the step is exp(Omega) g with
+    With velocities xi_i at the nodes of Gauss and [ , ] the bracket, for g' = xi(t) g the step is
+    exp(Omega) g with
 
         order 2   Omega = h xi_1
         order 4   Omega = h (xi_1 + xi_2)/2 - h^2 sqrt(3)/12 [xi_1, xi_2]
@@ -33,11 +37,12 @@ class Magnus(Method):
 
     For g' = g xi(t) the step is g exp(Omega) and every bracket changes its sign.
 
-    order : 2 (the exponential midpoint rule), 4 or 6.  Velocities are never asked for at the ends of a step.
+    order : 2 (the exponential midpoint rule), 4 or 6.  Velocities are never asked for at the ends
+    of a step.
 
-    Source: Blanes, Casas, Ros, Improved high order integrators based on the Magnus expansion, BIT 40 (2000);
-    Blanes, Casas, Oteo, Ros, The Magnus expansion and some of its applications, Phys. Rep. 470 (2009), section 5;
-    Hairer, Lubich, Wanner, IV.7.
+    Source: Blanes, Casas, Ros, Improved high order integrators based on the Magnus expansion, BIT
+    40 (2000); Blanes, Casas, Oteo, Ros, The Magnus expansion and some of its applications, Phys.
+    Rep. 470 (2009), section 5; Hairer, Lubich, Wanner, IV.7.
     """
 
     order: int = 4
@@ -58,8 +63,9 @@ class Magnus(Method):
         super().require(system)
         if not getattr(system, "linear", False):
             raise IncompatibleSystem(
-                f"{self!r} needs a linear equation, such as a LinearGroupEquation, whose velocity depends on time alone; "
-                f"got {system!r}. For this one use RKMK(order=4) or CommutatorFree(order=4)"
+                f"{self!r} needs a linear equation, such as a LinearGroupEquation, whose velocity "
+                f"depends on time alone; got {system!r}. For this one use "
+                "RKMK(order=4) or CommutatorFree(order=4)"
             )
 
     def step(self, system: System, t: float, state: Any, h: float) -> Any:
@@ -75,9 +81,15 @@ class Magnus(Method):
             return h * velocities[0]
         if self.order == 4:
             first, second = velocities
-            return 0.5 * h * (first + second) - (sign * h * h * (ROOT_3 / 12.0)) * system.group.ad(first, second)
+            return 0.5 * h * (first + second) - (sign * h * h * (ROOT_3 / 12.0)) * system.group.ad(
+                first, second
+            )
         first, middle, last = velocities
-        a1, a2, a3 = h * middle, (h * (ROOT_15 / 3.0)) * (last - first), (h * (10.0 / 3.0)) * (last - 2.0 * middle + first)
+        a1, a2, a3 = (
+            h * middle,
+            (h * (ROOT_15 / 3.0)) * (last - first),
+            (h * (10.0 / 3.0)) * (last - 2.0 * middle + first),
+        )
         c1 = sign * system.group.ad(a1, a2)
         c2 = (sign / -60.0) * system.group.ad(a1, 2.0 * a3 + c1)
         return a1 + a3 / 12.0 + (sign / 240.0) * system.group.ad(c1 - a3 - 20.0 * a1, a2 + c2)

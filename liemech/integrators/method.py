@@ -27,14 +27,16 @@ class Method(Record):
     symmetric: ClassVar[bool] = False
     symplectic: ClassVar[bool] = False
     needs: ClassVar[tuple[str, ...]] = ()
-    fictive: ClassVar[bool] = False  # are its steps those of a fictive time, and is physical time carried along?
+    # are its steps those of a fictive time, and is physical time carried along?
+    fictive: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         super().__post_init__()
         for name, given in self._fields():
             if name == "retraction" and not isinstance(given, Retraction):
                 raise InvalidType(
-                    f"{type(self).__name__}: retraction must be Exponential(), Cayley() or one of yours; got {given!r}"
+                    f"{type(self).__name__}: retraction must be Exponential(), "
+                    f"Cayley() or one of yours; got {given!r}"
                 )
 
     def _fields(self) -> list[tuple[str, Any]]:
@@ -43,7 +45,9 @@ class Method(Record):
 
     @property
     def error_order(self) -> int:
-        """The order of the error estimate plus one, by which adaptive steps are chosen; 0 if there is none."""
+        """The order of the error estimate plus one, by which adaptive steps are chosen; 0 if there
+        is none.
+        """
         return 0
 
     @property
@@ -64,23 +68,33 @@ class Method(Record):
         return memory
 
     def past(self, memory: Any) -> tuple[Any, ...]:
-        """What the memory holds beside the state; with `resume`, for methods whose first guess comes from the steps before."""
+        """What the memory holds beside the state; with `resume`, for methods whose first guess
+        comes from the steps before.
+        """
         return ()
 
     def resume(self, system: Any, state: Any, past: Any, h: float) -> Any:
-        """What `step` carries along, from a state and the past of steps of the same length elsewhere; a new start by default."""
+        """What `step` carries along, from a state and the past of steps of the same length
+        elsewhere; a new start by default.
+        """
         return self.start(system, state, h)
 
     def require(self, system: Any) -> None:
-        """Raise IncompatibleSystem, saying what to use instead, unless the method accepts the system.
+        """Raise IncompatibleSystem, saying what to use instead, unless the method accepts the
+        system.
 
         A retraction among the fields must be one of the system's group.
         """
         if not isinstance(system, System):
-            raise IncompatibleSystem(f"{self!r} needs a system such as RigidBody([1.0, 1.5, 2.0]); got {system!r}")
+            raise IncompatibleSystem(
+                f"{self!r} needs a system such as RigidBody([1.0, 1.5, 2.0]); got {system!r}"
+            )
         for need in self.needs:
             if getattr(system, need, None) is None:
-                raise IncompatibleSystem(f"{self!r} needs a system with a {need}; {system!r} has none. {system.alternatives}.")
+                raise IncompatibleSystem(
+                    f"{self!r} needs a system with a {need}; "
+                    f"{system!r} has none. {system.alternatives}."
+                )
         for _, value in self._fields():
             if isinstance(value, Retraction):
                 value.require(system.group)
@@ -91,6 +105,8 @@ class Method(Record):
 
 
 def alternatives(system: Any, otherwise: str = System.alternatives) -> str:
-    """What to use where a method does not accept a system.  otherwise : if its class says nothing of its own."""
+    """What to use where a method does not accept a system.  otherwise : if its class says nothing
+    of its own.
+    """
     own = system.alternatives if isinstance(system, System) else otherwise
     return otherwise if own == System.alternatives else own

@@ -1,4 +1,6 @@
-"""Midpoint rules for the momenta of rotations, so(3)*: the plain one, the spherical one, and the isospectral ones of Gauss."""
+"""Midpoint rules for the momenta of rotations, so(3)*: the plain one, the spherical one, and the
+isospectral ones of Gauss.
+"""
 
 from __future__ import annotations
 
@@ -23,15 +25,18 @@ ORDERS = (2, 4, 6, 8, 10)
 
 @record
 class ImplicitMidpoint(Implicit):
-    """The implicit midpoint rule for mu' = mu x xi(mu), as if momenta were just vectors: a method to compare with.
+    """The implicit midpoint rule for mu' = mu x xi(mu), as if momenta were just vectors: a method
+    to compare with.
 
         mu_n+1 = mu_n + h m x xi(m),   m = (mu_n + mu_n+1)/2,   that is   mu_n+1 = Ad*_cay(h xi(m)) mu_n,   g_n+1 = g_n cay(h xi(m))
 
-    Order 2, symmetric; |mu| and spatial momentum are kept to rounding, and so is a quadratic energy, of which it is the discrete
-    gradient.  But it is not a Poisson map: on so(3)*, whose bracket depends on mu, only the spherical rule is.
+    Order 2, symmetric; |mu| and spatial momentum are kept to rounding, and so is a quadratic
+    energy, of which it is the discrete gradient.  But it is not a Poisson map: on so(3)*, whose
+    bracket depends on mu, only the spherical rule is.
 
     Rotations only, with any Hamiltonian.  Raises NoConvergence.
-    Source: Hairer, Lubich, Wanner, IV.2.1, VI.4; Austin, Krishnaprasad, Wang, J. Comput. Phys. 107 (1993).
+    Source: Hairer, Lubich, Wanner, IV.2.1, VI.4; Austin, Krishnaprasad, Wang, J. Comput. Phys. 107
+    (1993).
     """
 
     order: ClassVar[int] = 2
@@ -56,7 +61,9 @@ class ImplicitMidpoint(Implicit):
         return state.mu
 
     def step(self, system: Any, t: float, state: Memory, h: float) -> Memory:
-        """Solve for the mean from the extrapolated one, then move momentum and attitude by the displacement that belongs to it."""
+        """Solve for the mean from the extrapolated one, then move momentum and attitude by the
+        displacement that belongs to it.
+        """
         m = self.mean(system, h, state.mu, extrapolated(*self.past(state)))
         x = self.turn(system, h, m, state.mu)
         return self.after(state, system.displaced(Cayley(), self.observe(state), x), m)
@@ -77,12 +84,14 @@ class ImplicitMidpoint(Implicit):
 
 @record
 class SphericalMidpoint(ImplicitMidpoint):
-    """The midpoint rule of spheres: the velocity is taken where the mean of both momenta points, but on their sphere.
+    """The midpoint rule of spheres: the velocity is taken where the mean of both momenta points,
+    but on their sphere.
 
         mu_n+1 = mu_n + h M x xi(M),   M = |mu_n| m/|m|,   m = (mu_n + mu_n+1)/2
 
-    It turns by cay(h |mu_n|/|m| xi(M)), and so does g.  Order 2, symmetric, and a Poisson map of so(3)*; |mu|, spatial momentum and
-    a quadratic energy are kept to rounding.  A method for momenta: together with the attitude it is not symplectic on T*SO(3).
+    It turns by cay(h |mu_n|/|m| xi(M)), and so does g.  Order 2, symmetric, and a Poisson map of
+    so(3)*; |mu|, spatial momentum and a quadratic energy are kept to rounding.  A method for
+    momenta: together with the attitude it is not symplectic on T*SO(3).
 
     Rotations only, with any Hamiltonian.  Raises NoConvergence.
     Source: McLachlan, Modin, Verdier, Phys. Rev. E 89 (2014) and Math. Comp. 86 (2017).
@@ -106,17 +115,21 @@ class SphericalMidpoint(ImplicitMidpoint):
 
 @record
 class Isospectral(Implicit):
-    """The isospectral methods of Gauss: a symplectic Runge-Kutta method of the group, seen from the momenta.
+    """The isospectral methods of Gauss: a symplectic Runge-Kutta method of the group, seen from the
+    momenta.
 
-    With the tableau of Gauss and B_j = -hat(xi(mu_j)) for the momenta mu_j = Q_j mu Q_j^-1 (as matrices) of the stages,
+    With the tableau of Gauss and B_j = -hat(xi(mu_j)) for the momenta mu_j = Q_j mu Q_j^-1 (as
+    matrices) of the stages,
 
         Q_i = 1 + h sum_j a_ij B_j Q_j,   Q = 1 + h sum_j b_j B_j Q_j,   mu_n+1 = Q mu_n,   g_n+1 = g_n Q^T
 
-    order : 2, 4, 6, 8 or 10, twice the number of stages.  Of order 2 it is Algorithm 1 with the Cayley map.
-    Symmetric, Poisson; spatial momentum and |mu| are kept to rounding, the energy oscillates without drift.
+    order : 2, 4, 6, 8 or 10, twice the number of stages.  Of order 2 it is Algorithm 1 with the
+    Cayley map.  Symmetric, Poisson; spatial momentum and |mu| are kept to rounding, the energy
+    oscillates without drift.
 
     Rotations only, with any Hamiltonian.  Stages are iterated to rounding; raises NoConvergence.
-    Source: Modin and Viviani, Lie-Poisson methods for isospectral flows, Found. Comput. Math. 20 (2020).
+    Source: Modin and Viviani, Lie-Poisson methods for isospectral flows, Found. Comput. Math. 20
+    (2020).
     """
 
     symmetric: ClassVar[bool] = True
@@ -145,7 +158,8 @@ class Isospectral(Implicit):
         require_rotations(self, system)
         if isinstance(system.group, UnitQuaternions):
             raise IncompatibleSystem(
-                f"{self!r} moves rotation matrices, not quaternions; got {system!r}. Use group=SO3(), or ImplicitMidpoint()"
+                f"{self!r} moves rotation matrices, not quaternions; got {system!r}. Use "
+                "group=SO3(), or ImplicitMidpoint()"
             )
 
     def first(self, system: Any, state: BodyState, h: float) -> tuple[Mat, ...]:
@@ -165,7 +179,9 @@ class Isospectral(Implicit):
         """The Z_j = h B_j Q_j, iterated until they change no more."""
         return fixed_point(lambda stages: self._sweep(system, h, mu, stages), guess, self, h)
 
-    def _sweep(self, system: Any, h: float, mu: Vec, stages: list[Mat]) -> tuple[list[Mat], float, float]:
+    def _sweep(
+        self, system: Any, h: float, mu: Vec, stages: list[Mat]
+    ) -> tuple[list[Mat], float, float]:
         """Every stage anew, each from the new ones before it; their change and their size."""
         change, size = 0.0, 0.0
         for i, row in enumerate(self.tableau[0]):
@@ -185,8 +201,10 @@ def cofactors(q: Mat) -> Mat:
 
 def require_rotations(method: Method, system: Any) -> None:
     """Raise IncompatibleSystem unless the system is a Lie-Poisson system of rotations."""
-    if not (isinstance(system, LiePoissonSystem) and isinstance(system.group, (SO3, UnitQuaternions))):
+    if not (
+        isinstance(system, LiePoissonSystem) and isinstance(system.group, (SO3, UnitQuaternions))
+    ):
         raise IncompatibleSystem(
-            f"{method!r} is a method for momenta on so(3)*, a LiePoissonSystem on SO3() such as RigidBody([1.0, 1.5, 2.0]); "
-            f"got {system!r}. RKMK(order=4) accepts every system"
+            f"{method!r} is a method for momenta on so(3)*, a LiePoissonSystem on SO3() such as "
+            f"RigidBody([1.0, 1.5, 2.0]); got {system!r}. RKMK(order=4) accepts every system"
         )

@@ -24,13 +24,15 @@ from .variational import with_inertia
 
 @record
 class MoserVeselov(Implicit):
-    """The discrete rigid body of Moser and Veselov: steps F that extremise sum tr(F J_d), J_d = tr(J)/2 - J.
+    """The discrete rigid body of Moser and Veselov: steps F that extremise sum tr(F J_d),
+    J_d = tr(J)/2 - J.
 
         h hat(mu_n) = F J_d - J_d F^T,   mu_n+1 = F^T mu_n,   g_n+1 = g_n F
 
-    With F = cay(x) the first line is J x = h (dcay_x^-1)* mu_n, left-trivialised: Algorithm 1 with the inverse on the other side.
-    Order 2, symmetric, Poisson; it keeps the energy of the body and the spatial momentum to rounding: its steps lie on
-    the exact orbit, at slightly wrong times.  Steps must be short: it has no solution beyond h|mu| of about the least moment.
+    With F = cay(x) the first line is J x = h (dcay_x^-1)* mu_n, left-trivialised: Algorithm 1 with
+    the inverse on the other side.  Order 2, symmetric, Poisson; it keeps the energy of the body and
+    the spatial momentum to rounding: its steps lie on the exact orbit, at slightly wrong times.
+    Steps must be short: it has no solution beyond h|mu| of about the least moment.
 
     Free rigid bodies only.  Raises NoConvergence where the step is too large.
     Source: Moser and Veselov, Commun. Math. Phys. 139 (1991); Hairer, Lubich, Wanner, VII.5.
@@ -55,7 +57,9 @@ class MoserVeselov(Implicit):
         return h * system.velocity(state.mu)
 
     def step(self, system: Any, t: float, state: Memory, h: float) -> Memory:
-        """Solve for the displacement from the extrapolated one, then move momentum and attitude by it."""
+        """Solve for the displacement from the extrapolated one, then move momentum and attitude by
+        it.
+        """
         x = self.displacement(system, h, state.mu, extrapolated(*self.past(state)))
         return self.after(state, system.displaced(Cayley(), self.observe(state), x), x)
 
@@ -69,44 +73,63 @@ class MoserVeselov(Implicit):
         x, size, enough, folded = newton(lambda x: self.equation(system, y, x), guess, dot(y, y))
         if folded or not size <= enough:
             raise NoConvergence(
-                f"{self!r}: no step F from here with h hat(mu) = F J_d - J_d F^T, it would have to turn by more than the body can: "
-                f"h|mu| = {norm(y):.2g}, mismatch {sqrt(size):.1e}, wanted {sqrt(enough):.1e}. The step h = {h:g} is too large; "
-                f"try {0.25 * h:g}, or CovariantVariational(Cayley()), which has a solution for every h"
+                f"{self!r}: no step F from here with h hat(mu) = F J_d - J_d F^T, it would have to "
+                f"turn by more than the body can: h|mu| = {norm(y):.2g}, mismatch "
+                f"{sqrt(size):.1e}, wanted {sqrt(enough):.1e}. The step h = {h:g} is too large; "
+                f"try {0.25 * h:g}, or "
+                "CovariantVariational(Cayley()), which has a solution for every h"
             )
         return x
 
     def equation(self, system: Any, y: Vec, x: Vec) -> tuple[Vec, Mat, float]:
         """J x - y + x x y/2 - x (x.y)/4 and its derivative, beside y."""
         inertia, s = self.inertia(system), 0.25 * dot(x, y)
-        r = (inertia @ x if isinstance(inertia, vectors.Mat) else inertia * x) - (y + (s * x - 0.5 * cross(x, y)))
-        return r, with_inertia(_minus(outer(0.25 * x, y) + system.group.algebra.hat(0.5 * y), s), inertia), 1.0
+        r = (inertia @ x if isinstance(inertia, vectors.Mat) else inertia * x) - (
+            y + (s * x - 0.5 * cross(x, y))
+        )
+        return (
+            r,
+            with_inertia(
+                _minus(outer(0.25 * x, y) + system.group.algebra.hat(0.5 * y), s), inertia
+            ),
+            1.0,
+        )
 
 
 NAN = math.nan
 
 PARALLEL = 2.0**-100
-"""If the part of a vector perpendicular to another one is smaller than this (squared, relative), its direction is rounding."""
+"""If the part of a vector perpendicular to another one is smaller than this (squared, relative),
+its direction is rounding.
+"""
 
 SHORT, TRIED = 0.5, 16
-"""Above SHORT of the least moment, h|mu| may have no solution later on the orbit: TRIED steps are tested."""
+"""Above SHORT of the least moment, h|mu| may have no solution later on the orbit: TRIED steps are
+tested.
+"""
 
 FITTED = 1e-10
-"""How far, relatively, steps may be from the exact ones, and a start from the constants for which a method was fitted."""
+"""How far, relatively, steps may be from the exact ones, and a start from the constants for which a
+method was fitted.
+"""
 
 
 @record
 class ExactMoserVeselov(MoserVeselov):
-    """The exact motion of a free body, by steps of Moser and Veselov for a body with other moments, 1/J'_j = (1 + s)/J_j + d.
+    """The exact motion of a free body, by steps of Moser and Veselov for a body with other moments,
+    1/J'_j = (1 + s)/J_j + d.
 
-    Its energy is (1 + s) H + d |mu|^2/2, so it has the same orbits, and its discrete motion is a shift of the two angles of the
-    continuous one: along the orbit, and about the spatial momentum.  The numbers s and d make both shifts right, for one energy,
-    one |mu| and one h.  A step costs what a step of Moser-Veselov costs, and nothing but rounding errors is left.
+    Its energy is (1 + s) H + d |mu|^2/2, so it has the same orbits, and its discrete motion is a
+    shift of the two angles of the continuous one: along the orbit, and about the spatial momentum.
+    The numbers s and d make both shifts right, for one energy, one |mu| and one h.  A step costs
+    what a step of Moser-Veselov costs, and nothing but rounding errors is left.
 
-    `ExactMoserVeselov.of(body, start, h)` fits the method; it steps from such a start, with h or -h, and refuses others.
-    Momenta and attitudes that it did not see stay exact as long as energy and |mu| are the same.
+    `ExactMoserVeselov.of(body, start, h)` fits the method; it steps from such a start, with h or
+    -h, and refuses others.  Momenta and attitudes that it did not see stay exact as long as energy
+    and |mu| are the same.
 
-    Source: Hairer and Vilmart, J. Phys. A 39 (2006), and McLachlan and Zanna, Found. Comput. Math. 5 (2005), who expand s and d
-    in powers of h.
+    Source: Hairer and Vilmart, J. Phys. A 39 (2006), and McLachlan and Zanna, Found. Comput. Math.
+    5 (2005), who expand s and d in powers of h.
     """
 
     symplectic: ClassVar[bool] = False  # s and d belong to one orbit
@@ -119,28 +142,39 @@ class ExactMoserVeselov(MoserVeselov):
     def of(cls, body: RigidBody, start: BodyState, h: float) -> ExactMoserVeselov:
         """The method for a free body, a start and a length of steps, fitted to the exact motion.
 
-        An exact step cay(x) is one of Moser and Veselov if J'x = r, r = y - x x y/2 + x (x.y)/4, y = h mu.  With
-        1/J' = (1 + s)/J + d these are linear equations for s and d.  They are taken where the orbit meets the plane of the least
-        and the largest moment; there r and r/J differ most.
+        An exact step cay(x) is one of Moser and Veselov if J'x = r, r = y - x x y/2 + x (x.y)/4,
+        y = h mu.  With 1/J' = (1 + s)/J + d these are linear equations for s and d.  They are taken
+        where the orbit meets the plane of the least and the largest moment; there r and r/J differ
+        most.
 
         Raises IncompatibleSystem unless it is a RigidBody, NoConvergence if h is too large.
         """
         if not isinstance(body, RigidBody):
-            raise IncompatibleSystem(f"ExactMoserVeselov.of needs a RigidBody, whose exact motion is known; got {body!r}")
+            raise IncompatibleSystem(
+                f"ExactMoserVeselov.of needs a RigidBody, whose exact motion is known; got {body!r}"
+            )
         if start.bodies is not None:
-            raise InvalidInput("ExactMoserVeselov.of takes one body at a time: the method is fitted to its energy")
+            raise InvalidInput(
+                "ExactMoserVeselov.of takes one body at a time: the method is fitted to its energy"
+            )
         inverse, mu, unit = _in_the_plane(body, start.mu)
         x, y = _exact_displacement(inverse, mu, unit * h), (unit * h) * mu
         r = y + ((0.25 * dot(x, y)) * x - 0.5 * cross(x, y))
         s, d, off = _combined(inverse * r, r, x - inverse * r)
-        method = cls(h, _fingerprint(body, start.mu), 1.0 / vec(*[(1.0 + s) * k + d for k in inverse]))
+        method = cls(
+            h, _fingerprint(body, start.mu), 1.0 / vec(*[(1.0 + s) * k + d for k in inverse])
+        )
         folded = beyond_fold(method.equation(body, y, x)[1], 1.0)
         if folded or not (norm(off) <= FITTED * norm(x) and min(method.moments) > 0.0):
             raise NoConvergence(
-                f"ExactMoserVeselov: no moments found whose steps are exact, they are off by {norm(off):.1e}. "
-                f"The step h = {h:g} is too large for this motion; try {0.25 * h:g}"
+                "ExactMoserVeselov: no moments found whose steps are exact, they are off by "
+                f"{norm(off):.1e}. The step h = {h:g} is too large "
+                f"for this motion; try {0.25 * h:g}"
             )
-        K, shift = body.hamiltonian.inverse, d * _trace(body.hamiltonian.inverse) / (inverse[0] + inverse[1] + inverse[2])
+        K, shift = (
+            body.hamiltonian.inverse,
+            d * _trace(body.hamiltonian.inverse) / (inverse[0] + inverse[1] + inverse[2]),
+        )
         if isinstance(K, vectors.Vec):
             method = cls(h, method.constants, 1.0 / vec(*[(1.0 + s) * k + shift for k in K]))
         else:
@@ -157,7 +191,9 @@ class ExactMoserVeselov(MoserVeselov):
         return "Exact Moser-Veselov"
 
     def first(self, system: Any, state: BodyState, h: float) -> Vec:
-        """The displacement at the velocity of the start; no number at all if the method was not fitted to this start and h."""
+        """The displacement at the velocity of the start; no number at all if the method was not
+        fitted to this start and h.
+        """
         other = abs(h) != abs(self.h)
         for found, wanted in zip(_fingerprint(system, state.mu), self.constants):
             other = other or abs(found - wanted) > FITTED * abs(wanted)
@@ -167,8 +203,9 @@ class ExactMoserVeselov(MoserVeselov):
         """One step of the body with the other moments."""
         if state.last[0] != state.last[0]:
             raise InconsistentState(
-                f"{self.name} was fitted to another motion, with h = {self.h:g}, |mu|^2 = {self.constants[0]:g} and energy "
-                f"{self.constants[1]:g}. Fit it to this one: ExactMoserVeselov.of(body, start, h)"
+                f"{self.name} was fitted to another motion, with h = {self.h:g}, |mu|^2 = "
+                f"{self.constants[0]:g} and energy {self.constants[1]:g}. Fit it to this one: "
+                "ExactMoserVeselov.of(body, start, h)"
             )
         return super().step(system, t, state, h)
 
@@ -178,10 +215,12 @@ class ExactMoserVeselov(MoserVeselov):
 
 
 def _in_the_plane(body: RigidBody, mu: Vec) -> tuple[Vec, Vec, float]:
-    """1/J of the principal moments; a momentum of the same orbit, in principal axes, without component along the middle one.
+    """1/J of the principal moments; a momentum of the same orbit, in principal axes, without
+    component along the middle one.
 
     Both in units near to their size, and the factor that makes steps of time those of such units.
-    mu_1^2 = J_1/(J_3 - J_1) sum_i mu_i^2 (J_3 - J_i)/J_i from energy and |mu|^2, and likewise mu_3^2.
+    mu_1^2 = J_1/(J_3 - J_1) sum_i mu_i^2 (J_3 - J_i)/J_i from energy and |mu|^2, and likewise
+    mu_3^2.
     """
     J, m = body.inertia, mu
     if isinstance(J, vectors.Mat):
@@ -225,7 +264,9 @@ def _trace(m: Vec | Mat) -> float:
 
 
 def _fingerprint(system: Any, mu: Vec) -> Vec:
-    """|mu|^2 and the energy, which tell an orbit, and the velocity of some momentum, which tells the body."""
+    """|mu|^2 and the energy, which tell an orbit, and the velocity of some momentum, which tells
+    the body.
+    """
     return vec(dot(mu, mu), system.energy(mu), *system.velocity(vec(1.0, 2.0, 3.0)))
 
 
@@ -235,10 +276,13 @@ def _minus(m: Mat, s: float) -> Mat:
 
 
 def require_free_body(method: Method, system: Any) -> None:
-    """Raise IncompatibleSystem unless the system is a free rigid body: kinetic energy on SO(3) or the unit quaternions."""
+    """Raise IncompatibleSystem unless the system is a free rigid body: kinetic energy on SO(3) or
+    the unit quaternions.
+    """
     turns = isinstance(getattr(system, "group", None), (SO3, UnitQuaternions))
     if not (turns and isinstance(getattr(system, "hamiltonian", None), KineticEnergy)):
         raise IncompatibleSystem(
-            f"{method!r} is a method for the free rigid body, such as RigidBody([1.0, 1.5, 2.0]); got {system!r}. "
-            "For this one use CovariantVariational(Exponential()), which keeps the same structure, or RKMK(order=4)"
+            f"{method!r} is a method for the free rigid body, such as RigidBody([1.0, 1.5, 2.0]); "
+            f"got {system!r}. For this one use CovariantVariational(Exponential()), which keeps "
+            "the same structure, or RKMK(order=4)"
         )

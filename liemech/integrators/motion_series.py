@@ -1,11 +1,12 @@
 """Generating functions read off the motion itself, as power series in the time t of a step.
 
-The characteristics of a Hamilton-Jacobi equation are the motions.  Along them, what generates the step is a series in t, whatever
-the momentum m they pass through.  What the generating function depends on stays fixed meanwhile, and m with it depends on t: the
-terms are series in their turn, each found from those before.
+The characteristics of a Hamilton-Jacobi equation are the motions.  Along them, what generates the
+step is a series in t, whatever the momentum m they pass through.  What the generating function
+depends on stays fixed meanwhile, and m with it depends on t: the terms are series in their turn,
+each found from those before.
 
-Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VI.5.3; Griewank and Walther, Evaluating Derivatives,
-2nd ed., chapter 13 (series of series).
+Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VI.5.3; Griewank and
+Walther, Evaluating Derivatives, 2nd ed., chapter 13 (series of series).
 """
 
 from __future__ import annotations
@@ -24,14 +25,16 @@ from ..systems.lie_poisson import BodyState
 def second_kind(
     system: Any, retraction: Retraction, p: Vec, terms: int, h: float = 1.0, time: float = 0.0
 ) -> list[Vec]:
-    """x_1, x_3, ... of the displacement x = t x_1 + t^3 x_3 + ... of the motion for the time t h, p, conjugate to x, fixed.
+    """x_1, x_3, ... of the displacement x = t x_1 + t^3 x_3 + ... of the motion for the time t h,
+    p, conjugate to x, fixed.
 
     With m the momentum half way, v and mu the velocity and the momentum at the end,
 
         x' = dtau^-1_x v,   (dtau^-1_x)* p = mu,   both left-trivialised, and of both the even part: x is odd in t, p is even.
 
-    Half way it is `time`.  The first gives x, the second p = m + t^2 p_2 + t^4 p_4 + ..., and from there m = p - t^2 p_2 - ... as
-    a series in t^2.  The unit of time is h: powers of it might under- or overflow.
+    Half way it is `time`.  The first gives x, the second p = m + t^2 p_2 + t^4 p_4 + ..., and from
+    there m = p - t^2 p_2 - ... as a series in t^2.  The unit of time is h: powers of it might
+    under- or overflow.
     """
     group, n = system.group, system.group.dim
     m = vec(*[Series(c) for c in p])
@@ -42,19 +45,31 @@ def second_kind(
         if k:
             known = vec(*[Series(*[c for term in even for c in (term[i], None)]) for i in range(n)])
             even = [*even, _at(k, mu) - _added_to_momentum(group, retraction, x, known, mu, k)]
-        odd = [*odd, (1.0 / (k + 1)) * (_at(k, v) + _added_to_velocity(group, retraction, x, v, k) if k else _at(k, v))]
+        odd = [
+            *odd,
+            (1.0 / (k + 1))
+            * (_at(k, v) + _added_to_velocity(group, retraction, x, v, k) if k else _at(k, v)),
+        ]
     settle(m, [-term for term in even[1:]])
     return values(odd)
 
 
 def first_kind(
-    system: Any, retraction: Retraction, s0: Any, scale: float, xi: Vec, order: int, h: float = 1.0, time: float = 0.0
+    system: Any,
+    retraction: Retraction,
+    s0: Any,
+    scale: float,
+    xi: Vec,
+    order: int,
+    h: float = 1.0,
+    time: float = 0.0,
 ) -> list[Vec]:
-    """pi_0, pi_1, ... of the momentum pi = pi_0 + t pi_1 + ... + t^order pi_order at the end of a step tau(xi), xi fixed.
+    """pi_0, pi_1, ... of the momentum pi = pi_0 + t pi_1 + ... + t^order pi_order at the end of a
+    step tau(xi), xi fixed.
 
-    The step is the motion k for the time t h, up to pi, and a step of the class function s0 alone: tau(xi) = k h with h of momentum
-    pi.  At the end it is `time`.  Followed backwards from pi, k obeys k' = v k, and h = k^-1 tau(xi) moves with the body velocity
-    -u,
+    The step is the motion k for the time t h, up to pi, and a step of the class function s0 alone:
+    tau(xi) = k h with h of momentum pi.  At the end it is `time`.  Followed backwards from pi, k
+    obeys k' = v k, and h = k^-1 tau(xi) moves with the body velocity -u,
 
         h' = -h u,   u = Ad_tau(xi)^-1 v.
     """
@@ -73,7 +88,9 @@ def velocity_at(system: Any, time: Any, mu: Vec) -> Vec:
 
 
 def motion(system: Any, h: float, m: Vec, pace: float, time: float = 0.0) -> tuple[Vec, Vec]:
-    """Velocity and momentum a time `pace` t h after the momentum was m at `time`: v = h dH(mu), mu' = pace ad*_v mu."""
+    """Velocity and momentum a time `pace` t h after the momentum was m at `time`: v = h dH(mu),
+    mu' = pace ad*_v mu.
+    """
     mu = vec(*[Series(c) for c in m])
     v = series(h * velocity_at(system, Series(time, pace * h), mu))
     for component, rate in zip(mu, system.group.ad_star(v, mu)):
@@ -82,13 +99,17 @@ def motion(system: Any, h: float, m: Vec, pace: float, time: float = 0.0) -> tup
 
 
 def settle(m: Vec, terms: list[Vec]) -> None:
-    """Let the unknown series m be m_0 + e a + e^2 b + ... of the terms a, b, ..., which may depend on m."""
+    """Let the unknown series m be m_0 + e a + e^2 b + ... of the terms a, b, ..., which may depend
+    on m.
+    """
     for component, rest in zip(m, collected(terms)):
         component.by((Series(None, 1.0) * rest).term)
 
 
 def collected(terms: list[Vec]) -> Vec:
-    """The vector of series a + e b + e^2 c + ... of the terms a, b, c, ..., which are vectors of series themselves."""
+    """The vector of series a + e b + e^2 c + ... of the terms a, b, c, ..., which are vectors of
+    series themselves.
+    """
     total = series(terms[0])
     for k in range(1, len(terms)):
         power = Series(*[None for _ in range(k)], 1.0)
@@ -115,7 +136,8 @@ def _at(k: int, x: Vec) -> Vec:
 def _added_to_velocity(group: LieGroup, retraction: Retraction, x: Vec, v: Vec, k: int) -> Vec:
     """What dtau^-1_x adds to v at t^k, left-trivialised.
 
-    The exponential: ad_x v = ad_x (v - x/t), where v - x/t begins with t: two brackets less to be nested.
+    The exponential: ad_x v = ad_x (v - x/t), where v - x/t begins with t: two brackets less to be
+    nested.
     """
     if not isinstance(retraction, Exponential):
         return _at(k, retraction.dtau_inv(group, x, v, "left")) - _at(k, v)
@@ -123,10 +145,13 @@ def _added_to_velocity(group: LieGroup, retraction: Retraction, x: Vec, v: Vec, 
     return _at(k, _bernoulli(lambda y: group.ad(-x, y), group.ad(-x, turning), 1, k - 1))
 
 
-def _added_to_momentum(group: LieGroup, retraction: Retraction, x: Vec, p: Vec, mu: Vec, k: int) -> Vec:
+def _added_to_momentum(
+    group: LieGroup, retraction: Retraction, x: Vec, p: Vec, mu: Vec, k: int
+) -> Vec:
     """What (dtau^-1_x)* adds to p at t^k, left-trivialised, where p itself has no term yet.
 
-    The exponential: what is odd in t comes from -ad*_x p/2 alone, with -x in the place of x, and so ad*_x p is known from mu.
+    The exponential: what is odd in t comes from -ad*_x p/2 alone, with -x in the place of x, and so
+    ad*_x p is known from mu.
     """
     if not isinstance(retraction, Exponential):
         return _at(k, retraction.dtau_inv_dual(group, x, p, "left"))

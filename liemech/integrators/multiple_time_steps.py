@@ -23,7 +23,9 @@ LOOKED_AT = 8
 
 @record
 class Impelled(Record):
-    """What multiple time steps carry along: the state, and the force of each part there; None for a mollified one."""
+    """What multiple time steps carry along: the state, and the force of each part there; None for a
+    mollified one.
+    """
 
     state: CanonicalState
     forces: Any
@@ -31,21 +33,25 @@ class Impelled(Record):
 
 @record
 class MultipleTimeSteps(Method):
-    """The impulse method (Verlet-I, r-RESPA): half a kick by the slow force, fast steps without it, half a kick.
+    """The impulse method (Verlet-I, r-RESPA): half a kick by the slow force, fast steps without it,
+    half a kick.
 
         Phi_h = slow(h/2) o (fast(h/N))^N o slow(h/2),   fast(h) = the method of Stormer and Verlet, or again of this kind
 
-    ratios : for a MultirateSystem of m parts, m - 1 whole numbers: how many steps with the first part there are in one with the
-    second, and so on; (5, 2) makes ten steps with the fastest part, two with the second, one with the slowest.
-    mollified : takes the slow potential at the mean A(q) of the positions that the fast motion goes through from rest in q, in a
-    time h; its force is (dA/dq)^T f(A(q)), by differentiation.  For two parts.
+    ratios : for a MultirateSystem of m parts, m - 1 whole numbers: how many steps with the first
+    part there are in one with the second, and so on; (5, 2) makes ten steps with the fastest part,
+    two with the second, one with the slowest.
+    mollified : takes the slow potential at the mean A(q) of the positions that the fast motion goes
+    through from rest in q, in a time h; its force is (dA/dq)^T f(A(q)), by differentiation.  For
+    two parts.
 
-    Order 2, symmetric, symplectic; one slow force a step.  Where h w is near a multiple of pi, w a frequency of the fast part, the
-    kicks are in resonance with it and the energy grows: a StepWarning says so.  There the mollified force vanishes.
+    Order 2, symmetric, symplectic; one slow force a step.  Where h w is near a multiple of pi, w a
+    frequency of the fast part, the kicks are in resonance with it and the energy grows: a
+    StepWarning says so.  There the mollified force vanishes.
 
-    Source: Grubmueller, Heller, Windemuth, Schulten, Mol. Simul. 6 (1991), 121; Tuckerman, Berne, Martyna, J. Chem. Phys. 97
-    (1992), 1990; mollified Garcia-Archilla, Sanz-Serna, Skeel, SIAM J. Sci. Comput. 20 (1998), 930; Hairer, Lubich, Wanner, VIII.4
-    and XIII.1.
+    Source: Grubmueller, Heller, Windemuth, Schulten, Mol. Simul. 6 (1991), 121; Tuckerman, Berne,
+    Martyna, J. Chem. Phys. 97 (1992), 1990; mollified Garcia-Archilla, Sanz-Serna, Skeel, SIAM J.
+    Sci. Comput. 20 (1998), 930; Hairer, Lubich, Wanner, VIII.4 and XIII.1.
     """
 
     order: ClassVar[int] = 2
@@ -57,13 +63,24 @@ class MultipleTimeSteps(Method):
 
     def __post_init__(self) -> None:
         if not isinstance(self.ratios, tuple | list):
-            raise InvalidType(f"MultipleTimeSteps: ratios is a tuple of whole numbers, such as (10,); got {self.ratios!r}")
+            raise InvalidType(
+                "MultipleTimeSteps: ratios is a tuple of whole "
+                f"numbers, such as (10,); got {self.ratios!r}"
+            )
         if not self.ratios or any(type(n) is not int or n < 1 for n in self.ratios):
-            raise InvalidInput(f"MultipleTimeSteps: ratios are whole numbers of at least 1, such as (10,); got {self.ratios!r}")
+            raise InvalidInput(
+                "MultipleTimeSteps: ratios are whole numbers of at "
+                f"least 1, such as (10,); got {self.ratios!r}"
+            )
         if type(self.mollified) is not bool:
-            raise InvalidType(f"MultipleTimeSteps: mollified is True or False; got {self.mollified!r}")
+            raise InvalidType(
+                f"MultipleTimeSteps: mollified is True or False; got {self.mollified!r}"
+            )
         if self.mollified and len(self.ratios) != 1:
-            raise InvalidInput(f"MultipleTimeSteps: mollified is for two parts, with one ratio; got {self.ratios!r}")
+            raise InvalidInput(
+                "MultipleTimeSteps: mollified is for two parts, "
+                f"with one ratio; got {self.ratios!r}"
+            )
         super().__post_init__()
 
     @property
@@ -75,17 +92,20 @@ class MultipleTimeSteps(Method):
         """A multirate system with one more part than there are ratios."""
         if not isinstance(system, MultirateSystem):
             raise IncompatibleSystem(
-                f"{self!r} needs a MultirateSystem, whose potential is a sum of fast and slow parts; got {system!r}. "
-                f"{alternatives(system)}"
+                f"{self!r} needs a MultirateSystem, whose potential is a sum of fast and slow "
+                f"parts; got {system!r}. {alternatives(system)}"
             )
         if len(system.parts) != len(self.ratios) + 1:
             raise IncompatibleSystem(
-                f"{self!r} has {len(self.ratios)} ratios, for {len(self.ratios) + 1} parts; {system!r} has {system.parts}"
+                f"{self!r} has {len(self.ratios)} ratios, for {len(self.ratios) + 1} parts; "
+                f"{system!r} has {system.parts}"
             )
         super().require(system)
 
     def step_warning(self, system: Any, start: CanonicalState, h: float) -> str | None:
-        """A warning of resonance or of unstable fast steps, by the frequencies at the start of all parts but the slowest."""
+        """A warning of resonance or of unstable fast steps, by the frequencies at the start of all
+        parts but the slowest.
+        """
         if start.bodies is None:
             return self._caution(system, start.q, start.p, h)
         for q, p in zip(start.q[:LOOKED_AT], start.p[:LOOKED_AT], strict=True):
@@ -99,23 +119,32 @@ class MultipleTimeSteps(Method):
         last = len(self.ratios)
         try:
             by_p = np.array(jacobian(lambda x: system.velocity(q, x), p))
-            hessian = np.array(jacobian(lambda x: sum_of([system.part_force(k, x) for k in range(last)]), q))
+            hessian = np.array(
+                jacobian(lambda x: sum_of([system.part_force(k, x) for k in range(last)]), q)
+            )
             squares = np.real(np.linalg.eigvals(-by_p @ hessian))
-        except (ArithmeticError, ValueError):  # LinAlgError, for entries that are not finite, is a ValueError
+        # LinAlgError, for entries that are not finite, is a ValueError
+        except (ArithmeticError, ValueError):
             return None
         frequencies = np.sqrt(np.maximum(squares, 0.0))
         phases = abs(h) * frequencies
         steps = math.prod(self.ratios)
         if phases.max() >= 2.0 * steps:
             return (
-                f"{self!r}: the fast steps h/{steps} = {h / steps:g} are unstable for the frequency {frequencies.max():.3g} of the "
-                f"fast part; try ratios whose product is {math.ceil(phases.max())} or more"
+                f"{self!r}: the fast steps h/{steps} = {h / steps:g} are unstable for the "
+                f"frequency {frequencies.max():.3g} of the fast part; try ratios whose product is "
+                f"{math.ceil(phases.max())} or more"
             )
-        near = [w for w, phase in zip(frequencies, phases) if phase > (1.0 - NEAR) * math.pi and off(phase) < NEAR]
+        near = [
+            w
+            for w, phase in zip(frequencies, phases)
+            if phase > (1.0 - NEAR) * math.pi and off(phase) < NEAR
+        ]
         if near and not self.mollified:
             return (
-                f"{self!r}: h = {h:g} is in resonance with the frequency {near[0]:.3g} of the fast part, h w being near a multiple "
-                f"of pi; the energy may grow. Try h = {0.8 * math.pi / frequencies.max():.3g}, or mollified=True"
+                f"{self!r}: h = {h:g} is in resonance with the frequency {near[0]:.3g} of the fast "
+                "part, h w being near a multiple of pi; the energy may grow. Try h = "
+                f"{0.8 * math.pi / frequencies.max():.3g}, or mollified=True"
             )
         return None
 
@@ -125,7 +154,9 @@ class MultipleTimeSteps(Method):
         """The state and the forces there."""
         q = plain(state.q)
         slowest = None if self.mollified else system.part_force(len(self.ratios), q)
-        return Impelled(state, (*[system.part_force(k, q) for k in range(len(self.ratios))], slowest))
+        return Impelled(
+            state, (*[system.part_force(k, q) for k in range(len(self.ratios))], slowest)
+        )
 
     def observe(self, memory: Impelled) -> CanonicalState:
         """Positions and momenta."""
@@ -137,19 +168,25 @@ class MultipleTimeSteps(Method):
         if not self.mollified:
             return self._advanced(system, len(self.ratios), state, forces, h)
         fast = (forces[0],)
-        kicked = CanonicalState(state.q, state.p + (0.5 * h) * self._mollified(system, plain(state.q), h))
+        kicked = CanonicalState(
+            state.q, state.p + (0.5 * h) * self._mollified(system, plain(state.q), h)
+        )
         for _ in range(self.ratios[0]):
             after = self._advanced(system, 0, kicked, fast, h / self.ratios[0])
             kicked, fast = after.state, after.forces
         slow = self._mollified(system, plain(kicked.q), h)
         return Impelled(CanonicalState(kicked.q, kicked.p + (0.5 * h) * slow), (fast[0], None))
 
-    def _advanced(self, system: Any, k: int, state: CanonicalState, forces: Any, h: float) -> Impelled:
+    def _advanced(
+        self, system: Any, k: int, state: CanonicalState, forces: Any, h: float
+    ) -> Impelled:
         """A step of length h with the parts 0 to k."""
         state = CanonicalState(state.q, state.p + (0.5 * h) * forces[k])
         faster = forces[:k]
         if k == 0:
-            state = CanonicalState(state.q + h * system.velocity(plain(state.q), plain(state.p)), state.p)
+            state = CanonicalState(
+                state.q + h * system.velocity(plain(state.q), plain(state.p)), state.p
+            )
         else:
             for _ in range(self.ratios[k - 1]):
                 after = self._advanced(system, k - 1, state, faster, h / self.ratios[k - 1])
@@ -164,7 +201,9 @@ class MultipleTimeSteps(Method):
         return -gradient(lambda x: system.part(1, self._mean(system, x, h)), q)
 
     def _mean(self, system: Any, q: Vec, h: float) -> Vec:
-        """The mean over a step of the positions of the fast motion that starts at q at rest, by the fast steps and trapezoids."""
+        """The mean over a step of the positions of the fast motion that starts at q at rest, by the
+        fast steps and trapezoids.
+        """
         n = self.ratios[0]
         s = h / n
         x, p, total = q, 0.0 * q, 0.5 * q

@@ -1,4 +1,6 @@
-"""What symplectic methods on the constraints share: which systems they take, and which steps they refuse."""
+"""What symplectic methods on the constraints share: which systems they take, and which steps they
+refuse.
+"""
 
 from __future__ import annotations
 
@@ -14,15 +16,19 @@ from ..systems.constrained import CONSISTENT, ConstrainedSystem, cross_products,
 from .method import Method, alternatives
 
 NEARLY = 1e-2
-"""The part of the largest singular value of G H_pp G^T below which a failing step is blamed on dependent constraints; and what a
-kink changes in G at least, beside its size."""
+"""The part of the largest singular value of G H_pp G^T below which a failing step is blamed on
+dependent constraints; and what a kink changes in G at least, beside its size.
+"""
 
 FOLD = 2.0**-4
-"""A pivot that falls below this part of what it was: the last correction, quadratic, may err by more than rounding."""
+"""A pivot that falls below this part of what it was: the last correction, quadratic, may err by
+more than rounding.
+"""
 
 LOST = 2.0**-20
-"""A derivative that falls below this part of what it was: the step happens to end where a constraint has none, with no direction
-to go on in."""
+"""A derivative that falls below this part of what it was: the step happens to end where a
+constraint has none, with no direction to go on in.
+"""
 
 
 @record
@@ -38,16 +44,20 @@ class OnConstraints(Method):
         """A constrained system."""
         if not isinstance(system, ConstrainedSystem):
             raise IncompatibleSystem(
-                f"{self!r} needs a ConstrainedSystem, an energy and equations g(q) = 0; got {system!r}. "
-                f"{alternatives(system)}"
+                f"{self!r} needs a ConstrainedSystem, an energy and equations g(q) = 0; got "
+                f"{system!r}. {alternatives(system)}"
             )
         super().require(system)
 
-    def check_branch(self, system: Any, h: float, q: Vec, there: Vec, p: Vec, G: Mat, pivots: Vec) -> None:
-        """Refuse a step to positions that cannot be reached from q, with G there, on the branch that begins at h = 0.
+    def check_branch(
+        self, system: Any, h: float, q: Vec, there: Vec, p: Vec, G: Mat, pivots: Vec
+    ) -> None:
+        """Refuse a step to positions that cannot be reached from q, with G there, on the branch
+        that begins at h = 0.
 
-        On it G(there) H_pp G^T is invertible, with pivots of the signs that those of G H_pp G^T have.  Where it is nearly
-        singular, the last correction may leave g(there) too large; so g is looked at once more, and what is left of its derivative.
+        On it G(there) H_pp G^T is invertible, with pivots of the signs that those of G H_pp G^T
+        have.  Where it is nearly singular, the last correction may leave g(there) too large; so g
+        is looked at once more, and what is left of its derivative.
         """
         G_there = system.constraint_jacobian(there)
         normals = pushed(system, q, p, G)
@@ -56,7 +66,9 @@ class OnConstraints(Method):
         folding = False
         for now, then in zip(pivots, turned):
             if not now * then > 0.0:
-                raise self._unsolved(system, h, q, p, "the positions found are on another branch of the constraints")
+                raise self._unsolved(
+                    system, h, q, p, "the positions found are on another branch of the constraints"
+                )
             folding = folding or abs(then) < FOLD * abs(now) or abs(now) < FOLD * abs(then)
         if folding:
             for row, begun, normal in zip(G_there, G, normals):
@@ -64,17 +76,27 @@ class OnConstraints(Method):
                     raise self._ended(there)
             for value, row in zip(system.constraint(there), G_there):
                 if not abs(value) <= CONSISTENT * dot(abs(row), abs(q) + abs(there)):
-                    raise self._unsolved(system, h, q, p, f"g(q) = {value:.1e} is left; its derivative is nearly singular there")
+                    raise self._unsolved(
+                        system,
+                        h,
+                        q,
+                        p,
+                        f"g(q) = {value:.1e} is left; its derivative is nearly singular there",
+                    )
 
     def _ended(self, there: Vec) -> InconsistentState:
         """The error of a step that has met a dead point."""
         return InconsistentState(
-            f"{self!r}: the step ends where the constraints are nearly dependent at q = {shown(there)}: a dead point, beyond which "
-            "the motion is not determined"
+            f"{self!r}: the step ends where the constraints are nearly dependent at q = "
+            f"{shown(there)}: a dead point, beyond which the motion is not determined"
         )
 
-    def _unsolved(self, system: Any, h: float, q: Vec, p: Vec, what: str) -> NoConvergence | InconsistentState:
-        """The error of a step that could not be made: what lies on the straight line ahead, or just behind, tells why."""
+    def _unsolved(
+        self, system: Any, h: float, q: Vec, p: Vec, what: str
+    ) -> NoConvergence | InconsistentState:
+        """The error of a step that could not be made: what lies on the straight line ahead, or just
+        behind, tells why.
+        """
         try:
             ahead = Ahead(system, q, p)
             where, left = ahead.weakest(BEYOND * h)
@@ -83,17 +105,19 @@ class OnConstraints(Method):
             left, kink = 1.0, None
         if left < NEARLY:
             return InconsistentState(
-                f"{self!r}: {what}. The constraints are nearly dependent at q = {shown(where)}: of the least singular value "
-                f"of G H_pp G^T, its rows now at length one, {left:.1e} of the largest is left there: a dead point, beyond which "
-                "the motion is not determined"
+                f"{self!r}: {what}. The constraints are nearly dependent at q = {shown(where)}: of "
+                f"the least singular value of G H_pp G^T, its rows now at length one, {left:.1e} "
+                "of the largest is left there: a dead point, beyond "
+                "which the motion is not determined"
             )
         if kink is not None:
             return NoConvergence(
-                f"{self!r}: {what}. The derivative of the constraints jumps at q = {shown(kink)}: they have a kink there. "
-                "Constraints must be smooth"
+                f"{self!r}: {what}. The derivative of the constraints jumps at q = {shown(kink)}: "
+                "they have a kink there. Constraints must be smooth"
             )
         return NoConvergence(
-            f"{self!r}: {what}. The step h = {h:g} is too large for this motion and these constraints; try {0.25 * h:g}"
+            f"{self!r}: {what}. The step h = {h:g} is too large for this motion and these "
+            f"constraints; try {0.25 * h:g}"
         )
 
 
@@ -102,7 +126,9 @@ BEYOND = 1.5
 
 
 class Ahead:
-    """The constraints on the straight line q + s v from where a step has failed; for messages.  system, q, p : as of the step."""
+    """The constraints on the straight line q + s v from where a step has failed; for messages.
+    system, q, p : as of the step.
+    """
 
     def __init__(self, system: Any, q: Vec, p: Vec) -> None:
         self.system, self.p = system, p
@@ -116,7 +142,9 @@ class Ahead:
         return small(self.q + s * self.v)
 
     def weakest(self, end: float) -> tuple[Vec, float]:
-        """Where from s = -end to end the least singular value of G H_pp G^T, rows measured at s = 0, is least; and that value."""
+        """Where from s = -end to end the least singular value of G H_pp G^T, rows measured at
+        s = 0, is least; and that value.
+        """
         s, step = np.linspace(-end, end, 129), end / 64
         best = float(s[np.argmin([self._least(x) for x in s])])
         for _ in range(40):
@@ -138,12 +166,17 @@ class Ahead:
         return self.at(begin) if jump > 0.5 * whole > NEARLY else None
 
     def _rows(self, s: float) -> np.ndarray:
-        rows: np.ndarray = np.array(self.system.constraint_jacobian(self.at(s))) / self.unit[:, None]
+        rows: np.ndarray = (
+            np.array(self.system.constraint_jacobian(self.at(s))) / self.unit[:, None]
+        )
         return rows
 
     def _products(self, s: float) -> np.ndarray:
         there = self.at(s)
-        return np.array(self.system.constraint_jacobian(there)) @ np.array(self.system.normals(there, self.p)).T
+        return (
+            np.array(self.system.constraint_jacobian(there))
+            @ np.array(self.system.normals(there, self.p)).T
+        )
 
     def _least(self, s: float) -> float:
         values = np.linalg.svd(self._products(s) / np.outer(self.unit, self.unit), compute_uv=False)

@@ -26,12 +26,15 @@ PROBES = [
 
 @record
 class PlanarEuler(Method):
-    """Methods of the plane y = (u, v), B = [[0, b], [-b, 0]], H = K(u) + L(v), made of steps of symplectic Euler; abstract.
+    """Methods of the plane y = (u, v), B = [[0, b], [-b, 0]], H = K(u) + L(v), made of steps of
+    symplectic Euler; abstract.
 
-    Such a step is a Poisson map for all K and L if and only if b is affine in u and affine in v: b = 1, u v, 1 + u v, u + v, but
-    not u^2 v.  `require` looks whether it is.  (That it is one for every b, as some texts have it, is not so.)
+    Such a step is a Poisson map for all K and L if and only if b is affine in u and affine in v:
+    b = 1, u v, 1 + u v, u + v, but not u^2 v.  `require` looks whether it is.  (That it is one for
+    every b, as some texts have it, is not so.)
 
-    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.4.1; the condition: docs/poisson_systems.md.
+    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.4.1; the
+    condition: docs/poisson_systems.md.
     """
 
     symplectic: ClassVar[bool] = True
@@ -39,43 +42,60 @@ class PlanarEuler(Method):
     def require(self, system: Any) -> None:
         """A Poisson system in the plane, b affine in each variable, H a sum K(u) + L(v)."""
         if not isinstance(system, PoissonSystem) or system.structure.dim != 2:
-            raise IncompatibleSystem(f"{self!r} needs a PoissonSystem in the plane; got {system!r}. RKMK accepts every system")
+            raise IncompatibleSystem(
+                f"{self!r} needs a PoissonSystem in the plane; got "
+                f"{system!r}. RKMK accepts every system"
+            )
         found = [self._looked_at(system, vec(*y)) for y in PROBES]
         if not any(found):
             raise IncompatibleSystem(
-                f"{self!r}: b_12 of {system.structure!r} or the energy has no value at any of {len(PROBES)} points such as "
-                f"{PROBES[0]}, so that b_12 cannot be seen to be affine. {system.alternatives}"
+                f"{self!r}: b_12 of {system.structure!r} or the energy has no value at any of "
+                f"{len(PROBES)} points such as {PROBES[0]}, so that b_12 cannot be seen to be "
+                f"affine. {system.alternatives}"
             )
 
     def _looked_at(self, system: Any, at: Vec) -> bool:
-        """Do b and H have values at a point?  IncompatibleSystem if they have, but not the form that they should."""
+        """Do b and H have values at a point?  IncompatibleSystem if they have, but not the form
+        that they should.
+        """
         try:
             matrix, gradient = system.structure.matrix(at), system.gradient(at)
-            curvatures = [derivative(partial(_slope, system, axis), at, [float(axis == 0), float(axis == 1)]) for axis in (0, 1)]
+            curvatures = [
+                derivative(partial(_slope, system, axis), at, [float(axis == 0), float(axis == 1)])
+                for axis in (0, 1)
+            ]
             mixed = derivative(lambda x: system.gradient(x), at, [0.0, 1.0])[0]
         except (ArithmeticError, ValueError):
             return False
         b = matrix[0, 1]
-        if not np.isfinite([*(x for row in matrix for x in row), *gradient, *curvatures, mixed]).all():
+        if not np.isfinite(
+            [*(x for row in matrix for x in row), *gradient, *curvatures, mixed]
+        ).all():
             return False
-        if not max(abs(b + matrix[1, 0]), abs(matrix[0, 0]), abs(matrix[1, 1])) <= ROUNDING * abs(b):
+        if not max(abs(b + matrix[1, 0]), abs(matrix[0, 0]), abs(matrix[1, 1])) <= ROUNDING * abs(
+            b
+        ):
             raise IncompatibleSystem(
-                f"{self!r}: the matrix of {system.structure!r} is not skew-symmetric at {tuple(at)}, where it is {matrix!r}"
+                f"{self!r}: the matrix of {system.structure!r} is not skew-symmetric at "
+                f"{tuple(at)}, where it is {matrix!r}"
             )
         for name, curvature in zip("uv", curvatures, strict=True):
             if not abs(curvature) <= ROUNDING * (abs(b) + abs(curvature)):
                 raise IncompatibleSystem(
-                    f"{self!r} is no Poisson map here: b_12 of {system.structure!r} is not affine in {name}, its second "
-                    f"derivative at {tuple(at)} is {curvature:.3g}. {system.alternatives}"
+                    f"{self!r} is no Poisson map here: b_12 of {system.structure!r} is not affine "
+                    f"in {name}, its second derivative at {tuple(at)} is "
+                    f"{curvature:.3g}. {system.alternatives}"
                 )
         if not abs(mixed) <= ROUNDING * (sum(map(abs, gradient)) + abs(mixed)):
             raise IncompatibleSystem(
-                f"{self!r} needs an energy K(u) + L(v); that of {system!r} has d2H/du dv = {mixed:.3g} at {tuple(at)}"
+                f"{self!r} needs an energy K(u) + L(v); that of {system!r} has d2H/du dv = "
+                f"{mixed:.3g} at {tuple(at)}"
             )
         return True
 
     def u_first(self, system: Any, y: Vec, slope: float, h: float) -> tuple[Vec, float]:
-        """u_1 = u + h b(u_1, v) L'(v), v_1 = v - h b(u_1, v) K'(u_1), linear in u_1, for b is affine in u; and K'(u_1).
+        """u_1 = u + h b(u_1, v) L'(v), v_1 = v - h b(u_1, v) K'(u_1), linear in u_1, for b is
+        affine in u; and K'(u_1).
 
         slope : L'(v).
         """
@@ -101,8 +121,8 @@ class PlanarEuler(Method):
         rest = 1.0 - s * _slope(system, axis, y)
         if not rest > 0.0:
             raise NoConvergence(
-                f"{self!r}: the step h = {h:g} is too large, 1 - h (dH)' b' = {rest:.3g} is not positive. Try {0.25 * h:g}, or "
-                "Splitting, whose exact motions have no such bound"
+                f"{self!r}: the step h = {h:g} is too large, 1 - h (dH)' b' = {rest:.3g} is not "
+                f"positive. Try {0.25 * h:g}, or Splitting, whose exact motions have no such bound"
             )
         return s * _b(system, y) / rest
 
@@ -113,18 +133,21 @@ def _b(system: Any, y: Any) -> Any:
 
 def _slope(system: Any, axis: int, y: Any) -> Any:
     """db/du or db/dv."""
-    return derivative(lambda x: _b(system, x), y, [1.0, 0] if axis == 0 else [0, 1.0])  # an integer 0 rests
+    # an integer 0 rests
+    return derivative(lambda x: _b(system, x), y, [1.0, 0] if axis == 0 else [0, 1.0])
 
 
 @record
 class PoissonEuler(PlanarEuler):
-    """Symplectic Euler as a Poisson map, for y = (u, v), {u, v} = b(u, v) and H = K(u) + L(v), explicit where b is affine in u:
+    """Symplectic Euler as a Poisson map, for y = (u, v), {u, v} = b(u, v) and H = K(u) + L(v),
+    explicit where b is affine in u:
 
         u_n+1 = u_n + h b(u_n+1, v_n) L'(v_n),   v_n+1 = v_n - h b(u_n+1, v_n) K'(u_n+1)        first="u"
         v_n+1 = v_n - h b(u_n, v_n+1) K'(u_n),   u_n+1 = u_n + h b(u_n, v_n+1) L'(v_n+1)        first="v", its adjoint
 
-    Order 1.  Refused unless b is affine in u and in v.  Raises NoConvergence on a step too large for the linear equation.  Numbers
-    of animals may still become negative; Splitting(order=1), the same in logarithms, keeps them positive whatever the step.
+    Order 1.  Refused unless b is affine in u and in v.  Raises NoConvergence on a step too large
+    for the linear equation.  Numbers of animals may still become negative; Splitting(order=1), the
+    same in logarithms, keeps them positive whatever the step.
 
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., I.1.1 and VII.4.1.
     """
@@ -155,7 +178,8 @@ class Leaning(Record):
 
 @record
 class PoissonVerlet(PlanarEuler):
-    """Half a step of PoissonEuler and half a step of its adjoint: the method of Stormer and Verlet as a Poisson map.
+    """Half a step of PoissonEuler and half a step of its adjoint: the method of Stormer and Verlet
+    as a Poisson map.
 
     Order 2, symmetric; a base for `Composition`.  Refused unless b is affine in u and in v.
 

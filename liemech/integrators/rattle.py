@@ -1,4 +1,6 @@
-"""RATTLE and the symplectic Euler method with constraints: impulses across the constraints keep a canonical system on them."""
+"""RATTLE and the symplectic Euler method with constraints: impulses across the constraints keep a
+canonical system on them.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +28,8 @@ class Held(Record):
 
 @record
 class Projected(OnConstraints):
-    """Steps of a constrained system whose two ends are put on the constraints by impulses; abstract.
+    """Steps of a constrained system whose two ends are put on the constraints by impulses;
+    abstract.
 
         p   = p_n - h (b H_q(p, q_n) + G(q_n)^T lambda)                     b, a : `shares`
         q_n+1 = q_n + h (b H_p(p, q_n) + a H_p(p, q_n+1)),   g(q_n+1) = 0
@@ -55,7 +58,9 @@ class Projected(OnConstraints):
         """The multipliers of the last three steps."""
         return memory.last, memory.last_1, memory.last_2
 
-    def resume(self, system: Any, state: CanonicalState, past: tuple[Vec, Vec, Vec], h: float) -> Held:
+    def resume(
+        self, system: Any, state: CanonicalState, past: tuple[Vec, Vec, Vec], h: float
+    ) -> Held:
         """A state from elsewhere, multipliers to extrapolate from the past."""
         return Held(state, *past)
 
@@ -67,7 +72,9 @@ class Projected(OnConstraints):
         find = self._explicitly if system.separable else self._implicitly
         drift, kick, multipliers, size, enough = find(system, h, q, p, G, guess)
         if not size <= enough:
-            raise self._unsolved(system, h, q, p, f"mismatch {sqrt(size):.1e}, wanted {sqrt(enough):.1e}")
+            raise self._unsolved(
+                system, h, q, p, f"mismatch {sqrt(size):.1e}, wanted {sqrt(enough):.1e}"
+            )
         there = q + drift
         if after != 0.0:
             kick = kick + (after * h) * system.force(there, p + kick)
@@ -79,12 +86,16 @@ class Projected(OnConstraints):
     # ---------------------------------------------------------------- the first half of the step
 
     def _explicitly(self, system: Any, h: float, q: Vec, p: Vec, G: Mat, guess: Vec) -> Any:
-        """A step for T(p) + V(q): positions and momenta follow from the multipliers, which are the only unknowns."""
+        """A step for T(p) + V(q): positions and momenta follow from the multipliers, which are the
+        only unknowns.
+        """
         before, _ = self.shares
         free = (before * h) * system.force(q, p) if before != 0.0 else 0.0 * p
         if system.linear_velocity:
             normals = h * (h * pushed(system, q, p, G))  # h * h would be rounded
-            return self._linearly(system, h, q, G, guess, free, h * system.velocity(q, p + free), normals)
+            return self._linearly(
+                system, h, q, G, guess, free, h * system.velocity(q, p + free), normals
+            )
         weights = inverse_sizes(G, h * system.velocity(q, p + (free - (h * guess) @ G)), q)
 
         def equation(x: Vec) -> tuple[Vec, Mat, float]:
@@ -97,14 +108,22 @@ class Projected(OnConstraints):
         kick = free - (h * x) @ G
         return h * system.velocity(q, p + kick), kick, x, size, enough
 
-    def _linearly(self, system: Any, h: float, q: Vec, G: Mat, guess: Vec, free: Vec, drift: Vec, normals: Mat) -> Any:
-        """A step for a velocity of first degree in p: multipliers move the end of the free drift along normals, h^2 H_pp G^T."""
+    def _linearly(
+        self, system: Any, h: float, q: Vec, G: Mat, guess: Vec, free: Vec, drift: Vec, normals: Mat
+    ) -> Any:
+        """A step for a velocity of first degree in p: multipliers move the end of the free drift
+        along normals, h^2 H_pp G^T.
+        """
         aim = q + drift
         weights = inverse_sizes(G, drift - guess @ normals, q)
 
         def equation(x: Vec) -> tuple[Vec, Mat, float]:
             there = aim - x @ normals
-            return system.constraint(there), -cross_products(system.constraint_jacobian(there), normals), 1.0
+            return (
+                system.constraint(there),
+                -cross_products(system.constraint_jacobian(there), normals),
+                1.0,
+            )
 
         x, size, enough, _ = newton(equation, guess, 1.0, solved=in_order, weights=weights)
         return drift - x @ normals, free - (h * x) @ G, x, size, enough
@@ -126,13 +145,20 @@ class Projected(OnConstraints):
             x = vec(*[z[2 * n + k] for k in range(m)])
             moved, kicked = 0.0 * q, (-h * x) @ G
             if before != 0.0:
-                moved, kicked = (before * h) * system.velocity(q, ph), kicked + (before * h) * system.force(q, ph)
+                moved, kicked = (
+                    (before * h) * system.velocity(q, ph),
+                    kicked + (before * h) * system.force(q, ph),
+                )
             if after != 0.0:
                 moved = moved + (after * h) * system.velocity(there, ph)
-            return weights * vec(*(there - q - moved), *(ph - p - kicked), *system.constraint(there))
+            return weights * vec(
+                *(there - q - moved), *(ph - p - kicked), *system.constraint(there)
+            )
 
         guesses = vec(*drift, *kick, *guess)
-        z, size, enough, _ = newton(lambda z: (residual(z), jacobian(residual, z), 1.0), guesses, 1.0, solved=in_order)
+        z, size, enough, _ = newton(
+            lambda z: (residual(z), jacobian(residual, z), 1.0), guesses, 1.0, solved=in_order
+        )
         drift, kick = vec(*[z[i] for i in range(n)]), vec(*[z[n + i] for i in range(n)])
         return drift, kick, vec(*[z[2 * n + k] for k in range(m)]), size, enough
 
@@ -145,13 +171,15 @@ class RATTLE(Projected):
         q_n+1 = q_n + (h/2) (H_p(p, q_n) + H_p(p, q_n+1)),            g(q_n+1) = 0
         p_n+1 = p - (h/2) (H_q(p, q_n+1) + G(q_n+1)^T mu),            G(q_n+1) H_p(p_n+1, q_n+1) = 0
 
-    Order 2, symmetric, symplectic on M; both constraints hold to rounding after every step, the energy oscillates without drift.
-    For H = T(p) + V(q) only the multipliers are unknown, and the positions are those of SHAKE.  Composition(RATTLE(), order=8), or
-    4 or 6, is of higher order.
+    Order 2, symmetric, symplectic on M; both constraints hold to rounding after every step, the
+    energy oscillates without drift.  For H = T(p) + V(q) only the multipliers are unknown, and the
+    positions are those of SHAKE.  Composition(RATTLE(), order=8), or 4 or 6, is of higher order.
 
-    A ConstrainedSystem is needed.  Raises NoConvergence where the step is too large, also if its solution is on another branch of
-    the constraints; InconsistentState where the constraints become dependent.
-    Source: Andersen, J. Comput. Phys. 52 (1983); Jay, SIAM J. Numer. Anal. 33 (1996); Hairer, Lubich, Wanner, VII.1.4.
+    A ConstrainedSystem is needed.  Raises NoConvergence where the step is too large, also if its
+    solution is on another branch of the constraints; InconsistentState where the constraints become
+    dependent.
+    Source: Andersen, J. Comput. Phys. 52 (1983); Jay, SIAM J. Numer. Anal. 33 (1996); Hairer,
+    Lubich, Wanner, VII.1.4.
     """
 
     order: ClassVar[int] = 2

@@ -1,4 +1,6 @@
-"""Reversible step size control: a symmetric method whose steps follow a time scale, symmetric with their changes too."""
+"""Reversible step size control: a symmetric method whose steps follow a time scale, symmetric with
+their changes too.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,8 @@ from .moser_veselov import ExactMoserVeselov
 
 @record
 class Controlled(Record):
-    """What the controller carries along: what its method does, physical time, z, and the growth rate of sigma there.
+    """What the controller carries along: what its method does, physical time, z, and the growth
+    rate of sigma there.
 
     kind : of the states that show it.
     """
@@ -28,19 +31,22 @@ class Controlled(Record):
 
 @record
 class ReversibleController(Method):
-    """Steps of about sigma(y) eps around a symmetric method Phi, for equal steps eps of a fictive time, dt = sigma dtau:
+    """Steps of about sigma(y) eps around a symmetric method Phi, for equal steps eps of a fictive
+    time, dt = sigma dtau:
 
         z = z_n + (eps/2) G(y_n),   y_n+1 = Phi_(eps/z)(y_n),   t_n+1 = t_n + eps/z,   z_n+1 = z + (eps/2) G(y_n+1)
 
     with G = -(d sigma/dt)/sigma along the motion and z_0 = 1/sigma(y_0); z sigma stays near 1.
 
     method : any symmetric one, on any system that it accepts.
-    sigma : a time scale such as DistancePower(1.5) or EqualArc(), or a function of parts of the state, lambda q: lm.dot(q, q).
-    Of the order of its method, at physical times; symmetric, and reversible where sigma does not change when velocities are turned
-    back.  So the energy of a reversible system does not drift, though the steps differ.  Not symplectic.
-    `integrate` takes h = eps.
+    sigma : a time scale such as DistancePower(1.5) or EqualArc(), or a function of parts of the
+    state, lambda q: lm.dot(q, q).  Of the order of its method, at physical times; symmetric, and
+    reversible where sigma does not change when velocities are turned back.  So the energy of a
+    reversible system does not drift, though the steps differ.  Not symplectic.  `integrate` takes
+    h = eps.
 
-    Raises InvalidInput if the method is not symmetric, InvalidTimeScale in a step where sigma or z is not positive.
+    Raises InvalidInput if the method is not symmetric, InvalidTimeScale in a step where sigma or z
+    is not positive.
     Source: Hairer and Soderlind, SIAM J. Sci. Comput. 26 (2005); Hairer, Lubich, Wanner, VIII.3.2.
     """
 
@@ -53,11 +59,15 @@ class ReversibleController(Method):
     def __post_init__(self) -> None:
         method: Any = self.method
         if not isinstance(method, Method):
-            raise InvalidType(f"ReversibleController: method must be a method such as StormerVerlet(); got {method!r}")
+            raise InvalidType(
+                "ReversibleController: method must be a method such "
+                f"as StormerVerlet(); got {method!r}"
+            )
         if not method.symmetric:
             raise InvalidInput(
-                f"ReversibleController: {method!r} is not symmetric, and steps that change reversibly would not make it so. "
-                "StormerVerlet(), LieVerlet(), CovariantVariational(Exponential()) and compositions of them are"
+                f"ReversibleController: {method!r} is not symmetric, and steps that change "
+                "reversibly would not make it so. StormerVerlet(), LieVerlet(), "
+                "CovariantVariational(Exponential()) and compositions of them are"
             )
         if isinstance(method, ExactMoserVeselov) or method.fictive:
             raise InvalidInput(f"ReversibleController: {method!r} is for steps of one length")
@@ -85,7 +95,9 @@ class ReversibleController(Method):
     def start(self, system: Any, state: Any, h: float) -> Controlled:
         """The method's own memory beside time, z and the growth rate."""
         if not isinstance(system, Clocked):
-            raise IncompatibleSystem(f"{self!r} varies its steps; it cannot be a part of another method, but take one")
+            raise IncompatibleSystem(
+                f"{self!r} varies its steps; it cannot be a part of another method, but take one"
+            )
         inner, z = system.without(state), plain(state.z)
         rate = self._rate(system, plain(state.time), plain(inner))
         memory = self.method.start(system.system, inner, h / z)
@@ -94,7 +106,9 @@ class ReversibleController(Method):
     def observe(self, memory: Controlled) -> Any:
         """The state with its time and z."""
         inner = self.method.observe(memory.inner)
-        return memory.kind(*[getattr(inner, name) for name in memory.kind.names], memory.time, memory.z)
+        return memory.kind(
+            *[getattr(inner, name) for name in memory.kind.names], memory.time, memory.z
+        )
 
     def step(self, system: Any, t: float, memory: Controlled, h: float) -> Controlled:
         """Half a step of z, a step of the method, half a step of z."""
@@ -102,8 +116,9 @@ class ReversibleController(Method):
         z = plain(half)
         if not z > 0.0:
             raise InvalidTimeScale(
-                f"ReversibleController: z = {z:g} after half a step of {h:g}, and the physical step h/z must not change its sign. "
-                f"Sigma grows too fast for this step; try {0.25 * h:g}"
+                f"ReversibleController: z = {z:g} after half a step of {h:g}, and the physical "
+                "step h/z must not change its sign. Sigma grows too "
+                f"fast for this step; try {0.25 * h:g}"
             )
         after = self.method.step(system.system, plain(memory.time), memory.inner, h / z)
         time = memory.time + h / z

@@ -19,7 +19,9 @@ from .method import Method
 
 @record
 class Trial(Record):
-    """A step on probation: the new state and the velocity there, the error over the tolerance, the way in between."""
+    """A step on probation: the new state and the velocity there, the error over the tolerance, the
+    way in between.
+    """
 
     state: Any
     velocity: Vec
@@ -29,7 +31,8 @@ class Trial(Record):
 
 @record
 class RKMK(Method):
-    """A Runge-Kutta-Munthe-Kaas method: momenta stay on their coadjoint orbit and attitudes on the group, whatever the step.
+    """A Runge-Kutta-Munthe-Kaas method: momenta stay on their coadjoint orbit and attitudes on the
+    group, whatever the step.
 
     With g = g_n tau(Omega), mu = Ad*_tau(Omega) mu_n the motion is  Omega' = dtau^-1_Omega xi(t, mu)  (left-trivialised), and the
     tableau solves it from Omega = 0:
@@ -37,13 +40,16 @@ class RKMK(Method):
         Omega_i = h sum_j a_ij k_j,   k_i = dtau^-1_Omega_i xi(t + c_i h, Ad*_tau(Omega_i) mu_n),
         mu_n+1 = Ad*_tau(Omega) mu_n,   g_n+1 = g_n tau(Omega),   Omega = h sum_j b_j k_j.
 
-    order : of the tableau chosen, 1 to 8; or give a `tableau`, explicit or implicit, of `liemech.tableaus` or your own.
-    truncation : cut the series of dexp^-1 after ad^truncation; "closed" for its closed form.  The default, order - 2, is enough;
-    less lowers the order, which an OrderWarning says.
-    retraction : coordinates of the chart, Exponential() or, with its closed differential, Cayley() or your own.
-    Mu and g move by the same increment, so the spatial momentum and the Casimirs are kept to rounding.  The energy drifts.
+    order : of the tableau chosen, 1 to 8; or give a `tableau`, explicit or implicit, of
+    `liemech.tableaus` or your own.
+    truncation : cut the series of dexp^-1 after ad^truncation; "closed" for its closed form.  The
+    default, order - 2, is enough; less lowers the order, which an OrderWarning says.
+    retraction : coordinates of the chart, Exponential() or, with its closed differential, Cayley()
+    or your own.  Mu and g move by the same increment, so the spatial momentum and the Casimirs are
+    kept to rounding.  The energy drifts.
 
-    Source: Munthe-Kaas, Appl. Numer. Math. 29 (1999); Hairer, Lubich, Wanner, IV.8.2, algorithm 8.4.
+    Source: Munthe-Kaas, Appl. Numer. Math. 29 (1999); Hairer, Lubich, Wanner, IV.8.2, algorithm
+    8.4.
     """
 
     order: int = 4
@@ -57,7 +63,10 @@ class RKMK(Method):
         if given[0] is None:
             if type(self.order) is not int or self.order not in BY_ORDER:
                 choices = sorted(BY_ORDER)
-                raise InvalidInput(f"RKMK: order {self.order!r} has no tableau of its own; choose from {choices} or give a tableau")
+                raise InvalidInput(
+                    f"RKMK: order {self.order!r} has no tableau of its own; "
+                    f"choose from {choices} or give a tableau"
+                )
             object.__setattr__(self, "tableau", BY_ORDER[self.order])
         if not isinstance(self.tableau, ButcherTableau):
             raise InvalidType(f"RKMK: tableau must be a ButcherTableau; got {self.tableau!r}")
@@ -71,13 +80,21 @@ class RKMK(Method):
         if q == "closed":
             return
         if not (type(q) is int and 0 <= q <= TERMS):
-            raise InvalidInput(f'RKMK: truncation is a number of terms from 0 to {TERMS} or "closed"; got {q!r}')
+            raise InvalidInput(
+                f'RKMK: truncation is a number of terms from 0 to {TERMS} or "closed"; got {q!r}'
+            )
         if not isinstance(self.retraction, Exponential):
-            raise InvalidInput(f"RKMK: {self.retraction!r} has a closed differential and no series to cut; leave truncation out")
-        missing = next((k for k in range(q + 1, len(BERNOULLI)) if BERNOULLI[k] != 0.0), len(BERNOULLI))
+            raise InvalidInput(
+                f"RKMK: {self.retraction!r} has a closed differential and "
+                "no series to cut; leave truncation out"
+            )
+        missing = next(
+            (k for k in range(q + 1, len(BERNOULLI)) if BERNOULLI[k] != 0.0), len(BERNOULLI)
+        )
         if missing + 1 < self.order:  # ad_Omega^k is of order h^k
             warn(
-                f"RKMK: with truncation {q} the method is of order {missing + 1}, not {self.order}; that takes {self.order - 2}",
+                f"RKMK: with truncation {q} the method is of order {missing + 1}, not "
+                f"{self.order}; that takes {self.order - 2}",
                 OrderWarning,
             )
 
@@ -92,7 +109,9 @@ class RKMK(Method):
         slopes = self._slopes(tableau, system, t, start, system.rate(t, start), h)
         return system.displaced(self.retraction, state, combination(tableau.b, slopes, h))
 
-    def _slopes(self, tableau: ButcherTableau, system: System, t: float, start: Any, first: Vec, h: float) -> list[Vec]:
+    def _slopes(
+        self, tableau: ButcherTableau, system: System, t: float, start: Any, first: Vec, h: float
+    ) -> list[Vec]:
         """The slopes k_i of Omega at the stages; `first` is the velocity at the start.
 
         Implicit stages are iterated to rounding.  Raises NoConvergence.
@@ -100,10 +119,19 @@ class RKMK(Method):
         if tableau.explicit:
             return self._more(tableau.A, tableau.c, [], system, t, start, first, h)
         guess = [first for _ in tableau.b]
-        return fixed_point(lambda slopes: self._sweep(tableau, system, t, start, first, h, slopes), guess, self, h)
+        return fixed_point(
+            lambda slopes: self._sweep(tableau, system, t, start, first, h, slopes), guess, self, h
+        )
 
     def _sweep(
-        self, tableau: ButcherTableau, system: System, t: float, start: Any, first: Vec, h: float, slopes: list[Vec]
+        self,
+        tableau: ButcherTableau,
+        system: System,
+        t: float,
+        start: Any,
+        first: Vec,
+        h: float,
+        slopes: list[Vec],
     ) -> tuple[list[Vec], float, float]:
         """Every slope anew, each from the new ones before it; their change and their size."""
         change, size = 0.0, 0.0
@@ -115,12 +143,23 @@ class RKMK(Method):
         return slopes, change, size
 
     def _more(
-        self, A: tuple[Row, ...], nodes: Row, slopes: list[Vec], system: System, t: float, start: Any, first: Vec, h: float
+        self,
+        A: tuple[Row, ...],
+        nodes: Row,
+        slopes: list[Vec],
+        system: System,
+        t: float,
+        start: Any,
+        first: Vec,
+        h: float,
     ) -> list[Vec]:
         """The slopes, and those that explicit rows of coefficients make of them."""
         for row, c in zip(A, nodes):
             omega = combination(row, slopes, h)
-            slopes = [*slopes, first if omega is None else self.slope(system, t + c * h, start, omega)]
+            slopes = [
+                *slopes,
+                first if omega is None else self.slope(system, t + c * h, start, omega),
+            ]
         return slopes
 
     # ---------------------------------------------------------------- adaptive steps
@@ -140,30 +179,58 @@ class RKMK(Method):
         """How many coefficients the polynomial Omega(theta) of a step has."""
         return len(self.tableau.interpolant[0]) if self.tableau.interpolant else 3
 
-    def trial(self, system: System, t: float, state: Any, first: Vec, h: float, rtol: float, atol: float, dense: bool) -> Trial:
-        """One step with an estimate of its error, h sum_j (b_j - b^_j) k_j in the algebra, and with the way there if it is `dense`.
+    def trial(
+        self,
+        system: System,
+        t: float,
+        state: Any,
+        first: Vec,
+        h: float,
+        rtol: float,
+        atol: float,
+        dense: bool,
+    ) -> Trial:
+        """One step with an estimate of its error, h sum_j (b_j - b^_j) k_j in the algebra, and with
+        the way there if it is `dense`.
 
-        The error is the root mean square of what such a displacement changes, over atol + rtol |what it changes|.
+        The error is the root mean square of what such a displacement changes, over atol + rtol
+        |what it changes|.
         """
         tableau, start = self.tableau, system.essential_part(state)
         slopes = self._slopes(tableau, system, t, start, first, h)
         omega = combination(tableau.b, slopes, h)
         new = system.displaced(self.retraction, state, omega)
         velocity = system.rate(t + h, system.essential_part(new))
-        error = mean_square(system, state, new, _difference(tableau.b, tableau.b_hat, slopes, h), rtol, atol)
+        error = mean_square(
+            system, state, new, _difference(tableau.b, tableau.b_hat, slopes, h), rtol, atol
+        )
         if tableau.b_low:
-            low = mean_square(system, state, new, _difference(tableau.b, tableau.b_low, slopes, h), rtol, atol)
+            low = mean_square(
+                system, state, new, _difference(tableau.b, tableau.b_low, slopes, h), rtol, atol
+            )
             error = where(error > 0.0, error * error / (error + 0.01 * low), 0.0)
         curve = self._curve(system, t, start, slopes, first, omega, velocity, h) if dense else ()
         return Trial(new, velocity, sqrt(error), curve)
 
     def _curve(
-        self, system: System, t: float, start: Any, slopes: list[Vec], first: Vec, omega: Vec, velocity: Vec, h: float
+        self,
+        system: System,
+        t: float,
+        start: Any,
+        slopes: list[Vec],
+        first: Vec,
+        omega: Vec,
+        velocity: Vec,
+        h: float,
     ) -> tuple[Vec, ...]:
-        """Omega(theta) = theta p_1 + theta^2 p_2 + ... along the step: of the tableau, or a cubic through both ends."""
+        """Omega(theta) = theta p_1 + theta^2 p_2 + ... along the step: of the tableau, or a cubic
+        through both ends.
+        """
         tableau = self.tableau
         if tableau.interpolant:
-            slopes = self._more(tableau.A_extra, tableau.c_extra, slopes, system, t, start, first, h)
+            slopes = self._more(
+                tableau.A_extra, tableau.c_extra, slopes, system, t, start, first, h
+            )
             return tuple([combination(weights, slopes, h) for weights in zip(*tableau.interpolant)])
         end = h * self.retraction.dtau_inv(system.group, omega, velocity, system.side)
         return h * first, 3.0 * omega - (2.0 * h * first + end), (h * first + end) - 2.0 * omega
@@ -187,7 +254,9 @@ class RKMK(Method):
 
 
 def combination(weights: Row, slopes: Any, h: float = 1.0) -> Any:
-    """h sum_j weights_j slopes_j over the weights that are not zero, of vectors or matrices; None if all are."""
+    """h sum_j weights_j slopes_j over the weights that are not zero, of vectors or matrices; None
+    if all are.
+    """
     total: Any = None
     for w, k in zip(weights, slopes):
         if w != 0.0:

@@ -1,4 +1,6 @@
-"""Splittings: the motions of the parts of an energy in turn; kicks and drifts for T(p) + V(q), exact flows for Poisson systems."""
+"""Splittings: the motions of the parts of an energy in turn; kicks and drifts for T(p) + V(q),
+exact flows for Poisson systems.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +29,9 @@ from .method import Method, alternatives
 
 @record
 class Kicked(Record):
-    """What a splitting carries along: the state, and the force there; None if a step evaluates all its forces."""
+    """What a splitting carries along: the state, and the force there; None if a step evaluates all
+    its forces.
+    """
 
     state: Any
     force: Any
@@ -35,10 +39,12 @@ class Kicked(Record):
 
 @record
 class SeparableSplitting(Method):
-    """Kicks p += b_i h f(q) and drifts q += a_i h v(p) in turn, by a `tableau`, or the motions of all parts; abstract.
+    """Kicks p += b_i h f(q) and drifts q += a_i h v(p) in turn, by a `tableau`, or the motions of
+    all parts; abstract.
 
-    A subclass has the tableau, as a field or a property.  The parts of a Poisson system are a composition of the step that makes
-    the motion of each part once, last part first, and of its adjoint, with the coefficients of the tableau.
+    A subclass has the tableau, as a field or a property.  The parts of a Poisson system are a
+    composition of the step that makes the motion of each part once, last part first, and of its
+    adjoint, with the coefficients of the tableau.
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., II.5.
     """
 
@@ -55,7 +61,9 @@ class SeparableSplitting(Method):
         return self.tableau.symmetric  # type: ignore[attr-defined]
 
     def require(self, system: Any) -> None:
-        """A separable system, whose kinetic energy the tableau accepts, or a Poisson system of parts whose motions are known."""
+        """A separable system, whose kinetic energy the tableau accepts, or a Poisson system of
+        parts whose motions are known.
+        """
         if isinstance(system, PoissonSystem):
             self._require_parts(system)
             return
@@ -76,12 +84,14 @@ class SeparableSplitting(Method):
         unknown = system.unknown_motion()
         if unknown:
             raise IncompatibleSystem(
-                f"{self!r} needs an energy whose parts have known motions: {unknown}. RKMK accepts every system"
+                f"{self!r} needs an energy whose parts have known "
+                f"motions: {unknown}. RKMK accepts every system"
             )
         if self.tableau_for(system).quadratic and not system.quadratic:
             raise IncompatibleSystem(
-                f"{self!r} is of its order for two parts T, V with {{V, {{V, {{V, T}}}}}} = 0 only, and {system!r} is not such a "
-                f"system. Splitting(order={self.order}, quadratic=False) is of this order for all parts"
+                f"{self!r} is of its order for two parts T, V with {{V, {{V, {{V, T}}}}}} = 0 "
+                f"only, and {system!r} is not such a system. Splitting(order={self.order}, "
+                "quadratic=False) is of this order for all parts"
             )
 
     def tableau_for(self, system: Any) -> SplittingTableau:
@@ -93,8 +103,8 @@ class SeparableSplitting(Method):
         if isinstance(system, HamiltonianSystem) and not system.fictive:
             return (
                 f"{system!r} gives one energy(q, p). If that is a sum T(p) + V(q), derive from "
-                "SeparableSystem and write kinetic(p) and potential(q); if not, HamiltonJacobi(order=4) "
-                "and RKMK(tableau=tableaus.gauss(2)) are symplectic for it"
+                "SeparableSystem and write kinetic(p) and potential(q); if not, "
+                "HamiltonJacobi(order=4) and RKMK(tableau=tableaus.gauss(2)) are symplectic for it"
             )
         return f"got {system!r}. {alternatives(system)}"
 
@@ -135,20 +145,25 @@ class SeparableSplitting(Method):
 class Splitting(SeparableSplitting):
     """Splitting of an energy into parts whose motions are known, each made exactly and in turn.
 
-    Of H = T(p) + V(q), a SeparableSystem: V kicks, p' = -dV/dq with q at rest, T drifts, q' = dT/dp with p at rest.
-    Of a PoissonSystem with a SplitHamiltonian: any number of parts; a step is a Poisson map, and keeps Casimirs to rounding.
+    Of H = T(p) + V(q), a SeparableSystem: V kicks, p' = -dV/dq with q at rest, T drifts, q' = dT/dp
+    with p at rest.  Of a PoissonSystem with a SplitHamiltonian: any number of parts; a step is a
+    Poisson map, and keeps Casimirs to rounding.
 
-    order : 1 (symplectic Euler), 2 (Stormer-Verlet), 3 (Ruth), 4, 6 or 8 (6, 11 and 19 forces a step); or give a `tableau`, of
-    `liemech.tableaus.splittings` or `SplittingTableau.of` a composition.
-    quadratic : is T of second degree in p?  If so, orders 4, 6 and 8 are Runge-Kutta-Nystroem splittings, which need it; if not,
-    the order is reached for every T, with larger errors.  Of a Poisson system that is looked for, {V, {V, {V, T}}} = 0 for the
-    parts (T, V); the other tableau of the same order steps it where this does not hold.
+    order : 1 (symplectic Euler), 2 (Stormer-Verlet), 3 (Ruth), 4, 6 or 8 (6, 11 and 19 forces a
+    step); or give a `tableau`, of `liemech.tableaus.splittings` or `SplittingTableau.of` a
+    composition.
+    quadratic : is T of second degree in p?  If so, orders 4, 6 and 8 are Runge-Kutta-Nystroem
+    splittings, which need it; if not, the order is reached for every T, with larger errors.  Of a
+    Poisson system that is looked for, {V, {V, {V, T}}} = 0 for the parts (T, V); the other tableau
+    of the same order steps it where this does not hold.
 
-    Explicit and symplectic; symmetric but for orders 1 and 3.  Linear and quadratic constants p . A q such as angular momenta are
-    kept to rounding, the energy oscillates without drift.  On a step that is too large it grows.
+    Explicit and symplectic; symmetric but for orders 1 and 3.  Linear and quadratic constants p . A
+    q such as angular momenta are kept to rounding, the energy oscillates without drift.  On a step
+    that is too large it grows.
 
-    Source: Hairer, Lubich, Wanner, II.5 and V.3; Ruth, IEEE Trans. Nucl. Sci. 30 (1983); Blanes and Moan, J. Comput. Appl. Math.
-    142 (2002); Blanes, Casas and Escorihuela-Tomas, Appl. Numer. Math. 182 (2022).
+    Source: Hairer, Lubich, Wanner, II.5 and V.3; Ruth, IEEE Trans. Nucl. Sci. 30 (1983); Blanes and
+    Moan, J. Comput. Appl. Math.  142 (2002); Blanes, Casas and Escorihuela-Tomas, Appl. Numer.
+    Math. 182 (2022).
     """
 
     order: int = 2
@@ -180,7 +195,8 @@ class Splitting(SeparableSplitting):
             choices = self.choices if self.quadratic else self.general
             if type(self.order) is not int or self.order not in choices:
                 raise InvalidInput(
-                    f"Splitting: order is one of {sorted(choices)}, or give a tableau; got {self.order!r}"
+                    f"Splitting: order is one of {sorted(choices)}, or "
+                    f"give a tableau; got {self.order!r}"
                 )
             tableau = choices[self.order]
         if not isinstance(tableau, SplittingTableau):
@@ -190,8 +206,14 @@ class Splitting(SeparableSplitting):
         object.__setattr__(self, "quadratic", tableau.quadratic)
 
     def tableau_for(self, system: Any) -> SplittingTableau:
-        """The one of this order that every energy allows, for a Poisson system that the one for quadratic T does not serve."""
-        if isinstance(system, PoissonSystem) and not system.quadratic and self.tableau == self.choices.get(self.order):
+        """The one of this order that every energy allows, for a Poisson system that the one for
+        quadratic T does not serve.
+        """
+        if (
+            isinstance(system, PoissonSystem)
+            and not system.quadratic
+            and self.tableau == self.choices.get(self.order)
+        ):
             return self.general[self.order]
         return self.tableau
 
@@ -247,10 +269,11 @@ class StormerVerlet(OneForce):
         p = p_n + (h/2) f(q_n),   q_n+1 = q_n + h v(p),   p_n+1 = p + (h/2) f(q_n+1)        first="kick"
         q = q_n + (h/2) v(p_n),   p_n+1 = p_n + h f(q),   q_n+1 = q + (h/2) v(p_n+1)        first="drift"
 
-    Order 2, explicit, symmetric, symplectic; one force a step.  Stable on an oscillator of frequency w while |h w| < 2.
+    Order 2, explicit, symmetric, symplectic; one force a step.  Stable on an oscillator of
+    frequency w while |h w| < 2.
 
-    Source: Hairer, Lubich, Wanner, Geometric numerical integration illustrated by the Stormer-Verlet method, Acta Numerica 12
-    (2003), equation (1.5).
+    Source: Hairer, Lubich, Wanner, Geometric numerical integration illustrated by the
+    Stormer-Verlet method, Acta Numerica 12 (2003), equation (1.5).
     """
 
     kick_first: ClassVar[SplittingTableau] = STRANG
@@ -264,8 +287,8 @@ class SymplecticEuler(OneForce):
         p_n+1 = p_n + h f(q_n),   q_n+1 = q_n + h v(p_n+1)        first="kick"
         q_n+1 = q_n + h v(p_n),   p_n+1 = p_n + h f(q_n+1)        first="drift", its adjoint
 
-    Order 1, explicit, symplectic; one force a step.  HamiltonJacobi(order=1, adjoint=True) and HamiltonJacobi(order=1) are the same
-    for energies that are not separable.
+    Order 1, explicit, symplectic; one force a step.  HamiltonJacobi(order=1, adjoint=True) and
+    HamiltonJacobi(order=1) are the same for energies that are not separable.
 
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VI.3, theorem 3.3.
     """

@@ -1,4 +1,6 @@
-"""How large the step of a variational method may be, and which of several solutions of its equation belongs to the motion."""
+"""How large the step of a variational method may be, and which of several solutions of its equation
+belongs to the motion.
+"""
 
 from __future__ import annotations
 
@@ -15,10 +17,14 @@ from ..systems.kinetic_energy import KineticEnergy
 HALF_TURN, WHOLE_TURN, THIRD = math.pi, 2.0 * math.pi, 2.0 * math.pi / 3.0
 
 CONTRACTION = 1.0 / 16.0
-"""A branch is followed in pieces on which Newton's corrections shrink to a quarter of their length, or less; this is the square."""
+"""A branch is followed in pieces on which Newton's corrections shrink to a quarter of their length,
+or less; this is the square.
+"""
 
 LEAP, MISS = 1.0 / 4.0, 1.0 / 64.0
-"""Squares: along one piece the displacement changes by at most half a radian, by an eighth more than foreseen."""
+"""Squares: along one piece the displacement changes by at most half a radian, by an eighth more
+than foreseen.
+"""
 
 SHORTEST = 2.0**-24
 """The part of a step below which a branch that cannot be followed is said to have ended."""
@@ -27,34 +33,49 @@ INFINITY = math.inf
 
 
 def turns_freely(system: Any, retraction: Retraction) -> bool:
-    """Is it known how large a step may be?  It is for kinetic energies on so(3), with the exponential and the Cayley map."""
+    """Is it known how large a step may be?  It is for kinetic energies on so(3), with the
+    exponential and the Cayley map.
+    """
     usual = isinstance(retraction, (Exponential, Cayley, CayleyAdjoint))
-    return usual and isinstance(system.lagrangian, KineticEnergy) and isinstance(system.group.algebra, SO3Algebra)
+    return (
+        usual
+        and isinstance(system.lagrangian, KineticEnergy)
+        and isinstance(system.group.algebra, SO3Algebra)
+    )
 
 
 def largest_impulse(inertia: Vec | Mat, retraction: Retraction) -> float:
-    """The h|mu| up to which the step of a body that turns freely has one solution, whatever the direction of mu.
+    """The h|mu| up to which the step of a body that turns freely has one solution, whatever the
+    direction of mu.
 
-    That of the `first_fold`; for the exponential not above 2 pi J_1, where a whole turn about the first axis is complete.
+    That of the `first_fold`; for the exponential not above 2 pi J_1, where a whole turn about the
+    first axis is complete.
     inertia : (3,) or (3, 3), in kg m^2; the result is in kg m^2, too.
     Source: as for `first_fold`.
     """
     limit = first_fold(inertia, retraction)
-    return min(limit, WHOLE_TURN * _sorted(inertia)[0]) if isinstance(retraction, Exponential) else limit
+    return (
+        min(limit, WHOLE_TURN * _sorted(inertia)[0])
+        if isinstance(retraction, Exponential)
+        else limit
+    )
 
 
 def first_fold(inertia: Vec | Mat, retraction: Retraction) -> float:
-    """An h|mu| below which no step lies on a fold, where two solutions meet, whatever the direction of mu.
+    """An h|mu| below which no step lies on a fold, where two solutions meet, whatever the direction
+    of mu.
 
         pi max(J_1, sqrt(J_1 J_2 min(1, (J_1 + J_2)/J_3))),   J_1 <= J_2 <= J_3;   infinite for Cayley if `is_always_solvable`
 
-    pi J_1 is proved for the exponential: x = h xi obeys x . J x = h mu . x, so |x| <= h|mu|/J_1 <= pi, and in that ball the
-    derivative of J x - (dexp_x)* h mu has a symmetric part of at least J_1 - h|mu| (1 - sin|x|/|x|)/|x| >= 0: no two roots.
-    The rest is a search over bodies: the least h|mu| at which the derivative is singular is larger, by 29 % or more for bodies that
-    obey the triangle inequality (the disc 1, 1, 2 has the least).
+    pi J_1 is proved for the exponential: x = h xi obeys x . J x = h mu . x, so
+    |x| <= h|mu|/J_1 <= pi, and in that ball the derivative of J x - (dexp_x)* h mu has a symmetric
+    part of at least J_1 - h|mu| (1 - sin|x|/|x|)/|x| >= 0: no two roots. The rest is a search over
+    bodies: the least h|mu| at which the derivative is singular is larger, by 29 % or more for
+    bodies that obey the triangle inequality (the disc 1, 1, 2 has the least).
 
     inertia : (3,) or (3, 3), in kg m^2; the result is in kg m^2, too.
-    Source: Ortega and Rheinboldt, Iterative Solution of Nonlinear Equations in Several Variables, section 5.4 (monotone maps).
+    Source: Ortega and Rheinboldt, Iterative Solution of Nonlinear Equations in Several Variables,
+    section 5.4 (monotone maps).
     """
     J = _sorted(inertia)
     if not isinstance(retraction, Exponential) and is_always_solvable(J):
@@ -71,30 +92,42 @@ def _sorted(inertia: Vec | Mat) -> Vec:
 
 
 def surely_solvable(inverse: Vec | Mat) -> float:
-    """(pi/|J^-1|)^2 <= (pi J_1)^2, quickly: a lower bound of the square of `first_fold`.  inverse : J^-1, (3,) or (3, 3)."""
+    """(pi/|J^-1|)^2 <= (pi J_1)^2, quickly: a lower bound of the square of `first_fold`.
+    inverse : J^-1, (3,) or (3, 3).
+    """
     if isinstance(inverse, vectors.Mat):
-        square = dot(inverse[0], inverse[0]) + dot(inverse[1], inverse[1]) + dot(inverse[2], inverse[2])
+        square = (
+            dot(inverse[0], inverse[0]) + dot(inverse[1], inverse[1]) + dot(inverse[2], inverse[2])
+        )
     else:
         square = dot(inverse, inverse)
     return HALF_TURN * HALF_TURN / square
 
 
 def is_always_solvable(moments: Vec) -> bool:
-    """Has the step with the Cayley map one solution for every h and mu?  A sufficient condition on the principal moments, (3,).
+    """Has the step with the Cayley map one solution for every h and mu?  A sufficient condition on
+    the principal moments, (3,).
 
-    With x = h xi/2 the equation is F(x) = J x + x cross J x + (x . J x) x = h mu/2.  F grows in all directions; if det DF > 0
-    everywhere, it maps space onto space one to one.  Of this polynomial in the x_i^2, only the coefficients k_ij of x_i^2 x_j^2,
+    With x = h xi/2 the equation is F(x) = J x + x cross J x + (x . J x) x = h mu/2.  F grows in all
+    directions; if det DF > 0 everywhere, it maps space onto space one to one.  Of this polynomial
+    in the x_i^2, only the coefficients k_ij of x_i^2 x_j^2,
 
         k_ij = 4 J_i J_j (J_i + J_j) + 8 J_1 J_2 J_3 - J_k (J_i^2 + J_j^2),   beside   k_i = J_i (4 J_i^2 + 3 J_j J_k)   of x_i^4,
 
-    can be negative.  The condition is that this quadratic form is not negative where no x_i^2 is.  It holds for all bodies that
-    obey the triangle inequality and whose moments differ by a factor of less than 70; det DF does vanish for rods beyond 1:135.
+    can be negative.  The condition is that this quadratic form is not negative where no x_i^2 is.
+    It holds for all bodies that obey the triangle inequality and whose moments differ by a factor
+    of less than 70; det DF does vanish for rods beyond 1:135.
 
-    Source: Ortega and Rheinboldt, section 5.3 (Hadamard's theorem); Hadeler, Linear Algebra Appl. 49 (1983), 79 (copositivity).
+    Source: Ortega and Rheinboldt, section 5.3 (Hadamard's theorem); Hadeler, Linear Algebra Appl.
+    49 (1983), 79 (copositivity).
     """
     most = max(moments[0], max(moments[1], moments[2]))
     a, b, c = moments[0] / most, moments[1] / most, moments[2] / most
-    ra, rb, rc = sqrt(a * (4.0 * a * a + 3.0 * b * c)), sqrt(b * (4.0 * b * b + 3.0 * c * a)), sqrt(c * (4.0 * c * c + 3.0 * a * b))
+    ra, rb, rc = (
+        sqrt(a * (4.0 * a * a + 3.0 * b * c)),
+        sqrt(b * (4.0 * b * b + 3.0 * c * a)),
+        sqrt(c * (4.0 * c * c + 3.0 * a * b)),
+    )
     ab, bc, ca = _mixed(a, b, c), _mixed(b, c, a), _mixed(c, a, b)
     p, q, r = ab + ra * rb, bc + rb * rc, ca + rc * ra
     if min(p, min(q, r)) < 0.0:
@@ -108,7 +141,8 @@ def _mixed(a: float, b: float, c: float) -> float:
 
 
 def principal_moments(inertia: Mat) -> Vec:
-    """The eigenvalues of a symmetric matrix, (3, 3), ascending, to 1e-8 of the largest, much better if no two are equal.
+    """The eigenvalues of a symmetric matrix, (3, 3), ascending, to 1e-8 of the largest, much better
+    if no two are equal.
 
     Source: Smith, Communications of the ACM 4 (1961), 168.
     """
@@ -128,17 +162,23 @@ def principal_moments(inertia: Mat) -> Vec:
 
 
 def grown(
-    equation: Callable[[float, Vec], tuple[Vec, Mat, float]], is_inside: Callable[[Vec], bool], first: Vec, h: float
+    equation: Callable[[float, Vec], tuple[Vec, Mat, float]],
+    is_inside: Callable[[Vec], bool],
+    first: Vec,
+    h: float,
 ) -> tuple[Vec, float]:
-    """The displacement that grows out of zero when the step grows from nothing to h, and the part of h to which that goes.
+    """The displacement that grows out of zero when the step grows from nothing to h, and the part
+    of h to which that goes.
 
-    equation : at 1/h and x the mismatch, its derivative by x and a factor.  is_inside : is x in the chart?  first : h xi at h = 0.
-    What is followed is x/s, for steps s h.  A piece of the way counts if x changes little on it, in proportion if x is large, if
-    Newton's first correction is small and the next ones shrink well, the derivative `is_upright`, and the root is inside; else it
-    is halved.
+    equation : at 1/h and x the mismatch, its derivative by x and a factor.  is_inside : is x in the
+    chart?  first : h xi at h = 0.  What is followed is x/s, for steps s h.  A piece of the way
+    counts if x changes little on it, in proportion if x is large, if Newton's first correction is
+    small and the next ones shrink well, the derivative `is_upright`, and the root is inside; else
+    it is halved.
     Returns x and s, less than 1 where the branch ends.
 
-    Source: Deuflhard, Newton Methods for Nonlinear Problems, section 5.1 (with the simplest prediction).
+    Source: Deuflhard, Newton Methods for Nonlinear Problems, section 5.1 (with the simplest
+    prediction).
     """
     x, z, y = 0.0 * first, first, first
     reached, piece, scale, before = 0.0, 1.0, 1.0, MISS / CONTRACTION
@@ -148,7 +188,11 @@ def grown(
         change = correction(jacobian, r)
         new = part * y - change
         leap, size = new - x, dot(change, change)
-        good = size <= CONTRACTION * before and dot(leap, leap) <= LEAP * scale and is_upright(jacobian, h)
+        good = (
+            size <= CONTRACTION * before
+            and dot(leap, leap) <= LEAP * scale
+            and is_upright(jacobian, h)
+        )
         done = good and size <= TOLERANCE * TOLERANCE * dot(new, new)
         if not good or (done and not is_inside(new)):
             y, piece, before = z, 0.5 * piece, MISS / CONTRACTION * scale
@@ -162,7 +206,8 @@ def grown(
 
 
 def is_upright(jacobian: Mat, rate: float) -> bool:
-    """Has the determinant the sign of rate times a positive inertia, which it has on the whole branch from h = 0?
+    """Has the determinant the sign of rate times a positive inertia, which it has on the whole
+    branch from h = 0?
 
     By elimination, whose pivots need no order: only their signs count.  jacobian : (n, n).
     Source: Golub and Van Loan, Matrix Computations, 4th ed., section 3.2.

@@ -23,22 +23,27 @@ LEAST, MOST = 2.0**-336, 2.0**339
 
 @record
 class CovariantVariational(Implicit):
-    """Algorithm 1: the discrete Euler-Poincare equations of the action sum l_d(xi_i) with g_i+1 = g_i tau(h xi_i).
+    """Algorithm 1: the discrete Euler-Poincare equations of the action sum l_d(xi_i) with
+    g_i+1 = g_i tau(h xi_i).
 
         (1/h) (dtau^-1_{h xi_i})* dl_d/dxi(xi_i) = mu_i            solved for h xi_i by Newton's method
         mu_i+1 = Ad*_tau(h xi_i) mu_i,   g_i+1 = g_i tau(h xi_i)
 
-    lagrangian : a DiscreteLagrangian, the action l_d of one step; by default h l(xi), of the body's own Lagrangian l.
-    retraction : Cayley() has, for rigid bodies that are no thin rods, a solution for every step; Exponential() is the more accurate
-    one.  `largest_step` tells.  On other groups, such as SL(2), neither has one for every step.
-    mu belongs to the nodes, xi to the intervals between them: J xi is a momentum half way, an O(h) away from mu.  Velocities are
-    `Trajectory.xi`; a run that is to start with a velocity starts with its `momentum`.
-    Order 2 and symmetric, or what the discrete Lagrangian claims; spatial momentum, Casimirs and the Lie-Poisson bracket are kept
-    to rounding, the energy oscillates without drift.  Raises NoConvergence if the step is too large: there is no solution that
-    grows out of h = 0.
+    lagrangian : a DiscreteLagrangian, the action l_d of one step; by default h l(xi), of the body's
+    own Lagrangian l.
+    retraction : Cayley() has, for rigid bodies that are no thin rods, a solution for every step;
+    Exponential() is the more accurate one.  `largest_step` tells.  On other groups, such as SL(2),
+    neither has one for every step.
+    mu belongs to the nodes, xi to the intervals between them: J xi is a momentum half way, an O(h)
+    away from mu.  Velocities are `Trajectory.xi`; a run that is to start with a velocity starts
+    with its `momentum`.
+    Order 2 and symmetric, or what the discrete Lagrangian claims; spatial momentum, Casimirs and
+    the Lie-Poisson bracket are kept to rounding, the energy oscillates without drift.  Raises
+    NoConvergence if the step is too large: there is no solution that grows out of h = 0.
 
-    Source: Geometric Numerical Methods with Lie Groups, algorithm 1 (with the factor h of its first line corrected);
-    Bou-Rabee and Marsden, Found. Comput. Math. 9 (2009); Marsden, Pekarsky, Shkoller, Nonlinearity 12 (1999).
+    Source: Geometric Numerical Methods with Lie Groups, algorithm 1 (with the factor h of its first
+    line corrected); Bou-Rabee and Marsden, Found. Comput. Math. 9 (2009); Marsden, Pekarsky,
+    Shkoller, Nonlinearity 12 (1999).
     """
 
     symplectic: ClassVar[bool] = True
@@ -51,8 +56,8 @@ class CovariantVariational(Implicit):
         super().__post_init__()
         if self.lagrangian is not None and not isinstance(self.lagrangian, DiscreteLagrangian):
             raise InvalidType(
-                f"{type(self).__name__}: lagrangian must be a DiscreteLagrangian, the action of a step, or None; "
-                f"got {self.lagrangian!r}"
+                f"{type(self).__name__}: lagrangian must be a DiscreteLagrangian, the action of a "
+                f"step, or None; got {self.lagrangian!r}"
             )
 
     def __repr__(self) -> str:
@@ -80,20 +85,26 @@ class CovariantVariational(Implicit):
         return h * system.velocity(state.mu)
 
     def step(self, system: Any, t: float, state: Memory, h: float) -> Memory:
-        """Solve for the displacement of the interval from the extrapolated one, then move momentum and attitude by it."""
+        """Solve for the displacement of the interval from the extrapolated one, then move momentum
+        and attitude by it.
+        """
         x = self.displacement(system, h, plain(state.mu), extrapolated(*self.past(state)))
         return self.after(state, system.displaced(self.retraction, self.observe(state), x), x)
 
     def displacement(self, system: Any, h: float, mu: Vec, guess: Vec) -> Vec:
         """The x = h xi whose momentum dl/dxi fits mu.
 
-        A root that Newton's method finds is the right one where there is no other: before the first fold, if that is known, and in
-        the inner half of the chart.  Elsewhere the step is grown.
+        A root that Newton's method finds is the right one where there is no other: before the first
+        fold, if that is known, and in the inner half of the chart.  Elsewhere the step is grown.
         """
         rate, coarse = 1.0 / h, narrow(mu)
         square = dot(coarse, coarse)
-        x, size, enough, folded = newton(lambda x: self.equation(system, rate, mu, x), guess, square, rate)
-        doubtful = folded or not (size <= enough and self.retraction.is_chart(system.group, 2.0 * narrow(x)))
+        x, size, enough, folded = newton(
+            lambda x: self.equation(system, rate, mu, x), guess, square, rate
+        )
+        doubtful = folded or not (
+            size <= enough and self.retraction.is_chart(system.group, 2.0 * narrow(x))
+        )
         known = self.lagrangian is None and turns_freely(system, self.retraction)
         if known and h * h * square > surely_solvable(system.lagrangian.inverse):
             fold = first_fold(system.lagrangian.inertia, self.retraction)
@@ -113,70 +124,92 @@ class CovariantVariational(Implicit):
             h,
         )
         if part < 1.0:
-            raise self._unconnected(h, part * h, f"h|xi| = {norm(x):.2g}", self._usable(system, h, mu))
+            raise self._unconnected(
+                h, part * h, f"h|xi| = {norm(x):.2g}", self._usable(system, h, mu)
+            )
         return x
 
     def _usable(self, system: Any, h: float, mu: Vec) -> float | None:
-        """A step for every momentum of this size, forwards or backwards as h; None if it is not known."""
+        """A step for every momentum of this size, forwards or backwards as h; None if it is not
+        known.
+        """
         largest = self.largest_step(system, BodyState(mu))
         return None if largest is None else math.copysign(largest, h)
 
     # ---------------------------------------------------------------- velocities
 
     def momentum(self, system: Any, xi: Vec, h: float) -> Vec:
-        """The momentum at the node before a step of length h with velocity xi, (dtau^-1_{h xi})* dl/dxi: to start from a velocity.
+        """The momentum at the node before a step of length h with velocity xi, (dtau^-1_{h xi})*
+        dl/dxi: to start from a velocity.
 
         xi : (dim,), in 1/s.  h : in s.  Returns (dim,).
         """
         return self.retraction.dtau_inv_dual(system.group, h * xi, self._momentum(system, xi, h))
 
     def velocity(self, system: Any, mu: Vec, h: float) -> Vec:
-        """The velocity xi of the step of length h after a node with momentum mu; `momentum` backwards.
+        """The velocity xi of the step of length h after a node with momentum mu; `momentum`
+        backwards.
 
-        mu : (dim,).  h : in s.  Returns (dim,), in 1/s.  Raises NoConvergence or OutsideChart as the step does.
+        mu : (dim,).  h : in s.  Returns (dim,), in 1/s.  Raises NoConvergence or OutsideChart as
+        the step does.
         """
         return (1.0 / h) * self.displacement(system, h, mu, h * system.velocity(mu))
 
     # ---------------------------------------------------------------- how large a step may be
 
     def largest_step(self, system: Any, start: BodyState) -> float | None:
-        """The |h| up to which every step has one solution, wherever the momentum turns; None where that is not known.
+        """The |h| up to which every step has one solution, wherever the momentum turns; None where
+        that is not known.
 
-        Known for kinetic energies on so(3), with exp and the Cayley map: `largest_impulse` over |mu|; for Cayley infinite
-        on bodies that are `is_always_solvable`.  A larger step may go well: it is followed from h = 0 on, refused if that ends.
+        Known for kinetic energies on so(3), with exp and the Cayley map: `largest_impulse` over
+        |mu|; for Cayley infinite on bodies that are `is_always_solvable`.  A larger step may go
+        well: it is followed from h = 0 on, refused if that ends.
         start : of one body or an ensemble, which the largest |mu| decides.
         """
         if self.lagrangian is not None or not turns_freely(system, self.retraction):
             return None
         with np.errstate(over="ignore"):
             size = float(np.hypot.reduce(np.array(start.mu), axis=-1).max())
-        return largest_impulse(system.lagrangian.inertia, self.retraction) / size if size > 0.0 else math.inf
+        return (
+            largest_impulse(system.lagrangian.inertia, self.retraction) / size
+            if size > 0.0
+            else math.inf
+        )
 
     def step_warning(self, system: Any, start: BodyState, h: float) -> str | None:
-        """What to tell before a run whose step is larger than the `largest_step`; None if it is not.
+        """What to tell before a run whose step is larger than the `largest_step`; None if it is
+        not.
 
-        Raises InvalidInput for units in which Newton's method, which multiplies three entries of J/h, would divide by zero.
+        Raises InvalidInput for units in which Newton's method, which multiplies three entries of
+        J/h, would divide by zero.
         """
         mu = start.mu if start.bodies is None else start.mu[0]
-        size = float(np.abs(np.array(self._hessian(system, system.velocity(mu), h), dtype=float)).max()) / abs(h)
+        size = float(
+            np.abs(np.array(self._hessian(system, system.velocity(mu), h), dtype=float)).max()
+        ) / abs(h)
         if not LEAST < size < MOST:
             raise InvalidInput(
-                f"{self!r}: J/h is {size:.1e} in these units, and products of three such numbers leave the range of floats. "
-                "Take units of mass and time in which it is closer to 1"
+                f"{self!r}: J/h is {size:.1e} in these units, and products of three such numbers "
+                "leave the range of floats. Take units of mass and time in which it is closer to 1"
             )
         largest = self.largest_step(system, start)
         if largest is None or not abs(h) > largest:
             return None
         return (
-            f"{self!r}: h = {h:g} is larger than {largest:.3g}, up to which every direction of the momentum has one solution. "
-            "Steps are followed from h = 0 on, which is slow, and a direction that has none ends the run"
+            f"{self!r}: h = {h:g} is larger than {largest:.3g}, up to which every direction of the "
+            "momentum has one solution. Steps are followed from h = 0 on, which is slow, and a "
+            "direction that has none ends the run"
         )
 
     def equation(self, system: Any, rate: float, mu: Vec, x: Vec) -> tuple[Vec, Mat, float]:
         """The mismatch of dl/dxi and mu, its derivative, and the factor of its square."""
         xi = rate * x
-        r, by_p, by_x = self.retraction.residual(system.group, x, self._momentum(system, xi, 1.0 / rate), mu)
-        jacobian = with_inertia(by_x, momentum_slope(by_p, rate * self._hessian(system, xi, 1.0 / rate)))
+        r, by_p, by_x = self.retraction.residual(
+            system.group, x, self._momentum(system, xi, 1.0 / rate), mu
+        )
+        jacobian = with_inertia(
+            by_x, momentum_slope(by_p, rate * self._hessian(system, xi, 1.0 / rate))
+        )
         return r, jacobian, weight(by_p)
 
     def _momentum(self, system: Any, xi: Vec, h: float) -> Vec:
@@ -193,7 +226,9 @@ class CovariantVariational(Implicit):
 
 
 def weight(by_p: float | Mat) -> float:
-    """What the square of a mismatch is to be compared with, over that of the momentum: it may be a multiple of r."""
+    """What the square of a mismatch is to be compared with, over that of the momentum: it may be a
+    multiple of r.
+    """
     return 1.0 if isinstance(by_p, vectors.Mat) else by_p * by_p
 
 
@@ -201,11 +236,20 @@ def momentum_slope(by_p: float | Mat, hessian: Mat | Vec) -> Mat | Vec:
     """dr/dp d2l: a Vec stands for a diagonal matrix, a number for a multiple of the unit matrix."""
     if not isinstance(by_p, vectors.Mat):
         return by_p * hessian
-    return by_p @ hessian if isinstance(hessian, vectors.Mat) else mat(*[row * hessian for row in by_p])
+    return (
+        by_p @ hessian
+        if isinstance(hessian, vectors.Mat)
+        else mat(*[row * hessian for row in by_p])
+    )
 
 
 def with_inertia(m: Mat, inertia: Mat | Vec) -> Mat:
     """m + inertia, a Vec standing for a diagonal matrix."""
     if isinstance(inertia, vectors.Mat):
         return m + inertia
-    return mat(*[vec(*[m[i, j] + inertia[i] if i == j else m[i, j] for j in range(len(m))]) for i in range(len(m))])
+    return mat(
+        *[
+            vec(*[m[i, j] + inertia[i] if i == j else m[i, j] for j in range(len(m))])
+            for i in range(len(m))
+        ]
+    )

@@ -1,4 +1,6 @@
-"""Andrews' squeezing mechanism: seven bodies in a plane, three closed loops, a motor; a benchmark of constrained dynamics."""
+"""Andrews' squeezing mechanism: seven bodies in a plane, three closed loops, a motor; a benchmark
+of constrained dynamics.
+"""
 
 from __future__ import annotations
 
@@ -9,23 +11,40 @@ from ..systems.canonical import CanonicalState
 from ..systems.constrained import ConstrainedLagrangianSystem
 
 M1, M2, M3, M4, M5, M6, M7 = 0.04325, 0.00365, 0.02373, 0.00706, 0.07050, 0.00706, 0.05498  # kg
-I1, I2, I3, I4, I5, I6, I7 = 2.194e-6, 4.410e-7, 5.255e-6, 5.667e-7, 1.169e-5, 5.667e-7, 1.912e-5  # kg m^2
-XA, YA, XB, YB, XC, YC = -0.06934, -0.00227, -0.03635, 0.03273, 0.014, 0.072  # m, as all that follow
-D, DA, E, EA, RR, RA, SS, SA, SB, SC, SD = 0.028, 0.0115, 0.02, 0.01421, 0.007, 0.00092, 0.035, 0.01874, 0.01043, 0.018, 0.02
+# kg m^2
+I1, I2, I3, I4, I5, I6, I7 = 2.194e-6, 4.410e-7, 5.255e-6, 5.667e-7, 1.169e-5, 5.667e-7, 1.912e-5
+# m, as all that follow
+XA, YA, XB, YB, XC, YC = -0.06934, -0.00227, -0.03635, 0.03273, 0.014, 0.072
+D, DA, E, EA, RR, RA, SS, SA, SB, SC, SD = (
+    0.028,
+    0.0115,
+    0.02,
+    0.01421,
+    0.007,
+    0.00092,
+    0.035,
+    0.01874,
+    0.01043,
+    0.018,
+    0.02,
+)
 TA, TB, U, UA, UB, ZF, ZT, FA = 0.02308, 0.00916, 0.04, 0.01228, 0.00449, 0.02, 0.04, 0.01421
 
 
 @record
 class AndrewsMechanism(ConstrainedLagrangianSystem):
-    """Seven bodies in a plane, driven by a constant moment and held by a spring, in seven angles with six conditions.
+    """Seven bodies in a plane, driven by a constant moment and held by a spring, in seven angles
+    with six conditions.
 
-    moment : of the motor on the first angle, in N m.  stiffness : of the spring, in N/m.  rest : its length without a load, in m.
+    moment : of the motor on the first angle, in N m.  stiffness : of the spring, in N/m.
+    rest : its length without a load, in m.
     q : the angles (beta, Theta, gamma, Phi, delta, Omega, epsilon), (7,), in rad.  p : M(q) q'.
-    The first two conditions close the loop through B, the others those through A, in m.  `from_rest` is the start of the
-    benchmark.
+    The first two conditions close the loop through B, the others those through A, in m.
+    `from_rest` is the start of the benchmark.
 
-    Source: Hairer and Wanner, Solving Ordinary Differential Equations II, 2nd ed., VII.7; Mazzia and Magherini, Test Set for
-    Initial Value Problem Solvers (2008), II-10; Gonzalez et al., Multibody Syst. Dyn. 16 (2006) (problem A03).
+    Source: Hairer and Wanner, Solving Ordinary Differential Equations II, 2nd ed., VII.7; Mazzia
+    and Magherini, Test Set for Initial Value Problem Solvers (2008), II-10; Gonzalez et al.,
+    Multibody Syst. Dyn. 16 (2006) (problem A03).
     """
 
     degrees: ClassVar[int] = 7

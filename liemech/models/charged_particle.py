@@ -1,4 +1,6 @@
-"""Charged particles in magnetic fields that are not uniform, and the centres about which they gyrate."""
+"""Charged particles in magnetic fields that are not uniform, and the centres about which they
+gyrate.
+"""
 
 from __future__ import annotations
 
@@ -38,8 +40,10 @@ from .maxwell_bloch import HalfSquare
 class MagneticField(Record):
     """A magnetic field B(x) without sources.
 
-    1. A subclass writes `at(x)`.  div B must be zero, or there is no Poisson structure: `check_poisson` looks.
-    2. For explicit splittings it writes `integral`, in closed form: a quadrature would be no Poisson map.
+    1. A subclass writes `at(x)`.  div B must be zero, or there is no Poisson structure:
+    `check_poisson` looks.
+    2. For explicit splittings it writes `integral`, in closed form: a quadrature would be no
+    Poisson map.
 
     Source: He, Zhou, Sun, Liu and Qin, Phys. Lett. A 381 (2017), 568.
     """
@@ -49,8 +53,12 @@ class MagneticField(Record):
         raise NotDefined(f"{type(self).__name__} must define `at`")
 
     def integral(self, component: int, axis: int, x: Vec, length: float) -> float:
-        """The integral of a component of B along an axis, from x over a length.  component, axis : 0, 1, 2, different; x : (3,)."""
-        raise NotDefined(f"{type(self).__name__} must define `integral`, which explicit splittings need")
+        """The integral of a component of B along an axis, from x over a length.  component,
+        axis : 0, 1, 2, different; x : (3,).
+        """
+        raise NotDefined(
+            f"{type(self).__name__} must define `integral`, which explicit splittings need"
+        )
 
     def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
         return (3,) if kind == "Vec" else None
@@ -76,7 +84,8 @@ class UniformField(MagneticField):
 
 @record
 class AxialField(MagneticField):
-    """A field along the third axis that grows with the distance from it, B = (0, 0, s R), R^2 = x_1^2 + x_2^2.
+    """A field along the third axis that grows with the distance from it, B = (0, 0, s R),
+    R^2 = x_1^2 + x_2^2.
 
     slope : s.  Source: Hairer and Lubich, BIT Numer. Math. 58 (2018), 969.
     """
@@ -104,7 +113,8 @@ def _root(a: Any, c: Any) -> Any:
 
 @record
 class TokamakField(MagneticField):
-    """A model of a tokamak, B = (-(2 x_2 + x_1 x_3), 2 x_1 - x_2 x_3, R (R - 1))/(2 R^2), in units of its major radius.
+    """A model of a tokamak, B = (-(2 x_2 + x_1 x_3), 2 x_1 - x_2 x_3, R (R - 1))/(2 R^2), in units
+    of its major radius.
 
     Source: Qin et al., Why is Boris algorithm so good?, Phys. Plasmas 20 (2013), 084503.
     """
@@ -137,11 +147,13 @@ class TokamakField(MagneticField):
 
 @record
 class MagneticStructure(PoissonStructure):
-    """The structure of a charged particle, y = (x, v): {x_i, v_j} = delta_ij, {v_i, v_j} = e_ijk B_k(x), for unit charge and mass.
+    """The structure of a charged particle, y = (x, v): {x_i, v_j} = delta_ij, {v_i, v_j} = e_ijk
+    B_k(x), for unit charge and mass.
 
     field : B.  The identity of Jacobi is div B = 0.
 
-    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 6.7; He et al. (2017).
+    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 6.7; He et
+    al. (2017).
     """
 
     dim: ClassVar[int] = 6
@@ -169,7 +181,8 @@ class MagneticStructure(PoissonStructure):
 
 @record
 class SquaredVelocity(Part):
-    """v_i^2/2, of points (x, v): x_i moves at a constant rate, and the field turns the other two velocities on the way.
+    """v_i^2/2, of points (x, v): x_i moves at a constant rate, and the field turns the other two
+    velocities on the way.
 
     axis : i, from 0.  field : B.
 
@@ -188,7 +201,9 @@ class SquaredVelocity(Part):
         return vec(*[mu[i] if i == 3 + self.axis else 0.0 for i in range(6)])
 
     def flow(self, structure: PoissonStructure, y: Vec, t: float) -> Vec:
-        """x_i + t v_i;  v_j - the integral of B_k, v_k + that of B_j over the way, i, j, k cyclic.  y : (6,)."""
+        """x_i + t v_i;  v_j - the integral of B_k, v_k + that of B_j over the way, i, j, k cyclic.
+        y : (6,).
+        """
         here, i = plain(y), self.axis
         j, k = (i + 1) % 3, (i + 2) % 3
         x, way = vec(here[0], here[1], here[2]), t * here[3 + i]
@@ -221,13 +236,16 @@ class ElectricEnergy(Hamiltonian):
 
 @record
 class ChargedParticle(PoissonSystem):
-    """A particle of unit charge and mass in a magnetic field and an electric potential: x' = v, v' = -dphi(x) + v x B(x).
+    """A particle of unit charge and mass in a magnetic field and an electric potential: x' = v,
+    v' = -dphi(x) + v x B(x).
 
-    field : B, such as AxialField(), or a MagneticField of one's own.  potential : phi, a Hamiltonian of x, (3,); None if there is
-    none.  y = (x, v) : position and velocity.  The energy is |v|^2/2 + phi; its four parts have motions in closed form if the field
-    has its `integral`s, so that `Splitting` is explicit, of any order, and a Poisson map.
+    field : B, such as AxialField(), or a MagneticField of one's own.  potential : phi, a
+    Hamiltonian of x, (3,); None if there is none.  y = (x, v) : position and velocity.  The energy
+    is |v|^2/2 + phi; its four parts have motions in closed form if the field has its `integral`s,
+    so that `Splitting` is explicit, of any order, and a Poisson map.
 
-    Source: He, Qin, Sun, Xiao, Zhang and Liu, Phys. Plasmas 22 (2015), 124503; He et al., Phys. Lett. A 381 (2017), 568.
+    Source: He, Qin, Sun, Xiao, Zhang and Liu, Phys. Plasmas 22 (2015), 124503; He et al., Phys.
+    Lett. A 381 (2017), 568.
     """
 
     structure: MagneticStructure = field(init=False, repr=False)
@@ -237,7 +255,10 @@ class ChargedParticle(PoissonSystem):
 
     def __post_init__(self) -> None:
         if not isinstance(self.field, MagneticField):
-            raise InvalidType(f"{type(self).__name__}: field must be a MagneticField, such as AxialField(); got {self.field!r}")
+            raise InvalidType(
+                f"{type(self).__name__}: field must be a MagneticField, "
+                f"such as AxialField(); got {self.field!r}"
+            )
         object.__setattr__(self, "structure", MagneticStructure(self.field))
         parts: list[Hamiltonian] = [SquaredVelocity(i, self.field) for i in range(3)]
         if type(self.field).integral is MagneticField.integral:
@@ -253,13 +274,15 @@ class ChargedParticle(PoissonSystem):
 
 @record
 class GuidingCentreStructure(PoissonStructure):
-    """The structure of the centre of gyration, y = (X, u), with b = B/|B|, B* = B + u curl b, B*p = b . B*:
+    """The structure of the centre of gyration, y = (X, u), with b = B/|B|, B* = B + u curl b,
+    B*p = b . B*:
 
         [[hat(b)/B*p, B*/B*p], [-B*^T/B*p, 0]]
 
     field : B.  With B in place of B* the identity of Jacobi would fail.
 
-    Source: Littlejohn, J. Plasma Phys. 29 (1983), 111; Cary and Brizard, Rev. Mod. Phys. 81 (2009), 693.
+    Source: Littlejohn, J. Plasma Phys. 29 (1983), 111; Cary and Brizard, Rev. Mod. Phys. 81 (2009),
+    693.
     """
 
     dim: ClassVar[int] = 4
@@ -272,7 +295,10 @@ class GuidingCentreStructure(PoissonStructure):
         s = star / along
         h = b / along
         return mat(
-            vec(0.0, -h[2], h[1], s[0]), vec(h[2], 0.0, -h[0], s[1]), vec(-h[1], h[0], 0.0, s[2]), vec(-s[0], -s[1], -s[2], 0.0)
+            vec(0.0, -h[2], h[1], s[0]),
+            vec(h[2], 0.0, -h[0], s[1]),
+            vec(-h[1], h[0], 0.0, s[2]),
+            vec(-s[0], -s[1], -s[2], 0.0),
         )
 
     def fields(self, y: Vec) -> tuple[Vec, Vec, float]:
@@ -281,7 +307,9 @@ class GuidingCentreStructure(PoissonStructure):
         B = self.field.at(x)
         b = B / norm(B)
         slopes = jacobian(lambda z: self.field.at(z) / norm(self.field.at(z)), x)
-        curl = vec(slopes[2, 1] - slopes[1, 2], slopes[0, 2] - slopes[2, 0], slopes[1, 0] - slopes[0, 1])
+        curl = vec(
+            slopes[2, 1] - slopes[1, 2], slopes[0, 2] - slopes[2, 0], slopes[1, 0] - slopes[0, 1]
+        )
         star = B + u * curl
         return b, star, dot(b, star)
 
@@ -312,14 +340,17 @@ class GuidingEnergy(Hamiltonian):
 
 @record
 class GuidingCentre(PoissonSystem):
-    """The centre about which a charged particle gyrates, X' = (u B* + b x (mu d|B| + dphi))/B*p, u' = -B* . (mu d|B| + dphi)/B*p.
+    """The centre about which a charged particle gyrates, X' = (u B* + b x (mu d|B| + dphi))/B*p,
+    u' = -B* . (mu d|B| + dphi)/B*p.
 
     field : B.  moment : mu, |v across B|^2/(2 |B|).  potential : phi, a Hamiltonian of X, or None.
     y = (X, u) : the centre, and the velocity along the field.
 
-    No explicit Poisson integrator is known for it: RKMK of high order, or in a `DarbouxChart` the symplectic ones.
+    No explicit Poisson integrator is known for it: RKMK of high order, or in a `DarbouxChart` the
+    symplectic ones.
 
-    Source: Littlejohn, J. Plasma Phys. 29 (1983), 111; Cary and Brizard, Rev. Mod. Phys. 81 (2009), 693.
+    Source: Littlejohn, J. Plasma Phys. 29 (1983), 111; Cary and Brizard, Rev. Mod. Phys. 81 (2009),
+    693.
     """
 
     structure: GuidingCentreStructure = field(init=False, repr=False)
@@ -330,12 +361,16 @@ class GuidingCentre(PoissonSystem):
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "structure", GuidingCentreStructure(self.field))
-        object.__setattr__(self, "hamiltonian", GuidingEnergy(self.field, self.moment, self.potential))
+        object.__setattr__(
+            self, "hamiltonian", GuidingEnergy(self.field, self.moment, self.potential)
+        )
         super().__post_init__()
 
     @classmethod
     def of_particle(cls, particle: ChargedParticle, y: Any) -> tuple[GuidingCentre, np.ndarray]:
-        """The system and the start, (4,), of the centre of a particle at y = (x, v), to first order in the gyration radius."""
+        """The system and the start, (4,), of the centre of a particle at y = (x, v), to first order
+        in the gyration radius.
+        """
         y = np.array(y, dtype=float)
         x, v = y[:3], y[3:]
         B = np.array(particle.field.at(x))
@@ -345,4 +380,6 @@ class GuidingCentre(PoissonSystem):
         across = v - along * b
         moment = float(across @ across / (2.0 * size))
         centre: Any = cls
-        return centre(particle.field, moment, particle.potential), np.array([*(x + np.cross(v, b) / size), along])
+        return centre(particle.field, moment, particle.potential), np.array(
+            [*(x + np.cross(v, b) / size), along]
+        )

@@ -1,4 +1,6 @@
-"""Pendulums as masses at the ends of rods, in positions: the spherical pendulum, chains of many links, the four-bar linkage."""
+"""Pendulums as masses at the ends of rods, in positions: the spherical pendulum, chains of many
+links, the four-bar linkage.
+"""
 
 from __future__ import annotations
 
@@ -20,10 +22,11 @@ class SphericalPendulum(SeparableConstrainedSystem):
 
     mass : m, in kg.  length : l, in m.  gravity : g, in m/s^2, along -q_3.
     q : the position, (3,), in m.  p : the momentum m q', in kg m/s.
-    The constraint is (|q|^2 - l^2)/(2 l), in m, so that its multiplier is the tension of the rod, in N.
-    Kept are the energy and the angular momentum about the vertical.
+    The constraint is (|q|^2 - l^2)/(2 l), in m, so that its multiplier is the tension of the rod,
+    in N.  Kept are the energy and the angular momentum about the vertical.
 
-    Source: Hairer, Lubich, Wanner, VII.1, example 1.1 (its equations with multiplier); Whittaker, Analytical Dynamics, 4th ed., 55.
+    Source: Hairer, Lubich, Wanner, VII.1, example 1.1 (its equations with multiplier); Whittaker,
+    Analytical Dynamics, 4th ed., 55.
     """
 
     degrees: ClassVar[int] = 3
@@ -62,12 +65,16 @@ class SphericalPendulum(SeparableConstrainedSystem):
         return mat((1.0 / self.length) * q)
 
     def geodesic(self, q: Vec, p: Vec, t: float) -> tuple[Vec, Vec]:
-        """The motion without gravity, along a great circle: positions and momenta after the time t.  q, p : (3,)."""
+        """The motion without gravity, along a great circle: positions and momenta after the time
+        t.  q, p : (3,).
+        """
         shift = t / self.mass
         turning = shift * dot(p, p) / (self.length * self.length)
         x = shift * turning  # the square of the angle
         sinc, versine = exp_coefficients(x)
-        return q + ((sinc * shift) * p - (x * versine) * q), p - ((sinc * turning) * q + (x * versine) * p)
+        return q + ((sinc * shift) * p - (x * versine) * q), p - (
+            (sinc * turning) * q + (x * versine) * p
+        )
 
     def vertical_momentum(self, q: Vec, p: Vec) -> float:
         """The angular momentum about the vertical, q_1 p_2 - q_2 p_1, in kg m^2/s.  q, p : (3,)."""
@@ -75,19 +82,25 @@ class SphericalPendulum(SeparableConstrainedSystem):
 
     def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """The energy, the constraints, and the angular momentum about the vertical."""
-        return super().constants(states) | {"vertical momentum": np.asarray(self.vertical_momentum(states["q"], states["p"]))}
+        return super().constants(states) | {
+            "vertical momentum": np.asarray(self.vertical_momentum(states["q"], states["p"]))
+        }
 
 
 @record
 class ChainPendulum(SeparableConstrainedSystem):
-    """A chain of masses on rods that hangs from the origin, in space or in a plane; chaotic from two links on.
+    """A chain of masses on rods that hangs from the origin, in space or in a plane; chaotic from
+    two links on.
 
-    masses : (N,), in kg.  lengths : of the rods, (N,), in m.  gravity : in m/s^2, along the last axis.  dimension : 3, or 2.
+    masses : (N,), in kg.  lengths : of the rods, (N,), in m.  gravity : in m/s^2, along the last
+    axis.  dimension : 3, or 2.
     q : the positions of the masses one after the other, (N dimension,), in m.  p : their momenta.
-    The constraints are (|q_i - q_i-1|^2 - l_i^2)/(2 l_i), in m, so that the multipliers are the tensions of the rods, in N.
-    Kept are the energy and, in space, the angular momentum about the vertical.
+    The constraints are (|q_i - q_i-1|^2 - l_i^2)/(2 l_i), in m, so that the multipliers are the
+    tensions of the rods, in N.  Kept are the energy and, in space, the angular momentum about the
+    vertical.
 
-    Source: Hairer, Lubich, Wanner, VII.1 (the N-fold pendulum); Landau and Lifshitz, Mechanics, 3rd ed., section 5.
+    Source: Hairer, Lubich, Wanner, VII.1 (the N-fold pendulum); Landau and Lifshitz, Mechanics, 3rd
+    ed., section 5.
     """
 
     linear_velocity: ClassVar[bool] = True
@@ -102,10 +115,14 @@ class ChainPendulum(SeparableConstrainedSystem):
             raise InvalidInput(f"ChainPendulum: dimension is 2 or 3; got {self.dimension!r}")
         for name, value in (("masses", self.masses), ("lengths", self.lengths)):
             if np.ndim(value) != 1:
-                raise InvalidInput(f"ChainPendulum: {name} must be a list, a number for each link, such as [1.0]; got {value!r}")
+                raise InvalidInput(
+                    f"ChainPendulum: {name} must be a list, a number for "
+                    f"each link, such as [1.0]; got {value!r}"
+                )
         if len(self.masses) != len(self.lengths) or not len(self.masses):
             raise InvalidInput(
-                f"ChainPendulum: {len(self.masses)} masses and {len(self.lengths)} lengths; each mass has its rod"
+                f"ChainPendulum: {len(self.masses)} masses and "
+                f"{len(self.lengths)} lengths; each mass has its rod"
             )
         super().__post_init__()
         check_positive(self, "masses", "lengths")
@@ -142,14 +159,22 @@ class ChainPendulum(SeparableConstrainedSystem):
     def force(self, q: Vec, p: Vec) -> Vec:
         """The weights.  q, p : (n,)."""
         up = self.dimension - 1
-        return vec(*[-self.gravity * m if k == up else 0.0 for m in self.masses for k in range(self.dimension)])
+        return vec(
+            *[
+                -self.gravity * m if k == up else 0.0
+                for m in self.masses
+                for k in range(self.dimension)
+            ]
+        )
 
     def constraint(self, q: Vec) -> Vec:
         """(|q_i - q_i-1|^2 - l_i^2)/(2 l_i), (N,), in m.  q : (n,)."""
         return vec(*[(0.5 / l) * (dot(r, r) - l * l) for r, l in zip(self._links(q), self.lengths)])
 
     def constraint_jacobian(self, q: Vec) -> Mat:
-        """The directions of the rods, (N, n): (q_i - q_i-1)/l_i where mass i is, and minus that where mass i - 1 is.  q : (n,)."""
+        """The directions of the rods, (N, n): (q_i - q_i-1)/l_i where mass i is, and minus that
+        where mass i - 1 is.  q : (n,).
+        """
         rows: list[Vec] = []
         n = len(self.masses)
         for i, (link, l) in enumerate(zip(self._links(q), self.lengths)):
@@ -159,7 +184,9 @@ class ChainPendulum(SeparableConstrainedSystem):
         return mat(*rows)
 
     def hanging(self, directions: Vec) -> Vec:
-        """The positions of a chain whose rods point where it is said, unit vectors one after the other, (n,)."""
+        """The positions of a chain whose rods point where it is said, unit vectors one after the
+        other, (n,).
+        """
         d, at = self.dimension, [0.0 for _ in range(self.dimension)]
         found: list[float] = []
         for i, l in enumerate(self.lengths):
@@ -170,27 +197,38 @@ class ChainPendulum(SeparableConstrainedSystem):
     def vertical_momentum(self, q: Vec, p: Vec) -> float:
         """The angular momentum about the vertical, in kg m^2/s; in space only.  q, p : (n,)."""
         if self.dimension != 3:
-            raise InvalidInput("ChainPendulum.vertical_momentum: a chain in a plane does not turn about the vertical")
-        return sum([q[3 * i] * p[3 * i + 1] - q[3 * i + 1] * p[3 * i] for i in range(len(self.masses))])
+            raise InvalidInput(
+                "ChainPendulum.vertical_momentum: a chain in a "
+                "plane does not turn about the vertical"
+            )
+        return sum(
+            [q[3 * i] * p[3 * i + 1] - q[3 * i + 1] * p[3 * i] for i in range(len(self.masses))]
+        )
 
     def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """The energy, the constraints and, in space, the angular momentum about the vertical."""
         kept = super().constants(states)
         if self.dimension == 3:
-            kept |= {"vertical momentum": np.asarray(self.vertical_momentum(states["q"], states["p"]))}
+            kept |= {
+                "vertical momentum": np.asarray(self.vertical_momentum(states["q"], states["p"]))
+            }
         return kept
 
 
 @record
 class FourBarLinkage(SeparableConstrainedSystem):
-    """Parallelograms of equal slender rods side by side: loops + 1 cranks on supports, their ends joined; one degree of freedom.
+    """Parallelograms of equal slender rods side by side: loops + 1 cranks on supports, their ends
+    joined; one degree of freedom.
 
-    loops : N.  mass : of each rod, in kg.  length : in m; the supports are as far apart.  gravity : in m/s^2, along -y.
+    loops : N.  mass : of each rod, in kg.  length : in m; the supports are as far apart.
+    gravity : in m/s^2, along -y.
     q : the positions of the joints B_0, ..., B_N, (2 N + 2,), in m.  p : the momenta M q'.
     A rod whose ends have the velocities a and b has the energy m (|a|^2 + a.b + |b|^2)/6.
-    Where all rods are in one line the constraints become dependent, and the motion is not determined.
+    Where all rods are in one line the constraints become dependent, and the motion is not
+    determined.
 
-    Source: Gonzalez, Dopico, Lugris, Cuadrado, Multibody Syst. Dyn. 16 (2006) (benchmark problem A02 of the IFToMM library).
+    Source: Gonzalez, Dopico, Lugris, Cuadrado, Multibody Syst. Dyn. 16 (2006) (benchmark problem
+    A02 of the IFToMM library).
     """
 
     linear_velocity: ClassVar[bool] = True
@@ -202,7 +240,9 @@ class FourBarLinkage(SeparableConstrainedSystem):
 
     def __post_init__(self) -> None:
         if type(self.loops) is not int or self.loops < 1:
-            raise InvalidInput(f"FourBarLinkage: loops is a whole number, at least 1; got {self.loops!r}")
+            raise InvalidInput(
+                f"FourBarLinkage: loops is a whole number, at least 1; got {self.loops!r}"
+            )
         super().__post_init__()
         check_positive(self, "mass", "length")
 
@@ -219,7 +259,9 @@ class FourBarLinkage(SeparableConstrainedSystem):
         for j in range(self.loops):
             m[j : j + 2, j : j + 2] += [[1.0 / 3.0, 1.0 / 6.0], [1.0 / 6.0, 1.0 / 3.0]]
         inverse = np.linalg.inv(m)
-        return mat(*[vec(*row) for row in m.tolist()]), mat(*[vec(*row) for row in inverse.tolist()])
+        return mat(*[vec(*row) for row in m.tolist()]), mat(
+            *[vec(*row) for row in inverse.tolist()]
+        )
 
     def _of_both(self, m: Mat, x: Vec) -> Vec:
         """A matrix for one direction on the first and on the second coordinates of the joints."""
@@ -232,8 +274,14 @@ class FourBarLinkage(SeparableConstrainedSystem):
         return 0.5 * dot(p, self._of_both(self._masses[1], p)) / self.mass
 
     def potential(self, q: Vec) -> float:
-        """The weight of the cranks acts half-way up, that of the rods between two joints at half of both, in J.  q : (n,)."""
-        return self.mass * self.gravity * sum([share * q[2 * j + 1] for j, share in enumerate(self._shares())])
+        """The weight of the cranks acts half-way up, that of the rods between two joints at half of
+        both, in J.  q : (n,).
+        """
+        return (
+            self.mass
+            * self.gravity
+            * sum([share * q[2 * j + 1] for j, share in enumerate(self._shares())])
+        )
 
     def velocity(self, q: Vec, p: Vec) -> Vec:
         """M^-1 p.  q, p : (n,)."""
@@ -241,7 +289,9 @@ class FourBarLinkage(SeparableConstrainedSystem):
 
     def force(self, q: Vec, p: Vec) -> Vec:
         """The weight of half of the rods that end at each joint.  q, p : (n,)."""
-        return -self.mass * self.gravity * vec(*[x for share in self._shares() for x in (0.0, share)])
+        return (
+            -self.mass * self.gravity * vec(*[x for share in self._shares() for x in (0.0, share)])
+        )
 
     def _shares(self) -> list[float]:
         """How many rods each joint carries: half of its crank, and half of each rod beside it."""
@@ -253,7 +303,9 @@ class FourBarLinkage(SeparableConstrainedSystem):
         return self.mass * self._of_both(self._masses[0], v)
 
     def constraint(self, q: Vec) -> Vec:
-        """The rods have their length: (|r|^2 - l^2)/(2 l), (2 N + 1,), in m: first the cranks.  q : (n,)."""
+        """The rods have their length: (|r|^2 - l^2)/(2 l), (2 N + 1,), in m: first the cranks.
+        q : (n,).
+        """
         n, l = self.loops + 1, self.length
         joints = [vec(q[2 * j], q[2 * j + 1]) for j in range(n)]
         cranks = [joints[j] - vec(j * l, 0.0) for j in range(n)]

@@ -1,12 +1,14 @@
-"""The plane pendulum in closed form: Jacobi's elliptic functions for swings and turns, hyperbolic ones between.
+"""The plane pendulum in closed form: Jacobi's elliptic functions for swings and turns, hyperbolic
+ones between.
 
     theta'' = -w^2 sin theta,   k^2 = sin^2(theta/2) + (theta'/(2 w))^2
 
     swings, k < 1:   sin(theta/2) = k sn u,  cos(theta/2) = dn u,  theta' = 2 w k cn u,   u = u_0 + w t,     modulus k
     turns,  k > 1:   sin(theta/2) = sn u,    cos(theta/2) = cn u,  theta' = 2 w k dn u,   u = u_0 + k w t,   modulus 1/k
 
-k = 1 is the separatrix.  What tells swings from turns, 1 - k^2 = (1 + cos theta)/2 - (theta'/(2 w))^2, is computed with a hundred
-digits from the numbers given: no nearness of the separatrix spoils the time at which the pendulum passes its highest point.
+k = 1 is the separatrix.  What tells swings from turns, 1 - k^2 = (1 + cos
+theta)/2 - (theta'/(2 w))^2, is computed with a hundred digits from the numbers given: no nearness
+of the separatrix spoils the time at which the pendulum passes its highest point.
 
 Source: Whittaker, Analytical Dynamics, 4th ed., section 44; DLMF 22.19(i).
 """
@@ -62,8 +64,11 @@ class Swing(NamedTuple):
         return (1.0 if self.turns else 2.0) * self.jacobi.half / self.rate
 
 
-def pendulum(theta: float, momentum: float, mass: float, gravity: float, length: float) -> Swing | None:
-    """The motion from theta, in rad, with the momentum m l^2 theta', under gravity, not 0; None if the pendulum stays where it is.
+def pendulum(
+    theta: float, momentum: float, mass: float, gravity: float, length: float
+) -> Swing | None:
+    """The motion from theta, in rad, with the momentum m l^2 theta', under gravity, not 0; None if
+    the pendulum stays where it is.
 
     Source: Whittaker, Analytical Dynamics, 4th ed., section 44.
     """
@@ -87,7 +92,11 @@ def pendulum(theta: float, momentum: float, mass: float, gravity: float, length:
     sign = -1.0 if momentum < 0.0 else 1.0
     turns = least < 0
     jacobi = Jacobi.of(k1 / k if turns else k1)
-    begin = jacobi.argument(sign * S, C) if turns else jacobi.argument(sign * S / k, C if not jacobi.k1 else V / k)
+    begin = (
+        jacobi.argument(sign * S, C)
+        if turns
+        else jacobi.argument(sign * S / k, C if not jacobi.k1 else V / k)
+    )
     return Swing(jacobi, turns, k, frequency, begin, sign, shift)
 
 

@@ -1,30 +1,34 @@
-"""The free rigid body in closed form: momentum by Jacobi's elliptic functions, attitude by one more integral.
+"""The free rigid body in closed form: momentum by Jacobi's elliptic functions, attitude by one more
+integral.
 
     mu' = mu x w,   g' = g hat(w),   w = J^{-1} mu          mu and w in the body frame, g takes body to space
 
-The unit vector e = mu/|mu| runs along a polhode. Let J2 be the middle moment and axis 3 the one the polhode surrounds,
-with e3 > 0; J1, J2, J3 then rise or fall. With G = |mu|, X = 2 E J3 - G^2, Y = G^2 - 2 E J1 and D = G^2 - 2 E J2, which
-vanishes on the separatrix (all of the sign of J3 - J1, or zero),
+The unit vector e = mu/|mu| runs along a polhode. Let J2 be the middle moment and axis 3 the one the
+polhode surrounds, with e3 > 0; J1, J2, J3 then rise or fall. With G = |mu|, X = 2 E J3 - G^2,
+Y = G^2 - 2 E J1 and D = G^2 - 2 E J2, which vanishes on the separatrix (all of the sign of J3 - J1,
+or zero),
 
     e = (a1 cn u, a2 sn u, a3 dn u),    u = u0 + lam t,    k'^2 = 1 - m = (J3-J1) D/((J3-J2) Y),
     lam^2 = (J3-J2) Y/(J1 J2 J3),    lam of the sign of J3 - J2,
     (G a1)^2 = J1 X/(J3-J1),    (G a2)^2 = J2 X/(J3-J2),    (G a3)^2 = J3 Y/(J3-J1).
 
-The constant spatial momentum g mu leaves one angle of the attitude. Let P(e; p) be the rotation with rows a, e x a, e,
-where a is the axis p made orthogonal to e and normalised. Then, {i, j} being the axes other than p,
+The constant spatial momentum g mu leaves one angle of the attitude. Let P(e; p) be the rotation
+with rows a, e x a, e, where a is the axis p made orthogonal to e and normalised. Then, {i, j} being
+the axes other than p,
 
     g = g(0) P(e(0))^T Rot3(psi) P(e),    psi' = G (e_i^2/J_i + e_j^2/J_j)/(e_i^2 + e_j^2),
 
-singular only where the polhode meets the axis p. With n = J3 (J2-J1)/(J1 (J3-J2)) and N = (a1/a3)^2, n N = m,
+singular only where the polhode meets the axis p. With n = J3 (J2-J1)/(J1 (J3-J2)) and
+N = (a1/a3)^2, n N = m,
 
     p = 1:  psi = G t/J3 + N sqrt((1+n)(1+N)) [T(u) - T(u0)],    T(u) = integral of sn^2/(1 + N sn^2) from 0 to u,
     p = 3:  psi = G t/J1 - n sqrt((1+n)(1+N)) [T(u) - T(u0)],    T(u) = integral of sn^2/(1 + n sn^2) from 0 to u.
 
-Take the pole that stays at least 45 degrees away from the polhode: p = 1 if N <= 1, else p = 3. Then all coefficients
-are bounded, whatever the body, and no digits cancel.
+Take the pole that stays at least 45 degrees away from the polhode: p = 1 if N <= 1, else p = 3.
+Then all coefficients are bounded, whatever the body, and no digits cancel.
 
-Source: Whittaker, Analytical Dynamics, 4th ed., sections 69-71; van Zon and Schofield, J. Comput. Phys. 225 (2007) 145;
-Celledoni, Fasso, Safstrom and Zanna, SIAM J. Sci. Comput. 30 (2008) 2084.
+Source: Whittaker, Analytical Dynamics, 4th ed., sections 69-71; van Zon and Schofield, J. Comput.
+Phys. 225 (2007) 145; Celledoni, Fasso, Safstrom and Zanna, SIAM J. Sci. Comput. 30 (2008) 2084.
 """
 
 from __future__ import annotations
@@ -39,14 +43,29 @@ from numpy.typing import ArrayLike
 from ..compiler import batch
 from ..formulas import Mat, Vec, diagonal, dot, identity_matrix, mat, vec, vectors
 from .carlson import duplications, elliprf
-from .polhode import Direction, Polhode, angle, at, attitude, direction, frame, in_body, momentum, moved, sin_cos, third_kind
+from .polhode import (
+    Direction,
+    Polhode,
+    angle,
+    at,
+    attitude,
+    direction,
+    frame,
+    in_body,
+    momentum,
+    moved,
+    sin_cos,
+    third_kind,
+)
 
 __all__ = ["exact_rigid_body", "momentum_period"]
 
-# Below this k' the body counts as on the separatrix, which it would only leave after the time K/lam = 174/lam.
+# Below this k' the body counts as on the separatrix, which it would only leave after the time
+# K/lam = 174/lam.
 _SEPARATRIX = 2.0**-250
 
-# Bodies that are not next to the separatrix have so many arithmetic-geometric means, or fewer; all get the same native code.
+# Bodies that are not next to the separatrix have so many arithmetic-geometric means, or fewer; all
+# get the same native code.
 _MEANS = 6
 
 
@@ -57,7 +76,8 @@ def exact_rigid_body(
 
         mu' = mu x J^{-1} mu,    g' = g hat(J^{-1} mu),    from mu and g at time 0
 
-    inertia : (3,) principal moments in any order, or (3, 3) symmetric positive definite, kg m^2; they need not satisfy
+    inertia : (3,) principal moments in any order, or (3, 3) symmetric positive definite, kg m^2;
+    they need not satisfy
         the triangle inequality
     mu : (3,) body angular momentum at time 0, kg m^2/s
     g : (3, 3) attitude at time 0, body to space; None if the momentum is all you want
@@ -65,11 +85,13 @@ def exact_rigid_body(
     Returns the momentum (..., 3) and the attitude (..., 3, 3), or None in its place.
     Raises nothing: the caller has checked the arguments. Finite arguments give finite results.
 
-    The error is a few rounding errors times 1 + |w| t, next to the separatrix too: principal moments and mu are taken
-    to be exact. Started at a small angle d from the middle axis, it is about log(1/d) times that. An inertia
-    that is not diagonal is diagonalised first, with the rounding errors of its eigenvectors.
+    The error is a few rounding errors times 1 + |w| t, next to the separatrix too: principal
+    moments and mu are taken to be exact. Started at a small angle d from the middle axis, it is
+    about log(1/d) times that. An inertia that is not diagonal is diagonalised first, with the
+    rounding errors of its eigenvectors.
 
-    Source: Whittaker, Analytical Dynamics, 4th ed., sections 69-71, in the form of this module's first lines.
+    Source: Whittaker, Analytical Dynamics, 4th ed., sections 69-71, in the form of this module's
+    first lines.
     """
     t = np.asarray(t, dtype=float)
     m = _frozen(mu)
@@ -84,15 +106,19 @@ def exact_rigid_body(
     momenta = _times_power_of_two(rows[:, :3], unit.momentum) if unit.extreme else rows[:, :3]
     if isinstance(orbit, _Steady):
         momenta[:] = m
-    return momenta.reshape(*t.shape, 3), None if start is None else rows[:, 3:].reshape(*t.shape, 3, 3)
+    return momenta.reshape(*t.shape, 3), None if start is None else rows[:, 3:].reshape(
+        *t.shape, 3, 3
+    )
 
 
 def momentum_period(inertia: ArrayLike, mu: ArrayLike) -> float:
-    """After which time the momentum of a free rigid body, seen from the body, comes back: 4 K(m)/|lam|, in s.
+    """After which time the momentum of a free rigid body, seen from the body, comes back: 4
+    K(m)/|lam|, in s.
 
     inertia : (3,) or (3, 3), kg m^2;  mu : (3,), kg m^2/s, as for exact_rigid_body
-    Infinite on the separatrix; 0 if the momentum stands still (steady rotation, sphere, rest): any time is a period.
-    The attitude has a second frequency and in general does not come back. Raises nothing.
+    Infinite on the separatrix; 0 if the momentum stands still (steady rotation, sphere, rest): any
+    time is a period. The attitude has a second frequency and in general does not come back. Raises
+    nothing.
 
     Source: Whittaker, Analytical Dynamics, 4th ed., section 69.
     """
@@ -104,7 +130,8 @@ def momentum_period(inertia: ArrayLike, mu: ArrayLike) -> float:
     return float(_times_power_of_two(2.0 * orbit.half / abs(orbit.rate), unit.time))
 
 
-# --- the motion at many times -----------------------------------------------------------------------------------------
+# --- the motion at many times
+# -----------------------------------------------------------------------------------------
 
 
 def _along(p: Polhode, start: Mat | None, t: np.ndarray, rows: np.ndarray) -> None:
@@ -115,7 +142,9 @@ def _along(p: Polhode, start: Mat | None, t: np.ndarray, rows: np.ndarray) -> No
         _place(p, start, e, None if start is None else angle(p, t, s, c, turns), rows)
 
 
-def _other(orbit: _Steady | _Separatrix, start: Mat | None, t: np.ndarray, rows: np.ndarray) -> None:
+def _other(
+    orbit: _Steady | _Separatrix, start: Mat | None, t: np.ndarray, rows: np.ndarray
+) -> None:
     """Motions that are no elliptic functions of time."""
     with np.errstate(all="ignore"):
         _place(orbit, start, *orbit.evolve(at(orbit, t)), rows)
@@ -134,7 +163,9 @@ _MOVED = batch.Driver(moved)
 
 
 class _Prepared(NamedTuple):
-    """What the motions of a body from one start have in common.  start : g(0) P(e(0))^T in the principal frame."""
+    """What the motions of a body from one start have in common.  start : g(0) P(e(0))^T in the
+    principal frame.
+    """
 
     orbit: _Steady | _Separatrix | Polhode
     unit: _Unit
@@ -152,11 +183,14 @@ def _prepared(inertia: Vec | Mat, mu: Vec, g: Mat | None) -> _Prepared:
     return _Prepared(orbit, unit, start, batch.Values(orbit, start))
 
 
-# --- the data, in the principal frame and in units of their own -------------------------------------------------------
+# --- the data, in the principal frame and in units of their own
+# -------------------------------------------------------
 
 
 class _Unit(NamedTuple):
-    """Exponents of two: in these units the largest component of the momentum and the least moment are in [1/2, 1)."""
+    """Exponents of two: in these units the largest component of the momentum and the least moment
+    are in [1/2, 1).
+    """
 
     time: int
     momentum: int
@@ -169,7 +203,11 @@ class _Unit(NamedTuple):
     @property
     def factors(self) -> tuple[float, float]:
         """What makes times those of the motion, and its momenta those of the caller."""
-        return (1.0, 1.0) if self.extreme else (math.ldexp(1.0, -self.time), math.ldexp(1.0, self.momentum))
+        return (
+            (1.0, 1.0)
+            if self.extreme
+            else (math.ldexp(1.0, -self.time), math.ldexp(1.0, self.momentum))
+        )
 
 
 class _Motion(NamedTuple):
@@ -192,12 +230,16 @@ def _frozen(value: Any) -> Any:
 def _motion(inertia: Vec | Mat, mu: Vec) -> _Motion:
     """The motion in the frame and the units that suit it.
 
-    The constants are rational functions of the data, or roots of such. They are computed exactly and rounded once, so
-    no small difference of moments, no nearness of the separatrix and no unit of measurement spoils them.
+    The constants are rational functions of the data, or roots of such. They are computed exactly
+    and rounded once, so no small difference of moments, no nearness of the separatrix and no unit
+    of measurement spoils them.
     """
     moments, axes = _principal(inertia)
     pi = [dot(axis, mu) for axis in axes]
-    unit_of_inertia, unit_of_momentum = math.frexp(min(moments))[1], math.frexp(max(map(abs, pi)))[1]
+    unit_of_inertia, unit_of_momentum = (
+        math.frexp(min(moments))[1],
+        math.frexp(max(map(abs, pi)))[1],
+    )
     unit = _Unit(unit_of_inertia - unit_of_momentum, unit_of_momentum)
     J, J_scale = _whole(moments, unit_of_inertia)
     m, m_scale = _whole(pi, unit_of_momentum)
@@ -210,7 +252,9 @@ def _motion(inertia: Vec | Mat, mu: Vec) -> _Motion:
     if m[order[2]] < 0:
         sign[1], sign[2] = -sign[1], -sign[2]
     J, m = [J[i] for i in order], [s * m[i] for s, i in zip(sign, order, strict=True)]
-    return _orbit(J, J_scale, m, m_scale, [s * axes[i] for s, i in zip(sign, order, strict=True)], unit)
+    return _orbit(
+        J, J_scale, m, m_scale, [s * axes[i] for s, i in zip(sign, order, strict=True)], unit
+    )
 
 
 def _principal(inertia: Vec | Mat) -> tuple[Vec, Mat]:
@@ -224,7 +268,8 @@ def _principal(inertia: Vec | Mat) -> tuple[Vec, Mat]:
     exponent = math.frexp(abs(matrix).max())[1]
     moments, columns = np.linalg.eigh(_times_power_of_two(matrix, -exponent))
     columns[:, 0] *= np.sign(np.linalg.det(columns))
-    # A moment below the rounding error of the largest may come out zero or negative: the matrix does not know it.
+    # A moment below the rounding error of the largest may come out zero or negative: the matrix
+    # does not know it.
     moments = np.maximum(moments, np.finfo(float).eps * moments[2])
     return Vec.of(_times_power_of_two(moments, exponent).tolist()), Mat.of(columns.T.tolist())
 
@@ -233,23 +278,34 @@ def _whole(numbers: Vec | list[float], exponent: int) -> tuple[list[int], int]:
     """Whole numbers and k: the numbers, exactly, over 2^exponent and times 2^k."""
     parts = [math.frexp(x) for x in numbers]
     least = min([e for x, e in parts if x], default=0)
-    return [int(math.ldexp(x, 53)) << (e - least) if x else 0 for x, e in parts], 53 - least + exponent
+    return [
+        int(math.ldexp(x, 53)) << (e - least) if x else 0 for x, e in parts
+    ], 53 - least + exponent
 
 
 def _side(J: list[int], m: list[int]) -> int:
-    """J1 J3 (G^2 - 2 E J2): positive if the polhode surrounds the axis of the largest moment, negative if of the least."""
+    """J1 J3 (G^2 - 2 E J2): positive if the polhode surrounds the axis of the largest moment,
+    negative if of the least.
+    """
     return m[0] ** 2 * (J[0] - J[1]) * J[2] + m[2] ** 2 * (J[2] - J[1]) * J[0]
 
 
 def _root(top: int, bottom: int, power: int = 0) -> float:
-    """sign(q) sqrt|q| of q = 4^power top/bottom, rounded, also where q is beyond the range of floating-point numbers."""
+    """sign(q) sqrt|q| of q = 4^power top/bottom, rounded, also where q is beyond the range of
+    floating-point numbers.
+    """
     exponent = (abs(top).bit_length() - bottom.bit_length()) // 2
-    q = abs(top) / (bottom << 2 * exponent) if exponent > 0 else (abs(top) << -2 * exponent) / bottom
+    q = (
+        abs(top) / (bottom << 2 * exponent)
+        if exponent > 0
+        else (abs(top) << -2 * exponent) / bottom
+    )
     root = math.ldexp(math.sqrt(q), exponent + power)
     return -root if top < 0 else root
 
 
-# --- the kinds of motion ----------------------------------------------------------------------------------------------
+# --- the kinds of motion
+# ----------------------------------------------------------------------------------------------
 
 
 class _Steady(NamedTuple):
@@ -288,12 +344,16 @@ class _Separatrix(NamedTuple):
         s, decay = np.tanh(u), np.exp(-abs(u))
         c = 2.0 * decay / (1.0 + decay * decay)
         root = math.sqrt(self.nu)
-        T = (self.rate * t - (np.arctan(root * s) - np.arctan(root * np.tanh(self.u0))) / root) / (1.0 + self.nu)
+        T = (self.rate * t - (np.arctan(root * s) - np.arctan(root * np.tanh(self.u0))) / root) / (
+            1.0 + self.nu
+        )
         a1, a2, a3 = self.amplitude
         return _from(self.pole, (a1 * c, a2 * s, a3 * c)), self.spin * t + self.kappa * T
 
 
-def _steady(J: list[int], J_scale: int, m: list[int], m_scale: int, axes: Mat, unit: _Unit) -> _Motion:
+def _steady(
+    J: list[int], J_scale: int, m: list[int], m_scale: int, axes: Mat, unit: _Unit
+) -> _Motion:
     """Sphere, rest, or rotation about a principal axis."""
     norm2 = sum([x * x for x in m])
     if not norm2:
@@ -307,20 +367,29 @@ def _steady(J: list[int], J_scale: int, m: list[int], m_scale: int, axes: Mat, u
     return _Motion(_Steady(here, rate, mat(*_from(pole, axes.rows)), *unit.factors), unit, here)
 
 
-def _orbit(J: list[int], J_scale: int, m: list[int], m_scale: int, axes: list[Vec], unit: _Unit) -> _Motion:
-    """The constants of the module's first lines, from moments and momentum in the order of the formulas."""
+def _orbit(
+    J: list[int], J_scale: int, m: list[int], m_scale: int, axes: list[Vec], unit: _Unit
+) -> _Motion:
+    """The constants of the module's first lines, from moments and momentum in the order of the
+    formulas.
+    """
     J1, J2, J3 = J
     norm2 = sum([x * x for x in m])
     X = m[0] ** 2 * (J3 - J1) * J2 + m[1] ** 2 * (J3 - J2) * J1  # J1 J2 times that of the formulas
     Y = m[1] ** 2 * (J2 - J1) * J3 + m[2] ** 2 * (J3 - J1) * J2  # J2 J3 times
     signed = 1 if J3 > J1 else -1  # of all these differences
-    (J12, J13, J23), X, Y = (signed * x for x in (J2 - J1, J3 - J1, J3 - J2)), signed * X, signed * Y
+    (J12, J13, J23), X, Y = (
+        (signed * x for x in (J2 - J1, J3 - J1, J3 - J2)),
+        signed * X,
+        signed * Y,
+    )
     n_top, n_bottom = J3 * J12, J1 * J23
     at_axis_1 = X <= Y  # N = X/Y
     nu_top, nu_bottom, Jq = (X, Y, J3) if at_axis_1 else (n_top, n_bottom, J1)
     nu = nu_top / nu_bottom
     kappa = _root(nu_top**2 * (n_bottom + n_top) * (Y + X), nu_bottom**2 * n_bottom * Y)
-    # The half turn u -> u + 2K changes the signs of sn and cn: use it to start on the half of the polhode with cn >= 0.
+    # The half turn u -> u + 2K changes the signs of sn and cn: use it to start on the half of the
+    # polhode with cn >= 0.
     turned = -1 if m[0] < 0 else 1
     amplitude = (
         turned * _root(X, J2 * J13 * norm2), turned * _root(X, J1 * J23 * norm2), _root(Y, J2 * J13 * norm2)
@@ -334,9 +403,14 @@ def _orbit(J: list[int], J_scale: int, m: list[int], m_scale: int, axes: list[Ve
     kappa = kappa if at_axis_1 else -kappa
     rows, e0 = mat(*_from(pole, axes)), _from(pole, [_root(x * abs(x), norm2) for x in m])
     if k1 < _SEPARATRIX:
-        # cn u0 = 0 can happen only next to the separatrix, where dn u0 takes its place; it has k' as its least value.
+        # cn u0 = 0 can happen only next to the separatrix, where dn u0 takes its place; it has k'
+        # as its least value.
         u0 = math.asinh(s0 / max(math.hypot(c0, k1 * s0), np.finfo(float).tiny))
-        return _Motion(_Separatrix(amplitude, norm, rate, u0, pole, spin, nu, kappa, rows, *unit.factors), unit, e0)
+        return _Motion(
+            _Separatrix(amplitude, norm, rate, u0, pole, spin, nu, kappa, rows, *unit.factors),
+            unit,
+            e0,
+        )
     means = _means(k1)
     least = means[-1][0]
     a, b = zip(*(means[:-1] + [(least, least)] * (_MEANS - len(means) + 1)), strict=True)
@@ -373,7 +447,8 @@ def _from(pole: int, three: Any) -> Direction:
 def _means(k1: float) -> list[tuple[float, float]]:
     """The pairs (a, b) of the arithmetic-geometric mean of 1 and k', to the last with a = b.
 
-    Source: DLMF 19.8.1. Convergence is quadratic: once a and b share half their digits, their means share all.
+    Source: DLMF 19.8.1. Convergence is quadratic: once a and b share half their digits, their means
+    share all.
     """
     pairs = [(1.0, k1)]
     while (a := pairs[-1][0]) - (b := pairs[-1][1]) > 1e-8 * a:

@@ -1,21 +1,25 @@
-"""The Lagrange top in closed form: the tilt by Jacobi's elliptic functions, both turns by integrals of the third kind.
+"""The Lagrange top in closed form: the tilt by Jacobi's elliptic functions, both turns by integrals
+of the third kind.
 
-With u = cos(tilt), M = w l > 0, the moments A, A, C, the spin p_3 = mu_3 and the vertical momentum a = mu . Gamma,
+With u = cos(tilt), M = w l > 0, the moments A, A, C, the spin p_3 = mu_3 and the vertical momentum
+a = mu . Gamma,
 
     u'^2 = (2/A)(e - M u)(1 - u^2) - (a - p_3 u)^2/A^2 = (2 M/A)(u - u_1)(u - u_2)(u - u_3),   u_1 <= u <= u_2 <= 1 <= u_3
     u = u_1 + (u_2 - u_1) sn^2 v,   v = v_0 + lam t,   lam^2 = M (u_3 - u_1)/(2 A),   k^2 = (u_2 - u_1)/(u_3 - u_1)
 
-The attitude is a unit quaternion, alpha = (w, z) = ((1 + u)/2)^(1/2) e^(i p), beta = (x, y) = ((1 - u)/2)^(1/2) e^(i r), with
-Euler's angles p = (phi + psi)/2 and r = (phi - psi)/2:
+The attitude is a unit quaternion, alpha = (w, z) = ((1 + u)/2)^(1/2) e^(i p),
+beta = (x, y) = ((1 - u)/2)^(1/2) e^(i r), with Euler's angles p = (phi + psi)/2 and
+r = (phi - psi)/2:
 
     p' = ((a + p_3)/(1 + u) - p_3)/(2 A) + p_3/(2 C),     r' = ((a - p_3)/(1 - u) + p_3)/(2 A) - p_3/(2 C)
 
-Each phase is uncertain only where its number vanishes: nothing is singular at the upper or the lower pole.  A top that passes
-exactly through a pole has a = p_3 or a = -p_3; there the root takes the sign of cn or sn.  The roots u_1, u_2, u_3 and all
-differences are computed with many digits and rounded once.
+Each phase is uncertain only where its number vanishes: nothing is singular at the upper or the
+lower pole.  A top that passes exactly through a pole has a = p_3 or a = -p_3; there the root takes
+the sign of cn or sn.  The roots u_1, u_2, u_3 and all differences are computed with many digits and
+rounded once.
 
-Source: Whittaker, Analytical Dynamics, 4th ed., sections 71-73; Klein and Sommerfeld, The Theory of the Top, volume II, chapter IV
-(the parameters alpha and beta).
+Source: Whittaker, Analytical Dynamics, 4th ed., sections 71-73; Klein and Sommerfeld, The Theory of
+the Top, volume II, chapter IV (the parameters alpha and beta).
 """
 
 from __future__ import annotations
@@ -30,13 +34,17 @@ from .jacobi import Jacobi
 
 DIGITS = 200
 SAME = Decimal(10) ** -60
-"""Roots that are closer to each other, or to 1, are equal: no start of sixteen digits tells them apart."""
+"""Roots that are closer to each other, or to 1, are equal: no start of sixteen digits tells them
+apart.
+"""
 
 Quaternion = tuple[Any, Any, Any, Any]
 
 
 class Phase(NamedTuple):
-    """The phase of alpha or beta: `begin` + rate t + factor (I(v) - I(v_0)), I the integral of 1/(1 + nu sn^2)."""
+    """The phase of alpha or beta: `begin` + rate t + factor (I(v) - I(v_0)), I the integral of
+    1/(1 + nu sn^2).
+    """
 
     begin: float
     rate: float
@@ -48,7 +56,8 @@ class Phase(NamedTuple):
     """k^2/nu."""
 
     def integral(self, k1: float, s: Any, c: Any) -> Any:
-        """I(v), |v| <= K: for nu < 0 as F - nu T, for nu > 0 by another such sum, so that all terms are positive.
+        """I(v), |v| <= K: for nu < 0 as F - nu T, for nu > 0 by another such sum, so that all terms
+        are positive.
 
         Source: DLMF 19.25.14 (T = (F - Pi)/nu there), and 19.21.12 with z for x.
         """
@@ -60,11 +69,16 @@ class Phase(NamedTuple):
             third = elliprj(c2, d2, 1.0, c2 + self.rest * s2)
             return s * (elliprf(c2, d2, 1.0) - self.nu * s2 * third / 3.0)
         q = 1.0 + self.ratio * s2
-        return s * (elliprc(c2 * d2, (c2 + self.rest * s2) * q) + self.ratio * s2 * elliprj(c2, d2, 1.0, q) / 3.0)
+        return s * (
+            elliprc(c2 * d2, (c2 + self.rest * s2) * q)
+            + self.ratio * s2 * elliprj(c2, d2, 1.0, q) / 3.0
+        )
 
 
 class Tilting(NamedTuple):
-    """A motion whose tilt changes, or stands still beside the vertical.  signed : does alpha, does beta pass through zero?"""
+    """A motion whose tilt changes, or stands still beside the vertical.  signed : does alpha, does
+    beta pass through zero?
+    """
 
     jacobi: Jacobi
     A: float
@@ -89,7 +103,12 @@ class Tilting(NamedTuple):
             one, one_over = half * s, np.full(np.shape(s), 1.0 / half)
         if self.signed[1]:
             two, two_over = half * c, np.full(np.shape(c), 1.0 / half)
-        return one, two, s / one if one_over is None else one_over, c / two if two_over is None else two_over
+        return (
+            one,
+            two,
+            s / one if one_over is None else one_over,
+            c / two if two_over is None else two_over,
+        )
 
     def at(self, t: np.ndarray) -> tuple[Quaternion, Any, Any]:
         """Attitude, and the body velocities about the transverse axes, at the times t."""
@@ -105,11 +124,15 @@ class Tilting(NamedTuple):
         elif self.signed[0]:
             turning = -self.spin * one / two
         else:
-            up, down = self.sums[0] - 2.0 * self.spin * one * one, self.sums[1] + 2.0 * self.spin * two * two
+            up, down = (
+                self.sums[0] - 2.0 * self.spin * one * one,
+                self.sums[1] + 2.0 * self.spin * two * two,
+            )
             turning = np.where(np.abs(two) < np.abs(one), down, up) / (2.0 * one * two)
         turning = turning / self.A
         (cp, sp), (cr, sr) = ((np.cos(x), np.sin(x)) for x in (p, r))
-        cosine, sine = cp * cr + sp * sr, sp * cr - cp * sr  # of psi = p - r, with the rounding errors of the attitude
+        # of psi = p - r, with the rounding errors of the attitude
+        cosine, sine = cp * cr + sp * sr, sp * cr - cp * sr
         velocity = tilting * cosine + turning * sine, turning * cosine - tilting * sine
         return (one * cp, two * cr, two * sr, one * sp), *velocity
 
@@ -120,13 +143,19 @@ class Tilting(NamedTuple):
         k1 = self.jacobi.k1
         if not k1:  # sn = tanh v, and nu > 0
             root = math.sqrt(phase.nu)
-            gone = (self.rate * t + root * (np.arctan(root * s) - math.atan(root * s0))) / phase.rest
+            gone = (
+                self.rate * t + root * (np.arctan(root * s) - math.atan(root * s0))
+            ) / phase.rest
         else:
-            gone = 2.0 * turns * phase.integral(k1, 1.0, 0.0) + (phase.integral(k1, s, c) - phase.integral(k1, s0, c0))
+            gone = 2.0 * turns * phase.integral(k1, 1.0, 0.0) + (
+                phase.integral(k1, s, c) - phase.integral(k1, s0, c0)
+            )
         return phase.begin + phase.rate * t + phase.factor * gone
 
 
-def lagrange_top(A: float, C: float, M: float, mu: Any, q: Quaternion, t: np.ndarray) -> tuple[Quaternion, np.ndarray]:
+def lagrange_top(
+    A: float, C: float, M: float, mu: Any, q: Quaternion, t: np.ndarray
+) -> tuple[Quaternion, np.ndarray]:
     """Attitude as a unit quaternion (w, x, y, z) and body momentum (n, 3) at the times t, (n,).
 
     A, A, C : the moments.  M : weight times length, of any sign.  mu, q : the start.
@@ -141,7 +170,9 @@ def lagrange_top(A: float, C: float, M: float, mu: Any, q: Quaternion, t: np.nda
     upright = not (x or y) or not (w or z)
     if upright and not (mu[0] or mu[1]):
         half = (0.5 * spin / C) * t
-        return _spun((w, x, y, z), half), np.stack([np.full(t.shape, float(m)) for m in mu], axis=-1)
+        return _spun((w, x, y, z), half), np.stack(
+            [np.full(t.shape, float(m)) for m in mu], axis=-1
+        )
     if M == 0.0:
         return _free(A, C, mu, q, t)
     motion = _tilting(A, C, M, mu, (w, x, y, z))
@@ -150,7 +181,8 @@ def lagrange_top(A: float, C: float, M: float, mu: Any, q: Quaternion, t: np.nda
 
 
 def quaternion(g: np.ndarray) -> Quaternion:
-    """A unit quaternion (w, x, y, z) of a rotation (3, 3): the largest by a root, the others, however small, by division.
+    """A unit quaternion (w, x, y, z) of a rotation (3, 3): the largest by a root, the others,
+    however small, by division.
 
     Source: Shepperd, J. Guidance and Control 1 (1978), 223.
     """
@@ -173,8 +205,12 @@ def _spun(q: Any, half: Any) -> Quaternion:
     return w * c - z * s, x * c + y * s, y * c - x * s, z * c + w * s
 
 
-def _free(A: float, C: float, mu: Any, q: Quaternion, t: np.ndarray) -> tuple[Quaternion, np.ndarray]:
-    """Without weight: a turn about the momentum with |mu|/A, after one about the axis of the body with mu_3 (1/C - 1/A)."""
+def _free(
+    A: float, C: float, mu: Any, q: Quaternion, t: np.ndarray
+) -> tuple[Quaternion, np.ndarray]:
+    """Without weight: a turn about the momentum with |mu|/A, after one about the axis of the body
+    with mu_3 (1/C - 1/A).
+    """
     own, size = (1.0 / C - 1.0 / A) * float(mu[2]) * t, math.hypot(*mu)
     c, s = np.cos(0.5 * size / A * t), np.sin(0.5 * size / A * t)
     e = [s * float(m) / size for m in mu]
@@ -186,7 +222,11 @@ def _free(A: float, C: float, mu: Any, q: Quaternion, t: np.ndarray) -> tuple[Qu
         w * e[2] + z * c + x * e[1] - y * e[0],
     )
     cosine, sine = np.cos(own), np.sin(own)
-    momenta = mu[0] * cosine + mu[1] * sine, mu[1] * cosine - mu[0] * sine, np.full(t.shape, float(mu[2]))
+    momenta = (
+        mu[0] * cosine + mu[1] * sine,
+        mu[1] * cosine - mu[0] * sine,
+        np.full(t.shape, float(mu[2])),
+    )
     return _spun(turned, 0.5 * own), np.stack(momenta, axis=-1)
 
 
@@ -202,7 +242,11 @@ def _tilting(A_: float, C_: float, M_: float, mu: Any, q: Quaternion) -> Tilting
         high, low = flat + p3 * up, flat - p3 * down  # a + p_3, a - p_3
         a, u = flat + p3 * (1 - down), 1 - down
         energy = (m1 * m1 + m2 * m2) / (2 * A) + M * u
-        u1, u2, u3 = _roots(energy / M + p3 * p3 / (2 * A * M), a * p3 / (A * M) - 1, energy / M - a * a / (2 * A * M))
+        u1, u2, u3 = _roots(
+            energy / M + p3 * p3 / (2 * A * M),
+            a * p3 / (A * M) - 1,
+            energy / M - a * a / (2 * A * M),
+        )
         above, below, width, span = 1 - u2, 1 + u1, u2 - u1, u3 - u1
         signed = below < SAME, above < SAME
         below, above = (Decimal(0) if zero else x for zero, x in zip(signed, (below, above)))
@@ -232,7 +276,14 @@ def _tilting(A_: float, C_: float, M_: float, mu: Any, q: Quaternion) -> Tilting
             start=(float(s0), float(c0)),
             signed=signed,
             phases=(
-                Phase(0.0, float(own), float(p_part), float(p_nu), float(1 + p_nu), float(below / span)),
+                Phase(
+                    0.0,
+                    float(own),
+                    float(p_part),
+                    float(p_nu),
+                    float(1 + p_nu),
+                    float(below / span),
+                ),
                 Phase(0.0, -float(own), float(r_part), float(r_nu), float(above / (1 - u1)), 0.0),
             ),
         )
@@ -251,7 +302,9 @@ def _begun(motion: Tilting, q: list[float], v: list[float]) -> tuple[Phase, Phas
         beta, two = (w * v[0] - z * v[1], w * v[1] + z * v[0]), -s
     first, second = motion.phases
     return tuple(  # type: ignore[return-value]
-        phase._replace(begin=math.atan2(math.copysign(1.0, size) * pair[1], math.copysign(1.0, size) * pair[0]))
+        phase._replace(
+            begin=math.atan2(math.copysign(1.0, size) * pair[1], math.copysign(1.0, size) * pair[0])
+        )
         for phase, pair, size in ((first, alpha, one), (second, beta, two))
     )
 

@@ -14,13 +14,15 @@ from ..systems.separable import SeparableSystem
 
 @record
 class FermiPastaUlam(SeparableSystem):
-    """n unit masses between two walls, H = sum p_i^2/2 + sum (d^2/2 + alpha d^3/3 + beta d^4/4) over the n + 1 stretches d.
+    """n unit masses between two walls, H = sum p_i^2/2 + sum (d^2/2 + alpha d^3/3 + beta d^4/4)
+    over the n + 1 stretches d.
 
-    particles : n.  alpha, beta : the nonlinear parts of the springs.  q, p : displacements and momenta, (n,).
-    `mode_energies` shows the recurrence that Fermi, Pasta and Ulam found: the energy of the first mode comes back.
+    particles : n.  alpha, beta : the nonlinear parts of the springs.  q, p : displacements and
+    momenta, (n,).  `mode_energies` shows the recurrence that Fermi, Pasta and Ulam found: the
+    energy of the first mode comes back.
 
-    Source: Fermi, Pasta and Ulam, Studies of nonlinear problems, Los Alamos report LA-1940 (1955); Ford, Phys. Rep. 213
-    (1992), 271.
+    Source: Fermi, Pasta and Ulam, Studies of nonlinear problems, Los Alamos report LA-1940 (1955);
+    Ford, Phys. Rep. 213 (1992), 271.
     """
 
     particles: int = 32
@@ -57,13 +59,20 @@ class FermiPastaUlam(SeparableSystem):
         return vec(*[pulls[i + 1] - pulls[i] for i in range(self.particles)])
 
     def mode(self, k: int, amplitude: float) -> CanonicalState:
-        """The start at rest in the k-th mode, q_i = amplitude (2/(n + 1))^(1/2) sin(i k pi/(n + 1))."""
+        """The start at rest in the k-th mode, q_i = amplitude (2/(n + 1))^(1/2) sin(i k
+        pi/(n + 1)).
+        """
         k = whole_number(f"{type(self).__name__}.mode", k, 1)
         n = self.particles
-        return self.state(amplitude * np.sqrt(2.0 / (n + 1)) * np.sin(np.arange(1, n + 1) * k * np.pi / (n + 1)), np.zeros(n))
+        return self.state(
+            amplitude * np.sqrt(2.0 / (n + 1)) * np.sin(np.arange(1, n + 1) * k * np.pi / (n + 1)),
+            np.zeros(n),
+        )
 
     def mode_energies(self, q: Any, p: Any) -> np.ndarray:
-        """The harmonic energies (P_k^2 + w_k^2 Q_k^2)/2 of all modes, w_k = 2 sin(k pi/(2 (n + 1))).  q, p : (..., n)."""
+        """The harmonic energies (P_k^2 + w_k^2 Q_k^2)/2 of all modes, w_k = 2 sin(k pi/(2
+        (n + 1))).  q, p : (..., n).
+        """
         name, n = f"{type(self).__name__}.mode_energies", self.particles
         k = np.arange(1, n + 1)
         modes = np.sqrt(2.0 / (n + 1)) * np.sin(np.outer(k, k) * np.pi / (n + 1))

@@ -16,9 +16,11 @@ from ..systems.potential import Potential
 
 @record
 class FixedPointGravity(Potential):
-    """The weight of a body with a fixed point, on SO(3): V(g) = w Gamma . c, with Gamma = g^T e3 the vertical seen from the body.
+    """The weight of a body with a fixed point, on SO(3): V(g) = w Gamma . c, with Gamma = g^T e3
+    the vertical seen from the body.
 
-    weight : w = m g, in N.  centre : c, the centre of mass seen from the fixed point in body axes, (3,), in m.
+    weight : w = m g, in N.  centre : c, the centre of mass seen from the fixed point in body axes,
+    (3,), in m.
 
     Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 15.10.
     """
@@ -50,9 +52,11 @@ class FixedPointGravity(Potential):
 class UniformGravity(Potential):
     """The weight of a body that moves freely, on SE(3): V(R, p) = w e3 . (p + R c).
 
-    weight : w = m g, in N; of a body in water less its buoyancy.  centre : c, (3,), in m, where it acts in body axes.
+    weight : w = m g, in N; of a body in water less its buoyancy.  centre : c, (3,), in m, where it
+    acts in body axes.
 
-    Source: Leonard, Stability of a bottom-heavy underwater vehicle, Automatica 33 (1997), section 2.
+    Source: Leonard, Stability of a bottom-heavy underwater vehicle, Automatica 33 (1997), section
+    2.
     """
 
     weight: float
@@ -82,7 +86,8 @@ class UniformGravity(Potential):
 
 @record
 class CentralGravity(Potential):
-    """The attraction of a rigid body by a point mass in the origin, up to second order in size over distance:
+    """The attraction of a rigid body by a point mass in the origin, up to second order in size over
+    distance:
 
         V(R, x) = -k m/r - k/(2 r^3) (tr J - 3 u . J u),   r = |x|,   u = R^T x/r,   on ProductGroup(SO3(), VectorSpace(3)).
 
@@ -91,8 +96,8 @@ class CentralGravity(Potential):
 
     The force follows from the energy; its torque is 3 k/r^3 u x J u.
 
-    Source: MacCullagh's formula; Hughes, Spacecraft Attitude Dynamics, section 8.1; Lee, Leok, McClamroch, Comput. Methods Appl.
-    Mech. Eng. 196 (2007).
+    Source: MacCullagh's formula; Hughes, Spacecraft Attitude Dynamics, section 8.1; Lee, Leok,
+    McClamroch, Comput. Methods Appl.  Mech. Eng. 196 (2007).
     """
 
     attraction: float
@@ -129,7 +134,9 @@ def _check_load(owner: Any) -> None:
     """Refuse a weight or a centre that is not finite, or not a vector in space."""
     name = type(owner).__name__
     if len(owner.centre) != 3:
-        raise InvalidInput(f"{name}: centre is a vector in space, (3,); got {len(owner.centre)} components")
+        raise InvalidInput(
+            f"{name}: centre is a vector in space, (3,); got {len(owner.centre)} components"
+        )
     for what in ("weight", "centre"):
         value = getattr(owner, what)
         if not all(map(math.isfinite, value if what == "centre" else (value,))):

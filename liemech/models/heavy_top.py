@@ -1,4 +1,6 @@
-"""The heavy top, a rigid body about a fixed point under gravity: on SO(3) in a field, and on se(3)* without one."""
+"""The heavy top, a rigid body about a fixed point under gravity: on SO(3) in a field, and on se(3)*
+without one.
+"""
 
 from __future__ import annotations
 
@@ -23,14 +25,17 @@ from .rigid_body import RigidBody
 class HeavyTop(MechanicalSystem):
     """A heavy top on SO(3): mu' = mu x xi + w Gamma x c,  g' = g hat(xi),  xi = J^-1 mu,  Gamma = g^T e3.
 
-    inertia : about the fixed point, the principal moments, (3,), or the matrix J, (3, 3), in kg m^2.
-    weight : w = m g, in N.  centre : c, the centre of mass seen from the fixed point in body axes, (3,), in m.
-    mu is the angular momentum in the body about the fixed point, in kg m^2/s; g the rotation from body to space, e3 upwards.
+    inertia : about the fixed point, the principal moments, (3,), or the matrix J, (3, 3), in kg
+    m^2.
+    weight : w = m g, in N.  centre : c, the centre of mass seen from the fixed point in body axes,
+    (3,), in m.  mu is the angular momentum in the body about the fixed point, in kg m^2/s; g the
+    rotation from body to space, e3 upwards.
 
-    Kept are the energy H = mu . J^-1 mu/2 + w Gamma . c and the vertical momentum mu . Gamma.  `reduced` is the same top on se(3)*.
+    Kept are the energy H = mu . J^-1 mu/2 + w Gamma . c and the vertical momentum mu . Gamma.
+    `reduced` is the same top on se(3)*.
 
-    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., sections 1.4 and 15.10; Holm, Geometric Mechanics,
-    part II, chapter 8.
+    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., sections 1.4 and
+    15.10; Holm, Geometric Mechanics, part II, chapter 8.
     """
 
     body: RigidBody = field(init=False, repr=False)
@@ -53,13 +58,15 @@ class HeavyTop(MechanicalSystem):
 
 @record
 class LagrangeTop(HeavyTop):
-    """A symmetric heavy top with its centre of mass on its axis, e3 of the body: the spin mu_3 is kept too.
+    """A symmetric heavy top with its centre of mass on its axis, e3 of the body: the spin mu_3 is
+    kept too.
 
     transverse, axial : the moments A (twice) and C about the fixed point, in kg m^2.
-    weight : w = m g, in N.  length : l, from the fixed point to the centre of mass along the axis, in m.
+    weight : w = m g, in N.  length : l, from the fixed point to the centre of mass along the axis,
+    in m.
 
-    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 15.10; Goldstein, Classical Mechanics,
-    3rd ed., section 5.7.
+    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 15.10;
+    Goldstein, Classical Mechanics, 3rd ed., section 5.7.
     """
 
     inertia: Vec = field(init=False, repr=False)
@@ -76,14 +83,18 @@ class LagrangeTop(HeavyTop):
 
     @property
     def sleeping_momentum(self) -> float:
-        """The spin |mu_3| = 2 sqrt(A w l) above which the upright top sleeps: it is stable; below it falls."""
+        """The spin |mu_3| = 2 sqrt(A w l) above which the upright top sleeps: it is stable; below
+        it falls.
+        """
         return 2.0 * sqrt(self.transverse * abs(self.weight * self.length))
 
     def exact(self, start: BodyState, t: Any) -> BodyState:
-        """The exact motion, by elliptic functions: nodding, steady, sleeping, falling from the vertical, through either pole.
+        """The exact motion, by elliptic functions: nodding, steady, sleeping, falling from the
+        vertical, through either pole.
 
         t : () or (n,), in s, from the start.  Returns mu : (..., 3), g : (..., 3, 3).
-        Error about 1e-15 (1 + |omega| t), of motions next to the separatrix as much more as they enlarge an error of the start.
+        Error about 1e-15 (1 + |omega| t), of motions next to the separatrix as much more as they
+        enlarge an error of the start.
         Raises InvalidInput under a load.
 
         Source: Whittaker, Analytical Dynamics, 4th ed., sections 71-73.
@@ -96,11 +107,18 @@ class LagrangeTop(HeavyTop):
             raise InvalidInput("LagrangeTop.exact knows no motion under a load; integrate it")
         times = real_array(t, "LagrangeTop.exact: t")
         if times.ndim > 1 or not np.isfinite(times).all():
-            raise InvalidInput(f"LagrangeTop.exact: t must be a finite time or a row of them; got {t!r}")
+            raise InvalidInput(
+                f"LagrangeTop.exact: t must be a finite time or a row of them; got {t!r}"
+            )
         moment, begin = self.weight * self.length, quaternion(np.array(start.g))
-        q, mu = lagrange_top(self.transverse, self.axial, moment, tuple(start.mu), begin, times.reshape(-1))
+        q, mu = lagrange_top(
+            self.transverse, self.axial, moment, tuple(start.mu), begin, times.reshape(-1)
+        )
         g = _matrix(*q)
-        return BodyState(frozen_array(mu.reshape(*times.shape, 3), "mu"), frozen_array(g.reshape(*times.shape, 3, 3), "g"))
+        return BodyState(
+            frozen_array(mu.reshape(*times.shape, 3), "mu"),
+            frozen_array(g.reshape(*times.shape, 3, 3), "g"),
+        )
 
     def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Energy, vertical momentum and spin."""
@@ -147,16 +165,19 @@ class HeavyTopEnergy(Hamiltonian):
 
 @record
 class ReducedHeavyTop(LiePoissonSystem):
-    """A heavy top on se(3)*: the momentum is (pi, Gamma), where Gamma, the vertical seen from the body, is carried along.
+    """A heavy top on se(3)*: the momentum is (pi, Gamma), where Gamma, the vertical seen from the
+    body, is carried along.
 
         pi' = pi x xi + w Gamma x c,   Gamma' = Gamma x xi,   xi = J^-1 pi
 
-    are the Lie-Poisson equations of H(pi, Gamma); the Casimirs of SE(3) are |Gamma|^2 and the vertical momentum pi . Gamma.
-    The parameters are those of HeavyTop.  Of an element of SE(3) the rotation is the attitude, if it starts as one with g^T e3 =
-    Gamma; its displacement means nothing.  H has no Lagrangian, being linear in Gamma.
+    are the Lie-Poisson equations of H(pi, Gamma); the Casimirs of SE(3) are |Gamma|^2 and the
+    vertical momentum pi . Gamma.  The parameters are those of HeavyTop.  Of an element of SE(3) the
+    rotation is the attitude, if it starts as one with g^T e3 = Gamma; its displacement means
+    nothing.  H has no Lagrangian, being linear in Gamma.
 
-    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., sections 1.4 and 14.7; Holm, Marsden and Ratiu,
-    The Euler-Poincare equations and semidirect products, Adv. Math. 137 (1998).
+    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., sections 1.4 and
+    14.7; Holm, Marsden and Ratiu, The Euler-Poincare equations and semidirect products, Adv. Math.
+    137 (1998).
     """
 
     group: SE3 = field(init=False, repr=False, default=SE3())
@@ -170,24 +191,35 @@ class ReducedHeavyTop(LiePoissonSystem):
         body = RigidBody(self.inertia)
         object.__setattr__(self, "inertia", body.inertia)
         load = FixedPointGravity(self.weight, self.centre)
-        object.__setattr__(self, "hamiltonian", HeavyTopEnergy(body.hamiltonian, load.weight, load.centre))
+        object.__setattr__(
+            self, "hamiltonian", HeavyTopEnergy(body.hamiltonian, load.weight, load.centre)
+        )
 
     @property
     def alternatives(self) -> str:  # type: ignore[override]
         """What to use where a method refuses this form of the top."""
         top = f"HeavyTop({self.inertia!r}, {self.weight!r}, {self.centre!r})"
         return (
-            f"{top} is the same top as a body in a field, for LieVerlet() and KickDrift(); in this form, on se(3)*, "
-            "LiePoissonHamiltonJacobi(order=4) does without a Lagrangian, and RKMK accepts every system"
+            f"{top} is the same top as a body in a field, for LieVerlet() and KickDrift(); in this "
+            "form, on se(3)*, LiePoissonHamiltonJacobi(order=4) does without a Lagrangian, and "
+            "RKMK accepts every system"
         )
 
     def from_top(self, start: BodyState) -> BodyState:
-        """The state of a HeavyTop, its momentum and attitude, as one of this system: (pi, Gamma) and the attitude in place."""
+        """The state of a HeavyTop, its momentum and attitude, as one of this system: (pi, Gamma)
+        and the attitude in place.
+        """
         if start.g is None:
-            raise InvalidInput(f"{type(self).__name__}.from_top: start has no attitude; take HeavyTop.state(mu=..., g=...)")
+            raise InvalidInput(
+                f"{type(self).__name__}.from_top: start has no attitude; take "
+                "HeavyTop.state(mu=..., g=...)"
+            )
         g = np.array(start.g)
         if g.shape[-2:] != (3, 3):
-            raise InvalidInput(f"{type(self).__name__}.from_top: start has g of shape {g.shape}; it must be a state of a HeavyTop")
+            raise InvalidInput(
+                f"{type(self).__name__}.from_top: start has g of shape "
+                f"{g.shape}; it must be a state of a HeavyTop"
+            )
         motion = np.zeros((*g.shape[:-2], 4, 4))
         motion[..., :3, :3], motion[..., 3, 3] = g, 1.0
         return self.state(mu=np.concatenate([np.array(start.mu), g[..., 2, :]], axis=-1), g=motion)

@@ -1,4 +1,6 @@
-"""Henon and Heiles' galaxy: two coupled oscillators, regular at low energy and chaotic at high energy."""
+"""Henon and Heiles' galaxy: two coupled oscillators, regular at low energy and chaotic at high
+energy.
+"""
 
 from __future__ import annotations
 
@@ -10,12 +12,14 @@ from ..systems.separable import SeparableSystem
 
 @record
 class HenonHeiles(SeparableSystem):
-    """A star in the plane of a galaxy, H(q, p) = |p|^2/2 + |q|^2/2 + lambda (x^2 y - y^3/3), q = (x, y); without units.
+    """A star in the plane of a galaxy, H(q, p) = |p|^2/2 + |q|^2/2 + lambda (x^2 y - y^3/3),
+    q = (x, y); without units.
 
-    coupling : lambda, 1 by default.  Bounded below the energy 1/(6 lambda^2); nearly integrable up to half of it.
+    coupling : lambda, 1 by default.  Bounded below the energy 1/(6 lambda^2); nearly integrable up
+    to half of it.
 
-    Source: Henon and Heiles, The applicability of the third integral of motion, Astron. J. 69 (1964), 73; Hairer, Lubich, Wanner,
-    I.3.
+    Source: Henon and Heiles, The applicability of the third integral of motion, Astron. J. 69
+    (1964), 73; Hairer, Lubich, Wanner, I.3.
     """
 
     degrees: ClassVar[int] = 2

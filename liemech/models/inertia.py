@@ -11,7 +11,9 @@ from ..formulas import Mat, Vec, check_finite, real_array
 from ..formulas.broadcasting import at_a_glance
 
 SYMMETRY = 1e-12
-"""An inertia matrix less symmetric than this, relative to its size, is a mistake and not a rounding error."""
+"""An inertia matrix less symmetric than this, relative to its size, is a mistake and not a rounding
+error.
+"""
 
 ROUNDING = 6 * np.finfo(float).eps
 """Below this, relative to the size of a matrix, rounding decides the sign of a principal moment."""
@@ -19,11 +21,15 @@ ROUNDING = 6 * np.finfo(float).eps
 WORDS = {3: "three", 6: "six"}
 
 
-def checked_inertia(value: Any, name: str, dim: int, mixed: bool = False) -> tuple[Vec | Mat, Vec | np.ndarray]:
-    """The inertia, as a diagonal, (dim,), or a matrix, (dim, dim), and its principal moments, (dim,).
+def checked_inertia(
+    value: Any, name: str, dim: int, mixed: bool = False
+) -> tuple[Vec | Mat, Vec | np.ndarray]:
+    """The inertia, as a diagonal, (dim,), or a matrix, (dim, dim), and its principal moments,
+    (dim,).
 
-    mixed : are its rows in different units, such as kg m^2 and kg?  Scaled to a diagonal of ones, rows and columns alike, they can
-    be compared; that changes no sign of a principal moment, only the moments.
+    mixed : are its rows in different units, such as kg m^2 and kg?  Scaled to a diagonal of ones,
+    rows and columns alike, they can be compared; that changes no sign of a principal moment, only
+    the moments.
     Raises InvalidInput, which says what is wrong.
 
     Source: Horn and Johnson, Matrix Analysis, 2nd ed., theorem 4.5.8 (Sylvester's law of inertia).
@@ -33,14 +39,19 @@ def checked_inertia(value: Any, name: str, dim: int, mixed: bool = False) -> tup
         return moments, moments
     array = real_array(value, name)
     if array.shape not in ((dim,), (dim, dim)):
-        raise InvalidInput(f"{name} has shape {array.shape}; give {WORDS[dim]} principal moments or a {dim}x{dim} matrix")
+        raise InvalidInput(
+            f"{name} has shape {array.shape}; give {WORDS[dim]} "
+            f"principal moments or a {dim}x{dim} matrix"
+        )
     check_finite(array, name)
     moments, known, scaled = array, 0.0, ""
     if array.ndim == 2:
         scale = float(np.abs(array).max()) or 1.0
         skew = float(np.abs(array - array.T).max())
         if skew > SYMMETRY * scale:
-            raise InvalidInput(f"{name} is not symmetric: it and its transpose differ by {skew:.1e}")
+            raise InvalidInput(
+                f"{name} is not symmetric: it and its transpose differ by {skew:.1e}"
+            )
         array = 0.5 * array + 0.5 * array.T
         if mixed:
             unit = 1.0 / np.sqrt(np.maximum(np.abs(np.diag(array)), np.finfo(float).tiny))
@@ -51,5 +62,7 @@ def checked_inertia(value: Any, name: str, dim: int, mixed: bool = False) -> tup
     least = float(moments.min())
     if least <= known:
         zero = ", which is zero up to rounding" if abs(least) <= known > 0.0 else ""
-        raise InvalidInput(f"{name} has the principal moment {least:g}{scaled}{zero}; all must be positive")
+        raise InvalidInput(
+            f"{name} has the principal moment {least:g}{scaled}{zero}; all must be positive"
+        )
     return (Vec.of(array.tolist()) if array.ndim == 1 else Mat.of(array.tolist())), moments

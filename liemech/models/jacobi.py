@@ -1,7 +1,8 @@
-"""Jacobi's elliptic functions by their complementary modulus k', accurate however close k' is to 0, and the way back to their
-argument.
+"""Jacobi's elliptic functions by their complementary modulus k', accurate however close k' is to 0,
+and the way back to their argument.
 
-Source: DLMF 22.7 (descending Landen transformations), 22.4 (half periods) and 19.25 (the argument as R_F).
+Source: DLMF 22.7 (descending Landen transformations), 22.4 (half periods) and 19.25 (the argument
+as R_F).
 """
 
 from __future__ import annotations
@@ -21,7 +22,9 @@ LEAST = 2.0**-250
 
 
 class Jacobi(NamedTuple):
-    """The functions of one modulus: the pairs (a, b) of the arithmetic-geometric mean of 1 and k', the mean, and k'."""
+    """The functions of one modulus: the pairs (a, b) of the arithmetic-geometric mean of 1 and k',
+    the mean, and k'.
+    """
 
     a: Vec
     b: Vec

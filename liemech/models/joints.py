@@ -1,4 +1,6 @@
-"""Joints between rigid bodies, and between a body and the ground: conditions on two poses, with their derivatives."""
+"""Joints between rigid bodies, and between a body and the ground: conditions on two poses, with
+their derivatives.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,12 @@ from ..groups.se3 import join
 from ..groups.so3 import SO3
 from ..systems.constraint import Constraint, Rows
 
-GROUND = mat(vec(1.0, 0.0, 0.0, 0.0), vec(0.0, 1.0, 0.0, 0.0), vec(0.0, 0.0, 1.0, 0.0), vec(0.0, 0.0, 0.0, 1.0))
+GROUND = mat(
+    vec(1.0, 0.0, 0.0, 0.0),
+    vec(0.0, 1.0, 0.0, 0.0),
+    vec(0.0, 0.0, 1.0, 0.0),
+    vec(0.0, 0.0, 0.0, 1.0),
+)
 AXES = vec(1.0, 0.0, 0.0), vec(0.0, 1.0, 0.0), vec(0.0, 0.0, 1.0)
 ORIGIN = Vec(0.0, 0.0, 0.0)
 REST = vec(0.0, 0.0, 0.0)
@@ -24,13 +31,13 @@ class Joint(Record):
     """What holds two rigid bodies together; abstract.
 
     first : the number of a body.  second : that of another one, or None for the ground.
-    Points and axes are given in the axes of the body that they belong to, points from its centre of mass; those of the ground in
-    space.
+    Points and axes are given in the axes of the body that they belong to, points from its centre of
+    mass; those of the ground in space.
 
     1. A subclass writes `value` and `rows` of two poses, and says how many `conditions` there are.
 
-    Source: Nikravesh, Computer-Aided Analysis of Mechanical Systems (1988), chapter 7; Featherstone, Rigid Body Dynamics Algorithms
-    (2008), section 4.4.
+    Source: Nikravesh, Computer-Aided Analysis of Mechanical Systems (1988), chapter 7;
+    Featherstone, Rigid Body Dynamics Algorithms (2008), section 4.4.
     """
 
     conditions: ClassVar[int]
@@ -41,14 +48,26 @@ class Joint(Record):
     def __post_init__(self) -> None:
         super().__post_init__()
         name = type(self).__name__
-        for what, number in (("first", self.first), ("second", 0 if self.second is None else self.second)):
+        for what, number in (
+            ("first", self.first),
+            ("second", 0 if self.second is None else self.second),
+        ):
             if type(number) is not int or number < 0:
-                raise InvalidType(f"{name}: {what} is the number of a body, 0 or more (second: None is the ground); got {number!r}")
+                raise InvalidType(
+                    f"{name}: {what} is the number of a body, 0 or more "
+                    f"(second: None is the ground); got {number!r}"
+                )
         if self.first == self.second:
-            raise InvalidInput(f"{name}: a joint holds two bodies together; first and second are both {self.first}")
+            raise InvalidInput(
+                f"{name}: a joint holds two bodies together; first and second are both {self.first}"
+            )
         for field, value in vars(self).items():
-            if field.startswith(("at_", "axis")) and (len(value) != 3 or not np.isfinite(np.array(value)).all()):
-                raise InvalidInput(f"{name}: {field} must be a vector in space, (3,), and finite; got {value}")
+            if field.startswith(("at_", "axis")) and (
+                len(value) != 3 or not np.isfinite(np.array(value)).all()
+            ):
+                raise InvalidInput(
+                    f"{name}: {field} must be a vector in space, (3,), and finite; got {value}"
+                )
             if field.startswith("axis"):
                 if not any(value):
                     raise InvalidInput(f"{name}: {field} must have a direction; got {value}")
@@ -59,7 +78,9 @@ class Joint(Record):
         raise NotDefined(f"{type(self).__name__} must define `value`")
 
     def rows(self, g: Mat, k: Mat) -> tuple[tuple[Vec, Vec], ...]:
-        """Their left-trivialised derivatives, for each condition by the first and by the second pose, (6,) each."""
+        """Their left-trivialised derivatives, for each condition by the first and by the second
+        pose, (6,) each.
+        """
         raise NotDefined(f"{type(self).__name__} must define `rows`")
 
 
@@ -89,7 +110,8 @@ class BallJoint(Joint):
 def FixedPoint(body: int, at: Any, point: Any = (0.0, 0.0, 0.0)) -> BallJoint:
     """A point of a body that stays in place: a BallJoint to the ground.
 
-    at : the point in the body, from its centre of mass, (3,).  point : where it stays, in space, (3,), both in m.
+    at : the point in the body, from its centre of mass, (3,).  point : where it stays, in space,
+    (3,), both in m.
     Source: Nikravesh (1988), section 7.2.
     """
     return BallJoint(body, None, at, point)
@@ -99,7 +121,8 @@ def FixedPoint(body: int, at: Any, point: Any = (0.0, 0.0, 0.0)) -> BallJoint:
 class RevoluteJoint(Joint):
     """A hinge: a BallJoint whose axis has the same direction in both bodies; five conditions.
 
-    at_first, at_second : a point on the axis, (3,), in m.  axis_first, axis_second : its direction, (3,), of any length.
+    at_first, at_second : a point on the axis, (3,), in m.  axis_first, axis_second : its direction,
+    (3,), of any length.
 
     Source: Nikravesh (1988), section 7.2.
     """
@@ -127,7 +150,8 @@ class RevoluteJoint(Joint):
 class UniversalJoint(Joint):
     """A Cardan joint: a BallJoint with an axis in each body, at right angles; four conditions.
 
-    at_first, at_second : where the axes meet, (3,), in m.  axis_first, axis_second : their directions, (3,), of any length.
+    at_first, at_second : where the axes meet, (3,), in m.  axis_first, axis_second : their
+    directions, (3,), of any length.
 
     Source: Nikravesh (1988), section 7.2.
     """
@@ -152,11 +176,12 @@ class UniversalJoint(Joint):
 
 @record
 class PrismaticJoint(Joint):
-    """A slider: the second body moves along an axis of the first one and does not turn against it; five conditions.
+    """A slider: the second body moves along an axis of the first one and does not turn against it;
+    five conditions.
 
-    at_first, at_second : points whose connection stays along the axis, (3,), in m.  axis : in the first body, (3,).
-    Both bodies have parallel axes when they are mounted; `attitude` is the rotation from the second body to the first, (3, 3), if
-    they have not.
+    at_first, at_second : points whose connection stays along the axis, (3,), in m.  axis : in the
+    first body, (3,).  Both bodies have parallel axes when they are mounted; `attitude` is the
+    rotation from the second body to the first, (3, 3), if they have not.
 
     Source: Nikravesh (1988), section 7.2 (translational joint).
     """
@@ -173,16 +198,21 @@ class PrismaticJoint(Joint):
         attitude = np.array(self.attitude)
         if attitude.shape != (3, 3) or not SO3().contains(self.attitude):
             raise InvalidInput(
-                f"PrismaticJoint: attitude must be a rotation from the second body to the first, (3, 3), R^T R = 1 and det R = 1; "
-                f"got {attitude.tolist()}. SO3().exp(rotation vector) gives one"
+                "PrismaticJoint: attitude must be a rotation from the second body to the first, "
+                "(3, 3), R^T R = 1 and det R = 1; got "
+                f"{attitude.tolist()}. SO3().exp(rotation vector) gives one"
             )
 
     def value(self, g: Mat, k: Mat) -> Vec:
-        """The components of x_2 - x_1 across the axis, and three cosines of axes that stay at right angles."""
+        """The components of x_2 - x_1 across the axis, and three cosines of axes that stay at right
+        angles.
+        """
         d = place(k, self.at_second) - place(g, self.at_first)
         axes, others = (turned(g, e) for e in AXES), self._others(k)
         e, o = [*axes], [*others]
-        return vec(*[dot(turned(g, u), d) for u in across(self.axis)], *[dot(e[i], o[j]) for i, j in TURNS])
+        return vec(
+            *[dot(turned(g, u), d) for u in across(self.axis)], *[dot(e[i], o[j]) for i, j in TURNS]
+        )
 
     def rows(self, g: Mat, k: Mat) -> tuple[tuple[Vec, Vec], ...]:
         """Of the connection, and of the axes."""
@@ -190,7 +220,10 @@ class PrismaticJoint(Joint):
         slides: list[Any] = []
         for u in across(self.axis):
             n = turned(g, u)
-            slides = [*slides, (turning(g, u, d) - along(g, self.at_first, n), along(k, self.at_second, n))]
+            slides = [
+                *slides,
+                (turning(g, u, d) - along(g, self.at_first, n), along(k, self.at_second, n)),
+            ]
         return (*slides, *[crossed(g, AXES[i], k, self.attitude[j]) for i, j in TURNS])
 
     def _others(self, k: Mat) -> tuple[Vec, ...]:
@@ -204,7 +237,8 @@ TURNS = (0, 1), (1, 2), (2, 0)
 
 @record
 class RigidRod(Joint):
-    """A point of one body stays at a distance of a point of the other: (|x_1 - x_2|^2 - L^2)/(2 L) = 0, one condition, in m.
+    """A point of one body stays at a distance of a point of the other:
+    (|x_1 - x_2|^2 - L^2)/(2 L) = 0, one condition, in m.
 
     at_first, at_second : the points, (3,), in m.  length : L > 0, in m.
 
@@ -220,7 +254,10 @@ class RigidRod(Joint):
     def __post_init__(self) -> None:
         super().__post_init__()
         if not 0.0 < self.length < np.inf:
-            raise InvalidInput(f"RigidRod: length must be positive; got {self.length!r} (two points in one place are a BallJoint)")
+            raise InvalidInput(
+                f"RigidRod: length must be positive; got {self.length!r} "
+                "(two points in one place are a BallJoint)"
+            )
 
     def value(self, g: Mat, k: Mat) -> Vec:
         """(|d|^2 - L^2)/(2 L), by factors."""
@@ -235,7 +272,8 @@ class RigidRod(Joint):
 
 @record
 class Joints(Constraint):
-    """The conditions of several joints, on a product of SE(3)s: a pose [[R, p], [0, 1]], p the centre of mass, for each body.
+    """The conditions of several joints, on a product of SE(3)s: a pose [[R, p], [0, 1]], p the
+    centre of mass, for each body.
 
     joints : of bodies numbered as the factors of the group.
 
@@ -277,7 +315,9 @@ REST6 = vec(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 def _rows(joint: Joint, g: Vec) -> list[Any]:
     rows = joint.rows(*both(joint, g))
-    return [(row[0],) for row in rows] if joint.second is None else [(row[0], row[1]) for row in rows]
+    return (
+        [(row[0],) for row in rows] if joint.second is None else [(row[0], row[1]) for row in rows]
+    )
 
 
 def both(joint: Joint, g: Vec) -> tuple[Mat, Mat]:

@@ -18,10 +18,12 @@ class Kepler(SeparableSystem):
     """A planet in a plane, attracted by a sun in the origin, H(q, p) = |p|^2/2 - k/|q|.
 
     attraction : k = G M, in m^3/s^2 (of the Sun 1.32712440018e20); 1 by default.
-    q : the position, (2,), in m.  p : the velocity, (2,), in m/s, that is the momentum for a unit mass.
-    Kept are the energy, the angular momentum and the Runge-Lenz vector, which points to the pericentre.
+    q : the position, (2,), in m.  p : the velocity, (2,), in m/s, that is the momentum for a unit
+    mass.  Kept are the energy, the angular momentum and the Runge-Lenz vector, which points to the
+    pericentre.
 
-    Source: Hairer, Lubich, Wanner, I.2; Goldstein, Classical Mechanics, 3rd ed., section 3.9 (Runge-Lenz vector).
+    Source: Hairer, Lubich, Wanner, I.2; Goldstein, Classical Mechanics, 3rd ed., section 3.9
+    (Runge-Lenz vector).
     """
 
     called: ClassVar[str] = "kepler"
@@ -59,22 +61,31 @@ class Kepler(SeparableSystem):
         return q[0] * p[1] - q[1] * p[0]
 
     def runge_lenz(self, q: Vec, p: Vec) -> Vec:
-        """The vector p x L/k - q/|q|: from the sun to the pericentre, as long as the eccentricity.  q, p : (2,)."""
+        """The vector p x L/k - q/|q|: from the sun to the pericentre, as long as the eccentricity.
+        q, p : (2,).
+        """
         L = self.angular_momentum(q, p)
         return (L / self.attraction) * vec(p[1], -p[0]) - q / norm(q)
 
     def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Energy, angular momentum, Runge-Lenz vector."""
         q, p = states["q"], states["p"]
-        kept = {"angular momentum": self.angular_momentum(q, p), "Runge-Lenz vector": self.runge_lenz(q, p)}
+        kept = {
+            "angular momentum": self.angular_momentum(q, p),
+            "Runge-Lenz vector": self.runge_lenz(q, p),
+        }
         return super().constants(states) | {name: np.asarray(value) for name, value in kept.items()}
 
     # ---------------------------------------------------------------- the exact motion
 
     def pericentre(self, eccentricity: float, axis: float = 1.0) -> CanonicalState:
-        """The start of an orbit at its pericentre, on the positive x-axis, counterclockwise.  axis : the semi-major one, in m."""
+        """The start of an orbit at its pericentre, on the positive x-axis, counterclockwise.
+        axis : the semi-major one, in m.
+        """
         if not 0.0 <= eccentricity < 1.0:
-            raise InvalidInput(f"Kepler.pericentre: eccentricity is at least 0 and less than 1; got {eccentricity}")
+            raise InvalidInput(
+                f"Kepler.pericentre: eccentricity is at least 0 and less than 1; got {eccentricity}"
+            )
         if not 0.0 < axis < np.inf:
             raise InvalidInput(f"Kepler.pericentre: axis is positive; got {axis}")
         speed = np.sqrt(self.attraction / axis * (1.0 + eccentricity) / (1.0 - eccentricity))
@@ -83,20 +94,26 @@ class Kepler(SeparableSystem):
     def period(self, start: CanonicalState) -> float:
         """The time of a revolution, 2 pi (a^3/k)^(1/2), in s."""
         q, p = _single(start, "Kepler.period")
-        return float(2.0 * np.pi * np.sqrt(self._axis(q, p, "Kepler.period") ** 3 / self.attraction))
+        return float(
+            2.0 * np.pi * np.sqrt(self._axis(q, p, "Kepler.period") ** 3 / self.attraction)
+        )
 
     def exact(self, start: CanonicalState, t: Any) -> CanonicalState:
-        """The exact motion on an ellipse, by Kepler's equation.  t : () or (n,), in s, from the start.  Returns q, p : (..., 2).
+        """The exact motion on an ellipse, by Kepler's equation.  t : () or (n,), in s, from the
+        start.  Returns q, p : (..., 2).
 
             E - e sin E = M,  M = M_0 + n t,     q(t) = f q + g p,  p(t) = f' q + g' p
 
-        Source: Danby, Fundamentals of Celestial Mechanics, 2nd ed., chapter 6 (Kepler's equation, f and g).
+        Source: Danby, Fundamentals of Celestial Mechanics, 2nd ed., chapter 6 (Kepler's equation, f
+        and g).
         """
         name = "Kepler.exact"
         q, p = _single(start, name)
         t, k = real_array(t, f"{name}: t"), self.attraction
         if t.ndim > 1 or not np.isfinite(t).all():
-            raise InvalidInput(f"{name}: t must be a finite time or a row of them; got shape {t.shape}")
+            raise InvalidInput(
+                f"{name}: t must be a finite time or a row of them; got shape {t.shape}"
+            )
         a, r0, sigma = self._axis(q, p, name), np.hypot(*q), q @ p / np.sqrt(k)
         n = np.sqrt(k / a**3)
         e_cos, e_sin = 1.0 - r0 / a, sigma / np.sqrt(a)  # e cos E_0, e sin E_0
@@ -108,13 +125,17 @@ class Kepler(SeparableSystem):
         versine = 2.0 * np.sin(0.5 * change) ** 2
         f, g = 1.0 - a / r0 * versine, past - (change - s) / n
         df, dg = -np.sqrt(k * a) / (r * r0) * s, 1.0 - a / r * versine
-        return CanonicalState(f[..., None] * q + g[..., None] * p, df[..., None] * q + dg[..., None] * p)
+        return CanonicalState(
+            f[..., None] * q + g[..., None] * p, df[..., None] * q + dg[..., None] * p
+        )
 
     def _axis(self, q: np.ndarray, p: np.ndarray, name: str) -> float:
         """The semi-major axis."""
         energy = 0.5 * (p @ p) - self.attraction / np.hypot(*q)
         if not energy < 0.0:
-            raise InvalidInput(f"{name}: the orbit is no ellipse, its energy is {energy:.3g}; integrate it")
+            raise InvalidInput(
+                f"{name}: the orbit is no ellipse, its energy is {energy:.3g}; integrate it"
+            )
         return float(-0.5 * self.attraction / energy)
 
 

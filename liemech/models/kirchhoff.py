@@ -21,14 +21,17 @@ class KirchhoffBody(LiePoissonSystem):
 
         Pi' = Pi x w + P x v,   P' = P x w,   R' = R hat(w),   p' = R v.
 
-    inertia : of body and fluid together, (6,) or the symmetric positive matrix, (6, 6), of l(w, v) = (w, v) . I (w, v)/2,
-    angular part first: in kg m^2, kg m and kg.  `of_blocks` takes it by parts.
-    mu = (Pi, P) is the impulse in body axes, in kg m^2/s and kg m/s; g = [[R, p], [0, 1]] takes body to space.
+    inertia : of body and fluid together, (6,) or the symmetric positive matrix, (6, 6), of
+    l(w, v) = (w, v) . I (w, v)/2, angular part first: in kg m^2, kg m and kg.  `of_blocks` takes it
+    by parts.
+    mu = (Pi, P) is the impulse in body axes, in kg m^2/s and kg m/s; g = [[R, p], [0, 1]] takes
+    body to space.
 
-    Kept are the energy, P . P, Pi . P, and the impulse seen from space.  Raises InvalidInput if I is not symmetric and positive.
+    Kept are the energy, P . P, Pi . P, and the impulse seen from space.  Raises InvalidInput if I
+    is not symmetric and positive.
 
-    Source: Kirchhoff, Vorlesungen ueber Mechanik (1876), lecture 19; Leonard and Marsden, Physica D 105 (1997); Marsden and Ratiu,
-    Introduction to Mechanics and Symmetry, 2nd ed., section 14.7.
+    Source: Kirchhoff, Vorlesungen ueber Mechanik (1876), lecture 19; Leonard and Marsden, Physica D
+    105 (1997); Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 14.7.
     """
 
     group: SE3 = field(init=False, repr=False, default=SE3())
@@ -47,13 +50,19 @@ class KirchhoffBody(LiePoissonSystem):
     def of_blocks(cls, angular: Any, linear: Any, coupling: Any = 0.0) -> KirchhoffBody:
         """The body with l(w, v) = w . J w/2 + w . D v + v . M v/2.
 
-        angular : J, inertia and what the fluid adds, (3,) or (3, 3), in kg m^2.  linear : M, the mass and what the fluid adds, a
-        number, (3,) or (3, 3), in kg.  coupling : D, (3, 3), in kg m.
+        angular : J, inertia and what the fluid adds, (3,) or (3, 3), in kg m^2.  linear : M, the
+        mass and what the fluid adds, a number, (3,) or (3, 3), in kg.  coupling : D, (3, 3), in kg
+        m.
         """
-        J, M = (_square(block, f"KirchhoffBody: {name}") for block, name in ((angular, "angular"), (linear, "linear")))
+        J, M = (
+            _square(block, f"KirchhoffBody: {name}")
+            for block, name in ((angular, "angular"), (linear, "linear"))
+        )
         D = real_array(coupling, "KirchhoffBody: coupling")
         if D.shape not in ((), (3, 3)) or (D.shape == () and D != 0.0):
-            raise InvalidInput(f"KirchhoffBody: coupling is a 3x3 matrix, or left out; got {coupling!r}")
+            raise InvalidInput(
+                f"KirchhoffBody: coupling is a 3x3 matrix, or left out; got {coupling!r}"
+            )
         D = D * np.ones((3, 3))
         whole = np.block([[J, D], [D.T, M]])
         diagonal = not np.any(whole - np.diag(np.diag(whole)))

@@ -21,15 +21,17 @@ from .inertia import checked_inertia
 from .joints import BallJoint, Joint, Joints, RevoluteJoint
 
 SURVIVES = 1e-9
-"""A motion of space that changes conditions and energy by no more than this part of what others do is a symmetry."""
+"""A motion of space that changes conditions and energy by no more than this part of what others do
+is a symmetry.
+"""
 
 
 @record
 class Link(Record):
     """A rigid body of a linkage; its frame sits in the centre of mass.
 
-    mass : in kg.  inertia : about the centre of mass, the principal moments, (3,), or the matrix, (3, 3), in kg m^2; with principal
-    moments a linkage is cheaper.
+    mass : in kg.  inertia : about the centre of mass, the principal moments, (3,), or the matrix,
+    (3, 3), in kg m^2; with principal moments a linkage is cheaper.
 
     Source: Goldstein, Classical Mechanics, 3rd ed., chapter 5.
     """
@@ -71,7 +73,11 @@ class Weights(Potential):
     def force(self, group: LieGroup, g: Element) -> Vec:
         """(0, -w R^T e3) of each body."""
         return vec(
-            *[x for b, w in enumerate(self.weights) for x in (0.0, 0.0, 0.0, *[-(w * g[16 * b + 8 + j]) for j in range(3)])]
+            *[
+                x
+                for b, w in enumerate(self.weights)
+                for x in (0.0, 0.0, 0.0, *[-(w * g[16 * b + 8 + j]) for j in range(3)])
+            ]
         )
 
 
@@ -79,16 +85,20 @@ class Weights(Potential):
 class Linkage(ConstrainedBody):
     """Rigid bodies held together by joints, under gravity: closed loops are welcome.
 
-    links : the bodies, numbered from 0 on.  joints : such as BallJoint(0, 1, at_first, at_second); None is the ground.
+    links : the bodies, numbered from 0 on.  joints : such as BallJoint(0, 1, at_first, at_second);
+    None is the ground.
     gravity : in m/s^2, downwards along e3.
-    g, (16 N,), are the poses [[R, p], [0, 1]] of the centres of mass, row by row; `assembled` makes a start of poses, and `poses`
-    poses of g.  mu, (6 N,), are the angular and linear momenta of each body in its own axes.
+    g, (16 N,), are the poses [[R, p], [0, 1]] of the centres of mass, row by row; `assembled` makes
+    a start of poses, and `poses` poses of g.  mu, (6 N,), are the angular and linear momenta of
+    each body in its own axes.
 
-    Each motion of space that leaves joints and gravity as they are keeps its momentum: `constants` finds them.
+    Each motion of space that leaves joints and gravity as they are keeps its momentum: `constants`
+    finds them.
     Raises InvalidInput for joints of bodies that are not there.
 
-    Source: Leyendecker, Ober-Bloebaum, Marsden and Ortiz, Optim. Control Appl. Methods 31 (2010); Lee, Leok and McClamroch, Global
-    Formulations of Lagrangian and Hamiltonian Dynamics on Manifolds (2018), chapter 9.
+    Source: Leyendecker, Ober-Bloebaum, Marsden and Ortiz, Optim. Control Appl. Methods 31 (2010);
+    Lee, Leok and McClamroch, Global Formulations of Lagrangian and Hamiltonian Dynamics on
+    Manifolds (2018), chapter 9.
     """
 
     body: Any = field(init=False, repr=False)
@@ -100,13 +110,22 @@ class Linkage(ConstrainedBody):
     def __post_init__(self) -> None:
         given: Any = self
         for name, items, kind in (("links", given.links, Link), ("joints", given.joints, Joint)):
-            if not isinstance(items, (list, tuple)) or not items or not all(isinstance(x, kind) for x in items):
-                raise InvalidType(f"Linkage: {name} is a list of one or more {kind.__name__}s; got {items!r}")
+            if (
+                not isinstance(items, (list, tuple))
+                or not items
+                or not all(isinstance(x, kind) for x in items)
+            ):
+                raise InvalidType(
+                    f"Linkage: {name} is a list of one or more {kind.__name__}s; got {items!r}"
+                )
         links, joints = tuple(self.links), tuple(self.joints)
         for joint in joints:
             for number in (joint.first, joint.second):
                 if number is not None and number >= len(links):
-                    raise InvalidInput(f"Linkage: {joint!r} holds body {number}; there are {len(links)}, numbered from 0")
+                    raise InvalidInput(
+                        f"Linkage: {joint!r} holds body {number}; there "
+                        f"are {len(links)}, numbered from 0"
+                    )
         object.__setattr__(self, "links", links)
         object.__setattr__(self, "joints", joints)
         group = ProductGroup(*[SE3()] * len(links))
@@ -121,14 +140,22 @@ class Linkage(ConstrainedBody):
     def assembled(self, poses: Any, velocities: Any = None) -> BodyState:
         """The consistent start nearest to the poses and velocities of the bodies.
 
-        poses : (N, 4, 4).  velocities : body velocities (w, v), (N, 6), in rad/s and m/s; at rest if left out.
+        poses : (N, 4, 4).  velocities : body velocities (w, v), (N, 6), in rad/s and m/s; at rest
+        if left out.
         """
         count = len(self.links)
         g = real_array(poses, "Linkage.assembled: poses")
-        xi = np.zeros((count, 6)) if velocities is None else real_array(velocities, "Linkage.assembled: velocities")
+        xi = (
+            np.zeros((count, 6))
+            if velocities is None
+            else real_array(velocities, "Linkage.assembled: velocities")
+        )
         for name, array, shape in (("poses", g, (count, 4, 4)), ("velocities", xi, (count, 6))):
             if array.shape != shape:
-                raise InvalidInput(f"Linkage.assembled: {name} has shape {array.shape}; {count} bodies have {shape}")
+                raise InvalidInput(
+                    f"Linkage.assembled: {name} has shape "
+                    f"{array.shape}; {count} bodies have {shape}"
+                )
         mu = np.array(self.body.body.lagrangian.momentum(xi.reshape(6 * count)))
         return self.consistent(mu, g.reshape(16 * count))
 
@@ -138,12 +165,16 @@ class Linkage(ConstrainedBody):
         return array.reshape(*array.shape[:-1], len(self.links), 4, 4)
 
     def total_momentum(self, mu: Any, g: Any) -> np.ndarray:
-        """Angular momentum about the origin and linear momentum of all bodies together, seen from space, (..., 6)."""
+        """Angular momentum about the origin and linear momentum of all bodies together, seen from
+        space, (..., 6).
+        """
         m = np.asarray(self.spatial_momentum(mu, g))
         return m.reshape(*m.shape[:-1], len(self.links), 6).sum(axis=-2)
 
     def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """The energy, and the momenta of the motions of space that are symmetries of joints and gravity."""
+        """The energy, and the momenta of the motions of space that are symmetries of joints and
+        gravity.
+        """
         kept = super().constants(states)
         directions = self._symmetries(states["g"])
         if len(directions):
@@ -151,10 +182,14 @@ class Linkage(ConstrainedBody):
         return kept
 
     def _symmetries(self, g: np.ndarray) -> np.ndarray:
-        """The velocities of space, (k, 6), that change no condition and no energy, at the first, a middle and the last sample."""
+        """The velocities of space, (k, 6), that change no condition and no energy, at the first, a
+        middle and the last sample.
+        """
         changes, flat = [], g.reshape(-1, g.shape[-1])
         for one in flat[[0, len(flat) // 2, -1]]:
-            turns = np.concatenate([np.array(SE3().Ad(SE3().inverse(pose), np.eye(6))).T for pose in self.poses(one)])
+            turns = np.concatenate(
+                [np.array(SE3().Ad(SE3().inverse(pose), np.eye(6))).T for pose in self.poses(one)]
+            )
             for rows in self._matrix(self.rows(one)), np.array(self.force(one))[None]:
                 sizes = (abs(rows) @ np.abs(turns)).max(axis=1, keepdims=True)
                 changes.append(rows @ turns / np.where(sizes > 0.0, sizes, 1.0))
@@ -175,17 +210,28 @@ def _inertia(links: tuple[Link, ...]) -> np.ndarray:
 
 
 def chain(
-    count: int, mass: float = 1.0, length: float = 1.0, radius: float = 0.05, axis: Any = None, gravity: float = 9.80665
+    count: int,
+    mass: float = 1.0,
+    length: float = 1.0,
+    radius: float = 0.05,
+    axis: Any = None,
+    gravity: float = 9.80665,
 ) -> Linkage:
-    """Equal rods that hang one from another, the first from the origin, by ball joints or, given an axis, by hinges.
+    """Equal rods that hang one from another, the first from the origin, by ball joints or, given an
+    axis, by hinges.
 
-    mass : of a rod, in kg.  length, radius : in m.  axis : of all hinges, across e3, (3,).  Frames have e3 along the rod, upwards.
-    Source: Lee, Leok and McClamroch, Global Formulations of Lagrangian and Hamiltonian Dynamics on Manifolds (2018), section 9.4.
+    mass : of a rod, in kg.  length, radius : in m.  axis : of all hinges, across e3, (3,).  Frames
+    have e3 along the rod, upwards.
+    Source: Lee, Leok and McClamroch, Global Formulations of Lagrangian and Hamiltonian Dynamics on
+    Manifolds (2018), section 9.4.
     """
     if type(count) is not int or count < 1:
         raise InvalidInput(f"chain: count is a whole number of rods, at least 1; got {count!r}")
     top, bottom = vec(0.0, 0.0, 0.5 * length), vec(0.0, 0.0, -0.5 * length)
-    ends = [(b, None, top, vec(0.0, 0.0, 0.0)) if b == 0 else (b, b - 1, top, bottom) for b in range(count)]
+    ends = [
+        (b, None, top, vec(0.0, 0.0, 0.0)) if b == 0 else (b, b - 1, top, bottom)
+        for b in range(count)
+    ]
     linkage, hinge = Linkage, RevoluteJoint  # type: Any, Any
     joints: list[Any] = [BallJoint(*end) for end in ends]
     if axis is not None:

@@ -45,15 +45,18 @@ class Species(Hamiltonian):
 class LotkaVolterra(PoissonSystem):
     """Species that eat each other, y_i' = y_i sum_j c_ij (d_j y_j - p_j), with c_ij = -c_ji.
 
-    coupling : c, (n, n), skew-symmetric.  weights : d, (n,).  rates : p, (n,).  Left out, they are those of two species,
-    u' = u (v - 2), v' = v (1 - u).
+    coupling : c, (n, n), skew-symmetric.  weights : d, (n,).  rates : p, (n,).  Left out, they are
+    those of two species, u' = u (v - 2), v' = v (1 - u).
     y : the numbers of individuals, (n,), positive.
 
-    Kept are the energy sum (d_i y_i - p_i ln y_i), and sum k_i ln y_i for every k with c k = 0.  Not every system of Lotka and
-    Volterra is of this form: the coefficients of its products must be c_ij d_j.
+    Kept are the energy sum (d_i y_i - p_i ln y_i), and sum k_i ln y_i for every k with c k = 0.
+    Not every system of Lotka and Volterra is of this form: the coefficients of its products must be
+    c_ij d_j.
 
-    Raises InvalidInput for a coupling that is not skew-symmetric, and for numbers that are not positive.
-    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., I.1.1 and VII.2.2; Plank, J. Math. Phys. 36 (1995).
+    Raises InvalidInput for a coupling that is not skew-symmetric, and for numbers that are not
+    positive.
+    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., I.1.1 and VII.2.2;
+    Plank, J. Math. Phys. 36 (1995).
     """
 
     structure: LogCanonical = field(init=False, repr=False)
@@ -69,9 +72,15 @@ class LotkaVolterra(PoissonSystem):
         rows = [real_array(getattr(self, key), f"{name}: {key}") for key in ("weights", "rates")]
         for key, row in zip(("weights", "rates"), rows, strict=True):
             if row.shape != (n,) or not np.isfinite(row).all():
-                raise InvalidInput(f"{name}: {key} are {n} finite numbers, as coupling has rows; got {row.tolist()}")
+                raise InvalidInput(
+                    f"{name}: {key} are {n} finite numbers, as "
+                    f"coupling has rows; got {row.tolist()}"
+                )
         object.__setattr__(self, "structure", structure)
-        parts = [OfCoordinate(Species(i, n, d, p), i) for i, (d, p) in enumerate(zip(*(row.tolist() for row in rows), strict=True))]
+        parts = [
+            OfCoordinate(Species(i, n, d, p), i)
+            for i, (d, p) in enumerate(zip(*(row.tolist() for row in rows), strict=True))
+        ]
         object.__setattr__(self, "hamiltonian", SplitHamiltonian(tuple(parts)))
         super().__post_init__()
 
@@ -79,7 +88,8 @@ class LotkaVolterra(PoissonSystem):
     def volterra_lattice(cls, n: int) -> LotkaVolterra:
         """Volterra's lattice of n species, u_i' = u_i (u_i+1 - u_i-1), with u_0 = u_n+1 = 0.
 
-        For n odd u_1 u_3 ... u_n is kept, as are the eigenvalues of a matrix that `TodaLattice.of_volterra` makes.
+        For n odd u_1 u_3 ... u_n is kept, as are the eigenvalues of a matrix that
+        `TodaLattice.of_volterra` makes.
         Source: Kac and van Moerbeke, Adv. Math. 16 (1975), 160.
         """
         n = whole_number("LotkaVolterra.volterra_lattice", n, 2)

@@ -44,7 +44,8 @@ class MaxwellBlochStructure(PoissonStructure):
 class HalfSquare(Hamiltonian):
     """y_i^2/2, of one coordinate.
 
-    index : i, from 0.  dim : of the space.  weight : what the square is multiplied by, 1 by default.
+    index : i, from 0.  dim : of the space.  weight : what the square is multiplied by, 1 by
+    default.
 
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.5.3.
     """
@@ -64,15 +65,19 @@ class HalfSquare(Hamiltonian):
 
 @record
 class MaxwellBloch(PoissonSystem):
-    """Maxwell and Bloch's equations x' = y, y' = x z, z' = -x y: the structure above and H = (y^2 + z^2)/2.
+    """Maxwell and Bloch's equations x' = y, y' = x z, z' = -x y: the structure above and
+    H = (y^2 + z^2)/2.
 
-    Kept are the energy and z + x^2/2.  With these two in exchanged roles the same equations belong to another structure, that of
-    se(2)*.
+    Kept are the energy and z + x^2/2.  With these two in exchanged roles the same equations belong
+    to another structure, that of se(2)*.
 
-    Source: David and Holm, J. Nonlinear Sci. 2 (1992), 241; Puta, C. R. Acad. Sci. Paris 318 (1994), 679.
+    Source: David and Holm, J. Nonlinear Sci. 2 (1992), 241; Puta, C. R. Acad. Sci. Paris 318
+    (1994), 679.
     """
 
-    structure: MaxwellBlochStructure = field(init=False, repr=False, default=MaxwellBlochStructure())
+    structure: MaxwellBlochStructure = field(
+        init=False, repr=False, default=MaxwellBlochStructure()
+    )
     hamiltonian: SplitHamiltonian = field(init=False, repr=False)
 
     def __post_init__(self) -> None:

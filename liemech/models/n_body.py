@@ -1,4 +1,6 @@
-"""Point masses that attract each other: the N-body problem, its figure eight, and the outer Solar System."""
+"""Point masses that attract each other: the N-body problem, its figure eight, and the outer Solar
+System.
+"""
 
 from __future__ import annotations
 
@@ -11,24 +13,41 @@ from ..systems.separable import SeparableSystem
 from .pendulums import check_positive
 
 VX, VY = 0.3471168881189269382427769203203, 0.53272494538803022926202798769193
-"""Velocities of the figure eight (Newton's method on the choreography, 30 digits); Li and Liao have the first ten."""
+"""Velocities of the figure eight (Newton's method on the choreography, 30 digits); Li and Liao have
+the first ten.
+"""
 
 EIGHT_PERIOD = 6.325913982926211677589000333967
 
 OUTER = (
     (1.00000597682, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)),
-    (0.000954786104043, (-3.5023653, -3.8169847, -1.5507963), (0.00565429, -0.00412490, -0.00190589)),
+    (
+        0.000954786104043,
+        (-3.5023653, -3.8169847, -1.5507963),
+        (0.00565429, -0.00412490, -0.00190589),
+    ),
     (0.000285583733151, (9.0755314, -3.0458353, -1.6483708), (0.00168318, 0.00483525, 0.00192462)),
-    (0.0000437273164546, (8.3101420, -16.2901086, -7.2521278), (0.00354178, 0.00137102, 0.00055029)),
-    (0.0000517759138449, (11.4707666, -25.7294829, -10.8169456), (0.00288930, 0.00114527, 0.00039677)),
+    (
+        0.0000437273164546,
+        (8.3101420, -16.2901086, -7.2521278),
+        (0.00354178, 0.00137102, 0.00055029),
+    ),
+    (
+        0.0000517759138449,
+        (11.4707666, -25.7294829, -10.8169456),
+        (0.00288930, 0.00114527, 0.00039677),
+    ),
     (1.0 / 1.3e8, (-15.5387357, -25.2225594, -3.1902382), (0.00276725, -0.00170702, -0.00136504)),
 )
-"""Masses in Suns, positions in AU, velocities in AU/day: the Sun with the inner planets, Jupiter, ..., Pluto."""
+"""Masses in Suns, positions in AU, velocities in AU/day: the Sun with the inner planets, Jupiter,
+..., Pluto.
+"""
 
 
 @record
 class NBody(SeparableSystem):
-    """Point masses in space or in the plane, H = sum |p_i|^2/(2 m_i) - G sum_(i < j) m_i m_j/|q_i - q_j|.
+    """Point masses in space or in the plane, H = sum |p_i|^2/(2 m_i) - G sum_(i < j) m_i
+    m_j/|q_i - q_j|.
 
     masses : m, (N,).  gravity : G.  dimension : 3, or 2 for motion in a plane.
     q, p : positions and momenta of all bodies, one body after the other, (N dimension,).
@@ -43,9 +62,13 @@ class NBody(SeparableSystem):
 
     def __post_init__(self) -> None:
         if self.dimension not in (2, 3):
-            raise InvalidInput(f"{type(self).__name__}: dimension is 2 or 3; got {self.dimension!r}")
+            raise InvalidInput(
+                f"{type(self).__name__}: dimension is 2 or 3; got {self.dimension!r}"
+            )
         if len(self.masses) < 2:
-            raise InvalidInput(f"{type(self).__name__}: masses are two at least; got {self.masses!r}")
+            raise InvalidInput(
+                f"{type(self).__name__}: masses are two at least; got {self.masses!r}"
+            )
         super().__post_init__()
         check_positive(self, "masses", "gravity")
 
@@ -67,7 +90,9 @@ class NBody(SeparableSystem):
         total = 0.0
         for i in range(len(self.masses)):
             for j in range(i):
-                total = total - self.gravity * self.masses[i] * self.masses[j] / norm(self._apart(q, i, j))
+                total = total - self.gravity * self.masses[i] * self.masses[j] / norm(
+                    self._apart(q, i, j)
+                )
         return total
 
     def velocity(self, q: Vec, p: Vec) -> Vec:
@@ -98,7 +123,9 @@ class NBody(SeparableSystem):
         d = self.dimension
         planes = ((0, 1),) if d == 2 else ((1, 2), (2, 0), (0, 1))
         bodies = range(0, self.degrees, d)
-        return vec(*[sum([q[i + a] * p[i + b] - q[i + b] * p[i + a] for i in bodies]) for a, b in planes])
+        return vec(
+            *[sum([q[i + a] * p[i + b] - q[i + b] * p[i + a] for i in bodies]) for a, b in planes]
+        )
 
     def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Energy, momentum, angular momentum."""
@@ -114,16 +141,21 @@ class NBody(SeparableSystem):
 
     @classmethod
     def figure_eight(cls) -> tuple[NBody, CanonicalState]:
-        """Three equal masses that follow each other on an eight, with G = m = 1; the period is 6.3259139829262.
+        """Three equal masses that follow each other on an eight, with G = m = 1; the period is
+        6.3259139829262.
 
-        Source: Chenciner and Montgomery, Annals of Math. 152 (2000), 881; Simo, in Celestial Mechanics, Contemp. Math. 292 (2002).
+        Source: Chenciner and Montgomery, Annals of Math. 152 (2000), 881; Simo, in Celestial
+        Mechanics, Contemp. Math. 292 (2002).
         """
         system = cls(masses=vec(1.0, 1.0, 1.0), gravity=1.0, dimension=2)  # type: ignore[call-arg]
-        return system, system.state([-1.0, 0.0, 1.0, 0.0, 0.0, 0.0], [VX, VY, VX, VY, -2.0 * VX, -2.0 * VY])
+        return system, system.state(
+            [-1.0, 0.0, 1.0, 0.0, 0.0, 0.0], [VX, VY, VX, VY, -2.0 * VX, -2.0 * VY]
+        )
 
     @classmethod
     def outer_solar_system(cls, barycentric: bool = True) -> tuple[NBody, CanonicalState]:
-        """The Sun (with the inner planets), Jupiter, Saturn, Uranus, Neptune and Pluto on 5 September 1994; AU, days, Suns.
+        """The Sun (with the inner planets), Jupiter, Saturn, Uranus, Neptune and Pluto on 5
+        September 1994; AU, days, Suns.
 
         barycentric : is the centre of mass at rest in the origin, or the Sun?
 

@@ -17,13 +17,16 @@ PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 
 @record
 class OrthogonalBody(SeparableConstrainedSystem):
-    """The free rigid body in the entries of its rotation matrix, H(Q, P) = tr(P D^-1 P^T)/2 with Q^T Q = 1.
+    """The free rigid body in the entries of its rotation matrix, H(Q, P) = tr(P D^-1 P^T)/2 with
+    Q^T Q = 1.
 
-    inertia : the principal moments J, (3,), in kg m^2.  D = tr(J)/2 - J, the mass moments, may have a negative entry, not a zero.
+    inertia : the principal moments J, (3,), in kg m^2.  D = tr(J)/2 - J, the mass moments, may have
+    a negative entry, not a zero.
     q : Q by rows, (9,).  p : P = Q' D by rows.  RATTLE makes of it the method of Moser and Veselov.
     Kept are the energy, the constraints and the spatial momentum.
 
-    Source: Hairer, Lubich, Wanner, VII.5.2 (Moser-Veselov by RATTLE); McLachlan and Scovel, J. Nonlinear Sci. 5 (1995).
+    Source: Hairer, Lubich, Wanner, VII.5.2 (Moser-Veselov by RATTLE); McLachlan and Scovel, J.
+    Nonlinear Sci. 5 (1995).
     """
 
     degrees: ClassVar[int] = 9
@@ -35,12 +38,14 @@ class OrthogonalBody(SeparableConstrainedSystem):
         super().__post_init__()
         J = np.array(self.inertia)
         if J.shape != (3,) or not (np.isfinite(J) & (J > 0.0)).all():
-            raise InvalidInput(f"OrthogonalBody: inertia is three positive moments; got {self.inertia}")
+            raise InvalidInput(
+                f"OrthogonalBody: inertia is three positive moments; got {self.inertia}"
+            )
         D = 0.5 * J.sum() - J
         if not (np.abs(D) > 1e-12 * J.sum()).all():
             raise InvalidInput(
-                f"OrthogonalBody: a body without extent along an axis, tr(J)/2 - J = {tuple(D.tolist())}, has no mass there; "
-                "RigidBody takes it"
+                "OrthogonalBody: a body without extent along an axis, tr(J)/2 - J = "
+                f"{tuple(D.tolist())}, has no mass there; RigidBody takes it"
             )
 
     def _mass_moments(self) -> Vec:
@@ -89,10 +94,14 @@ class OrthogonalBody(SeparableConstrainedSystem):
 
     def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """The energy, the constraints, and the spatial momentum."""
-        return super().constants(states) | {"spatial momentum": np.asarray(self.spatial_momentum(states["q"], states["p"]))}
+        return super().constants(states) | {
+            "spatial momentum": np.asarray(self.spatial_momentum(states["q"], states["p"]))
+        }
 
     def at(self, mu: Any, g: Any) -> CanonicalState:
-        """The state of a body with momentum mu, (3,), in the attitude g, (3, 3): P = g hat(J^-1 mu) D."""
+        """The state of a body with momentum mu, (3,), in the attitude g, (3, 3): P = g hat(J^-1 mu)
+        D.
+        """
         w = np.array(mu, dtype=float) / np.array(self.inertia)
         hat = np.array([[0.0, -w[2], w[1]], [w[2], 0.0, -w[0]], [-w[1], w[0], 0.0]])
         g = np.array(g, dtype=float)

@@ -56,7 +56,8 @@ class Pendulum(SeparableSystem):
     # ---------------------------------------------------------------- the exact motion
 
     def exact(self, start: CanonicalState, t: Any) -> CanonicalState:
-        """The exact motion, swings, turns and the separatrix, by elliptic functions; error about 1e-15 (1 + w t), w = sqrt(g/l).
+        """The exact motion, swings, turns and the separatrix, by elliptic functions; error about
+        1e-15 (1 + w t), w = sqrt(g/l).
 
         t : () or (n,), in s, from the start.  Returns q, p : (..., 1); q counts whole turns.
         The parameters and the start are taken to be exact.
@@ -66,17 +67,27 @@ class Pendulum(SeparableSystem):
         q, p = _single(start, "Pendulum.exact")
         times = real_array(t, "Pendulum.exact: t")
         if times.ndim > 1 or not np.isfinite(times).all():
-            raise InvalidInput(f"Pendulum.exact: t must be a finite time or a row of them; got {t!r}")
+            raise InvalidInput(
+                f"Pendulum.exact: t must be a finite time or a row of them; got {t!r}"
+            )
         inertia = self.mass * self.length * self.length
         if self.gravity == 0.0:
             angle, speed = q + p / inertia * times, np.full(times.shape, p / inertia)
         else:
             swing = self._swing(q, p)
-            angle, speed = (np.full(times.shape, q), np.zeros(times.shape)) if swing is None else swing.at(times)
-        return CanonicalState(frozen_array(angle[..., None], "q"), frozen_array(inertia * speed[..., None], "p"))
+            angle, speed = (
+                (np.full(times.shape, q), np.zeros(times.shape))
+                if swing is None
+                else swing.at(times)
+            )
+        return CanonicalState(
+            frozen_array(angle[..., None], "q"), frozen_array(inertia * speed[..., None], "p")
+        )
 
     def period(self, start: CanonicalState) -> float:
-        """The time after which the pendulum moves as before, in s; infinite on the separatrix, 0 if it hangs or stands still."""
+        """The time after which the pendulum moves as before, in s; infinite on the separatrix, 0 if
+        it hangs or stands still.
+        """
         q, p = _single(start, "Pendulum.period")
         if self.gravity == 0.0:
             return abs(2.0 * np.pi * self.mass * self.length * self.length / p) if p else 0.0
@@ -97,12 +108,15 @@ def _single(start: CanonicalState, name: str) -> tuple[float, float]:
 
 @record
 class DoublePendulum(HamiltonianSystem):
-    """A pendulum that hangs from another one: chaotic, and with a kinetic energy that depends on the angles.
+    """A pendulum that hangs from another one: chaotic, and with a kinetic energy that depends on
+    the angles.
 
-        L = (m1 + m2) l1^2 a'^2/2 + m2 l2^2 b'^2/2 + m2 l1 l2 cos(a - b) a' b' + (m1 + m2) g l1 cos a + m2 g l2 cos b
+        L = (m1 + m2) l1^2 a'^2/2 + m2 l2^2 b'^2/2 + m2 l1 l2 cos(a - b) a' b' + (m1 + m2) g l1 cos
+        a + m2 g l2 cos b
 
     masses : m1, m2, in kg.  lengths : l1, l2, in m.  gravity : g, in m/s^2.
-    q = (a, b) : the angles of both from the downward vertical, in rad.  p = dL/dq' : in kg m^2/s; `momentum` gives it.
+    q = (a, b) : the angles of both from the downward vertical, in rad.  p = dL/dq' : in kg m^2/s;
+    `momentum` gives it.
 
     Source: Landau and Lifshitz, Mechanics, 3rd ed., section 5, problem 1.
     """
@@ -117,7 +131,9 @@ class DoublePendulum(HamiltonianSystem):
         super().__post_init__()
         for name in ("masses", "lengths"):
             if len(getattr(self, name)) != 2:
-                raise InvalidInput(f"{type(self).__name__}: {name} are two, (2,); got {getattr(self, name)}")
+                raise InvalidInput(
+                    f"{type(self).__name__}: {name} are two, (2,); got {getattr(self, name)}"
+                )
         check_positive(self, "masses", "lengths")
 
     def energy(self, q: Vec, p: Vec) -> float:
@@ -134,18 +150,27 @@ class DoublePendulum(HamiltonianSystem):
     def force(self, q: Vec, p: Vec) -> Vec:
         """dL/dq at the velocities that belong to p.  q, p : (2,)."""
         v, (first, second) = self.velocity(q, p), self._weights()
-        turning = self.masses[1] * self.lengths[0] * self.lengths[1] * sin(q[0] - q[1]) * v[0] * v[1]
+        turning = (
+            self.masses[1] * self.lengths[0] * self.lengths[1] * sin(q[0] - q[1]) * v[0] * v[1]
+        )
         return vec(-turning - first * sin(q[0]), turning - second * sin(q[1]))
 
     def momentum(self, q: Vec, velocity: Vec) -> Vec:
         """The momenta that belong to angular velocities, M(q) q'.  q, velocity : (2,)."""
         first, second, coupled = self._inertia(q)
-        return vec(first * velocity[0] + coupled * velocity[1], coupled * velocity[0] + second * velocity[1])
+        return vec(
+            first * velocity[0] + coupled * velocity[1],
+            coupled * velocity[0] + second * velocity[1],
+        )
 
     def _inertia(self, q: Vec) -> Any:
         """M(q): its entries M_11, M_22 and M_12."""
         m, l = self.masses, self.lengths
-        return (m[0] + m[1]) * l[0] * l[0], m[1] * l[1] * l[1], m[1] * l[0] * l[1] * cos(q[0] - q[1])
+        return (
+            (m[0] + m[1]) * l[0] * l[0],
+            m[1] * l[1] * l[1],
+            m[1] * l[0] * l[1] * cos(q[0] - q[1]),
+        )
 
     def _weights(self) -> Any:
         """What multiplies -cos a and -cos b in the potential energy."""
@@ -158,4 +183,7 @@ def check_positive(owner: Any, *names: str) -> None:
     for name in names:
         value = np.array(getattr(owner, name))
         if not (np.isfinite(value) & (value > 0.0)).all():
-            raise InvalidInput(f"{type(owner).__name__}: {name} must be positive and finite; got {getattr(owner, name)}")
+            raise InvalidInput(
+                f"{type(owner).__name__}: {name} must be positive "
+                f"and finite; got {getattr(owner, name)}"
+            )

@@ -1,4 +1,6 @@
-"""Planets about a heavy sun: the N-body problem in Jacobi's coordinates, Kepler motions and what planets do to each other."""
+"""Planets about a heavy sun: the N-body problem in Jacobi's coordinates, Kepler motions and what
+planets do to each other.
+"""
 
 from __future__ import annotations
 
@@ -21,13 +23,15 @@ LIMIT = 60
 
 
 def kepler_step(q: Vec, v: Vec, k: float, t: float) -> tuple[Vec, Vec]:
-    """What q and v gain in the time t under the attraction -k q/|q|^3: on ellipses, parabolas and hyperbolas.
+    """What q and v gain in the time t under the attraction -k q/|q|^3: on ellipses, parabolas and
+    hyperbolas.
 
         t = r_0 G_1 + e_0 G_2 + k G_3,  G_n = s^n c_n(b s^2),  b = 2k/r_0 - |v|^2,  e_0 = q . v
 
     with Stumpff's functions c_n and Laguerre's iteration for s.  q, v : (3,).
 
-    Source: Danby, Fundamentals of Celestial Mechanics, 2nd ed., section 6.9 (universal variables); Conway, Celest. Mech. 39 (1986).
+    Source: Danby, Fundamentals of Celestial Mechanics, 2nd ed., section 6.9 (universal variables);
+    Conway, Celest. Mech. 39 (1986).
     """
     r0 = norm(q)
     b, e0 = 2.0 * k / r0 - dot(v, v), dot(q, v)
@@ -43,7 +47,10 @@ def kepler_step(q: Vec, v: Vec, k: float, t: float) -> tuple[Vec, Vec]:
         searching = size > 2.0**-52 * abs(s) and (size < last or size > 2.0**-30 * abs(s))
         s, last, turns = where(searching, s - change, s), size, turns + 1
         if turns > LIMIT:
-            raise NoConvergence("Kepler's equation was not solved: a planet meets the sun, or the step is many periods long")
+            raise NoConvergence(
+                "Kepler's equation was not solved: a planet meets the "
+                "sun, or the step is many periods long"
+            )
     G1, G2, G3 = s * c1, s * s * c2, s * s * s * c3
     r = r0 + e0 * G1 + (k - b * r0) * G2
     f, g = -k * G2 / r0, t - k * G3
@@ -74,7 +81,8 @@ def stumpff(z: float) -> tuple[float, float, float, float]:
 
 @record
 class KeplerMotions(Part):
-    """Planets on Kepler's orbits in Jacobi's coordinates, sum |P_i|^2/(2 m'_i) - G m'_i M_i/|Q_i|: their motion is exact.
+    """Planets on Kepler's orbits in Jacobi's coordinates, sum |P_i|^2/(2 m'_i) - G m'_i M_i/|Q_i|:
+    their motion is exact.
 
     masses : m'_i, reduced ones.  attractions : G M_i.
 
@@ -115,11 +123,13 @@ class KeplerMotions(Part):
 
 @record
 class Perturbation(Hamiltonian):
-    """What is left: the attraction between planets, and that of the sun less the one of Kepler's orbits; a function of positions.
+    """What is left: the attraction between planets, and that of the sun less the one of Kepler's
+    orbits; a function of positions.
 
     masses : of all bodies, the sun first.  gravity : G.
 
-    Source: Wisdom and Holman, Astron. J. 102 (1991), 1528; Rein and Tamayo, Mon. Not. R. Astron. Soc. 452 (2015), 376.
+    Source: Wisdom and Holman, Astron. J. 102 (1991), 1528; Rein and Tamayo, Mon. Not. R. Astron.
+    Soc. 452 (2015), 376.
     """
 
     masses: Vec
@@ -179,11 +189,13 @@ def _body(y: Vec, i: int) -> Vec:
 
 @record
 class PlanetarySystem(PoissonSystem):
-    """Planets about a sun in Jacobi's coordinates y = (Q, P), Q_i the position of a planet seen from the centre of those inside.
+    """Planets about a sun in Jacobi's coordinates y = (Q, P), Q_i the position of a planet seen
+    from the centre of those inside.
 
     masses : the sun's, and those of the planets from the inside out, (n + 1,).  gravity : G.
-    The energy is that of Kepler's orbits, whose motion is exact, and a small rest that kicks: `Splitting` is the method of Wisdom
-    and Holman, with `lm.tableaus.SPLITTINGS["ABA (10, 6, 4)"]` one for small rests.
+    The energy is that of Kepler's orbits, whose motion is exact, and a small rest that kicks:
+    `Splitting` is the method of Wisdom and Holman, with `lm.tableaus.SPLITTINGS["ABA (10, 6, 4)"]`
+    one for small rests.
     The centre of mass rests.  `state_of` and `bodies` translate from and to `NBody`.
 
     Source: Wisdom and Holman, Astron. J. 102 (1991), 1528; Hairer, Lubich, Wanner, XIII.
@@ -197,17 +209,24 @@ class PlanetarySystem(PoissonSystem):
     def __post_init__(self) -> None:
         m = np.array(real_array(self.masses, f"{type(self).__name__}: masses"))
         if m.ndim != 1 or len(m) < 2:
-            raise InvalidInput(f"{type(self).__name__}: masses are the sun's and one planet's at least; got {self.masses!r}")
+            raise InvalidInput(
+                f"{type(self).__name__}: masses are the sun's and one "
+                f"planet's at least; got {self.masses!r}"
+            )
         check_positive(self, "masses", "gravity")
         whole = np.cumsum(m)
         object.__setattr__(self, "structure", Canonical(3 * (len(m) - 1)))
-        kepler = KeplerMotions(Vec.of((m[1:] * whole[:-1] / whole[1:]).tolist()), Vec.of((self.gravity * whole[1:]).tolist()))
+        kepler = KeplerMotions(
+            Vec.of((m[1:] * whole[:-1] / whole[1:]).tolist()),
+            Vec.of((self.gravity * whole[1:]).tolist()),
+        )
         rest = Straight(Perturbation(Vec.of(m.tolist()), float(self.gravity)))
         object.__setattr__(self, "hamiltonian", SplitHamiltonian((kepler, rest)))
         super().__post_init__()
 
     def state_of(self, q: Any, p: Any) -> PoissonState:
-        """The state with these positions and momenta of all bodies, (3 (n + 1),) each, as in `NBody`.
+        """The state with these positions and momenta of all bodies, (3 (n + 1),) each, as in
+        `NBody`.
 
         What the centre of mass does is left out.
         """
@@ -219,10 +238,14 @@ class PlanetarySystem(PoissonSystem):
             centres = np.cumsum(m[:, None] * values, axis=0) / whole[:, None]
             jacobi.append(values[1:] - centres[:-1])
         reduced = m[1:] * whole[:-1] / whole[1:]
-        return self.state(np.concatenate([jacobi[0].ravel(), (reduced[:, None] * jacobi[1]).ravel()]))
+        return self.state(
+            np.concatenate([jacobi[0].ravel(), (reduced[:, None] * jacobi[1]).ravel()])
+        )
 
     def bodies(self, y: Any) -> tuple[np.ndarray, np.ndarray]:
-        """Positions and momenta of all bodies, seen from the centre of mass.  y : (..., 6n), returns (..., 3 (n + 1)) each."""
+        """Positions and momenta of all bodies, seen from the centre of mass.  y : (..., 6n),
+        returns (..., 3 (n + 1)) each.
+        """
         y, m = np.asarray(y, dtype=float), np.array(self.masses)
         whole, n = np.cumsum(m), len(m) - 1
         reduced = m[1:] * whole[:-1] / whole[1:]
@@ -239,7 +262,8 @@ class PlanetarySystem(PoissonSystem):
 
     @classmethod
     def outer_solar_system(cls) -> tuple[PlanetarySystem, PoissonState]:
-        """The Sun (with the inner planets), Jupiter, Saturn, Uranus, Neptune and Pluto on 5 September 1994; AU, days, Suns.
+        """The Sun (with the inner planets), Jupiter, Saturn, Uranus, Neptune and Pluto on 5
+        September 1994; AU, days, Suns.
 
         Source: Hairer, Lubich, Wanner, I.2.4, table 2.2.
         """

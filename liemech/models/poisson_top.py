@@ -1,4 +1,6 @@
-"""A rigid body in a field that depends on the vertical: momentum and vertical, (mu, Gamma), in body axes."""
+"""A rigid body in a field that depends on the vertical: momentum and vertical, (mu, Gamma), in body
+axes.
+"""
 
 from __future__ import annotations
 
@@ -74,17 +76,20 @@ class Turn(Part):
 class PoissonTop(PoissonSystem):
     """A heavy top in principal axes, y = (mu, Gamma):  mu' = mu x J^-1 mu + w Gamma x c,  Gamma' = Gamma x J^-1 mu.
 
-    moments : J, the principal moments about the fixed point, (3,), in kg m^2.  weight : w = m g, in N.  centre : c, (3,), in m.
+    moments : J, the principal moments about the fixed point, (3,), in kg m^2.  weight : w = m g, in
+    N.  centre : c, (3,), in m.
     y : the momentum mu in body axes, in kg m^2/s, and the upward vertical Gamma in body axes.
 
-    Kept are the energy, Gamma . Gamma and mu . Gamma.  The energy is four parts: a turn about each axis, and the field, which
-    kicks.  `HeavyTop` is the same body with its attitude.
+    Kept are the energy, Gamma . Gamma and mu . Gamma.  The energy is four parts: a turn about each
+    axis, and the field, which kicks.  `HeavyTop` is the same body with its attitude.
 
-    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., sections 1.4 and 14.7; Touma and Wisdom, Astron. J.
-    107 (1994), 1189 (the splitting).
+    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., sections 1.4 and
+    14.7; Touma and Wisdom, Astron. J.  107 (1994), 1189 (the splitting).
     """
 
-    structure: LiePoissonStructure = field(init=False, repr=False, default=LiePoissonStructure(SE3()))
+    structure: LiePoissonStructure = field(
+        init=False, repr=False, default=LiePoissonStructure(SE3())
+    )
     hamiltonian: SplitHamiltonian = field(init=False, repr=False)
     moments: Vec
     weight: float
@@ -93,7 +98,14 @@ class PoissonTop(PoissonSystem):
     def __post_init__(self) -> None:
         inertia = checked_inertia(self.moments, f"{type(self).__name__}: moments", 3)[0]
         if not len(inertia) == len(self.centre) == 3 or not isinstance(inertia, tuple):
-            raise InvalidInput(f"{type(self).__name__}: moments and centre have three components each; got {self.moments!r}")
+            raise InvalidInput(
+                f"{type(self).__name__}: moments and centre have three "
+                f"components each; got {self.moments!r}"
+            )
         turns = [Turn(i, moment) for i, moment in enumerate(inertia)]
-        object.__setattr__(self, "hamiltonian", SplitHamiltonian((*turns, Straight(Height(self.weight, self.centre)))))
+        object.__setattr__(
+            self,
+            "hamiltonian",
+            SplitHamiltonian((*turns, Straight(Height(self.weight, self.centre)))),
+        )
         super().__post_init__()

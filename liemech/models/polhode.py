@@ -1,7 +1,8 @@
-"""Where a free rigid body is on its polhode, and how it is turned, at any time: formulas of the time, for arrays and native code.
+"""Where a free rigid body is on its polhode, and how it is turned, at any time: formulas of the
+time, for arrays and native code.
 
-`exact_rigid_body` says what the letters mean.  There is nothing in them but arithmetic, roots and choices, so that NumPy, plain
-Python and native code give the same bits.
+`exact_rigid_body` says what the letters mean.  There is nothing in them but arithmetic, roots and
+choices, so that NumPy, plain Python and native code give the same bits.
 """
 
 from __future__ import annotations
@@ -34,9 +35,11 @@ PER_RADIAN = 2.0 / math.pi
 class Polhode(Record):
     """The constants of a motion off the separatrix, momentum and time in units of powers of two.
 
-    means : the pairs (a, b) of the arithmetic-geometric mean of 1 and k', as two vectors.  least : the mean.  half : 2 K.
+    means : the pairs (a, b) of the arithmetic-geometric mean of 1 and k', as two vectors.
+    least : the mean.  half : 2 K.
     whole : 2 T(K).  begun : T(u0).  count : of duplications.  pole : p - 1, as a number.
-    axes : the principal axes as rows, from the axis p on.  unit_of_time, unit_of_momentum : what the arguments and results are in.
+    axes : the principal axes as rows, from the axis p on.  unit_of_time, unit_of_momentum : what
+    the arguments and results are in.
     """
 
     rate: float
@@ -64,7 +67,9 @@ Direction = tuple[Any, Any, Any]
 
 
 def direction(p: Polhode, t: Any) -> tuple[Direction, Any, Any, Any]:
-    """The direction of the momentum, from the axis p on, at the time t; sn, cn, and the half turns made until then."""
+    """The direction of the momentum, from the axis p on, at the time t; sn, cn, and the half turns
+    made until then.
+    """
     u = p.begin + p.rate * t
     turns = nearest(u / p.half)
     rest = u - turns * p.half
@@ -78,14 +83,18 @@ def direction(p: Polhode, t: Any) -> tuple[Direction, Any, Any, Any]:
 
 def angle(p: Polhode, t: Any, s: Any, c: Any, turns: Any) -> Any:
     """psi at the time t, where sn, cn and the half turns are these."""
-    return p.spin * t + p.kappa * (turns * p.whole + (third_kind(s, c, p.k1, p.nu, p.count) - p.begun))
+    return p.spin * t + p.kappa * (
+        turns * p.whole + (third_kind(s, c, p.k1, p.nu, p.count) - p.begun)
+    )
 
 
 def elliptic(p: Polhode, u: Any) -> tuple[Any, Any, Any]:
-    """Jacobi's functions sn, cn, dn, |u| <= K, by descending Landen transformations: from the circle, a = b, up to (1, k').
+    """Jacobi's functions sn, cn, dn, |u| <= K, by descending Landen transformations: from the
+    circle, a = b, up to (1, k').
 
     With c/s = a cn/sn, s kept, one step is  c <- c dn,  dn <- (b s^2 + c^2/a')/(a s^2 + c^2/a'), where a' = (a + b)/2
-    is the a of the step before. All terms are positive: cn and dn stay accurate relatively, however close k' is to 0.
+    is the a of the step before. All terms are positive: cn and dn stay accurate relatively, however
+    close k' is to 0.
 
     Source: DLMF 22.7.2-22.7.4, with 1 - k1 sn^2 = cn^2 + (1 - k1) sn^2.
     """
@@ -99,7 +108,9 @@ def elliptic(p: Polhode, u: Any) -> tuple[Any, Any, Any]:
 
 
 def third_kind(s: Any, c: Any, k1: float, nu: float, count: float) -> Any:
-    """T = integral of sn^2/(1 + nu sn^2) from 0 to u, |u| <= K. Source: DLMF 19.25.14 (T = (F - Pi)/nu there)."""
+    """T = integral of sn^2/(1 + nu sn^2) from 0 to u, |u| <= K. Source: DLMF 19.25.14
+    (T = (F - Pi)/nu there).
+    """
     s2, c2 = s * s, c * c
     return s * s2 * elliprj(c2, c2 + k1 * k1 * s2, 1.0, 1.0 + nu * s2, count) / 3.0
 
@@ -111,13 +122,17 @@ def momentum(p: Any, e: Direction) -> tuple[Any, ...]:
 
 
 def frame(e: Direction) -> tuple[Direction, Direction]:
-    """a and e x a, along the axes from p on: the axis p made orthogonal to e and normalised, and what is orthogonal to both."""
+    """a and e x a, along the axes from p on: the axis p made orthogonal to e and normalised, and
+    what is orthogonal to both.
+    """
     r = sqrt(e[1] * e[1] + e[2] * e[2])
     return (r, -e[0] * e[1] / r, -e[0] * e[2] / r), (0.0, e[2] / r, -e[1] / r)
 
 
 def attitude(axes: Mat, start: Mat, e: Direction, c: Any, s: Any) -> tuple[Any, ...]:
-    """The nine entries of start Rot3(psi) P(e), row after row; c, s : cosine and sine of psi.  start : g(0) P(e(0))^T."""
+    """The nine entries of start Rot3(psi) P(e), row after row; c, s : cosine and sine of psi.
+    start : g(0) P(e(0))^T.
+    """
     a, b = frame(e)
     x = [c * a[j] - s * b[j] for j in range(3)]
     y = [s * a[j] + c * b[j] for j in range(3)]
@@ -142,10 +157,14 @@ def nearest(x: Any) -> Any:
 
 
 def sin_cos(x: Any) -> tuple[Any, Any]:
-    """Sine and cosine, to rounding as long as x/eps is many turns; then the angle is anybody's guess, and zero as good as any."""
+    """Sine and cosine, to rounding as long as x/eps is many turns; then the angle is anybody's
+    guess, and zero as good as any.
+    """
     x = where(abs(x) < 0.5 * WHOLE, x, 0.0)
     quarters = nearest(PER_RADIAN * x)
-    half = 0.5 * (((x - quarters * QUARTER_TURN[0]) - quarters * QUARTER_TURN[1]) - quarters * QUARTER_TURN[2])
+    half = 0.5 * (
+        ((x - quarters * QUARTER_TURN[0]) - quarters * QUARTER_TURN[1]) - quarters * QUARTER_TURN[2]
+    )
     h2 = half * half
     s = half * polynomial(SINC, h2)
     s, c = 2.0 * s * (1.0 - h2 * polynomial(VERSINE, h2)), 1.0 - 2.0 * (s * s)

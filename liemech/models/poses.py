@@ -1,4 +1,6 @@
-"""Where a body is and how it is turned, read from the elements of its group; where the points of canonical systems are."""
+"""Where a body is and how it is turned, read from the elements of its group; where the points of
+canonical systems are.
+"""
 
 from __future__ import annotations
 
@@ -28,11 +30,15 @@ Array = NDArray[np.float64]
 
 def configurations(system: Any) -> LieGroup:
     """The group whose elements tell where the body is."""
-    return system.configurations if isinstance(system, (MechanicalSystem, BoundBody)) else system.group
+    return (
+        system.configurations if isinstance(system, (MechanicalSystem, BoundBody)) else system.group
+    )
 
 
 def turns(group: LieGroup) -> bool:
-    """Is the group that of rotations in space, so that a momentum is a vector and its coadjoint orbits are spheres?"""
+    """Is the group that of rotations in space, so that a momentum is a vector and its coadjoint
+    orbits are spheres?
+    """
     return isinstance(group, (SO3, UnitQuaternions)) or (isinstance(group, SO) and group.dim == 3)
 
 
@@ -65,36 +71,48 @@ def attitude(system: Any, g: Array) -> Array:
 
 
 def place(system: Any, g: Array) -> Array:
-    """The places of bodies, (n, 3).  g : (n, ...), elements of a group of rotations and translations."""
+    """The places of bodies, (n, 3).  g : (n, ...), elements of a group of rotations and
+    translations.
+    """
     group = configurations(system)
     if isinstance(group, ProductGroup):
         return g[:, 9:]
-    return np.column_stack([g[:, :2, 2], np.zeros(len(g))]) if isinstance(group, SE2) else g[:, :3, 3]
+    return (
+        np.column_stack([g[:, :2, 2], np.zeros(len(g))]) if isinstance(group, SE2) else g[:, :3, 3]
+    )
 
 
 def places(system: Any, q: Array, p: Array) -> Array:
-    """The points of a canonical system, (..., m, 2) or (..., m, 3): pendulums hang, bodies are where they are, other positions are
-    a point, and with one degree of freedom position and momentum are one.  q, p : (..., degrees)."""
+    """The points of a canonical system, (..., m, 2) or (..., m, 3): pendulums hang, bodies are
+    where they are, other positions are
+    a point, and with one degree of freedom position and momentum are one.  q, p : (..., degrees).
+    """
     if isinstance(system, Pendulum):
         return system.length * _hanging(q)
     if isinstance(system, DoublePendulum):
         return np.cumsum(np.array(system.lengths)[:, None] * _hanging(q), axis=-2)
     if isinstance(system, (ChainPendulum, NBody, FourBarLinkage)):
-        return q.reshape(*q.shape[:-1], -1, 2 if isinstance(system, FourBarLinkage) else system.dimension)
+        return q.reshape(
+            *q.shape[:-1], -1, 2 if isinstance(system, FourBarLinkage) else system.dimension
+        )
     return np.stack([q, p], axis=-1) if q.shape[-1] == 1 else q[..., None, :]
 
 
 def rods(system: Any) -> tuple[Array, list[tuple[int, int]]]:
-    """The pivots, (k, 2 or 3), on which the points of a canonical system hang, and which points its rods join.
+    """The pivots, (k, 2 or 3), on which the points of a canonical system hang, and which points its
+    rods join.
 
-    The rods are pairs of numbers; those of the pivots follow those of the points.  Systems without rods have none of either.
+    The rods are pairs of numbers; those of the pivots follow those of the points.  Systems without
+    rods have none of either.
     """
     if isinstance(system, FourBarLinkage):
         n = system.loops + 1
         pivots = np.array([[j * system.length, 0.0] for j in range(n)])
         return pivots, [(n + j, j) for j in range(n)] + [(j, j + 1) for j in range(n - 1)]
     if isinstance(system, (Pendulum, DoublePendulum, SphericalPendulum, ChainPendulum)):
-        flat = isinstance(system, (Pendulum, DoublePendulum)) or (isinstance(system, ChainPendulum) and system.dimension == 2)
+        flat = isinstance(system, (Pendulum, DoublePendulum)) or (
+            isinstance(system, ChainPendulum) and system.dimension == 2
+        )
         n = len(system.masses) if isinstance(system, (DoublePendulum, ChainPendulum)) else 1
         return np.zeros((1, 2 if flat else 3)), [(n if j == 0 else j - 1, j) for j in range(n)]
     return np.zeros((0, 3)), []
@@ -112,7 +130,8 @@ def _turning_and_moving(group: ProductGroup) -> bool:
 def quaternions(R: Array) -> Array:
     """Rotation matrices (n, 3, 3) as quaternions (x, y, z, w), (n, 4).
 
-    The matrix 4 q q^T has entries that are sums of those of R; the row with the largest diagonal gives q with the least rounding.
+    The matrix 4 q q^T has entries that are sums of those of R; the row with the largest diagonal
+    gives q with the least rounding.
     Source: Shepperd, Quaternion from rotation matrix, J. Guidance and Control 1 (1978).
     """
     xx, yy, zz = R[:, 0, 0], R[:, 1, 1], R[:, 2, 2]

@@ -11,13 +11,14 @@ from ..systems.constraint import VelocityConstraint
 
 @record
 class Blade(VelocityConstraint):
-    """A knife edge under a body on a plane, SE(2) with velocities (w, v1, v2): it does not glide to its side, v2 - behind w = 0.
+    """A knife edge under a body on a plane, SE(2) with velocities (w, v1, v2): it does not glide to
+    its side, v2 - behind w = 0.
 
     behind : how far the blade is behind the centre of mass, along e1 of the body, in m.
 
     With a free body it is Chaplygin's sleigh; its condition is that of a velocity, in m/s.
-    Source: Neimark and Fufaev, Dynamics of Nonholonomic Systems (1972), III.2; Bloch, Nonholonomic Mechanics and
-    Control, 2nd ed., section 1.7.
+    Source: Neimark and Fufaev, Dynamics of Nonholonomic Systems (1972), III.2; Bloch, Nonholonomic
+    Mechanics and Control, 2nd ed., section 1.7.
     """
 
     behind: float = 0.0
@@ -29,12 +30,14 @@ class Blade(VelocityConstraint):
 
 @record
 class Rolling(VelocityConstraint):
-    """A ball rolls on the plane x3 = 0 without gliding, on SO(3) x R^3 with velocities (w, v): v = (R w) x r e3, seen from space.
+    """A ball rolls on the plane x3 = 0 without gliding, on SO(3) x R^3 with velocities (w, v):
+    v = (R w) x r e3, seen from space.
 
     radius : r, in m.  The third condition keeps the centre at its height.
     A ball whose centre of mass is its centre may be uneven otherwise: Chaplygin's ball.
 
-    Source: Chaplygin, On a ball's rolling on a horizontal plane (1903), Regul. Chaotic Dyn. 7 (2002).
+    Source: Chaplygin, On a ball's rolling on a horizontal plane (1903), Regul. Chaotic Dyn. 7
+    (2002).
     """
 
     radius: float = 1.0
@@ -56,11 +59,13 @@ class Rolling(VelocityConstraint):
 
 @record
 class Suslov(VelocityConstraint):
-    """A body about a fixed point, on SO(3), whose angular velocity stays across an axis of the body, a . w = 0.
+    """A body about a fixed point, on SO(3), whose angular velocity stays across an axis of the
+    body, a . w = 0.
 
     axis : a, in the axes of the body, (3,), of any length.
 
-    Source: Suslov, Theoretical Mechanics (1946), section 53; Fedorov and Kozlov, AMS Translations 168 (1995).
+    Source: Suslov, Theoretical Mechanics (1946), section 53; Fedorov and Kozlov, AMS Translations
+    168 (1995).
     """
 
     axis: Vec = vec(0.0, 0.0, 1.0)

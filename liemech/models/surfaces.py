@@ -14,13 +14,15 @@ from .pendulums import check_positive
 
 @record
 class ParticleOnEllipsoid(SeparableConstrainedSystem):
-    """A free particle on an ellipsoid, H(q, p) = |p|^2/(2 m) with sum q_i^2/a_i^2 = 1: it follows geodesics.
+    """A free particle on an ellipsoid, H(q, p) = |p|^2/(2 m) with sum q_i^2/a_i^2 = 1: it follows
+    geodesics.
 
     axes : the half axes a_i, (n,), in m.  mass : m, in kg.
     q : the position, (n,), in m.  p : the momentum, in kg m/s.
     Kept are the energy and the integral of Joachimsthal, (sum q_i^2/a_i^4) (sum p_i^2/a_i^2).
 
-    Source: Jacobi, Vorlesungen ueber Dynamik, lecture 28; Moser, Various aspects of integrable Hamiltonian systems (1980), 3.
+    Source: Jacobi, Vorlesungen ueber Dynamik, lecture 28; Moser, Various aspects of integrable
+    Hamiltonian systems (1980), 3.
     """
 
     linear_velocity: ClassVar[bool] = True
@@ -71,4 +73,6 @@ class ParticleOnEllipsoid(SeparableConstrainedSystem):
 
     def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """The energy, the constraints, and the integral of Joachimsthal."""
-        return super().constants(states) | {"Joachimsthal": np.asarray(self.joachimsthal(states["q"], states["p"]))}
+        return super().constants(states) | {
+            "Joachimsthal": np.asarray(self.joachimsthal(states["q"], states["p"]))
+        }

@@ -18,12 +18,14 @@ from ..systems.poisson import PoissonState, PoissonSystem
 
 @record
 class FlaschkaStructure(PoissonStructure):
-    """The structure of Toda's lattice, y = (a, b): {a_i, b_i} = -a_i/4, {a_i, b_i+1} = a_i/4, all others zero.
+    """The structure of Toda's lattice, y = (a, b): {a_i, b_i} = -a_i/4, {a_i, b_i+1} = a_i/4, all
+    others zero.
 
-    particles : n.  periodic : is there an a_n, between the last particle and the first?  Casimirs: sum b_i, and for a periodic
-    lattice sum ln a_i.
+    particles : n.  periodic : is there an a_n, between the last particle and the first?  Casimirs:
+    sum b_i, and for a periodic lattice sum ln a_i.
 
-    Source: Flaschka, Phys. Rev. B 9 (1974), 1924; Damianou, Rep. Math. Phys. 2004 and arXiv 0812.3644.
+    Source: Flaschka, Phys. Rev. B 9 (1974), 1924; Damianou, Rep. Math. Phys. 2004 and arXiv
+    0812.3644.
     """
 
     particles: int
@@ -93,7 +95,10 @@ class TodaKinetic(Part):
 
     def gradient(self, mu: Vec) -> Vec:
         """(0, 4 b).  mu : (dim,)."""
-        return vec(*[0.0 for _ in range(self.springs)], *[4.0 * mu[self.springs + i] for i in range(self.particles)])
+        return vec(
+            *[0.0 for _ in range(self.springs)],
+            *[4.0 * mu[self.springs + i] for i in range(self.particles)],
+        )
 
     def flow(self, structure: PoissonStructure, y: Vec, t: float) -> Vec:
         """a_i exp(t (b_i+1 - b_i)), b.  y : (dim,)."""
@@ -121,20 +126,24 @@ class TodaPotential(Hamiltonian):
 
     def gradient(self, mu: Vec) -> Vec:
         """(8 a, 0).  mu : (dim,)."""
-        return vec(*[8.0 * mu[i] for i in range(self.springs)], *[0.0 for _ in range(self.particles)])
+        return vec(
+            *[8.0 * mu[i] for i in range(self.springs)], *[0.0 for _ in range(self.particles)]
+        )
 
 
 @record
 class TodaLattice(PoissonSystem):
-    """Particles on a line with exponential springs, H = sum p_i^2/2 + sum exp(q_i - q_i+1), in Flaschka's variables y = (a, b):
+    """Particles on a line with exponential springs, H = sum p_i^2/2 + sum exp(q_i - q_i+1), in
+    Flaschka's variables y = (a, b):
 
         a_i = exp((q_i - q_i+1)/2)/2,  b_i = -p_i/2,   a_i' = a_i (b_i+1 - b_i),  b_i' = 2 (a_i^2 - a_i-1^2)
 
     particles : n.  periodic : is the last particle tied to the first?
-    Kept are the energy, sum b_i, for a periodic lattice sum ln a_i, and the eigenvalues of `lax`, the matrix with b on its diagonal
-    and a beside it: its motion is isospectral.
+    Kept are the energy, sum b_i, for a periodic lattice sum ln a_i, and the eigenvalues of `lax`,
+    the matrix with b on its diagonal and a beside it: its motion is isospectral.
 
-    Source: Toda, J. Phys. Soc. Japan 22 (1967), 431; Flaschka, Phys. Rev. B 9 (1974), 1924; Hairer, Lubich, Wanner, IV.3.2.
+    Source: Toda, J. Phys. Soc. Japan 22 (1967), 431; Flaschka, Phys. Rev. B 9 (1974), 1924; Hairer,
+    Lubich, Wanner, IV.3.2.
     """
 
     structure: FlaschkaStructure = field(init=False, repr=False)
@@ -152,15 +161,22 @@ class TodaLattice(PoissonSystem):
 
     def state_of(self, q: Any, p: Any) -> PoissonState:
         """The state with these positions and momenta, (n,) or (members, n) each."""
-        q, p = (real_array(x, f"{type(self).__name__}.state_of: {name}") for name, x in (("q", q), ("p", p)))
+        q, p = (
+            real_array(x, f"{type(self).__name__}.state_of: {name}")
+            for name, x in (("q", q), ("p", p))
+        )
         for name, x in (("q", q), ("p", p)):
             if x.shape[-1:] != (self.particles,):
-                raise InvalidInput(f"{type(self).__name__}.state_of: {name} has shape {x.shape}; give ({self.particles},)")
+                raise InvalidInput(
+                    f"{type(self).__name__}.state_of: {name} has shape "
+                    f"{x.shape}; give ({self.particles},)"
+                )
         stretch = (q - np.roll(q, -1, axis=-1))[..., : self.structure.springs]
         return self.state(np.concatenate([0.5 * np.exp(0.5 * stretch), -0.5 * p], axis=-1))
 
     def of_volterra(self, u: Any) -> PoissonState:
-        """The state to which Henon's map takes a lattice of Volterra with 2n - 1 species, u : (2n - 1,).
+        """The state to which Henon's map takes a lattice of Volterra with 2n - 1 species,
+        u : (2n - 1,).
 
             a_i = (u_2i-1 u_2i)^(1/2)/2,   b_i = (u_2i-1 + u_2i-2)/2
 
@@ -169,8 +185,8 @@ class TodaLattice(PoissonSystem):
         u = real_array(u, f"{type(self).__name__}.of_volterra: u")
         if self.periodic or u.shape[-1:] != (2 * self.particles - 1,):
             raise InvalidInput(
-                f"{type(self).__name__}.of_volterra: an open lattice of {self.particles} particles comes from "
-                f"{2 * self.particles - 1} species; got shape {u.shape}"
+                f"{type(self).__name__}.of_volterra: an open lattice of {self.particles} particles "
+                f"comes from {2 * self.particles - 1} species; got shape {u.shape}"
             )
         odd, even = u[..., ::2], u[..., 1::2]
         b = 0.5 * odd
@@ -178,7 +194,9 @@ class TodaLattice(PoissonSystem):
         return self.state(np.concatenate([0.5 * np.sqrt(odd[..., :-1] * even), b], axis=-1))
 
     def lax(self, y: Vec) -> Mat:
-        """The symmetric matrix L, tridiagonal (and with corners if periodic), whose eigenvalues stay.  y : (dim,), L : (n, n)."""
+        """The symmetric matrix L, tridiagonal (and with corners if periodic), whose eigenvalues
+        stay.  y : (dim,), L : (n, n).
+        """
         m, n = self.structure.springs, self.particles
         rows = [[y[m + i] if i == j else 0.0 for j in range(n)] for i in range(n)]
         for i in range(m):
@@ -187,4 +205,6 @@ class TodaLattice(PoissonSystem):
 
     def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Energy, Casimirs, and the eigenvalues of L."""
-        return super().constants(states) | {"eigenvalues": np.linalg.eigvalsh(self.lax(states["y"]))}
+        return super().constants(states) | {
+            "eigenvalues": np.linalg.eigvalsh(self.lax(states["y"]))
+        }

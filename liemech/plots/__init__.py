@@ -4,8 +4,8 @@
     ax = lm.plots.drift({"RKMK4": one, "Cayley": other})    # who loses energy, and how
     lm.plots.save(ax.figure, "drift.png")
 
-Every picture takes `ax=`, plane axes to draw on, and returns the axes; without them it makes a figure that no window system knows
-of. Nothing touches Matplotlib's settings.
+Every picture takes `ax=`, plane axes to draw on, and returns the axes; without them it makes a
+figure that no window system knows of. Nothing touches Matplotlib's settings.
 """
 
 from .attitude import euler_angles, quaternion

@@ -22,15 +22,23 @@ EULER = ("$\\phi$ (precession)", "$\\theta$ (nutation)", "$\\psi$ (spin)")
 
 
 def euler_angles(
-    run: Any, sequence: str = "ZXZ", *, body: int = 0, ax: Axes | None = None, title: str | None = None
+    run: Any,
+    sequence: str = "ZXZ",
+    *,
+    body: int = 0,
+    ax: Axes | None = None,
+    title: str | None = None,
 ) -> Axes:
-    """Draw the Euler angles of the attitude over time, in degrees: g = R_3(phi) R_1(theta) R_3(psi) for "ZXZ".
+    """Draw the Euler angles of the attitude over time, in degrees: g = R_3(phi) R_1(theta) R_3(psi)
+    for "ZXZ".
 
     run : a run that recorded the attitude of a body.  body : which one of an ensemble.
-    sequence : of the axes, as SciPy's `Rotation.as_euler` has it; capital letters turn about the axes of the body.
+    sequence : of the axes, as SciPy's `Rotation.as_euler` has it; capital letters turn about the
+    axes of the body.
 
-    Curves are broken where an angle jumps by a turn. Where theta is a multiple of 180 degrees only phi + psi or phi - psi means
-    something. Returns the axes. Raises InvalidInput without an attitude, and for sequences SciPy does not know.
+    Curves are broken where an angle jumps by a turn. Where theta is a multiple of 180 degrees only
+    phi + psi or phi - psi means something. Returns the axes. Raises InvalidInput without an
+    attitude, and for sequences SciPy does not know.
 
     Source: Goldstein, Classical Mechanics, 3rd ed., section 4.4.
     """
@@ -52,8 +60,11 @@ def euler_angles(
     return ax
 
 
-def quaternion(run: Any, *, body: int = 0, ax: Axes | None = None, title: str | None = None) -> Axes:
-    """Draw the unit quaternion of the attitude over time, its vector part (x, y, z) and w = cos(angle/2), without jumps of sign.
+def quaternion(
+    run: Any, *, body: int = 0, ax: Axes | None = None, title: str | None = None
+) -> Axes:
+    """Draw the unit quaternion of the attitude over time, its vector part (x, y, z) and
+    w = cos(angle/2), without jumps of sign.
 
     run : a run that recorded the attitude of a body.  body : which one of an ensemble.
     Returns the axes. Raises InvalidInput without an attitude.
@@ -80,7 +91,16 @@ def broken(x: Array, y: Array, jump: float) -> tuple[Array, Array]:
 def _quaternions(run: Any, body: int, where: str) -> Array:
     """The attitudes as quaternions (x, y, z, w), (n, 4)."""
     needs_run(run, where)
-    if "g" not in run.states or not hasattr(run.system, "group") or not is_pose(configurations(run.system)):
-        raise InvalidInput(f"{where} is for runs that recorded the attitude g of a body in space; this one is of {run.system!r}")
+    if (
+        "g" not in run.states
+        or not hasattr(run.system, "group")
+        or not is_pose(configurations(run.system))
+    ):
+        raise InvalidInput(
+            f"{where} is for runs that recorded the attitude g of a "
+            f"body in space; this one is of {run.system!r}"
+        )
     g = part(run, "g", where)
-    return np.array(attitude(run.system, g if run.bodies is None else one_body(run, g, body, where)))
+    return np.array(
+        attitude(run.system, g if run.bodies is None else one_body(run, g, body, where))
+    )

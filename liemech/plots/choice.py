@@ -27,9 +27,10 @@ if TYPE_CHECKING:
 def plot(run: Any, *, ax: Axes | None = None, title: str | None = None) -> Axes:
     """Draw what tells most about a run.
 
-    A body that rotates freely: its momentum on the sphere, of an ensemble a cloud. A top: the vertical it sees. A body that flies:
-    its path, of a linkage that of every body. One degree of freedom: the phase plane; two or three: the path. An equation on
-    rotations: the quaternion; on a sphere: the point there. Everything else: its components over time.
+    A body that rotates freely: its momentum on the sphere, of an ensemble a cloud. A top: the
+    vertical it sees. A body that flies: its path, of a linkage that of every body. One degree of
+    freedom: the phase plane; two or three: the path. An equation on rotations: the quaternion; on a
+    sphere: the point there. Everything else: its components over time.
 
     Returns the axes; `plots.save(ax.figure, "run.png")` writes them.
     """

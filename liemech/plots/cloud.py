@@ -20,19 +20,28 @@ if TYPE_CHECKING:
 
 
 def cloud(
-    run: Any, sample: int = -1, *, ax: Axes | None = None, view: tuple[float, float] = VIEW, title: str | None = None,
+    run: Any,
+    sample: int = -1,
+    *,
+    ax: Axes | None = None,
+    view: tuple[float, float] = VIEW,
+    title: str | None = None,
     levels: int = 7,
 ) -> Axes:
-    """Draw the momenta of an ensemble at one sample, each divided by its length, coloured by the order of their energies.
+    """Draw the momenta of an ensemble at one sample, each divided by its length, coloured by the
+    order of their energies.
 
     run : of an ensemble of bodies that rotate.  sample : which one, the last if not given.
     levels : number of curves of constant energy, for momenta as long as the first.
 
-    Returns the axes. Raises InvalidInput for single bodies, and for bodies whose momentum does not move on a sphere.
+    Returns the axes. Raises InvalidInput for single bodies, and for bodies whose momentum does not
+    move on a sphere.
     """
     needs_run(run, "plots.cloud")
     if run.bodies is None or "mu" not in run.states or not turns(configurations(run.system)):
-        raise InvalidInput(f"plots.cloud is for ensembles of rotating bodies; this run is of {run.system!r}")
+        raise InvalidInput(
+            f"plots.cloud is for ensembles of rotating bodies; this run is of {run.system!r}"
+        )
     mu = part(run, "mu", "plots.cloud")[sample]
     ax, frame = globe(ax, view, title, PI)
     draw_energies(ax, frame, run.system, hypot(*mu[0]), levels)

@@ -17,28 +17,39 @@ MOST_CURVES = 6
 
 
 def components(
-    run: Any, name: str | None = None, *, body: int = 0, ax: Axes | None = None, title: str | None = None
+    run: Any,
+    name: str | None = None,
+    *,
+    body: int = 0,
+    ax: Axes | None = None,
+    title: str | None = None,
 ) -> Axes:
     """Draw the components of a part of the state over time.
 
-    run : what `integrate` returns.  name : "mu", "g", "q", "p", ...; the first that was recorded if not given.
+    run : what `integrate` returns.  name : "mu", "g", "q", "p", ...; the first that was recorded if
+    not given.
     body : which one of an ensemble.
 
-    At most six are drawn, those that vary most, and none that stand still beside others that move; of complex numbers
-    both parts. Returns the axes. Raises InvalidInput for what was not recorded.
+    At most six are drawn, those that vary most, and none that stand still beside others that move;
+    of complex numbers both parts. Returns the axes. Raises InvalidInput for what was not recorded.
     """
     needs_run(run, "plots.components")
     name = next(iter(run.states)) if name is None else name
     rows = part(run, name, "plots.components")
     rows = rows if run.bodies is None else one_body(run, rows, body, "plots.components")
     columns = rows.reshape(len(rows), -1)
-    names = [_name(NAMES.get(name, name), np.unravel_index(i, rows.shape[1:])) for i in range(columns.shape[1])]
+    names = [
+        _name(NAMES.get(name, name), np.unravel_index(i, rows.shape[1:]))
+        for i in range(columns.shape[1])
+    ]
     if np.iscomplexobj(columns):
         columns = np.concatenate([columns.real, columns.imag], axis=1)
         names = [f"{symbol} {one}" for symbol in ("Re", "Im") for one in names]
     ax = plane_axes(ax, title, "time $t$", f"${NAMES.get(name, name)}$")
     spans = np.ptp(columns, axis=0)
-    varied = np.argsort(-spans, kind="stable")[: min(MOST_CURVES, np.count_nonzero(spans) or MOST_CURVES)]
+    varied = np.argsort(-spans, kind="stable")[
+        : min(MOST_CURVES, np.count_nonzero(spans) or MOST_CURVES)
+    ]
     kept = thinned(len(rows))
     for k, column in enumerate(sorted(varied)):
         label = names[column] if columns.shape[1] > 1 else None

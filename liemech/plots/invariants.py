@@ -1,4 +1,6 @@
-"""What a motion should keep, over time: how far it is from what it was, beside what rounding alone does."""
+"""What a motion should keep, over time: how far it is from what it was, beside what rounding alone
+does.
+"""
 
 from __future__ import annotations
 
@@ -20,18 +22,25 @@ EPSILON = 2.0**-52
 
 
 def invariants(
-    run: Any, names: Sequence[str] | None = None, *, ax: Axes | None = None, title: str | None = None
+    run: Any,
+    names: Sequence[str] | None = None,
+    *,
+    ax: Axes | None = None,
+    title: str | None = None,
 ) -> Axes:
-    """Draw how far the constants of a motion have moved: |C(t) - C(0)| over the size of C, and the noise floor.
+    """Draw how far the constants of a motion have moved: |C(t) - C(0)| over the size of C, and the
+    noise floor.
 
     run : what `integrate` returns; of an ensemble the largest change among the bodies is drawn.
     names : of the constants, as in `run.drift()`; all of them if not given.
 
-    The grey band is what rounding alone does: n steps with an error of one rounding each walk sqrt(n) roundings at random.
-    The scale is that of `run.drift()`: the size of the constant, or of its terms where they cancel. No change at all is drawn at a
-    tenth of a rounding. Returns the axes. Raises InvalidInput for names that are no constants, and for motions without any.
+    The grey band is what rounding alone does: n steps with an error of one rounding each walk
+    sqrt(n) roundings at random. The scale is that of `run.drift()`: the size of the constant, or of
+    its terms where they cancel. No change at all is drawn at a tenth of a rounding. Returns the
+    axes. Raises InvalidInput for names that are no constants, and for motions without any.
 
-    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VIII.5 (Brouwer's law).
+    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VIII.5 (Brouwer's
+    law).
     """
     needs_run(run, "plots.invariants")
     chosen = _names(run, names)
@@ -41,7 +50,9 @@ def invariants(
     kept = np.arange(1, len(run.t))[thinned(len(run.t) - 1)]
     for k, name in enumerate(chosen):
         ax.semilogy(_time(run)[kept], changes(run, name)[kept], label=name, **look(k))
-    ax.fill_between(_time(run)[kept], _least(), noise(run)[kept], color="#e9ebef", zorder=0.5, linewidth=0)
+    ax.fill_between(
+        _time(run)[kept], _least(), noise(run)[kept], color="#e9ebef", zorder=0.5, linewidth=0
+    )
     ax.set_ylim(bottom=_least())
     legend(ax, loc="best")
     return ax
@@ -50,33 +61,44 @@ def invariants(
 def drift(
     runs: Any, name: str = "energy", *, ax: Axes | None = None, title: str | None = None
 ) -> Axes:
-    """Draw the largest change of one constant so far, over time, both logarithmic: who drifts, and how.
+    """Draw the largest change of one constant so far, over time, both logarithmic: who drifts, and
+    how.
 
     runs : a run, or several by name, {"RKMK4": run, ...}.
     name : of the constant, as in `run.drift()`.
 
-    A straight drift has slope 1, a random walk 1/2, a bounded error 0. The dotted line is the noise floor, rounding that walks at
-    random. Returns the axes. Raises InvalidInput for names that are no constants.
+    A straight drift has slope 1, a random walk 1/2, a bounded error 0. The dotted line is the noise
+    floor, rounding that walks at random. Returns the axes. Raises InvalidInput for names that are
+    no constants.
 
-    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., IX.8 (long-time energy conservation) and VIII.5.
+    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., IX.8 (long-time energy
+    conservation) and VIII.5.
     """
     found = named_runs(runs, "plots.drift")
-    ax = plane_axes(ax, title, _label(next(iter(found.values()))), f"{name},\nlargest change so far")
+    ax = plane_axes(
+        ax, title, _label(next(iter(found.values()))), f"{name},\nlargest change so far"
+    )
     for k, (label, run) in enumerate(found.items()):
         (name,) = _names(run, (name,))
         if len(run.t) < 2:
             raise InvalidInput("plots.drift needs at least two samples")
         passed = np.abs(_time(run) - _time(run)[0])[1:]
         highest = np.maximum.accumulate(changes(run, name))[1:]
-        kept = np.unique(np.geomspace(1, len(passed), min(len(passed), 800)).round().astype(int)) - 1
+        kept = (
+            np.unique(np.geomspace(1, len(passed), min(len(passed), 800)).round().astype(int)) - 1
+        )
         ax.loglog(passed[kept], highest[kept], label=label or None, **look(k))
-        ax.loglog(passed[kept], noise(run)[1:][kept], color=GREY, linestyle=":", linewidth=0.9, zorder=0.5)
+        ax.loglog(
+            passed[kept], noise(run)[1:][kept], color=GREY, linestyle=":", linewidth=0.9, zorder=0.5
+        )
     legend(ax, loc="best")
     return ax
 
 
 def changes(run: Any, name: str) -> Array:
-    """The relative change of a constant since the start, (n,); of an ensemble the largest among the bodies."""
+    """The relative change of a constant since the start, (n,); of an ensemble the largest among the
+    bodies.
+    """
     values = np.asarray(run.system.constants(run.states)[name])
     axes = 1 if run.bodies is None else 2
     values = values.reshape(*values.shape[:axes], -1)
@@ -93,13 +115,27 @@ def noise(run: Any) -> Array:
 
 
 def _time(run: Any) -> Array:
-    """Time, (n,); of an ensemble in fictive time that, which its members share; of bodies with steps of their own the samples."""
-    return run.t if run.t.ndim == 1 else run.tau if "tau" in vars(run) else np.arange(float(len(run.t)))
+    """Time, (n,); of an ensemble in fictive time that, which its members share; of bodies with
+    steps of their own the samples.
+    """
+    return (
+        run.t
+        if run.t.ndim == 1
+        else run.tau
+        if "tau" in vars(run)
+        else np.arange(float(len(run.t)))
+    )
 
 
 def _label(run: Any) -> str:
     """What `_time` is."""
-    return "time $t$" if run.t.ndim == 1 else r"fictive time $\tau$" if "tau" in vars(run) else "sample"
+    return (
+        "time $t$"
+        if run.t.ndim == 1
+        else r"fictive time $\tau$"
+        if "tau" in vars(run)
+        else "sample"
+    )
 
 
 def _least() -> float:
@@ -110,8 +146,13 @@ def _least() -> float:
 def _names(run: Any, names: Sequence[str] | None) -> list[str]:
     known = list(run.system.constants(run.states))
     if not known:
-        raise InvalidInput(f"plots: no constants of the motion of {run.system!r} are known; it may name them in `constants`")
+        raise InvalidInput(
+            f"plots: no constants of the motion of {run.system!r} are "
+            "known; it may name them in `constants`"
+        )
     for name in names or ():
         if name not in known:
-            raise InvalidInput(f"plots: {name!r} is no constant of this motion; known are: {', '.join(known)}")
+            raise InvalidInput(
+                f"plots: {name!r} is no constant of this motion; known are: {', '.join(known)}"
+            )
     return known if names is None else list(names)

@@ -21,14 +21,22 @@ SLOPES = 3
 
 
 def orders(
-    h: ArrayLike, errors: Mapping[str, ArrayLike], *, ax: Axes | None = None, title: str | None = None, ylabel: str = "error"
+    h: ArrayLike,
+    errors: Mapping[str, ArrayLike],
+    *,
+    ax: Axes | None = None,
+    title: str | None = None,
+    ylabel: str = "error",
 ) -> Axes:
-    """Draw errors over the step, both logarithmic; the order of each method, its slope, stands in the legend.
+    """Draw errors over the step, both logarithmic; the order of each method, its slope, stands in
+    the legend.
 
-    h : (n,), the steps.  errors : the errors of each method at these steps, by name, (n,); nan where there is none.
+    h : (n,), the steps.  errors : the errors of each method at these steps, by name, (n,); nan
+    where there is none.
 
-    The order is that of `order_of`; dotted lines of whole slope go through the last error above the floor of rounding. Returns the
-    axes. Raises InvalidInput for shapes that differ and for numbers that are not positive.
+    The order is that of `order_of`; dotted lines of whole slope go through the last error above the
+    floor of rounding. Returns the axes. Raises InvalidInput for shapes that differ and for numbers
+    that are not positive.
     """
     steps = _positive(h, "orders: h")
     ax = plane_axes(ax, title, "step $h$", ylabel)
@@ -37,12 +45,22 @@ def orders(
         fitted = order_of(steps, error)
         label = name if fitted is None else f"{name}: order {fitted:.2f}"
         color = COLORS[k % len(COLORS)]
-        ax.loglog(steps, error, color=color, marker=MARKERS[k % len(MARKERS)], markersize=4.5, linewidth=1.2, label=label)
+        ax.loglog(
+            steps,
+            error,
+            color=color,
+            marker=MARKERS[k % len(MARKERS)],
+            markersize=4.5,
+            linewidth=1.2,
+            label=label,
+        )
         if fitted is not None and round(fitted) > 0:
             foot = _falling(steps, error)[-1]
             guide = error[foot] * (steps / steps[foot]) ** round(fitted)
             seen = (guide >= 0.3 * np.nanmin(error)) & (guide <= 3.0 * np.nanmax(error))
-            ax.loglog(steps[seen], guide[seen], color=GREY, linestyle=":", linewidth=0.8, zorder=0.5)
+            ax.loglog(
+                steps[seen], guide[seen], color=GREY, linestyle=":", linewidth=0.8, zorder=0.5
+            )
     if np.ptp(np.log10(steps)) < 2.0:
         from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
@@ -54,10 +72,11 @@ def orders(
 
 
 def order_of(h: ArrayLike, error: ArrayLike) -> float | None:
-    """The order that errors show: between neighbouring steps the slope of log error over log h, of the last three the middle one.
+    """The order that errors show: between neighbouring steps the slope of log error over log h, of
+    the last three the middle one.
 
-    The last are those before the errors fall less than half as fast as until then, at the floor of rounding. None where fewer than
-    two errors fall.
+    The last are those before the errors fall less than half as fast as until then, at the floor of
+    rounding. None where fewer than two errors fall.
     """
     steps, errors = np.asarray(h, dtype=float), np.asarray(error, dtype=float)
     falling = _falling(steps, errors)
@@ -70,27 +89,41 @@ def _falling(steps: Array, errors: Array) -> NDArray[np.intp]:
     there = np.flatnonzero(np.isfinite(errors) & (errors > 0.0))
     there = there[np.argsort(-steps[there], kind="stable")]
     slopes = np.diff(np.log(errors[there])) / np.diff(np.log(steps[there]))
-    flat = np.flatnonzero(~(slopes >= 0.5 * np.maximum.accumulate(np.maximum(slopes, 0.0))) | ~(slopes > 0.0))
+    flat = np.flatnonzero(
+        ~(slopes >= 0.5 * np.maximum.accumulate(np.maximum(slopes, 0.0))) | ~(slopes > 0.0)
+    )
     return there[: int(flat[0]) + 1 if len(flat) else len(there)]
 
 
 def work_precision(
-    curves: Mapping[str, tuple[ArrayLike, ArrayLike]], *, ax: Axes | None = None, title: str | None = None,
-    xlabel: str = "error", ylabel: str = "time (s)",
+    curves: Mapping[str, tuple[ArrayLike, ArrayLike]],
+    *,
+    ax: Axes | None = None,
+    title: str | None = None,
+    xlabel: str = "error",
+    ylabel: str = "time (s)",
 ) -> Axes:
-    """Draw work over error, both logarithmic, accuracy growing to the right: the lowest curve is the cheapest method.
+    """Draw work over error, both logarithmic, accuracy growing to the right: the lowest curve is
+    the cheapest method.
 
-    curves : of each method, by name, its errors and its work, (n,) each: seconds, or evaluations of the field.
+    curves : of each method, by name, its errors and its work, (n,) each: seconds, or evaluations of
+    the field.
 
-    Returns the axes. Raises InvalidInput for shapes that differ and for numbers that are not positive.
+    Returns the axes. Raises InvalidInput for shapes that differ and for numbers that are not
+    positive.
 
-    Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, 2nd ed., II.10 (work-precision diagrams).
+    Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, 2nd ed., II.10
+    (work-precision diagrams).
     """
     ax = plane_axes(ax, title, xlabel, ylabel)
     for k, (name, (errors, work)) in enumerate(curves.items()):
         error = _positive(errors, f"work_precision: the errors of {name}")
         cost = _positive(work, f"work_precision: the work of {name}", len(error))
-        shown: dict[str, Any] = {"color": COLORS[k % len(COLORS)], "marker": MARKERS[k % len(MARKERS)], "markersize": 4.5}
+        shown: dict[str, Any] = {
+            "color": COLORS[k % len(COLORS)],
+            "marker": MARKERS[k % len(MARKERS)],
+            "markersize": 4.5,
+        }
         ax.loglog(error, cost, label=name, linewidth=1.2, **shown)
     ax.xaxis.set_inverted(True)
     legend(ax, loc="best")
@@ -98,10 +131,17 @@ def work_precision(
 
 
 def _positive(values: ArrayLike, name: str, n: int | None = None) -> Array:
-    """Positive numbers, (n,); nan is what is not there, and so is an error of zero, which has no logarithm."""
+    """Positive numbers, (n,); nan is what is not there, and so is an error of zero, which has no
+    logarithm.
+    """
     array = np.asarray(values, dtype=float)
     if array.ndim != 1 or not len(array) or (n is not None and len(array) != n):
-        raise InvalidInput(f"plots.{name} has shape {array.shape}; wanted is ({'n' if n is None else n},)")
+        raise InvalidInput(
+            f"plots.{name} has shape {array.shape}; wanted is ({'n' if n is None else n},)"
+        )
     if (array < 0.0).any() or np.isinf(array).any():
-        raise InvalidInput(f"plots.{name} must be positive and finite; got {array[(array < 0.0) | np.isinf(array)][0]:g}")
+        raise InvalidInput(
+            f"plots.{name} must be positive and finite; got "
+            f"{array[(array < 0.0) | np.isinf(array)][0]:g}"
+        )
     return np.where(array > 0.0, array, np.nan)

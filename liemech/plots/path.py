@@ -29,14 +29,18 @@ Array = NDArray[np.float64]
 def path(
     run: Any, *, ax: Axes | None = None, title: str | None = None, view: tuple[float, float] = VIEW
 ) -> Axes:
-    """Draw the path that a motion takes: of a planet, of the last bob of a pendulum, of a body in space.
+    """Draw the path that a motion takes: of a planet, of the last bob of a pendulum, of a body in
+    space.
 
-    run : of a canonical system with positions in a plane or in space, of several bodies all of them, or one that recorded the
-    poses of a body that flies, or those of the bodies of a linkage; of an ensemble every member, coloured from dark to light by the
-    energy at the start, or by number.
-    view : azimuth and elevation of the eye, in degrees, for paths in space, whose shadow on the ground is grey.
+    run : of a canonical system with positions in a plane or in space, of several bodies all of
+    them, or one that recorded the poses of a body that flies, or those of the bodies of a linkage;
+    of an ensemble every member, coloured from dark to light by the energy at the start, or by
+    number.
+    view : azimuth and elevation of the eye, in degrees, for paths in space, whose shadow on the
+    ground is grey.
 
-    A ring is the start, a dot the end. Returns the axes. Raises InvalidInput where there is no path to draw.
+    A ring is the start, a dot the end. Returns the axes. Raises InvalidInput where there is no path
+    to draw.
     """
     needs_run(run, "plots.path")
     points, joints = _points(run)
@@ -54,26 +58,49 @@ def path(
         for side in ax.spines.values():
             side.set_visible(False)
         for k in range(points.shape[1]):
-            ax.plot(*(ground[thinned(len(ground)), k] @ frame.T).T, color="#c9ced6", linewidth=0.8, zorder=0.8)
+            ax.plot(
+                *(ground[thinned(len(ground)), k] @ frame.T).T,
+                color="#c9ced6",
+                linewidth=0.8,
+                zorder=0.8,
+            )
         _triad(ax, frame)
-    palette: Any = [COLORS[k % len(COLORS)] for k in range(points.shape[1])] if run.bodies is None else colors(_order(run))
+    palette: Any = (
+        [COLORS[k % len(COLORS)] for k in range(points.shape[1])]
+        if run.bodies is None
+        else colors(_order(run))
+    )
     for k, color in enumerate(palette):
         seen = points[:, k] @ frame.T
         ax.plot(*seen[thinned(len(seen))].T, color=color, linewidth=1.0)
         if run.bodies is None:
             ax.plot(*seen[0], marker="o", markersize=7.0, color="none", markeredgecolor=INK)
-        ax.plot(*seen[-1], marker="o", markersize=5.0, color=color, markeredgecolor="white", markeredgewidth=0.5, zorder=4)
+        ax.plot(
+            *seen[-1],
+            marker="o",
+            markersize=5.0,
+            color=color,
+            markeredgecolor="white",
+            markeredgewidth=0.5,
+            zorder=4,
+        )
     if isinstance(run.system, (Kepler, OrbitingBody)):
-        ax.plot(0.0, 0.0, marker="o", markersize=9.0, color="#E69F00", markeredgecolor="white", zorder=3)
+        ax.plot(
+            0.0, 0.0, marker="o", markersize=9.0, color="#E69F00", markeredgecolor="white", zorder=3
+        )
     for ends in joints:
-        ax.plot(*(ends @ frame.T).T, color=GREY, linewidth=1.4, zorder=3, marker="o", markersize=4.0)
+        ax.plot(
+            *(ends @ frame.T).T, color=GREY, linewidth=1.4, zorder=3, marker="o", markersize=4.0
+        )
     return ax
 
 
 def has_path(run: Any) -> bool:
     """Is there a path to draw?"""
     if isinstance(run.system, CanonicalSystem):
-        known = Pendulum if run.bodies is not None else (Pendulum, ChainPendulum, FourBarLinkage, NBody)
+        known = (
+            Pendulum if run.bodies is not None else (Pendulum, ChainPendulum, FourBarLinkage, NBody)
+        )
         return 1 < run.system.degrees <= 3 or isinstance(run.system, known)
     if isinstance(run.system, Linkage):
         return run.states.get("g") is not None and run.bodies is None
@@ -81,10 +108,13 @@ def has_path(run: Any) -> bool:
 
 
 def _points(run: Any) -> tuple[Array, list[Array]]:
-    """The places of all members, (n, bodies, 2 or 3); of a single pendulum or linkage also the ends of its rods at last."""
+    """The places of all members, (n, bodies, 2 or 3); of a single pendulum or linkage also the ends
+    of its rods at last.
+    """
     if not has_path(run):
         raise InvalidInput(
-            f"plots.path is for positions in a plane or in space, and for bodies with recorded poses g; got a run of {run.system!r}"
+            "plots.path is for positions in a plane or in space, and for bodies with recorded "
+            f"poses g; got a run of {run.system!r}"
         )
     if isinstance(run.system, CanonicalSystem):
         points = places(run.system, part(run, "q", "plots.path"), part(run, "p", "plots.path"))
@@ -115,6 +145,22 @@ def _triad(ax: Axes, frame: Array) -> None:
     for name, tip in zip("xyz", frame.T):
         end = 0.09 + 0.08 * tip
         arrow = {"arrowstyle": "-|>", "color": INK, "linewidth": 0.8, "shrinkA": 0, "shrinkB": 0}
-        ax.annotate("", end, (0.09, 0.09), xycoords="axes fraction", textcoords="axes fraction", arrowprops=arrow)
+        ax.annotate(
+            "",
+            end,
+            (0.09, 0.09),
+            xycoords="axes fraction",
+            textcoords="axes fraction",
+            arrowprops=arrow,
+        )
         x, y = 0.09 + 0.11 * tip
-        ax.text(x, y, f"${name}$", transform=ax.transAxes, ha="center", va="center", fontsize=9, color=INK)
+        ax.text(
+            x,
+            y,
+            f"${name}$",
+            transform=ax.transAxes,
+            ha="center",
+            va="center",
+            fontsize=9,
+            color=INK,
+        )

@@ -20,22 +20,33 @@ Array = NDArray[np.float64]
 
 
 def phase_portrait(
-    run: Any, degree: int = 0, *, wrap: float | None = None, ax: Axes | None = None, title: str | None = None
+    run: Any,
+    degree: int = 0,
+    *,
+    wrap: float | None = None,
+    ax: Axes | None = None,
+    title: str | None = None,
 ) -> Axes:
-    """Draw one degree of freedom of a canonical system in its phase plane, p over q; of an ensemble every member.
+    """Draw one degree of freedom of a canonical system in its phase plane, p over q; of an ensemble
+    every member.
 
     run : of a system with positions q and momenta p.  degree : which degree of freedom, from 0.
-    wrap : the period of q if it is an angle, which is drawn between -wrap/2 and wrap/2; 2 pi for pendulums, else none.
+    wrap : the period of q if it is an angle, which is drawn between -wrap/2 and wrap/2; 2 pi for
+    pendulums, else none.
 
-    Members are coloured by their energy, from dark to light; a dot is where each is at the end. With one degree of freedom and an
-    energy that is kept no curve crosses another. Returns the axes. Raises InvalidInput for other systems.
+    Members are coloured by their energy, from dark to light; a dot is where each is at the end.
+    With one degree of freedom and an energy that is kept no curve crosses another. Returns the
+    axes. Raises InvalidInput for other systems.
 
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., I.1.3.
     """
     q, p = canonical(run, "plots.phase_portrait")
     n = run.system.degrees
     if not -n <= degree < n:
-        raise InvalidInput(f"plots.phase_portrait: degree = {degree} is not there; {run.system!r} has {n} degrees of freedom")
+        raise InvalidInput(
+            f"plots.phase_portrait: degree = {degree} is not there; "
+            f"{run.system!r} has {n} degrees of freedom"
+        )
     if wrap is None and isinstance(run.system, (Pendulum, DoublePendulum)):
         wrap = 2.0 * np.pi
     index = f"_{degree % n + 1}" if n > 1 else ""
@@ -56,11 +67,22 @@ def _curve(ax: Axes, q: Array, p: Array, wrap: float | None, color: Any) -> None
     q, p = q[kept], p[kept]
     at: Any = np.flatnonzero(np.abs(np.diff(q)) > 0.5 * wrap) + 1 if wrap else []
     ax.plot(np.insert(q, at, np.nan), np.insert(p, at, np.nan), color=color, linewidth=0.9)
-    ax.plot(q[-1:], p[-1:], color=color, marker="o", markersize=3.5, markeredgecolor="white", markeredgewidth=0.4)
+    ax.plot(
+        q[-1:],
+        p[-1:],
+        color=color,
+        marker="o",
+        markersize=3.5,
+        markeredgecolor="white",
+        markeredgewidth=0.4,
+    )
 
 
 def canonical(run: Any, where: str) -> tuple[Array, Array]:
     needs_run(run, where)
     if not isinstance(run.system, CanonicalSystem):
-        raise InvalidInput(f"{where} is for canonical systems, with positions q and momenta p; this run is of {run.system!r}")
+        raise InvalidInput(
+            f"{where} is for canonical systems, with positions q and "
+            f"momenta p; this run is of {run.system!r}"
+        )
     return part(run, "q", where), part(run, "p", where)

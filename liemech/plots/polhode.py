@@ -1,4 +1,6 @@
-"""Poinsot's picture of a free rigid body: the polhode on the inertia ellipsoid, the herpolhode in the invariable plane."""
+"""Poinsot's picture of a free rigid body: the polhode on the inertia ellipsoid, the herpolhode in
+the invariable plane.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,17 @@ from .components import one_body
 from .energy_curves import energy_levels, separatrix
 from .globe import LEVEL, LIMB, NAME, SEPARATRIX, bare, directions, halves
 from .projection import VIEW, split_at_horizon, view_frame
-from .style import COLORS, GREY, INK, needs_run, new_figure, part, plane_axes, require_matplotlib, thinned
+from .style import (
+    COLORS,
+    GREY,
+    INK,
+    needs_run,
+    new_figure,
+    part,
+    plane_axes,
+    require_matplotlib,
+    thinned,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -23,15 +35,24 @@ Array = NDArray[np.float64]
 
 
 def polhode(
-    run: Any, *, body: int = 0, ax: Axes | None = None, view: tuple[float, float] = VIEW, title: str | None = None,
-    color: str = COLORS[0], levels: int = 7,
+    run: Any,
+    *,
+    body: int = 0,
+    ax: Axes | None = None,
+    view: tuple[float, float] = VIEW,
+    title: str | None = None,
+    color: str = COLORS[0],
+    levels: int = 7,
 ) -> Axes:
-    """Draw the angular velocity w in the body, on the ellipsoid w . J w = 2 H of the first sample, the polhode.
+    """Draw the angular velocity w in the body, on the ellipsoid w . J w = 2 H of the first sample,
+    the polhode.
 
-    run : of a RigidBody.  body : which one of an ensemble.  levels : how many other polhodes are drawn beside the separatrix.
+    run : of a RigidBody.  body : which one of an ensemble.  levels : how many other polhodes are
+    drawn beside the separatrix.
 
-    The ellipsoid is cut exactly where it hides its back. Where a method loses energy, the curve leaves the ellipsoid. Returns the
-    axes. Raises InvalidInput for other systems and for a body at rest.
+    The ellipsoid is cut exactly where it hides its back. Where a method loses energy, the curve
+    leaves the ellipsoid. Returns the axes. Raises InvalidInput for other systems and for a body at
+    rest.
 
     Source: Goldstein, Classical Mechanics, 3rd ed., section 5.6 (Poinsot's construction).
     """
@@ -43,14 +64,17 @@ def polhode(
     twice = float(w[0] @ (_inertia(run.system) @ w[0]))
     if not twice > 0.0:
         raise InvalidInput("plots.polhode: the body is at rest; give it a momentum")
-    size = np.sqrt(twice / moments)  # of the half axes, in rad/s; w = axes (size y) with |y| = 1 on the ellipsoid
+    # of the half axes, in rad/s; w = axes (size y) with |y| = 1 on the ellipsoid
+    size = np.sqrt(twice / moments)
     unit = float(size.max())
     frame = view_frame(*view)
     facing = (frame[2] @ axes) / size  # the ellipsoid at y faces the eye where facing . y > 0
     _, _, rest = np.linalg.svd(facing[None])
     turn = np.array([rest[1], rest[2], facing / np.linalg.norm(facing)])
 
-    drawn = ax or new_figure(3.4, 3.6 if title else 3.4).add_axes((0.0, 0.0, 1.0, 0.94 if title else 1.0))
+    drawn = ax or new_figure(3.4, 3.6 if title else 3.4).add_axes(
+        (0.0, 0.0, 1.0, 0.94 if title else 1.0)
+    )
 
     def draw(y: Array, zorder: float, **style: Any) -> None:
         front, behind = split_at_horizon(y @ turn.T)
@@ -61,7 +85,11 @@ def polhode(
 
     s = np.linspace(0.0, 2.0 * np.pi, 361)[:, None]
     outline = seen(np.cos(s) * turn[0] + np.sin(s) * turn[1])[:, :2]
-    drawn.add_patch(Polygon(outline, closed=True, facecolor="#eceff4", edgecolor=LIMB, linewidth=0.8, zorder=0.1))
+    drawn.add_patch(
+        Polygon(
+            outline, closed=True, facecolor="#eceff4", edgecolor=LIMB, linewidth=0.8, zorder=0.1
+        )
+    )
     inverse = 1.0 / moments
     for curve in energy_levels(inverse, levels):
         draw(curve, 1.0, **LEVEL)
@@ -73,23 +101,57 @@ def polhode(
         length = np.sqrt(twice / (axis @ _inertia(run.system) @ axis)) / unit
         tip = frame @ axis
         if facing @ (axis @ axes) >= 0.0:
-            arrow = {"arrowstyle": "-|>", "color": INK, "linewidth": 0.9, "shrinkA": 0, "shrinkB": 0}
-            drawn.annotate("", tuple((length + 0.2) * tip[:2]), tuple(length * tip[:2]), arrowprops=arrow, zorder=5)
-            beyond = (length + 0.2) * tip[:2] + NAME * tip[:2] / max(float(np.hypot(*tip[:2])), 1e-9)
-            drawn.text(float(beyond[0]), float(beyond[1]), f"$\\omega_{k + 1}$", ha="center", va="center", fontsize=11, color=INK)
+            arrow = {
+                "arrowstyle": "-|>",
+                "color": INK,
+                "linewidth": 0.9,
+                "shrinkA": 0,
+                "shrinkB": 0,
+            }
+            drawn.annotate(
+                "",
+                tuple((length + 0.2) * tip[:2]),
+                tuple(length * tip[:2]),
+                arrowprops=arrow,
+                zorder=5,
+            )
+            beyond = (length + 0.2) * tip[:2] + NAME * tip[:2] / max(
+                float(np.hypot(*tip[:2])), 1e-9
+            )
+            drawn.text(
+                float(beyond[0]),
+                float(beyond[1]),
+                f"$\\omega_{k + 1}$",
+                ha="center",
+                va="center",
+                fontsize=11,
+                color=INK,
+            )
     reach = np.abs(outline).max(axis=0)
-    drawn.set(xlim=(-reach[0] - 0.4, reach[0] + 0.4), ylim=(-reach[1] - 0.2, reach[1] + 0.4), aspect="equal")
+    drawn.set(
+        xlim=(-reach[0] - 0.4, reach[0] + 0.4),
+        ylim=(-reach[1] - 0.2, reach[1] + 0.4),
+        aspect="equal",
+    )
     bare(drawn, title)
     return drawn
 
 
-def herpolhode(run: Any, *, body: int = 0, ax: Axes | None = None, title: str | None = None, color: str = COLORS[0]) -> Axes:
-    """Draw the angular velocity in space, seen along the spatial momentum of the first sample: the herpolhode.
+def herpolhode(
+    run: Any,
+    *,
+    body: int = 0,
+    ax: Axes | None = None,
+    title: str | None = None,
+    color: str = COLORS[0],
+) -> Axes:
+    """Draw the angular velocity in space, seen along the spatial momentum of the first sample: the
+    herpolhode.
 
     run : of a RigidBody that recorded its attitude.  body : which one of an ensemble.
 
-    The curve runs between two circles and need not close. Returns the axes. Raises InvalidInput for other systems, without an
-    attitude, and for a body at rest.
+    The curve runs between two circles and need not close. Returns the axes. Raises InvalidInput for
+    other systems, without an attitude, and for a body at rest.
 
     Source: Goldstein, Classical Mechanics, 3rd ed., section 5.6 (Poinsot's construction).
     """
@@ -105,7 +167,9 @@ def herpolhode(run: Any, *, body: int = 0, ax: Axes | None = None, title: str | 
 
 
 def herpolhode_points(run: Any, body: int = 0) -> Array:
-    """The angular velocity in space, without its part along the spatial momentum of the first sample, (n, 2)."""
+    """The angular velocity in space, without its part along the spatial momentum of the first
+    sample, (n, 2).
+    """
     w = _velocity(run, body, "plots.herpolhode")
     g, mu = (part(run, name, "plots.herpolhode") for name in ("g", "mu"))
     if run.bodies is not None:
@@ -125,7 +189,9 @@ def _velocity(run: Any, body: int, where: str) -> Array:
     if not isinstance(run.system, RigidBody):
         raise InvalidInput(f"{where} is for a free RigidBody; this run is of {run.system!r}")
     mu = part(run, "mu", where)
-    return np.asarray(run.system.velocity(mu if run.bodies is None else one_body(run, mu, body, where)))
+    return np.asarray(
+        run.system.velocity(mu if run.bodies is None else one_body(run, mu, body, where))
+    )
 
 
 def _inertia(system: Any) -> Array:

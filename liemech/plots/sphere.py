@@ -43,27 +43,35 @@ def momentum_sphere(
     """Draw body momenta on their coadjoint orbit, the sphere |mu| = const.
 
     mu : (n, 3), numerical momenta, drawn as dots; more than 4000 are thinned evenly.
-    exact : (m, 3), a densely sampled exact curve, drawn as a thin line above the dots. One period is enough: many laps
+    exact : (m, 3), a densely sampled exact curve, drawn as a thin line above the dots. One period
+    is enough: many laps
         drawn over each other look bold.
-    inertia : three principal moments, or a symmetric 3x3 matrix: adds curves of constant energy and the separatrix.
-    system : instead of an inertia, any free body on SO(3): adds the curves of constant energy of its Hamiltonian.
-    end : (3,), the exact momentum at the time of the last dot. Both are marked, which shows the phase error that a
+    inertia : three principal moments, or a symmetric 3x3 matrix: adds curves of constant energy and
+    the separatrix.
+    system : instead of an inertia, any free body on SO(3): adds the curves of constant energy of
+    its Hamiltonian.
+    end : (3,), the exact momentum at the time of the last dot. Both are marked, which shows the
+    phase error that a
         curve on the sphere hides.
-    radius : of the sphere; that of the first momentum if not given. A momentum that left the sphere shows as such.
+    radius : of the sphere; that of the first momentum if not given. A momentum that left the sphere
+    shows as such.
     ax : plane axes to draw on; a new figure (`ax.figure`) is made if not given.
     view : (azimuth, elevation) of the eye in degrees.
     color : of the dots; or one for each, (n, 4).
     label : name of the dots in a legend (`ax.legend()`), which is left to the caller.
     levels : number of energies drawn besides the separatrix's.
 
-    What lies behind the sphere is faded and cut exactly at the horizon. All units of momentum are welcome.
-    Returns the axes. Raises InvalidInput for momenta of the wrong shape, not finite, or zero, and MissingExtra without
-    Matplotlib.
+    What lies behind the sphere is faded and cut exactly at the horizon. All units of momentum are
+    welcome.
+    Returns the axes. Raises InvalidInput for momenta of the wrong shape, not finite, or zero, and
+    MissingExtra without Matplotlib.
     """
     points = vectors(mu, "mu")
     size = hypot(*points[0]) if radius is None else float(radius)
     if not (0.0 < size < np.inf):
-        raise InvalidInput(f"the sphere needs a positive finite radius; got {size!r} (is the first momentum zero?)")
+        raise InvalidInput(
+            f"the sphere needs a positive finite radius; got {size!r} (is the first momentum zero?)"
+        )
     ax, frame = globe(ax, view, title, PI)
     if inertia is not None:
         for curve in energy_levels(inertia, levels):
@@ -81,11 +89,19 @@ def momentum_sphere(
 
 
 def draw_energies(ax: Axes, frame: Any, system: Any, radius: float, levels: int) -> None:
-    """The curves of constant energy of a free body: exact ones of a rigid body, otherwise those of its Hamiltonian."""
+    """The curves of constant energy of a free body: exact ones of a rigid body, otherwise those of
+    its Hamiltonian.
+    """
     if not levels or not isinstance(system, LiePoissonSystem) or not radius > 0.0:
         return
     if not isinstance(system, RigidBody):
-        chords(ax, contours(system.energy, radius, levels) / radius @ frame.T, back=0.35, zorder=1.0, **LEVEL)
+        chords(
+            ax,
+            contours(system.energy, radius, levels) / radius @ frame.T,
+            back=0.35,
+            zorder=1.0,
+            **LEVEL,
+        )
         return
     for curve in energy_levels(np.array(system.inertia), levels):
         line(ax, curve @ frame.T, back=0.35, zorder=1.0, **LEVEL)

@@ -1,6 +1,8 @@
-"""How all pictures look: colours, axes, figures that no window system knows of, and how they are written.
+"""How all pictures look: colours, axes, figures that no window system knows of, and how they are
+written.
 
-Matplotlib is imported inside the functions that draw. Nothing here touches its global settings or opens a window.
+Matplotlib is imported inside the functions that draw. Nothing here touches its global settings or
+opens a window.
 """
 
 from __future__ import annotations
@@ -20,7 +22,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
-"""Okabe and Ito's palette, told apart by every kind of colour vision: blue, vermilion, green, purple, orange, sky."""
+"""Okabe and Ito's palette, told apart by every kind of colour vision: blue, vermilion, green,
+purple, orange, sky.
+"""
 MARKERS = ("o", "s", "^", "D", "v", "P")
 DASHES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)), (0, (1, 1)))
 """Markers and dashes repeat what the colours say, for pictures printed in grey."""
@@ -52,7 +56,9 @@ def new_figure(width: float, height: float, layout: Any = None) -> Figure:
 def plane_axes(
     ax: Axes | None, title: str | None, x: str, y: str, size: tuple[float, float] = (5.2, 3.4)
 ) -> Axes:
-    """Axes with a light grid and names: the given ones, or those of a new figure of this size in inches."""
+    """Axes with a light grid and names: the given ones, or those of a new figure of this size in
+    inches.
+    """
     require_matplotlib()
     if ax is None:
         ax = new_figure(*size, layout="constrained").add_subplot()
@@ -78,7 +84,11 @@ def legend(ax: Axes, **where: Any) -> None:
 
 def look(k: int) -> dict[str, Any]:
     """Colour and dashes of the k-th curve of a picture."""
-    return {"color": COLORS[k % len(COLORS)], "linestyle": DASHES[k % len(DASHES)], "linewidth": 1.3}
+    return {
+        "color": COLORS[k % len(COLORS)],
+        "linestyle": DASHES[k % len(DASHES)],
+        "linewidth": 1.3,
+    }
 
 
 def named_runs(runs: Any, where: str) -> dict[str, Any]:
@@ -111,14 +121,20 @@ def part(run: Any, name: str, where: str) -> NDArray[np.float64]:
 
 
 def thinned(n: int, most: int = MOST_DOTS) -> Any:
-    """Which of n samples are drawn: all, or `most`, evenly chosen, the first and the last among them."""
+    """Which of n samples are drawn: all, or `most`, evenly chosen, the first and the last among
+    them.
+    """
     return slice(None) if n <= most else np.unique(np.linspace(0, n - 1, most).round().astype(int))
 
 
 def save(figure: Figure, path: str | PathLike[str], dpi: int = 200) -> None:
-    """Write a figure to PNG, SVG or PDF, by the ending of `path`; the same figure gives the same bytes."""
+    """Write a figure to PNG, SVG or PDF, by the ending of `path`; the same figure gives the same
+    bytes.
+    """
     from matplotlib import rc_context
 
     undated: dict[str, dict[str, Any]] = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
     with rc_context({"svg.hashsalt": "liemech"}):
-        figure.savefig(path, dpi=dpi, facecolor="white", metadata=undated.get(Path(path).suffix.lower()))
+        figure.savefig(
+            path, dpi=dpi, facecolor="white", metadata=undated.get(Path(path).suffix.lower())
+        )

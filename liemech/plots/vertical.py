@@ -22,15 +22,23 @@ Array = NDArray[np.float64]
 
 
 def vertical(
-    run: Any, *, ax: Axes | None = None, view: tuple[float, float] = VIEW, title: str | None = None, label: str | None = None,
+    run: Any,
+    *,
+    ax: Axes | None = None,
+    view: tuple[float, float] = VIEW,
+    title: str | None = None,
+    label: str | None = None,
     color: str = COLORS[0],
 ) -> Axes:
     """Draw the vertical as the body sees it, Gamma = g^T e3, on the unit sphere.
 
-    run : one that recorded the attitude of a body, or the momentum (pi, Gamma) of a top on se(3)*; of an ensemble the last sample
-    of every body is drawn.  view : azimuth and elevation of the eye in degrees.  label : a name for a legend.
+    run : one that recorded the attitude of a body, or the momentum (pi, Gamma) of a top on se(3)*;
+    of an ensemble the last sample
+    of every body is drawn.  view : azimuth and elevation of the eye in degrees.  label : a name for
+    a legend.
 
-    Of an upright top Gamma is e3; what lies behind the sphere is faded. Returns the axes. Raises InvalidInput without an attitude.
+    Of an upright top Gamma is e3; what lies behind the sphere is faded. Returns the axes. Raises
+    InvalidInput without an attitude.
 
     Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 1.4.
     """
@@ -53,9 +61,17 @@ def verticals(run: Any) -> Array:
         if not gamma.any(axis=-1).all():
             raise InvalidInput("plots.vertical: Gamma is zero, and points nowhere")
         return directions(gamma)
-    if run.states.get("g") is None or not hasattr(system, "group") or not is_pose(configurations(system)):
-        raise InvalidInput(f"plots.vertical needs the attitude g of a body in space; this run is of {system!r}")
+    if (
+        run.states.get("g") is None
+        or not hasattr(system, "group")
+        or not is_pose(configurations(system))
+    ):
+        raise InvalidInput(
+            f"plots.vertical needs the attitude g of a body in space; this run is of {system!r}"
+        )
     g = part(run, "g", "plots.vertical")
     many = g.shape[: 1 if run.bodies is None else 2]
     q = attitude(system, g.reshape(-1, *g.shape[len(many) :]))
-    return rotated(q * np.array([-1.0, -1.0, -1.0, 1.0]), np.array([0.0, 0.0, 1.0])).reshape(*many, 3)
+    return rotated(q * np.array([-1.0, -1.0, -1.0, 1.0]), np.array([0.0, 0.0, 1.0])).reshape(
+        *many, 3
+    )

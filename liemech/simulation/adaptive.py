@@ -11,16 +11,20 @@ from ..formulas import Record, Vec, record, sqrt
 from ..formulas.pytree import layout_of
 
 SAFETY, SLOWEST, FASTEST = 0.9, 0.2, 10.0
-"""The controller aims at 0.9 of the step that would just be accepted, and changes steps by factors between these two."""
+"""The controller aims at 0.9 of the step that would just be accepted, and changes steps by factors
+between these two.
+"""
 
 EPSILON = sys.float_info.epsilon
 
 
 @record
 class Clock(Record):
-    """What the controller carries along: time, the step to try, the error of the last one, counts, and marks.
+    """What the controller carries along: time, the step to try, the error of the last one, counts,
+    and marks.
 
-    h : zero if the first step is to be found.  fresh : is the velocity to be computed, at a start or after a jump?
+    h : zero if the first step is to be found.  fresh : is the velocity to be computed, at a start
+    or after a jump?
     """
 
     t: float
@@ -51,13 +55,17 @@ def adaptive_steps(
     out: Any,
     failures: Any,
 ) -> None:
-    """The driver: accepted steps, a row of numbers for each, until t_end is reached, the room is full or the step underflows.
+    """The driver: accepted steps, a row of numbers for each, until t_end is reached, the room is
+    full or the step underflows.
 
-    failures : None in native code; in plain Python a list for what rejected steps raised, which a mistake in a formula ends.
+    failures : None in native code; in plain Python a list for what rejected steps raised, which a
+    mistake in a formula ends.
 
-    A proportional-integral controller, h <- 0.9 h err_n^(-0.7/q) err_(n-1)^(0.4/q) with err the error over the tolerance.
+    A proportional-integral controller, h <- 0.9 h err_n^(-0.7/q) err_(n-1)^(0.4/q) with err the
+    error over the tolerance.
 
-    Source: Hairer and Wanner, Solving Ordinary Differential Equations II, 2nd ed., IV.2, equation (2.43c).
+    Source: Hairer and Wanner, Solving Ordinary Differential Equations II, 2nd ed., IV.2, equation
+    (2.43c).
     """
     state, xi = read(states, 0, layout)
     clock = read(clocks, 0, CLOCK)
@@ -91,7 +99,9 @@ def adaptive_steps(
             state, xi = trial.state, trial.velocity
             write(out, n * row.width, (t, state, trial.curve), row)
             n = n + 1
-            h = step * min(FASTEST, max(SLOWEST, SAFETY * error ** (-0.7 * power) * before ** (0.4 * power)))
+            h = step * min(
+                FASTEST, max(SLOWEST, SAFETY * error ** (-0.7 * power) * before ** (0.4 * power))
+            )
             before = error
         else:
             rejected = rejected + 1.0
@@ -110,9 +120,11 @@ def noted(failures: list[Exception], trial: Any) -> bool:
 def started(
     method: Any, system: Any, t: float, state: Any, h: float, t_end: float, rtol: float, atol: float
 ) -> tuple[Vec, float]:
-    """The velocity at the start, and the first step if h is zero: from the size of the velocity and of its change.
+    """The velocity at the start, and the first step if h is zero: from the size of the velocity and
+    of its change.
 
-    Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, 2nd ed., II.4, "Starting step size".
+    Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, 2nd ed., II.4,
+    "Starting step size".
     """
     start = system.essential_part(state)
     xi = system.rate(t, start)
@@ -144,7 +156,9 @@ def probed(method: Any, system: Any, t: float, start: Any, xi: Vec, h: float) ->
 
 
 def sizes(system: Any, state: Any, omega: Vec, rtol: float, atol: float) -> tuple[float, float]:
-    """The root mean squares of what a displacement changes, and of what is there, over the tolerances."""
+    """The root mean squares of what a displacement changes, and of what is there, over the
+    tolerances.
+    """
     change, scale = system.variation(state, omega)
     total = [0.0, 0.0]
     for c, s in zip(change, scale):

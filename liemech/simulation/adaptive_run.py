@@ -13,7 +13,15 @@ from typing import Any
 import numpy as np
 
 from ..compiler.driver import accepted, attempt, itself, reason
-from ..errors import IntegrationFailure, IntegrationInterrupted, InvalidInput, StepTooSmall, failure, is_mistake, warn
+from ..errors import (
+    IntegrationFailure,
+    IntegrationInterrupted,
+    InvalidInput,
+    StepTooSmall,
+    failure,
+    is_mistake,
+    warn,
+)
 from ..formulas.pytree import build, gatherer, layout_of
 from ..systems.system import State
 from . import arguments
@@ -38,7 +46,9 @@ MARGIN = 4
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class AdaptiveSteps:
-    """Adaptive steps: what a plan was told of them.  h : the first step, None to find it; longest : the longest one."""
+    """Adaptive steps: what a plan was told of them.  h : the first step, None to find it;
+    longest : the longest one.
+    """
 
     system: Any
     method: Any
@@ -58,7 +68,9 @@ class AdaptiveSteps:
 
     def of_system(self, system: Any) -> AdaptiveSteps:
         """The same for a system of the same layout; what is laid out and compiled is shared."""
-        return dataclasses.replace(self, system=system, shapes={k: s.of_system(system) for k, s in [*self.shapes.items()]})
+        return dataclasses.replace(
+            self, system=system, shapes={k: s.of_system(system) for k, s in [*self.shapes.items()]}
+        )
 
     @classmethod
     def checked(
@@ -75,7 +87,10 @@ class AdaptiveSteps:
         progress: Any,
     ) -> AdaptiveSteps:
         """From what a user gave."""
-        tolerances = arguments.tolerance(rtol, "rtol", arguments.RTOL), arguments.tolerance(atol, "atol", arguments.ATOL)
+        tolerances = (
+            arguments.tolerance(rtol, "rtol", arguments.RTOL),
+            arguments.tolerance(atol, "atol", arguments.ATOL),
+        )
         longest = math.inf if longest is None else arguments.real(longest, "max_step")
         if not longest > 0.0:
             raise InvalidInput(f"integrate: max_step must be positive; got {longest:g}")
@@ -95,27 +110,46 @@ class AdaptiveSteps:
     ) -> Trajectory:
         """From a start, or from where another run stands, to t_end."""
         if t_end is None:
-            raise InvalidInput("integrate: adaptive steps need a t_end; for steps of one length give h and steps")
+            raise InvalidInput(
+                "integrate: adaptive steps need a t_end; for steps of one length give h and steps"
+            )
         limit = arguments.MOST if limit is None else arguments.count(limit, "steps", 1)
         if start.bodies is None:
             t_end = arguments.real(t_end, "t_end")
             times = arguments.times(t_eval, t0, t_end)
         if kept is not None and (events or start.bodies is not None):
-            raise InvalidInput("integrate: checkpoint is for runs of one body without events, and for steps of one length")
+            raise InvalidInput(
+                "integrate: checkpoint is for runs of one body "
+                "without events, and for steps of one length"
+            )
         if start.bodies is not None:
             ends, times = arguments.ends_and_times(t_end, t_eval, t0, start.bodies)
             each = functools.partial(self._each, start, t0, ends, limit, times, events)
-            return each() if recorder is None else recorder.instead(each, type(start), self.compiled)
+            return (
+                each() if recorder is None else recorder.instead(each, type(start), self.compiled)
+            )
         if recorder is not None and self.dense:
-            raise InvalidInput("integrate: dense=True keeps the states; record no functions of them")
-        return AdaptiveRun(self, start, t0, t_end, limit, times, events, kept, recorder).trajectory()
+            raise InvalidInput(
+                "integrate: dense=True keeps the states; record no functions of them"
+            )
+        return AdaptiveRun(
+            self, start, t0, t_end, limit, times, events, kept, recorder
+        ).trajectory()
 
     def _each(
-        self, start: State, t0: float, ends: list[float], limit: int, times: np.ndarray, events: tuple[Event, ...]
+        self,
+        start: State,
+        t0: float,
+        ends: list[float],
+        limit: int,
+        times: np.ndarray,
+        events: tuple[Event, ...],
     ) -> Trajectory:
-        """Every body of an ensemble with steps of its own.  One that fails stays at its last state and disturbs no other.
+        """Every body of an ensemble with steps of its own.  One that fails stays at its last state
+        and disturbs no other.
 
-        ends : the last time of each body.  times : of samples, (n,), or (n, bodies) with those of each.
+        ends : the last time of each body.  times : of samples, (n,), or (n, bodies) with those of
+        each.
         """
         if events or self.dense:
             raise InvalidInput("integrate: events and dense=True are for one body at a time")
@@ -128,19 +162,27 @@ class AdaptiveSteps:
                     plan = plan.of_system(self.system[i])
                 try:
                     own = times if times.ndim == 1 else times[:, i]
-                    run = AdaptiveRun(plan, member(start, i), t0, ends[i], limit, own, ()).trajectory()
+                    run = AdaptiveRun(
+                        plan, member(start, i), t0, ends[i], limit, own, ()
+                    ).trajectory()
                 except IntegrationFailure as error:
                     errors[i], run = error, error.trajectory
                 runs.append(run)
                 bar.advance(1)
         states = {}
         for name, x in start.arrays.items():
-            of_bodies = [_prolonged(run.states[name], x[i], len(times)) for i, run in enumerate(runs)]
+            of_bodies = [
+                _prolonged(run.states[name], x[i], len(times)) for i, run in enumerate(runs)
+            ]
             states[name] = np.stack(of_bodies, axis=1)
         steps = {i: runs[i].steps for i in errors}
         if errors:
             some = ", ".join(f"body {i} after {n} steps" for i, n in list(steps.items())[:5])
-            warn(f"integrate: {len(errors)} of {start.bodies} bodies stopped early: {some}. {errors[min(errors)]}", RuntimeWarning)
+            warn(
+                f"integrate: {len(errors)} of {start.bodies} bodies "
+                f"stopped early: {some}. {errors[min(errors)]}",
+                RuntimeWarning,
+            )
         return Trajectory(
             self.system,
             self.method,
@@ -157,13 +199,19 @@ class AdaptiveSteps:
 
 def _prolonged(values: np.ndarray, start: np.ndarray, count: int) -> np.ndarray:
     """So many samples, the last of a body that stopped again and again."""
-    return np.concatenate([values, np.repeat(values[-1:] if len(values) else start[None], count - len(values), axis=0)])
+    return np.concatenate(
+        [
+            values,
+            np.repeat(values[-1:] if len(values) else start[None], count - len(values), axis=0),
+        ]
+    )
 
 
 class Shape(Prepared):
     """The layouts of a run, and the code that makes its steps.
 
-    example : a state.  layout : of state and velocity; row : of time, state and the way to it.  curves : is the way there?
+    example : a state.  layout : of state and velocity; row : of time, state and the way to it.
+    curves : is the way there?
     """
 
     def __init__(self, plan: AdaptiveSteps, start: State, xi: Any, curves: bool) -> None:
@@ -194,11 +242,19 @@ class AdaptiveRun:
         recorder: Any = None,
     ) -> None:
         self.recorder = recorder
-        self.told: list[tuple[np.ndarray, dict[str, np.ndarray]]] = []  # times, and what it kept of the samples then
-        self.plan, self.system, self.method, self.t0, self.t_end = plan, plan.system, plan.method, t0, t_end
+        # times, and what it kept of the samples then
+        self.told: list[tuple[np.ndarray, dict[str, np.ndarray]]] = []
+        self.plan, self.system, self.method, self.t0, self.t_end = (
+            plan,
+            plan.system,
+            plan.method,
+            t0,
+            t_end,
+        )
         self.limit, self.t_eval, self.events, self.checkpoint = limit, t_eval, events, checkpoint
         self.failures: list[Exception] = []
-        self.kept = plan.dense is True or (t_eval is None and recorder is None)  # all rows, or only what is asked for
+        # all rows, or only what is asked for
+        self.kept = plan.dense is True or (t_eval is None and recorder is None)
         dense = plan.dense is True or (plan.dense is None and t_eval is None and recorder is None)
         self.dense = dense
         curves = dense or bool(events) or (t_eval is not None and bool(np.any(t_eval != t_end)))
@@ -223,7 +279,11 @@ class AdaptiveRun:
             self.clock = np.array([t0, first, 1.0, 0.0, 0.0, 0.0, 1.0])
         self.watch: Any = None
         self.watch = Watch(events, self._ended, t0, self.start)
-        if isinstance(start, AdaptiveCarry) and start.ended is not None and start.ended < len(events):
+        if (
+            isinstance(start, AdaptiveCarry)
+            and start.ended is not None
+            and start.ended < len(events)
+        ):
             self.watch.values[start.ended] = 0.0  # the zero that ended the run before
 
     def _shape(self, curves: bool) -> Shape:
@@ -241,21 +301,33 @@ class AdaptiveRun:
 
     def _not_begun(self, error: Any) -> Any:
         """The error of a run whose start has no velocity."""
-        raised = error if is_mistake(error) else failure(error, repr(self.method), f"at the start, t = {self.t0:g}")
+        raised = (
+            error
+            if is_mistake(error)
+            else failure(error, repr(self.method), f"at the start, t = {self.t0:g}")
+        )
         states = {name: x[None] for name, x in self.start.arrays.items()}
-        raised.trajectory = Trajectory(self.system, self.method, 0.0, np.array([self.t0]), states, None, 0)
+        raised.trajectory = Trajectory(
+            self.system, self.method, 0.0, np.array([self.t0]), states, None, 0
+        )
         return raised
 
     # ---------------------------------------------------------------- stepping
 
     def trajectory(self) -> Trajectory:
-        """Step to the end, or to a terminal event, in pieces short enough to show progress and to be interrupted."""
+        """Step to the end, or to a terminal event, in pieces short enough to show progress and to
+        be interrupted.
+        """
         try:
             if not self.kept:
                 self._sample(1 if self.recorder is None or self.t_eval is not None else 0)
             with Bar(self.plan.progress, 1000) as bar:
                 if self.t0 in self.plan.breaks and self.t0 != self.t_end:
-                    self._jump(self.t0 + math.copysign(MARGIN, self.t_end - self.t0) * float(np.spacing(abs(self.t0))))
+                    self._jump(
+                        self.t0
+                        + math.copysign(MARGIN, self.t_end - self.t0)
+                        * float(np.spacing(abs(self.t0)))
+                    )
                 for end, beyond in self._stretches():
                     if self._stepped(end, bar):
                         break
@@ -264,7 +336,9 @@ class AdaptiveRun:
                         if beyond == self.t_end:
                             self.rows[self.filled - 1, 0] = beyond
         except KeyboardInterrupt:
-            stopped = IntegrationInterrupted(f"integrate: interrupted at t = {self.clock[0]:g}; the samples are in `.trajectory`")
+            stopped = IntegrationInterrupted(
+                f"integrate: interrupted at t = {self.clock[0]:g}; the samples are in `.trajectory`"
+            )
             raise self._ended(stopped) from None
         if len(self.rows) > self.filled:
             self.rows.resize((self.filled, self.rows.shape[1]), refcheck=False)
@@ -284,7 +358,9 @@ class AdaptiveRun:
         return stretches if t0 != t_end else []
 
     def _jump(self, beyond: float) -> None:
-        """On to the other side of a jump of the velocity: the state is the same, the step is found anew."""
+        """On to the other side of a jump of the velocity: the state is the same, the step is found
+        anew.
+        """
         self.clock[0], self.clock[1], self.clock[6] = beyond, 0.0, 1.0
 
     def _stepped(self, end: float, bar: Bar) -> bool:
@@ -309,8 +385,14 @@ class AdaptiveRun:
             if self.clock[5]:
                 raise self._failure()
             if self.clock[3] >= self.limit:
-                reached = f"{self.limit} steps led to t = {self.clock[0]:g} only, not to {self.t_end:g}"
-                raise self._ended(StepTooSmall(f"integrate: {reached}; loosen rtol and atol or allow more `steps`"))
+                reached = (
+                    f"{self.limit} steps led to t = {self.clock[0]:g} only, not to {self.t_end:g}"
+                )
+                raise self._ended(
+                    StepTooSmall(
+                        f"integrate: {reached}; loosen rtol and atol or allow more `steps`"
+                    )
+                )
         return False
 
     def _part(self) -> float:
@@ -322,8 +404,14 @@ class AdaptiveRun:
         room = min(room, int(self.limit - self.clock[3]))
         if self.filled + room > len(self.rows):
             wanted = max(len(self.rows) + len(self.rows) // 4, self.filled + room)
-            self.rows.resize((wanted, self.rows.shape[1]), refcheck=False)  # nobody looks at them between two pieces
-        before, out, plan, shape = int(self.clock[3]), self.rows[self.filled :].reshape(-1), self.plan, self.shape
+            # nobody looks at them between two pieces
+            self.rows.resize((wanted, self.rows.shape[1]), refcheck=False)
+        before, out, plan, shape = (
+            int(self.clock[3]),
+            self.rows[self.filled :].reshape(-1),
+            self.plan,
+            self.shape,
+        )
         numbers = end, plan.rtol, plan.atol, plan.longest
         arrays = self.states, self.clock, out
         if shape.stepping.ready(self._part()):
@@ -332,14 +420,19 @@ class AdaptiveRun:
             native.run(shape.constants + array("d", numbers).tobytes(), (room,), arrays)
         else:
             with shape.stepping.plain():
-                adaptive_steps(*shape.arguments, *numbers, shape.curves, room, *arrays, self.failures)
+                adaptive_steps(
+                    *shape.arguments, *numbers, shape.curves, room, *arrays, self.failures
+                )
         self.filled += int(self.clock[3]) - before
 
     def _sample(self, before: int) -> None:
         """Keep the states that t_eval asks for in the last steps, and of the steps only the last."""
         times: Any = self.t_eval
         if times is None:
-            self._tell(self.rows[before : self.filled, 0], self.rows[before : self.filled, 1 : 1 + self.width])
+            self._tell(
+                self.rows[before : self.filled, 0],
+                self.rows[before : self.filled, 1 : 1 + self.width],
+            )
         else:
             self._at_times(before, times)
         self.rows[0] = self.rows[self.filled - 1]
@@ -349,7 +442,14 @@ class AdaptiveRun:
         """Keep what the recorder keeps of some samples."""
         states = unpacked(self.shape.state, numbers.copy())
         run = SimpleNamespace(system=self.system, bodies=None)
-        self.told.append((times.copy(), self.recorder.values(run, type(self.shape.example), times, states, self.plan.compiled)))
+        self.told.append(
+            (
+                times.copy(),
+                self.recorder.values(
+                    run, type(self.shape.example), times, states, self.plan.compiled
+                ),
+            )
+        )
 
     def _at_times(self, before: int, times: np.ndarray) -> None:
         """Keep the states that t_eval asks for in the last steps."""
@@ -381,14 +481,18 @@ class AdaptiveRun:
         """The continuous motion along the rows from this one on."""
         rows = self.rows[first : self.filled]
         method, example = self.method, self.shape.example
-        return DenseOutput(self.system, method.retraction, example, rows, method.dense_order, self.plan.compiled)
+        return DenseOutput(
+            self.system, method.retraction, example, rows, method.dense_order, self.plan.compiled
+        )
 
     def _result(self) -> Trajectory:
         reached, steps = float(self.clock[0]), int(self.clock[3])
         dense = self._dense() if self.kept and self.shape.curves else None
         kept = dense if self.dense else None
         return Trajectory.promised(
-            lambda: dict(zip(("t", "states", "carry"), (*self._samples(dense), self._carry()), strict=True)),
+            lambda: dict(
+                zip(("t", "states", "carry"), (*self._samples(dense), self._carry()), strict=True)
+            ),
             system=self.system,
             method=self.method,
             h=(reached - self.t0) / max(1, steps),
@@ -424,7 +528,10 @@ class AdaptiveRun:
                 times[-1] = self.rows[self.filled - 1, 0]  # behind a jump at t_end
             return times, joined
         if self.t_eval is None:
-            times, numbers = self.rows[: self.filled, 0], self.rows[: self.filled, 1 : 1 + self.width]
+            times, numbers = (
+                self.rows[: self.filled, 0],
+                self.rows[: self.filled, 1 : 1 + self.width],
+            )
         elif dense is not None:
             times = self.t_eval[np.abs(self.t_eval - self.t0) <= abs(dense.t[-1] - self.t0)]
             numbers = dense.numbers(times)
@@ -434,22 +541,37 @@ class AdaptiveRun:
         return times, unpacked(self.shape.state, numbers)
 
     def _failure(self) -> Exception:
-        """Why the steps became too small to go on: what the last trial had to say.  A mistake in a formula is raised itself."""
+        """Why the steps became too small to go on: what the last trial had to say.  A mistake in a
+        formula is raised itself.
+        """
         t, h = float(self.clock[0]), float(self.clock[1])
         state, xi = build(self.shape.layout, iter(self.states.tolist()))
         first = attempt(self.system.rate, t, self.system.essential_part(state))
         if t == self.t0 and not accepted(first, itself):
             return self._not_begun(reason(first))
-        raised: list[Exception] = []  # by the steps that led here: each was at most five times as long as the next
+        # by the steps that led here: each was at most five times as long as the next
+        raised: list[Exception] = []
         for longer in (1.0, 5.0, 25.0, 125.0):
-            trial = attempt(self.method.trial, self.system, t, state, xi, longer * h, self.plan.rtol, self.plan.atol, False)
+            trial = attempt(
+                self.method.trial,
+                self.system,
+                t,
+                state,
+                xi,
+                longer * h,
+                self.plan.rtol,
+                self.plan.atol,
+                False,
+            )
             noted(raised, trial)
             if raised or not trial.error <= 1.0:
                 break
         told = [*raised, *self.failures]
         error: Any = next((e for e in told if is_mistake(e)), told[0] if told else None)
         if is_mistake(error):
-            error.add_note(f"[integrate: in a step from t = {t:g}; the samples before it are in `.trajectory`]")
+            error.add_note(
+                f"[integrate: in a step from t = {t:g}; the samples before it are in `.trajectory`]"
+            )
             return self._ended(error)
         why = str(error)
         if error is None:
@@ -459,9 +581,10 @@ class AdaptiveRun:
         elif not isinstance(error, ArithmeticError):
             why = f"{type(error).__name__}: {error}"
         made = StepTooSmall(
-            f"{self.method!r}: at t = {t:g} the step fell to {abs(h):.1e}, too small to advance the time: {why}. "
-            f"The motion may have a singularity there, or rtol = {self.plan.rtol:g}, atol = {self.plan.atol:g} ask for more than "
-            f"rounding allows; {int(self.clock[3])} steps are in `.trajectory`"
+            f"{self.method!r}: at t = {t:g} the step fell to {abs(h):.1e}, too small to advance "
+            f"the time: {why}. The motion may have a singularity there, or rtol = "
+            f"{self.plan.rtol:g}, atol = {self.plan.atol:g} ask for more than rounding allows; "
+            f"{int(self.clock[3])} steps are in `.trajectory`"
         )
         made.__cause__ = error
         return self._ended(made)

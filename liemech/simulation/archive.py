@@ -1,6 +1,8 @@
-"""Runs in files: the arrays as they are, in NumPy's .npz or in HDF5, and beside them in JSON what they are.  Nothing is pickled.
+"""Runs in files: the arrays as they are, in NumPy's .npz or in HDF5, and beside them in JSON what
+they are.  Nothing is pickled.
 
-`numpy.load("run.npz")["state.mu"]` needs no liemech.  The last bytes of a file are a checksum of all others.
+`numpy.load("run.npz")["state.mu"]` needs no liemech.  The last bytes of a file are a checksum of
+all others.
 """
 
 from __future__ import annotations
@@ -41,16 +43,25 @@ MARK = b"sha256:"
 
 
 def save(run: Any, path: str | os.PathLike[str]) -> None:
-    """Write a run, all of it or nothing: a file that is there is replaced when the new one lies on the disk."""
+    """Write a run, all of it or nothing: a file that is there is replaced when the new one lies on
+    the disk.
+    """
     fictive = type(run).__name__ == "TransformedTrajectory"
     if not fictive and type(run).__name__ != "Trajectory":
-        raise InvalidInput(f"Trajectory.save: a {type(run).__name__} has more than samples; save the arrays you need, numpy.savez")
+        raise InvalidInput(
+            f"Trajectory.save: a {type(run).__name__} has more than "
+            "samples; save the arrays you need, numpy.savez"
+        )
     arrays: dict[str, Any] = {"t": run.t, **{f"state.{name}": x for name, x in run.states.items()}}
     about: dict[str, Any] = {"format": FORMAT, "method": encoded(run.method), "h": encoded(run.h)}
     about |= {"steps": run.steps, "bodies": run.bodies}
-    about["system"] = [encoded(s) for s in run.system] if isinstance(run.system, Systems) else encoded(run.system)
+    about["system"] = (
+        [encoded(s) for s in run.system] if isinstance(run.system, Systems) else encoded(run.system)
+    )
     about |= {"compiled": run.compiled, "rejected": run.rejected, "observed": list(run.observed)}
-    about["stopped"] = {str(body): [stop.steps, str(stop.error)] for body, stop in run.stopped.items()}
+    about["stopped"] = {
+        str(body): [stop.steps, str(stop.error)] for body, stop in run.stopped.items()
+    }
     if fictive:
         arrays |= {"tau": run.tau} if run.z is None else {"tau": run.tau, "z": run.z}
         about["origin"] = [encoded(run.origin.given), encoded(run.origin.start)]
@@ -65,14 +76,21 @@ def save(run: Any, path: str | os.PathLike[str]) -> None:
         arrays |= {f"event.{i}.{name}": x for name, x in states.arrays.items()}
         about["states"] = encoded(type(states))
     carry = run.carry
-    about["tau"], ahead = (carry.tau, carry.ahead) if isinstance(carry, FictiveCarry) else (None, None)
+    about["tau"], ahead = (
+        (carry.tau, carry.ahead) if isinstance(carry, FictiveCarry) else (None, None)
+    )
     about["ahead"] = None if ahead is None else encoded(tuple(ahead.parts.values()))
     if isinstance(carry, FictiveCarry):
         carry = carry.inner
     if isinstance(carry, Carry):
         arrays |= {"carry.numbers": carry.numbers, "carry.last": carry.last}
         state: Any = carry.state if about["tau"] is None else tuple(carry.state.parts.values())
-        about["carry"] = {"t0": carry.t0, "h": encoded(carry.h), "step": carry.step, "state": encoded(state)}
+        about["carry"] = {
+            "t0": carry.t0,
+            "h": encoded(carry.h),
+            "step": carry.step,
+            "state": encoded(state),
+        }
         about["carry"]["failures"] = {str(i): str(error) for i, error in carry.failures.items()}
     elif isinstance(carry, AdaptiveCarry):
         arrays |= {"carry.numbers": carry.numbers, "carry.clock": carry.clock}
@@ -84,7 +102,8 @@ def save(run: Any, path: str | os.PathLike[str]) -> None:
 def load(path: str | os.PathLike[str], modules: Sequence[str] = ()) -> dict[str, Any]:
     """Read a run: the fields of a Trajectory.
 
-    modules : names of modules to import for the classes of the user; those that are imported already are found without.
+    modules : names of modules to import for the classes of the user; those that are imported
+    already are found without.
     Raises InvalidInput for files that are damaged, of another kind, or whose classes are not there.
     """
     arrays, about = _unpacked(Path(path))
@@ -114,33 +133,52 @@ def load(path: str | os.PathLike[str], modules: Sequence[str] = ()) -> dict[str,
     for i, names in enumerate(about["events"]):
         cls = decode(about["states"])
         parts = {name: arrays[f"event.{i}.{name}"] for name in names}
-        events.append((arrays[f"event.{i}"], cls(*(parts.get(f.name) for f in dataclasses.fields(cls)))))
+        events.append(
+            (arrays[f"event.{i}"], cls(*(parts.get(f.name) for f in dataclasses.fields(cls))))
+        )
     if "carry" in about:
         kept = about["carry"]
         state = decode(kept["state"])
         if "t" in kept:
-            carry = AdaptiveCarry(arrays["carry.numbers"], arrays["carry.clock"], state, kept["t"], kept["ended"])
+            carry = AdaptiveCarry(
+                arrays["carry.numbers"], arrays["carry.clock"], state, kept["t"], kept["ended"]
+            )
         else:
-            failures: dict[int, Exception | None] = {int(i): IntegrationFailure(text) for i, text in kept["failures"].items()}
+            failures: dict[int, Exception | None] = {
+                int(i): IntegrationFailure(text) for i, text in kept["failures"].items()
+            }
             own = arrays["carry.numbers"], arrays["carry.last"], failures
             carry = Carry(None, kept["t0"], decode(kept["h"]), kept["step"], about["bodies"], *own)
             vars(carry)["state"] = state
         if isinstance(carry, Carry) and origin is not None:
             vars(carry)["state"] = type(example)(*state)
             ahead = decode(about["ahead"])
-            carry = FictiveCarry(origin, carry, None if ahead is None else type(example)(*ahead), about["tau"])
-    reasons = {int(body): (steps, IntegrationFailure(text)) for body, (steps, text) in about["stopped"].items()}
-    fictive = {"tau": arrays["tau"], "z": arrays.get("z"), "origin": origin} if origin is not None else {}
+            carry = FictiveCarry(
+                origin, carry, None if ahead is None else type(example)(*ahead), about["tau"]
+            )
+    reasons = {
+        int(body): (steps, IntegrationFailure(text))
+        for body, (steps, text) in about["stopped"].items()
+    }
+    fictive = (
+        {"tau": arrays["tau"], "z": arrays.get("z"), "origin": origin} if origin is not None else {}
+    )
     return fictive | {
         "system": made,
         "method": method,
         "h": decode(about["h"]),
         "t": arrays["t"],
-        "states": {name.removeprefix("state."): x for name, x in arrays.items() if name.startswith("state.")},
+        "states": {
+            name.removeprefix("state."): x
+            for name, x in arrays.items()
+            if name.startswith("state.")
+        },
         "bodies": about["bodies"],
         "steps": about["steps"],
         "compiled": about["compiled"],
-        "stopped": Stopped({body: steps for body, (steps, _) in reasons.items()}, lambda body: reasons[body][1]),
+        "stopped": Stopped(
+            {body: steps for body, (steps, _) in reasons.items()}, lambda body: reasons[body][1]
+        ),
         "rejected": about["rejected"],
         "dense": dense,
         "events": tuple(events),
@@ -180,11 +218,16 @@ def encoded(value: Any) -> Any:
         cls = type(value)
         fields = {f.name: encoded(getattr(value, f.name)) for f in dataclasses.fields(value)}
         return {"class": f"{cls.__module__}:{cls.__qualname__}", "fields": fields}
-    raise InvalidInput(f"Trajectory.save: {value!r} cannot be saved; records hold numbers, vectors, matrices, texts and records")
+    raise InvalidInput(
+        f"Trajectory.save: {value!r} cannot be saved; records hold "
+        "numbers, vectors, matrices, texts and records"
+    )
 
 
 def decoded(value: Any, modules: frozenset[str], where: str) -> Any:
-    """What was encoded.  Classes are found in liemech, in modules that are imported, and in `modules`; no code of a file runs."""
+    """What was encoded.  Classes are found in liemech, in modules that are imported, and in
+    `modules`; no code of a file runs.
+    """
     if not isinstance(value, dict):
         return value
     (kind, given), *more = value.items()
@@ -203,7 +246,11 @@ def decoded(value: Any, modules: frozenset[str], where: str) -> Any:
             return Complex(*given) if value["as"] == "Complex" else complex(*given)
         case "array":
             dtype = np.dtype(value["dtype"])
-            numbers = np.array(given, dtype=float).view(dtype) if dtype.kind == "c" else np.array(given, dtype=dtype)
+            numbers = (
+                np.array(given, dtype=float).view(dtype)
+                if dtype.kind == "c"
+                else np.array(given, dtype=dtype)
+            )
             return numbers.reshape(value["shape"])
         case "table":
             return Table(given)
@@ -216,9 +263,14 @@ def decoded(value: Any, modules: frozenset[str], where: str) -> Any:
         case "class":
             cls: Any = _class(given, modules, where)
             fields = {name: inside(x) for name, x in dict(more)["fields"].items()}
-            named = {f.name for f in dataclasses.fields(cls)} if dataclasses.is_dataclass(cls) else None
+            named = (
+                {f.name for f in dataclasses.fields(cls)} if dataclasses.is_dataclass(cls) else None
+            )
             if named != set(fields):
-                raise InvalidInput(f"{where}: {cls.__qualname__} no longer has the fields of the file, {', '.join(fields)}")
+                raise InvalidInput(
+                    f"{where}: {cls.__qualname__} no longer has the "
+                    f"fields of the file, {', '.join(fields)}"
+                )
             made: Any = object.__new__(cls)
             if isinstance(made, Record):
                 made.__setstate__(fields)
@@ -239,7 +291,8 @@ def _class(path: str, modules: frozenset[str], where: str) -> Any:
         found = getattr(found, part, None)
     if not isinstance(found, type):
         raise InvalidInput(
-            f"{where}: there is no class {name} in {module}; import the module before, or load the file with modules=[{module!r}]"
+            f"{where}: there is no class {name} in {module}; import the module before, or load the "
+            f"file with modules=[{module!r}]"
         )
     return found
 
@@ -265,7 +318,10 @@ def _unpacked(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
     if not data.startswith(b"PK") and MARK not in data[-40:]:
         raise InvalidInput(f"{path}: is no run saved by liemech")
     if data[-39:-32] != MARK or hashlib.sha256(data[:-32]).digest() != data[-32:]:
-        raise InvalidInput(f"{path}: is damaged or no run saved by liemech: its checksum is not that of its content")
+        raise InvalidInput(
+            f"{path}: is damaged or no run saved by liemech: its "
+            "checksum is not that of its content"
+        )
     with np.load(io.BytesIO(data), allow_pickle=False) as file:
         arrays = {name: file[name] for name in file.files}
     return arrays, _about(path, str(arrays.pop("about")))
@@ -275,12 +331,16 @@ def _about(path: Path, text: str) -> dict[str, Any]:
     """What is told about the arrays."""
     about: dict[str, Any] = json.loads(text)
     if about["format"] != FORMAT:
-        raise InvalidInput(f"{path}: is of format {about['format']}; this liemech reads format {FORMAT}")
+        raise InvalidInput(
+            f"{path}: is of format {about['format']}; this liemech reads format {FORMAT}"
+        )
     return about
 
 
 def _in_hdf5(arrays: dict[str, np.ndarray]) -> bytes:
-    """The bytes of an HDF5 file: a dataset for each array and for what is told about them, and a checksum as attribute."""
+    """The bytes of an HDF5 file: a dataset for each array and for what is told about them, and a
+    checksum as attribute.
+    """
     memory = io.BytesIO()
     with _h5py().File(memory, "w") as file:
         for name, array in arrays.items():
@@ -291,13 +351,16 @@ def _in_hdf5(arrays: dict[str, np.ndarray]) -> bytes:
 
 def _of_hdf5(path: Path, data: bytes) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
     """The arrays of an HDF5 file, and what is told about them."""
-    damaged = InvalidInput(f"{path}: is damaged or no run saved by liemech: its checksum is not that of its content")
+    damaged = InvalidInput(
+        f"{path}: is damaged or no run saved by liemech: its checksum is not that of its content"
+    )
     h5py = _h5py()
     try:
         with h5py.File(io.BytesIO(data), "r") as file:
             arrays = {name: np.asarray(file[name]) for name in file if name != "about"}
             text, checksum = str(file["about"].asstr()[()]), file.attrs["checksum"]
-    except (OSError, KeyError, RuntimeError, ValueError, TypeError):  # what h5py has to say of damaged files
+    # what h5py has to say of damaged files
+    except (OSError, KeyError, RuntimeError, ValueError, TypeError):
         raise damaged from None
     if checksum != _checksum(arrays | {"about": np.array(text)}):
         raise damaged
@@ -308,7 +371,10 @@ def _checksum(arrays: dict[str, np.ndarray]) -> str:
     """One of names, types, shapes and bytes."""
     whole = hashlib.sha256()
     for name, array in sorted(arrays.items()):
-        whole.update(repr((name, array.dtype.str, array.shape)).encode() + np.ascontiguousarray(array).tobytes())
+        whole.update(
+            repr((name, array.dtype.str, array.shape)).encode()
+            + np.ascontiguousarray(array).tobytes()
+        )
     return whole.hexdigest()
 
 

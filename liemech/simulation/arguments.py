@@ -1,4 +1,6 @@
-"""What may be asked of a run: every argument is checked before anything moves, and named when it is refused."""
+"""What may be asked of a run: every argument is checked before anything moves, and named when it is
+refused.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,9 @@ from ..systems.system import State, System
 from .checkpoint import Checkpoint
 
 MOST = 2**53
-"""Counts up to this are exact as floating-point numbers, and so are the times t0 + n h up to rounding."""
+"""Counts up to this are exact as floating-point numbers, and so are the times t0 + n h up to
+rounding.
+"""
 
 
 RTOL, ATOL = 1e-6, 1e-9
@@ -26,40 +30,57 @@ RTOL, ATOL = 1e-6, 1e-9
 
 def matching(system: Any, method: Any) -> None:
     if isinstance(system, Method) and isinstance(method, System):
-        raise InvalidType("integrate: system and method are swapped; write integrate(system, method, start, ...)")
+        raise InvalidType(
+            "integrate: system and method are swapped; write integrate(system, method, start, ...)"
+        )
     if not isinstance(method, Method):
-        cure = f"; write {method.__name__}(...), with the brackets" if isinstance(method, type) else ""
-        raise InvalidType(f"integrate: method must be a method such as RKMK(order=4); got {method!r}{cure}")
+        cure = (
+            f"; write {method.__name__}(...), with the brackets" if isinstance(method, type) else ""
+        )
+        raise InvalidType(
+            f"integrate: method must be a method such as RKMK(order=4); got {method!r}{cure}"
+        )
     if not isinstance(system, System):
-        raise InvalidType(f"integrate: system must be a system such as RigidBody([1.0, 1.5, 2.0]); got {system!r}")
+        raise InvalidType(
+            f"integrate: system must be a system such as RigidBody([1.0, 1.5, 2.0]); got {system!r}"
+        )
     method.require(system)
 
 
 def started(system: Any, start: Any, record: Iterable[str] | None) -> State:
     if not isinstance(start, State):
-        raise InvalidType(f"integrate: start must come from system.state(...); got {type(start).__name__}")
+        raise InvalidType(
+            f"integrate: start must come from system.state(...); got {type(start).__name__}"
+        )
     if not system._knows(start):
         try:
             start = system.state(**start.arrays)
         except TypeError:
             parts = ", ".join(start.arrays)
-            raise InvalidType(f"integrate: start has {parts} and is of another kind of system than {system!r}") from None
+            raise InvalidType(
+                f"integrate: start has {parts} and is of another kind of system than {system!r}"
+            ) from None
     if record is None:
         return start
     least = [name for name, x in system.essential_part(start).parts.items() if x is not None]
-    choices = " or ".join(dict.fromkeys(str(tuple(names)).replace("'", '"') for names in (least, [*start.parts])))
+    choices = " or ".join(
+        dict.fromkeys(str(tuple(names)).replace("'", '"') for names in (least, [*start.parts]))
+    )
     try:
         wanted = (record,) if isinstance(record, str) else tuple(record)
     except TypeError:
         raise InvalidType(f"integrate: record is {choices}; got {record!r}") from None
     if not set(least) <= set(wanted) <= set(start.parts):
         raise InvalidInput(
-            f"integrate: record is {choices}, all else follows from them; or methods of the system such as \"energy\", and "
+            f'integrate: record is {choices}, all else follows from them; or methods of the system such as "energy", and '
             f"functions of time and state; got {record!r}"
         )
     for name in wanted:
         if start.parts[name] is None:
-            raise InvalidInput(f"integrate: record asks for {name}, but the start has none; give system.state a {name}")
+            raise InvalidInput(
+                f"integrate: record asks for {name}, but the start "
+                f"has none; give system.state a {name}"
+            )
     return type(start)(*(x if name in wanted else None for name, x in start.parts.items()))
 
 
@@ -86,7 +107,8 @@ def affordable_times(t0: float, h: float, steps: int) -> None:
     if steps and latest + abs(h) == latest:
         smallest = np.spacing(latest)
         raise InvalidInput(
-            f"integrate: h = {h:g} is lost beside t = {end:g}; the smallest useful step there is {smallest:.1e}"
+            f"integrate: h = {h:g} is lost beside t = {end:g}; the "
+            f"smallest useful step there is {smallest:.1e}"
         )
 
 
@@ -97,7 +119,9 @@ def jumps(breaks: Any) -> tuple[float, ...]:
     given = list(breaks) if hasattr(breaks, "__next__") else breaks
     array = np.atleast_1d(real_array(given, "integrate: breaks")) if np.size(given) else np.empty(0)
     if array.ndim > 1:
-        raise InvalidInput(f"integrate: breaks has shape {array.shape}; it is a list of times, (n,)")
+        raise InvalidInput(
+            f"integrate: breaks has shape {array.shape}; it is a list of times, (n,)"
+        )
     check_finite(array, "integrate: breaks")
     return tuple(sorted(array.tolist()))
 
@@ -115,23 +139,28 @@ def names(record: Any) -> Any:
 def only_adaptive(method: Any, every: int, workers: int) -> None:
     if alike(method):
         raise IncompatibleSystem(
-            f"integrate: {method!r} keeps the structure because all its steps are alike, which an error control would spoil. "
-            "Give h and steps; for adaptive steps take a method with an error estimate, such as RKMK(order=5)"
+            f"integrate: {method!r} keeps the structure because all its steps are alike, which an "
+            "error control would spoil. Give h and steps; for adaptive steps take a method with "
+            "an error estimate, such as RKMK(order=5)"
         )
     if not method.error_order:
         raise IncompatibleSystem(
-            f"integrate: {method!r} has no error estimate to choose steps by. Give h and steps, or take a method with an embedded "
-            "pair, such as RKMK(order=5)"
+            f"integrate: {method!r} has no error estimate to choose steps by. Give h and steps, or "
+            "take a method with an embedded pair, such as RKMK(order=5)"
         )
     for name, value in (("every", every), ("workers", workers)):
         if value != 1:
-            raise InvalidInput(f"integrate: {name} is for steps of one length; adaptive ones have t_eval")
+            raise InvalidInput(
+                f"integrate: {name} is for steps of one length; adaptive ones have t_eval"
+            )
 
 
 def step(h: Any) -> float:
     h = real(h, "h")
     if abs(h) < sys.float_info.min:
-        raise InvalidInput(f"integrate: h = {h:g} is no step; it must not be zero, nor so small that 1/h overflows")
+        raise InvalidInput(
+            f"integrate: h = {h:g} is no step; it must not be zero, nor so small that 1/h overflows"
+        )
     return h
 
 
@@ -141,14 +170,20 @@ def steps(h: Any) -> float | tuple[float, ...]:
         return step(h)
     array = real_array(h, "integrate: h")
     if array.ndim != 1 or not len(array):
-        raise InvalidInput(f"integrate: h has shape {array.shape}; it is one number, or one for each body, (bodies,)")
+        raise InvalidInput(
+            f"integrate: h has shape {array.shape}; it is one "
+            "number, or one for each body, (bodies,)"
+        )
     return tuple([step(x) for x in array.tolist()])
 
 
 def tolerance(value: Any, name: str, default: float) -> float:
     value = default if value is None else real(value, name)
     if value < 0.0 or (name == "rtol" and value == 0.0):
-        raise InvalidInput(f"integrate: {name} must be positive{'' if name == 'rtol' else ' or zero'}; got {value:g}")
+        raise InvalidInput(
+            f"integrate: {name} must be "
+            f"positive{'' if name == 'rtol' else ' or zero'}; got {value:g}"
+        )
     least = 100 * sys.float_info.epsilon
     if name == "rtol" and value < least:
         warn(f"integrate: rtol = {value:g} is below rounding; {least:.1e} is used", RuntimeWarning)
@@ -161,50 +196,80 @@ def times(t_eval: Any, t0: float, t_end: float) -> np.ndarray | None:
         return None
     times = np.array(real_array(t_eval, "integrate: t_eval"))
     if times.ndim != 1:
-        raise InvalidInput(f"integrate: t_eval has shape {times.shape}; it is a list of times, (n,)")
+        raise InvalidInput(
+            f"integrate: t_eval has shape {times.shape}; it is a list of times, (n,)"
+        )
     check_finite(times, "integrate: t_eval")
     low, high = min(t0, t_end), max(t0, t_end)
     margin = 4.0 * sys.float_info.epsilon * max(abs(low), abs(high))
     outside = (times < low - margin) | (times > high + margin)
     if outside.any():
-        raise InvalidInput(f"integrate: t_eval has t = {times[outside][0]:g}, which is not between {low:g} and {high:g}")
+        raise InvalidInput(
+            f"integrate: t_eval has t = {times[outside][0]:g}, "
+            f"which is not between {low:g} and {high:g}"
+        )
     times = np.clip(times, low, high)
     if (np.diff(times) * (t_end - t0) < 0).any():
         raise InvalidInput("integrate: t_eval must be sorted in the direction of time")
     return times
 
 
-def ends_and_times(t_end: Any, t_eval: Any, t0: float, bodies: int) -> tuple[list[float], np.ndarray]:
-    """The last time of each body of an ensemble, and the times of samples: (n,), or (n, bodies) with those of each."""
+def ends_and_times(
+    t_end: Any, t_eval: Any, t0: float, bodies: int
+) -> tuple[list[float], np.ndarray]:
+    """The last time of each body of an ensemble, and the times of samples: (n,), or (n, bodies)
+    with those of each.
+    """
     many = np.ndim(t_end) > 0
     if many and np.shape(t_end) != (bodies,):
-        raise InvalidInput(f"integrate: t_end has shape {np.shape(t_end)}; it is one time, or one for each of {bodies} bodies")
+        raise InvalidInput(
+            f"integrate: t_end has shape {np.shape(t_end)}; it is one "
+            f"time, or one for each of {bodies} bodies"
+        )
     ends = [real(t, "t_end") for t in t_end] if many else [real(t_end, "t_end")] * bodies
     if t_eval is None:
         return ends, np.array([[t0] * bodies, ends]) if many else np.array([t0, ends[0]])
     asked = np.array(real_array(t_eval, "integrate: t_eval"))
     if asked.ndim == 2 and asked.shape[1] != bodies:
-        raise InvalidInput(f"integrate: t_eval has shape {asked.shape}; it is (n,), or (n, {bodies}) with a column for each body")
+        raise InvalidInput(
+            f"integrate: t_eval has shape {asked.shape}; it is (n,), or "
+            f"(n, {bodies}) with a column for each body"
+        )
     if asked.ndim != 2:
         found = [times(asked, t0, end) for end in dict.fromkeys(ends)]
         return ends, np.array(found[0])
-    return ends, np.stack([np.array(times(column, t0, end)) for column, end in zip(asked.T, ends, strict=True)], axis=1)
+    return ends, np.stack(
+        [np.array(times(column, t0, end)) for column, end in zip(asked.T, ends, strict=True)],
+        axis=1,
+    )
 
 
 def events(events: Any) -> tuple[Any, ...]:
     try:
         functions = (events,) if callable(events) else tuple(events)
     except TypeError:
-        raise InvalidType(f"integrate: events are functions of t and state; got {events!r}") from None
+        raise InvalidType(
+            f"integrate: events are functions of t and state; got {events!r}"
+        ) from None
     for event in functions:
         if not callable(event):
             raise InvalidType(f"integrate: events are functions of t and state; got {event!r}")
         terminal, direction = getattr(event, "terminal", None), getattr(event, "direction", 0.0)
-        if terminal is not None and (not isinstance(terminal, (bool, np.bool_, int, np.integer)) or terminal < 0):
+        if terminal is not None and (
+            not isinstance(terminal, (bool, np.bool_, int, np.integer)) or terminal < 0
+        ):
             wanted = "True, False, or the number of its zeros at which the run ends"
-            raise InvalidInput(f"integrate: the `terminal` of an event is {wanted}; got {terminal!r}")
-        if isinstance(direction, bool) or not isinstance(direction, (int, float, np.number)) or direction != direction:
-            raise InvalidInput(f"integrate: the `direction` of an event is +1, -1 or 0; got {direction!r}")
+            raise InvalidInput(
+                f"integrate: the `terminal` of an event is {wanted}; got {terminal!r}"
+            )
+        if (
+            isinstance(direction, bool)
+            or not isinstance(direction, (int, float, np.number))
+            or direction != direction
+        ):
+            raise InvalidInput(
+                f"integrate: the `direction` of an event is +1, -1 or 0; got {direction!r}"
+            )
     return functions
 
 
@@ -229,7 +294,9 @@ def count(value: Any, name: str, least: int) -> int:
     if isinstance(value, (bool, np.bool_)) or not isinstance(value, (int, np.integer)):
         raise InvalidType(f"integrate: {name} must be a whole number; got {value!r}")
     if not least <= value <= MOST:
-        raise InvalidInput(f"integrate: {name} must be at least {least} and at most 2**53; got {value}")
+        raise InvalidInput(
+            f"integrate: {name} must be at least {least} and at most 2**53; got {value}"
+        )
     return int(value)
 
 
@@ -241,19 +308,27 @@ def choice(value: Any, name: str) -> None:
 def digits(precision: Any, compensated: Any) -> None:
     """The numbers of the steps are of one double or of two."""
     if precision not in ("double", "double-double"):
-        raise InvalidInput(f"integrate: precision is 'double' or 'double-double'; got {precision!r}")
+        raise InvalidInput(
+            f"integrate: precision is 'double' or 'double-double'; got {precision!r}"
+        )
     if precision == "double-double" and compensated is not None:
-        raise InvalidInput("integrate: numbers of two doubles need no compensated sums; leave compensated out")
+        raise InvalidInput(
+            "integrate: numbers of two doubles need no compensated sums; leave compensated out"
+        )
 
 
 def checkpoint(path: Any, seconds: Any) -> Checkpoint | None:
     """Where and how often a run is saved, if it is."""
     if path is None:
         return None
-    if not isinstance(path, (str, os.PathLike)) or not os.path.isdir(os.path.dirname(os.fspath(path)) or ".") or (
-        os.path.isdir(path)
+    if (
+        not isinstance(path, (str, os.PathLike))
+        or not os.path.isdir(os.path.dirname(os.fspath(path)) or ".")
+        or (os.path.isdir(path))
     ):
-        raise InvalidInput(f"integrate: checkpoint is the name of a file in a folder that exists; got {path!r}")
+        raise InvalidInput(
+            f"integrate: checkpoint is the name of a file in a folder that exists; got {path!r}"
+        )
     seconds = real(seconds, "checkpoint_every")
     if seconds < 0.0:
         raise InvalidInput(f"integrate: checkpoint_every is a number of seconds; got {seconds:g}")

@@ -20,15 +20,24 @@ TURNS = 60
 ULP = 2.0**-52
 
 
-def arrive(method: Any, system: Any, shown: Any, h: float, count: int, given: Any, out: Any, failures: Any) -> None:
-    """The driver: from each of many samples, steps until a given time is passed, and instead of the last one a shorter one to it.
+def arrive(
+    method: Any, system: Any, shown: Any, h: float, count: int, given: Any, out: Any, failures: Any
+) -> None:
+    """The driver: from each of many samples, steps until a given time is passed, and instead of the
+    last one a shorter one to it.
 
-    given : for each the sample and the time.  out : the sample then, the fictive time that went by, and 1 (0 if a step failed).
+    given : for each the sample and the time.  out : the sample then, the fictive time that went by,
+    and 1 (0 if a step failed).
     """
     for k in range(count):
         at = k * (shown.width + 1)
         trial = attempt(
-            arrived, method, system, read(given, at, shown), h, read(given, at + shown.width, NUMBER)
+            arrived,
+            method,
+            system,
+            read(given, at, shown),
+            h,
+            read(given, at + shown.width, NUMBER),
         )
         good = accepted(trial, itself)
         at = k * (shown.width + 2)
@@ -59,7 +68,8 @@ def arrived(method: Any, system: Any, sample: Any, h: float, target: float) -> t
 def landed(method: Any, system: Any, memory: Any, h: float, target: float) -> tuple[Any, float]:
     """The sample at the time `target`, at most a step away, and the length s of the step there.
 
-    The time after a step grows with its length; the secant method finds s, halving where it leaves what is left of the interval.
+    The time after a step grows with its length; the secant method finds s, halving where it leaves
+    what is left of the interval.
     Source: Dahlquist and Bjorck, Numerical Methods, section 6.4.
     """
     found = rounded(method.observe(memory))
@@ -89,7 +99,8 @@ def landed(method: Any, system: Any, memory: Any, h: float, target: float) -> tu
 
 @dataclass(frozen=True, eq=False)
 class FictiveMotion(Between):
-    """The motion between the samples of a run: from the last one before, steps of the method, the last of them shorter.
+    """The motion between the samples of a run: from the last one before, steps of the method, the
+    last of them shorter.
 
     So the state at a time is that of a run that ends there, up to rounding.
     """
@@ -104,16 +115,23 @@ class FictiveMotion(Between):
     compiled: bool | None
 
     def numbers(self, times: np.ndarray) -> np.ndarray:
-        """At each of these times the numbers of the state with its clock, and the fictive time since the sample, (m, width + 1)."""
+        """At each of these times the numbers of the state with its clock, and the fictive time
+        since the sample, (m, width + 1).
+        """
         t = self.t
         inside = (times >= min(t[0], t[-1])) & (times <= max(t[0], t[-1]))
         if not inside.all():
-            raise InvalidInput(f"t = {times[~inside][0]:g} is outside the run, which goes from {t[0]:g} to {t[-1]:g}")
+            raise InvalidInput(
+                f"t = {times[~inside][0]:g} is outside the run, "
+                f"which goes from {t[0]:g} to {t[-1]:g}"
+            )
         sign = 1.0 if self.h > 0.0 else -1.0
         last = np.searchsorted(sign * t, sign * times, "right") - 1
         found = np.concatenate([self.points[last], np.zeros((len(times), 1))], axis=1)
         away = np.flatnonzero(times != t[last])
-        found[away] = self._moved(np.concatenate([self.points[last[away]], times[away, None]], axis=1))
+        found[away] = self._moved(
+            np.concatenate([self.points[last[away]], times[away, None]], axis=1)
+        )
         return found
 
     def _moved(self, given: np.ndarray) -> np.ndarray:
@@ -135,7 +153,9 @@ class FictiveMotion(Between):
             found[done] = out
             done += 1
         for k in np.flatnonzero(found[:, -1] == 0.0).tolist():
-            arrive(*arguments, 1, np.ascontiguousarray(given[k]), np.empty(shown.width + 2), failures)
+            arrive(
+                *arguments, 1, np.ascontiguousarray(given[k]), np.empty(shown.width + 2), failures
+            )
             error = failures[0]
             if is_mistake(error):
                 raise error
@@ -165,4 +185,6 @@ class FictiveMotion(Between):
 
     def _small(self, numbers: np.ndarray) -> Any:
         states = self._own(numbers)
-        return self.kind(*(small(states[n][0]) if n in states else None for n in self.kind.__dataclass_fields__))
+        return self.kind(
+            *(small(states[n][0]) if n in states else None for n in self.kind.__dataclass_fields__)
+        )

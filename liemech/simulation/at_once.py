@@ -19,16 +19,20 @@ from .stopped import NONE
 from .trajectory import Trajectory
 
 LONGEST, LARGEST = 2**23, 2**24
-"""Steps of such a run, each counted as the square of the numbers it carries along, and numbers of its samples at most.
+"""Steps of such a run, each counted as the square of the numbers it carries along, and numbers of
+its samples at most.
 
-A step costs about as many nanoseconds as that square: native code comes back in milliseconds, and then Ctrl-C is heard.
+A step costs about as many nanoseconds as that square: native code comes back in milliseconds, and
+then Ctrl-C is heard.
 """
 
 
 def at_once(plan: Steps, start: State | Carry, steps: int, t0: float) -> Trajectory | None:
-    """The run from a start at t0, or from where another one stands; None if there is more to do than to step.
+    """The run from a start at t0, or from where another one stands; None if there is more to do
+    than to step.
 
-    That is `FixedRun`'s: what is not prepared yet, ensembles, samples in the middle of `every`, progress bars, steps that fail.
+    That is `FixedRun`'s: what is not prepared yet, ensembles, samples in the middle of `every`,
+    progress bars, steps that fail.
     """
     every, step = plan.every, 0
     if steps <= 0 or steps % every or plan.progress or start.bodies is not None:
@@ -38,7 +42,11 @@ def at_once(plan: Steps, start: State | Carry, steps: int, t0: float) -> Traject
         return None
     shape.stepping.again()
     carried, shown, samples = shape.carried, shape.sampled, steps // every
-    if shape.stepping.native is None or steps * carried * carried > LONGEST or samples * shown > LARGEST:
+    if (
+        shape.stepping.native is None
+        or steps * carried * carried > LONGEST
+        or samples * shown > LARGEST
+    ):
         return None
     memory = np.empty(carried + (samples + 1) * shown)  # what is carried along, and the samples
     if isinstance(start, Carry):
@@ -50,13 +58,19 @@ def at_once(plan: Steps, start: State | Carry, steps: int, t0: float) -> Traject
     shape.native_steps(t0, plan.h, step, every, samples, place, place + 8 * (carried + shown))
     if step % every or memory.item(carried - 1) != reached:
         return None
-    return Trajectory.promised(functools.partial(_fields, plan, shape, memory, t0, step, steps), compiled=True)
+    return Trajectory.promised(
+        functools.partial(_fields, plan, shape, memory, t0, step, steps), compiled=True
+    )
 
 
 def advanced(plan: Steps, carry: Carry, steps: int) -> Carry:
     """Where a run stands some steps later, without samples between."""
     shape: Any = carry.shape
-    short = plan.owns(shape) and carry.bodies is None and steps * shape.carried * shape.carried <= LONGEST
+    short = (
+        plan.owns(shape)
+        and carry.bodies is None
+        and steps * shape.carried * shape.carried <= LONGEST
+    )
     if short and shape.stepping.native is not None:
         carried, reached = shape.carried, carry.step + steps
         memory = np.empty(carried + shape.sampled)
@@ -64,12 +78,19 @@ def advanced(plan: Steps, carry: Carry, steps: int) -> Carry:
         place = address(memory)
         shape.native_steps(carry.t0, carry.h, carry.step, steps, 1, place, place + 8 * carried)
         if memory.item(carried - 1) == reached:
-            return Carry(shape, carry.t0, carry.h, reached, None, memory[:carried], memory[carried:])
-    return FixedRun(dataclasses.replace(plan, every=steps), carry, steps).trajectory().carry  # of a failing step it says why
+            return Carry(
+                shape, carry.t0, carry.h, reached, None, memory[:carried], memory[carried:]
+            )
+    # of a failing step it says why
+    return FixedRun(dataclasses.replace(plan, every=steps), carry, steps).trajectory().carry
 
 
-def _fields(plan: Steps, shape: Shape, memory: np.ndarray, t0: float, step: int, steps: int) -> dict[str, Any]:
-    """Of a run from some step on, what its memory tells; times and states are views of what the steps have written."""
+def _fields(
+    plan: Steps, shape: Shape, memory: np.ndarray, t0: float, step: int, steps: int
+) -> dict[str, Any]:
+    """Of a run from some step on, what its memory tells; times and states are views of what the
+    steps have written.
+    """
     carried, shown, h = shape.carried, shape.sampled, plan.h
     return {
         "system": plan.system,

@@ -16,11 +16,15 @@ from .prepared import Shape
 
 @dataclasses.dataclass(eq=False)
 class Carry:
-    """Where a run stands, with all that its method carries along: from here it goes on as if it had never stopped.
+    """Where a run stands, with all that its method carries along: from here it goes on as if it had
+    never stopped.
 
-    t0, h, step : the time is t0 + step h; h is one for each body if they have steps of their own.  bodies : of an ensemble.
-    numbers : (width + 1,) or (width + 1, bodies), of what the method carries along, and the steps taken.
-    last : the numbers of the state.  failures : what ended bodies that stopped.  Nothing of it is changed, ever.
+    t0, h, step : the time is t0 + step h; h is one for each body if they have steps of their own.
+    bodies : of an ensemble.
+    numbers : (width + 1,) or (width + 1, bodies), of what the method carries along, and the steps
+    taken.
+    last : the numbers of the state.  failures : what ended bodies that stopped.  Nothing of it is
+    changed, ever.
     """
 
     shape: Shape | None = dataclasses.field(repr=False)
@@ -47,13 +51,17 @@ class Carry:
         return type(shape.example)(*(parts.get(name) for name in shape.example.parts))
 
     def __getstate__(self) -> dict[str, Any]:
-        """The numbers, and the state instead of layouts and native code, which the plan that goes on has."""
+        """The numbers, and the state instead of layouts and native code, which the plan that goes
+        on has.
+        """
         return vars(self) | {"state": self.state, "shape": None}
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class AdaptiveCarry:
-    """Where a run with adaptive steps stands: state and velocity, clock and controller; which event ended it, if one did."""
+    """Where a run with adaptive steps stands: state and velocity, clock and controller; which event
+    ended it, if one did.
+    """
 
     numbers: np.ndarray = dataclasses.field(repr=False)
     clock: np.ndarray = dataclasses.field(repr=False)

@@ -12,7 +12,8 @@ SHARE = 0.05
 
 
 class Checkpoint:
-    """Where and how often a run is written: every so many seconds, and less often if writing takes long.
+    """Where and how often a run is written: every so many seconds, and less often if writing takes
+    long.
 
     shown : of a run as it is made the one that is written.
     """

@@ -17,10 +17,14 @@ from ..formulas.pytree import NUMBER, build, layout_of, leaves, rounded
 from .execution import Execution
 
 
-def along(retraction: Any, system: Any, point: Any, curve: Any, given: Any, out: Any, failures: Any) -> None:
-    """The driver: a state, moved along its step by Omega(theta) = theta (p_1 + theta (p_2 + ...)), 0 <= theta <= 1.
+def along(
+    retraction: Any, system: Any, point: Any, curve: Any, given: Any, out: Any, failures: Any
+) -> None:
+    """The driver: a state, moved along its step by Omega(theta) = theta (p_1 + theta (p_2 + ...)),
+    0 <= theta <= 1.
 
-    Behind the state, out has a one; a zero tells that a formula failed.  failures : None, or a list for what it raised.
+    Behind the state, out has a one; a zero tells that a formula failed.  failures : None, or a list
+    for what it raised.
     """
     state = read(given, 0, point)
     coefficients = read(given, point.width, curve)
@@ -30,7 +34,9 @@ def along(retraction: Any, system: Any, point: Any, curve: Any, given: Any, out:
 
 
 def short_step(method: Any, system: Any, point: Any, given: Any, out: Any, failures: Any) -> None:
-    """The driver: one step of any length, from a state and a time.  Behind the state, out has a one; or a zero, as in `along`."""
+    """The driver: one step of any length, from a state and a time.  Behind the state, out has a
+    one; or a zero, as in `along`.
+    """
     state = read(given, 0, point)
     t, h = read(given, point.width, NUMBER), read(given, point.width + 1, NUMBER)
     moved = attempt(_stepped, method, system, t, state, h)
@@ -38,7 +44,9 @@ def short_step(method: Any, system: Any, point: Any, given: Any, out: Any, failu
 
 
 def told(moved: Any, point: Any, out: Any, failures: Any) -> None:
-    """The end of a driver: the state that came of an attempt, and behind it whether it went through."""
+    """The end of a driver: the state that came of an attempt, and behind it whether it went
+    through.
+    """
     good = accepted(moved, itself, point)
     if any_body(good):
         write(out, 0, moved, point)
@@ -63,7 +71,8 @@ def one_or_many(times: Any) -> np.ndarray:
 class Between:
     """A motion between the ends of its steps; abstract.
 
-    A subclass has the ends of the steps, `t`, (n + 1,), the numbers of the states there, `points`, (n + 1, width), and `moved`.
+    A subclass has the ends of the steps, `t`, (n + 1,), the numbers of the states there, `points`,
+    (n + 1, width), and `moved`.
     example : a state.  wanted : False for plain Python only.
     """
 
@@ -77,17 +86,26 @@ class Between:
         raise NotImplementedError
 
     def numbers(self, times: np.ndarray) -> np.ndarray:
-        """The numbers of the states at these times, (m, width).  Raises InvalidInput for times outside the run."""
+        """The numbers of the states at these times, (m, width).  Raises InvalidInput for times
+        outside the run.
+        """
         t, forward = self.t, self.t[-1] >= self.t[0]
         low, high = min(t[0], t[-1]), max(t[0], t[-1])
         margin = 4.0 * np.finfo(float).eps * max(abs(low), abs(high))
         inside = (times >= low - margin) & (times <= high + margin)
         if not inside.all():
-            raise InvalidInput(f"t = {times[~inside][0]:g} is outside the run, which goes from {t[0]:g} to {t[-1]:g}")
+            raise InvalidInput(
+                f"t = {times[~inside][0]:g} is outside the run, "
+                f"which goes from {t[0]:g} to {t[-1]:g}"
+            )
         times = np.clip(times, low, high)
         if len(t) == 1:
             return np.repeat(self.points, len(times), axis=0)
-        step = np.clip(np.searchsorted(t if forward else -t, times if forward else -times, "right") - 1, 0, len(t) - 2)
+        step = np.clip(
+            np.searchsorted(t if forward else -t, times if forward else -times, "right") - 1,
+            0,
+            len(t) - 2,
+        )
         found = self.points[step + (times == t[step + 1])]  # at the ends of steps, to the bit
         between = (times != t[step]) & (times != t[step + 1])
         if between.any():
@@ -99,7 +117,9 @@ class Between:
         at = one_or_many(times)
         arrays = unpacked(layout_of(self.example), self.numbers(np.atleast_1d(at).ravel()))
         one = 0 if at.ndim == 0 else slice(None)
-        return type(self.example)(*(arrays[name][one] if name in arrays else None for name in self.example.parts))
+        return type(self.example)(
+            *(arrays[name][one] if name in arrays else None for name in self.example.parts)
+        )
 
     def state(self, t: float) -> Any:
         """The state at a time as formulas take it."""
@@ -112,9 +132,11 @@ class Between:
 
 @dataclass(frozen=True, eq=False)
 class DenseOutput(Between):
-    """The motion as a continuous function of time: in every step a polynomial in the algebra, carried to the group.
+    """The motion as a continuous function of time: in every step a polynomial in the algebra,
+    carried to the group.
 
-    rows : (n + 1, ...) of every end of a step the time, the state, and the coefficients of the way there.
+    rows : (n + 1, ...) of every end of a step the time, the state, and the coefficients of the way
+    there.
     order : of accuracy, between the steps.
     """
 
@@ -152,7 +174,8 @@ class DenseOutput(Between):
 
 @dataclass(frozen=True, eq=False)
 class ShortSteps(Between):
-    """The motion between steps of one length: from the last end of a step, a shorter step of the method itself.
+    """The motion between steps of one length: from the last end of a step, a shorter step of the
+    method itself.
 
     order : of accuracy: a single step more at the end of many changes little.
     """
@@ -171,10 +194,17 @@ class ShortSteps(Between):
 
     def moved(self, step: np.ndarray, times: np.ndarray) -> np.ndarray:
         begun = self.t[step]
-        given = np.concatenate([self.points[step], begun[:, None], (times - begun)[:, None]], axis=1)
+        given = np.concatenate(
+            [self.points[step], begun[:, None], (times - begun)[:, None]], axis=1
+        )
         point = layout_of(self.example)
-        what = repr(self.method), lambda k: f"the shorter step from t = {begun[k]:g} to t = {times[k]:g}"
-        return evaluated(short_step, (self.method, self.system, point), given, point.width, self.wanted, what)
+        what = (
+            repr(self.method),
+            lambda k: f"the shorter step from t = {begun[k]:g} to t = {times[k]:g}",
+        )
+        return evaluated(
+            short_step, (self.method, self.system, point), given, point.width, self.wanted, what
+        )
 
 
 def evaluated(
@@ -185,14 +215,17 @@ def evaluated(
     wanted: bool | None,
     what: tuple[str, Callable[[int], str]] = ("dense output", lambda k: "between two steps"),
 ) -> np.ndarray:
-    """What a driver makes of every row of numbers, (m, width): in plain Python until native code pays.
+    """What a driver makes of every row of numbers, (m, width): in plain Python until native code
+    pays.
 
     what : what has failed if a row does, and where, by the number of the row.
     """
     many = len(given)
     native = wanted is not False and kernel.available() is None
     lanes, array = kernel.lanes() if native else 1, np.empty((1, 1))
-    execution = Execution(None if native else False, None, driver, *arguments, array, array, None, lanes=lanes)
+    execution = Execution(
+        None if native else False, None, driver, *arguments, array, array, None, lanes=lanes
+    )
     columns = -(-many // lanes) * lanes
     found, done = np.empty((columns, width + 1)), 0
     while done < many and not execution.ready(done / many):
@@ -214,17 +247,28 @@ def evaluated(
 
 
 def _one(
-    driver: Any, arguments: tuple[Any, ...], given: np.ndarray, out: np.ndarray, what: tuple[str, Callable[[int], str]], k: int
+    driver: Any,
+    arguments: tuple[Any, ...],
+    given: np.ndarray,
+    out: np.ndarray,
+    what: tuple[str, Callable[[int], str]],
+    k: int,
 ) -> None:
     failures: list[Exception | None] = []
     driver(*arguments, given, out, failures)
     if failures:
         error = failures[0]
-        raise error if error is not None and is_mistake(error) else failure(error, what[0], what[1](k))
+        raise (
+            error
+            if error is not None and is_mistake(error)
+            else failure(error, what[0], what[1](k))
+        )
 
 
 def unpacked(layout: Any, numbers: np.ndarray) -> dict[str, np.ndarray]:
-    """Numbers of states, (..., width), as the parts of the state by name: views, of complex numbers perhaps copies."""
+    """Numbers of states, (..., width), as the parts of the state by name: views, of complex numbers
+    perhaps copies.
+    """
     arrays, at = {}, 0
     for name, inner in zip(layout.detail[1], layout.parts, strict=True):
         if inner.width:
@@ -245,7 +289,9 @@ def _form(layout: Any) -> tuple[tuple[int, ...], bool]:
 
 
 def flat(arrays: dict[str, np.ndarray], count: int) -> np.ndarray:
-    """The numbers of many states, (count, width), from the parts of the state by name; a complex number is two."""
+    """The numbers of many states, (count, width), from the parts of the state by name; a complex
+    number is two.
+    """
     parts = [np.ascontiguousarray(x) for x in arrays.values()]
     real = [x.view(float) if np.iscomplexobj(x) else x.astype(float, copy=False) for x in parts]
     rows = [x.reshape(count, -1) for x in real]

@@ -14,15 +14,19 @@ FEW = 8
 
 
 SMALL = 0.1
-"""A constant smaller than this part of its terms owes its size to their cancelling; its changes are told beside the terms."""
+"""A constant smaller than this part of its terms owes its size to their cancelling; its changes are
+told beside the terms.
+"""
 
 
 @dataclass(frozen=True)
 class Kept:
-    """How well one quantity was kept: its size, the largest change, that at the end, the trend, and how sure the trend is.
+    """How well one quantity was kept: its size, the largest change, that at the end, the trend, and
+    how sure the trend is.
 
-    size : at the start.  scale : what changes are divided by: the size, or that of the terms the quantity is the sum of where these
-    nearly cancel; 0 if changes are absolute, because everything is zero at the start.
+    size : at the start.  scale : what changes are divided by: the size, or that of the terms the
+    quantity is the sum of where these nearly cancel; 0 if changes are absolute, because everything
+    is zero at the start.
     """
 
     name: str
@@ -39,8 +43,9 @@ class Kept:
     def verdict(self) -> str:
         """What can be said of it:
 
-        `exact` (rounding only), `bounded` (oscillates), `drifting` (the trend dominates), `lost` (the run ends with a change as
-        large as the quantity itself, and no trend explains it), or `changed` (who knows).
+        `exact` (rounding only), `bounded` (oscillates), `drifting` (the trend dominates), `lost`
+        (the run ends with a change as large as the quantity itself, and no trend explains it), or
+        `changed` (who knows).
         """
         if self.largest <= 1e-12:
             return "exact"
@@ -48,18 +53,27 @@ class Kept:
             return "changed"
         if abs(self.slope) * self.duration > 4.0 * self.spread:
             return "drifting"
-        return "lost" if self.scale and self.largest >= 1.0 and self.last >= 0.5 * self.largest else "bounded"
+        return (
+            "lost"
+            if self.scale and self.largest >= 1.0 and self.last >= 0.5 * self.largest
+            else "bounded"
+        )
 
     @property
     def measure(self) -> str:
         """Whether changes are relative, and to what, or absolute."""
         if not self.scale:
             return "absolute"
-        cancelling = "" if self.scale == self.size else f", the size of its terms; it is {self.size:.1e}"
+        cancelling = (
+            "" if self.scale == self.size else f", the size of its terms; it is {self.size:.1e}"
+        )
         return f"relative to {self.scale:.6g}{cancelling}"
 
     def __str__(self) -> str:
-        trends = {"drifting": f"; {self.slope:+.1e} per unit time", "changed": "; too few samples for a trend"}
+        trends = {
+            "drifting": f"; {self.slope:+.1e} per unit time",
+            "changed": "; too few samples for a trend",
+        }
         trend = trends.get(self.verdict, "")
         return f"{self.name:<18}{self.verdict:<10}largest change {self.largest:.1e} ({self.measure}){trend}"
 
@@ -75,8 +89,11 @@ class Drift:
     kept: tuple[Kept, ...]
 
     @classmethod
-    def of(cls, system: System, t: np.ndarray, states: dict[str, np.ndarray], bodies: int | None = None) -> Drift:
-        """Measure what the system names as constant, of a body energy, Casimirs and spatial momentum, along samples of a motion.
+    def of(
+        cls, system: System, t: np.ndarray, states: dict[str, np.ndarray], bodies: int | None = None
+    ) -> Drift:
+        """Measure what the system names as constant, of a body energy, Casimirs and spatial
+        momentum, along samples of a motion.
 
         t : (n,), or of bodies with times of their own (n, bodies).
         states : the parts of the state by name, (n, ...), of an ensemble (n, bodies, ...).
@@ -89,16 +106,27 @@ class Drift:
         def flat(values: np.ndarray) -> np.ndarray:
             return values.reshape(*values.shape[:axes], -1)
 
-        return cls(tuple(_kept(name, t, flat(values), flat(terms[name])) for name, values in series.items()))
+        return cls(
+            tuple(
+                _kept(name, t, flat(values), flat(terms[name])) for name, values in series.items()
+            )
+        )
 
     @classmethod
-    def recorded(cls, series: dict[str, np.ndarray], t: np.ndarray, bodies: int | None = None) -> Drift:
+    def recorded(
+        cls, series: dict[str, np.ndarray], t: np.ndarray, bodies: int | None = None
+    ) -> Drift:
         """The same of quantities whose values were recorded, (n, ...), without the state."""
         if len(t) < 2:
             raise InvalidInput("Trajectory.drift needs at least two samples")
         axes = 1 + (bodies is not None)
         flat = {name: values.reshape(*values.shape[:axes], -1) for name, values in series.items()}
-        return cls(tuple(_kept(name, t, values, np.abs(values)[_some(len(t))]) for name, values in flat.items()))
+        return cls(
+            tuple(
+                _kept(name, t, values, np.abs(values)[_some(len(t))])
+                for name, values in flat.items()
+            )
+        )
 
     def __getitem__(self, name: str) -> Kept:
         for kept in self.kept:
@@ -114,7 +142,8 @@ class Drift:
 def constants_and_terms(
     system: System, states: dict[str, np.ndarray], n: int
 ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-    """The constants at all n samples; how large their terms are, sum_i |x_i dC/dx_i|, at the start, half-way and at the end.
+    """The constants at all n samples; how large their terms are, sum_i |x_i dC/dx_i|, at the start,
+    half-way and at the end.
 
     All are computed at once, for the samples and for some with one coordinate varied.
     """
@@ -141,12 +170,16 @@ def _some(samples: int) -> list[int]:
 
 
 def _kept(name: str, t: np.ndarray, values: np.ndarray, terms: np.ndarray) -> Kept:
-    """The change of a vector quantity along a run: its largest norm, and by least squares a straight line through it."""
-    _, exponent = np.frexp(np.abs(values).max(axis=(0, -1)))  # a power of two as unit: then no square under- or overflows
+    """The change of a vector quantity along a run: its largest norm, and by least squares a
+    straight line through it.
+    """
+    # a power of two as unit: then no square under- or overflows
+    _, exponent = np.frexp(np.abs(values).max(axis=(0, -1)))
     values, terms = (np.ldexp(x, -exponent[..., None]) for x in (values, terms))
     size, sums = np.linalg.norm(values[0], axis=-1), np.linalg.norm(terms, axis=-1)
     changes = np.linalg.norm(values[_some(len(t))] - values[0], axis=-1)
-    sum_of_terms = np.where(changes <= SMALL * sums, sums, 0.0).max(axis=0)  # not where the motion has been left
+    # not where the motion has been left
+    sum_of_terms = np.where(changes <= SMALL * sums, sums, 0.0).max(axis=0)
     scale = np.where(size > SMALL * sum_of_terms, size, sum_of_terms)
     unit = np.where(scale > 0.0, scale, np.ldexp(1.0, -exponent))
     change = (values - values[0]) / unit[..., None]
@@ -161,4 +194,14 @@ def _kept(name: str, t: np.ndarray, values: np.ndarray, terms: np.ndarray) -> Ke
     slope = float(time @ component / (time @ time))
     spread = float(np.std(component - slope * time))
     size, scale = (float(np.ldexp(x, exponent)[worst]) for x in (size, scale))
-    return Kept(name, size, scale, float(largest.max()), slope, spread, float(abs(t[-1] - t[0])), len(t), last)
+    return Kept(
+        name,
+        size,
+        scale,
+        float(largest.max()),
+        slope,
+        spread,
+        float(abs(t[-1] - t[0])),
+        len(t),
+        last,
+    )

@@ -16,10 +16,13 @@ Event = Callable[[float, Any], float]
 class Watch:
     """Watches the events of one run.
 
-    found : of every event the times and the numbers of the states, in the order in which the motion meets them.
+    found : of every event the times and the numbers of the states, in the order in which the motion
+    meets them.
     """
 
-    def __init__(self, events: tuple[Event, ...], ended: Callable[[Any], Any], t: float, state: Any) -> None:
+    def __init__(
+        self, events: tuple[Event, ...], ended: Callable[[Any], Any], t: float, state: Any
+    ) -> None:
         self.events, self._ended = events, ended
         self.looked = 0  # how many of the last steps have been looked at
         self.ended: int | None = None  # by which event
@@ -30,7 +33,8 @@ class Watch:
     def look(self, motion: Between) -> tuple[int, float, np.ndarray] | None:
         """Look at some steps, which go on where the last ones ended.
 
-        Returns, if a terminal event ends the run, the number of the step in which it does, the time, and the numbers of the state.
+        Returns, if a terminal event ends the run, the number of the step in which it does, the
+        time, and the numbers of the state.
         """
         for k, (a, b) in enumerate(zip(motion.t[:-1].tolist(), motion.t[1:].tolist(), strict=True)):
             self.looked = k
@@ -38,7 +42,11 @@ class Watch:
             for i, (event, old) in enumerate(zip(self.events, self.values, strict=True)):
                 new = self.values[i] = self._value(event, b, state)
                 direction = getattr(event, "direction", 0.0)
-                if min(old, new) <= 0.0 <= max(old, new) and old != 0.0 and direction * (new - old) >= 0.0:
+                if (
+                    min(old, new) <= 0.0 <= max(old, new)
+                    and old != 0.0
+                    and direction * (new - old) >= 0.0
+                ):
                     hits.append((self._root(event, motion, a, b), i))
             for at, i in sorted(hits, reverse=b < a):
                 numbers = packed(motion.state(at))
@@ -52,8 +60,15 @@ class Watch:
         """Of every event the times and the states, as a Trajectory holds them."""
         shown = []
         for found in self.found:
-            arrays = unpacked(layout, np.array([row for _, row in found]).reshape(len(found), layout.width))
-            shown.append((np.array([t for t, _ in found]), type(example)(*(arrays.get(name) for name in example.parts))))
+            arrays = unpacked(
+                layout, np.array([row for _, row in found]).reshape(len(found), layout.width)
+            )
+            shown.append(
+                (
+                    np.array([t for t, _ in found]),
+                    type(example)(*(arrays.get(name) for name in example.parts)),
+                )
+            )
         return tuple(shown)
 
     def _value(self, event: Event, t: float, state: Any) -> float:
@@ -63,16 +78,30 @@ class Watch:
             try:
                 return float(value)
             except TypeError:
-                raise InvalidType(f"integrate: an event gives a number; {event!r} gave {value!r}") from None
+                raise InvalidType(
+                    f"integrate: an event gives a number; {event!r} gave {value!r}"
+                ) from None
         except KeyboardInterrupt:
-            stopped = IntegrationInterrupted(f"integrate: interrupted at t = {t:g}; the samples are in `.trajectory`")
+            stopped = IntegrationInterrupted(
+                f"integrate: interrupted at t = {t:g}; the samples are in `.trajectory`"
+            )
             raise self._ended(stopped) from None
         except Exception as error:
-            error.add_note(f"[integrate: in an event at t = {t:g}; the samples before it are in `.trajectory`]")
+            error.add_note(
+                f"[integrate: in an event at t = {t:g}; the samples before it are in `.trajectory`]"
+            )
             raise self._ended(error) from None
 
     def _root(self, event: Event, motion: Between, a: float, b: float) -> float:
         from scipy.optimize import brentq
 
         tiny = 4 * np.finfo(float).eps
-        return float(brentq(lambda t: self._value(event, t, motion.state(t)), a, b, xtol=tiny * max(abs(a), abs(b)), rtol=tiny))
+        return float(
+            brentq(
+                lambda t: self._value(event, t, motion.state(t)),
+                a,
+                b,
+                xtol=tiny * max(abs(a), abs(b)),
+                rtol=tiny,
+            )
+        )

@@ -1,4 +1,6 @@
-"""Which code runs a driver: plain Python at first, native code as soon as it is there or pays.  Both give the same bits."""
+"""Which code runs a driver: plain Python at first, native code as soon as it is there or pays.
+Both give the same bits.
+"""
 
 from __future__ import annotations
 
@@ -41,22 +43,37 @@ _told: set[str] = set()  # refusals that were shown
 class Execution:
     """How one run executes one driver.
 
-    wanted : True for native code, at once or NotCompilable; False for plain Python; None to choose by the time plain Python takes.
+    wanted : True for native code, at once or NotCompilable; False for plain Python; None to choose
+    by the time plain Python takes.
     call : the driver and arguments like those to come; arrays and integers may be any.
-    native : the kernel; None for plain Python.  silent : is a refusal not told, because little depends on it?
+    native : the kernel; None for plain Python.  silent : is a refusal not told, because little
+    depends on it?
     """
 
     def __init__(
-        self, wanted: bool | None, progress: bool | None, *call: Any, lanes: int = 1, silent: bool = False
+        self,
+        wanted: bool | None,
+        progress: bool | None,
+        *call: Any,
+        lanes: int = 1,
+        silent: bool = False,
     ) -> None:
-        self.asked, self.progress, self.call, self.lanes, self.silent = wanted, progress, call, lanes, silent
+        self.asked, self.progress, self.call, self.lanes, self.silent = (
+            wanted,
+            progress,
+            call,
+            lanes,
+            silent,
+        )
         self.given: Sequence[Any] = kernel.examples(call[1:])
         self.native: kernel.Kernel | None = None
         self.guard: Any = None  # of this call, where it has parts of its own
         self.again()
 
     def of(self, system: Any) -> Execution:
-        """The same for another system of the same layout: the second argument of every driver of steps."""
+        """The same for another system of the same layout: the second argument of every driver of
+        steps.
+        """
         other = like(self)
         other.call = *self.call[:2], system, *self.call[3:]
         other.given, other.guard = other.call[1:], None
@@ -68,7 +85,9 @@ class Execution:
         if self.native is not None and self._unchanged(self.native.reads):
             return
         self.wanted = self.asked
-        self.native = kernel.known(*self.call, lanes=self.lanes) if self.wanted is not False else None
+        self.native = (
+            kernel.known(*self.call, lanes=self.lanes) if self.wanted is not False else None
+        )
         if self.native is None:
             self.history = History() if self.wanted is False else _history(self.call, self.lanes)
             if self.wanted:
@@ -77,7 +96,9 @@ class Execution:
                 self.wanted = False
 
     def _unchanged(self, reads: Any) -> bool:
-        """Is all that was read what it was?  Calls that differ in their objects share native code, and each has a guard."""
+        """Is all that was read what it was?  Calls that differ in their objects share native code,
+        and each has a guard.
+        """
         guard = self.guard or reads.guard
         verdict = guard.verdict(self.given)
         if verdict is None:
@@ -97,8 +118,9 @@ class Execution:
             self.history.seconds += used
 
     def ready(self, done: float) -> bool:
-        """Is there native code to go on with?  When plain Python, `done` with this part of the run, has taken long enough, it is
-        looked for on disk, and later made."""
+        """Is there native code to go on with?  When plain Python, `done` with this part of the run,
+        has taken long enough, it is looked for on disk, and later made.
+        """
         if self.native is None and self.wanted is None:
             spent, left = self.history.seconds, self.seconds * (1.0 - done) / done if done else 0.0
             if spent >= LOOK and not self.history.looked and kernel.available() is None:
@@ -109,7 +131,9 @@ class Execution:
         return self.native is not None
 
     def compile(self) -> None:
-        """Make native code, if it is not there.  Raises NotCompilable if it was demanded; else warns that plain Python goes on."""
+        """Make native code, if it is not there.  Raises NotCompilable if it was demanded; else
+        warns that plain Python goes on.
+        """
         if self.native is not None or self.wanted is False:
             return
         why_not = kernel.available()
@@ -126,7 +150,9 @@ class Execution:
                 self.history.refused = True
                 if not self.silent and str(error) not in _told:
                     _told.add(str(error))
-                    warn(f"{error}. Running in plain Python instead, much slower", NotCompiledWarning)
+                    warn(
+                        f"{error}. Running in plain Python instead, much slower", NotCompiledWarning
+                    )
 
 
 def like(thing: Any) -> Any:

@@ -20,7 +20,9 @@ from .prepared import Steps
 
 @dataclass(frozen=True, eq=False)
 class Origin:
-    """Where a run began: the system as it was given, the method, and the start, on whose energy time scales may depend."""
+    """Where a run began: the system as it was given, the method, and the start, on whose energy
+    time scales may depend.
+    """
 
     given: Any
     method: Any
@@ -33,7 +35,10 @@ class Origin:
         given, method = self.given, self.method
         if isinstance(given, ExtendedSystem):
             if method.fictive:
-                raise IncompatibleSystem(f"integrate: {method!r} varies its steps, and so does {given!r}; one of them will do")
+                raise IncompatibleSystem(
+                    f"integrate: {method!r} varies its steps, and so "
+                    f"does {given!r}; one of them will do"
+                )
             whole = given.bound(self.start)  # type: ignore[arg-type]
             method.require(whole)
             return whole
@@ -42,7 +47,9 @@ class Origin:
         return Clocked(given, method.sigma.bound(given, self.start))
 
     def steps(self, plan: Steps) -> Steps:
-        """The steps of a plan, of the system with its clock; what is laid out and compiled for them is kept for the next call."""
+        """The steps of a plan, of the system with its clock; what is laid out and compiled for them
+        is kept for the next call.
+        """
         if not self._prepared or self._prepared[0].settings != plan.settings:
             self._prepared[:] = [Steps(self.whole, *plan.settings)]
         return self._prepared[0]
@@ -54,10 +61,13 @@ class Origin:
 
 @dataclass(frozen=True, eq=False)
 class FictiveCarry:
-    """Where a run in fictive time stands: at the end of its last whole step, from which it goes on as if it had never stopped.
+    """Where a run in fictive time stands: at the end of its last whole step, from which it goes on
+    as if it had never stopped.
 
-    inner : what the method carries along there, of the system with its clock, whose time is the fictive one.
-    ahead : the last sample, with its clock, if it lies inside of the next step, as at a t_end.  tau : its fictive time.
+    inner : what the method carries along there, of the system with its clock, whose time is the
+    fictive one.
+    ahead : the last sample, with its clock, if it lies inside of the next step, as at a t_end.
+    tau : its fictive time.
     """
 
     origin: Origin
@@ -81,14 +91,18 @@ class FictiveCarry:
 
     @property
     def t(self) -> Any:
-        """The physical time of the last sample, in s; of an ensemble those of the members, (bodies,)."""
+        """The physical time of the last sample, in s; of an ensemble those of the members,
+        (bodies,).
+        """
         t = self._apart[0][0]
         return float(t) if self.bodies is None else t
 
     @cached_property
     def state(self) -> Any:
         """The last sample."""
-        return state_of(type(self.origin.start), {name: x[0] for name, x in self._apart[1].items()}, self.bodies)
+        return state_of(
+            type(self.origin.start), {name: x[0] for name, x in self._apart[1].items()}, self.bodies
+        )
 
     @cached_property
     def _apart(self) -> Any:

@@ -1,4 +1,6 @@
-"""Drivers of steps of one length: the loop over steps and samples, in plain Python or native code, for one body or many."""
+"""Drivers of steps of one length: the loop over steps and samples, in plain Python or native code,
+for one body or many.
+"""
 
 from __future__ import annotations
 
@@ -24,11 +26,14 @@ def fixed_steps(
     out: Any,
     failures: Any,
 ) -> None:
-    """The driver: `samples` times `every` steps from step number `first`, in plain Python or compiled, for one or many.
+    """The driver: `samples` times `every` steps from step number `first`, in plain Python or
+    compiled, for one or many.
 
-    states holds, before and after, what the method carries along, in this layout, and behind it the number of steps that went
-    through; out the samples, laid out as `shown`.  A body whose step fails stays where it is, for good.
-    failures : None in native code; in plain Python, which has one body, a list for what the failing step raised.
+    states holds, before and after, what the method carries along, in this layout, and behind it the
+    number of steps that went through; out the samples, laid out as `shown`.  A body whose step
+    fails stays where it is, for good.
+    failures : None in native code; in plain Python, which has one body, a list for what the failing
+    step raised.
     """
     carry = read(states, 0, layout)
     count = read(states, layout.width, NUMBER)
@@ -37,7 +42,16 @@ def fixed_steps(
     for k in range(samples):
         for j in range(turns):
             checked = failures is not None and k + j == 0
-            trial = attempt(stepped, method, system, t0 + (first + (k * every + j)) * h, carry, h, layout, checked)
+            trial = attempt(
+                stepped,
+                method,
+                system,
+                t0 + (first + (k * every + j)) * h,
+                carry,
+                h,
+                layout,
+                checked,
+            )
             good = running and accepted(trial, observed, shown)
             if any_body(not good):
                 if failures is not None:
@@ -70,8 +84,10 @@ def begin(
     out: Any,
     failures: Any,
 ) -> None:
-    """The driver before the first step: from a start, given in one layout and to be used in another, what the method carries
-    along, in a third, and the first sample.  A body that cannot begin keeps what is in `out` and a negative number of steps."""
+    """The driver before the first step: from a start, given in one layout and to be used in
+    another, what the method carries along, in a third, and the first sample.  A body that cannot
+    begin keeps what is in `out` and a negative number of steps.
+    """
     trial = attempt(begun, method, system, fitted(read(starts, 0, given), started), h)
     good = accepted(trial, observed, shown)
     if any_body(good):
@@ -82,7 +98,9 @@ def begin(
         failures.append(reason(trial))
 
 
-def stepped(method: Any, system: Any, t: float, carry: Any, h: float, layout: Any, checked: bool) -> Any:
+def stepped(
+    method: Any, system: Any, t: float, carry: Any, h: float, layout: Any, checked: bool
+) -> Any:
     """What the method carries along after one step, and the sample that shows it."""
     new = method.step(system, t, carry, h)
     if layout.remembers:
@@ -109,9 +127,12 @@ def observed(trial: Any) -> Any:
 
 
 def _require(layout: Any, new: Any, method: Any, system: Any) -> None:
-    """Refuse a step that returns something else than it was given.  (The compiler sees for itself what comes back.)"""
+    """Refuse a step that returns something else than it was given.  (The compiler sees for itself
+    what comes back.)
+    """
     if layout_of(new) != layout:
         raise InvalidType(
-            f"integrate: one step of {method!r} on {system!r} turns {layout!r} into {layout_of(new)!r}. "
-            "Formulas return numbers, liemech.vec(...), liemech.mat(...) and records, not arrays or lists"
+            f"integrate: one step of {method!r} on {system!r} turns {layout!r} into "
+            f"{layout_of(new)!r}. Formulas return numbers, liemech.vec(...), liemech.mat(...) and "
+            "records, not arrays or lists"
         )

@@ -12,7 +12,14 @@ import numpy as np
 
 from ..compiler.driver import Rejected, attempt, reason
 from ..compiler.kernel import Several
-from ..errors import IntegrationFailure, IntegrationInterrupted, InvalidInput, failure, is_mistake, warn
+from ..errors import (
+    IntegrationFailure,
+    IntegrationInterrupted,
+    InvalidInput,
+    failure,
+    is_mistake,
+    warn,
+)
 from ..formulas.pytree import Layout, double_double, fitted, layout_of, leaves
 from ..systems.system import State
 from .carry import Carry
@@ -41,7 +48,8 @@ WORTH = 2**15
 class FixedRun:
     """Some steps from a start, or from where another run stands.
 
-    marks : the numbers of the steps after which a sample is kept, rising, up to `steps`; default: by the plan's `every`.
+    marks : the numbers of the steps after which a sample is kept, rising, up to `steps`; default:
+    by the plan's `every`.
     """
 
     def __init__(
@@ -58,7 +66,8 @@ class FixedRun:
         self.t0, self.before = (t0, 0) if carry is None else (carry.t0, carry.step)
         self.checkpoint, self.bodies = checkpoint, start.bodies
         self.count = self.bodies or 1
-        self.whole, self.earlier = steps, 0  # of the run that this one is a part of: its steps, and the samples before this one's
+        # of the run that this one is a part of: its steps, and the samples before this one's
+        self.whole, self.earlier = steps, 0
         self.failures: dict[int, Exception | None] = {}  # what plain Python saw failing steps raise
         shape = carry.shape if carry is not None and plan.owns(carry.shape) else None
         if shape is None:
@@ -77,7 +86,8 @@ class FixedRun:
             self._continue(carry)
         else:
             self._begin()
-        self.latest, self.held = self.out[:1], self.before  # a sample, and after how many steps it was taken
+        # a sample, and after how many steps it was taken
+        self.latest, self.held = self.out[:1], self.before
 
     @property
     def compiled(self) -> bool:
@@ -99,13 +109,17 @@ class FixedRun:
             remembering = self.plan.remembering(one)
             started = layout_of(remembering)
             first, example = self._first(remembering, started)
-            shape = self.plan.shapes[given, many] = Shape(self.plan, given, started, first, example, many)
+            shape = self.plan.shapes[given, many] = Shape(
+                self.plan, given, started, first, example, many
+            )
         else:
             shape.stepping.again()
         return shape
 
     def _first(self, one: State, started: Layout) -> tuple[Any, Any]:
-        """What the method carries along from the start of the first body that can begin, and the sample that shows it."""
+        """What the method carries along from the start of the first body that can begin, and the
+        sample that shows it.
+        """
         for i in range(self.count):
             start = fitted(self._member(i), started) if i else one
             trial = attempt(begun, self.plan.method, self.plan.of(i), start, self.plan.h_of(i))
@@ -120,19 +134,27 @@ class FixedRun:
 
     def _not_begun(self, error: Exception | None, what: str) -> Any:
         """The error of a run that has no first state: a mistake in a formula, or a failure."""
-        raised = error if is_mistake(error) else failure(error, what, f"at the start, t = {self.t0:g}")
+        raised = (
+            error if is_mistake(error) else failure(error, what, f"at the start, t = {self.t0:g}")
+        )
         return self._with_trajectory(raised, self._only_start())
 
     def _only_start(self) -> Trajectory:
         """The start as the only sample."""
         states = {name: np.array(x)[None] for name, x in self.start.parts.items() if x is not None}
         h, t = self.plan.h, times(self.t0, np.zeros(1), self.plan.h)
-        return Trajectory(self.plan.system, self.plan.method, shown_step(h), t, states, self.bodies, 0)
+        return Trajectory(
+            self.plan.system, self.plan.method, shown_step(h), t, states, self.bodies, 0
+        )
 
     def _begin(self) -> None:
         """Let the method begin with every body."""
         shape, plan = self.shape, self.plan
-        starts = self.out[0] if shape.given == shape.shown else np.empty((shape.given.width, self.columns))
+        starts = (
+            self.out[0]
+            if shape.given == shape.shown
+            else np.empty((shape.given.width, self.columns))
+        )
         self._lay_down(starts)
         if shape.order is not None:
             for number, place in zip(self.states, shape.order, strict=False):
@@ -157,7 +179,9 @@ class FixedRun:
             shape.stepping.compile()
 
     def _lay_down(self, columns: np.ndarray) -> None:
-        """Write the numbers of the start, a column for each body; lanes that are left over repeat the last body."""
+        """Write the numbers of the start, a column for each body; lanes that are left over repeat
+        the last body.
+        """
         if self.bodies is None:
             columns[:, 0] = leaves(self.start, self.shape.given)
             return
@@ -175,7 +199,9 @@ class FixedRun:
     def _continue(self, carry: Carry) -> None:
         """Take up what another run carried along."""
         if len(carry.numbers) != len(self.states):
-            raise InvalidInput("Plan.resume: the run had another `compensated` or `precision` than the plan has")
+            raise InvalidInput(
+                "Plan.resume: the run had another `compensated` or `precision` than the plan has"
+            )
         self.states[:] = self._padded(carry.numbers.reshape(-1, self.count))
         self.out[0] = self._padded(carry.last.reshape(-1, self.count))
         self.failures = dict(carry.failures)
@@ -183,11 +209,18 @@ class FixedRun:
     # ---------------------------------------------------------------- stepping
 
     def _rows(self, steps: int) -> int:
-        """How many samples there are after this many steps: the start, one for each `every`, and the very last."""
+        """How many samples there are after this many steps: the start, one for each `every`, and
+        the very last.
+        """
         if self.marks is not None:
             return 1 + int(np.searchsorted(self.marks, steps, "right"))
         reached = self.before + steps
-        return reached // self.every - self.before // self.every + 1 + (steps == self.steps and steps and reached % self.every > 0)
+        return (
+            reached // self.every
+            - self.before // self.every
+            + 1
+            + (steps == self.steps and steps and reached % self.every > 0)
+        )
 
     def _pending(self, done: int) -> int:
         """How many steps there are to the next sample."""
@@ -209,7 +242,8 @@ class FixedRun:
                     if self.compiled:  # whole lanes in turn, each through the whole sweep
                         sweep = max(sweep, min(SWEEP // self.columns, pace // self.shape.lanes))
                     pending = self._pending(done)
-                    if self.marks is not None or pending < self.every or sweep < self.every:  # part of one sample
+                    # part of one sample
+                    if self.marks is not None or pending < self.every or sweep < self.every:
                         every, samples = min(pending, sweep), 1
                     else:
                         every, samples = self.every, min(sweep, self.steps - done) // self.every
@@ -233,12 +267,25 @@ class FixedRun:
 
     def _piece(self, done: int, every: int, samples: int, pace: int) -> int:
         """Step all bodies this far; in how many calls, if in native code?"""
-        first, last, after = self._rows(done), self._rows(done + every * samples), self.before + done + every * samples
+        first, last, after = (
+            self._rows(done),
+            self._rows(done + every * samples),
+            self.before + done + every * samples,
+        )
         target = self.out[first:last] if first < last else np.empty((1, *self.out.shape[1:]))
         values = *self.shape.arguments, self.t0, self.shape.h, self.before + done, every, samples
         running = None if self.bodies is None else self.taken[: self.count] == self.before + done
         more = every * samples
-        calls = self._run(self.shape.stepping, values, self.states, target, done=done, more=more, of=self.steps, pace=pace)
+        calls = self._run(
+            self.shape.stepping,
+            values,
+            self.states,
+            target,
+            done=done,
+            more=more,
+            of=self.steps,
+            pace=pace,
+        )
         if running is None:
             if self.taken[0] < after:
                 self._once_more(0, self.before + done, every, after, target)
@@ -260,9 +307,11 @@ class FixedRun:
         of: int = 1,
         pace: int = NATIVE,
     ) -> int:
-        """Run a driver on all bodies: one after the other in plain Python, the rest in native code as soon as there is some.
+        """Run a driver on all bodies: one after the other in plain Python, the rest in native code
+        as soon as there is some.
 
-        done, more, of : steps before this call, in it, and in all.  pace : steps of a call.  Returns the number of native calls.
+        done, more, of : steps before this call, in it, and in all.  pace : steps of a call.
+        Returns the number of native calls.
         """
         column, lanes = 0, self.shape.lanes
         while column < self.count and not execution.ready((done + more * column / self.count) / of):
@@ -271,9 +320,15 @@ class FixedRun:
                 for i in range(column, end):
                     self._plain(execution.call[0], values, arrays, i)
             column = end
-        return self._native(execution, values, arrays, column, more, pace) if column < self.count else 1
+        return (
+            self._native(execution, values, arrays, column, more, pace)
+            if column < self.count
+            else 1
+        )
 
-    def _plain(self, driver: Any, values: tuple[Any, ...], arrays: tuple[np.ndarray, ...], i: int) -> None:
+    def _plain(
+        self, driver: Any, values: tuple[Any, ...], arrays: tuple[np.ndarray, ...], i: int
+    ) -> None:
         """Run a driver in plain Python on one body."""
         stepping = driver is fixed_steps
         if stepping and self.taken[i] < 0.0:  # it could not even begin
@@ -288,12 +343,16 @@ class FixedRun:
             error: Any = failures[0]
             if self.bodies is not None and is_mistake(error):
                 error.add_note(f"[integrate: body {i}; the samples before it are in `.trajectory`]")
-                raise self._with_trajectory(error, self._result(values[6] - self.before) if stepping else self._only_start())
+                raise self._with_trajectory(
+                    error, self._result(values[6] - self.before) if stepping else self._only_start()
+                )
 
     def _once_more(self, i: int, first: int, every: int, after: int, target: np.ndarray) -> None:
-        """A step that native code has marked is plain Python's, and so are the next ones of this piece.
+        """A step that native code has marked is plain Python's, and so are the next ones of this
+        piece.
 
-        It knows what the step raises, and goes on where native code cannot: with integers beyond 2^63, for example.
+        It knows what the step raises, and goes on where native code cannot: with integers beyond
+        2^63, for example.
         """
         while self.taken[i] < after and i not in self.failures:
             step = int(self.taken[i])
@@ -302,13 +361,23 @@ class FixedRun:
             self._plain(fixed_steps, values, (self.states, target[row : row + 1]), i)
 
     def _native(
-        self, execution: Execution, values: tuple[Any, ...], arrays: tuple[np.ndarray, ...], start: int, more: int, pace: int
+        self,
+        execution: Execution,
+        values: tuple[Any, ...],
+        arrays: tuple[np.ndarray, ...],
+        start: int,
+        more: int,
+        pace: int,
     ) -> int:
-        """Run a driver in native code on the bodies from `start`, in blocks, perhaps in threads; how many blocks in turn?"""
+        """Run a driver in native code on the bodies from `start`, in blocks, perhaps in threads;
+        how many blocks in turn?
+        """
         native: Any = execution.native
         arrays = *self.shape.own, *arrays
         stepping = execution is self.shape.stepping
-        floats = [x for x in (values[4:6] if stepping else values[6:]) if not isinstance(x, Several)]
+        floats = [
+            x for x in (values[4:6] if stepping else values[6:]) if not isinstance(x, Several)
+        ]
         numbers = self.shape.constants + array("d", floats).tobytes()
         integers: tuple[int, ...] = values[6:] if stepping else ()
         if self.bodies is None:
@@ -325,7 +394,10 @@ class FixedRun:
             end = min(first + block, self.columns)
             threads = max(1, min(workers, (end - first) * more // WORTH))
             share = -(-(end - first) // (threads * lanes)) * lanes
-            others = [_pool(workers, os.getpid()).submit(call, i, min(i + share, end)) for i in range(first + share, end, share)]
+            others = [
+                _pool(workers, os.getpid()).submit(call, i, min(i + share, end))
+                for i in range(first + share, end, share)
+            ]
             call(first, min(first + share, end))  # native code does not hold the interpreter's lock
             for other in others:
                 other.result()
@@ -338,15 +410,25 @@ class FixedRun:
         rows, reached = self._rows(steps), self.before + steps
         stopped = {}
         if self.bodies is not None or self.taken[0] < reached:
-            stopped = {int(i): max(0, int(self.taken[i])) for i in np.flatnonzero(self.taken[: self.count] < reached)}
-        for i in stopped:  # the first sample after the failure holds the last state; some later ones nothing
-            last = self._rows(int(self.taken[i]) - self.before) if self.taken[i] >= self.before else 0
+            stopped = {
+                int(i): max(0, int(self.taken[i]))
+                for i in np.flatnonzero(self.taken[: self.count] < reached)
+            }
+        # the first sample after the failure holds the last state; some later ones nothing
+        for i in stopped:
+            last = (
+                self._rows(int(self.taken[i]) - self.before) if self.taken[i] >= self.before else 0
+            )
             self.out[last + 1 : rows, :, i] = self.out[last : last + 1, :, i]
         carry, ahead = None, self.taken[0] if self.bodies is None else self.taken.max()
-        if ahead == reached == self.held:  # not in the middle of a piece that was interrupted or failed
+        # not in the middle of a piece that was interrupted or failed
+        if ahead == reached == self.held:
             columns: Any = 0 if self.bodies is None else slice(self.count)
-            memory, shown = self.states[:, columns], self.latest[0, :, columns].copy()  # samples may be written to
-            carry = Carry(self.shape, self.t0, self.plan.h, reached, self.bodies, memory, shown, self.failures)
+            # samples may be written to
+            memory, shown = self.states[:, columns], self.latest[0, :, columns].copy()
+            carry = Carry(
+                self.shape, self.t0, self.plan.h, reached, self.bodies, memory, shown, self.failures
+            )
         return Trajectory.promised(
             lambda: dict(zip(("t", "states"), self._samples(self.out[:rows], steps), strict=True)),
             system=self.plan.system,
@@ -367,10 +449,17 @@ class FixedRun:
             first = self._failure(min(stopped))
             mistake: Any = first.__cause__
             if is_mistake(mistake):
-                mistake.add_note(f"[integrate: body {min(stopped)}; the samples before it are in `.trajectory`]")
+                mistake.add_note(
+                    f"[integrate: body {min(stopped)}; the samples before it are in `.trajectory`]"
+                )
                 raise self._with_trajectory(mistake, run)
-            some = ", ".join(f"body {i} after {n} steps" for i, n in list(stopped.steps.items())[:5])
-            warn(f"integrate: {len(stopped)} of {self.count} bodies stopped early: {some}. {first}", RuntimeWarning)
+            some = ", ".join(
+                f"body {i} after {n} steps" for i, n in list(stopped.steps.items())[:5]
+            )
+            warn(
+                f"integrate: {len(stopped)} of {self.count} bodies stopped early: {some}. {first}",
+                RuntimeWarning,
+            )
         return run
 
     def _samples(self, out: np.ndarray, steps: int) -> tuple[np.ndarray, dict[str, np.ndarray]]:
@@ -383,7 +472,9 @@ class FixedRun:
         if self.marks is not None:
             numbers = self.before + np.concatenate([[0], self.marks[: rows - 1]])
         else:
-            numbers = np.minimum((np.arange(rows) + self.before // self.every) * self.every, self.before + steps)
+            numbers = np.minimum(
+                (np.arange(rows) + self.before // self.every) * self.every, self.before + steps
+            )
             numbers[0] = self.before
         return times(self.t0, numbers, self.plan.h)
 
@@ -391,7 +482,11 @@ class FixedRun:
         """Why a body stopped: what plain Python saw its step raise."""
         step = int(self.taken[body])
         t = self.t0 + step * self.plan.h_of(body)
-        at = f"step {step + 1} of {self.before + self.whole}, t = {t:g}" if step >= 0 else f"at the start, t = {self.t0:g}"
+        at = (
+            f"step {step + 1} of {self.before + self.whole}, t = {t:g}"
+            if step >= 0
+            else f"at the start, t = {self.t0:g}"
+        )
         if self.bodies is None:
             at += f"; {self.earlier + self._rows(step - self.before)} samples are in `.trajectory`"
         return failure(self.failures.get(body), repr(self.plan.method), at)
@@ -429,6 +524,6 @@ def _affordable(size: int, steps: int, every: int) -> None:
         memory = 2**36
     if size > 0.8 * memory:
         raise InvalidInput(
-            f"integrate: {steps} steps, every {every}, need {size / 2**30:.3g} GiB for the samples and this machine "
-            f"has {memory / 2**30:.3g}; keep fewer with a larger `every`"
+            f"integrate: {steps} steps, every {every}, need {size / 2**30:.3g} GiB for the samples "
+            f"and this machine has {memory / 2**30:.3g}; keep fewer with a larger `every`"
         )

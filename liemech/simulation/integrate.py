@@ -56,50 +56,82 @@ def integrate(
 ) -> Trajectory:
     """Follow a motion, in `steps` steps of length h, or adaptively to the time `t_end`.
 
-    system : a list of systems of one kind, one for each body of an ensemble, gives every body its own parameters.
+    system : a list of systems of one kind, one for each body of an ensemble, gives every body its
+    own parameters.
     start : `system.state(...)`; with a leading axis an ensemble, which runs in SIMD lanes.
-    record : the parts of the state to keep, such as ("mu",) or ("mu", "g"); what is not recorded is not computed.  Or functions of
-    it, kept instead: methods of the system by name, ("energy",), functions of t and state, and pairs [(name, function), ...].
+    record : the parts of the state to keep, such as ("mu",) or ("mu", "g"); what is not recorded is
+    not computed.  Or functions of it, kept instead: methods of the system by name, ("energy",),
+    functions of t and state, and pairs [(name, function), ...].
     t_eval : (n,) times at which to keep the state; default: at the ends of steps.
-    events : functions of t and state whose zeros are looked for; their attributes `terminal` (True: the first zero ends the run; 3:
-    the third one) and `direction` (+1 only rising, -1 only falling zeros) mean what they do in SciPy.  For one body.
-    compiled : True for native code, False for plain Python, None for native code as soon as it is there or pays; same bits.
+    events : functions of t and state whose zeros are looked for; their attributes `terminal` (True:
+    the first zero ends the run; 3: the third one) and `direction` (+1 only rising, -1 only falling
+    zeros) mean what they do in SciPy.  For one body.
+    compiled : True for native code, False for plain Python, None for native code as soon as it is
+    there or pays; same bits.
     progress : True or False; None shows a bar when a run takes longer than a second.
-    checkpoint : a file to which the run is saved every `checkpoint_every` seconds, as far as it has come; Trajectory.load reads it.
+    checkpoint : a file to which the run is saved every `checkpoint_every` seconds, as far as it has
+    come; Trajectory.load reads it.
 
     Steps of one length: kept are the start, every `every`-th state after it, and the last one.
-    h : the step, in s; negative runs backwards.  Times are t0 + n h.  An array, (bodies,), gives every body of an ensemble
-    its own, and run.t is (n, bodies).  A method that keeps the structure may be given h and t_end
-    instead of steps; t_end is then the end of a step.
-    compensated : whether the increments of the steps are summed up in compensated numbers: True for all parts of the state, False
-    for none, None for those that the motion depends on, if the method is symmetric or symplectic.
-    precision : "double", or "double-double" for steps in numbers of two doubles: 31 digits, of which the samples show 16.
+    h : the step, in s; negative runs backwards.  Times are t0 + n h.  An array, (bodies,), gives
+    every body of an ensemble its own, and run.t is (n, bodies).  A method that keeps the structure
+    may be given h and t_end instead of steps; t_end is then the end of a step.
+    compensated : whether the increments of the steps are summed up in compensated numbers: True for
+    all parts of the state, False for none, None for those that the motion depends on, if the method
+    is symmetric or symplectic.
+    precision : "double", or "double-double" for steps in numbers of two doubles: 31 digits, of
+    which the samples show 16.
     workers : threads among which the bodies of an ensemble are divided.
-    executor : of concurrent.futures, dask.distributed, ...: the same for its workers, which may be processes and machines.
-    Between the ends of steps t_eval and events take a shorter step of the method.
+    executor : of concurrent.futures, dask.distributed, ...: the same for its workers, which may be
+    processes and machines.  Between the ends of steps t_eval and events take a shorter step of the
+    method.
 
-    Adaptive steps, for a method with an error estimate; in an ensemble every body chooses its own, and t_eval says what is kept:
-    t_end : the last time, before or after t0; (bodies,) gives every body its own, as t_eval of shape (n, bodies) does.
+    Adaptive steps, for a method with an error estimate; in an ensemble every body chooses its own,
+    and t_eval says what is kept:
+    t_end : the last time, before or after t0; (bodies,) gives every body its own, as t_eval of
+    shape (n, bodies) does.
     h, steps : the first step and the largest number of steps, if given.
-    rtol, atol : the error of a step is kept below atol + rtol |state| (1e-6 and 1e-9).  As with every local error control, the
-    error of the motion grows along it.
-    max_step : the longest step.  breaks : times at which the velocity jumps; no step goes across one.
-    dense : keep the way between the steps too, for `Trajectory.at`; default: unless t_eval is given, and then nothing else is kept.
+    rtol, atol : the error of a step is kept below atol + rtol |state| (1e-6 and 1e-9).  As with
+    every local error control, the error of the motion grows along it.
+    max_step : the longest step.  breaks : times at which the velocity jumps; no step goes across
+    one.
+    dense : keep the way between the steps too, for `Trajectory.at`; default: unless t_eval is
+    given, and then nothing else is kept.
 
     For many runs of one kind, runs that go on, and single steps, prepare a `Plan`.
 
-    Returns a Trajectory.  Raises InvalidInput, InvalidType, IncompatibleSystem, or an IntegrationFailure whose
-    `.trajectory` has every sample recorded before the step that failed; so has the IntegrationInterrupted of a Ctrl-C.
-    A mistake in a formula (NameError, TypeError, IndexError, ...) is raised as it is, with such a `.trajectory`.
-    Warns with a StepWarning of a step that may have no solution, where the method can tell.
-    In an ensemble a body that fails stays at its last state, is found in `Trajectory.stopped` with its reason, and in a warning,
-    and disturbs no other.
+    Returns a Trajectory.  Raises InvalidInput, InvalidType, IncompatibleSystem, or an
+    IntegrationFailure whose `.trajectory` has every sample recorded before the step that failed; so
+    has the IntegrationInterrupted of a Ctrl-C.  A mistake in a formula (NameError, TypeError,
+    IndexError, ...) is raised as it is, with such a `.trajectory`.  Warns with a StepWarning of a
+    step that may have no solution, where the method can tell.
+    In an ensemble a body that fails stays at its last state, is found in `Trajectory.stopped` with
+    its reason, and in a warning, and disturbs no other.
     """
     rest = (
-        *(h, rtol, atol, max_step, breaks, every, record, events, dense, compensated, precision, compiled, progress, workers),
+        *(
+            h,
+            rtol,
+            atol,
+            max_step,
+            breaks,
+            every,
+            record,
+            events,
+            dense,
+            compensated,
+            precision,
+            compiled,
+            progress,
+            workers,
+        ),
         t_end is None,
     )
-    key: Any = (layout_of(system), id(method), *map(type, rest), *rest) if isinstance(system, System) else None
+    key: Any = (
+        (layout_of(system), id(method), *map(type, rest), *rest)
+        if isinstance(system, System)
+        else None
+    )
     try:
         plan = _plans.get(key)
     except TypeError:  # a list or an array among them
@@ -115,7 +147,11 @@ def integrate(
             pass
         elif t_end is None:
             _only_alike(h, steps, options)
-        elif h is None or not arguments.alike(method) or any(options[name] is not None for name in ("rtol", "atol", "max_step")):
+        elif (
+            h is None
+            or not arguments.alike(method)
+            or any(options[name] is not None for name in ("rtol", "atol", "max_step"))
+        ):
             arguments.only_adaptive(method, every, workers)
             options["rtol"] = arguments.RTOL if rtol is None else rtol
         plan = Plan(system, method, **options)
@@ -123,7 +159,11 @@ def integrate(
             if len(_plans) >= KEPT:
                 _plans.pop(next(iter(_plans)), None)
             _plans[key] = plan
-    kept: dict[str, Any] = {} if checkpoint is None else {"checkpoint": checkpoint, "checkpoint_every": checkpoint_every}
+    kept: dict[str, Any] = (
+        {}
+        if checkpoint is None
+        else {"checkpoint": checkpoint, "checkpoint_every": checkpoint_every}
+    )
     if executor is not None:
         kept["executor"] = executor
     try:
@@ -135,7 +175,14 @@ def integrate(
 def _only_alike(h: Any, steps: Any, options: dict[str, Any]) -> None:
     """Refuse what is for adaptive steps."""
     for name in ("rtol", "atol", "max_step", "breaks"):
-        if options[name] is not None and not (name == "breaks" and not arguments.jumps(options[name])):
-            raise InvalidInput(f"integrate: {name} is for adaptive steps; give t_end and, if you like, h as the first step")
+        if options[name] is not None and not (
+            name == "breaks" and not arguments.jumps(options[name])
+        ):
+            raise InvalidInput(
+                f"integrate: {name} is for adaptive steps; give t_end "
+                "and, if you like, h as the first step"
+            )
     if h is None or steps is None:
-        raise InvalidInput("integrate: give h and steps, for steps of one length, or t_end, for adaptive ones")
+        raise InvalidInput(
+            "integrate: give h and steps, for steps of one length, or t_end, for adaptive ones"
+        )

@@ -18,7 +18,8 @@ def to_xarray(run: Any) -> Any:
     time, coordinates = _time(run)
     lead = (time,) if run.bodies is None else (time, "body")
     found = {
-        name: ((*lead, *(f"{name}_{i}" for i in range(x.ndim - len(lead)))), x) for name, x in run.states.items()
+        name: ((*lead, *(f"{name}_{i}" for i in range(x.ndim - len(lead)))), x)
+        for name, x in run.states.items()
     }
     about = {"system": repr(run.system), "method": repr(run.method), "h": run.h, "steps": run.steps}
     return xarray.Dataset(found, coordinates, about)
@@ -42,14 +43,21 @@ def to_pandas(run: Any) -> Any:
     times = coordinates[time][1]
     if run.bodies is None:
         return pandas.DataFrame(columns, pandas.Index(times, name=time))
-    return pandas.DataFrame(columns, pandas.MultiIndex.from_product([times, range(run.bodies)], names=[time, "body"]))
+    return pandas.DataFrame(
+        columns, pandas.MultiIndex.from_product([times, range(run.bodies)], names=[time, "body"])
+    )
 
 
 def _time(run: Any) -> tuple[str, dict[str, tuple[tuple[str, ...], np.ndarray]]]:
-    """The axis of the samples, and what is known along it: times, perhaps of each body of an ensemble."""
+    """The axis of the samples, and what is known along it: times, perhaps of each body of an
+    ensemble.
+    """
     tau = getattr(run, "tau", None) if hasattr(type(run), "tau") else None
     if run.t.ndim == 1:
         return "t", {"t": (("t",), run.t)} | ({} if tau is None else {"tau": (("t",), tau)})
     if tau is None:  # bodies with steps of their own
-        return "sample", {"sample": (("sample",), np.arange(len(run.t))), "t": (("sample", "body"), run.t)}
+        return "sample", {
+            "sample": (("sample",), np.arange(len(run.t))),
+            "t": (("sample", "body"), run.t),
+        }
     return "tau", {"tau": (("tau",), np.asarray(tau)), "t": (("tau", "body"), run.t)}

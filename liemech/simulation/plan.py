@@ -31,14 +31,17 @@ if TYPE_CHECKING:
     from .tangent import TangentTrajectory
 
 ROUNDING = 1e-9
-"""Part of a step by which a last time may miss the end of one: more than rounding of h and t_end makes of it."""
+"""Part of a step by which a last time may miss the end of one: more than rounding of h and t_end
+makes of it.
+"""
 
 
 class Plan:
-    """A run that is prepared: `run` starts it, `resume` goes on, as often as wanted, at a cost of microseconds.
+    """A run that is prepared: `run` starts it, `resume` goes on, as often as wanted, at a cost of
+    microseconds.
 
-    system, method : what moves, and how it is stepped.  A list of systems of one kind, one for each body of an ensemble, gives
-    every body its own parameters.
+    system, method : what moves, and how it is stepped.  A list of systems of one kind, one for each
+    body of an ensemble, gives every body its own parameters.
 
     Steps of one length:
     h : the step, in s; negative runs backwards; (bodies,) gives every body of an ensemble its own.
@@ -50,7 +53,8 @@ class Plan:
 
     record, events, compiled, progress : as for `integrate`.
 
-    A plan does not change; `replace` makes another one.  What formulas read from outside counts as it is when a run begins.
+    A plan does not change; `replace` makes another one.  What formulas read from outside counts as
+    it is when a run begins.
     """
 
     def __init__(
@@ -81,7 +85,11 @@ class Plan:
         one: Any = system if several is None else several[0]
         arguments.matching(one, method)
         every, workers = arguments.count(every, "every", 1), arguments.count(workers, "workers", 1)
-        for name, value in (("compensated", compensated), ("compiled", compiled), ("progress", progress)):
+        for name, value in (
+            ("compensated", compensated),
+            ("compiled", compiled),
+            ("progress", progress),
+        ):
             arguments.choice(value, name)
         arguments.choice(dense, "dense")
         arguments.digits(precision, compensated)
@@ -98,28 +106,62 @@ class Plan:
         self._steps: Any = None
         if method.fictive or one.fictive:
             if h is None:
-                raise InvalidInput("integrate: give h, the step in fictive time, and steps or t_end")
+                raise InvalidInput(
+                    "integrate: give h, the step in fictive time, and steps or t_end"
+                )
             others: dict[str, Any] = {"precision": precision if precision != "double" else None}
             others |= {"rtol": rtol, "atol": atol, "max_step": max_step, "dense": dense}
             others |= {"breaks": breaks or None}
             for name in (name for name, given in others.items() if given is not None):
-                raise InvalidInput(f"integrate: {name} is not for steps in fictive time, as {method!r} makes them by h")
-            self._steps = Steps(self.system, method, arguments.step(h), every, compensated, precision, compiled, progress, workers)
+                raise InvalidInput(
+                    f"integrate: {name} is not for steps in fictive "
+                    f"time, as {method!r} makes them by h"
+                )
+            self._steps = Steps(
+                self.system,
+                method,
+                arguments.step(h),
+                every,
+                compensated,
+                precision,
+                compiled,
+                progress,
+                workers,
+            )
         elif h is None or not (rtol is atol is max_step is None) or len(breaks):
             from .adaptive_run import AdaptiveSteps
 
             arguments.only_adaptive(method, every, workers)
             if precision != "double":
-                raise InvalidInput(f"integrate: precision={precision!r} is for steps of one length; give h and steps")
+                raise InvalidInput(
+                    f"integrate: precision={precision!r} is for "
+                    "steps of one length; give h and steps"
+                )
             if compensated is not None:
                 raise InvalidInput(
-                    "integrate: compensated is for steps of one length; adaptive ones have larger errors than rounding"
+                    "integrate: compensated is for steps of one length; "
+                    "adaptive ones have larger errors than rounding"
                 )
-            self._steps = AdaptiveSteps.checked(self.system, method, h, rtol, atol, max_step, breaks, dense, compiled, progress)
+            self._steps = AdaptiveSteps.checked(
+                self.system, method, h, rtol, atol, max_step, breaks, dense, compiled, progress
+            )
         else:
             if dense is not None and dense is not True:
-                raise InvalidInput("integrate: dense is for adaptive steps; those of one length keep no way between them")
-            self._steps = Steps(self.system, method, arguments.steps(h), every, compensated, precision, compiled, progress, workers)
+                raise InvalidInput(
+                    "integrate: dense is for adaptive steps; those of "
+                    "one length keep no way between them"
+                )
+            self._steps = Steps(
+                self.system,
+                method,
+                arguments.steps(h),
+                every,
+                compensated,
+                precision,
+                compiled,
+                progress,
+                workers,
+            )
 
     @property
     def adaptive(self) -> bool:
@@ -129,18 +171,27 @@ class Plan:
     def replace(self, **changed: Any) -> Plan:
         """This plan with other arguments: another `system`, another `h`, ...
 
-        Native code is shared as far as it depends on numbers only: another inertia costs no compilation.
+        Native code is shared as far as it depends on numbers only: another inertia costs no
+        compilation.
         """
         unknown = sorted(set(changed) - set(self._given))
         if unknown:
-            raise InvalidInput(f"Plan.replace: there is no {unknown[0]}; there are {', '.join(self._given)}")
+            raise InvalidInput(
+                f"Plan.replace: there is no {unknown[0]}; there are {', '.join(self._given)}"
+            )
         system = changed.get("system")
-        if len(changed) == 1 and isinstance(system, System) and layout_of(system) == layout_of(self._given["system"]):
+        if (
+            len(changed) == 1
+            and isinstance(system, System)
+            and layout_of(system) == layout_of(self._given["system"])
+        ):
             return self.of_system(system)
         return Plan(**self._given | changed)
 
     def of_system(self, system: System) -> Plan:
-        """This plan of one system for another of the same layout, that is, with other numbers only: what is prepared is shared."""
+        """This plan of one system for another of the same layout, that is, with other numbers only:
+        what is prepared is shared.
+        """
         arguments.matching(system, self.method)
         other: Plan = like(self)
         other.system = other._one = system
@@ -168,12 +219,16 @@ class Plan:
         """Follow the motion from a start at time t0, in so many steps or to the time t_end.
 
         start : `system.state(...)`; with a leading axis an ensemble.
-        t_end : of steps of one length it is the end of one.  steps : of adaptive ones the largest number.
+        t_end : of steps of one length it is the end of one.  steps : of adaptive ones the largest
+        number.
         t_eval : (n,) times at which to keep the state, instead of the ends of steps.
-        In an ensemble with adaptive steps t_end may be (bodies,), and t_eval (n, bodies): then run.t is (n, bodies), too.
-        checkpoint : a file to which the run is saved every so many seconds, `checkpoint_every`, as far as it has come.
+        In an ensemble with adaptive steps t_end may be (bodies,), and t_eval (n, bodies): then
+        run.t is (n, bodies), too.
+        checkpoint : a file to which the run is saved every so many seconds, `checkpoint_every`, as
+        far as it has come.
 
-        executor : of concurrent.futures, dask.distributed, ...: the bodies of an ensemble are divided among its workers.
+        executor : of concurrent.futures, dask.distributed, ...: the bodies of an ensemble are
+        divided among its workers.
 
         Returns and raises what `integrate` does.
         """
@@ -186,20 +241,30 @@ class Plan:
         if self.fictive:
             t0 = arguments.real(t0, "t0")
             start = arguments.started(self._inner, start, self._needed(self._inner, start))
-            return self._transformed(start, steps, t_end, t0, t_eval, self._kept(checkpoint, checkpoint_every))
+            return self._transformed(
+                start, steps, t_end, t0, t_eval, self._kept(checkpoint, checkpoint_every)
+            )
         start, t0 = self._started(start), arguments.real(t0, "t0")
         if self._one is not self.system and start.bodies != len(self.system):
-            raise InvalidInput(f"integrate: there are {len(self.system)} systems for {start.bodies or 'a start of one'} bodies")
+            raise InvalidInput(
+                f"integrate: there are {len(self.system)} systems for "
+                f"{start.bodies or 'a start of one'} bodies"
+            )
         own = getattr(self._steps, "h", None)
         if isinstance(own, tuple) and start.bodies != len(own):
             if start.bodies is None:
-                raise InvalidType(f"integrate: h must be a number for a start of one body; got {self._given['h']!r}")
+                raise InvalidType(
+                    "integrate: h must be a number for a start of "
+                    f"one body; got {self._given['h']!r}"
+                )
             raise InvalidInput(f"integrate: h has {len(own)} steps for {start.bodies} bodies")
         if self._one is not self.system and self._one.bounded:
             arguments.allowed(self.system, start)
         kept = self._kept(checkpoint, checkpoint_every)
         if self.adaptive:
-            return self._steps.run(start, t0, t_end, steps, t_eval, self.events, kept, self.recorder)
+            return self._steps.run(
+                start, t0, t_end, steps, t_eval, self.events, kept, self.recorder
+            )
         steps = self._count(steps, t_end, t0)
         doubt = self._doubt(start)
         if doubt:
@@ -211,7 +276,9 @@ class Plan:
         return arguments.started(self._one, start, self._needed(self._one, start))
 
     def _kept(self, path: Any, seconds: Any) -> Checkpoint | None:
-        """Where the run is saved, if it is; what cannot be saved is refused now, and not after a minute."""
+        """Where the run is saved, if it is; what cannot be saved is refused now, and not after a
+        minute.
+        """
         kept = arguments.checkpoint(path, seconds)
         if kept is not None:
             from .archive import encoded
@@ -229,7 +296,9 @@ class Plan:
         if not isinstance(self.system, Systems) and not isinstance(steps.h, tuple):
             return self.method.step_warning(self.system, start, steps.h)
         bodies = range(start.bodies or 0)
-        doubts = (self.method.step_warning(steps.of(i), member(start, i), steps.h_of(i)) for i in bodies)
+        doubts = (
+            self.method.step_warning(steps.of(i), member(start, i), steps.h_of(i)) for i in bodies
+        )
         return next((doubt for doubt in doubts if doubt), None)
 
     def resume(
@@ -242,11 +311,13 @@ class Plan:
         checkpoint: str | os.PathLike[str] | None = None,
         checkpoint_every: float = 60.0,
     ) -> Trajectory:
-        """Go on where a run of this plan, or of an equal one, has ended: bit for bit as if it had not.
+        """Go on where a run of this plan, or of an equal one, has ended: bit for bit as if it had
+        not.
 
-        The first sample is where the run came to; `every` goes on counting.  steps, t_end, t_eval, checkpoint : of what is to come.
-        `run.then(...)` makes one of both.
-        Raises InvalidInput if the run was of another system, method or step, which it names, or if it was interrupted.
+        The first sample is where the run came to; `every` goes on counting.  steps, t_end, t_eval,
+        checkpoint : of what is to come.  `run.then(...)` makes one of both.
+        Raises InvalidInput if the run was of another system, method or step, which it names, or if
+        it was interrupted.
         """
         if not isinstance(run, Trajectory):
             raise InvalidType(f"Plan.resume goes on with a Trajectory; got {type(run).__name__}")
@@ -254,8 +325,12 @@ class Plan:
         if self.fictive:
             return self._transformed(carry, steps, t_end, carry.t, t_eval, kept)
         if self.adaptive:
-            return self._steps.run(carry, carry.t, t_end, steps, t_eval, self.events, kept, self.recorder)
-        return self._stepped(carry, self._count(steps, t_end, carry.t0, carry.step), carry.t0, t_eval, kept)
+            return self._steps.run(
+                carry, carry.t, t_end, steps, t_eval, self.events, kept, self.recorder
+            )
+        return self._stepped(
+            carry, self._count(steps, t_end, carry.t0, carry.step), carry.t0, t_eval, kept
+        )
 
     @property
     def fictive(self) -> bool:
@@ -264,17 +339,28 @@ class Plan:
 
     @property
     def _inner(self) -> Any:
-        """The system whose states runs begin from: of one in fictive time the one that it transforms."""
+        """The system whose states runs begin from: of one in fictive time the one that it
+        transforms.
+        """
         return self._one.system if self._one.fictive else self._one
 
     def _transformed(
-        self, start: State | FictiveCarry, steps: Any, t_end: Any, t0: Any, t_eval: Any, kept: Checkpoint | None
+        self,
+        start: State | FictiveCarry,
+        steps: Any,
+        t_end: Any,
+        t0: Any,
+        t_eval: Any,
+        kept: Checkpoint | None,
     ) -> Trajectory:
         """A run in fictive time."""
         from .transformed import TransformedRun
 
         if self._one is not self.system:
-            raise InvalidInput(f"integrate: {self.method!r} steps in fictive time, which several systems do not share")
+            raise InvalidInput(
+                f"integrate: {self.method!r} steps in fictive time, "
+                "which several systems do not share"
+            )
         if steps is None and t_end is None:
             raise InvalidInput("integrate: give h, the step in fictive time, and steps or t_end")
         if t_end is None and t_eval is not None:
@@ -284,7 +370,11 @@ class Plan:
         if kept is not None and recorder is not None:
             kept.shown = functools.partial(recorder.presented, kind=kind, compiled=compiled)
         last = None if t_end is None else arguments.real(t_end, "t_end")
-        limit = arguments.MOST // 2 if steps is None else arguments.count(steps, "steps", 0 if last is None else 1)
+        limit = (
+            arguments.MOST // 2
+            if steps is None
+            else arguments.count(steps, "steps", 0 if last is None else 1)
+        )
         run = TransformedRun(self._steps, start, t0, kept)
 
         def made() -> Trajectory:
@@ -300,49 +390,80 @@ class Plan:
         h = self._steps.h
         if t_end is not None:
             if steps is not None:
-                raise InvalidInput("integrate: give steps or t_end for steps of one length, not both")
+                raise InvalidInput(
+                    "integrate: give steps or t_end for steps of one length, not both"
+                )
             if isinstance(h, tuple):
-                raise InvalidInput("integrate: bodies with steps of their own come to times of their own; give steps, not t_end")
+                raise InvalidInput(
+                    "integrate: bodies with steps of their own come to "
+                    "times of their own; give steps, not t_end"
+                )
             span = (arguments.real(t_end, "t_end") - t0) / h - before
             steps = round(span)
             if steps < 0 or abs(span - steps) > ROUNDING * max(1, steps):
                 n = max(1, math.ceil(abs(span)))
                 fits = (t_end - t0 - before * h) / n
                 raise InvalidInput(
-                    f"integrate: {span:g} steps of h = {h:g} lead to t_end = {t_end:g}; steps of one length end there with "
-                    f"h = {fits!r}, {n} of them" if fits else f"integrate: t_end = {t_end:g} is the start"
+                    f"integrate: {span:g} steps of h = {h:g} lead to t_end = {t_end:g}; steps of "
+                    f"one length end there with h = {fits!r}, {n} of them"
+                    if fits
+                    else f"integrate: t_end = {t_end:g} is the start"
                 )
         elif steps is None:
-            raise InvalidInput("integrate: give h and steps, for steps of one length, or t_end, for adaptive ones")
+            raise InvalidInput(
+                "integrate: give h and steps, for steps of one length, or t_end, for adaptive ones"
+            )
         steps = arguments.count(steps, "steps", 0)
         for one in {min(h), max(h)} if isinstance(h, tuple) else (h,):
             arguments.affordable_times(t0, one, before + steps)
         return steps
 
-    def _stepped(self, start: State | Carry, steps: int, t0: float, t_eval: Any, kept: Checkpoint | None) -> Trajectory:
+    def _stepped(
+        self, start: State | Carry, steps: int, t0: float, t_eval: Any, kept: Checkpoint | None
+    ) -> Trajectory:
         if self.recorder is not None:
             return self._recorded(self.recorder, start, steps, t0, t_eval, kept)
         return self._whole(start, steps, t0, t_eval, kept)
 
     def _recorded(
-        self, recorder: Recorder, start: State | Carry, steps: int, t0: float, t_eval: Any, kept: Checkpoint | None
+        self,
+        recorder: Recorder,
+        start: State | Carry,
+        steps: int,
+        t0: float,
+        t_eval: Any,
+        kept: Checkpoint | None,
     ) -> Trajectory:
         """A run that keeps functions of the state."""
         if t_eval is None and not self.events:
             return recorder.fixed(self._steps, start, steps, t0, kept)
         kind = type(start.state if isinstance(start, Carry) else start)
-        return recorder.instead(lambda: self._whole(start, steps, t0, t_eval, kept), kind, self._steps.compiled)
+        return recorder.instead(
+            lambda: self._whole(start, steps, t0, t_eval, kept), kind, self._steps.compiled
+        )
 
-    def _whole(self, start: State | Carry, steps: int, t0: float, t_eval: Any, kept: Checkpoint | None) -> Trajectory:
+    def _whole(
+        self, start: State | Carry, steps: int, t0: float, t_eval: Any, kept: Checkpoint | None
+    ) -> Trajectory:
         if t_eval is None and not self.events:
             run = at_once(self._steps, start, steps, t0) if kept is None else None
-            return FixedRun(self._steps, start, steps, t0, checkpoint=kept).trajectory() if run is None else run
+            return (
+                FixedRun(self._steps, start, steps, t0, checkpoint=kept).trajectory()
+                if run is None
+                else run
+            )
         if kept is not None:
-            raise InvalidInput("integrate: checkpoint is for runs without events, those of steps of one length without t_eval")
+            raise InvalidInput(
+                "integrate: checkpoint is for runs without events, "
+                "those of steps of one length without t_eval"
+            )
         from .watched import WatchedRun, sampled
 
         if isinstance(self._steps.h, tuple):
-            raise InvalidInput("integrate: t_eval and events need one h for all bodies; these have steps of their own")
+            raise InvalidInput(
+                "integrate: t_eval and events need one h for all "
+                "bodies; these have steps of their own"
+            )
         begun = start.t if isinstance(start, Carry) else t0
         before = start.step if isinstance(start, Carry) else 0
         times = arguments.times(t_eval, begun, t0 + (before + steps) * self._steps.h)
@@ -355,29 +476,46 @@ class Plan:
         """What the run carries along, if it is this plan's to go on with."""
         carry: Any = run.carry
         if carry is None:
-            raise InvalidInput("Plan.resume: this run was interrupted or has failed, and carries nothing on; start from run.last")
+            raise InvalidInput(
+                "Plan.resume: this run was interrupted or has failed, and "
+                "carries nothing on; start from run.last"
+            )
         given = carry.origin.given if isinstance(carry, FictiveCarry) else run.system
         systems = [[*x] if isinstance(x, Systems) else [x] for x in (self.system, given)]
         of_bodies = [("system", *pair) for pair in zip(*systems, strict=False)]
         if len(systems[0]) != len(systems[1]):
-            raise InvalidInput(f"Plan.resume: the run was made with {len(systems[1])} systems, the plan with {len(systems[0])}")
+            raise InvalidInput(
+                f"Plan.resume: the run was made with {len(systems[1])} "
+                f"systems, the plan with {len(systems[0])}"
+            )
         record = (self.record,) if isinstance(self.record, str) else self.record
         if self.recorder is not None:
             record = self.recorder.names
-        if (record is not None and sorted(run.states) != sorted(record)) or (run.observed and self.recorder is None):
-            raise InvalidInput(f"Plan.resume: the run recorded {', '.join(run.states)}, the plan records {self.record}")
+        if (record is not None and sorted(run.states) != sorted(record)) or (
+            run.observed and self.recorder is None
+        ):
+            raise InvalidInput(
+                "Plan.resume: the run recorded "
+                f"{', '.join(run.states)}, the plan records {self.record}"
+            )
         for name, mine, theirs in (*of_bodies, ("method", self.method, run.method)):
             if mine is not theirs and exact(mine) != exact(theirs):
                 raise InvalidInput(
-                    f"Plan.resume: the run was made with another {name}: {', '.join(differing(mine, theirs))}; "
-                    "start a new one from run.last, or make a plan of what it was made with"
+                    f"Plan.resume: the run was made with another {name}: "
+                    f"{', '.join(differing(mine, theirs))}; start a new one from run.last, or make "
+                    "a plan of what it was made with"
                 )
-        if not isinstance(carry, AdaptiveCarry if self.adaptive else FictiveCarry if self.fictive else Carry):
-            raise InvalidInput("Plan.resume: the run was made with other steps; start a new one from run.last")
+        if not isinstance(
+            carry, AdaptiveCarry if self.adaptive else FictiveCarry if self.fictive else Carry
+        ):
+            raise InvalidInput(
+                "Plan.resume: the run was made with other steps; start a new one from run.last"
+            )
         inner: Any = carry.inner if isinstance(carry, FictiveCarry) else carry
         if not self.adaptive and inner.h != self._steps.h:
             raise InvalidInput(
-                f"Plan.resume: the run was made with h = {inner.h!r} instead of {self._steps.h!r}; start a new one from run.last"
+                f"Plan.resume: the run was made with h = {inner.h!r} instead of {self._steps.h!r}; "
+                "start a new one from run.last"
             )
         return carry
 
@@ -392,26 +530,36 @@ class Plan:
     ) -> TangentTrajectory:
         """A run of one body with its tangent map: the exact derivative of the discrete motion.
 
-        by : "start", or parameters of the system such as "inertia" or "hamiltonian.rotor", or a list of these.  The derivative by
-        parameters is as exact as that of what the system computes of them when it is made, about 1e-13.
+        by : "start", or parameters of the system such as "inertia" or "hamiltonian.rotor", or a
+        list of these.  The derivative by parameters is as exact as that of what the system computes
+        of them when it is made, about 1e-13.
 
-        Returns a TangentTrajectory, whose `tangent["start"]` is (n, N, N): derivatives of the state at each sample, group
-        elements left-trivialised, dg = g hat(eta).
-        Raises what `integrate` does; InvalidInput for what is no parameter, IncompatibleSystem for methods of power series.
+        Returns a TangentTrajectory, whose `tangent["start"]` is (n, N, N): derivatives of the state
+        at each sample, group elements left-trivialised, dg = g hat(eta).
+        Raises what `integrate` does; InvalidInput for what is no parameter, IncompatibleSystem for
+        methods of power series.
         """
         from .tangent import tangent_run
 
         self._one_length("tangent")
         if self.fictive:
-            raise InvalidInput("Plan.tangent is for steps of one length in time; give the plan no time scale")
+            raise InvalidInput(
+                "Plan.tangent is for steps of one length in time; give the plan no time scale"
+            )
         if self.recorder is not None:
-            raise InvalidInput("Plan.tangent is of the state; make a plan that records no functions of it")
+            raise InvalidInput(
+                "Plan.tangent is of the state; make a plan that records no functions of it"
+            )
         start, t0 = arguments.started(self._one, start, self.record), arguments.real(t0, "t0")
         if start.bodies is not None or self._one is not self.system:
             raise InvalidInput("Plan.tangent is for one body at a time")
-        names: tuple[Any, ...] = (by,) if isinstance(by, str) else tuple(by) if isinstance(by, (list, tuple)) else (by,)
+        names: tuple[Any, ...] = (
+            (by,) if isinstance(by, str) else tuple(by) if isinstance(by, (list, tuple)) else (by,)
+        )
         if not names or not all(isinstance(name, str) for name in names):
-            raise InvalidType(f'Plan.tangent: by is "start", a parameter such as "inertia", or a list of these; got {by!r}')
+            raise InvalidType(
+                f'Plan.tangent: by is "start", a parameter such as "inertia", or a list of these; got {by!r}'
+            )
         if self.events:
             raise InvalidInput("Plan.tangent looks for no events; make a plan without them")
         return tangent_run(self._steps, start, self._count(steps, t_end, t0), t0, names)
@@ -427,7 +575,8 @@ class Plan:
         return FixedRun(self._steps, start, 0, t0).trajectory().carry
 
     def step(self, carry: Carry, steps: int = 1) -> Carry:
-        """What the method carries along after some more steps: its `t` and `state` are those of `run`, to the bit.
+        """What the method carries along after some more steps: its `t` and `state` are those of
+        `run`, to the bit.
 
         For control loops and live pictures.
         Raises what `integrate` raises.
@@ -449,7 +598,10 @@ class Plan:
             raise InvalidType(f"Plan.step goes on from what `begin` or `step` gave; got {carry!r}")
         inner: Any = carry.inner if isinstance(carry, FictiveCarry) else carry
         if inner.h != self._steps.h:
-            raise InvalidInput(f"Plan.step: the carry is of steps of h = {inner.h!r}, the plan has {self._steps.h!r}")
+            raise InvalidInput(
+                "Plan.step: the carry is of steps of h = "
+                f"{inner.h!r}, the plan has {self._steps.h!r}"
+            )
         theirs: Any = None
         if isinstance(carry, FictiveCarry):
             theirs = carry.origin.given, carry.origin.method
@@ -458,24 +610,44 @@ class Plan:
             theirs = (system.values if isinstance(system, Several) else system), method
         mine = self.system.systems if isinstance(self.system, Systems) else self.system
         if theirs is not None and exact(theirs) != exact((mine, self.method)):
-            raise InvalidInput("Plan.step: the carry is of another system or method; begin anew from carry.state")
+            raise InvalidInput(
+                "Plan.step: the carry is of another system or method; begin anew from carry.state"
+            )
 
     def _one_length(self, what: str) -> None:
         if self.adaptive:
-            raise InvalidInput(f"Plan.{what} is for steps of one length; give the plan an h, no tolerances, and no time scale")
+            raise InvalidInput(
+                f"Plan.{what} is for steps of one length; give the plan "
+                "an h, no tolerances, and no time scale"
+            )
 
     def __repr__(self) -> str:
         defaults = inspect.signature(Plan).parameters
-        given = [f"{n}={x!r}" for n, x in self._given.items() if n not in ("system", "method") and x is not defaults[n].default]
+        given = [
+            f"{n}={x!r}"
+            for n, x in self._given.items()
+            if n not in ("system", "method") and x is not defaults[n].default
+        ]
         return f"Plan({', '.join([repr(self.system), repr(self.method), *given])})"
 
 
 def differing(mine: Any, theirs: Any, name: str = "") -> list[str]:
-    """The first fields in which two records differ, with both values: those that a user gave, or else derived ones."""
+    """The first fields in which two records differ, with both values: those that a user gave, or
+    else derived ones.
+    """
     if type(mine) is not type(theirs) or not isinstance(mine, Record) or not fields_of(mine):
-        return [] if exact(mine) == exact(theirs) else [f"{name or type(theirs).__name__} = {theirs!r} instead of {mine!r}"]
+        return (
+            []
+            if exact(mine) == exact(theirs)
+            else [f"{name or type(theirs).__name__} = {theirs!r} instead of {mine!r}"]
+        )
     given = inspect.signature(type(mine)).parameters
     fields = sorted(fields_of(mine), key=lambda field: field not in given)
-    parts = {n: differing(getattr(mine, n), getattr(theirs, n), f"{name}.{n}".lstrip(".")) for n in fields}
-    found = [text for n, part in parts.items() if n in given for text in part] or [text for part in parts.values() for text in part]
+    parts = {
+        n: differing(getattr(mine, n), getattr(theirs, n), f"{name}.{n}".lstrip("."))
+        for n in fields
+    }
+    found = [text for n, part in parts.items() if n in given for text in part] or [
+        text for part in parts.values() for text in part
+    ]
     return found[:3]

@@ -1,4 +1,6 @@
-"""What all runs of a plan with steps of one length share, if their starts are alike: layouts, and native code."""
+"""What all runs of a plan with steps of one length share, if their starts are alike: layouts, and
+native code.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,16 @@ import numpy as np
 
 from ..compiler import kernel
 from ..formulas.broadcasting import small
-from ..formulas.pytree import Layout, build, compensated, double_double, fitted, gatherer, layout_of, leaves
+from ..formulas.pytree import (
+    Layout,
+    build,
+    compensated,
+    double_double,
+    fitted,
+    gatherer,
+    layout_of,
+    leaves,
+)
 from ..integrators.method import Method
 from ..systems.system import State, System
 from .execution import Execution, like
@@ -65,14 +76,24 @@ class Steps:
     @property
     def settings(self) -> tuple[Any, ...]:
         """All but the system, for a plan of another one."""
-        return self.method, self.h, self.every, self.compensated, self.precision, self.compiled, self.progress, self.workers
+        return (
+            self.method,
+            self.h,
+            self.every,
+            self.compensated,
+            self.precision,
+            self.compiled,
+            self.progress,
+            self.workers,
+        )
 
     def owns(self, shape: Shape | None) -> bool:
         """Is the shape one of this plan?"""
         return shape in self.shapes.values()
 
     def remembering(self, start: State) -> State:
-        """The start of one body, in compensated numbers what is to be summed up so: all, nothing, or what the motion depends on.
+        """The start of one body, in compensated numbers what is to be summed up so: all, nothing,
+        or what the motion depends on.
 
         In double-double precision in numbers of two doubles.
         """
@@ -80,14 +101,20 @@ class Steps:
             return double_double(start)
         if self.compensated is None and (self.method.symmetric or self.method.symplectic):
             motion = self.one.essential_part(start).parts
-            return type(start)(*(compensated(x) if motion[name] is not None else x for name, x in start.parts.items()))
+            return type(start)(
+                *(
+                    compensated(x) if motion[name] is not None else x
+                    for name, x in start.parts.items()
+                )
+            )
         return compensated(start) if self.compensated else start
 
 
 class Prepared:
     """What drivers of steps of all kinds need.
 
-    arguments : method, system, two layouts.  constants : the numbers of method and system.  stepping : who runs the driver.
+    arguments : method, system, two layouts.  constants : the numbers of method and system.
+    stepping : who runs the driver.
     """
 
     arguments: tuple[Any, Any, Any, Any]
@@ -98,7 +125,10 @@ class Prepared:
         """The same for another system of the same layout."""
         other = like(self)
         method, _, first, second = self.arguments
-        other.arguments, other.constants = (method, system, first, second), numbers_of(method, system)
+        other.arguments, other.constants = (
+            (method, system, first, second),
+            numbers_of(method, system),
+        )
         other.stepping = self.stepping.of(system)
         return other
 
@@ -112,13 +142,18 @@ class Shape(Prepared):
     """The layouts of a run, and the code that makes its steps.
 
     given : of a start of one body as it comes; started : in the numbers of the run.
-    layout : of what the method carries along.  example, shown : a sample and its layout.  lanes : bodies side by side.
+    layout : of what the method carries along.  example, shown : a sample and its layout.
+    lanes : bodies side by side.
     own : numbers of which every body has its own.
-    carried, sampled : how many numbers are carried along, with that of the steps, and are in a sample.
-    order : for a method without a memory, which number of the start each number is that is carried along; -1 for a rest, zero.
+    carried, sampled : how many numbers are carried along, with that of the steps, and are in a
+    sample.
+    order : for a method without a memory, which number of the start each number is that is carried
+    along; -1 for a rest, zero.
     """
 
-    def __init__(self, steps: Steps, given: Layout, started: Layout, first: Any, example: State, many: bool) -> None:
+    def __init__(
+        self, steps: Steps, given: Layout, started: Layout, first: Any, example: State, many: bool
+    ) -> None:
         method, system = steps.method, steps.system
         self.given, self.started, self.example = given, started, example
         self.layout, self.shown = layout_of(first), layout_of(example)
@@ -135,7 +170,11 @@ class Shape(Prepared):
         if isinstance(steps.h, tuple):
             self.h = kernel.Several.of(steps.h, -(-len(steps.h) // self.lanes) * self.lanes)
             self.own.append(self.h.columns)
-        self.carried, self.sampled, self.gather = self.layout.width + 1, self.shown.width, gatherer(given)
+        self.carried, self.sampled, self.gather = (
+            self.layout.width + 1,
+            self.shown.width,
+            gatherer(given),
+        )
         none = np.empty(0)
         self.arguments = method, system, self.layout, self.shown
         call = fixed_steps, *self.arguments, 0.0, self.h, 0, 1, 1, none, none, None
@@ -143,8 +182,12 @@ class Shape(Prepared):
         self._call = struct.Struct(f"8q{len(self.constants)}s2d").pack
         self._beginning: Execution | None = None
         self.order: list[int] | None = None
-        if given == self.shown and all(getattr(type(method), f) is getattr(Method, f) for f in ("start", "observe")):
-            numbered = fitted(build(given, iter([1.0 + i for i in range(given.width)])), self.layout)
+        if given == self.shown and all(
+            getattr(type(method), f) is getattr(Method, f) for f in ("start", "observe")
+        ):
+            numbered = fitted(
+                build(given, iter([1.0 + i for i in range(given.width)])), self.layout
+            )
             self.order = [int(x) - 1 for x in leaves(numbered, self.layout)]
             self._first = struct.Struct(f"{self.carried + self.sampled}d")
             self._picked: Any = operator.itemgetter(*[*self.order, -1, *range(given.width)])
@@ -161,7 +204,9 @@ class Shape(Prepared):
         return *self.arguments[:2], self.given, self.started, self.layout, self.shown, self.h
 
     def begin(self, start: State, memory: Any) -> bool:
-        """Write what one body carries along, and behind it the first sample; False if the method cannot begin so."""
+        """Write what one body carries along, and behind it the first sample; False if the method
+        cannot begin so.
+        """
         numbers = self.gather(start)
         if self.order is not None:
             numbers.append(0.0)
@@ -171,7 +216,11 @@ class Shape(Prepared):
         if beginning is None:
             return False
         beginning.again()
-        states, out, starts = memory[: self.carried], memory[self.carried :][: self.sampled], np.array(numbers)
+        states, out, starts = (
+            memory[: self.carried],
+            memory[self.carried :][: self.sampled],
+            np.array(numbers),
+        )
         out[:] = numbers if self.given == self.shown else 0.0
         if beginning.ready(0.0):
             native: Any = beginning.native
@@ -182,8 +231,12 @@ class Shape(Prepared):
                 begin(*arguments)
         return bool(states[-1] == 0.0)
 
-    def native_steps(self, t0: float, h: float, first: int, every: int, samples: int, states: int, out: int) -> None:
-        """`fixed_steps` of one body, in native code that is there.  states, out : the addresses of the arrays."""
+    def native_steps(
+        self, t0: float, h: float, first: int, every: int, samples: int, states: int, out: int
+    ) -> None:
+        """`fixed_steps` of one body, in native code that is there.  states, out : the addresses of
+        the arrays.
+        """
         native: Any = self.stepping.native
         native.call(self._call(1, 0, 1, first, every, samples, states, out, self.constants, t0, h))
 
@@ -193,7 +246,9 @@ class Shape(Prepared):
             none = np.empty(0)
             wanted = steps.compiled if self.lanes > 1 or steps.compiled is False else None
             call = begin, *self.beginner, none, none, none, None
-            self._beginning = Execution(wanted, steps.progress, *call, lanes=self.lanes, silent=self.lanes == 1)
+            self._beginning = Execution(
+                wanted, steps.progress, *call, lanes=self.lanes, silent=self.lanes == 1
+            )
         return self._beginning
 
 

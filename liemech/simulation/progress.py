@@ -1,4 +1,6 @@
-"""What is shown of anything that takes longer than a second: a bar for a run, a line for a compilation."""
+"""What is shown of anything that takes longer than a second: a bar for a run, a line for a
+compilation.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Samples of functions of the state: energies, angles, distances, kept instead of the state, in memory for themselves alone."""
+"""Samples of functions of the state: energies, angles, distances, kept instead of the state, in
+memory for themselves alone.
+"""
 
 from __future__ import annotations
 
@@ -57,7 +59,9 @@ class Recorder:
         return *self.parts, *self.quantities
 
     def needed(self, system: Any, start: Any) -> tuple[str, ...] | None:
-        """The parts of the state that a run must have: for a function of the state all that there are."""
+        """The parts of the state that a run must have: for a function of the state all that there
+        are.
+        """
         if not isinstance(start, State):
             return None
         if not all(isinstance(q, str) for q in self.quantities.values()):
@@ -67,36 +71,57 @@ class Recorder:
             parts = inspect.signature(getattr(system, str(quantity))).parameters
             if not set(parts) <= set(start.parts):
                 raise InvalidInput(
-                    f"integrate: record={quantity!r} is a formula of {', '.join(parts)}, not of the state, which is "
-                    f"{', '.join(start.parts)}; record a function of time and state"
+                    f"integrate: record={quantity!r} is a formula of {', '.join(parts)}, not of "
+                    f"the state, which is {', '.join(start.parts)}; "
+                    "record a function of time and state"
                 )
             wanted += parts
         return tuple(dict.fromkeys([*wanted, *self.parts]))
 
     # ---------------------------------------------------------------- what is kept
 
-    def values(self, run: Any, kind: Any, t: np.ndarray, states: dict[str, np.ndarray], compiled: Any) -> dict[str, np.ndarray]:
+    def values(
+        self, run: Any, kind: Any, t: np.ndarray, states: dict[str, np.ndarray], compiled: Any
+    ) -> dict[str, np.ndarray]:
         """What is kept of samples (n, ...), of an ensemble (n, bodies, ...).  kind : of state."""
         found = {name: states[name] for name in self.parts}
         for name, quantity in self.quantities.items():
             if isinstance(quantity, str):
                 formula = getattr(run.system, quantity)
-                found[name] = np.asarray(formula(*(states[part] for part in inspect.signature(formula).parameters)))
+                found[name] = np.asarray(
+                    formula(*(states[part] for part in inspect.signature(formula).parameters))
+                )
             elif len(t):
-                found[name] = self._of_function(name, quantity, kind, t, states, run.bodies, compiled)
+                found[name] = self._of_function(
+                    name, quantity, kind, t, states, run.bodies, compiled
+                )
             else:
                 found[name] = np.empty(0)
         return found
 
     def _of_function(
-        self, name: str, function: Any, kind: Any, t: np.ndarray, states: dict[str, np.ndarray], bodies: int | None, compiled: Any
+        self,
+        name: str,
+        function: Any,
+        kind: Any,
+        t: np.ndarray,
+        states: dict[str, np.ndarray],
+        bodies: int | None,
+        compiled: Any,
     ) -> np.ndarray:
         """A function of time and state at every sample."""
         lead, at = ((len(t),), (0,)) if bodies is None else ((len(t), bodies), (0, 0))
-        first = kind(*[small(states[f.name][at]) if f.name in states else None for f in dataclasses.fields(kind)])
+        first = kind(
+            *[
+                small(states[f.name][at]) if f.name in states else None
+                for f in dataclasses.fields(kind)
+            ]
+        )
         result = self._result(name, function, float(np.ravel(t)[0]), first)
         parts = {part: states[part] for part in first.arrays}
-        rows = np.column_stack([flat(parts, math.prod(lead)), t.ravel() if t.ndim == 2 else np.repeat(t, bodies or 1)])
+        rows = np.column_stack(
+            [flat(parts, math.prod(lead)), t.ravel() if t.ndim == 2 else np.repeat(t, bodies or 1)]
+        )
         arguments = function, layout_of(first), layout_of(result)
         what = f"record={name!r}", lambda k: f"at t = {rows[k, -1]:g}"
         numbers = evaluated(observe, arguments, rows, np.size(result), compiled, what)
@@ -107,10 +132,13 @@ class Recorder:
         result = attempt(function, t, state)
         if hasattr(result, "error"):
             error: Any = reason(result)
-            raise error if is_mistake(error) else failure(error, f"record={name!r}", f"at t = {t:g}")
+            raise (
+                error if is_mistake(error) else failure(error, f"record={name!r}", f"at t = {t:g}")
+            )
         if layout_of(result).kind not in PLAIN or np.array(result).dtype != float:
             raise InvalidType(
-                f"integrate: record={name!r} gives a number (a float), a liemech.vec(...) or a liemech.mat(...); got {result!r}"
+                f"integrate: record={name!r} gives a number (a float), a liemech.vec(...) or a "
+                f"liemech.mat(...); got {result!r}"
             )
         return result
 
@@ -132,8 +160,12 @@ class Recorder:
 
     # ---------------------------------------------------------------- steps of one length
 
-    def fixed(self, plan: Steps, start: Any, steps: int, t0: float, checkpoint: Checkpoint | None) -> Trajectory:
-        """A run with steps of one length, in parts of which each goes on where the one before stands, to the bit."""
+    def fixed(
+        self, plan: Steps, start: Any, steps: int, t0: float, checkpoint: Checkpoint | None
+    ) -> Trajectory:
+        """A run with steps of one length, in parts of which each goes on where the one before
+        stands, to the bit.
+        """
         return _RecordedRun(self, plan, start, steps, t0, checkpoint).trajectory()
 
 
@@ -150,7 +182,13 @@ class _RecordedRun:
     """One run in parts."""
 
     def __init__(
-        self, recorder: Recorder, plan: Steps, start: State | Carry, steps: int, t0: float, checkpoint: Checkpoint | None
+        self,
+        recorder: Recorder,
+        plan: Steps,
+        start: State | Carry,
+        steps: int,
+        t0: float,
+        checkpoint: Checkpoint | None,
     ) -> None:
         self.recorder, self.plan, self.steps, self.checkpoint = recorder, plan, steps, checkpoint
         self.now, self.t0, self.done = start, t0, 0
@@ -159,7 +197,9 @@ class _RecordedRun:
         self.t: list[np.ndarray] = []
         self.kept: list[dict[str, np.ndarray]] = []
         count = start.bodies or 1
-        self.longest = max(1, min(max(STEPS // count, plan.every), max(1, SAMPLES // count) * plan.every))
+        self.longest = max(
+            1, min(max(STEPS // count, plan.every), max(1, SAMPLES // count) * plan.every)
+        )
 
     def trajectory(self) -> Trajectory:
         """Part after part, to the end."""
@@ -168,7 +208,11 @@ class _RecordedRun:
             while True:
                 n = min(self.longest, self.steps - self.done)
                 run = _Part(inner, self.now, n, self.t0)
-                run.whole, run.earlier, run.final = self.steps - self.done, sum(map(len, self.t)), self.done + n == self.steps
+                run.whole, run.earlier, run.final = (
+                    self.steps - self.done,
+                    sum(map(len, self.t)),
+                    self.done + n == self.steps,
+                )
                 part: Any = None
                 try:
                     part = run.trajectory()
@@ -193,9 +237,15 @@ class _RecordedRun:
                     self.checkpoint.save(self._made(part))
 
     def _keep(self, part: Trajectory, steps: int) -> None:
-        """Keep what is to be kept of a part: its first sample is the last one of the part before, its last one perhaps none."""
+        """Keep what is to be kept of a part: its first sample is the last one of the part before,
+        its last one perhaps none.
+        """
         self.done += steps
-        extra = self.done < self.steps and (self.before + self.done) % self.plan.every > 0 and part.carry is not None
+        extra = (
+            self.done < self.steps
+            and (self.before + self.done) % self.plan.every > 0
+            and part.carry is not None
+        )
         here = slice(1 if self.t else 0, len(part) - 1 if steps and extra else len(part))
         self._add(part, part.t[here], {name: x[here] for name, x in part.states.items()})
 
@@ -205,7 +255,11 @@ class _RecordedRun:
         numbers = numbers[(numbers % self.plan.every == 0) | (numbers == self.before + self.steps)]
         t0 = self.now.t0 if isinstance(self.now, Carry) else self.t0
         last = times(t0, numbers, self.plan.h)
-        self._add(part, last, {name: np.repeat(x[-1:], len(numbers), axis=0) for name, x in part.states.items()})
+        self._add(
+            part,
+            last,
+            {name: np.repeat(x[-1:], len(numbers), axis=0) for name, x in part.states.items()},
+        )
         self.done = self.steps
 
     def _add(self, part: Trajectory, t: np.ndarray, states: dict[str, np.ndarray]) -> None:
@@ -216,9 +270,13 @@ class _RecordedRun:
     def _made(self, part: Trajectory) -> Trajectory:
         """The run so far, as which its last part ends."""
         names = self.recorder.names
-        states = {name: np.concatenate([kept[name] for kept in self.kept]) for name in names if self.kept}
+        states = {
+            name: np.concatenate([kept[name] for kept in self.kept]) for name in names if self.kept
+        }
         t = np.concatenate(self.t) if self.t else np.empty(0)
-        return dataclasses.replace(part, t=t, states=states, steps=self.done, observed=tuple(self.recorder.quantities))
+        return dataclasses.replace(
+            part, t=t, states=states, steps=self.done, observed=tuple(self.recorder.quantities)
+        )
 
 
 # ------------------------------------------------------------------ what a user asks for
@@ -227,16 +285,25 @@ class _RecordedRun:
 def recorder_of(record: Any, system: Any) -> Recorder | None:
     """What is to be kept, if there is more among it than parts of the state.
 
-    record : names of parts of the state and of methods of the system, functions of time and state, pairs of a name and such a
-    function.
+    record : names of parts of the state and of methods of the system, functions of time and state,
+    pairs of a name and such a function.
     """
-    items = (record,) if isinstance(record, str) or callable(record) else record if isinstance(record, tuple) else ()
+    items = (
+        (record,)
+        if isinstance(record, str) or callable(record)
+        else record
+        if isinstance(record, tuple)
+        else ()
+    )
     parts: list[str] = []
     quantities: dict[str, Any] = {}
     for item in items:
         name, wanted = item if isinstance(item, tuple) and len(item) == 2 else (item, item)
         if isinstance(wanted, str):
-            known = inspect.ismethod(getattr(system, wanted, None)) and wanted not in ("state", "constants")
+            known = inspect.ismethod(getattr(system, wanted, None)) and wanted not in (
+                "state",
+                "constants",
+            )
             if known:
                 quantities[name] = wanted
             else:
@@ -245,16 +312,23 @@ def recorder_of(record: Any, system: Any) -> Recorder | None:
         if not callable(wanted):
             return None  # to be refused with the parts there are
         if not isinstance(name, str):
-            name = type(wanted).__name__ if isinstance(wanted, Record) else getattr(wanted, "__name__", "")
+            name = (
+                type(wanted).__name__
+                if isinstance(wanted, Record)
+                else getattr(wanted, "__name__", "")
+            )
         if not name.isidentifier():
             raise InvalidInput(
                 f'integrate: record has a function without a name, {wanted!r}; give it one: record=[("name", function), ...]'
             )
         quantities[name] = wanted
     for name in quantities:
-        reserved = name in Trajectory.__dataclass_fields__ or (hasattr(Trajectory, name) and name not in COMPUTED)
+        reserved = name in Trajectory.__dataclass_fields__ or (
+            hasattr(Trajectory, name) and name not in COMPUTED
+        )
         if reserved or [*parts, *quantities].count(name) > 1:
             raise InvalidInput(
-                f"integrate: record: {name!r} is the name of something else of a run; give another one: [(name, function), ...]"
+                f"integrate: record: {name!r} is the name of something else of a run; give another "
+                "one: [(name, function), ...]"
             )
     return Recorder(tuple(parts), quantities) if quantities else None

@@ -1,4 +1,6 @@
-"""Ensembles on many processes and machines: chunks of bodies, by any executor of concurrent.futures."""
+"""Ensembles on many processes and machines: chunks of bodies, by any executor of
+concurrent.futures.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,9 @@ CHUNK = 2**22
 """Steps of all bodies of a chunk together, at least: some tenths of a second in native code."""
 
 CHUNKS = 64
-"""Chunks at most, for executors that do not say how many workers they have; else four for each worker."""
+"""Chunks at most, for executors that do not say how many workers they have; else four for each
+worker.
+"""
 
 TRIES = 3
 """How often a chunk is handed out whose worker was lost."""
@@ -34,16 +38,29 @@ LOOK = 0.25
 
 
 def spread(plan: Any, start: Any, executor: Any, **how: Any) -> Any:
-    """A run of an ensemble by an executor: chunks of bodies, joined in order, each with the bits that it has alone.
+    """A run of an ensemble by an executor: chunks of bodies, joined in order, each with the bits
+    that it has alone.
 
-    A chunk whose worker was lost is handed out again; if the executor is broken or keeps losing it, it is computed here.
+    A chunk whose worker was lost is handed out again; if the executor is broken or keeps losing it,
+    it is computed here.
     """
     if not callable(getattr(executor, "submit", None)):
-        raise InvalidType(f"integrate: executor is one of concurrent.futures, or has its `submit`; got {executor!r}")
+        raise InvalidType(
+            "integrate: executor is one of concurrent.futures, "
+            f"or has its `submit`; got {executor!r}"
+        )
     if not isinstance(start, State) or start.bodies is None:
-        raise InvalidInput("integrate: executor is for ensembles, whose bodies it spreads; executor.submit(plan.run, ...) for one")
-    chunks = _chunks(start.bodies, how.get("steps") or 1000, getattr(executor, "_max_workers", None))
-    jobs = [(_part_of(plan, first, end), _members(start, first, end), _times_of(how, first, end)) for first, end in chunks]
+        raise InvalidInput(
+            "integrate: executor is for ensembles, whose bodies it spreads; "
+            "executor.submit(plan.run, ...) for one"
+        )
+    chunks = _chunks(
+        start.bodies, how.get("steps") or 1000, getattr(executor, "_max_workers", None)
+    )
+    jobs = [
+        (_part_of(plan, first, end), _members(start, first, end), _times_of(how, first, end))
+        for first, end in chunks
+    ]
     found: dict[int, Any] = {}
     tries = [0] * len(jobs)
     running: dict[Any, int] = {}
@@ -59,7 +76,10 @@ def spread(plan: Any, start: Any, executor: Any, **how: Any) -> Any:
                 return
         except futures.BrokenExecutor:
             pass
-        warn(f"integrate: the executor lost chunk {i} of {len(jobs)}; it is computed here", RuntimeWarning)
+        warn(
+            f"integrate: the executor lost chunk {i} of {len(jobs)}; it is computed here",
+            RuntimeWarning,
+        )
         here(i)
 
     try:
@@ -88,13 +108,18 @@ def spread(plan: Any, start: Any, executor: Any, **how: Any) -> Any:
     for i, result in sorted(found.items()):
         if isinstance(result, Exception):
             first, end = chunks[i]
-            result.add_note(f"[integrate: in the chunk of bodies {first} to {end - 1}, which are counted from 0 there]")
+            result.add_note(
+                f"[integrate: in the chunk of bodies {first} to "
+                f"{end - 1}, which are counted from 0 there]"
+            )
             raise result
     return _joined(plan, chunks, [found[i] for i in range(len(jobs))])
 
 
 def _run(plan: Any, start: Any, how: dict[str, Any]) -> Any:
-    """A chunk, where it is computed.  What its run raises is a result: an error of `submit` tells of a lost worker."""
+    """A chunk, where it is computed.  What its run raises is a result: an error of `submit` tells
+    of a lost worker.
+    """
     try:
         return plan.run(start, **how)
     except Exception as error:
@@ -128,7 +153,9 @@ def _times_of(how: dict[str, Any], first: int, end: int) -> dict[str, Any]:
 
 
 def _members(start: Any, first: int, end: int) -> Any:
-    return type(start)(*(None if x is None else np.array(x[first:end]) for x in start.parts.values()))
+    return type(start)(
+        *(None if x is None else np.array(x[first:end]) for x in start.parts.values())
+    )
 
 
 def _joined(plan: Any, chunks: list[tuple[int, int]], runs: list[Any]) -> Any:
@@ -139,18 +166,27 @@ def _joined(plan: Any, chunks: list[tuple[int, int]], runs: list[Any]) -> Any:
     stopped = Stopped(steps, lambda body: places[body][0].stopped[places[body][1]].error)
     if steps:
         some = ", ".join(f"body {i} after {n} steps" for i, n in list(steps.items())[:5])
-        warn(f"integrate: {len(steps)} of {bodies} bodies stopped early: {some}. {stopped[min(steps)].error}", RuntimeWarning)
+        warn(
+            f"integrate: {len(steps)} of {bodies} bodies stopped early: {some}. "
+            f"{stopped[min(steps)].error}",
+            RuntimeWarning,
+        )
     more: dict[str, Any] = {}
     if first.t.ndim == 2:  # every body has times of its own
         more = {"t": np.concatenate([run.t for run in runs], axis=1)}
     if isinstance(first, TransformedTrajectory):
         if first.z is not None:
             more["z"] = np.concatenate([run.z for run in runs], axis=1)
-        more["origin"] = dataclasses.replace(first.origin, start=_all([run.origin.start for run in runs]))
+        more["origin"] = dataclasses.replace(
+            first.origin, start=_all([run.origin.start for run in runs])
+        )
     return dataclasses.replace(
         first,
         system=plan.system,
-        states={name: np.concatenate([run.states[name] for run in runs], axis=1) for name in first.states},
+        states={
+            name: np.concatenate([run.states[name] for run in runs], axis=1)
+            for name in first.states
+        },
         h=_step(chunks, runs),
         bodies=bodies,
         steps=max(run.steps for run in runs),
@@ -165,7 +201,9 @@ def _joined(plan: Any, chunks: list[tuple[int, int]], runs: list[Any]) -> Any:
 def _step(chunks: list[tuple[int, int]], runs: list[Any]) -> Any:
     """The step of all bodies, those of each, or of adaptive ones the mean."""
     if runs[0].rejected:
-        return float(np.average([run.h for run in runs], weights=[end - begin for begin, end in chunks]))
+        return float(
+            np.average([run.h for run in runs], weights=[end - begin for begin, end in chunks])
+        )
     return np.concatenate([run.h for run in runs]) if np.ndim(runs[0].h) else runs[0].h
 
 
@@ -176,7 +214,9 @@ def _all(states: list[Any]) -> Any:
 
 
 def _carry(chunks: list[tuple[int, int]], carries: list[Any], origin: Any = None) -> Any:
-    """What all bodies carry along, from an origin in fictive time; None if those of a chunk have all stopped."""
+    """What all bodies carry along, from an origin in fictive time; None if those of a chunk have
+    all stopped.
+    """
     if origin is not None and None not in carries:
         return FictiveCarry(origin, _carry(chunks, [carry.inner for carry in carries]))
     if not all(isinstance(carry, Carry) for carry in carries):
@@ -184,11 +224,17 @@ def _carry(chunks: list[tuple[int, int]], carries: list[Any], origin: Any = None
     made = dataclasses.replace(
         carries[0],
         shape=None,
-        h=sum([carry.h for carry in carries], ()) if isinstance(carries[0].h, tuple) else carries[0].h,
+        h=sum([carry.h for carry in carries], ())
+        if isinstance(carries[0].h, tuple)
+        else carries[0].h,
         bodies=chunks[-1][1],
         numbers=np.concatenate([carry.numbers for carry in carries], axis=1),
         last=np.concatenate([carry.last for carry in carries], axis=1),
-        failures={begin + i: error for (begin, _), carry in zip(chunks, carries) for i, error in carry.failures.items()},
+        failures={
+            begin + i: error
+            for (begin, _), carry in zip(chunks, carries)
+            for i, error in carry.failures.items()
+        },
     )
     vars(made)["state"] = _all([carry.state for carry in carries])
     return made

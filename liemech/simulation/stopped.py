@@ -9,19 +9,26 @@ from ..errors import IntegrationFailure
 
 
 class Stop(NamedTuple):
-    """Where and why a body of an ensemble stopped: after how many steps, and what the next one failed of."""
+    """Where and why a body of an ensemble stopped: after how many steps, and what the next one
+    failed of.
+    """
 
     steps: int
     error: IntegrationFailure
 
 
 class Stopped(Mapping[int, Stop]):
-    """The bodies of an ensemble that did not reach the end, by their numbers; why, is found out when asked for.
+    """The bodies of an ensemble that did not reach the end, by their numbers; why, is found out
+    when asked for.
 
     steps : how many steps each of them took.
     """
 
-    def __init__(self, steps: Mapping[int, int] | None = None, failure: Callable[[int], IntegrationFailure] | None = None) -> None:
+    def __init__(
+        self,
+        steps: Mapping[int, int] | None = None,
+        failure: Callable[[int], IntegrationFailure] | None = None,
+    ) -> None:
         self.steps, self._failure = dict(steps or {}), failure
         self._errors: dict[int, IntegrationFailure] = {}
 
@@ -42,7 +49,11 @@ class Stopped(Mapping[int, Stop]):
 
     def __getstate__(self) -> dict[str, Any]:
         """With all reasons and without the run, which would find them out."""
-        return {"steps": self.steps, "_failure": None, "_errors": {body: self[body].error for body in self}}
+        return {
+            "steps": self.steps,
+            "_failure": None,
+            "_errors": {body: self[body].error for body in self},
+        }
 
 
 NONE = Stopped()

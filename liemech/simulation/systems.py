@@ -17,7 +17,9 @@ BY_MEMBER = ("energy", "velocity", "momentum", "casimirs", "multipliers")
 
 
 class Systems:
-    """Systems of one kind, one for each body of an ensemble; what does not depend on their parameters is that of the first."""
+    """Systems of one kind, one for each body of an ensemble; what does not depend on their
+    parameters is that of the first.
+    """
 
     def __init__(self, systems: tuple[System, ...]) -> None:
         self.systems = systems
@@ -41,14 +43,22 @@ class Systems:
 
         @functools.wraps(getattr(self.systems[0], name))
         def of_all(*arrays: np.ndarray) -> np.ndarray:
-            return np.stack([getattr(s, name)(*(x[:, i] for x in arrays)) for i, s in enumerate(self.systems)], axis=1)
+            return np.stack(
+                [getattr(s, name)(*(x[:, i] for x in arrays)) for i, s in enumerate(self.systems)],
+                axis=1,
+            )
 
         return of_all
 
     def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """The constants of every body, (n, bodies, ...)."""
-        found = [s.constants({name: x[:, i] for name, x in states.items()}) for i, s in enumerate(self.systems)]
-        return {name: np.stack([constants[name] for constants in found], axis=1) for name in found[0]}
+        found = [
+            s.constants({name: x[:, i] for name, x in states.items()})
+            for i, s in enumerate(self.systems)
+        ]
+        return {
+            name: np.stack([constants[name] for constants in found], axis=1) for name in found[0]
+        }
 
     def __repr__(self) -> str:
         return f"[{self.systems[0]!r}, ... {len(self.systems)} systems]"
@@ -62,12 +72,15 @@ def systems_of(given: Any) -> Systems | None:
         return None
     if not given or not all(isinstance(x, System) for x in given):
         wrong = next((x for x in given if not isinstance(x, System)), given)
-        raise InvalidInput(f"integrate: several systems are a list such as [RigidBody(...), ...], one for each body; got {wrong!r}")
+        raise InvalidInput(
+            "integrate: several systems are a list such as "
+            f"[RigidBody(...), ...], one for each body; got {wrong!r}"
+        )
     layout = layout_of(given[0])
     for i, other in enumerate(given):
         if layout_of(other) != layout:
             raise InvalidInput(
-                f"integrate: the systems of an ensemble differ in numbers only; system {i}, {other!r}, is of another kind than "
-                f"system 0, {given[0]!r}"
+                f"integrate: the systems of an ensemble differ in numbers only; system {i}, "
+                f"{other!r}, is of another kind than system 0, {given[0]!r}"
             )
     return Systems(tuple(given))

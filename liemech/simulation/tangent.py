@@ -1,4 +1,6 @@
-"""Tangent maps: the exact derivative of a discrete motion, by numbers that carry it through the same steps."""
+"""Tangent maps: the exact derivative of a discrete motion, by numbers that carry it through the
+same steps.
+"""
 
 from __future__ import annotations
 
@@ -29,18 +31,23 @@ LEVEL = 0.5
 class TangentTrajectory(Trajectory):
     """Samples of a motion, and its derivative.
 
-    tangent : by name, "start" or that of a parameter, (n, out, in) matrices: how the state at each sample depends on it.  Rows are
-    the components of the recorded parts of the state in turn; of a group element g the components of eta in dg = g hat(eta).  So
-    are the columns of "start"; those of a parameter are its components.
+    tangent : by name, "start" or that of a parameter, (n, out, in) matrices: how the state at each
+    sample depends on it.  Rows are the components of the recorded parts of the state in turn; of a
+    group element g the components of eta in dg = g hat(eta).  So are the columns of "start"; those
+    of a parameter are its components.
     """
 
     tangent: dict[str, np.ndarray] = None  # type: ignore[assignment]
 
 
-def tangent_run(plan: Steps, start: State, steps: int, t0: float, names: tuple[str, ...]) -> TangentTrajectory:
+def tangent_run(
+    plan: Steps, start: State, steps: int, t0: float, names: tuple[str, ...]
+) -> TangentTrajectory:
     """So many steps from a start, with their derivative by what is named."""
     system, width = plan.one, layout_of(start).width
-    frames = {name: frame(system, name, part) for name, part in start.parts.items() if part is not None}
+    frames = {
+        name: frame(system, name, part) for name, part in start.parts.items() if part is not None
+    }
     moves: list[np.ndarray] = []
     systems: list[Any] = []
     columns: dict[str, slice] = {}
@@ -51,7 +58,11 @@ def tangent_run(plan: Steps, start: State, steps: int, t0: float, names: tuple[s
             for part, directions in frames.items():
                 size = layout_of(start.parts[part]).width
                 for direction in directions(np.asarray(start.parts[part])[None])[0]:
-                    moves.append(np.concatenate([np.zeros(at), real_numbers(direction), np.zeros(width - at - size)]))
+                    moves.append(
+                        np.concatenate(
+                            [np.zeros(at), real_numbers(direction), np.zeros(width - at - size)]
+                        )
+                    )
                     systems.append(None)
                 at += size
         else:
@@ -65,7 +76,8 @@ def tangent_run(plan: Steps, start: State, steps: int, t0: float, names: tuple[s
     except (InvalidType, AttributeError) as error:
         if "series" in str(error) or "Dual" in str(error):
             raise IncompatibleSystem(
-                f"Plan.tangent: {plan.method!r} computes with power series or keeps numbers that cannot carry a derivative"
+                f"Plan.tangent: {plan.method!r} computes with power series or keeps numbers that "
+                "cannot carry a derivative"
             ) from None
         raise
     values, slopes = run.halves()
@@ -74,7 +86,8 @@ def tangent_run(plan: Steps, start: State, steps: int, t0: float, names: tuple[s
     at = 0
     for name, directions in frames.items():
         size = layout_of(start.parts[name]).width
-        basis = real_numbers(directions(states[name])).reshape(len(values), -1, size)  # (n, components, numbers)
+        # (n, components, numbers)
+        basis = real_numbers(directions(states[name])).reshape(len(values), -1, size)
         changes = slopes[:, :, at : at + size]  # (n, directions, numbers)
         rows.append(np.linalg.pinv(basis).transpose(0, 2, 1) @ changes.transpose(0, 2, 1))
         at += size
@@ -86,7 +99,9 @@ def tangent_run(plan: Steps, start: State, steps: int, t0: float, names: tuple[s
 
 
 def frame(system: Any, name: str, part: Any) -> Any:
-    """The directions in which a part of the state can move, as a function of the part, (n, ...) to (n, components, ...)."""
+    """The directions in which a part of the state can move, as a function of the part, (n, ...) to
+    (n, components, ...).
+    """
     group = getattr(system, "configurations", system.group) if name == "g" else None
     size = layout_of(part).width
     if group is None:
@@ -98,10 +113,14 @@ def frame(system: Any, name: str, part: Any) -> Any:
 
         def directions(points: np.ndarray) -> np.ndarray:
             rows = flat({name: points}, len(points))
-            return evaluated(translations, arguments, rows, group.dim * size, None).reshape(len(points), group.dim, size)
+            return evaluated(translations, arguments, rows, group.dim * size, None).reshape(
+                len(points), group.dim, size
+            )
 
         return directions
-    algebra = np.array([derivative(group.exp, Vec(*[0.0] * group.dim), list(unit)) for unit in np.eye(group.dim)])
+    algebra = np.array(
+        [derivative(group.exp, Vec(*[0.0] * group.dim), list(unit)) for unit in np.eye(group.dim)]
+    )
     return lambda points: points[:, None] @ algebra
 
 
@@ -124,7 +143,9 @@ def real_numbers(array: np.ndarray) -> np.ndarray:
 
 
 def parameter_slopes(system: System, name: str) -> list[System]:
-    """For every component of a parameter the system in numbers that carry its derivative by this component."""
+    """For every component of a parameter the system in numbers that carry its derivative by this
+    component.
+    """
     value = parameter(system, name)
     layout = layout_of(system)
     numbers, base = leaves(value, layout_of(value)), leaves(system, layout)
@@ -134,16 +155,24 @@ def parameter_slopes(system: System, name: str) -> list[System]:
     for i, x in enumerate(numbers):
         slopes = np.zeros(len(base))
         step = np.ldexp(1.0, int(np.frexp(abs(x) or 1.0)[1]) - 7)
-        for k, weight in ((1, 4.0 / 5.0), (2, -1.0 / 5.0), (3, 4.0 / 105.0), (4, -1.0 / 280.0)):  # of order 8
+        # of order 8
+        for k, weight in ((1, 4.0 / 5.0), (2, -1.0 / 5.0), (3, 4.0 / 105.0), (4, -1.0 / 280.0)):
             sides = []
             for sign in (k, -k):
                 moved = [*numbers[:i], x + sign * step, *numbers[i + 1 :]]
                 made = with_parameter(system, name, build(layout_of(value), iter(moved)))
                 if layout_of(made) != layout:
-                    raise InvalidInput(f"Plan.tangent: {system!r} with another {name} is a system of another kind")
+                    raise InvalidInput(
+                        f"Plan.tangent: {system!r} with another {name} is a system of another kind"
+                    )
                 sides.append(np.array(leaves(made, layout)))
             slopes += weight * (sides[0] - sides[1])
-        found.append(build(layout, iter([Dual(a, float(b), LEVEL) for a, b in zip(base, slopes / step, strict=True)])))
+        found.append(
+            build(
+                layout,
+                iter([Dual(a, float(b), LEVEL) for a, b in zip(base, slopes / step, strict=True)]),
+            )
+        )
     return found
 
 
@@ -152,7 +181,10 @@ def parameter(system: Any, name: str) -> Any:
     for part in name.split("."):
         if not isinstance(system, Record) or part not in inspect.signature(type(system)).parameters:
             known = ", ".join(inspect.signature(type(system)).parameters)
-            raise InvalidInput(f"Plan.tangent: {part} is no parameter of {system!r}; there are {known}, and the start")
+            raise InvalidInput(
+                f"Plan.tangent: {part} is no parameter of "
+                f"{system!r}; there are {known}, and the start"
+            )
         system = getattr(system, part)
     return system
 
@@ -166,12 +198,27 @@ def with_parameter(system: Any, name: str, value: Any) -> Any:
 
 
 class _Run(FixedRun):
-    """A run of an ensemble whose members are the directions of the derivative, all with the same values."""
+    """A run of an ensemble whose members are the directions of the derivative, all with the same
+    values.
+    """
 
-    def __init__(self, plan: Steps, start: State, moves: np.ndarray, systems: list[Any], steps: int, t0: float) -> None:
+    def __init__(
+        self,
+        plan: Steps,
+        start: State,
+        moves: np.ndarray,
+        systems: list[Any],
+        steps: int,
+        t0: float,
+    ) -> None:
         layout = layout_of(start)
         numbers = leaves(start, layout)
-        self.duals = [build(layout, iter([Dual(x, float(d), LEVEL) for x, d in zip(numbers, move, strict=True)])) for move in moves]
+        self.duals = [
+            build(
+                layout, iter([Dual(x, float(d), LEVEL) for x, d in zip(numbers, move, strict=True)])
+            )
+            for move in moves
+        ]
         if any(systems):
             still = layout_of(plan.one)
             rest = build(still, iter([Dual(x, 0.0, LEVEL) for x in leaves(plan.one, still)]))
@@ -182,7 +229,9 @@ class _Run(FixedRun):
         return self.duals[i]
 
     def _lay_down(self, columns: np.ndarray) -> None:
-        columns[:] = self._padded(np.array([leaves(dual, self.shape.given) for dual in self.duals]).T)
+        columns[:] = self._padded(
+            np.array([leaves(dual, self.shape.given) for dual in self.duals]).T
+        )
 
     def _only_start(self) -> Trajectory:
         return Trajectory(self.plan.system, self.plan.method, self.plan.h, np.empty(0), {}, None, 0)
@@ -191,5 +240,7 @@ class _Run(FixedRun):
         return self.times(len(out), steps), {}
 
     def halves(self) -> tuple[np.ndarray, np.ndarray]:
-        """The numbers of the states, (n, width), and their derivatives in every direction, (n, directions, width)."""
+        """The numbers of the states, (n, width), and their derivatives in every direction, (n,
+        directions, width).
+        """
         return self.out[:, 0::2, 0], self.out[:, 1::2, : self.count].transpose(0, 2, 1)

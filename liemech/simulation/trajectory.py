@@ -31,14 +31,18 @@ if TYPE_CHECKING:
 class Trajectory:
     """Samples of a motion, and the quantities that should stay constant along it.
 
-    t : (n,) times in s.  states : the recorded parts of the state by name, (n, ...) each; also as attributes, such as
+    t : (n,) times in s.  states : the recorded parts of the state by name, (n, ...) each; also as
+    attributes, such as
     mu : (n, dim) body momentum and g : (n, k, k) group elements, None if they were not recorded.
-    In an ensemble of m bodies mu is (n, m, dim) and g is (n, m, k, k); if they have steps of their own h is (m,) and t is (n, m).
-    Of adaptive steps h is the mean; `at(t)` gives the state at any time; rejected : the steps that were tried in vain;
+    In an ensemble of m bodies mu is (n, m, dim) and g is (n, m, k, k); if they have steps of their
+    own h is (m,) and t is (n, m).  Of adaptive steps h is the mean; `at(t)` gives the state at any
+    time; rejected : the steps that were tried in vain;
     events : for every event function the times, and the states then.
     carry : what the method carries along at the end, with which `Plan.resume` goes on.
-    observed : names in `states` that are no parts of the state but functions of it, which `record` asked for.
-    stopped : for an ensemble, the bodies that did not reach the end, each with the `steps` it took and the `error` that ended it.
+    observed : names in `states` that are no parts of the state but functions of it, which `record`
+    asked for.
+    stopped : for an ensemble, the bodies that did not reach the end, each with the `steps` it took
+    and the `error` that ended it.
     """
 
     system: System
@@ -58,7 +62,9 @@ class Trajectory:
 
     @classmethod
     def promised(cls, rest: Callable[[], dict[str, Any]], **known: Any) -> Trajectory:
-        """A trajectory whose other fields, those without a default, are made when one of them is first asked for."""
+        """A trajectory whose other fields, those without a default, are made when one of them is
+        first asked for.
+        """
         run, known["_rest"] = object.__new__(cls), rest
         object.__setattr__(run, "__dict__", known)
         return run
@@ -103,12 +109,16 @@ class Trajectory:
     def casimirs(self) -> np.ndarray:
         """The Casimir functions at every sample; |mu|^2 on SO(3).  (n, number of Casimirs)"""
         return self._quantity(
-            "casimirs", "has no Casimir functions, of which free bodies and Poisson systems know. `run.drift()` names what it keeps"
+            "casimirs",
+            "has no Casimir functions, of which free bodies and Poisson systems know. "
+            "`run.drift()` names what it keeps",
         )
 
     @cached_property
     def multipliers(self) -> np.ndarray:
-        """The multipliers of the constraints at every sample: forces of constraint.  (n, number of constraints)"""
+        """The multipliers of the constraints at every sample: forces of constraint.  (n, number of
+        constraints)
+        """
         return self._quantity("multipliers", "has no constraints")
 
     def _quantity(self, name: str, otherwise: str) -> np.ndarray:
@@ -120,30 +130,48 @@ class Trajectory:
             raise InvalidInput(f"Trajectory.{name}: {self.system!r} {otherwise}")
         needed = [*inspect.signature(formula).parameters]
         self._recorded(name, [part for part in needed if part != "t"])
-        known = {"t": self.t if self.bodies is None or self.t.ndim == 2 else self.t[:, None], **self.states}
+        known = {
+            "t": self.t if self.bodies is None or self.t.ndim == 2 else self.t[:, None],
+            **self.states,
+        }
         return formula(*(known[part] for part in needed))
 
     def _recorded(self, what: str, needed: Iterable[str]) -> None:
         """Refuse what needs parts of the state that were not recorded."""
         missing = [part for part in needed if part not in self.states or part in self.observed]
         if missing:
-            raise InvalidInput(f"Trajectory.{what} needs {', '.join(missing)}; this run recorded {', '.join(self.states)}")
+            raise InvalidInput(
+                f"Trajectory.{what} needs {', '.join(missing)}; this "
+                f"run recorded {', '.join(self.states)}"
+            )
 
     @cached_property
     def xi(self) -> np.ndarray:
-        """The velocities of a variational method: that of the interval after each sample, one step long, in 1/s.  (n, dim)
+        """The velocities of a variational method: that of the interval after each sample, one step
+        long, in 1/s.  (n, dim)
 
-        Between the samples of a run that kept every step xi, and not J^-1 mu, is what carries g along: g_i+1 = g_i tau(h xi_i).
+        Between the samples of a run that kept every step xi, and not J^-1 mu, is what carries g
+        along: g_i+1 = g_i tau(h xi_i).
         """
         between = getattr(self.method, "velocity", None)
         if between is None:
             raise InvalidInput(
-                f"Trajectory.xi is for methods with a velocity on every interval, as CovariantVariational; {self.method!r} has "
-                "none. At the samples of a free body the velocity is `run.system.velocity(run.mu)`"
+                "Trajectory.xi is for methods with a velocity on every interval, as "
+                f"CovariantVariational; {self.method!r} has none. At the samples of a free body "
+                "the velocity is `run.system.velocity(run.mu)`"
             )
         if isinstance(self.system, Systems) or np.ndim(self.h):
-            several: Any = self.system if isinstance(self.system, Systems) else [self.system] * self.mu.shape[1]
-            each = zip(several, np.moveaxis(self.mu, 1, 0), np.broadcast_to(self.h, len(several)).tolist(), strict=True)
+            several: Any = (
+                self.system
+                if isinstance(self.system, Systems)
+                else [self.system] * self.mu.shape[1]
+            )
+            each = zip(
+                several,
+                np.moveaxis(self.mu, 1, 0),
+                np.broadcast_to(self.h, len(several)).tolist(),
+                strict=True,
+            )
             return np.stack([between(*one) for one in each], axis=1)
         return between(self.system, self.mu, self.h)
 
@@ -164,11 +192,17 @@ class Trajectory:
         from ..groups.so3 import SO3
         from ..groups.unit_quaternions import UnitQuaternions
 
-        g, group = self._attitude("rotation"), getattr(self.system, "configurations", self.system.group)
+        g, group = (
+            self._attitude("rotation"),
+            getattr(self.system, "configurations", self.system.group),
+        )
         if isinstance(group, UnitQuaternions):
             return group.rotation(g)
         if group.element_shape != (3, 3) or not np.all(SO3().contains(g)):
-            raise InvalidInput(f"Trajectory.rotation is for rotations of space, which elements of {group!r} are not")
+            raise InvalidInput(
+                "Trajectory.rotation is for rotations of space, "
+                f"which elements of {group!r} are not"
+            )
         return Rotation.from_matrix(g)
 
     @property
@@ -176,14 +210,19 @@ class Trajectory:
         """The last state, from which a run can be continued."""
         if self.observed:
             if self.carry is None:
-                raise InvalidInput("Trajectory.last: this run kept functions of the state only, and has not come to its end")
+                raise InvalidInput(
+                    "Trajectory.last: this run kept functions of the "
+                    "state only, and has not come to its end"
+                )
             return self.carry.state
         return self._laws.state(**{name: array[-1] for name, array in self.states.items()})
 
     def at(self, t: Any) -> Any:
-        """The state at any time of the run, or at many, (m,); between the steps too it is on the group.
+        """The state at any time of the run, or at many, (m,); between the steps too it is on the
+        group.
 
-        Between adaptive steps by the polynomial of the method, between steps of one length by a shorter step from the last sample.
+        Between adaptive steps by the polynomial of the method, between steps of one length by a
+        shorter step from the last sample.
         """
         return self._motion(t)
 
@@ -192,22 +231,29 @@ class Trajectory:
         """The motion between the samples."""
         if self.dense is not None:
             return self.dense
-        whole = self.bodies is None and self.rejected is None and len(self.t) == self.steps + 1 and self.steps > 0
+        whole = (
+            self.bodies is None
+            and self.rejected is None
+            and len(self.t) == self.steps + 1
+            and self.steps > 0
+        )
         if self.observed or not whole or np.abs(np.diff(self.t)).max() > abs(self.h) * (1.0 + 1e-6):
             raise InvalidInput(
-                "Trajectory.at needs a run of one body that kept all its steps: adaptive ones do with dense=True, "
-                "those of one length with every=1"
+                "Trajectory.at needs a run of one body that kept all its steps: adaptive ones do "
+                "with dense=True, those of one length with every=1"
             )
         system: Any = self.system
         example = system.state(**{name: x[0] for name, x in self.states.items()})
         return ShortSteps(self.system, self.method, example, self.t, flat(self.states, len(self.t)))
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the run to a file: NumPy's .npz, with what the arrays are in JSON, and a checksum; nothing is pickled.
+        """Write the run to a file: NumPy's .npz, with what the arrays are in JSON, and a checksum;
+        nothing is pickled.
 
         path : with the ending .h5 or .hdf5 an HDF5 file, which needs h5py.
         A file of this name is replaced when the new one lies on the disk, not before.
-        Raises InvalidInput if a parameter of the system or the method is no number, vector, matrix, text or record.
+        Raises InvalidInput if a parameter of the system or the method is no number, vector, matrix,
+        text or record.
         """
         from .archive import save
 
@@ -217,8 +263,10 @@ class Trajectory:
     def load(path: str | os.PathLike[str], modules: Sequence[str] = ()) -> Trajectory:
         """A run that was saved, with its system and its method, which `Plan.resume` goes on with.
 
-        modules : names of modules to import for classes of your own, unless they are imported already.
-        Raises InvalidInput if the file is damaged or was not written by `save`, or if a class is not there.  No code of it is run.
+        modules : names of modules to import for classes of your own, unless they are imported
+        already.
+        Raises InvalidInput if the file is damaged or was not written by `save`, or if a class is
+        not there.  No code of it is run.
         """
         from .archive import load
 
@@ -228,31 +276,50 @@ class Trajectory:
         return Trajectory(**kept)
 
     def to_xarray(self) -> Any:
-        """The samples as an xarray.Dataset over t: mu is (t, mu_0), g (t, g_0, g_1), in an ensemble with `body` behind t."""
+        """The samples as an xarray.Dataset over t: mu is (t, mu_0), g (t, g_0, g_1), in an ensemble
+        with `body` behind t.
+        """
         from .labelled import to_xarray
 
         return to_xarray(self)
 
     def to_pandas(self) -> Any:
-        """The samples as a pandas.DataFrame: a row for each time t, or each t and body; columns mu[0], g[0,1], ..."""
+        """The samples as a pandas.DataFrame: a row for each time t, or each t and body; columns
+        mu[0], g[0,1], ...
+        """
         from .labelled import to_pandas
 
         return to_pandas(self)
 
     def then(self, rest: Trajectory) -> Trajectory:
-        """This run and the one that `Plan.resume` made of it, as one: the samples of both, the one that they share once.
+        """This run and the one that `Plan.resume` made of it, as one: the samples of both, the one
+        that they share once.
 
         Raises InvalidInput if the second begins at another time than this one's `carry` has.
         """
-        alike = type(self) is type(rest) and self.carry is not None and self.states.keys() == rest.states.keys()
-        end, t, more = (self._clock(self.carry), self._clock(), rest._clock()) if alike else (0.0, self.t, self.t[:0])
+        alike = (
+            type(self) is type(rest)
+            and self.carry is not None
+            and self.states.keys() == rest.states.keys()
+        )
+        end, t, more = (
+            (self._clock(self.carry), self._clock(), rest._clock())
+            if alike
+            else (0.0, self.t, self.t[:0])
+        )
         if not len(more) or np.any((more[0] - end) * self.h < 0.0):
-            raise InvalidInput(f"Trajectory.then: {rest!r} does not begin where {self!r} was to go on")
-        again = int(len(self) > 0 and np.all(more[0] == end) and np.all(t[-1] == more[0]))  # kept by both
+            raise InvalidInput(
+                f"Trajectory.then: {rest!r} does not begin where {self!r} was to go on"
+            )
+        # kept by both
+        again = int(len(self) > 0 and np.all(more[0] == end) and np.all(t[-1] == more[0]))
         return replace(
             rest,
             t=np.concatenate([self.t, rest.t[again:]]),
-            states={name: np.concatenate([x, rest.states[name][again:]]) for name, x in self.states.items()},
+            states={
+                name: np.concatenate([x, rest.states[name][again:]])
+                for name, x in self.states.items()
+            },
             steps=self.steps + rest.steps,
             rejected=None if rest.rejected is None else rest.rejected + (self.rejected or 0),
             events=tuple([_joined(*pair) for pair in zip(self.events, rest.events, strict=False)]),
@@ -264,21 +331,33 @@ class Trajectory:
         return self.t if carry is None else carry.t
 
     def _more(self, rest: Any, again: int) -> dict[str, Any]:
-        """Of this run and the next one, whose first sample may be there again: what this kind of run has more than samples."""
+        """Of this run and the next one, whose first sample may be there again: what this kind of
+        run has more than samples.
+        """
         if self.dense is None or rest.dense is None:
             return {"dense": None}
-        return {"dense": replace(rest.dense, rows=np.concatenate([self.dense.rows, rest.dense.rows[1:]]))}
+        return {
+            "dense": replace(
+                rest.dense, rows=np.concatenate([self.dense.rows, rest.dense.rows[1:]])
+            )
+        }
 
     def view(self, show: Any = None) -> Scene:
-        """The run as a moving picture: `run.view().show()` opens it, notebooks show it.  show : as in viewer.Scene."""
+        """The run as a moving picture: `run.view().show()` opens it, notebooks show it.  show : as
+        in viewer.Scene.
+        """
         from ..viewer import Scene
 
         if isinstance(self.system, Systems):
-            raise InvalidInput("Trajectory.view shows bodies of one system; run one of them by itself")
+            raise InvalidInput(
+                "Trajectory.view shows bodies of one system; run one of them by itself"
+            )
         return Scene(self, show)
 
     def plot(self, ax: Any = None) -> Axes:
-        """The picture that tells most about the run, on Matplotlib axes: the given ones, or new ones.  More are in `lm.plots`."""
+        """The picture that tells most about the run, on Matplotlib axes: the given ones, or new
+        ones.  More are in `lm.plots`.
+        """
         from ..plots import plot
 
         return plot(self, ax=ax)
@@ -286,21 +365,30 @@ class Trajectory:
     def drift(self) -> Drift:
         """How well the constants of the motion were kept: bounded or drifting, and how fast.
 
-        Of a run that recorded functions of the state instead, those among them that stay constant: energy, casimirs, ...
+        Of a run that recorded functions of the state instead, those among them that stay constant:
+        energy, casimirs, ...
         """
         if self.observed:
-            return Drift.recorded({n: self.states[n] for n in self.observed if n in RECORDED}, self.t, self.bodies)
+            return Drift.recorded(
+                {n: self.states[n] for n in self.observed if n in RECORDED}, self.t, self.bodies
+            )
         return Drift.of(self.system, self.t, self.states, self.bodies)
 
     def _attitude(self, what: str) -> np.ndarray:
         if self.g is None:
-            raise InvalidInput(f"Trajectory.{what} needs the attitude; start from a state with a g and record it")
+            raise InvalidInput(
+                f"Trajectory.{what} needs the attitude; start from a state with a g and record it"
+            )
         return self.g
 
     def __repr__(self) -> str:
         many = "" if self.bodies is None else f"{self.bodies} bodies, "
         end = f"to t = {_range(self.t[-1])}" if len(self) else "none"
-        steps = f"h = {_range(self.h)}" if self.rejected is None else f"{self.steps} steps, {self.rejected} rejected"
+        steps = (
+            f"h = {_range(self.h)}"
+            if self.rejected is None
+            else f"{self.steps} steps, {self.rejected} rejected"
+        )
         return (
             f"Trajectory({self.method!r}: {many}{len(self)} samples {end}, {steps}, "
             f"{'compiled' if self.compiled else 'plain'}; {', '.join(self.states)})"
@@ -311,7 +399,8 @@ class Trajectory:
 class TransformedTrajectory(Trajectory):
     """Samples of a run in fictive time.
 
-    t : physical times, (n,), whose distances differ; of an ensemble of m members (n, m).  tau : (n,) fictive times.
+    t : physical times, (n,), whose distances differ; of an ensemble of m members (n, m).
+    tau : (n,) fictive times.
     h : the step in fictive time.
     z : (n,) what a ReversibleController takes for 1/sigma; None for other methods.
     origin : where the motion began.
@@ -334,16 +423,22 @@ class TransformedTrajectory(Trajectory):
         kind = type(self.origin.start)
         return np.array(
             [
-                self.sigma.value(self.system, state_of(kind, {n: x[k] for n, x in self.states.items()}))
+                self.sigma.value(
+                    self.system, state_of(kind, {n: x[k] for n, x in self.states.items()})
+                )
                 for k in range(len(self))
             ]
         )
 
     def drift(self) -> Drift:
-        """How well the constants of the motion were kept; for an ensemble over fictive time, which its members share."""
+        """How well the constants of the motion were kept; for an ensemble over fictive time, which
+        its members share.
+        """
         if self.observed:
             return super().drift()
-        return Drift.of(self.system, self.t if self.bodies is None else self.tau, self.states, self.bodies)
+        return Drift.of(
+            self.system, self.t if self.bodies is None else self.tau, self.states, self.bodies
+        )
 
     def _clock(self, carry: Any = None) -> Any:
         return self.tau if carry is None else carry.tau
@@ -352,7 +447,10 @@ class TransformedTrajectory(Trajectory):
         dense: Any = self.dense
         if dense is not None and rest.dense is not None:
             first = int(dense.t[-1] == rest.dense.t[0])
-            joined = {name: np.concatenate([getattr(dense, name), getattr(rest.dense, name)[first:]]) for name in ("t", "points")}
+            joined = {
+                name: np.concatenate([getattr(dense, name), getattr(rest.dense, name)[first:]])
+                for name in ("t", "points")
+            }
             dense = replace(dense, **joined)
         return {
             "dense": dense,
@@ -365,8 +463,9 @@ class TransformedTrajectory(Trajectory):
         end = f"to t = {np.ravel(self.t[-1])[0]:g}, " if len(self) and self.bodies is None else ""
         last = f"tau = {self.tau[-1]:g}, " if len(self) else ""
         return (
-            f"Trajectory({self.method!r}, {self.sigma!r}: {many}{len(self)} samples {end}{last}h = {self.h:g} in tau, "
-            f"{'compiled' if self.compiled else 'plain'}; {', '.join(self.states)})"
+            f"Trajectory({self.method!r}, {self.sigma!r}: {many}{len(self)} samples {end}{last}h = "
+            f"{self.h:g} in tau, {'compiled' if self.compiled else 'plain'}; "
+            f"{', '.join(self.states)})"
         )
 
 
@@ -376,7 +475,9 @@ def _range(values: Any) -> str:
     return f"{low:g}" if low == high else f"{low:g} ... {high:g}"
 
 
-def _joined(first: tuple[np.ndarray, State], second: tuple[np.ndarray, State]) -> tuple[np.ndarray, State]:
+def _joined(
+    first: tuple[np.ndarray, State], second: tuple[np.ndarray, State]
+) -> tuple[np.ndarray, State]:
     """The times and states of an event in one run and in the next."""
     parts = zip(first[1].parts.values(), second[1].parts.values(), strict=True)
     states = type(first[1])(*(None if a is None else np.concatenate([a, b]) for a, b in parts))

@@ -1,4 +1,6 @@
-"""Runs in a fictive time: steps of one length there, of many lengths in physical time, which is carried along and met exactly."""
+"""Runs in a fictive time: steps of one length there, of many lengths in physical time, which is
+carried along and met exactly.
+"""
 
 from __future__ import annotations
 
@@ -48,10 +50,11 @@ STILL = 1000.0
 
 @record
 class Marched(Record):
-    """How far a run came: steps, those since the last sample, samples in this call, the length of the last step, and the steps for
-    which the physical time has stood still.
+    """How far a run came: steps, those since the last sample, samples in this call, the length of
+    the last step, and the steps for which the physical time has stood still.
 
-    ended : 0 not yet, 1 at the last time by a shorter step, 2 the next step failed, 3 at the last time by a whole step.
+    ended : 0 not yet, 1 at the last time by a shorter step, 2 the next step failed, 3 at the last
+    time by a whole step.
     """
 
     steps: float
@@ -80,16 +83,27 @@ def march(
     out: Any,
     failures: Any,
 ) -> None:
-    """The driver: steps, a sample after each `every`, until there are `room` - 1 of them or so many steps, or t_end is reached.
+    """The driver: steps, a sample after each `every`, until there are `room` - 1 of them or so many
+    steps, or t_end is reached.
 
-    A step that would lead beyond t_end is replaced by one that ends there.  The sample at t_end is kept.
+    A step that would lead beyond t_end is replaced by one that ends there.  The sample at t_end is
+    kept.
     failures : None in native code; in plain Python a list for what the failing step raised.
     """
     carry, mark = read(states, 0, layout), read(marked, 0, MARCHED)
     steps, since, last, n, ended = mark.steps, mark.since, h, 0, 0.0
     most, time, still = steps + most, system.clock(sample(method, carry)), mark.still
     while n < room - 1 and steps < most and ended == 0.0:
-        trial = attempt(stepped, method, system, steps * h, carry, h, layout, failures is not None and steps == 0.0)
+        trial = attempt(
+            stepped,
+            method,
+            system,
+            steps * h,
+            carry,
+            h,
+            layout,
+            failures is not None and steps == 0.0,
+        )
         if not accepted(trial, observed, shown):
             ended = 2.0
             if failures is not None:
@@ -99,7 +113,9 @@ def march(
         elif still >= STILL:
             ended = 2.0
             if failures is not None:
-                failures.append(StepTooSmall(f"{STILL:g} steps went by and physical time stands still"))
+                failures.append(
+                    StepTooSmall(f"{STILL:g} steps went by and physical time stands still")
+                )
         else:
             still = still + 1.0 if system.clock(trial[1]) == time else 0.0
             carry, steps, since, time = trial[0], steps + 1.0, since + 1.0, system.clock(trial[1])
@@ -132,7 +148,9 @@ class TransformedRun:
     whole : the system whose state carries time along.  now : where its motion begins.
     """
 
-    def __init__(self, plan: Steps, start: State | FictiveCarry, t0: float, kept: Checkpoint | None = None) -> None:
+    def __init__(
+        self, plan: Steps, start: State | FictiveCarry, t0: float, kept: Checkpoint | None = None
+    ) -> None:
         self.now: Any
         self.carry: Any = None
         if isinstance(start, FictiveCarry):
@@ -142,7 +160,12 @@ class TransformedRun:
             self.origin = Origin(plan.system, plan.method, start)
             self.t0, self.bodies, self.before = t0, start.bodies, 0
             self.now = self.origin.whole.extended(start, t0)
-        self.whole, self.plan, self.h, self.kept = self.origin.whole, self.origin.steps(plan), plan.h, kept
+        self.whole, self.plan, self.h, self.kept = (
+            self.origin.whole,
+            self.origin.steps(plan),
+            plan.h,
+            kept,
+        )
         self.system, self.method = self.whole.system, plan.method
         if self.carry is None and self.bodies is None:
             doubt = self.method.step_warning(self.whole, self.now, self.h)
@@ -165,24 +188,34 @@ class TransformedRun:
 
     @contextmanager
     def _failures(self) -> Iterator[None]:
-        """Around the loop of steps of one length: its failures are told as those of a run in fictive time."""
+        """Around the loop of steps of one length: its failures are told as those of a run in
+        fictive time.
+        """
         try:
             yield
         except BaseException as error:
             if isinstance(getattr(error, "trajectory", None), Trajectory):
                 error.trajectory = self.presented(error.trajectory)  # type: ignore[attr-defined]
             if isinstance(error, IntegrationFailure):
-                error.args = (" tau = ".join(str(error).rsplit(" t = ", 1)),)  # of the step: the loop knows no other time
+                # of the step: the loop knows no other time
+                error.args = (" tau = ".join(str(error).rsplit(" t = ", 1)),)
             raise
 
-    def march(self, t_end: float | None, limit: int, times: np.ndarray | None, events: tuple[Event, ...]) -> Trajectory:
-        """As many steps as lead to a time, or to the limit, for one body, with samples at times, and events."""
+    def march(
+        self, t_end: float | None, limit: int, times: np.ndarray | None, events: tuple[Event, ...]
+    ) -> Trajectory:
+        """As many steps as lead to a time, or to the limit, for one body, with samples at times,
+        and events.
+        """
         if self.bodies is not None:
             what = "events are" if events else "t_end is"
-            raise InvalidInput(f"integrate: {what} for one body at a time; give an ensemble h and steps")
+            raise InvalidInput(
+                f"integrate: {what} for one body at a time; give an ensemble h and steps"
+            )
         if t_end is not None and (t_end - self.t0) * self.h < 0.0:
             raise InvalidInput(
-                f"integrate: t_end = {t_end:g} is not where steps of h = {self.h:g} lead from {self.t0:g}; turn the sign of h"
+                f"integrate: t_end = {t_end:g} is not where steps of h = {self.h:g} lead from "
+                f"{self.t0:g}; turn the sign of h"
             )
         return March(self, t_end, limit, times, events).trajectory()
 
@@ -193,13 +226,20 @@ class TransformedRun:
         carry = FictiveCarry(self.origin, run.carry) if isinstance(run.carry, Carry) else None
         more = {"steps": run.steps, "compiled": run.compiled, "carry": carry}
         if run.bodies is None:
-            numbers = np.concatenate([_floats(x).reshape(len(run), -1) for x in run.states.values()], axis=1)
+            numbers = np.concatenate(
+                [_floats(x).reshape(len(run), -1) for x in run.states.values()], axis=1
+            )
             tau, ahead = run.t, None if self.carry is None else self.carry.ahead
             if ahead is not None:  # the first sample is the last one before
                 numbers[0], tau[0] = leaves(ahead, layout_of(ahead)), self.carry.tau
                 if len(tau) > 1 and tau[1] == tau[0]:
                     numbers, tau = numbers[1:], tau[1:]
-            return self.result(self.whole.apart(unpacked(layout_of(self.example), numbers))[0], numbers, tau, **more)
+            return self.result(
+                self.whole.apart(unpacked(layout_of(self.example), numbers))[0],
+                numbers,
+                tau,
+                **more,
+            )
         t, states, z = self.whole.apart(run.states)
         return self._made(t, states, run.t, bodies=run.bodies, stopped=run.stopped, z=z, **more)
 
@@ -208,20 +248,33 @@ class TransformedRun:
         """A state of the extended system."""
         return self.now.state if isinstance(self.now, Carry) else self.now
 
-    def result(self, t: np.ndarray, numbers: np.ndarray, tau: np.ndarray, **more: Any) -> TransformedTrajectory:
-        """A trajectory of one body: times, numbers of the samples of the extended system, (n, width), and fictive times."""
+    def result(
+        self, t: np.ndarray, numbers: np.ndarray, tau: np.ndarray, **more: Any
+    ) -> TransformedTrajectory:
+        """A trajectory of one body: times, numbers of the samples of the extended system, (n,
+        width), and fictive times.
+        """
         _, states, z = self.whole.apart(unpacked(layout_of(self.example), numbers))
         return self._made(t, states, tau, bodies=None, dense=self.motion(t, numbers), z=z, **more)
 
     def motion(self, t: np.ndarray, numbers: np.ndarray) -> Any:
         """The motion between samples of one body."""
         kind = type(self.origin.start)
-        return FictiveMotion(self.method, self.whole, kind, self.example, self.h, t, numbers, self.plan.compiled)
+        return FictiveMotion(
+            self.method, self.whole, kind, self.example, self.h, t, numbers, self.plan.compiled
+        )
 
-    def _made(self, t: np.ndarray, states: Any, tau: np.ndarray, **more: Any) -> TransformedTrajectory:
-        made = TransformedTrajectory(self.system, self.method, self.h, t, states, tau=tau, origin=self.origin, **more)
+    def _made(
+        self, t: np.ndarray, states: Any, tau: np.ndarray, **more: Any
+    ) -> TransformedTrajectory:
+        made = TransformedTrajectory(
+            self.system, self.method, self.h, t, states, tau=tau, origin=self.origin, **more
+        )
         if (np.diff(t, axis=0) * math.copysign(1.0, self.h) < 0.0).any():
-            error = InvalidTimeScale(f"integrate: physical time went back; {self.whole.sigma!r} is not positive all the way")
+            error = InvalidTimeScale(
+                "integrate: physical time went back; "
+                f"{self.whole.sigma!r} is not positive all the way"
+            )
             error.trajectory = made
             raise error
         return made
@@ -234,9 +287,18 @@ class March:
     """
 
     def __init__(
-        self, run: TransformedRun, t_end: float | None, limit: int, times: np.ndarray | None, events: tuple[Event, ...]
+        self,
+        run: TransformedRun,
+        t_end: float | None,
+        limit: int,
+        times: np.ndarray | None,
+        events: tuple[Event, ...],
     ) -> None:
-        self.run, self.t_end, self.times = run, math.copysign(math.inf, run.h) if t_end is None else t_end, times
+        self.run, self.t_end, self.times = (
+            run,
+            math.copysign(math.inf, run.h) if t_end is None else t_end,
+            times,
+        )
         self.limit, self.fine = run.before + limit, times is not None or bool(events)
         self.every = 1 if self.fine else run.plan.every
         begun = run.begun()
@@ -252,10 +314,21 @@ class March:
         self.taus = [np.array([tau])]
         self.failures: list[Any] = []
         array = np.empty(1)
-        self.arguments = run.method, run.whole, self.layout, self.shown, run.h, self.t_end, float(self.every)
+        self.arguments = (
+            run.method,
+            run.whole,
+            self.layout,
+            self.shown,
+            run.h,
+            self.t_end,
+            float(self.every),
+        )
         plan = run.plan
-        self.execution = Execution(plan.compiled, plan.progress, march, *self.arguments, 1, 1.0, array, array, array, None)
-        self.at: float | None = None  # where an event ended the run, a terminal one or one that failed
+        self.execution = Execution(
+            plan.compiled, plan.progress, march, *self.arguments, 1, 1.0, array, array, array, None
+        )
+        # where an event ended the run, a terminal one or one that failed
+        self.at: float | None = None
         self.looking: FictiveMotion | None = None
         self.watch: Any = None
         if events:
@@ -278,16 +351,28 @@ class March:
                         if math.isinf(self.t_end):
                             break
                         reached = f"{self.limit - self.run.before} steps led to t = {self._time():g} only, not to {self.t_end:g}"
-                        raise self._ended(StepTooSmall(f"integrate: {reached}; give a larger h or allow more `steps`"))
+                        raise self._ended(
+                            StepTooSmall(
+                                f"integrate: {reached}; give a larger h or allow more `steps`"
+                            )
+                        )
                     begun = time.perf_counter()
                     self._more(min(steps, self.limit - int(self.mark.steps)))
                     used = time.perf_counter() - begun
-                    steps = 2 * steps if used < 0.5 * LOOK else max(1, steps // 2) if used > 4.0 * LOOK else steps
+                    steps = (
+                        2 * steps
+                        if used < 0.5 * LOOK
+                        else max(1, steps // 2)
+                        if used > 4.0 * LOOK
+                        else steps
+                    )
                     bar.advance(int(1000 * self._part()) - bar.done)
                     if kept is not None and kept.due() and not self.mark.ended and self.at is None:
                         kept.save(self._result())
         except KeyboardInterrupt:
-            stopped = IntegrationInterrupted(f"integrate: interrupted at t = {self._time():g}; the samples are in `.trajectory`")
+            stopped = IntegrationInterrupted(
+                f"integrate: interrupted at t = {self._time():g}; the samples are in `.trajectory`"
+            )
             raise self._ended(stopped) from None
         if self.mark.ended == 2.0:
             raise self._failed()
@@ -309,7 +394,15 @@ class March:
         """A call of the driver; its samples are kept."""
         before, width, h = self.mark, self.shown.width, self.run.h
         out, states, marked = np.empty(room * width), self.states.copy(), self.marked.copy()
-        driver(*self.arguments, room, float(most), states, marked, out, self.failures if driver is march else None)
+        driver(
+            *self.arguments,
+            room,
+            float(most),
+            states,
+            marked,
+            out,
+            self.failures if driver is march else None,
+        )
         mark: Any = read(marked, 0, MARCHED)
         count = int(mark.samples)
         if count:
@@ -319,7 +412,10 @@ class March:
                 tau[-1] = (mark.steps - 1.0) * h + mark.last
             elif mark.ended == 3.0:
                 tau[-1] = mark.steps * h
-            rows, first = out[: count * width].reshape(count, width), int(tau[0] == self.taus[-1][-1])
+            rows, first = (
+                out[: count * width].reshape(count, width),
+                int(tau[0] == self.taus[-1][-1]),
+            )
             if first < count:  # else the only sample is the one that the run before ended with
                 self.rows.append(rows[first:])
                 self.taus.append(tau[first:])
@@ -344,7 +440,10 @@ class March:
     def _cut(self, k: int, at: float) -> None:
         """End the run in step k of the last piece, at a time."""
         motion: Any = self.looking
-        found, taus = motion.numbers(np.array([at])), np.concatenate([self.taus[-2][-1:], self.taus[-1]])
+        found, taus = (
+            motion.numbers(np.array([at])),
+            np.concatenate([self.taus[-2][-1:], self.taus[-1]]),
+        )
         last = int(at != motion.t[k])
         self.rows[-1] = np.concatenate([motion.points[1 : k + 1], found[:last, :-1]])
         self.taus[-1] = np.append(taus[1 : k + 1], taus[k] + found[:last, -1])
@@ -363,7 +462,11 @@ class March:
         """How much of the run is done."""
         if math.isinf(self.t_end):
             return (self.mark.steps - self.run.before) / max(1, self.limit - self.run.before)
-        return (self._time() - self.run.t0) / (self.t_end - self.run.t0) if self.t_end != self.run.t0 else 1.0
+        return (
+            (self._time() - self.run.t0) / (self.t_end - self.run.t0)
+            if self.t_end != self.run.t0
+            else 1.0
+        )
 
     def _carry(self) -> FictiveCarry | None:
         """Where it stands, unless a step failed or an event ended it."""
@@ -377,7 +480,9 @@ class March:
         tau = float(self.taus[-1][-1])
         if (tau - whole * h) * h <= 0.0:
             return FictiveCarry(self.run.origin, inner)
-        return FictiveCarry(self.run.origin, inner, build(self.shown, iter(self.rows[-1][-1].tolist())), tau)
+        return FictiveCarry(
+            self.run.origin, inner, build(self.shown, iter(self.rows[-1][-1].tolist())), tau
+        )
 
     def _result(self) -> TransformedTrajectory:
         run, numbers, tau = self.run, np.concatenate(self.rows), np.concatenate(self.taus)
@@ -409,7 +514,9 @@ class March:
         """The error of a run that a step ended: a mistake in a formula, or a failure."""
         error = self.failures[0] if self.failures else None
         at = f"step {int(self.mark.steps) + 1}, t = {self._time():g}; {sum(map(len, self.rows))} samples are in `.trajectory`"
-        return self._ended(error if is_mistake(error) else failure(error, repr(self.run.method), at))
+        return self._ended(
+            error if is_mistake(error) else failure(error, repr(self.run.method), at)
+        )
 
     def _ended(self, error: Any) -> Any:
         if self.looking is not None:  # an event itself failed: keep the steps up to it

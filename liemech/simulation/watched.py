@@ -1,4 +1,6 @@
-"""Steps of one length with samples at any times, and with events: the motion between the steps is that of shorter ones."""
+"""Steps of one length with samples at any times, and with events: the motion between the steps is
+that of shorter ones.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +27,9 @@ NEAR = 4 * np.finfo(float).eps
 """Times that differ by this part of them are those of one step."""
 
 
-def sampled(plan: Steps, start: State | Carry, steps: int, t0: float, times: np.ndarray) -> Trajectory:
+def sampled(
+    plan: Steps, start: State | Carry, steps: int, t0: float, times: np.ndarray
+) -> Trajectory:
     """A run whose samples are at these times: after the last whole step before each, a shorter one."""
     before = start.step if isinstance(start, Carry) else 0
     after, exact = _steps_before(times, t0, plan.h_of(0))
@@ -39,12 +43,20 @@ def sampled(plan: Steps, start: State | Carry, steps: int, t0: float, times: np.
     for body, stop in whole.stopped.items():
         moving[:, body] &= after < stop.steps
     if moving.any():
-        begun, asked = (np.repeat(x[:, None], run.count, axis=1)[moving] for x in (whole.t[at], times))
+        begun, asked = (
+            np.repeat(x[:, None], run.count, axis=1)[moving] for x in (whole.t[at], times)
+        )
         found = numbers[moving]
-        bodies = np.nonzero(moving)[1] if isinstance(plan.system, Systems) else np.zeros(len(begun), dtype=int)
+        bodies = (
+            np.nonzero(moving)[1]
+            if isinstance(plan.system, Systems)
+            else np.zeros(len(begun), dtype=int)
+        )
         for i in np.unique(bodies):
             of = bodies == i
-            motion = ShortSteps(plan.of(int(i)), whole.method, shape.example, begun[of], found[of], plan.compiled)
+            motion = ShortSteps(
+                plan.of(int(i)), whole.method, shape.example, begun[of], found[of], plan.compiled
+            )
             try:
                 found[of] = motion.moved(np.arange(len(motion.t)), asked[of])
             except IntegrationFailure as error:
@@ -56,7 +68,9 @@ def sampled(plan: Steps, start: State | Carry, steps: int, t0: float, times: np.
 
 
 def _steps_before(times: np.ndarray, t0: float, h: float) -> tuple[np.ndarray, np.ndarray]:
-    """How many whole steps lead to each time, and whether they lead there exactly, but for rounding of the time."""
+    """How many whole steps lead to each time, and whether they lead there exactly, but for rounding
+    of the time.
+    """
     near = np.rint((times - t0) / h)
     exact = np.abs(times - (t0 + near * h)) <= NEAR * np.maximum(np.abs(times), abs(t0))
     return np.where(exact, near, np.floor((times - t0) / h)).astype(np.int64), exact
@@ -66,7 +80,13 @@ class WatchedRun:
     """A run of one body with events: step for step, in chunks, between which Python looks at them."""
 
     def __init__(
-        self, plan: Steps, start: State | Carry, steps: int, t0: float, times: np.ndarray | None, events: tuple[Event, ...]
+        self,
+        plan: Steps,
+        start: State | Carry,
+        steps: int,
+        t0: float,
+        times: np.ndarray | None,
+        events: tuple[Event, ...],
     ) -> None:
         if start.bodies is not None:
             raise InvalidInput("integrate: events are for one body at a time")
@@ -107,9 +127,13 @@ class WatchedRun:
         return self._result(self.carry)
 
     def _look(self, run: FixedRun, taken: Trajectory) -> bool:
-        """Look for events in these steps, and keep what is to be kept of them; did a terminal event end the run?"""
+        """Look for events in these steps, and keep what is to be kept of them; did a terminal event
+        end the run?
+        """
         points = run.out[: len(taken), :, 0]
-        motion = ShortSteps(taken.system, taken.method, self.shape.example, taken.t, points, self.plan.compiled)
+        motion = ShortSteps(
+            taken.system, taken.method, self.shape.example, taken.t, points, self.plan.compiled
+        )
         hit = self.watch.look(motion) if taken.steps else None
         t, numbers = taken.t[1:], points[1:]
         if hit is not None:
@@ -126,7 +150,11 @@ class WatchedRun:
         before, self.reached = self.reached, float(t[-1])
         if self.times is None:
             number = self.before + self.done + 1 + np.arange(len(t))
-            kept = (number % self.plan.every == 0) | (number == self.before + self.steps) | (motion is None)
+            kept = (
+                (number % self.plan.every == 0)
+                | (number == self.before + self.steps)
+                | (motion is None)
+            )
             if motion is not None and t[-1] != motion.t[len(t)]:  # a terminal event
                 kept[-1] = True
             self.kept.append((t[kept], numbers[kept]))
@@ -136,10 +164,20 @@ class WatchedRun:
         ahead = self.times > self.reached if forward else self.times < self.reached
         times = self.times[~ahead] if motion is None else self.times[~past & ~ahead]
         if len(times):
-            self.kept.append((times, np.repeat(numbers, len(times), axis=0) if motion is None else motion.numbers(times)))
+            self.kept.append(
+                (
+                    times,
+                    np.repeat(numbers, len(times), axis=0)
+                    if motion is None
+                    else motion.numbers(times),
+                )
+            )
 
     def _result(self, carry: Carry | None) -> Trajectory:
-        t, numbers = (np.concatenate([pair[i] for pair in self.kept]) if self.kept else np.empty(0) for i in (0, 1))
+        t, numbers = (
+            np.concatenate([pair[i] for pair in self.kept]) if self.kept else np.empty(0)
+            for i in (0, 1)
+        )
         numbers = numbers.reshape(len(t), self.shape.shown.width)
         return Trajectory(
             self.plan.system,
@@ -158,7 +196,9 @@ class WatchedRun:
         if self.looking is not None:  # an event itself failed: keep the steps up to it
             (run, taken), n = self.looking, self.watch.looked
             points = run.out[: len(taken), :, 0]
-            motion = ShortSteps(taken.system, taken.method, self.shape.example, taken.t, points, self.plan.compiled)
+            motion = ShortSteps(
+                taken.system, taken.method, self.shape.example, taken.t, points, self.plan.compiled
+            )
             self._keep(taken.t[1 : n + 1], points[1 : n + 1], motion)
             self.done, self.looking = self.done + n, None
         error.trajectory = self._result(None)

@@ -16,7 +16,9 @@ from .system import State, System, frozen, points
 
 @record
 class CanonicalState(State):
-    """Where a canonical system is: positions `q` and momenta `p`, (n,) each or, for an ensemble, (members, n)."""
+    """Where a canonical system is: positions `q` and momenta `p`, (n,) each or, for an ensemble,
+    (members, n).
+    """
 
     q: Any
     p: Any
@@ -36,7 +38,10 @@ class PhaseSpace(System):
         super().__post_init__()
         n = getattr(self, "degrees", None)
         if type(n) is not int or n < 1:
-            raise InvalidInput(f"{type(self).__name__} must say its degrees of freedom, degrees: ClassVar[int] = 2; got {n!r}")
+            raise InvalidInput(
+                f"{type(self).__name__} must say its degrees of freedom, "
+                f"degrees: ClassVar[int] = 2; got {n!r}"
+            )
 
     # ---------------------------------------------------------------- how it moves
 
@@ -50,7 +55,9 @@ class PhaseSpace(System):
         return VectorSpace(2 * self.degrees)
 
     @final
-    def displaced(self, retraction: Retraction, state: CanonicalState, omega: Vec) -> CanonicalState:
+    def displaced(
+        self, retraction: Retraction, state: CanonicalState, omega: Vec
+    ) -> CanonicalState:
         """(q, p) + omega."""
         y = retraction.compose_tau(self.group, vec(*state.q, *state.p), omega)
         n = len(state.q)
@@ -81,12 +88,17 @@ class PhaseSpace(System):
 
     @final
     def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
-        return self.group._shape(argument, kind) if argument == "omega" or kind != "Vec" else (self.degrees,)
+        return (
+            self.group._shape(argument, kind)
+            if argument == "omega" or kind != "Vec"
+            else (self.degrees,)
+        )
 
 
 @record
 class CanonicalSystem(PhaseSpace):
-    """Positions q and momenta p in R^n, and an energy H(q, p): what free and constrained systems share; abstract.
+    """Positions q and momenta p in R^n, and an energy H(q, p): what free and constrained systems
+    share; abstract.
 
     A subclass says how they move, `rate`, and which states there are, `state`.
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VI.1.2 and VII.1.
@@ -117,14 +129,16 @@ class CanonicalSystem(PhaseSpace):
 class HamiltonianSystem(CanonicalSystem):
     """Hamilton's equations in R^2n, q' = dH/dp, p' = -dH/dq, for any energy H(q, p).
 
-    1. A subclass writes `energy(q, p)`, as a formula, and says its number of `degrees` of freedom, n.  Its fields are the
+    1. A subclass writes `energy(q, p)`, as a formula, and says its number of `degrees` of freedom,
+    n.  Its fields are the
        parameters.
-    2. It may write `velocity`, dH/dp, and `force`, -dH/dq, in closed form; left out, they follow by differentiation, exact to
+    2. It may write `velocity`, dH/dp, and `force`, -dH/dq, in closed form; left out, they follow by
+    differentiation, exact to
        rounding.
     3. It may name what stays constant beside the energy (`constants`).
 
-    The group that moves (q, p) is R^2n under addition, so that methods for Lie groups are here the ordinary ones: RKMK is the
-    Runge-Kutta method of its tableau, Taylor the Taylor method.
+    The group that moves (q, p) is R^2n under addition, so that methods for Lie groups are here the
+    ordinary ones: RKMK is the Runge-Kutta method of its tableau, Taylor the Taylor method.
 
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VI.1.2.
     """
@@ -136,7 +150,8 @@ class HamiltonianSystem(CanonicalSystem):
 
     @final
     def state(self, q: Any, p: Any) -> CanonicalState:
-        """A start for `integrate`: positions q and momenta p, (n,) each, or (members, n) for an ensemble; numbers if n = 1.
+        """A start for `integrate`: positions q and momenta p, (n,) each, or (members, n) for an
+        ensemble; numbers if n = 1.
 
         Raises InvalidInput for wrong shapes and entries that are not finite.
         """

@@ -1,4 +1,6 @@
-"""Systems whose state carries its physical time and its time scale along, for steps that are equal in a fictive time."""
+"""Systems whose state carries its physical time and its time scale along, for steps that are equal
+in a fictive time.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,9 @@ from .time_scales import TimeScale, one_of
 
 @record
 class ClockedState(State):
-    """The parts of a state, the physical `time`, and `z`, about 1/sigma; abstract: `clocked` makes one for each kind of state."""
+    """The parts of a state, the physical `time`, and `z`, about 1/sigma; abstract: `clocked` makes
+    one for each kind of state.
+    """
 
     inner: ClassVar[type[State]]
     names: ClassVar[tuple[str, ...]]
@@ -79,7 +83,9 @@ class Clocked(Record):
         kind: Any = type(start)
         return clocked(kind)(*start.parts.values(), time, z)
 
-    def apart(self, states: dict[str, np.ndarray]) -> tuple[np.ndarray, dict[str, np.ndarray], np.ndarray]:
+    def apart(
+        self, states: dict[str, np.ndarray]
+    ) -> tuple[np.ndarray, dict[str, np.ndarray], np.ndarray]:
         """The samples taken apart: the times, the parts of the states, and z."""
         rest = dict(states)
         return rest.pop("time"), rest, rest.pop("z")

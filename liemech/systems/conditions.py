@@ -1,9 +1,12 @@
-"""Sums over conditions and the bodies they touch, and elimination that knows which of them have no body in common.
+"""Sums over conditions and the bodies they touch, and elimination that knows which of them have no
+body in common.
 
-In a chain every condition meets those of the joints beside it alone, so that work and memory grow as the number of bodies.
+In a chain every condition meets those of the joints beside it alone, so that work and memory grow
+as the number of bodies.
 
-Source: Golub and Van Loan, Matrix Computations, 4th ed., sections 4.1 and 4.3 (banded systems); Duff, Erisman and Reid, Direct
-Methods for Sparse Matrices, 2nd ed., chapter 9 (symbolic elimination).
+Source: Golub and Van Loan, Matrix Computations, 4th ed., sections 4.1 and 4.3 (banded systems);
+Duff, Erisman and Reid, Direct Methods for Sparse Matrices, 2nd ed., chapter 9 (symbolic
+elimination).
 """
 
 from __future__ import annotations
@@ -15,14 +18,17 @@ from ..formulas import Mat, Vec, dot, vec, vectors
 
 
 def connections(touches: Sequence[Sequence[int]], blocks: int) -> dict[str, Any]:
-    """Who depends on whom.  touches : of each condition the blocks of the algebra that it depends on.
+    """Who depends on whom.  touches : of each condition the blocks of the algebra that it depends
+    on.
 
     touches : the same, each block with the place of the condition among those that hold it.
     held : of each block the conditions, each with the place of the block among those it touches.
-    shared : of each condition those that elimination brings into its row, by their common blocks and their places there.
-    elimination : of each condition the place of its pivot; below it the rows that change, with the place of the pivot's column in
-    them and, for each of their entries, the place of the entry above it (-1: none); the places of what comes after the pivot, and
-    what they are multiplied with when the system is solved backwards.
+    shared : of each condition those that elimination brings into its row, by their common blocks
+    and their places there.
+    elimination : of each condition the place of its pivot; below it the rows that change, with the
+    place of the pivot's column in them and, for each of their entries, the place of the entry above
+    it (-1: none); the places of what comes after the pivot, and what they are multiplied with when
+    the system is solved backwards.
     """
     count = len(touches)
     held: list[list[int]] = [[] for _ in range(blocks)]
@@ -40,14 +46,23 @@ def connections(touches: Sequence[Sequence[int]], blocks: int) -> dict[str, Any]
     shared, elimination = [], []
     for a, row in enumerate(rows):
         meets = [[b for b in touches[a] if b in touches[k]] for k in row]
-        shared.append(tuple(tuple((b, places[b][a], places[b][k]) for b in common) for k, common in zip(row, meets, strict=True)))
+        shared.append(
+            tuple(
+                tuple((b, places[b][a], places[b][k]) for b in common)
+                for k, common in zip(row, meets, strict=True)
+            )
+        )
         below = tuple(
-            (i, at[i][a], tuple(at[a][j] if j > a and j in at[a] else -1 for j in rows[i])) for i in row if i > a
+            (i, at[i][a], tuple(at[a][j] if j > a and j in at[a] else -1 for j in rows[i]))
+            for i in row
+            if i > a
         )
         elimination.append((at[a][a], len(row), below, tuple((at[a][j], j) for j in row if j > a)))
     return {
         "touches": tuple(tuple((b, places[b][a]) for b in row) for a, row in enumerate(touches)),
-        "held": tuple(tuple((a, tuple(touches[a]).index(b)) for a in block) for b, block in enumerate(held)),
+        "held": tuple(
+            tuple((a, tuple(touches[a]).index(b)) for a in block) for b, block in enumerate(held)
+        ),
         "shared": tuple(shared),
         "elimination": tuple(elimination),
     }
@@ -56,7 +71,10 @@ def connections(touches: Sequence[Sequence[int]], blocks: int) -> dict[str, Any]
 def pulled(system: Any, rows: Any, impulses: Vec) -> Vec:
     """G* l.  impulses : (m,);  returns (dim,)."""
     pulls = [[impulses[a] * rows[a][i] for a, i in held] for held in system.held]
-    parts = [vectors.sum(pull) if len(pull) > 0 else [0.0] * (end - start) for pull, (start, end) in zip(pulls, system.places)]
+    parts = [
+        vectors.sum(pull) if len(pull) > 0 else [0.0] * (end - start)
+        for pull, (start, end) in zip(pulls, system.places)
+    ]
     return vec(*[x for part in parts for x in part])
 
 
@@ -68,19 +86,31 @@ def led(system: Any, rows: Any) -> list[Any]:
 def speeds(system: Any, rows: Any, xi: Vec) -> list[Any]:
     """G xi, condition by condition.  xi : (dim,)."""
     parts = [vec(*xi[start:end]) for start, end in system.places]
-    return [vectors.sum([dot(row[i], parts[b]) for i, (b, _) in enumerate(ties)]) for row, ties in zip(rows, system.touches)]
+    return [
+        vectors.sum([dot(row[i], parts[b]) for i, (b, _) in enumerate(ties)])
+        for row, ties in zip(rows, system.touches)
+    ]
 
 
 def joint(system: Any, led: list[Any], pushed: list[Any]) -> list[list[Any]]:
-    """C A^-1 B by rows, what is zero for good left out; from the rows of C and the columns of A^-1 B block by block."""
+    """C A^-1 B by rows, what is zero for good left out; from the rows of C and the columns of A^-1
+    B block by block.
+    """
     return [
-        [vectors.sum([dot(led[b][i], pushed[b][j]) for b, i, j in common]) if len(common) > 0 else 0.0 for common in row]
+        [
+            vectors.sum([dot(led[b][i], pushed[b][j]) for b, i, j in common])
+            if len(common) > 0
+            else 0.0
+            for common in row
+        ]
         for row in system.shared
     ]
 
 
 def solved_sparse(system: Any, m: list[list[Any]], rhs: list[Any]) -> tuple[Vec, list[Any]]:
-    """m^-1 rhs by elimination in the given order, and the pivots; m as `joint` makes it, and near to a positive matrix."""
+    """m^-1 rhs by elimination in the given order, and the pivots; m as `joint` makes it, and near
+    to a positive matrix.
+    """
     rows = [[*row, x] for row, x in zip(m, rhs)]
     for k, (diagonal, last, below, _) in enumerate(system.elimination):
         for i, place, above in below:

@@ -33,12 +33,16 @@ CONSISTENT = 2.0**-40
 """A start is on the constraints if they fail by no more than this, relative to their terms."""
 
 INDEPENDENT = 2.0**-40
-"""Constraints are dependent if what elimination leaves of one of them is below this, relative to what it was."""
+"""Constraints are dependent if what elimination leaves of one of them is below this, relative to
+what it was.
+"""
 
 EPSILON = float(np.finfo(float).eps)
 
 NEAREST = 12
-"""Turns in which Newton's method finds the nearest consistent position; if not, the one across the constraints is taken."""
+"""Turns in which Newton's method finds the nearest consistent position; if not, the one across the
+constraints is taken.
+"""
 
 
 @record
@@ -47,29 +51,37 @@ class ConstrainedSystem(CanonicalSystem):
 
         q' = H_p,   p' = -H_q - G(q)^T lambda,   0 = g(q),   G = dg/dq (m, n)
 
-    It lives on M = {g(q) = 0, G(q) H_p(q, p) = 0}: the second equation, the hidden constraint, is the derivative of the first.
+    It lives on M = {g(q) = 0, G(q) H_p(q, p) = 0}: the second equation, the hidden constraint, is
+    the derivative of the first.
 
-    1. A subclass writes `energy(q, p)` and `constraint(q)`, as formulas, and says the number of coordinates, `degrees`, n.  Its
-       fields are the parameters.  (SeparableConstrainedSystem: kinetic(p) and potential(q) instead of the energy.)
-    2. It may write `velocity`, `force` and `constraint_jacobian` in closed form; left out, they follow by differentiation.
+    1. A subclass writes `energy(q, p)` and `constraint(q)`, as formulas, and says the number of
+    coordinates, `degrees`, n.  Its
+       fields are the parameters.  (SeparableConstrainedSystem: kinetic(p) and potential(q) instead
+       of the energy.)
+    2. It may write `velocity`, `force` and `constraint_jacobian` in closed form; left out, they
+    follow by differentiation.
     3. It may name what stays constant beside the energy (`constants`).
 
-    Everything else is derived: the hidden constraint, the multipliers lambda, the forces of constraint, consistent starts.
-    RATTLE is for it.  Methods for every system, such as RKMK, integrate the equation of lower index that the
-    multipliers give (`rate`); they leave M.  The matrix G H_pp G^T must be invertible: the constraints are independent, and
-    hold the motion.
+    Everything else is derived: the hidden constraint, the multipliers lambda, the forces of
+    constraint, consistent starts.  RATTLE is for it.  Methods for every system, such as RKMK,
+    integrate the equation of lower index that the multipliers give (`rate`); they leave M.  The
+    matrix G H_pp G^T must be invertible: the constraints are independent, and hold the motion.
 
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.1.2.
     """
 
-    alternatives: ClassVar[str] = "RATTLE() is for it; RKMK accepts every system, but leaves the constraints"
+    alternatives: ClassVar[str] = (
+        "RATTLE() is for it; RKMK accepts every system, but leaves the constraints"
+    )
 
     bounded: ClassVar[bool] = True
     separable: ClassVar[bool] = False
     """Is the energy T(p) + V(q), with `velocity` a function of p alone and `force` one of q alone?"""
 
     linear_velocity: ClassVar[bool] = False
-    """Is the velocity of first degree in p, as for a kinetic energy p . M(q)^-1 p/2?  Whoever says so saves time."""
+    """Is the velocity of first degree in p, as for a kinetic energy p . M(q)^-1 p/2?  Whoever says
+    so saves time.
+    """
 
     # ---------------------------------------------------------------- 1. a subclass writes
 
@@ -92,13 +104,16 @@ class ConstrainedSystem(CanonicalSystem):
 
     @final
     def normals(self, q: Vec, p: Vec) -> Mat:
-        """H_pp G^T as rows, (m, n): how the velocity changes under an impulse of each constraint.  q, p : (n,)."""
+        """H_pp G^T as rows, (m, n): how the velocity changes under an impulse of each constraint.
+        q, p : (n,).
+        """
         rows = self.constraint_jacobian(q)
         return mat(*[derivative(lambda x: self.velocity(q, x), p, row) for row in rows])
 
     @final
     def multipliers(self, q: Vec, p: Vec) -> Vec:
-        """The lambda that keeps the motion on M, (m,); its unit is that of a force over that of a row of G.  q, p : (n,).
+        """The lambda that keeps the motion on M, (m,); its unit is that of a force over that of a
+        row of G.  q, p : (n,).
 
             lambda = (G H_pp G^T)^-1 (d/dq(G H_p) H_p - G H_pp H_q)
 
@@ -120,10 +135,12 @@ class ConstrainedSystem(CanonicalSystem):
 
     @final
     def defects(self, q: Vec, p: Vec) -> Vec:
-        """How far g(q) and G H_p are from zero, (2 m,), each relative to the size of the terms it is made of.  q, p : (n,).
+        """How far g(q) and G H_p are from zero, (2 m,), each relative to the size of the terms it
+        is made of.  q, p : (n,).
 
-        Compared with are s = sum_i |G_ki q_i|, and sum_i |G_ki v_i| with the speed (s a)^(1/2) that the force f gives over s, where
-        a = sum_i |(H_pp G^T)_ik f_i|: so a body at rest may move by rounding.
+        Compared with are s = sum_i |G_ki q_i|, and sum_i |G_ki v_i| with the speed (s a)^(1/2) that
+        the force f gives over s, where a = sum_i |(H_pp G^T)_ik f_i|: so a body at rest may move by
+        rounding.
         """
         G, v, f = self.constraint_jacobian(q), self.velocity(q, p), self.force(q, p)
         sizes = vec(*[dot(abs(row), abs(q)) for row in G])
@@ -145,25 +162,35 @@ class ConstrainedSystem(CanonicalSystem):
         def equation(x: Vec) -> tuple[Vec, Mat, float]:
             there = q + x @ normals
             G = self.constraint_jacobian(there)
-            return weights * self.constraint(there), scaled(cross_products(G, normals), weights), 1.0
+            return (
+                weights * self.constraint(there),
+                scaled(cross_products(G, normals), weights),
+                1.0,
+            )
 
         x, size, enough, _ = newton(equation, vec(*zero), 1.0, solved=in_order)
         if not size <= enough:
-            raise NoConvergence(f"{type(self).__name__}: no position with g(q) = 0 was found near q = {tuple(q)}")
+            raise NoConvergence(
+                f"{type(self).__name__}: no position with g(q) = 0 was found near q = {tuple(q)}"
+            )
         return q + x @ normals
 
     @final
     def tangent(self, q: Vec, p: Vec) -> Vec:
-        """The momentum p - G^T x with G H_p = 0, (n,): the nearest one in the metric of the kinetic energy.  q, p : (n,).
+        """The momentum p - G^T x with G H_p = 0, (n,): the nearest one in the metric of the kinetic
+        energy.  q, p : (n,).
 
-        Raises NoConvergence if there is none near p, InconsistentState where the constraints are dependent.
+        Raises NoConvergence if there is none near p, InconsistentState where the constraints are
+        dependent.
         """
         impulse, _ = self.tangent_impulse(q, p)
         return p + impulse
 
     @final
     def tangent_impulse(self, q: Vec, p: Vec) -> tuple[Vec, Vec]:
-        """The -G^T x with G H_p = 0 at p - G^T x, (n,), and the pivots of G H_pp G^T, (m,).  q, p : (n,)."""
+        """The -G^T x with G H_p = 0 at p - G^T x, (n,), and the pivots of G H_pp G^T, (m,).  q,
+        p : (n,).
+        """
         G, v, across = self.constraint_jacobian(q), self.velocity(q, p), self.normals(q, p)
         x, pivots = eliminated(cross_products(G, across), G @ v)
         if not independent(pivots, G, across):
@@ -179,12 +206,17 @@ class ConstrainedSystem(CanonicalSystem):
 
         x, size, enough, _ = newton(equation, x, 1.0, solved=in_order)
         if not size <= enough:
-            raise NoConvergence(f"{type(self).__name__}: no momentum with G(q) H_p = 0 was found near p = {tuple(p)}")
+            raise NoConvergence(
+                f"{type(self).__name__}: no momentum with G(q) H_p "
+                f"= 0 was found near p = {tuple(p)}"
+            )
         return -(x @ G), pivots
 
     def _hidden(self, y: Vec, n: int) -> Vec:
         """The hidden constraint of y = (q, p)."""
-        return self.hidden_constraint(vec(*[y[i] for i in range(n)]), vec(*[y[n + i] for i in range(n)]))
+        return self.hidden_constraint(
+            vec(*[y[i] for i in range(n)]), vec(*[y[n + i] for i in range(n)])
+        )
 
     # ---------------------------------------------------------------- how it moves
 
@@ -207,10 +239,12 @@ class ConstrainedSystem(CanonicalSystem):
 
     @final
     def state(self, q: Any, p: Any) -> CanonicalState:
-        """A start for `integrate` on M: positions q and momenta p, (n,) each, or (members, n) for an ensemble.
+        """A start for `integrate` on M: positions q and momenta p, (n,) each, or (members, n) for
+        an ensemble.
 
-        Raises InvalidInput for wrong shapes, entries that are not finite, constraints that are dependent there, and a start that
-        is not consistent: it says by how much g(q) and G H_p fail.  `consistent` gives the nearest start that is.
+        Raises InvalidInput for wrong shapes, entries that are not finite, constraints that are
+        dependent there, and a start that is not consistent: it says by how much g(q) and G H_p
+        fail.  `consistent` gives the nearest start that is.
         """
         both, members = self._points(q, p)
         self._check_formulas(both[0])
@@ -221,23 +255,30 @@ class ConstrainedSystem(CanonicalSystem):
         bad = np.flatnonzero(~(failing <= CONSISTENT).all(axis=(1, 2)))
         if len(bad):
             i = bad[0]
-            g, hidden = np.array(self.constraint(q[i])), np.array(self.hidden_constraint(q[i], p[i]))
+            g, hidden = (
+                np.array(self.constraint(q[i])),
+                np.array(self.hidden_constraint(q[i], p[i])),
+            )
             told = [
                 f"{name}[{k}] = {value:.3g}, {defect:.1e} of its terms"
-                for name, values, relative in (("g(q)", g, failing[i, 0]), ("G H_p", hidden, failing[i, 1]))
+                for name, values, relative in (
+                    ("g(q)", g, failing[i, 0]),
+                    ("G H_p", hidden, failing[i, 1]),
+                )
                 for k, (value, defect) in enumerate(zip(values, relative, strict=True))
                 if not defect <= CONSISTENT
             ]
             member = "" if one else f" of member {i}"
             raise InvalidInput(
-                f"{where}: the start{member} is not consistent: {'; '.join(told)} (at most {CONSISTENT:.0e}). "
-                "Use `consistent(q, p)`, which gives the nearest state that is"
+                f"{where}: the start{member} is not consistent: {'; '.join(told)} (at most "
+                f"{CONSISTENT:.0e}). Use `consistent(q, p)`, which gives the nearest state that is"
             )
         return self._canonical_state(both, members)
 
     @final
     def consistent(self, q: Any, p: Any) -> CanonicalState:
-        """The state on M nearest to q and p, (n,) each, or (members, n): first q, then p, in the metric of the kinetic energy.
+        """The state on M nearest to q and p, (n,) each, or (members, n): first q, then p, in the
+        metric of the kinetic energy.
 
         Far from M, where there may be several, it is one that is reached across the constraints.
         Raises InvalidInput as `state` does, and if no such state is found near by.
@@ -250,12 +291,16 @@ class ConstrainedSystem(CanonicalSystem):
         try:
             found = [self._nearest(small(a), small(b)) for a, b in zip(q, p, strict=True)]
         except (NoConvergence, InconsistentState, ZeroDivisionError) as error:
-            raise InvalidInput(f"{where}: {error}. Give a start that is nearer to g(q) = 0") from error
+            raise InvalidInput(
+                f"{where}: {error}. Give a start that is nearer to g(q) = 0"
+            ) from error
         q, p = (np.array(x) for x in zip(*found, strict=True))
         return self.state(q[0], p[0]) if one else self.state(q, p)
 
     def _nearest(self, q: Vec, p: Vec) -> tuple[Vec, Vec]:
-        """The nearest position y = q + x H_pp G(y)^T by Newton's method from the one across the constraints, and its momentum."""
+        """The nearest position y = q + x H_pp G(y)^T by Newton's method from the one across the
+        constraints, and its momentum.
+        """
         there, n = self.across(q, p, q), len(q)
 
         def off(z: Vec) -> Vec:
@@ -278,17 +323,18 @@ class ConstrainedSystem(CanonicalSystem):
         value = self.constraint(small(np.atleast_2d(q)[0]))
         if not isinstance(value, SmallVec):
             raise InvalidInput(
-                f"{type(self).__name__}.constraint returns {value!r}; it must be a vector, one number for each constraint: "
-                "lm.vec(...)"
+                f"{type(self).__name__}.constraint returns {value!r}; it must be a vector, one "
+                "number for each constraint: lm.vec(...)"
             )
         if not len(value):
             raise InvalidInput(
-                f"{type(self).__name__}.constraint returns no number; give at least one constraint. "
-                "Without any, the system is a HamiltonianSystem"
+                f"{type(self).__name__}.constraint returns no number; give at least one "
+                "constraint. Without any, the system is a HamiltonianSystem"
             )
         if len(value) > self.degrees:
             raise InvalidInput(
-                f"{type(self).__name__}: {len(value)} constraints on {self.degrees} coordinates; they cannot be independent"
+                f"{type(self).__name__}: {len(value)} constraints on {self.degrees} coordinates; "
+                "they cannot be independent"
             )
 
     def _check_rank(self, where: str, q: np.ndarray, p: np.ndarray, one: bool) -> None:
@@ -299,21 +345,31 @@ class ConstrainedSystem(CanonicalSystem):
             bad = np.flatnonzero(~(np.abs(left[:, k, k]) > INDEPENDENT * sizes[:, k]))
             if len(bad):
                 member = "" if one else f"member {bad[0]}: "
-                raise InvalidInput(f"{where}: {member}{self._dependence(small(q[bad[0]]), small(p[bad[0]]))}")
-            left[:, k + 1 :] -= left[:, k + 1 :, k, None] / left[:, k, k, None, None] * left[:, k, None, :]
+                raise InvalidInput(
+                    f"{where}: {member}{self._dependence(small(q[bad[0]]), small(p[bad[0]]))}"
+                )
+            left[:, k + 1 :] -= (
+                left[:, k + 1 :, k, None] / left[:, k, k, None, None] * left[:, k, None, :]
+            )
 
     def _dependence(self, q: Any, p: Any) -> str:
         """Which constraint follows from which others, in words; for messages."""
         G = np.array(self.constraint_jacobian(small(np.array(q, dtype=float))))
-        rows = G / (np.linalg.norm(G, axis=1, keepdims=True) + (np.abs(G).max(axis=1, keepdims=True) == 0.0))
+        rows = G / (
+            np.linalg.norm(G, axis=1, keepdims=True) + (np.abs(G).max(axis=1, keepdims=True) == 0.0)
+        )
         rank = np.linalg.matrix_rank(rows, tol=np.sqrt(INDEPENDENT))
         at = f"rank {rank} of {len(G)}, at q = {tuple(np.round(np.array(q, dtype=float), 6).tolist())}"
         for k in range(len(G)):
             if not np.abs(G[k]).max() > 0.0:
-                return f"the derivative of constraint[{k}] is zero ({at}); no force can hold it there"
+                return (
+                    f"the derivative of constraint[{k}] is zero ({at}); no force can hold it there"
+                )
             if np.linalg.matrix_rank(rows[: k + 1], tol=np.sqrt(INDEPENDENT)) <= k:
                 weights = np.linalg.lstsq(rows[:k].T, rows[k], rcond=None)[0]
-                others = ", ".join(f"constraint[{j}]" for j in np.flatnonzero(np.abs(weights) > 1e-6))
+                others = ", ".join(
+                    f"constraint[{j}]" for j in np.flatnonzero(np.abs(weights) > 1e-6)
+                )
                 told = f"the constraints are dependent ({at}): that of constraint[{k}] follows from those of {others}. "
                 here, unit = small(np.array(q, dtype=float)), np.linalg.norm(G[: k + 1], axis=1)
                 values = np.array(self.constraint(here))[: k + 1] / unit
@@ -326,7 +382,8 @@ class ConstrainedSystem(CanonicalSystem):
 
 @record
 class SeparableConstrainedSystem(SeparableEnergy, ConstrainedSystem):
-    """A constrained system with H(q, p) = T(p) + V(q): a subclass writes `kinetic(p)`, `potential(q)` and `constraint(q)`.
+    """A constrained system with H(q, p) = T(p) + V(q): a subclass writes `kinetic(p)`,
+    `potential(q)` and `constraint(q)`.
 
     RATTLE is then explicit but for the multipliers.  T is mostly p . M^-1 p/2 with constant masses.
 
@@ -380,31 +437,42 @@ class ConstrainedLagrangianSystem(ConstrainedSystem):
     def _check_formulas(self, q: np.ndarray) -> None:
         """Are the masses symmetric and positive too?
 
-        Source: Horn and Johnson, Matrix Analysis, 2nd ed., theorem 4.5.8 (Sylvester's law of inertia).
+        Source: Horn and Johnson, Matrix Analysis, 2nd ed., theorem 4.5.8 (Sylvester's law of
+        inertia).
         """
         super()._check_formulas(q)
         n, name = self.degrees, f"{type(self).__name__}.mass"
         for member in np.atleast_2d(q):
-            m, at = np.array(self.mass(small(member))), f"at q = {tuple(np.round(member, 6).tolist())}"
+            m, at = (
+                np.array(self.mass(small(member))),
+                f"at q = {tuple(np.round(member, 6).tolist())}",
+            )
             if m.shape != (n, n):
                 raise InvalidInput(f"{name} has shape {m.shape}; it must be a matrix, ({n}, {n})")
             for i in range(n):
                 if not m[i, i] > 0.0:
-                    raise InvalidInput(f"{name} is not positive: entry [{i}, {i}] is {m[i, i]:.6g} {at}")
+                    raise InvalidInput(
+                        f"{name} is not positive: entry [{i}, {i}] is {m[i, i]:.6g} {at}"
+                    )
             unit = 1.0 / np.sqrt(np.diag(m))
-            m1 = unit[:, None] * m * unit  # with a diagonal of ones: entries in different units can be compared
+            # with a diagonal of ones: entries in different units can be compared
+            m1 = unit[:, None] * m * unit
             i, j = divmod(int(np.argmax(np.abs(m1 - m1.T))), n)
             if not abs(m1[i, j] - m1[j, i]) <= CONSISTENT:
                 raise InvalidInput(
-                    f"{name} is not symmetric: entry [{i}, {j}] is {m[i, j]:.6g}, but [{j}, {i}] is {m[j, i]:.6g} {at}. "
-                    "The energy v . M v/2 needs a symmetric matrix, (M + M^T)/2"
+                    f"{name} is not symmetric: entry [{i}, {j}] is {m[i, j]:.6g}, but [{j}, {i}] "
+                    f"is {m[j, i]:.6g} {at}. The energy v . M v/2 "
+                    "needs a symmetric matrix, (M + M^T)/2"
                 )
             values, vectors = np.linalg.eigh(m1)
             if not values[0] > 2 * n * EPSILON:
-                entries = ", ".join(f"[{i}, {i}]" for i in np.flatnonzero(np.abs(vectors[:, 0]) > 1e-6))
+                entries = ", ".join(
+                    f"[{i}, {i}]" for i in np.flatnonzero(np.abs(vectors[:, 0]) > 1e-6)
+                )
                 raise InvalidInput(
-                    f"{name} is not positive: with rows and columns scaled to a diagonal of ones it has the eigenvalue "
-                    f"{values[0]:.3g} {at}, from the rows and columns of the entries {entries}"
+                    f"{name} is not positive: with rows and columns scaled to a diagonal of ones "
+                    f"it has the eigenvalue {values[0]:.3g} {at}, from the "
+                    f"rows and columns of the entries {entries}"
                 )
 
     @final
@@ -428,7 +496,9 @@ class ConstrainedLagrangianSystem(ConstrainedSystem):
 
 @record
 class Surface(Record):
-    """Equations g(q) = 0 for the positions of a canonical system: a subclass writes `value`; its fields are the parameters."""
+    """Equations g(q) = 0 for the positions of a canonical system: a subclass writes `value`; its
+    fields are the parameters.
+    """
 
     def value(self, q: Vec) -> Vec:
         """g(q), (m,).  q : (n,)."""
@@ -451,7 +521,9 @@ class Constrained(ConstrainedSystem):
     def __post_init__(self) -> None:
         for name, kind in (("system", HamiltonianSystem), ("surface", Surface)):
             if not isinstance(getattr(self, name), kind):
-                raise InvalidInput(f"Constrained: {name} must be a {kind.__name__}; got {getattr(self, name)!r}")
+                raise InvalidInput(
+                    f"Constrained: {name} must be a {kind.__name__}; got {getattr(self, name)!r}"
+                )
         super().__post_init__()
 
     @property
@@ -495,22 +567,29 @@ def scaled(m: Mat, weights: Vec) -> Mat:
 
 
 def inverse_sizes(G: Mat, change: Vec, q: Vec) -> Vec:
-    """One over what constraints are compared with in Newton's method: what a change of q does to them, and far less of q itself."""
+    """One over what constraints are compared with in Newton's method: what a change of q does to
+    them, and far less of q itself.
+    """
     sizes = [dot(abs(row), abs(change) + FAR * abs(q)) for row in G]
     return vec(*[1.0 / where(s > 0.0, s, 1.0) for s in sizes])
 
 
 FAR = 2.0**-18
-"""TOLERANCE, 2^-30, times this is 16 roundings: constraints hold to 16 roundings of their terms before the last correction."""
+"""TOLERANCE, 2^-30, times this is 16 roundings: constraints hold to 16 roundings of their terms
+before the last correction.
+"""
 
 
 def eliminated(m: Mat, rhs: Vec) -> tuple[Vec, Vec]:
-    """The solution of m x = rhs by elimination in the given order, and the pivots; for G H_pp G^T and what is near it.
+    """The solution of m x = rhs by elimination in the given order, and the pivots; for G H_pp G^T
+    and what is near it.
 
-    Each pivot is what is left of a constraint beside those before it; with a positive kinetic energy all are positive.
+    Each pivot is what is left of a constraint beside those before it; with a positive kinetic
+    energy all are positive.
     m : (k, k), rhs : (k,).  With a pivot that is zero the solution means nothing.
 
-    Source: Golub and Van Loan, Matrix Computations, 4th ed., 3.2 and 4.2 (no exchange of rows for positive matrices).
+    Source: Golub and Van Loan, Matrix Computations, 4th ed., 3.2 and 4.2 (no exchange of rows for
+    positive matrices).
     """
     n = len(rhs)
     if n == 1:
@@ -518,7 +597,10 @@ def eliminated(m: Mat, rhs: Vec) -> tuple[Vec, Vec]:
     if n == 2:  # by Cramer's rule: one division before the solution
         volume, first = m[0, 0] * m[1, 1] - m[0, 1] * m[1, 0], where(m[0, 0] != 0.0, m[0, 0], 1.0)
         scale = 1.0 / where(volume != 0.0, volume, 1.0)
-        both = vec(scale * (m[1, 1] * rhs[0] - m[0, 1] * rhs[1]), scale * (m[0, 0] * rhs[1] - m[1, 0] * rhs[0]))
+        both = vec(
+            scale * (m[1, 1] * rhs[0] - m[0, 1] * rhs[1]),
+            scale * (m[0, 0] * rhs[1] - m[1, 0] * rhs[0]),
+        )
         return both, vec(m[0, 0], volume / first)
     rows: list[Vec] = [vec(*m[i], rhs[i]) for i in range(n)]
     inverse: list[Any] = []

@@ -21,10 +21,14 @@ from .potential import NoPotential
 from .system import System
 
 CONSISTENT = 1e-9
-"""A start may miss its constraints by this part of their terms: rounding and printed digits, not mistakes."""
+"""A start may miss its constraints by this part of their terms: rounding and printed digits, not
+mistakes.
+"""
 
 INDEPENDENT = 1e-10
-"""Conditions whose derivatives are closer to dependent than this, by singular values, are taken for redundant."""
+"""Conditions whose derivatives are closer to dependent than this, by singular values, are taken for
+redundant.
+"""
 
 DENSE = 20_000
 """Entries of G beyond which it is made without its zeros: chains of more than thirty bodies."""
@@ -39,8 +43,8 @@ class BoundBody(System):
 
     1. A subclass says what makes `G`, and how consistent a start is.
 
-    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.1; Bloch, Nonholonomic Mechanics and Control, 2nd
-    ed., section 1.3.
+    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.1; Bloch,
+    Nonholonomic Mechanics and Control, 2nd ed., section 1.3.
     """
 
     coordinates: ClassVar[tuple[str, ...]] = ("mu",)
@@ -61,15 +65,26 @@ class BoundBody(System):
         if isinstance(body, LiePoissonSystem):
             body = MechanicalSystem(body, NoPotential())  # type: ignore[call-arg, arg-type]
         if not isinstance(body, MechanicalSystem):
-            raise InvalidType(f"{name}: body must be a body such as RigidBody([1.0, 1.5, 2.0]) or a MechanicalSystem; got {body!r}")
+            raise InvalidType(
+                f"{name}: body must be a body such as RigidBody([1.0, 1.5, 2.0]) or a "
+                f"MechanicalSystem; got {body!r}"
+            )
         if not isinstance(body.body.lagrangian, KineticEnergy):
-            raise InvalidInput(f"{name}: the kinetic energy must be quadratic, a KineticEnergy; {body.body!r} has another one")
+            raise InvalidInput(
+                f"{name}: the kinetic energy must be quadratic, a "
+                f"KineticEnergy; {body.body!r} has another one"
+            )
         if body.load is not None:
-            raise InvalidInput(f"{name}: a load without a potential is not supported; got {body.load!r}")
+            raise InvalidInput(
+                f"{name}: a load without a potential is not supported; got {body.load!r}"
+            )
         object.__setattr__(self, "body", body)
-        count = self._count(small(body.configurations.random(1)))  # formulas may have no value at the identity
+        # formulas may have no value at the identity
+        count = self._count(small(body.configurations.random(1)))
         object.__setattr__(self, "conditions", count)
-        object.__setattr__(self, "separate", _separate(body.configurations, np.array(body.body.lagrangian.inertia)))
+        object.__setattr__(
+            self, "separate", _separate(body.configurations, np.array(body.body.lagrangian.inertia))
+        )
         self._connect(count)
         super().__post_init__()
 
@@ -80,7 +95,8 @@ class BoundBody(System):
     def _connect(self, conditions: int) -> None:
         """Who depends on whom, for sums that leave out what is known to be zero: `connections`.
 
-        A block is what the inertia leaves to itself.  places : of each block where its coordinates begin and end.
+        A block is what the inertia leaves to itself.  places : of each block where its coordinates
+        begin and end.
         """
         group = self.configurations
         touches: Any = ((0,),) * conditions
@@ -106,19 +122,25 @@ class BoundBody(System):
 
     @property
     def blocks(self) -> tuple[tuple[LieGroup, int, int], ...]:
-        """The blocks of the algebra: of each the group, and the places where its coordinates begin and end."""
+        """The blocks of the algebra: of each the group, and the places where its coordinates begin
+        and end.
+        """
         groups = factors_of(self.configurations) if self.separate else (self.configurations,)
         return tuple([(group, start, end) for group, (start, end) in zip(groups, self.places)])
 
     @property
     def inertias(self) -> tuple[Vec | Mat, ...]:
         """J, block by block."""
-        return tuple([_block(self.body.body.lagrangian.inertia, start, end) for _, start, end in self.blocks])
+        return tuple(
+            [_block(self.body.body.lagrangian.inertia, start, end) for _, start, end in self.blocks]
+        )
 
     @property
     def inverses(self) -> tuple[Vec | Mat, ...]:
         """J^-1, block by block."""
-        return tuple([_block(self.body.body.lagrangian.inverse, start, end) for _, start, end in self.blocks])
+        return tuple(
+            [_block(self.body.body.lagrangian.inverse, start, end) for _, start, end in self.blocks]
+        )
 
     @property
     def trace(self) -> float:
@@ -162,19 +184,26 @@ class BoundBody(System):
 
     @final
     def multipliers(self, mu: Vec, g: Element) -> Vec:
-        """The multipliers lam, (m,), at a consistent state: -G* lam is the force of the constraint on the momentum.
+        """The multipliers lam, (m,), at a consistent state: -G* lam is the force of the constraint
+        on the momentum.
 
             lam = (G J^-1 G*)^-1 [ d/ds G(g exp(s xi)) xi + G J^-1 (ad*_xi mu + f) ]
 
-        A condition measured in m has its lam in N, one that is an angle or a cosine in N m.  mu : (dim,), g : an element.
+        A condition measured in m has its lam in N, one that is an angle or a cosine in N m.
+        mu : (dim,), g : an element.
         Source: Hairer, Lubich, Wanner, VII.1.2, equation (1.9), on a group.
         """
         rows, xi = self.rows(g), self.velocity(mu)
         pull = self.configurations.ad_star(xi, mu) + self.force(g)
-        curved = derivative(lambda s: vec(*speeds(self, self.rows(self.configurations.compose_exp(g, s * xi)), xi)), 0.0)
+        curved = derivative(
+            lambda s: vec(*speeds(self, self.rows(self.configurations.compose_exp(g, s * xi)), xi)),
+            0.0,
+        )
         needed = [a + b for a, b in zip(curved, speeds(self, rows, self.velocity(pull)))]
         through = led(self, rows)
-        pushed = [[times(inverse, row) for row in block] for inverse, block in zip(self.inverses, through)]
+        pushed = [
+            [times(inverse, row) for row in block] for inverse, block in zip(self.inverses, through)
+        ]
         return solved_sparse(self, joint(self, through, pushed), needed)[0]
 
     # ---------------------------------------------------------------- how it moves
@@ -182,7 +211,9 @@ class BoundBody(System):
     @final
     def rate(self, t: float, state: BodyState) -> Vec:
         """(xi, f - G* lam): the velocity on T*G, by index reduction."""
-        push = self.force(state.g) - pulled(self, self.rows(state.g), self.multipliers(state.mu, state.g))
+        push = self.force(state.g) - pulled(
+            self, self.rows(state.g), self.multipliers(state.mu, state.g)
+        )
         return vec(*self.velocity(state.mu), *push)
 
     @final
@@ -205,22 +236,34 @@ class BoundBody(System):
     def state(self, mu: Any, g: Any = None) -> BodyState:
         """A start for `integrate`: body momentum mu and configuration g, which obey the constraint.
 
-        mu : (dim,) for one body, (bodies, dim) for an ensemble;  g : an element, or one for each body.
-        Raises InvalidInput as MechanicalSystem.state does, and for redundant conditions; InconsistentState for a start off the
-        constraint, with the cure: `consistent(mu, g)` is the nearest start on it.
+        mu : (dim,) for one body, (bodies, dim) for an ensemble;  g : an element, or one for each
+        body.
+        Raises InvalidInput as MechanicalSystem.state does, and for redundant conditions;
+        InconsistentState for a start off the constraint, with the cure: `consistent(mu, g)` is the
+        nearest start on it.
         """
         state = self._given("state", mu, g)
         for k, (one, where) in enumerate(_members(state)):
-            self._require_independent(where, f"{type(self).__name__}.state" + ("" if state.bodies is None else f": body {k}"))
+            self._require_independent(
+                where,
+                f"{type(self).__name__}.state" + ("" if state.bodies is None else f": body {k}"),
+            )
             self._require_consistent(one, where)
         return self.vouched(state)
 
     def _require_consistent(self, mu: Any, g: Any) -> None:
-        """Raise InconsistentState for a velocity off the constraint, beside what velocities of its energy could be off.
+        """Raise InconsistentState for a velocity off the constraint, beside what velocities of its
+        energy could be off.
 
-        To its energy counts what the force does on a unit displacement: at rest in a field a momentum is nothing but rounding.
+        To its energy counts what the force does on a unit displacement: at rest in a field a
+        momentum is nothing but rounding.
         """
-        G, momentum, force, inverse = self._matrix(self.rows(g)), np.array(mu), np.array(self.force(g)), self._inverse
+        G, momentum, force, inverse = (
+            self._matrix(self.rows(g)),
+            np.array(mu),
+            np.array(self.force(g)),
+            self._inverse,
+        )
         least = 1.0 / abs(inverse).sum(axis=1).max()
         energy = momentum @ (inverse @ momentum) + np.sqrt(least * (force @ (inverse @ force)))
         scale = np.sqrt(energy * (G @ inverse @ G.T).diagonal())
@@ -230,21 +273,25 @@ class BoundBody(System):
         if (np.abs(value) > CONSISTENT * scale).any():
             i = int(np.argmax(np.abs(value) / np.where(scale > 0.0, scale, 1.0)))
             raise InconsistentState(
-                f"{type(self).__name__}.state: {what} must be zero; condition {i} is {value[i]:.3g}. `consistent(mu, g)` gives the "
-                "nearest start on the constraint"
+                f"{type(self).__name__}.state: {what} must be zero; condition {i} is "
+                f"{value[i]:.3g}. `consistent(mu, g)` gives the nearest start on the constraint"
             )
 
     def _start(self, what: str, mu: Any, g: Any) -> tuple[np.ndarray, Any]:
         """One start, with independent conditions."""
         state = self._given(what, mu, g)
         if state.bodies is not None:
-            raise InvalidInput(f"{type(self).__name__}.{what} takes one start at a time; loop over the ensemble")
+            raise InvalidInput(
+                f"{type(self).__name__}.{what} takes one start at a time; loop over the ensemble"
+            )
         start = small(np.array(state.g))
         self._require_independent(start, f"{type(self).__name__}.{what}")
         return np.array(state.mu), start
 
     def _projected(self, momentum: np.ndarray, g: Any) -> np.ndarray:
-        """The momentum less G* (G J^-1 G*)^-1 G J^-1 mu: the nearest with a velocity on the constraint."""
+        """The momentum less G* (G J^-1 G*)^-1 G J^-1 mu: the nearest with a velocity on the
+        constraint.
+        """
         G, inverse = self._matrix(self.rows(g)), self._inverse
         for _ in range(2):  # the second time for rounding
             momentum = momentum - G.T @ _solved(G @ inverse @ G.T, G @ (inverse @ momentum))
@@ -253,19 +300,27 @@ class BoundBody(System):
     def _given(self, what: str, mu: Any, g: Any) -> BodyState:
         name = f"{type(self).__name__}.{what}"
         if g is None:
-            raise InvalidInput(f"{name}: g is missing; the constraint depends on where the body is, give {what}(mu=..., g=...)")
+            raise InvalidInput(
+                f"{name}: g is missing; the constraint depends on where "
+                f"the body is, give {what}(mu=..., g=...)"
+            )
         return body_state(name, self.configurations, mu, g)
 
     @property
     def _sparse(self) -> bool:
-        """Are there so many bodies that matrices of all conditions and velocities are made without their zeros?"""
+        """Are there so many bodies that matrices of all conditions and velocities are made without
+        their zeros?
+        """
         return self.conditions * self.configurations.dim > DENSE
 
     @property
     def _inverse(self) -> Any:
         """J^-1, a matrix; a sparse one of many bodies."""
         if self._sparse:
-            return sparse().block_diag([np.diag(np.array(J)) if np.ndim(J) == 1 else np.array(J) for J in self.inverses], "csr")
+            return sparse().block_diag(
+                [np.diag(np.array(J)) if np.ndim(J) == 1 else np.array(J) for J in self.inverses],
+                "csr",
+            )
         inverse = np.array(self.body.body.lagrangian.inverse)
         return inverse if inverse.ndim == 2 else np.diag(inverse)
 
@@ -287,37 +342,48 @@ class BoundBody(System):
         return G
 
     def _require_independent(self, g: Any, name: str) -> None:
-        """Raise InvalidInput unless the conditions are independent at g; beside each other they are measured by G J^-1 G*."""
+        """Raise InvalidInput unless the conditions are independent at g; beside each other they are
+        measured by G J^-1 G*.
+        """
         try:
             G = self._matrix(self.rows(g))
         except ArithmeticError as error:
-            raise InvalidInput(f"{name}: {type(self.constraint).__name__} has no derivative at g: {error}") from None
+            raise InvalidInput(
+                f"{name}: {type(self.constraint).__name__} has no derivative at g: {error}"
+            ) from None
         gram = G @ self._inverse @ G.T
         unit = np.sqrt(np.abs(gram.diagonal()))
         if not np.isfinite(unit).all():
             bad = f"G[{(a := int(np.argmin(np.isfinite(unit))))}] = {[x for part in self.rows(g)[a] for x in part]}"
-            raise InvalidInput(f"{name}: {type(self.constraint).__name__} has no finite derivative at g: {bad}")
+            raise InvalidInput(
+                f"{name}: {type(self.constraint).__name__} has no finite derivative at g: {bad}"
+            )
         silent = np.flatnonzero(unit == 0.0)
         if len(silent):
             raise InvalidInput(
-                f"{name}: condition {silent[0]} of {type(self.constraint).__name__} does not change here: its derivative is zero"
+                f"{name}: condition {silent[0]} of {type(self.constraint).__name__} does not "
+                "change here: its derivative is zero"
             )
         if self._sparse and unit.all():
             if _pivots(gram, unit).min() > INDEPENDENT:
                 return
-            gram = gram.toarray()  # rows that depend on each other are to be named, whatever it takes
+            # rows that depend on each other are to be named, whatever it takes
+            gram = gram.toarray()
         values, directions = np.linalg.eigh(gram / np.outer(unit, unit))
         rank = int((np.abs(values) > INDEPENDENT * values[-1]).sum())
         if rank < self.conditions:
             together = np.abs(directions[:, : self.conditions - rank]).max(axis=1)
             which = ", ".join(str(i) for i in np.flatnonzero(together > 1e-3))
             raise InvalidInput(
-                f"{name}: the {self.conditions} conditions have rank {rank} here; conditions {which} depend on each other. "
-                f"Leave out {self.conditions - rank} of them, or start elsewhere if it is a dead point"
+                f"{name}: the {self.conditions} conditions have rank {rank} here; conditions "
+                f"{which} depend on each other. Leave out {self.conditions - rank} of them, or "
+                "start elsewhere if it is a dead point"
             )
 
     def independence(self, g: Any) -> float:
-        """The least singular value of J^-1/2 G*, its columns of length 1: 1 for unrelated conditions, 0 for dependent ones."""
+        """The least singular value of J^-1/2 G*, its columns of length 1: 1 for unrelated
+        conditions, 0 for dependent ones.
+        """
         G = self._matrix(self.rows(g))
         gram = G @ self._inverse @ G.T
         gram = gram.toarray() if self._sparse else gram
@@ -337,7 +403,11 @@ class BoundBody(System):
         return self.configurations.defect(g)
 
     def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
-        return (self.conditions, self.configurations.dim) if argument == "G" else self.body._shape(argument, kind)
+        return (
+            (self.conditions, self.configurations.dim)
+            if argument == "G"
+            else self.body._shape(argument, kind)
+        )
 
     def _complex(self, kind: str) -> bool:
         return self.configurations._complex(kind)
@@ -352,14 +422,17 @@ class ConstrainedBody(BoundBody):
 
         mu' = ad*_xi mu + f(g) - G(g)* lam,   g' = g xi,   xi = J^-1 mu,   c(g) = 0,   hence   G(g) xi = 0
 
-    body : what moves without the constraint: a free body such as RigidBody(J), or a MechanicalSystem; its kinetic energy is
-    quadratic.  On a ProductGroup it is many bodies.
-    constraint : c, with m components, m >= 1, whose derivatives G(g), left-trivialised, are independent.
-    LieRATTLE keeps both constraints to rounding, the two-form on what is left, and the momenta of common symmetries.
-    `rate` is that of the reduced equation, with lam in closed form: other methods accept it, and drift off the constraint.
+    body : what moves without the constraint: a free body such as RigidBody(J), or a
+    MechanicalSystem; its kinetic energy is quadratic.  On a ProductGroup it is many bodies.
+    constraint : c, with m components, m >= 1, whose derivatives G(g), left-trivialised, are
+    independent.  LieRATTLE keeps both constraints to rounding, the two-form on what is left, and
+    the momenta of common symmetries.  `rate` is that of the reduced equation, with lam in closed
+    form: other methods accept it, and drift off the constraint.
 
-    Raises InvalidInput for an energy that is not quadratic, InvalidType for what is no body or no constraint.
-    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.1; Leyendecker, Marsden and Ortiz, ZAMM 88 (2008).
+    Raises InvalidInput for an energy that is not quadratic, InvalidType for what is no body or no
+    constraint.
+    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.1; Leyendecker,
+    Marsden and Ortiz, ZAMM 88 (2008).
     """
 
     alternatives: ClassVar[str] = "LieRATTLE() keeps the constraint"
@@ -368,7 +441,9 @@ class ConstrainedBody(BoundBody):
         given: Any = self.constraint
         if not isinstance(given, Constraint) or isinstance(given, VelocityConstraint):
             wanted = "a Constraint, a subclass with a `value(g)` (conditions on velocities: NonholonomicBody)"
-            raise InvalidType(f"{type(self).__name__}: constraint must be {wanted}; got {self.constraint!r}")
+            raise InvalidType(
+                f"{type(self).__name__}: constraint must be {wanted}; got {self.constraint!r}"
+            )
         value = self.constraint.value(g)
         if not isinstance(value, vectors.Vec) or not len(value):
             name = f"{type(self).__name__}: {type(self.constraint).__name__}"
@@ -377,22 +452,30 @@ class ConstrainedBody(BoundBody):
 
     @final
     def conditions_at(self, mu: Vec, g: Element) -> tuple[Vec, Vec]:
-        """c(g) and G(g) J^-1 mu, (m,) each: both are zero along the motion.  mu : (dim,), g : an element."""
+        """c(g) and G(g) J^-1 mu, (m,) each: both are zero along the motion.  mu : (dim,), g : an
+        element.
+        """
         return self.constraint.value(g), self.jacobian(g) @ self.velocity(mu)
 
     @final
     def consistent(self, mu: Any, g: Any = None) -> BodyState:
-        """The start on the constraint that is nearest, measured by the kinetic energy, to one that is close to it.
+        """The start on the constraint that is nearest, measured by the kinetic energy, to one that
+        is close to it.
 
-        The configuration moves by exp of the shortest displacement to c = 0, then the momentum loses G* (G J^-1 G*)^-1 G J^-1 mu.
-        mu : (dim,), g : an element.  Raises InvalidInput as `state` does, NoConvergence if g is too far off.
+        The configuration moves by exp of the shortest displacement to c = 0, then the momentum
+        loses G* (G J^-1 G*)^-1 G J^-1 mu.
+        mu : (dim,), g : an element.  Raises InvalidInput as `state` does, NoConvergence if g is too
+        far off.
         """
         momentum, start = self._start("consistent", mu, g)
         group, inverse = self.configurations, self._inverse
         x, change = np.zeros(group.dim), np.inf
         for _ in range(PATIENCE):
             before, there = change, group.compose_exp(start, Vec.of(x))
-            algebras, pieces = [group.algebra for group, _, _ in self.blocks], [Vec.of(x[slice(*place)]) for place in self.places]
+            algebras, pieces = (
+                [group.algebra for group, _, _ in self.blocks],
+                [Vec.of(x[slice(*place)]) for place in self.places],
+            )
             bent = [
                 [algebras[b].dexp_dual(pieces[b], part, "left") for part, (b, _) in zip(row, ties)]
                 for row, ties in zip(self.rows(there), self.touches)
@@ -401,24 +484,37 @@ class ConstrainedBody(BoundBody):
             aim = G @ x - np.array(self.constraint.value(there))
             new = inverse @ (G.T @ _solved(G @ inverse @ G.T, aim))
             change, x = float(np.abs(new - x).max()), new
-            if not change < np.inf or (change >= before and change <= CONSISTENT * max(1.0, np.abs(x).max())) or change == 0.0:
+            if (
+                not change < np.inf
+                or (change >= before and change <= CONSISTENT * max(1.0, np.abs(x).max()))
+                or change == 0.0
+            ):
                 break
         if not change <= CONSISTENT * max(1.0, np.abs(x).max()):
-            raise NoConvergence(f"{type(self).__name__}.consistent: no configuration on the constraint found near g; start closer")
+            raise NoConvergence(
+                f"{type(self).__name__}.consistent: no configuration on "
+                "the constraint found near g; start closer"
+            )
         there = group.compose_exp(start, Vec.of(x))
         return self.state(self._projected(momentum, there), np.array(there))
 
     def _require_consistent(self, mu: Any, g: Any) -> None:
-        """Raise InconsistentState for a configuration off the constraint, measured beside the terms of c, or such a velocity."""
+        """Raise InconsistentState for a configuration off the constraint, measured beside the terms
+        of c, or such a velocity.
+        """
         G, inverse = self._matrix(self.rows(g)), self._inverse
-        largest = max(np.abs(np.array(J)).max() if np.ndim(J) == 1 else np.linalg.norm(np.array(J), 2) for J in self.inverses)
+        largest = max(
+            np.abs(np.array(J)).max() if np.ndim(J) == 1 else np.linalg.norm(np.array(J), 2)
+            for J in self.inverses
+        )
         reach = np.sqrt((G @ inverse @ G.T).diagonal() / largest)
         self._require_zero("c(g)", np.array(self.constraint.value(g)), self._terms(g) + reach)
         super()._require_consistent(mu, g)
 
 
     def _terms(self, g: Any) -> np.ndarray:
-        """How large the terms are whose sums the conditions are: sum |dc/dg_i g_i| over the entries of g.
+        """How large the terms are whose sums the conditions are: sum |dc/dg_i g_i| over the entries
+        of g.
 
         Entries of bodies that no condition touches together are varied at once.
         """
@@ -431,7 +527,13 @@ class ConstrainedBody(BoundBody):
                 at = [ends[b] - sizes[b] + i for b in some if i < sizes[b]]
                 direction = np.zeros(len(flat))
                 direction[at] = flat[at].real
-                total += np.abs(np.array(derivative(self.constraint.value, g, small(direction.reshape(entries.shape)))))
+                total += np.abs(
+                    np.array(
+                        derivative(
+                            self.constraint.value, g, small(direction.reshape(entries.shape))
+                        )
+                    )
+                )
         return total
 
 
@@ -441,13 +543,17 @@ class NonholonomicBody(BoundBody):
 
         mu' = ad*_xi mu + f(g) - A(g)* lam,   g' = g xi,   xi = J^-1 mu,   A(g) xi = 0          (Lagrange-d'Alembert)
 
-    body : what moves without the constraint: a free body or a MechanicalSystem, with quadratic kinetic energy.
+    body : what moves without the constraint: a free body or a MechanicalSystem, with quadratic
+    kinetic energy.
     constraint : A, a VelocityConstraint with m independent rows.
-    The motion keeps the energy.  It keeps no symplectic form, and of a symmetry's momentum no more than its allowed motions tell.
-    LagrangeDAlembert() is the method for it; `rate` is that of the reduced equation, for RKMK.
+    The motion keeps the energy.  It keeps no symplectic form, and of a symmetry's momentum no more
+    than its allowed motions tell.  LagrangeDAlembert() is the method for it; `rate` is that of the
+    reduced equation, for RKMK.
 
-    Raises InvalidInput for an energy that is not quadratic, InvalidType for what is no body or no constraint.
-    Source: Bloch, Nonholonomic Mechanics and Control, 2nd ed., chapter 5; Cortes and Martinez, Nonlinearity 14 (2001).
+    Raises InvalidInput for an energy that is not quadratic, InvalidType for what is no body or no
+    constraint.
+    Source: Bloch, Nonholonomic Mechanics and Control, 2nd ed., chapter 5; Cortes and Martinez,
+    Nonlinearity 14 (2001).
     """
 
     alternatives: ClassVar[str] = "LagrangeDAlembert() is the method for velocity constraints"
@@ -455,7 +561,9 @@ class NonholonomicBody(BoundBody):
     def _count(self, g: Any) -> int:
         if not isinstance(self.constraint, VelocityConstraint):
             wanted = "a VelocityConstraint, a subclass with a `matrix(g)`"
-            raise InvalidType(f"{type(self).__name__}: constraint must be {wanted}; got {self.constraint!r}")
+            raise InvalidType(
+                f"{type(self).__name__}: constraint must be {wanted}; got {self.constraint!r}"
+            )
         A, dim = self.constraint.matrix(g), self.configurations.dim
         if not isinstance(A, vectors.Mat) or len(A[0]) != dim:
             name = f"{type(self).__name__}: {type(self.constraint).__name__}"
@@ -476,7 +584,9 @@ def _members(state: BodyState) -> list[tuple[Any, Any]]:
     """Momentum and element of each body, small."""
     if state.bodies is None:
         return [(state.mu, state.g)]
-    return [(small(mu), small(g)) for mu, g in zip(np.array(state.mu), np.array(state.g), strict=True)]
+    return [
+        (small(mu), small(g)) for mu, g in zip(np.array(state.mu), np.array(state.g), strict=True)
+    ]
 
 
 def sparse() -> Any:
@@ -489,18 +599,25 @@ def sparse() -> Any:
 
 def _solved(matrix: Any, rhs: np.ndarray) -> np.ndarray:
     """The solution of a symmetric, positive system."""
-    return np.linalg.solve(matrix, rhs) if isinstance(matrix, np.ndarray) else sparse().linalg.spsolve(matrix.tocsc(), rhs)
+    return (
+        np.linalg.solve(matrix, rhs)
+        if isinstance(matrix, np.ndarray)
+        else sparse().linalg.spsolve(matrix.tocsc(), rhs)
+    )
 
 
 def _pivots(gram: Any, unit: np.ndarray) -> np.ndarray:
-    """The pivots of a sparse positive matrix, scaled to a diagonal of ones; zeros if it is singular.
+    """The pivots of a sparse positive matrix, scaled to a diagonal of ones; zeros if it is
+    singular.
 
     Source: Golub and Van Loan, Matrix Computations, 4th ed., section 4.2.
     """
     scale = sparse().diags_array(1.0 / unit)
     options = {"SymmetricMode": True}
     try:
-        factors = sparse().linalg.splu((scale @ gram @ scale).tocsc(), "MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
+        factors = sparse().linalg.splu(
+            (scale @ gram @ scale).tocsc(), "MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options
+        )
     except RuntimeError:
         return np.zeros(1)
     return np.abs(factors.U.diagonal())

@@ -1,4 +1,6 @@
-"""Conditions on where bodies are: joints, rods, fixed points, or any functions of a group element that are to be zero."""
+"""Conditions on where bodies are: joints, rods, fixed points, or any functions of a group element
+that are to be zero.
+"""
 
 from __future__ import annotations
 
@@ -10,16 +12,21 @@ from ..groups.lie_group import LieGroup
 from ..groups.product import ProductGroup
 
 Rows = tuple[tuple[Vec, ...], ...]
-"""The derivative G by rows: for each condition, a vector for each factor of the group that it `touches`."""
+"""The derivative G by rows: for each condition, a vector for each factor of the group that it
+`touches`.
+"""
 
 
 @record
 class Constraint(Record):
     """Holonomic conditions on a group, c(g) = 0, with independent derivatives.
 
-    1. A subclass writes `value`, as a formula that returns m numbers.  Its fields are the parameters.
-    2. It may write `jacobian` in closed form; left out, it follows by differentiation, exact to rounding.
-    3. On a product of groups it may say which factors each condition depends on (`touches`), which saves work.
+    1. A subclass writes `value`, as a formula that returns m numbers.  Its fields are the
+    parameters.
+    2. It may write `jacobian` in closed form; left out, it follows by differentiation, exact to
+    rounding.
+    3. On a product of groups it may say which factors each condition depends on (`touches`), which
+    saves work.
 
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.1.
     """
@@ -29,11 +36,17 @@ class Constraint(Record):
         raise NotDefined(f"{type(self).__name__} must define `value`")
 
     def jacobian(self, group: LieGroup, g: Element) -> Mat:
-        """G(g), left-trivialised: G eta = d/ds c(g exp(s eta)) at s = 0.  g : an element.  Returns (m, dim)."""
-        return jacobian(lambda eta: self.value(group.compose_exp(g, eta)), vec(*[0.0 for _ in range(group.dim)]))
+        """G(g), left-trivialised: G eta = d/ds c(g exp(s eta)) at s = 0.  g : an element.  Returns
+        (m, dim).
+        """
+        return jacobian(
+            lambda eta: self.value(group.compose_exp(g, eta)), vec(*[0.0 for _ in range(group.dim)])
+        )
 
     def touches(self, group: LieGroup, conditions: int) -> tuple[tuple[int, ...], ...]:
-        """The factors of the group that each condition depends on, by their numbers; all by default."""
+        """The factors of the group that each condition depends on, by their numbers; all by
+        default.
+        """
         return (tuple(range(len(factors_of(group)))),) * conditions
 
     def rows(self, group: LieGroup, g: Element) -> Rows:
@@ -43,11 +56,14 @@ class Constraint(Record):
 
 @record
 class VelocityConstraint(Constraint):
-    """Conditions on velocities, linear and homogeneous, A(g) xi = 0, that come from no c(g): rolling, blades, knife edges.
+    """Conditions on velocities, linear and homogeneous, A(g) xi = 0, that come from no c(g):
+    rolling, blades, knife edges.
 
-    1. A subclass writes `matrix`, as a formula that returns m independent rows.  Its fields are the parameters.
+    1. A subclass writes `matrix`, as a formula that returns m independent rows.  Its fields are the
+    parameters.
 
-    Source: Bloch, Nonholonomic Mechanics and Control, 2nd ed., section 1.3; Cortes and Martinez, Nonlinearity 14 (2001).
+    Source: Bloch, Nonholonomic Mechanics and Control, 2nd ed., section 1.3; Cortes and Martinez,
+    Nonlinearity 14 (2001).
     """
 
     def matrix(self, g: Any) -> Mat:
@@ -56,7 +72,9 @@ class VelocityConstraint(Constraint):
 
     def value(self, g: Any) -> Vec:
         """None: raises NotDefined."""
-        raise NotDefined(f"{type(self).__name__}: conditions on velocities come from no function c(g)")
+        raise NotDefined(
+            f"{type(self).__name__}: conditions on velocities come from no function c(g)"
+        )
 
     def jacobian(self, group: LieGroup, g: Element) -> Mat:
         """A(g).  g : an element."""

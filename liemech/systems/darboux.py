@@ -8,8 +8,27 @@ from typing import Any, ClassVar, final
 import numpy as np
 
 from ..errors import InvalidInput, InvalidType, NotDefined, OutsideChart
-from ..formulas import Mat, Record, Vec, atan2, cos, exp, jacobian, log, norm, record, sin, sqrt, vec
-from ..groups.poisson_structure import ConstantStructure, LiePoissonStructure, LogCanonical, PoissonStructure
+from ..formulas import (
+    Mat,
+    Record,
+    Vec,
+    atan2,
+    cos,
+    exp,
+    jacobian,
+    log,
+    norm,
+    record,
+    sin,
+    sqrt,
+    vec,
+)
+from ..groups.poisson_structure import (
+    ConstantStructure,
+    LiePoissonStructure,
+    LogCanonical,
+    PoissonStructure,
+)
 from ..groups.so3 import SO3
 from .canonical import CanonicalState, HamiltonianSystem
 from .poisson import PoissonState, PoissonSystem
@@ -17,10 +36,12 @@ from .poisson import PoissonState, PoissonSystem
 
 @record
 class DarbouxChart(Record):
-    """Coordinates z = (q, p, c) of a Poisson structure with {q_i, p_j} = delta_ij and all other brackets zero: c are Casimirs.
+    """Coordinates z = (q, p, c) of a Poisson structure with {q_i, p_j} = delta_ij and all other
+    brackets zero: c are Casimirs.
 
-    structure : the Poisson structure.  A subclass writes `coordinates(y)`, z, and its inverse `point(z)`, which raises OutsideChart
-    where there is no such point; it has `degrees`, the number of q.
+    structure : the Poisson structure.  A subclass writes `coordinates(y)`, z, and its inverse
+    `point(z)`, which raises OutsideChart where there is no such point; it has `degrees`, the number
+    of q.
 
     In the chart a system is p' = -dK/dq, q' = dK/dp, c' = 0: `system` makes it.
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.3.
@@ -47,9 +68,14 @@ class DarbouxChart(Record):
 
     @final
     def defect(self, y: Any) -> float:
-        """The largest deviation of the brackets of the coordinates at y from those of (q, p, c).  y : (n,)."""
+        """The largest deviation of the brackets of the coordinates at y from those of (q, p, c).
+        y : (n,).
+        """
         at = vec(*map(float, y))
-        D, B = (np.array(m, dtype=float) for m in (jacobian(lambda x: self.coordinates(x), at), self.structure.matrix(at)))
+        D, B = (
+            np.array(m, dtype=float)
+            for m in (jacobian(lambda x: self.coordinates(x), at), self.structure.matrix(at))
+        )
         n = self.degrees
         canonical = np.zeros(B.shape)
         canonical[:n, n : 2 * n], canonical[n : 2 * n, :n] = np.eye(n), -np.eye(n)
@@ -62,9 +88,15 @@ class DarbouxChart(Record):
         Raises InvalidInput for ensembles and systems with another structure; OutsideChart.
         """
         if not isinstance(system, PoissonSystem) or system.structure != self.structure:
-            raise InvalidInput(f"{type(self).__name__}.system: a PoissonSystem with {self.structure!r} is needed; got {system!r}")
+            raise InvalidInput(
+                f"{type(self).__name__}.system: a PoissonSystem with "
+                f"{self.structure!r} is needed; got {system!r}"
+            )
         if not isinstance(state, PoissonState) or state.bodies is not None:
-            raise InvalidInput(f"{type(self).__name__}.system: state must be one state, system.state(...); got {state!r}")
+            raise InvalidInput(
+                f"{type(self).__name__}.system: state must be one "
+                f"state, system.state(...); got {state!r}"
+            )
         z, n = [float(x) for x in self.coordinates(vec(*map(float, state.y)))], self.degrees
         there = InDarbouxChart(chart=self, original=system, leaf=vec(*z[2 * n :]))  # type: ignore[call-arg]
         return there, there.state(z[:n], z[n : 2 * n])
@@ -75,10 +107,12 @@ class DarbouxChart(Record):
 
 @record
 class InDarbouxChart(HamiltonianSystem):
-    """A Poisson system in a Darboux chart: Hamilton's equations for K(q, p) = H(point(q, p, c)), c fixed.
+    """A Poisson system in a Darboux chart: Hamilton's equations for K(q, p) = H(point(q, p, c)), c
+    fixed.
 
     chart : a DarbouxChart.  original : the Poisson system.  leaf : the values c of the Casimirs.
-    Every method for canonical systems steps it, the symplectic ones as Poisson integrators; `points` leads back.
+    Every method for canonical systems steps it, the symplectic ones as Poisson integrators;
+    `points` leads back.
 
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.4.3.
     """
@@ -97,7 +131,9 @@ class InDarbouxChart(HamiltonianSystem):
         return self.original.energy(self.chart.point(vec(*q, *p, *self.leaf)))
 
     def points(self, q: Any, p: Any) -> np.ndarray:
-        """Where (q, p) are, as points y of the Poisson system.  q, p : (..., degrees), returns (..., n)."""
+        """Where (q, p) are, as points y of the Poisson system.  q, p : (..., degrees), returns
+        (..., n).
+        """
         q, p = np.asarray(q, dtype=float), np.asarray(p, dtype=float)
         c = np.broadcast_to(np.array(self.leaf), (*q.shape[:-1], len(self.leaf)))
         return np.asarray(self.chart.point(np.concatenate([q, p, c], axis=-1)))
@@ -108,7 +144,8 @@ class InDarbouxChart(HamiltonianSystem):
 
 @record
 class Andoyer(DarbouxChart):
-    """Andoyer's variables (l, L; G) of momenta of rotations: mu = ((G^2 - L^2)^(1/2) sin l, (G^2 - L^2)^(1/2) cos l, L), G = |mu|.
+    """Andoyer's variables (l, L; G) of momenta of rotations: mu = ((G^2 - L^2)^(1/2) sin l,
+    (G^2 - L^2)^(1/2) cos l, L), G = |mu|.
 
     {l, L} = 1 for the minus structure.  Singular where |L| = G, on the third axis.
 
@@ -126,7 +163,9 @@ class Andoyer(DarbouxChart):
     def coordinates(self, y: Vec) -> Vec:
         """(l, L, G).  y : (3,).  Raises OutsideChart on the third axis, where l has no value."""
         if not abs(y[0]) + abs(y[1]) > 0.0:
-            raise OutsideChart(f"Andoyer: y = ({y[0]}, {y[1]}, {y[2]}) is on the third axis, where l has no value")
+            raise OutsideChart(
+                f"Andoyer: y = ({y[0]}, {y[1]}, {y[2]}) is on the third axis, where l has no value"
+            )
         return vec(atan2(y[0], y[1]), y[2], norm(y))
 
     def point(self, z: Vec) -> Vec:
@@ -134,7 +173,10 @@ class Andoyer(DarbouxChart):
         l, L, G = z
         square = G * G - L * L
         if not square > 0.0:
-            raise OutsideChart(f"Andoyer: |L| = {abs(L)} is not less than G = {G}: the motion left the chart, over the third axis")
+            raise OutsideChart(
+                f"Andoyer: |L| = {abs(L)} is not less than G = {G}: the "
+                "motion left the chart, over the third axis"
+            )
         across = sqrt(square)
         return vec(across * sin(l), across * cos(l), L)
 
@@ -145,7 +187,8 @@ class LinearDarboux(DarbouxChart):
 
     structure : a ConstantStructure of any rank.
 
-    Source: Hairer, Lubich, Wanner, VII.3; the skew-symmetric form of the method of Gram and Schmidt.
+    Source: Hairer, Lubich, Wanner, VII.3; the skew-symmetric form of the method of Gram and
+    Schmidt.
     """
 
     structure: ConstantStructure
@@ -154,7 +197,9 @@ class LinearDarboux(DarbouxChart):
 
     def __post_init__(self) -> None:
         if not isinstance(self.structure, ConstantStructure):
-            raise InvalidType(f"LinearDarboux: structure must be a ConstantStructure; got {self.structure!r}")
+            raise InvalidType(
+                f"LinearDarboux: structure must be a ConstantStructure; got {self.structure!r}"
+            )
         T = canonical_basis(np.array(self.structure.values), self.degrees)
         object.__setattr__(self, "forwards", T)
         object.__setattr__(self, "backwards", np.linalg.inv(T))
@@ -171,7 +216,8 @@ class LinearDarboux(DarbouxChart):
 
 @record
 class LogarithmicDarboux(DarbouxChart):
-    """The chart of Lotka and Volterra's structure: ln y has the constant structure c, and a linear chart of that follows.
+    """The chart of Lotka and Volterra's structure: ln y has the constant structure c, and a linear
+    chart of that follows.
 
     structure : a LogCanonical.  Of two species q = ln u, p = ln v up to a factor.  For y_i > 0.
 
@@ -183,7 +229,9 @@ class LogarithmicDarboux(DarbouxChart):
 
     def __post_init__(self) -> None:
         if not isinstance(self.structure, LogCanonical):
-            raise InvalidType(f"LogarithmicDarboux: structure must be a LogCanonical; got {self.structure!r}")
+            raise InvalidType(
+                f"LogarithmicDarboux: structure must be a LogCanonical; got {self.structure!r}"
+            )
         object.__setattr__(self, "linear", LinearDarboux(ConstantStructure(self.structure.values)))
         super().__post_init__()
 
@@ -197,7 +245,9 @@ class LogarithmicDarboux(DarbouxChart):
 
 
 def canonical_basis(B: np.ndarray, degrees: int) -> np.ndarray:
-    """Rows (q_1, ..., p_1, ..., c_1, ...) with q_i B p_j = delta_ij and all other products zero: Gram and Schmidt with pivots."""
+    """Rows (q_1, ..., p_1, ..., c_1, ...) with q_i B p_j = delta_ij and all other products zero:
+    Gram and Schmidt with pivots.
+    """
     rows, n = [np.array(e) for e in np.eye(len(B))], len(B)
     first: list[np.ndarray] = []
     second: list[np.ndarray] = []

@@ -16,17 +16,22 @@ from .lie_poisson import BodyState, LiePoissonMotion, LiePoissonSystem, body_sta
 
 @record
 class DrivenHamiltonianSystem(PhaseSpace):
-    """Hamilton's equations in R^2n for an energy that changes with time, q' = dH/dp(t, q, p), p' = -dH/dq(t, q, p).
+    """Hamilton's equations in R^2n for an energy that changes with time, q' = dH/dp(t, q, p),
+    p' = -dH/dq(t, q, p).
 
-    1. A subclass writes `energy(t, q, p)`, as a formula, and says its number of `degrees` of freedom, n.  Its fields are the
+    1. A subclass writes `energy(t, q, p)`, as a formula, and says its number of `degrees` of
+    freedom, n.  Its fields are the
        parameters.
-    2. It may write `velocity`, dH/dp, and `force`, -dH/dq, in closed form; left out, they follow by differentiation.
+    2. It may write `velocity`, dH/dp, and `force`, -dH/dq, in closed form; left out, they follow by
+    differentiation.
     3. It may name what stays constant (`constants`); the energy does not.
 
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VI.1.2 and VI.5.3.
     """
 
-    alternatives: ClassVar[str] = "HamiltonJacobi(order=4) keeps its symplectic form, RKMK accepts every system"
+    alternatives: ClassVar[str] = (
+        "HamiltonJacobi(order=4) keeps its symplectic form, RKMK accepts every system"
+    )
 
     def energy(self, t: float, q: Vec, p: Vec) -> float:
         """H(t, q, p).  q, p : (n,)."""
@@ -51,7 +56,8 @@ class DrivenHamiltonianSystem(PhaseSpace):
 
     @final
     def state(self, q: Any, p: Any) -> CanonicalState:
-        """A start for `integrate`: positions q and momenta p, (n,) each, or (members, n) for an ensemble; numbers if n = 1.
+        """A start for `integrate`: positions q and momenta p, (n,) each, or (members, n) for an
+        ensemble; numbers if n = 1.
 
         Raises InvalidInput for wrong shapes and entries that are not finite.
         """
@@ -65,7 +71,8 @@ class DrivenHamiltonianSystem(PhaseSpace):
 class DrivenHamiltonian(Record):
     """The energy of a body as a function of time and momentum, K(t, mu).
 
-    A subclass writes `energy`; the gradient is derived unless it is written too.  Its fields are the parameters.
+    A subclass writes `energy`; the gradient is derived unless it is written too.  Its fields are
+    the parameters.
 
     Source: Ge and Marsden, Phys. Lett. A 133 (1988), 134.
     """
@@ -100,15 +107,19 @@ class Frozen(Hamiltonian):
 
 @record
 class DrivenLiePoissonSystem(LiePoissonMotion):
-    """Motion on the dual of a Lie algebra by an energy that changes with time, mu' = ad*_xi mu with xi = dK/dmu(t, mu), g' = g xi.
+    """Motion on the dual of a Lie algebra by an energy that changes with time, mu' = ad*_xi mu with
+    xi = dK/dmu(t, mu), g' = g xi.
 
-    group : the configuration space.  hamiltonian : the energy as a function of time and body momentum.
-    The spatial momentum and the Casimirs are constant, the energy is not.
+    group : the configuration space.  hamiltonian : the energy as a function of time and body
+    momentum.  The spatial momentum and the Casimirs are constant, the energy is not.
 
-    Source: Ge and Marsden, Phys. Lett. A 133 (1988), 134; Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., 13.7.
+    Source: Ge and Marsden, Phys. Lett. A 133 (1988), 134; Marsden and Ratiu, Introduction to
+    Mechanics and Symmetry, 2nd ed., 13.7.
     """
 
-    alternatives: ClassVar[str] = "LiePoissonHamiltonJacobi and FirstKindHamiltonJacobi serve it, RKMK accepts every system"
+    alternatives: ClassVar[str] = (
+        "LiePoissonHamiltonJacobi and FirstKindHamiltonJacobi serve it, RKMK accepts every system"
+    )
 
     group: LieGroup
     hamiltonian: DrivenHamiltonian
@@ -116,7 +127,10 @@ class DrivenLiePoissonSystem(LiePoissonMotion):
     def __post_init__(self) -> None:
         for name, kind in ("group", LieGroup), ("hamiltonian", DrivenHamiltonian):
             if not isinstance(getattr(self, name), kind):
-                raise InvalidType(f"{type(self).__name__}: {name} must be a {kind.__name__}; got {getattr(self, name)!r}")
+                raise InvalidType(
+                    f"{type(self).__name__}: {name} must be a "
+                    f"{kind.__name__}; got {getattr(self, name)!r}"
+                )
         super().__post_init__()
 
     @final
@@ -134,14 +148,18 @@ class DrivenLiePoissonSystem(LiePoissonMotion):
         return self.velocity(t, state.mu)
 
     def at(self, t: float) -> LiePoissonSystem:
-        """The free system whose energy is for ever what this one's is at time t.  Raises InvalidInput as LiePoissonSystem does."""
+        """The free system whose energy is for ever what this one's is at time t.  Raises
+        InvalidInput as LiePoissonSystem does.
+        """
         return LiePoissonSystem(self.group, Frozen(self.hamiltonian, t))
 
     @final
     def state(self, mu: Any, g: Any = None) -> BodyState:
-        """A start for `integrate`: body momentum mu and, if the motion on the group is wanted, the element g.
+        """A start for `integrate`: body momentum mu and, if the motion on the group is wanted, the
+        element g.
 
         mu : (dim,), or (bodies, dim) for an ensemble;  g : an element, or one for each body.
-        Raises InvalidInput for wrong shapes, entries that are not finite, and a g that is not on the group.
+        Raises InvalidInput for wrong shapes, entries that are not finite, and a g that is not on
+        the group.
         """
         return self._vouched(body_state(f"{type(self).__name__}.state", self.group, mu, g))

@@ -25,7 +25,8 @@ class GroupEquation(System):
     1. A subclass writes `velocity(t, g)`; for spatial velocities it sets `side = "right"`.
     2. It may name what stays constant (`constants`).
 
-    Source: Iserles et al., Lie-group methods, Acta Numerica 9 (2000), section 2.2; Hairer, Lubich, Wanner, IV.8, equation (8.1).
+    Source: Iserles et al., Lie-group methods, Acta Numerica 9 (2000), section 2.2; Hairer, Lubich,
+    Wanner, IV.8, equation (8.1).
     """
 
     group: LieGroup
@@ -57,15 +58,22 @@ class GroupEquation(System):
     def state(self, g: Any) -> Position:
         """A start for `integrate`: an element, or one for each body of an ensemble.
 
-        Raises InvalidInput for wrong shapes, entries that are not finite, and a g that is not on the group.
+        Raises InvalidInput for wrong shapes, entries that are not finite, and a g that is not on
+        the group.
         """
-        elements, shape = members_of(self.group, g, f"{type(self).__name__}.state: g"), self.group.element_shape
-        return self.vouched(Position(frozen(elements, shape, None if elements.shape == shape else len(elements))))
+        elements, shape = (
+            members_of(self.group, g, f"{type(self).__name__}.state: g"),
+            self.group.element_shape,
+        )
+        return self.vouched(
+            Position(frozen(elements, shape, None if elements.shape == shape else len(elements)))
+        )
 
 
 @record
 class LinearGroupEquation(GroupEquation):
-    """A linear equation on a Lie group, g' = g xi(t) or, with `side = "right"`, g' = xi(t) g: what Magnus methods solve.
+    """A linear equation on a Lie group, g' = g xi(t) or, with `side = "right"`, g' = xi(t) g: what
+    Magnus methods solve.
 
     A subclass writes `drive(t)`, the velocity as a function of time alone.
 

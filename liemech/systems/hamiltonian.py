@@ -10,8 +10,8 @@ from ..formulas import Record, Vec, gradient, record
 class Hamiltonian(Record):
     """The energy of a body as a function of its momentum, H(mu).
 
-    A subclass writes `energy`; the gradient is derived unless it is written too.  Its fields are the parameters
-    (`float`, `Vec`, `Mat` or other records).
+    A subclass writes `energy`; the gradient is derived unless it is written too.  Its fields are
+    the parameters (`float`, `Vec`, `Mat` or other records).
     """
 
     def energy(self, mu: Vec) -> float:

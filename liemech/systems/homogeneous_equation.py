@@ -23,7 +23,8 @@ class Point(State):
 
 @record
 class HomogeneousEquation(System):
-    """An equation on a space moved by a group, x' = A(t, x) . x, the velocity of x under the velocity A in the Lie algebra.
+    """An equation on a space moved by a group, x' = A(t, x) . x, the velocity of x under the
+    velocity A in the Lie algebra.
 
     The solution stays on the orbit of its start, and so does every method.
 
@@ -32,7 +33,8 @@ class HomogeneousEquation(System):
 
     action : how the group moves the points, such as SphereAction(3); the points are vectors.
 
-    Source: Munthe-Kaas, Appl. Numer. Math. 29 (1999), section 2; Hairer, Lubich, Wanner, IV.8, equation (8.1).
+    Source: Munthe-Kaas, Appl. Numer. Math. 29 (1999), section 2; Hairer, Lubich, Wanner, IV.8,
+    equation (8.1).
     """
 
     side: ClassVar[str] = "right"
@@ -66,16 +68,22 @@ class HomogeneousEquation(System):
 
     @final
     def state(self, x: Any) -> Point:
-        """A start for `integrate`: a point, (n,), or one for each member of an ensemble, (members, n).
+        """A start for `integrate`: a point, (n,), or one for each member of an ensemble, (members,
+        n).
 
-        Raises InvalidInput for wrong shapes, entries that are not finite, and a point that is not on the space.
+        Raises InvalidInput for wrong shapes, entries that are not finite, and a point that is not
+        on the space.
         """
         name, shape = f"{type(self).__name__}.state: x", self.action.point_shape
-        array = points(x, name, np.shape(x)[-1:] if shape is None else shape, f"a point of {self.action!r}")
+        array = points(
+            x, name, np.shape(x)[-1:] if shape is None else shape, f"a point of {self.action!r}"
+        )
         one = array.shape[array.ndim - len(shape) :] if shape is not None else array.shape[-1:]
         off = np.flatnonzero(~np.atleast_1d(self.action.contains(array)))
         if len(off):
-            which, bad = (name, array) if array.shape == one else (f"{name}[{off[0]}]", array[off[0]])
+            which, bad = (
+                (name, array) if array.shape == one else (f"{name}[{off[0]}]", array[off[0]])
+            )
             try:
                 how = f"it is off by {self.action.defect(bad):.1e}"
             except InvalidInput:  # so far off that no float says it

@@ -17,12 +17,15 @@ from .lagrangian import Lagrangian
 
 @record
 class KineticEnergy(Hamiltonian, Lagrangian):
-    """Kinetic energy with inertia J: l(xi) = xi . J xi/2 and, the same number, H(mu) = mu . J^-1 mu/2.
+    """Kinetic energy with inertia J: l(xi) = xi . J xi/2 and, the same number, H(mu) = mu . J^-1
+    mu/2.
 
-    inertia : (dim,) principal moments, or (dim, dim) a symmetric matrix.  The inverse is stored: formulas never divide by J.
+    inertia : (dim,) principal moments, or (dim, dim) a symmetric matrix.  The inverse is stored:
+    formulas never divide by J.
     Raises InvalidInput for a matrix that is not symmetric, and for an inertia without an inverse.
 
-    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., sections 1.2 and 15.2.
+    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., sections 1.2 and
+    15.2.
     """
 
     inertia: Vec | Mat
@@ -62,7 +65,9 @@ class KineticEnergy(Hamiltonian, Lagrangian):
 
 
 def kinetic_energy(inertia: Vec | Mat) -> KineticEnergy:
-    """KineticEnergy(inertia), sooner where there is nothing to convert and nothing wrong.  inertia : (dim,) or (dim, dim)."""
+    """KineticEnergy(inertia), sooner where there is nothing to convert and nothing wrong.
+    inertia : (dim,) or (dim, dim).
+    """
     if isinstance(inertia, vectors.Vec) and _invertible(inertia):
         return fill(KineticEnergy, {"inertia": inertia, "inverse": 1.0 / inertia})
     return KineticEnergy(inertia)
@@ -76,11 +81,15 @@ def _invertible(moments: Vec) -> bool:
 MAX = sys.float_info.max
 
 SYMMETRY = 1e-12
-"""An entry that differs by more than this from its mirror image, relative to its row and column, is a mistake."""
+"""An entry that differs by more than this from its mirror image, relative to its row and column, is
+a mistake.
+"""
 
 
 def require_invertible(inertia: Vec | Mat) -> None:
-    """Raise InvalidInput for an inertia that is empty, not finite, not symmetric or singular.  (dim,) or (dim, dim)"""
+    """Raise InvalidInput for an inertia that is empty, not finite, not symmetric or singular.
+    (dim,) or (dim, dim)
+    """
     if isinstance(inertia, vectors.Vec) and _invertible(inertia):
         return
     array = real_array(inertia, "KineticEnergy: inertia")
@@ -89,25 +98,37 @@ def require_invertible(inertia: Vec | Mat) -> None:
         small = np.flatnonzero(np.abs(array) < 1.0 / MAX)
         if len(small):
             at = int(small[0])
-            raise InvalidInput(f"KineticEnergy: inertia[{at}] is {array[at]:g}; a moment without a finite inverse has no velocity")
+            raise InvalidInput(
+                f"KineticEnergy: inertia[{at}] is {array[at]:g}; a moment "
+                "without a finite inverse has no velocity"
+            )
         return
     if array.shape != array.T.shape:
-        raise InvalidInput(f"KineticEnergy: inertia has shape {array.shape}; give moments, (dim,), or a square matrix, (dim, dim)")
+        raise InvalidInput(
+            f"KineticEnergy: inertia has shape {array.shape}; give "
+            "moments, (dim,), or a square matrix, (dim, dim)"
+        )
     unit = np.sqrt(np.abs(np.diag(array)))
     sizes = np.maximum(np.maximum(np.abs(array), np.abs(array.T)), unit[:, None] * unit)
     off = np.abs(array - array.T)
     if (off > SYMMETRY * sizes).any():
         i, j = (int(k) for k in np.unravel_index(int((off - SYMMETRY * sizes).argmax()), off.shape))
         raise InvalidInput(
-            f"KineticEnergy: inertia is not symmetric: [{i}, {j}] is {array[i, j]:g}, [{j}, {i}] is {array[j, i]:g}. "
-            "The energy knows only the symmetric part, (J + J^T)/2"
+            f"KineticEnergy: inertia is not symmetric: [{i}, {j}] is {array[i, j]:g}, [{j}, {i}] "
+            f"is {array[j, i]:g}. The energy knows only the symmetric part, (J + J^T)/2"
         )
-    unit = 1.0 / np.where(unit > 0.0, unit, np.abs(array).max() ** 0.5 or 1.0)  # in such units rows can be compared
+    # in such units rows can be compared
+    unit = 1.0 / np.where(unit > 0.0, unit, np.abs(array).max() ** 0.5 or 1.0)
     lengths = np.linalg.svd(unit[:, None] * array * unit, compute_uv=False)
     if lengths[-1] <= len(array) * 2.0**-51 * lengths[0]:
-        raise InvalidInput(f"KineticEnergy: inertia is singular up to rounding: a velocity has no momentum. It is {array.tolist()}")
+        raise InvalidInput(
+            "KineticEnergy: inertia is singular up to rounding: a "
+            f"velocity has no momentum. It is {array.tolist()}"
+        )
 
 
 def times(inertia: Vec | Mat, x: Any) -> Any:
-    """The product of an inertia, where a Vec stands for a diagonal matrix, with a vector or another such matrix."""
+    """The product of an inertia, where a Vec stands for a diagonal matrix, with a vector or another
+    such matrix.
+    """
     return inertia @ x if isinstance(inertia, vectors.Mat) else inertia * x

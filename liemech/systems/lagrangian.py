@@ -10,7 +10,8 @@ from ..formulas import Mat, Record, Vec, gradient, jacobian, record
 class Lagrangian(Record):
     """A left-invariant Lagrangian as a function of the body velocity, l(xi).
 
-    A subclass writes `value`; its derivatives are derived unless they are written too.  Its fields are the parameters.
+    A subclass writes `value`; its derivatives are derived unless they are written too.  Its fields
+    are the parameters.
     """
 
     def value(self, xi: Vec) -> float:
@@ -22,5 +23,7 @@ class Lagrangian(Record):
         return gradient(lambda x: self.value(x), xi)
 
     def hessian(self, xi: Vec) -> Mat | Vec:
-        """The second derivative d2l/dxi2, the inertia at xi.  xi : (dim,), result : (dim, dim), or (dim,) if it is diagonal."""
+        """The second derivative d2l/dxi2, the inertia at xi.  xi : (dim,), result : (dim, dim), or
+        (dim,) if it is diagonal.
+        """
         return jacobian(lambda x: self.momentum(x), xi)

@@ -20,9 +20,11 @@ from .system import State, System, element_at_a_glance, frozen, members_of, poin
 
 @record
 class BodyState(State):
-    """Where a body is and how it moves: body momentum `mu`, and the group element `g` from body to space (None: not asked for).
+    """Where a body is and how it moves: body momentum `mu`, and the group element `g` from body to
+    space (None: not asked for).
 
-    mu : (dim,) or, for an ensemble, (bodies, dim);  g : an element or, with a leading axis, one for each body.
+    mu : (dim,) or, for an ensemble, (bodies, dim);  g : an element or, with a leading axis, one for
+    each body.
     """
 
     mu: Any
@@ -34,11 +36,13 @@ _NO_LAGRANGIAN = Lagrangian()
 
 @record
 class LiePoissonMotion(System):
-    """Momenta that move on their coadjoint orbits and elements of the group above them, by whatever energy; abstract.
+    """Momenta that move on their coadjoint orbits and elements of the group above them, by whatever
+    energy; abstract.
 
     A subclass writes `velocity`, `energy`, `rate` and `state`.
 
-    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., sections 13.1 and 13.5.
+    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., sections 13.1 and
+    13.5.
     """
 
     coordinates: ClassVar[tuple[str, ...]] = ("mu",)
@@ -50,13 +54,17 @@ class LiePoissonMotion(System):
 
     @final
     def spatial_momentum(self, mu: Vec, g: Element) -> Vec:
-        """The momentum seen from space, K_g mu = Ad*_{g^-1} mu: constant by Noether's theorem.  mu : (dim,), g : an element."""
+        """The momentum seen from space, K_g mu = Ad*_{g^-1} mu: constant by Noether's theorem.
+        mu : (dim,), g : an element.
+        """
         return self.group.K(g, mu)
 
     def displaced(self, retraction: Retraction, state: BodyState, omega: Vec) -> BodyState:
         """Momentum and attitude moved by the same displacement: Ad*_tau(omega) mu, g tau(omega)."""
         mu = retraction.tau_Ad_star(self.group, omega, state.mu)
-        return BodyState(mu, None if state.g is None else retraction.compose_tau(self.group, state.g, omega))
+        return BodyState(
+            mu, None if state.g is None else retraction.compose_tau(self.group, state.g, omega)
+        )
 
     def essential_part(self, state: BodyState) -> BodyState:  # type: ignore[override]
         """The momentum."""
@@ -65,28 +73,39 @@ class LiePoissonMotion(System):
     def variation(self, state: BodyState, omega: Vec) -> tuple[Vec, Vec]:
         """ad*_omega mu beside |mu|, and omega beside what counts as large where the body is."""
         change, size = self.group.ad_star(omega, state.mu), vec(*[abs(m) for m in state.mu])
-        return (change, size) if state.g is None else (vec(*change, *omega), vec(*size, *self.group.scale(state.g)))
+        return (
+            (change, size)
+            if state.g is None
+            else (vec(*change, *omega), vec(*size, *self.group.scale(state.g)))
+        )
 
     def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Casimirs and, if the attitude is known, the spatial momentum."""
         mu, g = states["mu"], states.get("g")
         casimirs = np.asarray(self.casimirs(mu))
         kept = {f"Casimir {i + 1}": casimirs[..., i] for i in range(casimirs.shape[-1])}
-        return kept if g is None else kept | {"spatial momentum": np.asarray(self.spatial_momentum(mu, g))}
+        return (
+            kept
+            if g is None
+            else kept | {"spatial momentum": np.asarray(self.spatial_momentum(mu, g))}
+        )
 
 
 @record
 class LiePoissonSystem(LiePoissonMotion):
-    """Motion on the dual of a Lie algebra, mu' = ad*_xi mu with xi = dH/dmu, and on the group above it, g' = g xi.
+    """Motion on the dual of a Lie algebra, mu' = ad*_xi mu with xi = dH/dmu, and on the group above
+    it, g' = g xi.
 
     group : the configuration space.  hamiltonian : the energy as a function of the body momentum.
-    lagrangian : the same motion told by velocities, for methods that need it; left out, the Hamiltonian stands in if it is a
-    Lagrangian too, like KineticEnergy.
+    lagrangian : the same motion told by velocities, for methods that need it; left out, the
+    Hamiltonian stands in if it is a Lagrangian too, like KineticEnergy.
 
-    Raises InvalidInput for functions of vectors of another dimension, a written gradient that is not the derivative of the energy,
-    and a Lagrangian of another body, whose momentum does not undo the gradient.
+    Raises InvalidInput for functions of vectors of another dimension, a written gradient that is
+    not the derivative of the energy, and a Lagrangian of another body, whose momentum does not undo
+    the gradient.
 
-    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., sections 13.1, 13.5 and 13.7.
+    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., sections 13.1, 13.5
+    and 13.7.
     """
 
     group: LieGroup
@@ -95,9 +114,13 @@ class LiePoissonSystem(LiePoissonMotion):
 
     def __post_init__(self) -> None:
         given: tuple[Any, ...] = self.group, self.hamiltonian, self.lagrangian or _NO_LAGRANGIAN
-        for name, value, kind in zip(("group", "hamiltonian", "lagrangian"), given, (LieGroup, Hamiltonian, Lagrangian)):
+        for name, value, kind in zip(
+            ("group", "hamiltonian", "lagrangian"), given, (LieGroup, Hamiltonian, Lagrangian)
+        ):
             if not isinstance(value, kind):
-                raise InvalidType(f"{type(self).__name__}: {name} must be a {kind.__name__}; got {value!r}")
+                raise InvalidType(
+                    f"{type(self).__name__}: {name} must be a {kind.__name__}; got {value!r}"
+                )
         if self.lagrangian is None and isinstance(self.hamiltonian, Lagrangian):
             object.__setattr__(self, "lagrangian", self.hamiltonian)
         super().__post_init__()
@@ -127,11 +150,14 @@ class LiePoissonSystem(LiePoissonMotion):
 
     @final
     def state(self, mu: Any = None, g: Any = None, *, xi: Any = None) -> BodyState:
-        """A start for `integrate`: body momentum mu, or body velocity xi, and, if the motion on the group is wanted, the element g.
+        """A start for `integrate`: body momentum mu, or body velocity xi, and, if the motion on the
+        group is wanted, the element g.
 
-        mu, xi : (dim,) for one body, (bodies, dim) for an ensemble;  g : an element, for matrix groups (n, n), or (bodies, n, n);
-        SciPy's Rotation and RigidTransform will do.  xi needs a Lagrangian, dl/dxi is the momentum.
-        Raises InvalidInput for wrong shapes, entries that are not finite, and a g that is not on the group.
+        mu, xi : (dim,) for one body, (bodies, dim) for an ensemble;  g : an element, for matrix
+        groups (n, n), or (bodies, n, n); SciPy's Rotation and RigidTransform will do.  xi needs a
+        Lagrangian, dl/dxi is the momentum.
+        Raises InvalidInput for wrong shapes, entries that are not finite, and a g that is not on
+        the group.
         """
         name = f"{type(self).__name__}.state"
         momentum = mu if xi is None and mu is not None else self._momentum_of(name, mu, xi)
@@ -147,21 +173,32 @@ class LiePoissonSystem(LiePoissonMotion):
         if mu is not None:
             raise InvalidInput(f"{name}: give mu, the momentum, or xi, the velocity, not both")
         if self.lagrangian is None:
-            raise InvalidInput(f"{name}: {self!r} has no Lagrangian, which makes a momentum of the velocity xi; give mu")
+            raise InvalidInput(
+                f"{name}: {self!r} has no Lagrangian, which makes a "
+                "momentum of the velocity xi; give mu"
+            )
         dim = self.group._sizes[0]
-        return self.lagrangian.momentum(points(xi, f"{name}: xi", dim, f"a velocity on {self.group!r}"))
+        return self.lagrangian.momentum(
+            points(xi, f"{name}: xi", dim, f"a velocity on {self.group!r}")
+        )
 
 
 def body_state(name: str, group: LieGroup, mu: Any, g: Any) -> BodyState:
-    """Momenta on a group and, if given, elements of it, checked; one of either may serve for many of the other."""
+    """Momenta on a group and, if given, elements of it, checked; one of either may serve for many
+    of the other.
+    """
     dim, shape = group._sizes
     quick = at_a_glance(mu, dim)
     if quick is not None and (g is None or (at := element_at_a_glance(group, g)) is not None):
         return fill(BodyState, {"mu": quick, "g": None if g is None else at})
     momenta = points(mu, f"{name}: mu", dim, f"a momentum on {group!r}")
     elements = None if g is None else members_of(group, g, f"{name}: g")
-    counts = [len(a) for a, one in ((momenta, dim), (elements, shape)) if a is not None and a.shape != one]
+    counts = [
+        len(a) for a, one in ((momenta, dim), (elements, shape)) if a is not None and a.shape != one
+    ]
     if len(set(counts)) > 1:
         raise InvalidInput(f"{name}: {counts[0]} momenta and {counts[1]} group elements")
     bodies = counts[0] if counts else None
-    return BodyState(frozen(momenta, dim, bodies), None if elements is None else frozen(elements, shape, bodies))
+    return BodyState(
+        frozen(momenta, dim, bodies), None if elements is None else frozen(elements, shape, bodies)
+    )

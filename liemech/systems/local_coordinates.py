@@ -7,7 +7,19 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidInput, InvalidType, NotDefined
-from ..formulas import Mat, Record, Vec, derivative, dot, gradient, mat, record, solve, transpose, vec
+from ..formulas import (
+    Mat,
+    Record,
+    Vec,
+    derivative,
+    dot,
+    gradient,
+    mat,
+    record,
+    solve,
+    transpose,
+    vec,
+)
 from ..formulas.derivatives import axes
 from ..formulas.vectors import Vec as SmallVec
 from ..groups.poisson_structure import PoissonStructure
@@ -17,10 +29,12 @@ from .poisson import PoissonSystem
 
 @record
 class LocalChart(Record):
-    """Local coordinates y of a symplectic submanifold of R^2N, such as that of a constrained system: (q, p) = embedding(y).
+    """Local coordinates y of a symplectic submanifold of R^2N, such as that of a constrained
+    system: (q, p) = embedding(y).
 
-    A subclass writes `embedding(y)`, the vector (q, p), as a formula, and says its even dimension `dim`; it may write
-    `coordinates`, the inverse.  A constrained system with g(q) = 0 has p with g'(q) dH/dp(q, p) = 0 on it, too.
+    A subclass writes `embedding(y)`, the vector (q, p), as a formula, and says its even dimension
+    `dim`; it may write `coordinates`, the inverse.  A constrained system with g(q) = 0 has p with
+    g'(q) dH/dp(q, p) = 0 on it, too.
 
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.2.3 and VII.1.
     """
@@ -41,7 +55,8 @@ class LocalChart(Record):
 
 @record
 class InducedStructure(PoissonStructure):
-    """The structure of a symplectic submanifold in local coordinates, B(y) = (X'^T J X')^-1, X the embedding, J^-1 canonical.
+    """The structure of a symplectic submanifold in local coordinates, B(y) = (X'^T J X')^-1, X the
+    embedding, J^-1 canonical.
 
     chart : a LocalChart.
 
@@ -64,13 +79,17 @@ class InducedStructure(PoissonStructure):
         """X'^T J X': what the symplectic form is for velocities y'.  y : (dim,)."""
         columns = [derivative(lambda x: self.chart.embedding(x), y, unit) for unit in axes(y)]
         n = len(columns[0]) // 2
-        halves = [(vec(*[c[i] for i in range(n)]), vec(*[c[n + i] for i in range(n)])) for c in columns]
+        halves = [
+            (vec(*[c[i] for i in range(n)]), vec(*[c[n + i] for i in range(n)])) for c in columns
+        ]
         return mat(*[vec(*[dot(a[1], b[0]) - dot(a[0], b[1]) for b in halves]) for a in halves])
 
     def matrix(self, y: Vec) -> Mat:
         """B(y).  y : (dim,)."""
         form, n = self.form(y), self.dim
-        return transpose(mat(*[solve(form, vec(*[float(i == j) for i in range(n)])) for j in range(n)]))
+        return transpose(
+            mat(*[solve(form, vec(*[float(i == j) for i in range(n)])) for j in range(n)])
+        )
 
     def sharp(self, y: Vec, a: Vec) -> Vec:
         """The solution of X'^T J X' v = a.  y, a : (dim,)."""
@@ -91,7 +110,9 @@ class InducedEnergy(Hamiltonian):
         """H at the point of the coordinates.  mu : (dim,), the coordinates."""
         x = self.chart.embedding(mu)
         n = len(x) // 2
-        return self.system.energy(vec(*[x[i] for i in range(n)]), vec(*[x[n + i] for i in range(n)]))
+        return self.system.energy(
+            vec(*[x[i] for i in range(n)]), vec(*[x[n + i] for i in range(n)])
+        )
 
     def gradient(self, mu: Vec) -> Vec:
         """dK.  mu : (dim,)."""
@@ -99,10 +120,11 @@ class InducedEnergy(Hamiltonian):
 
 
 def in_coordinates(system: Any, chart: LocalChart) -> PoissonSystem:
-    """A system in local coordinates of the submanifold on which it moves: y' = B(y) dK(y), B = (X'^T J X')^-1, K = H o X.
+    """A system in local coordinates of the submanifold on which it moves: y' = B(y) dK(y),
+    B = (X'^T J X')^-1, K = H o X.
 
-    system : with `energy(q, p)`, constrained to the submanifold of the chart or not.  chart : a LocalChart.
-    `chart.embedding(run.y)` leads back, `chart.coordinates` there if it is written.
+    system : with `energy(q, p)`, constrained to the submanifold of the chart or not.  chart : a
+    LocalChart.  `chart.embedding(run.y)` leads back, `chart.coordinates` there if it is written.
 
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.2.3.
     """
@@ -112,9 +134,14 @@ def in_coordinates(system: Any, chart: LocalChart) -> PoissonSystem:
         raise InvalidType(f"in_coordinates: system must have an energy(q, p); got {system!r}")
     dim: Any = chart.dim
     if type(dim) is not int or dim < 2 or dim % 2:
-        raise InvalidType(f"in_coordinates: {type(chart).__name__} must say its dimension, an even number; got {dim!r}")
+        raise InvalidType(
+            f"in_coordinates: {type(chart).__name__} must say its "
+            f"dimension, an even number; got {dim!r}"
+        )
     _require_lengths(system, chart)
-    return PoissonSystem(structure=InducedStructure(chart), hamiltonian=InducedEnergy(system, chart))  # type: ignore[call-arg]
+    return PoissonSystem(
+        structure=InducedStructure(chart), hamiltonian=InducedEnergy(system, chart)
+    )  # type: ignore[call-arg]
 
 
 def _require_lengths(system: Any, chart: LocalChart) -> None:
@@ -127,5 +154,12 @@ def _require_lengths(system: Any, chart: LocalChart) -> None:
     degrees = getattr(system, "degrees", None)
     count = len(x)
     if count % 2 or (degrees is not None and count != 2 * degrees):
-        wanted = "an even number" if degrees is None else f"{2 * degrees}, {degrees} positions and {degrees} momenta of {system!r}"
-        raise InvalidInput(f"in_coordinates: {type(chart).__name__}.embedding gives {count} components; needed are {wanted}")
+        wanted = (
+            "an even number"
+            if degrees is None
+            else f"{2 * degrees}, {degrees} positions and {degrees} momenta of {system!r}"
+        )
+        raise InvalidInput(
+            f"in_coordinates: {type(chart).__name__}.embedding gives "
+            f"{count} components; needed are {wanted}"
+        )

@@ -25,20 +25,27 @@ _NO_FORCE = Force()
 class MechanicalSystem(System):
     """A body in a field of force: mu' = ad*_xi mu + f(g) + F(t, xi, g),  g' = g xi,  with xi = dH/dmu.
 
-    body : the body without the field, such as RigidBody([1.0, 1.5, 2.0]) or LiePoissonSystem(SE3(), KineticEnergy(J)).
-    potential : V, its energy in the field as a function of where it is; f is the force that follows from it.
+    body : the body without the field, such as RigidBody([1.0, 1.5, 2.0]) or LiePoissonSystem(SE3(),
+    KineticEnergy(J)).
+    potential : V, its energy in the field as a function of where it is; f is the force that follows
+    from it.
     load : a force F without a potential, if there is one.
 
-    A force moves the momentum off its coadjoint orbit, so that no element of the configurations G carries it along.  The cotangent
-    group T*G does, pairs of an element and a momentum, (g, m)(h, n) = (g h, m + K_g n), where the velocity is (xi, f + F).  So
-    `group` is T*G, and every method for equations on groups applies.  LieVerlet keeps what the variational methods keep.
+    A force moves the momentum off its coadjoint orbit, so that no element of the configurations G
+    carries it along.  The cotangent group T*G does, pairs of an element and a momentum,
+    (g, m)(h, n) = (g h, m + K_g n), where the velocity is (xi, f + F).  So `group` is T*G, and
+    every method for equations on groups applies.  LieVerlet keeps what the variational methods
+    keep.
 
-    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., sections 1.4 and 15.10; for T*G as a group Engo,
-    Partitioned Runge-Kutta methods in Lie-group setting, BIT 43 (2003).
+    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., sections 1.4 and
+    15.10; for T*G as a group Engo, Partitioned Runge-Kutta methods in Lie-group setting, BIT 43
+    (2003).
     """
 
     coordinates: ClassVar[tuple[str, ...]] = ("mu",)
-    alternatives: ClassVar[str] = "RKMK accepts every system, KickDrift and LieVerlet bodies in a field"
+    alternatives: ClassVar[str] = (
+        "RKMK accepts every system, KickDrift and LieVerlet bodies in a field"
+    )
 
     body: LiePoissonSystem
     potential: Potential
@@ -52,7 +59,10 @@ class MechanicalSystem(System):
         )
         for name, value, kind, words in given:
             if not isinstance(value, kind):
-                raise InvalidType(f"{type(self).__name__}: {name} must be a {kind.__name__}, {words}; got {value!r}")
+                raise InvalidType(
+                    f"{type(self).__name__}: {name} must be a "
+                    f"{kind.__name__}, {words}; got {value!r}"
+                )
         super().__post_init__()
 
     @final
@@ -79,7 +89,9 @@ class MechanicalSystem(System):
 
     @final
     def force(self, g: Element) -> Vec:
-        """The force of the field on the body, <f, eta> = -d/ds V(g exp(s eta)).  g : an element;  returns (dim,)."""
+        """The force of the field on the body, <f, eta> = -d/ds V(g exp(s eta)).  g : an element;
+        returns (dim,).
+        """
         return self.potential.force(self.body.group, g)
 
     @final
@@ -89,7 +101,9 @@ class MechanicalSystem(System):
 
     @final
     def spatial_momentum(self, mu: Vec, g: Element) -> Vec:
-        """The momentum seen from space, K_g mu; the field changes what it has no symmetry for.  mu : (dim,), g : an element."""
+        """The momentum seen from space, K_g mu; the field changes what it has no symmetry for.
+        mu : (dim,), g : an element.
+        """
         return self.body.group.K(g, mu)
 
     # ---------------------------------------------------------------- how it moves
@@ -106,29 +120,37 @@ class MechanicalSystem(System):
     def displaced(self, retraction: Retraction, state: BodyState, omega: Vec) -> BodyState:
         """(g h, Ad*_h (mu + n)) with (h, n) = tau(omega).
 
-        The exponential takes the part of omega in the algebra of G to h; momentum and element are then moved by increments, which
-        compensated sums add up.
+        The exponential takes the part of omega in the algebra of G to h; momentum and element are
+        then moved by increments, which compensated sums add up.
         """
         h, n = self._cotangent.split(retraction.tau(self._cotangent, omega))
         if isinstance(retraction, Exponential):
             group, (xi, _) = self.body.group, self._cotangent.algebra.parts(omega)
             return BodyState(group.exp_Ad_star(xi, state.mu + n), group.compose_exp(state.g, xi))
-        return BodyState(self.body.group.Ad_star(h, state.mu + n), self.body.group.compose(state.g, h))
+        return BodyState(
+            self.body.group.Ad_star(h, state.mu + n), self.body.group.compose(state.g, h)
+        )
 
     @final
     def variation(self, state: BodyState, omega: Vec) -> tuple[Vec, Vec]:
-        """ad*_omega mu and the kick beside |mu|, and omega beside what counts as large where the body is."""
+        """ad*_omega mu and the kick beside |mu|, and omega beside what counts as large where the
+        body is.
+        """
         group = self.body.group
         xi, kick = self._cotangent.algebra.parts(omega)
         size = vec(*[abs(m) for m in state.mu])
         return vec(*(group.ad_star(xi, state.mu) + kick), *xi), vec(*size, *group.scale(state.g))
 
     def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """The energy, and the momenta that a symmetry of the potential keeps; nothing, as far as is known, under a load."""
+        """The energy, and the momenta that a symmetry of the potential keeps; nothing, as far as is
+        known, under a load.
+        """
         mu, g = states["mu"], states["g"]
         if self.load is not None:
             return {}
-        return {"energy": np.asarray(self.energy(mu, g))} | self.potential.symmetry(self.body.group, mu, g)
+        return {"energy": np.asarray(self.energy(mu, g))} | self.potential.symmetry(
+            self.body.group, mu, g
+        )
 
     # ---------------------------------------------------------------- checked input
 
@@ -136,13 +158,17 @@ class MechanicalSystem(System):
     def state(self, mu: Any = None, g: Any = None, *, xi: Any = None) -> BodyState:
         """A start for `integrate`: body momentum mu, or body velocity xi, and configuration g.
 
-        mu, xi : (dim,) for one body, (bodies, dim) for an ensemble;  g : an element, or one for each body; SciPy's Rotation and
-        RigidTransform will do.
-        Raises InvalidInput for a missing g, wrong shapes, entries that are not finite, and a g that is not on the group.
+        mu, xi : (dim,) for one body, (bodies, dim) for an ensemble;  g : an element, or one for
+        each body; SciPy's Rotation and RigidTransform will do.
+        Raises InvalidInput for a missing g, wrong shapes, entries that are not finite, and a g that
+        is not on the group.
         """
         name = f"{type(self).__name__}.state"
         if g is None:
-            raise InvalidInput(f"{name}: g is missing; the force depends on where the body is, give state(mu=..., g=...)")
+            raise InvalidInput(
+                f"{name}: g is missing; the force depends on where "
+                "the body is, give state(mu=..., g=...)"
+            )
         momentum = mu if xi is None and mu is not None else self.body._momentum_of(name, mu, xi)
         return self._vouched(body_state(name, self.body.group, momentum, g))
 

@@ -1,4 +1,6 @@
-"""Systems whose potential is a sum of fast and slow parts: stiff springs beside soft forces, an inner planet beside outer ones."""
+"""Systems whose potential is a sum of fast and slow parts: stiff springs beside soft forces, an
+inner planet beside outer ones.
+"""
 
 from __future__ import annotations
 
@@ -11,9 +13,11 @@ from .separable import SeparableSystem
 
 @record
 class MultirateSystem(SeparableSystem):
-    """Hamilton's equations for H = T(p) + V_1(q) + ... + V_m(q), parts of the potential that change at different rates.
+    """Hamilton's equations for H = T(p) + V_1(q) + ... + V_m(q), parts of the potential that change
+    at different rates.
 
-    1. A subclass writes `kinetic(p)` and one method of q for each part, and names these methods in `parts`, the fastest first:
+    1. A subclass writes `kinetic(p)` and one method of q for each part, and names these methods in
+    `parts`, the fastest first:
        `parts = ("springs", "gravity")`.
     2. It may write `part_force(k, q)`, the force of part number k, in closed form.
 
@@ -24,9 +28,12 @@ class MultirateSystem(SeparableSystem):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if len(self.parts) < 2 or not all(callable(getattr(type(self), name, None)) for name in self.parts):
+        if len(self.parts) < 2 or not all(
+            callable(getattr(type(self), name, None)) for name in self.parts
+        ):
             raise InvalidInput(
-                f"{type(self).__name__} must name its potentials, methods of q, the fastest first, such as "
+                f"{type(self).__name__} must name its potentials, "
+                "methods of q, the fastest first, such as "
                 f'parts = ("springs", "gravity"); got {self.parts!r}'
             )
 

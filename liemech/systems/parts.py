@@ -26,13 +26,16 @@ LEAST = 3
 class Part(Hamiltonian):
     """An energy whose motion is known: a part of another one, by which `Splitting` steps it.
 
-    A subclass writes `energy(y)`, and `flow`.  Parts that are T(p), V(q), a function of one coordinate, or at most quadratic where
-    the structure is constant, need no flow: they are Hamiltonians, and recognised by what their formulas do at all points.  A part
-    that compares, as a wall does, says what it is: `Straight(part)`, `OfCoordinate(part, i)`.
+    A subclass writes `energy(y)`, and `flow`.  Parts that are T(p), V(q), a function of one
+    coordinate, or at most quadratic where the structure is constant, need no flow: they are
+    Hamiltonians, and recognised by what their formulas do at all points.  A part that compares, as
+    a wall does, says what it is: `Straight(part)`, `OfCoordinate(part, i)`.
     """
 
     def flow(self, structure: PoissonStructure, y: Vec, t: float) -> Vec:
-        """Where y is after the time t, if this part is all the energy.  structure : the Poisson structure.  y : (n,)."""
+        """Where y is after the time t, if this part is all the energy.  structure : the Poisson
+        structure.  y : (n,).
+        """
         raise NotDefined(f"{type(self).__name__} must define `flow`")
 
 
@@ -40,7 +43,8 @@ class Part(Hamiltonian):
 class SplitHamiltonian(Hamiltonian):
     """An energy that is the sum of parts, H = H_1 + H_2 + ..., whose motions are known one by one.
 
-    parts : Hamiltonians; those with a motion of their own are `Part`s, the others are recognised where they can be.
+    parts : Hamiltonians; those with a motion of their own are `Part`s, the others are recognised
+    where they can be.
 
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.4.2.
     """
@@ -51,7 +55,10 @@ class SplitHamiltonian(Hamiltonian):
         super().__post_init__()
         for part in self.parts:
             if not isinstance(part, Hamiltonian):
-                raise InvalidType(f"SplitHamiltonian: parts must be Hamiltonians, such as KineticEnergy(...); got {part!r}")
+                raise InvalidType(
+                    "SplitHamiltonian: parts must be Hamiltonians, such "
+                    f"as KineticEnergy(...); got {part!r}"
+                )
         if not self.parts:
             raise InvalidInput("SplitHamiltonian: parts is empty")
 
@@ -117,12 +124,15 @@ class OfCoordinate(Recognised):
 
     def flow(self, structure: PoissonStructure, y: Vec, t: float) -> Vec:
         """The motion that the coordinate has as energy, for the time t dH/dy_index.  y : (n,)."""
-        return structure.coordinate_flow(y, self.index, t * self.hamiltonian.gradient(plain(y))[self.index])
+        return structure.coordinate_flow(
+            y, self.index, t * self.hamiltonian.gradient(plain(y))[self.index]
+        )
 
 
 @record
 class Affine(Recognised):
-    """An energy whose velocity is an affine function of the point: quadratic ones where the structure is constant.
+    """An energy whose velocity is an affine function of the point: quadratic ones where the
+    structure is constant.
 
     rates : the matrix A of the velocity A y + c.
     """
@@ -132,7 +142,9 @@ class Affine(Recognised):
     def flow(self, structure: PoissonStructure, y: Vec, t: float) -> Vec:
         """y + t phi_1(t A) (A y + c), phi_1(x) = (e^x - 1)/x.  y : (n,)."""
         here = plain(y)
-        return y + phi1m(t * self.rates) @ (t * structure.sharp(here, self.hamiltonian.gradient(here)))
+        return y + phi1m(t * self.rates) @ (
+            t * structure.sharp(here, self.hamiltonian.gradient(here))
+        )
 
 
 def recognised(structure: PoissonStructure, part: Hamiltonian) -> Part | str:
@@ -146,15 +158,17 @@ def recognised(structure: PoissonStructure, part: Hamiltonian) -> Part | str:
     found, reason = looked_at(lambda y: (part.energy(y), velocity(y)), [1] * structure.dim)
     if reason:
         return (
-            f"the motion of {part!r} is not known: its formula need not be the same at all points ({reason}). Say what it is, "
-            "Straight(part) or OfCoordinate(part, i), or derive it from Part and write `flow`"
+            f"the motion of {part!r} is not known: its formula need not be the same at all points "
+            f"({reason}). Say what it is, Straight(part) or OfCoordinate(part, i), or derive it "
+            "from Part and write `flow`"
         )
     try:
         points, error = _where_defined(velocity, _points(structure))
         if len(points) < LEAST:
             return f"{part!r} has a velocity at {len(points)} of the points where it was looked at, too few to know it; {error}"
         energy, speeds = found
-        polynomial = max(map(degree, speeds)) < inf  # what vanishes at some points of nothing special vanishes at all
+        # what vanishes at some points of nothing special vanishes at all
+        polynomial = max(map(degree, speeds)) < inf
         if (_straight(speeds) or polynomial) and all(_rests(velocity, y) for y in points):
             return Straight(part)
         slopes = [np.array(gradient(lambda x: part.energy(x), y), dtype=float) for y in points]
@@ -170,15 +184,17 @@ def recognised(structure: PoissonStructure, part: Hamiltonian) -> Part | str:
     except (ArithmeticError, ValueError, TypeError) as error:
         return f"{part!r} cannot be looked at: {error}"
     return (
-        f"the motion of {part!r} is not known: it is no straight line, depends on more than one coordinate, and its velocity is "
-        "not affine. Derive it from Part and write `flow`, or split it further"
+        f"the motion of {part!r} is not known: it is no straight line, depends on more than one "
+        "coordinate, and its velocity is not affine. Derive it from "
+        "Part and write `flow`, or split it further"
     )
 
 
 def second_degree(structure: PoissonStructure, T: Hamiltonian, V: Hamiltonian) -> bool:
     """Is {V, {V, {V, T}}} = 0?  Then Runge-Kutta-Nystroem splittings are of their order.
 
-    Told by the degree of T along the straight lines of V; of other polynomials at one to three points, to rounding.
+    Told by the degree of T along the straight lines of V; of other polynomials at one to three
+    points, to rounding.
     """
 
     def velocity(y: Any) -> Any:
@@ -201,7 +217,8 @@ def second_degree(structure: PoissonStructure, T: Hamiltonian, V: Hamiltonian) -
         return derivative(once, y, velocity(y))
 
     def vanishes(y: Any) -> bool:
-        if abs(derivative(twice, y, velocity(y)) * once(y)) > 1e-8 * twice(y) ** 2:  # by far: terms need not be compared
+        # by far: terms need not be compared
+        if abs(derivative(twice, y, velocity(y)) * once(y)) > 1e-8 * twice(y) ** 2:
             return False
         slopes = np.array(gradient(twice, y), dtype=float)
         terms = slopes * np.array(velocity(y), dtype=float)
@@ -225,7 +242,9 @@ def _straight(speeds: Any) -> bool:
 
 
 def _points(structure: PoissonStructure) -> list[Any]:
-    """Points of nothing special: three of size one in the first octant, then others of many sizes and signs."""
+    """Points of nothing special: three of size one in the first octant, then others of many sizes
+    and signs.
+    """
     rng, n = np.random.default_rng(7), structure.dim
     drawn = [*rng.uniform(0.5, 1.0, size=(3, n))]
     for size in (3.0, 0.05, 10.0, 100.0, 1e4):
@@ -235,7 +254,9 @@ def _points(structure: PoissonStructure) -> list[Any]:
 
 
 def _where_defined(velocity: Any, points: list[Any]) -> tuple[list[Any], str]:
-    """The points at which the velocity has a finite value and derivative, and why another one has none."""
+    """The points at which the velocity has a finite value and derivative, and why another one has
+    none.
+    """
     there, why = [], "it is not finite elsewhere"
     for y in points:
         try:
@@ -258,9 +279,11 @@ def _rests(velocity: Any, y: Any) -> bool:
 
 
 def _everywhere(rates: np.ndarray, velocity: Any, points: list[Any]) -> bool:
-    """Is this the derivative of the velocity at all points?  Seen along a direction to which every column contributes alike.
+    """Is this the derivative of the velocity at all points?  Seen along a direction to which every
+    column contributes alike.
 
-    The columns are compared after the rows, for components have units of their own.  Columns of zeros must be zero.
+    The columns are compared after the rows, for components have units of their own.  Columns of
+    zeros must be zero.
     """
     sizes = np.abs(rates)
     rows = sizes.max(axis=1, keepdims=True)
@@ -268,8 +291,15 @@ def _everywhere(rates: np.ndarray, velocity: Any, points: list[Any]) -> bool:
     rng, felt = np.random.default_rng(9), columns > 0.0
     for y in points:
         weights = rng.uniform(0.5, 1.0, len(columns)) * rng.choice([-1.0, 1.0], len(columns))
-        for direction in (np.where(felt, weights / np.where(felt, columns, 1.0), 0.0), np.where(felt, 0.0, weights)):
-            found = np.array(derivative(velocity, y, SmallVector.of(direction.tolist())), dtype=float)
-            if not (np.abs(found - rates @ direction) <= ROUNDING * (sizes @ np.abs(direction))).all():
+        for direction in (
+            np.where(felt, weights / np.where(felt, columns, 1.0), 0.0),
+            np.where(felt, 0.0, weights),
+        ):
+            found = np.array(
+                derivative(velocity, y, SmallVector.of(direction.tolist())), dtype=float
+            )
+            if not (
+                np.abs(found - rates @ direction) <= ROUNDING * (sizes @ np.abs(direction))
+            ).all():
                 return False
     return True

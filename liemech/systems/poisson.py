@@ -30,13 +30,16 @@ class PoissonState(State):
 class PoissonSystem(System):
     """Motion by a Poisson structure and an energy, y' = B(y) dH(y) in R^n.
 
-    structure : B, such as Canonical(2), LogCanonical(c), coadjoint(group).poisson_structure, or a PoissonStructure of one's own.
-    hamiltonian : the energy as a function of y, a Hamiltonian; a SplitHamiltonian if its parts have motions that are known, by
-    which `Splitting` steps it.  A subclass may write `energy(y)` instead.
+    structure : B, such as Canonical(2), LogCanonical(c), coadjoint(group).poisson_structure, or a
+    PoissonStructure of one's own.
+    hamiltonian : the energy as a function of y, a Hamiltonian; a SplitHamiltonian if its parts have
+    motions that are known, by which `Splitting` steps it.  A subclass may write `energy(y)`
+    instead.
 
-    The group that moves y is R^n under addition, so that RKMK is the Runge-Kutta method of its tableau, Taylor the Taylor method.
-    Kept are the energy and the Casimirs of the structure.  `parts` are those of the energy, with their motions where these are
-    known; `quadratic` : are they two, (T, V), with {V, {V, {V, T}}} = 0, as if T were of second degree in momenta?
+    The group that moves y is R^n under addition, so that RKMK is the Runge-Kutta method of its
+    tableau, Taylor the Taylor method.  Kept are the energy and the Casimirs of the structure.
+    `parts` are those of the energy, with their motions where these are known; `quadratic` : are
+    they two, (T, V), with {V, {V, {V, T}}} = 0, as if T were of second degree in momenta?
 
     Raises InvalidType, InvalidInput for a hamiltonian that does not fit the structure.
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.2.2.
@@ -44,7 +47,9 @@ class PoissonSystem(System):
 
     coordinates: ClassVar[tuple[str, ...]] = ("y",)
     bounded: ClassVar[bool] = True
-    alternatives: ClassVar[str] = "Splitting(order=4) is for parts whose motion is known, RKMK accepts every system"
+    alternatives: ClassVar[str] = (
+        "Splitting(order=4) is for parts whose motion is known, RKMK accepts every system"
+    )
 
     structure: PoissonStructure
     hamiltonian: Hamiltonian | None = None  # None: a subclass writes `energy`
@@ -55,15 +60,25 @@ class PoissonSystem(System):
         name = type(self).__name__
         structure, given = self.structure, self.hamiltonian  # type: Any, Any
         if not isinstance(structure, PoissonStructure):
-            raise InvalidType(f"{name}: structure must be a PoissonStructure, such as Canonical(2); got {structure!r}")
+            raise InvalidType(
+                f"{name}: structure must be a PoissonStructure, such "
+                f"as Canonical(2); got {structure!r}"
+            )
         if given is not None:
             if not isinstance(given, Hamiltonian):
-                raise InvalidType(f"{name}: hamiltonian must be a Hamiltonian, a record with `energy`; got {given!r}")
+                raise InvalidType(
+                    f"{name}: hamiltonian must be a Hamiltonian, a "
+                    f"record with `energy`; got {given!r}"
+                )
             require_one_body(name, self.group, given, None)
             each = given.parts if isinstance(given, SplitHamiltonian) else (given,)
             found = [recognised(self.structure, part) for part in each]
-            object.__setattr__(self, "parts", tuple([p if isinstance(f, str) else f for p, f in zip(each, found)]))
-            object.__setattr__(self, "quadratic", len(each) == 2 and second_degree(self.structure, *each))
+            object.__setattr__(
+                self, "parts", tuple([p if isinstance(f, str) else f for p, f in zip(each, found)])
+            )
+            object.__setattr__(
+                self, "quadratic", len(each) == 2 and second_degree(self.structure, *each)
+            )
         super().__post_init__()
 
     # ---------------------------------------------------------------- formulas
@@ -139,12 +154,15 @@ class PoissonSystem(System):
     def state(self, y: Any) -> PoissonState:
         """A start for `integrate`: a point y, (n,), or (members, n) for an ensemble.
 
-        Raises InvalidInput for wrong shapes, entries that are not finite, and points at which the energy has no value.
+        Raises InvalidInput for wrong shapes, entries that are not finite, and points at which the
+        energy has no value.
         """
         where, shape = f"{type(self).__name__}.state", (self.structure.dim,)
         array = points(y, f"{where}: y", shape, f"a point of {self!r}")
         self._require(array, where)
-        return self.vouched(PoissonState(frozen(array, shape, None if array.shape == shape else len(array))))
+        return self.vouched(
+            PoissonState(frozen(array, shape, None if array.shape == shape else len(array)))
+        )
 
     def _require(self, y: np.ndarray, where: str) -> None:
         """Raise InvalidInput for points outside of where the system is defined; a subclass knows."""
@@ -158,4 +176,7 @@ def positive(y: np.ndarray, where: str, what: str = "y") -> None:
     """Refuse coordinates that are not positive."""
     bad = np.argwhere(~(y > 0.0))
     if len(bad):
-        raise InvalidInput(f"{where}: {what} must be positive; {what}{list(map(int, bad[0]))} is {y[tuple(bad[0])]:g}")
+        raise InvalidInput(
+            f"{where}: {what} must be positive; "
+            f"{what}{list(map(int, bad[0]))} is {y[tuple(bad[0])]:g}"
+        )

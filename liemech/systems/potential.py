@@ -13,8 +13,10 @@ from ..groups.lie_group import LieGroup
 class Potential(Record):
     """The energy of a body as a function of where it is, V(g).
 
-    1. A subclass writes `energy`, as a formula.  Its fields are the parameters (`float`, `Vec`, `Mat` or other records).
-    2. It may write `force` in closed form; left out, it follows by differentiation, exact to rounding.
+    1. A subclass writes `energy`, as a formula.  Its fields are the parameters (`float`, `Vec`,
+    `Mat` or other records).
+    2. It may write `force` in closed form; left out, it follows by differentiation, exact to
+    rounding.
     3. It may say what its symmetry keeps (`symmetry`).
 
     Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 7.7.
@@ -25,16 +27,22 @@ class Potential(Record):
         raise NotDefined(f"{type(self).__name__} must define `energy`")
 
     def force(self, group: LieGroup, g: Element) -> Vec:
-        """The force f felt in the body, <f, eta> = -d/ds V(g exp(s eta)) at s = 0; on rotations a torque.
+        """The force f felt in the body, <f, eta> = -d/ds V(g exp(s eta)) at s = 0; on rotations a
+        torque.
 
         g : an element.  Returns (dim,).
         """
-        return -gradient(lambda eta: self.energy(group.compose_exp(g, eta)), vec(*[0.0 for _ in range(group.dim)]))
+        return -gradient(
+            lambda eta: self.energy(group.compose_exp(g, eta)),
+            vec(*[0.0 for _ in range(group.dim)]),
+        )
 
     def symmetry(self, group: LieGroup, mu: Any, g: Any) -> dict[str, Any]:
-        """The momenta that the motion keeps because V has a symmetry, by name, for the samples of a run.
+        """The momenta that the motion keeps because V has a symmetry, by name, for the samples of a
+        run.
 
-        By Noether's theorem <K_g mu, eta> is kept if V(exp(s eta) g) = V(g).  mu : (..., dim), g : elements, arrays both.
+        By Noether's theorem <K_g mu, eta> is kept if V(exp(s eta) g) = V(g).  mu : (..., dim),
+        g : elements, arrays both.
         """
         return {}
 
@@ -58,14 +66,17 @@ class NoPotential(Potential):
 
 @record
 class Force(Record):
-    """A force that has no potential, or one that changes with time: friction, thrust, a driven field.
+    """A force that has no potential, or one that changes with time: friction, thrust, a driven
+    field.
 
     1. A subclass writes `covector`, as a formula.  Its fields are the parameters.
 
-    Source: Marsden and West, Discrete mechanics and variational integrators, Acta Numerica 10 (2001), section 3.1 (the
-    Lagrange-d'Alembert principle).
+    Source: Marsden and West, Discrete mechanics and variational integrators, Acta Numerica 10
+    (2001), section 3.1 (the Lagrange-d'Alembert principle).
     """
 
     def covector(self, t: float, xi: Vec, g: Any) -> Vec:
-        """The force in the body at time t and body velocity xi, (dim,): <F, xi> is its power.  xi : (dim,), g : an element."""
+        """The force in the body at time t and body velocity xi, (dim,): <F, xi> is its power.
+        xi : (dim,), g : an element.
+        """
         raise NotDefined(f"{type(self).__name__} must define `covector`")

@@ -1,4 +1,6 @@
-"""Separable systems: canonical ones whose energy is a kinetic energy of the momenta and a potential of the positions."""
+"""Separable systems: canonical ones whose energy is a kinetic energy of the momenta and a potential
+of the positions.
+"""
 
 from __future__ import annotations
 
@@ -44,14 +46,18 @@ class SeparableEnergy(CanonicalSystem):
         """f/(-V), the gradient of log(-V), for a potential that is negative.  q : (n,)."""
         depth = -self.potential(q)
         if not depth > 0.0:
-            raise InvalidTimeScale(f"{self!r}: -V = {depth:g}, and its logarithm needs a negative potential")
+            raise InvalidTimeScale(
+                f"{self!r}: -V = {depth:g}, and its logarithm needs a negative potential"
+            )
         return (1.0 / depth) * self.force(q, 0.0 * q)
 
     @cached_property
     def quadratic(self) -> bool:
-        """Is T a polynomial of at most second degree?  Asked of its formula: the power series of T(a + b s) ends with s^2.
+        """Is T a polynomial of at most second degree?  Asked of its formula: the power series of
+        T(a + b s) ends with s^2.
 
-        A formula that cannot be expanded, whose series does not end (|p|^2 by way of a root), or that compares, gives False.
+        A formula that cannot be expanded, whose series does not end (|p|^2 by way of a root), or
+        that compares, gives False.
         """
         if choice(lambda p: self.kinetic(p), self.degrees):
             return False
@@ -67,9 +73,11 @@ class SeparableEnergy(CanonicalSystem):
 class SeparableSystem(SeparableEnergy, HamiltonianSystem):
     """Hamilton's equations in R^2n for H(q, p) = T(p) + V(q):  q' = dT/dp,  p' = -dV/dq.
 
-    1. A subclass writes `kinetic(p)` and `potential(q)`, as formulas, and says its number of `degrees` of freedom, n.  Its fields
+    1. A subclass writes `kinetic(p)` and `potential(q)`, as formulas, and says its number of
+    `degrees` of freedom, n.  Its fields
        are the parameters.
-    2. It may write `velocity(q, p)`, dT/dp, `force(q, p)`, -dV/dq, and `relative_force(q)`, for LogarithmicHamiltonian, in closed
+    2. It may write `velocity(q, p)`, dT/dp, `force(q, p)`, -dV/dq, and `relative_force(q)`, for
+    LogarithmicHamiltonian, in closed
        form; left out, they follow by differentiation, exact to rounding.
     3. It may name what stays constant beside the energy (`constants`).
 

@@ -18,7 +18,9 @@ from ..retractions import Retraction
 
 @record
 class State(Record):
-    """Where a system is: arrays, one element each or, for an ensemble, with a leading axis; None for what was not asked for."""
+    """Where a system is: arrays, one element each or, for an ensemble, with a leading axis; None
+    for what was not asked for.
+    """
 
     @classmethod
     def _wanted(cls, owner: Any) -> str:
@@ -50,16 +52,22 @@ class State(Record):
 
 @record
 class System(Record):
-    """Motion by a group: at every moment a velocity in the Lie algebra, and a state that group elements carry along.
+    """Motion by a group: at every moment a velocity in the Lie algebra, and a state that group
+    elements carry along.
 
-    side : "left" for body velocities, which move a group element as g exp(xi), "right" for spatial ones, exp(xi) g.
+    side : "left" for body velocities, which move a group element as g exp(xi), "right" for spatial
+    ones, exp(xi) g.
 
     called : what a user may call it, in messages.
-    alternatives : what to use where a method does not accept the system, a sentence without its full stop.
-    coordinates : the parts of the state whose components are numbers that vary freely, such as ("mu",) or ("q", "p").
+    alternatives : what to use where a method does not accept the system, a sentence without its
+    full stop.
+    coordinates : the parts of the state whose components are numbers that vary freely, such as
+    ("mu",) or ("q", "p").
 
-    1. A subclass writes `rate`, `displaced` and `state`, and has a `group`.  (Mostly through one of the classes of this folder.)
-    2. It may say what the velocity depends on (`essential_part`) and what stays constant (`constants`).
+    1. A subclass writes `rate`, `displaced` and `state`, and has a `group`.  (Mostly through one of
+    the classes of this folder.)
+    2. It may say what the velocity depends on (`essential_part`) and what stays constant
+    (`constants`).
 
     Source: Munthe-Kaas, Appl. Numer. Math. 29 (1999), section 2: equations on homogeneous spaces.
     """
@@ -82,16 +90,22 @@ class System(Record):
         raise NotDefined(f"{type(self).__name__} must define `displaced`")
 
     def essential_part(self, state: State) -> Any:
-        """The part of the state that the velocity depends on; what is None in it may be left unrecorded."""
+        """The part of the state that the velocity depends on; what is None in it may be left
+        unrecorded.
+        """
         return state
 
     def variation(self, state: Any, omega: Vec) -> tuple[Vec, Vec]:
-        """What a small displacement omega changes in the state, and the sizes of what it changes: for adaptive steps."""
+        """What a small displacement omega changes in the state, and the sizes of what it changes:
+        for adaptive steps.
+        """
         return omega, self.group.scale(None)
 
     @final
     def vouched(self, state: State) -> Any:
-        """The state, which this system's `state` has just made and checked; `integrate` need not do it again."""
+        """The state, which this system's `state` has just made and checked; `integrate` need not do
+        it again.
+        """
         return self._vouched(state)
 
     def _vouched(self, state: State) -> Any:
@@ -112,7 +126,9 @@ class System(Record):
         return not self.bounded or known[2] is self or exact(known[2]) == exact(self)
 
     def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """Quantities that the motion should keep, by name, each (n, ...), from the samples of a run."""
+        """Quantities that the motion should keep, by name, each (n, ...), from the samples of a
+        run.
+        """
         return {}
 
     def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
@@ -126,15 +142,25 @@ class System(Record):
 
 
 _checked = Remembered()
-"""For each state that was checked: the class and the group of the system that checked it, or the system, if more matters."""
+"""For each state that was checked: the class and the group of the system that checked it, or the
+system, if more matters.
+"""
 
 
-def points(value: Any, name: str, shape: tuple[int, ...], space: str, or_complex: bool = False) -> np.ndarray:
-    """An array of one or, with a leading axis, many points of a space; InvalidInput names what is wrong."""
+def points(
+    value: Any, name: str, shape: tuple[int, ...], space: str, or_complex: bool = False
+) -> np.ndarray:
+    """An array of one or, with a leading axis, many points of a space; InvalidInput names what is
+    wrong.
+    """
     array = real_array(value, name, or_complex)
     if array.shape != shape and array.shape[1:] != shape:
         many = ("bodies", *shape)
-        raise InvalidInput(f"{name} has shape {array.shape}; {space} has shape {shape}, many of them {many}".replace("'", ""))
+        raise InvalidInput(
+            f"{name} has shape {array.shape}; {space} has shape {shape}, many of them {many}".replace(
+                "'", ""
+            )
+        )
     if not array.size and shape != (0,):
         raise InvalidInput(f"{name} has shape {array.shape}; an ensemble needs at least one body")
     check_finite(array, name)
@@ -142,9 +168,15 @@ def points(value: Any, name: str, shape: tuple[int, ...], space: str, or_complex
 
 
 def element_at_a_glance(group: LieGroup, value: Any) -> Any:
-    """A real array that is an element, as a small vector or matrix; None if it is something else, or wrong."""
+    """A real array that is an element, as a small vector or matrix; None if it is something else,
+    or wrong.
+    """
     element = None if group.is_large else at_a_glance(value, group.element_shape)
-    if element is None or group.is_complex or not bare(type(group).defect)(group, element) <= MEMBERSHIP:
+    if (
+        element is None
+        or group.is_complex
+        or not bare(type(group).defect)(group, element) <= MEMBERSHIP
+    ):
         return None
     return element
 
@@ -164,7 +196,9 @@ def members_of(group: LieGroup, value: Any, name: str) -> np.ndarray:
 
 
 def frozen(array: np.ndarray, one: tuple[int, ...], bodies: int | None) -> Any:
-    """A field of a state: small for a single body, else an array of its own with a row for each body that nobody can write to."""
+    """A field of a state: small for a single body, else an array of its own with a row for each
+    body that nobody can write to.
+    """
     if bodies is None:
         return small(array)
     return frozen_array(np.broadcast_to(array, (bodies, *one)), "array")

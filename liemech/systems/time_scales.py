@@ -1,4 +1,6 @@
-"""Time scales: how much physical time a unit of fictive time takes, as a function of the state; small where the motion is fast."""
+"""Time scales: how much physical time a unit of fictive time takes, as a function of the state;
+small where the motion is fast.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +10,14 @@ from collections.abc import Callable
 from numbers import Real
 from typing import Any, ClassVar
 
-from ..errors import IncompatibleSystem, InvalidInput, InvalidTimeScale, InvalidType, LiemechError, NotDefined
+from ..errors import (
+    IncompatibleSystem,
+    InvalidInput,
+    InvalidTimeScale,
+    InvalidType,
+    LiemechError,
+    NotDefined,
+)
 from ..formulas import Record, Vec, derivative, dot, gradient, norm, record, sqrt, vec
 from ..formulas.broadcasting import small
 from ..retractions import Exponential
@@ -23,13 +32,16 @@ POSITIVE = "a time scale must be positive wherever the motion comes"
 
 @record
 class TimeScale(Record):
-    """The sigma of a time transformation, dt = sigma(state) dtau: positive, and small where the motion is fast.
+    """The sigma of a time transformation, dt = sigma(state) dtau: positive, and small where the
+    motion is fast.
 
-    1. A subclass writes `value(system, state)`, as a formula.  If that depends on some parts of the state only, it names them, such
+    1. A subclass writes `value(system, state)`, as a formula.  If that depends on some parts of the
+    state only, it names them, such
        as `parts = ("q",)`; what moves the others is then not computed.
     2. It may write `slope`, the gradient of such a sigma(q), in closed form.
 
-    A function does too: `lambda q: lm.dot(q, q)`, whose arguments are named as the parts of the state are.
+    A function does too: `lambda q: lm.dot(q, q)`, whose arguments are named as the parts of the
+    state are.
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VIII.2.
     """
 
@@ -58,7 +70,9 @@ class TimeScale(Record):
         f = system.force(state.q, state.p)
         if isinstance(system, ConstrainedSystem) and (self.parts is None or "p" in self.parts):
             f = f + system.constraint_force(state.q, state.p)
-        return derivative(lambda s: self.value(system, CanonicalState(state.q + s * v, state.p + s * f)), 0.0)
+        return derivative(
+            lambda s: self.value(system, CanonicalState(state.q + s * v, state.p + s * f)), 0.0
+        )
 
     def _later(self, system: Any, t: float, state: Any, s: float) -> Any:
         """The state a short time s later, to first order, as far as the parts that count."""
@@ -70,7 +84,9 @@ class TimeScale(Record):
         if self.parts is None or "mu" in self.parts:
             force = group.ad_star(xi, mu)
             if pushed:
-                force = force + vec(*[system.rate(t, state)[group.dim + i] for i in range(group.dim)])
+                force = force + vec(
+                    *[system.rate(t, state)[group.dim + i] for i in range(group.dim)]
+                )
             mu = mu + s * force
         if g is not None and (self.parts is None or "g" in self.parts):
             g = group.compose_exp(g, s * xi)
@@ -79,8 +95,8 @@ class TimeScale(Record):
     def bound(self, system: System, start: State) -> TimeScale:
         """This sigma for the motion from a start, on whose energy it may depend.
 
-        Raises IncompatibleSystem for a system it is not made for, InvalidTimeScale unless it is positive at the start, InvalidType
-        if its value is no number.
+        Raises IncompatibleSystem for a system it is not made for, InvalidTimeScale unless it is
+        positive at the start, InvalidType if its value is no number.
         """
         many = start.bodies is not None
         for i in range(start.bodies or 1):
@@ -90,7 +106,9 @@ class TimeScale(Record):
             except LiemechError:
                 raise
             except (ArithmeticError, ValueError) as error:
-                raise InvalidTimeScale(f"{self!r} has no value {here} ({error}); {POSITIVE}") from None
+                raise InvalidTimeScale(
+                    f"{self!r} has no value {here} ({error}); {POSITIVE}"
+                ) from None
             if not isinstance(value, Real):
                 raise InvalidType(f"{self!r} must be one number; {here} it is {value!r}")
             if not float(value) > 0.0:
@@ -124,7 +142,8 @@ class OfState(TimeScale):
         there = tuple(name for name, x in start.parts.items() if x is not None)
         if not self.names or not set(self.names) <= set(there):
             raise InvalidInput(
-                f"sigma is a function of ({', '.join(self.names)}); its arguments must be parts of the state, which has {there}"
+                f"sigma is a function of ({', '.join(self.names)}); its arguments must be parts of "
+                f"the state, which has {there}"
             )
         return super().bound(system, start)
 
@@ -139,15 +158,15 @@ def time_scale(owner: str, sigma: Any) -> TimeScale:
     if callable(sigma) and not isinstance(sigma, type):
         return OfState(sigma, tuple(inspect.signature(sigma).parameters))
     raise InvalidType(
-        f"{owner}: sigma is a TimeScale such as DistancePower(1.5), or a function of parts of the state such as "
-        f"lambda q: lm.dot(q, q); got {sigma!r}"
+        f"{owner}: sigma is a TimeScale such as DistancePower(1.5), or a function of parts of the "
+        f"state such as lambda q: lm.dot(q, q); got {sigma!r}"
     )
 
 
 @record
 class EqualArc(TimeScale):
-    """sigma = 1/|f|: steps of equal length on the path in phase space, f = (q', p'); on a group f is the velocity xi, in a field
-    with the force, (xi, f).
+    """sigma = 1/|f|: steps of equal length on the path in phase space, f = (q', p'); on a group f
+    is the velocity xi, in a field with the force, (xi, f).
 
     It depends on velocities too: for ReversibleController, or for implicit methods.
     Source: Hairer, Lubich, Wanner, VIII.2.1, choice 1 (arclength).
@@ -160,10 +179,11 @@ class EqualArc(TimeScale):
 
 @record
 class DistancePower(TimeScale):
-    """sigma = |q|^power: 3/2 keeps the number of steps for each revolution of an orbit of any size, 2 gives equal angles.
+    """sigma = |q|^power: 3/2 keeps the number of steps for each revolution of an orbit of any size,
+    2 gives equal angles.
 
-    Source: Hairer, Lubich, Wanner, VIII.2.1, choice 2; Budd and Piggott, Geometric integration and its applications, Handbook of
-    Numerical Analysis XI (2003).
+    Source: Hairer, Lubich, Wanner, VIII.2.1, choice 2; Budd and Piggott, Geometric integration and
+    its applications, Handbook of Numerical Analysis XI (2003).
     """
 
     parts: ClassVar[tuple[str, ...] | None] = ("q",)
@@ -206,15 +226,15 @@ class OfEnergy(TimeScale):
         """For a separable system with the energy of the start."""
         if not isinstance(system, SeparableSystem) or not system.quadratic:
             raise IncompatibleSystem(
-                f"{self!r} is for energies T(p) + V(q) with T of second degree, a SeparableSystem; {system!r} is none. "
-                "EqualArc() is for every system, or write a sigma of your own"
+                f"{self!r} is for energies T(p) + V(q) with T of second degree, a SeparableSystem; "
+                f"{system!r} is none. EqualArc() is for every system, or write a sigma of your own"
             )
         if self.energy is not None:
             return super().bound(system, start)
         if start.bodies is not None:
             raise InvalidInput(
-                f"{self!r} takes the energy of one start; the members of an ensemble have several. Give `energy`, or integrate "
-                "them one by one"
+                f"{self!r} takes the energy of one start; the members of an ensemble have several. "
+                "Give `energy`, or integrate them one by one"
             )
         known: TimeScale = dataclasses.replace(self, energy=float(system.energy(**start.parts)))
         return known.bound(system, start)
@@ -222,15 +242,19 @@ class OfEnergy(TimeScale):
     def kinetic(self, system: Any, q: Vec) -> float:
         """H_0 - V(q).  q : (n,)."""
         if self.energy is None:
-            raise InvalidInput(f"{self!r} needs the energy of the motion; integrate knows that of its start")
+            raise InvalidInput(
+                f"{self!r} needs the energy of the motion; integrate knows that of its start"
+            )
         return self.energy - system.potential(q)
 
 
 @record
 class EqualChange(OfEnergy):
-    """sigma = (H_0 - V + dV.M^-1 dV)^(-1/2): equal steps in positions and momenta together, told from the positions.
+    """sigma = (H_0 - V + dV.M^-1 dV)^(-1/2): equal steps in positions and momenta together, told
+    from the positions.
 
-    Source: Hairer, Lubich, Wanner, VIII.2.1, choice 3; Huang and Leimkuhler, SIAM J. Sci. Comput. 18 (1997).
+    Source: Hairer, Lubich, Wanner, VIII.2.1, choice 3; Huang and Leimkuhler, SIAM J. Sci. Comput.
+    18 (1997).
     """
 
     def value(self, system: Any, state: Any) -> float:
@@ -242,7 +266,8 @@ class EqualChange(OfEnergy):
 
 @record
 class EqualPath(OfEnergy):
-    """sigma = (H_0 - V)^(-1/2): equal steps in the positions.  It has no value at a turning point, where a motion comes to rest.
+    """sigma = (H_0 - V)^(-1/2): equal steps in the positions.  It has no value at a turning point,
+    where a motion comes to rest.
 
     Source: Hairer, Lubich, Wanner, VIII.2.1, choice 4.
     """

@@ -1,4 +1,6 @@
-"""Time-transformed canonical systems: Hamilton's equations in a fictive time, with physical time as one more position."""
+"""Time-transformed canonical systems: Hamilton's equations in a fictive time, with physical time as
+one more position.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,8 @@ from .time_scales import POSITIVE, TimeScale, time_scale
 
 @record
 class ExtendedSystem(HamiltonianSystem):
-    """A canonical system with two more coordinates: the time t, its last position, and -H_0, which belongs to it; abstract.
+    """A canonical system with two more coordinates: the time t, its last position, and -H_0, which
+    belongs to it; abstract.
 
     A run begins from a state of the system itself; then H_0 is its energy.
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VIII.2.
@@ -30,8 +33,9 @@ class ExtendedSystem(HamiltonianSystem):
     def __post_init__(self) -> None:
         if not isinstance(self.system, self.wanted) or self.system.fictive:
             raise IncompatibleSystem(
-                f"{type(self).__name__} is for a {self.wanted.__name__} such as Kepler(); got {self.system!r}. "
-                "ReversibleController(method, sigma) varies the steps of a symmetric method on any system"
+                f"{type(self).__name__} is for a {self.wanted.__name__} such as Kepler(); got "
+                f"{self.system!r}. ReversibleController(method, sigma) varies the steps of a "
+                "symmetric method on any system"
             )
         super().__post_init__()
 
@@ -61,10 +65,13 @@ class ExtendedSystem(HamiltonianSystem):
             return CanonicalState(vec(*start.q, t0), vec(*start.p, -energy))
         minus = -np.asarray(energy)[:, None]
         return CanonicalState(
-            np.concatenate([start.q, np.full(minus.shape, t0)], axis=1), np.concatenate([start.p, minus], axis=1)
+            np.concatenate([start.q, np.full(minus.shape, t0)], axis=1),
+            np.concatenate([start.p, minus], axis=1),
         )
 
-    def apart(self, states: dict[str, np.ndarray]) -> tuple[np.ndarray, dict[str, np.ndarray], None]:
+    def apart(
+        self, states: dict[str, np.ndarray]
+    ) -> tuple[np.ndarray, dict[str, np.ndarray], None]:
         """The samples taken apart: the times, and the parts of the states of the system itself."""
         return states["q"][..., -1], {name: x[..., :-1] for name, x in states.items()}, None
 
@@ -75,17 +82,22 @@ class TimeTransformed(ExtendedSystem):
 
         K = sigma (H - H_0),   q' = sigma dH/dp + (H - H_0) dsigma/dp,   p' = -sigma dH/dq - (H - H_0) dsigma/dq,   t' = sigma
 
-    H_0 is the energy of the start, so that K = 0 and the motion that of H, in another time.  A symplectic method with equal steps
-    in tau takes steps of about sigma h in t, and its energy does not drift.
-    system : any HamiltonianSystem.  sigma : a TimeScale such as DistancePower(1.5), or a function of q, or of q and p.
+    H_0 is the energy of the start, so that K = 0 and the motion that of H, in another time.  A
+    symplectic method with equal steps in tau takes steps of about sigma h in t, and its energy does
+    not drift.
+    system : any HamiltonianSystem.  sigma : a TimeScale such as DistancePower(1.5), or a function
+    of q, or of q and p.
 
-    AdaptiveVerlet() and its compositions are for T(p) + V(q) and sigma(q), HamiltonJacobi(order=4) and the methods of Gauss,
-    RKMK(tableau=tableaus.gauss(2)), for any of them.  `integrate` takes a start of the system itself and h in fictive time.
-    Source: Hairer, Lubich, Wanner, VIII.2; Hairer, Appl. Numer. Math. 25 (1997), 219; Reich, SIAM J. Numer. Anal. 36 (1999), 1549.
+    AdaptiveVerlet() and its compositions are for T(p) + V(q) and sigma(q), HamiltonJacobi(order=4)
+    and the methods of Gauss, RKMK(tableau=tableaus.gauss(2)), for any of them.  `integrate` takes a
+    start of the system itself and h in fictive time.
+    Source: Hairer, Lubich, Wanner, VIII.2; Hairer, Appl. Numer. Math. 25 (1997), 219; Reich, SIAM
+    J. Numer. Anal. 36 (1999), 1549.
     """
 
     alternatives: ClassVar[str] = (
-        "AdaptiveVerlet() is for sigma(q), HamiltonJacobi(order=4) for any sigma; RKMK accepts every system"
+        "AdaptiveVerlet() is for sigma(q), HamiltonJacobi(order=4) "
+        "for any sigma; RKMK accepts every system"
     )
 
     sigma: TimeScale
@@ -115,7 +127,9 @@ class TimeTransformed(ExtendedSystem):
         sigma, x, y = self.scale(q, p), self.without(q), self.without(p)
         v = sigma * self.system.velocity(x, y)
         if not self.sigma.positions:
-            v = v + self.excess(q, p) * gradient(lambda z: self.sigma.value(self.system, CanonicalState(x, z)), y)
+            v = v + self.excess(q, p) * gradient(
+                lambda z: self.sigma.value(self.system, CanonicalState(x, z)), y
+            )
         return vec(*v, sigma)
 
     def force(self, q: Vec, p: Vec) -> Vec:
@@ -145,20 +159,24 @@ class InversePotential(TimeScale):
 
 @record
 class LogarithmicHamiltonian(ExtendedSystem, SeparableSystem):
-    """A system T(p) + V(q) with V < 0 in a fictive time, with an energy that is a sum again, so that splittings are explicit:
+    """A system T(p) + V(q) with V < 0 in a fictive time, with an energy that is a sum again, so
+    that splittings are explicit:
 
         Gamma = log(T(p) - H_0) - log(-V(q)),   q' = (dT/dp)/(T - H_0),   t' = 1/(T - H_0),   p' = -(dV/dq)/(-V)
 
-    On the motion Gamma = 0, T - H_0 = -V, and dt = dtau/(-V).  Splitting(order=4, quadratic=False), 6 or 8 step it; so does
-    StormerVerlet(), which keeps an orbit of Kepler exactly and errs in time only.
+    On the motion Gamma = 0, T - H_0 = -V, and dt = dtau/(-V).  Splitting(order=4, quadratic=False),
+    6 or 8 step it; so does StormerVerlet(), which keeps an orbit of Kepler exactly and errs in time
+    only.
     `integrate` takes a start of the system itself and h in fictive time.
 
-    Source: Mikkola and Tanikawa, Celest. Mech. Dyn. Astron. 74 (1999), 287; Preto and Tremaine, Astron. J. 118 (1999), 2532.
+    Source: Mikkola and Tanikawa, Celest. Mech. Dyn. Astron. 74 (1999), 287; Preto and Tremaine,
+    Astron. J. 118 (1999), 2532.
     """
 
     wanted: ClassVar[type[HamiltonianSystem]] = SeparableSystem
     alternatives: ClassVar[str] = (
-        "StormerVerlet() and Splitting(order=4, quadratic=False) are for it, RKMK accepts every system"
+        "StormerVerlet() and Splitting(order=4, "
+        "quadratic=False) are for it, RKMK accepts every system"
     )
 
     @property
@@ -171,8 +189,9 @@ class LogarithmicHamiltonian(ExtendedSystem, SeparableSystem):
         highest = np.max(self.system.potential(start.q))  # type: ignore[attr-defined]
         if not highest < 0.0:
             raise InvalidTimeScale(
-                f"LogarithmicHamiltonian: the potential of {self.system!r} is {highest:g} at the start, and its logarithm needs a "
-                "negative one. Subtract a constant from it that is larger than it ever becomes"
+                f"LogarithmicHamiltonian: the potential of {self.system!r} is {highest:g} at the "
+                "start, and its logarithm needs a negative one. Subtract a constant from it that "
+                "is larger than it ever becomes"
             )
         return self
 
@@ -197,7 +216,9 @@ class LogarithmicHamiltonian(ExtendedSystem, SeparableSystem):
         """T - H_0."""
         surplus = self.system.kinetic(self.without(p)) + p[self.degrees - 1]  # type: ignore[attr-defined]
         if not surplus > 0.0:
-            raise InvalidTimeScale(f"LogarithmicHamiltonian: T - H_0 = {surplus:g}; {POSITIVE}. A smaller h may help")
+            raise InvalidTimeScale(
+                f"LogarithmicHamiltonian: T - H_0 = {surplus:g}; {POSITIVE}. A smaller h may help"
+            )
         return surplus
 
     @property

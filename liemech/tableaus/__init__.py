@@ -1,4 +1,5 @@
-"""Coefficients as data: Butcher tableaus, flow tableaus for commutator-free methods, compositions and splittings.
+"""Coefficients as data: Butcher tableaus, flow tableaus for commutator-free methods, compositions
+and splittings.
 
     lm.tableaus.DORMAND_PRINCE5, lm.tableaus.gauss(3), lm.tableaus.named("Tsitouras 5(4)")
 
@@ -23,10 +24,38 @@ if TYPE_CHECKING:
         suzuki,
         triple_jump,
     )
-    from .diagonally_implicit import CROUZEIX3, IMPLICIT_EULER, IMPLICIT_MIDPOINT, SDIRK4, TRAPEZOIDAL
+    from .diagonally_implicit import (
+        CROUZEIX3,
+        IMPLICIT_EULER,
+        IMPLICIT_MIDPOINT,
+        SDIRK4,
+        TRAPEZOIDAL,
+    )
     from .dop853 import DOP853
-    from .explicit import BUTCHER6, EULER, HEUN2, HEUN3, KUTTA3, KUTTA38, MIDPOINT, RALSTON2, RALSTON3, RK4, SSP3
-    from .flows import CARPENTER_KENNEDY4, CF3, CF4, CG3, CG4, LIE_EULER, LIE_MIDPOINT, LUSCHER3, FlowTableau
+    from .explicit import (
+        BUTCHER6,
+        EULER,
+        HEUN2,
+        HEUN3,
+        KUTTA3,
+        KUTTA38,
+        MIDPOINT,
+        RALSTON2,
+        RALSTON3,
+        RK4,
+        SSP3,
+    )
+    from .flows import (
+        CARPENTER_KENNEDY4,
+        CF3,
+        CF4,
+        CG3,
+        CG4,
+        LIE_EULER,
+        LIE_MIDPOINT,
+        LUSCHER3,
+        FlowTableau,
+    )
     from .pairs import (
         BOGACKI_SHAMPINE3,
         BOGACKI_SHAMPINE5,
@@ -59,26 +88,69 @@ _LATER = {
     "butcher": ("BY_ORDER", "FAMILIES", "PAIRS", "TABLEAUS", "named", "pair"),
     "collocation": ("gauss", "lobatto_iiia", "lobatto_iiib", "lobatto_iiic", "radau_iia"),
     "compositions": (
-        *("COMPOSITIONS", "KAHAN_LI6", "KAHAN_LI8", "SUZUKI4", "SUZUKI_UMENO8", "TRIPLE_JUMP4", "YOSHIDA6"),
+        *(
+            "COMPOSITIONS",
+            "KAHAN_LI6",
+            "KAHAN_LI8",
+            "SUZUKI4",
+            "SUZUKI_UMENO8",
+            "TRIPLE_JUMP4",
+            "YOSHIDA6",
+        ),
         *("CompositionTableau", "suzuki", "triple_jump"),
     ),
-    "diagonally_implicit": ("CROUZEIX3", "IMPLICIT_EULER", "IMPLICIT_MIDPOINT", "SDIRK4", "TRAPEZOIDAL"),
+    "diagonally_implicit": (
+        "CROUZEIX3",
+        "IMPLICIT_EULER",
+        "IMPLICIT_MIDPOINT",
+        "SDIRK4",
+        "TRAPEZOIDAL",
+    ),
     "dop853": ("DOP853",),
     "explicit": (
         *("EULER", "MIDPOINT", "HEUN2", "RALSTON2", "KUTTA3", "HEUN3", "RALSTON3", "SSP3"),
         *("RK4", "KUTTA38", "BUTCHER6"),
     ),
     "flows": (
-        *("CARPENTER_KENNEDY4", "CF3", "CF4", "CG3", "CG4", "LIE_EULER", "LIE_MIDPOINT", "LUSCHER3"),
+        *(
+            "CARPENTER_KENNEDY4",
+            "CF3",
+            "CF4",
+            "CG3",
+            "CG4",
+            "LIE_EULER",
+            "LIE_MIDPOINT",
+            "LUSCHER3",
+        ),
         "FlowTableau",
     ),
     "pairs": (
-        *("HEUN_EULER2", "BOGACKI_SHAMPINE3", "ZONNEVELD4", "FEHLBERG5", "CASH_KARP5", "DORMAND_PRINCE5"),
+        *(
+            "HEUN_EULER2",
+            "BOGACKI_SHAMPINE3",
+            "ZONNEVELD4",
+            "FEHLBERG5",
+            "CASH_KARP5",
+            "DORMAND_PRINCE5",
+        ),
         *("BOGACKI_SHAMPINE5", "DVERK6"),
     ),
     "splittings": (
-        *("SPLITTINGS", "STRANG", "BLANES_MOAN4", "BLANES_MOAN6", "BLANES_MOAN6_SHORT", "BLANES_CASAS_ESCORIHUELA8"),
-        *("SYMPLECTIC_EULER", "RUTH3", "BLANES_MOAN4_GENERAL", "BLANES_MOAN6_GENERAL", "SplittingTableau"),
+        *(
+            "SPLITTINGS",
+            "STRANG",
+            "BLANES_MOAN4",
+            "BLANES_MOAN6",
+            "BLANES_MOAN6_SHORT",
+            "BLANES_CASAS_ESCORIHUELA8",
+        ),
+        *(
+            "SYMPLECTIC_EULER",
+            "RUTH3",
+            "BLANES_MOAN4_GENERAL",
+            "BLANES_MOAN6_GENERAL",
+            "SplittingTableau",
+        ),
     ),
     "tableau": ("ButcherTableau",),
     "trees": ("order_of",),

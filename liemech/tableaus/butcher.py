@@ -36,7 +36,12 @@ PAIRS = {
 TABLEAUS = {
     t.name: t
     for t in (
-        *(x for module in (explicit, pairs) for x in vars(module).values() if isinstance(x, ButcherTableau)),
+        *(
+            x
+            for module in (explicit, pairs)
+            for x in vars(module).values()
+            if isinstance(x, ButcherTableau)
+        ),
         TSITOURAS5,
         VERNER6,
         VERNER7,
@@ -44,7 +49,9 @@ TABLEAUS = {
         *(x for x in vars(diagonally_implicit).values() if isinstance(x, ButcherTableau)),
     )
 }
-"""The explicit and the diagonally implicit methods by name; Gauss, Radau and Lobatto methods are made by functions."""
+"""The explicit and the diagonally implicit methods by name; Gauss, Radau and Lobatto methods are
+made by functions.
+"""
 
 FAMILIES = {
     "Gauss": gauss,
@@ -57,7 +64,8 @@ FAMILIES = {
 
 
 def named(name: str) -> ButcherTableau:
-    """The tableau of this name, such as "Tsitouras 5(4)", "Gauss 6" or "classical"; upper case and brackets do not matter.
+    """The tableau of this name, such as "Tsitouras 5(4)", "Gauss 6" or "classical"; upper case and
+    brackets do not matter.
 
     Raises InvalidInput with the nearest names.
     """
@@ -71,20 +79,33 @@ def named(name: str) -> ButcherTableau:
             stages = {"Gauss": int(order), "Radau IIA": int(order) + 1}.get(family, int(order) + 2)
             if stages % 2 == 0:
                 return made(stages // 2)
-            raise InvalidInput(f"{family} methods are of {'odd' if family == 'Radau IIA' else 'even'} order; got {name!r}")
+            raise InvalidInput(
+                f"{family} methods are of "
+                f"{'odd' if family == 'Radau IIA' else 'even'} order; got {name!r}"
+            )
     if wanted not in known:
         import difflib  # when needed, for an import does not wait for it
 
-        near = dict.fromkeys(known[n].name for n in difflib.get_close_matches(wanted, known, 3, 0.5))
+        near = dict.fromkeys(
+            known[n].name for n in difflib.get_close_matches(wanted, known, 3, 0.5)
+        )
         all_names = [*TABLEAUS, *(f"{family} <order>" for family in FAMILIES)]
-        raise InvalidInput(f"no tableau is called {name!r}; {'near are' if near else 'there are'} {', '.join(near or all_names)}")
+        raise InvalidInput(
+            f"no tableau is called {name!r}; {'near are' if near else 'there are'} "
+            f"{', '.join(near or all_names)}"
+        )
     return known[wanted]
 
 
 def pair(order: int) -> ButcherTableau:
-    """The explicit method of this order with an error estimate.  Raises InvalidInput with the orders there are."""
+    """The explicit method of this order with an error estimate.  Raises InvalidInput with the
+    orders there are.
+    """
     if type(order) is not int or order not in PAIRS:
-        raise InvalidInput(f"no pair of order {order!r}; there are pairs of the orders {', '.join(map(str, PAIRS))}")
+        raise InvalidInput(
+            f"no pair of order {order!r}; there are pairs of the orders "
+            f"{', '.join(map(str, PAIRS))}"
+        )
     return PAIRS[order]
 
 

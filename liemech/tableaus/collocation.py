@@ -1,6 +1,7 @@
 """The implicit Runge-Kutta methods of Gauss, Radau and Lobatto, with any number of stages.
 
-Source: Hairer and Wanner, Solving Ordinary Differential Equations II, 2nd ed., IV.5; Hairer, Lubich, Wanner, II.1.3 and II.1.4.
+Source: Hairer and Wanner, Solving Ordinary Differential Equations II, 2nd ed., IV.5; Hairer,
+Lubich, Wanner, II.1.3 and II.1.4.
 """
 
 from __future__ import annotations
@@ -13,7 +14,8 @@ from .tableau import ButcherTableau, shipped
 MOST_STAGES = 20
 
 def gauss(stages: int) -> ButcherTableau:
-    """Gauss' method, of order 2 s: collocation at the zeros of the s-th derivative of x^s (x - 1)^s.
+    """Gauss' method, of order 2 s: collocation at the zeros of the s-th derivative of x^s
+    (x - 1)^s.
 
     Symplectic, symmetric and A-stable.
 
@@ -24,7 +26,8 @@ def gauss(stages: int) -> ButcherTableau:
 
 
 def radau_iia(stages: int) -> ButcherTableau:
-    """Radau IIA, of order 2 s - 1: collocation at the zeros of the (s-1)-st derivative of x^(s-1) (x - 1)^s.  L-stable.
+    """Radau IIA, of order 2 s - 1: collocation at the zeros of the (s-1)-st derivative of x^(s-1)
+    (x - 1)^s.  L-stable.
 
     Raises InvalidInput unless stages is a whole number from 1 to 20.
     Source: Hairer and Wanner, IV.5.
@@ -33,7 +36,8 @@ def radau_iia(stages: int) -> ButcherTableau:
 
 
 def lobatto_iiia(stages: int) -> ButcherTableau:
-    """Lobatto IIIA, of order 2 s - 2: collocation at the zeros of the (s-2)-nd derivative of x^(s-1) (x - 1)^(s-1).  Symmetric.
+    """Lobatto IIIA, of order 2 s - 2: collocation at the zeros of the (s-2)-nd derivative of
+    x^(s-1) (x - 1)^(s-1).  Symmetric.
 
     Raises InvalidInput unless stages is a whole number from 2 to 20.
     Source: Hairer and Wanner, IV.5.
@@ -42,9 +46,11 @@ def lobatto_iiia(stages: int) -> ButcherTableau:
 
 
 def lobatto_iiib(stages: int) -> ButcherTableau:
-    """Lobatto IIIB, of order 2 s - 2: the partner of Lobatto IIIA in a symplectic pair, b_i a_ij + b_j a'_ji = b_i b_j.  Symmetric.
+    """Lobatto IIIB, of order 2 s - 2: the partner of Lobatto IIIA in a symplectic pair, b_i
+    a_ij + b_j a'_ji = b_i b_j.  Symmetric.
 
-    With two stages the rows of A sum to 1/2, which therefore are the nodes: alone it is the implicit midpoint rule, twice.
+    With two stages the rows of A sum to 1/2, which therefore are the nodes: alone it is the
+    implicit midpoint rule, twice.
     Raises InvalidInput unless stages is a whole number from 2 to 20.
     Source: Hairer, Lubich, Wanner, II.1.4 and VI.4.
     """
@@ -69,7 +75,13 @@ def _member(name: str, stages: int) -> ButcherTableau:
 
 @functools.cache
 def _computed(name: str, s: int) -> ButcherTableau:
-    from .collocation_digits import rounded  # when needed, for an import does not wait for `decimal`
+    # when needed, for an import does not wait for `decimal`
+    from .collocation_digits import rounded
 
     order = 2 * s - {"Gauss": 0, "Radau IIA": 1}.get(name, 2)
-    return shipped(f"{name} {order}", order, *rounded(name, s), "Hairer and Wanner, Solving ODEs II, 2nd ed., IV.5")
+    return shipped(
+        f"{name} {order}",
+        order,
+        *rounded(name, s),
+        "Hairer and Wanner, Solving ODEs II, 2nd ed., IV.5",
+    )

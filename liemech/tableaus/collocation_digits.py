@@ -1,9 +1,10 @@
 """The coefficients of collocation methods and their relatives, every one the exact one, rounded.
 
-The nodes are the zeros of an orthogonal polynomial, the weights are integrals of Lagrange polynomials: both in as many decimal
-digits as it takes.
+The nodes are the zeros of an orthogonal polynomial, the weights are integrals of Lagrange
+polynomials: both in as many decimal digits as it takes.
 
-Source: Hairer and Wanner, Solving Ordinary Differential Equations II, 2nd ed., IV.5; Hairer, Lubich, Wanner, II.1.3 and II.1.4.
+Source: Hairer and Wanner, Solving Ordinary Differential Equations II, 2nd ed., IV.5; Hairer,
+Lubich, Wanner, II.1.3 and II.1.4.
 """
 
 from __future__ import annotations
@@ -29,7 +30,13 @@ def rounded(name: str, s: int) -> tuple[list[list[float]], list[float], list[flo
 def _exact(name: str, s: int) -> tuple[list[list[Decimal]], list[Decimal], list[Decimal]]:
     """A, b, c in the precision of the context."""
     lobatto = name.startswith("Lobatto")
-    c = _zeros(s - 1, s - 1, s - 2) if lobatto else _zeros(s - 1, s, s - 1) if name == "Radau IIA" else _zeros(s, s, s)
+    c = (
+        _zeros(s - 1, s - 1, s - 2)
+        if lobatto
+        else _zeros(s - 1, s, s - 1)
+        if name == "Radau IIA"
+        else _zeros(s, s, s)
+    )
     integrals = [_integral(p) for p in _lagrange(c)]
     A = [[_value(p, x) for p in integrals] for x in c]
     b = [_value(p, Decimal(1)) for p in integrals]
@@ -42,12 +49,17 @@ def _exact(name: str, s: int) -> tuple[list[list[Decimal]], list[Decimal], list[
 
 
 def _zeros(p: int, q: int, m: int) -> list[Decimal]:
-    """The zeros of the m-th derivative of x^p (x - 1)^q, p and q being m or m + 1: all real, simple, and in [0, 1]."""
-    f: Polynomial = [Decimal(0)] * p + [Decimal((-1) ** (q - k) * math.comb(q, k)) for k in range(q + 1)]
+    """The zeros of the m-th derivative of x^p (x - 1)^q, p and q being m or m + 1: all real,
+    simple, and in [0, 1].
+    """
+    f: Polynomial = [Decimal(0)] * p + [
+        Decimal((-1) ** (q - k) * math.comb(q, k)) for k in range(q + 1)
+    ]
     for _ in range(m):
         f = _derivative(f)
     slope = _derivative(f)
-    # in the angle of x = (1 - cos)/2 the zeros are evenly spaced, so that four points for each separate them
+    # in the angle of x = (1 - cos)/2 the zeros are evenly spaced, so that four points for each
+    # separate them
     count = 4 * len(f) + 1
     grid = [Decimal((1.0 - math.cos(math.pi * k / count)) / 2.0) for k in range(1, count)]
     inner = []

@@ -1,11 +1,14 @@
-"""Compositions: substeps of a symmetric method, forwards and backwards, that cancel its errors order by order.
+"""Compositions: substeps of a symmetric method, forwards and backwards, that cancel its errors
+order by order.
 
-A symmetric method of even order p is the flow of h Y_1 + h^(p+1) Y_p+1 + h^(p+3) Y_p+3 + ..., with vector fields Y_k that do not
-commute.  Substeps gamma_i h, one after the other, are a product of exponentials of gamma_i Y_1 + gamma_i^(p+1) Y_p+1 + ...: a sum
-over words in the letters Y_k.  The composition is of order q if all words of degree up to q have the weight that they have in
-exp(Y_1): 1/n! for n times Y_1, zero for all others.
+A symmetric method of even order p is the flow of h Y_1 + h^(p+1) Y_p+1 + h^(p+3) Y_p+3 + ..., with
+vector fields Y_k that do not commute.  Substeps gamma_i h, one after the other, are a product of
+exponentials of gamma_i Y_1 + gamma_i^(p+1) Y_p+1 + ...: a sum over words in the letters Y_k.  The
+composition is of order q if all words of degree up to q have the weight that they have in exp(Y_1):
+1/n! for n times Y_1, zero for all others.
 
-Sources: [HLW] Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., V.3; McLachlan, SIAM J. Sci. Comput. 16 (1995).
+Sources: [HLW] Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., V.3; McLachlan,
+SIAM J. Sci. Comput. 16 (1995).
 """
 
 from __future__ import annotations
@@ -26,11 +29,14 @@ _CLOSE = 64.0 * sys.float_info.epsilon
 
 @record
 class CompositionTableau(Record):
-    """The coefficients of a symmetric composition, Phi_(gamma_s h) o ... o Phi_(gamma_1 h) with gamma_s+1-i = gamma_i.
+    """The coefficients of a symmetric composition, Phi_(gamma_s h) o ... o Phi_(gamma_1 h) with
+    gamma_s+1-i = gamma_i.
 
-    order : of the composition.  gamma : the s substeps, as shares of the step.  base_order : the even order of the base Phi.
+    order : of the composition.  gamma : the s substeps, as shares of the step.  base_order : the
+    even order of the base Phi.
 
-    Building one checks it: that it is symmetric, and the order conditions of all words up to the order claimed, to rounding.
+    Building one checks it: that it is symmetric, and the order conditions of all words up to the
+    order claimed, to rounding.
     Raises InvalidInput, InvalidType, or LawViolation with the condition that fails.
 
     Source: Hairer, Lubich, Wanner, V.3.2; Yoshida, Phys. Lett. A 150 (1990).
@@ -47,7 +53,9 @@ class CompositionTableau(Record):
         self.check()
 
     @classmethod
-    def of(cls, gamma: Any, base_order: int = 2, name: str = "own composition") -> CompositionTableau:
+    def of(
+        cls, gamma: Any, base_order: int = 2, name: str = "own composition"
+    ) -> CompositionTableau:
         """The composition with these substeps, of the order that they have."""
         tableau = shipped(name, 1, gamma, "", base_order)
         order = 1
@@ -59,7 +67,9 @@ class CompositionTableau(Record):
         try:
             gamma = tuple(map(float, self.gamma))
         except (TypeError, ValueError):
-            raise InvalidType(f"{self.name}: gamma is a sequence of numbers; got {self.gamma!r}") from None
+            raise InvalidType(
+                f"{self.name}: gamma is a sequence of numbers; got {self.gamma!r}"
+            ) from None
         object.__setattr__(self, "gamma", gamma)
 
     # ---------------------------------------------------------------- what follows
@@ -71,7 +81,9 @@ class CompositionTableau(Record):
 
     @cached_property
     def nodes(self) -> Row:
-        """The times at which the substeps begin, as shares of the step: the sums of the gammas before them."""
+        """The times at which the substeps begin, as shares of the step: the sums of the gammas
+        before them.
+        """
         return tuple(math.fsum(self.gamma[:i]) for i in range(self.stages))
 
     @property
@@ -86,17 +98,26 @@ class CompositionTableau(Record):
     # ---------------------------------------------------------------- the laws
 
     def check(self) -> None:
-        """Raise an error, naming the law, unless the coefficients are symmetric and of the order claimed."""
+        """Raise an error, naming the law, unless the coefficients are symmetric and of the order
+        claimed.
+        """
         name, gamma, order, base = self.name, self.gamma, self.order, self.base_order
         if type(base) is not int or base < 2 or base % 2:
-            raise InvalidInput(f"{name}: symmetric methods have even orders; got base_order = {base!r}")
+            raise InvalidInput(
+                f"{name}: symmetric methods have even orders; got base_order = {base!r}"
+            )
         if type(order) is not int or not 1 <= order <= MOST:
-            raise InvalidInput(f"{name}: the order is a whole number from 1 to {MOST}; got {order!r}")
+            raise InvalidInput(
+                f"{name}: the order is a whole number from 1 to {MOST}; got {order!r}"
+            )
         if not gamma or not all(map(math.isfinite, gamma)):
             raise InvalidInput(f"{name}: gamma is one finite number for each substep; got {gamma}")
         for i, (x, y) in enumerate(zip(gamma, gamma[::-1])):
             if x != y:
-                raise LawViolation(f"{name} is not symmetric: gamma_{i + 1} = {x!r} and gamma_{self.stages - i} = {y!r}")
+                raise LawViolation(
+                    f"{name} is not symmetric: gamma_{i + 1} = {x!r} "
+                    f"and gamma_{self.stages - i} = {y!r}"
+                )
         for q in range(1, order + 1):
             failing = self._failing(q)
             if failing:
@@ -121,12 +142,16 @@ class CompositionTableau(Record):
         return self._weights(self.gamma), self._weights(tuple(map(abs, self.gamma)))
 
     def _weights(self, gamma: Row) -> dict[Word, float]:
-        """The weights of the words: of a product the sums over the places where a word can be cut in two."""
+        """The weights of the words: of a product the sums over the places where a word can be cut
+        in two.
+        """
         words = [word for degree in range(MOST + 1) for word in _words(degree, self._letters)]
         total = {word: 0.0 if word else 1.0 for word in words}
         for x in gamma:
             one = {word: x ** sum(word) / math.factorial(len(word)) for word in words}
-            total = {w: math.fsum(total[w[:k]] * one[w[k:]] for k in range(len(w) + 1)) for w in words}
+            total = {
+                w: math.fsum(total[w[:k]] * one[w[k:]] for k in range(len(w) + 1)) for w in words
+            }
         return total
 
 
@@ -143,13 +168,28 @@ def _words(degree: int, letters: Word) -> list[Word]:
     """All words whose letters have degrees that add up to this one."""
     if degree == 0:
         return [()]
-    return [(letter, *rest) for letter in letters if letter <= degree for rest in _words(degree - letter, letters)]
+    return [
+        (letter, *rest)
+        for letter in letters
+        if letter <= degree
+        for rest in _words(degree - letter, letters)
+    ]
 
 
-def shipped(name: str, order: int, gamma: Any, source: str, base_order: int = 2) -> CompositionTableau:
-    """A composition of this library: its laws are checked by the tests, so that an import does not wait for them."""
+def shipped(
+    name: str, order: int, gamma: Any, source: str, base_order: int = 2
+) -> CompositionTableau:
+    """A composition of this library: its laws are checked by the tests, so that an import does not
+    wait for them.
+    """
     tableau: CompositionTableau = object.__new__(CompositionTableau)
-    values = {"name": name, "order": order, "gamma": gamma, "base_order": base_order, "source": source}
+    values = {
+        "name": name,
+        "order": order,
+        "gamma": gamma,
+        "base_order": base_order,
+        "source": source,
+    }
     for field, value in values.items():
         object.__setattr__(tableau, field, value)
     tableau._tidy()
@@ -160,23 +200,30 @@ def shipped(name: str, order: int, gamma: Any, source: str, base_order: int = 2)
 
 
 def triple_jump(base_order: int = 2) -> CompositionTableau:
-    """Three substeps, 1/(2 - 2^(1/(p+1))) on both sides and a long way back between them: two orders more than the base, p + 2.
+    """Three substeps, 1/(2 - 2^(1/(p+1))) on both sides and a long way back between them: two
+    orders more than the base, p + 2.
 
-    Source: Yoshida, Phys. Lett. A 150 (1990); Creutz and Gocksch, Phys. Rev. Lett. 63 (1989); HLW II.4, (4.4).
+    Source: Yoshida, Phys. Lett. A 150 (1990); Creutz and Gocksch, Phys. Rev. Lett. 63 (1989); HLW
+    II.4, (4.4).
     """
     side = 1.0 / (2.0 - 2.0 ** (1.0 / (base_order + 1)))
     gamma = side, 1.0 - 2.0 * side, side
-    return shipped(f"triple jump {base_order + 2}", base_order + 2, gamma, "Yoshida 1990; HLW II.4", base_order)
+    return shipped(
+        f"triple jump {base_order + 2}", base_order + 2, gamma, "Yoshida 1990; HLW II.4", base_order
+    )
 
 
 def suzuki(base_order: int = 2) -> CompositionTableau:
-    """Five substeps, four of 1/(4 - 4^(1/(p+1))) and a short way back in the middle: two orders more than the base, p + 2.
+    """Five substeps, four of 1/(4 - 4^(1/(p+1))) and a short way back in the middle: two orders
+    more than the base, p + 2.
 
     Source: Suzuki, Phys. Lett. A 146 (1990); HLW II.4, (4.5).
     """
     side = 1.0 / (4.0 - 4.0 ** (1.0 / (base_order + 1)))
     gamma = side, side, 1.0 - 4.0 * side, side, side
-    return shipped(f"Suzuki {base_order + 2}", base_order + 2, gamma, "Suzuki 1990; HLW II.4", base_order)
+    return shipped(
+        f"Suzuki {base_order + 2}", base_order + 2, gamma, "Suzuki 1990; HLW II.4", base_order
+    )
 
 
 # ---------------------------------------------------------------- from order 2 at once
@@ -225,5 +272,7 @@ KAHAN_LI8 = shipped(
     "Kahan and Li, Math. Comp. 66 (1997); HLW V.3.2, (3.13)",
 )  # fmt: skip
 
-COMPOSITIONS = {t.name: t for t in (TRIPLE_JUMP4, SUZUKI4, YOSHIDA6, KAHAN_LI6, SUZUKI_UMENO8, KAHAN_LI8)}
+COMPOSITIONS = {
+    t.name: t for t in (TRIPLE_JUMP4, SUZUKI4, YOSHIDA6, KAHAN_LI6, SUZUKI_UMENO8, KAHAN_LI8)
+}
 """All compositions of a symmetric method of order 2, by name."""

@@ -1,7 +1,7 @@
 """Runge-Kutta methods whose stages are solved one after the other, each for itself.
 
-Sources: [HW] Hairer and Wanner, Solving Ordinary Differential Equations II, 2nd ed.; [HNW] the same with Norsett, I; [HLW] Hairer,
-Lubich, Wanner, Geometric Numerical Integration, 2nd ed.
+Sources: [HW] Hairer and Wanner, Solving Ordinary Differential Equations II, 2nd ed.; [HNW] the same
+with Norsett, I; [HLW] Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed.
 """
 
 from __future__ import annotations

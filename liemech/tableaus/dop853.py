@@ -1,8 +1,11 @@
-"""The explicit method of Dormand and Prince of order 8 with two error estimates, as in DOP853, and an interpolant of order 7.
+"""The explicit method of Dormand and Prince of order 8 with two error estimates, as in DOP853, and
+an interpolant of order 7.
 
-The digits are those of the authors' program, as they stand in scipy.integrate._ivp.dop853_coefficients.
+The digits are those of the authors' program, as they stand in
+scipy.integrate._ivp.dop853_coefficients.
 
-Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, 2nd ed., II.5, II.6 and II.10.
+Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, 2nd ed., II.5, II.6 and
+II.10.
 """
 
 from __future__ import annotations

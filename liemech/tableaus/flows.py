@@ -1,12 +1,15 @@
-"""Flow tableaus: coefficients of methods that follow frozen velocities one after the other, with their order conditions.
+"""Flow tableaus: coefficients of methods that follow frozen velocities one after the other, with
+their order conditions.
 
-With K_j the velocities at the stages, a row (b_1, b_2, ...) stands for the flow exp(h sum_j b_j K_j).  What flows do one after
-the other is a sum over words, products of such velocities, whose letters are ordered trees.  A method is of order p if all words
-with up to p nodes have the weights that the exact motion gives them.  On a commuting group these are Butcher's conditions for the
-sums of the rows; on others there are more, because letters cannot change places.
+With K_j the velocities at the stages, a row (b_1, b_2, ...) stands for the flow
+exp(h sum_j b_j K_j).  What flows do one after the other is a sum over words, products of such
+velocities, whose letters are ordered trees.  A method is of order p if all words with up to p nodes
+have the weights that the exact motion gives them.  On a commuting group these are Butcher's
+conditions for the sums of the rows; on others there are more, because letters cannot change places.
 
 Source: Owren, Order conditions for commutator-free Lie group methods, J. Phys. A 39 (2006);
-Owren and Marthinsen, Runge-Kutta methods adapted to manifolds and based on rigid frames, BIT 39 (1999).
+Owren and Marthinsen, Runge-Kutta methods adapted to manifolds and based on rigid frames, BIT 39
+(1999).
 """
 
 from __future__ import annotations
@@ -29,16 +32,20 @@ _CLOSE = 64.0 * sys.float_info.epsilon
 
 @record
 class FlowTableau(Record):
-    """The coefficients of an explicit method made of flows: for each stage, and at last for the step, rows of weights.
+    """The coefficients of an explicit method made of flows: for each stage, and at last for the
+    step, rows of weights.
 
-    flows : flows[i] leads to stage i and flows[-1] to the end of the step; of several rows the first is followed first.  flows[0]
-    is (): stage 0 is the start.
-    origins : the stage from which each of them sets out, so that flows are shared; by default stage 0 for all.
+    flows : flows[i] leads to stage i and flows[-1] to the end of the step; of several rows the
+    first is followed first.  flows[0] is (): stage 0 is the start.
+    origins : the stage from which each of them sets out, so that flows are shared; by default stage
+    0 for all.
 
-    Building one checks it: shapes, and the order conditions of all words of ordered trees with up to `order` nodes.
+    Building one checks it: shapes, and the order conditions of all words of ordered trees with up
+    to `order` nodes.
     Raises InvalidType, or LawViolation with the condition that fails.
 
-    Source: Celledoni, Marthinsen, Owren, Commutator-free Lie group methods, Future Gener. Comput. Syst. 19 (2003).
+    Source: Celledoni, Marthinsen, Owren, Commutator-free Lie group methods, Future Gener. Comput.
+    Syst. 19 (2003).
     """
 
     name: str
@@ -56,7 +63,10 @@ class FlowTableau(Record):
             flows = tuple(tuple(tuple(map(float, row)) for row in rows) for rows in self.flows)
             origins = tuple(map(int, self.origins)) or (0,) * len(flows)
         except (TypeError, ValueError):
-            raise InvalidType(f"{self.name}: flows are sequences of rows of numbers, origins numbers; got {self.flows!r}") from None
+            raise InvalidType(
+                f"{self.name}: flows are sequences of rows of "
+                f"numbers, origins numbers; got {self.flows!r}"
+            ) from None
         object.__setattr__(self, "flows", flows)
         object.__setattr__(self, "origins", origins)
 
@@ -64,7 +74,9 @@ class FlowTableau(Record):
 
     @cached_property
     def c(self) -> Row:
-        """The times of the stages in the step, and 1 for its end: what all weights on the way add up to."""
+        """The times of the stages in the step, and 1 for its end: what all weights on the way add
+        up to.
+        """
         return tuple(math.fsum(map(math.fsum, self.way(i))) for i in range(len(self.flows)))
 
     @cached_property
@@ -92,19 +104,26 @@ class FlowTableau(Record):
     # ---------------------------------------------------------------- the laws
 
     def check(self) -> None:
-        """Raise LawViolation, naming the law, unless the shapes fit and the order is the one claimed."""
+        """Raise LawViolation, naming the law, unless the shapes fit and the order is the one
+        claimed.
+        """
         flows, origins = self.flows, self.origins
         if len(flows) < 2 or flows[0] or len(origins) != len(flows):
             raise LawViolation(
-                f"{self.name}: flows are () for the start, then rows for each stage and for the end; as many origins"
+                f"{self.name}: flows are () for the start, then rows for "
+                "each stage and for the end; as many origins"
             )
         for i, (rows, origin) in enumerate(zip(flows, origins)):
             if not 0 <= origin < max(i, 1):
                 raise LawViolation(
-                    f"{self.name}: flows[{i}] cannot set out from stage {origin}; it comes after stages 0 to {i - 1}"
+                    f"{self.name}: flows[{i}] cannot set out from stage "
+                    f"{origin}; it comes after stages 0 to {i - 1}"
                 )
             if any(len(row) > i or not any(row) for row in rows):
-                raise LawViolation(f"{self.name}: a row of flows[{i}] has at most {i} weights, not all zero; got {rows}")
+                raise LawViolation(
+                    f"{self.name}: a row of flows[{i}] has at most {i} "
+                    f"weights, not all zero; got {rows}"
+                )
         weight, size = self._weights(float), self._weights(abs)
         for word in (word for n in range(1, self.order + 1) for word in words(n)):
             found, wanted = weight(word), exact_weight(word)
@@ -113,10 +132,11 @@ class FlowTableau(Record):
                 raise LawViolation(f"{self.name} is not of order {self.order}: {fails}")
 
     def _weights(self, of: Callable[[float], float]) -> Callable[[Word], float]:
-        """The weight that the end of the step gives to a word, if the coefficients are passed through a function.
+        """The weight that the end of the step gives to a word, if the coefficients are passed
+        through a function.
 
-        Of a product of flows each takes consecutive letters of the word, m of them with 1/m!, and a letter is a tree, whose
-        branches are a word at the stage where the velocity was taken.
+        Of a product of flows each takes consecutive letters of the word, m of them with 1/m!, and a
+        letter is a tree, whose branches are a word at the stage where the velocity was taken.
         """
         ways = [self.way(i) for i in range(len(self.flows))]
 
@@ -142,7 +162,12 @@ def words(nodes: int) -> tuple[Word, ...]:
     """All words of ordered trees with this many nodes: 1, 2, 5, 14, 42 of them."""
     if nodes == 0:
         return ((),)
-    return tuple((*word, tree) for n in range(1, nodes + 1) for word in words(nodes - n) for tree in words(n - 1))
+    return tuple(
+        (*word, tree)
+        for n in range(1, nodes + 1)
+        for word in words(nodes - n)
+        for tree in words(n - 1)
+    )
 
 
 def nodes_of(word: Word) -> int:
@@ -152,7 +177,9 @@ def nodes_of(word: Word) -> int:
 
 @functools.cache
 def exact_weight(word: Word) -> float:
-    """The weight of a word in the exact motion, which appends the last letter last: w(u tree) = w(u) w(tree) / nodes."""
+    """The weight of a word in the exact motion, which appends the last letter last: w(u
+    tree) = w(u) w(tree) / nodes.
+    """
     return exact_weight(word[:-1]) * exact_weight(word[-1]) / nodes_of(word) if word else 1.0
 
 
@@ -164,10 +191,20 @@ def text(word: Word) -> str:
 # -------------------------------------------------------------------- the methods
 
 
-def _shipped(name: str, order: int, flows: tuple[Rows, ...], origins: tuple[int, ...], source: str) -> FlowTableau:
-    """A tableau of this library: its laws are checked by the tests, so that an import does not wait for them."""
+def _shipped(
+    name: str, order: int, flows: tuple[Rows, ...], origins: tuple[int, ...], source: str
+) -> FlowTableau:
+    """A tableau of this library: its laws are checked by the tests, so that an import does not wait
+    for them.
+    """
     tableau: FlowTableau = object.__new__(FlowTableau)
-    for field, value in {"name": name, "order": order, "flows": flows, "origins": origins, "source": source}.items():
+    for field, value in {
+        "name": name,
+        "order": order,
+        "flows": flows,
+        "origins": origins,
+        "source": source,
+    }.items():
         object.__setattr__(tableau, field, value)
     tableau._tidy()
     return tableau
@@ -180,7 +217,9 @@ def _crouch_grossman(name: str, order: int, weights: tuple[Row, ...], source: st
 
 
 def _low_storage(name: str, order: int, keep: Row, follow: Row, source: str) -> FlowTableau:
-    """Williamson's form: D_i = keep_i D_i-1 + k_i is what is remembered, and one flow follow_i D_i leads on from the last stage."""
+    """Williamson's form: D_i = keep_i D_i-1 + k_i is what is remembered, and one flow follow_i D_i
+    leads on from the last stage.
+    """
     flows: list[Rows] = [()]
     remembered: Row = ()
     for a, b in zip(keep, follow):
@@ -190,7 +229,9 @@ def _low_storage(name: str, order: int, keep: Row, follow: Row, source: str) -> 
 
 
 LIE_EULER = _shipped("Lie-Euler", 1, ((), ((1,),)), (), "Euler 1768")
-LIE_MIDPOINT = _shipped("Lie-midpoint", 2, ((), ((1 / 2,),), ((0, 1),)), (), "Runge 1895; Crouch and Grossman (1993)")
+LIE_MIDPOINT = _shipped(
+    "Lie-midpoint", 2, ((), ((1 / 2,),), ((0, 1),)), (), "Runge 1895; Crouch and Grossman (1993)"
+)
 
 CF3 = _shipped(
     "CF3", 3,

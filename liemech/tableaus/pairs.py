@@ -1,8 +1,10 @@
-"""Explicit Runge-Kutta methods with an error estimate whose coefficients are fractions: pairs of orders 2(1) to 6(5).
+"""Explicit Runge-Kutta methods with an error estimate whose coefficients are fractions: pairs of
+orders 2(1) to 6(5).
 
 The order in front is that of the step, the one in brackets that of the method it is compared with.
 
-Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, 2nd ed., II.4 to II.6 [HNW].
+Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, 2nd ed., II.4 to II.6
+[HNW].
 """
 
 from __future__ import annotations
@@ -19,7 +21,8 @@ BOGACKI_SHAMPINE3 = shipped(
     ((), (1 / 2,), (0, 3 / 4), (2 / 9, 1 / 3, 4 / 9)),
     (2 / 9, 1 / 3, 4 / 9, 0),
     (0, 1 / 2, 3 / 4, 1),
-    "Bogacki and Shampine, Appl. Math. Lett. 2 (1989); between the steps the cubic through both ends",
+    "Bogacki and Shampine, Appl. Math. Lett. 2 (1989); "
+    "between the steps the cubic through both ends",
     b_hat=(7 / 24, 1 / 4, 1 / 3, 1 / 8), embedded_order=2,
     interpolant=((1, -4 / 3, 5 / 9), (0, 1, -2 / 3), (0, 4 / 3, -8 / 9), (0, -1, 1)), interpolant_order=3,
 )  # fmt: skip
@@ -78,7 +81,8 @@ DORMAND_PRINCE5 = shipped(
     ),
     (35 / 384, 0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84, 0),
     (0, 1 / 5, 3 / 10, 4 / 5, 8 / 9, 1, 1),
-    "Dormand and Prince, J. Comput. Appl. Math. 6 (1980); HNW II.5, table 5.2; interpolant: Shampine, Math. Comp. 46 (1986)",
+    "Dormand and Prince, J. Comput. Appl. Math. 6 (1980); HNW II.5, table 5.2; interpolant: "
+    "Shampine, Math. Comp. 46 (1986)",
     b_hat=(5179 / 57600, 0, 7571 / 16695, 393 / 640, -92097 / 339200, 187 / 2100, 1 / 40), embedded_order=4,
     interpolant=(
         (1, -8048581381 / 2820520608, 8663915743 / 2820520608, -12715105075 / 11282082432),
@@ -106,7 +110,8 @@ BOGACKI_SHAMPINE5 = shipped(
     ),
     (587 / 8064, 0, 4440339 / 15491840, 24353 / 124800, 387 / 44800, 2152 / 5985, 7267 / 94080, 0),
     (0, 1 / 6, 2 / 9, 3 / 7, 2 / 3, 3 / 4, 1, 1),
-    "Bogacki and Shampine, Comput. Math. Appl. 32 (1996); interpolant: the smallest with the slopes k_1 and k_8 at the ends",
+    "Bogacki and Shampine, Comput. Math. Appl. 32 (1996); interpolant: the smallest with the "
+    "slopes k_1 and k_8 at the ends",
     b_hat=(2479 / 34992, 0, 123 / 416, 612941 / 3411720, 43 / 1440, 2272 / 6561, 79937 / 1113912, 3293 / 556956), embedded_order=4,
     interpolant=(
         (1, -3.1805310377222065, 3.6522327103650474, -1.3989090139126823),

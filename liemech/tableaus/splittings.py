@@ -1,13 +1,17 @@
-"""Splittings: kicks by a field and drifts without it, alternating, whose errors cancel order by order.
+"""Splittings: kicks by a field and drifts without it, alternating, whose errors cancel order by
+order.
 
-A body in a field has the energy T + V, and the flows of both parts are known: V kicks, T drifts.  A step is a product of
-exponentials of b_i B and a_i A, A for the drift and B for the kick: a sum over words in two letters.  It is of order q if all words
-of length up to q have the weight that they have in exp(A + B), 1/n! for n letters.
+A body in a field has the energy T + V, and the flows of both parts are known: V kicks, T drifts.  A
+step is a product of exponentials of b_i B and a_i A, A for the drift and B for the kick: a sum over
+words in two letters.  It is of order q if all words of length up to q have the weight that they
+have in exp(A + B), 1/n! for n letters.
 
-Where T is quadratic in the momentum, as kinetic energies are, and V depends on the configuration alone, {V, {V, {V, T}}} = 0: three
-kicks take all momenta away.  Then [B, [B, [B, A]]] = 0, words that this makes equal count together, and fewer kicks do.
+Where T is quadratic in the momentum, as kinetic energies are, and V depends on the configuration
+alone, {V, {V, {V, T}}} = 0: three kicks take all momenta away.  Then [B, [B, [B, A]]] = 0, words
+that this makes equal count together, and fewer kicks do.
 
-Sources: McLachlan, SIAM J. Sci. Comput. 16 (1995); Blanes and Moan, J. Comput. Appl. Math. 142 (2002), sections 2 and 4.
+Sources: McLachlan, SIAM J. Sci. Comput. 16 (1995); Blanes and Moan, J. Comput. Appl. Math. 142
+(2002), sections 2 and 4.
 """
 
 from __future__ import annotations
@@ -37,13 +41,17 @@ MOST = 10
 
 @record
 class SplittingTableau(Record):
-    """The coefficients of a splitting: kick b_0 h, drift a_1 h, kick b_1 h, ..., drift a_s h, kick b_s h.
+    """The coefficients of a splitting: kick b_0 h, drift a_1 h, kick b_1 h, ..., drift a_s h, kick
+    b_s h.
 
-    order : of the splitting.  kicks : b_0, ..., b_s, where b_0 = b_s = 0 stands for a step that begins and ends with a drift.
-    drifts : a_1, ..., a_s.  quadratic : is the order that of kinetic energies, quadratic in the momentum, only?
+    order : of the splitting.  kicks : b_0, ..., b_s, where b_0 = b_s = 0 stands for a step that
+    begins and ends with a drift.
+    drifts : a_1, ..., a_s.  quadratic : is the order that of kinetic energies, quadratic in the
+    momentum, only?
     symmetric : are the coefficients the same backwards?
 
-    Building one checks it: the symmetry, and the order conditions of all words up to the order claimed, to rounding.
+    Building one checks it: the symmetry, and the order conditions of all words up to the order
+    claimed, to rounding.
     Raises InvalidInput, InvalidType, or LawViolation with the condition that fails.
 
     Source: Blanes and Moan, J. Comput. Appl. Math. 142 (2002).
@@ -66,20 +74,24 @@ class SplittingTableau(Record):
             try:
                 row = tuple(map(float, getattr(self, field)))
             except (TypeError, ValueError):
-                raise InvalidType(f"{self.name}: {field} is a sequence of numbers; got {getattr(self, field)!r}") from None
+                raise InvalidType(
+                    f"{self.name}: {field} is a sequence of numbers; got {getattr(self, field)!r}"
+                ) from None
             object.__setattr__(self, field, row)
 
     # ---------------------------------------------------------------- what follows
 
     @classmethod
     def of(cls, composition: CompositionTableau) -> SplittingTableau:
-        """A composition of Strang's splitting, whose neighbouring half kicks join; of its order for every T + V.
+        """A composition of Strang's splitting, whose neighbouring half kicks join; of its order for
+        every T + V.
 
         Raises InvalidInput if the composition is for a base of another order.
         """
         if composition.base_order != 2:
             raise InvalidInput(
-                f"SplittingTableau.of: Strang's splitting is of order 2; {composition.name} is for order {composition.base_order}"
+                f"SplittingTableau.of: Strang's splitting is of order 2; {composition.name} is for "
+                f"order {composition.base_order}"
             )
         halves = 0.0, *composition.gamma, 0.0
         kicks = [0.5 * (a + b) for a, b in itertools.pairwise(halves)]
@@ -88,20 +100,28 @@ class SplittingTableau(Record):
 
     @property
     def exchanged(self) -> SplittingTableau:
-        """The same numbers with kicks and drifts exchanged: a step that began with a kick begins with a drift.
+        """The same numbers with kicks and drifts exchanged: a step that began with a kick begins
+        with a drift.
 
         Raises InvalidInput if the order is that of quadratic kinetic energies only.
         """
         if self.quadratic:
-            raise InvalidInput(f"{self.name}: kicks and drifts cannot be exchanged, its order is that of quadratic T only")
+            raise InvalidInput(
+                f"{self.name}: kicks and drifts cannot be exchanged, "
+                "its order is that of quadratic T only"
+            )
         first, last = self.kicks[0] == 0.0, self.kicks[-1] == 0.0
         kicks = *((0.0,) * (not first)), *self.drifts, *((0.0,) * (not last))
         drifts = self.kicks[first : len(self.kicks) - last]
-        return shipped(f"{self.name}, exchanged", self.order, kicks, drifts, self.source, False, self.symmetric)
+        return shipped(
+            f"{self.name}, exchanged", self.order, kicks, drifts, self.source, False, self.symmetric
+        )
 
     @property
     def carries_force(self) -> bool:
-        """Does a step begin where the one before ended, with a kick?  Then one force serves for both kicks."""
+        """Does a step begin where the one before ended, with a kick?  Then one force serves for
+        both kicks.
+        """
         return self.kicks[0] != 0.0 and self.kicks[-1] != 0.0
 
     @property
@@ -120,18 +140,28 @@ class SplittingTableau(Record):
         return max(map(abs, self.drifts))
 
     def sequence(self, parts: int) -> tuple[tuple[int, float], ...]:
-        """A step for an energy of any number of parts: which part moves in turn, and for which share of the step.
+        """A step for an energy of any number of parts: which part moves in turn, and for which
+        share of the step.
 
-        With Phi_h = exp(h A_1) ... exp(h A_n), last part first, and its adjoint, the splitting of two parts is the composition
+        With Phi_h = exp(h A_1) ... exp(h A_n), last part first, and its adjoint, the splitting of
+        two parts is the composition
         ... Phi*_(c_2 h) Phi_(c_1 h) with c_1 = b_0, c_2 = a_1 - c_1, c_3 = b_1 - c_2, ..., whose order is that of the splitting
-        whatever Phi is.  For two parts it is the splitting itself.  Raises InvalidInput for more than two if the order is that of
-        quadratic kinetic energies only.
+        whatever Phi is.  For two parts it is the splitting itself.  Raises InvalidInput for more
+        than two if the order is that of quadratic kinetic energies only.
 
-        Source: McLachlan, SIAM J. Sci. Comput. 16 (1995), section 2; Hairer, Lubich, Wanner, III.3.4.
+        Source: McLachlan, SIAM J. Sci. Comput. 16 (1995), section 2; Hairer, Lubich, Wanner,
+        III.3.4.
         """
         if self.quadratic and parts > 2:
-            raise InvalidInput(f"{self.name}: it is for two parts, the order is that of quadratic T only; got {parts}")
-        turns = [turn for pair in zip(((1, b) for b in self.kicks), ((0, a) for a in self.drifts)) for turn in pair]
+            raise InvalidInput(
+                f"{self.name}: it is for two parts, the order is "
+                f"that of quadratic T only; got {parts}"
+            )
+        turns = [
+            turn
+            for pair in zip(((1, b) for b in self.kicks), ((0, a) for a in self.drifts))
+            for turn in pair
+        ]
         if parts == 2:
             return tuple([(part, c) for part, c in (*turns, (1, self.kicks[-1])) if c != 0.0])
         found: list[tuple[int, float]] = []
@@ -151,15 +181,26 @@ class SplittingTableau(Record):
     # ---------------------------------------------------------------- the laws
 
     def check(self) -> None:
-        """Raise an error, naming the law, unless the coefficients are symmetric and of the order claimed."""
+        """Raise an error, naming the law, unless the coefficients are symmetric and of the order
+        claimed.
+        """
         name, order = self.name, self.order
         if type(order) is not int or not 1 <= order <= MOST:
-            raise InvalidInput(f"{name}: the order is a whole number from 1 to {MOST}; got {order!r}")
-        if len(self.kicks) != len(self.drifts) + 1 or not all(map(math.isfinite, (*self.kicks, *self.drifts))):
-            raise InvalidInput(f"{name}: kicks are one more finite number than drifts; got {self.kicks} and {self.drifts}")
+            raise InvalidInput(
+                f"{name}: the order is a whole number from 1 to {MOST}; got {order!r}"
+            )
+        if len(self.kicks) != len(self.drifts) + 1 or not all(
+            map(math.isfinite, (*self.kicks, *self.drifts))
+        ):
+            raise InvalidInput(
+                f"{name}: kicks are one more finite number than "
+                f"drifts; got {self.kicks} and {self.drifts}"
+            )
         for field, row in (("kicks", self.kicks), ("drifts", self.drifts)):
             if self.symmetric and row != row[::-1]:
-                raise LawViolation(f"{name} is not symmetric: {field} are {row}, not the same backwards")
+                raise LawViolation(
+                    f"{name} is not symmetric: {field} are {row}, not the same backwards"
+                )
         for q in range(1, order + 1):
             failing = self._failing(q)
             if failing:
@@ -184,7 +225,9 @@ class SplittingTableau(Record):
         factors = [("B", self.kicks[0])]
         for a, b in zip(self.drifts, self.kicks[1:]):
             factors += [("A", a), ("B", b)]
-        return _weights(factors, self.order + 1), _weights([(letter, abs(c)) for letter, c in factors], self.order + 1)
+        return _weights(factors, self.order + 1), _weights(
+            [(letter, abs(c)) for letter, c in factors], self.order + 1
+        )
 
 
 def _words(length: int) -> list[str]:
@@ -192,7 +235,9 @@ def _words(length: int) -> list[str]:
 
 
 def _weights(factors: list[tuple[str, float]], longest: int) -> dict[str, float]:
-    """The weights of the words of a product of exponentials: what a last factor makes of them is a run of its letter at the end."""
+    """The weights of the words of a product of exponentials: what a last factor makes of them is a
+    run of its letter at the end.
+    """
     total = {word: float(not word) for length in range(longest + 1) for word in _words(length)}
     for letter, c in factors:
         total = {
@@ -206,7 +251,9 @@ def _weights(factors: list[tuple[str, float]], longest: int) -> dict[str, float]
 
 
 def _indifferent(length: int) -> np.ndarray:
-    """Orthonormal sums of words that vanish with [B, [B, [B, A]]]: what stands before and behind it does not matter."""
+    """Orthonormal sums of words that vanish with [B, [B, [B, A]]]: what stands before and behind it
+    does not matter.
+    """
     number, rows = {word: i for i, word in enumerate(_words(length))}, []
     for k in range(length - 3):
         for before in _words(k):
@@ -221,9 +268,17 @@ def _indifferent(length: int) -> np.ndarray:
 
 
 def shipped(
-    name: str, order: int, kicks: Any, drifts: Any, source: str, quadratic: bool = True, symmetric: bool = True
+    name: str,
+    order: int,
+    kicks: Any,
+    drifts: Any,
+    source: str,
+    quadratic: bool = True,
+    symmetric: bool = True,
 ) -> SplittingTableau:
-    """A splitting of this library: its laws are checked by the tests, so that an import does not wait for them."""
+    """A splitting of this library: its laws are checked by the tests, so that an import does not
+    wait for them.
+    """
     tableau: SplittingTableau = object.__new__(SplittingTableau)
     values = name, order, kicks, drifts, quadratic, source, symmetric
     for field, value in zip(dataclasses.fields(SplittingTableau), values, strict=True):
@@ -238,13 +293,24 @@ def _around_drift(half: Row, total: float = 1.0) -> Row:
 
 
 def _around_pair(half: Row) -> Row:
-    """An even number of coefficients: those up to the two in the middle, which make the sum one, and back."""
+    """An even number of coefficients: those up to the two in the middle, which make the sum one,
+    and back.
+    """
     whole = (*half, 0.5 - math.fsum(half))
     return (*whole, *whole[::-1])
 
 
-SYMPLECTIC_EULER = shipped("symplectic Euler", 1, (1.0, 0.0), (1.0,), "HLW I.1.2", quadratic=False, symmetric=False)
-STRANG = shipped("Strang", 2, (0.5, 0.5), (1.0,), "Strang, SIAM J. Numer. Anal. 5 (1968); HLW II.5", quadratic=False)
+SYMPLECTIC_EULER = shipped(
+    "symplectic Euler", 1, (1.0, 0.0), (1.0,), "HLW I.1.2", quadratic=False, symmetric=False
+)
+STRANG = shipped(
+    "Strang",
+    2,
+    (0.5, 0.5),
+    (1.0,),
+    "Strang, SIAM J. Numer. Anal. 5 (1968); HLW II.5",
+    quadratic=False,
+)
 
 # ---------------------------------------------------------------- for every T + V
 
@@ -310,7 +376,8 @@ BLANES_CASAS_ESCORIHUELA8 = shipped(
     "Blanes, Casas and Escorihuela-Tomas, Appl. Numer. Math. 182 (2022)",
 )  # fmt: skip
 
-# ---------------------------------------------------------------- for A + e B with a small e, errors e h^n + e^2 h^m + ...
+# ---------------------------------------------------------------- for A + e B with a small e,
+# errors e h^n + e^2 h^m + ...
 
 SABA82 = shipped(
     "SABA (8, 2)", 2, (0.0, *_around_pair((0.1739274225687269286865319746109997036177,)), 0.0),

@@ -1,4 +1,6 @@
-"""Butcher tableaus: the coefficients of Runge-Kutta methods, which say what they are and check themselves."""
+"""Butcher tableaus: the coefficients of Runge-Kutta methods, which say what they are and check
+themselves.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,18 @@ from typing import Any
 
 from ..errors import InvalidInput, InvalidType, LawViolation
 from ..formulas import Record, record
-from .trees import MOST, ElementaryWeights, Row, density, nodes, order_by_trees, order_of, simplifying_assumptions, text, trees
+from .trees import (
+    MOST,
+    ElementaryWeights,
+    Row,
+    density,
+    nodes,
+    order_by_trees,
+    order_of,
+    simplifying_assumptions,
+    text,
+    trees,
+)
 
 _CLOSE = 32.0 * sys.float_info.epsilon
 
@@ -24,17 +37,22 @@ class ButcherTableau(Record):
           | b         y_new = y + h sum_j b_j k_j.
 
     A : s rows; of an explicit method only the entries left of the diagonal are kept.  b, c : (s,).
-    b_hat : (s,), weights of a method of `embedded_order` with the same slopes; h sum_j (b_j - b_hat_j) k_j estimates the error.
-    b_low : (s,), weights of a third method, of `low_order`, with which DOP853 stretches its estimate.
-    interpolant : a row for every slope, the coefficients of theta, theta^2, ... in b_j(theta); the solution within the step is
-    y(t + theta h) = y + h sum_j b_j(theta) k_j, accurate of `interpolant_order`.  It may need more slopes than the step does:
-    A_extra, c_extra are their rows and nodes, each after the s stages and the extra ones before it.
+    b_hat : (s,), weights of a method of `embedded_order` with the same slopes; h sum_j
+    (b_j - b_hat_j) k_j estimates the error.
+    b_low : (s,), weights of a third method, of `low_order`, with which DOP853 stretches its
+    estimate.
+    interpolant : a row for every slope, the coefficients of theta, theta^2, ... in b_j(theta); the
+    solution within the step is y(t + theta h) = y + h sum_j b_j(theta) k_j, accurate of
+    `interpolant_order`.  It may need more slopes than the step does: A_extra, c_extra are their
+    rows and nodes, each after the s stages and the extra ones before it.
 
-    Building one checks it: the shapes, c_i = sum_j a_ij, and for b, b_hat, b_low and the interpolant the order conditions of all
-    rooted trees up to the order claimed.  All compare to rounding.  Entries may be numbers or fractions.  Raises InvalidInput,
-    InvalidType, or LawViolation with the condition that fails and the order that the coefficients have.
+    Building one checks it: the shapes, c_i = sum_j a_ij, and for b, b_hat, b_low and the
+    interpolant the order conditions of all rooted trees up to the order claimed.  All compare to
+    rounding.  Entries may be numbers or fractions.  Raises InvalidInput, InvalidType, or
+    LawViolation with the condition that fails and the order that the coefficients have.
 
-    Source: Butcher, J. Austral. Math. Soc. 3 (1963); Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., II.1, III.1.
+    Source: Butcher, J. Austral. Math. Soc. 3 (1963); Hairer, Lubich, Wanner, Geometric Numerical
+    Integration, 2nd ed., II.1, III.1.
     """
 
     name: str
@@ -57,9 +75,15 @@ class ButcherTableau(Record):
         self.check()
 
     @classmethod
-    def of(cls, A: Any, b: Any, order: int | None = None, name: str = "own tableau", **more: Any) -> ButcherTableau:
-        """The tableau with the row sums of A as nodes, of the order that the trees find unless one is claimed."""
-        rows = tuple(_row(row, f"{name}: row {i + 1} of A") for i, row in enumerate(_listed(A, f"{name}: A")))
+    def of(
+        cls, A: Any, b: Any, order: int | None = None, name: str = "own tableau", **more: Any
+    ) -> ButcherTableau:
+        """The tableau with the row sums of A as nodes, of the order that the trees find unless one
+        is claimed.
+        """
+        rows = tuple(
+            _row(row, f"{name}: row {i + 1} of A") for i, row in enumerate(_listed(A, f"{name}: A"))
+        )
         weights = _row(b, f"{name}: b")
         if order is None:
             order = order_of(rows, weights)
@@ -105,11 +129,16 @@ class ButcherTableau(Record):
         """
         A, b, s = self._full, self.b, range(self.stages)
         size = max(map(abs, b)) * self._size
-        return all(abs(b[i] * A[i][j] + b[j] * A[j][i] - b[i] * b[j]) <= _CLOSE * size for i in s for j in s)
+        return all(
+            abs(b[i] * A[i][j] + b[j] * A[j][i] - b[i] * b[j]) <= _CLOSE * size
+            for i in s
+            for j in s
+        )
 
     @functools.cached_property
     def symmetric(self) -> bool:
-        """Is a step back of the new state the old one: does the adjoint b_j - a_ij differ from A by the numbering of stages only?
+        """Is a step back of the new state the old one: does the adjoint b_j - a_ij differ from A by
+        the numbering of stages only?
 
         Source: Hairer, Lubich, Wanner, V.2, theorem 2.3.
         """
@@ -129,7 +158,9 @@ class ButcherTableau(Record):
 
     @functools.cached_property
     def stage_order(self) -> int:
-        """The order to which every stage, and the step, solves a pure quadrature: the largest q with B(q) and C(q)."""
+        """The order to which every stage, and the step, solves a pure quadrature: the largest q
+        with B(q) and C(q).
+        """
         p, eta, _ = simplifying_assumptions(self.A, self.b, self.c)
         return min(p, eta)
 
@@ -160,30 +191,43 @@ class ButcherTableau(Record):
         return shipped(self.name.partition("(")[0].rstrip(), self.order, A, b, c, self.source)
 
     def measured_order(self) -> int:
-        """The order that the coefficients have, whatever `order` says; from trees up to 10, from simplifying assumptions above."""
+        """The order that the coefficients have, whatever `order` says; from trees up to 10, from
+        simplifying assumptions above.
+        """
         return order_of(self.A, self.b, self.c)
 
     def stability(self, z: complex) -> complex:
         """R(z) = 1 + z b (1 - z A)^-1 1: what a step makes of y' = lambda y, z = h lambda.
 
-        Source: Hairer and Wanner, Solving Ordinary Differential Equations II, 2nd ed., IV.3, proposition 3.1.
+        Source: Hairer and Wanner, Solving Ordinary Differential Equations II, 2nd ed., IV.3,
+        proposition 3.1.
         """
         import numpy as np
 
         A, ones = np.array(self._full), np.ones(self.stages)
-        return complex(1.0 + z * (np.array(self.b) @ np.linalg.solve(np.eye(self.stages) - z * A, ones)))
+        return complex(
+            1.0 + z * (np.array(self.b) @ np.linalg.solve(np.eye(self.stages) - z * A, ones))
+        )
 
     # ---------------------------------------------------------------- the checks
 
     def check(self) -> None:
-        """Check the laws: rows sum to nodes, and every order claimed is reached.  Raises LawViolation."""
+        """Check the laws: rows sum to nodes, and every order claimed is reached.  Raises
+        LawViolation.
+        """
         rows = list(zip([f"row {i + 1} of A" for i in range(self.stages)], self.A, self.c))
-        rows += [(f"row {i + 1} of A_extra", row, x) for i, (row, x) in enumerate(zip(self.A_extra, self.c_extra))]
+        rows += [
+            (f"row {i + 1} of A_extra", row, x)
+            for i, (row, x) in enumerate(zip(self.A_extra, self.c_extra))
+        ]
         for what, row, x in rows:
             found = math.fsum(row)
             if not abs(found - x) <= _CLOSE * (abs(x) + math.fsum(map(abs, row))):
                 which = "c_extra" if what.endswith("extra") else "c"
-                raise LawViolation(f"{self.name}: {what} sums to {found:.15g}, but {which}_{what.split()[1]} is {x:.15g}")
+                raise LawViolation(
+                    f"{self.name}: {what} sums to {found:.15g}, but "
+                    f"{which}_{what.split()[1]} is {x:.15g}"
+                )
         phi = ElementaryWeights(self.A)
         hat, low = (self.b_hat, self.embedded_order), (self.b_low, self.low_order)
         claims = [("", self.b, self.order), (" with b_hat", *hat), (" with b_low", *low)]
@@ -192,19 +236,23 @@ class ButcherTableau(Record):
             if failing:
                 tree, found = failing
                 raise LawViolation(
-                    f"{self.name} is not of order {order}{which}: the order condition of the tree {text(tree)} fails, "
-                    f"{found:.15g} instead of 1/{density(tree)}; the order is {order_by_trees(self.A, weights)}"
+                    f"{self.name} is not of order {order}{which}: the order condition of the tree "
+                    f"{text(tree)} fails, {found:.15g} instead of 1/{density(tree)}; the order is "
+                    f"{order_by_trees(self.A, weights)}"
                 )
             if weights and order > MOST and (proved := order_of(self.A, weights, self.c)) < order:
                 raise LawViolation(
-                    f"{self.name} is not of order {order}{which} as far as is known: the trees say order {MOST} at least, "
-                    f"the simplifying assumptions B, C, D prove order {proved}"
+                    f"{self.name} is not of order {order}{which} as far as is known: the trees say "
+                    f"order {MOST} at least, the simplifying "
+                    f"assumptions B, C, D prove order {proved}"
                 )
         if self.interpolant:
             self._check_interpolant()
 
     def _check_interpolant(self) -> None:
-        """sum_i b_i(theta) phi_i(tree) = theta^nodes / gamma(tree), power by power, and b_i(1) = b_i."""
+        """sum_i b_i(theta) phi_i(tree) = theta^nodes / gamma(tree), power by power, and
+        b_i(1) = b_i.
+        """
         phi = ElementaryWeights(self.A + self.A_extra)
         for n in range(1, self.interpolant_order + 1):
             for tree in trees(n):
@@ -214,14 +262,16 @@ class ButcherTableau(Record):
                     if not abs(found - wanted) <= bound + _CLOSE * wanted:
                         right = f"1/{density(tree)}" if wanted else "0"
                         raise LawViolation(
-                            f"{self.name}: the interpolant is not of order {self.interpolant_order}: in the condition of the tree "
-                            f"{text(tree)} theta^{power} has the factor {found:.15g} instead of {right}"
+                            f"{self.name}: the interpolant is not of order "
+                            f"{self.interpolant_order}: in the condition of the tree {text(tree)} "
+                            f"theta^{power} has the factor {found:.15g} instead of {right}"
                         )
         for i, row in enumerate(self.interpolant):
             at_end, wanted = math.fsum(row), self.b[i] if i < self.stages else 0.0
             if not abs(at_end - wanted) <= _CLOSE * math.fsum(map(abs, row)):
                 raise LawViolation(
-                    f"{self.name}: the interpolant misses the end of the step: b_{i + 1}(1) is {at_end:.15g}, not {wanted:.15g}"
+                    f"{self.name}: the interpolant misses the end of the step: b_{i + 1}(1) is "
+                    f"{at_end:.15g}, not {wanted:.15g}"
                 )
 
     def _tidy(self) -> None:
@@ -231,32 +281,52 @@ class ButcherTableau(Record):
             raise InvalidType(f"ButcherTableau: name is a string; got {name!r}")
         b, c = _row(self.b, f"{name}: b"), _row(self.c, f"{name}: c")
         s = len(b)
-        A = tuple(_row(row, f"{name}: row {i + 1} of A") for i, row in enumerate(_listed(self.A, f"{name}: A")))
+        A = tuple(
+            _row(row, f"{name}: row {i + 1} of A")
+            for i, row in enumerate(_listed(self.A, f"{name}: A"))
+        )
         if not s or len(A) != s or len(c) != s:
-            raise InvalidInput(f"{name}: A has {len(A)} rows, b {s} weights and c {len(c)} nodes; a stage has one of each")
+            raise InvalidInput(
+                f"{name}: A has {len(A)} rows, b {s} weights and c "
+                f"{len(c)} nodes; a stage has one of each"
+            )
         if not _triangular(A, 0) and not all(len(row) == s for row in A):
             lengths = [len(row) for row in A]
-            raise InvalidInput(f"{name}: the rows of A have {lengths} entries; they need {s} each, or 0, ..., {s - 1} if explicit")
+            raise InvalidInput(
+                f"{name}: the rows of A have {lengths} entries; they need "
+                f"{s} each, or 0, ..., {s - 1} if explicit"
+            )
         if not any(any(row[i:]) for i, row in enumerate(A)):
             A = tuple(row[:i] for i, row in enumerate(A))
         listed = _listed(self.A_extra, f"{name}: A_extra")
         extra = tuple(_row(row, f"{name}: row {i + 1} of A_extra") for i, row in enumerate(listed))
         if not _triangular(extra, s):
             lengths = [len(row) for row in extra]
-            raise InvalidInput(f"{name}: the rows of A_extra need {s}, {s + 1}, ... entries; they have {lengths}")
+            raise InvalidInput(
+                f"{name}: the rows of A_extra need {s}, {s + 1}, ... entries; they have {lengths}"
+            )
         c_extra = _row(self.c_extra, f"{name}: c_extra")
         if len(c_extra) != len(extra):
-            raise InvalidInput(f"{name}: A_extra has {len(extra)} rows and c_extra {len(c_extra)} nodes")
+            raise InvalidInput(
+                f"{name}: A_extra has {len(extra)} rows and c_extra {len(c_extra)} nodes"
+            )
         shaped: dict[str, Any] = {"A": A, "b": b, "c": c, "A_extra": extra, "c_extra": c_extra}
         for letter in "b_hat", "b_low":
             shaped[letter] = _row(getattr(self, letter), f"{name}: {letter}")
             if shaped[letter] and len(shaped[letter]) != s:
-                raise InvalidInput(f"{name}: {letter} has {len(shaped[letter])} weights, A {s} stages")
+                raise InvalidInput(
+                    f"{name}: {letter} has {len(shaped[letter])} weights, A {s} stages"
+                )
         given = _listed(self.interpolant, f"{name}: interpolant")
-        shaped["interpolant"] = tuple(_row(row, f"{name}: row {i + 1} of the interpolant") for i, row in enumerate(given))
+        shaped["interpolant"] = tuple(
+            _row(row, f"{name}: row {i + 1} of the interpolant") for i, row in enumerate(given)
+        )
         lengths = [len(row) for row in shaped["interpolant"]]
         if given and (len(given) != s + len(extra) or len(set(lengths)) != 1 or not lengths[0]):
-            raise InvalidInput(f"{name}: the interpolant needs {s + len(extra)} rows of one length; they have {lengths} entries")
+            raise InvalidInput(
+                f"{name}: the interpolant needs {s + len(extra)} rows of "
+                f"one length; they have {lengths} entries"
+            )
         for letter, field, present in (
             ("b", "order", True),
             ("b_hat", "embedded_order", shaped["b_hat"]),
@@ -265,7 +335,10 @@ class ButcherTableau(Record):
         ):
             value = getattr(self, field)
             if present and (type(value) is not int or value < 1):
-                raise InvalidInput(f"{name}: {field} is the order of {letter}, a whole number from 1 on; got {value!r}")
+                raise InvalidInput(
+                    f"{name}: {field} is the order of {letter}, a "
+                    f"whole number from 1 on; got {value!r}"
+                )
             if not present and value:
                 raise InvalidInput(f"{name}: {field} is {value!r}, but {letter} is missing")
         for field, value in shaped.items():
@@ -288,20 +361,45 @@ class ButcherTableau(Record):
         return f"ButcherTableau({self.name}: order {orders}, {self.stages} {'stage' if self.stages == 1 else 'stages'})"
 
     def __str__(self) -> str:
-        """The tableau as it is printed in books; coefficients that are fractions of small numbers are shown as such."""
+        """The tableau as it is printed in books; coefficients that are fractions of small numbers
+        are shown as such.
+        """
         lines = [(_entry(x), [_entry(a) for a in row]) for x, row in zip(self.c, self.A)]
-        lines += [(label, [_entry(w) for w in row]) for label, row in (("", self.b), ("", self.b_hat), ("", self.b_low)) if row]
-        widths = [max((len(row[j]) for _, row in lines if j < len(row)), default=0) for j in range(self.stages)]
+        lines += [
+            (label, [_entry(w) for w in row])
+            for label, row in (("", self.b), ("", self.b_hat), ("", self.b_low))
+            if row
+        ]
+        widths = [
+            max((len(row[j]) for _, row in lines if j < len(row)), default=0)
+            for j in range(self.stages)
+        ]
         left = max(len(label) for label, _ in lines)
-        shown = [f"{label:>{left}} | {'  '.join(f'{e:>{w}}' for e, w in zip(row, widths))}".rstrip() for label, row in lines]
+        shown = [
+            f"{label:>{left}} | {'  '.join(f'{e:>{w}}' for e, w in zip(row, widths))}".rstrip()
+            for label, row in lines
+        ]
         rule = "-" * (left + 1) + "+" + "-" * (sum(widths) + 2 * self.stages - 1)
         return "\n".join([f"{self!r}", *shown[: self.stages], rule, *shown[self.stages :]])
 
 
-def shipped(name: str, order: int, A: Sequence[Any], b: Any, c: Any, source: str, **more: Any) -> ButcherTableau:
-    """A tableau of this library: its laws are checked by the tests, so that an import does not wait for them."""
+def shipped(
+    name: str, order: int, A: Sequence[Any], b: Any, c: Any, source: str, **more: Any
+) -> ButcherTableau:
+    """A tableau of this library: its laws are checked by the tests, so that an import does not wait
+    for them.
+    """
     tableau: ButcherTableau = object.__new__(ButcherTableau)
-    for field, value in {**_DEFAULTS, "name": name, "order": order, "A": A, "b": b, "c": c, "source": source, **more}.items():
+    for field, value in {
+        **_DEFAULTS,
+        "name": name,
+        "order": order,
+        "A": A,
+        "b": b,
+        "c": c,
+        "source": source,
+        **more,
+    }.items():
         object.__setattr__(tableau, field, value)
     tableau._tidy()
     return tableau
@@ -330,7 +428,9 @@ def _row(value: Any, what: str) -> Row:
             try:
                 entry = float(entry)
             except (TypeError, ValueError):
-                raise InvalidType(f"{what} has numbers as entries; entry {i + 1} is {entry!r}") from None
+                raise InvalidType(
+                    f"{what} has numbers as entries; entry {i + 1} is {entry!r}"
+                ) from None
         if not math.isfinite(entry):
             raise InvalidInput(f"{what} has finite entries; entry {i + 1} is {entry}")
         row.append(entry)

@@ -1,11 +1,13 @@
 """Rooted trees: the order conditions of Runge-Kutta methods, and the order that coefficients have.
 
-A tree is the tuple of its branches: `()` is a single node, `((),)` a node with one branch.  A method is of order p if
+A tree is the tuple of its branches: `()` is a single node, `((),)` a node with one branch.  A
+method is of order p if
 
     sum_i b_i phi_i(tree) = 1 / gamma(tree)     for all trees with at most p nodes,
     phi_i(tree) = prod over the branches of sum_j a_ij phi_j(branch),     gamma(tree) = nodes times prod gamma(branch).
 
-Source: Butcher, J. Austral. Math. Soc. 3 (1963); Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., III.1.
+Source: Butcher, J. Austral. Math. Soc. 3 (1963); Hairer, Lubich, Wanner, Geometric Numerical
+Integration, 2nd ed., III.1.
 """
 
 from __future__ import annotations
@@ -19,9 +21,12 @@ Row = tuple[float, ...]
 Tree = tuple["Tree", ...]
 
 MOST = 10
-"""Orders up to this one are checked tree by tree, 1842 trees; higher ones by Butcher's simplifying assumptions."""
+"""Orders up to this one are checked tree by tree, 1842 trees; higher ones by Butcher's simplifying
+assumptions.
+"""
 
-_EPS = 4.0 * sys.float_info.epsilon  # what a product of two rounded numbers, given to sixteen digits, may be wrong by
+# what a product of two rounded numbers, given to sixteen digits, may be wrong by
+_EPS = 4.0 * sys.float_info.epsilon
 
 
 @functools.cache
@@ -47,12 +52,16 @@ def density(tree: Tree) -> int:
 
 
 def text(tree: Tree) -> str:
-    """The tree in brackets: `.` is a node, `[.,[.]]` a node whose branches are a node and a node with one branch."""
+    """The tree in brackets: `.` is a node, `[.,[.]]` a node whose branches are a node and a node
+    with one branch.
+    """
     return f"[{','.join(map(text, reversed(tree)))}]" if tree else "."
 
 
 class ElementaryWeights:
-    """The phi_i of trees for one matrix A, each with a bound of what the rounding of A changes in it."""
+    """The phi_i of trees for one matrix A, each with a bound of what the rounding of A changes in
+    it.
+    """
 
     def __init__(self, A: Sequence[Row]) -> None:
         self.A = A
@@ -82,7 +91,9 @@ class ElementaryWeights:
         return _sum(weights, *self.of(tree))
 
     def failing(self, weights: Row, order: int, start: int = 1) -> tuple[Tree, float] | None:
-        """The first tree from `start` to `order` nodes whose condition does not hold, and what its sum is; None if all hold."""
+        """The first tree from `start` to `order` nodes whose condition does not hold, and what its
+        sum is; None if all hold.
+        """
         for n in range(start, order + 1):
             for tree in trees(n):
                 found, bound = self.sum(weights, tree)
@@ -94,7 +105,9 @@ class ElementaryWeights:
 
 def _sum(weights: Row, phi: list[float], bound: list[float]) -> tuple[float, float]:
     terms = [w * f for w, f in zip(weights, phi)]
-    return math.fsum(terms), math.fsum(abs(w) * (e + _EPS * abs(f)) for w, f, e in zip(weights, phi, bound))
+    return math.fsum(terms), math.fsum(
+        abs(w) * (e + _EPS * abs(f)) for w, f, e in zip(weights, phi, bound)
+    )
 
 
 def order_by_trees(A: Sequence[Row], b: Row) -> int:
@@ -112,7 +125,9 @@ def simplifying_assumptions(A: Sequence[Row], b: Row, c: Row) -> tuple[int, int,
     B(p): sum_i b_i c_i^(k-1) = 1/k,   C(eta): sum_j a_ij c_j^(k-1) = c_i^k / k,
     D(zeta): sum_i b_i c_i^(k-1) a_ij = b_j (1 - c_j^k) / k,   each for all k up to the number in brackets.
     """
-    columns = [tuple(w * row[j] if j < len(row) else 0.0 for w, row in zip(b, A)) for j in range(len(b))]
+    columns = [
+        tuple(w * row[j] if j < len(row) else 0.0 for w, row in zip(b, A)) for j in range(len(b))
+    ]
 
     def agree(weights: Row, values: list[float], wanted: float, scale: float = 0.0) -> bool:
         found, bound = _sum(weights, values, [0.0] * len(values))
@@ -125,16 +140,24 @@ def simplifying_assumptions(A: Sequence[Row], b: Row, c: Row) -> tuple[int, int,
     powers = {k: [x ** (k - 1) for x in c] for k in ks}
     p = largest([agree(b, powers[k], 1.0 / k) for k in ks])
     eta = largest([all(agree(row, powers[k], x**k / k) for row, x in zip(A, c)) for k in ks])
-    zeta = largest([all(agree(d, powers[k], w * (1.0 - x**k) / k, abs(w)) for d, w, x in zip(columns, b, c)) for k in ks])
+    zeta = largest(
+        [
+            all(agree(d, powers[k], w * (1.0 - x**k) / k, abs(w)) for d, w, x in zip(columns, b, c))
+            for k in ks
+        ]
+    )
     return p, eta, zeta
 
 
-def order_of(A: Sequence[Sequence[float]], b: Sequence[float], c: Sequence[float] | None = None) -> int:
+def order_of(
+    A: Sequence[Sequence[float]], b: Sequence[float], c: Sequence[float] | None = None
+) -> int:
     """The order of the Runge-Kutta method with these coefficients.
 
-    A : s rows, of s entries or only those left of the diagonal; b : (s,); c : (s,), by default the row sums of A, as it has to be
-    for the trees.  Up to order 10 all trees decide; a higher order is what the simplifying assumptions prove:
-    B(p), C(eta), D(zeta) with p <= eta + zeta + 1 and p <= 2 eta + 2.  (Above 24 rounding may hide the condition that fails.)
+    A : s rows, of s entries or only those left of the diagonal; b : (s,); c : (s,), by default the
+    row sums of A, as it has to be for the trees.  Up to order 10 all trees decide; a higher order
+    is what the simplifying assumptions prove: B(p), C(eta), D(zeta) with p <= eta + zeta + 1 and
+    p <= 2 eta + 2.  (Above 24 rounding may hide the condition that fails.)
 
     Source: Hairer, Lubich, Wanner, III.1, theorem 1.5; Butcher, Math. Comp. 18 (1964), theorem 7.
     """

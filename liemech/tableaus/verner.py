@@ -1,11 +1,12 @@
 """Explicit pairs 6(5) and 7(6) of Verner, with interpolants one order below the step.
 
-VERNER6 is his "most robust" pair 6(5): the weights of the "most efficient" one, up to 176, cost two digits in rounding.
-VERNER7 is the "most efficient" pair 7(6), with the author's digits as rounded in OrdinaryDiffEq.jl, lib/OrdinaryDiffEqVerner.
+VERNER6 is his "most robust" pair 6(5): the weights of the "most efficient" one, up to 176, cost two
+digits in rounding.  VERNER7 is the "most efficient" pair 7(6), with the author's digits as rounded
+in OrdinaryDiffEq.jl, lib/OrdinaryDiffEqVerner.
 
-The interpolants solve the order conditions.  That of 7(6), with the author's extra stages, is the only one without stage 10.  For
-6(5) the extra stage, in the middle, is the smallest with C(5) and sum_j a_10j a_j3 = 0; the interpolant is the smallest with the
-slopes k_1 and k_9 at the ends.
+The interpolants solve the order conditions.  That of 7(6), with the author's extra stages, is the
+only one without stage 10.  For 6(5) the extra stage, in the middle, is the smallest with C(5) and
+sum_j a_10j a_j3 = 0; the interpolant is the smallest with the slopes k_1 and k_9 at the ends.
 
 Source: Verner, Numer. Algorithms 53 (2010) 383-396; https://www.sfu.ca/~jverner.
 """

@@ -1,4 +1,5 @@
-"""Moving pictures in the browser: bodies in space, momenta on their coadjoint orbits, tops, planets.
+"""Moving pictures in the browser: bodies in space, momenta on their coadjoint orbits, tops,
+planets.
 
     run.view()                                                  # what suits the system; in a notebook it shows itself
     scene = lm.viewer.Scene(run, show=("body", "momentum"))     # only what is asked for exists

@@ -1,4 +1,6 @@
-"""From a system to its moving picture: by a run that computes what is shown and nothing else, or step by step."""
+"""From a system to its moving picture: by a run that computes what is shown and nothing else, or
+step by step.
+"""
 
 from __future__ import annotations
 
@@ -33,14 +35,17 @@ def animate(
 ) -> Scene:
     """Integrate and show a motion; what is not shown is neither computed nor kept.
 
-    show, title, seconds, frames : as in Scene.  h, steps, or t_end and rtol, t0 : as in `integrate`.
-    Only the parts of the state that are shown, and those the motion depends on, are recorded; of a momentum no attitude.
-    Of steps of one length every k-th is kept, so that there are about `frames`; adaptive ones give the states at `frames` times.
+    show, title, seconds, frames : as in Scene.  h, steps, or t_end and rtol, t0 : as in
+    `integrate`.  Only the parts of the state that are shown, and those the motion depends on, are
+    recorded; of a momentum no attitude.  Of steps of one length every k-th is kept, so that there
+    are about `frames`; adaptive ones give the states at `frames` times.
 
     Returns the Scene; `scene.runs[0]` is the run.  Raises what Scene and `integrate` raise.
     """
     known = frozenset(name for name, x in start.parts.items() if x is not None)
-    contents = suited(system, known, start.bodies is not None) if show is None else chosen(show, KNOWN)
+    contents = (
+        suited(system, known, start.bodies is not None) if show is None else chosen(show, KNOWN)
+    )
     require(contents, system, known)
     least = [name for name, x in system.essential_part(start).parts.items() if x is not None]
     needed = {*least, *(part for content in contents for part in content.needs(system))}
@@ -48,15 +53,29 @@ def animate(
     if t_end is not None:
         t_eval = np.linspace(t0, t_end, frames)
         run = integrate(
-            system, method, start, h=h, steps=steps, t_end=t_end, rtol=rtol, t_eval=t_eval, dense=False, record=record, t0=t0
+            system,
+            method,
+            start,
+            h=h,
+            steps=steps,
+            t_end=t_end,
+            rtol=rtol,
+            t_eval=t_eval,
+            dense=False,
+            record=record,
+            t0=t0,
         )
     else:
         every = max(1, -(-steps // frames)) if isinstance(steps, (int, np.integer)) else 1
-        run = integrate(system, method, start, h=h, steps=steps, every=every, rtol=rtol, record=record, t0=t0)
+        run = integrate(
+            system, method, start, h=h, steps=steps, every=every, rtol=rtol, record=record, t0=t0
+        )
     return Scene(run, contents, title=title, seconds=seconds, frames=frames)
 
 
-def live(system: System, start: State, show: Any = None, *, title: str = "", open: bool = True) -> Live:
+def live(
+    system: System, start: State, show: Any = None, *, title: str = "", open: bool = True
+) -> Live:
     """Open a page that shows a motion step by step, as it is computed: `display` moves it.
 
     show, title : as in Scene.  open : in the browser, now; otherwise go to `url`.

@@ -30,16 +30,21 @@ TRIAD = 0.75
 THINNEST = 0.004
 """The square of the least edge of a box, of that of the largest."""
 FLYING = 0.17
-"""Size of a body beside the path on which it flies, which would often make it a point if it were drawn to scale."""
+"""Size of a body beside the path on which it flies, which would often make it a point if it were
+drawn to scale.
+"""
 
 
 @dataclass(frozen=True)
 class Body(Content):
-    """The body at its attitude g and, where it flies, at its place: the box with its inertia, with its axes as a triad.
+    """The body at its attitude g and, where it flies, at its place: the box with its inertia, with
+    its axes as a triad.
 
-    mesh : a file (.stl, .obj, .dae) to show instead of the box.  size : of the mesh's unit of length, in units of the picture,
-    whose content fits a ball of radius 1.  triad : the axes of the body, one to three in red, green and violet.
-    A top is a disc on a stick through its centre of mass.  Bodies that fly are drawn larger than to scale.
+    mesh : a file (.stl, .obj, .dae) to show instead of the box.  size : of the mesh's unit of
+    length, in units of the picture,
+    whose content fits a ball of radius 1.  triad : the axes of the body, one to three in red, green
+    and violet.  A top is a disc on a stick through its centre of mass.  Bodies that fly are drawn
+    larger than to scale.
     """
 
     panel: ClassVar[str] = "space"
@@ -72,10 +77,21 @@ class Body(Content):
         """A node with the attitude, and on it what the body is made of."""
         system = motion.system
         if motion.bodies is not None:
-            raise InvalidInput("Body shows one body; choose one of the ensemble, as in Scene(run, body=0)")
+            raise InvalidInput(
+                "Body shows one body; choose one of the ensemble, as in Scene(run, body=0)"
+            )
         top = isinstance(system, (HeavyTop, ReducedHeavyTop))
-        where, size = (place(system, motion["g"]), FLYING) if flies(system) else (np.zeros(3), 1.0 / drawing.panel.unit)
-        drawing.add("body", quaternion=attitude(system, motion["g"]), position=drawing.panel.inside(where), scale=size)
+        where, size = (
+            (place(system, motion["g"]), FLYING)
+            if flies(system)
+            else (np.zeros(3), 1.0 / drawing.panel.unit)
+        )
+        drawing.add(
+            "body",
+            quaternion=attitude(system, motion["g"]),
+            position=drawing.panel.inside(where),
+            scale=size,
+        )
         color = mixed(STONE, drawing.color, 0.18)
         if self.mesh is not None:
             drawing.add("body/mesh", mesh_file(self.mesh, color), scale=self.size)
@@ -87,12 +103,19 @@ class Body(Content):
             drawing.add("body/edges", box_edges(edges * 1.001, mixed(color, "#000000", 0.45)))
         if self.triad:
             for k, axis in enumerate(AXES):
-                drawing.add(f"body/axis {k + 1}", rod(axis, 0.014), direction=np.eye(3)[k], scale=TRIAD if top else 1.0)
+                drawing.add(
+                    f"body/axis {k + 1}",
+                    rod(axis, 0.014),
+                    direction=np.eye(3)[k],
+                    scale=TRIAD if top else 1.0,
+                )
 
 
 @dataclass(frozen=True)
 class Path(Content):
-    """The path of a body that flies: the curve of its centre of mass, or of a point on a group of translations."""
+    """The path of a body that flies: the curve of its centre of mass, or of a point on a group of
+    translations.
+    """
 
     def needs(self, system: System) -> tuple[str, ...]:
         """The place, which is part of g."""
@@ -108,7 +131,9 @@ class Path(Content):
         """The trail."""
         drawing.trail("path", drawing.panel.inside(place(motion.system, motion["g"])))
         if isinstance(motion.system, OrbitingBody):
-            drawing.once("centre", ball(0.05, "#E69F00"), position=drawing.panel.inside(np.zeros(3)))
+            drawing.once(
+                "centre", ball(0.05, "#E69F00"), position=drawing.panel.inside(np.zeros(3))
+            )
 
 
 # ------------------------------------------------------------------ pieces
@@ -120,24 +145,33 @@ def _room(motion: Motion) -> Array:
     span = np.ptp(path, axis=0).max() or 1.0
     if isinstance(motion.system, OrbitingBody):
         path = np.concatenate([path, np.zeros((1, 3))])  # what it orbits
-    return np.concatenate([path, path.mean(axis=0) + 0.05 * span * np.concatenate([np.eye(3), -np.eye(3)])])
+    return np.concatenate(
+        [path, path.mean(axis=0) + 0.05 * span * np.concatenate([np.eye(3), -np.eye(3)])]
+    )
 
 
 def _swept(motion: Motion) -> Array:
     """Where the nose of a top, the rim of its disc and its axes come, and the fixed point."""
     q, axis = attitude(motion.system, motion["g"]), axis_of(motion.system)
-    rim = 0.55 * axis + 0.5 * np.concatenate([np.eye(3), -np.eye(3)]) @ (np.eye(3) - np.outer(axis, axis))
+    rim = 0.55 * axis + 0.5 * np.concatenate([np.eye(3), -np.eye(3)]) @ (
+        np.eye(3) - np.outer(axis, axis)
+    )
     points = np.concatenate([axis[None], rim, TRIAD * np.eye(3), np.zeros((1, 3))])
     return np.concatenate([rotated(q, point) for point in points])
 
 
 def inertia_of(system: Any) -> Array:
     """The inertia of rotation of a body, (3, 3); the unit matrix of a system that has none."""
-    inertia = getattr(system, "inertia", getattr(getattr(system, "hamiltonian", None), "inertia", None))
+    inertia = getattr(
+        system, "inertia", getattr(getattr(system, "hamiltonian", None), "inertia", None)
+    )
     if inertia is None and isinstance(system, (MechanicalSystem, BoundBody)):
         return inertia_of(system.body)
     J = np.eye(3) if inertia is None else np.array(inertia, dtype=float)
-    if J.shape not in ((3,), (6,), (3, 3), (6, 6)) or not (np.diagonal(J, 0) if J.ndim == 2 else J)[:3].min() > 0.0:
+    if (
+        J.shape not in ((3,), (6,), (3, 3), (6, 6))
+        or not (np.diagonal(J, 0) if J.ndim == 2 else J)[:3].min() > 0.0
+    ):
         return np.eye(3)
     return np.diag(J[:3]) if J.ndim == 1 else J[:3, :3]
 
@@ -152,7 +186,8 @@ def box_of_inertia(J: Array) -> Array:
 
 
 def edges_of_inertia(moments: Array, mass: float) -> Array:
-    """The edges (3,) of an even box along the axes of a body with these principal moments, a_i^2 = 6 (J_j + J_k - J_i)/m.
+    """The edges (3,) of an even box along the axes of a body with these principal moments,
+    a_i^2 = 6 (J_j + J_k - J_i)/m.
 
     Where that is not positive, for an inertia that no body has, the edge is thin.
     Source: Landau and Lifshitz, Mechanics, 3rd ed., section 32, problem 2.
@@ -162,8 +197,23 @@ def edges_of_inertia(moments: Array, mass: float) -> Array:
 
 
 def _top(drawing: Drawing, axis: Array, color: str) -> None:
-    """A disc on a stick, from the fixed point through the centre of mass, with a mark that shows the spin."""
-    profile = [(0.0, 0.0), (0.02, 0.06), (0.02, 0.42), (0.50, 0.52), (0.50, 0.60), (0.03, 0.66), (0.03, 0.97), (0.0, 1.0)]
+    """A disc on a stick, from the fixed point through the centre of mass, with a mark that shows
+    the spin.
+    """
+    profile = [
+        (0.0, 0.0),
+        (0.02, 0.06),
+        (0.02, 0.42),
+        (0.50, 0.52),
+        (0.50, 0.60),
+        (0.03, 0.66),
+        (0.03, 0.97),
+        (0.0, 1.0),
+    ]
     drawing.add("body/top", turned(profile, color, 32), quaternion=toward(axis))
-    drawing.add("body/top/mark", box(np.array([0.07, 0.34, 0.03]), mixed(color, "#000000", 0.5)), position=[0.0, 0.3, 0.635])
+    drawing.add(
+        "body/top/mark",
+        box(np.array([0.07, 0.34, 0.03]), mixed(color, "#000000", 0.5)),
+        position=[0.0, 0.3, 0.635],
+    )
     drawing.once("fixed point", ball(0.03, "#333333"), position=drawing.panel.inside(np.zeros(3)))

@@ -33,7 +33,10 @@ def suited(system: Any, parts: frozenset[str], ensemble: bool) -> tuple[Content,
     if isinstance(system, CanonicalSystem):
         return (Points(),)
     if not hasattr(system, "group"):
-        raise InvalidInput(f"there is no picture of {system!r} yet; say what to show, such as show=Points(places=...)")
+        raise InvalidInput(
+            f"there is no picture of {system!r} yet; say what to "
+            "show, such as show=Points(places=...)"
+        )
     group, one = configurations(system), "g" in parts and not ensemble
     wanted: list[Content] = []
     if isinstance(system, Linkage):
@@ -49,6 +52,7 @@ def suited(system: Any, parts: frozenset[str], ensemble: bool) -> tuple[Content,
     fitting = tuple(content for content in wanted if set(content.needs(system)) <= parts)
     if not fitting:
         raise InvalidInput(
-            f"there is no picture of {system!r} with {', '.join(sorted(parts))} alone; show is one of {', '.join(KNOWN)}"
+            f"there is no picture of {system!r} with "
+            f"{', '.join(sorted(parts))} alone; show is one of {', '.join(KNOWN)}"
         )
     return fitting

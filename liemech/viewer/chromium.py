@@ -1,4 +1,5 @@
-"""Chromium without a window, driven over a pipe: no port is opened, and it ends with the program that started it.
+"""Chromium without a window, driven over a pipe: no port is opened, and it ends with the program
+that started it.
 
 Source: the Chrome DevTools Protocol, domains Target, Page, Runtime and Emulation.
 """
@@ -52,12 +53,18 @@ class Chromium:
     Raises MissingProgram where there is no Chromium, or no pipes to drive it by (Windows).
     """
 
-    def __init__(self, size: tuple[int, int] = (1000, 560), patience: float = 60.0, flags: tuple[str, ...] = ()) -> None:
+    def __init__(
+        self,
+        size: tuple[int, int] = (1000, 560),
+        patience: float = 60.0,
+        flags: tuple[str, ...] = (),
+    ) -> None:
         program = find()
         if program is None or os.name != "posix":
             raise MissingProgram(
-                "pictures of a scene are drawn by Chromium, which is not on the search path of this machine (Debian: "
-                "apt-get install chromium). Scene.save writes the page without it; lm.plots draws with Matplotlib"
+                "pictures of a scene are drawn by Chromium, which is not on the search path of "
+                "this machine (Debian: apt-get install chromium). Scene.save writes the page "
+                "without it; lm.plots draws with Matplotlib"
             )
         import fcntl
 
@@ -65,13 +72,28 @@ class Chromium:
         self._sent, self._unread = 0, b""
         self._profile = tempfile.mkdtemp(prefix="liemech-browser-")
         (near_in, self._to), (self._from, near_out) = os.pipe(), os.pipe()
-        theirs_in, theirs_out = (fcntl.fcntl(end, fcntl.F_DUPFD, 10) for end in (near_in, near_out))  # clear of 3 and 4
+        # clear of 3 and 4
+        theirs_in, theirs_out = (fcntl.fcntl(end, fcntl.F_DUPFD, 10) for end in (near_in, near_out))
         os.close(near_in)
         os.close(near_out)
         asroot = ("--no-sandbox",) if os.geteuid() == 0 else ()
-        command = [program, *FLAGS, *asroot, *flags, f"--user-data-dir={self._profile}", "about:blank"]
-        # it reads file descriptor 3 and writes 4: the shell puts them there, whatever their numbers are here
-        wire = ["/bin/sh", "-c", f'exec "$@" 3</dev/fd/{theirs_in} 4>/dev/fd/{theirs_out}', "sh", *command]
+        command = [
+            program,
+            *FLAGS,
+            *asroot,
+            *flags,
+            f"--user-data-dir={self._profile}",
+            "about:blank",
+        ]
+        # it reads file descriptor 3 and writes 4: the shell puts them there, whatever their numbers
+        # are here
+        wire = [
+            "/bin/sh",
+            "-c",
+            f'exec "$@" 3</dev/fd/{theirs_in} 4>/dev/fd/{theirs_out}',
+            "sh",
+            *command,
+        ]
         try:
             self._process = subprocess.Popen(
                 wire,
@@ -88,7 +110,12 @@ class Chromium:
     def __enter__(self) -> Chromium:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
         self.close()
 
     def close(self) -> None:
@@ -107,9 +134,17 @@ class Chromium:
 
     def open(self, address: str | Path) -> Page:
         """A new page, loaded."""
-        return Page(self, address.resolve(strict=True).as_uri() if isinstance(address, Path) else address)
+        return Page(
+            self, address.resolve(strict=True).as_uri() if isinstance(address, Path) else address
+        )
 
-    def call(self, method: str, session: str | None = None, patience: float | None = None, **parameters: Any) -> dict[str, Any]:
+    def call(
+        self,
+        method: str,
+        session: str | None = None,
+        patience: float | None = None,
+        **parameters: Any,
+    ) -> dict[str, Any]:
         """Ask something of the browser, or of the page `session`, and wait for the answer."""
         self._sent += 1
         message: dict[str, Any] = {"id": self._sent, "method": method, "params": parameters}
@@ -161,7 +196,9 @@ class Page:
     def __init__(self, browser: Chromium, address: str) -> None:
         self.browser = browser
         self.target: str = browser.call("Target.createTarget", url="about:blank")["targetId"]
-        self.session: str = browser.call("Target.attachToTarget", targetId=self.target, flatten=True)["sessionId"]
+        self.session: str = browser.call(
+            "Target.attachToTarget", targetId=self.target, flatten=True
+        )["sessionId"]
         for domain in ("Page", "Runtime", "Log", "Network"):
             self.call(f"{domain}.enable")
         self.resize(*browser.size)
@@ -176,11 +213,19 @@ class Page:
 
     def resize(self, width: int, height: int) -> None:
         """Give the page another size, in pixels."""
-        self.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
+        self.call(
+            "Emulation.setDeviceMetricsOverride",
+            width=width,
+            height=height,
+            deviceScaleFactor=1,
+            mobile=False,
+        )
 
     def evaluate(self, expression: str) -> Any:
         """The value of an expression of JavaScript; promises are waited for."""
-        answer = self.call("Runtime.evaluate", expression=expression, awaitPromise=True, returnByValue=True)
+        answer = self.call(
+            "Runtime.evaluate", expression=expression, awaitPromise=True, returnByValue=True
+        )
         if "exceptionDetails" in answer:
             details = answer["exceptionDetails"]
             raise BrowserFailure(details.get("exception", {}).get("description") or details["text"])

@@ -21,10 +21,13 @@ Array = NDArray[np.float64]
 class Content:
     """Something to show of a motion; subclass it to show something of your own.
 
-    1. A subclass names its `panel`, the picture it belongs to, and the panel's `title`, and writes `needs` and `draw`.
-    2. It says in `reach` what the panel must hold, unless that is the ball of radius 1 about the origin.
+    1. A subclass names its `panel`, the picture it belongs to, and the panel's `title`, and writes
+    `needs` and `draw`.
+    2. It says in `reach` what the panel must hold, unless that is the ball of radius 1 about the
+    origin.
 
-    Contents of the same panel share a picture; if they are `alike`, those of equal systems do.  With `own` each run has its own.
+    Contents of the same panel share a picture; if they are `alike`, those of equal systems do.
+    With `own` each run has its own.
     flat : is it best seen from the front?
     """
 
@@ -34,7 +37,9 @@ class Content:
     alike: ClassVar[bool] = False
 
     def needs(self, system: System) -> tuple[str, ...]:
-        """The parts of the state that are drawn, such as ("mu",).  Raises InvalidInput if the system has nothing of the kind."""
+        """The parts of the state that are drawn, such as ("mu",).  Raises InvalidInput if the
+        system has nothing of the kind.
+        """
         raise NotDefined(f"{type(self).__name__} must define `needs`")
 
     def own(self, system: System) -> bool:
@@ -42,7 +47,9 @@ class Content:
         return False
 
     def reach(self, motion: Motion) -> Array | None:
-        """Points that the panel must hold, (k, 3), in the units of the motion; None for a panel that has none."""
+        """Points that the panel must hold, (k, 3), in the units of the motion; None for a panel
+        that has none.
+        """
         return None
 
     def draw(self, motion: Motion, drawing: Drawing) -> None:
@@ -61,13 +68,15 @@ def require(contents: tuple[Content, ...], system: System, parts: frozenset[str]
         missing = set(content.needs(system)) - parts
         if missing:
             raise InvalidInput(
-                f"{type(content).__name__} needs {', '.join(sorted(missing))}, and there is only {', '.join(sorted(parts))}; "
-                "start from a state that has it, and record it"
+                f"{type(content).__name__} needs {', '.join(sorted(missing))}, and there is only "
+                f"{', '.join(sorted(parts))}; start from a state that has it, and record it"
             )
 
 
 def chosen(show: Any, known: Mapping[str, type[Content]]) -> tuple[Content, ...]:
-    """Contents from what a user writes: names such as "momentum", or contents such as Momentum(levels=0)."""
+    """Contents from what a user writes: names such as "momentum", or contents such as
+    Momentum(levels=0).
+    """
     wanted = (show,) if isinstance(show, (str, Content)) else tuple(show)
     contents = []
     for one in wanted:

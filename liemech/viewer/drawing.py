@@ -14,18 +14,23 @@ from .shapes import Shape, dots, tube
 Array = NDArray[np.float64]
 
 STILL = 2.0**-20
-"""A channel whose values differ by less than this, in units of the panel, stands still on every screen: it is sent once."""
+"""A channel whose values differ by less than this, in units of the panel, stands still on every
+screen: it is sent once.
+"""
 
 SHARP = np.cos(np.radians(25.0))
-"""A trail whose segments mostly turn by more than this is shown by its points: a curve through them would be invented."""
+"""A trail whose segments mostly turn by more than this is shown by its points: a curve through them
+would be invented.
+"""
 
 
 @dataclass
 class Node:
     """A place in the tree: what stands there, how it is placed, and the channels that move.
 
-    Channels: `position` (3), `quaternion` (4), `direction` (3), towards which the third axis points, `scale` (1), `cloud` (m, 3),
-    the points of dots, and `reveal`, the segments of a trail that are behind the moving point.
+    Channels: `position` (3), `quaternion` (4), `direction` (3), towards which the third axis
+    points, `scale` (1), `cloud` (m, 3), the points of dots, and `reveal`, the segments of a trail
+    that are behind the moving point.
     """
 
     path: str
@@ -37,7 +42,9 @@ class Node:
 
 @dataclass
 class Panel:
-    """One of the pictures side by side: what it is called, and which ball (centre and radius) of its own space it shows."""
+    """One of the pictures side by side: what it is called, and which ball (centre and radius) of
+    its own space it shows.
+    """
 
     path: str
     title: str
@@ -83,7 +90,9 @@ class Drawing:
         """Put a shape that all runs in the panel share."""
         place = f"{self.panel.path}/{path}"
         if place not in self.panel.nodes:
-            still = {channel: np.asarray(values, dtype=float) for channel, values in channels.items()}
+            still = {
+                channel: np.asarray(values, dtype=float) for channel, values in channels.items()
+            }
             self.panel.nodes[place] = Node(place, shape, still)
 
     def trail(self, path: str, points: Array, color: str | None = None) -> None:
@@ -107,10 +116,13 @@ def is_smooth(points: Array) -> bool:
     """Do most segments of a curve turn little from one to the next?"""
     steps = np.diff(points, axis=0)
     length = np.linalg.norm(steps, axis=1)
-    steps = steps[length > 1e-6]  # in units of the panel: shorter ones have no direction that could be seen
+    # in units of the panel: shorter ones have no direction that could be seen
+    steps = steps[length > 1e-6]
     if len(steps) < 2:
         return True
-    cosines = (steps[1:] * steps[:-1]).sum(axis=1) / (np.linalg.norm(steps[1:], axis=1) * np.linalg.norm(steps[:-1], axis=1))
+    cosines = (steps[1:] * steps[:-1]).sum(axis=1) / (
+        np.linalg.norm(steps[1:], axis=1) * np.linalg.norm(steps[:-1], axis=1)
+    )
     return bool(np.median(cosines) >= SHARP)
 
 
@@ -118,7 +130,13 @@ def transform(still: dict[str, Array]) -> list[float]:
     """The 4x4 matrix, column by column, of the channels that stand still."""
     matrix = np.eye(4)
     scale = float(still.get("scale", 1.0))
-    q = still["quaternion"] if "quaternion" in still else toward(still["direction"]) if "direction" in still else None
+    q = (
+        still["quaternion"]
+        if "quaternion" in still
+        else toward(still["direction"])
+        if "direction" in still
+        else None
+    )
     matrix[:3, :3] = scale * (np.eye(3) if q is None else rotation(q))
     matrix[:3, 3] = still.get("position", 0.0)
     return matrix.T.ravel().tolist()
@@ -146,7 +164,9 @@ def rotation(q: Array) -> Array:
 
 
 def carried(directions: Array) -> Array:
-    """Quaternions (n, 4) that take the third axis to directions (n, 3), each by the shortest turn from the one before."""
+    """Quaternions (n, 4) that take the third axis to directions (n, 3), each by the shortest turn
+    from the one before.
+    """
     q = toward(directions[0])
     rows = [q]
     for a, b in pairwise(directions):
@@ -162,14 +182,20 @@ def carried(directions: Array) -> Array:
 
 
 def commands(panels: list[Panel]) -> list[dict[str, Any]]:
-    """The scene as it stands at the start, in the commands of meshcat: every object once, every transform once."""
+    """The scene as it stands at the start, in the commands of meshcat: every object once, every
+    transform once.
+    """
     found: list[dict[str, Any]] = []
     for panel in panels:
         for node in panel.nodes.values():
             if node.shape is not None:
-                found.append({"type": "set_object", "path": node.path, "object": node.shape.three(node.path)})
+                found.append(
+                    {"type": "set_object", "path": node.path, "object": node.shape.three(node.path)}
+                )
             first = {c: values for c, values in node.still.items() if c in PLACED}
             first |= {c: rows[0] for c, rows in node.moving.items() if c in PLACED}
             if first:
-                found.append({"type": "set_transform", "path": node.path, "matrix": transform(first)})
+                found.append(
+                    {"type": "set_transform", "path": node.path, "matrix": transform(first)}
+                )
     return found

@@ -27,9 +27,11 @@ THIN = 0.03
 
 @dataclass(frozen=True)
 class Links(Content):
-    """The bodies of a linkage: each the box with its inertia and mass, to scale, a ball in each joint, dark ones on the ground.
+    """The bodies of a linkage: each the box with its inertia and mass, to scale, a ball in each
+    joint, dark ones on the ground.
 
-    trail : the body whose centre of mass draws its path, counted from 0, or from -1 backwards; None draws none.
+    trail : the body whose centre of mass draws its path, counted from 0, or from -1 backwards; None
+    draws none.
     """
 
     panel: ClassVar[str] = "links"
@@ -44,7 +46,10 @@ class Links(Content):
             raise refuse(self, system, "bodies that joints hold together, a Linkage,")
         count = len(system.links)
         if self.trail is not None and not -count <= self.trail < count:
-            raise InvalidInput(f"Links: trail = {self.trail} is not there; the linkage has {count} bodies, numbered from 0")
+            raise InvalidInput(
+                f"Links: trail = {self.trail} is not there; the "
+                f"linkage has {count} bodies, numbered from 0"
+            )
         return ("g",)
 
     def reach(self, motion: Motion) -> Array:
@@ -53,42 +58,70 @@ class Links(Content):
         swept = []
         for k, link in enumerate(system.links):
             axes, edges = principal_box(link)
-            corners = 0.5 * np.stack(np.meshgrid(*[[-1.0, 1.0]] * 3), axis=-1).reshape(-1, 3) * edges @ axes.T
-            points = np.concatenate([corners, *[at[None] for number, at in _points(system) if number == k]])
-            swept.append((poses[:, k, :3, :3] @ points.T + poses[:, k, :3, 3:]).swapaxes(1, 2).reshape(-1, 3))
-        return np.concatenate([*swept, *[at[None] for number, at in _points(system) if number is None]])
+            corners = (
+                0.5
+                * np.stack(np.meshgrid(*[[-1.0, 1.0]] * 3), axis=-1).reshape(-1, 3)
+                * edges
+                @ axes.T
+            )
+            points = np.concatenate(
+                [corners, *[at[None] for number, at in _points(system) if number == k]]
+            )
+            swept.append(
+                (poses[:, k, :3, :3] @ points.T + poses[:, k, :3, 3:]).swapaxes(1, 2).reshape(-1, 3)
+            )
+        return np.concatenate(
+            [*swept, *[at[None] for number, at in _points(system) if number is None]]
+        )
 
     def draw(self, motion: Motion, drawing: Drawing) -> None:
-        """A node for each body, which carries its box, and the joints on arms from its centre of mass."""
+        """A node for each body, which carries its box, and the joints on arms from its centre of
+        mass.
+        """
         system, poses = _read(motion)
         unit, color = drawing.panel.unit, mixed(STONE, drawing.color, 0.18)
         dark = mixed(color, "#000000", 0.45)
         for k, link in enumerate(system.links):
             place = drawing.panel.inside(poses[:, k, :3, 3])
-            drawing.add(f"link {k + 1}", quaternion=quaternions(poses[:, k, :3, :3]), position=place)
+            drawing.add(
+                f"link {k + 1}", quaternion=quaternions(poses[:, k, :3, :3]), position=place
+            )
             axes, edges = principal_box(link)
             turn, size = quaternions(axes[None])[0], np.maximum(edges / unit, THIN)
             drawing.add(f"link {k + 1}/box", box(size, color), quaternion=turn)
             drawing.add(f"link {k + 1}/edges", box_edges(1.002 * size, dark), quaternion=turn)
             for n, at in enumerate([at for number, at in _points(system) if number == k], start=1):
-                drawing.add(f"link {k + 1}/joint {n}", ball(0.8 * THIN, drawing.color), position=at / unit)
+                drawing.add(
+                    f"link {k + 1}/joint {n}", ball(0.8 * THIN, drawing.color), position=at / unit
+                )
                 if at.any():
                     length = float(np.linalg.norm(at)) / unit
-                    drawing.add(f"link {k + 1}/arm {n}", rod(color, 0.3 * THIN), direction=at, scale=length)
+                    drawing.add(
+                        f"link {k + 1}/arm {n}", rod(color, 0.3 * THIN), direction=at, scale=length
+                    )
         for n, at in enumerate([at for number, at in _points(system) if number is None], start=1):
             drawing.once(f"support {n}", ball(THIN, "#333333"), position=drawing.panel.inside(at))
         for n, joint in enumerate(joint for joint in system.joints if isinstance(joint, RigidRod)):
-            ends = [_placed(poses, joint.first, joint.at_first), _placed(poses, joint.second, joint.at_second)]
+            ends = [
+                _placed(poses, joint.first, joint.at_first),
+                _placed(poses, joint.second, joint.at_second),
+            ]
             way = ends[1] - ends[0]
             drawing.add(
-                f"rod {n + 1}", rod(dark), position=drawing.panel.inside(ends[0]), direction=way, scale=joint.length / unit
+                f"rod {n + 1}",
+                rod(dark),
+                position=drawing.panel.inside(ends[0]),
+                direction=way,
+                scale=joint.length / unit,
             )
         if self.trail is not None:
             drawing.trail("trail", drawing.panel.inside(poses[:, self.trail, :3, 3]))
 
 
 def principal_box(link: Link) -> tuple[Array, Array]:
-    """The principal axes of a link as the columns of a rotation, and the edges of the even box with its inertia and mass, in m."""
+    """The principal axes of a link as the columns of a rotation, and the edges of the even box with
+    its inertia and mass, in m.
+    """
     J = np.array(link.inertia, dtype=float)
     if J.ndim == 1:
         return np.eye(3), edges_of_inertia(J, link.mass)
@@ -99,7 +132,9 @@ def principal_box(link: Link) -> tuple[Array, Array]:
 def _read(motion: Motion) -> tuple[Linkage, Array]:
     system = motion.system
     if motion.bodies is not None:
-        raise InvalidInput("Links shows one linkage; choose one of the ensemble, as in Scene(run, body=0)")
+        raise InvalidInput(
+            "Links shows one linkage; choose one of the ensemble, as in Scene(run, body=0)"
+        )
     assert isinstance(system, Linkage)
     return system, system.poses(motion["g"])
 

@@ -59,9 +59,10 @@ class Live:
                 state = method.step(body, n * h, state, h)
                 view.display(state, (n + 1) * h)
 
-    The page listens to one thread of this process, on 127.0.0.1 and a port that the system chooses; nothing else runs, and nothing
-    is left behind.  `display` only hands over the state: drawing is left to the thread, at most 60 times a second, and is not done
-    while nobody looks.  A page that is opened later, or loaded again, shows the last state.
+    The page listens to one thread of this process, on 127.0.0.1 and a port that the system chooses;
+    nothing else runs, and nothing is left behind.  `display` only hands over the state: drawing is
+    left to the thread, at most 60 times a second, and is not done while nobody looks.  A page that
+    is opened later, or loaded again, shows the last state.
 
     url : the page; whoever knows it can look, from this machine.
     """
@@ -70,7 +71,9 @@ class Live:
         try:
             from tornado.netutil import bind_sockets
         except ImportError as missing:
-            raise MissingExtra("a live scene needs tornado, which comes with meshcat", extra="viewer") from missing
+            raise MissingExtra(
+                "a live scene needs tornado, which comes with meshcat", extra="viewer"
+            ) from missing
         self._scene, self._panels = scene, {panel.path: panel for panel in scene.panels()}
         self._states: dict[int, tuple[float, State]] = {}
         self._pages: set[Any] = set()
@@ -79,10 +82,13 @@ class Live:
         self._refused: Exception | None = None
         self._shown: dict[int, tuple[float, State]] | None = None
         sockets = bind_sockets(0, "127.0.0.1")
-        self._address = f"127.0.0.1:{sockets[0].getsockname()[1]}/{secrets.token_urlsafe(9)}"  # unknown to others on this machine
+        # unknown to others on this machine
+        self._address = f"127.0.0.1:{sockets[0].getsockname()[1]}/{secrets.token_urlsafe(9)}"
         self.url = f"http://{self._address}/"
         self._loop = asyncio.new_event_loop()
-        self._thread = threading.Thread(target=self._serve, args=(sockets,), name="liemech live scene", daemon=True)
+        self._thread = threading.Thread(
+            target=self._serve, args=(sockets,), name="liemech live scene", daemon=True
+        )
         self._thread.start()
         atexit.register(self.close)
         if open:
@@ -91,17 +97,23 @@ class Live:
     # ---------------------------------------------------------------- for the owner
 
     def display(self, state: State, t: float, run: int = 0) -> None:
-        """Show a state of the scene's run number `run`.  t : its time, in s.  Takes microseconds, whoever looks.
+        """Show a state of the scene's run number `run`.  t : its time, in s.  Takes microseconds,
+        whoever looks.
 
-        Raises InvalidInput for a scene that is closed, and if a state before this one could not be drawn.
+        Raises InvalidInput for a scene that is closed, and if a state before this one could not be
+        drawn.
         """
         if self._closed:
             raise InvalidInput("Live.display: this scene is closed")
         if not 0 <= run < len(self._scene.shown):
-            raise InvalidInput(f"Live.display: run = {run}; the scene has {len(self._scene.shown)}, counted from 0")
+            raise InvalidInput(
+                f"Live.display: run = {run}; the scene has {len(self._scene.shown)}, counted from 0"
+            )
         if self._refused is not None:
             refused, self._refused = self._refused, None
-            raise InvalidInput(f"Live.display: a state before this one could not be shown: {refused}") from refused
+            raise InvalidInput(
+                f"Live.display: a state before this one could not be shown: {refused}"
+            ) from refused
         with self._lock:
             self._states[run] = float(t), state
             if self._waiting:
@@ -114,7 +126,9 @@ class Live:
         return self._seen.wait(timeout)
 
     def close(self) -> None:
-        """End the page's connection and free the port; closing twice is once too often, and does no harm."""
+        """End the page's connection and free the port; closing twice is once too often, and does no
+        harm.
+        """
         if self._closed:
             return
         self._closed = True
@@ -125,7 +139,12 @@ class Live:
     def __enter__(self) -> Live:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
         self.close()
 
     def __repr__(self) -> str:
@@ -165,7 +184,8 @@ class Live:
         prefix = self._address.partition("/")[2]
         application = tornado.web.Application(log_function=lambda handler: None)
         routes: list[Any] = [(f"/{prefix}/", Document), (f"/{prefix}/stream", Stream)]
-        application.add_handlers(r"127\.0\.0\.1", routes)  # and not under a name that somebody else gave this address
+        # and not under a name that somebody else gave this address
+        application.add_handlers(r"127\.0\.0\.1", routes)
         server = tornado.httpserver.HTTPServer(application)
         server.add_sockets(sockets)
         try:
@@ -186,7 +206,8 @@ class Live:
             return
         try:
             message = self._update()
-        except Exception as refused:  # of a content of the user's, or of numbers that are not finite: the next `display` tells
+        # of a content of the user's, or of numbers that are not finite: the next `display` tells
+        except Exception as refused:
             self._refused = refused
             return
         for page in list(self._pages):
@@ -218,4 +239,6 @@ class Live:
                 trails |= pen.trails
                 colors |= dict.fromkeys(pen.trails, number(one.color))
         latest = max(t for t, _ in states.values())
-        return json.dumps({"t": latest, "nodes": nodes, "trails": trails, "colors": colors}, allow_nan=False)
+        return json.dumps(
+            {"t": latest, "nodes": nodes, "trails": trails, "colors": colors}, allow_nan=False
+        )

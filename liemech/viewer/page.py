@@ -63,7 +63,9 @@ def described(scene: Scene) -> dict[str, Any]:
         "panels": [{"path": panel.path, "title": panel.title} for panel in panels],
         "commands": commands(panels),
         "clocks": scene.clocks(),
-        "tracks": [track for panel in panels for node in panel.nodes.values() for track in tracks(node)],
+        "tracks": [
+            track for panel in panels for node in panel.nodes.values() for track in tracks(node)
+        ],
     }
 
 
@@ -76,10 +78,16 @@ def tracks(node: Node) -> list[dict[str, Any]]:
             track |= {"each": node.shape.per_segment, "first": node.shape.per_start}
         elif channel == "cloud":
             largest = float(np.abs(rows).max()) or 1.0
-            track |= {"values": np.round(rows / largest * 32767.0).astype(np.int16).ravel(), "unit": largest / 32767.0}
+            track |= {
+                "values": np.round(rows / largest * 32767.0).astype(np.int16).ravel(),
+                "unit": largest / 32767.0,
+            }
             track |= {"width": int(rows[0].size)}
         else:
-            track |= {"values": rows.astype(np.float32).ravel(), "width": 3 if RANK[channel] and channel != "quaternion" else 4}
+            track |= {
+                "values": rows.astype(np.float32).ravel(),
+                "width": 3 if RANK[channel] and channel != "quaternion" else 4,
+            }
             if channel == "scale":
                 track["width"] = 1
         found.append(track)
@@ -91,11 +99,16 @@ def encoded(content: Any) -> str:
 
     def array(value: Any) -> Any:
         if isinstance(value, np.ndarray):
-            name = f"{ {'f': 'Float', 'u': 'Uint', 'i': 'Int'}[value.dtype.kind]}{8 * value.dtype.itemsize}Array"
-            return {"$": name, "b": base64.b64encode(np.ascontiguousarray(value).data).decode("ascii")}
+            name = f"{ {'f': 'Float', 'u': 'Uint', 'i': 'Int'}[value.dtype.kind] }{8 * value.dtype.itemsize}Array"
+            return {
+                "$": name,
+                "b": base64.b64encode(np.ascontiguousarray(value).data).decode("ascii"),
+            }
         raise TypeError(f"{type(value).__name__} does not go into a page")
 
-    return json.dumps(content, default=array, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
+    return json.dumps(content, default=array, allow_nan=False, separators=(",", ":")).replace(
+        "<", "\\u003c"
+    )
 
 
 # ------------------------------------------------------------------ the files of the page
@@ -126,7 +139,9 @@ def asset() -> str:
 def licence() -> str:
     """The notices of meshcat and of what it holds, which stay with it."""
     files = asset_folder() / "LICENSE", asset_folder() / "dist" / "main.min.js.LICENSE.txt"
-    return "\n".join(file.read_text(encoding="utf-8") for file in files if file.exists()).replace("--", "- -")
+    return "\n".join(file.read_text(encoding="utf-8") for file in files if file.exists()).replace(
+        "--", "- -"
+    )
 
 
 def packed(content: bytes) -> str:
@@ -145,7 +160,9 @@ def packed_code() -> str:
 
 def opened(scene: Scene) -> Path:
     """The page in the browser, from a temporary file."""
-    with tempfile.NamedTemporaryFile("w", prefix="liemech-", suffix=".html", delete=False, encoding="utf-8") as file:
+    with tempfile.NamedTemporaryFile(
+        "w", prefix="liemech-", suffix=".html", delete=False, encoding="utf-8"
+    ) as file:
         file.write(page(scene, False))
     webbrowser.open(Path(file.name).as_uri())
     return Path(file.name)

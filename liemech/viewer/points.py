@@ -28,10 +28,11 @@ Array = NDArray[np.float64]
 class Points(Content):
     """Where the points of a canonical system are, with trails.
 
-    places : a function of q (n, degrees) and p (n, degrees) that gives the points in the plane of the picture, (n, m, 2), or in
-    space, (n, m, 3), third axis upwards.  Left out: pendulums hang, two or three degrees of freedom are a point, one is a point
-    in the plane of q and p.
-    rods : are the points joined, the first to the origin, each to the next?  Left out: those of pendulums and linkages are.
+    places : a function of q (n, degrees) and p (n, degrees) that gives the points in the plane of
+    the picture, (n, m, 2), or in space, (n, m, 3), third axis upwards.  Left out: pendulums hang,
+    two or three degrees of freedom are a point, one is a point in the plane of q and p.
+    rods : are the points joined, the first to the origin, each to the next?  Left out: those of
+    pendulums and linkages are.
     trail : the curve behind the last point.
     """
 
@@ -47,10 +48,14 @@ class Points(Content):
         """Position; of one degree of freedom that does not hang, momentum too."""
         if not isinstance(system, CanonicalSystem):
             raise refuse(self, system, "positions q")
-        if self.places is None and system.degrees > 3 and not isinstance(system, (ChainPendulum, NBody, FourBarLinkage)):
+        if (
+            self.places is None
+            and system.degrees > 3
+            and not isinstance(system, (ChainPendulum, NBody, FourBarLinkage))
+        ):
             raise InvalidInput(
-                f"Points: {system!r} has {system.degrees} degrees of freedom; say where the points are, "
-                "Points(places=lambda q, p: ...), as (n, m, 2) or (n, m, 3)"
+                f"Points: {system!r} has {system.degrees} degrees of freedom; say where the points "
+                "are, Points(places=lambda q, p: ...), as (n, m, 2) or (n, m, 3)"
             )
         return "q", "p"
 
@@ -61,11 +66,17 @@ class Points(Content):
 
     def draw(self, motion: Motion, drawing: Drawing) -> None:
         """Balls, rods, the trail of the last point, and marks in the pivots."""
-        points, dark = drawing.panel.inside(self._points(motion)), mixed(drawing.color, "#000000", 0.25)
+        points, dark = (
+            drawing.panel.inside(self._points(motion)),
+            mixed(drawing.color, "#000000", 0.25),
+        )
         system, count = motion.system, points.shape[1]
         pivots, pairs = rods(system) if self.places is None else (np.zeros((0, 3)), [])
         if self.rods is not None:
-            pivots, pairs = np.zeros((1, 3)), [(k - 1 if k else count, k) for k in range(count)] if self.rods else []
+            pivots, pairs = (
+                np.zeros((1, 3)),
+                [(k - 1 if k else count, k) for k in range(count)] if self.rods else [],
+            )
         fixed = drawing.panel.inside(_upright(pivots))
         ends = np.concatenate([points, np.broadcast_to(fixed, (len(points), *fixed.shape))], axis=1)
         for k in range(count):
@@ -82,14 +93,24 @@ class Points(Content):
             drawing.once("sun", ball(0.07, "#E69F00"), position=drawing.panel.inside(np.zeros(3)))
         elif self.places is None:
             for k, pivot in enumerate(fixed):
-                drawing.once("pivot" if len(fixed) == 1 else f"pivot {k + 1}", ball(0.03, "#333333"), position=pivot)
+                drawing.once(
+                    "pivot" if len(fixed) == 1 else f"pivot {k + 1}",
+                    ball(0.03, "#333333"),
+                    position=pivot,
+                )
 
     def _points(self, motion: Motion) -> Array:
         """The points in space, (n, m, 3); those of a plane stand upright in it."""
         if motion.bodies is not None:
-            raise InvalidInput("Points shows one member; choose one of the ensemble, as in Scene(run, body=0)")
+            raise InvalidInput(
+                "Points shows one member; choose one of the ensemble, as in Scene(run, body=0)"
+            )
         q, p = motion["q"], motion["p"]
-        points = _given(self.places(q, p), len(q)) if self.places is not None else places(motion.system, q, p)
+        points = (
+            _given(self.places(q, p), len(q))
+            if self.places is not None
+            else places(motion.system, q, p)
+        )
         return _upright(points)
 
 
@@ -102,7 +123,9 @@ def _given(points: Any, n: int) -> Array:
     """What a user's function gave, checked."""
     array = np.asarray(points, dtype=float)
     if array.ndim != 3 or array.shape[0] != n or array.shape[2] not in (2, 3):
-        raise InvalidInput(f"Points: places gave shape {array.shape}; wanted are ({n}, m, 2) or ({n}, m, 3)")
+        raise InvalidInput(
+            f"Points: places gave shape {array.shape}; wanted are ({n}, m, 2) or ({n}, m, 3)"
+        )
     if not np.isfinite(array).all():
         raise InvalidInput("Points: places gave numbers that are not finite")
     return array

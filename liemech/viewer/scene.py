@@ -1,4 +1,6 @@
-"""A scene: what is shown of which runs.  Plain data, from which pages, pictures and streams are made."""
+"""A scene: what is shown of which runs.  Plain data, from which pages, pictures and streams are
+made.
+"""
 
 from __future__ import annotations
 
@@ -45,21 +47,26 @@ class Shown:
 
 
 class Scene:
-    """What is shown of one or several runs, side by side and in time: a page that plays them in any browser.
+    """What is shown of one or several runs, side by side and in time: a page that plays them in any
+    browser.
 
         Scene(run).show()
         Scene(run, show=("body", "momentum")).save("body.html")
 
     run : what `integrate` returns, or a `Motion(system, t, states)`.
-    show : names, "body", "momentum", "spatial momentum", "vertical", "nose", "path", "points", "links", or contents with options,
-    such as Momentum(levels=0).  Left out: what suits the system.  Nothing else is computed or written.
+    show : names, "body", "momentum", "spatial momentum", "vertical", "nose", "path", "points",
+    "links", or contents with options, such as Momentum(levels=0).  Left out: what suits the
+    system.  Nothing else is computed or written.
     name, color : of the run in the legend, "#rrggbb".  body : the one to show of an ensemble.
-    title : of the page.  seconds : how long it plays; default: as long as the motion, but 5 to 15 s.
+    title : of the page.  seconds : how long it plays; default: as long as the motion, but 5 to 15
+    s.
     frames : samples that are kept of each run, evenly chosen; the data of the run are not touched.
-    interpolate : move between the samples, of adaptive steps by their dense output; False shows the steps one after another.
+    interpolate : move between the samples, of adaptive steps by their dense output; False shows the
+    steps one after another.
     view : (azimuth, elevation) of the eye in degrees.
 
-    `add` puts another run into the scene.  Momenta share a sphere; bodies that stay where they are stand side by side.
+    `add` puts another run into the scene.  Momenta share a sphere; bodies that stay where they are
+    stand side by side.
     Raises InvalidInput if a run has not recorded what is shown, or has not got it.
     """
 
@@ -77,7 +84,10 @@ class Scene:
         interpolate: bool = True,
         view: tuple[float, float] | None = None,
     ) -> None:
-        if seconds is not None and not 0.0 < float(real_array(seconds, "Scene: seconds")) < math.inf:
+        if (
+            seconds is not None
+            and not 0.0 < float(real_array(seconds, "Scene: seconds")) < math.inf
+        ):
             raise InvalidInput(f"Scene: seconds must be positive and finite; got {seconds!r}")
         if int(real_array(frames, "Scene: frames")) < 2:
             raise InvalidInput(f"Scene: frames must be 2 or more; got {frames!r}")
@@ -92,19 +102,33 @@ class Scene:
         if run is not None:
             self.add(run, show, name=name, color=color, body=body)
 
-    def add(self, run: Any, show: Any = None, *, name: str = "", color: str | None = None, body: int | None = None) -> Scene:
+    def add(
+        self,
+        run: Any,
+        show: Any = None,
+        *,
+        name: str = "",
+        color: str | None = None,
+        body: int | None = None,
+    ) -> Scene:
         """Put another run into the scene; arguments as above.  Returns the scene."""
         motion = Motion.of(run, self.frames, body, self.interpolate)
         if motion.bodies is not None:
             motion = motion.thinned(min(ENSEMBLE_FRAMES, max(2, ENSEMBLE_DOTS // motion.bodies)))
         have = frozenset(motion.states)
-        contents = suited(motion.system, have, motion.bodies is not None) if show is None else chosen(show, KNOWN)
+        contents = (
+            suited(motion.system, have, motion.bodies is not None)
+            if show is None
+            else chosen(show, KNOWN)
+        )
         require(contents, motion.system, have)
         color = color or COLORS[len(self.shown) % len(COLORS)]
         rgb(color)
         backwards = motion.t[-1] < motion.t[0]
         if self.shown and len(motion) > 1 and backwards != (self._sign() < 0.0) and self.duration:
-            raise InvalidInput("Scene.add: this run goes the other way in time; give it a scene of its own")
+            raise InvalidInput(
+                "Scene.add: this run goes the other way in time; give it a scene of its own"
+            )
         self.shown.append(Shown(motion, contents, name, color))
         self.runs.append(run)
         return self
@@ -147,26 +171,40 @@ class Scene:
         return self.shown
 
     def _members(self) -> list[tuple[str, int, list[tuple[int, Content]]]]:
-        """Each panel: its path, the run it belongs to, -1 for one that runs share, and the contents in it with their runs."""
+        """Each panel: its path, the run it belongs to, -1 for one that runs share, and the contents
+        in it with their runs.
+        """
         found: dict[tuple[str, int, Any], list[tuple[int, Content]]] = {}
         for run, one in enumerate(self._some()):
             system = one.motion.system
             for content in one.contents:
                 own = run if content.own(system) else -1
-                found.setdefault((content.panel, own, system if content.alike else None), []).append((run, content))
+                found.setdefault(
+                    (content.panel, own, system if content.alike else None), []
+                ).append((run, content))
         ordered = sorted(found.items(), key=lambda item: item[0][1] < 0)  # those shared come last
-        return [(f"panel {n}", own, members) for n, ((_, own, _), members) in enumerate(ordered, start=1)]
+        return [
+            (f"panel {n}", own, members)
+            for n, ((_, own, _), members) in enumerate(ordered, start=1)
+        ]
 
     def places(self, run: int) -> list[tuple[str, Content]]:
         """The contents of a run, each with the path of its panel."""
-        return [(path, content) for path, _, members in self._members() for k, content in members if k == run]
+        return [
+            (path, content)
+            for path, _, members in self._members()
+            for k, content in members
+            if k == run
+        ]
 
     def panels(self) -> list[Panel]:
         """The pictures side by side, drawn."""
         panels = []
         for path, _, members in self._members():
             runs = {run for run, _ in members}
-            panel = _framed(path, [(self.shown[run], c) for run, c in members], len(runs) == 1 < len(self.shown))
+            panel = _framed(
+                path, [(self.shown[run], c) for run, c in members], len(runs) == 1 < len(self.shown)
+            )
             for run, content in members:
                 one = self.shown[run]
                 content.draw(one.motion, Drawing(panel, f"run {run + 1}", one.color, run))
@@ -185,10 +223,14 @@ class Scene:
         return page(self, compressed)
 
     def save(self, path: str | PathLike[str], *, compressed: bool = False) -> Path:
-        """Write the page to a file, which opens from disk, in a notebook and from every web host.  Returns its path."""
+        """Write the page to a file, which opens from disk, in a notebook and from every web host.
+        Returns its path.
+        """
         file = Path(path)
         if file.suffix.lower() not in (".html", ".htm"):
-            raise InvalidInput(f"Scene.save writes a page, so the file ends in .html; got {str(path)!r}")
+            raise InvalidInput(
+                f"Scene.save writes a page, so the file ends in .html; got {str(path)!r}"
+            )
         file.write_text(self.html(compressed=compressed), encoding="utf-8")
         return file
 
@@ -204,22 +246,39 @@ class Scene:
 
         return frame(self)
 
-    def snapshot(self, path: str | PathLike[str], t: float | None = None, *, size: tuple[int, int] = (1000, 560)) -> Path:
-        """Draw the scene at a time, by default the last, into a PNG file; needs Chromium.  size : width and height in pixels."""
+    def snapshot(
+        self,
+        path: str | PathLike[str],
+        t: float | None = None,
+        *,
+        size: tuple[int, int] = (1000, 560),
+    ) -> Path:
+        """Draw the scene at a time, by default the last, into a PNG file; needs Chromium.
+        size : width and height in pixels.
+        """
         from .snapshot import snapshot
 
         return snapshot(self, path, t, size)
 
     def write_gif(
-        self, path: str | PathLike[str], *, size: tuple[int, int] = (640, 360), fps: int = 20, seconds: float | None = None
+        self,
+        path: str | PathLike[str],
+        *,
+        size: tuple[int, int] = (640, 360),
+        fps: int = 20,
+        seconds: float | None = None,
     ) -> Path:
-        """Write the scene as a moving GIF, each picture at its exact time; needs Chromium and Pillow."""
+        """Write the scene as a moving GIF, each picture at its exact time; needs Chromium and
+        Pillow.
+        """
         from .snapshot import write_gif
 
         return write_gif(self, path, size, fps, seconds)
 
     def send(self, visualizer: Any) -> None:
-        """Draw the scene into a meshcat.Visualizer of one's own, below its path, and give it the animation."""
+        """Draw the scene into a meshcat.Visualizer of one's own, below its path, and give it the
+        animation.
+        """
         from .send import send
 
         send(self, visualizer)
@@ -231,7 +290,11 @@ class Scene:
         return Live(self, open)
 
     def __repr__(self) -> str:
-        runs = [", ".join(type(c).__name__ for c in one.contents) + (f" of {one.name!r}" if one.name else "") for one in self.shown]
+        runs = [
+            ", ".join(type(c).__name__ for c in one.contents)
+            + (f" of {one.name!r}" if one.name else "")
+            for one in self.shown
+        ]
         return f"Scene({'; '.join(runs)})"
 
 

@@ -42,20 +42,31 @@ def send(scene: Scene, visualizer: Any) -> None:
         place = np.eye(4)
         place[1, 3] = DISTANCE * k
         matrix = place.T.ravel().tolist()
-        visualizer.window.send(Command({"type": "set_transform", "path": f"{root}/{panel.path}", "matrix": matrix}))
+        visualizer.window.send(
+            Command({"type": "set_transform", "path": f"{root}/{panel.path}", "matrix": matrix})
+        )
     for command in commands(panels):
-        visualizer.window.send(Command(command | {"path": f"{root}/{command['path']}"} | _packed(command)))
+        visualizer.window.send(
+            Command(command | {"path": f"{root}/{command['path']}"} | _packed(command))
+        )
     rate = scene.duration / scene.seconds or 1.0
     clocks = [clock / rate for clock in scene.clocks()]
     animations = [
-        {"path": f"{root}/{node.path}{inner}", "clip": {"fps": 1, "name": "default", "tracks": tracks}}
+        {
+            "path": f"{root}/{node.path}{inner}",
+            "clip": {"fps": 1, "name": "default", "tracks": tracks},
+        }
         for panel in panels
         for node in panel.nodes.values()
         for inner, tracks in _clips(node, clocks[node.clock].tolist())
     ]
     if animations:
         options = {"play": True, "repetitions": 1}
-        visualizer.window.send(Command({"type": "set_animation", "animations": animations, "options": options, "path": ""}))
+        visualizer.window.send(
+            Command(
+                {"type": "set_animation", "animations": animations, "options": options, "path": ""}
+            )
+        )
 
 
 def _clips(node: Node, times: list[float]) -> list[tuple[str, list[dict[str, Any]]]]:
@@ -70,11 +81,21 @@ def _clips(node: Node, times: list[float]) -> list[tuple[str, list[dict[str, Any
         if channel == "position":
             tracks.append(track(".position", "vector3", rows))
         elif channel in ("quaternion", "direction"):
-            tracks.append(track(".quaternion", "quaternion", rows if channel == "quaternion" else carried(rows)))
+            tracks.append(
+                track(
+                    ".quaternion", "quaternion", rows if channel == "quaternion" else carried(rows)
+                )
+            )
         elif channel == "scale":
             tracks.append(track(".scale", "vector3", np.repeat(rows[:, None], 3, axis=1)))
         elif channel == "reveal" and node.shape is not None:
-            inner.append(track(".geometry[drawRange].count", "number", node.shape.per_start + node.shape.per_segment * rows))
+            inner.append(
+                track(
+                    ".geometry[drawRange].count",
+                    "number",
+                    node.shape.per_start + node.shape.per_segment * rows,
+                )
+            )
     return [(where, found) for where, found in (("", tracks), ("/<object>", inner)) if found]
 
 
@@ -83,14 +104,19 @@ def _packed(command: dict[str, Any]) -> dict[str, Any]:
     try:
         from umsgpack import Ext
     except ImportError as missing:
-        raise MissingExtra("Scene.send needs umsgpack, which comes with meshcat", extra="viewer") from missing
+        raise MissingExtra(
+            "Scene.send needs umsgpack, which comes with meshcat", extra="viewer"
+        ) from missing
 
     def walk(value: Any) -> Any:
         if isinstance(value, dict):
             return {name: walk(one) for name, one in value.items()}
         if isinstance(value, np.ndarray):
             kind = {"u": "Uint", "f": "Float"}[value.dtype.kind]
-            return Ext(CODES[f"{kind}{8 * value.dtype.itemsize}Array"], np.ascontiguousarray(value).tobytes())
+            return Ext(
+                CODES[f"{kind}{8 * value.dtype.itemsize}Array"],
+                np.ascontiguousarray(value).tobytes(),
+            )
         return [walk(one) for one in value] if isinstance(value, list) else value
 
     return {"object": walk(command["object"])} if "object" in command else {}

@@ -1,7 +1,7 @@
 """Shapes of a scene, as the JSON of three.js that meshcat reads.
 
-A shape makes its geometry when it is written, not before: what is only moved, as in a live scene, costs nothing.
-Lengths are in units of a panel, whose content fits a ball of radius 1.
+A shape makes its geometry when it is written, not before: what is only moved, as in a live scene,
+costs nothing. Lengths are in units of a panel, whose content fits a ball of radius 1.
 """
 
 from __future__ import annotations
@@ -29,7 +29,8 @@ Array = NDArray[np.float64]
 class Shape:
     """Something to draw: its kind in three.js, what makes its geometry, its material.
 
-    per_segment : of a trail, how many entries of the geometry belong to one segment; 0 for shapes that do not grow.
+    per_segment : of a trail, how many entries of the geometry belong to one segment; 0 for shapes
+    that do not grow.
     per_start : how many are there before the first segment.
     """
 
@@ -45,7 +46,12 @@ class Shape:
             "metadata": {"version": 4.5, "type": "Object"},
             "geometries": [{"uuid": f"{name} geometry", **self.geometry()}],
             "materials": [{"uuid": f"{name} material", **self.material}],
-            "object": {"uuid": name, "type": self.kind, "geometry": f"{name} geometry", "material": f"{name} material"},
+            "object": {
+                "uuid": name,
+                "type": self.kind,
+                "geometry": f"{name} geometry",
+                "material": f"{name} material",
+            },
         }
 
 
@@ -55,24 +61,42 @@ class Shape:
 def box(size: Array, color: str, opacity: float = 1.0) -> Shape:
     """A box with edges along the axes."""
     width, height, depth = map(float, size)
-    return Shape("Mesh", lambda: {"type": "BoxGeometry", "width": width, "height": height, "depth": depth}, solid(color, opacity))
+    return Shape(
+        "Mesh",
+        lambda: {"type": "BoxGeometry", "width": width, "height": height, "depth": depth},
+        solid(color, opacity),
+    )
 
 
 def box_edges(size: Array, color: str) -> Shape:
     """The twelve edges of a box."""
-    corners = 0.5 * np.asarray(size) * np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+    corners = (
+        0.5
+        * np.asarray(size)
+        * np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+    )
     pairs = [(a, b) for a in range(8) for b in range(a + 1, 8) if bin(a ^ b).count("1") == 1]
     return segments(corners[np.array(pairs)], color)
 
 
 def ball(radius: float, color: str, opacity: float = 1.0) -> Shape:
     """A sphere; what is behind a transparent one shows through."""
-    fine = {"widthSegments": 48, "heightSegments": 32} if radius > 0.3 else {"widthSegments": 20, "heightSegments": 12}
-    return Shape("Mesh", lambda: {"type": "SphereGeometry", "radius": float(radius), **fine}, solid(color, opacity))
+    fine = (
+        {"widthSegments": 48, "heightSegments": 32}
+        if radius > 0.3
+        else {"widthSegments": 20, "heightSegments": 12}
+    )
+    return Shape(
+        "Mesh",
+        lambda: {"type": "SphereGeometry", "radius": float(radius), **fine},
+        solid(color, opacity),
+    )
 
 
 def turned(profile: list[tuple[float, float]], color: str, sides: int = 20) -> Shape:
-    """A solid of revolution about the third axis.  profile : (radius, height) from one end to the other, the inside on the left."""
+    """A solid of revolution about the third axis.  profile : (radius, height) from one end to the
+    other, the inside on the left.
+    """
 
     def geometry() -> dict[str, Any]:
         points = np.array(profile, dtype=float)
@@ -83,7 +107,10 @@ def turned(profile: list[tuple[float, float]], color: str, sides: int = 20) -> S
             bands += [np.column_stack([r * circle, np.full(sides + 1, z)]) for r, z in (a, b)]
             first = 2 * n * (sides + 1) + np.arange(sides)
             second = first + sides + 1
-            triangles += [np.column_stack([first, first + 1, second]), np.column_stack([second, first + 1, second + 1])]
+            triangles += [
+                np.column_stack([first, first + 1, second]),
+                np.column_stack([second, first + 1, second + 1]),
+            ]
         return _mesh(np.concatenate(bands), np.concatenate(triangles))
 
     return Shape("Mesh", geometry, solid(color))
@@ -105,20 +132,30 @@ def mesh_file(path: str | PathLike[str], color: str) -> Shape:
     file = Path(path)
     kind = file.suffix.lower()
     if kind not in FORMATS:
-        raise InvalidInput(f"mesh must be a file that ends in {', '.join(FORMATS)}; got {str(path)!r}")
+        raise InvalidInput(
+            f"mesh must be a file that ends in {', '.join(FORMATS)}; got {str(path)!r}"
+        )
     try:
         content = file.read_bytes()
     except OSError as refused:
         raise InvalidInput(f"mesh {str(path)!r} cannot be read: {refused}") from None
-    data: Any = np.frombuffer(content, dtype=np.uint8) if kind == ".stl" else content.decode("utf-8")
-    return Shape("Mesh", lambda: {"type": "_meshfile_geometry", "format": kind[1:], "data": data}, solid(color))
+    data: Any = (
+        np.frombuffer(content, dtype=np.uint8) if kind == ".stl" else content.decode("utf-8")
+    )
+    return Shape(
+        "Mesh",
+        lambda: {"type": "_meshfile_geometry", "format": kind[1:], "data": data},
+        solid(color),
+    )
 
 
 # ------------------------------------------------------------------ curves and points
 
 
 def tube(points: Array, color: str, radius: float = 0.011, sides: int = 5) -> Shape:
-    """A curve (n, 3), thick enough to be seen: lines are one pixel wide in WebGL.  Its segments are in the order of the points."""
+    """A curve (n, 3), thick enough to be seen: lines are one pixel wide in WebGL.  Its segments are
+    in the order of the points.
+    """
 
     def geometry() -> dict[str, Any]:
         normal, binormal = frames(points)
@@ -128,20 +165,34 @@ def tube(points: Array, color: str, radius: float = 0.011, sides: int = 5) -> Sh
         )
         k = np.arange(sides)
         here, beside = np.stack([k, np.roll(k, -1)])
-        one = np.stack([here, beside, here + sides, here + sides, beside, beside + sides], axis=-1).ravel()
+        one = np.stack(
+            [here, beside, here + sides, here + sides, beside, beside + sides], axis=-1
+        ).ravel()
         index = sides * np.arange(len(points) - 1)[:, None] + one
         return _mesh(rings.reshape(-1, 3), index.reshape(-1, 3))
 
-    return Shape("Mesh", geometry, {"type": "MeshBasicMaterial", "color": number(color), "side": 2}, per_segment=6 * sides)
+    return Shape(
+        "Mesh",
+        geometry,
+        {"type": "MeshBasicMaterial", "color": number(color), "side": 2},
+        per_segment=6 * sides,
+    )
 
 
 def segments(pairs: Array, color: str, opacity: float = 1.0) -> Shape:
     """Straight lines one pixel wide, from (m, 2, 3)."""
 
     def geometry() -> dict[str, Any]:
-        return {"type": "BufferGeometry", "data": {"attributes": {"position": _attribute(pairs.reshape(-1, 3))}}}
+        return {
+            "type": "BufferGeometry",
+            "data": {"attributes": {"position": _attribute(pairs.reshape(-1, 3))}},
+        }
 
-    return Shape("LineSegments", geometry, {"type": "LineBasicMaterial", "color": number(color), **_seen_through(opacity)})
+    return Shape(
+        "LineSegments",
+        geometry,
+        {"type": "LineBasicMaterial", "color": number(color), **_seen_through(opacity)},
+    )
 
 
 def chained(curves: Array) -> Array:
@@ -158,13 +209,19 @@ def dots(points: Array, color: str, size: float = 0.03, colors: Array | None = N
             attributes["color"] = _attribute(colors)
         return {"type": "BufferGeometry", "data": {"attributes": attributes}}
 
-    look = {"vertexColors": True, "color": 0xFFFFFF} if colors is not None else {"color": number(color)}
+    look = (
+        {"vertexColors": True, "color": 0xFFFFFF}
+        if colors is not None
+        else {"color": number(color)}
+    )
     material = {"type": "PointsMaterial", "size": size, "sizeAttenuation": True, **look}
     return Shape("Points", geometry, material, per_segment=1, per_start=1)
 
 
 def frames(points: Array) -> tuple[Array, Array]:
-    """Two unit vectors across a curve (n, 3) at each of its points, carried along it without a twist.  (n, 3) each."""
+    """Two unit vectors across a curve (n, 3) at each of its points, carried along it without a
+    twist.  (n, 3) each.
+    """
     steps = np.diff(points, axis=0)
     along = np.concatenate([steps[:1], steps[1:] + steps[:-1], steps[-1:]])
     length = np.linalg.norm(along, axis=1)
@@ -172,7 +229,10 @@ def frames(points: Array) -> tuple[Array, Array]:
     if still.any():  # a point that is repeated keeps the direction from before it
         last = np.maximum.accumulate(np.where(still, -1, np.arange(len(along))))
         first = int(np.argmin(still))
-        along, length = along[np.where(last < 0, first, last)], length[np.where(last < 0, first, last)]
+        along, length = (
+            along[np.where(last < 0, first, last)],
+            length[np.where(last < 0, first, last)],
+        )
     tangents = along / np.where(length > 0.0, length, 1.0)[:, None]
     normals = []
     nx, ny, nz = np.eye(3)[np.abs(tangents[0]).argmin()].tolist()
@@ -193,8 +253,15 @@ def frames(points: Array) -> tuple[Array, Array]:
 
 
 def solid(color: str, opacity: float = 1.0) -> dict[str, Any]:
-    """Lambert's law, front sides only: in software drawing several times faster than the alternatives, and no less clear."""
-    return {"type": "MeshLambertMaterial", "color": number(color), "side": 0, **_seen_through(opacity)}
+    """Lambert's law, front sides only: in software drawing several times faster than the
+    alternatives, and no less clear.
+    """
+    return {
+        "type": "MeshLambertMaterial",
+        "color": number(color),
+        "side": 0,
+        **_seen_through(opacity),
+    }
 
 
 def _seen_through(opacity: float) -> dict[str, Any]:
@@ -209,7 +276,9 @@ def rgb(color: str) -> tuple[int, int, int]:
             raise ValueError
         return int(color[1:3], 16), int(color[3:5], 16), int(color[5:7], 16)
     except (ValueError, TypeError):
-        raise InvalidInput(f'color must be written "#rrggbb", such as "#0072B2"; got {color!r}') from None
+        raise InvalidInput(
+            f'color must be written "#rrggbb", such as "#0072B2"; got {color!r}'
+        ) from None
 
 
 def number(color: str) -> int:
@@ -220,11 +289,18 @@ def number(color: str) -> int:
 
 def mixed(color: str, other: str, share: float) -> str:
     """A colour between two; `share` is that of the other."""
-    return "#" + "".join(f"{round(a + share * (b - a)):02x}" for a, b in zip(rgb(color), rgb(other), strict=True))
+    return "#" + "".join(
+        f"{round(a + share * (b - a)):02x}" for a, b in zip(rgb(color), rgb(other), strict=True)
+    )
 
 
 def _attribute(rows: Array) -> dict[str, Any]:
-    return {"itemSize": rows.shape[-1], "type": "Float32Array", "array": rows.astype(np.float32).ravel(), "normalized": False}
+    return {
+        "itemSize": rows.shape[-1],
+        "type": "Float32Array",
+        "array": rows.astype(np.float32).ravel(),
+        "normalized": False,
+    }
 
 
 def _mesh(vertices: Array, triangles: NDArray[np.intp]) -> dict[str, Any]:

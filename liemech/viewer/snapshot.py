@@ -21,7 +21,9 @@ if TYPE_CHECKING:
 MOST_PICTURES = 2000
 
 
-def snapshot(scene: Scene, path: str | PathLike[str], t: float | None, size: tuple[int, int]) -> Path:
+def snapshot(
+    scene: Scene, path: str | PathLike[str], t: float | None, size: tuple[int, int]
+) -> Path:
     """The scene at a time, in a PNG file."""
     file = _file(path, ".png")
     with _stage(scene, size) as page:
@@ -29,8 +31,12 @@ def snapshot(scene: Scene, path: str | PathLike[str], t: float | None, size: tup
     return file
 
 
-def write_gif(scene: Scene, path: str | PathLike[str], size: tuple[int, int], fps: int, seconds: float | None) -> Path:
-    """The scene as a moving GIF: `fps` pictures for each second of its `seconds`, which are those of the scene by default."""
+def write_gif(
+    scene: Scene, path: str | PathLike[str], size: tuple[int, int], fps: int, seconds: float | None
+) -> Path:
+    """The scene as a moving GIF: `fps` pictures for each second of its `seconds`, which are those
+    of the scene by default.
+    """
     file = _file(path, ".gif")
     try:
         from PIL import Image
@@ -39,18 +45,37 @@ def write_gif(scene: Scene, path: str | PathLike[str], size: tuple[int, int], fp
     lasts = scene.seconds if seconds is None else seconds
     pictures = round(fps * lasts) + 1
     if fps < 1 or not 2 <= pictures <= MOST_PICTURES:
-        raise InvalidInput(f"write_gif: fps = {fps} for {lasts:g} s makes {pictures} pictures; wanted are 2 to {MOST_PICTURES}")
+        raise InvalidInput(
+            f"write_gif: fps = {fps} for {lasts:g} s makes {pictures} "
+            f"pictures; wanted are 2 to {MOST_PICTURES}"
+        )
     with _stage(scene, size) as page:
-        shots = [Image.open(io.BytesIO(_at(page, t))).convert("RGB") for t in np.linspace(0.0, scene.duration, pictures)]
-    # one palette for all pictures, from some of them side by side: white, the shades of large areas, the colours of thin lines
-    some = Image.fromarray(np.hstack([np.asarray(shot) for shot in shots[:: max(1, len(shots) // 6)]]))
+        shots = [
+            Image.open(io.BytesIO(_at(page, t))).convert("RGB")
+            for t in np.linspace(0.0, scene.duration, pictures)
+        ]
+    # one palette for all pictures, from some of them side by side: white, the shades of large
+    # areas, the colours of thin lines
+    some = Image.fromarray(
+        np.hstack([np.asarray(shot) for shot in shots[:: max(1, len(shots) // 6)]])
+    )
     kinds = (Image.Quantize.MEDIANCUT, 96), (Image.Quantize.MAXCOVERAGE, 64)
-    found = [(some.quantize(count, method=kind).getpalette() or [])[: 3 * count] for kind, count in kinds]
+    found = [
+        (some.quantize(count, method=kind).getpalette() or [])[: 3 * count] for kind, count in kinds
+    ]
     colours = np.concatenate(found).reshape(-1, 3)
     palette = Image.new("P", (1, 1))
-    palette.putpalette([255, 255, 255, *colours[colours.min(axis=1) < 246].ravel().tolist()])  # nothing to be taken for white
+    # nothing to be taken for white
+    palette.putpalette([255, 255, 255, *colours[colours.min(axis=1) < 246].ravel().tolist()])
     frames = [shot.quantize(palette=palette, dither=Image.Dither.NONE) for shot in shots]
-    frames[0].save(file, save_all=True, append_images=frames[1:], duration=round(1000 / fps), loop=0, optimize=False)
+    frames[0].save(
+        file,
+        save_all=True,
+        append_images=frames[1:],
+        duration=round(1000 / fps),
+        loop=0,
+        optimize=False,
+    )
     return file
 
 
@@ -76,7 +101,10 @@ def _at(page: Page, t: float) -> bytes:
 def _since(scene: Scene, t: float) -> float:
     since = abs(t - scene.start)
     if since > scene.duration * (1.0 + 1e-9):
-        raise InvalidInput(f"snapshot: t = {t:g} is outside the scene, {scene.duration:g} s from t = {scene.start:g}")
+        raise InvalidInput(
+            f"snapshot: t = {t:g} is outside the scene, "
+            f"{scene.duration:g} s from t = {scene.start:g}"
+        )
     return since
 
 

@@ -1,4 +1,6 @@
-"""Vectors that move on a sphere: body momentum on its coadjoint orbit, the vertical seen from a top, momentum in space."""
+"""Vectors that move on a sphere: body momentum on its coadjoint orbit, the vertical seen from a
+top, momentum in space.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +26,9 @@ from .shapes import arrow, ball, chained, dots, rgb, rod, segments, tube
 Array = NDArray[np.float64]
 
 AXES = ("#c44e52", "#55a868", "#8172b3")
-"""Of the body, one to three: red, green, violet; blue, as usual for the third, is the colour of the first run."""
+"""Of the body, one to three: red, green, violet; blue, as usual for the third, is the colour of the
+first run.
+"""
 SPHERE, LEVEL, SEPARATRIX = "#b9c3d3", "#8c95a4", "#565f6d"
 OTHER = "#E69F00"
 """The colour of the highest energy of an ensemble; that of the lowest is the run's."""
@@ -36,13 +40,14 @@ MOST_POINTS = 1000
 
 @dataclass(frozen=True)
 class Momentum(Content):
-    """Body momentum mu on its coadjoint orbit, seen from the body: arrow, growing trail, sphere, curves of constant energy.
+    """Body momentum mu on its coadjoint orbit, seen from the body: arrow, growing trail, sphere,
+    curves of constant energy.
 
-    trail : the curve behind the arrow.  sphere : the orbit, |mu| = const.  levels : how many energies are drawn on it beside that
-    of the separatrix; 0 for none, and no separatrix.  Of an ensemble every momentum is a dot,
-    coloured by the order of the energies.
-    The motion follows a curve of constant energy.  No sphere is drawn where there is not one orbit: for a body in a field, and for
-    an ensemble whose momenta differ in length.
+    trail : the curve behind the arrow.  sphere : the orbit, |mu| = const.  levels : how many
+    energies are drawn on it beside that of the separatrix; 0 for none, and no separatrix.  Of an
+    ensemble every momentum is a dot, coloured by the order of the energies.
+    The motion follows a curve of constant energy.  No sphere is drawn where there is not one orbit:
+    for a body in a field, and for an ensemble whose momenta differ in length.
 
     Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 15.7.
     """
@@ -81,7 +86,11 @@ class Momentum(Content):
         _axes(drawing)
         radii = np.atleast_1d(np.linalg.norm(mu[0], axis=-1))
         radius = float(radii.max())
-        if isinstance(motion.system, LiePoissonSystem) and np.ptp(radii) <= 0.01 * radius and radius > 0.0:
+        if (
+            isinstance(motion.system, LiePoissonSystem)
+            and np.ptp(radii) <= 0.01 * radius
+            and radius > 0.0
+        ):
             drawing.once(f"sphere {radius:.3f}", ball(radius, SPHERE, 0.35))
             if self.levels and f"{drawing.panel.path}/levels" not in drawing.panel.nodes:
                 _levels(drawing, motion.system, radius, self.levels)
@@ -89,7 +98,8 @@ class Momentum(Content):
 
 @dataclass(frozen=True)
 class SpatialMomentum(Content):
-    """Momentum seen from space, K_g mu, in the same picture as the body: of a free body it stands still.
+    """Momentum seen from space, K_g mu, in the same picture as the body: of a free body it stands
+    still.
 
     Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 15.2.
     """
@@ -108,7 +118,12 @@ class SpatialMomentum(Content):
         """An arrow as long as the picture allows."""
         momentum = rotated(attitude(motion.system, motion["g"]), motion["mu"])
         largest = np.linalg.norm(momentum, axis=1).max()
-        _moving_vector(drawing, 1.15 * momentum / ((largest or 1.0) * drawing.panel.unit), "spatial momentum", trail=False)
+        _moving_vector(
+            drawing,
+            1.15 * momentum / ((largest or 1.0) * drawing.panel.unit),
+            "spatial momentum",
+            trail=False,
+        )
 
 
 @dataclass(frozen=True)
@@ -147,7 +162,8 @@ class Vertical(Content):
 
 @dataclass(frozen=True)
 class Nose(Content):
-    """The path that the nose of a top draws, where its axis through the centre of mass meets the unit sphere.
+    """The path that the nose of a top draws, where its axis through the centre of mass meets the
+    unit sphere.
 
     Source: Goldstein, Classical Mechanics, 3rd ed., section 5.7.
     """
@@ -175,7 +191,9 @@ class Nose(Content):
 
 
 def axis_of(top: Any) -> Array:
-    """The direction from the fixed point to the centre of mass; the third axis if that is the fixed point."""
+    """The direction from the fixed point to the centre of mass; the third axis if that is the fixed
+    point.
+    """
     centre = np.array(top.centre)
     length = np.linalg.norm(centre)
     return centre / length if length > 0.0 else np.array([0.0, 0.0, 1.0])
@@ -192,14 +210,26 @@ def _moving_vector(drawing: Drawing, v: Array, name: str, trail: bool) -> None:
     length = np.linalg.norm(v, axis=1)
     if length.max() <= 0.0:  # a body at rest has no arrow
         return
-    direction = np.where(length[:, None] > 0.0, v / np.where(length > 0.0, length, 1.0)[:, None], np.array([0.0, 0.0, 1.0]))
-    drawing.add(name, arrow(drawing.color), direction=direction, scale=length, position=drawing.panel.inside(np.zeros(3)))
+    direction = np.where(
+        length[:, None] > 0.0,
+        v / np.where(length > 0.0, length, 1.0)[:, None],
+        np.array([0.0, 0.0, 1.0]),
+    )
+    drawing.add(
+        name,
+        arrow(drawing.color),
+        direction=direction,
+        scale=length,
+        position=drawing.panel.inside(np.zeros(3)),
+    )
     if trail:
         drawing.trail(f"{name} trail", LIFT * v)
 
 
 def _cloud(drawing: Drawing, v: Array, motion: Motion) -> None:
-    """A dot for each body of an ensemble, (n, m, 3), coloured in the order of their energies at the start."""
+    """A dot for each body of an ensemble, (n, m, 3), coloured in the order of their energies at the
+    start.
+    """
     some = np.linspace(0, v.shape[1] - 1, min(v.shape[1], MOST_POINTS)).round().astype(int)
     if isinstance(motion.system, LiePoissonSystem):
         energy: Any = motion.system.energy(motion["mu"][0, some])
@@ -207,7 +237,11 @@ def _cloud(drawing: Drawing, v: Array, motion: Motion) -> None:
     shown = v[:, some]
     first, last = np.array(rgb(drawing.color)) / 255.0, np.array(rgb(OTHER)) / 255.0
     share = np.linspace(0.0, 1.0, len(some))[:, None]
-    drawing.add("mu", dots(LIFT * shown[0], drawing.color, 0.045, first + share * (last - first)), cloud=LIFT * shown)
+    drawing.add(
+        "mu",
+        dots(LIFT * shown[0], drawing.color, 0.045, first + share * (last - first)),
+        cloud=LIFT * shown,
+    )
 
 
 def _axes(drawing: Drawing) -> None:

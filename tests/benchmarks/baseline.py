@@ -50,13 +50,23 @@ class Baseline:
     _library: ctypes.CDLL
 
     def lanes(self, groups: int = 3) -> int:
-        """Bodies advanced together by the ensemble kernel: SIMD width times registers per variable (3 is the best)."""
+        """Bodies advanced together by the ensemble kernel: SIMD width times registers per variable
+        (3 is the best).
+        """
         return self.width * groups
 
     def advance(
-        self, method: int, lanes: int, mu: np.ndarray, g: np.ndarray | None, inertia: np.ndarray, h: float, steps: int
+        self,
+        method: int,
+        lanes: int,
+        mu: np.ndarray,
+        g: np.ndarray | None,
+        inertia: np.ndarray,
+        h: float,
+        steps: int,
     ) -> float:
-        """Advance momenta (3, n) and attitudes (9, n) or None in place; returns Newton solves per step.
+        """Advance momenta (3, n) and attitudes (9, n) or None in place; returns Newton solves per
+        step.
 
         inertia : the moments, (3,), followed by weight times centre if it is a top, (6,).
         """
@@ -79,11 +89,16 @@ class Baseline:
         return solves / (steps * (n // lanes))
 
     def packed(self) -> dict[str, dict[str, int]]:
-        """Arithmetic instructions of each ensemble kernel by register: zmm, ymm (packed) and scalar. Needs objdump."""
+        """Arithmetic instructions of each ensemble kernel by register: zmm, ymm (packed) and
+        scalar. Needs objdump.
+        """
         if shutil.which("objdump") is None:
             return {}
         listing = subprocess.run(
-            ["objdump", "-d", "-C", "--no-show-raw-insn", str(self.path)], capture_output=True, text=True, check=True
+            ["objdump", "-d", "-C", "--no-show-raw-insn", str(self.path)],
+            capture_output=True,
+            text=True,
+            check=True,
         ).stdout
         counts: dict[str, dict[str, int]] = {}
         for block in listing.split("\n\n"):
@@ -91,33 +106,59 @@ class Baseline:
             if head:
                 records = "mu, g" if head[3] == "true" else "mu"
                 name = f"{head[1]}, {int(head[2]) * self.width} lanes, {records}"
-                operations = re.findall(r"\sv(?:add|sub|mul|div|fn?m(?:add|sub)\d+)(pd|sd)\s+(.*)", block)
-                count = counts.setdefault(name, {"zmm": 0, "ymm": 0, "scalar": 0})  # a kernel may come in parts
+                operations = re.findall(
+                    r"\sv(?:add|sub|mul|div|fn?m(?:add|sub)\d+)(pd|sd)\s+(.*)", block
+                )
+                # a kernel may come in parts
+                count = counts.setdefault(name, {"zmm": 0, "ymm": 0, "scalar": 0})
                 for kind, registers in operations:
                     count["scalar" if kind == "sd" else "zmm" if "zmm" in registers else "ymm"] += 1
         return counts
 
 
 def build(*, sweep: bool = False) -> dict[str, Baseline]:
-    """Compile the kernels in each contraction mode, side by side; empty without g++. Kept in the temporary folder."""
+    """Compile the kernels in each contraction mode, side by side; empty without g++. Kept in the
+    temporary folder.
+    """
     compiler = os.environ.get("CXX") or shutil.which("g++")
     if not compiler:
         return {}
-    version = subprocess.run([compiler, "--version"], capture_output=True, text=True, check=True).stdout
-    processor = Path("/proc/cpuinfo").read_text().split("\n\n")[0] if Path("/proc/cpuinfo").exists() else ""
+    version = subprocess.run(
+        [compiler, "--version"], capture_output=True, text=True, check=True
+    ).stdout
+    processor = (
+        Path("/proc/cpuinfo").read_text().split("\n\n")[0] if Path("/proc/cpuinfo").exists() else ""
+    )
     native = [
         line for line in processor.splitlines() if line.startswith(("model", "flags"))
     ]  # -march=native is no portable key
-    folder = Path(tempfile.gettempdir()) / f"liemech-benchmarks-{os.getuid() if hasattr(os, 'getuid') else 0}"
+    folder = (
+        Path(tempfile.gettempdir())
+        / f"liemech-benchmarks-{os.getuid() if hasattr(os, 'getuid') else 0}"
+    )
     folder.mkdir(mode=0o700, exist_ok=True)
     paths, jobs = {}, []
     for contraction in CONTRACTIONS:
-        command = [compiler, *FLAGS, f"-ffp-contract={contraction}", *(["-DSWEEP"] if sweep else []), str(SOURCE)]
-        key = hashlib.sha256("\n".join([version, *native, *command, SOURCE.read_text()]).encode()).hexdigest()[:16]
+        command = [
+            compiler,
+            *FLAGS,
+            f"-ffp-contract={contraction}",
+            *(["-DSWEEP"] if sweep else []),
+            str(SOURCE),
+        ]
+        key = hashlib.sha256(
+            "\n".join([version, *native, *command, SOURCE.read_text()]).encode()
+        ).hexdigest()[:16]
         paths[contraction] = folder / f"baseline-{contraction}-{key}.so"
         if not paths[contraction].exists():
             unfinished = paths[contraction].with_suffix(f".{os.getpid()}")
-            jobs.append((subprocess.Popen([*command, "-o", str(unfinished)]), unfinished, paths[contraction]))
+            jobs.append(
+                (
+                    subprocess.Popen([*command, "-o", str(unfinished)]),
+                    unfinished,
+                    paths[contraction],
+                )
+            )
     for job, unfinished, path in jobs:
         if job.wait():
             raise RuntimeError(f"{compiler} failed on {SOURCE.name}")
@@ -131,8 +172,12 @@ def _load(contraction: str, path: Path) -> Baseline:
     return Baseline(contraction, path, library.simd_width(), library)
 
 
-def plain_c(source: Path, defines: Mapping[str, object], contraction: str, folder: Path) -> ctypes.CDLL | None:
-    """A library of plain C, compiled for these definitions, with or without fused multiply-add; None without a compiler."""
+def plain_c(
+    source: Path, defines: Mapping[str, object], contraction: str, folder: Path
+) -> ctypes.CDLL | None:
+    """A library of plain C, compiled for these definitions, with or without fused multiply-add;
+    None without a compiler.
+    """
     compiler = os.environ.get("CC") or shutil.which("gcc")
     if not compiler:
         return None
@@ -140,7 +185,16 @@ def plain_c(source: Path, defines: Mapping[str, object], contraction: str, folde
     flags = [f for f in FLAGS if not f.startswith("-std")]
     values = [f"-D{key}={value}" for key, value in defines.items()]
     path = folder / f"{source.stem}-{name}.so"
-    command = [compiler, *flags, f"-ffp-contract={contraction}", *values, str(source), "-o", str(path), "-lm"]
+    command = [
+        compiler,
+        *flags,
+        f"-ffp-contract={contraction}",
+        *values,
+        str(source),
+        "-o",
+        str(path),
+        "-lm",
+    ]
     subprocess.run(command, check=True)
     return ctypes.CDLL(str(path))
 

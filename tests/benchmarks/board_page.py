@@ -156,7 +156,9 @@ def races(measured: dict[str, Any]) -> tuple[str, list[str]]:
 
 
 def set_ups(measured: dict[str, Any]) -> str:
-    """What comes before: for each package its quickest method at 1e-9, milliseconds of setting up and of the first call."""
+    """What comes before: for each package its quickest method at 1e-9, milliseconds of setting up
+    and of the first call.
+    """
     packages = list(
         dict.fromkeys(c["package"] for race in measured["races"].values() for c in race["curves"])
     )
@@ -167,7 +169,9 @@ def set_ups(measured: dict[str, Any]) -> str:
             points = [
                 c["points"] for c in race["curves"] if c["package"] == package and c["points"]
             ]
-            costs = [max(0.0, *(p["set_up"] + p["first"] - p["warm"] for p in curve)) for curve in points]
+            costs = [
+                max(0.0, *(p["set_up"] + p["first"] - p["warm"] for p in curve)) for curve in points
+            ]
             cells.append(f"{number(min(costs))} to {number(max(costs))}" if costs else "-")
         text += f"| {race['name']} | {' | '.join(cells)} |\n"
     return text

@@ -1,9 +1,11 @@
-"""One table of all that was wanted: budgets of time and memory, time to error beside others, goals of reliability.
+"""One table of all that was wanted: budgets of time and memory, time to error beside others, goals
+of reliability.
 
     python tests/benchmarks/budgets.py [--run rigid_body calls ... | all] [--quick]
 
---run measures these again, each by its own benchmark, and keeps the rows in `budgets.json`.  Then docs/budgets.md is written from
-them, from `leader_board.json`, from the table of docs/reliability.md and from `tests/stress/long_runs.json`.
+--run measures these again, each by its own benchmark, and keeps the rows in `budgets.json`.  Then
+docs/budgets.md is written from them, from `leader_board.json`, from the table of
+docs/reliability.md and from `tests/stress/long_runs.json`.
 """
 
 from __future__ import annotations

@@ -34,9 +34,18 @@ def main() -> None:
         "plan.step, 200 steps": (lambda: plan.step(carry, 200), 0.0),
         "plan.step, one step": (lambda: plan.step(carry), 3.0),
         "plan.run, 200 steps and samples": (lambda: plan.run(start, steps=200), 10.0),
-        "the same, and its t, mu, g": (lambda: (run := plan.run(start, steps=200), run.t, run.mu, run.g), 0.0),
-        "integrate, the same": (lambda: lm.integrate(body, method, start, h=0.1, steps=200, compiled=True), 30.0),
-        "integrate, a new body": (lambda: lm.integrate(lm.RigidBody([1.0, 1.5, 2.0]), method, start, h=0.1, steps=200), 0.0),
+        "the same, and its t, mu, g": (
+            lambda: (run := plan.run(start, steps=200), run.t, run.mu, run.g),
+            0.0,
+        ),
+        "integrate, the same": (
+            lambda: lm.integrate(body, method, start, h=0.1, steps=200, compiled=True),
+            30.0,
+        ),
+        "integrate, a new body": (
+            lambda: lm.integrate(lm.RigidBody([1.0, 1.5, 2.0]), method, start, h=0.1, steps=200),
+            0.0,
+        ),
         "plan.run, adaptive to t = 10": (lambda: adaptive.run(start, t_end=10.0), 0.0),
         "the same, only the end": (lambda: adaptive.run(start, t_end=10.0, t_eval=[10.0]), 0.0),
         "RigidBody(...)": (lambda: lm.RigidBody([1.0, 1.5, 2.0]), 5.0),

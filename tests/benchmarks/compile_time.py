@@ -1,9 +1,12 @@
-"""Cost of compiling: seconds of translation and of LLVM for methods on systems, cold, instructions given to LLVM, and ns a step.
+"""Cost of compiling: seconds of translation and of LLVM for methods on systems, cold, instructions
+given to LLVM, and ns a step.
 
-    python tests/benchmarks/compile_time.py [--quick] [--only TEXT] [--no-steps] [--out results.json]
+    python tests/benchmarks/compile_time.py [--quick] [--only TEXT] [--no-steps] [--out
+    results.json]
 
-Times are of the processor, so other work on the machine changes them by tens of percent, not by multiples.  Each case runs in a
-process of its own, which is ended after `--limit` seconds.  A dagger marks a time beyond its goal.
+Times are of the processor, so other work on the machine changes them by tens of percent, not by
+multiples.  Each case runs in a process of its own, which is ended after `--limit` seconds.  A
+dagger marks a time beyond its goal.
 """
 
 import argparse
@@ -41,7 +44,9 @@ class Palindrome(lm.Retraction):
     def tau(self, group: Any, xi: lm.Vec) -> Any:
         g = group.identity()
         for i in (0, 1, 2, 2, 1, 0):
-            g = group.compose(g, group.exp(lm.vec(*[0.5 * xi[k] if k == i else 0.0 for k in range(group.dim)])))
+            g = group.compose(
+                g, group.exp(lm.vec(*[0.5 * xi[k] if k == i else 0.0 for k in range(group.dim)]))
+            )
         return g
 
 
@@ -90,8 +95,13 @@ class Bodies(lm.HamiltonianSystem):
 # ------------------------------------------------------------------ cases
 
 Case = tuple[Any, Any, Any, float] | Callable[[], Any]
-"""A system, a method, a start and the step; or a run of another kind, of which only the compilation is measured."""
-COVARIANT = {"Cayley": lm.CovariantVariational(lm.Cayley()), "exp": lm.CovariantVariational(lm.Exponential())}
+"""A system, a method, a start and the step; or a run of another kind, of which only the compilation
+is measured.
+"""
+COVARIANT = {
+    "Cayley": lm.CovariantVariational(lm.Cayley()),
+    "exp": lm.CovariantVariational(lm.Exponential()),
+}
 
 
 def body(method: Any, lanes: bool = False) -> Case:
@@ -107,7 +117,12 @@ def top(method: Any, lanes: bool = False) -> Case:
 
 def kirchhoff(method: Any, lanes: bool = False) -> Case:
     system = lm.KirchhoffBody([1.0, 1.5, 2.0, 1.0, 2.0, 1.5])
-    return system, method, _start(system, np.array([0.5, 0.1, 0.8, 0.1, 0.2, 0.3]), np.eye(4), lanes), 0.05
+    return (
+        system,
+        method,
+        _start(system, np.array([0.5, 0.1, 0.8, 0.1, 0.2, 0.3]), np.eye(4), lanes),
+        0.05,
+    )
 
 
 def on(group: Any, method: Any, lanes: bool = False) -> Case:
@@ -129,7 +144,10 @@ def chain(method: Any, links: int = 2, lanes: bool = False) -> Case:
     """A pendulum of rods on ball joints."""
     half, places = np.array([0.0, 0.0, 0.5]), np.tile(np.eye(4), (links, 1, 1))
     places[:, 2, 3] = -0.5 - np.arange(links)
-    joints = [lm.BallJoint(k, k - 1 if k else None, half, -half if k else 0.0 * half) for k in range(links)]
+    joints = [
+        lm.BallJoint(k, k - 1 if k else None, half, -half if k else 0.0 * half)
+        for k in range(links)
+    ]
     system = lm.Linkage([lm.Link(1.0, [0.1, 0.1, 0.05])] * links, joints, 9.81)
     start = system.assembled(places, np.full((links, 6), 0.1))
     return system, method, _start(system, np.array(start.mu), np.array(start.g), lanes), 0.01
@@ -147,18 +165,29 @@ def run(case: Case, tangent: bool = False, **options: Any) -> Case:
     assert isinstance(case, tuple)
     system, method, start, h = case
     if tangent:
-        return lambda: lm.Plan(system, method, h, compiled=True, progress=False).tangent(start, steps=2)
+        return lambda: lm.Plan(system, method, h, compiled=True, progress=False).tangent(
+            start, steps=2
+        )
     steps = {} if "t_end" in options else {"h": h, "steps": 2}
-    return lambda: lm.integrate(system, method, start, **steps, **options, compiled=True, progress=False)
+    return lambda: lm.integrate(
+        system, method, start, **steps, **options, compiled=True, progress=False
+    )
 
 
 def satellite(method: Any, lanes: bool = False, clocked: bool = True) -> Case:
     """On an eccentric orbit, with steps by its distance."""
     system = lm.OrbitingBody([1e-4, 1.5e-4, 2e-4], mass=1.0, attraction=1.0)
     circle = system.circular_orbit(0.3)
-    controlled = lm.ReversibleController(method, lambda g: (g[9] * g[9] + g[10] * g[10] + g[11] * g[11]) ** 0.75)
+    controlled = lm.ReversibleController(
+        method, lambda g: (g[9] * g[9] + g[10] * g[10] + g[11] * g[11]) ** 0.75
+    )
     if not clocked:
-        return system, controlled, _start(system, np.array(circle.mu), np.array(circle.g), lanes), 0.05
+        return (
+            system,
+            controlled,
+            _start(system, np.array(circle.mu), np.array(circle.g), lanes),
+            0.05,
+        )
     start = _start(system, np.array(circle.mu), np.array(circle.g), lanes)
     extended = Clocked(system, controlled.sigma.bound(system, start))
     return extended, controlled, extended.extended(start, 0.0), 0.05
@@ -178,12 +207,20 @@ CASES: dict[str, Callable[[], Case]] = {
     "Composition 4 of Cayley, body": lambda: body(lm.Composition(COVARIANT["Cayley"])),
     "Composition 4 of exp, body": lambda: body(lm.Composition(COVARIANT["exp"])),
     "Composition 8 of Cayley, body": lambda: body(lm.Composition(COVARIANT["Cayley"], order=8)),
-    "Composition 8 of Cayley, body, lanes": lambda: body(lm.Composition(COVARIANT["Cayley"], order=8), True),
+    "Composition 8 of Cayley, body, lanes": lambda: body(
+        lm.Composition(COVARIANT["Cayley"], order=8), True
+    ),
     "Composition 8 of exp, body": lambda: body(lm.Composition(COVARIANT["exp"], order=8)),
-    "Composition 8 of exp, body, lanes": lambda: body(lm.Composition(COVARIANT["exp"], order=8), True),
+    "Composition 8 of exp, body, lanes": lambda: body(
+        lm.Composition(COVARIANT["exp"], order=8), True
+    ),
     "Composition 8 of exp, SE(3)": lambda: kirchhoff(lm.Composition(COVARIANT["exp"], order=8)),
-    "Composition 8 of Cayley, SE(3), lanes": lambda: kirchhoff(lm.Composition(COVARIANT["Cayley"], order=8), True),
-    "Composition 8 of exp, SE(3), lanes": lambda: kirchhoff(lm.Composition(COVARIANT["exp"], order=8), True),
+    "Composition 8 of Cayley, SE(3), lanes": lambda: kirchhoff(
+        lm.Composition(COVARIANT["Cayley"], order=8), True
+    ),
+    "Composition 8 of exp, SE(3), lanes": lambda: kirchhoff(
+        lm.Composition(COVARIANT["exp"], order=8), True
+    ),
     "RKMK4, SO(5)": lambda: on(lm.SO(5), lm.RKMK(order=4)),
     "RKMK4, SO(10)": lambda: on(lm.SO(10), lm.RKMK(order=4)),
     "RKMK4, SO(10), lanes": lambda: on(lm.SO(10), lm.RKMK(order=4), True),
@@ -193,10 +230,14 @@ CASES: dict[str, Callable[[], Case]] = {
     "Galerkin 4, exp": lambda: body(lm.GalerkinVariational(order=4)),
     "Galerkin 8, exp": lambda: body(lm.GalerkinVariational(order=8)),
     "Galerkin 4, tau only": lambda: body(lm.GalerkinVariational(order=4, retraction=Euler())),
-    "Galerkin 4, tau only, lanes": lambda: body(lm.GalerkinVariational(order=4, retraction=Euler()), True),
+    "Galerkin 4, tau only, lanes": lambda: body(
+        lm.GalerkinVariational(order=4, retraction=Euler()), True
+    ),
     "Galerkin 6, tau only": lambda: body(lm.GalerkinVariational(order=6, retraction=Euler())),
     "Algorithm 1, six exponentials": lambda: body(lm.CovariantVariational(Palindrome())),
-    "Algorithm 1, six exponentials, lanes": lambda: body(lm.CovariantVariational(Palindrome()), True),
+    "Algorithm 1, six exponentials, lanes": lambda: body(
+        lm.CovariantVariational(Palindrome()), True
+    ),
     "Algorithm 1, polar": lambda: body(lm.CovariantVariational(Polar())),
     "Algorithm 1, polar, lanes": lambda: body(lm.CovariantVariational(Polar()), True),
     "RKMK8, three bodies": lambda: three_bodies(lm.RKMK(order=8)),
@@ -215,9 +256,15 @@ CASES: dict[str, Callable[[], Case]] = {
     "Controller of KickDrift 4, satellite": lambda: satellite(lm.KickDrift(order=4)),
     "Controller of LieVerlet, satellite": lambda: satellite(lm.LieVerlet()),
     "Controller of Algorithm 1, satellite": lambda: satellite(COVARIANT["exp"]),
-    "Controller of LieVerlet, satellite, run": lambda: run(satellite(lm.LieVerlet(), clocked=False)),
-    "Controller of LieVerlet, satellite, run, lanes": lambda: run(satellite(lm.LieVerlet(), True, clocked=False)),
-    "Controller of KickDrift 4, satellite, run, lanes": lambda: run(satellite(lm.KickDrift(order=4), True, clocked=False)),
+    "Controller of LieVerlet, satellite, run": lambda: run(
+        satellite(lm.LieVerlet(), clocked=False)
+    ),
+    "Controller of LieVerlet, satellite, run, lanes": lambda: run(
+        satellite(lm.LieVerlet(), True, clocked=False)
+    ),
+    "Controller of KickDrift 4, satellite, run, lanes": lambda: run(
+        satellite(lm.KickDrift(order=4), True, clocked=False)
+    ),
     "Adaptive RKMK5, top": lambda: run(top(lm.RKMK(order=5)), t_end=1.0, rtol=1e-6),
     "Adaptive RKMK5, top, lanes": lambda: run(top(lm.RKMK(order=5), True), t_end=1.0, rtol=1e-6),
     "Adaptive RKMK8, top": lambda: run(top(lm.RKMK(order=8)), t_end=1.0, rtol=1e-6),
@@ -225,13 +272,23 @@ CASES: dict[str, Callable[[], Case]] = {
     "Tangent of Algorithm 1, body": lambda: run(body(COVARIANT["exp"]), tangent=True),
     "Tangent of Algorithm 1, SE(3)": lambda: run(kirchhoff(COVARIANT["exp"]), tangent=True),
     "Tangent of LieVerlet, top": lambda: run(top(lm.LieVerlet()), tangent=True),
-    "Tangent of Composition 4 of exp, body": lambda: run(body(lm.Composition(COVARIANT["exp"])), tangent=True),
+    "Tangent of Composition 4 of exp, body": lambda: run(
+        body(lm.Composition(COVARIANT["exp"])), tangent=True
+    ),
     "Double-double, RKMK4, body": lambda: run(body(lm.RKMK(order=4)), precision="double-double"),
-    "Double-double, Algorithm 1, body": lambda: run(body(COVARIANT["exp"]), precision="double-double"),
-    "Double-double, Algorithm 1, SE(3)": lambda: run(kirchhoff(COVARIANT["exp"]), precision="double-double"),
+    "Double-double, Algorithm 1, body": lambda: run(
+        body(COVARIANT["exp"]), precision="double-double"
+    ),
+    "Double-double, Algorithm 1, SE(3)": lambda: run(
+        kirchhoff(COVARIANT["exp"]), precision="double-double"
+    ),
     "Double-double, LieVerlet, top": lambda: run(top(lm.LieVerlet()), precision="double-double"),
-    "Double-double, LieVerlet, top, lanes": lambda: run(top(lm.LieVerlet(), True), precision="double-double"),
-    "Double-double, Splitting 8, planets": lambda: run(planets(lm.Splitting(order=8)), precision="double-double"),
+    "Double-double, LieVerlet, top, lanes": lambda: run(
+        top(lm.LieVerlet(), True), precision="double-double"
+    ),
+    "Double-double, Splitting 8, planets": lambda: run(
+        planets(lm.Splitting(order=8)), precision="double-double"
+    ),
     "Taylor 12, body": lambda: body(Taylor(12)),
     "Taylor 18, body": lambda: body(Taylor(18)),
     "Taylor 30, body": lambda: body(Taylor(30)),
@@ -271,7 +328,9 @@ def measured(name: str, steps: bool) -> dict[str, Any]:
             steps = False
         else:
             system, method, start, h = case
-            run = FixedRun(Steps(system, method, h, 10**9, None, "double", True, False, 1), start, 10)
+            run = FixedRun(
+                Steps(system, method, h, 10**9, None, "double", True, False, 1), start, 10
+            )
     result: dict[str, Any] = {"cold": sum(spent.values()), **spent, "instructions": sum(counts)}
     if steps:
         states, bodies = run.states.copy(), run.columns
@@ -299,7 +358,11 @@ def goal(name: str) -> float:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--quick", action="store_true", help="a few cases, without the time of a step; fails beyond the bounds")
+    parser.add_argument(
+        "--quick",
+        action="store_true",
+        help="a few cases, without the time of a step; fails beyond the bounds",
+    )
     parser.add_argument("--only", default="", help="cases whose name contains this text")
     parser.add_argument("--no-steps", action="store_true")
     parser.add_argument("--limit", type=float, default=200.0)
@@ -311,13 +374,18 @@ def main() -> None:
         return
     chosen = QUICK if args.quick else [name for name in CASES if args.only in name]
     results: dict[str, Any] = {}
-    print(f"| {'case':48s} | cold s | goal | translation | LLVM | instructions | ns/step |\n|{' --- |' * 7}")
+    print(
+        f"| {'case':48s} | cold s | goal | translation | LLVM | "
+        f"instructions | ns/step |\n|{' --- |' * 7}"
+    )
     environment = os.environ | {"LIEMECH_CACHE_DIR": os.devnull}
     for name in chosen:
         options = ["--no-steps"] if args.quick or args.no_steps else []
         command = [sys.executable, __file__, "--case", name, *options]
         try:
-            done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=args.limit)
+            done = subprocess.run(
+                command, env=environment, capture_output=True, text=True, timeout=args.limit
+            )
         except subprocess.TimeoutExpired:
             print(f"| {name:48s} | > {args.limit:g} † |", flush=True)
             results[name] = {"cold": float("inf")}
@@ -330,8 +398,8 @@ def main() -> None:
         ns = f"{r['ns']:.1f}" if "ns" in r else "-"
         mark, late = " †" if r["cold"] > goal(name) else "", " failed" if r.get("failed") else ""
         print(
-            f"| {name:48s} | {r['cold']:.2f}{mark} | {goal(name):g} | {r['translation']:.2f} | {r['llvm']:.2f} "
-            f"| {r['instructions']} | {ns}{late} |",
+            f"| {name:48s} | {r['cold']:.2f}{mark} | {goal(name):g} | {r['translation']:.2f} | "
+            f"{r['llvm']:.2f} | {r['instructions']} | {ns}{late} |",
             flush=True,
         )
     if args.out:

@@ -1,4 +1,5 @@
-"""Ensembles of free bodies on the leader board: nanoseconds of a step, and time to error with equal and with different inertia.
+"""Ensembles of free bodies on the leader board: nanoseconds of a step, and time to error with equal
+and with different inertia.
 
 `leader_board.py` calls `measure`.  One thread everywhere.
 """
@@ -67,7 +68,9 @@ def timed(runs: dict[str, Run], rounds: int) -> dict[str, dict[str, float]]:
 
 
 def steps_of_crowds(quick: bool) -> list[dict[str, Any]]:
-    """Order 4, momentum and attitude, the end kept: RKMK4 here, RK4 with quaternions in JAX, MuJoCo's RK4."""
+    """Order 4, momentum and attitude, the end kept: RKMK4 here, RK4 with quaternions in JAX,
+    MuJoCo's RK4.
+    """
     rows = []
     for n in (16, 256) if quick else (16, 256, 4096, 65_536, 1_000_000):
         for steps in (20, 200):
@@ -140,7 +143,9 @@ def _mujoco(n: int, steps: int) -> Run | None:
 
 
 def to_error(different: bool, quick: bool) -> dict[str, Any]:
-    """256 bodies until t = 20 with an error of momentum and attitude below 1e-9: the loosest setting of each that does it."""
+    """256 bodies until t = 20 with an error of momentum and attitude below 1e-9: the loosest
+    setting of each that does it.
+    """
     n = 32 if quick else BODIES
     mu, J = starts(n), inertias(n, different)
     hy: Any

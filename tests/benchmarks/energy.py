@@ -1,16 +1,20 @@
-"""Energy and Casimirs of a free rigid body and of a heavy top until t = 10^5, by this library and by others that are installed.
+"""Energy and Casimirs of a free rigid body and of a heavy top until t = 10^5, by this library and
+by others that are installed.
 
-    python tests/benchmarks/energy.py [--quick] [--out energy.json] [--figure energy.png] [--errors 1e-3 1e-6] [--only NAME]
+    python tests/benchmarks/energy.py [--quick] [--out energy.json] [--figure energy.png] [--errors
+    1e-3 1e-6] [--only NAME]
 
-Every method runs at the loosest of its settings with which momentum and attitude come out with such an error at the time of
-`work_precision.py`, t = 100 of the free body and t = 10 of the top.  An error at a time is the largest of some between half of it
-and it, relative to the value at the start.
+Every method runs at the loosest of its settings with which momentum and attitude come out with such
+an error at the time of `work_precision.py`, t = 100 of the free body and t = 10 of the top.  An
+error at a time is the largest of some between half of it and it, relative to the value at the
+start.
 """
 
 import argparse
 import os
 
-os.environ |= dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")  # before NumPy comes
+# before NumPy comes
+os.environ |= dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 
 import dataclasses
 import itertools
@@ -77,14 +81,18 @@ def setting_for(contender: Contender, problem: Problem, error: float) -> float |
 
 
 def constants(problem: Problem, state: Result) -> tuple[float, np.ndarray]:
-    """Energy, and the Casimirs: |mu|^2 of a free body; |Gamma|^2 and mu . Gamma of a top, Gamma = g^T e3."""
+    """Energy, and the Casimirs: |mu|^2 of a free body; |Gamma|^2 and mu . Gamma of a top,
+    Gamma = g^T e3.
+    """
     mu, g = state
     energy = 0.5 * mu @ (mu / np.array(problem.inertia)) + g[2] @ np.array(problem.load)
     return float(energy), np.array([g[2] @ g[2], mu @ g[2]] if problem.heavy else [mu @ mu])
 
 
 def long_run(contender: Contender, problem: Problem, setting: float, end: float) -> dict[str, Any]:
-    """Relative errors of energy and Casimirs, and how far the attitude is from the group, at each of the ends; and seconds."""
+    """Relative errors of energy and Casimirs, and how far the attitude is from the group, at each
+    of the ends; and seconds.
+    """
     groups = windows(end)
     times = sorted({t for group in groups.values() for t in group})
     run = contender.prepare(dataclasses.replace(problem, times=tuple(times)), setting)
@@ -96,37 +104,66 @@ def long_run(contender: Contender, problem: Problem, setting: float, end: float)
     for last, group in groups.items():
         kept = [constants(problem, states[t]) for t in group]
         found["energy"][last] = max(abs(e - energy) for e, _ in kept) / abs(energy)
-        found["casimirs"][last] = max(float(np.abs((c - casimirs) / casimirs).max()) for _, c in kept)
-        found["group"][last] = max(float(np.abs(states[t][1].T @ states[t][1] - np.eye(3)).max()) for t in group)
+        found["casimirs"][last] = max(
+            float(np.abs((c - casimirs) / casimirs).max()) for _, c in kept
+        )
+        found["group"][last] = max(
+            float(np.abs(states[t][1].T @ states[t][1] - np.eye(3)).max()) for t in group
+        )
     return found
 
 
 def figure(results: list[dict[str, Any]], path: Path) -> None:
-    """Energy error against time, both logarithmic: a row for each error at the short time, a column for each problem."""
+    """Energy error against time, both logarithmic: a row for each error at the short time, a column
+    for each problem.
+    """
     import matplotlib
 
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
 
-    problems, errors = (list(dict.fromkeys(r[key] for r in results)) for key in ("problem", "error"))
+    problems, errors = (
+        list(dict.fromkeys(r[key] for r in results)) for key in ("problem", "error")
+    )
     size = 5.2 * len(problems), 4.2 * len(errors)
     picture, axes = plt.subplots(
-        len(errors), len(problems), figsize=size, sharex=True, sharey=True, layout="constrained", squeeze=False
+        len(errors),
+        len(problems),
+        figsize=size,
+        sharex=True,
+        sharey=True,
+        layout="constrained",
+        squeeze=False,
     )
     for ax, (error, problem) in zip(axes.ravel(), itertools.product(errors, problems), strict=True):
         all_here = [r for r in results if (r["problem"], r["error"]) == (problem, error)]
-        shown = [r for r in all_here if np.isfinite(np.array([*r["energy"].values()], dtype=float)).all()]  # null in a file
-        for r, height in zip(shown, spread([[*r["energy"].values()][-1] for r in shown]), strict=True):
+        # null in a file
+        shown = [
+            r for r in all_here if np.isfinite(np.array([*r["energy"].values()], dtype=float)).all()
+        ]
+        for r, height in zip(
+            shown, spread([[*r["energy"].values()][-1] for r in shown]), strict=True
+        ):
             t, e = [float(x) for x in r["energy"]], [*r["energy"].values()]
             ax.loglog(t, e, "o-", ms=3, lw=1.4, color=COLOURS[r["package"]])
-            ax.annotate(r["method"], (1.2 * t[-1], height), fontsize=6.5, va="center", color=COLOURS[r["package"]])
+            ax.annotate(
+                r["method"],
+                (1.2 * t[-1], height),
+                fontsize=6.5,
+                va="center",
+                color=COLOURS[r["package"]],
+            )
         ax.set(title=f"{problem}, {error:g} at the short time", xlim=(8e2, 2e6), ylim=(1e-16, 1e2))
         ax.grid(alpha=0.3)
     for ax in axes[:, 0]:
         ax.set_ylabel("relative error of the energy")
     for ax in axes[-1]:
         ax.set_xlabel("time")
-    handles = [plt.Line2D([], [], color=c, label=p) for p, c in COLOURS.items() if any(r["package"] == p for r in results)]
+    handles = [
+        plt.Line2D([], [], color=c, label=p)
+        for p, c in COLOURS.items()
+        if any(r["package"] == p for r in results)
+    ]
     axes[0][-1].legend(handles=handles, frameon=False, fontsize=8, loc="lower left")
     picture.savefig(path, dpi=110)
     print(f"written: {path}")
@@ -141,10 +178,22 @@ def spread(heights: list[float], gap: float = 0.4) -> list[float]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--quick", action="store_true", help="smoke run: until t = 10^3, for one error")
-    parser.add_argument("--errors", type=float, nargs="+", default=[1e-3, 1e-6], help="of momentum and attitude at the short time")
-    parser.add_argument("--only", default="", help="contenders whose package or method contains this")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--quick", action="store_true", help="smoke run: until t = 10^3, for one error"
+    )
+    parser.add_argument(
+        "--errors",
+        type=float,
+        nargs="+",
+        default=[1e-3, 1e-6],
+        help="of momentum and attitude at the short time",
+    )
+    parser.add_argument(
+        "--only", default="", help="contenders whose package or method contains this"
+    )
     parser.add_argument("--out", type=Path, default=Path("energy.json"), help="where the JSON goes")
     parser.add_argument("--figure", type=Path, help="where a picture goes, if one is wanted")
     options = parser.parse_args()
@@ -161,9 +210,16 @@ def main() -> None:
                     if setting is None:
                         print(f"{name} does not reach {error:g}")
                         continue
-                    found = long_run(everybody[name], problem, setting, 1e3 if options.quick else 1e5)
+                    found = long_run(
+                        everybody[name], problem, setting, 1e3 if options.quick else 1e5
+                    )
                 package, method = everybody[name].package, everybody[name].method
-                row = {"problem": problem.name.split(",")[0], "error": error, "package": package, "method": method}
+                row = {
+                    "problem": problem.name.split(",")[0],
+                    "error": error,
+                    "package": package,
+                    "method": method,
+                }
                 results.append({**row, "setting": setting, **found})
                 energies = list(found["energy"].values())[::2]
                 rows.append(
@@ -173,7 +229,11 @@ def main() -> None:
                 )
             ends = [f"energy, {e:g}" for e in list(windows(1e3 if options.quick else 1e5))[::2]]
             columns = ["package", "method", "setting", *ends, "Casimirs", "group", "s"]
-            harness.table(f"{problem.name}, an error of {error:g} there; relative errors at later times", columns, rows)
+            harness.table(
+                f"{problem.name}, an error of {error:g} there; relative errors at later times",
+                columns,
+                rows,
+            )
     harness.write(options.out, {"versions": versions, "runs": results})
     if options.figure:
         figure(results, options.figure)

@@ -1,4 +1,6 @@
-"""Measure side by side: interleaved repetitions, ratios taken pair by pair, a table to read and JSON to keep."""
+"""Measure side by side: interleaved repetitions, ratios taken pair by pair, a table to read and
+JSON to keep.
+"""
 
 import argparse
 import json
@@ -46,7 +48,8 @@ def steps_lasting(run: Run, duration: float) -> int:
     """Steps that take about `duration` seconds; the search also warms caches and compilers."""
     run(1)
     steps, spent = 1, seconds(run, 1)
-    while spent < duration / 4 or min(seconds(run, steps) for _ in range(2)) < duration / 4:  # one slow call proves nothing
+    # one slow call proves nothing
+    while spent < duration / 4 or min(seconds(run, steps) for _ in range(2)) < duration / 4:
         steps *= max(2, min(16, int(duration / 4 / max(spent, 1e-7))))
         spent = min(seconds(run, steps) for _ in range(2))
     return max(1, round(steps * duration / spent))
@@ -71,7 +74,13 @@ def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[object]]) 
         if cell is None:
             return "-"
         if isinstance(cell, float):
-            return f"{cell:.2g}" if abs(cell) < 0.1 else f"{cell:.2f}" if abs(cell) < 10 else f"{cell:.1f}"
+            return (
+                f"{cell:.2g}"
+                if abs(cell) < 0.1
+                else f"{cell:.2f}"
+                if abs(cell) < 10
+                else f"{cell:.1f}"
+            )
         return str(cell)
 
     cells = [list(columns), *[[text(cell) for cell in row] for row in rows]]
@@ -81,7 +90,8 @@ def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[object]]) 
         print(
             "  "
             + "  ".join(
-                cell.ljust(w) if j == 0 else cell.rjust(w) for j, (cell, w) in enumerate(zip(row, width, strict=True))
+                cell.ljust(w) if j == 0 else cell.rjust(w)
+                for j, (cell, w) in enumerate(zip(row, width, strict=True))
             ).rstrip()
         )
         if k == 0:
@@ -90,7 +100,11 @@ def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[object]]) 
 
 def machine() -> dict[str, object]:
     """What the numbers were measured on."""
-    names = [line.split(":")[1].strip() for line in _lines("/proc/cpuinfo") if line.startswith("model name")]
+    names = [
+        line.split(":")[1].strip()
+        for line in _lines("/proc/cpuinfo")
+        if line.startswith("model name")
+    ]
     return {
         "cpu": names[0] if names else platform.processor(),
         "cores": os.cpu_count(),
@@ -106,8 +120,12 @@ def _lines(path: str) -> list[str]:
 
 
 def options(doc: str | None, out: str) -> tuple[Path, tuple[int, float]]:
-    """The command line of a benchmark of single steps: where the JSON goes, and repetitions and seconds, fewer with --quick."""
-    parser = argparse.ArgumentParser(description=doc, formatter_class=argparse.RawDescriptionHelpFormatter)
+    """The command line of a benchmark of single steps: where the JSON goes, and repetitions and
+    seconds, fewer with --quick.
+    """
+    parser = argparse.ArgumentParser(
+        description=doc, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--quick", action="store_true", help="smoke run: rough numbers")
     parser.add_argument("--out", type=Path, default=Path(out), help="where the JSON goes")
     chosen = parser.parse_args()

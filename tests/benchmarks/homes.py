@@ -1,4 +1,6 @@
-"""This library in the races of the leader board: its quickest methods for each, and the closed forms where there are some."""
+"""This library in the races of the leader board: its quickest methods for each, and the closed
+forms where there are some.
+"""
 
 from __future__ import annotations
 

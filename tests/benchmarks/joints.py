@@ -1,8 +1,10 @@
-"""What a step of Lie-RATTLE costs in native code, and how long that takes to make: a body with a fixed point, chains.
+"""What a step of Lie-RATTLE costs in native code, and how long that takes to make: a body with a
+fixed point, chains.
 
     python tests/benchmarks/joints.py [--long 1000]
 
-With `--long` chains of up to so many rods in plain Python, and the power of the number of rods with which the time of a step grows.
+With `--long` chains of up to so many rods in plain Python, and the power of the number of rods with
+which the time of a step grows.
 """
 
 from __future__ import annotations
@@ -15,8 +17,12 @@ import numpy as np
 import liemech as lm
 
 
-def cost(system: lm.System, method: lm.Method, start: lm.State, steps: int = 10_000) -> tuple[float, float]:
-    """Processor time: seconds until the first steps are made, and nanoseconds a step, the least of five."""
+def cost(
+    system: lm.System, method: lm.Method, start: lm.State, steps: int = 10_000
+) -> tuple[float, float]:
+    """Processor time: seconds until the first steps are made, and nanoseconds a step, the least of
+    five.
+    """
     options = {"h": 0.01, "compiled": True, "progress": False}
     begun = time.process_time()
     lm.integrate(system, method, start, steps=10, every=10, **options)
@@ -52,7 +58,10 @@ def long_chains(most: int) -> None:
             memory = method.step(chain, n * h, memory, h)
             spent.append(time.process_time() - at)
         counts, steps = [*counts, count], [*steps, min(spent)]
-        print(f"{count:6}{made - begun:10.2f}{steps[-1]:9.3f}{1e3 * steps[-1] / count:11.2f}", flush=True)
+        print(
+            f"{count:6}{made - begun:10.2f}{steps[-1]:9.3f}{1e3 * steps[-1] / count:11.2f}",
+            flush=True,
+        )
     half = len(counts) // 2
     slope = np.polyfit(np.log(counts[half:]), np.log(steps[half:]), 1)[0]
     print(f"from {counts[half]} rods on a step costs their number to the power {slope:.2f}")
@@ -60,9 +69,15 @@ def long_chains(most: int) -> None:
 
 def main() -> None:
     """Print the tables of docs/joints.md."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--quick", action="store_true", help="smoke run: one joint, and short chains")
-    parser.add_argument("--long", type=int, metavar="N", help="chains of up to N rods in plain Python, nothing else")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--quick", action="store_true", help="smoke run: one joint, and short chains"
+    )
+    parser.add_argument(
+        "--long", type=int, metavar="N", help="chains of up to N rods in plain Python, nothing else"
+    )
     chosen = parser.parse_args()
     if chosen.long is not None or chosen.quick:
         long_chains(chosen.long or 32)
@@ -79,7 +94,11 @@ def main() -> None:
         ("LieVerlet, heavy top", top, lm.LieVerlet(), top.state(about_point @ w, np.eye(3))),
         ("LieRATTLE, fixed point", body, lm.LieRATTLE(), start),
         ("LieRATTLE(Cayley()), fixed point", body, lm.LieRATTLE(lm.Cayley()), start),
-        *[(f"LieRATTLE, chain({n})", chain, lm.LieRATTLE(), begun) for n in (2, 3) for chain, begun in (hanging(n),)],
+        *[
+            (f"LieRATTLE, chain({n})", chain, lm.LieRATTLE(), begun)
+            for n in (2, 3)
+            for chain, begun in (hanging(n),)
+        ],
     ]
     for name, system, method, begun in rows[:2] if chosen.quick else rows:
         made, step = cost(system, method, begun)

@@ -1,4 +1,5 @@
-"""Large runs: 10^8 steps of a body, 10^6 bodies, 10^4 calls, Ctrl-C in each of them, and what a tangent map costs.
+"""Large runs: 10^8 steps of a body, 10^6 bodies, 10^4 calls, Ctrl-C in each of them, and what a
+tangent map costs.
 
     python tests/benchmarks/large_runs.py
 
@@ -86,26 +87,44 @@ def interrupted() -> None:
         try:
             run()
         except lm.errors.IntegrationInterrupted as stopped:
-            print(f"Ctrl-C, {name}: {time.perf_counter() - sent[0]:.2f} s later {len(stopped.trajectory)} samples", flush=True)
+            print(
+                f"Ctrl-C, {name}: {time.perf_counter() - sent[0]:.2f} s later "
+                f"{len(stopped.trajectory)} samples",
+                flush=True,
+            )
         else:
             timer.cancel()
             print(f"Ctrl-C, {name}: the run came to its end before")
 
 
 def tangents() -> None:
-    print("| motion | directions n | tangent map | n + 1 runs, one by one | n + 1 runs, an ensemble |")
+    print(
+        "| motion | directions n | tangent map | n + 1 runs, one by one | n + 1 runs, an ensemble |"
+    )
     print("| --- | --- | --- | --- | --- |")
     top: Any = lm.HeavyTop([1.0, 1.0, 0.5], 1.0, [0.0, 0.0, 1.0])
     kepler = lm.Kepler()
     for name, system, method, start in (
         ("free body, RKMK4", BODY, lm.RKMK(order=4), BODY.state(mu=[0.5, 0.1, 0.8], g=np.eye(3))),
         ("heavy top, RKMK4", top, lm.RKMK(order=4), top.state(mu=[0.1, 0.2, 2.0], g=np.eye(3))),
-        ("Kepler, Stormer-Verlet", kepler, lm.StormerVerlet(), kepler.state(q=[0.6, 0.0], p=[0.0, 1.4])),
-        ("free body, Algorithm 1", BODY, lm.CovariantVariational(lm.Cayley()), BODY.state(mu=[0.5, 0.1, 0.8], g=np.eye(3))),
+        (
+            "Kepler, Stormer-Verlet",
+            kepler,
+            lm.StormerVerlet(),
+            kepler.state(q=[0.6, 0.0], p=[0.0, 1.4]),
+        ),
+        (
+            "free body, Algorithm 1",
+            BODY,
+            lm.CovariantVariational(lm.Cayley()),
+            BODY.state(mu=[0.5, 0.1, 0.8], g=np.eye(3)),
+        ),
     ):
         plan, steps = lm.Plan(system, method, every=10**4, **ALGORITHM_1), 10**4
         n = plan.tangent(start, steps=1).tangent["start"].shape[-1]
-        several = type(start)(*(None if x is None else np.array([x] * (n + 1)) for x in start.parts.values()))
+        several = type(start)(
+            *(None if x is None else np.array([x] * (n + 1)) for x in start.parts.values())
+        )
         took = [
             seconds(run, 5)
             for run in (

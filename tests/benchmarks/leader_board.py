@@ -1,10 +1,11 @@
-"""The leader board: time against error, this library beside all other packages that are installed, on ten problems and ensembles.
+"""The leader board: time against error, this library beside all other packages that are installed,
+on ten problems and ensembles.
 
     python tests/benchmarks/leader_board.py [--minutes 10] [--only top kepler] [--quick] [--page]
 
 It measures, writes `leader_board.json` beside this file, docs/leader_board.md and the tables of
-docs/work_precision.md; --page writes the pages from the file that is there, --quick is the smoke run
-and writes nothing.
+docs/work_precision.md; --page writes the pages from the file that is there, --quick is the smoke
+run and writes nothing.
 
 An error is the largest difference to the reference over all outputs.  A "warm" call is one of
 several in a row, a "cold" one the first after all others had their turn.  Setting up, fitting and
@@ -48,7 +49,9 @@ LONG = 0.1
 def first_calls(
     race: Race, everybody: list[Entry], patience: float
 ) -> list[tuple[dict[str, Any], list[tuple[dict[str, Any], Run]]]]:
-    """Every method set up and called once with each of its settings: error, and seconds of setting up and of the first call."""
+    """Every method set up and called once with each of its settings: error, and seconds of setting
+    up and of the first call.
+    """
     exact, found = race.exact, []
     for entry in everybody:
         curve = {
@@ -136,7 +139,9 @@ def measure(
 def keep(kept: dict[str, Any]) -> None:
     """Write the file, one method a line."""
     kept["machine"] = harness.machine()
-    kept["races"] = {race.key: kept["races"][race.key] for race in RACES if race.key in kept["races"]}
+    kept["races"] = {
+        race.key: kept["races"][race.key] for race in RACES if race.key in kept["races"]
+    }
     text = json.dumps(kept, separators=(",", ":")).replace('{"package"', '\n{"package"')
     KEPT.write_text(text + "\n", encoding="utf-8")
 

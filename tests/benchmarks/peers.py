@@ -1,4 +1,5 @@
-"""The free rigid body and the heavy top in other packages, whichever are installed, each in the form that suits it best.
+"""The free rigid body and the heavy top in other packages, whichever are installed, each in the
+form that suits it best.
 
 heyoka   mu and the unit quaternion of the attitude, 7 numbers; Taylor series of the order that the tolerance asks for, compiled
 SciPy    the same 7 numbers; DOP853 with a right-hand side in NumPy, and in machine code (Numba)
@@ -28,11 +29,15 @@ TIGHTEST = 2.3e-14
 
 @dataclass(frozen=True)
 class Problem:
-    """A rigid body, mu' = mu x J^-1 mu + Gamma x load, Gamma = g^T e3: free, or a heavy top if it has a load.
+    """A rigid body, mu' = mu x J^-1 mu + Gamma x load, Gamma = g^T e3: free, or a heavy top if it
+    has a load.
 
-    name : of the problem.  inertia : principal moments.  load : weight times centre of mass, in body axes.
-    mu, quaternion : momentum and attitude (scalar part first) at the start.  times : of the results.
-    pace : how many times more steps it wants in a unit of time than the numbers in `Contender.settings`, which are for 100 units.
+    name : of the problem.  inertia : principal moments.  load : weight times centre of mass, in
+    body axes.
+    mu, quaternion : momentum and attitude (scalar part first) at the start.  times : of the
+    results.
+    pace : how many times more steps it wants in a unit of time than the numbers in
+    `Contender.settings`, which are for 100 units.
     """
 
     name: str
@@ -65,7 +70,9 @@ class Problem:
 
 @dataclass(frozen=True)
 class Contender:
-    """A method of a package, with the tolerances or the numbers of steps in 100 units of time to try; `prepare` sets it up."""
+    """A method of a package, with the tolerances or the numbers of steps in 100 units of time to
+    try; `prepare` sets it up.
+    """
 
     package: str
     method: str
@@ -87,7 +94,13 @@ def contenders() -> tuple[list[Contender], dict[str, str | None]]:
     """All contenders that are installed, and the version of each package, None if it is not."""
     found: list[Contender] = []
     versions: dict[str, str | None] = {}
-    for package, make in {"heyoka": heyoka, "scipy": scipy, "numba": scipy_numba, "exudyn": exudyn, "lielab": lielab}.items():
+    for package, make in {
+        "heyoka": heyoka,
+        "scipy": scipy,
+        "numba": scipy_numba,
+        "exudyn": exudyn,
+        "lielab": lielab,
+    }.items():
         try:
             with warnings.catch_warnings(action="ignore"):
                 found += make()
@@ -122,7 +135,11 @@ def heyoka() -> list[Contender]:
         torque: list[Any] = [(c - b) * (q * r), (a - c) * (r * p), (b - a) * (p * q)]
         if problem.heavy:
             e, f, g = 2.0 * (x * z - w * y), 2.0 * (y * z + w * x), w * w - x * x - y * y + z * z
-            torque = [torque[0] + (f * k - g * j), torque[1] + (g * i - e * k), torque[2] + (e * j - f * i)]
+            torque = [
+                torque[0] + (f * k - g * j),
+                torque[1] + (g * i - e * k),
+                torque[2] + (e * j - f * i),
+            ]
         turn = [
             (w, -0.5 * (x * u + y * v + z * s)),
             (x, 0.5 * (w * u + y * s - z * v)),
@@ -130,7 +147,9 @@ def heyoka() -> list[Contender]:
             (z, 0.5 * (w * s + x * v - y * u)),
         ]
         first = problem.start
-        integrator = hy.taylor_adaptive([*zip((p, q, r), torque, strict=True), *turn], first, tol=tolerance)
+        integrator = hy.taylor_adaptive(
+            [*zip((p, q, r), torque, strict=True), *turn], first, tol=tolerance
+        )
 
         def run() -> list[Result]:
             integrator.time, found = 0.0, []
@@ -152,7 +171,10 @@ def _scipy(label: str, right_hand_side: Callable[[Problem], Callable[..., Any]])
     integrate: Any = importlib.import_module("scipy.integrate")
 
     def prepare(problem: Problem, tolerance: float) -> Run:
-        f, options = right_hand_side(problem), {"method": "DOP853", "rtol": tolerance, "atol": tolerance}
+        f, options = (
+            right_hand_side(problem),
+            {"method": "DOP853", "rtol": tolerance, "atol": tolerance},
+        )
 
         def run() -> list[Result]:
             state, found = problem.start, []
@@ -179,7 +201,9 @@ def scipy() -> list[Contender]:
             torque = bend @ mu
             if problem.heavy:
                 w, x, y, z = q
-                torque = torque + load @ np.array([2 * (x * z - w * y), 2 * (y * z + w * x), w * w - x * x - y * y + z * z])
+                torque = torque + load @ np.array(
+                    [2 * (x * z - w * y), 2 * (y * z + w * x), w * w - x * x - y * y + z * z]
+                )
             return np.concatenate([torque, 0.5 * (turn @ q)])
 
         return f
@@ -191,7 +215,11 @@ def scipy_numba() -> list[Contender]:
     numba: Any = importlib.import_module("numba")
 
     def right_hand_side(problem: Problem) -> Callable[..., Any]:
-        (a, b, c), (i, j, k), heavy = (1.0 / moment for moment in problem.inertia), problem.load, problem.heavy
+        (a, b, c), (i, j, k), heavy = (
+            (1.0 / moment for moment in problem.inertia),
+            problem.load,
+            problem.heavy,
+        )
 
         @numba.njit
         def f(t: float, state: np.ndarray) -> np.ndarray:
@@ -200,8 +228,16 @@ def scipy_numba() -> list[Contender]:
             rates = np.empty(7)
             rates[0], rates[1], rates[2] = (c - b) * q * r, (a - c) * r * p, (b - a) * p * q
             if heavy:  # known when it is compiled
-                e, f, g = 2.0 * (x * z - w * y), 2.0 * (y * z + w * x), w * w - x * x - y * y + z * z
-                rates[0], rates[1], rates[2] = rates[0] + (f * k - g * j), rates[1] + (g * i - e * k), rates[2] + (e * j - f * i)
+                e, f, g = (
+                    2.0 * (x * z - w * y),
+                    2.0 * (y * z + w * x),
+                    w * w - x * x - y * y + z * z,
+                )
+                rates[0], rates[1], rates[2] = (
+                    rates[0] + (f * k - g * j),
+                    rates[1] + (g * i - e * k),
+                    rates[2] + (e * j - f * i),
+                )
             rates[3], rates[4] = -0.5 * (x * u + y * v + z * s), 0.5 * (w * u + y * s - z * v)
             rates[5], rates[6] = 0.5 * (w * v + z * u - x * s), 0.5 * (w * s + x * v - y * u)
             return rates
@@ -226,14 +262,21 @@ def exudyn() -> list[Contender]:
         length = math.hypot(*vector)
         turn = [2.0 * math.atan2(length, scalar) / length * x if length else 0.0 for x in vector]
         node = system.AddNode(
-            items.NodeRigidBodyRotVecLG(referenceCoordinates=[0.0] * 3 + turn, initialVelocities=[0.0, 0.0, 0.0, *velocity])
+            items.NodeRigidBodyRotVecLG(
+                referenceCoordinates=[0.0] * 3 + turn, initialVelocities=[0.0, 0.0, 0.0, *velocity]
+            )
         )
-        mass = 1e6 if problem.heavy else 1.0  # held by inertia: the centre of mass is the fixed point, and turning does not feel it
+        # held by inertia: the centre of mass is the fixed point, and turning does not feel it
+        mass = 1e6 if problem.heavy else 1.0
         body = system.AddObject(
-            items.ObjectRigidBody(physicsMass=mass, physicsInertia=[*problem.inertia, 0.0, 0.0, 0.0], nodeNumber=node)
+            items.ObjectRigidBody(
+                physicsMass=mass, physicsInertia=[*problem.inertia, 0.0, 0.0, 0.0], nodeNumber=node
+            )
         )
         if problem.heavy:  # a unit force downwards at `load` has the moment of gravity
-            place = system.AddMarker(items.MarkerBodyRigid(bodyNumber=body, localPosition=[*problem.load]))
+            place = system.AddMarker(
+                items.MarkerBodyRigid(bodyNumber=body, localPosition=[*problem.load])
+            )
             system.AddLoad(items.LoadForceVector(markerNumber=place, loadVector=[0.0, 0.0, -1.0]))
         system.Assemble()
         settings = exu.SimulationSettings()
@@ -244,7 +287,11 @@ def exudyn() -> list[Contender]:
         if setting < 1.0:
             time.relativeTolerance = time.absoluteTolerance = setting
             time.initialStepSize, time.minimumStepSize = 1e-2, 1e-8
-        kind, variables, moments = getattr(exu.DynamicSolverType, solver), exu.OutputVariableType, np.array(problem.inertia)
+        kind, variables, moments = (
+            getattr(exu.DynamicSolverType, solver),
+            exu.OutputVariableType,
+            np.array(problem.inertia),
+        )
         data, initially = system.systemData, exu.ConfigurationType.Initial
         first = data.GetODE2Coordinates(initially), data.GetODE2Coordinates_t(initially)
 
@@ -255,15 +302,28 @@ def exudyn() -> list[Contender]:
             for begin, end in problem.spans:
                 time.startTime, time.endTime = begin, end
                 time.numberOfSteps = 100 if setting < 1.0 else problem.steps(setting, end - begin)
-                system.SolveDynamic(settings, solverType=kind, storeSolver=False, updateInitialValues=len(problem.times) > 1)
+                system.SolveDynamic(
+                    settings,
+                    solverType=kind,
+                    storeSolver=False,
+                    updateInitialValues=len(problem.times) > 1,
+                )
                 w = system.GetNodeOutput(node, variables.AngularVelocityLocal)
-                found.append((moments * w, system.GetNodeOutput(node, variables.RotationMatrix).reshape(3, 3)))
+                found.append(
+                    (
+                        moments * w,
+                        system.GetNodeOutput(node, variables.RotationMatrix).reshape(3, 3),
+                    )
+                )
             return found
 
         return run
 
     choices = {"RK44": doubled(100, 8), "RK67": doubled(25, 9), "DOPRI5": tolerances(-2, -12)}
-    return [Contender("Exudyn", solver, settings, partial(prepare, solver=solver)) for solver, settings in choices.items()]
+    return [
+        Contender("Exudyn", solver, settings, partial(prepare, solver=solver))
+        for solver, settings in choices.items()
+    ]
 
 
 # ------------------------------------------------------------------ Lielab
@@ -276,7 +336,8 @@ def lielab() -> list[Contender]:
     def prepare(problem: Problem, setting: float, tableau: str) -> Run:
         moments, load = np.array(problem.inertia), np.array(problem.load)
         _, attitude = result(problem.start)
-        momentum = attitude @ problem.mu  # spatial; the top keeps it beside the attitude, the free body as a constant
+        # spatial; the top keeps it beside the attitude, the free body as a constant
+        momentum = attitude @ problem.mu
 
         def velocity(t: float, place: Any) -> Any:
             g, xi = place.point[0].get_matrix(), domain.so(3)
@@ -318,4 +379,7 @@ def lielab() -> list[Contender]:
         "RKV87r": tolerances(-3, -12),
         "RKV98r": (*tolerances(-3, -13), TIGHTEST),
     }
-    return [Contender("Lielab", f"RKMK {name}", settings, partial(prepare, tableau=name)) for name, settings in choices.items()]
+    return [
+        Contender("Lielab", f"RKMK {name}", settings, partial(prepare, tableau=name))
+        for name, settings in choices.items()
+    ]

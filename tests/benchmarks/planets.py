@@ -1,8 +1,10 @@
-"""The outer Solar System over a million years beside REBOUND: time and energy of the same methods at the same step.
+"""The outer Solar System over a million years beside REBOUND: time and energy of the same methods
+at the same step.
 
     python tests/benchmarks/planets.py [--years 1e6] [--out planets.json]
 
-REBOUND's WHFast and SABA integrators take steps of the same kind in the same coordinates; without REBOUND its rows are missing.
+REBOUND's WHFast and SABA integrators take steps of the same kind in the same coordinates; without
+REBOUND its rows are missing.
 """
 
 import argparse
@@ -31,18 +33,29 @@ METHODS: dict[str, tuple[Any, float, str]] = {
     "(8, 2), 200 d": (SPLITTINGS["SABA (8, 2)"], 200.0, "saba4"),
     "(10, 6, 4), 400 d": (SPLITTINGS["ABA (10, 6, 4)"], 400.0, "saba10,6,4"),
 }
-"""Of each row the tableau here, the step, and what REBOUND 5 calls the method.  Its SABA 4 has four stages: order (8, 2)."""
+"""Of each row the tableau here, the step, and what REBOUND 5 calls the method.  Its SABA 4 has four
+stages: order (8, 2).
+"""
 
 
 def errors(energies: np.ndarray) -> tuple[float, float]:
-    """The largest relative error of the energy, and how much larger it is in the second half than in the first."""
+    """The largest relative error of the energy, and how much larger it is in the second half than
+    in the first.
+    """
     change = np.abs(energies / energies[0] - 1.0)
     half = len(change) // 2
     return float(change.max()), float(change[half:].max() / change[1:half].max())
 
 
 def ours(tableau: Any, h: float, steps: int) -> tuple[float, np.ndarray]:
-    plan = lm.Plan(SYSTEM, lm.Splitting(tableau=tableau), h=h, every=steps // SAMPLES, compiled=True, progress=False)
+    plan = lm.Plan(
+        SYSTEM,
+        lm.Splitting(tableau=tableau),
+        h=h,
+        every=steps // SAMPLES,
+        compiled=True,
+        progress=False,
+    )
     plan.run(START, steps=2 * (steps // SAMPLES))  # compiled
     begin = time.perf_counter()
     run = plan.run(START, steps=steps)
@@ -72,28 +85,46 @@ def theirs(rebound: Any, name: str, h: float, steps: int) -> tuple[float, np.nda
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--years", type=float, default=1e6, help="how long")
-    parser.add_argument("--out", type=Path, default=Path("planets.json"), help="where the JSON goes")
+    parser.add_argument(
+        "--out", type=Path, default=Path("planets.json"), help="where the JSON goes"
+    )
     options = parser.parse_args()
 
     there = importlib.util.find_spec("rebound") is not None
     rebound = importlib.import_module("rebound") if there else None
-    print(f"REBOUND {rebound.__version__}" if rebound else "REBOUND is not installed: pip install rebound")
+    print(
+        f"REBOUND {rebound.__version__}"
+        if rebound
+        else "REBOUND is not installed: pip install rebound"
+    )
     rows: list[dict[str, Any]] = []
     for name, (tableau, h, other) in METHODS.items():
         steps = max(1, round(options.years * YEAR / h / SAMPLES)) * SAMPLES
-        runs: dict[str, Callable[[], tuple[float, np.ndarray]]] = {"liemech": lambda t=tableau, h=h, n=steps: ours(t, h, n)}
+        runs: dict[str, Callable[[], tuple[float, np.ndarray]]] = {
+            "liemech": lambda t=tableau, h=h, n=steps: ours(t, h, n)
+        }
         if rebound:
             runs["REBOUND"] = lambda w=other, h=h, n=steps: theirs(rebound, w, h, n)
         for package, run in runs.items():
             spent, energies = run()
             error, growth = errors(energies)
             rows.append(
-                {"method": name, "package": package, "s": spent, "us a step": 1e6 * spent / steps, "error": error, "growth": growth}
+                {
+                    "method": name,
+                    "package": package,
+                    "s": spent,
+                    "us a step": 1e6 * spent / steps,
+                    "error": error,
+                    "growth": growth,
+                }
             )
     harness.table(
-        f"the outer Solar System, {options.years:g} years: time, and the largest relative error of the energy",
+        f"the outer Solar System, {options.years:g} years: time, and "
+        "the largest relative error of the energy",
         ["method", "package", "s", "us a step", "error", "second half over first"],
         [[*list(row.values())[:4], f"{row['error']:.1e}", row["growth"]] for row in rows],
     )

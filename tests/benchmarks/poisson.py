@@ -23,7 +23,10 @@ VERLET = lm.PoissonVerlet()
 STEPS: dict[str, tuple[str, Any]] = {
     "PoissonEuler()": ("euler", lm.PoissonEuler()),
     "PoissonVerlet()": ("verlet", VERLET),
-    **{f"Composition(PoissonVerlet(), order={p})": ("verlet", lm.Composition(VERLET, order=p)) for p in (4, 6, 8)},
+    **{
+        f"Composition(PoissonVerlet(), order={p})": ("verlet", lm.Composition(VERLET, order=p))
+        for p in (4, 6, 8)
+    },
     **{f"Splitting(order={p})": ("splitting", lm.Splitting(order=p)) for p in (1, 2, 4, 6)},
 }
 
@@ -46,7 +49,10 @@ def compiled(method: Any, contraction: str, folder: Path) -> Any:
     gamma = method.tableau.gamma if isinstance(method, lm.Composition) else (1.0,)
     tableau = method.tableau_for(SPECIES) if isinstance(method, lm.Splitting) else STRANG
     rows = {"GAMMA": gamma, "KICKS": tableau.kicks, "DRIFTS": tableau.drifts}
-    defines = {"STAGES": len(tableau.drifts), **{name: baseline.listed(row) for name, row in rows.items()}}
+    defines = {
+        "STAGES": len(tableau.drifts),
+        **{name: baseline.listed(row) for name, row in rows.items()},
+    }
     return baseline.plain_c(SOURCE, defines, contraction, folder)
 
 
@@ -63,7 +69,13 @@ def main() -> None:
             agreeing(runs, 1e-11)
             times = measure(runs, *timing)
             ratios = {key: times["liemech"].over(t) for key, t in times.items() if key != "liemech"}
-            rows.append({"method": method_name, "ns": {key: timing.best for key, timing in times.items()}, "ratios": ratios})
+            rows.append(
+                {
+                    "method": method_name,
+                    "ns": {key: timing.best for key, timing in times.items()},
+                    "ratios": ratios,
+                }
+            )
     harness.table(
         "a step beside C: ns, best",
         ["method", *rows[0]["ns"], *[f"ratio {key}" for key in rows[0]["ratios"]]],

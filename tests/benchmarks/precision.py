@@ -10,7 +10,10 @@ import numpy as np
 
 import liemech as lm
 
-BODY, TOP = lm.RigidBody([1.0, 1.6, 2.3]), lm.LagrangeTop(transverse=1.0, axial=0.5, weight=1.0, length=1.0)
+BODY, TOP = (
+    lm.RigidBody([1.0, 1.6, 2.3]),
+    lm.LagrangeTop(transverse=1.0, axial=0.5, weight=1.0, length=1.0),
+)
 GALAXY, ROD = lm.HenonHeiles(), lm.SphericalPendulum()
 SCENES = {
     "free body, momentum": (BODY, BODY.state([0.3, 0.8, -0.5]), 0.1),
@@ -20,7 +23,11 @@ SCENES = {
     "rod": (ROD, ROD.state([0.0, 0.0, -1.0], [0.4, 1.5, 0.0]), 0.05),
 }
 CASES = [
-    *((lm.CovariantVariational(r), name) for r in (lm.Cayley(), lm.Exponential()) for name in list(SCENES)[:2]),
+    *(
+        (lm.CovariantVariational(r), name)
+        for r in (lm.Cayley(), lm.Exponential())
+        for name in list(SCENES)[:2]
+    ),
     (lm.RKMK(4), "free body, momentum"),
     (lm.LieVerlet(lm.Cayley()), "Lagrange top"),
     (lm.StormerVerlet(), "galaxy"),
@@ -34,11 +41,18 @@ def measured(method: lm.Method, scene: str, repetitions: int, duration: float) -
     system, start, h = SCENES[scene]
     runs: dict[str, harness.Run] = {}
     for digits in ("double", "double-double"):
-        plan = lm.Plan(system, method, h, every=10**9, precision=digits, compiled=True, progress=False)
+        plan = lm.Plan(
+            system, method, h, every=10**9, precision=digits, compiled=True, progress=False
+        )
         runs[digits] = lambda n, plan=plan: plan.run(start, steps=n)
     times = harness.measure(runs, repetitions=repetitions, duration=duration)
     ratio = times["double-double"].over(times["double"])
-    return {"method": method.name, "scene": scene, "ratio": ratio, **{k: t.median for k, t in times.items()}}
+    return {
+        "method": method.name,
+        "scene": scene,
+        "ratio": ratio,
+        **{k: t.median for k, t in times.items()},
+    }
 
 
 def main() -> None:
@@ -49,7 +63,16 @@ def main() -> None:
     harness.table(
         "ns a step",
         ["method", "scene", "double", "double-double", "ratio"],
-        [[r["method"], r["scene"], f"{r['double']:.0f}", f"{r['double-double']:.0f}", f"{r['ratio']:.1f}"] for r in rows],
+        [
+            [
+                r["method"],
+                r["scene"],
+                f"{r['double']:.0f}",
+                f"{r['double-double']:.0f}",
+                f"{r['ratio']:.1f}",
+            ]
+            for r in rows
+        ],
     )
     harness.write(out, {"steps": rows})
 

@@ -1,9 +1,11 @@
-"""The problems of the leader board: equations in plain numbers for other packages, ten outputs, and references from elsewhere.
+"""The problems of the leader board: equations in plain numbers for other packages, ten outputs, and
+references from elsewhere.
 
     python tests/benchmarks/races.py        # computes tests/reference/races.json anew, with heyoka in 113 bits
 
-Every problem is written once as y' = f(t, y) of single numbers, which every package for smooth equations reads: heyoka makes
-series of it, SciPy calls it, Numba and JAX compile it.  Outputs are what is compared: momenta, rotation matrices, positions.
+Every problem is written once as y' = f(t, y) of single numbers, which every package for smooth
+equations reads: heyoka makes series of it, SciPy calls it, Numba and JAX compile it.  Outputs are
+what is compared: momenta, rotation matrices, positions.
 """
 
 from __future__ import annotations
@@ -29,8 +31,10 @@ Rates = Callable[
 class Race:
     """A problem: equations, start, the end of time, and what is compared.
 
-    rates : y' = f(m, t, y), m a module with sin and cos.  start : y(0).  end : the last of the `count` equally spaced outputs.
-    outputs : of many states, (n, len(y)), what is compared, (n, k); all of y unless it says otherwise.
+    rates : y' = f(m, t, y), m a module with sin and cos.  start : y(0).  end : the last of the
+    `count` equally spaced outputs.
+    outputs : of many states, (n, len(y)), what is compared, (n, k); all of y unless it says
+    otherwise.
     """
 
     key: str
@@ -243,7 +247,9 @@ SPEEDS = (
     (0.0, 0.0, 0.0), (0.00565429, -0.00412490, -0.00190589), (0.00168318, 0.00483525, 0.00192462),
     (0.00354178, 0.00137102, 0.00055029), (0.00288930, 0.00114527, 0.00039677), (0.00276725, -0.00170702, -0.00136504),
 )  # fmt: skip
-"""Sun, Jupiter, Saturn, Uranus, Neptune, Pluto: Hairer, Lubich, Wanner, I.2.4, table 2.2; AU and days."""
+"""Sun, Jupiter, Saturn, Uranus, Neptune, Pluto: Hairer, Lubich, Wanner, I.2.4, table 2.2; AU and
+days.
+"""
 
 
 def barycentric(rows: Any) -> list[float]:
@@ -293,7 +299,9 @@ RACES = (
 
 
 def reference(race: Race) -> list[list[str]]:
-    """The states at the outputs, by heyoka in 113 bits, 1e-30 a step; in 64 bits where that would take hours."""
+    """The states at the outputs, by heyoka in 113 bits, 1e-30 a step; in 64 bits where that would
+    take hours.
+    """
     hy: Any = importlib.import_module("heyoka")
     names = [f"y{i}" for i in range(len(race.start))]
     variables = hy.make_vars(*names)

@@ -1,4 +1,5 @@
-"""Makes rigid_body_steps.json: the methods themselves in 45-digit arithmetic, from their definitions.
+"""Makes rigid_body_steps.json: the methods themselves in 45-digit arithmetic, from their
+definitions.
 
     python tests/benchmarks/rigid_body_steps.py
 """
@@ -109,7 +110,9 @@ def verlet(base: Step) -> Step:
 
 
 def rkmk4(mu: Vector, g: Any, h: Any) -> tuple[Vector, Any]:
-    """mu' = Ad*_exp(x) mu, x' = dexp^-1 of the velocity to second order, by the classical Runge-Kutta method."""
+    """mu' = Ad*_exp(x) mu, x' = dexp^-1 of the velocity to second order, by the classical
+    Runge-Kutta method.
+    """
 
     def slope(x: Vector) -> Vector:
         turn = exponential(x) if any(x) else mp.eye(3)
@@ -142,7 +145,13 @@ def run(step: Step, samples: tuple[int, ...]) -> list[dict[str, Any]]:
     for n in range(1, samples[-1] + 1):
         mu, g = step(mu, g, mp.mpf(H))
         if n in samples:
-            found.append({"n": n, "mu": [float(x) for x in mu], "g": [[float(g[i, j]) for j in range(3)] for i in range(3)]})
+            found.append(
+                {
+                    "n": n,
+                    "mu": [float(x) for x in mu],
+                    "g": [[float(g[i, j]) for j in range(3)] for i in range(3)],
+                }
+            )
     return found
 
 
@@ -153,7 +162,9 @@ if __name__ == "__main__":
         "load": [float(x) for x in LOAD],
         "mu": [float(x) for x in START],
         "h": H,
-        "steps": {name: run(step, SAMPLES.get(name, (1, 10, 200))) for name, step in METHODS.items()},
+        "steps": {
+            name: run(step, SAMPLES.get(name, (1, 10, 200))) for name, step in METHODS.items()
+        },
     }
     rows = re.sub(r"\[[^][{}]*\]", lambda row: " ".join(row[0].split()), json.dumps(data, indent=1))
     Path(__file__).with_suffix(".json").write_text(rows + "\n")

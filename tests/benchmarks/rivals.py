@@ -1,7 +1,9 @@
-"""Other packages in the races of the leader board, whichever are installed, each in the form that suits it best.
+"""Other packages in the races of the leader board, whichever are installed, each in the form that
+suits it best.
 
-Those for smooth equations, heyoka, SciPy and diffrax, read the equations of `races.py`.  Exudyn, Lielab, MuJoCo and REBOUND have
-bodies or groups of their own and take part where they have the problem.
+Those for smooth equations, heyoka, SciPy and diffrax, read the equations of `races.py`.  Exudyn,
+Lielab, MuJoCo and REBOUND have bodies or groups of their own and take part where they have the
+problem.
 """
 
 from __future__ import annotations
@@ -28,9 +30,11 @@ tolerances, doubled = peers.tolerances, peers.doubled
 
 @dataclass(frozen=True)
 class Entry:
-    """A method of a package in a race: its tolerances or numbers of steps between outputs; `prepare` sets a run up.
+    """A method of a package in a race: its tolerances or numbers of steps between outputs;
+    `prepare` sets a run up.
 
-    outputs : of what a run gives, (count, k).  closed : is it the closed form of the motion, or a step that is?
+    outputs : of what a run gives, (count, k).  closed : is it the closed form of the motion, or a
+    step that is?
     """
 
     package: str
@@ -42,7 +46,9 @@ class Entry:
 
 
 def entries(race: Race) -> tuple[list[Entry], dict[str, str | None]]:
-    """All that are installed and have the problem, and the version of each package, None if it is missing."""
+    """All that are installed and have the problem, and the version of each package, None if it is
+    missing.
+    """
     found: list[Entry] = []
     versions: dict[str, str | None] = {}
     for package, make in PACKAGES.items():
@@ -145,7 +151,9 @@ def _scipy(race: Race, label: str, f: Callable[..., Any]) -> list[Entry]:
 
 
 def diffrax(race: Race) -> list[Entry]:
-    """Tsit5 and Dopri8 with a controller of PID type, compiled once by JAX; the tolerance is an argument."""
+    """Tsit5 and Dopri8 with a controller of PID type, compiled once by JAX; the tolerance is an
+    argument.
+    """
     jax: Any = importlib.import_module("jax")
     dx: Any = importlib.import_module("diffrax")
     jax.config.update("jax_enable_x64", True)
@@ -210,7 +218,9 @@ def _of_peers(
     contenders: Callable[[], list[peers.Contender]],
     chosen: dict[str, tuple[float, ...]],
 ) -> list[Entry]:
-    """The contenders of `peers.py` that are chosen, with settings for this race: steps of the whole time, or tolerances."""
+    """The contenders of `peers.py` that are chosen, with settings for this race: steps of the whole
+    time, or tolerances.
+    """
     problem = _problem(race)
     if problem is None:
         return []
@@ -222,7 +232,9 @@ def _of_peers(
 
 
 def exudyn(race: Race) -> list[Entry]:
-    """Explicit Lie group methods of a rigid body; forces of other problems would be called back in Python."""
+    """Explicit Lie group methods of a rigid body; forces of other problems would be called back in
+    Python.
+    """
     importlib.import_module("exudyn")
     fine = 1000.0 if race.end > 1e4 else 1.0
     steps = {"RK67": doubled(50, 6), "RK44": doubled(400, 4)}
@@ -273,7 +285,9 @@ def _lielab_driven(race: Race) -> Entry:
 
 
 def mujoco(race: Race) -> list[Entry]:
-    """RK4 of its rigid body, in its own loop over steps; a rod without thickness, the pendulum, has no inertia that it accepts."""
+    """RK4 of its rigid body, in its own loop over steps; a rod without thickness, the pendulum, has
+    no inertia that it accepts.
+    """
     mj: Any = importlib.import_module("mujoco")
     rollout: Any = importlib.import_module("mujoco.rollout")
     if race.key not in ("attitude", "top"):

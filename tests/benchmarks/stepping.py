@@ -1,4 +1,6 @@
-"""Single steps of native code, without the call of `integrate` around them, in turn with the C++ of the same step."""
+"""Single steps of native code, without the call of `integrate` around them, in turn with the C++ of
+the same step.
+"""
 
 import time
 from collections.abc import Callable, Mapping
@@ -13,12 +15,15 @@ from liemech.simulation.prepared import Steps
 
 
 class Native:
-    """A method on a system in native code: call it with a number of steps for the state after them, as one row of numbers.
+    """A method on a system in native code: call it with a number of steps for the state after them,
+    as one row of numbers.
 
     compensate : as for `integrate`; ordinary sums, as in the C++, unless it is asked for.
     """
 
-    def __init__(self, system: Any, method: Any, start: Any, h: float, compensate: bool | None = False) -> None:
+    def __init__(
+        self, system: Any, method: Any, start: Any, h: float, compensate: bool | None = False
+    ) -> None:
         # a Plan of any method and system, in fictive time too
         self.plan = Steps(system, method, h, 1, compensate, "double", True, False, 1)
         self.carry = FixedRun(self.plan, start, 0).trajectory().carry
@@ -34,11 +39,18 @@ def agreeing(runs: Mapping[str, Callable[[int], np.ndarray]], tolerance: float =
         first = next(iter(ends.values()))
         for name, end in ends.items():
             if not np.abs(end - first).max() <= tolerance:
-                raise SystemExit(f"{name} differs from {next(iter(ends))} by {np.abs(end - first).max():.1e} after {steps} steps")
+                raise SystemExit(
+                    f"{name} differs from {next(iter(ends))} by "
+                    f"{np.abs(end - first).max():.1e} after {steps} steps"
+                )
 
 
-def measure(runs: Mapping[str, Callable[[int], Any]], repetitions: int, duration: float) -> dict[str, harness.Timing]:
-    """ns per step in turn, again and again: processor time, so that other processes count little, less that of the call."""
+def measure(
+    runs: Mapping[str, Callable[[int], Any]], repetitions: int, duration: float
+) -> dict[str, harness.Timing]:
+    """ns per step in turn, again and again: processor time, so that other processes count little,
+    less that of the call.
+    """
 
     def seconds(run: Callable[[int], Any], steps: int) -> float:
         begin = time.process_time()
@@ -48,7 +60,12 @@ def measure(runs: Mapping[str, Callable[[int], Any]], repetitions: int, duration
     steps, calls = {}, {}
     for name, run in runs.items():
         calls[name] = min(seconds(run, 1) for _ in range(20))
-        steps[name] = max(50, int(1000 * duration / max(1e-9, min(seconds(run, 1000) for _ in range(5)) - calls[name])))
+        steps[name] = max(
+            50,
+            int(
+                1000 * duration / max(1e-9, min(seconds(run, 1000) for _ in range(5)) - calls[name])
+            ),
+        )
     spent: dict[str, list[float]] = {name: [] for name in runs}
     for _ in range(repetitions):
         for name, run in runs.items():

@@ -1,10 +1,11 @@
-"""What is shown, against what it costs: the run behind it, the writing of the page, the size of the page.
+"""What is shown, against what it costs: the run behind it, the writing of the page, the size of the
+page.
 
     python tests/benchmarks/viewer.py [--quick]
 
-A free rigid body by LiePoissonHamiltonJacobi(order=4).  `run` is the time of the integration, which records what is shown and no
-more; `page` that of drawing and writing; both are processor time, medians of alternating repetitions in one warm
-process.
+A free rigid body by LiePoissonHamiltonJacobi(order=4).  `run` is the time of the integration, which
+records what is shown and no more; `page` that of drawing and writing; both are processor time,
+medians of alternating repetitions in one warm process.
 """
 
 import argparse
@@ -51,19 +52,29 @@ def main() -> None:
         sizes: dict[str, tuple[int, int]] = {}
         for repetition in range(repetitions + 1):
             for name, show in SHOWN.items():
-                scene, run = timed(partial(animate, BODY, METHOD, START, show, h=0.1, steps=steps, frames=600))
+                scene, run = timed(
+                    partial(animate, BODY, METHOD, START, show, h=0.1, steps=steps, frames=600)
+                )
                 page, written = timed(scene.html)
                 if repetition:  # the first one compiles, and reads meshcat's file
                     spent[name].append((run, written))
                 sizes[name] = len(page.encode()), len(scene.html(compressed=True))
         rows = []
         for name in SHOWN:
-            run, written = (1e3 * statistics.median(column) for column in zip(*spent[name], strict=True))
+            run, written = (
+                1e3 * statistics.median(column) for column in zip(*spent[name], strict=True)
+            )
             rows.append((name, run, written, *(size / 1e3 for size in sizes[name])))
-        table(f"{steps} steps, at most 601 samples", ("shown", "run, ms", "page, ms", "plain, kB", "compressed, kB"), rows)
+        table(
+            f"{steps} steps, at most 601 samples",
+            ("shown", "run, ms", "page, ms", "plain, kB", "compressed, kB"),
+            rows,
+        )
     same = lm.integrate(BODY, METHOD, START, h=0.1, steps=counts[-1])
     _, spent_on_all = timed(Scene(same).html)
-    print(f"\nof a run that kept all {len(same)} samples the page takes {1e3 * spent_on_all:.0f} ms")
+    print(
+        f"\nof a run that kept all {len(same)} samples the page takes {1e3 * spent_on_all:.0f} ms"
+    )
 
 
 if __name__ == "__main__":

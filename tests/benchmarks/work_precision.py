@@ -1,15 +1,19 @@
-"""Time against error: free rigid bodies and a heavy top, momentum and attitude, by this library and by others that are installed.
+"""Time against error: free rigid bodies and a heavy top, momentum and attitude, by this library and
+by others that are installed.
 
-    python tests/benchmarks/work_precision.py [--quick] [--out work_precision.json] [--figure work_precision.png] [--only NAME]
+    python tests/benchmarks/work_precision.py [--quick] [--out work_precision.json] [--figure
+    work_precision.png] [--only NAME]
 
-The error is the largest entry of the difference to the exact motion at the end.  The time is that of a whole call of the
-package, prepared where it can be, the best of several in turn with all others; making machine code and setting up are apart.
+The error is the largest entry of the difference to the exact motion at the end.  The time is that
+of a whole call of the package, prepared where it can be, the best of several in turn with all
+others; making machine code and setting up are apart.
 """
 
 import argparse
 import os
 
-os.environ |= dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")  # before NumPy comes
+# before NumPy comes
+os.environ |= dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 
 import itertools
 import math
@@ -45,7 +49,12 @@ def curves(problem: Problem, everybody: list[Contender], repetitions: int) -> li
     runs: list[tuple[dict[str, Any], Run]] = []
     results: list[dict[str, Any]] = []
     for contender in everybody:
-        curve: dict[str, Any] = {"package": contender.package, "method": contender.method, "set_up": 0.0, "points": []}
+        curve: dict[str, Any] = {
+            "package": contender.package,
+            "method": contender.method,
+            "set_up": 0.0,
+            "points": [],
+        }
         results.append(curve)
         for setting in contender.settings:
             begun = time.perf_counter()
@@ -81,7 +90,8 @@ def curves(problem: Problem, everybody: list[Contender], repetitions: int) -> li
 
 
 def time_for(points: list[dict[str, Any]], target: float) -> float | None:
-    """Seconds to an error: on the curve of time against error between two of its points, both logarithmic; None if out of reach.
+    """Seconds to an error: on the curve of time against error between two of its points, both
+    logarithmic; None if out of reach.
 
     A method whose loosest setting is already better counts with the time of that.
     """
@@ -93,26 +103,38 @@ def time_for(points: list[dict[str, Any]], target: float) -> float | None:
     return min(times, default=None)
 
 
-def winners(results: list[dict[str, Any]], packages: list[str]) -> dict[str, dict[float, tuple[float, str] | None]]:
+def winners(
+    results: list[dict[str, Any]], packages: list[str]
+) -> dict[str, dict[float, tuple[float, str] | None]]:
     """For each package and error the time of its quickest method, and its name."""
     found: dict[str, dict[float, tuple[float, str] | None]] = {}
     for package in packages:
         found[package] = {}
         for target in TARGETS:
-            times = [(time_for(c["points"], target), c["method"]) for c in results if c["package"] == package]
-            found[package][target] = min(((t, name) for t, name in times if t is not None), default=None)
+            times = [
+                (time_for(c["points"], target), c["method"])
+                for c in results
+                if c["package"] == package
+            ]
+            found[package][target] = min(
+                ((t, name) for t, name in times if t is not None), default=None
+            )
     return found
 
 
 def figure(results: dict[str, list[dict[str, Any]]], path: Path) -> None:
-    """Time against error, both logarithmic: one panel for each problem, the lower envelope of each package drawn through."""
+    """Time against error, both logarithmic: one panel for each problem, the lower envelope of each
+    package drawn through.
+    """
     import matplotlib
 
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
 
     size = 5.2 * len(results), 4.6
-    panels, axes = plt.subplots(1, len(results), figsize=size, sharey=True, layout="constrained", squeeze=False)
+    panels, axes = plt.subplots(
+        1, len(results), figsize=size, sharey=True, layout="constrained", squeeze=False
+    )
     for ax, (name, found) in zip(axes[0], results.items(), strict=True):
         for curve in found:
             x, y = [p["error"] for p in curve["points"]], [1e3 * p["best"] for p in curve["points"]]
@@ -120,7 +142,13 @@ def figure(results: dict[str, list[dict[str, Any]]], path: Path) -> None:
         errors = np.logspace(-14, 0, 141)
         for package, colour in COLOURS.items():
             own = [c["points"] for c in found if c["package"] == package]
-            best = [min((t for t in (time_for(points, e) for points in own) if t is not None), default=math.nan) for e in errors]
+            best = [
+                min(
+                    (t for t in (time_for(points, e) for points in own) if t is not None),
+                    default=math.nan,
+                )
+                for e in errors
+            ]
             if own:
                 ax.loglog(errors, 1e3 * np.array(best), color=colour, lw=2.2, label=package)
         ax.set(title=name, xlabel="error of momentum and attitude at the end", xlim=(1e0, 1e-14))
@@ -132,10 +160,18 @@ def figure(results: dict[str, list[dict[str, Any]]], path: Path) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--quick", action="store_true", help="smoke run: every third method and setting, once")
-    parser.add_argument("--only", default="", help="contenders whose package or method contains this")
-    parser.add_argument("--out", type=Path, default=Path("work_precision.json"), help="where the JSON goes")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--quick", action="store_true", help="smoke run: every third method and setting, once"
+    )
+    parser.add_argument(
+        "--only", default="", help="contenders whose package or method contains this"
+    )
+    parser.add_argument(
+        "--out", type=Path, default=Path("work_precision.json"), help="where the JSON goes"
+    )
     parser.add_argument("--figure", type=Path, help="where a picture goes, if one is wanted")
     options = parser.parse_args()
 
@@ -144,19 +180,36 @@ def main() -> None:
         print(f"{package} {version or 'is not installed'}")
     results: dict[str, list[dict[str, Any]]] = {}
     for problem in PROBLEMS:
-        everybody = [c for c in [*ours(problem), *others] if options.only in f"{c.package} {c.method}"]
+        everybody = [
+            c for c in [*ours(problem), *others] if options.only in f"{c.package} {c.method}"
+        ]
         if options.quick:
-            everybody = [Contender(c.package, c.method, c.settings[::3], c.prepare) for c in everybody[::3]]
+            everybody = [
+                Contender(c.package, c.method, c.settings[::3], c.prepare) for c in everybody[::3]
+            ]
         packages = list(dict.fromkeys(c.package for c in everybody))
         results[problem.name] = found = curves(problem, everybody, 1 if options.quick else 9)
         best = winners(found, packages)
         rows: list[list[object]] = [
-            [package, *[f"{1e3 * cell[0]:.3g} ({cell[1]})" if (cell := best[package][e]) else None for e in TARGETS]]
+            [
+                package,
+                *[
+                    f"{1e3 * cell[0]:.3g} ({cell[1]})" if (cell := best[package][e]) else None
+                    for e in TARGETS
+                ],
+            ]
             for package in packages
         ]
-        harness.table(f"{problem.name}: ms for an error of", ["package", *[f"{e:.0e}" for e in TARGETS]], rows)
+        harness.table(
+            f"{problem.name}: ms for an error of", ["package", *[f"{e:.0e}" for e in TARGETS]], rows
+        )
         every: list[list[object]] = [
-            [c["package"], c["method"], *[1e3 * t if (t := time_for(c["points"], e)) else None for e in TARGETS], c["set_up"]]
+            [
+                c["package"],
+                c["method"],
+                *[1e3 * t if (t := time_for(c["points"], e)) else None for e in TARGETS],
+                c["set_up"],
+            ]
             for c in found
         ]
         columns = ["package", "method", *[f"{e:.0e}" for e in TARGETS], "first call, s"]

@@ -1,7 +1,8 @@
-"""Random calls of every public method of every shipped group, algebra, action, retraction, system, energy: whatever people pass.
+"""Random calls of every public method of every shipped group, algebra, action, retraction, system,
+energy: whatever people pass.
 
-A call ends well if it gives finite numbers of the right shape, or an error of this package that names the method and an argument
-(a TypeError of Python's own if the number of arguments is wrong).
+A call ends well if it gives finite numbers of the right shape, or an error of this package that
+names the method and an argument (a TypeError of Python's own if the number of arguments is wrong).
 Run `python tests/calls/fuzz_calls.py [count] [seed]` for a report.
 """
 
@@ -30,18 +31,33 @@ PATIENCE = 2.0
 
 
 HOOKS = ("distance", "of_blocks", "constants", "symmetry", "rate", "deviation", "join", "moved")
-"""Methods that pass parts of a state, or of several arrays, on to others, which then name themselves."""
+"""Methods that pass parts of a state, or of several arrays, on to others, which then name
+themselves.
+"""
 
 SHAPELESS = (
-    *("constants", "symmetry", "state", "exact", "essential_part", "variation", "vouched", "further_invariants"),
+    *(
+        "constants",
+        "symmetry",
+        "state",
+        "exact",
+        "essential_part",
+        "variation",
+        "vouched",
+        "further_invariants",
+    ),
     *("rotation", "rigid_transform", "objection", "tangent", "isotropy"),
 )
-"""Methods of states, and of objects other than arrays or of as many as there happen to be, whose shapes nobody compares."""
+"""Methods of states, and of objects other than arrays or of as many as there happen to be, whose
+shapes nobody compares.
+"""
 
 
 @dataclass(frozen=True, eq=False)
 class Subject:
-    """An object whose methods are called, the group that its arguments belong to, and values of some arguments by name."""
+    """An object whose methods are called, the group that its arguments belong to, and values of
+    some arguments by name.
+    """
 
     thing: Any
     group: lm.LieGroup
@@ -83,8 +99,14 @@ def subjects() -> tuple[Subject, ...]:
     found += [Subject(lm.coadjoint(g), g, vector=g.dim) for g in (so3, se3, lm.SU(2))]
     found += [Subject(lm.AdjointAction(se3), se3, vector=6)]
     found += [Subject(lm.RotationAction(lm.UnitQuaternions()), lm.UnitQuaternions(), vector=3)]
-    found += [Subject(lm.LinearAction(lm.SL(2)), lm.SL(2), vector=2), Subject(lm.LeftMultiplication(so3), so3)]
-    found += [Subject(lm.TranslationAction(4), lm.VectorSpace(4), vector=4), Subject(lm.SphereAction(3), so3, vector=3)]
+    found += [
+        Subject(lm.LinearAction(lm.SL(2)), lm.SL(2), vector=2),
+        Subject(lm.LeftMultiplication(so3), so3),
+    ]
+    found += [
+        Subject(lm.TranslationAction(4), lm.VectorSpace(4), vector=4),
+        Subject(lm.SphereAction(3), so3, vector=3),
+    ]
     for retraction in (lm.Exponential(), lm.Cayley(), lm.CayleyAdjoint()):
         for g in (so3, se3, lm.UnitQuaternions(), lm.SU(2)):
             found.append(Subject(retraction, g, {"group": g, "action": lm.coadjoint(g)}, g.dim))
@@ -98,7 +120,10 @@ def subjects() -> tuple[Subject, ...]:
         Subject(lm.ReducedHeavyTop(inertia, 1.0, [0.0, 0.1, 1.0]).hamiltonian, se3),
         Subject(lm.KirchhoffBody(np.diag([1.0, 1.6, 2.3, 1.0, 2.0, 3.0])), se3),
         Subject(lm.FallingBody(inertia, mass=1.7), se3),
-        Subject(lm.OrbitingBody([0.05, 0.08, 0.11], mass=1.7, attraction=1.0), lm.ProductGroup(so3, lm.VectorSpace(3))),
+        Subject(
+            lm.OrbitingBody([0.05, 0.08, 0.11], mass=1.7, attraction=1.0),
+            lm.ProductGroup(so3, lm.VectorSpace(3)),
+        ),
         Subject(lm.FixedPointGravity(1.0, [0.0, 0.0, 1.0]), so3, {"group": so3}),
         Subject(lm.UniformGravity(1.0), se3, {"group": se3}),
         Subject(lm.NoPotential(), so3, {"group": so3}),
@@ -121,17 +146,25 @@ class Method:
 
     @functools.cached_property
     def parameters(self) -> dict[str, str]:
-        parameters = inspect.signature(bare(getattr(type(self.subject.thing), self.name))).parameters
+        parameters = inspect.signature(
+            bare(getattr(type(self.subject.thing), self.name))
+        ).parameters
         return {
             name: _class_text(p.annotation).removesuffix(" | None")
-            for name, p in list(parameters.items())[(not inspect.ismethod(getattr(type(self.subject.thing), self.name))) :]
+            for name, p in list(parameters.items())[
+                (not inspect.ismethod(getattr(type(self.subject.thing), self.name))) :
+            ]
             if p.kind is not p.VAR_POSITIONAL
         }
 
     @functools.cached_property
     def required(self) -> tuple[str, ...]:
-        parameters = inspect.signature(bare(getattr(type(self.subject.thing), self.name))).parameters
-        return tuple(name for name in self.parameters if parameters[name].default is inspect.Parameter.empty)
+        parameters = inspect.signature(
+            bare(getattr(type(self.subject.thing), self.name))
+        ).parameters
+        return tuple(
+            name for name in self.parameters if parameters[name].default is inspect.Parameter.empty
+        )
 
     def __str__(self) -> str:
         return f"{self.subject.thing!r:.60}.{self.name}"
@@ -143,7 +176,9 @@ def methods() -> tuple[Method, ...]:
     for subject in subjects():
         for name in dir(type(subject.thing)):
             member = inspect.getattr_static(type(subject.thing), name)
-            if not name.startswith("_") and (inspect.isfunction(member) or isinstance(member, classmethod)):
+            if not name.startswith("_") and (
+                inspect.isfunction(member) or isinstance(member, classmethod)
+            ):
                 method = Method(subject, name)
                 if method.parameters:
                     found.append(method)
@@ -157,7 +192,13 @@ def shape_of(method: Method, name: str, text: str) -> tuple[int, ...] | None:
     """The shape of one argument of a method; None if it is no array."""
     subject, kind = method.subject, text
     if text in ("Any", ""):
-        kind = "Element" if name in ("g", "h", "rate") else "Vec" if name in ("mu", "x", "q", "p", "xi", "t") else ""
+        kind = (
+            "Element"
+            if name in ("g", "h", "rate")
+            else "Vec"
+            if name in ("mu", "x", "q", "p", "xi", "t")
+            else ""
+        )
     if kind not in ("Vec", "Mat", "Element", "Ambient", "float"):
         return None
     if kind == "float" or name == "t":
@@ -168,7 +209,11 @@ def shape_of(method: Method, name: str, text: str) -> tuple[int, ...] | None:
         return element if kind != "Mat" else matrix
     if subject.vector is not None and name in ("x", "p", "q", "velocity"):
         return (subject.vector,)
-    if subject.vector is not None and isinstance(subject.thing, lm.HamiltonianSystem) and name != "omega":
+    if (
+        subject.vector is not None
+        and isinstance(subject.thing, lm.HamiltonianSystem)
+        and name != "omega"
+    ):
         return (subject.vector,)
     if isinstance(subject.thing, lm.MechanicalSystem) and name == "omega":
         return (subject.thing.group.dim,)
@@ -190,14 +235,18 @@ def state_of(subject: Subject) -> Any:
     return thing.state(rng.normal(size=subject.group.dim), subject.group.random(1))
 
 
-def right(method: Method, name: str, text: str, lead: tuple[int, ...], rng: np.random.Generator) -> Any:
+def right(
+    method: Method, name: str, text: str, lead: tuple[int, ...], rng: np.random.Generator
+) -> Any:
     """An argument as it should be."""
     subject = method.subject
     if name in subject.given:
         return subject.given[name]
     shape = shape_of(method, name, text)
     if shape is not None:
-        if shape == subject.group.element_shape and (text in ("Element", "Ambient") or name in ("g", "h")):
+        if shape == subject.group.element_shape and (
+            text in ("Element", "Ambient") or name in ("g", "h")
+        ):
             return subject.group.random(rng, lead)
         if isinstance(subject.thing, lm.SphereAction) and name == "x":
             return subject.thing.random(rng, lead)
@@ -264,9 +313,16 @@ def call(method: Method, rng: np.random.Generator) -> tuple[tuple[Any, ...], dic
     """Arguments for a call: in half of the cases one is wrong, else perhaps several."""
     names = [n for n in method.parameters if n in method.required or rng.random() < 0.5]
     lead: tuple[int, ...] = [(), (), (2,), (3, 1), (1,), (11,)][int(rng.integers(6))]
-    bad = {str(rng.choice(names))} if names and rng.random() < 0.7 else {n for n in names if rng.random() < 0.4}
+    bad = (
+        {str(rng.choice(names))}
+        if names and rng.random() < 0.7
+        else {n for n in names if rng.random() < 0.4}
+    )
     texts = method.parameters
-    made = {n: wrong(method, n, texts[n], rng) if n in bad else right(method, n, texts[n], lead, rng) for n in names}
+    made = {
+        n: wrong(method, n, texts[n], rng) if n in bad else right(method, n, texts[n], lead, rng)
+        for n in names
+    }
     keep = len(method.required) if rng.random() < 0.8 else int(rng.integers(0, len(names) + 1))
     args = tuple(made[n] for n in list(made)[:keep])
     options = {n: made[n] for n in list(made)[keep:]}
@@ -333,7 +389,11 @@ def ending(method: Method, args: tuple[Any, ...], options: dict[str, Any]) -> st
     """What became of a call: "" if it ended well, else what is wrong with its end."""
     names = list(method.parameters)
     given = {*names[: len(args)], *options}
-    counted = len(args) <= len(names) and set(options) <= set(names[len(args) :]) and set(method.required) <= given
+    counted = (
+        len(args) <= len(names)
+        and set(options) <= set(names[len(args) :])
+        and set(method.required) <= given
+    )
     begun = time.process_time()
     try:
         with warnings.catch_warnings():
@@ -406,7 +466,9 @@ def batch_failure(method: Method, rng: np.random.Generator, rows: int = 24) -> s
     for name in arrays:
         if method.parameters[name] in ("Vec", "Mat", "float", "Ambient"):
             with np.errstate(all="ignore"):
-                factors = 10.0 ** rng.choice([-320, -310, -200, -100, -20, -3, 0, 0, 0, 1, 2, 20, 100, 200, 307], size=rows)
+                factors = 10.0 ** rng.choice(
+                    [-320, -310, -200, -100, -20, -3, 0, 0, 0, 1, 2, 20, 100, 200, 307], size=rows
+                )
                 made[name] = made[name] * factors.reshape(rows, *[1] * (made[name].ndim - 1))
     if not arrays:
         return ""
@@ -430,14 +492,30 @@ def batch_failure(method: Method, rng: np.random.Generator, rows: int = 24) -> s
         try:
             call(**{n: a[chosen] if n in arrays else a for n, a in made.items()})
         except lm.errors.LiemechError as error:
-            return "" if type(error) is type(singles[ill[0]]) else f"{method}: {error!r}, alone {singles[ill[0]]!r}"
+            return (
+                ""
+                if type(error) is type(singles[ill[0]])
+                else f"{method}: {error!r}, alone {singles[ill[0]]!r}"
+            )
         return f"{method}: a row that is refused alone, {singles[ill[0]]!r}, passes in a batch"
     return ""
 
 
 def of_arrays() -> list[Method]:
     """The methods that broadcast."""
-    apart = {*SHAPELESS, "random", "split", "join", "parts", "moved", "rate", "knows", "from_top", "essential", "circular_orbit"}
+    apart = {
+        *SHAPELESS,
+        "random",
+        "split",
+        "join",
+        "parts",
+        "moved",
+        "rate",
+        "knows",
+        "from_top",
+        "essential",
+        "circular_orbit",
+    }
     return [m for m in methods() if m.name not in apart and plain_shapes(m)]
 
 

@@ -1,4 +1,6 @@
-"""Bad input at the border: an error at once, that names the argument, the value and the cure; nothing hangs, nothing is NaN."""
+"""Bad input at the border: an error at once, that names the argument, the value and the cure;
+nothing hangs, nothing is NaN.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +34,9 @@ def no_warnings() -> Iterator[None]:
 
 
 def refused(error: type[Exception], words: str, call: Callable[[], object]) -> None:
-    """The call fails with this error, in less than a second, and allocates nothing large (a module may be loaded)."""
+    """The call fails with this error, in less than a second, and allocates nothing large (a module
+    may be loaded).
+    """
     tracemalloc.start()
     begun = time.perf_counter()
     try:
@@ -48,7 +52,9 @@ def refused(error: type[Exception], words: str, call: Callable[[], object]) -> N
 
 
 def go(**options: object) -> lm.Trajectory:
-    system, method, start = (options.pop(k, v) for k, v in (("system", BODY), ("method", RKMK4), ("start", START)))
+    system, method, start = (
+        options.pop(k, v) for k, v in (("system", BODY), ("method", RKMK4), ("start", START))
+    )
     return lm.integrate(system, method, start, **{"h": 0.1, "steps": 3} | options)
 
 
@@ -63,7 +69,11 @@ STEPS = [
     (value, "h = 0 is no step", dict(h=0.0)),
     (value, "h = -0 is no step", dict(h=-0.0)),
     (value, "h = .*e-324 is no step.*1/h overflows", dict(h=5e-324)),
-    (value, "h = 1e-17 is lost beside t = 1.*smallest useful step there is 2.2e-16", dict(h=1e-17, t0=1.0)),
+    (
+        value,
+        "h = 1e-17 is lost beside t = 1.*smallest useful step there is 2.2e-16",
+        dict(h=1e-17, t0=1.0),
+    ),
     (value, r"h = 0.1 is lost beside t = 1e\+20", dict(t0=1e20)),
     (value, "t0 must be finite; got nan", dict(t0=NAN)),
     (value, "lead to t = inf", dict(h=1e308, steps=10)),
@@ -93,7 +103,11 @@ STEPS = [
     (value, "record is .*got .*'g'", dict(record=("g",))),
     (value, "record is", dict(record=())),
     (kind, "record is .*got 5", dict(record=5)),
-    (value, "record asks for g, but the start has none", dict(record=("mu", "g"), start=BODY.state([1, 2, 3]))),
+    (
+        value,
+        "record asks for g, but the start has none",
+        dict(record=("mu", "g"), start=BODY.state([1, 2, 3])),
+    ),
     (kind, "method must be a method such as RKMK.*got 'RK4'", dict(method="RK4")),
     (kind, r"write RKMK\(\.\.\.\), with the brackets", dict(method=lm.RKMK)),
     (kind, "method must be a method .*got BodyState", dict(method=START, start=RKMK4)),
@@ -114,7 +128,11 @@ def test_calls_that_cannot_be_meant(error: type[Exception], words: str, options:
 
 @pytest.mark.parametrize("every", [1, 3])
 def test_more_samples_than_memory(every: int) -> None:
-    refused(value, r"need .* GiB .*this machine has .*larger `every`", lambda: go(steps=10**12, every=every, compiled=False))
+    refused(
+        value,
+        r"need .* GiB .*this machine has .*larger `every`",
+        lambda: go(steps=10**12, every=every, compiled=False),
+    )
 
 
 def test_a_method_that_needs_more_than_the_system_has() -> None:
@@ -129,12 +147,16 @@ def test_a_method_that_needs_more_than_the_system_has() -> None:
             return lm.vec(1.0, 0.0, 0.0)
 
     system = lm.LiePoissonSystem(G, Linear())
-    with pytest.raises(lm.errors.IncompatibleSystem, match=r"needs a system with a lagrangian.*RKMK accepts every"):
+    with pytest.raises(
+        lm.errors.IncompatibleSystem, match=r"needs a system with a lagrangian.*RKMK accepts every"
+    ):
         lm.integrate(system, EXP, system.state([1, 2, 3]), h=0.1, steps=1)
 
 
 def test_what_can_be_meant_is_taken() -> None:
-    """Numbers of any real kind, negative steps, no steps at all, lists in a state, a start from another object."""
+    """Numbers of any real kind, negative steps, no steps at all, lists in a state, a start from
+    another object.
+    """
     for h in (np.float32(0.5), np.array(0.5), np.int64(1), 1, -0.5):
         assert go(h=h, steps=np.int32(2)).t[-1] == 2 * float(h)
     assert len(go(steps=0)) == 1
@@ -193,12 +215,22 @@ def test_attitudes(error: type[Exception], words: str, g: object) -> None:
 
 
 def test_momenta_and_attitudes_that_do_not_fit() -> None:
-    refused(value, "2 momenta and 3 group elements", lambda: BODY.state(np.ones((2, 3)), np.stack([np.eye(3)] * 3)))
-    refused(value, r"g\[1\] is not in SO3.*reflection", lambda: BODY.state([1, 2, 3], np.stack([np.eye(3), -np.eye(3)])))
+    refused(
+        value,
+        "2 momenta and 3 group elements",
+        lambda: BODY.state(np.ones((2, 3)), np.stack([np.eye(3)] * 3)),
+    )
+    refused(
+        value,
+        r"g\[1\] is not in SO3.*reflection",
+        lambda: BODY.state([1, 2, 3], np.stack([np.eye(3), -np.eye(3)])),
+    )
 
 
 def test_states_that_can_be_meant() -> None:
-    """Rounding errors in a rotation are kept as they are, never repaired; SciPy's rotations are taken; one attitude serves all."""
+    """Rounding errors in a rotation are kept as they are, never repaired; SciPy's rotations are
+    taken; one attitude serves all.
+    """
     nearly = np.eye(3) + 1e-10
     assert np.array_equal(BODY.state([1, 2, 3], nearly).g, nearly)
     assert np.array_equal(BODY.state([1, 2, 3], ROTATION).g, ROTATION.as_matrix())
@@ -214,7 +246,11 @@ def test_states_that_can_be_meant() -> None:
 INERTIAS = [
     (value, "principal moment -1; all must be positive", [-1, 1, 1]),
     (value, "principal moment 0; all must be positive", [0, 1, 1]),
-    (value, "principal moment 0.*up to rounding; all must be positive|principal moment 0;", [[1, 1, 0], [1, 1, 0], [0, 0, 1]]),
+    (
+        value,
+        "principal moment 0.*up to rounding; all must be positive|principal moment 0;",
+        [[1, 1, 0], [1, 1, 0], [0, 0, 1]],
+    ),
     (value, "zero up to rounding", [[2, 1, 0], [1, 2, 0], [0, 0, 1e-17]]),
     (value, "principal moment -1", [[1, 2, 0], [2, 1, 0], [0, 0, 1]]),
     (value, "not symmetric: .* differ by 1.0e-06", [[1, 1e-6, 0], [0, 1, 0], [0, 0, 1]]),
@@ -244,12 +280,18 @@ def test_extreme_inertias_that_can_be_meant() -> None:
 
 def test_exact_motion() -> None:
     refused(value, "RigidBody.exact: t must be finite; got nan", lambda: BODY.exact(START, NAN))
-    refused(value, "RigidBody.exact: t must be finite; got inf", lambda: BODY.exact(START, [0.0, INF]))
+    refused(
+        value, "RigidBody.exact: t must be finite; got inf", lambda: BODY.exact(START, [0.0, INF])
+    )
     refused(value, r"row of times; got shape \(2, 2\)", lambda: BODY.exact(START, np.ones((2, 2))))
     refused(kind, "RigidBody.exact: t must be real numbers", lambda: BODY.exact(START, "noon"))
-    refused(kind, "RigidBody.exact: start must come from body.state", lambda: BODY.exact([1, 2, 3], 1.0))
+    refused(
+        kind, "RigidBody.exact: start must come from body.state", lambda: BODY.exact([1, 2, 3], 1.0)
+    )
     refused(value, "one body at a time", lambda: BODY.exact(BODY.state(np.ones((2, 3))), 1.0))
-    refused(kind, "RigidBody.period: start must come from body.state", lambda: BODY.period(np.ones(3)))
+    refused(
+        kind, "RigidBody.period: start must come from body.state", lambda: BODY.period(np.ones(3))
+    )
     refused(value, "one body at a time", lambda: BODY.period(BODY.state(np.ones((2, 3)))))
 
 
@@ -264,8 +306,16 @@ METHOD_OPTIONS = [
     (value, "from 0 to 12 .*got 13", lambda: lm.RKMK(truncation=13)),
     (value, "from 0 to 12 .*got 2.0", lambda: lm.RKMK(truncation=2.0)),  # type: ignore[arg-type]
     (value, "from 0 to 12 .*got 'all'", lambda: lm.RKMK(truncation="all")),
-    (value, "no series to cut; leave truncation out", lambda: lm.RKMK(truncation=2, retraction=lm.Cayley())),
-    (kind, "retraction must be Exponential.*got <class", lambda: lm.CovariantVariational(lm.Cayley)),  # type: ignore[arg-type]
+    (
+        value,
+        "no series to cut; leave truncation out",
+        lambda: lm.RKMK(truncation=2, retraction=lm.Cayley()),
+    ),
+    (
+        kind,
+        "retraction must be Exponential.*got <class",
+        lambda: lm.CovariantVariational(lm.Cayley),
+    ),  # type: ignore[arg-type]
     (kind, "retraction must be Exponential.*got 'cay'", lambda: lm.CovariantVariational("cay")),  # type: ignore[arg-type]
 ]
 
@@ -288,15 +338,31 @@ GEOMETRY = [
     (value, "ragged", lambda: G.exp([[1, 2, 3], [1]])),
     (kind, "SO3.exp: xi must be real numbers; got dtype", lambda: G.exp(["1", "2", "3"])),
     (kind, "SO3.exp: xi must be real numbers; got dtype bool", lambda: G.exp([True, False, True])),
-    (kind, "SO3.exp: xi must be real numbers; got dtype complex", lambda: G.exp(np.array([1j, 0, 0]))),
-    (kind, "SO3.exp: xi must be real numbers; got dtype object", lambda: G.exp(np.array([1, None, 0]))),
+    (
+        kind,
+        "SO3.exp: xi must be real numbers; got dtype complex",
+        lambda: G.exp(np.array([1j, 0, 0])),
+    ),
+    (
+        kind,
+        "SO3.exp: xi must be real numbers; got dtype object",
+        lambda: G.exp(np.array([1, None, 0])),
+    ),
     (value, "SO3.log: g is not in SO3.*reflection", lambda: G.log(-np.eye(3))),
     (value, "SO3.log: g is not in SO3.*unit matrix by 3.0e", lambda: G.log(2 * np.eye(3))),
     (value, "SO3.log: g is not in SO3", lambda: G.log(np.zeros((3, 3)))),
     (value, r"SO3.log: g\[0, 0\] is nan", lambda: G.log(np.full((3, 3), NAN))),
-    (value, r"SO3.log: g has shape \(3, 2\); its last axes must be \(3, 3\)", lambda: G.log(np.ones((3, 2)))),
+    (
+        value,
+        r"SO3.log: g has shape \(3, 2\); its last axes must be \(3, 3\)",
+        lambda: G.log(np.ones((3, 2))),
+    ),
     (value, "SO3.quaternion: g is not in SO3", lambda: G.quaternion(2 * np.eye(3))),
-    (lm.errors.OutsideChart, "the Cayley map cannot represent it.*use log", lambda: G.cayley_inv(np.diag([1.0, -1.0, -1.0]))),
+    (
+        lm.errors.OutsideChart,
+        "the Cayley map cannot represent it.*use log",
+        lambda: G.cayley_inv(np.diag([1.0, -1.0, -1.0])),
+    ),
     (value, "SO3.cayley_inv: g is not in SO3.*reflection", lambda: G.cayley_inv(-R)),
     (value, 'SO3.dexp: side is "right" or "left"; got \'up\'', lambda: G.dexp(XI, MU, "up")),
     (value, 'SO3.dexp_inv: side is "right" or "left"', lambda: G.dexp_inv(XI, MU, side=None)),  # type: ignore[arg-type]

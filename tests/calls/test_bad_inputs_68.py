@@ -1,4 +1,5 @@
-"""Sixty-eight bad inputs, by number: each is answered at once, by a clear error or as the table says, here or where it says.
+"""Sixty-eight bad inputs, by number: each is answered at once, by a clear error or as the table
+says, here or where it says.
 
 `python tests/stress/run.py --only R19` times them.
 """
@@ -36,7 +37,9 @@ BAD_INPUT, ARCHIVE = "calls/test_bad_input.py", "simulation/test_archive.py"
 
 @dataclass(frozen=True)
 class Entry:
-    """A row: calls that raise such an error, with such words; or that give what is true or finite; or tests elsewhere."""
+    """A row: calls that raise such an error, with such words; or that give what is true or finite;
+    or tests elsewhere.
+    """
 
     number: int
     what: str
@@ -48,8 +51,13 @@ class Entry:
 
 def go(**options: Any) -> lm.Trajectory:
     """A short run in plain Python."""
-    system, method, start = (options.pop(k, v) for k, v in (("system", BODY), ("method", lm.RKMK(order=4)), ("start", START)))
-    return lm.integrate(system, method, start, **{"h": 0.1, "steps": 3, "compiled": False} | options)
+    system, method, start = (
+        options.pop(k, v)
+        for k, v in (("system", BODY), ("method", lm.RKMK(order=4)), ("start", START))
+    )
+    return lm.integrate(
+        system, method, start, **{"h": 0.1, "steps": 3, "compiled": False} | options
+    )
 
 
 def state(g: object) -> Call:
@@ -65,7 +73,9 @@ def body(inertia: object) -> Call:
 def exp_step(h: float, **options: Any) -> Call:
     """Steps of Algorithm 1 with the exponential, the article's body."""
     start = lm.BodyState(lm.vec(0.5, 0.0, 0.75**0.5))
-    return lambda: go(system=quiet(2 / 3, 1, 2), method=lm.CovariantVariational(), start=start, h=h, **options)
+    return lambda: go(
+        system=quiet(2 / 3, 1, 2), method=lm.CovariantVariational(), start=start, h=h, **options
+    )
 
 
 def quiet(*inertia: float) -> lm.RigidBody:
@@ -87,7 +97,9 @@ def warned(category: type[Warning], words: str, call: Call) -> Call:
 
 def same(*runs: lm.Trajectory) -> bool:
     """Bit for bit."""
-    return all(np.array_equal(run.mu, runs[0].mu) and np.array_equal(run.g, runs[0].g) for run in runs)
+    return all(
+        np.array_equal(run.mu, runs[0].mu) and np.array_equal(run.g, runs[0].g) for run in runs
+    )
 
 
 def there_and_back() -> bool:
@@ -169,12 +181,17 @@ def layouts() -> bool:
     fortran, backwards, swapped = np.asfortranarray(mu), mu[::-1][::-1], mu.astype(">f8")
     frozen = mu.copy()
     frozen.flags.writeable = False
-    runs = [go(start=BODY.state(x, np.eye(3))) for x in (mu, fortran, backwards, swapped, frozen, np.repeat(mu, 2, axis=0)[::2])]
+    runs = [
+        go(start=BODY.state(x, np.eye(3)))
+        for x in (mu, fortran, backwards, swapped, frozen, np.repeat(mu, 2, axis=0)[::2])
+    ]
     return same(*runs) and bool(np.array_equal(mu, np.arange(12.0).reshape(4, 3) / 10 + 0.1))
 
 
 def one_bad_member() -> bool:
-    """Of an ensemble one body overflows: it is named, the others have the bits that they have without it."""
+    """Of an ensemble one body overflows: it is named, the others have the bits that they have
+    without it.
+    """
     mu = np.tile(MU, (40, 1)) * np.linspace(1.0, 2.0, 40)[:, None]
     bad = mu.copy()
     bad[17] = 1e200
@@ -182,7 +199,9 @@ def one_bad_member() -> bool:
         warnings.simplefilter("ignore")
         run = go(start=BODY.state(bad))
     rest = [i for i in range(40) if i != 17]
-    return set(run.stopped) == {17} and bool(np.array_equal(run.mu[:, rest], go(start=BODY.state(mu)).mu[:, rest]))
+    return set(run.stopped) == {17} and bool(
+        np.array_equal(run.mu[:, rest], go(start=BODY.state(mu)).mu[:, rest])
+    )
 
 
 def redundant() -> object:
@@ -197,7 +216,14 @@ def redundant() -> object:
             return lm.mat(0.0 * q)
 
     system = Empty()
-    return lm.integrate(system, lm.RATTLE(), system.state([0.0, 0.0, -1.0], [0.1, 0.0, 0.0]), h=0.01, steps=2, compiled=False)
+    return lm.integrate(
+        system,
+        lm.RATTLE(),
+        system.state([0.0, 0.0, -1.0], [0.1, 0.0, 0.0]),
+        h=0.01,
+        steps=2,
+        compiled=False,
+    )
 
 
 def pendulum(q: list[float], p: list[float], h: float = 0.01, steps: int = 5) -> Call:
@@ -373,14 +399,24 @@ def answer(entry: Entry, call: Call) -> tuple[str, float]:
         return f"answered {result!r}", seconds
     if isinstance(result, np.bool_ | bool):
         return "" if result else "not as it should be", seconds
-    numbers = [result.mu] if isinstance(result, lm.Trajectory) else [result] if not isinstance(result, lm.RigidBody) else []
-    return "" if all(np.isfinite(np.asarray(x, dtype=float)).all() for x in numbers) else "not finite", seconds
+    numbers = (
+        [result.mu]
+        if isinstance(result, lm.Trajectory)
+        else [result]
+        if not isinstance(result, lm.RigidBody)
+        else []
+    )
+    return "" if all(
+        np.isfinite(np.asarray(x, dtype=float)).all() for x in numbers
+    ) else "not finite", seconds
 
 
 CALLS = [(entry, call) for entry in TABLE for call in entry.calls]
 
 
-@pytest.mark.parametrize(("entry", "call"), CALLS, ids=[f"{entry.number} {entry.what}" for entry, _ in CALLS])
+@pytest.mark.parametrize(
+    ("entry", "call"), CALLS, ids=[f"{entry.number} {entry.what}" for entry, _ in CALLS]
+)
 def test_bad_input(entry: Entry, call: Call) -> None:
     wrong, seconds = answer(entry, call)
     assert not wrong

@@ -1,4 +1,6 @@
-"""Calls of public methods with whatever people pass, and batches beside their single calls: `fuzz_calls` makes them up."""
+"""Calls of public methods with whatever people pass, and batches beside their single calls:
+`fuzz_calls` makes them up.
+"""
 
 from __future__ import annotations
 
@@ -41,4 +43,8 @@ def test_a_batch_is_its_single_calls(number: int, at_once: None) -> None:
 def test_batches_of_many_methods_are_their_single_calls(at_once: None) -> None:
     rng = np.random.default_rng(0)
     """Every fiftieth here; compiling all takes a quarter of an hour."""
-    assert [what for method in list(fuzz_calls.of_arrays())[::50] if (what := fuzz_calls.batch_failure(method, rng))] == []
+    assert [
+        what
+        for method in list(fuzz_calls.of_arrays())[::50]
+        if (what := fuzz_calls.batch_failure(method, rng))
+    ] == []

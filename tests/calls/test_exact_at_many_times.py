@@ -1,4 +1,6 @@
-"""The exact motion of a body at many times: NumPy and native code give the same bits, and a call knows what it knew before."""
+"""The exact motion of a body at many times: NumPy and native code give the same bits, and a call
+knows what it knew before.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +31,9 @@ def fresh(monkeypatch: pytest.MonkeyPatch) -> batch.Driver:
 
 @pytest.mark.compiled
 @pytest.mark.parametrize("attitude", [True, False])
-def test_native_code_gives_the_bits_of_numpy(attitude: bool, fresh: batch.Driver, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_native_code_gives_the_bits_of_numpy(
+    attitude: bool, fresh: batch.Driver, monkeypatch: pytest.MonkeyPatch
+) -> None:
     t = np.concatenate([np.linspace(-7.0, 30.0, 91), [0.0, 1e5, -1e9, 1e17, 1e290]])
     for J, mu in BODIES.values():
         body = lm.RigidBody(J)
@@ -48,7 +52,9 @@ def test_native_code_gives_the_bits_of_numpy(attitude: bool, fresh: batch.Driver
 
 
 @pytest.mark.compiled
-def test_native_code_is_made_when_it_pays(fresh: batch.Driver, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_native_code_is_made_when_it_pays(
+    fresh: batch.Driver, monkeypatch: pytest.MonkeyPatch
+) -> None:
     made: list[object] = []
     monkeypatch.setattr(kernel, "stored", lambda *_, **__: None)
     monkeypatch.setattr(kernel, "kernel", lambda *args, **__: made.append(args))

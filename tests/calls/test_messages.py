@@ -15,12 +15,17 @@ def short_run(system: lm.System, start: lm.State) -> lm.Trajectory:
 def test_casimirs_of_a_top() -> None:
     top = lm.HeavyTop([1.0, 1.5, 2.0], 1.0, [0.0, 0.0, 1.0])
     run = short_run(top, top.state([0.1, 0.2, 0.3], np.eye(3)))
-    with pytest.raises(lm.errors.InvalidInput, match=r"Trajectory\.casimirs: HeavyTop.* free bodies .*`run\.drift\(\)` names"):
+    with pytest.raises(
+        lm.errors.InvalidInput,
+        match=r"Trajectory\.casimirs: HeavyTop.* free bodies .*`run\.drift\(\)` names",
+    ):
         run.casimirs  # noqa: B018
 
 
 def test_rotations_of_every_kind() -> None:
-    """Quaternions and matrices turn alike; of a top the configuration counts, and a motion of the plane is no rotation of space."""
+    """Quaternions and matrices turn alike; of a top the configuration counts, and a motion of the
+    plane is no rotation of space.
+    """
     mu, energy = [0.1, 0.2, 0.3], lm.KineticEnergy([1.0, 2.0, 3.0])
     matrices = lm.LiePoissonSystem(lm.SO3(), energy)
     quaternions = lm.LiePoissonSystem(lm.UnitQuaternions(), energy)
@@ -28,9 +33,14 @@ def test_rotations_of_every_kind() -> None:
     found = short_run(quaternions, quaternions.state(mu, [0.0, 0.0, 0.0, 1.0])).rotation.as_matrix()
     assert np.abs(found - expected).max() <= 1e-15
     top = lm.HeavyTop([1.0, 2.0, 3.0], 0.0, [0.0, 0.0, 1.0])
-    assert np.abs(short_run(top, top.state(mu, np.eye(3))).rotation.as_matrix() - expected).max() <= 1e-15
+    assert (
+        np.abs(short_run(top, top.state(mu, np.eye(3))).rotation.as_matrix() - expected).max()
+        <= 1e-15
+    )
     plane = lm.LiePoissonSystem(lm.SE2(), energy)
-    with pytest.raises(lm.errors.InvalidInput, match=r"rotations of space, which elements of SE2\(\) are not"):
+    with pytest.raises(
+        lm.errors.InvalidInput, match=r"rotations of space, which elements of SE2\(\) are not"
+    ):
         short_run(plane, plane.state(mu, lm.SE2().exp([0.1, 1.0, 2.0]))).rotation  # noqa: B018
 
 
@@ -44,5 +54,7 @@ def test_a_closed_form_in_the_wrong_class() -> None:
 
 
 def test_nothing_to_compose() -> None:
-    with pytest.raises(lm.errors.InvalidInput, match=r"ExactFreeBody\(\) is exact; there is no error"):
+    with pytest.raises(
+        lm.errors.InvalidInput, match=r"ExactFreeBody\(\) is exact; there is no error"
+    ):
         lm.Composition(lm.ExactFreeBody(), order=4)

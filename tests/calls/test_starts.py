@@ -20,7 +20,9 @@ SYSTEMS = {
 
 @pytest.mark.parametrize("name", SYSTEMS)
 @pytest.mark.parametrize("many", [False, True])
-def test_a_velocity_gives_the_momentum_that_gives_it_back(name: str, many: bool, rng: np.random.Generator) -> None:
+def test_a_velocity_gives_the_momentum_that_gives_it_back(
+    name: str, many: bool, rng: np.random.Generator
+) -> None:
     system = SYSTEMS[name]
     group = getattr(system, "configurations", system.group)
     shape = (5,) if many else ()
@@ -35,28 +37,45 @@ def test_a_velocity_gives_the_momentum_that_gives_it_back(name: str, many: bool,
 def test_momentum_or_velocity() -> None:
     body, top = SYSTEMS["body"], SYSTEMS["top"]
     for system in (body, top):
-        with pytest.raises(lm.errors.InvalidInput, match=r"give mu, the momentum, or xi, the velocity$"):
+        with pytest.raises(
+            lm.errors.InvalidInput, match=r"give mu, the momentum, or xi, the velocity$"
+        ):
             system.state(g=np.eye(3))
         with pytest.raises(lm.errors.InvalidInput, match="not both"):
             system.state(mu=[1.0, 2.0, 3.0], xi=[1.0, 2.0, 3.0], g=np.eye(3))
-        with pytest.raises(lm.errors.InvalidInput, match=r"state: xi has shape \(2,\); a velocity on SO3\(\) has shape \(3,\)"):
+        with pytest.raises(
+            lm.errors.InvalidInput,
+            match=r"state: xi has shape \(2,\); a velocity on SO3\(\) has shape \(3,\)",
+        ):
             system.state(xi=[1.0, 2.0], g=np.eye(3))
         with pytest.raises(lm.errors.InvalidInput, match=r"state: xi\[1\] is nan"):
             system.state(xi=[1.0, np.nan, 2.0], g=np.eye(3))
     with pytest.raises(lm.errors.InvalidInput, match="g is missing"):
         top.state(xi=[1.0, 2.0, 3.0])
     reduced = lm.ReducedHeavyTop([1.0, 1.5, 2.0], 3.0, [0.1, 0.2, 0.5])
-    with pytest.raises(lm.errors.InvalidInput, match="has no Lagrangian, which makes a momentum of the velocity xi; give mu"):
+    with pytest.raises(
+        lm.errors.InvalidInput,
+        match="has no Lagrangian, which makes a momentum of the velocity xi; give mu",
+    ):
         reduced.state(xi=np.ones(6))
 
 
 def test_quaternions_in_both_orders(rng: np.random.Generator) -> None:
-    """As SciPy has it; q and -q are one rotation, and the product of quaternions is that of rotations."""
+    """As SciPy has it; q and -q are one rotation, and the product of quaternions is that of
+    rotations.
+    """
     R = transform.Rotation.random(40, random_state=1)
     q, G = R.as_quat(), lm.SO3()
-    for found in (G.from_quaternion(q, "xyzw"), G.from_quaternion(-q, "xyzw"), G.from_quaternion(np.roll(q, 1, axis=1), "wxyz")):
+    for found in (
+        G.from_quaternion(q, "xyzw"),
+        G.from_quaternion(-q, "xyzw"),
+        G.from_quaternion(np.roll(q, 1, axis=1), "wxyz"),
+    ):
         assert np.abs(found - R.as_matrix()).max() < 1e-15
-    assert np.abs(G.from_quaternion((R[0] * R[1]).as_quat(), "xyzw") - (R[0] * R[1]).as_matrix()).max() < 1e-15
+    assert (
+        np.abs(G.from_quaternion((R[0] * R[1]).as_quat(), "xyzw") - (R[0] * R[1]).as_matrix()).max()
+        < 1e-15
+    )
     assert np.array_equal(G.from_quaternion([1, 0, 0, 0], order="wxyz"), np.eye(3))
     assert np.array_equal(G.from_quaternion([1, 0, 0, 0], order="xyzw"), np.diag([1.0, -1.0, -1.0]))
     back = G.quaternion(G.from_quaternion(q, "xyzw"))
@@ -65,7 +84,10 @@ def test_quaternions_in_both_orders(rng: np.random.Generator) -> None:
 
 def test_quaternions_that_are_none() -> None:
     G = lm.SO3()
-    with pytest.raises(lm.errors.InvalidInput, match=r'order is "wxyz", scalar first, or "xyzw", scalar last; got \'wzyx\''):
+    with pytest.raises(
+        lm.errors.InvalidInput,
+        match=r'order is "wxyz", scalar first, or "xyzw", scalar last; got \'wzyx\'',
+    ):
         G.from_quaternion([1.0, 0.0, 0.0, 0.0], order="wzyx")
     with pytest.raises(lm.errors.InvalidInput, match=r"no unit quaternion, \|q\|\^2 is 1\.21"):
         G.from_quaternion([1.1, 0.0, 0.0, 0.0], order="wxyz")

@@ -12,7 +12,8 @@ import liemech as lm
 from liemech.checks import Report, check_action, check_group, check_retraction
 from liemech.formulas import acos, cos, sin, sqrt, vec
 
-# ---------------------------------------------------------------- a second group, whose Ad is not orthogonal
+# ---------------------------------------------------------------- a second group, whose Ad is not
+# orthogonal
 
 
 @lm.record
@@ -40,7 +41,8 @@ def test_rotations_obey_all_laws() -> None:
     assert not report.broken
     held = [f for f in report.findings if f.verdict == "holds"]
     assert len(held) > 40
-    assert all(f.defect <= f.bound / 8 for f in held), report  # the bounds leave room for other groups, not for mistakes
+    # the bounds leave room for other groups, not for mistakes
+    assert all(f.defect <= f.bound / 8 for f in held), report
 
 
 def test_motions_of_the_plane_obey_all_laws() -> None:
@@ -63,7 +65,11 @@ def test_native_code_is_compared_on_request() -> None:
         check_group(Plane())["native code"]
 
 
-@pytest.mark.parametrize("retraction", [lm.Exponential(), lm.Cayley(), CayleyOfQuaternions()], ids=lambda r: type(r).__name__)
+@pytest.mark.parametrize(
+    "retraction",
+    [lm.Exponential(), lm.Cayley(), CayleyOfQuaternions()],
+    ids=lambda r: type(r).__name__,
+)
 def test_retractions_obey_their_laws(retraction: lm.Retraction) -> None:
     assert check_retraction(retraction, lm.SO3())
 
@@ -77,7 +83,10 @@ def test_a_refused_group_is_reported_as_refused() -> None:
 def test_the_report_is_a_table() -> None:
     report = check_group(lm.SO3())
     lines = str(report).splitlines()
-    assert lines[0] == f"SO3(): {sum(f.verdict == 'holds' for f in report.findings)} laws hold, none broken"
+    assert (
+        lines[0]
+        == f"SO3(): {sum(f.verdict == 'holds' for f in report.findings)} laws hold, none broken"
+    )
     assert len(lines) == 2 + len(report.findings)
     assert isinstance(report, Report)
 
@@ -88,13 +97,16 @@ def test_what_is_no_group_is_refused(wrong: object) -> None:
         check_group(wrong)
 
 
-# ---------------------------------------------------------------- slips, one class each, and the law each breaks
+# ---------------------------------------------------------------- slips, one class each, and the
+# law each breaks
 
 SLIPS: list[tuple[object, str, str]] = []
 
 
 def slip(law: str, hint: str = "", group: type = object):  # type: ignore[no-untyped-def]
-    """Enter a broken class: the law that must be named, a word of the hint; a broken algebra goes into a group."""
+    """Enter a broken class: the law that must be named, a word of the hint; a broken algebra goes
+    into a group.
+    """
 
     def enter(cls: type) -> type:
         made = lm.record(cls)
@@ -159,7 +171,10 @@ class TransposedHat(lm.SO3Algebra):
 class HalfABracket(lm.SO3Algebra):
     @property
     def structure_constants(self):
-        return tuple(tuple(tuple(0.5 * x for x in row) for row in plane) for plane in lm.SO3Algebra().structure_constants)
+        return tuple(
+            tuple(tuple(0.5 * x for x in row) for row in plane)
+            for plane in lm.SO3Algebra().structure_constants
+        )
 
     def bracket(self, xi, eta):
         return 0.5 * lm.cross(xi, eta)
@@ -195,7 +210,11 @@ class NoInverse(lm.SO3):
 @slip("inverse")
 class InverseForgetsRotation(Plane):
     def inverse(self, g):
-        return lm.mat(lm.vec(g[0, 0], g[1, 0], -g[0, 2]), lm.vec(g[0, 1], g[1, 1], -g[1, 2]), lm.vec(0.0, 0.0, 1.0))
+        return lm.mat(
+            lm.vec(g[0, 0], g[1, 0], -g[0, 2]),
+            lm.vec(g[0, 1], g[1, 1], -g[1, 2]),
+            lm.vec(0.0, 0.0, 1.0),
+        )
 
 
 @slip("exponential", "sign")
@@ -454,7 +473,9 @@ class NotANumberAtZero(lm.SO3):
 
 
 @pytest.mark.sample(16)
-@pytest.mark.parametrize(("group", "law", "hint"), SLIPS, ids=[type(group).__name__ for group, _, _ in SLIPS])
+@pytest.mark.parametrize(
+    ("group", "law", "hint"), SLIPS, ids=[type(group).__name__ for group, _, _ in SLIPS]
+)
 def test_a_slip_is_found_and_named(group: lm.LieGroup, law: str, hint: str) -> None:
     with pytest.raises(lm.errors.LawViolation) as found:
         check_group(group)
@@ -478,7 +499,16 @@ def test_a_violation_tells_where_and_by_how_much() -> None:
     with pytest.raises(lm.errors.LawViolation) as found:
         check_group(CayleyWithoutHalf())
     text = str(found.value)
-    for word in ("where", "xi = (", "defect", "expected  below", "roundings", "probably", "also broken", "dcayley"):
+    for word in (
+        "where",
+        "xi = (",
+        "defect",
+        "expected  below",
+        "roundings",
+        "probably",
+        "also broken",
+        "dcayley",
+    ):
         assert word in text, text
 
 
@@ -486,7 +516,8 @@ def test_without_raising_the_report_has_every_broken_law() -> None:
     wrong = next(group for group, _, _ in SLIPS if type(group).__name__ == "WrongSignInDexpInv")
     report = check_group(wrong, raises=False)
     assert not report
-    assert [f.law for f in report.broken] == ["dexp_inv", "dexp_inv_dual"]  # the dual is made from the inverse
+    # the dual is made from the inverse
+    assert [f.law for f in report.broken] == ["dexp_inv", "dexp_inv_dual"]
     assert "2 broken" in str(report).splitlines()[0]
 
 

@@ -1,4 +1,6 @@
-"""Claims of methods on driven systems: brackets are observed there too, on momenta, on groups and in R^2n."""
+"""Claims of methods on driven systems: brackets are observed there too, on momenta, on groups and
+in R^2n.
+"""
 
 from __future__ import annotations
 
@@ -51,7 +53,9 @@ CASES = {
 @pytest.mark.parametrize("name", CASES)
 def test_brackets_of_driven_systems_are_observed(name: str) -> None:
     system, start, laws, method = CASES[name]
-    found: Any = {f.law: f.verdict for f in lm.check_method(method, system, start, compiled=False).findings}
+    found: Any = {
+        f.law: f.verdict for f in lm.check_method(method, system, start, compiled=False).findings
+    }
     assert laws <= set(found)
     assert found["Poisson" if name == "body" else "symplectic"] == "holds"
 

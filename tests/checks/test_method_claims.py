@@ -1,6 +1,8 @@
-"""Every shipped method keeps its claims, on a representative of every kind of system that it accepts: one table.
+"""Every shipped method keeps its claims, on a representative of every kind of system that it
+accepts: one table.
 
-`check_method` observes order, symmetry, brackets, and what is kept.  It finds a wrong claim and says the number.
+`check_method` observes order, symmetry, brackets, and what is kept.  It finds a wrong claim and
+says the number.
 """
 
 from __future__ import annotations
@@ -195,7 +197,9 @@ def cases() -> Iterator[Any]:
             except lm.errors.IncompatibleSystem:
                 continue
             constrained = name == "rod" and method.symplectic
-            fast = quick and (name in ("galaxy", "species") or constrained or is_quick(method, name))
+            fast = quick and (
+                name in ("galaxy", "species") or constrained or is_quick(method, name)
+            )
             marks = [] if fast else [pytest.mark.slow]
             yield pytest.param(method, name, marks=marks, id=f"{method!r}-{name}")
 
@@ -203,8 +207,9 @@ def cases() -> Iterator[Any]:
 def is_dear(method: lm.Method) -> bool:
     """Is it so costly that one system must do?
 
-    The scale of a method of the first kind is chosen at the start.  On other groups than rotations it is no function of
-    Casimirs, so that steps from two starts belong to two methods, and the bracket of their map is another one.
+    The scale of a method of the first kind is chosen at the start.  On other groups than rotations
+    it is no function of Casimirs, so that steps from two starts belong to two methods, and the
+    bracket of their map is another one.
     """
     dear = lm.LiePoissonHamiltonJacobi, lm.GalerkinVariational, lm.HamiltonJacobi
     return isinstance(method, lm.FirstKindHamiltonJacobi) or (
@@ -241,7 +246,9 @@ KEPT = {"free body": "spatial momentum", "heavy top": "vertical momentum"}
 
 @pytest.mark.parametrize(("method", "name"), [*cases()])
 def test_claims(method: lm.Method, name: str) -> None:
-    """Order, symmetry, symplecticity as claimed; momenta of symmetries kept by what is made to keep them."""
+    """Order, symmetry, symplecticity as claimed; momenta of symmetries kept by what is made to keep
+    them.
+    """
     system, start = systems()[name]
     keeps = [KEPT[name]] if name in KEPT and (name == "free body" or method.symplectic) else []
     h = 0.3 if isinstance(method, lm.ExactMoserVeselov) else None
@@ -298,7 +305,8 @@ class Leapfrog(lm.Method):
 
     def step(self, system: Any, t: float, memory: Any, h: float) -> Memory:
         return Memory(
-            memory.now, self.displaced(system, memory.before, 2.0 * h * system.velocity(memory.now.mu))
+            memory.now,
+            self.displaced(system, memory.before, 2.0 * h * system.velocity(memory.now.mu)),
         )
 
     def displaced(self, system: Any, state: Any, turn: lm.Vec) -> lm.BodyState:
@@ -380,7 +388,9 @@ def test_what_is_said_to_be_kept_must_be_kept() -> None:
 
 
 def test_an_attitude_that_is_moved_by_something_else_is_found() -> None:
-    """g is moved from the other side: the spatial momentum changes, and the motion seen from elsewhere."""
+    """g is moved from the other side: the spatial momentum changes, and the motion seen from
+    elsewhere.
+    """
 
     @lm.record
     class WrongSide(lm.Method):
@@ -463,7 +473,9 @@ def test_what_cannot_be_checked_is_said() -> None:
 
 
 def test_iterates_that_grow_without_bound_are_no_convergence() -> None:
-    """With infinite stages no change was small beside them, and a step once led to momenta of 1e253."""
+    """With infinite stages no change was small beside them, and a step once led to momenta of
+    1e253.
+    """
     body, start = systems()["free body"]
     for h in (1.7720865943621886, 3.0):
         with pytest.raises(lm.errors.NoConvergence):

@@ -1,4 +1,6 @@
-"""`check_system`: every shipped system obeys its laws, and each of many slips is found and called by its name."""
+"""`check_system`: every shipped system obeys its laws, and each of many slips is found and called
+by its name.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""The command line: scenes run and are saved, files are strict, mistakes are named, and only what is asked for is computed."""
+"""The command line: scenes run and are saved, files are strict, mistakes are named, and only what
+is asked for is computed.
+"""
 
 from __future__ import annotations
 
@@ -49,7 +51,9 @@ every = 5
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_every_scene_runs_and_its_method_keeps_the_energy(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_every_scene_runs_and_its_method_keeps_the_energy(
+    name: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert main(["run", name, "--steps", "12", "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert told["steps"] == 12 and told["files"] == []
@@ -61,12 +65,16 @@ SHOWN = "flip", "heavy-top", "kirchhoff", "pendulum"
 
 
 @pytest.mark.parametrize("name", [name if name in SHOWN else slow(name) for name in SCENES])
-def test_every_scene_can_be_shown(name: str, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_every_scene_can_be_shown(
+    name: str, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     pytest.importorskip("matplotlib")
     pytest.importorskip("meshcat")
     assert main(["run", name, "--steps", "8", "--quiet", "--view", "--plot", "--save"]) == 0
     assert capsys.readouterr().out == ""
-    assert {path.name for path in folder.iterdir()} == {f"{name}.{ending}" for ending in ("html", "png", "npz")}
+    assert {path.name for path in folder.iterdir()} == {
+        f"{name}.{ending}" for ending in ("html", "png", "npz")
+    }
 
 
 def test_a_scene_computes_what_it_shows_and_nothing_else() -> None:
@@ -82,18 +90,37 @@ def test_a_scene_computes_what_it_shows_and_nothing_else() -> None:
     assert run.g is None and list(run.states) == ["mu"]
 
 
-def test_explain_tells_it_and_runs_nothing(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_explain_tells_it_and_runs_nothing(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(lm, "integrate", None)
     assert main(["run", "flip", "--explain"]) == 0
     told = capsys.readouterr().out
-    assert "g             not computed, nothing shows it" in told and "spatial momentum: needs" in told
+    assert (
+        "g             not computed, nothing shows it" in told and "spatial momentum: needs" in told
+    )
     assert main(["run", "flip", "--explain", "--view"]) == 0
     told = capsys.readouterr().out
     assert "g             computed, it is recorded or shown" in told and "not told" not in told
 
 
 def test_another_method_and_step_reach_the_run(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["run", "free-body", "--h", "1/4", "--steps", "8", "--method", "CovariantVariational(Cayley)", "--json"]) == 0
+    assert (
+        main(
+            [
+                "run",
+                "free-body",
+                "--h",
+                "1/4",
+                "--steps",
+                "8",
+                "--method",
+                "CovariantVariational(Cayley)",
+                "--json",
+            ]
+        )
+        == 0
+    )
     told = json.loads(capsys.readouterr().out)
     scene = SCENES["free-body"]()
     method = lm.CovariantVariational(lm.Cayley())
@@ -102,14 +129,29 @@ def test_another_method_and_step_reach_the_run(capsys: pytest.CaptureFixture[str
     assert told["method"] == repr(method)
 
 
-def test_a_failing_run_leaves_what_was_computed(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    words = ["run", "free-body", "--h", "20", "--steps", "50", "--method", "CovariantVariational()", "--save", "far.npz"]
+def test_a_failing_run_leaves_what_was_computed(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = [
+        "run",
+        "free-body",
+        "--h",
+        "20",
+        "--steps",
+        "50",
+        "--method",
+        "CovariantVariational()",
+        "--save",
+        "far.npz",
+    ]
     assert main(words) == 1
     assert "try" in capsys.readouterr().err
     assert lm.Trajectory.load(folder / "far.npz").mu.shape[1] == 3
 
 
-def test_ctrl_c_leaves_what_was_computed(folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ctrl_c_leaves_what_was_computed(
+    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     integrate = lm.integrate
 
     def interrupted(*arguments: Any, **options: Any) -> Any:
@@ -136,22 +178,35 @@ def test_without_matplotlib_the_run_is_told_and_the_picture_is_missed(
 # ---------------------------------------------------------------- files
 
 
-def test_a_scene_file_is_the_scene_it_describes(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_scene_file_is_the_scene_it_describes(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     (folder / "book.toml").write_text(BOOK)
     scene = scene_file(folder / "book.toml")
     body = lm.RigidBody([1.0, 1.5, 2.0])
-    assert scene.system == body and scene.method == lm.CovariantVariational(lm.Cayley()) and scene.view == ("momentum",)
+    assert (
+        scene.system == body
+        and scene.method == lm.CovariantVariational(lm.Cayley())
+        and scene.view == ("momentum",)
+    )
     assert main(["run", "book.toml", "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
-    run = lm.integrate(body, scene.method, body.state([0.5, 0.0, 0.8], np.eye(3)), h=0.1, steps=20, every=5)
+    run = lm.integrate(
+        body, scene.method, body.state([0.5, 0.0, 0.8], np.eye(3)), h=0.1, steps=20, every=5
+    )
     assert told["samples"] == 5 and told["last"]["g"] == run.g[-1].tolist()
 
 
-def test_scene_files_may_be_adaptive_tilted_and_nested(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_scene_files_may_be_adaptive_tilted_and_nested(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     text = BOOK.replace('"identity"', "{ exp = [0.1, 0.2, 0.3] }").replace('"RigidBody"\ninertia = [1.0, 1.5, 2.0]', (
         '"LiePoissonSystem"\ngroup = "SO3"\nhamiltonian = { name = "KineticEnergy", inertia = [1.0, 1.5, 2.0] }'
     ))  # fmt: skip
-    text = text[: text.index("[method]")] + '[method]\nname = "RKMK"\norder = 5\n[run]\nt_end = 2.0\nrtol = 1e-8\n'
+    text = (
+        text[: text.index("[method]")]
+        + '[method]\nname = "RKMK"\norder = 5\n[run]\nt_end = 2.0\nrtol = 1e-8\n'
+    )
     (folder / "tilted.toml").write_text(text)
     assert main(["run", "tilted.toml", "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
@@ -164,13 +219,21 @@ def test_scene_files_may_be_adaptive_tilted_and_nested(folder: Path, capsys: pyt
     ("old", "new", "complaint"),
     [
         ("inertia", "inertja", r"[system]: RigidBody has no 'inertja'; allowed are inertia"),
-        ('title = "a book"', "titel = 1", "'titel' is no key of the file; allowed are title, record, view, system"),
+        (
+            'title = "a book"',
+            "titel = 1",
+            "'titel' is no key of the file; allowed are title, record, view, system",
+        ),
         ("steps = 20", "step = 20", "[run]: 'step' is no key of the run; allowed are h, steps"),
         ("steps = 20", "steps = 2.5", "[run]: steps must be a whole number; got 2.5"),
         ("steps = 20", "", "[run]: give h and steps"),
         ('"RigidBody"', '"RigidBodies"', "'RigidBodies' is no System; there are"),
         ('"RigidBody"', '"RKMK"', "'RKMK' is no System"),
-        ('"Cayley()"', '"Kayley()"', "[method]: retraction: 'Kayley' is no class of the library; there is Cayley"),
+        (
+            '"Cayley()"',
+            '"Kayley()"',
+            "[method]: retraction: 'Kayley' is no class of the library; there is Cayley",
+        ),
         ('"Cayley()"', '"__import__(1)"', "is no class of the library"),
         ("mu = [0.5, 0.0, 0.8]", "mu = [0.5, 0.0]", "[start]: RigidBody.state: mu has shape (2,)"),
         ("mu = [0.5", "nu = [0.5", "[start]: 'nu' is no key of the start; allowed are mu, g"),
@@ -196,13 +259,19 @@ def test_a_wrong_file_gets_one_line_that_names_file_and_key(
     assert "book.toml" in said or "moment" in said
 
 
-def test_what_does_not_exist_is_named_with_what_does(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_does_not_exist_is_named_with_what_does(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert "there are free-body, flip" in refused(capsys, "run", "flop")
     assert "there are run, scenes, methods" in refused(capsys, "fly")
     assert "cannot be read" in refused(capsys, "run", "gone.toml")
     assert "does not end with .npz" in refused(capsys, "run", "flip", "--save", "run.zip")
-    assert "RKMK has no 'ordr'; allowed are order" in refused(capsys, "run", "flip", "--method", "RKMK(ordr=4)")
-    assert "is no Method; there are RATTLE, RKMK" in refused(capsys, "run", "flip", "--method", "Kepler")
+    assert "RKMK has no 'ordr'; allowed are order" in refused(
+        capsys, "run", "flip", "--method", "RKMK(ordr=4)"
+    )
+    assert "is no Method; there are RATTLE, RKMK" in refused(
+        capsys, "run", "flip", "--method", "Kepler"
+    )
     assert "accepts" in refused(capsys, "run", "kepler", "--method", "CovariantVariational")
     assert "is no class of the library; there is RigidBody" in refused(capsys, "check", "RigidBoby")
     assert "no module 'nowhere'" in refused(capsys, "check", "nowhere:Group")
@@ -235,7 +304,13 @@ def test_view_opens_the_page(folder: Path, monkeypatch: pytest.MonkeyPatch) -> N
 def test_methods_are_listed_with_their_claims(capsys: pytest.CaptureFixture[str]) -> None:
     rows = {row["method"]: row for row in method_rows()}
     assert set(names(lm.Method)) - set(rows) <= {"ExactMoserVeselov"}
-    assert rows["RKMK"] | {"about": ""} == {"method": "RKMK", "order": 4, "symmetric": False, "symplectic": False, "about": ""}
+    assert rows["RKMK"] | {"about": ""} == {
+        "method": "RKMK",
+        "order": 4,
+        "symmetric": False,
+        "symplectic": False,
+        "about": "",
+    }
     assert rows["StormerVerlet"]["symplectic"] and rows["ExactFreeBody"]["order"] is None
     assert main(["methods"]) == 0 and main(["scenes"]) == 0
     printed = capsys.readouterr().out
@@ -267,23 +342,33 @@ start = system.state([0.1, 1.0, 0.0])
 """
 
 
-def test_check_and_bench_take_what_a_user_wrote(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_check_and_bench_take_what_a_user_wrote(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     (folder / "own_things.py").write_text(OWN)
     try:
         assert main(["check", "own_things:system"]) == 0
         assert "none broken" in capsys.readouterr().out
         assert main(["check", "own_things:Boastful", "--json"]) == 1
-        assert "broken" in {v for report in json.loads(capsys.readouterr().out) for v in report["laws"].values()}
+        assert "broken" in {
+            v for report in json.loads(capsys.readouterr().out) for v in report["laws"].values()
+        }
         words = ["--start", "own_things:start", "--steps", "50", "--h", "0.4", "--json"]
         assert main(["bench", "own_things:system", *words]) == 0
         told = json.loads(capsys.readouterr().out)
-        assert told["order"] == pytest.approx(4.0, abs=0.25) and told["ns per step"] > 0.0 and told["parts"] == ["mu"]
+        assert (
+            told["order"] == pytest.approx(4.0, abs=0.25)
+            and told["ns per step"] > 0.0
+            and told["parts"] == ["mu"]
+        )
         from own_things import system  # type: ignore[import-not-found]
 
         run = lm.integrate(system, lm.RKMK(order=4), system.state([0.1, 1.0, 0.0]), h=0.1, steps=3)
         run.save(folder / "own.npz")
         assert lm.Trajectory.load(folder / "own.npz", ["own_things"]).system == system
-        assert "is no state" in refused(capsys, "bench", "own_things:system", "--start", "own_things:system")
+        assert "is no state" in refused(
+            capsys, "bench", "own_things:system", "--start", "own_things:system"
+        )
     finally:
         sys.modules.pop("own_things", None)
 
@@ -304,7 +389,9 @@ def test_the_module_is_the_command_and_loads_no_pictures() -> None:
     code = "import sys; from liemech.command_line.main import main; main(['run', 'kepler', '--steps', '3', '--quiet']); "
     code += "assert not {'matplotlib', 'meshcat', 'sympy'} & set(sys.modules)"
     subprocess.run([sys.executable, "-c", code], check=True)
-    done = subprocess.run([sys.executable, "-m", "liemech", "nonsense"], capture_output=True, text=True)
+    done = subprocess.run(
+        [sys.executable, "-m", "liemech", "nonsense"], capture_output=True, text=True
+    )
     assert done.returncode == 2 and "there are run" in done.stderr
 
 

@@ -1,4 +1,6 @@
-"""What the command line is given by mistake is refused in one line; what was computed before Ctrl-C is kept."""
+"""What the command line is given by mistake is refused in one line; what was computed before Ctrl-C
+is kept.
+"""
 
 from __future__ import annotations
 
@@ -45,7 +47,9 @@ def pendulum(run: str, method: str = "RKMK") -> Any:
 # ---------------------------------------------------------------- Ctrl-C
 
 
-def test_ctrl_c_keeps_what_the_main_job_has_computed(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_ctrl_c_keeps_what_the_main_job_has_computed(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     whole, calls = lm.integrate, []
 
     def stopping(system: Any, method: Any, start: Any, **step: Any) -> Any:
@@ -65,7 +69,9 @@ def test_ctrl_c_keeps_what_the_main_job_has_computed(monkeypatch: pytest.MonkeyP
     assert "RKMK4" in printed and "Algorithm 1, exp" in printed and "Hamilton-Jacobi" not in printed
 
 
-def test_ctrl_c_elsewhere_in_the_main_job(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_ctrl_c_elsewhere_in_the_main_job(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     def stop(*_: Any) -> Any:
         raise KeyboardInterrupt
 
@@ -96,13 +102,18 @@ def test_texts_that_are_no_objects(text: str, capsys: pytest.CaptureFixture[str]
 def test_modules_that_cannot_be_imported(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     Path("broken_on_purpose.py").write_text("x = 1 / 0\n", encoding="utf-8")
     Path("unreadable_on_purpose.py").write_text("def (:\n", encoding="utf-8")
-    for module, told in (("broken_on_purpose", "ZeroDivisionError"), ("unreadable_on_purpose", "SyntaxError")):
+    for module, told in (
+        ("broken_on_purpose", "ZeroDivisionError"),
+        ("unreadable_on_purpose", "SyntaxError"),
+    ):
         complained = refused(capsys, "check", f"{module}:X")
         assert told in complained and "line 1" in complained
     refused(capsys, "view", "run.npz", "--modules", "there_is_no_such_module")
 
 
-def test_files_that_cannot_be_written(folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_files_that_cannot_be_written(
+    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     Path("run.npz").mkdir()
     assert "it is a folder" in refused(capsys, "run", "kepler", "--save", "run.npz")
     monkeypatch.setattr(os, "access", lambda *_: False)
@@ -120,7 +131,9 @@ def test_files_that_cannot_be_written(folder: Path, capsys: pytest.CaptureFixtur
         ("t_end = 1.0\nevery = 3", "RKMK(order=5)", "every"),
     ],
 )
-def test_no_option_of_a_run_is_dropped(run: str, method: str, told: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_no_option_of_a_run_is_dropped(
+    run: str, method: str, told: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     name, _, rest = method.partition("(")
     if rest:
         run = f"{run}\n"
@@ -143,7 +156,8 @@ def test_steps_in_fictive_time_are_explained(capsys: pytest.CaptureFixture[str])
     assert "in fictive time" in told and "angular momentum" in told
 
 
-# ---------------------------------------------------------------- checks, and runs that cannot be saved
+# ---------------------------------------------------------------- checks, and runs that cannot be
+# saved
 
 
 @pytest.mark.parametrize("method", [lm.RATTLE(), lm.PoissonEuler(), slow(lm.LieRATTLE())])
@@ -167,5 +181,8 @@ def test_a_run_that_cannot_be_saved_has_its_other_outputs(
 
     monkeypatch.setattr(lm.Trajectory, "save", save)
     assert main(["run", "comet", "--steps", "10", "--save", "--view", "--quiet"]) == 1
-    assert capsys.readouterr().err == "liemech: comet.npz is not written: Trajectory.save: not of runs in fictive time\n"
+    assert (
+        capsys.readouterr().err
+        == "liemech: comet.npz is not written: Trajectory.save: not of runs in fictive time\n"
+    )
     assert Path("comet.html").exists()

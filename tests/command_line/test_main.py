@@ -1,4 +1,6 @@
-"""The main job: its table tells the truth, its picture is drawn, and what cannot be done is said in one line."""
+"""The main job: its table tells the truth, its picture is drawn, and what cannot be done is said in
+one line.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,8 @@ from liemech.command_line.main import main
 from liemech.command_line.numbers import duration, short
 from liemech.command_line.options import count, number
 
-# After 200 steps of h = 0.5 of the reference body: momentum error, energy error, from runs in 45 digits.
+# After 200 steps of h = 0.5 of the reference body: momentum error, energy error, from runs in 45
+# digits.
 EXPECTED = {
     "RKMK4": (4.4e-2, -1.7e-3),
     "Algorithm 1, Cayley": (1.3, -2.3e-3),
@@ -26,7 +29,9 @@ EXPECTED = {
 
 
 def rows(printed: str) -> dict[str, list[str]]:
-    """The lines of the table by their names: momentum, attitude, energy, largest, |mu|^2, g mu, time, unit."""
+    """The lines of the table by their names: momentum, attitude, energy, largest, |mu|^2, g mu,
+    time, unit.
+    """
     lines = printed[printed.index("---") :].splitlines()[1:]
     return {line[:20].strip(): line[20:].split() for line in lines[: lines.index("")]}
 
@@ -35,8 +40,13 @@ def rows(printed: str) -> dict[str, list[str]]:
 def job(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Path]:
     """What a stranger sees who runs it in an empty folder, and the folder."""
     folder = tmp_path_factory.mktemp("job")
-    done = subprocess.run([sys.executable, "-m", "liemech"], cwd=folder, capture_output=True, text=True, timeout=100)
-    without_bars = [line for line in done.stderr.splitlines() if line.strip() and "step/s]" not in line]  # of runs that take long
+    done = subprocess.run(
+        [sys.executable, "-m", "liemech"], cwd=folder, capture_output=True, text=True, timeout=100
+    )
+    # of runs that take long
+    without_bars = [
+        line for line in done.stderr.splitlines() if line.strip() and "step/s]" not in line
+    ]
     assert (done.returncode, without_bars) == (0, [])
     return done.stdout, folder
 
@@ -48,7 +58,8 @@ def test_the_table_has_the_errors_of_the_reference_runs(job: tuple[str, Path]) -
         assert float(table[name][0]) == momentum
         assert float(table[name][2]) == energy
         assert abs(energy) <= float(table[name][3]) < 1.2 * abs(energy)
-        assert max(map(float, table[name][4:6])) < 1e-14  # |mu| and the spatial momentum are kept, whatever the step
+        # |mu| and the spatial momentum are kept, whatever the step
+        assert max(map(float, table[name][4:6])) < 1e-14
     assert float(table["exact"][3]) < 1e-15
 
 
@@ -72,7 +83,20 @@ def test_it_says_what_it_simulates_and_where_the_picture_is(job: tuple[str, Path
 
 def test_options_reach_the_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     picture = tmp_path / "deep" / "exp.svg"
-    options = ["--steps", "1e1", "--h", "-1/4", "--inertia", "1", "3/2", "2", "--mu", "-1/2", "-1e-3", "0"]
+    options = [
+        "--steps",
+        "1e1",
+        "--h",
+        "-1/4",
+        "--inertia",
+        "1",
+        "3/2",
+        "2",
+        "--mu",
+        "-1/2",
+        "-1e-3",
+        "0",
+    ]
     assert main([*options, "--methods", "exp", "--out", str(picture)]) == 0
     printed = capsys.readouterr().out
     assert list(rows(printed)) == ["Algorithm 1, exp", "exact"]
@@ -82,7 +106,9 @@ def test_options_reach_the_run(tmp_path: Path, capsys: pytest.CaptureFixture[str
 
 
 @pytest.mark.sample(2)
-@pytest.mark.parametrize("start", ["--mu 0 1 0", "--inertia 1 1 1", "--inertia 1 1 2", "--mu 1e-150 0 1e-150"])
+@pytest.mark.parametrize(
+    "start", ["--mu 0 1 0", "--inertia 1 1 1", "--inertia 1 1 2", "--mu 1e-150 0 1e-150"]
+)
 def test_every_kind_of_motion_can_be_drawn(start: str, tmp_path: Path) -> None:
     assert main(["--steps", "5", "--quiet", "--out", str(tmp_path), *start.split()]) == 0
     assert (tmp_path / "rigid_body.png").exists()
@@ -124,7 +150,9 @@ def test_bad_options_get_one_line_and_status_2(
     assert complaint in complained and complained.count("\n") == 1
 
 
-def test_a_method_that_fails_leaves_the_others(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_method_that_fails_leaves_the_others(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert main(["--h", "20", "--out", str(tmp_path)]) == 1
     printed, complained = capsys.readouterr()
     assert "Algorithm 1, exp" not in rows(printed) and "Algorithm 1, Cayley" in rows(printed)

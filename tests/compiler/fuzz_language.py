@@ -1,7 +1,9 @@
-"""Random programs over the whole of Python that formulas may use, for the comparison of CPython with native code.
+"""Random programs over the whole of Python that formulas may use, for the comparison of CPython
+with native code.
 
-Each feature is a few lines that read some of the variables a, b, c, d (floats) and n (an int known at run time), and assign one.
-They are put into the branches and loops of `fuzz.Writer`.  The formula is a method of a record with a static field of each kind.
+Each feature is a few lines that read some of the variables a, b, c, d (floats) and n (an int known
+at run time), and assign one.  They are put into the branches and loops of `fuzz.Writer`.  The
+formula is a method of a record with a static field of each kind.
 """
 
 from __future__ import annotations
@@ -124,7 +126,9 @@ GLOBAL_CHANGES = {
 
 
 class Language(fuzz.Writer):
-    """Writes a module with the record `World`, whose method `formula(self, a, b, c, d, n)` is the program."""
+    """Writes a module with the record `World`, whose method `formula(self, a, b, c, d, n)` is the
+    program.
+    """
 
     def __init__(self, seed: int) -> None:
         super().__init__(seed)
@@ -145,7 +149,9 @@ class Language(fuzz.Writer):
         return super().statement(indent, depth, loops)
 
     def fill(self, text: str) -> str:
-        """The text with `E` replaced by expressions, `C` by conditions, `X` and `Y` by variables, `V1`, `V2` ... by fresh names."""
+        """The text with `E` replaced by expressions, `C` by conditions, `X` and `Y` by variables,
+        `V1`, `V2` ... by fresh names.
+        """
         r = self.random
         out: list[str] = []
         names: dict[str, str] = {}
@@ -173,7 +179,9 @@ def one_of(name: str, lines: str, paragraphs: str = "") -> Callable[[Language], 
     def feature(writer: Language) -> str:
         return writer.fill(writer.random.choice(forms))
 
-    forms = [form for form in (*lines.strip().split("\n"), *paragraphs.strip().split("\n\n")) if form]
+    forms = [
+        form for form in (*lines.strip().split("\n"), *paragraphs.strip().split("\n\n")) if form
+    ]
     feature.__name__ = name
     feature.forms = forms  # type: ignore[attr-defined]
     return feature
@@ -833,7 +841,9 @@ X = derivative(V2, E, 1.0)
 
 
 class Derivatives(fuzz.Writer):
-    """Writes expressions of derivatives within derivatives, which `math` and `mpmath` have an opinion on too."""
+    """Writes expressions of derivatives within derivatives, which `math` and `mpmath` have an
+    opinion on too.
+    """
 
     def smooth(self, names: tuple[str, ...], depth: int, level: int) -> str:
         """An expression of these variables, with derivatives up to this level inside."""

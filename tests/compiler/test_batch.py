@@ -1,4 +1,6 @@
-"""Methods called with many rows run as native code, row by row what plain Python says, in whatever form the arrays come."""
+"""Methods called with many rows run as native code, row by row what plain Python says, in whatever
+form the arrays come.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,10 @@ pytestmark = pytest.mark.compiled
 SO3 = lm.SO3()
 N = 517  # no multiple of any number of lanes
 
-CALLS: dict[str, dict[str, Any]] = {"dexp_inv_series": {"terms": 4}, "from_quaternion": {"order": "wxyz"}}
+CALLS: dict[str, dict[str, Any]] = {
+    "dexp_inv_series": {"terms": 4},
+    "from_quaternion": {"order": "wxyz"},
+}
 """Arguments that are no arrays."""
 
 METHODS = sorted(
@@ -32,7 +37,8 @@ METHODS = sorted(
         for name in dir(owner)
         if not name.startswith("_")
         and hasattr(getattr(owner, name), "__formula__")
-        and name not in ("nearest", "rotation", "random", "objection", "scale")  # work of NumPy, LAPACK and SciPy
+        # work of NumPy, LAPACK and SciPy
+        and name not in ("nearest", "rotation", "random", "objection", "scale")
     }
 )
 
@@ -55,7 +61,17 @@ def rows() -> dict[str, np.ndarray]:
     q = rng.normal(size=(N, 4))
     q /= np.linalg.norm(q, axis=1, keepdims=True)
     rate = rng.normal(size=(N, 3, 3))
-    return {"xi": angle * xi, "eta": eta, "mu": mu, "p": p, "g": g, "h": h, "q": q, "rate": rate, "matrix": g - h}
+    return {
+        "xi": angle * xi,
+        "eta": eta,
+        "mu": mu,
+        "p": p,
+        "g": g,
+        "h": h,
+        "q": q,
+        "rate": rate,
+        "matrix": g - h,
+    }
 
 
 @pytest.fixture(autouse=True)
@@ -79,7 +95,9 @@ def no_python(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def arguments_of(name: str, rows: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    parameters = inspect.signature(broadcasting.bare(getattr(type(owner_of(name)), name))).parameters
+    parameters = inspect.signature(
+        broadcasting.bare(getattr(type(owner_of(name)), name))
+    ).parameters
     return {k: rows[k] for k in parameters if k in rows}
 
 
@@ -88,7 +106,10 @@ def in_python(name: str, arrays: dict[str, np.ndarray], owner: Any = None) -> An
     owner = owner or owner_of(name)
     formula = broadcasting.bare(getattr(type(owner), name))
     count = len(next(iter(arrays.values())))
-    found = [formula(owner, **broadcasting.row_of(arrays, i), **CALLS.get(name, {})) for i in range(count)]
+    found = [
+        formula(owner, **broadcasting.row_of(arrays, i), **CALLS.get(name, {}))
+        for i in range(count)
+    ]
     if isinstance(found[0], tuple) and not isinstance(found[0], SmallVec):
         return tuple(np.array([np.array(one[k]) for one in found]) for k in range(len(found[0])))
     return np.array([np.array(one) for one in found])
@@ -99,19 +120,39 @@ def equal(a: Any, b: Any) -> bool:
         return len(a) == len(b) and all(map(equal, a, b))
     if a.dtype != b.dtype:
         return False
-    return np.array_equal(a, b) if a.dtype == bool else same_bits(np.ascontiguousarray(a), np.ascontiguousarray(b))
+    return (
+        np.array_equal(a, b)
+        if a.dtype == bool
+        else same_bits(np.ascontiguousarray(a), np.ascontiguousarray(b))
+    )
 
 
 def test_the_list_is_the_public_surface() -> None:
-    assert {"exp", "log", "compose", "inverse", "Ad", "Ad_star", "K", "dexp", "dexp_inv", "cayley", "distance"} <= set(METHODS)
+    assert {
+        "exp",
+        "log",
+        "compose",
+        "inverse",
+        "Ad",
+        "Ad_star",
+        "K",
+        "dexp",
+        "dexp_inv",
+        "cayley",
+        "distance",
+    } <= set(METHODS)
     assert len(METHODS) > 40
 
 
 @pytest.mark.sample(9)
 @pytest.mark.parametrize("name", METHODS)
-def test_every_method_gives_the_bits_of_plain_python(name: str, rows: dict[str, np.ndarray], no_python: None) -> None:
+def test_every_method_gives_the_bits_of_plain_python(
+    name: str, rows: dict[str, np.ndarray], no_python: None
+) -> None:
     arrays = arguments_of(name, rows)
-    assert equal(getattr(owner_of(name), name)(**arrays, **CALLS.get(name, {})), in_python(name, arrays))
+    assert equal(
+        getattr(owner_of(name), name)(**arrays, **CALLS.get(name, {})), in_python(name, arrays)
+    )
 
 
 @pytest.mark.parametrize("name", ["compose", "Ad_star", "exp_Ad_star", "exp_residual"])
@@ -151,7 +192,9 @@ def wider(a: np.ndarray) -> np.ndarray:
 
 def crooked(a: np.ndarray) -> np.ndarray:
     """At addresses that are no multiples of eight, as in packed files."""
-    packed = np.zeros(len(a), dtype=np.dtype([("tag", "i1"), ("value", "f8", a.shape[1:])], align=False))
+    packed = np.zeros(
+        len(a), dtype=np.dtype([("tag", "i1"), ("value", "f8", a.shape[1:])], align=False)
+    )
     packed["value"] = a
     return packed["value"]
 
@@ -171,7 +214,9 @@ FORMS = (
 @pytest.mark.sample(5)
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize("name", ["exp", "log", "compose", "Ad_star"])
-def test_arrays_in_any_form(form: Callable[..., Any], name: str, rows: dict[str, np.ndarray], no_python: None) -> None:
+def test_arrays_in_any_form(
+    form: Callable[..., Any], name: str, rows: dict[str, np.ndarray], no_python: None
+) -> None:
     arrays = arguments_of(name, rows)
     before = {k: a.copy() for k, a in arrays.items()}
     given = {k: form(a) for k, a in arrays.items()}
@@ -186,12 +231,16 @@ def test_short_floats_and_integers(rows: dict[str, np.ndarray], no_python: None)
     assert equal(SO3.exp(turns), SO3.exp(turns.astype(float)))
 
 
-def test_threads_and_where_they_meet(rows: dict[str, np.ndarray], monkeypatch: pytest.MonkeyPatch, no_python: None) -> None:
+def test_threads_and_where_they_meet(
+    rows: dict[str, np.ndarray], monkeypatch: pytest.MonkeyPatch, no_python: None
+) -> None:
     monkeypatch.setattr(batch, "SHARE", 10**9)
     alone = SO3.log(rows["g"])
     monkeypatch.setattr(batch, "SHARE", 100)
     for cores in (2, 3, 7):
-        monkeypatch.setattr(batch.os, "sched_getaffinity", lambda _, cores=cores: set(range(cores)), raising=False)
+        monkeypatch.setattr(
+            batch.os, "sched_getaffinity", lambda _, cores=cores: set(range(cores)), raising=False
+        )
         assert equal(SO3.log(rows["g"]), alone)
 
 
@@ -218,7 +267,9 @@ def many(rng: np.random.Generator) -> dict[str, np.ndarray]:
     ],
 )
 @pytest.mark.parametrize("name", ["log", "Ad_star", "inverse"])
-def test_a_bad_row_is_named(name: str, value: np.ndarray, reason: str, many: dict[str, np.ndarray]) -> None:
+def test_a_bad_row_is_named(
+    name: str, value: np.ndarray, reason: str, many: dict[str, np.ndarray]
+) -> None:
     many["g"][BAD] = value
     with pytest.raises(InvalidInput, match=reason):
         getattr(SO3, name)(**arguments_of(name, many))
@@ -281,8 +332,13 @@ class Sampler(Record):
 
 def test_complex_results(rng: np.random.Generator) -> None:
     x, sampler = rng.normal(size=(N, 3)), Sampler(0.5)
-    assert np.array_equal(sampler.phase(x), np.stack([x[:, 0] + 1j * x[:, 1], 0.5 + 1j * x[:, 2]], axis=1))
-    assert np.array_equal(sampler.mixed(x), np.stack([x[:, 0] + 0j, x[:, 1] + 1j * x[:, 2], np.full(N, 2.0 + 0j)], axis=1))
+    assert np.array_equal(
+        sampler.phase(x), np.stack([x[:, 0] + 1j * x[:, 1], 0.5 + 1j * x[:, 2]], axis=1)
+    )
+    assert np.array_equal(
+        sampler.mixed(x),
+        np.stack([x[:, 0] + 0j, x[:, 1] + 1j * x[:, 2], np.full(N, 2.0 + 0j)], axis=1),
+    )
 
 
 def test_complex_arguments(rng: np.random.Generator, no_python: None) -> None:
@@ -313,7 +369,9 @@ def test_numbers_come_back_as_one_axis(rng: np.random.Generator, no_python: None
     assert equal(Sampler(0.5).root(x), np.array([Sampler(0.5).root(Vec.of(row)) for row in x]))
 
 
-def test_without_native_code_rows_are_evaluated_in_python(monkeypatch: pytest.MonkeyPatch, rng: np.random.Generator) -> None:
+def test_without_native_code_rows_are_evaluated_in_python(
+    monkeypatch: pytest.MonkeyPatch, rng: np.random.Generator
+) -> None:
     x = rng.normal(size=(N, 3))
     native = SO3.exp(x)
     monkeypatch.setenv("LIEMECH_COMPILE", "0")
@@ -357,7 +415,9 @@ class Faulty(Record):
 @pytest.mark.sample(4)
 @pytest.mark.parametrize("rows", [1, 3, 40, 700])
 @pytest.mark.parametrize(("method", "error"), [("name", NameError), ("form", TypeError)])
-def test_a_mistake_in_a_formula_is_raised_as_itself(rows: int, method: str, error: type[Exception]) -> None:
+def test_a_mistake_in_a_formula_is_raised_as_itself(
+    rows: int, method: str, error: type[Exception]
+) -> None:
     x = np.ones((rows, 3))
     x[-1, 0] = 3.0
     with pytest.raises(error) as caught:
@@ -370,7 +430,10 @@ def test_a_mistake_in_a_formula_is_raised_as_itself(rows: int, method: str, erro
 def test_what_has_no_value_is_refused_with_its_row(row: int, rng: np.random.Generator) -> None:
     x = rng.normal(size=(600, 3)) * [0.1, 1.0, 1.0]
     x[row] = 2.0, 7.0, 0.0
-    with pytest.raises(InvalidInput, match=r"Faulty\.division has no finite value at x = \[2\.0, 7\.0, 0\.0\]: .*division by zero"):
+    with pytest.raises(
+        InvalidInput,
+        match=r"Faulty\.division has no finite value at x = \[2\.0, 7\.0, 0\.0\]: .*division by zero",
+    ):
         Faulty(1.0).division(x)
 
 
@@ -408,11 +471,19 @@ class Stubborn(Record):
             return 0.0
 
 
-def test_a_refusal_is_said_once_and_remembered(monkeypatch: pytest.MonkeyPatch, rng: np.random.Generator) -> None:
+def test_a_refusal_is_said_once_and_remembered(
+    monkeypatch: pytest.MonkeyPatch, rng: np.random.Generator
+) -> None:
     tries = []
-    monkeypatch.setattr(batch.kernel, "kernel", lambda *a, make=batch.kernel.kernel, **o: (tries.append(1), make(*a, **o))[1])
+    monkeypatch.setattr(
+        batch.kernel,
+        "kernel",
+        lambda *a, make=batch.kernel.kernel, **o: (tries.append(1), make(*a, **o))[1],
+    )
     x = rng.normal(size=(100, 3))
-    with pytest.warns(NotCompiledWarning, match=r"Stubborn\.value runs as plain Python: .*try") as caught:
+    with pytest.warns(
+        NotCompiledWarning, match=r"Stubborn\.value runs as plain Python: .*try"
+    ) as caught:
         first = Stubborn().value(x)
     assert caught[0].filename == __file__
     before = len(tries)
@@ -454,13 +525,17 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> dict[str, float]:
     return now
 
 
-def test_few_rows_are_not_worth_a_compilation(clock: dict[str, float], rng: np.random.Generator) -> None:
+def test_few_rows_are_not_worth_a_compilation(
+    clock: dict[str, float], rng: np.random.Generator
+) -> None:
     clock["step"] = 20e-6
     Counted(2.0).value(rng.normal(size=(512, 3)))
     assert clock["rows"] == 512
 
 
-def test_native_code_takes_over_when_it_pays(clock: dict[str, float], rng: np.random.Generator) -> None:
+def test_native_code_takes_over_when_it_pays(
+    clock: dict[str, float], rng: np.random.Generator
+) -> None:
     clock["step"], x = 20e-6, rng.normal(size=(100_000, 3))
     found = Counted(2.0).value(x)
     assert clock["rows"] < 1000
@@ -470,7 +545,9 @@ def test_native_code_takes_over_when_it_pays(clock: dict[str, float], rng: np.ra
     assert clock["rows"] == 0
 
 
-def test_many_small_batches_are_worth_a_compilation_in_the_end(clock: dict[str, float], rng: np.random.Generator) -> None:
+def test_many_small_batches_are_worth_a_compilation_in_the_end(
+    clock: dict[str, float], rng: np.random.Generator
+) -> None:
     clock["step"], x = 1e-3, rng.normal(size=(100, 3))
     for _ in range(20):
         Counted(2.0).value(x)

@@ -1,4 +1,6 @@
-"""How long LLVM takes follows from what it is given: nothing is stored for nobody, and no type is spelled out at every use."""
+"""How long LLVM takes follows from what it is given: nothing is stored for nobody, and no type is
+spelled out at every use.
+"""
 
 from __future__ import annotations
 

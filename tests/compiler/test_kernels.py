@@ -1,4 +1,6 @@
-"""Kernels in one process: bounded in number, made once, safe in threads and after a fork; one file binds LLVM."""
+"""Kernels in one process: bounded in number, made once, safe in threads and after a fork; one file
+binds LLVM.
+"""
 
 from __future__ import annotations
 
@@ -41,7 +43,9 @@ def no_disk(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cache, "folder", lambda: None)
 
 
-def test_a_sweep_over_static_values_does_not_leak(monkeypatch: pytest.MonkeyPatch, no_disk: None) -> None:
+def test_a_sweep_over_static_values_does_not_leak(
+    monkeypatch: pytest.MonkeyPatch, no_disk: None
+) -> None:
     monkeypatch.setattr(kernel, "ALIVE", 4)
     kernel.forget()
     seen: list[Any] = []
@@ -88,7 +92,9 @@ def test_threads_make_the_same_kernel_once(monkeypatch: pytest.MonkeyPatch, no_d
     assert found == [[77.5, 155.0]] * 4 and len(made) == 1
 
 
-def test_different_kernels_do_not_wait_for_each_other(monkeypatch: pytest.MonkeyPatch, no_disk: None) -> None:
+def test_different_kernels_do_not_wait_for_each_other(
+    monkeypatch: pytest.MonkeyPatch, no_disk: None
+) -> None:
     """While one thread is held up in the translation of its kernel, another makes its own."""
     kernel.forget()
     held, go_on = threading.Event(), threading.Event()
@@ -136,23 +142,44 @@ def test_a_child_forked_while_another_thread_compiles_can_compile(no_disk: None)
             if done == (0, 0):
                 os.kill(child, 9)
                 os.waitpid(child, 0)
-            assert done[0] == child and os.waitstatus_to_exitcode(done[1]) == 0, "the child waits for a lock for ever"
+            assert done[0] == child and os.waitstatus_to_exitcode(done[1]) == 0, (
+                "the child waits for a lock for ever"
+            )
     finally:
         stop.set()
         thread.join(60)
 
 
 def test_an_instance_made_anew_is_not_looked_at_as_another(no_disk: None) -> None:
-    """Runs of new instances with the same static part share the kernel without following all paths again."""
+    """Runs of new instances with the same static part share the kernel without following all paths
+    again.
+    """
     runs = []
     for moments in ([1.0, 2.0, 3.0], [2.0, 3.0, 4.0]):
         body = lm.RigidBody(moments)
-        runs.append(lm.integrate(body, lm.RKMK(order=2), body.state(mu=[1.0, 0.0, 0.5]), h=0.1, steps=3, compiled=True))
-    mine = [k for k in kernel.alive() if k.entry.__name__ == "fixed_steps" and k.kinds[0] == layout_of(lm.RKMK(order=2))]
+        runs.append(
+            lm.integrate(
+                body,
+                lm.RKMK(order=2),
+                body.state(mu=[1.0, 0.0, 0.5]),
+                h=0.1,
+                steps=3,
+                compiled=True,
+            )
+        )
+    mine = [
+        k
+        for k in kernel.alive()
+        if k.entry.__name__ == "fixed_steps" and k.kinds[0] == layout_of(lm.RKMK(order=2))
+    ]
     assert len(mine) == 1 and mine[0].reads._guard is not None
 
 
 def test_one_file_binds_llvm() -> None:
     package = Path(liemech.__file__).parent
-    binding = [f.relative_to(package).as_posix() for f in package.rglob("*.py") if "llvmlite.binding" in f.read_text()]
+    binding = [
+        f.relative_to(package).as_posix()
+        for f in package.rglob("*.py")
+        if "llvmlite.binding" in f.read_text()
+    ]
     assert binding == ["compiler/llvm.py"]

@@ -1,4 +1,6 @@
-"""What becomes of a formula: static structure leaves no trace, lanes become vector instructions, rounding stays."""
+"""What becomes of a formula: static structure leaves no trace, lanes become vector instructions,
+rounding stays.
+"""
 
 from __future__ import annotations
 
@@ -32,12 +34,17 @@ def instructions(formula: Any, lanes: int = 1) -> list[str]:
     args = formula, (), layout_of(Vec(0.0, 0.0, 0.0, 0.0)), 3, array, array, array
     from liemech.compiler import llvm
 
-    text = llvm.optimised(kernel._translated(worlds.drive, kernel.kernel(worlds.drive, *args, lanes=lanes).kinds, lanes)[1])
+    text = llvm.optimised(
+        kernel._translated(
+            worlds.drive, kernel.kernel(worlds.drive, *args, lanes=lanes).kinds, lanes
+        )[1]
+    )
     lines = [line.strip() for line in text.splitlines() if line.startswith("  ")]
     return [re.sub(r"[%@#!][\w.\"-]+", "_", line) for line in lines]
 
 
-# --- static structure ------------------------------------------------------------------------------------------------
+# --- static structure
+# ------------------------------------------------------------------------------------------------
 
 A = ((), (0.5,), (0.0, 0.5), (0.0, 0.0, 1.0))
 B = (1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0)
@@ -118,12 +125,17 @@ def test_branches_on_what_is_known_and_values_nobody_uses_leave_no_trace() -> No
 
 
 def test_a_method_of_fewer_stages_is_shorter_code() -> None:
-    """No dead stages: the exponentials of RKMK of order 1, 2, 4 are as many as the stages (the first needs none) and one."""
-    products = [len(re.findall(r"\bv?mul[sp]d|\bfmul\b", march_assembly(order, 1))) for order in (1, 2, 4)]
+    """No dead stages: the exponentials of RKMK of order 1, 2, 4 are as many as the stages (the
+    first needs none) and one.
+    """
+    products = [
+        len(re.findall(r"\bv?mul[sp]d|\bfmul\b", march_assembly(order, 1))) for order in (1, 2, 4)
+    ]
     assert products[0] < 0.65 * products[1] and products[1] < 0.5 * products[2]
 
 
-# --- lanes -----------------------------------------------------------------------------------------------------------
+# --- lanes
+# -----------------------------------------------------------------------------------------------------------
 
 
 def march_assembly(order: int, lanes: int) -> str:
@@ -132,10 +144,13 @@ def march_assembly(order: int, lanes: int) -> str:
     start = body.state(mu=np.full(3 if lanes == 1 else (1, 3), 0.5))
     lm.integrate(body, method, start, h=0.1, steps=1, compiled=True)
     mine = [k for k in kernel.alive() if k.entry is fixed_steps and k.kinds[0] == layout_of(method)]
-    return next(k for k in mine if k.lanes == lanes and k.kinds[3].detail.width == 3).assembly()  # momentum alone is shown
+    # momentum alone is shown
+    return next(k for k in mine if k.lanes == lanes and k.kinds[3].detail.width == 3).assembly()
 
 
-@pytest.mark.skipif(platform.machine().lower() not in ("x86_64", "amd64"), reason="reads the assembly of x86")
+@pytest.mark.skipif(
+    platform.machine().lower() not in ("x86_64", "amd64"), reason="reads the assembly of x86"
+)
 def test_an_ensemble_computes_with_whole_vector_registers() -> None:
     text = march_assembly(4, kernel.lanes())
     arithmetic = r"\bv?(?:add|sub|mul|div){}d\b.*%{}"
@@ -154,7 +169,9 @@ def test_no_multiplication_is_fused_with_an_addition(side_by_side: bool) -> None
 
 
 def keeps_everything_across_calls(a, b, c, d, n):
-    """More numbers alive than there are registers, while some lanes call the C library and others do not."""
+    """More numbers alive than there are registers, while some lanes call the C library and others
+    do not.
+    """
     kept = [x * (i + 1.0) for i in range(8) for x in (a, b, c, d)]
     x = a
     if a > 0.0:
@@ -171,14 +188,18 @@ def test_calls_of_the_c_library_leave_all_registers_of_all_lanes_alone(lanes: in
 
 
 def test_every_body_of_an_ensemble_is_the_body_run_alone() -> None:
-    """Fast and slow bodies side by side: large steps leave the polynomials and call the C library, small ones do not."""
+    """Fast and slow bodies side by side: large steps leave the polynomials and call the C library,
+    small ones do not.
+    """
     body = lm.RigidBody([1.0, 1.5, 2.0])
     rng = np.random.default_rng(7)
     mu = rng.normal(size=(37, 3)) * 10.0 ** rng.uniform(-3, 1.5, size=(37, 1))
     g = np.broadcast_to(np.eye(3), (37, 3, 3))
     for method in (lm.RKMK(order=4), lm.RKMK(order=3), lm.CovariantVariational(lm.Cayley())):
         h = 0.3 if isinstance(method, lm.RKMK) else 0.02
-        many = lm.integrate(body, method, body.state(mu=mu, g=g), h=h, steps=60, every=20, compiled=True)
+        many = lm.integrate(
+            body, method, body.state(mu=mu, g=g), h=h, steps=60, every=20, compiled=True
+        )
         for i in range(0, 37, 3):
             start = body.state(mu=mu[i], g=g[i])
             for compiled in (True, False):
@@ -186,13 +207,16 @@ def test_every_body_of_an_ensemble_is_the_body_run_alone() -> None:
                 assert np.array_equal(one.mu, many.mu[:, i]) and np.array_equal(one.g, many.g[:, i])
 
 
-# --- threads and processes -------------------------------------------------------------------------------------------
+# --- threads and processes
+# -------------------------------------------------------------------------------------------
 
 
 def run_of(moments: list[float], steps: int = 2000, compiled: bool = True) -> bytes:
     body = lm.RigidBody(moments)
     start = body.state(mu=[0.5, -0.25, 0.75], g=np.eye(3))
-    run = lm.integrate(body, lm.RKMK(order=4), start, h=0.1, steps=steps, every=100, compiled=compiled)
+    run = lm.integrate(
+        body, lm.RKMK(order=4), start, h=0.1, steps=steps, every=100, compiled=compiled
+    )
     return run.mu.tobytes() + run.g.tobytes()
 
 
@@ -220,7 +244,10 @@ def test_threads_that_compile_and_run_at_once_do_not_mix(monkeypatch: pytest.Mon
 def test_workers_share_an_ensemble_without_changing_it() -> None:
     body = lm.RigidBody([1.0, 1.5, 2.0])
     starts = body.state(mu=np.random.default_rng(3).normal(size=(100, 3)))
-    runs = [lm.integrate(body, lm.RKMK(order=4), starts, h=0.1, steps=50, compiled=True, workers=w) for w in (1, 2, 5)]
+    runs = [
+        lm.integrate(body, lm.RKMK(order=4), starts, h=0.1, steps=50, compiled=True, workers=w)
+        for w in (1, 2, 5)
+    ]
     assert all(np.array_equal(run.mu, runs[0].mu) for run in runs)
 
 

@@ -1,6 +1,8 @@
-"""A formula means what Python says: closures, iterators, integers, divisions, functions of Python, in every world.
+"""A formula means what Python says: closures, iterators, integers, divisions, functions of Python,
+in every world.
 
-Each function below is run by CPython on floats, by native code for one body, and in the lanes of an ensemble.
+Each function below is run by CPython on floats, by native code for one body, and in the lanes of an
+ensemble.
 """
 
 from __future__ import annotations
@@ -39,7 +41,8 @@ def meaning(f: Callable[..., Any]) -> Callable[..., Any]:
     return f
 
 
-# --- functions see variables, not their values at birth --------------------------------------------------------------
+# --- functions see variables, not their values at birth
+# --------------------------------------------------------------
 
 
 @meaning
@@ -140,7 +143,8 @@ def variables_of_a_function_that_has_returned(a, b, c, d, n):
     return vec(counter(a)(c), counter(d)(c))
 
 
-# --- iterators -------------------------------------------------------------------------------------------------------
+# --- iterators
+# -------------------------------------------------------------------------------------------------------
 
 
 @meaning
@@ -210,7 +214,8 @@ def the_first_that_decides(a, b, c, d, n):
     return vec(1.0 if some else 0.0, 1.0 if every else 0.0, 1.0 if any([a > 0.0, b > 0.0]) else 0.0)
 
 
-# --- numbers ---------------------------------------------------------------------------------------------------------
+# --- numbers
+# ---------------------------------------------------------------------------------------------------------
 
 
 @meaning
@@ -222,7 +227,12 @@ def large_integers(a, b, c, d, n):
 def integers_beside_floats(a, b, c, d, n):
     x = a * 0.0 + 2.0**53
     k = 2**53
-    return vec(*[1.0 if t else 0.0 for t in (x == k + 1, x < k + 1, x <= k + 1, x > k - 1, x >= k + 1, n < HUGE)])
+    return vec(
+        *[
+            1.0 if t else 0.0
+            for t in (x == k + 1, x < k + 1, x <= k + 1, x > k - 1, x >= k + 1, n < HUGE)
+        ]
+    )
 
 
 @meaning
@@ -264,7 +274,9 @@ def roundings_to_integers(a, b, c, d, n):
 @meaning
 def what_people_write(a, b, c, d, n):
     total = sum([a, b, c, d]) + sum(x * x for x in (a, b)) + sum((a, b), 0.5)
-    low, *_, high = sorted([a, b, c, d]) if a == a and b == b and c == c and d == d else [a, b, c, d]
+    low, *_, high = (
+        sorted([a, b, c, d]) if a == a and b == b and c == c and d == d else [a, b, c, d]
+    )
     if (y := total + 1.0) > 2.0:
         total = y
     return vec(total, low, high, WHOLE * a, vec(a, b) @ vec(TABLE[0, 1], TABLE[1, 0]))
@@ -275,7 +287,14 @@ def functions_of_math(a, b, c, d, n):
     if not (abs(a) < 100.0 and abs(b) < 100.0):
         return vec(a, b, c, d, 1.0, 2.0)
     x = abs(a) + 0.1
-    return vec(math.hypot(a, b), math.copysign(a, b), math.log10(x), math.radians(a), math.pow(x, 1.5), math.log(x, 3.0))
+    return vec(
+        math.hypot(a, b),
+        math.copysign(a, b),
+        math.log10(x),
+        math.radians(a),
+        math.pow(x, 1.5),
+        math.log(x, 3.0),
+    )
 
 
 @meaning
@@ -307,7 +326,12 @@ def a_variable_of_some_turns_only(a, b, c, d, n):
 @meaning
 def identity_of_truth_values(a, b, c, d, n):
     x, y = a < b, c < d
-    return vec(1.0 if x is True else 0.0, 1.0 if x is not True else 0.0, 1.0 if y is False else 0.0, 1.0 if x is None else 0.0)
+    return vec(
+        1.0 if x is True else 0.0,
+        1.0 if x is not True else 0.0,
+        1.0 if y is False else 0.0,
+        1.0 if x is None else 0.0,
+    )
 
 
 @pytest.mark.parametrize("formula", FORMULAS, ids=lambda f: f.__name__)
@@ -377,8 +401,12 @@ def formula(a, b, c, d, n):
 """
     formula = worlds.module_from(text, tmp_path, "zeros").formula
     assert math.copysign(1.0, formula(1.0, 1.0, 1.0, 1.0, 0)[0]) == 1.0
-    with pytest.raises(worlds.NotCompilable, match=r"line 9\) cannot be compiled: the negative of a number that is"):
+    with pytest.raises(
+        worlds.NotCompilable, match=r"line 9\) cannot be compiled: the negative of a number that is"
+    ):
         worlds.native(formula, ROWS[:1], 2, 3, 1)
-    good = worlds.module_from(text.replace("total = 0\n", "total = 0.0\n"), tmp_path, "floats").formula
+    good = worlds.module_from(
+        text.replace("total = 0\n", "total = 0.0\n"), tmp_path, "floats"
+    ).formula
     worlds.same_in_all_worlds(good, ROWS, 0)
     worlds.same_in_all_worlds(good, ROWS, 3)

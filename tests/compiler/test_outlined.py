@@ -1,4 +1,6 @@
-"""Private functions and loops over large matrices: the bits of formulas that are written out, whatever becomes a function."""
+"""Private functions and loops over large matrices: the bits of formulas that are written out,
+whatever becomes a function.
+"""
 
 from __future__ import annotations
 
@@ -100,7 +102,9 @@ def no_kernels(patch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture(params=["known", "general"])
 def everything(monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest) -> None:
-    """Every formula becomes a function at its first call, of its constants or for any; every product of matrices a loop."""
+    """Every formula becomes a function at its first call, of its constants or for any; every
+    product of matrices a loop.
+    """
     no_kernels(monkeypatch)
     for name in ("LONG", "WORTH", "LARGE"):
         monkeypatch.setattr(outlined, name, 0)
@@ -119,7 +123,17 @@ def _at_once(self: Any, frame: Any) -> Any:
 
 _enter = outlined.Outliner.enter
 
-ROWS = [(0.3, 1.7), (2.0, 5.0), (1e-3, 40.0), (-1.0, 2.0), (3.0, -0.5), (7.0, 0.1), (1e3, 1e3), (0.0, 0.0), (1.0, 1.0)]
+ROWS = [
+    (0.3, 1.7),
+    (2.0, 5.0),
+    (1e-3, 40.0),
+    (-1.0, 2.0),
+    (3.0, -0.5),
+    (7.0, 0.1),
+    (1e3, 1e3),
+    (0.0, 0.0),
+    (1.0, 1.0),
+]
 
 
 @pytest.mark.parametrize("name", ["ways", "raising", "derived", "lists", "imaginary"])
@@ -148,18 +162,26 @@ def small(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
         monkeypatch.setattr(outlined, name, value)
     builders: list[Any] = []
     made = outlined.Builder.__init__
-    monkeypatch.setattr(outlined.Builder, "__init__", lambda self, *args: (builders.append(self), made(self, *args))[1])
+    monkeypatch.setattr(
+        outlined.Builder,
+        "__init__",
+        lambda self, *args: (builders.append(self), made(self, *args))[1],
+    )
     return builders
 
 
 @pytest.mark.parametrize("name", ["ways", "raising", "derived", "lists", "imaginary"])
 def test_what_grows_has_the_same_bits(name: str, small: list[Any], tmp_path: Path) -> None:
     text = TEXT + f"def turned(x, y, turns):\n    return {name}(x, y)"
-    worlds.same_in_all_worlds(worlds.module_from(text, tmp_path, f"growing_{name}").turned, ROWS, lanes=[1, 4])
+    worlds.same_in_all_worlds(
+        worlds.module_from(text, tmp_path, f"growing_{name}").turned, ROWS, lanes=[1, 4]
+    )
 
 
 def test_what_grows_is_given_up_soon(small: list[Any], tmp_path: Path) -> None:
-    """Not when all of it has been written out: nested formulas were translated twice for each that is around them."""
+    """Not when all of it has been written out: nested formulas were translated twice for each that
+    is around them.
+    """
     text = """
 def turn(x, y):
     return x * x - y * y, x * y + x
@@ -172,7 +194,9 @@ def long(x, y):
 def formula(x, y, n):
     return long(*long(x, y))
 """
-    worlds.same_in_all_worlds(worlds.module_from(text, tmp_path, "given_up").formula, [(0.3, 0.4), (0.1, -0.2)], lanes=[1])
+    worlds.same_in_all_worlds(
+        worlds.module_from(text, tmp_path, "given_up").formula, [(0.3, 0.4), (0.1, -0.2)], lanes=[1]
+    )
     assert small and all(b.made < 1.5 * (b.emitted + b.finished) for b in small)
 
 
@@ -264,9 +288,18 @@ def test_every_function_is_called(everything: None, monkeypatch: pytest.MonkeyPa
     texts: list[str] = []
     code = llvm.object_code
     monkeypatch.setattr(llvm, "object_code", lambda text: texts.append(text) or code(text))
-    lm.integrate(BODY, lm.CovariantVariational(lm.Exponential()), BODY.state(mu=MU), h=0.1, steps=1, compiled=True)
+    lm.integrate(
+        BODY,
+        lm.CovariantVariational(lm.Exponential()),
+        BODY.state(mu=MU),
+        h=0.1,
+        steps=1,
+        compiled=True,
+    )
     names = re.findall(r"^define internal .*@(\S+)\(", texts[-1], re.MULTILINE)
-    assert names and all(re.search(rf"call fastcc .*@{re.escape(name)}\(", texts[-1]) for name in names)
+    assert names and all(
+        re.search(rf"call fastcc .*@{re.escape(name)}\(", texts[-1]) for name in names
+    )
 
 
 @pytest.mark.parametrize("lanes", [1, 16])
@@ -304,7 +337,14 @@ def test_a_long_kernel_is_short() -> None:
 
         translated, kernel._translated = kernel._translated, counted
         try:
-            lm.integrate(BODY, method, BODY.state(mu=MU), h=0.0625 * (1.0 + len(found)), steps=1, compiled=True)
+            lm.integrate(
+                BODY,
+                method,
+                BODY.state(mu=MU),
+                h=0.0625 * (1.0 + len(found)),
+                steps=1,
+                compiled=True,
+            )
         finally:
             kernel._translated = translated
         return found[-1]

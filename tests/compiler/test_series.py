@@ -1,4 +1,6 @@
-"""Power series against the derivatives that mpmath takes in many digits, and against the laws of power series."""
+"""Power series against the derivatives that mpmath takes in many digits, and against the laws of
+power series.
+"""
 
 from __future__ import annotations
 
@@ -27,18 +29,30 @@ def agree(found: Series, formula: object, tolerance: float = 1e-14) -> None:
     with mpmath.workdps(60):
         exact = np.array([float(c) for c in mpmath.taylor(formula, 0, TERMS - 1)])
     scale = np.maximum.accumulate(np.abs(exact))  # products of terms before are what is rounded
-    assert (np.abs(terms(found) - exact) <= tolerance * np.maximum(scale, 1.0)).all(), (terms(found) - exact) / scale
+    assert (np.abs(terms(found) - exact) <= tolerance * np.maximum(scale, 1.0)).all(), (
+        terms(found) - exact
+    ) / scale
 
 
 OF_TWO = "atan2", "pow"
-ELSEWHERE = {"log2": lambda x: mpmath.log(x, 2), "log10": lambda x: mpmath.log(x, 10), "exp2": lambda x: mpmath.mpf(2) ** x}
+ELSEWHERE = {
+    "log2": lambda x: mpmath.log(x, 2),
+    "log10": lambda x: mpmath.log(x, 10),
+    "exp2": lambda x: mpmath.mpf(2) ** x,
+}
 
 
-@pytest.mark.parametrize("name", [f.__name__ for f in (functions.sqrt, *functions.LIBM) if f.__name__ not in OF_TWO])
+@pytest.mark.parametrize(
+    "name", [f.__name__ for f in (functions.sqrt, *functions.LIBM) if f.__name__ not in OF_TWO]
+)
 def test_elementary_functions_expand_as_mpmath_says(name: str) -> None:
     exact = ELSEWHERE.get(name) or getattr(mpmath, name)
     x = (1.7, *X[1:]) if name == "acosh" else X  # in its domain
-    agree(getattr(functions, name)(Series(*x)), lambda s: exact(polynomial(x, s)), 1e-11 if name == "acosh" else 1e-12)
+    agree(
+        getattr(functions, name)(Series(*x)),
+        lambda s: exact(polynomial(x, s)),
+        1e-11 if name == "acosh" else 1e-12,
+    )
 
 
 @pytest.mark.parametrize("n", [0, 1, 2, 3, 7, -1, -2, 2.0, -3.0, 0.5, -0.5, 1 / 3, 2.7])
@@ -87,7 +101,9 @@ def test_angle() -> None:
 
 def test_comparisons_look_at_the_first_term() -> None:
     x = Series(1.0, -5.0)
-    assert x > 0.5 and x >= 1.0 and x < 2.0 and x <= Series(1.0, 7.0) and x == 1.0 and x != Series(2.0)
+    assert (
+        x > 0.5 and x >= 1.0 and x < 2.0 and x <= Series(1.0, 7.0) and x == 1.0 and x != Series(2.0)
+    )
     assert Series(None, 1.0) == 0.0
 
 
@@ -103,7 +119,9 @@ def test_terms_that_are_not_there_take_no_part() -> None:
 def test_a_series_can_solve_an_equation() -> None:
     y = Series(1.0)
     y.grow(y, 1.0)  # y' = y
-    np.testing.assert_allclose(terms(y), [1 / float(mpmath.factorial(k)) for k in range(TERMS)], rtol=1e-15)
+    np.testing.assert_allclose(
+        terms(y), [1 / float(mpmath.factorial(k)) for k in range(TERMS)], rtol=1e-15
+    )
     z = Series(0.5)
     z.grow(z * z, 2.0)  # z' = 2 z^2: 1/(2 - 2 s)
     np.testing.assert_allclose(terms(z), 0.5, rtol=1e-15)

@@ -1,6 +1,8 @@
-"""Random programs over the whole language: native code gives what CPython gives, or refuses by name.
+"""Random programs over the whole language: native code gives what CPython gives, or refuses by
+name.
 
-`python tests/compiler/test_whole_language.py 0 2000` runs many, and prints failures and refusals by kind.
+`python tests/compiler/test_whole_language.py 0 2000` runs many, and prints failures and refusals by
+kind.
 """
 
 from __future__ import annotations
@@ -35,7 +37,9 @@ class Difference(AssertionError):
 
 
 marked: collections.Counter[str] = collections.Counter()
-"""Rows that plain Python computes again although their results are finite, because an integer did not fit; and the others."""
+"""Rows that plain Python computes again although their results are finite, because an integer did
+not fit; and the others.
+"""
 
 
 def refusal(error: Exception) -> str:
@@ -69,12 +73,18 @@ def compare(world: Any, rows: list[list[float]], turns: int, lanes: tuple[int, .
                 raise Difference(f"{what}, where CPython raises {right!r}")
             if fine and (values != right or not all(map(worlds._finite, right))):
                 raise Difference(f"{what} instead of {worlds._shown(right)}")
-            marked["finite, marked" if not fine and isinstance(right, list) and all(map(worlds._finite, right)) else "others"] += 1
+            marked[
+                "finite, marked"
+                if not fine and isinstance(right, list) and all(map(worlds._finite, right))
+                else "others"
+            ] += 1
     return True
 
 
 def check(seed: int, folder: Path, lanes: tuple[int, ...], text: str | None = None) -> str | None:
-    """Compare one program, then with another static field, then with another global; the kind of refusal, if it is refused."""
+    """Compare one program, then with another static field, then with another global; the kind of
+    refusal, if it is refused.
+    """
     text = text or fuzz_language.Language(seed).module()
     module = worlds.module_from(text, folder, f"random_program_{seed}")
     rows = fuzz.arguments(seed, ROWS, worlds.SPECIAL)
@@ -102,7 +112,9 @@ def change(module: ModuleType, name: str, value: str) -> None:
     setattr(getattr(module, owner) if owner else module, attribute, eval(value, vars(module)))
 
 
-def sample(seeds: range, folder: Path, show: Any = None) -> tuple[collections.Counter[str], dict[str, list[str]]]:
+def sample(
+    seeds: range, folder: Path, show: Any = None
+) -> tuple[collections.Counter[str], dict[str, list[str]]]:
     """Refusals by kind, and failures by the features of the program."""
     refused: collections.Counter[str] = collections.Counter()
     failed: dict[str, list[str]] = {}
@@ -113,9 +125,14 @@ def sample(seeds: range, folder: Path, show: Any = None) -> tuple[collections.Co
         except Exception as failure:
             program = fuzz_language.Language(seed)
             program.module()
-            failed.setdefault(f"{type(failure).__name__}", []).append(f"seed {seed} ({', '.join(program.used)}): {failure}")
+            failed.setdefault(f"{type(failure).__name__}", []).append(
+                f"seed {seed} ({', '.join(program.used)}): {failure}"
+            )
         if show and seed % 100 == 99:
-            show(f"{seed + 1 - seeds.start} programs, {refused['compared']} compared, {sum(map(len, failed.values()))} failed")
+            show(
+                f"{seed + 1 - seeds.start} programs, {refused['compared']} compared, "
+                f"{sum(map(len, failed.values()))} failed"
+            )
     return refused, failed
 
 
@@ -152,11 +169,15 @@ def test_random_programs(hundred: int, tmp_path: Path, monkeypatch: pytest.Monke
 
 
 def check_derivatives(seed: int, folder: Path, lanes: tuple[int, ...]) -> None:
-    """Derivatives within derivatives are those of mpmath's differences of 60 digits, and of one form in all worlds."""
+    """Derivatives within derivatives are those of mpmath's differences of 60 digits, and of one
+    form in all worlds.
+    """
     text = fuzz_language.Derivatives(seed).module()
     module = worlds.module_from(text, folder, f"random_derivative_{seed}")
     rows = [[0.3 + 0.1 * i, -0.7 + 0.2 * i, 1.1 - 0.3 * i, 0.0] for i in range(3)]
-    names: dict[str, Any] = {name: getattr(mpmath, name) for name in ("sin", "cos", "tanh", "atan", "exp", "sqrt")}
+    names: dict[str, Any] = {
+        name: getattr(mpmath, name) for name in ("sin", "cos", "tanh", "atan", "exp", "sqrt")
+    }
     names |= {"vec": lambda *x: x, "derivative": lambda f, x, d: mpmath.diff(f, x) * d}
     exec(text.partition("\n\n\n")[2], names)
     with mpmath.workdps(60):
@@ -164,7 +185,9 @@ def check_derivatives(seed: int, folder: Path, lanes: tuple[int, ...]) -> None:
             right, found = names["formula"](*map(mpmath.mpf, row), 2), module.formula(*row, 2)
             for x, y in zip(right, found, strict=True):
                 if abs(x - y) > 1e-9 * (1.0 + abs(x)):
-                    raise Difference(f"{text}\n{row}: {found} instead of {[float(x) for x in right]}")
+                    raise Difference(
+                        f"{text}\n{row}: {found} instead of {[float(x) for x in right]}"
+                    )
     worlds.same_in_all_worlds(module.formula, rows, 2, lanes)
 
 
@@ -179,20 +202,31 @@ def test_random_derivatives(seed: int, tmp_path: Path, monkeypatch: pytest.Monke
 @pytest.mark.compiled
 @pytest.mark.parametrize("thousand", (10, 11))
 def test_many_random_programs(
-    thousand: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    thousand: int,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """Four hundred here; twenty thousand by `python tests/compiler/test_whole_language.py 10000 30000`."""
+    """Four hundred here; twenty thousand by
+    `python tests/compiler/test_whole_language.py 10000 30000`.
+    """
     monkeypatch.setattr(cache, "store", lambda *_: None)
     refused, failed = sample(range(1000 * thousand, 1000 * thousand + 200), tmp_path)
     with capsys.disabled():
-        print(f"\n200 programs, {refused['compared']} compared", *(f"{n:6} {kind}" for kind, n in refused.most_common()), sep="\n")
+        print(
+            f"\n200 programs, {refused['compared']} compared",
+            *(f"{n:6} {kind}" for kind, n in refused.most_common()),
+            sep="\n",
+        )
     assert not failed, "\n".join(text for texts in failed.values() for text in texts)
 
 
 @pytest.mark.slow
 @pytest.mark.compiled
 @pytest.mark.parametrize("hundred", (1, 2))
-def test_many_random_derivatives(hundred: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_many_random_derivatives(
+    hundred: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(cache, "store", lambda *_: None)
     for seed in range(100 * hundred, 100 * hundred + 40):
         check_derivatives(seed, tmp_path, (1,))
@@ -203,7 +237,12 @@ def main(first: int, last: int) -> None:
     with tempfile.TemporaryDirectory() as folder:
         if first == last:
             for form, kinds in forms_alone(Path(folder)):
-                print(f"--- {form!r}", *(f"{count} {kind}" for kind, count in kinds.items()), sep="\n    ", flush=True)
+                print(
+                    f"--- {form!r}",
+                    *(f"{count} {kind}" for kind, count in kinds.items()),
+                    sep="\n    ",
+                    flush=True,
+                )
             return
         refused, failed = sample(range(first, last), Path(folder), print)
     for kind, count in refused.most_common():

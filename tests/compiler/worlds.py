@@ -1,4 +1,6 @@
-"""One formula in three worlds: plain Python, native code for one body, native code for many bodies in lanes."""
+"""One formula in three worlds: plain Python, native code for one body, native code for many bodies
+in lanes.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,9 @@ REJECTED = "rejected"  # the formula raised
 SPECIAL = (0.0, -0.0, 1.0, -1.0, 1e-310, 1e300, -1e300, float("inf"), float("-inf"), float("nan"))
 
 
-def drive(formula: Any, extra: Any, layout: Any, turns: int, given: Any, out: Any, fine: Any) -> None:
+def drive(
+    formula: Any, extra: Any, layout: Any, turns: int, given: Any, out: Any, fine: Any
+) -> None:
     """The driver: the formula's numbers, in `out`, and whether it went through, in `fine`."""
     value = attempt(formula, *extra, *read(given, 0, layout), turns)
     write(out, 0, value)
@@ -50,15 +54,27 @@ def plain(formula: Callable[..., Any], row: Sequence[float], turns: int) -> Any:
 
 
 def native(
-    formula: Callable[..., Any], rows: Sequence[Sequence[float]], width: int, turns: int, lanes: int, extra: tuple[Any, ...] = ()
+    formula: Callable[..., Any],
+    rows: Sequence[Sequence[float]],
+    width: int,
+    turns: int,
+    lanes: int,
+    extra: tuple[Any, ...] = (),
 ) -> list[Any]:
-    """What native code gives for each row of arguments, after those that all rows share; like `plain`."""
+    """What native code gives for each row of arguments, after those that all rows share; like
+    `plain`.
+    """
     found = outcomes(formula, rows, width, turns, lanes, extra)
     return [values if fine or not all(map(_finite, values)) else REJECTED for values, fine in found]
 
 
 def outcomes(
-    formula: Callable[..., Any], rows: Sequence[Sequence[float]], width: int, turns: int, lanes: int, extra: tuple[Any, ...] = ()
+    formula: Callable[..., Any],
+    rows: Sequence[Sequence[float]],
+    width: int,
+    turns: int,
+    lanes: int,
+    extra: tuple[Any, ...] = (),
 ) -> list[tuple[list[bytes], bool]]:
     """What native code gives for each row of arguments, and whether it went through and is finite."""
     layout = layout_of(Vec(*([0.0] * len(rows[0]))))
@@ -85,9 +101,14 @@ def outcomes(
 
 
 def same_in_all_worlds(
-    formula: Callable[..., Any], rows: Iterable[Sequence[float]], turns: int = 3, lanes: Iterable[int] | None = None
+    formula: Callable[..., Any],
+    rows: Iterable[Sequence[float]],
+    turns: int = 3,
+    lanes: Iterable[int] | None = None,
 ) -> None:
-    """Assert that `formula(*row, turns)` gives the same bits plain, compiled and in every lane beside all the other rows."""
+    """Assert that `formula(*row, turns)` gives the same bits plain, compiled and in every lane
+    beside all the other rows.
+    """
     rows = [list(map(float, row)) for row in rows]
     expected = [plain(formula, row, turns) for row in rows]
     lengths = {len(e) for e in expected if not isinstance(e, str)}
@@ -108,7 +129,11 @@ def _finite(x: bytes) -> bool:
 
 
 def _shown(values: Any) -> Any:
-    return values if isinstance(values, str) else [v if v == b"nan" else struct.unpack("<d", v)[0] for v in values]
+    return (
+        values
+        if isinstance(values, str)
+        else [v if v == b"nan" else struct.unpack("<d", v)[0] for v in values]
+    )
 
 
 def module_from(text: str, folder: Path, name: str) -> ModuleType:

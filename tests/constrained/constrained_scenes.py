@@ -36,14 +36,18 @@ PENDULUM = lm.SphericalPendulum(gravity=SPHERE["g"])
 SWINGING = PENDULUM.state(SPHERE["q0"], SPHERE["v0"])
 
 DOUBLE = reference("double_pendulum")
-CHAIN = lm.ChainPendulum([DOUBLE["m1"], DOUBLE["m2"]], [DOUBLE["l1"], DOUBLE["l2"]], DOUBLE["g"], dimension=2)
+CHAIN = lm.ChainPendulum(
+    [DOUBLE["m1"], DOUBLE["m2"]], [DOUBLE["l1"], DOUBLE["l2"]], DOUBLE["g"], dimension=2
+)
 MASSES = np.repeat([DOUBLE["m1"], DOUBLE["m2"]], 2)
 HANGING = CHAIN.state(DOUBLE["q0"], MASSES * DOUBLE["v0"])
 
 
 @lm.record
 class Stretching(lm.ConstrainedSystem):
-    """A particle on the unit sphere whose mass depends on where it is: not separable, and no derivative is written."""
+    """A particle on the unit sphere whose mass depends on where it is: not separable, and no
+    derivative is written.
+    """
 
     degrees: ClassVar[int] = 3
 
@@ -58,9 +62,21 @@ STRETCHING = Stretching()
 MOVING = STRETCHING.state([0.6, 0.0, -0.8], [0.4, 0.9, 0.3])
 
 
-def plain(system: lm.System, method: lm.Method, start: lm.State, h: float, steps: int, **options: Any) -> lm.Trajectory:
+def plain(
+    system: lm.System, method: lm.Method, start: lm.State, h: float, steps: int, **options: Any
+) -> lm.Trajectory:
     """A run in plain Python, without compensation: the bare formulas."""
-    return lm.integrate(system, method, start, h=h, steps=steps, compiled=False, compensated=False, progress=False, **options)
+    return lm.integrate(
+        system,
+        method,
+        start,
+        h=h,
+        steps=steps,
+        compiled=False,
+        compensated=False,
+        progress=False,
+        **options,
+    )
 
 
 def end_of(run: lm.Trajectory) -> np.ndarray:
@@ -92,7 +108,10 @@ def two_form_defect(method: Any, system: Any, start: Any, h: float) -> float:
     """The largest change of dq dp on pairs of tangent vectors, by exact derivatives of one step."""
     y = np.array([*start.q, *start.p])
     before = tangents(system, y)
-    after = [np.array(derivative(lambda z: stepped(method, system, h, z), vec(*y.tolist()), u.tolist())) for u in before]
+    after = [
+        np.array(derivative(lambda z: stepped(method, system, h, z), vec(*y.tolist()), u.tolist()))
+        for u in before
+    ]
     n, (U, V) = system.degrees, (np.array(before), np.array(after))
     forms = [X[:, :n] @ X[:, n:].T - X[:, n:] @ X[:, :n].T for X in (U, V)]
     return float(np.abs(forms[1] - forms[0]).max())

@@ -1,4 +1,6 @@
-"""Where constrained systems end: masses that are none, folds, methods reduced twice, joints that shear, lost energies."""
+"""Where constrained systems end: masses that are none, folds, methods reduced twice, joints that
+shear, lost energies.
+"""
 
 from __future__ import annotations
 
@@ -50,7 +52,9 @@ def test_masses_are_symmetric_and_positive(masses: list[list[float]], message: s
 
 
 def test_a_step_to_the_fold_is_refused() -> None:
-    """With |p| h = l the free mass flies along the tangent to where g(q + x G) = 0 has its double root: there no digit is safe."""
+    """With |p| h = l the free mass flies along the tangent to where g(q + x G) = 0 has its double
+    root: there no digit is safe.
+    """
     ball = lm.SphericalPendulum(gravity=0.0)
     start = ball.state([1.0, 0.0, 0.0], [0.0, 1.0, 0.0])
     with pytest.raises((NoConvergence, InconsistentState)):
@@ -80,12 +84,19 @@ class OnATable(lm.SeparableConstrainedSystem):
 def test_rest_at_the_origin_is_no_fold() -> None:
     """There all that g(q) could be compared with is zero."""
     table = OnATable()
-    run = lm.integrate(table, lm.RATTLE(), table.state([0.0, 0.0], [0.0, 0.0]), h=0.1, steps=50, compiled=False)
+    run = lm.integrate(
+        table, lm.RATTLE(), table.state([0.0, 0.0], [0.0, 0.0]), h=0.1, steps=50, compiled=False
+    )
     assert np.abs(run.q).max() < 1e-14
 
 
 def test_only_methods_for_any_equation_are_reduced() -> None:
-    for method in (lm.RATTLE(), lm.LobattoPair(4), lm.ConstrainedEuler(), lm.Composition(lm.RATTLE())):
+    for method in (
+        lm.RATTLE(),
+        lm.LobattoPair(4),
+        lm.ConstrainedEuler(),
+        lm.Composition(lm.RATTLE()),
+    ):
         with pytest.raises(InvalidInput, match="keeps the constraints"):
             lm.IndexReduction(method)
     with pytest.raises(InvalidType, match="project must be True or False; got 'no'"):

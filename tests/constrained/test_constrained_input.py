@@ -1,4 +1,6 @@
-"""Bad input and bad dynamics: starts off the constraints, dependent constraints, dead points, steps too large, kinks."""
+"""Bad input and bad dynamics: starts off the constraints, dependent constraints, dead points, steps
+too large, kinks.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,13 @@ import pytest
 from constrained_scenes import CHAIN, PENDULUM, SWINGING, plain
 
 import liemech as lm
-from liemech.errors import IncompatibleSystem, InconsistentState, InvalidInput, InvalidType, NoConvergence
+from liemech.errors import (
+    IncompatibleSystem,
+    InconsistentState,
+    InvalidInput,
+    InvalidType,
+    NoConvergence,
+)
 from liemech.formulas import record, vec
 
 
@@ -46,7 +54,9 @@ def test_rounding_is_no_inconsistency() -> None:
 
 
 def test_the_nearest_consistent_state() -> None:
-    """On the sphere it is q/|q|, with the tangential part of p; on an ellipsoid the foot of the perpendicular."""
+    """On the sphere it is q/|q|, with the tangential part of p; on an ellipsoid the foot of the
+    perpendicular.
+    """
     q, p = np.array([0.7, 0.1, -0.9]), np.array([0.3, 1.0, 0.2])
     found, n = PENDULUM.consistent(q, p), q / np.linalg.norm(q)
     assert np.array(found.q) == pytest.approx(n, abs=1e-15)
@@ -79,7 +89,10 @@ def test_dependent_constraints_are_named() -> None:
         def constraint(self, q: lm.Vec) -> lm.Vec:
             return vec(lm.dot(q, q) - 1.0, q[0], 3.0 * q[0] + 0.5 * (lm.dot(q, q) - 1.0))
 
-    with pytest.raises(InvalidInput, match=r"rank 2 of 3.*constraint\[2\] follows from those of constraint\[0\], constraint\[1\]"):
+    with pytest.raises(
+        InvalidInput,
+        match=r"rank 2 of 3.*constraint\[2\] follows from those of constraint\[0\], constraint\[1\]",
+    ):
         Redundant().state([0.0, 0.6, -0.8], [0.0, 0.0, 0.0])
 
     @record
@@ -145,12 +158,17 @@ def test_slips_in_written_formulas_are_found() -> None:
             return p / lm.norm(vec(1.0, *p))
 
     assert lm.check_system(PENDULUM)["geodesic"].verdict == "holds"
-    for slipped, law in ((Halved(), "Jacobian of the constraints"), (Straight(), "geodesic"), (Fast(), "quadratic kinetic energy")):
+    for slipped, law in (
+        (Halved(), "Jacobian of the constraints"),
+        (Straight(), "geodesic"),
+        (Fast(), "quadratic kinetic energy"),
+    ):
         with pytest.raises(lm.errors.LawViolation, match=f"breaks the law of {law}"):
             lm.check_system(slipped)
 
 
-# ---------------------------------------------------------------- methods and systems that do not go together
+# ---------------------------------------------------------------- methods and systems that do not
+# go together
 
 
 METHODS = lm.RATTLE(), lm.LobattoPair(), lm.GeodesicSplitting(), lm.IndexReduction(lm.RKMK(order=4))
@@ -223,17 +241,26 @@ def test_a_kink_is_refused_where_it_is_met() -> None:
 def test_the_reduced_equation_says_where_constraints_become_dependent() -> None:
     linkage = lm.FourBarLinkage()
     line = vec(1.0, 0.0, 2.0, 0.0)
-    with pytest.raises(InconsistentState, match=r"constraint\[2\] follows from those of constraint\[0\], constraint\[1\]"):
+    with pytest.raises(
+        InconsistentState,
+        match=r"constraint\[2\] follows from those of constraint\[0\], constraint\[1\]",
+    ):
         linkage.multipliers(line, 0.0 * line)
 
 
 @pytest.mark.compiled
 def test_one_member_of_an_ensemble_may_fail() -> None:
-    """The one with too much speed stops, with the reason; others have the bits that they have alone."""
+    """The one with too much speed stops, with the reason; others have the bits that they have
+    alone.
+    """
     free = lm.SphericalPendulum(gravity=0.0)
     q, p = np.tile([1.0, 0.0, 0.0], (5, 1)), np.outer([0.5, 0.8, 3.0, 0.9, 0.2], [0.0, 1.0, 0.0])
     with pytest.warns(RuntimeWarning, match="body 2 after 0 steps"):
-        run = lm.integrate(free, lm.RATTLE(), free.state(q, p), h=1.0, steps=5, compiled=True, progress=False)
+        run = lm.integrate(
+            free, lm.RATTLE(), free.state(q, p), h=1.0, steps=5, compiled=True, progress=False
+        )
     assert isinstance(run.stopped[2].error, NoConvergence)
-    alone = lm.integrate(free, lm.RATTLE(), free.state(q[3], p[3]), h=1.0, steps=5, compiled=False, progress=False)
+    alone = lm.integrate(
+        free, lm.RATTLE(), free.state(q[3], p[3]), h=1.0, steps=5, compiled=False, progress=False
+    )
     assert np.array_equal(run.q[:, 3], alone.q)

@@ -1,4 +1,6 @@
-"""Methods on the constraints: orders of positions, momenta and multipliers, symmetry, two-form, constraints in long runs."""
+"""Methods on the constraints: orders of positions, momenta and multipliers, symmetry, two-form,
+constraints in long runs.
+"""
 
 from __future__ import annotations
 
@@ -45,7 +47,9 @@ SCENES: dict[str, Any] = {
 
 @functools.cache
 def exact(scene: str) -> np.ndarray:
-    """Positions and momenta at t = 1/2: from the files; of the third system by the reduced equation."""
+    """Positions and momenta at t = 1/2: from the files; of the third system by the reduced
+    equation.
+    """
     if scene == "sphere":
         sample = next(s for s in SPHERE["samples"] if s["t"] == 0.5)
         return np.array([*sample["q"], *sample["v"]])
@@ -64,39 +68,56 @@ def orders(method: lm.Method, scene: str, finer: int = 1) -> list[float]:
     for steps in (finer * COUNTS[method.order], 2 * finer * COUNTS[method.order]):
         run = plain(system, method, start, 0.5 / steps, steps)
         lam = np.array(system.multipliers(run.q[-1], run.p[-1]))
-        errors.append([np.abs(x).max() for x in (run.q[-1] - there[:n], run.p[-1] - there[n:], lam - wanted)])
+        errors.append(
+            [np.abs(x).max() for x in (run.q[-1] - there[:n], run.p[-1] - there[n:], lam - wanted)]
+        )
     return [float(x) for x in np.log2(np.divide(errors[0], errors[1]))]
 
 
 CASES = (
     *((method, "sphere") for method in GENERAL),
-    *(slow(method, scene) for scene in ("chain", "stretching") for method in GENERAL if method.order < 8),
+    *(
+        slow(method, scene)
+        for scene in ("chain", "stretching")
+        for method in GENERAL
+        if method.order < 8
+    ),
 )
 
 
 @pytest.mark.parametrize(("method", "scene"), CASES)
 def test_order_of_positions_momenta_and_multipliers(method: lm.Method, scene: str) -> None:
     finer = 2 if scene != "sphere" and method.order > 4 else 1
-    assert orders(method, scene, finer) == pytest.approx([method.order] * 3, abs=0.6 if method.order > 4 else 0.35)
+    assert orders(method, scene, finer) == pytest.approx(
+        [method.order] * 3, abs=0.6 if method.order > 4 else 0.35
+    )
 
 
 @pytest.mark.sample(2)
 @pytest.mark.parametrize("scene", ["chain", "stretching"])
 @pytest.mark.parametrize("method", [lm.RATTLE(), PAIRS[1]], ids=repr)
-def test_order_with_two_constraints_and_with_energies_that_do_not_separate(method: lm.Method, scene: str) -> None:
+def test_order_with_two_constraints_and_with_energies_that_do_not_separate(
+    method: lm.Method, scene: str
+) -> None:
     assert orders(method, scene) == pytest.approx([method.order] * 3, abs=0.35)
 
 
 @pytest.mark.parametrize("method", GEODESIC, ids=repr)
 def test_splittings_have_their_order_on_a_sphere(method: lm.Method) -> None:
-    assert orders(method, "sphere", 2 if method.order == 4 else 1) == pytest.approx([method.order] * 3, abs=0.35)
+    assert orders(method, "sphere", 2 if method.order == 4 else 1) == pytest.approx(
+        [method.order] * 3, abs=0.35
+    )
 
 
 def test_reference_of_the_multipliers() -> None:
-    """The tension of the rod: its weight along the rod and what turns the mass, m (v^2/l - g q_3/l)."""
+    """The tension of the rod: its weight along the rod and what turns the mass, m
+    (v^2/l - g q_3/l).
+    """
     lam = PENDULUM.multipliers(SWINGING.q, SWINGING.p)
     assert lam[0] == pytest.approx(SPHERE["g"] * 0.8 + 0.4**2 + 1.5**2 + 0.3**2, rel=1e-15)
-    assert np.array(PENDULUM.constraint_force(SWINGING.q, SWINGING.p)) == pytest.approx(-lam[0] * np.array(SPHERE["q0"]))
+    assert np.array(PENDULUM.constraint_force(SWINGING.q, SWINGING.p)) == pytest.approx(
+        -lam[0] * np.array(SPHERE["q0"])
+    )
 
 
 # ---------------------------------------------------------------- structure
@@ -110,7 +131,9 @@ def test_symmetric_methods_undo_their_steps(method: lm.Method, scene: str) -> No
     back = stepped(method, system, -0.1, stepped(method, system, 0.1, y))
     assert np.abs(np.subtract(tuple(back), tuple(y))).max() < 2e-15
     there = stepped(EULERS[0], system, 0.1, y)
-    assert np.abs(np.subtract(tuple(stepped(EULERS[0], system, -0.1, there)), tuple(y))).max() > 1e-3
+    assert (
+        np.abs(np.subtract(tuple(stepped(EULERS[0], system, -0.1, there)), tuple(y))).max() > 1e-3
+    )
 
 
 @pytest.mark.parametrize("scene", SCENES)
@@ -122,7 +145,9 @@ def test_the_euler_methods_undo_each_other(scene: str) -> None:
 
 
 @pytest.mark.parametrize("scene", SCENES)
-@pytest.mark.parametrize("method", [lm.RATTLE(), *EULERS, PAIRS[1], slow(PAIRS[2]), slow(COMPOSED[1])], ids=repr)
+@pytest.mark.parametrize(
+    "method", [lm.RATTLE(), *EULERS, PAIRS[1], slow(PAIRS[2]), slow(COMPOSED[1])], ids=repr
+)
 def test_steps_keep_the_two_form_on_the_manifold(method: lm.Method, scene: str) -> None:
     system, start = SCENES[scene]
     assert two_form_defect(method, system, start, 0.05) < 1e-13
@@ -144,7 +169,9 @@ def test_index_reduction_does_not() -> None:
 @pytest.mark.parametrize("scene", SCENES)
 def test_constraints_hold_and_energies_do_not_drift_in_a_hundred_thousand_steps(scene: str) -> None:
     system, start = SCENES[scene]
-    run = lm.integrate(system, lm.RATTLE(), start, h=0.01, steps=100_000, every=20, compiled=True, progress=False)
+    run = lm.integrate(
+        system, lm.RATTLE(), start, h=0.01, steps=100_000, every=20, compiled=True, progress=False
+    )
     position, hidden = np.split(np.asarray(system.defects(run.q, run.p)), 2, axis=1)
     assert position.max() <= 4.0 * EPS
     assert hidden.max() <= 16.0 * EPS  # beside speeds, which are sometimes small
@@ -159,7 +186,9 @@ def test_constraints_hold_and_energies_do_not_drift_in_a_hundred_thousand_steps(
 @pytest.mark.compiled
 @pytest.mark.parametrize("method", [PAIRS[1], GEODESIC[2]], ids=repr)
 def test_constraints_hold_in_other_methods(method: lm.Method) -> None:
-    run = lm.integrate(PENDULUM, method, SWINGING, h=0.05, steps=20_000, every=20, compiled=True, progress=False)
+    run = lm.integrate(
+        PENDULUM, method, SWINGING, h=0.05, steps=20_000, every=20, compiled=True, progress=False
+    )
     assert np.asarray(PENDULUM.defects(run.q, run.p)).max() <= 4.0 * EPS
     assert run.drift()["energy"].verdict in ("bounded", "exact")
 
@@ -170,7 +199,8 @@ def test_native_lanes_and_plain_are_one() -> None:
     q = np.stack([np.sin(angles), 0.0 * angles, -np.cos(angles)], axis=1)
     many = PENDULUM.state(q, [0.0, 1.0, 0.0] * np.ones((9, 1)))
     native, python = (
-        lm.integrate(PENDULUM, lm.RATTLE(), many, h=0.05, steps=20, compiled=c, progress=False) for c in (True, False)
+        lm.integrate(PENDULUM, lm.RATTLE(), many, h=0.05, steps=20, compiled=c, progress=False)
+        for c in (True, False)
     )
     assert same_bits(native.q, python.q)
     assert same_bits(native.p, python.p)
@@ -179,8 +209,19 @@ def test_native_lanes_and_plain_are_one() -> None:
 @pytest.mark.compiled
 @pytest.mark.slow
 def test_energies_walk_but_do_not_drift_in_ten_million_steps() -> None:
-    """The same phase of the oscillation is not met again, so the largest deviation of each tenth is looked at."""
-    run = lm.integrate(PENDULUM, lm.RATTLE(), SWINGING, h=0.01, steps=10_000_000, every=500, compiled=True, progress=False)
+    """The same phase of the oscillation is not met again, so the largest deviation of each tenth is
+    looked at.
+    """
+    run = lm.integrate(
+        PENDULUM,
+        lm.RATTLE(),
+        SWINGING,
+        h=0.01,
+        steps=10_000_000,
+        every=500,
+        compiled=True,
+        progress=False,
+    )
     errors = np.abs(run.energy - run.energy[0])[1:].reshape(10, -1).max(axis=1)
     assert np.ptp(errors) < 0.05 * errors.mean()
     assert np.asarray(PENDULUM.defects(run.q, run.p)).max() <= 4.0 * EPS
@@ -222,7 +263,10 @@ def test_the_origin_does_not_matter(x: float) -> None:
     """Positions are rounded to eps x, and so are the constraints; nothing else is lost."""
     far = Distant(x)
     start = far.consistent(np.array(SPHERE["q0"]) + [x, 0.0, 0.0], SPHERE["v0"])
-    a, b = plain(PENDULUM, lm.RATTLE(), SWINGING, 0.05, 20), plain(far, lm.RATTLE(), start, 0.05, 20)
+    a, b = (
+        plain(PENDULUM, lm.RATTLE(), SWINGING, 0.05, 20),
+        plain(far, lm.RATTLE(), start, 0.05, 20),
+    )
     assert np.abs(b.q - [x, 0.0, 0.0] - a.q).max() < 200.0 * EPS * x
 
 
@@ -237,7 +281,9 @@ def test_short_steps_from_rest(method: lm.Method) -> None:
 
 
 def test_states_at_turning_points_are_consistent() -> None:
-    """Where a swing turns the speed is no more than rounding of itself: any sample can be started from."""
+    """Where a swing turns the speed is no more than rounding of itself: any sample can be started
+    from.
+    """
     start = PENDULUM.state([np.sin(0.3), 0.0, -np.cos(0.3)], [0.0, 0.0, 0.0])
     run = plain(PENDULUM, lm.RATTLE(), start, 0.01, 110)
     assert PENDULUM.state(run.q, run.p).bodies == 111
@@ -247,7 +293,10 @@ def test_states_at_turning_points_are_consistent() -> None:
 
 
 def test_index_reduction_is_the_reduced_equation() -> None:
-    a, b = (plain(PENDULUM, m, SWINGING, 0.05, 20) for m in (lm.IndexReduction(lm.RKMK(order=4)), lm.RKMK(order=4)))
+    a, b = (
+        plain(PENDULUM, m, SWINGING, 0.05, 20)
+        for m in (lm.IndexReduction(lm.RKMK(order=4)), lm.RKMK(order=4))
+    )
     assert same_bits(a.q, b.q)
 
 
@@ -265,7 +314,20 @@ def test_index_reduction_leaves_the_manifold_and_projection_does_not() -> None:
 @pytest.mark.compiled
 def test_only_rattle_keeps_the_energy_for_a_long_time() -> None:
     drifts = {}
-    for method in (lm.RATTLE(), lm.IndexReduction(lm.RKMK(order=4)), lm.IndexReduction(lm.RKMK(order=4), project=True)):
-        run = lm.integrate(PENDULUM, method, SWINGING, h=0.02, steps=20_000, every=10, compiled=True, progress=False)
+    for method in (
+        lm.RATTLE(),
+        lm.IndexReduction(lm.RKMK(order=4)),
+        lm.IndexReduction(lm.RKMK(order=4), project=True),
+    ):
+        run = lm.integrate(
+            PENDULUM,
+            method,
+            SWINGING,
+            h=0.02,
+            steps=20_000,
+            every=10,
+            compiled=True,
+            progress=False,
+        )
         drifts[method] = run.drift()["energy"].verdict
     assert list(drifts.values()) == ["bounded", "drifting", "drifting"]

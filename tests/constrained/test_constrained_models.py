@@ -1,4 +1,6 @@
-"""Models beside 25-digit motions in coordinates of their own (docs/derivations/constrained_models.py)."""
+"""Models beside 25-digit motions in coordinates of their own
+(docs/derivations/constrained_models.py).
+"""
 
 from __future__ import annotations
 
@@ -55,17 +57,31 @@ def scene(name: str) -> tuple[Any, Any, dict[str, Any]]:
     return linkage, linkage.state(q, linkage.momentum(q, vec(*[1.0, 0.0] * (loops + 1)))), known
 
 
-STEPS = {"planar chain": 40, "spatial chain": 40, "bead": 40, "ellipsoid": 20, "linkage 1": 6, "linkage 2": 6}
+STEPS = {
+    "planar chain": 40,
+    "spatial chain": 40,
+    "bead": 40,
+    "ellipsoid": 20,
+    "linkage 1": 6,
+    "linkage 2": 6,
+}
 
 
-@pytest.mark.parametrize("name", [slow(name) if name in ("spatial chain", "linkage 2") else name for name in STEPS])
+@pytest.mark.parametrize(
+    "name", [slow(name) if name in ("spatial chain", "linkage 2") else name for name in STEPS]
+)
 def test_models_are_where_they_should_be(name: str) -> None:
-    """The reduced equation comes there to 9 digits, RATTLE to those of order 2 at two steps, the error falling as h^2."""
+    """The reduced equation comes there to 9 digits, RATTLE to those of order 2 at two steps, the
+    error falling as h^2.
+    """
     system, start, known = scene(name)
     wanted, t = np.array(known["q"]), known["t"]
     n = STEPS[name]
     exact = plain(system, lm.RKMK(order=8), start, t / n, n).q[-1][: len(wanted)]
     assert np.abs(exact - wanted).max() < 3e-9
-    errors = [np.abs(plain(system, lm.RATTLE(), start, t / n, n).q[-1][: len(wanted)] - wanted).max() for n in (n, 2 * n)]
+    errors = [
+        np.abs(plain(system, lm.RATTLE(), start, t / n, n).q[-1][: len(wanted)] - wanted).max()
+        for n in (n, 2 * n)
+    ]
     assert errors[1] < 1e-2
     assert np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.25)

@@ -50,9 +50,13 @@ METHODS = [lm.RATTLE(), lm.ConstrainedEuler()]
 @pytest.mark.parametrize("h", [0.04, 0.05])
 @pytest.mark.parametrize("method", METHODS, ids=repr)
 def test_one_constraint_whose_derivative_vanishes_on_the_way(method: lm.Method, h: float) -> None:
-    """Down the line x = z, z = 1/16 - t^2/4: it is at the apex at t = 1/2, between two steps or after one."""
+    """Down the line x = z, z = 1/16 - t^2/4: it is at the apex at t = 1/2, between two steps or
+    after one.
+    """
     start = Cone().state([0.0625, 0.0, 0.0625], [0.0, 0.0, 0.0])
-    with pytest.raises(InconsistentState, match=r"nearly dependent at q = .*a dead point") as stopped:
+    with pytest.raises(
+        InconsistentState, match=r"nearly dependent at q = .*a dead point"
+    ) as stopped:
         plain(Cone(), method, start, h, 40)
     run = stopped.value.trajectory
     assert 0.4 < run.t[-1] <= 0.5
@@ -78,7 +82,10 @@ def test_too_large_a_step_is_neither() -> None:
         plain(chain, lm.RATTLE(), hung, 0.8, 20)
 
 
-@pytest.mark.parametrize(("radius", "told"), [(1.0, "redundant"), (2.0, r"contradict each other: constraint\[1\] is 1.5")])
+@pytest.mark.parametrize(
+    ("radius", "told"),
+    [(1.0, "redundant"), (2.0, r"contradict each other: constraint\[1\] is 1.5")],
+)
 def test_redundant_and_contradictory_constraints_differ(radius: float, told: str) -> None:
     """Two spheres about one centre: twice the same, or of different size."""
 

@@ -1,4 +1,6 @@
-"""Small vectors and matrices: what stands beside them, what is refused, and the same bits in every world."""
+"""Small vectors and matrices: what stands beside them, what is refused, and the same bits in every
+world.
+"""
 
 from __future__ import annotations
 
@@ -38,7 +40,9 @@ def test_sums_go_from_left_to_right() -> None:
     assert lm.sum([]) == 0.0
 
 
-@pytest.mark.parametrize("other", [[1, 2, 3], (1.0, 2.0, 3.0), np.array([1.0, 2.0, 3.0]), np.array([1, 2, 3])])
+@pytest.mark.parametrize(
+    "other", [[1, 2, 3], (1.0, 2.0, 3.0), np.array([1.0, 2.0, 3.0]), np.array([1, 2, 3])]
+)
 def test_lists_tuples_and_arrays_stand_beside_vectors(other: Any) -> None:
     w = vec(1.0, 2.0, 3.0)
     for found, expected in (
@@ -54,7 +58,14 @@ def test_lists_tuples_and_arrays_stand_beside_vectors(other: Any) -> None:
 def test_arrays_stand_beside_matrices() -> None:
     a = np.array(M)
     np.testing.assert_array_equal(a @ V, np.array(M @ V))
-    for found, expected in ((a @ M, M @ M), (M @ a, M @ M), (a + M, M + M), (M - a, M - M), (a - M, M - M), (V @ a, V @ M)):
+    for found, expected in (
+        (a @ M, M @ M),
+        (M @ a, M @ M),
+        (a + M, M + M),
+        (M - a, M - M),
+        (a - M, M - M),
+        (V @ a, V @ M),
+    ):
         assert type(found) is type(expected)
         assert found == expected
     assert V @ a @ V == V @ M @ V
@@ -76,7 +87,10 @@ def test_arrays_stand_beside_matrices() -> None:
         (lambda: cross(V, vec(1.0, 2.0, 3.0, 4.0)), "3 and 4 components"),
         (lambda: M @ vec(1.0, 2.0), r"\(3, 3\) cannot multiply one with 2 rows"),
         (lambda: M @ 2.0, r"\(3, 3\) cannot multiply float"),
-        (lambda: V @ mat(vec(1.0, 2.0), vec(3.0, 4.0)), r"3 components cannot multiply a matrix of shape \(2, 2\)"),
+        (
+            lambda: V @ mat(vec(1.0, 2.0), vec(3.0, 4.0)),
+            r"3 components cannot multiply a matrix of shape \(2, 2\)",
+        ),
         (lambda: TALL @ M, r"\(3, 2\) cannot multiply one with 3 rows"),
         (lambda: M + TALL, r"\(3, 3\) and \(3, 2\)"),
         (lambda: mat(vec(1.0, 2.0), vec(3.0)), "rows of 2, 1"),
@@ -101,7 +115,15 @@ WEIGHTS = (0.5, 0.25, 3.0)
 def all_of_it(a, b, turns):
     v = vec(a, b, 1.5)
     sums = v.sum(), lm.sum([v, 2.0 * v, v]), lm.sum(v)
-    return v**2, v**2.0, abs(v), (v * v + [1, 2, 3]) ** v, WEIGHTS * v - (1.0, a, b), v @ M @ v, sums
+    return (
+        v**2,
+        v**2.0,
+        abs(v),
+        (v * v + [1, 2, 3]) ** v,
+        WEIGHTS * v - (1.0, a, b),
+        v @ M @ v,
+        sums,
+    )
 
 
 @pytest.mark.compiled

@@ -1,4 +1,6 @@
-"""Actions of groups on spaces: their laws, the spheres, orbits and vector spaces that the library ships, and their tangents."""
+"""Actions of groups on spaces: their laws, the spheres, orbits and vector spaces that the library
+ships, and their tangents.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,12 @@ from scenes import hat
 from scipy.linalg import expm
 
 import liemech as lm
-from liemech.groups.representations import AdjointAction, Representation, RotationAction, standard_action
+from liemech.groups.representations import (
+    AdjointAction,
+    Representation,
+    RotationAction,
+    standard_action,
+)
 
 EPS = 2.0**-52
 SO3, SE3, Q, SL3 = lm.SO3(), lm.SE3(), lm.UnitQuaternions(), lm.SL(3)
@@ -45,7 +52,9 @@ def close(a: object, b: object, ulps: float = 32.0) -> bool:
 
 @each(ACTIONS)
 def test_laws(action: lm.GroupAction) -> None:
-    """(g h) . x = g . (h . x), e . x = x, the infinitesimal action is the derivative, exp_act is act of exp, points stay."""
+    """(g h) . x = g . (h . x), e . x = x, the infinitesimal action is the derivative, exp_act is
+    act of exp, points stay.
+    """
     assert lm.check_action(action)
 
 
@@ -65,7 +74,9 @@ def test_arrays_of_points_and_elements(action: lm.GroupAction) -> None:
 
 @lm.record
 class OnThePlane(lm.GroupAction):
-    """SL(2) on the projective line, one angle for a direction of the plane: what a user must write, and no more."""
+    """SL(2) on the projective line, one angle for a direction of the plane: what a user must write,
+    and no more.
+    """
 
     def act(self, g: lm.Element, x: lm.Vec) -> lm.Vec:
         denominator = g[1, 0] * x[0] + g[1, 1]
@@ -73,12 +84,16 @@ class OnThePlane(lm.GroupAction):
 
 
 def test_what_is_left_out_follows() -> None:
-    """Moebius maps x -> (a x + b)/(c x + d): at x the algebra's matrix (p, q; r, -p) moves with 2 p x + q - r x^2."""
+    """Moebius maps x -> (a x + b)/(c x + d): at x the algebra's matrix (p, q; r, -p) moves with 2 p
+    x + q - r x^2.
+    """
     action = OnThePlane(lm.SL(2))
     assert lm.check_action(action, points=[[0.3], [-0.8], [0.1]])
     xi, x = np.array([0.2, -0.5, 0.7]), np.array([0.4])
     m = lm.SL(2).algebra.hat(xi)
-    assert close(action.infinitesimal(xi, x), [2 * m[0, 0] * x[0] + m[0, 1] - m[1, 0] * x[0] ** 2], 4)
+    assert close(
+        action.infinitesimal(xi, x), [2 * m[0, 0] * x[0] + m[0, 1] - m[1, 0] * x[0] ** 2], 4
+    )
     assert action.point_shape is None
     assert action.contains(x)
     with pytest.raises(NotImplementedError, match="OnThePlane must define `point_shape`"):
@@ -113,7 +128,9 @@ def test_points_of_spheres_turn_by_the_rotation(rng: np.random.Generator) -> Non
             expected = np.array([float(a) for a in turned])
         for action in (SPHERES[0], SPHERES[2]):
             assert np.abs(action.exp_act(xi, x) - expected).max() <= 8 * EPS
-        assert np.abs(SPHERES[0].infinitesimal(xi, x) - np.cross(xi, x)).max() <= 4 * EPS * max(1.0, size)
+        assert np.abs(SPHERES[0].infinitesimal(xi, x) - np.cross(xi, x)).max() <= 4 * EPS * max(
+            1.0, size
+        )
     g, q = SO3.random(rng), Q.random(rng)
     assert close(SPHERES[0].act(g, x), g @ x)
     assert close(SPHERES[2].act(q, x), Q.matrix(q) @ x)
@@ -130,7 +147,9 @@ def test_spheres_refuse_what_is_no_point_and_no_rotation() -> None:
 
 
 def test_steps_in_the_chart_stay_on_the_sphere() -> None:
-    """x' = A(x) . x as Omega' = dexp_Omega^-1 A(exp(Omega) . x_n), by classical Runge-Kutta: order 4, and |x| = 1 to rounding."""
+    """x' = A(x) . x as Omega' = dexp_Omega^-1 A(exp(Omega) . x_n), by classical Runge-Kutta: order
+    4, and |x| = 1 to rounding.
+    """
     action, group = SPHERES[0], SO3
 
     def velocity(x: np.ndarray) -> np.ndarray:
@@ -165,12 +184,22 @@ def test_duals_are_transposes(action: Representation) -> None:
     rng = np.random.default_rng(6)
     g, xi = action.group.random(rng), rng.normal(size=action.group.dim)
     x, p = rng.normal(size=(2, action.space_dim))
-    one = {"act": g, "infinitesimal": xi, "phi1": 0.5 * xi, "phi1_inv": 0.5 * xi, "half_inverse": 0.3 * xi}
+    one = {
+        "act": g,
+        "infinitesimal": xi,
+        "phi1": 0.5 * xi,
+        "phi1_inv": 0.5 * xi,
+        "half_inverse": 0.3 * xi,
+    }
     for name, a in one.items():
         left, right = p @ getattr(action, name)(a, x), getattr(action, name + "_dual")(a, p) @ x
         assert abs(left - right) <= 64 * EPS * (abs(left) + 10), name
-    assert p @ action.exp_act(xi, x) == pytest.approx(action.exp_act_dual(xi, p) @ x, abs=64 * EPS * 10)
-    assert action.momentum(x, p) @ xi == pytest.approx(p @ action.infinitesimal(xi, x), abs=64 * EPS)
+    assert p @ action.exp_act(xi, x) == pytest.approx(
+        action.exp_act_dual(xi, p) @ x, abs=64 * EPS * 10
+    )
+    assert action.momentum(x, p) @ xi == pytest.approx(
+        p @ action.infinitesimal(xi, x), abs=64 * EPS
+    )
 
 
 @pytest.mark.sample(18)
@@ -194,7 +223,11 @@ def test_averages_by_matrices(action: Representation, size: float) -> None:
 
 
 def test_generators_span_the_orbit(rng: np.random.Generator) -> None:
-    for action, rank in ((lm.LinearAction(SL3), 3), (lm.LinearAction(SO3), 2), (lm.CoadjointAction(SE3), 4)):
+    for action, rank in (
+        (lm.LinearAction(SL3), 3),
+        (lm.LinearAction(SO3), 2),
+        (lm.CoadjointAction(SE3), 4),
+    ):
         x = action.random(rng)
         generators = action.generators(x)
         assert generators.shape == (len(x), action.group.dim)
@@ -224,7 +257,8 @@ def test_coadjoint_action_is_one_of_these(rng: np.random.Generator) -> None:
     assert action.on_same_orbit(mu, action.exp_act(xi, mu), tolerance=64 * EPS)
 
 
-# ---------------------------------------------------------------- vectors moving vectors, a group moving itself
+# ---------------------------------------------------------------- vectors moving vectors, a group
+# moving itself
 
 
 def test_translations_add_no_operation(rng: np.random.Generator) -> None:
@@ -254,10 +288,22 @@ def test_a_group_moves_itself(rng: np.random.Generator) -> None:
 
 @pytest.mark.sample(2)
 @pytest.mark.compiled
-@each([SPHERES[0], lm.LinearAction(SL3), lm.CoadjointAction(SE3), lm.TranslationAction(3), lm.LeftMultiplication(SO3)])
+@each(
+    [
+        SPHERES[0],
+        lm.LinearAction(SL3),
+        lm.CoadjointAction(SE3),
+        lm.TranslationAction(3),
+        lm.LeftMultiplication(SO3),
+    ]
+)
 def test_batches_equal_rows(action: lm.GroupAction) -> None:
     rng, n = np.random.default_rng(12), 2100
-    g, x, xi = action.group.random(rng, n), action.random(rng, n), rng.normal(size=(n, action.group.dim))
+    g, x, xi = (
+        action.group.random(rng, n),
+        action.random(rng, n),
+        rng.normal(size=(n, action.group.dim)),
+    )
     for name, a in {"act": g, "exp_act": xi, "infinitesimal": xi}.items():
         whole, some = getattr(action, name)(a, x), [0, 1, 777, n - 1]
         assert np.array_equal(whole[some], [getattr(action, name)(a[i], x[i]) for i in some]), name

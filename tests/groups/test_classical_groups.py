@@ -1,4 +1,6 @@
-"""SO(n), SL(n), GL(n), SU(n), U(n), Sp(2n) and the Heisenberg groups: bases, membership, Casimir functions, random elements."""
+"""SO(n), SL(n), GL(n), SU(n), U(n), Sp(2n) and the Heisenberg groups: bases, membership, Casimir
+functions, random elements.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,22 @@ def of(group: lm.LieGroup, name: str) -> Callable[..., Any]:
     return getattr(group if hasattr(group, name) else group.algebra, name)
 
 
-CLASSICAL = (SO(2), SO(3), SO(4), SO(5), SL(2), SL(3), GL(1), GL(2), SU(2), SU(3), U(1), U(2), Sp(2), Sp(4))
+CLASSICAL = (
+    SO(2),
+    SO(3),
+    SO(4),
+    SO(5),
+    SL(2),
+    SL(3),
+    GL(1),
+    GL(2),
+    SU(2),
+    SU(3),
+    U(1),
+    U(2),
+    Sp(2),
+    Sp(4),
+)
 GROUPS = (*CLASSICAL, Heisenberg(1), Heisenberg(2))
 WITH_CAYLEY = (SO(2), SO(3), SO(4), SL(2), SU(2), U(1), U(2), Sp(2), Sp(4), GL(2), Heisenberg(2))
 DIMENSIONS = {
@@ -43,7 +60,9 @@ def test_dimensions() -> None:
 
 @names
 def test_algebra(group: MatrixLieGroup) -> None:
-    """Antisymmetry and Jacobi; the bracket is the commutator, vee undoes hat, constants are small integers."""
+    """Antisymmetry and Jacobi; the bracket is the commutator, vee undoes hat, constants are small
+    integers.
+    """
     algebra, (xi, eta, mu) = group.algebra, samples(group)
     algebra.check()
     x, y = np.array(algebra.hat(xi)), np.array(algebra.hat(eta))
@@ -68,7 +87,11 @@ def test_elements_obey_the_defining_laws(group: MatrixLieGroup) -> None:
         if isinstance(group, Sp):
             assert np.allclose(g.T @ group.form @ g, group.form)
         assert np.allclose(np.array(group.inverse(g)) @ g, np.eye(n), atol=1e-12)
-        assert np.allclose(group.Ad_star(g, group.Ad_star(group.inverse(g), samples(group)[2])), samples(group)[2], atol=1e-10)
+        assert np.allclose(
+            group.Ad_star(g, group.Ad_star(group.inverse(g), samples(group)[2])),
+            samples(group)[2],
+            atol=1e-10,
+        )
 
 
 @pytest.mark.parametrize(
@@ -101,7 +124,9 @@ def test_exponential_logarithm_and_cayley(group: MatrixLieGroup) -> None:
         assert np.abs(group.log(group.exp(xi)) - xi).max() <= 4e-15
         if group.why_no_cayley() is None:
             one = np.eye(len(x))
-            assert np.allclose(group.cayley(xi), np.linalg.solve(one - x / 2, one + x / 2), rtol=0, atol=1e-14)
+            assert np.allclose(
+                group.cayley(xi), np.linalg.solve(one - x / 2, one + x / 2), rtol=0, atol=1e-14
+            )
             assert np.abs(group.cayley_inv(group.cayley(xi)) - xi).max() <= 4e-15
 
 
@@ -116,7 +141,9 @@ def test_who_has_a_cayley_map() -> None:
 
 @names
 def test_casimir_functions(group: MatrixLieGroup) -> None:
-    """B grad C = 0 by differences, as many independent ones as the orbits leave; and RKMK keeps them."""
+    """B grad C = 0 by differences, as many independent ones as the orbits leave; and RKMK keeps
+    them.
+    """
     mu = samples(group, 1.0)[2]
     e = 1e-5
     plus, minus = (group.casimirs(mu + s * e * np.eye(group.dim)) for s in (1, -1))
@@ -127,19 +154,25 @@ def test_casimir_functions(group: MatrixLieGroup) -> None:
     assert len(gradient) == free == np.linalg.matrix_rank(gradient, tol=1e-6)
     g = group.random(5)
     before, after = group.casimirs(mu), group.casimirs(group.Ad_star(g, mu))
-    assert np.abs(after - before).max() <= 1e-12 * max(1.0, np.abs(g).max()) ** 8 * max(1.0, np.abs(before).max())
+    assert np.abs(after - before).max() <= 1e-12 * max(1.0, np.abs(g).max()) ** 8 * max(
+        1.0, np.abs(before).max()
+    )
 
 
 @pytest.mark.parametrize("group", [SO(4), SU(2), Sp(4), Heisenberg(1)], ids=repr)
 def test_casimir_functions_along_a_motion(group: MatrixLieGroup) -> None:
     system = lm.LiePoissonSystem(group, lm.KineticEnergy(np.linspace(1.0, 2.0, group.dim)))
-    run = lm.integrate(system, lm.RKMK(order=4), system.state(samples(group)[2]), h=0.1, steps=50, compiled=False)
+    run = lm.integrate(
+        system, lm.RKMK(order=4), system.state(samples(group)[2]), h=0.1, steps=50, compiled=False
+    )
     assert np.abs(group.casimirs(run.mu) - group.casimirs(run.mu[0])).max() < 1e-13
 
 
 @names
 def test_nearest(group: MatrixLieGroup) -> None:
-    """On the group, at an element the element itself, and never farther than the element that was disturbed."""
+    """On the group, at an element the element itself, and never farther than the element that was
+    disturbed.
+    """
     rng = np.random.default_rng(8)
     g = group.random(3)
     noise = 1e-3 * rng.normal(size=g.shape)
@@ -161,7 +194,9 @@ def test_nearest_of_compact_groups_is_the_polar_factor() -> None:
 
 @pytest.mark.parametrize("group", [SO(3), SO(4), SU(2), SU(3), U(2)], ids=repr)
 def test_random_elements_are_uniform(group: MatrixLieGroup) -> None:
-    """Haar measure: the mean of |tr g|^2 is 1 (2 for none of these), that of g is 0, before and after a fixed factor."""
+    """Haar measure: the mean of |tr g|^2 is 1 (2 for none of these), that of g is 0, before and
+    after a fixed factor.
+    """
     g = group.random(7, 4000)
     h = group.random(8) @ g
     for sample in (g, h):
@@ -175,18 +210,32 @@ def test_special_cases_agree() -> None:
     xi, eta, mu = samples(SO(3))
     closed, general = lm.SO3(), SO(3)
     g = closed.exp(eta)
-    calls = {"exp": (xi,), "log": (g,), "Ad": (g, xi), "exp_Ad_star": (xi, mu), "dexp": (xi, eta), "casimirs": (mu,)}
+    calls = {
+        "exp": (xi,),
+        "log": (g,),
+        "Ad": (g, xi),
+        "exp_Ad_star": (xi, mu),
+        "dexp": (xi, eta),
+        "casimirs": (mu,),
+    }
     for name, args in calls.items():
         assert np.allclose(of(general, name)(*args), of(closed, name)(*args), rtol=0, atol=1e-15)
-    assert np.allclose(Sp(2).exp(xi), SL(2).exp(SL(2).algebra.vee(Sp(2).algebra.hat(xi))), atol=1e-15)
+    assert np.allclose(
+        Sp(2).exp(xi), SL(2).exp(SL(2).algebra.vee(Sp(2).algebra.hat(xi))), atol=1e-15
+    )
 
 
 def test_heisenberg() -> None:
-    """[Q_i, P_i] = Z and nothing else; closed forms equal those that follow from the generators; there is no invariant form."""
+    """[Q_i, P_i] = Z and nothing else; closed forms equal those that follow from the generators;
+    there is no invariant form.
+    """
     closed = Heisenberg(2)
     general = MatrixLieGroup.of(closed.generators)
     unit = np.eye(5)
-    assert np.array_equal(closed.ad(unit[1], unit[3]), unit[4]) and not closed.ad(unit[0], unit[3]).any()
+    assert (
+        np.array_equal(closed.ad(unit[1], unit[3]), unit[4])
+        and not closed.ad(unit[0], unit[3]).any()
+    )
     assert closed.algebra.invariant_form is None
     xi, eta, mu = samples(closed, 2.0)
     g = closed.exp(eta)
@@ -198,12 +247,27 @@ def test_heisenberg() -> None:
     }  # fmt: skip
     for name, args in pairs.items():
         for side in ({}, {"side": "left"}) if name[0] == "d" else ({},):
-            assert np.allclose(of(closed, name)(*args, **side), of(general, name)(*args, **side), atol=1e-13), name
+            assert np.allclose(
+                of(closed, name)(*args, **side), of(general, name)(*args, **side), atol=1e-13
+            ), name
 
 
 @pytest.mark.parametrize(
     ("cls", "n"),
-    [(SO, 1), (SO, 0), (SO, 2.5), (SO, True), (SO, "3"), (SL, 1), (SU, 1), (U, 0), (GL, 0), (Sp, 3), (Sp, 0), (Heisenberg, 0)],
+    [
+        (SO, 1),
+        (SO, 0),
+        (SO, 2.5),
+        (SO, True),
+        (SO, "3"),
+        (SL, 1),
+        (SU, 1),
+        (U, 0),
+        (GL, 0),
+        (Sp, 3),
+        (Sp, 0),
+        (Heisenberg, 0),
+    ],
 )
 def test_sizes_that_make_no_group(cls: type, n: object) -> None:
     with pytest.raises(lm.errors.InvalidInput, match=cls.__name__):

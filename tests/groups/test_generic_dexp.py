@@ -60,7 +60,11 @@ def test_mean_of_exp(size: float, side: str) -> None:
     matrix = phi1(sign * np.array(lm.SO3().algebra.hat(xi))) if size <= 40.0 else None
     for found, closed, expected in (
         (group.dexp(xi, eta, side), lm.SO3().dexp(xi, eta, side), matrix),
-        (group.algebra.dexp_dual(xi, eta, side), lm.SO3().algebra.dexp_dual(xi, eta, side), None if matrix is None else matrix.T),
+        (
+            group.algebra.dexp_dual(xi, eta, side),
+            lm.SO3().algebra.dexp_dual(xi, eta, side),
+            None if matrix is None else matrix.T,
+        ),
     ):
         assert np.abs(found - closed).max() <= (16 + 4 * size) * EPS * np.abs(eta).max()
         if expected is not None:
@@ -72,7 +76,11 @@ def test_derivatives_of_it() -> None:
     group, rng = Rotations(), np.random.default_rng(4)
     xi, eta, d = rng.normal(size=(3, 3))
     xi *= 20.0
-    slope = lm.derivative(lambda x: group.dexp(x, lm.Vec.of(eta.tolist())), lm.Vec.of(xi.tolist()), lm.Vec.of(d.tolist()))
+    slope = lm.derivative(
+        lambda x: group.dexp(x, lm.Vec.of(eta.tolist())),
+        lm.Vec.of(xi.tolist()),
+        lm.Vec.of(d.tolist()),
+    )
     h = 1e-5
     expected = (lm.SO3().dexp(xi + h * d, eta) - lm.SO3().dexp(xi - h * d, eta)) / (2 * h)
     assert np.abs(np.array(slope) - expected).max() <= 1e-9
@@ -83,5 +91,8 @@ def test_native_code_does_the_same() -> None:
     """A variational step of 2.5 rad, whose equation is dexp's dual: the same bits."""
     body = lm.LiePoissonSystem(Rotations(), lm.KineticEnergy([1.0, 1.0, 1.1]))
     start = body.state([0.1, 2.0, 1.4], np.eye(3))
-    plain, native = (lm.integrate(body, lm.CovariantVariational(), start, h=1.0, steps=3, compiled=c) for c in (False, True))
+    plain, native = (
+        lm.integrate(body, lm.CovariantVariational(), start, h=1.0, steps=3, compiled=c)
+        for c in (False, True)
+    )
     assert np.array_equal(plain.mu, native.mu)

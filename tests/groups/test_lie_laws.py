@@ -1,7 +1,9 @@
-"""The laws of groups, algebras and coadjoint actions: once, for every group, at the identity, close to it, anywhere, near pi.
+"""The laws of groups, algebras and coadjoint actions: once, for every group, at the identity, close
+to it, anywhere, near pi.
 
-Two more groups write only what a group must write: rotations again, to compare the formulas that follow from the laws with the
-closed forms, and the motions of the plane, where no closed form hides a wrong general one.
+Two more groups write only what a group must write: rotations again, to compare the formulas that
+follow from the laws with the closed forms, and the motions of the plane, where no closed form hides
+a wrong general one.
 """
 
 from __future__ import annotations
@@ -22,7 +24,8 @@ from liemech.formulas import dot
 EPS = np.finfo(float).eps
 
 
-# ---------------------------------------------------------------- groups that write only what they must
+# ---------------------------------------------------------------- groups that write only what they
+# must
 
 
 @lm.record
@@ -69,7 +72,11 @@ def plane_hat(xi: np.ndarray) -> np.ndarray:
     return np.array([[0.0, -xi[0], xi[1]], [xi[0], 0.0, xi[2]], [0.0, 0.0, 0.0]])
 
 
-HATS: dict[type, Callable[[np.ndarray], np.ndarray]] = {lm.SO3: hat, BareRotations: hat, PlaneMotions: plane_hat}
+HATS: dict[type, Callable[[np.ndarray], np.ndarray]] = {
+    lm.SO3: hat,
+    BareRotations: hat,
+    PlaneMotions: plane_hat,
+}
 GROUPS = (lm.SO3(), BareRotations(), PlaneMotions())
 SIZES = {"identity": 0.0, "1e-8": 1e-8, "random": 1.3, "near pi": math.pi - 1e-6}
 
@@ -96,7 +103,9 @@ class Case:
         return found
 
 
-@pytest.fixture(params=[(g, s) for g in GROUPS for s in SIZES], ids=lambda p: f"{type(p[0]).__name__}-{p[1]}")
+@pytest.fixture(
+    params=[(g, s) for g in GROUPS for s in SIZES], ids=lambda p: f"{type(p[0]).__name__}-{p[1]}"
+)
 def case(request: pytest.FixtureRequest) -> Case:
     group, label = request.param
     rng = np.random.default_rng([3, len(label)])
@@ -204,7 +213,9 @@ def test_exponential_coadjoint_shortcut(case: Case) -> None:
 
 
 def test_poisson_structure(case: Case) -> None:
-    """B is antisymmetric, B grad H = ad*_{grad H} mu, and the bracket {F, H} = grad F . B grad H is -<mu, [dF, dH]>."""
+    """B is antisymmetric, B grad H = ad*_{grad H} mu, and the bracket {F, H} = grad F . B grad H is
+    -<mu, [dF, dH]>.
+    """
     G, dF, dH = lm.coadjoint(case.group), case.xi[0] + 0.3, case.eta
     B = G.poisson_structure(case.mu)
     assert np.array_equal(B, -B.T)
@@ -215,7 +226,9 @@ def test_poisson_structure(case: Case) -> None:
 
 
 def test_poisson_bracket_obeys_jacobi(case: Case) -> None:
-    """sum_l dB_ij/dmu_l B_lk + cyclic = 0; B is linear in mu, so its derivative is B itself at the basis."""
+    """sum_l dB_ij/dmu_l B_lk + cyclic = 0; B is linear in mu, so its derivative is B itself at the
+    basis.
+    """
     structure = case.group.algebra.poisson_structure
     B, dB = structure(case.mu), np.stack([structure(e) for e in np.eye(3)], axis=-1)
     first = np.einsum("ijl,lk->ijk", dB, B)
@@ -229,7 +242,9 @@ def test_symplectic_form_of_the_orbit(case: Case) -> None:
     assert value == pytest.approx(np.dot(xi, G.poisson_structure(case.mu) @ case.eta), abs=32 * EPS)
     assert value == pytest.approx(-G.symplectic_form(case.mu, case.eta, xi), abs=32 * EPS)
     moved = [case.group.Ad(g, v) for v in (xi, case.eta)]
-    assert value == pytest.approx(G.symplectic_form(G.K(g, case.mu), *moved), abs=64 * EPS * (1 + case.size**2))
+    assert value == pytest.approx(
+        G.symplectic_form(G.K(g, case.mu), *moved), abs=64 * EPS * (1 + case.size**2)
+    )
 
 
 def test_orbits_of_rotations() -> None:
@@ -289,7 +304,8 @@ def test_check_accepts_an_abelian_algebra() -> None:
     Broken((zero,) * 3).check()
 
 
-# ---------------------------------------------------------------- differentials, from their definition in 50 digits
+# ---------------------------------------------------------------- differentials, from their
+# definition in 50 digits
 
 
 def mp_hat(case: Case, xi: Iterable) -> mp.matrix:
@@ -314,15 +330,26 @@ def mp_cayley(matrix: mp.matrix) -> mp.matrix:
 
 
 def by_definition(case: Case, tau: Callable, xi: np.ndarray, side: str) -> np.ndarray:
-    """The trivialised differential as a matrix: d/de tau(xi + e eta), with tau(xi)^-1 on the side named."""
+    """The trivialised differential as a matrix: d/de tau(xi + e eta), with tau(xi)^-1 on the side
+    named.
+    """
     with mp.workdps(60):
         e, here = mp.mpf(10) ** -20, tau(mp_hat(case, xi)) ** -1
         columns = []
         for unit in np.eye(3):
-            steps = [[mp.mpf(x) + s * e * int(u) for x, u in zip(xi.tolist(), unit, strict=True)] for s in (1, -1)]
+            steps = [
+                [mp.mpf(x) + s * e * int(u) for x, u in zip(xi.tolist(), unit, strict=True)]
+                for s in (1, -1)
+            ]
             plus, minus = (tau(mp_hat(case, step)) for step in steps)
             slope = (plus - minus) / (2 * e)
-            columns.append(case.vee(np.array((slope * here if side == "right" else here * slope).tolist(), dtype=float)))
+            columns.append(
+                case.vee(
+                    np.array(
+                        (slope * here if side == "right" else here * slope).tolist(), dtype=float
+                    )
+                )
+            )
     return np.stack(columns, axis=1)
 
 
@@ -360,7 +387,9 @@ def test_left_and_right_differentials(case: Case) -> None:
 
 
 def test_series_of_the_inverse_differential(case: Case) -> None:
-    """Cut after ad^q, the error is the first Bernoulli term left out; with enough terms it is the closed form."""
+    """Cut after ad^q, the error is the first Bernoulli term left out; with enough terms it is the
+    closed form.
+    """
     G, xi, eta = case.group, 0.2 * case.xi[0], case.eta
     ad = np.stack([G.ad(xi, e) for e in np.eye(3)], axis=1)
     bernoulli = (1, -1 / 2, 1 / 6, 0, -1 / 30, 0, 1 / 42, 0, -1 / 30, 0, 5 / 66, 0, -691 / 2730)
@@ -369,10 +398,13 @@ def test_series_of_the_inverse_differential(case: Case) -> None:
         total = total + b / math.factorial(q) * (np.linalg.matrix_power(ad, q) @ eta)
         assert close(G.algebra.dexp_inv_series(xi, eta, q), total)
         assert close(G.algebra.dexp_inv_series(-xi, eta, q, "left"), total)
-    assert np.abs(total - G.dexp_inv(xi, eta)).max() < 1e-12 + (case.size / 5 / 2 / math.pi) ** 14 * 4
+    assert (
+        np.abs(total - G.dexp_inv(xi, eta)).max() < 1e-12 + (case.size / 5 / 2 / math.pi) ** 14 * 4
+    )
 
 
-# ---------------------------------------------------------------- closed forms against what follows from the laws
+# ---------------------------------------------------------------- closed forms against what follows
+# from the laws
 
 
 @pytest.mark.parametrize("size", [0.0, 1e-8, 0.3, 1.58, 1.6, 3.0, 5.0])
@@ -391,9 +423,16 @@ def test_closed_forms_equal_the_general_ones(size: float) -> None:
         for side in ("right", "left"):
             assert close(closed.dexp(xi, eta, side), bare.dexp(xi, eta, side))
             assert close(closed.dexp_inv(xi, eta, side), bare.dexp_inv(xi, eta, side), 64)
-            assert close(closed.algebra.dexp_inv_dual(xi, mu, side), bare.algebra.dexp_inv_dual(xi, mu, side), 64)
+            assert close(
+                closed.algebra.dexp_inv_dual(xi, mu, side),
+                bare.algebra.dexp_inv_dual(xi, mu, side),
+                64,
+            )
             assert close(closed.algebra.dcayley(xi, eta, side), bare.algebra.dcayley(xi, eta, side))
-            assert close(closed.algebra.dcayley_inv_dual(xi, mu, side), bare.algebra.dcayley_inv_dual(xi, mu, side))
+            assert close(
+                closed.algebra.dcayley_inv_dual(xi, mu, side),
+                bare.algebra.dcayley_inv_dual(xi, mu, side),
+            )
             for terms in range(13):
                 ours = closed.algebra.dexp_inv_series(xi, eta, terms, side)
                 assert close(ours, bare.algebra.dexp_inv_series(xi, eta, terms, side), 64)
@@ -407,7 +446,11 @@ def test_a_bare_group_moves_a_body_as_the_closed_one_does() -> None:
     for group in (lm.SO3(), BareRotations()):
         system = lm.LiePoissonSystem(group, energy)
         for method in (lm.RKMK(order=4), lm.RKMK(order=4, truncation="closed")):
-            runs.append(lm.integrate(system, method, system.state(**starts), h=0.1, steps=20, compiled=False))
+            runs.append(
+                lm.integrate(
+                    system, method, system.state(**starts), h=0.1, steps=20, compiled=False
+                )
+            )
     for a, b in ((0, 2), (1, 3)):
         assert np.abs(runs[a].mu - runs[b].mu).max() < 1e-14
         assert np.abs(runs[a].g - runs[b].g).max() < 1e-14
@@ -419,7 +462,9 @@ def test_what_a_bare_group_lacks_says_so() -> None:
         bare.log(np.eye(3))
     with pytest.raises(lm.errors.IncompatibleSystem, match="PlaneMotions has no Cayley map"):
         bare.cayley(xi)
-    with pytest.raises(lm.errors.IncompatibleSystem, match=r"cannot be used on PlaneMotions.*Exponential"):
+    with pytest.raises(
+        lm.errors.IncompatibleSystem, match=r"cannot be used on PlaneMotions.*Exponential"
+    ):
         lm.Cayley().require(bare)
     assert bare.casimirs(xi).shape == (0,)
     assert dot(lm.vec(1.0, 2.0), lm.vec(3.0, 4.0)) == 11.0

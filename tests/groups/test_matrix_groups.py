@@ -1,4 +1,6 @@
-"""Groups from generators alone: SO(3) against its closed forms, others against definitions; what is refused, and why."""
+"""Groups from generators alone: SO(3) against its closed forms, others against definitions; what is
+refused, and why.
+"""
 
 from __future__ import annotations
 
@@ -40,13 +42,19 @@ class Plane(MatrixLieGroup):
     """SE(2), decorated."""
 
     generators = np.array(
-        [[[0, -1, 0], [1, 0, 0], [0, 0, 0]], [[0, 0, 1], [0, 0, 0], [0, 0, 0]], [[0, 0, 0], [0, 0, 1], [0, 0, 0]]],
+        [
+            [[0, -1, 0], [1, 0, 0], [0, 0, 0]],
+            [[0, 0, 1], [0, 0, 0], [0, 0, 0]],
+            [[0, 0, 0], [0, 0, 1], [0, 0, 0]],
+        ],
     )
 
 
 @lm.record
 class Scaled(MatrixLieGroup):
-    """SO(3) with generators that depend on a field: the structure constants are 1/size, irrational for sqrt(2)."""
+    """SO(3) with generators that depend on a field: the structure constants are 1/size, irrational
+    for sqrt(2).
+    """
 
     size: int = 2
 
@@ -64,19 +72,40 @@ class Affine(MatrixLieGroup):
 class Triangular(MatrixLieGroup):
     """Upper triangular matrices: known by no form, only by g E g^-1."""
 
-    generators = np.array([[[1.0, 0.0], [0.0, 0.0]], [[0.0, 1.0], [0.0, 0.0]], [[0.0, 0.0], [0.0, 1.0]]])
+    generators = np.array(
+        [[[1.0, 0.0], [0.0, 0.0]], [[0.0, 1.0], [0.0, 0.0]], [[0.0, 0.0], [0.0, 1.0]]]
+    )
 
 
 GIVEN = MatrixLieGroup.of(Plane.generators)
-GROUPS = (Rotations(), Plane(), Scaled(2), Affine(), Triangular(), SO(4), SL(2), SL(3), SU(2), SU(3), Sp(4), GIVEN)
-METHODS = (lm.RKMK(order=4), lm.CovariantVariational(lm.Cayley()), lm.CovariantVariational(lm.Exponential()))
+GROUPS = (
+    Rotations(),
+    Plane(),
+    Scaled(2),
+    Affine(),
+    Triangular(),
+    SO(4),
+    SL(2),
+    SL(3),
+    SU(2),
+    SU(3),
+    Sp(4),
+    GIVEN,
+)
+METHODS = (
+    lm.RKMK(order=4),
+    lm.CovariantVariational(lm.Cayley()),
+    lm.CovariantVariational(lm.Exponential()),
+)
 names = pytest.mark.parametrize("group", GROUPS, ids=repr)
 sizes = pytest.mark.parametrize("size", [0.0, 1e-8, 0.1, 1.0, 3.0, 6.0])
 
 
 def samples(group: lm.LieGroup, size: float) -> tuple[np.ndarray, ...]:
     """A velocity of a given length, another one and a momentum of length about 1."""
-    xi, eta, mu = np.random.default_rng(group.dim).normal(size=(3, group.dim)) / math.sqrt(group.dim)
+    xi, eta, mu = np.random.default_rng(group.dim).normal(size=(3, group.dim)) / math.sqrt(
+        group.dim
+    )
     return xi * (size / np.linalg.norm(xi)), eta, mu
 
 
@@ -100,7 +129,16 @@ def test_rotations_from_generators_equal_the_closed_forms(size: float) -> None:
     }  # fmt: skip
     for name, args in calls.items():
         assert close(of(group, name)(*args), of(closed, name)(*args), 16), name
-    for name in ("dexp", "dexp_inv", "dexp_dual", "dexp_inv_dual", "dcayley", "dcayley_inv", "dcayley_dual", "dcayley_inv_dual"):
+    for name in (
+        "dexp",
+        "dexp_inv",
+        "dexp_dual",
+        "dexp_inv_dual",
+        "dcayley",
+        "dcayley_inv",
+        "dcayley_dual",
+        "dcayley_inv_dual",
+    ):
         for side in ("right", "left"):
             assert close(of(group, name)(xi, mu, side), of(closed, name)(xi, mu, side), 64), name
     if size <= 3.0:
@@ -114,19 +152,36 @@ def test_rotations_from_generators_move_a_body_as_the_closed_forms_do(method: lm
     runs = []
     for group in (lm.SO3(), Rotations()):
         system = lm.LiePoissonSystem(group, lm.KineticEnergy([1.0, 1.5, 2.0]))
-        runs.append(lm.integrate(system, method, system.state([0.4, -0.5, 0.7], np.eye(3)), h=0.1, steps=1000))
-    assert np.abs(runs[0].mu - runs[1].mu).max() < 3e-14  # the rounding of a thousand steps, of both
+        runs.append(
+            lm.integrate(
+                system, method, system.state([0.4, -0.5, 0.7], np.eye(3)), h=0.1, steps=1000
+            )
+        )
+    # the rounding of a thousand steps, of both
+    assert np.abs(runs[0].mu - runs[1].mu).max() < 3e-14
     assert np.abs(runs[0].g - runs[1].g).max() < 1e-13  # of which the angles are the sums
 
 
 @pytest.mark.parametrize("angle", [3.1, math.pi - 1e-3, math.pi - 1e-6, math.pi - 1e-9, math.pi])
 def test_logarithm_near_half_a_turn(angle: float) -> None:
-    """No digit is lost, though the square root of such a matrix is as ill-conditioned as can be; at pi either sign will do."""
+    """No digit is lost, though the square root of such a matrix is as ill-conditioned as can be; at
+    pi either sign will do.
+    """
     axis = np.array([1.0, -2.0, 3.0]) / math.sqrt(14)
     for group in (Rotations(), SO(3)):
         found = group.log(lm.SO3().exp(angle * axis))
-        assert min(np.abs(found - angle * axis).max(), np.abs(found + angle * axis).max() + (angle < 3.14159) * 9) < 4e-15
-    assert np.allclose(SO(4).exp(SO(4).log(np.diag([-1.0, -1.0, 1.0, 1.0]))), np.diag([-1.0, -1.0, 1.0, 1.0]), atol=1e-14)
+        assert (
+            min(
+                np.abs(found - angle * axis).max(),
+                np.abs(found + angle * axis).max() + (angle < 3.14159) * 9,
+            )
+            < 4e-15
+        )
+    assert np.allclose(
+        SO(4).exp(SO(4).log(np.diag([-1.0, -1.0, 1.0, 1.0]))),
+        np.diag([-1.0, -1.0, 1.0, 1.0]),
+        atol=1e-14,
+    )
 
 
 # ---------------------------------------------------------------- any group
@@ -136,14 +191,18 @@ def test_logarithm_near_half_a_turn(angle: float) -> None:
 @names
 @sizes
 def test_definitions(group: MatrixLieGroup, size: float) -> None:
-    """exp is that of matrices, Ad conjugation, Ad* its transpose, dexp the series of ad, each to rounding."""
+    """exp is that of matrices, Ad conjugation, Ad* its transpose, dexp the series of ad, each to
+    rounding.
+    """
     xi, eta, mu = samples(group, size)
     algebra = group.algebra
     x, y = np.array(algebra.hat(xi)), np.array(algebra.hat(eta))
     g = np.array(group.exp(xi))
     scale = np.linalg.cond(g)
     assert np.abs(g - expm(x)).max() <= 1e-12 * np.abs(g).max()
-    assert np.allclose(algebra.hat(group.Ad(g, eta)), g @ y @ np.linalg.inv(g), rtol=0, atol=1e-14 * scale**2)
+    assert np.allclose(
+        algebra.hat(group.Ad(g, eta)), g @ y @ np.linalg.inv(g), rtol=0, atol=1e-14 * scale**2
+    )
     assert abs(group.Ad_star(g, mu) @ eta - mu @ group.Ad(g, eta)) <= 1e-14 * scale**2
     ad = np.stack([group.ad(xi, e) for e in np.eye(group.dim)], axis=1)
     block = np.block([[ad, np.eye(group.dim)], [np.zeros_like(ad), np.zeros_like(ad)]])
@@ -155,7 +214,9 @@ def test_definitions(group: MatrixLieGroup, size: float) -> None:
     assert np.abs(group.dexp(xi, eta, "left") - group.dexp(-xi, eta)).max() == 0.0
     if np.linalg.cond(phi) < 1e4:
         assert np.abs(group.dexp_inv(xi, phi @ eta) - eta).max() <= size_of * np.linalg.cond(phi)
-        assert np.abs(group.algebra.dexp_inv_dual(xi, phi.T @ mu) - mu).max() <= size_of * np.linalg.cond(phi)
+        assert np.abs(
+            group.algebra.dexp_inv_dual(xi, phi.T @ mu) - mu
+        ).max() <= size_of * np.linalg.cond(phi)
     assert np.abs(group.compose_exp(g, -xi) - np.eye(len(x))).max() <= 1e-14 * scale**2
     assert group.defect(g) < 1e-12 * scale
     if size <= 1.0:
@@ -179,9 +240,16 @@ def test_cayley_family(group: MatrixLieGroup, size: float) -> None:
     assert group.defect(g) < 1e-14
     assert close(group.cayley_inv(g), xi)
     assert close(group.algebra.hat(group.algebra.dcayley(xi, eta)), left @ y @ right)
-    assert close(group.algebra.hat(group.algebra.dcayley_inv(xi, eta)), (one - x / 2) @ y @ (one + x / 2))
-    assert abs(group.algebra.dcayley_dual(xi, mu) @ eta - mu @ group.algebra.dcayley(xi, eta)) < 1e-14
-    assert abs(group.algebra.dcayley_inv_dual(xi, mu) @ eta - mu @ group.algebra.dcayley_inv(xi, eta)) < 1e-14
+    assert close(
+        group.algebra.hat(group.algebra.dcayley_inv(xi, eta)), (one - x / 2) @ y @ (one + x / 2)
+    )
+    assert (
+        abs(group.algebra.dcayley_dual(xi, mu) @ eta - mu @ group.algebra.dcayley(xi, eta)) < 1e-14
+    )
+    assert (
+        abs(group.algebra.dcayley_inv_dual(xi, mu) @ eta - mu @ group.algebra.dcayley_inv(xi, eta))
+        < 1e-14
+    )
     assert close(group.algebra.cayley_Ad_star(xi, mu), group.Ad_star(g, mu))
     assert close(group.compose_cayley(g, xi), g @ g)
 
@@ -198,19 +266,34 @@ def test_mismatches(group: MatrixLieGroup, size: float) -> None:
     for mismatch, fitting, tolerance in maps:
         assert np.abs(np.array(mismatch(xi, fitting, mu)[0])).max() < 1e-14
         _, by_p, by_xi = mismatch(xi, p, mu)
-        assert np.abs(np.array(by_xi) - np.array(jacobian(lambda x, m=mismatch: m(x, p, mu)[0], xi))).max() < tolerance
+        assert (
+            np.abs(
+                np.array(by_xi) - np.array(jacobian(lambda x, m=mismatch: m(x, p, mu)[0], xi))
+            ).max()
+            < tolerance
+        )
         of_p = np.array(jacobian(lambda q, m=mismatch: m(xi, q, mu)[0], p))
-        assert np.allclose(of_p, by_p * np.eye(group.dim) if isinstance(by_p, float) else np.array(by_p), atol=1e-14)
+        assert np.allclose(
+            of_p,
+            by_p * np.eye(group.dim) if isinstance(by_p, float) else np.array(by_p),
+            atol=1e-14,
+        )
 
 
 def test_structure_constants_are_clean() -> None:
     """Integers and small fractions exactly, irrational numbers untouched."""
-    assert np.array_equal(Rotations().algebra.structure_constants, lm.SO3Algebra().structure_constants)
+    assert np.array_equal(
+        Rotations().algebra.structure_constants, lm.SO3Algebra().structure_constants
+    )
     c = np.array(Scaled(2).algebra.structure_constants)
-    assert np.allclose(c, math.sqrt(0.5) * np.array(lm.SO3Algebra().structure_constants), rtol=4 * EPS, atol=0)
+    assert np.allclose(
+        c, math.sqrt(0.5) * np.array(lm.SO3Algebra().structure_constants), rtol=4 * EPS, atol=0
+    )
     values = np.array([1 - EPS / 2, 1 / 3 + EPS / 8, 1e-17, math.pi, math.sqrt(2) / 3, -0.5])
     assert np.array_equal(clean(values), [1.0, 1 / 3, 0.0, math.pi, math.sqrt(2) / 3, -0.5])
-    mixed = np.einsum("ij,jab->iab", [[1.0, 1.0, 0.0], [0.0, 1.0, 1.0], [1.0, 0.0, 1.0]], Rotations.generators)
+    mixed = np.einsum(
+        "ij,jab->iab", [[1.0, 1.0, 0.0], [0.0, 1.0, 1.0], [1.0, 0.0, 1.0]], Rotations.generators
+    )
     c = 2.0 * np.array(MatrixLieGroup.of(mixed).algebra.structure_constants)
     assert np.array_equal(c, np.round(c))
 
@@ -237,7 +320,9 @@ def test_structure_constants_are_clean() -> None:
 )
 def test_membership_found_from_generators(group: MatrixLieGroup, matrix: np.ndarray) -> None:
     """Elements pass, what breaks an invariant does not; formula and words agree."""
-    assert not group.contains(matrix) and group.objection(np.asarray(matrix, dtype=group.generated.generators.dtype))
+    assert not group.contains(matrix) and group.objection(
+        np.asarray(matrix, dtype=group.generated.generators.dtype)
+    )
     elements = group.random(3, 5)
     assert group.contains(elements).all() and group.defect(elements).max() < 1e-11
     assert group.objection(elements[0]) is None
@@ -258,7 +343,11 @@ def test_membership_found_from_generators(group: MatrixLieGroup, matrix: np.ndar
         ([[[1.0], [0.0, 0.0]]], lm.errors.InvalidInput, "ragged"),
         (np.array([np.eye(2), 2 * np.eye(2)]), lm.errors.LawViolation, "rank 1"),
         (np.array([np.zeros((2, 2))]), lm.errors.LawViolation, "rank 0"),
-        (np.array([[[0.0, 1.0], [0.0, 0.0]], [[0.0, 0.0], [1.0, 0.0]]]), lm.errors.LawViolation, "generators 1 and 2"),
+        (
+            np.array([[[0.0, 1.0], [0.0, 0.0]], [[0.0, 0.0], [1.0, 0.0]]]),
+            lm.errors.LawViolation,
+            "generators 1 and 2",
+        ),
     ],
 )
 def test_bad_generators(generators: object, error: type[Exception], words: str) -> None:
@@ -288,9 +377,18 @@ def test_logarithm_outside_the_image_of_exp() -> None:
 @pytest.mark.parametrize(
     ("group", "method"),
     [
-        *((Rotations(), METHODS[0]), (SL(2), METHODS[0]), (GIVEN, METHODS[0]), (SU(2), METHODS[1]), (Rotations(), METHODS[2])),
+        *(
+            (Rotations(), METHODS[0]),
+            (SL(2), METHODS[0]),
+            (GIVEN, METHODS[0]),
+            (SU(2), METHODS[1]),
+            (Rotations(), METHODS[2]),
+        ),
         *(slow(group, METHODS[0]) for group in (SO(4), SU(2), Heisenberg(1))),
-        *(slow(*pair) for pair in ((Rotations(), METHODS[1]), (SU(2), METHODS[2]), (SO(4), METHODS[1]))),
+        *(
+            slow(*pair)
+            for pair in ((Rotations(), METHODS[1]), (SU(2), METHODS[2]), (SO(4), METHODS[1]))
+        ),
     ],
 )
 def test_plain_and_compiled_give_the_same_bits(group: MatrixLieGroup, method: lm.Method) -> None:
@@ -323,9 +421,13 @@ def test_an_ensemble_moves_as_its_bodies_do() -> None:
     group = SO(4)
     system = lm.LiePoissonSystem(group, lm.KineticEnergy(np.linspace(1.0, 2.0, 6)))
     mu = np.random.default_rng(4).normal(size=(9, 6)) * np.geomspace(1e-6, 40.0, 9)[:, None]
-    many = lm.integrate(system, lm.RKMK(order=2), system.state(mu, np.eye(4)), h=0.1, steps=5, compiled=True)
+    many = lm.integrate(
+        system, lm.RKMK(order=2), system.state(mu, np.eye(4)), h=0.1, steps=5, compiled=True
+    )
     for i in (0, 5, 8):
-        one = lm.integrate(system, lm.RKMK(order=2), system.state(mu[i], np.eye(4)), h=0.1, steps=5, compiled=False)
+        one = lm.integrate(
+            system, lm.RKMK(order=2), system.state(mu[i], np.eye(4)), h=0.1, steps=5, compiled=False
+        )
         assert same_bits(np.ascontiguousarray(many.mu[:, i]), one.mu)
         assert same_bits(np.ascontiguousarray(many.g[:, i]), one.g)
 

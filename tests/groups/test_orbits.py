@@ -1,4 +1,6 @@
-"""Coadjoint orbits: which momenta share one, how many dimensions it has, its tangents, its brackets; Casimirs of generators."""
+"""Coadjoint orbits: which momenta share one, how many dimensions it has, its tangents, its
+brackets; Casimirs of generators.
+"""
 
 from __future__ import annotations
 
@@ -23,12 +25,16 @@ GENERIC = (
     (lm.ProductGroup(SO3, lm.SE2()), 4, 2), (from_generators(lm.SO(3)), 2, 1), (from_generators(SO4), 4, 2),
     (from_generators(lm.SU(3)), 6, 2), (from_generators(lm.GL(3)), 6, 3), (from_generators(lm.Heisenberg()), 2, 1),
 )  # fmt: skip
-each = partial(pytest.mark.parametrize, "group, orbit, casimirs", GENERIC, ids=lambda x: repr(x)[:40])()
+each = partial(
+    pytest.mark.parametrize, "group, orbit, casimirs", GENERIC, ids=lambda x: repr(x)[:40]
+)()
 
 
 @each
 def test_generic_orbits(group: lm.LieGroup, orbit: int, casimirs: int) -> None:
-    """dim = orbit + isotropy; Casimirs are constant on it, independent, and their differentials span the isotropy."""
+    """dim = orbit + isotropy; Casimirs are constant on it, independent, and their differentials
+    span the isotropy.
+    """
     action, rng = lm.coadjoint(group), np.random.default_rng(5)
     mu = rng.normal(size=group.dim)
     tangent, isotropy = action.tangent(mu), action.isotropy(mu)
@@ -39,11 +45,17 @@ def test_generic_orbits(group: lm.LieGroup, orbit: int, casimirs: int) -> None:
         assert np.abs(group.ad_star(xi, mu)).max() <= 64 * 2.0**-52 * size
     for xi in np.eye(group.dim):  # tangent vectors ad*_xi mu have no part outside the span
         moved = group.ad_star(xi, mu)
-        rest = moved - np.linalg.lstsq(tangent.T, moved, rcond=None)[0] @ tangent if orbit else moved
+        rest = (
+            moved - np.linalg.lstsq(tangent.T, moved, rcond=None)[0] @ tangent if orbit else moved
+        )
         assert np.abs(rest).max() <= 1e-13 * size
     slopes = np.array(lm.jacobian(group.casimirs, mu))
     assert len(slopes) == casimirs
-    assert np.linalg.matrix_rank(np.vstack([slopes, isotropy]), tol=1e-10) == np.linalg.matrix_rank(slopes, tol=1e-10) == casimirs
+    assert (
+        np.linalg.matrix_rank(np.vstack([slopes, isotropy]), tol=1e-10)
+        == np.linalg.matrix_rank(slopes, tol=1e-10)
+        == casimirs
+    )
 
 
 @pytest.mark.sample(6)
@@ -54,7 +66,8 @@ def test_random_momenta_of_one_orbit(group: lm.LieGroup, orbit: int, casimirs: i
     for nu in action.random_on_orbit(mu, rng, size=4):
         assert action.on_same_orbit(mu, nu)
         assert action.on_same_orbit(2.0**-700 * mu, 2.0**-700 * nu)
-    off = action.isotropy(mu)[0]  # a differential of Casimirs leads off the orbit where it does not vanish on itself
+    # a differential of Casimirs leads off the orbit where it does not vanish on itself
+    off = action.isotropy(mu)[0]
     away = mu + 1e-6 * (np.array(lm.jacobian(group.casimirs, mu))[0] if abs(off @ off) else off)
     assert not action.on_same_orbit(mu, away)
     assert not action.on_same_orbit(mu, 0.0 * mu)
@@ -62,7 +75,9 @@ def test_random_momenta_of_one_orbit(group: lm.LieGroup, orbit: int, casimirs: i
 
 
 def test_wrench_without_pitch_in_all_units() -> None:
-    """Pi . P = 0: the Casimir is zero up to rounding, which is measured by |Pi| |P|; units of Pi and P are any."""
+    """Pi . P = 0: the Casimir is zero up to rounding, which is measured by |Pi| |P|; units of Pi
+    and P are any.
+    """
     action, rng = lm.coadjoint(SE3), np.random.default_rng(1)
     for _ in range(40):
         Pi, P = rng.normal(size=(2, 3))
@@ -75,7 +90,9 @@ def test_wrench_without_pitch_in_all_units() -> None:
 
 
 def test_orbits_of_less_dimension() -> None:
-    """se(3)* with P = 0: spheres of Pi, two dimensions.  so(4)* has 2-spheres too.  se(2)* and Heisenberg: points."""
+    """se(3)* with P = 0: spheres of Pi, two dimensions.  so(4)* has 2-spheres too.  se(2)* and
+    Heisenberg: points.
+    """
     action = lm.coadjoint(SE3)
     assert not action.on_same_orbit([1.0, 0, 0, 0, 0, 0], [5.0, 0, 0, 0, 0, 0])
     assert action.on_same_orbit([1.0, 0, 0, 0, 0, 0], [0.0, 0, -1.0, 0, 0, 0])
@@ -89,7 +106,9 @@ def test_orbits_of_less_dimension() -> None:
 
 @pytest.mark.parametrize("n", [2, 4, 6, 8])
 def test_mirror_images_of_even_rotations(n: int) -> None:
-    """K by a reflection keeps all traces of powers and changes the sign of the Pfaffian, whose square is the determinant."""
+    """K by a reflection keeps all traces of powers and changes the sign of the Pfaffian, whose
+    square is the determinant.
+    """
     group, rng = lm.SO(n), np.random.default_rng(n)
     mu = rng.normal(size=group.dim)
     m = group.algebra.hat(mu)
@@ -99,7 +118,9 @@ def test_mirror_images_of_even_rotations(n: int) -> None:
     assert group.casimirs(mu)[-1] ** 2 == pytest.approx(np.linalg.det(m), rel=1e-10)
     assert not lm.coadjoint(group).on_same_orbit(mu, nu)
     if n == 4:
-        assert group.casimirs(mu)[-1] == pytest.approx(mu[0] * mu[5] - mu[1] * mu[4] + mu[2] * mu[3], rel=1e-13)
+        assert group.casimirs(mu)[-1] == pytest.approx(
+            mu[0] * mu[5] - mu[1] * mu[4] + mu[2] * mu[3], rel=1e-13
+        )
         assert not lm.coadjoint(from_generators(group)).on_same_orbit(mu, nu)
 
 
@@ -111,7 +132,9 @@ def test_spheres_of_generators() -> None:
 
 
 def test_refused_where_it_is_not_known() -> None:
-    """sp(2)*: mu and -mu on the two sheets of a hyperboloid have one Casimir, and no element leads from one to the other."""
+    """sp(2)*: mu and -mu on the two sheets of a hyperboloid have one Casimir, and no element leads
+    from one to the other.
+    """
     group = lm.Sp(2)
     m = np.array([[0.0, 1.0], [-1.0, 0.0]])
     mu = group.algebra.pairing(m)
@@ -121,15 +144,22 @@ def test_refused_where_it_is_not_known() -> None:
 
 
 def test_brackets_of_functions() -> None:
-    """{mu_1, mu_2} = -mu_3; {F, H} is the rate of F along a motion; Jacobi; Casimirs commute with all."""
+    """{mu_1, mu_2} = -mu_3; {F, H} is the rate of F along a motion; Jacobi; Casimirs commute with
+    all.
+    """
     bracket, rng = lm.coadjoint(SO3).poisson_bracket, np.random.default_rng(2)
     mu = rng.normal(size=3)
-    first, second, third = (lambda m, i=i: m[i] * m[(i + 1) % 3] ** 2 + np.pi * m[i] for i in range(3))
+    first, second, third = (
+        lambda m, i=i: m[i] * m[(i + 1) % 3] ** 2 + np.pi * m[i] for i in range(3)
+    )
     assert bracket(lambda m: m[0], lambda m: m[1])(mu) == -mu[2]
     body = lm.RigidBody([1.0, 1.5, 2.0])
     rate = np.dot(lm.gradient(first, mu), np.cross(mu, mu / [1.0, 1.5, 2.0]))
     assert bracket(first, body.hamiltonian.energy)(mu) == pytest.approx(rate, rel=1e-14)
-    cyclic = [bracket(a, bracket(b, c))(mu) for a, b, c in ((first, second, third), (second, third, first), (third, first, second))]
+    cyclic = [
+        bracket(a, bracket(b, c))(mu)
+        for a, b, c in ((first, second, third), (second, third, first), (third, first, second))
+    ]
     assert abs(sum(cyclic)) <= 1e-14 * max(map(abs, cyclic))
     assert abs(bracket(first, lambda m: SO3.casimirs(m)[0])(mu)) <= 1e-15
     with pytest.raises(lm.errors.InvalidType, match="F must be a formula of momenta"):
@@ -145,9 +175,14 @@ def test_bad_momenta_are_named() -> None:
         action.isotropy([1.0, 2.0, 3.0, np.nan, 0.0, 0.0])
 
 
-@pytest.mark.parametrize("mu, why", [((), "shape"), ([1.0, 2.0], "shape"), (len, "real numbers"), ([np.nan] * 6, "finite")])
+@pytest.mark.parametrize(
+    "mu, why",
+    [((), "shape"), ([1.0, 2.0], "shape"), (len, "real numbers"), ([np.nan] * 6, "finite")],
+)
 def test_further_invariants_are_of_one_momentum(mu: object, why: str) -> None:
-    with pytest.raises((lm.errors.InvalidInput, lm.errors.InvalidType), match=f"SE3.further_invariants: mu.*{why}"):
+    with pytest.raises(
+        (lm.errors.InvalidInput, lm.errors.InvalidType), match=f"SE3.further_invariants: mu.*{why}"
+    ):
         lm.SE3().further_invariants(mu)
 
 

@@ -1,4 +1,6 @@
-"""Vector spaces, direct and semidirect products: the laws of groups, each part as it is on its own, and rigid motions twice."""
+"""Vector spaces, direct and semidirect products: the laws of groups, each part as it is on its own,
+and rigid motions twice.
+"""
 
 from __future__ import annotations
 
@@ -156,7 +158,9 @@ def test_complex_factors_are_real_numbers_in_the_product() -> None:
 def test_products_name_the_factor_at_fault() -> None:
     group = PRODUCTS[0]
     off = group.join(np.diag([1.0, 1.0, -1.0]), np.zeros(3))
-    with pytest.raises(lm.errors.InvalidInput, match=r"in factor 1, SO3\(\), its determinant is -1"):
+    with pytest.raises(
+        lm.errors.InvalidInput, match=r"in factor 1, SO3\(\), its determinant is -1"
+    ):
         group.inverse(off)
     assert not group.contains(off)
     assert group.contains(group.nearest(group.join(np.diag([1.0, 1.0, -0.9]), np.zeros(3))))
@@ -184,13 +188,24 @@ def test_products_name_the_factor_at_fault() -> None:
 
 def test_a_product_moves_as_its_factors_do_on_their_own() -> None:
     group = lm.ProductGroup(SO3, SO3)
-    mu, moments = np.array([0.4, -0.5, 0.7, 1.0, 0.2, -0.3]), np.array([1.0, 1.6, 2.3, 0.5, 0.8, 1.1])
-    for method in (lm.RKMK(order=4), lm.CovariantVariational(lm.Exponential()), lm.CovariantVariational(lm.Cayley())):
+    mu, moments = (
+        np.array([0.4, -0.5, 0.7, 1.0, 0.2, -0.3]),
+        np.array([1.0, 1.6, 2.3, 0.5, 0.8, 1.1]),
+    )
+    for method in (
+        lm.RKMK(order=4),
+        lm.CovariantVariational(lm.Exponential()),
+        lm.CovariantVariational(lm.Cayley()),
+    ):
         both = lm.LiePoissonSystem(group, lm.KineticEnergy(moments))
-        run = lm.integrate(both, method, both.state(mu, group.identity()), h=0.1, steps=50, compiled=False)
+        run = lm.integrate(
+            both, method, both.state(mu, group.identity()), h=0.1, steps=50, compiled=False
+        )
         for half in (slice(0, 3), slice(3, 6)):
             one = lm.LiePoissonSystem(SO3, lm.KineticEnergy(moments[half]))
-            alone = lm.integrate(one, method, one.state(mu[half], np.eye(3)), h=0.1, steps=50, compiled=False)
+            alone = lm.integrate(
+                one, method, one.state(mu[half], np.eye(3)), h=0.1, steps=50, compiled=False
+            )
             assert np.abs(alone.mu - run.mu[:, half]).max() <= 64 * EPS
             assert np.abs(alone.g - group.split(run.g)[half.start // 3]).max() <= 64 * EPS
 
@@ -224,11 +239,23 @@ def test_compiled_runs_equal_plain_ones(group: lm.LieGroup, method: lm.Method) -
 @each([PRODUCTS[0], RIGID])
 def test_batches_equal_rows(group: lm.LieGroup) -> None:
     rng, n = np.random.default_rng(11), 2100
-    g, xi, eta = group.random(rng, n), 0.8 * rng.normal(size=(n, group.dim)), rng.normal(size=(n, group.dim))
-    arguments = {"exp": (xi,), "log": (g,), "compose": (g, g[::-1]), "Ad_star": (g, eta), "dexp_inv_dual": (xi, eta)}
+    g, xi, eta = (
+        group.random(rng, n),
+        0.8 * rng.normal(size=(n, group.dim)),
+        rng.normal(size=(n, group.dim)),
+    )
+    arguments = {
+        "exp": (xi,),
+        "log": (g,),
+        "compose": (g, g[::-1]),
+        "Ad_star": (g, eta),
+        "dexp_inv_dual": (xi, eta),
+    }
     for name, args in arguments.items():
         whole, some = of(group, name)(*args), [0, 1, 777, n - 1]
-        assert np.array_equal(whole[some], [of(group, name)(*(a[i] for a in args)) for i in some]), name
+        assert np.array_equal(
+            whole[some], [of(group, name)(*(a[i] for a in args)) for i in some]
+        ), name
     g[5] *= 1.1
     with pytest.raises(lm.errors.InvalidInput, match=r"g\[5\] is not in"):
         group.log(g)
@@ -261,8 +288,12 @@ def as_matrix(g: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("side", ["right", "left"])
 @pytest.mark.parametrize("size", SIZES)
 @each([SEMIDIRECT[0], SEMIDIRECT[1]])
-def test_rigid_motions_once_more(group: lm.SemidirectProduct, size: float, side: str, rng: np.random.Generator) -> None:
-    """Every map is that of SE3, in the same coordinates; near a whole turn dexp^-1 has a condition number of 75."""
+def test_rigid_motions_once_more(
+    group: lm.SemidirectProduct, size: float, side: str, rng: np.random.Generator
+) -> None:
+    """Every map is that of SE3, in the same coordinates; near a whole turn dexp^-1 has a condition
+    number of 75.
+    """
     for xi in screws(size):
         eta, mu = rng.normal(size=(2, 6))
         g = group.random(rng)
@@ -278,10 +309,21 @@ def test_rigid_motions_once_more(group: lm.SemidirectProduct, size: float, side:
             assert close(of(group, name)(g, mu), of(SE3, name)(m, mu)), name
         for name in ("ad", "ad_star", "exp_Ad_star", "cayley_Ad_star"):
             assert close(of(group, name)(xi, mu), of(SE3, name)(xi, mu)), name
-        for name in ("dexp", "dexp_dual", "dcayley", "dcayley_dual", "dcayley_inv", "dcayley_inv_dual"):
+        for name in (
+            "dexp",
+            "dexp_dual",
+            "dcayley",
+            "dcayley_dual",
+            "dcayley_inv",
+            "dcayley_inv_dual",
+        ):
             assert close(of(group, name)(xi, eta, side), of(SE3, name)(xi, eta, side), 64), name
         for name in ("dexp_inv", "dexp_inv_dual"):
-            assert close(of(group, name)(xi, eta, side), of(SE3, name)(xi, eta, side), 64 if size < 6 else 8192), name
+            assert close(
+                of(group, name)(xi, eta, side),
+                of(SE3, name)(xi, eta, side),
+                64 if size < 6 else 8192,
+            ), name
     assert close(group.algebra.structure_constants, SE3.algebra.structure_constants)
 
 
@@ -289,7 +331,8 @@ def test_casimirs_of_rigid_motions(rng: np.random.Generator) -> None:
     mu = rng.normal(size=6)
     for group in (RIGID, lm.SemidirectProduct(Q)):
         assert close(group.casimirs(mu), SE3.casimirs(mu))
-    tangent = lm.SemidirectProduct(SO3, AdjointAction(SO3)).casimirs(mu)  # of C = |p|^2: dC(p) . mu = 2 p . mu
+    # of C = |p|^2: dC(p) . mu = 2 p . mu
+    tangent = lm.SemidirectProduct(SO3, AdjointAction(SO3)).casimirs(mu)
     assert close(tangent, [1.0, 2.0] * SE3.casimirs(mu))
 
 
@@ -317,7 +360,9 @@ def mp_phi1(a: np.ndarray, exact: list[mp.mpf], basis: list[np.ndarray]) -> mp.m
 @pytest.mark.sample(5)
 @pytest.mark.parametrize("size", [0.0, 1e-8, 1e-3, 0.9, 1.1, 3.0, 6.2])
 @each([RIGID, SEMIDIRECT[3], SEMIDIRECT[4]])
-def test_dexp_and_its_inverses_by_definition_in_50_digits(group: lm.SemidirectProduct, size: float) -> None:
+def test_dexp_and_its_inverses_by_definition_in_50_digits(
+    group: lm.SemidirectProduct, size: float
+) -> None:
     """phi1 of the matrix of ad; large vectors beside small velocities lose nothing."""
     rng = np.random.default_rng(5)
     n, k = group.acting.dim, group.action.space_dim
@@ -330,18 +375,33 @@ def test_dexp_and_its_inverses_by_definition_in_50_digits(group: lm.SemidirectPr
         with mp.workdps(50):
             D = mp_phi1(units, [mp.mpf(float(x)) for x in xi], basis)
             by = [D, D.T, D**-1, (D**-1).T]
-            products = [m * mp.matrix(v.tolist()) for m, v in zip(by, (eta, mu, eta, mu), strict=True)]
+            products = [
+                m * mp.matrix(v.tolist()) for m, v in zip(by, (eta, mu, eta, mu), strict=True)
+            ]
             expected = [np.array([float(x) for x in product]) for product in products]
             scales = [float(mp.mnorm(m, "f")) for m in by]
         condition = scales[0] * scales[2] / reach
         for name, vector, right, scale in zip(
-            ("dexp", "dexp_dual", "dexp_inv", "dexp_inv_dual"), (eta, mu, eta, mu), expected, scales, strict=True
+            ("dexp", "dexp_dual", "dexp_inv", "dexp_inv_dual"),
+            (eta, mu, eta, mu),
+            expected,
+            scales,
+            strict=True,
         ):
             error = np.abs(of(group, name)(xi, vector) - right)
-            bound = 32 * EPS * scale * np.linalg.norm(vector) * (1.0 if "inv" not in name else max(1.0, min(condition, 1e3)))
+            bound = (
+                32
+                * EPS
+                * scale
+                * np.linalg.norm(vector)
+                * (1.0 if "inv" not in name else max(1.0, min(condition, 1e3)))
+            )
             assert error.max() <= bound, (name, reach)
-        rotational = np.abs(group.dexp(xi, eta) - expected[0])[:n]  # what has no vector in it is exact without one
-        assert rotational.max() <= 64 * EPS * np.abs(expected[0][:n]).max() * max(1.0, math.exp(size / 2))
+        # what has no vector in it is exact without one
+        rotational = np.abs(group.dexp(xi, eta) - expected[0])[:n]
+        assert rotational.max() <= 64 * EPS * np.abs(expected[0][:n]).max() * max(
+            1.0, math.exp(size / 2)
+        )
 
 
 @pytest.mark.parametrize("size", [0.0, 1e-8, 0.5, 3.0])
@@ -354,7 +414,11 @@ def test_affine_maps_by_matrices(size: float, rng: np.random.Generator) -> None:
     generator[:2, :2], generator[:2, 2] = SL2.algebra.hat(xi[:3]), xi[3:]
     assert close(group.matrix(group.exp(xi)), expm(generator), 64)
     half = 0.5 * generator
-    assert close(group.matrix(group.cayley(0.3 * xi)), np.linalg.solve(np.eye(3) - 0.3 * half, np.eye(3) + 0.3 * half), 64)
+    assert close(
+        group.matrix(group.cayley(0.3 * xi)),
+        np.linalg.solve(np.eye(3) - 0.3 * half, np.eye(3) + 0.3 * half),
+        64,
+    )
     g, h = group.random(rng, 2)
     assert close(group.matrix(group.compose(g, h)), group.matrix(g) @ group.matrix(h))
     assert close(group.matrix(group.inverse(g)) @ group.matrix(g), np.eye(3), 256)
@@ -378,7 +442,13 @@ def test_a_representation_of_ones_own() -> None:
     rng = np.random.default_rng(8)
     g, xi, mu = own.random(rng), rng.normal(size=5), rng.normal(size=5)
     assert "does not act as" in str(own.why_no_cayley())
-    for name, args in {"Ad": (g, xi), "Ad_star": (g, mu), "exp": (xi,), "dexp_dual": (xi, mu), "ad_star": (xi, mu)}.items():
+    for name, args in {
+        "Ad": (g, xi),
+        "Ad_star": (g, mu),
+        "exp": (xi,),
+        "dexp_dual": (xi, mu),
+        "ad_star": (xi, mu),
+    }.items():
         assert close(of(own, name)(*args), of(closed, name)(*args), 128), name
 
 
@@ -402,14 +472,18 @@ def test_wrong_semidirect_products() -> None:
 
 @lm.record
 class HeavyTop(lm.Hamiltonian):
-    """pi . J^-1 pi/2 + chi . Gamma, on the dual of the rigid motions; chi holds weight and lever arm."""
+    """pi . J^-1 pi/2 + chi . Gamma, on the dual of the rigid motions; chi holds weight and lever
+    arm.
+    """
 
     moments: lm.Vec
     chi: lm.Vec
 
     def energy(self, mu: lm.Vec) -> float:
         xi = self.gradient(mu)
-        return 0.5 * (mu[0] * xi[0] + mu[1] * xi[1] + mu[2] * xi[2]) + (mu[3] * xi[3] + mu[4] * xi[4] + mu[5] * xi[5])
+        return 0.5 * (mu[0] * xi[0] + mu[1] * xi[1] + mu[2] * xi[2]) + (
+            mu[3] * xi[3] + mu[4] * xi[4] + mu[5] * xi[5]
+        )
 
     def gradient(self, mu: lm.Vec) -> lm.Vec:
         return lm.vec(*[mu[i] / self.moments[i] for i in range(3)], *self.chi)
@@ -417,7 +491,9 @@ class HeavyTop(lm.Hamiltonian):
 
 def heavy_top(group: lm.LieGroup) -> tuple[lm.LiePoissonSystem, np.ndarray, np.ndarray]:
     """The system, its start, and the exact state after two units of time."""
-    J, mgl, chi, pi, R = (np.array(HEAVY_TOP[k], dtype=float) for k in ("J", "mgl", "chi", "pi0", "R0"))
+    J, mgl, chi, pi, R = (
+        np.array(HEAVY_TOP[k], dtype=float) for k in ("J", "mgl", "chi", "pi0", "R0")
+    )
     at_two = next(s for s in HEAVY_TOP["samples"] if float(s["t"]) == 2.0)
     exact = np.array(at_two["pi"] + at_two["Gamma"], dtype=float)
     return lm.LiePoissonSystem(group, HeavyTop(J, mgl * chi)), np.concatenate([pi, R[2]]), exact
@@ -428,7 +504,9 @@ def test_heavy_top_converges_with_order_4_to_the_exact_motion(group: lm.Semidire
     system, start, exact = heavy_top(group)
     errors, steps = [], [20, 40, 80, 160]
     for n in steps:
-        run = lm.integrate(system, lm.RKMK(order=4), system.state(start), h=2.0 / n, steps=n, compiled=False)
+        run = lm.integrate(
+            system, lm.RKMK(order=4), system.state(start), h=2.0 / n, steps=n, compiled=False
+        )
         errors.append(np.abs(run.mu[-1] - exact).max())
         kept = group.casimirs(run.mu)
         assert np.abs(kept - kept[0]).max() <= 64 * EPS
@@ -442,7 +520,9 @@ def test_energy_and_casimirs_of_the_heavy_top() -> None:
         assert system.energy(mu) == pytest.approx(float(HEAVY_TOP["energy"]), rel=16 * EPS)
         length, vertical = RIGID.casimirs(mu)
         assert length == pytest.approx(1.0, abs=16 * EPS)
-        assert vertical == pytest.approx(float(HEAVY_TOP["vertical_momentum_pi_dot_Gamma"]), rel=16 * EPS)
+        assert vertical == pytest.approx(
+            float(HEAVY_TOP["vertical_momentum_pi_dot_Gamma"]), rel=16 * EPS
+        )
 
 
 def test_equations_of_the_heavy_top(rng: np.random.Generator) -> None:

@@ -1,4 +1,6 @@
-"""The equation of a Cayley step rounds by the size of the displacement, not by that of the momentum."""
+"""The equation of a Cayley step rounds by the size of the displacement, not by that of the
+momentum.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,9 @@ CASES = {
 
 @pytest.mark.parametrize("name", CASES)
 def test_residuals_near_the_root_round_by_the_size_of_the_displacement(name: str) -> None:
-    """With terms of the size of mu the residual is a multiple of 4 ulp(p), and steps are wrong to one side: 5e-20 a step."""
+    """With terms of the size of mu the residual is a multiple of 4 ulp(p), and steps are wrong to
+    one side: 5e-20 a step.
+    """
     group, tau = CASES[name]
     rng = np.random.default_rng(5)
     for size in (1e-1, 1e-3, 1e-6):

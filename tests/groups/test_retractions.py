@@ -1,4 +1,6 @@
-"""Retractions: what makes them so, their differentials, and the mismatch that the variational method solves."""
+"""Retractions: what makes them so, their differentials, and the mismatch that the variational
+method solves.
+"""
 
 from __future__ import annotations
 
@@ -43,7 +45,10 @@ def test_what_makes_a_retraction(tau: lm.Retraction, vectors: tuple[np.ndarray, 
     assert close(g @ g.T, np.eye(3))
     assert close(tau.tau_inv(G, g), xi, 64)
     assert close(tau.tau_Ad_star(G, xi, mu), g.T @ mu)
-    assert close(tau.tau(G, 0.5 * xi) @ tau.tau(G, 0.5 * xi), g) == isinstance(tau, lm.Exponential) or vectors[0].max() < 1e-6
+    assert (
+        close(tau.tau(G, 0.5 * xi) @ tau.tau(G, 0.5 * xi), g) == isinstance(tau, lm.Exponential)
+        or vectors[0].max() < 1e-6
+    )
 
 
 def test_inverses_and_duals(tau: lm.Retraction, vectors: tuple[np.ndarray, ...]) -> None:
@@ -57,11 +62,15 @@ def test_inverses_and_duals(tau: lm.Retraction, vectors: tuple[np.ndarray, ...])
 
 
 def test_left_and_right(tau: lm.Retraction, vectors: tuple[np.ndarray, ...]) -> None:
-    """dL = Ad_{tau^-1} dR, and for the duals of the inverses (dL^-1)* = Ad*_tau (dR^-1)*: how a step moves the momentum."""
+    """dL = Ad_{tau^-1} dR, and for the duals of the inverses (dL^-1)* = Ad*_tau (dR^-1)*: how a
+    step moves the momentum.
+    """
     xi, eta, mu = vectors
     g = tau.tau(G, xi)
     assert close(tau.dtau(G, xi, eta, "left"), g.T @ tau.dtau(G, xi, eta))
-    assert close(tau.dtau_inv_dual(G, xi, mu, "left"), tau.tau_Ad_star(G, xi, tau.dtau_inv_dual(G, xi, mu)))
+    assert close(
+        tau.dtau_inv_dual(G, xi, mu, "left"), tau.tau_Ad_star(G, xi, tau.dtau_inv_dual(G, xi, mu))
+    )
 
 
 def test_differential_by_differences(tau: lm.Retraction, vectors: tuple[np.ndarray, ...]) -> None:
@@ -89,7 +98,9 @@ def test_cayley_agrees_with_the_exponential_to_third_order() -> None:
 
 
 def definition(retraction: lm.Retraction, xi: mp.matrix, p: mp.matrix, mu: mp.matrix) -> mp.matrix:
-    """p - (dtau_xi)* mu, from matrices; for the Cayley map times 1 + |xi|^2/4, which frees it of its division."""
+    """p - (dtau_xi)* mu, from matrices; for the Cayley map times 1 + |xi|^2/4, which frees it of
+    its division.
+    """
     W = mp.matrix([[0, -xi[2], xi[1]], [xi[2], 0, -xi[0]], [-xi[1], xi[0], 0]])
     one = mp.eye(3)
     if isinstance(retraction, lm.Exponential):
@@ -120,7 +131,8 @@ def derivative(f: Callable[[mp.matrix], mp.matrix], x: mp.matrix) -> np.ndarray:
 def test_mismatch_and_its_derivatives(tau: lm.Retraction, vectors: tuple[np.ndarray, ...]) -> None:
     xi, p, mu = vectors
     r, by_p, by_xi = tau.residual(G, *(lm.Vec.of(v) for v in (xi, p, mu)))
-    multiple = tau.residual(G, *(lm.Vec.of(v) for v in (0 * xi, p, mu)))[1]  # a number of the author's choice
+    # a number of the author's choice
+    multiple = tau.residual(G, *(lm.Vec.of(v) for v in (0 * xi, p, mu)))[1]
     r, by_p, by_xi = np.array(r) / multiple, by_p / multiple, np.array(by_xi) / multiple
     with mp.workdps(60):
         x, q, m = (mp.matrix(v.tolist()) for v in (xi, p, mu))
@@ -132,7 +144,9 @@ def test_mismatch_and_its_derivatives(tau: lm.Retraction, vectors: tuple[np.ndar
     assert close(by_p * np.eye(3), wanted_by_p, 4)
 
 
-def test_mismatch_vanishes_at_the_discrete_legendre_transform(tau: lm.Retraction, vectors: tuple[np.ndarray, ...]) -> None:
+def test_mismatch_vanishes_at_the_discrete_legendre_transform(
+    tau: lm.Retraction, vectors: tuple[np.ndarray, ...]
+) -> None:
     xi, p, _ = vectors
     mu = tau.dtau_inv_dual(G, xi, p)
     r, by_p, _ = tau.residual(G, *(lm.Vec.of(v) for v in (xi, p, mu)))

@@ -1,4 +1,6 @@
-"""The coefficients of rotations against arithmetic of many digits, and against the laws they come from."""
+"""The coefficients of rotations against arithmetic of many digits, and against the laws they come
+from.
+"""
 
 from __future__ import annotations
 
@@ -51,9 +53,11 @@ def value(name: str, x: float) -> float:
 
 
 def exact(name: str, x: float) -> mpf:
-    """The function of the double x, from its definition; enough digits for the cancellation at small x and at 2 pi.
+    """The function of the double x, from its definition; enough digits for the cancellation at
+    small x and at 2 pi.
 
-    sinc' = (segment - versine)/2, versine' = (sinc - 2 versine)/(2 x) and segment' = (versine - 3 segment)/(2 x).
+    sinc' = (segment - versine)/2, versine' = (sinc - 2 versine)/(2 x) and segment' = (versine - 3
+    segment)/(2 x).
     """
     with mp.workdps(70 + max(0, int(-7 * math.log10(x)))):
         y = mpf(x)
@@ -67,7 +71,9 @@ def exact(name: str, x: float) -> mpf:
 
 
 def error(name: str, x: float) -> float:
-    """Error in units of eps: relative to the value; of a slope, which has zeros, to the two terms whose difference it is."""
+    """Error in units of eps: relative to the value; of a slope, which has zeros, to the two terms
+    whose difference it is.
+    """
     e = exact(name, x)
     with mp.workdps(70 + max(0, int(-7 * math.log10(x)))):
         y = mpf(x)
@@ -97,7 +103,9 @@ def angles(low: float, high: float, count: int = 120) -> list[float]:
     return [math.exp(r.uniform(math.log(low), math.log(high))) ** 2 for _ in range(count)]
 
 
-def gaps(centre: float, low: float, high: float, sides: tuple[int, ...], count: int = 120) -> list[float]:
+def gaps(
+    centre: float, low: float, high: float, sides: tuple[int, ...], count: int = 120
+) -> list[float]:
     """Values of theta^2 for angles at distances between the bounds from the centre."""
     r = random.Random(f"{centre} {low}")
     sizes = (10 ** r.uniform(math.log10(low), math.log10(high)) for _ in range(count))
@@ -146,24 +154,33 @@ def test_the_polynomials_are_closer_than_rounding(name: str) -> None:
 
 
 def test_the_definitions_in_the_derivation() -> None:
-    """Taylor coefficients: (-1)^k/(2k+m)! for the Stumpff functions, |B_2k|/(2k)! for the inverse differential."""
+    """Taylor coefficients: (-1)^k/(2k+m)! for the Stumpff functions, |B_2k|/(2k)! for the inverse
+    differential.
+    """
     with mp.workdps(60):
         x = mpf("0.37")
         for m, name in enumerate(("sinc", "versine", "segment"), start=1):
             series = mp.fsum((-x) ** k / mp.factorial(2 * k + m) for k in range(40))
             assert mp.almosteq(derivation[name](x), series, 1e-50)
         b = [abs(mp.bernoulli(2 * k)) / mp.factorial(2 * k) for k in range(1, 40)]
-        assert mp.almosteq(derivation["bernoulli"](x), mp.fsum(bk * x**k for k, bk in enumerate(b)), 1e-50)
+        assert mp.almosteq(
+            derivation["bernoulli"](x), mp.fsum(bk * x**k for k, bk in enumerate(b)), 1e-50
+        )
         for m, name in enumerate(("stumpff4", "stumpff5"), start=4):
             series = mp.fsum((-x) ** k / mp.factorial(2 * k + m) for k in range(40))
             assert mp.almosteq(derivation[name](x), series, 1e-50)
         slope = mp.fsum(k * bk * x ** (k - 1) for k, bk in enumerate(b))
         assert mp.almosteq(derivation["bernoulli_slope"](x), slope, 1e-50)
         for m, name in enumerate(("versine_curvature", "segment_curvature"), start=2):
-            series = mp.fsum((-1) ** k * k * (k - 1) * x ** (k - 2) / mp.factorial(2 * k + m) for k in range(2, 40))
+            series = mp.fsum(
+                (-1) ** k * k * (k - 1) * x ** (k - 2) / mp.factorial(2 * k + m)
+                for k in range(2, 40)
+            )
             assert mp.almosteq(derivation[name](x), series, 1e-50)
         for name in ("sinc", "versine", "segment"):
-            assert mp.almosteq(exact(f"{name}_slope", 0.37), mp.diff(derivation[name], mpf(0.37)), 1e-25)
+            assert mp.almosteq(
+                exact(f"{name}_slope", 0.37), mp.diff(derivation[name], mpf(0.37)), 1e-25
+            )
 
 
 def test_polynomial_sums_all_its_terms() -> None:
@@ -173,7 +190,9 @@ def test_polynomial_sums_all_its_terms() -> None:
 
 
 def test_the_polynomials_keep_lengths() -> None:
-    """|exp(W) v| = |v| needs sinc^2 x + (1 - versine x)^2 = 1: the coefficients, without rounding, bring no drift."""
+    """|exp(W) v| = |v| needs sinc^2 x + (1 - versine x)^2 = 1: the coefficients, without rounding,
+    bring no drift.
+    """
 
     def summed(c: tuple[float, ...], x: Fraction) -> Fraction:
         return sum((Fraction(ci) * x**i for i, ci in enumerate(c)), Fraction(0))
@@ -212,7 +231,9 @@ def test_accuracy_at_large_angles(where: str) -> None:
 
 @pytest.mark.parametrize("name", CURVATURES)
 def test_second_derivatives_are_good_enough_for_newton(name: str) -> None:
-    """To rounding on the polynomials; beyond, some thousand eps of the value at zero, divided by x^2 as the function is."""
+    """To rounding on the polynomials; beyond, some thousand eps of the value at zero, divided by
+    x^2 as the function is.
+    """
     for xs in ON_POLYNOMIAL.values():
         assert max(error(name, x) for x in xs if x > 1e-60) < 3.0
     for x in [x for xs in BEYOND.values() for x in xs]:
@@ -231,7 +252,9 @@ def test_the_inverse_differential_ends_at_a_whole_turn() -> None:
 
 def test_both_ways_to_the_inverse_differential_agree() -> None:
     for x in [x for where in (ON_POLYNOMIAL, BEYOND) for xs in where.values() for x in xs]:
-        assert code.bernoulli_coefficients(x)[0] == pytest.approx(code.bernoulli(x), rel=4 * EPS, abs=0.0)
+        assert code.bernoulli_coefficients(x)[0] == pytest.approx(
+            code.bernoulli(x), rel=4 * EPS, abs=0.0
+        )
 
 
 @pytest.mark.parametrize("size", [0.5, 0.7, 3.0, 1e2, 1e5, 1e8, 1e12, 2.0**53])
@@ -248,14 +271,17 @@ def test_sine_and_versine_of_a_vector_of_any_length(size: float) -> None:
             assert abs(code.lost_in_square(w, x) - (y - x)) < 8 * EPS * EPS * y
             t = mp.sqrt(y)
             a, b = code.exp_coefficients(x, w)
-            # sine and versine with their relative accuracy, but where the angle, known to 2^-100, is next to a multiple of pi
+            # sine and versine with their relative accuracy, but where the angle, known to 2^-100,
+            # is next to a multiple of pi
             assert abs(a - mp.sin(t) / t) < 3 * EPS * abs(mp.sin(t) / t) + t * mpf(2) ** -100
             assert abs(b - (1 - mp.cos(t)) / y) < 3 * EPS * (1 - mp.cos(t)) / y + mpf(2) ** -100
             assert code.all_coefficients(x, w)[:2] == (a, b)
 
 
 def test_an_angle_that_no_double_can_tell_is_an_angle_still() -> None:
-    """Beyond 2^53 a double has no digit behind the point; what comes out is the sine and cosine of some angle, not nan."""
+    """Beyond 2^53 a double has no digit behind the point; what comes out is the sine and cosine of
+    some angle, not nan.
+    """
     for size in (1e17, 1e50, 1e150):
         x = size * size * 1.1
         s, c = code.sin_cos_root(x)
@@ -312,7 +338,9 @@ def test_slope_by_differences(name: str) -> None:
 
     h = 1e-2
     for x in (0.3, 0.5, 0.62, 0.63, 2.4, 2.6, 9.9, 20.0, 39.0, 41.0):
-        assert (4 * d(x, h) - d(x, 2 * h)) / 3 == pytest.approx(value(f"{name}_slope", x), abs=1e-9 * value(name, 0.0)), x
+        assert (4 * d(x, h) - d(x, 2 * h)) / 3 == pytest.approx(
+            value(f"{name}_slope", x), abs=1e-9 * value(name, 0.0)
+        ), x
 
 
 @pytest.mark.parametrize("factor", [1.0, 4.0, 16.0])

@@ -61,7 +61,8 @@ def largest_error(where: str, count: int = 150) -> float:
         for n in directions(count):
             w = [mpf(ANGLES[where]()) * c / mp.norm(mp.matrix(n)) for c in n]
             log = rotation_vector(rotation(w))
-            sign = -1 if where == "the double pi" and mp.fdot(w, log) < 0 else 1  # the rounded matrix is a half turn
+            # the rounded matrix is a half turn
+            sign = -1 if where == "the double pi" and mp.fdot(w, log) < 0 else 1
             found.append(error([sign * c for c in w], log))
     return max(found)
 
@@ -93,12 +94,16 @@ def test_the_identity_gives_exact_zeros(zero: float) -> None:
 @pytest.mark.parametrize("axis", range(3))
 @pytest.mark.parametrize("zero", [0.0, -0.0])
 def test_half_turns_about_the_axes(axis: int, zero: float) -> None:
-    R = Mat(*([(1.0 if i == axis else -1.0) if i == j else zero for j in range(3)] for i in range(3)))
+    R = Mat(
+        *([(1.0 if i == axis else -1.0) if i == j else zero for j in range(3)] for i in range(3))
+    )
     assert tuple(rotation_vector(R)) == tuple(math.pi if i == axis else 0.0 for i in range(3))
 
 
 def test_half_turns_and_their_sign() -> None:
-    """2 n n^T/|n|^2 - 1 is exactly symmetric; of +-n we get the one that is positive at the largest diagonal entry."""
+    """2 n n^T/|n|^2 - 1 is exactly symmetric; of +-n we get the one that is positive at the largest
+    diagonal entry.
+    """
     for n in itertools.product((-2, -1, 0, 1, 2), repeat=3):
         if any(n):
             nn = sum(c * c for c in n)
@@ -106,7 +111,9 @@ def test_half_turns_and_their_sign() -> None:
             diagonal = [R[i, i] for i in range(3)]
             sign = math.copysign(1.0, n[diagonal.index(max(diagonal))])
             with mp.workdps(DIGITS):
-                assert error([sign * mp.pi * c / mp.sqrt(nn) for c in n], rotation_vector(R)) < 2.0, n
+                assert (
+                    error([sign * mp.pi * c / mp.sqrt(nn) for c in n], rotation_vector(R)) < 2.0
+                ), n
 
 
 # ---------------------------------------------------------------- the quaternion
@@ -115,7 +122,10 @@ def test_half_turns_and_their_sign() -> None:
 def random_rotations(count: int) -> list[Mat]:
     s = random.Random(5)
     with mp.workdps(DIGITS):
-        return [rotation([s.uniform(0, 3.1) * c / mp.norm(mp.matrix(n)) for c in n]) for n in directions(count)]
+        return [
+            rotation([s.uniform(0, 3.1) * c / mp.norm(mp.matrix(n)) for c in n])
+            for n in directions(count)
+        ]
 
 
 def test_the_quaternion_is_a_unit_and_gives_the_matrix_back() -> None:
@@ -132,7 +142,9 @@ def test_the_quaternion_is_a_unit_and_gives_the_matrix_back() -> None:
 
 
 def test_a_quarter_turn_has_the_textbook_quaternion() -> None:
-    """About the third axis, body to space: e_1 goes to e_2, q = (0, 0, sin 45, cos 45), scalar last."""
+    """About the third axis, body to space: e_1 goes to e_2, q = (0, 0, sin 45, cos 45), scalar
+    last.
+    """
     R = Mat((0.0, -1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0))
     h = math.sqrt(0.5)
     assert tuple(rotation_quaternion(R)) == pytest.approx((0.0, 0.0, h, h), rel=EPS, abs=0.0)
@@ -149,16 +161,27 @@ def test_the_inverse_rotation_has_the_opposite_vector_bit_for_bit() -> None:
 
 @pytest.mark.parametrize("defect", [1e-15, 1e-12, 1e-8])
 def test_small_defects_stay_small(defect: float) -> None:
-    """A matrix that is a rotation only up to `defect` gives a vector wrong by a few times that; |w| <= pi always."""
+    """A matrix that is a rotation only up to `defect` gives a vector wrong by a few times that;
+    |w| <= pi always.
+    """
     s = random.Random(9)
     with mp.workdps(DIGITS):
         for n in directions(60):
             for angle in (0.0, 1e-9, 1.0, 2.0, 3.0, math.pi - 1e-4, math.pi):
-                w = [mpf(angle) * c / mp.norm(mp.matrix(n)) for c in n] if angle else [mpf(1e-300), mpf(0), mpf(0)]
+                w = (
+                    [mpf(angle) * c / mp.norm(mp.matrix(n)) for c in n]
+                    if angle
+                    else [mpf(1e-300), mpf(0), mpf(0)]
+                )
                 R = rotation(w)
-                found = rotation_vector(Mat(*([e + defect * s.uniform(-1, 1) for e in row] for row in R)))
+                found = rotation_vector(
+                    Mat(*([e + defect * s.uniform(-1, 1) for e in row] for row in R))
+                )
                 assert math.hypot(*found) <= math.pi * (1 + 2 * EPS)
-                distance = min(mp.norm(mp.matrix(v) - mp.matrix(list(found))) for v in (w, *other_sheet(w, angle)))
+                distance = min(
+                    mp.norm(mp.matrix(v) - mp.matrix(list(found)))
+                    for v in (w, *other_sheet(w, angle))
+                )
                 assert distance < 4 * (defect + EPS * angle)
 
 

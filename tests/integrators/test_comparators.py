@@ -27,7 +27,12 @@ from liemech.integrators.moser_veselov import ExactMoserVeselov, MoserVeselov
 from liemech.integrators.splitting import ThreeRotations
 from liemech.tableaus import DOP853, gauss
 
-IMPLICIT, SPHERICAL, VESELOV, ROTATIONS = ImplicitMidpoint(), SphericalMidpoint(), MoserVeselov(), ThreeRotations()
+IMPLICIT, SPHERICAL, VESELOV, ROTATIONS = (
+    ImplicitMidpoint(),
+    SphericalMidpoint(),
+    MoserVeselov(),
+    ThreeRotations(),
+)
 GAUSS = [Isospectral(p) for p in (2, 4, 6, 8)]
 METHODS = [IMPLICIT, SPHERICAL, VESELOV, ROTATIONS, *GAUSS]
 SYMPLECTIC = [VESELOV, ROTATIONS, *GAUSS]
@@ -79,7 +84,9 @@ def test_three_rotations_are_three_rotations() -> None:
 
 @pytest.mark.parametrize("method", GAUSS, ids=named)
 def test_isospectral_methods_as_matrices(method: Isospectral) -> None:
-    """Q_i and P_i apart, by linear solves, the stages W_i = Q_i P_i iterated: the definition for any quadratic matrix algebra."""
+    """Q_i and P_i apart, by linear solves, the stages W_i = Q_i P_i iterated: the definition for
+    any quadratic matrix algebra.
+    """
     h = 0.4
     J, before, after, turn = one_step(method, h)
     tableau, one, W = gauss(method.order // 2), np.eye(3), hat(before)
@@ -110,7 +117,9 @@ def test_isospectral_midpoint_is_algorithm_1_with_cayley(h: float) -> None:
 
 
 def test_relatives_of_the_cayley_map() -> None:
-    """With x the Cayley vector of a step and p = J x/h, three methods differ in how p and mu at its start are related."""
+    """With x the Cayley vector of a step and p = J x/h, three methods differ in how p and mu at its
+    start are related.
+    """
     J, mu, _, turn = one_step(IMPLICIT, 0.4)
     x = np.array(lm.SO3().cayley_inv(turn))
     p = J * x / 0.4
@@ -142,9 +151,14 @@ def test_who_is_more_accurate() -> None:
     """Errors at T = 2 with 40 steps of the article's body, over those of Algorithm 1 with exp."""
     body, start = seed_body()
     exact = body.exact(start, 2.0).mu
-    error = {m.name: np.abs(lm.integrate(body, m, start, h=0.05, steps=40).mu[-1] - exact).max() for m in (*METHODS, EXP, CAYLEY)}
+    error = {
+        m.name: np.abs(lm.integrate(body, m, start, h=0.05, steps=40).mu[-1] - exact).max()
+        for m in (*METHODS, EXP, CAYLEY)
+    }
     assert error["Spherical midpoint"] < 0.2 * error["Implicit midpoint"]
-    assert error["Implicit midpoint"] < error[EXP.name] < error["Moser-Veselov"] < error[CAYLEY.name]
+    assert (
+        error["Implicit midpoint"] < error[EXP.name] < error["Moser-Veselov"] < error[CAYLEY.name]
+    )
     assert error["Isospectral Gauss 2"] == pytest.approx(error[CAYLEY.name], abs=1e-13)
     assert error["Isospectral Gauss 4"] < 1e-7
     assert error["Isospectral Gauss 6"] < 3e-12
@@ -169,10 +183,13 @@ def test_the_bracket(method: lm.Method) -> None:
     assert defect < 1e-11 if method.symplectic else 1e-4 < defect < 1e-2
 
 
-def two_form_defect(body: lm.RigidBody, method: lm.Method, mu: np.ndarray, g: np.ndarray, h: float) -> float:
+def two_form_defect(
+    body: lm.RigidBody, method: lm.Method, mu: np.ndarray, g: np.ndarray, h: float
+) -> float:
     """max |D^T Omega(mu_1) D - Omega(mu_0)|, D the derivative of a step in (g^-1 dg, dmu).
 
-    Omega((a, m), (b, n)) = n.a - m.b + mu.[a, b] is the canonical two-form of T*G in body coordinates.
+    Omega((a, m), (b, n)) = n.a - m.b + mu.[a, b] is the canonical two-form of T*G in body
+    coordinates.
     """
 
     def differences(e: float) -> np.ndarray:
@@ -192,7 +209,9 @@ def two_form_defect(body: lm.RigidBody, method: lm.Method, mu: np.ndarray, g: np
 
 
 @pytest.mark.sample(5)
-@pytest.mark.parametrize("method", [*SYMPLECTIC, EXP, CAYLEY, Composition(ROTATIONS, order=4)], ids=named)
+@pytest.mark.parametrize(
+    "method", [*SYMPLECTIC, EXP, CAYLEY, Composition(ROTATIONS, order=4)], ids=named
+)
 def test_momentum_and_attitude_together_are_symplectic(method: lm.Method) -> None:
     body, _ = seed_body()
     assert two_form_defect(body, method, TILTED, rotation(np.random.default_rng(1)), 0.3) < 1e-11
@@ -223,9 +242,17 @@ def test_ten_thousand_steps(method: lm.Method) -> None:
 def test_energy_of_large_steps() -> None:
     """A thousand steps h = 0.5: bounded, or exact."""
     body, start = seed_body()
-    for method, bound in ((ROTATIONS, 1.8e-3), (EXP, 1.0e-3), (CAYLEY, 2.6e-3), (IMPLICIT, 0.0), (SPHERICAL, 0.0)):
+    for method, bound in (
+        (ROTATIONS, 1.8e-3),
+        (EXP, 1.0e-3),
+        (CAYLEY, 2.6e-3),
+        (IMPLICIT, 0.0),
+        (SPHERICAL, 0.0),
+    ):
         run = lm.integrate(body, method, start, h=0.5, steps=1000)
-        assert np.abs(run.energy - run.energy[0]).max() == pytest.approx(bound, rel=0.05, abs=1e-14), method
+        assert np.abs(run.energy - run.energy[0]).max() == pytest.approx(
+            bound, rel=0.05, abs=1e-14
+        ), method
 
 
 # ---------------------------------------------------------------- other energies, other axes, rest
@@ -238,7 +265,11 @@ class Quartic(lm.Hamiltonian):
     stiffness: float
 
     def energy(self, mu: lm.Vec) -> float:
-        return 0.5 * lm.dot(mu, mu / lm.vec(1.0, 2.0, 3.0)) + self.stiffness * mu[0] ** 4 + self.stiffness * mu[1] ** 3
+        return (
+            0.5 * lm.dot(mu, mu / lm.vec(1.0, 2.0, 3.0))
+            + self.stiffness * mu[0] ** 4
+            + self.stiffness * mu[1] ** 3
+        )
 
 
 @pytest.mark.sample(2)
@@ -250,10 +281,17 @@ def test_any_hamiltonian(method: lm.Method) -> None:
     counts, errors = (20, 40, 80), []
     for n in counts:
         last = lm.integrate(system, method, start, h=2.0 / n, steps=n).last
-        errors.append([np.abs(np.array(last.mu) - np.array(exact.mu)).max(), np.abs(np.array(last.g) - np.array(exact.g)).max()])
+        errors.append(
+            [
+                np.abs(np.array(last.mu) - np.array(exact.mu)).max(),
+                np.abs(np.array(last.g) - np.array(exact.g)).max(),
+            ]
+        )
     for error in np.transpose(errors):
         assert slope([1 / n for n in counts], error) == pytest.approx(method.order, abs=0.1)  # type: ignore[attr-defined]
-    assert (poisson_defect(system, method, np.array([0.6, -0.4, 0.8]), 0.3) < 1e-11) == method.symplectic
+    assert (
+        poisson_defect(system, method, np.array([0.6, -0.4, 0.8]), 0.3) < 1e-11
+    ) == method.symplectic
 
 
 @pytest.mark.parametrize("method", [IMPLICIT, SPHERICAL, VESELOV, Isospectral(4)], ids=named)
@@ -277,7 +315,14 @@ def test_units_do_not_matter(method: lm.Method, scale: float) -> None:
     body, start = asymmetric_body()
     heavy = lm.RigidBody(scale * np.array(body.inertia))
     a = lm.integrate(body, method, start, h=0.2, steps=20, compiled=False)
-    b = lm.integrate(heavy, method, heavy.state(scale * np.array(start.mu), start.g), h=0.2, steps=20, compiled=False)
+    b = lm.integrate(
+        heavy,
+        method,
+        heavy.state(scale * np.array(start.mu), start.g),
+        h=0.2,
+        steps=20,
+        compiled=False,
+    )
     assert same_bits(a.g, b.g)
     assert same_bits(scale * a.mu, b.mu)
 
@@ -295,13 +340,19 @@ def test_a_body_at_rest_stays(method: lm.Method) -> None:
 @pytest.mark.parametrize("method", METHODS[:-2], ids=named)
 def test_plain_and_native_and_ensembles_agree_to_the_bit(method: lm.Method) -> None:
     body, start = asymmetric_body()
-    plain, native = (lm.integrate(body, method, start, h=0.2, steps=60, compiled=c) for c in (False, True))
+    plain, native = (
+        lm.integrate(body, method, start, h=0.2, steps=60, compiled=c) for c in (False, True)
+    )
     assert same_bits(plain.mu, native.mu)
     assert same_bits(plain.g, native.g)
-    many = body.state(np.outer([0.0, 0.3, 0.5, 0.7, 0.9, 1.1, 1.2], np.array(start.mu)), np.array(start.g))
+    many = body.state(
+        np.outer([0.0, 0.3, 0.5, 0.7, 0.9, 1.1, 1.2], np.array(start.mu)), np.array(start.g)
+    )
     cloud = lm.integrate(body, method, many, h=0.2, steps=60, compiled=True)
     for i in (0, 3, 6):
-        alone = lm.integrate(body, method, body.state(many.mu[i], start.g), h=0.2, steps=60, compiled=False)
+        alone = lm.integrate(
+            body, method, body.state(many.mu[i], start.g), h=0.2, steps=60, compiled=False
+        )
         assert same_bits(np.ascontiguousarray(cloud.mu[:, i]), alone.mu)
         assert same_bits(np.ascontiguousarray(cloud.g[:, i]), alone.g)
 
@@ -316,7 +367,9 @@ def directions(n: int) -> np.ndarray:
 
 
 def test_range_of_moser_veselov() -> None:
-    """h|mu| = 0.6 always works for the article's body, 2 never; in between it depends on the direction."""
+    """h|mu| = 0.6 always works for the article's body, 2 never; in between it depends on the
+    direction.
+    """
     body, _ = seed_body()
     for h, wanted in ((0.6, {30}), (0.8, set(range(12, 30))), (2.0, {0})):
         through = 0
@@ -398,7 +451,9 @@ def test_fitted_steps_follow_every_start_on_the_orbit() -> None:
 def test_fitted_steps_plain_and_native() -> None:
     body, start = asymmetric_body()
     method = ExactMoserVeselov.of(body, start, 0.3)
-    plain, native = (lm.integrate(body, method, start, h=0.3, steps=60, compiled=c) for c in (False, True))
+    plain, native = (
+        lm.integrate(body, method, start, h=0.3, steps=60, compiled=c) for c in (False, True)
+    )
     assert same_bits(plain.mu, native.mu)
     assert same_bits(plain.g, native.g)
 
@@ -407,12 +462,25 @@ def test_fitted_steps_plain_and_native() -> None:
 def test_fitted_steps_refuse_other_motions(compiled: bool) -> None:
     body, start = asymmetric_body()
     method = ExactMoserVeselov.of(body, start, 0.3)
-    for other, h in ((start, 0.2), (body.state(1.01 * np.array(start.mu)), 0.3), (body.state([0.0, 0.0, 1.3]), 0.3)):
-        with pytest.raises(lm.errors.InconsistentState, match=r"was fitted to another motion, with h = 0\.3"):
+    for other, h in (
+        (start, 0.2),
+        (body.state(1.01 * np.array(start.mu)), 0.3),
+        (body.state([0.0, 0.0, 1.3]), 0.3),
+    ):
+        with pytest.raises(
+            lm.errors.InconsistentState, match=r"was fitted to another motion, with h = 0\.3"
+        ):
             lm.integrate(body, method, other, h=h, steps=5, compiled=compiled)
     turned = lm.RigidBody(np.array(body.inertia)[[1, 2, 0]])  # the same motion under other names
     with pytest.raises(lm.errors.InconsistentState, match="was fitted to another motion"):
-        lm.integrate(turned, method, turned.state(np.array(start.mu)[[1, 2, 0]]), h=0.3, steps=5, compiled=compiled)
+        lm.integrate(
+            turned,
+            method,
+            turned.state(np.array(start.mu)[[1, 2, 0]]),
+            h=0.3,
+            steps=5,
+            compiled=compiled,
+        )
     many = body.state(np.outer([1.0, 1.1, 1.0], np.array(start.mu)))
     with pytest.warns(RuntimeWarning, match="body 1 after 0 steps"):
         run = lm.integrate(body, method, many, h=0.3, steps=5, compiled=compiled)
@@ -431,7 +499,10 @@ def test_fitted_steps_refuse_other_motions(compiled: bool) -> None:
 @each
 def test_other_systems_are_refused(method: lm.Method) -> None:
     kirchhoff = lm.LiePoissonSystem(lm.SE3(), lm.KineticEnergy([1.0, 2.0, 3.0, 1.0, 1.0, 2.0]))
-    with pytest.raises(lm.errors.IncompatibleSystem, match=r"such as RigidBody\(\[1.0, 1.5, 2.0\]\); got LiePoissonSystem"):
+    with pytest.raises(
+        lm.errors.IncompatibleSystem,
+        match=r"such as RigidBody\(\[1.0, 1.5, 2.0\]\); got LiePoissonSystem",
+    ):
         lm.integrate(kirchhoff, method, kirchhoff.state(np.ones(6)), h=0.1, steps=1)
 
 
@@ -448,7 +519,9 @@ def test_three_rotations_need_principal_axes() -> None:
 
 
 def test_isospectral_orders() -> None:
-    with pytest.raises(lm.errors.InvalidInput, match=r"order must be one of \(2, 4, 6, 8, 10\); got 3"):
+    with pytest.raises(
+        lm.errors.InvalidInput, match=r"order must be one of \(2, 4, 6, 8, 10\); got 3"
+    ):
         Isospectral(3)
 
 

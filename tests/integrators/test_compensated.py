@@ -1,4 +1,6 @@
-"""Compensated sums: numbers that remember what rounding takes from them, and long runs that are summed up with them."""
+"""Compensated sums: numbers that remember what rounding takes from them, and long runs that are
+summed up with them.
+"""
 
 from __future__ import annotations
 
@@ -59,19 +61,33 @@ def test_sums_are_as_accurate_as_their_terms(seed: int) -> None:
 
 def test_all_else_is_done_with_the_value() -> None:
     x = Compensated(2.0, 1e-17)
-    products = (x * x, 4.0), (3.0 * x, 6.0), (x / 4.0, 0.5), (1.0 / x, 0.5), (x**3, 8.0), (abs(-x), 2.0), (sqrt(x * 2.0), 2.0)
+    products = (
+        (x * x, 4.0),
+        (3.0 * x, 6.0),
+        (x / 4.0, 0.5),
+        (1.0 / x, 0.5),
+        (x**3, 8.0),
+        (abs(-x), 2.0),
+        (sqrt(x * 2.0), 2.0),
+    )
     for found, wanted in products:
         assert type(found) is float
         assert found == wanted
     assert isinstance(x * Dual(1.0, 2.0), Dual)
-    assert all([x > 1.0, x >= 2.0, x < 2.5, x <= 2.0, x == 2.0, operator.ne(x, 3.0), operator.lt(1.0, x)])
+    assert all(
+        [x > 1.0, x >= 2.0, x < 2.5, x <= 2.0, x == 2.0, operator.ne(x, 3.0), operator.lt(1.0, x)]
+    )
     assert isinstance(x + Dual(1.0, 2.0), Dual)
     assert float(x) == 2.0
     assert repr(x) == "(2.0 + 1e-17)"
 
 
 def test_vectors_matrices_and_complex_numbers_of_them() -> None:
-    v, m, z = compensated(vec(1.0, 2.0)), compensated(mat((1.0, 2.0), (3.0, 4.0))), compensated(Complex(1.0, 2.0))
+    v, m, z = (
+        compensated(vec(1.0, 2.0)),
+        compensated(mat((1.0, 2.0), (3.0, 4.0))),
+        compensated(Complex(1.0, 2.0)),
+    )
     tiny = 1e-17
     assert [x.rest for x in v + vec(tiny, -tiny)] == [tiny, -tiny]
     assert [x.rest for row in m + tiny * m for x in row] == [tiny, 2e-17, 3e-17, 4e-17]
@@ -132,10 +148,17 @@ class Drift(lm.GroupEquation):
 
 @pytest.mark.compiled
 def test_a_uniform_motion_arrives_where_it_should() -> None:
-    """A million steps of a constant velocity: the rounding errors, all alike, add up to 1e6 of them or to none."""
+    """A million steps of a constant velocity: the rounding errors, all alike, add up to 1e6 of them
+    or to none.
+    """
     system = Drift(lm.VectorSpace(2), vec(0.1, -0.3))
     start = system.state([0.0, 1.0])
-    end = {c: lm.integrate(system, lm.RKMK(1), start, h=0.7, steps=10**6, every=10**6, compensated=c).g[-1] for c in (False, True)}
+    end = {
+        c: lm.integrate(
+            system, lm.RKMK(1), start, h=0.7, steps=10**6, every=10**6, compensated=c
+        ).g[-1]
+        for c in (False, True)
+    }
     step = [Fraction(0.7 * v) for v in (0.1, -0.3)]
     truth = np.array([float(10**6 * step[0]), float(1 + 10**6 * step[1])])
     assert np.abs(end[True] / truth - 1).max() < 3e-16
@@ -146,13 +169,17 @@ def test_a_uniform_motion_arrives_where_it_should() -> None:
 @pytest.mark.compiled
 @pytest.mark.parametrize("method", [m if m is not EXP else slow(m) for m in METHODS], ids=named)
 def test_what_a_million_steps_keep(method: lm.Method) -> None:
-    """|mu|^2 of 16 bodies changes ten times less; so does the spatial momentum if the attitude is compensated too."""
+    """|mu|^2 of 16 bodies changes ten times less; so does the spatial momentum if the attitude is
+    compensated too.
+    """
     body, _ = asymmetric_body()
     mu = np.random.default_rng(1).normal(size=(16, 3))
     start = body.state(mu, np.broadcast_to(np.eye(3), (16, 3, 3)))
     casimir, momentum = {}, {}
     for mode in (False, None, True):
-        run = lm.integrate(body, method, start, h=0.1, steps=10**6, every=10**6, compensated=mode, progress=False)
+        run = lm.integrate(
+            body, method, start, h=0.1, steps=10**6, every=10**6, compensated=mode, progress=False
+        )
         change = run.spatial_momentum[-1] - run.spatial_momentum[0]
         casimir[mode] = np.sqrt(np.mean((run.casimirs[-1] / run.casimirs[0] - 1) ** 2))
         momentum[mode] = np.sqrt(np.mean(np.sum(change**2, axis=-1) / np.sum(mu**2, axis=-1)))
@@ -166,32 +193,52 @@ def test_what_a_million_steps_keep(method: lm.Method) -> None:
 SUMMED = EXP, CAYLEY, lm.RKMK(4), lm.Composition(CAYLEY, 4), lm.ImplicitMidpoint()
 PAIRS = [(method, mode) for method in SUMMED for mode in (False, None, True)]
 QUICK = (CAYLEY, None), (CAYLEY, True), (lm.RKMK(4), True), (lm.ImplicitMidpoint(), None)
-"""Sums of what the motion depends on, and of the attitude too; by methods with and without an iteration.  All pairs are slow."""
+"""Sums of what the motion depends on, and of the attitude too; by methods with and without an
+iteration.  All pairs are slow.
+"""
 
 
 @pytest.mark.sample(2)
 @pytest.mark.compiled
 @pytest.mark.parametrize(("method", "mode"), [p if p in QUICK else slow(*p) for p in PAIRS])
-def test_plain_and_native_and_ensembles_agree_to_the_bit(method: lm.Method, mode: bool | None) -> None:
+def test_plain_and_native_and_ensembles_agree_to_the_bit(
+    method: lm.Method, mode: bool | None
+) -> None:
     body, start = asymmetric_body()
     mu = np.array(start.mu) * np.linspace(0.5, 1.5, 9)[:, None]
     g = None if isinstance(method, lm.ImplicitMidpoint) else np.array(start.g)
-    many = lm.integrate(body, method, body.state(mu, g), h=0.1, steps=50, compensated=mode, compiled=True)
+    many = lm.integrate(
+        body, method, body.state(mu, g), h=0.1, steps=50, compensated=mode, compiled=True
+    )
     for i in (0, 8):
         for compiled in (False, True):
-            one = lm.integrate(body, method, body.state(mu[i], g), h=0.1, steps=50, compensated=mode, compiled=compiled)
+            one = lm.integrate(
+                body,
+                method,
+                body.state(mu[i], g),
+                h=0.1,
+                steps=50,
+                compensated=mode,
+                compiled=compiled,
+            )
             assert same_bits(one.mu, many.mu[:, i])
             assert g is None or same_bits(one.g, many.g[:, i])
 
 
 def test_by_default_symmetric_methods_sum_up_what_the_motion_depends_on() -> None:
     body, start = asymmetric_body()
-    runs = {c: lm.integrate(body, EXP, start, h=0.1, steps=100, compensated=c, compiled=False) for c in (False, None, True)}
+    runs = {
+        c: lm.integrate(body, EXP, start, h=0.1, steps=100, compensated=c, compiled=False)
+        for c in (False, None, True)
+    }
     assert same_bits(runs[None].mu, runs[True].mu)
     assert not same_bits(runs[None].g, runs[True].g)
     assert not same_bits(runs[None].mu, runs[False].mu)
     assert np.abs(runs[None].mu - runs[False].mu).max() < 1e-14
-    rkmk = {c: lm.integrate(body, lm.RKMK(4), start, h=0.1, steps=100, compensated=c, compiled=False) for c in (False, None)}
+    rkmk = {
+        c: lm.integrate(body, lm.RKMK(4), start, h=0.1, steps=100, compensated=c, compiled=False)
+        for c in (False, None)
+    }
     assert same_bits(rkmk[None].mu, rkmk[False].mu)
 
 
@@ -202,7 +249,10 @@ def test_on_other_groups(group: lm.LieGroup) -> None:
     rng = np.random.default_rng(3)
     system = lm.LiePoissonSystem(group, lm.KineticEnergy(np.linspace(1.0, 2.0, group.dim)))
     start = system.state(rng.normal(size=group.dim), group.random(rng))
-    one, other = (lm.integrate(system, EXP, start, h=0.1, steps=30, compensated=c, compiled=False) for c in (False, True))
+    one, other = (
+        lm.integrate(system, EXP, start, h=0.1, steps=30, compensated=c, compiled=False)
+        for c in (False, True)
+    )
     assert np.abs(one.mu - other.mu).max() < 1e-13
     assert np.abs(one.g - other.g).max() < 1e-13
     assert not same_bits(one.mu, other.mu)
@@ -210,5 +260,7 @@ def test_on_other_groups(group: lm.LieGroup) -> None:
 
 def test_what_cannot_be_meant() -> None:
     body, start = asymmetric_body()
-    with pytest.raises(lm.errors.InvalidType, match="compensated must be True, False or None; got 'yes'"):
+    with pytest.raises(
+        lm.errors.InvalidType, match="compensated must be True, False or None; got 'yes'"
+    ):
         lm.integrate(body, EXP, start, h=0.1, steps=1, compensated="yes")  # type: ignore[arg-type]

@@ -1,4 +1,6 @@
-"""Compositions: coefficients that obey their laws, the orders they bring, and what they keep of their base."""
+"""Compositions: coefficients that obey their laws, the orders they bring, and what they keep of
+their base.
+"""
 
 from __future__ import annotations
 
@@ -53,13 +55,17 @@ COUNTS = {4: (40, 80, 160), 6: (20, 40, 80), 8: (10, 20, 40)}
 def test_a_composition_has_the_order_it_claims_and_no_more(tableau: CompositionTableau) -> None:
     tableau.check()
     assert CompositionTableau.of(tableau.gamma).order == tableau.order
-    with pytest.raises(lm.errors.LawViolation, match=f"of order {tableau.order}, not {tableau.order + 1}"):
+    with pytest.raises(
+        lm.errors.LawViolation, match=f"of order {tableau.order}, not {tableau.order + 1}"
+    ):
         CompositionTableau(tableau.name, tableau.order + 1, tableau.gamma)
 
 
 @TABLEAUS
 def test_sums_of_odd_powers_vanish(tableau: CompositionTableau) -> None:
-    """Conditions that a method of commuting errors would have: sum gamma = 1, sum gamma^k = 0 for k = 3, 5, ... < order."""
+    """Conditions that a method of commuting errors would have: sum gamma = 1, sum gamma^k = 0 for
+    k = 3, 5, ... < order.
+    """
     for k in range(1, tableau.order, 2):
         powers = [x**k for x in tableau.gamma]
         assert abs(math.fsum(powers) - (k == 1)) <= 4e-15 * sum(map(abs, powers))
@@ -70,7 +76,14 @@ def test_sums_of_odd_powers_vanish(tableau: CompositionTableau) -> None:
 
 def test_stages_and_reach_as_in_the_books() -> None:
     found = [(t.order, t.stages, round(t.reach, 2)) for t in COMPOSITIONS.values()]
-    assert found == [(4, 3, 1.70), (4, 5, 0.66), (6, 7, 1.32), (6, 9, 0.80), (8, 15, 0.80), (8, 17, 0.61)]
+    assert found == [
+        (4, 3, 1.70),
+        (4, 5, 0.66),
+        (6, 7, 1.32),
+        (6, 9, 0.80),
+        (8, 15, 0.80),
+        (8, 17, 0.61),
+    ]
 
 
 @pytest.mark.parametrize("tableau", [YOSHIDA6, KAHAN_LI8], ids=lambda t: t.name)
@@ -87,7 +100,9 @@ def test_a_wrong_digit_is_noticed(tableau: CompositionTableau) -> None:
 
 
 def test_power_sums_alone_are_not_enough() -> None:
-    """A symmetric composition with sums 1, 0, 0 of gamma, gamma^3, gamma^5 and the wrong commutators is of order 4."""
+    """A symmetric composition with sums 1, 0, 0 of gamma, gamma^3, gamma^5 and the wrong
+    commutators is of order 4.
+    """
     gamma = np.array(YOSHIDA6.gamma[:4]) * (1.0, 1.0, 1.0, 1.01)
     twice = np.array([2.0, 2.0, 2.0, 1.0])  # half of it is mirrored
     for _ in range(20):  # Newton's method, with the middle one held
@@ -98,7 +113,9 @@ def test_power_sums_alone_are_not_enough() -> None:
 
 
 def test_laws_are_named() -> None:
-    with pytest.raises(lm.errors.LawViolation, match=r"not symmetric: gamma_1 = 0\.25 and gamma_2 = 0\.75"):
+    with pytest.raises(
+        lm.errors.LawViolation, match=r"not symmetric: gamma_1 = 0\.25 and gamma_2 = 0\.75"
+    ):
         CompositionTableau("lame", 1, (0.25, 0.75))
     for wrong, message in (
         ({"base_order": 3}, "even orders"),
@@ -136,10 +153,18 @@ def test_order_of_momentum_and_attitude(method: Composition) -> None:
     body, start = asymmetric_body()
     counts = COUNTS[method.order]
     for error in errors_at(body, method, start, 10.0, counts):
-        assert slope([1 / n for n in counts], error) == pytest.approx(method.order, abs=0.15 if method.order == 8 else 0.1)
+        assert slope([1 / n for n in counts], error) == pytest.approx(
+            method.order, abs=0.15 if method.order == 8 else 0.1
+        )
 
 
-STEPS = {TRIPLE_JUMP4: (160, 320), SUZUKI4: (80, 160), YOSHIDA6: (80, 160), KAHAN_LI6: (40, 80), SUZUKI_UMENO8: (20, 40)}
+STEPS = {
+    TRIPLE_JUMP4: (160, 320),
+    SUZUKI4: (80, 160),
+    YOSHIDA6: (80, 160),
+    KAHAN_LI6: (40, 80),
+    SUZUKI_UMENO8: (20, 40),
+}
 BASES = EXP, SphericalMidpoint(), ThreeRotations()
 
 
@@ -154,7 +179,9 @@ BASES = EXP, SphericalMidpoint(), ThreeRotations()
     ],
     ids=lambda x: getattr(x, "name", ""),
 )
-def test_orders_of_the_other_tableaus_and_bases(base: lm.Method, tableau: CompositionTableau, counts: tuple[int, int]) -> None:
+def test_orders_of_the_other_tableaus_and_bases(
+    base: lm.Method, tableau: CompositionTableau, counts: tuple[int, int]
+) -> None:
     body, start = asymmetric_body()
     method = Composition(base, tableau=tableau)
     for error in errors_at(body, method, start, 10.0, counts):
@@ -175,13 +202,17 @@ def test_a_base_of_order_four_gives_order_six(base: lm.Method) -> None:
 @pytest.mark.sample(1)
 @pytest.mark.parametrize("order", [4, 6])
 def test_substeps_know_the_time(order: int) -> None:
-    """Another kind of system, another kind of state: Magnus' method of order 2, against that of order 6 with small steps."""
+    """Another kind of system, another kind of state: Magnus' method of order 2, against that of
+    order 6 with small steps.
+    """
     system = Driven(lm.SO3())
     start = system.state(rotation(np.random.default_rng(3)))
     exact = lm.integrate(system, Magnus(6), start, h=2e-3, steps=1000, t0=0.3).g[-1]
     errors, counts = [], (20, 40, 80)
     for n in counts:
-        run = lm.integrate(system, Composition(Magnus(2), order=order), start, h=2.0 / n, steps=n, t0=0.3)
+        run = lm.integrate(
+            system, Composition(Magnus(2), order=order), start, h=2.0 / n, steps=n, t0=0.3
+        )
         errors.append(np.abs(run.g[-1] - exact).max())
     assert slope([1 / n for n in counts], errors) == pytest.approx(order, abs=0.2)
 
@@ -202,7 +233,9 @@ def test_a_composition_of_one_is_the_base(base: lm.Method) -> None:
 
 @pytest.mark.parametrize("base", [EXP, CAYLEY, ThreeRotations()], ids=named)
 def test_a_step_is_its_substeps(base: lm.Method) -> None:
-    """Substeps run one by one, each from a new start: whatever the base remembers is a matter of speed only."""
+    """Substeps run one by one, each from a new start: whatever the base remembers is a matter of
+    speed only.
+    """
     body, start = asymmetric_body()
     run = lm.integrate(body, Composition(base, order=6), start, h=0.3, steps=5)
     state = start
@@ -222,7 +255,9 @@ def test_a_step_back_finds_the_start(method: Composition) -> None:
     assert np.abs(back.g[-1] - np.array(start.g)).max() < 1e-14
 
 
-@pytest.mark.parametrize("method", [Composition(CAYLEY, order=4), Composition(EXP, order=6)], ids=named)
+@pytest.mark.parametrize(
+    "method", [Composition(CAYLEY, order=4), Composition(EXP, order=6)], ids=named
+)
 def test_the_bracket_is_kept(method: Composition) -> None:
     body, _ = seed_body()
     assert poisson_defect(body, method, np.array([0.5, 0.3, 0.75**0.5]), 0.5) < 1e-11
@@ -230,7 +265,9 @@ def test_the_bracket_is_kept(method: Composition) -> None:
 
 @pytest.mark.sample(1)
 @pytest.mark.compiled
-@pytest.mark.parametrize("method", [Composition(CAYLEY, order=4), Composition(EXP, order=6)], ids=named)
+@pytest.mark.parametrize(
+    "method", [Composition(CAYLEY, order=4), Composition(EXP, order=6)], ids=named
+)
 def test_momentum_is_kept_over_ten_thousand_steps(method: Composition) -> None:
     body, start = seed_body()
     run = lm.integrate(body, method, start, h=0.1, steps=10_000, every=10)
@@ -243,10 +280,14 @@ def test_momentum_is_kept_over_ten_thousand_steps(method: Composition) -> None:
 
 @pytest.mark.sample(1)
 @pytest.mark.compiled
-@pytest.mark.parametrize("method", [Composition(CAYLEY, order=4), Composition(ThreeRotations(), order=8)], ids=named)
+@pytest.mark.parametrize(
+    "method", [Composition(CAYLEY, order=4), Composition(ThreeRotations(), order=8)], ids=named
+)
 def test_plain_and_native_and_ensembles_agree_to_the_bit(method: Composition) -> None:
     body, start = asymmetric_body()
-    plain, native = (lm.integrate(body, method, start, h=0.2, steps=40, compiled=c) for c in (False, True))
+    plain, native = (
+        lm.integrate(body, method, start, h=0.2, steps=40, compiled=c) for c in (False, True)
+    )
     assert same_bits(plain.mu, native.mu)
     assert same_bits(plain.g, native.g)
     many = body.state(np.outer(np.linspace(0.5, 2.0, 9), np.array(start.mu)))
@@ -272,9 +313,15 @@ def test_claims_come_from_the_base() -> None:
 def test_refusals() -> None:
     with pytest.raises(lm.errors.InvalidInput, match=r"RKMK\(order=4\) is not symmetric"):
         Composition(RKMK4)
-    with pytest.raises(lm.errors.InvalidInput, match=r"order 5 has no tableau for a base of order 2; choose from \[4, 6, 8\]"):
+    with pytest.raises(
+        lm.errors.InvalidInput,
+        match=r"order 5 has no tableau for a base of order 2; choose from \[4, 6, 8\]",
+    ):
         Composition(CAYLEY, order=5)
-    with pytest.raises(lm.errors.InvalidInput, match=r"order 8 has no tableau for a base of order 4; choose from \[6\]"):
+    with pytest.raises(
+        lm.errors.InvalidInput,
+        match=r"order 8 has no tableau for a base of order 4; choose from \[6\]",
+    ):
         Composition(Isospectral(4), order=8)
     with pytest.raises(lm.errors.InvalidInput, match="for a base of order 4"):
         Composition(CAYLEY, tableau=suzuki(4))
@@ -292,7 +339,9 @@ def test_systems_are_those_of_the_base() -> None:
 
 def test_a_substep_that_cannot_be_made_ends_the_run() -> None:
     body, start = seed_body()
-    with pytest.raises(lm.errors.IntegrationFailure, match=r"too large for this motion|too large; try"):
+    with pytest.raises(
+        lm.errors.IntegrationFailure, match=r"too large for this motion|too large; try"
+    ):
         lm.integrate(body, Composition(EXP, order=4), start, h=40.0, steps=3)
 
 
@@ -310,11 +359,16 @@ class Twice(lm.Method):
     def observe(self, memory: tuple[lm.BodyState, float]) -> lm.BodyState:
         return memory[0]
 
-    def step(self, system: lm.System, t: float, memory: tuple[lm.BodyState, float], h: float) -> tuple[lm.BodyState, float]:
+    def step(
+        self, system: lm.System, t: float, memory: tuple[lm.BodyState, float], h: float
+    ) -> tuple[lm.BodyState, float]:
         return ThreeRotations().step(system, t, memory[0], memory[1]), memory[1]
 
 
 def test_a_base_with_a_memory_of_its_own_is_started_anew() -> None:
     body, start = asymmetric_body()
-    runs = [lm.integrate(body, Composition(base, order=4), start, h=0.2, steps=20) for base in (Twice(), ThreeRotations())]
+    runs = [
+        lm.integrate(body, Composition(base, order=4), start, h=0.2, steps=20)
+        for base in (Twice(), ThreeRotations())
+    ]
     assert same_bits(runs[0].mu, runs[1].mu)

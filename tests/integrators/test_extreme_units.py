@@ -1,4 +1,6 @@
-"""Units of mass and time by a hundred powers of ten and more, and bodies that come to rest: as in ordinary units, or refused."""
+"""Units of mass and time by a hundred powers of ten and more, and bodies that come to rest: as in
+ordinary units, or refused.
+"""
 
 from __future__ import annotations
 
@@ -15,11 +17,22 @@ HJ = lm.LiePoissonHamiltonJacobi
 def moved(method: lm.Method, mass: float = 1.0, time: float = 1.0) -> np.ndarray:
     """Momentum and attitude after two steps, in ordinary units."""
     body = lm.RigidBody(mass * J)
-    run = lm.integrate(body, method, body.state(mass / time * MU, np.eye(3)), h=0.2 * time, steps=2, compiled=False)
+    run = lm.integrate(
+        body, method, body.state(mass / time * MU, np.eye(3)), h=0.2 * time, steps=2, compiled=False
+    )
     return np.concatenate([run.mu[-1] / (mass / time), run.g[-1].ravel()])
 
 
-METHODS = (HJ(2), HJ(4), HJ(4, CAY), HJ(6), HJ(8), lm.ExactFreeBody(), lm.RKMK(order=4), lm.CovariantVariational())
+METHODS = (
+    HJ(2),
+    HJ(4),
+    HJ(4, CAY),
+    HJ(6),
+    HJ(8),
+    lm.ExactFreeBody(),
+    lm.RKMK(order=4),
+    lm.CovariantVariational(),
+)
 
 
 @pytest.mark.sample(3)
@@ -43,8 +56,13 @@ def test_more_of_them(method: lm.Method, k: int) -> None:
 
 @pytest.mark.parametrize("retraction", [EXP, CAY], ids=repr)
 @pytest.mark.parametrize("units", [(1e-110, 1.0), (1e110, 1.0), (1.0, 1e-110), (1.0, 1e110)])
-def test_algorithm_1_says_where_it_would_divide_by_zero(retraction: lm.Retraction, units: tuple[float, float]) -> None:
-    with pytest.raises(lm.errors.InvalidInput, match=r"J/h is 1\.0e.* Take units of mass and time in which it is closer to 1"):
+def test_algorithm_1_says_where_it_would_divide_by_zero(
+    retraction: lm.Retraction, units: tuple[float, float]
+) -> None:
+    with pytest.raises(
+        lm.errors.InvalidInput,
+        match=r"J/h is 1\.0e.* Take units of mass and time in which it is closer to 1",
+    ):
         moved(lm.CovariantVariational(retraction), *units)
 
 
@@ -52,7 +70,9 @@ def test_algorithm_1_says_where_it_would_divide_by_zero(retraction: lm.Retractio
 def test_a_body_at_rest_in_a_field(size: float) -> None:
     """It drifts by h J^-1 mu as long as that is anything, and stays where it is."""
     field = lm.MechanicalSystem(lm.RigidBody(J), lm.FixedPointGravity(0.0, [0.0, 0.0, 1.0]))
-    run = lm.integrate(field, lm.KickDrift(), field.state(size * MU, np.eye(3)), h=0.1, steps=3, compiled=False)
+    run = lm.integrate(
+        field, lm.KickDrift(), field.state(size * MU, np.eye(3)), h=0.1, steps=3, compiled=False
+    )
     assert np.array_equal(run.mu[-1], size * MU)
     turned = lm.SO3().log(run.g[-1])
     assert np.abs(turned - 0.3 * (size * MU) / J).max() <= max(1e-14 * size, 1e-300)

@@ -1,4 +1,6 @@
-"""What a method finds among its fields: retractions must be ones of the system's group, whatever their names."""
+"""What a method finds among its fields: retractions must be ones of the system's group, whatever
+their names.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Hamilton-Jacobi methods of the first kind: closed forms and digits from elsewhere, orders, structure, and what is refused."""
+"""Hamilton-Jacobi methods of the first kind: closed forms and digits from elsewhere, orders,
+structure, and what is refused.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,12 @@ import pytest
 from scenes import asymmetric_body, poisson_defect, same_bits, seed_body, slope, slow
 
 import liemech as lm
-from liemech.integrators.class_functions import CayleySquare, ClassFunction, InvariantForm, TraceOfAd
+from liemech.integrators.class_functions import (
+    CayleySquare,
+    ClassFunction,
+    InvariantForm,
+    TraceOfAd,
+)
 from liemech.integrators.lie_poisson_first_kind import FirstKindHamiltonJacobi
 from liemech.integrators.motion_series import first_kind
 
@@ -26,7 +33,8 @@ ON_SO3 = pytest.mark.parametrize(("s0", "retraction"), PAIRS, ids=str)
 QUICK = (4, FORM, EXP), (3, FORM, CAYLEY), (1, TRACE, EXP), (2, SQUARE, CAYLEY)
 """Orders that are measured whenever the tests run; the others are slow."""
 
-# one step h = 0.05 of the article's body from its start, exp, S_0 = |xi|^2/2, in 45-digit arithmetic: xi, mu, g exp(-mu)
+# one step h = 0.05 of the article's body from its start, exp, S_0 = |xi|^2/2, in 45-digit
+# arithmetic: xi, mu, g exp(-mu)
 STEPS = {
     1: (
         (0.5384356453026714, 0.012586258919903209, 0.8892667310061662),
@@ -119,11 +127,21 @@ def cayley_terms(xi: Any) -> list[Any]:
         -0.5 * a,
         b + 0.25 * a * a,
         -(3.0 * e + 2.0 * a * b + 5.0 / 16.0 * a**3 + 0.25 * kw),
-        12.0 * f + 5.5 * b * b + 10.0 * a * e + 5.75 * a * a * b + 21.0 / 32.0 * a**4 + (a + 2.0 * float(K.sum())) * kw - 2.0 * kkw,
+        12.0 * f
+        + 5.5 * b * b
+        + 10.0 * a * e
+        + 5.75 * a * a * b
+        + 21.0 / 32.0 * a**4
+        + (a + 2.0 * float(K.sum())) * kw
+        - 2.0 * kkw,
     ]
 
 
-@pytest.mark.parametrize(("retraction", "terms"), [(EXP, exponential_terms), (CAYLEY, cayley_terms)], ids=["exp", "Cayley"])
+@pytest.mark.parametrize(
+    ("retraction", "terms"),
+    [(EXP, exponential_terms), (CAYLEY, cayley_terms)],
+    ids=["exp", "Cayley"],
+)
 def test_closed_forms_on_so3(retraction: lm.Retraction, terms: Callable[[Any], list[Any]]) -> None:
     """pi_k = (dtau^-1_xi)* dS_k/dxi / k!."""
     body, _ = asymmetric_body()
@@ -131,7 +149,9 @@ def test_closed_forms_on_so3(retraction: lm.Retraction, terms: Callable[[Any], l
     found = first_kind(body, retraction, FORM, 1.0, XI, count)
     for k in range(1, count + 1):
         slope_of_s = lm.gradient(lambda x, k=k: terms(x)[k - 1], XI)
-        wanted = np.array(retraction.dtau_inv_dual(lm.SO3(), XI, slope_of_s, "left")) / np.prod(np.arange(1.0, k + 1.0))
+        wanted = np.array(retraction.dtau_inv_dual(lm.SO3(), XI, slope_of_s, "left")) / np.prod(
+            np.arange(1.0, k + 1.0)
+        )
         assert np.abs(np.array(found[k]) - wanted).max() < 1e-13
 
 
@@ -146,20 +166,28 @@ def test_closed_forms_on_so3(retraction: lm.Retraction, terms: Callable[[Any], l
     ],
     ids=["exp", "log", "square", "trace", "Klein"],
 )
-def test_class_functions(s0: ClassFunction, retraction: lm.Retraction, group: lm.LieGroup, value: Callable[[Any], Any]) -> None:
-    """Their momentum is one for the body and for space, and its inverse gives the displacement back."""
+def test_class_functions(
+    s0: ClassFunction, retraction: lm.Retraction, group: lm.LieGroup, value: Callable[[Any], Any]
+) -> None:
+    """Their momentum is one for the body and for space, and its inverse gives the displacement
+    back.
+    """
     xi = lm.vec(*[0.4 * np.cos(1.0 + 2.0 * k) for k in range(group.dim)])
     momentum = np.array(s0.momentum(group, retraction, xi))
     for side in ("left", "right"):
         carried = retraction.dtau_inv_dual(group, xi, lm.gradient(value, xi), side)
         assert np.abs(np.array(carried) - momentum).max() < 1e-14
-    assert np.abs(np.array(s0.turn(group, retraction, lm.vec(*momentum))) - np.array(xi)).max() < 1e-14
+    assert (
+        np.abs(np.array(s0.turn(group, retraction, lm.vec(*momentum))) - np.array(xi)).max() < 1e-14
+    )
 
 
 def test_the_trace_is_the_same_function_for_every_retraction() -> None:
     body, start = asymmetric_body()
     methods = (FirstKindHamiltonJacobi(3, r, TRACE) for r in (EXP, CAYLEY))
-    runs = [lm.integrate(body, method, start, h=0.05, steps=10, compiled=False) for method in methods]
+    runs = [
+        lm.integrate(body, method, start, h=0.05, steps=10, compiled=False) for method in methods
+    ]
     assert np.abs(runs[0].mu - runs[1].mu).max() < 1e-13
     assert np.abs(runs[0].g - runs[1].g).max() < 1e-13
 
@@ -170,12 +198,21 @@ def test_the_trace_is_the_same_function_for_every_retraction() -> None:
 @pytest.mark.sample(2)
 @pytest.mark.parametrize(
     ("order", "s0", "retraction"),
-    [case if case in QUICK else slow(*case) for case in ((order, *pair) for order in (1, 2, 3, 4) for pair in PAIRS)],
+    [
+        case if case in QUICK else slow(*case)
+        for case in ((order, *pair) for order in (1, 2, 3, 4) for pair in PAIRS)
+    ],
     ids=str,
 )
 def test_order_on_so3(order: int, s0: ClassFunction, retraction: lm.Retraction) -> None:
     body, start = asymmetric_body()
-    assert_order(body, FirstKindHamiltonJacobi(order, retraction, s0), start, body.exact(start, 1.0), (80, 160))
+    assert_order(
+        body,
+        FirstKindHamiltonJacobi(order, retraction, s0),
+        start,
+        body.exact(start, 1.0),
+        (80, 160),
+    )
 
 
 @pytest.mark.parametrize(
@@ -191,7 +228,9 @@ def test_order_on_so3(order: int, s0: ClassFunction, retraction: lm.Retraction) 
         ),
     ],
 )
-def test_order_with_the_klein_form(order: int, retraction: lm.Retraction, scene: Callable[[], Any]) -> None:
+def test_order_with_the_klein_form(
+    order: int, retraction: lm.Retraction, scene: Callable[[], Any]
+) -> None:
     system, start = scene()
     assert_order(system, FirstKindHamiltonJacobi(order, retraction, KLEIN), start, end_of(scene))
 
@@ -215,7 +254,15 @@ def test_order_on_so4(order: int) -> None:
     system, start = on(lm.SO(4))
     end = lm.integrate(system, lm.Taylor(12, EXP), start, h=0.02, steps=10).last
     for s0 in (FORM, TRACE):  # in plain Python: TRACE, derived twice, is too long for native code
-        assert_order(system, FirstKindHamiltonJacobi(order, CAYLEY, s0), start, end, (6, 12), 0.2, compiled=False)
+        assert_order(
+            system,
+            FirstKindHamiltonJacobi(order, CAYLEY, s0),
+            start,
+            end,
+            (6, 12),
+            0.2,
+            compiled=False,
+        )
 
 
 def assert_order(
@@ -229,9 +276,14 @@ def assert_order(
 ) -> None:
     """The error at the end, of momentum and of attitude, falls as it should."""
     end = end or lm.integrate(system, lm.Taylor(12, EXP), start, h=0.02, steps=50).last
-    runs = [lm.integrate(system, method, start, h=t_end / n, steps=n, compiled=compiled) for n in counts]
+    runs = [
+        lm.integrate(system, method, start, h=t_end / n, steps=n, compiled=compiled) for n in counts
+    ]
     for name in ("mu", "g"):
-        errors = [np.abs(getattr(run, name)[-1] - np.squeeze(np.array(getattr(end, name)))).max() for run in runs]
+        errors = [
+            np.abs(getattr(run, name)[-1] - np.squeeze(np.array(getattr(end, name)))).max()
+            for run in runs
+        ]
         assert slope([1 / n for n in counts], errors) == pytest.approx(method.order, abs=0.2)  # type: ignore[attr-defined]
 
 
@@ -261,7 +313,9 @@ def test_what_a_body_keeps(s0: ClassFunction, retraction: lm.Retraction) -> None
     ],
     ids=lambda x: getattr(x, "__name__", type(x).__name__),
 )
-def test_the_bracket_is_kept(scene: Callable[[], Any], s0: ClassFunction, retraction: lm.Retraction) -> None:
+def test_the_bracket_is_kept(
+    scene: Callable[[], Any], s0: ClassFunction, retraction: lm.Retraction
+) -> None:
     system, start = scene()
     method = FirstKindHamiltonJacobi(2, retraction, s0, scale=2.6)
     assert poisson_defect(system, method, np.array(start.mu), 0.05) < 1e-11
@@ -270,22 +324,32 @@ def test_the_bracket_is_kept(scene: Callable[[], Any], s0: ClassFunction, retrac
 @pytest.mark.parametrize("retraction", [ADJOINT, slow(EXP)], ids=repr)
 def test_what_a_fish_keeps(retraction: lm.Retraction) -> None:
     system, start = fish()
-    run = lm.integrate(system, FirstKindHamiltonJacobi(4, retraction), start, h=0.02, steps=3000, every=10)
+    run = lm.integrate(
+        system, FirstKindHamiltonJacobi(4, retraction), start, h=0.02, steps=3000, every=10
+    )
     casimirs = np.array(system.casimirs(run.mu))
     assert np.ptp(casimirs, axis=0).max() < 1e-13
 
 
 def test_plain_and_native_agree_to_the_bit() -> None:
     body, start = asymmetric_body()
-    for method in (FirstKindHamiltonJacobi(4), FirstKindHamiltonJacobi(2, CAYLEY), FirstKindHamiltonJacobi(3, EXP, TRACE)):
-        native, plain = (lm.integrate(body, method, start, h=0.05, steps=5, compiled=c) for c in (True, False))
+    for method in (
+        FirstKindHamiltonJacobi(4),
+        FirstKindHamiltonJacobi(2, CAYLEY),
+        FirstKindHamiltonJacobi(3, EXP, TRACE),
+    ):
+        native, plain = (
+            lm.integrate(body, method, start, h=0.05, steps=5, compiled=c) for c in (True, False)
+        )
         assert same_bits(native.mu, plain.mu)
         assert same_bits(native.g, plain.g)
 
 
 def test_a_body_at_rest_stays() -> None:
     body, _ = asymmetric_body()
-    run = lm.integrate(body, FirstKindHamiltonJacobi(4), body.state([0.0, 0.0, 0.0], np.eye(3)), h=0.05, steps=3)
+    run = lm.integrate(
+        body, FirstKindHamiltonJacobi(4), body.state([0.0, 0.0, 0.0], np.eye(3)), h=0.05, steps=3
+    )
     assert not run.mu.any()
     assert np.abs(run.g - np.eye(3)).max() == 0.0
 
@@ -298,13 +362,25 @@ def test_momenta_outside_the_chart(compiled: bool) -> None:
     body, start = asymmetric_body()
     for s0, scale in ((FORM, 0.2), (TRACE, 1.2)):
         with pytest.raises(lm.errors.OutsideChart, match="Take a larger scale; None chooses one"):
-            lm.integrate(body, FirstKindHamiltonJacobi(2, EXP, s0, scale), start, h=0.05, steps=3, compiled=compiled)
+            lm.integrate(
+                body,
+                FirstKindHamiltonJacobi(2, EXP, s0, scale),
+                start,
+                h=0.05,
+                steps=3,
+                compiled=compiled,
+            )
 
 
 def test_forms_that_generate_no_identity() -> None:
     algebra = lm.SE3().algebra
     cases: list[tuple[lm.LieGroup, ClassFunction, str]] = [
-        (lm.Heisenberg(), FORM, "no regular invariant form. LiePoissonHamiltonJacobi, of the second kind, serves every group"),
+        (
+            lm.Heisenberg(),
+            FORM,
+            "no regular invariant form. LiePoissonHamiltonJacobi, "
+            "of the second kind, serves every group",
+        ),
         (lm.Heisenberg(), InvariantForm(np.eye(3)), "the form is not invariant"),
         (lm.SE3(), InvariantForm(algebra.killing_form), "is degenerate, of rank 3"),
         (lm.SE3(), TRACE, "the Killing form .* is degenerate.* InvariantForm"),

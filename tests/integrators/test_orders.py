@@ -43,7 +43,9 @@ TOP = json.loads((Path(__file__).parent.parent / "reference" / "heavy_top.json")
 
 @lm.record
 class HeavyTop(lm.Hamiltonian):
-    """A heavy top on se(3)*: mu = (pi, Gamma), H = pi.J^-1 pi/2 + Gamma.weight.  Its gradient is derived."""
+    """A heavy top on se(3)*: mu = (pi, Gamma), H = pi.J^-1 pi/2 + Gamma.weight.  Its gradient is
+    derived.
+    """
 
     inertia: lm.Vec
     weight: lm.Vec
@@ -59,13 +61,23 @@ def problems() -> tuple[Problem, ...]:
     rng = np.random.default_rng(3)
     attitudes = np.array([rotation(rng) for _ in range(4)])
     mu, pi = rng.normal(size=(2, 4, 3))
-    body, driven, steered = lm.RigidBody([1.0, 1.6, 2.3]), Driven(lm.SO3()), SteeredFromSpace(lm.SO3())
+    body, driven, steered = (
+        lm.RigidBody([1.0, 1.6, 2.3]),
+        Driven(lm.SO3()),
+        SteeredFromSpace(lm.SO3()),
+    )
     top = lm.LiePoissonSystem(SE3(), HeavyTop(number("J"), number("mgl") * number("chi")))
     turned, pi = np.array([number("R0"), *attitudes[1:]]), np.array([number("pi0"), *pi[1:]])
     poses = np.tile(np.eye(4), (4, 1, 1))
     poses[:, :3, :3] = turned
     return (
-        Rotating("free body", body, body.state(1.3 * mu / np.linalg.norm(mu, axis=1, keepdims=True), attitudes), 10.0, BODY),
+        Rotating(
+            "free body",
+            body,
+            body.state(1.3 * mu / np.linalg.norm(mu, axis=1, keepdims=True), attitudes),
+            10.0,
+            BODY,
+        ),
         Rotating("driven", driven, driven.state(attitudes), 8.0, DRIVEN),
         Rotating("steered", steered, steered.state(attitudes), 4.0, STEERED),
         Rotating("heavy top", top, top.state(np.hstack([pi, turned[:, 2]]), poses), 2.0, HEAVY),
@@ -98,8 +110,16 @@ def rows() -> Iterator[tuple[str, lm.Method, int]]:
         yield f"RKMK, order {p}, Cayley coordinates", lm.RKMK(order=p, retraction=lm.Cayley()), p
     for p in range(3, 9):
         yield f"RKMK, order {p}, truncation {p - 3}", quiet(p, p - 3), p if p in (5, 7) else p - 1
-    flows = (*(CommutatorFree(order=p) for p in (1, 2, 3, 4)), *(CommutatorFree(tableau=t) for t in (LUSCHER3, CARPENTER_KENNEDY4)))
-    for method in (*flows, CrouchGrossman(order=3), CrouchGrossman(order=4), *map(Magnus, (2, 4, 6))):
+    flows = (
+        *(CommutatorFree(order=p) for p in (1, 2, 3, 4)),
+        *(CommutatorFree(tableau=t) for t in (LUSCHER3, CARPENTER_KENNEDY4)),
+    )
+    for method in (
+        *flows,
+        CrouchGrossman(order=3),
+        CrouchGrossman(order=4),
+        *map(Magnus, (2, 4, 6)),
+    ):
         yield method.name, method, method.order
 
 
@@ -113,13 +133,20 @@ def quiet(order: int, truncation: int) -> lm.RKMK:
 ROWS = {name: (method, order) for name, method, order in rows()}
 ALWAYS = {
     *(f"RKMK, {BY_ORDER[p].name}" for p in (3, 4, 8)),
-    *("RKMK, order 4, closed dexp^-1", "RKMK, order 4, Cayley coordinates", "RKMK, order 3, truncation 0"),
+    *(
+        "RKMK, order 4, closed dexp^-1",
+        "RKMK, order 4, Cayley coordinates",
+        "RKMK, order 3, truncation 0",
+    ),
     *("CF4", "CG4", "Magnus2", "Magnus4", "Magnus6"),
 }
-"""What is measured whenever the tests run, on half of the problems; the others are slow.  The low orders are measured beside their
-methods, too."""
+"""What is measured whenever the tests run, on half of the problems; the others are slow.  The low
+orders are measured beside their methods, too.
+"""
 WANDERING = {"RKMK, order 7, Cayley coordinates", "RKMK, order 8, Cayley coordinates"}
-"""Where the slope depends on the steps, for errors are rounding before their leading term is the largest."""
+"""Where the slope depends on the steps, for errors are rounding before their leading term is the
+largest.
+"""
 
 # ---------------------------------------------------------------- the table
 
@@ -135,10 +162,16 @@ def columns() -> tuple[tuple[Problem, ...], ...]:
 TABLE = Table(HEAD, ROWS, columns)
 MISSED = {"RKMK, order 8, truncation 5": "6.89 on the driven rotation, where 6.90 is asked for"}
 CHOICES = [
-    *(pytest.param(name, 0, marks=[] if name in ALWAYS else [pytest.mark.slow]) for name in ROWS if name not in MISSED),
+    *(
+        pytest.param(name, 0, marks=[] if name in ALWAYS else [pytest.mark.slow])
+        for name in ROWS
+        if name not in MISSED
+    ),
     *(pytest.param(name, 1, marks=pytest.mark.slow) for name in ROWS if name in ALWAYS),
     *(
-        pytest.param(name, None, marks=[pytest.mark.slow, pytest.mark.xfail(reason=why, strict=True)])
+        pytest.param(
+            name, None, marks=[pytest.mark.slow, pytest.mark.xfail(reason=why, strict=True)]
+        )
         for name, why in MISSED.items()
     ),
 ]
@@ -152,10 +185,12 @@ def test_the_page_has_the_table() -> None:
 @pytest.mark.compiled  # in plain Python each row takes ten seconds and more
 @pytest.mark.parametrize(("name", "half"), CHOICES)
 def test_order(name: str, half: int | None) -> None:
-    """Within 0.1, on every problem.  More than that is starred in the page, above order 4 alone, and not on all problems.
+    """Within 0.1, on every problem.  More than that is starred in the page, above order 4 alone,
+    and not on all problems.
 
-    On half of the problems, those that are always measured on the other half if slow; `--print` measures all.  The rows of
-    `WANDERING` do not settle before rounding; of them no more is asked than not to be of a lower order.
+    On half of the problems, those that are always measured on the other half if slow; `--print`
+    measures all.  The rows of `WANDERING` do not settle before rounding; of them no more is asked
+    than not to be of a lower order.
     """
     order, slopes = ROWS[name][1], TABLE.measured(name, half)
     found = [p for p in slopes if p is not None and not math.isnan(p)]
@@ -167,7 +202,9 @@ def test_order(name: str, half: int | None) -> None:
 
 @pytest.mark.parametrize("order", range(3, 9))
 def test_a_truncation_that_costs_an_order_is_said(order: int) -> None:
-    """Even p fall to p - 1, and so does 3; odd p from 5 on do not, for the Bernoulli number B_(p - 2) is zero."""
+    """Even p fall to p - 1, and so does 3; odd p from 5 on do not, for the Bernoulli number
+    B_(p - 2) is zero.
+    """
     lm.RKMK(order=order, truncation=order - 2)
     if order not in (5, 7):
         with pytest.warns(lm.errors.OrderWarning, match=f"of order {order - 1}, not {order}"):

@@ -10,15 +10,28 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scenes import RKMK4, asymmetric_body, errors_at, poisson_defect, rotation, same_bits, seed_body, slope
+from scenes import (
+    RKMK4,
+    asymmetric_body,
+    errors_at,
+    poisson_defect,
+    rotation,
+    same_bits,
+    seed_body,
+    slope,
+)
 
 import liemech as lm
 from liemech.formulas import cos, sin, vec
 from liemech.tableaus import gauss, radau_iia
 from liemech.tableaus.tableau import ButcherTableau
 
-REFERENCE = json.loads((Path(__file__).parent.parent / "reference" / "integrator_steps_so3.json").read_text())
-HEUN3 = ButcherTableau("Heun 3", 3, ((), (1 / 3,), (0, 2 / 3)), (1 / 4, 0, 3 / 4), (0, 1 / 3, 2 / 3))
+REFERENCE = json.loads(
+    (Path(__file__).parent.parent / "reference" / "integrator_steps_so3.json").read_text()
+)
+HEUN3 = ButcherTableau(
+    "Heun 3", 3, ((), (1 / 3,), (0, 2 / 3)), (1 / 4, 0, 3 / 4), (0, 1 / 3, 2 / 3)
+)
 COUNTS = {1: (800, 1600, 3200), 2: (80, 160, 320, 640), 3: (40, 80, 160, 320), 4: (20, 40, 80, 160)}
 
 
@@ -70,7 +83,9 @@ def test_order_backwards_in_time() -> None:
 
 
 def test_a_linear_hamiltonian_is_followed_exactly() -> None:
-    """H = w . mu has the constant velocity w: the motion is g = exp(t w), at any step and any order."""
+    """H = w . mu has the constant velocity w: the motion is g = exp(t w), at any step and any
+    order.
+    """
 
     @lm.record
     class Linear(lm.Hamiltonian):
@@ -87,7 +102,9 @@ def test_a_linear_hamiltonian_is_followed_exactly() -> None:
     w, mu = np.array([0.3, -0.7, 0.5]), np.array([1.0, 2.0, -0.5])
     system = lm.LiePoissonSystem(lm.SO3(), Linear(w))
     for order in (1, 2, 3, 4):
-        run = lm.integrate(system, lm.RKMK(order=order), system.state(mu, np.eye(3)), h=0.7, steps=10)
+        run = lm.integrate(
+            system, lm.RKMK(order=order), system.state(mu, np.eye(3)), h=0.7, steps=10
+        )
         wanted = lm.SO3().exp(run.t[:, None] * w)
         assert np.abs(run.g - wanted).max() < 1e-14
         assert np.abs(run.mu - np.swapaxes(wanted, 1, 2) @ mu).max() < 1e-14
@@ -153,7 +170,9 @@ ATTITUDE = rotation(np.random.default_rng(5))
 @pytest.mark.sample(5)
 @pytest.mark.parametrize("method", [*METHODS, *IMPLICIT], ids=repr)
 def test_a_motion_and_its_inverse(method: lm.RKMK) -> None:
-    """g' = g xi and the equation of g^-1, with its velocity in space: step by step inverse to each other."""
+    """g' = g xi and the equation of g^-1, with its velocity in space: step by step inverse to each
+    other.
+    """
     body, space = Steered(lm.SO3()), SteeredInverse(lm.SO3())
     there = lm.integrate(body, method, body.state(ATTITUDE), h=0.1, steps=30)
     inverse = lm.integrate(space, method, space.state(ATTITUDE.T), h=0.1, steps=30)
@@ -176,11 +195,17 @@ def compass() -> np.ndarray:
     def rate(t: float, x: np.ndarray) -> np.ndarray:
         return np.cross([x[1] * x[2] + np.cos(t), 1.0 + x[0], -0.5 * x[2] + np.sin(2.0 * t)], x)
 
-    return solve_ivp(rate, (0.0, 2.0), [0.6, 0.0, 0.8], method="DOP853", rtol=3e-14, atol=1e-15).y[:, -1]
+    return solve_ivp(rate, (0.0, 2.0), [0.6, 0.0, 0.8], method="DOP853", rtol=3e-14, atol=1e-15).y[
+        :, -1
+    ]
 
 
 @pytest.mark.sample(2)
-@pytest.mark.parametrize("method", [lm.RKMK(order=2), RKMK4, *IMPLICIT, lm.RKMK(order=2, retraction=lm.Cayley())], ids=repr)
+@pytest.mark.parametrize(
+    "method",
+    [lm.RKMK(order=2), RKMK4, *IMPLICIT, lm.RKMK(order=2, retraction=lm.Cayley())],
+    ids=repr,
+)
 def test_points_stay_on_the_sphere(method: lm.RKMK) -> None:
     system, counts = Compass(lm.SphereAction(3)), [2 * n for n in COUNTS[method.order]]
     error = []
@@ -196,14 +221,21 @@ def test_points_stay_on_the_sphere(method: lm.RKMK) -> None:
 
 
 def there_and_back(system: lm.System, method: lm.RKMK, start: lm.State, h: float) -> float:
-    """How far a step of h and one of -h lead from the start; a driven equation is asked at the same times."""
+    """How far a step of h and one of -h lead from the start; a driven equation is asked at the same
+    times.
+    """
     there = lm.integrate(system, method, start, h=h, steps=1, t0=0.3)
     back = lm.integrate(system, method, there.last, h=-h, steps=1, t0=0.3 + h).last
-    return max(np.abs(np.array(a) - np.array(b)).max() for a, b in zip(back.parts.values(), start.parts.values()))
+    return max(
+        np.abs(np.array(a) - np.array(b)).max()
+        for a, b in zip(back.parts.values(), start.parts.values())
+    )
 
 
 def test_where_gauss_methods_undo_their_steps() -> None:
-    """The midpoint rule everywhere, all of them where everything commutes; a chart at the start of a step is not one at its end."""
+    """The midpoint rule everywhere, all of them where everything commutes; a chart at the start of
+    a step is not one at its end.
+    """
     flat, steered, (body, start) = Pendulum(lm.VectorSpace(2)), Steered(lm.SO3()), asymmetric_body()
     for stages in (1, 2, 3):
         method = lm.RKMK(tableau=gauss(stages))
@@ -213,7 +245,10 @@ def test_where_gauss_methods_undo_their_steps() -> None:
                 assert there_and_back(body, method, start, h) < 1e-14
                 assert there_and_back(steered, method, steered.state(ATTITUDE), h) < 1e-14
     for stages, steps in ((2, [0.2, 0.1, 0.05]), (3, [0.4, 0.2, 0.1])):
-        missed = [there_and_back(steered, lm.RKMK(tableau=gauss(stages)), steered.state(ATTITUDE), h) for h in steps]
+        missed = [
+            there_and_back(steered, lm.RKMK(tableau=gauss(stages)), steered.state(ATTITUDE), h)
+            for h in steps
+        ]
         assert slope(steps, missed) == pytest.approx(2 * stages + 2, abs=0.4)
     assert not lm.RKMK.symmetric
 
@@ -223,7 +258,9 @@ def test_where_gauss_methods_undo_their_steps() -> None:
 @pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=pytest.mark.compiled)])
 def test_stages_that_do_not_converge_are_an_error(method: lm.RKMK, compiled: bool) -> None:
     body, start = asymmetric_body()
-    with pytest.raises(lm.errors.NoConvergence, match=r"stages did not converge.*step h = 10 is too large.*try 2.5"):
+    with pytest.raises(
+        lm.errors.NoConvergence, match=r"stages did not converge.*step h = 10 is too large.*try 2.5"
+    ):
         lm.integrate(body, method, start, h=10.0, steps=3, compiled=compiled)
 
 
@@ -233,10 +270,14 @@ def test_stages_that_do_not_converge_are_an_error(method: lm.RKMK, compiled: boo
 def test_bodies_of_an_ensemble_move_as_if_alone(method: lm.RKMK) -> None:
     body, start = asymmetric_body()
     momenta = np.random.default_rng(2).normal(size=(9, 3))
-    together = lm.integrate(body, method, body.state(momenta, start.g), h=0.2, steps=30, compiled=True)
+    together = lm.integrate(
+        body, method, body.state(momenta, start.g), h=0.2, steps=30, compiled=True
+    )
     for i, mu in enumerate(momenta):
         for compiled in (False, True):
-            alone = lm.integrate(body, method, body.state(mu, start.g), h=0.2, steps=30, compiled=compiled)
+            alone = lm.integrate(
+                body, method, body.state(mu, start.g), h=0.2, steps=30, compiled=compiled
+            )
             assert same_bits(together.mu[:, i].copy(), alone.mu)
             assert same_bits(together.g[:, i].copy(), alone.g)
 
@@ -256,7 +297,9 @@ def test_orbit_group_and_spatial_momentum_are_kept_to_rounding(method: lm.RKMK) 
 
 
 def test_the_bracket_is_not_kept() -> None:
-    """One step misses it by h^5, as every method of order 4 may: far above what differences can see."""
+    """One step misses it by h^5, as every method of order 4 may: far above what differences can
+    see.
+    """
     body, start = asymmetric_body()
     h = [0.5, 0.25, 0.125]
     defects = [poisson_defect(body, RKMK4, np.array(start.mu), step) for step in h]
@@ -267,7 +310,9 @@ def test_the_bracket_is_not_kept() -> None:
 
 
 def test_the_energy_drifts() -> None:
-    """A body that loses 0.4 per cent in 200 steps and ever more afterwards, with |mu| exact all the time."""
+    """A body that loses 0.4 per cent in 200 steps and ever more afterwards, with |mu| exact all the
+    time.
+    """
     body, start = seed_body()
     run = lm.integrate(body, RKMK4, start, h=0.5, steps=10_000, every=100)
     error = run.energy - run.energy[0]
@@ -281,7 +326,13 @@ def test_the_energy_drifts() -> None:
 
 def test_repr_builds_the_same_method() -> None:
     by_cayley = lm.RKMK(order=3, retraction=lm.Cayley())
-    for method in (lm.RKMK(), lm.RKMK(order=2), lm.RKMK(truncation=4), lm.RKMK(truncation="closed"), by_cayley):
+    for method in (
+        lm.RKMK(),
+        lm.RKMK(order=2),
+        lm.RKMK(truncation=4),
+        lm.RKMK(truncation="closed"),
+        by_cayley,
+    ):
         assert eval(repr(method), {"RKMK": lm.RKMK, "Cayley": lm.Cayley}) == method
     assert lm.RKMK().order == 4
     assert lm.RKMK(order=3).name == "RKMK3"

@@ -1,4 +1,6 @@
-"""The scale that FirstKindHamiltonJacobi chooses: an angle decides, so that it works on every group, in every unit, and again."""
+"""The scale that FirstKindHamiltonJacobi chooses: an angle decides, so that it works on every
+group, in every unit, and again.
+"""
 
 from __future__ import annotations
 
@@ -27,15 +29,23 @@ def test_trace_of_ad_reaches_every_start(group: lm.LieGroup, retraction: lm.Retr
 
 
 def test_on_groups_of_rotations_alike() -> None:
-    """SU(2) with the generators of SO(3) in another basis, [E_1, E_2] = 2 E_3: the same turn, by an angle of 1/2."""
-    factor = [lm.TraceOfAd().size(group, lm.Exponential(), lm.vec(0.3, -0.4, 0.0)) for group in (lm.SO3(), lm.SU(2))]
-    assert factor == pytest.approx([1.0, 2.0], rel=1e-15)  # the momenta of one motion are twice as large in that basis
+    """SU(2) with the generators of SO(3) in another basis, [E_1, E_2] = 2 E_3: the same turn, by an
+    angle of 1/2.
+    """
+    factor = [
+        lm.TraceOfAd().size(group, lm.Exponential(), lm.vec(0.3, -0.4, 0.0))
+        for group in (lm.SO3(), lm.SU(2))
+    ]
+    # the momenta of one motion are twice as large in that basis
+    assert factor == pytest.approx([1.0, 2.0], rel=1e-15)
 
 
 @pytest.mark.sample(1)
 @pytest.mark.parametrize("length", [2.0**-3, 2.0**20])
 def test_screws_in_other_units(length: float) -> None:
-    """(Pi, P) in a unit of length to the power (2, 1), J, D, M to (2, 1, 0): the same motion to rounding."""
+    """(Pi, P) in a unit of length to the power (2, 1), J, D, M to (2, 1, 0): the same motion to
+    rounding.
+    """
     J, D, M = np.diag([1.0, 1.5, 2.0]), 0.1 * np.eye(3) + 0.05, np.diag([1.0, 1.2, 1.4])
     mu = np.array([0.5, 0.1, 0.8, 1.0, -0.3, 0.2])
 
@@ -44,7 +54,9 @@ def test_screws_in_other_units(length: float) -> None:
         scaled = np.repeat([unit**2, unit], 3)
         start = body.state(scaled * mu, np.eye(4))
         run = lm.integrate(body, FirstKindHamiltonJacobi(2), start, h=0.05, steps=2, compiled=False)
-        return np.concatenate([run.mu[-1] / scaled, run.g[-1, :3, :3].ravel(), run.g[-1, :3, 3] / unit])
+        return np.concatenate(
+            [run.mu[-1] / scaled, run.g[-1, :3, :3].ravel(), run.g[-1, :3, 3] / unit]
+        )
 
     assert np.abs(moved(length) - moved(1.0)).max() <= 1e-13
 

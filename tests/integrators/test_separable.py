@@ -1,4 +1,6 @@
-"""Splittings of T(p) + V(q): orders, equivalences, what is kept, and how a system says that it is separable."""
+"""Splittings of T(p) + V(q): orders, equivalences, what is kept, and how a system says that it is
+separable.
+"""
 
 from __future__ import annotations
 
@@ -169,7 +171,9 @@ def test_lie_verlet_on_a_vector_space_is_stormer_verlet() -> None:
 
 
 def test_the_modified_energy_of_an_oscillator_is_constant() -> None:
-    """p^2 + w^2 q^2 (1 - h^2 w^2/4), for kicks first, exactly; its form is definite below h w = 2 only (HLW I.5.2)."""
+    """p^2 + w^2 q^2 (1 - h^2 w^2/4), for kicks first, exactly; its form is definite below h w = 2
+    only (HLW I.5.2).
+    """
     system = Oscillator(3.0)
     for h in (0.1, 0.6, 0.66):
         run = plain(system, lm.StormerVerlet(), system.state(1.0, 0.5), h, 200)
@@ -240,7 +244,9 @@ def test_compensated_sums_find_the_way_back() -> None:
 
 
 def test_time_as_a_coordinate() -> None:
-    """A driven pendulum: time advances by h, orders are those of autonomous motions, H + e is constant up to the error."""
+    """A driven pendulum: time advances by h, orders are those of autonomous motions, H + e is
+    constant up to the error.
+    """
 
     @record
     class Swing(lm.SeparableSystem):
@@ -270,7 +276,8 @@ def test_time_as_a_coordinate() -> None:
         assert np.log2(errors[0] / errors[1]) == pytest.approx(method.order, abs=0.5)
 
 
-# ---------------------------------------------------------------- how a system says that it is separable
+# ---------------------------------------------------------------- how a system says that it is
+# separable
 
 
 def test_derivatives_that_nobody_wrote_are_those_in_closed_form(rng: np.random.Generator) -> None:

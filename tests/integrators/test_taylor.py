@@ -1,4 +1,6 @@
-"""Taylor methods: the order that was asked for, on every kind of system; structure to rounding; dense output; adaptive steps."""
+"""Taylor methods: the order that was asked for, on every kind of system; structure to rounding;
+dense output; adaptive steps.
+"""
 
 from __future__ import annotations
 
@@ -51,18 +53,29 @@ class Rotor(lm.Hamiltonian):
     """An energy that is not quadratic, and whose gradient nobody writes."""
 
     def energy(self, mu: Any) -> float:
-        return sqrt(1.0 + dot(mu, vec(1.0, 0.7, 0.4) * mu)) + 0.2 * log(2.0 + mu[0]) + 0.1 * tanh(mu[1]) ** 2
+        return (
+            sqrt(1.0 + dot(mu, vec(1.0, 0.7, 0.4) * mu))
+            + 0.2 * log(2.0 + mu[0])
+            + 0.1 * tanh(mu[1]) ** 2
+        )
 
 
 def moving(name: str) -> tuple[lm.System, Any, lm.Retraction]:
     """A system, its start and a retraction."""
     rng = np.random.default_rng(3)
-    cayley, exponential, g, six = lm.Cayley(), lm.Exponential(), rotation(rng), [0.3, 0.4, 1.0, 0.2, 0.5, 0.7]
+    cayley, exponential, g, six = (
+        lm.Cayley(),
+        lm.Exponential(),
+        rotation(rng),
+        [0.3, 0.4, 1.0, 0.2, 0.5, 0.7],
+    )
     rotations = lm.SO3()
     submarine = lm.LiePoissonSystem(lm.SE3(), lm.KineticEnergy([1.0, 1.5, 2.0, 1.0, 1.3, 1.7]))
     hidden = lm.LiePoissonSystem(rotations, Rotor())
     quantum = lm.LiePoissonSystem(lm.SU(2), lm.KineticEnergy([1.0, 1.5, 2.0]))
-    volume = lm.LiePoissonSystem(lm.SL(3), lm.KineticEnergy([1.0, 1.5, 2.0, 1.2, 1.4, 1.7, 1.1, 1.9]))
+    volume = lm.LiePoissonSystem(
+        lm.SL(3), lm.KineticEnergy([1.0, 1.5, 2.0, 1.2, 1.4, 1.7, 1.1, 1.9])
+    )
     ball = OnSphere(lm.SphereAction(3))
     return {
         "body": (asymmetric_body()[0], asymmetric_body()[1], cayley),
@@ -96,10 +109,14 @@ NAMES = (
 
 def ends(run: lm.Trajectory, at: int = -1) -> np.ndarray:
     """All that is known of the last state, in one row."""
-    return np.concatenate([np.ravel(x)[:] for x in (getattr(run, n)[at] for n in run.states)]).view(float)
+    return np.concatenate([np.ravel(x)[:] for x in (getattr(run, n)[at] for n in run.states)]).view(
+        float
+    )
 
 
-def last(system: lm.System, method: lm.Method, start: Any, t_end: float, n: int, **options: Any) -> np.ndarray:
+def last(
+    system: lm.System, method: lm.Method, start: Any, t_end: float, n: int, **options: Any
+) -> np.ndarray:
     return ends(lm.integrate(system, method, start, h=t_end / n, steps=n, every=n, **options))
 
 
@@ -107,7 +124,9 @@ def last(system: lm.System, method: lm.Method, start: Any, t_end: float, n: int,
 
 
 @pytest.mark.sample(2)
-@pytest.mark.parametrize(("order", "counts"), [(2, (40, 80, 160)), (4, (20, 40, 80)), (8, (8, 12, 18)), (12, (5, 7, 10))])
+@pytest.mark.parametrize(
+    ("order", "counts"), [(2, (40, 80, 160)), (4, (20, 40, 80)), (8, (8, 12, 18)), (12, (5, 7, 10))]
+)
 def test_order_on_the_asymmetric_body(order: int, counts: tuple[int, ...]) -> None:
     body, start = asymmetric_body()
     exact = body.exact(start, np.array([3.0]))
@@ -127,7 +146,10 @@ def test_order_on_every_kind_of_system(name: str, order: int, counts: tuple[int,
     system, start, retraction = moving(name)
     method = Taylor(order=order, retraction=retraction)
     reference = last(system, lm.RKMK(order=8), start, 1.5, 150)
-    coarse, fine = (np.abs(last(system, method, start, 1.5, n, compiled=False) - reference).max() for n in counts)
+    coarse, fine = (
+        np.abs(last(system, method, start, 1.5, n, compiled=False) - reference).max()
+        for n in counts
+    )
     assert fine < 1e-13 or order - 1.0 < np.log2(coarse / fine) < order + 2.5, (coarse, fine)
 
 
@@ -150,7 +172,9 @@ def test_an_ensemble_gives_the_bits_of_each_of_its_bodies() -> None:
     many = body.state(rng.normal(size=(20, 3)), lm.SO3().random(rng, 20))
     run = lm.integrate(body, Taylor(order=6), many, h=0.2, steps=5, compiled=True)
     for i in (0, 7, 19):
-        one = lm.integrate(body, Taylor(order=6), body.state(many.mu[i], many.g[i]), h=0.2, steps=5, compiled=False)
+        one = lm.integrate(
+            body, Taylor(order=6), body.state(many.mu[i], many.g[i]), h=0.2, steps=5, compiled=False
+        )
         assert same_bits(one.mu[-1], run.mu[-1, i]) and same_bits(one.g[-1], run.g[-1, i])
 
 
@@ -159,7 +183,11 @@ def test_where_takes_the_side_on_which_the_step_starts() -> None:
     @record
     class Folded(lm.GroupEquation):
         def velocity(self, t: float, g: Any) -> Any:
-            return vec(where(g[0, 1] > 0.1, sin(t), cos(g[1, 1])), 0.3 * max(t, g[0, 0]), abs(g[0, 2]) + 1.0)
+            return vec(
+                where(g[0, 1] > 0.1, sin(t), cos(g[1, 1])),
+                0.3 * max(t, g[0, 0]),
+                abs(g[0, 2]) + 1.0,
+            )
 
     @record
     class Branched(lm.GroupEquation):
@@ -170,7 +198,9 @@ def test_where_takes_the_side_on_which_the_step_starts() -> None:
             return vec(x, 0.3, 0.1)
 
     system, start = Folded(lm.SO3()), Folded(lm.SO3()).state(np.eye(3))
-    plain, native = (last(system, Taylor(order=6), start, 1.0, 10, compiled=c) for c in (False, True))
+    plain, native = (
+        last(system, Taylor(order=6), start, 1.0, 10, compiled=c) for c in (False, True)
+    )
     assert same_bits(plain, native)
     system = Branched(lm.SO3())
     last(system, Taylor(order=6), start, 1.0, 10, compiled=False)
@@ -185,7 +215,9 @@ def test_where_takes_the_side_on_which_the_step_starts() -> None:
 @pytest.mark.parametrize("order", [3, 12])
 def test_casimir_and_spatial_momentum_to_rounding_over_ten_thousand_steps(order: int) -> None:
     body, start = asymmetric_body()
-    run = lm.integrate(body, Taylor(order=order), start, h=0.2, steps=10_000, every=100, compiled=True)
+    run = lm.integrate(
+        body, Taylor(order=order), start, h=0.2, steps=10_000, every=100, compiled=True
+    )
     size = np.linalg.norm(run.mu, axis=1)
     assert np.abs(size / size[0] - 1.0).max() < 1e-13
     spatial = np.einsum("nij,nj->ni", run.g, run.mu)
@@ -196,7 +228,14 @@ def test_casimir_and_spatial_momentum_to_rounding_over_ten_thousand_steps(order:
 def test_backwards_and_forwards() -> None:
     body, start = asymmetric_body()
     there = lm.integrate(body, Taylor(order=12), start, h=0.1, steps=20, compiled=False)
-    back = lm.integrate(body, Taylor(order=12), body.state(there.mu[-1], there.g[-1]), h=-0.1, steps=20, compiled=False)
+    back = lm.integrate(
+        body,
+        Taylor(order=12),
+        body.state(there.mu[-1], there.g[-1]),
+        h=-0.1,
+        steps=20,
+        compiled=False,
+    )
     np.testing.assert_allclose(back.mu[-1], start.mu, atol=1e-14)
 
 
@@ -211,7 +250,15 @@ def test_the_error_follows_the_tolerance(order: int) -> None:
     exact = body.exact(start, np.array([30.0]))
     steps = []
     for tolerance in (1e-5, 1e-7, 1e-9, 1e-11, 1e-13):
-        run = lm.integrate(body, Taylor(order=order), start, t_end=30.0, rtol=tolerance, atol=tolerance, compiled=True)
+        run = lm.integrate(
+            body,
+            Taylor(order=order),
+            start,
+            t_end=30.0,
+            rtol=tolerance,
+            atol=tolerance,
+            compiled=True,
+        )
         error = max(np.abs(run.mu[-1] - exact.mu[0]).max(), np.abs(run.g[-1] - exact.g[0]).max())
         assert error < 5.0 * tolerance + 2e-14
         assert error > 1e-4 * tolerance
@@ -225,14 +272,21 @@ def test_the_error_follows_the_tolerance(order: int) -> None:
 @pytest.mark.parametrize("name", ["driven", "sphere", "Kirchhoff"])
 def test_adaptive_steps_on_other_systems(name: str) -> None:
     system, start, retraction = moving(name)
-    run = lm.integrate(system, Taylor(order=10, retraction=retraction), start, t_end=1.5, rtol=1e-11, atol=1e-11)
+    run = lm.integrate(
+        system, Taylor(order=10, retraction=retraction), start, t_end=1.5, rtol=1e-11, atol=1e-11
+    )
     assert np.abs(ends(run) - last(system, lm.RKMK(order=8), start, 1.5, 150)).max() < 1e-10
 
 
 def test_a_body_that_turns_about_an_axis_of_symmetry_has_no_error_to_estimate() -> None:
     body = lm.RigidBody([1.0, 1.0, 2.0])
-    run = lm.integrate(body, Taylor(), body.state([0.0, 0.0, 1.0], np.eye(3)), t_end=5.0, rtol=1e-10, atol=1e-10)
-    assert np.abs(run.g[-1][:2, :2] - [[np.cos(2.5), -np.sin(2.5)], [np.sin(2.5), np.cos(2.5)]]).max() < 1e-9
+    run = lm.integrate(
+        body, Taylor(), body.state([0.0, 0.0, 1.0], np.eye(3)), t_end=5.0, rtol=1e-10, atol=1e-10
+    )
+    assert (
+        np.abs(run.g[-1][:2, :2] - [[np.cos(2.5), -np.sin(2.5)], [np.sin(2.5), np.cos(2.5)]]).max()
+        < 1e-9
+    )
 
 
 # ------------------------------------------------------------------ between the steps
@@ -243,7 +297,17 @@ def test_dense_output_has_the_order_of_the_method(order: int) -> None:
     body, start = asymmetric_body()
     errors = []
     for h in (0.5, 0.25):
-        run = lm.integrate(body, Taylor(order=order), start, t_end=h, h=h, rtol=0.5, atol=1e3, dense=True, compiled=False)
+        run = lm.integrate(
+            body,
+            Taylor(order=order),
+            start,
+            t_end=h,
+            h=h,
+            rtol=0.5,
+            atol=1e3,
+            dense=True,
+            compiled=False,
+        )
         assert run.steps == 1
         times = np.linspace(0.0, h, 9)[1:-1]
         between, exact = run.dense(times), body.exact(start, times)
@@ -271,7 +335,11 @@ def test_orders_that_there_are_not(order: Any) -> None:
 def test_refusals() -> None:
     refused: list[tuple[type[Exception], str, Callable[[], object]]] = [
         (InvalidType, "retraction must be", lambda: Taylor(retraction="cayley")),  # type: ignore[arg-type]
-        (InvalidInput, r"with Exponential\(\) the order is at most 14", lambda: Taylor(order=15, retraction=lm.Exponential())),
+        (
+            InvalidInput,
+            r"with Exponential\(\) the order is at most 14",
+            lambda: Taylor(order=15, retraction=lm.Exponential()),
+        ),
         (IncompatibleSystem, "Exponential", lambda: Taylor().require(moving("SL(3)")[0])),
     ]
     for error, words, call in refused:

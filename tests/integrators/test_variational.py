@@ -26,7 +26,9 @@ from scenes import (
 
 import liemech as lm
 
-REFERENCE = json.loads((Path(__file__).parent.parent / "reference" / "integrator_steps_so3.json").read_text())
+REFERENCE = json.loads(
+    (Path(__file__).parent.parent / "reference" / "integrator_steps_so3.json").read_text()
+)
 pytestmark = pytest.mark.filterwarnings("ignore::liemech.errors.StepWarning")
 BOTH = pytest.mark.parametrize("method", [EXP, CAYLEY], ids=named)
 COUNTS = {EXP: (40, 80, 160, 320), CAYLEY: (160, 320, 640, 1280)}
@@ -67,28 +69,42 @@ def test_error_after_two_hundred_steps() -> None:
 
 @BOTH
 def test_momentum_fits_the_velocity(method: lm.CovariantVariational) -> None:
-    """The two lines of the algorithm: (dtau^-1)* J xi is the momentum before the step, the left one that after it."""
+    """The two lines of the algorithm: (dtau^-1)* J xi is the momentum before the step, the left one
+    that after it.
+    """
     body, start = asymmetric_body()
     h, mu = 0.4, np.array(start.mu)
     run = lm.integrate(body, method, start, h=h, steps=1)
     xi = method.retraction.tau_inv(body.group, run.g[0].T @ run.g[1]) / h
     p = np.array(body.inertia) * xi
     assert np.abs(method.retraction.dtau_inv_dual(body.group, h * xi, p) - mu).max() < 1e-14
-    assert np.abs(method.retraction.dtau_inv_dual(body.group, h * xi, p, "left") - run.mu[1]).max() < 1e-14
+    assert (
+        np.abs(method.retraction.dtau_inv_dual(body.group, h * xi, p, "left") - run.mu[1]).max()
+        < 1e-14
+    )
 
 
 @BOTH
 def test_velocities_belong_to_intervals(method: lm.CovariantVariational) -> None:
-    """g_i+1 = g_i tau(h xi_i), and the momentum of xi_i is mu_i: J xi_i is another one, an O(h) away, half way to mu_i+1."""
+    """g_i+1 = g_i tau(h xi_i), and the momentum of xi_i is mu_i: J xi_i is another one, an O(h)
+    away, half way to mu_i+1.
+    """
     body, start = asymmetric_body()
     gaps = []
     for h in (0.1, 0.05):
         run = lm.integrate(body, method, start, h=h, steps=10)
-        between = method.retraction.tau_inv(body.group, np.swapaxes(run.g[:-1], 1, 2) @ run.g[1:]) / h
+        between = (
+            method.retraction.tau_inv(body.group, np.swapaxes(run.g[:-1], 1, 2) @ run.g[1:]) / h
+        )
         assert np.abs(run.xi[:-1] - between).max() < 4e-15
         assert np.abs(method.momentum(body, run.xi, h) - run.mu).max() < 1e-15
         J_xi = np.array(body.inertia) * run.xi[:-1]
-        gaps.append((np.abs(J_xi - run.mu[:-1]).max(), np.abs(J_xi - 0.5 * (run.mu[:-1] + run.mu[1:])).max()))
+        gaps.append(
+            (
+                np.abs(J_xi - run.mu[:-1]).max(),
+                np.abs(J_xi - 0.5 * (run.mu[:-1] + run.mu[1:])).max(),
+            )
+        )
     assert np.log2(np.divide(*gaps)) == pytest.approx([1.0, 2.0], abs=0.2)
 
 
@@ -104,7 +120,10 @@ def test_a_run_may_start_with_a_velocity(method: lm.CovariantVariational) -> Non
 def test_other_methods_have_no_velocities_of_intervals() -> None:
     body, start = asymmetric_body()
     run = lm.integrate(body, lm.RKMK(4), start, h=0.1, steps=2)
-    with pytest.raises(lm.errors.InvalidInput, match=r"Trajectory.xi is for methods with a velocity .* RKMK\(order=4\) has none"):
+    with pytest.raises(
+        lm.errors.InvalidInput,
+        match=r"Trajectory.xi is for methods with a velocity .* RKMK\(order=4\) has none",
+    ):
         _ = run.xi
 
 
@@ -138,7 +157,8 @@ def test_a_sphere_turns_exactly(method: lm.CovariantVariational) -> None:
 
 @pytest.mark.parametrize("h", [0.05, 0.5])
 def test_cayley_is_the_isospectral_midpoint_rule(h: float) -> None:
-    """W_n = (1 - hB/2) W (1 + hB/2), W_n+1 = (1 + hB/2) W (1 - hB/2) with W = hat(pi), B = -hat(J^-1 pi).
+    """W_n = (1 - hB/2) W (1 + hB/2), W_n+1 = (1 + hB/2) W (1 - hB/2) with W = hat(pi),
+    B = -hat(J^-1 pi).
 
     Source: Modin, Viviani, Found. Comput. Math. 20 (2020).
     """
@@ -214,8 +234,12 @@ def test_energy_oscillates_without_drift(method: lm.CovariantVariational) -> Non
     assert error[5000:].max() <= 1.1 * error[:5000].max()
 
 
-def modified_energy(body: lm.RigidBody, method: lm.CovariantVariational, mu: np.ndarray, h: float) -> np.ndarray:
-    """H - (h^2/6) s_3: s_3 = w . K w/4 with K = J^-1, v = K mu, w = mu x v, and for Cayley + |v|^2 (mu . v)/2."""
+def modified_energy(
+    body: lm.RigidBody, method: lm.CovariantVariational, mu: np.ndarray, h: float
+) -> np.ndarray:
+    """H - (h^2/6) s_3: s_3 = w . K w/4 with K = J^-1, v = K mu, w = mu x v, and for Cayley + |v|^2
+    (mu . v)/2.
+    """
     v = mu / np.array(body.inertia)
     w = np.cross(mu, v)
     s3 = 0.25 * (w * w / np.array(body.inertia)).sum(axis=1)
@@ -265,7 +289,9 @@ def test_exp_says_when_the_step_is_too_large(compiled: bool) -> None:
 
 @pytest.mark.parametrize("h", [4.0, -6.0])
 def test_steps_of_exp_beyond_a_fold_are_refused(h: float) -> None:
-    """What is accepted has det DF > 0, F(xi) = (dexp^-1_{h xi})* J xi; two of five roots found at h |mu| = 6 have not."""
+    """What is accepted has det DF > 0, F(xi) = (dexp^-1_{h xi})* J xi; two of five roots found at h
+    |mu| = 6 have not.
+    """
     body, _ = seed_body()
     J, rng = np.array(body.inertia), np.random.default_rng(0)
 
@@ -280,13 +306,17 @@ def test_steps_of_exp_beyond_a_fold_are_refused(h: float) -> None:
             continue
         if np.linalg.norm(x) > 2 * math.pi - 1e-3:
             continue
-        derivative = np.stack([(legendre(x + e) - legendre(x - e)) / 2e-6 for e in 1e-6 * np.eye(3)], axis=1)
+        derivative = np.stack(
+            [(legendre(x + e) - legendre(x - e)) / 2e-6 for e in 1e-6 * np.eye(3)], axis=1
+        )
         assert np.linalg.det(h * derivative) > 0.0
 
 
 @pytest.mark.parametrize("h", [6.0, 12.0, 100.0])
 def test_steps_of_exp_beyond_a_whole_turn_are_refused(h: float) -> None:
-    """Newton's method finds roots with h |xi| > 2 pi: meaningless sheets, on which a run would go on for ever."""
+    """Newton's method finds roots with h |xi| > 2 pi: meaningless sheets, on which a run would go
+    on for ever.
+    """
     body, _ = seed_body()
     rng = np.random.default_rng(0)
     for mu in rng.normal(size=(6, 3)):

@@ -1,4 +1,6 @@
-"""Algorithm 1 and its compositions beyond rotations: what is exact on SE(3), SO(4) and a group given by generators."""
+"""Algorithm 1 and its compositions beyond rotations: what is exact on SE(3), SO(4) and a group
+given by generators.
+"""
 
 from __future__ import annotations
 
@@ -36,10 +38,18 @@ def on_generators() -> Scene:
 
 
 ADJOINT = lm.CovariantVariational(lm.CayleyAdjoint())
-COMPOSED = [lm.Composition(EXP, order=4), lm.Composition(CAYLEY, order=4), lm.Composition(EXP, order=6)]
+COMPOSED = [
+    lm.Composition(EXP, order=4),
+    lm.Composition(CAYLEY, order=4),
+    lm.Composition(EXP, order=6),
+]
 SCENES = pytest.mark.parametrize("scene", [on_SE3, on_SO4, on_generators])
-CASES = [(scene, method) for scene in (on_SE3, on_SO4, on_generators) for method in (EXP, CAYLEY)] + [(on_SE3, ADJOINT)]
-EACH = pytest.mark.parametrize(("scene", "method"), CASES, ids=lambda x: x.name if isinstance(x, lm.Method) else x.__name__)
+CASES = [
+    (scene, method) for scene in (on_SE3, on_SO4, on_generators) for method in (EXP, CAYLEY)
+] + [(on_SE3, ADJOINT)]
+EACH = pytest.mark.parametrize(
+    ("scene", "method"), CASES, ids=lambda x: x.name if isinstance(x, lm.Method) else x.__name__
+)
 
 
 # ---------------------------------------------------------------- one step
@@ -47,7 +57,9 @@ EACH = pytest.mark.parametrize(("scene", "method"), CASES, ids=lambda x: x.name 
 
 @EACH
 def test_momentum_fits_the_velocity(scene: object, method: lm.CovariantVariational) -> None:
-    """The two lines of the algorithm: (dtau^-1)* J xi is the momentum before the step, the left one that after it."""
+    """The two lines of the algorithm: (dtau^-1)* J xi is the momentum before the step, the left one
+    that after it.
+    """
     system, start = scene()  # type: ignore[operator]
     h, group = 0.2, system.group
     run = lm.integrate(system, method, start, h=h, steps=1)
@@ -106,7 +118,8 @@ def test_rkmk_does_not_keep_the_bracket() -> None:
 @pytest.mark.parametrize("scene", [asymmetric_body, on_SO4], ids=["SO3", "SO4"])
 @pytest.mark.parametrize("h", [0.05, 0.3])
 def test_cayley_is_the_isospectral_midpoint_rule(scene: object, h: float) -> None:
-    """W_n = (1 - hB/2) W (1 + hB/2), W_n+1 = (1 + hB/2) W (1 - hB/2) with W = hat(mu), B = -hat(xi), and g_n+1 = g_n Q^T.
+    """W_n = (1 - hB/2) W (1 + hB/2), W_n+1 = (1 + hB/2) W (1 - hB/2) with W = hat(mu),
+    B = -hat(xi), and g_n+1 = g_n Q^T.
 
     Source: Modin, Viviani, Found. Comput. Math. 20 (2020).
     """
@@ -128,13 +141,22 @@ def test_cayley_is_the_isospectral_midpoint_rule(scene: object, h: float) -> Non
 @pytest.mark.sample(1)
 @pytest.mark.parametrize("retraction", [lm.Exponential(), lm.Cayley()], ids=repr)
 def test_order_two_of_hamilton_jacobi_is_the_same_step(retraction: lm.Retraction) -> None:
-    """s = h H: the displacement is h dH(p), p = dl(xi), and the equation for p is that of Algorithm 1; on any group."""
+    """s = h H: the displacement is h dH(p), p = dl(xi), and the equation for p is that of Algorithm
+    1; on any group.
+    """
     for scene in (on_SE3, on_SO4, on_generators):
         system, start = scene()
-        places = lm.integrate(system, lm.CovariantVariational(retraction), start, h=0.2, steps=40, every=10)
+        places = lm.integrate(
+            system, lm.CovariantVariational(retraction), start, h=0.2, steps=40, every=10
+        )
         ours, theirs = (
-            lm.integrate(system, method, system.state(places.mu, places.g), h=0.2, steps=1, compiled=False)
-            for method in (lm.LiePoissonHamiltonJacobi(2, retraction), lm.CovariantVariational(retraction))
+            lm.integrate(
+                system, method, system.state(places.mu, places.g), h=0.2, steps=1, compiled=False
+            )
+            for method in (
+                lm.LiePoissonHamiltonJacobi(2, retraction),
+                lm.CovariantVariational(retraction),
+            )
         )
         size = np.abs(places.g).max()
         assert np.abs(ours.mu - theirs.mu).max() < 4e-15
@@ -145,7 +167,9 @@ def test_order_two_of_hamilton_jacobi_is_the_same_step(retraction: lm.Retraction
 
 
 def third(system: lm.LiePoissonSystem, retraction: lm.Retraction, p: np.ndarray) -> float:
-    """s_3 = (d/dt)^2 H((dtau^-1_tv)* p) at 0, left-trivialised, v = dH(p), for any retraction; by differences, extrapolated."""
+    """s_3 = (d/dt)^2 H((dtau^-1_tv)* p) at 0, left-trivialised, v = dH(p), for any retraction; by
+    differences, extrapolated.
+    """
     v = np.array(system.velocity(p))
 
     def energy(t: float) -> float:
@@ -157,12 +181,24 @@ def third(system: lm.LiePoissonSystem, retraction: lm.Retraction, p: np.ndarray)
 
 @pytest.mark.sample(2)
 @EACH
-def test_modified_energy_is_kept_to_fourth_order(scene: object, method: lm.CovariantVariational) -> None:
-    """H - (h^2/6) s_3, s_3 of the Hamilton-Jacobi equation: its oscillation falls by 16 per halving, that of H by 4."""
+def test_modified_energy_is_kept_to_fourth_order(
+    scene: object, method: lm.CovariantVariational
+) -> None:
+    """H - (h^2/6) s_3, s_3 of the Hamilton-Jacobi equation: its oscillation falls by 16 per
+    halving, that of H by 4.
+    """
     system, start = scene()  # type: ignore[operator]
     h, plain, modified = [0.1, 0.05, 0.025], [], []
     for step in h:
-        run = lm.integrate(system, method, start, h=step, steps=round(4 / step), every=round(0.4 / step), compiled=False)
+        run = lm.integrate(
+            system,
+            method,
+            start,
+            h=step,
+            steps=round(4 / step),
+            every=round(0.4 / step),
+            compiled=False,
+        )
         s3 = np.array([third(system, method.retraction, mu) for mu in run.mu])
         plain.append(np.ptp(run.energy))
         modified.append(np.ptp(run.energy - step**2 / 6 * s3))
@@ -183,7 +219,13 @@ def test_the_energy_of_a_composition_has_its_order(scene: object, method: lm.Met
     h, error = [0.1, 0.05], []
     for step in h:
         run = lm.integrate(
-            system, method, system.state(start.mu), h=step, steps=round(2 / step), every=round(0.2 / step), compiled=False
+            system,
+            method,
+            system.state(start.mu),
+            h=step,
+            steps=round(2 / step),
+            every=round(0.2 / step),
+            compiled=False,
         )
         error.append(np.abs(run.energy - run.energy[0]).max())
     assert slope(h, error) == pytest.approx(4.0, abs=0.1)

@@ -1,4 +1,6 @@
-"""Masses on rods, in positions and as bodies that touch their neighbours only: the same steps, at different cost."""
+"""Masses on rods, in positions and as bodies that touch their neighbours only: the same steps, at
+different cost.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,9 @@ def as_bodies(chain: Any) -> Any:
     """The masses as bodies whose rods end in their centres: nothing turns them."""
     links = [lm.Link(m, [1.0, 1.0, 1.0]) for m in chain.masses]
     points = [0.0, 0.0, 0.0]
-    rods = [lm.RigidRod(k, k - 1 if k else None, points, points, l) for k, l in enumerate(chain.lengths)]
+    rods = [
+        lm.RigidRod(k, k - 1 if k else None, points, points, l) for k, l in enumerate(chain.lengths)
+    ]
     return lm.Linkage(links, rods, gravity=chain.gravity)
 
 
@@ -22,12 +26,20 @@ def test_a_chain_of_masses_steps_as_a_linkage_of_rods() -> None:
     chain: Any = lm.ChainPendulum([1.0, 0.5], [1.0, 0.8])
     angles = np.array([0.5, 1.1])
     along = np.stack([np.sin(angles), 0.0 * angles, -np.cos(angles)], axis=1)
-    start = chain.consistent(chain.hanging(along.ravel().tolist()), np.random.default_rng(0).normal(size=6))
+    start = chain.consistent(
+        chain.hanging(along.ravel().tolist()), np.random.default_rng(0).normal(size=6)
+    )
     bodies = as_bodies(chain)
     poses, velocities = np.tile(np.eye(4), (2, 1, 1)), np.zeros((2, 6))
     poses[:, :3, 3] = np.reshape(np.array(start.q), (2, 3))
     velocities[:, 3:] = np.reshape(np.array(start.p), (2, 3)) / np.array(chain.masses)[:, None]
-    options: Any = {"h": 0.02, "steps": 5, "compiled": False, "compensated": False, "progress": False}
+    options: Any = {
+        "h": 0.02,
+        "steps": 5,
+        "compiled": False,
+        "compensated": False,
+        "progress": False,
+    }
     one = lm.integrate(chain, lm.RATTLE(), start, **options)
     other = lm.integrate(bodies, lm.LieRATTLE(), bodies.assembled(poses, velocities), **options)
     assert np.abs(bodies.poses(other.g)[..., :3, 3].reshape(-1, 6) - one.q).max() < 4e-15
@@ -36,7 +48,9 @@ def test_a_chain_of_masses_steps_as_a_linkage_of_rods() -> None:
 
 
 def test_only_neighbours_meet_in_its_elimination() -> None:
-    """Rod k has a mass in common with rods k - 1 and k + 1: 3 N - 2 entries, where the chain in positions has N^2."""
+    """Rod k has a mass in common with rods k - 1 and k + 1: 3 N - 2 entries, where the chain in
+    positions has N^2.
+    """
     for count in (4, 9):
         bodies = as_bodies(lm.ChainPendulum([1.0] * count, [1.0] * count))
         assert sum(len(row) for row in bodies.shared) == 3 * count - 2

@@ -14,9 +14,15 @@ JOINTS = {
     "ball": (lm.BallJoint(0, 1, A, B), 3),
     "fixed point": (lm.FixedPoint(1, A, [1.0, 2.0, 3.0]), 3),
     "revolute": (lm.RevoluteJoint(0, 1, A, B, [1.0, 2.0, 3.0], [-1.0, 0.3, -0.2]), 1),
-    "revolute to the ground": (lm.RevoluteJoint(1, None, A, B, [1.0, 2.0, -3.0], [-1.0, 0.3, -0.2]), 1),
+    "revolute to the ground": (
+        lm.RevoluteJoint(1, None, A, B, [1.0, 2.0, -3.0], [-1.0, 0.3, -0.2]),
+        1,
+    ),
     "universal": (lm.UniversalJoint(1, 0, A, B, [1.0, 2.0, 3.0], [-1.0, 0.3, 0.2]), 2),
-    "prismatic": (lm.PrismaticJoint(0, 1, A, B, [1.0, 2.0, 3.0], lm.SO3().exp([0.4, -1.0, 0.3])), 1),
+    "prismatic": (
+        lm.PrismaticJoint(0, 1, A, B, [1.0, 2.0, 3.0], lm.SO3().exp([0.4, -1.0, 0.3])),
+        1,
+    ),
     "rod": (lm.RigidRod(0, 1, A, B, 1.3), 5),
 }
 
@@ -26,7 +32,10 @@ def test_written_derivatives_are_derived_ones(name):
     joint, freedom = JOINTS[name]
     group, joints = lm.ProductGroup(lm.SE3(), lm.SE3()), Joints((joint,))
     g = group.random(7)
-    written, derived = np.array(joints.jacobian(group, g)), np.array(Constraint.jacobian(joints, group, g))
+    written, derived = (
+        np.array(joints.jacobian(group, g)),
+        np.array(Constraint.jacobian(joints, group, g)),
+    )
     assert np.allclose(written, derived, rtol=0.0, atol=1e-15 * np.abs(derived).max() * 16)
     assert len(written) == joint.conditions == 6 - freedom
 
@@ -34,7 +43,8 @@ def test_written_derivatives_are_derived_ones(name):
 @pytest.mark.parametrize(
     ("joint", "velocity"),
     [
-        # the second body turns about the hinge, slides along its axis, or does both turns of a Cardan joint
+        # the second body turns about the hinge, slides along its axis, or does both turns of a
+        # Cardan joint
         (lm.RevoluteJoint(0, 1, [0, 0, 0], [0, 0, -1], [1, 0, 0], [1, 0, 0]), [1, 0, 0, 0, 1, 0]),
         (lm.PrismaticJoint(0, 1, [0, 0, 0], [0, 0, -1], [0, 0, 1]), [0, 0, 0, 0, 0, 1]),
         (lm.UniversalJoint(0, 1, [0, 0, 0], [0, 0, -1], [1, 0, 0], [0, 1, 0]), [0, 1, 0, -1, 0, 0]),
@@ -55,21 +65,31 @@ def test_what_a_joint_leaves_free(joint, velocity):
     assert np.linalg.matrix_rank(G) == joint.conditions
 
 
-@pytest.mark.parametrize("axis", [[0.0, 0.0, 1.0], [0.0, 0.0, -1.0], [0.6, 0.0, 0.8], [-0.48, 0.64, -0.6], [0.0, 1.0, 0.0]])
+@pytest.mark.parametrize(
+    "axis",
+    [[0.0, 0.0, 1.0], [0.0, 0.0, -1.0], [0.6, 0.0, 0.8], [-0.48, 0.64, -0.6], [0.0, 1.0, 0.0]],
+)
 def test_directions_across_an_axis(axis):
     frame = np.array([*across(lm.Vec(*axis)), axis])
     assert np.allclose(frame @ frame.T, np.eye(3), rtol=0.0, atol=1e-15)
 
 
 def test_a_slider_falls_along_its_axis():
-    # A block on an inclined rail without friction: half g sin(slope) t^2 along it, exactly for a method of order 2.
+    # A block on an inclined rail without friction: half g sin(slope) t^2 along it, exactly for a
+    # method of order 2.
     slope = 0.5
     rail = [np.cos(slope), 0.0, -np.sin(slope)]
-    block = lm.Linkage([lm.Link(3.0, [0.1, 0.2, 0.2])], [lm.PrismaticJoint(0, None, axis=rail)], 9.81)
+    block = lm.Linkage(
+        [lm.Link(3.0, [0.1, 0.2, 0.2])], [lm.PrismaticJoint(0, None, axis=rail)], 9.81
+    )
     start = block.assembled([np.eye(4)])
-    run = lm.integrate(block, lm.LieRATTLE(), start, h=0.1, steps=10, compiled=False, progress=False)
+    run = lm.integrate(
+        block, lm.LieRATTLE(), start, h=0.1, steps=10, compiled=False, progress=False
+    )
     end = block.poses(run.g[-1])[0]
-    assert np.allclose(end[:3, 3], 0.5 * 9.81 * np.sin(slope) * np.array(rail), rtol=0.0, atol=1e-13)
+    assert np.allclose(
+        end[:3, 3], 0.5 * 9.81 * np.sin(slope) * np.array(rail), rtol=0.0, atol=1e-13
+    )
     assert np.allclose(end[:3, :3], np.eye(3), rtol=0.0, atol=1e-14)
 
 
@@ -78,7 +98,9 @@ def test_a_chain_of_three_hangs_still():
     poses = np.tile(np.eye(4), (3, 1, 1))
     poses[:, 2, 3] = [-0.2, -0.6, -1.0]
     start = hanging.assembled(poses)
-    run = lm.integrate(hanging, lm.LieRATTLE(), start, h=0.1, steps=5, compiled=False, progress=False)
+    run = lm.integrate(
+        hanging, lm.LieRATTLE(), start, h=0.1, steps=5, compiled=False, progress=False
+    )
     assert np.allclose(run.g[-1], np.array(start.g), rtol=0.0, atol=1e-15)
     pulls = np.array(hanging.multipliers(start.mu, start.g)).reshape(3, 3)
     weight = 0.5 * hanging.gravity
@@ -107,5 +129,7 @@ def test_what_is_no_joint_is_refused():
         lm.Link("heavy", [0.1, 0.1, 0.1])
     with pytest.raises(lm.errors.InvalidInput, match="mass must be a positive number"):
         lm.Link(0.0, [0.1, 0.1, 0.1])
-    with pytest.raises(lm.errors.InvalidInput, match=r"poses has shape \(4, 4\); 2 bodies have \(2, 4, 4\)"):
+    with pytest.raises(
+        lm.errors.InvalidInput, match=r"poses has shape \(4, 4\); 2 bodies have \(2, 4, 4\)"
+    ):
         lm.chain(2).assembled(np.eye(4))

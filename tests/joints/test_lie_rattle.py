@@ -23,7 +23,9 @@ class PointFixed(lm.Constraint):
     at: lm.Vec
 
     def value(self, g):
-        return lm.vec(*[g[i, 3] + lm.dot(lm.vec(g[i, 0], g[i, 1], g[i, 2]), self.at) for i in range(3)])
+        return lm.vec(
+            *[g[i, 3] + lm.dot(lm.vec(g[i, 0], g[i, 1], g[i, 2]), self.at) for i in range(3)]
+        )
 
 
 @lm.record
@@ -44,15 +46,25 @@ class Height(lm.Potential):
         return self.weight * g[2]
 
 
-J, MASS, CENTRE, W = np.array([1.0, 1.5, 0.7]), 2.0, np.array([0.3, 0.1, 0.4]), np.array([0.3, 0.6, 1.1])
+J, MASS, CENTRE, W = (
+    np.array([1.0, 1.5, 0.7]),
+    2.0,
+    np.array([0.3, 0.1, 0.4]),
+    np.array([0.3, 0.6, 1.1]),
+)
 ABOUT_POINT = np.diag(J) + MASS * (CENTRE @ CENTRE * np.eye(3) - np.outer(CENTRE, CENTRE))
 
 
 @functools.cache
 def top() -> tuple[lm.ConstrainedBody, lm.State, lm.HeavyTop, lm.State]:
     """A body on SE(3) with a fixed point, the same as a heavy top on SO(3), and a start of both."""
-    free = lm.MechanicalSystem(lm.KirchhoffBody([*J, MASS, MASS, MASS]), lm.UniformGravity(MASS * 9.81))
-    body, R = lm.ConstrainedBody(free, PointFixed(-CENTRE)), np.array(lm.SO3().exp([0.4, -0.3, 0.5]))
+    free = lm.MechanicalSystem(
+        lm.KirchhoffBody([*J, MASS, MASS, MASS]), lm.UniformGravity(MASS * 9.81)
+    )
+    body, R = (
+        lm.ConstrainedBody(free, PointFixed(-CENTRE)),
+        np.array(lm.SO3().exp([0.4, -0.3, 0.5])),
+    )
     g = np.eye(4)
     g[:3, :3], g[:3, 3] = R, R @ CENTRE
     start = body.state([*J * W, *MASS * np.cross(W, CENTRE)], g)
@@ -63,18 +75,24 @@ def top() -> tuple[lm.ConstrainedBody, lm.State, lm.HeavyTop, lm.State]:
 @functools.cache
 def pendulum() -> tuple[lm.ConstrainedBody, lm.State]:
     """The spherical pendulum in R^3."""
-    free = lm.MechanicalSystem(lm.LiePoissonSystem(lm.VectorSpace(3), lm.KineticEnergy([1.0, 1.0, 1.0])), Height(1.0))
+    free = lm.MechanicalSystem(
+        lm.LiePoissonSystem(lm.VectorSpace(3), lm.KineticEnergy([1.0, 1.0, 1.0])), Height(1.0)
+    )
     body = lm.ConstrainedBody(free, Sphere(1.0))
     return body, body.state([0.0, 1.2, 0.0], [0.6, 0.0, -0.8])
 
 
 def run(system, method, start, h, steps, **options):
-    return lm.integrate(system, method, start, h=h, steps=steps, compiled=False, progress=False, **options)
+    return lm.integrate(
+        system, method, start, h=h, steps=steps, compiled=False, progress=False, **options
+    )
 
 
 def off(body, states) -> float:
     """The largest miss of both constraints."""
-    return max(np.abs(np.array(body.conditions_at(mu, g))).max() for mu, g in zip(states.mu, states.g))
+    return max(
+        np.abs(np.array(body.conditions_at(mu, g))).max() for mu, g in zip(states.mu, states.g)
+    )
 
 
 def about_point(mu: np.ndarray) -> np.ndarray:
@@ -87,17 +105,24 @@ def about_point(mu: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("retraction", [lm.Exponential(), lm.Cayley(), lm.CayleyAdjoint()])
 def test_on_a_body_with_a_fixed_point_it_is_Lie_Verlet_of_the_heavy_top(retraction):
-    # Rotations about the point are a subgroup, and these maps commute with moving the origin into it.
+    # Rotations about the point are a subgroup, and these maps commute with moving the origin into
+    # it.
     body, start, heavy, heavy_start = top()
     bound = run(body, lm.LieRATTLE(retraction), start, 0.05, 15)
     turning = run(heavy, lm.LieVerlet(retraction), heavy_start, 0.05, 15)
     assert np.allclose(bound.g[:, :3, :3], turning.g, rtol=0.0, atol=15 * 20 * EPSILON)
-    assert np.allclose(about_point(bound.mu), turning.mu, rtol=0.0, atol=15 * 20 * EPSILON * np.abs(turning.mu).max())
+    assert np.allclose(
+        about_point(bound.mu),
+        turning.mu,
+        rtol=0.0,
+        atol=15 * 20 * EPSILON * np.abs(turning.mu).max(),
+    )
     assert off(body, bound) < 8 * EPSILON
 
 
 def test_in_a_vector_space_it_is_RATTLE():
-    # Hairer, Lubich, Wanner, VII.1.3, equation (1.26), on the spherical pendulum, whose multiplier solves a quadratic equation.
+    # Hairer, Lubich, Wanner, VII.1.3, equation (1.26), on the spherical pendulum, whose multiplier
+    # solves a quadratic equation.
     body, start = pendulum()
     h, q, p, down = 0.1, np.array(start.g), np.array(start.mu), np.array([0.0, 0.0, -1.0])
     found = run(body, lm.LieRATTLE(), start, h, 30)
@@ -113,13 +138,17 @@ def test_in_a_vector_space_it_is_RATTLE():
 
 
 def test_two_links_on_hinges_are_the_double_pendulum():
-    # Point masses m1, m2 on lengths l1, l2 have the Lagrangian of two bodies with the centre of oscillation of the first in the
-    # second hinge, and that of the second at l2.
+    # Point masses m1, m2 on lengths l1, l2 have the Lagrangian of two bodies with the centre of
+    # oscillation of the first in the second hinge, and that of the second at l2.
     file = json.loads((REFERENCE / "double_pendulum.json").read_text(encoding="utf-8"))
     m, l = ([float(file[f"{x}{i}"]) for i in (1, 2)] for x in "ml")
     gravity = float(file["g"])
     q, v = (np.array(file[name], dtype=float) for name in ("angles0", "angular_velocities0"))
-    exact = next(np.array(sample["angles"], dtype=float) for sample in file["samples"] if float(sample["t"]) == 1.0)
+    exact = next(
+        np.array(sample["angles"], dtype=float)
+        for sample in file["samples"]
+        if float(sample["t"]) == 1.0
+    )
     d2, d1 = 0.8 * l[1], 0.6 * l[0]
     m2 = m[1] * l[1] / d2
     m1 = l[0] * (m[0] + m[1] - m2) / d1
@@ -128,8 +157,12 @@ def test_two_links_on_hinges_are_the_double_pendulum():
         lm.Link(m2, [m2 * d2 * (l[1] - d2)] * 3),
     ]
     hinges = [
-        lm.RevoluteJoint(0, None, [0.0, 0.0, d1], [0.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 1.0, 0.0]),
-        lm.RevoluteJoint(1, 0, [0.0, 0.0, d2], [0.0, 0.0, d1 - l[0]], [0.0, 1.0, 0.0], [0.0, 1.0, 0.0]),
+        lm.RevoluteJoint(
+            0, None, [0.0, 0.0, d1], [0.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 1.0, 0.0]
+        ),
+        lm.RevoluteJoint(
+            1, 0, [0.0, 0.0, d2], [0.0, 0.0, d1 - l[0]], [0.0, 1.0, 0.0], [0.0, 1.0, 0.0]
+        ),
     ]
     linkage = lm.Linkage(links, hinges, gravity)
     poses, rates = [], []
@@ -145,7 +178,9 @@ def test_two_links_on_hinges_are_the_double_pendulum():
     start = linkage.assembled(poses, rates)
     errors = []
     for steps in 20, 40:
-        end = linkage.poses(run(linkage, lm.LieRATTLE(), start, 1.0 / steps, steps, every=steps).g[-1])
+        end = linkage.poses(
+            run(linkage, lm.LieRATTLE(), start, 1.0 / steps, steps, every=steps).g[-1]
+        )
         errors.append(np.abs(np.arctan2(-end[:, 0, 2], end[:, 2, 2]) - exact).max())
     assert errors[1] < 4e-3
     assert np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.1)
@@ -158,7 +193,12 @@ def test_two_links_on_hinges_are_the_double_pendulum():
 def test_order_two_and_the_way_back(retraction):
     body, start, heavy, heavy_start = top()
     exact = run(heavy, lm.RKMK(order=8), heavy_start, 0.05, 20).g[-1]
-    errors = [np.abs(run(body, lm.LieRATTLE(retraction), start, 1 / n, n, every=n).g[-1][:3, :3] - exact).max() for n in (15, 30)]
+    errors = [
+        np.abs(
+            run(body, lm.LieRATTLE(retraction), start, 1 / n, n, every=n).g[-1][:3, :3] - exact
+        ).max()
+        for n in (15, 30)
+    ]
     assert np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.1)
     there = run(body, lm.LieRATTLE(retraction), start, 0.05, 10)
     back = run(body, lm.LieRATTLE(retraction), there.last, -0.05, 10)
@@ -169,7 +209,12 @@ def test_order_two_and_the_way_back(retraction):
 def test_composition_of_order_four():
     body, start = pendulum()
     fine = run(body, lm.Composition(lm.LieRATTLE(), order=6), start, 0.02, 50).g[-1]
-    errors = [np.abs(run(body, lm.Composition(lm.LieRATTLE(), order=4), start, 1 / n, n).g[-1] - fine).max() for n in (10, 20)]
+    errors = [
+        np.abs(
+            run(body, lm.Composition(lm.LieRATTLE(), order=4), start, 1 / n, n).g[-1] - fine
+        ).max()
+        for n in (10, 20)
+    ]
     assert np.log2(errors[0] / errors[1]) == pytest.approx(4.0, abs=0.2)
 
 
@@ -183,12 +228,17 @@ def test_index_reduction_drifts_where_it_does_not():
 
 
 def test_common_symmetries_keep_their_momenta():
-    # Free in space: all six.  Under gravity: about the vertical, and horizontal.  Hanging from a point: about the vertical.
+    # Free in space: all six.  Under gravity: about the vertical, and horizontal.  Hanging from a
+    # point: about the vertical.
     links = [lm.Link(1.0, [0.2, 0.3, 0.4]), lm.Link(0.7, [0.1, 0.3, 0.25])]
     between = lm.UniversalJoint(0, 1, [0.3, 0.1, -0.4], [0.0, 0.2, 0.5])
     hung = lm.FixedPoint(0, [0.0, 0.1, 0.5])
     rng = np.random.default_rng(4)
-    for joints, gravity, number in (((between,), 0.0, 6), ((between,), 9.81, 3), ((hung, between), 9.81, 1)):
+    for joints, gravity, number in (
+        ((between,), 0.0, 6),
+        ((between,), 9.81, 3),
+        ((hung, between), 9.81, 1),
+    ):
         linkage = lm.Linkage(links, joints, gravity)
         poses = np.array([np.eye(4), np.eye(4)])
         poses[:, :3, 3] = [[0.0, -0.1, -0.5], [0.3, -0.2, -1.4]]
@@ -196,7 +246,10 @@ def test_common_symmetries_keep_their_momenta():
         bound = run(linkage, lm.LieRATTLE(), start, 0.01, 20)
         kept = linkage.constants(bound.states)["spatial momentum"]
         assert kept.shape == (21, number)
-        assert np.abs(kept - kept[0]).max() < 1e-13 * np.abs(linkage.total_momentum(bound.mu, bound.g)).max() * 10
+        assert (
+            np.abs(kept - kept[0]).max()
+            < 1e-13 * np.abs(linkage.total_momentum(bound.mu, bound.g)).max() * 10
+        )
         assert off(linkage, bound) < 1e-14
 
 
@@ -206,7 +259,9 @@ def test_multipliers_are_forces():
     angle, rate = 0.7, 1.3
     pose = np.eye(4)
     pose[:3, 3] = 1.5 * np.array([np.sin(angle), 0.0, -np.cos(angle)])
-    start = linkage.assembled([pose], [[0.0, 0.0, 0.0, 1.5 * rate * np.cos(angle), 0.0, 1.5 * rate * np.sin(angle)]])
+    start = linkage.assembled(
+        [pose], [[0.0, 0.0, 0.0, 1.5 * rate * np.cos(angle), 0.0, 1.5 * rate * np.sin(angle)]]
+    )
     tension = linkage.multipliers(start.mu, start.g)[0]
     assert tension == pytest.approx(2.0 * 9.81 * np.cos(angle) + 2.0 * 1.5 * rate**2, rel=1e-13)
     run_ = run(linkage, lm.LieRATTLE(), start, 0.01, 5)
@@ -214,20 +269,43 @@ def test_multipliers_are_forces():
 
 
 def test_a_coupled_inertia_is_one_block():
-    # A diagonal inertia written as a matrix, and one that couples rotation and translation: the frame out of the centre of mass.
+    # A diagonal inertia written as a matrix, and one that couples rotation and translation: the
+    # frame out of the centre of mass.
     body, start, *_ = top()
-    whole = lm.MechanicalSystem(lm.KirchhoffBody(np.diag([*J, MASS, MASS, MASS])), body.body.potential)
+    whole = lm.MechanicalSystem(
+        lm.KirchhoffBody(np.diag([*J, MASS, MASS, MASS])), body.body.potential
+    )
     same = lm.ConstrainedBody(whole, body.constraint)
     assert np.allclose(
-        run(same, lm.LieRATTLE(), start, 0.05, 5).mu, run(body, lm.LieRATTLE(), start, 0.05, 5).mu, rtol=0.0, atol=1e-14
+        run(same, lm.LieRATTLE(), start, 0.05, 5).mu,
+        run(body, lm.LieRATTLE(), start, 0.05, 5).mu,
+        rtol=0.0,
+        atol=1e-14,
     )
-    arm = np.array([[0.0, -CENTRE[2], CENTRE[1]], [CENTRE[2], 0.0, -CENTRE[0]], [-CENTRE[1], CENTRE[0], 0.0]])
-    moved = lm.KirchhoffBody.of_blocks(ABOUT_POINT, MASS, MASS * arm)  # the frame in the fixed point
-    about = lm.ConstrainedBody(lm.MechanicalSystem(moved, lm.UniformGravity(MASS * 9.81, CENTRE)), PointFixed([0.0, 0.0, 0.0]))
+    arm = np.array(
+        [[0.0, -CENTRE[2], CENTRE[1]], [CENTRE[2], 0.0, -CENTRE[0]], [-CENTRE[1], CENTRE[0], 0.0]]
+    )
+    # the frame in the fixed point
+    moved = lm.KirchhoffBody.of_blocks(ABOUT_POINT, MASS, MASS * arm)
+    about = lm.ConstrainedBody(
+        lm.MechanicalSystem(moved, lm.UniformGravity(MASS * 9.81, CENTRE)),
+        PointFixed([0.0, 0.0, 0.0]),
+    )
     g = np.eye(4)
     g[:3, :3] = np.array(start.g)[:3, :3]
-    end = run(about, lm.LieRATTLE(), about.state([*ABOUT_POINT @ W, *MASS * np.cross(W, CENTRE)], g), 0.05, 20)
-    assert np.allclose(end.g[-1][:3, :3], run(body, lm.LieRATTLE(), start, 0.05, 20).g[-1][:3, :3], rtol=0.0, atol=1e-13)
+    end = run(
+        about,
+        lm.LieRATTLE(),
+        about.state([*ABOUT_POINT @ W, *MASS * np.cross(W, CENTRE)], g),
+        0.05,
+        20,
+    )
+    assert np.allclose(
+        end.g[-1][:3, :3],
+        run(body, lm.LieRATTLE(), start, 0.05, 20).g[-1][:3, :3],
+        rtol=0.0,
+        atol=1e-13,
+    )
 
 
 # ------------------------------------------------------------------ refusals
@@ -241,7 +319,8 @@ def test_a_step_to_another_branch_is_refused():
 
 
 def test_large_steps_are_followed_from_zero_on():
-    # Half a radian and more a step: the extrapolated guess of the first step will not do, the branch does.
+    # Half a radian and more a step: the extrapolated guess of the first step will not do, the
+    # branch does.
     body, _ = pendulum()
     fast = body.state([0.0, 9.0, 0.0], [0.6, 0.0, -0.8])
     bound = run(body, lm.LieRATTLE(), fast, 0.1, 50)
@@ -266,7 +345,9 @@ def test_at_its_dead_point_a_linkage_stops_and_says_so():
 
 
 def parallelogram(angle: float, rate: float):
-    """Two cranks of 1 m on the ground, 1 m apart, and a coupler between their ends: slender rods along their first axes, 1 kg."""
+    """Two cranks of 1 m on the ground, 1 m apart, and a coupler between their ends: slender rods
+    along their first axes, 1 kg.
+    """
     rod = lm.Link(1.0, [1e-3, 1.0 / 12.0, 1.0 / 12.0])
     left, right, turn = [-0.5, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0, 1.0, 0.0]
     joints = [
@@ -276,7 +357,10 @@ def parallelogram(angle: float, rate: float):
         lm.RevoluteJoint(2, None, left, [1.0, 0.0, 0.0], turn, turn),
     ]
     linkage = lm.Linkage([rod] * 3, joints, 9.81)
-    R, along = np.array(lm.SO3().exp([0.0, -angle, 0.0])), np.array([np.cos(angle), 0.0, np.sin(angle)])
+    R, along = (
+        np.array(lm.SO3().exp([0.0, -angle, 0.0])),
+        np.array([np.cos(angle), 0.0, np.sin(angle)]),
+    )
     across = rate * np.array([-np.sin(angle), 0.0, np.cos(angle)])
     poses, rates = np.tile(np.eye(4), (3, 1, 1)), np.zeros((3, 6))
     poses[0, :3, :3] = poses[2, :3, :3] = R
@@ -289,7 +373,9 @@ def parallelogram(angle: float, rate: float):
 
 def test_what_is_no_start_is_refused():
     body, _ = pendulum()
-    with pytest.raises(lm.errors.InconsistentState, match=r"c\(g\) must be zero; condition 0 is 0\.17"):
+    with pytest.raises(
+        lm.errors.InconsistentState, match=r"c\(g\) must be zero; condition 0 is 0\.17"
+    ):
         body.state([0.0, 1.2, 0.0], [0.7, 0.0, -np.sqrt(0.68)])
     with pytest.raises(lm.errors.InconsistentState, match=r"G\(g\) J\^-1 mu must be zero"):
         body.state([0.1, 1.2, 0.0], [0.6, 0.0, -0.8])
@@ -303,7 +389,9 @@ def test_what_is_no_start_is_refused():
 
 @lm.record
 class Length(lm.Constraint):
-    """The same sphere by a root, which has no derivative in its centre, where the identity of R^3 is."""
+    """The same sphere by a root, which has no derivative in its centre, where the identity of R^3
+    is.
+    """
 
     def value(self, g):
         return lm.vec(lm.norm(g) - 1.0)
@@ -323,22 +411,37 @@ def test_units_do_not_matter(unit):
     # A pendulum a million times smaller or larger, its time scaled with the root: the same angles.
     found = []
     for size in 1.0, unit:
-        swing = lm.Linkage([lm.Link(size**2, [0.1 * size**4] * 3)], [lm.FixedPoint(0, [0.0, 0.0, 0.5 * size])], 9.81)
+        swing = lm.Linkage(
+            [lm.Link(size**2, [0.1 * size**4] * 3)],
+            [lm.FixedPoint(0, [0.0, 0.0, 0.5 * size])],
+            9.81,
+        )
         pose = np.eye(4)
         pose[:3, :3] = lm.SO3().exp([0.0, 0.7, 0.0])
         pose[:3, 3] = -0.5 * size * pose[:3, 2]
         end = run(swing, lm.LieRATTLE(), swing.assembled([pose]), 0.05 * size**0.5, 20)
         found.append(swing.poses(end.g)[:, 0, :3, :3])
-        assert max(np.abs(np.array(swing.conditions_at(mu, g)[0])).max() for mu, g in zip(end.mu, end.g)) < 1e-15 * size
+        assert (
+            max(
+                np.abs(np.array(swing.conditions_at(mu, g)[0])).max()
+                for mu, g in zip(end.mu, end.g)
+            )
+            < 1e-15 * size
+        )
     assert np.allclose(*found, rtol=0.0, atol=1e-13)
 
 
 def test_redundant_conditions_are_named():
     links = [lm.Link(1.0, [0.1, 0.1, 0.1])]
-    twice = lm.Linkage(links, [lm.FixedPoint(0, [0.0, 0.0, 0.5]), lm.BallJoint(0, None, [0.0, 0.0, 0.5])])
+    twice = lm.Linkage(
+        links, [lm.FixedPoint(0, [0.0, 0.0, 0.5]), lm.BallJoint(0, None, [0.0, 0.0, 0.5])]
+    )
     pose = np.eye(4)
     pose[2, 3] = -0.5
-    with pytest.raises(lm.errors.InvalidInput, match="the 6 conditions have rank 3 here; conditions 0, 1, 2, 3, 4, 5 depend"):
+    with pytest.raises(
+        lm.errors.InvalidInput,
+        match="the 6 conditions have rank 3 here; conditions 0, 1, 2, 3, 4, 5 depend",
+    ):
         twice.assembled([pose])
 
 
@@ -347,7 +450,9 @@ def test_the_nearest_consistent_start():
     near = body.consistent([1.0, 1.2, 0.3], [0.7, 0.2, -0.9])
     q = np.array([0.7, 0.2, -0.9]) / np.linalg.norm([0.7, 0.2, -0.9])
     assert np.allclose(near.g, q, rtol=0.0, atol=1e-14)
-    assert np.allclose(near.mu, [1.0, 1.2, 0.3] - (np.array([1.0, 1.2, 0.3]) @ q) * q, rtol=0.0, atol=1e-14)
+    assert np.allclose(
+        near.mu, [1.0, 1.2, 0.3] - (np.array([1.0, 1.2, 0.3]) @ q) * q, rtol=0.0, atol=1e-14
+    )
 
 
 def test_methods_and_systems_that_do_not_fit_say_so():
@@ -355,7 +460,13 @@ def test_methods_and_systems_that_do_not_fit_say_so():
     with pytest.raises(lm.errors.IncompatibleSystem, match=r"LieRATTLE\(\) keeps the constraint"):
         run(body, lm.LieVerlet(), start, 0.1, 1)
     with pytest.raises(lm.errors.IncompatibleSystem, match="needs bodies under a constraint"):
-        run(lm.RigidBody([1.0, 2.0, 2.5]), lm.LieRATTLE(), lm.RigidBody([1.0, 2.0, 2.5]).state([1.0, 0.0, 0.0], np.eye(3)), 0.1, 1)
+        run(
+            lm.RigidBody([1.0, 2.0, 2.5]),
+            lm.LieRATTLE(),
+            lm.RigidBody([1.0, 2.0, 2.5]).state([1.0, 0.0, 0.0], np.eye(3)),
+            0.1,
+            1,
+        )
     with pytest.raises(lm.errors.InvalidType, match="constraint must be a Constraint"):
         lm.ConstrainedBody(lm.RigidBody([1.0, 2.0, 2.5]), Height(1.0))
     with pytest.raises(lm.errors.InvalidType, match="body must be a body"):
@@ -366,7 +477,9 @@ def test_methods_and_systems_that_do_not_fit_say_so():
 def test_native_code_has_the_same_bits():
     body, start = pendulum()
     plain = run(body, lm.LieRATTLE(), start, 0.1, 100)
-    native = lm.integrate(body, lm.LieRATTLE(), start, h=0.1, steps=100, compiled=True, progress=False)
+    native = lm.integrate(
+        body, lm.LieRATTLE(), start, h=0.1, steps=100, compiled=True, progress=False
+    )
     assert native.compiled
     assert np.array_equal(plain.mu, native.mu) and np.array_equal(plain.g, native.g)
 
@@ -375,7 +488,16 @@ def test_native_code_has_the_same_bits():
 @pytest.mark.compiled
 def test_a_million_steps_on_the_constraint():
     body, start, *_ = top()
-    long = lm.integrate(body, lm.LieRATTLE(), start, h=0.05, steps=1_000_000, every=1000, compiled=True, progress=False)
+    long = lm.integrate(
+        body,
+        lm.LieRATTLE(),
+        start,
+        h=0.05,
+        steps=1_000_000,
+        every=1000,
+        compiled=True,
+        progress=False,
+    )
     assert off(body, long) < 1e-14
     assert long.drift()["energy"].verdict == "bounded"
 
@@ -390,5 +512,7 @@ def test_two_hinged_links_compile_to_the_same_bits():
     poses[1, :3, 3] = -poses[0, :3, 2] - [0.0, 0.0, 0.5]
     start = linkage.assembled(poses)
     plain = run(linkage, lm.LieRATTLE(), start, 0.01, 30)
-    native = lm.integrate(linkage, lm.LieRATTLE(), start, h=0.01, steps=30, compiled=True, progress=False)
+    native = lm.integrate(
+        linkage, lm.LieRATTLE(), start, h=0.01, steps=30, compiled=True, progress=False
+    )
     assert np.array_equal(plain.mu, native.mu) and np.array_equal(plain.g, native.g)

@@ -28,7 +28,10 @@ class Rolling(lm.VelocityConstraint):
 
     def matrix(self, g):
         r = self.radius
-        return lm.mat(lm.vec(-r * g[3], -r * g[4], -r * g[5], 1.0, 0.0), lm.vec(r * g[0], r * g[1], r * g[2], 0.0, 1.0))
+        return lm.mat(
+            lm.vec(-r * g[3], -r * g[4], -r * g[5], 1.0, 0.0),
+            lm.vec(r * g[0], r * g[1], r * g[2], 0.0, 1.0),
+        )
 
 
 @lm.record
@@ -43,7 +46,9 @@ J = np.array([[1.0, 0.0, 0.2], [0.0, 1.6, 0.3], [0.2, 0.3, 2.0]])
 
 
 def suslov(w: np.ndarray, t: float) -> np.ndarray:
-    """The first two components of the exact angular velocity: an angle that turns by the law of a pendulum's separatrix."""
+    """The first two components of the exact angular velocity: an angle that turns by the law of a
+    pendulum's separatrix.
+    """
     a, b = np.sqrt(np.array([J[0, 0] * w[0] ** 2 + J[1, 1] * w[1] ** 2] * 2) / [J[0, 0], J[1, 1]])
     c = complex(J[0, 2] * a, J[1, 2] * b) / np.sqrt(J[0, 0] * J[1, 1])
     begun = np.arctan2(w[1] / b, w[0] / a) - np.angle(c)
@@ -54,7 +59,9 @@ def suslov(w: np.ndarray, t: float) -> np.ndarray:
 
 def run(system, start, h, steps, method=None, **options):
     chosen = method or lm.LagrangeDAlembert()
-    return lm.integrate(system, chosen, start, h=h, steps=steps, compiled=False, progress=False, **options)
+    return lm.integrate(
+        system, chosen, start, h=h, steps=steps, compiled=False, progress=False, **options
+    )
 
 
 def order(errors) -> float:
@@ -72,13 +79,15 @@ def test_Suslov_problem(retraction):
         errors.append(np.abs(xi[-1, :2] - suslov(w, 4.0)).max())
         assert np.abs(xi[:, 2]).max() < 2 * EPSILON
     assert order(errors) == pytest.approx(2.0, abs=0.06)
-    there = run(body, start, 0.1, 10, lm.LagrangeDAlembert(retraction))  # later rounding has grown: the rotation is unstable
+    # later rounding has grown: the rotation is unstable
+    there = run(body, start, 0.1, 10, lm.LagrangeDAlembert(retraction))
     back = run(body, there.last, -0.1, 10, lm.LagrangeDAlembert(retraction))
     assert np.allclose(back.mu[-1], np.array(start.mu), rtol=0.0, atol=1e-14)
 
 
 def test_the_energy_of_the_Suslov_problem_stays_off_after_the_passage():
-    # From one steady rotation to the other: no symplectic form holds the energy, but its offset is of second order.
+    # From one steady rotation to the other: no symplectic form holds the energy, but its offset is
+    # of second order.
     J = np.array([[1.0, 0.0, 0.4], [0.0, 1.6, 0.4], [0.4, 0.4, 1.6]])
     body = lm.NonholonomicBody(lm.RigidBody(J), Row([0.0, 0.0, 1.0]))
     d = np.angle(complex(J[0, 2] / np.sqrt(J[0, 0]), J[1, 2] / np.sqrt(J[1, 1])))
@@ -87,13 +96,15 @@ def test_the_energy_of_the_Suslov_problem_stays_off_after_the_passage():
     for h in 0.3, 0.15:
         energy = run(body, start, h, round(45.0 / h)).energy
         offsets.append(abs(energy[-1] / energy[0] - 1.0))
-        assert abs(energy[-1] - energy[-20]) < 1e-3 * offsets[-1]  # the passage is over, and nothing changes any more
+        # the passage is over, and nothing changes any more
+        assert abs(energy[-1] - energy[-20]) < 1e-3 * offsets[-1]
     assert offsets[1] > 1e-7
     assert order(offsets) == pytest.approx(2.0, abs=0.2)
 
 
 def test_Chaplygin_sleigh():
-    # A blade at the distance a behind the centre of mass: u = U tanh(k (t - t0)), w = W/cosh(k (t - t0)).
+    # A blade at the distance a behind the centre of mass: u = U tanh(k (t - t0)), w = W/cosh(k
+    # (t - t0)).
     mass, inertia, a, u, w = 1.3, 0.7, 0.4, -0.5, 1.1
     free = lm.LiePoissonSystem(lm.SE2(), lm.KineticEnergy([inertia, mass, mass]))
     sleigh = lm.NonholonomicBody(free, Row([-a, 0.0, 1.0]))
@@ -105,23 +116,36 @@ def test_Chaplygin_sleigh():
     errors = []
     for n in 40, 80:
         end = run(sleigh, start, 4.0 / n, n).mu[-1]
-        errors.append(np.abs([end[1] / mass - U * np.tanh(s), end[0] / inertia - W / np.cosh(s)]).max())
+        errors.append(
+            np.abs([end[1] / mass - U * np.tanh(s), end[0] / inertia - W / np.cosh(s)]).max()
+        )
     assert order(errors) == pytest.approx(2.0, abs=0.05)
 
 
 def ball(moments) -> tuple[lm.NonholonomicBody, lm.State, np.ndarray]:
     """A ball of 0.3 m and 2 kg with these moments, rolling, and its angular velocity in space."""
     mass, r, w = 2.0, 0.3, np.array([1.0, 2.0, 0.7])
-    free = lm.LiePoissonSystem(lm.ProductGroup(lm.SO3(), lm.VectorSpace(2)), lm.KineticEnergy([*moments, mass, mass]))
+    free = lm.LiePoissonSystem(
+        lm.ProductGroup(lm.SO3(), lm.VectorSpace(2)), lm.KineticEnergy([*moments, mass, mass])
+    )
     R = np.array(lm.SO3().exp([0.3, 0.2, -0.5]))
     body = lm.NonholonomicBody(free, Rolling(r))
-    return body, body.state([*np.array(moments) * (R.T @ w), mass * r * w[1], -mass * r * w[0]], [*R.ravel(), 0.1, 0.2]), w
+    return (
+        body,
+        body.state(
+            [*np.array(moments) * (R.T @ w), mass * r * w[1], -mass * r * w[0]],
+            [*R.ravel(), 0.1, 0.2],
+        ),
+        w,
+    )
 
 
 def test_an_even_ball_rolls_straight():
     body, start, w = ball([0.07, 0.07, 0.07])
     end = run(body, start, 0.1, 20).g[-1]
-    assert np.allclose(end[9:], np.array([0.1, 0.2]) + 2.0 * 0.3 * np.array([w[1], -w[0]]), rtol=0.0, atol=1e-13)
+    assert np.allclose(
+        end[9:], np.array([0.1, 0.2]) + 2.0 * 0.3 * np.array([w[1], -w[0]]), rtol=0.0, atol=1e-13
+    )
 
 
 def test_an_uneven_ball_keeps_its_momentum_about_the_point_of_contact():
@@ -133,9 +157,14 @@ def test_an_uneven_ball_keeps_its_momentum_about_the_point_of_contact():
         found = run(body, start, 2.0 / n, n)
         errors.append(np.abs(found.g[-1] - exact).max())
         R = found.g[:, :9].reshape(-1, 3, 3)
-        about = np.einsum("kij,kj->ki", R, found.mu[:, :3]) + np.cross([0.0, 0.0, 0.3], np.pad(found.mu[:, 3:], ((0, 0), (0, 1))))
+        about = np.einsum("kij,kj->ki", R, found.mu[:, :3]) + np.cross(
+            [0.0, 0.0, 0.3], np.pad(found.mu[:, 3:], ((0, 0), (0, 1)))
+        )
         changes.append(np.abs(about - about[0]).max())
-        misses = [np.array(body.jacobian(g)) @ np.array(body.velocity(mu)) for mu, g in zip(found.mu, found.g)]
+        misses = [
+            np.array(body.jacobian(g)) @ np.array(body.velocity(mu))
+            for mu, g in zip(found.mu, found.g)
+        ]
         assert np.abs(misses).max() < 8 * EPSILON
     assert order(errors) == pytest.approx(2.0, abs=0.05)
     assert max(changes) < 1e-14
@@ -159,11 +188,14 @@ def test_nonholonomic_particle():
 
 def test_what_does_not_roll_is_refused():
     body = lm.NonholonomicBody(lm.RigidBody(J), Row([0.0, 0.0, 1.0]))
-    with pytest.raises(lm.errors.InconsistentState, match=r"G\(g\) J\^-1 mu must be zero; condition 0 is 1\.27"):
+    with pytest.raises(
+        lm.errors.InconsistentState, match=r"G\(g\) J\^-1 mu must be zero; condition 0 is 1\.27"
+    ):
         body.state([1.0, 2.0, 3.0], np.eye(3))
     near = body.consistent([1.0, 2.0, 3.0], np.eye(3))
     assert abs(np.linalg.solve(J, np.array(near.mu))[2]) < 1e-15
-    assert np.allclose(np.array(near.mu)[:2], [1.0, 2.0])  # the force of the constraint acts along e3 alone
+    # the force of the constraint acts along e3 alone
+    assert np.allclose(np.array(near.mu)[:2], [1.0, 2.0])
     with pytest.raises(lm.errors.IncompatibleSystem, match=r"LagrangeDAlembert\(\) is the method"):
         run(body, near, 0.1, 1, lm.LieRATTLE())
     with pytest.raises(lm.errors.InvalidType, match="NonholonomicBody"):

@@ -1,4 +1,6 @@
-"""A million steps and more: what is promised to rounding stays there, what is bounded stays bounded."""
+"""A million steps and more: what is promised to rounding stays there, what is bounded stays
+bounded.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,9 @@ ALL = pytest.mark.parametrize("method", METHODS, ids=named)
 @ALL
 @pytest.mark.parametrize("h", [0.1, 0.5])
 def test_casimirs_over_ten_million_steps(method: lm.Method, h: float) -> None:
-    """Rounding errors add up like a random walk, 0.3 eps sqrt(1e7) = 2e-13; its excursions reach 4.5e-13."""
+    """Rounding errors add up like a random walk, 0.3 eps sqrt(1e7) = 2e-13; its excursions reach
+    4.5e-13.
+    """
     body, start = asymmetric_body()
     run = lm.integrate(body, method, body.state(start.mu), h=h, steps=10**7, every=10**5)
     assert np.abs(run.casimirs / run.casimirs[0] - 1).max() < 6e-13
@@ -41,7 +45,9 @@ def test_energy_of_a_symplectic_method_has_no_slope(method: lm.Method) -> None:
 
 
 def test_rkmk_turns_the_body_to_its_axis_of_least_energy() -> None:
-    """-20 % after 10^4 steps, and by 10^6 the body spins about its largest moment: H = |mu|^2/(2 J_3), with |mu| exact."""
+    """-20 % after 10^4 steps, and by 10^6 the body spins about its largest moment:
+    H = |mu|^2/(2 J_3), with |mu| exact.
+    """
     body, start = seed_body()
     run = lm.integrate(body, METHODS[0], start, h=0.5, steps=10**6, every=10**4)
     assert run.energy[1] / run.energy[0] - 1 == pytest.approx(-0.20, abs=0.01)
@@ -62,9 +68,13 @@ def test_ensemble_member_is_the_body_alone_for_long(method: lm.Method) -> None:
     body, start = asymmetric_body()
     rng = np.random.default_rng(6)
     mu = rng.normal(size=(37, 3))
-    together = lm.integrate(body, method, body.state(mu, start.g), h=0.3, steps=20_000, every=1000, workers=2)
+    together = lm.integrate(
+        body, method, body.state(mu, start.g), h=0.3, steps=20_000, every=1000, workers=2
+    )
     for i in range(37):
-        alone = lm.integrate(body, method, body.state(mu[i], start.g), h=0.3, steps=20_000, every=1000)
+        alone = lm.integrate(
+            body, method, body.state(mu[i], start.g), h=0.3, steps=20_000, every=1000
+        )
         assert np.array_equal(together.mu[:, i], alone.mu)
         assert np.array_equal(together.g[:, i], alone.g)
 
@@ -72,6 +82,9 @@ def test_ensemble_member_is_the_body_alone_for_long(method: lm.Method) -> None:
 @ALL
 def test_plain_and_compiled_agree_for_long(method: lm.Method) -> None:
     body, start = asymmetric_body()
-    plain, compiled = (lm.integrate(body, method, start, h=0.3, steps=4000, every=200, compiled=c) for c in (False, True))
+    plain, compiled = (
+        lm.integrate(body, method, start, h=0.3, steps=4000, every=200, compiled=c)
+        for c in (False, True)
+    )
     assert np.array_equal(plain.mu, compiled.mu)
     assert np.array_equal(plain.g, compiled.g)

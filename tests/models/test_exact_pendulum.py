@@ -1,4 +1,6 @@
-"""The exact pendulum: against reference numbers and mpmath, in every regime, to some rounding errors times 1 + w t."""
+"""The exact pendulum: against reference numbers and mpmath, in every regime, to some rounding
+errors times 1 + w t.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,8 @@ from liemech.errors import InvalidInput
 
 EPS = 2.0**-52
 REFERENCE = json.loads((REFERENCES / "pendulum.json").read_text())
-TOP = 2.0 * math.cos(1.25)  # the velocity at 2.5 rad of a pendulum that hardly reaches the top, with w = 1
+# the velocity at 2.5 rad of a pendulum that hardly reaches the top, with w = 1
+TOP = 2.0 * math.cos(1.25)
 
 
 def whittaker(q: float, p: float, m: float, g: float, l: float, t: float) -> tuple[Any, Any]:
@@ -36,7 +39,9 @@ def whittaker(q: float, p: float, m: float, g: float, l: float, t: float) -> tup
             return whole + 2 * (mp.asin(sn) + n * mp.pi), 2 * w * k * dn * m * l * l
         if k2 == 1:
             u = mp.atanh(S) * mp.sign(v) + w * t
-            return whole + 2 * mp.sign(v) * mp.asin(mp.tanh(u)), 2 * w * mp.sign(v) / mp.cosh(u) * m * l * l
+            return whole + 2 * mp.sign(v) * mp.asin(mp.tanh(u)), 2 * w * mp.sign(v) / mp.cosh(
+                u
+            ) * m * l * l
         k = mp.sqrt(k2)
         u = mp.ellipf(mp.asin(S / k), k2)
         u = (2 * mp.ellipk(k2) - u if v < 0 else u) + w * t
@@ -90,7 +95,9 @@ def test_against_the_reference() -> None:
 
 def test_periods() -> None:
     pendulum = lm.Pendulum(1.0, 2.0, 3.0)
-    assert pendulum.period(pendulum.state(0.0, 1e-9)) == pytest.approx(2.0 * math.pi * math.sqrt(2.0 / 3.0), rel=1e-15)
+    assert pendulum.period(pendulum.state(0.0, 1e-9)) == pytest.approx(
+        2.0 * math.pi * math.sqrt(2.0 / 3.0), rel=1e-15
+    )
     for p in 0.5, 30.0, -30.0:
         start = pendulum.state(0.4, p)
         end = pendulum.exact(start, pendulum.period(start))

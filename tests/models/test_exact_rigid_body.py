@@ -1,4 +1,6 @@
-"""The exact free rigid body against its equations of motion, solved independently to 30 digits, and its own laws."""
+"""The exact free rigid body against its equations of motion, solved independently to 30 digits, and
+its own laws.
+"""
 
 import itertools
 import json
@@ -17,7 +19,8 @@ EPS = np.finfo(float).eps
 REFERENCE = Path(__file__).parent.parent / "reference"
 
 
-# --- an independent solution: Taylor series of mu' = mu x w, r' = r x w (r a row of g), in integers scaled by 2^BITS --
+# --- an independent solution: Taylor series of mu' = mu x w, r' = r x w (r a row of g), in integers
+# scaled by 2^BITS --
 
 BITS = 260
 ORDER = 40
@@ -31,7 +34,9 @@ def scaled(x):
 
 
 def taylor(J, mu, g, times):
-    """mu (n, 3) and g (n, 3, 3) at the times, all of one sign and growing in size; J, mu of order one."""
+    """mu (n, 3) and g (n, 3, 3) at the times, all of one sign and growing in size; J, mu of order
+    one.
+    """
     unit = scaled(2.0 / top_rate(J, mu) if any(mu) else max(abs(times)))
     J = [scaled(x) for x in J]
     vectors = [[scaled(x) for x in v] for v in (mu, *g)]
@@ -76,7 +81,8 @@ def horner(coefficients, x):
     return value
 
 
-# --- the regimes ------------------------------------------------------------------------------------------------------
+# --- the regimes
+# ------------------------------------------------------------------------------------------------------
 
 REGIMES = {
     "sphere": ([2, 2, 2], [0.3, -0.5, 0.7]),
@@ -131,7 +137,8 @@ def top_rate(J, mu):
 def errors(J, mu, g, t, solution):
     """Largest error of the momentum and of the attitude, each relative, over 1 + rate |t|.
 
-    The rate is |w|, or that of the momentum if it is greater, which takes a moment above the sum of the others.
+    The rate is |w|, or that of the momentum if it is greater, which takes a moment above the sum of
+    the others.
     """
     period = momentum_period(J, mu)
     rate = max(np.linalg.norm(np.divide(mu, J)), 2 * math.pi / period if period else 0.0)
@@ -142,14 +149,17 @@ def errors(J, mu, g, t, solution):
     ]
 
 
-# --- against the equations of motion ----------------------------------------------------------------------------------
+# --- against the equations of motion
+# ----------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("body", ["seed", "unsorted", "axisymmetric"])
 def test_reference_solutions(body):
     data = json.loads((REFERENCE / f"rigid_body_{body}.json").read_text())
     J, mu, g = (np.array(data[key], float) for key in ("J", "pi0", "R0"))
-    t, mus, gs = (np.array([sample[key] for sample in data["samples"]], float) for key in ("t", "pi", "R"))
+    t, mus, gs = (
+        np.array([sample[key] for sample in data["samples"]], float) for key in ("t", "pi", "R")
+    )
     assert max(errors(J, mu, g, t, (mus, gs))) < 10 * EPS
 
 
@@ -165,7 +175,9 @@ def test_equations_of_motion_forwards_and_backwards(name):
 @pytest.mark.sample(1)
 @pytest.mark.parametrize("offset", [1e-2, -1e-2, 1e-7, -1e-7, 1e-13, -1e-13])
 def test_several_flips_next_to_the_separatrix(offset):
-    """The body waits near its middle axis and flips; the exact constants make even the time of the flip exact."""
+    """The body waits near its middle axis and flips; the exact constants make even the time of the
+    flip exact.
+    """
     J, mu = [2, 3, 6], [1, -0.5, 1 + offset]
     t = momentum_period(J, mu) * np.array([0.23, 0.49, 0.51, 1.1])
     assert max(errors(J, mu, attitude(), t, taylor(J, mu, attitude(), t))) < 10 * EPS
@@ -189,22 +201,31 @@ def test_derivatives(name):
     assert abs(attitude_rate - np.cross(gs, w[:, None, :])).max() < bound
 
 
-# --- laws -------------------------------------------------------------------------------------------------------------
+# --- laws
+# -------------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", [name for name in REGIMES if "middle" not in name and "separatrix" not in name])
+@pytest.mark.parametrize(
+    "name", [name for name in REGIMES if "middle" not in name and "separatrix" not in name]
+)
 def test_flow_property(name):
-    """From 0 to s, from there to s + t: the same as from 0 to s + t. (Next to the saddle, rounding at s would grow.)"""
+    """From 0 to s, from there to s + t: the same as from 0 to s + t. (Next to the saddle, rounding
+    at s would grow.)
+    """
     J, mu = REGIMES[name]
     s, t = np.array([3.7, -9.1]) / (top_rate(J, mu) or 1.0)
     there = exact_rigid_body(J, mu, attitude(), s)
-    for a, b in zip(exact_rigid_body(J, *there, t), exact_rigid_body(J, mu, attitude(), s + t), strict=True):
+    for a, b in zip(
+        exact_rigid_body(J, *there, t), exact_rigid_body(J, mu, attitude(), s + t), strict=True
+    ):
         assert abs(a - b).max() < 300 * EPS * (abs(b).max() or 1.0)
 
 
 @pytest.mark.parametrize("name", REGIMES)
 def test_conserved_over_long_times(name):
-    """Spatial momentum, |mu|, energy and orthogonality, to rounding at any time: none of them has a phase to lose."""
+    """Spatial momentum, |mu|, energy and orthogonality, to rounding at any time: none of them has a
+    phase to lose.
+    """
     J, mu = REGIMES[name]
     t = np.concatenate((np.linspace(-30, 30, 50), [1e4, -1e7, 1e12])) / (top_rate(J, mu) or 1.0)
     g = attitude()
@@ -219,10 +240,14 @@ def test_conserved_over_long_times(name):
 
 
 @pytest.mark.sample(4)
-@pytest.mark.parametrize("J, mu", [([2 / 3, 1, 2], [0.5, 0, 0.75**0.5]), ([3, 1, 2], [0.3, 1.5, -0.4])])
+@pytest.mark.parametrize(
+    "J, mu", [([2 / 3, 1, 2], [0.5, 0, 0.75**0.5]), ([3, 1, 2], [0.3, 1.5, -0.4])]
+)
 @pytest.mark.parametrize("periods", [1, 1000, 10**6, -(10**6)])
 def test_long_times(J, mu, periods):
-    """After a period the momentum is back, the body has turned about g mu by an angle; both from 30-digit integrals."""
+    """After a period the momentum is back, the body has turned about g mu by an angle; both from
+    30-digit integrals.
+    """
     with mp.workdps(30):
         a, b, c = sorted(range(3), key=lambda i: J[i])
         Ja, Jb, Jc = (mp.mpf(J[i]) for i in (a, b, c))
@@ -232,7 +257,8 @@ def test_long_times(J, mu, periods):
         )
         if E2 * Jb > G2:
             Ja, Jc = Jc, Ja
-        # The momentum surrounds the axis c: mu_a = A cos th, mu_b = B sin th, th' = rate mu_c, which is never zero.
+        # The momentum surrounds the axis c: mu_a = A cos th, mu_b = B sin th, th' = rate mu_c,
+        # which is never zero.
         A2, B2 = (Ja * (E2 * Jc - G2) / (Jc - Ja), Jb * (E2 * Jc - G2) / (Jc - Jb))
         rate = mp.sqrt((Jc - Ja) * (Jc - Jb) / (Ja * Jb)) / Jc
 
@@ -247,7 +273,8 @@ def test_long_times(J, mu, periods):
         period = mp.quad(lambda th: 1 / (rate * mu_c(th)), quarters)
         angle = mp.quad(lambda th: turn(th) / (rate * mu_c(th)), quarters)
         t = float(periods * period)
-        late = float(t - periods * period)  # the part of the time that is not a whole number of periods
+        # the part of the time that is not a whole number of periods
+        late = float(t - periods * period)
         angle = float(mp.fmod(periods * angle, 2 * mp.pi))
     assert abs(momentum_period(J, mu) / float(period) - 1) < 4 * EPS
     start, g0 = exact_rigid_body(J, mu, attitude(), late)
@@ -273,15 +300,23 @@ def test_continuous_across_the_separatrix():
 
 
 def test_period():
-    assert [momentum_period(*REGIMES[name]) for name in ("sphere", "rest", "steady, middle axis")] == [0, 0, 0]
-    assert momentum_period([1, 1, 2], [0.5, 0.3, 0.9]) == pytest.approx(2 * math.pi / 0.45, rel=4 * EPS)
-    # A distance d from the middle axis: K = log(4/k') + O(k'^2), k' proportional to d, down to the least d.
+    assert [
+        momentum_period(*REGIMES[name]) for name in ("sphere", "rest", "steady, middle axis")
+    ] == [0, 0, 0]
+    assert momentum_period([1, 1, 2], [0.5, 0.3, 0.9]) == pytest.approx(
+        2 * math.pi / 0.45, rel=4 * EPS
+    )
+    # A distance d from the middle axis: K = log(4/k') + O(k'^2), k' proportional to d, down to the
+    # least d.
     for d in (1e-20, 1e-60):
         k1, lam = 2 * d / math.sqrt(3), math.sqrt(0.5 / 6)
-        assert momentum_period([1, 2, 3], [0, 1, d]) == pytest.approx(4 * math.log(4 / k1) / lam, rel=10 * EPS)
+        assert momentum_period([1, 2, 3], [0, 1, d]) == pytest.approx(
+            4 * math.log(4 / k1) / lam, rel=10 * EPS
+        )
 
 
-# --- data as they come ------------------------------------------------------------------------------------------------
+# --- data as they come
+# ------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", REGIMES)
@@ -302,20 +337,27 @@ def test_vectorised_equals_scalar_bit_for_bit(name):
     assert nothing is None
 
 
-@pytest.mark.parametrize("inertia_unit, momentum_unit", [(-150, -110), (132, 60), (-900, 40), (3, 900)])
+@pytest.mark.parametrize(
+    "inertia_unit, momentum_unit", [(-150, -110), (132, 60), (-900, 40), (3, 900)]
+)
 def test_units_that_are_powers_of_two_change_no_bit(inertia_unit, momentum_unit):
     t = np.array([-7.0, 0.0, 0.3, 1e5])
     for name in MOVING:
         J, mu = REGIMES[name]
         there = exact_rigid_body(
-            np.ldexp(J, inertia_unit), np.ldexp(mu, momentum_unit), attitude(), np.ldexp(t, inertia_unit - momentum_unit)
+            np.ldexp(J, inertia_unit),
+            np.ldexp(mu, momentum_unit),
+            attitude(),
+            np.ldexp(t, inertia_unit - momentum_unit),
         )
         here = exact_rigid_body(J, mu, attitude(), t)
         assert np.array_equal(np.ldexp(there[0], -momentum_unit), here[0]), name
         assert np.array_equal(there[1], here[1]), name
 
 
-@pytest.mark.parametrize("inertia_unit, momentum_unit", [(1e-46, 1e-34), (1e40, 1e36), (1e-300, 1e-300)])
+@pytest.mark.parametrize(
+    "inertia_unit, momentum_unit", [(1e-46, 1e-34), (1e40, 1e36), (1e-300, 1e-300)]
+)
 def test_molecules_and_planets(inertia_unit, momentum_unit):
     J, mu = np.array([1, 2, 3]) * inertia_unit, np.array([0.3, -0.4, 1.2]) * momentum_unit
     t = np.array([-3, 10.0]) * (inertia_unit / momentum_unit)
@@ -326,7 +368,9 @@ def test_molecules_and_planets(inertia_unit, momentum_unit):
     assert abs(gs - here[1]).max() < 50 * EPS
 
 
-@pytest.mark.parametrize("name", [name for name in REGIMES if "middle" not in name and "separatrix" not in name])
+@pytest.mark.parametrize(
+    "name", [name for name in REGIMES if "middle" not in name and "separatrix" not in name]
+)
 def test_full_inertia_is_the_principal_one_seen_from_turned_axes(name):
     J, mu = REGIMES[name]
     U, g = attitude(7), attitude()
@@ -334,7 +378,8 @@ def test_full_inertia_is_the_principal_one_seen_from_turned_axes(name):
     turned = U @ np.diag(J) @ U.T
     mus, gs = exact_rigid_body((turned + turned.T) / 2, U @ mu, g @ U.T, t)
     expected = exact_rigid_body(J, mu, g, t)
-    rounding = 200 * EPS * np.max(J) / np.min(J)  # the matrix knows its moments to eps of the largest
+    # the matrix knows its moments to eps of the largest
+    rounding = 200 * EPS * np.max(J) / np.min(J)
     assert abs(mus @ U - expected[0]).max() <= rounding * (np.linalg.norm(mu) or 1.0)
     assert abs(gs @ U - expected[1]).max() < rounding
 
@@ -342,16 +387,22 @@ def test_full_inertia_is_the_principal_one_seen_from_turned_axes(name):
 def test_diagonal_matrix_equals_its_diagonal():
     J, mu = REGIMES["unsorted"]
     for a, b in zip(
-        exact_rigid_body(np.diag(J), mu, attitude(), 3.0), exact_rigid_body(J, mu, attitude(), 3.0), strict=True
+        exact_rigid_body(np.diag(J), mu, attitude(), 3.0),
+        exact_rigid_body(J, mu, attitude(), 3.0),
+        strict=True,
     ):
         assert np.array_equal(a, b)
 
 
 @pytest.mark.sample(14)
-@pytest.mark.parametrize("J", [*itertools.product([1e-300, 1, 1e300], repeat=3), (1, 1 + EPS, 1 - EPS / 2)])
+@pytest.mark.parametrize(
+    "J", [*itertools.product([1e-300, 1, 1e300], repeat=3), (1, 1 + EPS, 1 - EPS / 2)]
+)
 def test_finite_in_finite_out(J):
     t = np.array([0.0, 5e-324, 1e-9, -1.0, 1e9, -1e150, 1.7e308])
-    for mu in itertools.product([0.0, 5e-324, -1e-200, 1e-20, 1.0], [0.0, -1e-155, 1e300], [0.0, 1.0, -1e-9, 1e300]):
+    for mu in itertools.product(
+        [0.0, 5e-324, -1e-200, 1e-20, 1.0], [0.0, -1e-155, 1e300], [0.0, 1.0, -1e-9, 1e300]
+    ):
         mus, gs = exact_rigid_body(J, mu, np.eye(3), t)
         assert np.isfinite(mus).all()
         assert np.isfinite(gs).all()

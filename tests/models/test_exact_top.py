@@ -1,4 +1,6 @@
-"""The exact Lagrange top: against reference numbers and Taylor series of 40 digits, in every regime."""
+"""The exact Lagrange top: against reference numbers and Taylor series of 40 digits, in every
+regime.
+"""
 
 from __future__ import annotations
 
@@ -87,7 +89,11 @@ CASES: dict[str, tuple[lm.LagrangeTop, Any, Any]] = {
 }
 
 
-@pytest.mark.parametrize(("number", "order"), [(float, 20), pytest.param(mp.mpf, 30, marks=pytest.mark.slow)], ids=["16", "32"])
+@pytest.mark.parametrize(
+    ("number", "order"),
+    [(float, 20), pytest.param(mp.mpf, 30, marks=pytest.mark.slow)],
+    ids=["16", "32"],
+)
 @pytest.mark.parametrize("name", CASES)
 def test_against_power_series(name: str, number: Any, order: int) -> None:
     top, mu, g = CASES[name]
@@ -101,7 +107,9 @@ def test_against_power_series(name: str, number: Any, order: int) -> None:
 
 
 def test_falling_from_the_vertical() -> None:
-    """The separatrix: u = 1 - (1 - u_1)/cosh^2, and the top comes back to the vertical without ever standing there."""
+    """The separatrix: u = 1 - (1 - u_1)/cosh^2, and the top comes back to the vertical without ever
+    standing there.
+    """
     spin = 1.0
     lowest = spin * spin / 2.0 - 1.0
     speed = math.sqrt(2.0 * (1.0 - lowest) - spin * spin * (1.0 - lowest) / (1.0 + lowest))
@@ -121,7 +129,9 @@ def test_falling_from_the_vertical() -> None:
 
 
 def test_the_separatrix_itself() -> None:
-    """A start whose numbers lie on it exactly: upright, not turning about a horizontal axis, all roots at 1 or below."""
+    """A start whose numbers lie on it exactly: upright, not turning about a horizontal axis, all
+    roots at 1 or below.
+    """
     from liemech.models.exact_top import lagrange_top
 
     half = math.sqrt(0.5)
@@ -140,13 +150,21 @@ def test_the_separatrix_itself() -> None:
 
 
 def test_against_the_reference() -> None:
-    top = lm.LagrangeTop(float(REFERENCE["mgl"]), float(REFERENCE["J"][0]), float(REFERENCE["J"][2]), 1.0)
-    start = top.state(np.array(REFERENCE["pi0"], dtype=float), np.array(REFERENCE["R0"], dtype=float))
+    top = lm.LagrangeTop(
+        float(REFERENCE["mgl"]), float(REFERENCE["J"][0]), float(REFERENCE["J"][2]), 1.0
+    )
+    start = top.state(
+        np.array(REFERENCE["pi0"], dtype=float), np.array(REFERENCE["R0"], dtype=float)
+    )
     for sample in REFERENCE["samples"]:
         t = float(sample["t"])
         found = top.exact(start, t)
-        assert np.abs(np.array(found.mu) - np.array(sample["pi"], dtype=float)).max() < 8.0 * EPS * (1.0 + 4.0 * t)
-        assert np.abs(np.array(found.g) - np.array(sample["R"], dtype=float)).max() < 8.0 * EPS * (1.0 + 4.0 * t)
+        assert np.abs(
+            np.array(found.mu) - np.array(sample["pi"], dtype=float)
+        ).max() < 8.0 * EPS * (1.0 + 4.0 * t)
+        assert np.abs(np.array(found.g) - np.array(sample["R"], dtype=float)).max() < 8.0 * EPS * (
+            1.0 + 4.0 * t
+        )
 
 
 def test_long_times_keep_what_is_constant() -> None:

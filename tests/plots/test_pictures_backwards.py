@@ -1,4 +1,6 @@
-"""Pictures of runs backwards in time, on constraints, and of ensembles whose members have times of their own."""
+"""Pictures of runs backwards in time, on constraints, and of ensembles whose members have times of
+their own.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,9 @@ def follow(system: Any, method: Any, start: Any, **more: Any) -> Any:
 
 @pytest.mark.parametrize("direction", [1, -1])
 def test_a_section_of_a_run_backwards_has_the_direction_of_time(direction: int) -> None:
-    """Where q_1 = 0 is pierced with q_1 rising in time, p_1 = q_1' > 0; there and back pierces it in the same points."""
+    """Where q_1 = 0 is pierced with q_1 rising in time, p_1 = q_1' > 0; there and back pierces it
+    in the same points.
+    """
     start = GALAXY.state(q=[0.1, 0.1], p=[0.4, 0.1])
     there = follow(GALAXY, lm.RKMK(order=8), start, h=0.05, steps=300)
     end = GALAXY.state(q=there.q[-1], p=there.p[-1])
@@ -30,7 +34,9 @@ def test_a_section_of_a_run_backwards_has_the_direction_of_time(direction: int) 
 
 
 def test_sections_on_constraints_follow_the_sphere() -> None:
-    """Between samples the motion is bent by the force of the constraint: on a great circle the section is a point of it."""
+    """Between samples the motion is bent by the force of the constraint: on a great circle the
+    section is a point of it.
+    """
     ball = lm.SphericalPendulum(gravity=0.0)
     run = follow(ball, lm.RATTLE(), ball.state([1.0, 0.0, 0.0], [0.0, 1.0, 0.0]), h=0.05, steps=200)
     q, _, _ = lm.plots.section(run, direction=0)
@@ -52,4 +58,6 @@ def test_an_ensemble_in_fictive_time_has_pictures_over_it() -> None:
     for k in range(2):
         one = planets.state(q=start.arrays["q"][k], p=start.arrays["p"][k])
         alone = lm.plots.section(follow(planets, method, one, h=0.05, steps=150), coordinate=1)
-        assert q[member == k] == pytest.approx(alone[0], abs=1e-9) and p[member == k] == pytest.approx(alone[1], abs=1e-9)
+        assert q[member == k] == pytest.approx(alone[0], abs=1e-9) and p[
+            member == k
+        ] == pytest.approx(alone[1], abs=1e-9)

@@ -11,7 +11,8 @@ from liemech.errors import InvalidInput, LiemechError, MissingExtra
 
 EPS = np.finfo(float).eps
 SEED = np.array([2 / 3, 1.0, 2.0])
-# the exact seed orbit from (1/2, 0, sqrt(3)/2) at t = 0, 0.5, 5, 100, from the closed form in 40 digits
+# the exact seed orbit from (1/2, 0, sqrt(3)/2) at t = 0, 0.5, 5, 100, from the closed form in 40
+# digits
 ORBIT = np.array(
     [
         [0.5, 0.0, 0.75**0.5],
@@ -25,7 +26,12 @@ VIEWS = [plots.VIEW, (0, 0), (0, 90), (90, -90), (200, -30), (-135, 55), (123, 4
 
 def bodies():
     rng = np.random.default_rng(7)
-    yield from (SEED, np.array([1, 1.5, 2]), np.array([2.0, 2 / 3, 1.0]), np.array([0.01, 0.7, 0.7000001]))
+    yield from (
+        SEED,
+        np.array([1, 1.5, 2]),
+        np.array([2.0, 2 / 3, 1.0]),
+        np.array([0.01, 0.7, 0.7000001]),
+    )
     for _ in range(5):
         U = np.linalg.qr(rng.normal(size=(3, 3)))[0]
         yield U @ np.diag(rng.uniform(0.1, 3.0, 3)) @ U.T
@@ -51,7 +57,8 @@ def matplotlib():
     return module
 
 
-# ------------------------------------------------------------------------------------------------------- geometry
+# -------------------------------------------------------------------------------------------------------
+# geometry
 
 
 @pytest.mark.parametrize("view", VIEWS)
@@ -77,8 +84,10 @@ def test_a_great_circle_is_cut_at_the_two_points_where_it_meets_the_horizon():
         assert len(both) == 2
         assert (both[:, 2] == 0.0).all()
         assert np.abs(np.linalg.norm(both, axis=1) - 1).max() <= 4 * EPS
-        line = u * v[2] - v * u[2]  # the direction that the circle's plane shares with the horizon's
-        assert np.abs(np.cross(both, line / np.linalg.norm(line))).max() <= 1e-12  # sin of the angle between
+        # the direction that the circle's plane shares with the horizon's
+        line = u * v[2] - v * u[2]
+        # sin of the angle between
+        assert np.abs(np.cross(both, line / np.linalg.norm(line))).max() <= 1e-12
         assert both[0] @ both[1] == pytest.approx(-1.0, abs=1e-12)
 
 
@@ -92,7 +101,8 @@ def test_front_and_back_together_are_the_curve():
     assert (merged[~cut] == curve).all()
     assert cut.sum() == (np.diff(curve[:, 2] >= 0) != 0).sum()
     a, x, b = merged[np.flatnonzero(cut) - 1], merged[cut], merged[np.flatnonzero(cut) + 1]
-    assert np.abs(np.einsum("ni,ni->n", np.cross(a, b), x)).max() <= 1e-13  # on the great circle of the neighbours
+    # on the great circle of the neighbours
+    assert np.abs(np.einsum("ni,ni->n", np.cross(a, b), x)).max() <= 1e-13
     length = np.linalg.norm([a, x, b], axis=2)
     between = np.sort(length[[0, 2]], axis=0)
     assert (between[0] * (1 - 4 * EPS) <= length[1]).all()
@@ -127,7 +137,8 @@ def test_level_curves_lie_on_sphere_and_energy_ellipsoid(inertia):
     level = energy.mean(axis=1, keepdims=True)
     assert np.abs(energy - level).max() <= 32 * EPS * inverse.max()
     assert np.abs(curves[:, 0] - curves[:, -1]).max() <= 4 * EPS  # closed
-    centres = curves[:, :-1].mean(axis=1).reshape(count, 2, 3)  # each energy has a curve about either end of its axis
+    # each energy has a curve about either end of its axis
+    centres = curves[:, :-1].mean(axis=1).reshape(count, 2, 3)
     assert np.abs(centres.sum(axis=1)).max() <= 16 * EPS
     assert np.linalg.norm(centres, axis=2).min() > 0.1
     level = np.unique(level.round(12))
@@ -137,10 +148,12 @@ def test_level_curves_lie_on_sphere_and_energy_ellipsoid(inertia):
 
 
 def test_the_seed_orbit_is_a_level_curve():
-    # count = 2 on the seed body puts one curve about axis 3, half way to the separatrix at 45 degrees
+    # count = 2 on the seed body puts one curve about axis 3, half way to the separatrix at 45
+    # degrees
     curve = next(c for c in plots.energy_levels(SEED, 2) if (c[:, 2] > 0).all())
     assert curve[0] == pytest.approx([np.sin(np.pi / 8), 0, np.cos(np.pi / 8)], abs=4 * EPS)
-    # and the orbit, whose angle is 30 degrees, is the closed form of the docstring with A_1^2 = 1/4, A_2^2 = 1/2
+    # and the orbit, whose angle is 30 degrees, is the closed form of the docstring with
+    # A_1^2 = 1/4, A_2^2 = 1/2
     x = ORBIT
     assert np.abs(4 * x[:, 0] ** 2 + 2 * x[:, 1] ** 2 - 1).max() <= 8 * EPS
     assert np.abs(0.75 * 4 * x[:, 0] ** 2 + 0.5 * 2 * x[:, 1] ** 2 - x[:, 2] ** 2).max() <= 8 * EPS
@@ -165,7 +178,8 @@ def test_symmetric_bodies():
     for inertia, axis in (([1, 1, 2], 2), ([0.1, 1, 1], 0), ([1, 2, 1], 1)):
         curves = plots.energy_levels(inertia, 5)
         assert len(curves) == 10
-        assert np.ptp(curves[:, :, axis], axis=1).max() <= 2e-8  # circles of latitude (a square root of rounding)
+        # circles of latitude (a square root of rounding)
+        assert np.ptp(curves[:, :, axis], axis=1).max() <= 2e-8
         assert np.abs(plots.separatrix(inertia)[:, :, axis]).max() <= 4 * EPS  # the equator
 
 
@@ -176,14 +190,16 @@ def test_only_the_ratios_of_the_moments_matter():
 
 
 @pytest.mark.parametrize(
-    "inertia", [[1, 2], [1, 2, 0], [1, -1, 2], [1, 2, np.nan], np.zeros((3, 3)), np.triu(np.ones((3, 3)))]
+    "inertia",
+    [[1, 2], [1, 2, 0], [1, -1, 2], [1, 2, np.nan], np.zeros((3, 3)), np.triu(np.ones((3, 3)))],
 )
 def test_impossible_inertia_is_refused(inertia):
     with pytest.raises(InvalidInput, match="inertia must"):
         plots.energy_levels(inertia)
 
 
-# -------------------------------------------------------------------------------------------------------- pictures
+# --------------------------------------------------------------------------------------------------------
+# pictures
 
 
 def lines(ax):
@@ -192,13 +208,16 @@ def lines(ax):
 
 
 def test_sphere_shows_dots_exact_curve_ends_and_axes(matplotlib):
-    ax = plots.momentum_sphere(ORBIT[:3], ORBIT, SEED, end=ORBIT[2], label="mine", levels=4, title="T")
+    ax = plots.momentum_sphere(
+        ORBIT[:3], ORBIT, SEED, end=ORBIT[2], label="mine", levels=4, title="T"
+    )
     assert ax.get_title() == "T"
     assert isinstance(ax, matplotlib.axes.Axes)
     assert [t.get_text() for t in ax.texts if t.get_text()] == [r"$\pi_1$", r"$\pi_2$", r"$\pi_3$"]
     assert ax.get_legend_handles_labels()[1] == ["mine"]
     assert len(ax.images) == 1
-    # front and back of 8 level curves, 2 separatrix circles, the dots, the exact curve; the two marks
+    # front and back of 8 level curves, 2 separatrix circles, the dots, the exact curve; the two
+    # marks
     assert len(ax.lines) == 2 * (8 + 2 + 1 + 1) + 2
     dots = np.vstack([line.get_xydata() for line in ax.lines if line.get_linestyle() == "None"][:2])
     seen = ORBIT[:3] @ plots.view_frame(*plots.VIEW).T
@@ -218,7 +237,9 @@ def test_everything_behind_is_below_everything_in_front(matplotlib):
 def test_pictures_do_not_depend_on_units(matplotlib):
     plain = lines(plots.momentum_sphere(ORBIT, ORBIT, SEED, end=ORBIT[-1]))
     for scale in (2.0**-1000, 2.0**1000):
-        ax = plots.momentum_sphere(ORBIT * scale, ORBIT * scale, SEED * 2.0**-100, end=ORBIT[-1] * scale)
+        ax = plots.momentum_sphere(
+            ORBIT * scale, ORBIT * scale, SEED * 2.0**-100, end=ORBIT[-1] * scale
+        )
         for a, b in zip(plain, lines(ax), strict=True):
             np.testing.assert_array_equal(a, b)
 
@@ -262,9 +283,12 @@ def test_draws_on_axes_that_are_given_and_leaves_settings_and_pyplot_alone(matpl
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 5])
-def test_figure_one_has_a_sphere_a_caption_each_and_one_legend_with_no_text_cut_off(matplotlib, count):
+def test_figure_one_has_a_sphere_a_caption_each_and_one_legend_with_no_text_cut_off(
+    matplotlib, count
+):
     panels = [
-        plots.Panel(f"method {k}", ORBIT, "momentum error 4.4e-2\nenergy -1.7e-3", ORBIT[-1]) for k in range(count)
+        plots.Panel(f"method {k}", ORBIT, "momentum error 4.4e-2\nenergy -1.7e-3", ORBIT[-1])
+        for k in range(count)
     ]
     figure = plots.figure_one(panels, ORBIT, SEED)
     assert [ax.get_title() for ax in figure.axes] == [f"method {k}" for k in range(count)]

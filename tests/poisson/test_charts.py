@@ -52,7 +52,9 @@ def test_closed_charts_are_canonical_and_lead_back(chart: Any, y: list[float]) -
     ids=["so(3)*", "species", "Maxwell-Bloch", "Toda"],
 )
 def test_the_construction_of_darboux_and_lie(structure: Any, y: list[float], degrees: int) -> None:
-    """Canonical to 1e-10 near the point, with as many Casimirs as are left, functions of the ones that are known."""
+    """Canonical to 1e-10 near the point, with as many Casimirs as are left, functions of the ones
+    that are known.
+    """
     chart = lm.DarbouxLieChart(structure, y, steps=2)
     assert chart.degrees == degrees
     near = np.array(y) * (1.0 + 0.1 * np.random.default_rng(3).uniform(-1.0, 1.0, len(y)))
@@ -67,22 +69,38 @@ def test_the_construction_of_darboux_and_lie(structure: Any, y: list[float], deg
 @pytest.mark.slow
 def test_the_construction_where_a_level_is_inside_another() -> None:
     """Rank 4 with derivatives of the field in it, and rank 4 of 6."""
-    guide, motions = lm.GuidingCentre(lm.TokamakField(), 0.1).structure, lm.coadjoint(lm.SE3()).poisson_structure
-    for structure, y in ((guide, [1.05, 0.1, 0.1, 0.2]), (motions, [0.3, 0.4, 0.5, 0.9, -0.2, 0.4])):
+    guide, motions = (
+        lm.GuidingCentre(lm.TokamakField(), 0.1).structure,
+        lm.coadjoint(lm.SE3()).poisson_structure,
+    )
+    for structure, y in (
+        (guide, [1.05, 0.1, 0.1, 0.2]),
+        (motions, [0.3, 0.4, 0.5, 0.9, -0.2, 0.4]),
+    ):
         chart = lm.DarbouxLieChart(structure, y)
         assert chart.degrees == 2
         assert chart.defect(np.array(y) * 1.05) < 1e-10
 
 
 def test_a_body_in_andoyers_variables_and_back() -> None:
-    """Order 4 against the exact motion; the momentum stays on its sphere; the step is a Poisson map."""
+    """Order 4 against the exact motion; the momentum stays on its sphere; the step is a Poisson
+    map.
+    """
     mu = [0.9, 0.3, 0.4]
     chart = lm.Andoyer()
     there, start = chart.system(MOMENTA, MOMENTA.state(mu))
     assert there.energy(start.q, start.p) == pytest.approx(BODY.energy(mu), rel=1e-15)
     errors = []
     for steps in (10, 20):
-        run = lm.integrate(there, lm.HamiltonJacobi(order=4), start, h=2.0 / steps, steps=steps, compiled=False, progress=False)
+        run = lm.integrate(
+            there,
+            lm.HamiltonJacobi(order=4),
+            start,
+            h=2.0 / steps,
+            steps=steps,
+            compiled=False,
+            progress=False,
+        )
         back = there.points(run.q, run.p)
         assert np.allclose(np.linalg.norm(back, axis=1), np.linalg.norm(mu), rtol=1e-14)
         errors.append(np.abs(back[-1] - BODY.exact(BODY.state(mu), 2.0).mu).max())
@@ -96,7 +114,9 @@ def test_a_chart_that_is_left_says_so() -> None:
         chart.point([0.3, 1.2, 1.0])
     there, start = chart.system(MOMENTA, MOMENTA.state([0.3, 0.2, 1.0]))
     with pytest.raises(lm.errors.OutsideChart, match="left the chart"):
-        lm.integrate(there, lm.RKMK(order=1), start, h=3.0, steps=200, compiled=False, progress=False)
+        lm.integrate(
+            there, lm.RKMK(order=1), start, h=3.0, steps=200, compiled=False, progress=False
+        )
     far = lm.DarbouxLieChart(MOMENTA.structure, [0.3, 0.4, 0.5], steps=2)
     with pytest.raises(lm.errors.OutsideChart, match="stay nearer"):
         far.coordinates([0.3, 0.9, -0.5])
@@ -116,12 +136,15 @@ def test_species_in_logarithms_and_back() -> None:
     assert lm.poisson_defect(gauss, SPECIES, begin, 0.3) > 1e-7
     run = lm.integrate(there, gauss, start, h=0.05, steps=20, compiled=False, progress=False)
     back = there.points(run.q, run.p)
-    direct = lm.integrate(SPECIES, lm.RKMK(order=8), begin, h=0.05, steps=20, compiled=False, progress=False)
+    direct = lm.integrate(
+        SPECIES, lm.RKMK(order=8), begin, h=0.05, steps=20, compiled=False, progress=False
+    )
     assert np.allclose(back, direct.y, rtol=0.0, atol=3e-7)
     assert np.allclose(SPECIES.casimirs(back), SPECIES.casimirs(direct.y[0]), rtol=0.0, atol=1e-14)
 
 
-# ---------------------------------------------------------------- local coordinates of a constrained system
+# ---------------------------------------------------------------- local coordinates of a
+# constrained system
 
 GRAVITY = 9.81
 Q0, V0 = [0.6, 0.0, -0.8], [0.4, 1.5, 0.3]
@@ -160,19 +183,28 @@ class Sphere(lm.LocalChart):
         s2 = q[0] * q[0] + q[1] * q[1]
         turn = q[0] * p[1] - q[1] * p[0]
         theta = lm.formulas.acos(q[2])
-        return lm.vec(theta, lm.formulas.atan2(q[1], q[0]), -p[2] / lm.formulas.sqrt(s2), turn if self.momenta else turn / s2)
+        return lm.vec(
+            theta,
+            lm.formulas.atan2(q[1], q[0]),
+            -p[2] / lm.formulas.sqrt(s2),
+            turn if self.momenta else turn / s2,
+        )
 
 
 @pytest.mark.parametrize("momenta", [True, False], ids=["momenta", "velocities"])
 def test_the_spherical_pendulum_in_local_coordinates(momenta: bool) -> None:
-    """The round trip: into the chart, half a second of motion, and back, against known digits; L_3 is an invariant."""
+    """The round trip: into the chart, half a second of motion, and back, against known digits; L_3
+    is an invariant.
+    """
     chart = Sphere(momenta)
     system = lm.in_coordinates(Particle(), chart)
     x = np.array([*Q0, *V0])
     y = chart.coordinates(x)
     assert np.allclose(chart.embedding(y), x, rtol=0.0, atol=1e-15)
     assert lm.check_poisson(system.structure, [y, [0.7, 0.3, -0.4, 0.9]])
-    run = lm.integrate(system, lm.RKMK(order=8), system.state(y), h=0.05, steps=10, compiled=False, progress=False)
+    run = lm.integrate(
+        system, lm.RKMK(order=8), system.state(y), h=0.05, steps=10, compiled=False, progress=False
+    )
     assert np.allclose(chart.embedding(run.y[-1]), [*AT_HALF[0], *AT_HALF[1]], rtol=0.0, atol=1e-8)
 
     def vertical(z: Any) -> Any:
@@ -184,14 +216,20 @@ def test_the_spherical_pendulum_in_local_coordinates(momenta: bool) -> None:
 
 
 def test_structures_of_the_sphere_in_closed_form() -> None:
-    """With momenta canonical; with velocities B_12 of them 2 v_phi cot theta, and 1 and 1/sin^2 theta beside the angles."""
+    """With momenta canonical; with velocities B_12 of them 2 v_phi cot theta, and 1 and 1/sin^2
+    theta beside the angles.
+    """
     y = [0.7, 0.3, -0.4, 0.9]
     B = np.array(lm.in_coordinates(Particle(), Sphere(True)).structure.matrix(y))
     assert np.allclose(B, lm.Canonical(2).matrix(y), rtol=0.0, atol=1e-15)
     theta, _, _, turn = y
     B = np.array(lm.in_coordinates(Particle(), Sphere(False)).structure.matrix(y))
     expected = np.zeros((4, 4))
-    expected[0, 2], expected[1, 3], expected[2, 3] = 1.0, 1.0 / np.sin(theta) ** 2, 2.0 * turn / np.tan(theta)
+    expected[0, 2], expected[1, 3], expected[2, 3] = (
+        1.0,
+        1.0 / np.sin(theta) ** 2,
+        2.0 * turn / np.tan(theta),
+    )
     assert np.allclose(B, expected - expected.T, rtol=0.0, atol=1e-14)
 
 

@@ -1,4 +1,6 @@
-"""Parts of an energy are recognised by what their formulas do at all points, not at those that somebody tried."""
+"""Parts of an energy are recognised by what their formulas do at all points, not at those that
+somebody tried.
+"""
 
 from __future__ import annotations
 
@@ -56,7 +58,10 @@ def why(part: lm.Hamiltonian) -> str:
 
 @pytest.mark.parametrize("kind", ["where", "if", "max", "abs", "sign", "floor", "equal", "loop"])
 def test_what_a_formula_does_somewhere_else_is_not_missed(kind: str) -> None:
-    assert "is not known: its formula need not be the same at all points (it depends on a comparison" in why(Potential(kind))
+    assert (
+        "is not known: its formula need not be the same at all points (it depends on a comparison"
+        in why(Potential(kind))
+    )
 
 
 def test_smooth_formulas_are_recognised() -> None:
@@ -64,7 +69,9 @@ def test_smooth_formulas_are_recognised() -> None:
 
 
 def test_a_part_with_a_wall_says_what_it_is() -> None:
-    """A ball between soft walls: half a turn of frequency 10 in the wall at 1, half a turn in that at -1."""
+    """A ball between soft walls: half a turn of frequency 10 in the wall at 1, half a turn in that
+    at -1.
+    """
 
     @lm.record
     class Walls(lm.Hamiltonian):
@@ -84,12 +91,22 @@ def test_a_part_with_a_wall_says_what_it_is() -> None:
         lm.Splitting(order=2).require(system(Walls()))
     for walls in (lm.Straight(Walls()), lm.OfCoordinate(Walls(), 0)):
         ball = system(walls)
-        run = lm.integrate(ball, lm.Splitting(order=2), ball.state([0.0, 1.0]), h=0.01, steps=400, compiled=False, progress=False)
+        run = lm.integrate(
+            ball,
+            lm.Splitting(order=2),
+            ball.state([0.0, 1.0]),
+            h=0.01,
+            steps=400,
+            compiled=False,
+            progress=False,
+        )
         assert run.y[-1] == pytest.approx([-np.pi / 5.0, 1.0], abs=5e-3)
 
 
 def test_splittings_of_nystroems_kind_need_formulas_that_are_the_same_everywhere() -> None:
-    """T is of second degree at every probe and of the fourth in a narrow layer: order conditions of all parts are wanted."""
+    """T is of second degree at every probe and of the fourth in a narrow layer: order conditions of
+    all parts are wanted.
+    """
 
     @lm.record
     class Kinetic(lm.Hamiltonian):
@@ -139,7 +156,9 @@ class Spring(lm.Hamiltonian):
 
 
 def test_what_underflows_wherever_one_looks_is_seen() -> None:
-    """Narrow features: an energy that looks quadratic, T(p), or of second degree at every point that is tried, and is not."""
+    """Narrow features: an energy that looks quadratic, T(p), or of second degree at every point
+    that is tried, and is not.
+    """
     plane = lm.Canonical(1)
     assert "not known" in str(recognised(plane, Bump(0.5, 1.0)))
     assert "not known" in str(recognised(plane, Bump(0.0, 1.0, 1.0)))
@@ -179,7 +198,9 @@ def test_products_of_momenta_are_of_higher_degree() -> None:
         (lambda x, y: 7.0, 0, set()),
     ],
 )
-def test_a_formula_tells_its_degree_and_of_what_it_is_made(formula: Any, wanted: float, numbers: set[int]) -> None:
+def test_a_formula_tells_its_degree_and_of_what_it_is_made(
+    formula: Any, wanted: float, numbers: set[int]
+) -> None:
     found, reason = looked_at(lambda z: formula(*z), [1, 1])
     assert (degree(found), made_of(found), reason) == (wanted, numbers, "")
 

@@ -1,4 +1,6 @@
-"""Poisson integrators: splittings of any number of parts, symplectic Euler in the plane, and their defects."""
+"""Poisson integrators: splittings of any number of parts, symplectic Euler in the plane, and their
+defects.
+"""
 
 from __future__ import annotations
 
@@ -32,13 +34,26 @@ CASES: list[Any] = [
     (PARTICLE, PARTICLE.state([0.0, 1.0, 0.1, 0.09, 0.55, 0.30]), 0.2),
     (lm.MaxwellBloch(), lm.MaxwellBloch().state([1.0, 0.5, 0.3]), 0.5),
     (LATTICE, LATTICE.state_of([0.3, -0.2, 0.1, 0.4], [0.5, -0.3, 0.2, 0.1]), 0.3),
-    (lm.LotkaVolterra.volterra_lattice(5), lm.LotkaVolterra.volterra_lattice(5).state([1.0, 0.7, 1.3, 0.9, 0.5]), 0.2),
+    (
+        lm.LotkaVolterra.volterra_lattice(5),
+        lm.LotkaVolterra.volterra_lattice(5).state([1.0, 0.7, 1.3, 0.9, 0.5]),
+        0.2,
+    ),
 ]
 IDS = [type(system).__name__ for system, _, _ in CASES]
 
 
 def end(system: Any, method: Any, start: Any, time: float, steps: int) -> np.ndarray:
-    run = lm.integrate(system, method, start, h=time / steps, steps=steps, every=steps, compiled=False, progress=False)
+    run = lm.integrate(
+        system,
+        method,
+        start,
+        h=time / steps,
+        steps=steps,
+        every=steps,
+        compiled=False,
+        progress=False,
+    )
     return np.asarray(run.last.y)
 
 
@@ -55,7 +70,9 @@ def test_splittings_are_poisson_maps_and_keep_casimirs(system: Any, start: Any, 
     for method in (lm.Splitting(order=1), lm.Splitting(order=2), lm.Splitting(order=4)):
         assert lm.poisson_defect(method, system, start, h) < 1e-12
     assert lm.poisson_defect(lm.RKMK(order=4), system, start, h) > 1e-8
-    run = lm.integrate(system, lm.Splitting(order=2), start, h=h, steps=50, compiled=False, progress=False)
+    run = lm.integrate(
+        system, lm.Splitting(order=2), start, h=h, steps=50, compiled=False, progress=False
+    )
     for kept in run.drift().kept:
         if kept.name.startswith("Casimir"):
             assert kept.verdict == "exact" and kept.largest < 1e-14
@@ -69,7 +86,10 @@ def test_orders_of_parts(system: Any, order: int) -> None:
     start = START if system is SPECIES else TOP_START
     exact = end(system, lm.RKMK(order=8), start, 1.0, 60)
     coarse = {1: 20, 2: 10, 3: 10, 4: 4, 6: 3, 8: 2}[order]
-    errors = [np.abs(end(system, lm.Splitting(order=order), start, 1.0, n) - exact).max() for n in (coarse, 2 * coarse)]
+    errors = [
+        np.abs(end(system, lm.Splitting(order=order), start, 1.0, n) - exact).max()
+        for n in (coarse, 2 * coarse)
+    ]
     assert np.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.55 if order > 4 else 0.35)
 
 
@@ -79,14 +99,20 @@ def test_sequences_of_two_parts_are_the_tableaus_and_of_one_the_motion() -> None
         assert [c for part, c in sequence if part == 1] == list(tableau.kicks)
         assert [c for part, c in sequence if part == 0] == list(tableau.drifts)
         for parts in (1, 3, 5):
-            shares = [sum(c for part, c in tableau.sequence(parts) if part == i) for i in range(parts)]
+            shares = [
+                sum(c for part, c in tableau.sequence(parts) if part == i) for i in range(parts)
+            ]
             assert np.allclose(shares, 1.0, rtol=1e-14, atol=0.0)
             backwards = [c for _, c in tableau.sequence(parts)][::-1]
-            assert np.allclose(backwards, [c for _, c in tableau.sequence(parts)], rtol=0.0, atol=1e-15)
+            assert np.allclose(
+                backwards, [c for _, c in tableau.sequence(parts)], rtol=0.0, atol=1e-15
+            )
 
 
 def test_canonical_parts_are_the_separable_system() -> None:
-    """T(p) and V(q) are recognised; the steps of Stormer and Verlet, and Runge-Kutta-Nystroem splittings where they apply."""
+    """T(p) and V(q) are recognised; the steps of Stormer and Verlet, and Runge-Kutta-Nystroem
+    splittings where they apply.
+    """
 
     @lm.record
     class T(lm.Hamiltonian):
@@ -98,10 +124,18 @@ def test_canonical_parts_are_the_separable_system() -> None:
         def energy(self, y: lm.Vec) -> float:
             return 0.5 * (y[0] ** 2 + y[1] ** 2) + y[1] * (y[0] ** 2 - y[1] ** 2 / 3.0)
 
-    stars, same = lm.HenonHeiles(), lm.PoissonSystem(lm.Canonical(2), lm.SplitHamiltonian((T(), V())))
+    stars, same = (
+        lm.HenonHeiles(),
+        lm.PoissonSystem(lm.Canonical(2), lm.SplitHamiltonian((T(), V()))),
+    )
     assert same.quadratic
     q, p = [0.0, 0.1], [0.5, 0.05]
-    for method in (lm.StormerVerlet(), lm.StormerVerlet("drift"), lm.Splitting(order=4), lm.Splitting(order=8)):
+    for method in (
+        lm.StormerVerlet(),
+        lm.StormerVerlet("drift"),
+        lm.Splitting(order=4),
+        lm.Splitting(order=8),
+    ):
         a = lm.integrate(stars, method, stars.state(q, p), h=0.2, steps=20, compiled=False)
         b = lm.integrate(same, method, same.state([*q, *p]), h=0.2, steps=20, compiled=False)
         assert np.allclose(np.hstack([a.q, a.p]), b.y, rtol=1e-13, atol=1e-14)
@@ -120,7 +154,9 @@ def test_canonical_parts_are_the_separable_system() -> None:
 
 
 def test_quadratic_parts_of_constant_structures_are_recognised() -> None:
-    """A rotating frame, H = |p|^2/2 + q_1 p_2 - q_2 p_1: an affine motion; with a field of any form order 4."""
+    """A rotating frame, H = |p|^2/2 + q_1 p_2 - q_2 p_1: an affine motion; with a field of any form
+    order 4.
+    """
 
     @lm.record
     class Frame(lm.Hamiltonian):
@@ -137,7 +173,10 @@ def test_quadratic_parts_of_constant_structures_are_recognised() -> None:
     start = system.state([0.5, 0.2, -0.3, 0.4])
     assert lm.check_system(system, start)
     assert lm.poisson_defect(lm.Splitting(order=4), system, start, 0.3) < 1e-13
-    assert lm.check_method(lm.Splitting(order=4), system, start, compiled=False)["order"].verdict == "holds"
+    assert (
+        lm.check_method(lm.Splitting(order=4), system, start, compiled=False)["order"].verdict
+        == "holds"
+    )
 
 
 @lm.record
@@ -148,7 +187,9 @@ class Mixed(lm.Hamiltonian):
 
 def test_unknown_motions_are_refused_with_the_reason() -> None:
     system = lm.PoissonSystem(lm.Canonical(1), Mixed())
-    with pytest.raises(lm.errors.IncompatibleSystem, match=r"depends on more than one coordinate.*write `flow`"):
+    with pytest.raises(
+        lm.errors.IncompatibleSystem, match=r"depends on more than one coordinate.*write `flow`"
+    ):
         lm.integrate(system, lm.Splitting(order=2), system.state([0.3, 0.2]), h=0.1, steps=1)
 
     @lm.record
@@ -173,7 +214,9 @@ def test_unknown_motions_are_refused_with_the_reason() -> None:
         def flow(self, structure: lm.PoissonStructure, y: lm.Vec, t: float) -> lm.Vec:
             return super().flow(structure, y, 0.5 * t)
 
-    with pytest.raises(lm.errors.LawViolation, match=r"motions of parts[\s\S]*a factor 1/2 too many"):
+    with pytest.raises(
+        lm.errors.LawViolation, match=r"motions of parts[\s\S]*a factor 1/2 too many"
+    ):
         lm.check_system(lm.PoissonSystem(lm.Canonical(1), Slow()))
 
 
@@ -199,16 +242,26 @@ class Separate(lm.Hamiltonian):
         return lm.formulas.sin(y[0]) + 0.5 * y[0] ** 2 + 0.25 * y[1] ** 4 - 2.0 * y[1]
 
 
-@pytest.mark.parametrize("c", [(1, 0, 0, 0, 0), (0, 0, 0, 1, 0), (1, 0, 0, 1, 0), (0, 1, 1, 0, 0), (0.3, -0.2, 0.5, 0.7, 0)])
+@pytest.mark.parametrize(
+    "c",
+    [(1, 0, 0, 0, 0), (0, 0, 0, 1, 0), (1, 0, 0, 1, 0), (0, 1, 1, 0, 0), (0.3, -0.2, 0.5, 0.7, 0)],
+)
 def test_symplectic_euler_is_poisson_for_affine_b(c: tuple[float, ...]) -> None:
     system = lm.PoissonSystem(Planar(lm.vec(*map(float, c))), Separate())
     start = system.state([0.8, 0.6])
-    for method in (lm.PoissonEuler(), lm.PoissonEuler("v"), lm.PoissonVerlet(), lm.Composition(lm.PoissonVerlet(), order=4)):
+    for method in (
+        lm.PoissonEuler(),
+        lm.PoissonEuler("v"),
+        lm.PoissonVerlet(),
+        lm.Composition(lm.PoissonVerlet(), order=4),
+    ):
         assert lm.poisson_defect(method, system, start, 0.1) < 1e-12
 
 
 def test_symplectic_euler_is_refused_where_it_is_no_poisson_map() -> None:
-    """b = u^2 v: written out with Newton's method it has a defect of half a hundredth, so the lemma for every b is too wide."""
+    """b = u^2 v: written out with Newton's method it has a defect of half a hundredth, so the lemma
+    for every b is too wide.
+    """
     system = lm.PoissonSystem(Planar(lm.vec(0.0, 0.0, 0.0, 0.0, 1.0)), Separate())
     with pytest.raises(lm.errors.IncompatibleSystem, match="not affine in u"):
         lm.PoissonEuler().require(system)
@@ -231,24 +284,34 @@ def test_symplectic_euler_is_refused_where_it_is_no_poisson_map() -> None:
 
 
 def test_symplectic_euler_of_lotka_and_volterra() -> None:
-    """u_1 = u/(1 - h (v - 2)), v_1 = v + h v (1 - u_1); the adjoint inverts it; a step too large is refused."""
+    """u_1 = u/(1 - h (v - 2)), v_1 = v + h v (1 - u_1); the adjoint inverts it; a step too large is
+    refused.
+    """
     h, (u, v) = 0.1, (1.5, 1.0)
     new = end(SPECIES, lm.PoissonEuler(), START, h, 1)
     u1 = u / (1.0 - h * (v - 2.0))
     assert np.allclose(new, [u1, v + h * v * (1.0 - u1)], rtol=1e-15, atol=0.0)
-    back = lm.integrate(SPECIES, lm.PoissonEuler("v"), SPECIES.state(new), h=-h, steps=1, compiled=False)
+    back = lm.integrate(
+        SPECIES, lm.PoissonEuler("v"), SPECIES.state(new), h=-h, steps=1, compiled=False
+    )
     assert np.allclose(back.y[-1], [u, v], rtol=1e-15, atol=0.0)
     with pytest.raises(lm.errors.NoConvergence, match="too large"):
-        lm.integrate(SPECIES, lm.PoissonEuler(), SPECIES.state([1.0, 4.0]), h=0.6, steps=1, compiled=False)
+        lm.integrate(
+            SPECIES, lm.PoissonEuler(), SPECIES.state([1.0, 4.0]), h=0.6, steps=1, compiled=False
+        )
     logs = end(SPECIES, lm.Splitting(order=1), START, h, 1)  # the same in the logarithms of u and v
     u2 = u * np.exp(h * (v - 2.0))
     assert np.allclose(logs, [u2, v * np.exp(h * (1.0 - u2))], rtol=1e-15, atol=0.0)
 
 
 def test_orbits_close_or_spiral() -> None:
-    """Five hundred steps of h = 0.05: symplectic Euler stays in a band, explicit Euler leaves; logs are positive for any h."""
+    """Five hundred steps of h = 0.05: symplectic Euler stays in a band, explicit Euler leaves; logs
+    are positive for any h.
+    """
     runs = {
-        method: lm.integrate(SPECIES, method, START, h=0.05, steps=500, progress=False, compiled=False).energy
+        method: lm.integrate(
+            SPECIES, method, START, h=0.05, steps=500, progress=False, compiled=False
+        ).energy
         for method in (lm.PoissonEuler(), lm.Splitting(order=1), lm.RKMK(order=1))
     }
     first, logs, explicit = runs.values()
@@ -260,8 +323,12 @@ def test_orbits_close_or_spiral() -> None:
 
 
 def test_gauss_methods_are_poisson_maps_for_constant_structures_only() -> None:
-    """Casimirs too: linear ones are kept by every Runge-Kutta method, those of Lotka and Volterra are not."""
-    constant = lm.PoissonSystem(lm.ConstantStructure([[0, 1.0, 2.0], [-1.0, 0, 0.5], [-2.0, -0.5, 0]]), Quartic())
+    """Casimirs too: linear ones are kept by every Runge-Kutta method, those of Lotka and Volterra
+    are not.
+    """
+    constant = lm.PoissonSystem(
+        lm.ConstantStructure([[0, 1.0, 2.0], [-1.0, 0, 0.5], [-2.0, -0.5, 0]]), Quartic()
+    )
     start = constant.state([0.4, -0.2, 0.3])
     for tableau in (lm.tableaus.gauss(1), lm.tableaus.gauss(2)):
         gauss = lm.RKMK(tableau=tableau)
@@ -269,7 +336,14 @@ def test_gauss_methods_are_poisson_maps_for_constant_structures_only() -> None:
         assert lm.poisson_defect(gauss, SPECIES, START, 0.3) > 1e-5
     run = lm.integrate(constant, lm.RKMK(order=4), start, h=0.1, steps=50, compiled=False)
     assert run.drift()["Casimir 1"].verdict == "exact"
-    run = lm.integrate(CHAIN, lm.RKMK(tableau=lm.tableaus.gauss(1)), CHAIN.state([1.0, 0.8, 1.2]), h=0.2, steps=50, compiled=False)
+    run = lm.integrate(
+        CHAIN,
+        lm.RKMK(tableau=lm.tableaus.gauss(1)),
+        CHAIN.state([1.0, 0.8, 1.2]),
+        h=0.2,
+        steps=50,
+        compiled=False,
+    )
     assert run.drift()["Casimir 1"].largest > 1e-8
 
 
@@ -281,7 +355,12 @@ class Quartic(lm.Hamiltonian):
 
 @pytest.mark.parametrize(
     ("method", "claims"),
-    [(lm.SphericalMidpoint(), True), (lm.Isospectral(4), True), (lm.ThreeRotations(), True), (lm.ImplicitMidpoint(), False)],
+    [
+        (lm.SphericalMidpoint(), True),
+        (lm.Isospectral(4), True),
+        (lm.ThreeRotations(), True),
+        (lm.ImplicitMidpoint(), False),
+    ],
     ids=lambda x: getattr(x, "name", ""),
 )
 def test_defects_of_other_methods(method: Any, claims: bool) -> None:
@@ -306,7 +385,15 @@ def test_defects_in_phase_space_and_refusals() -> None:
 @pytest.mark.slow
 def test_casimirs_over_a_million_steps() -> None:
     for system, start, h in CASES[1:3]:
-        run = lm.integrate(system, lm.Splitting(order=2), start, h=0.5 * h, steps=10**6, every=10**4, progress=False)
+        run = lm.integrate(
+            system,
+            lm.Splitting(order=2),
+            start,
+            h=0.5 * h,
+            steps=10**6,
+            every=10**4,
+            progress=False,
+        )
         for kept in run.drift().kept:
             if kept.name.startswith("Casimir"):
                 assert kept.largest < 1e-12
@@ -316,18 +403,28 @@ def test_casimirs_over_a_million_steps() -> None:
 
 @pytest.mark.sample(1)
 @pytest.mark.compiled
-@pytest.mark.parametrize(("system", "start", "h"), [CASES[1], CASES[3]], ids=["species", "particle"])
+@pytest.mark.parametrize(
+    ("system", "start", "h"), [CASES[1], CASES[3]], ids=["species", "particle"]
+)
 def test_native_code_and_ensembles_have_the_same_bits(system: Any, start: Any, h: float) -> None:
     many = system.state(np.asarray(start.y) * np.linspace(1.0, 1.1, 5)[:, None])
-    native = lm.integrate(system, lm.Splitting(order=4), many, h=h, steps=10, compiled=True, progress=False)
-    plain = lm.integrate(system, lm.Splitting(order=4), system.state(many.y[3]), h=h, steps=10, compiled=False)
+    native = lm.integrate(
+        system, lm.Splitting(order=4), many, h=h, steps=10, compiled=True, progress=False
+    )
+    plain = lm.integrate(
+        system, lm.Splitting(order=4), system.state(many.y[3]), h=h, steps=10, compiled=False
+    )
     assert np.array_equal(native.y[:, 3], plain.y)
 
 
 @pytest.mark.parametrize(
     "method",
     [
-        *(lm.LiePoissonHamiltonJacobi(), lm.FirstKindHamiltonJacobi(order=2), lm.CovariantVariational()),
+        *(
+            lm.LiePoissonHamiltonJacobi(),
+            lm.FirstKindHamiltonJacobi(order=2),
+            lm.CovariantVariational(),
+        ),
         *(lm.ImplicitMidpoint(), lm.KickDrift()),
     ],
     ids=repr,

@@ -1,4 +1,6 @@
-"""Steps in numbers of two doubles lose nothing on the way: inexact derivatives, powers of negative numbers, native code of exp."""
+"""Steps in numbers of two doubles lose nothing on the way: inexact derivatives, powers of negative
+numbers, native code of exp.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,17 @@ def exactly(x: DoubleDouble) -> mp.mpf:
 
 
 @pytest.mark.parametrize(
-    "base, n", [(-0.3, 2.0), (-0.3, 3.0), (-1.7, -2.0), (-1.1, 70), (-1.1, 65), (0.0, 2.0), (0.0, 0.5), (0.0, 0.0)]
+    "base, n",
+    [
+        (-0.3, 2.0),
+        (-0.3, 3.0),
+        (-1.7, -2.0),
+        (-1.1, 70),
+        (-1.1, 65),
+        (0.0, 2.0),
+        (0.0, 0.5),
+        (0.0, 0.0),
+    ],
 )
 def test_powers_of_negative_numbers_and_of_zero(base: float, n: float) -> None:
     """What they are to ordinary numbers, x^2.0 = x x, and not nan by a logarithm."""
@@ -42,7 +54,9 @@ def test_hyperbolic_functions_far_out(x: float) -> None:
 
 @pytest.mark.parametrize("order", [6, slow(8)])
 def test_an_inexact_derivative_leaves_no_digits_behind(order: int) -> None:
-    """Orders 6 and 8 solve by the derivative of order 4, off by a percent at large steps: the way back ends where it began."""
+    """Orders 6 and 8 solve by the derivative of order 4, off by a percent at large steps: the way
+    back ends where it began.
+    """
     body, start = asymmetric_body()
     method: Any = lm.LiePoissonHamiltonJacobi(order, lm.Cayley())
     state = double_double(body.state(start.mu))
@@ -55,12 +69,16 @@ def test_an_inexact_derivative_leaves_no_digits_behind(order: int) -> None:
 
 
 @pytest.mark.compiled
-@pytest.mark.parametrize("method", [lm.RKMK(order=2), slow(lm.LiePoissonHamiltonJacobi(6, lm.Cayley()))], ids=named)
+@pytest.mark.parametrize(
+    "method", [lm.RKMK(order=2), slow(lm.LiePoissonHamiltonJacobi(6, lm.Cayley()))], ids=named
+)
 def test_native_code_of_the_exponential_and_of_inexact_derivatives(method: lm.Method) -> None:
     """Both words have the same bits as in plain Python."""
     body, start = asymmetric_body()
     plan = lm.Plan(body, method, 0.4, precision="double-double")
-    plain, native = (plan.replace(compiled=c).run(body.state(start.mu), steps=3) for c in (False, True))
+    plain, native = (
+        plan.replace(compiled=c).run(body.state(start.mu), steps=3) for c in (False, True)
+    )
     assert same_bits(plain.carry.numbers, native.carry.numbers)
 
 
@@ -68,4 +86,12 @@ def test_native_code_of_the_exponential_and_of_inexact_derivatives(method: lm.Me
 def test_generating_functions_by_power_series_are_refused_in_plain_words(method: lm.Method) -> None:
     system = lm.Pendulum()
     with pytest.raises(InvalidType, match="power series have numbers of one double"):
-        lm.integrate(system, method, system.state(0.3, 0.1), h=0.1, steps=2, precision="double-double", compiled=False)
+        lm.integrate(
+            system,
+            method,
+            system.state(0.3, 0.1),
+            h=0.1,
+            steps=2,
+            precision="double-double",
+            compiled=False,
+        )

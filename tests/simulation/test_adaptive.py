@@ -1,4 +1,6 @@
-"""Adaptive steps: the error estimate, the controller, dense output, events, and what is said when they end early."""
+"""Adaptive steps: the error estimate, the controller, dense output, events, and what is said when
+they end early.
+"""
 
 from __future__ import annotations
 
@@ -41,7 +43,9 @@ def slope(h: list[float], e: list[float]) -> float:
 
 @EVERY_PAIR
 def test_the_estimate_has_its_order_and_is_one(tableau: lm.ButcherTableau) -> None:
-    """The estimate goes to zero with the power of h that the controller assumes, and is no smaller than the error itself."""
+    """The estimate goes to zero with the power of h that the controller assumes, and is no smaller
+    than the error itself.
+    """
     method, rate = lm.RKMK(tableau=tableau), BODY.rate(0.0, START)
     sizes, found, true = [0.4, 0.2, 0.1], [], []
     for h in sizes:
@@ -60,12 +64,16 @@ def test_the_way_between_the_ends_of_a_step_has_its_order(tableau: lm.ButcherTab
     for h in sizes:
         trial, at = method.trial(BODY, 0.0, START, rate, h, 1.0, 1.0, True), []
         for theta in (0.2, 0.5, 0.7):
-            omega = sum((theta ** (k + 1) * p for k, p in enumerate(trial.curve)), vec(0.0, 0.0, 0.0))
+            omega = sum(
+                (theta ** (k + 1) * p for k, p in enumerate(trial.curve)), vec(0.0, 0.0, 0.0)
+            )
             state = BODY.displaced(lm.Exponential(), START, omega)
             at.append(np.abs(np.array(state.g) - BODY.exact(START, [theta * h]).g[0]).max())
         worst.append(max(at))
         end = sum(trial.curve, vec(0.0, 0.0, 0.0))
-        assert np.allclose(BODY.displaced(lm.Exponential(), START, end).mu, trial.state.mu, rtol=0, atol=1e-14)
+        assert np.allclose(
+            BODY.displaced(lm.Exponential(), START, end).mu, trial.state.mu, rtol=0, atol=1e-14
+        )
     assert slope(sizes, worst) > method.dense_order + 0.8
 
 
@@ -75,10 +83,20 @@ def test_the_way_between_the_ends_of_a_step_has_its_order(tableau: lm.ButcherTab
 @pytest.mark.sample(2)
 @EVERY_PAIR
 def test_the_error_follows_the_tolerance(tableau: lm.ButcherTableau) -> None:
-    """From 1e-4 to 1e-8 both errors fall by at least 10^3, and stay within a factor of the tolerance."""
+    """From 1e-4 to 1e-8 both errors fall by at least 10^3, and stay within a factor of the
+    tolerance.
+    """
     found = []
     for tolerance in (1e-4, 1e-8):
-        run = lm.integrate(BODY, lm.RKMK(tableau=tableau), START, t_end=10.0, rtol=tolerance, atol=tolerance, dense=False)
+        run = lm.integrate(
+            BODY,
+            lm.RKMK(tableau=tableau),
+            START,
+            t_end=10.0,
+            rtol=tolerance,
+            atol=tolerance,
+            dense=False,
+        )
         found.append(max(errors(run)))
         assert run.t[-1] == 10.0
         assert found[-1] < 300 * tolerance
@@ -88,12 +106,19 @@ def test_the_error_follows_the_tolerance(tableau: lm.ButcherTableau) -> None:
 @pytest.mark.compiled
 def test_native_code_takes_the_same_steps() -> None:
     kept = dict(t_end=20.0, rtol=1e-7, atol=1e-9)
-    plain, native = (lm.integrate(BODY, DP5, START, compiled=compiled, **kept) for compiled in (False, True))
+    plain, native = (
+        lm.integrate(BODY, DP5, START, compiled=compiled, **kept) for compiled in (False, True)
+    )
     assert native.compiled
     assert not plain.compiled
     assert plain.dense is not None
     assert native.dense is not None
-    for a, b in ((plain.t, native.t), (plain.mu, native.mu), (plain.g, native.g), (plain.dense.curves, native.dense.curves)):
+    for a, b in (
+        (plain.t, native.t),
+        (plain.mu, native.mu),
+        (plain.g, native.g),
+        (plain.dense.curves, native.dense.curves),
+    ):
         assert np.array_equal(a, b)
     times = np.linspace(0.0, 20.0, 777)
     assert np.array_equal(plain.at(times).mu, native.at(times).mu)
@@ -136,13 +161,22 @@ def test_momentum_alone_and_a_first_step_of_ones_own() -> None:
 
 
 def test_steps_shrink_where_the_motion_is_fast() -> None:
-    """Close to the pole the steps are short, and the driven rotation agrees with one by many small steps."""
+    """Close to the pole the steps are short, and the driven rotation agrees with one by many small
+    steps.
+    """
     system = Driven(lm.SO3(), 0.01)
     start = system.state(np.eye(3))
     run = lm.integrate(system, DP5, start, t_end=0.999, rtol=1e-9, atol=1e-9)
     steps = np.diff(run.t)
     assert steps[-1] < 0.05 * steps.max()
-    fine = lm.integrate(system, lm.RKMK(tableau=pairs.DORMAND_PRINCE5), start, h=0.999 / 200_000, steps=200_000, every=200_000)
+    fine = lm.integrate(
+        system,
+        lm.RKMK(tableau=pairs.DORMAND_PRINCE5),
+        start,
+        h=0.999 / 200_000,
+        steps=200_000,
+        every=200_000,
+    )
     assert np.abs(fine.g[-1] - run.g[-1]).max() < 1e-7
 
 
@@ -158,7 +192,10 @@ def test_events_are_found_where_the_exact_motion_has_them() -> None:
     grid = np.linspace(0.0, 40.0, 4001)
     values = BODY.exact(START, grid).mu[:, 1]
     brackets = np.flatnonzero(values[:-1] * values[1:] < 0)
-    exact = [brentq(lambda t: BODY.exact(START, [t]).mu[0, 1], grid[i], grid[i + 1], xtol=1e-13) for i in brackets]
+    exact = [
+        brentq(lambda t: BODY.exact(START, [t]).mu[0, 1], grid[i], grid[i + 1], xtol=1e-13)
+        for i in brackets
+    ]
     assert len(exact) >= 3
     assert np.allclose(times, exact, rtol=0, atol=1e-8)
     assert np.abs(states.mu[:, 1]).max() < 1e-13
@@ -168,18 +205,32 @@ def test_events_that_end_the_run_and_those_of_one_direction() -> None:
     def crossing(t, state):
         return state.mu[1]
 
-    every = lm.integrate(BODY, DP5, START, t_end=30.0, rtol=1e-9, atol=1e-9, events=crossing).events[0][0]
+    every = lm.integrate(
+        BODY, DP5, START, t_end=30.0, rtol=1e-9, atol=1e-9, events=crossing
+    ).events[0][0]
     crossing.direction = 1
-    rising = lm.integrate(BODY, DP5, START, t_end=30.0, rtol=1e-9, atol=1e-9, events=[crossing]).events[0][0]
+    rising = lm.integrate(
+        BODY, DP5, START, t_end=30.0, rtol=1e-9, atol=1e-9, events=[crossing]
+    ).events[0][0]
     assert 0 < len(rising) < len(every)
     assert set(rising) < set(every)
     crossing.terminal = True
-    run = lm.integrate(BODY, DP5, START, t_end=30.0, rtol=1e-9, atol=1e-9, events=[crossing, lambda t, state: t - 0.5])
+    run = lm.integrate(
+        BODY,
+        DP5,
+        START,
+        t_end=30.0,
+        rtol=1e-9,
+        atol=1e-9,
+        events=[crossing, lambda t, state: t - 0.5],
+    )
     assert run.t[-1] == rising[0] == run.events[0][0][-1]
     assert run.events[1][0] == pytest.approx([0.5], abs=1e-14)
     assert abs(run.mu[-1, 1]) < 1e-13
     shortly_before = run.t[-1] - 1e-3
-    assert np.abs(run.at(shortly_before).mu - BODY.exact(START, [shortly_before]).mu[0]).max() < 1e-7
+    assert (
+        np.abs(run.at(shortly_before).mu - BODY.exact(START, [shortly_before]).mu[0]).max() < 1e-7
+    )
 
 
 @pytest.mark.parametrize("wanted", [1, 2, np.int64(3), True, False, None, 0, 50])
@@ -213,7 +264,9 @@ def marked(**attributes):
 
 def test_a_motion_without_a_future() -> None:
     system = Driven(lm.SO3(), 1.0)
-    with pytest.raises(lm.errors.StepTooSmall, match=r"at t = 1.* the step fell to .*singularity") as caught:
+    with pytest.raises(
+        lm.errors.StepTooSmall, match=r"at t = 1.* the step fell to .*singularity"
+    ) as caught:
         lm.integrate(system, DP5, system.state(np.eye(3)), t_end=2.0, rtol=1e-6)
     run = caught.value.trajectory
     assert 0.999 < run.t[-1] <= 1.0
@@ -236,11 +289,19 @@ VALUE, KIND, PAIR = lm.errors.InvalidInput, lm.errors.InvalidType, lm.errors.Inc
         (VALUE, "rtol must be positive; got 0", dict(t_end=1.0, rtol=0.0)),
         (VALUE, "atol must be finite", dict(t_end=1.0, atol=np.nan)),
         (VALUE, "t_end must be finite", dict(t_end=np.inf)),
-        (VALUE, "t_eval has t = 2, which is not between 0 and 1", dict(t_end=1.0, t_eval=[0.0, 2.0])),
+        (
+            VALUE,
+            "t_eval has t = 2, which is not between 0 and 1",
+            dict(t_end=1.0, t_eval=[0.0, 2.0]),
+        ),
         (VALUE, "t_eval must be sorted", dict(t_end=1.0, t_eval=[0.5, 0.2])),
         (VALUE, r"t_eval has shape \(1, 1\)", dict(t_end=1.0, t_eval=[[0.5]])),
         (KIND, "events are functions of t and state; got 3", dict(t_end=1.0, events=[3])),
-        (VALUE, "`terminal` of an event is True, False, or the number", dict(t_end=1.0, events=marked(terminal=-1))),
+        (
+            VALUE,
+            "`terminal` of an event is True, False, or the number",
+            dict(t_end=1.0, events=marked(terminal=-1)),
+        ),
         (VALUE, "`terminal` of an event .* got 2.5", dict(t_end=1.0, events=marked(terminal=2.5))),
         (VALUE, "`direction` of an event", dict(t_end=1.0, events=marked(direction="up"))),
         (VALUE, "compensated is for steps of one length", dict(t_end=1.0, compensated=True)),
@@ -249,7 +310,11 @@ VALUE, KIND, PAIR = lm.errors.InvalidInput, lm.errors.InvalidType, lm.errors.Inc
         (VALUE, "every is for steps of one length", dict(t_end=1.0, every=2)),
         (VALUE, "rtol is for adaptive steps", dict(h=0.1, steps=3, rtol=1e-3)),
         (VALUE, "give h and steps.* or t_end", dict(h=0.1)),
-        (VALUE, "one body at a time", dict(t_end=1.0, start=BODY.state(np.ones((2, 3))), events=[marked()])),
+        (
+            VALUE,
+            "one body at a time",
+            dict(t_end=1.0, start=BODY.state(np.ones((2, 3))), events=[marked()]),
+        ),
         (PAIR, "has no error estimate.*embedded pair", dict(t_end=1.0, method=lm.RKMK(order=4))),
         (PAIR, "all its steps are alike", dict(t_end=1.0, method=lm.CovariantVariational())),
     ],

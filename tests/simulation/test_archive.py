@@ -41,11 +41,28 @@ TOP = lm.HeavyTop(inertia=[1.0, 1.5, 0.7], weight=1.3, centre=[0.6, 0.0, 0.8])
 OWN = lm.LiePoissonSystem(lm.SO3(), Mine([1.0, 2.0, 3.0], np.diag([1.0, 1e-300, -0.0])))
 SU2 = lm.LiePoissonSystem(lm.SU(2), lm.KineticEnergy([1.0, 2.0, 3.0]))
 CASES = {
-    "body": (lm.Plan(BODY, lm.Composition(lm.CovariantVariational(lm.Cayley()), order=4), 0.05, compiled=False), START),
-    "top": (lm.Plan(TOP, lm.LieVerlet(), 0.05, compiled=False), TOP.state(mu=[0.1, 0.2, 5.0], g=np.eye(3))),
-    "canonical": (lm.Plan(lm.Kepler(), lm.StormerVerlet(), 0.01, compiled=False), lm.Kepler().state(q=[0.4, 0.0], p=[0.0, 2.0])),
+    "body": (
+        lm.Plan(
+            BODY,
+            lm.Composition(lm.CovariantVariational(lm.Cayley()), order=4),
+            0.05,
+            compiled=False,
+        ),
+        START,
+    ),
+    "top": (
+        lm.Plan(TOP, lm.LieVerlet(), 0.05, compiled=False),
+        TOP.state(mu=[0.1, 0.2, 5.0], g=np.eye(3)),
+    ),
+    "canonical": (
+        lm.Plan(lm.Kepler(), lm.StormerVerlet(), 0.01, compiled=False),
+        lm.Kepler().state(q=[0.4, 0.0], p=[0.0, 2.0]),
+    ),
     "own": (lm.Plan(OWN, lm.RKMK(order=4), 0.05, compiled=False), OWN.state(mu=[0.1, 0.2, 5.0])),
-    "complex": (lm.Plan(SU2, lm.RKMK(order=4), 0.05, compiled=False), SU2.state(mu=[0.1, 0.2, 0.5], g=np.eye(2))),
+    "complex": (
+        lm.Plan(SU2, lm.RKMK(order=4), 0.05, compiled=False),
+        SU2.state(mu=[0.1, 0.2, 0.5], g=np.eye(2)),
+    ),
     "several": (
         lm.Plan([BODY, lm.RigidBody([1.0, 1.1, 1.2])], lm.RKMK(order=3), 0.1, compiled=False),
         BODY.state(mu=[[1.0, 2.0, 3.0], [0.0, 1.0, 0.5]]),
@@ -104,7 +121,9 @@ def test_every_damage_is_seen(tmp_path: Path) -> None:
     data = path.read_bytes()
     rng = np.random.default_rng(7)
     damaged = [data[:n] for n in {0, 1, 39, 40, *rng.integers(0, len(data), 60).tolist()}]
-    for at, bit in zip(rng.integers(0, len(data), 500).tolist(), rng.integers(0, 8, 500).tolist(), strict=True):
+    for at, bit in zip(
+        rng.integers(0, len(data), 500).tolist(), rng.integers(0, 8, 500).tolist(), strict=True
+    ):
         damaged.append(data[:at] + bytes([data[at] ^ (1 << bit)]) + data[at + 1 :])
     for bad in [*damaged, data + b"x", b"hello"]:
         path.write_bytes(bad)
@@ -119,7 +138,12 @@ def test_a_hostile_file_runs_no_code(tmp_path: Path, monkeypatch: pytest.MonkeyP
     path = tmp_path / "run.npz"
     CASES["body"][0].run(START, steps=3).save(path)
     arrays, about = archive._unpacked(path)
-    hostile = {"class": "evil:Body", "fields": {}}, {"type": "os:system"}, {"class": "os:stat_result", "fields": {}}, {"call": "os"}
+    hostile = (
+        {"class": "evil:Body", "fields": {}},
+        {"type": "os:system"},
+        {"class": "os:stat_result", "fields": {}},
+        {"call": "os"},
+    )
     for system in hostile:
         about["system"] = system
         path.write_bytes(archive._packed(arrays | {"about": np.array(json.dumps(about))}))
@@ -134,7 +158,9 @@ def test_a_hostile_file_runs_no_code(tmp_path: Path, monkeypatch: pytest.MonkeyP
 def test_what_cannot_be_saved_is_refused(tmp_path: Path) -> None:
     (tmp_path / "run.npz").write_text("before")
     system = lm.LiePoissonSystem(lm.SO3(), Called(lambda mu: 0.5 * lm.dot(mu, mu)))
-    run = lm.integrate(system, lm.RKMK(order=2), system.state(mu=[1.0, 2.0, 3.0]), h=0.1, steps=2, compiled=False)
+    run = lm.integrate(
+        system, lm.RKMK(order=2), system.state(mu=[1.0, 2.0, 3.0]), h=0.1, steps=2, compiled=False
+    )
     with pytest.raises(lm.errors.InvalidInput, match="cannot be saved; records hold numbers"):
         run.save(tmp_path / "run.npz")
     assert (tmp_path / "run.npz").read_text() == "before"
@@ -192,7 +218,11 @@ def test_a_killed_run_leaves_a_whole_file(tmp_path: Path) -> None:
     reached = []
     for _ in range(50):
         path.unlink(missing_ok=True)
-        process = subprocess.Popen([sys.executable, "-c", PROGRAM, str(path)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        process = subprocess.Popen(
+            [sys.executable, "-c", PROGRAM, str(path)],
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
         while not path.exists() and process.poll() is None:
             time.sleep(0.01)
         time.sleep(float(rng.uniform(0.0, 0.3)))

@@ -1,4 +1,6 @@
-"""Short runs in one native call, and plans that share what is prepared with systems of other numbers."""
+"""Short runs in one native call, and plans that share what is prepared with systems of other
+numbers.
+"""
 
 from __future__ import annotations
 
@@ -56,7 +58,9 @@ def test_numbers_gathered_are_the_leaves(value: Any) -> None:
 
 
 @pytest.mark.compiled
-@pytest.mark.parametrize(("method", "every"), [(RKMK4, 1), (RKMK4, 4), (lm.CovariantVariational(lm.Cayley()), 1)])
+@pytest.mark.parametrize(
+    ("method", "every"), [(RKMK4, 1), (RKMK4, 4), (lm.CovariantVariational(lm.Cayley()), 1)]
+)
 def test_a_short_run_is_the_run_in_pieces(method: lm.Method, every: int) -> None:
     """Whoever steps, all fields are the same; and so is what goes on from them."""
     one = body(0.0)
@@ -66,10 +70,29 @@ def test_a_short_run_is_the_run_in_pieces(method: lm.Method, every: int) -> None
     short = plan.run(start, steps=20, t0=0.3)
     pieces = FixedRun(plan._steps, start, 20, 0.3).trajectory()
     assert "_rest" in vars(short)  # nothing of it was made yet
-    for name in ("system", "method", "h", "bodies", "steps", "compiled", "rejected", "dense", "events"):
+    for name in (
+        "system",
+        "method",
+        "h",
+        "bodies",
+        "steps",
+        "compiled",
+        "rejected",
+        "dense",
+        "events",
+    ):
         assert getattr(short, name) == getattr(pieces, name)
-    assert np.array_equal(short.t, pieces.t) and np.array_equal(short.mu, pieces.mu) and not short.stopped
-    for run in (short, pickle.loads(pickle.dumps(short)), copy.copy(short), dataclasses.replace(short, compiled=True)):
+    assert (
+        np.array_equal(short.t, pieces.t)
+        and np.array_equal(short.mu, pieces.mu)
+        and not short.stopped
+    )
+    for run in (
+        short,
+        pickle.loads(pickle.dumps(short)),
+        copy.copy(short),
+        dataclasses.replace(short, compiled=True),
+    ):
         on = plan.resume(run, steps=8)
         assert np.array_equal(on.mu, plan.resume(pieces, steps=8).mu)
         assert np.array_equal(plan.step(run.carry, 8).last, on.mu[-1])
@@ -79,18 +102,25 @@ def test_a_short_run_is_the_run_in_pieces(method: lm.Method, every: int) -> None
 
 
 @pytest.mark.compiled
-@pytest.mark.parametrize("method", [RKMK4, lm.CovariantVariational(lm.Cayley())], ids=["RKMK4", "Algorithm 1"])
+@pytest.mark.parametrize(
+    "method", [RKMK4, lm.CovariantVariational(lm.Cayley())], ids=["RKMK4", "Algorithm 1"]
+)
 def test_bodies_of_one_layout_share_a_plan_and_nothing_else(method: lm.Method) -> None:
     plans = {x: lm.Plan(body(x), method, 0.1, compiled=False) for x in (0.0, 0.1, 0.2)}
     plain = {x: plan.run(body(x).state(mu=MOMENTA[0]), steps=9).mu for x, plan in plans.items()}
     first = lm.Plan(body(0.0), method, 0.1, compiled=True)
     for x in (0.0, 0.1, 0.2, 0.0, 0.1):
         for mu in (
-            lm.integrate(body(x), method, body(0.0).state(mu=MOMENTA[0]), h=0.1, steps=9, compiled=True).mu,
+            lm.integrate(
+                body(x), method, body(0.0).state(mu=MOMENTA[0]), h=0.1, steps=9, compiled=True
+            ).mu,
             first.replace(system=body(x)).run(body(x).state(mu=MOMENTA[0]), steps=9).mu,
         ):
             assert np.array_equal(mu, plain[x])
-    assert first.replace(system=body(0.1)).system.inertia == body(0.1).inertia and first.system.inertia == body(0.0).inertia
+    assert (
+        first.replace(system=body(0.1)).system.inertia == body(0.1).inertia
+        and first.system.inertia == body(0.0).inertia
+    )
 
 
 @pytest.mark.compiled
@@ -107,7 +137,9 @@ def test_a_carry_of_another_body_is_refused() -> None:
 def test_what_formulas_read_is_seen_by_new_systems_too(monkeypatch: pytest.MonkeyPatch) -> None:
     def last(compiled: bool) -> Any:
         system = lm.LiePoissonSystem(lm.SO3(), Gained([1.0, 0.5, 0.4]))
-        return lm.integrate(system, RKMK4, system.state(mu=MOMENTA[1]), h=0.1, steps=5, compiled=compiled).mu[-1]
+        return lm.integrate(
+            system, RKMK4, system.state(mu=MOMENTA[1]), h=0.1, steps=5, compiled=compiled
+        ).mu[-1]
 
     before = last(True)
     assert np.array_equal(before, last(True)) and np.array_equal(before, last(False))
@@ -127,7 +159,9 @@ class Fenced(lm.RKMK):
 
 @pytest.mark.compiled
 def test_a_short_run_that_fails_says_where() -> None:
-    """Native code comes to a step that fails; plain Python says why, after the samples that went through."""
+    """Native code comes to a step that fails; plain Python says why, after the samples that went
+    through.
+    """
     one, said = body(0.0), []
     start = one.state(mu=[0.3, 0.4, 0.75])
     for compiled in (True, False):
@@ -153,8 +187,13 @@ def test_threads_may_share_a_plan_and_a_run() -> None:
     shared = [plan.run(start, steps=50) for start in singles]
 
     def look(_: int) -> bool:
-        again = all(np.array_equal(plan.run(start, steps=50).mu, mu) for start, mu in zip(singles * 5, wanted * 5, strict=True))
-        return again and all(np.array_equal(run.mu, mu) for run, mu in zip(shared, wanted, strict=True))
+        again = all(
+            np.array_equal(plan.run(start, steps=50).mu, mu)
+            for start, mu in zip(singles * 5, wanted * 5, strict=True)
+        )
+        return again and all(
+            np.array_equal(run.mu, mu) for run, mu in zip(shared, wanted, strict=True)
+        )
 
     with ThreadPoolExecutor(4) as pool:
         assert all(pool.map(look, range(8)))

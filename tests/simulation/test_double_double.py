@@ -1,4 +1,6 @@
-"""Steps in numbers of two doubles: structure and ways back to 30 digits, the samples of ordinary steps, the same bits natively."""
+"""Steps in numbers of two doubles: structure and ways back to 30 digits, the samples of ordinary
+steps, the same bits natively.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +32,10 @@ def numbers(count: int) -> list[DoubleDouble]:
     """Numbers of all signs and of sizes from 1e-3 to 1e2, with words of their own."""
     rng = np.random.default_rng(5)
     sizes = rng.choice([-1.0, 1.0], count) * 10.0 ** rng.uniform(-3, 2, count)
-    return [DoubleDouble(x, 0.0) + 1e-17 * x * w for x, w in zip(sizes.tolist(), rng.uniform(-1, 1, count).tolist(), strict=True)]
+    return [
+        DoubleDouble(x, 0.0) + 1e-17 * x * w
+        for x, w in zip(sizes.tolist(), rng.uniform(-1, 1, count).tolist(), strict=True)
+    ]
 
 
 def test_arithmetic_has_31_digits() -> None:
@@ -54,7 +59,9 @@ def test_arithmetic_has_31_digits() -> None:
 
 
 def test_elementary_functions_have_31_digits() -> None:
-    """sqrt, cbrt, exp, log, sines, their inverses, relative to the function, or to the angle where that is lost in it."""
+    """sqrt, cbrt, exp, log, sines, their inverses, relative to the function, or to the angle where
+    that is lost in it.
+    """
     with mp.workdps(60):
         for a in numbers(100):
             A, s = exactly(a), a / (abs(a) + 1.0)
@@ -87,7 +94,10 @@ def test_coefficients_of_rotations_have_28_digits(theta: float) -> None:
             *((sinc - 2 * versine) / (2 * t**2), (versine - 3 * segment) / (2 * t**2)),
             *((1 - cot) / t**2, ((cot**2 - cot + t**2 / 4) / 2 - (1 - cot)) / t**4),
         )
-        got = *rotation_coefficients.all_coefficients(x), *rotation_coefficients.bernoulli_coefficients(x)
+        got = (
+            *rotation_coefficients.all_coefficients(x),
+            *rotation_coefficients.bernoulli_coefficients(x),
+        )
         for a, b in zip(got, wanted, strict=True):
             assert abs(exactly(a) - b) < mp.mpf(10) ** -28 * abs(b)
         assert rotation_coefficients.exp_coefficients(x)[1] == got[1]
@@ -123,9 +133,13 @@ CASES = [
 ]
 
 
-@pytest.mark.parametrize("method, scene", CASES, ids=lambda x: named(x) if isinstance(x, lm.Method) else x.__name__)
+@pytest.mark.parametrize(
+    "method, scene", CASES, ids=lambda x: named(x) if isinstance(x, lm.Method) else x.__name__
+)
 def test_the_way_back_ends_where_it_began_to_26_digits(method: Any, scene: Any) -> None:
-    """Three steps of h and three of -h of a symmetric method; ordinary numbers show the same samples to rounding."""
+    """Three steps of h and three of -h of a symmetric method; ordinary numbers show the same
+    samples to rounding.
+    """
     system, start = scene()[:2]
     plan = lm.Plan(system, method, 0.05, compiled=False)
     plain, run = (p.run(start, steps=3) for p in (plan, plan.replace(precision="double-double")))
@@ -143,50 +157,86 @@ def test_the_way_back_ends_where_it_began_to_26_digits(method: Any, scene: Any) 
 
 @pytest.mark.compiled
 def test_native_code_has_the_same_bits_and_keeps_the_structure() -> None:
-    """Casimir, spatial momentum and orthogonality over 20,000 steps, from both words; resumed, and in an ensemble."""
+    """Casimir, spatial momentum and orthogonality over 20,000 steps, from both words; resumed, and
+    in an ensemble.
+    """
     body, start = asymmetric_body()
     plan = lm.Plan(body, CAYLEY, 0.1, precision="double-double", every=50)
     plain, native = (plan.replace(compiled=c).run(start, steps=100) for c in (False, True))
     assert same_bits(plain.mu, native.mu)
     assert same_bits(plain.carry.numbers, native.carry.numbers)
     half = plan.replace(compiled=True).run(start, steps=50)
-    assert same_bits(plan.replace(compiled=True).resume(half, steps=50).carry.numbers, native.carry.numbers)
+    assert same_bits(
+        plan.replace(compiled=True).resume(half, steps=50).carry.numbers, native.carry.numbers
+    )
     run = plan.replace(compiled=True, every=20_000).run(start, steps=20_000)
     casimir, space, unit = defects(run, start)
     assert max(casimir, space, unit) < 1e-28
 
 
 def defects(run: Any, start: Any) -> tuple[float, float, float]:
-    """How much of |mu|^2, of the momentum in space and of g g^T was lost, in exact arithmetic on both words."""
+    """How much of |mu|^2, of the momentum in space and of g g^T was lost, in exact arithmetic on
+    both words.
+    """
     words = [Fraction(x) for x in np.ravel(run.carry.numbers)[:24].tolist()]
     x = [words[i] + words[i + 1] for i in range(0, 24, 2)]
     mu, g = x[:3], [x[3 + 3 * i : 6 + 3 * i] for i in range(3)]
     mu0 = [Fraction(float(v)) for v in start.mu]
     g0 = [[Fraction(float(v)) for v in row] for row in np.asarray(start.g)]
-    space, space0 = ([sum(a * b for a, b in zip(row, m, strict=True)) for row in m_g] for m_g, m in ((g, mu), (g0, mu0)))
-    gram, gram0 = ([[sum(m[i][k] * m[j][k] for k in range(3)) for j in range(3)] for i in range(3)] for m in (g, g0))
+    space, space0 = (
+        [sum(a * b for a, b in zip(row, m, strict=True)) for row in m_g]
+        for m_g, m in ((g, mu), (g0, mu0))
+    )
+    gram, gram0 = (
+        [[sum(m[i][k] * m[j][k] for k in range(3)) for j in range(3)] for i in range(3)]
+        for m in (g, g0)
+    )
     return (
         abs(float(sum(a * a for a in mu) / sum(a * a for a in mu0) - 1)),
         max(abs(float(a - b)) for a, b in zip(space, space0, strict=True)),
-        max(abs(float(a - b)) for r, s in zip(gram, gram0, strict=True) for a, b in zip(r, s, strict=True)),
+        max(
+            abs(float(a - b))
+            for r, s in zip(gram, gram0, strict=True)
+            for a, b in zip(r, s, strict=True)
+        ),
     )
 
 
 @pytest.mark.slow
 @pytest.mark.compiled
-@pytest.mark.parametrize("method", [EXP, CAYLEY, lm.LiePoissonHamiltonJacobi(4, lm.Cayley())], ids=named)
+@pytest.mark.parametrize(
+    "method", [EXP, CAYLEY, lm.LiePoissonHamiltonJacobi(4, lm.Cayley())], ids=named
+)
 def test_a_million_steps_lose_nothing_of_the_structure(method: lm.Method) -> None:
     body, start = asymmetric_body()
-    run = lm.integrate(body, method, start, h=0.1, steps=10**6, every=10**6, precision="double-double")
+    run = lm.integrate(
+        body, method, start, h=0.1, steps=10**6, every=10**6, precision="double-double"
+    )
     assert max(defects(run, start)) < 1e-27
 
 
 def test_what_has_16_digits_only_is_refused() -> None:
     body, start = asymmetric_body()
     with pytest.raises(InvalidType, match="power series"):
-        lm.integrate(body, lm.Taylor(order=6), start, h=0.1, steps=2, precision="double-double", compiled=False)
+        lm.integrate(
+            body,
+            lm.Taylor(order=6),
+            start,
+            h=0.1,
+            steps=2,
+            precision="double-double",
+            compiled=False,
+        )
     with pytest.raises(InvalidType, match="16 digits only; take Cayley"):
-        lm.integrate(body, lm.ExactFreeBody(), start, h=0.1, steps=2, precision="double-double", compiled=False)
+        lm.integrate(
+            body,
+            lm.ExactFreeBody(),
+            start,
+            h=0.1,
+            steps=2,
+            precision="double-double",
+            compiled=False,
+        )
 
 
 def test_choices_of_precision() -> None:
@@ -194,7 +244,9 @@ def test_choices_of_precision() -> None:
     with pytest.raises(InvalidInput, match="precision is 'double' or 'double-double'; got 'quad'"):
         lm.integrate(body, CAYLEY, start, h=0.1, steps=2, precision="quad")
     with pytest.raises(InvalidInput, match="need no compensated sums"):
-        lm.integrate(body, CAYLEY, start, h=0.1, steps=2, precision="double-double", compensated=True)
+        lm.integrate(
+            body, CAYLEY, start, h=0.1, steps=2, precision="double-double", compensated=True
+        )
     with pytest.raises(InvalidInput, match="steps of one length"):
         lm.integrate(body, lm.RKMK(order=5), start, t_end=1.0, precision="double-double")
     with pytest.raises(TypeError, match="two doubles cannot become a float"):

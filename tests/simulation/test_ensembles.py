@@ -13,17 +13,23 @@ RNG = np.random.default_rng(11)
 MU = RNG.normal(size=(19, 3))
 BODIES = [lm.RigidBody(np.sort(moments)) for moments in RNG.uniform(1.0, 1.9, size=(19, 3))]
 STARTS = BODIES[0].state(mu=MU, g=np.eye(3))
-WORLDS = pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=pytest.mark.compiled)], ids=["plain", "compiled"])
+WORLDS = pytest.mark.parametrize(
+    "compiled", [False, pytest.param(True, marks=pytest.mark.compiled)], ids=["plain", "compiled"]
+)
 
 
 def alone(body: int, method: lm.Method, **options: Any) -> lm.Trajectory:
     system = BODIES[body]
-    return lm.integrate(system, method, system.state(mu=MU[body], g=np.eye(3)), compiled=False, **options)
+    return lm.integrate(
+        system, method, system.state(mu=MU[body], g=np.eye(3)), compiled=False, **options
+    )
 
 
 @pytest.mark.sample(1)
 @WORLDS
-@pytest.mark.parametrize("method", [lm.RKMK(order=4), lm.CovariantVariational(lm.Cayley())], ids=repr)
+@pytest.mark.parametrize(
+    "method", [lm.RKMK(order=4), lm.CovariantVariational(lm.Cayley())], ids=repr
+)
 def test_every_body_has_its_inertia(method: lm.Method, compiled: bool) -> None:
     """Also where the method begins with a velocity, and where the last lanes are not full."""
     run = lm.integrate(BODIES, method, STARTS, h=0.1, steps=20, compiled=compiled)
@@ -51,7 +57,10 @@ def test_what_the_systems_of_an_ensemble_must_be() -> None:
     given = dict(h=0.1, steps=2)
     for systems, message in (
         (BODIES[:3], "3 systems for 19 bodies"),
-        ([*BODIES[:18], lm.RigidBody(np.diag([1.0, 1.5, 2.0]))], "system 18, .* is of another kind than system 0"),
+        (
+            [*BODIES[:18], lm.RigidBody(np.diag([1.0, 1.5, 2.0]))],
+            "system 18, .* is of another kind than system 0",
+        ),
         ([], "one for each body"),
         ([*BODIES[:18], 3.0], "got 3.0"),
     ):
@@ -87,7 +96,15 @@ def test_a_body_that_fails_fails_alone() -> None:
 
     starts = system.state(mu=[[0.0, 0.0, 1.0], [1.0, 2.0, 3.0]])
     with pytest.warns(RuntimeWarning, match="1 of 2 bodies stopped early: body 1 after"):
-        run = lm.integrate(system, lm.RKMK(order=5), starts, t_end=50.0, steps=40, t_eval=[0.0, 25.0, 50.0], compiled=False)
+        run = lm.integrate(
+            system,
+            lm.RKMK(order=5),
+            starts,
+            t_end=50.0,
+            steps=40,
+            t_eval=[0.0, 25.0, 50.0],
+            compiled=False,
+        )
     assert list(run.stopped) == [1]
     assert "40 steps led to" in str(run.stopped[1].error)
     assert np.array_equal(run.mu[:, 0], np.tile([0.0, 0.0, 1.0], (3, 1)))

@@ -23,7 +23,9 @@ class Gap(lm.Force):
 
 
 def test_a_total_momentum_of_zero_is_a_constant_like_any_other():
-    """Its terms are those of the bodies: the rounding of their sum is none of a number that is zero."""
+    """Its terms are those of the bodies: the rounding of their sum is none of a number that is
+    zero.
+    """
     bodies = lm.NBody([1.0, 2.0, 3.0])
     q = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.3, -0.7, 0.2]
     p = [0.3, 0.2, 0.1, -0.1, 0.5, 0.2, -0.2, -0.7, -0.3]
@@ -39,11 +41,15 @@ def test_a_total_momentum_of_zero_is_a_constant_like_any_other():
 
 
 def test_a_body_at_rest_in_a_field_may_have_a_momentum_of_rounding():
-    """Beside the speed that the weight gives it, in any units; a speed that is none of rounding is refused."""
+    """Beside the speed that the weight gives it, in any units; a speed that is none of rounding is
+    refused.
+    """
     for mass, length in ((1.0, 1.0), (1e-3, 1e3)):  # kg and m, or g and mm
         unit = mass * length**2
         link = lm.Link(mass, [unit, 1.2 * unit, 1.5 * unit])
-        joint = lm.RevoluteJoint(0, None, [0.0, 0.0, 0.5 * length], [0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 0.0, 0.0])
+        joint = lm.RevoluteJoint(
+            0, None, [0.0, 0.0, 0.5 * length], [0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 0.0, 0.0]
+        )
         pendulum = lm.Linkage([link], [joint], 9.81 * length)
         g = np.eye(4)
         g[2, 3] = -0.5 * length
@@ -56,7 +62,9 @@ def test_a_body_at_rest_in_a_field_may_have_a_momentum_of_rounding():
 
 
 def test_a_start_is_that_of_its_own_system():
-    """A point of one sphere is none of another: the same class and group say nothing about the length."""
+    """A point of one sphere is none of another: the same class and group say nothing about the
+    length.
+    """
     short, long = lm.SphericalPendulum(length=1.0), lm.SphericalPendulum(length=2.0)
     start = short.state([0.0, 0.6, -0.8], [1.0, 0.0, 0.0])
     with pytest.raises(errors.InvalidInput, match="not consistent"):
@@ -66,7 +74,9 @@ def test_a_start_is_that_of_its_own_system():
     two = short.state([[0.0, 0.6, -0.8]] * 2, [[1.0, 0.0, 0.0]] * 2)
     with pytest.raises(errors.InvalidInput, match=r"body 1: .*not consistent"):
         lm.integrate([short, long], lm.RATTLE(), two, h=0.01, steps=2, compiled=False)
-    assert lm.integrate([short, same], lm.RATTLE(), two, h=0.01, steps=2, compiled=False).bodies == 2
+    assert (
+        lm.integrate([short, same], lm.RATTLE(), two, h=0.01, steps=2, compiled=False).bodies == 2
+    )
 
 
 def test_times_of_two_axes_are_refused():
@@ -75,7 +85,9 @@ def test_times_of_two_axes_are_refused():
     adaptive = lm.integrate(BODY, lm.RKMK(order=5), START, t_end=1.0, compiled=False)
     kepler = lm.Kepler()
     method = lm.ReversibleController(lm.StormerVerlet(), sigma=lm.EqualArc())
-    fictive = lm.integrate(kepler, method, kepler.state(q=[0.5, 0.0], p=[0.0, 1.7]), h=0.01, t_end=1.0, compiled=False)
+    fictive = lm.integrate(
+        kepler, method, kepler.state(q=[0.5, 0.0], p=[0.0, 1.7]), h=0.01, t_end=1.0, compiled=False
+    )
     for run in (fixed, adaptive, fictive):
         with pytest.raises(errors.InvalidInput, match=r"\(m,\); got t of shape \(2, 2\)"):
             run.at(times)

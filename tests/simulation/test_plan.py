@@ -1,4 +1,6 @@
-"""Prepared runs: the same bits as one call of `integrate`, whole, resumed, step by step, in both worlds."""
+"""Prepared runs: the same bits as one call of `integrate`, whole, resumed, step by step, in both
+worlds.
+"""
 
 from __future__ import annotations
 
@@ -21,11 +23,17 @@ METHODS = {
     "explicit": (lm.RKMK(order=4), BODY, START),
     "compensated": (lm.CovariantVariational(lm.Cayley()), BODY, START),
     "first guesses from the past": (lm.CovariantVariational(lm.Exponential()), BODY, START),
-    "stages with pasts": (lm.Composition(lm.CovariantVariational(lm.Cayley()), order=4), BODY, START),
+    "stages with pasts": (
+        lm.Composition(lm.CovariantVariational(lm.Cayley()), order=4),
+        BODY,
+        START,
+    ),
     "kept force": (lm.StormerVerlet(), lm.Kepler(), lm.Kepler().state(q=[0.4, 0.0], p=[0.0, 2.0])),
     "field": (lm.LieVerlet(), TOP, TOP.state(mu=[0.1, 0.2, 5.0], g=np.eye(3))),
 }
-WORLDS = pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=pytest.mark.compiled)], ids=["plain", "compiled"])
+WORLDS = pytest.mark.parametrize(
+    "compiled", [False, pytest.param(True, marks=pytest.mark.compiled)], ids=["plain", "compiled"]
+)
 CASES = pytest.mark.parametrize("case", METHODS)
 
 
@@ -42,7 +50,9 @@ def test_a_resumed_run_has_the_bits_of_one_that_never_stopped(case: str, compile
     method, system, start = METHODS[case]
     plan = lm.Plan(system, method, 0.05, compiled=compiled)
     whole = plan.run(start, steps=60, t0=0.3)
-    assert same(whole, lm.integrate(system, method, start, h=0.05, steps=60, t0=0.3, compiled=compiled))
+    assert same(
+        whole, lm.integrate(system, method, start, h=0.05, steps=60, t0=0.3, compiled=compiled)
+    )
     part = plan.run(start, steps=17, t0=0.3)
     for n in (1, 0, 42):
         last, part = part, plan.resume(part, steps=n)
@@ -61,10 +71,14 @@ def test_single_steps_are_those_of_a_run(case: str, compiled: bool) -> None:
     for k in range(1, 6):
         carry = plan.step(carry)
         assert carry.t == run.t[k]
-        assert all(np.array_equal(np.array(x), run.states[name][k]) for name, x in carry.state.parts.items())
+        assert all(
+            np.array_equal(np.array(x), run.states[name][k])
+            for name, x in carry.state.parts.items()
+        )
     carry = plan.step(carry, 4)
     assert carry.t == run.t[9]
-    assert np.array_equal(carry.last, plan.step(first, 9).last)  # what was carried before is as it was
+    # what was carried before is as it was
+    assert np.array_equal(carry.last, plan.step(first, 9).last)
 
 
 @pytest.mark.compiled
@@ -129,7 +143,10 @@ def test_only_runs_of_an_equal_plan_are_resumed() -> None:
     equal = lm.Plan(lm.RigidBody([1.0, 1.6, 2.3]), lm.RKMK(order=4), 0.1, compiled=False)
     assert same(equal.resume(run, steps=2), plan.resume(run, steps=2))
     refused = [
-        (dict(system=lm.RigidBody([1.0, 1.6, 2.4])), r"another system: inertia = Vec\(1.0, 1.6, 2.3\) instead"),
+        (
+            dict(system=lm.RigidBody([1.0, 1.6, 2.4])),
+            r"another system: inertia = Vec\(1.0, 1.6, 2.3\) instead",
+        ),
         (dict(method=lm.RKMK(order=3)), "another method: order = 4 instead of 3"),
         (dict(h=0.2), "h = 0.1 instead of 0.2"),
         (dict(h=None, method=lm.RKMK(order=5), rtol=1e-6), "another method"),
@@ -149,7 +166,10 @@ def test_another_inertia_costs_no_compilation() -> None:
     other = plan.replace(system=lm.RigidBody([0.9, 1.1, 1.3]), h=0.07)
     assert other.run(START, steps=2).compiled
     assert len(kernel.alive()) == before
-    assert same(other.run(START, steps=30), lm.integrate(other.system, lm.RKMK(order=3), START, h=0.07, steps=30, compiled=False))
+    assert same(
+        other.run(START, steps=30),
+        lm.integrate(other.system, lm.RKMK(order=3), START, h=0.07, steps=30, compiled=False),
+    )
 
 
 def test_formulas_count_as_they_are_when_a_run_begins(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -160,7 +180,9 @@ def test_formulas_count_as_they_are_when_a_run_begins(monkeypatch: pytest.Monkey
     monkeypatch.setitem(globals(), "FACTOR", 2.0)
     after = plan.run(start, steps=5)
     assert not np.array_equal(before.mu, after.mu)
-    assert same(after, lm.integrate(system, lm.RKMK(order=2), start, h=0.1, steps=5, compiled=False))
+    assert same(
+        after, lm.integrate(system, lm.RKMK(order=2), start, h=0.1, steps=5, compiled=False)
+    )
 
 
 FACTOR = 1.0
@@ -178,7 +200,10 @@ def test_threads_share_a_plan() -> None:
     starts = [BODY.state(mu=mu, g=np.eye(3)) for mu in np.random.default_rng(5).normal(size=(8, 3))]
     alone = [plan.run(start, steps=4000) for start in starts]
     found: dict[int, lm.Trajectory] = {}
-    threads = [threading.Thread(target=lambda i=i: found.update({i: plan.run(starts[i], steps=4000)})) for i in range(8)]
+    threads = [
+        threading.Thread(target=lambda i=i: found.update({i: plan.run(starts[i], steps=4000)}))
+        for i in range(8)
+    ]
     for thread in threads:
         thread.start()
     for thread in threads:
@@ -193,7 +218,10 @@ def test_steps_of_one_length_end_at_t_end() -> None:
     method = lm.CovariantVariational(lm.Cayley())
     run = lm.integrate(BODY, method, START, h=0.1, t_end=2.0, compiled=False)
     assert same(run, lm.integrate(BODY, method, START, h=0.1, steps=20, compiled=False))
-    assert lm.integrate(BODY, method, START, h=-0.1, t_end=0.7, t0=1.0, compiled=False).t[-1] == 1.0 - 3 * 0.1
+    assert (
+        lm.integrate(BODY, method, START, h=-0.1, t_end=0.7, t0=1.0, compiled=False).t[-1]
+        == 1.0 - 3 * 0.1
+    )
     with pytest.raises(lm.errors.InvalidInput, match=r"20.5 steps .* h = 0.0976\d*, 21 of them"):
         lm.integrate(BODY, method, START, h=0.1, t_end=2.05)
     with pytest.raises(lm.errors.InvalidInput, match="not both"):
@@ -250,7 +278,8 @@ def test_ensembles_are_sampled_like_their_members() -> None:
     starts, times = BODY.state(mu=[[0.0, 0.0, 0.0], [7.0, 0.0, 0.0]]), [0.5, 3.0, 3.5, 4.5]
     with pytest.warns(RuntimeWarning, match="body 1 after 3 steps"):
         run = plan.run(starts, steps=5, t_eval=times)
-    assert run.mu[:, :, 0].T.tolist() == [[1.0, 3.0, 4.0, 5.0], [8.0, 10.0, 10.0, 10.0]]  # a short step counts as one
+    # a short step counts as one
+    assert run.mu[:, :, 0].T.tolist() == [[1.0, 3.0, 4.0, 5.0], [8.0, 10.0, 10.0, 10.0]]
 
 
 # ------------------------------------------------------------------ events
@@ -266,15 +295,28 @@ def crossing(direction: float = 0.0, terminal: Any = None) -> Any:
 
 @pytest.mark.compiled
 def test_a_symplectic_method_finds_events() -> None:
-    """Zeros of one component of the momentum, against those of the exact motion: as accurate as the method, of order 4."""
+    """Zeros of one component of the momentum, against those of the exact motion: as accurate as the
+    method, of order 4.
+    """
     from scipy.optimize import brentq
 
     start = BODY.state(mu=[0.4, 1.0, 0.1], g=np.eye(3))
     method, errors = lm.Composition(lm.CovariantVariational(lm.Cayley()), order=4), []
     for n in (600, 1200):
-        run = lm.integrate(BODY, method, start, h=48.0 / n, steps=n, events=(crossing(), crossing(1.0)), compiled=True)
+        run = lm.integrate(
+            BODY,
+            method,
+            start,
+            h=48.0 / n,
+            steps=n,
+            events=(crossing(), crossing(1.0)),
+            compiled=True,
+        )
         times, states = run.events[0]
-        exact = [brentq(lambda t: BODY.exact(start, [t]).mu[0, 1], t - 0.1, t + 0.1, xtol=1e-13) for t in times]
+        exact = [
+            brentq(lambda t: BODY.exact(start, [t]).mu[0, 1], t - 0.1, t + 0.1, xtol=1e-13)
+            for t in times
+        ]
         assert len(times) == 4
         assert np.abs(states.mu[:, 1]).max() < 1e-13
         errors.append(np.abs(times - exact).max())
@@ -288,18 +330,37 @@ def test_a_terminal_event_ends_steps_of_one_length() -> None:
     start = BODY.state(mu=[0.4, 1.0, 0.1], g=np.eye(3))
     method = lm.RKMK(order=4)
     free = lm.integrate(BODY, method, start, h=0.05, steps=400, events=crossing(), compiled=False)
-    ended = lm.integrate(BODY, method, start, h=0.05, steps=400, every=10, events=crossing(terminal=2), compiled=False)
+    ended = lm.integrate(
+        BODY,
+        method,
+        start,
+        h=0.05,
+        steps=400,
+        every=10,
+        events=crossing(terminal=2),
+        compiled=False,
+    )
     assert ended.t[-1] == free.events[0][0][1] == ended.events[0][0][-1]
     assert np.array_equal(ended.t[:-1], free.t[: 10 * (len(ended) - 1) : 10])
     assert np.array_equal(ended.mu[-1], free.events[0][1].mu[1])
     with pytest.raises(lm.errors.InvalidInput, match="one body at a time"):
-        lm.integrate(BODY, method, BODY.state(mu=np.ones((2, 3))), h=0.1, steps=3, events=crossing())
+        lm.integrate(
+            BODY, method, BODY.state(mu=np.ones((2, 3))), h=0.1, steps=3, events=crossing()
+        )
 
 
 def test_a_failing_run_with_events_keeps_its_samples() -> None:
     start = BODY.state(mu=[-3.0, 0.0, 0.0])
     with pytest.raises(lm.errors.IntegrationFailure, match="no further") as caught:
-        lm.integrate(BODY, Limited(), start, h=1.0, steps=40, events=lambda t, state: state.mu[0] - 0.5, compiled=False)
+        lm.integrate(
+            BODY,
+            Limited(),
+            start,
+            h=1.0,
+            steps=40,
+            events=lambda t, state: state.mu[0] - 0.5,
+            compiled=False,
+        )
     run = caught.value.trajectory
     assert run.mu[:, 0].tolist() == [*np.arange(-3.0, 11.0)]
     assert len(run.events[0][0]) == 1
@@ -317,7 +378,9 @@ class Push(lm.Force):
 
 
 def test_a_short_pulse_is_met() -> None:
-    """A body at rest gets the impulse of the pulse, 0.1, about a principal axis; without `breaks` the steps go across it."""
+    """A body at rest gets the impulse of the pulse, 0.1, about a principal axis; without `breaks`
+    the steps go across it.
+    """
     system = lm.MechanicalSystem(lm.RigidBody([1.0, 2.0, 3.0]), lm.NoPotential(), load=Push())
     start, method = system.state(mu=[0.0, 0.0, 0.0], g=np.eye(3)), lm.RKMK(order=5)
     missed = lm.integrate(system, method, start, t_end=10.0, compiled=False)
@@ -327,7 +390,9 @@ def test_a_short_pulse_is_met() -> None:
     longest = lm.integrate(system, method, start, t0=4.8, t_end=5.2, max_step=0.004, compiled=False)
     assert abs(longest.mu[-1, 0] - 0.1) < 0.03
     assert np.diff(longest.t).max() <= 0.004 * (1 + 1e-12)
-    there = lm.integrate(system, method, run.last, t0=10.0, t_end=0.0, breaks=[5.0, 5.01], compiled=False)
+    there = lm.integrate(
+        system, method, run.last, t0=10.0, t_end=0.0, breaks=[5.0, 5.01], compiled=False
+    )
     assert abs(there.mu[-1, 0]) < 1e-13
     with pytest.raises(lm.errors.InvalidInput, match="max_step must be positive"):
         lm.integrate(system, method, start, t_end=10.0, max_step=0.0)

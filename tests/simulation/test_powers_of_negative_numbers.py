@@ -1,4 +1,6 @@
-"""A power of a negative number, complex in Python and nan in native code, is a step that left the domain of a formula."""
+"""A power of a negative number, complex in Python and nan in native code, is a step that left the
+domain of a formula.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,10 @@ class Edge(lm.Hamiltonian):
     """(mu_1 + 0.2)^1.5 exists where mu_1 > -0.2."""
 
     def energy(self, mu: lm.Vec) -> float:
-        return 0.5 * (mu[0] * mu[0] + 2.0 * mu[1] * mu[1] + 3.0 * mu[2] * mu[2]) + 0.01 * (mu[0] + 0.2) ** 1.5
+        return (
+            0.5 * (mu[0] * mu[0] + 2.0 * mu[1] * mu[1] + 3.0 * mu[2] * mu[2])
+            + 0.01 * (mu[0] + 0.2) ** 1.5
+        )
 
 
 @pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=pytest.mark.compiled)])

@@ -1,4 +1,6 @@
-"""Functions of the state kept instead of the state: the values of the samples, in memory for themselves alone."""
+"""Functions of the state kept instead of the state: the values of the samples, in memory for
+themselves alone.
+"""
 
 from __future__ import annotations
 
@@ -33,7 +35,14 @@ class Distance(lm.Record):
         return lm.norm(state.mu - self.place)
 
 
-KEPT = ("mu", "energy", "casimirs", tilt, ("turned", lambda t, state: t * state.mu), ("far", Distance([1.0, 0.0, 0.0])))
+KEPT = (
+    "mu",
+    "energy",
+    "casimirs",
+    tilt,
+    ("turned", lambda t, state: t * state.mu),
+    ("far", Distance([1.0, 0.0, 0.0])),
+)
 
 
 def same(run, full):
@@ -60,21 +69,32 @@ def test_what_is_kept_is_that_of_the_samples(every, start, monkeypatch):
 @pytest.mark.compiled
 def test_native_code_keeps_the_same_bits():
     plain, native = (
-        lm.integrate(BODY, start=START, steps=300, record=KEPT, **STEPS | {"compiled": compiled}) for compiled in (False, True)
+        lm.integrate(BODY, start=START, steps=300, record=KEPT, **STEPS | {"compiled": compiled})
+        for compiled in (False, True)
     )
-    assert plain.states.keys() == native.states.keys() == {"mu", "energy", "casimirs", "tilt", "turned", "far"}
+    assert (
+        plain.states.keys()
+        == native.states.keys()
+        == {"mu", "energy", "casimirs", "tilt", "turned", "far"}
+    )
     for name, values in plain.states.items():
         assert np.array_equal(values, native.states[name])
 
 
 @pytest.mark.parametrize(
-    "options", [{}, {"t_eval": [0.0, 0.37, 2.0]}, {"breaks": [1.0, 3.0]}, {"events": lambda t, s: s.mu[0]}], ids=[0, 1, 2, 3]
+    "options",
+    [{}, {"t_eval": [0.0, 0.37, 2.0]}, {"breaks": [1.0, 3.0]}, {"events": lambda t, s: s.mu[0]}],
+    ids=[0, 1, 2, 3],
 )
 def test_adaptive_steps(options):
     how = dict(method=lm.RKMK(order=5), start=START, t_end=3.0, compiled=False) | options
     full = lm.integrate(BODY, **how)
     run = lm.integrate(BODY, record=("energy", tilt), **how)
-    assert np.array_equal(run.t, full.t) and np.array_equal(run.tilt, full.g[:, 2, 2]) and np.array_equal(run.energy, full.energy)
+    assert (
+        np.array_equal(run.t, full.t)
+        and np.array_equal(run.tilt, full.g[:, 2, 2])
+        and np.array_equal(run.energy, full.energy)
+    )
     assert len(run.events) == len(full.events)
 
 
@@ -84,10 +104,19 @@ def test_samples_at_times_events_and_fictive_time():
         run = lm.integrate(BODY, start=START, steps=20, record=("energy", tilt), **STEPS | options)
         assert np.array_equal(run.t, full.t) and np.array_equal(run.energy, full.energy)
     kepler = lm.Kepler()
-    method, start = lm.ReversibleController(lm.StormerVerlet(), sigma=lm.EqualArc()), kepler.state(q=[0.5, 0.0], p=[0.0, 1.7])
+    method, start = (
+        lm.ReversibleController(lm.StormerVerlet(), sigma=lm.EqualArc()),
+        kepler.state(q=[0.5, 0.0], p=[0.0, 1.7]),
+    )
     for end in ({"steps": 20}, {"t_end": 0.2}):
-        full, run = (lm.integrate(kepler, method, start, h=0.01, record=r, **end) for r in (None, "energy"))
-        assert np.array_equal(run.energy, full.energy) and np.array_equal(run.tau, full.tau) and set(run.states) == {"energy"}
+        full, run = (
+            lm.integrate(kepler, method, start, h=0.01, record=r, **end) for r in (None, "energy")
+        )
+        assert (
+            np.array_equal(run.energy, full.energy)
+            and np.array_equal(run.tau, full.tau)
+            and set(run.states) == {"energy"}
+        )
 
 
 def test_bodies_with_parameters_of_their_own():
@@ -95,7 +124,9 @@ def test_bodies_with_parameters_of_their_own():
     run = lm.integrate(bodies, start=MANY, steps=10, record=("energy", tilt), **STEPS)
     for i, body in enumerate(bodies):
         alone = lm.integrate(body, start=body.state(mu=MANY.mu[i], g=np.eye(3)), steps=10, **STEPS)
-        assert np.array_equal(run.energy[:, i], alone.energy) and np.array_equal(run.tilt[:, i], alone.g[:, 2, 2])
+        assert np.array_equal(run.energy[:, i], alone.energy) and np.array_equal(
+            run.tilt[:, i], alone.g[:, 2, 2]
+        )
 
 
 def test_resumed_saved_joined_and_its_last_state(tmp_path: Path):
@@ -104,7 +135,10 @@ def test_resumed_saved_joined_and_its_last_state(tmp_path: Path):
     first.save(tmp_path / "run.npz")
     first = lm.Trajectory.load(tmp_path / "run.npz")
     whole, joined = plan.run(START, steps=30), first.then(plan.resume(first, steps=20))
-    assert np.array_equal(joined.energy, whole.energy) and joined.observed == whole.observed == ("energy", "tilt")
+    assert np.array_equal(joined.energy, whole.energy) and joined.observed == whole.observed == (
+        "energy",
+        "tilt",
+    )
     assert np.array_equal(whole.last.mu, lm.integrate(BODY, start=START, steps=30, **STEPS).mu[-1])
     assert whole.drift()["energy"].largest < 1e-2
     with pytest.raises(errors.InvalidInput, match="recorded energy, tilt"):
@@ -124,10 +158,14 @@ def test_failures_keep_what_there_was(monkeypatch):
             raise ValueError("far")
         return t
 
-    with pytest.raises(errors.IntegrationFailure, match=r"record='far': ValueError: far .*at t = 0.56") as caught:
+    with pytest.raises(
+        errors.IntegrationFailure, match=r"record='far': ValueError: far .*at t = 0.56"
+    ) as caught:
         lm.integrate(BODY, start=START, steps=100, record=("energy", far), **STEPS | {"h": 0.02})
     kept = caught.value.trajectory
-    assert 9 <= len(kept) <= 28 and np.array_equal(kept.far, kept.t) and len(kept.energy) == len(kept)
+    assert (
+        9 <= len(kept) <= 28 and np.array_equal(kept.far, kept.t) and len(kept.energy) == len(kept)
+    )
 
 
 def test_a_body_that_stops_stays(monkeypatch):
@@ -142,21 +180,30 @@ def test_a_body_that_stops_stays(monkeypatch):
                 raise ValueError("wall")
             return lm.vec(0.1, 0.0, 0.0)
 
-    systems = [lm.MechanicalSystem(lm.RigidBody([1.0, 1.5, 2.0]), lm.NoPotential(), load=Wall(x)) for x in (0.55, 0.35)]
+    systems = [
+        lm.MechanicalSystem(lm.RigidBody([1.0, 1.5, 2.0]), lm.NoPotential(), load=Wall(x))
+        for x in (0.55, 0.35)
+    ]
     start = systems[0].state(mu=[[1.0, 0.0, 0.1]] * 2, g=[np.eye(3)] * 2)
     how = dict(method=lm.RKMK(order=2), start=start, h=0.1, steps=20, compiled=False)
     with pytest.warns(RuntimeWarning, match="2 of 2 bodies stopped early") as warned:
         full = lm.integrate(systems, **how)
         run = lm.integrate(systems, record=("mu", tilt), **how)
     assert len(warned) == 2
-    assert np.array_equal(run.t, full.t) and np.array_equal(run.mu, full.mu) and np.array_equal(run.tilt, full.g[..., 2, 2])
+    assert (
+        np.array_equal(run.t, full.t)
+        and np.array_equal(run.mu, full.mu)
+        and np.array_equal(run.tilt, full.g[..., 2, 2])
+    )
     assert run.stopped.steps == full.stopped.steps
 
 
 @pytest.mark.compiled
 def test_memory_is_that_of_what_is_kept():
     """The states of 2 10^5 samples would take 24 bytes each, their energies and times take 16."""
-    plan = lm.Plan(BODY, lm.CovariantVariational(), h=0.1, record="energy", compiled=True, progress=False)
+    plan = lm.Plan(
+        BODY, lm.CovariantVariational(), h=0.1, record="energy", compiled=True, progress=False
+    )
     start = BODY.state(mu=[0.5, 0.0, 0.75**0.5])
     plan.run(start, steps=1000)
     tracemalloc.start()

@@ -1,4 +1,6 @@
-"""Samples are the user's: what is done to them, such as another unit in place, is not felt by what goes on from the run."""
+"""Samples are the user's: what is done to them, such as another unit in place, is not felt by what
+goes on from the run.
+"""
 
 from __future__ import annotations
 

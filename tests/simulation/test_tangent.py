@@ -1,4 +1,6 @@
-"""Tangent maps are the derivatives of the discrete motion: against differences, exact flows, and the two-form they must keep."""
+"""Tangent maps are the derivatives of the discrete motion: against differences, exact flows, and
+the two-form they must keep.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,9 @@ from scenes import slow
 
 import liemech as lm
 
-WORLDS = pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=pytest.mark.compiled)], ids=["plain", "compiled"])
+WORLDS = pytest.mark.parametrize(
+    "compiled", [False, pytest.param(True, marks=pytest.mark.compiled)], ids=["plain", "compiled"]
+)
 SO3 = lm.SO3()
 BODY = lm.RigidBody([1.0, 1.6, 2.3])
 START = BODY.state(mu=[0.5, -0.3, 0.75], g=SO3.exp([0.1, 0.2, 0.3]))
@@ -19,7 +23,9 @@ TOP_START = TOP.state(mu=[0.3, 0.2, 2.0], g=SO3.exp([0.1, 0.2, 0.3]))
 
 
 def off(a: lm.Trajectory, b: lm.Trajectory, middle: lm.Trajectory) -> np.ndarray:
-    """The difference of two ends: of momenta, and of attitudes as eta in g hat(eta) at the end of a third run."""
+    """The difference of two ends: of momenta, and of attitudes as eta in g hat(eta) at the end of a
+    third run.
+    """
     turned = [SO3.log(middle.g[-1].T @ run.g[-1]) for run in (a, b)]
     return np.concatenate([a.mu[-1] - b.mu[-1], turned[0] - turned[1]])
 
@@ -32,7 +38,9 @@ def differences(plan: lm.Plan, start: Any, steps: int) -> np.ndarray:
         for k, weight in ((1, 2.0 / 3.0), (2, -1.0 / 12.0)):
             sides = []
             for x in (k * 1e-3 * unit, -k * 1e-3 * unit):
-                moved = plan.system.state(mu=np.array(start.mu) + x[:3], g=np.array(start.g) @ SO3.exp(x[3:]))
+                moved = plan.system.state(
+                    mu=np.array(start.mu) + x[:3], g=np.array(start.g) @ SO3.exp(x[3:])
+                )
                 sides.append(plan.run(moved, steps=steps))
             column += weight * off(*sides, middle) / 1e-3
         columns.append(column)
@@ -53,7 +61,9 @@ def differences(plan: lm.Plan, start: Any, steps: int) -> np.ndarray:
     ids=lambda x: getattr(x, "name", ""),
 )
 def test_a_tangent_map_is_the_derivative(method: Any, system: Any, start: Any) -> None:
-    """Explicit and implicit steps, with first guesses from the past and with stages; values to the bit."""
+    """Explicit and implicit steps, with first guesses from the past and with stages; values to the
+    bit.
+    """
     plan = lm.Plan(system, method, 0.1, compiled=False)
     run, whole = plan.tangent(start, steps=6), plan.run(start, steps=6)
     assert np.array_equal(run.mu, whole.mu)
@@ -72,10 +82,17 @@ def test_derivatives_by_the_inertia(compiled: bool) -> None:
     for i, unit in enumerate(np.eye(3)):
         change = np.zeros(6)
         for k, weight in ((1, 2.0 / 3.0), (2, -1.0 / 12.0)):
-            sides = [plan.replace(system=lm.RigidBody(moments + s * k * 1e-3 * unit)).run(START, steps=10) for s in (1, -1)]
+            sides = [
+                plan.replace(system=lm.RigidBody(moments + s * k * 1e-3 * unit)).run(
+                    START, steps=10
+                )
+                for s in (1, -1)
+            ]
             change += weight * off(*sides, middle) / 1e-3
         assert np.abs(run.tangent["inertia"][-1][:, i] - change).max() < 1e-9
-    assert np.abs(run.tangent["start"] - plan.tangent(START, steps=10).tangent["start"]).max() < 1e-15
+    assert (
+        np.abs(run.tangent["start"] - plan.tangent(START, steps=10).tangent["start"]).max() < 1e-15
+    )
 
 
 @WORLDS
@@ -83,9 +100,13 @@ def test_derivatives_by_a_number_inside_of_the_hamiltonian(compiled: bool) -> No
     gyrostat = lm.LiePoissonSystem(lm.SO3(), Gyrostat([1.0, 2.0, 3.0], 0.7))
     plan = lm.Plan(gyrostat, lm.RKMK(order=4), 0.1, compiled=compiled)
     start = gyrostat.state(mu=[0.5, -0.3, 0.75])
-    found = plan.tangent(start, steps=5, by="hamiltonian.rotor").tangent["hamiltonian.rotor"][-1][:, 0]
+    found = plan.tangent(start, steps=5, by="hamiltonian.rotor").tangent["hamiltonian.rotor"][-1][
+        :, 0
+    ]
     ends = [
-        plan.replace(system=lm.LiePoissonSystem(lm.SO3(), Gyrostat([1.0, 2.0, 3.0], r))).run(start, steps=5).mu[-1]
+        plan.replace(system=lm.LiePoissonSystem(lm.SO3(), Gyrostat([1.0, 2.0, 3.0], r)))
+        .run(start, steps=5)
+        .mu[-1]
         for r in (0.7 + 1e-5, 0.7 - 1e-5)
     ]
     assert np.abs(found - (ends[0] - ends[1]) / 2e-5).max() < 1e-9
@@ -105,7 +126,10 @@ class Gyrostat(lm.Hamiltonian):
 @pytest.mark.parametrize("method", [lm.StormerVerlet(), lm.Splitting(order=6)], ids=repr)
 def test_symplectic_methods_keep_the_two_form(method: Any) -> None:
     """D^T J D = J to rounding, along a hundred steps; of an explicit Runge-Kutta method not."""
-    kepler, J = lm.Kepler(), np.block([[np.zeros((2, 2)), np.eye(2)], [-np.eye(2), np.zeros((2, 2))]])
+    kepler, J = (
+        lm.Kepler(),
+        np.block([[np.zeros((2, 2)), np.eye(2)], [-np.eye(2), np.zeros((2, 2))]]),
+    )
     start = kepler.state(q=[0.6, 0.0], p=[0.0, 1.4])
 
     def defect(method: Any) -> float:
@@ -117,7 +141,9 @@ def test_symplectic_methods_keep_the_two_form(method: Any) -> None:
 
 
 def test_algorithm_1_is_symplectic_on_the_group() -> None:
-    """D^T W(mu') D = W(mu), with the two-form of T*SO(3), left-trivialised: dmu.eta' - dmu'.eta - mu.(eta x eta')."""
+    """D^T W(mu') D = W(mu), with the two-form of T*SO(3), left-trivialised:
+    dmu.eta' - dmu'.eta - mu.(eta x eta').
+    """
 
     def form(mu: np.ndarray) -> np.ndarray:
         return np.block([[np.zeros((3, 3)), np.eye(3)], [-np.eye(3), SO3.algebra.hat(mu)]])
@@ -131,10 +157,15 @@ def test_algorithm_1_is_symplectic_on_the_group() -> None:
 
 
 def test_the_tangent_map_of_a_centre() -> None:
-    """Steady rotation about the first axis: the linearised Euler equations, to the order of the method."""
+    """Steady rotation about the first axis: the linearised Euler equations, to the order of the
+    method.
+    """
     body = lm.RigidBody([1.0, 1.6, 2.3])
-    run = lm.Plan(body, lm.RKMK(order=8), 0.05, compiled=False).tangent(body.state(mu=[1.0, 0.0, 0.0]), steps=20)
-    rate = np.array([[0.0, 1.0 - 1.0 / 2.3], [1.0 / 1.6 - 1.0, 0.0]])  # of (mu_2, mu_3) in mu' = mu x J^-1 mu near e_1
+    run = lm.Plan(body, lm.RKMK(order=8), 0.05, compiled=False).tangent(
+        body.state(mu=[1.0, 0.0, 0.0]), steps=20
+    )
+    # of (mu_2, mu_3) in mu' = mu x J^-1 mu near e_1
+    rate = np.array([[0.0, 1.0 - 1.0 / 2.3], [1.0 / 1.6 - 1.0, 0.0]])
     w, v = np.linalg.eig(rate)
     exact = (v @ np.diag(np.exp(w)) @ np.linalg.inv(v)).real
     assert np.abs(run.tangent["start"][-1][1:, 1:] - exact).max() < 1e-12
@@ -142,7 +173,10 @@ def test_the_tangent_map_of_a_centre() -> None:
 
 def test_what_has_no_tangent_map() -> None:
     plan = lm.Plan(BODY, lm.RKMK(order=4), 0.1, compiled=False)
-    with pytest.raises(lm.errors.InvalidInput, match=r"mass is no parameter of .*; there are inertia, group, and the start"):
+    with pytest.raises(
+        lm.errors.InvalidInput,
+        match=r"mass is no parameter of .*; there are inertia, group, and the start",
+    ):
         plan.tangent(START, steps=2, by="mass")
     with pytest.raises(lm.errors.InvalidInput, match="one body at a time"):
         plan.tangent(BODY.state(mu=np.ones((2, 3))), steps=2)
@@ -153,11 +187,14 @@ def test_what_has_no_tangent_map() -> None:
 
 
 def test_poisson_integrators_keep_the_bracket_and_rattle_the_two_form() -> None:
-    """D B(y) D^T = B(y') for a splitting and symplectic Euler on Lotka and Volterra's species; on the sphere v D^T J D w = v J w
-    for directions v, w along the constraints."""
+    """D B(y) D^T = B(y') for a splitting and symplectic Euler on Lotka and Volterra's species; on
+    the sphere v D^T J D w = v J w for directions v, w along the constraints.
+    """
     species = lm.LotkaVolterra()
     for method in (lm.Splitting(order=4), lm.PoissonEuler()):
-        run = lm.Plan(species, method, 0.1, compiled=False).tangent(species.state([1.5, 1.0]), steps=50)
+        run = lm.Plan(species, method, 0.1, compiled=False).tangent(
+            species.state([1.5, 1.0]), steps=50
+        )
         first, last = (np.array(species.structure.matrix(lm.vec(*y))) for y in run.y[[0, -1]])
         D = run.tangent["start"][-1]
         assert np.abs(D @ first @ D.T - last).max() < 1e-13 * np.abs(D).max() ** 2
@@ -166,5 +203,6 @@ def test_poisson_integrators_keep_the_bracket_and_rattle_the_two_form() -> None:
     run = lm.Plan(pendulum, lm.RATTLE(), 0.02, compiled=False).tangent(start, steps=50)
     J = np.block([[np.zeros((3, 3)), np.eye(3)], [-np.eye(3), np.zeros((3, 3))]])
     q, p, D = np.array(start.q), np.array(start.p), run.tangent["start"][-1]
-    along = np.linalg.svd(np.array([[*q, 0.0, 0.0, 0.0], [*p, *q]]))[2][2:].T  # of q.q = 1 and q.p = 0
+    # of q.q = 1 and q.p = 0
+    along = np.linalg.svd(np.array([[*q, 0.0, 0.0, 0.0], [*p, *q]]))[2][2:].T
     assert np.abs(along.T @ (D.T @ J @ D - J) @ along).max() < 1e-13 * np.abs(D).max() ** 2

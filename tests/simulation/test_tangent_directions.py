@@ -10,14 +10,18 @@ import liemech as lm
 SO3, SE3 = lm.SO3(), lm.SE3()
 
 
-@pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=[pytest.mark.compiled, pytest.mark.slow])])
+@pytest.mark.parametrize(
+    "compiled", [False, pytest.param(True, marks=[pytest.mark.compiled, pytest.mark.slow])]
+)
 def test_unit_quaternions_have_the_tangent_map_of_matrices(compiled: bool) -> None:
     quaternions = lm.UnitQuaternions()
     maps = []
     for group in (SO3, quaternions):
         body = lm.RigidBody([1.0, 1.6, 2.3], group=group)
         start = body.state([0.5, -0.3, 0.75], group.exp([0.1, 0.2, 0.3]))
-        run = lm.Plan(body, lm.RKMK(order=4), 0.1, compiled=compiled).tangent(start, steps=8, by=["start", "inertia"])
+        run = lm.Plan(body, lm.RKMK(order=4), 0.1, compiled=compiled).tangent(
+            start, steps=8, by=["start", "inertia"]
+        )
         maps.append(run.tangent)
     assert maps[1]["start"].shape == (9, 6, 6) and maps[1]["inertia"].shape == (9, 6, 3)
     for by in ("start", "inertia"):

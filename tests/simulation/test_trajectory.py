@@ -1,4 +1,6 @@
-"""Trajectories: shapes, quantities computed when asked for, the report on structure, and carrying on."""
+"""Trajectories: shapes, quantities computed when asked for, the report on structure, and carrying
+on.
+"""
 
 from __future__ import annotations
 
@@ -52,7 +54,9 @@ def test_quantities_are_what_they_say(single: lm.Trajectory) -> None:
     J = np.array(single.system.inertia)
     assert np.allclose(single.energy, 0.5 * (single.mu**2 / J).sum(axis=1), rtol=1e-15)
     assert np.allclose(single.casimirs[:, 0], (single.mu**2).sum(axis=1), rtol=1e-15)
-    assert np.allclose(single.spatial_momentum, np.einsum("nij,nj->ni", single.g, single.mu), rtol=1e-14)
+    assert np.allclose(
+        single.spatial_momentum, np.einsum("nij,nj->ni", single.g, single.mu), rtol=1e-14
+    )
 
 
 def test_quantities_are_computed_once_and_only_when_asked_for() -> None:
@@ -143,13 +147,19 @@ def test_slope_of_the_report_is_the_slope(long_runs: dict[lm.Method, lm.Trajecto
 
 
 @pytest.mark.parametrize("unit", [2.0**-133, 2.0**133, 2.0**-300])
-def test_the_report_does_not_depend_on_units(unit: float, long_runs: dict[lm.Method, lm.Trajectory]) -> None:
+def test_the_report_does_not_depend_on_units(
+    unit: float, long_runs: dict[lm.Method, lm.Trajectory]
+) -> None:
     body = quiet_body(unit * np.array([2 / 3, 1.0, 2.0]))
     start = body.state(unit * np.array([0.5, 0.0, 0.75**0.5]), np.eye(3))
     for method in (RKMK4, EXP):
         run = lm.integrate(body, method, start, h=0.5, steps=4000)
         for mine, theirs in zip(run.drift().kept, long_runs[method].drift().kept, strict=True):
-            assert (mine.verdict, mine.largest, mine.slope) == (theirs.verdict, theirs.largest, theirs.slope)
+            assert (mine.verdict, mine.largest, mine.slope) == (
+                theirs.verdict,
+                theirs.largest,
+                theirs.slope,
+            )
 
 
 def test_report_of_an_ensemble_names_the_worst() -> None:
@@ -187,7 +197,9 @@ def test_constants_that_are_zero_by_cancelling() -> None:
     assert kept.verdict == "exact"
     assert "the size of its terms" in str(kept)
     pendulum = lm.Pendulum()
-    energy = lm.integrate(pendulum, lm.RKMK(order=4), pendulum.state(math.pi / 2, 0.0), h=0.01, steps=300).drift()["energy"]
+    energy = lm.integrate(
+        pendulum, lm.RKMK(order=4), pendulum.state(math.pi / 2, 0.0), h=0.01, steps=300
+    ).drift()["energy"]
     assert 1.0 < energy.scale < 100.0
     assert energy.largest < 1e-6
     top = lm.LagrangeTop(weight=1.0, transverse=1.0, axial=0.5, length=1.0)
@@ -204,7 +216,10 @@ def test_changes_are_relative_or_absolute_and_say_so() -> None:
     rest = lm.integrate(body, CAYLEY, body.state([0.0, 0.0, 0.0]), h=0.5, steps=10).drift()
     assert "absolute" in str(rest["energy"])
     assert rest["energy"].largest == 0.0
-    with pytest.raises(lm.errors.InvalidInput, match=r"'typo' is no constant .* energy, Casimir 1, spatial momentum"):
+    with pytest.raises(
+        lm.errors.InvalidInput,
+        match=r"'typo' is no constant .* energy, Casimir 1, spatial momentum",
+    ):
         report["typo"]
 
 
@@ -219,14 +234,24 @@ def test_a_system_that_names_no_constants() -> None:
     assert str(report) == "no constants of the motion are known"
 
 
-COPIES = {"pickle": lambda x: pickle.loads(pickle.dumps(x)), "deep": copy.deepcopy, "copy": copy.copy}
+COPIES = {
+    "pickle": lambda x: pickle.loads(pickle.dumps(x)),
+    "deep": copy.deepcopy,
+    "copy": copy.copy,
+}
 
 
 @pytest.mark.parametrize("again", COPIES.values(), ids=COPIES)
 def test_copies_print_alike(again, single: lm.Trajectory, ensemble: lm.Trajectory) -> None:
     body, start = asymmetric_body()
     adaptive = lm.integrate(body, lm.RKMK(order=5), start, t_end=2.0)
-    methods = lm.RKMK(order=5), lm.CommutatorFree(), lm.Composition(CAYLEY), lm.KickDrift(), lm.Taylor()
+    methods = (
+        lm.RKMK(order=5),
+        lm.CommutatorFree(),
+        lm.Composition(CAYLEY),
+        lm.KickDrift(),
+        lm.Taylor(),
+    )
     for one in (single, ensemble, adaptive, body, start, body.group, *methods):
         assert repr(again(one)) == repr(one)
     assert np.array_equal(again(adaptive).at(1.0).mu, adaptive.at(1.0).mu)

@@ -1,4 +1,6 @@
-"""The 28 goals of reliability: what is wanted, what is measured, whether it is met, and which test holds it."""
+"""The 28 goals of reliability: what is wanted, what is measured, whether it is met, and which test
+holds it.
+"""
 
 from __future__ import annotations
 
@@ -84,7 +86,12 @@ def below(values: dict[str, float], most: float, unit: str = "", scale: float = 
 def coefficients(size: Size) -> Found:
     """sinc, versine, segment and the coefficient of dexp^-1 for angles from 1e-100 to 2 pi - 1e-9."""
     t = test_rotation_coefficients
-    angles = [x for part in (t.ON_POLYNOMIAL, t.BEYOND) for xs in part.values() for x in xs[:: 10 if size.quick else 1]]
+    angles = [
+        x
+        for part in (t.ON_POLYNOMIAL, t.BEYOND)
+        for xs in part.values()
+        for x in xs[:: 10 if size.quick else 1]
+    ]
     return below({"": max(t.largest(t.NAMES, angles).values())}, 4.0, " eps")
 
 
@@ -93,8 +100,14 @@ def exact_pose(w: np.ndarray, v: np.ndarray, cayley: bool = False) -> tuple[np.n
     with mp.workdps(400):
         x = mp.fsum(mpf(float(c)) ** 2 for c in w)
         t, W, one = mp.sqrt(x), mp.matrix(hat(w).tolist()), mp.eye(3)
-        R = one + 4 / (4 + x) * (W + W * W / 2) if cayley else one + mp.sin(t) / t * W + (1 - mp.cos(t)) / x * W * W
-        p = (one + (1 - mp.cos(t)) / x * W + (t - mp.sin(t)) / (x * t) * W * W) * mp.matrix(v.tolist())
+        R = (
+            one + 4 / (4 + x) * (W + W * W / 2)
+            if cayley
+            else one + mp.sin(t) / t * W + (1 - mp.cos(t)) / x * W * W
+        )
+        p = (one + (1 - mp.cos(t)) / x * W + (t - mp.sin(t)) / (x * t) * W * W) * mp.matrix(
+            v.tolist()
+        )
         return np.array(R.tolist(), dtype=float), np.array(p.tolist(), dtype=float)[:, 0]
 
 
@@ -114,7 +127,9 @@ def exponentials(size: Size) -> Found:
         R, p = exact_pose(w, v)
         g = np.array(SE3.exp(np.concatenate([w, v])))
         turns.append(np.abs(np.array(G.exp(w)) - R).max())
-        moves.append(max(np.abs(g[:3, :3] - R).max(), np.abs(g[:3, 3] - p).max() / np.linalg.norm(v)))
+        moves.append(
+            max(np.abs(g[:3, :3] - R).max(), np.abs(g[:3, 3] - p).max() / np.linalg.norm(v))
+        )
     return below({"SO(3)": max(turns), "SE(3)": max(moves)}, 8 * EPS, " eps", EPS)
 
 
@@ -127,11 +142,17 @@ def logarithms(size: Size) -> Found:
 
 def cayleys(size: Size) -> Found:
     """Entries of the Cayley map to 1e150; its inverse in units of eps (1 + |w|^2/4)/|w|, to 1e3."""
-    forth = [np.abs(np.array(G.cayley(w)) - exact_pose(w, w, cayley=True)[0]).max() for w in spread(-12.0, 150.0, size.some(200))]
+    forth = [
+        np.abs(np.array(G.cayley(w)) - exact_pose(w, w, cayley=True)[0]).max()
+        for w in spread(-12.0, 150.0, size.some(200))
+    ]
     back = []
     for w in spread(0.0, 3.0, size.some(200)):
         length = np.linalg.norm(w)
-        back.append(np.abs(np.array(G.cayley_inv(exact_pose(w, w, cayley=True)[0])) - w).max() / (1.0 + length**2 / 4.0))
+        back.append(
+            np.abs(np.array(G.cayley_inv(exact_pose(w, w, cayley=True)[0])) - w).max()
+            / (1.0 + length**2 / 4.0)
+        )
     return below({"map": max(forth), "inverse over its condition": max(back)}, 8 * EPS, " eps", EPS)
 
 
@@ -140,7 +161,9 @@ def cayleys(size: Size) -> Found:
 
 @functools.cache
 def lost(method: lm.Method, steps: int) -> tuple[float, float, float]:
-    """What the long mode loses of the Casimir, of the momentum in space and of g g^T, told from both words."""
+    """What the long mode loses of the Casimir, of the momentum in space and of g g^T, told from
+    both words.
+    """
     body, start = asymmetric_body()
     run = lm.integrate(body, method, start, h=0.1, steps=steps, every=steps, progress=False, **LONG)  # type: ignore[arg-type]
     return test_double_double.defects(run, start)
@@ -155,33 +178,49 @@ def modes(default: dict[str, float], long: dict[str, float], most: float) -> Fou
     """Default mode and long mode: both, and whether one of them keeps to the goal."""
     met = [max(values.values()) <= most for values in (default, long)]
     texts = [", ".join(f"{k} {v:.1e}" for k, v in values.items()) for values in (default, long)]
-    return Found(f"default: {texts[0]}; long mode: {texts[1]}", met[1], "" if met[0] else " by the long mode")
+    return Found(
+        f"default: {texts[0]}; long mode: {texts[1]}", met[1], "" if met[0] else " by the long mode"
+    )
 
 
 def orthogonality(size: Size) -> Found:
     """max |g^T g - 1|."""
     default = {
-        f"{name}{', all compensated' if sums else ''}": rounding.spatial_drift(of(method), size.steps, sums)[1]
+        f"{name}{', all compensated' if sums else ''}": rounding.spatial_drift(
+            of(method), size.steps, sums
+        )[1]
         for name, method in METHODS.items()
         for sums in (None, True)
     }
-    return modes(default, {name: lost(method, size.steps)[2] for name, method in METHODS.items()}, 8 * EPS)
+    return modes(
+        default, {name: lost(method, size.steps)[2] for name, method in METHODS.items()}, 8 * EPS
+    )
 
 
 def attitude(size: Size) -> Found:
     """Against the product of the same turns in 19 digits."""
     steps = size.some(10**6)
-    found = {"compensated (default)": rounding.driven_attitude(steps=steps), "plain": rounding.driven_attitude(False, steps=steps)}
-    return Found(", ".join(f"{k} {v:.1e}" for k, v in found.items()), found["compensated (default)"] <= 3e-14)
+    found = {
+        "compensated (default)": rounding.driven_attitude(steps=steps),
+        "plain": rounding.driven_attitude(False, steps=steps),
+    }
+    return Found(
+        ", ".join(f"{k} {v:.1e}" for k, v in found.items()), found["compensated (default)"] <= 3e-14
+    )
 
 
 def casimirs(size: Size) -> Found:
     """The largest relative change in ten times as many steps."""
-    return below({case.name: rounding.casimir_drift(case, 10 * size.steps) for case in rounding.CASES[:6:2]}, 2e-13)
+    return below(
+        {case.name: rounding.casimir_drift(case, 10 * size.steps) for case in rounding.CASES[:6:2]},
+        2e-13,
+    )
 
 
 @functools.cache
-def walk(method: lm.Method, steps: int, **sums: object) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def walk(
+    method: lm.Method, steps: int, **sums: object
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Numbers of steps, and the changes of the mean energy and of the energy after them."""
     counts = np.unique(np.geomspace(min(1e3, steps / 100), steps, 13).round().astype(int))
     return counts, *rounding.energy_walk(method, counts, **sums)
@@ -222,12 +261,17 @@ def rattle(size: Size) -> Found:
     """The spherical pendulum."""
     system = lm.SphericalPendulum(gravity=1.0)
     start, steps = system.state([0.6, 0.0, -0.8], [0.0, 0.7, 0.0]), size.some(10**6)
-    run = lm.integrate(system, lm.RATTLE(), start, h=0.01, steps=steps // 7 * 7, every=7, progress=False)
+    run = lm.integrate(
+        system, lm.RATTLE(), start, h=0.01, steps=steps // 7 * 7, every=7, progress=False
+    )
     position, hidden = np.split(np.asarray(system.defects(run.q, run.p)), 2, axis=1)
     window, energy = rounding.WINDOW, run.energy.astype(rounding.Wide)
-    first, last = window @ energy[: len(window)], window @ energy[-len(window) :]  # means in which the oscillation is not seen
+    # means in which the oscillation is not seen
+    first, last = window @ energy[: len(window)], window @ energy[-len(window) :]
     drift = float(abs(last / first - 1.0))
-    wide = lm.integrate(system, lm.RATTLE(), start, h=0.01, steps=size.some(10**5), every=7, progress=False, **LONG)
+    wide = lm.integrate(
+        system, lm.RATTLE(), start, h=0.01, steps=size.some(10**5), every=7, progress=False, **LONG
+    )
     found = {"|g|": position.max() / EPS, "|G v|": hidden.max() / EPS}
     long = max(np.asarray(system.defects(wide.q, wide.p)).max() / EPS, 0.0)
     text = ", ".join(f"{name} {value:.1f} eps" for name, value in found.items())
@@ -237,13 +281,25 @@ def rattle(size: Size) -> Found:
 
 def reversed_runs(size: Size) -> Found:
     """Ten thousand steps forth and back."""
-    return below({case.name: rounding.reversibility(case) for case in rounding.CASES if case.method.symmetric}, 1e-11)
+    return below(
+        {
+            case.name: rounding.reversibility(case)
+            for case in rounding.CASES
+            if case.method.symmetric
+        },
+        1e-11,
+    )
 
 
 def separatrix(size: Size) -> Found:
     """The offset that explains the time between flips."""
-    default = {name: rounding.offset(method, steps=size.some(10**6)) for name, method in METHODS.items()}
-    long = {name: rounding.offset(method, 1e-24, steps=size.some(10**5), **LONG) for name, method in METHODS.items()}
+    default = {
+        name: rounding.offset(method, steps=size.some(10**6)) for name, method in METHODS.items()
+    }
+    long = {
+        name: rounding.offset(method, 1e-24, steps=size.some(10**5), **LONG)
+        for name, method in METHODS.items()
+    }
     return modes(default, long, 2e-8)
 
 
@@ -252,7 +308,11 @@ def separatrix(size: Size) -> Found:
 
 def guards(size: Size) -> Found:
     """There is no step without them."""
-    return Found("no native code is made without them; docs/performance.md has steps beside C++ that has none", None)
+    return Found(
+        "no native code is made without them; "
+        "docs/performance.md has steps beside C++ that has none",
+        None,
+    )
 
 
 def cost_of_long_mode(size: Size) -> Found:
@@ -263,10 +323,16 @@ def cost_of_long_mode(size: Size) -> Found:
 
 
 def orders(size: Size) -> Found:
-    """Slopes of the largest errors of momentum, attitude and energy of the free body against its exact motion."""
+    """Slopes of the largest errors of momentum, attitude and energy of the free body against its
+    exact motion.
+    """
     texts, met = [], True
     body, start = asymmetric_body()
-    for method, counts in ((EXP, (160, 320, 640, 1280)), (CAYLEY, (160, 320, 640, 1280)), (HJ4, (80, 160, 320, 640))):
+    for method, counts in (
+        (EXP, (160, 320, 640, 1280)),
+        (CAYLEY, (160, 320, 640, 1280)),
+        (HJ4, (80, 160, 320, 640)),
+    ):
         t_end, energy = 8.0, []
         for n in counts:
             run = lm.integrate(body, method, start, h=t_end / n, steps=n, progress=False)
@@ -282,10 +348,21 @@ def times_of_steps(size: Size) -> Found:
     """Against n h in exact numbers, rounded once; in units in the last place."""
     body, start = asymmetric_body()
     steps, h, worst = 10 * size.steps, 0.1, 0.0
-    run = lm.integrate(body, CAYLEY, body.state(start.mu), h=h, steps=steps, every=steps // 100 + 7, t0=0.3, progress=False)
+    run = lm.integrate(
+        body,
+        CAYLEY,
+        body.state(start.mu),
+        h=h,
+        steps=steps,
+        every=steps // 100 + 7,
+        t0=0.3,
+        progress=False,
+    )
     counts = [*range(0, steps, steps // 100 + 7), steps]
     for n, t in zip(counts, run.t.tolist(), strict=True):
-        worst = max(worst, float(abs(Fraction(t) - (Fraction(0.3) + n * Fraction(h)))) / math.ulp(t))
+        worst = max(
+            worst, float(abs(Fraction(t) - (Fraction(0.3) + n * Fraction(h)))) / math.ulp(t)
+        )
     return below({"": worst}, 1.0, " ulp")
 
 
@@ -297,13 +374,24 @@ def workers(size: Size) -> Found:
     body, start = asymmetric_body()
     mu, same = np.random.default_rng(6).normal(size=(37, 3)), True
     for method in (EXP, CAYLEY, lm.RKMK(order=4)):
-        runs = [lm.integrate(body, method, body.state(mu, start.g), h=0.3, steps=500, workers=w, compiled=True) for w in (1, 2, 8)]
+        runs = [
+            lm.integrate(
+                body, method, body.state(mu, start.g), h=0.3, steps=500, workers=w, compiled=True
+            )
+            for w in (1, 2, 8)
+        ]
         same &= all(same_bits(run.mu, runs[0].mu) and same_bits(run.g, runs[0].g) for run in runs)
         for i in range(0, 37, 9):
             for native in (True, False):
-                alone = lm.integrate(body, method, body.state(mu[i], start.g), h=0.3, steps=500, compiled=native)
+                alone = lm.integrate(
+                    body, method, body.state(mu[i], start.g), h=0.3, steps=500, compiled=native
+                )
                 same &= same_bits(alone.mu, np.ascontiguousarray(runs[0].mu[:, i]))
-    return Found(f"3 methods, 1, 2 and 8 threads, alone, native and plain: {'same bits' if same else 'other bits'}", same)
+    return Found(
+        "3 methods, 1, 2 and 8 threads, alone, native and plain: "
+        f"{'same bits' if same else 'other bits'}",
+        same,
+    )
 
 
 def powers_of_two(size: Size) -> Found:
@@ -322,14 +410,18 @@ def powers_of_two(size: Size) -> Found:
             tried += 1
             try:
                 begin = heavy.state(mass / second * mu, start.g)
-                there = lm.integrate(heavy, method, begin, h=0.3 * second, steps=100, progress=False)
+                there = lm.integrate(
+                    heavy, method, begin, h=0.3 * second, steps=100, progress=False
+                )
             except lm.errors.InvalidInput:  # says that products leave the range of doubles
                 refused += 1
                 continue
             if not (same_bits(there.mu, mass / second * run.mu) and same_bits(there.g, run.g)):
                 other.append((method.name, a, b))
     text = f"{tried} pairs of units, 4 methods: {refused} refused by name, {len(other)} with other bits"
-    return Found(" ".join([text, *(f"({name}, 2^{a} kg, 2^{b} s)" for name, a, b in other[:2])]), not other)
+    return Found(
+        " ".join([text, *(f"({name}, 2^{a} kg, 2^{b} s)" for name, a, b in other[:2])]), not other
+    )
 
 
 # ---------------------------------------------------------------- bad input, failures, files
@@ -367,7 +459,12 @@ def fuzz(size: Size) -> Found:
     """Random calls of every public function."""
     bad = fuzz_calls.failures(size.calls, 17)
     count = {kind: sum(b.startswith(kind) for b in bad) for kind in ("not finite", "bare", "slow")}
-    return Found(f"{size.calls} calls: " + ", ".join(f"{n} {kind}" for kind, n in count.items()) + f", {len(bad)} in all", not bad)
+    return Found(
+        f"{size.calls} calls: "
+        + ", ".join(f"{n} {kind}" for kind, n in count.items())
+        + f", {len(bad)} in all",
+        not bad,
+    )
 
 
 def damages(size: Size) -> Found:
@@ -379,7 +476,10 @@ def damages(size: Size) -> Found:
         test_archive.CASES["body"][0].run(test_archive.START, steps=3).save(path)
         data = path.read_bytes()
         for at in range(0, len(data), 10 if size.quick else 1):
-            for bad in (data[:at], data[:at] + bytes([data[at] ^ int(rng.integers(1, 256))]) + data[at + 1 :]):
+            for bad in (
+                data[:at],
+                data[:at] + bytes([data[at] ^ int(rng.integers(1, 256))]) + data[at + 1 :],
+            ):
                 path.write_bytes(bad)
                 tried += 1
                 try:

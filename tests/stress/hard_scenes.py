@@ -1,4 +1,6 @@
-"""Hard scenes: every run keeps its structure to rounding, or is refused by an error of the package with finite samples."""
+"""Hard scenes: every run keeps its structure to rounding, or is refused by an error of the package
+with finite samples.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,9 @@ Run = Callable[[], lm.Trajectory]
 
 @dataclass(frozen=True)
 class Scene:
-    """A row of the table: what is hard, how its runs are made, and the largest change of a Casimir or of g^T g that is rounding."""
+    """A row of the table: what is hard, how its runs are made, and the largest change of a Casimir
+    or of g^T g that is rounding.
+    """
 
     name: str
     runs: Callable[[Size], Iterator[Run]]
@@ -50,13 +54,21 @@ def separatrix(size: Size) -> Iterator[Run]:
 
 def fast_and_thin(size: Size) -> Iterator[Run]:
     """Rods and discs turned by 1e-2 to 1e4 rad a step."""
-    for J in ([1.0, 1.0, 1e-3], [1.0, 1.0, 2e-6], [1e-3, 1.0, 1.0], [1.0, 1.0, 2.0], [1.0, 1e-3 + 1.0, 2.0]):
+    for J in (
+        [1.0, 1.0, 1e-3],
+        [1.0, 1.0, 2e-6],
+        [1e-3, 1.0, 1.0],
+        [1.0, 1.0, 2.0],
+        [1.0, 1e-3 + 1.0, 2.0],
+    ):
         for rate in (0.1, 1.0, 10.0, 1e2, 1e3, 1e5):
             yield from free(quiet_body(J), rate * np.array(J) * [0.5, -0.7, 0.6], steps=20)
 
 
 def ratios(size: Size) -> Iterator[Run]:
-    """Moments of inertia that differ by up to a million, in every order, turned about nothing in particular."""
+    """Moments of inertia that differ by up to a million, in every order, turned about nothing in
+    particular.
+    """
     for ratio in (1e2, 1e4, 1e6):
         for J in itertools.permutations([1.0, ratio**0.5, ratio]):
             yield from free(quiet_body(J), [0.3, 0.5, -0.4], steps=size.some(200))
@@ -90,16 +102,22 @@ def tops(size: Size) -> Iterator[Run]:
         top = lm.HeavyTop([1.0, 1.5, 0.7], float(weight), [0.6, 0.0, 0.8])
         start = top.state([0.1, 0.2, 2.0], np.eye(3))
         for method in (lm.LieVerlet(lm.Cayley()), lm.LieVerlet(), lm.KickDrift()):
-            yield functools.partial(lm.integrate, top, method, start, h=0.01, steps=50, progress=False)
+            yield functools.partial(
+                lm.integrate, top, method, start, h=0.01, steps=50, progress=False
+            )
 
 
 def springs(size: Size) -> Iterator[Run]:
-    """Oscillators with h w from 0.1 to 1e150: past h w = 2 an explicit method blows up, and says so."""
+    """Oscillators with h w from 0.1 to 1e150: past h w = 2 an explicit method blows up, and says
+    so.
+    """
     for w in 10.0 ** np.linspace(0.0, 151.0, 8 if size.quick else 40):
         system = Oscillator(float(w))
         start = system.state([1.0], [0.0])
         for method in (lm.StormerVerlet(), lm.Splitting(order=4)):
-            yield functools.partial(lm.integrate, system, method, start, h=0.1, steps=300, progress=False)
+            yield functools.partial(
+                lm.integrate, system, method, start, h=0.1, steps=300, progress=False
+            )
 
 
 SCENES = (
@@ -115,7 +133,9 @@ SCENES = (
 
 
 def ended(run: Run, most: float) -> tuple[str, float]:
-    """How a run ended: "kept", "refused", or what is wrong; and the largest change of what it keeps."""
+    """How a run ended: "kept", "refused", or what is wrong; and the largest change of what it
+    keeps.
+    """
     try:
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore")
@@ -148,7 +168,9 @@ def row(scene: Scene, size: Size) -> str:
 
 
 def there_and_back(size: Size) -> str:
-    """How far a chaotic top is from its start after steps forth and back: only as long as the way back is known is it one."""
+    """How far a chaotic top is from its start after steps forth and back: only as long as the way
+    back is known is it one.
+    """
     top = lm.HeavyTop([1.0, 1.5, 0.7], 1.3, [0.6, 0.0, 0.8])
     cells, method = [], lm.LieVerlet(lm.Cayley())
     start = top.state([0.4, -0.3, 1.9], rounding.ATTITUDE)

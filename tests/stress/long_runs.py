@@ -1,10 +1,12 @@
-"""Runs of up to 10^8 steps for each family of methods and for other packages: the error of the energy over time.
+"""Runs of up to 10^8 steps for each family of methods and for other packages: the error of the
+energy over time.
 
     python tests/stress/long_runs.py [--minutes 20] [--steps 1e8] [--only RKMK] [--page]
 
-A run goes on from sample to sample by factors of sqrt 10; of each part the largest error counts.  It ends at the steps that were
-asked for, or when the next part would take longer than the time that is left for it.  Results are kept in `long_runs.json`, a
-longer run takes the place of a shorter one; --page writes the table and the figure of docs/reliability.md from them.
+A run goes on from sample to sample by factors of sqrt 10; of each part the largest error counts.
+It ends at the steps that were asked for, or when the next part would take longer than the time that
+is left for it.  Results are kept in `long_runs.json`, a longer run takes the place of a shorter
+one; --page writes the table and the figure of docs/reliability.md from them.
 """
 
 from __future__ import annotations
@@ -243,7 +245,9 @@ def rebound(method: str) -> tuple[float, Part]:
 
 
 def measured(make: Callable[[], tuple[float, Part]], most: float, seconds: float) -> dict[str, Any]:
-    """Steps and the largest relative error of the energy between two of them, as far as time allows."""
+    """Steps and the largest relative error of the energy between two of them, as far as time
+    allows.
+    """
     energy, go_on = make()
     done, found, begun = 0, [], time.process_time()
     spent = 0.0
@@ -355,7 +359,8 @@ def main() -> None:
             print(f"{name}: {missing}")
             continue
         print(
-            f"{group}: {name}: {found['steps']:.0e} steps, {found['seconds']:.0f} s, {found['errors'][-1:]}",
+            f"{group}: {name}: {found['steps']:.0e} steps, "
+            f"{found['seconds']:.0f} s, {found['errors'][-1:]}",
             flush=True,
         )
         if found["steps"] >= kept.get(f"{group}: {name}", {"steps": 0})["steps"]:

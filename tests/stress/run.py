@@ -1,13 +1,15 @@
 """Stress: the 28 goals of reliability measured, hard scenes, and errors over time.
 
-    python tests/stress/run.py [--quick] [--write] [--steps 1000000] [--calls 10000] [--only R5] [--minutes N]
+    python tests/stress/run.py [--quick] [--write] [--steps 1000000] [--calls 10000] [--only R5]
+    [--minutes N]
 
 --write puts the tables into docs/reliability.md, with --only these rows alone, and draws
 docs/figures/error_over_time.png.  --quick takes smaller sizes and a
-minute or two.  It fails if a goal is missed that the page says is met, or if a hard scene ends in NaN or a bare error.
+minute or two.  It fails if a goal is missed that the page says is met, or if a hard scene ends in
+NaN or a bare error.
 
---minutes N is a full run: from half an hour on 10^5 random calls and 10^6 steps; what is left of the time goes to runs of
-10^8 steps of every family and of other packages (`long_runs.py`).
+--minutes N is a full run: from half an hour on 10^5 random calls and 10^6 steps; what is left of
+the time goes to runs of 10^8 steps of every family and of other packages (`long_runs.py`).
 """
 
 from __future__ import annotations
@@ -22,7 +24,10 @@ import time
 from pathlib import Path
 
 TESTS = Path(__file__).parent.parent
-sys.path[:0] = [str(TESTS), *(str(TESTS / folder) for folder in ("benchmarks", "calls", "groups", "simulation"))]
+sys.path[:0] = [
+    str(TESTS),
+    *(str(TESTS / folder) for folder in ("benchmarks", "calls", "groups", "simulation")),
+]
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import goals  # noqa: E402
@@ -53,7 +58,9 @@ def verdicts(text: str) -> dict[str, bool]:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--quick", action="store_true", help="smaller sizes")
     parser.add_argument("--write", action="store_true", help="write the page and draw the figure")
     parser.add_argument("--steps", type=int, default=10**6, help="of a long run")
@@ -64,8 +71,14 @@ def main() -> int:
     if chosen.minutes:
         chosen.steps, chosen.calls = (10**6, 10**5) if chosen.minutes >= 30 else (300_000, 10**4)
     begun = time.perf_counter()
-    size = goals.Size(True, 20_000, 500) if chosen.quick else goals.Size(False, chosen.steps, chosen.calls)
-    rows = [goals.row(goal, size) for goal in goals.GOALS if not chosen.only or goal.name in chosen.only]
+    size = (
+        goals.Size(True, 20_000, 500)
+        if chosen.quick
+        else goals.Size(False, chosen.steps, chosen.calls)
+    )
+    rows = [
+        goals.row(goal, size) for goal in goals.GOALS if not chosen.only or goal.name in chosen.only
+    ]
     table = "\n".join((HEADS["goals"], *rows))
     now, page = verdicts(table), PAGE.read_text(encoding="utf-8")
     worse = [name for name, met in verdicts(page).items() if met and not now.get(name, True)]
@@ -84,15 +97,28 @@ def main() -> int:
             over_time.draw(FIGURE, size)
         if chosen.minutes:
             left = max(1.0, chosen.minutes - (time.perf_counter() - begun) / 60.0)
-            command = [sys.executable, str(Path(__file__).with_name("long_runs.py")), "--minutes", f"{left:g}"]
+            command = [
+                sys.executable,
+                str(Path(__file__).with_name("long_runs.py")),
+                "--minutes",
+                f"{left:g}",
+            ]
             subprocess.run(command, check=True)
     elif chosen.write:
         page = PAGE.read_text(encoding="utf-8")
         for line in rows:
-            page = re.sub(rf"^\{line.split(' | ')[0]} \|.*$", lambda _, new=line: new, page, flags=re.MULTILINE)
+            page = re.sub(
+                rf"^\{line.split(' | ')[0]} \|.*$",
+                lambda _, new=line: new,
+                page,
+                flags=re.MULTILINE,
+            )
         PAGE.write_text(page, encoding="utf-8")
     missed = [name for name, met in now.items() if not met]
-    print(f"{sum(now.values())} of {len(goals.GOALS)} goals met; missed: {missed}; worse than the page: {worse}; scenes: {bad}")
+    print(
+        f"{sum(now.values())} of {len(goals.GOALS)} goals met; missed: {missed}; worse than the "
+        f"page: {worse}; scenes: {bad}"
+    )
     return 1 if worse or bad else 0
 
 

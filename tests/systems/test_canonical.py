@@ -1,4 +1,6 @@
-"""Canonical systems and their models: Hamilton's equations, references of many digits, ordinary methods as methods on R^2n."""
+"""Canonical systems and their models: Hamilton's equations, references of many digits, ordinary
+methods as methods on R^2n.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,12 @@ from liemech.models.pendulums import DoublePendulum, Pendulum
 from liemech.systems.canonical import CanonicalState, HamiltonianSystem
 
 REFERENCE = Path(__file__).parent.parent / "reference"
-MODELS = (Pendulum(1.2, 0.8, 3.0), DoublePendulum([1.0, 0.5], [1.0, 0.8], 9.81), HenonHeiles(0.7), Kepler(2.0))
+MODELS = (
+    Pendulum(1.2, 0.8, 3.0),
+    DoublePendulum([1.0, 0.5], [1.0, 0.8], 9.81),
+    HenonHeiles(0.7),
+    Kepler(2.0),
+)
 EACH = pytest.mark.parametrize("model", MODELS, ids=lambda model: type(model).__name__)
 
 
@@ -57,7 +64,9 @@ class Oscillators(HamiltonianSystem):
 
 
 @EACH
-def test_velocity_and_force_are_the_derivatives_of_the_energy(model: HamiltonianSystem, rng: np.random.Generator) -> None:
+def test_velocity_and_force_are_the_derivatives_of_the_energy(
+    model: HamiltonianSystem, rng: np.random.Generator
+) -> None:
     q, p = rng.normal(size=(2, 5, model.degrees))
 
     def differences(f: Any, x: np.ndarray) -> np.ndarray:
@@ -67,14 +76,25 @@ def test_velocity_and_force_are_the_derivatives_of_the_energy(model: Hamiltonian
         return (4 * half - one) / 3
 
     scale = 1.0 + np.abs(model.force(q, p)).max()
-    assert np.abs(model.velocity(q, p) - differences(lambda x: model.energy(q, x), p)).max() <= 1e-8 * scale
-    assert np.abs(model.force(q, p) + differences(lambda x: model.energy(x, p), q)).max() <= 1e-8 * scale
+    assert (
+        np.abs(model.velocity(q, p) - differences(lambda x: model.energy(q, x), p)).max()
+        <= 1e-8 * scale
+    )
+    assert (
+        np.abs(model.force(q, p) + differences(lambda x: model.energy(x, p), q)).max()
+        <= 1e-8 * scale
+    )
 
 
 @EACH
-def test_derivatives_that_nobody_wrote_are_those_in_closed_form(model: HamiltonianSystem, rng: np.random.Generator) -> None:
+def test_derivatives_that_nobody_wrote_are_those_in_closed_form(
+    model: HamiltonianSystem, rng: np.random.Generator
+) -> None:
     q, p = map(Vec.of, rng.normal(size=(2, model.degrees)))
-    for written, derived in (("velocity", HamiltonianSystem.velocity), ("force", HamiltonianSystem.force)):
+    for written, derived in (
+        ("velocity", HamiltonianSystem.velocity),
+        ("force", HamiltonianSystem.force),
+    ):
         closed = np.array(getattr(model, written)(q, p))
         assert np.allclose(np.array(derived(model, q, p)), closed, rtol=1e-13, atol=1e-13)
 
@@ -126,14 +146,18 @@ def test_kepler_against_the_reference() -> None:
         exact = system.exact(start, t)
         tolerance = 1e-14 * (1.0 + t) / (1.0 - e) ** 2
         for values, name in ((exact.q, "q"), (exact.p, "p")):
-            errors = np.abs(values - np.array([sample[name] for sample in case["samples"]])).max(axis=1)
+            errors = np.abs(values - np.array([sample[name] for sample in case["samples"]])).max(
+                axis=1
+            )
             assert (errors <= tolerance).all()
         assert np.allclose(system.pericentre(e).p, start.p, rtol=1e-15, atol=0.0)
         assert abs(system.period(start) - case["period"]) <= 1e-12 * case["period"]
 
 
 def test_kepler_from_anywhere_on_the_orbit() -> None:
-    """The exact motion against an integration, from a start that is no pericentre, clockwise, and backwards."""
+    """The exact motion against an integration, from a start that is no pericentre, clockwise, and
+    backwards.
+    """
     system = Kepler(2.5)
     start = system.state([1.1, 0.4], [0.3, -1.2])
     run = lm.integrate(system, lm.Taylor(20), start, h=-0.02, steps=500)
@@ -182,7 +206,9 @@ def test_runge_kutta_on_the_phase_space_is_the_ordinary_one() -> None:
 
 
 @pytest.mark.parametrize(
-    "method", [lm.RKMK(order=8), lm.RKMK(order=4), lm.CommutatorFree(), lm.Taylor(), lm.CrouchGrossman()], ids=lambda m: m.name
+    "method",
+    [lm.RKMK(order=8), lm.RKMK(order=4), lm.CommutatorFree(), lm.Taylor(), lm.CrouchGrossman()],
+    ids=lambda m: m.name,
 )
 def test_methods_for_groups_serve_canonical_systems(method: lm.Method) -> None:
     system = Kepler()
@@ -208,7 +234,12 @@ def test_compensated_sums_keep_more() -> None:
     system = Kepler()
     start = system.pericentre(0.2)
     drift = [
-        np.abs(lm.integrate(system, lm.RKMK(order=8), start, h=0.01, steps=20_000, every=50, compensated=c).energy + 0.5).max()
+        np.abs(
+            lm.integrate(
+                system, lm.RKMK(order=8), start, h=0.01, steps=20_000, every=50, compensated=c
+            ).energy
+            + 0.5
+        ).max()
         for c in (False, True)
     ]
     assert drift[1] < drift[0] <= 1e-12
@@ -242,7 +273,14 @@ def test_ensembles_have_the_bits_of_single_runs(rng: np.random.Generator) -> Non
     starts = system.state(rng.normal(size=(9, 2)), rng.normal(size=(9, 2)))
     many = lm.integrate(system, lm.RKMK(order=4), starts, h=0.01, steps=20, compiled=True)
     for i in 0, 8:
-        alone = lm.integrate(system, lm.RKMK(order=4), system.state(starts.q[i], starts.p[i]), h=0.01, steps=20, compiled=False)
+        alone = lm.integrate(
+            system,
+            lm.RKMK(order=4),
+            system.state(starts.q[i], starts.p[i]),
+            h=0.01,
+            steps=20,
+            compiled=False,
+        )
         assert same_bits(many.q[:, i], alone.q)
         assert same_bits(many.p[:, i], alone.p)
 

@@ -1,4 +1,6 @@
-"""Functions of time given by tables: SciPy's values, exact quadratures, one native code for all lengths, the same bits."""
+"""Functions of time given by tables: SciPy's values, exact quadratures, one native code for all
+lengths, the same bits.
+"""
 
 from __future__ import annotations
 
@@ -75,7 +77,10 @@ def test_beyond_the_table_what_was_named():
     with pytest.raises(errors.InvalidInput, match="not held"):
         held.derivative()
     again = lm.PiecewisePolynomial.linear(*given, outside="repeat")
-    assert abs(again(3.25 + 20.0) - again(3.25)) < 1e-12 and abs(again(3.25 - 10.0) - again(3.25)) < 1e-12
+    assert (
+        abs(again(3.25 + 20.0) - again(3.25)) < 1e-12
+        and abs(again(3.25 - 10.0) - again(3.25)) < 1e-12
+    )
     strict = lm.PiecewisePolynomial.cubic(*given)
     for t in (0.99, 11.01, np.nan):
         with pytest.raises(ValueError, match=r'1\.0 to 11\.0, has no value; outside="hold"'):
@@ -94,12 +99,21 @@ def test_a_run_ends_where_its_table_does():
 
 
 def test_adaptive_steps_told_of_the_knots_integrate_jumps_exactly():
-    """Between two knots the velocity is constant, and every step exact; without `breaks` the jumps cost steps and accuracy."""
+    """Between two knots the velocity is constant, and every step exact; without `breaks` the jumps
+    cost steps and accuracy.
+    """
     steps = lm.PiecewisePolynomial.constant(KNOTS, VALUES[1:])
     area = np.diff(KNOTS) @ VALUES[1:]
     system = driven(steps)
     told, not_told = (
-        lm.integrate(system, lm.RKMK(order=5), system.state(np.zeros(2)), t_end=10.0, breaks=breaks, compiled=False)
+        lm.integrate(
+            system,
+            lm.RKMK(order=5),
+            system.state(np.zeros(2)),
+            t_end=10.0,
+            breaks=breaks,
+            compiled=False,
+        )
         for breaks in (steps.knots, ())
     )
     assert np.abs(told.g[-1] - area).max() < 1e-13 < np.abs(not_told.g[-1] - area).max()
@@ -110,14 +124,18 @@ def test_a_cubic_table_is_integrated_exactly_by_simpsons_rule():
     knots = np.linspace(0.0, 10.0, 21)
     curve = curves.CubicSpline(knots, RNG.normal(size=(21, 2)))
     system = driven(lm.PiecewisePolynomial.of(curve))
-    run = lm.integrate(system, lm.RKMK(order=4), system.state(np.zeros(2)), h=0.5, steps=20, compiled=False)
+    run = lm.integrate(
+        system, lm.RKMK(order=4), system.state(np.zeros(2)), h=0.5, steps=20, compiled=False
+    )
     assert np.abs(run.g - [curve.integrate(0.0, t) for t in run.t]).max() < 1e-13
 
 
 def test_tables_are_pickled_compared_and_saved(tmp_path: Path):
     system = driven(lm.PiecewisePolynomial.cubic(KNOTS, VALUES))
     other = driven(lm.PiecewisePolynomial.cubic(KNOTS, VALUES + 1e-16 * VALUES[0, 0] + 1e-9))
-    assert pickle.loads(pickle.dumps(system)) == system != other and hash(system) == hash(pickle.loads(pickle.dumps(system)))
+    assert pickle.loads(pickle.dumps(system)) == system != other and hash(system) == hash(
+        pickle.loads(pickle.dumps(system))
+    )
     plan = lm.Plan(system, lm.RKMK(order=2), h=0.1, compiled=False)
     run = plan.run(system.state(np.zeros(2)), steps=20)
     run.save(tmp_path / "run.npz")
@@ -137,19 +155,25 @@ def test_a_table_is_one_number_wherever_values_are_laid_out():
     numbers = leaves(system, layout)
     assert len(numbers) == layout.width and gatherer(layout)(system) == numbers
     assert build(layout, iter(numbers)) == system
-    assert layout == layout_of(driven(lm.PiecewisePolynomial.cubic(np.arange(500.0), RNG.normal(size=(500, 2)))))
+    assert layout == layout_of(
+        driven(lm.PiecewisePolynomial.cubic(np.arange(500.0), RNG.normal(size=(500, 2))))
+    )
 
 
 @pytest.mark.compiled
 def test_native_code_is_one_for_tables_of_all_lengths_and_has_the_bits_of_python():
     long = np.linspace(0.0, 10.0, 3000)
-    short, many = lm.PiecewisePolynomial.cubic(KNOTS, VALUES), lm.PiecewisePolynomial.cubic(long, RNG.normal(size=(3000, 2)))
+    short, many = (
+        lm.PiecewisePolynomial.cubic(KNOTS, VALUES),
+        lm.PiecewisePolynomial.cubic(long, RNG.normal(size=(3000, 2))),
+    )
     made = set()
     for f in (short, many):
         system = driven(f)
         start = system.state(np.zeros(2))
         plain, native = (
-            lm.integrate(system, lm.RKMK(order=4), start, h=0.05, steps=200, compiled=compiled) for compiled in (False, True)
+            lm.integrate(system, lm.RKMK(order=4), start, h=0.05, steps=200, compiled=compiled)
+            for compiled in (False, True)
         )
         assert np.array_equal(plain.g, native.g)
         made.add(len(kernel.alive()))
@@ -158,7 +182,9 @@ def test_native_code_is_one_for_tables_of_all_lengths_and_has_the_bits_of_python
     systems = [driven(f) for f in (short, many, short, many, many)]
     together = lm.integrate(systems, lm.RKMK(order=4), starts, h=0.05, steps=100, compiled=True)
     for i, system in enumerate(systems):
-        alone = lm.integrate(system, lm.RKMK(order=4), system.state(starts.g[i]), h=0.05, steps=100, compiled=False)
+        alone = lm.integrate(
+            system, lm.RKMK(order=4), system.state(starts.g[i]), h=0.05, steps=100, compiled=False
+        )
         assert np.array_equal(together.g[:, i], alone.g)
 
 
@@ -181,11 +207,17 @@ def test_a_table_that_is_no_field_lies_in_the_code_and_is_looked_at_again(monkey
     start = system.state(np.zeros(2))
 
     def runs():
-        return [lm.integrate(system, lm.RKMK(order=4), start, h=0.7, steps=40, compiled=c).g for c in (False, True)]
+        return [
+            lm.integrate(system, lm.RKMK(order=4), start, h=0.7, steps=40, compiled=c).g
+            for c in (False, True)
+        ]
 
     plain, native = runs()
     assert np.array_equal(plain, native)
-    monkeypatch.setattr(f"{__name__}.CONSTANT", lm.PiecewisePolynomial.linear(KNOTS, -VALUES[:, 0], outside="repeat"))
+    monkeypatch.setattr(
+        f"{__name__}.CONSTANT",
+        lm.PiecewisePolynomial.linear(KNOTS, -VALUES[:, 0], outside="repeat"),
+    )
     changed, native = runs()
     assert np.array_equal(changed, native) and np.array_equal(changed, -plain)
 

@@ -1,4 +1,6 @@
-"""Kepler's ellipse with e = 0.9, the example of the slides: its table of errors, long runs, and eccentricities up to 0.999."""
+"""Kepler's ellipse with e = 0.9, the example of the slides: its table of errors, long runs, and
+eccentricities up to 0.999.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +26,12 @@ SIGMAS = {
 PERIODS = {"1": 16.0, "2, alpha = 2": 14.4, "2, alpha = 3/2": 8.4, "3": 15.2, "4": 3.3}
 """A period in fictive time, to three figures."""
 
-SYMPLECTIC = {"2, alpha = 2": (3.0e-4, 7.6e-5), "2, alpha = 3/2": (1.9e-4, 4.6e-5), "3": (3.2e-4, 7.9e-5), "4": (3.8e-3, 9.4e-4)}
+SYMPLECTIC = {
+    "2, alpha = 2": (3.0e-4, 7.6e-5),
+    "2, alpha = 3/2": (1.9e-4, 4.6e-5),
+    "3": (3.2e-4, 7.9e-5),
+    "4": (3.8e-3, 9.4e-4),
+}
 REVERSIBLE = {
     "1": (8.4e-4, 2.1e-4),
     "2, alpha = 2": (1.1e-3, 2.6e-4),
@@ -34,7 +41,8 @@ REVERSIBLE = {
 }
 """max |H - H_0| over ten periods, in about 5000 and about 10000 steps.
 
-Source: math of the slides (Hairer, Lubich, Wanner, VIII.2 and VIII.3), computed by an independent program.
+Source: math of the slides (Hairer, Lubich, Wanner, VIII.2 and VIII.3), computed by an independent
+program.
 """
 
 
@@ -70,7 +78,9 @@ def test_the_period_in_fictive_time(choice: str) -> None:
 def test_table_of_the_symplectic_method(choice: str) -> None:
     h = fictive_period(SIGMAS[choice]) / 500
     for k, wanted in enumerate(SYMPLECTIC[choice]):
-        found = energy_error(lm.TimeTransformed(KEPLER, SIGMAS[choice]), lm.AdaptiveVerlet(), h / 2**k, 5000 * 2**k)
+        found = energy_error(
+            lm.TimeTransformed(KEPLER, SIGMAS[choice]), lm.AdaptiveVerlet(), h / 2**k, 5000 * 2**k
+        )
         assert found == two_digits(wanted)
 
 
@@ -78,7 +88,10 @@ def test_table_of_the_symplectic_method(choice: str) -> None:
 @pytest.mark.compiled
 @pytest.mark.parametrize("choice", REVERSIBLE)
 def test_table_of_the_reversible_controller(choice: str) -> None:
-    h, method = fictive_period(SIGMAS[choice]) / 500, lm.ReversibleController(lm.StormerVerlet(), SIGMAS[choice])
+    h, method = (
+        fictive_period(SIGMAS[choice]) / 500,
+        lm.ReversibleController(lm.StormerVerlet(), SIGMAS[choice]),
+    )
     for k, wanted in enumerate(REVERSIBLE[choice]):
         assert energy_error(KEPLER, method, h / 2**k, 5000 * 2**k) == two_digits(wanted)
 
@@ -86,19 +99,26 @@ def test_table_of_the_reversible_controller(choice: str) -> None:
 @pytest.mark.compiled
 def test_table_of_equal_steps() -> None:
     for steps, wanted in ((5000, 2.1e-1), (10000, 5.0e-2)):
-        assert energy_error(KEPLER, lm.StormerVerlet(), 10.0 * PERIOD / steps, steps) == two_digits(wanted)
+        assert energy_error(KEPLER, lm.StormerVerlet(), 10.0 * PERIOD / steps, steps) == two_digits(
+            wanted
+        )
 
 
-# ------------------------------------------------------------------ long runs, and narrower ellipses
+# ------------------------------------------------------------------ long runs, and narrower
+# ellipses
 
 
 @pytest.mark.compiled
 @pytest.mark.parametrize("e", [0.99, 0.999])
 def test_steps_for_each_revolution_do_not_grow_with_the_eccentricity(e: float) -> None:
-    """120 steps of order 8: equal steps of Stormer and Verlet need about 120 for each (1 - e)^(3/2) of a period."""
+    """120 steps of order 8: equal steps of Stormer and Verlet need about 120 for each (1 - e)^(3/2)
+    of a period.
+    """
     start = KEPLER.pericentre(e)
     method = lm.Splitting(tableau=SplittingTableau.of(KAHAN_LI8).exchanged)
-    run = lm.integrate(lm.LogarithmicHamiltonian(KEPLER), method, start, h=PERIOD / 120, t_end=10.0 * PERIOD)
+    run = lm.integrate(
+        lm.LogarithmicHamiltonian(KEPLER), method, start, h=PERIOD / 120, t_end=10.0 * PERIOD
+    )
     assert run.steps < 10 * 121
     assert run.drift()["Runge-Lenz vector"].verdict == "exact"
     assert np.abs(run.at(9.5 * PERIOD).q - KEPLER.exact(start, 9.5 * PERIOD).q).max() < 1e-10
@@ -112,7 +132,10 @@ def test_narrow_ellipses_by_distance_powers(e: float) -> None:
     far = KEPLER.exact(start, 9.5 * PERIOD)
     for method, system in (
         (lm.ReversibleController(lm.Splitting(order=6), lm.DistancePower(1.5)), KEPLER),
-        (lm.Composition(lm.AdaptiveVerlet(), order=6), lm.TimeTransformed(KEPLER, lm.DistancePower(1.5))),
+        (
+            lm.Composition(lm.AdaptiveVerlet(), order=6),
+            lm.TimeTransformed(KEPLER, lm.DistancePower(1.5)),
+        ),
     ):
         run = lm.integrate(system, method, start, h=PERIOD / 200, t_end=9.5 * PERIOD)
         assert run.steps < 10 * 500 and np.abs(run.q[-1] - far.q).max() < 1e-3
@@ -122,7 +145,9 @@ def test_narrow_ellipses_by_distance_powers(e: float) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("choice", ["2, alpha = 3/2", "3"])
 def test_no_drift_over_a_hundred_thousand_periods(choice: str) -> None:
-    """Fifty million steps of each method: the largest energy error of the last tenth is that of the first."""
+    """Fifty million steps of each method: the largest energy error of the last tenth is that of the
+    first.
+    """
     h = fictive_period(SIGMAS[choice]) / 500
     for system, method in (
         (lm.TimeTransformed(KEPLER, SIGMAS[choice]), lm.AdaptiveVerlet()),

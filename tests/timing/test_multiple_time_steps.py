@@ -1,4 +1,6 @@
-"""Kicks at several rates: the impulse method and the mollified one, where they are in resonance, and what they cost."""
+"""Kicks at several rates: the impulse method and the mollified one, where they are in resonance,
+and what they cost.
+"""
 
 from __future__ import annotations
 
@@ -67,7 +69,12 @@ def begin(system: Any) -> Any:
         (SOFT, lm.MultipleTimeSteps(ratios=(4,)), 2),
         (SOFT, lm.MultipleTimeSteps(ratios=(4,), mollified=True), 2),
         (Three(7.0), lm.MultipleTimeSteps(ratios=(3, 2)), 2),
-        pytest.param(SOFT, lm.Composition(lm.MultipleTimeSteps(ratios=(4,)), order=4), 4, marks=pytest.mark.slow),
+        pytest.param(
+            SOFT,
+            lm.Composition(lm.MultipleTimeSteps(ratios=(4,)), order=4),
+            4,
+            marks=pytest.mark.slow,
+        ),
     ],
     ids=repr,
 )
@@ -107,7 +114,9 @@ def test_symmetric_and_symplectic(method: lm.Method) -> None:
 
 def test_one_step_of_each_rate_is_stormer_verlet() -> None:
     start = begin(SOFT)
-    run = lm.integrate(SOFT, lm.MultipleTimeSteps(ratios=(1,)), start, h=0.05, steps=50, compensated=False)
+    run = lm.integrate(
+        SOFT, lm.MultipleTimeSteps(ratios=(1,)), start, h=0.05, steps=50, compensated=False
+    )
     verlet = lm.integrate(SOFT, lm.StormerVerlet(), start, h=0.05, steps=50, compensated=False)
     assert np.abs(run.q - verlet.q).max() < 1e-14
 
@@ -148,18 +157,28 @@ def test_fast_steps_that_are_unstable_are_warned_of() -> None:
 
 @pytest.mark.compiled
 @pytest.mark.parametrize(
-    "method", [lm.MultipleTimeSteps(ratios=(40,)), lm.MultipleTimeSteps(ratios=(4,), mollified=True)], ids=repr
+    "method",
+    [lm.MultipleTimeSteps(ratios=(40,)), lm.MultipleTimeSteps(ratios=(4,), mollified=True)],
+    ids=repr,
 )
 def test_native_code_gives_the_same_bits(method: lm.Method) -> None:
-    plain, native = (lm.integrate(SOFT, method, begin(SOFT), h=0.05, steps=20, compiled=c) for c in (False, True))
-    assert native.compiled and np.array_equal(plain.q, native.q) and np.array_equal(plain.p, native.p)
+    plain, native = (
+        lm.integrate(SOFT, method, begin(SOFT), h=0.05, steps=20, compiled=c) for c in (False, True)
+    )
+    assert (
+        native.compiled and np.array_equal(plain.q, native.q) and np.array_equal(plain.p, native.p)
+    )
 
 
 def test_with_steps_that_follow_a_time_scale() -> None:
     for mollified in (False, True):
-        method = lm.ReversibleController(lm.MultipleTimeSteps(ratios=(4,), mollified=mollified), lambda q: 1.0 + q[1] ** 2)
+        method = lm.ReversibleController(
+            lm.MultipleTimeSteps(ratios=(4,), mollified=mollified), lambda q: 1.0 + q[1] ** 2
+        )
         start, errors = begin(SOFT), []
-        exact = lm.integrate(SOFT, lm.RKMK(order=8), start, h=0.0125, steps=80, compiled=False).q[-1]
+        exact = lm.integrate(SOFT, lm.RKMK(order=8), start, h=0.0125, steps=80, compiled=False).q[
+            -1
+        ]
         for h in (0.04, 0.02, 0.01):
             run = lm.integrate(SOFT, method, start, h=h, t_end=1.0, compiled=False)
             errors.append(float(np.abs(run.q[-1] - exact).max()))
@@ -175,7 +194,9 @@ def test_what_is_refused() -> None:
     with pytest.raises(InvalidType):
         lm.MultipleTimeSteps(mollified=1)  # type: ignore[arg-type]
     with pytest.raises(IncompatibleSystem, match="MultirateSystem"):
-        lm.integrate(lm.Kepler(), lm.MultipleTimeSteps(), lm.Kepler().pericentre(0.1), h=0.1, steps=1)
+        lm.integrate(
+            lm.Kepler(), lm.MultipleTimeSteps(), lm.Kepler().pericentre(0.1), h=0.1, steps=1
+        )
     with pytest.raises(IncompatibleSystem, match="for 3 parts"):
         lm.integrate(SOFT, lm.MultipleTimeSteps(ratios=(2, 2)), begin(SOFT), h=0.1, steps=1)
 

@@ -1,4 +1,6 @@
-"""The reversible controller: order, symmetry and reversibility around any symmetric method, on any system; what it refuses."""
+"""The reversible controller: order, symmetry and reversibility around any symmetric method, on any
+system; what it refuses.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,13 @@ import numpy as np
 import pytest
 
 import liemech as lm
-from liemech.errors import IncompatibleSystem, InvalidInput, InvalidTimeScale, InvalidType, StepTooSmall
+from liemech.errors import (
+    IncompatibleSystem,
+    InvalidInput,
+    InvalidTimeScale,
+    InvalidType,
+    StepTooSmall,
+)
 from liemech.systems.clocked import Clocked
 
 KEPLER = lm.Kepler()
@@ -24,7 +32,9 @@ FALLING = TOP.state(mu=[0.3, 0.0, 1.5], g=np.eye(3))
 
 
 def verlet(sigma: Any = None) -> lm.ReversibleController:
-    return lm.ReversibleController(lm.StormerVerlet(), lm.DistancePower(1.5) if sigma is None else sigma)
+    return lm.ReversibleController(
+        lm.StormerVerlet(), lm.DistancePower(1.5) if sigma is None else sigma
+    )
 
 
 def slopes(error: Callable[[float], float], h: float, count: int = 3) -> list[float]:
@@ -51,7 +61,13 @@ class Constant(lm.TimeScale):
         pytest.param(verlet(lm.EqualChange()), 2, 0.08, marks=pytest.mark.slow),
         (verlet(lambda q, p: 1.0 / (1.0 + lm.dot(p, p))), 2, 0.08),
         (lm.ReversibleController(lm.Splitting(order=4), lm.EqualArc()), 4, 0.16),
-        (lm.ReversibleController(lm.Composition(lm.StormerVerlet(), order=4), lm.DistancePower(2.0)), 4, 0.16),
+        (
+            lm.ReversibleController(
+                lm.Composition(lm.StormerVerlet(), order=4), lm.DistancePower(2.0)
+            ),
+            4,
+            0.16,
+        ),
         (lm.Composition(verlet(), order=4), 4, 0.16),
         (lm.ReversibleController(lm.Splitting(order=6), lm.DistancePower(1.5)), 6, 0.32),
         (lm.Composition(verlet(), order=6), 6, 0.32),
@@ -76,7 +92,12 @@ def test_order_at_a_physical_time(method: lm.Method, order: int, h: float) -> No
         (lm.LieVerlet(), 2, lambda mu: 1.0 / (0.1 + lm.dot(mu, mu))),
         (lm.KickDrift(order=4), 4, lambda g: 1.0 + 0.5 * g[2, 2]),
         pytest.param(lm.LieVerlet(), 2, lm.EqualArc(), marks=pytest.mark.slow),
-        pytest.param(lm.KickDrift(order=4), 4, lambda mu: 1.0 / (0.1 + lm.dot(mu, mu)), marks=pytest.mark.slow),
+        pytest.param(
+            lm.KickDrift(order=4),
+            4,
+            lambda mu: 1.0 / (0.1 + lm.dot(mu, mu)),
+            marks=pytest.mark.slow,
+        ),
         pytest.param(lm.KickDrift(order=4), 4, lm.EqualArc(), marks=pytest.mark.slow),
     ],
 )
@@ -96,11 +117,17 @@ def test_order_on_a_group(base: lm.Method, order: int, sigma: Any) -> None:
 def test_a_constant_sigma_is_no_transformation() -> None:
     run = lm.integrate(KEPLER, verlet(Constant(0.25)), ORBIT, h=0.5, steps=60)
     plain = lm.integrate(KEPLER, lm.StormerVerlet(), ORBIT, h=0.125, steps=60)
-    assert np.array_equal(run.q, plain.q) and np.array_equal(run.p, plain.p) and np.array_equal(run.t, plain.t)
+    assert (
+        np.array_equal(run.q, plain.q)
+        and np.array_equal(run.p, plain.p)
+        and np.array_equal(run.t, plain.t)
+    )
     assert np.array_equal(run.tau, 0.5 * np.arange(61)) and (run.z == 4.0).all()
 
 
-@pytest.mark.parametrize("method", [verlet(), verlet(lm.EqualArc()), lm.Composition(verlet(), order=4)], ids=repr)
+@pytest.mark.parametrize(
+    "method", [verlet(), verlet(lm.EqualArc()), lm.Composition(verlet(), order=4)], ids=repr
+)
 def test_symmetric(method: lm.Method) -> None:
     """Steps with h, as many with -h from where they lead, with z and time: back at the start."""
     controller = getattr(method, "base", method)
@@ -115,19 +142,25 @@ def test_symmetric(method: lm.Method) -> None:
         memory = method.step(whole, 0.0, memory, -0.1)
     back = method.observe(memory)
     assert abs(there.q - start.q)[0] > 0.1
-    for a, b in zip((*back.q, *back.p, back.time, back.z), (*start.q, *start.p, start.time, start.z)):
+    for a, b in zip(
+        (*back.q, *back.p, back.time, back.z), (*start.q, *start.p, start.time, start.z)
+    ):
         assert abs(a - b) < 2e-13 * max(1.0, abs(b))
 
 
 def test_energy_does_not_drift_and_z_follows_sigma() -> None:
-    run = lm.integrate(KEPLER, verlet(), KEPLER.pericentre(0.9), h=8.4 / 500, steps=20_000, every=20)
+    run = lm.integrate(
+        KEPLER, verlet(), KEPLER.pericentre(0.9), h=8.4 / 500, steps=20_000, every=20
+    )
     report = run.drift()["energy"]
     assert report.verdict == "bounded" and abs(report.slope) * report.duration < 1e-6
     assert np.abs(run.z * run.scale - 1.0).max() < 1e-3
 
 
 def test_steps_by_the_printed_formula_collapse() -> None:
-    """The slides print G(y_n) in the second half step too, (3.8) and (3.9): then z sigma = 1 is lost, and z falls below zero."""
+    """The slides print G(y_n) in the second half step too, (3.8) and (3.9): then z sigma = 1 is
+    lost, and z falls below zero.
+    """
     start, sigma = KEPLER.pericentre(0.9), lm.DistancePower(2.0)
     whole, eps = Clocked(KEPLER, sigma), 0.06
 
@@ -158,13 +191,25 @@ def test_steps_by_the_printed_formula_collapse() -> None:
     ("system", "method", "start"),
     [
         (KEPLER, verlet(), ORBIT),
-        (TOP, lm.ReversibleController(lm.KickDrift(order=2), lambda mu: 1.0 / (0.1 + lm.dot(mu, mu))), FALLING),
-        pytest.param(TOP, lm.ReversibleController(lm.LieVerlet(), lm.EqualArc()), FALLING, marks=pytest.mark.slow),
+        (
+            TOP,
+            lm.ReversibleController(lm.KickDrift(order=2), lambda mu: 1.0 / (0.1 + lm.dot(mu, mu))),
+            FALLING,
+        ),
+        pytest.param(
+            TOP,
+            lm.ReversibleController(lm.LieVerlet(), lm.EqualArc()),
+            FALLING,
+            marks=pytest.mark.slow,
+        ),
     ],
     ids=["orbit", "top", "turning top"],
 )
 def test_native_code_gives_the_same_bits(system: Any, method: lm.Method, start: Any) -> None:
-    plain, native = (lm.integrate(system, method, start, h=0.1, t_end=4.0, every=3, compiled=c) for c in (False, True))
+    plain, native = (
+        lm.integrate(system, method, start, h=0.1, t_end=4.0, every=3, compiled=c)
+        for c in (False, True)
+    )
     assert native.compiled and not plain.compiled
     for name, values in plain.states.items():
         assert np.array_equal(values, native.states[name])
@@ -177,7 +222,14 @@ def test_a_member_of_an_ensemble_moves_as_it_does_alone() -> None:
     many = lm.integrate(KEPLER, verlet(), starts, h=0.05, steps=60, compiled=False)
     assert many.t.shape == (61, 3) and many.q.shape == (61, 3, 2) and many.z.shape == (61, 3)
     for i in range(3):
-        one = lm.integrate(KEPLER, verlet(), KEPLER.state(starts.q[i], starts.p[i]), h=0.05, steps=60, compiled=False)
+        one = lm.integrate(
+            KEPLER,
+            verlet(),
+            KEPLER.state(starts.q[i], starts.p[i]),
+            h=0.05,
+            steps=60,
+            compiled=False,
+        )
         assert np.array_equal(one.q, many.q[:, i]) and np.array_equal(one.t, many.t[:, i])
     assert many.drift()["energy"].verdict == "bounded"
     assert "3 bodies" in repr(many)
@@ -220,9 +272,16 @@ def test_sigma_and_z_must_be_positive() -> None:
         lm.integrate(KEPLER, verlet(lm.DistancePower(2.0)), ORBIT, h=5.0, steps=30)
     run = failed.value.trajectory
     assert " tau = " in str(failed.value) and " t = " not in str(failed.value)
-    assert len(run) > 1 and (np.diff(run.t) > 0.0).all()  # the time of what there is does not go back
+    # the time of what there is does not go back
+    assert len(run) > 1 and (np.diff(run.t) > 0.0).all()
     with pytest.raises(InvalidTimeScale, match="at t = "):  # a sigma that jumps below zero
-        lm.integrate(KEPLER, verlet(lambda q: lm.formulas.where(q[0] > 0.0, 1.0, -1.0)), ORBIT, h=0.1, t_end=9.0)
+        lm.integrate(
+            KEPLER,
+            verlet(lambda q: lm.formulas.where(q[0] > 0.0, 1.0, -1.0)),
+            ORBIT,
+            h=0.1,
+            t_end=9.0,
+        )
 
 
 def test_which_options_a_run_takes() -> None:

@@ -23,13 +23,20 @@ class Rolling(lm.VelocityConstraint):
 
     def matrix(self, g: Any) -> Any:
         r = self.radius
-        return lm.mat(lm.vec(-r * g[3], -r * g[4], -r * g[5], 1.0, 0.0), lm.vec(r * g[0], r * g[1], r * g[2], 0.0, 1.0))
+        return lm.mat(
+            lm.vec(-r * g[3], -r * g[4], -r * g[5], 1.0, 0.0),
+            lm.vec(r * g[0], r * g[1], r * g[2], 0.0, 1.0),
+        )
 
 
 def off(system: Any, method: Any, sigma: Any, start: Any, h: float) -> float:
-    """How far z sigma is from one: of second order in h where G is the rate of sigma along the motion."""
+    """How far z sigma is from one: of second order in h where G is the rate of sigma along the
+    motion.
+    """
     controlled = lm.ReversibleController(method, sigma)
-    run = lm.integrate(system, controlled, start, h=h, steps=round(1.0 / h), compiled=False, progress=False)
+    run = lm.integrate(
+        system, controlled, start, h=h, steps=round(1.0 / h), compiled=False, progress=False
+    )
     return float(np.abs(run.z * run.scale - 1.0).max())
 
 
@@ -61,7 +68,9 @@ class Sphere(lm.Constraint):
 
 def hanging() -> Any:
     """A particle on a thread, as a body in R^3."""
-    free = lm.MechanicalSystem(lm.LiePoissonSystem(lm.VectorSpace(3), lm.KineticEnergy([1.0, 1.0, 1.0])), Height())
+    free = lm.MechanicalSystem(
+        lm.LiePoissonSystem(lm.VectorSpace(3), lm.KineticEnergy([1.0, 1.0, 1.0])), Height()
+    )
     body = lm.ConstrainedBody(free, Sphere())
     return body, body.consistent([0.4, 1.5, 0.3], [0.6, 0.0, -0.8]), lm.LieRATTLE()
 
@@ -71,12 +80,18 @@ def rolling() -> Any:
     group = lm.ProductGroup(lm.SO3(), lm.VectorSpace(2))
     free = lm.LiePoissonSystem(group, lm.KineticEnergy([1.0, 1.3, 1.6, 2.0, 2.0]))
     ball = lm.NonholonomicBody(free, Rolling(0.5))
-    return ball, ball.consistent([0.4, 1.5, 0.3, 0.0, 0.0], group.identity()), lm.LagrangeDAlembert()
+    return (
+        ball,
+        ball.consistent([0.4, 1.5, 0.3, 0.0, 0.0], group.identity()),
+        lm.LagrangeDAlembert(),
+    )
 
 
 @pytest.mark.parametrize("make", [hanging, rolling])
 def test_bodies_under_constraints(make: Any) -> None:
-    """The controller takes bodies with joints and bodies that roll, and knows the forces of their constraints."""
+    """The controller takes bodies with joints and bodies that roll, and knows the forces of their
+    constraints.
+    """
     body, start, method = make()
 
     def sigma(mu: Any, g: Any) -> Any:
@@ -104,18 +119,52 @@ BODY = lm.RigidBody([1.0, 1.5, 2.0])
 @pytest.mark.parametrize(
     ("system", "sigma", "start", "error", "why"),
     [
-        (SPRING, lm.EqualPath(), SPRING.state(1.0, 0.0), InvalidTimeScale, "EqualPath.* has no value at the start"),
-        (SPRING, lm.EqualPath(0.1), SPRING.state(1.0, 0.0), InvalidTimeScale, "EqualPath.* = nan at the start"),
-        (BODY, lm.EqualArc(), BODY.state([0.0, 0.0, 0.0]), InvalidTimeScale, "EqualArc.* has no value at the start"),
+        (
+            SPRING,
+            lm.EqualPath(),
+            SPRING.state(1.0, 0.0),
+            InvalidTimeScale,
+            "EqualPath.* has no value at the start",
+        ),
+        (
+            SPRING,
+            lm.EqualPath(0.1),
+            SPRING.state(1.0, 0.0),
+            InvalidTimeScale,
+            "EqualPath.* = nan at the start",
+        ),
+        (
+            BODY,
+            lm.EqualArc(),
+            BODY.state([0.0, 0.0, 0.0]),
+            InvalidTimeScale,
+            "EqualArc.* has no value at the start",
+        ),
         (SPRING, lambda q: q, SPRING.state(1.0, 0.0), InvalidType, "must be one number"),
-        (SPRING, lambda q: 1.0 / q[0], SPRING.state([[1.0], [0.0]], [[0.0], [0.0]]), InvalidTimeScale, "of body 1"),
+        (
+            SPRING,
+            lambda q: 1.0 / q[0],
+            SPRING.state([[1.0], [0.0]], [[0.0], [0.0]]),
+            InvalidTimeScale,
+            "of body 1",
+        ),
     ],
     ids=["turning point", "too little energy", "body at rest", "vector", "ensemble"],
 )
-def test_scales_without_a_value_are_refused_by_name(system: Any, sigma: Any, start: Any, error: Any, why: str) -> None:
+def test_scales_without_a_value_are_refused_by_name(
+    system: Any, sigma: Any, start: Any, error: Any, why: str
+) -> None:
     method = lm.CovariantVariational(lm.Exponential()) if system is BODY else lm.StormerVerlet()
     with pytest.raises(error, match=why):
-        lm.integrate(system, lm.ReversibleController(method, sigma), start, h=0.1, steps=2, compiled=False, progress=False)
+        lm.integrate(
+            system,
+            lm.ReversibleController(method, sigma),
+            start,
+            h=0.1,
+            steps=2,
+            compiled=False,
+            progress=False,
+        )
 
 
 def test_distances_of_constrained_systems() -> None:

@@ -1,4 +1,6 @@
-"""A page under test: a real browser, real mouse and keys, and a record of everything it complained about or asked for."""
+"""A page under test: a real browser, real mouse and keys, and a record of everything it complained
+about or asked for.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,9 @@ class Tab(Page):
 
     @classmethod
     def of(cls, browser: Chromium, address: str | Path) -> Tab:
-        return cls(browser, address.resolve(strict=True).as_uri() if isinstance(address, Path) else address)
+        return cls(
+            browser, address.resolve(strict=True).as_uri() if isinstance(address, Path) else address
+        )
 
     def __enter__(self) -> Tab:
         return self
@@ -37,7 +41,9 @@ class Tab(Page):
 
     def drawn(self) -> np.ndarray:
         """What is to be seen when the page has been painted again."""
-        self.evaluate("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
+        self.evaluate(
+            "new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))"
+        )
         return self.pixels()
 
     def seek(self, t: float) -> np.ndarray:
@@ -53,14 +59,19 @@ class Tab(Page):
                 continue
             what, about = event["method"], event["params"]
             if what == "Runtime.consoleAPICalled" and about["type"] in ("error", "assert"):
-                found.append(f"console: {[a.get('value', a.get('description')) for a in about['args']]}")
+                found.append(
+                    f"console: {[a.get('value', a.get('description')) for a in about['args']]}"
+                )
             elif what == "Runtime.exceptionThrown":
                 found.append(f"exception: {about['exceptionDetails']}")
             elif what == "Log.entryAdded" and about["entry"]["level"] == "error":
                 found.append(f"log: {about['entry']['text']}")
             elif what == "Network.requestWillBeSent":
                 address = urlsplit(about["request"]["url"])
-                if address.scheme in ("http", "https", "ws", "wss") and address.hostname not in HERE:
+                if (
+                    address.scheme in ("http", "https", "ws", "wss")
+                    and address.hostname not in HERE
+                ):
                     found.append(f"request: {about['request']['url'][:200]}")
         return found
 
@@ -79,7 +90,9 @@ class Tab(Page):
         """Pull from one place to another with the left button."""
         self._mouse("mousePressed", *start)
         for share in np.linspace(0.0, 1.0, 6)[1:]:
-            self._mouse("mouseMoved", *(a + share * (b - a) for a, b in zip(start, end, strict=True)))
+            self._mouse(
+                "mouseMoved", *(a + share * (b - a) for a, b in zip(start, end, strict=True))
+            )
         self._mouse("mouseReleased", *end)
 
     def press(self, key: str) -> None:
@@ -90,7 +103,9 @@ class Tab(Page):
 
     def _mouse(self, kind: str, x: float, y: float) -> None:
         held = {"buttons": 1} if kind != "mouseReleased" else {}
-        self.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=1, **held)
+        self.call(
+            "Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=1, **held
+        )
 
     # ------------------------------------------------------------ what the page knows
 
@@ -106,7 +121,12 @@ class Tab(Page):
     def has(self, path: str) -> bool:
         """Is there a node at this path?  Looks without making one."""
         steps = path.split("/")
-        return bool(self.evaluate(f"{steps!r}.reduce((n, s) => n && n.children[s], player.viewer.scene_tree) !== undefined"))
+        return bool(
+            self.evaluate(
+                f"{steps!r}.reduce((n, s) => n && n.children[s], "
+                "player.viewer.scene_tree) !== undefined"
+            )
+        )
 
 
 def waited(condition: Any, seconds: float = 10.0) -> bool:

@@ -17,7 +17,9 @@ from liemech.viewer.chromium import Chromium
 
 BODY = lm.RigidBody([1.0, 2.0, 3.0])
 START = BODY.state(mu=[0.3, 1.0, 0.2], g=lm.SO3().exp([0.3, -0.8, 0.4]))
-RUN = lm.integrate(BODY, lm.CovariantVariational(lm.Cayley()), START, h=0.1, steps=600, compiled=False)
+RUN = lm.integrate(
+    BODY, lm.CovariantVariational(lm.Cayley()), START, h=0.1, steps=600, compiled=False
+)
 READY = "window.ready || window.failed"
 
 
@@ -43,7 +45,10 @@ def unlike(a: np.ndarray, b: np.ndarray) -> float:
 def test_it_draws_from_disk_and_asks_nobody(tab: Tab) -> None:
     assert not is_blank(tab.seek(20.0))
     assert tab.complaints() == []
-    entries = tab.evaluate("performance.getEntriesByType('resource').map(e => e.name).filter(n => !n.startsWith('data:'))")
+    entries = tab.evaluate(
+        "performance.getEntriesByType('resource').map(e => "
+        "e.name).filter(n => !n.startsWith('data:'))"
+    )
     assert entries == []
 
 
@@ -67,8 +72,10 @@ def test_what_is_seen_is_the_trajectory(tab: Tab) -> None:
     mu = tab.read("panel 2/run 1/mu", t, arrow)
     assert np.abs(mu - RUN.mu[some] / np.linalg.norm(RUN.mu[0])).max() < 1e-5
     space = tab.read("panel 1/run 1/spatial momentum", t, arrow)
-    assert np.abs(space - 1.15 * RUN.spatial_momentum[0] / np.linalg.norm(RUN.mu[0])).max() < 1e-5  # it sticks out of the box
-    assert not tab.evaluate("player.tracks.some(t => t.path.endsWith('spatial momentum'))")  # it stands still: no track
+    # it sticks out of the box
+    assert np.abs(space - 1.15 * RUN.spatial_momentum[0] / np.linalg.norm(RUN.mu[0])).max() < 1e-5
+    # it stands still: no track
+    assert not tab.evaluate("player.tracks.some(t => t.path.endsWith('spatial momentum'))")
 
 
 def test_the_trail_ends_at_the_arrow(tab: Tab) -> None:
@@ -89,7 +96,11 @@ def test_the_trail_ends_at_the_arrow(tab: Tab) -> None:
 
 
 def test_between_two_samples_it_turns_evenly(tab: Tab) -> None:
-    q = tab.read("panel 1/run 1/body", RUN.t[100] + 0.1 * np.array([0.0, 0.25, 0.5, 1.0]), "object.quaternion.toArray()")
+    q = tab.read(
+        "panel 1/run 1/body",
+        RUN.t[100] + 0.1 * np.array([0.0, 0.25, 0.5, 1.0]),
+        "object.quaternion.toArray()",
+    )
     angle = 2.0 * np.arccos(np.clip(np.abs(q @ q[0]), 0.0, 1.0))
     assert angle[1:3] == pytest.approx(angle[3] * np.array([0.25, 0.5]), rel=1e-3)
 
@@ -120,16 +131,25 @@ def test_dragging_turns_every_panel(tab: Tab) -> None:
     before, picture = np.array(tab.evaluate(eye)), tab.seek(10.0)
     tab.drag((150.0, 200.0), (210.0, 180.0))
     after, turned = np.array(tab.evaluate(eye)), tab.drawn()
-    assert np.linalg.norm(after) == pytest.approx(np.linalg.norm(before))  # round the middle, neither nearer nor farther
+    # round the middle, neither nearer nor farther
+    assert np.linalg.norm(after) == pytest.approx(np.linalg.norm(before))
     assert np.linalg.norm(after - before) > 0.1
     half = picture.shape[1] // 2
-    assert unlike(picture[:, :half], turned[:, :half]) > 1e-3 and unlike(picture[:, half:], turned[:, half:]) > 1e-3
-    tab.evaluate(f"player.viewer.camera.position.fromArray({before.tolist()}); player.viewer.controls.update()")
+    assert (
+        unlike(picture[:, :half], turned[:, :half]) > 1e-3
+        and unlike(picture[:, half:], turned[:, half:]) > 1e-3
+    )
+    tab.evaluate(
+        f"player.viewer.camera.position.fromArray({before.tolist()}); "
+        "player.viewer.controls.update()"
+    )
 
 
 def test_speed_is_what_the_page_says(tab: Tab) -> None:
     def advance(speed: float) -> float:
-        """Seconds of the motion in a second of the browser's clock; a picture that takes longer than 250 ms counts as that."""
+        """Seconds of the motion in a second of the browser's clock; a picture that takes longer
+        than 250 ms counts as that.
+        """
         program = f"""new Promise(done => {{
             document.getElementById("speed").value = "{speed:g}"; document.getElementById("speed").onchange();
             seekTo(0); player.play();
@@ -147,7 +167,9 @@ def test_speed_is_what_the_page_says(tab: Tab) -> None:
 
     assert advance(1.0) == pytest.approx(RUN.t[-1] / 10.0, rel=1e-6)  # the scene lasts ten seconds
     assert advance(5.0) == pytest.approx(5.0 * RUN.t[-1] / 10.0, rel=1e-6)
-    tab.evaluate("document.getElementById('speed').value = '1'; document.getElementById('speed').onchange()")
+    tab.evaluate(
+        "document.getElementById('speed').value = '1'; document.getElementById('speed').onchange()"
+    )
 
 
 def test_nothing_is_drawn_while_it_stands(tab: Tab) -> None:
@@ -186,7 +208,9 @@ def test_everything_fits_at_every_size(tab: Tab) -> None:
 
 def test_only_what_is_shown_exists(browser: Chromium, tmp_path: Path) -> None:
     momentum = {"mu": RUN.mu}
-    page = Scene(Motion(BODY, RUN.t, momentum), show=Momentum(trail=False, levels=0, sphere=False)).save(tmp_path / "less.html")
+    page = Scene(
+        Motion(BODY, RUN.t, momentum), show=Momentum(trail=False, levels=0, sphere=False)
+    ).save(tmp_path / "less.html")
     with Tab.of(browser, page) as tab:
         tab.wait(READY)
         assert tab.has("panel 1/run 1/mu")
@@ -198,9 +222,13 @@ def test_only_what_is_shown_exists(browser: Chromium, tmp_path: Path) -> None:
     assert len(page.read_text(encoding="utf-8")) < len(full) - 150_000
 
 
-def test_compressed_in_a_sandboxed_frame_as_notebooks_show_it(browser: Chromium, tmp_path: Path) -> None:
+def test_compressed_in_a_sandboxed_frame_as_notebooks_show_it(
+    browser: Chromium, tmp_path: Path
+) -> None:
     around = tmp_path / "notebook.html"
-    around.write_text(f"<!DOCTYPE html><body style='margin:0'>{Scene(RUN)._repr_html_()}</body>", encoding="utf-8")
+    around.write_text(
+        f"<!DOCTYPE html><body style='margin:0'>{Scene(RUN)._repr_html_()}</body>", encoding="utf-8"
+    )
     with Tab.of(browser, around) as tab:
         until = time.monotonic() + 20.0
         while is_blank(picture := tab.pixels()) and time.monotonic() < until:
@@ -215,11 +243,15 @@ def test_without_webgl_the_page_says_so(browser: Chromium, tmp_path: Path) -> No
     with Chromium((640, 480), flags=("--disable-3d-apis",)) as other, Tab.of(other, page) as tab:
         tab.wait(READY)
         assert "WebGL" in tab.evaluate("document.getElementById('message').innerText")
-        assert tab.evaluate("getComputedStyle(document.getElementById('message')).display") == "block"
+        assert (
+            tab.evaluate("getComputedStyle(document.getElementById('message')).display") == "block"
+        )
 
 
 @pytest.mark.parametrize("samples", [1, 2])
-def test_few_samples_and_texts_that_look_like_code(browser: Chromium, tmp_path: Path, samples: int) -> None:
+def test_few_samples_and_texts_that_look_like_code(
+    browser: Chromium, tmp_path: Path, samples: int
+) -> None:
     title = "</script><b>\"it's\" <!--scene--> \\u003c"
     few = Motion(BODY, RUN.t[:samples], {"mu": RUN.mu[:samples], "g": RUN.g[:samples]})
     page = Scene(few, title=title, name="<i>one</i>").save(tmp_path / "few.html")
@@ -248,23 +280,36 @@ def test_times_that_repeat_and_steps_that_are_not_joined(browser: Chromium, tmp_
 def test_an_ensemble_is_a_cloud_on_one_sphere(browser: Chromium, tmp_path: Path) -> None:
     momenta = np.random.default_rng(3).normal(size=(40, 3))
     momenta /= np.linalg.norm(momenta, axis=1)[:, None]
-    many = lm.integrate(BODY, lm.RKMK(order=4), BODY.state(mu=momenta), h=0.1, steps=20, compiled=False)
+    many = lm.integrate(
+        BODY, lm.RKMK(order=4), BODY.state(mu=momenta), h=0.1, steps=20, compiled=False
+    )
     page = Scene(many).save(tmp_path / "cloud.html")
     with Tab.of(browser, page) as tab:
         tab.wait(READY)
-        points = tab.read("panel 1/run 1/mu", many.t[[0, 10, 20]], "Array.from(inner.geometry.attributes.position.array)")
+        points = tab.read(
+            "panel 1/run 1/mu",
+            many.t[[0, 10, 20]],
+            "Array.from(inner.geometry.attributes.position.array)",
+        )
         by_energy = np.argsort(BODY.energy(momenta))
-        assert np.abs(points.reshape(3, 40, 3) / 1.003 - many.mu[[0, 10, 20]][:, by_energy]).max() < 2e-4
+        assert (
+            np.abs(points.reshape(3, 40, 3) / 1.003 - many.mu[[0, 10, 20]][:, by_energy]).max()
+            < 2e-4
+        )
         assert not is_blank(tab.drawn()) and tab.complaints() == []
 
 
 def test_a_mesh_of_ones_own(browser: Chromium, tmp_path: Path) -> None:
     file = tmp_path / "corner.obj"
-    file.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n", encoding="utf-8")
+    file.write_text(
+        "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n", encoding="utf-8"
+    )
     page = Scene(RUN, show=Body(mesh=file, triad=False)).save(tmp_path / "mesh.html")
     with Tab.of(browser, page) as tab:
         tab.wait(READY)
         tab.seek(3.0)
-        corners = tab.read("panel 1/run 1/body/mesh", [3.0], "inner.geometry.attributes.position.count")
+        corners = tab.read(
+            "panel 1/run 1/body/mesh", [3.0], "inner.geometry.attributes.position.count"
+        )
         assert corners == 12  # of four triangles
         assert not is_blank(tab.drawn()) and tab.complaints() == []

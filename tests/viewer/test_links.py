@@ -1,4 +1,6 @@
-"""Linkages and rolling bodies in pictures: joints stay together, boxes have the size of the bodies, rods keep their length."""
+"""Linkages and rolling bodies in pictures: joints stay together, boxes have the size of the bodies,
+rods keep their length.
+"""
 
 from __future__ import annotations
 
@@ -42,7 +44,9 @@ def test_joints_of_two_bodies_are_in_one_place() -> None:
     assert np.abs(seen(1, 2) - seen(2, 1)).max() < 1e-14
     assert np.abs(seen(2, 2) - seen(3, 1)).max() < 1e-14
     assert np.abs(seen(1, 1) - panel.nodes["panel 1/support 1"].still["position"]).max() < 1e-14
-    inside = np.concatenate([node.moving["position"] for node in nodes.values() if "position" in node.moving])
+    inside = np.concatenate(
+        [node.moving["position"] for node in nodes.values() if "position" in node.moving]
+    )
     assert np.linalg.norm(inside, axis=1).max() < 1.0
     assert len(nodes["trail"].moving["reveal"]) == 4
 
@@ -54,7 +58,9 @@ def test_the_box_of_a_link_has_its_size() -> None:
     assert principal_box(lm.Link(mass, J))[1] == pytest.approx(edges, rel=1e-14)
     axes, found = principal_box(lm.Link(mass, R @ np.diag(J) @ R.T))
     assert np.sort(found) == pytest.approx(edges, rel=1e-12)
-    assert np.linalg.det(axes) == pytest.approx(1.0) and axes * found**2 @ axes.T == pytest.approx(R * edges**2 @ R.T)
+    assert np.linalg.det(axes) == pytest.approx(1.0) and axes * found**2 @ axes.T == pytest.approx(
+        R * edges**2 @ R.T
+    )
     assert principal_box(lm.Link.rod(1.3, 0.8, 0.05))[1][2] == pytest.approx(0.8, rel=1e-14)
 
 
@@ -63,7 +69,8 @@ def test_rods_of_a_four_bar_linkage_keep_their_length_and_stand_on_their_support
     run = lm.integrate(scene.system, scene.method, scene.start, h=scene.h, steps=20, compiled=False)
     (panel,) = Scene(run).panels()
     rods = [node for path, node in panel.nodes.items() if "/rod " in path]
-    assert len(rods) == 5 and all("scale" in rod.still for rod in rods)  # equal lengths, which never change
+    # equal lengths, which never change
+    assert len(rods) == 5 and all("scale" in rod.still for rod in rods)
     assert np.ptp([float(rod.still["scale"]) for rod in rods]) < 1e-14
     for k in range(3):
         pivot = panel.nodes[f"panel 1/pivot {k + 1}"].still["position"]
@@ -96,4 +103,6 @@ def test_what_is_no_linkage_is_refused() -> None:
         Scene(free, show="links")
     with pytest.raises(InvalidInput, match="trail = 5 is not there; the linkage has 3 bodies"):
         Scene(rods(), show=Links(trail=5))
-    assert not any("trail" in path for path in Scene(rods(), show=Links(trail=None)).panels()[0].nodes)
+    assert not any(
+        "trail" in path for path in Scene(rods(), show=Links(trail=None)).panels()[0].nodes
+    )

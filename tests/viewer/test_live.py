@@ -51,13 +51,21 @@ def test_it_listens_to_this_machine_alone() -> None:
         ports = [urlsplit(view.url).port for view in (one, two)]
         assert ports[0] != ports[1]
         if os.path.exists("/proc/net/tcp"):
-            tables = [file for name in ("tcp", "tcp6") if (file := Path(f"/proc/net/{name}")).exists()]
+            tables = [
+                file for name in ("tcp", "tcp6") if (file := Path(f"/proc/net/{name}")).exists()
+            ]
             table = [row.split() for file in tables for row in file.read_text().splitlines()[1:]]
-            ours = [row[1] for row in table if row[3] == "0A" and int(row[1].rpartition(":")[2], 16) in ports]
+            ours = [
+                row[1]
+                for row in table
+                if row[3] == "0A" and int(row[1].rpartition(":")[2], 16) in ports
+            ]
             assert ours and all(address.startswith("0100007F:") for address in ours)  # 127.0.0.1
         assert "200" in answer(one.url, {})
-        assert "404" in answer(one.url, {"Host": "evil.example"})  # a name that somebody gave to 127.0.0.1
-        assert "404" in answer(f"http://127.0.0.1:{ports[0]}/", {})  # without the word that only the owner knows
+        # a name that somebody gave to 127.0.0.1
+        assert "404" in answer(one.url, {"Host": "evil.example"})
+        # without the word that only the owner knows
+        assert "404" in answer(f"http://127.0.0.1:{ports[0]}/", {})
         stream = one.url + "stream"
         assert "101" in answer(stream, UPGRADE | {"Origin": f"http://127.0.0.1:{ports[0]}"})
         assert "403" in answer(stream, UPGRADE | {"Origin": "http://evil.example"})
@@ -73,7 +81,8 @@ def test_nobody_looks() -> None:
     with live(BODY, START, "momentum", open=False) as view:
         for n in range(10_000):
             view.display(START, 0.1 * n)
-        assert view._states == {0: (pytest.approx(999.9), START)}  # the last state, and no queue of the others
+        # the last state, and no queue of the others
+        assert view._states == {0: (pytest.approx(999.9), START)}
         assert not view.wait(timeout=0.05)
         with pytest.raises(InvalidInput, match="run = 1"):
             view.display(START, 0.0, run=1)
@@ -91,7 +100,10 @@ def test_nothing_is_left_behind() -> None:
         print(view.url, open(children).read().strip() if os.path.exists(children) else "", flush=True)
     """
     programs = [[sys.executable, "-c", textwrap.dedent(program) + end] for end in ENDS]
-    for running in [subprocess.Popen(p, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) for p in programs]:
+    for running in [
+        subprocess.Popen(p, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+        for p in programs
+    ]:
         url, _, children = running.communicate(timeout=60)[0].strip().partition(" ")
         assert not children  # one process, one thread more: whatever ends it ends all
         port = urlsplit(url).port
@@ -103,7 +115,10 @@ def test_nothing_is_left_behind() -> None:
 def test_a_page_shows_the_last_state(browser: Chromium) -> None:
     arrow = "new MeshCat.THREE.Vector3(0, 0, 1).applyQuaternion(object.quaternion).toArray()"
     state, h = START, 0.1
-    with live(BODY, START, ("body", "momentum"), open=False) as view, Tab.of(browser, view.url) as tab:
+    with (
+        live(BODY, START, ("body", "momentum"), open=False) as view,
+        Tab.of(browser, view.url) as tab,
+    ):
         tab.wait("window.ready")
         assert view.wait(10.0)
         for n in range(30):

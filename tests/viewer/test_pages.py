@@ -1,4 +1,6 @@
-"""Scenes and their pages as data: what is in them, what is not, what is refused, and what it takes to write them."""
+"""Scenes and their pages as data: what is in them, what is not, what is refused, and what it takes
+to write them.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +29,9 @@ from liemech.viewer.drawing import carried, rotation, toward
 from liemech.viewer.page import described
 from liemech.viewer.shapes import frames, tube
 
-needs_meshcat = pytest.mark.skipif(importlib.util.find_spec("meshcat") is None, reason="needs meshcat's page (the extra viewer)")
+needs_meshcat = pytest.mark.skipif(
+    importlib.util.find_spec("meshcat") is None, reason="needs meshcat's page (the extra viewer)"
+)
 
 BODY = lm.RigidBody([1.0, 2.0, 3.0])
 START = BODY.state(mu=[0.3, 1.0, 0.2], g=np.eye(3))
@@ -41,7 +45,13 @@ def content(page: str) -> dict[str, Any]:
     def array(found: dict[str, Any]) -> Any:
         if "$" not in found:
             return found
-        kinds = {"Float32Array": "f4", "Float64Array": "f8", "Int16Array": "i2", "Uint16Array": "u2", "Uint8Array": "u1"}
+        kinds = {
+            "Float32Array": "f4",
+            "Float64Array": "f8",
+            "Int16Array": "i2",
+            "Uint16Array": "u2",
+            "Uint8Array": "u1",
+        }
         return np.frombuffer(base64.b64decode(found["b"]), kinds[found["$"]])
 
     text = re.search(r'<script type="application/json" id="scene">(.*?)</script>', page, re.DOTALL)
@@ -65,7 +75,9 @@ scene.html(), scene.html(compressed=True)
 heavy = {"meshcat", "zmq", "tornado", "IPython", "matplotlib", "scipy", "llvmlite", "PIL", "umsgpack"}
 assert not {name.partition(".")[0] for name in sys.modules} & heavy, {n.partition(".")[0] for n in sys.modules} & heavy
 """
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60)
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=60
+    )
     assert done.returncode == 0, done.stderr
 
 
@@ -74,7 +86,12 @@ def test_sizes_whatever_the_number_of_samples() -> None:
     def scene(samples: int) -> Scene:
         t = np.linspace(0.0, 60.0, samples)
         turns = np.zeros((samples, 3, 3))
-        turns[:, 0, 0], turns[:, 1, 1], turns[:, 0, 1], turns[:, 1, 0] = np.cos(t), np.cos(t), -np.sin(t), np.sin(t)
+        turns[:, 0, 0], turns[:, 1, 1], turns[:, 0, 1], turns[:, 1, 0] = (
+            np.cos(t),
+            np.cos(t),
+            -np.sin(t),
+            np.sin(t),
+        )
         turns[:, 2, 2] = 1.0
         return Scene(Motion(BODY, t, {"mu": turns[:, 0], "g": turns}))
 
@@ -104,7 +121,9 @@ def test_the_main_job_writes_a_page(tmp_path: Path, capsys: pytest.CaptureFixtur
     assert [entry["name"] for entry in legend] == ["Algorithm 1, exp", "exact"]
 
 
-def test_the_main_job_does_without(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_main_job_does_without(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     def missing() -> str:
         raise MissingExtra("no meshcat", extra="viewer")
 
@@ -127,19 +146,35 @@ def test_only_what_is_shown_is_there() -> None:
     assert paths(Scene(RUN, show=Momentum(trail=False, sphere=False, levels=0))) == {"run 1/mu"}
     assert not {path for path in paths(Scene(RUN, show="body")) if "mu" in path or "sphere" in path}
     full = paths(Scene(RUN))
-    assert {"run 1/body", "run 1/mu", "run 1/mu trail", "run 1/spatial momentum", "levels", "separatrix 1"} <= full
+    assert {
+        "run 1/body",
+        "run 1/mu",
+        "run 1/mu trail",
+        "run 1/spatial momentum",
+        "levels",
+        "separatrix 1",
+    } <= full
 
 
 def test_channels_that_stand_still_are_sent_once() -> None:
     tracks = described(Scene(RUN))["tracks"]
     found = {(track["path"].partition("/")[2], track["channel"]) for track in tracks}
-    assert found == {("run 1/body", "quaternion"), ("run 1/mu", "direction"), ("run 1/mu trail", "reveal")}
+    assert found == {
+        ("run 1/body", "quaternion"),
+        ("run 1/mu", "direction"),
+        ("run 1/mu trail", "reveal"),
+    }
 
 
 def test_tracks_are_the_samples() -> None:
     scene = described(Scene(RUN, show="momentum"))
     direction = next(track for track in scene["tracks"] if track["channel"] == "direction")
-    assert np.abs(direction["values"].reshape(-1, 3) - RUN.mu / np.linalg.norm(RUN.mu, axis=1)[:, None]).max() < 1e-7
+    assert (
+        np.abs(
+            direction["values"].reshape(-1, 3) - RUN.mu / np.linalg.norm(RUN.mu, axis=1)[:, None]
+        ).max()
+        < 1e-7
+    )
     assert (scene["clocks"][direction["clock"]] == RUN.t).all()
 
 
@@ -157,16 +192,27 @@ def test_several_runs_share_the_sphere_and_stand_side_by_side() -> None:
     other = lm.integrate(BODY, lm.RKMK(order=2), START, h=0.1, steps=30, compiled=False)
     scene = Scene(RUN, name="four").add(other, name="two")
     panels = scene.panels()
-    assert [panel.title for panel in panels] == ["in space: four", "in space: two", "momentum, seen from the body"]
+    assert [panel.title for panel in panels] == [
+        "in space: four",
+        "in space: two",
+        "momentum, seen from the body",
+    ]
     names = [path.partition("/")[2] for path in panels[-1].nodes]
-    assert {"run 1/mu", "run 2/mu"} <= set(names) and sum(name.startswith("sphere") for name in names) == 1
+    assert {"run 1/mu", "run 2/mu"} <= set(names) and sum(
+        name.startswith("sphere") for name in names
+    ) == 1
     assert scene.duration == RUN.t[-1]
-    assert described(scene)["legend"] == [{"name": "four", "color": "#0072B2"}, {"name": "two", "color": "#D55E00"}]
+    assert described(scene)["legend"] == [
+        {"name": "four", "color": "#0072B2"},
+        {"name": "two", "color": "#D55E00"},
+    ]
 
 
 def test_different_bodies_have_spheres_of_their_own() -> None:
     other = lm.RigidBody([1.0, 1.5, 2.0])  # with other curves of constant energy
-    run = lm.integrate(other, lm.RKMK(order=4), other.state(mu=[0.3, 1.0, 0.2]), h=0.1, steps=3, compiled=False)
+    run = lm.integrate(
+        other, lm.RKMK(order=4), other.state(mu=[0.3, 1.0, 0.2]), h=0.1, steps=3, compiled=False
+    )
     panels = Scene(RUN, show="momentum", name="a").add(run, name="b").panels()
     assert [panel.title[-3:] for panel in panels] == [": a", ": b"]
 
@@ -211,7 +257,16 @@ def test_trails_are_curves_or_points() -> None:
     assert shape(1.0) == "Points"  # a curve through corners of 57 degrees would be invented
 
 
-SYSTEMS = "HeavyTop", "ReducedHeavyTop", "FallingBody", "OrbitingBody", "Kepler", "Pendulum", "DoublePendulum", "Quaternions"
+SYSTEMS = (
+    "HeavyTop",
+    "ReducedHeavyTop",
+    "FallingBody",
+    "OrbitingBody",
+    "Kepler",
+    "Pendulum",
+    "DoublePendulum",
+    "Quaternions",
+)
 
 
 @pytest.mark.parametrize("name", SYSTEMS)
@@ -224,13 +279,33 @@ def test_every_system_has_a_picture(name: str) -> None:
     free = lm.LiePoissonSystem(lm.UnitQuaternions(), BODY.hamiltonian)
     systems: dict[str, tuple[Any, Any, set[str]]] = {
         "HeavyTop": (TOP, top, {"run 1/body/top", "run 1/nose", "run 1/vertical trail"}),
-        "ReducedHeavyTop": (TOP.reduced, TOP.reduced.from_top(top), {"run 1/body/top", "run 1/nose", "run 1/vertical trail"}),
-        "FallingBody": (falling, falling.state([0.5, 1, 0.2, 3, 0, 12], np.eye(4)), {"run 1/body/box", "run 1/path"}),
-        "OrbitingBody": (orbiting, orbiting.circular_orbit(5.0), {"run 1/body/box", "run 1/path", "centre"}),
+        "ReducedHeavyTop": (
+            TOP.reduced,
+            TOP.reduced.from_top(top),
+            {"run 1/body/top", "run 1/nose", "run 1/vertical trail"},
+        ),
+        "FallingBody": (
+            falling,
+            falling.state([0.5, 1, 0.2, 3, 0, 12], np.eye(4)),
+            {"run 1/body/box", "run 1/path"},
+        ),
+        "OrbitingBody": (
+            orbiting,
+            orbiting.circular_orbit(5.0),
+            {"run 1/body/box", "run 1/path", "centre"},
+        ),
         "Kepler": (kepler, kepler.pericentre(0.5), {"run 1/point 1", "sun"}),
         "Pendulum": (pendulum, pendulum.state([1.0], [0.0]), {"run 1/rod 1", "pivot"}),
-        "DoublePendulum": (double, double.state([1.0, 2.0], [0.0, 0.0]), {"run 1/rod 2", "run 1/trail"}),
-        "Quaternions": (free, free.state([0.3, 1.0, 0.2], [0.0, 0.0, 0.0, 1.0]), {"run 1/body", "run 1/mu"}),
+        "DoublePendulum": (
+            double,
+            double.state([1.0, 2.0], [0.0, 0.0]),
+            {"run 1/rod 2", "run 1/trail"},
+        ),
+        "Quaternions": (
+            free,
+            free.state([0.3, 1.0, 0.2], [0.0, 0.0, 0.0, 1.0]),
+            {"run 1/body", "run 1/mu"},
+        ),
     }
     system, start, wanted = systems[name]
     scene = lm.integrate(system, lm.RKMK(order=4), start, h=0.05, steps=40, compiled=False).view()
@@ -243,7 +318,14 @@ def test_every_system_has_a_picture(name: str) -> None:
 
 def test_points_of_ones_own() -> None:
     system = lm.HenonHeiles()
-    run = lm.integrate(system, lm.RKMK(order=4), system.state([0.1, 0.2], [0.3, 0.1]), h=0.1, steps=20, compiled=False)
+    run = lm.integrate(
+        system,
+        lm.RKMK(order=4),
+        system.state([0.1, 0.2], [0.3, 0.1]),
+        h=0.1,
+        steps=20,
+        compiled=False,
+    )
     scene = Scene(run, show=Points(places=lambda q, p: np.stack([q, p], axis=1)))
     assert {"run 1/point 1", "run 1/point 2"} <= paths(scene)
     with pytest.raises(InvalidInput, match=r"places gave shape \(21, 2\)"):
@@ -259,7 +341,9 @@ def test_animate_computes_what_is_shown_and_nothing_else() -> None:
     both = animate(BODY, lm.RKMK(order=4), START, h=0.1, steps=20)
     assert set(both.runs[0].states) == {"mu", "g"}
     adaptive = animate(BODY, lm.RKMK(order=5), START, "momentum", t_end=7.0, frames=50)
-    assert np.allclose(adaptive.runs[0].t, np.linspace(0.0, 7.0, 50), rtol=1e-15) and set(adaptive.runs[0].states) == {"mu"}
+    assert np.allclose(adaptive.runs[0].t, np.linspace(0.0, 7.0, 50), rtol=1e-15) and set(
+        adaptive.runs[0].states
+    ) == {"mu"}
     exact = BODY.exact(START, adaptive.runs[0].t)
     assert np.abs(adaptive.runs[0].mu - exact.mu).max() < 1e-4
 
@@ -277,7 +361,10 @@ def test_bad_input_is_named() -> None:
         (lambda: Motion(BODY, [0.0, 2.0, 1.0, 3.0], {"mu": mu}), "t must rise"),
         (lambda: Motion(BODY, [0.0, np.inf, 1.0, 3.0], {"mu": mu}), "Motion: t"),
         (lambda: Scene(Motion(BODY, t, {"mu": mu}), show="body"), "Body needs g"),
-        (lambda: Scene(RUN, show="momentums"), "'momentums' is not known; there are body, momentum"),
+        (
+            lambda: Scene(RUN, show="momentums"),
+            "'momentums' is not known; there are body, momentum",
+        ),
         (lambda: Scene(RUN, show=()), "show is empty"),
         (lambda: Scene(RUN, show="nose"), "Nose shows the nose of a top"),
         (lambda: Scene(RUN, color="blue"), "#rrggbb"),
@@ -286,7 +373,12 @@ def test_bad_input_is_named() -> None:
         (lambda: Scene(RUN, body=1), "the run has one body"),
         (lambda: Scene(RUN, frames="many"), "frames"),
         (lambda: Scene(RUN, view="front"), "view"),
-        (lambda: animate(BODY, lm.RKMK(order=4), BODY.state(mu=[0.3, 1.0, 0.2]), "body", h=0.1, steps=3), "Body needs g"),
+        (
+            lambda: animate(
+                BODY, lm.RKMK(order=4), BODY.state(mu=[0.3, 1.0, 0.2]), "body", h=0.1, steps=3
+            ),
+            "Body needs g",
+        ),
         (lambda: Scene().html(), "this scene is empty"),
         (lambda: Scene(RUN).save("body.txt"), "ends in .html"),
         (lambda: Momentum(levels=-1), "levels"),
@@ -306,13 +398,22 @@ def test_bad_input_is_named() -> None:
 def test_numbers_of_every_kind() -> None:
     whole = {"mu": np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1]])}
     for kind in (np.int64, np.float32, np.float64):
-        scene = described(Scene(Motion(BODY, np.arange(3, dtype=kind), {"mu": whole["mu"].astype(kind)})))
+        scene = described(
+            Scene(Motion(BODY, np.arange(3, dtype=kind), {"mu": whole["mu"].astype(kind)}))
+        )
         direction = next(track for track in scene["tracks"] if track["channel"] == "direction")
         assert (direction["values"] == np.eye(3).ravel()).all()
 
 
 def test_one_of_an_ensemble() -> None:
-    many = lm.integrate(BODY, lm.RKMK(order=4), BODY.state(mu=np.eye(3), g=np.eye(3)), h=0.1, steps=10, compiled=False)
+    many = lm.integrate(
+        BODY,
+        lm.RKMK(order=4),
+        BODY.state(mu=np.eye(3), g=np.eye(3)),
+        h=0.1,
+        steps=10,
+        compiled=False,
+    )
     with pytest.raises(InvalidInput, match="Body shows one body"):
         Scene(many, show="body").panels()
     one = Scene(many, body=1)
@@ -384,17 +485,25 @@ def test_every_energy_has_its_curves_on_the_sphere() -> None:
     levels = everywhere.min() + np.ptp(everywhere) * (np.arange(5) + 0.5) / 5
     assert np.abs(energies[:, None] - levels).min(axis=1).max() < 5e-3 * np.ptp(everywhere)
     ends, times = np.unique(np.round(curves.reshape(-1, 3), 9) + 0.0, axis=0, return_counts=True)
-    assert len(ends) > 300 and (times == 2).all()  # closed: every end of a segment is the end of one other
-    run = lm.integrate(gyrostat, lm.RKMK(order=4), gyrostat.state([0.3, 1.0, 0.2]), h=0.1, steps=5, compiled=False)
+    # closed: every end of a segment is the end of one other
+    assert len(ends) > 300 and (times == 2).all()
+    run = lm.integrate(
+        gyrostat, lm.RKMK(order=4), gyrostat.state([0.3, 1.0, 0.2]), h=0.1, steps=5, compiled=False
+    )
     assert "levels" in paths(Scene(run))
-    assert not len(contours(lm.RigidBody([2.0, 2.0, 2.0]).energy, 1.0, 5))  # all directions have the same energy
+    # all directions have the same energy
+    assert not len(contours(lm.RigidBody([2.0, 2.0, 2.0]).energy, 1.0, 5))
 
 
 def test_momenta_of_different_length_have_no_common_sphere() -> None:
     momenta = np.diag([1.0, 2.0, 3.0])
-    many = lm.integrate(BODY, lm.RKMK(order=4), BODY.state(mu=momenta), h=0.1, steps=3, compiled=False)
+    many = lm.integrate(
+        BODY, lm.RKMK(order=4), BODY.state(mu=momenta), h=0.1, steps=3, compiled=False
+    )
     assert paths(Scene(many)) == {"run 1/mu", "axis 1", "axis 2", "axis 3"}
-    alike = lm.integrate(BODY, lm.RKMK(order=4), BODY.state(mu=np.eye(3)), h=0.1, steps=3, compiled=False)
+    alike = lm.integrate(
+        BODY, lm.RKMK(order=4), BODY.state(mu=np.eye(3)), h=0.1, steps=3, compiled=False
+    )
     assert {"sphere 1.000", "levels"} <= paths(Scene(alike))
 
 
@@ -418,13 +527,20 @@ def test_a_visualizer_gets_every_object_and_the_animation() -> None:
 
     scene = Scene(RUN)
     scene.send(Visualizer())
-    shapes = sum(node.shape is not None for panel in scene.panels() for node in panel.nodes.values())
+    shapes = sum(
+        node.shape is not None for panel in scene.panels() for node in panel.nodes.values()
+    )
     assert sum(command["type"] == "set_object" for command in sent) == shapes
     assert all(command["path"].startswith("/meshcat/panel") for command in sent[:-1])
     animation = sent[-1]
-    tracks = {a["path"].partition("run 1/")[2]: a["clip"]["tracks"][0] for a in animation["animations"]}
+    tracks = {
+        a["path"].partition("run 1/")[2]: a["clip"]["tracks"][0] for a in animation["animations"]
+    }
     assert tracks["mu trail/<object>"]["values"] == [30 * k for k in range(61)]
     q = np.array(tracks["mu"]["values"]).reshape(-1, 4)
-    assert np.abs(rotated(q, np.array([0.0, 0.0, 1.0])) - RUN.mu / np.linalg.norm(RUN.mu[0])).max() < 1e-12
+    assert (
+        np.abs(rotated(q, np.array([0.0, 0.0, 1.0])) - RUN.mu / np.linalg.norm(RUN.mu[0])).max()
+        < 1e-12
+    )
     with pytest.raises(InvalidType, match=r"meshcat\.Visualizer"):
         scene.send(Path())

@@ -16,12 +16,21 @@ from liemech.viewer import Scene, chromium
 from liemech.viewer.chromium import Chromium
 
 BODY = lm.RigidBody([1.0, 2.0, 3.0])
-RUN = lm.integrate(BODY, lm.RKMK(order=4), BODY.state(mu=[0.3, 1.0, 0.2], g=np.eye(3)), h=0.1, steps=100, compiled=False)
+RUN = lm.integrate(
+    BODY,
+    lm.RKMK(order=4),
+    BODY.state(mu=[0.3, 1.0, 0.2], g=np.eye(3)),
+    h=0.1,
+    steps=100,
+    compiled=False,
+)
 
 
 def test_a_snapshot_is_the_moment_that_was_asked_for(browser: Chromium, tmp_path: Path) -> None:
     scene = Scene(RUN, show="body")
-    picture = np.asarray(Image.open(scene.snapshot(tmp_path / "two.png", 2.0, size=(320, 200))).convert("RGBA"))
+    picture = np.asarray(
+        Image.open(scene.snapshot(tmp_path / "two.png", 2.0, size=(320, 200))).convert("RGBA")
+    )
     assert picture.shape[:2] == (200, 320)
     assert (picture[..., 3] == 255).all() and (picture[0, 0] == 255).all()
     with Tab.of(browser, scene.save(tmp_path / "body.html")) as tab:
@@ -34,7 +43,9 @@ def test_a_snapshot_is_the_moment_that_was_asked_for(browser: Chromium, tmp_path
 
 @pytest.mark.slow
 def test_a_gif_moves(browser: Chromium, tmp_path: Path) -> None:
-    file = Scene(RUN, show="momentum").write_gif(tmp_path / "body.gif", size=(240, 160), fps=5, seconds=1.0)
+    file = Scene(RUN, show="momentum").write_gif(
+        tmp_path / "body.gif", size=(240, 160), fps=5, seconds=1.0
+    )
     with Image.open(file) as movie:
         assert (movie.size, movie.n_frames) == ((240, 160), 6)
         frames = []
@@ -44,7 +55,8 @@ def test_a_gif_moves(browser: Chromium, tmp_path: Path) -> None:
             frames.append(np.asarray(movie.convert("RGB")).astype(int))
             assert (frames[-1][0, 0] == 255).all()
             red, green, blue = np.moveaxis(frames[-1], -1, 0)
-            assert (red - blue > 60).any() and (green - red > 30).any()  # the axes keep their colours, thin as they are
+            # the axes keep their colours, thin as they are
+            assert (red - blue > 60).any() and (green - red > 30).any()
     assert all((a != b).any() for a, b in pairwise(frames))
 
 
