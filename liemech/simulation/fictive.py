@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -27,7 +27,6 @@ class Origin:
     given: Any
     method: Any
     start: State
-    _prepared: list[Steps] = field(default_factory=list, repr=False)
 
     @cached_property
     def whole(self) -> Any:
@@ -47,16 +46,18 @@ class Origin:
         return Clocked(given, method.sigma.bound(given, self.start))
 
     def steps(self, plan: Steps) -> Steps:
-        """The steps of a plan, of the system with its clock; what is laid out and compiled for them
-        is kept for the next call.
+        """The steps of a plan, of the system with its clock; the plan keeps what is laid out and
+        compiled for them, as long as the origin is there.
         """
-        if not self._prepared or self._prepared[0].settings != plan.settings:
-            self._prepared[:] = [Steps(self.whole, *plan.settings)]
-        return self._prepared[0]
+        kept = plan.of_origins.get(self)
+        if kept is None:
+            made = Steps(self.whole, *plan.settings, clock="tau")
+            kept = plan.of_origins.setdefault(self, made)
+        return kept
 
     def __getstate__(self) -> dict[str, Any]:
-        """Without what is laid out and compiled."""
-        return {"given": self.given, "method": self.method, "start": self.start, "_prepared": []}
+        """Without the system that is bound to the start."""
+        return {"given": self.given, "method": self.method, "start": self.start}
 
 
 @dataclass(frozen=True, eq=False)

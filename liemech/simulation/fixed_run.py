@@ -135,9 +135,12 @@ class FixedRun:
     def _not_begun(self, error: Exception | None, what: str) -> Any:
         """The error of a run that has no first state: a mistake in a formula, or a failure."""
         raised = (
-            error if is_mistake(error) else failure(error, what, f"at the start, t = {self.t0:g}")
+            error if is_mistake(error) else failure(error, what, self._at_start())
         )
         return self._with_trajectory(raised, self._only_start())
+
+    def _at_start(self) -> str:
+        return f"at the start, {self.plan.clock} = {self.t0:g}"
 
     def _only_start(self) -> Trajectory:
         """The start as the only sample."""
@@ -483,9 +486,9 @@ class FixedRun:
         step = int(self.taken[body])
         t = self.t0 + step * self.plan.h_of(body)
         at = (
-            f"step {step + 1} of {self.before + self.whole}, t = {t:g}"
+            f"step {step + 1} of {self.before + self.whole}, {self.plan.clock} = {t:g}"
             if step >= 0
-            else f"at the start, t = {self.t0:g}"
+            else self._at_start()
         )
         if self.bodies is None:
             at += f"; {self.earlier + self._rows(step - self.before)} samples are in `.trajectory`"

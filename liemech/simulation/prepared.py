@@ -8,7 +8,9 @@ import dataclasses
 import operator
 import struct
 from array import array
+from collections.abc import MutableMapping
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -39,6 +41,8 @@ class Steps:
 
     system : one for all bodies, or `Systems`.  h : one for all bodies, or one for each.
     compensated, precision, compiled, progress, workers : as for `integrate`.
+    clock : the name of the time in which they are equal.
+    of_origins : of steps in fictive time, those of the system with its clock, by where a run began.
     """
 
     system: Any
@@ -51,6 +55,10 @@ class Steps:
     progress: bool | None
     workers: int
     shapes: dict[Any, Shape] = dataclasses.field(default_factory=dict, repr=False)
+    clock: str = "t"
+    of_origins: MutableMapping[Any, Steps] = dataclasses.field(
+        default_factory=WeakKeyDictionary, init=False, repr=False
+    )
 
     def of_system(self, system: System) -> Steps:
         """The same for a system of the same layout; what is laid out and compiled is shared."""

@@ -15,7 +15,6 @@ import numpy as np
 
 from ..compiler.driver import accepted, attempt, itself, read, reason, write
 from ..errors import (
-    IntegrationFailure,
     IntegrationInterrupted,
     InvalidInput,
     InvalidTimeScale,
@@ -188,7 +187,7 @@ class TransformedRun:
 
     @contextmanager
     def _failures(self) -> Iterator[None]:
-        """Around the loop of steps of one length: its failures are told as those of a run in
+        """Around the loop of steps of one length: its failures show the samples as those of a run in
         fictive time.
         """
         try:
@@ -196,9 +195,6 @@ class TransformedRun:
         except BaseException as error:
             if isinstance(getattr(error, "trajectory", None), Trajectory):
                 error.trajectory = self.presented(error.trajectory)  # type: ignore[attr-defined]
-            if isinstance(error, IntegrationFailure):
-                # of the step: the loop knows no other time
-                error.args = (" tau = ".join(str(error).rsplit(" t = ", 1)),)
             raise
 
     def march(
