@@ -117,7 +117,8 @@ def jumps(breaks: Any) -> tuple[float, ...]:
     if breaks is None:
         return ()
     given = list(breaks) if hasattr(breaks, "__next__") else breaks
-    array = np.atleast_1d(real_array(given, "integrate: breaks")) if np.size(given) else np.empty(0)
+    some = not isinstance(given, (list, tuple)) or len(given)
+    array = np.atleast_1d(real_array(given, "integrate: breaks")) if some else np.empty(0)
     if array.ndim > 1:
         raise InvalidInput(
             f"integrate: breaks has shape {array.shape}; it is a list of times, (n,)"
@@ -166,7 +167,7 @@ def step(h: Any) -> float:
 
 def steps(h: Any) -> float | tuple[float, ...]:
     """The step of all bodies, or one for each."""
-    if not isinstance(h, (list, tuple, np.ndarray)) or not np.ndim(h):
+    if not isinstance(h, (list, tuple, np.ndarray)) or not axes(h, "h"):
         return step(h)
     array = real_array(h, "integrate: h")
     if array.ndim != 1 or not len(array):
@@ -220,7 +221,7 @@ def ends_and_times(
     """The last time of each body of an ensemble, and the times of samples: (n,), or (n, bodies)
     with those of each.
     """
-    many = np.ndim(t_end) > 0
+    many = axes(t_end, "t_end") > 0
     if many and np.shape(t_end) != (bodies,):
         raise InvalidInput(
             f"integrate: t_end has shape {np.shape(t_end)}; it is one "
@@ -271,6 +272,16 @@ def events(events: Any) -> tuple[Any, ...]:
                 f"integrate: the `direction` of an event is +1, -1 or 0; got {direction!r}"
             )
     return functions
+
+
+def axes(value: Any, name: str) -> int:
+    """How many axes there are in what may be a number or an array."""
+    try:
+        return np.ndim(value)
+    except ValueError:
+        raise InvalidInput(
+            f"integrate: {name} is ragged: its rows have different lengths"
+        ) from None
 
 
 def real(value: Any, name: str) -> float:

@@ -191,7 +191,8 @@ def _kept(name: str, t: np.ndarray, values: np.ndarray, terms: np.ndarray) -> Ke
     if t.ndim == 2:
         t = t[:, worst[0]]
     time = t - t.mean()
-    slope = float(time @ component / (time @ time))
+    squares = float(time @ time)
+    slope = float(time @ component / squares) if squares else 0.0  # 0: a body that has no time
     spread = float(np.std(component - slope * time))
     size, scale = (float(np.ldexp(x, exponent)[worst]) for x in (size, scale))
     return Kept(

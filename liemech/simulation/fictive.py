@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -51,7 +51,7 @@ class Origin:
         """
         kept = plan.of_origins.get(self)
         if kept is None:
-            made = Steps(self.whole, *plan.settings, clock="tau")
+            made = replace(plan, system=self.whole, shapes={}, clock="tau")
             kept = plan.of_origins.setdefault(self, made)
         return kept
 

@@ -238,13 +238,28 @@ class Plan:
             if checkpoint is not None:
                 raise InvalidInput("integrate: checkpoint is for runs without executor")
             return spread(self, start, executor, steps=steps, t_end=t_end, t0=t0, t_eval=t_eval)
-        if self.fictive:
-            t0 = arguments.real(t0, "t0")
-            start = arguments.started(self._inner, start, self._needed(self._inner, start))
-            return self._transformed(
-                start, steps, t_end, t0, t_eval, self._kept(checkpoint, checkpoint_every)
-            )
         start, t0 = self._started(start), arguments.real(t0, "t0")
+        kept = self._kept(checkpoint, checkpoint_every)
+        if self.fictive:
+            return self._transformed(start, steps, t_end, t0, t_eval, kept)
+        if self.adaptive:
+            return self._steps.run(
+                start, t0, t_end, steps, t_eval, self.events, kept, self.recorder
+            )
+        steps = self._count(steps, t_end, t0)
+        doubt = self._doubt(start)
+        if doubt:
+            warn(doubt, StepWarning)
+        return self._stepped(start, steps, t0, t_eval, kept)
+
+    def _started(self, start: Any) -> Any:
+        """The start with the parts that the run needs; its bodies must be as many as the systems,
+        and as the steps if they have steps of their own.
+        """
+        inner = self._inner
+        start = arguments.started(inner, start, self._needed(inner, start))
+        if self.fictive:  # one system, one step
+            return start
         if self._one is not self.system and start.bodies != len(self.system):
             raise InvalidInput(
                 f"integrate: there are {len(self.system)} systems for "
@@ -260,20 +275,7 @@ class Plan:
             raise InvalidInput(f"integrate: h has {len(own)} steps for {start.bodies} bodies")
         if self._one is not self.system and self._one.bounded:
             arguments.allowed(self.system, start)
-        kept = self._kept(checkpoint, checkpoint_every)
-        if self.adaptive:
-            return self._steps.run(
-                start, t0, t_end, steps, t_eval, self.events, kept, self.recorder
-            )
-        steps = self._count(steps, t_end, t0)
-        doubt = self._doubt(start)
-        if doubt:
-            warn(doubt, StepWarning)
-        return self._stepped(start, steps, t0, t_eval, kept)
-
-    def _started(self, start: Any) -> Any:
-        """The start with the parts that the run needs."""
-        return arguments.started(self._one, start, self._needed(self._one, start))
+        return start
 
     def _kept(self, path: Any, seconds: Any) -> Checkpoint | None:
         """Where the run is saved, if it is; what cannot be saved is refused now, and not after a
@@ -283,7 +285,13 @@ class Plan:
         if kept is not None:
             from .archive import encoded
 
-            encoded(self._one), encoded(self.method)
+            for name, value in (("system", self._one), ("method", self.method)):
+                try:
+                    encoded(value)
+                except InvalidInput as error:
+                    raise InvalidInput(
+                        f"integrate: checkpoint: the {name} cannot be saved. {error}"
+                    ) from None
         return kept
 
     def _needed(self, system: Any, start: Any) -> Any:
@@ -380,8 +388,7 @@ class Plan:
         def made() -> Trajectory:
             if last is None and not self.events:
                 return run.steps(limit)
-            times = None if last is None else arguments.times(t_eval, t0, last)
-            return run.march(last, limit, times, self.events)
+            return run.march(last, limit, t_eval, self.events)
 
         return made() if recorder is None else recorder.instead(made, kind, compiled)
 
@@ -414,7 +421,7 @@ class Plan:
                 "integrate: give h and steps, for steps of one length, or t_end, for adaptive ones"
             )
         steps = arguments.count(steps, "steps", 0)
-        for one in {min(h), max(h)} if isinstance(h, tuple) else (h,):
+        for one in {min(h, key=abs), max(h, key=abs)} if isinstance(h, tuple) else (h,):
             arguments.affordable_times(t0, one, before + steps)
         return steps
 
@@ -477,8 +484,8 @@ class Plan:
         carry: Any = run.carry
         if carry is None:
             raise InvalidInput(
-                "Plan.resume: this run was interrupted or has failed, and "
-                "carries nothing on; start from run.last"
+                "Plan.resume: this run was interrupted, has failed or was ended "
+                "by an event, and carries nothing on; start from run.last"
             )
         given = carry.origin.given if isinstance(carry, FictiveCarry) else run.system
         systems = [[*x] if isinstance(x, Systems) else [x] for x in (self.system, given)]
@@ -550,9 +557,9 @@ class Plan:
             raise InvalidInput(
                 "Plan.tangent is of the state; make a plan that records no functions of it"
             )
-        start, t0 = arguments.started(self._one, start, self.record), arguments.real(t0, "t0")
-        if start.bodies is not None or self._one is not self.system:
+        if self._one is not self.system or getattr(start, "bodies", None) is not None:
             raise InvalidInput("Plan.tangent is for one body at a time")
+        start, t0 = self._started(start), arguments.real(t0, "t0")
         names: tuple[Any, ...] = (
             (by,) if isinstance(by, str) else tuple(by) if isinstance(by, (list, tuple)) else (by,)
         )

@@ -81,20 +81,6 @@ class Steps:
         h: float = self.h[body] if isinstance(self.h, tuple) else self.h
         return h
 
-    @property
-    def settings(self) -> tuple[Any, ...]:
-        """All but the system, for a plan of another one."""
-        return (
-            self.method,
-            self.h,
-            self.every,
-            self.compensated,
-            self.precision,
-            self.compiled,
-            self.progress,
-            self.workers,
-        )
-
     def owns(self, shape: Shape | None) -> bool:
         """Is the shape one of this plan?"""
         return shape in self.shapes.values()

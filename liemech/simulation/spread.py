@@ -12,6 +12,7 @@ import numpy as np
 
 from ..errors import IntegrationInterrupted, InvalidInput, InvalidType, warn
 from ..systems.system import State
+from . import arguments
 from .carry import Carry
 from .fictive import FictiveCarry
 from .progress import Bar
@@ -54,6 +55,10 @@ def spread(plan: Any, start: Any, executor: Any, **how: Any) -> Any:
             "integrate: executor is for ensembles, whose bodies it spreads; "
             "executor.submit(plan.run, ...) for one"
         )
+    plan._started(start)
+    if plan.adaptive and how["t_end"] is not None:
+        t0 = arguments.real(how["t0"], "t0")
+        arguments.ends_and_times(how["t_end"], how["t_eval"], t0, start.bodies)
     chunks = _chunks(
         start.bodies, how.get("steps") or 1000, getattr(executor, "_max_workers", None)
     )
@@ -145,9 +150,9 @@ def _part_of(plan: Any, first: int, end: int) -> Any:
 def _times_of(how: dict[str, Any], first: int, end: int) -> dict[str, Any]:
     """What a run is asked for, where bodies have times of their own those of some bodies."""
     t_end, t_eval = how["t_end"], how["t_eval"]
-    if np.ndim(t_end) == 1:
+    if arguments.axes(t_end, "t_end") == 1:
         t_end = np.asarray(t_end)[first:end]
-    if np.ndim(t_eval) == 2:
+    if arguments.axes(t_eval, "t_eval") == 2:
         t_eval = np.asarray(t_eval)[:, first:end]
     return how | {"t_end": t_end, "t_eval": t_eval}
 
@@ -200,7 +205,7 @@ def _joined(plan: Any, chunks: list[tuple[int, int]], runs: list[Any]) -> Any:
 
 def _step(chunks: list[tuple[int, int]], runs: list[Any]) -> Any:
     """The step of all bodies, those of each, or of adaptive ones the mean."""
-    if runs[0].rejected:
+    if runs[0].rejected is not None:
         return float(
             np.average([run.h for run in runs], weights=[end - begin for begin, end in chunks])
         )

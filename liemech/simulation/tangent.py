@@ -5,7 +5,7 @@ same steps.
 from __future__ import annotations
 
 import inspect
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -222,7 +222,8 @@ class _Run(FixedRun):
         if any(systems):
             still = layout_of(plan.one)
             rest = build(still, iter([Dual(x, 0.0, LEVEL) for x in leaves(plan.one, still)]))
-            plan = Steps(Systems(tuple(s or rest for s in systems)), *plan.settings)
+            several = Systems(tuple(s or rest for s in systems))
+            plan = replace(plan, system=several, shapes={})
         super().__init__(plan, SimpleNamespace(bodies=len(moves)), steps, t0)  # type: ignore[arg-type]
 
     def _member(self, i: int) -> Any:

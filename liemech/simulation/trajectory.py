@@ -420,7 +420,8 @@ class TransformedTrajectory(Trajectory):
         """sigma at every sample, (n,): physical time for a unit of fictive time."""
         if self.bodies is not None:
             raise InvalidInput("TransformedTrajectory.scale takes one body at a time")
-        kind = type(self.origin.start)
+        kind, needed = type(self.origin.start), self.sigma.parts
+        self._recorded("scale", self.origin.start.arrays if needed is None else needed)
         return np.array(
             [
                 self.sigma.value(

@@ -27,6 +27,7 @@ from ..errors import (
 from ..formulas import Record, record
 from ..formulas.pytree import build, layout_of, leaves
 from ..systems.system import State
+from . import arguments
 from .arrival import FictiveMotion, landed
 from .carry import Carry
 from .checkpoint import Checkpoint
@@ -198,10 +199,10 @@ class TransformedRun:
             raise
 
     def march(
-        self, t_end: float | None, limit: int, times: np.ndarray | None, events: tuple[Event, ...]
+        self, t_end: float | None, limit: int, t_eval: Any, events: tuple[Event, ...]
     ) -> Trajectory:
-        """As many steps as lead to a time, or to the limit, for one body, with samples at times,
-        and events.
+        """As many steps as lead to a time, or to the limit, for one body, with samples at the times
+        t_eval, and events.
         """
         if self.bodies is not None:
             what = "events are" if events else "t_end is"
@@ -213,6 +214,7 @@ class TransformedRun:
                 f"integrate: t_end = {t_end:g} is not where steps of h = {self.h:g} lead from "
                 f"{self.t0:g}; turn the sign of h"
             )
+        times = None if t_end is None else arguments.times(t_eval, self.t0, t_end)
         return March(self, t_end, limit, times, events).trajectory()
 
     def presented(self, run: Trajectory) -> TransformedTrajectory:
