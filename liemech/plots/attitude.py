@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..errors import InvalidInput
 from ..models.poses import attitude, configurations, is_pose
-from .components import one_body
+from .components import one_body, times_of
 from .style import legend, look, needs_run, part, plane_axes, thinned
 
 if TYPE_CHECKING:
@@ -53,9 +53,9 @@ def euler_angles(
         raise InvalidInput(f"plots.euler_angles: sequence = {sequence!r}: {refused}") from None
     ax = plane_axes(ax, title, "time $t$", "angle (degrees)")
     names = EULER if sequence == "ZXZ" else [f"about {letter}" for letter in sequence]
-    kept = thinned(len(angles))
+    kept, t = thinned(len(angles)), times_of(run, body)
     for k, name in enumerate(names):
-        ax.plot(*broken(run.t[kept], angles[kept, k], 180.0), label=name, **look(k))
+        ax.plot(*broken(t[kept], angles[kept, k], 180.0), label=name, **look(k))
     legend(ax, loc="center left", bbox_to_anchor=(1.0, 0.5))
     return ax
 
@@ -75,9 +75,9 @@ def quaternion(
     turned = np.cumprod(np.where(np.einsum("ni,ni->n", q[1:], q[:-1]) < 0.0, -1.0, 1.0))
     q[1:] *= turned[:, None]
     ax = plane_axes(ax, title, "time $t$", "unit quaternion")
-    kept = thinned(len(q))
+    kept, t = thinned(len(q)), times_of(run, body)
     for k, name in enumerate("xyzw"):
-        ax.plot(run.t[kept], q[kept, k], label=f"${name}$", **look(k))
+        ax.plot(t[kept], q[kept, k], label=f"${name}$", **look(k))
     legend(ax, loc="center left", bbox_to_anchor=(1.0, 0.5))
     return ax
 

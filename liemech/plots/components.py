@@ -50,10 +50,10 @@ def components(
     varied = np.argsort(-spans, kind="stable")[
         : min(MOST_CURVES, np.count_nonzero(spans) or MOST_CURVES)
     ]
-    kept = thinned(len(rows))
+    kept, t = thinned(len(rows)), times_of(run, body)
     for k, column in enumerate(sorted(varied)):
         label = names[column] if columns.shape[1] > 1 else None
-        ax.plot(run.t[kept], columns[kept, column], label=label, **look(k))
+        ax.plot(t[kept], columns[kept, column], label=label, **look(k))
     legend(ax, loc="center left", bbox_to_anchor=(1.0, 0.5))
     return ax
 
@@ -68,3 +68,9 @@ def one_body(run: Any, rows: np.ndarray, body: int, where: str) -> np.ndarray:
     if not -run.bodies <= body < run.bodies:
         raise InvalidInput(f"{where}: body = {body} is not there; the run has {run.bodies} bodies")
     return rows[:, body]
+
+
+def times_of(run: Any, body: int) -> np.ndarray:
+    """The times of one body, which may have times of its own."""
+    t: np.ndarray = run.t
+    return t if t.ndim == 1 else t[:, body]

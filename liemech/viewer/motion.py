@@ -101,13 +101,19 @@ class Motion:
             else np.unique(np.linspace(0, n - 1, frames).round().astype(int))
         )
         states = {name: rows[kept] for name, rows in run.states.items() if rows is not None}
-        bodies = run.bodies
+        bodies, t = run.bodies, run.t[kept]
         if body is not None:
             if bodies is None or not -bodies <= body < bodies:
                 many = "one body" if bodies is None else f"{bodies} bodies"
                 raise InvalidInput(f"body = {body} is not there: the run has {many}")
             states, bodies = {name: rows[:, body] for name, rows in states.items()}, None
-        return cls(run.system, run.t[kept], states, bodies)
+            t = t if t.ndim == 1 else t[:, body]
+        if t.ndim == 2:
+            raise InvalidInput(
+                "a scene: bodies with steps of their own are shown one at a time; give body=, as in "
+                "viewer.Scene(run, body=0)"
+            )
+        return cls(run.system, t, states, bodies)
 
     @classmethod
     def moment(cls, system: System, t: float, state: State) -> Motion:
