@@ -67,6 +67,8 @@ def save(run: Any, path: str | os.PathLike[str]) -> None:
         about["origin"] = [encoded(run.origin.given), encoded(run.origin.start)]
     if isinstance(run.dense, FictiveMotion):
         arrays |= {"dense.t": run.dense.t, "dense.points": run.dense.points}
+        if run.dense.begun is not None:
+            arrays["dense.begun"] = run.dense.begun
     elif run.dense is not None:
         arrays["dense"] = run.dense.rows
         about["dense"] = [run.dense.order, encoded(run.dense.example)]
@@ -126,7 +128,16 @@ def load(path: str | os.PathLike[str], modules: Sequence[str] = ()) -> dict[str,
         example = origin.whole.extended(origin.start, 0.0)
         if "dense.t" in arrays:
             points, kind = (arrays["dense.t"], arrays["dense.points"]), type(origin.start)
-            dense = FictiveMotion(method, origin.whole, kind, example, about["h"], *points, None)
+            dense = FictiveMotion(
+                method,
+                origin.whole,
+                kind,
+                example,
+                about["h"],
+                *points,
+                None,
+                arrays.get("dense.begun"),
+            )
     elif "dense" in about:
         order, point = about["dense"]
         dense = DenseOutput(made, method.retraction, decode(point), arrays["dense"], order)

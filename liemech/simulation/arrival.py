@@ -103,6 +103,9 @@ class FictiveMotion(Between):
     last of them shorter.
 
     So the state at a time is that of a run that ends there, up to rounding.
+
+    begun : of a run whose first sample lies inside of a step, where that step begins, and the
+    fictive time from there to the sample, (width + 1,).
     """
 
     method: Any
@@ -113,6 +116,7 @@ class FictiveMotion(Between):
     t: np.ndarray
     points: np.ndarray
     compiled: bool | None
+    begun: np.ndarray | None = None
 
     def numbers(self, times: np.ndarray) -> np.ndarray:
         """At each of these times the numbers of the state with its clock, and the fictive time
@@ -129,9 +133,13 @@ class FictiveMotion(Between):
         last = np.searchsorted(sign * t, sign * times, "right") - 1
         found = np.concatenate([self.points[last], np.zeros((len(times), 1))], axis=1)
         away = np.flatnonzero(times != t[last])
-        found[away] = self._moved(
-            np.concatenate([self.points[last[away]], times[away, None]], axis=1)
-        )
+        given = np.concatenate([self.points[last[away]], times[away, None]], axis=1)
+        inside = (last[away] == 0) & (self.begun is not None)
+        if self.begun is not None:
+            given[inside, :-1] = self.begun[:-1]
+        found[away] = self._moved(given)
+        if self.begun is not None:
+            found[away[inside], -1] -= self.begun[-1]
         return found
 
     def _moved(self, given: np.ndarray) -> np.ndarray:

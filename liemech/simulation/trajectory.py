@@ -446,13 +446,15 @@ class TransformedTrajectory(Trajectory):
 
     def _more(self, rest: Any, again: int) -> dict[str, Any]:
         dense: Any = self.dense
-        if dense is not None and rest.dense is not None:
-            first = int(dense.t[-1] == rest.dense.t[0])
+        if dense is not None and rest.dense is not None and len(rest.dense.t) > 1:
+            # what both share lies inside of a step: no place to step from
+            inside = rest.dense.begun is not None
+            first, end = int(inside or dense.t[-1] == rest.dense.t[0]), len(dense.t) - inside
             joined = {
-                name: np.concatenate([getattr(dense, name), getattr(rest.dense, name)[first:]])
+                name: np.concatenate([getattr(dense, name)[:end], getattr(rest.dense, name)[first:]])
                 for name in ("t", "points")
             }
-            dense = replace(dense, **joined)
+            dense = replace(dense, **joined) if end else rest.dense
         return {
             "dense": dense,
             "tau": np.concatenate([self.tau, rest.tau[again:]]),

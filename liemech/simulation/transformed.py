@@ -257,9 +257,19 @@ class TransformedRun:
 
     def motion(self, t: np.ndarray, numbers: np.ndarray) -> Any:
         """The motion between samples of one body."""
-        kind = type(self.origin.start)
+        kind, carry, begun = type(self.origin.start), self.carry, None
+        if carry is not None and carry.ahead is not None and t[0] == self.t0:
+            begun = np.append(carry.inner.last, carry.tau - carry.inner.t)
         return FictiveMotion(
-            self.method, self.whole, kind, self.example, self.h, t, numbers, self.plan.compiled
+            self.method,
+            self.whole,
+            kind,
+            self.example,
+            self.h,
+            t,
+            numbers,
+            self.plan.compiled,
+            begun,
         )
 
     def _made(
