@@ -23,7 +23,7 @@ from ..errors import (
     warn,
 )
 from ..formulas.pytree import build, gatherer, layout_of
-from ..systems.system import State
+from ..systems.system import State, member
 from . import arguments
 from .adaptive import adaptive_steps, noted
 from .carry import AdaptiveCarry
@@ -31,7 +31,7 @@ from .checkpoint import Checkpoint
 from .dense import DenseOutput, unpacked
 from .events import Event, Watch
 from .execution import LOOK, Execution
-from .prepared import Prepared, member, numbers_of
+from .prepared import Prepared, numbers_of
 from .progress import Bar
 from .stopped import Stopped
 from .systems import Systems

@@ -9,8 +9,8 @@ import numpy as np
 
 from ..compiler.driver import accepted, attempt, itself, read, reason, write
 from ..errors import InvalidInput, failure, is_mistake
-from ..formulas.broadcasting import small
 from ..formulas.pytree import NUMBER, layout_of, rounded
+from ..systems.system import small_state, state_of
 from .dense import Between, one_or_many, unpacked
 from .execution import Execution
 
@@ -175,8 +175,7 @@ class FictiveMotion(Between):
         at = one_or_many(times)
         states = self._own(self.numbers(np.atleast_1d(at).ravel()))
         one = 0 if at.ndim == 0 else slice(None)
-        names = self.kind.__dataclass_fields__
-        return self.kind(*(states[name][one] if name in states else None for name in names))
+        return state_of(self.kind, {name: x[one] for name, x in states.items()})
 
     def state(self, t: float) -> Any:
         """The state at a time as formulas take it."""
@@ -192,7 +191,4 @@ class FictiveMotion(Between):
         return self.system.apart(unpacked(shown, numbers[:, : shown.width]))[1]
 
     def _small(self, numbers: np.ndarray) -> Any:
-        states = self._own(numbers)
-        return self.kind(
-            *(small(states[n][0]) if n in states else None for n in self.kind.__dataclass_fields__)
-        )
+        return small_state(self.kind, {name: x[0] for name, x in self._own(numbers).items()})

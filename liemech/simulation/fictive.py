@@ -6,13 +6,10 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
-import numpy as np
-
 from ..errors import IncompatibleSystem
-from ..formulas.broadcasting import small
 from ..integrators.composition import Composition
 from ..systems.clocked import Clocked
-from ..systems.system import State
+from ..systems.system import State, small_state, state_of
 from ..systems.time_transformed import ExtendedSystem
 from .carry import Carry
 from .prepared import Steps
@@ -101,17 +98,12 @@ class FictiveCarry:
     @cached_property
     def state(self) -> Any:
         """The last sample."""
-        return state_of(
-            type(self.origin.start), {name: x[0] for name, x in self._apart[1].items()}, self.bodies
+        made = small_state if self.bodies is None else state_of
+        return made(
+            type(self.origin.start), {name: x[0] for name, x in self._apart[1].items()}
         )
 
     @cached_property
     def _apart(self) -> Any:
         sample = self.inner.state if self.ahead is None else self.ahead
         return self.origin.whole.apart({name: x[None] for name, x in sample.arrays.items()})
-
-
-def state_of(kind: Any, arrays: dict[str, np.ndarray], bodies: int | None = None) -> Any:
-    """A state as formulas take it, of an ensemble as it is."""
-    given = (arrays.get(name) for name in kind.__dataclass_fields__)
-    return kind(*[x if x is None or bodies is not None else small(np.asarray(x)) for x in given])

@@ -21,13 +21,13 @@ from ..errors import (
     warn,
 )
 from ..formulas.pytree import Layout, double_double, fitted, layout_of, leaves
-from ..systems.system import State
+from ..systems.system import State, member
 from .carry import Carry
 from .checkpoint import Checkpoint
 from .dense import flat, unpacked
 from .execution import LOOK, Execution
 from .fixed import begin, begun, fixed_steps
-from .prepared import Shape, Steps, member, shown_step, times
+from .prepared import Shape, Steps, shown_step, times
 from .progress import Bar
 from .stopped import Stopped
 from .trajectory import Trajectory

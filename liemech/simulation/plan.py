@@ -14,7 +14,7 @@ from ..errors import InvalidInput, InvalidType, StepWarning, warn
 from ..formulas import Record
 from ..formulas.pytree import exact, fields_of, layout_of
 from ..integrators.method import Method
-from ..systems.system import State, System
+from ..systems.system import State, System, member
 from . import arguments
 from .at_once import advanced, at_once
 from .carry import AdaptiveCarry, Carry
@@ -22,7 +22,7 @@ from .checkpoint import Checkpoint
 from .execution import like
 from .fictive import FictiveCarry
 from .fixed_run import FixedRun
-from .prepared import Steps, member
+from .prepared import Steps
 from .recorded import Recorder, recorder_of
 from .systems import Systems, systems_of
 from .trajectory import Trajectory

@@ -15,7 +15,6 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from ..compiler import kernel
-from ..formulas.broadcasting import small
 from ..formulas.pytree import (
     Layout,
     build,
@@ -254,10 +253,3 @@ def times(t0: float, numbers: np.ndarray, h: float | tuple[float, ...]) -> np.nd
 def shown_step(h: float | tuple[float, ...]) -> Any:
     """The step as a run shows it: a number, or an array of one for each body."""
     return np.array(h) if isinstance(h, tuple) else h
-
-
-def member(start: State, i: int) -> State:
-    """The start of one body."""
-    if start.bodies is None:
-        return start
-    return type(start)(*(None if x is None else small(x[i]) for x in start.parts.values()))

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import InvalidInput
-from ..systems.system import State, System
+from ..systems.system import State, System, small_state
 from .dense import Between, DenseOutput, ShortSteps, flat
 from .drift import RECORDED, Drift
-from .fictive import Origin, state_of
+from .fictive import Origin
 from .stopped import NONE, Stop
 from .systems import Systems
 
@@ -425,7 +425,7 @@ class TransformedTrajectory(Trajectory):
         return np.array(
             [
                 self.sigma.value(
-                    self.system, state_of(kind, {n: x[k] for n, x in self.states.items()})
+                    self.system, small_state(kind, {n: x[k] for n, x in self.states.items()})
                 )
                 for k in range(len(self))
             ]

@@ -26,7 +26,7 @@ from ..errors import (
 )
 from ..formulas import Record, record
 from ..formulas.pytree import build, layout_of, leaves
-from ..systems.system import State
+from ..systems.system import State, small_state
 from . import arguments
 from .arrival import FictiveMotion, landed
 from .carry import Carry
@@ -34,7 +34,7 @@ from .checkpoint import Checkpoint
 from .dense import unpacked
 from .events import Event, Watch
 from .execution import LOOK, Execution
-from .fictive import FictiveCarry, Origin, state_of
+from .fictive import FictiveCarry, Origin
 from .fixed import observed, sample, stepped
 from .fixed_run import FixedRun
 from .prepared import Steps
@@ -341,7 +341,7 @@ class March:
         self.watch: Any = None
         if events:
             start = run.carry.state if run.carry is not None else run.origin.start
-            self.first = state_of(type(start), start.arrays)
+            self.first = small_state(type(start), start.arrays)
             self.watch = Watch(events, self._ended, run.t0, self.first)
 
     @property

@@ -11,8 +11,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..formulas import Record, record
-from .system import State, System
-from .time_scales import TimeScale, one_of
+from .system import State, System, member
+from .time_scales import TimeScale
 
 
 @record
@@ -77,8 +77,8 @@ class Clocked(Record):
         if start.bodies is None:
             z = 1.0 / self.sigma.value(self.system, start)
         else:
-            members = [one_of(start, i) for i in range(start.bodies)]
-            sigma = [self.sigma.value(self.system, member) for member in members]
+            members = [member(start, i) for i in range(start.bodies)]
+            sigma = [self.sigma.value(self.system, one) for one in members]
             time, z = np.full(start.bodies, t0), 1.0 / np.array(sigma)
         kind: Any = type(start)
         return clocked(kind)(*start.parts.values(), time, z)

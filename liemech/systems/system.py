@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, ClassVar, final
 
 import numpy as np
@@ -48,6 +49,23 @@ class State(Record):
     def parts(self) -> dict[str, Any]:
         """The fields by their names."""
         return fields_of(self)
+
+
+def state_of(kind: Any, arrays: Mapping[str, Any]) -> Any:
+    """A state with these parts, of a kind of states."""
+    return kind(*[arrays.get(name) for name in names_of(kind)])
+
+
+def small_state(kind: Any, arrays: Mapping[str, Any]) -> Any:
+    """The same of one body, as formulas take it."""
+    return state_of(kind, {name: small(np.asarray(x)) for name, x in arrays.items()})
+
+
+def member(state: Any, i: int) -> Any:
+    """The state of one body, of an ensemble of the i-th."""
+    if state.bodies is None:
+        return state
+    return small_state(type(state), {name: x[i] for name, x in state.arrays.items()})
 
 
 @record

@@ -19,13 +19,12 @@ from ..errors import (
     NotDefined,
 )
 from ..formulas import Record, Vec, derivative, dot, gradient, norm, record, sqrt, vec
-from ..formulas.broadcasting import small
 from ..retractions import Exponential
 from .canonical import CanonicalState, CanonicalSystem
 from .constrained import ConstrainedSystem
 from .lie_poisson import BodyState, LiePoissonSystem
 from .separable import SeparableSystem
-from .system import State, System
+from .system import State, System, member
 
 POSITIVE = "a time scale must be positive wherever the motion comes"
 
@@ -102,7 +101,7 @@ class TimeScale(Record):
         for i in range(start.bodies or 1):
             here = f"at the start{f' of body {i}' if many else ''}"
             try:
-                value: Any = self.value(system, one_of(start, i) if many else start)
+                value: Any = self.value(system, member(start, i))
             except LiemechError:
                 raise
             except (ArithmeticError, ValueError) as error:
@@ -114,11 +113,6 @@ class TimeScale(Record):
             if not float(value) > 0.0:
                 raise InvalidTimeScale(f"{self!r} = {float(value):g} {here}; {POSITIVE}")
         return self
-
-
-def one_of(start: State, i: int) -> Any:
-    """A member of an ensemble."""
-    return type(start)(*(None if x is None else small(x[i]) for x in start.parts.values()))
 
 
 @record
