@@ -65,3 +65,11 @@ def test_an_event_inside_of_the_step_is_that_of_the_whole_run() -> None:
     found, then = plan.resume(plan.run(START, t_end=cut), t_end=1.0).events[0]
     assert found[0] == pytest.approx(times[0], rel=1e-14)
     assert then.q[0] == pytest.approx(states.q[0], rel=1e-14)
+
+
+def test_a_step_that_fails_tells_the_fictive_time() -> None:
+    method = lm.ReversibleController(lm.StormerVerlet(), lm.DistancePower(2.0))
+    plan = lm.Plan(KEPLER, method, h=5.0, compiled=False)
+    carry = plan.begin(KEPLER.state(q=[0.1, 0.0], p=[0.0, 4.0]), t0=3.0)
+    with pytest.raises(lm.errors.InvalidTimeScale, match=r"step 2 of 30, tau = 5;"):
+        plan.step(carry, 30)
