@@ -99,9 +99,7 @@ class FictiveCarry:
     def state(self) -> Any:
         """The last sample."""
         made = small_state if self.bodies is None else state_of
-        return made(
-            type(self.origin.start), {name: x[0] for name, x in self._apart[1].items()}
-        )
+        return made(type(self.origin.start), {name: x[0] for name, x in self._apart[1].items()})
 
     @cached_property
     def _apart(self) -> Any:

@@ -450,11 +450,9 @@ class TransformedTrajectory(Trajectory):
             # what both share lies inside of a step: no place to step from
             inside = rest.dense.begun is not None
             first, end = int(inside or dense.t[-1] == rest.dense.t[0]), len(dense.t) - inside
-            joined = {
-                name: np.concatenate([getattr(dense, name)[:end], getattr(rest.dense, name)[first:]])
-                for name in ("t", "points")
-            }
-            dense = replace(dense, **joined) if end else rest.dense
+            t = np.concatenate([dense.t[:end], rest.dense.t[first:]])
+            points = np.concatenate([dense.points[:end], rest.dense.points[first:]])
+            dense = replace(dense, t=t, points=points) if end else rest.dense
         return {
             "dense": dense,
             "tau": np.concatenate([self.tau, rest.tau[again:]]),

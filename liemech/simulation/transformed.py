@@ -188,8 +188,8 @@ class TransformedRun:
 
     @contextmanager
     def _failures(self) -> Iterator[None]:
-        """Around the loop of steps of one length: its failures show the samples as those of a run in
-        fictive time.
+        """Around the loop of steps of one length: the samples of a failed run are shown as those
+        of a run in fictive time.
         """
         try:
             yield

@@ -110,8 +110,8 @@ class Motion:
             t = t if t.ndim == 1 else t[:, body]
         if t.ndim == 2:
             raise InvalidInput(
-                "a scene: bodies with steps of their own are shown one at a time; give body=, as in "
-                "viewer.Scene(run, body=0)"
+                "a scene: bodies with steps of their own are shown one at a time; give body=, as "
+                "in viewer.Scene(run, body=0)"
             )
         return cls(run.system, t, states, bodies)
 

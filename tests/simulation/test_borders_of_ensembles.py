@@ -1,4 +1,4 @@
-"""Ensembles at the borders of runs: arrays of the wrong length, chunks, starts that are not alike."""
+"""Ensembles at the borders of runs: arrays of the wrong length, chunks, ends without a span."""
 
 from __future__ import annotations
 

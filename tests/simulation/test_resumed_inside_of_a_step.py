@@ -25,8 +25,8 @@ PLANS = [
 @pytest.mark.parametrize("plan", PLANS)
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_it_steps_from_the_last_whole_step(plan: Any, sign: float, tmp_path: Any) -> None:
-    """To the bit; between samples that lie several steps apart up to rounding, for sums of steps are
-    compensated and samples are not.
+    """To the bit; between samples that lie several steps apart up to rounding, for sums of steps
+    are compensated and samples are not.
     """
     every, plan = plan.replace(every=1, h=sign * 0.2), plan.replace(h=sign * 0.2)
     whole, steps = plan.run(START, t_end=sign), every.run(START, t_end=sign).t
