@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ast
 import copy
-import functools
 from collections.abc import Callable
 from typing import Any
 
@@ -61,7 +60,7 @@ class Statements(Expressions):
                 if node.value:
                     self.assign(node.target, self.expression(node.value, env), env)
             case ast.AugAssign():
-                old = self.expression(_value(node.target), env)
+                old = self.expression(node.target, env)
                 if isinstance(old, list):
                     self.unshared(old, node.target, env)
                 self.assign(
@@ -313,12 +312,6 @@ class _Breaks(ast.NodeTransformer):
 
     def visit_FunctionDef(self, node: Any) -> Any:
         return node
-
-
-@functools.cache
-def _value(target: ast.expr) -> ast.expr:
-    """What is assigned to, as an expression."""
-    return ast.parse(ast.unparse(target), mode="eval").body
 
 
 def _lines(found: Any) -> list[Any]:
