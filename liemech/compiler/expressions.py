@@ -289,9 +289,11 @@ class Expressions(Loops):
         node = ast.BoolOp(ast.And() if every else ast.Or(), tests) if len(tests) > 1 else tests[0]
         return self.truth(self.expression(node, env))
 
-    def stream(self, items: list[Any] | Iterator[Any]) -> Stream:
+    def stream(
+        self, items: list[Any] | Iterator[Any], sources: tuple[Any, ...] | None = None
+    ) -> Stream:
         """An iterator made here."""
-        self.streams.append(Stream(items, self.region))
+        self.streams.append(Stream(items, self.region, sources))
         return self.streams[-1]
 
     def iterate(self, value: Any) -> Iterator[Any]:

@@ -319,15 +319,11 @@ def _lines(found: Any) -> list[Any]:
 
 
 def _holds(value: Any, items: list[Any]) -> bool:
-    if isinstance(value, Stream) and not isinstance(value.items, list):
-        return True  # its items are still to be computed, from whatever
-    inside = (
-        value.items
-        if isinstance(value, Stream)
-        else value
-        if isinstance(value, (tuple, list))
-        else ()
-    )
+    if isinstance(value, Stream):
+        if value.sources is None:
+            return True  # its items are still to be computed, from whatever
+        return any(_holds(v, items) for v in value.sources)
+    inside = value if isinstance(value, (tuple, list)) else ()
     return value is items or any(_holds(v, items) for v in inside)
 
 
