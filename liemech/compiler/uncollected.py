@@ -1,5 +1,5 @@
-"""No search for garbage while a kernel is translated: nothing that a translation makes can go before
-its end, and the search takes a tenth of its time.
+"""No search for garbage while a kernel is translated: nothing that a translation makes can go
+before its end, and the search takes a tenth of its time.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ _before = gc.get_threshold()
 
 @contextlib.contextmanager
 def uncollected() -> Iterator[None]:
-    """The first to enter takes away the threshold, the last to leave puts it back.  A threshold that
-    somebody else has set meanwhile stays, and so does what `gc.disable` and `gc.enable` say.
+    """The first to enter takes away the threshold, the last to leave puts it back.  A threshold
+    that somebody else has set meanwhile stays, and so does what `gc.disable` and `gc.enable` say.
     """
     global _inside, _before
     with _lock:
