@@ -1,4 +1,4 @@
-"""What a law is: two sides that must be equal to rounding, at every place.
+"""What a law is: two sides that must be equal to rounding, at every point.
 
 Each comparison names the size to which its rounding errors are relative: the product of the norms
 and condition numbers that enter.  A law holds while the defect is below `slack` roundings of that
@@ -88,7 +88,7 @@ class Law:
     # of interest only if the class has its own version of one of these
     closed: tuple[str, ...] = ()
     optional: bool = False  # about methods that a class need not have
-    once: bool = False  # says nothing about a place
+    once: bool = False  # says nothing about a point
     slack: float = SLACK
 
 

@@ -30,14 +30,14 @@ CAY = "cayley cayley_inv cayley_Ad_star compose_cayley dcayley dcayley_inv dcayl
 TAU = "tau tau_inv tau_Ad_star compose_tau dtau dtau_inv dtau_dual dtau_inv_dual residual is_chart"
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False)
 class Map:
     """A retraction on a group, under the names that it has there."""
 
     retraction: Retraction
     group: LieGroup
-    differentials: dict[tuple[int, str], tuple[np.ndarray, float]] = field(
-        default_factory=dict, repr=False, compare=False
+    differentials: dict[tuple[At, str], tuple[np.ndarray, float]] = field(
+        default_factory=dict, repr=False
     )
 
     def __getattr__(self, name: str) -> Any:
@@ -80,8 +80,7 @@ class Map:
         """The matrix of dtau by definition, and how many roundings are in it: found once, for
         several laws need it.
         """
-        known = id(at), side  # a place lives as long as the check
-        if known not in self.differentials:
+        if (at, side) not in self.differentials:
             if self.is_exp:
                 found = phi1(at.ad if side == "right" else -at.ad), 1.0
             else:
@@ -89,8 +88,8 @@ class Map:
                     np.stack([self.difference(at, axis, side) for axis in at.axes], axis=1),
                     1.0 / STEP,
                 )
-            self.differentials[known] = found
-        return self.differentials[known]
+            self.differentials[at, side] = found
+        return self.differentials[at, side]
 
     def difference(self, at: At, eta: Vec, side: str) -> np.ndarray:
         """d/de of tau(xi + e eta) tau(xi)^-1, or of tau(xi)^-1 tau(xi + e eta) for side="left"."""

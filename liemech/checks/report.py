@@ -12,7 +12,7 @@ ROUNDING = 2.0**-52
 
 @dataclass(frozen=True)
 class Finding:
-    """What came of one law: the worst place, the defect there and its bound, in roundings of the
+    """What came of one law: the worst point, the defect there and its bound, in roundings of the
     size, and a remark.
     """
 

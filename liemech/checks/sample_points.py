@@ -183,9 +183,9 @@ class Units:
         return np.asarray(np.linalg.lstsq(self.tangents, change, rcond=None)[0])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class At:
-    """A place: a velocity xi of the named size, two of size one, two momenta, and three elements of
+    """A point: a velocity xi of the named size, two of size one, two momenta, and three elements of
     the group.
     """
 

@@ -11,6 +11,7 @@ again in plain Python, whose result or error counts.
 from __future__ import annotations
 
 import collections
+import contextlib
 import dataclasses
 import functools
 import inspect
@@ -126,7 +127,8 @@ def _of_this_form(batch: Batch) -> tuple[Job, kernel.Kernel] | None:
     job = found[0].of(batch)
     if not run.reads.unchanged((*job.arguments, *job.rows)):
         return None
-    _ready.move_to_end(form)
+    with contextlib.suppress(KeyError):  # another thread has thrown it out meanwhile
+        _ready.move_to_end(form)
     return job, run
 
 
@@ -216,6 +218,12 @@ class Job:
     """Like those it will get: marks, arguments, results."""
     static: dict[str, Any]
     """The arguments of the formula that are the same for all rows."""
+
+    def kept(self, batch: Batch) -> Job:
+        """The same without what belongs to this batch: its owner, group and values may go."""
+        static = {k: None if k in batch.rest else default for k, default in self.static.items()}
+        *_, plan, _, widths = self.arguments
+        return dataclasses.replace(self, arguments=(plan, (), widths), static=static)
 
     def of(self, batch: Batch) -> Job:
         """The same for another batch of this form, whose numbers may be others."""
@@ -315,9 +323,12 @@ def _finished(batch: Batch, job: Job, run: kernel.Kernel, values: list[Any]) -> 
     from plain Python.
     """
     if values:
-        _ready[_form(batch)] = job, weakref.ref(run)
-        while len(_ready) > kernel.ALIVE:
-            _ready.popitem(last=False)
+        form = _form(batch)
+        _ready.pop(form, None)  # what is assigned to stays where it was
+        _ready[form] = job.kept(batch), weakref.ref(run)
+        with contextlib.suppress(KeyError):
+            while len(_ready) > kernel.ALIVE:
+                _ready.popitem(last=False)
     # at least a register full of rows, some of them twice
     start = min(len(values), len(batch) - run.lanes)
     whole = [np.empty((len(batch), layout.width)) for layout in job.layouts]

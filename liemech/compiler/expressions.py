@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ast
 import builtins
-import functools
 import operator
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -290,9 +289,11 @@ class Expressions(Loops):
         node = ast.BoolOp(ast.And() if every else ast.Or(), tests) if len(tests) > 1 else tests[0]
         return self.truth(self.expression(node, env))
 
-    def stream(self, items: list[Any] | Iterator[Any]) -> Stream:
+    def stream(
+        self, items: list[Any] | Iterator[Any], sources: tuple[Any, ...] | None = None
+    ) -> Stream:
         """An iterator made here."""
-        self.streams.append(Stream(items, self.region))
+        self.streams.append(Stream(items, self.region, sources))
         return self.streams[-1]
 
     def iterate(self, value: Any) -> Iterator[Any]:
@@ -348,7 +349,7 @@ class Expressions(Loops):
         first = node.values[0]
         value, either = self.expression(first, env), isinstance(node.op, ast.Or)
         test = self.truth(value)
-        rest = _others(node)
+        rest = self._others(node)
         if not isinstance(test, Num):
             return value if test is either else self.expression(rest, env)
         if rest not in self.branching:
@@ -373,6 +374,14 @@ class Expressions(Loops):
             else ast.IfExp(Later(lambda: test), rest, known)
         )
         return self.choice(ast.copy_location(choice, node), env)
+
+    def _others(self, node: ast.BoolOp) -> ast.expr:
+        """What comes after the first operand of `and` or `or`: the same node every time."""
+        _, *others = node.values
+        if len(others) == 1:
+            return others[0]
+        rest = ast.copy_location(ast.BoolOp(node.op, others), node)
+        return self.others.setdefault(node, rest)
 
     def comparison(self, node: ast.Compare, env: Env) -> Any:
         """`a < b < c` is `a < b and b < c`, with b computed once."""
@@ -418,13 +427,6 @@ class Expressions(Loops):
         if isinstance(value, Undefined):
             raise NotCompilable(f"a choice: {value.reason}")
         return value
-
-
-@functools.cache
-def _others(node: ast.BoolOp) -> ast.expr:
-    """What comes after the first operand of `and` or `or`."""
-    _, *others = node.values
-    return ast.copy_location(ast.BoolOp(node.op, others), node) if len(others) > 1 else others[0]
 
 
 def _named(node: ast.Call) -> list[Any]:

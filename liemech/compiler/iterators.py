@@ -20,10 +20,15 @@ and whether it is a loop.
 
 
 class Stream:
-    """An iterator: a list of items of which some are taken, or a generator, which cannot go back."""
+    """An iterator: a list of items of which some are taken, or a generator, which cannot go back.
 
-    def __init__(self, items: list[Any] | Iterator[Any], region: Region) -> None:
-        self.items, self.region, self.taken = items, region, 0
+    sources : what the items are taken from; None if they may be computed from anything.
+    """
+
+    def __init__(
+        self, items: list[Any] | Iterator[Any], region: Region, sources: tuple[Any, ...] | None
+    ) -> None:
+        self.items, self.region, self.taken, self.sources = items, region, 0, sources
         self.refusal = ""
 
     def take(self, region: Region) -> Any:

@@ -14,7 +14,6 @@ import contextlib
 import ctypes
 import dataclasses
 import functools
-import gc
 import hashlib
 import os
 import struct
@@ -29,6 +28,7 @@ import numpy as np
 from ..errors import NotCompilable
 from ..formulas.pytree import Layout, layout_of, leaves
 from . import driver
+from .uncollected import uncollected
 
 Kind = Layout | str | tuple[str, Layout]
 """Of an argument: the layout of a value, ("several", layout) if every body has its own, "integer",
@@ -360,16 +360,11 @@ def _translated(
     with _importing:
         from .outlined import LIMIT, SIDE_BY_SIDE, TooLong
 
-    collecting = gc.isenabled()
-    gc.disable()  # millions of small objects are made, none of which can go before the end
-    try:
+    with uncollected():
         if lanes > width():
             with contextlib.suppress(TooLong):
                 return _translation(entry, kinds, lanes, given, SIDE_BY_SIDE)
         return _translation(entry, kinds, min(lanes, width()), given, LIMIT)
-    finally:
-        if collecting:
-            gc.enable()
 
 
 def _translation(

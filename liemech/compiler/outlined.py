@@ -528,7 +528,7 @@ class Outliner:
                 b.finished += b.emitted
             else:
                 del module.globals[name]
-                self.made[call.known] = None
+                self.made.setdefault(call.known, None)
         except NotCompilable as error:
             if isinstance(error, TooLong):
                 raise

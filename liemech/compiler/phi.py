@@ -74,7 +74,7 @@ class Promote(Exception):
 
 
 class Phis:
-    """The state of a translation, and the meeting of ways; what statements mean is the business of
+    """The state of a translation, and where branches meet; what statements mean is the business of
     those who build on it.
     """
 
@@ -87,6 +87,8 @@ class Phis:
         self.lasting: set[Any] = set()
         # `and` and `or` met before whose second operand needs a branch
         self.branching: set[ast.expr] = set()
+        # of more than two operands, those after the first
+        self.others: dict[ast.BoolOp, ast.expr] = {}
         self.frames: list[Frame] = []
         self.base: Any = None  # lanes for which the present code was entered (None: all)
         self.depth = 0  # enclosing conditions of the present call that differ between lanes

@@ -66,13 +66,15 @@ class PythonFunctions:
             len: self.len,
             list: lambda items=(): list(self.t.iterate(items)),
             tuple: lambda items=(): tuple(self.t.iterate(items)),
-            iter: lambda items: items if isinstance(items, Stream) else self.t.stream(list(items)),
+            iter: lambda items: items
+            if isinstance(items, Stream)
+            else self.t.stream(list(items), (items,)),
             next: self.next,
             zip: self.zip,
             map: self.map,
             filter: self.filter,
             enumerate: lambda items, start=0: self.lazily(enumerate, items, start=start),
-            reversed: lambda items: self.t.stream(list(reversed(items))),
+            reversed: lambda items: self.t.stream(list(reversed(items)), (items,)),
             math.fabs: self.plain_number(lambda x: self.e.call("llvm.fabs", x), math.fabs),
             math.copysign: self.plain_number(
                 lambda x, y: self.e.call("llvm.copysign", x, y), math.copysign
@@ -222,7 +224,8 @@ class PythonFunctions:
         one that asks them.
         """
         found = function(*map(self.t.iterate, items), **options)
-        return self.t.stream(found if any(isinstance(x, Stream) for x in items) else list(found))
+        lazy = any(isinstance(x, Stream) for x in items)
+        return self.t.stream(found if lazy else list(found), items)
 
     def zip(self, *items: Any, **options: Any) -> Stream:
         return self.lazily(zip, *items, **options)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ast
 import copy
-import functools
 from collections.abc import Callable
 from typing import Any
 
@@ -61,7 +60,7 @@ class Statements(Expressions):
                 if node.value:
                     self.assign(node.target, self.expression(node.value, env), env)
             case ast.AugAssign():
-                old = self.expression(_value(node.target), env)
+                old = self.expression(node.target, env)
                 if isinstance(old, list):
                     self.unshared(old, node.target, env)
                 self.assign(
@@ -315,26 +314,16 @@ class _Breaks(ast.NodeTransformer):
         return node
 
 
-@functools.cache
-def _value(target: ast.expr) -> ast.expr:
-    """What is assigned to, as an expression."""
-    return ast.parse(ast.unparse(target), mode="eval").body
-
-
 def _lines(found: Any) -> list[Any]:
     return found if isinstance(found, list) else [found]
 
 
 def _holds(value: Any, items: list[Any]) -> bool:
-    if isinstance(value, Stream) and not isinstance(value.items, list):
-        return True  # its items are still to be computed, from whatever
-    inside = (
-        value.items
-        if isinstance(value, Stream)
-        else value
-        if isinstance(value, (tuple, list))
-        else ()
-    )
+    if isinstance(value, Stream):
+        if value.sources is None:
+            return True  # its items are still to be computed, from whatever
+        return any(_holds(v, items) for v in value.sources)
+    inside = value if isinstance(value, (tuple, list)) else ()
     return value is items or any(_holds(v, items) for v in inside)
 
 

@@ -202,11 +202,11 @@ class MatrixLieAlgebra(LieAlgebra):
         if size2 <= 4.0:
             return v + _series(small, x, v, size2, 1.0)
         halvings = 0.0
-        while size2 > 4.0 and halvings < 1100.0:
+        while size2 > 4.0 and halvings <= LOST:
             x = 0.5 * x
             size2, halvings = self.ad_size2(x), halvings + 1.0
         if halvings > LOST:
-            v = v * (INFINITE - INFINITE)
+            v, halvings = v * (INFINITE - INFINITE), 0.0
         v = v + _series(small, x, v, size2, 1.0)
         g, back = expm1(self.hat(x)), expm1(self.hat(-x))
         while halvings > 0.0:

@@ -57,11 +57,11 @@ def expm1(x: Mat) -> Mat:
     x : (n, n).  Source: Higham, Functions of Matrices (2008), section 10.3 (scaling and squaring).
     """
     size2, halvings = frobenius2(x), 0.0
-    while size2 > 1.0 and halvings < 1100.0:
+    while size2 > 1.0 and halvings <= LOST:
         x = 0.5 * x
         size2, halvings = frobenius2(x), halvings + 1.0
     if halvings > LOST:
-        x = x * (INFINITE - INFINITE)
+        x, halvings = x * (INFINITE - INFINITE), 0.0
     e = _series_by_characteristic(x, size2) if len(x) == 3 else _series(x, size2)
     while halvings > 0.0:
         e = 2.0 * e + e @ e
@@ -134,11 +134,11 @@ def phi1m(a: Mat) -> Mat:
     Source: Higham, Functions of Matrices (2008), section 10.7.4.
     """
     size2, halvings = frobenius2(a), 0.0
-    while size2 > 1.0 and halvings < 1100.0:
+    while size2 > 1.0 and halvings <= LOST:
         a = 0.5 * a
         size2, halvings = frobenius2(a), halvings + 1.0
     if halvings > LOST:
-        a = a * (INFINITE - INFINITE)
+        a, halvings = a * (INFINITE - INFINITE), 0.0
     tiny, one = digits(size2)
     term, k, bound = 0.5 * a, 2.0, 0.25 * size2
     phi = plus(term, 1.0)

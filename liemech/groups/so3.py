@@ -160,7 +160,8 @@ class SO3Algebra(LieAlgebra):
     def cayley_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
         """r = 4 (p - mu) + |xi|^2 p + 2 xi x mu,  dr/dp = 4 + |xi|^2,  dr/dxi = 2 p xi^T - 2 hat(mu).
 
-        p - mu is small and exact, so that r rounds by the size of xi and not by that of mu.
+        p - mu is small and rounds by its own size, so r rounds by the size of xi and not by that of
+        mu.
         """
         square, twice = dot(xi, xi), 2.0 * mu
         r = 4.0 * (p - mu) + (square * p + cross(xi, twice))

@@ -15,10 +15,11 @@ from .method import Method, alternatives
 
 @record
 class Boris(Method):
-    """The method of Boris for a `ChargedParticle`: half a way, a kick, half a way.
+    """The method of Boris for a `ChargedParticle`: half a drift, a kick, half a
+    drift, for unit charge and mass.
 
     The kick is half the electric one, a turn of the velocity about B, and the other half.  The turn
-    is the Cayley map of -h B, so the field alone does not change |v|.
+    is the Cayley map of -h B, so the magnetic field alone does not change |v|.
 
     Order 2, symmetric, explicit.  It keeps volumes in (x, v), but is no Poisson map.  Raises
     IncompatibleSystem for other systems.
@@ -31,7 +32,7 @@ class Boris(Method):
     symmetric: ClassVar[bool] = True
 
     def require(self, system: Any) -> None:
-        """A charged particle."""
+        """Refuse all but a ChargedParticle."""
         super().require(system)
         if not isinstance(system, ChargedParticle):
             raise IncompatibleSystem(

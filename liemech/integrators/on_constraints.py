@@ -17,7 +17,7 @@ from .method import Method, alternatives
 
 NEARLY = 1e-2
 """The part of the largest singular value of G H_pp G^T below which a failing step is blamed on
-dependent constraints; and what a kink changes in G at least, beside its size.
+dependent constraints; and what a kink changes in G at least, beside the length of its rows.
 """
 
 FOLD = 2.0**-4
@@ -136,6 +136,7 @@ class Ahead:
         across = self._products(0.0)
         self.unit = np.sqrt(np.abs(np.diag(across)))
         self.most = np.linalg.svd(across / np.outer(self.unit, self.unit), compute_uv=False)[0]
+        self.lengths = np.linalg.norm(np.array(system.constraint_jacobian(q)), axis=1)
 
     def at(self, s: float) -> Vec:
         """q + s v."""
@@ -166,9 +167,8 @@ class Ahead:
         return self.at(begin) if jump > 0.5 * whole > NEARLY else None
 
     def _rows(self, s: float) -> np.ndarray:
-        rows: np.ndarray = (
-            np.array(self.system.constraint_jacobian(self.at(s))) / self.unit[:, None]
-        )
+        G = np.array(self.system.constraint_jacobian(self.at(s)))
+        rows: np.ndarray = G / self.lengths[:, None]
         return rows
 
     def _products(self, s: float) -> np.ndarray:

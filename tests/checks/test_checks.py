@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,6 +11,8 @@ from scenes import PlaneAlgebra, PlaneMotions
 
 import liemech as lm
 from liemech.checks import Report, check_action, check_group, check_retraction
+from liemech.checks.map_laws import Map
+from liemech.checks.sample_points import phi1, sample_points
 from liemech.formulas import acos, cos, sin, sqrt, vec
 
 # ---------------------------------------------------------------- a second group, whose Ad is not
@@ -54,7 +57,7 @@ def test_motions_of_the_plane_obey_all_laws() -> None:
 
 @pytest.mark.parametrize("seed", range(1, 3))
 @pytest.mark.parametrize("group", [lm.SO3(), Plane()], ids=["SO3", "Plane"])
-def test_other_places_tell_the_same(group: lm.LieGroup, seed: int) -> None:
+def test_other_points_tell_the_same(group: lm.LieGroup, seed: int) -> None:
     assert check_group(group, seed=seed)
 
 
@@ -652,3 +655,12 @@ def test_a_wrong_action_is_found(action: OnVectors, law: str, hint: str) -> None
     with pytest.raises(lm.errors.LawViolation, match=f"breaks the law of {law}: ") as found:
         check_action(action)
     assert hint in str(found.value)
+
+
+def test_a_differential_is_that_of_its_own_point() -> None:
+    """Also where the point before it is gone, and its address in use again."""
+    group = lm.SO3()
+    exp, at = Map(lm.Exponential(), group), sample_points(group, 1)[-1]
+    for _ in range(20):
+        at = replace(at, xi=0.9 * at.xi)
+        assert np.array_equal(exp.differential(at, "right")[0], phi1(at.ad))

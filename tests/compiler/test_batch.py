@@ -4,8 +4,11 @@ form the arrays come.
 
 from __future__ import annotations
 
+import collections
+import gc
 import inspect
 import warnings
+import weakref
 from collections.abc import Callable
 from typing import Any
 
@@ -572,3 +575,47 @@ def test_a_batch_like_one_before_sees_what_it_is_given_now(rng: np.random.Genera
         assert np.array_equal(other.exp(xi[-n:]), first[-n:])
     with pytest.raises(InvalidInput, match=r"xi\[0, 1\] is inf"):
         group.exp(bad)
+
+
+def test_a_batch_thrown_out_by_another_thread_is_evaluated_all_the_same(
+    monkeypatch: pytest.MonkeyPatch, rng: np.random.Generator
+) -> None:
+    class Shared(collections.OrderedDict[Any, Any]):
+        """Another thread throws out what was looked up."""
+
+        def get(self, key: Any, default: Any = None) -> Any:
+            return self.pop(key, default)
+
+    monkeypatch.setattr(batch, "_ready", Shared())
+    x = rng.normal(size=(64, 3))
+    first = Counted(2.0).value(x)
+    assert batch._ready
+    assert np.array_equal(Counted(2.0).value(x), first)
+
+
+def test_what_is_remembered_of_a_batch_keeps_no_owner(
+    monkeypatch: pytest.MonkeyPatch, rng: np.random.Generator
+) -> None:
+    monkeypatch.setattr(batch, "_ready", collections.OrderedDict())
+    x = rng.normal(size=(64, 3))
+    owner = Counted(2.0)
+    gone = weakref.ref(owner)
+    owner.value(x)
+    assert batch._ready
+    del owner
+    gc.collect()
+    assert gone() is None
+    assert np.array_equal(Counted(3.0).value(x), 3.0 * x[:, 0] + x[:, 1] * x[:, 2])
+
+
+def test_the_batch_used_last_is_the_last_to_go(
+    monkeypatch: pytest.MonkeyPatch, rng: np.random.Generator
+) -> None:
+    monkeypatch.setattr(batch, "_ready", collections.OrderedDict())
+    monkeypatch.setattr(batch, "_of_this_form", lambda _: None)
+    x = rng.normal(size=(64, 3))
+    Counted(2.0).value(x)
+    (form,) = batch._ready
+    batch._ready["another"] = batch._ready[form]
+    Counted(2.0).value(x)
+    assert [*batch._ready] == ["another", form]

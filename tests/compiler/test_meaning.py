@@ -173,6 +173,16 @@ def iterators_of_all_kinds(a, b, c, d, n):
 
 
 @meaning
+def a_list_of_its_own_within_iterators_of_iterators(a, b, c, d, n):
+    total = 0.0
+    for k, (x, y) in enumerate(zip([a, b], (c, d))):
+        pair = [x, y]
+        pair[0] = 3.0 * pair[k]
+        total = total + pair[0] * pair[1]
+    return vec(total)
+
+
+@meaning
 def a_generator_computes_late(a, b, c, d, n):
     k = 1.0
     items = (k * x for x in (a, b))

@@ -79,6 +79,14 @@ REFUSALS = {
         "has another name",
     ),
     "the caller's list": ("items = [a, b]\nx = changes(items) + items[0]", "has another name"),
+    "a list that `zip` goes through": (
+        "items = [a, b]\nfor y, z in zip(items, items):\n    x = x + y\n    items[1] = c",
+        "has another name",
+    ),
+    "a list with an iterator": (
+        "items = [a, b]\nthem = iter(items)\nitems[1] = c\nx = next(them) + next(them)",
+        "has another name",
+    ),
     "a tuple changed": ("items = (a, b)\nitems[0] = c", "formulas do not change objects in place"),
     "insert": ("items = [a]\nitems.insert(0, b)", "`list.insert` is not known to native code"),
     "recursion without end": ("x = endless(a)", "formulas call each other without end"),

@@ -82,6 +82,27 @@ def test_too_large_a_step_is_neither() -> None:
         plain(chain, lm.RATTLE(), hung, 0.8, 20)
 
 
+@record
+class HeavyCorner(Corner):
+    """The same motion of any mass: energies and momenta in proportion."""
+
+    mass: float = 1.0
+
+    def kinetic(self, p: lm.Vec) -> float:
+        return 0.5 * dot(p, p) / self.mass
+
+    def potential(self, q: lm.Vec) -> float:
+        return self.mass * q[-1]
+
+
+@pytest.mark.parametrize("mass", [1e-8, 1.0, 1e8])
+def test_a_kink_does_not_depend_on_the_unit_of_mass(mass: float) -> None:
+    corner = HeavyCorner(mass=mass)
+    start = corner.state([-1.0, 1.0], [0.0, 0.0])
+    with pytest.raises(NoConvergence, match=r"jumps at q = .*kink"):
+        plain(corner, lm.RATTLE(), start, 0.07, 100)
+
+
 @pytest.mark.parametrize(
     ("radius", "told"),
     [(1.0, "redundant"), (2.0, r"contradict each other: constraint\[1\] is 1.5")],

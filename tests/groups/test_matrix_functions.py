@@ -126,3 +126,21 @@ def test_phi(size: float) -> None:
             np.abs(of(functions.phi1m, tiny * np.eye(2)) - (1.0 + 0.5 * tiny) * np.eye(2)).max()
             <= EPS
         )
+
+
+@pytest.mark.parametrize("function", [functions.expm1, functions.phi1m])
+@pytest.mark.parametrize("n", [3, 6])
+def test_norms_without_a_digit_left_are_given_up_at_once(
+    function: object, n: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    products, product = [0], Mat.__matmul__
+
+    def counted(self: Mat, other: object) -> object:
+        products[0] += 1
+        return product(self, other)
+
+    monkeypatch.setattr(Mat, "__matmul__", counted)
+    for size in (2.0**60, 1e160, 1e300):
+        assert np.isnan(of(function, sample(n, size, False))).any()
+    assert products[0] < 3 * 64
+    assert np.isfinite(of(function, -(2.0**40) * np.eye(n))).all()
