@@ -255,7 +255,6 @@ CASES: dict[str, Callable[[], Case]] = {
     "Controller of KickDrift 2, satellite": lambda: satellite(lm.KickDrift(order=2)),
     "Controller of KickDrift 4, satellite": lambda: satellite(lm.KickDrift(order=4)),
     "Controller of LieVerlet, satellite": lambda: satellite(lm.LieVerlet()),
-    "Controller of Algorithm 1, satellite": lambda: satellite(COVARIANT["exp"]),
     "Controller of LieVerlet, satellite, run": lambda: run(
         satellite(lm.LieVerlet(), clocked=False)
     ),

@@ -10,7 +10,11 @@ import numpy as np
 import pytest
 
 import liemech as lm
+
+pytest.importorskip("llvmlite")
 from liemech.compiler import kernel, llvm
+
+pytestmark = pytest.mark.compiled
 
 
 class Seen(Exception):
