@@ -15,8 +15,8 @@ from .method import Method, alternatives
 
 @record
 class Boris(Method):
-    """The method of Boris for a `ChargedParticle`: half a drift, a kick, half a
-    drift, for unit charge and mass.
+    """The method of Boris for a `ChargedParticle` of unit charge and mass: half a drift, a kick,
+    half a drift.
 
     The kick is half the electric one, a turn of the velocity about B, and the other half.  The turn
     is the Cayley map of -h B, so the magnetic field alone does not change |v|.
