@@ -31,7 +31,7 @@ class HeavyTop(MechanicalSystem):
     (3,), in m.  mu is the angular momentum in the body about the fixed point, in kg m^2/s; g the
     rotation from body to space, e3 upwards.
 
-    Kept are the energy H = mu . J^-1 mu/2 + w Gamma . c and the vertical momentum mu . Gamma.
+    Conserved: the energy H = mu . J^-1 mu/2 + w Gamma . c and the vertical momentum mu . Gamma.
     `reduced` is the same top on se(3)*.
 
     Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., sections 1.4 and

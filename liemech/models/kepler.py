@@ -19,7 +19,9 @@ class Kepler(SeparableSystem):
 
     attraction : k = G M, in m^3/s^2 (of the Sun 1.32712440018e20); 1 by default.
     q : the position, (2,), in m.  p : the velocity, (2,), in m/s, that is the momentum for a unit
-    mass.  Kept are the energy, the angular momentum and the Runge-Lenz vector, which points to the
+    mass.
+
+    Conserved: the energy, the angular momentum and the Runge-Lenz vector, which points to the
     pericentre.
 
     Source: Hairer, Lubich, Wanner, I.2; Goldstein, Classical Mechanics, 3rd ed., section 3.9

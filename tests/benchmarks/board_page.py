@@ -33,7 +33,7 @@ all their settings: errors, medians and quartiles.
   which all take turns. One thread.
 * **Between two settings** of a method time is interpolated, both axes logarithmic; a method that is
   better than asked for at its loosest setting counts with the time of that.
-* **Closed forms** are told apart: `system.exact`, a flow that is exact in one step, and REBOUND's
+* **Closed forms** are listed apart: `system.exact`, a flow that is exact in one step, and REBOUND's
   WHFast for two bodies.
 
 """
