@@ -361,6 +361,8 @@ def test_a_class_without_generators_says_so() -> None:
 
     with pytest.raises(NotImplementedError, match="generators"):
         Empty().exp(np.zeros(3))
+    with pytest.raises(NotImplementedError, match=r"MatrixLieGroup\.of\(generators\)"):
+        MatrixLieGroup(np.ones((1, 2, 2)))  # type: ignore[call-arg]
 
 
 def test_logarithm_outside_the_image_of_exp() -> None:
