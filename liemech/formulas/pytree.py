@@ -219,6 +219,14 @@ def layout_of(value: Any, number: Callable[[Any], bool] = is_number) -> Layout:
 _known, _know = Record._layout.__get__, Record._layout.__set__  # type: ignore[attr-defined]
 
 
+def known_layout(value: Any) -> Layout | None:
+    """The layout of a record that was looked at before; None for all else."""
+    try:
+        return _known(value)  # type: ignore[no-any-return]
+    except (AttributeError, TypeError):
+        return None
+
+
 def _of_record(value: Any, number: Callable[[Any], bool]) -> Layout:
     cls: Any = type(value)
     return _record(tuple([layout_of(getattr(value, n), number) for n in names_of(cls)]), cls)

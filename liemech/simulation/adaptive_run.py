@@ -489,10 +489,10 @@ class AdaptiveRun:
         reached, steps = float(self.clock[0]), int(self.clock[3])
         dense = self._dense() if self.kept and self.shape.curves else None
         kept = dense if self.dense else None
+        # the carry at once with the samples, which may be written to
+        made = functools.cache(lambda: (*self._samples(dense), self._carry()))
         return Trajectory.promised(
-            lambda: dict(
-                zip(("t", "states", "carry"), (*self._samples(dense), self._carry()), strict=True)
-            ),
+            {"t": lambda: made()[0], "states": lambda: made()[1], "carry": lambda: made()[2]},
             system=self.system,
             method=self.method,
             h=(reached - self.t0) / max(1, steps),

@@ -432,8 +432,9 @@ class FixedRun:
             carry = Carry(
                 self.shape, self.t0, self.plan.h, reached, self.bodies, memory, shown, self.failures
             )
+        made = functools.cache(lambda: self._samples(self.out[:rows], steps))
         return Trajectory.promised(
-            lambda: dict(zip(("t", "states"), self._samples(self.out[:rows], steps), strict=True)),
+            {"t": lambda: made()[0], "states": lambda: made()[1]},
             system=self.plan.system,
             method=self.plan.method,
             h=shown_step(self.plan.h),

@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any
 from ..compiler.kernel import Several
 from ..errors import InvalidInput, InvalidType, StepWarning, warn
 from ..formulas import Record
-from ..formulas.pytree import exact, fields_of, layout_of
+from ..formulas.pytree import Layout, exact, fields_of, known_layout, layout_of
 from ..integrators.method import Method
 from ..systems.system import State, System, member
 from . import arguments
-from .at_once import advanced, at_once
+from .at_once import advanced, at_once, of_shape
 from .carry import AdaptiveCarry, Carry
 from .checkpoint import Checkpoint
 from .execution import like
@@ -104,6 +104,8 @@ class Plan:
             workers=workers,
         )  # fmt: skip
         self._steps: Any = None
+        # of starts as they are given: how they are laid out in runs
+        self._laid_out: dict[Layout, tuple[Layout, bool]] = {}
         if method.fictive or one.fictive:
             if h is None:
                 raise InvalidInput(
@@ -162,6 +164,16 @@ class Plan:
                 progress,
                 workers,
             )
+
+    @property
+    def _plain(self) -> bool:
+        """Are there steps of one length of one body, and nothing else?"""
+        return (
+            isinstance(self._steps, Steps)
+            and type(self._steps.h) is float
+            and self._one is self.system
+            and not (self.events or self.fictive or self.recorder is not None)
+        )
 
     @property
     def adaptive(self) -> bool:
@@ -238,6 +250,10 @@ class Plan:
             if checkpoint is not None:
                 raise InvalidInput("integrate: checkpoint is for runs without executor")
             return spread(self, start, executor, steps=steps, t_end=t_end, t0=t0, t_eval=t_eval)
+        if type(steps) is int and t_end is None and t_eval is None and checkpoint is None:
+            run = self._again(start, steps, t0)
+            if run is not None:
+                return run
         start, t0 = self._started(start), arguments.real(t0, "t0")
         kept = self._kept(checkpoint, checkpoint_every)
         if self.fictive:
@@ -252,14 +268,37 @@ class Plan:
             warn(doubt, StepWarning)
         return self._stepped(start, steps, t0, t_eval, kept)
 
+    def _again(self, start: Any, steps: int, t0: Any) -> Trajectory | None:
+        """A run that has nothing to do but to step, of a start that is laid out as one before;
+        None for all others, and for what is to be refused.
+        """
+        known = known_layout(start)
+        shape = None if known is None else self._steps.shapes.get(self._laid_out.get(known))
+        if shape is None or type(t0) is not float or not self._inner._knows(start):
+            return None
+        h = self._steps.h
+        end = t0 + steps * h
+        latest = max(abs(t0), abs(end))
+        if steps > arguments.MOST or not latest < math.inf or latest + abs(h) == latest:
+            return None
+        if type(self.method).step_warning is not Method.step_warning:
+            if shape.given != known:  # it might ask for what is not recorded
+                return None
+            doubt = self._doubt(start)
+            if doubt:
+                warn(doubt, StepWarning)
+        return of_shape(self._steps, shape, start, steps, t0)
+
     def _started(self, start: Any) -> Any:
         """The start with the parts that the run needs; its bodies must be as many as the systems,
         and as the steps if they have steps of their own.
         """
-        inner = self._inner
+        inner, given = self._inner, start
         start = arguments.started(inner, start, self._needed(inner, start))
         if self.fictive:  # one system, one step
             return start
+        if self._plain and start.bodies is None and inner._knows(given):
+            self._laid_out[layout_of(given)] = layout_of(start), False
         if self._one is not self.system and start.bodies != len(self.system):
             raise InvalidInput(
                 f"integrate: there are {len(self.system)} systems for "

@@ -61,11 +61,11 @@ class Trajectory:
     observed: tuple[str, ...] = ()
 
     @classmethod
-    def promised(cls, rest: Callable[[], dict[str, Any]], **known: Any) -> Trajectory:
-        """A trajectory whose other fields, those without a default, are made when one of them is
-        first asked for.
+    def promised(cls, promises: dict[str, Callable[[], Any]], **known: Any) -> Trajectory:
+        """A trajectory whose other fields, those without a default, are made when they are first
+        asked for.
         """
-        run, known["_rest"] = object.__new__(cls), rest
+        run, known["_promises"] = object.__new__(cls), promises
         object.__setattr__(run, "__dict__", known)
         return run
 
@@ -74,20 +74,28 @@ class Trajectory:
 
     def __getstate__(self) -> dict[str, Any]:
         """All of it, and what was only promised too."""
-        _ = self.t
+        for name in [*vars(self).get("_promises", ())]:
+            getattr(self, name)
         return vars(self)
 
     def __getattr__(self, name: str) -> Any:
         """A part of the state that belongs to this kind of system; fields that were promised."""
         own = vars(self)
-        rest = own.get("_rest")
-        if rest is not None:
-            own.update(rest())  # two threads may both come here: they find the same
-            own.pop("_rest", None)
-            return getattr(self, name)
-        states = own.get("states", {})
+        promises = own.get("_promises")
+        if promises is not None:
+            make = promises.get(name)
+            if make is not None:
+                value = own.setdefault(name, make())  # two threads may both come here
+                if own.keys() >= promises.keys():
+                    own.pop("_promises", None)
+                return value
+            states = self.states
+        else:
+            states = own.get("states", {})
         if name in states:
             return states[name]
+        if name in own:  # made by another thread meanwhile
+            return own[name]
         raise AttributeError(f"a Trajectory has no {name!r}; this one recorded {', '.join(states)}")
 
     @property
