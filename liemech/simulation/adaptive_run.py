@@ -492,7 +492,9 @@ class AdaptiveRun:
         # the carry at once with the samples, which may be written to
         made = functools.cache(lambda: (*self._samples(dense), self._carry()))
         return Trajectory.promised(
-            {"t": lambda: made()[0], "states": lambda: made()[1], "carry": lambda: made()[2]},
+            SimpleNamespace(
+                t=lambda: made()[0], states=lambda: made()[1], carry=lambda: made()[2]
+            ),
             system=self.system,
             method=self.method,
             h=(reached - self.t0) / max(1, steps),

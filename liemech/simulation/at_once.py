@@ -67,16 +67,17 @@ def of_shape(
     shape.native_steps(t0, plan.h, step, every, samples, place, place + 8 * (carried + shown))
     if step % every or memory.item(carried - 1) != reached:
         return None
-    found = _Found(shape, memory, t0, plan.h, every, step, reached)
-    return Trajectory.promised(
-        {"t": found.t, "states": found.states, "carry": found.carry},
-        system=plan.system,
-        method=plan.method,
-        h=plan.h,
-        bodies=None,
-        steps=steps,
-        stopped=NONE,
-        compiled=True,
+    return Trajectory._of(
+        {
+            "system": plan.system,
+            "method": plan.method,
+            "h": plan.h,
+            "bodies": None,
+            "steps": steps,
+            "stopped": NONE,
+            "compiled": True,
+            "_rest": _Found(shape, memory, t0, plan.h, every, step, reached),
+        }
     )
 
 
@@ -95,8 +96,8 @@ def advanced(plan: Steps, carry: Carry, steps: int) -> Carry:
         place = address(memory)
         shape.native_steps(carry.t0, carry.h, carry.step, steps, 1, place, place + 8 * carried)
         if memory.item(carried - 1) == reached:
-            return Carry(
-                shape, carry.t0, carry.h, reached, None, memory[:carried], memory[carried:]
+            return Carry.quickly(
+                shape, carry.t0, carry.h, reached, memory[:carried], memory[carried:]
             )
     # of a failing step it says why
     return FixedRun(dataclasses.replace(plan, every=steps), carry, steps).trajectory().carry

@@ -269,23 +269,29 @@ def unpacked(layout: Any, numbers: np.ndarray) -> dict[str, np.ndarray]:
     """Numbers of states, (..., width), as the parts of the state by name: views, of complex numbers
     perhaps copies.
     """
-    arrays, at = {}, 0
-    for name, inner in zip(layout.detail[1], layout.parts, strict=True):
-        if inner.width:
-            shape, is_complex = _form(inner)
-            own = numbers[..., at : at + inner.width]
-            if is_complex:
-                own = np.ascontiguousarray(own).view(complex)
-            arrays[name] = own.reshape(*numbers.shape[:-1], *shape)
-            at += inner.width
+    arrays = {}
+    for name, begin, end, shape, is_complex in _parts(layout):
+        own = numbers[..., begin:end]
+        if is_complex:
+            own = np.ascontiguousarray(own).view(complex)
+        if own.shape[-1:] != shape:
+            own = own.reshape(numbers.shape[:-1] + shape)
+        arrays[name] = own
     return arrays
 
 
 @functools.lru_cache(256)
-def _form(layout: Any) -> tuple[tuple[int, ...], bool]:
-    """The shape of the array of a vector or matrix, and whether it is complex."""
-    zero = np.array(build(layout, iter([0.0] * layout.width)))
-    return zero.shape, zero.dtype == complex
+def _parts(layout: Any) -> list[tuple[str, int, int, tuple[int, ...], bool]]:
+    """Of each part of a state its name, where its numbers begin and end, the shape of its array,
+    and whether that is complex.
+    """
+    parts, at = [], 0
+    for name, inner in zip(layout.detail[1], layout.parts, strict=True):
+        if inner.width:
+            zero = np.array(build(inner, iter([0.0] * inner.width)))
+            parts.append((name, at, at + inner.width, zero.shape, zero.dtype == complex))
+            at += inner.width
+    return parts
 
 
 def flat(arrays: dict[str, np.ndarray], count: int) -> np.ndarray:

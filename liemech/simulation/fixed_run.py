@@ -6,6 +6,7 @@ import functools
 import os
 import time
 from array import array
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -434,7 +435,7 @@ class FixedRun:
             )
         made = functools.cache(lambda: self._samples(self.out[:rows], steps))
         return Trajectory.promised(
-            {"t": lambda: made()[0], "states": lambda: made()[1]},
+            SimpleNamespace(t=lambda: made()[0], states=lambda: made()[1]),
             system=self.plan.system,
             method=self.plan.method,
             h=shown_step(self.plan.h),
