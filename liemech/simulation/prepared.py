@@ -33,6 +33,11 @@ from .systems import Systems
 
 TIME = struct.Struct("d")
 
+OFTEN = 3
+"""Runs after the first one from which those that demand native code have it for their beginnings
+too: it takes 0.1 to 0.2 s to make, and saves 0.2 to 0.8 ms a run.
+"""
+
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Steps:
@@ -174,6 +179,7 @@ class Shape(Prepared):
         self.stepping = Execution(steps.compiled, steps.progress, *call, lanes=self.lanes)
         self._call = struct.Struct(f"8q{len(self.constants)}s2d").pack
         self._beginning: Execution | None = None
+        self._begun = 0
         self.order: list[int] | None = None
         if given == self.shown and all(
             getattr(type(method), f) is getattr(Method, f) for f in ("start", "observe")
@@ -209,6 +215,9 @@ class Shape(Prepared):
         if beginning is None:
             return False
         beginning.again()
+        self._begun += 1
+        if self._begun == OFTEN and self.stepping.asked:
+            beginning.compile()
         states, out, starts = (
             memory[: self.carried],
             memory[self.carried :][: self.sampled],
