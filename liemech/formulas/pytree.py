@@ -354,6 +354,19 @@ def paired(form: tuple[Any, ...], parts: Iterable[Any]) -> Any:
     return cls(*parts, *more)
 
 
+def restricted(value: Any, layout: Layout) -> Any:
+    """A record without the parts that this layout does not have; others are those of the value."""
+    if known_layout(value) == layout:
+        return value
+    parts = zip(layout.detail[1], layout.parts, strict=True)
+    made = fill(
+        type(value),
+        {n: getattr(value, n) if part.kind != "static" else part.detail for n, part in parts},
+    )
+    _know(made, layout)
+    return made
+
+
 def fill(cls: type, fields: dict[str, Any]) -> Any:
     """An instance of a record class with these fields, unchecked."""
     made: Any = object.__new__(cls)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from ..compiler.kernel import Several
 from ..errors import InvalidInput, InvalidType, StepWarning, warn
 from ..formulas import Record
-from ..formulas.pytree import Layout, exact, fields_of, known_layout, layout_of
+from ..formulas.pytree import Layout, exact, fields_of, known_layout, layout_of, restricted
 from ..integrators.method import Method
 from ..systems.system import State, System, member
 from . import arguments
@@ -164,15 +164,11 @@ class Plan:
                 progress,
                 workers,
             )
-
-    @property
-    def _plain(self) -> bool:
-        """Are there steps of one length of one body, and nothing else?"""
-        return (
+        self._plain = (  # is there nothing to do but to step, with one length, and for one system?
             isinstance(self._steps, Steps)
             and type(self._steps.h) is float
-            and self._one is self.system
-            and not (self.events or self.fictive or self.recorder is not None)
+            and several is None
+            and not (events or self.fictive or self.recorder is not None)
         )
 
     @property
@@ -272,9 +268,9 @@ class Plan:
         """A run that has nothing to do but to step, of a start that is laid out as one before;
         None for all others, and for what is to be refused.
         """
-        known = known_layout(start)
-        shape = None if known is None else self._steps.shapes.get(self._laid_out.get(known))
-        if shape is None or type(t0) is not float or not self._inner._knows(start):
+        known = self._known(start) if self._plain else None
+        shape = None if known is None else self._steps.shapes.get(known)
+        if shape is None or type(t0) is not float:
             return None
         h = self._steps.h
         end = t0 + steps * h
@@ -282,23 +278,33 @@ class Plan:
         if steps > arguments.MOST or not latest < math.inf or latest + abs(h) == latest:
             return None
         if type(self.method).step_warning is not Method.step_warning:
-            if shape.given != known:  # it might ask for what is not recorded
+            # it might ask for what is not recorded
+            if shape.given != known_layout(start) or self._doubt(start):
                 return None
-            doubt = self._doubt(start)
-            if doubt:
-                warn(doubt, StepWarning)
         return of_shape(self._steps, shape, start, steps, t0)
+
+    def _known(self, start: Any) -> tuple[Layout, bool] | None:
+        """How a start of one body is laid out in a run, if one like it was checked before."""
+        given = known_layout(start)
+        if given is None and isinstance(start, State) and start.bodies is None:
+            given = layout_of(start)
+        known = None if given is None else self._laid_out.get(given)
+        return known if known is not None and self._inner._knows(start) else None
 
     def _started(self, start: Any) -> Any:
         """The start with the parts that the run needs; its bodies must be as many as the systems,
         and as the steps if they have steps of their own.
         """
+        known = self._known(start)
+        if known is not None:
+            return restricted(start, known[0])
         inner, given = self._inner, start
         start = arguments.started(inner, start, self._needed(inner, start))
+        if self._one is self.system and start.bodies is None and inner._knows(given):
+            if not isinstance(getattr(self._steps, "h", None), tuple):
+                self._laid_out[layout_of(given)] = layout_of(start), False
         if self.fictive:  # one system, one step
             return start
-        if self._plain and start.bodies is None and inner._knows(given):
-            self._laid_out[layout_of(given)] = layout_of(start), False
         if self._one is not self.system and start.bodies != len(self.system):
             raise InvalidInput(
                 f"integrate: there are {len(self.system)} systems for "

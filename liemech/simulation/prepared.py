@@ -7,7 +7,6 @@ from __future__ import annotations
 import dataclasses
 import operator
 import struct
-from array import array
 from collections.abc import MutableMapping
 from typing import Any
 from weakref import WeakKeyDictionary
@@ -27,7 +26,7 @@ from ..formulas.pytree import (
 )
 from ..integrators.method import Method
 from ..systems.system import State, System
-from .execution import Execution, like
+from .execution import Execution, like, numbers_of
 from .fixed import begin, fixed_steps
 from .systems import Systems
 
@@ -131,11 +130,6 @@ class Prepared:
         return other
 
 
-def numbers_of(*values: Any) -> bytes:
-    """The numbers of values in turn, as native code gets them."""
-    return b"".join([array("d", gatherer(layout_of(value))(value)).tobytes() for value in values])
-
-
 class Shape(Prepared):
     """The layouts of a run, and the code that makes its steps.
 
@@ -179,7 +173,6 @@ class Shape(Prepared):
         self.stepping = Execution(steps.compiled, steps.progress, *call, lanes=self.lanes)
         self._call = struct.Struct(f"8q{len(self.constants)}s2d").pack
         self._beginning: Execution | None = None
-        self._begun = 0
         self.order: list[int] | None = None
         if given == self.shown and all(
             getattr(type(method), f) is getattr(Method, f) for f in ("start", "observe")
@@ -215,8 +208,8 @@ class Shape(Prepared):
         if beginning is None:
             return False
         beginning.again()
-        self._begun += 1
-        if self._begun == OFTEN and self.stepping.asked:
+        beginning.uses += 1
+        if beginning.uses == OFTEN and self.stepping.asked:
             beginning.compile()
         states, out, starts = (
             memory[: self.carried],
