@@ -45,7 +45,8 @@ class Steps:
     system : one for all bodies, or `Systems`.  h : one for all bodies, or one for each.
     compensated, precision, compiled, progress, workers : as for `integrate`.
     clock : the name of the time in which they are equal.
-    of_origins : of steps in fictive time, those of the system with its clock, by where a run began.
+    of_origins, of_layouts : of steps in fictive time, those of the system with its clock, by where
+    a run began, and some for each layout of such a system.
     """
 
     system: Any
@@ -61,6 +62,9 @@ class Steps:
     clock: str = "t"
     of_origins: MutableMapping[Any, Steps] = dataclasses.field(
         default_factory=WeakKeyDictionary, init=False, repr=False
+    )
+    of_layouts: dict[Layout, Steps] = dataclasses.field(
+        default_factory=dict, init=False, repr=False
     )
 
     def of_system(self, system: System) -> Steps:
@@ -173,6 +177,7 @@ class Shape(Prepared):
         self.stepping = Execution(steps.compiled, steps.progress, *call, lanes=self.lanes)
         self._call = struct.Struct(f"8q{len(self.constants)}s2d").pack
         self._beginning: Execution | None = None
+        self._others: dict[Any, Execution] = {}
         self.order: list[int] | None = None
         if given == self.shown and all(
             getattr(type(method), f) is getattr(Method, f) for f in ("start", "observe")
@@ -188,7 +193,18 @@ class Shape(Prepared):
         other: Shape = super().of_system(system)
         if other._beginning is not None:
             other._beginning = other._beginning.of(system)
+        other._others = {driver: e.of(system) for driver, e in self._others.items()}
         return other
+
+    def other(self, driver: Any, *call: Any) -> Execution:
+        """Who runs another driver, for arguments laid out like these."""
+        known = self._others.get(driver)
+        if known is None:
+            asked, progress = self.stepping.asked, self.stepping.progress
+            known = self._others[driver] = Execution(asked, progress, driver, *call)
+        else:
+            known.again()
+        return known
 
     @property
     def beginner(self) -> tuple[Any, ...]:
