@@ -6,6 +6,7 @@ import functools
 import os
 import time
 from array import array
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -432,8 +433,9 @@ class FixedRun:
             carry = Carry(
                 self.shape, self.t0, self.plan.h, reached, self.bodies, memory, shown, self.failures
             )
+        made = functools.cache(lambda: self._samples(self.out[:rows], steps))
         return Trajectory.promised(
-            lambda: dict(zip(("t", "states"), self._samples(self.out[:rows], steps), strict=True)),
+            SimpleNamespace(t=lambda: made()[0], states=lambda: made()[1]),
             system=self.plan.system,
             method=self.plan.method,
             h=shown_step(self.plan.h),

@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any
 from ..compiler.kernel import Several
 from ..errors import InvalidInput, InvalidType, StepWarning, warn
 from ..formulas import Record
-from ..formulas.pytree import exact, fields_of, layout_of
+from ..formulas.pytree import Layout, exact, fields_of, known_layout, layout_of, restricted
 from ..integrators.method import Method
 from ..systems.system import State, System, member
 from . import arguments
-from .at_once import advanced, at_once
+from .at_once import advanced, at_once, of_shape
 from .carry import AdaptiveCarry, Carry
 from .checkpoint import Checkpoint
 from .execution import like
@@ -104,6 +104,8 @@ class Plan:
             workers=workers,
         )  # fmt: skip
         self._steps: Any = None
+        # of starts as they are given: how they are laid out in runs
+        self._laid_out: dict[Layout, tuple[Layout, bool]] = {}
         if method.fictive or one.fictive:
             if h is None:
                 raise InvalidInput(
@@ -162,6 +164,12 @@ class Plan:
                 progress,
                 workers,
             )
+        self._plain = (  # is there nothing to do but to step, with one length, and for one system?
+            isinstance(self._steps, Steps)
+            and type(self._steps.h) is float
+            and several is None
+            and not (events or self.fictive or self.recorder is not None)
+        )
 
     @property
     def adaptive(self) -> bool:
@@ -238,6 +246,10 @@ class Plan:
             if checkpoint is not None:
                 raise InvalidInput("integrate: checkpoint is for runs without executor")
             return spread(self, start, executor, steps=steps, t_end=t_end, t0=t0, t_eval=t_eval)
+        if type(steps) is int and t_end is None and t_eval is None and checkpoint is None:
+            run = self._again(start, steps, t0)
+            if run is not None:
+                return run
         start, t0 = self._started(start), arguments.real(t0, "t0")
         kept = self._kept(checkpoint, checkpoint_every)
         if self.fictive:
@@ -252,12 +264,45 @@ class Plan:
             warn(doubt, StepWarning)
         return self._stepped(start, steps, t0, t_eval, kept)
 
+    def _again(self, start: Any, steps: int, t0: Any) -> Trajectory | None:
+        """A run that has nothing to do but to step, of a start that is laid out as one before;
+        None for all others, and for what is to be refused.
+        """
+        known = self._known(start) if self._plain else None
+        shape = None if known is None else self._steps.shapes.get(known)
+        if shape is None or type(t0) is not float:
+            return None
+        h = self._steps.h
+        end = t0 + steps * h
+        latest = max(abs(t0), abs(end))
+        if steps > arguments.MOST or not latest < math.inf or latest + abs(h) == latest:
+            return None
+        if type(self.method).step_warning is not Method.step_warning:
+            # it might ask for what is not recorded
+            if shape.given != known_layout(start) or self._doubt(start):
+                return None
+        return of_shape(self._steps, shape, start, steps, t0)
+
+    def _known(self, start: Any) -> tuple[Layout, bool] | None:
+        """How a start of one body is laid out in a run, if one like it was checked before."""
+        given = known_layout(start)
+        if given is None and isinstance(start, State) and start.bodies is None:
+            given = layout_of(start)
+        known = None if given is None else self._laid_out.get(given)
+        return known if known is not None and self._inner._knows(start) else None
+
     def _started(self, start: Any) -> Any:
         """The start with the parts that the run needs; its bodies must be as many as the systems,
         and as the steps if they have steps of their own.
         """
-        inner = self._inner
+        known = self._known(start)
+        if known is not None:
+            return restricted(start, known[0])
+        inner, given = self._inner, start
         start = arguments.started(inner, start, self._needed(inner, start))
+        if self._one is self.system and start.bodies is None and inner._knows(given):
+            if not isinstance(getattr(self._steps, "h", None), tuple):
+                self._laid_out[layout_of(given)] = layout_of(start), False
         if self.fictive:  # one system, one step
             return start
         if self._one is not self.system and start.bodies != len(self.system):
