@@ -140,7 +140,7 @@ class Execution:
         try:
             if why_not is not None:
                 raise NotCompilable(f"integrate: compiled=True, but {why_not}")
-            with notice(self.progress, f"liemech: compiling {self.call[1]!r} ..."):
+            with notice(self.progress, f"liemech: compiling {self.given[0]!r} ..."):
                 self.native = kernel.kernel(*self.call, lanes=self.lanes)
         except NotCompilable as error:
             if self.wanted:
