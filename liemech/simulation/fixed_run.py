@@ -123,7 +123,8 @@ class FixedRun:
         """
         for i in range(self.count):
             start = fitted(self._member(i), started) if i else one
-            trial = attempt(begun, self.plan.method, self.plan.of(i), start, self.plan.h_of(i))
+            own = self.plan.method_of(i), self.plan.of(i), start, self.plan.h_of(i)
+            trial = attempt(begun, *own)
             if not isinstance(trial, Rejected):
                 carry, example = trial
                 return double_double(carry) if started.long else carry, example
@@ -494,7 +495,7 @@ class FixedRun:
         )
         if self.bodies is None:
             at += f"; {self.earlier + self._rows(step - self.before)} samples are in `.trajectory`"
-        return failure(self.failures.get(body), repr(self.plan.method), at)
+        return failure(self.failures.get(body), repr(self.plan.method_of(body)), at)
 
     def _ended(self, body: int) -> Exception:
         """The error of a single body that stopped: its failure, or the mistake in a formula itself."""

@@ -310,11 +310,6 @@ VALUE, KIND, PAIR = lm.errors.InvalidInput, lm.errors.InvalidType, lm.errors.Inc
         (VALUE, "every is for steps of one length", dict(t_end=1.0, every=2)),
         (VALUE, "rtol is for adaptive steps", dict(h=0.1, steps=3, rtol=1e-3)),
         (VALUE, "give h and steps.* or t_end", dict(h=0.1)),
-        (
-            VALUE,
-            "one body at a time",
-            dict(t_end=1.0, start=BODY.state(np.ones((2, 3))), events=[marked()]),
-        ),
         (PAIR, "has no error estimate.*embedded pair", dict(t_end=1.0, method=lm.RKMK(order=4))),
         (PAIR, "all its steps are alike", dict(t_end=1.0, method=lm.CovariantVariational())),
     ],

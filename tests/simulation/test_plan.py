@@ -343,10 +343,6 @@ def test_a_terminal_event_ends_steps_of_one_length() -> None:
     assert ended.t[-1] == free.events[0][0][1] == ended.events[0][0][-1]
     assert np.array_equal(ended.t[:-1], free.t[: 10 * (len(ended) - 1) : 10])
     assert np.array_equal(ended.mu[-1], free.events[0][1].mu[1])
-    with pytest.raises(lm.errors.InvalidInput, match="one body at a time"):
-        lm.integrate(
-            BODY, method, BODY.state(mu=np.ones((2, 3))), h=0.1, steps=3, events=crossing()
-        )
 
 
 def test_a_failing_run_with_events_keeps_its_samples() -> None:
