@@ -11,9 +11,9 @@ from ..errors import InvalidInput
 from ..formulas import Mat, Record, Vec, jacobian, norm, plain, record, sqrt, vec, where
 from ..solvers import newton
 from ..systems.canonical import CanonicalState
-from ..systems.constrained import FAR, cross_products, in_order, inverse_sizes
+from ..systems.constrained import FAR, cross_products, in_order, inverse_sizes, pushed
 from .implicit import extrapolated
-from .on_constraints import OnConstraints, pushed
+from .on_constraints import OnConstraints
 
 
 @record
