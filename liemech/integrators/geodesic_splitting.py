@@ -61,16 +61,17 @@ class GeodesicSplitting(Splitting):
         return memory
 
     def step(self, system: Any, t: float, state: CanonicalState, h: float) -> CanonicalState:  # type: ignore[override]
-        """Kick, drift along a geodesic, kick, ..."""
-        here = plain(state)
+        """Kick, drift along a geodesic, kick, ...; before the last kick the position is put on the
+        constraints.
+        """
+        here, (kicks, drifts) = plain(state), (self.tableau.kicks, self.tableau.drifts)
         q, p = here.q, here.p
-        for i, b in enumerate(self.tableau.kicks):
+        for a, b in zip(drifts, kicks):
             if b != 0.0:
                 p = self._kicked(system, q, p, b * h)
-            if i < len(self.tableau.drifts):
-                q, p = system.geodesic(q, p, self.tableau.drifts[i] * h)
+            q, p = system.geodesic(q, p, a * h)
         q = system.across(q, p, q)  # what rounding has left
-        p = self._kicked(system, q, p, 0.0)
+        p = self._kicked(system, q, p, kicks[len(drifts)] * h)
         return CanonicalState(state.q + (q - here.q), state.p + (p - here.p))
 
     def _kicked(self, system: Any, q: Vec, p: Vec, t: float) -> Vec:

@@ -51,7 +51,7 @@ void advance_sphere(double *s, const double *parameters, double h, long steps) {
         }
         for (int k = 0; k < 50; k++) {
             for (int i = 0; i < 3; i++) q1[i] = aim[i] - x * N[i];
-            r = 0.5 * over_l * (dot(q1, q1, 3) - l * l);
+            r = 0.5 * over_l * ((q1[2] * q1[2] - l * l) + (q1[0] * q1[0] + q1[1] * q1[1]));
             x -= r / (-over_l * dot(q1, N, 3));
             if (fabs(r) <= TOLERANCE * unit) break;
         }
@@ -132,8 +132,8 @@ void advance_chain(double *s, const double *parameters, double h, long steps, co
             rods(q1, over_l, T);
             products(T, N, S);
             const double a = q1[2] - q1[0], b = q1[3] - q1[1];
-            r[0] = 0.5 * over_l[0] * (q1[0] * q1[0] + q1[1] * q1[1] - l[0] * l[0]);
-            r[1] = 0.5 * over_l[1] * (a * a + b * b - l[1] * l[1]);
+            r[0] = 0.5 * over_l[0] * ((q1[1] * q1[1] - l[0] * l[0]) + q1[0] * q1[0]);
+            r[1] = 0.5 * over_l[1] * ((b * b - l[1] * l[1]) + a * a);
             solve(S, r, c);
             x[0] += c[0], x[1] += c[1];
             const double u = r[0] / unit[0], v = r[1] / unit[1];
