@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import liemech as lm
+from liemech.integrators.method import Method
 
 SPHERE = lm.SphericalPendulum(gravity=9.81)
 
@@ -20,7 +21,7 @@ def swinging(count: int) -> lm.CanonicalState:
 def test_rods_are_held_on_neither_side():
     rng, p = np.random.default_rng(3), lm.vec(0.1, 0.2, 0.3)
     left = []
-    for q in rng.normal(size=(3000, 3)):
+    for q in rng.normal(size=(2000, 3)):
         near = lm.vec(*(q / np.linalg.norm(q)).tolist())
         there = SPHERE.across(near, p, near)
         left.append(float(sum(Fraction(x) ** 2 for x in there) - 1))
@@ -44,3 +45,8 @@ def test_geodesics_have_no_bias_of_energy():
     quarter = len(run.energy) // 4
     change = run.energy[-quarter:].mean(axis=0) - run.energy[:quarter].mean(axis=0)
     assert abs(change.mean()) / (0.75 * steps) < 2e-18
+
+
+def test_geodesic_splittings_carry_the_state_and_nothing_else():
+    """So a prepared run lays its start down as it comes, and no formula is called before a step."""
+    assert all(getattr(lm.GeodesicSplitting, f) is getattr(Method, f) for f in ("start", "observe"))
