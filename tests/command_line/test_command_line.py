@@ -50,6 +50,7 @@ every = 5
 # ---------------------------------------------------------------- scenes
 
 
+@pytest.mark.sample(8)
 @pytest.mark.parametrize("name", SCENES)
 def test_every_scene_runs_and_its_method_keeps_the_energy(
     name: str, capsys: pytest.CaptureFixture[str]
@@ -64,6 +65,7 @@ def test_every_scene_runs_and_its_method_keeps_the_energy(
 SHOWN = "flip", "heavy-top", "kirchhoff", "pendulum"
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("name", [name if name in SHOWN else slow(name) for name in SCENES])
 def test_every_scene_can_be_shown(
     name: str, folder: Path, capsys: pytest.CaptureFixture[str]

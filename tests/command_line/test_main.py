@@ -105,7 +105,7 @@ def test_options_reach_the_run(tmp_path: Path, capsys: pytest.CaptureFixture[str
     assert "</svg>" in picture.read_text()
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     "start", ["--mu 0 1 0", "--inertia 1 1 1", "--inertia 1 1 2", "--mu 1e-150 0 1e-150"]
 )
@@ -150,6 +150,7 @@ def test_bad_options_get_one_line_and_status_2(
     assert complaint in complained and complained.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_a_method_that_fails_leaves_the_others(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

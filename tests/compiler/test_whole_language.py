@@ -156,7 +156,7 @@ def forms_alone(folder: Path, rounds: int = 3) -> Iterator[tuple[str, collection
         yield form, found
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.compiled
 @pytest.mark.parametrize("hundred", range(2))
 def test_random_programs(hundred: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -252,6 +252,7 @@ def test_the_linkage_is_a_pendulum() -> None:
         )
 
 
+@pytest.mark.slow
 def test_geodesics_of_an_ellipsoid_keep_joachimsthals_integral() -> None:
     system = lm.ParticleOnEllipsoid([1.0, 1.5, 2.0], mass=0.7)
     start = system.consistent([0.6, 0.7, 1.0], [0.5, -0.3, 0.4])
@@ -264,6 +265,7 @@ def test_geodesics_of_an_ellipsoid_keep_joachimsthals_integral() -> None:
     assert np.log2(ranges[0] / ranges[1]) == pytest.approx(4.0, abs=0.6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("n", "k"), [slow(3, 1), (3, 2), slow(3, 3), slow(4, 2)])
 def test_splittings_on_stiefel_manifolds(n: int, k: int) -> None:
     """Geodesics obey their laws, splittings have their order, and RATTLE comes to the same motion."""

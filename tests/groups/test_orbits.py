@@ -30,6 +30,7 @@ each = partial(
 )()
 
 
+@pytest.mark.sample(9)
 @each
 def test_generic_orbits(group: lm.LieGroup, orbit: int, casimirs: int) -> None:
     """dim = orbit + isotropy; Casimirs are constant on it, independent, and their differentials
@@ -58,7 +59,7 @@ def test_generic_orbits(group: lm.LieGroup, orbit: int, casimirs: int) -> None:
     )
 
 
-@pytest.mark.sample(6)
+@pytest.mark.sample(3)
 @each
 def test_random_momenta_of_one_orbit(group: lm.LieGroup, orbit: int, casimirs: int) -> None:
     action, rng = lm.coadjoint(group), np.random.default_rng(6)
@@ -104,6 +105,7 @@ def test_orbits_of_less_dimension() -> None:
     assert not lm.coadjoint(lm.Heisenberg()).on_same_orbit([1.0, 0, 0], [1.0, 1e-3, 0])
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("n", [2, 4, 6, 8])
 def test_mirror_images_of_even_rotations(n: int) -> None:
     """K by a reflection keeps all traces of powers and changes the sign of the Pfaffian, whose

@@ -182,6 +182,7 @@ def test_class_functions(
     )
 
 
+@pytest.mark.slow
 def test_the_trace_is_the_same_function_for_every_retraction() -> None:
     body, start = asymmetric_body()
     methods = (FirstKindHamiltonJacobi(3, r, TRACE) for r in (EXP, CAYLEY))
@@ -195,7 +196,7 @@ def test_the_trace_is_the_same_function_for_every_retraction() -> None:
 # ---------------------------------------------------------------- order
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("order", "s0", "retraction"),
     [
@@ -215,6 +216,7 @@ def test_order_on_so3(order: int, s0: ClassFunction, retraction: lm.Retraction) 
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("order", "retraction", "scene"),
     [
@@ -242,6 +244,7 @@ def end_of(scene: Callable[[], Any]) -> lm.BodyState:
     return lm.integrate(system, lm.Taylor(12, EXP), start, h=0.05, steps=20).last
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [slow(2), 4])
 def test_order_of_a_quartic_energy(order: int) -> None:
     system, start = on(lm.SO3())
@@ -290,7 +293,7 @@ def assert_order(
 # ---------------------------------------------------------------- structure
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @ON_SO3
 def test_what_a_body_keeps(s0: ClassFunction, retraction: lm.Retraction) -> None:
     body, start = asymmetric_body()
@@ -302,6 +305,7 @@ def test_what_a_body_keeps(s0: ClassFunction, retraction: lm.Retraction) -> None
     assert np.abs(run.spatial_momentum - run.spatial_momentum[0]).max() < 2e-13
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("scene", "s0", "retraction"),
     [
@@ -321,6 +325,7 @@ def test_the_bracket_is_kept(
     assert poisson_defect(system, method, np.array(start.mu), 0.05) < 1e-11
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("retraction", [ADJOINT, slow(EXP)], ids=repr)
 def test_what_a_fish_keeps(retraction: lm.Retraction) -> None:
     system, start = fish()
@@ -331,6 +336,7 @@ def test_what_a_fish_keeps(retraction: lm.Retraction) -> None:
     assert np.ptp(casimirs, axis=0).max() < 1e-13
 
 
+@pytest.mark.slow
 def test_plain_and_native_agree_to_the_bit() -> None:
     body, start = asymmetric_body()
     for method in (

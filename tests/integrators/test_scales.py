@@ -13,7 +13,7 @@ from liemech import FirstKindHamiltonJacobi
 RNG = np.random.default_rng(7)
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("retraction", [lm.Exponential(), lm.Cayley()], ids=["exp", "cay"])
 @pytest.mark.parametrize("group", [lm.SU(2), lm.Sp(2), lm.SL(2)], ids=repr)
 def test_trace_of_ad_reaches_every_start(group: lm.LieGroup, retraction: lm.Retraction) -> None:
@@ -40,7 +40,7 @@ def test_on_groups_of_rotations_alike() -> None:
     assert factor == pytest.approx([1.0, 2.0], rel=1e-15)
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("length", [2.0**-3, 2.0**20])
 def test_screws_in_other_units(length: float) -> None:
     """(Pi, P) in a unit of length to the power (2, 1), J, D, M to (2, 1, 0): the same motion to
@@ -61,6 +61,7 @@ def test_screws_in_other_units(length: float) -> None:
     assert np.abs(moved(length) - moved(1.0)).max() <= 1e-13
 
 
+@pytest.mark.slow
 def test_continued_it_is_the_same_method() -> None:
     """|Pi| changes on the way, |P| does not: the scale of the second half is that of the first."""
     body = lm.KirchhoffBody([1.0, 1.5, 2.0, 1.0, 1.2, 1.4])

@@ -53,7 +53,7 @@ def relativistic_end() -> np.ndarray:
     return plain(system, lm.RKMK(order=8), system.state([1.0, 0.2], [0.3, 1.0]), 0.1, 40).q[-1]
 
 
-@pytest.mark.sample(4)
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("method", GENERAL, ids=repr)
 def test_order_for_any_kinetic_energy(method: lm.Method) -> None:
     system, errors, n = Relativistic(), [], STEPS[method.order]
@@ -127,6 +127,7 @@ def test_positions_obey_stormers_recursion() -> None:
     )
 
 
+@pytest.mark.slow
 def test_symplectic_euler_is_the_hamilton_jacobi_method_of_order_1() -> None:
     for ours, theirs in zip(
         EULERS, (lm.HamiltonJacobi(order=1, adjoint=True), lm.HamiltonJacobi(order=1)), strict=True
@@ -193,6 +194,7 @@ def test_angular_momentum_is_kept_to_rounding(method: lm.Method) -> None:
     assert np.ptp(run.energy) > 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 def test_native_lanes_and_plain_are_one() -> None:
     q = np.linspace(0.05, 0.2, 10)[:, None] * [1.0, -0.7]

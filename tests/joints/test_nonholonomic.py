@@ -68,6 +68,7 @@ def order(errors) -> float:
     return float(np.log2(errors[0] / errors[1]))
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("retraction", [lm.Exponential(), lm.Cayley()])
 def test_Suslov_problem(retraction):
     body = lm.NonholonomicBody(lm.RigidBody(J), Row([0.0, 0.0, 1.0]))
@@ -85,6 +86,7 @@ def test_Suslov_problem(retraction):
     assert np.allclose(back.mu[-1], np.array(start.mu), rtol=0.0, atol=1e-14)
 
 
+@pytest.mark.slow
 def test_the_energy_of_the_Suslov_problem_stays_off_after_the_passage():
     # From one steady rotation to the other: no symplectic form holds the energy, but its offset is
     # of second order.

@@ -113,7 +113,7 @@ SYSTEMS: dict[str, tuple[Any, Any]] = {
 }
 
 
-@pytest.mark.sample(14)
+@pytest.mark.sample(5)
 @pytest.mark.parametrize("name", SYSTEMS)
 def test_every_system_has_a_picture_that_draws_something_finite(name: str) -> None:
     ax = follow(*SYSTEMS[name]).plot()
@@ -341,6 +341,7 @@ def test_the_vertical_is_the_last_row_of_the_attitude(run: Any) -> None:
 # ---------------------------------------------------------------- phase planes and sections
 
 
+@pytest.mark.slow
 def test_the_section_of_an_orbit_is_exact_to_fourth_order() -> None:
     errors = []
     for h in (0.1, 0.05, 0.025):

@@ -33,6 +33,7 @@ SHIPPED: list[Any] = [
 ]
 
 
+@pytest.mark.sample(7)
 @pytest.mark.parametrize("structure", SHIPPED, ids=repr)
 def test_shipped_structures_obey_their_laws(structure: lm.PoissonStructure) -> None:
     assert lm.check_poisson(structure)
@@ -172,6 +173,7 @@ class Bracketed(lm.Hamiltonian):
         return self.strength * outer(y) + y[1] ** 2 + y[0] ** 2
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 def test_brackets_compile() -> None:
     system = lm.PoissonSystem(lm.Canonical(1), Bracketed(1e-3))

@@ -52,6 +52,7 @@ def test_hyperbolic_functions_far_out(x: float) -> None:
             assert abs(exactly(cosh(DoubleDouble(x, 0.0))) / mp.cosh(x) - 1) < mp.mpf(2) ** -90
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [6, slow(8)])
 def test_an_inexact_derivative_leaves_no_digits_behind(order: int) -> None:
     """Orders 6 and 8 solve by the derivative of order 4, off by a percent at large steps: the way

@@ -117,6 +117,7 @@ def test_every_goes_on_counting_with_events_too() -> None:
         assert np.allclose(rest.t, [0.37, 0.4, 0.5, 0.6, 0.7], rtol=1e-15)
 
 
+@pytest.mark.slow
 def test_joined_runs_keep_events_and_the_way_between() -> None:
     plan = lm.Plan(BODY, lm.RKMK(order=5), rtol=1e-8, events=equator, compiled=False)
     first = plan.run(START, t_end=40.0)
@@ -160,6 +161,7 @@ def test_the_last_time_may_be_rounded() -> None:
     assert np.array_equal(whole.at(1.0).mu, whole.mu[-1])
 
 
+@pytest.mark.slow
 def test_failing_events_keep_the_samples_before_them() -> None:
     def event(t: float, state: Any) -> float:
         if t > 8.0:

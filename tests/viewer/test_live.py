@@ -91,6 +91,7 @@ def test_nobody_looks() -> None:
 ENDS = "os.kill(os.getpid(), 9)", "os.kill(os.getpid(), 15)", "sys.exit(0)"
 
 
+@pytest.mark.slow
 def test_nothing_is_left_behind() -> None:
     program = """
         import os, sys, numpy as np, liemech as lm
