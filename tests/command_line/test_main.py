@@ -105,7 +105,7 @@ def test_options_reach_the_run(tmp_path: Path, capsys: pytest.CaptureFixture[str
     assert "</svg>" in picture.read_text()
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "start", ["--mu 0 1 0", "--inertia 1 1 1", "--inertia 1 1 2", "--mu 1e-150 0 1e-150"]
 )
@@ -114,6 +114,7 @@ def test_every_kind_of_motion_can_be_drawn(start: str, tmp_path: Path) -> None:
     assert (tmp_path / "rigid_body.png").exists()
 
 
+@pytest.mark.slow
 def test_quiet_prints_nothing_and_draws(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["--quiet", "--steps", "5", "--out", str(tmp_path)]) == 0
     assert capsys.readouterr() == ("", "")

@@ -43,6 +43,7 @@ def no_disk(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cache, "folder", lambda: None)
 
 
+@pytest.mark.slow
 def test_a_sweep_over_static_values_does_not_leak(
     monkeypatch: pytest.MonkeyPatch, no_disk: None
 ) -> None:

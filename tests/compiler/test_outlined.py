@@ -265,6 +265,7 @@ def formula(a, b, c, turns):
     worlds.same_in_all_worlds(formula, rows, lanes=(lanes,))
 
 
+@pytest.mark.slow
 def test_what_is_too_long_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     """And the run goes on in plain Python."""
     no_kernels(monkeypatch)

@@ -177,6 +177,7 @@ def test_lagranges_equations_are_hamiltons() -> None:
     assert np.ptp(run.energy) < 2e-3 * np.ptp(9.81 * run.q[:, 2])
 
 
+@pytest.mark.slow
 def test_a_bead_on_a_wire_is_its_own_coordinate() -> None:
     """On the circle x^2 + y^2 = 1 the planar system is the pendulum."""
 

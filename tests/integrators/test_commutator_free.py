@@ -214,7 +214,7 @@ def reference(kind: type[Steered], t_end: float) -> np.ndarray:
     )
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @by_name
 @pytest.mark.parametrize("kind", [Steered, slow(SteeredFromSpace)], ids=["body", "space"])
 def test_order_of_a_driven_equation(method: CommutatorFree, kind: type[Steered]) -> None:
@@ -252,7 +252,7 @@ def test_order_on_a_heavy_top(method: CommutatorFree) -> None:
         assert slope([1 / n for n in counts], error) == pytest.approx(method.order, abs=0.1)
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @by_name
 def test_order_on_a_body_in_a_fluid(method: CommutatorFree) -> None:
     """Momentum and pose of a Kirchhoff body on SE(3), against 20 digits."""

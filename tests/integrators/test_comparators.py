@@ -137,7 +137,7 @@ def test_relatives_of_the_cayley_map() -> None:
 # ---------------------------------------------------------------- order, symmetry, structure
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @each
 def test_order_of_momentum_and_attitude(method: lm.Method) -> None:
     body, start = asymmetric_body()

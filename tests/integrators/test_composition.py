@@ -147,7 +147,7 @@ def test_families_gain_two_orders(family: object, base: int) -> None:
 # ---------------------------------------------------------------- the order of the method
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("method", BY_ORDER, ids=named)
 def test_order_of_momentum_and_attitude(method: Composition) -> None:
     body, start = asymmetric_body()

@@ -132,7 +132,7 @@ def test_the_momentum_is_that_of_the_first_line_of_algorithm_1() -> None:
 # ------------------------------------------------------------------ orders and structure
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @RETRACTIONS
 def test_quadrature_is_of_order_four(retraction: lm.Retraction) -> None:
     for nodes in 2, 3:

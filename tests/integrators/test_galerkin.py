@@ -290,7 +290,7 @@ def test_order_of_a_heavy_top(method: GalerkinVariational) -> None:
     )
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("method", EXPS.values(), ids=named)
 def test_order_under_a_load_that_changes_with_time(method: GalerkinVariational) -> None:
     system, start = heavy_top(Driven())
@@ -416,6 +416,7 @@ def test_the_canonical_form_is_kept_in_a_field(method: GalerkinVariational) -> N
     assert np.abs(slope_of_step.T @ form(mu1) @ slope_of_step - form(mu0)).max() < 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 @pytest.mark.parametrize("method", [EXPS[4], *(slow(m) for m in (EXPS[8], CAYLEYS[4]))], ids=named)
 def test_what_a_free_body_keeps(method: GalerkinVariational) -> None:
@@ -461,6 +462,7 @@ def test_what_a_top_keeps(method: GalerkinVariational) -> None:
 # ---------------------------------------------------------------- running
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 @pytest.mark.parametrize(
     ("method", "scene"),

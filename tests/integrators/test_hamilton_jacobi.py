@@ -165,7 +165,7 @@ def test_the_formulas_for_the_first_four_terms() -> None:
 # ------------------------------------------------------------------ order
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.compiled
 @pytest.mark.parametrize("order", range(1, 7))
 @pytest.mark.parametrize(
@@ -179,7 +179,7 @@ def test_order_in_one_degree_of_freedom(
     assert abs(slope([1 / n for n in counts], error) - order) <= 0.1
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.compiled
 @pytest.mark.parametrize("adjoint", [False, True])
 @pytest.mark.parametrize("order", [2, 4, 6])

@@ -87,7 +87,7 @@ def reference(kind: type[Driven], t_end: float) -> np.ndarray:
 # ---------------------------------------------------------------- orders
 
 
-@pytest.mark.sample(3)
+@pytest.mark.sample(2)
 @by_name
 @KINDS
 @pytest.mark.parametrize("t_end", [2.0, -2.0])

@@ -66,7 +66,7 @@ METHODS = [
 IMPLICIT = [lm.RKMK(tableau=t) for t in (gauss(1), gauss(2), radau_iia(2))]
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("method", METHODS, ids=repr)
 def test_order_of_momentum_and_attitude(method: lm.RKMK) -> None:
     body, start = asymmetric_body()

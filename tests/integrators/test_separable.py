@@ -211,6 +211,7 @@ def test_native_lanes_and_plain_are_one() -> None:
         assert same_bits(native.q[:, 7], alone.q)
 
 
+@pytest.mark.slow
 def test_compensated_sums_find_the_way_back() -> None:
     """A thousand steps and a thousand back: to the last bit with compensation, not without."""
     there = [
@@ -245,6 +246,7 @@ def test_compensated_sums_find_the_way_back() -> None:
     assert missed[0].max() > missed[1].max()
 
 
+@pytest.mark.slow
 def test_time_as_a_coordinate() -> None:
     """A driven pendulum: time advances by h, orders are those of autonomous motions, H + e is
     constant up to the error.

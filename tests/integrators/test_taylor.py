@@ -243,7 +243,7 @@ def test_backwards_and_forwards() -> None:
 # ------------------------------------------------------------------ adaptive steps
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.compiled
 @pytest.mark.parametrize("order", [8, 12, 16])
 def test_the_error_follows_the_tolerance(order: int) -> None:

@@ -138,6 +138,7 @@ def test_in_a_vector_space_it_is_RATTLE():
         assert np.allclose(found.mu[k + 1], p, rtol=0.0, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_two_links_on_hinges_are_the_double_pendulum():
     # Point masses m1, m2 on lengths l1, l2 have the Lagrangian of two bodies with the centre of
     # oscillation of the first in the second hinge, and that of the second at l2.

@@ -150,6 +150,7 @@ def test_an_even_ball_rolls_straight():
     )
 
 
+@pytest.mark.slow
 def test_an_uneven_ball_keeps_its_momentum_about_the_point_of_contact():
     # Chaplygin's ball: m r^2 (w - (w.e3) e3) + R Pi is constant, and the energy.
     body, start, _ = ball([0.05, 0.07, 0.09])

@@ -152,7 +152,7 @@ def test_kirchhoffs_body_follows_the_reference() -> None:
         assert np.abs(run.g[k, :3, 3] - numbers(at["x"])).max() < 1e-11
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "retraction",
     [lm.Exponential(), lm.Cayley(), lm.CayleyAdjoint()],

@@ -162,6 +162,7 @@ def test_pictures_draw_on_given_axes_and_leave_settings_alone(run: Any) -> None:
     assert before == matplotlib.rcParams
 
 
+@pytest.mark.slow
 def test_pictures_need_neither_pyplot_nor_settings() -> None:
     code = """
 import sys, liemech as lm

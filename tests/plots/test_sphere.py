@@ -250,6 +250,7 @@ def test_a_momentum_off_the_sphere_is_drawn_where_it_is(matplotlib):
     assert last == pytest.approx(0.5 * (plots.view_frame(*plots.VIEW) @ ORBIT[1])[:2], rel=1e-15)
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize("view", VIEWS)
 def test_axis_names_are_inside_the_picture(matplotlib, view):
     ax = plots.momentum_sphere(ORBIT, view=view)

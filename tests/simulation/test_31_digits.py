@@ -69,6 +69,7 @@ def test_an_inexact_derivative_leaves_no_digits_behind(order: int) -> None:
     assert np.abs((words - begun).sum(axis=1)).max() < 1e-28
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 @pytest.mark.parametrize(
     "method", [lm.RKMK(order=2), slow(lm.LiePoissonHamiltonJacobi(6, lm.Cayley()))], ids=named

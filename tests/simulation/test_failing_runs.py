@@ -117,6 +117,7 @@ def test_a_mistake_in_an_adaptive_run(how: str) -> None:
     assert len(caught.value.trajectory) == 1  # type: ignore[attr-defined]
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize("how", ["raise", "divide"])
 @WORLDS
 def test_a_failure_names_its_cause_and_keeps_the_samples(how: str, compiled: bool | None) -> None:

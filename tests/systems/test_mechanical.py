@@ -132,7 +132,7 @@ def test_a_force_of_ones_own_on_unit_quaternions() -> None:
 # ---------------------------------------------------------------- order
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @METHODS
 @pytest.mark.parametrize(
     ("scene", "numbers_at"), [(heavy_top, TOP), (lagrange_top, LAGRANGE)], ids=["heavy", "Lagrange"]
@@ -175,6 +175,7 @@ def test_order_two_of_momentum_and_configuration(method: LieVerlet, scene: Any) 
         assert slope([1 / n for n in counts], error) == pytest.approx(2.0, abs=0.1)
 
 
+@pytest.mark.slow
 def test_rkmk_has_its_order_on_the_cotangent_group() -> None:
     top, start = heavy_top()
     at = TOP["samples"][2]
@@ -453,6 +454,7 @@ def test_friction_takes_what_it_does_in_work() -> None:
     assert "no constants" in str(run.drift())
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 def test_loads_compile() -> None:
     system, start = loaded_top()
@@ -508,7 +510,7 @@ def test_rkmk_on_the_cotangent_group_compiles() -> None:
     assert same_bits(plain.g, native.g)
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=pytest.mark.compiled)])
 def test_ensembles_are_single_runs(compiled: bool) -> None:
     rng = np.random.default_rng(6)

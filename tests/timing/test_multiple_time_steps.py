@@ -157,6 +157,7 @@ def test_fast_steps_that_are_unstable_are_warned_of() -> None:
         lm.integrate(HARD, lm.MultipleTimeSteps(ratios=(2,)), begin(HARD), h=0.1, steps=1)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.compiled
 @pytest.mark.parametrize(
     "method",

@@ -187,7 +187,7 @@ def test_steps_by_the_printed_formula_collapse() -> None:
 # ------------------------------------------------------------------ native code and ensembles
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.compiled
 @pytest.mark.parametrize(
     ("system", "method", "start"),

@@ -113,6 +113,7 @@ def test_nothing_is_left_behind() -> None:
             socket.create_connection(("127.0.0.1", port), timeout=2)
 
 
+@pytest.mark.slow
 def test_a_page_shows_the_last_state(browser: Chromium) -> None:
     arrow = "new MeshCat.THREE.Vector3(0, 0, 1).applyQuaternion(object.quaternion).toArray()"
     state, h = START, 0.1
