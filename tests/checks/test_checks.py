@@ -569,11 +569,11 @@ class WrongResidual(CayleyOfQuaternions):
 @pytest.mark.parametrize(
     ("retraction", "law"),
     [
-        (NotARetraction(), "tau at zero"),
-        (Unsymmetric(), "inverse of tau"),
+        (WrongResidual(), "residual"),
         (WrongDifferential(), "dtau by definition"),
         (WrongInverse(), "dtau_inv"),
-        (WrongResidual(), "residual"),
+        (NotARetraction(), "tau at zero"),
+        (Unsymmetric(), "inverse of tau"),
     ],
     ids=lambda x: x if isinstance(x, str) else type(x).__name__,
 )
