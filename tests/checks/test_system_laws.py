@@ -68,7 +68,6 @@ SHIPPED = (
 )
 
 
-@pytest.mark.sample(8)
 @pytest.mark.parametrize("system", SHIPPED, ids=lambda system: type(system).__name__)
 def test_shipped_systems_obey_their_laws(system: lm.System) -> None:
     """By a wide margin: the bounds are for slips, not for rounding."""
@@ -198,7 +197,6 @@ SLIPS: dict[str, tuple[Any, str, str]] = {
 }
 
 
-@pytest.mark.sample(5)
 @pytest.mark.parametrize("name", SLIPS)
 def test_a_slip_is_found(name: str) -> None:
     system, law, hint = SLIPS[name]

@@ -50,7 +50,6 @@ every = 5
 # ---------------------------------------------------------------- scenes
 
 
-@pytest.mark.sample(8)
 @pytest.mark.parametrize("name", SCENES)
 def test_every_scene_runs_and_its_method_keeps_the_energy(
     name: str, capsys: pytest.CaptureFixture[str]

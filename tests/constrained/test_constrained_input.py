@@ -136,7 +136,6 @@ def test_parameters_of_the_models() -> None:
         lm.IndexReduction("RKMK")  # type: ignore[arg-type]
 
 
-@pytest.mark.slow
 def test_slips_in_written_formulas_are_found() -> None:
     @record
     class Halved(lm.SphericalPendulum):

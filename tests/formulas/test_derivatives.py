@@ -165,7 +165,6 @@ EXPECTED: dict[Callable[..., Any], Any] = {
 }
 
 
-@pytest.mark.sample(6)
 @pytest.mark.parametrize("formula", EXPECTED, ids=lambda formula: formula.__name__)
 def test_nested_derivatives_are_those_of_sympy(formula: Callable[..., Any]) -> None:
     exact = EXPECTED[formula]()

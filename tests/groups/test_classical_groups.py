@@ -116,7 +116,6 @@ def test_other_matrices_are_refused(group: MatrixLieGroup, matrix: np.ndarray, w
         group.Ad(matrix, np.zeros(group.dim))
 
 
-@pytest.mark.sample(8)
 @names
 def test_exponential_logarithm_and_cayley(group: MatrixLieGroup) -> None:
     for size in (0.0, 1e-8, 0.1, 0.5):

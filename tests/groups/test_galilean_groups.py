@@ -26,7 +26,6 @@ def ad(group: lm.LieGroup, xi: np.ndarray) -> np.ndarray:
     return np.stack([group.ad(xi, unit) for unit in np.eye(group.dim)], axis=1)
 
 
-@pytest.mark.sample(1)
 @names
 def test_every_law_holds(group: lm.LieGroup) -> None:
     report = lm.check_group(group)
@@ -123,7 +122,7 @@ def test_casimirs_and_orbits(group: lm.LieGroup) -> None:
         assert np.abs(there - here).max() <= 1e-11 * max(1.0, np.abs(there).max())
 
 
-@pytest.mark.sample(1)
+@pytest.mark.sample(2)
 @names
 @pytest.mark.parametrize(
     "method", [lm.RKMK(order=4), lm.CovariantVariational(lm.Cayley())], ids=repr

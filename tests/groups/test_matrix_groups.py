@@ -457,7 +457,7 @@ def test_large_matrices_go_through_numpy() -> None:
     assert group.exp(np.zeros((3, 190))).shape == (3, 20, 20)
 
 
-@pytest.mark.slow
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("group", [SO(20), SU(13), Sp(18), SL(13)], ids=repr)
 def test_bound_of_ad_without_structure_constants(group: MatrixLieGroup) -> None:
     """|[x, y]|^2 <= ad_size2(x) |y|^2 in coordinates, though structure constants are never formed."""

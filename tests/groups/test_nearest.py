@@ -26,7 +26,6 @@ GROUPS = (
 )  # fmt: skip
 
 
-@pytest.mark.sample(8)
 @pytest.mark.parametrize("group", GROUPS, ids=lambda g: repr(g)[:36])
 def test_an_element_of_the_kind_asked_for(group: lm.MatrixLieGroup) -> None:
     """On the group; real where the group is; and no neighbour is nearer, save for SU(n), whose

@@ -30,7 +30,6 @@ each = partial(
 )()
 
 
-@pytest.mark.sample(9)
 @each
 def test_generic_orbits(group: lm.LieGroup, orbit: int, casimirs: int) -> None:
     """dim = orbit + isotropy; Casimirs are constant on it, independent, and their differentials
@@ -59,7 +58,7 @@ def test_generic_orbits(group: lm.LieGroup, orbit: int, casimirs: int) -> None:
     )
 
 
-@pytest.mark.sample(3)
+@pytest.mark.sample(6)
 @each
 def test_random_momenta_of_one_orbit(group: lm.LieGroup, orbit: int, casimirs: int) -> None:
     action, rng = lm.coadjoint(group), np.random.default_rng(6)

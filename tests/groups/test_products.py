@@ -186,7 +186,6 @@ def test_products_name_the_factor_at_fault() -> None:
         lm.Cayley().require(without)
 
 
-@pytest.mark.slow
 def test_a_product_moves_as_its_factors_do_on_their_own() -> None:
     group = lm.ProductGroup(SO3, SO3)
     mu, moments = (

@@ -319,7 +319,7 @@ def test_order_with_a_retraction_of_ones_own() -> None:
         assert_order(system, GalerkinVariational(4, Euler()), begin, (end.mu, end.g), 1.0, (4, 8))
 
 
-@pytest.mark.slow
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("order", (4, 6))
 def test_order_of_a_lagrangian_that_is_not_quadratic(order: int) -> None:
     system = lm.LiePoissonSystem(lm.SO3(), Fast([1.0, 1.6, 2.3]))

@@ -275,7 +275,6 @@ def turned(method: lm.Method, h: float, steps: int = 1) -> lm.BodyState:
     ).last
 
 
-@pytest.mark.sample(2)
 @FAMILIES
 def test_order_and_structure_of_driven_bodies(method: Any) -> None:
     errors = []
@@ -298,7 +297,6 @@ def test_driven_bodies_move_by_poisson_maps() -> None:
     assert lm.poisson_defect(lm.RKMK(order=4), SATELLITE, state, 0.3) > 1e-7
 
 
-@pytest.mark.slow
 def test_a_drive_that_stands_still_changes_nothing() -> None:
     """K(t, mu) = H(mu) gives the steps of H to rounding, in both families."""
     still = SATELLITE.at(T0)

@@ -370,7 +370,7 @@ def test_energy_is_bounded_and_the_vertical_momentum_kept(method: Any) -> None:
     assert np.abs(vertical - float(TOP["vertical_momentum_pi_dot_Gamma"])).max() < 1e-12
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(4)
 @EVERYWHERE
 def test_a_way_back_undoes_a_way(scene: Any) -> None:
     system, start = scene()
@@ -503,7 +503,6 @@ def test_orders_under_a_load(friction: float, order: int) -> None:
 TABLEAUS = pytest.mark.parametrize("tableau", SPLITTINGS.values(), ids=lambda t: t.name)
 
 
-@pytest.mark.sample(5)
 @TABLEAUS
 def test_a_splitting_has_the_order_it_claims_and_no_more(tableau: SplittingTableau) -> None:
     tableau.check()

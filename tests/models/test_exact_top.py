@@ -89,7 +89,6 @@ CASES: dict[str, tuple[lm.LagrangeTop, Any, Any]] = {
 }
 
 
-@pytest.mark.sample(8)
 @pytest.mark.parametrize(
     ("number", "order"),
     [(float, 20), pytest.param(mp.mpf, 30, marks=pytest.mark.slow)],

@@ -46,7 +46,6 @@ def test_sections_on_constraints_follow_the_sphere() -> None:
     lm.plots.phase_portrait(run)
 
 
-@pytest.mark.slow
 def test_an_ensemble_in_fictive_time_has_pictures_over_it() -> None:
     planets = lm.Kepler()
     start = planets.state(q=[[0.4, 0.0], [0.6, 0.0]], p=[[0.0, 2.0], [0.0, 1.5]])

@@ -33,7 +33,6 @@ SHIPPED: list[Any] = [
 ]
 
 
-@pytest.mark.sample(7)
 @pytest.mark.parametrize("structure", SHIPPED, ids=repr)
 def test_shipped_structures_obey_their_laws(structure: lm.PoissonStructure) -> None:
     assert lm.check_poisson(structure)

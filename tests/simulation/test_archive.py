@@ -70,7 +70,6 @@ CASES = {
 }
 
 
-@pytest.mark.sample(3)
 @pytest.mark.parametrize("case", CASES)
 def test_a_saved_run_comes_back_and_goes_on(case: str, tmp_path: Path) -> None:
     plan, start = CASES[case]

@@ -117,7 +117,6 @@ def test_every_goes_on_counting_with_events_too() -> None:
         assert np.allclose(rest.t, [0.37, 0.4, 0.5, 0.6, 0.7], rtol=1e-15)
 
 
-@pytest.mark.slow
 def test_joined_runs_keep_events_and_the_way_between() -> None:
     plan = lm.Plan(BODY, lm.RKMK(order=5), rtol=1e-8, events=equator, compiled=False)
     first = plan.run(START, t_end=40.0)

@@ -25,7 +25,6 @@ def alone(body: int, method: lm.Method, **options: Any) -> lm.Trajectory:
     )
 
 
-@pytest.mark.slow
 @WORLDS
 @pytest.mark.parametrize(
     "method", [lm.RKMK(order=4), lm.CovariantVariational(lm.Cayley())], ids=repr
