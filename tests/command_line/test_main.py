@@ -80,6 +80,7 @@ def test_it_says_what_it_simulates_and_where_the_picture_is(job: tuple[str, Path
     assert max(map(len, printed.splitlines())) <= 88
 
 
+@pytest.mark.slow
 def test_options_reach_the_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     picture = tmp_path / "deep" / "exp.svg"
     options = [

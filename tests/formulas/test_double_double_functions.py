@@ -53,6 +53,7 @@ def test_angles_beyond_have_no_sine(x: float) -> None:
         assert math.isnan(function(DoubleDouble(x)).value)
 
 
+@pytest.mark.slow
 def test_logarithms_and_roots_of_matrices_have_28_digits() -> None:
     """exp(log a) = a and sqrt(a)^2 = a, wherever the iteration for the root ends."""
     for turn in np.linspace(0.3, 2.7, 13):

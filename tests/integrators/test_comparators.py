@@ -274,7 +274,7 @@ class Quartic(lm.Hamiltonian):
         )
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("method", [IMPLICIT, SPHERICAL, Isospectral(4)], ids=named)
 def test_any_hamiltonian(method: lm.Method) -> None:
     system = lm.LiePoissonSystem(lm.SO3(), Quartic(0.3))

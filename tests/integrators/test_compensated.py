@@ -227,6 +227,7 @@ def test_plain_and_native_and_ensembles_agree_to_the_bit(
             assert g is None or same_bits(one.g, many.g[:, i])
 
 
+@pytest.mark.slow
 def test_by_default_symmetric_methods_sum_up_what_the_motion_depends_on() -> None:
     body, start = asymmetric_body()
     runs = {

@@ -203,6 +203,7 @@ def _ends(samples: Any) -> Any:
     return Ends
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 def test_native_code_has_the_same_bits() -> None:
     method = lm.CovariantVariational(lm.Cayley(), OfTheVelocity(J))

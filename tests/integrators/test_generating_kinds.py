@@ -227,6 +227,7 @@ def test_the_energy_of_a_driven_run_is_that_of_its_times() -> None:
     assert not run.drift().kept
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 def test_native_code_has_the_same_bits() -> None:
     system = Driven()

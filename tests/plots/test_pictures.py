@@ -187,6 +187,7 @@ def test_the_change_of_an_invariant_is_that_of_the_drift_report(run: Any) -> Non
     assert noise(run)[-1] == pytest.approx(EPSILON * 9.0)  # a walk of 80 steps, and the start
 
 
+@pytest.mark.slow
 def test_bounded_errors_are_flat_and_drifts_have_slope_one() -> None:
     methods = {"RKMK4": lm.RKMK(order=4), "Algorithm 1": lm.CovariantVariational(lm.Cayley())}
     runs = {

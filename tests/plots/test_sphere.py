@@ -357,6 +357,7 @@ def test_missing_matplotlib_says_what_to_install(monkeypatch):
         assert isinstance(caught.value, ImportError)
 
 
+@pytest.mark.slow
 def test_matplotlib_is_loaded_only_to_draw_and_pyplot_never():
     pytest.importorskip("matplotlib")
     code = """

@@ -132,7 +132,7 @@ def test_a_force_of_ones_own_on_unit_quaternions() -> None:
 # ---------------------------------------------------------------- order
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @METHODS
 @pytest.mark.parametrize(
     ("scene", "numbers_at"), [(heavy_top, TOP), (lagrange_top, LAGRANGE)], ids=["heavy", "Lagrange"]

@@ -84,7 +84,7 @@ def test_table_of_the_symplectic_method(choice: str) -> None:
         assert found == two_digits(wanted)
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.compiled
 @pytest.mark.parametrize("choice", REVERSIBLE)
 def test_table_of_the_reversible_controller(choice: str) -> None:
