@@ -367,6 +367,19 @@ def restricted(value: Any, layout: Layout) -> Any:
     return made
 
 
+def laid_out(value: Any, key: Any) -> Any:
+    """The record, whose layout is known from another one of its class with this key."""
+    layout = _layouts.get((type(value), key))
+    if layout is None:
+        _layouts[type(value), key] = layout_of(value)
+    else:
+        _know(value, layout)
+    return value
+
+
+_layouts: dict[Any, Layout] = {}
+
+
 def fill(cls: type, fields: dict[str, Any]) -> Any:
     """An instance of a record class with these fields, unchecked."""
     made: Any = object.__new__(cls)

@@ -75,10 +75,14 @@ def kinetic_energy(inertia: Vec | Mat) -> KineticEnergy:
 
 def _invertible(moments: Vec) -> bool:
     """Have all moments finite inverses?"""
-    return all(type(x) is float and 1.0 / MAX <= abs(x) <= MAX for x in moments)
+    for x in moments:
+        if type(x) is not float or not LEAST <= abs(x) <= MAX:
+            return False
+    return True
 
 
 MAX = sys.float_info.max
+LEAST = 1.0 / MAX
 
 SYMMETRY = 1e-12
 """An entry that differs by more than this from its mirror image, relative to its row and column, is
