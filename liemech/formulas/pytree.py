@@ -222,7 +222,7 @@ _known, _know = Record._layout.__get__, Record._layout.__set__  # type: ignore[a
 def known_layout(value: Any) -> Layout | None:
     """The layout of a record that was looked at before; None for all else."""
     try:
-        return _known(value)  # type: ignore[no-any-return]
+        return _known(value)
     except (AttributeError, TypeError):
         return None
 

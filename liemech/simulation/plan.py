@@ -277,10 +277,11 @@ class Plan:
         latest = max(abs(t0), abs(end))
         if steps > arguments.MOST or not latest < math.inf or latest + abs(h) == latest:
             return None
-        if type(self.method).step_warning is not Method.step_warning:
-            # it might ask for what is not recorded
-            if shape.given != known_layout(start) or self._doubt(start):
-                return None
+        if type(self.method).step_warning is not Method.step_warning and (
+            shape.given != known_layout(start)  # it might ask for what is not recorded
+            or self._doubt(start)
+        ):
+            return None
         return of_shape(self._steps, shape, start, steps, t0)
 
     def _known(self, start: Any) -> tuple[Layout, bool] | None:
@@ -300,9 +301,9 @@ class Plan:
             return restricted(start, known[0])
         inner, given = self._inner, start
         start = arguments.started(inner, start, self._needed(inner, start))
-        if self._one is self.system and start.bodies is None and inner._knows(given):
-            if not isinstance(getattr(self._steps, "h", None), tuple):
-                self._laid_out[layout_of(given)] = layout_of(start), False
+        one = self._one is self.system and not isinstance(getattr(self._steps, "h", None), tuple)
+        if one and start.bodies is None and inner._knows(given):
+            self._laid_out[layout_of(given)] = layout_of(start), False
         if self.fictive:  # one system, one step
             return start
         if self._one is not self.system and start.bodies != len(self.system):
