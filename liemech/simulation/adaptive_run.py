@@ -14,16 +14,14 @@ import numpy as np
 
 from ..compiler.driver import accepted, attempt, itself, reason
 from ..errors import (
-    IntegrationFailure,
     IntegrationInterrupted,
     InvalidInput,
     StepTooSmall,
     failure,
     is_mistake,
-    warn,
 )
 from ..formulas.pytree import build, gatherer, layout_of
-from ..systems.system import State, member
+from ..systems.system import State
 from . import arguments
 from .adaptive import adaptive_steps, noted
 from .carry import AdaptiveCarry
@@ -33,8 +31,6 @@ from .events import Event, Watch
 from .execution import LOOK, Execution, numbers_of
 from .prepared import Prepared
 from .progress import Bar
-from .stopped import Stopped
-from .systems import Systems
 from .trajectory import Trajectory
 
 ROOM = 512
@@ -117,19 +113,12 @@ class AdaptiveSteps:
                 "integrate: adaptive steps need a t_end; for steps of one length give h and steps"
             )
         limit = arguments.MOST if limit is None else arguments.count(limit, "steps", 1)
-        if start.bodies is None:
-            t_end = arguments.real(t_end, "t_end")
-            times = arguments.times(t_eval, t0, t_end)
-        if kept is not None and (events or start.bodies is not None):
+        t_end = arguments.real(t_end, "t_end")
+        times = arguments.times(t_eval, t0, t_end)
+        if kept is not None and events:
             raise InvalidInput(
-                "integrate: checkpoint is for runs of one body "
-                "without events, and for steps of one length"
-            )
-        if start.bodies is not None:
-            ends, times = arguments.ends_and_times(t_end, t_eval, t0, start.bodies)
-            each = functools.partial(self._each, start, t0, ends, limit, times, events)
-            return (
-                each() if recorder is None else recorder.instead(each, type(start), self.compiled)
+                "integrate: checkpoint is for adaptive runs without events, "
+                "and for steps of one length"
             )
         if recorder is not None and self.dense:
             raise InvalidInput(
@@ -138,76 +127,6 @@ class AdaptiveSteps:
         return AdaptiveRun(
             self, start, t0, t_end, limit, times, events, kept, recorder
         ).trajectory()
-
-    def _each(
-        self,
-        start: State,
-        t0: float,
-        ends: list[float],
-        limit: int,
-        times: np.ndarray,
-        events: tuple[Event, ...],
-    ) -> Trajectory:
-        """Every body of an ensemble with steps of its own.  One that fails stays at its last state
-        and disturbs no other.
-
-        ends : the last time of each body.  times : of samples, (n,), or (n, bodies) with those of
-        each.
-        """
-        if events or self.dense:
-            raise InvalidInput("integrate: events and dense=True are for one body at a time")
-        runs: list[Trajectory] = []
-        errors: dict[int, Any] = {}
-        plan = dataclasses.replace(self, dense=False, progress=False)
-        with Bar(self.progress, start.bodies or 0) as bar:
-            for i in range(start.bodies or 0):
-                if isinstance(self.system, Systems):
-                    plan = plan.of_system(self.system[i])
-                try:
-                    own = times if times.ndim == 1 else times[:, i]
-                    run = AdaptiveRun(
-                        plan, member(start, i), t0, ends[i], limit, own, ()
-                    ).trajectory()
-                except IntegrationFailure as error:
-                    errors[i], run = error, error.trajectory
-                runs.append(run)
-                bar.advance(1)
-        states = {}
-        for name, x in start.arrays.items():
-            of_bodies = [
-                _prolonged(run.states[name], x[i], len(times)) for i, run in enumerate(runs)
-            ]
-            states[name] = np.stack(of_bodies, axis=1)
-        steps = {i: runs[i].steps for i in errors}
-        if errors:
-            some = ", ".join(f"body {i} after {n} steps" for i, n in list(steps.items())[:5])
-            warn(
-                f"integrate: {len(errors)} of {start.bodies} bodies "
-                f"stopped early: {some}. {errors[min(errors)]}",
-                RuntimeWarning,
-            )
-        return Trajectory(
-            self.system,
-            self.method,
-            float(np.mean([run.h for run in runs])),
-            times,
-            states,
-            start.bodies,
-            max(run.steps for run in runs),
-            all(run.compiled for run in runs),
-            Stopped(steps, errors.__getitem__),
-            sum(run.rejected or 0 for run in runs),
-        )
-
-
-def _prolonged(values: np.ndarray, start: np.ndarray, count: int) -> np.ndarray:
-    """So many samples, the last of a body that stopped again and again."""
-    return np.concatenate(
-        [
-            values,
-            np.repeat(values[-1:] if len(values) else start[None], count - len(values), axis=0),
-        ]
-    )
 
 
 class Shape(Prepared):

@@ -143,7 +143,7 @@ class Execution:
         try:
             if why_not is not None:
                 raise NotCompilable(f"integrate: compiled=True, but {why_not}")
-            with notice(self.progress, f"liemech: compiling {self.call[1]!r} ..."):
+            with notice(self.progress, f"liemech: compiling {self.given[0]!r} ..."):
                 self.native = kernel.kernel(*self.call, lanes=self.lanes)
         except NotCompilable as error:
             if self.wanted:
@@ -159,8 +159,11 @@ class Execution:
 
 
 def numbers_of(*values: Any) -> bytes:
-    """The numbers of values in turn, as native code gets them."""
-    return b"".join([array("d", gatherer(layout_of(value))(value)).tobytes() for value in values])
+    """The numbers of values in turn, as native code gets them; those of which every body has its own
+    lie elsewhere.
+    """
+    shared = [value for value in values if not isinstance(value, kernel.Several)]
+    return b"".join([array("d", gatherer(layout_of(value))(value)).tobytes() for value in shared])
 
 
 def like(thing: Any) -> Any:

@@ -28,7 +28,7 @@ from ..integrators.method import Method
 from ..systems.system import State, System
 from .execution import Execution, like, numbers_of
 from .fixed import begin, fixed_steps
-from .systems import Systems
+from .systems import OfBodies, of_body
 
 TIME = struct.Struct("d")
 
@@ -42,7 +42,8 @@ too: it takes 0.1 to 0.2 s to make, and saves 0.2 to 0.8 ms a run.
 class Steps:
     """Steps of one length: what a plan was told of them.
 
-    system : one for all bodies, or `Systems`.  h : one for all bodies, or one for each.
+    system, method : one for all bodies, or `Systems`, `Methods`.  h : one for all bodies, or one
+    for each.
     compensated, precision, compiled, progress, workers : as for `integrate`.
     clock : the name of the time in which they are equal.
     of_origins, of_layouts : of steps in fictive time, those of the system with its clock, by where
@@ -50,7 +51,7 @@ class Steps:
     """
 
     system: Any
-    method: Method
+    method: Any
     h: Any
     every: int
     compensated: bool | None
@@ -77,11 +78,15 @@ class Steps:
     @property
     def one(self) -> System:
         """The system, of several the first."""
-        return self.system[0] if isinstance(self.system, Systems) else self.system
+        return of_body(self.system, 0)
 
-    def of(self, body: int) -> System:
+    def of(self, body: int) -> Any:
         """The system of a body."""
-        return self.system[body] if isinstance(self.system, Systems) else self.system
+        return of_body(self.system, body)
+
+    def method_of(self, body: int) -> Any:
+        """The method of a body."""
+        return of_body(self.method, body)
 
     def h_of(self, body: int) -> float:
         """The step of a body."""
@@ -156,12 +161,16 @@ class Shape(Prepared):
         native = steps.compiled is not False and many and kernel.available() is None
         self.lanes = kernel.lanes() if native else 1
         self.own: list[np.ndarray] = []
-        if isinstance(system, Systems):
-            self.constants = numbers_of(method)
-            system = kernel.Several.of(system.systems, -(-len(system) // self.lanes) * self.lanes)
-            self.own.append(system.columns)
-        else:
-            self.constants = numbers_of(method, system)
+        self.constants, things = b"", []
+        for thing in (method, system):
+            if isinstance(thing, OfBodies):
+                columns = -(-len(thing) // self.lanes) * self.lanes
+                things.append(kernel.Several.of(thing.members, columns))
+                self.own.append(things[-1].columns)
+            else:
+                things.append(thing)
+                self.constants += numbers_of(thing)
+        method, system = things
         self.h: Any = steps.h
         if isinstance(steps.h, tuple):
             self.h = kernel.Several.of(steps.h, -(-len(steps.h) // self.lanes) * self.lanes)
@@ -180,7 +189,8 @@ class Shape(Prepared):
         self._others: dict[Any, Execution] = {}
         self.order: list[int] | None = None
         if given == self.shown and all(
-            getattr(type(method), f) is getattr(Method, f) for f in ("start", "observe")
+            getattr(type(steps.method_of(0)), f) is getattr(Method, f)
+            for f in ("start", "observe")
         ):
             numbered = fitted(
                 build(given, iter([1.0 + i for i in range(given.width)])), self.layout

@@ -48,6 +48,9 @@ SOME = 512
 STILL = 1000.0
 """Steps without a change of the physical time after which a run to a given time is ended."""
 
+NEAR = 4 * np.finfo(float).eps
+"""Times that differ by this part of them are one."""
+
 
 # ------------------------------------------------------------------ the driver
 
@@ -213,6 +216,10 @@ class TransformedRun:
             raise InvalidInput(
                 f"integrate: {what} for one body at a time; give an ensemble h and steps"
             )
+        if t_end is not None and self.carry is not None:
+            near = NEAR * max(abs(t_end), abs(self.t0))
+            if abs(t_end - self.t0) <= near:  # it stands there, but for rounding
+                t_end = self.t0
         if t_end is not None and (t_end - self.t0) * self.h < 0.0:
             raise InvalidInput(
                 f"integrate: t_end = {t_end:g} is not where steps of h = {self.h:g} lead from "
