@@ -222,7 +222,7 @@ _known, _know = Record._layout.__get__, Record._layout.__set__  # type: ignore[a
 def known_layout(value: Any) -> Layout | None:
     """The layout of a record that was looked at before; None for all else."""
     try:
-        return _known(value)  # type: ignore[no-any-return]
+        return _known(value)
     except (AttributeError, TypeError):
         return None
 
@@ -365,6 +365,19 @@ def restricted(value: Any, layout: Layout) -> Any:
     )
     _know(made, layout)
     return made
+
+
+def laid_out(value: Any, key: Any) -> Any:
+    """The record, whose layout is known from another one of its class with this key."""
+    layout = _layouts.get((type(value), key))
+    if layout is None:
+        _layouts[type(value), key] = layout_of(value)
+    else:
+        _know(value, layout)
+    return value
+
+
+_layouts: dict[Any, Layout] = {}
 
 
 def fill(cls: type, fields: dict[str, Any]) -> Any:

@@ -297,10 +297,11 @@ class Plan:
         latest = max(abs(t0), abs(end))
         if steps > arguments.MOST or not latest < math.inf or latest + abs(h) == latest:
             return None
-        if type(self.method).step_warning is not Method.step_warning:
-            # it might ask for what is not recorded
-            if shape.given != known_layout(start) or self._doubt(start):
-                return None
+        if type(self.method).step_warning is not Method.step_warning and (
+            shape.given != known_layout(start)  # it might ask for what is not recorded
+            or self._doubt(start)
+        ):
+            return None
         return of_shape(self._steps, shape, start, steps, t0)
 
     def _known(self, start: Any) -> tuple[Layout, bool] | None:
