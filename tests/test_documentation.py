@@ -56,16 +56,8 @@ COMPILED = {
 """Pages and examples about native code, or too long without it."""
 
 QUICK = {
-    *("README", "index", "conventions", "notation", "choosing_a_step", "tabulated_inputs"),
-    *("tableaus", "native", "long_runs", "changelog", "verification"),
-    *(
-        "tennis_racket",
-        "poinsot",
-        "three_rotations",
-        "energy_drift",
-        "top_in_the_browser",
-        "chaos_in_a_galaxy",
-    ),
+    *("README", "index", "conventions", "notation", "choosing_a_step", "tableaus"),
+    *("changelog", "verification", "tennis_racket"),
 }
 """Pages and examples that run whenever the tests run; the others are slow, and `.ci/run` runs them
 all.

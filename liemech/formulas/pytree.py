@@ -219,6 +219,14 @@ def layout_of(value: Any, number: Callable[[Any], bool] = is_number) -> Layout:
 _known, _know = Record._layout.__get__, Record._layout.__set__  # type: ignore[attr-defined]
 
 
+def known_layout(value: Any) -> Layout | None:
+    """The layout of a record that was looked at before; None for all else."""
+    try:
+        return _known(value)
+    except (AttributeError, TypeError):
+        return None
+
+
 def _of_record(value: Any, number: Callable[[Any], bool]) -> Layout:
     cls: Any = type(value)
     return _record(tuple([layout_of(getattr(value, n), number) for n in names_of(cls)]), cls)
@@ -344,6 +352,32 @@ def paired(form: tuple[Any, ...], parts: Iterable[Any]) -> Any:
     """The number of this form made of two."""
     cls, *more = form
     return cls(*parts, *more)
+
+
+def restricted(value: Any, layout: Layout) -> Any:
+    """A record without the parts that this layout does not have; others are those of the value."""
+    if known_layout(value) == layout:
+        return value
+    parts = zip(layout.detail[1], layout.parts, strict=True)
+    made = fill(
+        type(value),
+        {n: getattr(value, n) if part.kind != "static" else part.detail for n, part in parts},
+    )
+    _know(made, layout)
+    return made
+
+
+def laid_out(value: Any, key: Any) -> Any:
+    """The record, whose layout is known from another one of its class with this key."""
+    layout = _layouts.get((type(value), key))
+    if layout is None:
+        _layouts[type(value), key] = layout_of(value)
+    else:
+        _know(value, layout)
+    return value
+
+
+_layouts: dict[Any, Layout] = {}
 
 
 def fill(cls: type, fields: dict[str, Any]) -> Any:

@@ -7,9 +7,10 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..errors import InvalidInput
-from ..formulas import Vec, dot, norm, real_array, record, vec
+from ..formulas import Vec, dot, norm, record, vec
 from ..systems.canonical import CanonicalState
 from ..systems.separable import SeparableSystem
+from ..systems.system import exact_times
 from .pendulums import check_positive
 
 
@@ -111,11 +112,7 @@ class Kepler(SeparableSystem):
         """
         name = "Kepler.exact"
         q, p = _single(start, name)
-        t, k = real_array(t, f"{name}: t"), self.attraction
-        if t.ndim > 1 or not np.isfinite(t).all():
-            raise InvalidInput(
-                f"{name}: t must be a finite time or a row of them; got shape {t.shape}"
-            )
+        t, k = exact_times(t, name), self.attraction
         a, r0, sigma = self._axis(q, p, name), np.hypot(*q), q @ p / np.sqrt(k)
         n = np.sqrt(k / a**3)
         e_cos, e_sin = 1.0 - r0 / a, sigma / np.sqrt(a)  # e cos E_0, e sin E_0

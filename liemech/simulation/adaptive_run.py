@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 import time
 from array import array
@@ -27,13 +28,16 @@ from .carry import AdaptiveCarry
 from .checkpoint import Checkpoint
 from .dense import DenseOutput, unpacked
 from .events import Event, Watch
-from .execution import LOOK, Execution
-from .prepared import Prepared, numbers_of
+from .execution import LOOK, Execution, numbers_of
+from .prepared import Prepared
 from .progress import Bar
 from .trajectory import Trajectory
 
 ROOM = 512
 """Steps between two looks at the keyboard and the events."""
+
+LARGE = 2**20
+"""Numbers of rows that are moved where they are, if they must be, and not copied."""
 
 MARGIN = 4
 """Units in the last place by which steps keep away from a jump of the velocity, on both sides."""
@@ -193,6 +197,7 @@ class AdaptiveRun:
         self.rows[0, : 1 + self.width] = [t0, *gatherer(shape.state)(self.start)]
         self.filled = 1
         self.sampled: list[np.ndarray] = []
+        self.asked = 0  # how many of t_eval are reached
         if isinstance(start, AdaptiveCarry):
             self.states, self.clock = start.numbers.copy(), start.clock.copy()
             self.clock[3:5] = 0.0
@@ -266,7 +271,7 @@ class AdaptiveRun:
                 f"integrate: interrupted at t = {self.clock[0]:g}; the samples are in `.trajectory`"
             )
             raise self._ended(stopped) from None
-        if len(self.rows) > self.filled:
+        if self.kept and len(self.rows) > self.filled:
             self.rows.resize((self.filled, self.rows.shape[1]), refcheck=False)
         return self._result()
 
@@ -330,8 +335,7 @@ class AdaptiveRun:
         room = min(room, int(self.limit - self.clock[3]))
         if self.filled + room > len(self.rows):
             wanted = max(len(self.rows) + len(self.rows) // 4, self.filled + room)
-            # nobody looks at them between two pieces
-            self.rows.resize((wanted, self.rows.shape[1]), refcheck=False)
+            self._make_room(wanted)
         before, out, plan, shape = (
             int(self.clock[3]),
             self.rows[self.filled :].reshape(-1),
@@ -350,6 +354,15 @@ class AdaptiveRun:
                     *shape.arguments, *numbers, shape.curves, room, *arrays, self.failures
                 )
         self.filled += int(self.clock[3]) - before
+
+    def _make_room(self, wanted: int) -> None:
+        """So many rows, of which as few as possible are touched."""
+        rows = self.rows
+        if rows.size < LARGE:
+            self.rows = np.empty((wanted, rows.shape[1]))
+            self.rows[: self.filled] = rows[: self.filled]
+        else:  # nobody looks at them between two pieces
+            rows.resize((wanted, rows.shape[1]), refcheck=False)
 
     def _sample(self, before: int) -> None:
         """Keep the states that t_eval asks for in the last steps, and of the steps only the last."""
@@ -379,11 +392,16 @@ class AdaptiveRun:
 
     def _at_times(self, before: int, times: np.ndarray) -> None:
         """Keep the states that t_eval asks for in the last steps."""
-        done = sum(map(len, self.sampled))
-        reached, forward = self.clock[0], self.t_end >= self.t0
-        inside = times[done:][times[done:] <= reached if forward else times[done:] >= reached]
+        reached, left = self.clock[0], times[self.asked :]
+        inside = left[left <= reached if self.t_end >= self.t0 else left >= reached]
+        self.asked += len(inside)
         if len(inside):
-            self.sampled.append(self._dense(before - 1).numbers(inside))
+            rows = self.rows[before - 1 : self.filled]
+            self.sampled.append(
+                self._dense(before - 1).within(inside)
+                if len(rows) > 1
+                else rows[:, 1 : 1 + self.width].repeat(len(inside), axis=0)
+            )
             if self.recorder is not None:
                 self._tell(inside, self.sampled[-1])
                 self.sampled[-1] = np.empty((len(inside), 0))
@@ -415,9 +433,14 @@ class AdaptiveRun:
         reached, steps = float(self.clock[0]), int(self.clock[3])
         dense = self._dense() if self.kept and self.shape.curves else None
         kept = dense if self.dense else None
+        # samples may be written to, and the last row is needed for the carry
+        last = self.rows[self.filled - 1].copy()
+        made = functools.cache(lambda: self._samples(dense))
         return Trajectory.promised(
-            lambda: dict(
-                zip(("t", "states", "carry"), (*self._samples(dense), self._carry()), strict=True)
+            SimpleNamespace(
+                t=lambda: made()[0],
+                states=lambda: made()[1],
+                carry=functools.partial(self._carry, last),
             ),
             system=self.system,
             method=self.method,
@@ -432,9 +455,8 @@ class AdaptiveRun:
             observed=() if self.recorder is None else tuple(self.recorder.quantities),
         )
 
-    def _carry(self) -> AdaptiveCarry | None:
-        """What to go on with: all of it, or after a terminal event a start anew."""
-        last = self.rows[self.filled - 1]
+    def _carry(self, last: np.ndarray) -> AdaptiveCarry | None:
+        """What to go on with from the last row: all of it, or after a terminal event a start anew."""
         numbers, clock = self.states.copy(), self.clock.copy()
         if clock[5] or clock[0] != last[0]:
             return None

@@ -37,6 +37,24 @@ class Carry:
     last: np.ndarray = dataclasses.field(repr=False)
     failures: dict[int, Exception | None] = dataclasses.field(default_factory=dict, repr=False)
 
+    @classmethod
+    def quickly(
+        cls, shape: Shape, t0: float, h: Any, step: int, numbers: np.ndarray, last: np.ndarray
+    ) -> Carry:
+        """Of one body that has not failed, in half the time that a dataclass takes."""
+        made = object.__new__(cls)
+        made.__dict__ = {
+            "shape": shape,
+            "t0": t0,
+            "h": h,
+            "step": step,
+            "bodies": None,
+            "numbers": numbers,
+            "last": last,
+            "failures": {},
+        }
+        return made
+
     @property
     def t(self) -> Any:
         """The time, in s; of bodies with steps of their own those of all, (bodies,)."""

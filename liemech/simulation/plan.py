@@ -14,11 +14,11 @@ import numpy as np
 from ..compiler.kernel import Several
 from ..errors import InvalidInput, InvalidType, StepWarning, warn
 from ..formulas import Record
-from ..formulas.pytree import exact, fields_of, layout_of
+from ..formulas.pytree import Layout, exact, fields_of, known_layout, layout_of, restricted
 from ..integrators.method import Method
 from ..systems.system import State, System, member
 from . import arguments
-from .at_once import advanced, at_once
+from .at_once import advanced, at_once, of_shape
 from .carry import AdaptiveCarry, Carries, Carry, Ended, Waiting
 from .checkpoint import Checkpoint
 from .execution import like
@@ -116,6 +116,8 @@ class Plan:
             if isinstance(value, OfBodies) or (value is not None and arguments.axes(value, name))
         }
         self._steps: Any = None
+        # of starts as they are given: how they are laid out in runs
+        self._laid_out: dict[Layout, tuple[Layout, bool]] = {}
         first = self._first_of
         if self.fictive:
             if h is None:
@@ -176,6 +178,10 @@ class Plan:
                 progress,
                 workers,
             )
+        self._plain = (  # is there nothing to do but to step, with one length, and for one system?
+            isinstance(self._steps, Steps)
+            and not (self.of_each or events or self.fictive or self.recorder is not None)
+        )
 
     def _first_of(self, name: str) -> Any:
         """What was given for the first body, or for all."""
@@ -260,6 +266,10 @@ class Plan:
             if checkpoint is not None:
                 raise InvalidInput("integrate: checkpoint is for runs without executor")
             return spread(self, start, executor, steps=steps, t_end=t_end, t0=t0, t_eval=t_eval)
+        if type(steps) is int and t_end is None and t_eval is None and checkpoint is None:
+            run = self._again(start, steps, t0)
+            if run is not None:
+                return run
         start, t0 = self._started(start), arguments.real(t0, "t0")
         kept = self._kept(checkpoint, checkpoint_every)
         if start.bodies is not None and apart(self, start, t_end, t_eval):
@@ -275,6 +285,34 @@ class Plan:
         if doubt:
             warn(doubt, StepWarning)
         return self._stepped(start, steps, t0, t_eval, kept)
+
+    def _again(self, start: Any, steps: int, t0: Any) -> Trajectory | None:
+        """A run that has nothing to do but to step, of a start that is laid out as one before;
+        None for all others, and for what is to be refused.
+        """
+        known = self._known(start) if self._plain else None
+        shape = None if known is None else self._steps.shapes.get(known)
+        if shape is None or type(t0) is not float:
+            return None
+        h = self._steps.h
+        end = t0 + steps * h
+        latest = max(abs(t0), abs(end))
+        if steps > arguments.MOST or not latest < math.inf or latest + abs(h) == latest:
+            return None
+        if type(self.method).step_warning is not Method.step_warning and (
+            shape.given != known_layout(start)  # it might ask for what is not recorded
+            or self._doubt(start)
+        ):
+            return None
+        return of_shape(self._steps, shape, start, steps, t0)
+
+    def _known(self, start: Any) -> tuple[Layout, bool] | None:
+        """How a start of one body is laid out in a run, if one like it was checked before."""
+        given = known_layout(start)
+        if given is None and isinstance(start, State) and start.bodies is None:
+            given = layout_of(start)
+        known = None if given is None else self._laid_out.get(given)
+        return known if known is not None and self._inner._knows(start) else None
 
     def _one_by_one(
         self, start: Any, t0: float, steps: Any, t_end: Any, t_eval: Any, kept: Checkpoint | None
@@ -294,8 +332,13 @@ class Plan:
         """The start with the parts that the run needs; its bodies must be as many as the systems,
         and as the steps if they have steps of their own.
         """
-        inner = self._inner
+        known = self._known(start)
+        if known is not None:
+            return restricted(start, known[0])
+        inner, given = self._inner, start
         start = arguments.started(inner, start, self._needed(inner, start))
+        if not self.of_each and start.bodies is None and inner._knows(given):
+            self._laid_out[layout_of(given)] = layout_of(start), False
         for name, own in self.of_each.items():
             if start.bodies == len(own):
                 continue

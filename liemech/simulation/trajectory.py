@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -61,12 +61,17 @@ class Trajectory:
     observed: tuple[str, ...] = ()
 
     @classmethod
-    def promised(cls, rest: Callable[[], dict[str, Any]], **known: Any) -> Trajectory:
-        """A trajectory whose other fields, those without a default, are made when one of them is
-        first asked for.
+    def promised(cls, rest: Any, **known: Any) -> Trajectory:
+        """A trajectory whose other fields, among `PROMISED`, are made when they are first asked
+        for, by the functions of this name that `rest` has.
         """
-        run, known["_rest"] = object.__new__(cls), rest
-        object.__setattr__(run, "__dict__", known)
+        return cls._of(known | {"_rest": rest})
+
+    @classmethod
+    def _of(cls, fields: dict[str, Any]) -> Trajectory:
+        """A trajectory with these fields."""
+        run = object.__new__(cls)
+        object.__setattr__(run, "__dict__", fields)
         return run
 
     def __len__(self) -> int:
@@ -74,18 +79,14 @@ class Trajectory:
 
     def __getstate__(self) -> dict[str, Any]:
         """All of it, and what was only promised too."""
-        _ = self.t
-        return vars(self)
+        for name in PROMISED:
+            getattr(self, name)
+        return {name: x for name, x in vars(self).items() if name != "_rest"}
 
     def __getattr__(self, name: str) -> Any:
-        """A part of the state that belongs to this kind of system; fields that were promised."""
+        """A part of the state that belongs to this kind of system."""
         own = vars(self)
-        rest = own.get("_rest")
-        if rest is not None:
-            own.update(rest())  # two threads may both come here: they find the same
-            own.pop("_rest", None)
-            return getattr(self, name)
-        states = own.get("states", {})
+        states = self.states if "_rest" in own else own.get("states", {})
         if name in states:
             return states[name]
         raise AttributeError(f"a Trajectory has no {name!r}; this one recorded {', '.join(states)}")
@@ -390,6 +391,30 @@ class Trajectory:
             f"Trajectory({self.method!r}: {many}{len(self)} samples {end}, {steps}, "
             f"{'compiled' if self.compiled else 'plain'}; {', '.join(self.states)})"
         )
+
+
+class _Promised:
+    """A field of a run that is made when it is first asked for."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+
+    def __get__(self, run: Any, owner: Any = None) -> Any:
+        own = {} if run is None else vars(run)
+        rest = own.get("_rest")
+        if rest is None:  # or another thread has kept them all
+            if self.name in own:
+                return own[self.name]
+            raise AttributeError(self.name)
+        made = own.setdefault(self.name, getattr(rest, self.name)())
+        if "t" in own and "states" in own and "carry" in own:
+            own.pop("_rest", None)
+        return made
+
+
+PROMISED = "t", "states", "carry"
+for _name in PROMISED:  # not before: the class would take them for defaults
+    setattr(Trajectory, _name, _Promised(_name))
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -181,7 +181,7 @@ def test_the_page_has_the_table() -> None:
     assert list(TABLE.printed()) == list(ROWS)
 
 
-@pytest.mark.sample(4)
+@pytest.mark.slow
 @pytest.mark.compiled  # in plain Python each row takes ten seconds and more
 @pytest.mark.parametrize(("name", "half"), CHOICES)
 def test_order(name: str, half: int | None) -> None:

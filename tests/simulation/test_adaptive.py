@@ -80,7 +80,7 @@ def test_the_way_between_the_ends_of_a_step_has_its_order(tableau: lm.ButcherTab
 # ---------------------------------------------------------------- runs
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @EVERY_PAIR
 def test_the_error_follows_the_tolerance(tableau: lm.ButcherTableau) -> None:
     """From 1e-4 to 1e-8 both errors fall by at least 10^3, and stay within a factor of the
@@ -160,6 +160,7 @@ def test_momentum_alone_and_a_first_step_of_ones_own() -> None:
     assert run.drift()["Casimir 1"].verdict == "exact"
 
 
+@pytest.mark.slow
 def test_steps_shrink_where_the_motion_is_fast() -> None:
     """Close to the pole the steps are short, and the driven rotation agrees with one by many small
     steps.

@@ -46,6 +46,7 @@ def test_every_body_makes_its_own_steps(method: lm.Method) -> None:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 @pytest.mark.parametrize("method", [pytest.param(METHODS[0], marks=pytest.mark.slow), METHODS[1]])
 def test_native_code_takes_steps_of_many_lengths_side_by_side(method: lm.Method) -> None:

@@ -47,7 +47,7 @@ def differences(plan: lm.Plan, start: Any, steps: int) -> np.ndarray:
     return np.array(columns).T
 
 
-@pytest.mark.sample(4)
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     ("method", "system", "start"),
     [
@@ -95,6 +95,7 @@ def test_derivatives_by_the_inertia(compiled: bool) -> None:
     )
 
 
+@pytest.mark.sample(1)
 @WORLDS
 def test_derivatives_by_a_number_inside_of_the_hamiltonian(compiled: bool) -> None:
     gyrostat = lm.LiePoissonSystem(lm.SO3(), Gyrostat([1.0, 2.0, 3.0], 0.7))
