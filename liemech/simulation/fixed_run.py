@@ -440,7 +440,7 @@ class FixedRun:
 
         def samples() -> dict[str, Any]:
             if carry is not None:
-                carry.last = carry.last.copy()  # whoever gets the samples may write to them
+                carry.keep()
             return dict(zip(("t", "states"), self._samples(self.out[:rows], steps), strict=True))
 
         return Trajectory.promised(
