@@ -53,7 +53,6 @@ class Carry:
     def keep(self) -> None:
         """A copy of the last sample, before somebody gets the samples and may write to them."""
         self.last = self.last.copy()
-        vars(self).pop("state", None)
 
     def __getstate__(self) -> dict[str, Any]:
         """The numbers, and the state instead of layouts and native code, which the plan that goes
