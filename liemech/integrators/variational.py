@@ -184,13 +184,15 @@ class CovariantVariational(Implicit):
         """
         if self.lagrangian is not None or not turns_freely(system, self.retraction):
             return None
-        with np.errstate(over="ignore"):
-            size = float(np.hypot.reduce(np.array(start.mu), axis=-1).max())
-        return (
-            largest_impulse(system.lagrangian.inertia, self.retraction) / size
-            if size > 0.0
-            else math.inf
-        )
+        limit = largest_impulse(system.lagrangian.inertia, self.retraction)
+        if limit == math.inf:
+            return limit
+        mu = np.array(start.mu, dtype=float)
+        most = float(np.abs(mu).max())
+        if most == 0.0:
+            return math.inf
+        mu /= most  # squares of it are ordinary floats
+        return limit / (most * math.sqrt(np.einsum("...i,...i", mu, mu).max()))
 
     def step_warning(self, system: Any, start: BodyState, h: float) -> str | None:
         """What to tell before a run whose step is larger than the `largest_step`; None if it is

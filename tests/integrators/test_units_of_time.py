@@ -55,3 +55,12 @@ def test_leading_powers() -> None:
     for x in sizes:
         assert leading_power(float(x)) == 2.0 ** (math.frexp(abs(x))[1] - 1)
     assert first_size(lm.mat(lm.vec(0.0, -2.0), lm.vec(-2.0, 1.0))) == 2.0
+
+
+def test_the_largest_step_of_an_ensemble_is_that_of_its_fastest_body() -> None:
+    method, body = lm.CovariantVariational(lm.Exponential()), lm.RigidBody(MOMENTS)
+    mu = np.random.default_rng(1).normal(size=(50, 3))
+    alone = [method.largest_step(body, body.state(m)) for m in mu]
+    for power in -1000, 0, 1000:  # squares of it are no floats
+        found = method.largest_step(body, body.state(2.0**power * mu))
+        assert found == pytest.approx(2.0**-power * min(alone), rel=1e-15)
