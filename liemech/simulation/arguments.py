@@ -202,9 +202,9 @@ def times(t_eval: Any, t0: float, t_end: float) -> np.ndarray | None:
         )
     low, high = min(t0, t_end), max(t0, t_end)
     rising = times[1:] >= times[:-1] if t_end >= t0 else times[1:] <= times[:-1]
-    if len(times) and rising.all() and low <= min(ends := (times.item(0), times.item(-1))):
-        if max(ends) <= high:  # so are all between them
-            return times
+    ends = (times.item(0), times.item(-1)) if len(times) else ()
+    if ends and rising.all() and low <= min(ends) <= max(ends) <= high:  # so are all between them
+        return times
     check_finite(times, "integrate: t_eval")
     margin = 4.0 * sys.float_info.epsilon * max(abs(low), abs(high))
     outside = (times < low - margin) | (times > high + margin)

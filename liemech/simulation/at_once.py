@@ -108,7 +108,7 @@ class _Found:
     written.
     """
 
-    __slots__ = ("shape", "memory", "t0", "h", "every", "step", "reached", "last")
+    __slots__ = ("every", "h", "last", "memory", "reached", "shape", "step", "t0")
 
     def __init__(
         self,
@@ -120,7 +120,8 @@ class _Found:
         step: int,
         reached: int,
     ) -> None:
-        self.shape, self.memory, self.last = shape, memory, None
+        self.shape, self.memory = shape, memory
+        self.last: np.ndarray | None = None
         self.t0, self.h, self.every, self.step, self.reached = t0, h, every, step, reached
 
     def t(self) -> np.ndarray:
