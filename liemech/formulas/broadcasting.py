@@ -72,11 +72,6 @@ class Broadcasting:
         """
         return None
 
-    @functools.cached_property
-    def _lengths(self) -> dict[Signature, tuple[int | None, ...]]:
-        """How long the vectors must be that methods are given, once somebody asked for it."""
-        return {}
-
     @property
     def is_large(self) -> bool:
         """Are its matrices too large for formulas that are written out?"""
@@ -285,12 +280,18 @@ class Signature:
         return next((self.names.index(n) for n in ("group", "action") if n in self.names), None)
 
     def lengths(self, space: Any) -> tuple[int | None, ...]:
-        """How long vectors, and how high matrices, must be, for each argument; None: any."""
+        """How long vectors, and how high matrices, must be, for each argument; None: any.  The
+        space remembers it.
+        """
         shapes = (
             space._shape(name, self.kinds[name]) if self.kinds.get(name, "float") != "float" else None
             for name in self.names
         )
-        return tuple(shape[0] if shape else None for shape in shapes)
+        found = tuple(shape[0] if shape else None for shape in shapes)
+        if not hasattr(space, "_lengths"):
+            object.__setattr__(space, "_lengths", {})
+        space._lengths[self] = found
+        return found
 
     @functools.cached_property
     def trusted(self) -> tuple[set[type] | None, ...]:
@@ -345,9 +346,10 @@ def _broadcasting(signature: Signature) -> Callable[..., Any]:
                 return _checked(signature, self, args, options)
         if at is None or at < len(args):
             space = self if at is None else args[at]
-            lengths = space._lengths.get(signature)
-            if lengths is None:
-                lengths = space._lengths[signature] = signature.lengths(space)
+            try:
+                lengths = space._lengths[signature]
+            except (AttributeError, KeyError):
+                lengths = signature.lengths(space)
             for value, length in zip(args, lengths):
                 if length is not None and value is not None and len(value) != length:
                     return _checked(signature, self, args, options)

@@ -410,19 +410,27 @@ def double_double(value: Any) -> Any:
     )
 
 
+def with_slopes(value: Any, level: float) -> Any:
+    """The value in numbers that all carry a derivative of this level; it is zero where there was
+    none.
+    """
+    return _mapped(value, lambda x: x if isinstance(x, Dual) else Dual(x, 0.0, level), (Dual,))
+
+
 def rounded(value: Any) -> Any:
     """The value in numbers of one double, which remember nothing."""
     return _mapped(value, lambda x: rounded_number(value_of(x)))
 
 
-def _mapped(value: Any, change: Callable[[Any], Any]) -> Any:
-    """The value with every real number changed."""
-    if isinstance(value, (float, Compensated, DoubleDouble)) or is_number(value):
+def _mapped(value: Any, change: Callable[[Any], Any], whole: tuple[type, ...] = ()) -> Any:
+    """The value with every real number changed.  whole : kinds of numbers that count as one."""
+    if isinstance(value, (float, Compensated, DoubleDouble, *whole)) or is_number(value):
         return change(value)
     if isinstance(value, _STRUCTURES):
-        return _like(value, [_mapped(x, change) for x in _parts(value)])
+        return _like(value, [_mapped(x, change, whole) for x in _parts(value)])
     if isinstance(value, Record):
-        return fill(type(value), {n: _mapped(x, change) for n, x in fields_of(value).items()})
+        parts = fields_of(value).items()
+        return fill(type(value), {n: _mapped(x, change, whole) for n, x in parts})
     return value
 
 

@@ -10,7 +10,7 @@ from ..errors import InvalidInput
 from ..formulas import Vec, dot, norm, record, vec
 from ..systems.canonical import CanonicalState
 from ..systems.separable import SeparableSystem
-from .exact_times import exact_times
+from ..systems.system import exact_times
 from .pendulums import check_positive
 
 

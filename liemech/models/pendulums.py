@@ -11,7 +11,7 @@ from ..formulas import Vec, cos, record, sin, vec
 from ..formulas.fields import frozen_array
 from ..systems.canonical import CanonicalState, HamiltonianSystem
 from ..systems.separable import SeparableSystem
-from .exact_times import exact_motion, exact_times
+from ..systems.system import exact_motion, exact_times
 
 
 @record

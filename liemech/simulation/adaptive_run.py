@@ -96,6 +96,14 @@ class AdaptiveSteps:
         first = None if h is None else arguments.step(h)
         return cls(system, method, first, *tolerances, longest, breaks, dense, compiled, progress)
 
+    def begun(self, t: np.ndarray) -> np.ndarray:
+        """The times at which the steps to t[1:] begin: where the velocity jumps, beyond the jump."""
+        begun = t[:-1].copy()
+        for b in self.breaks:
+            away = math.copysign(MARGIN, t[-1] - t[0]) * float(np.spacing(abs(b)))
+            begun[(begun == b - away) | (begun == b)] = b + away
+        return begun
+
     def run(
         self,
         start: Any,

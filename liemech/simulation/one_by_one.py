@@ -63,9 +63,9 @@ class OneByOne:
         )
         dense = False if plan.adaptive else None
         self._given = plan._given | {"progress": False, "workers": 1, "record": None, "dense": dense}
-        self._plans: list[Any] = []
+        self.plans: list[Any] = []
         for i in range(count):
-            self._plans.append(self._made(i))
+            self.plans.append(self._made(i))
         self._steps, self.ends = steps, arguments.ends(t_end, count)
         self.times: list[np.ndarray | None] = arguments.columns(t_eval, count)
         for i, (begun, asked) in enumerate(zip(self.starts, self.times, strict=True)):
@@ -87,7 +87,7 @@ class OneByOne:
 
     def _last(self, i: int) -> float | None:
         """When the run of a body is to end, if that is known."""
-        begun, end, plan = self.starts[i], self.ends[i], self._plans[i]
+        begun, end, plan = self.starts[i], self.ends[i], self.plans[i]
         if plan.adaptive or plan.fictive or isinstance(begun, Ended):
             return end
         t0, before = self._counted(begun)
@@ -104,7 +104,7 @@ class OneByOne:
         own = {name: values[i] for name, values in self.plan.of_each.items()}
         if not i or not own.keys() <= {"system"}:
             return type(self.plan)(**self._given | own)
-        return self._plans[0].of_system(own["system"]) if own else self._plans[0]
+        return self.plans[0].of_system(own["system"]) if own else self.plans[0]
 
     # ---------------------------------------------------------------- stepping
 
@@ -150,7 +150,7 @@ class OneByOne:
         if kept is not None:
             shown = kept.shown
             kept.shown = lambda run: shown(self._joined(run))
-        plan, t, end = self._plans[i], begun.t, self.ends[i]
+        plan, t, end = self.plans[i], begun.t, self.ends[i]
         start = begun.state if isinstance(begun, Waiting) else begun
         if plan.fictive:
             run = plan._transformed(start, self._steps, end, t, times, kept)
@@ -168,7 +168,7 @@ class OneByOne:
         """The run of a body that goes no further, or not yet: its state."""
         if isinstance(begun, Ended) and begun.error is not None:
             self.errors[i] = begun.error
-        plan, t = self._plans[i], np.array([begun.t])
+        plan, t = self.plans[i], np.array([begun.t])
         states = {name: x[None] for name, x in begun.state.arrays.items()}
         h = 0.0 if plan.adaptive else plan._steps.h
         return Trajectory(
@@ -232,7 +232,7 @@ class OneByOne:
         """A body that stands where it will begin."""
         begun = self.starts[i]
         if self.plan.fictive:  # it has a clock, too
-            return self._plans[i]._transformed(
+            return self.plans[i]._transformed(
                 begun.state if isinstance(begun, Waiting) else begun, 0, None, begun.t, None, None
             )
         return self._still(i, begun)

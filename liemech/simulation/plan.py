@@ -9,6 +9,8 @@ import os
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from ..compiler.kernel import Several
 from ..errors import InvalidInput, InvalidType, StepWarning, warn
 from ..formulas import Record
@@ -23,7 +25,7 @@ from .execution import like
 from .fictive import FictiveCarry
 from .fixed_run import FixedRun
 from .one_by_one import OneByOne, apart
-from .prepared import Steps
+from .prepared import Steps, shown_step
 from .recorded import Recorder, recorder_of
 from .systems import OfBodies, Systems, each_of, methods_of, of_body, systems_of
 from .trajectory import Trajectory, TransformedTrajectory
@@ -623,30 +625,29 @@ class Plan:
         t0: float = 0.0,
         by: str | Sequence[str] = "start",
     ) -> TangentTrajectory:
-        """A run of one body with its tangent map: the exact derivative of the discrete motion.
+        """A run with its tangent map: the exact derivative of the discrete motion.
 
         by : "start", or parameters of the system such as "inertia" or "hamiltonian.rotor", or a
         list of these.  The derivative by parameters is as exact as that of what the system computes
         of them when it is made, about 1e-13.
+        With adaptive steps it is the derivative of the steps that were accepted, their lengths held
+        fixed; t_end is needed.  In fictive time it is the derivative at the same fictive time, with
+        the row of physical time behind the others, and steps are needed.
 
         Returns a TangentTrajectory, whose `tangent["start"]` is (n, N, N): derivatives of the state
-        at each sample, group elements left-trivialised, dg = g hat(eta).
+        at each sample, group elements left-trivialised, dg = g hat(eta).  Of an ensemble of m
+        bodies, one after another, (n, m, N, N).
         Raises what `integrate` does; InvalidInput for what is no parameter, IncompatibleSystem for
-        methods of power series.
+        classical Hamilton-Jacobi methods, whose power series cannot carry a derivative.
         """
-        from .tangent import tangent_run
+        from .tangent import of_bodies
 
-        self._one_length("tangent")
-        if self.fictive:
-            raise InvalidInput(
-                "Plan.tangent is for steps of one length in time; give the plan no time scale"
-            )
         if self.recorder is not None:
             raise InvalidInput(
                 "Plan.tangent is of the state; make a plan that records no functions of it"
             )
-        if self.of_each or getattr(start, "bodies", None) is not None:
-            raise InvalidInput("Plan.tangent is for one body at a time")
+        if self.events:
+            raise InvalidInput("Plan.tangent looks for no events; make a plan without them")
         start, t0 = self._started(start), arguments.real(t0, "t0")
         names: tuple[Any, ...] = (
             (by,) if isinstance(by, str) else tuple(by) if isinstance(by, (list, tuple)) else (by,)
@@ -655,8 +656,33 @@ class Plan:
             raise InvalidType(
                 f'Plan.tangent: by is "start", a parameter such as "inertia", or a list of these; got {by!r}'
             )
-        if self.events:
-            raise InvalidInput("Plan.tangent looks for no events; make a plan without them")
+        if start.bodies is None:
+            return self._tangent(start, steps, t_end, t0, names)
+        alone = OneByOne(self, start, t0, steps, t_end, None, None)
+        runs = [
+            plan._tangent(begun.state, steps, end, t0, names)
+            for plan, begun, end in zip(alone.plans, alone.starts, alone.ends, strict=True)
+        ]
+        h = float(np.mean([run.h for run in runs])) if self.adaptive else shown_step(self._steps.h)
+        return of_bodies(self.system, self.method, h, runs)
+
+    def _tangent(
+        self, start: State, steps: Any, t_end: Any, t0: float, names: tuple[str, ...]
+    ) -> TangentTrajectory:
+        """The run of one body with its tangent map."""
+        from .tangent import adaptive_tangent_run, fictive_tangent_run, tangent_run
+
+        if self.adaptive:
+            run = self._steps.run(start, t0, t_end, steps, None, ())
+            return adaptive_tangent_run(self._steps, run, self._steps.begun(run.t), start, names)
+        if self.fictive:
+            if t_end is not None or steps is None:
+                raise InvalidInput(
+                    "Plan.tangent: in fictive time give steps, and no t_end, which is met by a step"
+                    " of another length"
+                )
+            steps = arguments.count(steps, "steps", 0)
+            return fictive_tangent_run(self._steps, start, steps, t0, names)
         return tangent_run(self._steps, start, self._count(steps, t_end, t0), t0, names)
 
     # ---------------------------------------------------------------- step by step

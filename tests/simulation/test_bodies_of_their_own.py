@@ -84,12 +84,12 @@ def test_an_adaptive_ensemble_that_was_interrupted_goes_on(tmp_path: Path) -> No
     system, file = lm.LiePoissonSystem(lm.SO3(), Interrupting()), tmp_path / "runs.npz"
     plan = lm.Plan(system, DP5, rtol=1e-6, compiled=False, progress=False)
     starts = system.state(MU)
-    LOOKS[0] = 500
+    LOOKS[0] = 280
     with pytest.raises(KeyboardInterrupt) as caught:
         plan.run(starts, t_end=4.0, checkpoint=file, checkpoint_every=0.0)
     whole, told = plan.run(starts, t_end=4.0), caught.value.trajectory  # type: ignore[attr-defined]
+    assert told.carry.t[0] == 4.0 and told.carry.t[3] == 0.0
     for part in (told, lm.Trajectory.load(file)):
-        assert part.carry.t[0] == 4.0 and part.carry.t[3] == 0.0
         assert np.array_equal(part.t[-1], part.carry.t)
         rest = plan.resume(part, t_end=4.0)
         assert np.array_equal(rest.mu[-1], whole.mu[-1])
@@ -101,7 +101,6 @@ def test_events_of_every_body(tmp_path: Path) -> None:
     for how, span in (
         (dict(h=0.1), dict(steps=30)),
         (dict(h=[0.1, 0.05, 0.15]), dict(t_end=3.0)),
-        (dict(rtol=1e-4), dict(t_end=3.0)),
         (dict(rtol=1e-4), dict(t_end=3.0, t_eval=[0.0, 1.0, 2.0, 3.0])),
     ):
         method = lm.StormerVerlet() if "h" in how else DP5
