@@ -33,7 +33,7 @@ class SphericalPendulum(SeparableConstrainedSystem):
     mass : m, in kg.  length : l, in m.  gravity : g, in m/s^2, along -q_3.
     q : the position, (3,), in m.  p : the momentum m q', in kg m/s.
     The constraint is (|q|^2 - l^2)/(2 l), in m, so that its multiplier is the tension of the rod,
-    in N.  Kept are the energy and the angular momentum about the vertical.
+    in N.  Conserved: the energy and the angular momentum about the vertical.
 
     Source: Hairer, Lubich, Wanner, VII.1, example 1.1 (its equations with multiplier); Whittaker,
     Analytical Dynamics, 4th ed., 55.
@@ -106,7 +106,7 @@ class ChainPendulum(SeparableConstrainedSystem):
     axis.  dimension : 3, or 2.
     q : the positions of the masses one after the other, (N dimension,), in m.  p : their momenta.
     The constraints are (|q_i - q_i-1|^2 - l_i^2)/(2 l_i), in m, so that the multipliers are the
-    tensions of the rods, in N.  Kept are the energy and, in space, the angular momentum about the
+    tensions of the rods, in N.  Conserved: the energy and, in space, the angular momentum about the
     vertical.
 
     Source: Hairer, Lubich, Wanner, VII.1 (the N-fold pendulum); Landau and Lifshitz, Mechanics, 3rd

@@ -6,6 +6,7 @@ import functools
 import os
 import time
 from array import array
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -40,6 +41,9 @@ PLAIN, NATIVE = 16, 2**17
 
 SWEEP = 2**26
 """Steps of all bodies together, in native code, after which all bodies have come to the same time."""
+
+NEAR = 2**10
+"""Bodies whose numbers stay in the cache while they are written from rows into columns."""
 
 WORTH = 2**15
 """Steps of all bodies together that are worth a thread."""
@@ -80,7 +84,7 @@ class FixedRun:
         rows = self._rows(steps)
         _affordable(rows * shape.shown.width * self.columns * 8, steps, self.every)
         self.out = np.empty((rows, shape.shown.width, self.columns))
-        self.states = np.zeros((shape.layout.width + 1, self.columns))
+        self.states = np.empty((shape.layout.width + 1, self.columns))
         self.taken = self.states[-1]
         if carry is not None:
             self._continue(carry)
@@ -122,7 +126,8 @@ class FixedRun:
         """
         for i in range(self.count):
             start = fitted(self._member(i), started) if i else one
-            trial = attempt(begun, self.plan.method, self.plan.of(i), start, self.plan.h_of(i))
+            own = self.plan.method_of(i), self.plan.of(i), start, self.plan.h_of(i)
+            trial = attempt(begun, *own)
             if not isinstance(trial, Rejected):
                 carry, example = trial
                 return double_double(carry) if started.long else carry, example
@@ -160,9 +165,8 @@ class FixedRun:
         )
         self._lay_down(starts)
         if shape.order is not None:
-            for number, place in zip(self.states, shape.order, strict=False):
-                if place >= 0:
-                    number[:] = starts[place]
+            for number, place in zip(self.states, [*shape.order, -1], strict=True):
+                number[:] = starts[place] if place >= 0 else 0.0
             return
         beginning = shape.beginning(plan)
         beginning.again()
@@ -178,6 +182,8 @@ class FixedRun:
                 self._plain(begin, shape.beginner, arrays, int(i))
         if self.bodies is None and self.taken[0] < 0.0:
             raise self._not_begun(self.failures.get(0), repr(plan.method))
+        if self.bodies is not None:
+            self.states[:-1, self.taken < 0.0] = 0.0
         if beginning.native is not None and self.bodies is not None:
             shape.stepping.compile()
 
@@ -190,8 +196,10 @@ class FixedRun:
             return
         at = 0
         for part in self.start.arrays.values():
-            numbers = flat({"": part}, self.count).T
-            columns[at : at + len(numbers), : self.count] = numbers
+            rows = flat({"": part}, self.count)
+            numbers = columns[at : at + rows.shape[1], : self.count]
+            for i in range(0, self.count, NEAR):  # one pass over memory, not one for each number
+                numbers[:, i : i + NEAR] = rows[i : i + NEAR].T
             at += len(numbers)
         columns[:, self.count :] = columns[:, self.count - 1 : self.count]
 
@@ -427,13 +435,19 @@ class FixedRun:
         # not in the middle of a piece that was interrupted or failed
         if ahead == reached == self.held:
             columns: Any = 0 if self.bodies is None else slice(self.count)
-            # samples may be written to
-            memory, shown = self.states[:, columns], self.latest[0, :, columns].copy()
+            memory, shown = self.states[:, columns], self.latest[0, :, columns]
             carry = Carry(
                 self.shape, self.t0, self.plan.h, reached, self.bodies, memory, shown, self.failures
             )
+
+        @functools.cache
+        def made() -> tuple[np.ndarray, dict[str, Any]]:
+            if carry is not None:
+                carry.keep()
+            return self._samples(self.out[:rows], steps)
+
         return Trajectory.promised(
-            lambda: dict(zip(("t", "states"), self._samples(self.out[:rows], steps), strict=True)),
+            SimpleNamespace(t=lambda: made()[0], states=lambda: made()[1]),
             system=self.plan.system,
             method=self.plan.method,
             h=shown_step(self.plan.h),
@@ -492,7 +506,7 @@ class FixedRun:
         )
         if self.bodies is None:
             at += f"; {self.earlier + self._rows(step - self.before)} samples are in `.trajectory`"
-        return failure(self.failures.get(body), repr(self.plan.method), at)
+        return failure(self.failures.get(body), repr(self.plan.method_of(body)), at)
 
     def _ended(self, body: int) -> Exception:
         """The error of a single body that stopped: its failure, or the mistake in a formula itself."""
