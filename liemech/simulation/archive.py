@@ -158,8 +158,8 @@ def load(path: str | os.PathLike[str], modules: Sequence[str] = ()) -> dict[str,
         return decoded(value, allowed, f"{path}")
 
     made, method = (
-        kind(tuple(map(decode, about[name]))) if isinstance(about[name], list) else decode(about[name])
-        for name, kind in (("system", Systems), ("method", Methods))
+        kind(tuple(map(decode, told))) if isinstance(told, list) else decode(told)
+        for told, kind in ((about["system"], Systems), (about["method"], Methods))
     )
     dense: Any = None
     events = []

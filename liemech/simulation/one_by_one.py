@@ -62,7 +62,8 @@ class OneByOne:
             t_eval is None and arguments.axes(t_end, "t_end") > 0
         )
         dense = False if plan.adaptive else None
-        self._given = plan._given | {"progress": False, "workers": 1, "record": None, "dense": dense}
+        changed = {"progress": False, "workers": 1, "record": None, "dense": dense}
+        self._given = plan._given | changed
         self.plans: list[Any] = []
         for i in range(count):
             self.plans.append(self._made(i))
