@@ -220,6 +220,26 @@ def test_a_body_that_fails_disturbs_no_other() -> None:
     assert np.array_equal(rest.q[-1, 0], plan.resume(alone, t_end=3.0).q[-1])
 
 
+def test_clocks_that_part_and_one_that_stands_still(tmp_path: Path) -> None:
+    """Steps side by side in fictive time lead to different times; from there each goes to one time.
+    A planet that falls into the sun never comes there.
+    """
+    plan = lm.Plan(KEPLER, TIMED[1], 0.05, compiled=False)
+    apart, met = plan.resume(plan.run(ORBITS, steps=8), t_end=0.8), plan.run(ORBITS, t_end=0.8)
+    assert np.array_equal(apart.q[-1], met.q[-1]) and np.array_equal(apart.t[-1], met.t[-1])
+    falling = KEPLER.state(q=[Q[0], [0.5, 0.0]], p=[P[0], [0.0, 0.0]])
+    with pytest.warns(RuntimeWarning, match="1 of 2 bodies stopped early: body 1"):
+        runs = plan.run(falling, t_end=0.8, steps=40)
+    with pytest.warns(RuntimeWarning, match="1 of 2 bodies stopped early: body 1"):
+        rest = plan.resume(saved(runs, tmp_path), t_end=1.0)
+    alone = plan.run(KEPLER.state(q=Q[0], p=P[0]), t_end=1.0)
+    assert np.array_equal(rest.q[-1, 0], alone.q[-1]) and rest.stopped[1].steps == 40
+    own = lm.integrate(KEPLER, TIMED[1], ORBITS, h=[0.05, 0.025, 0.1], steps=4, compiled=False)
+    third = KEPLER.state(q=Q[2], p=P[2])
+    single = lm.integrate(KEPLER, TIMED[1], third, h=0.1, steps=4, compiled=False)
+    assert np.array_equal(own.q[:, 2], single.q) and np.array_equal(own.t[:, 2], single.t)
+
+
 def test_a_run_goes_on_to_the_time_where_it_stands() -> None:
     """Though its steps, or its clock, tell this time with rounding."""
     plan = lm.Plan(KEPLER, TIMED[0], 0.05, compiled=False)
