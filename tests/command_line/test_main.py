@@ -151,6 +151,7 @@ def test_bad_options_get_one_line_and_status_2(
     assert complaint in complained and complained.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_a_method_that_fails_leaves_the_others(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -296,6 +296,7 @@ def test_any_hamiltonian(method: lm.Method) -> None:
     ) == method.symplectic
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("method", [IMPLICIT, SPHERICAL, VESELOV, Isospectral(4)], ids=named)
 def test_axes_do_not_matter(method: lm.Method) -> None:
     """The same body in other axes of its own: J = U diag U^T, mu -> U mu, g -> g U^T."""
@@ -460,6 +461,7 @@ def test_fitted_steps_plain_and_native() -> None:
     assert same_bits(plain.g, native.g)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=pytest.mark.compiled)])
 def test_fitted_steps_refuse_other_motions(compiled: bool) -> None:
     body, start = asymmetric_body()

@@ -298,7 +298,7 @@ def test_orders_on_the_heavy_top(method: Any) -> None:
         )
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.compiled
 @pytest.mark.parametrize("method", [BY_ORDER[1], BY_ORDER[2]], ids=named)
 def test_the_reference_digits(method: Any) -> None:

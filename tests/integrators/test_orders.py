@@ -211,6 +211,7 @@ def test_a_truncation_that_costs_an_order_is_said(order: int) -> None:
             lm.RKMK(order=order, truncation=order - 3)
 
 
+@pytest.mark.slow
 def test_what_orders_are_measured_against() -> None:
     """The heavy top's agrees with 20 digits."""
     momenta, attitudes = problems()[3].exact

@@ -307,6 +307,7 @@ def test_the_certificate_holds_for_bodies_less_than_seventy_times_longer_than_th
     assert cayley_determinant(rod, x).min() < 0.0  # and beyond, there is nothing to certify
 
 
+@pytest.mark.slow
 def test_no_derivative_is_singular_before_the_first_fold() -> None:
     """|F(x)| = h|mu| at x, F(x) = (dtau_x^-1)* J x: where det DF <= 0, it is larger than the bound."""
     rng = np.random.default_rng(8)

@@ -135,6 +135,7 @@ def test_order(name: str, half: int) -> None:
     TABLE.agrees(name, slopes)
 
 
+@pytest.mark.slow
 def test_what_orders_are_measured_against() -> None:
     """That of the body in a fluid agrees with 20 digits."""
     t, mu, g = kirchhoff_body()[2][2]

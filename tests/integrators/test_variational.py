@@ -331,6 +331,7 @@ def test_steps_of_exp_beyond_a_whole_turn_are_refused(h: float) -> None:
         assert np.linalg.norm(x) < 2 * math.pi
 
 
+@pytest.mark.slow
 def test_within_its_rule_the_step_of_exp_is_the_one_connected_to_zero() -> None:
     """h |mu| <= pi J_min: the root grows with h from nothing, without a jump."""
     body = quiet_body([2 / 3, 1.0, 2.0])

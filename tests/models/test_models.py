@@ -46,6 +46,7 @@ def test_the_equations_of_both_forms() -> None:
     )
 
 
+@pytest.mark.slow
 def test_both_forms_follow_the_reference() -> None:
     top, start = heavy_top()
     reduced = top.reduced
