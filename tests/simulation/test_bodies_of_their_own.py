@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scenes import slow
 
 import liemech as lm
 from liemech.errors import InvalidInput
@@ -45,7 +46,7 @@ def saved(run: lm.Trajectory, folder: Path, name: str = "run.npz") -> lm.Traject
     return lm.Trajectory.load(folder / name)
 
 
-@pytest.mark.parametrize("t_end", [2.0, [2.0, 1.5, -1.0, 1.0]])
+@pytest.mark.parametrize("t_end", [slow(2.0), [2.0, 1.5, -1.0, 1.0]])
 def test_adaptive_ensembles_go_on_body_by_body(t_end: Any, tmp_path: Path) -> None:
     """Each with its controller, from where it stands."""
     plan = lm.Plan(BODY, DP5, rtol=1e-6, compiled=False)

@@ -41,7 +41,11 @@ def slopes(function: Callable[[Any], Any], x: Any, h: float = 1e-2) -> np.ndarra
 @pytest.mark.parametrize("compiled", [False, slow(True)], ids=["plain", "compiled"])
 @pytest.mark.parametrize(
     "method",
-    [lm.Taylor(order=6), lm.Taylor(order=5, retraction=lm.Exponential()), lm.Isospectral(order=4)],
+    [
+        lm.Taylor(order=6),
+        slow(lm.Taylor(order=5, retraction=lm.Exponential())),
+        lm.Isospectral(order=4),
+    ],
     ids=lambda method: method.name,
 )
 def test_momenta_of_power_series_and_stages(method: Any, compiled: bool) -> None:
