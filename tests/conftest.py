@@ -130,6 +130,13 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         metavar="N",
         help="run every N-th of the selected tests only",
     )
+    parser.addoption(
+        "--part",
+        type=int,
+        default=0,
+        metavar="K",
+        help="which of the N parts --one-in leaves, by K modulo N",
+    )
 
 
 def sampled(variants: list[pytest.Function], count: int) -> list[pytest.Function]:
@@ -179,8 +186,9 @@ def pytest_collection_modifyitems(
     leave_a_sample(items)
     yield  # the tests are chosen by their marks
     every = config.getoption("one_in")
-    config.hook.pytest_deselected(items=[item for i, item in enumerate(items) if i % every])
-    items[:] = items[::every]
+    part = config.getoption("part") % every
+    config.hook.pytest_deselected(items=[i for k, i in enumerate(items) if k % every != part])
+    items[:] = items[part::every]
     if hasattr(config, "workerinput"):  # of xdist
         items.sort(key=place)
     if can_compile():

@@ -165,6 +165,7 @@ def complain(offenders: list[object], law: str) -> None:
     assert not offenders, "\n".join([law, *map(str, offenders)])
 
 
+@pytest.mark.slow
 def test_the_reader_of_imports_sees_through_every_spelling() -> None:
     inside = "from ..formulas import Vec\nfrom .ad import hat\nimport liemech.errors\nfrom liemech import formulas, SO3\n"
     found = [

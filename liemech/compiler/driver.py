@@ -50,9 +50,17 @@ def attempt(function: Callable[..., Any], *args: Any) -> Any:
     try:
         return function(*args)
     except Exception as error:  # whoever started the driver decides what becomes of it
-        if isinstance(error, TypeError) and "complex" in str(error):
+        if isinstance(error, TypeError) and "complex" in str(error) and not _writes_complex(error):
             return Rejected(ArithmeticError(f"a power of a negative number is complex: {error}"))
         return Rejected(error)
+
+
+def _writes_complex(error: Exception) -> bool:
+    """Is there a complex constant in the formula that raised?"""
+    at = error.__traceback__
+    while at is not None and at.tb_next is not None:
+        at = at.tb_next
+    return at is not None and any(type(x) is complex for x in at.tb_frame.f_code.co_consts)
 
 
 def accepted(value: Any, shown: Callable[[Any], Any], layout: Layout | None = None) -> bool:

@@ -234,7 +234,8 @@ class Outliner:
         self.large: set[Any] = set()  # formulas that have been large
         self.made: dict[Any, Outlined | None] = {}  # None: it has to be written out
         self.patience, self.huge = (ALONE, ALONE * HUGE) if self.e.lanes == 1 else (1, WHOLE * HUGE)
-        self.kept: dict[int, Any] = {}  # objects that are told apart by their identity
+        # by its identity, a constant and what tells it from others
+        self.kept: dict[int, tuple[Any, Any]] = {}
         self.grown: set[Any] = set()  # formulas that were too large to be written out
         self.structures: dict[Any, int] = {}  # of results, by their types
         # of native functions, for the results of those they call
@@ -377,11 +378,9 @@ class Outliner:
                     constants.append(len(numbers))
                     numbers.append(self.e.constant(x))
                     return "f", False, False, constants[-1]
-                return "float", struct.pack("<d", x)
-            if x is None or isinstance(x, (bool, int, str, bytes)):
-                return type(x), x
-            if self._whole(x):
-                return self._identity(x)
+                return self._told(x)
+            if x is None or isinstance(x, (bool, int, str, bytes)) or self._whole(x):
+                return self._told(x)
             if not isinstance(x, _STRUCTURES):
                 raise Unknown
             if id(x) in places:
@@ -404,13 +403,24 @@ class Outliner:
         here = function, bool(self.t.escapes)
         return Call((*here, known), (*here, general), of_known, numbers, constants, all_parts)
 
-    def _identity(self, x: Any) -> Any:
-        self.kept[id(x)] = x
-        return "object", id(x)
+    def _told(self, x: Any) -> Any:
+        """What tells a constant from others: of records and tuples that formulas made, the content;
+        else the identity.
+        """
+        if x is None or isinstance(x, (bool, int, str, bytes)):
+            return type(x), x
+        if type(x) is float:
+            return "float", struct.pack("<d", x)
+        if id(x) not in self.kept:
+            told: Any = "object", id(x)
+            if (type(x) is tuple or isinstance(x, Record)) and self.t.reads.made(x):
+                told = type(x), tuple([self._told(y) for y in _parts(x)])
+            self.kept[id(x)] = x, told
+        return self.kept[id(x)][1]
 
     def _whole(self, x: Any) -> bool:
-        """Something known now that is told by its identity: a function, an array, a record or tuple
-        of nothing but constants.
+        """A constant that has no parts for a run: a function, an array, a record or tuple of nothing
+        but constants.
         """
         if (
             id(x) in self.kept
@@ -578,6 +588,7 @@ class Outliner:
             parts.append(None)
             inside = inside or isinstance(x, (Vec, Mat, *PAIRS))
             parts[place] = _of_parts(x, [seen(y, inside) for y in _parts(x)])
+            self.t.reads.copied(parts[place], x)
             return parts[place]
 
         return {name: seen(x, False) for name, x in [*given.items(), ("<mask>", active)]}, parts

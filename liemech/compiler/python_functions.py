@@ -17,6 +17,7 @@ from ..errors import NotCompilable
 from ..formulas import functions
 from ..formulas.compensated import value_of
 from ..formulas.dual import Dual
+from ..formulas.dual import value_of as without_slope
 from ..formulas.pytree import is_any_number
 from ..formulas.series import Series
 from .callbacks import FUNCTIONS
@@ -50,9 +51,7 @@ class PythonFunctions:
             type: lambda x: TYPES[x.kind] if isinstance(x, Num) else type(x),
             bool: lambda x=False: self.t.truth(x),
             float: self.float,
-            int: lambda x=0, *base: (
-                self.whole(x, "llvm.trunc") if isinstance(x, Num) else int(x, *base)
-            ),
+            int: self.cut,
             round: self.round,
             abs: abs,
             divmod: divmod,
@@ -79,9 +78,9 @@ class PythonFunctions:
             math.copysign: self.plain_number(
                 lambda x, y: self.e.call("llvm.copysign", x, y), math.copysign
             ),
-            math.floor: self.plain_number(lambda x: self.whole(x, "llvm.floor"), math.floor),
-            math.ceil: self.plain_number(lambda x: self.whole(x, "llvm.ceil"), math.ceil),
-            math.trunc: self.plain_number(lambda x: self.whole(x, "llvm.trunc"), math.trunc),
+            math.floor: self.stepwise("llvm.floor", math.floor),
+            math.ceil: self.stepwise("llvm.ceil", math.ceil),
+            math.trunc: self.stepwise("llvm.trunc", math.trunc),
             math.isnan: self.plain_number(lambda x: x != x, math.isnan),
             math.isfinite: self.plain_number(lambda x: x - x == 0.0, math.isfinite),
             math.isinf: self.plain_number(lambda x: abs(x) == math.inf, math.isinf),
@@ -139,7 +138,12 @@ class PythonFunctions:
             lambda v: self.e.builder.fptosi(v, self.e.type("i", x.varying)), whole.values
         )
 
+    def cut(self, x: Any = 0, *base: Any) -> Any:
+        x = without_slope(x)
+        return self.whole(x, "llvm.trunc") if isinstance(x, Num) else int(x, *base)
+
     def round(self, x: Any, digits: Any = None) -> Any:
+        x = without_slope(x)
         if not holds_number((x, digits)):
             return round(x, digits)
         if digits is not None or not isinstance(x, Num):
@@ -265,9 +269,11 @@ class PythonFunctions:
             x = tuple(map(value_of, x))
             if any(isinstance(a, (Dual, Series)) for a in x):
                 name = f"{'np' if isinstance(function, np.ufunc) else 'math'}.{function.__name__}"
+                known = f"use liemech.formulas.{function.__name__}"
+                unknown = "its derivative is not known here; write the gradient or force yourself"
                 raise NotCompilable(
-                    f"`{name}` of a number that carries a derivative: use "
-                    f"liemech.formulas.{function.__name__}"
+                    f"`{name}` of a number that carries a derivative: "
+                    f"{known if hasattr(functions, function.__name__) else unknown}"
                 )
             if not any(isinstance(a, Num) for a in x):
                 return function(*x)
@@ -276,6 +282,11 @@ class PythonFunctions:
             return native(*x)
 
         return value
+
+    def stepwise(self, rounding: str, function: Callable[..., Any]) -> Callable[..., Any]:
+        """A function of `math` whose values are whole, so that its derivative is zero."""
+        native = self.plain_number(lambda x: self.whole(x, rounding), function)
+        return lambda x: native(without_slope(x))
 
     def of_math(self, function: Callable[..., Any], name: str) -> Callable[..., Any]:
         """A function of `math`: the C library's, which fails where Python raises."""

@@ -189,6 +189,10 @@ class Reads:
                 return call(member.func, owner)
         return self._read(owner, "attribute", name)
 
+    def made(self, value: Any) -> bool:
+        """Did a formula make it, of what it has read?"""
+        return id(value) not in self._origins or self._is_made(value)
+
     def _is_made(self, value: Any) -> bool:
         """Does a property make it anew each time, so that it cannot be looked at again?"""
         holder, how, _ = self._origins.get(id(value), (None, "", ""))
@@ -271,6 +275,13 @@ class Reads:
         cls = type(copy)
         if of_python(cls) and id(cls) not in self._origins:
             self._admit(cls, cls, copy, "class", "")
+
+    def copied(self, copy: Any, value: Any) -> None:
+        """A copy with other numbers, those of a native function, comes from where the value does."""
+        if id(value) in self._origins and id(copy) not in self._origins:
+            self._alive.append(copy)
+            self._origins[id(copy)] = self._origins[id(value)]
+            self._given[id(copy)] = self._given.get(id(value), value)
 
     # -------------------------------------------------------------- comparison
 

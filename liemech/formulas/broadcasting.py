@@ -4,7 +4,7 @@ they are the bare formula.
 Every public method of a record passes here.  Arguments are converted and checked by what the method
 says they are (`Vec`, `Element`, `float`, `LieGroup`, `str`, ...); a wrong one is refused with its
 name, its value and what it must be.  What one formula hands to another (small vectors, floats,
-records) is looked at only by its type.
+records) is looked at only by its type and length.
 """
 
 from __future__ import annotations
@@ -249,7 +249,7 @@ def _arguments(method: Callable[..., Any]) -> tuple[str, ...]:
 # ------------------------------------------------------------------ methods
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class Signature:
     """A method and what it says of its arguments: the kinds of numbers, and the classes of
     everything else.
@@ -273,6 +273,25 @@ class Signature:
     def defaults(self) -> dict[str, Any]:
         given = self.formula.__defaults__ or ()
         return dict(zip(self.names[len(self.names) - len(given) :], given))
+
+    @functools.cached_property
+    def space_at(self) -> int | None:
+        """Where the argument stands that knows the shapes of the others; None: the owner does."""
+        return next((self.names.index(n) for n in ("group", "action") if n in self.names), None)
+
+    def lengths(self, space: Any) -> tuple[int | None, ...]:
+        """How long vectors, and how high matrices, must be, for each argument; None: any.  The
+        space remembers it.
+        """
+        shapes = (
+            space._shape(name, self.kinds[name]) if self.kinds.get(name, "float") != "float" else None
+            for name in self.names
+        )
+        found = tuple(shape[0] if shape else None for shape in shapes)
+        if not hasattr(space, "_lengths"):
+            object.__setattr__(space, "_lengths", {})
+        space._lengths[self] = found
+        return found
 
     @functools.cached_property
     def trusted(self) -> tuple[set[type] | None, ...]:
@@ -316,7 +335,7 @@ def _broadcasting(signature: Signature) -> Callable[..., Any]:
     """The formula, its arguments checked: arrays are broadcast, small vectors pass straight
     through.
     """
-    formula = signature.formula
+    formula, at = signature.formula, signature.space_at
 
     @functools.wraps(formula)
     def method(self: Any, *args: Any, **options: Any) -> Any:
@@ -325,6 +344,15 @@ def _broadcasting(signature: Signature) -> Callable[..., Any]:
         for value, types in zip(args, signature.trusted):
             if types is not None and type(value) not in types:
                 return _checked(signature, self, args, options)
+        if at is None or at < len(args):
+            space = self if at is None else args[at]
+            try:
+                lengths = space._lengths[signature]
+            except (AttributeError, KeyError):
+                lengths = signature.lengths(space)
+            for value, length in zip(args, lengths):
+                if length is not None and value is not None and len(value) != length:
+                    return _checked(signature, self, args, options)
         try:
             return formula(self, *args)
         except Exception as error:

@@ -45,9 +45,13 @@ def jacobian(formula: Callable[[Any], Any], x: Any) -> Mat:
     return transpose(mat(*[derivative(formula, x, unit) for unit in axes(x)]))
 
 
-def tangent(formula: Callable[[Any], Any], x: Any, direction: Any) -> tuple[Any, Any]:
+def tangent(
+    formula: Callable[[Any], Any], x: Any, direction: Any, signed: bool = False
+) -> tuple[Any, Any]:
     """f(x) and f'(x) d.  Inside, the depth of derivatives is one more; the compiler runs this as it
     stands, as of `formula`.
+
+    signed : keep the sign of slopes that are zero, which saves an addition for each number.
     """
     level = DEPTH.get() + 1
     before = DEPTH.set(level)
@@ -55,7 +59,7 @@ def tangent(formula: Callable[[Any], Any], x: Any, direction: Any) -> tuple[Any,
         result = formula(_moving(x, direction, level))
     finally:
         DEPTH.reset(before)
-    return _split(result, level)
+    return _split(result, level, signed)
 
 
 def axes(x: Any) -> list[list[Any]]:
@@ -115,24 +119,26 @@ def _float(x: Any) -> Any:
     return float(x) if isinstance(x, (int, np.number)) else x
 
 
-def _split(value: Any, level: float) -> tuple[Any, Any]:
+def _split(value: Any, level: float, signed: bool = False) -> tuple[Any, Any]:
     """What a number, a vector, ... is, and the slope that it has at this level; what is no number
     has none and stays.
     """
     if isinstance(value, Dual):
         if value.level == level:
-            return value.value, _signless(value.slope)
+            return value.value, _slope(value.slope, signed)
         if value.level < level:
             return value, 0.0
-        parts = [_split(part, level) for part in value.parts]  # one that a formula made by hand
+        parts = [_split(part, level, signed) for part in value.parts]  # one that a formula made by hand
         return tuple([Dual(a, b, value.level) for a, b in zip(*parts)])  # type: ignore[return-value]
     if isinstance(value, (int, float, Pair, np.number)) and not isinstance(value, Complex):
         return value, 0.0
     if isinstance(value, np.ndarray):
-        return _split(Mat.of(value.tolist()) if value.ndim == 2 else Vec.of(value.tolist()), level)
+        rows = value.tolist()
+        return _split(Mat.of(rows) if value.ndim == 2 else Vec.of(rows), level, signed)
     if isinstance(value, (tuple, list, Mat, Complex)):
         pairs = [
-            _split(item, level) for item in (value.parts if isinstance(value, Complex) else value)
+            _split(item, level, signed)
+            for item in (value.parts if isinstance(value, Complex) else value)
         ]
         a, b = zip(*pairs) if pairs else ((), ())
         return (
@@ -143,7 +149,7 @@ def _split(value: Any, level: float) -> tuple[Any, Any]:
     if isinstance(value, Record):
         fields = fields_of(value)
         made = {
-            name: (x, x) if isinstance(x, int) else _split(x, level) for name, x in fields.items()
+            name: (x, x) if isinstance(x, int) else _split(x, level, signed) for name, x in fields.items()
         }
         return tuple([fill(type(value), {n: pair[i] for n, pair in made.items()}) for i in (0, 1)])
     if value is None or isinstance(value, str):
@@ -157,12 +163,14 @@ def _split(value: Any, level: float) -> tuple[Any, Any]:
     )
 
 
-def _signless(slope: Any) -> Any:
-    """A slope without the sign of zero, which would tell whether something rests or moves with
-    slope zero.
+def _slope(slope: Any, signed: bool) -> Any:
+    """A slope, if not `signed` without the sign of zero, which would tell whether something rests
+    or moves with slope zero.
     """
     if type(slope) is int:
         return 0.0
+    if signed:
+        return slope
     if type(slope) is float:
         return slope + 0.0
     return slope + 0.0 if isinstance(value_of(slope), (float, StandIn)) else slope

@@ -11,6 +11,7 @@ Source: Griewank and Walther, Evaluating Derivatives, 2nd ed., chapter 3 (forwar
 
 from __future__ import annotations
 
+import math
 from contextvars import ContextVar
 from typing import Any
 
@@ -174,6 +175,28 @@ class Dual(ByValue):
     def __rfloordiv__(self, other: Any) -> Any:
         return NotImplemented if outranks(other) else value_of(other) // value_of(self)
 
+    def __divmod__(self, other: Any) -> Any:
+        return self // other, self % other
+
+    def __rdivmod__(self, other: Any) -> Any:
+        return other // self, other % self
+
+    # Whole numbers: between jumps their derivative is zero.
+
+    def __floor__(self) -> Any:
+        return math.floor(value_of(self))
+
+    def __ceil__(self) -> Any:
+        return math.ceil(value_of(self))
+
+    def __trunc__(self) -> Any:
+        return math.trunc(value_of(self))
+
+    def __round__(self, *digits: int) -> Any:
+        return round(value_of(self), *digits)
+
+    __int__ = __trunc__
+
     def __neg__(self) -> Dual:
         return Dual(-self.value, -self.slope, self.level)
 
@@ -187,7 +210,8 @@ class Dual(ByValue):
     def __float__(self) -> float:
         raise TypeError(
             "a number that carries a derivative cannot become a float: take functions from "
-            "liemech.formulas (sin, exp, sqrt, ...), not from math"
+            "liemech.formulas (sin, exp, sqrt, ...), not from math; of a function that is not "
+            "there, write the gradient or force yourself"
         )
 
     def __repr__(self) -> str:

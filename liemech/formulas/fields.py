@@ -287,6 +287,8 @@ _FLOAT = frozenset([float])
 
 
 def _small(owner: Any, name: str, value: Any, allowed: tuple[type, ...]) -> Any:
+    if type(value) is Vec and Vec in allowed and _FLOAT.issuperset(map(type, value)):
+        return value
     if isinstance(value, allowed):
         rows: Any = value.rows if isinstance(value, Mat) else (value,)
         if all(_FLOAT.issuperset(map(type, row)) for row in rows):

@@ -219,6 +219,14 @@ def layout_of(value: Any, number: Callable[[Any], bool] = is_number) -> Layout:
 _known, _know = Record._layout.__get__, Record._layout.__set__  # type: ignore[attr-defined]
 
 
+def known_layout(value: Any) -> Layout | None:
+    """The layout of a record that was looked at before; None for all else."""
+    try:
+        return _known(value)
+    except (AttributeError, TypeError):
+        return None
+
+
 def _of_record(value: Any, number: Callable[[Any], bool]) -> Layout:
     cls: Any = type(value)
     return _record(tuple([layout_of(getattr(value, n), number) for n in names_of(cls)]), cls)
@@ -346,6 +354,32 @@ def paired(form: tuple[Any, ...], parts: Iterable[Any]) -> Any:
     return cls(*parts, *more)
 
 
+def restricted(value: Any, layout: Layout) -> Any:
+    """A record without the parts that this layout does not have; others are those of the value."""
+    if known_layout(value) == layout:
+        return value
+    parts = zip(layout.detail[1], layout.parts, strict=True)
+    made = fill(
+        type(value),
+        {n: getattr(value, n) if part.kind != "static" else part.detail for n, part in parts},
+    )
+    _know(made, layout)
+    return made
+
+
+def laid_out(value: Any, key: Any) -> Any:
+    """The record, whose layout is known from another one of its class with this key."""
+    layout = _layouts.get((type(value), key))
+    if layout is None:
+        _layouts[type(value), key] = layout_of(value)
+    else:
+        _know(value, layout)
+    return value
+
+
+_layouts: dict[Any, Layout] = {}
+
+
 def fill(cls: type, fields: dict[str, Any]) -> Any:
     """An instance of a record class with these fields, unchecked."""
     made: Any = object.__new__(cls)
@@ -376,19 +410,27 @@ def double_double(value: Any) -> Any:
     )
 
 
+def with_slopes(value: Any, level: float) -> Any:
+    """The value in numbers that all carry a derivative of this level; it is zero where there was
+    none.
+    """
+    return _mapped(value, lambda x: x if isinstance(x, Dual) else Dual(x, 0.0, level), (Dual,))
+
+
 def rounded(value: Any) -> Any:
     """The value in numbers of one double, which remember nothing."""
     return _mapped(value, lambda x: rounded_number(value_of(x)))
 
 
-def _mapped(value: Any, change: Callable[[Any], Any]) -> Any:
-    """The value with every real number changed."""
-    if isinstance(value, (float, Compensated, DoubleDouble)) or is_number(value):
+def _mapped(value: Any, change: Callable[[Any], Any], whole: tuple[type, ...] = ()) -> Any:
+    """The value with every real number changed.  whole : kinds of numbers that count as one."""
+    if isinstance(value, (float, Compensated, DoubleDouble, *whole)) or is_number(value):
         return change(value)
     if isinstance(value, _STRUCTURES):
-        return _like(value, [_mapped(x, change) for x in _parts(value)])
+        return _like(value, [_mapped(x, change, whole) for x in _parts(value)])
     if isinstance(value, Record):
-        return fill(type(value), {n: _mapped(x, change) for n, x in fields_of(value).items()})
+        parts = fields_of(value).items()
+        return fill(type(value), {n: _mapped(x, change, whole) for n, x in parts})
     return value
 
 

@@ -30,8 +30,9 @@ _complete: set[type] = set()  # classes known to be frozen dataclasses
 class Record(Broadcasting):
     """Base of everything that compiles: frozen dataclasses whose methods are formulas."""
 
-    # its structure, once somebody asked for it; not a field: neither pickled, copied nor in `vars`
-    __slots__ = ("_layout",)
+    # its structure, and how long the arguments of its methods are, once somebody asked for it; no
+    # fields: neither pickled, copied nor in `vars`
+    __slots__ = ("_layout", "_lengths")
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
@@ -87,8 +88,9 @@ def _then_checked(initialise: Callable[..., None]) -> Callable[..., None]:
         initialise(self, *args, **options)
         if method in (vars(type(self)).get("__init__"), type(self).__post_init__):
             _convert(self, True)
-            if hasattr(self, "_layout"):  # it was looked at before it was ready
-                object.__delattr__(self, "_layout")
+            for name in Record.__slots__:  # it was looked at before it was ready
+                if hasattr(self, name):
+                    object.__delattr__(self, name)
 
     return method
 

@@ -22,6 +22,7 @@ from . import functions as f
 from .functions import LOG_2, LOG_10
 from .numbers import INTEGER_POWER, Pair, StandIn, whole_power
 from .pytree import build, layout_of, leaves
+from .vectors import vec
 
 
 class Series:
@@ -199,6 +200,33 @@ class Series:
         for y, rate in zip(leaves(unknown, layout), leaves(rates, layout), strict=True):
             y.grow(rate, h)
 
+    @staticmethod
+    def unset(rates: Any) -> Any:
+        """Unknowns for a vector of rates, beginning with zero: series, or numbers that carry a
+        derivative made of series, if one of the rates is.
+        """
+        pair = next((x for x in rates if isinstance(x, Pair)), None)
+        return vec(*[_unset(pair) for _ in rates])
+
+    @staticmethod
+    def grown(unknown: Any, rate: Any, h: Any) -> None:
+        """Let an unknown solve y' = h rate; of one that carries a derivative both its parts."""
+        if not isinstance(unknown, Pair):
+            unknown.grow(rate, h)
+            return
+        same = isinstance(rate, Pair) and rate.form == unknown.form
+        parts = rate.parts if same else (rate, 0.0)
+        for series, part in zip(unknown.parts, parts, strict=True):
+            Series.grown(series, part, h)
+
+    @staticmethod
+    def coefficient(x: Any, k: int) -> Any:
+        """c_k of a series, or of a number that carries a derivative and is made of series."""
+        if not isinstance(x, Pair):
+            return x[k]
+        kind, *more = x.form
+        return kind(*[Series.coefficient(part, k) for part in x.parts], *more)
+
     def grow(self, rate: Any, h: Any) -> None:
         """Let this unknown series y solve y' = h rate, where the rate may depend on y."""
         if isinstance(rate, Pair):
@@ -215,6 +243,14 @@ class Series:
         if not self._terms:
             self._terms.append(rule(0))
         return self
+
+
+def _unset(pair: Any) -> Any:
+    """An unknown that begins with zero, of the kind of a number."""
+    if not isinstance(pair, Pair):
+        return Series(None)
+    kind, *more = pair.form
+    return kind(*[_unset(part) for part in pair.parts], *more)
 
 
 def _made(rule: Callable[[int], Any]) -> Series:

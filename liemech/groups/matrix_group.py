@@ -65,6 +65,14 @@ class MatrixLieGroup(LieGroup):
     Higham, Functions of Matrices (2008).
     """
 
+    def __new__(cls, *arguments: Any, **options: Any) -> Any:
+        if cls is MatrixLieGroup:
+            raise NotDefined(
+                "MatrixLieGroup is abstract: write MatrixLieGroup.of(generators), or a subclass "
+                "with `generators`"
+            )
+        return super().__new__(cls)
+
     # ---------------------------------------------------------------- 1. a subclass writes
 
     @property

@@ -10,12 +10,12 @@ from ..errors import IncompatibleSystem
 from ..formulas import Vec, plain, record, vec
 from ..systems.canonical import CanonicalState
 from ..systems.constrained import SeparableConstrainedSystem, cross_products, eliminated
-from .method import Method, alternatives
-from .separable import Splitting
+from .method import alternatives
+from .separable import ChosenByOrder
 
 
 @record
-class GeodesicSplitting(Splitting):
+class GeodesicSplitting(ChosenByOrder):
     """Splitting of H = T(p) + V(q) with constraints: V kicks p within the tangent space, T moves
     along a geodesic; both exactly.
 
@@ -31,7 +31,7 @@ class GeodesicSplitting(Splitting):
     Leimkuhler, McLachlan, J. Chem. Phys.  107 (1997).
     """
 
-    __repr__ = Splitting.__repr__
+    __repr__ = ChosenByOrder.__repr__
 
     def require(self, system: Any) -> None:
         """A constrained system whose geodesics are known."""
@@ -50,27 +50,20 @@ class GeodesicSplitting(Splitting):
                 f"{self!r} needs a kinetic energy of second degree; "
                 f"that of {system!r} is none. Use RATTLE()"
             )
-        Method.require(self, system)
+        super().require(system)
 
-    def start(self, system: Any, state: CanonicalState, h: float) -> CanonicalState:  # type: ignore[override]
-        """The state."""
-        return state
-
-    def observe(self, memory: CanonicalState) -> CanonicalState:  # type: ignore[override]
-        """The state."""
-        return memory
-
-    def step(self, system: Any, t: float, state: CanonicalState, h: float) -> CanonicalState:  # type: ignore[override]
-        """Kick, drift along a geodesic, kick, ..."""
-        here = plain(state)
+    def step(self, system: Any, t: float, state: CanonicalState, h: float) -> CanonicalState:
+        """Kick, drift along a geodesic, kick, ...; before the last kick the position is put on the
+        constraints.
+        """
+        here, (kicks, drifts) = plain(state), (self.tableau.kicks, self.tableau.drifts)
         q, p = here.q, here.p
-        for i, b in enumerate(self.tableau.kicks):
+        for a, b in zip(drifts, kicks):
             if b != 0.0:
                 p = self._kicked(system, q, p, b * h)
-            if i < len(self.tableau.drifts):
-                q, p = system.geodesic(q, p, self.tableau.drifts[i] * h)
+            q, p = system.geodesic(q, p, a * h)
         q = system.across(q, p, q)  # what rounding has left
-        p = self._kicked(system, q, p, 0.0)
+        p = self._kicked(system, q, p, kicks[len(drifts)] * h)
         return CanonicalState(state.q + (q - here.q), state.p + (p - here.p))
 
     def _kicked(self, system: Any, q: Vec, p: Vec, t: float) -> Vec:

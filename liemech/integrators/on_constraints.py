@@ -10,9 +10,9 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..errors import IncompatibleSystem, InconsistentState, NoConvergence
-from ..formulas import Mat, Vec, derivative, dot, mat, record
+from ..formulas import Mat, Vec, dot, record
 from ..formulas.broadcasting import small
-from ..systems.constrained import CONSISTENT, ConstrainedSystem, cross_products, eliminated
+from ..systems.constrained import CONSISTENT, ConstrainedSystem, cross_products, eliminated, pushed
 from .method import Method, alternatives
 
 NEARLY = 1e-2
@@ -186,8 +186,3 @@ class Ahead:
 def shown(q: Vec) -> tuple[float, ...]:
     """Coordinates in a message."""
     return tuple(float(f"{x:.6g}") for x in q)
-
-
-def pushed(system: Any, q: Vec, p: Vec, G: Mat) -> Mat:
-    """H_pp G^T as rows, (m, n), for the momentum in the middle of the step."""
-    return mat(*[derivative(lambda x: system.velocity(q, x), p, row) for row in G])

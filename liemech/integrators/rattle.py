@@ -11,14 +11,16 @@ from ..errors import InvalidInput
 from ..formulas import Mat, Record, Vec, jacobian, norm, plain, record, sqrt, vec, where
 from ..solvers import newton
 from ..systems.canonical import CanonicalState
-from ..systems.constrained import FAR, cross_products, in_order, inverse_sizes
+from ..systems.constrained import FAR, cross_products, in_order, inverse_sizes, pushed
 from .implicit import extrapolated
-from .on_constraints import OnConstraints, pushed
+from .on_constraints import OnConstraints
 
 
 @record
 class Held(Record):
-    """What such a method carries along: the state, and the multipliers of the last three steps."""
+    """What such a method carries along: the state, and the impulses of the last three steps, the
+    multipliers times h.
+    """
 
     state: CanonicalState
     last: Vec
@@ -45,9 +47,9 @@ class Projected(OnConstraints):
         raise NotImplementedError(f"{type(self).__name__} must define `shares`")
 
     def start(self, system: Any, state: CanonicalState, h: float) -> Held:
-        """The state, and half of its multipliers as a guess."""
+        """The state, and half of its multipliers, times h, as a guess."""
         here = plain(state)
-        guess = 0.5 * system.multipliers(here.q, here.p)
+        guess = (0.5 * h) * system.multipliers(here.q, here.p)
         return Held(state, guess, guess, guess)
 
     def observe(self, memory: Held) -> CanonicalState:
@@ -55,13 +57,13 @@ class Projected(OnConstraints):
         return memory.state
 
     def past(self, memory: Held) -> tuple[Vec, Vec, Vec]:
-        """The multipliers of the last three steps."""
+        """The impulses of the last three steps."""
         return memory.last, memory.last_1, memory.last_2
 
     def resume(
         self, system: Any, state: CanonicalState, past: tuple[Vec, Vec, Vec], h: float
     ) -> Held:
-        """A state from elsewhere, multipliers to extrapolate from the past."""
+        """A state from elsewhere, impulses to extrapolate from the past."""
         return Held(state, *past)
 
     def step(self, system: Any, t: float, memory: Held, h: float) -> Held:
@@ -70,50 +72,50 @@ class Projected(OnConstraints):
         q, p, G = here.q, here.p, system.constraint_jacobian(here.q)
         guess = extrapolated(*self.past(memory))
         find = self._explicitly if system.separable else self._implicitly
-        drift, kick, multipliers, size, enough = find(system, h, q, p, G, guess)
+        there, drift, free, pull, impulses, size, enough = find(system, h, q, p, G, guess)
         if not size <= enough:
             raise self._unsolved(
                 system, h, q, p, f"mismatch {sqrt(size):.1e}, wanted {sqrt(enough):.1e}"
             )
-        there = q + drift
         if after != 0.0:
-            kick = kick + (after * h) * system.force(there, p + kick)
+            free = free + (after * h) * system.force(there, p + (free + pull))
+        kick = free + pull  # the pull comes last: it waits for Newton's method
         impulse, pivots = system.tangent_impulse(there, p + kick)
         self.check_branch(system, h, q, there, p + kick, G, pivots)
         state = CanonicalState(memory.state.q + drift, memory.state.p + (kick + impulse))
-        return Held(state, multipliers, memory.last, memory.last_1)
+        return Held(state, impulses, memory.last, memory.last_1)
 
     # ---------------------------------------------------------------- the first half of the step
 
     def _explicitly(self, system: Any, h: float, q: Vec, p: Vec, G: Mat, guess: Vec) -> Any:
-        """A step for T(p) + V(q): positions and momenta follow from the multipliers, which are the
-        only unknowns.
+        """A step for T(p) + V(q): positions and momenta follow from the impulses, which are the
+        only unknowns.  Returned are the end, the way there, the kick of the forces and the pull of
+        the constraints, the impulses, and how well they are solved for.
         """
         before, _ = self.shares
         free = (before * h) * system.force(q, p) if before != 0.0 else 0.0 * p
         if system.linear_velocity:
-            normals = h * (h * pushed(system, q, p, G))  # h * h would be rounded
-            return self._linearly(
-                system, h, q, G, guess, free, h * system.velocity(q, p + free), normals
-            )
-        weights = inverse_sizes(G, h * system.velocity(q, p + (free - (h * guess) @ G)), q)
+            return self._linearly(system, h, q, p, G, guess, free)
+        weights = inverse_sizes(G, h * system.velocity(q, p + (free - guess @ G)), q)
 
         def equation(x: Vec) -> tuple[Vec, Mat, float]:
-            ph = p + (free - (h * x) @ G)
+            ph = p + (free - x @ G)
             there = q + h * system.velocity(q, ph)
             slope = cross_products(system.constraint_jacobian(there), pushed(system, q, ph, G))
-            return system.constraint(there), (-h * h) * slope, 1.0
+            return system.constraint(there), -h * slope, 1.0
 
         x, size, enough, _ = newton(equation, guess, 1.0, solved=in_order, weights=weights)
-        kick = free - (h * x) @ G
-        return h * system.velocity(q, p + kick), kick, x, size, enough
+        pull = -(x @ G)
+        drift = h * system.velocity(q, p + (free + pull))
+        return q + drift, drift, free, pull, x, size, enough
 
     def _linearly(
-        self, system: Any, h: float, q: Vec, G: Mat, guess: Vec, free: Vec, drift: Vec, normals: Mat
+        self, system: Any, h: float, q: Vec, p: Vec, G: Mat, guess: Vec, free: Vec
     ) -> Any:
-        """A step for a velocity of first degree in p: multipliers move the end of the free drift
-        along normals, h^2 H_pp G^T.
+        """A step for a velocity of first degree in p: impulses move the end of the free drift along
+        normals, h H_pp G^T.
         """
+        drift, normals = h * system.velocity(q, p + free), h * pushed(system, q, p, G)
         aim = q + drift
         weights = inverse_sizes(G, drift - guess @ normals, q)
 
@@ -126,12 +128,13 @@ class Projected(OnConstraints):
             )
 
         x, size, enough, _ = newton(equation, guess, 1.0, solved=in_order, weights=weights)
-        return drift - x @ normals, free - (h * x) @ G, x, size, enough
+        moved = x @ normals
+        return aim - moved, drift - moved, free, -(x @ G), x, size, enough
 
     def _implicitly(self, system: Any, h: float, q: Vec, p: Vec, G: Mat, guess: Vec) -> Any:
-        """A step for any energy: the unknowns are the changes of q and p, and the multipliers."""
+        """A step for any energy: the unknowns are the changes of q and p, and the impulses."""
         n, m, (before, after) = len(q), len(G), self.shares
-        kick = h * (before * system.force(q, p) - guess @ G)
+        kick = (before * h) * system.force(q, p) - guess @ G
         drift = h * system.velocity(q, p + kick)
         of_p, of_q = norm(p) + norm(kick), norm(drift) + FAR * norm(q)
         weights = vec(
@@ -143,7 +146,7 @@ class Projected(OnConstraints):
         def residual(z: Vec) -> Vec:
             ph, there = p + vec(*[z[n + i] for i in range(n)]), q + vec(*[z[i] for i in range(n)])
             x = vec(*[z[2 * n + k] for k in range(m)])
-            moved, kicked = 0.0 * q, (-h * x) @ G
+            moved, kicked = 0.0 * q, -(x @ G)
             if before != 0.0:
                 moved, kicked = (
                     (before * h) * system.velocity(q, ph),
@@ -160,7 +163,8 @@ class Projected(OnConstraints):
             lambda z: (residual(z), jacobian(residual, z), 1.0), guesses, 1.0, solved=in_order
         )
         drift, kick = vec(*[z[i] for i in range(n)]), vec(*[z[n + i] for i in range(n)])
-        return drift, kick, vec(*[z[2 * n + k] for k in range(m)]), size, enough
+        impulses = vec(*[z[2 * n + k] for k in range(m)])
+        return q + drift, drift, kick, 0.0 * p, impulses, size, enough
 
 
 @record

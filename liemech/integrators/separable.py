@@ -38,13 +38,9 @@ class Kicked(Record):
 
 
 @record
-class SeparableSplitting(Method):
-    """Kicks p += b_i h f(q) and drifts q += a_i h v(p) in turn, by a `tableau`, or the motions of
-    all parts; abstract.
+class OfTableau(Method):
+    """A splitting with a `tableau`, as a field or a property; abstract.
 
-    A subclass has the tableau, as a field or a property.  The parts of a Poisson system are a
-    composition of the step that makes the motion of each part once, last part first, and of its
-    adjoint, with the coefficients of the tableau.
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., II.5.
     """
 
@@ -59,6 +55,82 @@ class SeparableSplitting(Method):
     def symmetric(self) -> bool:  # type: ignore[override]
         """It is symmetric if the tableau is."""
         return self.tableau.symmetric  # type: ignore[attr-defined]
+
+
+@record
+class ChosenByOrder(OfTableau):
+    """A splitting whose tableau is given, or chosen by its order; abstract.
+
+    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., II.5.
+    """
+
+    order: int = 2
+    tableau: SplittingTableau = None  # type: ignore[assignment]  # None: the one of this order
+    quadratic: bool = True
+
+    choices: ClassVar[dict[int, SplittingTableau]] = {
+        t.order: t
+        for t in (
+            SYMPLECTIC_EULER,
+            STRANG,
+            RUTH3,
+            BLANES_MOAN4,
+            BLANES_MOAN6_SHORT,
+            BLANES_CASAS_ESCORIHUELA8,
+        )
+    }
+    general: ClassVar[dict[int, SplittingTableau]] = choices | {
+        t.order: t
+        for t in (BLANES_MOAN4_GENERAL, BLANES_MOAN6_GENERAL, SplittingTableau.of(KAHAN_LI8))
+    }
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        tableau: Any = self.tableau
+        if type(self.quadratic) is not bool:
+            raise InvalidType(
+                f"{type(self).__name__}: quadratic is True or False; got {self.quadratic!r}"
+            )
+        if tableau is None:
+            choices = self.choices if self.quadratic else self.general
+            if type(self.order) is not int or self.order not in choices:
+                raise InvalidInput(
+                    f"{type(self).__name__}: order is one of {sorted(choices)}, or "
+                    f"give a tableau; got {self.order!r}"
+                )
+            tableau = choices[self.order]
+        if not isinstance(tableau, SplittingTableau):
+            raise InvalidType(
+                f"{type(self).__name__}: tableau must be a SplittingTableau; got {tableau!r}"
+            )
+        object.__setattr__(self, "tableau", tableau)
+        object.__setattr__(self, "order", tableau.order)
+        object.__setattr__(self, "quadratic", tableau.quadratic)
+
+    @property
+    def name(self) -> str:
+        """The tableau."""
+        return f"{self.tableau.name} splitting"
+
+    def __repr__(self) -> str:
+        order = self.tableau.order
+        if self.tableau == self.choices.get(order):
+            return f"{type(self).__name__}(order={order})"
+        if self.tableau == self.general.get(order):
+            return f"{type(self).__name__}(order={order}, quadratic=False)"
+        return f"{type(self).__name__}(tableau={self.tableau!r})"
+
+
+@record
+class SeparableSplitting(OfTableau):
+    """Kicks p += b_i h f(q) and drifts q += a_i h v(p) in turn, by a `tableau`, or the motions of
+    all parts; abstract.
+
+    A subclass has the tableau, as a field or a property.  The parts of a Poisson system are a
+    composition of the step that makes the motion of each part once, last part first, and of its
+    adjoint, with the coefficients of the tableau.
+    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., II.5.
+    """
 
     def require(self, system: Any) -> None:
         """A separable system, whose kinetic energy the tableau accepts, or a Poisson system of
@@ -142,7 +214,7 @@ class SeparableSplitting(Method):
 
 
 @record
-class Splitting(SeparableSplitting):
+class Splitting(ChosenByOrder, SeparableSplitting):
     """Splitting of an energy into parts whose motions are known, each made exactly and in turn.
 
     Of H = T(p) + V(q), a SeparableSystem: V kicks, p' = -dV/dq with q at rest, T drifts, q' = dT/dp
@@ -166,45 +238,6 @@ class Splitting(SeparableSplitting):
     Math. 182 (2022).
     """
 
-    order: int = 2
-    tableau: SplittingTableau = None  # type: ignore[assignment]  # None: the one of this order
-    quadratic: bool = True
-
-    choices: ClassVar[dict[int, SplittingTableau]] = {
-        t.order: t
-        for t in (
-            SYMPLECTIC_EULER,
-            STRANG,
-            RUTH3,
-            BLANES_MOAN4,
-            BLANES_MOAN6_SHORT,
-            BLANES_CASAS_ESCORIHUELA8,
-        )
-    }
-    general: ClassVar[dict[int, SplittingTableau]] = choices | {
-        t.order: t
-        for t in (BLANES_MOAN4_GENERAL, BLANES_MOAN6_GENERAL, SplittingTableau.of(KAHAN_LI8))
-    }
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        tableau: Any = self.tableau
-        if type(self.quadratic) is not bool:
-            raise InvalidType(f"Splitting: quadratic is True or False; got {self.quadratic!r}")
-        if tableau is None:
-            choices = self.choices if self.quadratic else self.general
-            if type(self.order) is not int or self.order not in choices:
-                raise InvalidInput(
-                    f"Splitting: order is one of {sorted(choices)}, or "
-                    f"give a tableau; got {self.order!r}"
-                )
-            tableau = choices[self.order]
-        if not isinstance(tableau, SplittingTableau):
-            raise InvalidType(f"Splitting: tableau must be a SplittingTableau; got {tableau!r}")
-        object.__setattr__(self, "tableau", tableau)
-        object.__setattr__(self, "order", tableau.order)
-        object.__setattr__(self, "quadratic", tableau.quadratic)
-
     def tableau_for(self, system: Any) -> SplittingTableau:
         """The one of this order that every energy allows, for a Poisson system that the one for
         quadratic T does not serve.
@@ -217,18 +250,7 @@ class Splitting(SeparableSplitting):
             return self.general[self.order]
         return self.tableau
 
-    @property
-    def name(self) -> str:
-        """The tableau."""
-        return f"{self.tableau.name} splitting"
-
-    def __repr__(self) -> str:
-        order = self.tableau.order
-        if self.tableau == self.choices.get(order):
-            return f"{type(self).__name__}(order={order})"
-        if self.tableau == self.general.get(order):
-            return f"{type(self).__name__}(order={order}, quadratic=False)"
-        return f"{type(self).__name__}(tableau={self.tableau!r})"
+    __repr__ = ChosenByOrder.__repr__
 
 
 @record

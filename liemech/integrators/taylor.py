@@ -73,17 +73,19 @@ class Taylor(Method):
     def _terms(self, system: System, t: float, state: Any, h: float) -> tuple[Vec, ...]:
         """Omega_1, ..., Omega_order: along the step Omega = sum_k s^k Omega_k, 0 <= s <= 1."""
         start = plain(system.essential_part(state))
-        y, omega = Series.unknown(start), vec(*[Series(None) for _ in range(system.group.dim)])
+        y = Series.unknown(start)
         time: Any = Series(t, h)
         xi = system.rate(time, y)
+        omega = Series.unset(xi)
         rest = vec(*[Series() for _ in xi])
         # dtau_0 = 1: this is xi . y
         rates = derivative(lambda v: system.displaced(self.retraction, y, v), rest, xi)
         slope = self._slope(system, omega, xi)
         Series.follow(start, y, rates, h)
         for unknown, rate in zip(omega, slope):
-            unknown.grow(rate, h)
-        return tuple([vec(*[x[k] for x in omega]) for k in range(1, self.order + 1)])
+            Series.grown(unknown, rate, h)
+        orders = range(1, self.order + 1)
+        return tuple([vec(*[Series.coefficient(x, k) for x in omega]) for k in orders])
 
     def _slope(self, system: System, omega: Vec, xi: Vec) -> Vec:
         """dtau^-1_Omega xi; for the exponential its series, of which later terms have no part in

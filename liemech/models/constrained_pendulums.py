@@ -16,6 +16,16 @@ from ..systems.constrained import SeparableConstrainedSystem
 from .pendulums import check_positive
 
 
+def excess(r: Vec, l: float) -> float:
+    """|r|^2 - l^2, what a rod of length l is too long: the last square less l^2, and the others.
+
+    The sum of all squares would come near l^2, and its rounding, to larger steps above a power of
+    two than below, has a mean that is not zero: lengths would be held on one side.
+    """
+    last = len(r) - 1
+    return (r[last] * r[last] - l * l) + sum([r[i] * r[i] for i in range(last)])
+
+
 @record
 class SphericalPendulum(SeparableConstrainedSystem):
     """A mass on a rod that swings about the origin, H(q, p) = |p|^2/(2 m) + m g q_3 with |q| = l.
@@ -23,7 +33,7 @@ class SphericalPendulum(SeparableConstrainedSystem):
     mass : m, in kg.  length : l, in m.  gravity : g, in m/s^2, along -q_3.
     q : the position, (3,), in m.  p : the momentum m q', in kg m/s.
     The constraint is (|q|^2 - l^2)/(2 l), in m, so that its multiplier is the tension of the rod,
-    in N.  Kept are the energy and the angular momentum about the vertical.
+    in N.  Conserved: the energy and the angular momentum about the vertical.
 
     Source: Hairer, Lubich, Wanner, VII.1, example 1.1 (its equations with multiplier); Whittaker,
     Analytical Dynamics, 4th ed., 55.
@@ -58,7 +68,7 @@ class SphericalPendulum(SeparableConstrainedSystem):
 
     def constraint(self, q: Vec) -> Vec:
         """(|q|^2 - l^2)/(2 l), (1,), in m.  q : (3,)."""
-        return vec((0.5 / self.length) * (dot(q, q) - self.length * self.length))
+        return vec((0.5 / self.length) * excess(q, self.length))
 
     def constraint_jacobian(self, q: Vec) -> Mat:
         """q/l as a row, (1, 3).  q : (3,)."""
@@ -69,7 +79,7 @@ class SphericalPendulum(SeparableConstrainedSystem):
         t.  q, p : (3,).
         """
         shift = t / self.mass
-        turning = shift * dot(p, p) / (self.length * self.length)
+        turning = (shift / (self.length * self.length)) * dot(p, p)
         x = shift * turning  # the square of the angle
         sinc, versine = exp_coefficients(x)
         return q + ((sinc * shift) * p - (x * versine) * q), p - (
@@ -96,7 +106,7 @@ class ChainPendulum(SeparableConstrainedSystem):
     axis.  dimension : 3, or 2.
     q : the positions of the masses one after the other, (N dimension,), in m.  p : their momenta.
     The constraints are (|q_i - q_i-1|^2 - l_i^2)/(2 l_i), in m, so that the multipliers are the
-    tensions of the rods, in N.  Kept are the energy and, in space, the angular momentum about the
+    tensions of the rods, in N.  Conserved: the energy and, in space, the angular momentum about the
     vertical.
 
     Source: Hairer, Lubich, Wanner, VII.1 (the N-fold pendulum); Landau and Lifshitz, Mechanics, 3rd
@@ -169,7 +179,7 @@ class ChainPendulum(SeparableConstrainedSystem):
 
     def constraint(self, q: Vec) -> Vec:
         """(|q_i - q_i-1|^2 - l_i^2)/(2 l_i), (N,), in m.  q : (n,)."""
-        return vec(*[(0.5 / l) * (dot(r, r) - l * l) for r, l in zip(self._links(q), self.lengths)])
+        return vec(*[(0.5 / l) * excess(r, l) for r, l in zip(self._links(q), self.lengths)])
 
     def constraint_jacobian(self, q: Vec) -> Mat:
         """The directions of the rods, (N, n): (q_i - q_i-1)/l_i where mass i is, and minus that
@@ -310,4 +320,4 @@ class FourBarLinkage(SeparableConstrainedSystem):
         joints = [vec(q[2 * j], q[2 * j + 1]) for j in range(n)]
         cranks = [joints[j] - vec(j * l, 0.0) for j in range(n)]
         rods = [*cranks, *[joints[j + 1] - joints[j] for j in range(self.loops)]]
-        return vec(*[(dot(r, r) - l * l) / (2.0 * l) for r in rods])
+        return vec(*[excess(r, l) / (2.0 * l) for r in rods])

@@ -10,13 +10,14 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidInput
-from ..formulas import Mat, Vec, dot, real_array, record, sqrt, vec
+from ..formulas import Mat, Vec, dot, record, sqrt, vec
 from ..formulas.fields import frozen_array
 from ..groups.se3 import SE3, halves, join
 from ..systems.hamiltonian import Hamiltonian
 from ..systems.kinetic_energy import KineticEnergy
 from ..systems.lie_poisson import BodyState, LiePoissonSystem
 from ..systems.mechanical import MechanicalSystem
+from ..systems.system import exact_motion, exact_times
 from .gravity import FixedPointGravity
 from .rigid_body import RigidBody
 
@@ -31,7 +32,7 @@ class HeavyTop(MechanicalSystem):
     (3,), in m.  mu is the angular momentum in the body about the fixed point, in kg m^2/s; g the
     rotation from body to space, e3 upwards.
 
-    Kept are the energy H = mu . J^-1 mu/2 + w Gamma . c and the vertical momentum mu . Gamma.
+    Conserved: the energy H = mu . J^-1 mu/2 + w Gamma . c and the vertical momentum mu . Gamma.
     `reduced` is the same top on se(3)*.
 
     Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., sections 1.4 and
@@ -105,16 +106,14 @@ class LagrangeTop(HeavyTop):
             raise InvalidInput("LagrangeTop.exact takes one top at a time; loop over the ensemble")
         if self.load is not None:
             raise InvalidInput("LagrangeTop.exact knows no motion under a load; integrate it")
-        times = real_array(t, "LagrangeTop.exact: t")
-        if times.ndim > 1 or not np.isfinite(times).all():
-            raise InvalidInput(
-                f"LagrangeTop.exact: t must be a finite time or a row of them; got {t!r}"
-            )
+        times = exact_times(t, "LagrangeTop.exact")
         moment, begin = self.weight * self.length, quaternion(np.array(start.g))
-        q, mu = lagrange_top(
-            self.transverse, self.axial, moment, tuple(start.mu), begin, times.reshape(-1)
-        )
-        g = _matrix(*q)
+
+        def motion(t: np.ndarray) -> tuple[Any, ...]:
+            q, mu = lagrange_top(self.transverse, self.axial, moment, tuple(start.mu), begin, t)
+            return mu, _matrix(*q)
+
+        mu, g = exact_motion(motion, times.reshape(-1), "LagrangeTop.exact")
         return BodyState(
             frozen_array(mu.reshape(*times.shape, 3), "mu"),
             frozen_array(g.reshape(*times.shape, 3, 3), "g"),

@@ -7,9 +7,10 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..errors import InvalidInput
-from ..formulas import Vec, dot, norm, real_array, record, vec
+from ..formulas import Vec, dot, norm, record, vec
 from ..systems.canonical import CanonicalState
 from ..systems.separable import SeparableSystem
+from ..systems.system import exact_times
 from .pendulums import check_positive
 
 
@@ -19,7 +20,9 @@ class Kepler(SeparableSystem):
 
     attraction : k = G M, in m^3/s^2 (of the Sun 1.32712440018e20); 1 by default.
     q : the position, (2,), in m.  p : the velocity, (2,), in m/s, that is the momentum for a unit
-    mass.  Kept are the energy, the angular momentum and the Runge-Lenz vector, which points to the
+    mass.
+
+    Conserved: the energy, the angular momentum and the Runge-Lenz vector, which points to the
     pericentre.
 
     Source: Hairer, Lubich, Wanner, I.2; Goldstein, Classical Mechanics, 3rd ed., section 3.9
@@ -109,11 +112,7 @@ class Kepler(SeparableSystem):
         """
         name = "Kepler.exact"
         q, p = _single(start, name)
-        t, k = real_array(t, f"{name}: t"), self.attraction
-        if t.ndim > 1 or not np.isfinite(t).all():
-            raise InvalidInput(
-                f"{name}: t must be a finite time or a row of them; got shape {t.shape}"
-            )
+        t, k = exact_times(t, name), self.attraction
         a, r0, sigma = self._axis(q, p, name), np.hypot(*q), q @ p / np.sqrt(k)
         n = np.sqrt(k / a**3)
         e_cos, e_sin = 1.0 - r0 / a, sigma / np.sqrt(a)  # e cos E_0, e sin E_0

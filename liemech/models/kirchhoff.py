@@ -27,7 +27,7 @@ class KirchhoffBody(LiePoissonSystem):
     mu = (Pi, P) is the impulse in body axes, in kg m^2/s and kg m/s; g = [[R, p], [0, 1]] takes
     body to space.
 
-    Kept are the energy, P . P, Pi . P, and the impulse seen from space.  Raises InvalidInput if I
+    Conserved: the energy, P . P, Pi . P, and the impulse seen from space.  Raises InvalidInput if I
     is not symmetric and positive.
 
     Source: Kirchhoff, Vorlesungen ueber Mechanik (1876), lecture 19; Leonard and Marsden, Physica D

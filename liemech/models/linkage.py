@@ -83,7 +83,7 @@ class Weights(Potential):
 
 @record
 class Linkage(ConstrainedBody):
-    """Rigid bodies held together by joints, under gravity: closed loops are welcome.
+    """Rigid bodies held together by joints, under gravity; they may form closed loops.
 
     links : the bodies, numbered from 0 on.  joints : such as BallJoint(0, 1, at_first, at_second);
     None is the ground.

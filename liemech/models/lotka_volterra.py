@@ -49,7 +49,7 @@ class LotkaVolterra(PoissonSystem):
     those of two species, u' = u (v - 2), v' = v (1 - u).
     y : the numbers of individuals, (n,), positive.
 
-    Kept are the energy sum (d_i y_i - p_i ln y_i), and sum k_i ln y_i for every k with c k = 0.
+    Conserved: the energy sum (d_i y_i - p_i ln y_i), and sum k_i ln y_i for every k with c k = 0.
     Not every system of Lotka and Volterra is of this form: the coefficients of its products must be
     c_ij d_j.
 

@@ -68,8 +68,8 @@ class MaxwellBloch(PoissonSystem):
     """Maxwell and Bloch's equations x' = y, y' = x z, z' = -x y: the structure above and
     H = (y^2 + z^2)/2.
 
-    Kept are the energy and z + x^2/2.  With these two in exchanged roles the same equations belong
-    to another structure, that of se(2)*.
+    Conserved: the energy and z + x^2/2.  With the roles of both exchanged the same equations
+    belong to another structure, that of se(2)*.
 
     Source: David and Holm, J. Nonlinear Sci. 2 (1992), 241; Puta, C. R. Acad. Sci. Paris 318
     (1994), 679.

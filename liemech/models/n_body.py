@@ -52,7 +52,7 @@ class NBody(SeparableSystem):
     masses : m, (N,).  gravity : G.  dimension : 3, or 2 for motion in a plane.
     q, p : positions and momenta of all bodies, one body after the other, (N dimension,).
 
-    Kept are the energy, the total momentum and the angular momentum.
+    Conserved: the energy, the total momentum and the angular momentum.
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., I.2.4.
     """
 

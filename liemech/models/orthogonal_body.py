@@ -23,7 +23,7 @@ class OrthogonalBody(SeparableConstrainedSystem):
     inertia : the principal moments J, (3,), in kg m^2.  D = tr(J)/2 - J, the mass moments, may have
     a negative entry, not a zero.
     q : Q by rows, (9,).  p : P = Q' D by rows.  RATTLE makes of it the method of Moser and Veselov.
-    Kept are the energy, the constraints and the spatial momentum.
+    Conserved: the energy, the constraints and the spatial momentum.
 
     Source: Hairer, Lubich, Wanner, VII.5.2 (Moser-Veselov by RATTLE); McLachlan and Scovel, J.
     Nonlinear Sci. 5 (1995).

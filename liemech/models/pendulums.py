@@ -7,10 +7,11 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..errors import InvalidInput
-from ..formulas import Vec, cos, real_array, record, sin, vec
+from ..formulas import Vec, cos, record, sin, vec
 from ..formulas.fields import frozen_array
 from ..systems.canonical import CanonicalState, HamiltonianSystem
 from ..systems.separable import SeparableSystem
+from ..systems.system import exact_motion, exact_times
 
 
 @record
@@ -65,21 +66,17 @@ class Pendulum(SeparableSystem):
         Source: Whittaker, Analytical Dynamics, 4th ed., section 44.
         """
         q, p = _single(start, "Pendulum.exact")
-        times = real_array(t, "Pendulum.exact: t")
-        if times.ndim > 1 or not np.isfinite(times).all():
-            raise InvalidInput(
-                f"Pendulum.exact: t must be a finite time or a row of them; got {t!r}"
-            )
+        times = exact_times(t, "Pendulum.exact")
         inertia = self.mass * self.length * self.length
-        if self.gravity == 0.0:
-            angle, speed = q + p / inertia * times, np.full(times.shape, p / inertia)
-        else:
-            swing = self._swing(q, p)
-            angle, speed = (
-                (np.full(times.shape, q), np.zeros(times.shape))
-                if swing is None
-                else swing.at(times)
-            )
+        swing = self._swing(q, p) if self.gravity else None
+
+        def motion(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            if swing is not None:
+                return swing.at(t)
+            steady = 0.0 if self.gravity else p / inertia
+            return q + steady * t, np.full(t.shape, steady)
+
+        angle, speed = exact_motion(motion, times, "Pendulum.exact")
         return CanonicalState(
             frozen_array(angle[..., None], "q"), frozen_array(inertia * speed[..., None], "p")
         )

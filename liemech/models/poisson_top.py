@@ -80,8 +80,8 @@ class PoissonTop(PoissonSystem):
     N.  centre : c, (3,), in m.
     y : the momentum mu in body axes, in kg m^2/s, and the upward vertical Gamma in body axes.
 
-    Kept are the energy, Gamma . Gamma and mu . Gamma.  The energy is four parts: a turn about each
-    axis, and the field, which kicks.  `HeavyTop` is the same body with its attitude.
+    Conserved: the energy, Gamma . Gamma and mu . Gamma.  The energy has four parts: a turn about
+    each axis, and the field, which kicks.  `HeavyTop` is the same body with its attitude.
 
     Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., sections 1.4 and
     14.7; Touma and Wisdom, Astron. J.  107 (1994), 1189 (the splitting).

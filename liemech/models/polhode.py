@@ -157,8 +157,8 @@ def nearest(x: Any) -> Any:
 
 
 def sin_cos(x: Any) -> tuple[Any, Any]:
-    """Sine and cosine, to rounding as long as x/eps is many turns; then the angle is anybody's
-    guess, and zero as good as any.
+    """Sine and cosine, to rounding.  From 2^50 on the last digit of x is a quarter of a
+    radian and more: the angle is unknown, and zero is taken.
     """
     x = where(abs(x) < 0.5 * WHOLE, x, 0.0)
     quarters = nearest(PER_RADIAN * x)

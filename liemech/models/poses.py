@@ -28,21 +28,21 @@ from .pendulums import DoublePendulum, Pendulum
 Array = NDArray[np.float64]
 
 
-def configurations(system: Any) -> LieGroup:
-    """The group whose elements tell where the body is."""
-    return (
-        system.configurations if isinstance(system, (MechanicalSystem, BoundBody)) else system.group
-    )
+def configurations(system: Any) -> LieGroup | None:
+    """The group whose elements tell where the body is; None for systems that move on no group."""
+    if isinstance(system, (MechanicalSystem, BoundBody)):
+        return system.configurations
+    return getattr(system, "group", None)
 
 
-def turns(group: LieGroup) -> bool:
+def turns(group: LieGroup | None) -> bool:
     """Is the group that of rotations in space, so that a momentum is a vector and its coadjoint
     orbits are spheres?
     """
     return isinstance(group, (SO3, UnitQuaternions)) or (isinstance(group, SO) and group.dim == 3)
 
 
-def is_pose(group: LieGroup) -> bool:
+def is_pose(group: LieGroup | None) -> bool:
     """Can an element be drawn as a body in space?"""
     if isinstance(group, ProductGroup):
         return _turning_and_moving(group)

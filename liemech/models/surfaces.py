@@ -19,7 +19,7 @@ class ParticleOnEllipsoid(SeparableConstrainedSystem):
 
     axes : the half axes a_i, (n,), in m.  mass : m, in kg.
     q : the position, (n,), in m.  p : the momentum, in kg m/s.
-    Kept are the energy and the integral of Joachimsthal, (sum q_i^2/a_i^4) (sum p_i^2/a_i^2).
+    Conserved: the energy and the integral of Joachimsthal, (sum q_i^2/a_i^4) (sum p_i^2/a_i^2).
 
     Source: Jacobi, Vorlesungen ueber Dynamik, lecture 28; Moser, Various aspects of integrable
     Hamiltonian systems (1980), 3.

@@ -139,7 +139,7 @@ class TodaLattice(PoissonSystem):
         a_i = exp((q_i - q_i+1)/2)/2,  b_i = -p_i/2,   a_i' = a_i (b_i+1 - b_i),  b_i' = 2 (a_i^2 - a_i-1^2)
 
     particles : n.  periodic : is the last particle tied to the first?
-    Kept are the energy, sum b_i, for a periodic lattice sum ln a_i, and the eigenvalues of `lax`,
+    Conserved: the energy, sum b_i, for a periodic lattice sum ln a_i, and the eigenvalues of `lax`,
     the matrix with b on its diagonal and a beside it: its motion is isospectral.
 
     Source: Toda, J. Phys. Soc. Japan 22 (1967), 431; Flaschka, Phys. Rev. B 9 (1974), 1924; Hairer,

@@ -91,11 +91,7 @@ def broken(x: Array, y: Array, jump: float) -> tuple[Array, Array]:
 def _quaternions(run: Any, body: int, where: str) -> Array:
     """The attitudes as quaternions (x, y, z, w), (n, 4)."""
     needs_run(run, where)
-    if (
-        "g" not in run.states
-        or not hasattr(run.system, "group")
-        or not is_pose(configurations(run.system))
-    ):
+    if "g" not in run.states or not is_pose(configurations(run.system)):
         raise InvalidInput(
             f"{where} is for runs that recorded the attitude g of a "
             f"body in space; this one is of {run.system!r}"

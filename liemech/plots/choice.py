@@ -45,10 +45,10 @@ def plot(run: Any, *, ax: Axes | None = None, title: str | None = None) -> Axes:
         if x.ndim == 2 and x.shape[1] == 3 and _constant(np.linalg.norm(x, axis=1)):
             return momentum_sphere(x, ax=ax, title=title)
         return components(run, ax=ax, title=title)
-    group = configurations(system) if hasattr(system, "group") else None
+    group = configurations(system)
     if isinstance(system, Linkage) and has_path(run):
         return path(run, ax=ax, title=title)
-    if group is None or not is_pose(group):
+    if not is_pose(group):
         return components(run, ax=ax, title=title)
     if isinstance(system, ReducedHeavyTop) or (isinstance(system, HeavyTop) and "g" in parts):
         return vertical(run, ax=ax, title=title)
@@ -68,9 +68,9 @@ def plot(run: Any, *, ax: Axes | None = None, title: str | None = None) -> Axes:
 def shown_parts(system: Any, known: Iterable[str]) -> set[str]:
     """The parts of the state, of those that are known, that `plot` shows of a system."""
     have = set(known)
-    if "mu" not in have or "g" not in have or not hasattr(system, "group"):
-        return have
     group = configurations(system)
+    if "mu" not in have or "g" not in have or group is None:
+        return have
     if isinstance(system, Linkage):
         return {"g"}
     if isinstance(system, ReducedHeavyTop) or not is_pose(group):

@@ -104,7 +104,7 @@ def has_path(run: Any) -> bool:
         return 1 < run.system.degrees <= 3 or isinstance(run.system, known)
     if isinstance(run.system, Linkage):
         return run.states.get("g") is not None and run.bodies is None
-    return run.states.get("g") is not None and hasattr(run.system, "group") and flies(run.system)
+    return run.states.get("g") is not None and flies(run.system)
 
 
 def _points(run: Any) -> tuple[Array, list[Array]]:

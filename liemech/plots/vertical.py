@@ -61,11 +61,7 @@ def verticals(run: Any) -> Array:
         if not gamma.any(axis=-1).all():
             raise InvalidInput("plots.vertical: Gamma is zero, and points nowhere")
         return directions(gamma)
-    if (
-        run.states.get("g") is None
-        or not hasattr(system, "group")
-        or not is_pose(configurations(system))
-    ):
+    if run.states.get("g") is None or not is_pose(configurations(system)):
         raise InvalidInput(
             f"plots.vertical needs the attitude g of a body in space; this run is of {system!r}"
         )

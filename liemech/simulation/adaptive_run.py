@@ -14,31 +14,30 @@ import numpy as np
 
 from ..compiler.driver import accepted, attempt, itself, reason
 from ..errors import (
-    IntegrationFailure,
     IntegrationInterrupted,
     InvalidInput,
     StepTooSmall,
     failure,
     is_mistake,
-    warn,
 )
 from ..formulas.pytree import build, gatherer, layout_of
-from ..systems.system import State, member
+from ..systems.system import State
 from . import arguments
 from .adaptive import adaptive_steps, noted
 from .carry import AdaptiveCarry
 from .checkpoint import Checkpoint
 from .dense import DenseOutput, unpacked
 from .events import Event, Watch
-from .execution import LOOK, Execution
-from .prepared import Prepared, numbers_of
+from .execution import LOOK, Execution, numbers_of
+from .prepared import Prepared
 from .progress import Bar
-from .stopped import Stopped
-from .systems import Systems
 from .trajectory import Trajectory
 
 ROOM = 512
 """Steps between two looks at the keyboard and the events."""
+
+LARGE = 2**20
+"""Numbers of rows that are moved where they are, if they must be, and not copied."""
 
 MARGIN = 4
 """Units in the last place by which steps keep away from a jump of the velocity, on both sides."""
@@ -97,6 +96,14 @@ class AdaptiveSteps:
         first = None if h is None else arguments.step(h)
         return cls(system, method, first, *tolerances, longest, breaks, dense, compiled, progress)
 
+    def begun(self, t: np.ndarray) -> np.ndarray:
+        """The times at which the steps to t[1:] begin: where the velocity jumps, beyond the jump."""
+        begun = t[:-1].copy()
+        for b in self.breaks:
+            away = math.copysign(MARGIN, t[-1] - t[0]) * float(np.spacing(abs(b)))
+            begun[(begun == b - away) | (begun == b)] = b + away
+        return begun
+
     def run(
         self,
         start: Any,
@@ -114,19 +121,12 @@ class AdaptiveSteps:
                 "integrate: adaptive steps need a t_end; for steps of one length give h and steps"
             )
         limit = arguments.MOST if limit is None else arguments.count(limit, "steps", 1)
-        if start.bodies is None:
-            t_end = arguments.real(t_end, "t_end")
-            times = arguments.times(t_eval, t0, t_end)
-        if kept is not None and (events or start.bodies is not None):
+        t_end = arguments.real(t_end, "t_end")
+        times = arguments.times(t_eval, t0, t_end)
+        if kept is not None and events:
             raise InvalidInput(
-                "integrate: checkpoint is for runs of one body "
-                "without events, and for steps of one length"
-            )
-        if start.bodies is not None:
-            ends, times = arguments.ends_and_times(t_end, t_eval, t0, start.bodies)
-            each = functools.partial(self._each, start, t0, ends, limit, times, events)
-            return (
-                each() if recorder is None else recorder.instead(each, type(start), self.compiled)
+                "integrate: checkpoint is for adaptive runs without events, "
+                "and for steps of one length"
             )
         if recorder is not None and self.dense:
             raise InvalidInput(
@@ -135,76 +135,6 @@ class AdaptiveSteps:
         return AdaptiveRun(
             self, start, t0, t_end, limit, times, events, kept, recorder
         ).trajectory()
-
-    def _each(
-        self,
-        start: State,
-        t0: float,
-        ends: list[float],
-        limit: int,
-        times: np.ndarray,
-        events: tuple[Event, ...],
-    ) -> Trajectory:
-        """Every body of an ensemble with steps of its own.  One that fails stays at its last state
-        and disturbs no other.
-
-        ends : the last time of each body.  times : of samples, (n,), or (n, bodies) with those of
-        each.
-        """
-        if events or self.dense:
-            raise InvalidInput("integrate: events and dense=True are for one body at a time")
-        runs: list[Trajectory] = []
-        errors: dict[int, Any] = {}
-        plan = dataclasses.replace(self, dense=False, progress=False)
-        with Bar(self.progress, start.bodies or 0) as bar:
-            for i in range(start.bodies or 0):
-                if isinstance(self.system, Systems):
-                    plan = plan.of_system(self.system[i])
-                try:
-                    own = times if times.ndim == 1 else times[:, i]
-                    run = AdaptiveRun(
-                        plan, member(start, i), t0, ends[i], limit, own, ()
-                    ).trajectory()
-                except IntegrationFailure as error:
-                    errors[i], run = error, error.trajectory
-                runs.append(run)
-                bar.advance(1)
-        states = {}
-        for name, x in start.arrays.items():
-            of_bodies = [
-                _prolonged(run.states[name], x[i], len(times)) for i, run in enumerate(runs)
-            ]
-            states[name] = np.stack(of_bodies, axis=1)
-        steps = {i: runs[i].steps for i in errors}
-        if errors:
-            some = ", ".join(f"body {i} after {n} steps" for i, n in list(steps.items())[:5])
-            warn(
-                f"integrate: {len(errors)} of {start.bodies} bodies "
-                f"stopped early: {some}. {errors[min(errors)]}",
-                RuntimeWarning,
-            )
-        return Trajectory(
-            self.system,
-            self.method,
-            float(np.mean([run.h for run in runs])),
-            times,
-            states,
-            start.bodies,
-            max(run.steps for run in runs),
-            all(run.compiled for run in runs),
-            Stopped(steps, errors.__getitem__),
-            sum(run.rejected or 0 for run in runs),
-        )
-
-
-def _prolonged(values: np.ndarray, start: np.ndarray, count: int) -> np.ndarray:
-    """So many samples, the last of a body that stopped again and again."""
-    return np.concatenate(
-        [
-            values,
-            np.repeat(values[-1:] if len(values) else start[None], count - len(values), axis=0),
-        ]
-    )
 
 
 class Shape(Prepared):
@@ -267,6 +197,7 @@ class AdaptiveRun:
         self.rows[0, : 1 + self.width] = [t0, *gatherer(shape.state)(self.start)]
         self.filled = 1
         self.sampled: list[np.ndarray] = []
+        self.asked = 0  # how many of t_eval are reached
         if isinstance(start, AdaptiveCarry):
             self.states, self.clock = start.numbers.copy(), start.clock.copy()
             self.clock[3:5] = 0.0
@@ -340,7 +271,7 @@ class AdaptiveRun:
                 f"integrate: interrupted at t = {self.clock[0]:g}; the samples are in `.trajectory`"
             )
             raise self._ended(stopped) from None
-        if len(self.rows) > self.filled:
+        if self.kept and len(self.rows) > self.filled:
             self.rows.resize((self.filled, self.rows.shape[1]), refcheck=False)
         return self._result()
 
@@ -404,8 +335,7 @@ class AdaptiveRun:
         room = min(room, int(self.limit - self.clock[3]))
         if self.filled + room > len(self.rows):
             wanted = max(len(self.rows) + len(self.rows) // 4, self.filled + room)
-            # nobody looks at them between two pieces
-            self.rows.resize((wanted, self.rows.shape[1]), refcheck=False)
+            self._make_room(wanted)
         before, out, plan, shape = (
             int(self.clock[3]),
             self.rows[self.filled :].reshape(-1),
@@ -424,6 +354,15 @@ class AdaptiveRun:
                     *shape.arguments, *numbers, shape.curves, room, *arrays, self.failures
                 )
         self.filled += int(self.clock[3]) - before
+
+    def _make_room(self, wanted: int) -> None:
+        """So many rows, of which as few as possible are touched."""
+        rows = self.rows
+        if rows.size < LARGE:
+            self.rows = np.empty((wanted, rows.shape[1]))
+            self.rows[: self.filled] = rows[: self.filled]
+        else:  # nobody looks at them between two pieces
+            rows.resize((wanted, rows.shape[1]), refcheck=False)
 
     def _sample(self, before: int) -> None:
         """Keep the states that t_eval asks for in the last steps, and of the steps only the last."""
@@ -453,11 +392,16 @@ class AdaptiveRun:
 
     def _at_times(self, before: int, times: np.ndarray) -> None:
         """Keep the states that t_eval asks for in the last steps."""
-        done = sum(map(len, self.sampled))
-        reached, forward = self.clock[0], self.t_end >= self.t0
-        inside = times[done:][times[done:] <= reached if forward else times[done:] >= reached]
+        reached, left = self.clock[0], times[self.asked :]
+        inside = left[left <= reached if self.t_end >= self.t0 else left >= reached]
+        self.asked += len(inside)
         if len(inside):
-            self.sampled.append(self._dense(before - 1).numbers(inside))
+            rows = self.rows[before - 1 : self.filled]
+            self.sampled.append(
+                self._dense(before - 1).within(inside)
+                if len(rows) > 1
+                else rows[:, 1 : 1 + self.width].repeat(len(inside), axis=0)
+            )
             if self.recorder is not None:
                 self._tell(inside, self.sampled[-1])
                 self.sampled[-1] = np.empty((len(inside), 0))
@@ -489,9 +433,14 @@ class AdaptiveRun:
         reached, steps = float(self.clock[0]), int(self.clock[3])
         dense = self._dense() if self.kept and self.shape.curves else None
         kept = dense if self.dense else None
+        # samples may be written to, and the last row is needed for the carry
+        last = self.rows[self.filled - 1].copy()
+        made = functools.cache(lambda: self._samples(dense))
         return Trajectory.promised(
-            lambda: dict(
-                zip(("t", "states", "carry"), (*self._samples(dense), self._carry()), strict=True)
+            SimpleNamespace(
+                t=lambda: made()[0],
+                states=lambda: made()[1],
+                carry=functools.partial(self._carry, last),
             ),
             system=self.system,
             method=self.method,
@@ -506,9 +455,8 @@ class AdaptiveRun:
             observed=() if self.recorder is None else tuple(self.recorder.quantities),
         )
 
-    def _carry(self) -> AdaptiveCarry | None:
-        """What to go on with: all of it, or after a terminal event a start anew."""
-        last = self.rows[self.filled - 1]
+    def _carry(self, last: np.ndarray) -> AdaptiveCarry | None:
+        """What to go on with from the last row: all of it, or after a terminal event a start anew."""
         numbers, clock = self.states.copy(), self.clock.copy()
         if clock[5] or clock[0] != last[0]:
             return None

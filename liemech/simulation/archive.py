@@ -30,11 +30,11 @@ from ..formulas.fields import FrozenDict
 from ..formulas.tables import Table
 from ..formulas.vectors import Mat, Vec
 from .arrival import FictiveMotion
-from .carry import AdaptiveCarry, Carry
+from .carry import AdaptiveCarry, Carries, Carry, Ended, Waiting
 from .dense import DenseOutput
 from .fictive import FictiveCarry, Origin
 from .stopped import Stopped
-from .systems import Systems
+from .systems import Methods, OfBodies, Systems, of_body
 
 FORMAT = 1
 HDF5 = b"\x89HDF"
@@ -53,18 +53,18 @@ def save(run: Any, path: str | os.PathLike[str]) -> None:
             "samples; save the arrays you need, numpy.savez"
         )
     arrays: dict[str, Any] = {"t": run.t, **{f"state.{name}": x for name, x in run.states.items()}}
-    about: dict[str, Any] = {"format": FORMAT, "method": encoded(run.method), "h": encoded(run.h)}
+    about: dict[str, Any] = {"format": FORMAT, "h": encoded(run.h)}
     about |= {"steps": run.steps, "bodies": run.bodies}
-    about["system"] = (
-        [encoded(s) for s in run.system] if isinstance(run.system, Systems) else encoded(run.system)
-    )
+    about |= {"method": _of_each(run.method), "system": _of_each(run.system)}
     about |= {"compiled": run.compiled, "rejected": run.rejected, "observed": list(run.observed)}
     about["stopped"] = {
         str(body): [stop.steps, str(stop.error)] for body, stop in run.stopped.items()
     }
     if fictive:
         arrays |= {"tau": run.tau} if run.z is None else {"tau": run.tau, "z": run.z}
-        about["origin"] = [encoded(run.origin.given), encoded(run.origin.start)]
+        origins = run.origin if isinstance(run.origin, tuple) else (run.origin,)
+        about["origin"] = [[encoded(o.given), encoded(o.start)] for o in origins]
+        about["together"] = origins is not run.origin
     if isinstance(run.dense, FictiveMotion):
         arrays |= {"dense.t": run.dense.t, "dense.points": run.dense.points}
         if run.dense.begun is not None:
@@ -72,33 +72,74 @@ def save(run: Any, path: str | os.PathLike[str]) -> None:
     elif run.dense is not None:
         arrays["dense"] = run.dense.rows
         about["dense"] = [run.dense.order, encoded(run.dense.example)]
-    about["events"] = [list(states.arrays) for _, states in run.events]
-    for i, (times, states) in enumerate(run.events):
-        arrays[f"event.{i}"] = times
-        arrays |= {f"event.{i}.{name}": x for name, x in states.arrays.items()}
-        about["states"] = encoded(type(states))
-    carry = run.carry
-    about["tau"], ahead = (
-        (carry.tau, carry.ahead) if isinstance(carry, FictiveCarry) else (None, None)
-    )
-    about["ahead"] = None if ahead is None else encoded(tuple(ahead.parts.values()))
-    if isinstance(carry, FictiveCarry):
-        carry = carry.inner
-    if isinstance(carry, Carry):
-        arrays |= {"carry.numbers": carry.numbers, "carry.last": carry.last}
-        state: Any = carry.state if about["tau"] is None else tuple(carry.state.parts.values())
-        about["carry"] = {
-            "t0": carry.t0,
-            "h": encoded(carry.h),
-            "step": carry.step,
-            "state": encoded(state),
-        }
-        about["carry"]["failures"] = {str(i): str(error) for i, error in carry.failures.items()}
-    elif isinstance(carry, AdaptiveCarry):
-        arrays |= {"carry.numbers": carry.numbers, "carry.clock": carry.clock}
-        about["carry"] = {"t": carry.t, "state": encoded(carry.state), "ended": carry.ended}
+    about["events"] = []
+    for i, event in enumerate(run.events):
+        met = event if run.bodies is not None else (event,)
+        arrays[f"event.{i}"] = np.concatenate([times for times, _ in met])
+        for name in met[0][1].arrays:
+            arrays[f"event.{i}.{name}"] = np.concatenate([states.arrays[name] for _, states in met])
+        about["events"].append([list(met[0][1].arrays), [len(times) for times, _ in met]])
+        about["states"] = encoded(type(met[0][1]))
+    if isinstance(run.carry, Carries):
+        members = enumerate(run.carry.members)
+        about["carries"] = [_carried(member, f"carry.{i}", arrays) for i, member in members]
+    elif run.carry is not None:
+        about["carry"] = _carried(run.carry, "carry", arrays)
     packed = _in_hdf5 if Path(path).suffix in (".h5", ".hdf5") else _packed
     _replace(Path(path), packed(arrays | {"about": np.array(json.dumps(about))}))
+
+
+def _of_each(thing: Any) -> Any:
+    """A system or a method, or those of each body."""
+    return [encoded(x) for x in thing] if isinstance(thing, OfBodies) else encoded(thing)
+
+
+def _carried(carry: Any, name: str, arrays: dict[str, Any]) -> dict[str, Any]:
+    """What is told of a carry; its arrays go to the others, by this name."""
+    if isinstance(carry, Waiting):
+        return {"state": encoded(carry.state), "waiting": carry.t}
+    if isinstance(carry, Ended):
+        error = None if carry.error is None else str(carry.error)
+        return {"state": encoded(carry.state), "there": [carry.t, carry.steps, error]}
+    if isinstance(carry, AdaptiveCarry):
+        arrays |= {f"{name}.numbers": carry.numbers, f"{name}.clock": carry.clock}
+        return {"t": carry.t, "state": encoded(carry.state), "ended": carry.ended}
+    fictive = isinstance(carry, FictiveCarry)
+    inner = carry.inner if fictive else carry
+    arrays |= {f"{name}.numbers": inner.numbers, f"{name}.last": inner.last}
+    told = {"t0": inner.t0, "h": encoded(inner.h), "step": inner.step}
+    told["state"] = encoded(tuple(inner.state.parts.values()) if fictive else inner.state)
+    told["failures"] = {str(i): str(error) for i, error in inner.failures.items()}
+    if fictive:
+        ahead = None if carry.ahead is None else tuple(carry.ahead.parts.values())
+        told |= {"tau": carry.tau, "ahead": encoded(ahead)}
+    return told
+
+
+def _carry_of(
+    kept: Any, name: str, arrays: dict[str, Any], bodies: int | None, origin: Any, decode: Any
+) -> Any:
+    """The carry of which that was told.  origin : of a run in fictive time."""
+    state = decode(kept["state"])
+    if "waiting" in kept:
+        return Waiting(state, kept["waiting"])
+    if "there" in kept:
+        t, steps, error = kept["there"]
+        return Ended(state, t, steps, None if error is None else IntegrationFailure(error))
+    if "t" in kept:
+        own = arrays[f"{name}.numbers"], arrays[f"{name}.clock"]
+        return AdaptiveCarry(*own, state, kept["t"], kept["ended"])
+    failures: dict[int, Exception | None] = {
+        int(i): IntegrationFailure(text) for i, text in kept["failures"].items()
+    }
+    own = arrays[f"{name}.numbers"], arrays[f"{name}.last"]
+    carry = Carry(None, kept["t0"], decode(kept["h"]), kept["step"], bodies, *own, failures)
+    if origin is None:
+        vars(carry)["state"] = state
+        return carry
+    kind = type(origin.whole.extended(origin.start, 0.0))
+    vars(carry)["state"], ahead = kind(*state), decode(kept["ahead"])
+    return FictiveCarry(origin, carry, None if ahead is None else kind(*ahead), kept["tau"])
 
 
 def load(path: str | os.PathLike[str], modules: Sequence[str] = ()) -> dict[str, Any]:
@@ -116,17 +157,25 @@ def load(path: str | os.PathLike[str], modules: Sequence[str] = ()) -> dict[str,
     def decode(value: Any) -> Any:
         return decoded(value, allowed, f"{path}")
 
-    system = about["system"]
-    made: Any = Systems(tuple(map(decode, system))) if isinstance(system, list) else decode(system)
-    method = decode(about["method"])
+    made, method = (
+        kind(tuple(map(decode, about[name]))) if isinstance(about[name], list) else decode(about[name])
+        for name, kind in (("system", Systems), ("method", Methods))
+    )
     dense: Any = None
     events = []
-    carry: Carry | AdaptiveCarry | FictiveCarry | None = None
+    carry: Any = None
     origin: Any = None
     if "origin" in about:
-        origin = Origin(*map(decode, (about["origin"][0], about["method"], about["origin"][1])))
-        example = origin.whole.extended(origin.start, 0.0)
+        origin = tuple(
+            [
+                Origin(decode(given), of_body(method, i), decode(start))
+                for i, (given, start) in enumerate(about["origin"])
+            ]
+        )
+        if about["together"]:
+            origin = origin[0]
         if "dense.t" in arrays:
+            example = origin.whole.extended(origin.start, 0.0)
             points, kind = (arrays["dense.t"], arrays["dense.points"]), type(origin.start)
             dense = FictiveMotion(
                 method,
@@ -141,32 +190,26 @@ def load(path: str | os.PathLike[str], modules: Sequence[str] = ()) -> dict[str,
     elif "dense" in about:
         order, point = about["dense"]
         dense = DenseOutput(made, method.retraction, decode(point), arrays["dense"], order)
-    for i, names in enumerate(about["events"]):
+    for i, (names, counts) in enumerate(about["events"]):
         cls = decode(about["states"])
-        parts = {name: arrays[f"event.{i}.{name}"] for name in names}
-        events.append(
-            (arrays[f"event.{i}"], cls(*(parts.get(f.name) for f in dataclasses.fields(cls))))
-        )
+        met, ends = [], np.cumsum(counts)
+        for first, end in zip(ends - counts, ends, strict=True):
+            parts = {name: arrays[f"event.{i}.{name}"][first:end] for name in names}
+            times = arrays[f"event.{i}"][first:end]
+            met.append((times, cls(*(parts.get(f.name) for f in dataclasses.fields(cls)))))
+        events.append(met[0] if about["bodies"] is None else tuple(met))
     if "carry" in about:
-        kept = about["carry"]
-        state = decode(kept["state"])
-        if "t" in kept:
-            carry = AdaptiveCarry(
-                arrays["carry.numbers"], arrays["carry.clock"], state, kept["t"], kept["ended"]
+        carry = _carry_of(about["carry"], "carry", arrays, about["bodies"], origin, decode)
+    elif "carries" in about:
+        own = origin if isinstance(origin, tuple) else (None,) * about["bodies"]
+        carry = Carries(
+            tuple(
+                [
+                    _carry_of(told, f"carry.{i}", arrays, None, own[i], decode)
+                    for i, told in enumerate(about["carries"])
+                ]
             )
-        else:
-            failures: dict[int, Exception | None] = {
-                int(i): IntegrationFailure(text) for i, text in kept["failures"].items()
-            }
-            own = arrays["carry.numbers"], arrays["carry.last"], failures
-            carry = Carry(None, kept["t0"], decode(kept["h"]), kept["step"], about["bodies"], *own)
-            vars(carry)["state"] = state
-        if isinstance(carry, Carry) and origin is not None:
-            vars(carry)["state"] = type(example)(*state)
-            ahead = decode(about["ahead"])
-            carry = FictiveCarry(
-                origin, carry, None if ahead is None else type(example)(*ahead), about["tau"]
-            )
+        )
     reasons = {
         int(body): (steps, IntegrationFailure(text))
         for body, (steps, text) in about["stopped"].items()

@@ -200,8 +200,12 @@ def times(t_eval: Any, t0: float, t_end: float) -> np.ndarray | None:
         raise InvalidInput(
             f"integrate: t_eval has shape {times.shape}; it is a list of times, (n,)"
         )
-    check_finite(times, "integrate: t_eval")
     low, high = min(t0, t_end), max(t0, t_end)
+    rising = times[1:] >= times[:-1] if t_end >= t0 else times[1:] <= times[:-1]
+    ends = (times.item(0), times.item(-1)) if len(times) else ()
+    if ends and rising.all() and low <= min(ends) <= max(ends) <= high:  # so are all between them
+        return times
+    check_finite(times, "integrate: t_eval")
     margin = 4.0 * sys.float_info.epsilon * max(abs(low), abs(high))
     outside = (times < low - margin) | (times > high + margin)
     if outside.any():
@@ -215,34 +219,43 @@ def times(t_eval: Any, t0: float, t_end: float) -> np.ndarray | None:
     return times
 
 
-def ends_and_times(
-    t_end: Any, t_eval: Any, t0: float, bodies: int
-) -> tuple[list[float], np.ndarray]:
-    """The last time of each body of an ensemble, and the times of samples: (n,), or (n, bodies)
-    with those of each.
-    """
-    many = axes(t_end, "t_end") > 0
-    if many and np.shape(t_end) != (bodies,):
+def ends(t_end: Any, bodies: int) -> list[Any]:
+    """The last time of each body of an ensemble, None if none was given."""
+    if t_end is None or not axes(t_end, "t_end"):
+        return [None if t_end is None else real(t_end, "t_end")] * bodies
+    if np.shape(t_end) != (bodies,):
         raise InvalidInput(
             f"integrate: t_end has shape {np.shape(t_end)}; it is one "
             f"time, or one for each of {bodies} bodies"
         )
-    ends = [real(t, "t_end") for t in t_end] if many else [real(t_end, "t_end")] * bodies
+    return [real(t, "t_end") for t in t_end]
+
+
+def columns(t_eval: Any, bodies: int) -> list[Any]:
+    """The times of samples of each body of an ensemble: of (n, bodies) a column, of (n,) all of
+    them.
+    """
     if t_eval is None:
-        return ends, np.array([[t0] * bodies, ends]) if many else np.array([t0, ends[0]])
+        return [None] * bodies
     asked = np.array(real_array(t_eval, "integrate: t_eval"))
-    if asked.ndim == 2 and asked.shape[1] != bodies:
+    if asked.ndim != 2:
+        return [asked] * bodies
+    if asked.shape[1] != bodies:
         raise InvalidInput(
             f"integrate: t_eval has shape {asked.shape}; it is (n,), or "
             f"(n, {bodies}) with a column for each body"
         )
-    if asked.ndim != 2:
-        found = [times(asked, t0, end) for end in dict.fromkeys(ends)]
-        return ends, np.array(found[0])
-    return ends, np.stack(
-        [np.array(times(column, t0, end)) for column, end in zip(asked.T, ends, strict=True)],
-        axis=1,
-    )
+    return [*asked.T]
+
+
+def first(values: Any, name: str) -> Any:
+    """What was given for the first body of an ensemble."""
+    if np.ndim(values) != 1 or not len(values):
+        raise InvalidInput(
+            f"integrate: {name} has shape {np.shape(values)}; it is one "
+            "number, or one for each body, (bodies,)"
+        )
+    return values[0]
 
 
 def events(events: Any) -> tuple[Any, ...]:

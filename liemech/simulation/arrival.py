@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -117,6 +117,16 @@ class FictiveMotion(Between):
     points: np.ndarray
     compiled: bool | None
     begun: np.ndarray | None = None
+    shape: ClassVar[Any] = None
+
+    def of_shape(self, shape: Any) -> FictiveMotion:
+        """The same, where what the run has prepared may be used."""
+        object.__setattr__(self, "shape", shape)
+        return self
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Without native code."""
+        return {name: x for name, x in vars(self).items() if name != "shape"}
 
     def numbers(self, times: np.ndarray) -> np.ndarray:
         """At each of these times the numbers of the state with its clock, and the fictive time
@@ -144,8 +154,13 @@ class FictiveMotion(Between):
 
     def _moved(self, given: np.ndarray) -> np.ndarray:
         shown, many = layout_of(self.example), len(given)
-        arguments, array = (self.method, self.system, shown, self.h), np.empty(1)
-        execution = Execution(self.compiled, False, arrive, *arguments, 1, array, array, None)
+        arguments, array, shape = (self.method, self.system, shown, self.h), np.empty(1), self.shape
+        call = *arguments, 1, array, array, None
+        execution = (
+            Execution(self.compiled, False, arrive, *call)
+            if shape is None
+            else shape.other(arrive, *call)
+        )
         found, done, failures = np.empty((many, shown.width + 2)), 0, []  # type: Any, int, list[Any]
         while done < many:
             if execution.ready(done / many):

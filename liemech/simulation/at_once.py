@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import functools
 from typing import Any
 
 import numpy as np
@@ -34,16 +33,26 @@ def at_once(plan: Steps, start: State | Carry, steps: int, t0: float) -> Traject
     That is `FixedRun`'s: what is not prepared yet, ensembles, samples in the middle of `every`,
     progress bars, steps that fail.
     """
-    every, step = plan.every, 0
-    if steps <= 0 or steps % every or plan.progress or start.bodies is not None:
+    if start.bodies is not None:
         return None
     shape = start.shape if isinstance(start, Carry) else plan.shapes.get((layout_of(start), False))
     if shape is None or not plan.owns(shape):
         return None
-    shape.stepping.again()
+    return of_shape(plan, shape, start, steps, t0)
+
+
+def of_shape(
+    plan: Steps, shape: Shape, start: State | Carry, steps: int, t0: float
+) -> Trajectory | None:
+    """The same for a start of this shape, or of one that has more parts."""
+    every, step = plan.every, 0
+    if steps <= 0 or steps % every or plan.progress:
+        return None
+    stepping = shape.stepping
+    stepping.again()
     carried, shown, samples = shape.carried, shape.sampled, steps // every
     if (
-        shape.stepping.native is None
+        stepping.native is None
         or steps * carried * carried > LONGEST
         or samples * shown > LARGEST
     ):
@@ -58,8 +67,17 @@ def at_once(plan: Steps, start: State | Carry, steps: int, t0: float) -> Traject
     shape.native_steps(t0, plan.h, step, every, samples, place, place + 8 * (carried + shown))
     if step % every or memory.item(carried - 1) != reached:
         return None
-    return Trajectory.promised(
-        functools.partial(_fields, plan, shape, memory, t0, step, steps), compiled=True
+    return Trajectory._of(
+        {
+            "system": plan.system,
+            "method": plan.method,
+            "h": plan.h,
+            "bodies": None,
+            "steps": steps,
+            "stopped": NONE,
+            "compiled": True,
+            "_rest": _Found(shape, memory, t0, plan.h, every, step, reached),
+        }
     )
 
 
@@ -78,28 +96,48 @@ def advanced(plan: Steps, carry: Carry, steps: int) -> Carry:
         place = address(memory)
         shape.native_steps(carry.t0, carry.h, carry.step, steps, 1, place, place + 8 * carried)
         if memory.item(carried - 1) == reached:
-            return Carry(
-                shape, carry.t0, carry.h, reached, None, memory[:carried], memory[carried:]
+            return Carry.quickly(
+                shape, carry.t0, carry.h, reached, memory[:carried], memory[carried:]
             )
     # of a failing step it says why
     return FixedRun(dataclasses.replace(plan, every=steps), carry, steps).trajectory().carry
 
 
-def _fields(
-    plan: Steps, shape: Shape, memory: np.ndarray, t0: float, step: int, steps: int
-) -> dict[str, Any]:
-    """Of a run from some step on, what its memory tells; times and states are views of what the
-    steps have written.
+class _Found:
+    """What the memory of a run tells: times, and states, which are views of what the steps have
+    written.
     """
-    carried, shown, h = shape.carried, shape.sampled, plan.h
-    return {
-        "system": plan.system,
-        "method": plan.method,
-        "h": h,
-        "t": t0 + np.arange(step, step + steps + 1, plan.every) * h,
-        "states": unpacked(shape.shown, memory[carried:].reshape(-1, shown)),
-        "bodies": None,
-        "steps": steps,
-        "stopped": NONE,
-        "carry": Carry(shape, t0, h, step + steps, None, memory[:carried], memory[-shown:].copy()),
-    }
+
+    __slots__ = ("every", "h", "last", "memory", "reached", "shape", "step", "t0")
+
+    def __init__(
+        self,
+        shape: Shape,
+        memory: np.ndarray,
+        t0: float,
+        h: float,
+        every: int,
+        step: int,
+        reached: int,
+    ) -> None:
+        self.shape, self.memory = shape, memory
+        self.last: np.ndarray | None = None
+        self.t0, self.h, self.every, self.step, self.reached = t0, h, every, step, reached
+
+    def t(self) -> np.ndarray:
+        """The times of the samples."""
+        return self.t0 + np.arange(self.step, self.reached + 1, self.every) * self.h
+
+    def states(self) -> dict[str, np.ndarray]:
+        """The samples; as they may be written to, the last one is kept for the carry."""
+        shape = self.shape
+        self.last = self.memory[-shape.sampled :].copy()
+        return unpacked(shape.shown, self.memory[shape.carried :].reshape(-1, shape.sampled))
+
+    def carry(self) -> Carry:
+        """Where the run stands."""
+        shape = self.shape
+        last = self.memory[-shape.sampled :].copy() if self.last is None else self.last
+        return Carry(
+            shape, self.t0, self.h, self.reached, None, self.memory[: shape.carried], last
+        )

@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from ..errors import IntegrationFailure, failure
 from ..formulas.pytree import build
-from ..systems.system import State
+from ..systems.system import State, member, state_of
 from .dense import unpacked
 from .prepared import Shape
 
@@ -35,6 +36,24 @@ class Carry:
     numbers: np.ndarray = dataclasses.field(repr=False)
     last: np.ndarray = dataclasses.field(repr=False)
     failures: dict[int, Exception | None] = dataclasses.field(default_factory=dict, repr=False)
+
+    @classmethod
+    def quickly(
+        cls, shape: Shape, t0: float, h: Any, step: int, numbers: np.ndarray, last: np.ndarray
+    ) -> Carry:
+        """Of one body that has not failed, in half the time that a dataclass takes."""
+        made = object.__new__(cls)
+        made.__dict__ = {
+            "shape": shape,
+            "t0": t0,
+            "h": h,
+            "step": step,
+            "bodies": None,
+            "numbers": numbers,
+            "last": last,
+            "failures": {},
+        }
+        return made
 
     @property
     def t(self) -> Any:
@@ -73,3 +92,81 @@ class AdaptiveCarry:
     t: float
     ended: int | None = None
     bodies: None = None
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Waiting:
+    """A body of an ensemble whose run has not begun: its start, and when."""
+
+    state: State
+    t: float
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Ended:
+    """A body of an ensemble that goes no further: where it stays, after how many steps, and the
+    error that ended it, if it was one.
+    """
+
+    state: State
+    t: float
+    steps: int
+    error: IntegrationFailure | None = None
+
+
+@dataclasses.dataclass(eq=False)
+class Carries:
+    """Where an ensemble stands whose bodies go each its own way: every body where it came to.
+
+    members : what each carries along, or that it has not begun, or has ended.
+    """
+
+    members: tuple[Any, ...] = dataclasses.field(repr=False)
+
+    @property
+    def bodies(self) -> int:
+        """How many there are."""
+        return len(self.members)
+
+    @property
+    def t(self) -> Any:
+        """The time, in s; those of all, (bodies,), if they differ."""
+        return self._common([member.t for member in self.members])
+
+    @property
+    def tau(self) -> Any:
+        """The same in fictive time."""
+        return self._common([getattr(member, "tau", 0.0) for member in self.members])
+
+    @staticmethod
+    def _common(times: list[float]) -> Any:
+        return times[0] if len(set(times)) == 1 else np.array(times)
+
+    @functools.cached_property
+    def state(self) -> State:
+        """The states of all bodies."""
+        return stacked([member.state for member in self.members])
+
+
+def stacked(states: list[Any]) -> Any:
+    """The states of single bodies as that of an ensemble."""
+    arrays = {name: np.stack([s.arrays[name] for s in states]) for name in states[0].arrays}
+    return state_of(type(states[0]), arrays)
+
+
+def each(carry: Carry) -> tuple[Any, ...]:
+    """What every body of an ensemble with steps of one length carries along."""
+    found: list[Any] = []
+    h = carry.h if isinstance(carry.h, tuple) else (carry.h,) * len(carry.numbers[-1])
+    for i, taken in enumerate(carry.numbers[-1]):
+        state, error = member(carry.state, i), carry.failures.get(i)
+        if taken == carry.step:
+            own = Carry(
+                None, carry.t0, h[i], carry.step, None, carry.numbers[:, i], carry.last[:, i]
+            )
+            vars(own)["state"] = state
+            found.append(own)
+        else:
+            why = failure(error, f"body {i}", f"step {int(taken) + 1}")
+            found.append(Ended(state, carry.t0 + carry.step * h[i], max(0, int(taken)), why))
+    return tuple(found)

@@ -14,7 +14,7 @@ from ..compiler.driver import accepted, any_body, attempt, itself, read, reason,
 from ..errors import InvalidInput, failure, is_mistake
 from ..formulas import Vec, horner, real_array, where
 from ..formulas.pytree import NUMBER, build, layout_of, leaves, rounded
-from .execution import Execution
+from .execution import Execution, numbers_of
 
 
 def along(
@@ -89,7 +89,7 @@ class Between:
         """The numbers of the states at these times, (m, width).  Raises InvalidInput for times
         outside the run.
         """
-        t, forward = self.t, self.t[-1] >= self.t[0]
+        t = self.t
         low, high = min(t[0], t[-1]), max(t[0], t[-1])
         margin = 4.0 * np.finfo(float).eps * max(abs(low), abs(high))
         inside = (times >= low - margin) & (times <= high + margin)
@@ -98,17 +98,20 @@ class Between:
                 f"t = {times[~inside][0]:g} is outside the run, "
                 f"which goes from {t[0]:g} to {t[-1]:g}"
             )
-        times = np.clip(times, low, high)
+        return self.within(np.clip(times, low, high))
+
+    def within(self, times: np.ndarray) -> np.ndarray:
+        """The same of times that are known to be in the run."""
+        t, points = self.t, self.points
         if len(t) == 1:
-            return np.repeat(self.points, len(times), axis=0)
-        step = np.clip(
-            np.searchsorted(t if forward else -t, times if forward else -times, "right") - 1,
-            0,
-            len(t) - 2,
-        )
-        found = self.points[step + (times == t[step + 1])]  # at the ends of steps, to the bit
-        between = (times != t[step]) & (times != t[step + 1])
-        if between.any():
+            return np.repeat(points, len(times), axis=0)
+        forward = t[-1] >= t[0]
+        step = np.searchsorted(t if forward else -t, times if forward else -times, "right") - 1
+        np.minimum(step, len(t) - 2, out=step)
+        at_end = times == t[step + 1]
+        found = points[step + at_end]  # at the ends of steps, to the bit
+        between = np.flatnonzero((times != t[step]) > at_end)
+        if len(between):
             found[between] = self.moved(step[between], times[between])
         return found
 
@@ -163,13 +166,22 @@ class DenseOutput(Between):
         return self.rows[1:, 1 + layout_of(self.example).width :]
 
     def moved(self, step: np.ndarray, times: np.ndarray) -> np.ndarray:
-        dim = self.system.group.dim
-        curve = layout_of((Vec(*[0.0] * dim),) * (self.curves.shape[1] // dim))
-        theta = (times - self.t[step]) / (self.t[step + 1] - self.t[step])
-        given = np.concatenate([self.points[step], self.curves[step], theta[:, None]], axis=1)
-        arguments = self.retraction, self.system, layout_of(self.example), curve
+        rows, point, dim = self.rows, layout_of(self.example), self.system.group.dim
+        width, after = point.width, step + 1
+        curve = _curve(dim, (rows.shape[1] - 1 - width) // dim)
+        begun = rows[step, 0]
+        given = np.empty((len(step), rows.shape[1]))
+        given[:, :width], given[:, width:-1] = rows[step, 1 : 1 + width], rows[after, 1 + width :]
+        given[:, -1] = (times - begun) / (rows[after, 0] - begun)
+        arguments = self.retraction, self.system, point, curve
         what = "dense output", lambda k: f"between two steps, t = {times[k]:g}"
-        return evaluated(along, arguments, given, layout_of(self.example).width, self.wanted, what)
+        return evaluated(along, arguments, given, width, self.wanted, what)
+
+
+@functools.lru_cache(256)
+def _curve(dim: int, terms: int) -> Any:
+    """The layout of the coefficients of the way along a step."""
+    return layout_of((Vec(*[0.0] * dim),) * terms)
 
 
 @dataclass(frozen=True, eq=False)
@@ -221,11 +233,8 @@ def evaluated(
     what : what has failed if a row does, and where, by the number of the row.
     """
     many = len(given)
-    native = wanted is not False and kernel.available() is None
-    lanes, array = kernel.lanes() if native else 1, np.empty((1, 1))
-    execution = Execution(
-        None if native else False, None, driver, *arguments, array, array, None, lanes=lanes
-    )
+    execution, constants = _execution(driver, arguments, wanted)
+    lanes = execution.lanes
     columns = -(-many // lanes) * lanes
     found, done = np.empty((columns, width + 1)), 0
     while done < many and not execution.ready(done / many):
@@ -235,15 +244,49 @@ def evaluated(
                 _one(driver, arguments, given[k], found[k], what, k)
         done = end
     if done < many:
-        rows = np.ascontiguousarray(given[np.minimum(np.arange(columns), many - 1)].T)
+        rows = np.empty((given.shape[1], columns))
+        rows[:, :many], rows[:, many:] = given.T, given[-1][:, None]
         out = np.empty((width + 1, columns))
         run: Any = execution.native
-        begin = done // lanes * lanes
-        run(*arguments, rows, out, None, bodies=columns, begin=begin, end=columns)
+        run.run(constants, (), (rows, out), columns, done // lanes * lanes, columns)
         found[done:] = out.T[done:]
-        for k in np.flatnonzero(found[:many, -1] == 0.0).tolist():  # say why
-            _one(driver, arguments, given[k], found[k], what, k)
+        if not found[:many, -1].all():
+            for k in np.flatnonzero(found[:many, -1] == 0.0).tolist():  # say why
+                _one(driver, arguments, given[k], found[k], what, k)
     return found[:many, :-1].copy()
+
+
+_executions: dict[Any, tuple[Execution, bytes]] = {}
+FEW = 64
+"""So many are remembered."""
+
+OFTEN = 3
+"""Uses after the first one from which those who demand native code have it here too."""
+
+
+def _execution(
+    driver: Any, arguments: tuple[Any, ...], wanted: bool | None
+) -> tuple[Execution, bytes]:
+    """Who runs such a driver for these very arguments, perhaps not for the first time, and their
+    numbers.
+    """
+    native = wanted is not False and kernel.available() is None
+    key = driver, native, *map(id, arguments)
+    known = _executions.get(key)
+    if known is not None:
+        known[0].again()
+        known[0].uses += 1
+        if wanted and known[0].uses == OFTEN:
+            known[0].compile()
+        return known
+    array = np.empty((1, 1))
+    lanes = kernel.lanes() if native else 1
+    call = driver, *arguments, array, array, None
+    made = Execution(None if native else False, None, *call, lanes=lanes), numbers_of(*arguments)
+    if len(_executions) >= FEW:
+        _executions.clear()
+    _executions[key] = made  # which has the arguments, so that their identities remain theirs
+    return made
 
 
 def _one(
@@ -269,23 +312,29 @@ def unpacked(layout: Any, numbers: np.ndarray) -> dict[str, np.ndarray]:
     """Numbers of states, (..., width), as the parts of the state by name: views, of complex numbers
     perhaps copies.
     """
-    arrays, at = {}, 0
-    for name, inner in zip(layout.detail[1], layout.parts, strict=True):
-        if inner.width:
-            shape, is_complex = _form(inner)
-            own = numbers[..., at : at + inner.width]
-            if is_complex:
-                own = np.ascontiguousarray(own).view(complex)
-            arrays[name] = own.reshape(*numbers.shape[:-1], *shape)
-            at += inner.width
+    arrays = {}
+    for name, begin, end, shape, is_complex in _parts(layout):
+        own = numbers[..., begin:end]
+        if is_complex:
+            own = np.ascontiguousarray(own).view(complex)
+        if own.shape[-1:] != shape:
+            own = own.reshape(numbers.shape[:-1] + shape)
+        arrays[name] = own
     return arrays
 
 
 @functools.lru_cache(256)
-def _form(layout: Any) -> tuple[tuple[int, ...], bool]:
-    """The shape of the array of a vector or matrix, and whether it is complex."""
-    zero = np.array(build(layout, iter([0.0] * layout.width)))
-    return zero.shape, zero.dtype == complex
+def _parts(layout: Any) -> list[tuple[str, int, int, tuple[int, ...], bool]]:
+    """Of each part of a state its name, where its numbers begin and end, the shape of its array,
+    and whether that is complex.
+    """
+    parts, at = [], 0
+    for name, inner in zip(layout.detail[1], layout.parts, strict=True):
+        if inner.width:
+            zero = np.array(build(inner, iter([0.0] * inner.width)))
+            parts.append((name, at, at + inner.width, zero.shape, zero.dtype == complex))
+            at += inner.width
+    return parts
 
 
 def flat(arrays: dict[str, np.ndarray], count: int) -> np.ndarray:

@@ -6,12 +6,14 @@ from __future__ import annotations
 
 import dataclasses
 import time
+from array import array
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
 from ..compiler import kernel
 from ..errors import NotCompilable, NotCompiledWarning, warn
+from ..formulas.pytree import gatherer, layout_of
 from .progress import notice
 
 LOOK = 0.02
@@ -67,6 +69,7 @@ class Execution:
         )
         self.given: Sequence[Any] = kernel.examples(call[1:])
         self.native: kernel.Kernel | None = None
+        self.uses = 0  # counted by whoever keeps it
         self.guard: Any = None  # of this call, where it has parts of its own
         self.again()
 
@@ -140,7 +143,7 @@ class Execution:
         try:
             if why_not is not None:
                 raise NotCompilable(f"integrate: compiled=True, but {why_not}")
-            with notice(self.progress, f"liemech: compiling {self.call[1]!r} ..."):
+            with notice(self.progress, f"liemech: compiling {self.given[0]!r} ..."):
                 self.native = kernel.kernel(*self.call, lanes=self.lanes)
         except NotCompilable as error:
             if self.wanted:
@@ -153,6 +156,14 @@ class Execution:
                     warn(
                         f"{error}. Running in plain Python instead, much slower", NotCompiledWarning
                     )
+
+
+def numbers_of(*values: Any) -> bytes:
+    """The numbers of values in turn, as native code gets them; those of which every body has its own
+    lie elsewhere.
+    """
+    shared = [value for value in values if not isinstance(value, kernel.Several)]
+    return b"".join([array("d", gatherer(layout_of(value))(value)).tobytes() for value in shared])
 
 
 def like(thing: Any) -> Any:

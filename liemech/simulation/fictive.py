@@ -7,6 +7,7 @@ from functools import cached_property
 from typing import Any
 
 from ..errors import IncompatibleSystem
+from ..formulas.pytree import layout_of
 from ..integrators.composition import Composition
 from ..systems.clocked import Clocked
 from ..systems.system import State, small_state, state_of
@@ -48,8 +49,14 @@ class Origin:
         """
         kept = plan.of_origins.get(self)
         if kept is None:
-            made = replace(plan, system=self.whole, shapes={}, clock="tau")
+            layout = layout_of(self.whole)
+            like = plan.of_layouts.get(layout)
+            shapes = [] if like is None else [*like.shapes.items()]
+            shared = {key: shape.of_system(self.whole) for key, shape in shapes}
+            made = replace(plan, system=self.whole, shapes=shared, clock="tau")
             kept = plan.of_origins.setdefault(self, made)
+            if like is None or not shapes:
+                plan.of_layouts[layout] = kept
         return kept
 
     def __getstate__(self) -> dict[str, Any]:

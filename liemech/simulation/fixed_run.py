@@ -6,6 +6,7 @@ import functools
 import os
 import time
 from array import array
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -125,7 +126,8 @@ class FixedRun:
         """
         for i in range(self.count):
             start = fitted(self._member(i), started) if i else one
-            trial = attempt(begun, self.plan.method, self.plan.of(i), start, self.plan.h_of(i))
+            own = self.plan.method_of(i), self.plan.of(i), start, self.plan.h_of(i)
+            trial = attempt(begun, *own)
             if not isinstance(trial, Rejected):
                 carry, example = trial
                 return double_double(carry) if started.long else carry, example
@@ -438,13 +440,14 @@ class FixedRun:
                 self.shape, self.t0, self.plan.h, reached, self.bodies, memory, shown, self.failures
             )
 
-        def samples() -> dict[str, Any]:
+        @functools.cache
+        def made() -> tuple[np.ndarray, dict[str, Any]]:
             if carry is not None:
                 carry.keep()
-            return dict(zip(("t", "states"), self._samples(self.out[:rows], steps), strict=True))
+            return self._samples(self.out[:rows], steps)
 
         return Trajectory.promised(
-            samples,
+            SimpleNamespace(t=lambda: made()[0], states=lambda: made()[1]),
             system=self.plan.system,
             method=self.plan.method,
             h=shown_step(self.plan.h),
@@ -503,7 +506,7 @@ class FixedRun:
         )
         if self.bodies is None:
             at += f"; {self.earlier + self._rows(step - self.before)} samples are in `.trajectory`"
-        return failure(self.failures.get(body), repr(self.plan.method), at)
+        return failure(self.failures.get(body), repr(self.plan.method_of(body)), at)
 
     def _ended(self, body: int) -> Exception:
         """The error of a single body that stopped: its failure, or the mistake in a formula itself."""

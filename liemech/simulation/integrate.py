@@ -12,7 +12,7 @@ from ..integrators.method import Method
 from ..systems.system import State, System
 from . import arguments
 from .plan import Plan
-from .systems import systems_of
+from .systems import methods_of, systems_of
 from .trajectory import Trajectory
 
 KEPT = 32
@@ -29,7 +29,7 @@ _plans: dict[Any, Plan] = {}
 
 def integrate(
     system: System | Sequence[System],
-    method: Method,
+    method: Method | Sequence[Method],
     start: State,
     *,
     h: Any = None,
@@ -139,20 +139,21 @@ def integrate(
     if plan is not None and plan.system is not system:
         plan = _plans[key] = plan.of_system(system)  # type: ignore[arg-type]  # with a key it is one system
     if plan is None:
-        several = systems_of(system)
+        several, kinds = systems_of(system), methods_of(method)
         one: Any = system if several is None else several[0]
-        arguments.matching(one, method)
+        way: Any = method if kinds is None else kinds[0]
+        arguments.matching(one, way)
         options = dict(zip(OPTIONS, rest, strict=False))
-        if method.fictive or one.fictive:
+        if way.fictive or one.fictive:
             pass
         elif t_end is None:
             _only_alike(h, steps, options)
         elif (
             h is None
-            or not arguments.alike(method)
+            or not arguments.alike(way)
             or any(options[name] is not None for name in ("rtol", "atol", "max_step"))
         ):
-            arguments.only_adaptive(method, every, workers)
+            arguments.only_adaptive(way, every, workers)
             options["rtol"] = arguments.RTOL if rtol is None else rtol
         plan = Plan(system, method, **options)
         if key is not None:

@@ -55,9 +55,10 @@ def _time(run: Any) -> tuple[str, dict[str, tuple[tuple[str, ...], np.ndarray]]]
     tau = getattr(run, "tau", None) if hasattr(type(run), "tau") else None
     if run.t.ndim == 1:
         return "t", {"t": (("t",), run.t)} | ({} if tau is None else {"tau": (("t",), tau)})
-    if tau is None:  # bodies with steps of their own
+    own = {} if tau is None else {"tau": (("sample", "body"), tau)}
+    if tau is None or np.ndim(tau) == 2:  # bodies with steps of their own
         return "sample", {
             "sample": (("sample",), np.arange(len(run.t))),
             "t": (("sample", "body"), run.t),
-        }
+        } | own
     return "tau", {"tau": (("tau",), np.asarray(tau)), "t": (("tau", "body"), run.t)}

@@ -9,23 +9,26 @@ import os
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from ..compiler.kernel import Several
 from ..errors import InvalidInput, InvalidType, StepWarning, warn
 from ..formulas import Record
-from ..formulas.pytree import exact, fields_of, layout_of
+from ..formulas.pytree import Layout, exact, fields_of, known_layout, layout_of, restricted
 from ..integrators.method import Method
 from ..systems.system import State, System, member
 from . import arguments
-from .at_once import advanced, at_once
-from .carry import AdaptiveCarry, Carry
+from .at_once import advanced, at_once, of_shape
+from .carry import AdaptiveCarry, Carries, Carry, Ended, Waiting
 from .checkpoint import Checkpoint
 from .execution import like
 from .fictive import FictiveCarry
 from .fixed_run import FixedRun
-from .prepared import Steps
+from .one_by_one import OneByOne, apart
+from .prepared import Steps, shown_step
 from .recorded import Recorder, recorder_of
-from .systems import Systems, systems_of
-from .trajectory import Trajectory
+from .systems import OfBodies, Systems, each_of, methods_of, of_body, systems_of
+from .trajectory import Trajectory, TransformedTrajectory
 
 if TYPE_CHECKING:
     from .tangent import TangentTrajectory
@@ -60,7 +63,7 @@ class Plan:
     def __init__(
         self,
         system: System | Sequence[System],
-        method: Method,
+        method: Method | Sequence[Method],
         h: Any = None,
         *,
         rtol: float | None = None,
@@ -79,11 +82,14 @@ class Plan:
     ) -> None:
         if not isinstance(system, System) and isinstance(system, (list, tuple)):
             system = tuple(system)
+        if isinstance(method, (list, tuple)):
+            method = tuple(method)
         breaks = arguments.jumps(breaks)
         record = arguments.names(record)
-        several = systems_of(system)
+        several, kinds = systems_of(system), methods_of(method)
         one: Any = system if several is None else several[0]
-        arguments.matching(one, method)
+        for way in (method,) if kinds is None else kinds:
+            arguments.matching(one, way)
         every, workers = arguments.count(every, "every", 1), arguments.count(workers, "workers", 1)
         for name, value in (
             ("compensated", compensated),
@@ -95,16 +101,25 @@ class Plan:
         arguments.digits(precision, compensated)
         self.system: Any = one if several is None else several
         self.recorder = recorder_of(record, one)
-        self.method, self.record = method, record
-        self._one = one
+        self.method: Any = method if kinds is None else kinds
+        self.record, self._one = record, one
         events = self.events = arguments.events(events)
         self._given = dict(
             system=system, method=method, h=h, rtol=rtol, atol=atol, max_step=max_step, breaks=breaks, every=every, record=record,
             events=events, dense=dense, compensated=compensated, precision=precision, compiled=compiled, progress=progress,
             workers=workers,
         )  # fmt: skip
+        numbers = ("h", h), ("rtol", rtol), ("atol", atol), ("max_step", max_step)
+        self.of_each: dict[str, Any] = {
+            name: value
+            for name, value in (("system", several), ("method", kinds), *numbers)
+            if isinstance(value, OfBodies) or (value is not None and arguments.axes(value, name))
+        }
         self._steps: Any = None
-        if method.fictive or one.fictive:
+        # of starts as they are given: how they are laid out in runs
+        self._laid_out: dict[Layout, tuple[Layout, bool]] = {}
+        first = self._first_of
+        if self.fictive:
             if h is None:
                 raise InvalidInput(
                     "integrate: give h, the step in fictive time, and steps or t_end"
@@ -115,12 +130,12 @@ class Plan:
             for name in (name for name, given in others.items() if given is not None):
                 raise InvalidInput(
                     f"integrate: {name} is not for steps in fictive "
-                    f"time, as {method!r} makes them by h"
+                    f"time, as {self.method!r} makes them by h"
                 )
             self._steps = Steps(
                 self.system,
-                method,
-                arguments.step(h),
+                self.method,
+                arguments.step(first("h")),
                 every,
                 compensated,
                 precision,
@@ -131,7 +146,7 @@ class Plan:
         elif h is None or not (rtol is atol is max_step is None) or len(breaks):
             from .adaptive_run import AdaptiveSteps
 
-            arguments.only_adaptive(method, every, workers)
+            arguments.only_adaptive(first("method"), every, workers)
             if precision != "double":
                 raise InvalidInput(
                     f"integrate: precision={precision!r} is for "
@@ -142,8 +157,9 @@ class Plan:
                     "integrate: compensated is for steps of one length; "
                     "adaptive ones have larger errors than rounding"
                 )
+            own = first("h"), first("rtol"), first("atol"), first("max_step")
             self._steps = AdaptiveSteps.checked(
-                self.system, method, h, rtol, atol, max_step, breaks, dense, compiled, progress
+                one, first("method"), *own, breaks, dense, compiled, progress
             )
         else:
             if dense is not None and dense is not True:
@@ -153,7 +169,7 @@ class Plan:
                 )
             self._steps = Steps(
                 self.system,
-                method,
+                self.method,
                 arguments.steps(h),
                 every,
                 compensated,
@@ -162,6 +178,17 @@ class Plan:
                 progress,
                 workers,
             )
+        self._plain = (  # is there nothing to do but to step, with one length, and for one system?
+            isinstance(self._steps, Steps)
+            and not (self.of_each or events or self.fictive or self.recorder is not None)
+        )
+
+    def _first_of(self, name: str) -> Any:
+        """What was given for the first body, or for all."""
+        values = self.of_each.get(name)
+        if values is None:
+            return self._given[name]
+        return values[0] if isinstance(values, OfBodies) else arguments.first(values, name)
 
     @property
     def adaptive(self) -> bool:
@@ -183,6 +210,7 @@ class Plan:
         if (
             len(changed) == 1
             and isinstance(system, System)
+            and not isinstance(self.system, OfBodies)
             and layout_of(system) == layout_of(self._given["system"])
         ):
             return self.of_system(system)
@@ -192,7 +220,7 @@ class Plan:
         """This plan of one system for another of the same layout, that is, with other numbers only:
         what is prepared is shared.
         """
-        arguments.matching(system, self.method)
+        arguments.matching(system, of_body(self.method, 0))
         other: Plan = like(self)
         other.system = other._one = system
         other._given, other._steps = self._given | {"system": system}, self._steps.of_system(system)
@@ -238,8 +266,14 @@ class Plan:
             if checkpoint is not None:
                 raise InvalidInput("integrate: checkpoint is for runs without executor")
             return spread(self, start, executor, steps=steps, t_end=t_end, t0=t0, t_eval=t_eval)
+        if type(steps) is int and t_end is None and t_eval is None and checkpoint is None:
+            run = self._again(start, steps, t0)
+            if run is not None:
+                return run
         start, t0 = self._started(start), arguments.real(t0, "t0")
         kept = self._kept(checkpoint, checkpoint_every)
+        if start.bodies is not None and apart(self, start, t_end, t_eval):
+            return self._one_by_one(start, t0, steps, t_end, t_eval, kept)
         if self.fictive:
             return self._transformed(start, steps, t_end, t0, t_eval, kept)
         if self.adaptive:
@@ -252,27 +286,78 @@ class Plan:
             warn(doubt, StepWarning)
         return self._stepped(start, steps, t0, t_eval, kept)
 
+    def _again(self, start: Any, steps: int, t0: Any) -> Trajectory | None:
+        """A run that has nothing to do but to step, of a start that is laid out as one before;
+        None for all others, and for what is to be refused.
+        """
+        known = self._known(start) if self._plain else None
+        shape = None if known is None else self._steps.shapes.get(known)
+        if shape is None or type(t0) is not float:
+            return None
+        h = self._steps.h
+        end = t0 + steps * h
+        latest = max(abs(t0), abs(end))
+        if steps > arguments.MOST or not latest < math.inf or latest + abs(h) == latest:
+            return None
+        if type(self.method).step_warning is not Method.step_warning and (
+            shape.given != known_layout(start)  # it might ask for what is not recorded
+            or self._doubt(start)
+        ):
+            return None
+        return of_shape(self._steps, shape, start, steps, t0)
+
+    def _known(self, start: Any) -> tuple[Layout, bool] | None:
+        """How a start of one body is laid out in a run, if one like it was checked before."""
+        given = known_layout(start)
+        if given is None and isinstance(start, State) and start.bodies is None:
+            given = layout_of(start)
+        known = None if given is None else self._laid_out.get(given)
+        return known if known is not None and self._inner._knows(start) else None
+
+    def _one_by_one(
+        self, start: Any, t0: float, steps: Any, t_end: Any, t_eval: Any, kept: Checkpoint | None
+    ) -> Trajectory:
+        """A run of an ensemble whose bodies go each its own way."""
+        recorder, kind = self.recorder, type(start if isinstance(start, State) else start.state)
+        compiled = self._steps.compiled
+        if kept is not None and recorder is not None:
+            kept.shown = functools.partial(recorder.presented, kind=kind, compiled=compiled)
+        run = OneByOne(self, start, t0, steps, t_end, t_eval, kept)
+        if recorder is None:
+            return run.trajectory()
+        made: Trajectory = recorder.instead(run.trajectory, kind, compiled)
+        return made
+
     def _started(self, start: Any) -> Any:
         """The start with the parts that the run needs; its bodies must be as many as the systems,
         and as the steps if they have steps of their own.
         """
-        inner = self._inner
+        known = self._known(start)
+        if known is not None:
+            return restricted(start, known[0])
+        inner, given = self._inner, start
         start = arguments.started(inner, start, self._needed(inner, start))
-        if self.fictive:  # one system, one step
-            return start
-        if self._one is not self.system and start.bodies != len(self.system):
-            raise InvalidInput(
-                f"integrate: there are {len(self.system)} systems for "
-                f"{start.bodies or 'a start of one'} bodies"
-            )
-        own = getattr(self._steps, "h", None)
-        if isinstance(own, tuple) and start.bodies != len(own):
+        if not self.of_each and start.bodies is None and inner._knows(given):
+            self._laid_out[layout_of(given)] = layout_of(start), False
+        for name, own in self.of_each.items():
+            if start.bodies == len(own):
+                continue
+            if name in ("system", "method"):
+                raise InvalidInput(
+                    f"integrate: there are {len(own)} {name}s for "
+                    f"{start.bodies or 'a start of one'} bodies"
+                )
             if start.bodies is None:
                 raise InvalidType(
-                    "integrate: h must be a number for a start of "
-                    f"one body; got {self._given['h']!r}"
+                    f"integrate: {name} must be a number for a start of "
+                    f"one body; got {self._given[name]!r}"
                 )
-            raise InvalidInput(f"integrate: h has {len(own)} steps for {start.bodies} bodies")
+            what = "steps" if name == "h" else "numbers"
+            raise InvalidInput(
+                f"integrate: {name} has {len(own)} {what} for {start.bodies} bodies"
+            )
+        if self.fictive:
+            return start
         if self._one is not self.system and self._one.bounded:
             arguments.allowed(self.system, start)
         return start
@@ -285,7 +370,7 @@ class Plan:
         if kept is not None:
             from .archive import encoded
 
-            for name, value in (("system", self._one), ("method", self.method)):
+            for name, value in (("system", self._one), ("method", of_body(self.method, 0))):
                 try:
                     encoded(value)
                 except InvalidInput as error:
@@ -301,11 +386,12 @@ class Plan:
     def _doubt(self, start: State) -> str | None:
         """What the method warns of; of several systems the first warning."""
         steps: Steps = self._steps
-        if not isinstance(self.system, Systems) and not isinstance(steps.h, tuple):
+        if not self.of_each:
             return self.method.step_warning(self.system, start, steps.h)
         bodies = range(start.bodies or 0)
         doubts = (
-            self.method.step_warning(steps.of(i), member(start, i), steps.h_of(i)) for i in bodies
+            steps.method_of(i).step_warning(steps.of(i), member(start, i), steps.h_of(i))
+            for i in bodies
         )
         return next((doubt for doubt in doubts if doubt), None)
 
@@ -314,7 +400,7 @@ class Plan:
         run: Trajectory,
         *,
         steps: int | None = None,
-        t_end: float | None = None,
+        t_end: Any = None,
         t_eval: Any = None,
         checkpoint: str | os.PathLike[str] | None = None,
         checkpoint_every: float = 60.0,
@@ -330,6 +416,8 @@ class Plan:
         if not isinstance(run, Trajectory):
             raise InvalidType(f"Plan.resume goes on with a Trajectory; got {type(run).__name__}")
         carry, kept = self._of_this_plan(run), self._kept(checkpoint, checkpoint_every)
+        if apart(self, carry, t_end, t_eval):
+            return self._one_by_one(carry, 0.0, steps, t_end, t_eval, kept)
         if self.fictive:
             return self._transformed(carry, steps, t_end, carry.t, t_eval, kept)
         if self.adaptive:
@@ -364,11 +452,6 @@ class Plan:
         """A run in fictive time."""
         from .transformed import TransformedRun
 
-        if self._one is not self.system:
-            raise InvalidInput(
-                f"integrate: {self.method!r} steps in fictive time, "
-                "which several systems do not share"
-            )
         if steps is None and t_end is None:
             raise InvalidInput("integrate: give h, the step in fictive time, and steps or t_end")
         if t_end is None and t_eval is not None:
@@ -400,14 +483,9 @@ class Plan:
                 raise InvalidInput(
                     "integrate: give steps or t_end for steps of one length, not both"
                 )
-            if isinstance(h, tuple):
-                raise InvalidInput(
-                    "integrate: bodies with steps of their own come to "
-                    "times of their own; give steps, not t_end"
-                )
             span = (arguments.real(t_end, "t_end") - t0) / h - before
             steps = round(span)
-            if steps < 0 or abs(span - steps) > ROUNDING * max(1, steps):
+            if steps < 0 or abs(span - steps) > ROUNDING * max(1, before + steps):
                 n = max(1, math.ceil(abs(span)))
                 fits = (t_end - t0 - before * h) / n
                 raise InvalidInput(
@@ -466,11 +544,6 @@ class Plan:
             )
         from .watched import WatchedRun, sampled
 
-        if isinstance(self._steps.h, tuple):
-            raise InvalidInput(
-                "integrate: t_eval and events need one h for all "
-                "bodies; these have steps of their own"
-            )
         begun = start.t if isinstance(start, Carry) else t0
         before = start.step if isinstance(start, Carry) else 0
         times = arguments.times(t_eval, begun, t0 + (before + steps) * self._steps.h)
@@ -488,13 +561,24 @@ class Plan:
                 "by an event, and carries nothing on; start from run.last"
             )
         given = carry.origin.given if isinstance(carry, FictiveCarry) else run.system
-        systems = [[*x] if isinstance(x, Systems) else [x] for x in (self.system, given)]
-        of_bodies = [("system", *pair) for pair in zip(*systems, strict=False)]
-        if len(systems[0]) != len(systems[1]):
-            raise InvalidInput(
-                f"Plan.resume: the run was made with {len(systems[1])} "
-                f"systems, the plan with {len(systems[0])}"
-            )
+        if isinstance(run, TransformedTrajectory) and isinstance(run.origin, tuple):
+            given = run.system if not self._one.fictive else None
+            if isinstance(self.system, OfBodies) and given is None:
+                given = Systems(tuple([origin.given for origin in run.origin]))
+            elif given is None:
+                given = run.origin[0].given
+        of_bodies = []
+        for name, mine, theirs in (
+            ("system", self.system, given),
+            ("method", self.method, run.method),
+        ):
+            pairs = each_of(mine), each_of(theirs)
+            if len(pairs[0]) != len(pairs[1]):
+                raise InvalidInput(
+                    f"Plan.resume: the run was made with {len(pairs[1])} "
+                    f"{name}s, the plan with {len(pairs[0])}"
+                )
+            of_bodies += [(name, *pair) for pair in zip(*pairs, strict=True)]
         record = (self.record,) if isinstance(self.record, str) else self.record
         if self.recorder is not None:
             record = self.recorder.names
@@ -505,25 +589,31 @@ class Plan:
                 "Plan.resume: the run recorded "
                 f"{', '.join(run.states)}, the plan records {self.record}"
             )
-        for name, mine, theirs in (*of_bodies, ("method", self.method, run.method)):
+        for name, mine, theirs in of_bodies:
             if mine is not theirs and exact(mine) != exact(theirs):
                 raise InvalidInput(
                     f"Plan.resume: the run was made with another {name}: "
                     f"{', '.join(differing(mine, theirs))}; start a new one from run.last, or make "
                     "a plan of what it was made with"
                 )
-        if not isinstance(
-            carry, AdaptiveCarry if self.adaptive else FictiveCarry if self.fictive else Carry
-        ):
-            raise InvalidInput(
-                "Plan.resume: the run was made with other steps; start a new one from run.last"
-            )
-        inner: Any = carry.inner if isinstance(carry, FictiveCarry) else carry
-        if not self.adaptive and inner.h != self._steps.h:
-            raise InvalidInput(
-                f"Plan.resume: the run was made with h = {inner.h!r} instead of {self._steps.h!r}; "
-                "start a new one from run.last"
-            )
+        wanted = AdaptiveCarry if self.adaptive else FictiveCarry if self.fictive else Carry
+        several = isinstance(carry, Carries)
+        for body, one in enumerate(carry.members if several else (carry,)):
+            if isinstance(one, (Waiting, Ended)):
+                continue
+            if not isinstance(one, wanted):
+                raise InvalidInput(
+                    "Plan.resume: the run was made with other steps; start a new one from run.last"
+                )
+            inner: Any = one.inner if isinstance(one, FictiveCarry) else one
+            h = getattr(self._steps, "h", None)
+            if several and "h" in self.of_each:
+                h = arguments.step(self.of_each["h"][body])
+            if not self.adaptive and inner.h != h:
+                raise InvalidInput(
+                    f"Plan.resume: the run was made with h = {inner.h!r} instead of {h!r}; "
+                    "start a new one from run.last"
+                )
         return carry
 
     def tangent(
@@ -535,30 +625,29 @@ class Plan:
         t0: float = 0.0,
         by: str | Sequence[str] = "start",
     ) -> TangentTrajectory:
-        """A run of one body with its tangent map: the exact derivative of the discrete motion.
+        """A run with its tangent map: the exact derivative of the discrete motion.
 
         by : "start", or parameters of the system such as "inertia" or "hamiltonian.rotor", or a
         list of these.  The derivative by parameters is as exact as that of what the system computes
         of them when it is made, about 1e-13.
+        With adaptive steps it is the derivative of the steps that were accepted, their lengths held
+        fixed; t_end is needed.  In fictive time it is the derivative at the same fictive time, with
+        the row of physical time behind the others, and steps are needed.
 
         Returns a TangentTrajectory, whose `tangent["start"]` is (n, N, N): derivatives of the state
-        at each sample, group elements left-trivialised, dg = g hat(eta).
+        at each sample, group elements left-trivialised, dg = g hat(eta).  Of an ensemble of m
+        bodies, one after another, (n, m, N, N).
         Raises what `integrate` does; InvalidInput for what is no parameter, IncompatibleSystem for
-        methods of power series.
+        classical Hamilton-Jacobi methods, whose power series cannot carry a derivative.
         """
-        from .tangent import tangent_run
+        from .tangent import of_bodies
 
-        self._one_length("tangent")
-        if self.fictive:
-            raise InvalidInput(
-                "Plan.tangent is for steps of one length in time; give the plan no time scale"
-            )
         if self.recorder is not None:
             raise InvalidInput(
                 "Plan.tangent is of the state; make a plan that records no functions of it"
             )
-        if self._one is not self.system or getattr(start, "bodies", None) is not None:
-            raise InvalidInput("Plan.tangent is for one body at a time")
+        if self.events:
+            raise InvalidInput("Plan.tangent looks for no events; make a plan without them")
         start, t0 = self._started(start), arguments.real(t0, "t0")
         names: tuple[Any, ...] = (
             (by,) if isinstance(by, str) else tuple(by) if isinstance(by, (list, tuple)) else (by,)
@@ -567,8 +656,33 @@ class Plan:
             raise InvalidType(
                 f'Plan.tangent: by is "start", a parameter such as "inertia", or a list of these; got {by!r}'
             )
-        if self.events:
-            raise InvalidInput("Plan.tangent looks for no events; make a plan without them")
+        if start.bodies is None:
+            return self._tangent(start, steps, t_end, t0, names)
+        alone = OneByOne(self, start, t0, steps, t_end, None, None)
+        runs = [
+            plan._tangent(begun.state, steps, end, t0, names)
+            for plan, begun, end in zip(alone.plans, alone.starts, alone.ends, strict=True)
+        ]
+        h = float(np.mean([run.h for run in runs])) if self.adaptive else shown_step(self._steps.h)
+        return of_bodies(self.system, self.method, h, runs)
+
+    def _tangent(
+        self, start: State, steps: Any, t_end: Any, t0: float, names: tuple[str, ...]
+    ) -> TangentTrajectory:
+        """The run of one body with its tangent map."""
+        from .tangent import adaptive_tangent_run, fictive_tangent_run, tangent_run
+
+        if self.adaptive:
+            run = self._steps.run(start, t0, t_end, steps, None, ())
+            return adaptive_tangent_run(self._steps, run, self._steps.begun(run.t), start, names)
+        if self.fictive:
+            if t_end is not None or steps is None:
+                raise InvalidInput(
+                    "Plan.tangent: in fictive time give steps, and no t_end, which is met by a step"
+                    " of another length"
+                )
+            steps = arguments.count(steps, "steps", 0)
+            return fictive_tangent_run(self._steps, start, steps, t0, names)
         return tangent_run(self._steps, start, self._count(steps, t_end, t0), t0, names)
 
     # ---------------------------------------------------------------- step by step
@@ -614,9 +728,11 @@ class Plan:
             theirs = carry.origin.given, carry.origin.method
         elif inner.shape is not None:
             method, system, *_ = inner.shape.arguments
-            theirs = (system.values if isinstance(system, Several) else system), method
-        mine = self.system.systems if isinstance(self.system, Systems) else self.system
-        if theirs is not None and exact(theirs) != exact((mine, self.method)):
+            theirs = tuple([x.values if isinstance(x, Several) else x for x in (system, method)])
+        mine = tuple(
+            [x.members if isinstance(x, OfBodies) else x for x in (self.system, self.method)]
+        )
+        if theirs is not None and exact(theirs) != exact(mine):
             raise InvalidInput(
                 "Plan.step: the carry is of another system or method; begin anew from carry.state"
             )

@@ -13,11 +13,11 @@ import numpy as np
 from ..errors import IntegrationInterrupted, InvalidInput, InvalidType, warn
 from ..systems.system import State
 from . import arguments
-from .carry import Carry
+from .carry import Carries, Carry
 from .fictive import FictiveCarry
 from .progress import Bar
 from .stopped import Stopped
-from .systems import Systems
+from .systems import OfBodies, Systems
 from .trajectory import TransformedTrajectory
 
 CHUNK = 2**22
@@ -56,9 +56,8 @@ def spread(plan: Any, start: Any, executor: Any, **how: Any) -> Any:
             "executor.submit(plan.run, ...) for one"
         )
     plan._started(start)
-    if plan.adaptive and how["t_end"] is not None:
-        t0 = arguments.real(how["t0"], "t0")
-        arguments.ends_and_times(how["t_end"], how["t_eval"], t0, start.bodies)
+    arguments.ends(how["t_end"], start.bodies)
+    arguments.columns(how["t_eval"], start.bodies)
     chunks = _chunks(
         start.bodies, how.get("steps") or 1000, getattr(executor, "_max_workers", None)
     )
@@ -141,10 +140,8 @@ def _chunks(bodies: int, steps: int, workers: int | None) -> list[tuple[int, int
 
 def _part_of(plan: Any, first: int, end: int) -> Any:
     """The plan of some bodies."""
-    system: Any = plan.system
-    some = [*system][first:end] if isinstance(system, Systems) else plan._given["system"]
-    h = plan._given["h"]
-    return plan.replace(system=some, progress=False, h=h[first:end] if np.ndim(h) else h)
+    own = {name: [*values][first:end] for name, values in plan.of_each.items()}
+    return plan.replace(progress=False, **own)
 
 
 def _times_of(how: dict[str, Any], first: int, end: int) -> dict[str, Any]:
@@ -177,20 +174,26 @@ def _joined(plan: Any, chunks: list[tuple[int, int]], runs: list[Any]) -> Any:
             RuntimeWarning,
         )
     more: dict[str, Any] = {}
-    if first.t.ndim == 2:  # every body has times of its own
-        more = {"t": np.concatenate([run.t for run in runs], axis=1)}
+    samples = max(map(len, runs))
+    if any(not np.array_equal(run.t, first.t) or run.t.ndim == 2 for run in runs):
+        # every body has times of its own
+        more = {"t": _beside([_of_each(run, run.t) for run in runs], samples)}
     if isinstance(first, TransformedTrajectory):
         if first.z is not None:
-            more["z"] = np.concatenate([run.z for run in runs], axis=1)
-        more["origin"] = dataclasses.replace(
-            first.origin, start=_all([run.origin.start for run in runs])
-        )
+            more["z"] = _beside([run.z for run in runs], samples)
+        if isinstance(first.origin, tuple):
+            more["origin"] = sum([run.origin for run in runs], ())
+            more["tau"] = _beside([_of_each(run, run.tau) for run in runs], samples)
+        else:
+            more["origin"] = dataclasses.replace(
+                first.origin, start=_all([run.origin.start for run in runs])
+            )
     return dataclasses.replace(
         first,
-        system=plan.system,
+        system=_systems(plan, runs),
+        method=plan.method,
         states={
-            name: np.concatenate([run.states[name] for run in runs], axis=1)
-            for name in first.states
+            name: _beside([run.states[name] for run in runs], samples) for name in first.states
         },
         h=_step(chunks, runs),
         bodies=bodies,
@@ -198,9 +201,28 @@ def _joined(plan: Any, chunks: list[tuple[int, int]], runs: list[Any]) -> Any:
         compiled=all(run.compiled for run in runs),
         stopped=stopped,
         rejected=None if first.rejected is None else sum(run.rejected for run in runs),
+        events=tuple([sum(found, ()) for found in zip(*(run.events for run in runs))]),
         carry=_carry(chunks, [run.carry for run in runs], more.get("origin")),
         **more,
     )
+
+
+def _systems(plan: Any, runs: list[Any]) -> Any:
+    """The systems that move; of runs in fictive time those inside."""
+    if isinstance(plan.system, OfBodies) and isinstance(runs[0], TransformedTrajectory):
+        return Systems(sum([tuple(run.system) for run in runs], ()))
+    return runs[0].system if isinstance(runs[0], TransformedTrajectory) else plan.system
+
+
+def _of_each(run: Any, t: np.ndarray) -> np.ndarray:
+    """The times of a chunk, (n, bodies)."""
+    return t if t.ndim == 2 else np.repeat(t[:, None], run.bodies, axis=1)
+
+
+def _beside(arrays: list[np.ndarray], samples: int) -> np.ndarray:
+    """Samples of all chunks beside each other; the last ones of a chunk again where it has less."""
+    filled = [np.concatenate([x, np.repeat(x[-1:], samples - len(x), axis=0)]) for x in arrays]
+    return np.concatenate(filled, axis=1)
 
 
 def _step(chunks: list[tuple[int, int]], runs: list[Any]) -> Any:
@@ -222,6 +244,10 @@ def _carry(chunks: list[tuple[int, int]], carries: list[Any], origin: Any = None
     """What all bodies carry along, from an origin in fictive time; None if those of a chunk have
     all stopped.
     """
+    if any(isinstance(carry, Carries) for carry in carries):
+        if None in carries:
+            return None
+        return Carries(sum([carry.members for carry in carries], ()))
     if origin is not None and None not in carries:
         return FictiveCarry(origin, _carry(chunks, [carry.inner for carry in carries]))
     if not all(isinstance(carry, Carry) for carry in carries):

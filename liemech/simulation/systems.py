@@ -1,50 +1,94 @@
-"""An ensemble whose members have parameters of their own: as many systems of one kind."""
+"""An ensemble whose members have parameters of their own: as many systems, or methods, of one kind."""
 
 from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Iterator
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
 from ..errors import InvalidInput
 from ..formulas.pytree import layout_of
+from ..integrators.method import Method
 from ..systems.system import System
 
 BY_MEMBER = ("energy", "velocity", "momentum", "casimirs", "multipliers")
 """Quantities that depend on the parameters, of arrays (n, bodies, ...)."""
 
 
-class Systems:
-    """Systems of one kind, one for each body of an ensemble; what does not depend on their
-    parameters is that of the first.
+class OfBodies:
+    """Systems or methods of one kind, one for each body of an ensemble; what does not depend on
+    their parameters is that of the first.
     """
 
-    def __init__(self, systems: tuple[System, ...]) -> None:
-        self.systems = systems
+    called: ClassVar[str]
+
+    def __init__(self, members: tuple[Any, ...]) -> None:
+        self.members = members
 
     def __len__(self) -> int:
-        return len(self.systems)
+        return len(self.members)
 
-    def __getitem__(self, body: int) -> System:
-        return self.systems[body]
+    def __getitem__(self, body: int) -> Any:
+        return self.members[body]
 
-    def __iter__(self) -> Iterator[System]:
-        return iter(self.systems)
+    def __iter__(self) -> Iterator[Any]:
+        return iter(self.members)
 
     def __getattr__(self, name: str) -> Any:
-        if name.startswith("__") or name == "systems":
+        if name.startswith("__") or name == "members":
             raise AttributeError(name)
-        return self._by_member(name) if name in BY_MEMBER else getattr(self.systems[0], name)
+        return getattr(self.members[0], name)
+
+    def __repr__(self) -> str:
+        return f"[{self.members[0]!r}, ... {len(self.members)} {self.called}]"
+
+    @classmethod
+    def of(cls, given: Any, kind: type, example: str) -> Any:
+        """What a user gave in a list, one for each body."""
+        if isinstance(given, OfBodies):
+            return given
+        if not isinstance(given, (list, tuple)):
+            return None
+        if not given or not all(isinstance(x, kind) for x in given):
+            wrong = next((x for x in given if not isinstance(x, kind)), given)
+            raise InvalidInput(
+                f"integrate: several {cls.called} are a list such as [{example}, ...], one for "
+                f"each body; got {wrong!r}"
+            )
+        layout = layout_of(given[0])
+        for i, other in enumerate(given):
+            if layout_of(other) != layout:
+                one = cls.called.removesuffix("s")
+                raise InvalidInput(
+                    f"integrate: the {cls.called} of an ensemble differ in numbers only; {one} {i},"
+                    f" {other!r}, is of another kind than {one} 0, {given[0]!r}"
+                )
+        return cls(tuple(given))
+
+
+class Methods(OfBodies):
+    """Methods of one kind."""
+
+    called = "methods"
+
+
+class Systems(OfBodies):
+    """Systems of one kind."""
+
+    called = "systems"
+
+    def __getattr__(self, name: str) -> Any:
+        return self._by_member(name) if name in BY_MEMBER else super().__getattr__(name)
 
     def _by_member(self, name: str) -> Callable[..., np.ndarray]:
         """A method of the systems, for arrays (n, bodies, ...)."""
 
-        @functools.wraps(getattr(self.systems[0], name))
+        @functools.wraps(getattr(self.members[0], name))
         def of_all(*arrays: np.ndarray) -> np.ndarray:
             return np.stack(
-                [getattr(s, name)(*(x[:, i] for x in arrays)) for i, s in enumerate(self.systems)],
+                [getattr(s, name)(*(x[:, i] for x in arrays)) for i, s in enumerate(self.members)],
                 axis=1,
             )
 
@@ -54,33 +98,30 @@ class Systems:
         """The constants of every body, (n, bodies, ...)."""
         found = [
             s.constants({name: x[:, i] for name, x in states.items()})
-            for i, s in enumerate(self.systems)
+            for i, s in enumerate(self.members)
         ]
         return {
             name: np.stack([constants[name] for constants in found], axis=1) for name in found[0]
         }
 
-    def __repr__(self) -> str:
-        return f"[{self.systems[0]!r}, ... {len(self.systems)} systems]"
-
 
 def systems_of(given: Any) -> Systems | None:
     """The systems, if there are several."""
-    if isinstance(given, Systems):
-        return given
-    if not isinstance(given, (list, tuple)):
-        return None
-    if not given or not all(isinstance(x, System) for x in given):
-        wrong = next((x for x in given if not isinstance(x, System)), given)
-        raise InvalidInput(
-            "integrate: several systems are a list such as "
-            f"[RigidBody(...), ...], one for each body; got {wrong!r}"
-        )
-    layout = layout_of(given[0])
-    for i, other in enumerate(given):
-        if layout_of(other) != layout:
-            raise InvalidInput(
-                f"integrate: the systems of an ensemble differ in numbers only; system {i}, "
-                f"{other!r}, is of another kind than system 0, {given[0]!r}"
-            )
-    return Systems(tuple(given))
+    found: Systems | None = Systems.of(given, System, "RigidBody(...)")
+    return found
+
+
+def methods_of(given: Any) -> Methods | None:
+    """The methods, if there are several."""
+    found: Methods | None = Methods.of(given, Method, "ReversibleController(...)")
+    return found
+
+
+def of_body(thing: Any, body: int) -> Any:
+    """The system or the method of a body."""
+    return thing[body] if isinstance(thing, OfBodies) else thing
+
+
+def each_of(thing: Any) -> list[Any]:
+    """The systems, or the methods; one for all is one."""
+    return [*thing] if isinstance(thing, OfBodies) else [thing]

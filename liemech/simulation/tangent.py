@@ -14,10 +14,12 @@ import numpy as np
 from ..compiler.driver import attempt, read
 from ..errors import IncompatibleSystem, InvalidInput, InvalidType
 from ..formulas import Record, Vec, derivative
+from ..formulas.broadcasting import small
 from ..formulas.dual import Dual
-from ..formulas.pytree import build, layout_of, leaves
+from ..formulas.pytree import NUMBER, Layout, build, fitted, layout_of, leaves, with_slopes
 from ..systems.system import State, System
 from .dense import evaluated, flat, told, unpacked
+from .fictive import Origin
 from .fixed_run import FixedRun
 from .prepared import Steps
 from .systems import Systems
@@ -34,44 +36,113 @@ class TangentTrajectory(Trajectory):
     tangent : by name, "start" or that of a parameter, (n, out, in) matrices: how the state at each
     sample depends on it.  Rows are the components of the recorded parts of the state in turn; of a
     group element g the components of eta in dg = g hat(eta).  So are the columns of "start"; those
-    of a parameter are its components.
+    of a parameter are its components.  Of an ensemble of m bodies (n, m, out, in).
+    tau : of a run in fictive time, (n,), the fictive times.  The derivative is that at the same
+    fictive time, and the last row that of the physical time.
     """
 
     tangent: dict[str, np.ndarray] = None  # type: ignore[assignment]
+    tau: np.ndarray | None = None
+
+
+# ------------------------------------------------------------------ directions
+
+
+@dataclass(frozen=True, eq=False)
+class Directions:
+    """The directions in which a motion is differentiated.
+
+    frames : of each part of the state the directions in which it moves.  moves : of the numbers of
+    the start.  systems : in numbers that carry the derivative by a parameter; None for the system
+    as it is.  columns : which of them belong to a name.
+    """
+
+    frames: dict[str, Any]
+    moves: np.ndarray
+    systems: list[Any]
+    columns: dict[str, slice]
+
+    @classmethod
+    def of(cls, system: Any, start: State, names: tuple[str, ...]) -> Directions:
+        """Those of the start, and of parameters of the system."""
+        frames, width = frames_of(system, start), layout_of(start).width
+        moves: list[np.ndarray] = []
+        systems: list[Any] = []
+        columns: dict[str, slice] = {}
+        for name in names:
+            begun = len(moves)
+            if name == "start":
+                moves += start_moves(frames, start)
+                systems += [None] * (len(moves) - begun)
+            else:
+                for moving in parameter_slopes(system, name):
+                    moves.append(np.zeros(width))
+                    systems.append(moving)
+            columns[name] = slice(begun, len(moves))
+        return cls(frames, np.array(moves), systems, columns)
+
+    def components(self, example: Any, values: np.ndarray, slopes: np.ndarray) -> np.ndarray:
+        """Changes of the numbers of states, (n, directions, width), as components in the frames at
+        the states, (n, components, directions).
+        """
+        states, rows, at = unpacked(layout_of(example), values), [], 0
+        for name, directions in self.frames.items():
+            size = layout_of(example.parts[name]).width
+            # (n, components, numbers)
+            basis = real_numbers(directions(states[name])).reshape(len(values), -1, size)
+            changes = slopes[:, :, at : at + size]  # (n, directions, numbers)
+            rows.append(np.linalg.pinv(basis).transpose(0, 2, 1) @ changes.transpose(0, 2, 1))
+            at += size
+        return np.concatenate(rows, axis=1)
+
+    def named(self, tangent: np.ndarray) -> dict[str, np.ndarray]:
+        """The derivatives by name."""
+        return {name: tangent[..., part] for name, part in self.columns.items()}
+
+
+def frames_of(system: Any, start: Any) -> dict[str, Any]:
+    """Of each part of a state the directions in which it moves."""
+    return {
+        name: frame(system, name, part) for name, part in start.parts.items() if part is not None
+    }
+
+
+def start_moves(frames: dict[str, Any], start: Any) -> list[np.ndarray]:
+    """How the numbers of a start change in each of its directions."""
+    moves, at, width = [], 0, layout_of(start).width
+    for part, directions in frames.items():
+        size = layout_of(start.parts[part]).width
+        for direction in directions(np.asarray(start.parts[part])[None])[0]:
+            move = np.zeros(width)
+            move[at : at + size] = real_numbers(direction)
+            moves.append(move)
+        at += size
+    return moves
+
+
+# ------------------------------------------------------------------ runs
 
 
 def tangent_run(
     plan: Steps, start: State, steps: int, t0: float, names: tuple[str, ...]
 ) -> TangentTrajectory:
-    """So many steps from a start, with their derivative by what is named."""
-    system, width = plan.one, layout_of(start).width
-    frames = {
-        name: frame(system, name, part) for name, part in start.parts.items() if part is not None
-    }
-    moves: list[np.ndarray] = []
-    systems: list[Any] = []
-    columns: dict[str, slice] = {}
-    for name in names:
-        begun = len(moves)
-        if name == "start":
-            at = 0
-            for part, directions in frames.items():
-                size = layout_of(start.parts[part]).width
-                for direction in directions(np.asarray(start.parts[part])[None])[0]:
-                    moves.append(
-                        np.concatenate(
-                            [np.zeros(at), real_numbers(direction), np.zeros(width - at - size)]
-                        )
-                    )
-                    systems.append(None)
-                at += size
-        else:
-            for moving in parameter_slopes(system, name):
-                moves.append(np.zeros(width))
-                systems.append(moving)
-        columns[name] = slice(begun, len(moves))
+    """So many steps of one length from a start, with their derivative by what is named."""
+    found = Directions.of(plan.one, start, names)
+    made, values, tangent = carried_along(plan, start, steps, t0, found)
+    return TangentTrajectory(
+        plan.one, plan.method, plan.h, made.t, unpacked(layout_of(start), values), None, steps,
+        made.compiled, tangent=found.named(tangent),
+    )  # fmt: skip
+
+
+def carried_along(
+    plan: Steps, start: Any, steps: int, t0: float, found: Directions
+) -> tuple[Trajectory, np.ndarray, np.ndarray]:
+    """The run whose numbers carry the derivatives: the numbers of the states, (n, width), and their
+    components, (n, components, directions).
+    """
     try:
-        run = _Run(plan, start, np.array(moves), systems, steps, t0)
+        run = _Run(plan, start, found.moves, found.systems, steps, t0)
         made = run.trajectory()
     except (InvalidType, AttributeError) as error:
         if "series" in str(error) or "Dual" in str(error):
@@ -81,20 +152,192 @@ def tangent_run(
             ) from None
         raise
     values, slopes = run.halves()
-    states = unpacked(layout_of(start), values)
-    rows = []
-    at = 0
-    for name, directions in frames.items():
-        size = layout_of(start.parts[name]).width
-        # (n, components, numbers)
-        basis = real_numbers(directions(states[name])).reshape(len(values), -1, size)
-        changes = slopes[:, :, at : at + size]  # (n, directions, numbers)
-        rows.append(np.linalg.pinv(basis).transpose(0, 2, 1) @ changes.transpose(0, 2, 1))
-        at += size
-    tangent = np.concatenate(rows, axis=1)
+    return made, values, found.components(start, values, slopes)
+
+
+def fictive_tangent_run(
+    plan: Steps, start: State, steps: int, t0: float, names: tuple[str, ...]
+) -> TangentTrajectory:
+    """The same of steps of one length in fictive time, at the same fictive times.
+
+    What the start decides once for the whole run, the energy or the first 1/sigma, is
+    differentiated too: as for parameters by differences of order 8.
+    """
+    inner: Any = getattr(plan.one, "system", None) if plan.one.fictive else plan.one
+    origin = Origin(plan.one, plan.method, start)
+    whole, frames = origin.whole, frames_of(inner, start)
+    now = whole.extended(start, t0)
+
+    def begun(system: Any, at: Any) -> np.ndarray:
+        made = Origin(system, plan.method, at).whole
+        return np.array([*leaves(made, layout_of(whole)), *leaves(made.extended(at, t0), layout_of(now))])
+
+    numbers, width = np.array(leaves(whole, layout_of(whole))), layout_of(whole).width
+    slopes: list[np.ndarray] = []
+    columns: dict[str, slice] = {}
+    for name in names:
+        before = len(slopes)
+        if name == "start":
+            slopes += [slope(lambda x, way=way: begun(plan.one, way(x)), 2.0**-7)
+                       for way in displacements(inner, frames, start)]  # fmt: skip
+        else:
+            value = parameter(plan.one, name)
+            layout = layout_of(value)
+            for i, x in enumerate(leaves(value, layout)):
+                step = np.ldexp(1.0, int(np.frexp(abs(x) or 1.0)[1]) - 7)
+
+                def moved(by: float, i: int = i, value: Any = value, name: str = name) -> Any:
+                    given = leaves(value, layout_of(value))
+                    given[i] += by
+                    return with_parameter(plan.one, name, build(layout_of(value), iter(given)))
+
+                slopes.append(slope(lambda by, moved=moved: begun(moved(by), start), step))
+        columns[name] = slice(before, len(slopes))
+    systems = [
+        build(layout_of(whole), iter([Dual(a, float(b), LEVEL) for a, b in zip(numbers, x, strict=False)]))
+        for x in slopes
+    ]
+    moves = np.array([x[width:] for x in slopes])
+    found = Directions(frames_of(whole, now), moves, systems, columns)
+    made, values, tangent = carried_along(origin.steps(plan), now, steps, 0.0, found)
+    t, states, _ = whole.apart(unpacked(layout_of(now), values))
+    if plan.one.fictive:  # the time is the last of the positions, minus the energy of the momenta
+        n = tangent.shape[1] // 2
+        rows = [*range(n - 1), *range(n, 2 * n - 1), n - 1]
+    else:
+        rows = [*range(tangent.shape[1] - 1)]  # z is not shown
     return TangentTrajectory(
-        system, plan.method, plan.h, made.t, states, None, steps, made.compiled,
-        tangent={name: tangent[:, :, part] for name, part in columns.items()},
+        inner, plan.method, plan.h, t, states, None, steps, made.compiled,
+        tangent=found.named(tangent[:, rows]), tau=made.t,
+    )  # fmt: skip
+
+
+def slope(function: Any, step: float) -> np.ndarray:
+    """The derivative at zero, by differences of order 8."""
+    total: Any = 0.0
+    for k, weight in ((1, 4.0 / 5.0), (2, -1.0 / 5.0), (3, 4.0 / 105.0), (4, -1.0 / 280.0)):
+        total = total + weight * (function(k * step) - function(-k * step))
+    return np.asarray(total / step)
+
+
+def displacements(system: Any, frames: dict[str, Any], start: Any) -> list[Any]:
+    """Of each direction of a start the starts along it, by how far."""
+    found = []
+    for name, directions in frames.items():
+        part = start.parts[name]
+        group = getattr(system, "configurations", system.group) if name == "g" else None
+        for i, unit in enumerate(directions(np.asarray(part)[None])[0]):
+
+            def moved(x: float, name: str = name, part: Any = part, group: Any = group,
+                      i: int = i, unit: Any = unit) -> Any:  # fmt: skip
+                if group is None:
+                    there = small(np.asarray(part) + x * unit)
+                else:
+                    there = group.compose_exp(part, x * Vec(*np.eye(group.dim)[i].tolist()))
+                return type(start)(*({**start.parts, name: there}.values()))
+
+            found.append(moved)
+    return found
+
+
+def adaptive_tangent_run(
+    plan: Any, run: Trajectory, begun: np.ndarray, start: State, names: tuple[str, ...]
+) -> TangentTrajectory:
+    """A run with adaptive steps that has kept them all, with the derivative of its steps as they
+    are, their lengths held fixed.
+
+    begun : the times at which the steps begin.
+    """
+    found = Directions.of(plan.system, start, names)
+    values = flat(run.states, len(run))
+    states, count = unpacked(layout_of(start), values), len(run) - 1
+    size = len(start_moves(found.frames, start))
+    # the moves of all states, (n, directions, width)
+    bases, at = np.zeros((len(run), size, values.shape[1])), [0, 0]
+    for name, directions in found.frames.items():
+        wide = layout_of(start.parts[name]).width
+        basis = real_numbers(directions(states[name])).reshape(len(run), -1, wide)
+        bases[:, at[0] : at[0] + basis.shape[1], at[1] : at[1] + wide] = basis
+        at = [at[0] + basis.shape[1], at[1] + wide]
+    lengths = run.t[1:] - begun
+    rest = dual_of(plan.system, None)
+    still = np.zeros((count, 1, values.shape[1]))
+
+    def through(system: Any, moves: np.ndarray) -> np.ndarray:
+        """The components at the ends of the steps of moves of their beginnings."""
+        many = moves.shape[1]
+        given = np.empty((count, many, 2 * values.shape[1] + 2))
+        given[:, :, 0:-2:2], given[:, :, 1:-2:2] = values[:-1, None], moves
+        given[:, :, -2], given[:, :, -1] = begun[:, None], lengths[:, None]
+        example = build(
+            layout_of(start), iter([Dual(x, 0.0, LEVEL) for x in leaves(start, layout_of(start))])
+        )
+        point = layout_of(example)
+        arguments = plan.method, system, point, plan.rtol, plan.atol
+        rows = given.reshape(count * many, -1)
+        what = repr(plan.method), lambda k: f"the step from t = {rows[k, -2]:g}"
+        out = evaluated(adaptive_step, arguments, rows, point.width, plan.compiled, what)
+        slopes = out.reshape(count, many, -1)[:, :, 1::2]
+        return found.components(start, values[1:], slopes)
+
+    maps = through(rest, bases[:-1]) if count else np.empty((0, size, size))
+    own = {i: through(moving, still)[:, :, 0] for i, moving in enumerate(found.systems)
+           if moving is not None and count}  # fmt: skip
+    first = found.components(start, values[:1], found.moves[None])
+    tangent = np.empty((len(run), size, len(found.moves)))
+    tangent[0] = first[0]
+    for k in range(count):
+        tangent[k + 1] = maps[k] @ tangent[k]
+        for i, change in own.items():
+            tangent[k + 1][:, i] += change[k]
+    return TangentTrajectory(
+        plan.system, plan.method, run.h, run.t, run.states, None, run.steps, run.compiled,
+        rejected=run.rejected, tangent=found.named(tangent),
+    )  # fmt: skip
+
+
+def adaptive_step(
+    method: Any, system: Any, point: Any, rtol: float, atol: float, given: Any, out: Any,
+    failures: Any,
+) -> None:  # fmt: skip
+    """The driver: one step of a length that is given, from a state and a time."""
+    state = read(given, 0, point)
+    t, h = read(given, point.width, NUMBER), read(given, point.width + 1, NUMBER)
+    told(attempt(_tried, method, system, point, t, state, h, rtol, atol), point, out, failures)
+
+
+def _tried(
+    method: Any, system: Any, point: Any, t: float, state: Any, h: float, rtol: float, atol: float
+) -> Any:
+    """The state after one step of an adaptive method."""
+    xi = system.rate(t, system.essential_part(state))
+    return fitted(method.trial(system, t, state, xi, h, rtol, atol, False).state, point)
+
+
+def dual_of(system: Any, moving: Any) -> Any:
+    """The system in numbers that carry a derivative, which is zero if none is given."""
+    layout = layout_of(system)
+    rest = iter([Dual(x, 0.0, LEVEL) for x in leaves(system, layout)])
+    return build(layout, rest) if moving is None else moving
+
+
+def of_bodies(system: Any, method: Any, h: Any, runs: list[TangentTrajectory]) -> TangentTrajectory:
+    """The runs of all bodies as one; one that has less samples shows its last one again."""
+    n = max(map(len, runs))
+
+    def together(arrays: list[Any]) -> np.ndarray:
+        again = [np.concatenate([x, np.repeat(x[-1:], n - len(x), axis=0)]) for x in arrays]
+        return np.stack(again, axis=1)
+
+    t, first = together([run.t for run in runs]), runs[0]
+    tau = None if first.tau is None else first.tau
+    return TangentTrajectory(
+        system, method, h, t[:, 0] if (t == t[:, :1]).all() else t,
+        {name: together([run.states[name] for run in runs]) for name in first.states}, len(runs),
+        max(run.steps for run in runs), all(run.compiled for run in runs),
+        rejected=None if first.rejected is None else sum(run.rejected or 0 for run in runs),
+        tangent={name: together([run.tangent[name] for run in runs]) for name in first.tangent},
+        tau=tau,
     )  # fmt: skip
 
 
@@ -228,6 +471,13 @@ class _Run(FixedRun):
 
     def _member(self, i: int) -> Any:
         return self.duals[i]
+
+    def _first(self, one: State, started: Layout) -> tuple[Any, Any]:
+        """All numbers that the method carries along may come to depend on the start, zeros of its
+        first guesses too.
+        """
+        carry, example = super()._first(one, started)
+        return with_slopes(carry, LEVEL), example
 
     def _lay_down(self, columns: np.ndarray) -> None:
         columns[:] = self._padded(

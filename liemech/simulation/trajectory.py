@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -17,7 +17,7 @@ from .dense import Between, DenseOutput, ShortSteps, flat
 from .drift import RECORDED, Drift
 from .fictive import Origin
 from .stopped import NONE, Stop
-from .systems import Systems
+from .systems import Systems, of_body
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -61,12 +61,17 @@ class Trajectory:
     observed: tuple[str, ...] = ()
 
     @classmethod
-    def promised(cls, rest: Callable[[], dict[str, Any]], **known: Any) -> Trajectory:
-        """A trajectory whose other fields, those without a default, are made when one of them is
-        first asked for.
+    def promised(cls, rest: Any, **known: Any) -> Trajectory:
+        """A trajectory whose other fields, among `PROMISED`, are made when they are first asked
+        for, by the functions of this name that `rest` has.
         """
-        run, known["_rest"] = object.__new__(cls), rest
-        object.__setattr__(run, "__dict__", known)
+        return cls._of(known | {"_rest": rest})
+
+    @classmethod
+    def _of(cls, fields: dict[str, Any]) -> Trajectory:
+        """A trajectory with these fields."""
+        run = object.__new__(cls)
+        object.__setattr__(run, "__dict__", fields)
         return run
 
     def __len__(self) -> int:
@@ -74,18 +79,14 @@ class Trajectory:
 
     def __getstate__(self) -> dict[str, Any]:
         """All of it, and what was only promised too."""
-        _ = self.t
-        return vars(self)
+        for name in PROMISED:
+            getattr(self, name)
+        return {name: x for name, x in vars(self).items() if name != "_rest"}
 
     def __getattr__(self, name: str) -> Any:
-        """A part of the state that belongs to this kind of system; fields that were promised."""
+        """A part of the state that belongs to this kind of system."""
         own = vars(self)
-        rest = own.get("_rest")
-        if rest is not None:
-            own.update(rest())  # two threads may both come here: they find the same
-            own.pop("_rest", None)
-            return getattr(self, name)
-        states = own.get("states", {})
+        states = self.states if "_rest" in own else own.get("states", {})
         if name in states:
             return states[name]
         raise AttributeError(f"a Trajectory has no {name!r}; this one recorded {', '.join(states)}")
@@ -160,19 +161,13 @@ class Trajectory:
                 f"CovariantVariational; {self.method!r} has none. At the samples of a free body "
                 "the velocity is `run.system.velocity(run.mu)`"
             )
-        if isinstance(self.system, Systems) or np.ndim(self.h):
-            several: Any = (
-                self.system
-                if isinstance(self.system, Systems)
-                else [self.system] * self.mu.shape[1]
-            )
-            each = zip(
-                several,
-                np.moveaxis(self.mu, 1, 0),
-                np.broadcast_to(self.h, len(several)).tolist(),
-                strict=True,
-            )
-            return np.stack([between(*one) for one in each], axis=1)
+        if self.bodies is not None:
+            h = np.broadcast_to(self.h, self.bodies).tolist()
+            each = [
+                of_body(self.method, i).velocity(of_body(self.system, i), self.mu[:, i], h[i])
+                for i in range(self.bodies)
+            ]
+            return np.stack(each, axis=1)
         return between(self.system, self.mu, self.h)
 
     @cached_property
@@ -307,7 +302,10 @@ class Trajectory:
             if alike
             else (0.0, self.t, self.t[:0])
         )
-        if not len(more) or np.any((more[0] - end) * self.h < 0.0):
+        direction = self.h
+        if alike and self.rejected is not None and self.bodies is not None:
+            direction = np.sign(end - t[0])  # every body its own
+        if not len(more) or np.any((more[0] - end) * direction < 0.0):
             raise InvalidInput(
                 f"Trajectory.then: {rest!r} does not begin where {self!r} was to go on"
             )
@@ -315,7 +313,7 @@ class Trajectory:
         again = int(len(self) > 0 and np.all(more[0] == end) and np.all(t[-1] == more[0]))
         return replace(
             rest,
-            t=np.concatenate([self.t, rest.t[again:]]),
+            t=_both(self.t, rest.t[again:], self.bodies),
             states={
                 name: np.concatenate([x, rest.states[name][again:]])
                 for name, x in self.states.items()
@@ -395,6 +393,30 @@ class Trajectory:
         )
 
 
+class _Promised:
+    """A field of a run that is made when it is first asked for."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+
+    def __get__(self, run: Any, owner: Any = None) -> Any:
+        own = {} if run is None else vars(run)
+        rest = own.get("_rest")
+        if rest is None:  # or another thread has kept them all
+            if self.name in own:
+                return own[self.name]
+            raise AttributeError(self.name)
+        made = own.setdefault(self.name, getattr(rest, self.name)())
+        if "t" in own and "states" in own and "carry" in own:
+            own.pop("_rest", None)
+        return made
+
+
+PROMISED = "t", "states", "carry"
+for _name in PROMISED:  # not before: the class would take them for defaults
+    setattr(Trajectory, _name, _Promised(_name))
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class TransformedTrajectory(Trajectory):
     """Samples of a run in fictive time.
@@ -413,6 +435,8 @@ class TransformedTrajectory(Trajectory):
     @property
     def sigma(self) -> Any:
         """The time scale, dt = sigma dtau, bound to the start of the motion."""
+        if isinstance(self.origin, tuple):  # every body its own
+            return [origin.whole.sigma for origin in self.origin]
         return self.origin.whole.sigma
 
     @cached_property
@@ -455,19 +479,30 @@ class TransformedTrajectory(Trajectory):
             dense = replace(dense, t=t, points=points) if end else rest.dense
         return {
             "dense": dense,
-            "tau": np.concatenate([self.tau, rest.tau[again:]]),
+            "tau": _both(self.tau, rest.tau[again:], self.bodies),
             "z": None if self.z is None else np.concatenate([self.z, rest.z[again:]]),
         }
 
     def __repr__(self) -> str:
         many = "" if self.bodies is None else f"{self.bodies} bodies, "
+        sigma = self.sigma[0] if isinstance(self.origin, tuple) else self.sigma
         end = f"to t = {np.ravel(self.t[-1])[0]:g}, " if len(self) and self.bodies is None else ""
-        last = f"tau = {self.tau[-1]:g}, " if len(self) else ""
+        last = f"tau = {_range(self.tau[-1])}, " if len(self) else ""
         return (
-            f"Trajectory({self.method!r}, {self.sigma!r}: {many}{len(self)} samples {end}{last}h = "
-            f"{self.h:g} in tau, {'compiled' if self.compiled else 'plain'}; "
+            f"Trajectory({self.method!r}, {sigma!r}: {many}{len(self)} samples {end}{last}h = "
+            f"{_range(self.h)} in tau, {'compiled' if self.compiled else 'plain'}; "
             f"{', '.join(self.states)})"
         )
+
+
+def _both(first: np.ndarray, second: np.ndarray, bodies: int | None) -> np.ndarray:
+    """Times of two runs; of bodies with times of their own (n, bodies)."""
+    if first.ndim != second.ndim:
+        first, second = (
+            x if x.ndim == 2 else np.repeat(x[:, None], bodies or 1, axis=1)
+            for x in (first, second)
+        )
+    return np.concatenate([first, second])
 
 
 def _range(values: Any) -> str:
@@ -476,10 +511,12 @@ def _range(values: Any) -> str:
     return f"{low:g}" if low == high else f"{low:g} ... {high:g}"
 
 
-def _joined(
-    first: tuple[np.ndarray, State], second: tuple[np.ndarray, State]
-) -> tuple[np.ndarray, State]:
-    """The times and states of an event in one run and in the next."""
+def _joined(first: Any, second: Any) -> Any:
+    """The times and states of an event in one run and in the next; of an ensemble those of each
+    body.
+    """
+    if not isinstance(first[0], np.ndarray):
+        return tuple([_joined(*pair) for pair in zip(first, second, strict=True)])
     parts = zip(first[1].parts.values(), second[1].parts.values(), strict=True)
     states = type(first[1])(*(None if a is None else np.concatenate([a, b]) for a, b in parts))
     return np.concatenate([first[0], second[0]]), states

@@ -6,9 +6,10 @@ from __future__ import annotations
 
 import math
 import time
+from array import array
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -33,16 +34,22 @@ from .carry import Carry
 from .checkpoint import Checkpoint
 from .dense import unpacked
 from .events import Event, Watch
-from .execution import LOOK, Execution
+from .execution import LOOK
 from .fictive import FictiveCarry, Origin
 from .fixed import observed, sample, stepped
 from .fixed_run import FixedRun
-from .prepared import Steps
+from .prepared import Shape, Steps
 from .progress import Bar
 from .trajectory import Trajectory, TransformedTrajectory
 
+SOME = 512
+"""Steps in the first piece of a run, in native code."""
+
 STILL = 1000.0
 """Steps without a change of the physical time after which a run to a given time is ended."""
+
+NEAR = 4 * np.finfo(float).eps
+"""Times that differ by this part of them are one."""
 
 
 # ------------------------------------------------------------------ the driver
@@ -209,6 +216,10 @@ class TransformedRun:
             raise InvalidInput(
                 f"integrate: {what} for one body at a time; give an ensemble h and steps"
             )
+        if t_end is not None and self.carry is not None:
+            near = NEAR * max(abs(t_end), abs(self.t0))
+            if abs(t_end - self.t0) <= near:  # it stands there, but for rounding
+                t_end = self.t0
         if t_end is not None and (t_end - self.t0) * self.h < 0.0:
             raise InvalidInput(
                 f"integrate: t_end = {t_end:g} is not where steps of h = {self.h:g} lead from "
@@ -253,7 +264,9 @@ class TransformedRun:
         width), and fictive times.
         """
         _, states, z = self.whole.apart(unpacked(layout_of(self.example), numbers))
-        return self._made(t, states, tau, bodies=None, dense=self.motion(t, numbers), z=z, **more)
+        if "dense" not in more:
+            more["dense"] = self.motion(t, numbers)
+        return self._made(t, states, tau, bodies=None, z=z, **more)
 
     def motion(self, t: np.ndarray, numbers: np.ndarray) -> Any:
         """The motion between samples of one body."""
@@ -270,15 +283,24 @@ class TransformedRun:
             numbers,
             self.plan.compiled,
             begun,
-        )
+        ).of_shape(self.plan.shapes.get((layout_of(self.example), False)))
+
+    def _back(self, t: np.ndarray) -> bool:
+        """Does physical time go back?"""
+        later, before = (t[1:], t[:-1]) if self.h > 0.0 else (t[:-1], t[1:])
+        return bool((later < before).any())
 
     def _made(
         self, t: np.ndarray, states: Any, tau: np.ndarray, **more: Any
     ) -> TransformedTrajectory:
+        carry = more.pop("carry", None)
         made = TransformedTrajectory(
             self.system, self.method, self.h, t, states, tau=tau, origin=self.origin, **more
         )
-        if (np.diff(t, axis=0) * math.copysign(1.0, self.h) < 0.0).any():
+        vars(made)["carry"] = carry
+        if callable(carry):  # it is made when it is asked for
+            vars(made)["_rest"] = SimpleNamespace(carry=vars(made).pop("carry"))
+        if self._back(t):
             error = InvalidTimeScale(
                 "integrate: physical time went back; "
                 f"{self.whole.sigma!r} is not positive all the way"
@@ -309,19 +331,19 @@ class March:
         )
         self.limit, self.fine = run.before + limit, times is not None or bool(events)
         self.every = 1 if self.fine else run.plan.every
-        begun = run.begun()
-        self.shape = begun.shape
+        self.shape, self.states, first = self._begun()
         self.layout, self.shown = self.shape.layout, self.shape.shown
-        self.states = begun.states[:-1, 0].copy()
+        self.column = _column(run.whole.apart, self.shown)
         self.marked = np.zeros(MARCHED.width)
+        self._mark: Any = None
         self.marked[:2] = run.before, run.before % self.every
-        first, tau = begun.out[0, :, 0], run.before * run.h
+        tau = run.before * run.h
         if run.carry is not None and run.carry.ahead is not None:
             first, tau = np.array(leaves(run.carry.ahead, self.shown)), run.carry.tau
         self.rows = [first.reshape(1, -1).copy()]
         self.taus = [np.array([tau])]
         self.failures: list[Any] = []
-        array = np.empty(1)
+        none = np.empty(1)
         self.arguments = (
             run.method,
             run.whole,
@@ -331,9 +353,8 @@ class March:
             self.t_end,
             float(self.every),
         )
-        plan = run.plan
-        self.execution = Execution(
-            plan.compiled, plan.progress, march, *self.arguments, 1, 1.0, array, array, array, None
+        self.execution = self.shape.other(
+            march, *self.arguments, 1, 1.0, none, none, none, None
         )
         # where an event ended the run, a terminal one or one that failed
         self.at: float | None = None
@@ -344,14 +365,28 @@ class March:
             self.first = small_state(type(start), start.arrays)
             self.watch = Watch(events, self._ended, run.t0, self.first)
 
+    def _begun(self) -> tuple[Shape, np.ndarray, np.ndarray]:
+        """What is prepared, what the method carries along at the start, and the first sample."""
+        run = self.run
+        shape = run.plan.shapes.get((layout_of(run.now), False)) if run.carry is None else None
+        if shape is not None:
+            memory = np.empty(shape.carried + shape.sampled)
+            if shape.begin(run.now, memory):
+                return shape, memory[: shape.carried - 1], memory[shape.carried :]
+        begun = run.begun()
+        return begun.shape, begun.states[:-1, 0].copy(), begun.out[0, :, 0]
+
     @property
     def mark(self) -> Any:
         """How far it came."""
-        return read(self.marked, 0, MARCHED)
+        if self._mark is None:
+            self._mark = read(self.marked, 0, MARCHED)
+        return self._mark
 
     def trajectory(self) -> TransformedTrajectory:
         """Step to t_end, in pieces short enough to be interrupted."""
-        steps, plan, kept = 16, self.run.plan, self.run.kept
+        plan, kept = self.run.plan, self.run.kept
+        steps = 16 if self.execution.native is None else SOME
         try:
             with Bar(plan.progress, 1000) as bar:
                 while not self.mark.ended and self.at is None and self._time() != self.t_end:
@@ -395,22 +430,18 @@ class March:
             return
         self._piece(self.execution.native, room, most)
         if self.mark.ended == 2.0:  # plain Python says why, or goes on where native code cannot
-            self.marked[-1] = 0.0
+            self.marked[-1], self._mark = 0.0, None
             self._piece(march, room, most)
 
     def _piece(self, driver: Any, room: int, most: int) -> None:
         """A call of the driver; its samples are kept."""
         before, width, h = self.mark, self.shown.width, self.run.h
         out, states, marked = np.empty(room * width), self.states.copy(), self.marked.copy()
-        driver(
-            *self.arguments,
-            room,
-            float(most),
-            states,
-            marked,
-            out,
-            self.failures if driver is march else None,
-        )
+        if driver is march:
+            march(*self.arguments, room, float(most), states, marked, out, self.failures)
+        else:
+            numbers = array("d", (*self.arguments[4:], float(most))).tobytes()
+            driver.run(self.shape.constants + numbers, (room,), (states, marked, out))
         mark: Any = read(marked, 0, MARCHED)
         count = int(mark.samples)
         if count:
@@ -427,7 +458,7 @@ class March:
             if first < count:  # else the only sample is the one that the run before ended with
                 self.rows.append(rows[first:])
                 self.taus.append(tau[first:])
-        self.states, self.marked = states, marked
+        self.states, self.marked, self._mark = states, marked, mark
         if self.watch is not None and count:
             self._look()
 
@@ -460,7 +491,7 @@ class March:
     # ---------------------------------------------------------------- results
 
     def _clock(self, rows: np.ndarray) -> np.ndarray:
-        return self.run.whole.apart(unpacked(self.shown, rows))[0].copy()
+        return rows[:, self.column].copy()
 
     def _time(self) -> float:
         """Where the last sample is."""
@@ -494,7 +525,7 @@ class March:
 
     def _result(self) -> TransformedTrajectory:
         run, numbers, tau = self.run, np.concatenate(self.rows), np.concatenate(self.taus)
-        times, carry = self._clock(numbers), self._carry()
+        times, carry = self._clock(numbers), self._carry
         if self.mark.ended == 1.0:
             times[-1] = self.t_end
         steps = int(self.mark.steps) - run.before
@@ -508,15 +539,14 @@ class March:
             kept = (whole % run.plan.every == 0) & (whole * run.h == tau)
             kept[[0, -1]] = True
             times, numbers, tau = times[kept], numbers[kept], tau[kept]
-        made = run.result(times, numbers, tau, carry=carry, **more)
-        if self.times is None:
-            return made
-        sign = math.copysign(1.0, run.h)
+        if self.times is None or run._back(times):
+            return run.result(times, numbers, tau, carry=carry, **more)
+        sign, motion = math.copysign(1.0, run.h), run.motion(times, numbers)
         asked = self.times[sign * self.times <= sign * times[-1]]
-        found = made.dense.numbers(asked)  # type: ignore[union-attr]
+        found = motion.numbers(asked)
         tau = tau[np.searchsorted(sign * times, sign * asked, "right") - 1] + found[:, -1]
-        few = run.result(asked, found[:, :-1], tau, carry=carry, **more)
-        return replace(few, dense=made.dense)
+        return run.result(asked, found[:, :-1], tau, carry=carry, dense=motion, **more)
+
 
     def _failed(self) -> Any:
         """The error of a run that a step ended: a mistake in a formula, or a failure."""
@@ -539,3 +569,8 @@ def _floats(array: np.ndarray) -> np.ndarray:
     """Numbers, a complex one as two."""
     array = np.ascontiguousarray(array)
     return array.view(float) if np.iscomplexobj(array) else array
+
+
+def _column(apart: Any, shown: Any) -> int:
+    """Where in the numbers of a sample its physical time is."""
+    return int(apart(unpacked(shown, np.arange(shown.width, dtype=float)[None]))[0][0])

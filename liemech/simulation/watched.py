@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import IntegrationFailure, InvalidInput
+from ..errors import IntegrationFailure
 from ..systems.system import State
 from .carry import Carry
 from .dense import ShortSteps, unpacked
@@ -17,7 +17,7 @@ from .events import Event, Watch
 from .fixed_run import FixedRun
 from .prepared import Steps
 from .progress import Bar
-from .systems import Systems
+from .systems import OfBodies
 from .trajectory import Trajectory
 
 CHUNK, LARGEST = 8, 512
@@ -49,13 +49,18 @@ def sampled(
         found = numbers[moving]
         bodies = (
             np.nonzero(moving)[1]
-            if isinstance(plan.system, Systems)
+            if isinstance(plan.system, OfBodies) or isinstance(plan.method, OfBodies)
             else np.zeros(len(begun), dtype=int)
         )
         for i in np.unique(bodies):
             of = bodies == i
             motion = ShortSteps(
-                plan.of(int(i)), whole.method, shape.example, begun[of], found[of], plan.compiled
+                plan.of(int(i)),
+                plan.method_of(int(i)),
+                shape.example,
+                begun[of],
+                found[of],
+                plan.compiled,
             )
             try:
                 found[of] = motion.moved(np.arange(len(motion.t)), asked[of])
@@ -88,8 +93,6 @@ class WatchedRun:
         times: np.ndarray | None,
         events: tuple[Event, ...],
     ) -> None:
-        if start.bodies is not None:
-            raise InvalidInput("integrate: events are for one body at a time")
         self.plan, self.steps, self.times = plan, steps, times
         self.fine = dataclasses.replace(plan, every=1, progress=False)
         begun = FixedRun(self.fine, start, 0, t0)

@@ -24,6 +24,7 @@ from ..formulas import (
     where,
 )
 from ..formulas.broadcasting import small
+from ..formulas.derivatives import tangent
 from ..formulas.vectors import Vec as SmallVec
 from ..solvers import correction, newton
 from .canonical import CanonicalState, CanonicalSystem, HamiltonianSystem
@@ -107,8 +108,7 @@ class ConstrainedSystem(CanonicalSystem):
         """H_pp G^T as rows, (m, n): how the velocity changes under an impulse of each constraint.
         q, p : (n,).
         """
-        rows = self.constraint_jacobian(q)
-        return mat(*[derivative(lambda x: self.velocity(q, x), p, row) for row in rows])
+        return pushed(self, q, p, self.constraint_jacobian(q))
 
     @final
     def multipliers(self, q: Vec, p: Vec) -> Vec:
@@ -561,6 +561,13 @@ def cross_products(G: Mat, normals: Mat) -> Mat:
     return mat(*[vec(*[dot(row, normal) for normal in normals]) for row in G])
 
 
+def pushed(system: Any, q: Vec, p: Vec, G: Mat) -> Mat:
+    """H_pp G^T as rows, (m, n): how the velocity at q and p changes under impulses along rows of
+    any G.
+    """
+    return mat(*[tangent(lambda x: system.velocity(q, x), p, row, True)[1] for row in G])
+
+
 def scaled(m: Mat, weights: Vec) -> Mat:
     """Each row times its weight."""
     return mat(*[weight * row for row, weight in zip(m, weights)])
@@ -593,15 +600,15 @@ def eliminated(m: Mat, rhs: Vec) -> tuple[Vec, Vec]:
     """
     n = len(rhs)
     if n == 1:
-        return vec(rhs[0] / where(m[0, 0] != 0.0, m[0, 0], 1.0)), vec(m[0, 0])
+        return vec(rhs[0] / m[0, 0] if m[0, 0] != 0.0 else rhs[0]), vec(m[0, 0])
     if n == 2:  # by Cramer's rule: one division before the solution
-        volume, first = m[0, 0] * m[1, 1] - m[0, 1] * m[1, 0], where(m[0, 0] != 0.0, m[0, 0], 1.0)
-        scale = 1.0 / where(volume != 0.0, volume, 1.0)
+        volume = m[0, 0] * m[1, 1] - m[0, 1] * m[1, 0]
+        scale = 1.0 / volume if volume != 0.0 else 1.0
         both = vec(
             scale * (m[1, 1] * rhs[0] - m[0, 1] * rhs[1]),
             scale * (m[0, 0] * rhs[1] - m[1, 0] * rhs[0]),
         )
-        return both, vec(m[0, 0], volume / first)
+        return both, vec(m[0, 0], volume / m[0, 0] if m[0, 0] != 0.0 else volume)
     rows: list[Vec] = [vec(*m[i], rhs[i]) for i in range(n)]
     inverse: list[Any] = []
     for k in range(n):

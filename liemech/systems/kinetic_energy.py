@@ -75,10 +75,14 @@ def kinetic_energy(inertia: Vec | Mat) -> KineticEnergy:
 
 def _invertible(moments: Vec) -> bool:
     """Have all moments finite inverses?"""
-    return all(type(x) is float and 1.0 / MAX <= abs(x) <= MAX for x in moments)
+    return _FLOAT.issuperset(map(type, moments)) and all(
+        LEAST <= abs(x) <= MAX for x in moments
+    )
 
 
 MAX = sys.float_info.max
+LEAST = 1.0 / MAX
+_FLOAT = frozenset([float])
 
 SYMMETRY = 1e-12
 """An entry that differs by more than this from its mirror image, relative to its row and column, is

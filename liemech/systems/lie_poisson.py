@@ -9,7 +9,7 @@ import numpy as np
 from ..errors import InvalidInput, InvalidType
 from ..formulas import Element, Vec, record, vec
 from ..formulas.broadcasting import at_a_glance
-from ..formulas.pytree import fill
+from ..formulas.pytree import fill, laid_out
 from ..groups.lie_group import LieGroup
 from ..retractions import Retraction
 from .agreement import require_one_body
@@ -190,7 +190,8 @@ def body_state(name: str, group: LieGroup, mu: Any, g: Any) -> BodyState:
     dim, shape = group._sizes
     quick = at_a_glance(mu, dim)
     if quick is not None and (g is None or (at := element_at_a_glance(group, g)) is not None):
-        return fill(BodyState, {"mu": quick, "g": None if g is None else at})
+        made = fill(BodyState, {"mu": quick, "g": None if g is None else at})
+        return laid_out(made, (dim, None if g is None else shape))
     momenta = points(mu, f"{name}: mu", dim, f"a momentum on {group!r}")
     elements = None if g is None else members_of(group, g, f"{name}: g")
     counts = [

@@ -37,7 +37,7 @@ class PoissonSystem(System):
     instead.
 
     The group that moves y is R^n under addition, so that RKMK is the Runge-Kutta method of its
-    tableau, Taylor the Taylor method.  Kept are the energy and the Casimirs of the structure.
+    tableau, Taylor the Taylor method.  Conserved: the energy and the Casimirs of the structure.
     `parts` are those of the energy, with their motions where these are known; `quadratic` : are
     they two, (T, V), with {V, {V, {V, T}}} = 0, as if T were of second degree in momenta?
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, ClassVar, final
 
 import numpy as np
@@ -220,3 +220,29 @@ def frozen(array: np.ndarray, one: tuple[int, ...], bodies: int | None) -> Any:
     if bodies is None:
         return small(array)
     return frozen_array(np.broadcast_to(array, (bodies, *one)), "array")
+
+
+# ------------------------------------------------------------------ exact motions
+
+
+def exact_times(t: Any, name: str) -> np.ndarray:
+    """One time, (), or a row of them, (n,), finite.  name : of the method that is asked."""
+    times = real_array(t, f"{name}: t")
+    if times.ndim > 1 or not np.isfinite(times).all():
+        raise InvalidInput(f"{name}: t must be a finite time or a row of them; got {t!r}")
+    return times
+
+
+def exact_motion(
+    motion: Callable[[np.ndarray], tuple[Any, ...]], times: np.ndarray, name: str
+) -> tuple[Any, ...]:
+    """What a motion, arrays of the times, gives; refused where a phase is beyond the largest
+    number.
+    """
+    with np.errstate(over="ignore", invalid="ignore"):
+        found = motion(times)
+    if not all(np.isfinite(part).all() for part in found):
+        raise InvalidInput(
+            f"{name}: t = {np.abs(times).max():.3g} is too late: the motion has no finite phase"
+        )
+    return found

@@ -59,7 +59,7 @@ class Body(Content):
 
     def needs(self, system: System) -> tuple[str, ...]:
         """The attitude, and the place with it."""
-        if not hasattr(system, "group") or not is_pose(configurations(system)):
+        if not is_pose(configurations(system)):
             raise refuse(self, system, "a body that turns in space")
         return ("g",)
 
@@ -119,7 +119,7 @@ class Path(Content):
 
     def needs(self, system: System) -> tuple[str, ...]:
         """The place, which is part of g."""
-        if not hasattr(system, "group") or not flies(system):
+        if not flies(system):
             raise refuse(self, system, "the path of a body that flies")
         return ("g",)
 

@@ -32,12 +32,12 @@ def suited(system: Any, parts: frozenset[str], ensemble: bool) -> tuple[Content,
     """The contents that suit a system of which these parts of the state are known."""
     if isinstance(system, CanonicalSystem):
         return (Points(),)
-    if not hasattr(system, "group"):
+    group, one = configurations(system), "g" in parts and not ensemble
+    if group is None:
         raise InvalidInput(
             f"there is no picture of {system!r} yet; say what to "
             "show, such as show=Points(places=...)"
         )
-    group, one = configurations(system), "g" in parts and not ensemble
     wanted: list[Content] = []
     if isinstance(system, Linkage):
         wanted = [Links()] if one else []

@@ -19,9 +19,10 @@ HEAD = """# Leader board
 For each problem and each error the quickest method of this library, and the quickest one of any
 other package that is installed. The ratio is our time over theirs: below one we are ahead.
 
-`python tests/benchmarks/leader_board.py` measures everything and writes this page, in some twenty
-minutes; `--only top` repeats one problem. `tests/benchmarks/leader_board.json` has all methods with
-all their settings: errors, medians and quartiles.
+`pip install ".[peers]"` brings the other packages. `python tests/benchmarks/leader_board.py`
+measures everything and writes this page, in some twenty minutes; `--only top` repeats one problem.
+`tests/benchmarks/leader_board.json` has all methods with all their settings: errors, medians and
+quartiles.
 
 * **Outputs**: ten, equally spaced; everybody gives the same ones. The **error** is the largest
   difference to the reference over all outputs and all components, in the units of the problem.
@@ -33,7 +34,7 @@ all their settings: errors, medians and quartiles.
   which all take turns. One thread.
 * **Between two settings** of a method time is interpolated, both axes logarithmic; a method that is
   better than asked for at its loosest setting counts with the time of that.
-* **Closed forms** are told apart: `system.exact`, a flow that is exact in one step, and REBOUND's
+* **Closed forms** are listed apart: `system.exact`, a flow that is exact in one step, and REBOUND's
   WHFast for two bodies.
 
 """

@@ -7,6 +7,7 @@ spherical pendulum, beside heyoka.
 import ctypes
 import functools
 import importlib
+import itertools
 import tempfile
 import time
 from collections.abc import Callable
@@ -66,13 +67,13 @@ class C:
         return state
 
 
-def compiled(contraction: str, folder: Path) -> Any:
-    """The C of both systems; None without a compiler."""
-    return baseline.plain_c(SOURCE, {}, contraction, folder)
+def compiled(contraction: str, folder: Path, checked: bool = False) -> Any:
+    """The C of both systems, with the checks of the library or without; None without a compiler."""
+    return baseline.plain_c(SOURCE, {"CHECKED": int(checked)}, contraction, folder)
 
 
 def steps_beside_c(repetitions: int, duration: float) -> list[dict[str, Any]]:
-    """ns a step: liemech, and C without and with fused multiply-add."""
+    """ns a step: liemech, and C without and with its checks, without and with fused multiply-add."""
     rows = []
     cases = (
         ("sphere", SPHERE, SWINGING, "sphere"),
@@ -82,10 +83,11 @@ def steps_beside_c(repetitions: int, duration: float) -> list[dict[str, Any]]:
     with tempfile.TemporaryDirectory() as folder:
         for title, system, start, name in cases:
             runs: dict[str, Any] = {"liemech": Native(system, lm.RATTLE(), start, 0.01)}
-            for contraction in ("off", "fast"):
-                library = compiled(contraction, Path(folder))
+            for checked, contraction in itertools.product((True, False), ("off", "fast")):
+                library = compiled(contraction, Path(folder), checked)
                 if library is not None:
-                    runs[f"C {contraction}"] = C(library, name, system, start, 0.01)
+                    same = ", checks" if checked else ""
+                    runs[f"C {contraction}{same}"] = C(library, name, system, start, 0.01)
             agreeing(runs, 1e-12)
             times = measure(runs, repetitions, duration)
             ratios = {key: times["liemech"].over(t) for key, t in times.items() if key != "liemech"}

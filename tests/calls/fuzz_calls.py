@@ -30,7 +30,10 @@ PATIENCE = 2.0
 """Seconds of the processor that a call may take."""
 
 
-HOOKS = ("distance", "of_blocks", "constants", "symmetry", "rate", "deviation", "join", "moved")
+HOOKS = (
+    *("distance", "of_blocks", "constants", "symmetry", "rate", "deviation", "join", "moved"),
+    *("displaced", "variation"),
+)
 """Methods that pass parts of a state, or of several arrays, on to others, which then name
 themselves.
 """

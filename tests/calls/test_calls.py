@@ -29,7 +29,7 @@ def at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(batch, "NOISE", 0.0)
 
 
-@pytest.mark.sample(6)
+@pytest.mark.slow
 @pytest.mark.compiled
 @pytest.mark.parametrize("number", range(16))
 def test_a_batch_is_its_single_calls(number: int, at_once: None) -> None:

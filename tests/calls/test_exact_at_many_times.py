@@ -29,6 +29,7 @@ def fresh(monkeypatch: pytest.MonkeyPatch) -> batch.Driver:
     return driver
 
 
+@pytest.mark.sample(1)
 @pytest.mark.compiled
 @pytest.mark.parametrize("attitude", [True, False])
 def test_native_code_gives_the_bits_of_numpy(

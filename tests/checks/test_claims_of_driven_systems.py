@@ -50,6 +50,7 @@ CASES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
 def test_brackets_of_driven_systems_are_observed(name: str) -> None:
     system, start, laws, method = CASES[name]

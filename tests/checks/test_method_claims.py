@@ -365,6 +365,7 @@ class Higher(lm.Method):
         return self.base.step(system, t, state, h)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(("order", "claimed"), [(1, 2), (3, 4), (4, 5), (6, 7)])
 def test_an_order_too_high_is_found(order: int, claimed: int) -> None:
     higher = Higher(lm.RKMK(order=order), claimed)
@@ -408,6 +409,7 @@ def test_an_attitude_that_is_moved_by_something_else_is_found() -> None:
     assert verdicts(report)["spatial momentum"] == "not seen"
 
 
+@pytest.mark.slow
 def test_a_symplectic_method_need_not_be_symplectic_with_the_attitude() -> None:
     body, start = systems()["free body"]
     found = {
@@ -420,6 +422,7 @@ def test_a_symplectic_method_need_not_be_symplectic_with_the_attitude() -> None:
         assert found[method]["energy"] == "seen"
 
 
+@pytest.mark.slow
 def test_the_midpoint_rule_is_symplectic_in_the_plane_without_saying_so() -> None:
     galaxy, start = systems()["galaxy"]
     report = check_method(lm.RKMK(tableau=gauss(1)), galaxy, start, compiled=False)

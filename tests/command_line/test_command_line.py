@@ -64,6 +64,7 @@ def test_every_scene_runs_and_its_method_keeps_the_energy(
 SHOWN = "flip", "heavy-top", "kirchhoff", "pendulum"
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("name", [name if name in SHOWN else slow(name) for name in SCENES])
 def test_every_scene_can_be_shown(
     name: str, folder: Path, capsys: pytest.CaptureFixture[str]

@@ -160,6 +160,7 @@ def test_steps_in_fictive_time_are_explained(capsys: pytest.CaptureFixture[str])
 # saved
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("method", [lm.RATTLE(), lm.PoissonEuler(), slow(lm.LieRATTLE())])
 def test_methods_with_systems_of_their_own_are_checked(method: lm.Method) -> None:
     (report,) = _reports(method)
@@ -173,6 +174,7 @@ def test_poisson_structures_are_checked() -> None:
         _reports(lm.AdaptiveVerlet())
 
 
+@pytest.mark.slow
 def test_a_run_that_cannot_be_saved_has_its_other_outputs(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -147,7 +147,7 @@ def test_the_list_is_the_public_surface() -> None:
     assert len(METHODS) > 40
 
 
-@pytest.mark.sample(9)
+@pytest.mark.sample(3)
 @pytest.mark.parametrize("name", METHODS)
 def test_every_method_gives_the_bits_of_plain_python(
     name: str, rows: dict[str, np.ndarray], no_python: None
@@ -158,6 +158,7 @@ def test_every_method_gives_the_bits_of_plain_python(
     )
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("name", ["compose", "Ad_star", "exp_Ad_star", "exp_residual"])
 def test_one_row_serves_all(name: str, rows: dict[str, np.ndarray], no_python: None) -> None:
     arrays = arguments_of(name, rows)
@@ -415,7 +416,7 @@ class Faulty(Record):
         return x[1] / (x[0] - 2.0)
 
 
-@pytest.mark.sample(4)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("rows", [1, 3, 40, 700])
 @pytest.mark.parametrize(("method", "error"), [("name", NameError), ("form", TypeError)])
 def test_a_mistake_in_a_formula_is_raised_as_itself(
@@ -593,6 +594,7 @@ def test_a_batch_thrown_out_by_another_thread_is_evaluated_all_the_same(
     assert np.array_equal(Counted(2.0).value(x), first)
 
 
+@pytest.mark.slow
 def test_what_is_remembered_of_a_batch_keeps_no_owner(
     monkeypatch: pytest.MonkeyPatch, rng: np.random.Generator
 ) -> None:

@@ -45,6 +45,7 @@ def test_steps_with_integers_beyond_native_code_are_those_of_python() -> None:
     assert math.factorial(39) > 2**63
 
 
+@pytest.mark.slow
 def test_bodies_that_leave_native_code_come_back() -> None:
     system = lm.LiePoissonSystem(lm.SO3(), Factorials([1.0, 1.5, 2.0]))
     starts = system.state(mu=[[0.5 * math.cos(k), 0.3, math.sin(k)] for k in range(9)])

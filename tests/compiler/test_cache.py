@@ -286,6 +286,7 @@ print(sum(k.entry is fixed_steps for k in kernel.alive()))
     assert run.stdout.split() == ["1"]
 
 
+@pytest.mark.slow
 def test_many_processes_fill_one_empty_cache(project: Project) -> None:
     running = [project.start() for _ in range(4)]
     for process in running:
@@ -295,7 +296,7 @@ def test_many_processes_fill_one_empty_cache(project: Project) -> None:
     assert project.hits()
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     "damage",
     [
@@ -323,6 +324,7 @@ def copy_of_the_package(place: Path) -> Path:
     return place / "liemech" / "compiler" / "__pycache__"
 
 
+@pytest.mark.slow
 def test_an_installation_keeps_its_code_beside_itself_or_with_the_user_or_nowhere(
     project: Project, tmp_path: Path
 ) -> None:
@@ -354,6 +356,7 @@ def test_an_installation_keeps_its_code_beside_itself_or_with_the_user_or_nowher
     assert [project.hits(**places), project.hits(**places)] == [False, False]
 
 
+@pytest.mark.slow
 def test_a_chosen_folder_is_used_and_no_other(project: Project, tmp_path: Path) -> None:
     project.hits(LIEMECH_CACHE_DIR=str(tmp_path / "a" / "b"))
     assert len(list((tmp_path / "a" / "b").glob("*.o"))) == 1 and not project.cache.exists()
@@ -550,7 +553,7 @@ QUICK = {"a nested lambda", "a default", "a slot", "a module reached through a c
 """What is edited whenever the tests run; the others are slow, for each needs four processes."""
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     "what",
     [what if what in QUICK else pytest.param(what, marks=pytest.mark.slow) for what in IN_PLACE],
@@ -584,6 +587,7 @@ def test_a_global_of_a_script_that_has_the_name_of_an_attribute_is_no_miss(
     assert project.hits()
 
 
+@pytest.mark.slow
 def test_another_global_in_the_process_finds_its_own_code_on_disk(project: Project) -> None:
     """Variants: two processes with different constants do not drive each other's code out."""
     texts = [("helper", "RATE = 0.5", "RATE = 0.75"), ("helper", "RATE = 0.75", "RATE = 0.5")]

@@ -43,6 +43,7 @@ def no_disk(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cache, "folder", lambda: None)
 
 
+@pytest.mark.slow
 def test_a_sweep_over_static_values_does_not_leak(
     monkeypatch: pytest.MonkeyPatch, no_disk: None
 ) -> None:
@@ -116,6 +117,7 @@ def test_different_kernels_do_not_wait_for_each_other(
     thread.join(60)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="has no fork")
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
 def test_a_child_forked_while_another_thread_compiles_can_compile(no_disk: None) -> None:

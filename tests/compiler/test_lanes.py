@@ -79,6 +79,7 @@ def written_by_hand(a, b, c, d, n):
     return y + (h * (1.0 / 6.0)) * k4
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("side_by_side", [False, True])
 def test_a_tableau_given_as_data_is_the_code_written_by_hand(side_by_side: bool) -> None:
     lanes = kernel.lanes() if side_by_side else 1
@@ -124,6 +125,7 @@ def test_branches_on_what_is_known_and_values_nobody_uses_leave_no_trace() -> No
     assert found == instructions(without_options)
 
 
+@pytest.mark.slow
 def test_a_method_of_fewer_stages_is_shorter_code() -> None:
     """No dead stages: the exponentials of RKMK of order 1, 2, 4 are as many as the stages (the
     first needs none) and one.
@@ -161,6 +163,7 @@ def test_an_ensemble_computes_with_whole_vector_registers() -> None:
     assert len(scalar) < len(packed) / 10, f"{len(scalar)} scalar beside {len(packed)} packed"
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("side_by_side", [False, True])
 def test_no_multiplication_is_fused_with_an_addition(side_by_side: bool) -> None:
     """It would round once where Python rounds twice."""
@@ -182,11 +185,13 @@ def keeps_everything_across_calls(a, b, c, d, n):
     return vec(x, total, *kept)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("lanes", [1, 2, 4, 8, 16, 24])
 def test_calls_of_the_c_library_leave_all_registers_of_all_lanes_alone(lanes: int) -> None:
     worlds.same_in_all_worlds(keeps_everything_across_calls, ROWS, lanes=[lanes])
 
 
+@pytest.mark.slow
 def test_every_body_of_an_ensemble_is_the_body_run_alone() -> None:
     """Fast and slow bodies side by side: large steps leave the polynomials and call the C library,
     small ones do not.
@@ -223,6 +228,7 @@ def run_of(moments: list[float], steps: int = 2000, compiled: bool = True) -> by
 BODIES = [[1.0, 1.5, 2.0], [3.0, 1.0, 2.5], [2.0, 2.0, 1.0], [1.0, 1.0, 1.0]]
 
 
+@pytest.mark.slow
 def test_threads_that_compile_and_run_at_once_do_not_mix(monkeypatch: pytest.MonkeyPatch) -> None:
     expected = [run_of(moments, compiled=False) for moments in BODIES]
     kernel.forget()

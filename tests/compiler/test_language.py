@@ -801,7 +801,7 @@ def nan_in_tests(a, b, c, d, n):
     )
 
 
-@pytest.mark.sample(26)
+@pytest.mark.sample(6)
 @pytest.mark.parametrize("function", FORMULAS, ids=lambda f: f.__name__)
 @pytest.mark.parametrize("turns", [3])
 def test_same_bits_in_all_worlds(function, turns):

@@ -344,6 +344,7 @@ def identity_of_truth_values(a, b, c, d, n):
     )
 
 
+@pytest.mark.sample(8)
 @pytest.mark.parametrize("formula", FORMULAS, ids=lambda f: f.__name__)
 def test_the_same_in_all_worlds(formula: Callable[..., Any]) -> None:
     worlds.same_in_all_worlds(formula, ROWS)

@@ -136,6 +136,7 @@ ROWS = [
 ]
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize("name", ["ways", "raising", "derived", "lists", "imaginary"])
 def test_formulas(name: str, everything: None, tmp_path: Path) -> None:
     formula = getattr(worlds.module_from(TEXT, tmp_path, f"outlined_{name}"), name)
@@ -170,6 +171,7 @@ def small(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
     return builders
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("name", ["ways", "raising", "derived", "lists", "imaginary"])
 def test_what_grows_has_the_same_bits(name: str, small: list[Any], tmp_path: Path) -> None:
     text = TEXT + f"def turned(x, y, turns):\n    return {name}(x, y)"
@@ -218,7 +220,7 @@ QUICK = PAIRS[2], PAIRS[5]
 """A composition, a body in a field; the others are slow."""
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("lanes", [1, 3])
 @pytest.mark.parametrize(
     ("system", "method"),
@@ -240,7 +242,7 @@ def test_methods(system: Any, method: Any, lanes: int, everything: None) -> None
         assert np.array_equal(ours[0], plain.mu) and np.array_equal(ours[1], plain.g)
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("lanes", [1, 16])
 def test_products(lanes: int, everything: None, tmp_path: Path) -> None:
     """Matrices and vectors of any shape, real and complex, against the operators of plain Python."""
@@ -263,6 +265,7 @@ def formula(a, b, c, turns):
     worlds.same_in_all_worlds(formula, rows, lanes=(lanes,))
 
 
+@pytest.mark.slow
 def test_what_is_too_long_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     """And the run goes on in plain Python."""
     no_kernels(monkeypatch)
@@ -283,6 +286,7 @@ def test_a_wide_state_is_refused_at_once(monkeypatch: pytest.MonkeyPatch) -> Non
         lm.integrate(BODY, lm.RKMK(order=4), BODY.state(mu=MU), h=0.1, steps=10, compiled=True)
 
 
+@pytest.mark.sample(1)
 def test_every_function_is_called(everything: None, monkeypatch: pytest.MonkeyPatch) -> None:
     """Functions whose calls were taken back are not compiled."""
     texts: list[str] = []
@@ -302,6 +306,7 @@ def test_every_function_is_called(everything: None, monkeypatch: pytest.MonkeyPa
     )
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("lanes", [1, 16])
 def test_tables(lanes: int, everything: None, tmp_path: Path) -> None:
     """Sums of terms in any number, with any coefficients, against plain Python."""
@@ -324,6 +329,7 @@ def formula(a, b, c, turns):
     worlds.same_in_all_worlds(formula, rows, lanes=(lanes,))
 
 
+@pytest.mark.slow
 def test_a_long_kernel_is_short() -> None:
     """Seventeen substeps are not seventeen times the instructions of one."""
 

@@ -121,6 +121,7 @@ class Anharmonic(lm.Hamiltonian):
         return vec(*[derivative(lambda m: self.energy(m), mu, unit) for unit in identity_matrix(3)])
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 def test_a_derived_gradient_in_native_code_and_in_lanes() -> None:
     system = lm.LiePoissonSystem(lm.SO3(), Anharmonic(2.0))

@@ -250,6 +250,7 @@ CHANGES: dict[str, tuple[str, Callable[[Any], Any]]] = {
 }
 
 
+@pytest.mark.sample(10)
 @pytest.mark.parametrize("what", CHANGES)
 def test_a_change_is_seen_and_a_change_back_needs_no_compiler(what: str, world: Any) -> None:
     name, change = CHANGES[what]
@@ -341,7 +342,7 @@ RUNS = {
 }
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("many", [False, True])
 @pytest.mark.parametrize("what", ["short", "long"])
 def test_runs_in_a_loop_over_a_global(

@@ -194,6 +194,7 @@ def test_an_overriding_method_inherits_what_its_arguments_are() -> None:
         stiff.force(np.zeros(2))
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 def test_many_elements_run_in_native_code_with_the_same_bits(
     rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
@@ -539,6 +540,7 @@ class Constants(Record):
         return self.slope[0] * x[0] + float(self.offset)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.compiled
 @pytest.mark.parametrize(
     ("one", "other"),

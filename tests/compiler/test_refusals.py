@@ -350,6 +350,7 @@ class Dreamer(lm.RKMK):
         return dict.fromkeys(("state",), state)["state"]
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("at_once")
 def test_a_method_whose_start_does_not_compile() -> None:
     """One body is started in plain Python anyway; the bodies of an ensemble are not."""
@@ -408,6 +409,7 @@ print("llvmlite" in sys.modules)
 """
 
 
+@pytest.mark.slow
 def test_the_same_bits_without_a_compiler() -> None:
     def run(*arguments: str, **environment: str) -> list[str]:
         program = [sys.executable, "-c", RUN, *arguments]

@@ -13,6 +13,7 @@ from liemech.compiler import cache, kernel
 pytestmark = pytest.mark.compiled
 
 
+@pytest.mark.slow
 def test_one_register_or_two_give_the_same_bits(monkeypatch: pytest.MonkeyPatch) -> None:
     from liemech.compiler import outlined
 

@@ -44,7 +44,7 @@ def check(seed: int, folder: Path, lanes: tuple[int, ...]) -> bool:
     return True
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.compiled
 @pytest.mark.parametrize("hundred", range(3))
 def test_random_formulas(hundred: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -156,7 +156,7 @@ def forms_alone(folder: Path, rounds: int = 3) -> Iterator[tuple[str, collection
         yield form, found
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.compiled
 @pytest.mark.parametrize("hundred", range(2))
 def test_random_programs(hundred: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -191,6 +191,7 @@ def check_derivatives(seed: int, folder: Path, lanes: tuple[int, ...]) -> None:
     worlds.same_in_all_worlds(module.formula, rows, 2, lanes)
 
 
+@pytest.mark.sample(3)
 @pytest.mark.compiled
 @pytest.mark.parametrize("seed", range(8))
 def test_random_derivatives(seed: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -177,6 +177,7 @@ def test_lagranges_equations_are_hamiltons() -> None:
     assert np.ptp(run.energy) < 2e-3 * np.ptp(9.81 * run.q[:, 2])
 
 
+@pytest.mark.slow
 def test_a_bead_on_a_wire_is_its_own_coordinate() -> None:
     """On the circle x^2 + y^2 = 1 the planar system is the pendulum."""
 
@@ -252,6 +253,7 @@ def test_the_linkage_is_a_pendulum() -> None:
         )
 
 
+@pytest.mark.slow
 def test_geodesics_of_an_ellipsoid_keep_joachimsthals_integral() -> None:
     system = lm.ParticleOnEllipsoid([1.0, 1.5, 2.0], mass=0.7)
     start = system.consistent([0.6, 0.7, 1.0], [0.5, -0.3, 0.4])

@@ -191,6 +191,7 @@ def test_methods_for_free_systems_do_not_take_constrained_ones() -> None:
 # ---------------------------------------------------------------- bad dynamics
 
 
+@pytest.mark.slow
 def test_a_step_too_large_is_refused_before_it_lands_on_another_branch() -> None:
     """A free particle on the sphere turns by asin(h v) a step, at most by a right angle: h v < 1."""
     free = lm.SphericalPendulum(gravity=0.0)
@@ -248,6 +249,7 @@ def test_the_reduced_equation_says_where_constraints_become_dependent() -> None:
         linkage.multipliers(line, 0.0 * line)
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 def test_one_member_of_an_ensemble_may_fail() -> None:
     """The one with too much speed stops, with the reason; others have the bits that they have

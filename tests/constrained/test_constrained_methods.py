@@ -93,7 +93,7 @@ def test_order_of_positions_momenta_and_multipliers(method: lm.Method, scene: st
     )
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("scene", ["chain", "stretching"])
 @pytest.mark.parametrize("method", [lm.RATTLE(), PAIRS[1]], ids=repr)
 def test_order_with_two_constraints_and_with_energies_that_do_not_separate(
@@ -144,6 +144,7 @@ def test_the_euler_methods_undo_each_other(scene: str) -> None:
     assert np.abs(np.subtract(tuple(back), tuple(y))).max() < 2e-15
 
 
+@pytest.mark.sample(6)
 @pytest.mark.parametrize("scene", SCENES)
 @pytest.mark.parametrize(
     "method", [lm.RATTLE(), *EULERS, PAIRS[1], slow(PAIRS[2]), slow(COMPOSED[1])], ids=repr
@@ -164,7 +165,7 @@ def test_index_reduction_does_not() -> None:
         assert two_form_defect(method, PENDULUM, SWINGING, 0.1) > 1e-6
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.compiled
 @pytest.mark.parametrize("scene", SCENES)
 def test_constraints_hold_and_energies_do_not_drift_in_a_hundred_thousand_steps(scene: str) -> None:
@@ -182,7 +183,7 @@ def test_constraints_hold_and_energies_do_not_drift_in_a_hundred_thousand_steps(
         assert drift["vertical momentum"].largest < 1e-13
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.compiled
 @pytest.mark.parametrize("method", [PAIRS[1], GEODESIC[2]], ids=repr)
 def test_constraints_hold_in_other_methods(method: lm.Method) -> None:
@@ -311,6 +312,7 @@ def test_index_reduction_leaves_the_manifold_and_projection_does_not() -> None:
     assert np.asarray(PENDULUM.defects(run.q, run.p)).max() <= 4.0 * EPS
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 def test_only_rattle_keeps_the_energy_for_a_long_time() -> None:
     drifts = {}

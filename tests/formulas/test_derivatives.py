@@ -177,6 +177,7 @@ def test_nested_derivatives_are_those_of_sympy(formula: Callable[..., Any]) -> N
         )
 
 
+@pytest.mark.sample(3)
 @pytest.mark.compiled
 @pytest.mark.parametrize("formula", EXPECTED, ids=lambda formula: formula.__name__)
 def test_nested_derivatives_have_the_same_bits_in_native_code(formula: Callable[..., Any]) -> None:
@@ -224,6 +225,7 @@ def in_loops(x, y, turns):
     return vec(derivative(root, x), derivative(lambda a: derivative(root, a * y), x))
 
 
+@pytest.mark.sample(1)
 @pytest.mark.compiled
 @pytest.mark.parametrize(
     "formula", [on_branches, constants_on_one_way, in_loops], ids=lambda formula: formula.__name__
@@ -307,6 +309,7 @@ def test_derivatives_along_a_group_are_those_of_differences() -> None:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 def test_derivatives_along_a_group_in_native_code() -> None:
     same_in_all_worlds(stiffness, ROWS)

@@ -34,6 +34,7 @@ def distance(a: Any, b: Any) -> mp.mpf:
         )
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize("exponent", [0, 10, 30, 50, 51, 51.7, 52, 53, 57, 59.99])
 def test_sines_of_angles_up_to_2_to_the_60(exponent: float) -> None:
     """To 2^-100 of one where the angle is one double, else to the last digit of the angle."""
@@ -52,6 +53,7 @@ def test_angles_beyond_have_no_sine(x: float) -> None:
         assert math.isnan(function(DoubleDouble(x)).value)
 
 
+@pytest.mark.slow
 def test_logarithms_and_roots_of_matrices_have_28_digits() -> None:
     """exp(log a) = a and sqrt(a)^2 = a, wherever the iteration for the root ends."""
     for turn in np.linspace(0.3, 2.7, 13):

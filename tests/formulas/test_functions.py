@@ -105,6 +105,7 @@ def lists_sum(items):
     return total
 
 
+@pytest.mark.sample(1)
 @pytest.mark.compiled
 @pytest.mark.parametrize(
     "formula", [every_function, their_slopes], ids=lambda formula: formula.__name__

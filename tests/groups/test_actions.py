@@ -50,6 +50,7 @@ def close(a: object, b: object, ulps: float = 32.0) -> bool:
     return bool(np.abs(a - b).max() <= ulps * EPS * max(1.0, np.abs(b).max()))
 
 
+@pytest.mark.sample(8)
 @each(ACTIONS)
 def test_laws(action: lm.GroupAction) -> None:
     """(g h) . x = g . (h . x), e . x = x, the infinitesimal action is the derivative, exp_act is
@@ -286,7 +287,7 @@ def test_a_group_moves_itself(rng: np.random.Generator) -> None:
 # ---------------------------------------------------------------- many at once
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.compiled
 @each(
     [
@@ -309,6 +310,7 @@ def test_batches_equal_rows(action: lm.GroupAction) -> None:
         assert np.array_equal(whole[some], [getattr(action, name)(a[i], x[i]) for i in some]), name
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("n", [10, 2100])
 @each([SPHERES[0], lm.LinearAction(SO3), lm.CoadjointAction(SO3), lm.LeftMultiplication(SO3)])
 def test_elements_off_the_group_are_refused_however_many(action: lm.GroupAction, n: int) -> None:

@@ -73,6 +73,7 @@ def test_algebra(group: MatrixLieGroup) -> None:
     assert np.array_equal(c, np.round(c))
 
 
+@pytest.mark.sample(8)
 @names
 def test_elements_obey_the_defining_laws(group: MatrixLieGroup) -> None:
     n = group.generated.n
@@ -159,6 +160,7 @@ def test_casimir_functions(group: MatrixLieGroup) -> None:
     )
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("group", [SO(4), SU(2), Sp(4), Heisenberg(1)], ids=repr)
 def test_casimir_functions_along_a_motion(group: MatrixLieGroup) -> None:
     system = lm.LiePoissonSystem(group, lm.KineticEnergy(np.linspace(1.0, 2.0, group.dim)))

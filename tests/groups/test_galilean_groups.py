@@ -59,6 +59,7 @@ def test_closed_forms_beside_block_exponentials(group: lm.LieGroup, size: float)
                 assert np.abs(back - eta).max() <= bound * np.linalg.cond(D)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("size", [1e-8, 0.3, 0.63246, 0.7, 2.4, 2.6])
 def test_galilean_exponential_in_40_digits(size: float) -> None:
     """The displacement V u + s E a, E = 1/2 + W/6 + ...: relative to its terms."""

@@ -86,6 +86,7 @@ def test_derivatives_of_it() -> None:
     assert np.abs(np.array(slope) - expected).max() <= 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 def test_native_code_does_the_same() -> None:
     """A variational step of 2.5 rad, whose equation is dexp's dual: the same bits."""

@@ -44,6 +44,7 @@ def invariance(algebra: lm.LieAlgebra, form: np.ndarray) -> float:
     return max(defects) / np.abs(form).max()
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize("group", SEMISIMPLE, ids=repr)
 def test_killing_form_of_semisimple_algebras(group: lm.LieGroup) -> None:
     """K_ij = tr(ad_i ad_j) is symmetric, invariant and nondegenerate, and is minus the invariant

@@ -353,7 +353,7 @@ def by_definition(case: Case, tau: Callable, xi: np.ndarray, side: str) -> np.nd
     return np.stack(columns, axis=1)
 
 
-@pytest.mark.sample(12)
+@pytest.mark.sample(6)
 @pytest.mark.parametrize("side", ["right", "left"])
 def test_dexp_and_its_inverses_by_definition(case: Case, side: str) -> None:
     G, xi = case.group, case.xi[0]
@@ -407,6 +407,7 @@ def test_series_of_the_inverse_differential(case: Case) -> None:
 # from the laws
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize("size", [0.0, 1e-8, 0.3, 1.58, 1.6, 3.0, 5.0])
 def test_closed_forms_equal_the_general_ones(size: float) -> None:
     rng = np.random.default_rng(11)

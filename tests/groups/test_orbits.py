@@ -104,6 +104,7 @@ def test_orbits_of_less_dimension() -> None:
     assert not lm.coadjoint(lm.Heisenberg()).on_same_orbit([1.0, 0, 0], [1.0, 1e-3, 0])
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("n", [2, 4, 6, 8])
 def test_mirror_images_of_even_rotations(n: int) -> None:
     """K by a reflection keeps all traces of powers and changes the sign of the Pfaffian, whose

@@ -210,7 +210,7 @@ def test_a_product_moves_as_its_factors_do_on_their_own() -> None:
             assert np.abs(alone.g - group.split(run.g)[half.start // 3]).max() <= 64 * EPS
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.compiled
 @pytest.mark.parametrize(
     ("group", "method"),
@@ -234,7 +234,7 @@ def test_compiled_runs_equal_plain_ones(group: lm.LieGroup, method: lm.Method) -
     assert np.array_equal(a.g, b.g)
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.compiled
 @each([PRODUCTS[0], RIGID])
 def test_batches_equal_rows(group: lm.LieGroup) -> None:
@@ -284,7 +284,7 @@ def as_matrix(g: np.ndarray) -> np.ndarray:
     return np.block([[R, p[:, None]], [np.zeros((1, 3)), np.ones((1, 1))]])
 
 
-@pytest.mark.sample(4)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("side", ["right", "left"])
 @pytest.mark.parametrize("size", SIZES)
 @each([SEMIDIRECT[0], SEMIDIRECT[1]])
@@ -357,7 +357,7 @@ def mp_phi1(a: np.ndarray, exact: list[mp.mpf], basis: list[np.ndarray]) -> mp.m
     return total
 
 
-@pytest.mark.sample(5)
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("size", [0.0, 1e-8, 1e-3, 0.9, 1.1, 3.0, 6.2])
 @each([RIGID, SEMIDIRECT[3], SEMIDIRECT[4]])
 def test_dexp_and_its_inverses_by_definition_in_50_digits(
@@ -499,6 +499,7 @@ def heavy_top(group: lm.LieGroup) -> tuple[lm.LiePoissonSystem, np.ndarray, np.n
     return lm.LiePoissonSystem(group, HeavyTop(J, mgl * chi)), np.concatenate([pi, R[2]]), exact
 
 
+@pytest.mark.sample(1)
 @each([RIGID, lm.SemidirectProduct(Q)])
 def test_heavy_top_converges_with_order_4_to_the_exact_motion(group: lm.SemidirectProduct) -> None:
     system, start, exact = heavy_top(group)

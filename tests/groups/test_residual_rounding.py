@@ -21,6 +21,7 @@ CASES = {
 }
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("name", CASES)
 def test_residuals_near_the_root_round_by_the_size_of_the_displacement(name: str) -> None:
     """With terms of the size of mu the residual is a multiple of 4 ulp(p), and steps are wrong to

@@ -127,7 +127,7 @@ def derivative(f: Callable[[mp.matrix], mp.matrix], x: mp.matrix) -> np.ndarray:
     return np.array(columns).T
 
 
-@pytest.mark.sample(6)
+@pytest.mark.sample(3)
 def test_mismatch_and_its_derivatives(tau: lm.Retraction, vectors: tuple[np.ndarray, ...]) -> None:
     xi, p, mu = vectors
     r, by_p, by_xi = tau.residual(G, *(lm.Vec.of(v) for v in (xi, p, mu)))

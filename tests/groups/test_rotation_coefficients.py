@@ -147,6 +147,7 @@ def test_the_coefficients_are_those_of_the_derivation(name: str) -> None:
     assert c == derivation["coefficients"](f, at_zero, code.LIMIT)
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize("name", POLYNOMIALS)
 def test_the_polynomials_are_closer_than_rounding(name: str) -> None:
     f, _, c = POLYNOMIALS[name]
@@ -210,25 +211,28 @@ def largest(names: list[str], xs: list[float]) -> dict[str, float]:
     return {name: max(error(name, x) for x in xs) for name in names}
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("where", ON_POLYNOMIAL)
 def test_accuracy_of_the_polynomials(where: str) -> None:
     found = largest([*NAMES, *SLOPES, "bernoulli_slope"], ON_POLYNOMIAL[where])
     assert max(found.values()) < 1.5, found
 
 
-@pytest.mark.sample(5)
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("where", BEYOND)
 def test_accuracy_beyond_the_polynomials(where: str) -> None:
     found = largest([*NAMES, *SLOPES, "bernoulli_slope"], BEYOND[where])
     assert max(found.values()) < 3.0, found
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("where", LARGE)
 def test_accuracy_at_large_angles(where: str) -> None:
     found = largest(["sinc", "versine", "segment", *SLOPES], LARGE[where])
     assert max(found.values()) < 3.0, found
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("name", CURVATURES)
 def test_second_derivatives_are_good_enough_for_newton(name: str) -> None:
     """To rounding on the polynomials; beyond, some thousand eps of the value at zero, divided by

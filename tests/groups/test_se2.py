@@ -128,7 +128,7 @@ def sledge() -> tuple[lm.LiePoissonSystem, lm.BodyState]:
     return system, system.state([0.4, 0.8, -0.5], G.exp(np.array([0.3, 1.0, -2.0])))
 
 
-@pytest.mark.sample(2)
+@pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS, ids=lambda m: f"{m.name}-{m.retraction!r}")
 def test_order_and_what_the_group_keeps(method: lm.Method) -> None:
     system, start = sledge()
@@ -146,7 +146,7 @@ def test_order_and_what_the_group_keeps(method: lm.Method) -> None:
     assert np.abs(system.casimirs(run.mu) - np.array(system.casimirs(start.mu))).max() < 1e-14
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.compiled
 @pytest.mark.parametrize("method", METHODS, ids=lambda m: f"{m.name}-{m.retraction!r}")
 def test_compiled_runs_have_the_bits_of_plain_ones(method: lm.Method) -> None:

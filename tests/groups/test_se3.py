@@ -134,6 +134,7 @@ def off(values: np.ndarray, wanted: mp.matrix) -> float:
     )
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize("size", [1e-8, 0.3, 0.63, 0.64, 2.0, math.pi, 6.28, 1e2, 1e5, 1e8])
 def test_accuracy_of_the_exponential(size: float) -> None:
     """Every entry of the rotation to 4 eps, the displacement to 4 eps of |v|."""
@@ -147,6 +148,7 @@ def test_accuracy_of_the_exponential(size: float) -> None:
             assert off(g[:3, 3], p) < 4.0 * np.linalg.norm(v)
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize("gap", [math.pi - 1e-9, math.pi - 0.5, 1.0, 0.1, 1e-4, 1e-9, 1e-13])
 def test_accuracy_of_the_logarithm(gap: float) -> None:
     """3 eps of |w| and of |v| for every angle up to pi - 1e-13: the matrix is rounded from the
@@ -277,6 +279,7 @@ def test_energy_casimirs_and_spatial_momentum_of_the_reference() -> None:
     assert scaled(system.spatial_momentum(mu, g), spatial) < 4 * EPS
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize("method", METHODS, ids=lambda m: f"{m.name}-{m.retraction!r}")
 def test_order_against_the_reference(method: lm.Method) -> None:
     system, start = kirchhoff()
@@ -293,7 +296,7 @@ def test_order_against_the_reference(method: lm.Method) -> None:
     assert np.log2(errors[1] / errors[2]) == pytest.approx(method.order, abs=0.05)
 
 
-@pytest.mark.sample(3)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("method", METHODS, ids=lambda m: f"{m.name}-{m.retraction!r}")
 def test_what_the_group_keeps(method: lm.Method) -> None:
     """Spatial momentum and Casimirs over 1000 steps, to rounding; g stays on the group."""
@@ -305,7 +308,7 @@ def test_what_the_group_keeps(method: lm.Method) -> None:
     assert max(G.defect(g) for g in run.g[::100]) < 1e-13
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.compiled
 @pytest.mark.parametrize("method", METHODS, ids=lambda m: f"{m.name}-{m.retraction!r}")
 def test_compiled_runs_have_the_bits_of_plain_ones(method: lm.Method) -> None:
@@ -318,6 +321,7 @@ def test_compiled_runs_have_the_bits_of_plain_ones(method: lm.Method) -> None:
     assert same_bits(plain.g, native.g)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", [EXP, CAYLEY, ADJOINT], ids=named)
 def test_energy_oscillates_without_drift(method: lm.Method) -> None:
     system, start = kirchhoff()
@@ -335,6 +339,7 @@ def test_steps_run_backwards() -> None:
     assert np.abs(back.g[-1] - np.array(start.g)).max() < 1e-11
 
 
+@pytest.mark.sample(1)
 @pytest.mark.compiled
 @pytest.mark.parametrize("group", [R3, G], ids=lambda g: type(g).__name__)
 def test_a_stage_beyond_a_whole_turn_ends_the_run_in_both_worlds(group: lm.LieGroup) -> None:

@@ -92,6 +92,7 @@ def test_the_cayley_map_of_the_adjoint_representation_is_the_same(group: lm.LieG
     )
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 def test_laws_in_native_code() -> None:
     assert lm.check_group(Q, native=True)["native code"].verdict == "holds"
@@ -226,6 +227,7 @@ def test_a_body_turns_as_with_matrices() -> None:
         assert np.abs(Q.defect(turned[0].g)).max() <= 16 * EPS
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 def test_compiled_runs_equal_plain_ones() -> None:
     system = lm.LiePoissonSystem(Q, lm.KineticEnergy([1.0, 1.6, 2.3]))
@@ -266,6 +268,7 @@ def test_random_quaternions_are_uniform() -> None:
     assert np.abs(q.T @ q / len(q) - np.eye(4) / 4).max() < 0.02
 
 
+@pytest.mark.sample(3)
 @pytest.mark.compiled
 @pytest.mark.parametrize(
     "method", ["exp", "log", "compose", "Ad", "compose_exp", "cayley_inv", "matrix", "defect"]

@@ -24,6 +24,7 @@ def least_value(J: np.ndarray, across: np.ndarray) -> float:
     return float(np.einsum("ni,ij,nj->n", across, k, across).min())
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("share", [0.0, 0.3, 0.5])
 def test_the_condition_is_that_a_quadratic_form_is_not_negative(share: float) -> None:
     """From thick to thin bodies it fails where the form does, on a grid that is fine along all

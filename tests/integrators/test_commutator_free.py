@@ -171,7 +171,7 @@ def test_a_tableau_of_fractions() -> None:
 # ---------------------------------------------------------------- orders
 
 
-@pytest.mark.sample(4)
+@pytest.mark.sample(2)
 @by_name
 @pytest.mark.parametrize("t_end", [slow(2.0), -2.0])
 def test_order_of_momentum_and_attitude(method: CommutatorFree, t_end: float) -> None:
@@ -214,7 +214,7 @@ def reference(kind: type[Steered], t_end: float) -> np.ndarray:
     )
 
 
-@pytest.mark.sample(3)
+@pytest.mark.slow
 @by_name
 @pytest.mark.parametrize("kind", [Steered, slow(SteeredFromSpace)], ids=["body", "space"])
 def test_order_of_a_driven_equation(method: CommutatorFree, kind: type[Steered]) -> None:
@@ -252,7 +252,7 @@ def test_order_on_a_heavy_top(method: CommutatorFree) -> None:
         assert slope([1 / n for n in counts], error) == pytest.approx(method.order, abs=0.1)
 
 
-@pytest.mark.sample(3)
+@pytest.mark.slow
 @by_name
 def test_order_on_a_body_in_a_fluid(method: CommutatorFree) -> None:
     """Momentum and pose of a Kirchhoff body on SE(3), against 20 digits."""
@@ -399,7 +399,7 @@ def test_the_bracket_is_not_kept() -> None:
     assert slope(h, defects) == pytest.approx(5.0, abs=0.4)
 
 
-@pytest.mark.sample(2)
+@pytest.mark.slow
 @by_name
 @pytest.mark.compiled
 def test_native_code_gives_the_same_bits(method: CommutatorFree) -> None:

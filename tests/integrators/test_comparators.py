@@ -137,7 +137,7 @@ def test_relatives_of_the_cayley_map() -> None:
 # ---------------------------------------------------------------- order, symmetry, structure
 
 
-@pytest.mark.sample(2)
+@pytest.mark.slow
 @each
 def test_order_of_momentum_and_attitude(method: lm.Method) -> None:
     body, start = asymmetric_body()
@@ -147,6 +147,7 @@ def test_order_of_momentum_and_attitude(method: lm.Method) -> None:
         assert slope([1 / n for n in counts], error) == wanted
 
 
+@pytest.mark.slow
 def test_who_is_more_accurate() -> None:
     """Errors at T = 2 with 40 steps of the article's body, over those of Algorithm 1 with exp."""
     body, start = seed_body()
@@ -208,7 +209,7 @@ def two_form_defect(
     return float(np.abs(D.T @ omega(new.mu[-1]) @ D - omega(mu)).max())
 
 
-@pytest.mark.sample(5)
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     "method", [*SYMPLECTIC, EXP, CAYLEY, Composition(ROTATIONS, order=4)], ids=named
 )
@@ -223,7 +224,7 @@ def test_midpoint_rules_are_methods_for_momenta(method: lm.Method) -> None:
     assert two_form_defect(body, method, TILTED, rotation(np.random.default_rng(1)), 0.3) > 1e-4
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.compiled
 @each
 def test_ten_thousand_steps(method: lm.Method) -> None:
@@ -239,6 +240,7 @@ def test_ten_thousand_steps(method: lm.Method) -> None:
         assert off[500:].max() <= 1.1 * off[:500].max() + 1e-13
 
 
+@pytest.mark.slow
 def test_energy_of_large_steps() -> None:
     """A thousand steps h = 0.5: bounded, or exact."""
     body, start = seed_body()
@@ -272,7 +274,7 @@ class Quartic(lm.Hamiltonian):
         )
 
 
-@pytest.mark.sample(2)
+@pytest.mark.slow
 @pytest.mark.parametrize("method", [IMPLICIT, SPHERICAL, Isospectral(4)], ids=named)
 def test_any_hamiltonian(method: lm.Method) -> None:
     system = lm.LiePoissonSystem(lm.SO3(), Quartic(0.3))
@@ -294,6 +296,7 @@ def test_any_hamiltonian(method: lm.Method) -> None:
     ) == method.symplectic
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("method", [IMPLICIT, SPHERICAL, VESELOV, Isospectral(4)], ids=named)
 def test_axes_do_not_matter(method: lm.Method) -> None:
     """The same body in other axes of its own: J = U diag U^T, mu -> U mu, g -> g U^T."""
@@ -307,7 +310,7 @@ def test_axes_do_not_matter(method: lm.Method) -> None:
     assert np.abs(a.g @ U.T - b.g).max() < 1e-13
 
 
-@pytest.mark.sample(8)
+@pytest.mark.sample(4)
 @each
 @pytest.mark.parametrize("scale", [2.0**-300, 2.0**300])
 def test_units_do_not_matter(method: lm.Method, scale: float) -> None:
@@ -458,6 +461,7 @@ def test_fitted_steps_plain_and_native() -> None:
     assert same_bits(plain.g, native.g)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=pytest.mark.compiled)])
 def test_fitted_steps_refuse_other_motions(compiled: bool) -> None:
     body, start = asymmetric_body()

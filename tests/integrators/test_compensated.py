@@ -26,6 +26,7 @@ def exact(x: Compensated) -> Fraction:
     return Fraction(x.value) + Fraction(x.rest)
 
 
+@pytest.mark.slow
 def test_a_million_tenths() -> None:
     total, ordinary = Compensated(0.0), 0.0
     for _ in range(10**6):
@@ -146,6 +147,7 @@ class Drift(lm.GroupEquation):
         return self.v
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 def test_a_uniform_motion_arrives_where_it_should() -> None:
     """A million steps of a constant velocity: the rounding errors, all alike, add up to 1e6 of them
@@ -165,7 +167,7 @@ def test_a_uniform_motion_arrives_where_it_should() -> None:
     assert np.abs(end[False] / truth - 1).max() > 1e-12
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.compiled
 @pytest.mark.parametrize("method", [m if m is not EXP else slow(m) for m in METHODS], ids=named)
 def test_what_a_million_steps_keep(method: lm.Method) -> None:
@@ -198,7 +200,7 @@ iteration.  All pairs are slow.
 """
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.compiled
 @pytest.mark.parametrize(("method", "mode"), [p if p in QUICK else slow(*p) for p in PAIRS])
 def test_plain_and_native_and_ensembles_agree_to_the_bit(
@@ -225,6 +227,7 @@ def test_plain_and_native_and_ensembles_agree_to_the_bit(
             assert g is None or same_bits(one.g, many.g[:, i])
 
 
+@pytest.mark.slow
 def test_by_default_symmetric_methods_sum_up_what_the_motion_depends_on() -> None:
     body, start = asymmetric_body()
     runs = {

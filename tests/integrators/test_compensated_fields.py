@@ -39,6 +39,7 @@ def test_a_step_keeps_what_rounding_takes(method: lm.Method) -> None:
     assert [x.value for x in numbers] == pytest.approx(expected, abs=8 * EPS)
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 def test_what_it_brings() -> None:
     """Orthogonality after 20,000 steps of RKMK 4: rounding walks without it."""

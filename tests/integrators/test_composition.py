@@ -147,7 +147,7 @@ def test_families_gain_two_orders(family: object, base: int) -> None:
 # ---------------------------------------------------------------- the order of the method
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("method", BY_ORDER, ids=named)
 def test_order_of_momentum_and_attitude(method: Composition) -> None:
     body, start = asymmetric_body()
@@ -168,7 +168,7 @@ STEPS = {
 BASES = EXP, SphericalMidpoint(), ThreeRotations()
 
 
-@pytest.mark.sample(2)
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("base", "tableau", "counts"),
     [
@@ -188,7 +188,7 @@ def test_orders_of_the_other_tableaus_and_bases(
         assert math.log2(error[0] / error[1]) == pytest.approx(tableau.order, abs=0.3)
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("base", [Isospectral(4), Composition(EXP, order=4)], ids=named)
 def test_a_base_of_order_four_gives_order_six(base: lm.Method) -> None:
     body, start = asymmetric_body()
@@ -263,7 +263,7 @@ def test_the_bracket_is_kept(method: Composition) -> None:
     assert poisson_defect(body, method, np.array([0.5, 0.3, 0.75**0.5]), 0.5) < 1e-11
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.compiled
 @pytest.mark.parametrize(
     "method", [Composition(CAYLEY, order=4), Composition(EXP, order=6)], ids=named
@@ -278,7 +278,7 @@ def test_momentum_is_kept_over_ten_thousand_steps(method: Composition) -> None:
     assert energy[500:].max() <= 1.1 * energy[:500].max()
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.compiled
 @pytest.mark.parametrize(
     "method", [Composition(CAYLEY, order=4), Composition(ThreeRotations(), order=8)], ids=named

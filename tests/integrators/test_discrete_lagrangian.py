@@ -132,6 +132,7 @@ def test_the_momentum_is_that_of_the_first_line_of_algorithm_1() -> None:
 # ------------------------------------------------------------------ orders and structure
 
 
+@pytest.mark.slow
 @RETRACTIONS
 def test_quadrature_is_of_order_four(retraction: lm.Retraction) -> None:
     for nodes in 2, 3:
@@ -161,6 +162,7 @@ def test_the_action_is_that_of_the_motion_up_to_the_fifth_power_of_h() -> None:
         assert abs(rest[1] / rest[0] - 1.0) < 0.05
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     "action", [Trace(J), Skewed(J), lm.QuadratureLagrangian()], ids=lambda a: type(a).__name__
 )
@@ -183,6 +185,7 @@ def test_symmetry_is_the_claim_of_the_lagrangian() -> None:
         assert off < 1e-14 if undone else off > 1e-5
 
 
+@pytest.mark.slow
 def test_a_body_without_a_closed_lagrangian_on_another_group() -> None:
     """A fish: order 4 on SE(3)."""
     system = lm.LiePoissonSystem(lm.SE3(), lm.KineticEnergy([1.0, 1.5, 2.0, 1.2, 1.4, 1.9]))
@@ -200,6 +203,7 @@ def _ends(samples: Any) -> Any:
     return Ends
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 def test_native_code_has_the_same_bits() -> None:
     method = lm.CovariantVariational(lm.Cayley(), OfTheVelocity(J))

@@ -185,6 +185,7 @@ def test_the_action_is_stationary(method: GalerkinVariational) -> None:
     assert np.abs(forces - forces[0]).max() < 1e-10
 
 
+@pytest.mark.slow
 def test_order_two_with_exp_is_the_variational_method() -> None:
     """One node in the middle, xi = V: h l(xi) and its action principle."""
     for system, start, h in (
@@ -226,7 +227,7 @@ def test_on_vectors_it_is_the_runge_kutta_method_of_gauss() -> None:
 # ---------------------------------------------------------------- orders
 
 
-@pytest.mark.sample(3)
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     ("method", "t_end", "counts"),
     [
@@ -253,7 +254,7 @@ def test_order_of_momentum_and_attitude(
         )
 
 
-@pytest.mark.sample(2)
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "method",
     [*EXPS.values(), *CAYLEYS.values(), GalerkinVariational(4, lm.CayleyAdjoint())],
@@ -267,7 +268,7 @@ def test_order_in_a_fluid(method: GalerkinVariational) -> None:
     assert_order(body, method, start, (mu, pose), t_end, counts)
 
 
-@pytest.mark.sample(4)
+@pytest.mark.sample(1)
 @ALL
 def test_order_of_a_heavy_top(method: GalerkinVariational) -> None:
     """Momentum and attitude, in a field."""
@@ -289,7 +290,7 @@ def test_order_of_a_heavy_top(method: GalerkinVariational) -> None:
     )
 
 
-@pytest.mark.sample(2)
+@pytest.mark.slow
 @pytest.mark.parametrize("method", EXPS.values(), ids=named)
 def test_order_under_a_load_that_changes_with_time(method: GalerkinVariational) -> None:
     system, start = heavy_top(Driven())
@@ -298,7 +299,7 @@ def test_order_under_a_load_that_changes_with_time(method: GalerkinVariational) 
     assert_order(system, method, start, (end.mu, end.g), 1.0, counts, t0=0.3)
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "group", [Affine(), PlaneMotions(), lm.SO(4)], ids=["generators only", "exp only", "SO(4)"]
 )
@@ -309,6 +310,7 @@ def test_orders_on_other_groups(group: lm.LieGroup) -> None:
         assert_order(system, EXPS[order], start, (end.mu, end.g), 1.0, counts)
 
 
+@pytest.mark.slow
 def test_order_with_a_retraction_of_ones_own() -> None:
     body, start = asymmetric_body()
     end = body.exact(start, 1.0)
@@ -317,6 +319,7 @@ def test_order_with_a_retraction_of_ones_own() -> None:
         assert_order(system, GalerkinVariational(4, Euler()), begin, (end.mu, end.g), 1.0, (4, 8))
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("order", (4, 6))
 def test_order_of_a_lagrangian_that_is_not_quadratic(order: int) -> None:
     system = lm.LiePoissonSystem(lm.SO3(), Fast([1.0, 1.6, 2.3]))
@@ -334,6 +337,7 @@ def test_order_of_a_lagrangian_that_is_not_quadratic(order: int) -> None:
 # ---------------------------------------------------------------- symmetry
 
 
+@pytest.mark.slow
 def test_only_order_two_with_exp_is_symmetric() -> None:
     """What claims to be symmetric finds its way back; of the others the chart at the start of a
     step is not that at its end.
@@ -352,6 +356,7 @@ def test_only_order_two_with_exp_is_symmetric() -> None:
         assert (error > 1e-13) != method.symmetric
 
 
+@pytest.mark.slow
 def test_composition_takes_what_is_symmetric() -> None:
     top, start = heavy_top()
     method, at = lm.Composition(EXPS[2], order=4), TOP["samples"][1]
@@ -370,13 +375,14 @@ def test_composition_takes_what_is_symmetric() -> None:
 # ---------------------------------------------------------------- structure
 
 
-@pytest.mark.sample(4)
+@pytest.mark.sample(2)
 @ALL
 def test_the_bracket_is_kept(method: GalerkinVariational) -> None:
     for (system, start), h in ((seed_body(), 0.5), (asymmetric_body(), 0.2)):
         assert poisson_defect(system, method, np.array(start.mu), h) < 1e-11
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("method", [EXPS[4], EXPS[6], CAYLEYS[4]], ids=named)
 def test_the_canonical_form_is_kept_in_a_field(method: GalerkinVariational) -> None:
     """phi' pulls [[-hat(mu), -1], [1, 0]], the form of T*SO(3) left-trivialised, back to itself."""
@@ -410,6 +416,7 @@ def test_the_canonical_form_is_kept_in_a_field(method: GalerkinVariational) -> N
     assert np.abs(slope_of_step.T @ form(mu1) @ slope_of_step - form(mu0)).max() < 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 @pytest.mark.parametrize("method", [EXPS[4], *(slow(m) for m in (EXPS[8], CAYLEYS[4]))], ids=named)
 def test_what_a_free_body_keeps(method: GalerkinVariational) -> None:
@@ -440,6 +447,7 @@ def test_what_is_kept_over_a_million_steps() -> None:
         assert error[500:].max() <= 1.1 * error[:500].max()
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 @pytest.mark.parametrize("method", [EXPS[4], *(slow(m) for m in (EXPS[6], CAYLEYS[4]))], ids=named)
 def test_what_a_top_keeps(method: GalerkinVariational) -> None:
@@ -454,6 +462,7 @@ def test_what_a_top_keeps(method: GalerkinVariational) -> None:
 # ---------------------------------------------------------------- running
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 @pytest.mark.parametrize(
     ("method", "scene"),
@@ -473,6 +482,7 @@ def test_plain_and_native_and_ensembles_agree_to_the_bit(
         assert same_bits(np.ascontiguousarray(g), plain.g)
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 def test_compensated_sums() -> None:
     for system, start in (asymmetric_body(), heavy_top()):
@@ -487,6 +497,7 @@ def test_compensated_sums() -> None:
         assert 0.0 < np.abs(usual.mu - runs[0].mu).max() < 1e-14
 
 
+@pytest.mark.slow
 def test_a_field_of_nothing_changes_nothing() -> None:
     body, start = asymmetric_body()
     nowhere = lm.MechanicalSystem(body, lm.NoPotential())
@@ -507,6 +518,7 @@ def test_momentum_alone_moves_as_it_does_with_attitude() -> None:
         assert same_bits(with_g.mu, without.mu)
 
 
+@pytest.mark.slow
 def test_bodies_at_rest() -> None:
     """One stays; a top begins to fall, and is at rest again and again."""
     body, _ = asymmetric_body()
@@ -527,6 +539,7 @@ def test_bodies_at_rest() -> None:
         assert np.diff(np.sign(fall.mu[1:, 0])).any()
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("method", [EXPS[4], CAYLEYS[4]], ids=named)
 @pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=pytest.mark.compiled)])
 def test_too_large_a_step_is_refused(method: GalerkinVariational, compiled: bool) -> None:

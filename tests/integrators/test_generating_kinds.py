@@ -79,7 +79,7 @@ def local_order(system: Any, method: lm.Method, h: float = 0.06) -> float:
 # ------------------------------------------------------------------ order and structure
 
 
-@pytest.mark.sample(4)
+@pytest.mark.sample(2)
 @SYSTEMS
 @KINDS
 @pytest.mark.parametrize("order", [1, 2, 3, 4])
@@ -96,6 +96,7 @@ def test_order_of_the_symmetric_method(system: Any, kind: str, order: int) -> No
     assert abs(local_order(system, SymmetricHamiltonJacobi(order, kind)) - order) < 0.35
 
 
+@pytest.mark.sample(1)
 @SYSTEMS
 @KINDS
 def test_steps_are_symplectic_and_undone_by_the_adjoint(system: Any, kind: str) -> None:
@@ -140,7 +141,7 @@ class Spring(lm.HamiltonianSystem):
         return 0.5 * (p[0] * p[0] + q[0] * q[0])
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("order", [1, 2, 3, 4])
 def test_the_action_of_a_spring(order: int) -> None:
     """S = ((q^2 + Q^2) cos h - 2 q Q)/(2 sin h): S/h at q and v = (q - Q)/h, cut before h^order,
@@ -166,6 +167,7 @@ class Exchanged(lm.HamiltonianSystem):
         return Curved().energy(-p, q)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("order", [2, 3])
 def test_the_kinds_qq_and_pp_are_one_with_positions_and_momenta_exchanged(order: int) -> None:
     for adjoint in False, True:
@@ -225,6 +227,7 @@ def test_the_energy_of_a_driven_run_is_that_of_its_times() -> None:
     assert not run.drift().kept
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 def test_native_code_has_the_same_bits() -> None:
     system = Driven()

@@ -122,7 +122,7 @@ def galaxy(q: Any, p: Any) -> sympy.Expr:
     return (p[0] ** 2 + p[1] ** 2 + q[0] ** 2 + q[1] ** 2) / 2 + q[0] ** 2 * q[1] - q[1] ** 3 / 3
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("system", "energy"), [(CURVED, curved), (GALAXY, galaxy)], ids=["Curved", "HenonHeiles"]
 )
@@ -165,7 +165,7 @@ def test_the_formulas_for_the_first_four_terms() -> None:
 # ------------------------------------------------------------------ order
 
 
-@pytest.mark.sample(3)
+@pytest.mark.sample(1)
 @pytest.mark.compiled
 @pytest.mark.parametrize("order", range(1, 7))
 @pytest.mark.parametrize(
@@ -179,7 +179,7 @@ def test_order_in_one_degree_of_freedom(
     assert abs(slope([1 / n for n in counts], error) - order) <= 0.1
 
 
-@pytest.mark.sample(2)
+@pytest.mark.slow
 @pytest.mark.compiled
 @pytest.mark.parametrize("adjoint", [False, True])
 @pytest.mark.parametrize("order", [2, 4, 6])
@@ -194,6 +194,7 @@ def test_order_in_two_degrees_of_freedom(
     assert abs(slope([1 / n for n in counts], error) - order) <= 0.1
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 @pytest.mark.parametrize("order", [8, 10])
 def test_high_orders(order: int) -> None:
@@ -205,6 +206,7 @@ def test_high_orders(order: int) -> None:
 # ------------------------------------------------------------------ order 1
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     "system", [PENDULUM, GALAXY, Kepler()], ids=lambda system: type(system).__name__
 )
@@ -250,7 +252,7 @@ def jacobian(system: HamiltonianSystem, method: lm.Method, h: float, y: np.ndarr
     return (64 * three - 20 * two + one) / 45
 
 
-@pytest.mark.sample(3)
+@pytest.mark.sample(2)
 @SOME
 @SYSTEMS
 def test_steps_are_symplectic(system: HamiltonianSystem, method: HamiltonJacobi) -> None:
@@ -266,7 +268,7 @@ def test_the_taylor_method_is_not() -> None:
     assert abs(np.linalg.det(D) - 1.0) >= 1e-8
 
 
-@pytest.mark.sample(12)
+@pytest.mark.sample(4)
 @SOME
 @SYSTEMS
 def test_the_adjoint_undoes_the_step_backwards(
@@ -279,7 +281,7 @@ def test_the_adjoint_undoes_the_step_backwards(
         assert np.abs(new - np.array(old)).max() <= 2e-15 * (1.0 + np.abs(np.array(old)).max())
 
 
-@pytest.mark.sample(5)
+@pytest.mark.sample(1)
 @pytest.mark.compiled
 @pytest.mark.parametrize("order", [1, 2, 3, 4, 6])
 @pytest.mark.parametrize(
@@ -295,6 +297,7 @@ def test_the_energy_stays_bounded(system: HamiltonianSystem, order: int) -> None
     assert away.max() <= STEPS[system] ** order
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 def test_angular_momentum_is_kept() -> None:
     """G is invariant under rotations if H is: they act linearly, so that every truncation keeps
@@ -433,6 +436,7 @@ def test_where_there_is_no_derivative_the_run_ends() -> None:
             )
 
 
+@pytest.mark.sample(2)
 @SYSTEMS
 def test_a_step_that_is_too_large_is_told(system: HamiltonianSystem) -> None:
     with pytest.raises(
@@ -443,6 +447,7 @@ def test_a_step_that_is_too_large_is_told(system: HamiltonianSystem) -> None:
     assert len(failure.value.trajectory) >= 1
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 def test_members_that_fail_stop_and_the_others_go_on() -> None:
     system = Kepler()
@@ -455,6 +460,7 @@ def test_members_that_fail_stop_and_the_others_go_on() -> None:
     assert np.abs(run.energy[:, 0] + 0.5).max() <= 1e-4
 
 
+@pytest.mark.slow
 def test_a_step_is_that_of_the_state_alone() -> None:
     """No memory: a run that goes on from a sample of another has its bits."""
     whole = lm.integrate(CURVED, HamiltonJacobi(4), STARTS[CURVED], h=0.1, steps=20)

@@ -57,6 +57,7 @@ EPS = np.finfo(float).eps
 # ---------------------------------------------------------------- the exact free body
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("name", ["seed", "unsorted", "axisymmetric"])
 def test_the_reference_in_steps(name: str) -> None:
     """Momentum and attitude of a computation with 50 digits, in one step and in many."""
@@ -135,7 +136,7 @@ def starts_of_all_kinds(J: Any) -> list[np.ndarray]:
     return starts
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("moments", MOMENTS.values(), ids=MOMENTS)
 def test_a_step_is_exact(moments: list[float]) -> None:
     """To a rounding error of what the step adds, whatever the motion."""
@@ -279,7 +280,7 @@ def fast_top() -> tuple[HeavyTop, lm.BodyState, lm.BodyState]:
     )
 
 
-@pytest.mark.sample(2)
+@pytest.mark.slow
 @pytest.mark.compiled
 @pytest.mark.parametrize("method", [m if m in QUICK else slow(m) for m in COUNTS], ids=named)
 def test_orders_on_the_heavy_top(method: Any) -> None:
@@ -297,7 +298,7 @@ def test_orders_on_the_heavy_top(method: Any) -> None:
         )
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.compiled
 @pytest.mark.parametrize("method", [BY_ORDER[1], BY_ORDER[2]], ids=named)
 def test_the_reference_digits(method: Any) -> None:
@@ -369,6 +370,7 @@ def test_energy_is_bounded_and_the_vertical_momentum_kept(method: Any) -> None:
     assert np.abs(vertical - float(TOP["vertical_momentum_pi_dot_Gamma"])).max() < 1e-12
 
 
+@pytest.mark.sample(4)
 @EVERYWHERE
 def test_a_way_back_undoes_a_way(scene: Any) -> None:
     system, start = scene()
@@ -426,6 +428,7 @@ def test_plain_and_compiled_runs_are_equal(method: Any, scene: Any) -> None:
     assert same_bits(plain.g, native.g)
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 def test_long_steps_compile_too() -> None:
     for body in (
@@ -441,6 +444,7 @@ def test_long_steps_compile_too() -> None:
             assert same_bits(plain.g, native.g)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=pytest.mark.compiled)])
 def test_ensembles_are_single_runs(compiled: bool) -> None:
     """Members that need one part a step beside those that need many, and one at rest."""
@@ -473,6 +477,7 @@ class Drive(Force):
         return lm.vec(0.0, 0.3 * sin(2.0 * t), 0.0) - self.friction * xi
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("friction", "order"), [(0.0, 4), (0.2, 2)])
 def test_orders_under_a_load(friction: float, order: int) -> None:
     """A driven top keeps the order, one with friction does not."""

@@ -186,6 +186,7 @@ def test_error_after_two_hundred_steps() -> None:
         assert run.energy[-1] - 3 / 8 == pytest.approx(energy, rel=5e-2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("group", [lm.SO3(), slow(lm.SE3()), slow(lm.SO(4))], ids=repr)
 def test_order_two_is_the_variational_method_over_a_thousand_steps(group: lm.LieGroup) -> None:
     """With compensated sums, which leave the rounding of the increments alone, the runs do not
@@ -202,6 +203,7 @@ def test_order_two_is_the_variational_method_over_a_thousand_steps(group: lm.Lie
     assert np.abs(one.g - other.g).max() < 1e-14
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("retraction", [lm.Exponential(), lm.Cayley()], ids=repr)
 def test_order_two_is_the_variational_method(retraction: lm.Retraction) -> None:
     """s = h H: the displacement is h dH(p), p = dl(xi), and the equation for p is that of Algorithm
@@ -321,6 +323,7 @@ def test_terms_of_a_free_body(retraction: lm.Retraction) -> None:
         assert np.abs(np.array(term) - wanted).max() < 1e-15
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("retraction", "group"),
     [(lm.Exponential(), lm.SL(2)), slow(lm.Cayley(), lm.SO(4)), (lm.CayleyAdjoint(), lm.SE3())],
@@ -372,7 +375,7 @@ def end_of(name: str) -> lm.BodyState:
     return lm.integrate(system, lm.Taylor(12, lm.Exponential()), start, h=0.05, steps=20).last
 
 
-@pytest.mark.sample(2)
+@pytest.mark.slow
 @HIGHER
 @pytest.mark.parametrize("name", MOTIONS)
 def test_order_of_other_motions(method: LiePoissonHamiltonJacobi, name: str) -> None:
@@ -380,7 +383,7 @@ def test_order_of_other_motions(method: LiePoissonHamiltonJacobi, name: str) -> 
     assert_order(system, method, start, end_of(name), (8, 16))
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("method", "group"),
     [
@@ -431,6 +434,7 @@ def test_derived_differentials_give_the_method_of_the_closed_forms(order: int) -
         assert np.abs(getattr(derived, name) - getattr(closed, name)).max() < 1e-14
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("method", "counts"), [(EXP8, (6, 12)), slow(CAYLEY8, (16, 32))], ids=["exp", "Cayley"]
 )
@@ -463,7 +467,7 @@ def test_composition_lifts_it_to_order_six() -> None:
         assert slope([1 / n for n in counts], error) == pytest.approx(6.0, abs=0.1)
 
 
-@pytest.mark.sample(2)
+@pytest.mark.slow
 @ALL
 @pytest.mark.parametrize("h", [slow(0.1), 0.5])
 def test_a_step_back_undoes_a_step(method: LiePoissonHamiltonJacobi, h: float) -> None:
@@ -477,7 +481,7 @@ def test_a_step_back_undoes_a_step(method: LiePoissonHamiltonJacobi, h: float) -
 # ---------------------------------------------------------------- structure
 
 
-@pytest.mark.sample(2)
+@pytest.mark.slow
 @ALL
 @pytest.mark.parametrize("h", [slow(0.1), 0.5])
 def test_the_bracket_is_kept(method: LiePoissonHamiltonJacobi, h: float) -> None:
@@ -504,7 +508,7 @@ def test_the_bracket_of_a_heavy_top_is_kept(method: LiePoissonHamiltonJacobi) ->
     assert poisson_defect(system, method, np.array(start.mu), 0.3) < 1e-11
 
 
-@pytest.mark.sample(2)
+@pytest.mark.slow
 @pytest.mark.parametrize("method", [EXP4, CAYLEY4, EXP6, slow(CAYLEY6)], ids=named)
 def test_energy_oscillates_and_momenta_are_kept(method: LiePoissonHamiltonJacobi) -> None:
     body, start = seed_body()
@@ -528,7 +532,7 @@ def test_casimirs_after_a_hundred_thousand_steps(method: LiePoissonHamiltonJacob
     assert np.ptp(np.array(system.casimirs(run.mu)), axis=0).max() < 1e-13
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @FOURTH
 def test_what_a_heavy_top_keeps(method: LiePoissonHamiltonJacobi) -> None:
     system, start = top()
@@ -664,6 +668,7 @@ def test_hamiltonians_that_cannot_be_differentiated(
             )
 
 
+@pytest.mark.slow
 def test_a_kink_is_where_newton_stops() -> None:
     system = lm.LiePoissonSystem(lm.SO3(), Kinked())
     with pytest.raises(lm.errors.NoConvergence, match="H must be smooth"):

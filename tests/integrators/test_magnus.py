@@ -87,7 +87,7 @@ def reference(kind: type[Driven], t_end: float) -> np.ndarray:
 # ---------------------------------------------------------------- orders
 
 
-@pytest.mark.sample(6)
+@pytest.mark.sample(2)
 @by_name
 @KINDS
 @pytest.mark.parametrize("t_end", [2.0, -2.0])
@@ -104,7 +104,7 @@ def test_order(method: Magnus, kind: type[Driven], t_end: float) -> None:
     assert slope([1 / n for n in counts], error) == pytest.approx(method.order, abs=0.1)
 
 
-@pytest.mark.sample(2)
+@pytest.mark.slow
 @by_name
 @pytest.mark.parametrize("kind", [Screw, ScrewFromSpace], ids=["body", "space"])
 def test_order_for_rigid_motions(method: Magnus, kind: type[Screw]) -> None:
@@ -122,6 +122,7 @@ def test_order_for_rigid_motions(method: Magnus, kind: type[Screw]) -> None:
     assert slope([1 / n for n in counts], error) == pytest.approx(method.order, abs=0.1)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("order", [4, 6])
 @KINDS
 def test_a_bracket_of_the_wrong_sign_would_show(order: int, kind: type[Driven]) -> None:
@@ -155,6 +156,7 @@ def test_a_motion_and_its_inverse(method: Magnus) -> None:
     assert np.abs(np.swapaxes(there.g, 1, 2) - inverse.g).max() < 1e-14
 
 
+@pytest.mark.sample(3)
 @by_name
 @KINDS
 def test_there_and_back_again(method: Magnus, kind: type[Driven]) -> None:
@@ -214,7 +216,7 @@ def test_order_two_is_the_midpoint_rule_and_all_stay_on_the_group(method: Magnus
         assert same_bits(run.g, midpoint.g)
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @by_name
 @KINDS
 @pytest.mark.compiled

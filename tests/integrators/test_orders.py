@@ -181,7 +181,7 @@ def test_the_page_has_the_table() -> None:
     assert list(TABLE.printed()) == list(ROWS)
 
 
-@pytest.mark.sample(4)
+@pytest.mark.slow
 @pytest.mark.compiled  # in plain Python each row takes ten seconds and more
 @pytest.mark.parametrize(("name", "half"), CHOICES)
 def test_order(name: str, half: int | None) -> None:
@@ -211,6 +211,7 @@ def test_a_truncation_that_costs_an_order_is_said(order: int) -> None:
             lm.RKMK(order=order, truncation=order - 3)
 
 
+@pytest.mark.slow
 def test_what_orders_are_measured_against() -> None:
     """The heavy top's agrees with 20 digits."""
     momenta, attitudes = problems()[3].exact

@@ -66,7 +66,7 @@ METHODS = [
 IMPLICIT = [lm.RKMK(tableau=t) for t in (gauss(1), gauss(2), radau_iia(2))]
 
 
-@pytest.mark.sample(4)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("method", METHODS, ids=repr)
 def test_order_of_momentum_and_attitude(method: lm.RKMK) -> None:
     body, start = asymmetric_body()
@@ -200,7 +200,7 @@ def compass() -> np.ndarray:
     ]
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     "method",
     [lm.RKMK(order=2), RKMK4, *IMPLICIT, lm.RKMK(order=2, retraction=lm.Cayley())],
@@ -264,7 +264,7 @@ def test_stages_that_do_not_converge_are_an_error(method: lm.RKMK, compiled: boo
         lm.integrate(body, method, start, h=10.0, steps=3, compiled=compiled)
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.compiled
 @pytest.mark.parametrize("method", [lm.RKMK(order=5), IMPLICIT[1]], ids=repr)
 def test_bodies_of_an_ensemble_move_as_if_alone(method: lm.RKMK) -> None:

@@ -13,9 +13,9 @@ from liemech import FirstKindHamiltonJacobi
 RNG = np.random.default_rng(7)
 
 
-@pytest.mark.sample(2)
-@pytest.mark.parametrize("retraction", [lm.Exponential(), lm.Cayley()], ids=["exp", "cay"])
-@pytest.mark.parametrize("group", [lm.SU(2), lm.Sp(2), lm.SL(2)], ids=repr)
+@pytest.mark.sample(1)
+@pytest.mark.parametrize("retraction", [lm.Cayley(), lm.Exponential()], ids=["cay", "exp"])
+@pytest.mark.parametrize("group", [lm.SL(2), lm.SU(2), lm.Sp(2)], ids=repr)
 def test_trace_of_ad_reaches_every_start(group: lm.LieGroup, retraction: lm.Retraction) -> None:
     """Elliptic, hyperbolic and nilpotent momenta, large and small; the Casimir is kept."""
     body = lm.LiePoissonSystem(group, lm.KineticEnergy([1.0, 1.5, 2.0]))
@@ -61,6 +61,7 @@ def test_screws_in_other_units(length: float) -> None:
     assert np.abs(moved(length) - moved(1.0)).max() <= 1e-13
 
 
+@pytest.mark.slow
 def test_continued_it_is_the_same_method() -> None:
     """|Pi| changes on the way, |P| does not: the scale of the second half is that of the first."""
     body = lm.KirchhoffBody([1.0, 1.5, 2.0, 1.0, 1.2, 1.4])

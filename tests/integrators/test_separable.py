@@ -53,7 +53,7 @@ def relativistic_end() -> np.ndarray:
     return plain(system, lm.RKMK(order=8), system.state([1.0, 0.2], [0.3, 1.0]), 0.1, 40).q[-1]
 
 
-@pytest.mark.sample(4)
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("method", GENERAL, ids=repr)
 def test_order_for_any_kinetic_energy(method: lm.Method) -> None:
     system, errors, n = Relativistic(), [], STEPS[method.order]
@@ -127,6 +127,7 @@ def test_positions_obey_stormers_recursion() -> None:
     )
 
 
+@pytest.mark.slow
 def test_symplectic_euler_is_the_hamilton_jacobi_method_of_order_1() -> None:
     for ours, theirs in zip(
         EULERS, (lm.HamiltonJacobi(order=1, adjoint=True), lm.HamiltonJacobi(order=1)), strict=True
@@ -193,6 +194,7 @@ def test_angular_momentum_is_kept_to_rounding(method: lm.Method) -> None:
     assert np.ptp(run.energy) > 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 def test_native_lanes_and_plain_are_one() -> None:
     q = np.linspace(0.05, 0.2, 10)[:, None] * [1.0, -0.7]
@@ -209,6 +211,7 @@ def test_native_lanes_and_plain_are_one() -> None:
         assert same_bits(native.q[:, 7], alone.q)
 
 
+@pytest.mark.slow
 def test_compensated_sums_find_the_way_back() -> None:
     """A thousand steps and a thousand back: to the last bit with compensation, not without."""
     there = [
@@ -243,6 +246,7 @@ def test_compensated_sums_find_the_way_back() -> None:
     assert missed[0].max() > missed[1].max()
 
 
+@pytest.mark.slow
 def test_time_as_a_coordinate() -> None:
     """A driven pendulum: time advances by h, orders are those of autonomous motions, H + e is
     constant up to the error.

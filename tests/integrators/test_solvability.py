@@ -176,6 +176,7 @@ def against_the_branch(
 # out of h = 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("method", "count", "seed"), [(EXP, 24, 4), (CAYLEY, 40, 5)], ids=["exp", "Cayley"]
 )
@@ -237,7 +238,7 @@ def test_steps_of_rigid_motions_are_those_that_grow_out_of_zero(
     assert accepted > 12
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(("thin", "size"), [(1 / 1000, 0.8), (1 / 1000, 2.0)])
 def test_thin_rods_have_steps_on_other_sheets_which_are_refused(thin: float, size: float) -> None:
     """Newton's method from J^-1 mu does find a root, with det > 0: not the one of the motion."""
@@ -306,6 +307,7 @@ def test_the_certificate_holds_for_bodies_less_than_seventy_times_longer_than_th
     assert cayley_determinant(rod, x).min() < 0.0  # and beyond, there is nothing to certify
 
 
+@pytest.mark.slow
 def test_no_derivative_is_singular_before_the_first_fold() -> None:
     """|F(x)| = h|mu| at x, F(x) = (dtau_x^-1)* J x: where det DF <= 0, it is larger than the bound."""
     rng = np.random.default_rng(8)
@@ -408,6 +410,7 @@ def test_a_run_with_a_large_step_warns_once() -> None:
     assert caught[0].filename == __file__
 
 
+@pytest.mark.sample(1)
 @BOTH
 def test_up_to_the_largest_step_every_direction_has_one(method: lm.CovariantVariational) -> None:
     rng = np.random.default_rng(11)
@@ -419,6 +422,7 @@ def test_up_to_the_largest_step_every_direction_has_one(method: lm.CovariantVari
         lm.integrate(body, method, start, h=h, steps=3, compiled=False)
 
 
+@pytest.mark.slow
 def test_a_failure_says_where_the_branch_ends_and_keeps_what_there_is() -> None:
     body, _ = seed_body()
     start = body.state([0.0, 0.6, 0.8], np.eye(3))
@@ -439,7 +443,7 @@ def test_a_failure_says_where_the_branch_ends_and_keeps_what_there_is() -> None:
     assert ends == pytest.approx(20.0 * part[0], rel=1e-2)
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.compiled
 @BOTH
 def test_large_steps_have_the_same_bits_in_native_code(method: lm.CovariantVariational) -> None:

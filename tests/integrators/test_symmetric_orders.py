@@ -121,7 +121,7 @@ def test_the_page_has_the_table() -> None:
     assert list(TABLE.printed()) == list(ROWS)
 
 
-@pytest.mark.sample(3)
+@pytest.mark.slow
 @pytest.mark.compiled  # in plain Python each row takes ten seconds and more
 @pytest.mark.parametrize(("name", "half"), CHOICES)
 def test_order(name: str, half: int) -> None:
@@ -135,6 +135,7 @@ def test_order(name: str, half: int) -> None:
     TABLE.agrees(name, slopes)
 
 
+@pytest.mark.slow
 def test_what_orders_are_measured_against() -> None:
     """That of the body in a fluid agrees with 20 digits."""
     t, mu, g = kirchhoff_body()[2][2]

@@ -123,7 +123,7 @@ def last(
 # ------------------------------------------------------------------ order
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("order", "counts"), [(2, (40, 80, 160)), (4, (20, 40, 80)), (8, (8, 12, 18)), (12, (5, 7, 10))]
 )
@@ -139,7 +139,7 @@ def test_order_on_the_asymmetric_body(order: int, counts: tuple[int, ...]) -> No
         assert order - 0.5 < slope(3.0 / np.array(counts), error) < order + 1.2, error
 
 
-@pytest.mark.sample(3)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize(("order", "counts"), [(4, (8, 16)), (8, (4, 8))])
 def test_order_on_every_kind_of_system(name: str, order: int, counts: tuple[int, int]) -> None:
@@ -156,7 +156,7 @@ def test_order_on_every_kind_of_system(name: str, order: int, counts: tuple[int,
 # ------------------------------------------------------------------ one formula, two worlds
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.compiled
 @pytest.mark.parametrize("name", NAMES)
 def test_native_code_gives_the_bits_of_plain_python(name: str) -> None:
@@ -166,6 +166,7 @@ def test_native_code_gives_the_bits_of_plain_python(name: str) -> None:
     assert same_bits(plain, native)
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 def test_an_ensemble_gives_the_bits_of_each_of_its_bodies() -> None:
     body, rng = lm.RigidBody([1.0, 1.5, 2.0]), np.random.default_rng(0)
@@ -242,7 +243,7 @@ def test_backwards_and_forwards() -> None:
 # ------------------------------------------------------------------ adaptive steps
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.compiled
 @pytest.mark.parametrize("order", [8, 12, 16])
 def test_the_error_follows_the_tolerance(order: int) -> None:

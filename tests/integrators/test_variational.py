@@ -37,6 +37,7 @@ COUNTS = {EXP: (40, 80, 160, 320), CAYLEY: (160, 320, 640, 1280)}
 # ---------------------------------------------------------------- the method itself
 
 
+@pytest.mark.sample(2)
 @BOTH
 @pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=pytest.mark.compiled)])
 def test_steps_of_the_method_itself(method: lm.CovariantVariational, compiled: bool) -> None:
@@ -287,6 +288,7 @@ def test_exp_says_when_the_step_is_too_large(compiled: bool) -> None:
     assert f"step {len(run)} of 100, t = {20.0 * run.steps:g}" in str(caught.value)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("h", [4.0, -6.0])
 def test_steps_of_exp_beyond_a_fold_are_refused(h: float) -> None:
     """What is accepted has det DF > 0, F(xi) = (dexp^-1_{h xi})* J xi; two of five roots found at h
@@ -312,6 +314,7 @@ def test_steps_of_exp_beyond_a_fold_are_refused(h: float) -> None:
         assert np.linalg.det(h * derivative) > 0.0
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("h", [6.0, 12.0, 100.0])
 def test_steps_of_exp_beyond_a_whole_turn_are_refused(h: float) -> None:
     """Newton's method finds roots with h |xi| > 2 pi: meaningless sheets, on which a run would go
@@ -328,6 +331,7 @@ def test_steps_of_exp_beyond_a_whole_turn_are_refused(h: float) -> None:
         assert np.linalg.norm(x) < 2 * math.pi
 
 
+@pytest.mark.slow
 def test_within_its_rule_the_step_of_exp_is_the_one_connected_to_zero() -> None:
     """h |mu| <= pi J_min: the root grows with h from nothing, without a jump."""
     body = quiet_body([2 / 3, 1.0, 2.0])

@@ -90,13 +90,14 @@ def test_a_composed_step_back_undoes_a_step(scene: object, method: lm.Method) ->
     assert np.abs(back.g[-1] - there.g[0]).max() < 1e-14
 
 
+@pytest.mark.sample(4)
 @EACH
 def test_the_bracket_is_kept(scene: object, method: lm.Method) -> None:
     system, start = scene()  # type: ignore[operator]
     assert poisson_defect(system, method, np.array(start.mu), 0.3) < 1e-11
 
 
-@pytest.mark.sample(3)
+@pytest.mark.sample(1)
 @SCENES
 @pytest.mark.parametrize("method", COMPOSED[:2], ids=named)
 def test_compositions_keep_the_bracket(scene: object, method: lm.Method) -> None:
@@ -179,7 +180,7 @@ def third(system: lm.LiePoissonSystem, retraction: lm.Retraction, p: np.ndarray)
     return (4.0 * fine - coarse) / 3.0
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @EACH
 def test_modified_energy_is_kept_to_fourth_order(
     scene: object, method: lm.CovariantVariational
@@ -206,6 +207,7 @@ def test_modified_energy_is_kept_to_fourth_order(
     assert slope(h, modified) == pytest.approx(4.0, abs=0.1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("scene", "method"),
     [
@@ -231,7 +233,7 @@ def test_the_energy_of_a_composition_has_its_order(scene: object, method: lm.Met
     assert slope(h, error) == pytest.approx(4.0, abs=0.1)
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.compiled
 @pytest.mark.parametrize("scene", [on_SE3, on_SO4])
 def test_energy_and_momenta_over_ten_thousand_steps(scene: object) -> None:

@@ -103,6 +103,7 @@ def about_point(mu: np.ndarray) -> np.ndarray:
 # ------------------------------------------------------------------ equivalences
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("retraction", [lm.Exponential(), lm.Cayley(), lm.CayleyAdjoint()])
 def test_on_a_body_with_a_fixed_point_it_is_Lie_Verlet_of_the_heavy_top(retraction):
     # Rotations about the point are a subgroup, and these maps commute with moving the origin into
@@ -137,6 +138,7 @@ def test_in_a_vector_space_it_is_RATTLE():
         assert np.allclose(found.mu[k + 1], p, rtol=0.0, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_two_links_on_hinges_are_the_double_pendulum():
     # Point masses m1, m2 on lengths l1, l2 have the Lagrangian of two bodies with the centre of
     # oscillation of the first in the second hinge, and that of the second at l2.
@@ -189,6 +191,7 @@ def test_two_links_on_hinges_are_the_double_pendulum():
 # ------------------------------------------------------------------ claims
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("retraction", [lm.Exponential(), lm.Cayley()])
 def test_order_two_and_the_way_back(retraction):
     body, start, heavy, heavy_start = top()
@@ -206,6 +209,7 @@ def test_order_two_and_the_way_back(retraction):
     assert np.allclose(back.g[-1], np.array(start.g), rtol=0.0, atol=1e-13)
 
 
+@pytest.mark.slow
 def test_composition_of_order_four():
     body, start = pendulum()
     fine = run(body, lm.Composition(lm.LieRATTLE(), order=6), start, 0.02, 50).g[-1]
@@ -227,6 +231,7 @@ def test_index_reduction_drifts_where_it_does_not():
     assert bound.drift()["energy"].verdict == "bounded"
 
 
+@pytest.mark.slow
 def test_common_symmetries_keep_their_momenta():
     # Free in space: all six.  Under gravity: about the vertical, and horizontal.  Hanging from a
     # point: about the vertical.
@@ -268,6 +273,7 @@ def test_multipliers_are_forces():
     assert linkage.multipliers(run_.mu, run_.g).shape == (6, 1)
 
 
+@pytest.mark.slow
 def test_a_coupled_inertia_is_one_block():
     # A diagonal inertia written as a matrix, and one that couples rotation and translation: the
     # frame out of the centre of mass.
@@ -329,6 +335,7 @@ def test_large_steps_are_followed_from_zero_on():
     assert (steps > 0.0).all()
 
 
+@pytest.mark.slow
 def test_at_its_dead_point_a_linkage_stops_and_says_so():
     # A parallelogram of three rods: flat on the ground it may go on as an antiparallelogram.
     linkage, start = parallelogram(np.pi / 6, -1.0)
@@ -406,6 +413,7 @@ def test_a_constraint_with_a_kink():
     assert np.allclose(same.mu, run(body, lm.LieRATTLE(), start, 0.1, 30).mu, rtol=0.0, atol=1e-14)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("unit", [1e-6, 1e6])
 def test_units_do_not_matter(unit):
     # A pendulum a million times smaller or larger, its time scaled with the root: the same angles.

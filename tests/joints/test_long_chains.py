@@ -106,6 +106,7 @@ def test_conditions_that_depend_on_each_other_are_named(
         twice.assembled(poses)
 
 
+@pytest.mark.slow
 def test_a_long_chain_moves_and_holds_together() -> None:
     chain, poses = hanging(40)
     assert chain._sparse

@@ -68,6 +68,7 @@ def order(errors) -> float:
     return float(np.log2(errors[0] / errors[1]))
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("retraction", [lm.Exponential(), lm.Cayley()])
 def test_Suslov_problem(retraction):
     body = lm.NonholonomicBody(lm.RigidBody(J), Row([0.0, 0.0, 1.0]))
@@ -85,6 +86,7 @@ def test_Suslov_problem(retraction):
     assert np.allclose(back.mu[-1], np.array(start.mu), rtol=0.0, atol=1e-14)
 
 
+@pytest.mark.slow
 def test_the_energy_of_the_Suslov_problem_stays_off_after_the_passage():
     # From one steady rotation to the other: no symplectic form holds the energy, but its offset is
     # of second order.
@@ -148,6 +150,7 @@ def test_an_even_ball_rolls_straight():
     )
 
 
+@pytest.mark.slow
 def test_an_uneven_ball_keeps_its_momentum_about_the_point_of_contact():
     # Chaplygin's ball: m r^2 (w - (w.e3) e3) + R Pi is constant, and the energy.
     body, start, _ = ball([0.05, 0.07, 0.09])

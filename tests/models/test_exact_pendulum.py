@@ -134,3 +134,12 @@ def test_bad_arguments() -> None:
         pendulum.exact(pendulum.state([[0.1], [0.2]], [[0.0], [0.0]]), 1.0)
     with pytest.raises(InvalidInput, match="t must be a finite time"):
         pendulum.exact(pendulum.state(0.1, 0.0), math.inf)
+
+
+def test_a_phase_beyond_the_largest_number_is_refused() -> None:
+    pendulum, top = lm.Pendulum(), lm.LagrangeTop(0.5, 1.0, 1.0, 1.0)
+    fast = pendulum.state(0.3, 400.0)
+    spinning = top.state(mu=[2.0, -2.5, 0.4], g=np.eye(3))
+    for exact in (lambda t: pendulum.exact(fast, t), lambda t: top.exact(spinning, t)):
+        with pytest.raises(lm.errors.InvalidInput, match=r"t = 1.7e\+308 is too late"):
+            exact([1.0, 1.7e308])

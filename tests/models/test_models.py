@@ -46,6 +46,7 @@ def test_the_equations_of_both_forms() -> None:
     )
 
 
+@pytest.mark.slow
 def test_both_forms_follow_the_reference() -> None:
     top, start = heavy_top()
     reduced = top.reduced
@@ -56,6 +57,7 @@ def test_both_forms_follow_the_reference() -> None:
     assert np.abs(run.g[:, 2, :3] - run.mu[:, 3:]).max() < 1e-12  # the attitude keeps up with Gamma
 
 
+@pytest.mark.slow
 def test_lie_verlet_converges_to_the_reduced_motion() -> None:
     top, start = heavy_top()
     reduced = top.reduced
@@ -87,6 +89,7 @@ def test_ensembles_of_reduced_tops() -> None:
     assert top.reduced.from_top(many).mu.shape == (4, 6)
 
 
+@pytest.mark.slow
 def test_a_lagrange_top_precesses_steadily() -> None:
     """At the inclination theta the slow precession solves A cos(theta) W^2 - mu3 W + w l = 0.
 
@@ -150,7 +153,7 @@ def test_kirchhoffs_body_follows_the_reference() -> None:
         assert np.abs(run.g[k, :3, 3] - numbers(at["x"])).max() < 1e-11
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "retraction",
     [lm.Exponential(), lm.Cayley(), lm.CayleyAdjoint()],
@@ -210,6 +213,7 @@ def test_inertia_in_mixed_units_is_fine() -> None:
     KirchhoffBody(np.diag([1e-12, 1e-12, 2e-12, 1.0, 1.0, 1.0]))
 
 
+@pytest.mark.slow
 def test_a_bottom_heavy_vehicle_swings_upright() -> None:
     """Neutrally buoyant, with the centre of mass below: a pendulum, of frequency sqrt(w l/J) for
     small angles.
@@ -234,6 +238,7 @@ def test_a_bottom_heavy_vehicle_swings_upright() -> None:
 # ---------------------------------------------------------------- in space
 
 
+@pytest.mark.slow
 def test_an_orbit_closes() -> None:
     body = OrbitingBody([1000.0, 1600.0, 2300.0], mass=500.0, attraction=3.986004418e14)
     start = body.circular_orbit(7e6)
@@ -245,6 +250,7 @@ def test_an_orbit_closes() -> None:
     assert np.abs(radial - [1.0, 0.0, 0.0]).max() < 1e-6
 
 
+@pytest.mark.slow
 def test_a_satellite_librates_about_the_vertical() -> None:
     """Small pitch angles oscillate with n sqrt(3 (J_2 - J_1)/J_3), n the rate of the orbit.
 

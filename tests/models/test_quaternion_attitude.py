@@ -50,6 +50,7 @@ def runs(method: lm.Method, steps: int = 20) -> list[lm.Trajectory]:
     ]
 
 
+@pytest.mark.sample(6)
 @pytest.mark.parametrize("method", METHODS, ids=repr)
 def test_the_same_momentum_bits_and_the_same_attitude(method: lm.Method) -> None:
     matrices, quaternions = runs(method)

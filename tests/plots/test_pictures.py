@@ -113,7 +113,7 @@ SYSTEMS: dict[str, tuple[Any, Any]] = {
 }
 
 
-@pytest.mark.sample(14)
+@pytest.mark.sample(5)
 @pytest.mark.parametrize("name", SYSTEMS)
 def test_every_system_has_a_picture_that_draws_something_finite(name: str) -> None:
     ax = follow(*SYSTEMS[name]).plot()
@@ -162,6 +162,7 @@ def test_pictures_draw_on_given_axes_and_leave_settings_alone(run: Any) -> None:
     assert before == matplotlib.rcParams
 
 
+@pytest.mark.slow
 def test_pictures_need_neither_pyplot_nor_settings() -> None:
     code = """
 import sys, liemech as lm
@@ -186,6 +187,7 @@ def test_the_change_of_an_invariant_is_that_of_the_drift_report(run: Any) -> Non
     assert noise(run)[-1] == pytest.approx(EPSILON * 9.0)  # a walk of 80 steps, and the start
 
 
+@pytest.mark.slow
 def test_bounded_errors_are_flat_and_drifts_have_slope_one() -> None:
     methods = {"RKMK4": lm.RKMK(order=4), "Algorithm 1": lm.CovariantVariational(lm.Cayley())}
     runs = {
@@ -341,6 +343,7 @@ def test_the_vertical_is_the_last_row_of_the_attitude(run: Any) -> None:
 # ---------------------------------------------------------------- phase planes and sections
 
 
+@pytest.mark.slow
 def test_the_section_of_an_orbit_is_exact_to_fourth_order() -> None:
     errors = []
     for h in (0.1, 0.05, 0.025):

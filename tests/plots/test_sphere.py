@@ -250,6 +250,7 @@ def test_a_momentum_off_the_sphere_is_drawn_where_it_is(matplotlib):
     assert last == pytest.approx(0.5 * (plots.view_frame(*plots.VIEW) @ ORBIT[1])[:2], rel=1e-15)
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize("view", VIEWS)
 def test_axis_names_are_inside_the_picture(matplotlib, view):
     ax = plots.momentum_sphere(ORBIT, view=view)
@@ -282,6 +283,7 @@ def test_draws_on_axes_that_are_given_and_leaves_settings_and_pyplot_alone(matpl
     assert pyplot.get_fignums() == open_figures
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("count", [1, 2, 3, 5])
 def test_figure_one_has_a_sphere_a_caption_each_and_one_legend_with_no_text_cut_off(
     matplotlib, count
@@ -313,6 +315,7 @@ def test_legend_names_only_what_is_drawn(matplotlib):
     assert [text.get_text() for text in figure.legends[0].get_texts()] == ["numerical"]
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("ending", ["png", "svg", "pdf"])
 def test_the_same_picture_gives_the_same_bytes(matplotlib, tmp_path, ending):
     written = []
@@ -354,6 +357,7 @@ def test_missing_matplotlib_says_what_to_install(monkeypatch):
         assert isinstance(caught.value, ImportError)
 
 
+@pytest.mark.slow
 def test_matplotlib_is_loaded_only_to_draw_and_pyplot_never():
     pytest.importorskip("matplotlib")
     code = """

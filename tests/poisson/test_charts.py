@@ -82,6 +82,7 @@ def test_the_construction_where_a_level_is_inside_another() -> None:
         assert chart.defect(np.array(y) * 1.05) < 1e-10
 
 
+@pytest.mark.slow
 def test_a_body_in_andoyers_variables_and_back() -> None:
     """Order 4 against the exact motion; the momentum stays on its sphere; the step is a Poisson
     map.

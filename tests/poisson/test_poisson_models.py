@@ -124,6 +124,7 @@ def test_a_top_by_its_vertical_is_the_top_with_its_attitude() -> None:
         lm.PoissonTop([1.0, 2.0], 1.0, [0.0, 0.0, 1.0])
 
 
+@pytest.mark.slow
 def test_the_figure_eight_closes() -> None:
     """To 1e-12 after a period; after a third every body is where the one before it was; the energy
     is the known one.

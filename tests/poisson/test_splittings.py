@@ -65,6 +65,7 @@ def test_shipped_systems_obey_their_laws(system: Any, start: Any, h: float) -> N
     assert not system.unknown_motion()
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize(("system", "start", "h"), CASES, ids=IDS)
 def test_splittings_are_poisson_maps_and_keep_casimirs(system: Any, start: Any, h: float) -> None:
     for method in (lm.Splitting(order=1), lm.Splitting(order=2), lm.Splitting(order=4)):
@@ -153,6 +154,7 @@ def test_canonical_parts_are_the_separable_system() -> None:
         lm.Splitting(tableau=lm.tableaus.SPLITTINGS["Blanes-Moan 6"]).require(other)
 
 
+@pytest.mark.slow
 def test_quadratic_parts_of_constant_structures_are_recognised() -> None:
     """A rotating frame, H = |p|^2/2 + q_1 p_2 - q_2 p_1: an affine motion; with a field of any form
     order 4.
@@ -242,6 +244,7 @@ class Separate(lm.Hamiltonian):
         return lm.formulas.sin(y[0]) + 0.5 * y[0] ** 2 + 0.25 * y[1] ** 4 - 2.0 * y[1]
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     "c",
     [(1, 0, 0, 0, 0), (0, 0, 0, 1, 0), (1, 0, 0, 1, 0), (0, 1, 1, 0, 0), (0.3, -0.2, 0.5, 0.7, 0)],
@@ -322,6 +325,7 @@ def test_orbits_close_or_spiral() -> None:
     assert large.y.min() > 0.0
 
 
+@pytest.mark.slow
 def test_gauss_methods_are_poisson_maps_for_constant_structures_only() -> None:
     """Casimirs too: linear ones are kept by every Runge-Kutta method, those of Lotka and Volterra
     are not.
@@ -401,7 +405,7 @@ def test_casimirs_over_a_million_steps() -> None:
                 assert kept.verdict == "bounded"
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.compiled
 @pytest.mark.parametrize(
     ("system", "start", "h"), [CASES[1], CASES[3]], ids=["species", "particle"]

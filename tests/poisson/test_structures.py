@@ -172,6 +172,7 @@ class Bracketed(lm.Hamiltonian):
         return self.strength * outer(y) + y[1] ** 2 + y[0] ** 2
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 def test_brackets_compile() -> None:
     system = lm.PoissonSystem(lm.Canonical(1), Bracketed(1e-3))

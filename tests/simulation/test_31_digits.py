@@ -52,6 +52,7 @@ def test_hyperbolic_functions_far_out(x: float) -> None:
             assert abs(exactly(cosh(DoubleDouble(x, 0.0))) / mp.cosh(x) - 1) < mp.mpf(2) ** -90
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [6, slow(8)])
 def test_an_inexact_derivative_leaves_no_digits_behind(order: int) -> None:
     """Orders 6 and 8 solve by the derivative of order 4, off by a percent at large steps: the way
@@ -68,6 +69,7 @@ def test_an_inexact_derivative_leaves_no_digits_behind(order: int) -> None:
     assert np.abs((words - begun).sum(axis=1)).max() < 1e-28
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 @pytest.mark.parametrize(
     "method", [lm.RKMK(order=2), slow(lm.LiePoissonHamiltonJacobi(6, lm.Cayley()))], ids=named

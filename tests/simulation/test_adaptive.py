@@ -80,7 +80,7 @@ def test_the_way_between_the_ends_of_a_step_has_its_order(tableau: lm.ButcherTab
 # ---------------------------------------------------------------- runs
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @EVERY_PAIR
 def test_the_error_follows_the_tolerance(tableau: lm.ButcherTableau) -> None:
     """From 1e-4 to 1e-8 both errors fall by at least 10^3, and stay within a factor of the
@@ -160,6 +160,7 @@ def test_momentum_alone_and_a_first_step_of_ones_own() -> None:
     assert run.drift()["Casimir 1"].verdict == "exact"
 
 
+@pytest.mark.slow
 def test_steps_shrink_where_the_motion_is_fast() -> None:
     """Close to the pole the steps are short, and the driven rotation agrees with one by many small
     steps.
@@ -310,11 +311,6 @@ VALUE, KIND, PAIR = lm.errors.InvalidInput, lm.errors.InvalidType, lm.errors.Inc
         (VALUE, "every is for steps of one length", dict(t_end=1.0, every=2)),
         (VALUE, "rtol is for adaptive steps", dict(h=0.1, steps=3, rtol=1e-3)),
         (VALUE, "give h and steps.* or t_end", dict(h=0.1)),
-        (
-            VALUE,
-            "one body at a time",
-            dict(t_end=1.0, start=BODY.state(np.ones((2, 3))), events=[marked()]),
-        ),
         (PAIR, "has no error estimate.*embedded pair", dict(t_end=1.0, method=lm.RKMK(order=4))),
         (PAIR, "all its steps are alike", dict(t_end=1.0, method=lm.CovariantVariational())),
     ],

@@ -160,6 +160,7 @@ def test_the_last_time_may_be_rounded() -> None:
     assert np.array_equal(whole.at(1.0).mu, whole.mu[-1])
 
 
+@pytest.mark.slow
 def test_failing_events_keep_the_samples_before_them() -> None:
     def event(t: float, state: Any) -> float:
         if t > 8.0:

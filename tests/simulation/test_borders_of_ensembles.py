@@ -128,6 +128,7 @@ def test_what_a_checkpoint_cannot_hold_is_named(tmp_path: Any) -> None:
         lm.Plan(KEPLER, function, h=0.01).run(start, steps=1, checkpoint=tmp_path / "run.npz")
 
 
+@pytest.mark.slow
 def test_the_step_of_chunks_without_a_rejection_is_their_mean(monkeypatch: Any) -> None:
     monkeypatch.setattr(spread, "CHUNK", 1)
     starts = BODY.state(mu=np.linspace([0.5, 0.1, 0.8], [5.0, 1.0, 8.0], 20))

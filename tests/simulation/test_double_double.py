@@ -133,6 +133,7 @@ CASES = [
 ]
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize(
     "method, scene", CASES, ids=lambda x: named(x) if isinstance(x, lm.Method) else x.__name__
 )

@@ -25,7 +25,6 @@ def alone(body: int, method: lm.Method, **options: Any) -> lm.Trajectory:
     )
 
 
-@pytest.mark.sample(1)
 @WORLDS
 @pytest.mark.parametrize(
     "method", [lm.RKMK(order=4), lm.CovariantVariational(lm.Cayley())], ids=repr
@@ -41,6 +40,7 @@ def test_every_body_has_its_inertia(method: lm.Method, compiled: bool) -> None:
     assert run.drift()["Casimir 1"].verdict == "exact"
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 def test_other_parameters_use_the_same_code_and_resume() -> None:
     plan = lm.Plan(BODIES, lm.CovariantVariational(lm.Cayley()), 0.1, compiled=True)
@@ -70,6 +70,7 @@ def test_what_the_systems_of_an_ensemble_must_be() -> None:
         lm.integrate(BODIES, lm.RKMK(order=4), BODIES[0].state(mu=MU[0]), **given)  # type: ignore[arg-type]
 
 
+@pytest.mark.sample(1)
 @WORLDS
 def test_every_body_chooses_its_steps(compiled: bool) -> None:
     method, given = lm.RKMK(order=5), dict(t_end=3.0, rtol=1e-8, t_eval=[0.5, 3.0])

@@ -56,7 +56,7 @@ class Clock:
         return self.now
 
 
-@pytest.mark.sample(3)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("count", [None, 3, 19])
 @pytest.mark.parametrize("wait", [0.0, 0.002, 0.003])
 @pytest.mark.parametrize("every", [1, 7])
@@ -77,6 +77,7 @@ def test_a_run_that_changes_on_the_way_has_the_bits_of_one_that_does_not(
     assert not run.stopped
 
 
+@pytest.mark.slow
 def test_an_adaptive_run_that_changes_on_the_way(fresh: Any) -> None:
     body, start = asymmetric_body()
     method, kept = lm.RKMK(order=5), dict(t_end=60.0, rtol=1e-8, atol=1e-10)
@@ -105,6 +106,7 @@ def test_short_runs_do_not_compile_and_a_number_of_them_does(fresh: Any) -> None
     assert lm.integrate(lm.RigidBody([2.0, 1.0, 1.4]), RKMK, start, h=0.1, steps=1).compiled
 
 
+@pytest.mark.slow
 def test_code_on_disk_is_used_soon(fresh: Any, tmp_path: Any) -> None:
     program = """
 import liemech as lm

@@ -74,6 +74,7 @@ MISTAKES = {
 FAILURES = {"raise": RuntimeError, "divide": ZeroDivisionError, "assert": AssertionError}
 
 
+@pytest.mark.sample(6)
 @pytest.mark.parametrize("how", MISTAKES)
 @pytest.mark.parametrize("compiled", [False, None])
 @pytest.mark.parametrize("start", [START, [AWAY, START]], ids=["one", "many"])
@@ -116,6 +117,7 @@ def test_a_mistake_in_an_adaptive_run(how: str) -> None:
     assert len(caught.value.trajectory) == 1  # type: ignore[attr-defined]
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize("how", ["raise", "divide"])
 @WORLDS
 def test_a_failure_names_its_cause_and_keeps_the_samples(how: str, compiled: bool | None) -> None:
@@ -140,6 +142,7 @@ def test_a_failure_in_an_adaptive_run(how: str) -> None:
     assert abs(caught.value.trajectory.mu[-1, 0] - 0.3) < 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 def test_an_adaptive_failure_is_the_same_in_native_code() -> None:
     system, found = fragile("raise"), []
@@ -220,7 +223,7 @@ def test_when_nobody_can_begin() -> None:
         assert len(caught.value.trajectory) == 1
 
 
-@pytest.mark.sample(2)
+@pytest.mark.slow
 @WORLDS
 def test_a_force_that_raises_at_the_start(compiled: bool | None) -> None:
     """Splittings evaluate the force before the first step: that is an attempt too, and its formula

@@ -66,7 +66,7 @@ def test_plain_and_compiled(method: lm.Method) -> None:
     assert [run.compiled for run in runs] == [False, True]
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("attitude", [True, False], ids=["mu, g", "mu"])
 @ALL
 @BOTH_WORLDS
@@ -91,7 +91,7 @@ def test_a_member_of_an_ensemble_is_the_body_alone(
             assert same_bits(together.g[:, i], one.g)
 
 
-@pytest.mark.sample(2)
+@pytest.mark.slow
 @ALL
 @BOTH_WORLDS
 def test_pieces_change_nothing(
@@ -130,6 +130,7 @@ def test_threads_change_nothing(workers: int) -> None:
     )
 
 
+@pytest.mark.slow
 def test_the_progress_bar_changes_nothing(capsys: pytest.CaptureFixture[str]) -> None:
     body, start = asymmetric_body()
     runs = [
@@ -140,7 +141,7 @@ def test_the_progress_bar_changes_nothing(capsys: pytest.CaptureFixture[str]) ->
     assert "step" in capsys.readouterr().err
 
 
-@pytest.mark.sample(3)
+@pytest.mark.sample(1)
 @ALL
 @BOTH_WORLDS
 def test_momentum_alone_has_the_same_bits(method: lm.Method, compiled: bool) -> None:
@@ -305,7 +306,7 @@ FAILURES = {
 }
 
 
-@pytest.mark.sample(8)
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("every", [1, 3, 100])
 @pytest.mark.parametrize("how", FAILURES)
 @BOTH_WORLDS
@@ -342,7 +343,7 @@ def test_failures_are_the_same_plain_and_compiled() -> None:
     assert same_run(found[0][2], found[1][2])
 
 
-@pytest.mark.sample(6)
+@pytest.mark.sample(2)
 @BOTH_WORLDS
 @pytest.mark.parametrize("how", FAILURES)
 @pytest.mark.parametrize("every", [1, 4])
@@ -414,6 +415,7 @@ def test_a_body_that_stopped_does_not_start_again(
     assert np.array_equal(run.mu[:, 1, 0], np.minimum(np.arange(201.0), 3.0))
 
 
+@pytest.mark.sample(6)
 @ALL
 @BOTH_WORLDS
 def test_no_result_holds_what_is_no_number(method: lm.Method, compiled: bool) -> None:
@@ -433,6 +435,7 @@ def test_no_result_holds_what_is_no_number(method: lm.Method, compiled: bool) ->
 # ---------------------------------------------------------------- Ctrl-C
 
 
+@pytest.mark.sample(1)
 @BOTH_WORLDS
 def test_an_interrupted_run_ends_soon_and_keeps_its_samples(
     compiled: bool, request: pytest.FixtureRequest
@@ -476,6 +479,7 @@ def test_an_interrupted_run_ends_soon_and_keeps_its_samples(
     assert run.stopped == {}
 
 
+@pytest.mark.slow
 def test_an_interrupted_program_ends_as_one() -> None:
     program = (
         "import liemech as lm, os, signal, threading\n"

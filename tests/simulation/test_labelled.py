@@ -18,6 +18,7 @@ MANY = BODY.state(
 PLAN = lm.Plan(BODY, lm.RKMK(order=2), h=0.1, compiled=False)
 
 
+@pytest.mark.slow
 def test_a_data_set_of_xarray():
     pytest.importorskip("xarray")
     run = PLAN.run(START, steps=20)

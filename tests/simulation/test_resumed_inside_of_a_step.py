@@ -22,6 +22,7 @@ PLANS = [
 ]
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("plan", PLANS)
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_it_steps_from_the_last_whole_step(plan: Any, sign: float, tmp_path: Any) -> None:

@@ -46,6 +46,7 @@ def small_chunks(monkeypatch):
     monkeypatch.setattr(spread, "CHUNK", 1)
 
 
+@pytest.mark.slow
 def test_the_bits_of_a_run_in_one_piece():
     with futures.ThreadPoolExecutor(2) as executor:
         for plan, how in (

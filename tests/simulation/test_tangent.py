@@ -47,7 +47,7 @@ def differences(plan: lm.Plan, start: Any, steps: int) -> np.ndarray:
     return np.array(columns).T
 
 
-@pytest.mark.sample(4)
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     ("method", "system", "start"),
     [
@@ -95,6 +95,7 @@ def test_derivatives_by_the_inertia(compiled: bool) -> None:
     )
 
 
+@pytest.mark.sample(1)
 @WORLDS
 def test_derivatives_by_a_number_inside_of_the_hamiltonian(compiled: bool) -> None:
     gyrostat = lm.LiePoissonSystem(lm.SO3(), Gyrostat([1.0, 2.0, 3.0], 0.7))
@@ -178,12 +179,6 @@ def test_what_has_no_tangent_map() -> None:
         match=r"mass is no parameter of .*; there are inertia, group, and the start",
     ):
         plan.tangent(START, steps=2, by="mass")
-    with pytest.raises(lm.errors.InvalidInput, match="one body at a time"):
-        plan.tangent(BODY.state(mu=np.ones((2, 3))), steps=2)
-    with pytest.raises(lm.errors.IncompatibleSystem, match="power series"):
-        lm.Plan(BODY, lm.Taylor(order=8), 0.1).tangent(START, steps=2)
-    with pytest.raises(lm.errors.InvalidInput, match="steps of one length"):
-        lm.Plan(BODY, lm.RKMK(order=5), rtol=1e-6).tangent(START, steps=2)
 
 
 def test_poisson_integrators_keep_the_bracket_and_rattle_the_two_form() -> None:

@@ -297,31 +297,29 @@ def table(kept: dict[str, Any]) -> str:
 
 
 def draw(kept: dict[str, Any]) -> None:
-    """Free body and the others: errors over steps."""
+    """Errors over steps: the free body by us and by other packages, and the other systems."""
     import matplotlib
 
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
 
-    figure, axes = plt.subplots(1, 2, figsize=(11, 5.8), sharey=True, layout="constrained")
-    for ax, first in zip(axes, (True, False), strict=True):
-        chosen = {
-            key: found
-            for key, found in kept.items()
-            if key.startswith("free body") == first and found["errors"]
-        }
+    def panel(key: str) -> str:
+        if not key.startswith("free body"):
+            return "other systems"
+        theirs = any(name in key for name in ("heyoka", "SciPy", "Exudyn", "MuJoCo"))
+        return "free body, other packages" if theirs else "free body, h = 0.1"
+
+    titles = ("free body, h = 0.1", "free body, other packages", "other systems")
+    figure, axes = plt.subplots(1, 3, figsize=(13, 5.8), sharey=True, layout="constrained")
+    for ax, title in zip(axes, titles, strict=True):
+        chosen = {k: found for k, found in kept.items() if panel(k) == title and found["errors"]}
         for i, (key, found) in enumerate(chosen.items()):
             n, e = np.array(found["errors"]).T
-            colour = plt.get_cmap("tab20")(i % 20)
-            ax.loglog(
-                n, np.maximum(e, 1e-17), ".-", lw=1, ms=4, color=colour, label=key.split(": ", 1)[1]
-            )
-        ax.set(
-            xlabel="steps",
-            title="free rigid body, h = 0.1" if first else "others",
-            ylim=(1e-17, 1e1),
-        )
-        ax.legend(fontsize=7, ncols=3, loc="upper center", bbox_to_anchor=(0.5, -0.14))
+            name = key.split(": ", 1)[1] if key.startswith("free body") else key
+            style = dict(color=f"C{i % 10}", marker="o^sDv<>pP*"[i % 10], ls="-" if i < 10 else "--")
+            ax.loglog(n, np.maximum(e, 1e-17), lw=1, ms=3, label=name, **style)
+        ax.set(xlabel="steps", title=title, ylim=(1e-17, 1e1))
+        ax.legend(fontsize=7, ncols=2, loc="upper center", bbox_to_anchor=(0.5, -0.14))
         ax.grid(alpha=0.3)
     axes[0].set_ylabel("relative error of the energy")
     figure.savefig(FIGURE, dpi=100)

@@ -105,6 +105,7 @@ def test_momentum_inverts_the_velocity(rng: np.random.Generator) -> None:
         assert np.allclose(model.velocity(q, model.momentum(q, v)), v, rtol=1e-13, atol=1e-14)
 
 
+@pytest.mark.slow
 def test_the_degrees_may_be_a_parameter(rng: np.random.Generator) -> None:
     system = Oscillators(5, 0.3)
     assert system.group.n == 10
@@ -154,6 +155,7 @@ def test_kepler_against_the_reference() -> None:
         assert abs(system.period(start) - case["period"]) <= 1e-12 * case["period"]
 
 
+@pytest.mark.slow
 def test_kepler_from_anywhere_on_the_orbit() -> None:
     """The exact motion against an integration, from a start that is no pericentre, clockwise, and
     backwards.
@@ -205,6 +207,7 @@ def test_runge_kutta_on_the_phase_space_is_the_ordinary_one() -> None:
     assert np.abs(y - np.concatenate([run.q[-1], run.p[-1]])).max() <= 1e-14
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     "method",
     [lm.RKMK(order=8), lm.RKMK(order=4), lm.CommutatorFree(), lm.Taylor(), lm.CrouchGrossman()],
@@ -220,6 +223,7 @@ def test_methods_for_groups_serve_canonical_systems(method: lm.Method) -> None:
     assert errors[1] <= 1e-13 or np.log2(errors[0] / errors[1]) >= method.order - 0.3
 
 
+@pytest.mark.slow
 def test_adaptive_steps_and_dense_output() -> None:
     system = Kepler()
     start = system.pericentre(0.7)
@@ -230,6 +234,7 @@ def test_adaptive_steps_and_dense_output() -> None:
     assert run.drift()["angular momentum"].largest <= 1e-9
 
 
+@pytest.mark.slow
 def test_compensated_sums_keep_more() -> None:
     system = Kepler()
     start = system.pericentre(0.2)

@@ -132,6 +132,7 @@ def test_a_force_of_ones_own_on_unit_quaternions() -> None:
 # ---------------------------------------------------------------- order
 
 
+@pytest.mark.slow
 @METHODS
 @pytest.mark.parametrize(
     ("scene", "numbers_at"), [(heavy_top, TOP), (lagrange_top, LAGRANGE)], ids=["heavy", "Lagrange"]
@@ -157,7 +158,7 @@ def test_order_two_against_the_reference(
         assert slope([2.0 / n for n in counts], error) == pytest.approx(2.0, abs=0.1)
 
 
-@pytest.mark.sample(3)
+@pytest.mark.sample(1)
 @BOTH
 @EVERYWHERE
 def test_order_two_of_momentum_and_configuration(method: LieVerlet, scene: Any) -> None:
@@ -174,6 +175,7 @@ def test_order_two_of_momentum_and_configuration(method: LieVerlet, scene: Any) 
         assert slope([1 / n for n in counts], error) == pytest.approx(2.0, abs=0.1)
 
 
+@pytest.mark.slow
 def test_rkmk_has_its_order_on_the_cotangent_group() -> None:
     top, start = heavy_top()
     at = TOP["samples"][2]
@@ -200,6 +202,7 @@ def test_adaptive_steps_in_a_field() -> None:
     assert np.abs(run.at(1.0).g[2] - numbers(TOP["samples"][1]["Gamma"])).max() < 1e-6
 
 
+@pytest.mark.slow
 def test_falling_bodies_fall_on_parabolas() -> None:
     body, start = falling_body()
     run = lm.integrate(body, VERLET, start, h=1 / 400, steps=400)
@@ -213,7 +216,7 @@ def test_falling_bodies_fall_on_parabolas() -> None:
 # ---------------------------------------------------------------- structure
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.compiled
 @METHODS
 def test_vertical_momentum_and_energy_of_tops(method: lm.Method) -> None:
@@ -234,6 +237,7 @@ def test_vertical_momentum_and_energy_of_tops(method: lm.Method) -> None:
         assert report["vertical momentum"].verdict == "exact"
 
 
+@pytest.mark.slow
 def test_the_spin_of_the_lagrange_top_is_kept() -> None:
     top, start = lagrange_top()
     for method in (VERLET, VERLET_CAYLEY):
@@ -242,6 +246,7 @@ def test_the_spin_of_the_lagrange_top_is_kept() -> None:
         )
 
 
+@pytest.mark.slow
 def test_symmetries_of_gravity_in_space() -> None:
     for scene, names, h in (
         (falling_body, ("vertical Pi", "horizontal P"), 0.02),
@@ -253,7 +258,7 @@ def test_symmetries_of_gravity_in_space() -> None:
             assert report[name].largest < 3e-12
 
 
-@pytest.mark.sample(6)
+@pytest.mark.sample(3)
 @METHODS
 @EVERYWHERE
 def test_a_way_back_undoes_a_way(method: lm.Method, scene: Any) -> None:
@@ -318,7 +323,7 @@ class Overlap(Potential):
         return total
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("group", [lm.SO(4), lm.Heisenberg(), lm.SL(2)], ids=repr)
 def test_order_two_on_other_groups(group: lm.LieGroup) -> None:
     """With a force that is derived, by definition -tr(a^T g hat(e_i))."""
@@ -342,6 +347,7 @@ def test_order_two_on_other_groups(group: lm.LieGroup) -> None:
         assert slope([10, 5, 2.5], error) == pytest.approx(2.0, abs=0.1)
 
 
+@pytest.mark.slow
 def test_other_methods_for_equations_on_groups() -> None:
     top, start = heavy_top()
     for method in (lm.CommutatorFree(), lm.CrouchGrossman()):
@@ -365,7 +371,7 @@ def test_compositions_of_lie_verlet() -> None:
     assert run.drift()["vertical momentum"].verdict == "exact"
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("method", "free"), [(VERLET, EXP), (VERLET_CAYLEY, CAYLEY)], ids=["exp", "Cayley"]
 )
@@ -412,7 +418,7 @@ def loaded_top(friction: float = 0.2, drive: float = 0.3) -> tuple[MechanicalSys
     return HeavyTop(top.inertia, top.weight, top.centre, load=Friction(friction, drive)), start
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @METHODS
 def test_order_two_under_a_load(method: lm.Method) -> None:
     system, start = loaded_top()
@@ -435,6 +441,7 @@ def test_a_way_back_undoes_a_way_under_a_load() -> None:
     assert np.abs(home.g[-1] - np.array(start.g)).max() < 1e-12
 
 
+@pytest.mark.slow
 def test_friction_takes_what_it_does_in_work() -> None:
     """dE/dt = <F, xi>; and the top comes to hang."""
     system, start = loaded_top(0.5, 0.0)
@@ -447,6 +454,7 @@ def test_friction_takes_what_it_does_in_work() -> None:
     assert "no constants" in str(run.drift())
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 def test_loads_compile() -> None:
     system, start = loaded_top()
@@ -490,6 +498,7 @@ def test_plain_and_compiled_runs_are_equal(method: lm.Method, scene: Any) -> Non
     assert same_bits(plain.g, native.g)
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 def test_rkmk_on_the_cotangent_group_compiles() -> None:
     top, start = heavy_top()
@@ -501,6 +510,7 @@ def test_rkmk_on_the_cotangent_group_compiles() -> None:
     assert same_bits(plain.g, native.g)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=pytest.mark.compiled)])
 def test_ensembles_are_single_runs(compiled: bool) -> None:
     rng = np.random.default_rng(6)

@@ -160,6 +160,7 @@ def test_a_table_is_one_number_wherever_values_are_laid_out():
     )
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 def test_native_code_is_one_for_tables_of_all_lengths_and_has_the_bits_of_python():
     long = np.linspace(0.0, 10.0, 3000)

@@ -45,6 +45,7 @@ def changes(
 LONG = [pytest.mark.slow, pytest.mark.compiled]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("method", "gain"),
     [
@@ -108,6 +109,7 @@ def test_a_top_near_the_vertical(method: lm.Method, gain: float) -> None:
     assert run.drift()["vertical momentum"].verdict == run.drift()["spin"].verdict == "exact"
 
 
+@pytest.mark.slow
 def test_a_free_body_by_an_implicit_method() -> None:
     """Steps that follow the flip of a body spinning about its middle axis: momentum on its sphere,
     spatial momentum exact.

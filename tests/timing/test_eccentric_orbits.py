@@ -66,13 +66,13 @@ def energy_error(system: Any, method: lm.Method, h: float, steps: int) -> float:
     return float(np.abs(run.energy + 0.5).max())
 
 
-@pytest.mark.sample(3)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("choice", SIGMAS)
 def test_the_period_in_fictive_time(choice: str) -> None:
     assert fictive_period(SIGMAS[choice]) == pytest.approx(PERIODS[choice], rel=6e-3)
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.compiled
 @pytest.mark.parametrize("choice", SYMPLECTIC)
 def test_table_of_the_symplectic_method(choice: str) -> None:
@@ -84,7 +84,7 @@ def test_table_of_the_symplectic_method(choice: str) -> None:
         assert found == two_digits(wanted)
 
 
-@pytest.mark.sample(3)
+@pytest.mark.slow
 @pytest.mark.compiled
 @pytest.mark.parametrize("choice", REVERSIBLE)
 def test_table_of_the_reversible_controller(choice: str) -> None:

@@ -63,6 +63,7 @@ def begin(system: Any) -> Any:
     return system.state(q=[0.1 / system.w, 0.7], p=[0.4, -0.2])
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("system", "method", "order"),
     [
@@ -136,6 +137,7 @@ def largest_change(method: lm.Method, h: float, steps: int) -> float:
     return float(np.abs(run.energy - run.energy[0]).max())
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 def test_resonance() -> None:
     """Kicks half a fast period apart add up; those of the mollified force vanish just there."""
@@ -155,6 +157,7 @@ def test_fast_steps_that_are_unstable_are_warned_of() -> None:
         lm.integrate(HARD, lm.MultipleTimeSteps(ratios=(2,)), begin(HARD), h=0.1, steps=1)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.compiled
 @pytest.mark.parametrize(
     "method",
@@ -170,6 +173,7 @@ def test_native_code_gives_the_same_bits(method: lm.Method) -> None:
     )
 
 
+@pytest.mark.slow
 def test_with_steps_that_follow_a_time_scale() -> None:
     for mollified in (False, True):
         method = lm.ReversibleController(

@@ -86,6 +86,7 @@ def test_order_at_a_physical_time(method: lm.Method, order: int, h: float) -> No
     assert min(slopes(error, h)) > order - 0.15
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("base", "order", "sigma"),
     [
@@ -186,6 +187,7 @@ def test_steps_by_the_printed_formula_collapse() -> None:
 # ------------------------------------------------------------------ native code and ensembles
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 @pytest.mark.parametrize(
     ("system", "method", "start"),

@@ -87,6 +87,7 @@ def rolling() -> Any:
     )
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("make", [hanging, rolling])
 def test_bodies_under_constraints(make: Any) -> None:
     """The controller takes bodies with joints and bodies that roll, and knows the forces of their

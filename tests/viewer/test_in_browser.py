@@ -145,6 +145,7 @@ def test_dragging_turns_every_panel(tab: Tab) -> None:
     )
 
 
+@pytest.mark.slow
 def test_speed_is_what_the_page_says(tab: Tab) -> None:
     def advance(speed: float) -> float:
         """Seconds of the motion in a second of the browser's clock; a picture that takes longer
@@ -172,6 +173,7 @@ def test_speed_is_what_the_page_says(tab: Tab) -> None:
     )
 
 
+@pytest.mark.slow
 def test_nothing_is_drawn_while_it_stands(tab: Tab) -> None:
     tab.seek(10.0)
     before = tab.evaluate("player.drawn")
@@ -179,6 +181,7 @@ def test_nothing_is_drawn_while_it_stands(tab: Tab) -> None:
     assert tab.evaluate("player.drawn") == before
 
 
+@pytest.mark.slow
 def test_everything_fits_at_every_size(tab: Tab) -> None:
     corners = """player.panels.map(panel => {
         player.aim(panel);
@@ -206,6 +209,7 @@ def test_everything_fits_at_every_size(tab: Tab) -> None:
     tab.resize(640, 480)
 
 
+@pytest.mark.slow
 def test_only_what_is_shown_exists(browser: Chromium, tmp_path: Path) -> None:
     momentum = {"mu": RUN.mu}
     page = Scene(
@@ -222,6 +226,7 @@ def test_only_what_is_shown_exists(browser: Chromium, tmp_path: Path) -> None:
     assert len(page.read_text(encoding="utf-8")) < len(full) - 150_000
 
 
+@pytest.mark.slow
 def test_compressed_in_a_sandboxed_frame_as_notebooks_show_it(
     browser: Chromium, tmp_path: Path
 ) -> None:
@@ -248,6 +253,7 @@ def test_without_webgl_the_page_says_so(browser: Chromium, tmp_path: Path) -> No
         )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("samples", [1, 2])
 def test_few_samples_and_texts_that_look_like_code(
     browser: Chromium, tmp_path: Path, samples: int
@@ -265,6 +271,7 @@ def test_few_samples_and_texts_that_look_like_code(
     assert html.escape(title) in page.read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_times_that_repeat_and_steps_that_are_not_joined(browser: Chromium, tmp_path: Path) -> None:
     t = np.array([0.0, 1.0, 1.0, 2.0])
     few = Motion(BODY, t, {"mu": RUN.mu[:4], "g": RUN.g[:4]})
@@ -277,6 +284,7 @@ def test_times_that_repeat_and_steps_that_are_not_joined(browser: Chromium, tmp_
         assert np.abs(seen - unit[[0, 0, 2, 2, 3]]).max() < 1e-5
 
 
+@pytest.mark.slow
 def test_an_ensemble_is_a_cloud_on_one_sphere(browser: Chromium, tmp_path: Path) -> None:
     momenta = np.random.default_rng(3).normal(size=(40, 3))
     momenta /= np.linalg.norm(momenta, axis=1)[:, None]
@@ -299,6 +307,7 @@ def test_an_ensemble_is_a_cloud_on_one_sphere(browser: Chromium, tmp_path: Path)
         assert not is_blank(tab.drawn()) and tab.complaints() == []
 
 
+@pytest.mark.slow
 def test_a_mesh_of_ones_own(browser: Chromium, tmp_path: Path) -> None:
     file = tmp_path / "corner.obj"
     file.write_text(

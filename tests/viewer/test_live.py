@@ -91,6 +91,7 @@ def test_nobody_looks() -> None:
 ENDS = "os.kill(os.getpid(), 9)", "os.kill(os.getpid(), 15)", "sys.exit(0)"
 
 
+@pytest.mark.slow
 def test_nothing_is_left_behind() -> None:
     program = """
         import os, sys, numpy as np, liemech as lm
@@ -112,6 +113,7 @@ def test_nothing_is_left_behind() -> None:
             socket.create_connection(("127.0.0.1", port), timeout=2)
 
 
+@pytest.mark.slow
 def test_a_page_shows_the_last_state(browser: Chromium) -> None:
     arrow = "new MeshCat.THREE.Vector3(0, 0, 1).applyQuaternion(object.quaternion).toArray()"
     state, h = START, 0.1

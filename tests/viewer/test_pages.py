@@ -269,6 +269,7 @@ SYSTEMS = (
 )
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize("name", SYSTEMS)
 def test_every_system_has_a_picture(name: str) -> None:
     attitude = lm.SO3().exp([0.4, -0.3, 0.5])

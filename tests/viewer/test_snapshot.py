@@ -26,6 +26,7 @@ RUN = lm.integrate(
 )
 
 
+@pytest.mark.slow
 def test_a_snapshot_is_the_moment_that_was_asked_for(browser: Chromium, tmp_path: Path) -> None:
     scene = Scene(RUN, show="body")
     picture = np.asarray(

@@ -1,0 +1,302 @@
+"""Ensembles whose bodies go each its own way: one run after another, bit for bit, shown as one."""
+
+from __future__ import annotations
+
+import copy
+from typing import Any
+
+import numpy as np
+
+from ..errors import IntegrationFailure, IntegrationInterrupted, InvalidInput, is_mistake, warn
+from ..systems.system import member
+from . import arguments
+from .carry import AdaptiveCarry, Carries, Carry, Ended, Waiting, each, stacked
+from .checkpoint import Checkpoint
+from .prepared import shown_step
+from .progress import Bar
+from .stopped import Stopped
+from .systems import OfBodies, Systems
+from .trajectory import Trajectory, TransformedTrajectory
+
+
+def apart(plan: Any, start: Any, t_end: Any, t_eval: Any) -> bool:
+    """Do the bodies of this run go each its own way?  Otherwise they step side by side."""
+    if start.bodies is None:
+        return False
+    if plan.adaptive or isinstance(start, Carries):
+        return True
+    if plan.fictive:
+        several = isinstance(plan.system, OfBodies) or isinstance(plan.method, OfBodies)
+        asked = t_end is not None or bool(plan.events)
+        return several or (asked and not hasattr(start, "origin"))
+    of_each = np.ndim(plan._given["h"]) > 0 and (t_end is not None or t_eval is not None)
+    many = arguments.axes(t_end, "t_end") > 0 or arguments.axes(t_eval, "t_eval") > 1
+    return bool(plan.events) or of_each or many
+
+
+class OneByOne:
+    """A run of an ensemble, body after body: a body that fails disturbs no other.
+
+    starts : of each body the state with its time, or what it carries along.
+    """
+
+    def __init__(
+        self,
+        plan: Any,
+        start: Any,
+        t0: float,
+        steps: Any,
+        t_end: Any,
+        t_eval: Any,
+        kept: Checkpoint | None,
+    ) -> None:
+        self.plan, self.kept, self.starts = plan, kept, self._starts(start, t0)
+        count = len(self.starts)
+        if plan.adaptive and plan._given["dense"]:
+            raise InvalidInput("integrate: dense=True is for one body at a time")
+        if plan.adaptive and t_end is None:
+            raise InvalidInput(
+                "integrate: adaptive steps need a t_end; for steps of one length give h and steps"
+            )
+        self.own_times = arguments.axes(t_eval, "t_eval") > 1 or (
+            t_eval is None and arguments.axes(t_end, "t_end") > 0
+        )
+        dense = False if plan.adaptive else None
+        self._given = plan._given | {"progress": False, "workers": 1, "record": None, "dense": dense}
+        self.plans: list[Any] = []
+        for i in range(count):
+            self.plans.append(self._made(i))
+        self._steps, self.ends = steps, arguments.ends(t_end, count)
+        self.times: list[np.ndarray | None] = arguments.columns(t_eval, count)
+        for i, (begun, asked) in enumerate(zip(self.starts, self.times, strict=True)):
+            last = self._last(i)
+            if plan.adaptive and asked is None:
+                self.times[i] = np.array([begun.t, last])
+            elif asked is not None and last is not None:
+                self.times[i] = arguments.times(asked, begun.t, last)
+        self.runs: list[Trajectory] = []
+        self.errors: dict[int, IntegrationFailure] = {}
+
+    @staticmethod
+    def _starts(start: Any, t0: float) -> tuple[Any, ...]:
+        if isinstance(start, Carries):
+            return start.members
+        if isinstance(start, Carry):
+            return each(start)
+        return tuple([Waiting(member(start, i), t0) for i in range(start.bodies)])
+
+    def _last(self, i: int) -> float | None:
+        """When the run of a body is to end, if that is known."""
+        begun, end, plan = self.starts[i], self.ends[i], self.plans[i]
+        if plan.adaptive or plan.fictive or isinstance(begun, Ended):
+            return end
+        t0, before = self._counted(begun)
+        steps = plan._count(self._steps, end, t0, before)
+        return t0 + (before + steps) * plan._steps.h
+
+    @staticmethod
+    def _counted(begun: Any) -> tuple[float, int]:
+        """From when steps of one length are counted, and how many there are."""
+        return (begun.t0, begun.step) if isinstance(begun, Carry) else (begun.t, 0)
+
+    def _made(self, i: int) -> Any:
+        """The plan of one body; it shares what is prepared with that of the first, if it can."""
+        own = {name: values[i] for name, values in self.plan.of_each.items()}
+        if not i or not own.keys() <= {"system"}:
+            return type(self.plan)(**self._given | own)
+        return self.plans[0].of_system(own["system"]) if own else self.plans[0]
+
+    # ---------------------------------------------------------------- stepping
+
+    def trajectory(self) -> Trajectory:
+        """All bodies in turn."""
+        with Bar(self.plan._given["progress"], len(self.starts)) as bar:
+            for i in range(len(self.starts)):
+                try:
+                    self.runs.append(self._run(i))
+                except IntegrationFailure as error:
+                    self.errors[i] = error
+                    self.runs.append(error.trajectory)
+                except KeyboardInterrupt as error:
+                    told = f"integrate: interrupted after {i} of {len(self.starts)} bodies"
+                    stopped = IntegrationInterrupted(f"{told}; the samples are in `.trajectory`")
+                    stopped.trajectory = self._joined(getattr(error, "trajectory", None))
+                    raise stopped from None
+                except Exception as error:
+                    if is_mistake(error) and hasattr(error, "trajectory"):
+                        error.add_note(f"[integrate: body {i}]")
+                        error.trajectory = self._joined(error.trajectory)
+                    raise
+                if self.kept is not None and self.kept.due():
+                    self.kept.save(self._joined())
+                bar.advance(1)
+        run = self._joined()
+        if self.errors:
+            steps: Any = run.stopped
+            some = ", ".join(f"body {i} after {n} steps" for i, n in [*steps.steps.items()][:5])
+            first = self.errors[min(self.errors)]
+            warn(
+                f"integrate: {len(self.errors)} of {run.bodies} bodies stopped early: "
+                f"{some}. {first}",
+                RuntimeWarning,
+            )
+        return run
+
+    def _run(self, i: int) -> Trajectory:
+        """The run of one body."""
+        begun, times, kept = self.starts[i], self.times[i], copy.copy(self.kept)
+        if isinstance(begun, Ended):
+            return self._still(i, begun)
+        if kept is not None:
+            shown = kept.shown
+            kept.shown = lambda run: shown(self._joined(run))
+        plan, t, end = self.plans[i], begun.t, self.ends[i]
+        start = begun.state if isinstance(begun, Waiting) else begun
+        if plan.fictive:
+            run = plan._transformed(start, self._steps, end, t, times, kept)
+        elif plan.adaptive:
+            run = plan._steps.run(start, t, end, self._steps, times, plan.events, kept)
+        else:
+            t0, before = self._counted(begun)
+            steps = plan._count(self._steps, end, t0, before)
+            run = plan._stepped(start, steps, t0, times, kept)
+        if self.kept is not None:
+            self.kept.next = kept.next  # type: ignore[union-attr]
+        return run
+
+    def _still(self, i: int, begun: Ended | Waiting) -> Trajectory:
+        """The run of a body that goes no further, or not yet: its state."""
+        if isinstance(begun, Ended) and begun.error is not None:
+            self.errors[i] = begun.error
+        plan, t = self.plans[i], np.array([begun.t])
+        states = {name: x[None] for name, x in begun.state.arrays.items()}
+        h = 0.0 if plan.adaptive else plan._steps.h
+        return Trajectory(
+            plan.system, plan.method, h, t, states, None, 0, compiled=True, carry=begun
+        )
+
+    # ---------------------------------------------------------------- all of them as one
+
+    def _joined(self, unfinished: Trajectory | None = None) -> Trajectory:
+        """The runs of all bodies; those that have not begun stand at their starts.
+
+        unfinished : the run of the next body as far as it has come.
+        """
+        runs = [*self.runs, unfinished] if unfinished is not None else [*self.runs]
+        runs += [self._not_begun(i) for i in range(len(runs), len(self.starts))]
+        members = tuple([self._carried(i, run) for i, run in enumerate(runs)])
+        n = max([len(run) for run in runs] + [0 if x is None else len(x) for x in self.times])
+        ways = [
+            self._filled(i, run, n, carry)
+            for i, (run, carry) in enumerate(zip(runs, members, strict=True))
+        ]
+        t = np.stack([way.pop("") for way in ways], axis=1)
+        if not self.own_times and (t == t[:, :1]).all():
+            t = t[:, 0].copy()
+        clocks = {name: np.stack([w.pop(name) for w in ways], axis=1) for name in ("tau", "z")
+                  if name in ways[0]}  # fmt: skip
+        states = {name: np.stack([way[name] for way in ways], axis=1) for name in ways[0]}
+        first, adaptive = runs[0], self.plan.adaptive
+        steps = {i: self._taken(i, runs[i]) for i in self.errors}
+        own: Any = self.plan._steps.h
+        known: dict[str, Any] = {
+            "system": self.plan.system if not self.plan.fictive else self._inner_systems(runs),
+            "method": self.plan.method,
+            "h": float(np.mean([run.h for run in runs])) if adaptive else shown_step(own),
+            "t": t,
+            "states": states,
+            "bodies": len(runs),
+            "steps": max(run.steps for run in runs),
+            "compiled": all(run.compiled for run in runs),
+            "stopped": Stopped(steps, self.errors.__getitem__),
+            "rejected": sum(run.rejected or 0 for run in runs) if adaptive else None,
+            "events": self._events(runs),
+            "carry": None if all(isinstance(m, Ended) for m in members) else Carries(members),
+        }
+        if not isinstance(first, TransformedTrajectory):
+            return Trajectory(**known)
+        if (clocks["tau"] == clocks["tau"][:, :1]).all():
+            clocks["tau"] = clocks["tau"][:, 0].copy()
+        origins = tuple([getattr(run, "origin", None) for run in runs])
+        return TransformedTrajectory(**known, **clocks, origin=origins)  # type: ignore[arg-type]
+
+    def _inner_systems(self, runs: list[Trajectory]) -> Any:
+        """Of a run in fictive time the systems that move in it."""
+        several = self.plan.system
+        if not isinstance(several, OfBodies):
+            return runs[0].system
+        return Systems(tuple([getattr(system, "system", system) if system.fictive else system
+                              for system in several]))  # fmt: skip
+
+    def _not_begun(self, i: int) -> Trajectory:
+        """A body that stands where it will begin."""
+        begun = self.starts[i]
+        if self.plan.fictive:  # it has a clock, too
+            return self.plans[i]._transformed(
+                begun.state if isinstance(begun, Waiting) else begun, 0, None, begun.t, None, None
+            )
+        return self._still(i, begun)
+
+    def _carried(self, i: int, run: Trajectory) -> Any:
+        """With what a body goes on, if it does."""
+        if run.carry is not None and i not in self.errors:
+            return run.carry
+        if isinstance(self.starts[i], Ended):
+            return self.starts[i]
+        # one that failed stays there for all times that were asked for
+        end = self.ends[i] if i in self.errors and self.plan.adaptive else None
+        if not len(run):
+            begun = self.starts[i]
+            return Ended(begun.state, begun.t if end is None else end, 0, self.errors.get(i))
+        state = member(stacked([self._state(run)]), 0)
+        t = float(run.t[-1]) if end is None else end
+        return Ended(state, t, self._taken(i, run), self.errors.get(i))
+
+    def _state(self, run: Trajectory) -> Any:
+        """The last state of a body's run."""
+        begun = self.starts[0].state
+        return type(begun)(
+            *(run.states[name][-1] if name in run.states else None for name in begun.parts)
+        )
+
+    def _taken(self, i: int, run: Trajectory) -> int:
+        """How many steps a body took that stopped."""
+        begun = self.starts[i]
+        before = begun.steps if isinstance(begun, Ended) else getattr(begun, "step", 0)
+        return int(before) + run.steps
+
+    def _filled(self, i: int, run: Trajectory, n: int, carry: Any) -> dict[str, np.ndarray]:
+        """So many samples of a body; where it came to, again and again if there are less."""
+        t, states, times = run.t, run.states, self.times[i]
+        more, clocks = n - len(t), {}
+        if isinstance(run, TransformedTrajectory):
+            clocks = {"tau": run.tau} | ({} if run.z is None else {"z": run.z})
+        if more:
+            last = {"": t[-1:], **{name: x[-1:] for name, x in (states | clocks).items()}}
+            sampled = times is not None and isinstance(carry, (AdaptiveCarry, Waiting, Ended))
+            if not len(t) or (sampled and not isinstance(run, TransformedTrajectory)):
+                last = {name: x[None] for name, x in carry.state.arrays.items()}
+                last[""] = np.array([carry.t])
+                last |= {name: np.zeros(1) for name in clocks}
+            t = np.concatenate([t, np.repeat(last[""], more)])
+            both = {name: np.concatenate([x, np.repeat(last[name], more, axis=0)])
+                    for name, x in (states | clocks).items()}  # fmt: skip
+        else:
+            both = {**states, **clocks}
+        if i in self.errors and times is not None and np.array_equal(run.t, times[: len(run)]):
+            t = times  # it stays there
+        return {"": t, **both}
+
+    def _events(self, runs: list[Trajectory]) -> tuple[Any, ...]:
+        """Of every event what every body has met."""
+        if not self.plan.events:
+            return ()
+        begun = self.starts[0].state
+        empty = {name: x[None][:0] for name, x in begun.arrays.items()}
+        none = np.empty(0), type(begun)(*(empty.get(name) for name in begun.parts))
+        return tuple(
+            [
+                tuple([run.events[k] if run.events else none for run in runs])
+                for k in range(len(self.plan.events))
+            ]
+        )

@@ -1,0 +1,229 @@
+"""Ensembles whose bodies go each its own way: ends, events, steps, methods and clocks of their own,
+bit for bit the single runs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import liemech as lm
+from liemech.errors import InvalidInput
+
+BODY = lm.RigidBody([1.0, 1.5, 2.0])
+MU = np.random.default_rng(0).normal(size=(4, 3))
+STARTS = BODY.state(MU, np.broadcast_to(np.eye(3), (4, 3, 3)))
+DP5 = lm.RKMK(order=5)
+KEPLER = lm.Kepler()
+Q, P = [[0.6, 0.0], [0.5, 0.1], [0.7, 0.0]], [[0.0, 1.4], [0.0, 1.3], [0.1, 1.2]]
+ORBITS = KEPLER.state(q=Q, p=P)
+TIMED = [
+    lm.ReversibleController(lm.StormerVerlet(), sigma=lm.DistancePower(1.0 + 0.2 * i))
+    for i in range(3)
+]
+
+
+def of(i: int) -> Any:
+    return BODY.state(MU[i], np.eye(3))
+
+
+def axis(terminal: int = 0) -> Callable[[float, Any], float]:
+    def event(t: float, state: Any) -> float:
+        return float(state.q[1])
+
+    event.terminal = terminal  # type: ignore[attr-defined]
+    return event
+
+
+def saved(run: lm.Trajectory, folder: Path, name: str = "run.npz") -> lm.Trajectory:
+    run.save(folder / name)
+    return lm.Trajectory.load(folder / name)
+
+
+@pytest.mark.parametrize("t_end", [2.0, [2.0, 1.5, -1.0, 1.0]])
+def test_adaptive_ensembles_go_on_body_by_body(t_end: Any, tmp_path: Path) -> None:
+    """Each with its controller, from where it stands."""
+    plan = lm.Plan(BODY, DP5, rtol=1e-6, compiled=False)
+    first, ends = plan.run(STARTS, t_end=t_end), 1.5 * np.broadcast_to(t_end, 4)
+    with ThreadPoolExecutor(2) as executor:
+        spread = plan.run(STARTS, t_end=t_end, executor=executor)
+    for begun in (first, saved(first, tmp_path), spread):
+        assert np.array_equal(begun.carry.t, first.t[-1])
+        rest = plan.resume(begun, t_end=ends)
+        for i, end in enumerate(ends):
+            alone = plan.resume(plan.run(of(i), t_end=first.carry.members[i].t), t_end=end)
+            assert np.array_equal(rest.mu[-1, i], alone.mu[-1])
+            assert np.array_equal(rest.g[-1, i], alone.g[-1]) and rest.t[-1, i] == end
+        joined = begun.then(rest)
+        assert np.array_equal(joined.t[0], np.zeros(4)) and np.array_equal(joined.t[-1], ends)
+    with pytest.raises(InvalidInput, match="another method"):
+        lm.Plan(BODY, lm.RKMK(order=8), rtol=1e-6).resume(first, t_end=9.0)
+
+
+LOOKS = [0]
+
+
+@lm.record
+class Interrupting(lm.Hamiltonian):
+    """A free body, whose energy is asked for until somebody presses Ctrl-C."""
+
+    def gradient(self, mu: lm.Vec) -> lm.Vec:
+        LOOKS[0] -= 1
+        if LOOKS[0] == 0:
+            raise KeyboardInterrupt
+        return lm.vec(mu[0], mu[1] / 1.5, mu[2] / 2.0)
+
+
+def test_an_adaptive_ensemble_that_was_interrupted_goes_on(tmp_path: Path) -> None:
+    """Its file has every body where it stands: at the end, on the way, at its start."""
+    system, file = lm.LiePoissonSystem(lm.SO3(), Interrupting()), tmp_path / "runs.npz"
+    plan = lm.Plan(system, DP5, rtol=1e-6, compiled=False, progress=False)
+    starts = system.state(MU)
+    LOOKS[0] = 280
+    with pytest.raises(KeyboardInterrupt) as caught:
+        plan.run(starts, t_end=4.0, checkpoint=file, checkpoint_every=0.0)
+    whole, told = plan.run(starts, t_end=4.0), caught.value.trajectory  # type: ignore[attr-defined]
+    assert told.carry.t[0] == 4.0 and told.carry.t[3] == 0.0
+    for part in (told, lm.Trajectory.load(file)):
+        assert np.array_equal(part.t[-1], part.carry.t)
+        rest = plan.resume(part, t_end=4.0)
+        assert np.array_equal(rest.mu[-1], whole.mu[-1])
+        assert np.array_equal(part.then(rest).t[-1], np.full(4, 4.0))
+
+
+def test_events_of_every_body(tmp_path: Path) -> None:
+    """The orbits end at their second crossing, each at its own time; those that went on go on."""
+    for how, span in (
+        (dict(h=0.1), dict(steps=30)),
+        (dict(h=[0.1, 0.05, 0.15]), dict(t_end=3.0)),
+        (dict(rtol=1e-4), dict(t_end=3.0, t_eval=[0.0, 1.0, 2.0, 3.0])),
+    ):
+        method = lm.StormerVerlet() if "h" in how else DP5
+        plan = lm.Plan(KEPLER, method, events=[axis(), axis(2)], compiled=False, **how)  # type: ignore[arg-type]
+        runs = plan.run(ORBITS, **span)  # type: ignore[arg-type]
+        assert runs.t.shape == (len(runs), 3) and runs.t[-1, 1] < 3.0 - 0.1
+        for i in range(3):
+            own = {name: np.broadcast_to(x, 3)[i].item() for name, x in how.items()}
+            alone = lm.Plan(KEPLER, method, events=[axis(), axis(2)], compiled=False, **own)  # type: ignore[arg-type]
+            run = alone.run(KEPLER.state(q=Q[i], p=P[i]), **span)  # type: ignore[arg-type]
+            for k in range(2):
+                assert np.array_equal(runs.events[k][i][0], run.events[k][0])  # type: ignore[arg-type]
+                assert np.array_equal(runs.events[k][i][1].q, run.events[k][1].q)  # type: ignore[attr-defined]
+            if "h" in how or "t_eval" in span:
+                assert np.array_equal(runs.q[: len(run), i], run.q)
+                assert np.array_equal(runs.t[: len(run), i], run.t)
+        assert runs.t[-1, 1] == runs.events[1][1][0][1]  # type: ignore[index]
+        again = saved(runs, tmp_path)
+        assert np.array_equal(again.events[0][2][0], runs.events[0][2][0])  # type: ignore[arg-type]
+        rest = plan.resume(again, **({"steps": 5} if "steps" in span else {"t_end": 3.6}))  # type: ignore[arg-type]
+        assert "h" not in how or rest.t[-1, 1] == runs.t[-1, 1]  # it had ended
+        assert runs.then(rest).t[-1, 0] > 3.0
+
+
+def test_bodies_with_steps_of_their_own_meet_at_times() -> None:
+    plan = lm.Plan(BODY, lm.RKMK(order=4), h=[0.1, 0.05, 0.2, 0.025], compiled=False)
+    asked = plan.run(STARTS, steps=15, t_eval=[0.0, 0.13, 0.3])
+    met, rest = plan.run(STARTS, t_end=1.0), None
+    assert asked.t.shape == (3,) and np.array_equal(met.t[-1], np.full(4, 1.0))
+    for i, h in enumerate((0.1, 0.05, 0.2, 0.025)):
+        alone = lm.Plan(BODY, lm.RKMK(order=4), h=h, compiled=False)
+        assert np.array_equal(
+            asked.mu[:, i], alone.run(of(i), steps=15, t_eval=[0.0, 0.13, 0.3]).mu
+        )
+        run = alone.run(of(i), t_end=1.0)
+        assert np.array_equal(met.mu[: len(run), i], run.mu)
+        assert np.array_equal(met.t[: len(run), i], run.t)
+        assert np.array_equal(met.mu[-1, i], run.mu[-1])
+        rest = plan.resume(met, t_end=1.6) if rest is None else rest
+        assert np.array_equal(rest.mu[-1, i], alone.run(of(i), t_end=1.6).mu[-1])
+    with pytest.raises(InvalidInput, match=r"t_end = 0.3; steps of one length"):
+        plan.run(STARTS, t_end=0.3)
+
+
+@pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=pytest.mark.compiled)])
+def test_every_body_has_a_method_of_its_own(compiled: bool, tmp_path: Path) -> None:
+    """Moser-Veselov steps fitted to the motion of each."""
+    bodies = [lm.RigidBody([1.0, 1.5, 2.0 + 0.1 * i]) for i in range(4)]
+    methods = [
+        lm.ExactMoserVeselov.of(body, of(i), 0.1) for i, body in enumerate(bodies)
+    ]
+    plan = lm.Plan(bodies, methods, 0.1, compiled=compiled)
+    runs, first = plan.run(STARTS, steps=8), plan.run(STARTS, steps=5)
+    assert runs.compiled == compiled
+    for i, body in enumerate(bodies):
+        alone = lm.integrate(body, methods[i], of(i), h=0.1, steps=8, compiled=False)
+        assert np.array_equal(runs.mu[:, i], alone.mu) and np.array_equal(runs.g[:, i], alone.g)
+        exact = body.exact(of(i), t=runs.t)
+        assert np.abs(runs.mu[:, i] - exact.mu).max() < 1e-12
+    again = saved(first, tmp_path)
+    assert np.array_equal(again.then(plan.resume(again, steps=3)).mu, runs.mu)
+    with pytest.raises(InvalidInput, match="there are 4 methods for 2 bodies"):
+        lm.integrate(BODY, methods, BODY.state(MU[:2]), h=0.1, steps=3)
+    with pytest.raises(InvalidInput, match="differ in numbers only; method 1"):
+        lm.Plan(BODY, [lm.RKMK(order=4), DP5], 0.1)
+
+
+def test_tolerances_of_every_body() -> None:
+    rtol = [1e-3, 1e-5, 1e-7, 1e-9]
+    runs = lm.integrate(BODY, DP5, STARTS, t_end=2.0, rtol=rtol, max_step=[0.1, 9.0, 9.0, 9.0])
+    for i, tolerance in enumerate(rtol):
+        alone = lm.integrate(
+            BODY, DP5, of(i), t_end=2.0, rtol=tolerance, max_step=9.0 if i else 0.1
+        )
+        assert np.array_equal(runs.mu[-1, i], alone.mu[-1])
+    with pytest.raises(InvalidInput, match="rtol must be positive"):
+        lm.integrate(BODY, DP5, STARTS, t_end=2.0, rtol=[1e-3, 1e-3, 1e-3, -1.0])
+    with pytest.raises(InvalidInput, match="rtol has 2 numbers for 4 bodies"):
+        lm.integrate(BODY, DP5, STARTS, t_end=2.0, rtol=[1e-3, 1e-3])
+
+
+@pytest.mark.parametrize("systems", [KEPLER, [lm.Kepler(1.0 + 0.1 * i) for i in range(3)]], ids=str)
+@pytest.mark.parametrize("methods", [TIMED[1], TIMED], ids=["one", "of each"])
+@pytest.mark.parametrize("how", [dict(steps=12), dict(t_end=0.8), dict(t_end=0.8, t_eval=[0.1, 0.5])])
+def test_every_body_has_a_fictive_clock_of_its_own(
+    systems: Any, methods: Any, how: dict[str, Any], tmp_path: Path
+) -> None:
+    plan = lm.Plan(systems, methods, 0.05, compiled=False)
+    runs = plan.run(ORBITS, **how)
+    longer = {name: x * 2 if name == "steps" else 1.2 for name, x in how.items() if name != "t_eval"}
+    rest = plan.resume(saved(runs, tmp_path), **(longer if "t_end" in longer else how))
+    for i in range(3):
+        system, method = (x[i] if isinstance(x, list) else x for x in (systems, methods))
+        single = lm.Plan(system, method, 0.05, compiled=False)
+        start = system.state(q=Q[i], p=P[i])
+        alone = single.run(start, **how)
+        n = len(alone)
+        assert np.array_equal(runs.q[:n, i], alone.q) and np.array_equal(runs.p[:n, i], alone.p)
+        assert np.array_equal(np.broadcast_to(runs.t.T, (3, len(runs)))[i, :n], alone.t)
+        assert np.array_equal(rest.q[-1, i], single.run(start, **longer).q[-1])
+    assert runs.drift()["energy"].largest < 0.2
+
+
+def test_a_body_that_fails_disturbs_no_other() -> None:
+    """A planet falls into the sun, the others pass."""
+    falling = KEPLER.state(q=[[0.6, 0.0], [0.5, 0.0]], p=[[0.0, 1.4], [0.0, 0.0]])
+    plan = lm.Plan(KEPLER, DP5, rtol=1e-6, compiled=False)
+    with pytest.warns(RuntimeWarning, match="1 of 2 bodies stopped early: body 1"):
+        runs = plan.run(falling, t_end=2.0)
+    alone = plan.run(KEPLER.state(q=[0.6, 0.0], p=[0.0, 1.4]), t_end=2.0)
+    assert [*runs.stopped] == [1] and np.array_equal(runs.q[-1, 0], alone.q[-1])
+    with pytest.warns(RuntimeWarning, match="1 of 2 bodies stopped early"):
+        rest = plan.resume(runs, t_end=3.0)
+    assert [*rest.stopped] == [1] and np.array_equal(rest.q[-1, 1], runs.q[-1, 1])
+    assert np.array_equal(rest.q[-1, 0], plan.resume(alone, t_end=3.0).q[-1])
+
+
+def test_a_run_goes_on_to_the_time_where_it_stands() -> None:
+    """Though its steps, or its clock, tell this time with rounding."""
+    plan = lm.Plan(KEPLER, TIMED[0], 0.05, compiled=False)
+    run = plan.run(KEPLER.state(q=Q[0], p=P[0]), t_end=0.7)
+    for end in (0.7, np.nextafter(0.7, 0.0), np.nextafter(0.7, 1.0)):
+        still = plan.resume(run, t_end=end)
+        assert len(still) == 1 and np.array_equal(still.q[-1], run.q[-1])
+    many = lm.Plan(BODY, lm.RKMK(order=4), 0.1)
+    assert many._count(None, 0.1 * (10**8 + 3), 0.0, 10**8) == 3
