@@ -3,8 +3,8 @@ runs.
 """
 
 from __future__ import annotations
-
 import __future__
+
 import ast
 import functools
 import linecache
