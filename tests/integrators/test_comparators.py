@@ -338,7 +338,7 @@ def test_a_body_at_rest_stays(method: lm.Method) -> None:
     assert (run.g == np.array(start.g)).all()
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.compiled
 @pytest.mark.parametrize("method", METHODS[:-2], ids=named)
 def test_plain_and_native_and_ensembles_agree_to_the_bit(method: lm.Method) -> None:
