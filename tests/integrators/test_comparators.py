@@ -224,7 +224,7 @@ def test_midpoint_rules_are_methods_for_momenta(method: lm.Method) -> None:
     assert two_form_defect(body, method, TILTED, rotation(np.random.default_rng(1)), 0.3) > 1e-4
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.compiled
 @each
 def test_ten_thousand_steps(method: lm.Method) -> None:

@@ -123,7 +123,7 @@ def last(
 # ------------------------------------------------------------------ order
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("order", "counts"), [(2, (40, 80, 160)), (4, (20, 40, 80)), (8, (8, 12, 18)), (12, (5, 7, 10))]
 )
