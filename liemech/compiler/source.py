@@ -3,6 +3,7 @@ runs.
 """
 
 from __future__ import annotations
+import __future__
 
 import ast
 import functools
@@ -44,7 +45,11 @@ def _syntax_tree(code: types.CodeType) -> ast.FunctionDef | ast.Lambda:
     """The syntax tree of a function; functions with one code have one meaning, and may share it."""
     file, name = code.co_filename, code.co_qualname
     linecache.checkcache(file)
-    text = "".join(linecache.getlines(file))
+    lines = linecache.getlines(file)
+    alone = _from_its_lines(code, lines)
+    if alone is not None:
+        return alone
+    text = "".join(lines)
     if not text:
         raise NotCompilable(
             f"the source of {name} cannot be read: define it in a file or a notebook"
@@ -59,6 +64,38 @@ def _syntax_tree(code: types.CodeType) -> ast.FunctionDef | ast.Lambda:
             f"the source of {name} cannot be told: {file} has changed since it was imported"
         )
     return min(alike, key=lambda pair: abs(pair[1].co_firstlineno - code.co_firstlineno))[0]
+
+
+def _from_its_lines(code: types.CodeType, lines: list[str]) -> ast.FunctionDef | None:
+    """The syntax tree of a function of a module or of a class there, from its own lines: parsing all
+    of its file would take longer than the translation of a small formula.  None if it must be.
+    """
+    *around, name = code.co_qualname.split(".")
+    first = last = code.co_firstlineno - 1
+    if len(around) > 1 or not name.isidentifier() or not first < len(lines):
+        return None
+    margin = _margin(lines[first])
+    last = max([last + 1, *(end for _, end, *_ in code.co_positions() if end)])
+    while last < len(lines) and (not lines[last].strip() or _margin(lines[last]) > margin):
+        last += 1
+    head = [f"class {around[0]}:\n" if around else "if True:\n"] if margin else []
+    text = "".join(["\n" * (first - len(head)), *head, *lines[first:last]])
+    try:
+        flags = code.co_flags & __future__.annotations.compiler_flag
+        module = compile(text, code.co_filename, "exec", flags, dont_inherit=True)
+        nodes = ast.walk(ast.parse(text))
+    except SyntaxError:
+        return None
+    place = code.co_name, code.co_firstlineno
+    made = [c for c in _nested(module) if (c.co_name, c.co_firstlineno) == place]
+    if len(made) != 1 or code_token(made[0]) != code_token(code):
+        return None
+    return next(n for n in nodes if isinstance(n, ast.FunctionDef) and n.name == code.co_name)
+
+
+def _margin(line: str) -> int:
+    """How far a line is indented."""
+    return len(line) - len(line.lstrip())
 
 
 @functools.lru_cache(128)

@@ -12,6 +12,7 @@ from ..formulas import Mat, Vec, dot, mat, norm, plain, record, vec, vectors
 from ..formulas.double_double import is_long
 from ..retractions import Exponential, Retraction
 from ..solvers import narrow, newton, refined
+from ..systems.kinetic_energy import KineticEnergy
 from ..systems.lie_poisson import BodyState
 from .discrete_lagrangian import DiscreteLagrangian
 from .implicit import Implicit, Memory, extrapolated
@@ -97,26 +98,38 @@ class CovariantVariational(Implicit):
         A root that Newton's method finds is the right one where there is no other: before the first
         fold, if that is known, and in the inner half of the chart.  Elsewhere the step is grown.
         """
-        rate, coarse = 1.0 / h, narrow(mu)
+        second = self._second(system, h)
+        step, m = h / second, second * mu
+        rate, coarse = 1.0 / step, narrow(m)
         square = dot(coarse, coarse)
         x, size, enough, folded = newton(
-            lambda x: self.equation(system, rate, mu, x), guess, square, rate
+            lambda x: self.equation(system, rate, m, x), guess, square, rate
         )
         doubtful = folded or not (
             size <= enough and self.retraction.is_chart(system.group, 2.0 * narrow(x))
         )
         known = self.lagrangian is None and turns_freely(system, self.retraction)
-        if known and h * h * square > surely_solvable(system.lagrangian.inverse):
+        if known and step * step * square > surely_solvable(system.lagrangian.inverse):
             fold = first_fold(system.lagrangian.inertia, self.retraction)
-            doubtful = doubtful or h * h * square > fold * fold
+            doubtful = doubtful or step * step * square > fold * fold
         if doubtful:
-            x = self._grown(system, h, coarse)
+            x = self._grown(system, step, coarse, second)
             if is_long(mu[0]):
-                x = refined(lambda x: self.equation(system, rate, mu, x), x)
+                x = refined(lambda x: self.equation(system, rate, m, x), x)
         return x
 
-    def _grown(self, system: Any, h: float, mu: Vec) -> Vec:
-        """The displacement that grows out of zero with h."""
+    def _second(self, system: Any, h: float) -> float:
+        """The unit of time in which the equation is solved: a power of two that brings J/h near 1,
+        because Newton's method multiplies three entries of that size.
+
+        Of a constant inertia only h mu counts.  Other Lagrangians keep their unit.
+        """
+        if self.lagrangian is not None or not isinstance(system.lagrangian, KineticEnergy):
+            return 1.0
+        return 1.0 / leading_power(first_size(system.lagrangian.inertia) / h)
+
+    def _grown(self, system: Any, h: float, mu: Vec, second: float) -> Vec:
+        """The displacement that grows out of zero with h, in this unit of time."""
         x, part = grown(
             lambda rate, x: self.equation(system, rate, mu, x),
             lambda x: self.retraction.is_chart(system.group, x),
@@ -125,7 +138,10 @@ class CovariantVariational(Implicit):
         )
         if part < 1.0:
             raise self._unconnected(
-                h, part * h, f"h|xi| = {norm(x):.2g}", self._usable(system, h, mu)
+                second * h,
+                part * second * h,
+                f"h|xi| = {norm(x):.2g}",
+                self._usable(system, second * h, mu / second),
             )
         return x
 
@@ -168,20 +184,22 @@ class CovariantVariational(Implicit):
         """
         if self.lagrangian is not None or not turns_freely(system, self.retraction):
             return None
-        with np.errstate(over="ignore"):
-            size = float(np.hypot.reduce(np.array(start.mu), axis=-1).max())
-        return (
-            largest_impulse(system.lagrangian.inertia, self.retraction) / size
-            if size > 0.0
-            else math.inf
-        )
+        limit = largest_impulse(system.lagrangian.inertia, self.retraction)
+        if limit == math.inf:
+            return limit
+        mu = np.array(start.mu, dtype=float)
+        most = float(np.abs(mu).max())
+        if most == 0.0:
+            return math.inf
+        mu /= most  # squares of it are ordinary floats
+        return limit / (most * math.sqrt(np.einsum("...i,...i", mu, mu).max()))
 
     def step_warning(self, system: Any, start: BodyState, h: float) -> str | None:
         """What to tell before a run whose step is larger than the `largest_step`; None if it is
         not.
 
-        Raises InvalidInput for units in which Newton's method, which multiplies three entries of
-        J/h, would divide by zero.
+        Raises InvalidInput for units in which three entries of J/h, which Newton's method
+        multiplies where it has no unit of its own, would be zero.
         """
         mu = start.mu if start.bodies is None else start.mu[0]
         size = float(
@@ -223,6 +241,23 @@ class CovariantVariational(Implicit):
         if self.lagrangian is None:
             return system.lagrangian.hessian(xi)
         return self.lagrangian.hessian(system, self.retraction, xi, h)
+
+
+def leading_power(x: float) -> float:
+    """The power of two in |x|, 2^floor(log2 |x|), by rounding alone.
+
+    Source: Rump, Ogita, Oishi, Accurate floating-point summation I, SIAM J. Sci. Comput. 31 (2008),
+    189, algorithm 3.5.
+    """
+    q = (2.0**52 + 1.0) * x
+    return abs(q - (1.0 - 2.0**-53) * q)
+
+
+def first_size(inertia: Vec | Mat) -> float:
+    """The size of the first row, no zero."""
+    if isinstance(inertia, vectors.Mat):
+        return sum([abs(x) for x in inertia[0]], 0.0)
+    return abs(inertia[0])
 
 
 def weight(by_p: float | Mat) -> float:

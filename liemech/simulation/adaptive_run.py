@@ -396,11 +396,11 @@ class AdaptiveRun:
         inside = left[left <= reached if self.t_end >= self.t0 else left >= reached]
         self.asked += len(inside)
         if len(inside):
-            rows = self.rows[before - 1 : self.filled]
+            last = self.rows[self.filled - 1]
             self.sampled.append(
-                self._dense(before - 1).within(inside)
-                if len(rows) > 1
-                else rows[:, 1 : 1 + self.width].repeat(len(inside), axis=0)
+                last[None, 1 : 1 + self.width].repeat(len(inside), axis=0)
+                if inside.item(0) == last.item(0)
+                else self._dense(before - 1).within(inside)
             )
             if self.recorder is not None:
                 self._tell(inside, self.sampled[-1])
@@ -435,11 +435,17 @@ class AdaptiveRun:
         kept = dense if self.dense else None
         # samples may be written to, and the last row is needed for the carry
         last = self.rows[self.filled - 1].copy()
-        made = functools.cache(lambda: self._samples(dense))
+        made: list[Any] = []
+
+        def samples() -> Any:
+            if not made:
+                made.append(self._samples(dense))
+            return made[0]
+
         return Trajectory.promised(
             SimpleNamespace(
-                t=lambda: made()[0],
-                states=lambda: made()[1],
+                t=lambda: samples()[0],
+                states=lambda: samples()[1],
                 carry=functools.partial(self._carry, last),
             ),
             system=self.system,

@@ -24,8 +24,8 @@ class Carry:
     bodies : of an ensemble.
     numbers : (width + 1,) or (width + 1, bodies), of what the method carries along, and the steps
     taken.
-    last : the numbers of the state.  failures : what ended bodies that stopped.  Nothing of it is
-    changed, ever.
+    last : the numbers of the state, in the memory of the samples until `keep`.
+    failures : what ended bodies that stopped.  Nothing of it is changed, ever.
     """
 
     shape: Shape | None = dataclasses.field(repr=False)
@@ -68,6 +68,10 @@ class Carry:
             return build(shape.shown, iter(self.last.ravel().tolist()))
         parts = unpacked(shape.shown, self.last.T)
         return type(shape.example)(*(parts.get(name) for name in shape.example.parts))
+
+    def keep(self) -> None:
+        """A copy of the last sample, before somebody gets the samples and may write to them."""
+        self.last = self.last.copy()
 
     def __getstate__(self) -> dict[str, Any]:
         """The numbers, and the state instead of layouts and native code, which the plan that goes

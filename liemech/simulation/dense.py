@@ -110,7 +110,7 @@ class Between:
         np.minimum(step, len(t) - 2, out=step)
         at_end = times == t[step + 1]
         found = points[step + at_end]  # at the ends of steps, to the bit
-        between = np.flatnonzero((times != t[step]) > at_end)
+        between = ((times != t[step]) > at_end).nonzero()[0]
         if len(between):
             found[between] = self.moved(step[between], times[between])
         return found

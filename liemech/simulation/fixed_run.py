@@ -443,7 +443,7 @@ class FixedRun:
         @functools.cache
         def made() -> tuple[np.ndarray, dict[str, Any]]:
             if carry is not None:
-                carry.last = carry.last.copy()  # whoever gets the samples may write to them
+                carry.keep()
             return self._samples(self.out[:rows], steps)
 
         return Trajectory.promised(

@@ -306,11 +306,11 @@ def spherical_pendulum(race: Race) -> list[Entry]:
 
     return [
         *[
-            add(f"geodesics, order {k}", lm.GeodesicSplitting(order=k), 32 >> (k // 4), 5)
+            add(f"geodesics, order {k}", lm.GeodesicSplitting(order=k), 4, 7)
             for k in (4, 6, 8)
         ],
-        add("RATTLE, order 8", lm.Composition(lm.RATTLE(), order=8), 8, 5),
-        add("Lobatto 6", lm.LobattoPair(order=6), 16, 5),
+        add("RATTLE, order 8", lm.Composition(lm.RATTLE(), order=8), 4, 6),
+        add("Lobatto 6", lm.LobattoPair(order=6), 8, 6),
     ]
 
 

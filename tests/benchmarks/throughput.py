@@ -1,16 +1,18 @@
 """Throughput of ensembles: 10^5 bodies beside the C++ in SIMD lanes, attitudes beside momenta
 alone, two workers beside one.
 
-    python tests/benchmarks/throughput.py [--quick] [--out results.json]
+    python tests/benchmarks/throughput.py [--quick] [--write] [--out results.json]
 
 Times are those of the clock, of whole calls from given starts to the last states; runs that are
-compared take turns, and ratios are medians over neighbouring repetitions.  Let nothing else run.
+compared take turns.  --write puts the tables into docs/performance.md.  Let nothing else run.
 """
 
 from __future__ import annotations
 
+import argparse
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import baseline
@@ -26,6 +28,8 @@ OPPONENTS = {
     "Algorithm 1, Cayley": ("Algorithm 1, Cayley", "Algorithm 1, Cayley, one unknown"),
 }
 GOALS = {20: 0.85, 200: 0.9}
+PAGE = Path(__file__).parents[2] / "docs" / "performance.md"
+MARKS = "<!-- throughput -->", "<!-- end of throughput -->"
 
 
 def timed(runs: dict[str, Callable[[], Any]], repetitions: int) -> dict[str, harness.Timing]:
@@ -81,12 +85,11 @@ def theirs(build: baseline.Baseline, name: str, steps: int, attitude: bool) -> C
     return run
 
 
-def main() -> None:
-    out, (repetitions, _) = harness.options(__doc__, "throughput.json")
-    repetitions = max(5, repetitions // 10)
-    results: dict[str, Any] = {}
-    build = baseline.build().get("off")
-    print(f"{'method':<22}{'records':<8}{'steps':>6}{'M steps/s':>12}{'of C++':>12}{'goal':>6}")
+def beside_cpp(repetitions: int) -> list[dict[str, Any]]:
+    """Rows of 10^5 bodies: a million steps a second, and the share of the speed of C++, middle and
+    best.
+    """
+    build, rows = baseline.build().get("off"), []
     for name, method in METHODS.items():
         for attitude in (False, True):
             for steps, goal in GOALS.items():
@@ -97,31 +100,83 @@ def main() -> None:
                         for opponent in OPPONENTS[name]
                     }
                 found = timed(runs, repetitions)
-                rate = BODIES * steps / found["liemech"].best / 1e6
-                shares = {
-                    other: 1.0 / found["liemech"].over(found[other])
-                    for other in runs
-                    if other != "liemech"
+                mine = found["liemech"]
+                row: dict[str, Any] = {
+                    "method": name,
+                    "records": "mu, g" if attitude else "mu",
+                    "steps": steps,
+                    "rate": BODIES * steps / mine.best / 1e6,
+                    "goal": goal,
                 }
-                records = "mu, g" if attitude else "mu"
-                results[f"{name}, {records}, {steps}"] = {"rate": rate, "of": shares, "goal": goal}
-                told = " ".join(f"{x:.2f}" for x in shares.values()) or "-"
-                print(
-                    f"{name:<22}{records:<8}{steps:>6}{rate:>12.1f}{told:>12}{goal:>6}", flush=True
-                )
-    print("(of Algorithm 1 the second number is beside the C++ that solves for one unknown)\n")
+                for key, opponent in zip(("share", "one unknown"), OPPONENTS[name], strict=False):
+                    if opponent in found:
+                        other = found[opponent]
+                        row[key] = [1.0 / mine.over(other), other.best / mine.best]
+                rows.append(row)
+    return rows
+
+
+def by_workers(repetitions: int) -> list[dict[str, Any]]:
+    """How many times as fast two workers are as one."""
+    rows = []
     for bodies, steps in ((17, 1000), (1000, 1000), (BODIES, 20), (BODIES, 200)):
         one, two = (
             ours(METHODS["Algorithm 1, Cayley"], bodies, steps, workers) for workers in (1, 2)
         )
         found = timed({"one": one, "two": two}, repetitions)
-        gain = found["one"].over(found["two"])
-        results[f"two workers, {bodies} bodies, {steps} steps"] = gain
-        print(
-            f"two workers, {bodies:>6} bodies, {steps:>4} steps: {gain:.2f} times as fast as one",
-            flush=True,
-        )
-    harness.write(out, results)
+        gain = [found["one"].over(found["two"]), found["one"].best / found["two"].best]
+        rows.append({"bodies": bodies, "steps": steps, "gain": gain})
+    return rows
+
+
+def pair(found: list[float] | None) -> str:
+    """Middle and best."""
+    return "-" if found is None else f"{found[0]:.2f}, {found[1]:.2f}"
+
+
+def page(results: dict[str, Any]) -> str:
+    """Both tables."""
+    machine = results["machine"]
+    lines = [
+        f"{BODIES} bodies, {machine['cpu']}, {machine['cores']} cores, {machine['time']}. Ratios:",
+        "the median over neighbouring repetitions, and that of the best times.",
+        "",
+        "| method | records | steps | M steps/s | speed beside C++ | wanted | beside one unknown |",
+        "| --- | --- | --- | --- | --- | --- | --- |",
+        *(
+            f"| {r['method']} | {r['records']} | {r['steps']} | {r['rate']:.1f} | "
+            f"{pair(r.get('share'))} | {r['goal']} | {pair(r.get('one unknown'))} |"
+            for r in results["beside C++"]
+        ),
+        "",
+        "| bodies | steps | two workers: times as fast as one |",
+        "| --- | --- | --- |",
+        *(f"| {r['bodies']} | {r['steps']} | {pair(r['gain'])} |" for r in results["workers"]),
+    ]
+    return "\n".join(lines)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--quick", action="store_true", help="smoke run: rough numbers")
+    parser.add_argument("--write", action="store_true", help="put the tables into the page")
+    parser.add_argument("--out", type=Path, default=Path("throughput.json"), help="for the JSON")
+    chosen = parser.parse_args()
+    repetitions = 2 if chosen.quick else 25
+    results = {
+        "machine": harness.machine(),
+        "beside C++": beside_cpp(repetitions),
+        "workers": by_workers(repetitions),
+    }
+    text = page(results)
+    print(text)
+    harness.write(chosen.out, results)
+    if chosen.write:
+        before, _, rest = PAGE.read_text().partition(MARKS[0])
+        _, _, after = rest.partition(MARKS[1])
+        PAGE.write_text(f"{before}{MARKS[0]}\n\n{text}\n\n{MARKS[1]}{after}")
 
 
 if __name__ == "__main__":

@@ -128,9 +128,6 @@ def test_a_time_that_is_never_reached() -> None:
 def test_what_a_run_in_fictive_time_has_not() -> None:
     with pytest.raises(InvalidInput, match="dense is not for steps in fictive time"):
         run(t_end=1.0, dense=False)
-    with pytest.raises(InvalidInput, match="one body at a time"):
-        starts = KEPLER.state([ORBIT.q, ORBIT.q], [ORBIT.p, ORBIT.p])
-        lm.integrate(KEPLER, METHOD, starts, h=0.1, t_end=1.0)
     with pytest.raises(InvalidInput, match="fictive time"):
         lm.check_method(METHOD, KEPLER, ORBIT)
     top = lm.LagrangeTop(weight=1.0, transverse=1.0, axial=0.5, length=1.0)
