@@ -167,7 +167,7 @@ class Emitter:
         ):
             raise NotCompilable(
                 f"{what} of a number that is an integer on one way and a "
-                "float on another: use 0.0 instead of 0"
+                "float on another: write its integers as floats, 0.0 instead of 0"
             )
 
     def zero(self, x: Any) -> Any:

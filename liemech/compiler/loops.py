@@ -11,9 +11,9 @@ from collections.abc import Callable, Iterable
 from typing import Any
 
 from ..errors import NotCompilable
-from ..formulas.pytree import build, is_any_number, layout_of, leaves
+from ..formulas.pytree import Layout, build, is_any_number, layout_of, leaves
 from .branches import Branches
-from .ir_numbers import Num
+from .ir_numbers import Num, kind_of
 from .phi import (
     ACTIVE,
     BROKEN,
@@ -111,19 +111,19 @@ class Loops(Branches):
         changed = {*changed_names(body), *counters}
         carried = sorted((changed | {*map(has, changed)}) & env.keys())
         form = self.frames[-1].node, forms(env), self.active(env) is None
-        masked, types = self.loop_forms.get(form, (self._parting(body), {}))
-        types, promoted = dict(types), False
+        masked, types, grown = self.loop_forms.get(form, (self._parting(body), {}, {}))
+        types, grown = dict(types), dict(grown)
+        env |= {name: _grown(env[name], new) for name, new in grown.items()}
         while True:
             forget = self.mark()
             try:
                 going_on = self._loop(test, step, body, env, carried, types, masked, bool(counters))
-                if not promoted:
-                    self.loop_forms[form] = masked, types
+                self.loop_forms[form] = masked, types, grown
                 return going_on
             except Promote as wanted:
                 forget()
-                promoted = True
-                env[wanted.name] = wanted.start
+                grown |= wanted.variables
+                env |= {name: _grown(env[name], new) for name, new in wanted.variables.items()}
                 types.clear()
             except Retype as wanted:
                 forget()
@@ -235,25 +235,23 @@ class Loops(Branches):
         if self.join(loop.continues + ([Open(b.block, inside)] if alive else []), inside):
             step(inside)
             index, retyped = 0, {}
+            grown: Env = {}
+            changed: list[str] = []
             for name in carried:
                 # a mark that is gone: the variable has a value now
                 new, old = inside.get(name, True), at_head[name]
                 layout = layout_of(new, is_any_number)
-                if layout != layouts[name] and not isinstance(new, Undefined):
-                    first, now = leveled([env[name], new])
-                    if (
-                        layout_of(first, is_any_number)
-                        == layout_of(now, is_any_number)
-                        != layouts[name]
-                    ):
-                        raise Promote(name, first)
+                if not isinstance(new, Undefined) and _grows(env[name], new, layouts[name]):
+                    grown[name] = new
+                    continue
                 if isinstance(new, Undefined) or layout != layouts[name]:
                     what = (
                         new.reason
                         if isinstance(new, Undefined)
                         else f"from {layouts[name]} to {layout}"
                     )
-                    raise NotCompilable(f"`{name}` changes its structure in the loop: {what}")
+                    changed.append(f"`{name}` changes its structure in the loop: {what}")
+                    continue
                 for x, y in zip(leaves(new, layout), leaves(old, layout), strict=True):
                     phi = phis[index]
                     leaf = e.lift(x if not masked or x is y else e.select(lanes, x, y))
@@ -267,6 +265,10 @@ class Loops(Branches):
                     else:
                         come_from(phi, e.cast(leaf, kind, varying), b.block)
                     index += 1
+            if grown:
+                raise Promote(grown)
+            if changed:
+                raise NotCompilable(changed[0])
             if retyped:
                 types |= retyped
                 raise Retype(next(iter(retyped)), *retyped[next(iter(retyped))])
@@ -307,6 +309,27 @@ class Loops(Branches):
                 "it gets one inside the loop only, which may have no turn: give it a value before"
             )
         return True
+
+
+def _grown(value: Any, new: Any) -> Any:
+    """A value with the structure that it has later, its numbers made pairs as those of the new one."""
+    return leveled([value, new])[0]
+
+
+def _grows(value: Any, new: Any, layout: Layout) -> bool:
+    """Does a value of this layout need another structure, to become the new one: a derivative where
+    it has none, not even a zero?
+    """
+    first, now = leveled([value, new])
+    if layout_of(now, is_any_number) != layout_of(first, is_any_number):
+        return False
+    if layout_of(first, is_any_number) != layout:
+        return True
+    old, floats = leaves(value, layout), leaves(first, layout)
+    return any(
+        type(x) is int and type(y) is float and kind_of(z) == "f"
+        for x, y, z in zip(old, floats, leaves(now, layout), strict=True)
+    )
 
 
 def forms(env: Env) -> Any:

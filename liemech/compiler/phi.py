@@ -65,12 +65,12 @@ class Loop:
 
 
 class Promote(Exception):
-    """A loop turns out to need another structure for a variable it carries: a number that gets a
+    """A loop turns out to need other structures for variables it carries: numbers that get a
     derivative in it.
     """
 
-    def __init__(self, name: str, start: Any) -> None:
-        self.name, self.start = name, start
+    def __init__(self, variables: Env) -> None:
+        self.variables = variables  # as they are at the end of a turn
 
 
 class Phis:

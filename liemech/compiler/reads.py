@@ -41,6 +41,7 @@ class Reads:
         self.values: list[Any] = []
         self.tokens: list[str] = []  # empty for a part of something that has one
         self._numbers: dict[Step, int] = {}
+        self._led: dict[int, int] = {}  # by the identity of a value, the read that led to it
         # by the identity of a value: its holder, and how it is reached
         self._origins: dict[int, tuple[Any, str, Any]] = {}
         # by the identity of the compiler's copy of an argument: the argument
@@ -243,6 +244,8 @@ class Reads:
 
     def _number(self, value: Any) -> Any:
         """The number of the read that led to a value."""
+        if id(value) in self._led:
+            return self._led[id(value)]
         origin = self._origins.get(id(value))
         if origin is None:
             if is_own(value):
@@ -255,6 +258,7 @@ class Reads:
         step = (-1 if holder is None else self._number(holder)), how, name
         if step not in self._numbers:
             self._note(step, self._given.get(id(value), value), "")
+        self._led[id(value)] = self._numbers[step]
         return self._numbers[step]
 
     def _admit(self, copy: Any, value: Any, holder: Any, how: str, name: Any) -> None:

@@ -89,7 +89,9 @@ class CovariantVariational(Implicit):
         """Solve for the displacement of the interval from the extrapolated one, then move momentum
         and attitude by it.
         """
-        x = self.displacement(system, h, plain(state.mu), extrapolated(*self.past(state)))
+        last, last_1, last_2 = self.past(state)
+        guess = extrapolated(narrow(last), narrow(last_1), narrow(last_2))
+        x = self.displacement(system, h, plain(state.mu), guess)
         return self.after(state, system.displaced(self.retraction, self.observe(state), x), x)
 
     def displacement(self, system: Any, h: float, mu: Vec, guess: Vec) -> Vec:
@@ -103,10 +105,10 @@ class CovariantVariational(Implicit):
         rate, coarse = 1.0 / step, narrow(m)
         square = dot(coarse, coarse)
         x, size, enough, folded = newton(
-            lambda x: self.equation(system, rate, m, x), guess, square, rate
+            lambda x: self.equation(system, rate, coarse, x), narrow(guess), square, rate
         )
         doubtful = folded or not (
-            size <= enough and self.retraction.is_chart(system.group, 2.0 * narrow(x))
+            size <= enough and self.retraction.is_chart(system.group, 2.0 * x)
         )
         known = self.lagrangian is None and turns_freely(system, self.retraction)
         if known and step * step * square > surely_solvable(system.lagrangian.inverse):
@@ -114,8 +116,10 @@ class CovariantVariational(Implicit):
             doubtful = doubtful or step * step * square > fold * fold
         if doubtful:
             x = self._grown(system, step, coarse, second)
-            if is_long(mu[0]):
-                x = refined(lambda x: self.equation(system, rate, m, x), x)
+        if is_long(mu[0]):  # all of this in 16 digits, then one correction in 31
+            x = refined(
+                lambda x: self.equation(system, rate, m if is_long(x[0]) else coarse, x), x
+            )
         return x
 
     def _second(self, system: Any, h: float) -> float:

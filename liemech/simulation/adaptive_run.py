@@ -97,7 +97,7 @@ class AdaptiveSteps:
         return cls(system, method, first, *tolerances, longest, breaks, dense, compiled, progress)
 
     def begun(self, t: np.ndarray) -> np.ndarray:
-        """The times at which the steps to t[1:] begin: where the velocity jumps, beyond the jump."""
+        """The times at which the steps to t[1:] begin: where the velocity jumps, beyond that."""
         begun = t[:-1].copy()
         for b in self.breaks:
             away = math.copysign(MARGIN, t[-1] - t[0]) * float(np.spacing(abs(b)))

@@ -100,7 +100,8 @@ def _carried(carry: Any, name: str, arrays: dict[str, Any]) -> dict[str, Any]:
         return {"state": encoded(carry.state), "waiting": carry.t}
     if isinstance(carry, Ended):
         error = None if carry.error is None else str(carry.error)
-        return {"state": encoded(carry.state), "there": [carry.t, carry.steps, error]}
+        there = [carry.t, carry.steps, error, carry.tau, carry.z]
+        return {"state": encoded(carry.state), "there": there}
     if isinstance(carry, AdaptiveCarry):
         arrays |= {f"{name}.numbers": carry.numbers, f"{name}.clock": carry.clock}
         return {"t": carry.t, "state": encoded(carry.state), "ended": carry.ended}
@@ -124,8 +125,9 @@ def _carry_of(
     if "waiting" in kept:
         return Waiting(state, kept["waiting"])
     if "there" in kept:
-        t, steps, error = kept["there"]
-        return Ended(state, t, steps, None if error is None else IntegrationFailure(error))
+        t, steps, text, tau, z = kept["there"]
+        error = None if text is None else IntegrationFailure(text)
+        return Ended(state, t, steps, error, tau, z, origin)
     if "t" in kept:
         own = arrays[f"{name}.numbers"], arrays[f"{name}.clock"]
         return AdaptiveCarry(*own, state, kept["t"], kept["ended"])
@@ -158,8 +160,8 @@ def load(path: str | os.PathLike[str], modules: Sequence[str] = ()) -> dict[str,
         return decoded(value, allowed, f"{path}")
 
     made, method = (
-        kind(tuple(map(decode, about[name]))) if isinstance(about[name], list) else decode(about[name])
-        for name, kind in (("system", Systems), ("method", Methods))
+        kind(tuple(map(decode, told))) if isinstance(told, list) else decode(told)
+        for told, kind in ((about["system"], Systems), (about["method"], Methods))
     )
     dense: Any = None
     events = []

@@ -106,12 +106,17 @@ class Waiting:
 class Ended:
     """A body of an ensemble that goes no further: where it stays, after how many steps, and the
     error that ended it, if it was one.
+
+    tau, z, origin : of a run in fictive time.
     """
 
     state: State
     t: float
     steps: int
     error: IntegrationFailure | None = None
+    tau: float = 0.0
+    z: float | None = None
+    origin: Any = None
 
 
 @dataclasses.dataclass(eq=False)

@@ -57,7 +57,7 @@ def integrate(
     """Follow a motion, in `steps` steps of length h, or adaptively to the time `t_end`.
 
     system : a list of systems of one kind, one for each body of an ensemble, gives every body its
-    own parameters.
+    own parameters; so does a list of methods of one kind.
     start : `system.state(...)`; with a leading axis an ensemble, which runs in SIMD lanes.
     record : the parts of the state to keep, such as ("mu",) or ("mu", "g"); what is not recorded is
     not computed.  Or functions of it, kept instead: methods of the system by name, ("energy",),
@@ -65,7 +65,7 @@ def integrate(
     t_eval : (n,) times at which to keep the state; default: at the ends of steps.
     events : functions of t and state whose zeros are looked for; their attributes `terminal` (True:
     the first zero ends the run; 3: the third one) and `direction` (+1 only rising, -1 only falling
-    zeros) mean what they do in SciPy.  For one body.
+    zeros) mean what they do in SciPy.  Of an ensemble run.events[k][i] is what body i has met.
     compiled : True for native code, False for plain Python, None for native code as soon as it is
     there or pays; same bits.
     progress : True or False; None shows a bar when a run takes longer than a second.
@@ -75,7 +75,7 @@ def integrate(
     Steps of one length: kept are the start, every `every`-th state after it, and the last one.
     h : the step, in s; negative runs backwards.  Times are t0 + n h.  An array, (bodies,), gives
     every body of an ensemble its own, and run.t is (n, bodies).  A method that keeps the structure
-    may be given h and t_end instead of steps; t_end is then the end of a step.
+    may be given h and t_end instead of steps; t_end is then the end of a step, of every body.
     compensated : whether the increments of the steps are summed up in compensated numbers: True for
     all parts of the state, False for none, None for those that the motion depends on, if the method
     is symmetric or symplectic.
@@ -91,7 +91,8 @@ def integrate(
     t_end : the last time, before or after t0; (bodies,) gives every body its own, as t_eval of
     shape (n, bodies) does.
     h, steps : the first step and the largest number of steps, if given.
-    rtol, atol : the error of a step is kept below atol + rtol |state| (1e-6 and 1e-9).  As with
+    rtol, atol : the error of a step is kept below atol + rtol |state| (1e-6 and 1e-9); (bodies,)
+    gives every body its own, as for h and max_step.  As with
     every local error control, the error of the motion grows along it.
     max_step : the longest step.  breaks : times at which the velocity jumps; no step goes across
     one.

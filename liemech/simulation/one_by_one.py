@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 
 from ..errors import IntegrationFailure, IntegrationInterrupted, InvalidInput, is_mistake, warn
-from ..systems.system import member
+from ..systems.system import member, small_state
 from . import arguments
 from .carry import AdaptiveCarry, Carries, Carry, Ended, Waiting, each, stacked
 from .checkpoint import Checkpoint
+from .fictive import FictiveCarry, Origin
 from .prepared import shown_step
 from .progress import Bar
 from .stopped import Stopped
@@ -26,9 +27,8 @@ def apart(plan: Any, start: Any, t_end: Any, t_eval: Any) -> bool:
     if plan.adaptive or isinstance(start, Carries):
         return True
     if plan.fictive:
-        several = isinstance(plan.system, OfBodies) or isinstance(plan.method, OfBodies)
-        asked = t_end is not None or bool(plan.events)
-        return several or (asked and not hasattr(start, "origin"))
+        several = any(name in plan.of_each for name in ("system", "method", "h"))
+        return several or t_end is not None or bool(plan.events)
     of_each = np.ndim(plan._given["h"]) > 0 and (t_end is not None or t_eval is not None)
     many = arguments.axes(t_end, "t_end") > 0 or arguments.axes(t_eval, "t_eval") > 1
     return bool(plan.events) or of_each or many
@@ -62,7 +62,8 @@ class OneByOne:
             t_eval is None and arguments.axes(t_end, "t_end") > 0
         )
         dense = False if plan.adaptive else None
-        self._given = plan._given | {"progress": False, "workers": 1, "record": None, "dense": dense}
+        changed = {"progress": False, "workers": 1, "record": None, "dense": dense}
+        self._given = plan._given | changed
         self.plans: list[Any] = []
         for i in range(count):
             self.plans.append(self._made(i))
@@ -83,6 +84,8 @@ class OneByOne:
             return start.members
         if isinstance(start, Carry):
             return each(start)
+        if isinstance(start, FictiveCarry):
+            return each_in_fictive_time(start)
         return tuple([Waiting(member(start, i), t0) for i in range(start.bodies)])
 
     def _last(self, i: int) -> float | None:
@@ -171,6 +174,12 @@ class OneByOne:
         plan, t = self.plans[i], np.array([begun.t])
         states = {name: x[None] for name, x in begun.state.arrays.items()}
         h = 0.0 if plan.adaptive else plan._steps.h
+        if isinstance(begun, Ended) and begun.origin is not None:
+            return TransformedTrajectory(
+                plan._inner, plan.method, h, t, states, None, 0, compiled=True, carry=begun,
+                tau=np.array([begun.tau]), z=None if begun.z is None else np.array([begun.z]),
+                origin=begun.origin,
+            )  # fmt: skip
         return Trajectory(
             plan.system, plan.method, h, t, states, None, 0, compiled=True, carry=begun
         )
@@ -250,7 +259,11 @@ class OneByOne:
             return Ended(begun.state, begun.t if end is None else end, 0, self.errors.get(i))
         state = member(stacked([self._state(run)]), 0)
         t = float(run.t[-1]) if end is None else end
-        return Ended(state, t, self._taken(i, run), self.errors.get(i))
+        steps, error = self._taken(i, run), self.errors.get(i)
+        if not isinstance(run, TransformedTrajectory):
+            return Ended(state, t, steps, error)
+        z = None if run.z is None else float(run.z[-1])
+        return Ended(state, t, steps, error, float(run.tau[-1]), z, run.origin)
 
     def _state(self, run: Trajectory) -> Any:
         """The last state of a body's run."""
@@ -300,3 +313,20 @@ class OneByOne:
                 for k in range(len(self.plan.events))
             ]
         )
+
+
+def each_in_fictive_time(carry: FictiveCarry) -> tuple[Any, ...]:
+    """What every body of an ensemble that steps side by side in fictive time carries along."""
+    found: list[Any] = []
+    h: Any = carry.inner.h
+    for i, inner in enumerate(each(carry.inner)):
+        origin = Origin(carry.origin.given, carry.origin.method, member(carry.origin.start, i))
+        if not isinstance(inner, Ended):
+            found.append(FictiveCarry(origin, inner))
+            continue
+        arrays = {name: x[None] for name, x in inner.state.arrays.items()}
+        t, states, z = origin.whole.apart(arrays)
+        state = small_state(type(origin.start), {name: x[0] for name, x in states.items()})
+        tau, last = inner.steps * h, None if z is None else float(z[0])
+        found.append(Ended(state, float(t[0]), inner.steps, inner.error, tau, last, origin))
+    return tuple(found)

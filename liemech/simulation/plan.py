@@ -43,15 +43,16 @@ class Plan:
     """A run that is prepared: `run` starts it, `resume` goes on, as often as wanted, at a cost of
     microseconds.
 
-    system, method : what moves, and how it is stepped.  A list of systems of one kind, one for each
-    body of an ensemble, gives every body its own parameters.
+    system, method : what moves, and how it is stepped.  A list of systems, or of methods, of one
+    kind, one for each body of an ensemble, gives every body its own parameters.
 
     Steps of one length:
     h : the step, in s; negative runs backwards; (bodies,) gives every body of an ensemble its own.
     every, compensated, precision, workers : as for `integrate`.
 
     Adaptive steps, of a method with an error estimate, if h is None or rtol or atol is given:
-    rtol, atol, dense : as for `integrate`.  h : the first step; max_step : the longest one.
+    rtol, atol, dense : as for `integrate`.  h : the first step; max_step : the longest one;
+    (bodies,) gives every body its own.
     breaks : times at which the velocity jumps, such as the ends of a pulse; no step goes across.
 
     record, events, compiled, progress : as for `integrate`.

@@ -170,7 +170,8 @@ def fictive_tangent_run(
 
     def begun(system: Any, at: Any) -> np.ndarray:
         made = Origin(system, plan.method, at).whole
-        return np.array([*leaves(made, layout_of(whole)), *leaves(made.extended(at, t0), layout_of(now))])
+        own = leaves(made, layout_of(whole)), leaves(made.extended(at, t0), layout_of(now))
+        return np.concatenate(own)
 
     numbers, width = np.array(leaves(whole, layout_of(whole))), layout_of(whole).width
     slopes: list[np.ndarray] = []
@@ -193,10 +194,10 @@ def fictive_tangent_run(
 
                 slopes.append(slope(lambda by, moved=moved: begun(moved(by), start), step))
         columns[name] = slice(before, len(slopes))
-    systems = [
-        build(layout_of(whole), iter([Dual(a, float(b), LEVEL) for a, b in zip(numbers, x, strict=False)]))
-        for x in slopes
-    ]
+    systems = []
+    for x in slopes:
+        both = zip(numbers.tolist(), x[:width].tolist(), strict=True)
+        systems.append(build(layout_of(whole), iter([Dual(a, b, LEVEL) for a, b in both])))
     moves = np.array([x[width:] for x in slopes])
     found = Directions(frames_of(whole, now), moves, systems, columns)
     made, values, tangent = carried_along(origin.steps(plan), now, steps, 0.0, found)
@@ -273,7 +274,7 @@ def adaptive_tangent_run(
             layout_of(start), iter([Dual(x, 0.0, LEVEL) for x in leaves(start, layout_of(start))])
         )
         point = layout_of(example)
-        arguments = plan.method, system, point, plan.rtol, plan.atol
+        arguments = plan.method, system, point
         rows = given.reshape(count * many, -1)
         what = repr(plan.method), lambda k: f"the step from t = {rows[k, -2]:g}"
         out = evaluated(adaptive_step, arguments, rows, point.width, plan.compiled, what)
@@ -297,21 +298,18 @@ def adaptive_tangent_run(
 
 
 def adaptive_step(
-    method: Any, system: Any, point: Any, rtol: float, atol: float, given: Any, out: Any,
-    failures: Any,
-) -> None:  # fmt: skip
-    """The driver: one step of a length that is given, from a state and a time."""
+    method: Any, system: Any, point: Any, given: Any, out: Any, failures: Any
+) -> None:
+    """The driver: one step of a length that is given, from a state and a time, without the estimate
+    of its error, which has no derivative where it is zero.
+    """
     state = read(given, 0, point)
     t, h = read(given, point.width, NUMBER), read(given, point.width + 1, NUMBER)
-    told(attempt(_tried, method, system, point, t, state, h, rtol, atol), point, out, failures)
+    told(attempt(_moved, method, system, point, t, state, h), point, out, failures)
 
 
-def _tried(
-    method: Any, system: Any, point: Any, t: float, state: Any, h: float, rtol: float, atol: float
-) -> Any:
-    """The state after one step of an adaptive method."""
-    xi = system.rate(t, system.essential_part(state))
-    return fitted(method.trial(system, t, state, xi, h, rtol, atol, False).state, point)
+def _moved(method: Any, system: Any, point: Any, t: float, state: Any, h: float) -> Any:
+    return fitted(method.step(system, t, state, h), point)
 
 
 def dual_of(system: Any, moving: Any) -> Any:

@@ -1,11 +1,13 @@
 """Rounding on the constraints has no mean: positions are held on neither side, the energy walks."""
 
+import math
 from fractions import Fraction
 
 import numpy as np
 import pytest
 
 import liemech as lm
+from liemech.formulas.derivatives import tangent
 from liemech.integrators.method import Method
 
 SPHERE = lm.SphericalPendulum(gravity=9.81)
@@ -50,3 +52,10 @@ def test_geodesics_have_no_bias_of_energy():
 def test_geodesic_splittings_carry_the_state_and_nothing_else():
     """So a prepared run lays its start down as it comes, and no formula is called before a step."""
     assert all(getattr(lm.GeodesicSplitting, f) is getattr(Method, f) for f in ("start", "observe"))
+
+
+def test_slopes_that_are_zero_keep_their_sign_where_it_is_asked_for():
+    """Normals of constraints need no 0.0 added; what does not move has the slope 0.0 all the same."""
+    falling = tangent(lambda x: lm.vec(2.0 * x, 3.0), 1.0, -0.0, True)[1]
+    assert [math.copysign(1.0, s) for s in falling] == [-1.0, 1.0]
+    assert math.copysign(1.0, lm.derivative(lambda x: 2.0 * x, 1.0, -0.0)) == 1.0

@@ -1,0 +1,67 @@
+"""A formula that becomes a native function is translated once for each form of its arguments."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import liemech as lm
+
+pytest.importorskip("llvmlite")
+from liemech.compiler import kernel, llvm, outlined
+
+pytestmark = pytest.mark.compiled
+
+
+class Seen(Exception):
+    """Ends a compilation."""
+
+
+@pytest.fixture
+def made(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, bool]]:
+    """The names of the formulas of which native functions are made, and whether they were."""
+    found: list[tuple[str, bool]] = []
+    make = outlined.Outliner.make
+
+    def noted(self: Any, key: Any, frame: Any, *args: Any) -> Any:
+        result = make(self, key, frame, *args)
+        found.append((frame.source.function.__qualname__, result is not None))
+        return result
+
+    def stop(text: str) -> bytes:
+        raise Seen
+
+    monkeypatch.setattr(outlined.Outliner, "make", noted)
+    monkeypatch.setattr(llvm, "object_code", stop)
+    monkeypatch.setattr(kernel, "_kept", type(kernel._kept)())
+    monkeypatch.setenv("LIEMECH_CACHE_DIR", "/dev/null")
+    return found
+
+
+def test_constants_that_formulas_make_are_told_by_their_content(
+    made: list[tuple[str, bool]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """`group.algebra` is another object at each use, of the same content."""
+    monkeypatch.setattr(outlined, "ALONE", 1)
+    monkeypatch.setattr(outlined, "HUGE", 700)
+    system = lm.KirchhoffBody([1.0, 1.5, 2.0, 1.0, 2.0, 1.5])
+    start = system.state(mu=np.array([0.5, 0.1, 0.8, 0.1, 0.2, 0.3]), g=np.eye(4))
+    with pytest.raises(Seen):
+        lm.integrate(system, lm.CovariantVariational(lm.Exponential()), start, h=0.05, steps=1, compiled=True)
+    assert [name for name, _ in made].count("SE3Algebra.exp_residual") == 1
+
+
+def test_native_functions_know_the_constants_of_their_arguments(
+    made: list[tuple[str, bool]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The group of a heavy top is a constant of the system, which holds numbers of the run too."""
+    monkeypatch.setattr(outlined, "ALONE", 1)
+    monkeypatch.setattr(outlined, "HUGE", 300)
+    system = lm.HeavyTop([1.0, 1.5, 2.0], 1.0, [0.18, 0.0, 0.24])
+    start = system.state(mu=np.array([0.5, 0.1, 0.8]), g=np.eye(3))
+    with pytest.raises(Seen):
+        lm.integrate(system, lm.RKMK(order=4), start, h=0.05, steps=1, compiled=True)
+    assert ("MechanicalSystem.displaced", True) in made
+    assert all(ok for name, ok in made if name in ("RKMK.slope", "MechanicalSystem.displaced"))
