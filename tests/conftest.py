@@ -41,46 +41,11 @@ os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [home, os.environ.get("P
 execution.WAIT = 0.6
 
 LONGEST = (
-    *(
-        "documentation",
-        "hamilton_jacobi",
-        "lie_poisson_hj",
-        "kicks",
-        "galerkin",
-        "mechanical",
-        "solvability",
-    ),
-    *(
-        "checks",
-        "cache",
-        "method_claims",
-        "first_kind",
-        "models",
-        "main",
-        "composition",
-        "orders",
-        "comparators",
-    ),
-    *(
-        "commutator_free",
-        "se3",
-        "pictures",
-        "sphere",
-        "command_line",
-        "live",
-        "variational",
-        "lie_rattle",
-    ),
-    *(
-        "plan",
-        "batch",
-        "outlined",
-        "galilean_groups",
-        "controlled_bodies",
-        "integrate",
-        "lanes",
-        "generating_kinds",
-    ),
+    "method_claims", "documentation", "kicks", "lie_poisson_hj", "command_line", "cache", "main",
+    "checks", "comparators", "hamilton_jacobi", "matrix_groups", "galilean_groups", "batch",
+    "commutator_free", "plan", "generating_kinds", "rigid_motions", "outlined", "lie_laws",
+    "refusals", "taylor", "se3", "integrate", "rotation_coefficients", "galerkin", "in_browser",
+    "system_laws", "orbits", "pictures", "joints", "mechanical", "constrained_methods",
 )
 """Files that begin first, so that no worker is left alone with one at the end."""
 

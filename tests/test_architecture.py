@@ -287,6 +287,7 @@ def test_import_loads_numpy_and_nothing_else() -> None:
     assert loaded_by("import liemech") <= loaded_by("import numpy")
 
 
+@pytest.mark.slow
 def test_naming_groups_systems_and_methods_loads_numpy_and_nothing_else() -> None:
     names = [
         name

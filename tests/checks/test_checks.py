@@ -55,7 +55,7 @@ def test_motions_of_the_plane_obey_all_laws() -> None:
     assert report["Cayley map"].verdict == "not there"
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(1, 3))
 @pytest.mark.parametrize("group", [lm.SO3(), Plane()], ids=["SO3", "Plane"])
 def test_other_points_tell_the_same(group: lm.LieGroup, seed: int) -> None:

@@ -61,6 +61,7 @@ def test_brackets_of_driven_systems_are_observed(name: str) -> None:
     assert found["Poisson" if name == "body" else "symplectic"] == "holds"
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("name", CASES)
 def test_a_wrong_bracket_is_found_on_driven_systems(name: str) -> None:
     system, start, _, _ = CASES[name]

@@ -391,6 +391,7 @@ def test_marked_rows_are_evaluated_in_python_and_kept() -> None:
     assert np.array_equal(SO3.algebra.hat(xi), np.broadcast_to(SO3.algebra.hat(xi[0]), (600, 3, 3)))
 
 
+@pytest.mark.slow
 def test_large_matrices_are_multiplied_or_refused(rng: np.random.Generator) -> None:
     G, g = lm.GL(2), rng.normal(size=(600, 2, 2))
     large = 1e100 * g

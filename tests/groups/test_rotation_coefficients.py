@@ -211,7 +211,7 @@ def largest(names: list[str], xs: list[float]) -> dict[str, float]:
     return {name: max(error(name, x) for x in xs) for name in names}
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("where", ON_POLYNOMIAL)
 def test_accuracy_of_the_polynomials(where: str) -> None:
     found = largest([*NAMES, *SLOPES, "bernoulli_slope"], ON_POLYNOMIAL[where])
@@ -232,7 +232,7 @@ def test_accuracy_at_large_angles(where: str) -> None:
     assert max(found.values()) < 3.0, found
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CURVATURES)
 def test_second_derivatives_are_good_enough_for_newton(name: str) -> None:
     """To rounding on the polynomials; beyond, some thousand eps of the value at zero, divided by

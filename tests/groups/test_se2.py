@@ -159,7 +159,7 @@ def test_compiled_runs_have_the_bits_of_plain_ones(method: lm.Method) -> None:
     assert same_bits(plain.g, native.g)
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("method", [EXP, CAYLEY, ADJOINT], ids=named)
 def test_energy_oscillates_without_drift(method: lm.Method) -> None:
     system, start = sledge()

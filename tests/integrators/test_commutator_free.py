@@ -171,7 +171,7 @@ def test_a_tableau_of_fractions() -> None:
 # ---------------------------------------------------------------- orders
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @by_name
 @pytest.mark.parametrize("t_end", [slow(2.0), -2.0])
 def test_order_of_momentum_and_attitude(method: CommutatorFree, t_end: float) -> None:

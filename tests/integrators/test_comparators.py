@@ -224,7 +224,7 @@ def test_midpoint_rules_are_methods_for_momenta(method: lm.Method) -> None:
     assert two_form_defect(body, method, TILTED, rotation(np.random.default_rng(1)), 0.3) > 1e-4
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.compiled
 @each
 def test_ten_thousand_steps(method: lm.Method) -> None:
@@ -338,7 +338,7 @@ def test_a_body_at_rest_stays(method: lm.Method) -> None:
     assert (run.g == np.array(start.g)).all()
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.compiled
 @pytest.mark.parametrize("method", METHODS[:-2], ids=named)
 def test_plain_and_native_and_ensembles_agree_to_the_bit(method: lm.Method) -> None:

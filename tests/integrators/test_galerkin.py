@@ -539,7 +539,7 @@ def test_bodies_at_rest() -> None:
         assert np.diff(np.sign(fall.mu[1:, 0])).any()
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("method", [EXPS[4], CAYLEYS[4]], ids=named)
 @pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=pytest.mark.compiled)])
 def test_too_large_a_step_is_refused(method: GalerkinVariational, compiled: bool) -> None:

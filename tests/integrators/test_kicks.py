@@ -408,7 +408,7 @@ def test_the_canonical_form_is_kept() -> None:
     assert np.abs(D.T @ form(mu1) @ D - form(mu0)).max() < 1e-9
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.compiled
 @pytest.mark.parametrize(
     ("method", "scene"),

@@ -165,6 +165,7 @@ def quartic(group: lm.LieGroup, seed: int = 3) -> tuple[lm.LiePoissonSystem, lm.
 # ---------------------------------------------------------------- the method itself
 
 
+@pytest.mark.sample(2)
 @FOURTH
 @pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=pytest.mark.compiled)])
 def test_steps_of_the_method_itself(method: LiePoissonHamiltonJacobi, compiled: bool) -> None:

@@ -204,6 +204,7 @@ def test_velocities_that_commute_are_integrated_to_the_degree_of_gauss() -> None
         )
 
 
+@pytest.mark.slow
 @by_name
 def test_order_two_is_the_midpoint_rule_and_all_stay_on_the_group(method: Magnus) -> None:
     system = Driven(lm.SO3())

@@ -465,6 +465,7 @@ def test_large_steps_have_the_same_bits_in_native_code(method: lm.CovariantVaria
     assert fast > 3
 
 
+@pytest.mark.sample(1)
 @BOTH
 def test_a_unit_of_mass_changes_no_bit_of_a_large_step(method: lm.CovariantVariational) -> None:
     J, mu = np.array([1 / 150, 1.0, 1.005]), np.array([0.05, 0.8, -0.5])

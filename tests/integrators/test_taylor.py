@@ -123,7 +123,7 @@ def last(
 # ------------------------------------------------------------------ order
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("order", "counts"), [(2, (40, 80, 160)), (4, (20, 40, 80)), (8, (8, 12, 18)), (12, (5, 7, 10))]
 )
@@ -212,6 +212,7 @@ def test_where_takes_the_side_on_which_the_step_starts() -> None:
 # ------------------------------------------------------------------ what is kept
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 @pytest.mark.parametrize("order", [3, 12])
 def test_casimir_and_spatial_momentum_to_rounding_over_ten_thousand_steps(order: int) -> None:
@@ -269,7 +270,7 @@ def test_the_error_follows_the_tolerance(order: int) -> None:
     assert 0.8 < growth * order < 1.3
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["driven", "sphere", "Kirchhoff"])
 def test_adaptive_steps_on_other_systems(name: str) -> None:
     system, start, retraction = moving(name)

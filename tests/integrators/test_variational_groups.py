@@ -115,7 +115,7 @@ def test_rkmk_does_not_keep_the_bracket() -> None:
 # ---------------------------------------------------------------- the same map under other names
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("scene", [asymmetric_body, on_SO4], ids=["SO3", "SO4"])
 @pytest.mark.parametrize("h", [0.05, 0.3])
 def test_cayley_is_the_isospectral_midpoint_rule(scene: object, h: float) -> None:
@@ -139,7 +139,7 @@ def test_cayley_is_the_isospectral_midpoint_rule(scene: object, h: float) -> Non
         assert np.abs(run.g[n] @ Q.T - run.g[n + 1]).max() < 2e-15
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("retraction", [lm.Exponential(), lm.Cayley()], ids=repr)
 def test_order_two_of_hamilton_jacobi_is_the_same_step(retraction: lm.Retraction) -> None:
     """s = h H: the displacement is h dH(p), p = dl(xi), and the equation for p is that of Algorithm

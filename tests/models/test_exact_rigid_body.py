@@ -163,7 +163,7 @@ def test_reference_solutions(body):
     assert max(errors(J, mu, g, t, (mus, gs))) < 10 * EPS
 
 
-@pytest.mark.sample(3)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("name", REGIMES)
 def test_equations_of_motion_forwards_and_backwards(name):
     J, mu = REGIMES[name]
@@ -339,6 +339,7 @@ def test_vectorised_equals_scalar_bit_for_bit(name):
     assert nothing is None
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     "inertia_unit, momentum_unit", [(-150, -110), (132, 60), (-900, 40), (3, 900)]
 )
@@ -412,6 +413,7 @@ def test_finite_in_finite_out(J):
         assert momentum_period(J, mu) >= 0
 
 
+@pytest.mark.slow
 def test_scipy_is_loaded_only_when_needed():
     code = "import sys, liemech.models.exact_rigid_body; assert 'scipy' not in sys.modules"
     subprocess.run([sys.executable, "-c", code], check=True, cwd=Path(__file__).parents[2])

@@ -118,6 +118,7 @@ def test_the_name_tells() -> None:
     assert BODIES[0] != BODIES[1]
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 def test_native_code_does_the_same() -> None:
     body, start = BODIES[1], STARTS[1]

@@ -156,6 +156,7 @@ def test_the_way_back_ends_where_it_began_to_26_digits(method: Any, scene: Any) 
     assert np.abs((words[:, 0] - begun) + words[:, 1]).max() < 1e-26
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 def test_native_code_has_the_same_bits_and_keeps_the_structure() -> None:
     """Casimir, spatial momentum and orthogonality over 20,000 steps, from both words; resumed, and

@@ -117,7 +117,7 @@ def test_pieces_change_nothing(
         assert same_bits(sparse.t, whole.t[rows])
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.compiled
 @pytest.mark.parametrize("workers", [1, 2, 3, 8, 100])
 def test_threads_change_nothing(workers: int) -> None:

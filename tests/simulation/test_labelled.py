@@ -37,6 +37,7 @@ def test_a_data_set_of_xarray():
     assert energies.energy.dims == ("t", "body") and list(energies.data_vars) == ["energy"]
 
 
+@pytest.mark.slow
 def test_a_frame_of_pandas():
     pytest.importorskip("pandas")
     run = PLAN.run(START, steps=20)

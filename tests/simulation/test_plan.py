@@ -60,7 +60,7 @@ def test_a_resumed_run_has_the_bits_of_one_that_never_stopped(case: str, compile
     assert same(part, whole, slice(18, None))
 
 
-@pytest.mark.sample(6)
+@pytest.mark.sample(3)
 @CASES
 @WORLDS
 def test_single_steps_are_those_of_a_run(case: str, compiled: bool) -> None:

@@ -198,6 +198,7 @@ def test_a_body_that_stops_stays(monkeypatch):
     assert run.stopped.steps == full.stopped.steps
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 def test_memory_is_that_of_what_is_kept():
     """The states of 2 10^5 samples would take 24 bytes each, their energies and times take 16."""

@@ -141,6 +141,7 @@ def test_symplectic_methods_keep_the_two_form(method: Any) -> None:
     assert defect(lm.RKMK(order=4)) > 1e-9
 
 
+@pytest.mark.slow
 def test_algorithm_1_is_symplectic_on_the_group() -> None:
     """D^T W(mu') D = W(mu), with the two-form of T*SO(3), left-trivialised:
     dmu.eta' - dmu'.eta - mu.(eta x eta').

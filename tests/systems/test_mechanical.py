@@ -481,7 +481,7 @@ QUICK = (
 """Every method and every scene; all pairs are slow."""
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.compiled
 @pytest.mark.parametrize(
     ("method", "scene"),

@@ -91,6 +91,7 @@ def test_an_eccentric_satellite_that_spins_does_not_drift() -> None:
     assert np.abs(tumbling.energy - tumbling.energy[0]).max() > 3.0 * error.max()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("method", "gain"),
     [(lm.KickDrift(order=2), 1.7), pytest.param(lm.KickDrift(order=4), 3.0, marks=LONG)],

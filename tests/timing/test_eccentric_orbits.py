@@ -72,7 +72,7 @@ def test_the_period_in_fictive_time(choice: str) -> None:
     assert fictive_period(SIGMAS[choice]) == pytest.approx(PERIODS[choice], rel=6e-3)
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.compiled
 @pytest.mark.parametrize("choice", SYMPLECTIC)
 def test_table_of_the_symplectic_method(choice: str) -> None:
@@ -108,6 +108,7 @@ def test_table_of_equal_steps() -> None:
 # ellipses
 
 
+@pytest.mark.sample(1)
 @pytest.mark.compiled
 @pytest.mark.parametrize("e", [0.99, 0.999])
 def test_steps_for_each_revolution_do_not_grow_with_the_eccentricity(e: float) -> None:

@@ -52,7 +52,7 @@ class Constant(lm.TimeScale):
         return self.unit
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("method", "order", "h"),
     [
@@ -86,7 +86,7 @@ def test_order_at_a_physical_time(method: lm.Method, order: int, h: float) -> No
     assert min(slopes(error, h)) > order - 0.15
 
 
-@pytest.mark.sample(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("base", "order", "sigma"),
     [

@@ -76,6 +76,7 @@ def test_backwards_and_from_another_time() -> None:
     assert np.abs(back.q[1] - there.at(3.0).q).max() < 1e-3
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 def test_native_code_finds_the_same_states_between_the_steps() -> None:
     t = np.linspace(0.0, 7.3, 12)

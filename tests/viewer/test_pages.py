@@ -62,6 +62,7 @@ def content(page: str) -> dict[str, Any]:
 # ------------------------------------------------------------------ what a page costs
 
 
+@pytest.mark.slow
 @needs_meshcat
 def test_writing_a_page_loads_no_more_than_numpy() -> None:
     program = """
