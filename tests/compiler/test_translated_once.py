@@ -49,7 +49,7 @@ def test_constants_that_formulas_make_are_told_by_their_content(
     system = lm.KirchhoffBody([1.0, 1.5, 2.0, 1.0, 2.0, 1.5])
     start = system.state(mu=np.array([0.5, 0.1, 0.8, 0.1, 0.2, 0.3]), g=np.eye(4))
     with pytest.raises(Seen):
-        lm.integrate(system, lm.CovariantVariational(lm.Exponential()), start, h=0.05, steps=1, compiled=True)
+        lm.Plan(system, lm.CovariantVariational(), h=0.05, compiled=True).run(start, steps=1)
     assert [name for name, _ in made].count("SE3Algebra.exp_residual") == 1
 
 
@@ -62,6 +62,6 @@ def test_native_functions_know_the_constants_of_their_arguments(
     system = lm.HeavyTop([1.0, 1.5, 2.0], 1.0, [0.18, 0.0, 0.24])
     start = system.state(mu=np.array([0.5, 0.1, 0.8]), g=np.eye(3))
     with pytest.raises(Seen):
-        lm.integrate(system, lm.RKMK(order=4), start, h=0.05, steps=1, compiled=True)
+        lm.Plan(system, lm.RKMK(order=4), h=0.05, compiled=True).run(start, steps=1)
     assert ("MechanicalSystem.displaced", True) in made
     assert all(ok for name, ok in made if name in ("RKMK.slope", "MechanicalSystem.displaced"))

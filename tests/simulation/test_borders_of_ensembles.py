@@ -82,15 +82,6 @@ def test_ragged_arrays_are_refused_by_name() -> None:
         lm.Plan(BODY, lm.RKMK(order=5), rtol=1e-3).run(STARTS, t_end=RAGGED)
 
 
-def test_ensembles_in_fictive_time_refuse_times() -> None:
-    starts = KEPLER.state(q=[[0.5, 0.0], [0.7, 0.0]], p=[[0.0, 1.2]] * 2)
-    method = lm.ReversibleController(lm.StormerVerlet(), Largest())
-    plan = lm.Plan(KEPLER, method, h=0.01, compiled=False)
-    run = plan.run(starts, steps=1)
-    with pytest.raises(InvalidInput, match="t_end is for one body at a time"):
-        plan.resume(run, t_end=1.0, t_eval=[0.5])
-
-
 def test_the_smallest_step_may_be_lost() -> None:
     plan = lm.Plan(BODY, lm.RKMK(order=2), h=[-1.0, 1e-12, 1.0], compiled=False)
     with pytest.raises(InvalidInput, match="h = 1e-12 is lost"):
