@@ -10,7 +10,7 @@ import pytest
 import liemech as lm
 
 pytest.importorskip("llvmlite")
-from liemech.compiler import kernel, llvm, outlined
+from liemech.compiler import cache, kernel, llvm, outlined
 
 pytestmark = pytest.mark.compiled
 
@@ -36,7 +36,7 @@ def made(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, bool]]:
     monkeypatch.setattr(outlined.Outliner, "make", noted)
     monkeypatch.setattr(llvm, "object_code", stop)
     monkeypatch.setattr(kernel, "_kept", type(kernel._kept)())
-    monkeypatch.setenv("LIEMECH_CACHE_DIR", "/dev/null")
+    monkeypatch.setattr(cache, "load", lambda *_: None)
     return found
 
 
