@@ -118,7 +118,9 @@ class Loops(Branches):
             forget = self.mark()
             try:
                 going_on = self._loop(test, step, body, env, carried, types, masked, bool(counters))
-                self.loop_forms[form] = masked, types, grown
+                # an int that becomes a float may do so in this call only
+                if not any(mixed for *_, mixed in types.values()):
+                    self.loop_forms[form] = masked, types, grown
                 return going_on
             except Promote as wanted:
                 forget()
@@ -333,8 +335,8 @@ def _grows(value: Any, new: Any, layout: Layout) -> bool:
 
 
 def forms(env: Env) -> Any:
-    """What a loop's translation may depend on in the variables: their structure, and the kinds of
-    their numbers.
+    """What a loop's translation may depend on in the variables: their structure, the kinds of their
+    numbers, and the integers and truth values known now, which decide about branches.
     """
     return tuple([(name, _form(value)) for name, value in env.items()])
 
@@ -345,7 +347,9 @@ def _form(value: Any) -> Any:
     layout = layout_of(value, is_any_number)
     return layout, tuple(
         [
-            (x.kind, x.varying, x.mixed) if isinstance(x, Num) else type(x)
+            (x.kind, x.varying, x.mixed)
+            if isinstance(x, Num)
+            else (type(x), x if isinstance(x, int) else None)
             for x in leaves(value, layout)
         ]
     )

@@ -149,6 +149,10 @@ class Reads:
             n for c in cls.__mro__[:-1] for n in vars(c)
         }:
             return self._read(owner, "attribute", name)
+        if after == 0 and hasattr(owner, "__dict__") and not isinstance(owner, Record):
+            # an attribute of its own would hide that of the class
+            self._read(owner, "class", "")
+            self._read(owner, "own", name)
         return self._bound(self._read(cls, f"member {after}", name), owner, cls, name, call)
 
     def _bound(
@@ -549,6 +553,8 @@ def _asked(holder: Any, how: str, name: Any) -> Any:
             return type(holder)
         case "has":
             return hasattr(holder, name)
+        case "own":
+            return name in vars(holder)
         case "argument":
             return holder[1][name]
         case "entry":
