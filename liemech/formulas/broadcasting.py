@@ -287,7 +287,7 @@ class Signature:
             space._shape(name, self.kinds[name]) if self.kinds.get(name, "float") != "float" else None
             for name in self.names
         )
-        found = tuple(shape[0] if shape else None for shape in shapes)
+        found = tuple((shape[0] if len(shape) == 1 else shape) if shape else None for shape in shapes)
         if not hasattr(space, "_lengths"):
             object.__setattr__(space, "_lengths", {})
         space._lengths[self] = found
@@ -351,7 +351,9 @@ def _broadcasting(signature: Signature) -> Callable[..., Any]:
             except (AttributeError, KeyError):
                 lengths = signature.lengths(space)
             for value, length in zip(args, lengths):
-                if length is not None and value is not None and len(value) != length:
+                if length is not None and value is not None and (
+                    len(value) if type(value) is Vec else value.shape
+                ) != length:
                     return _checked(signature, self, args, options)
         try:
             return formula(self, *args)

@@ -464,7 +464,7 @@ class AdaptiveRun:
     def _carry(self, last: np.ndarray) -> AdaptiveCarry | None:
         """What to go on with from the last row: all of it, or after a terminal event a start anew."""
         numbers, clock = self.states.copy(), self.clock.copy()
-        if clock[5] or clock[0] != last[0]:
+        if self.watch is None or clock[5] or clock[0] != last[0]:
             return None
         if self.watch.events and clock[0] != self.t_end:
             numbers[: self.width] = last[1 : 1 + self.width]

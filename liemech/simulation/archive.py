@@ -36,7 +36,7 @@ from .fictive import FictiveCarry, Origin
 from .stopped import Stopped
 from .systems import Methods, OfBodies, Systems, of_body
 
-FORMAT = 1
+FORMAT = 2
 HDF5 = b"\x89HDF"
 MARK = b"sha256:"
 """What the checksum begins with, at the end of a file."""

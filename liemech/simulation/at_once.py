@@ -90,6 +90,8 @@ def advanced(plan: Steps, carry: Carry, steps: int) -> Carry:
         and steps * shape.carried * shape.carried <= LONGEST
     )
     if short and shape.stepping.native is not None:
+        shape.stepping.again()
+    if short and shape.stepping.native is not None:
         carried, reached = shape.carried, carry.step + steps
         memory = np.empty(carried + shape.sampled)
         memory[:carried] = carry.numbers

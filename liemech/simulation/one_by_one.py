@@ -207,7 +207,10 @@ class OneByOne:
         states = {name: np.stack([way[name] for way in ways], axis=1) for name in ways[0]}
         first, adaptive = runs[0], self.plan.adaptive
         steps = {i: self._taken(i, runs[i]) for i in self.errors}
-        own: Any = self.plan._steps.h
+        own: Any = None  # the step, or those of all bodies
+        if not adaptive:
+            steps_of = tuple([plan._steps.h for plan in self.plans])
+            own = steps_of if "h" in self.plan.of_each else steps_of[0]
         known: dict[str, Any] = {
             "system": self.plan.system if not self.plan.fictive else self._inner_systems(runs),
             "method": self.plan.method,

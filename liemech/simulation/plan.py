@@ -9,8 +9,6 @@ import os
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from ..compiler.kernel import Several
 from ..errors import InvalidInput, InvalidType, StepWarning, warn
 from ..formulas import Record
@@ -25,7 +23,7 @@ from .execution import like
 from .fictive import FictiveCarry
 from .fixed_run import FixedRun
 from .one_by_one import OneByOne, apart
-from .prepared import Steps, shown_step
+from .prepared import Steps
 from .recorded import Recorder, recorder_of
 from .systems import OfBodies, Systems, each_of, methods_of, of_body, systems_of
 from .trajectory import Trajectory, TransformedTrajectory
@@ -273,7 +271,8 @@ class Plan:
                 return run
         start, t0 = self._started(start), arguments.real(t0, "t0")
         kept = self._kept(checkpoint, checkpoint_every)
-        if start.bodies is not None and apart(self, start, t_end, t_eval):
+        one_by_one = start.bodies is not None and apart(self, start, t_end, t_eval)
+        if one_by_one and (self.fictive or self.adaptive):
             return self._one_by_one(start, t0, steps, t_end, t_eval, kept)
         if self.fictive:
             return self._transformed(start, steps, t_end, t0, t_eval, kept)
@@ -281,10 +280,13 @@ class Plan:
             return self._steps.run(
                 start, t0, t_end, steps, t_eval, self.events, kept, self.recorder
             )
-        steps = self._count(steps, t_end, t0)
+        if not one_by_one:
+            steps = self._count(steps, t_end, t0)
         doubt = self._doubt(start)
         if doubt:
             warn(doubt, StepWarning)
+        if one_by_one:
+            return self._one_by_one(start, t0, steps, t_end, t_eval, kept)
         return self._stepped(start, steps, t0, t_eval, kept)
 
     def _again(self, start: Any, steps: int, t0: Any) -> Trajectory | None:
@@ -664,8 +666,7 @@ class Plan:
             plan._tangent(begun.state, steps, end, t0, names)
             for plan, begun, end in zip(alone.plans, alone.starts, alone.ends, strict=True)
         ]
-        h = float(np.mean([run.h for run in runs])) if self.adaptive else shown_step(self._steps.h)
-        return of_bodies(self.system, self.method, h, runs)
+        return of_bodies(self.method, runs)
 
     def _tangent(
         self, start: State, steps: Any, t_end: Any, t0: float, names: tuple[str, ...]

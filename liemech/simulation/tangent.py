@@ -319,7 +319,7 @@ def dual_of(system: Any, moving: Any) -> Any:
     return build(layout, rest) if moving is None else moving
 
 
-def of_bodies(system: Any, method: Any, h: Any, runs: list[TangentTrajectory]) -> TangentTrajectory:
+def of_bodies(method: Any, runs: list[TangentTrajectory]) -> TangentTrajectory:
     """The runs of all bodies as one; one that has less samples shows its last one again."""
     n = max(map(len, runs))
 
@@ -327,15 +327,22 @@ def of_bodies(system: Any, method: Any, h: Any, runs: list[TangentTrajectory]) -
         again = [np.concatenate([x, np.repeat(x[-1:], n - len(x), axis=0)]) for x in arrays]
         return np.stack(again, axis=1)
 
-    t, first = together([run.t for run in runs]), runs[0]
-    tau = None if first.tau is None else first.tau
+    def clock(arrays: list[Any]) -> Any:
+        times = together(arrays)
+        return times[:, 0] if (times == times[:, :1]).all() else times
+
+    first, adaptive = runs[0], runs[0].rejected is not None
+    alone = all(run.system is first.system for run in runs)
+    system = first.system if alone else Systems(tuple([run.system for run in runs]))
+    own = [run.h for run in runs]
+    h = float(np.mean(own)) if adaptive else own[0] if len(set(own)) == 1 else np.array(own)
     return TangentTrajectory(
-        system, method, h, t[:, 0] if (t == t[:, :1]).all() else t,
+        system, method, h, clock([run.t for run in runs]),
         {name: together([run.states[name] for run in runs]) for name in first.states}, len(runs),
         max(run.steps for run in runs), all(run.compiled for run in runs),
         rejected=None if first.rejected is None else sum(run.rejected or 0 for run in runs),
         tangent={name: together([run.tangent[name] for run in runs]) for name in first.tangent},
-        tau=tau,
+        tau=None if first.tau is None else clock([run.tau for run in runs]),
     )  # fmt: skip
 
 

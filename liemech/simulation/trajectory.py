@@ -406,7 +406,10 @@ class _Promised:
             if self.name in own:
                 return own[self.name]
             raise AttributeError(self.name)
-        made = own.setdefault(self.name, getattr(rest, self.name)())
+        try:
+            made = own.setdefault(self.name, getattr(rest, self.name)())
+        except AttributeError as error:  # which `__getattr__` would hide
+            raise RuntimeError(f"Trajectory.{self.name} could not be made") from error
         if "t" in own and "states" in own and "carry" in own:
             own.pop("_rest", None)
         return made
