@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-# then elsewhere: else every process of the tests would translate all modules again
+# bytecode goes to a folder of its own, so that processes of the tests need not translate all modules
 if sys.dont_write_bytecode:
     sys.dont_write_bytecode = False
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
@@ -150,7 +150,7 @@ def pytest_collection_modifyitems(
 ) -> Iterator[None]:
     leave_a_sample(items)
     yield  # the tests are chosen by their marks
-    every = config.getoption("one_in")
+    every = max(1, config.getoption("one_in"))
     part = config.getoption("part") % every
     config.hook.pytest_deselected(items=[i for k, i in enumerate(items) if k % every != part])
     items[:] = items[part::every]

@@ -25,7 +25,7 @@ class Carry:
     numbers : (width + 1,) or (width + 1, bodies), of what the method carries along, and the steps
     taken.
     last : the numbers of the state, in the memory of the samples until `keep`.
-    failures : what ended bodies that stopped.  Nothing of it is changed, ever.
+    failures : what ended bodies that stopped.  Nothing else of it is changed, ever.
     """
 
     shape: Shape | None = dataclasses.field(repr=False)

@@ -106,8 +106,9 @@ def integrate(
     has the IntegrationInterrupted of a Ctrl-C.  A mistake in a formula (NameError, TypeError,
     IndexError, ...) is raised as it is, with such a `.trajectory`.  Warns with a StepWarning of a
     step that may have no solution, where the method can tell.
-    In an ensemble a body that fails stays at its last state, is found in `Trajectory.stopped` with
-    its reason, and in a warning, and disturbs no other.
+    In an ensemble a body that fails stays where it came to (at its last sample, if the bodies go each
+    its own way), is found in `Trajectory.stopped` with its reason, and in a warning, and disturbs no
+    other.
     """
     rest = (
         *(

@@ -269,6 +269,8 @@ class Plan:
             run = self._again(start, steps, t0)
             if run is not None:
                 return run
+        if self.events:
+            arguments.events(self.events)  # whose attributes may have changed
         start, t0 = self._started(start), arguments.real(t0, "t0")
         kept = self._kept(checkpoint, checkpoint_every)
         one_by_one = start.bodies is not None and apart(self, start, t_end, t_eval)
