@@ -282,14 +282,13 @@ class Plan:
             return self._steps.run(
                 start, t0, t_end, steps, t_eval, self.events, kept, self.recorder
             )
-        if not one_by_one:
-            steps = self._count(steps, t_end, t0)
+        count = 0 if one_by_one else self._count(steps, t_end, t0)
         doubt = self._doubt(start)
         if doubt:
             warn(doubt, StepWarning)
         if one_by_one:
             return self._one_by_one(start, t0, steps, t_end, t_eval, kept)
-        return self._stepped(start, steps, t0, t_eval, kept)
+        return self._stepped(start, count, t0, t_eval, kept)
 
     def _again(self, start: Any, steps: int, t0: Any) -> Trajectory | None:
         """A run that has nothing to do but to step, of a start that is laid out as one before;

@@ -333,7 +333,7 @@ def of_bodies(method: Any, runs: list[TangentTrajectory]) -> TangentTrajectory:
 
     first, adaptive = runs[0], runs[0].rejected is not None
     alone = all(run.system is first.system for run in runs)
-    system = first.system if alone else Systems(tuple([run.system for run in runs]))
+    system: Any = first.system if alone else Systems(tuple([run.system for run in runs]))
     own = [run.h for run in runs]
     h = float(np.mean(own)) if adaptive else own[0] if len(set(own)) == 1 else np.array(own)
     return TangentTrajectory(
