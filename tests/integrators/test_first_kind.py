@@ -262,7 +262,7 @@ def test_order_on_so4(order: int) -> None:
             FirstKindHamiltonJacobi(order, CAYLEY, s0),
             start,
             end,
-            (6, 12),
+            (12, 24),
             0.2,
             compiled=False,
         )
