@@ -398,6 +398,7 @@ class _Promised:
 
     def __init__(self, name: str) -> None:
         self.name = name
+        self.__doc__ = None  # the class of the run says what it is
 
     def __get__(self, run: Any, owner: Any = None) -> Any:
         own = {} if run is None else vars(run)
