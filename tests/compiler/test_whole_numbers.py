@@ -45,6 +45,7 @@ class Stairs(lm.HamiltonianSystem):
         return 0.5 * p[0] ** 2 + steps * q[0] + quotient * q[0] + rest * rest
 
 
+@pytest.mark.compiled
 def test_they_have_the_same_bits_in_native_code() -> None:
     system = Stairs()
     runs = [
@@ -64,6 +65,7 @@ class ErrorFunction(lm.HamiltonianSystem):
         return p[0] ** 2 + math.erf(q[0])
 
 
+@pytest.mark.compiled
 def test_what_is_advised_exists() -> None:
     system = ErrorFunction()
     for compiled, error in ((True, NotCompilable), (False, TypeError)):

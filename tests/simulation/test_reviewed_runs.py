@@ -64,6 +64,7 @@ def test_steps_and_clocks_of_ensembles_in_fictive_time() -> None:
     assert many.energy.shape == (4, 2)
 
 
+@pytest.mark.compiled
 def test_a_step_sees_what_has_changed_outside() -> None:
     results = []
     for compiled in (False, True):
