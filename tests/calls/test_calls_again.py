@@ -8,6 +8,8 @@ import pytest
 
 import liemech as lm
 
+pytestmark = pytest.mark.compiled
+
 BODY = lm.RigidBody([1.0, 1.5, 2.0])
 START = BODY.state(mu=[0.5, 0.1, 0.8], g=np.eye(3))
 KEPLER = lm.Kepler()
