@@ -4,7 +4,7 @@ they are the bare formula.
 Every public method of a record passes here.  Arguments are converted and checked by what the method
 says they are (`Vec`, `Element`, `float`, `LieGroup`, `str`, ...); a wrong one is refused with its
 name, its value and what it must be.  What one formula hands to another (small vectors, floats,
-records) is looked at only by its type and length.
+records) is looked at only by its type and shape.
 """
 
 from __future__ import annotations
@@ -279,18 +279,16 @@ class Signature:
         """Where the argument stands that knows the shapes of the others; None: the owner does."""
         return next((self.names.index(n) for n in ("group", "action") if n in self.names), None)
 
-    def lengths(self, space: Any) -> tuple[int | None, ...]:
-        """How long vectors, and how high matrices, must be, for each argument; None: any.  The
-        space remembers it.
+    def shapes(self, space: Any) -> tuple[Any, ...]:
+        """The length of a vector, the shape of a matrix, for each argument; None: any.  The space
+        remembers it.
         """
-        shapes = (
-            space._shape(name, self.kinds[name]) if self.kinds.get(name, "float") != "float" else None
-            for name in self.names
-        )
-        found = tuple((shape[0] if len(shape) == 1 else shape) if shape else None for shape in shapes)
-        if not hasattr(space, "_lengths"):
-            object.__setattr__(space, "_lengths", {})
-        space._lengths[self] = found
+        kinds = [(name, self.kinds.get(name, "float")) for name in self.names]
+        shapes = [space._shape(name, kind) if kind != "float" else None for name, kind in kinds]
+        found = tuple([s[0] if s and len(s) == 1 else s or None for s in shapes])
+        if not hasattr(space, "_shapes"):
+            object.__setattr__(space, "_shapes", {})
+        space._shapes[self] = found
         return found
 
     @functools.cached_property
@@ -347,14 +345,14 @@ def _broadcasting(signature: Signature) -> Callable[..., Any]:
         if at is None or at < len(args):
             space = self if at is None else args[at]
             try:
-                lengths = space._lengths[signature]
+                shapes = space._shapes[signature]
             except (AttributeError, KeyError):
-                lengths = signature.lengths(space)
-            for value, length in zip(args, lengths):
-                if length is not None and value is not None and (
-                    len(value) if type(value) is Vec else value.shape
-                ) != length:
-                    return _checked(signature, self, args, options)
+                shapes = signature.shapes(space)
+            for value, shape in zip(args, shapes):
+                if shape is not None and value is not None:
+                    found = len(value) if type(value) is Vec else value.shape
+                    if found != shape:
+                        return _checked(signature, self, args, options)
         try:
             return formula(self, *args)
         except Exception as error:

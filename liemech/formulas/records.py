@@ -30,9 +30,9 @@ _complete: set[type] = set()  # classes known to be frozen dataclasses
 class Record(Broadcasting):
     """Base of everything that compiles: frozen dataclasses whose methods are formulas."""
 
-    # its structure, and how long the arguments of its methods are, once somebody asked for it; no
+    # its structure, and the shapes that its methods take, once somebody asked for it; no
     # fields: neither pickled, copied nor in `vars`
-    __slots__ = ("_layout", "_lengths")
+    __slots__ = ("_layout", "_shapes")
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)

@@ -67,17 +67,15 @@ def of_shape(
     shape.native_steps(t0, plan.h, step, every, samples, place, place + 8 * (carried + shown))
     if step % every or memory.item(carried - 1) != reached:
         return None
-    return Trajectory._of(
-        {
-            "system": plan.system,
-            "method": plan.method,
-            "h": plan.h,
-            "bodies": None,
-            "steps": steps,
-            "stopped": NONE,
-            "compiled": True,
-            "_rest": _Found(shape, memory, t0, plan.h, every, step, reached),
-        }
+    return Trajectory.promised(
+        _Found(shape, memory, t0, plan.h, every, step, reached),
+        system=plan.system,
+        method=plan.method,
+        h=plan.h,
+        bodies=None,
+        steps=steps,
+        stopped=NONE,
+        compiled=True,
     )
 
 
@@ -90,7 +88,7 @@ def advanced(plan: Steps, carry: Carry, steps: int) -> Carry:
         and steps * shape.carried * shape.carried <= LONGEST
     )
     if short and shape.stepping.native is not None:
-        shape.stepping.again()
+        shape.stepping.again()  # after which it may be native no longer
     if short and shape.stepping.native is not None:
         carried, reached = shape.carried, carry.step + steps
         memory = np.empty(carried + shape.sampled)

@@ -260,9 +260,6 @@ _executions: dict[Any, tuple[Execution, bytes]] = {}
 FEW = 64
 """So many are remembered."""
 
-OFTEN = 3
-"""Uses after the first one from which those who demand native code have it here too."""
-
 
 def _execution(
     driver: Any, arguments: tuple[Any, ...], wanted: bool | None
@@ -274,10 +271,7 @@ def _execution(
     key = driver, native, *map(id, arguments)
     known = _executions.get(key)
     if known is not None:
-        known[0].again()
-        known[0].uses += 1
-        if wanted and known[0].uses == OFTEN:
-            known[0].compile()
+        known[0].used(wanted)
         return known
     array = np.empty((1, 1))
     lanes = kernel.lanes() if native else 1

@@ -116,7 +116,7 @@ class Plan:
         }
         self._steps: Any = None
         # of starts as they are given: how they are laid out in runs
-        self._laid_out: dict[Layout, tuple[Layout, bool]] = {}
+        self._laid_out: dict[Layout, Layout] = {}
         first = self._first_of
         if self.fictive:
             if h is None:
@@ -295,7 +295,7 @@ class Plan:
         None for all others, and for what is to be refused.
         """
         known = self._known(start) if self._plain else None
-        shape = None if known is None else self._steps.shapes.get(known)
+        shape = None if known is None else self._steps.shapes.get((known, False))
         if shape is None or type(t0) is not float:
             return None
         h = self._steps.h
@@ -310,7 +310,7 @@ class Plan:
             return None
         return of_shape(self._steps, shape, start, steps, t0)
 
-    def _known(self, start: Any) -> tuple[Layout, bool] | None:
+    def _known(self, start: Any) -> Layout | None:
         """How a start of one body is laid out in a run, if one like it was checked before."""
         given = known_layout(start)
         if given is None and isinstance(start, State) and start.bodies is None:
@@ -338,11 +338,11 @@ class Plan:
         """
         known = self._known(start)
         if known is not None:
-            return restricted(start, known[0])
+            return restricted(start, known)
         inner, given = self._inner, start
         start = arguments.started(inner, start, self._needed(inner, start))
         if not self.of_each and start.bodies is None and inner._knows(given):
-            self._laid_out[layout_of(given)] = layout_of(start), False
+            self._laid_out[layout_of(given)] = layout_of(start)
         for name, own in self.of_each.items():
             if start.bodies == len(own):
                 continue

@@ -32,11 +32,6 @@ from .systems import OfBodies, of_body
 
 TIME = struct.Struct("d")
 
-OFTEN = 3
-"""Runs after the first one from which those that demand native code have it for their beginnings
-too: it takes 0.1 to 0.2 s to make, and saves 0.2 to 0.8 ms a run.
-"""
-
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Steps:
@@ -233,10 +228,7 @@ class Shape(Prepared):
         beginning = self._beginning
         if beginning is None:
             return False
-        beginning.again()
-        beginning.uses += 1
-        if beginning.uses == OFTEN and self.stepping.asked:
-            beginning.compile()
+        beginning.used(self.stepping.asked)
         states, out, starts = (
             memory[: self.carried],
             memory[self.carried :][: self.sampled],

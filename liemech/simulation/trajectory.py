@@ -65,7 +65,8 @@ class Trajectory:
         """A trajectory whose other fields, among `PROMISED`, are made when they are first asked
         for, by the functions of this name that `rest` has.
         """
-        return cls._of(known | {"_rest": rest})
+        known["_rest"] = rest
+        return cls._of(known)
 
     @classmethod
     def _of(cls, fields: dict[str, Any]) -> Trajectory:

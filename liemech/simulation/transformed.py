@@ -211,11 +211,6 @@ class TransformedRun:
         """As many steps as lead to a time, or to the limit, for one body, with samples at the times
         t_eval, and events.
         """
-        if self.bodies is not None:
-            what = "events are" if events else "t_end is"
-            raise InvalidInput(
-                f"integrate: {what} for one body at a time; give an ensemble h and steps"
-            )
         if t_end is not None and self.carry is not None:
             near = NEAR * max(abs(t_end), abs(self.t0))
             if abs(t_end - self.t0) <= near:  # it stands there, but for rounding
@@ -546,7 +541,6 @@ class March:
         found = motion.numbers(asked)
         tau = tau[np.searchsorted(sign * times, sign * asked, "right") - 1] + found[:, -1]
         return run.result(asked, found[:, :-1], tau, carry=carry, dense=motion, **more)
-
 
     def _failed(self) -> Any:
         """The error of a run that a step ended: a mistake in a formula, or a failure."""
