@@ -132,12 +132,10 @@ class Reads:
             return self._bound(self._read(cls, f"member {after}", name), None, cls, name, call)
         if isinstance(owner, (types.ModuleType, types.FunctionType)):
             return self._read(owner, "attribute", name)
-        if (
-            not isinstance(owner, Record)
-            and (id(owner) not in self._origins or is_own(owner))
-            and not of_python(cls)
-        ):
-            return getattr(value, name)
+        if not isinstance(owner, Record) and not of_python(cls):
+            if id(owner) not in self._origins or is_own(owner) or tokens.known(owner, False):
+                return getattr(value, name)
+            return self._read(owner, "attribute", name)
         if name == "__class__":
             return cls
         member = _member(cls, after, name)
@@ -193,6 +191,10 @@ class Reads:
             if _varies(value):
                 return call(member.func, owner)
         return self._read(owner, "attribute", name)
+
+    def from_outside(self, value: Any) -> bool:
+        """Was it there before the formulas?"""
+        return id(value) in self._origins
 
     def made(self, value: Any) -> bool:
         """Did a formula make it, of what it has read?"""

@@ -40,7 +40,8 @@ from ..formulas.records import Record
 from ..formulas.series import Series
 from ..formulas.vectors import Mat, Vec
 from . import driver, large
-from .expressions import Expressions, holds_number
+from .advice import instead_of
+from .expressions import Expressions, holds_number, in_words
 from .ir_numbers import Emitter, Num
 from .outlined import Outliner
 from .phi import RETURN, Open
@@ -114,7 +115,7 @@ class Interpreter(Statements):
             except NotCompilable:
                 raise
             except TypeError as error:
-                raise NotCompilable(f"`{function.__name__}`: {error}") from None
+                raise NotCompilable(f"`{function.__name__}`: {in_words(error)}") from None
         if isinstance(function, type) and issubclass(function, Record):
             return self.construct(function, args, options)
         if function in (Vec, Mat):
@@ -143,9 +144,11 @@ class Interpreter(Statements):
             if method
             else function in _PYTHON or _of_numbers(function)
         ):
-            raise NotCompilable(f"`{name}` is not known to native code")
+            raise NotCompilable(f"`{name}` is not known to native code: {instead_of(function)}")
         if holds_number([*args, *options.values(), *([function.__self__] if method else [])]):
-            raise NotCompilable(f"`{name}` of numbers known only at run time")
+            raise NotCompilable(
+                f"`{name}` of numbers known only at run time: {instead_of(function)}"
+            )
         if function is not callable:
             self.reads.settled(
                 *args, *options.values(), inside=function not in (dict, range, slice)
