@@ -48,7 +48,7 @@ class PythonFunctions:
         self.t, self.e = translator, translator.emitter
         self.table: dict[Any, Callable[..., Any]] = {
             isinstance: self.isinstance,
-            type: lambda x: TYPES[x.kind] if isinstance(x, Num) else type(x),
+            type: lambda x: TYPES[x.kind] if isinstance(x, Num) else self.t.reads.class_of(x),
             bool: lambda x=False: self.t.truth(x),
             float: self.float,
             int: self.cut,
@@ -118,6 +118,7 @@ class PythonFunctions:
     def isinstance(self, value: Any, kind: Any) -> bool:
         if isinstance(value, Num):
             return issubclass(TYPES[value.kind], kind)
+        self.t.reads.class_of(value)
         return isinstance(value, kind)
 
     def float(self, x: Any = 0.0) -> Any:

@@ -77,6 +77,16 @@ class Reads:
             self._spaces.setdefault(id(function.__globals__), function), "global", name
         )
 
+    def class_of(self, value: Any) -> type:
+        """The class of an object, which may get another one."""
+        if (
+            id(value) in self._origins
+            and of_python(type(value))
+            and not isinstance(value, (Record, type, types.ModuleType, types.FunctionType))
+        ):
+            self._read(value, "class", "")
+        return type(value)
+
     def fields(self, cls: type) -> Any:
         """The fields of a record class."""
         self._read(cls, "attribute", "__dataclass_fields__")
@@ -137,7 +147,7 @@ class Reads:
                 return getattr(value, name)
             return self._read(owner, "attribute", name)
         if name == "__class__":
-            return cls
+            return self.class_of(owner) if after == 0 else cls
         member = _member(cls, after, name)
         own = getattr(owner, "__dict__", {}) if after == 0 else {}
         if name in own and not hasattr(type(member), "__set__"):

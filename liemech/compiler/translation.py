@@ -50,6 +50,7 @@ from .reads import Reads
 from .scopes import Closure, Env, Frame, Undefined, bound
 from .source import Source
 from .statements import Statements
+from .tokens import of_python
 
 DEPTH = 40  # nested calls
 
@@ -131,6 +132,10 @@ class Interpreter(Statements):
                 self.reads.settled(*args)
                 return function(*args, **options)
             return self.inline(function, args, options)
+        if of_python(type(function)) and hasattr(type(function), "__call__"):  # noqa: B004
+            if "__call__" in getattr(function, "__dict__", {}):
+                raise NotCompilable("an object with a `__call__` beside that of its class")
+            return self.call(self.attribute(function, "__call__"), *args, **options)
         return self.known(function, args, options)
 
     def known(self, function: Any, args: tuple[Any, ...], options: dict[str, Any]) -> Any:

@@ -4,9 +4,9 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from compiler.worlds import NotCompilable, native
+from compiler.worlds import NotCompilable, native, plain
 
-pytest.importorskip("llvmlite")
+pytestmark = pytest.mark.compiled
 
 OUTSIDE = [1.0, 2.0]
 TABLE = {"gains": [1.0, 2.0]}
@@ -151,7 +151,5 @@ def own_lists(x: Any, y: Any, n: Any) -> Any:
 
 @pytest.mark.parametrize("lanes", [1, 4])
 def test_lists_of_one_name_are_changed_as_in_python(lanes: int) -> None:
-    from compiler.worlds import plain
-
     rows = [[1.0, 2.0], [-1.0, 0.3], [5.0, -2.0]]
     assert native(own_lists, rows, 1, 3, lanes) == [plain(own_lists, row, 3) for row in rows]

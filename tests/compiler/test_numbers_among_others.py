@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from compiler.worlds import NotCompilable, native, same_in_all_worlds
 
-pytest.importorskip("llvmlite")
+pytestmark = pytest.mark.compiled
 
 ROWS = [[0.5, 2.0], [-1.5, 0.25], [0.0, -0.0], [3.0, 3.0]]
 WHOLE, HALVES = np.array([1, 2, 3]), np.array([0.5, 1.0])
@@ -26,7 +26,7 @@ def found_in_containers(x: Any, y: Any, n: Any) -> Any:
 
 def divided_by_entries_of_a_table(x: Any, y: Any, n: Any) -> Any:
     """Linear interpolation."""
-    for (a, b), (u, v) in zip(zip(KNOTS, KNOTS[1:]), zip(LEVELS, LEVELS[1:])):  # noqa: B905, RUF007
+    for (a, b), (u, v) in zip(zip(KNOTS, KNOTS[1:]), zip(LEVELS, LEVELS[1:])):  # noqa: RUF007
         if a <= x < b:
             return u + (v - u) * (x - a) / (b - a)
     return y / HALVES[0]
