@@ -8,8 +8,11 @@ import operator
 from collections.abc import Callable, Iterator
 from typing import Any
 
+import numpy as np
+
 from ..errors import NotCompilable
-from ..formulas.vectors import Mat
+from ..formulas.numbers import ByValue
+from ..formulas.vectors import Mat, Vec
 from . import large
 from .advice import instead_of_syntax
 from .ir_numbers import Num
@@ -65,6 +68,8 @@ class Expressions(Loops):
     def truth(self, value: Any) -> Any:
         if isinstance(value, Num):
             return value if value.kind == "b" else value != 0
+        if isinstance(value, ByValue):
+            return self.truth(value.value)
         if hasattr(type(value), "__bool__") or hasattr(type(value), "__len__"):
             self.reads.settled(value)
         return bool(value)
@@ -335,7 +340,11 @@ class Expressions(Loops):
         return self.reads.attribute(value, name, self.call)
 
     def item(self, value: Any, index: Any) -> Any:
-        if isinstance(index, tuple) and isinstance(value, Mat):
+        if (
+            isinstance(index, tuple)
+            and len(index) == 2
+            and (isinstance(value, Mat) or (isinstance(value, np.ndarray) and holds_number(index)))
+        ):
             return self.item(self.item(value, index[0]), index[1])
         if not holds_number(index):
             self.reads.settled(value)
@@ -347,7 +356,7 @@ class Expressions(Loops):
             )
         if isinstance(value, dict):
             raise NotCompilable("a key of a dict must be known now: write `if` and `elif`, or a list")
-        result, *others = value  # an index known at run time: pick by comparison
+        result, *others = _entries(value)  # an index known at run time: pick by comparison
         count = len(others) + 1
         self.fail_if(
             self.emitter.negation(self.emitter.logic("and_", index >= -count, index < count))
@@ -467,6 +476,18 @@ class Expressions(Loops):
         if isinstance(value, Undefined):
             raise NotCompilable(f"a choice: {value.reason}")
         return value
+
+
+def _entries(value: Any) -> Any:
+    """The items of a sequence, those of NumPy's as numbers and vectors."""
+    if not isinstance(value, np.ndarray):
+        return value
+    if value.dtype not in (np.float64, np.int64) or value.ndim > (value.dtype == np.float64) + 1:
+        raise NotCompilable(
+            f"an array of {value.dtype.name} of {value.ndim} axes is indexed by a number known only "
+            "at run time: make it a tuple, or one of floats, of one or two axes"
+        )
+    return [Vec(*row) if isinstance(row, list) else row for row in value.tolist()]
 
 
 def _named(node: ast.Call) -> list[Any]:

@@ -18,6 +18,7 @@ from ..formulas import functions
 from ..formulas.compensated import value_of
 from ..formulas.dual import Dual
 from ..formulas.dual import value_of as without_slope
+from ..formulas.numbers import ByValue
 from ..formulas.pytree import is_any_number
 from ..formulas.series import Series
 from .callbacks import FUNCTIONS
@@ -203,15 +204,17 @@ class PythonFunctions:
 
     def sorted(self, items: Any, **options: Any) -> list[Any]:
         found, key, reverse = list(self.t.iterate(items)), options.get("key"), options.get("reverse")
-        if key is None and not holds_number(found):
+        if key is None and not any(isinstance(x, ByValue) or holds_number(x) for x in found):
             return sorted(found, **options)
         keys = [*found] if key is None else [self.t.call(key, x) for x in found]
-        if isinstance(reverse, Num) or not all(map(is_any_number, keys)):
+        if isinstance(reverse, Num) or not all(
+            isinstance(x, ByValue) or is_any_number(x) for x in keys
+        ):
             raise NotCompilable(
                 "`sorted` of run-time numbers sorts by plain numbers, its direction known before "
                 "the run: give a `key` that is one number"
             )
-        for x in keys:
+        for x in map(value_of, map(without_slope, keys)):
             if isinstance(x, Num):
                 self.t.fail_if(x != x)  # the place of a nan depends on how Python sorts
         if reverse:  # what is equal keeps its order

@@ -9,6 +9,9 @@ import numpy as np
 import pytest
 from compiler.worlds import NotCompilable, native, same_in_all_worlds
 
+import liemech as lm
+from liemech.formulas import vec
+
 pytestmark = pytest.mark.compiled
 
 ROWS = [[0.5, 2.0], [-1.5, 0.25], [0.0, -0.0], [3.0, 3.0]]
@@ -68,9 +71,25 @@ def loops_by_steps(x: Any, y: Any, n: Any) -> Any:
     return total
 
 
+def entries_by_numbers_of_the_run(x: Any, y: Any, n: Any) -> Any:
+    k = n - 2
+    picked = [KNOTS[k] * x, MATRIX[k, k - 1] * y, WHOLE[-n] * x, MATRIX[k] @ vec(x, y)]
+    return [*picked, *(MATRIX[k] * y), MATRIX[k][0] + x]
+
+
+def derivatives_of_choices(x: Any, y: Any, n: Any) -> Any:
+    """Numbers that carry a derivative are sorted by their values, and are true unless 0."""
+
+    def choice(v: Any) -> Any:
+        low, high = sorted([v[0] * v[1], v[0] ** 2])
+        return low + 3.0 * high + (v[0] or v[1]) * (v[1] if v[0] and v[1] else 2.0)
+
+    return [*lm.gradient(choice, vec(x, y))]
+
+
 @pytest.mark.parametrize(
     "formula",
-    [found_in_containers, divided_by_entries_of_a_table, properties_of_arrays, truth_of_numpy,
+    [entries_by_numbers_of_the_run, derivatives_of_choices, found_in_containers, divided_by_entries_of_a_table, properties_of_arrays, truth_of_numpy,
      least_and_greatest_by_a_key, sorted_by_a_key, loops_by_steps],
 )  # fmt: skip
 def test_what_python_says(formula: Callable[..., Any]) -> None:
