@@ -89,8 +89,11 @@ def derivatives_of_choices(x: Any, y: Any, n: Any) -> Any:
 
 @pytest.mark.parametrize(
     "formula",
-    [entries_by_numbers_of_the_run, derivatives_of_choices, found_in_containers, divided_by_entries_of_a_table, properties_of_arrays, truth_of_numpy,
-     least_and_greatest_by_a_key, sorted_by_a_key, loops_by_steps],
+    [
+        entries_by_numbers_of_the_run, derivatives_of_choices, found_in_containers,
+        divided_by_entries_of_a_table, properties_of_arrays, truth_of_numpy,
+        least_and_greatest_by_a_key, sorted_by_a_key, loops_by_steps,
+    ],
 )  # fmt: skip
 def test_what_python_says(formula: Callable[..., Any]) -> None:
     same_in_all_worlds(formula, ROWS)
