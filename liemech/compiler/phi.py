@@ -144,6 +144,7 @@ class Phis:
         if any(layout != layouts[0] for layout in layouts):
             shapes = " and ".join(dict.fromkeys(map(repr, layouts)))
             shapes += ": write float(x) of NumPy's numbers" if "np." in shapes else ""
+            shapes += ": write liemech.formulas.where" if "power series" in shapes else ""
             return Undefined(f"it is one thing on one way and another on the other: {shapes}")
         rows = zip(*(leaves(v, layouts[0]) for v in items), strict=True)
         return build(

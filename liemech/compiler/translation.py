@@ -23,6 +23,7 @@ import numpy as np
 from ..errors import NotCompilable
 from ..formulas import functions, series, sums, tables, vectors
 from ..formulas.derivatives import axes, tangent
+from ..formulas.dual import Dual
 from ..formulas.fields import floats
 from ..formulas.pytree import (
     PAIRS,
@@ -33,6 +34,7 @@ from ..formulas.pytree import (
     is_any_number,
     layout_of,
     leaves,
+    paired,
     plain,
     rounded,
 )
@@ -41,10 +43,10 @@ from ..formulas.series import Series
 from ..formulas.vectors import Mat, Vec
 from . import driver, large
 from .advice import instead_of
-from .expressions import Expressions, holds_number, in_words
+from .expressions import holds_number, in_words
 from .ir_numbers import Emitter, Num
 from .outlined import Outliner
-from .phi import RETURN, Open
+from .phi import RETURN, Open, leveled
 from .python_functions import COMPUTING, OUTSIDE, STRUCTURE, PythonFunctions
 from .reads import Reads
 from .scopes import Closure, Env, Frame, Undefined, bound
@@ -219,7 +221,11 @@ class Interpreter(Statements):
 
     def where(self, condition: Any, yes: Any, no: Any) -> Any:
         if isinstance(yes, Series) or isinstance(no, Series):
-            return Series.chosen(lambda a, b: Expressions.where(self, condition, a, b), yes, no)
+            return Series.chosen(lambda a, b: self.where(condition, a, b), yes, no)
+        if isinstance(yes, Dual) or isinstance(no, Dual):
+            first, second = leveled([yes, no])
+            parts = zip(first.parts, second.parts, strict=True)
+            return paired(first.form, [self.where(condition, a, b) for a, b in parts])
         return super().where(condition, yes, no)
 
     def named(self, value: Any, name: str, *default: Any) -> Any:
