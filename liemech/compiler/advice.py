@@ -32,7 +32,9 @@ _FUNCTIONS = {
     "list.append list.extend": "give the list a name of its own in this formula, or write [*items, x]",
     "set frozenset": "write a tuple",
     "round around": "write round(x)",
-    "multiply add subtract divide true_divide negative": "write the operator",
+    "multiply add subtract divide true_divide negative mul sub truediv pow neg": "write the operator",
+    "itemgetter attrgetter": "write x[i] or x.name",
+    "_lru_cache_wrapper": "leave the cache out: native code computes what is known once",
     "sum": "use sum(...) of a list, or liemech.sum",
     "print input open": "leave it out of formulas; record the run and look at it afterwards",
 }
@@ -63,7 +65,8 @@ def instead_of(function: Any) -> str:
     if isinstance(function, type) and function.__module__ not in ("builtins", "numpy", "functools"):
         return "make a tuple, or a record (@liemech.record)"
     name = getattr(function, "__qualname__", None) or type(function).__name__
-    return _OF.get(name) or _OF.get(name.rpartition(".")[2]) or _OTHERWISE
+    of_kind = _OF.get(type(function).__name__)  # partial, ...
+    return of_kind or _OF.get(name) or _OF.get(name.rpartition(".")[2]) or _OTHERWISE
 
 
 def instead_of_syntax(node: ast.AST) -> str:

@@ -92,6 +92,19 @@ class Reads:
         self._read(cls, "attribute", "__dataclass_fields__")
         return dataclasses.fields(cls)
 
+    def construction(self, cls: type) -> str:
+        """The method of the user's own that runs when a record of this class is made; '' if there is
+        none.
+        """
+        for name in ("__new__", "__init__", "__post_init__"):
+            home = next(c for c in cls.__mro__ if name in vars(c))
+            made = self._read(cls, "attribute", name)
+            code = getattr(made, "__code__", None)
+            theirs = of_python(home) and not home.__module__.startswith(_LIBRARY)
+            if theirs and code is not None and code.co_filename != "<string>":  # of `dataclass`
+                return name
+        return ""
+
     def has(self, value: Any, name: str) -> bool:
         """What `hasattr` says."""
         if id(value) in self._given or (
@@ -122,7 +135,7 @@ class Reads:
                 )
                 raise NotCompilable(
                     f"Python would have to compute with {what} before the "
-                    "run: formulas use attributes and calls"
+                    "run: formulas use attributes and calls; make it a tuple, a dict or a float"
                 )
 
     def attribute(self, value: Any, name: str, call: Callable[..., Any]) -> Any:
@@ -521,6 +534,7 @@ def _never(*_: Any) -> bool:
 
 
 _OWN: Any = object()
+_LIBRARY = f"{__name__.partition('.')[0]}."
 _PLAIN_CLASSES = {type, abc.ABCMeta}
 
 

@@ -20,11 +20,11 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import NotCompilable
+from ..errors import InvalidInput, InvalidType, NotCompilable
 from ..formulas import functions, series, sums, tables, vectors
 from ..formulas.derivatives import axes, tangent
 from ..formulas.dual import Dual
-from ..formulas.fields import floats
+from ..formulas.fields import converters
 from ..formulas.pytree import (
     PAIRS,
     compensated,
@@ -82,6 +82,7 @@ class Interpreter(Statements):
             super: self.super,
             getattr: self.named,
             hasattr: reads.has,
+            dataclasses.replace: self.replaced,
             **{f: f for f in (layout_of, compensated, double_double, plain, rounded, fitted, axes)},
             tangent: lambda formula, *x: tangent(functools.partial(self.call, formula), *x),
             sums.bilinear_map: lambda *x: large.sums(emitter, sums.bilinear_map, *x),
@@ -134,7 +135,8 @@ class Interpreter(Statements):
                 self.reads.settled(*args)
                 return function(*args, **options)
             return self.inline(function, args, options)
-        if of_python(type(function)) and hasattr(type(function), "__call__"):  # noqa: B004
+        written = getattr(type(function), "__call__", None)  # noqa: B004
+        if of_python(type(function)) and isinstance(written, types.FunctionType):
             if "__call__" in getattr(function, "__dict__", {}):
                 raise NotCompilable("an object with a `__call__` beside that of its class")
             return self.call(self.attribute(function, "__call__"), *args, **options)
@@ -195,7 +197,7 @@ class Interpreter(Statements):
         return self.within(frame, result)
 
     def construct(self, cls: type, args: tuple[Any, ...], options: dict[str, Any]) -> Any:
-        """A record made by a formula: its fields, without the checks of its arguments."""
+        """A record made by a formula: its fields, converted, without liemech's checks of them."""
         fields = self.reads.fields(cls)
         given = dict(zip([f.name for f in fields if f.init], args, strict=False)) | options
         for f in fields:
@@ -206,11 +208,32 @@ class Interpreter(Statements):
                         "fields cannot be made by formulas)"
                     )
                 given[f.name] = f.default
-            if f.name in floats(cls) and is_any_number(given[f.name]):
-                given[f.name] = self.intrinsics[float](given[f.name])
         if len(given) != len(fields) or len(args) > len(fields):
             raise NotCompilable(f"{cls.__name__} has the fields {[f.name for f in fields]}")
-        return fill(cls, {f.name: given[f.name] for f in fields})
+        own = self.reads.construction(cls)
+        if own:
+            raise NotCompilable(
+                f"{cls.__name__}.{own} would run where a formula makes one: make it before the run, "
+                "or a record without it"
+            )
+        made = fill(cls, {f.name: given[f.name] for f in fields})
+        try:
+            converted = {
+                name: convert(made, name, given[name])
+                for name, convert, easy, _ in converters(cls)
+                if type(given[name]) not in easy
+            }
+        except (InvalidInput, InvalidType) as error:
+            raise NotCompilable(str(error)) from None
+        return fill(cls, vars(made) | converted)
+
+    def replaced(self, record: Any, **changes: Any) -> Any:
+        """The record with some of its fields changed."""
+        if not isinstance(record, Record):
+            raise NotCompilable("`dataclasses.replace` of what is no record")
+        fields = self.reads.fields(type(record))
+        held = {f.name: self.attribute(record, f.name) for f in fields if f.init}
+        return self.construct(type(record), (), held | changes)
 
     def super(self, *args: Any) -> Any:
         if args:
