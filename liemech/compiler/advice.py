@@ -35,6 +35,7 @@ _FUNCTIONS = {
     "multiply add subtract divide true_divide negative mul sub truediv pow neg": "write the operator",
     "itemgetter attrgetter": "write x[i] or x.name",
     "_lru_cache_wrapper": "leave the cache out: native code computes what is known once",
+    "range": "write a loop, `for i in range(n):`",
     "sum": "use sum(...) of a list, or liemech.sum",
     "print input open": "leave it out of formulas; record the run and look at it afterwards",
 }

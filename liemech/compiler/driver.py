@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from ..errors import InvalidType
 from ..formulas.pytree import Layout, build, is_any_number, layout_of, leaves
 from ..formulas.vectors import Vec
 
@@ -52,6 +53,11 @@ def attempt(function: Callable[..., Any], *args: Any) -> Any:
     except Exception as error:  # whoever started the driver decides what becomes of it
         if isinstance(error, TypeError) and "complex" in str(error) and not _writes_complex(error):
             return Rejected(ArithmeticError(f"a power of a negative number is complex: {error}"))
+        if isinstance(error, ValueError) and str(error).startswith("The truth value of an array"):
+            mistake = InvalidType(
+                f"a formula gives a NumPy array where a number belongs, write liemech.vec: {error}"
+            )
+            return Rejected(mistake.with_traceback(error.__traceback__))
         return Rejected(error)
 
 

@@ -145,6 +145,8 @@ class Phis:
             shapes = " and ".join(dict.fromkeys(map(repr, layouts)))
             shapes += ": write float(x) of NumPy's numbers" if "np." in shapes else ""
             shapes += ": write liemech.formulas.where" if "power series" in shapes else ""
+            if "None" in shapes or "'" in shapes:
+                shapes += ": let it be a number on every way, such as 0 or 1"
             return Undefined(f"it is one thing on one way and another on the other: {shapes}")
         rows = zip(*(leaves(v, layouts[0]) for v in items), strict=True)
         return build(

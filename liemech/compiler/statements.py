@@ -254,7 +254,7 @@ class Statements(Expressions):
         if step == 1:
             env[counter] = start
         else:  # the turns are counted
-            name = Later(lambda begin=start: begin)
+            name = Later(lambda: start)
             item = ast.BinOp(name, ast.Add(), ast.BinOp(ast.Constant(step), ast.Mult(), item))
             turns = stop - start + step - (1 if step > 0 else -1)
             env[counter], stop = 0, turns // step

@@ -838,5 +838,10 @@ def _stacked(results: Sequence[Any], where: str) -> Any:
             )
     try:
         return np.array(results, dtype=float)
+    except ValueError:
+        raise InvalidType(
+            f"{where} gave {shown(first)}; a formula gives numbers, "
+            "vectors, matrices or tuples of these, of one shape"
+        ) from None
     except TypeError:  # complex entries among them
         return np.array(results, dtype=complex)

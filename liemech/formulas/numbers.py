@@ -35,7 +35,8 @@ class StandIn:
 
 def of_an_int(x: Any) -> Any:
     """What takes the place of an int, as a float; anything else as it is."""
-    return 1.0 * x if isinstance(x, StandIn) and x.is_integer else x
+    integer: Any = x if isinstance(x, StandIn) and x.is_integer else None
+    return x if integer is None else 1.0 * integer
 
 
 class Pair:
