@@ -10,5 +10,5 @@ from liemech.systems.lie_poisson import BodyState
 
 def test_the_exact_fall_asks_for_a_pose() -> None:
     body = lm.FallingBody([1.0, 1.6, 2.3], mass=1.7)
-    with pytest.raises(lm.errors.InvalidInput, match="FallingBody.exact: start has no pose g"):
+    with pytest.raises(lm.errors.InvalidInput, match=r"FallingBody\.exact: start has no pose g"):
         body.exact(BodyState(lm.vec(1.0, 2.0, 3.0, 0.0, 0.0, 0.0)), 0.1)
