@@ -24,7 +24,7 @@ from ..errors import (
 from ..formulas.pytree import build, gatherer, layout_of
 from ..systems.system import State
 from . import arguments
-from .adaptive import FRESH, adaptive_steps, noted
+from .adaptive import CLOCK, FRESH, adaptive_steps, noted
 from .carry import AdaptiveCarry
 from .checkpoint import Checkpoint
 from .dense import DenseOutput, unpacked
@@ -166,7 +166,8 @@ class Shape(Prepared):
         if sampled:
             call = sampled_steps, *self.arguments, *[0.0] * 4, curves, 1, 1, *[none] * 6, None
         self.stepping = Execution(plan.compiled, plan.progress, *call)
-        self.gather = gatherer(self.state)
+        self.gather, self.rest = gatherer(self.state), (0.0,) * (self.layout.width - self.state.width)
+        self.begun = struct.Struct(f"{self.layout.width + CLOCK.width}d")
         self.call = struct.Struct(f"11q{len(self.constants)}s4d").pack
 
 

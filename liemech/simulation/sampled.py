@@ -110,9 +110,8 @@ class FirstPiece:
         out = done + SAMPLES.width
         self.before, self.end = before, out + shape.row.width + 1 + width
         self.memory = memory = np.empty(self.end + count * width)
-        memory[:width], memory[width:carried] = shape.gather(start), 0.0
         h = 0.0 if plan.h is None else math.copysign(plan.h, t_end - t0)
-        memory[carried:done] = t0, h, *FRESH
+        shape.begun.pack_into(memory, 0, *shape.gather(start), *shape.rest, t0, h, *FRESH)
         samples = self.end + before * width
         if before:
             memory[self.end : samples].reshape(before, width)[:] = memory[:width]
