@@ -32,7 +32,7 @@ from .events import Event, Watch
 from .execution import LOOK, Execution, numbers_of
 from .prepared import Prepared
 from .progress import Bar
-from .sampled import FirstPiece, sampled_steps
+from .sampled import FirstPiece, between, sampled_steps
 from .trajectory import Trajectory
 
 ROOM = 512
@@ -203,7 +203,7 @@ class AdaptiveRun:
         self.kept = plan.dense is True or (t_eval is None and recorder is None)
         dense = plan.dense is True or (plan.dense is None and t_eval is None and recorder is None)
         self.dense = dense
-        curves = dense or bool(events) or (t_eval is not None and bool(np.any(t_eval != t_end)))
+        curves = dense or bool(events) or (t_eval is not None and between(t_eval, t0, t_end))
         # are the states at the times found in native code?
         self.at_times = t_eval is not None and not (self.kept or events or recorder)
         self.start = start.state if isinstance(start, AdaptiveCarry) else start

@@ -89,6 +89,20 @@ def sampled_steps(
     write(done, 0, Samples(float(k), failed), SAMPLES)
 
 
+def at_start(times: np.ndarray, t0: float) -> int:
+    """How many of these times, sorted from there on, are the start."""
+    count, n = len(times), 0
+    while n < count and times.item(n) == t0:
+        n += 1
+    return n
+
+
+def between(times: np.ndarray, t0: float, t_end: float) -> bool:
+    """Are there others among them than the start and the end?"""
+    before = at_start(times, t0)
+    return before < len(times) and times.item(before) != t_end
+
+
 class FirstPiece:
     """The first steps of a run, in one call of native code; of a short run all of them.
 
@@ -103,9 +117,8 @@ class FirstPiece:
         limit: int,
     ) -> None:  # fmt: skip
         self.shape, self.t0, self.t_end, self.times = shape, t0, t_end, times
-        carried, width, count, before = shape.layout.width, shape.state.width, len(times), 0
-        while before < count and times.item(before) == t0:
-            before += 1
+        carried, width, count = shape.layout.width, shape.state.width, len(times)
+        before = at_start(times, t0)
         done = carried + CLOCK.width
         out = done + SAMPLES.width
         self.before, self.end = before, out + shape.row.width + 1 + width
@@ -131,7 +144,7 @@ class FirstPiece:
     ) -> FirstPiece | None:
         """Such a piece; None if there is no native code yet, or nothing to do."""
         known = known_layout(start) if len(times) and t0 != t_end else None
-        shape = plan.shapes.get((known, times.item(0) != t_end, True)) if known else None
+        shape = plan.shapes.get((known, between(times, t0, t_end), True)) if known else None
         if shape is None:
             return None
         shape.stepping.again()
