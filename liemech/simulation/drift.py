@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -170,10 +171,9 @@ def _some(samples: int) -> list[int]:
     return [0, samples // 2, -1]
 
 
-def _lengths(vectors: np.ndarray) -> np.ndarray:
-    """The norms of vectors, (..., n), near to 1."""
-    found: np.ndarray = np.sqrt((vectors * vectors).sum(axis=-1))
-    return found
+def _lengths(vectors: np.ndarray) -> Any:
+    """The norms of vectors, (..., n), whose squares neither under- nor overflow."""
+    return np.sqrt((vectors * vectors).sum(axis=-1))
 
 
 def _kept(name: str, t: np.ndarray, values: np.ndarray, terms: np.ndarray) -> Kept:
