@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import NotCompilable
-from ..formulas.pytree import Layout, layout_of, leaves
+from ..formulas.pytree import Layout, gatherer, layout_of, leaves
 from . import driver
 from .uncollected import uncollected
 
@@ -144,12 +144,17 @@ class Kernel:
         """Run on these arguments, for the bodies from begin to end (whole lanes); arrays hold a
         column for each of `bodies`.
         """
+        self.on(*args, bodies=bodies)(begin, end)
+
+    def on(self, *args: Any, bodies: int = 1) -> Callable[[int, int], None]:
+        """The same for any of the bodies: the arguments are laid out once."""
         numbers: list[float] = []
         integers: list[int] = []
         arrays: list[np.ndarray] = []
         for value, kind in zip(args, self.kinds, strict=True):
             if isinstance(kind, Layout):
-                numbers.extend(leaves(value, kind))
+                if kind.width:
+                    numbers.extend(gatherer(kind)(value))
             elif isinstance(value, Several):
                 arrays.append(value.columns)
             elif isinstance(value, Rows):
@@ -157,7 +162,9 @@ class Kernel:
                 integers.append(value.step)
             else:
                 (integers if kind == "integer" else arrays).append(value)
-        self.run(array("d", numbers).tobytes(), integers, arrays, bodies, begin, end)
+        words, rest = (*integers, *map(address, arrays)), array("d", numbers).tobytes()
+        pack = struct.Struct(f"{3 + len(words)}q").pack
+        return lambda begin, end: self.call(pack(bodies, begin, end, *words) + rest)
 
     def run(
         self,
