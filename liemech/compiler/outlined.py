@@ -28,6 +28,7 @@ from ..formulas.vectors import Mat, Vec
 from .ir_numbers import F64, I32, I64, TYPES, Num
 from .phi import Open
 from .scopes import Frame
+from .sharing import lists
 
 LONG = 2500
 """Instructions up to which everything is written out, in each native function."""
@@ -589,6 +590,8 @@ class Outliner:
             inside = inside or isinstance(x, (Vec, Mat, *PAIRS))
             parts[place] = _of_parts(x, [seen(y, inside) for y in _parts(x)])
             self.t.reads.copied(parts[place], x)
+            if isinstance(x, list):  # the caller has it too
+                self.t.sharing.share([parts[place]])
             return parts[place]
 
         return {name: seen(x, False) for name, x in [*given.items(), ("<mask>", active)]}, parts
@@ -736,7 +739,10 @@ class Outliner:
             kind, x = pattern
             match kind:
                 case "structure":
-                    return _of_parts(x[0], [restored(y) for y in x[1]])
+                    whole = _of_parts(x[0], [restored(y) for y in x[1]])
+                    if id(x[0]) in t.sharing.shared:
+                        t.sharing.share([whole, *lists(call.parts)])
+                    return whole
                 case "parameter":
                     return self._loaded(x)
                 case "argument":

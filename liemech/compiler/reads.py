@@ -77,10 +77,33 @@ class Reads:
             self._spaces.setdefault(id(function.__globals__), function), "global", name
         )
 
+    def class_of(self, value: Any) -> type:
+        """The class of an object, which may get another one."""
+        if (
+            id(value) in self._origins
+            and of_python(type(value))
+            and not isinstance(value, (Record, type, types.ModuleType, types.FunctionType))
+        ):
+            self._read(value, "class", "")
+        return type(value)
+
     def fields(self, cls: type) -> Any:
         """The fields of a record class."""
         self._read(cls, "attribute", "__dataclass_fields__")
         return dataclasses.fields(cls)
+
+    def construction(self, cls: type) -> str:
+        """The method of the user's own that runs when a record of this class is made; '' if there is
+        none.
+        """
+        for name in ("__new__", "__init__", "__post_init__"):
+            home = next(c for c in cls.__mro__ if name in vars(c))
+            made = self._read(cls, "attribute", name)
+            code = getattr(made, "__code__", None)
+            theirs = of_python(home) and not home.__module__.startswith(_LIBRARY)
+            if theirs and code is not None and code.co_filename != "<string>":  # of `dataclass`
+                return name
+        return ""
 
     def has(self, value: Any, name: str) -> bool:
         """What `hasattr` says."""
@@ -112,7 +135,7 @@ class Reads:
                 )
                 raise NotCompilable(
                     f"Python would have to compute with {what} before the "
-                    "run: formulas use attributes and calls"
+                    "run: formulas use attributes and calls; make it a tuple, a dict or a float"
                 )
 
     def attribute(self, value: Any, name: str, call: Callable[..., Any]) -> Any:
@@ -132,14 +155,12 @@ class Reads:
             return self._bound(self._read(cls, f"member {after}", name), None, cls, name, call)
         if isinstance(owner, (types.ModuleType, types.FunctionType)):
             return self._read(owner, "attribute", name)
-        if (
-            not isinstance(owner, Record)
-            and (id(owner) not in self._origins or is_own(owner))
-            and not of_python(cls)
-        ):
-            return getattr(value, name)
+        if not isinstance(owner, Record) and not of_python(cls):
+            if id(owner) not in self._origins or is_own(owner) or tokens.known(owner, False):
+                return getattr(value, name)
+            return self._read(owner, "attribute", name)
         if name == "__class__":
-            return cls
+            return self.class_of(owner) if after == 0 else cls
         member = _member(cls, after, name)
         own = getattr(owner, "__dict__", {}) if after == 0 else {}
         if name in own and not hasattr(type(member), "__set__"):
@@ -193,6 +214,10 @@ class Reads:
             if _varies(value):
                 return call(member.func, owner)
         return self._read(owner, "attribute", name)
+
+    def from_outside(self, value: Any) -> bool:
+        """Was it there before the formulas?"""
+        return id(value) in self._origins
 
     def made(self, value: Any) -> bool:
         """Did a formula make it, of what it has read?"""
@@ -518,6 +543,7 @@ def _never(*_: Any) -> bool:
 
 
 _OWN: Any = object()
+_LIBRARY = f"{__name__.partition('.')[0]}."
 _PLAIN_CLASSES = {type, abc.ABCMeta}
 
 

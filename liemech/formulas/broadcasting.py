@@ -810,6 +810,19 @@ def _unflattened(result: Any, leading: tuple[int, ...]) -> Any:
     return shaped if shaped.ndim else shaped.item()
 
 
+def _real(value: Any) -> Any:
+    """What a formula gives: a power of a negative number, complex in Python, is no number here, as
+    in native code.
+    """
+    if type(value) is complex:
+        return math.nan
+    if isinstance(value, Vec) and any(type(x) is complex for x in value):
+        return Vec(*map(_real, value))
+    if isinstance(value, Mat) and any(type(x) is complex for row in value.rows for x in row):
+        return Mat(*[[_real(x) for x in row] for row in value.rows])
+    return value
+
+
 def _stacked(results: Sequence[Any], where: str) -> Any:
     """The values of a formula as arrays, the batch axis first; tuples of values as tuples of
     arrays.
@@ -819,6 +832,7 @@ def _stacked(results: Sequence[Any], where: str) -> Any:
         return tuple(_stacked(list(part), where) for part in zip(*results, strict=True))
     if all(isinstance(one, bool) for one in results):
         return np.array(results)
+    results = [_real(one) for one in results]
     for one in results:
         if not isinstance(one, (float, int, Complex, Vec, Mat, np.ndarray, np.number)):
             raise InvalidType(

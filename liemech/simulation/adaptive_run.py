@@ -249,7 +249,8 @@ class AdaptiveRun:
         shape = self.plan.shapes.get(key)
         if shape is None:
             xi = attempt(self.system.rate, self.t0, self.system.essential_part(self.start))
-            if not accepted(xi, itself):
+            # a power of a negative number is complex
+            if not accepted(xi, itself) or any(type(x) is complex for x in xi):
                 raise self._not_begun(reason(xi))
             shape = self.plan.shapes[key] = Shape(self.plan, self.start, xi, *key[1:])
         else:
