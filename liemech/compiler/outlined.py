@@ -77,6 +77,9 @@ SIDE_BY_SIDE = 9000
 other waits for a result.
 """
 
+SHORT = 5500
+"""Lines of a kernel of one register a number that may have so few instructions with two."""
+
 EFFORT = 2.5
 """How many times the limit may be translated, where formulas and loops are tried in several ways."""
 
