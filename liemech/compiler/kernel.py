@@ -359,11 +359,12 @@ def _translated(
     other.
     """
     with _importing:
+        from . import llvm
         from .outlined import LIMIT, SHORT, SIDE_BY_SIDE, TooLong
 
     with uncollected():
         made = _translation(entry, kinds, min(lanes, width()), given, LIMIT)
-        if lanes > width() and made[1].count("\n") <= SHORT:
+        if lanes > width() and llvm.size(made[1]) <= SHORT:
             with contextlib.suppress(TooLong):
                 return _translation(entry, kinds, lanes, given, SIDE_BY_SIDE)
         return made
@@ -439,9 +440,9 @@ def _translation(
     builder.branch(head)
     builder.position_at_end(done)
     builder.ret_void()
-    drop_unused(module, function)
+    size = drop_unused(module, function)
     entrance(module, function, kinds)
-    return reads, str(module)
+    return reads, f"; {size} instructions\n{module}"
 
 
 def _located(error: Exception, interpreter: Any) -> Exception:
