@@ -361,17 +361,20 @@ def _translated(
 ) -> tuple[Any, str]:
     """What the driver reads, and the kernel in LLVM's language.
 
-    One that becomes long gets a single register for each number: it is made in half the time, and
-    is the faster one too, because the others would not find room beside each other.
+    In lanes each number gets a register, and two if the kernel is short.  One that is long is made
+    in half the time, and is the faster one too, because the others would not find room beside each
+    other.
     """
     with _importing:
-        from .outlined import LIMIT, SIDE_BY_SIDE, TooLong
+        from . import llvm
+        from .outlined import LIMIT, SHORT, SIDE_BY_SIDE, TooLong
 
     with uncollected():
-        if lanes > width():
+        made = _translation(entry, kinds, min(lanes, width()), given, LIMIT)
+        if lanes > width() and llvm.size(made[1]) <= SHORT:
             with contextlib.suppress(TooLong):
                 return _translation(entry, kinds, lanes, given, SIDE_BY_SIDE)
-        return _translation(entry, kinds, min(lanes, width()), given, LIMIT)
+        return made
 
 
 def _translation(
@@ -444,9 +447,9 @@ def _translation(
     builder.branch(head)
     builder.position_at_end(done)
     builder.ret_void()
-    drop_unused(module, function)
+    size = drop_unused(module, function)
     entrance(module, function, kinds)
-    return reads, str(module)
+    return reads, f"; {size} instructions\n{module}"
 
 
 def _located(error: Exception, interpreter: Any) -> Exception:
