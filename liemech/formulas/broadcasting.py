@@ -622,7 +622,8 @@ def _broadcast(
             )
         arrays[name], lead[name] = array, array.shape[: array.ndim - axes]
     try:
-        leading = np.broadcast_shapes(*lead.values())
+        leads = {*lead.values()}
+        leading = np.broadcast_shapes(*leads) if len(leads) > 1 else leads.pop()
     except ValueError:
         raise InvalidInput(f"{where}: the leading axes {lead} do not broadcast") from None
     rest = {k: v for k, v in arguments.items() if k not in arrays}
@@ -795,6 +796,8 @@ def _flattened(array: np.ndarray, leading: tuple[int, ...], core: tuple[int, ...
     """The leading axes as one; an array that is the same for all rows is not copied: its stride is
     zero.
     """
+    if array.shape == leading + core and len(leading) == 1:
+        return array
     if math.prod(array.shape) == math.prod(core) and math.prod(leading) != 1:
         return np.broadcast_to(array.reshape(core), (math.prod(leading), *core))
     return np.broadcast_to(array, leading + core).reshape(math.prod(leading), *core)
