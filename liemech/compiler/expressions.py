@@ -12,6 +12,7 @@ import numpy as np
 
 from ..errors import NotCompilable
 from ..formulas.numbers import ByValue
+from ..formulas.pytree import is_any_number
 from ..formulas.vectors import Mat, Vec
 from . import large
 from .advice import instead_of_syntax
@@ -415,7 +416,9 @@ class Expressions(Loops):
             first = self.identity(left, right, isinstance(node.ops[0], ast.Is))
         else:
             self.reads.settled(left, right, inside=True)
-            if isinstance(node.ops[0], (ast.In, ast.NotIn)) and isinstance(left, Num):
+            if isinstance(node.ops[0], (ast.In, ast.NotIn)) and (
+                isinstance(left, Num) or (is_any_number(left) and holds_number(right))
+            ):
                 first = self.among(left, right)
                 if isinstance(node.ops[0], ast.NotIn):
                     first = self.emitter.negation(first)
@@ -433,11 +436,11 @@ class Expressions(Loops):
             ast.copy_location(ast.BoolOp(ast.And(), [Later(lambda: first), rest]), node), env
         )
 
-    def among(self, x: Num, items: Any) -> Any:
+    def among(self, x: Any, items: Any) -> Any:
         """`x in items`: is it equal to one of them?  (Of nan, identity would decide.)"""
         if isinstance(items, (str, bytes, Stream)):
             raise NotCompilable("`in` a text or an iterator, of a number known only at run time")
-        if x.kind == "f":
+        if isinstance(x, Num) and x.kind == "f":
             self.fail_if(x != x)
         found: Any = False
         for item in list(items):

@@ -39,6 +39,7 @@ K = 0.75
 TABLE = (0.5, -1.25, 3.0)
 BIG = 2**70
 STEPS = [0.25, 0.5]
+ROW = np.array([0.5, -1.25, 3.0])
 
 
 def shifted(x):
@@ -226,6 +227,70 @@ X = V2()
 
 V1, V2 = (lambda x: x + E), (lambda x: x * E)
 X = V1(V2(E))
+""",
+    ),
+    one_of(
+        "lists with two names",
+        """
+""",
+        """
+V1 = [E, E]
+V2 = V1 if C else [E, E]
+V2[0] = E
+X = V1[0] + V2[1]
+
+V1, V2 = [E, E], [E]
+if C:
+    V2 = V1
+V1[0] = E
+X = V2[0]
+
+V1 = [E]
+V2 = {"a": V1}
+V1[0] = E
+X = V2["a"][0]
+
+V1 = [E]
+V2 = lambda x, k=V1: k[0] * x
+V1[0] = E
+X = V2(E)
+
+V1 = [E, E]
+V2 = [*V1]
+if C:
+    V2[0] = E
+X = V1[0] + V2[0]
+
+V1, V2 = [E], [E]
+for V3 in range(n):
+    V2[0] = E
+    V2 = V1
+X = V1[0]
+
+V1, V2 = [E], [E]
+for V3 in range(n):
+    V2[0] = E
+    V1 = [*V2]
+X = V1[0] + V2[0]
+""",
+    ),
+    one_of(
+        "choices by a key, and ranges by steps",
+        """
+X = max((E, E, E), key=abs)
+X = min(E, E, key=lambda x: (x - E) ** 2)
+X = sorted((E, E, E), key=lambda x: -x)[1]
+X = sorted((E, E, E), reverse=True)[0]
+X = 1.0 if E in (E, 0.5, X) else 2.0
+X = 1.0 if n in (1, 2, 5) else 2.0
+X = ROW[n % 3] * E
+""",
+        """
+for V1 in range(n, -3, -1):
+    X = 0.5 * X + V1
+
+for V1 in range(0, 90, 4):
+    X = 0.5 * X + V1 * E
 """,
     ),
     one_of(
