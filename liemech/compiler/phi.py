@@ -145,6 +145,8 @@ class Phis:
             shapes = " and ".join(dict.fromkeys(map(repr, layouts)))
             shapes += ": write float(x) of NumPy's numbers" if "np." in shapes else ""
             shapes += ": write liemech.formulas.where" if "power series" in shapes else ""
+            if len({shape.count(",") for shape in map(repr, layouts) if "list(" in shape}) > 1:
+                shapes += ": choose the item, and `append` it after the branch"
             if "None" in shapes or "'" in shapes:
                 shapes += ": let it be a number on every way, such as 0 or 1"
             return Undefined(f"it is one thing on one way and another on the other: {shapes}")
