@@ -220,22 +220,33 @@ def outcome(item: pytest.Item, following: pytest.Item | None, seconds: float) ->
     )
 
 
+def in_forks(works: list[Callable[[], Any]], folder: Path) -> list[Any]:
+    """What each of these gives in a child of this process, side by side; None if the child dies."""
+    sys.stdout.flush()
+    begun = []
+    for work in works:
+        handle, name = tempfile.mkstemp(dir=folder)
+        os.close(handle)
+        file = Path(name)
+        child = os.fork()
+        if child == 0:
+            try:
+                file.write_bytes(pickle.dumps(work()))
+            finally:
+                os._exit(0)
+        begun.append((child, file))
+    results = []
+    for child, file in begun:
+        os.waitpid(child, 0)
+        content = file.read_bytes()
+        file.unlink()
+        results.append(pickle.loads(content) if content else None)
+    return results
+
+
 def in_fork(work: Callable[[], Any], folder: Path) -> Any:
     """What some work gives in a child of this process; None if the child dies."""
-    handle, name = tempfile.mkstemp(dir=folder)
-    os.close(handle)
-    file = Path(name)
-    sys.stdout.flush()
-    child = os.fork()
-    if child == 0:
-        try:
-            file.write_bytes(pickle.dumps(work()))
-        finally:
-            os._exit(0)
-    os.waitpid(child, 0)
-    content = file.read_bytes()
-    file.unlink()
-    return pickle.loads(content) if content else None
+    return in_forks([work], folder)[0]
 
 
 @dataclass
@@ -258,6 +269,26 @@ class Reach:
         for k in columns:
             found |= (self.reached[:, k // 8] >> (7 - k % 8)) & 1 == 1
         return found
+
+    @classmethod
+    def joined(cls, parts: list[Reach]) -> Reach:
+        """What was seen in several processes."""
+        places: dict[tuple[str, int], int] = {}
+        for place in itertools.chain(*(part.places for part in parts)):
+            places.setdefault(place, len(places))
+        blocks = []
+        for part in parts:
+            block = np.zeros((len(part.names), len(places)), bool)
+            seen = np.unpackbits(part.reached, axis=1, count=len(part.places))
+            block[:, [places[place] for place in part.places]] = seen
+            blocks.append(np.packbits(block, axis=1))
+        return cls(
+            [name for part in parts for name in part.names],
+            places,
+            np.concatenate(blocks),
+            np.concatenate([part.seconds for part in parts]),
+            np.concatenate([part.passed for part in parts]),
+        )
 
 
 def reach(items: list[pytest.Item], tree: Path) -> Reach:
@@ -335,9 +366,11 @@ class Trials:
         gc.freeze()
         items = {item.nodeid: item for item in session.items}
         if not self.kept.exists():
-            self.kept.write_bytes(
-                pickle.dumps(in_fork(lambda: reach(session.items, self.tree), self.tree))
-            )
+            parts = [[], []]  # by whole files, on two processors
+            for k, (_, found) in enumerate(itertools.groupby(session.items, lambda i: i.path)):
+                parts[k % 2] += found
+            seen = in_forks([functools.partial(reach, p, self.tree) for p in parts], self.tree)
+            self.kept.write_bytes(pickle.dumps(Reach.joined(seen)))
         self.reach = pickle.loads(self.kept.read_bytes())
         for i, change in enumerate(self.chosen, 1):
             with change.made(self.tree):
