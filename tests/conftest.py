@@ -13,13 +13,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-# bytecode goes to a folder of its own, so that processes of the tests need not translate all modules
-if sys.dont_write_bytecode:
-    sys.dont_write_bytecode = False
-    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
-    sys.pycache_prefix = os.environ["PYTHONPYCACHEPREFIX"] = str(
-        Path(__file__).parent.parent / ".pytest_cache" / "bytecode"
-    )
+# bytecode is kept, so that processes of the tests need not translate all modules
+sys.dont_write_bytecode = False
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 # small matrices: threads that wait for each other on a busy machine
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
