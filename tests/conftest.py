@@ -14,8 +14,9 @@ from pathlib import Path
 from typing import Any
 
 # bytecode is kept, so that processes of the tests need not translate all modules
-sys.dont_write_bytecode = False
-os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+if sys.dont_write_bytecode:
+    sys.dont_write_bytecode = False
+    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 # small matrices: threads that wait for each other on a busy machine
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

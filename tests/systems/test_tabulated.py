@@ -242,3 +242,7 @@ def test_what_is_no_table_is_refused():
         lm.PiecewisePolynomial.linear([0.0, 1.0], [1.0, 2.0], outside="extrapolate")
     with pytest.raises(errors.InvalidType, match="spline of scipy"):
         lm.PiecewisePolynomial.of(np.sin)
+
+
+def test_a_table_shows_its_ends():
+    assert "t = 2 to 9," in repr(lm.PiecewisePolynomial.linear([2.0, 5.0, 9.0], [0.0, 1.0, 3.0]))
