@@ -310,7 +310,7 @@ def test_flows_that_are_not_exact_leave_order_two(monkeypatch: pytest.MonkeyPatc
     body, start = asymmetric_body()
     for tableau in (CF4, CARPENTER_KENNEDY4):
         mu, g = [], []
-        for n in (40, 80, 160):
+        for n in (20, 40, 80):
             run = lm.integrate(
                 body, CommutatorFree(tableau=tableau), start, h=2.0 / n, steps=n, compiled=False
             )
@@ -318,7 +318,7 @@ def test_flows_that_are_not_exact_leave_order_two(monkeypatch: pytest.MonkeyPatc
             mu.append(np.abs(run.mu[-1] - exact.mu).max())
             g.append(np.abs(run.g[-1] - exact.g).max())
         for error in mu, g:
-            assert slope([1 / 40, 1 / 80, 1 / 160], error) == pytest.approx(2.0, abs=0.1)
+            assert slope([1 / 20, 1 / 40, 1 / 80], error) == pytest.approx(2.0, abs=0.1)
 
 
 @lm.record
@@ -341,7 +341,7 @@ def test_on_a_vector_space_they_are_runge_kutta_methods() -> None:
             )
         )
         runs = [
-            lm.integrate(system, method, start, h=0.1, steps=100).g
+            lm.integrate(system, method, start, h=0.1, steps=20).g
             for method in (classical, CommutatorFree(tableau=tableau))
         ]
         assert np.abs(runs[0] - runs[1]).max() < 1e-13
