@@ -24,8 +24,7 @@ READY = "window.ready || window.failed"
 @functools.cache
 def run() -> lm.Trajectory:
     """The motion that is seen."""
-    method = lm.CovariantVariational(lm.Cayley())
-    return lm.integrate(BODY, method, START, h=0.1, steps=600, compiled=False)
+    return lm.integrate(BODY, lm.ExactFreeBody(), START, h=0.1, steps=600, compiled=False)
 
 
 @pytest.fixture(scope="module")
