@@ -378,7 +378,7 @@ def test_shared_flows_are_the_same_as_flows_followed_again() -> None:
 # ---------------------------------------------------------------- what is kept
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(4)
 @by_name
 def test_orbit_group_and_spatial_momentum_are_kept_to_rounding(method: CommutatorFree) -> None:
     body, start = asymmetric_body()

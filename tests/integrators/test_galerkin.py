@@ -558,7 +558,7 @@ def test_steps_beyond_the_chart_are_refused() -> None:
     body, _ = asymmetric_body()
     J = np.array(body.inertia)
     spin = body.state([0.0, 0.0, 1.0], np.eye(3))
-    for order, method in [*EXPS.items()][:2]:
+    for order, method in EXPS.items():
         run = lm.integrate(body, method, spin, h=6.2 * J[2], steps=2)
         assert np.abs(run.g[-1] - np.array(body.exact(spin, run.t[-1]).g)).max() < 1e-14 * order
         with pytest.raises(lm.errors.OutsideChart, match="left the chart"):

@@ -80,7 +80,6 @@ def test_a_step_back_undoes_a_step(scene: object, method: lm.Method, h: float) -
     assert np.abs(back.g[-1] - there.g[0]).max() < 4e-15
 
 
-@pytest.mark.sample(4)
 @SCENES
 @pytest.mark.parametrize("method", COMPOSED, ids=named)
 def test_a_composed_step_back_undoes_a_step(scene: object, method: lm.Method) -> None:
