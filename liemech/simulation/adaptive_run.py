@@ -265,7 +265,7 @@ class AdaptiveRun:
                     if end != beyond:
                         self._jump(beyond)
                         if beyond == self.t_end:
-                            self.rows[self.filled - 1, 0] = beyond
+                            self._arrived()
         except KeyboardInterrupt:
             stopped = IntegrationInterrupted(
                 f"integrate: interrupted at t = {self.clock[0]:g}; the samples are in `.trajectory`"
@@ -293,6 +293,20 @@ class AdaptiveRun:
         anew.
         """
         self.clock[0], self.clock[1], self.clock[6] = beyond, 0.0, 1.0
+
+    def _arrived(self) -> None:
+        """At a t_end where the velocity jumps, which steps keep away from: their last state is
+        that at t_end.
+        """
+        self.rows[self.filled - 1, 0] = self.t_end
+        if self.kept:
+            return
+        if self.t_eval is None:
+            self.told[-1][0][-1] = self.t_end
+            return
+        left = len(self.t_eval) - self.asked
+        last = self.rows[self.filled - 1 : self.filled, 1 : 1 + self.width]
+        self._keep_states(self.t_eval[self.asked :], last.repeat(left, axis=0))
 
     def _stepped(self, end: float, bar: Bar) -> bool:
         """Steps to this time; did a terminal event end the run?"""
@@ -381,30 +395,37 @@ class AdaptiveRun:
         """Keep what the recorder keeps of some samples."""
         states = unpacked(self.shape.state, numbers.copy())
         run = SimpleNamespace(system=self.system, bodies=None)
-        self.told.append(
-            (
-                times.copy(),
-                self.recorder.values(
-                    run, type(self.shape.example), times, states, self.plan.compiled
-                ),
-            )
-        )
+        given = run, type(self.shape.example), times, states, self.plan.compiled
+        try:
+            self.told.append((times.copy(), self.recorder.values(*given)))
+        except Exception as caught:
+            error: Any = caught
+            n, kept = error.kept
+            self.told.append((times[:n].copy(), kept))
+            raise self._ended(error, None) from error.__cause__
 
     def _at_times(self, before: int, times: np.ndarray) -> None:
         """Keep the states that t_eval asks for in the last steps."""
         reached, left = self.clock[0], times[self.asked :]
         inside = left[left <= reached if self.t_end >= self.t0 else left >= reached]
-        self.asked += len(inside)
         if len(inside):
             last = self.rows[self.filled - 1]
-            self.sampled.append(
+            states = (
                 last[None, 1 : 1 + self.width].repeat(len(inside), axis=0)
                 if inside.item(0) == last.item(0)
                 else self._dense(before - 1).within(inside)
             )
-            if self.recorder is not None:
-                self._tell(inside, self.sampled[-1])
-                self.sampled[-1] = np.empty((len(inside), 0))
+            self._keep_states(inside, states)
+
+    def _keep_states(self, times: np.ndarray, states: np.ndarray) -> None:
+        """Keep the states at some times that t_eval asks for, or what the recorder keeps of them."""
+        self.asked += len(times)
+        if not len(times):
+            return
+        if self.recorder is None:
+            self.sampled.append(states)
+        else:
+            self._tell(times, states)
 
     def _terminated(self, before: int) -> bool:
         """Look for events in the last steps, and end the run at the first terminal one."""
@@ -478,8 +499,6 @@ class AdaptiveRun:
             names = self.recorder.names if self.told else ()
             joined = {name: np.concatenate([kept[name] for _, kept in self.told]) for name in names}
             times = np.concatenate([np.empty(0), *(t for t, _ in self.told)])
-            if self.t_eval is None and len(times):
-                times[-1] = self.rows[self.filled - 1, 0]  # behind a jump at t_end
             return times, joined
         if self.t_eval is None:
             times, numbers = (
@@ -543,6 +562,8 @@ class AdaptiveRun:
         made.__cause__ = error
         return self._ended(made)
 
-    def _ended(self, error: Any) -> Any:
-        error.trajectory = self._result()
+    def _ended(self, error: Any, *carry: None) -> Any:
+        error.trajectory = run = self._result()
+        if carry:
+            error.trajectory = dataclasses.replace(run, carry=None)
         return error

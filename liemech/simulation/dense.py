@@ -294,12 +294,11 @@ def _one(
     failures: list[Exception | None] = []
     driver(*arguments, given, out, failures)
     if failures:
-        error = failures[0]
-        raise (
-            error
-            if error is not None and is_mistake(error)
-            else failure(error, what[0], what[1](k))
-        )
+        error: Any = failures[0]
+        if error is None or not is_mistake(error):
+            error = failure(error, what[0], what[1](k))
+        error.row = k
+        raise error
 
 
 def unpacked(layout: Any, numbers: np.ndarray) -> dict[str, np.ndarray]:

@@ -13,7 +13,13 @@ from typing import Any
 import numpy as np
 
 from ..compiler.driver import attempt, read, reason
-from ..errors import InvalidInput, InvalidType, failure, is_mistake
+from ..errors import (
+    IntegrationInterrupted,
+    InvalidInput,
+    InvalidType,
+    failure,
+    is_mistake,
+)
 from ..formulas import Record
 from ..formulas.broadcasting import small
 from ..formulas.pytree import NUMBER, layout_of
@@ -25,7 +31,7 @@ from .drift import RECORDED
 from .fixed_run import FixedRun
 from .prepared import Steps, times
 from .progress import Bar
-from .trajectory import Trajectory
+from .trajectory import Trajectory, TransformedTrajectory
 
 SAMPLES, STEPS = 2**16, 2**22
 """Samples and steps of all bodies together between two looks at the functions."""
@@ -83,7 +89,28 @@ class Recorder:
     def values(
         self, run: Any, kind: Any, t: np.ndarray, states: dict[str, np.ndarray], compiled: Any
     ) -> dict[str, np.ndarray]:
-        """What is kept of samples (n, ...), of an ensemble (n, bodies, ...).  kind : of state."""
+        """What is kept of samples (n, ...), of an ensemble (n, bodies, ...).  kind : of state.
+
+        What a function raises has, as `kept`, the samples before the one for which it failed: how
+        many, and what is kept of them.
+        """
+        try:
+            return self._values(run, kind, t, states, compiled)
+        except (Exception, KeyboardInterrupt) as caught:
+            error: Any = caught
+            if isinstance(caught, KeyboardInterrupt):
+                error = IntegrationInterrupted(
+                    f"integrate: interrupted while {', '.join(self.quantities)} were computed; "
+                    "the samples before are in `.trajectory`"
+                )
+            n = getattr(error, "row", 0) // (run.bodies or 1)
+            some = {name: x[:n] for name, x in states.items()}
+            error.kept = n, self._values(run, kind, t[:n], some, compiled)
+            raise error from error.__cause__
+
+    def _values(
+        self, run: Any, kind: Any, t: np.ndarray, states: dict[str, np.ndarray], compiled: Any
+    ) -> dict[str, np.ndarray]:
         found = {name: states[name] for name in self.parts}
         for name, quantity in self.quantities.items():
             if isinstance(quantity, str):
@@ -144,8 +171,18 @@ class Recorder:
 
     def presented(self, run: Any, kind: type, compiled: Any) -> Any:
         """A run that kept the states, with what is to be kept instead."""
-        kept = self.values(run, kind, run.t, run.states, compiled)
-        return dataclasses.replace(run, states=kept, observed=tuple(self.quantities), dense=None)
+        own: dict[str, Any] = {"observed": tuple(self.quantities), "dense": None}
+        try:
+            kept = self.values(run, kind, run.t, run.states, compiled)
+        except Exception as caught:
+            error: Any = caught
+            n, kept = error.kept
+            own |= {"t": run.t[:n], "states": kept, "carry": None}
+            if isinstance(run, TransformedTrajectory):
+                own |= {"tau": run.tau[:n], "z": None if run.z is None else run.z[:n]}
+            error.trajectory = dataclasses.replace(run, **own)
+            raise
+        return dataclasses.replace(run, states=kept, **own)
 
     def instead(self, make: Callable[[], Any], kind: type, compiled: Any) -> Any:
         """The same of a run to be made, which may fail."""
@@ -153,8 +190,9 @@ class Recorder:
             run = make()
         except BaseException as caught:
             error: Any = caught
-            if isinstance(getattr(error, "trajectory", None), Trajectory):
-                error.trajectory = self.presented(error.trajectory, kind, compiled)
+            run = getattr(error, "trajectory", None)
+            if isinstance(run, Trajectory) and not run.observed:
+                error.trajectory = self.presented(run, kind, compiled)
             raise
         return self.presented(run, kind, compiled)
 
@@ -217,14 +255,14 @@ class _RecordedRun:
                 try:
                     part = run.trajectory()
                     self._keep(part, n)
-                except (Exception, KeyboardInterrupt) as caught:
+                except Exception as caught:
                     error: Any = caught
                     if part is None:
                         part = getattr(error, "trajectory", None)
                         if part is None:
                             raise
                         self._keep(part, part.steps)
-                    error.trajectory = self._made(part)
+                    error.trajectory = self._made(dataclasses.replace(part, carry=None))
                     raise
                 bar.advance(n * (bodies or 1))
                 if part.carry is None and self.done < self.steps:
@@ -263,9 +301,18 @@ class _RecordedRun:
         self.done = self.steps
 
     def _add(self, part: Trajectory, t: np.ndarray, states: dict[str, np.ndarray]) -> None:
-        if len(t):
-            self.kept.append(self.recorder.values(part, self.kind, t, states, self.plan.compiled))
-            self.t.append(t)
+        if not len(t):
+            return
+        try:
+            kept = self.recorder.values(part, self.kind, t, states, self.plan.compiled)
+        except Exception as caught:
+            error: Any = caught
+            n, some = error.kept
+            self.kept.append(some)
+            self.t.append(t[:n])
+            raise
+        self.kept.append(kept)
+        self.t.append(t)
 
     def _made(self, part: Trajectory) -> Trajectory:
         """The run so far, as which its last part ends."""

@@ -203,12 +203,15 @@ class Trajectory:
 
     @property
     def last(self) -> State:
-        """The last state, from which a run can be continued."""
-        if self.observed:
+        """The last state, from which a run can be continued; of a run without samples where it
+        stands.
+        """
+        if self.observed or not len(self):
             if self.carry is None:
                 raise InvalidInput(
-                    "Trajectory.last: this run kept functions of the "
-                    "state only, and has not come to its end"
+                    "Trajectory.last: this run kept "
+                    f"{'functions of the state only' if self.observed else 'no samples'}, "
+                    "and has not come to its end"
                 )
             return self.carry.state
         return self._laws.state(**{name: array[-1] for name, array in self.states.items()})
@@ -293,25 +296,26 @@ class Trajectory:
 
         Raises InvalidInput if the second begins at another time than this one's `carry` has.
         """
-        alike = (
-            type(self) is type(rest)
-            and self.carry is not None
-            and self.states.keys() == rest.states.keys()
+        refused = InvalidInput(
+            f"Trajectory.then: {rest!r} does not begin where {self!r} was to go on"
         )
-        end, t, more = (
-            (self._clock(self.carry), self._clock(), rest._clock())
-            if alike
-            else (0.0, self.t, self.t[:0])
-        )
+        if (
+            type(self) is not type(rest)
+            or self.carry is None
+            or self.states.keys() != rest.states.keys()
+        ):
+            raise refused
+        end, t, more = self._clock(self.carry), self._clock(), rest._clock()
         direction = self.h
-        if alike and self.rejected is not None and self.bodies is not None:
-            direction = np.sign(end - t[0])  # every body its own
-        if not len(more) or np.any((more[0] - end) * direction < 0.0):
-            raise InvalidInput(
-                f"Trajectory.then: {rest!r} does not begin where {self!r} was to go on"
-            )
+        if self.rejected is not None and self.bodies is not None:  # every body its own
+            direction = np.sign(end - t[0]) if len(t) else 0.0
+        first = more[0] if len(more) else rest._clock(rest.carry)
+        if np.any((first - end) * direction < 0.0):
+            raise refused
         # kept by both
-        again = int(len(self) > 0 and np.all(more[0] == end) and np.all(t[-1] == more[0]))
+        again = int(
+            len(t) > 0 and len(more) > 0 and bool(np.all(more[0] == end) and np.all(t[-1] == end))
+        )
         return replace(
             rest,
             t=_both(self.t, rest.t[again:], self.bodies),
