@@ -123,11 +123,6 @@ class AdaptiveSteps:
         limit = arguments.MOST if limit is None else arguments.count(limit, "steps", 1)
         t_end = arguments.real(t_end, "t_end")
         times = arguments.times(t_eval, t0, t_end)
-        if kept is not None and events:
-            raise InvalidInput(
-                "integrate: checkpoint is for adaptive runs without events, "
-                "and for steps of one length"
-            )
         if recorder is not None and self.dense:
             raise InvalidInput(
                 "integrate: dense=True keeps the states; record no functions of them"
@@ -209,13 +204,11 @@ class AdaptiveRun:
             first = 0.0 if plan.h is None else math.copysign(plan.h, t_end - t0)
             self.clock = np.array([t0, first, 1.0, 0.0, 0.0, 0.0, 1.0])
         self.watch: Any = None
-        self.watch = Watch(events, self._ended, t0, self.start)
-        if (
-            isinstance(start, AdaptiveCarry)
-            and start.ended is not None
-            and start.ended < len(events)
-        ):
-            self.watch.values[start.ended] = 0.0  # the zero that ended the run before
+        carry = start if isinstance(start, AdaptiveCarry) else None
+        met = () if carry is None else carry.met
+        self.watch = Watch(events, self._ended, t0, self.start, met)
+        if carry is not None and carry.ended is not None and carry.ended < len(events):
+            self.watch.values[carry.ended] = 0.0  # the zero that ended the run before
 
     def _shape(self, curves: bool) -> Shape:
         """The layouts of this run, from other runs of the plan if their starts were like this one."""
@@ -313,7 +306,7 @@ class AdaptiveRun:
         room = 8
         while self.clock[0] != end:
             begun = time.perf_counter()
-            before = self.filled
+            before, taken = self.filled, self.clock[3]
             self._more(end, room if self.shape.stepping.native is None else ROOM)
             if time.perf_counter() - begun < 0.5 * LOOK:
                 room = min(2 * room, ROOM)
@@ -321,7 +314,8 @@ class AdaptiveRun:
             ended = bool(self.events) and self._terminated(before)
             if not self.kept:
                 self._sample(before)
-            if self.checkpoint is not None and self.checkpoint.due():
+            more = int(self.clock[3] - taken)
+            if self.checkpoint is not None and self.checkpoint.due(more):
                 self.checkpoint.save(self._result())
             if ended:
                 return True
@@ -347,6 +341,8 @@ class AdaptiveRun:
     def _more(self, end: float, room: int) -> None:
         """Up to this many more steps."""
         room = min(room, int(self.limit - self.clock[3]))
+        if self.checkpoint is not None:
+            room = self.checkpoint.within(room)
         if self.filled + room > len(self.rows):
             wanted = max(len(self.rows) + len(self.rows) // 4, self.filled + room)
             self._make_room(wanted)
@@ -485,13 +481,14 @@ class AdaptiveRun:
     def _carry(self, last: np.ndarray) -> AdaptiveCarry | None:
         """What to go on with from the last row: all of it, or after a terminal event a start anew."""
         numbers, clock = self.states.copy(), self.clock.copy()
-        if self.watch is None or clock[5] or clock[0] != last[0]:
+        if self.watch is None or self.watch.looking or clock[5] or clock[0] != last[0]:
             return None
-        if self.watch.events and clock[0] != self.t_end:
+        if self.watch.ended is not None:
             numbers[: self.width] = last[1 : 1 + self.width]
             clock[1], clock[6] = 0.0, 1.0
         state = build(self.shape.state, iter(last[1 : 1 + self.width].tolist()))
-        return AdaptiveCarry(numbers, clock, state, float(clock[0]), self.watch.ended)
+        own = self.watch.ended, self.watch.met
+        return AdaptiveCarry(numbers, clock, state, float(clock[0]), *own)
 
     def _samples(self, dense: DenseOutput | None) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         """Times and parts of the state."""

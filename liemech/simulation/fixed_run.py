@@ -252,6 +252,8 @@ class FixedRun:
                     sweep = max(1, pace // self.columns)
                     if self.compiled:  # whole lanes in turn, each through the whole sweep
                         sweep = max(sweep, min(SWEEP // self.columns, pace // self.shape.lanes))
+                    if self.checkpoint is not None:
+                        sweep = self.checkpoint.within(sweep)
                     pending = self._pending(done)
                     # part of one sample
                     if self.marks is not None or pending < self.every or sweep < self.every:
@@ -262,7 +264,7 @@ class FixedRun:
                     done += every * samples
                     used = (time.perf_counter() - begun) / calls
                     bar.advance(every * samples * self.count)
-                    if self.checkpoint is not None and self.checkpoint.due():
+                    if self.checkpoint is not None and self.checkpoint.due(every * samples):
                         self.checkpoint.save(self._so_far(done))
                     if used < (PATIENCE if settled else LOOK) / 2:
                         pace *= 2

@@ -7,6 +7,7 @@ import inspect
 import math
 import os
 from collections.abc import Iterable, Sequence
+from datetime import timedelta
 from typing import TYPE_CHECKING, Any
 
 from ..compiler.kernel import Several
@@ -240,7 +241,7 @@ class Plan:
         t0: float = 0.0,
         t_eval: Any = None,
         checkpoint: str | os.PathLike[str] | None = None,
-        checkpoint_every: float = 60.0,
+        checkpoint_every: float | str | timedelta = 60.0,
         executor: Any = None,
     ) -> Trajectory:
         """Follow the motion from a start at time t0, in so many steps or to the time t_end.
@@ -251,8 +252,8 @@ class Plan:
         t_eval : (n,) times at which to keep the state, instead of the ends of steps.
         In an ensemble with adaptive steps t_end may be (bodies,), and t_eval (n, bodies): then
         run.t is (n, bodies), too.
-        checkpoint : a file to which the run is saved every so many seconds, `checkpoint_every`, as
-        far as it has come.
+        checkpoint : a file to which the run is saved as far as it has come, every
+        `checkpoint_every`: 30.0 seconds, or "10_000 steps".
 
         executor : of concurrent.futures, dask.distributed, ...: the bodies of an ensemble are
         divided among its workers.
@@ -407,7 +408,7 @@ class Plan:
         t_end: Any = None,
         t_eval: Any = None,
         checkpoint: str | os.PathLike[str] | None = None,
-        checkpoint_every: float = 60.0,
+        checkpoint_every: float | str | timedelta = 60.0,
     ) -> Trajectory:
         """Go on where a run of this plan, or of an equal one, has ended: bit for bit as if it had
         not.
@@ -527,8 +528,11 @@ class Plan:
         if t_eval is None and not self.events:
             return recorder.fixed(self._steps, start, steps, t0, kept)
         kind = type(start.state if isinstance(start, Carry) else start)
+        compiled = self._steps.compiled
+        if kept is not None:
+            kept.shown = functools.partial(recorder.presented, kind=kind, compiled=compiled)
         return recorder.instead(
-            lambda: self._whole(start, steps, t0, t_eval, kept), kind, self._steps.compiled
+            lambda: self._whole(start, steps, t0, t_eval, kept), kind, compiled
         )
 
     def _whole(
@@ -541,24 +545,24 @@ class Plan:
                 if run is None
                 else run
             )
-        if kept is not None:
-            raise InvalidInput(
-                "integrate: checkpoint is for runs without events, "
-                "those of steps of one length without t_eval"
-            )
         from .watched import WatchedRun, sampled
 
         begun = start.t if isinstance(start, Carry) else t0
         before = start.step if isinstance(start, Carry) else 0
         times = arguments.times(t_eval, begun, t0 + (before + steps) * self._steps.h)
         if self.events:
-            return WatchedRun(self._steps, start, steps, t0, times, self.events).trajectory()
+            return WatchedRun(self._steps, start, steps, t0, times, self.events, kept).trajectory()
         assert times is not None
-        return sampled(self._steps, start, steps, t0, times)
+        return sampled(self._steps, start, steps, t0, times, kept)
 
     def _of_this_plan(self, run: Trajectory) -> Any:
         """What the run carries along, if it is this plan's to go on with."""
         carry: Any = run.carry
+        if hasattr(run, "tangent"):
+            raise InvalidInput(
+                "Plan.resume: a run with its tangent map carries nothing on; go on with "
+                "plan.tangent(run.last, ...) and multiply the maps"
+            )
         if carry is None:
             raise InvalidInput(
                 "Plan.resume: this run was interrupted, has failed or was ended "

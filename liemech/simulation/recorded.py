@@ -245,6 +245,8 @@ class _RecordedRun:
         with Bar(self.plan.progress, self.steps * (bodies or 1)) as bar:
             while True:
                 n = min(self.longest, self.steps - self.done)
+                if self.checkpoint is not None:
+                    n = self.checkpoint.within(n)
                 run = _Part(inner, self.now, n, self.t0)
                 run.whole, run.earlier, run.final = (
                     self.steps - self.done,
@@ -271,7 +273,7 @@ class _RecordedRun:
                 if self.done == self.steps:
                     return self._made(part)
                 self.now = part.carry
-                if self.checkpoint is not None and self.checkpoint.due():
+                if self.checkpoint is not None and self.checkpoint.due(n):
                     self.checkpoint.save(self._made(part))
 
     def _keep(self, part: Trajectory, steps: int) -> None:

@@ -270,9 +270,11 @@ class Trajectory:
         from .archive import load
 
         kept = load(path, modules)
-        if "tau" in kept:
-            return TransformedTrajectory(**kept)
-        return Trajectory(**kept)
+        if "tangent" in kept:
+            from .tangent import TangentTrajectory
+
+            return TangentTrajectory(**kept)
+        return TransformedTrajectory(**kept) if "origin" in kept else Trajectory(**kept)
 
     def to_xarray(self) -> Any:
         """The samples as an xarray.Dataset over t: mu is (t, mu_0), g (t, g_0, g_1), in an ensemble
@@ -313,20 +315,20 @@ class Trajectory:
         if np.any((first - end) * direction < 0.0):
             raise refused
         # kept by both
-        again = int(
+        shared = int(
             len(t) > 0 and len(more) > 0 and bool(np.all(more[0] == end) and np.all(t[-1] == end))
         )
         return replace(
             rest,
-            t=_both(self.t, rest.t[again:], self.bodies),
+            t=_both(self.t, rest.t[shared:], self.bodies),
             states={
-                name: np.concatenate([x, rest.states[name][again:]])
+                name: np.concatenate([x, rest.states[name][shared:]])
                 for name, x in self.states.items()
             },
             steps=self.steps + rest.steps,
             rejected=None if rest.rejected is None else rest.rejected + (self.rejected or 0),
             events=tuple([_joined(*pair) for pair in zip(self.events, rest.events, strict=False)]),
-            **self._more(rest, again),
+            **self._more(rest, shared),
         )
 
     def _clock(self, carry: Any = None) -> Any:

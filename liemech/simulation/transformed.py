@@ -358,7 +358,8 @@ class March:
         if events:
             start = run.carry.state if run.carry is not None else run.origin.start
             self.first = small_state(type(start), start.arrays)
-            self.watch = Watch(events, self._ended, run.t0, self.first)
+            met = () if run.carry is None else run.carry.met
+            self.watch = Watch(events, self._ended, run.t0, self.first, met)
 
     def _begun(self) -> tuple[Shape, np.ndarray, np.ndarray]:
         """What is prepared, what the method carries along at the start, and the first sample."""
@@ -395,7 +396,8 @@ class March:
                             )
                         )
                     begun = time.perf_counter()
-                    self._more(min(steps, self.limit - int(self.mark.steps)))
+                    most, taken = min(steps, self.limit - int(self.mark.steps)), self.mark.steps
+                    self._more(most if kept is None else kept.within(most))
                     used = time.perf_counter() - begun
                     steps = (
                         2 * steps
@@ -405,8 +407,9 @@ class March:
                         else steps
                     )
                     bar.advance(int(1000 * self._part()) - bar.done)
-                    if kept is not None and kept.due() and not self.mark.ended and self.at is None:
-                        kept.save(self._result())
+                    due = kept is not None and kept.due(int(self.mark.steps - taken))
+                    if due and not self.mark.ended and self.at is None:
+                        kept.save(self._result())  # type: ignore[union-attr]
         except KeyboardInterrupt:
             stopped = IntegrationInterrupted(
                 f"integrate: interrupted at t = {self._time():g}; the samples are in `.trajectory`"
@@ -511,12 +514,11 @@ class March:
         last = sample(self.run.method, read(self.states, 0, self.layout))
         numbers = np.append(self.states, float(whole))
         inner = Carry(self.shape, 0.0, h, whole, None, numbers, np.array(leaves(last, self.shown)))
-        tau = float(self.taus[-1][-1])
+        tau, met = float(self.taus[-1][-1]), () if self.watch is None else self.watch.met
         if (tau - whole * h) * h <= 0.0:
-            return FictiveCarry(self.run.origin, inner)
-        return FictiveCarry(
-            self.run.origin, inner, build(self.shown, iter(self.rows[-1][-1].tolist())), tau
-        )
+            return FictiveCarry(self.run.origin, inner, met=met)
+        ahead = build(self.shown, iter(self.rows[-1][-1].tolist()))
+        return FictiveCarry(self.run.origin, inner, ahead, tau, met)
 
     def _result(self) -> TransformedTrajectory:
         run, numbers, tau = self.run, np.concatenate(self.rows), np.concatenate(self.taus)
