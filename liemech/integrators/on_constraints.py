@@ -9,9 +9,10 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..errors import IncompatibleSystem, InconsistentState, NoConvergence
+from ..errors import IncompatibleSystem, InconsistentState, InvalidInput, NoConvergence
 from ..formulas import Mat, Vec, dot, record
 from ..formulas.broadcasting import small
+from ..formulas.sizes import EPSILON
 from ..systems.constrained import CONSISTENT, ConstrainedSystem, cross_products, eliminated, pushed
 from .method import Method, alternatives
 
@@ -48,6 +49,28 @@ class OnConstraints(Method):
                 f"{system!r}. {alternatives(system)}"
             )
         super().require(system)
+
+    def step_warning(self, system: Any, start: Any, h: float) -> str | None:
+        """Refuse a step that the positions would not notice.
+
+        Positions are on the constraints up to eps |q|, and impulses that put them there are the
+        larger the shorter the step is: where |h v| < eps |q| they are rounding.  At rest the step
+        counts from which those impulses are larger than the kick of the force.
+        """
+        v = system.velocity(start.q, start.p)
+        kicked = system.velocity(start.q, start.p + h * system.force(start.q, start.p))
+        speed, gained, least = (np.linalg.norm(x, axis=-1) for x in (v, kicked - v, start.q))
+        least = EPSILON * least
+        moved = abs(h) * (speed + gained / EPSILON)
+        lost = np.flatnonzero((0.0 < moved) & (moved < least))
+        if len(lost):
+            i, many = int(lost[0]), start.bodies is not None
+            raise InvalidInput(
+                f"{self!r}: in a step of h = {h:g} the positions move by "
+                f"{abs(h) * np.ravel(speed)[i]:.1e}, which is below the rounding of q, "
+                f"{np.ravel(least)[i]:.1e}{f' (body {i})' if many else ''}; give a larger h"
+            )
+        return None
 
     def check_branch(
         self, system: Any, h: float, q: Vec, there: Vec, p: Vec, G: Mat, pivots: Vec
