@@ -62,7 +62,7 @@ class OnConstraints(Method):
         speed, gained, least = (np.linalg.norm(x, axis=-1) for x in (v, kicked - v, start.q))
         least = EPSILON * least
         moved = abs(h) * (speed + gained / EPSILON)
-        lost = np.flatnonzero((0.0 < moved) & (moved < least))
+        lost = np.flatnonzero((moved > 0.0) & (moved < least))
         if len(lost):
             i, many = int(lost[0]), start.bodies is not None
             raise InvalidInput(

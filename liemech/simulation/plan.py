@@ -8,7 +8,7 @@ import math
 import os
 from collections.abc import Iterable, Sequence
 from datetime import timedelta
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ..compiler.kernel import Several
 from ..errors import InvalidInput, InvalidType, StepWarning, warn
@@ -27,10 +27,7 @@ from .one_by_one import OneByOne, apart
 from .prepared import Steps
 from .recorded import Recorder, recorder_of
 from .systems import OfBodies, Systems, each_of, methods_of, of_body, systems_of
-from .trajectory import Trajectory, TransformedTrajectory
-
-if TYPE_CHECKING:
-    from .tangent import TangentTrajectory
+from .trajectory import TangentTrajectory, Trajectory, TransformedTrajectory
 
 ROUNDING = 1e-9
 """Part of a step by which a last time may miss the end of one: more than rounding of h and t_end
@@ -558,7 +555,7 @@ class Plan:
     def _of_this_plan(self, run: Trajectory) -> Any:
         """What the run carries along, if it is this plan's to go on with."""
         carry: Any = run.carry
-        if hasattr(run, "tangent"):
+        if isinstance(run, TangentTrajectory):
             raise InvalidInput(
                 "Plan.resume: a run with its tangent map carries nothing on; go on with "
                 "plan.tangent(run.last, ...) and multiply the maps"

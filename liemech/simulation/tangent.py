@@ -23,26 +23,10 @@ from .fictive import Origin
 from .fixed_run import FixedRun
 from .prepared import Steps
 from .systems import Systems
-from .trajectory import Trajectory
+from .trajectory import TangentTrajectory, Trajectory
 
 LEVEL = 0.5
 """Of the numbers that carry the derivative: below those of derivatives that formulas take."""
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class TangentTrajectory(Trajectory):
-    """Samples of a motion, and its derivative.
-
-    tangent : by name, "start" or that of a parameter, (n, out, in) matrices: how the state at each
-    sample depends on it.  Rows are the components of the recorded parts of the state in turn; of a
-    group element g the components of eta in dg = g hat(eta).  So are the columns of "start"; those
-    of a parameter are its components.  Of an ensemble of m bodies (n, m, out, in).
-    tau : of a run in fictive time, (n,), the fictive times.  The derivative is that at the same
-    fictive time, and the last row that of the physical time.
-    """
-
-    tangent: dict[str, np.ndarray] = None  # type: ignore[assignment]
-    tau: np.ndarray | None = None
 
 
 # ------------------------------------------------------------------ directions

