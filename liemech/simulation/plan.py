@@ -632,9 +632,10 @@ class Plan:
     ) -> TangentTrajectory:
         """A run with its tangent map: the exact derivative of the discrete motion.
 
-        by : "start", or parameters of the system such as "inertia" or "hamiltonian.rotor", or a
-        list of these.  The derivative by parameters is as exact as that of what the system computes
-        of them when it is made, about 1e-13.
+        by : "start", parameters of the system such as "inertia" or "hamiltonian.rotor", those of
+        the method such as "method.sigma.power", the step "h" (at the same number of steps), or a
+        list of these.  The derivative by parameters is as exact as that of what system and method
+        compute of them when they are made, about 1e-13.
         With adaptive steps it is the derivative of the steps that were accepted, their lengths held
         fixed; t_end is needed.  In fictive time it is the derivative at the same fictive time, with
         the row of physical time behind the others, and steps are needed.
@@ -677,6 +678,11 @@ class Plan:
         from .tangent import adaptive_tangent_run, fictive_tangent_run, tangent_run
 
         if self.adaptive:
+            if "h" in names:
+                raise InvalidInput(
+                    "Plan.tangent: h is for steps of one length; the lengths of adaptive ones are "
+                    "held fixed"
+                )
             run = self._steps.run(start, t0, t_end, steps, None, ())
             return adaptive_tangent_run(self._steps, run, self._steps.begun(run.t), start, names)
         if self.fictive:
