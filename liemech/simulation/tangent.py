@@ -244,8 +244,9 @@ def fictive_tangent_run(
                     numbers = leaves(value, layout_of(value))
                     numbers[i] += by
                     other = with_parameter(given, inside, build(layout_of(value), iter(numbers)))
-                    pair = (plan.one, other) if of_method else (other, plan.method)
-                    return begun(*pair, start)
+                    if of_method:
+                        return begun(plan.one, other, start)
+                    return begun(other, plan.method, start)
 
                 slopes.append(slope(moved, step))
             methods += [None] * (len(slopes) - len(methods))
