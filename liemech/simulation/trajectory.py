@@ -17,7 +17,7 @@ from .dense import Between, DenseOutput, ShortSteps, flat
 from .drift import RECORDED, Drift
 from .fictive import Origin
 from .stopped import NONE, Stop
-from .systems import Systems, of_body
+from .systems import OfBodies, Systems, of_body
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -83,6 +83,30 @@ class Trajectory:
         for name in PROMISED:
             getattr(self, name)
         return {name: x for name, x in vars(self).items() if name != "_rest"}
+
+    def __eq__(self, other: Any) -> bool:
+        """Are both runs of equal systems and methods, with the same samples and events to the bit?"""
+        if type(self) is not type(other):
+            return NotImplemented
+        kept, others = self._compared, other._compared
+        return kept.keys() == others.keys() and all(_same(x, others[n]) for n, x in kept.items())
+
+    def __hash__(self) -> int:
+        return hash((type(self), self.steps, self.bodies))
+
+    @property
+    def _compared(self) -> dict[str, Any]:
+        """What equal runs have in common."""
+        known = {"system": self.system, "method": self.method, "h": self.h, "t": self.t}
+        events = [[times, state.arrays] for times, state in self._met]
+        return known | {"states": self.states, "steps": self.steps, "events": events}
+
+    @property
+    def _met(self) -> list[Any]:
+        """Times and states of every event, in an ensemble of every body."""
+        if self.bodies is None:
+            return [*self.events]
+        return [met for event in self.events for met in event]
 
     def __getattr__(self, name: str) -> Any:
         """A part of the state that belongs to this kind of system."""
@@ -474,6 +498,10 @@ class TransformedTrajectory(Trajectory):
             self.system, self.t if self.bodies is None else self.tau, self.states, self.bodies
         )
 
+    @property
+    def _compared(self) -> dict[str, Any]:
+        return super()._compared | {"tau": self.tau, "z": self.z}
+
     def _clock(self, carry: Any = None) -> Any:
         return self.tau if carry is None else carry.tau
 
@@ -519,6 +547,10 @@ class TangentTrajectory(Trajectory):
     tangent: dict[str, np.ndarray] = None  # type: ignore[assignment]
     tau: np.ndarray | None = None
 
+    @property
+    def _compared(self) -> dict[str, Any]:
+        return super()._compared | {"tangent": self.tangent, "tau": self.tau}
+
 
 def _both(first: np.ndarray, second: np.ndarray, bodies: int | None) -> np.ndarray:
     """Times of two runs; of bodies with times of their own (n, bodies)."""
@@ -528,6 +560,18 @@ def _both(first: np.ndarray, second: np.ndarray, bodies: int | None) -> np.ndarr
             for x in (first, second)
         )
     return np.concatenate([first, second])
+
+
+def _same(x: Any, y: Any) -> bool:
+    """Are two parts of runs equal, arrays to the bit?"""
+    if isinstance(x, np.ndarray) or isinstance(y, np.ndarray):
+        alike = np.shape(x) == np.shape(y) and np.asarray(x).dtype == np.asarray(y).dtype
+        return alike and np.asarray(x).tobytes() == np.asarray(y).tobytes()
+    if isinstance(x, dict) and isinstance(y, dict):
+        return x.keys() == y.keys() and all(_same(v, y[name]) for name, v in x.items())
+    if isinstance(x, (list, OfBodies)) and type(x) is type(y):
+        return len(x) == len(y) and all(_same(*pair) for pair in zip(x, y, strict=True))
+    return bool(x == y)
 
 
 def _range(values: Any) -> str:

@@ -220,3 +220,34 @@ def test_tangent_maps_in_files(ending, tmp_path: Path):
         assert run.tau is None or np.array_equal(found.tau, run.tau)
         with pytest.raises(errors.InvalidInput, match="multiply the maps"):
             lm.Plan(KEPLER, lm.StormerVerlet(), h=0.1).resume(found, steps=1)
+
+
+# ---------------------------------------------------------------- equal runs
+
+
+def test_runs_compare(tmp_path: Path):
+    """Equal are those of equal systems and methods with the same samples and events, to the bit."""
+    plan = lm.Plan(BODY, lm.RKMK(order=3), 0.5, events=Equator(), compiled=False)
+    run = plan.run(START, steps=8)
+    run.save(tmp_path / "run.npz")
+    loaded = lm.Trajectory.load(tmp_path / "run.npz")
+    for same_run in plan.run(START, steps=8), pickle.loads(pickle.dumps(run)), loaded:
+        assert run == same_run and hash(run) == hash(same_run)
+    moved = BODY.state(mu=np.array(START.mu) * (1.0 + 2.0**-50), g=np.eye(3))
+    other = lm.RigidBody([1.0, 1.5, 2.1])
+    for unlike in (
+        plan.run(moved, steps=8),
+        plan.run(START, steps=7),
+        plan.replace(events=()).run(START, steps=8),
+        plan.replace(system=other).run(START, steps=8),
+        plan.run(BODY.state(START.mu), steps=8),
+        plan.tangent,
+    ):
+        assert run != unlike
+    many = lm.Plan([BODY, other], lm.RKMK(order=3), 0.5, compiled=False)
+    assert many.run(MANY, steps=2) == many.run(MANY, steps=2)
+    assert many.run(MANY, steps=2) != lm.Plan(BODY, lm.RKMK(order=3), 0.5).run(MANY, steps=2)
+    clock = lm.Plan(KEPLER, CLOCK, h=0.1, compiled=False)
+    assert clock.run(PLANET, steps=2) == clock.run(PLANET, steps=2) != clock.run(PLANET, steps=3)
+    maps = [clock.tangent(PLANET, steps=1, by=by) for by in ("start", "start", "attraction")]
+    assert maps[0] == maps[1] != maps[2]
