@@ -259,6 +259,8 @@ class AdaptiveRun:
                         self._jump(beyond)
                         if beyond == self.t_end:
                             self._arrived()
+        except IntegrationInterrupted:
+            raise
         except KeyboardInterrupt:
             stopped = IntegrationInterrupted(
                 f"integrate: interrupted at t = {self.clock[0]:g}; the samples are in `.trajectory`"
@@ -394,7 +396,7 @@ class AdaptiveRun:
         given = run, type(self.shape.example), times, states, self.plan.compiled
         try:
             self.told.append((times.copy(), self.recorder.values(*given)))
-        except Exception as caught:
+        except (Exception, IntegrationInterrupted) as caught:
             error: Any = caught
             n, kept = error.kept
             self.told.append((times[:n].copy(), kept))

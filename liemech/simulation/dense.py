@@ -292,7 +292,11 @@ def _one(
     k: int,
 ) -> None:
     failures: list[Exception | None] = []
-    driver(*arguments, given, out, failures)
+    try:
+        driver(*arguments, given, out, failures)
+    except KeyboardInterrupt as stop:
+        stop.row = k  # type: ignore[attr-defined]
+        raise
     if failures:
         error: Any = failures[0]
         if error is None or not is_mistake(error):

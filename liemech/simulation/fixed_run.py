@@ -272,8 +272,8 @@ class FixedRun:
                         pace = max(1, pace // 2)
         except KeyboardInterrupt:
             stopped = IntegrationInterrupted(
-                f"integrate: interrupted after {done} of {self.steps} steps; "
-                f"{self._rows(done)} samples are in `.trajectory`"
+                f"integrate: interrupted after {self.before + done} of {self.before + self.whole} "
+                f"steps; {self.earlier + self._rows(done)} samples are in `.trajectory`"
             )
             raise self._with_trajectory(stopped, self._result(done)) from None
         return self._result(self.steps)

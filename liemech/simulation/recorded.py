@@ -174,7 +174,7 @@ class Recorder:
         own: dict[str, Any] = {"observed": tuple(self.quantities), "dense": None}
         try:
             kept = self.values(run, kind, run.t, run.states, compiled)
-        except Exception as caught:
+        except (Exception, IntegrationInterrupted) as caught:
             error: Any = caught
             n, kept = error.kept
             own |= {"t": run.t[:n], "states": kept, "carry": None}
@@ -232,8 +232,9 @@ class _RecordedRun:
         self.now, self.t0, self.done = start, t0, 0
         self.before = start.step if isinstance(start, Carry) else 0
         self.kind: Any = type(start.state if isinstance(start, Carry) else start)
-        self.t: list[np.ndarray] = []
-        self.kept: list[dict[str, np.ndarray]] = []
+        # times, and what is kept of the samples then
+        self.kept: list[tuple[np.ndarray, dict[str, np.ndarray]]] = []
+        self.part: Trajectory | None = None
         count = start.bodies or 1
         self.longest = max(
             1, min(max(STEPS // count, plan.every), max(1, SAMPLES // count) * plan.every)
@@ -241,6 +242,21 @@ class _RecordedRun:
 
     def trajectory(self) -> Trajectory:
         """Part after part, to the end."""
+        try:
+            return self._trajectory()
+        except IntegrationInterrupted:
+            raise
+        except KeyboardInterrupt:
+            if self.part is None:
+                raise
+            stopped: Any = IntegrationInterrupted(
+                f"integrate: interrupted after {self.done} of {self.steps} steps; "
+                f"{self.samples} samples are in `.trajectory`"
+            )
+            stopped.trajectory = self._made(dataclasses.replace(self.part, carry=None))
+            raise stopped from None
+
+    def _trajectory(self) -> Trajectory:
         inner, bodies = dataclasses.replace(self.plan, progress=False), self.now.bodies
         with Bar(self.plan.progress, self.steps * (bodies or 1)) as bar:
             while True:
@@ -248,24 +264,18 @@ class _RecordedRun:
                 if self.checkpoint is not None:
                     n = self.checkpoint.within(n)
                 run = _Part(inner, self.now, n, self.t0)
-                run.whole, run.earlier, run.final = (
-                    self.steps - self.done,
-                    sum(map(len, self.t)),
-                    self.done + n == self.steps,
-                )
-                part: Any = None
+                run.whole, run.earlier = self.steps - self.done, self.samples
+                run.final = self.done + n == self.steps
                 try:
                     part = run.trajectory()
-                    self._keep(part, n)
-                except Exception as caught:
+                except (Exception, IntegrationInterrupted) as caught:
                     error: Any = caught
-                    if part is None:
-                        part = getattr(error, "trajectory", None)
-                        if part is None:
-                            raise
-                        self._keep(part, part.steps)
-                    error.trajectory = self._made(dataclasses.replace(part, carry=None))
+                    if getattr(error, "trajectory", None) is None:
+                        raise
+                    self._keep(error.trajectory, error.trajectory.steps)
+                    error.trajectory = self._made(error.trajectory)
                     raise
+                self._keep(part, n)
                 bar.advance(n * (bodies or 1))
                 if part.carry is None and self.done < self.steps:
                     FixedRun._result(run, n)  # warns
@@ -276,18 +286,24 @@ class _RecordedRun:
                 if self.checkpoint is not None and self.checkpoint.due(n):
                     self.checkpoint.save(self._made(part))
 
+    @property
+    def samples(self) -> int:
+        """How many there are."""
+        return sum(len(t) for t, _ in self.kept)
+
     def _keep(self, part: Trajectory, steps: int) -> None:
         """Keep what is to be kept of a part: its first sample is the last one of the part before,
         its last one perhaps none.
         """
-        self.done += steps
+        done = self.done + steps
         extra = (
-            self.done < self.steps
-            and (self.before + self.done) % self.plan.every > 0
+            done < self.steps
+            and (self.before + done) % self.plan.every > 0
             and part.carry is not None
         )
-        here = slice(1 if self.t else 0, len(part) - 1 if steps and extra else len(part))
+        here = slice(1 if self.kept else 0, len(part) - 1 if steps and extra else len(part))
         self._add(part, part.t[here], {name: x[here] for name, x in part.states.items()})
+        self.part, self.done = part, done
 
     def _stay(self, part: Trajectory) -> None:
         """All bodies have stopped: their last states are those of all samples to come."""
@@ -307,22 +323,23 @@ class _RecordedRun:
             return
         try:
             kept = self.recorder.values(part, self.kind, t, states, self.plan.compiled)
-        except Exception as caught:
+        except (Exception, IntegrationInterrupted) as caught:
             error: Any = caught
             n, some = error.kept
-            self.kept.append(some)
-            self.t.append(t[:n])
+            self.kept.append((t[:n], some))
+            error.trajectory = self._made(dataclasses.replace(part, carry=None))
             raise
-        self.kept.append(kept)
-        self.t.append(t)
+        self.kept.append((t, kept))
 
     def _made(self, part: Trajectory) -> Trajectory:
         """The run so far, as which its last part ends."""
         names = self.recorder.names
         states = {
-            name: np.concatenate([kept[name] for kept in self.kept]) for name in names if self.kept
+            name: np.concatenate([kept[name] for _, kept in self.kept])
+            for name in names
+            if self.kept
         }
-        t = np.concatenate(self.t) if self.t else np.empty(0)
+        t = np.concatenate([np.empty(0), *(t for t, _ in self.kept)])
         return dataclasses.replace(
             part, t=t, states=states, steps=self.done, observed=tuple(self.recorder.quantities)
         )

@@ -40,6 +40,7 @@ from .fixed import observed, sample, stepped
 from .fixed_run import FixedRun
 from .prepared import Shape, Steps
 from .progress import Bar
+from .stopped import NONE
 from .trajectory import Trajectory, TransformedTrajectory
 
 SOME = 512
@@ -289,12 +290,10 @@ class TransformedRun:
         self, t: np.ndarray, states: Any, tau: np.ndarray, **more: Any
     ) -> TransformedTrajectory:
         carry = more.pop("carry", None)
-        made = TransformedTrajectory(
-            self.system, self.method, self.h, t, states, tau=tau, origin=self.origin, **more
-        )
-        vars(made)["carry"] = carry
-        if callable(carry):  # it is made when it is asked for
-            vars(made)["_rest"] = SimpleNamespace(carry=vars(made).pop("carry"))
+        known: dict[str, Any] = {"system": self.system, "method": self.method, "h": self.h}
+        known |= {"t": t, "states": states, "tau": tau, "origin": self.origin, "stopped": NONE}
+        rest = SimpleNamespace(carry=carry if callable(carry) else lambda: carry)
+        made: Any = TransformedTrajectory.promised(rest, **known | more)
         if self._back(t):
             error = InvalidTimeScale(
                 "integrate: physical time went back; "

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import IntegrationFailure
+from ..errors import IntegrationFailure, IntegrationInterrupted
 from ..systems.system import State
 from .carry import Carry
 from .checkpoint import Checkpoint
@@ -141,6 +141,18 @@ class WatchedRun:
 
     def trajectory(self) -> Trajectory:
         """Step to the end, or to the first terminal event."""
+        try:
+            return self._trajectory()
+        except IntegrationInterrupted:
+            raise
+        except KeyboardInterrupt:  # not in a step, nor in an event
+            stopped = IntegrationInterrupted(
+                f"integrate: interrupted after {self.before + self.done} of "
+                f"{self.before + self.steps} steps; the samples are in `.trajectory`"
+            )
+            raise self._ended(stopped) from None
+
+    def _trajectory(self) -> Trajectory:
         chunk = CHUNK
         with Bar(self.plan.progress, self.steps) as bar:
             while self.done < self.steps:
@@ -159,7 +171,6 @@ class WatchedRun:
                 self.looking = run, taken
                 if self._look(run, taken):
                     return self._result(None)
-                self.looking = None
                 self.carry = taken.carry
                 bar.advance(n)
                 if self.checkpoint is not None and self.checkpoint.due(n):
@@ -176,6 +187,7 @@ class WatchedRun:
             taken.system, taken.method, self.shape.example, taken.t, points, self.plan.compiled
         )
         hit = self.watch.look(motion) if taken.steps else None
+        self.looking = None
         t, numbers = taken.t[1:], points[1:]
         if hit is not None:
             k, at, last = hit

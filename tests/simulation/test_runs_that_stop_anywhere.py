@@ -14,6 +14,7 @@ import pytest
 
 import liemech as lm
 from liemech import errors
+from liemech.simulation import recorded, watched
 
 BODY = lm.RigidBody([1.0, 1.5, 2.0])
 START = BODY.state(mu=[0.5, 0.1, 0.75**0.5], g=np.eye(3))
@@ -251,3 +252,46 @@ def test_runs_compare(tmp_path: Path):
     assert clock.run(PLANET, steps=2) == clock.run(PLANET, steps=2) != clock.run(PLANET, steps=3)
     maps = [clock.tangent(PLANET, steps=1, by=by) for by in ("start", "start", "attraction")]
     assert maps[0] == maps[1] != maps[2]
+
+
+# ---------------------------------------------------------------- Ctrl-C
+
+
+@pytest.mark.parametrize("how", [dict(h=0.1), dict(rtol=1e-8)], ids=["fixed", "adaptive"])
+@pytest.mark.parametrize("t_eval", [None, [0.0, 0.3, 0.9]])
+def test_an_interrupt_while_formulas_are_recorded(how, t_eval):
+    def stop(t: float, state: Any) -> float:
+        if t > 0.55:
+            raise KeyboardInterrupt
+        return t
+
+    plan = lm.Plan(BODY, lm.RKMK(order=5), record=["mu", ("a", stop)], compiled=False, **how)
+    with pytest.raises(errors.IntegrationInterrupted, match="the samples before") as caught:
+        plan.run(BODY.state(START.mu), t_end=1.0, t_eval=t_eval)
+    kept: Any = caught.value.trajectory
+    assert len(kept) > 1 and np.array_equal(kept.a, kept.t) and kept.carry is None
+    assert kept.t[-1] < 0.55 and len(kept.mu) == len(kept)
+
+
+def test_an_interrupt_between_the_parts_of_a_run(monkeypatch):
+    """In Python that is nobody's formula: what was recorded is there."""
+    monkeypatch.setattr(recorded, "STEPS", 8)
+    for kind, how in (
+        (recorded._RecordedRun, dict(record="energy")),
+        (watched.WatchedRun, dict(events=Equator())),
+    ):
+        plan = lm.Plan(BODY, lm.RKMK(order=2), h=0.1, compiled=False, **how)  # type: ignore[arg-type]
+        whole, calls, keep = plan.run(START, steps=50), [], kind._keep
+
+        def kept(self, *given, keep=keep, calls=calls):
+            calls.append(None)
+            if len(calls) == 3:
+                raise KeyboardInterrupt
+            return keep(self, *given)
+
+        monkeypatch.setattr(kind, "_keep", kept)
+        with pytest.raises(errors.IntegrationInterrupted, match=r"after \d+ of 50 steps") as caught:
+            plan.run(START, steps=50)
+        run: Any = caught.value.trajectory
+        assert 5 < len(run) < 51 and np.array_equal(run.t, whole.t[: len(run)])
+        assert all(np.array_equal(x, whole.states[n][: len(run)]) for n, x in run.states.items())
