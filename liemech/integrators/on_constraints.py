@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..errors import IncompatibleSystem, InconsistentState, InvalidInput, NoConvergence
-from ..formulas import Mat, Vec, dot, record
+from ..formulas import Mat, Vec, dot, norm, record
 from ..formulas.broadcasting import small
 from ..formulas.sizes import EPSILON
 from ..systems.constrained import CONSISTENT, ConstrainedSystem, cross_products, eliminated, pushed
@@ -58,10 +58,12 @@ class OnConstraints(Method):
         counts from which those impulses are larger than the kick of the force.
         """
         v = system.velocity(start.q, start.p)
+        size = norm if start.bodies is None else lengths
+        speed, least = size(v), EPSILON * size(start.q)
+        if np.all(abs(h) * speed >= least):
+            return None
         kicked = system.velocity(start.q, start.p + h * system.force(start.q, start.p))
-        speed, gained, least = (np.linalg.norm(x, axis=-1) for x in (v, kicked - v, start.q))
-        least = EPSILON * least
-        moved = abs(h) * (speed + gained / EPSILON)
+        moved = abs(h) * (speed + size(kicked - v) / EPSILON)
         lost = np.flatnonzero((moved > 0.0) & (moved < least))
         if len(lost):
             i, many = int(lost[0]), start.bodies is not None
@@ -204,6 +206,12 @@ class Ahead:
     def _least(self, s: float) -> float:
         values = np.linalg.svd(self._products(s) / np.outer(self.unit, self.unit), compute_uv=False)
         return float(values[-1] / self.most)
+
+
+def lengths(vectors: np.ndarray) -> np.ndarray:
+    """The length of each, (bodies,)."""
+    found: np.ndarray = np.linalg.norm(vectors, axis=-1)
+    return found
 
 
 def shown(q: Vec) -> tuple[float, ...]:

@@ -103,7 +103,7 @@ class Recorder:
                     f"integrate: interrupted while {', '.join(self.quantities)} were computed; "
                     "the samples before are in `.trajectory`"
                 )
-            n = getattr(error, "row", 0) // (run.bodies or 1)
+            n = getattr(caught, "row", 0) // (run.bodies or 1)
             some = {name: x[:n] for name, x in states.items()}
             error.kept = n, self._values(run, kind, t[:n], some, compiled)
             raise error from error.__cause__
