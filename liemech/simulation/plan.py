@@ -264,7 +264,7 @@ class Plan:
                 raise InvalidInput("integrate: checkpoint is for runs without executor")
             return spread(self, start, executor, steps=steps, t_end=t_end, t0=t0, t_eval=t_eval)
         if type(steps) is int and t_end is None and t_eval is None and checkpoint is None:
-            run = self._again(start, steps, t0)
+            run = self._short_run(start, steps, t0)
             if run is not None:
                 return run
         if self.events:
@@ -288,7 +288,7 @@ class Plan:
             return self._one_by_one(start, t0, steps, t_end, t_eval, kept)
         return self._stepped(start, count, t0, t_eval, kept)
 
-    def _again(self, start: Any, steps: int, t0: Any) -> Trajectory | None:
+    def _short_run(self, start: Any, steps: int, t0: Any) -> Trajectory | None:
         """A run that has nothing to do but to step, of a start that is laid out as one before;
         None for all others, and for what is to be refused.
         """
