@@ -62,3 +62,32 @@ def test_algorithm_1_takes_every_unit_of_mass_and_time(retraction, inertia):
     for units in (2.0**520, 1.0), (2.0**-970, 1.0), (1.0, 2.0**980), (1.0, 2.0**-970):
         with pytest.raises(errors.InvalidInput, match="units of mass and time"):
             moved(*units)
+
+
+@lm.record
+class OnSphere(lm.Constraint):
+    """|g| = 1 in R^3."""
+
+    def value(self, g):
+        return lm.vec(lm.dot(g, g) - 1.0)
+
+
+@lm.record
+class Height(lm.Potential):
+    weight: float
+
+    def energy(self, g):
+        return self.weight * g[2]
+
+
+def test_a_step_that_configurations_on_groups_do_not_notice():
+    free = lm.LiePoissonSystem(lm.VectorSpace(3), lm.KineticEnergy([1.0, 1.0, 1.0]))
+    how = dict(steps=3, compiled=False)
+    for weight, mu, least in (1.0, [0.0, 1.2, 0.0], 1e-17), (1.0, [0.0] * 3, 1e-40):
+        body = lm.ConstrainedBody(lm.MechanicalSystem(free, Height(weight)), OnSphere())
+        start = body.state(mu, [0.6, 0.0, -0.8])
+        lm.integrate(body, lm.LieRATTLE(), start, h=1e-8, **how)
+        with pytest.raises(errors.InvalidInput, match="moves by less than its rounding"):
+            lm.integrate(body, lm.LieRATTLE(), start, h=least, **how)
+    still = lm.ConstrainedBody(lm.MechanicalSystem(free, Height(0.0)), OnSphere())
+    lm.integrate(still, lm.LieRATTLE(), still.state([0.0] * 3, [0.6, 0.0, -0.8]), h=1e-40, **how)
