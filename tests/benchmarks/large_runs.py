@@ -107,12 +107,10 @@ def interrupted() -> None:
         timer.start()
         try:
             run()
-        except lm.errors.IntegrationInterrupted as stopped:
-            print(
-                f"Ctrl-C, {name}: {time.perf_counter() - sent[0]:.2f} s later "
-                f"{len(stopped.trajectory)} samples",
-                flush=True,
-            )
+        except KeyboardInterrupt as stopped:  # before the first step one without a trajectory
+            later = time.perf_counter() - sent[0]
+            samples = len(getattr(stopped, "trajectory", ()))
+            print(f"Ctrl-C, {name}: {later:.2f} s later {samples} samples", flush=True)
         else:
             timer.cancel()
             print(f"Ctrl-C, {name}: the run came to its end before")
