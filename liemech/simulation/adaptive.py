@@ -36,7 +36,10 @@ class Clock(Record):
     fresh: float
 
 
-CLOCK = layout_of(Clock(0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0))
+FRESH = 1.0, 0.0, 0.0, 0.0, 1.0
+"""What a clock has at a start, behind time and step."""
+
+CLOCK = layout_of(Clock(0.0, 0.0, *FRESH))
 
 
 def adaptive_steps(

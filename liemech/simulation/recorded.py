@@ -339,7 +339,7 @@ class _RecordedRun:
             for name in names
             if self.kept
         }
-        t = np.concatenate([np.empty(0), *(t for t, _ in self.kept)])
+        t = np.concatenate([t for t, _ in self.kept]) if self.kept else np.empty(0)
         return dataclasses.replace(
             part, t=t, states=states, steps=self.done, observed=tuple(self.recorder.quantities)
         )
