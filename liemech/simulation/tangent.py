@@ -17,6 +17,8 @@ from ..formulas import Record, Vec, derivative, record
 from ..formulas.broadcasting import small
 from ..formulas.dual import Dual
 from ..formulas.pytree import NUMBER, Layout, build, fitted, layout_of, leaves, with_slopes
+from ..integrators.lie_poisson_first_kind import FirstKindHamiltonJacobi
+from ..integrators.lie_poisson_hj import LiePoissonHamiltonJacobi
 from ..integrators.method import Method
 from ..systems.system import State
 from .dense import evaluated, flat, told, unpacked
@@ -140,6 +142,23 @@ class WithStep(Method):
         return self.method.step(system, t + (self.h / h - 1.0) * (t - self.t0), memory, self.h)
 
 
+def with_step(method: Any, h: float, t0: float) -> WithStep:
+    """A method whose step is a parameter; refused where it expands the motion in powers of h."""
+    if expands(method):
+        raise IncompatibleSystem(
+            f"Plan.tangent: {method!r} expands the motion in powers of h, and has no derivative by "
+            "it; by the start and by parameters of the system it has one"
+        )
+    return WithStep(method, h, t0)
+
+
+def expands(method: Any) -> bool:
+    """Is a method, or one that it is made of, a power series in its step?"""
+    own = isinstance(method, (FirstKindHamiltonJacobi, LiePoissonHamiltonJacobi))
+    inner = [x for _, x in method._fields() if isinstance(x, Method)]
+    return (own and method.order > 2) or any(map(expands, inner))
+
+
 def frames_of(system: Any, start: Any) -> dict[str, Any]:
     """Of each part of a state the directions in which it moves."""
     return {
@@ -167,7 +186,7 @@ def tangent_run(
     plan: Steps, start: State, steps: int, t0: float, names: tuple[str, ...]
 ) -> TangentTrajectory:
     """So many steps of one length from a start, with their derivative by what is named."""
-    method = WithStep(plan.method, plan.h, t0) if "h" in names else plan.method
+    method = with_step(plan.method, plan.h, t0) if "h" in names else plan.method
     found = Directions.of(plan.one, method, start, names)
     made, values, tangent = carried_along(plan, start, steps, t0, found)
     return TangentTrajectory(
@@ -218,7 +237,7 @@ def fictive_tangent_run(
     slopes: list[np.ndarray] = []
     methods: list[Any] = []
     columns: dict[str, slice] = {}
-    method = WithStep(plan.method, plan.h, 0.0) if "h" in names else plan.method
+    method = with_step(plan.method, plan.h, 0.0) if "h" in names else plan.method
     for name in names:
         before = len(slopes)
         if name == "start":

@@ -119,3 +119,6 @@ def test_what_is_no_parameter():
             plan.tangent(TURNING, steps=1, by=by)
     with pytest.raises(errors.InvalidInput, match="adaptive ones are held fixed"):
         lm.Plan(BODY, lm.RKMK(order=5), rtol=1e-6).tangent(TURNING, t_end=1.0, by="h")
+    powers = lm.Composition(lm.LiePoissonHamiltonJacobi(4, lm.Cayley()), order=6)
+    with pytest.raises(errors.IncompatibleSystem, match="in powers of h"):
+        lm.Plan(BODY, powers, h=0.1).tangent(TURNING, steps=1, by="h")
