@@ -6,8 +6,10 @@ from __future__ import annotations
 
 import math
 import os
+import re
 import sys
 from collections.abc import Iterable
+from datetime import timedelta
 from typing import Any
 
 import numpy as np
@@ -341,7 +343,7 @@ def digits(precision: Any, compensated: Any) -> None:
         )
 
 
-def checkpoint(path: Any, seconds: Any) -> Checkpoint | None:
+def checkpoint(path: Any, every: Any) -> Checkpoint | None:
     """Where and how often a run is saved, if it is."""
     if path is None:
         return None
@@ -353,7 +355,17 @@ def checkpoint(path: Any, seconds: Any) -> Checkpoint | None:
         raise InvalidInput(
             f"integrate: checkpoint is the name of a file in a folder that exists; got {path!r}"
         )
-    seconds = real(seconds, "checkpoint_every")
+    if isinstance(every, str):
+        found = re.fullmatch(r"\s*([0-9_]+)\s*steps?\s*", every)
+        if found is None:
+            raise InvalidInput(
+                "integrate: checkpoint_every is a number of seconds, or a text such as "
+                f"'1000 steps'; got {every!r}"
+            )
+        return Checkpoint(path, 0.0, count(int(found[1]), "checkpoint_every", 1))
+    if isinstance(every, timedelta):
+        every = every.total_seconds()
+    seconds = real(every, "checkpoint_every")
     if seconds < 0.0:
         raise InvalidInput(f"integrate: checkpoint_every is a number of seconds; got {seconds:g}")
     return Checkpoint(path, seconds)

@@ -297,14 +297,17 @@ def _one(
     k: int,
 ) -> None:
     failures: list[Exception | None] = []
-    driver(*arguments, given, out, failures)
+    try:
+        driver(*arguments, given, out, failures)
+    except KeyboardInterrupt as stop:
+        stop.row = k  # type: ignore[attr-defined]
+        raise
     if failures:
-        error = failures[0]
-        raise (
-            error
-            if error is not None and is_mistake(error)
-            else failure(error, what[0], what[1](k))
-        )
+        error: Any = failures[0]
+        if error is None or not is_mistake(error):
+            error = failure(error, what[0], what[1](k))
+        error.row = k
+        raise error
 
 
 def unpacked(layout: Any, numbers: np.ndarray) -> dict[str, np.ndarray]:

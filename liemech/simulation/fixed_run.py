@@ -252,6 +252,8 @@ class FixedRun:
                     sweep = max(1, pace // self.columns)
                     if self.compiled:  # whole lanes in turn, each through the whole sweep
                         sweep = max(sweep, min(SWEEP // self.columns, pace // self.shape.lanes))
+                    if self.checkpoint is not None:
+                        sweep = self.checkpoint.within(sweep)
                     pending = self._pending(done)
                     # part of one sample
                     if self.marks is not None or pending < self.every or sweep < self.every:
@@ -262,7 +264,7 @@ class FixedRun:
                     done += every * samples
                     used = (time.perf_counter() - begun) / calls
                     bar.advance(every * samples * self.count)
-                    if self.checkpoint is not None and self.checkpoint.due():
+                    if self.checkpoint is not None and self.checkpoint.due(every * samples):
                         self.checkpoint.save(self._so_far(done))
                     if used < (PATIENCE if settled else LOOK) / 2:
                         pace *= 2
@@ -270,8 +272,8 @@ class FixedRun:
                         pace = max(1, pace // 2)
         except KeyboardInterrupt:
             stopped = IntegrationInterrupted(
-                f"integrate: interrupted after {done} of {self.steps} steps; "
-                f"{self._rows(done)} samples are in `.trajectory`"
+                f"integrate: interrupted after {self.before + done} of {self.before + self.whole} "
+                f"steps; {self.earlier + self._rows(done)} samples are in `.trajectory`"
             )
             raise self._with_trajectory(stopped, self._result(done)) from None
         return self._result(self.steps)

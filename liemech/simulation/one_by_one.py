@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 from typing import Any
 
 import numpy as np
@@ -147,24 +146,31 @@ class OneByOne:
 
     def _run(self, i: int) -> Trajectory:
         """The run of one body."""
-        begun, times, kept = self.starts[i], self.times[i], copy.copy(self.kept)
+        begun, kept = self.starts[i], self.kept
         if isinstance(begun, Ended):
             return self._still(i, begun)
-        if kept is not None:
-            shown = kept.shown
-            kept.shown = lambda run: shown(self._joined(run))
-        plan, t, end = self.plans[i], begun.t, self.ends[i]
+        if kept is None:
+            return self._alone(i, None)
+        shown = kept.shown
+        kept.shown = lambda run: shown(self._joined(run))
+        try:
+            return self._alone(i, kept)
+        finally:
+            kept.shown = shown
+
+    def _alone(self, i: int, kept: Checkpoint | None) -> Trajectory:
+        """The same of a body that steps."""
+        begun, times, plan, end = self.starts[i], self.times[i], self.plans[i], self.ends[i]
+        t = begun.t
         start = begun.state if isinstance(begun, Waiting) else begun
         if plan.fictive:
-            run = plan._transformed(start, self._steps, end, t, times, kept)
+            run: Trajectory = plan._transformed(start, self._steps, end, t, times, kept)
         elif plan.adaptive:
             run = plan._steps.run(start, t, end, self._steps, times, plan.events, kept)
         else:
             t0, before = self._counted(begun)
             steps = plan._count(self._steps, end, t0, before)
             run = plan._stepped(start, steps, t0, times, kept)
-        if self.kept is not None:
-            self.kept.next = kept.next  # type: ignore[union-attr]
         return run
 
     def _still(self, i: int, begun: Ended | Waiting) -> Trajectory:
