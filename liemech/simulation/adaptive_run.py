@@ -90,9 +90,7 @@ class AdaptiveSteps:
             arguments.tolerance(rtol, "rtol", arguments.RTOL),
             arguments.tolerance(atol, "atol", arguments.ATOL),
         )
-        longest = math.inf if longest is None else arguments.real(longest, "max_step")
-        if not longest > 0.0:
-            raise InvalidInput(f"integrate: max_step must be positive; got {longest:g}")
+        longest = arguments.longest(longest)
         first = None if h is None else arguments.step(h)
         return cls(system, method, first, *tolerances, longest, breaks, dense, compiled, progress)
 
@@ -104,7 +102,11 @@ class AdaptiveSteps:
             begun[(begun == b - away) | (begun == b)] = b + away
         return begun
 
-    def run(
+    def run(self, *how: Any) -> Trajectory:
+        """From a start, or from where another run stands, to t_end, as for `ready`."""
+        return self.ready(*how).trajectory()
+
+    def ready(
         self,
         start: Any,
         t0: float,
@@ -114,8 +116,8 @@ class AdaptiveSteps:
         events: tuple[Event, ...],
         kept: Checkpoint | None = None,
         recorder: Any = None,
-    ) -> Trajectory:
-        """From a start, or from where another run stands, to t_end."""
+    ) -> AdaptiveRun:
+        """A run that is to begin."""
         if t_end is None:
             raise InvalidInput(
                 "integrate: adaptive steps need a t_end; for steps of one length give h and steps"
@@ -132,9 +134,12 @@ class AdaptiveSteps:
             raise InvalidInput(
                 "integrate: dense=True keeps the states; record no functions of them"
             )
-        return AdaptiveRun(
-            self, start, t0, t_end, limit, times, events, kept, recorder
-        ).trajectory()
+        return AdaptiveRun(self, start, t0, t_end, limit, times, events, kept, recorder)
+
+
+def between(times: np.ndarray, t0: Any, t_end: Any) -> bool:
+    """Are there times that are neither at the start nor at the end?"""
+    return bool(np.any((times != t0) & (times != t_end)))
 
 
 class Shape(Prepared):
@@ -187,7 +192,7 @@ class AdaptiveRun:
         self.kept = plan.dense is True or (t_eval is None and recorder is None)
         dense = plan.dense is True or (plan.dense is None and t_eval is None and recorder is None)
         self.dense = dense
-        curves = dense or bool(events) or (t_eval is not None and bool(np.any(t_eval != t_end)))
+        curves = dense or bool(events) or (t_eval is not None and between(t_eval, t0, t_end))
         self.start = start.state if isinstance(start, AdaptiveCarry) else start
         self.shape = shape = self._shape(curves)
         self.width = shape.state.width
@@ -316,14 +321,7 @@ class AdaptiveRun:
             if self.clock[5]:
                 raise self._failure()
             if self.clock[3] >= self.limit:
-                reached = (
-                    f"{self.limit} steps led to t = {self.clock[0]:g} only, not to {self.t_end:g}"
-                )
-                raise self._ended(
-                    StepTooSmall(
-                        f"integrate: {reached}; loosen rtol and atol or allow more `steps`"
-                    )
-                )
+                raise self._unfinished()
         return False
 
     def _part(self) -> float:
@@ -493,6 +491,24 @@ class AdaptiveRun:
             numbers = np.concatenate([np.empty((0, self.width)), *self.sampled])
             times = self.t_eval[: len(numbers)]
         return times, unpacked(self.shape.state, numbers)
+
+    def reached(self) -> State:
+        """The state after the last step that was accepted."""
+        return build(self.shape.state, iter(self.states[: self.width].tolist()))
+
+    def failed(self, states: np.ndarray, clock: np.ndarray, samples: np.ndarray) -> Exception:
+        """Why a run ended that native code has led so far, beside others."""
+        self.states, self.clock, self.compiled = states, clock, True
+        self.rows[0, 0], self.rows[0, 1 : 1 + self.width] = clock[0], states[: self.width]
+        self.sampled = [samples]
+        return self._failure() if clock[5] else self._unfinished()
+
+    def _unfinished(self) -> Exception:
+        """Why a run ended that has made all its steps."""
+        told = f"{self.limit} steps led to t = {self.clock[0]:g} only, not to {self.t_end:g}"
+        return self._ended(
+            StepTooSmall(f"integrate: {told}; loosen rtol and atol or allow more `steps`")
+        )
 
     def _failure(self) -> Exception:
         """Why the steps became too small to go on: what the last trial had to say.  A mistake in a

@@ -406,7 +406,7 @@ class FixedRun:
             threads = max(1, min(workers, (end - first) * more // WORTH))
             share = -(-(end - first) // (threads * lanes)) * lanes
             others = [
-                _pool(workers, os.getpid()).submit(call, i, min(i + share, end))
+                pool(workers, os.getpid()).submit(call, i, min(i + share, end))
                 for i in range(first + share, end, share)
             ]
             call(first, min(first + share, end))  # native code does not hold the interpreter's lock
@@ -524,7 +524,7 @@ class FixedRun:
 
 
 @functools.cache
-def _pool(workers: int, process: int) -> Any:
+def pool(workers: int, process: int) -> Any:
     """Threads that stay; a forked process has none of its parent's."""
     from concurrent.futures import ThreadPoolExecutor
 

@@ -16,6 +16,7 @@ from ..formulas.pytree import Layout, exact, fields_of, known_layout, layout_of,
 from ..integrators.method import Method
 from ..systems.system import State, System, member
 from . import arguments
+from .adaptive_ensemble import AdaptiveEnsemble
 from .at_once import advanced, at_once, of_shape
 from .carry import AdaptiveCarry, Carries, Carry, Ended, Waiting
 from .checkpoint import Checkpoint
@@ -145,7 +146,7 @@ class Plan:
         elif h is None or not (rtol is atol is max_step is None) or len(breaks):
             from .adaptive_run import AdaptiveSteps
 
-            arguments.only_adaptive(first("method"), every, workers)
+            arguments.only_adaptive(first("method"), every)
             if precision != "double":
                 raise InvalidInput(
                     f"integrate: precision={precision!r} is for "
@@ -326,7 +327,10 @@ class Plan:
         compiled = self._steps.compiled
         if kept is not None and recorder is not None:
             kept.shown = functools.partial(recorder.presented, kind=kind, compiled=compiled)
-        run = OneByOne(self, start, t0, steps, t_end, t_eval, kept)
+        way = OneByOne
+        if self.adaptive and AdaptiveEnsemble.fits(self, kept):
+            way = AdaptiveEnsemble
+        run = way(self, start, t0, steps, t_end, t_eval, kept)
         if recorder is None:
             return run.trajectory()
         made: Trajectory = recorder.instead(run.trajectory, kind, compiled)
@@ -664,8 +668,8 @@ class Plan:
             return self._tangent(start, steps, t_end, t0, names)
         alone = OneByOne(self, start, t0, steps, t_end, None, None)
         runs = [
-            plan._tangent(begun.state, steps, end, t0, names)
-            for plan, begun, end in zip(alone.plans, alone.starts, alone.ends, strict=True)
+            alone.plan_of(i)._tangent(alone.begun(i).state, steps, alone.ends[i], t0, names)
+            for i in range(alone.count)
         ]
         return of_bodies(self.method, runs)
 
