@@ -14,7 +14,7 @@ import numpy as np
 
 from ..compiler import kernel
 from ..compiler.driver import accepted, attempt, itself
-from ..errors import IntegrationInterrupted, NotCompilable, is_mistake
+from ..errors import IntegrationFailure, IntegrationInterrupted, NotCompilable, is_mistake
 from ..formulas.pytree import build, layout_of
 from ..systems.system import State
 from . import arguments
@@ -74,10 +74,12 @@ class AdaptiveEnsemble(OneByOne):
     """A run of an ensemble with adaptive steps: one body after another in plain Python until native
     code pays, the others side by side.
 
-    first : the body from which on they are.  Of these `numbers`, (width, bodies), are state and
-    velocity, `clocks` what the controller carries along, `goals` where they are to go, `samples`,
-    (n, bodies, width), the states at the times that are asked for, and `told` how many of these
-    each has reached.
+    first : the body from which on they are.
+    table : a column for each body: state and velocity, `numbers`; below these what the controller
+    carries along, `clocks`; where they are to go, `goals`; parameters of their own.  parts : where
+    these begin.
+    samples : (n, bodies, width) the states at the times that are asked for.  told : how many of
+    these each has reached.
     """
 
     first: int | None = None
@@ -192,8 +194,11 @@ class AdaptiveEnsemble(OneByOne):
         """Lay down where all bodies stand."""
         lanes: Any = self.lanes
         count, width = self.count, lanes.state.width
-        self.numbers = np.zeros((lanes.layout.width, count))
-        self.clocks = np.zeros((CLOCK.width, count))
+        parts = [np.zeros((lanes.layout.width, count)), np.zeros((CLOCK.width, count))]
+        parts += [self.goals, *lanes.own]
+        self.table = np.concatenate(parts)
+        self.parts = np.cumsum([len(part) for part in parts[:-1]])
+        self.numbers, self.clocks, *_ = np.split(self.table, self.parts)
         self.over = np.zeros(count, dtype=bool)  # bodies that had ended before
         if isinstance(self._start, State):
             at = 0
@@ -238,63 +243,52 @@ class AdaptiveEnsemble(OneByOne):
 
     @property
     def _failed(self) -> np.ndarray:
-        """Which bodies have come to their end before?"""
-        return self._unfinished & ((self.clocks[5] > 0.0) | (self.clocks[3] >= self.limit))
+        """Which bodies go no further, though they are not at the end?"""
+        return self._unfinished & self._ended(self.table[self.parts[0] :])
 
     def _march(self, bar: Bar) -> None:
         """Trials of as many bodies as the lanes hold, again and again, until all have ended."""
         lanes: Any = self.lanes
         side, workers = lanes.stepping.lanes, self.plan._given["workers"]
+        width, changed = lanes.state.width, lanes.layout.width + CLOCK.width
         queue = np.flatnonzero(self._unfinished)
-        room = ROOM * workers
-        bodies, queue = queue[:room], queue[room:]
-        columns = self._of_bodies(_padded(bodies, side))
+        bodies, queue = queue[: ROOM * workers], queue[ROOM * workers :]
+        columns = self.table.take(_padded(bodies, side), axis=1)
         while len(bodies):
-            m, padded = len(bodies), -(-len(bodies) // side) * side
+            m, padded = len(bodies), columns.shape[1]
             turns = max(TURNS, min(LONGEST, WORK * workers // padded))
             out = np.empty((turns + 1 if lanes.curves else 0, lanes.row.width, padded))
             if lanes.curves:
-                out[:, 0] = columns["clocks"][0]
-                out[0, 1 : 1 + lanes.state.width] = columns["numbers"][: lanes.state.width]
+                out[:, 0] = columns[lanes.layout.width]
+                out[0, 1 : 1 + width] = columns[:width]
             self._piece(columns, out[1:], turns)
+            self.table[:changed, bodies] = columns[:changed, :m]
             if lanes.curves:
                 self._sample(bodies, out[:, :, :m])
-            clock = columns["clocks"][:, :m]
-            done = clock[0] != columns["goals"][0, :m]
-            done &= (clock[5] == 0.0) & (clock[3] < self.limit)
-            np.logical_not(done, out=done)
-            places = np.flatnonzero(done)
-            ended = len(places)
-            if not ended or (len(queue) == 0 and 4 * ended < m):
-                continue
-            bar.advance(ended)
-            gone, new, queue = bodies[places], queue[:ended], queue[ended:]
-            for name in ("numbers", "clocks"):
-                getattr(self, name)[:, gone] = columns[name][:, places]
-            bodies[places[: len(new)]] = new
-            for name, more in self._of_bodies(new).items():
-                columns[name][:, places[: len(new)]] = more
-            if len(new) < ended:  # nobody waits any more
-                left = np.delete(np.arange(m), places[len(new) :])
-                bodies = bodies[left]
-                columns = {name: x.take(_padded(left, side), 1) for name, x in columns.items()}
+            going = ~self._ended(columns[lanes.layout.width :, :m])
+            ended = m - int(going.sum())
+            if ended and (len(queue) or 4 * ended >= m):
+                bodies, queue = np.concatenate([bodies[going], queue[:ended]]), queue[ended:]
+                columns = self.table.take(_padded(bodies, side), axis=1)
+                bar.advance(ended)
 
-    def _of_bodies(self, bodies: np.ndarray) -> dict[str, np.ndarray]:
-        """The columns of some bodies."""
-        lanes: Any = self.lanes
-        found = {"numbers": self.numbers, "clocks": self.clocks, "goals": self.goals}
-        found |= {f"own {k}": own for k, own in enumerate(lanes.own)}
-        return {name: array.take(bodies, axis=1) for name, array in found.items()}
+    def _ended(self, rows: np.ndarray) -> np.ndarray:
+        """Which bodies have come to the end, or fail?  rows : clocks, and goals below them."""
+        return (
+            (rows[0] == rows[CLOCK.width])  # the time is the last one
+            | (rows[5] > 0.0)
+            | (rows[3] >= self.limit)
+        )
 
-    def _piece(self, columns: dict[str, np.ndarray], out: np.ndarray, turns: int) -> None:
+    def _piece(self, columns: np.ndarray, out: np.ndarray, turns: int) -> None:
         """So many trials of the bodies in these columns, perhaps in threads."""
         lanes: Any = self.lanes
-        native: Any = lanes.stepping.native
         side, workers = lanes.stepping.lanes, self.plan._given["workers"]
-        padded = columns["numbers"].shape[1]
-        own = [columns[f"own {k}"] for k in range(len(lanes.own))]
-        arrays = *own, columns["goals"], columns["numbers"], columns["clocks"], out
-        call = functools.partial(native.run, lanes.constants, (turns,), arrays, padded)
+        padded = columns.shape[1]
+        numbers, clocks, goals, *own = np.split(columns, self.parts)
+        arrays = *own, goals, numbers, clocks, out
+        run = lanes.stepping.native.run
+        call = functools.partial(run, lanes.constants, (turns,), arrays, padded)
         threads = max(1, min(workers, padded * turns // TRIALS, padded // side))
         share = -(-padded // (threads * side)) * side
         others = [
@@ -372,17 +366,17 @@ class AdaptiveEnsemble(OneByOne):
         """Why a body stopped: what its next step fails of in plain Python."""
         if i in self.errors:
             return self.errors[i]
-        run = self.plan_of(i)._steps.ready(
-            self._standing(i), self.t0[i], self.ends[i], self._steps, self.times_of(i), ()
-        )
+        begun, t0 = self.begun(i), float(self.t0[i])
+        start = begun.state if isinstance(begun, Waiting) else begun
+        try:
+            run = self.plan_of(i)._steps.ready(
+                start, t0, self.ends[i], self._steps, self.times_of(i), ()
+            )
+        except IntegrationFailure as error:  # it has no velocity at the start
+            return error
         return run.failed(
             self.numbers[:, i].copy(), self.clocks[:, i].copy(), self.samples[: self.told[i], i]
         )
-
-    def _standing(self, i: int) -> Any:
-        """From where a body began."""
-        begun = self.begun(i)
-        return begun.state if isinstance(begun, Waiting) else begun
 
     def _joined(self, unfinished: Trajectory | None = None) -> Trajectory:
         if self.first is None:
