@@ -14,6 +14,7 @@ import numpy as np
 
 from ..compiler.driver import accepted, attempt, itself, reason
 from ..errors import (
+    IntegrationFailure,
     IntegrationInterrupted,
     InvalidInput,
     StepTooSmall,
@@ -492,10 +493,6 @@ class AdaptiveRun:
             times = self.t_eval[: len(numbers)]
         return times, unpacked(self.shape.state, numbers)
 
-    def reached(self) -> State:
-        """The state after the last step that was accepted."""
-        return build(self.shape.state, iter(self.states[: self.width].tolist()))
-
     def failed(self, states: np.ndarray, clock: np.ndarray, samples: np.ndarray) -> Exception:
         """Why a run ended that native code has led so far, beside others."""
         self.states, self.clock, self.compiled = states, clock, True
@@ -561,4 +558,6 @@ class AdaptiveRun:
 
     def _ended(self, error: Any) -> Any:
         error.trajectory = self._result()
+        if isinstance(error, IntegrationFailure):
+            error.reached = build(self.shape.state, iter(self.states[: self.width].tolist()))
         return error

@@ -75,9 +75,6 @@ class OneByOne:
         self._check()
         self.runs: list[Trajectory] = []
         self.errors: dict[int, IntegrationFailure] = {}
-        # with adaptive steps: of the body that runs its run, and where those came to that failed
-        self.running: Any = None
-        self.reached: dict[int, Any] = {}
 
     def _check(self) -> None:
         """Refuse what a body cannot be asked for, before the first one runs."""
@@ -138,8 +135,6 @@ class OneByOne:
                     self.runs.append(self._run(i))
                 except IntegrationFailure as error:
                     self.errors[i] = error
-                    if self.running is not None:
-                        self.reached[i] = self.running.reached()
                     self.runs.append(error.trajectory)
                 except KeyboardInterrupt as error:
                     told = f"integrate: interrupted after {i} of {self.count} bodies"
@@ -172,7 +167,6 @@ class OneByOne:
     def _run(self, i: int) -> Trajectory:
         """The run of one body."""
         begun, times, kept = self.begun(i), self.times_of(i), copy.copy(self.kept)
-        self.running = None
         if isinstance(begun, Ended):
             return self._still(i, begun)
         if kept is not None:
@@ -183,8 +177,7 @@ class OneByOne:
         if plan.fictive:
             run = plan._transformed(start, self._steps, end, t, times, kept)
         elif plan.adaptive:
-            self.running = plan._steps.ready(start, t, end, self._steps, times, plan.events, kept)
-            run = self.running.trajectory()
+            run = plan._steps.run(start, t, end, self._steps, times, plan.events, kept)
         else:
             t0, before = self._counted(begun)
             steps = plan._count(self._steps, end, t0, before)
@@ -220,8 +213,7 @@ class OneByOne:
         runs = [*self.runs, unfinished] if unfinished is not None else [*self.runs]
         runs += [self._not_begun(i) for i in range(len(runs), self.count)]
         members = tuple([self._carried(i, run) for i, run in enumerate(runs)])
-        asked = map(self.times_of, range(self.count))
-        n = max([len(run) for run in runs] + [0 if x is None else len(x) for x in asked])
+        n = max([self._samples_of(i, *one) for i, one in enumerate(zip(runs, members))])
         ways = [
             self._filled(i, run, n, carry)
             for i, (run, carry) in enumerate(zip(runs, members, strict=True))
@@ -259,6 +251,14 @@ class OneByOne:
         origins = tuple([getattr(run, "origin", None) for run in runs])
         return TransformedTrajectory(**known, **clocks, origin=origins)  # type: ignore[arg-type]
 
+    def _samples_of(self, i: int, run: Trajectory, carry: Any) -> int:
+        """How many samples a body has, with that where it failed."""
+        times = self.times_of(i)
+        if times is not None:
+            return max(len(run), len(times))
+        beyond = self._reached(i) is not None and len(run) > 0 and carry.t != run.t[-1]
+        return len(run) + beyond
+
     def _inner_systems(self, runs: list[Trajectory]) -> Any:
         """Of a run in fictive time the systems that move in it."""
         several = self.plan.system
@@ -284,16 +284,23 @@ class OneByOne:
             return self.begun(i)
         # one that failed stays there for all times that were asked for
         end = self.ends[i] if i in self.errors and self.plan.adaptive else None
-        if not len(run) and i not in self.reached:
+        if not len(run) and self._reached(i) is None:
             begun = self.begun(i)
             return Ended(begun.state, begun.t if end is None else end, 0, self.errors.get(i))
-        state = self.reached[i] if i in self.reached else member(stacked([self._state(run)]), 0)
-        t = float(run.t[-1]) if end is None else end
+        reached = self._reached(i)
+        state = member(stacked([self._state(run)]), 0) if reached is None else reached
         steps, error = self._taken(i, run), self.errors.get(i)
+        t = float(run.t[-1]) if end is None and reached is None else end
+        if t is None:
+            t = self._counted(self.begun(i))[0] + steps * self.plan_of(i)._steps.h
         if not isinstance(run, TransformedTrajectory):
             return Ended(state, t, steps, error)
         z = None if run.z is None else float(run.z[-1])
         return Ended(state, t, steps, error, float(run.tau[-1]), z, run.origin)
+
+    def _reached(self, i: int) -> Any:
+        """The state of a body that failed after its last accepted step."""
+        return None if self.plan.fictive else getattr(self.errors.get(i), "reached", None)
 
     def _state(self, run: Trajectory) -> Any:
         """The last state of a body's run."""
@@ -317,6 +324,7 @@ class OneByOne:
         if more:
             last = {"": t[-1:], **{name: x[-1:] for name, x in (states | clocks).items()}}
             sampled = times is not None and isinstance(carry, (AdaptiveCarry, Waiting, Ended))
+            sampled = sampled or self._reached(i) is not None
             if not len(t) or (sampled and not isinstance(run, TransformedTrajectory)):
                 last = {name: x[None] for name, x in carry.state.arrays.items()}
                 last[""] = np.array([carry.t])

@@ -205,3 +205,31 @@ def test_an_interrupt_leaves_every_body_where_it_stands(monkeypatch: pytest.Monk
     assert np.array_equal(told.t[-1], told.carry.t)
     assert ((told.t[-1] > 0.0) & (told.t[-1] < 5.0)).any() and (told.t[-1] == 0.0).any()
     assert np.array_equal(native().resume(told, t_end=5.0).mu[-1], whole.mu[-1])
+
+
+@lm.record
+class Bounded(lm.Hamiltonian):
+    """A free body that is known for mu_2 >= 0 only."""
+
+    def gradient(self, mu: lm.Vec) -> lm.Vec:
+        if mu[1] < 0.0:
+            raise ArithmeticError("nothing is known there")
+        return lm.vec(mu[0], mu[1] / 1.5, mu[2] / 2.0)
+
+
+def test_steps_of_one_length_that_fail_between_two_samples() -> None:
+    """Of bodies with ends or events of their own too: it stands where it came to."""
+    system = lm.LiePoissonSystem(lm.SO3(), Bounded())
+    plan = lm.Plan(system, lm.RKMK(order=4), 0.05, compiled=False)
+    mu = np.array([[0.0, 1.0, 0.0], [0.5, 1.0, 1.0], [0.0, 0.0, 1.0]])
+    with pytest.raises(IntegrationFailure) as caught:
+        plan.run(system.state(mu=mu[1]), steps=1000)
+    single: Any = caught.value
+    taken = single.trajectory.steps
+    assert taken % 10 != 0 and np.array_equal(single.reached.mu, single.trajectory.mu[-1])
+    for events in ((), (lambda t, state: 1.0,)):
+        many = plan.replace(every=10, events=events)
+        with pytest.warns(RuntimeWarning, match=f"1 of 3 bodies .* body 1 after {taken} steps"):
+            runs = many.run(system.state(mu=mu), t_end=[10.0, 10.0, 10.0])
+        assert np.array_equal(runs.mu[-1, 1], single.reached.mu)
+        assert np.array_equal(runs.mu[-1, [0, 2]], mu[[0, 2]])
