@@ -212,11 +212,11 @@ def test_a_formula_whose_file_has_changed_since_its_import(tmp_path: Path) -> No
     text = (
         "from liemech.formulas import vec\n\n\ndef formula(a, b, c, d, n):\n    return vec(a, {})\n"
     )
-    module = worlds.module_from(text.format("b"), tmp_path, "edited")
-    (tmp_path / "edited.py").write_text(text.format("b + c"))
-    assert "edited.py has changed since it was imported" in refusal(module.formula)
+    module = worlds.module_from(text.format("b"), tmp_path, "altered")
+    (tmp_path / "altered.py").write_text(text.format("b + c"))
+    assert "altered.py has changed since it was imported" in refusal(module.formula)
     # imported again, it is in order
-    again = worlds.module_from(text.format("b + d"), tmp_path, "edited")
+    again = worlds.module_from(text.format("b + d"), tmp_path, "altered")
     worlds.same_in_all_worlds(again.formula, [[1.0, 2.0, 3.0, 4.0]])
 
 
