@@ -307,7 +307,7 @@ class AdaptiveEnsemble(OneByOne):
         """
         lanes: Any = self.lanes
         width, before = lanes.state.width, self.told[bodies]
-        reached = self._reached(bodies, out[1:, 0])
+        reached = self._passed(bodies, out[1:, 0])
         reached = np.maximum.accumulate(np.concatenate([before[None], reached]), axis=0)
         new = np.diff(reached, axis=0)
         turn, column = new.nonzero()
@@ -331,7 +331,7 @@ class AdaptiveEnsemble(OneByOne):
         self.samples[sample, body] = numbers
         self.told[bodies] = reached[-1]
 
-    def _reached(self, bodies: np.ndarray, t: np.ndarray) -> np.ndarray:
+    def _passed(self, bodies: np.ndarray, t: np.ndarray) -> np.ndarray:
         """How many of the times that are asked for lie before these, (turns, bodies)?"""
         sign = np.where(self.goals[0, bodies] >= self.t0[bodies], 1.0, -1.0)
         if self.asked.strides[1] == 0:  # all are asked for at the same

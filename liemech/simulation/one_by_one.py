@@ -150,12 +150,12 @@ class OneByOne:
                     self.kept.save(self._joined())
                 bar.advance(1)
         run = self._joined()
-        stopped: Any = run.stopped
-        if stopped:
-            some = ", ".join(f"body {i} after {n} steps" for i, n in [*stopped.steps.items()][:5])
+        ended: Any = run.stopped
+        if ended:
+            some = ", ".join(f"body {i} after {n} steps" for i, n in [*ended.steps.items()][:5])
             warn(
-                f"integrate: {len(stopped)} of {run.bodies} bodies stopped early: "
-                f"{some}. {stopped[min(stopped)].error}",
+                f"integrate: {len(ended)} of {run.bodies} bodies stopped early: "
+                f"{some}. {ended[min(ended)].error}",
                 RuntimeWarning,
             )
         return run

@@ -207,6 +207,25 @@ def test_an_interrupt_leaves_every_body_where_it_stands(monkeypatch: pytest.Monk
     assert np.array_equal(native().resume(told, t_end=5.0).mu[-1], whole.mu[-1])
 
 
+def test_bodies_that_fail_before_and_after_lanes_take_over(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each as it does alone."""
+    plan = lm.Plan(UNBOUNDED, METHOD, rtol=1e-4, compiled=True, progress=False)
+    ensemble, starts = adaptive_ensemble.AdaptiveEnsemble, UNBOUNDED.state(mu=STARTS[[1, 0, 1, 3]])
+    with pytest.warns(RuntimeWarning, match="2 of 4 bodies stopped early"):
+        whole = plan.run(starts, t_end=50.0, steps=40)
+    later = ensemble._side_by_side
+    monkeypatch.setattr(ensemble, "_run", OneByOne._run)
+    monkeypatch.setattr(ensemble, "_side_by_side", lambda self, i, bar: i > 1 and later(self, i, bar))
+    with pytest.warns(RuntimeWarning, match="2 of 4 bodies stopped early"):
+        mixed = plan.run(starts, t_end=50.0, steps=40)
+    assert [*mixed.stopped] == [*whole.stopped] == [0, 2]
+    assert np.array_equal(mixed.mu, whole.mu) and np.array_equal(mixed.mu[:, 0], mixed.mu[:, 2])
+    assert str(mixed.stopped[0].error) == str(mixed.stopped[2].error)
+    assert mixed.stopped.steps == whole.stopped.steps
+    with pytest.warns(RuntimeWarning, match="2 of 4 bodies"):
+        assert np.array_equal(plan.resume(mixed, t_end=51.0).mu, plan.resume(whole, t_end=51.0).mu)
+
+
 @lm.record
 class Bounded(lm.Hamiltonian):
     """A free body that is known for mu_2 >= 0 only."""
