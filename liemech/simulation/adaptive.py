@@ -26,7 +26,7 @@ class Clock(Record):
     """What the controller carries along: time, the step to try, the error of the last one, counts,
     and marks.
 
-    h : zero if the first step is to be found.  fresh : is the velocity to be computed, at a start
+    h : zero if the first step is to be found.  error : as `following` gives it.  fresh : is the velocity to be computed, at a start
     or after a jump?
     """
 
@@ -89,13 +89,13 @@ def adaptive_steps(
         error = UNUSABLE
         if accepted(trial, itself):
             error = max(trial.error, LEAST)
-        h = following(step, error, before, power)
+        h, root = following(step, error, before, power)
         if error <= 1.0:
             t = t_end if last else t + step
             state, xi = trial.state, trial.velocity
             write(out, n * row.width, (t, state, trial.curve), row)
             n = n + 1
-            before = error
+            before = root
         else:
             rejected = rejected + 1.0
     write(states, 0, (state, xi), layout)
@@ -163,11 +163,12 @@ def adaptive_lanes(
         error = where(accepted(trial, itself), max(trial.error, LEAST), UNUSABLE)
         tried = running and not small
         good = tried and error <= 1.0
-        h = where(tried, following(step, error, before, power), where(running, step, h))
+        new, root = following(step, error, before, power)
+        h = where(tried, new, where(running, step, h))
         stuck = where(running and small, 1.0, stuck)
         t = where(good, where(last, t_end, t + step), t)
         state, xi = where(good, trial.state, state), where(good, trial.velocity, xi)
-        before = where(good, error, before)
+        before = where(good, root, before)
         n = n + where(good, 1.0, 0.0)
         rejected = rejected + where(tried and not good, 1.0, 0.0)
         if dense:
@@ -184,20 +185,24 @@ def to_try(t: float, h: float, t_end: float, longest: float) -> tuple[float, boo
     return step, last, t + 0.125 * step == t
 
 
-def following(step: float, error: float, before: float, power: float) -> float:
-    """The step after one with this error over the tolerance, by the last one and the one before.
+def following(step: float, error: float, before: float, power: float) -> tuple[float, float]:
+    """The step after one with this error over the tolerance, and r = err^(1/(10 q)), which controls
+    it; `before` is that of the last step.
 
-    A proportional-integral controller, h <- 0.9 h err_n^(-0.7/q) err_(n-1)^(0.4/q); after a step
-    that was rejected h <- 0.9 h err^(-1/q).
+    A proportional-integral controller, h <- 0.9 h err_n^(-0.7/q) err_(n-1)^(0.4/q), that is
+    0.9 h r_(n-1)^4 / r_n^7; after a step that was rejected h <- 0.9 h err^(-1/q).  A power in lanes
+    takes as long as twenty products, so one must do.
 
     Source: Hairer and Wanner, Solving Ordinary Differential Equations II, 2nd ed., IV.2, equation
     (2.43c).
     """
+    root = error ** (0.1 * power)
+    cube, old = root * root * root, before * before
     if error <= 1.0:
-        factor = min(FASTEST, SAFETY * error ** (-0.7 * power) * before ** (0.4 * power))
+        factor = min(FASTEST, SAFETY * (old * old) / (cube * cube * root))
     else:
-        factor = SAFETY * error**-power
-    return step * max(SLOWEST, factor)
+        factor = SAFETY / (cube * cube * cube * root)
+    return step * max(SLOWEST, factor), root
 
 
 def noted(failures: list[Exception], trial: Any) -> bool:

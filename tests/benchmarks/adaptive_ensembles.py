@@ -34,6 +34,9 @@ def cases(n: int) -> dict[str, tuple[Any, Any, Any, float, float, Any]]:
     return {
         "free body, mu": (body, body.state(mu=mu), order5, 20.0, 1e-6, (turning, mu)),
         "free body, mu, to 1e-10": (body, body.state(mu=mu), order5, 20.0, 1e-10, (turning, mu)),
+        "free body, mu, Taylor 13": (
+            body, body.state(mu=mu), lm.Taylor(order=13), 20.0, 1e-10, (turning, mu),
+        ),
         "heavy top": (top, top.state(mu=mu, g=g), order5, 10.0, 1e-9, None),
         "Kepler, eccentricity to 0.7": (
             kepler, kepler.state(q=q, p=p), order5, 20.0, 1e-9, (falling, np.hstack([q, p])),
