@@ -39,6 +39,9 @@ TURNS, LONGEST, WORK = 8, 256, 2**13
 bodies together.
 """
 
+ROWS = 2**17
+"""Samples inside of steps whose states are found at once."""
+
 TRIALS = 2**10
 """Trials of all bodies together that are worth a thread."""
 
@@ -176,9 +179,11 @@ class AdaptiveEnsemble(OneByOne):
         self._begin()
         try:
             self._march(bar)
+            self._move()
         except KeyboardInterrupt:
             left = int((self._unfinished & ~self._failed).sum())
             told = f"integrate: interrupted before {left} of {self.count} bodies came to the end"
+            self._move()
             stopped = IntegrationInterrupted(f"{told}; the samples are in `.trajectory`")
             stopped.trajectory = self._joined()
             raise stopped from None
@@ -200,6 +205,9 @@ class AdaptiveEnsemble(OneByOne):
         self.parts = np.cumsum([len(part) for part in parts[:-1]])
         self.numbers, self.clocks, *_ = np.split(self.table, self.parts)
         self.over = np.zeros(count, dtype=bool)  # bodies that had ended before
+        # rows of samples inside of steps, of which the states are still to be found
+        self.within: list[Any] = []
+        self.rows = 0
         if isinstance(self._start, State):
             at = 0
             for part in self._start.arrays.values():
@@ -212,7 +220,7 @@ class AdaptiveEnsemble(OneByOne):
                 self._take_up(i, self.begun(i))
         self.samples = np.empty((len(self.asked), count, width))
         at_start = self.asked == self.t0
-        self.told = np.where(at_start.all(axis=0), len(at_start), np.argmin(at_start, axis=0))
+        self.told = np.logical_and.accumulate(at_start, axis=0).sum(axis=0)  # the first ones
         self.samples[:] = np.where(at_start[..., None], self.numbers[:width].T, 0.0)
 
     def _fresh(self, some: Any) -> None:
@@ -322,14 +330,24 @@ class AdaptiveEnsemble(OneByOne):
         inside = np.flatnonzero(times != t)
         if len(inside):
             turn, column = turn[inside], column[inside]
+            self.rows += len(inside)
             begun = out[turn, 0, column]
             given = np.empty((len(inside), lanes.row.width))
             given[:, :width] = out[turn, 1 : 1 + width, column]
             given[:, width:-1] = out[turn + 1, 1 + width :, column]
             given[:, -1] = (times[inside] - begun) / (t[inside] - begun)
-            numbers[inside] = self._moved(given, times[inside], body[inside])
+            self.within.append((given, times[inside], sample[inside], body[inside]))
         self.samples[sample, body] = numbers
         self.told[bodies] = reached[-1]
+        if self.rows > ROWS:
+            self._move()
+
+    def _move(self) -> None:
+        """Let the states that lie inside of steps be where they are asked for."""
+        if self.within:
+            given, times, sample, body = map(np.concatenate, zip(*self.within, strict=True))
+            self.within, self.rows = [], 0
+            self.samples[sample, body] = self._moved(given, times, body)
 
     def _passed(self, bodies: np.ndarray, t: np.ndarray) -> np.ndarray:
         """How many of the times that are asked for lie before these, (turns, bodies)?"""

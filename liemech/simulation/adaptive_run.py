@@ -272,6 +272,8 @@ class AdaptiveRun:
                         self._jump(beyond)
                         if beyond == self.t_end:
                             self.rows[self.filled - 1, 0] = beyond
+                            if not self.kept and self.t_eval is not None:
+                                self._at_times(self.filled, self.t_eval)
         except KeyboardInterrupt:
             stopped = IntegrationInterrupted(
                 f"integrate: interrupted at t = {self.clock[0]:g}; the samples are in `.trajectory`"

@@ -30,6 +30,7 @@ def small_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(adaptive_ensemble, "ROOM", 16)
     monkeypatch.setattr(adaptive_ensemble, "LONGEST", 8)
     monkeypatch.setattr(adaptive_ensemble, "TRIALS", 1)
+    monkeypatch.setattr(adaptive_ensemble, "ROWS", 20)
 
 
 def native(**changed: Any) -> lm.Plan:
@@ -70,6 +71,12 @@ def test_samples_between_the_steps(sign: float, own: bool) -> None:
         one = alone(i, t_end=mine[-1], t_eval=mine)
         assert np.array_equal(runs.mu[:, i], one.mu)
     assert np.array_equal(runs.t, times)
+
+
+def test_no_samples_are_asked_for() -> None:
+    runs = native().run(BODY.state(mu=MU[:9]), t_end=2.0, t_eval=[])
+    assert len(runs) == 0 and runs.mu.shape == (0, 9, 3)
+    assert np.array_equal(runs.carry.state.mu[4], alone(4, t_end=2.0).mu[-1])
 
 
 def test_parameters_and_tolerances_of_every_body() -> None:
@@ -252,3 +259,11 @@ def test_steps_of_one_length_that_fail_between_two_samples() -> None:
             runs = many.run(system.state(mu=mu), t_end=[10.0, 10.0, 10.0])
         assert np.array_equal(runs.mu[-1, 1], single.reached.mu)
         assert np.array_equal(runs.mu[-1, [0, 2]], mu[[0, 2]])
+
+
+def test_a_sample_at_the_end_where_the_velocity_jumps() -> None:
+    """It was lost."""
+    plan = PLAN.replace(breaks=[1.0], compiled=False)
+    run = alone(3, plan, t_end=1.0, t_eval=[0.5, 1.0, 1.0])
+    assert np.array_equal(run.t, [0.5, 1.0, 1.0])
+    assert np.array_equal(run.mu[[-1, -1]], alone(3, plan, t_end=1.0).mu[[-1, -1]])
