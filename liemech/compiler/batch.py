@@ -340,12 +340,10 @@ def _finished(batch: Batch, job: Job, run: kernel.Kernel, values: list[Any]) -> 
 
     def evaluate(marks: np.ndarray) -> None:
         rows = [kernel.Rows(array) for array in (marks, *arrays)]
-        _share_out(
-            lambda begin, end: run(*job.arguments, *rows, begin=begin, end=end), count, run.lanes
-        )
+        _share_out(run.on(*job.arguments, *rows), count, run.lanes)
 
     mark, marks = np.zeros((1, 1)), np.zeros((0, 1))
-    evaluate(np.broadcast_to(mark, (count, 1)))
+    evaluate(np.ndarray((count, 1), buffer=mark, strides=(0, 8)))
     if mark[0, 0]:  # once more, now with a mark for every row
         marks = np.zeros((count, 1))
         evaluate(marks)

@@ -79,7 +79,9 @@ class Branches(Phis):
                 merged.setdefault(has(n), False)
             changed = {n: v for n, v in inside.items() if v is not before.get(n, inside)}
             after = {
-                n: self.blend(mask, v, merged[n]) if n in merged and n not in LEFT else v
+                n: self.blended(n, mask, (v, inside), (merged[n], merged))
+                if n in merged and n not in LEFT
+                else v
                 for n, v in changed.items()
             }
             skipped = dict(merged) | {

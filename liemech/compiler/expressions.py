@@ -8,9 +8,13 @@ import operator
 from collections.abc import Callable, Iterator
 from typing import Any
 
+import numpy as np
+
 from ..errors import NotCompilable
-from ..formulas.vectors import Mat
+from ..formulas.numbers import ByValue
+from ..formulas.vectors import Mat, Vec
 from . import large
+from .advice import instead_of_syntax
 from .ir_numbers import Num
 from .iterators import Stream
 from .loops import Loops
@@ -64,6 +68,8 @@ class Expressions(Loops):
     def truth(self, value: Any) -> Any:
         if isinstance(value, Num):
             return value if value.kind == "b" else value != 0
+        if isinstance(value, ByValue):
+            return self.truth(value.value)
         if hasattr(type(value), "__bool__") or hasattr(type(value), "__len__"):
             self.reads.settled(value)
         return bool(value)
@@ -72,7 +78,8 @@ class Expressions(Loops):
         condition = self.truth(condition)
         if isinstance(condition, bool):
             return yes if condition else no
-        result = self.blend(condition, yes, no)
+        env = self.frames[-1].env if self.frames else {}
+        result = self.blended("", condition, (yes, env), (no, env))
         if isinstance(result, Undefined):
             raise NotCompilable(f"`where`: {result.reason}")
         return result
@@ -172,15 +179,26 @@ class Expressions(Loops):
                 )
             case Later():
                 return node.compute()
-        raise NotCompilable(f"`{ast.unparse(node)}`: this expression has no place in a formula")
+        raise NotCompilable(
+            f"`{ast.unparse(node)}`: this expression has no place in a formula: "
+            f"{instead_of_syntax(node)}"
+        )
 
     def operate(self, node: Any, *operands: Any) -> Any:
         """An operator applied to numbers, vectors, whatever."""
         operator_ = OPERATORS.get(type(node.op))
         if operator_ is None:
-            raise NotCompilable(f"`{ast.unparse(node)}`: this operator is not known to native code")
+            raise NotCompilable(
+                f"`{ast.unparse(node)}`: this operator is not known to native code: write products "
+                "and quotients, `!=` instead of `^`"
+            )
         self.reads.settled(*operands)
-        return large.matmul(self.emitter, operator_, operands)
+        try:
+            return large.matmul(self.emitter, operator_, operands)
+        except NotCompilable:
+            raise
+        except TypeError as error:
+            raise NotCompilable(f"`{ast.unparse(node)}`: {in_words(error)}") from None
 
     def items(self, nodes: list[ast.expr], env: Env) -> list[Any]:
         found: list[Any] = []
@@ -322,16 +340,23 @@ class Expressions(Loops):
         return self.reads.attribute(value, name, self.call)
 
     def item(self, value: Any, index: Any) -> Any:
-        if isinstance(index, tuple) and isinstance(value, Mat):
+        if (
+            isinstance(index, tuple)
+            and len(index) == 2
+            and (isinstance(value, Mat) or (isinstance(value, np.ndarray) and holds_number(index)))
+        ):
             return self.item(self.item(value, index[0]), index[1])
         if not holds_number(index):
             self.reads.settled(value)
             return value[index]
         if not isinstance(index, Num) or index.kind == "f":
-            raise NotCompilable("a float or a slice known only at run time is used as an index")
+            raise NotCompilable(
+                "a float, a tuple or a slice known only at run time is used as an index: write "
+                "int(x), a[i][j] for a[i, j]"
+            )
         if isinstance(value, dict):
-            raise NotCompilable("a key of a dict must be known now")
-        result, *others = value  # an index known at run time: pick by comparison
+            raise NotCompilable("a key of a dict must be known now: write `if` and `elif`, or a list")
+        result, *others = _entries(value)  # an index known at run time: pick by comparison
         count = len(others) + 1
         self.fail_if(
             self.emitter.negation(self.emitter.logic("and_", index >= -count, index < count))
@@ -390,13 +415,37 @@ class Expressions(Loops):
             first = self.identity(left, right, isinstance(node.ops[0], ast.Is))
         else:
             self.reads.settled(left, right, inside=True)
-            first = OPERATORS[type(node.ops[0])](left, right)
+            if isinstance(node.ops[0], (ast.In, ast.NotIn)) and isinstance(left, Num):
+                first = self.among(left, right)
+                if isinstance(node.ops[0], ast.NotIn):
+                    first = self.emitter.negation(first)
+            else:
+                try:
+                    first = OPERATORS[type(node.ops[0])](left, right)
+                except NotCompilable:
+                    raise
+                except TypeError as error:
+                    raise NotCompilable(f"`{ast.unparse(node)}`: {in_words(error)}") from None
         if len(node.ops) == 1:
             return first
         rest = ast.Compare(Later(lambda: right), node.ops[1:], node.comparators[1:])
         return self.boolean(
             ast.copy_location(ast.BoolOp(ast.And(), [Later(lambda: first), rest]), node), env
         )
+
+    def among(self, x: Num, items: Any) -> Any:
+        """`x in items`: is it equal to one of them?  (Of nan, identity would decide.)"""
+        if isinstance(items, (str, bytes, Stream)):
+            raise NotCompilable("`in` a text or an iterator, of a number known only at run time")
+        if x.kind == "f":
+            self.fail_if(x != x)
+        found: Any = False
+        for item in list(items):
+            equal = x == item
+            if not isinstance(equal, (Num, bool)):
+                raise NotCompilable(f"`in` items that are {type(item).__name__}")
+            found = self.emitter.logic("or_", found, equal)
+        return found
 
     def identity(self, left: Any, right: Any, same: bool) -> Any:
         """`left is right` or `left is not right`: a truth value of the run is True or False, and no
@@ -429,17 +478,41 @@ class Expressions(Loops):
         return value
 
 
+def _entries(value: Any) -> Any:
+    """The items of a sequence, those of NumPy's as numbers and vectors."""
+    if not isinstance(value, np.ndarray):
+        return value
+    if value.dtype not in (np.float64, np.int64) or value.ndim > (value.dtype == np.float64) + 1:
+        raise NotCompilable(
+            f"an array of {value.dtype.name} of {value.ndim} axes is indexed by a number known only "
+            "at run time: make it a tuple, or one of floats, of one or two axes"
+        )
+    return [Vec(*row) if isinstance(row, list) else row for row in value.tolist()]
+
+
 def _named(node: ast.Call) -> list[Any]:
     """The arguments of a call that are given by name."""
     if any(k.arg is None for k in node.keywords):
-        raise NotCompilable(f"`{ast.unparse(node)}`: `**options` in a formula")
+        raise NotCompilable(f"`{ast.unparse(node)}`: `**options` in a formula: name them")
     return node.keywords
 
 
 def _known(test: Any) -> bool:
     if isinstance(test, Num):
-        raise NotCompilable("a comprehension whose length depends on run-time numbers")
+        raise NotCompilable(
+            "a comprehension whose length depends on run-time numbers: write a loop, or "
+            "`x if condition else 0.0` for its items"
+        )
     return bool(test)
+
+
+def in_words(error: TypeError) -> str:
+    """What Python says of operands of which one is a number of the run, and what to do."""
+    said = str(error).replace("'Num'", "a number known only at run time")
+    return (
+        f"{said}; native code has floats, integers, liemech.Vec, Mat and formulas.Complex: write "
+        "float(x) of other numbers, liemech.vec(*x) of arrays"
+    )
 
 
 def holds_number(value: Any) -> bool:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import functools
 import math
+import numbers
 import sys
 from collections.abc import Callable, Iterable
 from typing import Any, NoReturn
@@ -171,7 +172,7 @@ class Emitter:
             )
 
     def zero(self, x: Any) -> Any:
-        return self.compare("==", x, 0) if isinstance(x, Num) else x == 0
+        return self.compare("==", x, 0) if isinstance(x, Num) else bool(x == 0)
 
     def integer(self, op: str, a: Num, b: Num) -> Num:
         """A sum, difference or product of integers; one beyond 2^63 (a product: 2^62) is a failure."""
@@ -443,15 +444,34 @@ class Num(StandIn):
         return self._of(functools.partial(self.emitter.arithmetic, op), a, b)
 
     def _of(self, function: Callable[..., Any], *items: Any) -> Any:
-        """A function of this number and another one, if it is one; NumPy's integers are integers."""
+        """A function of this number and another one, if it is one.  NumPy's integers are integers,
+        where theirs are not shorter.
+        """
         for x in items:
             if not isinstance(x, (Num, int, float)):
                 if not isinstance(x, (np.integer, np.bool_)):
                     return NotImplemented
+                if self.kind != "f" and not isinstance(x, np.int64):
+                    raise NotCompilable(
+                        f"NumPy computes with {type(x).__name__} and whole numbers in a way of its "
+                        f"own: write int({x!r}) or a float"
+                    )
                 items = tuple(
                     [int(y) if isinstance(y, (np.integer, np.bool_)) else y for y in items]
                 )
         return function(*items)
+
+    def _equality(self, op: str, other: Any) -> Any:
+        """`==` or `!=`.  What cannot be compared is something else; other numbers and arrays could."""
+        found = self._of(functools.partial(self.emitter.compare, op), self, other)
+        if found is NotImplemented and isinstance(
+            other, (np.generic, np.ndarray, numbers.Number)
+        ):
+            raise NotCompilable(
+                f"`{op}` of a number known only at run time and {type(other).__name__}: compare "
+                "floats, array entries one by one"
+            )
+        return found
 
     def __pow__(self, other: Any) -> Any:
         return self._of(self.emitter.power, self, other)
@@ -509,12 +529,14 @@ class Num(StandIn):
         return self._of(functools.partial(self.emitter.compare, ">="), self, other)
 
     def __eq__(self, other: object) -> Any:
-        return self._of(functools.partial(self.emitter.compare, "=="), self, other)
+        return self._equality("==", other)
 
     def __ne__(self, other: object) -> Any:
-        return self._of(functools.partial(self.emitter.compare, "!="), self, other)
+        return self._equality("!=", other)
 
     def _bits(self, op: str, other: Any) -> Any:
+        if isinstance(other, np.bool_):
+            other = bool(other)
         if {self.kind, kind_of(other)} == {"b"}:
             return self.emitter.logic(op, self, other)
         kind, pair = self.emitter.alike(self, other)
@@ -535,7 +557,8 @@ class Num(StandIn):
 
     def _refuse(self, *_: Any) -> NoReturn:
         raise NotCompilable(
-            "a number known only at run time is used where Python needs its value now"
+            "a number known only at run time is used where Python needs its value now: compare "
+            "vectors, lists and tuples number by number"
         )
 
     __bool__ = __float__ = __int__ = __index__ = __array__ = __len__ = __iter__ = _refuse

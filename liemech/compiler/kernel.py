@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import NotCompilable
-from ..formulas.pytree import Layout, layout_of, leaves
+from ..formulas.pytree import Layout, gatherer, layout_of, leaves
 from . import driver
 from .uncollected import uncollected
 
@@ -144,12 +144,17 @@ class Kernel:
         """Run on these arguments, for the bodies from begin to end (whole lanes); arrays hold a
         column for each of `bodies`.
         """
+        self.on(*args, bodies=bodies)(begin, end)
+
+    def on(self, *args: Any, bodies: int = 1) -> Callable[[int, int], None]:
+        """The same for any of the bodies: the arguments are laid out once."""
         numbers: list[float] = []
         integers: list[int] = []
         arrays: list[np.ndarray] = []
         for value, kind in zip(args, self.kinds, strict=True):
             if isinstance(kind, Layout):
-                numbers.extend(leaves(value, kind))
+                if kind.width:
+                    numbers.extend(gatherer(kind)(value))
             elif isinstance(value, Several):
                 arrays.append(value.columns)
             elif isinstance(value, Rows):
@@ -157,7 +162,9 @@ class Kernel:
                 integers.append(value.step)
             else:
                 (integers if kind == "integer" else arrays).append(value)
-        self.run(array("d", numbers).tobytes(), integers, arrays, bodies, begin, end)
+        words, rest = (*integers, *map(address, arrays)), array("d", numbers).tobytes()
+        pack = struct.Struct(f"{3 + len(words)}q").pack
+        return lambda begin, end: self.call(pack(bodies, begin, end, *words) + rest)
 
     def run(
         self,
@@ -354,17 +361,20 @@ def _translated(
 ) -> tuple[Any, str]:
     """What the driver reads, and the kernel in LLVM's language.
 
-    One that becomes long gets a single register for each number: it is made in half the time, and
-    is the faster one too, because the others would not find room beside each other.
+    In lanes each number gets a register, and two if the kernel is short.  One that is long is made
+    in half the time, and is the faster one too, because the others would not find room beside each
+    other.
     """
     with _importing:
-        from .outlined import LIMIT, SIDE_BY_SIDE, TooLong
+        from . import llvm
+        from .outlined import LIMIT, SHORT, SIDE_BY_SIDE, TooLong
 
     with uncollected():
-        if lanes > width():
+        made = _translation(entry, kinds, min(lanes, width()), given, LIMIT)
+        if lanes > width() and llvm.size(made[1]) <= SHORT:
             with contextlib.suppress(TooLong):
                 return _translation(entry, kinds, lanes, given, SIDE_BY_SIDE)
-        return _translation(entry, kinds, min(lanes, width()), given, LIMIT)
+        return made
 
 
 def _translation(
@@ -437,9 +447,9 @@ def _translation(
     builder.branch(head)
     builder.position_at_end(done)
     builder.ret_void()
-    drop_unused(module, function)
+    size = drop_unused(module, function)
     entrance(module, function, kinds)
-    return reads, str(module)
+    return reads, f"; {size} instructions\n{module}"
 
 
 def _located(error: Exception, interpreter: Any) -> Exception:

@@ -27,7 +27,15 @@ from .phi import (
     come_from,
     leveled,
 )
-from .scopes import Closure, Env, Undefined, breaks, changed_names, has
+from .scopes import (
+    Closure,
+    Env,
+    Undefined,
+    breaks,
+    changed_names,
+    changes_lists,
+    has,
+)
 
 UNROLL = 32  # a static loop with more turns than this stays a loop
 
@@ -211,6 +219,7 @@ class Loops(Branches):
             at_head[name] = build(
                 layouts[name], iter([entering(x) for x in leaves(env[name], layouts[name])])
             )
+            self.sharing.meet(name, at_head[name], [(env[name], env)])
         active: Any = None
         if masked:
             active = entering(e.constant(True, "b", True) if here is None else here)
@@ -254,6 +263,11 @@ class Loops(Branches):
                     )
                     changed.append(f"`{name}` changes its structure in the loop: {what}")
                     continue
+                if self.sharing.meet(name, old, [(new, inside)]) and changes_lists(body, inside):
+                    raise NotCompilable(
+                        f"`{name}` has another name at the end of a turn of a loop that changes "
+                        f"lists in place: let it be a copy, `[*{name}]`"
+                    )
                 for x, y in zip(leaves(new, layout), leaves(old, layout), strict=True):
                     phi = phis[index]
                     leaf = e.lift(x if not masked or x is y else e.select(lanes, x, y))

@@ -28,6 +28,7 @@ from ..formulas.vectors import Mat, Vec
 from .ir_numbers import F64, I32, I64, TYPES, Num
 from .phi import Open
 from .scopes import Frame
+from .sharing import lists
 
 LONG = 2500
 """Instructions up to which everything is written out, in each native function."""
@@ -56,6 +57,11 @@ there a call costs most.
 WHOLE = 3
 """The kernel of an ensemble may write out formulas that are so many times larger."""
 
+COPIED = 60
+"""Instructions from which a formula that is written out is translated once for all calls of one
+form: LLVM copies it.
+"""
+
 WIDE = 64
 """Numbers of a state from which this is no longer so: the formulas of large groups take much longer
 than a call.
@@ -77,6 +83,9 @@ SIDE_BY_SIDE = 9000
 other waits for a result.
 """
 
+SHORT = 5500
+"""Lines of a kernel of one register a number that may have so few instructions with two."""
+
 EFFORT = 2.5
 """How many times the limit may be translated, where formulas and loops are tried in several ways."""
 
@@ -96,8 +105,14 @@ class Builder(ir.IRBuilder):
         self.within = [block.function]
 
     def _insert(self, instruction: Any) -> None:
-        self.emitted += 1
         self.made += 1
+        self.grow(1)
+        self._block.instructions.insert(self._anchor, instruction)
+        self._anchor += 1
+
+    def grow(self, count: int) -> None:
+        """So many instructions more.  Raises Growing, TooLong."""
+        self.emitted += count
         if self.emitted > self.room:
             raise Growing
         if self.emitted + self.finished > self.limit:
@@ -110,9 +125,6 @@ class Builder(ir.IRBuilder):
                 "make. Take fewer stages or a lower order, a smaller group, closed forms for what "
                 "is derived, or compiled=False"
             )
-        self._block.instructions.insert(self._anchor, instruction)
-        self._anchor += 1
-
 
     def floats(self, op: str, a: ir.Value, b: ir.Value) -> ir.Value:
         """Arithmetic of two floats of one type."""
@@ -169,16 +181,23 @@ def _alive(functions: list[ir.Function]) -> set[ir.Function]:
 
 
 def _reachable(functions: list[ir.Function]) -> int:
-    """The instructions of functions and of what they call."""
-    return sum(len(block.instructions) for f in _alive(functions) for block in f.blocks)
+    """The instructions of functions and of what they call, copies counted as often as they are
+    made.
+    """
+    whole = (f for f in _alive(functions) if f in functions or not hasattr(f, "size"))
+    instructions = (i for f in whole for block in f.blocks for i in block.instructions)
+    return sum(getattr(getattr(i, "callee", None), "size", 1) for i in instructions)
 
 
-def drop_unused(module: ir.Module, kernel: ir.Function) -> None:
-    """Remove the functions that nobody calls any more: their calls were taken back."""
+def drop_unused(module: ir.Module, kernel: ir.Function) -> int:
+    """Remove the functions that nobody calls any more: their calls were taken back.  The number of
+    instructions that are left.
+    """
     alive = _alive([kernel])
     for name, value in [*module.globals.items()]:
         if isinstance(value, ir.Function) and value.blocks and value not in alive:
             del module.globals[name]
+    return _reachable([kernel])
 
 
 class TooLong(NotCompilable):
@@ -205,6 +224,9 @@ class Outlined:
     escapes: bool  # and whether all have
     raises: int
     calls: int
+    # of one that LLVM copies: its instructions, and what formulas in it have cost
+    size: int
+    spent: list[tuple[Any, int]]
 
 
 @dataclasses.dataclass(eq=False)
@@ -233,6 +255,9 @@ class Outliner:
         self.spent: list[tuple[Any, int]] = []
         self.large: set[Any] = set()  # formulas that have been large
         self.made: dict[Any, Outlined | None] = {}  # None: it has to be written out
+        self.copied: set[Any] = set()  # formulas of which some call was worth a copy
+        # by form of the call, what LLVM copies; None: there was one call
+        self.copies: dict[Any, Outlined | None] = {}
         self.patience, self.huge = (ALONE, ALONE * HUGE) if self.e.lanes == 1 else (1, WHOLE * HUGE)
         # by its identity, a constant and what tells it from others
         self.kept: dict[int, tuple[Any, Any]] = {}
@@ -278,7 +303,7 @@ class Outliner:
         forget = t.mark()
         try:
             with self._limited(before):
-                result = t.enter(frame)
+                result = self._copy(frame, given)
             large = b.emitted - before >= self.huge
         except Growing:
             large = b.emitted - before >= MOST * self.huge
@@ -310,6 +335,33 @@ class Outliner:
             if made is not None:
                 return self.emit(made, call, general)
         return self._written_out(frame, given)
+
+    def _copy(self, frame: Frame, given: dict[str, Any]) -> Any:
+        """The value of a call that is written out; from the second call of one form on as a copy,
+        which LLVM makes.
+        """
+        function, b = frame.source.function, self.e.builder
+        call = self.call(function, given) if function in self.copied else None
+        if call and call.known in self.copies:
+            made = self.copies[call.known]
+            if made is None:
+                made = self.make(("copy", call.known), frame, given, False, 0, True)
+                self.copies[call.known] = made
+            if made is not None:
+                before, result = b.emitted, self.emit(made, call, False)
+                b.emitted = before
+                b.grow(made.size)
+                self.spent += made.spent
+                return result
+            frame = Frame(frame.source, frame.scope, given)
+        before = b.emitted
+        result = self.t.enter(frame)
+        if b.emitted - before >= COPIED:
+            self.copied.add(function)
+            call = call or self.call(function, given)
+            if call:
+                self.copies.setdefault(call.known)
+        return result
 
     def _written_out(self, frame: Frame, given: dict[str, Any]) -> Any:
         """The value of a call that has to be written out, however large: what is around it does not
@@ -471,10 +523,18 @@ class Outliner:
     # -------------------------------------------------------------- the function
 
     def make(
-        self, key: Any, frame: Frame, given: dict[str, Any], general: bool, least: int = 0
+        self,
+        key: Any,
+        frame: Frame,
+        given: dict[str, Any],
+        general: bool,
+        least: int = 0,
+        copied: bool = False,
     ) -> Outlined | None:
         """The native function of a formula, for calls of this form; None if it must be written out,
         or has too few instructions.
+
+        copied : LLVM puts a copy of it in the place of each call.  It counts as written out.
         """
         t, b = self.t, self.e.builder
         active = t.active(t.frames[-1].env)
@@ -499,19 +559,15 @@ class Outliner:
             "fastcc",
             Names(function),
         )
-        for fact in ("noinline", "nounwind"):
+        for fact in ("alwaysinline" if copied else "noinline", "nounwind"):
             function.attributes.add(fact)
-        function.args[0].add_attribute("noalias")
-        if self.e.lanes > 1:
-            function.attributes.alignstack = 8 * self.e.width
-        b.finished, b.emitted, self.spent, self.patience, self.huge = (
-            b.finished + outer,
-            0,
-            [],
-            1,
-            HUGE,
-        )
-        self.begun, b.room = [], math.inf
+        self.spent = []
+        if not copied:
+            function.args[0].add_attribute("noalias")
+            if self.e.lanes > 1:
+                function.attributes.alignstack = 8 * self.e.width
+            b.finished, b.emitted, self.patience, self.huge = b.finished + outer, 0, 1, HUGE
+            self.begun, b.room = [], math.inf
         b.within.append(function)
         escapes: list[Open] = []
         made: Outlined | None = None
@@ -532,24 +588,35 @@ class Outliner:
             b.position_at_end(start)
             # between the variables of two native functions
             t.frames.append(Frame(frame.source, frame.scope, {}))
+            before = b.emitted
             result = t.enter(Frame(frame.source, frame.scope, arguments))
+            size = b.emitted - before
             if b.emitted >= least:
-                made = self._returned(function, result, inner, parts, escapes)
-                b.finished += b.emitted
+                made = self._returned(function, result, inner, parts, escapes, copied)
+                if copied:
+                    function.size, made.size, made.spent = size, size, self.spent
+                else:
+                    b.finished += b.emitted
             else:
-                del module.globals[name]
                 self.made.setdefault(call.known, None)
         except NotCompilable as error:
             if isinstance(error, TooLong):
                 raise
-            del module.globals[name]
-        b.within.pop()
-        del t.frames[frames:]
-        t.base, t.depth, t.failed, t.escapes, t.raises, t.marks, t.region = state
-        self.e.calls, self.spent = calls, spent
-        (self.patience, self.huge), self.begun, b.room = patience, begun, room
-        b.finished, b.emitted = b.finished - outer, outer
-        b.position_at_end(block)
+        except Growing:
+            outer = b.emitted  # the formula that becomes a function is found by that
+            raise
+        finally:
+            if made is None:
+                del module.globals[name]
+            b.within.pop()
+            del t.frames[frames:]
+            t.base, t.depth, t.failed, t.escapes, t.raises, t.marks, t.region = state
+            self.e.calls, self.spent = calls, spent
+            (self.patience, self.huge), self.begun, b.room = patience, begun, room
+            if not copied:
+                b.finished -= outer
+            b.emitted = outer
+            b.position_at_end(block)
         self.made[key] = made
         return made
 
@@ -589,6 +656,8 @@ class Outliner:
             inside = inside or isinstance(x, (Vec, Mat, *PAIRS))
             parts[place] = _of_parts(x, [seen(y, inside) for y in _parts(x)])
             self.t.reads.copied(parts[place], x)
+            if isinstance(x, list):  # the caller has it too
+                self.t.sharing.share([parts[place]])
             return parts[place]
 
         return {name: seen(x, False) for name, x in [*given.items(), ("<mask>", active)]}, parts
@@ -600,6 +669,7 @@ class Outliner:
         inner: list[Num],
         parts: list[Any],
         escapes: list[Open],
+        copied: bool,
     ) -> Outlined:
         """Let the function return: its numbers, the lanes that have failed, and whether all have."""
         t, b, e = self.t, self.e.builder, self.e
@@ -644,7 +714,8 @@ class Outliner:
         if escapes:
             kinds.append(TYPES["b"])
         type_ = self._structure(kinds)
-        buffer = ir.Argument(function, type_.as_pointer()) if len(kinds) > RETURNED else None
+        many = len(kinds) > RETURNED and not copied
+        buffer = ir.Argument(function, type_.as_pointer()) if many else None
         if buffer is not None:
             buffer.add_attribute("noalias")
 
@@ -683,7 +754,9 @@ class Outliner:
             function.return_value = ir.values.ReturnValue(function, type_)
         memory = type_ if buffer is not None else None
         forms = [(x.kind, x.varying, x.mixed) for x in numbers]
-        return Outlined(function, memory, whole, forms, failed, bool(escapes), t.raises, e.calls)
+        return Outlined(
+            function, memory, whole, forms, failed, bool(escapes), t.raises, e.calls, 1, []
+        )
 
     def _structure(self, kinds: list[ir.Type]) -> ir.Type:
         """The type of results of these types; it has a name, because its text would stand at every
@@ -736,7 +809,10 @@ class Outliner:
             kind, x = pattern
             match kind:
                 case "structure":
-                    return _of_parts(x[0], [restored(y) for y in x[1]])
+                    whole = _of_parts(x[0], [restored(y) for y in x[1]])
+                    if id(x[0]) in t.sharing.shared:
+                        t.sharing.share([whole, *lists(call.parts)])
+                    return whole
                 case "parameter":
                     return self._loaded(x)
                 case "argument":

@@ -23,6 +23,7 @@ from .ir_numbers import Emitter, Num, Values
 from .iterators import Region, Stream
 from .reads import Reads
 from .scopes import Env, Frame, Undefined, has
+from .sharing import Sharing
 
 # lanes still running at this point, where some have left (absent: all for which the code was
 # entered)
@@ -90,6 +91,7 @@ class Phis:
         # of more than two operands, those after the first
         self.others: dict[ast.BoolOp, ast.expr] = {}
         self.frames: list[Frame] = []
+        self.sharing = Sharing(self.frames, reads)
         self.base: Any = None  # lanes for which the present code was entered (None: all)
         self.depth = 0  # enclosing conditions of the present call that differ between lanes
         self.escapes: list[list[Open]] = []  # where control goes when a formula raises
@@ -110,6 +112,15 @@ class Phis:
         if isinstance(mask, bool):
             return new if mask else old
         return self._numberwise([new, old], lambda x, y: self.emitter.select(mask, x, y))
+
+    def blended(self, name: str, mask: Any, new: tuple[Any, Env], old: tuple[Any, Env]) -> Any:
+        """`blend` of two values of a variable, each with the variables around it, of which some may
+        hold the same lists.
+        """
+        result = self.blend(mask, new[0], old[0])
+        if not isinstance(mask, bool):
+            self.sharing.meet(name, result, (new, old))
+        return result
 
     def blank(self, value: Any) -> Any:
         """A value of the same structure whose numbers are arbitrary."""
@@ -132,6 +143,8 @@ class Phis:
         layouts = [layout_of(v, is_any_number) for v in items]
         if any(layout != layouts[0] for layout in layouts):
             shapes = " and ".join(dict.fromkeys(map(repr, layouts)))
+            shapes += ": write float(x) of NumPy's numbers" if "np." in shapes else ""
+            shapes += ": write liemech.formulas.where" if "power series" in shapes else ""
             return Undefined(f"it is one thing on one way and another on the other: {shapes}")
         rows = zip(*(leaves(v, layouts[0]) for v in items), strict=True)
         return build(
@@ -205,6 +218,9 @@ class Phis:
                 )
                 there = [o.env.get(name, blank) for o in opens]
             merged[name] = self._together(into, blocks, there)
+            if any(v is not merged[name] for v in there):
+                ways = [(o.env[name], o.env) for o in opens if name in o.env]
+                self.sharing.meet(name, merged[name], ways)
             if not all(c is True for c in certain):
                 merged[has(name)] = self._together(into, blocks, certain)
         for o in opens:

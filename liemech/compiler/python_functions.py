@@ -18,6 +18,7 @@ from ..formulas import functions
 from ..formulas.compensated import value_of
 from ..formulas.dual import Dual
 from ..formulas.dual import value_of as without_slope
+from ..formulas.numbers import ByValue
 from ..formulas.pytree import is_any_number
 from ..formulas.series import Series
 from .callbacks import FUNCTIONS
@@ -48,7 +49,7 @@ class PythonFunctions:
         self.t, self.e = translator, translator.emitter
         self.table: dict[Any, Callable[..., Any]] = {
             isinstance: self.isinstance,
-            type: lambda x: TYPES[x.kind] if isinstance(x, Num) else type(x),
+            type: lambda x: TYPES[x.kind] if isinstance(x, Num) else self.t.reads.class_of(x),
             bool: lambda x=False: self.t.truth(x),
             float: self.float,
             int: self.cut,
@@ -118,6 +119,7 @@ class PythonFunctions:
     def isinstance(self, value: Any, kind: Any) -> bool:
         if isinstance(value, Num):
             return issubclass(TYPES[value.kind], kind)
+        self.t.reads.class_of(value)
         return isinstance(value, kind)
 
     def float(self, x: Any = 0.0) -> Any:
@@ -147,7 +149,7 @@ class PythonFunctions:
         if not holds_number((x, digits)):
             return round(x, digits)
         if digits is not None or not isinstance(x, Num):
-            raise NotCompilable("`round` to a number of digits")
+            raise NotCompilable("`round` to a number of digits: write round(x * 100.0) / 100.0")
         return self.whole(x, "llvm.roundeven")
 
     # -------------------------------------------------------------- many items
@@ -155,15 +157,19 @@ class PythonFunctions:
     def extreme(self, better: Callable[[Any, Any], Any], *items: Any, **options: Any) -> Any:
         if len(items) == 1:
             items = tuple(self.t.iterate(items[0]))
-        if not holds_number(items) and all(map(is_any_number, items)):
+        key = options.pop("key", None)
+        if key is None and not holds_number(items) and all(map(is_any_number, items)):
             return (min if better is operator.lt else max)(items, **options)
         if options or not items:
             raise NotCompilable(
-                "`min` and `max` of run-time numbers take no options, and at least one number"
+                "`min` and `max` of run-time numbers take no `default`, and at least one number"
             )
         result, *others = items
+        best = result if key is None else self.t.call(key, result)
         for x in others:
-            result = self.t.where(better(x, result), x, result)
+            of_x = x if key is None else self.t.call(key, x)
+            closer = better(of_x, best)
+            result, best = self.t.where(closer, x, result), self.t.where(closer, of_x, best)
         return result
 
     def sum(self, items: Any, start: Any = 0) -> Any:
@@ -197,19 +203,29 @@ class PythonFunctions:
         return total
 
     def sorted(self, items: Any, **options: Any) -> list[Any]:
-        found = list(self.t.iterate(items))
-        if not holds_number(found):
+        found, key, reverse = list(self.t.iterate(items)), options.get("key"), options.get("reverse")
+        if key is None and not any(isinstance(x, ByValue) or holds_number(x) for x in found):
             return sorted(found, **options)
-        if options or not all(map(is_any_number, found)):
-            raise NotCompilable("`sorted` of run-time numbers sorts plain numbers, without options")
-        for x in found:
+        keys = [*found] if key is None else [self.t.call(key, x) for x in found]
+        if isinstance(reverse, Num) or not all(
+            isinstance(x, ByValue) or is_any_number(x) for x in keys
+        ):
+            raise NotCompilable(
+                "`sorted` of run-time numbers sorts by plain numbers, its direction known before "
+                "the run: give a `key` that is one number"
+            )
+        for x in map(value_of, map(without_slope, keys)):
             if isinstance(x, Num):
                 self.t.fail_if(x != x)  # the place of a nan depends on how Python sorts
+        if reverse:  # what is equal keeps its order
+            found, keys = found[::-1], keys[::-1]
         for i in range(1, len(found)):
             for k in range(i, 0, -1):
-                a, b = found[k - 1 : k + 1]
-                found[k - 1], found[k] = self.t.where(b < a, b, a), self.t.where(b < a, a, b)
-        return found
+                swap = keys[k] < keys[k - 1]
+                for row in (found, keys):
+                    a, b = row[k - 1 : k + 1]
+                    row[k - 1], row[k] = self.t.where(swap, b, a), self.t.where(swap, a, b)
+        return found[::-1] if reverse else found
 
     def together(self, operation: str, start: bool, items: Any) -> Any:
         return functools.reduce(
@@ -307,7 +323,9 @@ class PythonFunctions:
 
         def native(*x: Any) -> Any:
             if len(x) > 2:
-                raise NotCompilable(f"`{function.__name__}` of more than two numbers")
+                raise NotCompilable(
+                    f"`{function.__name__}` of more than two numbers: use liemech.norm, or call it twice"
+                )
             result = self.e.call(f"{symbol.removeprefix('liemech_')}_{len(x)}", *x)
             return result if isinstance(function, np.ufunc) else self.raising(result, *x)
 

@@ -77,10 +77,33 @@ class Reads:
             self._spaces.setdefault(id(function.__globals__), function), "global", name
         )
 
+    def class_of(self, value: Any) -> type:
+        """The class of an object, which may get another one."""
+        if (
+            id(value) in self._origins
+            and of_python(type(value))
+            and not isinstance(value, (Record, type, types.ModuleType, types.FunctionType))
+        ):
+            self._read(value, "class", "")
+        return type(value)
+
     def fields(self, cls: type) -> Any:
         """The fields of a record class."""
         self._read(cls, "attribute", "__dataclass_fields__")
         return dataclasses.fields(cls)
+
+    def construction(self, cls: type) -> str:
+        """The method of the user's own that runs when a record of this class is made; '' if there is
+        none.
+        """
+        for name in ("__new__", "__init__", "__post_init__"):
+            home = next(c for c in cls.__mro__ if name in vars(c))
+            made = self._read(cls, "attribute", name)
+            code = getattr(made, "__code__", None)
+            theirs = of_python(home) and not home.__module__.startswith(_LIBRARY)
+            if theirs and code is not None and code.co_filename != "<string>":  # of `dataclass`
+                return name
+        return ""
 
     def has(self, value: Any, name: str) -> bool:
         """What `hasattr` says."""
@@ -112,7 +135,7 @@ class Reads:
                 )
                 raise NotCompilable(
                     f"Python would have to compute with {what} before the "
-                    "run: formulas use attributes and calls"
+                    "run: formulas use attributes and calls; make it a tuple, a dict or a float"
                 )
 
     def attribute(self, value: Any, name: str, call: Callable[..., Any]) -> Any:
@@ -132,14 +155,12 @@ class Reads:
             return self._bound(self._read(cls, f"member {after}", name), None, cls, name, call)
         if isinstance(owner, (types.ModuleType, types.FunctionType)):
             return self._read(owner, "attribute", name)
-        if (
-            not isinstance(owner, Record)
-            and (id(owner) not in self._origins or is_own(owner))
-            and not of_python(cls)
-        ):
-            return getattr(value, name)
+        if not isinstance(owner, Record) and not of_python(cls):
+            if id(owner) not in self._origins or is_own(owner) or tokens.known(owner, False):
+                return getattr(value, name)
+            return self._read(owner, "attribute", name)
         if name == "__class__":
-            return cls
+            return self.class_of(owner) if after == 0 else cls
         member = _member(cls, after, name)
         own = getattr(owner, "__dict__", {}) if after == 0 else {}
         if name in own and not hasattr(type(member), "__set__"):
@@ -193,6 +214,10 @@ class Reads:
             if _varies(value):
                 return call(member.func, owner)
         return self._read(owner, "attribute", name)
+
+    def from_outside(self, value: Any) -> bool:
+        """Was it there before the formulas?"""
+        return id(value) in self._origins
 
     def made(self, value: Any) -> bool:
         """Did a formula make it, of what it has read?"""
@@ -395,14 +420,14 @@ class Guard:
         everything else.
         """
         general: dict[int, str] = {}
-        modules: dict[tuple[int, int], tuple[Any, list[str]]] = {}
+        modules: dict[tuple[int, int], tuple[Any, dict[str, Any]]] = {}
         known = {f"v{i}": value for i, value in enumerate(self.values)}
         for i in self.compared:
             parent, how, name = self.steps[i]
             holder = self.values[parent]
             if how == "global" and "__builtins__" in holder.__globals__:
                 space = id(holder.__globals__), id(holder.__builtins__)
-                modules.setdefault(space, (holder, []))[1].append(f"{name} is _values[{i}]")
+                modules.setdefault(space, (holder, {}))[1][name] = self.values[i]
             # of a method only its formula counts
             elif name == "__formula__" and parent in general and self.parents[parent] == 1:
                 general[i] = (
@@ -417,8 +442,8 @@ class Guard:
                 now = f"{now}[{name}]" if how == "argument" else self._asked(now, how, name)
             found.append(f"{now} is _values[{i}]")
         same = [_expression(found, known | {f"o{i}": value for i, value in enumerate(self.others)})]
-        for holder, names in modules.values():
-            made = _expression(names, holder.__globals__)
+        for holder, then in modules.values():
+            made = _of_module(then, holder.__globals__)
             same.append(made if made.__builtins__ is holder.__builtins__ else _never)
         return same
 
@@ -496,12 +521,21 @@ class Guard:
 
 
 def _expression(comparisons: list[str], names: dict[str, Any]) -> Any:
-    """A function that says whether all of these hold, where a text sees these names.
-
-    A module that has one of the names of its arguments is compared with them, in vain: then
-    everything is asked for anew.
-    """
+    """A function that says whether all of these hold, where a text sees these names."""
     return eval(f"lambda _args, _values: {' and '.join(comparisons) or True}", names)
+
+
+def _of_module(then: dict[str, Any], names: dict[str, Any]) -> Any:
+    """The same of names of a module: are they what they were?  What they were are defaults of
+    arguments, which Python reads at once.
+    """
+    own = "_"  # begins the names of the arguments, and none of the module's
+    while any(name.startswith(own) for name in then):
+        own += "_"
+    arguments = {f"{own}{k}": value for k, value in enumerate(then.values())}
+    given = [f"{own}args", f"{own}values", *(f"{a}={a}" for a in arguments)]
+    same = " and ".join([f"{name} is {a}" for name, a in zip(then, arguments, strict=True)])
+    return eval(f"lambda {', '.join(given)}: {same}", names, arguments)
 
 
 def _never(*_: Any) -> bool:
@@ -509,6 +543,7 @@ def _never(*_: Any) -> bool:
 
 
 _OWN: Any = object()
+_LIBRARY = f"{__name__.partition('.')[0]}."
 _PLAIN_CLASSES = {type, abc.ABCMeta}
 
 

@@ -176,6 +176,19 @@ def changed_names(body: list[Any]) -> set[str]:
     return names
 
 
+def changes_lists(body: list[Any], env: Env) -> bool:
+    """Do these statements change a list in place, where the variables have these values?"""
+    for n in _of_scope(body):
+        match n:
+            case ast.Subscript(ctx=ast.Store()):
+                return True
+            case ast.Call(func=ast.Attribute(attr=method)) if method in CHANGES:
+                return True
+            case ast.AugAssign(target=ast.Name(id=name)) if isinstance(env.get(name), list):
+                return True
+    return False
+
+
 def breaks(body: list[ast.stmt]) -> bool:
     """Do these statements leave the loop around them?"""
     inner = [n for n in _of_scope(body) if isinstance(n, (ast.For, ast.While))]

@@ -8,12 +8,13 @@ from collections.abc import Callable
 from typing import Any
 
 from ..errors import NotCompilable
-from .expressions import Expressions
+from .advice import instead_of_syntax
+from .expressions import Expressions, Later
 from .ir_numbers import Num
 from .iterators import Stream
 from .loops import UNROLL, forms
 from .phi import ACTIVE, NO_LANE, RETURN, Open, Retype
-from .scopes import CHANGES, Closure, Env, Frame, has
+from .scopes import CHANGES, Env, has
 
 
 class Statements(Expressions):
@@ -62,14 +63,14 @@ class Statements(Expressions):
             case ast.AugAssign():
                 old = self.expression(node.target, env)
                 if isinstance(old, list):
-                    self.unshared(old, node.target, env)
+                    self.sharing.require_own(old, node.target, env)
                 self.assign(
                     node.target, self.operate(node, old, self.expression(node.value, env)), env
                 )
             case ast.Expr(ast.Call(ast.Attribute(ast.Name(id=name), method), [item], [])) if (
                 method in CHANGES and isinstance(env.get(name), list)
             ):
-                self.unshared(env[name], ast.Name(name), env)
+                self.sharing.require_own(env[name], ast.Name(name), env)
                 items = self.expression(item, env)
                 self.assign(
                     ast.Name(name),
@@ -104,8 +105,8 @@ class Statements(Expressions):
                 pass
             case _:
                 raise NotCompilable(
-                    f"`{ast.unparse(node).splitlines()[0]}`: this "
-                    "statement has no place in a formula"
+                    f"`{ast.unparse(node).splitlines()[0]}`: this statement has no place in a "
+                    f"formula: {instead_of_syntax(node)}"
                 )
         return True
 
@@ -114,7 +115,7 @@ class Statements(Expressions):
             case ast.Name(id=name):
                 # lanes that have left keep what they had
                 if isinstance(env.get(ACTIVE), Num) and name in env:
-                    value = self.blend(env[ACTIVE], value, env[name])
+                    value = self.blended(name, env[ACTIVE], (value, env), (env[name], env))
                 env[name] = value
                 if has(name) in env:
                     env[has(name)] = True
@@ -130,7 +131,7 @@ class Statements(Expressions):
                 for t, v in zip(targets, items, strict=True):
                     self.assign(t, v, env)
             case ast.Subscript(value=ast.Name(id=name)) if isinstance(env.get(name), list):
-                self.unshared(env[name], target.value, env)
+                self.sharing.require_own(env[name], target.value, env)
                 changed, index = list(env[name]), self.expression(target.slice, env)
                 if isinstance(index, Num) and index.kind != "f":
                     places = range(len(changed))
@@ -144,26 +145,9 @@ class Statements(Expressions):
                 self.assign(target.value, changed, env)
             case _:
                 raise NotCompilable(
-                    f"`{ast.unparse(target)} = ...`: formulas do not change objects in place"
+                    f"`{ast.unparse(target)} = ...`: formulas do not change objects in place; make "
+                    "a new one, of a record by dataclasses.replace, of lists with all their items"
                 )
-
-    def unshared(self, items: list[Any], name: ast.expr, env: Env) -> None:
-        """Python would change the list under its other names too; lists of the compiler are values."""
-        elsewhere = [v for frame in self.frames[:-1] for v in frame.env.values()]
-        elsewhere += [
-            v for n, v in env.items() if not (isinstance(name, ast.Name) and n == name.id)
-        ]
-        running = [id(frame) for frame in self.frames]
-        for closure in [v for v in elsewhere if isinstance(v, Closure)]:
-            frame: Frame | None = closure.frame
-            while frame is not None and id(frame) not in running:
-                elsewhere += frame.env.values()
-                frame = frame.around
-        if any(_holds(v, items) for v in elsewhere):
-            it = ast.unparse(name)
-            raise NotCompilable(
-                f"`{it}` is changed in place and has another name: change a copy, `[*{it}]`"
-            )
 
     def returned(self, value: Any, env: Env) -> bool:
         frame = self.frames[-1]
@@ -173,7 +157,8 @@ class Statements(Expressions):
                 "variable, `break`, and return after it"
             )
         if RETURN in env:
-            value = self.blend(self.everyone(self.active(env)), value, env[RETURN])
+            mask = self.everyone(self.active(env))
+            value = self.blended(RETURN, mask, (value, {}), (env[RETURN], {}))
         if self.depth == 0:
             frame.returns.append(Open(self.builder.block, {RETURN: value} | frame.captured(env)))
             return False
@@ -258,14 +243,22 @@ class Statements(Expressions):
 
     def long_range(self, node: ast.For, bounds: list[Any], env: Env) -> bool:
         """A loop over a range that is long, or whose length is known at run time only."""
-        start, stop = bounds if len(bounds) > 1 else (0, bounds[0])
-        if len(bounds) > 2 or not isinstance(node.target, ast.Name):
+        start, stop, step = (0, *bounds, 1) if len(bounds) == 1 else (*bounds, 1)[:3]
+        if not isinstance(node.target, ast.Name) or not isinstance(step, int) or step == 0:
             raise NotCompilable(
-                "a loop over a long range has the form `for i in range(start, stop)`"
+                "a loop over a long range has the form `for i in range(start, stop, step)`, the "
+                "step an integer known before the run and not 0"
             )
         counter = f"<{node.target.id} of line {node.lineno}>"
-        env[counter] = start
-        first = ast.copy_location(ast.Assign([node.target], ast.Name(counter, ast.Load())), node)
+        item: ast.expr = ast.Name(counter, ast.Load())
+        if step == 1:
+            env[counter] = start
+        else:  # the turns are counted
+            name = Later(lambda begin=start: begin)
+            item = ast.BinOp(name, ast.Add(), ast.BinOp(ast.Constant(step), ast.Mult(), item))
+            turns = stop - start + step - (1 if step > 0 else -1)
+            env[counter], stop = 0, turns // step
+        first = ast.copy_location(ast.Assign([node.target], item), node)
 
         def advance(variables: Env) -> None:
             variables[counter] = self.emitter.successor(variables[counter])
@@ -316,15 +309,6 @@ class _Breaks(ast.NodeTransformer):
 
 def _lines(found: Any) -> list[Any]:
     return found if isinstance(found, list) else [found]
-
-
-def _holds(value: Any, items: list[Any]) -> bool:
-    if isinstance(value, Stream):
-        if value.sources is None:
-            return True  # its items are still to be computed, from whatever
-        return any(_holds(v, items) for v in value.sources)
-    inside = value if isinstance(value, (tuple, list)) else ()
-    return value is items or any(_holds(v, items) for v in inside)
 
 
 def _leaves(body: list[ast.stmt]) -> bool:

@@ -20,10 +20,11 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import NotCompilable
+from ..errors import InvalidInput, InvalidType, NotCompilable
 from ..formulas import functions, series, sums, tables, vectors
 from ..formulas.derivatives import axes, tangent
-from ..formulas.fields import floats
+from ..formulas.dual import Dual
+from ..formulas.fields import converters
 from ..formulas.pytree import (
     PAIRS,
     compensated,
@@ -33,6 +34,7 @@ from ..formulas.pytree import (
     is_any_number,
     layout_of,
     leaves,
+    paired,
     plain,
     rounded,
 )
@@ -40,15 +42,17 @@ from ..formulas.records import Record
 from ..formulas.series import Series
 from ..formulas.vectors import Mat, Vec
 from . import driver, large
-from .expressions import Expressions, holds_number
+from .advice import instead_of
+from .expressions import holds_number, in_words
 from .ir_numbers import Emitter, Num
 from .outlined import Outliner
-from .phi import RETURN, Open
+from .phi import RETURN, Open, leveled
 from .python_functions import COMPUTING, OUTSIDE, STRUCTURE, PythonFunctions
 from .reads import Reads
 from .scopes import Closure, Env, Frame, Undefined, bound
 from .source import Source
 from .statements import Statements
+from .tokens import of_python
 
 DEPTH = 40  # nested calls
 
@@ -78,6 +82,7 @@ class Interpreter(Statements):
             super: self.super,
             getattr: self.named,
             hasattr: reads.has,
+            dataclasses.replace: self.replaced,
             **{f: f for f in (layout_of, compensated, double_double, plain, rounded, fitted, axes)},
             tangent: lambda formula, *x: tangent(functools.partial(self.call, formula), *x),
             sums.bilinear_map: lambda *x: large.sums(emitter, sums.bilinear_map, *x),
@@ -114,7 +119,7 @@ class Interpreter(Statements):
             except NotCompilable:
                 raise
             except TypeError as error:
-                raise NotCompilable(f"`{function.__name__}`: {error}") from None
+                raise NotCompilable(f"`{function.__name__}`: {in_words(error)}") from None
         if isinstance(function, type) and issubclass(function, Record):
             return self.construct(function, args, options)
         if function in (Vec, Mat):
@@ -130,6 +135,11 @@ class Interpreter(Statements):
                 self.reads.settled(*args)
                 return function(*args, **options)
             return self.inline(function, args, options)
+        written = getattr(type(function), "__call__", None)  # noqa: B004
+        if of_python(type(function)) and isinstance(written, types.FunctionType):
+            if "__call__" in getattr(function, "__dict__", {}):
+                raise NotCompilable("an object with a `__call__` beside that of its class")
+            return self.call(self.attribute(function, "__call__"), *args, **options)
         return self.known(function, args, options)
 
     def known(self, function: Any, args: tuple[Any, ...], options: dict[str, Any]) -> Any:
@@ -143,9 +153,11 @@ class Interpreter(Statements):
             if method
             else function in _PYTHON or _of_numbers(function)
         ):
-            raise NotCompilable(f"`{name}` is not known to native code")
+            raise NotCompilable(f"`{name}` is not known to native code: {instead_of(function)}")
         if holds_number([*args, *options.values(), *([function.__self__] if method else [])]):
-            raise NotCompilable(f"`{name}` of numbers known only at run time")
+            raise NotCompilable(
+                f"`{name}` of numbers known only at run time: {instead_of(function)}"
+            )
         if function is not callable:
             self.reads.settled(
                 *args, *options.values(), inside=function not in (dict, range, slice)
@@ -185,7 +197,7 @@ class Interpreter(Statements):
         return self.within(frame, result)
 
     def construct(self, cls: type, args: tuple[Any, ...], options: dict[str, Any]) -> Any:
-        """A record made by a formula: its fields, without the checks of its arguments."""
+        """A record made by a formula: its fields, converted, without liemech's checks of them."""
         fields = self.reads.fields(cls)
         given = dict(zip([f.name for f in fields if f.init], args, strict=False)) | options
         for f in fields:
@@ -196,11 +208,32 @@ class Interpreter(Statements):
                         "fields cannot be made by formulas)"
                     )
                 given[f.name] = f.default
-            if f.name in floats(cls) and is_any_number(given[f.name]):
-                given[f.name] = self.intrinsics[float](given[f.name])
         if len(given) != len(fields) or len(args) > len(fields):
             raise NotCompilable(f"{cls.__name__} has the fields {[f.name for f in fields]}")
-        return fill(cls, {f.name: given[f.name] for f in fields})
+        own = self.reads.construction(cls)
+        if own:
+            raise NotCompilable(
+                f"{cls.__name__}.{own} would run where a formula makes one: make it before the run, "
+                "or a record without it"
+            )
+        made = fill(cls, {f.name: given[f.name] for f in fields})
+        try:
+            converted = {
+                name: convert(made, name, given[name])
+                for name, convert, easy, _ in converters(cls)
+                if type(given[name]) not in easy
+            }
+        except (InvalidInput, InvalidType) as error:
+            raise NotCompilable(str(error)) from None
+        return fill(cls, vars(made) | converted)
+
+    def replaced(self, record: Any, **changes: Any) -> Any:
+        """The record with some of its fields changed."""
+        if not isinstance(record, Record):
+            raise NotCompilable("`dataclasses.replace` of what is no record")
+        fields = self.reads.fields(type(record))
+        held = {f.name: self.attribute(record, f.name) for f in fields if f.init}
+        return self.construct(type(record), (), held | changes)
 
     def super(self, *args: Any) -> Any:
         if args:
@@ -211,7 +244,11 @@ class Interpreter(Statements):
 
     def where(self, condition: Any, yes: Any, no: Any) -> Any:
         if isinstance(yes, Series) or isinstance(no, Series):
-            return Series.chosen(lambda a, b: Expressions.where(self, condition, a, b), yes, no)
+            return Series.chosen(lambda a, b: self.where(condition, a, b), yes, no)
+        if isinstance(yes, Dual) or isinstance(no, Dual):
+            first, second = leveled([yes, no])
+            parts = zip(first.parts, second.parts, strict=True)
+            return paired(first.form, [self.where(condition, a, b) for a, b in parts])
         return super().where(condition, yes, no)
 
     def named(self, value: Any, name: str, *default: Any) -> Any:

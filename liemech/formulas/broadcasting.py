@@ -622,7 +622,8 @@ def _broadcast(
             )
         arrays[name], lead[name] = array, array.shape[: array.ndim - axes]
     try:
-        leading = np.broadcast_shapes(*lead.values())
+        leads = {*lead.values()}
+        leading = np.broadcast_shapes(*leads) if len(leads) > 1 else leads.pop()
     except ValueError:
         raise InvalidInput(f"{where}: the leading axes {lead} do not broadcast") from None
     rest = {k: v for k, v in arguments.items() if k not in arrays}
@@ -795,6 +796,8 @@ def _flattened(array: np.ndarray, leading: tuple[int, ...], core: tuple[int, ...
     """The leading axes as one; an array that is the same for all rows is not copied: its stride is
     zero.
     """
+    if array.shape == leading + core and len(leading) == 1:
+        return array
     if math.prod(array.shape) == math.prod(core) and math.prod(leading) != 1:
         return np.broadcast_to(array.reshape(core), (math.prod(leading), *core))
     return np.broadcast_to(array, leading + core).reshape(math.prod(leading), *core)
@@ -807,6 +810,19 @@ def _unflattened(result: Any, leading: tuple[int, ...]) -> Any:
     return shaped if shaped.ndim else shaped.item()
 
 
+def _real(value: Any) -> Any:
+    """What a formula gives: a power of a negative number, complex in Python, is no number here, as
+    in native code.
+    """
+    if type(value) is complex:
+        return math.nan
+    if isinstance(value, Vec) and any(type(x) is complex for x in value):
+        return Vec(*map(_real, value))
+    if isinstance(value, Mat) and any(type(x) is complex for row in value.rows for x in row):
+        return Mat(*[[_real(x) for x in row] for row in value.rows])
+    return value
+
+
 def _stacked(results: Sequence[Any], where: str) -> Any:
     """The values of a formula as arrays, the batch axis first; tuples of values as tuples of
     arrays.
@@ -816,6 +832,7 @@ def _stacked(results: Sequence[Any], where: str) -> Any:
         return tuple(_stacked(list(part), where) for part in zip(*results, strict=True))
     if all(isinstance(one, bool) for one in results):
         return np.array(results)
+    results = [_real(one) for one in results]
     for one in results:
         if not isinstance(one, (float, int, Complex, Vec, Mat, np.ndarray, np.number)):
             raise InvalidType(

@@ -170,15 +170,32 @@ def quotient(numerator: int, denominator: int) -> tuple[float, float]:
 
 def series(x: Any, coefficients: tuple[tuple[float, float], ...], long: int) -> DoubleDouble:
     """c_0 + c_1 x + c_2 x^2 + ..., of which the first `long` terms feel the low words of x and of
-    the coefficients.
+    the coefficients; |c_k+1 x| must be below |c_k|.
+
     """
-    tail = coefficients[-1][0]
+    value, low = coefficients[-1][0], 0.0
     for c, _ in coefficients[-2 : long - 1 : -1]:
-        tail = tail * x.value + c
-    total = DoubleDouble(tail, 0.0)
-    for word, low in coefficients[long - 1 :: -1]:
-        total = total * x + DoubleDouble(word, low)
-    return total
+        value = value * x.value + c
+    for c in coefficients[long - 1 :: -1]:
+        value, low = _nested(c, x, value, low)
+    return DoubleDouble(*fast_two_sum(value, low))
+
+
+def nested(c: tuple[float, float], x: Any, s: Any) -> DoubleDouble:
+    """c + x s, where |x s| is below |c|."""
+    return DoubleDouble(*fast_two_sum(*_nested(c, x, s.value, s.low)))
+
+
+def _nested(c: tuple[float, float], x: Any, value: Any, low: Any) -> tuple[Any, Any]:
+    """The words of c + x (value + low).
+
+    They are summed side by side and left as they are: the low one stays within some units in the
+    last place of the other.
+    """
+    product, error = two_product(value, x.value)
+    low = f.fma(low, x.value, f.fma(value, x.low, error))
+    value, error = fast_two_sum(c[0], product)
+    return value, error + (c[1] + low)
 
 
 SINE = tuple([quotient((-1) ** k, math.factorial(2 * k + 1)) for k in range(15)])

@@ -28,7 +28,7 @@ import numpy as np
 from ..errors import InvalidInput, InvalidType
 from .annotations import UNKNOWN, members, own_annotations
 from .broadcasting import AXES, Broadcasting, real_array
-from .numbers import Pair, StandIn
+from .numbers import Pair, StandIn, of_an_int
 from .vectors import Mat, Vec
 
 Convert = Callable[[Any, str, Any], Any]  # of the record, the name of a field and its value
@@ -157,16 +157,6 @@ def converters(cls: Any) -> tuple[tuple[str, Convert, set[type], bool], ...]:
     return tuple(found)
 
 
-@functools.cache
-def floats(cls: Any) -> frozenset[str]:
-    """The fields whose numbers are floats."""
-    kinds = {
-        f.name: set(members(f.type, *_places(cls, f.name))) - {type(None)}
-        for f in dataclasses.fields(cls)
-    }
-    return frozenset(name for name, kind in kinds.items() if kind == {float})
-
-
 def _places(cls: Any, name: str) -> Places:
     """Where a field was annotated: its class, and the module of that."""
     home = next((c for c in cls.__mro__ if name in own_annotations(c)), cls)
@@ -245,7 +235,7 @@ def _single(kind: Any, places: Places) -> Convert | None:
 
 def _number(owner: Any, name: str, value: Any) -> Any:
     if type(value) is float or isinstance(value, (StandIn, Pair)):
-        return value
+        return of_an_int(value)
     if isinstance(value, (bool, np.bool_, complex, str, bytes)) or (
         isinstance(value, np.ndarray) and value.ndim
     ):
@@ -259,7 +249,9 @@ def _number(owner: Any, name: str, value: Any) -> Any:
 
 
 def _integer(owner: Any, name: str, value: Any) -> Any:
-    if isinstance(value, (bool, StandIn)) or type(value) is int:
+    if isinstance(value, bool) or type(value) is int:
+        return value
+    if isinstance(value, StandIn) and value.is_integer:
         return value
     try:
         return operator.index(value)
@@ -294,9 +286,19 @@ def _small(owner: Any, name: str, value: Any, allowed: tuple[type, ...]) -> Any:
         if all(_FLOAT.issuperset(map(type, row)) for row in rows):
             return value
         ordinary = all(
-            type(x) is float or not isinstance(x, (int, np.number)) for row in rows for x in row
+            type(x) is float
+            or not (isinstance(x, (int, np.number)) or getattr(x, "is_integer", None) is True)
+            for row in rows
+            for x in row
         )
         return value if ordinary else type(value).of(value)  # type: ignore[attr-defined]
+    if isinstance(value, (list, tuple)) and any(
+        isinstance(x, StandIn) for row in value for x in (row if isinstance(row, (list, tuple)) else [row])
+    ):
+        raise InvalidType(
+            f"{type(owner).__name__}.{name} is a list or a tuple of numbers known only at run time: "
+            "write liemech.vec(...) or liemech.mat(...)"
+        )
     array = real_array(value, f"{type(owner).__name__}.{name}")
     for kind in allowed:
         if array.ndim == AXES[kind.__name__]:

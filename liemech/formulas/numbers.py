@@ -33,6 +33,11 @@ class StandIn:
         raise NotImplementedError
 
 
+def of_an_int(x: Any) -> Any:
+    """What takes the place of an int, as a float; anything else as it is."""
+    return 1.0 * x if isinstance(x, StandIn) and x.is_integer else x
+
+
 class Pair:
     """A number made of two, its `parts`, as they lie in memory.  Of two kinds the one of the higher
     level holds the other.

@@ -18,6 +18,7 @@ import numpy as np
 from ..errors import InvalidType
 from .complex_numbers import Complex
 from .functions import sqrt
+from .numbers import of_an_int
 
 _make = tuple.__new__
 
@@ -132,7 +133,7 @@ _FLOATS = frozenset([float])
 def _component(x: Any) -> Any:
     if isinstance(x, (complex, np.complexfloating)):
         return Complex(float(x.real), float(x.imag))
-    return float(x) if isinstance(x, (int, np.number)) else x
+    return float(x) if isinstance(x, (int, np.number)) else of_an_int(x)
 
 
 def _small(x: Any) -> Any:

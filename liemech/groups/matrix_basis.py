@@ -375,18 +375,18 @@ def clean(values: np.ndarray) -> np.ndarray:
     """The values with rounding errors taken off those that are fractions with a denominator up to
     60; no other changes.
     """
-    values = np.array(values, dtype=float)
+    values = np.array(values, dtype=float, order="C")
     scale = np.abs(values).max(initial=0.0)
-    if scale == 0.0:
-        return values
     margin = 16 * np.finfo(float).eps
     values[np.abs(values) <= margin * scale] = 0.0
-    open_ = values != 0.0
+    flat = values.reshape(-1)
+    places = np.flatnonzero(flat)  # few: tables of large algebras are nearly empty
     for q in range(1, 61):
-        nearest = np.round(values * q) / q
-        hit = open_ & (np.abs(values - nearest) <= margin * np.abs(values)) & (nearest != 0.0)
-        values[hit] = nearest[hit]
-        open_ &= ~hit
+        x = flat[places]
+        nearest = np.round(x * q) / q
+        hit = (np.abs(x - nearest) <= margin * np.abs(x)) & (nearest != 0.0)
+        flat[places[hit]] = nearest[hit]
+        places = places[~hit]
     return values
 
 

@@ -17,6 +17,7 @@ from ..formulas import (
     record,
     solve,
     vec,
+    where,
 )
 from ..formulas.dual import value_of
 from ..formulas.sizes import one_norm
@@ -26,7 +27,10 @@ from .matrix_functions import digits
 from .so3 import SO3
 from .unit_quaternions import UnitQuaternions
 
-INFINITY = float("inf")
+INFINITY, NAN = float("inf"), float("nan")
+
+MOST = 60.0
+"""How often a series is halved: no digit of an angle beyond 2^60 is known, and none of the sum."""
 
 
 @record
@@ -305,12 +309,13 @@ def averaged(
 ) -> Any:
     """The sum of A^k x/(k + 1)! with A = by(xi, .) and e^A = exp_by(xi, .).
 
-    |A|^2 <= size2, a nilpotent part of any size left out.  |A| is halved until it is at most one, and doubled again by
-    phi1(2A) = (1 + e^A) phi1(A)/2.
+    |A|^2 <= size2, a nilpotent part of any size left out.  |A| is halved until it is at most one,
+    and doubled again by phi1(2A) = (1 + e^A) phi1(A)/2; beyond 2^60 the sum is nan.
     """
     size2, halvings = value_of(size2), 0.0
-    while size2 > 1.0 and halvings < 1100.0:
+    while size2 > 1.0 and halvings < MOST:
         xi, size2, halvings = 0.5 * xi, 0.25 * size2, halvings + 1.0
+    x = where(size2 > 1.0, NAN, 1.0) * x
     tiny, one = digits(size2)
     term, k = by(0.5 * xi, x), 2.0
     total = x + term

@@ -13,24 +13,24 @@ import math
 from typing import Any
 
 from ..formulas import sin, sqrt
-from ..formulas.double_double import DoubleDouble, quotient, series, sin_cos
+from ..formulas.double_double import DoubleDouble, nested, quotient, series, sin_cos
 
 LIMIT = 1.0
 """Up to this x the series of c_5 and c_6 are summed; beyond, sines and cosines leave more digits
 than are wanted.
 """
 
-TERMS, LONG = 14, 8
+TERMS, LONG = 14, 7
 C5 = tuple([quotient((-1) ** k, math.factorial(2 * k + 5)) for k in range(TERMS)])
 C6 = tuple([quotient((-1) ** k, math.factorial(2 * k + 6)) for k in range(TERMS)])
-SIXTH, TWENTY_FOURTH = quotient(1, 6), quotient(1, 24)
+ONE, HALF, SIXTH, TWENTY_FOURTH = [quotient(1, k) for k in (1, 2, 6, 24)]
 
 
 def stumpff(x: Any) -> tuple[Any, ...]:
     """c_1, ..., c_6 at x = theta^2."""
     c5, c6 = series(x, C5, LONG), series(x, C6, LONG)
-    c4, c3 = DoubleDouble(*TWENTY_FOURTH) - x * c6, DoubleDouble(*SIXTH) - x * c5
-    c2, c1 = 0.5 - x * c4, 1.0 - x * c3
+    c4, c3 = nested(TWENTY_FOURTH, -x, c6), nested(SIXTH, -x, c5)
+    c2, c1 = nested(HALF, -x, c4), nested(ONE, -x, c3)
     if x > LIMIT:
         theta = sqrt(x)
         half = sin(0.5 * theta)

@@ -11,9 +11,18 @@ j, k,
     mu_i(2) = (r_j r_k mu_i + r_i mu_i')/(wp(2) + sigma/3 + |mu'|^2/G^2),
     r_i(2)  = ((wp(1) - e_i)^2 - (e_i - e_j)(e_i - e_k))/(-wp'(1)).
 
-The displacement is the least rotation from mu to mu(2), and a rotation about mu by an angle psi.
-This angle is the same all along an orbit, a function of the step and the constants: seen where the
-middle of the step lies in a principal plane it is
+The displacement is the least rotation from mu to mu(2), and a rotation about mu by an angle psi, in
+Cayley's coordinates
+
+    x = b K m + a m,   m = (mu + mu(2))/2,   mu(2) - mu = m x x = b m x K m,
+    b = 2 c/u,   c = wp(1) + sigma/3 + |M'|^2/G^2,   u = r_1 r_2 r_3(1),   x . m = 2 G tan(psi/2),
+
+with M' = mu' half-way, M_i' = c (mu_i(2) - mu_i)/(2 r_i(1)), which makes c the root of a quadratic
+equation.  A vector of this form keeps energy and |mu| whatever a and b are.  So what all steps of
+an orbit round alike changes the time, and the energy does not drift.
+
+The angle psi is the same all along an orbit, a function of the step and the constants: seen where
+the middle of the step lies in a principal plane it is
 
     psi = 2 mu . K mu/G + 2 G^3 det D int_0^1 ds/(wp(s) + sigma/3).
 
@@ -32,7 +41,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..errors import IncompatibleSystem, NoConvergence
-from ..formulas import Mat, Record, Vec, cross, dot, mat, record, vec, vectors, where
+from ..formulas import Mat, Record, Vec, cross, dot, mat, record, sqrt, vec, vectors, where
 from ..formulas.pytree import fitted, layout_of
 from ..groups.product import ProductGroup
 from ..groups.rotation_coefficients import LIMIT, SINC, VERSINE, polynomial
@@ -160,25 +169,25 @@ class Orbit(Record):
     """What all steps of an orbit share; u^2 is a common factor, u = -wp'(1)/2, that saves
     divisions.
 
-    K : J^-1 times half the step.  per_square : 1/G^2.  sine : that of psi, over psi.  turned : 2 G
-    (1 - cos psi)/psi.
+    K : J^-1 times half the step.  per_square : 1/G^2.  turning : 2 G tan(psi/2).
     along : 4 u^2 (r_j r_k - wp(2) - sigma/3).  across : 2 u^2 r_i(2).  scale : 4 u^2
-    (wp(2) + sigma/3).  unit : u^2.
+    (wp(2) + sigma/3).  unit : u^2.  reach : 4 c/u,  middle : c r_j^2 r_k^2/(u^2 G^2) at s = 1, with
+    c = wp(1) + sigma/3.
     Source: this module's first lines.
     """
 
     K: Any
     per_square: float
-    sine: float
-    turned: float
+    turning: float
     along: Any
     across: Any
     scale: float
     unit: float
+    reach: float
+    middle: Any
 
     def displacement(self, start: Vec, unit: float) -> Vec:
-        """The x = (d x m + 2 G tan(psi/2) m)/|m|^2 of a step from mu: d what it adds to mu, m the
-        mean of its ends.
+        """The x = b K m + a m of a step from mu, m the mean of its ends.
 
         start : mu, perhaps compensated, before it was multiplied by the unit.
         """
@@ -188,11 +197,12 @@ class Orbit(Record):
         d = (1.0 / (self.scale + extra)) * (
             (times(self.along, mu) - extra * mu) + 2.0 * times(self.across, rate)
         )
-        m = unit * (start + (0.5 / unit) * d)
-        mean = self.sine * (dot(mu, mu) - 0.25 * dot(d, d))
-        return (1.0 / where(mean > 0.5 * FINE, mean, 1.0)) * (
-            cross(self.sine * d, mu) + self.turned * m
-        )
+        b = self.reach / (1.0 + sqrt(1.0 - dot(d, times(self.middle, d))))
+        m = mu + 0.5 * d
+        m = unit * (start + (b * (0.5 / unit)) * cross(m, times(self.K, m)))
+        w, square = times(self.K, m), dot(m, m)
+        a = (self.turning - b * dot(m, w)) / where(square > 0.5 * FINE, square, 1.0)
+        return b * w + a * m
 
 
 def _orbit(K: Vec | Mat, D: Vec | Mat, action: float, square: float, per_square: float) -> Orbit:
@@ -226,8 +236,11 @@ def _orbit(K: Vec | Mat, D: Vec | Mat, action: float, square: float, per_square:
     excess = (2.0 * u) * grown + (times(grown, grown) + (4.0 * u * u) * C)
     along = _plus(_cofactors(grown) - (u * grown + excess), u * _trace(grown))
     scale = u * u + (1 / 3) * _trace(excess)
+    per_u, least = 1.0 / u, (1.0 + p) - third
+    middle = (least * per_square * per_u * per_u) * _cofactors(_plus(-roots, 1.0 + p))
+    turning = 2.0 * turn * versed / sine
     return Orbit(
-        K, per_square, sine, (2.0 * turn) * versed, along, u * _plus(grown, u), scale, u * u
+        K, per_square, turning, along, u * _plus(grown, u), scale, u * u, 4.0 * least * per_u, middle
     )
 
 

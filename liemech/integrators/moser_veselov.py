@@ -83,17 +83,20 @@ class MoserVeselov(Implicit):
 
     def equation(self, system: Any, y: Vec, x: Vec) -> tuple[Vec, Mat, float]:
         """J x - y + x x y/2 - x (x.y)/4 and its derivative, beside y."""
-        inertia, s = self.inertia(system), 0.25 * dot(x, y)
-        r = (inertia @ x if isinstance(inertia, vectors.Mat) else inertia * x) - (
-            y + (s * x - 0.5 * cross(x, y))
-        )
-        return (
-            r,
-            with_inertia(
-                _minus(outer(0.25 * x, y) + system.group.algebra.hat(0.5 * y), s), inertia
-            ),
-            1.0,
-        )
+        return _equation(self.inertia(system), system.group.algebra, y, x)
+
+
+def _equation(inertia: Vec | Mat, algebra: Any, y: Vec, x: Vec) -> tuple[Vec, Mat, float]:
+    """The same for these moments."""
+    s = 0.25 * dot(x, y)
+    r = (inertia @ x if isinstance(inertia, vectors.Mat) else inertia * x) - (
+        y + (s * x - 0.5 * cross(x, y))
+    )
+    return (
+        r,
+        with_inertia(_minus(outer(0.25 * x, y) + algebra.hat(0.5 * y), s), inertia),
+        1.0,
+    )
 
 
 NAN = math.nan
@@ -161,24 +164,22 @@ class ExactMoserVeselov(MoserVeselov):
         x, y = _exact_displacement(inverse, mu, unit * h), (unit * h) * mu
         r = y + ((0.25 * dot(x, y)) * x - 0.5 * cross(x, y))
         s, d, off = _combined(inverse * r, r, x - inverse * r)
-        method = cls(
-            h, _fingerprint(body, start.mu), 1.0 / vec(*[(1.0 + s) * k + d for k in inverse])
-        )
-        folded = beyond_fold(method.equation(body, y, x)[1], 1.0)
-        if folded or not (norm(off) <= FITTED * norm(x) and min(method.moments) > 0.0):
+        moments = 1.0 / vec(*[(1.0 + s) * k + d for k in inverse])
+        folded = beyond_fold(_equation(moments, body.group.algebra, y, x)[1], 1.0)
+        if folded or not (norm(off) <= FITTED * norm(x) and min(moments) > 0.0):
             raise NoConvergence(
                 "ExactMoserVeselov: no moments found whose steps are exact, they are off by "
                 f"{norm(off):.1e}. The step h = {h:g} is too large "
                 f"for this motion; try {0.25 * h:g}"
             )
-        K, shift = (
-            body.hamiltonian.inverse,
-            d * _trace(body.hamiltonian.inverse) / (inverse[0] + inverse[1] + inverse[2]),
+        K: Any = body.hamiltonian.inverse
+        shift = d * _trace(K) / (inverse[0] + inverse[1] + inverse[2])
+        fitted: Any = (
+            1.0 / vec(*[(1.0 + s) * k + shift for k in K])
+            if isinstance(K, vectors.Vec)
+            else np.linalg.inv(np.array(plus((1.0 + s) * K, shift)))
         )
-        if isinstance(K, vectors.Vec):
-            method = cls(h, method.constants, 1.0 / vec(*[(1.0 + s) * k + shift for k in K]))
-        else:
-            method = cls(h, method.constants, np.linalg.inv(np.array(plus((1.0 + s) * K, shift))))
+        method = cls(h, _fingerprint(body, start.mu), fitted)
         if norm(y) * max(inverse) > SHORT:
             memory = method.start(body, BodyState(start.mu, None), h)
             for _ in range(TRIED):
@@ -237,9 +238,12 @@ def _in_the_plane(body: RigidBody, mu: Vec) -> tuple[Vec, Vec, float]:
     return 1.0 / J, vec(*[m[i] / u for i in order]), u / j
 
 
+_EXACT = ExactFreeBody()
+
+
 def _exact_displacement(inverse: Vec, mu: Vec, h: float) -> Vec:
     """The x with cay(x) the exact step of h, of more than half a turn no number at all."""
-    orbit, parts, unit = ExactFreeBody()._cut(inverse, mu, h)
+    orbit, parts, unit = _EXACT._cut(inverse, mu, h)
     z = vec(0.0, 0.0, 0.0)
     for _ in range(int(parts)):
         x = orbit.displacement(mu, unit)

@@ -55,6 +55,11 @@ class FallingBody(MechanicalSystem):
         """
         if start.bodies is not None:
             raise InvalidInput("FallingBody.exact takes one body at a time; loop over the ensemble")
+        if start.g is None:
+            raise InvalidInput(
+                "FallingBody.exact: start has no pose g, without which down is not known; take "
+                "start = body.state(mu, g)"
+            )
         mu, g, t = np.array(start.mu), np.array(start.g), real_array(t, "FallingBody.exact: t")
         turning = RigidBody(self.inertia)
         turned = turning.exact(turning.state(mu[:3], g[:3, :3]), t)

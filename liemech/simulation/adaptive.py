@@ -26,8 +26,8 @@ class Clock(Record):
     """What the controller carries along: time, the step to try, the error of the last one, counts,
     and marks.
 
-    h : zero if the first step is to be found.  error : as `following` gives it.  fresh : is the velocity to be computed, at a start
-    or after a jump?
+    h : zero if the first step is to be found.  error : as `following` gives it.  fresh : is the
+    velocity to be computed, at a start or after a jump?
     """
 
     t: float
@@ -39,7 +39,10 @@ class Clock(Record):
     fresh: float
 
 
-CLOCK = layout_of(Clock(0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0))
+FRESH = 1.0, 0.0, 0.0, 0.0, 1.0
+"""What a clock has at a start, behind time and step."""
+
+CLOCK = layout_of(Clock(0.0, 0.0, *FRESH))
 
 
 def adaptive_steps(

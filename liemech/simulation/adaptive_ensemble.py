@@ -18,8 +18,8 @@ from ..errors import IntegrationFailure, IntegrationInterrupted, NotCompilable, 
 from ..formulas.pytree import build, layout_of
 from ..systems.system import State
 from . import arguments
-from .adaptive import CLOCK, adaptive_lanes
-from .adaptive_run import between
+from .adaptive import CLOCK, FRESH, adaptive_lanes
+from .adaptive_run import AdaptiveRun
 from .carry import AdaptiveCarry, Carries, Ended, Waiting
 from .dense import DenseOutput, flat, packed, unpacked
 from .execution import Execution, numbers_of
@@ -138,12 +138,15 @@ class AdaptiveEnsemble(OneByOne):
     @functools.cached_property
     def lanes(self) -> Lanes | None:
         """The code for bodies side by side; None if no body can begin, or if it is refused."""
-        dense, steps = between(self.asked, self.t0, self.goals[0]), self.plan._steps
+        inside = (self.asked != self.t0) & (self.asked != self.goals[0])
+        dense, steps = bool(inside.any()), self.plan._steps
         for i in range(self.count):
             begun = self.begun(i)
             system, _ = self._of_body(i)
             xi = attempt(system.rate, begun.t, system.essential_part(begun.state))
             if isinstance(begun, Ended) or not accepted(xi, itself):
+                continue
+            if any(type(x) is complex for x in xi):  # a power of a negative number
                 continue
             key = "side by side", layout_of(begun.state), dense
             shape = None if self.plan.of_each else steps.shapes.get(key)
@@ -225,7 +228,7 @@ class AdaptiveEnsemble(OneByOne):
 
     def _fresh(self, some: Any) -> None:
         """Bodies at their starts."""
-        self.clocks[:, some] = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0])[:, None]
+        self.clocks[:, some] = np.array([0.0, 0.0, *FRESH])[:, None]
         self.clocks[0, some], self.clocks[1, some] = self.t0[some], self.first_steps[some]
 
     def _take_up(self, i: int, begun: Any) -> None:
@@ -387,8 +390,8 @@ class AdaptiveEnsemble(OneByOne):
         begun, t0 = self.begun(i), float(self.t0[i])
         start = begun.state if isinstance(begun, Waiting) else begun
         try:
-            run = self.plan_of(i)._steps.ready(
-                start, t0, self.ends[i], self._steps, self.times_of(i), ()
+            run = AdaptiveRun(
+                self.plan_of(i)._steps, start, t0, self.ends[i], self.limit, self.times_of(i), ()
             )
         except IntegrationFailure as error:  # it has no velocity at the start
             return error

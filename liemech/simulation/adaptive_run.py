@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
+import struct
 import time
 from array import array
 from types import SimpleNamespace
@@ -24,7 +25,7 @@ from ..errors import (
 from ..formulas.pytree import build, gatherer, layout_of
 from ..systems.system import State
 from . import arguments
-from .adaptive import adaptive_steps, noted
+from .adaptive import CLOCK, FRESH, adaptive_steps, noted
 from .carry import AdaptiveCarry
 from .checkpoint import Checkpoint
 from .dense import DenseOutput, unpacked
@@ -32,6 +33,7 @@ from .events import Event, Watch
 from .execution import LOOK, Execution, numbers_of
 from .prepared import Prepared
 from .progress import Bar
+from .sampled import FirstPiece, between, sampled_steps
 from .trajectory import Trajectory
 
 ROOM = 512
@@ -103,11 +105,7 @@ class AdaptiveSteps:
             begun[(begun == b - away) | (begun == b)] = b + away
         return begun
 
-    def run(self, *how: Any) -> Trajectory:
-        """From a start, or from where another run stands, to t_end, as for `ready`."""
-        return self.ready(*how).trajectory()
-
-    def ready(
+    def run(
         self,
         start: Any,
         t0: float,
@@ -117,8 +115,8 @@ class AdaptiveSteps:
         events: tuple[Event, ...],
         kept: Checkpoint | None = None,
         recorder: Any = None,
-    ) -> AdaptiveRun:
-        """A run that is to begin."""
+    ) -> Trajectory:
+        """From a start, or from where another run stands, to t_end."""
         if t_end is None:
             raise InvalidInput(
                 "integrate: adaptive steps need a t_end; for steps of one length give h and steps"
@@ -135,22 +133,27 @@ class AdaptiveSteps:
             raise InvalidInput(
                 "integrate: dense=True keeps the states; record no functions of them"
             )
-        return AdaptiveRun(self, start, t0, t_end, limit, times, events, kept, recorder)
-
-
-def between(times: np.ndarray, t0: Any, t_end: Any) -> bool:
-    """Are there times that are neither at the start nor at the end?"""
-    return bool(np.any((times != t0) & (times != t_end)))
+        first = None
+        if not (times is None or events or self.breaks or kept or recorder or self.dense):
+            first = None if self.progress else FirstPiece.of(self, start, t0, t_end, times, limit)
+            run = None if first is None else first.trajectory(self)
+            if run is not None:
+                return run
+        return AdaptiveRun(
+            self, start, t0, t_end, limit, times, events, kept, recorder, first
+        ).trajectory()
 
 
 class Shape(Prepared):
     """The layouts of a run, and the code that makes its steps.
 
     example : a state.  layout : of state and velocity; row : of time, state and the way to it.
-    curves : is the way there?
+    curves : is the way there?  sampled : does native code find the states at times, too?
     """
 
-    def __init__(self, plan: AdaptiveSteps, start: State, xi: Any, curves: bool) -> None:
+    def __init__(
+        self, plan: AdaptiveSteps, start: State, xi: Any, curves: bool, sampled: bool
+    ) -> None:
         method, system = plan.method, plan.system
         self.example, self.curves = start, curves
         self.state, self.layout = layout_of(start), layout_of((start, xi))
@@ -158,8 +161,13 @@ class Shape(Prepared):
         self.constants = numbers_of(method, system)
         self.arguments = method, system, self.layout, self.row
         none = np.empty(0)
-        call = *self.arguments, 0.0, 0.0, 0.0, 0.0, curves, 1, none, none, none, None
-        self.stepping = Execution(plan.compiled, plan.progress, adaptive_steps, *call)
+        call: Any = adaptive_steps, *self.arguments, *[0.0] * 4, curves, 1, none, none, none, None
+        if sampled:
+            call = sampled_steps, *self.arguments, *[0.0] * 4, curves, 1, 1, *[none] * 6, None
+        self.stepping = Execution(plan.compiled, plan.progress, *call)
+        self.gather, self.rest = gatherer(self.state), (0.0,) * (self.layout.width - self.state.width)
+        self.begun = struct.Struct(f"{self.layout.width + CLOCK.width}d")
+        self.call = struct.Struct(f"11q{len(self.constants)}s4d").pack
 
 
 class AdaptiveRun:
@@ -176,6 +184,7 @@ class AdaptiveRun:
         events: tuple[Event, ...],
         checkpoint: Checkpoint | None = None,
         recorder: Any = None,
+        first: FirstPiece | None = None,
     ) -> None:
         self.recorder = recorder
         # times, and what it kept of the samples then
@@ -194,6 +203,8 @@ class AdaptiveRun:
         dense = plan.dense is True or (plan.dense is None and t_eval is None and recorder is None)
         self.dense = dense
         curves = dense or bool(events) or (t_eval is not None and between(t_eval, t0, t_end))
+        # are the states at the times found in native code?
+        self.at_times = t_eval is not None and not (self.kept or events or recorder)
         self.start = start.state if isinstance(start, AdaptiveCarry) else start
         self.shape = shape = self._shape(curves)
         self.width = shape.state.width
@@ -203,6 +214,7 @@ class AdaptiveRun:
         self.rows[0, : 1 + self.width] = [t0, *gatherer(shape.state)(self.start)]
         self.filled = 1
         self.sampled: list[np.ndarray] = []
+        self.found: np.ndarray | None = None  # room for them, of native code
         self.asked = 0  # how many of t_eval are reached
         if isinstance(start, AdaptiveCarry):
             self.states, self.clock = start.numbers.copy(), start.clock.copy()
@@ -212,8 +224,14 @@ class AdaptiveRun:
         else:
             self.states = np.zeros(shape.layout.width)
             self.states[: self.width] = self.rows[0, 1 : 1 + self.width]
-            first = 0.0 if plan.h is None else math.copysign(plan.h, t_end - t0)
-            self.clock = np.array([t0, first, 1.0, 0.0, 0.0, 0.0, 1.0])
+            h = 0.0 if plan.h is None else math.copysign(plan.h, t_end - t0)
+            self.clock = np.array([t0, h, *FRESH])
+        if first is not None and first.written is not None:
+            self.states, self.clock, self.asked = first.carried, first.clock, first.written
+            self.found = first.samples
+            self.sampled.append(self.found[: self.asked])
+            self.rows[0, : 1 + self.width] = self.clock[0], *self.states[: self.width]
+            self.compiled = True
         self.watch: Any = None
         self.watch = Watch(events, self._ended, t0, self.start)
         if (
@@ -226,12 +244,14 @@ class AdaptiveRun:
     def _shape(self, curves: bool) -> Shape:
         """The layouts of this run, from other runs of the plan if their starts were like this one."""
         given = layout_of(self.start)
-        shape = self.plan.shapes.get((given, curves))
+        key = given, curves, self.at_times
+        shape = self.plan.shapes.get(key)
         if shape is None:
             xi = attempt(self.system.rate, self.t0, self.system.essential_part(self.start))
-            if not accepted(xi, itself):
+            # a power of a negative number is complex
+            if not accepted(xi, itself) or any(type(x) is complex for x in xi):
                 raise self._not_begun(reason(xi))
-            shape = self.plan.shapes[given, curves] = Shape(self.plan, self.start, xi, curves)
+            shape = self.plan.shapes[key] = Shape(self.plan, self.start, xi, *key[1:])
         else:
             shape.stepping.again()
         return shape
@@ -334,6 +354,9 @@ class AdaptiveRun:
     def _more(self, end: float, room: int) -> None:
         """Up to this many more steps."""
         room = min(room, int(self.limit - self.clock[3]))
+        if self.at_times:
+            self._more_at_times(end, room)
+            return
         if self.filled + room > len(self.rows):
             wanted = max(len(self.rows) + len(self.rows) // 4, self.filled + room)
             self._make_room(wanted)
@@ -355,6 +378,35 @@ class AdaptiveRun:
                     *shape.arguments, *numbers, shape.curves, room, *arrays, self.failures
                 )
         self.filled += int(self.clock[3]) - before
+
+    def _more_at_times(self, end: float, room: int) -> None:
+        """The same, and the states at the times they pass: of the rows only the last, and the state
+        before.
+        """
+        plan, shape, row, all_times = self.plan, self.shape, self.shape.row.width, self.t_eval
+        if self.found is None:
+            self.found = np.empty((len(all_times), self.width))  # type: ignore[arg-type]
+        times, samples = all_times[self.asked :], self.found[self.asked :]  # type: ignore[index]
+        numbers, counts = (end, plan.rtol, plan.atol, plan.longest), (room, len(times))
+        out, done = np.empty(row + 1 + self.width), np.empty(2)
+        states, clock = self.states.copy(), self.clock.copy()
+        arrays = states, clock, out, times, samples.reshape(-1), done
+        if shape.stepping.ready(self._part()):
+            native: Any = shape.stepping.native
+            self.compiled = True
+            native.run(shape.constants + array("d", numbers).tobytes(), counts, arrays)
+        else:
+            with shape.stepping.plain():
+                sampled_steps(
+                    *shape.arguments, *numbers, shape.curves, *counts, *arrays, self.failures
+                )
+        if clock[3] > self.clock[3]:
+            self.rows[0, : 1 + self.width], self.rows[1] = out[row:], out[:row]
+            self.filled = 2
+        written = int(done[0])
+        self.states, self.clock, self.asked = states, clock, self.asked + written
+        if written:
+            self.sampled.append(samples[:written])
 
     def _make_room(self, wanted: int) -> None:
         """So many rows, of which as few as possible are touched."""

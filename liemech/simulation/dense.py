@@ -29,8 +29,13 @@ def along(
     state = read(given, 0, point)
     coefficients = read(given, point.width, curve)
     theta = read(given, point.width + curve.width, NUMBER)
-    moved = attempt(system.displaced, retraction, state, theta * horner(coefficients, theta))
+    moved = attempt(on_the_way, retraction, system, state, coefficients, theta)
     told(moved, point, out, failures)
+
+
+def on_the_way(retraction: Any, system: Any, state: Any, coefficients: Any, theta: float) -> Any:
+    """The state a part theta of a step later."""
+    return system.displaced(retraction, state, theta * horner(coefficients, theta))
 
 
 def short_step(method: Any, system: Any, point: Any, given: Any, out: Any, failures: Any) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -151,11 +152,12 @@ def constants_and_terms(
     varied = [(part, i) for part in system.coordinates for i in range(states[part].shape[-1])]
     longer: dict[str, np.ndarray] = {}
     for name, values in states.items():
-        more = np.repeat(values[some][None], len(varied), axis=0)
+        longer[name] = whole = np.empty((n + len(varied) * len(some), *values.shape[1:]), values.dtype)
+        whole[:n], more = values, whole[n:].reshape(len(varied), len(some), *values.shape[1:])
+        more[:] = values[some]
         for row, (part, i) in zip(more, varied, strict=True):
             if part == name:
                 row[..., i] *= 1.0 + bit
-        longer[name] = np.concatenate([values, more.reshape(-1, *values.shape[1:])])
     series, terms = {}, {}
     for name, values in system.constants(longer).items():
         here = values[:n][some]
@@ -169,6 +171,11 @@ def _some(samples: int) -> list[int]:
     return [0, samples // 2, -1]
 
 
+def _lengths(vectors: np.ndarray) -> Any:
+    """The norms of vectors, (..., n), whose squares neither under- nor overflow."""
+    return np.sqrt((vectors * vectors).sum(axis=-1))
+
+
 def _kept(name: str, t: np.ndarray, values: np.ndarray, terms: np.ndarray) -> Kept:
     """The change of a vector quantity along a run: its largest norm, and by least squares a
     straight line through it.
@@ -176,24 +183,26 @@ def _kept(name: str, t: np.ndarray, values: np.ndarray, terms: np.ndarray) -> Ke
     # a power of two as unit: then no square under- or overflows
     _, exponent = np.frexp(np.abs(values).max(axis=(0, -1)))
     values, terms = (np.ldexp(x, -exponent[..., None]) for x in (values, terms))
-    size, sums = np.linalg.norm(values[0], axis=-1), np.linalg.norm(terms, axis=-1)
-    changes = np.linalg.norm(values[_some(len(t))] - values[0], axis=-1)
+    size, sums = _lengths(values[0]), _lengths(terms)
+    changes = _lengths(values[_some(len(t))] - values[0])
     # not where the motion has been left
     sum_of_terms = np.where(changes <= SMALL * sums, sums, 0.0).max(axis=0)
     scale = np.where(size > SMALL * sum_of_terms, size, sum_of_terms)
     unit = np.where(scale > 0.0, scale, np.ldexp(1.0, -exponent))
     change = (values - values[0]) / unit[..., None]
-    largest = np.linalg.norm(change, axis=-1)
-    worst = np.unravel_index(np.argmax(largest), largest.shape)[1:]
+    largest = _lengths(change)
+    worst = np.unravel_index(largest.argmax(), largest.shape)[1:]
     last = float(largest[(-1, *worst)])
     series = change[(slice(None), *worst)]
     component = np.ascontiguousarray(series[:, np.abs(series[-1]).argmax()])
     if t.ndim == 2:
         t = t[:, worst[0]]
-    time = t - t.mean()
+    time = t - t.sum() / len(t)
     squares = float(time @ time)
     slope = float(time @ component / squares) if squares else 0.0  # 0: a body that has no time
-    spread = float(np.std(component - slope * time))
+    rest = component - slope * time
+    rest -= rest.sum() / len(t)
+    spread = float(rest @ rest / len(t)) ** 0.5
     size, scale = (float(np.ldexp(x, exponent)[worst]) for x in (size, scale))
     return Kept(
         name,

@@ -55,8 +55,7 @@ class Origin:
             shared = {key: shape.of_system(self.whole) for key, shape in shapes}
             made = replace(plan, system=self.whole, shapes=shared, clock="tau")
             kept = plan.of_origins.setdefault(self, made)
-            if like is None or not shapes:
-                plan.of_layouts[layout] = kept
+            plan.of_layouts[layout] = kept  # the last one knows most
         return kept
 
     def __getstate__(self) -> dict[str, Any]:

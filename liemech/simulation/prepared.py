@@ -145,7 +145,10 @@ class Shape(Prepared):
     sample.
     order : for a method without a memory, which number of the start each number is that is carried
     along; -1 for a rest, zero.
+    column : of steps in fictive time, which number of a sample is the time, once it was asked for.
     """
+
+    column: int | None = None
 
     def __init__(
         self, steps: Steps, given: Layout, started: Layout, first: Any, example: State, many: bool

@@ -328,7 +328,9 @@ class March:
         self.every = 1 if self.fine else run.plan.every
         self.shape, self.states, first = self._begun()
         self.layout, self.shown = self.shape.layout, self.shape.shown
-        self.column = _column(run.whole.apart, self.shown)
+        if self.shape.column is None:
+            self.shape.column = _column(run.whole.apart, self.shown)
+        self.column = self.shape.column
         self.marked = np.zeros(MARCHED.width)
         self._mark: Any = None
         self.marked[:2] = run.before, run.before % self.every

@@ -3,6 +3,8 @@
     python tests/benchmarks/precision.py [--quick] [--out results.json]
 """
 
+import statistics
+import time
 from typing import Any
 
 import harness
@@ -37,22 +39,34 @@ CASES = [
 
 
 def measured(method: lm.Method, scene: str, repetitions: int, duration: float) -> dict[str, Any]:
-    """A row: nanoseconds a step in both kinds of numbers, and their ratio."""
+    """A row: nanoseconds of the processor a step in both kinds of numbers, medians, and the median
+    of their ratios, taken in turn.
+    """
     system, start, h = SCENES[scene]
-    runs: dict[str, harness.Run] = {}
-    for digits in ("double", "double-double"):
-        plan = lm.Plan(
+    seconds: dict[str, list[float]] = {"double": [], "double-double": []}
+    plans, counts = {}, {}
+    for digits in seconds:
+        plans[digits] = plan = lm.Plan(
             system, method, h, every=10**9, precision=digits, compiled=True, progress=False
         )
-        runs[digits] = lambda n, plan=plan: plan.run(start, steps=n)
-    times = harness.measure(runs, repetitions=repetitions, duration=duration)
-    ratio = times["double-double"].over(times["double"])
-    return {
-        "method": method.name,
-        "scene": scene,
-        "ratio": ratio,
-        **{k: t.median for k, t in times.items()},
-    }
+        plan.run(start, steps=10)
+        counts[digits] = 1000
+        while (spent := spent_on(plan, start, counts[digits])) < duration:
+            counts[digits] = int(counts[digits] * max(2.0, 1.2 * duration / max(spent, 1e-6)))
+    for _ in range(repetitions):
+        for digits, plan in plans.items():
+            n = counts[digits]
+            seconds[digits].append(spent_on(plan, start, n) / n)
+    ratios = [b / a for a, b in zip(*seconds.values(), strict=True)]
+    times = {digits: 1e9 * statistics.median(x) for digits, x in seconds.items()}
+    return {"method": method.name, "scene": scene, "ratio": statistics.median(ratios), **times}
+
+
+def spent_on(plan: lm.Plan, start: Any, steps: int) -> float:
+    """Seconds of the processor for a run: others on the machine do not count."""
+    begun = time.thread_time()
+    plan.run(start, steps=steps)
+    return time.thread_time() - begun
 
 
 def main() -> None:

@@ -68,7 +68,6 @@ REFUSALS = {
     "an attribute of a number": ("x = a.real", "a number has no attribute `real`"),
     "a text of numbers": ("x = len(f'{a}')", "text of numbers known only at run time"),
     "str of a number": ("x = len(str(a))", "`str` of numbers known only at run time"),
-    "sorting by a key": ("x = sorted((a, b), key=sign)[0]", "without options"),
     "rounding to digits": ("x = round(a, 2)", "`round` to a number of digits"),
     "an attribute assigned": (
         "spring = SPRING\nspring.k = a",

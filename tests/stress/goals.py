@@ -318,7 +318,7 @@ def guards(size: Size) -> Found:
 def cost_of_long_mode(size: Size) -> Found:
     """Ratios of the time of a step."""
     chosen = precision.CASES[:1] if size.quick else precision.CASES[:4]
-    rows = [precision.measured(method, scene, 7, 0.01) for method, scene in chosen]
+    rows = [precision.measured(method, scene, 25, 0.01) for method, scene in chosen]
     return below({f"{row['method']}, {row['scene']}:": row["ratio"] for row in rows}, 4.0)
 
 
