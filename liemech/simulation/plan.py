@@ -47,14 +47,14 @@ class Plan:
 
     Steps of one length:
     h : the step, in s; negative runs backwards; (bodies,) gives every body of an ensemble its own.
-    every, compensated, precision, workers : as for `integrate`.
+    every, compensated, precision : as for `integrate`.
 
     Adaptive steps, of a method with an error estimate, if h is None or rtol or atol is given:
     rtol, atol, dense : as for `integrate`.  h : the first step; max_step : the longest one;
     (bodies,) gives every body its own.
     breaks : times at which the velocity jumps, such as the ends of a pulse; no step goes across.
 
-    record, events, compiled, progress : as for `integrate`.
+    record, events, compiled, progress, workers : as for `integrate`.
 
     A plan does not change; `replace` makes another one.  What formulas read from outside counts as
     it is when a run begins.
