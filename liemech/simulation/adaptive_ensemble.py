@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import functools
 import os
+import time
 from contextlib import nullcontext
 from types import SimpleNamespace
 from typing import Any
@@ -23,7 +24,7 @@ from .adaptive_run import AdaptiveRun
 from .carry import AdaptiveCarry, Carries, Ended, Waiting
 from .dense import DenseOutput, flat, packed, unpacked
 from .execution import Execution, numbers_of
-from .fixed_run import pool
+from .fixed_run import PATIENCE, pool
 from .one_by_one import OneByOne
 from .prepared import Prepared
 from .progress import Bar
@@ -262,24 +263,31 @@ class AdaptiveEnsemble(OneByOne):
         lanes: Any = self.lanes
         side, workers = lanes.stepping.lanes, self.plan._given["workers"]
         width, changed = lanes.state.width, lanes.layout.width + CLOCK.width
+        room, least, work = ROOM * workers, TURNS, WORK * workers
         queue = np.flatnonzero(self._unfinished)
-        bodies, queue = queue[: ROOM * workers], queue[ROOM * workers :]
+        bodies, queue = queue[:room], queue[room:]
         columns = self.table.take(_padded(bodies, side), axis=1)
         while len(bodies):
             m, padded = len(bodies), columns.shape[1]
-            turns = max(TURNS, min(LONGEST, WORK * workers // padded))
+            turns = max(least, min(LONGEST, work // padded))
             out = np.empty((turns + 1 if lanes.curves else 0, lanes.row.width, padded))
             if lanes.curves:
                 out[:, 0] = columns[lanes.layout.width]
                 out[0, 1 : 1 + width] = columns[:width]
+            begun = time.perf_counter()
             self._piece(columns, out[1:], turns)
+            if time.perf_counter() - begun > PATIENCE:  # somebody may want to interrupt it
+                room, least, work = max(side, room // 4), max(1, least // 2), work // 4
             self.table[:changed, bodies] = columns[:changed, :m]
             if lanes.curves:
                 self._sample(bodies, out[:, :, :m])
             going = ~self._ended(columns[lanes.layout.width :, :m])
             ended = m - int(going.sum())
-            if ended and (len(queue) or 4 * ended >= m):
-                bodies, queue = np.concatenate([bodies[going], queue[:ended]]), queue[ended:]
+            if (ended and (len(queue) or 4 * ended >= m)) or m > room:
+                bodies = bodies[going]
+                queue = np.concatenate([bodies[room:], queue]) if len(bodies) > room else queue
+                free = max(0, room - len(bodies))
+                bodies, queue = np.concatenate([bodies[:room], queue[:free]]), queue[free:]
                 columns = self.table.take(_padded(bodies, side), axis=1)
                 bar.advance(ended)
 

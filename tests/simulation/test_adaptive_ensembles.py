@@ -73,6 +73,16 @@ def test_samples_between_the_steps(sign: float, own: bool) -> None:
     assert np.array_equal(runs.t, times)
 
 
+def test_pieces_become_shorter_where_they_take_long(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Bodies that wait for the others in the middle of their way go on where they stood."""
+    whole = native().run(BODY.state(mu=MU), t_end=4.0, t_eval=TIMES)
+    monkeypatch.setattr(adaptive_ensemble, "PATIENCE", 0.0)
+    monkeypatch.setattr(adaptive_ensemble, "ROOM", 32)
+    slow = native().run(BODY.state(mu=MU), t_end=4.0, t_eval=TIMES)
+    assert np.array_equal(slow.mu, whole.mu) and slow.steps == whole.steps
+    assert np.array_equal(slow.carry.state.mu, whole.carry.state.mu)
+
+
 def test_no_samples_are_asked_for() -> None:
     runs = native().run(BODY.state(mu=MU[:9]), t_end=2.0, t_eval=[])
     assert len(runs) == 0 and runs.mu.shape == (0, 9, 3)
