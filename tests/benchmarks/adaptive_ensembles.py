@@ -2,8 +2,7 @@
 
     python tests/benchmarks/adaptive_ensembles.py [bodies ...]
 
-Microseconds of a body, medians of runs in turn, only the end kept; one thread.  Of the loop also
-what its native code takes.  heyoka is of another kind, Taylor's method without structure: its
+Microseconds of a body, medians of runs in turn, only the end kept; one thread.  heyoka is of another kind, Taylor's method without structure: its
 column is to the same tolerance, not to the same error.
 """
 
@@ -125,8 +124,8 @@ def measure(n: int) -> None:
         lanes, alone = (np.median(found[key], axis=0) for key in ("lanes", "loop"))
         theirs = f"{np.median(found['heyoka'], axis=0)[0]:.0f}" if other else "-"
         print(
-            f"| {name} | {n} | {lanes[0]:.0f} | {lanes[1]:.0f} | {alone[0]:.0f} | {alone[1]:.0f} "
-            f"| {alone[0] / lanes[0]:.1f} | {alone[1] / lanes[0]:.1f} | {theirs} |",
+            f"| {name} | {n} | {lanes[0]:.0f} | {lanes[1]:.0f} | {alone[0]:.0f} "
+            f"| {alone[0] / lanes[0]:.1f} | {theirs} |",
             flush=True,
         )
 
@@ -135,9 +134,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("bodies", type=int, nargs="*", default=[1000, 10_000])
     print(
-        "| motion | bodies | ensemble | its native code | loop | its native code | loop beside "
-        "ensemble | native code of the loop beside ensemble | heyoka's batches |\n"
-        f"|{' --- |' * 9}"
+        "| motion | bodies | ensemble | its native code | loop | beside ensemble | heyoka |\n"
+        f"|{' --- |' * 7}"
     )
     for n in parser.parse_args().bodies:
         measure(n)
