@@ -15,6 +15,7 @@ import numpy as np
 
 from ..compiler.driver import accepted, attempt, itself, reason
 from ..errors import (
+    IntegrationFailure,
     IntegrationInterrupted,
     InvalidInput,
     StepTooSmall,
@@ -92,9 +93,7 @@ class AdaptiveSteps:
             arguments.tolerance(rtol, "rtol", arguments.RTOL),
             arguments.tolerance(atol, "atol", arguments.ATOL),
         )
-        longest = math.inf if longest is None else arguments.real(longest, "max_step")
-        if not longest > 0.0:
-            raise InvalidInput(f"integrate: max_step must be positive; got {longest:g}")
+        longest = arguments.longest(longest)
         first = None if h is None else arguments.step(h)
         return cls(system, method, first, *tolerances, longest, breaks, dense, compiled, progress)
 
@@ -354,14 +353,7 @@ class AdaptiveRun:
             if self.clock[5]:
                 raise self._failure()
             if self.clock[3] >= self.limit:
-                reached = (
-                    f"{self.limit} steps led to t = {self.clock[0]:g} only, not to {self.t_end:g}"
-                )
-                raise self._ended(
-                    StepTooSmall(
-                        f"integrate: {reached}; loosen rtol and atol or allow more `steps`"
-                    )
-                )
+                raise self._unfinished()
         return False
 
     def _part(self) -> float:
@@ -572,6 +564,20 @@ class AdaptiveRun:
             times = self.t_eval[: len(numbers)]
         return times, unpacked(self.shape.state, numbers)
 
+    def failed(self, states: np.ndarray, clock: np.ndarray, samples: np.ndarray) -> Exception:
+        """Why a run ended that native code has led so far, beside others."""
+        self.states, self.clock, self.compiled = states, clock, True
+        self.rows[0, 0], self.rows[0, 1 : 1 + self.width] = clock[0], states[: self.width]
+        self.sampled = [samples]
+        return self._failure() if clock[5] else self._unfinished()
+
+    def _unfinished(self) -> Exception:
+        """Why a run ended that has made all its steps."""
+        told = f"{self.limit} steps led to t = {self.clock[0]:g} only, not to {self.t_end:g}"
+        return self._ended(
+            StepTooSmall(f"integrate: {told}; loosen rtol and atol or allow more `steps`")
+        )
+
     def _failure(self) -> Exception:
         """Why the steps became too small to go on: what the last trial had to say.  A mistake in a
         formula is raised itself.
@@ -625,4 +631,6 @@ class AdaptiveRun:
         error.trajectory = run = self._result()
         if carry:
             error.trajectory = dataclasses.replace(run, carry=None)
+        if isinstance(error, IntegrationFailure):
+            error.reached = build(self.shape.state, iter(self.states[: self.width].tolist()))
         return error

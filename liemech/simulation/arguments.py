@@ -139,7 +139,7 @@ def names(record: Any) -> Any:
         return record
 
 
-def only_adaptive(method: Any, every: int, workers: int) -> None:
+def only_adaptive(method: Any, every: int) -> None:
     if alike(method):
         raise IncompatibleSystem(
             f"integrate: {method!r} keeps the structure because all its steps are alike, which an "
@@ -151,11 +151,18 @@ def only_adaptive(method: Any, every: int, workers: int) -> None:
             f"integrate: {method!r} has no error estimate to choose steps by. Give h and steps, or "
             "take a method with an embedded pair, such as RKMK(order=5)"
         )
-    for name, value in (("every", every), ("workers", workers)):
-        if value != 1:
-            raise InvalidInput(
-                f"integrate: {name} is for steps of one length; adaptive ones have t_eval"
-            )
+    if every != 1:
+        raise InvalidInput(
+            "integrate: every is for steps of one length; adaptive ones have t_eval"
+        )
+
+
+def longest(value: Any) -> float:
+    """The longest step, any if None."""
+    value = math.inf if value is None else real(value, "max_step")
+    if not value > 0.0:
+        raise InvalidInput(f"integrate: max_step must be positive; got {value:g}")
+    return value
 
 
 def step(h: Any) -> float:

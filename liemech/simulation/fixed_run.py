@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ..compiler.driver import Rejected, attempt, reason
+from ..compiler.driver import Rejected, attempt, read, reason
 from ..compiler.kernel import Several
 from ..errors import (
     IntegrationFailure,
@@ -27,7 +27,7 @@ from .carry import Carry
 from .checkpoint import Checkpoint
 from .dense import flat, unpacked
 from .execution import LOOK, Execution
-from .fixed import begin, begun, fixed_steps
+from .fixed import begin, begun, fixed_steps, sample
 from .prepared import Shape, Steps, shown_step, times
 from .progress import Bar
 from .stopped import Stopped
@@ -408,7 +408,7 @@ class FixedRun:
             threads = max(1, min(workers, (end - first) * more // WORTH))
             share = -(-(end - first) // (threads * lanes)) * lanes
             others = [
-                _pool(workers, os.getpid()).submit(call, i, min(i + share, end))
+                pool(workers, os.getpid()).submit(call, i, min(i + share, end))
                 for i in range(first + share, end, share)
             ]
             call(first, min(first + share, end))  # native code does not hold the interpreter's lock
@@ -517,6 +517,9 @@ class FixedRun:
             error = error.__cause__
             at = f"step {int(self.taken[body]) + 1} of {self.before + self.steps}"
             error.add_note(f"[integrate: {at}; the samples before it are in `.trajectory`]")
+        else:
+            carry = read(self.states[:, body], 0, self.shape.layout)
+            error.reached = sample(self.plan.method_of(body), carry)
         return self._with_trajectory(error, self._result(int(self.taken[body]) - self.before))
 
     @staticmethod
@@ -526,7 +529,7 @@ class FixedRun:
 
 
 @functools.cache
-def _pool(workers: int, process: int) -> Any:
+def pool(workers: int, process: int) -> Any:
     """Threads that stay; a forked process has none of its parent's."""
     from concurrent.futures import ThreadPoolExecutor
 

@@ -156,7 +156,7 @@ def integrate(
             or not arguments.alike(way)
             or any(options[name] is not None for name in ("rtol", "atol", "max_step"))
         ):
-            arguments.only_adaptive(way, every, workers)
+            arguments.only_adaptive(way, every)
             options["rtol"] = arguments.RTOL if rtol is None else rtol
         plan = Plan(system, method, **options)
         if key is not None:

@@ -17,6 +17,7 @@ from ..formulas.pytree import Layout, exact, fields_of, known_layout, layout_of,
 from ..integrators.method import Method
 from ..systems.system import State, System, member
 from . import arguments
+from .adaptive_ensemble import AdaptiveEnsemble
 from .at_once import advanced, at_once, of_shape
 from .carry import AdaptiveCarry, Carries, Carry, Ended, Waiting
 from .checkpoint import Checkpoint
@@ -44,14 +45,14 @@ class Plan:
 
     Steps of one length:
     h : the step, in s; negative runs backwards; (bodies,) gives every body of an ensemble its own.
-    every, compensated, precision, workers : as for `integrate`.
+    every, compensated, precision : as for `integrate`.
 
     Adaptive steps, of a method with an error estimate, if h is None or rtol or atol is given:
     rtol, atol, dense : as for `integrate`.  h : the first step; max_step : the longest one;
     (bodies,) gives every body its own.
     breaks : times at which the velocity jumps, such as the ends of a pulse; no step goes across.
 
-    record, events, compiled, progress : as for `integrate`.
+    record, events, compiled, progress, workers : as for `integrate`.
 
     A plan does not change; `replace` makes another one.  What formulas read from outside counts as
     it is when a run begins.
@@ -143,7 +144,7 @@ class Plan:
         elif h is None or not (rtol is atol is max_step is None) or len(breaks):
             from .adaptive_run import AdaptiveSteps
 
-            arguments.only_adaptive(first("method"), every, workers)
+            arguments.only_adaptive(first("method"), every)
             if precision != "double":
                 raise InvalidInput(
                     f"integrate: precision={precision!r} is for "
@@ -324,7 +325,10 @@ class Plan:
         compiled = self._steps.compiled
         if kept is not None and recorder is not None:
             kept.shown = functools.partial(recorder.presented, kind=kind, compiled=compiled)
-        run = OneByOne(self, start, t0, steps, t_end, t_eval, kept)
+        way = OneByOne
+        if self.adaptive and AdaptiveEnsemble.fits(self, kept):
+            way = AdaptiveEnsemble
+        run = way(self, start, t0, steps, t_end, t_eval, kept)
         if recorder is None:
             return run.trajectory()
         made: Trajectory = recorder.instead(run.trajectory, kind, compiled)
@@ -666,8 +670,8 @@ class Plan:
             return self._tangent(start, steps, t_end, t0, names)
         alone = OneByOne(self, start, t0, steps, t_end, None, None)
         runs = [
-            plan._tangent(begun.state, steps, end, t0, names)
-            for plan, begun, end in zip(alone.plans, alone.starts, alone.ends, strict=True)
+            alone.plan_of(i)._tangent(alone.begun(i).state, steps, alone.ends[i], t0, names)
+            for i in range(alone.count)
         ]
         return of_bodies(self.method, runs)
 
