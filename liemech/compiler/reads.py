@@ -420,14 +420,14 @@ class Guard:
         everything else.
         """
         general: dict[int, str] = {}
-        modules: dict[tuple[int, int], tuple[Any, dict[str, Any]]] = {}
+        modules: dict[tuple[int, int], tuple[Any, list[str]]] = {}
         known = {f"v{i}": value for i, value in enumerate(self.values)}
         for i in self.compared:
             parent, how, name = self.steps[i]
             holder = self.values[parent]
             if how == "global" and "__builtins__" in holder.__globals__:
                 space = id(holder.__globals__), id(holder.__builtins__)
-                modules.setdefault(space, (holder, {}))[1][name] = self.values[i]
+                modules.setdefault(space, (holder, []))[1].append(f"{name} is _values[{i}]")
             # of a method only its formula counts
             elif name == "__formula__" and parent in general and self.parents[parent] == 1:
                 general[i] = (
@@ -442,8 +442,8 @@ class Guard:
                 now = f"{now}[{name}]" if how == "argument" else self._asked(now, how, name)
             found.append(f"{now} is _values[{i}]")
         same = [_expression(found, known | {f"o{i}": value for i, value in enumerate(self.others)})]
-        for holder, then in modules.values():
-            made = _of_module(then, holder.__globals__)
+        for holder, names in modules.values():
+            made = _expression(names, holder.__globals__)
             same.append(made if made.__builtins__ is holder.__builtins__ else _never)
         return same
 
@@ -521,21 +521,12 @@ class Guard:
 
 
 def _expression(comparisons: list[str], names: dict[str, Any]) -> Any:
-    """A function that says whether all of these hold, where a text sees these names."""
-    return eval(f"lambda _args, _values: {' and '.join(comparisons) or True}", names)
+    """A function that says whether all of these hold, where a text sees these names.
 
-
-def _of_module(then: dict[str, Any], names: dict[str, Any]) -> Any:
-    """The same of names of a module: are they what they were?  What they were are defaults of
-    arguments, which Python reads at once.
+    A module that has one of the names of its arguments is compared with them, in vain: then
+    everything is asked for anew.
     """
-    own = "_"  # begins the names of the arguments, and none of the module's
-    while any(name.startswith(own) for name in then):
-        own += "_"
-    arguments = {f"{own}{k}": value for k, value in enumerate(then.values())}
-    given = [f"{own}args", f"{own}values", *(f"{a}={a}" for a in arguments)]
-    same = " and ".join([f"{name} is {a}" for name, a in zip(then, arguments, strict=True)])
-    return eval(f"lambda {', '.join(given)}: {same}", names, arguments)
+    return eval(f"lambda _args, _values: {' and '.join(comparisons) or True}", names)
 
 
 def _never(*_: Any) -> bool:

@@ -166,8 +166,9 @@ class Shape(Prepared):
         if sampled:
             call = sampled_steps, *self.arguments, *[0.0] * 4, curves, 1, 1, *[none] * 6, None
         self.stepping = Execution(plan.compiled, plan.progress, *call)
-        self.gather, self.rest = gatherer(self.state), (0.0,) * (self.layout.width - self.state.width)
-        self.begun = struct.Struct(f"{self.layout.width + CLOCK.width}d")
+        carried, width = self.layout.width, self.state.width
+        self.gather, self.rest = gatherer(self.state), (0.0,) * (carried - width)
+        self.begun = struct.Struct(f"{carried + CLOCK.width}d")
         self.call = struct.Struct(f"11q{len(self.constants)}s4d").pack
 
 

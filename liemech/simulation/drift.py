@@ -152,8 +152,9 @@ def constants_and_terms(
     varied = [(part, i) for part in system.coordinates for i in range(states[part].shape[-1])]
     longer: dict[str, np.ndarray] = {}
     for name, values in states.items():
-        longer[name] = whole = np.empty((n + len(varied) * len(some), *values.shape[1:]), values.dtype)
-        whole[:n], more = values, whole[n:].reshape(len(varied), len(some), *values.shape[1:])
+        one, rows = values.shape[1:], n + len(varied) * len(some)
+        longer[name] = whole = np.empty((rows, *one), values.dtype)
+        whole[:n], more = values, whole[n:].reshape(len(varied), len(some), *one)
         more[:] = values[some]
         for row, (part, i) in zip(more, varied, strict=True):
             if part == name:
