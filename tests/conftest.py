@@ -13,13 +13,10 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-# bytecode goes to a folder of its own, so that processes of the tests need not translate all modules
+# bytecode is kept, so that processes of the tests need not translate all modules
 if sys.dont_write_bytecode:
     sys.dont_write_bytecode = False
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
-    sys.pycache_prefix = os.environ["PYTHONPYCACHEPREFIX"] = str(
-        Path(__file__).parent.parent / ".pytest_cache" / "bytecode"
-    )
 
 # small matrices: threads that wait for each other on a busy machine
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -84,6 +81,11 @@ def pytest_collection_finish() -> None:
     kernels are made.
     """
     gc.collect()
+    gc.freeze()
+
+
+def pytest_sessionfinish() -> None:
+    """Nor when all is over."""
     gc.freeze()
 
 

@@ -98,13 +98,18 @@ def trees() -> dict[str, ast.Module]:
     return parsed
 
 
+def parts(node: ast.AST) -> Iterator[ast.AST]:
+    """What a statement consists of, without the expressions: no statement stands in these."""
+    return (child for child in ast.iter_child_nodes(node) if not isinstance(child, ast.expr))
+
+
 def executed(
     node: ast.AST, lazy: bool = False
 ) -> Iterator[tuple[ast.Import | ast.ImportFrom, bool]]:
     """The import statements that run, and whether only when some function is called; annotations do
     not count.
     """
-    for child in ast.iter_child_nodes(node):
+    for child in parts(node):
         if isinstance(child, ast.Import | ast.ImportFrom):
             yield child, lazy
         elif isinstance(child, ast.If) and "TYPE_CHECKING" in ast.unparse(child.test):
@@ -116,16 +121,12 @@ def executed(
             )
 
 
-def for_typing(tree: ast.Module) -> Iterator[ast.Import | ast.ImportFrom]:
+def for_typing(node: ast.AST) -> Iterator[ast.Import | ast.ImportFrom]:
     """The import statements that only type checkers run."""
-    for node in ast.walk(tree):
-        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
-            yield from (
-                s
-                for part in node.body
-                for s in ast.walk(part)
-                if isinstance(s, ast.Import | ast.ImportFrom)
-            )
+    for child in parts(node):
+        if isinstance(child, ast.If) and "TYPE_CHECKING" in ast.unparse(child.test):
+            yield from (s for part in child.body for s, _ in executed(ast.Module([part], [])))
+        yield from for_typing(child)
 
 
 def targets(module: str, statement: ast.Import | ast.ImportFrom) -> Iterator[str]:

@@ -176,8 +176,8 @@ def series(x: Any, coefficients: tuple[tuple[float, float], ...], long: int) -> 
     value, low = coefficients[-1][0], 0.0
     for c, _ in coefficients[-2 : long - 1 : -1]:
         value = value * x.value + c
-    for c in coefficients[long - 1 :: -1]:
-        value, low = _nested(c, x, value, low)
+    for words in coefficients[long - 1 :: -1]:
+        value, low = _nested(words, x, value, low)
     return DoubleDouble(*fast_two_sum(value, low))
 
 

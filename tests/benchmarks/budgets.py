@@ -1,9 +1,10 @@
 """One table of all that was wanted: budgets of time and memory, time to error beside others, goals
 of reliability.
 
-    python tests/benchmarks/budgets.py [--run rigid_body calls ... | all] [--quick]
+    python tests/benchmarks/budgets.py [--run rigid_body calls ... | all] [--quick] [--minutes 20]
 
---run measures these again, each by its own benchmark, and keeps the rows in `budgets.json`.  Then
+--run measures these again, each by its own benchmark, and keeps the rows in `budgets.json`; a
+benchmark that does not finish within its share of the minutes is named, and its rows stay.  Then
 docs/budgets.md is written from them, from `leader_board.json`, from the table of
 docs/reliability.md and from `tests/stress/long_runs.json`.
 """
@@ -444,9 +445,13 @@ def main() -> None:
     )
     parser.add_argument("--run", nargs="*", default=[], help="benchmarks to run first, or `all`")
     parser.add_argument("--quick", action="store_true", help="their smoke runs: rough numbers")
+    parser.add_argument("--minutes", type=float, default=20.0, help="for all, at most")
     chosen = parser.parse_args()
+    ends = time.monotonic() + 60.0 * chosen.minutes
     kept: dict[str, Any] = json.loads(KEPT.read_text(encoding="utf-8")) if KEPT.exists() else {}
-    for name in BENCHMARKS if "all" in chosen.run else chosen.run:
+    names = list(BENCHMARKS) if "all" in chosen.run else chosen.run
+    for k, name in enumerate(names):
+        share = max(1.0, 2.0 * (ends - time.monotonic()) / (len(names) - k + 1))
         found = None
         if name != "direct":
             with tempfile.TemporaryDirectory() as folder:
@@ -457,8 +462,15 @@ def main() -> None:
                     "--out",
                     str(out),
                     *["--quick"] * chosen.quick,
+                    *["--short"] * (name == "rigid_body"),
                 ]
-                done = subprocess.run(command, check=False, capture_output=True, text=True)
+                try:
+                    done = subprocess.run(
+                        command, check=False, capture_output=True, text=True, timeout=share
+                    )
+                except subprocess.TimeoutExpired:
+                    print(f"{name}: not finished within {share:.0f} s", flush=True)
+                    continue
                 if not out.exists():
                     print(
                         f"{name}: {(done.stderr.strip() or 'nothing was written').splitlines()[-1]}"

@@ -463,6 +463,9 @@ def main() -> None:
     parser.add_argument(
         "--out", type=Path, default=Path("rigid_body_benchmark.json"), help="where the JSON goes"
     )
+    parser.add_argument(
+        "--short", action="store_true", help="no comparison at equal error, which takes long"
+    )
     options = parser.parse_args()
     repetitions, duration = (3, 0.004) if options.quick else (15, 0.03)
 
@@ -478,7 +481,8 @@ def main() -> None:
         "ensembles": ensembles_table(cpps, options.only, repetitions, duration),
     }
     if not options.only:
-        results["equal_error"] = equal_error_table(cpps, options.quick)
+        if not options.short:
+            results["equal_error"] = equal_error_table(cpps, options.quick)
         results["start_up"] = start_up_table(2 if options.quick else 9)
     if cpps:
         results["instructions"] = {contraction: cpp.packed() for contraction, cpp in cpps.items()}

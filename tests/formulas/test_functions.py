@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import sympy
 from compiler.worlds import same_in_all_worlds
 
 from liemech import formulas as f
@@ -53,6 +52,8 @@ def test_lengths() -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_derivatives(name: str) -> None:
+    import sympy
+
     x, t = (1.3 if name == "acosh" else 0.3), sympy.Symbol("t", positive=True)
     extra = (2.5,) if name in OF_TWO else ()
     if name in ("radians", "degrees", "fabs"):

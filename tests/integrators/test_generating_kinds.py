@@ -8,7 +8,6 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pytest
-import sympy
 
 import liemech as lm
 from liemech.errors import IncompatibleSystem, InvalidInput, NoConvergence, OutsideChart
@@ -147,6 +146,8 @@ def test_the_action_of_a_spring(order: int) -> None:
     """S = ((q^2 + Q^2) cos h - 2 q Q)/(2 sin h): S/h at q and v = (q - Q)/h, cut before h^order,
     makes the step.
     """
+    import sympy
+
     q, v, h, Q = sympy.symbols("q v h Q")
     S = ((q**2 + (q - h * v) ** 2) * sympy.cos(h) - 2 * q * (q - h * v)) / (2 * sympy.sin(h))
     cut = sympy.series(sympy.expand(S / h), h, 0, order).removeO()

@@ -6,11 +6,10 @@ from __future__ import annotations
 
 import functools
 import math
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 import pytest
-import sympy
 from scenes import named, same_bits, slope
 
 import liemech as lm
@@ -21,6 +20,9 @@ from liemech.models.henon_heiles import HenonHeiles
 from liemech.models.kepler import Kepler
 from liemech.models.pendulums import DoublePendulum, Pendulum
 from liemech.systems.canonical import CanonicalState, HamiltonianSystem
+
+if TYPE_CHECKING:
+    import sympy
 
 
 @record
@@ -97,6 +99,8 @@ def errors(
 @functools.cache
 def generating_terms(H: sympy.Expr, q: Any, P: Any, h: sympy.Symbol) -> list[sympy.Expr]:
     """G_1, ..., G_4 by the recurrence G_(m+1) = -(d/dt)^m H(q, P + sum_j t^j/j! dG_j/dq) at t = 0."""
+    import sympy
+
     G: list[sympy.Expr] = []
     for m in range(4):
         gradients = [
@@ -110,6 +114,8 @@ def generating_terms(H: sympy.Expr, q: Any, P: Any, h: sympy.Symbol) -> list[sym
 
 def curved(q: Any, p: Any) -> sympy.Expr:
     """The energy of Curved, once more."""
+    import sympy
+
     return (
         p[0] ** 2 * (1 + sympy.Rational(3, 10) * sympy.sin(q[0]) ** 2) / 2
         - sympy.cos(q[0])
@@ -130,6 +136,8 @@ def test_steps_are_generated_by_the_truncated_series(
     system: HamiltonianSystem, energy: Any
 ) -> None:
     """Q = dG/dP and p = dG/dq to rounding, with G_1 to G_4 from computer algebra."""
+    import sympy
+
     n, h = system.degrees, sympy.Symbol("h")
     q, P = sympy.symbols(f"q:{n}"), sympy.symbols(f"P:{n}")
     G = sum(x * y for x, y in zip(q, P))
@@ -147,6 +155,8 @@ def test_steps_are_generated_by_the_truncated_series(
 
 def test_the_formulas_for_the_first_four_terms() -> None:
     """G_2, G_3, G_4 of one degree of freedom, written out, are those of the recurrence."""
+    import sympy
+
     (q,), (p,), h = sympy.symbols("q:1"), sympy.symbols("P:1"), sympy.Symbol("h")
     H = curved((q,), (p,))
     Hp, Hpp, Hppp = (sympy.diff(H, p, k) for k in (1, 2, 3))

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.integrate import quad
 
 import liemech as lm
 
@@ -337,6 +336,8 @@ def test_large_steps_are_followed_from_zero_on():
 
 @pytest.mark.slow
 def test_at_its_dead_point_a_linkage_stops_and_says_so():
+    from scipy.integrate import quad
+
     # A parallelogram of three rods: flat on the ground it may go on as an antiparallelogram.
     linkage, start = parallelogram(np.pi / 6, -1.0)
     with pytest.raises(lm.errors.NoConvergence, match="dead point") as stop:

@@ -63,7 +63,7 @@ def test_the_same_momentum_bits_and_the_same_attitude(method: lm.Method) -> None
 
 @pytest.mark.parametrize("method", BY_ELEMENTS, ids=repr)
 def test_the_same_motion_to_rounding(method: lm.Method) -> None:
-    matrices, quaternions = runs(method, steps=5)
+    matrices, quaternions = runs(method, steps=2)
     assert np.abs(matrices.mu - quaternions.mu).max() < 2e-14
     assert np.abs(Q.matrix(quaternions.g) - matrices.g).max() < 5e-14
 

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.integrate import quad
 
 import liemech as lm
 from liemech.models.planetary_system import kepler_step
@@ -193,6 +192,8 @@ def test_long_runs_of_the_outer_solar_system() -> None:
 )
 def test_integrals_of_fields(field: Any) -> None:
     """Against quadrature, also across the planes; where one of the coordinates is zero."""
+    from scipy.integrate import quad
+
     for x in ([0.7, -0.4, 0.3], [-0.6, 0.5, -0.2], [0.0, 1.0, 0.1], [-1.05, 0.0, 0.2]):
         for component in range(3):
             for axis in {0, 1, 2} - {component}:

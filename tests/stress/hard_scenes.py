@@ -19,7 +19,7 @@ from scenes import Oscillator, asymmetric_body, quiet_body
 import liemech as lm
 
 RKMK4 = lm.RKMK(order=4)
-METHODS = (EXP, CAYLEY, HJ4, RKMK4)
+METHODS = (EXP, CAYLEY, HJ4, RKMK4, lm.ThreeRotations(), lm.ExactFreeBody())
 Run = Callable[[], lm.Trajectory]
 
 
@@ -120,6 +120,61 @@ def springs(size: Size) -> Iterator[Run]:
             )
 
 
+def rods(size: Size) -> Iterator[Run]:
+    """A mass on a rod: h from 1e-12 s to 1e3 s, gravity up to 1e8 m/s^2, units of length by powers
+    of two, and next to the upper point of rest.
+    """
+    methods = (lm.RATTLE(), lm.Composition(lm.RATTLE(), order=4), lm.GeodesicSplitting(order=4))
+    steps = 10.0 ** np.linspace(-12.0, 3.0, 6 if size.quick else 16)
+    cases = [(1.0, 1.0, float(h), 0.3) for h in steps]
+    cases += [(1.0, 10.0**k, 0.01, 0.3) for k in range(9)]
+    cases += [(2.0**k, 2.0**k, 0.05, 0.3) for k in (-150, -40, 40, 150)]
+    cases += [(1.0, 1.0, 0.05, away) for away in (1e-3, 1e-8, 1e-16, 1e-160, 0.0)]
+    for length, gravity, h, away in cases:
+        system = lm.SphericalPendulum(length=length, gravity=gravity)
+        up = away <= 1e-3
+        q = np.array([away, 0.0, 1.0]) if up else np.array([0.6, 0.0, -0.8])
+        p = np.zeros(3) if up else np.array([0.0, 0.7, 0.0])
+        start = system.consistent(length * q, length * p)
+        for method in methods:
+            yield functools.partial(
+                lm.integrate, system, method, start, h=h, steps=200, progress=False
+            )
+
+
+def eccentric(size: Size) -> Iterator[Run]:
+    """Kepler's ellipses of e = 0 to 1 - 1e-12 in a time of their own, steps from 1e-12 to 1e3."""
+    kepler, sigma = lm.Kepler(), lm.DistancePower(1.5)
+    pairs: list[tuple[lm.System, lm.Method]] = [
+        (kepler, lm.ReversibleController(lm.StormerVerlet(), sigma)),
+        (kepler, lm.ReversibleController(lm.Splitting(order=6), sigma)),
+        (lm.TimeTransformed(kepler, sigma), lm.AdaptiveVerlet()),
+    ]
+    eccentricities = [0.0, 0.9, 0.999, 1.0 - 1e-6, 1.0 - 1e-9, 1.0 - 1e-12]
+    steps = 10.0 ** np.linspace(-12.0, 3.0, 4 if size.quick else 11)
+    cases = [(e, 0.02) for e in eccentricities] + [(0.9, float(h)) for h in steps]
+    for e, h in cases:
+        start = kepler.pericentre(e)
+        for system, method in pairs:
+            yield functools.partial(
+                lm.integrate, system, method, start, h=h, steps=200, progress=False
+            )
+
+
+def powers(size: Size) -> Iterator[Run]:
+    """Power series: momenta from 1e-300 to 1e8, and inertia ratios to 10^6; a step that is too
+    large for the series is refused.
+    """
+    body, _ = asymmetric_body()
+    cases = [(body, mu) for mu in spread(-300.0, 8.0, 8 if size.quick else 30)]
+    cases += [(quiet_body([1.0, r**0.5, r]), np.array([0.3, 0.5, -0.4])) for r in (1e2, 1e4, 1e6)]
+    for each, mu in cases:
+        for method in (lm.Taylor(8), lm.Taylor(16)):
+            yield functools.partial(
+                lm.integrate, each, method, each.state(mu), h=0.1, steps=50, progress=False
+            )
+
+
 SCENES = (
     Scene("on the separatrix, and beside it by 1e-1 to 1e-300", separatrix),
     Scene("rods and discs, 1e-2 to 1e4 rad a step", fast_and_thin),
@@ -129,6 +184,9 @@ SCENES = (
     Scene("denormal momenta", denormals),
     Scene("tops of 1 to 1e8 N, h = 0.01 s", tops),
     Scene("springs, h w from 0.1 to 1e150", springs),
+    Scene("rods: h from 1e-12 to 1e3 s, gravity to 1e8, lengths 2^-150 to 2^150, upright", rods),
+    Scene("ellipses to e = 1 - 1e-12 in a time of their own, steps 1e-12 to 1e3", eccentric, 1e-8),
+    Scene("power series: \\|xi\\| from 1e-300 to 1e8, inertia ratios to 1e6", powers),
 )
 
 
@@ -154,6 +212,13 @@ def ended(run: Run, most: float) -> tuple[str, float]:
     if isinstance(found.system, lm.RigidBody) and (largest := np.abs(found.mu[0]).max()) > 1e-290:
         length = np.linalg.norm(found.mu / largest, axis=1)
         change = max(change, float(np.abs(length / length[0] - 1).max()))
+    if isinstance(found.system, lm.SphericalPendulum):
+        off = np.linalg.norm(found.q / found.system.length, axis=1) - 1.0
+        change = max(change, float(np.abs(off).max()))
+    if isinstance(found.system, lm.Kepler):
+        (x, y), (u, v) = found.q.T, found.p.T
+        turning = x * v - y * u  # angular momentum, beside its terms at the start
+        change = max(change, float(np.abs(turning - turning[0]).max() / abs(turning[0])))
     return (how if change <= most else "lost"), change
 
 

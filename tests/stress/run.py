@@ -1,9 +1,9 @@
 """Stress: the 28 goals of reliability measured, hard scenes, and errors over time.
 
     python tests/stress/run.py [--quick] [--write] [--steps 1000000] [--calls 10000] [--only R5]
-    [--minutes N]
+    [--scenes] [--minutes N]
 
---write puts the tables into docs/reliability.md, with --only these rows alone, and draws
+--write puts the tables into docs/reliability.md, with --only or --scenes these rows alone, and draws
 docs/figures/error_over_time.png.  --quick takes smaller sizes and a
 minute or two.  It fails if a goal is missed that the page says is met, or if a hard scene ends in
 NaN or a bare error.
@@ -66,6 +66,7 @@ def main() -> int:
     parser.add_argument("--steps", type=int, default=10**6, help="of a long run")
     parser.add_argument("--calls", type=int, default=10**4, help="random calls of public functions")
     parser.add_argument("--only", nargs="*", help="goals by name, without scenes")
+    parser.add_argument("--scenes", action="store_true", help="the hard scenes alone")
     parser.add_argument("--minutes", type=float, help="the full size, as far as this time goes")
     chosen = parser.parse_args()
     if chosen.minutes:
@@ -76,22 +77,29 @@ def main() -> int:
         if chosen.quick
         else goals.Size(False, chosen.steps, chosen.calls)
     )
+    wanted = goals.GOALS if chosen.only is None else chosen.only
     rows = [
-        goals.row(goal, size) for goal in goals.GOALS if not chosen.only or goal.name in chosen.only
+        goals.row(goal, size)
+        for goal in goals.GOALS
+        if not chosen.scenes and (goal in wanted or goal.name in wanted)
     ]
     table = "\n".join((HEADS["goals"], *rows))
     now, page = verdicts(table), PAGE.read_text(encoding="utf-8")
     worse = [name for name, met in verdicts(page).items() if met and not now.get(name, True)]
     bad = []
-    if not chosen.only:
+    if chosen.only is None:
         scenes = [hard_scenes.row(scene, size) for scene in hard_scenes.SCENES]
         bad = [line for line in scenes if line.split(" | ")[4] != "0"]
+        listed = "\n".join((HEADS["scenes"], *scenes))
+        if chosen.scenes and chosen.write:
+            PAGE.write_text(between("scenes", listed, PAGE.read_text(encoding="utf-8")))
+    if chosen.only is None and not chosen.scenes:
         back = hard_scenes.there_and_back(size)
         if chosen.write:
             sizes = f"Runs of {size.steps:,} steps, {size.calls:,} random calls, {os.cpu_count()} cores of {platform.machine()}."
             page = PAGE.read_text(encoding="utf-8")  # which may have changed since
             page = between("sizes", sizes, between("goals", table, page))
-            page = between("scenes", "\n".join((HEADS["scenes"], *scenes)), page)
+            page = between("scenes", listed, page)
             page = between("back", "\n".join((HEADS["back"], back)), page)
             PAGE.write_text(page, encoding="utf-8")
             over_time.draw(FIGURE, size)

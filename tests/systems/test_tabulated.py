@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import scipy.interpolate as curves
 
 import liemech as lm
 from liemech import errors
@@ -36,20 +35,23 @@ def driven(f: lm.PiecewisePolynomial) -> Driven:
 
 
 @pytest.mark.parametrize(
-    "curve",
+    ("maker", "values", "options"),
     [
-        curves.CubicSpline(KNOTS, VALUES),
-        curves.CubicSpline(KNOTS, VALUES[:, 0], bc_type="natural"),
-        curves.PchipInterpolator(KNOTS, VALUES),
-        curves.Akima1DInterpolator(KNOTS, VALUES),
-        curves.CubicHermiteSpline(KNOTS, VALUES, VALUES[::-1]),
-        curves.make_interp_spline(KNOTS, VALUES, k=5),
-        curves.make_interp_spline(KNOTS, VALUES[:, 1], k=2),
-        curves.BPoly(RNG.normal(size=(4, 19, 2)), KNOTS),
+        ("CubicSpline", VALUES, {}),
+        ("CubicSpline", VALUES[:, 0], {"bc_type": "natural"}),
+        ("PchipInterpolator", VALUES, {}),
+        ("Akima1DInterpolator", VALUES, {}),
+        ("CubicHermiteSpline", VALUES, {"dydx": VALUES[::-1]}),
+        ("make_interp_spline", VALUES, {"k": 5}),
+        ("make_interp_spline", VALUES[:, 1], {"k": 2}),
+        ("BPoly", RNG.normal(size=(4, 19, 2)), {}),
     ],
-    ids=lambda curve: type(curve).__name__,
 )
-def test_a_curve_of_scipy_has_its_values_and_slopes(curve):
+def test_a_curve_of_scipy_has_its_values_and_slopes(maker, values, options):
+    import scipy.interpolate as curves
+
+    given = (values, KNOTS) if maker == "BPoly" else (KNOTS, values)
+    curve = getattr(curves, maker)(*given, **options)
     f = lm.PiecewisePolynomial.of(curve)
     t = np.concatenate([RNG.uniform(0.0, 10.0, 200), KNOTS])
     size = np.abs(f.coefficients).max()  # of the polynomials, whose terms cancel
@@ -121,8 +123,10 @@ def test_adaptive_steps_told_of_the_knots_integrate_jumps_exactly():
 
 
 def test_a_cubic_table_is_integrated_exactly_by_simpsons_rule():
+    from scipy.interpolate import CubicSpline
+
     knots = np.linspace(0.0, 10.0, 21)
-    curve = curves.CubicSpline(knots, RNG.normal(size=(21, 2)))
+    curve = CubicSpline(knots, RNG.normal(size=(21, 2)))
     system = driven(lm.PiecewisePolynomial.of(curve))
     run = lm.integrate(
         system, lm.RKMK(order=4), system.state(np.zeros(2)), h=0.5, steps=20, compiled=False
@@ -238,3 +242,7 @@ def test_what_is_no_table_is_refused():
         lm.PiecewisePolynomial.linear([0.0, 1.0], [1.0, 2.0], outside="extrapolate")
     with pytest.raises(errors.InvalidType, match="spline of scipy"):
         lm.PiecewisePolynomial.of(np.sin)
+
+
+def test_a_table_shows_its_ends():
+    assert "t = 2 to 9," in repr(lm.PiecewisePolynomial.linear([2.0, 5.0, 9.0], [0.0, 1.0, 3.0]))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import html
 import time
 from collections.abc import Iterator
@@ -17,16 +18,19 @@ from liemech.viewer.chromium import Chromium
 
 BODY = lm.RigidBody([1.0, 2.0, 3.0])
 START = BODY.state(mu=[0.3, 1.0, 0.2], g=lm.SO3().exp([0.3, -0.8, 0.4]))
-RUN = lm.integrate(
-    BODY, lm.CovariantVariational(lm.Cayley()), START, h=0.1, steps=600, compiled=False
-)
 READY = "window.ready || window.failed"
+
+
+@functools.cache
+def run() -> lm.Trajectory:
+    """The motion that is seen."""
+    return lm.integrate(BODY, lm.ExactFreeBody(), START, h=0.1, steps=600, compiled=False)
 
 
 @pytest.fixture(scope="module")
 def tab(browser: Chromium, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Tab]:
     """The standard scene, body and momentum sphere, from disk."""
-    page = Scene(RUN, seconds=10.0).save(tmp_path_factory.mktemp("pages") / "body.html")
+    page = Scene(run(), seconds=10.0).save(tmp_path_factory.mktemp("pages") / "body.html")
     with Tab.of(browser, page) as one:
         one.wait(READY)
         yield one
@@ -53,7 +57,7 @@ def test_it_draws_from_disk_and_asks_nobody(tab: Tab) -> None:
 
 
 def test_time_decides_what_is_seen(tab: Tab) -> None:
-    assert tab.evaluate("player.duration") == pytest.approx(RUN.t[-1], rel=1e-12)
+    assert tab.evaluate("player.duration") == pytest.approx(run().t[-1], rel=1e-12)
     first, second, again = tab.seek(5.0), tab.seek(25.0), tab.seek(5.0)
     assert unlike(first, second) > 1e-3
     assert (first == again).all()
@@ -61,19 +65,19 @@ def test_time_decides_what_is_seen(tab: Tab) -> None:
 
 def test_what_is_seen_is_the_trajectory(tab: Tab) -> None:
     some = np.linspace(0, 600, 13).astype(int)
-    t = RUN.t[some]
+    t = run().t[some]
     body = tab.read("panel 1/run 1/body", t, "object.quaternion.toArray()")
     # whatever the sign of the quaternion: the axes of the body where they are seen
-    turned = lm.SO3().Ad(RUN.g[some][:, None], np.eye(3))
+    turned = lm.SO3().Ad(run().g[some][:, None], np.eye(3))
     q, w = body[:, None, :3], body[:, None, 3:]
     seen = np.eye(3) + 2.0 * (w * np.cross(q, np.eye(3)) + np.cross(q, np.cross(q, np.eye(3))))
     assert np.abs(seen - turned).max() < 1e-5
     arrow = "new MeshCat.THREE.Vector3(0, 0, 1).applyQuaternion(object.quaternion).multiplyScalar(object.scale.x).toArray()"
     mu = tab.read("panel 2/run 1/mu", t, arrow)
-    assert np.abs(mu - RUN.mu[some] / np.linalg.norm(RUN.mu[0])).max() < 1e-5
+    assert np.abs(mu - run().mu[some] / np.linalg.norm(run().mu[0])).max() < 1e-5
     space = tab.read("panel 1/run 1/spatial momentum", t, arrow)
     # it sticks out of the box
-    assert np.abs(space - 1.15 * RUN.spatial_momentum[0] / np.linalg.norm(RUN.mu[0])).max() < 1e-5
+    assert np.abs(space - 1.15 * run().spatial_momentum[0] / np.linalg.norm(run().mu[0])).max() < 1e-5
     # it stands still: no track
     assert not tab.evaluate("player.tracks.some(t => t.path.endsWith('spatial momentum'))")
 
@@ -82,7 +86,7 @@ def test_the_trail_ends_at_the_arrow(tab: Tab) -> None:
     some = np.linspace(0, 600, 13).astype(int)
     each = tab.evaluate("player.tracks.find(t => t.channel === 'reveal').each")
     path = "panel 2/run 1/mu trail"
-    counts = tab.read(path, RUN.t[some], "inner.geometry.drawRange.count")
+    counts = tab.read(path, run().t[some], "inner.geometry.drawRange.count")
     assert (counts == each * some).all()  # as many segments as there are steps up to then
     # the last ring that is drawn is a thin circle about the tip of the arrow
     ring = """(() => {
@@ -91,14 +95,14 @@ def test_the_trail_ends_at_the_arrow(tab: Tab) -> None:
         for (let k = 0; k < %d; k++) sum.add(v.fromBufferAttribute(p, last - k));
         return sum.divideScalar(%d).toArray(); })()"""
     sides = each // 6
-    centre = tab.read(path, RUN.t[some[1:]], ring % (each, sides, sides))
-    assert np.abs(centre / 1.003 - RUN.mu[some[1:]] / np.linalg.norm(RUN.mu[0])).max() < 1e-5
+    centre = tab.read(path, run().t[some[1:]], ring % (each, sides, sides))
+    assert np.abs(centre / 1.003 - run().mu[some[1:]] / np.linalg.norm(run().mu[0])).max() < 1e-5
 
 
 def test_between_two_samples_it_turns_evenly(tab: Tab) -> None:
     q = tab.read(
         "panel 1/run 1/body",
-        RUN.t[100] + 0.1 * np.array([0.0, 0.25, 0.5, 1.0]),
+        run().t[100] + 0.1 * np.array([0.0, 0.25, 0.5, 1.0]),
         "object.quaternion.toArray()",
     )
     angle = 2.0 * np.arccos(np.clip(np.abs(q @ q[0]), 0.0, 1.0))
@@ -115,13 +119,13 @@ def test_mouse_and_keys(tab: Tab) -> None:
     tab.click("#time", across=0.5)
     assert not tab.evaluate("player.playing")
     t = tab.evaluate("player.time")
-    assert 0.45 * RUN.t[-1] < t < 0.55 * RUN.t[-1]
+    assert 0.45 * run().t[-1] < t < 0.55 * run().t[-1]
     label = tab.evaluate("document.getElementById('label').textContent")
     assert label == f"t = {t:.1f} s"
     tab.press("Home")
     assert tab.evaluate("player.time") == 0.0
     tab.press("ArrowRight")
-    assert tab.evaluate("player.time") == pytest.approx(RUN.t[-1] / 60.0)
+    assert tab.evaluate("player.time") == pytest.approx(run().t[-1] / 60.0)
     tab.press("End")
     assert tab.evaluate("player.time") == tab.evaluate("player.duration")
 
@@ -166,8 +170,8 @@ def test_speed_is_what_the_page_says(tab: Tab) -> None:
         }})"""
         return float(tab.evaluate(program))
 
-    assert advance(1.0) == pytest.approx(RUN.t[-1] / 10.0, rel=1e-6)  # the scene lasts ten seconds
-    assert advance(5.0) == pytest.approx(5.0 * RUN.t[-1] / 10.0, rel=1e-6)
+    assert advance(1.0) == pytest.approx(run().t[-1] / 10.0, rel=1e-6)  # the scene lasts ten seconds
+    assert advance(5.0) == pytest.approx(5.0 * run().t[-1] / 10.0, rel=1e-6)
     tab.evaluate(
         "document.getElementById('speed').value = '1'; document.getElementById('speed').onchange()"
     )
@@ -211,9 +215,9 @@ def test_everything_fits_at_every_size(tab: Tab) -> None:
 
 @pytest.mark.slow
 def test_only_what_is_shown_exists(browser: Chromium, tmp_path: Path) -> None:
-    momentum = {"mu": RUN.mu}
+    momentum = {"mu": run().mu}
     page = Scene(
-        Motion(BODY, RUN.t, momentum), show=Momentum(trail=False, levels=0, sphere=False)
+        Motion(BODY, run().t, momentum), show=Momentum(trail=False, levels=0, sphere=False)
     ).save(tmp_path / "less.html")
     with Tab.of(browser, page) as tab:
         tab.wait(READY)
@@ -222,7 +226,7 @@ def test_only_what_is_shown_exists(browser: Chromium, tmp_path: Path) -> None:
         for absent in ("panel 2", *(f"panel 1/{name}" for name in others)):
             assert not tab.has(absent), absent
         assert tab.evaluate("player.tracks.length") == 1
-    full = Scene(RUN).html()
+    full = Scene(run()).html()
     assert len(page.read_text(encoding="utf-8")) < len(full) - 150_000
 
 
@@ -232,7 +236,7 @@ def test_compressed_in_a_sandboxed_frame_as_notebooks_show_it(
 ) -> None:
     around = tmp_path / "notebook.html"
     around.write_text(
-        f"<!DOCTYPE html><body style='margin:0'>{Scene(RUN)._repr_html_()}</body>", encoding="utf-8"
+        f"<!DOCTYPE html><body style='margin:0'>{Scene(run())._repr_html_()}</body>", encoding="utf-8"
     )
     with Tab.of(browser, around) as tab:
         until = time.monotonic() + 20.0
@@ -244,7 +248,7 @@ def test_compressed_in_a_sandboxed_frame_as_notebooks_show_it(
 
 @pytest.mark.slow
 def test_without_webgl_the_page_says_so(browser: Chromium, tmp_path: Path) -> None:
-    page = Scene(RUN, show="body").save(tmp_path / "body.html")
+    page = Scene(run(), show="body").save(tmp_path / "body.html")
     with Chromium((640, 480), flags=("--disable-3d-apis",)) as other, Tab.of(other, page) as tab:
         tab.wait(READY)
         assert "WebGL" in tab.evaluate("document.getElementById('message').innerText")
@@ -259,7 +263,7 @@ def test_few_samples_and_texts_that_look_like_code(
     browser: Chromium, tmp_path: Path, samples: int
 ) -> None:
     title = "</script><b>\"it's\" <!--scene--> \\u003c"
-    few = Motion(BODY, RUN.t[:samples], {"mu": RUN.mu[:samples], "g": RUN.g[:samples]})
+    few = Motion(BODY, run().t[:samples], {"mu": run().mu[:samples], "g": run().g[:samples]})
     page = Scene(few, title=title, name="<i>one</i>").save(tmp_path / "few.html")
     with Tab.of(browser, page) as tab:
         tab.wait(READY)
@@ -274,13 +278,13 @@ def test_few_samples_and_texts_that_look_like_code(
 @pytest.mark.slow
 def test_times_that_repeat_and_steps_that_are_not_joined(browser: Chromium, tmp_path: Path) -> None:
     t = np.array([0.0, 1.0, 1.0, 2.0])
-    few = Motion(BODY, t, {"mu": RUN.mu[:4], "g": RUN.g[:4]})
+    few = Motion(BODY, t, {"mu": run().mu[:4], "g": run().g[:4]})
     page = Scene(few, show="momentum", interpolate=False).save(tmp_path / "steps.html")
     with Tab.of(browser, page) as tab:
         tab.wait(READY)
         arrow = "new MeshCat.THREE.Vector3(0, 0, 1).applyQuaternion(object.quaternion).toArray()"
         seen = tab.read("panel 1/run 1/mu", [0.0, 0.9, 1.0, 1.9, 2.0], arrow)
-        unit = RUN.mu[:4] / np.linalg.norm(RUN.mu[0])
+        unit = run().mu[:4] / np.linalg.norm(run().mu[0])
         assert np.abs(seen - unit[[0, 0, 2, 2, 3]]).max() < 1e-5
 
 
@@ -313,7 +317,7 @@ def test_a_mesh_of_ones_own(browser: Chromium, tmp_path: Path) -> None:
     file.write_text(
         "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n", encoding="utf-8"
     )
-    page = Scene(RUN, show=Body(mesh=file, triad=False)).save(tmp_path / "mesh.html")
+    page = Scene(run(), show=Body(mesh=file, triad=False)).save(tmp_path / "mesh.html")
     with Tab.of(browser, page) as tab:
         tab.wait(READY)
         tab.seek(3.0)

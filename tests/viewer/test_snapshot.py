@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from itertools import pairwise
 from pathlib import Path
 
@@ -16,19 +17,18 @@ from liemech.viewer import Scene, chromium
 from liemech.viewer.chromium import Chromium
 
 BODY = lm.RigidBody([1.0, 2.0, 3.0])
-RUN = lm.integrate(
-    BODY,
-    lm.RKMK(order=4),
-    BODY.state(mu=[0.3, 1.0, 0.2], g=np.eye(3)),
-    h=0.1,
-    steps=100,
-    compiled=False,
-)
+
+
+@functools.cache
+def run() -> lm.Trajectory:
+    """The motion that is seen."""
+    start = BODY.state(mu=[0.3, 1.0, 0.2], g=np.eye(3))
+    return lm.integrate(BODY, lm.RKMK(order=4), start, h=0.1, steps=100, compiled=False)
 
 
 @pytest.mark.slow
 def test_a_snapshot_is_the_moment_that_was_asked_for(browser: Chromium, tmp_path: Path) -> None:
-    scene = Scene(RUN, show="body")
+    scene = Scene(run(), show="body")
     picture = np.asarray(
         Image.open(scene.snapshot(tmp_path / "two.png", 2.0, size=(320, 200))).convert("RGBA")
     )
@@ -44,7 +44,7 @@ def test_a_snapshot_is_the_moment_that_was_asked_for(browser: Chromium, tmp_path
 
 @pytest.mark.slow
 def test_a_gif_moves(browser: Chromium, tmp_path: Path) -> None:
-    file = Scene(RUN, show="momentum").write_gif(
+    file = Scene(run(), show="momentum").write_gif(
         tmp_path / "body.gif", size=(240, 160), fps=5, seconds=1.0
     )
     with Image.open(file) as movie:
@@ -62,7 +62,7 @@ def test_a_gif_moves(browser: Chromium, tmp_path: Path) -> None:
 
 
 def test_what_cannot_be_drawn_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    scene = Scene(RUN)
+    scene = Scene(run())
     with pytest.raises(InvalidInput, match=r"must end in \.png"):
         scene.snapshot(tmp_path / "a.jpg")
     with pytest.raises(InvalidInput, match="pictures; wanted are 2 to"):
