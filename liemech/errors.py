@@ -91,9 +91,12 @@ class NotCompiledWarning(UserWarning):
 
 
 class IntegrationFailure(LiemechError, ArithmeticError):
-    """A run ended before its last step; `trajectory` holds every sample that was accepted."""
+    """A run ended before its last step; `trajectory` holds every sample that was accepted, `reached`
+    the state after the last step that was.
+    """
 
     trajectory: Any = None  # a Trajectory
+    reached: Any = None  # a State; None if there was no step, and in fictive time
 
 
 class NoConvergence(IntegrationFailure):

@@ -31,8 +31,8 @@ LAYERS = (
     "retractions",
     "tableaus",  # numbers and their laws, which know no mechanics
     "systems",
-    "models",
     "integrators",
+    "models",
     "simulation",
     "checks",
     "plots",

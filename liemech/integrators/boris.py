@@ -6,11 +6,9 @@ from __future__ import annotations
 
 from typing import Any, ClassVar
 
-from ..errors import IncompatibleSystem
 from ..formulas import Vec, cross, dot, record, vec
-from ..models.charged_particle import ChargedParticle
 from ..systems.poisson import PoissonState
-from .method import Method, alternatives
+from .method import Method
 
 
 @record
@@ -30,15 +28,7 @@ class Boris(Method):
 
     order: ClassVar[int] = 2
     symmetric: ClassVar[bool] = True
-
-    def require(self, system: Any) -> None:
-        """Refuse all but a ChargedParticle."""
-        super().require(system)
-        if not isinstance(system, ChargedParticle):
-            raise IncompatibleSystem(
-                f"{self!r} turns the velocity of a ChargedParticle; "
-                f"{system!r} is none. {alternatives(system)}."
-            )
+    needs: ClassVar[tuple[str, ...]] = ("magnetic_field",)
 
     def step(self, system: Any, t: float, state: PoissonState, h: float) -> PoissonState:
         """One step."""
@@ -46,7 +36,7 @@ class Boris(Method):
         v = vec(y[3], y[4], y[5])
         middle = vec(y[0], y[1], y[2]) + 0.5 * h * v
         push = self._push(system, middle, 0.5 * h)
-        b = 0.5 * h * system.field.at(middle)
+        b = 0.5 * h * system.magnetic_field.at(middle)
         before = v + push
         after = before + 2.0 / (1.0 + dot(b, b)) * cross(before + cross(before, b), b) + push
         return PoissonState(vec(*(middle + 0.5 * h * after), *after))

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from typing import Any, ClassVar
 
-from ..errors import IncompatibleSystem, NoConvergence
-from ..formulas import Element, Mat, Record, Vec, dot, norm, plain, record, vec, vectors, where
+from ..errors import IncompatibleSystem, InvalidInput, NoConvergence
+from ..formulas import Element, Mat, Record, Vec, dot, norm, plain, record, sqrt, vec, vectors, where
+from ..formulas.sizes import EPSILON
 from ..retractions import Exponential, Retraction
 from ..solvers import NOISE
 from ..systems.conditions import joint, led, pulled, solved_sparse, speeds, times
 from ..systems.constrained_body import ConstrainedBody
 from ..systems.lie_poisson import BodyState
+from ..systems.system import member
 from .implicit import extrapolated
 from .method import Method, alternatives
 from .solvability import CONTRACTION, INFINITY, SHORTEST
@@ -95,6 +97,23 @@ class LieRATTLE(Method):
         unknown = vec(*(h * system.velocity(state.mu)), *impulses)
         return self.resume(system, state, (unknown, unknown, unknown), h)
 
+    def step_warning(self, system: Any, start: BodyState, h: float) -> str | None:
+        """Refuse a step that the configuration would not notice, as RATTLE does; of an ensemble that
+        of the first body.
+        """
+        one = start if start.bodies is None else member(start, 0)
+        moved = sqrt(self._square(system, h * system.velocity(one.mu)))
+        least = EPSILON * sqrt(self._size(system, one.g))
+        if moved >= least:
+            return None
+        fallen = sqrt(self._square(system, h * system.velocity(h * system.force(one.g))))
+        if 0.0 < moved + fallen / EPSILON < least:
+            raise InvalidInput(
+                f"{self!r}: in a step of h = {h:g} the configuration moves by less than its "
+                "rounding; give a larger h"
+            )
+        return None
+
     def observe(self, memory: Bound) -> BodyState:
         """Momentum and configuration at the node."""
         return memory.state
@@ -133,7 +152,7 @@ class LieRATTLE(Method):
         is in the inner half of the chart; else the step is followed from h = 0 on, in pieces to
         which the same applies.  What is followed is the unknown over the part s of the step.
         """
-        mu, g, size = plain(memory.state.mu), plain(memory.state.g), self._size(system, memory)
+        mu, g, size = plain(memory.state.mu), plain(memory.state.g), self._size(system, memory.state.g)
         begun = vec(*(h * system.velocity(mu)), *guess[system.configurations.dim :])
         solution, slope, y = 0.0 * guess, begun, guess
         reached, piece, before, tried = 0.0, 1.0, INFINITY, 0.0
@@ -244,12 +263,12 @@ class LieRATTLE(Method):
         """x . J x."""
         return dot(x, system.body.body.lagrangian.momentum(x))
 
-    def _size(self, system: Any, memory: Bound) -> float:
+    def _size(self, system: Any, g: Element) -> float:
         """The size of a configuration, for rounding: tr J times the square of the largest entry of
         g.
         """
         most = 0.0
-        for x in entries(plain(memory.state.g)):
+        for x in entries(plain(g)):
             most = max(most, abs(x))
         return most * most * system.trace
 

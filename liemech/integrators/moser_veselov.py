@@ -11,7 +11,6 @@ from ..errors import IncompatibleSystem, InconsistentState, InvalidInput, NoConv
 from ..formulas import Mat, Vec, cross, dot, norm, outer, record, sqrt, vec, vectors, where
 from ..groups.so3 import SO3, plus
 from ..groups.unit_quaternions import UnitQuaternions
-from ..models.rigid_body import RigidBody
 from ..retractions import Cayley
 from ..solvers import beyond_fold, newton
 from ..systems.kinetic_energy import KineticEnergy
@@ -142,7 +141,7 @@ class ExactMoserVeselov(MoserVeselov):
     moments: Vec | Mat
 
     @classmethod
-    def of(cls, body: RigidBody, start: BodyState, h: float) -> ExactMoserVeselov:
+    def of(cls, body: Any, start: BodyState, h: float) -> ExactMoserVeselov:
         """The method for a free body, a start and a length of steps, fitted to the exact motion.
 
         An exact step cay(x) is one of Moser and Veselov if J'x = r, r = y - x x y/2 + x (x.y)/4,
@@ -150,12 +149,9 @@ class ExactMoserVeselov(MoserVeselov):
         where the orbit meets the plane of the least and the largest moment; there r and r/J differ
         most.
 
-        Raises IncompatibleSystem unless it is a RigidBody, NoConvergence if h is too large.
+        Raises IncompatibleSystem unless it is a free rigid body, NoConvergence if h is too large.
         """
-        if not isinstance(body, RigidBody):
-            raise IncompatibleSystem(
-                f"ExactMoserVeselov.of needs a RigidBody, whose exact motion is known; got {body!r}"
-            )
+        require_free_body("ExactMoserVeselov", body)
         if start.bodies is not None:
             raise InvalidInput(
                 "ExactMoserVeselov.of takes one body at a time: the method is fitted to its energy"
@@ -215,7 +211,7 @@ class ExactMoserVeselov(MoserVeselov):
         return self.moments
 
 
-def _in_the_plane(body: RigidBody, mu: Vec) -> tuple[Vec, Vec, float]:
+def _in_the_plane(body: Any, mu: Vec) -> tuple[Vec, Vec, float]:
     """1/J of the principal moments; a momentum of the same orbit, in principal axes, without
     component along the middle one.
 
@@ -223,7 +219,7 @@ def _in_the_plane(body: RigidBody, mu: Vec) -> tuple[Vec, Vec, float]:
     mu_1^2 = J_1/(J_3 - J_1) sum_i mu_i^2 (J_3 - J_i)/J_i from energy and |mu|^2, and likewise
     mu_3^2.
     """
-    J, m = body.inertia, mu
+    J, m = body.hamiltonian.inertia, mu
     if isinstance(J, vectors.Mat):
         moments, axes = np.linalg.eigh(np.array(J))
         J, m = Vec.of(moments.tolist()), Vec.of((np.array(mu) @ axes).tolist())
@@ -279,14 +275,14 @@ def _minus(m: Mat, s: float) -> Mat:
     return -1.0 * plus(m, s)
 
 
-def require_free_body(method: Method, system: Any) -> None:
+def require_free_body(method: Method | str, system: Any) -> None:
     """Raise IncompatibleSystem unless the system is a free rigid body: kinetic energy on SO(3) or
     the unit quaternions.
     """
     turns = isinstance(getattr(system, "group", None), (SO3, UnitQuaternions))
     if not (turns and isinstance(getattr(system, "hamiltonian", None), KineticEnergy)):
         raise IncompatibleSystem(
-            f"{method!r} is a method for the free rigid body, such as RigidBody([1.0, 1.5, 2.0]); "
+            f"{method} is a method for the free rigid body, such as RigidBody([1.0, 1.5, 2.0]); "
             f"got {system!r}. For this one use CovariantVariational(Exponential()), which keeps "
             "the same structure, or RKMK(order=4)"
         )

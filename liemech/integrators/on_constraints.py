@@ -9,9 +9,10 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..errors import IncompatibleSystem, InconsistentState, NoConvergence
-from ..formulas import Mat, Vec, dot, record
+from ..errors import IncompatibleSystem, InconsistentState, InvalidInput, NoConvergence
+from ..formulas import Mat, Vec, dot, norm, record
 from ..formulas.broadcasting import small
+from ..formulas.sizes import EPSILON
 from ..systems.constrained import CONSISTENT, ConstrainedSystem, cross_products, eliminated, pushed
 from .method import Method, alternatives
 
@@ -48,6 +49,30 @@ class OnConstraints(Method):
                 f"{system!r}. {alternatives(system)}"
             )
         super().require(system)
+
+    def step_warning(self, system: Any, start: Any, h: float) -> str | None:
+        """Refuse a step that the positions would not notice.
+
+        Positions are on the constraints up to eps |q|, and impulses that put them there are the
+        larger the shorter the step is: where |h v| < eps |q| they are rounding.  At rest the step
+        counts from which those impulses are larger than the kick of the force.
+        """
+        v = system.velocity(start.q, start.p)
+        size = norm if start.bodies is None else lengths
+        speed, least = size(v), EPSILON * size(start.q)
+        if np.all(abs(h) * speed >= least):
+            return None
+        kicked = system.velocity(start.q, start.p + h * system.force(start.q, start.p))
+        moved = abs(h) * (speed + size(kicked - v) / EPSILON)
+        lost = np.flatnonzero((moved > 0.0) & (moved < least))
+        if len(lost):
+            i, many = int(lost[0]), start.bodies is not None
+            raise InvalidInput(
+                f"{self!r}: in a step of h = {h:g} the positions move by "
+                f"{abs(h) * np.ravel(speed)[i]:.1e}, which is below the rounding of q, "
+                f"{np.ravel(least)[i]:.1e}{f' (body {i})' if many else ''}; give a larger h"
+            )
+        return None
 
     def check_branch(
         self, system: Any, h: float, q: Vec, there: Vec, p: Vec, G: Mat, pivots: Vec
@@ -181,6 +206,12 @@ class Ahead:
     def _least(self, s: float) -> float:
         values = np.linalg.svd(self._products(s) / np.outer(self.unit, self.unit), compute_uv=False)
         return float(values[-1] / self.most)
+
+
+def lengths(vectors: np.ndarray) -> np.ndarray:
+    """The length of each, (bodies,)."""
+    found: np.ndarray = np.linalg.norm(vectors, axis=-1)
+    return found
 
 
 def shown(q: Vec) -> tuple[float, ...]:

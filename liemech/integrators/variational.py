@@ -21,6 +21,11 @@ from .solvability import first_fold, grown, largest_impulse, surely_solvable, tu
 LEAST, MOST = 2.0**-336, 2.0**339
 """The sizes of J/h, about 1e-101 and 1e102, whose third powers are ordinary floats."""
 
+FAR, HEAVY = 2.0**960, 2.0**510
+"""Of a constant inertia: J/h and h/J up to which a unit of time is found that brings J/h near 1,
+about 1e289; J up to which the square of its inverse is an ordinary float, about 3e153.
+"""
+
 
 @record
 class CovariantVariational(Implicit):
@@ -128,9 +133,13 @@ class CovariantVariational(Implicit):
 
         Of a constant inertia only h mu counts.  Other Lagrangians keep their unit.
         """
-        if self.lagrangian is not None or not isinstance(system.lagrangian, KineticEnergy):
+        if not self._is_constant(system):
             return 1.0
         return 1.0 / leading_power(first_size(system.lagrangian.inertia) / h)
+
+    def _is_constant(self, system: Any) -> bool:
+        """Is the Hessian of the Lagrangian an inertia that does not change?"""
+        return self.lagrangian is None and isinstance(system.lagrangian, KineticEnergy)
 
     def _grown(self, system: Any, h: float, mu: Vec, second: float) -> Vec:
         """The displacement that grows out of zero with h, in this unit of time."""
@@ -202,17 +211,23 @@ class CovariantVariational(Implicit):
         """What to tell before a run whose step is larger than the `largest_step`; None if it is
         not.
 
-        Raises InvalidInput for units in which three entries of J/h, which Newton's method
-        multiplies where it has no unit of its own, would be zero.
+        Raises InvalidInput for units in which Newton's method would leave the range of floats: it
+        multiplies three entries of J/h, unless J is constant and it has a unit of time of its own.
         """
         mu = start.mu if start.bodies is None else start.mu[0]
-        size = float(
+        inertia = float(
             np.abs(np.array(self._hessian(system, system.velocity(mu), h), dtype=float)).max()
-        ) / abs(h)
-        if not LEAST < size < MOST:
+        )
+        size, constant = inertia / abs(h), self._is_constant(system)
+        if constant:
+            fits, why = 1.0 / FAR < size < FAR and inertia < HEAVY, "numbers of this size"
+        else:
+            fits, why = LEAST < size < MOST, "products of three such numbers"
+        if not fits:
             raise InvalidInput(
-                f"{self!r}: J/h is {size:.1e} in these units, and products of three such numbers "
-                "leave the range of floats. Take units of mass and time in which it is closer to 1"
+                f"{self!r}: J = {inertia:.1e} and J/h is {size:.1e} in these units, and {why} "
+                "leave the range of floats. Take units of mass and time in which both are closer "
+                "to 1"
             )
         largest = self.largest_step(system, start)
         if largest is None or not abs(h) > largest:

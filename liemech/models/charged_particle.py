@@ -268,6 +268,11 @@ class ChargedParticle(PoissonSystem):
         object.__setattr__(self, "hamiltonian", SplitHamiltonian(tuple(parts)))
         super().__post_init__()
 
+    @property
+    def magnetic_field(self) -> MagneticField:
+        """B, about which the method of Boris turns the velocity."""
+        return self.field
+
 
 # ---------------------------------------------------------------- guiding centre
 

@@ -6,16 +6,15 @@ import sys
 from dataclasses import field
 from typing import Any, ClassVar
 
-import numpy as np
-
 from ..errors import InertiaWarning, InvalidInput, InvalidType, warn
-from ..formulas import Mat, Vec, real_array, record
+from ..formulas import Mat, Vec, record
 from ..formulas.fields import frozen_array
 from ..formulas.pytree import fill
 from ..groups.so3 import SO3
 from ..groups.unit_quaternions import UnitQuaternions
 from ..systems.kinetic_energy import MAX, KineticEnergy, kinetic_energy
 from ..systems.lie_poisson import BodyState, LiePoissonSystem
+from ..systems.system import exact_times
 from .inertia import checked_inertia
 
 
@@ -68,15 +67,7 @@ class RigidBody(LiePoissonSystem):
         from .exact_rigid_body import exact_rigid_body
 
         _single(start, "RigidBody.exact")
-        times = real_array(t, "RigidBody.exact: t")
-        if times.ndim > 1:
-            raise InvalidInput(
-                f"RigidBody.exact: t must be a time or a row of times; got shape {times.shape}"
-            )
-        if not np.isfinite(times).all():
-            raise InvalidInput(
-                f"RigidBody.exact: t must be finite; got {times[~np.isfinite(times)][0]}"
-            )
+        times = exact_times(t, "RigidBody.exact")
         group, g = self.group, start.g
         if isinstance(group, UnitQuaternions) and g is not None:
             g = group.matrix(g)

@@ -15,7 +15,7 @@ from ..groups.vector_space import VectorSpace
 from ..systems.kinetic_energy import KineticEnergy
 from ..systems.lie_poisson import BodyState, LiePoissonSystem
 from ..systems.mechanical import MechanicalSystem
-from ..systems.system import members_of, points
+from ..systems.system import exact_times, members_of, points
 from .gravity import CentralGravity, UniformGravity
 from .kirchhoff import KirchhoffBody
 from .rigid_body import RigidBody
@@ -60,7 +60,7 @@ class FallingBody(MechanicalSystem):
                 "FallingBody.exact: start has no pose g, without which down is not known; take "
                 "start = body.state(mu, g)"
             )
-        mu, g, t = np.array(start.mu), np.array(start.g), real_array(t, "FallingBody.exact: t")
+        mu, g, t = np.array(start.mu), np.array(start.g), exact_times(t, "FallingBody.exact")
         turning = RigidBody(self.inertia)
         turned = turning.exact(turning.state(mu[:3], g[:3, :3]), t)
         begun = g[:3, :3] @ mu[3:] / self.mass

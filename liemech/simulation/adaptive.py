@@ -5,15 +5,18 @@ from __future__ import annotations
 import sys
 from typing import Any
 
-from ..compiler.driver import Rejected, accepted, attempt, itself, read, write
+from ..compiler.driver import Rejected, accepted, any_body, attempt, itself, read, write
 from ..errors import is_mistake
-from ..formulas import Record, Vec, record, sqrt
+from ..formulas import Record, Vec, record, sqrt, where
 from ..formulas.pytree import layout_of
 
 SAFETY, SLOWEST, FASTEST = 0.9, 0.2, 10.0
 """The controller aims at 0.9 of the step that would just be accepted, and changes steps by factors
 between these two.
 """
+
+LEAST, UNUSABLE = 1e-4, 1e3
+"""The smallest error that the controller knows, and that of a step that failed."""
 
 EPSILON = sys.float_info.epsilon
 
@@ -23,8 +26,8 @@ class Clock(Record):
     """What the controller carries along: time, the step to try, the error of the last one, counts,
     and marks.
 
-    h : zero if the first step is to be found.  fresh : is the velocity to be computed, at a start
-    or after a jump?
+    h : zero if the first step is to be found.  error : as `following` gives it.  fresh : is the
+    velocity to be computed, at a start or after a jump?
     """
 
     t: float
@@ -63,12 +66,6 @@ def adaptive_steps(
 
     failures : None in native code; in plain Python a list for what rejected steps raised, which a
     mistake in a formula ends.
-
-    A proportional-integral controller, h <- 0.9 h err_n^(-0.7/q) err_(n-1)^(0.4/q) with err the
-    error over the tolerance.
-
-    Source: Hairer and Wanner, Solving Ordinary Differential Equations II, 2nd ed., IV.2, equation
-    (2.43c).
     """
     state, xi = read(states, 0, layout)
     clock = read(clocks, 0, CLOCK)
@@ -84,33 +81,131 @@ def adaptive_steps(
             stuck = 1.0
     n = 0
     while n < room and t != t_end and stuck == 0.0:
-        h = min(max(h, -longest), longest)
-        last = abs(h) >= 0.999 * abs(t_end - t)
-        step = t_end - t if last else h
-        if t + 0.125 * step == t:
-            stuck = 1.0
+        step, last, small = to_try(t, h, t_end, longest)
+        if small:
+            h, stuck = step, 1.0
             break
         trial = attempt(method.trial, system, t, state, xi, step, rtol, atol, dense)
         if failures is not None and noted(failures, trial):
             stuck = 1.0
             break
-        error = 1e3
+        error = UNUSABLE
         if accepted(trial, itself):
-            error = max(trial.error, 1e-4)
+            error = max(trial.error, LEAST)
+        h, root = following(step, error, before, power)
         if error <= 1.0:
             t = t_end if last else t + step
             state, xi = trial.state, trial.velocity
             write(out, n * row.width, (t, state, trial.curve), row)
             n = n + 1
-            h = step * min(
-                FASTEST, max(SLOWEST, SAFETY * error ** (-0.7 * power) * before ** (0.4 * power))
-            )
-            before = error
+            before = root
         else:
             rejected = rejected + 1.0
-            h = step * max(SLOWEST, SAFETY * error**-power)
     write(states, 0, (state, xi), layout)
     write(clocks, 0, Clock(t, h, before, clock.steps + n, rejected, stuck, 0.0), CLOCK)
+
+
+@record
+class Goal(Record):
+    """Where one of many bodies is to go, and how: the last time, the tolerances, the longest step,
+    and how many steps there may be.
+    """
+
+    t_end: float
+    rtol: float
+    atol: float
+    longest: float
+    limit: float
+
+
+GOAL = layout_of(Goal(0.0, 0.0, 0.0, 0.0, 0.0))
+
+
+def adaptive_lanes(
+    method: Any,
+    system: Any,
+    layout: Any,
+    row: Any,
+    dense: bool,
+    turns: int,
+    goals: Any,
+    states: Any,
+    clocks: Any,
+    out: Any,
+) -> None:
+    """The driver of many bodies side by side, in native code: so many trials of each, every body
+    with its own step and its own goal.
+
+    A body that has reached its goal, or whose step underflows, stays where it is.
+    out : if `dense`, a row of numbers after every trial; the time in it tells whether that was
+    accepted.  The last ones are not written if no body of those that run together goes on.
+    """
+    goal = read(goals, 0, GOAL)
+    t_end, rtol, atol = goal.t_end, goal.rtol, goal.atol
+    state, xi = read(states, 0, layout)
+    clock = read(clocks, 0, CLOCK)
+    t, h, before, stuck = clock.t, clock.h, clock.error, clock.stuck
+    n, rejected, power = clock.steps, clock.rejected, 1.0 / method.error_order
+    fresh = clock.fresh > 0.0
+    if any_body(fresh):
+        first = attempt(started, method, system, t, state, h, t_end, rtol, atol)
+        begun = accepted(first, itself)
+        stuck = where(fresh and not begun, 1.0, stuck)
+        begun = fresh and begun
+        xi, h, before = (
+            where(begun, first[0], xi),
+            where(begun, first[1], h),
+            where(begun, 1.0, before),
+        )
+    for k in range(turns):
+        running = t != t_end and stuck == 0.0 and n < goal.limit
+        if not any_body(running):
+            break
+        step, last, small = to_try(t, h, t_end, goal.longest)
+        trial = attempt(method.trial, system, t, state, xi, step, rtol, atol, dense)
+        error = where(accepted(trial, itself), max(trial.error, LEAST), UNUSABLE)
+        tried = running and not small
+        good = tried and error <= 1.0
+        new, root = following(step, error, before, power)
+        h = where(tried, new, where(running, step, h))
+        stuck = where(running and small, 1.0, stuck)
+        t = where(good, where(last, t_end, t + step), t)
+        state, xi = where(good, trial.state, state), where(good, trial.velocity, xi)
+        before = where(good, root, before)
+        n = n + where(good, 1.0, 0.0)
+        rejected = rejected + where(tried and not good, 1.0, 0.0)
+        if dense:
+            write(out, k * row.width, (t, state, trial.curve), row)
+    write(states, 0, (state, xi), layout)
+    write(clocks, 0, Clock(t, h, before, n, rejected, stuck, 0.0), CLOCK)
+
+
+def to_try(t: float, h: float, t_end: float, longest: float) -> tuple[float, bool, bool]:
+    """The step to try, and whether it leads to the end, and is too small to advance the time."""
+    h = min(max(h, -longest), longest)
+    last = abs(h) >= 0.999 * abs(t_end - t)
+    step = where(last, t_end - t, h)
+    return step, last, t + 0.125 * step == t
+
+
+def following(step: float, error: float, before: float, power: float) -> tuple[float, float]:
+    """The step after one with this error over the tolerance, and r = err^(1/(10 q)), which controls
+    it; `before` is that of the last step.
+
+    A proportional-integral controller, h <- 0.9 h err_n^(-0.7/q) err_(n-1)^(0.4/q), that is
+    0.9 h r_(n-1)^4 / r_n^7; after a step that was rejected h <- 0.9 h err^(-1/q).  A power in lanes
+    takes as long as twenty products, so one must do.
+
+    Source: Hairer and Wanner, Solving Ordinary Differential Equations II, 2nd ed., IV.2, equation
+    (2.43c).
+    """
+    root = error ** (0.1 * power)
+    cube, old = root * root * root, before * before
+    if error <= 1.0:
+        factor = min(FASTEST, SAFETY * (old * old) / (cube * cube * root))
+    else:
+        factor = SAFETY / (cube * cube * cube * root)
+    return step * max(SLOWEST, factor), root
 
 
 def noted(failures: list[Exception], trial: Any) -> bool:

@@ -15,6 +15,7 @@ import numpy as np
 
 from ..compiler.driver import accepted, attempt, itself, reason
 from ..errors import (
+    IntegrationFailure,
     IntegrationInterrupted,
     InvalidInput,
     StepTooSmall,
@@ -92,9 +93,7 @@ class AdaptiveSteps:
             arguments.tolerance(rtol, "rtol", arguments.RTOL),
             arguments.tolerance(atol, "atol", arguments.ATOL),
         )
-        longest = math.inf if longest is None else arguments.real(longest, "max_step")
-        if not longest > 0.0:
-            raise InvalidInput(f"integrate: max_step must be positive; got {longest:g}")
+        longest = arguments.longest(longest)
         first = None if h is None else arguments.step(h)
         return cls(system, method, first, *tolerances, longest, breaks, dense, compiled, progress)
 
@@ -125,11 +124,6 @@ class AdaptiveSteps:
         limit = arguments.MOST if limit is None else arguments.count(limit, "steps", 1)
         t_end = arguments.real(t_end, "t_end")
         times = arguments.times(t_eval, t0, t_end)
-        if kept is not None and events:
-            raise InvalidInput(
-                "integrate: checkpoint is for adaptive runs without events, "
-                "and for steps of one length"
-            )
         if recorder is not None and self.dense:
             raise InvalidInput(
                 "integrate: dense=True keeps the states; record no functions of them"
@@ -235,13 +229,11 @@ class AdaptiveRun:
             self.rows[0, : 1 + self.width] = self.clock[0], *self.states[: self.width]
             self.compiled = True
         self.watch: Any = None
-        self.watch = Watch(events, self._ended, t0, self.start)
-        if (
-            isinstance(start, AdaptiveCarry)
-            and start.ended is not None
-            and start.ended < len(events)
-        ):
-            self.watch.values[start.ended] = 0.0  # the zero that ended the run before
+        carry = start if isinstance(start, AdaptiveCarry) else None
+        met = () if carry is None else carry.met
+        self.watch = Watch(events, self._ended, t0, self.start, met)
+        if carry is not None and carry.ended is not None and carry.ended < len(events):
+            self.watch.values[carry.ended] = 0.0  # the zero that ended the run before
 
     def _shape(self, curves: bool) -> Shape:
         """The layouts of this run, from other runs of the plan if their starts were like this one."""
@@ -293,7 +285,9 @@ class AdaptiveRun:
                     if end != beyond:
                         self._jump(beyond)
                         if beyond == self.t_end:
-                            self.rows[self.filled - 1, 0] = beyond
+                            self._arrived()
+        except IntegrationInterrupted:
+            raise
         except KeyboardInterrupt:
             stopped = IntegrationInterrupted(
                 f"integrate: interrupted at t = {self.clock[0]:g}; the samples are in `.trajectory`"
@@ -322,12 +316,26 @@ class AdaptiveRun:
         """
         self.clock[0], self.clock[1], self.clock[6] = beyond, 0.0, 1.0
 
+    def _arrived(self) -> None:
+        """At a t_end where the velocity jumps, which steps keep away from: their last state is
+        that at t_end.
+        """
+        self.rows[self.filled - 1, 0] = self.t_end
+        if self.kept:
+            return
+        if self.t_eval is None:
+            self.told[-1][0][-1] = self.t_end
+            return
+        left = len(self.t_eval) - self.asked
+        last = self.rows[self.filled - 1 : self.filled, 1 : 1 + self.width]
+        self._keep_states(self.t_eval[self.asked :], last.repeat(left, axis=0))
+
     def _stepped(self, end: float, bar: Bar) -> bool:
         """Steps to this time; did a terminal event end the run?"""
         room = 8
         while self.clock[0] != end:
             begun = time.perf_counter()
-            before = self.filled
+            before, taken = self.filled, self.clock[3]
             self._more(end, room if self.shape.stepping.native is None else ROOM)
             if time.perf_counter() - begun < 0.5 * LOOK:
                 room = min(2 * room, ROOM)
@@ -335,7 +343,8 @@ class AdaptiveRun:
             ended = bool(self.events) and self._terminated(before)
             if not self.kept:
                 self._sample(before)
-            if self.checkpoint is not None and self.checkpoint.due():
+            more = int(self.clock[3] - taken)
+            if self.checkpoint is not None and self.checkpoint.due(more):
                 self.checkpoint.save(self._result())
             if ended:
                 return True
@@ -344,14 +353,7 @@ class AdaptiveRun:
             if self.clock[5]:
                 raise self._failure()
             if self.clock[3] >= self.limit:
-                reached = (
-                    f"{self.limit} steps led to t = {self.clock[0]:g} only, not to {self.t_end:g}"
-                )
-                raise self._ended(
-                    StepTooSmall(
-                        f"integrate: {reached}; loosen rtol and atol or allow more `steps`"
-                    )
-                )
+                raise self._unfinished()
         return False
 
     def _part(self) -> float:
@@ -361,6 +363,8 @@ class AdaptiveRun:
     def _more(self, end: float, room: int) -> None:
         """Up to this many more steps."""
         room = min(room, int(self.limit - self.clock[3]))
+        if self.checkpoint is not None:
+            room = self.checkpoint.within(room)
         if self.at_times:
             self._more_at_times(end, room)
             return
@@ -441,30 +445,37 @@ class AdaptiveRun:
         """Keep what the recorder keeps of some samples."""
         states = unpacked(self.shape.state, numbers.copy())
         run = SimpleNamespace(system=self.system, bodies=None)
-        self.told.append(
-            (
-                times.copy(),
-                self.recorder.values(
-                    run, type(self.shape.example), times, states, self.plan.compiled
-                ),
-            )
-        )
+        given = run, type(self.shape.example), times, states, self.plan.compiled
+        try:
+            self.told.append((times.copy(), self.recorder.values(*given)))
+        except (Exception, IntegrationInterrupted) as caught:
+            error: Any = caught
+            n, kept = error.kept
+            self.told.append((times[:n].copy(), kept))
+            raise self._ended(error, None) from error.__cause__
 
     def _at_times(self, before: int, times: np.ndarray) -> None:
         """Keep the states that t_eval asks for in the last steps."""
         reached, left = self.clock[0], times[self.asked :]
         inside = left[left <= reached if self.t_end >= self.t0 else left >= reached]
-        self.asked += len(inside)
         if len(inside):
             last = self.rows[self.filled - 1]
-            self.sampled.append(
+            states = (
                 last[None, 1 : 1 + self.width].repeat(len(inside), axis=0)
                 if inside.item(0) == last.item(0)
                 else self._dense(before - 1).within(inside)
             )
-            if self.recorder is not None:
-                self._tell(inside, self.sampled[-1])
-                self.sampled[-1] = np.empty((len(inside), 0))
+            self._keep_states(inside, states)
+
+    def _keep_states(self, times: np.ndarray, states: np.ndarray) -> None:
+        """Keep the states at some times that t_eval asks for, or what the recorder keeps of them."""
+        self.asked += len(times)
+        if not len(times):
+            return
+        if self.recorder is None:
+            self.sampled.append(states)
+        else:
+            self._tell(times, states)
 
     def _terminated(self, before: int) -> bool:
         """Look for events in the last steps, and end the run at the first terminal one."""
@@ -524,13 +535,14 @@ class AdaptiveRun:
     def _carry(self, last: np.ndarray) -> AdaptiveCarry | None:
         """What to go on with from the last row: all of it, or after a terminal event a start anew."""
         numbers, clock = self.states.copy(), self.clock.copy()
-        if self.watch is None or clock[5] or clock[0] != last[0]:
+        if self.watch is None or self.watch.looking or clock[5] or clock[0] != last[0]:
             return None
-        if self.watch.events and clock[0] != self.t_end:
+        if self.watch.ended is not None:
             numbers[: self.width] = last[1 : 1 + self.width]
             clock[1], clock[6] = 0.0, 1.0
         state = build(self.shape.state, iter(last[1 : 1 + self.width].tolist()))
-        return AdaptiveCarry(numbers, clock, state, float(clock[0]), self.watch.ended)
+        own = self.watch.ended, self.watch.met
+        return AdaptiveCarry(numbers, clock, state, float(clock[0]), *own)
 
     def _samples(self, dense: DenseOutput | None) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         """Times and parts of the state."""
@@ -538,8 +550,6 @@ class AdaptiveRun:
             names = self.recorder.names if self.told else ()
             joined = {name: np.concatenate([kept[name] for _, kept in self.told]) for name in names}
             times = np.concatenate([np.empty(0), *(t for t, _ in self.told)])
-            if self.t_eval is None and len(times):
-                times[-1] = self.rows[self.filled - 1, 0]  # behind a jump at t_end
             return times, joined
         if self.t_eval is None:
             times, numbers = (
@@ -553,6 +563,20 @@ class AdaptiveRun:
             numbers = np.concatenate([np.empty((0, self.width)), *self.sampled])
             times = self.t_eval[: len(numbers)]
         return times, unpacked(self.shape.state, numbers)
+
+    def failed(self, states: np.ndarray, clock: np.ndarray, samples: np.ndarray) -> Exception:
+        """Why a run ended that native code has led so far, beside others."""
+        self.states, self.clock, self.compiled = states, clock, True
+        self.rows[0, 0], self.rows[0, 1 : 1 + self.width] = clock[0], states[: self.width]
+        self.sampled = [samples]
+        return self._failure() if clock[5] else self._unfinished()
+
+    def _unfinished(self) -> Exception:
+        """Why a run ended that has made all its steps."""
+        told = f"{self.limit} steps led to t = {self.clock[0]:g} only, not to {self.t_end:g}"
+        return self._ended(
+            StepTooSmall(f"integrate: {told}; loosen rtol and atol or allow more `steps`")
+        )
 
     def _failure(self) -> Exception:
         """Why the steps became too small to go on: what the last trial had to say.  A mistake in a
@@ -603,6 +627,10 @@ class AdaptiveRun:
         made.__cause__ = error
         return self._ended(made)
 
-    def _ended(self, error: Any) -> Any:
-        error.trajectory = self._result()
+    def _ended(self, error: Any, *carry: None) -> Any:
+        error.trajectory = run = self._result()
+        if carry:
+            error.trajectory = dataclasses.replace(run, carry=None)
+        if isinstance(error, IntegrationFailure):
+            error.reached = build(self.shape.state, iter(self.states[: self.width].tolist()))
         return error

@@ -38,6 +38,7 @@ from .systems import Methods, OfBodies, Systems, of_body
 
 FORMAT = 2
 HDF5 = b"\x89HDF"
+KINDS = "Trajectory", "TransformedTrajectory", "TangentTrajectory"
 MARK = b"sha256:"
 """What the checksum begins with, at the end of a file."""
 
@@ -46,12 +47,13 @@ def save(run: Any, path: str | os.PathLike[str]) -> None:
     """Write a run, all of it or nothing: a file that is there is replaced when the new one lies on
     the disk.
     """
-    fictive = type(run).__name__ == "TransformedTrajectory"
-    if not fictive and type(run).__name__ != "Trajectory":
+    kind = type(run).__name__
+    if kind not in KINDS:
         raise InvalidInput(
-            f"Trajectory.save: a {type(run).__name__} has more than "
+            f"Trajectory.save: a {kind} has more than "
             "samples; save the arrays you need, numpy.savez"
         )
+    fictive = kind == "TransformedTrajectory"
     arrays: dict[str, Any] = {"t": run.t, **{f"state.{name}": x for name, x in run.states.items()}}
     about: dict[str, Any] = {"format": FORMAT, "h": encoded(run.h)}
     about |= {"steps": run.steps, "bodies": run.bodies}
@@ -65,6 +67,10 @@ def save(run: Any, path: str | os.PathLike[str]) -> None:
         origins = run.origin if isinstance(run.origin, tuple) else (run.origin,)
         about["origin"] = [[encoded(o.given), encoded(o.start)] for o in origins]
         about["together"] = origins is not run.origin
+    if kind == "TangentTrajectory":
+        arrays |= {f"tangent.{name}": x for name, x in run.tangent.items()}
+        arrays |= {} if run.tau is None else {"tau": run.tau}
+        about["tangent"] = list(run.tangent)
     if isinstance(run.dense, FictiveMotion):
         arrays |= {"dense.t": run.dense.t, "dense.points": run.dense.points}
         if run.dense.begun is not None:
@@ -104,11 +110,12 @@ def _carried(carry: Any, name: str, arrays: dict[str, Any]) -> dict[str, Any]:
         return {"state": encoded(carry.state), "there": there}
     if isinstance(carry, AdaptiveCarry):
         arrays |= {f"{name}.numbers": carry.numbers, f"{name}.clock": carry.clock}
-        return {"t": carry.t, "state": encoded(carry.state), "ended": carry.ended}
-    fictive = isinstance(carry, FictiveCarry)
+        told = {"t": carry.t, "state": encoded(carry.state), "ended": carry.ended}
+        return told | {"met": carry.met}
+    fictive, met = isinstance(carry, FictiveCarry), carry.met
     inner = carry.inner if fictive else carry
     arrays |= {f"{name}.numbers": inner.numbers, f"{name}.last": inner.last}
-    told = {"t0": inner.t0, "h": encoded(inner.h), "step": inner.step}
+    told = {"t0": inner.t0, "h": encoded(inner.h), "step": inner.step, "met": met}
     told["state"] = encoded(tuple(inner.state.parts.values()) if fictive else inner.state)
     told["failures"] = {str(i): str(error) for i, error in inner.failures.items()}
     if fictive:
@@ -128,20 +135,21 @@ def _carry_of(
         t, steps, text, tau, z = kept["there"]
         error = None if text is None else IntegrationFailure(text)
         return Ended(state, t, steps, error, tau, z, origin)
+    met = tuple([(event, n) for event, n in kept.get("met", ())])  # older files have none
     if "t" in kept:
         own = arrays[f"{name}.numbers"], arrays[f"{name}.clock"]
-        return AdaptiveCarry(*own, state, kept["t"], kept["ended"])
+        return AdaptiveCarry(*own, state, kept["t"], kept["ended"], met)
     failures: dict[int, Exception | None] = {
         int(i): IntegrationFailure(text) for i, text in kept["failures"].items()
     }
     own = arrays[f"{name}.numbers"], arrays[f"{name}.last"]
-    carry = Carry(None, kept["t0"], decode(kept["h"]), kept["step"], bodies, *own, failures)
+    carry = Carry(None, kept["t0"], decode(kept["h"]), kept["step"], bodies, *own, failures, met)
     if origin is None:
         vars(carry)["state"] = state
         return carry
     kind = type(origin.whole.extended(origin.start, 0.0))
     vars(carry)["state"], ahead = kind(*state), decode(kept["ahead"])
-    return FictiveCarry(origin, carry, None if ahead is None else kind(*ahead), kept["tau"])
+    return FictiveCarry(origin, carry, None if ahead is None else kind(*ahead), kept["tau"], met)
 
 
 def load(path: str | os.PathLike[str], modules: Sequence[str] = ()) -> dict[str, Any]:
@@ -216,10 +224,13 @@ def load(path: str | os.PathLike[str], modules: Sequence[str] = ()) -> dict[str,
         int(body): (steps, IntegrationFailure(text))
         for body, (steps, text) in about["stopped"].items()
     }
-    fictive = (
-        {"tau": arrays["tau"], "z": arrays.get("z"), "origin": origin} if origin is not None else {}
-    )
-    return fictive | {
+    more: dict[str, Any] = {}
+    if origin is not None:
+        more = {"tau": arrays["tau"], "z": arrays.get("z"), "origin": origin}
+    if "tangent" in about:
+        tangent = {name: arrays[f"tangent.{name}"] for name in about["tangent"]}
+        more = {"tangent": tangent, "tau": arrays.get("tau")}
+    return more | {
         "system": made,
         "method": method,
         "h": decode(about["h"]),

@@ -6,8 +6,10 @@ from __future__ import annotations
 
 import math
 import os
+import re
 import sys
 from collections.abc import Iterable
+from datetime import timedelta
 from typing import Any
 
 import numpy as np
@@ -137,7 +139,7 @@ def names(record: Any) -> Any:
         return record
 
 
-def only_adaptive(method: Any, every: int, workers: int) -> None:
+def only_adaptive(method: Any, every: int) -> None:
     if alike(method):
         raise IncompatibleSystem(
             f"integrate: {method!r} keeps the structure because all its steps are alike, which an "
@@ -149,11 +151,18 @@ def only_adaptive(method: Any, every: int, workers: int) -> None:
             f"integrate: {method!r} has no error estimate to choose steps by. Give h and steps, or "
             "take a method with an embedded pair, such as RKMK(order=5)"
         )
-    for name, value in (("every", every), ("workers", workers)):
-        if value != 1:
-            raise InvalidInput(
-                f"integrate: {name} is for steps of one length; adaptive ones have t_eval"
-            )
+    if every != 1:
+        raise InvalidInput(
+            "integrate: every is for steps of one length; adaptive ones have t_eval"
+        )
+
+
+def longest(value: Any) -> float:
+    """The longest step, any if None."""
+    value = math.inf if value is None else real(value, "max_step")
+    if not value > 0.0:
+        raise InvalidInput(f"integrate: max_step must be positive; got {value:g}")
+    return value
 
 
 def step(h: Any) -> float:
@@ -341,7 +350,7 @@ def digits(precision: Any, compensated: Any) -> None:
         )
 
 
-def checkpoint(path: Any, seconds: Any) -> Checkpoint | None:
+def checkpoint(path: Any, every: Any) -> Checkpoint | None:
     """Where and how often a run is saved, if it is."""
     if path is None:
         return None
@@ -353,7 +362,17 @@ def checkpoint(path: Any, seconds: Any) -> Checkpoint | None:
         raise InvalidInput(
             f"integrate: checkpoint is the name of a file in a folder that exists; got {path!r}"
         )
-    seconds = real(seconds, "checkpoint_every")
+    if isinstance(every, str):
+        found = re.fullmatch(r"\s*([0-9_]+)\s*steps?\s*", every)
+        if found is None:
+            raise InvalidInput(
+                "integrate: checkpoint_every is a number of seconds, or a text such as "
+                f"'1000 steps'; got {every!r}"
+            )
+        return Checkpoint(path, 0.0, count(int(found[1]), "checkpoint_every", 1))
+    if isinstance(every, timedelta):
+        every = every.total_seconds()
+    seconds = real(every, "checkpoint_every")
     if seconds < 0.0:
         raise InvalidInput(f"integrate: checkpoint_every is a number of seconds; got {seconds:g}")
     return Checkpoint(path, seconds)

@@ -46,16 +46,10 @@ def of_shape(
 ) -> Trajectory | None:
     """The same for a start of this shape, or of one that has more parts."""
     every, step = plan.every, 0
-    if steps <= 0 or steps % every or plan.progress:
-        return None
-    stepping = shape.stepping
-    stepping.again()
     carried, shown, samples = shape.carried, shape.sampled, steps // every
-    if (
-        stepping.native is None
-        or steps * carried * carried > LONGEST
-        or samples * shown > LARGEST
-    ):
+    if steps <= 0 or steps % every or plan.progress or samples * shown > LARGEST:
+        return None
+    if not in_one_call(shape, steps):
         return None
     memory = np.empty(carried + (samples + 1) * shown)  # what is carried along, and the samples
     if isinstance(start, Carry):
@@ -82,14 +76,7 @@ def of_shape(
 def advanced(plan: Steps, carry: Carry, steps: int) -> Carry:
     """Where a run stands some steps later, without samples between."""
     shape: Any = carry.shape
-    short = (
-        plan.owns(shape)
-        and carry.bodies is None
-        and steps * shape.carried * shape.carried <= LONGEST
-    )
-    if short and shape.stepping.native is not None:
-        shape.stepping.again()  # after which it may be native no longer
-    if short and shape.stepping.native is not None:
+    if plan.owns(shape) and carry.bodies is None and in_one_call(shape, steps):
         carried, reached = shape.carried, carry.step + steps
         memory = np.empty(carried + shape.sampled)
         memory[:carried] = carry.numbers
@@ -101,6 +88,16 @@ def advanced(plan: Steps, carry: Carry, steps: int) -> Carry:
             )
     # of a failing step it says why
     return FixedRun(dataclasses.replace(plan, every=steps), carry, steps).trajectory().carry
+
+
+def in_one_call(shape: Shape, steps: int) -> bool:
+    """Can so many steps be made at once: in native code, which is there and says what the formulas
+    say now, and in milliseconds?
+    """
+    if steps * shape.carried * shape.carried > LONGEST:
+        return False
+    shape.stepping.again()
+    return shape.stepping.native is not None
 
 
 class _Found:

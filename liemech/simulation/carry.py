@@ -26,6 +26,7 @@ class Carry:
     taken.
     last : the numbers of the state, in the memory of the samples until `keep`.
     failures : what ended bodies that stopped.  Nothing else of it is changed, ever.
+    met : of every event its name, and how many of its zeros were met.
     """
 
     shape: Shape | None = dataclasses.field(repr=False)
@@ -36,6 +37,7 @@ class Carry:
     numbers: np.ndarray = dataclasses.field(repr=False)
     last: np.ndarray = dataclasses.field(repr=False)
     failures: dict[int, Exception | None] = dataclasses.field(default_factory=dict, repr=False)
+    met: tuple[tuple[str, int], ...] = ()
 
     @classmethod
     def quickly(
@@ -83,7 +85,7 @@ class Carry:
 @dataclasses.dataclass(frozen=True, eq=False)
 class AdaptiveCarry:
     """Where a run with adaptive steps stands: state and velocity, clock and controller; which event
-    ended it, if one did.
+    ended it, if one did; met as of a Carry.
     """
 
     numbers: np.ndarray = dataclasses.field(repr=False)
@@ -91,6 +93,7 @@ class AdaptiveCarry:
     state: State
     t: float
     ended: int | None = None
+    met: tuple[tuple[str, int], ...] = ()
     bodies: None = None
 
 

@@ -171,16 +171,22 @@ class DenseOutput(Between):
         return self.rows[1:, 1 + layout_of(self.example).width :]
 
     def moved(self, step: np.ndarray, times: np.ndarray) -> np.ndarray:
-        rows, point, dim = self.rows, layout_of(self.example), self.system.group.dim
-        width, after = point.width, step + 1
-        curve = _curve(dim, (rows.shape[1] - 1 - width) // dim)
-        begun = rows[step, 0]
+        rows, width = self.rows, layout_of(self.example).width
+        after, begun = step + 1, rows[step, 0]
         given = np.empty((len(step), rows.shape[1]))
         given[:, :width], given[:, width:-1] = rows[step, 1 : 1 + width], rows[after, 1 + width :]
         given[:, -1] = (times - begun) / (rows[after, 0] - begun)
+        return self.along(given, times)
+
+    def along(self, given: np.ndarray, times: np.ndarray) -> np.ndarray:
+        """The numbers of states inside of steps: of each, given are the state before, the
+        coefficients of the way, and the part of it.
+        """
+        point, dim = layout_of(self.example), self.system.group.dim
+        curve = _curve(dim, (given.shape[1] - 1 - point.width) // dim)
         arguments = self.retraction, self.system, point, curve
         what = "dense output", lambda k: f"between two steps, t = {times[k]:g}"
-        return evaluated(along, arguments, given, width, self.wanted, what)
+        return evaluated(along, arguments, given, point.width, self.wanted, what)
 
 
 @functools.lru_cache(256)
@@ -297,14 +303,17 @@ def _one(
     k: int,
 ) -> None:
     failures: list[Exception | None] = []
-    driver(*arguments, given, out, failures)
+    try:
+        driver(*arguments, given, out, failures)
+    except KeyboardInterrupt as stop:
+        stop.row = k  # type: ignore[attr-defined]
+        raise
     if failures:
-        error = failures[0]
-        raise (
-            error
-            if error is not None and is_mistake(error)
-            else failure(error, what[0], what[1](k))
-        )
+        error: Any = failures[0]
+        if error is None or not is_mistake(error):
+            error = failure(error, what[0], what[1](k))
+        error.row = k
+        raise error
 
 
 def unpacked(layout: Any, numbers: np.ndarray) -> dict[str, np.ndarray]:

@@ -11,6 +11,12 @@ from ..errors import IntegrationInterrupted, InvalidType
 from .dense import Between, packed, unpacked
 
 Event = Callable[[float, Any], float]
+Met = tuple[tuple[str, int], ...]
+
+
+def name_of(event: Any) -> str:
+    """By which an event is known in a run that goes on, and in files."""
+    return str(getattr(event, "__qualname__", type(event).__qualname__))
 
 
 class Watch:
@@ -18,13 +24,22 @@ class Watch:
 
     found : of every event the times and the numbers of the states, in the order in which the motion
     meets them.
+    before : `met` of the run that this one goes on with.
     """
 
     def __init__(
-        self, events: tuple[Event, ...], ended: Callable[[Any], Any], t: float, state: Any
+        self,
+        events: tuple[Event, ...],
+        ended: Callable[[Any], Any],
+        t: float,
+        state: Any,
+        before: Met = (),
     ) -> None:
         self.events, self._ended = events, ended
-        self.looked = 0  # how many of the last steps have been looked at
+        self.looking, self.looked = False, 0  # how many of the last steps have been looked at
+        names = [name_of(event) for event in events]
+        known = [name for name, _ in before] == names
+        self.before = [n for _, n in before] if known else [0] * len(events)
         self.ended: int | None = None  # by which event
         self.found: list[list[tuple[float, np.ndarray]]] = [[] for _ in events]
         self.terminal = [int(getattr(event, "terminal", None) or 0) for event in events]
@@ -36,6 +51,7 @@ class Watch:
         Returns, if a terminal event ends the run, the number of the step in which it does, the
         time, and the numbers of the state.
         """
+        self.looking = True
         for k, (a, b) in enumerate(zip(motion.t[:-1].tolist(), motion.t[1:].tolist(), strict=True)):
             self.looked = k
             hits, state = [], motion.end(k + 1)
@@ -51,10 +67,21 @@ class Watch:
             for at, i in sorted(hits, reverse=b < a):
                 numbers = packed(motion.state(at))
                 self.found[i].append((at, numbers))
-                if len(self.found[i]) == self.terminal[i]:
-                    self.ended = i
+                if self.before[i] + len(self.found[i]) == self.terminal[i]:
+                    self.ended, self.looking = i, False
                     return k, at, numbers
+        self.looking = False
         return None
+
+    @property
+    def met(self) -> Met:
+        """Of every event its name, and how many of its zeros count for its `terminal` in the run
+        that goes on: those so far, or none if it has ended this one.
+        """
+        counts = [n + len(found) for n, found in zip(self.before, self.found, strict=True)]
+        if self.ended is not None:
+            counts[self.ended] = 0
+        return tuple([(name_of(e), n) for e, n in zip(self.events, counts, strict=True)])
 
     def shown(self, example: Any, layout: Any) -> tuple[tuple[np.ndarray, Any], ...]:
         """Of every event the times and the states, as a Trajectory holds them."""

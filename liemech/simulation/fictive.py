@@ -71,13 +71,14 @@ class FictiveCarry:
     inner : what the method carries along there, of the system with its clock, whose time is the
     fictive one.
     ahead : the last sample, with its clock, if it lies inside of the next step, as at a t_end.
-    tau : its fictive time.
+    tau : its fictive time.  met : as of a Carry.
     """
 
     origin: Origin
     inner: Carry
     ahead: Any = None
     tau: Any = None
+    met: tuple[tuple[str, int], ...] = ()
 
     def __post_init__(self) -> None:
         if self.tau is None:

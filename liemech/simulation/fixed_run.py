@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ..compiler.driver import Rejected, attempt, reason
+from ..compiler.driver import Rejected, attempt, read, reason
 from ..compiler.kernel import Several
 from ..errors import (
     IntegrationFailure,
@@ -27,7 +27,7 @@ from .carry import Carry
 from .checkpoint import Checkpoint
 from .dense import flat, unpacked
 from .execution import LOOK, Execution
-from .fixed import begin, begun, fixed_steps
+from .fixed import begin, begun, fixed_steps, sample
 from .prepared import Shape, Steps, shown_step, times
 from .progress import Bar
 from .stopped import Stopped
@@ -252,6 +252,8 @@ class FixedRun:
                     sweep = max(1, pace // self.columns)
                     if self.compiled:  # whole lanes in turn, each through the whole sweep
                         sweep = max(sweep, min(SWEEP // self.columns, pace // self.shape.lanes))
+                    if self.checkpoint is not None:
+                        sweep = self.checkpoint.within(sweep)
                     pending = self._pending(done)
                     # part of one sample
                     if self.marks is not None or pending < self.every or sweep < self.every:
@@ -262,7 +264,7 @@ class FixedRun:
                     done += every * samples
                     used = (time.perf_counter() - begun) / calls
                     bar.advance(every * samples * self.count)
-                    if self.checkpoint is not None and self.checkpoint.due():
+                    if self.checkpoint is not None and self.checkpoint.due(every * samples):
                         self.checkpoint.save(self._so_far(done))
                     if used < (PATIENCE if settled else LOOK) / 2:
                         pace *= 2
@@ -270,8 +272,8 @@ class FixedRun:
                         pace = max(1, pace // 2)
         except KeyboardInterrupt:
             stopped = IntegrationInterrupted(
-                f"integrate: interrupted after {done} of {self.steps} steps; "
-                f"{self._rows(done)} samples are in `.trajectory`"
+                f"integrate: interrupted after {self.before + done} of {self.before + self.whole} "
+                f"steps; {self.earlier + self._rows(done)} samples are in `.trajectory`"
             )
             raise self._with_trajectory(stopped, self._result(done)) from None
         return self._result(self.steps)
@@ -406,7 +408,7 @@ class FixedRun:
             threads = max(1, min(workers, (end - first) * more // WORTH))
             share = -(-(end - first) // (threads * lanes)) * lanes
             others = [
-                _pool(workers, os.getpid()).submit(call, i, min(i + share, end))
+                pool(workers, os.getpid()).submit(call, i, min(i + share, end))
                 for i in range(first + share, end, share)
             ]
             call(first, min(first + share, end))  # native code does not hold the interpreter's lock
@@ -515,6 +517,9 @@ class FixedRun:
             error = error.__cause__
             at = f"step {int(self.taken[body]) + 1} of {self.before + self.steps}"
             error.add_note(f"[integrate: {at}; the samples before it are in `.trajectory`]")
+        else:
+            carry = read(self.states[:, body], 0, self.shape.layout)
+            error.reached = sample(self.plan.method_of(body), carry)
         return self._with_trajectory(error, self._result(int(self.taken[body]) - self.before))
 
     @staticmethod
@@ -524,7 +529,7 @@ class FixedRun:
 
 
 @functools.cache
-def _pool(workers: int, process: int) -> Any:
+def pool(workers: int, process: int) -> Any:
     """Threads that stay; a forked process has none of its parent's."""
     from concurrent.futures import ThreadPoolExecutor
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Sequence
+from datetime import timedelta
 from typing import Any
 
 from ..errors import InvalidInput, NotCompilable
@@ -51,7 +52,7 @@ def integrate(
     progress: bool | None = None,
     workers: int = 1,
     checkpoint: str | os.PathLike[str] | None = None,
-    checkpoint_every: float = 60.0,
+    checkpoint_every: float | str | timedelta = 60.0,
     executor: Any = None,
 ) -> Trajectory:
     """Follow a motion, in `steps` steps of length h, or adaptively to the time `t_end`.
@@ -69,8 +70,8 @@ def integrate(
     compiled : True for native code, False for plain Python, None for native code as soon as it is
     there or pays; same bits.
     progress : True or False; None shows a bar when a run takes longer than a second.
-    checkpoint : a file to which the run is saved every `checkpoint_every` seconds, as far as it has
-    come; Trajectory.load reads it.
+    checkpoint : a file to which the run is saved as far as it has come, every `checkpoint_every`:
+    30.0 seconds, or "10_000 steps"; Trajectory.load reads it.
 
     Steps of one length: kept are the start, every `every`-th state after it, and the last one.
     h : the step, in s; negative runs backwards.  Times are t0 + n h.  An array, (bodies,), gives
@@ -155,7 +156,7 @@ def integrate(
             or not arguments.alike(way)
             or any(options[name] is not None for name in ("rtol", "atol", "max_step"))
         ):
-            arguments.only_adaptive(way, every, workers)
+            arguments.only_adaptive(way, every)
             options["rtol"] = arguments.RTOL if rtol is None else rtol
         plan = Plan(system, method, **options)
         if key is not None:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-import copy
+import functools
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -37,7 +38,8 @@ def apart(plan: Any, start: Any, t_end: Any, t_eval: Any) -> bool:
 class OneByOne:
     """A run of an ensemble, body after body: a body that fails disturbs no other.
 
-    starts : of each body the state with its time, or what it carries along.
+    begun : of each body the state with its time, or what it carries along.  plan_of : its plan.
+    times_of : when its samples are asked for, None for the ends of steps.
     """
 
     def __init__(
@@ -50,8 +52,9 @@ class OneByOne:
         t_eval: Any,
         kept: Checkpoint | None,
     ) -> None:
-        self.plan, self.kept, self.starts = plan, kept, self._starts(start, t0)
-        count = len(self.starts)
+        self.plan, self.kept, self.count = plan, kept, start.bodies
+        self._start, self._t0, self._t_eval = start, t0, t_eval
+        self.begun = functools.cache(self._begun())
         if plan.adaptive and plan._given["dense"]:
             raise InvalidInput("integrate: dense=True is for one body at a time")
         if plan.adaptive and t_end is None:
@@ -64,33 +67,42 @@ class OneByOne:
         dense = False if plan.adaptive else None
         changed = {"progress": False, "workers": 1, "record": None, "dense": dense}
         self._given = plan._given | changed
-        self.plans: list[Any] = []
-        for i in range(count):
-            self.plans.append(self._made(i))
-        self._steps, self.ends = steps, arguments.ends(t_end, count)
-        self.times: list[np.ndarray | None] = arguments.columns(t_eval, count)
-        for i, (begun, asked) in enumerate(zip(self.starts, self.times, strict=True)):
-            last = self._last(i)
-            if plan.adaptive and asked is None:
-                self.times[i] = np.array([begun.t, last])
-            elif asked is not None and last is not None:
-                self.times[i] = arguments.times(asked, begun.t, last)
+        self.plan_of = functools.cache(self._made)
+        self._steps, self.ends = steps, arguments.ends(t_end, self.count)
+        self._columns = arguments.columns(t_eval, self.count)
+        self.times_of = functools.cache(self._asked)
+        self._check()
         self.runs: list[Trajectory] = []
         self.errors: dict[int, IntegrationFailure] = {}
 
-    @staticmethod
-    def _starts(start: Any, t0: float) -> tuple[Any, ...]:
+    def _check(self) -> None:
+        """Refuse what a body cannot be asked for, before the first one runs."""
+        for i in range(self.count):
+            self.plan_of(i), self.times_of(i)
+
+    def _begun(self) -> Callable[[int], Any]:
+        """The state of a body with its time, or what it carries along."""
+        start, t0 = self._start, self._t0
         if isinstance(start, Carries):
-            return start.members
+            return start.members.__getitem__
         if isinstance(start, Carry):
-            return each(start)
+            return each(start).__getitem__
         if isinstance(start, FictiveCarry):
-            return each_in_fictive_time(start)
-        return tuple([Waiting(member(start, i), t0) for i in range(start.bodies)])
+            return each_in_fictive_time(start).__getitem__
+        return lambda i: Waiting(member(start, i), t0)
+
+    def _asked(self, i: int) -> np.ndarray | None:
+        """When samples of a body are asked for."""
+        begun, asked, last = self.begun(i), self._columns[i], self._last(i)
+        if self.plan.adaptive and asked is None:
+            return np.array([begun.t, last])
+        if asked is not None and last is not None:
+            return arguments.times(asked, begun.t, last)
+        return asked
 
     def _last(self, i: int) -> float | None:
         """When the run of a body is to end, if that is known."""
-        begun, end, plan = self.starts[i], self.ends[i], self.plans[i]
+        begun, end, plan = self.begun(i), self.ends[i], self.plan_of(i)
         if plan.adaptive or plan.fictive or isinstance(begun, Ended):
             return end
         t0, before = self._counted(begun)
@@ -107,21 +119,24 @@ class OneByOne:
         own = {name: values[i] for name, values in self.plan.of_each.items()}
         if not i or not own.keys() <= {"system"}:
             return type(self.plan)(**self._given | own)
-        return self.plans[0].of_system(own["system"]) if own else self.plans[0]
+        first = self.plan_of(0)
+        return first.of_system(own["system"]) if own else first
 
     # ---------------------------------------------------------------- stepping
 
     def trajectory(self) -> Trajectory:
         """All bodies in turn."""
-        with Bar(self.plan._given["progress"], len(self.starts)) as bar:
-            for i in range(len(self.starts)):
+        with Bar(self.plan._given["progress"], self.count) as bar:
+            for i in range(self.count):
+                if self._side_by_side(i, bar):
+                    break
                 try:
                     self.runs.append(self._run(i))
                 except IntegrationFailure as error:
                     self.errors[i] = error
                     self.runs.append(error.trajectory)
                 except KeyboardInterrupt as error:
-                    told = f"integrate: interrupted after {i} of {len(self.starts)} bodies"
+                    told = f"integrate: interrupted after {i} of {self.count} bodies"
                     stopped = IntegrationInterrupted(f"{told}; the samples are in `.trajectory`")
                     stopped.trajectory = self._joined(getattr(error, "trajectory", None))
                     raise stopped from None
@@ -134,44 +149,53 @@ class OneByOne:
                     self.kept.save(self._joined())
                 bar.advance(1)
         run = self._joined()
-        if self.errors:
-            steps: Any = run.stopped
-            some = ", ".join(f"body {i} after {n} steps" for i, n in [*steps.steps.items()][:5])
-            first = self.errors[min(self.errors)]
+        ended: Any = run.stopped
+        if ended:
+            some = ", ".join(f"body {i} after {n} steps" for i, n in [*ended.steps.items()][:5])
             warn(
-                f"integrate: {len(self.errors)} of {run.bodies} bodies stopped early: "
-                f"{some}. {first}",
+                f"integrate: {len(ended)} of {run.bodies} bodies stopped early: "
+                f"{some}. {ended[min(ended)].error}",
                 RuntimeWarning,
             )
         return run
 
+    def _side_by_side(self, first: int, bar: Bar) -> bool:
+        """Run all bodies from this one on side by side, if that can be done."""
+        return False
+
     def _run(self, i: int) -> Trajectory:
         """The run of one body."""
-        begun, times, kept = self.starts[i], self.times[i], copy.copy(self.kept)
+        begun, kept = self.begun(i), self.kept
         if isinstance(begun, Ended):
             return self._still(i, begun)
-        if kept is not None:
-            shown = kept.shown
-            kept.shown = lambda run: shown(self._joined(run))
-        plan, t, end = self.plans[i], begun.t, self.ends[i]
+        if kept is None:
+            return self._alone(i, begun, None)
+        shown = kept.shown
+        kept.shown = lambda run: shown(self._joined(run))
+        try:
+            return self._alone(i, begun, kept)
+        finally:
+            kept.shown = shown
+
+    def _alone(self, i: int, begun: Any, kept: Checkpoint | None) -> Trajectory:
+        """The same of a body that steps."""
+        times, plan, t, end = self.times_of(i), self.plan_of(i), begun.t, self.ends[i]
         start = begun.state if isinstance(begun, Waiting) else begun
         if plan.fictive:
-            run = plan._transformed(start, self._steps, end, t, times, kept)
+            run: Trajectory = plan._transformed(start, self._steps, end, t, times, kept)
         elif plan.adaptive:
             run = plan._steps.run(start, t, end, self._steps, times, plan.events, kept)
         else:
             t0, before = self._counted(begun)
             steps = plan._count(self._steps, end, t0, before)
             run = plan._stepped(start, steps, t0, times, kept)
-        if self.kept is not None:
-            self.kept.next = kept.next  # type: ignore[union-attr]
         return run
 
     def _still(self, i: int, begun: Ended | Waiting) -> Trajectory:
         """The run of a body that goes no further, or not yet: its state."""
         if isinstance(begun, Ended) and begun.error is not None:
             self.errors[i] = begun.error
-        plan, t = self.plans[i], np.array([begun.t])
+        plan, t = self.plan_of(i), np.array([begun.t])
         states = {name: x[None] for name, x in begun.state.arrays.items()}
         h = 0.0 if plan.adaptive else plan._steps.h
         if isinstance(begun, Ended) and begun.origin is not None:
@@ -192,9 +216,9 @@ class OneByOne:
         unfinished : the run of the next body as far as it has come.
         """
         runs = [*self.runs, unfinished] if unfinished is not None else [*self.runs]
-        runs += [self._not_begun(i) for i in range(len(runs), len(self.starts))]
+        runs += [self._not_begun(i) for i in range(len(runs), self.count)]
         members = tuple([self._carried(i, run) for i, run in enumerate(runs)])
-        n = max([len(run) for run in runs] + [0 if x is None else len(x) for x in self.times])
+        n = max([self._samples_of(i, *one) for i, one in enumerate(zip(runs, members))])
         ways = [
             self._filled(i, run, n, carry)
             for i, (run, carry) in enumerate(zip(runs, members, strict=True))
@@ -209,7 +233,7 @@ class OneByOne:
         steps = {i: self._taken(i, runs[i]) for i in self.errors}
         own: Any = None  # the step, or those of all bodies
         if not adaptive:
-            steps_of = tuple([plan._steps.h for plan in self.plans])
+            steps_of = tuple([self.plan_of(i)._steps.h for i in range(self.count)])
             own = steps_of if "h" in self.plan.of_each else steps_of[0]
         known: dict[str, Any] = {
             "system": self.plan.system if not self.plan.fictive else self._inner_systems(runs),
@@ -232,6 +256,14 @@ class OneByOne:
         origins = tuple([getattr(run, "origin", None) for run in runs])
         return TransformedTrajectory(**known, **clocks, origin=origins)  # type: ignore[arg-type]
 
+    def _samples_of(self, i: int, run: Trajectory, carry: Any) -> int:
+        """How many samples a body has, with that where it failed."""
+        times = self.times_of(i)
+        if times is not None:
+            return max(len(run), len(times))
+        beyond = self._reached(i) is not None and len(run) > 0 and carry.t != run.t[-1]
+        return len(run) + beyond
+
     def _inner_systems(self, runs: list[Trajectory]) -> Any:
         """Of a run in fictive time the systems that move in it."""
         several = self.plan.system
@@ -242,9 +274,9 @@ class OneByOne:
 
     def _not_begun(self, i: int) -> Trajectory:
         """A body that stands where it will begin."""
-        begun = self.starts[i]
+        begun = self.begun(i)
         if self.plan.fictive:  # it has a clock, too
-            return self.plans[i]._transformed(
+            return self.plan_of(i)._transformed(
                 begun.state if isinstance(begun, Waiting) else begun, 0, None, begun.t, None, None
             )
         return self._still(i, begun)
@@ -253,43 +285,51 @@ class OneByOne:
         """With what a body goes on, if it does."""
         if run.carry is not None and i not in self.errors:
             return run.carry
-        if isinstance(self.starts[i], Ended):
-            return self.starts[i]
+        if isinstance(self.begun(i), Ended):
+            return self.begun(i)
         # one that failed stays there for all times that were asked for
         end = self.ends[i] if i in self.errors and self.plan.adaptive else None
-        if not len(run):
-            begun = self.starts[i]
+        if not len(run) and self._reached(i) is None:
+            begun = self.begun(i)
             return Ended(begun.state, begun.t if end is None else end, 0, self.errors.get(i))
-        state = member(stacked([self._state(run)]), 0)
-        t = float(run.t[-1]) if end is None else end
+        reached = self._reached(i)
+        state = member(stacked([self._state(run)]), 0) if reached is None else reached
         steps, error = self._taken(i, run), self.errors.get(i)
+        t = float(run.t[-1]) if end is None and reached is None else end
+        if t is None:
+            t = self._counted(self.begun(i))[0] + steps * self.plan_of(i)._steps.h
         if not isinstance(run, TransformedTrajectory):
             return Ended(state, t, steps, error)
         z = None if run.z is None else float(run.z[-1])
         return Ended(state, t, steps, error, float(run.tau[-1]), z, run.origin)
 
+    def _reached(self, i: int) -> Any:
+        """The state of a body that failed after its last accepted step."""
+        return None if self.plan.fictive else getattr(self.errors.get(i), "reached", None)
+
     def _state(self, run: Trajectory) -> Any:
         """The last state of a body's run."""
-        begun = self.starts[0].state
+        begun = self.begun(0).state
         return type(begun)(
             *(run.states[name][-1] if name in run.states else None for name in begun.parts)
         )
 
     def _taken(self, i: int, run: Trajectory) -> int:
         """How many steps a body took that stopped."""
-        begun = self.starts[i]
+        begun = self.begun(i)
         before = begun.steps if isinstance(begun, Ended) else getattr(begun, "step", 0)
         return int(before) + run.steps
 
     def _filled(self, i: int, run: Trajectory, n: int, carry: Any) -> dict[str, np.ndarray]:
         """So many samples of a body; where it came to, again and again if there are less."""
-        t, states, times = run.t, run.states, self.times[i]
+        t, states, times = run.t, run.states, self.times_of(i)
         more, clocks = n - len(t), {}
         if isinstance(run, TransformedTrajectory):
             clocks = {"tau": run.tau} | ({} if run.z is None else {"z": run.z})
         if more:
             last = {"": t[-1:], **{name: x[-1:] for name, x in (states | clocks).items()}}
             sampled = times is not None and isinstance(carry, (AdaptiveCarry, Waiting, Ended))
+            sampled = sampled or self._reached(i) is not None
             if not len(t) or (sampled and not isinstance(run, TransformedTrajectory)):
                 last = {name: x[None] for name, x in carry.state.arrays.items()}
                 last[""] = np.array([carry.t])
@@ -307,7 +347,7 @@ class OneByOne:
         """Of every event what every body has met."""
         if not self.plan.events:
             return ()
-        begun = self.starts[0].state
+        begun = self.begun(0).state
         empty = {name: x[None][:0] for name, x in begun.arrays.items()}
         none = np.empty(0), type(begun)(*(empty.get(name) for name in begun.parts))
         return tuple(

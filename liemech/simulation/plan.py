@@ -7,7 +7,8 @@ import inspect
 import math
 import os
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, Any
+from datetime import timedelta
+from typing import Any
 
 from ..compiler.kernel import Several
 from ..errors import InvalidInput, InvalidType, StepWarning, warn
@@ -16,6 +17,7 @@ from ..formulas.pytree import Layout, exact, fields_of, known_layout, layout_of,
 from ..integrators.method import Method
 from ..systems.system import State, System, member
 from . import arguments
+from .adaptive_ensemble import AdaptiveEnsemble
 from .at_once import advanced, at_once, of_shape
 from .carry import AdaptiveCarry, Carries, Carry, Ended, Waiting
 from .checkpoint import Checkpoint
@@ -26,10 +28,7 @@ from .one_by_one import OneByOne, apart
 from .prepared import Steps
 from .recorded import Recorder, recorder_of
 from .systems import OfBodies, Systems, each_of, methods_of, of_body, systems_of
-from .trajectory import Trajectory, TransformedTrajectory
-
-if TYPE_CHECKING:
-    from .tangent import TangentTrajectory
+from .trajectory import TangentTrajectory, Trajectory, TransformedTrajectory
 
 ROUNDING = 1e-9
 """Part of a step by which a last time may miss the end of one: more than rounding of h and t_end
@@ -46,14 +45,14 @@ class Plan:
 
     Steps of one length:
     h : the step, in s; negative runs backwards; (bodies,) gives every body of an ensemble its own.
-    every, compensated, precision, workers : as for `integrate`.
+    every, compensated, precision : as for `integrate`.
 
     Adaptive steps, of a method with an error estimate, if h is None or rtol or atol is given:
     rtol, atol, dense : as for `integrate`.  h : the first step; max_step : the longest one;
     (bodies,) gives every body its own.
     breaks : times at which the velocity jumps, such as the ends of a pulse; no step goes across.
 
-    record, events, compiled, progress : as for `integrate`.
+    record, events, compiled, progress, workers : as for `integrate`.
 
     A plan does not change; `replace` makes another one.  What formulas read from outside counts as
     it is when a run begins.
@@ -145,7 +144,7 @@ class Plan:
         elif h is None or not (rtol is atol is max_step is None) or len(breaks):
             from .adaptive_run import AdaptiveSteps
 
-            arguments.only_adaptive(first("method"), every, workers)
+            arguments.only_adaptive(first("method"), every)
             if precision != "double":
                 raise InvalidInput(
                     f"integrate: precision={precision!r} is for "
@@ -240,7 +239,7 @@ class Plan:
         t0: float = 0.0,
         t_eval: Any = None,
         checkpoint: str | os.PathLike[str] | None = None,
-        checkpoint_every: float = 60.0,
+        checkpoint_every: float | str | timedelta = 60.0,
         executor: Any = None,
     ) -> Trajectory:
         """Follow the motion from a start at time t0, in so many steps or to the time t_end.
@@ -251,8 +250,8 @@ class Plan:
         t_eval : (n,) times at which to keep the state, instead of the ends of steps.
         In an ensemble with adaptive steps t_end may be (bodies,), and t_eval (n, bodies): then
         run.t is (n, bodies), too.
-        checkpoint : a file to which the run is saved every so many seconds, `checkpoint_every`, as
-        far as it has come.
+        checkpoint : a file to which the run is saved as far as it has come, every
+        `checkpoint_every`: 30.0 seconds, or "10_000 steps".
 
         executor : of concurrent.futures, dask.distributed, ...: the bodies of an ensemble are
         divided among its workers.
@@ -266,7 +265,7 @@ class Plan:
                 raise InvalidInput("integrate: checkpoint is for runs without executor")
             return spread(self, start, executor, steps=steps, t_end=t_end, t0=t0, t_eval=t_eval)
         if type(steps) is int and t_end is None and t_eval is None and checkpoint is None:
-            run = self._again(start, steps, t0)
+            run = self._short_run(start, steps, t0)
             if run is not None:
                 return run
         if self.events:
@@ -290,7 +289,7 @@ class Plan:
             return self._one_by_one(start, t0, steps, t_end, t_eval, kept)
         return self._stepped(start, count, t0, t_eval, kept)
 
-    def _again(self, start: Any, steps: int, t0: Any) -> Trajectory | None:
+    def _short_run(self, start: Any, steps: int, t0: Any) -> Trajectory | None:
         """A run that has nothing to do but to step, of a start that is laid out as one before;
         None for all others, and for what is to be refused.
         """
@@ -326,7 +325,10 @@ class Plan:
         compiled = self._steps.compiled
         if kept is not None and recorder is not None:
             kept.shown = functools.partial(recorder.presented, kind=kind, compiled=compiled)
-        run = OneByOne(self, start, t0, steps, t_end, t_eval, kept)
+        way = OneByOne
+        if self.adaptive and AdaptiveEnsemble.fits(self, kept):
+            way = AdaptiveEnsemble
+        run = way(self, start, t0, steps, t_end, t_eval, kept)
         if recorder is None:
             return run.trajectory()
         made: Trajectory = recorder.instead(run.trajectory, kind, compiled)
@@ -407,7 +409,7 @@ class Plan:
         t_end: Any = None,
         t_eval: Any = None,
         checkpoint: str | os.PathLike[str] | None = None,
-        checkpoint_every: float = 60.0,
+        checkpoint_every: float | str | timedelta = 60.0,
     ) -> Trajectory:
         """Go on where a run of this plan, or of an equal one, has ended: bit for bit as if it had
         not.
@@ -527,8 +529,11 @@ class Plan:
         if t_eval is None and not self.events:
             return recorder.fixed(self._steps, start, steps, t0, kept)
         kind = type(start.state if isinstance(start, Carry) else start)
+        compiled = self._steps.compiled
+        if kept is not None:
+            kept.shown = functools.partial(recorder.presented, kind=kind, compiled=compiled)
         return recorder.instead(
-            lambda: self._whole(start, steps, t0, t_eval, kept), kind, self._steps.compiled
+            lambda: self._whole(start, steps, t0, t_eval, kept), kind, compiled
         )
 
     def _whole(
@@ -541,24 +546,24 @@ class Plan:
                 if run is None
                 else run
             )
-        if kept is not None:
-            raise InvalidInput(
-                "integrate: checkpoint is for runs without events, "
-                "those of steps of one length without t_eval"
-            )
         from .watched import WatchedRun, sampled
 
         begun = start.t if isinstance(start, Carry) else t0
         before = start.step if isinstance(start, Carry) else 0
         times = arguments.times(t_eval, begun, t0 + (before + steps) * self._steps.h)
         if self.events:
-            return WatchedRun(self._steps, start, steps, t0, times, self.events).trajectory()
+            return WatchedRun(self._steps, start, steps, t0, times, self.events, kept).trajectory()
         assert times is not None
-        return sampled(self._steps, start, steps, t0, times)
+        return sampled(self._steps, start, steps, t0, times, kept)
 
     def _of_this_plan(self, run: Trajectory) -> Any:
         """What the run carries along, if it is this plan's to go on with."""
         carry: Any = run.carry
+        if isinstance(run, TangentTrajectory):
+            raise InvalidInput(
+                "Plan.resume: a run with its tangent map carries nothing on; go on with "
+                "plan.tangent(run.last, ...) and multiply the maps"
+            )
         if carry is None:
             raise InvalidInput(
                 "Plan.resume: this run was interrupted, has failed or was ended "
@@ -631,9 +636,10 @@ class Plan:
     ) -> TangentTrajectory:
         """A run with its tangent map: the exact derivative of the discrete motion.
 
-        by : "start", or parameters of the system such as "inertia" or "hamiltonian.rotor", or a
-        list of these.  The derivative by parameters is as exact as that of what the system computes
-        of them when it is made, about 1e-13.
+        by : "start", parameters of the system such as "inertia" or "hamiltonian.rotor", those of
+        the method such as "method.sigma.power", the step "h" (at the same number of steps), or a
+        list of these.  The derivative by parameters is as exact as that of what system and method
+        compute of them when they are made, about 1e-13.
         With adaptive steps it is the derivative of the steps that were accepted, their lengths held
         fixed; t_end is needed.  In fictive time it is the derivative at the same fictive time, with
         the row of physical time behind the others, and steps are needed.
@@ -664,8 +670,8 @@ class Plan:
             return self._tangent(start, steps, t_end, t0, names)
         alone = OneByOne(self, start, t0, steps, t_end, None, None)
         runs = [
-            plan._tangent(begun.state, steps, end, t0, names)
-            for plan, begun, end in zip(alone.plans, alone.starts, alone.ends, strict=True)
+            alone.plan_of(i)._tangent(alone.begun(i).state, steps, alone.ends[i], t0, names)
+            for i in range(alone.count)
         ]
         return of_bodies(self.method, runs)
 
@@ -676,6 +682,11 @@ class Plan:
         from .tangent import adaptive_tangent_run, fictive_tangent_run, tangent_run
 
         if self.adaptive:
+            if "h" in names:
+                raise InvalidInput(
+                    "Plan.tangent: h is for steps of one length; the lengths of adaptive ones are "
+                    "held fixed"
+                )
             run = self._steps.run(start, t0, t_end, steps, None, ())
             return adaptive_tangent_run(self._steps, run, self._steps.begun(run.t), start, names)
         if self.fictive:

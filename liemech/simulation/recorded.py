@@ -13,7 +13,13 @@ from typing import Any
 import numpy as np
 
 from ..compiler.driver import attempt, read, reason
-from ..errors import InvalidInput, InvalidType, failure, is_mistake
+from ..errors import (
+    IntegrationInterrupted,
+    InvalidInput,
+    InvalidType,
+    failure,
+    is_mistake,
+)
 from ..formulas import Record
 from ..formulas.broadcasting import small
 from ..formulas.pytree import NUMBER, layout_of
@@ -25,7 +31,7 @@ from .drift import RECORDED
 from .fixed_run import FixedRun
 from .prepared import Steps, times
 from .progress import Bar
-from .trajectory import Trajectory
+from .trajectory import Trajectory, TransformedTrajectory
 
 SAMPLES, STEPS = 2**16, 2**22
 """Samples and steps of all bodies together between two looks at the functions."""
@@ -83,7 +89,28 @@ class Recorder:
     def values(
         self, run: Any, kind: Any, t: np.ndarray, states: dict[str, np.ndarray], compiled: Any
     ) -> dict[str, np.ndarray]:
-        """What is kept of samples (n, ...), of an ensemble (n, bodies, ...).  kind : of state."""
+        """What is kept of samples (n, ...), of an ensemble (n, bodies, ...).  kind : of state.
+
+        What a function raises has, as `kept`, the samples before the one for which it failed: how
+        many, and what is kept of them.
+        """
+        try:
+            return self._values(run, kind, t, states, compiled)
+        except (Exception, KeyboardInterrupt) as caught:
+            error: Any = caught
+            if isinstance(caught, KeyboardInterrupt):
+                error = IntegrationInterrupted(
+                    f"integrate: interrupted while {', '.join(self.quantities)} were computed; "
+                    "the samples before are in `.trajectory`"
+                )
+            n = getattr(caught, "row", 0) // (run.bodies or 1)
+            some = {name: x[:n] for name, x in states.items()}
+            error.kept = n, self._values(run, kind, t[:n], some, compiled)
+            raise error from error.__cause__
+
+    def _values(
+        self, run: Any, kind: Any, t: np.ndarray, states: dict[str, np.ndarray], compiled: Any
+    ) -> dict[str, np.ndarray]:
         found = {name: states[name] for name in self.parts}
         for name, quantity in self.quantities.items():
             if isinstance(quantity, str):
@@ -144,8 +171,18 @@ class Recorder:
 
     def presented(self, run: Any, kind: type, compiled: Any) -> Any:
         """A run that kept the states, with what is to be kept instead."""
-        kept = self.values(run, kind, run.t, run.states, compiled)
-        return dataclasses.replace(run, states=kept, observed=tuple(self.quantities), dense=None)
+        own: dict[str, Any] = {"observed": tuple(self.quantities), "dense": None}
+        try:
+            kept = self.values(run, kind, run.t, run.states, compiled)
+        except (Exception, IntegrationInterrupted) as caught:
+            error: Any = caught
+            n, kept = error.kept
+            own |= {"t": run.t[:n], "states": kept, "carry": None}
+            if isinstance(run, TransformedTrajectory):
+                own |= {"tau": run.tau[:n], "z": None if run.z is None else run.z[:n]}
+            error.trajectory = dataclasses.replace(run, **own)
+            raise
+        return dataclasses.replace(run, states=kept, **own)
 
     def instead(self, make: Callable[[], Any], kind: type, compiled: Any) -> Any:
         """The same of a run to be made, which may fail."""
@@ -153,8 +190,9 @@ class Recorder:
             run = make()
         except BaseException as caught:
             error: Any = caught
-            if isinstance(getattr(error, "trajectory", None), Trajectory):
-                error.trajectory = self.presented(error.trajectory, kind, compiled)
+            run = getattr(error, "trajectory", None)
+            if isinstance(run, Trajectory) and not run.observed:
+                error.trajectory = self.presented(run, kind, compiled)
             raise
         return self.presented(run, kind, compiled)
 
@@ -194,8 +232,9 @@ class _RecordedRun:
         self.now, self.t0, self.done = start, t0, 0
         self.before = start.step if isinstance(start, Carry) else 0
         self.kind: Any = type(start.state if isinstance(start, Carry) else start)
-        self.t: list[np.ndarray] = []
-        self.kept: list[dict[str, np.ndarray]] = []
+        # times, and what is kept of the samples then
+        self.kept: list[tuple[np.ndarray, dict[str, np.ndarray]]] = []
+        self.part: Trajectory | None = None
         count = start.bodies or 1
         self.longest = max(
             1, min(max(STEPS // count, plan.every), max(1, SAMPLES // count) * plan.every)
@@ -203,29 +242,40 @@ class _RecordedRun:
 
     def trajectory(self) -> Trajectory:
         """Part after part, to the end."""
+        try:
+            return self._trajectory()
+        except IntegrationInterrupted:
+            raise
+        except KeyboardInterrupt:
+            if self.part is None:
+                raise
+            stopped: Any = IntegrationInterrupted(
+                f"integrate: interrupted after {self.done} of {self.steps} steps; "
+                f"{self.samples} samples are in `.trajectory`"
+            )
+            stopped.trajectory = self._made(dataclasses.replace(self.part, carry=None))
+            raise stopped from None
+
+    def _trajectory(self) -> Trajectory:
         inner, bodies = dataclasses.replace(self.plan, progress=False), self.now.bodies
         with Bar(self.plan.progress, self.steps * (bodies or 1)) as bar:
             while True:
                 n = min(self.longest, self.steps - self.done)
+                if self.checkpoint is not None:
+                    n = self.checkpoint.within(n)
                 run = _Part(inner, self.now, n, self.t0)
-                run.whole, run.earlier, run.final = (
-                    self.steps - self.done,
-                    sum(map(len, self.t)),
-                    self.done + n == self.steps,
-                )
-                part: Any = None
+                run.whole, run.earlier = self.steps - self.done, self.samples
+                run.final = self.done + n == self.steps
                 try:
                     part = run.trajectory()
-                    self._keep(part, n)
-                except (Exception, KeyboardInterrupt) as caught:
+                except (Exception, IntegrationInterrupted) as caught:
                     error: Any = caught
-                    if part is None:
-                        part = getattr(error, "trajectory", None)
-                        if part is None:
-                            raise
-                        self._keep(part, part.steps)
-                    error.trajectory = self._made(part)
+                    if getattr(error, "trajectory", None) is None:
+                        raise
+                    self._keep(error.trajectory, error.trajectory.steps)
+                    error.trajectory = self._made(error.trajectory)
                     raise
+                self._keep(part, n)
                 bar.advance(n * (bodies or 1))
                 if part.carry is None and self.done < self.steps:
                     FixedRun._result(run, n)  # warns
@@ -233,21 +283,27 @@ class _RecordedRun:
                 if self.done == self.steps:
                     return self._made(part)
                 self.now = part.carry
-                if self.checkpoint is not None and self.checkpoint.due():
+                if self.checkpoint is not None and self.checkpoint.due(n):
                     self.checkpoint.save(self._made(part))
+
+    @property
+    def samples(self) -> int:
+        """How many there are."""
+        return sum(len(t) for t, _ in self.kept)
 
     def _keep(self, part: Trajectory, steps: int) -> None:
         """Keep what is to be kept of a part: its first sample is the last one of the part before,
         its last one perhaps none.
         """
-        self.done += steps
+        done = self.done + steps
         extra = (
-            self.done < self.steps
-            and (self.before + self.done) % self.plan.every > 0
+            done < self.steps
+            and (self.before + done) % self.plan.every > 0
             and part.carry is not None
         )
-        here = slice(1 if self.t else 0, len(part) - 1 if steps and extra else len(part))
+        here = slice(1 if self.kept else 0, len(part) - 1 if steps and extra else len(part))
         self._add(part, part.t[here], {name: x[here] for name, x in part.states.items()})
+        self.part, self.done = part, done
 
     def _stay(self, part: Trajectory) -> None:
         """All bodies have stopped: their last states are those of all samples to come."""
@@ -263,17 +319,27 @@ class _RecordedRun:
         self.done = self.steps
 
     def _add(self, part: Trajectory, t: np.ndarray, states: dict[str, np.ndarray]) -> None:
-        if len(t):
-            self.kept.append(self.recorder.values(part, self.kind, t, states, self.plan.compiled))
-            self.t.append(t)
+        if not len(t):
+            return
+        try:
+            kept = self.recorder.values(part, self.kind, t, states, self.plan.compiled)
+        except (Exception, IntegrationInterrupted) as caught:
+            error: Any = caught
+            n, some = error.kept
+            self.kept.append((t[:n], some))
+            error.trajectory = self._made(dataclasses.replace(part, carry=None))
+            raise
+        self.kept.append((t, kept))
 
     def _made(self, part: Trajectory) -> Trajectory:
         """The run so far, as which its last part ends."""
         names = self.recorder.names
         states = {
-            name: np.concatenate([kept[name] for kept in self.kept]) for name in names if self.kept
+            name: np.concatenate([kept[name] for _, kept in self.kept])
+            for name in names
+            if self.kept
         }
-        t = np.concatenate(self.t) if self.t else np.empty(0)
+        t = np.concatenate([t for t, _ in self.kept]) if self.kept else np.empty(0)
         return dataclasses.replace(
             part, t=t, states=states, steps=self.done, observed=tuple(self.recorder.quantities)
         )

@@ -132,7 +132,7 @@ def _run(plan: Any, start: Any, how: dict[str, Any]) -> Any:
 
 def _chunks(bodies: int, steps: int, workers: int | None) -> list[tuple[int, int]]:
     """Where chunks begin and end."""
-    wanted = CHUNKS if workers is None else 4 * workers
+    wanted = 4 * workers if workers else CHUNKS
     size = max(-(-bodies // wanted), CHUNK // max(1, steps))
     size = -(-min(size, bodies) // LANES) * LANES
     return [(first, min(first + size, bodies)) for first in range(0, bodies, size)]

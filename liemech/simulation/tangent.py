@@ -13,36 +13,23 @@ import numpy as np
 
 from ..compiler.driver import attempt, read
 from ..errors import IncompatibleSystem, InvalidInput, InvalidType
-from ..formulas import Record, Vec, derivative
+from ..formulas import Record, Vec, derivative, record
 from ..formulas.broadcasting import small
 from ..formulas.dual import Dual
 from ..formulas.pytree import NUMBER, Layout, build, fitted, layout_of, leaves, with_slopes
-from ..systems.system import State, System
+from ..integrators.lie_poisson_first_kind import FirstKindHamiltonJacobi
+from ..integrators.lie_poisson_hj import LiePoissonHamiltonJacobi
+from ..integrators.method import Method
+from ..systems.system import State
 from .dense import evaluated, flat, told, unpacked
 from .fictive import Origin
 from .fixed_run import FixedRun
 from .prepared import Steps
-from .systems import Systems
-from .trajectory import Trajectory
+from .systems import Methods, Systems
+from .trajectory import TangentTrajectory, Trajectory
 
 LEVEL = 0.5
 """Of the numbers that carry the derivative: below those of derivatives that formulas take."""
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class TangentTrajectory(Trajectory):
-    """Samples of a motion, and its derivative.
-
-    tangent : by name, "start" or that of a parameter, (n, out, in) matrices: how the state at each
-    sample depends on it.  Rows are the components of the recorded parts of the state in turn; of a
-    group element g the components of eta in dg = g hat(eta).  So are the columns of "start"; those
-    of a parameter are its components.  Of an ensemble of m bodies (n, m, out, in).
-    tau : of a run in fictive time, (n,), the fictive times.  The derivative is that at the same
-    fictive time, and the last row that of the physical time.
-    """
-
-    tangent: dict[str, np.ndarray] = None  # type: ignore[assignment]
-    tau: np.ndarray | None = None
 
 
 # ------------------------------------------------------------------ directions
@@ -53,33 +40,48 @@ class Directions:
     """The directions in which a motion is differentiated.
 
     frames : of each part of the state the directions in which it moves.  moves : of the numbers of
-    the start.  systems : in numbers that carry the derivative by a parameter; None for the system
-    as it is.  columns : which of them belong to a name.
+    the start.  method : whose parameters vary.  systems, methods : in numbers that carry the
+    derivative by a parameter; None for the system, or the method, as it is.  columns : which of
+    them belong to a name.
     """
 
     frames: dict[str, Any]
     moves: np.ndarray
+    method: Any
     systems: list[Any]
+    methods: list[Any]
     columns: dict[str, slice]
 
     @classmethod
-    def of(cls, system: Any, start: State, names: tuple[str, ...]) -> Directions:
-        """Those of the start, and of parameters of the system."""
+    def of(cls, system: Any, method: Any, start: State, names: tuple[str, ...]) -> Directions:
+        """Those of the start, and of parameters of system and method.
+
+        method : `WithStep` of it if the step is one of them.
+        """
         frames, width = frames_of(system, start), layout_of(start).width
         moves: list[np.ndarray] = []
         systems: list[Any] = []
+        methods: list[Any] = []
         columns: dict[str, slice] = {}
         for name in names:
             begun = len(moves)
             if name == "start":
                 moves += start_moves(frames, start)
                 systems += [None] * (len(moves) - begun)
+                methods += [None] * (len(moves) - begun)
+            elif name == "h" or name.startswith("method."):
+                inside = name if isinstance(method, WithStep) else name.removeprefix("method.")
+                for moving in parameter_slopes(method, inside):
+                    moves.append(np.zeros(width))
+                    systems.append(None)
+                    methods.append(moving)
             else:
                 for moving in parameter_slopes(system, name):
                     moves.append(np.zeros(width))
                     systems.append(moving)
+                    methods.append(None)
             columns[name] = slice(begun, len(moves))
-        return cls(frames, np.array(moves), systems, columns)
+        return cls(frames, np.array(moves), method, systems, methods, columns)
 
     def components(self, example: Any, values: np.ndarray, slopes: np.ndarray) -> np.ndarray:
         """Changes of the numbers of states, (n, directions, width), as components in the frames at
@@ -98,6 +100,63 @@ class Directions:
     def named(self, tangent: np.ndarray) -> dict[str, np.ndarray]:
         """The derivatives by name."""
         return {name: tangent[..., part] for name, part in self.columns.items()}
+
+
+@record
+class WithStep(Method):
+    """A method whose step h is a parameter, by which its motion is differentiated at the same
+    number of steps.
+
+    h, t0 : of the plan.
+    """
+
+    method: Method
+    h: float
+    t0: float
+
+    @property
+    def order(self) -> Any:
+        """That of the method; so are symmetry and symplecticity."""
+        return self.method.order  # type: ignore[attr-defined]
+
+    @property
+    def symmetric(self) -> bool:  # type: ignore[override]
+        """As the method."""
+        return self.method.symmetric
+
+    @property
+    def symplectic(self) -> bool:  # type: ignore[override]
+        """As the method."""
+        return self.method.symplectic
+
+    def start(self, system: Any, state: Any, h: float) -> Any:
+        """What the method begins with."""
+        return self.method.start(system, state, self.h)
+
+    def observe(self, memory: Any) -> Any:
+        """The state in it."""
+        return self.method.observe(memory)
+
+    def step(self, system: Any, t: float, memory: Any, h: float) -> Any:
+        """The step of the method; the time t0 + n h moves with h, too."""
+        return self.method.step(system, t + (self.h / h - 1.0) * (t - self.t0), memory, self.h)
+
+
+def with_step(method: Any, h: float, t0: float) -> WithStep:
+    """A method whose step is a parameter; refused where it expands the motion in powers of h."""
+    if expands(method):
+        raise IncompatibleSystem(
+            f"Plan.tangent: {method!r} expands the motion in powers of h, and has no derivative by "
+            "it; by the start and by parameters of the system it has one"
+        )
+    return WithStep(method, h, t0)
+
+
+def expands(method: Any) -> bool:
+    """Is a method, or one that it is made of, a power series in its step?"""
+    own = isinstance(method, (FirstKindHamiltonJacobi, LiePoissonHamiltonJacobi))
+    inner = [x for _, x in method._fields() if isinstance(x, Method)]
+    return (own and method.order > 2) or any(map(expands, inner))
 
 
 def frames_of(system: Any, start: Any) -> dict[str, Any]:
@@ -127,7 +186,8 @@ def tangent_run(
     plan: Steps, start: State, steps: int, t0: float, names: tuple[str, ...]
 ) -> TangentTrajectory:
     """So many steps of one length from a start, with their derivative by what is named."""
-    found = Directions.of(plan.one, start, names)
+    method = with_step(plan.method, plan.h, t0) if "h" in names else plan.method
+    found = Directions.of(plan.one, method, start, names)
     made, values, tangent = carried_along(plan, start, steps, t0, found)
     return TangentTrajectory(
         plan.one, plan.method, plan.h, made.t, unpacked(layout_of(start), values), None, steps,
@@ -142,7 +202,7 @@ def carried_along(
     components, (n, components, directions).
     """
     try:
-        run = _Run(plan, start, found.moves, found.systems, steps, t0)
+        run = _Run(plan, start, found, steps, t0)
         made = run.trajectory()
     except (InvalidType, AttributeError) as error:
         if "series" in str(error) or "Dual" in str(error):
@@ -168,38 +228,54 @@ def fictive_tangent_run(
     whole, frames = origin.whole, frames_of(inner, start)
     now = whole.extended(start, t0)
 
-    def begun(system: Any, at: Any) -> np.ndarray:
-        made = Origin(system, plan.method, at).whole
+    def begun(system: Any, method: Any, at: Any) -> np.ndarray:
+        made = Origin(system, method, at).whole
         own = leaves(made, layout_of(whole)), leaves(made.extended(at, t0), layout_of(now))
         return np.concatenate(own)
 
     numbers, width = np.array(leaves(whole, layout_of(whole))), layout_of(whole).width
     slopes: list[np.ndarray] = []
+    methods: list[Any] = []
     columns: dict[str, slice] = {}
+    method = with_step(plan.method, plan.h, 0.0) if "h" in names else plan.method
     for name in names:
         before = len(slopes)
         if name == "start":
-            slopes += [slope(lambda x, way=way: begun(plan.one, way(x)), 2.0**-7)
+            slopes += [slope(lambda x, way=way: begun(plan.one, plan.method, way(x)), 2.0**-7)
                        for way in displacements(inner, frames, start)]  # fmt: skip
+            methods += [None] * (len(slopes) - before)
+        elif name == "h":
+            slopes.append(np.zeros_like(begun(plan.one, plan.method, start)))
+            methods += parameter_slopes(method, name)
         else:
-            value = parameter(plan.one, name)
+            of_method = name.startswith("method.")
+            given, inside = plan.method if of_method else plan.one, name.removeprefix("method.")
+            if of_method:
+                own = name if method is not plan.method else inside
+                methods += parameter_slopes(method, own)
+            value = parameter(given, inside)
             layout = layout_of(value)
             for i, x in enumerate(leaves(value, layout)):
                 step = np.ldexp(1.0, int(np.frexp(abs(x) or 1.0)[1]) - 7)
 
-                def moved(by: float, i: int = i, value: Any = value, name: str = name) -> Any:
-                    given = leaves(value, layout_of(value))
-                    given[i] += by
-                    return with_parameter(plan.one, name, build(layout_of(value), iter(given)))
+                def moved(by: float, i: int = i, value: Any = value, given: Any = given,
+                          inside: str = inside, of_method: bool = of_method) -> Any:  # fmt: skip
+                    numbers = leaves(value, layout_of(value))
+                    numbers[i] += by
+                    other = with_parameter(given, inside, build(layout_of(value), iter(numbers)))
+                    if of_method:
+                        return begun(plan.one, other, start)
+                    return begun(other, plan.method, start)
 
-                slopes.append(slope(lambda by, moved=moved: begun(moved(by), start), step))
+                slopes.append(slope(moved, step))
+            methods += [None] * (len(slopes) - len(methods))
         columns[name] = slice(before, len(slopes))
     systems = []
     for x in slopes:
         both = zip(numbers.tolist(), x[:width].tolist(), strict=True)
         systems.append(build(layout_of(whole), iter([Dual(a, b, LEVEL) for a, b in both])))
     moves = np.array([x[width:] for x in slopes])
-    found = Directions(frames_of(whole, now), moves, systems, columns)
+    found = Directions(frames_of(whole, now), moves, method, systems, methods, columns)
     made, values, tangent = carried_along(origin.steps(plan), now, steps, 0.0, found)
     t, states, _ = whole.apart(unpacked(layout_of(now), values))
     if plan.one.fictive:  # the time is the last of the positions, minus the energy of the momenta
@@ -249,7 +325,7 @@ def adaptive_tangent_run(
 
     begun : the times at which the steps begin.
     """
-    found = Directions.of(plan.system, start, names)
+    found = Directions.of(plan.system, plan.method, start, names)
     values = flat(run.states, len(run))
     states, count = unpacked(layout_of(start), values), len(run) - 1
     size = len(start_moves(found.frames, start))
@@ -261,10 +337,12 @@ def adaptive_tangent_run(
         bases[:, at[0] : at[0] + basis.shape[1], at[1] : at[1] + wide] = basis
         at = [at[0] + basis.shape[1], at[1] + wide]
     lengths = run.t[1:] - begun
-    rest = dual_of(plan.system, None)
+    rest, way = dual_of(plan.system), plan.method
+    if any(found.methods):
+        way = dual_of(way)
     still = np.zeros((count, 1, values.shape[1]))
 
-    def through(system: Any, moves: np.ndarray) -> np.ndarray:
+    def through(system: Any, method: Any, moves: np.ndarray) -> np.ndarray:
         """The components at the ends of the steps of moves of their beginnings."""
         many = moves.shape[1]
         given = np.empty((count, many, 2 * values.shape[1] + 2))
@@ -274,16 +352,17 @@ def adaptive_tangent_run(
             layout_of(start), iter([Dual(x, 0.0, LEVEL) for x in leaves(start, layout_of(start))])
         )
         point = layout_of(example)
-        arguments = plan.method, system, point
+        arguments = method, system, point
         rows = given.reshape(count * many, -1)
         what = repr(plan.method), lambda k: f"the step from t = {rows[k, -2]:g}"
         out = evaluated(adaptive_step, arguments, rows, point.width, plan.compiled, what)
         slopes = out.reshape(count, many, -1)[:, :, 1::2]
         return found.components(start, values[1:], slopes)
 
-    maps = through(rest, bases[:-1]) if count else np.empty((0, size, size))
-    own = {i: through(moving, still)[:, :, 0] for i, moving in enumerate(found.systems)
-           if moving is not None and count}  # fmt: skip
+    maps = through(rest, way, bases[:-1]) if count else np.empty((0, size, size))
+    varied = enumerate(zip(found.systems, found.methods, strict=True))
+    own = {i: through(s or rest, m or way, still)[:, :, 0] for i, (s, m) in varied
+           if count and not (s is m is None)}  # fmt: skip
     first = found.components(start, values[:1], found.moves[None])
     tangent = np.empty((len(run), size, len(found.moves)))
     tangent[0] = first[0]
@@ -312,11 +391,10 @@ def _moved(method: Any, system: Any, point: Any, t: float, state: Any, h: float)
     return fitted(method.step(system, t, state, h), point)
 
 
-def dual_of(system: Any, moving: Any) -> Any:
-    """The system in numbers that carry a derivative, which is zero if none is given."""
-    layout = layout_of(system)
-    rest = iter([Dual(x, 0.0, LEVEL) for x in leaves(system, layout)])
-    return build(layout, rest) if moving is None else moving
+def dual_of(thing: Any) -> Any:
+    """A system or a method in numbers that carry a derivative, which is zero."""
+    layout = layout_of(thing)
+    return build(layout, iter([Dual(x, 0.0, LEVEL) for x in leaves(thing, layout)]))
 
 
 def of_bodies(method: Any, runs: list[TangentTrajectory]) -> TangentTrajectory:
@@ -390,9 +468,9 @@ def real_numbers(array: np.ndarray) -> np.ndarray:
     return (flat.view(float) if np.iscomplexobj(flat) else flat).ravel()
 
 
-def parameter_slopes(system: System, name: str) -> list[System]:
-    """For every component of a parameter the system in numbers that carry its derivative by this
-    component.
+def parameter_slopes(system: Any, name: str) -> list[Any]:
+    """For every component of a parameter the system, or the method, in numbers that carry its
+    derivative by this component.
     """
     value = parameter(system, name)
     layout = layout_of(system)
@@ -430,8 +508,8 @@ def parameter(system: Any, name: str) -> Any:
         if not isinstance(system, Record) or part not in inspect.signature(type(system)).parameters:
             known = ", ".join(inspect.signature(type(system)).parameters)
             raise InvalidInput(
-                f"Plan.tangent: {part} is no parameter of "
-                f"{system!r}; there are {known}, and the start"
+                f"Plan.tangent: {part} is no parameter of {system!r}; there are {known}, "
+                "and the start; of the method method.name, and the step h"
             )
         system = getattr(system, part)
     return system
@@ -454,8 +532,7 @@ class _Run(FixedRun):
         self,
         plan: Steps,
         start: State,
-        moves: np.ndarray,
-        systems: list[Any],
+        found: Directions,
         steps: int,
         t0: float,
     ) -> None:
@@ -465,14 +542,18 @@ class _Run(FixedRun):
             build(
                 layout, iter([Dual(x, float(d), LEVEL) for x, d in zip(numbers, move, strict=True)])
             )
-            for move in moves
+            for move in found.moves
         ]
-        if any(systems):
-            still = layout_of(plan.one)
-            rest = build(still, iter([Dual(x, 0.0, LEVEL) for x in leaves(plan.one, still)]))
-            several = Systems(tuple(s or rest for s in systems))
+        if any(found.systems):
+            rest = dual_of(plan.one)
+            several = Systems(tuple(s or rest for s in found.systems))
             plan = replace(plan, system=several, shapes={})
-        super().__init__(plan, SimpleNamespace(bodies=len(moves)), steps, t0)  # type: ignore[arg-type]
+        if any(found.methods):
+            rest = dual_of(found.method)
+            ways = Methods(tuple(m or rest for m in found.methods))
+            plan = replace(plan, method=ways, shapes={})
+        count = SimpleNamespace(bodies=len(found.moves))
+        super().__init__(plan, count, steps, t0)  # type: ignore[arg-type]
 
     def _member(self, i: int) -> Any:
         return self.duals[i]

@@ -17,7 +17,7 @@ from .dense import Between, DenseOutput, ShortSteps, flat
 from .drift import RECORDED, Drift
 from .fictive import Origin
 from .stopped import NONE, Stop
-from .systems import Systems, of_body
+from .systems import OfBodies, Systems, of_body
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -83,6 +83,30 @@ class Trajectory:
         for name in PROMISED:
             getattr(self, name)
         return {name: x for name, x in vars(self).items() if name != "_rest"}
+
+    def __eq__(self, other: Any) -> bool:
+        """Are both runs of equal systems and methods, with the same samples and events to the bit?"""
+        if type(self) is not type(other):
+            return NotImplemented
+        kept, others = self._compared, other._compared
+        return kept.keys() == others.keys() and all(_same(x, others[n]) for n, x in kept.items())
+
+    def __hash__(self) -> int:
+        return hash((type(self), self.steps, self.bodies))
+
+    @property
+    def _compared(self) -> dict[str, Any]:
+        """What equal runs have in common."""
+        known = {"system": self.system, "method": self.method, "h": self.h, "t": self.t}
+        events = [[times, state.arrays] for times, state in self._met]
+        return known | {"states": self.states, "steps": self.steps, "events": events}
+
+    @property
+    def _met(self) -> list[Any]:
+        """Times and states of every event, in an ensemble of every body."""
+        if self.bodies is None:
+            return [*self.events]
+        return [met for event in self.events for met in event]
 
     def __getattr__(self, name: str) -> Any:
         """A part of the state that belongs to this kind of system."""
@@ -203,12 +227,15 @@ class Trajectory:
 
     @property
     def last(self) -> State:
-        """The last state, from which a run can be continued."""
-        if self.observed:
+        """The last state, from which a run can be continued; of a run without samples where it
+        stands.
+        """
+        if self.observed or not len(self):
             if self.carry is None:
                 raise InvalidInput(
-                    "Trajectory.last: this run kept functions of the "
-                    "state only, and has not come to its end"
+                    "Trajectory.last: this run kept "
+                    f"{'functions of the state only' if self.observed else 'no samples'}, "
+                    "and has not come to its end"
                 )
             return self.carry.state
         return self._laws.state(**{name: array[-1] for name, array in self.states.items()})
@@ -267,9 +294,9 @@ class Trajectory:
         from .archive import load
 
         kept = load(path, modules)
-        if "tau" in kept:
-            return TransformedTrajectory(**kept)
-        return Trajectory(**kept)
+        if "tangent" in kept:
+            return TangentTrajectory(**kept)
+        return TransformedTrajectory(**kept) if "origin" in kept else Trajectory(**kept)
 
     def to_xarray(self) -> Any:
         """The samples as an xarray.Dataset over t: mu is (t, mu_0), g (t, g_0, g_1), in an ensemble
@@ -293,36 +320,37 @@ class Trajectory:
 
         Raises InvalidInput if the second begins at another time than this one's `carry` has.
         """
-        alike = (
-            type(self) is type(rest)
-            and self.carry is not None
-            and self.states.keys() == rest.states.keys()
+        refused = InvalidInput(
+            f"Trajectory.then: {rest!r} does not begin where {self!r} was to go on"
         )
-        end, t, more = (
-            (self._clock(self.carry), self._clock(), rest._clock())
-            if alike
-            else (0.0, self.t, self.t[:0])
-        )
+        if (
+            type(self) is not type(rest)
+            or self.carry is None
+            or self.states.keys() != rest.states.keys()
+        ):
+            raise refused
+        end, t, more = self._clock(self.carry), self._clock(), rest._clock()
         direction = self.h
-        if alike and self.rejected is not None and self.bodies is not None:
-            direction = np.sign(end - t[0])  # every body its own
-        if not len(more) or np.any((more[0] - end) * direction < 0.0):
-            raise InvalidInput(
-                f"Trajectory.then: {rest!r} does not begin where {self!r} was to go on"
-            )
+        if self.rejected is not None and self.bodies is not None:  # every body its own
+            direction = np.sign(end - t[0]) if len(t) else 0.0
+        first = more[0] if len(more) else rest._clock(rest.carry)
+        if np.any((first - end) * direction < 0.0):
+            raise refused
         # kept by both
-        again = int(len(self) > 0 and np.all(more[0] == end) and np.all(t[-1] == more[0]))
+        shared = int(
+            len(t) > 0 and len(more) > 0 and bool(np.all(more[0] == end) and np.all(t[-1] == end))
+        )
         return replace(
             rest,
-            t=_both(self.t, rest.t[again:], self.bodies),
+            t=_both(self.t, rest.t[shared:], self.bodies),
             states={
-                name: np.concatenate([x, rest.states[name][again:]])
+                name: np.concatenate([x, rest.states[name][shared:]])
                 for name, x in self.states.items()
             },
             steps=self.steps + rest.steps,
             rejected=None if rest.rejected is None else rest.rejected + (self.rejected or 0),
             events=tuple([_joined(*pair) for pair in zip(self.events, rest.events, strict=False)]),
-            **self._more(rest, again),
+            **self._more(rest, shared),
         )
 
     def _clock(self, carry: Any = None) -> Any:
@@ -470,6 +498,10 @@ class TransformedTrajectory(Trajectory):
             self.system, self.t if self.bodies is None else self.tau, self.states, self.bodies
         )
 
+    @property
+    def _compared(self) -> dict[str, Any]:
+        return super()._compared | {"tau": self.tau, "z": self.z}
+
     def _clock(self, carry: Any = None) -> Any:
         return self.tau if carry is None else carry.tau
 
@@ -500,6 +532,26 @@ class TransformedTrajectory(Trajectory):
         )
 
 
+@dataclass(frozen=True, eq=False, repr=False)
+class TangentTrajectory(Trajectory):
+    """Samples of a motion, and its derivative.
+
+    tangent : by name, "start" or that of a parameter, (n, out, in) matrices: how the state at each
+    sample depends on it.  Rows are the components of the recorded parts of the state in turn; of a
+    group element g the components of eta in dg = g hat(eta).  So are the columns of "start"; those
+    of a parameter are its components.  Of an ensemble of m bodies (n, m, out, in).
+    tau : of a run in fictive time, (n,), the fictive times.  The derivative is that at the same
+    fictive time, and the last row that of the physical time.
+    """
+
+    tangent: dict[str, np.ndarray] = None  # type: ignore[assignment]
+    tau: np.ndarray | None = None
+
+    @property
+    def _compared(self) -> dict[str, Any]:
+        return super()._compared | {"tangent": self.tangent, "tau": self.tau}
+
+
 def _both(first: np.ndarray, second: np.ndarray, bodies: int | None) -> np.ndarray:
     """Times of two runs; of bodies with times of their own (n, bodies)."""
     if first.ndim != second.ndim:
@@ -508,6 +560,18 @@ def _both(first: np.ndarray, second: np.ndarray, bodies: int | None) -> np.ndarr
             for x in (first, second)
         )
     return np.concatenate([first, second])
+
+
+def _same(x: Any, y: Any) -> bool:
+    """Are two parts of runs equal, arrays to the bit?"""
+    if isinstance(x, np.ndarray) or isinstance(y, np.ndarray):
+        alike = np.shape(x) == np.shape(y) and np.asarray(x).dtype == np.asarray(y).dtype
+        return alike and np.asarray(x).tobytes() == np.asarray(y).tobytes()
+    if isinstance(x, dict) and isinstance(y, dict):
+        return x.keys() == y.keys() and all(_same(v, y[name]) for name, v in x.items())
+    if isinstance(x, (list, OfBodies)) and type(x) is type(y):
+        return len(x) == len(y) and all(_same(*pair) for pair in zip(x, y, strict=True))
+    return bool(x == y)
 
 
 def _range(values: Any) -> str:

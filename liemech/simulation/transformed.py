@@ -40,6 +40,7 @@ from .fixed import observed, sample, stepped
 from .fixed_run import FixedRun
 from .prepared import Shape, Steps
 from .progress import Bar
+from .stopped import NONE
 from .trajectory import Trajectory, TransformedTrajectory
 
 SOME = 512
@@ -289,12 +290,10 @@ class TransformedRun:
         self, t: np.ndarray, states: Any, tau: np.ndarray, **more: Any
     ) -> TransformedTrajectory:
         carry = more.pop("carry", None)
-        made = TransformedTrajectory(
-            self.system, self.method, self.h, t, states, tau=tau, origin=self.origin, **more
-        )
-        vars(made)["carry"] = carry
-        if callable(carry):  # it is made when it is asked for
-            vars(made)["_rest"] = SimpleNamespace(carry=vars(made).pop("carry"))
+        known: dict[str, Any] = {"system": self.system, "method": self.method, "h": self.h}
+        known |= {"t": t, "states": states, "tau": tau, "origin": self.origin, "stopped": NONE}
+        rest = SimpleNamespace(carry=carry if callable(carry) else lambda: carry)
+        made: Any = TransformedTrajectory.promised(rest, **known | more)
         if self._back(t):
             error = InvalidTimeScale(
                 "integrate: physical time went back; "
@@ -360,7 +359,8 @@ class March:
         if events:
             start = run.carry.state if run.carry is not None else run.origin.start
             self.first = small_state(type(start), start.arrays)
-            self.watch = Watch(events, self._ended, run.t0, self.first)
+            met = () if run.carry is None else run.carry.met
+            self.watch = Watch(events, self._ended, run.t0, self.first, met)
 
     def _begun(self) -> tuple[Shape, np.ndarray, np.ndarray]:
         """What is prepared, what the method carries along at the start, and the first sample."""
@@ -397,7 +397,8 @@ class March:
                             )
                         )
                     begun = time.perf_counter()
-                    self._more(min(steps, self.limit - int(self.mark.steps)))
+                    most, taken = min(steps, self.limit - int(self.mark.steps)), self.mark.steps
+                    self._more(most if kept is None else kept.within(most))
                     used = time.perf_counter() - begun
                     steps = (
                         2 * steps
@@ -407,8 +408,9 @@ class March:
                         else steps
                     )
                     bar.advance(int(1000 * self._part()) - bar.done)
-                    if kept is not None and kept.due() and not self.mark.ended and self.at is None:
-                        kept.save(self._result())
+                    due = kept is not None and kept.due(int(self.mark.steps - taken))
+                    if due and not self.mark.ended and self.at is None:
+                        kept.save(self._result())  # type: ignore[union-attr]
         except KeyboardInterrupt:
             stopped = IntegrationInterrupted(
                 f"integrate: interrupted at t = {self._time():g}; the samples are in `.trajectory`"
@@ -513,12 +515,11 @@ class March:
         last = sample(self.run.method, read(self.states, 0, self.layout))
         numbers = np.append(self.states, float(whole))
         inner = Carry(self.shape, 0.0, h, whole, None, numbers, np.array(leaves(last, self.shown)))
-        tau = float(self.taus[-1][-1])
+        tau, met = float(self.taus[-1][-1]), () if self.watch is None else self.watch.met
         if (tau - whole * h) * h <= 0.0:
-            return FictiveCarry(self.run.origin, inner)
-        return FictiveCarry(
-            self.run.origin, inner, build(self.shown, iter(self.rows[-1][-1].tolist())), tau
-        )
+            return FictiveCarry(self.run.origin, inner, met=met)
+        ahead = build(self.shown, iter(self.rows[-1][-1].tolist()))
+        return FictiveCarry(self.run.origin, inner, ahead, tau, met)
 
     def _result(self) -> TransformedTrajectory:
         run, numbers, tau = self.run, np.concatenate(self.rows), np.concatenate(self.taus)

@@ -9,9 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import IntegrationFailure
+from ..errors import IntegrationFailure, IntegrationInterrupted
 from ..systems.system import State
 from .carry import Carry
+from .checkpoint import Checkpoint
 from .dense import ShortSteps, unpacked
 from .events import Event, Watch
 from .fixed_run import FixedRun
@@ -28,16 +29,47 @@ NEAR = 4 * np.finfo(float).eps
 
 
 def sampled(
-    plan: Steps, start: State | Carry, steps: int, t0: float, times: np.ndarray
+    plan: Steps,
+    start: State | Carry,
+    steps: int,
+    t0: float,
+    times: np.ndarray,
+    checkpoint: Checkpoint | None = None,
 ) -> Trajectory:
     """A run whose samples are at these times: after the last whole step before each, a shorter one."""
     before = start.step if isinstance(start, Carry) else 0
     after, exact = _steps_before(times, t0, plan.h_of(0))
     row = after - before
     marks = np.unique(np.append(row[row > 0], [steps] if steps else []).astype(np.int64))
-    run = FixedRun(plan, start, steps, t0, marks)
-    whole, shape = run.trajectory(), run.shape
+    run = FixedRun(plan, start, steps, t0, marks, checkpoint)
     at = np.searchsorted(np.concatenate([[0], marks]), row)
+    if checkpoint is not None:
+        shown = checkpoint.shown
+
+        def so_far(part: Trajectory) -> Trajectory:
+            some = row + ~exact <= part.steps
+            own = times[some], after[some], at[some], exact[some]
+            return shown(_between(plan, run, part, *own))
+
+        checkpoint.shown = so_far
+    return _between(plan, run, run.trajectory(), times, after, at, exact)
+
+
+def _between(
+    plan: Steps,
+    run: FixedRun,
+    whole: Trajectory,
+    times: np.ndarray,
+    after: np.ndarray,
+    at: np.ndarray,
+    exact: np.ndarray,
+) -> Trajectory:
+    """The samples at these times, of a run that has kept the whole steps before them.
+
+    after : how many steps there are before each.  at : the number of their sample.  exact : is it
+    the one at this time?
+    """
+    shape = run.shape
     numbers = np.moveaxis(run.out[at][..., : run.count], 1, -1).copy()  # (times, bodies, width)
     moving = np.repeat(~exact[:, None], run.count, axis=1)
     for body, stop in whole.stopped.items():
@@ -92,8 +124,9 @@ class WatchedRun:
         t0: float,
         times: np.ndarray | None,
         events: tuple[Event, ...],
+        checkpoint: Checkpoint | None = None,
     ) -> None:
-        self.plan, self.steps, self.times = plan, steps, times
+        self.plan, self.steps, self.times, self.checkpoint = plan, steps, times, checkpoint
         self.fine = dataclasses.replace(plan, every=1, progress=False)
         begun = FixedRun(self.fine, start, 0, t0)
         self.carry: Carry = begun.trajectory().carry
@@ -103,14 +136,29 @@ class WatchedRun:
         self.kept: list[tuple[np.ndarray, np.ndarray]] = []  # times and numbers of samples
         self._keep(np.array([self.carry.t]), self.carry.last.reshape(1, -1), None)
         self.watch: Any = None
-        self.watch = Watch(events, self._ended, self.carry.t, self.carry.state)
+        met = start.met if isinstance(start, Carry) else ()
+        self.watch = Watch(events, self._ended, self.carry.t, self.carry.state, met)
 
     def trajectory(self) -> Trajectory:
         """Step to the end, or to the first terminal event."""
+        try:
+            return self._trajectory()
+        except IntegrationInterrupted:
+            raise
+        except KeyboardInterrupt:  # not in a step, nor in an event
+            stopped = IntegrationInterrupted(
+                f"integrate: interrupted after {self.before + self.done} of "
+                f"{self.before + self.steps} steps; the samples are in `.trajectory`"
+            )
+            raise self._ended(stopped) from None
+
+    def _trajectory(self) -> Trajectory:
         chunk = CHUNK
         with Bar(self.plan.progress, self.steps) as bar:
             while self.done < self.steps:
                 n = min(chunk, self.steps - self.done)
+                if self.checkpoint is not None:
+                    n = self.checkpoint.within(n)
                 run = FixedRun(self.fine, self.carry, n)
                 run.whole, run.earlier = self.steps - self.done, self.done
                 try:
@@ -123,9 +171,10 @@ class WatchedRun:
                 self.looking = run, taken
                 if self._look(run, taken):
                     return self._result(None)
-                self.looking = None
                 self.carry = taken.carry
                 bar.advance(n)
+                if self.checkpoint is not None and self.checkpoint.due(n):
+                    self.checkpoint.save(self._result(self.carry))
                 chunk = min(2 * chunk, LARGEST)
         return self._result(self.carry)
 
@@ -138,6 +187,7 @@ class WatchedRun:
             taken.system, taken.method, self.shape.example, taken.t, points, self.plan.compiled
         )
         hit = self.watch.look(motion) if taken.steps else None
+        self.looking = None
         t, numbers = taken.t[1:], points[1:]
         if hit is not None:
             k, at, last = hit
@@ -177,6 +227,8 @@ class WatchedRun:
             )
 
     def _result(self, carry: Carry | None) -> Trajectory:
+        if carry is not None:
+            carry = dataclasses.replace(carry, met=self.watch.met)
         t, numbers = (
             np.concatenate([pair[i] for pair in self.kept]) if self.kept else np.empty(0)
             for i in (0, 1)

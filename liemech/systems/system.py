@@ -228,8 +228,13 @@ def frozen(array: np.ndarray, one: tuple[int, ...], bodies: int | None) -> Any:
 def exact_times(t: Any, name: str) -> np.ndarray:
     """One time, (), or a row of them, (n,), finite.  name : of the method that is asked."""
     times = real_array(t, f"{name}: t")
-    if times.ndim > 1 or not np.isfinite(times).all():
-        raise InvalidInput(f"{name}: t must be a finite time or a row of them; got {t!r}")
+    if times.ndim > 1:
+        raise InvalidInput(
+            f"{name}: t must be a time or a row of times; got shape {times.shape}"
+        )
+    finite = np.isfinite(times)
+    if not finite.all():
+        raise InvalidInput(f"{name}: t must be finite; got {times[~finite][0]}")
     return times
 
 

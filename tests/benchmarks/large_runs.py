@@ -66,15 +66,36 @@ def many_bodies() -> None:
 
 
 def interrupted() -> None:
-    exact = lm.Plan(BODY, lm.CovariantVariational(lm.Cayley()), every=10**6, **ALGORITHM_1)
-    rkmk = lm.Plan(BODY, lm.RKMK(order=4), every=10**5, **ALGORITHM_1)
-    adaptive = lm.Plan(BODY, lm.RKMK(order=5), rtol=1e-9, compiled=True, progress=False)
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # shells ignore it in the background
+    quick: Any = dict(compiled=True, progress=False)
+    slow: Any = dict(compiled=False, progress=False)
+    some, kepler = BODY.state(mu=MANY.mu[:1000]), lm.Kepler()
+    planet = kepler.state(q=[0.6, 0.0], p=[0.0, 1.4])
+    exact = lm.Plan(BODY, lm.CovariantVariational(lm.Cayley()), 0.05, every=10**6, **quick)
+    rkmk = lm.Plan(BODY, lm.RKMK(order=4), 0.05, every=10**5, **quick)
+    adaptive = lm.Plan(BODY, lm.RKMK(order=5), rtol=1e-9, **quick)
+    controller = lm.ReversibleController(lm.StormerVerlet(), sigma=lm.DistancePower(1.5))
+    clocked = lm.Plan(kepler, controller, 0.01, every=10**5, **quick)
+    times, product = np.linspace(0.0, 5e6, 1000), [("product", lambda t, s: s.mu[0] * s.mu[1])]
     runs: dict[str, Callable[[], Any]] = {
         "one body": lambda: exact.run(START, steps=10**10),
         "10^6 bodies": lambda: rkmk.run(MANY, steps=10**5),
+        "10^6 bodies, 2 threads": lambda: rkmk.replace(workers=2).run(MANY, steps=10**5),
         "energies": lambda: rkmk.replace(record="energy").run(START, steps=10**9),
+        "a function": lambda: rkmk.replace(record=product, every=1).run(START, steps=10**9),
+        "t_eval": lambda: exact.run(START, steps=10**8, t_eval=times),
+        "events": lambda: exact.replace(events=lambda t, s: s.mu[0]).run(START, steps=10**8),
+        "tangent map": lambda: exact.tangent(START, steps=10**9),
+        "plain Python": lambda: exact.replace(every=1, **slow).run(START, steps=10**8),
         "adaptive": lambda: adaptive.run(START, t_end=1e8, t_eval=[0.0, 1e8]),
-    }
+        "adaptive, all steps": lambda: adaptive.run(START, t_end=1e8),
+        "adaptive, a function": lambda: adaptive.replace(record=product).run(START, t_end=1e8),
+        "adaptive, events": lambda: adaptive.replace(events=lambda t, s: s.mu[0]).run(START, t_end=1e7),
+        "adaptive, 1000 bodies": lambda: adaptive.run(some, t_end=1e6),
+        "adaptive, plain": lambda: adaptive.replace(**slow).run(START, t_end=1e7),
+        "fictive time": lambda: clocked.run(planet, steps=10**9),
+        "fictive time, t_end": lambda: clocked.run(planet, t_end=1e8),
+    }  # fmt: skip
     for name, run in runs.items():
         sent: list[float] = []
 
@@ -86,12 +107,10 @@ def interrupted() -> None:
         timer.start()
         try:
             run()
-        except lm.errors.IntegrationInterrupted as stopped:
-            print(
-                f"Ctrl-C, {name}: {time.perf_counter() - sent[0]:.2f} s later "
-                f"{len(stopped.trajectory)} samples",
-                flush=True,
-            )
+        except KeyboardInterrupt as stopped:  # before the first step one without a trajectory
+            later = time.perf_counter() - sent[0]
+            samples = len(getattr(stopped, "trajectory", ()))
+            print(f"Ctrl-C, {name}: {later:.2f} s later {samples} samples", flush=True)
         else:
             timer.cancel()
             print(f"Ctrl-C, {name}: the run came to its end before")

@@ -329,3 +329,14 @@ def test_faces() -> None:
         "HeavyTop(inertia=Vec(1.0, 1.5, 0.7), weight=1.3, centre=Vec(0.6, 0.0, 0.8))"
     )
     assert SE3() == FallingBody([1.0, 1.5, 0.7], 1.0).configurations
+
+
+@pytest.mark.parametrize("times", [[[0.0, 1.0]], float("nan"), [0.0, float("inf")]], ids=str)
+def test_exact_motions_refuse_times_alike(times: Any) -> None:
+    turning, falling = lm.RigidBody([1.0, 1.5, 2.0]), lm.FallingBody([1.0, 1.5, 2.0], 1.0)
+    for system, start in (
+        (turning, turning.state([0.5, 0.1, 0.8])),
+        (falling, falling.state([0.5, 0.1, 0.8, 0.0, 0.0, 1.0], np.eye(4))),
+    ):
+        with pytest.raises(lm.errors.InvalidInput, match=f"{type(system).__name__}.exact: t must"):
+            system.exact(start, times)

@@ -241,8 +241,6 @@ def test_what_a_plan_was_given_is_kept_as_it_was() -> None:
     one = lm.Plan(BODY, ALGORITHM_1, 0.1, compensated=False, compiled=False).run(START, steps=2)
     with pytest.raises(lm.errors.InvalidInput, match="another `compensated`"):
         lm.Plan(BODY, ALGORITHM_1, 0.1, compiled=False).resume(one, steps=1)
-    with pytest.raises(lm.errors.InvalidInput, match="has more than samples"):
-        lm.Plan(BODY, ALGORITHM_1, 0.1, compiled=False).tangent(START, steps=1).save("run.npz")
 
 
 @lm.record

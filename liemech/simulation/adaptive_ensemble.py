@@ -1,0 +1,484 @@
+"""Ensembles with adaptive steps: bodies side by side in the lanes of native code, each with its own
+step and its own end.  Lanes whose bodies have come to their end take the next ones.
+"""
+
+from __future__ import annotations
+
+import functools
+import os
+import time
+from contextlib import nullcontext
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from ..compiler import kernel
+from ..compiler.driver import accepted, attempt, itself
+from ..errors import IntegrationFailure, IntegrationInterrupted, NotCompilable, is_mistake
+from ..formulas.pytree import build, layout_of
+from ..systems.system import State
+from . import arguments
+from .adaptive import CLOCK, FRESH, adaptive_lanes
+from .adaptive_run import AdaptiveRun
+from .carry import AdaptiveCarry, Carries, Ended, Waiting
+from .dense import DenseOutput, flat, packed, unpacked
+from .execution import Execution, numbers_of
+from .fixed_run import PATIENCE, pool
+from .one_by_one import OneByOne
+from .prepared import Prepared
+from .progress import Bar
+from .stopped import Stopped
+from .systems import OfBodies
+from .trajectory import Trajectory
+
+ROOM = 1024
+"""Bodies of a thread whose numbers stay in the cache."""
+
+TURNS, LONGEST, WORK = 8, 256, 2**13
+"""Trials of a body between two looks at who has come to the end: at least and at most, and of all
+bodies together.
+"""
+
+ROWS = 2**17
+"""Samples inside of steps whose states are found at once."""
+
+TRIALS = 2**10
+"""Trials of all bodies together that are worth a thread."""
+
+
+class Lanes(Prepared):
+    """The layouts of bodies side by side, and the code that makes their steps.
+
+    own : numbers of systems and methods of which every body has its own.  Others as in `Shape`.
+    """
+
+    def __init__(self, plan: Any, example: State, xi: Any, curves: bool) -> None:
+        method, system = plan.method, plan.system
+        self.example, self.curves = example, curves
+        self.state, self.layout = layout_of(example), layout_of((example, xi))
+        self.row = layout_of((0.0, example, (xi,) * method.curve_terms if curves else ()))
+        self.own: list[np.ndarray] = []
+        self.constants, things = b"", []
+        for thing in (method, system):
+            if isinstance(thing, OfBodies):
+                things.append(kernel.Several.of(thing.members, len(thing)))
+                self.own.append(things[-1].columns)
+            else:
+                things.append(thing)
+                self.constants += numbers_of(thing)
+        self.arguments = things[0], things[1], self.layout, self.row
+        none = np.empty(0)
+        call = adaptive_lanes, *self.arguments, curves, 1, none, none, none, none
+        asked, progress = plan._given["compiled"], plan._given["progress"]
+        self.stepping = Execution(asked, progress, *call, lanes=kernel.width(), silent=True)
+
+
+class AdaptiveEnsemble(OneByOne):
+    """A run of an ensemble with adaptive steps: one body after another in plain Python until native
+    code pays, the others side by side.
+
+    first : the body from which on they are.
+    table : a column for each body: state and velocity, `numbers`; below these what the controller
+    carries along, `clocks`; where they are to go, `goals`; parameters of their own.  parts : where
+    these begin.
+    samples : (n, bodies, width) the states at the times that are asked for.  told : how many of
+    these each has reached.
+    """
+
+    first: int | None = None
+
+    @staticmethod
+    def fits(plan: Any, kept: Any) -> bool:
+        """Is there nothing to do but to step, in native code?"""
+        alone = plan.events or plan._given["breaks"] or plan._given["dense"] or kept is not None
+        return plan._given["compiled"] is not False and not alone and kernel.available() is None
+
+    def _check(self) -> None:
+        """Refuse what a body cannot be asked for; plans of single bodies are made if needed."""
+        own, given = self.plan.of_each, self.plan._given
+        tolerance, count = arguments.tolerance, self.count
+        checked = {
+            "rtol": lambda x: tolerance(x, "rtol", arguments.RTOL),
+            "atol": lambda x: tolerance(x, "atol", arguments.ATOL),
+            "max_step": arguments.longest,
+            "h": lambda h: 0.0 if h is None else arguments.step(h),
+        }
+        numbers = {}
+        for name, check in checked.items():
+            values = [check(x) for x in own[name]] if name in own else check(given[name])
+            numbers[name] = np.broadcast_to(np.array(values, dtype=float), count)
+        limit = self._steps
+        limit = arguments.MOST if limit is None else arguments.count(limit, "steps", 1)
+        self.limit = limit
+        self.t0 = self._times_of_starts()
+        end = np.array(self.ends, dtype=float)
+        self.goals = np.array(
+            [end, numbers["rtol"], numbers["atol"], numbers["max_step"], np.full(count, limit)]
+        )
+        self.first_steps = np.copysign(numbers["h"], end - self.t0)
+        self.asked = self._all_times(end)
+
+    def _times_of_starts(self) -> np.ndarray:
+        if isinstance(self._start, Carries):
+            return np.array([one.t for one in self._start.members])
+        return np.full(self.count, self._t0)
+
+    def _all_times(self, end: np.ndarray) -> np.ndarray:
+        """When samples are asked for, (n, bodies)."""
+        if self._t_eval is None:
+            return np.array([self.t0, end])
+        shared = arguments.axes(self._t_eval, "t_eval") == 1
+        if shared and (self.t0 == self.t0[0]).all() and (end == end[0]).all():
+            times: Any = self.times_of(0)
+            return np.broadcast_to(times[:, None], (len(times), self.count))
+        return np.stack([self.times_of(i) for i in range(self.count)], axis=1)  # type: ignore[misc]
+
+    # ---------------------------------------------------------------- one body, as far as needed
+
+    @functools.cached_property
+    def lanes(self) -> Lanes | None:
+        """The code for bodies side by side; None if no body can begin, or if it is refused."""
+        inside = (self.asked != self.t0) & (self.asked != self.goals[0])
+        dense, steps = bool(inside.any()), self.plan._steps
+        for i in range(self.count):
+            begun = self.begun(i)
+            system, _ = self._of_body(i)
+            xi = attempt(system.rate, begun.t, system.essential_part(begun.state))
+            if isinstance(begun, Ended) or not accepted(xi, itself):
+                continue
+            if any(type(x) is complex for x in xi):  # a power of a negative number
+                continue
+            key = "side by side", layout_of(begun.state), dense
+            shape = None if self.plan.of_each else steps.shapes.get(key)
+            try:
+                if shape is None:
+                    shape = Lanes(self.plan, begun.state, xi, dense)
+                    if not self.plan.of_each:
+                        steps.shapes[key] = shape
+                else:
+                    shape.stepping.again()
+            except NotCompilable:
+                return None
+            return shape
+        return None
+
+    def _of_body(self, i: int) -> tuple[Any, Any]:
+        system, method = self.plan.system, self.plan.method
+        return (
+            system[i] if isinstance(system, OfBodies) else system,
+            method[i] if isinstance(method, OfBodies) else method,
+        )
+
+    def _run(self, i: int) -> Trajectory:
+        with nullcontext() if self.lanes is None else self.lanes.stepping.plain():
+            return super()._run(i)
+
+    # ---------------------------------------------------------------- side by side
+
+    def _side_by_side(self, first: int, bar: Bar) -> bool:
+        if self.lanes is None or not self.lanes.stepping.ready(first / self.count):
+            return False
+        self.first = first
+        self._begin()
+        try:
+            self._march(bar)
+            self._move()
+        except KeyboardInterrupt:
+            left = int((self._unfinished & ~self._failed).sum())
+            told = f"integrate: interrupted before {left} of {self.count} bodies came to the end"
+            self._move()
+            stopped = IntegrationInterrupted(f"{told}; the samples are in `.trajectory`")
+            stopped.trajectory = self._joined()
+            raise stopped from None
+        failed = np.flatnonzero(self._failed)
+        error: Any = self._error(int(failed[0])) if len(failed) else None
+        if is_mistake(error):
+            error.add_note(f"[integrate: body {failed[0]}]")
+            error.trajectory = self._joined()
+            raise error
+        return True
+
+    def _begin(self) -> None:
+        """Lay down where all bodies stand."""
+        lanes: Any = self.lanes
+        count, width = self.count, lanes.state.width
+        parts = [np.zeros((lanes.layout.width, count)), np.zeros((CLOCK.width, count))]
+        parts += [self.goals, *lanes.own]
+        self.table = np.concatenate(parts)
+        self.parts = np.cumsum([len(part) for part in parts[:-1]])
+        self.numbers, self.clocks, *_ = np.split(self.table, self.parts)
+        self.over = np.zeros(count, dtype=bool)  # bodies that had ended before
+        # rows of samples inside of steps, of which the states are still to be found
+        self.within: list[Any] = []
+        self.rows = 0
+        if isinstance(self._start, State):
+            at = 0
+            for part in self._start.arrays.values():
+                rows = flat({"": part}, count)
+                self.numbers[at : at + rows.shape[1]] = rows.T
+                at += rows.shape[1]
+            self._fresh(slice(None))
+        else:
+            for i in range(count):
+                self._take_up(i, self.begun(i))
+        self.samples = np.empty((len(self.asked), count, width))
+        at_start = self.asked == self.t0
+        self.told = np.logical_and.accumulate(at_start, axis=0).sum(axis=0)  # the first ones
+        self.samples[:] = np.where(at_start[..., None], self.numbers[:width].T, 0.0)
+
+    def _fresh(self, some: Any) -> None:
+        """Bodies at their starts."""
+        self.clocks[:, some] = np.array([0.0, 0.0, *FRESH])[:, None]
+        self.clocks[0, some], self.clocks[1, some] = self.t0[some], self.first_steps[some]
+
+    def _take_up(self, i: int, begun: Any) -> None:
+        """A body where another run left it."""
+        if isinstance(begun, AdaptiveCarry):
+            self.numbers[:, i], self.clocks[:, i] = begun.numbers, begun.clock
+            self.clocks[3:5, i] = 0.0
+            if self.clocks[1, i] * (self.goals[0, i] - begun.t) < 0.0:
+                self.clocks[1, i] = -self.clocks[1, i]
+            return
+        lanes: Any = self.lanes
+        self.numbers[: lanes.state.width, i] = packed(begun.state)
+        self._fresh(slice(i, i + 1))
+        self.over[i] = isinstance(begun, Ended)
+
+    @property
+    def _unfinished(self) -> np.ndarray:
+        """Which bodies are not at the end?"""
+        alone: Any = self.first
+        left = (self.clocks[0] != self.goals[0]) & ~self.over
+        left[:alone] = False
+        return left
+
+    @property
+    def _failed(self) -> np.ndarray:
+        """Which bodies go no further, though they are not at the end?"""
+        return self._unfinished & self._ended(self.table[self.parts[0] :])
+
+    def _march(self, bar: Bar) -> None:
+        """Trials of as many bodies as the lanes hold, again and again, until all have ended."""
+        lanes: Any = self.lanes
+        side, workers = lanes.stepping.lanes, self.plan._given["workers"]
+        width, changed = lanes.state.width, lanes.layout.width + CLOCK.width
+        room, least, work = ROOM * workers, TURNS, WORK * workers
+        queue = np.flatnonzero(self._unfinished)
+        bodies, queue = queue[:room], queue[room:]
+        columns = self.table.take(_padded(bodies, side), axis=1)
+        while len(bodies):
+            m, padded = len(bodies), columns.shape[1]
+            turns = max(least, min(LONGEST, work // padded))
+            out = np.empty((turns + 1 if lanes.curves else 0, lanes.row.width, padded))
+            if lanes.curves:
+                out[:, 0] = columns[lanes.layout.width]
+                out[0, 1 : 1 + width] = columns[:width]
+            begun = time.perf_counter()
+            self._piece(columns, out[1:], turns)
+            if time.perf_counter() - begun > PATIENCE:  # somebody may want to interrupt it
+                room, least, work = max(side, room // 4), max(1, least // 2), work // 4
+            self.table[:changed, bodies] = columns[:changed, :m]
+            if lanes.curves:
+                self._sample(bodies, out[:, :, :m])
+            going = ~self._ended(columns[lanes.layout.width :, :m])
+            ended = m - int(going.sum())
+            if (ended and (len(queue) or 4 * ended >= m)) or m > room:
+                bodies = bodies[going]
+                queue = np.concatenate([bodies[room:], queue]) if len(bodies) > room else queue
+                free = max(0, room - len(bodies))
+                bodies, queue = np.concatenate([bodies[:room], queue[:free]]), queue[free:]
+                columns = self.table.take(_padded(bodies, side), axis=1)
+                bar.advance(ended)
+
+    def _ended(self, rows: np.ndarray) -> np.ndarray:
+        """Which bodies have come to the end, or fail?  rows : clocks, and goals below them."""
+        return (
+            (rows[0] == rows[CLOCK.width])  # the time is the last one
+            | (rows[5] > 0.0)
+            | (rows[3] >= self.limit)
+        )
+
+    def _piece(self, columns: np.ndarray, out: np.ndarray, turns: int) -> None:
+        """So many trials of the bodies in these columns, perhaps in threads."""
+        lanes: Any = self.lanes
+        side, workers = lanes.stepping.lanes, self.plan._given["workers"]
+        padded = columns.shape[1]
+        numbers, clocks, goals, *own = np.split(columns, self.parts)
+        arrays = *own, goals, numbers, clocks, out
+        run = lanes.stepping.native.run
+        call = functools.partial(run, lanes.constants, (turns,), arrays, padded)
+        threads = max(1, min(workers, padded * turns // TRIALS, padded // side))
+        share = -(-padded // (threads * side)) * side
+        others = [
+            pool(workers, os.getpid()).submit(call, i, min(i + share, padded))
+            for i in range(share, padded, share)
+        ]
+        call(0, min(share, padded))  # native code does not hold the interpreter's lock
+        for other in others:
+            other.result()
+
+    # ---------------------------------------------------------------- samples
+
+    def _sample(self, bodies: np.ndarray, out: np.ndarray) -> None:
+        """Keep the states that are asked for in the last trials: rows of time, state, and the way
+        there, (turns + 1, width, bodies); the first is that before.
+        """
+        lanes: Any = self.lanes
+        width, before = lanes.state.width, self.told[bodies]
+        reached = self._passed(bodies, out[1:, 0])
+        reached = np.maximum.accumulate(np.concatenate([before[None], reached]), axis=0)
+        new = np.diff(reached, axis=0)
+        turn, column = new.nonzero()
+        if not len(turn):
+            return
+        many = new[turn, column]
+        place = np.arange(many.sum()) - np.repeat(many.cumsum() - many, many)
+        turn, column = turn.repeat(many), column.repeat(many)
+        sample, body = reached[turn, column] + place, bodies[column]
+        times, t = self.asked[sample, body], out[turn + 1, 0, column]
+        numbers = out[turn + 1, 1 : 1 + width, column]
+        inside = np.flatnonzero(times != t)
+        if len(inside):
+            turn, column = turn[inside], column[inside]
+            self.rows += len(inside)
+            begun = out[turn, 0, column]
+            given = np.empty((len(inside), lanes.row.width))
+            given[:, :width] = out[turn, 1 : 1 + width, column]
+            given[:, width:-1] = out[turn + 1, 1 + width :, column]
+            given[:, -1] = (times[inside] - begun) / (t[inside] - begun)
+            self.within.append((given, times[inside], sample[inside], body[inside]))
+        self.samples[sample, body] = numbers
+        self.told[bodies] = reached[-1]
+        if self.rows > ROWS:
+            self._move()
+
+    def _move(self) -> None:
+        """Let the states that lie inside of steps be where they are asked for."""
+        if self.within:
+            given, times, sample, body = map(np.concatenate, zip(*self.within, strict=True))
+            self.within, self.rows = [], 0
+            self.samples[sample, body] = self._moved(given, times, body)
+
+    def _passed(self, bodies: np.ndarray, t: np.ndarray) -> np.ndarray:
+        """How many of the times that are asked for lie before these, (turns, bodies)?"""
+        sign = np.where(self.goals[0, bodies] >= self.t0[bodies], 1.0, -1.0)
+        if self.asked.strides[1] == 0:  # all are asked for at the same
+            return np.searchsorted(sign[0] * self.asked[:, 0], sign[0] * t, "right")
+        found = np.empty(t.shape, dtype=np.intp)
+        for i, body in enumerate(bodies):
+            found[:, i] = np.searchsorted(sign[i] * self.asked[:, body], sign[i] * t[:, i], "right")
+        return found
+
+    def _moved(self, given: np.ndarray, times: np.ndarray, body: np.ndarray) -> np.ndarray:
+        """States inside of steps, from the rows of the dense output."""
+        lanes: Any = self.lanes
+        compiled = self.plan._given["compiled"]
+        several = isinstance(self.plan.system, OfBodies) or isinstance(self.plan.method, OfBodies)
+        if not several:
+            groups: list[Any] = [slice(None)]
+        else:
+            order = np.argsort(body, kind="stable")
+            groups = np.split(order, np.flatnonzero(np.diff(body[order])) + 1)
+        found = np.empty((len(given), lanes.state.width))
+        for some in groups:
+            system, method = self._of_body(int(body[some][0]))
+            dense = DenseOutput(
+                system, method.retraction, lanes.example, given[:0], method.dense_order, compiled
+            )
+            found[some] = dense.along(given[some], times[some])
+        return found
+
+    # ---------------------------------------------------------------- all of them as one
+
+    def _error(self, i: int) -> Any:
+        """Why a body stopped: what its next step fails of in plain Python."""
+        if i in self.errors:
+            return self.errors[i]
+        begun, t0 = self.begun(i), float(self.t0[i])
+        start = begun.state if isinstance(begun, Waiting) else begun
+        try:
+            run = AdaptiveRun(
+                self.plan_of(i)._steps, start, t0, self.ends[i], self.limit, self.times_of(i), ()
+            )
+        except IntegrationFailure as error:  # it has no velocity at the start
+            return error
+        return run.failed(
+            self.numbers[:, i].copy(), self.clocks[:, i].copy(), self.samples[: self.told[i], i]
+        )
+
+    def _joined(self, unfinished: Trajectory | None = None) -> Trajectory:
+        if self.first is None:
+            return super()._joined(unfinished)
+        lanes: Any = self.lanes
+        count, alone, width = self.count, self.first, lanes.state.width
+        final, t = self.numbers[:width].T, np.array(self.asked)
+        left = np.arange(len(t))[:, None] >= self.told
+        np.copyto(self.samples, final, where=left[..., None])
+        failed, unfinished_ones = self._failed, self._unfinished
+        standing = unfinished_ones & ~failed  # it was interrupted
+        np.copyto(t, self.clocks[0], where=left & standing)
+        for i in np.flatnonzero(self.over).tolist():
+            self.samples[:, i] = final[i]
+            begun: Ended = self.begun(i)
+            if begun.error is None or (len(t) and begun.t != t[0, i]):
+                t[:, i] = begun.t
+            elif begun.error is not None:
+                self.errors[i] = begun.error
+        for i, run in enumerate(self.runs):
+            way = self._filled(i, run, len(t), self._carried(i, run))
+            t[:, i] = way.pop("")
+            self.samples[:, i] = flat(way, len(t))
+        if not self.own_times and (t == t[:, :1]).all():
+            t = t[:, 0].copy()
+        steps, rejected = self.clocks[3].astype(int), self.clocks[4].astype(int)
+        reached = self.clocks[0].copy()
+        steps[self.over], rejected[self.over], reached[self.over] = 0, 0, self.t0[self.over]
+        h = (reached - self.t0) / np.maximum(1, steps)
+        for i, run in enumerate(self.runs):
+            steps[i], rejected[i], h[i] = run.steps, run.rejected or 0, run.h
+        stopped = {int(i): int(steps[i]) for i in np.flatnonzero(failed)}
+        stopped |= {i: self._taken(i, self.runs[i]) for i in self.errors if i < alone}
+        stopped |= {i: self.begun(i).steps for i in self.errors if i >= alone and self.over[i]}
+        states = unpacked(lanes.state, self.samples)
+        return Trajectory.promised(
+            SimpleNamespace(carry=functools.cache(self._carries)),
+            system=self.plan.system,
+            method=self.plan.method,
+            h=float(np.mean(h)),
+            t=t,
+            states=states,
+            bodies=count,
+            steps=int(steps.max()),
+            compiled=all(run.compiled for run in self.runs),
+            stopped=Stopped(dict(sorted(stopped.items())), self._error),
+            rejected=int(rejected.sum()),
+            dense=None,
+            events=(),
+            observed=(),
+        )
+
+    def _carries(self) -> Carries | None:
+        """Where all bodies stand."""
+        members: list[Any] = [self._carried(i, run) for i, run in enumerate(self.runs)]
+        lanes: Any = self.lanes
+        failed = self._failed
+        for i in range(len(members), self.count):
+            begun = self.begun(i)
+            if self.over[i]:
+                members.append(begun)
+                continue
+            numbers, clock = self.numbers[:, i].copy(), self.clocks[:, i].copy()
+            state = build(lanes.state, iter(numbers[: lanes.state.width].tolist()))
+            if failed[i]:
+                members.append(Ended(state, self.ends[i], int(clock[3]), self._error(i)))
+            elif isinstance(begun, Waiting) and clock[6] > 0.0 and clock[0] != self.goals[0, i]:
+                members.append(begun)
+            else:
+                members.append(AdaptiveCarry(numbers, clock, state, float(clock[0])))
+        return None if all(isinstance(one, Ended) for one in members) else Carries(tuple(members))
+
+
+def _padded(places: np.ndarray, side: int) -> np.ndarray:
+    """Numbers of columns, the last one repeated for the lanes that are left over."""
+    return np.concatenate([places, places[-1:].repeat(-len(places) % side)])

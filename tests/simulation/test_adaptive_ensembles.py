@@ -1,0 +1,279 @@
+"""Adaptive ensembles in the lanes of native code: bit for bit what every body does alone."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import liemech as lm
+from liemech.errors import IntegrationFailure, StepTooSmall
+from liemech.simulation import adaptive_ensemble
+from liemech.simulation.one_by_one import OneByOne
+from liemech.tableaus import BOGACKI_SHAMPINE3
+
+pytestmark = pytest.mark.compiled
+
+METHOD = lm.RKMK(tableau=BOGACKI_SHAMPINE3)
+BODY, RNG = lm.RigidBody([1.0, 1.5, 2.0]), np.random.default_rng(7)
+MU = RNG.normal(size=(40, 3)) * RNG.uniform(0.1, 4.0, size=(40, 1))
+PLAN = lm.Plan(BODY, METHOD, rtol=1e-5, progress=False)
+TIMES = np.array([0.0, 0.3, 0.30001, 1.0, 1.0, 1.7, 2.0])
+
+
+@pytest.fixture(autouse=True)
+def small_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Few bodies at once, and few trials, so that lanes take the next bodies often."""
+    monkeypatch.setattr(adaptive_ensemble, "ROOM", 16)
+    monkeypatch.setattr(adaptive_ensemble, "LONGEST", 8)
+    monkeypatch.setattr(adaptive_ensemble, "TRIALS", 1)
+    monkeypatch.setattr(adaptive_ensemble, "ROWS", 20)
+
+
+def native(**changed: Any) -> lm.Plan:
+    return PLAN.replace(compiled=True, **changed)
+
+
+def alone(i: int, plan: lm.Plan = PLAN, **how: Any) -> lm.Trajectory:
+    return plan.run(BODY.state(mu=MU[i]), **how)
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+@pytest.mark.parametrize("bodies", [1, 3, 8, 17, 40])
+def test_every_body_is_what_it_is_alone(bodies: int, workers: int) -> None:
+    """Only the ends, which differ; whatever the number of bodies, of lanes and of threads."""
+    ends = np.linspace(0.5, 6.0, bodies)
+    ends[0] = 0.0  # it has nowhere to go
+    runs = native(workers=workers).run(BODY.state(mu=MU[:bodies]), t_end=ends)
+    assert runs.compiled and runs.t.shape == (2, bodies) and not runs.stopped
+    many = [alone(i, t_end=ends[i], t_eval=[0.0, ends[i]]) for i in range(0, bodies, 3)]
+    for i, one in zip(range(0, bodies, 3), many, strict=True):
+        assert np.array_equal(runs.mu[:, i], one.mu) and np.array_equal(runs.t[:, i], one.t)
+    if bodies < 4:
+        whole = [alone(i, t_end=ends[i]) for i in range(bodies)]
+        assert runs.steps == max(one.steps for one in whole)
+        assert runs.rejected == sum(one.rejected or 0 for one in whole)
+        assert runs.h == np.mean([one.h for one in whole])
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("own", [False, True])
+def test_samples_between_the_steps(sign: float, own: bool) -> None:
+    """At the same times, and every body at its own; forwards and backwards."""
+    times = sign * (TIMES[:, None] * np.linspace(1.0, 2.0, 17) if own else TIMES)
+    t_end = times[-1]
+    runs = native().run(BODY.state(mu=MU[:17]), t_end=t_end, t_eval=times)
+    for i in range(0, 17, 4):
+        mine = times[:, i] if own else times
+        one = alone(i, t_end=mine[-1], t_eval=mine)
+        assert np.array_equal(runs.mu[:, i], one.mu)
+    assert np.array_equal(runs.t, times)
+
+
+def test_pieces_become_shorter_where_they_take_long(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Bodies that wait for the others in the middle of their way go on where they stood."""
+    whole = native().run(BODY.state(mu=MU), t_end=4.0, t_eval=TIMES)
+    monkeypatch.setattr(adaptive_ensemble, "PATIENCE", 0.0)
+    monkeypatch.setattr(adaptive_ensemble, "ROOM", 32)
+    slow = native().run(BODY.state(mu=MU), t_end=4.0, t_eval=TIMES)
+    assert np.array_equal(slow.mu, whole.mu) and slow.steps == whole.steps
+    assert np.array_equal(slow.carry.state.mu, whole.carry.state.mu)
+
+
+def test_no_samples_are_asked_for() -> None:
+    runs = native().run(BODY.state(mu=MU[:9]), t_end=2.0, t_eval=[])
+    assert len(runs) == 0 and runs.mu.shape == (0, 9, 3)
+    assert np.array_equal(runs.carry.state.mu[4], alone(4, t_end=2.0).mu[-1])
+
+
+def test_parameters_and_tolerances_of_every_body() -> None:
+    bodies = [lm.RigidBody([1.0, 1.5 + 0.02 * i, 2.0]) for i in range(11)]
+    rtol, longest = 10.0 ** -np.linspace(2.0, 6.0, 11), np.linspace(0.05, 1.0, 11)
+    given: dict[str, Any] = dict(rtol=rtol, atol=1e-9, max_step=longest, h=0.2 * longest)
+    plan = lm.Plan(bodies, METHOD, compiled=True, **given)
+    runs = plan.run(BODY.state(mu=MU[:11]), t_end=2.0, t_eval=TIMES)
+    for i in (0, 4, 10):
+        own = {name: x[i] if np.ndim(x) else x for name, x in given.items()}
+        one = lm.Plan(bodies[i], METHOD, **own).run(BODY.state(mu=MU[i]), t_end=2.0, t_eval=TIMES)
+        assert np.array_equal(runs.mu[:, i], one.mu)
+
+
+def test_an_ensemble_goes_on_and_is_divided() -> None:
+    starts = BODY.state(mu=MU[:17])
+    whole = native().run(starts, t_end=[2.0] * 17, t_eval=TIMES)
+    first = native().run(starts, t_end=np.linspace(0.5, 1.5, 17))
+    second = native().resume(first, t_end=2.0)
+    for i in (0, 8, 16):
+        begun = alone(i, t_end=np.linspace(0.5, 1.5, 17)[i])
+        assert np.array_equal(second.mu[-1, i], PLAN.resume(begun, t_end=2.0).mu[-1])
+    with ThreadPoolExecutor(2) as executor:
+        spread = native().run(starts, t_end=2.0, t_eval=TIMES, executor=executor)
+    assert np.array_equal(spread.mu, whole.mu)
+    back = native().resume(first, t_end=0.0)
+    assert np.array_equal(back.mu[-1, 3], PLAN.resume(alone(3, t_end=first.t[-1, 3]), t_end=0.0).mu[-1])
+
+
+def test_functions_of_the_state() -> None:
+    runs = native(record=["energy"]).run(BODY.state(mu=MU[:9]), t_end=2.0, t_eval=TIMES)
+    mu = native().run(BODY.state(mu=MU[:9]), t_end=2.0, t_eval=TIMES).mu
+    assert np.array_equal(runs.energy, BODY.energy(mu))
+
+
+def test_plain_python_begins_and_lanes_take_over(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The bits do not tell where."""
+    ensemble = adaptive_ensemble.AdaptiveEnsemble
+    whole = native().run(BODY.state(mu=MU[:19]), t_end=2.0, t_eval=TIMES)
+    later = ensemble._side_by_side
+    monkeypatch.setattr(ensemble, "_run", OneByOne._run)
+    monkeypatch.setattr(ensemble, "_side_by_side", lambda self, i, bar: i > 6 and later(self, i, bar))
+    mixed = native().run(BODY.state(mu=MU[:19]), t_end=2.0, t_eval=TIMES)
+    assert np.array_equal(mixed.mu, whole.mu) and mixed.steps == whole.steps
+    assert mixed.h == whole.h and mixed.rejected == whole.rejected
+    again = [native().resume(run, t_end=2.5) for run in (mixed, whole)]
+    assert np.array_equal(again[0].mu, again[1].mu)
+
+
+# ------------------------------------------------------------------ bodies that fail
+
+
+@lm.record
+class Blowing(lm.Hamiltonian):
+    """mu_3' = mu_3^2 at mu = (1, 0, mu_3) on R^3 with one bracket: without bound at t = 1 / mu_3."""
+
+    def energy(self, mu: lm.Vec) -> float:
+        return mu[0] * mu[2] * mu[2] * mu[1]
+
+
+UNBOUNDED = lm.LiePoissonSystem(lm.SO3(), Blowing())
+STARTS = np.array([[0.0, 0.0, 1.0], [1.0, 2.0, 3.0], [0.0, 1.0, 0.0], [0.3, 0.2, 0.1]])
+
+
+@pytest.mark.parametrize("compiled", [True, False])
+@pytest.mark.parametrize("t_eval", [None, [0.0, 0.1, 50.0]])
+def test_a_body_that_fails_stands_at_its_last_accepted_state(compiled: bool, t_eval: Any) -> None:
+    """It is told with its steps and the reason, as it is alone; the others come to the end."""
+    plan = lm.Plan(UNBOUNDED, METHOD, rtol=1e-4, compiled=compiled, progress=False)
+    with pytest.raises(StepTooSmall) as caught:
+        plan.replace(dense=True).run(UNBOUNDED.state(mu=STARTS[1]), t_end=50.0, steps=40)
+    single = caught.value.trajectory
+    with pytest.warns(RuntimeWarning, match="1 of 4 bodies stopped early: body 1 after 40 steps"):
+        runs = plan.run(UNBOUNDED.state(mu=STARTS), t_end=50.0, steps=40, t_eval=t_eval)
+    assert [*runs.stopped] == [1] and runs.stopped[1].steps == single.steps == 40
+    assert str(runs.stopped[1].error) == str(caught.value)
+    assert isinstance(runs.stopped[1].error, IntegrationFailure)
+    assert np.array_equal(runs.mu[-1, 1], single.mu[-1])
+    for i in (0, 2, 3):
+        one = plan.run(UNBOUNDED.state(mu=STARTS[i]), t_end=50.0, t_eval=[50.0])
+        assert np.array_equal(runs.mu[-1, i], one.mu[-1])
+    with pytest.warns(RuntimeWarning, match="1 of 4 bodies stopped early: body 1"):
+        rest = plan.resume(runs, t_end=51.0)
+    assert np.array_equal(rest.mu[-1, 1], single.mu[-1]) and rest.stopped[1].steps == 40
+
+
+@pytest.mark.parametrize("compiled", [True, False])
+def test_a_body_whose_step_becomes_too_small(compiled: bool, tmp_path: Path) -> None:
+    """A planet falls into the sun: alone and beside others it fails at the same step."""
+    kepler = lm.Kepler()
+    plan = lm.Plan(kepler, METHOD, rtol=1e-4, compiled=compiled, progress=False)
+    q, p = [[0.6, 0.0], [0.5, 0.0], [0.7, 0.0]], [[0.0, 1.4], [0.0, 0.0], [0.0, 1.1]]
+    with pytest.raises(IntegrationFailure) as caught:
+        plan.run(kepler.state(q=q[1], p=p[1]), t_end=2.0)
+    single: Any = caught.value
+    with pytest.warns(RuntimeWarning, match="1 of 3 bodies stopped early: body 1"):
+        runs = plan.run(kepler.state(q=q, p=p), t_end=2.0)
+    assert str(runs.stopped[1].error) == str(single)
+    assert np.array_equal(runs.q[-1, 1], single.trajectory.q[-1])
+    assert runs.stopped[1].steps == single.trajectory.steps
+    runs.save(tmp_path / "runs.npz")
+    assert np.array_equal(lm.Trajectory.load(tmp_path / "runs.npz").q, runs.q)
+
+
+def test_a_body_that_cannot_begin() -> None:
+    """The first one has no velocity at its start; the next ones have."""
+    kepler = lm.Kepler()
+    plan = lm.Plan(kepler, METHOD, rtol=1e-4, compiled=True, progress=False)
+    starts = kepler.state(q=[[0.0, 0.0], [0.6, 0.0]], p=[[0.0, 1.0], [0.0, 1.4]])
+    with pytest.warns(RuntimeWarning, match="1 of 2 bodies stopped early: body 0 after 0 steps"):
+        runs = plan.run(starts, t_end=1.0)
+    one = plan.run(kepler.state(q=[0.6, 0.0], p=[0.0, 1.4]), t_end=1.0)
+    assert np.array_equal(runs.q[-1, 1], one.q[-1])
+    assert np.array_equal(runs.q[:, 0], np.zeros((2, 2)))
+
+
+def test_an_interrupt_leaves_every_body_where_it_stands(monkeypatch: pytest.MonkeyPatch) -> None:
+    """From there all go on, and come to the same bits."""
+    piece, left = adaptive_ensemble.AdaptiveEnsemble._piece, [3]
+
+    def pressed(self: Any, *args: Any) -> None:
+        left[0] -= 1
+        if not left[0]:
+            raise KeyboardInterrupt
+        piece(self, *args)
+
+    starts = BODY.state(mu=MU[:19])
+    whole = native().run(starts, t_end=5.0)
+    monkeypatch.setattr(adaptive_ensemble.AdaptiveEnsemble, "_piece", pressed)
+    with pytest.raises(KeyboardInterrupt) as caught:
+        native().run(starts, t_end=5.0)
+    told: Any = caught.value.trajectory  # type: ignore[attr-defined]
+    assert np.array_equal(told.t[-1], told.carry.t)
+    assert ((told.t[-1] > 0.0) & (told.t[-1] < 5.0)).any() and (told.t[-1] == 0.0).any()
+    assert np.array_equal(native().resume(told, t_end=5.0).mu[-1], whole.mu[-1])
+
+
+def test_bodies_that_fail_before_and_after_lanes_take_over(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each as it does alone."""
+    plan = lm.Plan(UNBOUNDED, METHOD, rtol=1e-4, compiled=True, progress=False)
+    ensemble, starts = adaptive_ensemble.AdaptiveEnsemble, UNBOUNDED.state(mu=STARTS[[1, 0, 1, 3]])
+    with pytest.warns(RuntimeWarning, match="2 of 4 bodies stopped early"):
+        whole = plan.run(starts, t_end=50.0, steps=40)
+    later = ensemble._side_by_side
+    monkeypatch.setattr(ensemble, "_run", OneByOne._run)
+    monkeypatch.setattr(ensemble, "_side_by_side", lambda self, i, bar: i > 1 and later(self, i, bar))
+    with pytest.warns(RuntimeWarning, match="2 of 4 bodies stopped early"):
+        mixed = plan.run(starts, t_end=50.0, steps=40)
+    assert [*mixed.stopped] == [*whole.stopped] == [0, 2]
+    assert np.array_equal(mixed.mu, whole.mu) and np.array_equal(mixed.mu[:, 0], mixed.mu[:, 2])
+    assert str(mixed.stopped[0].error) == str(mixed.stopped[2].error)
+    assert mixed.stopped.steps == whole.stopped.steps
+    with pytest.warns(RuntimeWarning, match="2 of 4 bodies"):
+        assert np.array_equal(plan.resume(mixed, t_end=51.0).mu, plan.resume(whole, t_end=51.0).mu)
+
+
+@lm.record
+class Bounded(lm.Hamiltonian):
+    """A free body that is known for mu_2 >= 0 only."""
+
+    def gradient(self, mu: lm.Vec) -> lm.Vec:
+        if mu[1] < 0.0:
+            raise ArithmeticError("nothing is known there")
+        return lm.vec(mu[0], mu[1] / 1.5, mu[2] / 2.0)
+
+
+def test_steps_of_one_length_that_fail_between_two_samples() -> None:
+    """Of bodies with ends or events of their own too: it stands where it came to."""
+    system = lm.LiePoissonSystem(lm.SO3(), Bounded())
+    plan = lm.Plan(system, lm.RKMK(order=4), 0.05, compiled=False)
+    mu = np.array([[0.0, 1.0, 0.0], [0.5, 1.0, 1.0], [0.0, 0.0, 1.0]])
+    with pytest.raises(IntegrationFailure) as caught:
+        plan.run(system.state(mu=mu[1]), steps=1000)
+    single: Any = caught.value
+    taken = single.trajectory.steps
+    assert taken % 10 != 0 and np.array_equal(single.reached.mu, single.trajectory.mu[-1])
+    for events in ((), (lambda t, state: 1.0,)):
+        many = plan.replace(every=10, events=events)
+        with pytest.warns(RuntimeWarning, match=f"1 of 3 bodies .* body 1 after {taken} steps"):
+            runs = many.run(system.state(mu=mu), t_end=[10.0, 10.0, 10.0])
+        assert np.array_equal(runs.mu[-1, 1], single.reached.mu)
+        assert np.array_equal(runs.mu[-1, [0, 2]], mu[[0, 2]])
+
+
+def test_a_sample_at_the_end_where_the_velocity_jumps() -> None:
+    """It was lost."""
+    plan = PLAN.replace(breaks=[1.0], compiled=False)
+    run = alone(3, plan, t_end=1.0, t_eval=[0.5, 1.0, 1.0])
+    assert np.array_equal(run.t, [0.5, 1.0, 1.0])
+    assert np.array_equal(run.mu[[-1, -1]], alone(3, plan, t_end=1.0).mu[[-1, -1]])
