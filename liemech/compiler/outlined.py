@@ -62,6 +62,9 @@ COPIED = 60
 form: LLVM copies it.
 """
 
+PER_NUMBER = 4
+"""So many more for each number that the formula is given."""
+
 WIDE = 64
 """Numbers of a state from which this is no longer so: the formulas of large groups take much longer
 than a call.
@@ -356,10 +359,11 @@ class Outliner:
             frame = Frame(frame.source, frame.scope, given)
         before = b.emitted
         result = self.t.enter(frame)
-        if b.emitted - before >= COPIED:
-            self.copied.add(function)
+        cost = b.emitted - before
+        if cost >= COPIED:
             call = call or self.call(function, given)
-            if call:
+            if call and cost >= COPIED + PER_NUMBER * len(call.numbers):
+                self.copied.add(function)
                 self.copies.setdefault(call.known)
         return result
 

@@ -1,0 +1,101 @@
+"""Copies: a formula that is called again in one form is translated once, and LLVM copies it; the
+bits are those of formulas that are written out.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+pytest.importorskip("llvmlite")
+import worlds
+from test_outlined import ROWS, TEXT, no_kernels
+
+from liemech.compiler import kernel, llvm, outlined
+
+pytestmark = pytest.mark.compiled
+
+
+@pytest.fixture
+def copied(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Every formula is copied from its second call of one form on; the names of what is."""
+    no_kernels(monkeypatch)
+    monkeypatch.setattr(outlined, "COPIED", 0)
+    monkeypatch.setattr(outlined, "PER_NUMBER", 0)
+    names: list[str] = []
+    make = outlined.Outliner.make
+
+    def noted(self: Any, key: Any, frame: Any, *args: Any) -> Any:
+        made = make(self, key, frame, *args)
+        if key[0] == "copy" and made is not None:
+            names.append(frame.source.function.__name__)
+        return made
+
+    monkeypatch.setattr(outlined.Outliner, "make", noted)
+    return names
+
+
+CALLS = {
+    "ways": "norm2",  # two vectors that are one
+    "raising": "root",  # it fails, in some lanes
+    "derived": "cubed",
+    "lists": "longer",
+    "imaginary": "",  # products of matrices are no formulas
+}
+
+
+@pytest.mark.sample(2)
+@pytest.mark.parametrize("name", CALLS)
+def test_formulas(name: str, copied: list[str], tmp_path: Path) -> None:
+    text = TEXT + f"def turned(x, y, turns):\n    return {name}(x, y) + {name}(x, y) + {name}(y, x)"
+    module = worlds.module_from(text, tmp_path, f"copied_{name}")
+    worlds.same_in_all_worlds(module.turned, ROWS, lanes=[1, 4])
+    assert {name, CALLS[name] or name} <= {*copied}
+
+
+def test_a_repeated_formula_is_translated_twice_and_not_thirty_times(
+    copied: list[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Once where it stands, once for LLVM to copy; the module knows how long it will be."""
+    text = """
+def turn(x, y):
+    a, b = x * x - y * y, x * y + x
+    return a * a - b * b, a * b + a
+
+def formula(x, y, n):
+    for k in range(30):
+        x, y = turn(x, y)
+    return x, y
+"""
+    texts: list[str] = []
+    compiled = llvm.object_code
+    monkeypatch.setattr(llvm, "object_code", lambda t: (texts.append(t), compiled(t))[1])
+    module = worlds.module_from(text, tmp_path, "copied_thirty")
+    worlds.same_in_all_worlds(module.formula, [(0.3, 0.4), (0.1, -0.2)], lanes=[1, 4])
+    assert copied == ["turn", "turn"]
+    for made in texts:
+        assert made.count("fmul") == 2 * 6
+        assert llvm.size(made) > 30 * 10
+        assert llvm.optimised(made).count("fmul") >= 30 * 6
+
+
+def test_lanes_of_a_long_kernel_are_translated_once(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """With one register a number; a short one once more, with two."""
+    no_kernels(monkeypatch)
+    widths: list[int] = []
+    translation = kernel._translation
+    monkeypatch.setattr(
+        kernel, "_translation", lambda *a: (widths.append(a[2]), translation(*a))[1]
+    )
+    text = "def formula(x, y, n):\n    return x * y + x, y / (x * x + 1.0)"
+    rows = [(0.1 * k, 1.0 + k) for k in range(kernel.lanes())]
+    for short, wanted in ((outlined.SHORT, [kernel.width(), kernel.lanes()]), (0, [kernel.width()])):
+        monkeypatch.setattr(outlined, "SHORT", short)
+        module = worlds.module_from(text, tmp_path, f"widths_{short}")
+        worlds.same_in_all_worlds(module.formula, rows, lanes=[kernel.lanes()])
+        assert widths[-len(wanted) :] == wanted
+        widths.clear()
