@@ -157,7 +157,7 @@ class AdaptiveEnsemble(OneByOne):
                     if not self.plan.of_each:
                         steps.shapes[key] = shape
                 else:
-                    shape.stepping.again()
+                    shape.stepping.refresh()
             except NotCompilable:
                 return None
             return shape

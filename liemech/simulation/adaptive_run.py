@@ -247,7 +247,7 @@ class AdaptiveRun:
                 raise self._not_begun(reason(xi))
             shape = self.plan.shapes[key] = Shape(self.plan, self.start, xi, *key[1:])
         else:
-            shape.stepping.again()
+            shape.stepping.refresh()
         return shape
 
     def _not_begun(self, error: Any) -> Any:

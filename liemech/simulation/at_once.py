@@ -96,7 +96,7 @@ def in_one_call(shape: Shape, steps: int) -> bool:
     """
     if steps * shape.carried * shape.carried > LONGEST:
         return False
-    shape.stepping.again()
+    shape.stepping.refresh()
     return shape.stepping.native is not None
 
 

@@ -76,7 +76,7 @@ class Execution:
         self.native: kernel.Kernel | None = None
         self.uses = 0
         self.guard: Any = None  # of this call, where it has parts of its own
-        self.again()
+        self.refresh()
 
     def of(self, system: Any) -> Execution:
         """The same for another system of the same layout: the second argument of every driver of
@@ -87,7 +87,7 @@ class Execution:
         other.given, other.guard = other.call[1:], None
         return other
 
-    def again(self) -> None:
+    def refresh(self) -> None:
         """For another run: native code that says what the formulas say now, if there is some."""
         self.seconds = 0.0
         if self.native is not None and self._unchanged(self.native.reads):
@@ -107,7 +107,7 @@ class Execution:
         """For another use of a driver that runs before or after the steps: those who demand native
         code have it here from the third use after the first one on.
         """
-        self.again()
+        self.refresh()
         self.uses += 1
         if demanded and self.uses == OFTEN:
             self.compile()

@@ -78,7 +78,7 @@ class FixedRun:
             self.start: State = start.state if isinstance(start, Carry) else start
             shape = self._shape()
         else:
-            shape.stepping.again()
+            shape.stepping.refresh()
         self.shape = shape
         self.columns = -(-self.count // shape.lanes) * shape.lanes
         rows = self._rows(steps)
@@ -117,7 +117,7 @@ class FixedRun:
                 self.plan, given, started, first, example, many
             )
         else:
-            shape.stepping.again()
+            shape.stepping.refresh()
         return shape
 
     def _first(self, one: State, started: Layout) -> tuple[Any, Any]:
@@ -169,7 +169,7 @@ class FixedRun:
                 number[:] = starts[place] if place >= 0 else 0.0
             return
         beginning = shape.beginning(plan)
-        beginning.again()
+        beginning.refresh()
         if shape.stepping.native is not None and self.bodies is not None:
             beginning.compile()
         if shape.given != shape.shown:

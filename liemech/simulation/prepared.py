@@ -211,7 +211,7 @@ class Shape(Prepared):
             asked, progress = self.stepping.asked, self.stepping.progress
             known = self._others[driver] = Execution(asked, progress, driver, *call)
         else:
-            known.again()
+            known.refresh()
         return known
 
     @property

@@ -147,7 +147,7 @@ class FirstPiece:
         shape = plan.shapes.get((known, between(times, t0, t_end), True)) if known else None
         if shape is None:
             return None
-        shape.stepping.again()
+        shape.stepping.refresh()
         if shape.stepping.native is None:
             return None
         return cls(shape, plan, start, t0, t_end, times, limit)
