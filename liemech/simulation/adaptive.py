@@ -18,6 +18,11 @@ between these two.
 LEAST, UNUSABLE = 1e-4, 1e3
 """The smallest error that the controller knows, and that of a step that failed."""
 
+STUCK, ASKED = 1.0, 2.0
+"""Marks of a clock: the step became too small to go on; native code failed in a trial, and plain
+Python is to make the next step: it may be able to (integers without end), or knows what failed.
+"""
+
 EPSILON = sys.float_info.epsilon
 
 
@@ -26,8 +31,8 @@ class Clock(Record):
     """What the controller carries along: time, the step to try, the error of the last one, counts,
     and marks.
 
-    h : zero if the first step is to be found.  error : as `following` gives it.  fresh : is the
-    velocity to be computed, at a start or after a jump?
+    h : zero if the first step is to be found.  error : as `following` gives it.  stuck : 0, `STUCK`
+    or `ASKED`.  fresh : is the velocity to be computed, at a start or after a jump?
     """
 
     t: float
@@ -70,24 +75,29 @@ def adaptive_steps(
     state, xi = read(states, 0, layout)
     clock = read(clocks, 0, CLOCK)
     t, h, before, rejected, stuck = clock.t, clock.h, clock.error, clock.rejected, 0.0
-    power = 1.0 / method.error_order
+    power, fresh = 1.0 / method.error_order, 0.0
     if clock.fresh > 0.0:
         first = attempt(started, method, system, t, state, h, t_end, rtol, atol)
         if failures is not None and noted(failures, first):
-            stuck = 1.0
+            stuck = STUCK
         elif accepted(first, itself):
             xi, h, before = first[0], first[1], 1.0
+        elif failures is None:
+            stuck, fresh = ASKED, 1.0
         else:
-            stuck = 1.0
+            stuck = STUCK
     n = 0
     while n < room and t != t_end and stuck == 0.0:
         step, last, small = to_try(t, h, t_end, longest)
         if small:
-            h, stuck = step, 1.0
+            h, stuck = step, STUCK
             break
         trial = attempt(method.trial, system, t, state, xi, step, rtol, atol, dense)
         if failures is not None and noted(failures, trial):
-            stuck = 1.0
+            stuck = STUCK
+            break
+        if failures is None and not accepted(trial, itself):
+            stuck = ASKED
             break
         error = UNUSABLE
         if accepted(trial, itself):
@@ -102,7 +112,7 @@ def adaptive_steps(
         else:
             rejected = rejected + 1.0
     write(states, 0, (state, xi), layout)
-    write(clocks, 0, Clock(t, h, before, clock.steps + n, rejected, stuck, 0.0), CLOCK)
+    write(clocks, 0, Clock(t, h, before, clock.steps + n, rejected, stuck, fresh), CLOCK)
 
 
 @record
@@ -136,7 +146,8 @@ def adaptive_lanes(
     """The driver of many bodies side by side, in native code: so many trials of each, every body
     with its own step and its own goal.
 
-    A body that has reached its goal, or whose step underflows, stays where it is.
+    A body that has reached its goal, whose step underflows, or of which a trial failed, stays where
+    it is.
     out : if `dense`, a row of numbers after every trial; the time in it tells whether that was
     accepted.  The last ones are not written if no body of those that run together goes on.
     """
@@ -150,8 +161,8 @@ def adaptive_lanes(
     if any_body(fresh):
         first = attempt(started, method, system, t, state, h, t_end, rtol, atol)
         begun = accepted(first, itself)
-        stuck = where(fresh and not begun, 1.0, stuck)
-        begun = fresh and begun
+        fresh, begun = fresh and not begun, fresh and begun
+        stuck = where(fresh, ASKED, stuck)
         xi, h, before = (
             where(begun, first[0], xi),
             where(begun, first[1], h),
@@ -163,12 +174,13 @@ def adaptive_lanes(
             break
         step, last, small = to_try(t, h, t_end, goal.longest)
         trial = attempt(method.trial, system, t, state, xi, step, rtol, atol, dense)
-        error = where(accepted(trial, itself), max(trial.error, LEAST), UNUSABLE)
-        tried = running and not small
+        made, small = accepted(trial, itself), running and small
+        error = where(made, max(trial.error, LEAST), UNUSABLE)
+        failed, tried = running and not small and not made, running and not small and made
         good = tried and error <= 1.0
         new, root = following(step, error, before, power)
-        h = where(tried, new, where(running, step, h))
-        stuck = where(running and small, 1.0, stuck)
+        h = where(tried, new, where(small, step, h))
+        stuck = where(small, STUCK, where(failed, ASKED, stuck))
         t = where(good, where(last, t_end, t + step), t)
         state, xi = where(good, trial.state, state), where(good, trial.velocity, xi)
         before = where(good, root, before)
@@ -177,7 +189,7 @@ def adaptive_lanes(
         if dense:
             write(out, k * row.width, (t, state, trial.curve), row)
     write(states, 0, (state, xi), layout)
-    write(clocks, 0, Clock(t, h, before, n, rejected, stuck, 0.0), CLOCK)
+    write(clocks, 0, Clock(t, h, before, n, rejected, stuck, where(fresh, 1.0, 0.0)), CLOCK)
 
 
 def to_try(t: float, h: float, t_end: float, longest: float) -> tuple[float, bool, bool]:

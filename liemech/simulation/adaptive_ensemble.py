@@ -19,7 +19,7 @@ from ..errors import IntegrationFailure, IntegrationInterrupted, NotCompilable, 
 from ..formulas.pytree import build, layout_of
 from ..systems.system import State
 from . import arguments
-from .adaptive import CLOCK, FRESH, adaptive_lanes
+from .adaptive import ASKED, CLOCK, FRESH, adaptive_lanes, adaptive_steps
 from .adaptive_run import AdaptiveRun
 from .carry import AdaptiveCarry, Carries, Ended, Waiting
 from .dense import DenseOutput, flat, packed, unpacked
@@ -276,6 +276,8 @@ class AdaptiveEnsemble(OneByOne):
                 out[0, 1 : 1 + width] = columns[:width]
             begun = time.perf_counter()
             self._piece(columns, out[1:], turns)
+            for k in np.flatnonzero(columns[lanes.layout.width + 5, :m] == ASKED).tolist():
+                self._by_python(int(bodies[k]), columns[:, k], out[-2:, :, k])
             if time.perf_counter() - begun > PATIENCE:  # somebody may want to interrupt it
                 room, least, work = max(side, room // 4), max(1, least // 2), work // 4
             self.table[:changed, bodies] = columns[:changed, :m]
@@ -317,6 +319,25 @@ class AdaptiveEnsemble(OneByOne):
         call(0, min(share, padded))  # native code does not hold the interpreter's lock
         for other in others:
             other.result()
+
+    def _by_python(self, i: int, column: np.ndarray, rows: np.ndarray) -> None:
+        """A step of one body of which native code could not make a trial.  rows : before and after
+        it.
+        """
+        lanes: Any = self.lanes
+        system, method = self._of_body(i)
+        width, changed = lanes.layout.width, lanes.layout.width + CLOCK.width
+        numbers, clock, row = column[:width].copy(), column[width:changed].copy(), lanes.row.width
+        taken, before, after = clock[3], (clock[0], *numbers[: lanes.state.width]), np.empty(row)
+        t_end, rtol, atol, longest, _ = self.goals[:, i].tolist()
+        with lanes.stepping.plain():
+            adaptive_steps(
+                method, system, lanes.layout, lanes.row, t_end, rtol, atol, longest, lanes.curves, 1,
+                numbers, clock, after, [],
+            )  # fmt: skip
+        column[:width], column[width:changed] = numbers, clock
+        if lanes.curves and clock[3] > taken:
+            rows[0, : len(before)], rows[1] = before, after
 
     # ---------------------------------------------------------------- samples
 

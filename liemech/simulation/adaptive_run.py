@@ -25,7 +25,7 @@ from ..errors import (
 from ..formulas.pytree import build, gatherer, layout_of
 from ..systems.system import State
 from . import arguments
-from .adaptive import CLOCK, FRESH, adaptive_steps, noted
+from .adaptive import ASKED, CLOCK, FRESH, STUCK, adaptive_steps, noted
 from .carry import AdaptiveCarry
 from .checkpoint import Checkpoint
 from .dense import DenseOutput, unpacked
@@ -350,7 +350,7 @@ class AdaptiveRun:
                 return True
             if self.clock[0] == end:
                 break
-            if self.clock[5]:
+            if self.clock[5] == STUCK:
                 raise self._failure()
             if self.clock[3] >= self.limit:
                 raise self._unfinished()
@@ -361,12 +361,13 @@ class AdaptiveRun:
         return float((self.clock[0] - self.t0) / (self.t_end - self.t0))
 
     def _more(self, end: float, room: int) -> None:
-        """Up to this many more steps."""
-        room = min(room, int(self.limit - self.clock[3]))
+        """Up to this many more steps; one in plain Python where native code has asked for it."""
+        native = self.clock[5] != ASKED
+        room = min(room if native else 1, int(self.limit - self.clock[3]))
         if self.checkpoint is not None:
             room = self.checkpoint.within(room)
         if self.at_times:
-            self._more_at_times(end, room)
+            self._more_at_times(end, room, native)
             return
         if self.filled + room > len(self.rows):
             wanted = max(len(self.rows) + len(self.rows) // 4, self.filled + room)
@@ -379,10 +380,10 @@ class AdaptiveRun:
         )
         numbers = end, plan.rtol, plan.atol, plan.longest
         arrays = self.states, self.clock, out
-        if shape.stepping.ready(self._part()):
-            native: Any = shape.stepping.native
+        if native and shape.stepping.ready(self._part()):
+            code: Any = shape.stepping.native
             self.compiled = True
-            native.run(shape.constants + array("d", numbers).tobytes(), (room,), arrays)
+            code.run(shape.constants + array("d", numbers).tobytes(), (room,), arrays)
         else:
             with shape.stepping.plain():
                 adaptive_steps(
@@ -390,7 +391,7 @@ class AdaptiveRun:
                 )
         self.filled += int(self.clock[3]) - before
 
-    def _more_at_times(self, end: float, room: int) -> None:
+    def _more_at_times(self, end: float, room: int, native: bool) -> None:
         """The same, and the states at the times they pass: of the rows only the last, and the state
         before.
         """
@@ -402,10 +403,10 @@ class AdaptiveRun:
         out, done = np.empty(row + 1 + self.width), np.empty(2)
         states, clock = self.states.copy(), self.clock.copy()
         arrays = states, clock, out, times, samples.reshape(-1), done
-        if shape.stepping.ready(self._part()):
-            native: Any = shape.stepping.native
+        if native and shape.stepping.ready(self._part()):
+            code: Any = shape.stepping.native
             self.compiled = True
-            native.run(shape.constants + array("d", numbers).tobytes(), counts, arrays)
+            code.run(shape.constants + array("d", numbers).tobytes(), counts, arrays)
         else:
             with shape.stepping.plain():
                 sampled_steps(
@@ -535,7 +536,7 @@ class AdaptiveRun:
     def _carry(self, last: np.ndarray) -> AdaptiveCarry | None:
         """What to go on with from the last row: all of it, or after a terminal event a start anew."""
         numbers, clock = self.states.copy(), self.clock.copy()
-        if self.watch is None or self.watch.looking or clock[5] or clock[0] != last[0]:
+        if self.watch is None or self.watch.looking or clock[5] == STUCK or clock[0] != last[0]:
             return None
         if self.watch.ended is not None:
             numbers[: self.width] = last[1 : 1 + self.width]
@@ -569,7 +570,7 @@ class AdaptiveRun:
         self.states, self.clock, self.compiled = states, clock, True
         self.rows[0, 0], self.rows[0, 1 : 1 + self.width] = clock[0], states[: self.width]
         self.sampled = [samples]
-        return self._failure() if clock[5] else self._unfinished()
+        return self._failure() if clock[5] == STUCK else self._unfinished()
 
     def _unfinished(self) -> Exception:
         """Why a run ended that has made all its steps."""

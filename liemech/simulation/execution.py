@@ -125,14 +125,15 @@ class Execution:
 
     @contextmanager
     def plain(self) -> Iterator[None]:
-        """Around what runs in plain Python: its time counts."""
+        """Around what runs in plain Python: its time counts, as long as there is no native code."""
         begun = time.perf_counter()
         try:
             yield
         finally:
-            used = time.perf_counter() - begun
-            self.seconds += used
-            self.history.seconds += used
+            if self.native is None:
+                used = time.perf_counter() - begun
+                self.seconds += used
+                self.history.seconds += used
 
     def ready(self, done: float) -> bool:
         """Is there native code to go on with?  When plain Python, `done` with this part of the run,

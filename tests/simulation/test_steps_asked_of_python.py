@@ -1,0 +1,79 @@
+"""Adaptive steps of which native code cannot make a trial: plain Python makes them, and all runs
+have the same bits.
+"""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import liemech as lm
+from liemech.simulation import adaptive_ensemble
+from liemech.simulation.adaptive import ASKED
+from liemech.simulation.adaptive_ensemble import AdaptiveEnsemble
+from liemech.simulation.adaptive_run import AdaptiveRun
+from liemech.tableaus import BOGACKI_SHAMPINE3
+
+pytestmark = pytest.mark.compiled
+METHOD = lm.RKMK(tableau=BOGACKI_SHAMPINE3)
+MU = np.random.default_rng(3).normal(size=(11, 3))
+
+
+@lm.record
+class Graded(lm.Hamiltonian):
+    """A free body whose energy has a part that is counted in integers, beyond 64 bits where
+    mu_1 > 0.4.
+    """
+
+    def grade(self, mu: lm.Vec) -> float:
+        return 1e-5 * (int(1e19 * (1.0 + mu[0])) % 3) if mu[0] > 0.4 else 0.0
+
+    def energy(self, mu: lm.Vec) -> float:
+        return 0.5 * (mu[0] ** 2 + mu[1] ** 2 / 1.5 + mu[2] ** 2 / 2.0) + self.grade(mu) * mu[0]
+
+    def gradient(self, mu: lm.Vec) -> lm.Vec:
+        return lm.vec(mu[0] + self.grade(mu), mu[1] / 1.5, mu[2] / 2.0)
+
+
+def plan(**given: Any) -> lm.Plan:
+    return lm.Plan(lm.LiePoissonSystem(lm.SO3(), Graded()), METHOD, rtol=1e-4, progress=False, **given)
+
+
+@pytest.mark.parametrize("times", [None, [0.0, 0.7, 1.1, 3.0], [0.0, 3.0]])
+def test_one_body(times: list[float] | None, monkeypatch: pytest.MonkeyPatch) -> None:
+    more, python = AdaptiveRun._more, []
+
+    def noted(run: Any, *args: Any) -> None:
+        python.append(run.clock[5] == ASKED)
+        more(run, *args)
+
+    monkeypatch.setattr(AdaptiveRun, "_more", noted)
+    for mu in ([0.3, -3.0, 2.0], [0.6, 3.0, 2.0]):  # across the limit, from both sides
+        start = plan().system.state(mu)
+        plain = plan(compiled=False).run(start, t_end=3.0, t_eval=times)
+        python.clear()
+        native = plan(compiled=True).run(start, t_end=3.0, t_eval=times)
+        assert native.compiled and 0 < sum(python) < plain.steps
+        assert np.array_equal(native.mu, plain.mu) and np.array_equal(native.t, plain.t)
+        assert (native.steps, native.rejected) == (plain.steps, plain.rejected)
+
+
+def test_side_by_side(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(adaptive_ensemble, "LONGEST", 8)
+    python: list[int] = []
+    step = AdaptiveEnsemble._by_python
+
+    def noted(run: Any, i: int, *rest: Any) -> None:
+        python.append(i)
+        step(run, i, *rest)
+
+    monkeypatch.setattr(AdaptiveEnsemble, "_by_python", noted)
+    times = np.linspace(0.0, 3.0, 8)
+    native = plan(compiled=True).run(plan().system.state(MU), t_end=3.0, t_eval=times)
+    assert native.compiled and len({*python}) > 1 and not native.stopped
+    for i in range(0, len(MU), 2):
+        alone = plan(compiled=False).run(plan().system.state(MU[i]), t_end=3.0, t_eval=times)
+        assert np.array_equal(native.mu[:, i], alone.mu)
+    further = plan(compiled=True).resume(native, t_end=4.0)
+    alone = plan(compiled=False).resume(alone, t_end=4.0)
+    assert np.array_equal(further.mu[-1, i], alone.mu[-1])
