@@ -491,7 +491,7 @@ def test_fitted_steps_refuse_other_motions(compiled: bool) -> None:
     assert same_bits(np.ascontiguousarray(run.mu[:, 0]), np.ascontiguousarray(run.mu[:, 2]))
     with pytest.raises(lm.errors.InvalidInput, match="one body at a time"):
         ExactMoserVeselov.of(body, many, 0.3)
-    with pytest.raises(lm.errors.IncompatibleSystem, match="needs a RigidBody"):
+    with pytest.raises(lm.errors.IncompatibleSystem, match="a method for the free rigid body"):
         ExactMoserVeselov.of(lm.SO3(), start, 0.3)  # type: ignore[arg-type]
     with pytest.raises(lm.errors.NoConvergence, match="too large"):
         ExactMoserVeselov.of(body, start, 5.0)

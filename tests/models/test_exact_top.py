@@ -188,5 +188,5 @@ def test_bad_arguments() -> None:
     many = TOP.state(np.zeros((2, 3)), np.stack([UPRIGHT, UPRIGHT]))
     with pytest.raises(InvalidInput, match="one top at a time"):
         TOP.exact(many, 1.0)
-    with pytest.raises(InvalidInput, match="t must be a finite time"):
+    with pytest.raises(InvalidInput, match="t must be finite"):
         TOP.exact(TOP.state([0.1, 0.2, 2.0], UPRIGHT), math.nan)
