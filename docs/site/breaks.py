@@ -1,5 +1,5 @@
 """Where code in the text may break at the end of a line: after signs, and before the words of a
-name, but not within them.
+name, but not within them; and numbers such as 1e-6, which may not.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from sphinx.application import Sphinx
 
 PLACE = re.compile(r"(?<=[/.,(=])(?=\w)|(?<=_)(?=[a-z]{2})")
 HUMP = re.compile(r"(?<=[a-z])(?=[A-Z][a-z])")
+NUMBER = re.compile(r"(?<![\w.\"=/-])(\d[\d.]*e-\d+)(?!\w)")
 LONG = 16
 """A word with more letters may break before its capitals."""
 
@@ -22,14 +23,14 @@ def breakable(word: str) -> str:
 
 
 def allow(app: Sphinx, page: str, template: str, context: dict[str, Any], doctree: Any) -> None:
-    """Mark these places in inline code, which Sphinx writes word by word."""
+    """Mark these places in inline code, which Sphinx writes word by word, and the numbers."""
     if "body" in context:
+        context["body"] = NUMBER.sub(r'<span class="number">\1</span>', context["body"])
         context["body"] = re.sub(
             r'(<span class="pre">)([^<]+)(</span>)',
             lambda word: word[1] + breakable(word[2]) + word[3],
             context["body"],
         )
-
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
