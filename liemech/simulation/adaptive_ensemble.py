@@ -280,9 +280,12 @@ class AdaptiveEnsemble(OneByOne):
                 self._by_python(int(bodies[k]), columns[:, k], out[-2:, :, k])
             if time.perf_counter() - begun > PATIENCE:  # somebody may want to interrupt it
                 room, least, work = max(side, room // 4), max(1, least // 2), work // 4
-            self.table[:changed, bodies] = columns[:changed, :m]
             if lanes.curves:
                 self._sample(bodies, out[:, :, :m])
+            # only now: of what an interrupt leaves out, the samples would be missing
+            self.table[:changed, bodies] = columns[:changed, :m]
+            if self.rows > ROWS:
+                self._move()
             going = ~self._ended(columns[lanes.layout.width :, :m])
             ended = m - int(going.sum())
             if (ended and (len(queue) or 4 * ended >= m)) or m > room:
@@ -371,15 +374,13 @@ class AdaptiveEnsemble(OneByOne):
             self.within.append((given, times[inside], sample[inside], body[inside]))
         self.samples[sample, body] = numbers
         self.told[bodies] = reached[-1]
-        if self.rows > ROWS:
-            self._move()
 
     def _move(self) -> None:
-        """Let the states that lie inside of steps be where they are asked for."""
+        """Find the states inside of steps that were asked for."""
         if self.within:
             given, times, sample, body = map(np.concatenate, zip(*self.within, strict=True))
-            self.within, self.rows = [], 0
             self.samples[sample, body] = self._moved(given, times, body)
+            self.within, self.rows = [], 0
 
     def _passed(self, bodies: np.ndarray, t: np.ndarray) -> np.ndarray:
         """How many of the times that are asked for lie before these, (turns, bodies)?"""
@@ -444,7 +445,7 @@ class AdaptiveEnsemble(OneByOne):
             begun: Ended = self.begun(i)
             if begun.error is None or (len(t) and begun.t != t[0, i]):
                 t[:, i] = begun.t
-            elif begun.error is not None:
+            if begun.error is not None:
                 self.errors[i] = begun.error
         for i, run in enumerate(self.runs):
             way = self._filled(i, run, len(t), self._carried(i, run))
