@@ -336,11 +336,12 @@ class AdaptiveRun:
         while self.clock[0] != end:
             begun = time.perf_counter()
             before, taken = self.filled, self.clock[3]
+            there = (self.states.copy(), self.clock.copy()) if self.events else None
             self._more(end, room if self.shape.stepping.native is None else ROOM)
             if time.perf_counter() - begun < 0.5 * LOOK:
                 room = min(2 * room, ROOM)
             bar.advance(int(1000 * self._part()) - bar.done)
-            ended = bool(self.events) and self._terminated(before)
+            ended = there is not None and self._terminated(before, end, *there)
             if not self.kept:
                 self._sample(before)
             more = int(self.clock[3] - taken)
@@ -372,15 +373,20 @@ class AdaptiveRun:
         if self.filled + room > len(self.rows):
             wanted = max(len(self.rows) + len(self.rows) // 4, self.filled + room)
             self._make_room(wanted)
-        before, out, plan, shape = (
-            int(self.clock[3]),
-            self.rows[self.filled :].reshape(-1),
-            self.plan,
-            self.shape,
-        )
+        before = int(self.clock[3])
+        native = native and self.shape.stepping.ready(self._part())
+        self._make(end, room, native, self.states, self.clock, self.rows[self.filled :])
+        self.filled += int(self.clock[3]) - before
+
+    def _make(
+        self, end: float, room: int, native: bool, states: np.ndarray, clock: np.ndarray,
+        rows: np.ndarray,
+    ) -> None:  # fmt: skip
+        """Make steps, and write what is carried along and the rows."""
+        plan, shape = self.plan, self.shape
         numbers = end, plan.rtol, plan.atol, plan.longest
-        arrays = self.states, self.clock, out
-        if native and shape.stepping.ready(self._part()):
+        arrays = states, clock, rows.reshape(-1)
+        if native:
             code: Any = shape.stepping.native
             self.compiled = True
             code.run(shape.constants + array("d", numbers).tobytes(), (room,), arrays)
@@ -389,7 +395,6 @@ class AdaptiveRun:
                 adaptive_steps(
                     *shape.arguments, *numbers, shape.curves, room, *arrays, self.failures
                 )
-        self.filled += int(self.clock[3]) - before
 
     def _more_at_times(self, end: float, room: int, native: bool) -> None:
         """The same, and the states at the times they pass: of the rows only the last, and the state
@@ -478,17 +483,27 @@ class AdaptiveRun:
         else:
             self._tell(times, states)
 
-    def _terminated(self, before: int) -> bool:
-        """Look for events in the last steps, and end the run at the first terminal one."""
+    def _terminated(self, before: int, end: float, states: np.ndarray, clock: np.ndarray) -> bool:
+        """Look for events in the last steps, and end the run at the first terminal one.
+
+        states, clock : what was carried along before these steps.
+        """
         hit = self.watch.look(self._dense(before - 1))
         if hit is None:
             return False
         k, at, numbers = hit
+        # the steps up to the event once more: those beyond do not count, nor what became of them
+        self.watch.looking = True
+        native = clock[5] != ASKED and self.shape.stepping.native is not None
+        rows = np.empty((k + 1, self.rows.shape[1]))
+        self._make(end, k + 1, native, states, clock, rows)
+        self.states, self.clock, self.watch.looking = states, clock, False
         row, begun = self.rows[before + k], self.rows[before + k - 1, 0]
         curve = row[1 + self.width :].reshape(-1, self.system.group.dim)
         curve *= ((at - begun) / (row[0] - begun)) ** np.arange(1, len(curve) + 1)[:, None]
         row[0], row[1 : 1 + self.width] = at, numbers
         self.filled, self.clock[0] = before + k + 1, at
+        self.clock[1], self.clock[5], self.clock[6] = 0.0, 0.0, 1.0  # from here a start anew
         return True
 
     # ---------------------------------------------------------------- results
@@ -540,7 +555,6 @@ class AdaptiveRun:
             return None
         if self.watch.ended is not None:
             numbers[: self.width] = last[1 : 1 + self.width]
-            clock[1], clock[6] = 0.0, 1.0
         state = build(self.shape.state, iter(last[1 : 1 + self.width].tolist()))
         own = self.watch.ended, self.watch.met
         return AdaptiveCarry(numbers, clock, state, float(clock[0]), *own)

@@ -74,3 +74,49 @@ def test_after_ctrl_c_every_sample_is_one_of_the_whole_run(
         assert np.array_equal(np.array(times)[place], at[:, i])
         assert np.array_equal(run.mu[:, i], whole.mu[place, i])
     assert np.array_equal(turning.resume(run, t_end=1.0).mu[-1], whole.mu[-1])
+
+
+def near(t: float, state: Any) -> Any:
+    """Is zero at a distance of 1/10 from the centre."""
+    return state.q[0] ** 2 + state.q[1] ** 2 - 0.01
+
+
+near.terminal = True  # type: ignore[attr-defined]
+
+
+@WORLDS
+def test_an_event_ends_runs_before_the_singularity_behind_it(compiled: bool) -> None:
+    """A body that falls from rest at 1/2 is at 1/10 after (arccos sqrt(r) + sqrt(r (1 - r))) / 4,
+    r = 1/5; from there it could go on.
+    """
+    falls = plan(compiled=compiled, events=[near], rtol=1e-5)
+    states = KEPLER.state(q=[[0.5, 0.0], [0.6, 0.0]], p=[[0.0, 0.0], [0.0, 0.0]])
+    both = falls.run(states, t_end=2.0)
+    alone = falls.run(KEPLER.state(q=[0.5, 0.0], p=[0.0, 0.0]), t_end=2.0)
+    assert alone.t[-1] == pytest.approx((np.arccos(0.2**0.5) + 0.16**0.5) / 4.0, rel=1e-3)
+    assert np.max(np.abs(both.q[-1] - [[0.1, 0.0], [0.1, 0.0]])) < 1e-9 and not both.stopped
+    assert both.t[-1, 0] == alone.t[-1] and np.array_equal(both.q[-1, 0], alone.last.q)
+    assert both.carry is not None and alone.carry is not None
+    back = falls.resume(alone, t_end=0.3)  # against the time
+    assert back.t[-1] == 0.3 and np.array_equal(falls.resume(both, t_end=0.3).q[-1, 0], back.q[-1])
+
+
+@WORLDS
+def test_steps_beyond_a_terminal_event_are_not_counted(compiled: bool) -> None:
+    """Nor are those that were rejected there: the counts are those of a run up to the last step
+    before the event, and of one step more.
+    """
+
+    def across(t: float, state: Any) -> Any:
+        return state.q[0]
+
+    across.terminal = 3  # type: ignore[attr-defined]
+    start = KEPLER.state(q=[0.4, 0.0], p=[0.0, 2.0])
+    orbit = plan(compiled=compiled, events=[across])
+    run = orbit.run(start, t_end=40.0)
+    assert run.steps == len(run.t) - 1 and run.h == run.t[-1] / run.steps
+    with pytest.raises(lm.errors.StepTooSmall) as caught:  # as many steps as it has made, and no more
+        orbit.replace(events=()).run(start, t_end=40.0, steps=run.steps)
+    limited: Any = caught.value.trajectory
+    assert limited.rejected == run.rejected > 0
+    assert np.array_equal(limited.t[:-1], run.t[:-1]) and limited.t[-1] > run.t[-1]
