@@ -177,10 +177,13 @@ class AdaptiveEnsemble(OneByOne):
     # ---------------------------------------------------------------- side by side
 
     def _side_by_side(self, first: int, bar: Bar) -> bool:
-        if self.lanes is None or not self.lanes.stepping.ready(first / self.count):
-            return False
+        try:
+            if self.lanes is None or not self.lanes.stepping.ready(first / self.count):
+                return False
+            self._begin()
+        except KeyboardInterrupt:
+            raise self._interrupted(first) from None
         self.first = first
-        self._begin()
         try:
             self._march(bar)
             self._move()
@@ -191,10 +194,9 @@ class AdaptiveEnsemble(OneByOne):
             stopped = IntegrationInterrupted(f"{told}; the samples are in `.trajectory`")
             stopped.trajectory = self._joined()
             raise stopped from None
-        failed = np.flatnonzero(self._failed)
-        error: Any = self._error(int(failed[0])) if len(failed) else None
-        if is_mistake(error):
-            error.add_note(f"[integrate: body {failed[0]}]")
+        if self.mistaken:
+            error = self._error(min(self.mistaken))
+            error.add_note(f"[integrate: body {min(self.mistaken)}]")
             error.trajectory = self._joined()
             raise error
         return True
@@ -209,6 +211,7 @@ class AdaptiveEnsemble(OneByOne):
         self.parts = np.cumsum([len(part) for part in parts[:-1]])
         self.numbers, self.clocks, *_ = np.split(self.table, self.parts)
         self.over = np.zeros(count, dtype=bool)  # bodies that had ended before
+        self.mistaken: list[int] = []  # bodies that a mistake in a formula has ended
         # rows of samples inside of steps, of which the states are still to be found
         self.within: list[Any] = []
         self.rows = 0
@@ -333,11 +336,14 @@ class AdaptiveEnsemble(OneByOne):
         numbers, clock, row = column[:width].copy(), column[width:changed].copy(), lanes.row.width
         taken, before, after = clock[3], (clock[0], *numbers[: lanes.state.width]), np.empty(row)
         t_end, rtol, atol, longest, _ = self.goals[:, i].tolist()
+        failures: list[Exception] = []
         with lanes.stepping.plain():
             adaptive_steps(
                 method, system, lanes.layout, lanes.row, t_end, rtol, atol, longest, lanes.curves, 1,
-                numbers, clock, after, [],
+                numbers, clock, after, failures,
             )  # fmt: skip
+        if any(map(is_mistake, failures)):
+            self.mistaken.append(i)
         column[:width], column[width:changed] = numbers, clock
         if lanes.curves and clock[3] > taken:
             rows[0, : len(before)], rows[1] = before, after
@@ -423,8 +429,10 @@ class AdaptiveEnsemble(OneByOne):
             run = AdaptiveRun(
                 self.plan_of(i)._steps, start, t0, self.ends[i], self.limit, self.times_of(i), ()
             )
-        except IntegrationFailure as error:  # it has no velocity at the start
-            return error
+        except Exception as error:  # it has no velocity at the start
+            if isinstance(error, IntegrationFailure) or is_mistake(error):
+                return error
+            raise
         return run.failed(
             self.numbers[:, i].copy(), self.clocks[:, i].copy(), self.samples[: self.told[i], i]
         )

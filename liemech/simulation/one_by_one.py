@@ -136,10 +136,7 @@ class OneByOne:
                     self.errors[i] = error
                     self.runs.append(error.trajectory)
                 except KeyboardInterrupt as error:
-                    told = f"integrate: interrupted after {i} of {self.count} bodies"
-                    stopped = IntegrationInterrupted(f"{told}; the samples are in `.trajectory`")
-                    stopped.trajectory = self._joined(getattr(error, "trajectory", None))
-                    raise stopped from None
+                    raise self._interrupted(i, getattr(error, "trajectory", None)) from None
                 except Exception as error:
                     if is_mistake(error) and hasattr(error, "trajectory"):
                         error.add_note(f"[integrate: body {i}]")
@@ -148,7 +145,10 @@ class OneByOne:
                 if self.kept is not None and self.kept.due():
                     self.kept.save(self._joined())
                 bar.advance(1)
-        run = self._joined()
+        try:
+            run = self._joined()
+        except KeyboardInterrupt:
+            raise self._interrupted(self.count) from None
         ended: Any = run.stopped
         if ended:
             some = ", ".join(f"body {i} after {n} steps" for i, n in [*ended.steps.items()][:5])
@@ -158,6 +158,13 @@ class OneByOne:
                 RuntimeWarning,
             )
         return run
+
+    def _interrupted(self, after: int, unfinished: Trajectory | None = None) -> Any:
+        """Ctrl-C after so many bodies.  unfinished : the run of the next one as far as it has come."""
+        told = f"integrate: interrupted after {after} of {self.count} bodies"
+        stopped = IntegrationInterrupted(f"{told}; the samples are in `.trajectory`")
+        stopped.trajectory = self._joined(unfinished)
+        return stopped
 
     def _side_by_side(self, first: int, bar: Bar) -> bool:
         """Run all bodies from this one on side by side, if that can be done."""

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import liemech as lm
-from liemech.errors import IntegrationInterrupted
 from liemech.simulation.adaptive_ensemble import AdaptiveEnsemble
+from liemech.simulation.one_by_one import OneByOne
 from liemech.tableaus import BOGACKI_SHAMPINE3
 
 METHOD = lm.RKMK(tableau=BOGACKI_SHAMPINE3)
@@ -65,7 +65,7 @@ def test_after_ctrl_c_every_sample_is_one_of_the_whole_run(
         raise KeyboardInterrupt
 
     monkeypatch.setattr(AdaptiveEnsemble, where, pressed)
-    with pytest.raises(IntegrationInterrupted) as caught:
+    with pytest.raises(KeyboardInterrupt) as caught:
         turning.run(TURNING, t_end=1.0, t_eval=times)
     run: Any = caught.value.trajectory
     at = np.broadcast_to(run.t[:, None] if run.t.ndim == 1 else run.t, (5, 3))
@@ -120,3 +120,56 @@ def test_steps_beyond_a_terminal_event_are_not_counted(compiled: bool) -> None:
     limited: Any = caught.value.trajectory
     assert limited.rejected == run.rejected > 0
     assert np.array_equal(limited.t[:-1], run.t[:-1]) and limited.t[-1] > run.t[-1]
+
+
+@lm.record
+class Unfinished(lm.Hamiltonian):
+    """Turns about two axes; nobody knows what it does elsewhere."""
+
+    def gradient(self, mu: lm.Vec) -> lm.Vec:
+        if mu[1] < 0.0:
+            raise ArithmeticError("nothing known")
+        if mu[2] < 0.0:
+            raise NotImplementedError("still to be written")
+        return lm.vec(mu[0], mu[1] / 1.5, mu[2] / 2.0)
+
+
+@WORLDS
+def test_a_mistake_in_a_formula_is_raised_whatever_bodies_before_it_failed_of(
+    compiled: bool,
+) -> None:
+    """At the start as on the way."""
+    system = lm.LiePoissonSystem(lm.SO3(), Unfinished())
+    for first, second in [((-0.5, 1.0, 1.0), (0.3, 1.0, 0.02)), ((0.5, -1.0, 1.0), (0.3, 0.1, -1.0))]:
+        states = system.state(mu=[first, second])
+        with pytest.raises(NotImplementedError, match="still to be written") as caught:
+            plan(system, compiled).run(states, t_end=10.0)
+        assert "body 1" in "".join(caught.value.__notes__)
+        run: Any = caught.value.trajectory  # type: ignore[attr-defined]
+        assert 0 in run.stopped and np.array_equal(run.mu[0], states.mu)
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("where", ["lanes", "_begin", "_joined"])
+def test_ctrl_c_between_the_bodies_keeps_those_that_have_run(
+    where: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """While lanes are compiled, when they begin, and when all is put together."""
+    turning, true = plan(BODY), getattr(AdaptiveEnsemble, where)
+    whole = turning.run(TURNING, t_end=1.0)
+    some = AdaptiveEnsemble._side_by_side
+    monkeypatch.setattr(
+        AdaptiveEnsemble, "_side_by_side", lambda run, i, bar: i >= 2 and some(run, i, bar)
+    )
+    monkeypatch.setattr(AdaptiveEnsemble, "_run", OneByOne._run)
+
+    def pressed(*_: Any) -> None:
+        monkeypatch.setattr(AdaptiveEnsemble, where, true)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(AdaptiveEnsemble, where, property(pressed) if where == "lanes" else pressed)
+    with pytest.raises(KeyboardInterrupt) as caught:
+        turning.run(TURNING, t_end=1.0)
+    run: Any = caught.value.trajectory
+    assert np.array_equal(run.mu[-1, :2], whole.mu[-1, :2])
+    assert np.array_equal(turning.resume(run, t_end=1.0).mu[-1], whole.mu[-1])
