@@ -449,16 +449,20 @@ class AdaptiveRun:
 
     def _tell(self, times: np.ndarray, numbers: np.ndarray) -> None:
         """Keep what the recorder keeps of some samples."""
-        states = unpacked(self.shape.state, numbers.copy())
-        run = SimpleNamespace(system=self.system, bodies=None)
-        given = run, type(self.shape.example), times, states, self.plan.compiled
         try:
-            self.told.append((times.copy(), self.recorder.values(*given)))
+            self.told.append((times.copy(), self._recorded(times, numbers)))
         except (Exception, IntegrationInterrupted) as caught:
             error: Any = caught
             n, kept = error.kept
             self.told.append((times[:n].copy(), kept))
             raise self._ended(error, None) from error.__cause__
+
+    def _recorded(self, times: np.ndarray, numbers: np.ndarray) -> dict[str, np.ndarray]:
+        """What the recorder keeps of samples."""
+        states = unpacked(self.shape.state, numbers.copy())
+        run = SimpleNamespace(system=self.system, bodies=None)
+        given = run, type(self.shape.example), times, states, self.plan.compiled
+        return self.recorder.values(*given)  # type: ignore[no-any-return]
 
     def _at_times(self, before: int, times: np.ndarray) -> None:
         """Keep the states that t_eval asks for in the last steps."""
@@ -562,10 +566,15 @@ class AdaptiveRun:
     def _samples(self, dense: DenseOutput | None) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         """Times and parts of the state."""
         if self.recorder is not None:
-            names = self.recorder.names if self.told else ()
-            joined = {name: np.concatenate([kept[name] for _, kept in self.told]) for name in names}
-            times = np.concatenate([np.empty(0), *(t for t, _ in self.told)])
-            return times, joined
+            told = [one for one in self.told if len(one[0])]
+            if not told:
+                none = np.empty(0)
+                told = [(none, self._recorded(none, np.empty((0, self.width))))]
+            joined = {
+                name: np.concatenate([kept[name] for _, kept in told])
+                for name in self.recorder.names
+            }
+            return np.concatenate([t for t, _ in told]), joined
         if self.t_eval is None:
             times, numbers = (
                 self.rows[: self.filled, 0],

@@ -173,3 +173,15 @@ def test_ctrl_c_between_the_bodies_keeps_those_that_have_run(
     run: Any = caught.value.trajectory
     assert np.array_equal(run.mu[-1, :2], whole.mu[-1, :2])
     assert np.array_equal(turning.resume(run, t_end=1.0).mu[-1], whole.mu[-1])
+
+
+@pytest.mark.parametrize("record", [["energy"], ["mu", "energy"]])
+def test_a_run_without_samples_knows_what_it_records(record: list[str]) -> None:
+    """And goes on."""
+    recorded = plan(BODY, compiled=False, record=record)
+    start = BODY.state(mu=[0.3, 0.4, 2.0])
+    run = recorded.run(start, t_end=1.0, t_eval=[])
+    assert list(run.states) == record and run.energy.shape == (0,) and len(run) == 0
+    after = recorded.resume(run, t_end=2.0, t_eval=[1.5, 2.0])
+    alone = recorded.run(start, t_end=1.0)
+    assert np.array_equal(after.energy, recorded.resume(alone, t_end=2.0, t_eval=[1.5, 2.0]).energy)
