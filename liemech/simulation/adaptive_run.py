@@ -230,7 +230,7 @@ class AdaptiveRun:
             self.compiled = True
         self.watch: Any = None
         carry = start if isinstance(start, AdaptiveCarry) else None
-        met = () if carry is None else carry.met
+        met = None if carry is None else carry.met
         self.watch = Watch(events, self._ended, t0, self.start, met)
         if carry is not None and carry.ended is not None and carry.ended < len(events):
             self.watch.values[carry.ended] = 0.0  # the zero that ended the run before
@@ -462,7 +462,8 @@ class AdaptiveRun:
         states = unpacked(self.shape.state, numbers.copy())
         run = SimpleNamespace(system=self.system, bodies=None)
         given = run, type(self.shape.example), times, states, self.plan.compiled
-        return self.recorder.values(*given)  # type: ignore[no-any-return]
+        kept: dict[str, np.ndarray] = self.recorder.values(*given)
+        return kept
 
     def _at_times(self, before: int, times: np.ndarray) -> None:
         """Keep the states that t_eval asks for in the last steps."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from typing import Any
 
 import numpy as np
@@ -185,3 +186,38 @@ def test_a_run_without_samples_knows_what_it_records(record: list[str]) -> None:
     after = recorded.resume(run, t_end=2.0, t_eval=[1.5, 2.0])
     alone = recorded.run(start, t_end=1.0)
     assert np.array_equal(after.energy, recorded.resume(alone, t_end=2.0, t_eval=[1.5, 2.0]).energy)
+
+
+def component(i: int) -> Any:
+    """A momentum that becomes zero; the third time ends the run."""
+
+    def event(t: float, state: Any) -> Any:
+        return state.mu[i]
+
+    event.terminal = 3  # type: ignore[attr-defined]
+    return event
+
+
+def test_zeros_of_one_event_do_not_count_for_another_of_its_name() -> None:
+    """They do for the event itself; from a file it is known by its name."""
+    first, other = (plan(BODY, False, events=[component(i)]) for i in (0, 1))
+    start = BODY.state(mu=[0.3, 0.4, 2.0])
+    begun = first.run(start, t_end=10.0)
+    met = len(begun.events[0][0])
+    assert 0 < met < 3 and len(other.resume(begun, t_end=60.0).events[0][0]) == 3
+    assert len(first.resume(begun, t_end=60.0).events[0][0]) == 3 - met
+    assert len(first.resume(pickle.loads(pickle.dumps(begun)), t_end=60.0).events[0][0]) == 3 - met
+
+
+def test_a_lambda_of_another_process_is_not_known_by_its_name() -> None:
+    """For all have the same one."""
+
+    def lambdas(i: int) -> Any:
+        event: Any = lambda t, state: state.mu[i]  # noqa: E731
+        event.terminal = 3
+        return event
+
+    first, other = (plan(BODY, False, events=[lambdas(i)]) for i in (0, 1))
+    begun = first.run(BODY.state(mu=[0.3, 0.4, 2.0]), t_end=10.0)
+    sent = pickle.loads(pickle.dumps(begun))
+    assert begun.events[0][0].size and len(other.resume(sent, t_end=60.0).events[0][0]) == 3
