@@ -14,13 +14,13 @@ from typing import Any
 import numpy as np
 
 from ..compiler import kernel
-from ..compiler.driver import accepted, attempt, itself
+from ..compiler.driver import accepted, itself
 from ..errors import IntegrationFailure, IntegrationInterrupted, NotCompilable, is_mistake
 from ..formulas.pytree import build, layout_of
 from ..systems.system import State
 from . import arguments
 from .adaptive import ASKED, CLOCK, FRESH, adaptive_lanes, adaptive_steps
-from .adaptive_run import AdaptiveRun
+from .adaptive_run import AdaptiveRun, velocity
 from .carry import AdaptiveCarry, Carries, Ended, Waiting
 from .dense import DenseOutput, flat, packed, unpacked
 from .execution import Execution, numbers_of
@@ -144,10 +144,8 @@ class AdaptiveEnsemble(OneByOne):
         for i in range(self.count):
             begun = self.begun(i)
             system, _ = self._of_body(i)
-            xi = attempt(system.rate, begun.t, system.essential_part(begun.state))
+            xi = velocity(system, begun.t, begun.state)
             if isinstance(begun, Ended) or not accepted(xi, itself):
-                continue
-            if any(type(x) is complex for x in xi):  # a power of a negative number
                 continue
             key = "side by side", layout_of(begun.state), dense
             shape = None if self.plan.of_each else steps.shapes.get(key)
@@ -238,10 +236,7 @@ class AdaptiveEnsemble(OneByOne):
     def _take_up(self, i: int, begun: Any) -> None:
         """A body where another run left it."""
         if isinstance(begun, AdaptiveCarry):
-            self.numbers[:, i], self.clocks[:, i] = begun.numbers, begun.clock
-            self.clocks[3:5, i] = 0.0
-            if self.clocks[1, i] * (self.goals[0, i] - begun.t) < 0.0:
-                self.clocks[1, i] = -self.clocks[1, i]
+            self.numbers[:, i], self.clocks[:, i] = begun.taken_up(float(self.goals[0, i]))
             return
         lanes: Any = self.lanes
         self.numbers[: lanes.state.width, i] = packed(begun.state)

@@ -29,11 +29,11 @@ from .adaptive import ASKED, CLOCK, FRESH, STUCK, adaptive_steps, noted
 from .carry import AdaptiveCarry
 from .checkpoint import Checkpoint
 from .dense import DenseOutput, unpacked
-from .events import Event, Watch
+from .events import Event, Watch, name_of
 from .execution import LOOK, Execution, numbers_of
 from .prepared import Prepared
 from .progress import Bar
-from .sampled import FirstPiece, between, sampled_steps
+from .sampled import FirstPiece, at_start, between, sampled_steps
 from .trajectory import Trajectory
 
 ROOM = 512
@@ -166,6 +166,14 @@ class Shape(Prepared):
         self.call = struct.Struct(f"11q{len(self.constants)}s4d").pack
 
 
+def velocity(system: Any, t: float, state: Any) -> Any:
+    """The velocity at a start, as `attempt` gives it: not a number if it is complex, as a power of
+    a negative number is.
+    """
+    xi = attempt(system.rate, t, system.essential_part(state))
+    return math.nan if accepted(xi, itself) and any(type(x) is complex for x in xi) else xi
+
+
 class AdaptiveRun:
     """One motion to a last time."""
 
@@ -213,10 +221,7 @@ class AdaptiveRun:
         self.found: np.ndarray | None = None  # room for them, of native code
         self.asked = 0  # how many of t_eval are reached
         if isinstance(start, AdaptiveCarry):
-            self.states, self.clock = start.numbers.copy(), start.clock.copy()
-            self.clock[3:5] = 0.0
-            if self.clock[1] * (t_end - t0) < 0.0:
-                self.clock[1] = -self.clock[1]
+            self.states, self.clock = start.taken_up(t_end)
         else:
             self.states = np.zeros(shape.layout.width)
             self.states[: self.width] = self.rows[0, 1 : 1 + self.width]
@@ -233,7 +238,9 @@ class AdaptiveRun:
         met = None if carry is None else carry.met
         self.watch = Watch(events, self._ended, t0, self.start, met)
         if carry is not None and carry.ended is not None and carry.ended < len(events):
-            self.watch.values[carry.ended] = 0.0  # the zero that ended the run before
+            known = [name for name, _ in carry.met] or [name_of(event) for event in events]
+            if known[carry.ended] == name_of(events[carry.ended]):
+                self.watch.values[carry.ended] = 0.0  # the zero that ended the run before
 
     def _shape(self, curves: bool) -> Shape:
         """The layouts of this run, from other runs of the plan if their starts were like this one."""
@@ -241,9 +248,8 @@ class AdaptiveRun:
         key = given, curves, self.at_times
         shape = self.plan.shapes.get(key)
         if shape is None:
-            xi = attempt(self.system.rate, self.t0, self.system.essential_part(self.start))
-            # a power of a negative number is complex
-            if not accepted(xi, itself) or any(type(x) is complex for x in xi):
+            xi = velocity(self.system, self.t0, self.start)
+            if not accepted(xi, itself):
                 raise self._not_begun(reason(xi))
             shape = self.plan.shapes[key] = Shape(self.plan, self.start, xi, *key[1:])
         else:
@@ -257,9 +263,10 @@ class AdaptiveRun:
             if is_mistake(error)
             else failure(error, repr(self.method), f"at the start, t = {self.t0:g}")
         )
-        states = {name: x[None] for name, x in self.start.arrays.items()}
+        n = 1 if self.t_eval is None else at_start(self.t_eval, self.t0)
+        states = {name: x[None].repeat(n, axis=0) for name, x in self.start.arrays.items()}
         raised.trajectory = Trajectory(
-            self.system, self.method, 0.0, np.array([self.t0]), states, None, 0
+            self.system, self.method, 0.0, np.full(n, self.t0), states, None, 0
         )
         return raised
 
@@ -609,9 +616,10 @@ class AdaptiveRun:
         """
         t, h = float(self.clock[0]), float(self.clock[1])
         state, xi = build(self.shape.layout, iter(self.states.tolist()))
-        first = attempt(self.system.rate, t, self.system.essential_part(state))
-        if t == self.t0 and not accepted(first, itself):
-            return self._not_begun(reason(first))
+        if t == self.t0:
+            first = velocity(self.system, t, state)
+            if not accepted(first, itself):
+                return self._not_begun(reason(first))
         # by the steps that led here: each was at most five times as long as the next
         raised: list[Exception] = []
         for longer in (1.0, 5.0, 25.0, 125.0):

@@ -97,6 +97,14 @@ class AdaptiveCarry:
     met: Met = NO_EVENTS
     bodies: None = None
 
+    def taken_up(self, t_end: float) -> tuple[np.ndarray, np.ndarray]:
+        """Numbers and clock with which a run to t_end goes on: it counts its own steps."""
+        numbers, clock = self.numbers.copy(), self.clock.copy()
+        clock[3:6] = 0.0
+        if clock[1] * (t_end - self.t) < 0.0:
+            clock[1] = -clock[1]
+        return numbers, clock
+
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Waiting:

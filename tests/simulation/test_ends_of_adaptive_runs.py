@@ -221,3 +221,50 @@ def test_a_lambda_of_another_process_is_not_known_by_its_name() -> None:
     begun = first.run(BODY.state(mu=[0.3, 0.4, 2.0]), t_end=10.0)
     sent = pickle.loads(pickle.dumps(begun))
     assert begun.events[0][0].size and len(other.resume(sent, t_end=60.0).events[0][0]) == 3
+
+
+@lm.record
+class Power(lm.Hamiltonian):
+    """Has no velocity where a momentum is negative."""
+
+    def gradient(self, mu: lm.Vec) -> lm.Vec:
+        return lm.vec(mu[0] ** 1.5, mu[1], 2.0 * mu[2])
+
+
+@WORLDS
+def test_a_start_without_velocity_is_refused_alike_in_every_run_of_a_plan(compiled: bool) -> None:
+    """Also after one that has prepared the plan."""
+    system = lm.LiePoissonSystem(lm.SO3(), Power())
+    turning, told = plan(system, compiled), []
+    for mu in ([-1.0, 0.2, 0.3], [1.0, 0.2, 0.3], [-1.0, 0.2, 0.3]):
+        try:
+            turning.run(system.state(mu=mu), t_end=0.1)
+        except lm.errors.IntegrationFailure as error:
+            told.append((type(error), str(error)))
+    assert len(told) == 2 and told[0] == told[1] and "at the start" in told[0][1]
+
+
+@WORLDS
+def test_a_body_without_velocity_has_the_samples_that_were_asked_for(compiled: bool) -> None:
+    """And no other."""
+    states, times = KEPLER.state(q=[[0.6, 0.0], [0.0, 0.0]], p=[[0.0, 1.4], [0.0, 0.0]]), [0.5, 1.0]
+    with pytest.warns(RuntimeWarning, match="body 1 after 0 steps"):
+        run = plan(compiled=compiled).run(states, t_end=1.0, t_eval=times)
+    assert run.t.tolist() == times and np.array_equal(run.q[:, 1], [[0.0, 0.0]] * 2)
+    with pytest.raises(lm.errors.IntegrationFailure) as caught:
+        plan(compiled=compiled).run(KEPLER.state(q=[0.0, 0.0], p=[0.0, 0.0]), t_end=1.0, t_eval=times)
+    assert len(caught.value.trajectory) == 0
+
+
+@pytest.mark.compiled
+def test_a_mark_of_a_run_that_was_interrupted_is_not_taken_up(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Python was asked for a step, and Ctrl-C came in it: a run of no length from there has not
+    failed.
+    """
+    turning = plan(BODY)
+    run = turning.run(TURNING, t_end=1.0)
+    run.carry.members[1].clock[5] = 2.0
+    still = turning.resume(run, t_end=1.0)
+    assert not still.stopped and [m.clock[5] for m in still.carry.members] == [0.0] * 3
