@@ -19,7 +19,7 @@ from ..errors import IntegrationFailure, IntegrationInterrupted, NotCompilable, 
 from ..formulas.pytree import build, layout_of
 from ..systems.system import State
 from . import arguments
-from .adaptive import ASKED, CLOCK, FRESH, adaptive_lanes, adaptive_steps
+from .adaptive import ASKED, CLOCK, FRESH, STUCK, adaptive_lanes, adaptive_steps
 from .adaptive_run import AdaptiveRun, velocity
 from .carry import AdaptiveCarry, Carries, Ended, Waiting
 from .dense import DenseOutput, flat, packed, unpacked
@@ -223,6 +223,10 @@ class AdaptiveEnsemble(OneByOne):
         else:
             for i in range(count):
                 self._take_up(i, self.begun(i))
+        for i in np.flatnonzero((self.goals[0] == self.t0) & ~self.over).tolist():  # no steps to make
+            begun, (system, _) = self.begun(i), self._of_body(i)
+            if not accepted(velocity(system, begun.t, begun.state), itself):
+                self.clocks[5, i] = STUCK
         self.samples = np.empty((len(self.asked), count, width))
         at_start = self.asked == self.t0
         self.told = np.logical_and.accumulate(at_start, axis=0).sum(axis=0)  # the first ones
@@ -247,7 +251,7 @@ class AdaptiveEnsemble(OneByOne):
     def _unfinished(self) -> np.ndarray:
         """Which bodies are not at the end?"""
         alone: Any = self.first
-        left = (self.clocks[0] != self.goals[0]) & ~self.over
+        left = ((self.clocks[0] != self.goals[0]) | (self.clocks[5] == STUCK)) & ~self.over
         left[:alone] = False
         return left
 

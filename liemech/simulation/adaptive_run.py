@@ -247,10 +247,11 @@ class AdaptiveRun:
         given = layout_of(self.start)
         key = given, curves, self.at_times
         shape = self.plan.shapes.get(key)
-        if shape is None:
+        if shape is None or self.t0 == self.t_end:  # else the steps will find it out
             xi = velocity(self.system, self.t0, self.start)
             if not accepted(xi, itself):
                 raise self._not_begun(reason(xi))
+        if shape is None:
             shape = self.plan.shapes[key] = Shape(self.plan, self.start, xi, *key[1:])
         else:
             shape.stepping.refresh()

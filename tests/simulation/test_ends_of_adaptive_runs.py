@@ -268,3 +268,20 @@ def test_a_mark_of_a_run_that_was_interrupted_is_not_taken_up(
     run.carry.members[1].clock[5] = 2.0
     still = turning.resume(run, t_end=1.0)
     assert not still.stopped and [m.clock[5] for m in still.carry.members] == [0.0] * 3
+
+
+@WORLDS
+def test_a_body_without_velocity_has_failed_also_where_it_has_nowhere_to_go(compiled: bool) -> None:
+    """Alone, whatever ran before, and beside others."""
+    still, none = plan(compiled=compiled), KEPLER.state(q=[0.0, 0.0], p=[0.0, 0.0])
+    states = KEPLER.state(q=[[0.6, 0.0], [0.0, 0.0]], p=[[0.0, 1.4], [0.0, 0.0]])
+    for _ in range(2):
+        with pytest.raises(lm.errors.IntegrationFailure):
+            still.run(none, t_end=0.0, t_eval=[0.0])
+        with pytest.warns(RuntimeWarning, match="body 1 after 0 steps"):
+            run = still.run(states, t_end=0.0)
+        assert set(run.stopped) == {1} and run.carry is not None
+        with pytest.warns(RuntimeWarning, match="body 1 after 0 steps"):
+            after = still.resume(run, t_end=0.5)
+        alone = still.run(KEPLER.state(q=[0.6, 0.0], p=[0.0, 1.4]), t_end=0.5)
+        assert set(after.stopped) == {1} and np.array_equal(after.q[-1, 0], alone.last.q)
