@@ -25,7 +25,7 @@ from .carry import AdaptiveCarry, Carries, Ended, Waiting
 from .dense import DenseOutput, flat, packed, unpacked
 from .execution import Execution, numbers_of
 from .fixed_run import PATIENCE, pool
-from .one_by_one import OneByOne
+from .one_by_one import OneByOne, of_bodies
 from .prepared import Prepared
 from .progress import Bar
 from .stopped import Stopped
@@ -106,7 +106,7 @@ class AdaptiveEnsemble(OneByOne):
         }
         numbers = {}
         for name, check in checked.items():
-            values = [check(x) for x in own[name]] if name in own else check(given[name])
+            values = of_bodies(check, own[name]) if name in own else check(given[name])
             numbers[name] = np.broadcast_to(np.array(values, dtype=float), count)
         limit = self._steps
         limit = arguments.MOST if limit is None else arguments.count(limit, "steps", 1)

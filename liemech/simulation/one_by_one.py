@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
 
-from ..errors import IntegrationFailure, IntegrationInterrupted, InvalidInput, is_mistake, warn
+from ..errors import (
+    IntegrationFailure,
+    IntegrationInterrupted,
+    InvalidInput,
+    InvalidType,
+    is_mistake,
+    warn,
+)
 from ..systems.system import member, small_state
 from . import arguments
 from .carry import AdaptiveCarry, Carries, Carry, Ended, Waiting, each, stacked
@@ -33,6 +40,18 @@ def apart(plan: Any, start: Any, t_end: Any, t_eval: Any) -> bool:
     of_each = np.ndim(plan._given["h"]) > 0 and (t_end is not None or t_eval is not None)
     many = arguments.axes(t_end, "t_end") > 0 or arguments.axes(t_eval, "t_eval") > 1
     return bool(plan.events) or of_each or many
+
+
+def of_bodies(check: Callable[[Any], Any], values: Iterable[Any]) -> list[Any]:
+    """What is made of a value of each body; what is refused names the body."""
+    found: list[Any] = []
+    try:
+        for value in values:
+            found.append(check(value))
+    except (InvalidInput, InvalidType) as error:
+        error.add_note(f"[integrate: body {len(found)}]")
+        raise
+    return found
 
 
 class OneByOne:
@@ -77,8 +96,7 @@ class OneByOne:
 
     def _check(self) -> None:
         """Refuse what a body cannot be asked for, before the first one runs."""
-        for i in range(self.count):
-            self.plan_of(i), self.times_of(i)
+        of_bodies(lambda i: (self.plan_of(i), self.times_of(i)), range(self.count))
 
     def _begun(self) -> Callable[[int], Any]:
         """The state of a body with its time, or what it carries along."""

@@ -285,3 +285,14 @@ def test_a_body_without_velocity_has_failed_also_where_it_has_nowhere_to_go(comp
             after = still.resume(run, t_end=0.5)
         alone = still.run(KEPLER.state(q=[0.6, 0.0], p=[0.0, 1.4]), t_end=0.5)
         assert set(after.stopped) == {1} and np.array_equal(after.q[-1, 0], alone.last.q)
+
+
+@WORLDS
+@pytest.mark.parametrize(
+    "given", [{"rtol": [1e-4, 1e-4, -1.0]}, {"atol": [0.0, 1.0, np.nan]}, {"h": [0.1, 0.1, 0.0]}]
+)
+def test_a_refusal_of_a_number_of_one_body_names_the_body(compiled: bool, given: Any) -> None:
+    """And the number."""
+    with pytest.raises(lm.errors.InvalidInput, match=next(iter(given))) as caught:
+        plan(BODY, compiled, **given).run(TURNING, t_end=1.0)
+    assert caught.value.__notes__ == ["[integrate: body 2]"]
