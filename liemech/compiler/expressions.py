@@ -191,7 +191,7 @@ class Expressions(Loops):
         if operator_ is None:
             raise NotCompilable(
                 f"`{ast.unparse(node)}`: this operator is not known to native code: write products "
-                "and quotients, `!=` instead of `^`"
+                "and quotients, `not x` for `~x`, `!=` for `^`"
             )
         self.reads.settled(*operands)
         try:
@@ -344,6 +344,7 @@ class Expressions(Loops):
         if (
             isinstance(index, tuple)
             and len(index) == 2
+            and isinstance(index[0], (int, np.integer, Num))
             and (isinstance(value, Mat) or (isinstance(value, np.ndarray) and holds_number(index)))
         ):
             return self.item(self.item(value, index[0]), index[1])
@@ -353,10 +354,12 @@ class Expressions(Loops):
         if not isinstance(index, Num) or index.kind == "f":
             raise NotCompilable(
                 "a float, a tuple or a slice known only at run time is used as an index: write "
-                "int(x), a[i][j] for a[i, j]"
+                "int(x), a[i][j] for a[i, j], a.T[i] for a[:, i]"
             )
         if isinstance(value, dict):
             raise NotCompilable("a key of a dict must be known now: write `if` and `elif`, or a list")
+        if isinstance(value, np.ndarray):
+            self.emitter.of_numpy = True
         result, *others = _entries(value)  # an index known at run time: pick by comparison
         count = len(others) + 1
         self.fail_if(

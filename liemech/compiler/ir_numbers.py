@@ -44,6 +44,8 @@ class Emitter:
         self.width = width if lanes % width == 0 else lanes
         self.vectors = {kind: ir.VectorType(t, self.width) for kind, t in TYPES.items()}
         self.calls = 0  # of the C library so far: a branch that has some is the rare one
+        # have NumPy's numbers come in?  Truth values that are made of them add up as `or`
+        self.of_numpy = False
         # what to do where Python raises
         self.fail_if: Callable[[Any], None] = lambda condition: None
 
@@ -130,6 +132,11 @@ class Emitter:
                 self, tuple([self.builder.floats(f"f{op}", x, y) for x, y in zip(*floats)]), "f"
             )
         kind, pair = self.alike(a, b, kind="f" if op == "div" else "i")
+        if self.of_numpy and op in ("add", "sub") and kind_of(a) == kind_of(b) == "b":
+            raise NotCompilable(
+                "a sum of truth values where NumPy's numbers are compared, which add up as `or`: "
+                "write int(x > a) + int(x > b)"
+            )
         if kind == "i":
             return self.integer(op, *map(self.num, pair))
         mixed = op in ("add", "sub") and all(kind_of(x) != "f" or is_mixed(x) for x in (a, b))
@@ -448,6 +455,8 @@ class Num(StandIn):
         where theirs are not shorter.
         """
         for x in items:
+            if isinstance(x, np.generic):
+                self.emitter.of_numpy = True
             if not isinstance(x, (Num, int, float)):
                 if not isinstance(x, (np.integer, np.bool_)):
                     return NotImplemented

@@ -263,7 +263,9 @@ class Loops(Branches):
                     )
                     changed.append(f"`{name}` changes its structure in the loop: {what}")
                     continue
-                if self.sharing.meet(name, old, [(new, inside)]) and changes_lists(body, inside):
+                # the variables of a turn alone have no value in the next one
+                kept = {n: v for n, v in inside.items() if n in at_head}
+                if self.sharing.meet(name, old, [(new, kept)]) and changes_lists(body, inside):
                     raise NotCompilable(
                         f"`{name}` has another name at the end of a turn of a loop that changes "
                         f"lists in place: let it be a copy, `[*{name}]`"

@@ -87,7 +87,7 @@ other waits for a result.
 """
 
 SHORT = 5500
-"""Lines of a kernel of one register a number that may have so few instructions with two."""
+"""Instructions of a kernel of one register a number up to which it is also made with two."""
 
 EFFORT = 2.5
 """How many times the limit may be translated, where formulas and loops are tried in several ways."""
@@ -259,8 +259,8 @@ class Outliner:
         self.large: set[Any] = set()  # formulas that have been large
         self.made: dict[Any, Outlined | None] = {}  # None: it has to be written out
         self.copied: set[Any] = set()  # formulas of which some call was worth a copy
-        # by form of the call, what LLVM copies; None: there was one call
-        self.copies: dict[Any, Outlined | None] = {}
+        # by form of the call, what LLVM copies; None: there was one call; False: it has no copies
+        self.copies: dict[Any, Outlined | bool | None] = {}
         self.patience, self.huge = (ALONE, ALONE * HUGE) if self.e.lanes == 1 else (1, WHOLE * HUGE)
         # by its identity, a constant and what tells it from others
         self.kept: dict[int, tuple[Any, Any]] = {}
@@ -348,15 +348,14 @@ class Outliner:
         if call and call.known in self.copies:
             made = self.copies[call.known]
             if made is None:
-                made = self.make(("copy", call.known), frame, given, False, 0, True)
+                made = self.make(("copy", call.known), frame, given, False, 0, True) or False
                 self.copies[call.known] = made
-            if made is not None:
+            if isinstance(made, Outlined):
                 before, result = b.emitted, self.emit(made, call, False)
                 b.emitted = before
                 b.grow(made.size)
                 self.spent += made.spent
                 return result
-            frame = Frame(frame.source, frame.scope, given)
         before = b.emitted
         result = self.t.enter(frame)
         cost = b.emitted - before
@@ -702,8 +701,8 @@ class Outliner:
             if id(x) in whole_arguments:
                 return "part", whole_arguments[id(x)]
             if isinstance(x, list):
-                if any(x is y for y in made):
-                    raise NotCompilable("a list that has two names")
+                if self.t.reads.from_outside(x) or any(x is y for y in made):
+                    raise NotCompilable("a list that has another name")
                 made.append(x)
             if not isinstance(x, _STRUCTURES):
                 raise NotCompilable(f"a result that holds {type(x).__name__}")

@@ -22,7 +22,7 @@ from ..formulas.vectors import Mat, Vec
 from .ir_numbers import Emitter, Num, Values
 from .iterators import Region, Stream
 from .reads import Reads
-from .scopes import Env, Frame, Undefined, has
+from .scopes import RETURN, Env, Frame, Undefined, has
 from .sharing import Sharing
 
 # lanes still running at this point, where some have left (absent: all for which the code was
@@ -31,7 +31,6 @@ ACTIVE = "<active>"
 BROKEN = "<broken>"  # lanes that left the present loop by `break`
 CONTINUED = "<continued>"  # lanes that left the present turn of a written-out loop by `continue`
 LEFT = (BROKEN, CONTINUED)
-RETURN = "<return>"  # what lanes that have left the call return
 NO_LANE = "no lane is running"  # value of ACTIVE when every lane has left
 
 class Retype(Exception):

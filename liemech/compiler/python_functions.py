@@ -327,7 +327,10 @@ class PythonFunctions:
                     f"`{function.__name__}` of more than two numbers: use liemech.norm, or call it twice"
                 )
             result = self.e.call(f"{symbol.removeprefix('liemech_')}_{len(x)}", *x)
-            return result if isinstance(function, np.ufunc) else self.raising(result, *x)
+            if isinstance(function, np.ufunc):
+                self.e.of_numpy = True
+                return result
+            return self.raising(result, *x)
 
         return self.plain_number(native, function)
 

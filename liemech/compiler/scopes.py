@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from .phi import Loop, Open
 
 Env = dict[str, Any]
+RETURN = "<return>"  # the variable of what lanes that have left the call return
 
 Function = ast.FunctionDef | ast.Lambda
 Comprehension = ast.ListComp | ast.GeneratorExp

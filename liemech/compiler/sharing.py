@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from ..errors import NotCompilable
 from ..formulas.vectors import Mat, Vec
 from .iterators import Stream
-from .scopes import Closure, Env, Frame
+from .scopes import RETURN, Closure, Env, Frame
 
 if TYPE_CHECKING:
     from .reads import Reads
@@ -47,7 +47,8 @@ class Sharing:
         """
         ways = list(ways)
         found = [x for value, _ in ways for x in lists(value)]
-        around = [(name, env) for _, env in ways]
+        # what a call returns outlives its variables
+        around = [(name, env) for _, env in ways if name != RETURN]
         held = [
             x
             for x in found

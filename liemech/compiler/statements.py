@@ -13,8 +13,8 @@ from .expressions import Expressions, Later
 from .ir_numbers import Num
 from .iterators import Stream
 from .loops import UNROLL, forms
-from .phi import ACTIVE, NO_LANE, RETURN, Open, Retype
-from .scopes import CHANGES, Env, has
+from .phi import ACTIVE, NO_LANE, Open, Retype
+from .scopes import CHANGES, RETURN, Env, has
 
 
 class Statements(Expressions):
@@ -158,7 +158,7 @@ class Statements(Expressions):
             )
         if RETURN in env:
             mask = self.everyone(self.active(env))
-            value = self.blended(RETURN, mask, (value, {}), (env[RETURN], {}))
+            value = self.blended(RETURN, mask, (value, env), (env[RETURN], env))
         if self.depth == 0:
             frame.returns.append(Open(self.builder.block, {RETURN: value} | frame.captured(env)))
             return False

@@ -46,10 +46,10 @@ from .advice import instead_of
 from .expressions import holds_number, in_words
 from .ir_numbers import Emitter, Num
 from .outlined import Outliner
-from .phi import RETURN, Open, leveled
+from .phi import Open, leveled
 from .python_functions import COMPUTING, OUTSIDE, STRUCTURE, PythonFunctions
 from .reads import Reads
-from .scopes import Closure, Env, Frame, Undefined, bound
+from .scopes import RETURN, Closure, Env, Frame, Undefined, bound
 from .source import Source
 from .statements import Statements
 from .tokens import of_python
