@@ -14,18 +14,18 @@ from typing import Any
 import numpy as np
 
 from ..compiler import kernel
-from ..compiler.driver import accepted, attempt, itself
+from ..compiler.driver import accepted, itself
 from ..errors import IntegrationFailure, IntegrationInterrupted, NotCompilable, is_mistake
 from ..formulas.pytree import build, layout_of
 from ..systems.system import State
 from . import arguments
-from .adaptive import ASKED, CLOCK, FRESH, adaptive_lanes, adaptive_steps
-from .adaptive_run import AdaptiveRun
+from .adaptive import ASKED, CLOCK, FRESH, STUCK, adaptive_lanes, adaptive_steps
+from .adaptive_run import AdaptiveRun, velocity
 from .carry import AdaptiveCarry, Carries, Ended, Waiting
 from .dense import DenseOutput, flat, packed, unpacked
 from .execution import Execution, numbers_of
 from .fixed_run import PATIENCE, pool
-from .one_by_one import OneByOne
+from .one_by_one import OneByOne, of_bodies
 from .prepared import Prepared
 from .progress import Bar
 from .stopped import Stopped
@@ -106,7 +106,7 @@ class AdaptiveEnsemble(OneByOne):
         }
         numbers = {}
         for name, check in checked.items():
-            values = [check(x) for x in own[name]] if name in own else check(given[name])
+            values = of_bodies(check, own[name]) if name in own else check(given[name])
             numbers[name] = np.broadcast_to(np.array(values, dtype=float), count)
         limit = self._steps
         limit = arguments.MOST if limit is None else arguments.count(limit, "steps", 1)
@@ -144,10 +144,8 @@ class AdaptiveEnsemble(OneByOne):
         for i in range(self.count):
             begun = self.begun(i)
             system, _ = self._of_body(i)
-            xi = attempt(system.rate, begun.t, system.essential_part(begun.state))
+            xi = velocity(system, begun.t, begun.state)
             if isinstance(begun, Ended) or not accepted(xi, itself):
-                continue
-            if any(type(x) is complex for x in xi):  # a power of a negative number
                 continue
             key = "side by side", layout_of(begun.state), dense
             shape = None if self.plan.of_each else steps.shapes.get(key)
@@ -177,10 +175,13 @@ class AdaptiveEnsemble(OneByOne):
     # ---------------------------------------------------------------- side by side
 
     def _side_by_side(self, first: int, bar: Bar) -> bool:
-        if self.lanes is None or not self.lanes.stepping.ready(first / self.count):
-            return False
+        try:
+            if self.lanes is None or not self.lanes.stepping.ready(first / self.count):
+                return False
+            self._begin()
+        except KeyboardInterrupt:
+            raise self._interrupted(first) from None
         self.first = first
-        self._begin()
         try:
             self._march(bar)
             self._move()
@@ -191,10 +192,9 @@ class AdaptiveEnsemble(OneByOne):
             stopped = IntegrationInterrupted(f"{told}; the samples are in `.trajectory`")
             stopped.trajectory = self._joined()
             raise stopped from None
-        failed = np.flatnonzero(self._failed)
-        error: Any = self._error(int(failed[0])) if len(failed) else None
-        if is_mistake(error):
-            error.add_note(f"[integrate: body {failed[0]}]")
+        if self.mistaken:
+            error = self._error(min(self.mistaken))
+            error.add_note(f"[integrate: body {min(self.mistaken)}]")
             error.trajectory = self._joined()
             raise error
         return True
@@ -209,6 +209,7 @@ class AdaptiveEnsemble(OneByOne):
         self.parts = np.cumsum([len(part) for part in parts[:-1]])
         self.numbers, self.clocks, *_ = np.split(self.table, self.parts)
         self.over = np.zeros(count, dtype=bool)  # bodies that had ended before
+        self.mistaken: list[int] = []  # bodies that a mistake in a formula has ended
         # rows of samples inside of steps, of which the states are still to be found
         self.within: list[Any] = []
         self.rows = 0
@@ -222,6 +223,10 @@ class AdaptiveEnsemble(OneByOne):
         else:
             for i in range(count):
                 self._take_up(i, self.begun(i))
+        for i in np.flatnonzero((self.goals[0] == self.t0) & ~self.over).tolist():  # no steps to make
+            begun, (system, _) = self.begun(i), self._of_body(i)
+            if not accepted(velocity(system, begun.t, begun.state), itself):
+                self.clocks[5, i] = STUCK
         self.samples = np.empty((len(self.asked), count, width))
         at_start = self.asked == self.t0
         self.told = np.logical_and.accumulate(at_start, axis=0).sum(axis=0)  # the first ones
@@ -235,10 +240,7 @@ class AdaptiveEnsemble(OneByOne):
     def _take_up(self, i: int, begun: Any) -> None:
         """A body where another run left it."""
         if isinstance(begun, AdaptiveCarry):
-            self.numbers[:, i], self.clocks[:, i] = begun.numbers, begun.clock
-            self.clocks[3:5, i] = 0.0
-            if self.clocks[1, i] * (self.goals[0, i] - begun.t) < 0.0:
-                self.clocks[1, i] = -self.clocks[1, i]
+            self.numbers[:, i], self.clocks[:, i] = begun.taken_up(float(self.goals[0, i]))
             return
         lanes: Any = self.lanes
         self.numbers[: lanes.state.width, i] = packed(begun.state)
@@ -249,7 +251,7 @@ class AdaptiveEnsemble(OneByOne):
     def _unfinished(self) -> np.ndarray:
         """Which bodies are not at the end?"""
         alone: Any = self.first
-        left = (self.clocks[0] != self.goals[0]) & ~self.over
+        left = ((self.clocks[0] != self.goals[0]) | (self.clocks[5] == STUCK)) & ~self.over
         left[:alone] = False
         return left
 
@@ -280,9 +282,12 @@ class AdaptiveEnsemble(OneByOne):
                 self._by_python(int(bodies[k]), columns[:, k], out[-2:, :, k])
             if time.perf_counter() - begun > PATIENCE:  # somebody may want to interrupt it
                 room, least, work = max(side, room // 4), max(1, least // 2), work // 4
-            self.table[:changed, bodies] = columns[:changed, :m]
             if lanes.curves:
                 self._sample(bodies, out[:, :, :m])
+            # only now: of what an interrupt leaves out, the samples would be missing
+            self.table[:changed, bodies] = columns[:changed, :m]
+            if self.rows > ROWS:
+                self._move()
             going = ~self._ended(columns[lanes.layout.width :, :m])
             ended = m - int(going.sum())
             if (ended and (len(queue) or 4 * ended >= m)) or m > room:
@@ -330,11 +335,14 @@ class AdaptiveEnsemble(OneByOne):
         numbers, clock, row = column[:width].copy(), column[width:changed].copy(), lanes.row.width
         taken, before, after = clock[3], (clock[0], *numbers[: lanes.state.width]), np.empty(row)
         t_end, rtol, atol, longest, _ = self.goals[:, i].tolist()
+        failures: list[Exception] = []
         with lanes.stepping.plain():
             adaptive_steps(
                 method, system, lanes.layout, lanes.row, t_end, rtol, atol, longest, lanes.curves, 1,
-                numbers, clock, after, [],
+                numbers, clock, after, failures,
             )  # fmt: skip
+        if any(map(is_mistake, failures)):
+            self.mistaken.append(i)
         column[:width], column[width:changed] = numbers, clock
         if lanes.curves and clock[3] > taken:
             rows[0, : len(before)], rows[1] = before, after
@@ -371,15 +379,13 @@ class AdaptiveEnsemble(OneByOne):
             self.within.append((given, times[inside], sample[inside], body[inside]))
         self.samples[sample, body] = numbers
         self.told[bodies] = reached[-1]
-        if self.rows > ROWS:
-            self._move()
 
     def _move(self) -> None:
-        """Let the states that lie inside of steps be where they are asked for."""
+        """Find the states inside of steps that were asked for."""
         if self.within:
             given, times, sample, body = map(np.concatenate, zip(*self.within, strict=True))
-            self.within, self.rows = [], 0
             self.samples[sample, body] = self._moved(given, times, body)
+            self.within, self.rows = [], 0
 
     def _passed(self, bodies: np.ndarray, t: np.ndarray) -> np.ndarray:
         """How many of the times that are asked for lie before these, (turns, bodies)?"""
@@ -422,8 +428,10 @@ class AdaptiveEnsemble(OneByOne):
             run = AdaptiveRun(
                 self.plan_of(i)._steps, start, t0, self.ends[i], self.limit, self.times_of(i), ()
             )
-        except IntegrationFailure as error:  # it has no velocity at the start
-            return error
+        except Exception as error:  # it has no velocity at the start
+            if isinstance(error, IntegrationFailure) or is_mistake(error):
+                return error
+            raise
         return run.failed(
             self.numbers[:, i].copy(), self.clocks[:, i].copy(), self.samples[: self.told[i], i]
         )
@@ -444,7 +452,7 @@ class AdaptiveEnsemble(OneByOne):
             begun: Ended = self.begun(i)
             if begun.error is None or (len(t) and begun.t != t[0, i]):
                 t[:, i] = begun.t
-            elif begun.error is not None:
+            if begun.error is not None:
                 self.errors[i] = begun.error
         for i, run in enumerate(self.runs):
             way = self._filled(i, run, len(t), self._carried(i, run))

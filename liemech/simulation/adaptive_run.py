@@ -29,11 +29,11 @@ from .adaptive import ASKED, CLOCK, FRESH, STUCK, adaptive_steps, noted
 from .carry import AdaptiveCarry
 from .checkpoint import Checkpoint
 from .dense import DenseOutput, unpacked
-from .events import Event, Watch
+from .events import Event, Watch, name_of
 from .execution import LOOK, Execution, numbers_of
 from .prepared import Prepared
 from .progress import Bar
-from .sampled import FirstPiece, between, sampled_steps
+from .sampled import FirstPiece, at_start, between, sampled_steps
 from .trajectory import Trajectory
 
 ROOM = 512
@@ -166,6 +166,14 @@ class Shape(Prepared):
         self.call = struct.Struct(f"11q{len(self.constants)}s4d").pack
 
 
+def velocity(system: Any, t: float, state: Any) -> Any:
+    """The velocity at a start, as `attempt` gives it: not a number if it is complex, as a power of
+    a negative number is.
+    """
+    xi = attempt(system.rate, t, system.essential_part(state))
+    return math.nan if accepted(xi, itself) and any(type(x) is complex for x in xi) else xi
+
+
 class AdaptiveRun:
     """One motion to a last time."""
 
@@ -213,10 +221,7 @@ class AdaptiveRun:
         self.found: np.ndarray | None = None  # room for them, of native code
         self.asked = 0  # how many of t_eval are reached
         if isinstance(start, AdaptiveCarry):
-            self.states, self.clock = start.numbers.copy(), start.clock.copy()
-            self.clock[3:5] = 0.0
-            if self.clock[1] * (t_end - t0) < 0.0:
-                self.clock[1] = -self.clock[1]
+            self.states, self.clock = start.taken_up(t_end)
         else:
             self.states = np.zeros(shape.layout.width)
             self.states[: self.width] = self.rows[0, 1 : 1 + self.width]
@@ -230,21 +235,23 @@ class AdaptiveRun:
             self.compiled = True
         self.watch: Any = None
         carry = start if isinstance(start, AdaptiveCarry) else None
-        met = () if carry is None else carry.met
+        met = None if carry is None else carry.met
         self.watch = Watch(events, self._ended, t0, self.start, met)
         if carry is not None and carry.ended is not None and carry.ended < len(events):
-            self.watch.values[carry.ended] = 0.0  # the zero that ended the run before
+            known = [name for name, _ in carry.met] or [name_of(event) for event in events]
+            if known[carry.ended] == name_of(events[carry.ended]):
+                self.watch.values[carry.ended] = 0.0  # the zero that ended the run before
 
     def _shape(self, curves: bool) -> Shape:
         """The layouts of this run, from other runs of the plan if their starts were like this one."""
         given = layout_of(self.start)
         key = given, curves, self.at_times
         shape = self.plan.shapes.get(key)
-        if shape is None:
-            xi = attempt(self.system.rate, self.t0, self.system.essential_part(self.start))
-            # a power of a negative number is complex
-            if not accepted(xi, itself) or any(type(x) is complex for x in xi):
+        if shape is None or self.t0 == self.t_end:  # else the steps will find it out
+            xi = velocity(self.system, self.t0, self.start)
+            if not accepted(xi, itself):
                 raise self._not_begun(reason(xi))
+        if shape is None:
             shape = self.plan.shapes[key] = Shape(self.plan, self.start, xi, *key[1:])
         else:
             shape.stepping.refresh()
@@ -257,9 +264,10 @@ class AdaptiveRun:
             if is_mistake(error)
             else failure(error, repr(self.method), f"at the start, t = {self.t0:g}")
         )
-        states = {name: x[None] for name, x in self.start.arrays.items()}
+        n = 1 if self.t_eval is None else at_start(self.t_eval, self.t0)
+        states = {name: x[None].repeat(n, axis=0) for name, x in self.start.arrays.items()}
         raised.trajectory = Trajectory(
-            self.system, self.method, 0.0, np.array([self.t0]), states, None, 0
+            self.system, self.method, 0.0, np.full(n, self.t0), states, None, 0
         )
         return raised
 
@@ -336,11 +344,12 @@ class AdaptiveRun:
         while self.clock[0] != end:
             begun = time.perf_counter()
             before, taken = self.filled, self.clock[3]
+            there = (self.states.copy(), self.clock.copy()) if self.events else None
             self._more(end, room if self.shape.stepping.native is None else ROOM)
             if time.perf_counter() - begun < 0.5 * LOOK:
                 room = min(2 * room, ROOM)
             bar.advance(int(1000 * self._part()) - bar.done)
-            ended = bool(self.events) and self._terminated(before)
+            ended = there is not None and self._terminated(before, end, *there)
             if not self.kept:
                 self._sample(before)
             more = int(self.clock[3] - taken)
@@ -372,15 +381,20 @@ class AdaptiveRun:
         if self.filled + room > len(self.rows):
             wanted = max(len(self.rows) + len(self.rows) // 4, self.filled + room)
             self._make_room(wanted)
-        before, out, plan, shape = (
-            int(self.clock[3]),
-            self.rows[self.filled :].reshape(-1),
-            self.plan,
-            self.shape,
-        )
+        before = int(self.clock[3])
+        native = native and self.shape.stepping.ready(self._part())
+        self._make(end, room, native, self.states, self.clock, self.rows[self.filled :])
+        self.filled += int(self.clock[3]) - before
+
+    def _make(
+        self, end: float, room: int, native: bool, states: np.ndarray, clock: np.ndarray,
+        rows: np.ndarray,
+    ) -> None:  # fmt: skip
+        """Make steps, and write what is carried along and the rows."""
+        plan, shape = self.plan, self.shape
         numbers = end, plan.rtol, plan.atol, plan.longest
-        arrays = self.states, self.clock, out
-        if native and shape.stepping.ready(self._part()):
+        arrays = states, clock, rows.reshape(-1)
+        if native:
             code: Any = shape.stepping.native
             self.compiled = True
             code.run(shape.constants + array("d", numbers).tobytes(), (room,), arrays)
@@ -389,7 +403,6 @@ class AdaptiveRun:
                 adaptive_steps(
                     *shape.arguments, *numbers, shape.curves, room, *arrays, self.failures
                 )
-        self.filled += int(self.clock[3]) - before
 
     def _more_at_times(self, end: float, room: int, native: bool) -> None:
         """The same, and the states at the times they pass: of the rows only the last, and the state
@@ -444,16 +457,21 @@ class AdaptiveRun:
 
     def _tell(self, times: np.ndarray, numbers: np.ndarray) -> None:
         """Keep what the recorder keeps of some samples."""
-        states = unpacked(self.shape.state, numbers.copy())
-        run = SimpleNamespace(system=self.system, bodies=None)
-        given = run, type(self.shape.example), times, states, self.plan.compiled
         try:
-            self.told.append((times.copy(), self.recorder.values(*given)))
+            self.told.append((times.copy(), self._recorded(times, numbers)))
         except (Exception, IntegrationInterrupted) as caught:
             error: Any = caught
             n, kept = error.kept
             self.told.append((times[:n].copy(), kept))
             raise self._ended(error, None) from error.__cause__
+
+    def _recorded(self, times: np.ndarray, numbers: np.ndarray) -> dict[str, np.ndarray]:
+        """What the recorder keeps of samples."""
+        states = unpacked(self.shape.state, numbers.copy())
+        run = SimpleNamespace(system=self.system, bodies=None)
+        given = run, type(self.shape.example), times, states, self.plan.compiled
+        kept: dict[str, np.ndarray] = self.recorder.values(*given)
+        return kept
 
     def _at_times(self, before: int, times: np.ndarray) -> None:
         """Keep the states that t_eval asks for in the last steps."""
@@ -478,17 +496,27 @@ class AdaptiveRun:
         else:
             self._tell(times, states)
 
-    def _terminated(self, before: int) -> bool:
-        """Look for events in the last steps, and end the run at the first terminal one."""
+    def _terminated(self, before: int, end: float, states: np.ndarray, clock: np.ndarray) -> bool:
+        """Look for events in the last steps, and end the run at the first terminal one.
+
+        states, clock : what was carried along before these steps.
+        """
         hit = self.watch.look(self._dense(before - 1))
         if hit is None:
             return False
         k, at, numbers = hit
+        # the steps up to the event once more: those beyond do not count, nor what became of them
+        self.watch.looking = True
+        native = clock[5] != ASKED and self.shape.stepping.native is not None
+        rows = np.empty((k + 1, self.rows.shape[1]))
+        self._make(end, k + 1, native, states, clock, rows)
+        self.states, self.clock, self.watch.looking = states, clock, False
         row, begun = self.rows[before + k], self.rows[before + k - 1, 0]
         curve = row[1 + self.width :].reshape(-1, self.system.group.dim)
         curve *= ((at - begun) / (row[0] - begun)) ** np.arange(1, len(curve) + 1)[:, None]
         row[0], row[1 : 1 + self.width] = at, numbers
         self.filled, self.clock[0] = before + k + 1, at
+        self.clock[1], self.clock[5], self.clock[6] = 0.0, 0.0, 1.0  # from here a start anew
         return True
 
     # ---------------------------------------------------------------- results
@@ -540,7 +568,6 @@ class AdaptiveRun:
             return None
         if self.watch.ended is not None:
             numbers[: self.width] = last[1 : 1 + self.width]
-            clock[1], clock[6] = 0.0, 1.0
         state = build(self.shape.state, iter(last[1 : 1 + self.width].tolist()))
         own = self.watch.ended, self.watch.met
         return AdaptiveCarry(numbers, clock, state, float(clock[0]), *own)
@@ -548,10 +575,15 @@ class AdaptiveRun:
     def _samples(self, dense: DenseOutput | None) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         """Times and parts of the state."""
         if self.recorder is not None:
-            names = self.recorder.names if self.told else ()
-            joined = {name: np.concatenate([kept[name] for _, kept in self.told]) for name in names}
-            times = np.concatenate([np.empty(0), *(t for t, _ in self.told)])
-            return times, joined
+            told = [one for one in self.told if len(one[0])]
+            if not told:
+                none = np.empty(0)
+                told = [(none, self._recorded(none, np.empty((0, self.width))))]
+            joined = {
+                name: np.concatenate([kept[name] for _, kept in told])
+                for name in self.recorder.names
+            }
+            return np.concatenate([t for t, _ in told]), joined
         if self.t_eval is None:
             times, numbers = (
                 self.rows[: self.filled, 0],
@@ -585,9 +617,10 @@ class AdaptiveRun:
         """
         t, h = float(self.clock[0]), float(self.clock[1])
         state, xi = build(self.shape.layout, iter(self.states.tolist()))
-        first = attempt(self.system.rate, t, self.system.essential_part(state))
-        if t == self.t0 and not accepted(first, itself):
-            return self._not_begun(reason(first))
+        if t == self.t0:
+            first = velocity(self.system, t, state)
+            if not accepted(first, itself):
+                return self._not_begun(reason(first))
         # by the steps that led here: each was at most five times as long as the next
         raised: list[Exception] = []
         for longer in (1.0, 5.0, 25.0, 125.0):

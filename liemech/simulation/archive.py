@@ -32,6 +32,7 @@ from ..formulas.vectors import Mat, Vec
 from .arrival import FictiveMotion
 from .carry import AdaptiveCarry, Carries, Carry, Ended, Waiting
 from .dense import DenseOutput
+from .events import Met
 from .fictive import FictiveCarry, Origin
 from .stopped import Stopped
 from .systems import Methods, OfBodies, Systems, of_body
@@ -135,7 +136,7 @@ def _carry_of(
         t, steps, text, tau, z = kept["there"]
         error = None if text is None else IntegrationFailure(text)
         return Ended(state, t, steps, error, tau, z, origin)
-    met = tuple([(event, n) for event, n in kept.get("met", ())])  # older files have none
+    met = Met([(event, n) for event, n in kept.get("met", ())])  # older files have none
     if "t" in kept:
         own = arrays[f"{name}.numbers"], arrays[f"{name}.clock"]
         return AdaptiveCarry(*own, state, kept["t"], kept["ended"], met)

@@ -12,6 +12,7 @@ from ..errors import IntegrationFailure, failure
 from ..formulas.pytree import build
 from ..systems.system import State, member, state_of
 from .dense import unpacked
+from .events import NO_EVENTS, Met
 from .prepared import Shape
 
 
@@ -26,7 +27,7 @@ class Carry:
     taken.
     last : the numbers of the state, in the memory of the samples until `keep`.
     failures : what ended bodies that stopped.  Nothing else of it is changed, ever.
-    met : of every event its name, and how many of its zeros were met.
+    met : how many zeros of every event were met.
     """
 
     shape: Shape | None = dataclasses.field(repr=False)
@@ -37,7 +38,7 @@ class Carry:
     numbers: np.ndarray = dataclasses.field(repr=False)
     last: np.ndarray = dataclasses.field(repr=False)
     failures: dict[int, Exception | None] = dataclasses.field(default_factory=dict, repr=False)
-    met: tuple[tuple[str, int], ...] = ()
+    met: Met = NO_EVENTS
 
     @classmethod
     def quickly(
@@ -93,8 +94,16 @@ class AdaptiveCarry:
     state: State
     t: float
     ended: int | None = None
-    met: tuple[tuple[str, int], ...] = ()
+    met: Met = NO_EVENTS
     bodies: None = None
+
+    def taken_up(self, t_end: float) -> tuple[np.ndarray, np.ndarray]:
+        """Numbers and clock with which a run to t_end goes on: it counts its own steps."""
+        numbers, clock = self.numbers.copy(), self.clock.copy()
+        clock[3:6] = 0.0
+        if clock[1] * (t_end - self.t) < 0.0:
+            clock[1] = -clock[1]
+        return numbers, clock
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

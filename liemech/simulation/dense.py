@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -351,7 +352,7 @@ def flat(arrays: dict[str, np.ndarray], count: int) -> np.ndarray:
     """
     parts = [np.ascontiguousarray(x) for x in arrays.values()]
     real = [x.view(float) if np.iscomplexobj(x) else x.astype(float, copy=False) for x in parts]
-    rows = [x.reshape(count, -1) for x in real]
+    rows = [x.reshape(count, x.size // count if count else math.prod(x.shape[1:])) for x in real]
     return rows[0] if len(rows) == 1 else np.concatenate(rows, axis=1)
 
 

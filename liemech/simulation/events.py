@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from inspect import ismethod
 from typing import Any
 
 import numpy as np
@@ -11,12 +12,47 @@ from ..errors import IntegrationInterrupted, InvalidType
 from .dense import Between, packed, unpacked
 
 Event = Callable[[float, Any], float]
-Met = tuple[tuple[str, int], ...]
 
 
 def name_of(event: Any) -> str:
     """By which an event is known in a run that goes on, and in files."""
     return str(getattr(event, "__qualname__", type(event).__qualname__))
+
+
+class Met(tuple[tuple[str, int], ...]):
+    """Of every event its name, and how many of its zeros count for its `terminal` in a run that
+    goes on.
+
+    events : these themselves, where they are still there; not in files, nor in other processes.
+    """
+
+    events: tuple[Event, ...] | None = None
+
+    @classmethod
+    def of(cls, events: tuple[Event, ...], counts: list[int]) -> Met:
+        """That of these events."""
+        met = cls([(name_of(event), n) for event, n in zip(events, counts, strict=True)])
+        met.events = events
+        return met
+
+    def __reduce__(self) -> Any:
+        return Met, (tuple(self),)
+
+    def counts(self, events: tuple[Event, ...]) -> list[int]:
+        """What counts for these events: nothing, if they are not the same.  Where only names are
+        left, a name tells which event it is, but not that of a lambda.
+        """
+        names = [name_of(event) for event in events]
+        if self.events is not None:
+            pairs = zip(self.events, events, strict=False)
+            same = all(a is b or (ismethod(a) and a == b) for a, b in pairs)
+        else:
+            same = [name for name, _ in self] == names and not any("<lambda>" in n for n in names)
+        return [n for _, n in self] if same and len(self) == len(events) else [0] * len(events)
+
+
+NO_EVENTS = Met()
+"""Of a run without events."""
 
 
 class Watch:
@@ -33,13 +69,11 @@ class Watch:
         ended: Callable[[Any], Any],
         t: float,
         state: Any,
-        before: Met = (),
+        before: Met | None = None,
     ) -> None:
         self.events, self._ended = events, ended
         self.looking, self.looked = False, 0  # how many of the last steps have been looked at
-        names = [name_of(event) for event in events]
-        known = [name for name, _ in before] == names
-        self.before = [n for _, n in before] if known else [0] * len(events)
+        self.before = [0] * len(events) if before is None else before.counts(events)
         self.ended: int | None = None  # by which event
         self.found: list[list[tuple[float, np.ndarray]]] = [[] for _ in events]
         self.terminal = [int(getattr(event, "terminal", None) or 0) for event in events]
@@ -75,13 +109,11 @@ class Watch:
 
     @property
     def met(self) -> Met:
-        """Of every event its name, and how many of its zeros count for its `terminal` in the run
-        that goes on: those so far, or none if it has ended this one.
-        """
+        """With what a run goes on: the zeros so far, or none of the event that ended this one."""
         counts = [n + len(found) for n, found in zip(self.before, self.found, strict=True)]
         if self.ended is not None:
             counts[self.ended] = 0
-        return tuple([(name_of(e), n) for e, n in zip(self.events, counts, strict=True)])
+        return Met.of(self.events, counts)
 
     def shown(self, example: Any, layout: Any) -> tuple[tuple[np.ndarray, Any], ...]:
         """Of every event the times and the states, as a Trajectory holds them."""

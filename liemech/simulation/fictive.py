@@ -13,6 +13,7 @@ from ..systems.clocked import Clocked
 from ..systems.system import State, small_state, state_of
 from ..systems.time_transformed import ExtendedSystem
 from .carry import Carry
+from .events import NO_EVENTS, Met
 from .prepared import Steps
 
 
@@ -78,7 +79,7 @@ class FictiveCarry:
     inner: Carry
     ahead: Any = None
     tau: Any = None
-    met: tuple[tuple[str, int], ...] = ()
+    met: Met = NO_EVENTS
 
     def __post_init__(self) -> None:
         if self.tau is None:

@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
 
-from ..errors import IntegrationFailure, IntegrationInterrupted, InvalidInput, is_mistake, warn
+from ..errors import (
+    IntegrationFailure,
+    IntegrationInterrupted,
+    InvalidInput,
+    InvalidType,
+    is_mistake,
+    warn,
+)
 from ..systems.system import member, small_state
 from . import arguments
 from .carry import AdaptiveCarry, Carries, Carry, Ended, Waiting, each, stacked
@@ -33,6 +40,18 @@ def apart(plan: Any, start: Any, t_end: Any, t_eval: Any) -> bool:
     of_each = np.ndim(plan._given["h"]) > 0 and (t_end is not None or t_eval is not None)
     many = arguments.axes(t_end, "t_end") > 0 or arguments.axes(t_eval, "t_eval") > 1
     return bool(plan.events) or of_each or many
+
+
+def of_bodies(check: Callable[[Any], Any], values: Iterable[Any]) -> list[Any]:
+    """What is made of a value of each body; what is refused names the body."""
+    found: list[Any] = []
+    try:
+        for value in values:
+            found.append(check(value))
+    except (InvalidInput, InvalidType) as error:
+        error.add_note(f"[integrate: body {len(found)}]")
+        raise
+    return found
 
 
 class OneByOne:
@@ -77,8 +96,7 @@ class OneByOne:
 
     def _check(self) -> None:
         """Refuse what a body cannot be asked for, before the first one runs."""
-        for i in range(self.count):
-            self.plan_of(i), self.times_of(i)
+        of_bodies(lambda i: (self.plan_of(i), self.times_of(i)), range(self.count))
 
     def _begun(self) -> Callable[[int], Any]:
         """The state of a body with its time, or what it carries along."""
@@ -136,10 +154,7 @@ class OneByOne:
                     self.errors[i] = error
                     self.runs.append(error.trajectory)
                 except KeyboardInterrupt as error:
-                    told = f"integrate: interrupted after {i} of {self.count} bodies"
-                    stopped = IntegrationInterrupted(f"{told}; the samples are in `.trajectory`")
-                    stopped.trajectory = self._joined(getattr(error, "trajectory", None))
-                    raise stopped from None
+                    raise self._interrupted(i, getattr(error, "trajectory", None)) from None
                 except Exception as error:
                     if is_mistake(error) and hasattr(error, "trajectory"):
                         error.add_note(f"[integrate: body {i}]")
@@ -148,7 +163,10 @@ class OneByOne:
                 if self.kept is not None and self.kept.due():
                     self.kept.save(self._joined())
                 bar.advance(1)
-        run = self._joined()
+        try:
+            run = self._joined()
+        except KeyboardInterrupt:
+            raise self._interrupted(self.count) from None
         ended: Any = run.stopped
         if ended:
             some = ", ".join(f"body {i} after {n} steps" for i, n in [*ended.steps.items()][:5])
@@ -158,6 +176,13 @@ class OneByOne:
                 RuntimeWarning,
             )
         return run
+
+    def _interrupted(self, after: int, unfinished: Trajectory | None = None) -> Any:
+        """Ctrl-C after so many bodies.  unfinished : the run of the next one as far as it has come."""
+        told = f"integrate: interrupted after {after} of {self.count} bodies"
+        stopped = IntegrationInterrupted(f"{told}; the samples are in `.trajectory`")
+        stopped.trajectory = self._joined(unfinished)
+        return stopped
 
     def _side_by_side(self, first: int, bar: Bar) -> bool:
         """Run all bodies from this one on side by side, if that can be done."""

@@ -32,7 +32,7 @@ class Samples(Record):
 SAMPLES = layout_of(Samples(0.0, 0.0))
 
 LONGEST = 2**20
-"""Steps of one call of native code, each counted as the square of the numbers it carries along."""
+"""Steps times width^2 of one call of native code, width of the numbers carried along."""
 
 
 def sampled_steps(

@@ -33,7 +33,7 @@ from .arrival import FictiveMotion, landed
 from .carry import Carry
 from .checkpoint import Checkpoint
 from .dense import unpacked
-from .events import Event, Watch
+from .events import NO_EVENTS, Event, Watch
 from .execution import LOOK
 from .fictive import FictiveCarry, Origin
 from .fixed import observed, sample, stepped
@@ -359,7 +359,7 @@ class March:
         if events:
             start = run.carry.state if run.carry is not None else run.origin.start
             self.first = small_state(type(start), start.arrays)
-            met = () if run.carry is None else run.carry.met
+            met = None if run.carry is None else run.carry.met
             self.watch = Watch(events, self._ended, run.t0, self.first, met)
 
     def _begun(self) -> tuple[Shape, np.ndarray, np.ndarray]:
@@ -515,7 +515,7 @@ class March:
         last = sample(self.run.method, read(self.states, 0, self.layout))
         numbers = np.append(self.states, float(whole))
         inner = Carry(self.shape, 0.0, h, whole, None, numbers, np.array(leaves(last, self.shown)))
-        tau, met = float(self.taus[-1][-1]), () if self.watch is None else self.watch.met
+        tau, met = float(self.taus[-1][-1]), NO_EVENTS if self.watch is None else self.watch.met
         if (tau - whole * h) * h <= 0.0:
             return FictiveCarry(self.run.origin, inner, met=met)
         ahead = build(self.shown, iter(self.rows[-1][-1].tolist()))

@@ -136,7 +136,7 @@ class WatchedRun:
         self.kept: list[tuple[np.ndarray, np.ndarray]] = []  # times and numbers of samples
         self._keep(np.array([self.carry.t]), self.carry.last.reshape(1, -1), None)
         self.watch: Any = None
-        met = start.met if isinstance(start, Carry) else ()
+        met = start.met if isinstance(start, Carry) else None
         self.watch = Watch(events, self._ended, self.carry.t, self.carry.state, met)
 
     def trajectory(self) -> Trajectory:
