@@ -463,7 +463,7 @@ class AdaptiveRun:
             error: Any = caught
             n, kept = error.kept
             self.told.append((times[:n].copy(), kept))
-            raise self._ended(error, None) from error.__cause__
+            raise self._ended(error, goes_on=False) from error.__cause__
 
     def _recorded(self, times: np.ndarray, numbers: np.ndarray) -> dict[str, np.ndarray]:
         """What the recorder keeps of samples."""
@@ -661,10 +661,10 @@ class AdaptiveRun:
         made.__cause__ = error
         return self._ended(made)
 
-    def _ended(self, error: Any, *carry: None) -> Any:
-        error.trajectory = run = self._result()
-        if carry:
-            error.trajectory = dataclasses.replace(run, carry=None)
+    def _ended(self, error: Any, goes_on: bool = True) -> Any:
+        """An error with the samples so far; may the run go on from where it stands?"""
+        run = self._result()
+        error.trajectory = run if goes_on else dataclasses.replace(run, carry=None)
         if isinstance(error, IntegrationFailure):
             error.reached = build(self.shape.state, iter(self.states[: self.width].tolist()))
         return error
