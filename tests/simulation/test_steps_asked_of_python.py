@@ -39,6 +39,7 @@ def plan(**given: Any) -> lm.Plan:
     return lm.Plan(lm.LiePoissonSystem(lm.SO3(), Graded()), METHOD, rtol=1e-4, progress=False, **given)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("times", [None, [0.0, 0.7, 1.1, 3.0], [0.0, 3.0]])
 def test_one_body(times: list[float] | None, monkeypatch: pytest.MonkeyPatch) -> None:
     more, python = AdaptiveRun._more, []
