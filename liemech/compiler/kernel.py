@@ -162,9 +162,8 @@ class Kernel:
                 integers.append(value.step)
             else:
                 (integers if kind == "integer" else arrays).append(value)
-        words, rest = (*integers, *map(address, arrays)), array("d", numbers).tobytes()
-        pack = struct.Struct(f"{3 + len(words)}q").pack
-        return lambda begin, end: self.call(pack(bodies, begin, end, *words) + rest)
+        given = array("d", numbers).tobytes(), integers, arrays, bodies
+        return functools.partial(self.run, *given)
 
     def run(
         self,

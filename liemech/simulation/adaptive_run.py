@@ -8,6 +8,7 @@ import math
 import struct
 import time
 from array import array
+from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
 
@@ -383,48 +384,38 @@ class AdaptiveRun:
             self._make_room(wanted)
         before = int(self.clock[3])
         native = native and self.shape.stepping.ready(self._part())
-        self._make(end, room, native, self.states, self.clock, self.rows[self.filled :])
+        arrays = self.states, self.clock, self.rows[self.filled :].reshape(-1)
+        self._drive(adaptive_steps, native, end, (room,), arrays)
         self.filled += int(self.clock[3]) - before
 
-    def _make(
-        self, end: float, room: int, native: bool, states: np.ndarray, clock: np.ndarray,
-        rows: np.ndarray,
+    def _drive(
+        self, driver: Callable[..., None], native: bool, end: float, counts: tuple[int, ...],
+        arrays: tuple[np.ndarray, ...],
     ) -> None:  # fmt: skip
-        """Make steps, and write what is carried along and the rows."""
+        """Run a driver of steps, or the native code of it."""
         plan, shape = self.plan, self.shape
         numbers = end, plan.rtol, plan.atol, plan.longest
-        arrays = states, clock, rows.reshape(-1)
         if native:
-            code: Any = shape.stepping.native
-            self.compiled = True
-            code.run(shape.constants + array("d", numbers).tobytes(), (room,), arrays)
-        else:
-            with shape.stepping.plain():
-                adaptive_steps(
-                    *shape.arguments, *numbers, shape.curves, room, *arrays, self.failures
-                )
-
-    def _more_at_times(self, end: float, room: int, native: bool) -> None:
-        """The same, and the states at the times they pass: of the rows only the last, and the state
-        before.
-        """
-        plan, shape, row, all_times = self.plan, self.shape, self.shape.row.width, self.t_eval
-        if self.found is None:
-            self.found = np.empty((len(all_times), self.width))  # type: ignore[arg-type]
-        times, samples = all_times[self.asked :], self.found[self.asked :]  # type: ignore[index]
-        numbers, counts = (end, plan.rtol, plan.atol, plan.longest), (room, len(times))
-        out, done = np.empty(row + 1 + self.width), np.empty(2)
-        states, clock = self.states.copy(), self.clock.copy()
-        arrays = states, clock, out, times, samples.reshape(-1), done
-        if native and shape.stepping.ready(self._part()):
             code: Any = shape.stepping.native
             self.compiled = True
             code.run(shape.constants + array("d", numbers).tobytes(), counts, arrays)
         else:
             with shape.stepping.plain():
-                sampled_steps(
-                    *shape.arguments, *numbers, shape.curves, *counts, *arrays, self.failures
-                )
+                driver(*shape.arguments, *numbers, shape.curves, *counts, *arrays, self.failures)
+
+    def _more_at_times(self, end: float, room: int, native: bool) -> None:
+        """The same, and the states at the times they pass: of the rows only the last, and the state
+        before.
+        """
+        row, all_times = self.shape.row.width, self.t_eval
+        if self.found is None:
+            self.found = np.empty((len(all_times), self.width))  # type: ignore[arg-type]
+        times, samples = all_times[self.asked :], self.found[self.asked :]  # type: ignore[index]
+        out, done = np.empty(row + 1 + self.width), np.empty(2)
+        states, clock = self.states.copy(), self.clock.copy()
+        arrays = states, clock, out, times, samples.reshape(-1), done
+        native = native and self.shape.stepping.ready(self._part())
+        self._drive(sampled_steps, native, end, (room, len(times)), arrays)
         if clock[3] > self.clock[3]:
             self.rows[0, : 1 + self.width], self.rows[1] = out[row:], out[:row]
             self.filled = 2
@@ -509,7 +500,8 @@ class AdaptiveRun:
         self.watch.looking = True
         native = clock[5] != ASKED and self.shape.stepping.native is not None
         rows = np.empty((k + 1, self.rows.shape[1]))
-        self._make(end, k + 1, native, states, clock, rows)
+        arrays = states, clock, rows.reshape(-1)
+        self._drive(adaptive_steps, native, end, (k + 1,), arrays)
         self.states, self.clock, self.watch.looking = states, clock, False
         row, begun = self.rows[before + k], self.rows[before + k - 1, 0]
         curve = row[1 + self.width :].reshape(-1, self.system.group.dim)
