@@ -8,6 +8,7 @@ import functools
 import math
 import operator
 import sys
+import types
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
 
@@ -18,9 +19,11 @@ from ..formulas import functions
 from ..formulas.compensated import value_of
 from ..formulas.dual import Dual
 from ..formulas.dual import value_of as without_slope
-from ..formulas.numbers import ByValue
+from ..formulas.numbers import OF_NUMPY, ByValue, Operand
+from ..formulas.of_numpy import by_components
 from ..formulas.pytree import is_any_number
 from ..formulas.series import Series
+from . import large
 from .callbacks import FUNCTIONS
 from .expressions import holds_number
 from .ir_numbers import HUGE, Num, kind_of
@@ -96,8 +99,6 @@ class PythonFunctions:
             np.sqrt: self.plain_number(lambda x: self.e.call("llvm.sqrt", x), np.sqrt),
             np.abs: self.plain_number(abs, np.abs),
             np.fabs: self.plain_number(lambda x: self.e.call("llvm.fabs", x), np.fabs),
-            np.dot: self.refused("np.dot", "liemech.dot"),
-            np.cross: self.refused("np.cross", "liemech.cross"),
             np.array: self.refused("np.array", "liemech.vec or liemech.mat"),
             np.where: self.refused("np.where", "liemech.formulas.where"),
         }
@@ -113,6 +114,8 @@ class PythonFunctions:
             )
         for python, symbol in FUNCTIONS.items():
             self.table.setdefault(python, self.called_back(python, symbol))
+        for function in OF_NUMPY:
+            self.table[function] = self.of_numpy(function, self.table.get(function))
 
     # -------------------------------------------------------------- kinds
 
@@ -317,6 +320,28 @@ class PythonFunctions:
             if base
             else one(x)
         )
+
+    def of_numpy(self, function: Any, of_numbers: Any) -> Callable[..., Any]:
+        """A function of NumPy: the formula of the same meaning, of vectors, matrices and numbers
+        that carry more.
+        """
+
+        def value(*x: Any, **options: Any) -> Any:
+            if not any(isinstance(a, Operand) for a in x):
+                if of_numbers is None:
+                    return self.t.known(function, x, options)
+                return of_numbers(*x, **options)
+            found = None if options else OF_NUMPY[function](x)
+            if found is None:
+                return self.t.known(function, x, options)
+            formula, operands = found
+            if isinstance(formula, functools.partial):  # component by component
+                return by_components(functools.partial(self.t.call, *formula.args), *operands)
+            if isinstance(formula, types.FunctionType):
+                return self.t.call(formula, *operands)
+            return large.matmul(self.e, formula, tuple(operands))
+
+        return value
 
     def called_back(self, function: Callable[..., Any], symbol: str) -> Callable[..., Any]:
         """A function that native code asks Python for."""

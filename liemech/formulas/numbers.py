@@ -4,7 +4,10 @@ by a value, whole powers.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
+
+import numpy as np
 
 INTEGER_POWER = 64
 """Up to here powers with an int as exponent are products, which are fast and exist where the
@@ -39,7 +42,46 @@ def of_an_int(x: Any) -> Any:
     return x if integer is None else 1.0 * integer
 
 
-class Pair:
+OF_NUMPY: dict[Any, Callable[..., Any]] = {}
+"""NumPy's functions, and what finds the formula of the same meaning; filled by `of_numpy`."""
+
+
+class Operand:
+    """What NumPy's functions leave to formulas: vectors, of one axis, matrices, of two, and numbers
+    that carry more.
+    """
+
+    __slots__ = ()
+    axes = 0
+
+    def __array_ufunc__(self, function: Any, method: str, *x: Any, **options: Any) -> Any:
+        if method == "__call__":
+            return self.__array_function__(function, (), x, options)
+        return getattr(function, method)(*_arrays(x), **_arrays(options))
+
+    def __array_function__(self, function: Any, types: Any, x: Any, options: Any) -> Any:
+        found = OF_NUMPY[function](x) if function in OF_NUMPY and not options else None
+        if found is None:
+            return function(*_arrays(x), **_arrays(options))
+        formula, operands = found
+        return formula(*operands)
+
+
+def _arrays(x: Any) -> Any:
+    """Arrays instead of vectors and matrices, and of one object instead of a number that carries
+    more.
+    """
+    if isinstance(x, Operand):
+        array = np.asarray(x) if x.axes else np.empty((), dtype=object)
+        if not x.axes:
+            array[()] = x
+        return array
+    if type(x) in (list, tuple):
+        return type(x)(map(_arrays, x))
+    return {name: _arrays(value) for name, value in x.items()} if type(x) is dict else x
+
+
+class Pair(Operand):
     """A number made of two, its `parts`, as they lie in memory.  Of two kinds the one of the higher
     level holds the other.
     """

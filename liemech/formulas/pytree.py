@@ -343,9 +343,9 @@ def build(layout: Layout, numbers: Iterator[Any]) -> Any:
     if layout.kind == "record":
         cls, names = layout.detail
         return fill(cls, dict(zip(names, parts, strict=True)))
-    return {"vec": lambda p: Vec(*p), "mat": lambda p: Mat(*p), "tuple": tuple, "list": list}[
-        layout.kind
-    ](parts)
+    if layout.kind in ("vec", "mat"):
+        return Vec(*parts) if layout.kind == "vec" else Mat(*parts)
+    return tuple(parts) if layout.kind == "tuple" else parts
 
 
 def paired(form: tuple[Any, ...], parts: Iterable[Any]) -> Any:

@@ -20,12 +20,12 @@ from typing import Any
 from ..errors import InvalidType, NotCompilable
 from . import functions as f
 from .functions import LOG_2, LOG_10
-from .numbers import INTEGER_POWER, Pair, StandIn, whole_power
+from .numbers import INTEGER_POWER, Operand, Pair, StandIn, whole_power
 from .pytree import build, layout_of, leaves
 from .vectors import vec
 
 
-class Series:
+class Series(Operand):
     """c_0 + c_1 s + c_2 s^2 + ...  Comparisons look at c_0.
 
     A term that is not there, beyond the last of a polynomial or in sums of such, takes part in no

@@ -18,12 +18,36 @@ import numpy as np
 from ..errors import InvalidType
 from .complex_numbers import Complex
 from .functions import sqrt
-from .numbers import of_an_int
+from .numbers import Operand, of_an_int
 
 _make = tuple.__new__
 
 
-class Vec(tuple[Any, ...]):
+def _by_components(op: Callable[[Any, Any], Any], scalars: bool = False) -> Any:
+    """An operator of vectors and its reflection; of a vector and a scalar too if `scalars`."""
+
+    def method(self: Vec, other: Any) -> Any:
+        if type(other) is not Vec:
+            if scalars and not isinstance(other, _VECTORS):
+                return NotImplemented if isinstance(other, Mat) else _make(Vec, [op(x, other) for x in self])
+            if _are_samples(other, 1):
+                return op(np.asarray(self), other)
+        return _make(Vec, map(op, self, _same_length(self, other)))
+
+    def reflected(self: Vec, other: Any) -> Any:
+        if scalars and not isinstance(other, _VECTORS):
+            return _make(Vec, [op(other, x) for x in self])
+        return _make(Vec, map(op, _same_length(self, other), self))
+
+    return method, reflected
+
+
+def _are_samples(x: Any, axes: int) -> bool:
+    """An array of more axes than a formula can have beside a vector or matrix: NumPy's own."""
+    return isinstance(x, np.ndarray) and x.ndim > axes
+
+
+class Vec(tuple[Any, ...], Operand):
     """A small vector, `Vec(1.0, 2.0, 3.0)`; `+ - * / **` act component by component, scalars
     multiply and divide.
 
@@ -32,7 +56,7 @@ class Vec(tuple[Any, ...]):
     """
 
     __slots__ = ()
-    __array_ufunc__ = None  # NumPy leaves `array + vec` to us
+    axes = 1
 
     def __new__(cls, *components: Any) -> Vec:
         return _make(cls, components)
@@ -43,47 +67,11 @@ class Vec(tuple[Any, ...]):
         made = tuple(values)
         return _make(cls, made if _FLOATS.issuperset(map(type, made)) else map(_component, made))
 
-    def __add__(self, other: Any) -> Vec:
-        return _make(Vec, map(operator.add, self, _same_length(self, other)))
-
-    def __radd__(self, other: Any) -> Vec:
-        return _make(Vec, map(operator.add, _same_length(self, other), self))
-
-    def __sub__(self, other: Any) -> Vec:
-        return _make(Vec, map(operator.sub, self, _same_length(self, other)))
-
-    def __rsub__(self, other: Any) -> Vec:
-        return _make(Vec, map(operator.sub, _same_length(self, other), self))
-
-    def __mul__(self, other: Any) -> Vec:
-        if isinstance(other, _VECTORS):
-            return _make(Vec, map(operator.mul, self, _same_length(self, other)))
-        return NotImplemented if isinstance(other, Mat) else _make(Vec, [x * other for x in self])
-
-    def __rmul__(self, other: Any) -> Vec:
-        if isinstance(other, _VECTORS):
-            return _make(Vec, map(operator.mul, _same_length(self, other), self))
-        return _make(Vec, [other * x for x in self])
-
-    def __truediv__(self, other: Any) -> Vec:
-        if isinstance(other, _VECTORS):
-            return _make(Vec, map(operator.truediv, self, _same_length(self, other)))
-        return NotImplemented if isinstance(other, Mat) else _make(Vec, [x / other for x in self])
-
-    def __rtruediv__(self, other: Any) -> Vec:
-        if isinstance(other, _VECTORS):
-            return _make(Vec, map(operator.truediv, _same_length(self, other), self))
-        return _make(Vec, [other / x for x in self])
-
-    def __pow__(self, n: Any) -> Vec:
-        if isinstance(n, _VECTORS):
-            return _make(Vec, map(operator.pow, self, _same_length(self, n)))
-        return _make(Vec, [x**n for x in self])
-
-    def __rpow__(self, base: Any) -> Vec:
-        if isinstance(base, _VECTORS):
-            return _make(Vec, map(operator.pow, _same_length(self, base), self))
-        return _make(Vec, [base**x for x in self])
+    __add__, __radd__ = _by_components(operator.add)
+    __sub__, __rsub__ = _by_components(operator.sub)
+    __mul__, __rmul__ = _by_components(operator.mul, scalars=True)
+    __truediv__, __rtruediv__ = _by_components(operator.truediv, scalars=True)
+    __pow__, __rpow__ = _by_components(operator.pow, scalars=True)
 
     def __neg__(self) -> Vec:
         return _make(Vec, [-x for x in self])
@@ -96,7 +84,9 @@ class Vec(tuple[Any, ...]):
         return _make(Vec, [abs(x) for x in self])
 
     def __matmul__(self, other: Any) -> Any:
-        other = _small(other)
+        if _are_samples(other, 2):
+            return np.asarray(self) @ other
+        other = small(other)
         if isinstance(other, Mat):
             if len(other) != len(self):
                 raise InvalidType(
@@ -107,7 +97,7 @@ class Vec(tuple[Any, ...]):
         return _product(self, _same_length(self, other))
 
     def __rmatmul__(self, other: Any) -> Any:
-        return _small(other) @ self
+        return small(other) @ self
 
     def sum(self) -> Any:
         """x_1 + x_2 + ..., from left to right."""
@@ -136,7 +126,7 @@ def _component(x: Any) -> Any:
     return float(x) if isinstance(x, (int, np.number)) else of_an_int(x)
 
 
-def _small(x: Any) -> Any:
+def small(x: Any) -> Any:
     """A list, a tuple or an array as a `Vec` or `Mat` with its numbers; anything else is what it
     is.
     """
@@ -147,7 +137,7 @@ def _small(x: Any) -> Any:
 
 def _same_length(v: Vec, other: Any) -> Any:
     if type(other) is not Vec:
-        other = _small(other)
+        other = small(other)
     if isinstance(other, Vec) and len(other) == len(v):
         return other
     kind = (
@@ -165,13 +155,13 @@ def _product(a: Iterable[Any], b: Iterable[Any]) -> Any:
     return total
 
 
-class Mat:
+class Mat(Operand):
     """A small matrix, `Mat((1.0, 0.0), (0.0, 1.0))` by rows; `@` multiplies, `.T` transposes,
     `A[i, j]` picks an entry.
     """
 
     __slots__ = ("rows",)
-    __array_ufunc__ = None
+    axes = 2
     rows: tuple[Vec, ...]
 
     def __init__(self, *rows: Iterable[Any]) -> None:
@@ -214,8 +204,10 @@ class Mat:
             return self.rows[i][j]
         return self.rows[index]
 
-    def _by_rows(self, op: Callable[[Any, Any], Any], other: Any) -> Mat:
-        other = _small(other)
+    def _by_rows(self, op: Callable[[Any, Any], Any], other: Any) -> Any:
+        if _are_samples(other, 2):
+            return op(np.asarray(self), other)
+        other = small(other)
         if isinstance(other, Mat):
             if other.shape != self.shape:
                 raise InvalidType(
@@ -230,7 +222,7 @@ class Mat:
         return self._by_rows(operator.add, other)
 
     def __radd__(self, other: Any) -> Mat:
-        return _small(other) + self if isinstance(other, _VECTORS) else self + other
+        return small(other) + self if isinstance(other, _VECTORS) else self + other
 
     def __sub__(self, other: Any) -> Mat:
         return self._by_rows(operator.sub, other)
@@ -256,7 +248,9 @@ class Mat:
         return Mat(*map(abs, self.rows))
 
     def __matmul__(self, other: Any) -> Any:
-        other = _small(other)
+        if _are_samples(other, 2):
+            return np.asarray(self) @ other
+        other = small(other)
         if not isinstance(other, (Vec, Mat)) or self.shape[1] != len(other):
             kind = (
                 f"one with {len(other)} rows"
@@ -270,7 +264,7 @@ class Mat:
         return _make(Vec, [_product(row, other) for row in self.rows])
 
     def __rmatmul__(self, other: Any) -> Any:
-        return _small(other) @ self
+        return small(other) @ self
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Mat) and self.rows == other.rows

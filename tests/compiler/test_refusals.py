@@ -54,7 +54,10 @@ REFUSALS = {
         "an integer to the power of one known only at run time",
     ),
     "an integer beyond 2**63": ("x = n + 2**63", "beyond the integers of native code"),
-    "NumPy's functions of vectors": ("x = np.dot(vec(a, b), vec(c, d))", "use liemech.dot"),
+    "NumPy's functions that have no formula": (
+        "x = np.kron(vec(a, b), vec(c, d))",
+        "`kron` of numbers known only at run time",
+    ),
     "NumPy's linear algebra": (
         "x = np.linalg.solve(((a, b), (c, d)), (a, b))",
         "`solve` of numbers known only at run time",

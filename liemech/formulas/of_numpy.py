@@ -1,0 +1,114 @@
+"""NumPy's functions of vectors, matrices and numbers that carry more: the formulas of the same
+meaning, in both worlds.
+
+`np.sin(x)` of a number that carries a derivative is `liemech.formulas.sin(x)`, of a vector the
+vector of the sines; `np.cross(a, b)` of vectors is `liemech.cross(a, b)`.  What has no formula
+here, and what meets an array of more axes than vectors and matrices have (samples of a run),
+NumPy computes, as of arrays.
+
+Source: NumPy Enhancement Proposals 13 (ufuncs) and 18 (array functions).
+"""
+
+from __future__ import annotations
+
+import functools
+import operator
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from . import functions
+from .complex_numbers import Complex
+from .numbers import OF_NUMPY, Operand
+from .vectors import Mat, Vec, cross, norm, outer, small, solve, sum, transpose
+
+
+def square(x: Any) -> Any:
+    """x x."""
+    return x * x
+
+
+OPERATORS: dict[Any, Callable[..., Any]] = {
+    np.add: operator.add, np.subtract: operator.sub, np.multiply: operator.mul, np.divide: operator.truediv,
+    np.floor_divide: operator.floordiv, np.remainder: operator.mod, np.power: operator.pow,
+    np.negative: operator.neg, np.positive: operator.pos, np.absolute: operator.abs,
+}  # fmt: skip
+
+COMPARISONS: dict[Any, Callable[..., Any]] = {
+    np.less: operator.lt, np.less_equal: operator.le, np.greater: operator.gt, np.greater_equal: operator.ge,
+    np.equal: operator.eq, np.not_equal: operator.ne,
+}  # fmt: skip
+"""Of numbers only: NumPy compares vectors, component by component."""
+
+BY_COMPONENTS: dict[Any, Callable[..., Any]] = {
+    np.sqrt: functions.sqrt, np.cbrt: functions.cbrt, np.square: square, np.fabs: functions.fabs,
+    np.sin: functions.sin, np.cos: functions.cos, np.tan: functions.tan,
+    np.arcsin: functions.asin, np.arccos: functions.acos, np.arctan: functions.atan, np.arctan2: functions.atan2,
+    np.sinh: functions.sinh, np.cosh: functions.cosh, np.tanh: functions.tanh,
+    np.arcsinh: functions.asinh, np.arccosh: functions.acosh, np.arctanh: functions.atanh,
+    np.exp: functions.exp, np.exp2: functions.exp2, np.expm1: functions.expm1,
+    np.log: functions.log, np.log2: functions.log2, np.log10: functions.log10, np.log1p: functions.log1p,
+    np.hypot: functions.hypot, np.copysign: functions.copysign,
+    np.radians: functions.radians, np.deg2rad: functions.radians, np.degrees: functions.degrees, np.rad2deg: functions.degrees,
+}  # fmt: skip
+
+OF_VECTORS: dict[Any, tuple[Callable[..., Any], tuple[Any, ...]]] = {
+    np.matmul: (operator.matmul, ((Vec, Mat), (Vec, Mat))),
+    np.dot: (operator.matmul, ((Vec, Mat), (Vec, Mat))),
+    np.inner: (operator.matmul, (Vec, Vec)),
+    np.cross: (cross, (Vec, Vec)),
+    np.outer: (outer, (Vec, Vec)),
+    np.sum: (sum, (Vec,)),
+    np.transpose: (transpose, (Mat,)),
+    np.linalg.norm: (norm, (Vec,)),
+    np.linalg.solve: (solve, (Mat, Vec)),
+}
+"""Functions of vectors and matrices, and of which."""
+
+
+def formula_of(function: Any, x: tuple[Any, ...]) -> tuple[Callable[..., Any], list[Any]] | None:
+    """The formula of the same meaning as NumPy's function of x, and x as it takes them; None if
+    there is none.
+    """
+    axes = max(map(_axes, x))
+    most = 2 if function in OF_VECTORS else axes
+    if any(isinstance(a, np.ndarray) and a.ndim > most for a in x):
+        return None
+    operands = [_number(a) if isinstance(a, _OF_NUMPY) and a.ndim == 0 else small(a) for a in x]
+    if function in OF_VECTORS:
+        formula, kinds = OF_VECTORS[function]
+        fits = len(x) == len(kinds) and all(map(isinstance, operands, kinds))
+        return (formula, operands) if fits else None
+    if function in BY_COMPONENTS:
+        formula = BY_COMPONENTS[function]
+        return functools.partial(by_components, formula) if axes else formula, operands
+    found = OPERATORS.get(function) or (None if axes else COMPARISONS.get(function))
+    return found and (found, operands)
+
+
+def by_components(formula: Callable[..., Any], *x: Any) -> Any:
+    """A function of numbers, of the components of vectors and the entries of matrices."""
+    whole = max(x, key=_axes)
+    if not _axes(whole):
+        return formula(*x)
+    columns = ([*a] if _axes(a) == _axes(whole) else [a] * len(whole) for a in x)
+    rows = zip(*columns, strict=True)
+    return type(whole)(*(by_components(formula, *row) for row in rows))
+
+
+_OF_NUMPY = (np.ndarray, np.generic)
+
+
+def _number(x: Any) -> Any:
+    """A number of NumPy's as Python's, a complex one as of formulas."""
+    number = x.item()
+    return Complex(number.real, number.imag) if isinstance(number, complex) else number
+
+
+def _axes(x: Any) -> int:
+    return x.axes if isinstance(x, Operand) else 0
+
+
+for _function in (*OPERATORS, *COMPARISONS, *BY_COMPONENTS, *OF_VECTORS):
+    OF_NUMPY[_function] = functools.partial(formula_of, _function)

@@ -1,0 +1,147 @@
+"""NumPy's functions of vectors, matrices and numbers that carry more are the formulas of the same
+meaning; what meets samples of a run, NumPy computes.
+"""
+
+from __future__ import annotations
+
+import operator
+from typing import Any
+
+import numpy as np
+import pytest
+from compiler.worlds import same_in_all_worlds
+
+import liemech as lm
+from liemech import formulas
+from liemech.formulas import Dual, Mat, Vec, of_numpy, vec
+from liemech.formulas.double_double import DoubleDouble
+
+TABLE, FIELD = np.array([[2.0, -1.0, 0.5], [0.25, 3.0, 1.0]]), np.array([0.5, -2.0, 1.5])
+X, STEP = 0.4, 1e-3
+
+
+@pytest.mark.parametrize("function", of_numpy.BY_COMPONENTS, ids=lambda f: f.__name__)
+def test_functions_of_numbers_know_their_derivative(function: Any) -> None:
+    """Against differences of order 6 of NumPy's own values."""
+    shift = 1.0 if function is np.arccosh else 0.0
+    others = [0.7] * (function.nin - 1)
+    found = function(Dual(X + shift, 1.0), *others)
+    around = [function(X + shift + k * STEP, *others) for k in (-3, -2, -1, 1, 2, 3)]
+    slope = np.dot([-1, 9, -45, 45, -9, 1], around) / (60 * STEP)
+    assert found.value == pytest.approx(function(X + shift, *others), rel=4e-16)
+    assert found.slope == pytest.approx(slope, rel=1e-11)
+    of_vector = function(Vec(0.7, Dual(X + shift, 1.0)), *others)
+    assert (of_vector[1].value, of_vector[1].slope) == (found.value, found.slope)
+    if others and function is not np.copysign:
+        assert function(0.7, Dual(X, 1.0)).slope != 0.0
+
+
+@pytest.mark.parametrize("function", of_numpy.OPERATORS, ids=lambda f: f.__name__)
+def test_operators_with_what_numpy_has_on_the_left(function: Any) -> None:
+    if function.nin == 1:
+        assert function(Dual(X, 1.0)).slope in (1.0, -1.0)
+        assert [*function(Vec(X, -X))] == [*function(np.array([X, -X]))]
+        return
+    number, array = Dual(X, 1.0), np.array([1.5, 2.5])
+    if function is np.floor_divide:  # a step has no derivative, and vectors have no steps
+        assert function(np.float64(1.5), number) == 3.0
+        return
+    found = function(np.float64(1.5), number)
+    assert found.value == function(1.5, X)
+    h = 1e-6
+    slope = (function(1.5, X + h) - function(1.5, X - h)) / (2.0 * h)
+    assert found.slope == pytest.approx(slope, abs=1e-8)
+    assert [x.value for x in function(array, number)] == [*function(array, X)]
+    if function is np.remainder:
+        return
+    both = function(array, Vec(X, 2.0))
+    assert type(both) is Vec and [*both] == [*function(array, np.array([X, 2.0]))]
+
+
+@pytest.mark.parametrize("function", of_numpy.COMPARISONS, ids=lambda f: f.__name__)
+def test_comparisons_look_at_values(function: Any) -> None:
+    for x in (0.25, 0.5, 0.75):
+        assert function(np.float64(x), Dual(0.5, 1.0)) is bool(function(x, 0.5))
+        assert function(Vec(x, 1.0), np.array([0.5, 1.0])).tolist() == [
+            *function([x, 1.0], [0.5, 1.0])
+        ]
+
+
+def test_functions_of_vectors_are_those_of_formulas() -> None:
+    a, b = Vec(0.1, 0.7, -0.3), Vec(1.1, -0.2, 0.9)
+    m = Mat((2.0, 0.3, 0.1), (0.2, 1.5, -0.4), (0.0, 0.6, 3.0))
+    assert np.dot(a, b) == np.inner(a, b) == lm.dot(a, b)
+    assert np.cross(a, b) == lm.cross(a, b) and np.outer(a, b) == lm.outer(a, b)
+    assert np.linalg.norm(a) == lm.norm(a) and np.sum(a) == lm.sum(a)
+    assert np.dot(TABLE, a) == np.matmul(TABLE, a) == TABLE @ a == Mat.of(TABLE) @ a
+    assert np.transpose(m) == m.T and np.linalg.solve(m, a) == formulas.solve(m, a)
+    assert np.cross(a, [1.0, 0.0, 0.0]) == lm.cross(a, vec(1.0, 0.0, 0.0))
+    # what has no formula is NumPy's, of arrays
+    assert np.linalg.norm(a, ord=1) == np.abs(np.asarray(a)).sum()
+    assert np.linalg.det(m) == np.linalg.det(np.asarray(m))
+    assert np.stack([a, b]).shape == (2, 3) and np.isfinite(m).all()
+    total = np.zeros(3)
+    total += a
+    np.add(a, b, out=total)
+    assert type(total) is np.ndarray and [*total] == [*(a + b)]
+
+
+def test_samples_of_a_run_stand_beside_vectors() -> None:
+    body = lm.RigidBody([1.0, 1.5, 2.0])
+    start = body.state([1.0, 0.2, -0.1], np.eye(3))
+    run = lm.integrate(body, lm.RKMK(order=4), start, h=0.1, steps=3)
+    assert type(start.mu) is Vec and type(start.g) is Mat
+    for op in operator.add, operator.sub, operator.mul, operator.truediv:
+        for pair in ((run.mu, start.mu), (start.mu, run.mu + 3.0)):
+            assert type(op(*pair)) is np.ndarray
+            assert np.array_equal(op(*pair), op(*map(np.asarray, pair)))
+    assert np.array_equal(run.g - start.g, run.g - np.eye(3))
+    assert np.array_equal(run.g @ start.g, run.g) and np.array_equal(start.g @ run.g, run.g)
+    assert np.linalg.norm(run.mu - start.mu, axis=1)[0] == 0.0
+    assert np.cross(start.mu, run.mu).shape == (4, 3)
+    assert (start.mu == run.mu[0]).all() and (run.mu[0] == start.mu).all()
+
+
+FORMULAS = {
+    "of vectors": lambda a, b, c, n: (
+        np.dot(vec(a, b, c), FIELD),
+        np.cross(FIELD, vec(a, b, c)),
+        np.linalg.norm(vec(a, b)) + np.sum(vec(a, b, c)),
+        np.inner(vec(a, b), vec(b, c)),
+        np.outer(vec(a, b), vec(b, c))[0],
+        np.dot(TABLE, vec(a, b, c)),
+        np.transpose(lm.mat(vec(a, b), vec(b, c)))[1],
+        np.linalg.solve(lm.mat(vec(2.0 + a * a, b), vec(b, -1.0 - c * c)), vec(a, c)),
+    ),
+    "component by component": lambda a, b, c, n: (
+        np.sin(vec(a, b)),
+        np.arctan2(vec(a, b), c),
+        np.hypot(vec(a, b), vec(b, c)),
+        np.exp(lm.mat(vec(a, b), vec(b, c)))[1],
+        np.abs(vec(a, b)) + np.square(vec(b, c)) + np.add(FIELD[:2], vec(a, b)),
+    ),
+    "of derivatives": lambda a, b, c, n: lm.gradient(
+        lambda x: (
+            np.sin(x[0]) * np.sqrt(2.0 + x[1] * x[1])
+            + np.arctan2(x[1], 1.5)
+            + np.power(x[0], 3)
+            + np.linalg.norm(x - FIELD[:2])
+            + np.dot(x, np.exp(x))
+        ),
+        vec(a, b),
+    ),
+}
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("what", FORMULAS)
+def test_same_bits_in_all_worlds(what: str) -> None:
+    rows = np.random.default_rng(5).normal(size=(40, 3)).tolist()
+    same_in_all_worlds(FORMULAS[what], rows)
+
+
+def test_numbers_of_two_doubles_keep_their_digits() -> None:
+    x = DoubleDouble(0.5, 1e-18)
+    found = np.sin(x)
+    assert isinstance(found, DoubleDouble)
+    assert (found.value, found.low) == (formulas.sin(x).value, formulas.sin(x).low)
