@@ -14,7 +14,7 @@ import numpy as np
 
 import liemech as lm
 
-from ..simulation.arguments import alike
+from ..simulation.arguments import chooses_steps
 from .constructors import read
 from .numbers import duration
 from .options import Parser, count, number, output, picture
@@ -79,7 +79,7 @@ def explained(scene: Scene, record: tuple[str, ...], every: int) -> str:
         lines.append(
             f"  steps         of h = {scene.h:g} in fictive time, {end}; one in {every} is kept"
         )
-    elif scene.t_end is not None and scene.h is not None and alike(scene.method):
+    elif scene.t_end is not None and scene.h is not None and not chooses_steps(scene.method):
         lines.append(
             f"  steps         of h = {scene.h:g}, all alike, to t = "
             f"{scene.t_end:g}; one in {every} is kept"

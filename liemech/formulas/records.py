@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import types
 from collections.abc import Callable
 from typing import Any, TypeVar, cast, dataclass_transform
 
@@ -43,6 +44,7 @@ class Record(Broadcasting):
     def __new__(cls, *args: Any, **options: Any) -> Any:
         if cls not in _complete:
             _require_dataclass(cls)
+            _require_methods_in_sight(cls)
             _complete.add(cls)
         return super().__new__(cls)
 
@@ -114,6 +116,23 @@ def _require_dataclass(cls: Any) -> None:
             f"{cls.__name__} can be changed in place: put "
             "@liemech.record above the class instead of @dataclass"
         )
+
+
+def _require_methods_in_sight(cls: Any) -> None:
+    """A method with the name of a field would never be called: the value of the field hides it."""
+    for field in dataclasses.fields(cls) if dataclasses.is_dataclass(cls) else ():
+        for base in cls.__mro__:
+            if field.name in own_annotations(base):
+                break
+            if isinstance(vars(base).get(field.name), _METHODS):
+                raise InvalidType(
+                    f"{base.__name__}.{field.name} is a method, and {field.name} is a field, whose "
+                    f"value would hide it: give the field its value, {cls.__name__}(..., "
+                    f"{field.name}=...), or name the method otherwise"
+                )
+
+
+_METHODS = types.FunctionType, property, functools.cached_property, classmethod, staticmethod
 
 
 @dataclass_transform(frozen_default=True, field_specifiers=(dataclasses.field,))

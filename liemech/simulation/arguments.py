@@ -100,6 +100,11 @@ def alike(method: Any) -> bool:
     return bool(method.symplectic or method.symmetric)
 
 
+def chooses_steps(method: Any) -> bool:
+    """Has it an error estimate to choose steps by, and loses nothing by it?"""
+    return bool(method.error_order) and not alike(method)
+
+
 def affordable_times(t0: float, h: float, steps: int) -> None:
     """Refuse steps that lead to no finite time, or that the time does not notice."""
     end = t0 + steps * h

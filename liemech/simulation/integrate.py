@@ -75,8 +75,9 @@ def integrate(
 
     Steps of one length: kept are the start, every `every`-th state after it, and the last one.
     h : the step, in s; negative runs backwards.  Times are t0 + n h.  An array, (bodies,), gives
-    every body of an ensemble its own, and run.t is (n, bodies).  A method that keeps the structure
-    may be given h and t_end instead of steps; t_end is then the end of a step, of every body.
+    every body of an ensemble its own, and run.t is (n, bodies).  A method without an error estimate,
+    or one that keeps the structure, may be given h and t_end instead of steps; t_end is then the end
+    of a step, of every body.
     compensated : whether the increments of the steps are summed up in compensated numbers: True for
     all parts of the state, False for none, None for those that the motion depends on, if the method
     is symmetric or symplectic.
@@ -153,7 +154,7 @@ def integrate(
             _only_alike(h, steps, options)
         elif (
             h is None
-            or not arguments.alike(way)
+            or arguments.chooses_steps(way)
             or any(options[name] is not None for name in ("rtol", "atol", "max_step"))
         ):
             arguments.only_adaptive(way, every)

@@ -448,6 +448,22 @@ def test_a_record_without_its_decorator_is_refused() -> None:
     assert Fine(1.0).kind == 3
 
 
+def test_a_method_that_a_field_would_hide_is_refused() -> None:
+    class Pushed(lm.HeavyTop):
+        def load(self, t: float, xi: Any, g: Any) -> Any:
+            return lm.vec(0.1, 0.0, 0.0)
+
+    class Derived(lm.HeavyTop):
+        @property
+        def weight(self) -> float:
+            return 2.0
+
+    with pytest.raises(InvalidType, match=r"Pushed\.load is a method, and load is a field.*load=\.\.\."):
+        Pushed([1.0, 1.0, 0.5], 2.0, [0.0, 0.0, 1.0])
+    with pytest.raises(InvalidType, match=r"Derived\.weight is a method"):
+        Derived([1.0, 1.0, 0.5], 2.0, [0.0, 0.0, 1.0])
+
+
 @pytest.mark.skipif(sys.version_info >= (3, 14), reason="no simulation where it is so")
 def test_annotations_that_are_computed_when_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
     """PEP 649, Python 3.14, simulated: a class has no `__annotations__`, and what is not known yet

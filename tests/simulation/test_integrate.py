@@ -521,3 +521,14 @@ def test_momentum_is_kept_to_rounding_over_many_steps(method: lm.Method, h: floa
         size = np.linalg.norm(start.mu)
         assert np.abs(np.linalg.norm(run.mu, axis=1) / size - 1).max() < 1e-13
         assert np.abs(run.spatial_momentum - run.spatial_momentum[0]).max() < 1e-13 * size
+
+
+def test_steps_to_a_time_for_methods_that_cannot_choose_them() -> None:
+    body, start = asymmetric_body()
+    for method in (RKMK4, lm.CrouchGrossman(order=3), CAYLEY):
+        run = lm.integrate(body, method, start, h=0.1, t_end=2.0)
+        assert same_run(run, lm.integrate(body, method, start, h=0.1, steps=20))
+    adaptive = lm.integrate(body, lm.RKMK(order=5), start, h=0.1, t_end=2.0)  # its first step
+    assert adaptive.h is None or not np.allclose(np.diff(adaptive.t), 0.1)
+    with pytest.raises(lm.errors.InvalidInput, match="lead to t_end"):
+        lm.integrate(body, RKMK4, start, h=0.3, t_end=2.0)
