@@ -10,6 +10,7 @@ Spaces are objects, their elements arrays.  A method steps a system, `integrate`
 `Trajectory` the samples.
 """
 
+import sys
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -370,7 +371,8 @@ broadcasting.evaluate_rows = _evaluate_rows
 def __getattr__(name: str) -> Any:
     """A public name, imported now."""
     if name not in _HOMES:
-        raise AttributeError(f"module 'liemech' has no attribute {name!r}")
+        message = f"module 'liemech' has no attribute {name!r}"
+        raise AttributeError(message, name=name, obj=sys.modules[__name__])  # Python suggests others
     module = import_module(f".{_HOMES[name]}", __name__)
     value = module if name == _HOMES[name] else getattr(module, name)
     globals()[name] = value

@@ -209,7 +209,10 @@ class Reads:
         if self._is_made(owner):
             self._glance(member.func, type(owner), set())
         if id(owner) in self._given and _varies(owner):
-            value = getattr(owner, name)
+            try:
+                value = getattr(owner, name)
+            except NotCompilable:  # Python cannot compute it of numbers of the run
+                return call(member.func, owner)
             vars(owner).pop(name, None)
             if _varies(value):
                 return call(member.func, owner)

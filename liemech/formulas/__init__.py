@@ -14,6 +14,7 @@ from .broadcasting import check_finite, real_array
 from .complex_numbers import Complex
 from .derivatives import derivative, gradient, jacobian
 from .dual import Dual
+from .elimination import determinant, inverse, solve, solve3
 from .functions import (
     acos,
     acosh,
@@ -56,8 +57,6 @@ from .vectors import (
     mat,
     norm,
     outer,
-    solve,
-    solve3,
     sum,
     transpose,
     vec,
@@ -96,6 +95,7 @@ __all__ = [
     "cross",
     "degrees",
     "derivative",
+    "determinant",
     "diagonal",
     "dot",
     "exp",
@@ -106,6 +106,7 @@ __all__ = [
     "horner",
     "hypot",
     "identity_matrix",
+    "inverse",
     "jacobian",
     "log",
     "log10",

@@ -823,6 +823,17 @@ def _real(value: Any) -> Any:
     return value
 
 
+def _no_value(where: str, value: Any) -> str:
+    if hasattr(type(value), "__dataclass_fields__"):  # which formulas only can ask for
+        return (
+            f"{where} was given a NumPy array: the formula that it comes from gives one where a "
+            "vector belongs; write liemech.vec(...) for np.array([...]), liemech.vec(*B) * x for B * x"
+        )
+    return (
+        f"{where} gave {shown(value)}; a formula gives numbers, vectors, matrices or tuples of these"
+    )
+
+
 def _stacked(results: Sequence[Any], where: str) -> Any:
     """The values of a formula as arrays, the batch axis first; tuples of values as tuples of
     arrays.
@@ -835,16 +846,10 @@ def _stacked(results: Sequence[Any], where: str) -> Any:
     results = [_real(one) for one in results]
     for one in results:
         if not isinstance(one, (float, int, Complex, Vec, Mat, np.ndarray, np.number)):
-            raise InvalidType(
-                f"{where} gave {shown(one)}; a formula gives numbers, "
-                "vectors, matrices or tuples of these"
-            )
+            raise InvalidType(_no_value(where, one))
     try:
         return np.array(results, dtype=float)
     except ValueError:
-        raise InvalidType(
-            f"{where} gave {shown(first)}; a formula gives numbers, "
-            "vectors, matrices or tuples of these, of one shape"
-        ) from None
+        raise InvalidType(f"{_no_value(where, first)}, of one shape") from None
     except TypeError:  # complex entries among them
         return np.array(results, dtype=complex)

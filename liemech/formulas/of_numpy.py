@@ -20,13 +20,18 @@ import numpy as np
 
 from . import functions
 from .complex_numbers import Complex
+from .elimination import determinant, inverse, solve, solve_matrix
 from .numbers import OF_NUMPY, Operand
-from .vectors import Mat, Vec, cross, norm, outer, small, solve, sum, transpose
+from .vectors import Mat, Vec, cross, norm, outer, small, sum, transpose
 
 
 def square(x: Any) -> Any:
     """x x."""
     return x * x
+
+
+def _solve(m: Mat, rhs: Any) -> Any:
+    return solve(m, rhs) if isinstance(rhs, Vec) else solve_matrix(m, rhs)
 
 
 OPERATORS: dict[Any, Callable[..., Any]] = {
@@ -62,7 +67,9 @@ OF_VECTORS: dict[Any, tuple[Callable[..., Any], tuple[Any, ...]]] = {
     np.sum: (sum, (Vec,)),
     np.transpose: (transpose, (Mat,)),
     np.linalg.norm: (norm, (Vec,)),
-    np.linalg.solve: (solve, (Mat, Vec)),
+    np.linalg.solve: (_solve, (Mat, (Vec, Mat))),
+    np.linalg.inv: (inverse, (Mat,)),
+    np.linalg.det: (determinant, (Mat,)),
 }
 """Functions of vectors and matrices, and of which."""
 

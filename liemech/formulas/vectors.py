@@ -20,7 +20,7 @@ from .complex_numbers import Complex
 from .functions import sqrt
 from .numbers import Operand, of_an_int
 
-_make = tuple.__new__
+_make, _component_at = tuple.__new__, tuple.__getitem__
 
 
 def _by_components(op: Callable[[Any, Any], Any], scalars: bool = False) -> Any:
@@ -66,6 +66,11 @@ class Vec(tuple[Any, ...], Operand):
         """The vector with the given components, numbers made floats and pairs of floats."""
         made = tuple(values)
         return _make(cls, made if _FLOATS.issuperset(map(type, made)) else map(_component, made))
+
+    def __getitem__(self, index: Any) -> Any:
+        """A component, or the vector of a slice."""
+        found = _component_at(self, index)
+        return _make(Vec, found) if index.__class__ is slice else found
 
     __add__, __radd__ = _by_components(operator.add)
     __sub__, __rsub__ = _by_components(operator.sub)
@@ -369,54 +374,3 @@ def identity_matrix(n: int) -> Mat:
 def diagonal(v: Any) -> Mat:
     """The diagonal matrix with the entries of v."""
     return mat(*[vec(*[v[i] if i == j else 0.0 for j in range(len(v))]) for i in range(len(v))])
-
-
-def solve(m: Mat, rhs: Any) -> Vec:
-    """The solution x of m x = rhs by Gaussian elimination with partial pivoting; a singular matrix
-    gives inf or nan.
-
-    m : (n, n), rhs : (n,).  Raises InvalidType if m is not square or rhs has another length.
-    """
-    n = len(rhs)
-    if len(m) != n or len(m[0]) != n:
-        raise InvalidType(
-            f"solve: a matrix of {len(m)} rows and {len(m[0])} "
-            f"columns, and a right side of {n} components"
-        )
-    rows = [vec(*m[i], rhs[i]) for i in range(n)]
-    for k in range(n):
-        # a compare-and-swap network brings the largest entry of the column to row k
-        for i in range(k + 1, n):
-            larger = abs(rows[i][k]) > abs(rows[k][k])
-            rows[k], rows[i] = _exchange(larger, rows[k], rows[i])
-        for i in range(k + 1, n):
-            rows[i] = rows[i] - (rows[i][k] / rows[k][k]) * rows[k]
-    x = [0.0] * n
-    for k in range(n - 1, -1, -1):
-        remainder = rows[k][n]
-        for j in range(k + 1, n):
-            remainder = remainder - rows[k][j] * x[j]
-        x[k] = remainder / rows[k][k]
-    return vec(*x)
-
-
-def _exchange(condition: Any, a: Vec, b: Vec) -> tuple[Vec, Vec]:
-    """(b, a) where the condition holds, else (a, b)."""
-    if condition:
-        return b, a
-    return a, b
-
-
-def solve3(m: Mat, rhs: Any) -> Vec:
-    """The solution of a 3 by 3 system by Cramer's rule: one division, no branch; for
-    well-conditioned Newton steps.
-
-    x_i = det(m with column i replaced by rhs) / det m.  Raises InvalidType if m is not of three
-    columns of length 3.
-    """
-    if len(m) != 3 or len(m[0]) != 3:
-        raise InvalidType(f"solve3: a matrix of {len(m)} rows and {len(m[0])} columns")
-    a, b, c = m.T
-    bc = cross(b, c)
-    scale = 1.0 / dot(a, bc)
-    return vec(scale * dot(rhs, bc), scale * dot(rhs, cross(c, a)), scale * dot(rhs, cross(a, b)))

@@ -170,7 +170,7 @@ class Heisenberg(MatrixLieGroup):
 
     def _split(self, xi: Vec) -> tuple[Vec, Vec, float]:
         n = self.n
-        return vec(*xi[:n]), vec(*xi[n : 2 * n]), xi[2 * n]
+        return xi[:n], xi[n : 2 * n], xi[2 * n]
 
     def _parts(self, g: Mat) -> tuple[Vec, Vec, float]:
         n = self.n

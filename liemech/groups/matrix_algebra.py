@@ -11,6 +11,7 @@ from typing import Any
 from ..errors import InvalidType
 from ..formulas import Complex, Mat, Vec, mat, record, solve, solve3, vec
 from ..formulas.double_double import is_long
+from ..formulas.elimination import INFINITE, inverse, solve_matrix
 from ..formulas.sums import (
     antisymmetric_map,
     bilinear,
@@ -25,14 +26,11 @@ from .bernoulli import BERNOULLI
 from .lie_algebra import Constants, LieAlgebra
 from .matrix_basis import MatrixBasis
 from .matrix_functions import (
-    INFINITE,
     LOST,
     digits,
     expm1,
-    inverse,
     phi1m,
     plus,
-    solve_matrix,
 )
 
 EVEN = BERNOULLI[2::2]

@@ -1,5 +1,4 @@
-"""Functions of small matrices, as formulas: exponential, logarithm, square root, inverse and
-determinant.
+"""Functions of small matrices, as formulas: exponential, logarithm, square root.
 
 Entries are numbers, complex numbers or numbers that carry a derivative.  Sizes are measured by the
 Frobenius norm.
@@ -9,11 +8,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..formulas import Complex, Mat, Vec, mat, vec
+from ..formulas import Mat, mat, vec
 from ..formulas.double_double import DoubleDouble, is_long
+from ..formulas.elimination import INFINITE, inverse
 from ..formulas.sums import abs2, total
-
-INFINITE = float("inf")
 
 TINY = 2.0**-112
 """(2^-56)^2: the square of what a sum of size one does not feel."""
@@ -32,14 +30,6 @@ LOST = 52.0
 def frobenius2(m: Mat) -> float:
     """The sum of the squared absolute values of all entries."""
     return total([abs2(x) for row in m for x in row])
-
-
-def unit(m: Mat) -> Mat:
-    """The unit matrix of the shape of m, its entries of the kind of m's."""
-    zero = 0.0 if isinstance(m[0, 0], float) else 0.0 * m[0, 0]
-    return mat(
-        *[vec(*[zero + 1.0 if i == j else zero for j in range(len(m))]) for i in range(len(m))]
-    )
 
 
 def plus(m: Mat, s: float) -> Mat:
@@ -151,68 +141,6 @@ def phi1m(a: Mat) -> Mat:
         phi = phi + 0.5 * (e @ phi)
         e, halvings = 2.0 * e + e @ e, halvings - 1.0
     return phi
-
-
-def solve_matrix(m: Mat, rhs: Mat) -> Mat:
-    """The solution X of m X = rhs by Gaussian elimination with partial pivoting; a singular matrix
-    gives inf or nan.
-
-    m : (n, n), rhs : (n, k).
-    """
-    n = len(m)
-    rows = [vec(*m[i], *rhs[i]) for i in range(n)]
-    for k in range(n):
-        # a compare-and-swap network brings the largest entry of the column to row k
-        for i in range(k + 1, n):
-            rows[k], rows[i] = _exchange(_size(rows[i][k]) > _size(rows[k][k]), rows[k], rows[i])
-        head = _reciprocal(rows[k][k])
-        rows[k] = vec(*[x * head for x in rows[k]])
-        for i in range(n):
-            if i != k:
-                rows[i] = rows[i] - rows[k] * rows[i][k]
-    return mat(*[vec(*row[n:]) for row in rows])
-
-
-def _exchange(condition: Any, a: Vec, b: Vec) -> tuple[Vec, Vec]:
-    """(b, a) where the condition holds, else (a, b)."""
-    if condition:
-        return b, a
-    return a, b
-
-
-def _size(x: Any) -> Any:
-    """What pivots are compared by: |x|, or |re x| + |im x|."""
-    return abs(x.re) + abs(x.im) if isinstance(x, Complex) else abs(x)
-
-
-def _reciprocal(x: Any) -> Any:
-    """1/x, infinite for zero."""
-    if isinstance(x, Complex):
-        return x.conjugate() * _reciprocal(abs2(x))
-    return 1.0 / x if x != 0.0 else INFINITE + 0.0 * x
-
-
-def inverse(m: Mat) -> Mat:
-    """The inverse of a matrix; a singular one gives inf or nan.  m : (n, n)."""
-    return solve_matrix(m, unit(m))
-
-
-def determinant(m: Mat) -> Any:
-    """The determinant, by elimination with partial pivoting.  m : (n, n)."""
-    n = len(m)
-    rows, product = [*m], 1.0
-    for k in range(n):
-        for i in range(k + 1, n):
-            larger = _size(rows[i][k]) > _size(rows[k][k])
-            rows[k], rows[i] = _exchange(larger, rows[k], rows[i])
-            product = -product if larger else product
-        pivot = rows[k][k]
-        product = product * pivot
-        # below zero there is nothing to eliminate
-        head = _reciprocal(pivot if _size(pivot) > 0.0 else pivot + 1.0)
-        for i in range(k + 1, n):
-            rows[i] = rows[i] - rows[k] * (rows[i][k] * head)
-    return product
 
 
 def sqrtm(a: Mat) -> Mat:

@@ -24,6 +24,7 @@ from ..formulas import (
     sqrt,
     vec,
 )
+from ..formulas.elimination import determinant, inverse, solve_matrix
 from ..formulas.sums import abs2, scaled, total
 from . import matrix_arrays
 from .casimir_polynomials import casimir_polynomials
@@ -31,14 +32,11 @@ from .lie_group import MEMBERSHIP, LieGroup
 from .matrix_algebra import MatrixLieAlgebra, adjoint
 from .matrix_basis import MatrixBasis, basis_of
 from .matrix_functions import (
-    determinant,
     expm1,
     frobenius2,
-    inverse,
     log1pm,
     logm,
     plus,
-    solve_matrix,
 )
 from .matrix_invariants import Invariants, invariants_of, objections
 from .nearest import nearest

@@ -44,7 +44,7 @@ class ProductAlgebra(LieAlgebra):
     def parts(self, xi: Vec) -> tuple[Vec, ...]:
         """The coordinates of each factor.  xi : (dim,)."""
         return tuple(
-            [vec(*xi[start:end]) for start, end in spans([factor.dim for factor in self.factors])]
+            [xi[start:end] for start, end in spans([factor.dim for factor in self.factors])]
         )
 
     def _each(self, formula: Callable[..., Vec], *arguments: Sequence[Vec]) -> Vec:

@@ -69,7 +69,7 @@ class SemidirectAlgebra(LieAlgebra):
     def parts(self, xi: Vec) -> tuple[Vec, Vec]:
         """The coordinates in the algebra of the group, and the vector.  xi : (dim,)."""
         n = self.action.group.dim
-        return vec(*xi[:n]), vec(*xi[n:])
+        return xi[:n], xi[n:]
 
     def exp_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
         """(Ad*_exp(xi) (m - J(phi1(xi) u, p)), p . exp(xi)), without forming the element."""

@@ -205,9 +205,9 @@ class LieRATTLE(Method):
         c, C = self._condition(system, g, x)
         free, pushed = [], []  # type: list[Any], list[Any]  # A^-1 r and A^-1 B, block by block
         for (group, start, end), J, held in zip(system.blocks, inertias, system.held):
-            y = vec(*x[start:end])
+            y = x[start:end]
             r, by_p, by_x = self.retraction.residual(
-                group, y, vec(*p[start:end]), vec(*momentum[start:end])
+                group, y, p[start:end], momentum[start:end]
             )
             A = with_inertia(by_x, momentum_slope(by_p, rate * J))
             B = [carried(self.retraction, group, y, by_p, memory.rows[a][i]) for a, i in held]
@@ -235,7 +235,7 @@ class LieRATTLE(Method):
         rows, blocks, parts = (
             system.rows(there),
             system.blocks,
-            [vec(*x[start:end]) for start, end in system.places],
+            [x[start:end] for start, end in system.places],
         )
         bends = [
             [
@@ -275,7 +275,7 @@ class LieRATTLE(Method):
     def _is_inside(self, system: Any, x: Vec) -> bool:
         inside = True
         for group, start, end in system.blocks:
-            inside = inside and self.retraction.is_chart(group, 2.0 * vec(*x[start:end]))
+            inside = inside and self.retraction.is_chart(group, 2.0 * x[start:end])
         return inside
 
     def _ended(self, system: Any, h: float, end: float, g: Element, x: Vec) -> NoConvergence:
@@ -312,7 +312,7 @@ def less(y: Vec, columns: Any, shares: Any) -> Vec:
 
 def split(unknown: Vec, dim: int) -> tuple[Vec, Vec]:
     """Displacement and impulses."""
-    return vec(*unknown[:dim]), vec(*unknown[dim:])
+    return unknown[:dim], unknown[dim:]
 
 
 def entries(g: Element) -> list[Any]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 from ..errors import IncompatibleSystem
-from ..formulas import Element, Vec, jacobian, record, vec
+from ..formulas import Element, Vec, jacobian, record
 from ..systems.constrained_body import NonholonomicBody
 from .lie_rattle import LieRATTLE
 from .method import alternatives
@@ -49,7 +49,7 @@ class LagrangeDAlembert(LieRATTLE):
     def _condition(self, system: Any, g: Element, x: Vec) -> tuple[Vec, Any]:
         """(A(g) + A(g tau(x))) x/2, and its derivative by x, by rows and blocks."""
         C = jacobian(lambda y: self._crossing(system, g, y), x)
-        rows = [[vec(*row[start:end]) for start, end in system.places] for row in C]
+        rows = [[row[start:end] for start, end in system.places] for row in C]
         return self._crossing(system, g, x), [
             [rows[a][b] for b, _ in ties] for a, ties in enumerate(system.touches)
         ]

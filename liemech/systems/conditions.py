@@ -85,7 +85,7 @@ def led(system: Any, rows: Any) -> list[Any]:
 
 def speeds(system: Any, rows: Any, xi: Vec) -> list[Any]:
     """G xi, condition by condition.  xi : (dim,)."""
-    parts = [vec(*xi[start:end]) for start, end in system.places]
+    parts = [xi[start:end] for start, end in system.places]
     return [
         vectors.sum([dot(row[i], parts[b]) for i, (b, _) in enumerate(ties)])
         for row, ties in zip(rows, system.touches)

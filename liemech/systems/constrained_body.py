@@ -640,7 +640,7 @@ def _block(inertia: Vec | Mat, start: int, end: int) -> Vec | Mat:
     """The part of an inertia that belongs to these coordinates."""
     if isinstance(inertia, vectors.Mat):
         return mat(*[vec(*inertia[i][start:end]) for i in range(start, end)])
-    return vec(*inertia[start:end])
+    return inertia[start:end]
 
 
 def _separate(group: LieGroup, inertia: np.ndarray) -> bool:

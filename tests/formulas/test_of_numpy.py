@@ -4,6 +4,7 @@ meaning; what meets samples of a run, NumPy computes.
 
 from __future__ import annotations
 
+import functools
 import operator
 from typing import Any
 
@@ -76,9 +77,12 @@ def test_functions_of_vectors_are_those_of_formulas() -> None:
     assert np.dot(TABLE, a) == np.matmul(TABLE, a) == TABLE @ a == Mat.of(TABLE) @ a
     assert np.transpose(m) == m.T and np.linalg.solve(m, a) == formulas.solve(m, a)
     assert np.cross(a, [1.0, 0.0, 0.0]) == lm.cross(a, vec(1.0, 0.0, 0.0))
+    assert np.linalg.inv(m) == formulas.inverse(m) and np.linalg.det(m) == formulas.determinant(m)
+    assert np.allclose(m @ np.linalg.solve(m, np.eye(3)), np.eye(3), atol=1e-15)
+    assert np.linalg.det(m) == pytest.approx(np.linalg.det(np.asarray(m)), rel=1e-14)
     # what has no formula is NumPy's, of arrays
     assert np.linalg.norm(a, ord=1) == np.abs(np.asarray(a)).sum()
-    assert np.linalg.det(m) == np.linalg.det(np.asarray(m))
+    assert [*np.linalg.eigvals(m)] == [*np.linalg.eigvals(np.asarray(m))]
     assert np.stack([a, b]).shape == (2, 3) and np.isfinite(m).all()
     total = np.zeros(3)
     total += a
@@ -113,6 +117,11 @@ FORMULAS = {
         np.transpose(lm.mat(vec(a, b), vec(b, c)))[1],
         np.linalg.solve(lm.mat(vec(2.0 + a * a, b), vec(b, -1.0 - c * c)), vec(a, c)),
     ),
+    "of matrices": lambda a, b, c, n: (
+        np.linalg.inv(lm.mat(vec(2.0 + a * a, b), vec(b, -1.0 - c * c)))[0],
+        np.linalg.det(lm.mat(vec(a, b, c), vec(b, 2.0, a), vec(1.0, c, b))),
+        np.linalg.solve(lm.mat(vec(2.0 + a * a, b), vec(b, -1.0)), TABLE[:, :2])[1],
+    ),
     "component by component": lambda a, b, c, n: (
         np.sin(vec(a, b)),
         np.arctan2(vec(a, b), c),
@@ -145,3 +154,34 @@ def test_numbers_of_two_doubles_keep_their_digits() -> None:
     found = np.sin(x)
     assert isinstance(found, DoubleDouble)
     assert (found.value, found.low) == (formulas.sin(x).value, formulas.sin(x).low)
+
+
+@lm.record
+class Rotor(lm.Hamiltonian):
+    """Half the square of the momentum in the inverse inertia, which a property computes."""
+
+    inertia: lm.Mat
+
+    @functools.cached_property
+    def inverse(self) -> Any:
+        return np.linalg.inv(self.inertia)
+
+    def energy(self, mu: Any) -> Any:
+        return 0.5 * np.dot(mu, self.inverse @ mu)
+
+
+@pytest.mark.compiled
+def test_a_property_computes_the_inverse_of_a_parameter() -> None:
+    inertia = [[2.0, 0.1, 0.0], [0.1, 1.0, 0.2], [0.0, 0.2, 2.5]]
+    system = lm.LiePoissonSystem(lm.SO3(), Rotor(inertia))
+    body = lm.RigidBody(inertia)
+    options: Any = {"h": 0.1, "steps": 20}
+    plain, native = (
+        lm.integrate(
+            system, lm.RKMK(order=4), system.state([1.0, 0.2, 0.4]), compiled=c, **options
+        )
+        for c in (False, True)
+    )
+    expected = lm.integrate(body, lm.RKMK(order=4), body.state([1.0, 0.2, 0.4]), **options)
+    assert np.array_equal(plain.mu, native.mu)
+    assert np.allclose(plain.mu, expected.mu, atol=1e-14)

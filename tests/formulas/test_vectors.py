@@ -129,3 +129,9 @@ def all_of_it(a, b, turns):
 @pytest.mark.compiled
 def test_the_same_bits_in_native_code() -> None:
     same_in_all_worlds(all_of_it, ROWS)
+
+
+def test_slices_of_vectors_are_vectors() -> None:
+    v = vec(1.0, 2.0, 3.0, 4.0)
+    assert type(v[:2]) is Vec and v[:2] + v[2:] == vec(4.0, 6.0) and 2 * v[1:3] == vec(4.0, 6.0)
+    assert v[::-1] == vec(4.0, 3.0, 2.0, 1.0) and v[-1] == 4.0

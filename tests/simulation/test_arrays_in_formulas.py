@@ -37,3 +37,22 @@ def test_a_public_function_names_itself(monkeypatch: pytest.MonkeyPatch) -> None
     monkeypatch.setitem(globals(), "wrong", True)
     with pytest.raises(InvalidType, match=r"Energy.gradient gave .*numbers, vectors, matrices"):
         energy.gradient([0.3, 0.8, -0.5])
+
+
+@lm.record
+class Field(lm.GroupEquation):
+    strength: float
+
+    def velocity(self, t: float, g: Any) -> Any:
+        return AXIS * np.cos(self.strength * t)
+
+
+AXIS = np.array([0.0, 0.6, 0.8])
+
+
+def test_an_array_for_a_vector_says_what_to_write() -> None:
+    equation = Field(lm.SO3(), 2.0)
+    with pytest.raises(InvalidType, match=r"given a NumPy array.* liemech.vec\(\*B\) \* x for B \* x"):
+        lm.integrate(
+            equation, lm.RKMK(order=4), equation.state(np.eye(3)), h=0.1, steps=2, compiled=False
+        )

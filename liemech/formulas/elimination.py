@@ -1,0 +1,126 @@
+"""Linear equations of small matrices, by elimination: formulas like any other."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ..errors import InvalidType
+from .complex_numbers import Complex
+from .sums import abs2
+from .vectors import Mat, Vec, cross, dot, mat, vec
+
+INFINITE = float("inf")
+
+
+def solve(m: Mat, rhs: Any) -> Vec:
+    """The solution x of m x = rhs by Gaussian elimination with partial pivoting; a singular matrix
+    gives inf or nan.
+
+    m : (n, n), rhs : (n,).  Raises InvalidType if m is not square or rhs has another length.
+    """
+    n = len(rhs)
+    if len(m) != n or len(m[0]) != n:
+        raise InvalidType(
+            f"solve: a matrix of {len(m)} rows and {len(m[0])} "
+            f"columns, and a right side of {n} components"
+        )
+    rows = [vec(*m[i], rhs[i]) for i in range(n)]
+    for k in range(n):
+        # a compare-and-swap network brings the largest entry of the column to row k
+        for i in range(k + 1, n):
+            larger = abs(rows[i][k]) > abs(rows[k][k])
+            rows[k], rows[i] = _exchange(larger, rows[k], rows[i])
+        for i in range(k + 1, n):
+            rows[i] = rows[i] - (rows[i][k] / rows[k][k]) * rows[k]
+    x = [0.0] * n
+    for k in range(n - 1, -1, -1):
+        remainder = rows[k][n]
+        for j in range(k + 1, n):
+            remainder = remainder - rows[k][j] * x[j]
+        x[k] = remainder / rows[k][k]
+    return vec(*x)
+
+
+def _exchange(condition: Any, a: Vec, b: Vec) -> tuple[Vec, Vec]:
+    """(b, a) where the condition holds, else (a, b)."""
+    if condition:
+        return b, a
+    return a, b
+
+
+def solve3(m: Mat, rhs: Any) -> Vec:
+    """The solution of a 3 by 3 system by Cramer's rule: one division, no branch; for
+    well-conditioned Newton steps.
+
+    x_i = det(m with column i replaced by rhs) / det m.  Raises InvalidType if m is not of three
+    columns of length 3.
+    """
+    if len(m) != 3 or len(m[0]) != 3:
+        raise InvalidType(f"solve3: a matrix of {len(m)} rows and {len(m[0])} columns")
+    a, b, c = m.T
+    bc = cross(b, c)
+    scale = 1.0 / dot(a, bc)
+    return vec(scale * dot(rhs, bc), scale * dot(rhs, cross(c, a)), scale * dot(rhs, cross(a, b)))
+
+
+def solve_matrix(m: Mat, rhs: Mat) -> Mat:
+    """The solution X of m X = rhs by Gaussian elimination with partial pivoting; a singular matrix
+    gives inf or nan.
+
+    m : (n, n), rhs : (n, k).
+    """
+    n = len(m)
+    rows = [vec(*m[i], *rhs[i]) for i in range(n)]
+    for k in range(n):
+        # a compare-and-swap network brings the largest entry of the column to row k
+        for i in range(k + 1, n):
+            rows[k], rows[i] = _exchange(_size(rows[i][k]) > _size(rows[k][k]), rows[k], rows[i])
+        head = _reciprocal(rows[k][k])
+        rows[k] = vec(*[x * head for x in rows[k]])
+        for i in range(n):
+            if i != k:
+                rows[i] = rows[i] - rows[k] * rows[i][k]
+    return mat(*[row[n:] for row in rows])
+
+
+def _size(x: Any) -> Any:
+    """What pivots are compared by: |x|, or |re x| + |im x|."""
+    return abs(x.re) + abs(x.im) if isinstance(x, Complex) else abs(x)
+
+
+def _reciprocal(x: Any) -> Any:
+    """1/x, infinite for zero."""
+    if isinstance(x, Complex):
+        return x.conjugate() * _reciprocal(abs2(x))
+    return 1.0 / x if x != 0.0 else INFINITE + 0.0 * x
+
+
+def unit(m: Mat) -> Mat:
+    """The unit matrix of the shape of m, its entries of the kind of m's."""
+    zero = 0.0 if isinstance(m[0, 0], float) else 0.0 * m[0, 0]
+    return mat(
+        *[vec(*[zero + 1.0 if i == j else zero for j in range(len(m))]) for i in range(len(m))]
+    )
+
+
+def inverse(m: Mat) -> Mat:
+    """The inverse of a matrix; a singular one gives inf or nan.  m : (n, n)."""
+    return solve_matrix(m, unit(m))
+
+
+def determinant(m: Mat) -> Any:
+    """The determinant, by elimination with partial pivoting.  m : (n, n)."""
+    n = len(m)
+    rows, product = [*m], 1.0
+    for k in range(n):
+        for i in range(k + 1, n):
+            larger = _size(rows[i][k]) > _size(rows[k][k])
+            rows[k], rows[i] = _exchange(larger, rows[k], rows[i])
+            product = -product if larger else product
+        pivot = rows[k][k]
+        product = product * pivot
+        # below zero there is nothing to eliminate
+        head = _reciprocal(pivot if _size(pivot) > 0.0 else pivot + 1.0)
+        for i in range(k + 1, n):
+            rows[i] = rows[i] - rows[k] * (rows[i][k] * head)
+    return product
