@@ -4,6 +4,7 @@ space.
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -143,7 +144,7 @@ class OppositeGroup(LieGroup):
     def __repr__(self) -> str:
         return f"OppositeGroup({self.group!r})"
 
-    @property
+    @cached_property
     def algebra(self) -> OppositeAlgebra:
         """The same velocities with the opposite bracket."""
         return OppositeAlgebra(self.group.algebra)

@@ -157,7 +157,7 @@ class ProductGroup(LieGroup):
     def __repr__(self) -> str:
         return f"ProductGroup({', '.join(map(repr, self.factors))})"
 
-    @property
+    @cached_property
     def algebra(self) -> ProductAlgebra:
         """The direct sum."""
         return ProductAlgebra(tuple([factor.algebra for factor in self.factors]))

@@ -6,6 +6,7 @@ coefficients here and there: dexp = 1 + b ad + c ad^2, and so on, with th = |w|.
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -163,7 +164,7 @@ class SE2(LieGroup):
     et al., A micro Lie theory for state estimation in robotics (2018), appendix C.
     """
 
-    @property
+    @cached_property
     def algebra(self) -> SE2Algebra:
         """se(2)."""
         return SE2Algebra()

@@ -8,6 +8,7 @@ rigid motions, which share their angular part.  On momenta the angular parts of 
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -132,7 +133,7 @@ class SE23(LieGroup):
     Barrau, Chauchat and Bonnabel, IEEE Transactions on Robotics 38 (2022), 998.
     """
 
-    @property
+    @cached_property
     def algebra(self) -> SE23Algebra:
         """se_2(3)."""
         return SE23Algebra()

@@ -225,7 +225,7 @@ class SE3(LieGroup):
     Congress (2007).
     """
 
-    @property
+    @cached_property
     def algebra(self) -> SE3Algebra:
         """se(3)."""
         return SE3Algebra()
@@ -418,7 +418,7 @@ class SE3ByAdjoint(SE3):
     Source: Selig, Cayley maps for SE(3), 12th IFToMM World Congress (2007).
     """
 
-    @property
+    @cached_property
     def algebra(self) -> SE3Algebra:
         """se(3)."""
         return SE3ByAdjointAlgebra()

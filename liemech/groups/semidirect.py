@@ -229,7 +229,7 @@ class SemidirectProduct(LieGroup):
             else f"SemidirectProduct({self.acting!r}, {self.action!r})"
         )
 
-    @property
+    @cached_property
     def algebra(self) -> SemidirectAlgebra:
         """The semidirect sum."""
         return SemidirectAlgebra(self.action)

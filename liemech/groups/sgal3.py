@@ -10,6 +10,8 @@ and c_4 = (1/2 - b)/x, and their slopes.
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 
 from ..formulas import Ambient, Element, Mat, Vec, cross, dot, record, vec
@@ -138,7 +140,7 @@ class SGal3(LieGroup):
     Source: Kelly, All about the Galilean group SGal(3), arXiv:2312.07555 (2023), sections 4 to 6.
     """
 
-    @property
+    @cached_property
     def algebra(self) -> SGal3Algebra:
         """sgal(3)."""
         return SGal3Algebra()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -178,7 +179,7 @@ class SO3(LieGroup):
     Wanner, IV.8.3.
     """
 
-    @property
+    @cached_property
     def algebra(self) -> SO3Algebra:
         """so(3)."""
         return SO3Algebra()

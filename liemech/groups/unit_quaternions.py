@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -39,7 +40,7 @@ class UnitQuaternions(LieGroup):
     Ratiu, section 9.2.
     """
 
-    @property
+    @cached_property
     def algebra(self) -> SO3Algebra:
         """so(3): a velocity is half a pure quaternion."""
         return SO3Algebra()

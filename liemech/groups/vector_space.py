@@ -4,6 +4,7 @@ a correction.
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -117,7 +118,7 @@ class VectorSpace(LieGroup):
     def __post_init__(self) -> None:
         object.__setattr__(self, "n", whole_number(type(self).__name__, self.n, 1))
 
-    @property
+    @cached_property
     def algebra(self) -> AbelianAlgebra:
         """R^n with the bracket zero."""
         return AbelianAlgebra(self.n)

@@ -10,6 +10,7 @@ import tracemalloc
 import warnings
 from collections.abc import Callable, Iterator
 from fractions import Fraction
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from scenes import CAYLEY, EXP, METHODS, RKMK4
 from scipy.spatial.transform import Rotation
 
 import liemech as lm
+from liemech.errors import InvalidInput
 
 NAN, INF = math.nan, math.inf
 BODY = lm.RigidBody([1.0, 1.6, 2.3])
@@ -396,3 +398,106 @@ def test_every_error_of_a_run_is_one_of_ours(method: lm.Method) -> None:
         except lm.errors.IntegrationFailure as failure:
             assert np.isfinite(failure.trajectory.mu).all()
     assert CAYLEY in METHODS
+
+
+XI6 = lm.SE3().log(lm.SE3().exp(lm.vec(0.1, 0.2, 0.3, 1.0, 2.0, 3.0)))
+CASES: dict[str, Any] = {
+    "SO3.exp: xi": lambda: lm.SO3().exp(XI6),
+    "GL.cayley: xi": lambda: lm.GL(2).cayley(lm.vec(1.0, 1.0, 1.0, 1.0, 1.0)),
+    "SO3Algebra.bracket: eta": lambda: lm.SO3().algebra.bracket(lm.vec(1.0, 2.0, 3.0), XI6),
+    "SO3.Ad: g": lambda: lm.SO3().Ad(lm.SE3().identity(), lm.vec(1.0, 2.0, 3.0)),
+    "Exponential.tau: xi": lambda: lm.Exponential().tau(lm.SO3(), XI6),
+}
+
+
+@pytest.mark.parametrize("where", CASES)
+def test_they_are_refused_by_name(where: str) -> None:
+    with pytest.raises(InvalidInput, match=where.replace(".", r"\.") + r" has shape .* must be"):
+        CASES[where]()
+
+
+@lm.record
+class Circling(lm.HomogeneousEquation):
+    """A point on a sphere."""
+
+    def velocity(self, t: float, x: lm.Vec) -> lm.Vec:
+        return lm.vec(x[1], x[2], 1.0)
+
+
+def test_points_too_far_off_for_a_float_are_refused_by_the_state() -> None:
+    with pytest.raises(
+        lm.errors.InvalidInput, match=r"Circling\.state: x is no point of SphereAction"
+    ):
+        Circling(lm.SphereAction(lm.SO3())).state(x=[1e308] * 3)
+
+
+@pytest.mark.parametrize(
+    "mu", [[[1.0, 2.0], [1.0]], [1.0, 2.0], [float("nan")] * 4, "abc"], ids=str
+)
+def test_groups_without_further_invariants_refuse_what_is_no_momentum(mu: object) -> None:
+    assert lm.GL(2).further_invariants([1.0, 2.0, 3.0, 4.0]) is None
+    with pytest.raises(
+        (lm.errors.InvalidInput, lm.errors.InvalidType), match=r"GL.*further_invariants: mu"
+    ):
+        lm.GL(2).further_invariants(mu)
+
+
+def test_momenta_that_leave_the_range_of_floats_are_refused_in_the_name_of_what_was_called() -> (
+    None
+):
+    with pytest.raises(
+        lm.errors.InvalidInput, match=r"random_on_orbit: SE3\.K has no finite value"
+    ):
+        lm.coadjoint(lm.SE3()).random_on_orbit([1e308] * 6, rng=5)
+
+
+def short_run(system: lm.System, start: lm.State) -> lm.Trajectory:
+    return lm.integrate(system, lm.RKMK(order=4), start, h=0.1, steps=2, compiled=False)
+
+
+def test_casimirs_of_a_top() -> None:
+    top = lm.HeavyTop([1.0, 1.5, 2.0], 1.0, [0.0, 0.0, 1.0])
+    run = short_run(top, top.state([0.1, 0.2, 0.3], np.eye(3)))
+    with pytest.raises(
+        lm.errors.InvalidInput,
+        match=r"Trajectory\.casimirs: HeavyTop.* free bodies .*`run\.drift\(\)` names",
+    ):
+        run.casimirs  # noqa: B018
+
+
+def test_rotations_of_every_kind() -> None:
+    """Quaternions and matrices turn alike; of a top the configuration counts, and a motion of the
+    plane is no rotation of space.
+    """
+    mu, energy = [0.1, 0.2, 0.3], lm.KineticEnergy([1.0, 2.0, 3.0])
+    matrices = lm.LiePoissonSystem(lm.SO3(), energy)
+    quaternions = lm.LiePoissonSystem(lm.UnitQuaternions(), energy)
+    expected = short_run(matrices, matrices.state(mu, np.eye(3))).rotation.as_matrix()
+    found = short_run(quaternions, quaternions.state(mu, [0.0, 0.0, 0.0, 1.0])).rotation.as_matrix()
+    assert np.abs(found - expected).max() <= 1e-15
+    top = lm.HeavyTop([1.0, 2.0, 3.0], 0.0, [0.0, 0.0, 1.0])
+    assert (
+        np.abs(short_run(top, top.state(mu, np.eye(3))).rotation.as_matrix() - expected).max()
+        <= 1e-15
+    )
+    plane = lm.LiePoissonSystem(lm.SE2(), energy)
+    with pytest.raises(
+        lm.errors.InvalidInput, match=r"rotations of space, which elements of SE2\(\) are not"
+    ):
+        short_run(plane, plane.state(mu, lm.SE2().exp([0.1, 1.0, 2.0]))).rotation  # noqa: B018
+
+
+def test_a_closed_form_in_the_wrong_class() -> None:
+    """dexp depends on the algebra alone; in the class of the group no method would find it."""
+    with pytest.raises(lm.errors.InvalidType, match=r"Misplaced\.dexp.*class of the algebra"):
+
+        class Misplaced(lm.SO3):
+            def dexp(self, xi: lm.Vec, eta: lm.Vec, side: str = "right") -> lm.Vec:  # type: ignore[misc]
+                return eta
+
+
+def test_nothing_to_compose() -> None:
+    with pytest.raises(
+        lm.errors.InvalidInput, match=r"ExactFreeBody\(\) is exact; there is no error"
+    ):
+        lm.Composition(lm.ExactFreeBody(), order=4)

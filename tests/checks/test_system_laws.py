@@ -22,6 +22,7 @@ from scenes import (
 )
 
 import liemech as lm
+from liemech import errors
 from liemech.checks import check_system
 from liemech.formulas import log, vec
 
@@ -273,3 +274,21 @@ def test_random_states_are_where_the_formulas_are_defined() -> None:
 def test_what_cannot_be_checked_is_said(arguments: tuple[Any, ...], words: str) -> None:
     with pytest.raises(lm.errors.InvalidType, match=words):
         check_system(*arguments)
+
+
+def test_a_total_momentum_of_zero_is_a_constant_like_any_other():
+    """Its terms are those of the bodies: the rounding of their sum is none of a number that is
+    zero.
+    """
+    bodies = lm.NBody([1.0, 2.0, 3.0])
+    q = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.3, -0.7, 0.2]
+    p = [0.3, 0.2, 0.1, -0.1, 0.5, 0.2, -0.2, -0.7, -0.3]
+    assert lm.check_system(bodies, states=bodies.state(q, p))
+    assert lm.check_system(bodies, states=bodies.state(q, np.zeros(9)))
+
+    class Leaking(lm.NBody):
+        def momentum(self, p):
+            return super().momentum(p) + 1e-6 * p[0]
+
+    with pytest.raises(errors.LawViolation, match="constants"):
+        lm.check_system(Leaking([1.0, 2.0, 3.0]), states=bodies.state(q, p))

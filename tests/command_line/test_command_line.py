@@ -400,3 +400,15 @@ def test_explanations_of_adaptive_runs() -> None:
     scene = SCENES["kepler"]().changed(method=lm.RKMK(order=5), t_end=3.0)
     assert "adaptive, to t = 3" in explained(scene, ("q", "p"), 1)
     assert scene.changed(h=0.1, steps=4).t_end is None
+
+
+def test_columns_are_apart_and_sentences_are_whole(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    assert main(["scenes"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.partition("  ")[0] for line in lines if not line.startswith(" ")] == list(SCENES)
+    assert main(["methods"]) == 0
+    lines += capsys.readouterr().out.splitlines()
+    assert not [line for line in lines if "..." in line and "order=..." not in line]

@@ -11,6 +11,7 @@ import pytest
 from constrained_scenes import CHAIN, PENDULUM, SWINGING, plain
 
 import liemech as lm
+from liemech import errors
 from liemech.errors import (
     IncompatibleSystem,
     InconsistentState,
@@ -266,3 +267,21 @@ def test_one_member_of_an_ensemble_may_fail() -> None:
         free, lm.RATTLE(), free.state(q[3], p[3]), h=1.0, steps=5, compiled=False, progress=False
     )
     assert np.array_equal(run.q[:, 3], alone.q)
+
+
+def test_a_start_is_that_of_its_own_system():
+    """A point of one sphere is none of another: the same class and group say nothing about the
+    length.
+    """
+    short, long = lm.SphericalPendulum(length=1.0), lm.SphericalPendulum(length=2.0)
+    start = short.state([0.0, 0.6, -0.8], [1.0, 0.0, 0.0])
+    with pytest.raises(errors.InvalidInput, match="not consistent"):
+        lm.integrate(long, lm.RATTLE(), start, h=0.01, steps=2, compiled=False)
+    same = lm.SphericalPendulum(length=1.0)
+    assert lm.integrate(same, lm.RATTLE(), start, h=0.01, steps=2, compiled=False).steps == 2
+    two = short.state([[0.0, 0.6, -0.8]] * 2, [[1.0, 0.0, 0.0]] * 2)
+    with pytest.raises(errors.InvalidInput, match=r"body 1: .*not consistent"):
+        lm.integrate([short, long], lm.RATTLE(), two, h=0.01, steps=2, compiled=False)
+    assert (
+        lm.integrate([short, same], lm.RATTLE(), two, h=0.01, steps=2, compiled=False).bodies == 2
+    )

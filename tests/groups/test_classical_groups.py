@@ -274,3 +274,26 @@ def test_heisenberg() -> None:
 def test_sizes_that_make_no_group(cls: type, n: object) -> None:
     with pytest.raises(lm.errors.InvalidInput, match=cls.__name__):
         cls(n)
+
+
+@pytest.mark.parametrize("n", [5, 6, 7])
+def test_casimirs_of_rotations_have_the_signs_they_say(n: int) -> None:
+    """(-1)^k/2 tr hat(mu)^2k, in terms of the rates a_i of rotation in planes: the sum of a_i^2k,
+    never negative.
+    """
+    group = lm.SO(n)
+    mu = np.random.default_rng(n).normal(size=group.dim)
+    rates = np.linalg.eigvals(np.array(group.algebra.hat(mu))).imag
+    traces = group.casimirs(mu)
+    for k in range(1, (n + 1) // 2):
+        assert traces[k - 1] == pytest.approx(0.5 * (rates ** (2 * k)).sum(), rel=1e-13)
+
+
+@pytest.mark.parametrize("n", [3, 4, 5])
+def test_casimirs_of_unitary_matrices_have_the_signs_they_say(n: int) -> None:
+    """i^-k tr M^k of an antihermitian matrix is the sum of the powers of its eigenvalues over i."""
+    group = lm.SU(n)
+    mu = np.random.default_rng(n).normal(size=group.dim)
+    eigenvalues = np.linalg.eigvals(np.array(group.algebra.covector(mu))).imag
+    for k, found in enumerate(group.casimirs(mu), start=2):
+        assert found == pytest.approx((eigenvalues**k).sum(), rel=1e-13, abs=1e-13)

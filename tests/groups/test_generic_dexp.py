@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 from scipy.linalg import expm
 
 import liemech as lm
+from liemech.formulas import Vec, derivative, vec
+from liemech.groups.ad_series import mean, mean_slope
+from liemech.groups.representations import averaged
 
 EPS = 2.0**-52
 
@@ -97,3 +102,48 @@ def test_native_code_does_the_same() -> None:
         for c in (False, True)
     )
     assert np.array_equal(plain.mu, native.mu)
+
+
+@pytest.mark.parametrize("size", [1e19, 1e160, 1e308])
+def test_a_sum_of_which_no_digit_is_known_is_nan_after_few_products(size: float) -> None:
+    """Squares of 1e160 are infinite: halving went on 1100 times, and a call took half a minute."""
+    products = 0
+
+    def grown(xi: float, x: Vec) -> Vec:
+        nonlocal products
+        products += 1
+        return math.exp(min(xi, 9.0)) * x
+
+    def by(xi: float, x: Vec) -> Vec:
+        return xi * x
+
+    assert math.isnan(averaged(by, grown, size * size, size, vec(1.0))[0])
+    assert products == 0
+    mean = averaged(by, grown, 9.0, 3.0, vec(1.0))[0]
+    assert mean == pytest.approx((math.exp(3.0) - 1.0) / 3.0, rel=1e-14)
+    assert products == 2  # from 3/4
+
+
+def test_the_slope_of_the_mean_is_its_derivative() -> None:
+    group, rng = lm.SE3(), np.random.default_rng(2)
+    x, v = 0.7 * rng.normal(size=6), rng.normal(size=6)
+    slope = mean_slope(group.ad_star, vec(*x), vec(*v), 12.0)
+    for i, unit in enumerate(np.eye(6)):
+        column = derivative(
+            lambda s, e=unit: mean(group.ad_star, vec(*x) + s * vec(*e), vec(*v)), 0.0
+        )
+        assert np.allclose(np.array(slope)[:, i], np.array(column), rtol=0.0, atol=1e-10)
+
+
+def test_the_mean_of_a_long_motion_is_halved_until_its_series_is_short() -> None:
+    """Of rotations by twelve turns: the part along the axis stays, what is across is
+    (sin, 1 - cos)/angle of itself.
+    """
+    group, angle = lm.SO3(), 75.0
+    xi = vec(0.0, 0.0, angle)
+    x, _, z = averaged(
+        group.ad, lambda w, x: group.Ad(group.exp(w), x), angle * angle, xi, vec(1.0, 0.0, 1.0)
+    )
+    assert x == pytest.approx(np.sin(angle) / angle, abs=1e-14) and z == pytest.approx(
+        1.0, rel=1e-14
+    )

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from typing import Any
 
 import mpmath as mp
 import numpy as np
@@ -19,7 +20,7 @@ from scenes import PlaneMotions, hat, rotation
 from scipy.linalg import expm
 
 import liemech as lm
-from liemech.formulas import dot
+from liemech.formulas import derivative, dot, vec
 
 EPS = np.finfo(float).eps
 
@@ -469,3 +470,34 @@ def test_what_a_bare_group_lacks_says_so() -> None:
         lm.Cayley().require(bare)
     assert bare.casimirs(xi).shape == (0,)
     assert dot(lm.vec(1.0, 2.0), lm.vec(3.0, 4.0)) == 11.0
+
+
+MOVING = (
+    lm.SO3(),
+    lm.SE2(),
+    lm.UnitQuaternions(),
+    lm.ProductGroup(lm.SO3(), lm.SE2()),
+    lm.Heisenberg(2),
+)
+
+
+@pytest.mark.parametrize("group", MOVING, ids=repr)
+def test_the_velocity_of_a_moving_element(group: Any) -> None:
+    """Of g exp(s xi) it is xi."""
+    rng = np.random.default_rng(1)
+    g, xi = group.exp(vec(*rng.normal(size=group.dim))), vec(*rng.normal(size=group.dim))
+    rate = derivative(lambda s: group.compose(g, group.exp(s * xi)), 0.0)
+    found = np.array(group.body_velocity(g, rate))
+    assert np.allclose(found, np.array(xi), rtol=0.0, atol=1e-14 * np.abs(np.array(g)).max() ** 2)
+
+
+@pytest.mark.parametrize(
+    "group", [lm.UnitQuaternions(), lm.ProductGroup(lm.SO3(), lm.SE2())], ids=repr
+)
+def test_the_velocity_of_elements_that_are_no_matrices(group: Any) -> None:
+    """The formula for every group, where these have closed forms."""
+    rng = np.random.default_rng(3)
+    g, xi = group.exp(vec(*rng.normal(size=group.dim))), vec(*rng.normal(size=group.dim))
+    rate = derivative(lambda s: group.compose(g, group.exp(s * xi)), 0.0)
+    found = np.array(lm.LieGroup.body_velocity(group, g, rate))
+    assert np.allclose(found, np.array(xi), rtol=0.0, atol=1e-13)

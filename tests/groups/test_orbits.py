@@ -190,3 +190,11 @@ def test_further_invariants_are_of_one_momentum(mu: object, why: str) -> None:
 def test_further_invariants_take_a_momentum_as_a_list() -> None:
     assert lm.SE3().further_invariants([3.0, 0.0, 4.0, 0.0, 0.0, 0.0]) == (5.0,)
     assert lm.Heisenberg().further_invariants((1.0, 2.0, 0.0)) == (1.0, 2.0, 0.0)
+
+
+@pytest.mark.parametrize("size", [1e-200, 1e200])
+def test_an_orbit_has_the_dimension_of_the_orbit_of_a_multiple(size: float) -> None:
+    for group in (lm.SO3(), lm.SE3(), lm.SO(4)):
+        action, mu = lm.coadjoint(group), np.linspace(0.3, 1.0, group.dim)
+        assert action.orbit_dimension(size * mu) == action.orbit_dimension(mu) > 0
+        assert len(action.tangent(size * mu)) == action.orbit_dimension(mu)

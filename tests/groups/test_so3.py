@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import json
 import math
+import warnings
 from pathlib import Path
 
 import mpmath as mp
@@ -16,6 +17,7 @@ from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
 import liemech as lm
+from liemech.errors import InvalidInput
 
 G = lm.SO3()
 EPS = np.finfo(float).eps
@@ -230,3 +232,15 @@ def test_membership(rng: np.random.Generator) -> None:
     assert G.contains(np.stack([R, -R, R.T])).tolist() == [True, False, True]
     assert not G.contains(-R)
     assert not G.contains(R + 1e-5)
+
+
+def test_matrices_of_another_shape_are_refused() -> None:
+    wide = lm.mat([1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0])
+    for call in (lm.SO3().log, lm.SO3().inverse):
+        with pytest.raises(InvalidInput, match=r"\(3, 4\)"):
+            call(wide)
+    with pytest.raises(InvalidInput, match="g has shape"):
+        lm.SO3().Ad(lm.vec(1.0, 2.0, 3.0), lm.vec(1.0, 2.0, 3.0))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert lm.SO3().log(lm.SO3().identity()) == lm.vec(0.0, 0.0, 0.0)

@@ -590,3 +590,14 @@ def test_face() -> None:
     assert CAYLEYS[6].name == "Galerkin 6 (Cayley)"
     assert GalerkinVariational() == EXPS[4]
     assert EXPS[4].symplectic
+
+
+@pytest.mark.parametrize("order", [4, 6, 8])
+def test_gauss_tables_are_tridiagonal_in_legendre_polynomials(order: int) -> None:
+    """A = W X W^-1 with 1/2 in the corner and the couplings beside the diagonal."""
+    method = lm.GalerkinVariational(order)
+    there, back, couplings = method.legendre
+    X = np.diag(couplings, -1) - np.diag(couplings, 1)
+    X[0, 0] = 0.5
+    A = np.array(lm.tableaus.gauss(order // 2).A)
+    assert np.abs(np.array(back) @ X @ np.array(there) - A).max() < 1e-15

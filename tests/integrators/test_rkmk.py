@@ -339,3 +339,28 @@ def test_repr_builds_the_same_method() -> None:
     assert lm.RKMK(retraction=lm.Cayley()).truncation == "closed"
     assert not lm.RKMK.symplectic
     assert not lm.RKMK.symmetric
+
+
+@lm.record
+class Powers(lm.LinearGroupEquation):
+    """x' = t^n on the line."""
+
+    power: int
+
+    def drive(self, t):
+        return vec(t**self.power)
+
+
+@pytest.mark.parametrize(
+    ("tableau", "degree"), [(gauss(2), 3), (gauss(3), 5), (radau_iia(2), 2), (radau_iia(3), 4)]
+)
+def test_stages_of_implicit_methods_stand_at_their_times(
+    tableau: lm.ButcherTableau, degree: int
+) -> None:
+    """Gauss' nodes integrate powers up to 2s - 1 exactly, those of Radau up to 2s - 2."""
+    for power in range(degree + 2):
+        line = Powers(lm.VectorSpace(1), power)
+        method, start = lm.RKMK(tableau=tableau), line.state([0.0])
+        end = lm.integrate(line, method, start, h=0.8, steps=1, t0=0.5, compiled=False).g[-1, 0]
+        exact = (1.3 ** (power + 1) - 0.5 ** (power + 1)) / (power + 1)
+        assert (abs(end - exact) < 1e-15 * 8) == (power <= degree)

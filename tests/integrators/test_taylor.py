@@ -348,3 +348,27 @@ def test_refusals() -> None:
         with pytest.raises(error, match=words):
             call()
     assert Taylor().name == "Taylor12" and not Taylor.symmetric and not Taylor.symplectic
+
+
+@lm.record
+class Powers(lm.LinearGroupEquation):
+    """x' = t^n on the line."""
+
+    power: int
+
+    def drive(self, t):
+        return vec(t**self.power)
+
+
+def test_taylor_takes_the_last_term_but_one_where_the_last_is_missing() -> None:
+    """Of x' = t^2 the term of h^4 is zero: the error is e_3^(4/3), e_3 in units of the tolerance."""
+    line = Powers(lm.VectorSpace(1), 2)
+    method, start = lm.Taylor(order=4), line.state([0.0])
+
+    def error(atol: float) -> float:
+        return method.trial(line, 0.5, start, line.drive(0.5), 0.8, 0.0, atol, False).error
+
+    e3 = 0.8**3 / 3.0
+    assert error(1.0) == pytest.approx(e3 ** (4.0 / 3.0), rel=1e-14)
+    assert error(1e-6) == pytest.approx((1e6 * e3) ** (4.0 / 3.0), rel=1e-14)
+    assert np.isclose(error(0.5), 2.0 ** (4.0 / 3.0) * error(1.0), rtol=1e-14)

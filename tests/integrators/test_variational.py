@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from pathlib import Path
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
@@ -25,6 +26,9 @@ from scenes import (
 )
 
 import liemech as lm
+from liemech.formulas.double_double import is_long
+from liemech.formulas.pytree import double_double, rounded
+from liemech.integrators.variational import first_size, leading_power
 
 REFERENCE = json.loads(
     (Path(__file__).parent.parent / "reference" / "integrator_steps_so3.json").read_text()
@@ -361,3 +365,87 @@ def test_face() -> None:
     assert EXP.symmetric
     assert EXP.symplectic
     assert EXP.order == 2
+
+
+BODY, MU = lm.RigidBody([1.0, 1.6, 2.3]), lm.vec(0.3, 0.8, -0.5)
+
+
+@lm.record
+class Watched(lm.Cayley):
+    """The Cayley map, and how many of its residuals had 31 digits."""
+
+    digits: ClassVar[list[bool]] = []
+
+    def residual(self, group: Any, xi: Any, p: Any, mu: Any) -> Any:
+        self.digits.append(any(is_long(x[0]) for x in (xi, p, mu)))
+        return super().residual(group, xi, p, mu)
+
+
+@pytest.mark.parametrize("thin", [False, True], ids=["body", "rod"])
+def test_one_residual_of_a_step_has_31_digits(thin: bool) -> None:
+    """Of a rod too, whose displacement is followed from h = 0 on; and it is solved to them."""
+    system = lm.LiePoissonSystem(lm.SO3(), lm.KineticEnergy([0.001, 1.0, 1.2])) if thin else BODY
+    mu, h = lm.vec(0.001, 1.1, 0.4) if thin else MU, 0.3
+    method = lm.CovariantVariational(Watched())
+    Watched.digits.clear()
+    x = method.displacement(system, h, double_double(mu), h * system.velocity(mu))
+    assert Watched.digits.count(True) == 1
+    assert len(Watched.digits) > 3
+    rest = method.equation(system, 1.0 / h, double_double(mu), x)[0]
+    assert np.abs(np.array(rounded(rest))).max() < 1e-27
+
+
+MOMENTS, MOMENTUM = np.array([1.0, 1.6, 2.3]), np.array([0.3, 0.8, -0.5])
+FULL = np.array([[1.0, 0.1, 0.05], [0.1, 1.6, 0.2], [0.05, 0.2, 2.3]])
+UNITS = [(-196, 124), (-103, 196), (280, -40)]  # residuals of J/h would be denormal, or huge
+
+
+def moved(
+    method: lm.Method, inertia: np.ndarray, mass: float = 1.0, second: float = 1.0
+) -> tuple[np.ndarray, np.ndarray]:
+    """Momentum, in ordinary units, and attitude after some steps."""
+    body = lm.RigidBody(mass * inertia)
+    start = body.state(mass / second * MOMENTUM, np.eye(3))
+    run = lm.integrate(body, method, start, h=0.3 * second, steps=25, compiled=False)
+    return run.mu / (mass / second), run.g
+
+
+@pytest.mark.parametrize("retraction", [lm.Exponential(), lm.Cayley()], ids=repr)
+@pytest.mark.parametrize("inertia", [MOMENTS, FULL], ids=["diagonal", "full"])
+def test_powers_of_two_change_no_bit(retraction: lm.Retraction, inertia: np.ndarray) -> None:
+    method = lm.CovariantVariational(retraction)
+    mu, g = moved(method, inertia)
+    for mass, second in UNITS:
+        other = moved(method, inertia, 2.0**mass, 2.0**second)
+        assert np.array_equal(other[0], mu)
+        assert np.array_equal(other[1], g)
+
+
+def test_steps_back_and_a_root_that_grows_out_of_zero() -> None:
+    """Both ways to a displacement, with steps of either sign, for a thin rod beyond its fold."""
+    method, rod = lm.CovariantVariational(lm.Cayley()), np.array([1.0 / 1000, 1.0, 1.0])
+    for h in 0.7, -0.7:
+        found = []
+        for mass, second in (0, 0), (-103, 196):
+            system = lm.LiePoissonSystem(lm.SO3(), lm.KineticEnergy(2.0**mass * rod))
+            mu = lm.Vec.of(2.0 ** (mass - second) * np.array([0.001, 1.1, 0.4]))
+            found.append(method.velocity(system, mu, h * 2.0**second) * 2.0**second)
+        assert np.array_equal(np.array(found[0]), np.array(found[1]))
+
+
+def test_leading_powers() -> None:
+    rng = np.random.default_rng(0)
+    exponents = rng.integers(-900, 900, 300)
+    sizes = [1.0, -1.5, 2.0, math.nextafter(2.0, 0.0), *(rng.uniform(1, 2, 300) * 2.0**exponents)]
+    for x in sizes:
+        assert leading_power(float(x)) == 2.0 ** (math.frexp(abs(x))[1] - 1)
+    assert first_size(lm.mat(lm.vec(0.0, -2.0), lm.vec(-2.0, 1.0))) == 2.0
+
+
+def test_the_largest_step_of_an_ensemble_is_that_of_its_fastest_body() -> None:
+    method, body = lm.CovariantVariational(lm.Exponential()), lm.RigidBody(MOMENTS)
+    mu = np.random.default_rng(1).normal(size=(50, 3))
+    alone = [method.largest_step(body, body.state(m)) for m in mu]
+    for power in -1000, 0, 1000:  # squares of it are no floats
+        found = method.largest_step(body, body.state(2.0**power * mu))
+        assert found == pytest.approx(2.0**-power * min(alone), rel=1e-15)

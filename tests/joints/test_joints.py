@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
+from scipy.linalg import block_diag
 
 import liemech as lm
+from liemech import errors
 from liemech.models.joints import Joints, across
+from liemech.models.linkage import Link, _inertia
+from liemech.systems.conditions import connections, pulled, speeds
+from liemech.systems.constrained_body import _separate
 from liemech.systems.constraint import Constraint
 
 A, B = [0.1, 0.2, 0.3], [0.3, -0.1, 0.2]
@@ -133,3 +141,58 @@ def test_what_is_no_joint_is_refused():
         lm.errors.InvalidInput, match=r"poses has shape \(4, 4\); 2 bodies have \(2, 4, 4\)"
     ):
         lm.chain(2).assembled(np.eye(4))
+
+
+def test_a_body_at_rest_in_a_field_may_have_a_momentum_of_rounding():
+    """Beside the speed that the weight gives it, in any units; a speed that is none of rounding is
+    refused.
+    """
+    for mass, length in ((1.0, 1.0), (1e-3, 1e3)):  # kg and m, or g and mm
+        unit = mass * length**2
+        link = lm.Link(mass, [unit, 1.2 * unit, 1.5 * unit])
+        joint = lm.RevoluteJoint(
+            0, None, [0.0, 0.0, 0.5 * length], [0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 0.0, 0.0]
+        )
+        pendulum = lm.Linkage([link], [joint], 9.81 * length)
+        g = np.eye(4)
+        g[2, 3] = -0.5 * length
+        for i in range(6):
+            mu = np.zeros(6)
+            mu[i] = 1e-17 * (unit if i < 3 else mass * length)
+            assert pendulum.state(mu, g.ravel()).mu[i] == mu[i]
+        with pytest.raises(errors.InconsistentState):
+            pendulum.state(1e12 * mu, g.ravel())
+
+
+def test_pulls_are_the_transpose_of_speeds_and_leave_a_body_without_joints_alone() -> None:
+    rng, touches = np.random.default_rng(3), [(0, 2), (2,), (2, 4)]
+    rows = [[lm.vec(*rng.normal(size=6)) for _ in row] for row in touches]
+    system: Any = SimpleNamespace(
+        **connections(touches, 5), places=[(6 * b, 6 * b + 6) for b in range(5)]
+    )
+    impulses, xi = lm.vec(*rng.normal(size=3)), lm.vec(*rng.normal(size=30))
+    pull = np.array(pulled(system, rows, impulses))
+    assert pull.shape == (30,)
+    assert not pull[6:12].any() and not pull[18:24].any()
+    assert np.isclose(pull @ xi, np.dot(impulses, speeds(system, rows, xi)), rtol=1e-13)
+
+
+def test_full_and_diagonal_inertias_of_links_stand_in_blocks() -> None:
+    full = np.array([[2.0, 0.3, 0.1], [0.3, 1.5, 0.2], [0.1, 0.2, 1.0]])
+    flat = np.array([0.9, 1.1, 1.2])
+    links = Link(inertia=full, mass=0.7), Link(inertia=flat, mass=1.3), Link(inertia=full, mass=2.0)
+    wanted = block_diag(
+        full, 0.7 * np.eye(3), np.diag(flat), 1.3 * np.eye(3), full, 2.0 * np.eye(3)
+    )
+    assert np.array_equal(_inertia(links), wanted)
+    assert np.array_equal(np.diag(_inertia(links[1:2])), wanted[6:12, 6:12])
+
+
+def test_bodies_are_apart_unless_an_inertia_joins_two_of_them() -> None:
+    group, inertia = (
+        lm.ProductGroup(lm.SE3(), lm.SE3()),
+        block_diag(np.eye(6) + 0.1, 2.0 * np.eye(6) + 0.1),
+    )
+    assert _separate(group, inertia) and _separate(group, np.diag(inertia))
+    inertia[2, 8] = inertia[8, 2] = 0.1
+    assert not _separate(group, inertia)

@@ -190,3 +190,12 @@ def test_bad_arguments() -> None:
         TOP.exact(many, 1.0)
     with pytest.raises(InvalidInput, match="t must be finite"):
         TOP.exact(TOP.state([0.1, 0.2, 2.0], UPRIGHT), math.nan)
+
+
+def test_an_upright_top_sleeps_above_its_momentum() -> None:
+    """A small deflection z obeys A z'' - i mu z' - w l z = 0, bounded where mu^2 > 4 A w l."""
+    top = lm.LagrangeTop(transverse=1.3, axial=0.7, weight=2.0, length=0.4)
+    mu = top.sleeping_momentum
+    for factor, sleeps in ((1.0 + 1e-6, True), (1.0 - 1e-6, False)):
+        roots = np.roots([1.3, -1j * factor * mu, -2.0 * 0.4])
+        assert (np.abs(roots.real).max() < 1e-9) == sleeps

@@ -15,7 +15,9 @@ from liemech.integrators.lie_verlet import LieVerlet
 from liemech.models.gravity import FixedPointGravity, UniformGravity
 from liemech.models.heavy_top import HeavyTop, LagrangeTop, ReducedHeavyTop
 from liemech.models.kirchhoff import KirchhoffBody
+from liemech.models.poses import attitude, places
 from liemech.models.space_bodies import FallingBody, OrbitingBody
+from liemech.systems.lie_poisson import BodyState
 
 KIRCHHOFF = reference("kirchhoff_se3")
 
@@ -340,3 +342,31 @@ def test_exact_motions_refuse_times_alike(times: Any) -> None:
     ):
         with pytest.raises(lm.errors.InvalidInput, match=f"{type(system).__name__}.exact: t must"):
             system.exact(start, times)
+
+
+def test_the_exact_fall_asks_for_a_pose() -> None:
+    body = lm.FallingBody([1.0, 1.6, 2.3], mass=1.7)
+    with pytest.raises(lm.errors.InvalidInput, match=r"FallingBody\.exact: start has no pose g"):
+        body.exact(BodyState(lm.vec(1.0, 2.0, 3.0, 0.0, 0.0, 0.0)), 0.1)
+
+
+def test_the_vertical_momentum_of_a_chain_is_that_of_its_points() -> None:
+    chain, rng = lm.ChainPendulum([1.0, 0.5, 0.8], [1.0, 0.7, 0.4]), np.random.default_rng(2)
+    q, p = rng.normal(size=(2, 3 * 3))
+    wanted = np.cross(q.reshape(3, 3), p.reshape(3, 3))[:, 2].sum()
+    assert chain.vertical_momentum(lm.vec(*q), lm.vec(*p)) == pytest.approx(wanted, rel=1e-14)
+
+
+def test_where_the_bobs_of_a_double_pendulum_are_drawn() -> None:
+    q = np.array([[0.3, -1.1], [2.0, 0.4]])
+    arms = np.stack([np.sin(q), -np.cos(q)], axis=-1) * np.array([1.0, 0.6])[:, None]
+    drawn = places(lm.DoublePendulum([1.0, 1.0], [1.0, 0.6], 9.81), q, 0.0 * q)
+    assert np.allclose(drawn, np.cumsum(arms, axis=1), rtol=0.0, atol=1e-15)
+
+
+def test_a_body_in_the_plane_turns_about_the_normal() -> None:
+    plane = lm.SE2()
+    body = lm.LiePoissonSystem(plane, lm.KineticEnergy([1.0, 2.0, 2.0]))
+    g = np.array([plane.exp([angle, 0.3, 0.2]) for angle in (0.4, -2.0)])
+    wanted = [[0.0, 0.0, np.sin(a / 2), np.cos(a / 2)] for a in (0.4, -2.0)]
+    assert np.allclose(attitude(body, g), wanted, rtol=0.0, atol=1e-15)

@@ -13,6 +13,8 @@ import pytest
 from scenes import asymmetric_body
 
 import liemech as lm
+from liemech import errors
+from liemech.errors import InvalidInput, InvalidType, NotFinite
 from liemech.formulas import dot, vec
 
 WORLDS = pytest.mark.parametrize(
@@ -310,3 +312,130 @@ def test_no_absolute_tolerance_and_a_zero_in_the_start(compiled: bool | None) ->
             compiled=compiled,
         )
     assert np.abs(run.mu[-1] - body.exact(body.state(START), [5.0]).mu[0]).max() < 1e-4
+
+
+BODY = lm.RigidBody([1.0, 1.5, 2.0])
+
+
+@lm.record
+class Gap(lm.Force):
+    """A force that is not defined for a while."""
+
+    def covector(self, t, xi, g):
+        if 0.52 < t < 0.545:
+            raise ValueError("no force here")
+        return lm.vec(0.0, 0.0, 0.0)
+
+
+def test_a_shorter_step_that_fails_tells_its_time():
+    body = lm.MechanicalSystem(BODY, lm.NoPotential(), load=Gap())
+    start = body.state(mu=[1.0, 0.0, 0.2], g=np.eye(3))
+    how = dict(method=lm.RKMK(order=2), start=start, h=0.1, steps=20, compiled=False)
+    run = lm.integrate(body, **how)
+    words = r"no force here \[the shorter step from t = 0.5 to t = 0.57\]"
+    for times in (0.57, [0.1, 0.2, 0.57]):
+        with pytest.raises(errors.IntegrationFailure, match=words):
+            run.at(times)
+    with pytest.raises(errors.IntegrationFailure, match=words) as caught:
+        lm.integrate(body, t_eval=[0.1, 0.57], **how)
+    assert caught.value.trajectory is not None
+
+
+STARTS = BODY.state(np.array([[0.3, 0.4, 0.5], [0.1, 0.5, 0.9]]))
+
+
+def test_a_mistake_in_an_event_is_raised_as_it_is() -> None:
+    def mistaken(t: float, state: Any) -> float:
+        return no_such_name * state.mu[0]  # type: ignore[name-defined]  # noqa: F821
+
+    plan = lm.Plan(BODY, lm.RKMK(order=5), rtol=1e-6, events=mistaken, compiled=False)
+    with pytest.raises(NameError, match="no_such_name"):
+        plan.run(STARTS, t_end=1.0)
+
+
+wrong = False
+
+
+@lm.record
+class Energy(lm.Hamiltonian):
+    def energy(self, mu: lm.Vec) -> float:
+        return lm.dot(mu, mu)
+
+    def gradient(self, mu: lm.Vec) -> lm.Vec:
+        return lm.vec(np.array([mu[0], 0.0]) if wrong else 2.0 * mu[0], 2.0 * mu[1], 2.0 * mu[2])
+
+
+@pytest.mark.parametrize("steps", [{"h": 0.1, "steps": 3}, {"t_end": 1.0, "rtol": 1e-6}])
+@pytest.mark.parametrize("bodies", [None, 2])
+def test_it_is_raised_and_stops_no_body_as_if_a_step_had_failed(
+    steps: dict[str, Any], bodies: int | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    system = lm.LiePoissonSystem(lm.SO3(), Energy())
+    start = system.state([0.3, 0.8, -0.5] if bodies is None else np.ones((bodies, 3)))
+    monkeypatch.setitem(globals(), "wrong", True)
+    with pytest.raises(InvalidType, match=r"NumPy array where a number belongs, write liemech.vec"):
+        lm.integrate(system, lm.RKMK(order=5), start, **steps, compiled=False)
+
+
+def test_a_public_function_names_itself(monkeypatch: pytest.MonkeyPatch) -> None:
+    energy = Energy()
+    monkeypatch.setitem(globals(), "wrong", True)
+    with pytest.raises(InvalidType, match=r"Energy.gradient gave .*numbers, vectors, matrices"):
+        energy.gradient([0.3, 0.8, -0.5])
+
+
+@lm.record
+class Shaken(lm.GroupEquation):
+    strength: float
+
+    def velocity(self, t: float, g: Any) -> Any:
+        return AXIS * np.cos(self.strength * t)
+
+
+AXIS = np.array([0.0, 0.6, 0.8])
+
+
+def test_an_array_for_a_vector_says_what_to_write() -> None:
+    equation = Shaken(lm.SO3(), 2.0)
+    with pytest.raises(InvalidType, match=r"given a NumPy array.* liemech.vec\(\*B\) \* x for B \* x"):
+        lm.integrate(
+            equation, lm.RKMK(order=4), equation.state(np.eye(3)), h=0.1, steps=2, compiled=False
+        )
+
+
+
+@lm.record
+class Edge(lm.Hamiltonian):
+    """(mu_1 + 0.2)^1.5 exists where mu_1 > -0.2."""
+
+    def energy(self, mu: lm.Vec) -> float:
+        return (
+            0.5 * (mu[0] * mu[0] + 2.0 * mu[1] * mu[1] + 3.0 * mu[2] * mu[2])
+            + 0.01 * (mu[0] + 0.2) ** 1.5
+        )
+
+
+@pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=pytest.mark.compiled)])
+def test_it_ends_the_body_that_left_and_no_other(compiled: Any) -> None:
+    system = lm.LiePoissonSystem(lm.SO3(), Edge())
+    start = system.state([[0.3, 0.8, -0.5], [2.0, 0.01, 0.0]])
+    plan = lm.Plan(system, lm.RKMK(order=2), 0.05, compiled=compiled)
+    with pytest.warns(RuntimeWarning, match="1 of 2 bodies"):
+        run = plan.run(start, steps=40)
+    assert [*run.stopped] == [0]
+    with pytest.raises(NotFinite):
+        plan.replace(compiled=False).run(system.state(start.mu[0]), steps=40)
+
+
+@pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=pytest.mark.compiled)])
+def test_an_adaptive_run_does_not_begin_there(compiled: Any) -> None:
+    system = lm.LiePoissonSystem(lm.SO3(), Edge())
+    start = system.state([-1.0, 0.8, -0.5])
+    with pytest.raises(NotFinite, match="at the start, t = 0"):
+        lm.integrate(system, lm.RKMK(order=5), start, t_end=1.0, rtol=1e-6, compiled=compiled)
+
+
+@pytest.mark.parametrize("name", ["energy", "gradient"])
+def test_public_functions_have_no_value_there(name: str) -> None:
+    with pytest.raises(InvalidInput, match=rf"Edge.{name} has no finite value at mu = \[-1.0"):
+        getattr(Edge(), name)([[1.0, 0.0, 0.0], [-1.0, 0.8, -0.5]])

@@ -11,9 +11,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scenes import CAYLEY, asymmetric_body, same_bits
 
 import liemech as lm
 from liemech.compiler import kernel
+from liemech.errors import InvalidInput
 from liemech.native import where
 
 BODY = lm.RigidBody([1.0, 1.6, 2.3])
@@ -409,3 +411,77 @@ def test_two_samples_of_many_steps_take_no_memory() -> None:
     assert run.steps > 400
     assert len(run) == 2
     assert peak < 200_000
+
+
+STARTS = BODY.state(np.array([[0.3, 0.4, 0.5], [0.1, 0.5, 0.9]]))
+
+
+def test_an_event_is_looked_at_in_every_run() -> None:
+    def crossing(t: float, state: Any) -> float:
+        return state.mu[0]
+
+    def run() -> lm.Trajectory:
+        return lm.integrate(
+            BODY, lm.RKMK(order=4), STARTS, h=0.1, steps=2, events=crossing, compiled=False
+        )
+
+    run()
+    crossing.terminal = "yes"  # type: ignore[attr-defined]
+    with pytest.raises((InvalidInput, TypeError), match="terminal"):
+        run()
+
+
+OUTSIDE = [1.0]
+
+
+@lm.record
+class Pulled(lm.SeparableSystem):
+    """A spring whose stiffness lies outside."""
+
+    degrees = 1
+
+    def kinetic(self, p: lm.Vec) -> float:
+        return 0.5 * p[0] * p[0]
+
+    def potential(self, q: lm.Vec) -> float:
+        return 0.5 * OUTSIDE[0] * q[0] * q[0]
+
+
+@pytest.mark.compiled
+def test_a_step_sees_what_has_changed_outside() -> None:
+    results = []
+    for compiled in (False, True):
+        OUTSIDE[0] = 1.0
+        system = Pulled()
+        plan = lm.Plan(system, lm.StormerVerlet(), 0.1, compiled=compiled, progress=False)
+        carry = plan.step(plan.begin(system.state(1.0, 0.0)), 2)
+        OUTSIDE[0] = 3.0
+        results.append(np.array(plan.step(carry, 5).state.q))
+    assert np.array_equal(*results)
+
+
+def test_writing_to_the_samples_of_an_ensemble_does_not_change_how_it_goes_on() -> None:
+    mu = np.random.default_rng(0).normal(size=(3, 3))
+    plan = lm.Plan(BODY, lm.RKMK(order=4), 0.1, compiled=False, progress=False)
+    run = plan.run(BODY.state(mu, np.broadcast_to(np.eye(3), (3, 3, 3))), steps=7)
+    wanted = plan.resume(run, steps=3)
+    assert np.array_equal(wanted.mu[0], run.mu[-1])
+    mu, g = wanted.mu.copy(), wanted.g.copy()
+    run.mu[:] = 0.0
+    run.g[:] = np.nan
+    again = plan.resume(run, steps=3)
+    assert np.array_equal(again.mu, mu)
+    assert np.array_equal(again.g, g)
+
+
+@pytest.mark.parametrize("compiled", [False, pytest.param(None, marks=pytest.mark.compiled)])
+def test_a_run_goes_on_from_where_it_stood(compiled: Any) -> None:
+    body, start = asymmetric_body()
+    plan = lm.Plan(body, CAYLEY, 0.1, compiled=compiled)
+    for _ in range(2):  # prepared, and then at once
+        whole, half = plan.run(start, steps=8), plan.run(start, steps=4)
+        half.mu[:] *= 1000.0
+        rest = plan.resume(half, steps=4)
+        rest.g[:] *= 1000.0
+        assert same_bits(rest.mu, whole.mu[4:])
+        assert same_bits(plan.resume(half, steps=4).g, whole.g[4:])

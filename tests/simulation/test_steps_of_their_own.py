@@ -6,12 +6,13 @@ from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 import liemech as lm
-from liemech.errors import InvalidInput, InvalidType
+from liemech.errors import InvalidInput, InvalidType, StepWarning
 
 BODY = lm.RigidBody([1.0, 1.5, 2.0])
 H = (0.1, 0.05, -0.1, 0.025, 0.2)
@@ -160,3 +161,18 @@ def test_adaptive_bodies_have_ends_and_times_of_their_own() -> None:
     ):
         with pytest.raises(InvalidInput, match=words):
             plan.run(starts, **how)  # type: ignore[arg-type]
+
+
+STARTS = BODY.state(np.array([[0.3, 0.4, 0.5], [0.1, 0.5, 0.9]]))
+
+
+@pytest.mark.parametrize("how", [{"steps": 1}, {"t_end": None}, {"steps": 1, "events": True}])
+def test_bodies_that_go_each_its_own_way_are_warned_of_large_steps(how: dict[str, Any]) -> None:
+    method = lm.CovariantVariational()
+    h = 1.5 * method.largest_step(BODY, STARTS)
+    events = [lambda t, state: state.mu[0] - 10.0] if how.pop("events", False) else []
+    if "t_end" in how:
+        how = {"t_end": np.array([h, 2.0 * h])}
+    plan = lm.Plan(BODY, method, h, events=events, compiled=False)
+    with pytest.warns(StepWarning):
+        plan.run(STARTS, **how)

@@ -14,6 +14,7 @@ from scenes import CAYLEY, EXP, METHODS, RKMK4, asymmetric_body, named, quiet_bo
 from scipy.spatial.transform import Rotation
 
 import liemech as lm
+from liemech import errors
 
 
 @pytest.fixture(scope="module")
@@ -279,3 +280,33 @@ def test_a_run_does_not_notice_later_changes_of_its_start() -> None:
     assert np.array_equal(run.mu, again.mu)
     with pytest.raises(ValueError, match="read-only"):
         start.mu[0, 0] = 1.0
+
+
+BODY = lm.RigidBody([1.0, 1.5, 2.0])
+START = BODY.state(mu=[0.5, 0.0, 0.75**0.5], g=np.eye(3))
+
+
+def test_times_of_two_axes_are_refused():
+    times = np.array([[0.1, 0.2], [0.3, 0.4]])
+    fixed = lm.integrate(BODY, lm.RKMK(order=2), START, h=0.1, steps=10, compiled=False)
+    adaptive = lm.integrate(BODY, lm.RKMK(order=5), START, t_end=1.0, compiled=False)
+    kepler = lm.Kepler()
+    method = lm.ReversibleController(lm.StormerVerlet(), sigma=lm.EqualArc())
+    fictive = lm.integrate(
+        kepler, method, kepler.state(q=[0.5, 0.0], p=[0.0, 1.7]), h=0.01, t_end=1.0, compiled=False
+    )
+    for run in (fixed, adaptive, fictive):
+        with pytest.raises(errors.InvalidInput, match=r"\(m,\); got t of shape \(2, 2\)"):
+            run.at(times)
+
+
+def test_two_runs_joined_have_the_samples_of_both():
+    """Where the first was not asked for its end, the first sample of the second is no repetition."""
+    plan = lm.Plan(BODY, lm.RKMK(order=2), h=0.1, compiled=False)
+    first = plan.run(START, steps=10, t_eval=[0.0, 0.5])
+    joined = first.then(plan.resume(first, steps=5))
+    whole = plan.run(START, steps=15)
+    assert joined.t.tolist() == [0.0, 0.5, *whole.t[10:].tolist()]
+    assert np.array_equal(joined.mu[2:], whole.mu[10:])
+    first = plan.run(START, steps=10)
+    assert np.array_equal(first.then(plan.resume(first, steps=5)).t, whole.t)

@@ -21,10 +21,10 @@ import numpy as np
 import precision
 import rounding
 import test_archive
-import test_bad_inputs_68
 import test_double_double
 import test_rotation_coefficients
 import test_rotation_logarithm
+import test_table_of_bad_input
 from mpmath import mp, mpf
 from scenes import asymmetric_body, errors_at, hat, same_bits, slope
 
@@ -446,9 +446,9 @@ def tests(*nodes: str, slow: bool = False) -> Callable[[Size], Found]:
 def bad_inputs(size: Size) -> Found:
     """Those of the table of 68 that are calls: how long the slowest answer takes."""
     slowest, wrong, count = 0.0, [], 0
-    for entry in test_bad_inputs_68.TABLE:
+    for entry in test_table_of_bad_input.TABLE:
         for call in entry.calls:
-            call_found, seconds = test_bad_inputs_68.answer(entry, call)
+            call_found, seconds = test_table_of_bad_input.answer(entry, call)
             slowest, count = max(slowest, seconds), count + 1
             if call_found:
                 wrong.append(entry.number)
@@ -517,7 +517,7 @@ GOALS = (
     ),
     Goal("R17", "threads, ensembles, processes: same bits", workers, "`tests/simulation/test_plan.py`, here"),
     Goal("R18", "units changed by powers of two: same bits", powers_of_two, "`tests/simulation/test_integrate.py`, here"),
-    Goal("R19", "any bad input answered within 1 s", bad_inputs, "`tests/calls/test_bad_inputs_68.py`"),
+    Goal("R19", "any bad input answered within 1 s", bad_inputs, "`tests/calls/test_table_of_bad_input.py`"),
     Goal("R20", "random calls: no NaN, no bare error", fuzz, "`tests/calls/test_calls.py`, here"),
     Goal("R21", "failed runs keep states, step, reason", tests(FAILING), f"`tests/{FAILING}`"),
     Goal(

@@ -139,3 +139,10 @@ def test_wrong_dimensions(group: lm.LieGroup, hamiltonian: lm.Hamiltonian) -> No
 def test_formulas_without_a_value_are_not_judged() -> None:
     body = lm.LiePoissonSystem(SO3, Root())
     assert body.velocity([1.0, 2.0, 8.0]) == pytest.approx([2.0, 1.0, 0.5], rel=1e-15)
+
+
+@pytest.mark.parametrize("unit", [1e-150, 1e-3, 1.0, 1e150])
+def test_an_indefinite_inertia_with_a_zero_on_its_diagonal(unit: float) -> None:
+    assert lm.KineticEnergy(unit * np.array([[1.0, 0.1], [0.1, 0.0]]))
+    with pytest.raises(lm.errors.InvalidInput, match="singular"):
+        lm.KineticEnergy(unit * np.array([[1.0, 0.0], [0.0, 0.0]]))

@@ -7,6 +7,7 @@ from __future__ import annotations
 import pickle
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -265,3 +266,80 @@ def test_what_cannot_be_saved_is_refused_before_the_first_step(tmp_path: Path) -
         no_record.resume(
             no_record.run(ORBIT, t_end=0.2), t_end=0.3, checkpoint=tmp_path / "run.npz"
         )
+
+
+ORBITS = KEPLER.state(q=[[0.5, 0.0], [0.7, 0.0]], p=[[0.0, 1.2]] * 2)
+
+
+def test_steps_and_clocks_of_ensembles_in_fictive_time() -> None:
+    method = lm.ReversibleController(lm.StormerVerlet(), lm.DistancePower(1.5))
+    run = lm.Plan(KEPLER, method, [0.05, 0.1], compiled=False).run(ORBITS, steps=4)
+    assert np.array_equal(run.h, [0.05, 0.1])
+    system = lm.TimeTransformed(KEPLER, lm.DistancePower(1.5))
+    plan = lm.Plan(system, lm.RKMK(order=4), [0.05, 0.1], compiled=False)
+    many = plan.tangent(ORBITS, steps=3)
+    assert np.allclose(many.tau[-1], [0.15, 0.3], rtol=1e-15)
+    assert many.energy.shape == (4, 2)
+
+
+START = KEPLER.state(q=[0.4, 0.0], p=[0.0, 2.0])
+EXTENDED = lm.TimeTransformed(KEPLER, lm.DistancePower(1.5))
+PLANS = [
+    lm.Plan(KEPLER, CONTROLLED, h=0.2, compiled=False),
+    lm.Plan(KEPLER, CONTROLLED, h=0.2, every=3, compiled=False),
+    lm.Plan(EXTENDED, lm.AdaptiveVerlet(), h=0.2, compiled=False),
+]
+
+
+@pytest.mark.sample(2)
+@pytest.mark.parametrize("plan", PLANS)
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_it_steps_from_the_last_whole_step(plan: Any, sign: float, tmp_path: Any) -> None:
+    """To the bit; between samples that lie several steps apart up to rounding, for sums of steps
+    are compensated and samples are not.
+    """
+    every, plan = plan.replace(every=1, h=sign * 0.2), plan.replace(h=sign * 0.2)
+    whole, steps = plan.run(START, t_end=sign), every.run(START, t_end=sign).t
+    cut = 0.3 * steps[1] + 0.7 * steps[2]
+    after = cut + (steps[2] - cut) * np.array([0.2, 0.5, 0.9])
+    first = plan.run(START, t_end=cut)
+    rest = plan.resume(first, t_end=sign)
+    twice = plan.resume(plan.resume(first, t_end=after[0]), t_end=sign)
+    sampled = plan.resume(first, t_end=sign, t_eval=after)
+    rest.save(tmp_path / "run.npz")
+    loaded = lm.Trajectory.load(tmp_path / "run.npz")
+    none = plan.resume(first, steps=0)
+    rounding = 0.0 if whole.t[1] == steps[1] else 1e-14
+    for run, times in (
+        (rest, after),
+        (loaded, after),
+        (twice, after[1:]),
+        (first.then(rest), np.linspace(0.0, sign, 40)),
+        (first.then(none).then(rest), np.linspace(0.0, sign, 40)),
+        (none.then(rest), after),
+    ):
+        assert np.abs(run.at(times).q - whole.at(times).q).max() <= rounding
+    assert np.array_equal(sampled.q, rest.at(after).q)
+    assert sampled.tau == pytest.approx(plan.run(START, t_end=sign, t_eval=after).tau, rel=1e-13)
+
+
+def test_an_event_inside_of_the_step_is_that_of_the_whole_run() -> None:
+    def crossed(t: float, state: Any) -> float:
+        return state.q[1] - 0.5
+
+    plan = PLANS[0].replace(events=crossed)
+    whole = plan.run(START, t_end=1.0)
+    times, states = whole.events[0]
+    k = int(np.searchsorted(whole.t, times[0]))
+    cut = 0.5 * (whole.t[k - 1] + times[0])
+    found, then = plan.resume(plan.run(START, t_end=cut), t_end=1.0).events[0]
+    assert found[0] == pytest.approx(times[0], rel=1e-14)
+    assert then.q[0] == pytest.approx(states.q[0], rel=1e-14)
+
+
+def test_a_step_that_fails_tells_the_fictive_time() -> None:
+    method = lm.ReversibleController(lm.StormerVerlet(), lm.DistancePower(2.0))
+    plan = lm.Plan(KEPLER, method, h=5.0, compiled=False)
+    carry = plan.begin(KEPLER.state(q=[0.1, 0.0], p=[0.0, 4.0]), t0=3.0)
+    with pytest.raises(lm.errors.InvalidTimeScale, match=r"step 2 of 30, tau = 5;"):
+        plan.step(carry, 30)

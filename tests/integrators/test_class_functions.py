@@ -1,4 +1,4 @@
-"""Formulas of single methods against their definitions."""
+"""Class functions on groups, from which Hamilton-Jacobi methods of the first kind begin."""
 
 from __future__ import annotations
 
@@ -24,14 +24,3 @@ def test_a_form_that_is_not_symmetric_is_no_class_function() -> None:
     method = lm.FirstKindHamiltonJacobi(2, s0=InvariantForm(form))
     with pytest.raises(lm.errors.LiemechError, match="is not symmetric"):
         lm.integrate(body, method, body.state([0.3, 0.2, 0.9], np.eye(3)), h=0.1, steps=1)
-
-
-@pytest.mark.parametrize("order", [4, 6, 8])
-def test_gauss_tables_are_tridiagonal_in_legendre_polynomials(order: int) -> None:
-    """A = W X W^-1 with 1/2 in the corner and the couplings beside the diagonal."""
-    method = lm.GalerkinVariational(order)
-    there, back, couplings = method.legendre
-    X = np.diag(couplings, -1) - np.diag(couplings, 1)
-    X[0, 0] = 0.5
-    A = np.array(lm.tableaus.gauss(order // 2).A)
-    assert np.abs(np.array(back) @ X @ np.array(there) - A).max() < 1e-15
