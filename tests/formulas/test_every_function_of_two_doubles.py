@@ -25,10 +25,10 @@ EVERYWHERE = -40.3, -2.7, -1.0, -0.61, -1e-3, -1e-9, 1e-9, 1e-3, 0.34, 0.35, 0.6
 ABOVE_ZERO = tuple([x for x in EVERYWHERE if x > 0.0] + [0.49, 0.51, 1e-30, 1e30])
 WITHIN_ONE = tuple([x for x in EVERYWHERE if abs(x) < 1.0])
 FUNCTIONS = {
-    **{name: EVERYWHERE for name in ("sin", "cos", "tan", "sinh", "cosh", "tanh")},
-    **{name: EVERYWHERE for name in ("atan", "asinh", "exp", "exp2", "expm1", "fabs", "cbrt")},
-    **{name: ABOVE_ZERO for name in ("sqrt", "log", "log2", "log10", "log1p")},
-    **{name: WITHIN_ONE for name in ("asin", "acos", "atanh")},
+    **dict.fromkeys(("sin", "cos", "tan", "sinh", "cosh", "tanh"), EVERYWHERE),
+    **dict.fromkeys(("atan", "asinh", "exp", "exp2", "expm1", "fabs", "cbrt"), EVERYWHERE),
+    **dict.fromkeys(("sqrt", "log", "log2", "log10", "log1p"), ABOVE_ZERO),
+    **dict.fromkeys(("asin", "acos", "atanh"), WITHIN_ONE),
     "acosh": (1.0001, 1.5, 2.7, 1e6),
 }
 REFERENCES = {
