@@ -127,7 +127,7 @@ def _star(m: np.ndarray) -> np.ndarray:
 def _inverse(group: MatrixLieGroup, g: np.ndarray) -> np.ndarray:
     if group._form is None:
         return np.linalg.inv(g)
-    signs = np.array(group._form[0])
+    signs = np.array(group._form)
     return signs[:, None] * _star(g) * signs
 
 
@@ -156,10 +156,10 @@ def _phi_inverse(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     """ad_x/(exp(ad_x) - 1) y, by the eigenvalues of x, differences of which are those of ad_x."""
     values, vectors = np.linalg.eig(x)
     z = values[..., :, None] - values[..., None, :]
-    if np.linalg.cond(vectors).max(initial=1.0) > 1e8:
+    if np.linalg.cond(vectors).max() > 1e8:
         return _phi_inverse_series(x, y)
     with np.errstate(all="ignore"):
-        factor = np.where(np.abs(z) < 1e-8, 1.0 - 0.5 * z, z / np.expm1(z))
+        factor = np.where(z == 0.0, 1.0, z / np.expm1(z))
     found = vectors @ (factor * np.linalg.solve(vectors, y @ vectors)) @ np.linalg.inv(vectors)
     return found if np.iscomplexobj(x) else found.real
 
@@ -184,7 +184,7 @@ def log(basis: MatrixBasis, g: np.ndarray) -> np.ndarray:
     from scipy.linalg import logm
 
     logs = np.array([logm(m) for m in g])
-    xi = basis.vee(logs)
+    xi = basis.vee(logs if basis.complex else logs.real)
     off = np.linalg.norm(logs - basis.hat(xi), axis=(1, 2)) > 1e-6 * (
         1.0 + np.linalg.norm(logs, axis=(1, 2))
     )

@@ -115,20 +115,20 @@ class MatrixLieGroup(LieGroup):
 
     def inverse(self, g: Element) -> Element:
         """B^-1 g^T B where the group keeps a form B that makes this cheap, else by elimination."""
-        if self._form is None:
+        b = self._form
+        if b is None:
             return inverse(g)
-        back, b = self._form
         return mat(
             *[
-                vec(*[scaled(back[i] * b[j], _of(g, j, i)) for j in range(len(b))])
+                vec(*[scaled(b[i] * b[j], _of(g, j, i)) for j in range(len(b))])
                 for i in range(len(b))
             ]
         )
 
     @cached_property
-    def _form(self) -> tuple[tuple[float, ...], tuple[float, ...]] | None:
-        """The diagonals of the inverse of an invariant form and of the form itself, if it is
-        diagonal with entries 1 and -1.
+    def _form(self) -> tuple[float, ...] | None:
+        """The diagonal of an invariant form, if it is diagonal with entries 1 and -1: its own
+        inverse.
         """
         for b in self.invariants.hermitian if self.generated.complex else self.invariants.forms:
             diagonal = np.diag(b)
@@ -137,8 +137,7 @@ class MatrixLieGroup(LieGroup):
                 and (np.abs(diagonal) == 1.0).all()
                 and not np.any(np.imag(diagonal))
             ):
-                signs = tuple(float(x) for x in np.real(diagonal))
-                return signs, signs
+                return tuple(float(x) for x in np.real(diagonal))
         return None
 
     def Ad_star(self, g: Element, mu: Vec) -> Vec:

@@ -114,7 +114,7 @@ def _freedom(laws: Invariants, n: int, complex_: bool) -> int:
     conditions = [np.zeros((len(space), 1))]
 
     def ask(values: np.ndarray) -> None:
-        conditions.append(real_parts(values.reshape(len(space), 1, -1), complex_))
+        conditions.append(real_parts(values.reshape(len(space), -1), complex_))
 
     for v in laws.vectors:
         ask(space @ v)

@@ -1,0 +1,182 @@
+"""Every map of every group, beside matrices of ad and beside its own derivative: within a series,
+beyond it, and far away.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+import liemech as lm
+from liemech.formulas import Vec, derivative, plain
+from liemech.groups.heisenberg import Heisenberg
+from liemech.groups.matrix_group import MatrixLieGroup
+from liemech.groups.opposite import OppositeGroup
+from liemech.groups.representations import AdjointAction
+
+EPS = 2.0**-52
+
+
+@lm.record
+class OnlyBracket(lm.LieAlgebra):
+    """so(3) from what an algebra must write, and matrices for a Cayley map."""
+
+    @property
+    def dim(self) -> int:
+        return 3
+
+    def bracket(self, xi: lm.Vec, eta: lm.Vec) -> lm.Vec:
+        return lm.cross(xi, eta)
+
+    def hat(self, xi: lm.Vec) -> lm.Mat:
+        return lm.SO3().algebra.hat(xi)
+
+    def vee(self, matrix: lm.Mat) -> lm.Vec:
+        return lm.SO3().algebra.vee(matrix)
+
+
+@lm.record
+class OnlyWhatItMust(lm.LieGroup):
+    """SO(3) from what a group must write, with Cayley map and logarithm."""
+
+    @property
+    def algebra(self) -> lm.LieAlgebra:
+        return OnlyBracket()
+
+    def identity(self) -> lm.Element:
+        return lm.SO3().identity()
+
+    def inverse(self, g: lm.Element) -> lm.Element:
+        return lm.SO3().inverse(g)
+
+    def exp(self, xi: lm.Vec) -> lm.Element:
+        return lm.SO3().exp(xi)
+
+    def log(self, g: lm.Element) -> lm.Vec:
+        return lm.SO3().log(g)
+
+    def cayley(self, xi: lm.Vec) -> lm.Element:
+        return lm.SO3().cayley(xi)
+
+    def cayley_inv(self, g: lm.Element) -> lm.Vec:
+        return lm.SO3().cayley_inv(g)
+
+
+TRIANGULAR = [[[1.0, 0.0], [0.0, 0.0]], [[0.0, 1.0], [0.0, 0.0]], [[0.0, 0.0], [0.0, 1.0]]]
+GROUPS: tuple[lm.LieGroup, ...] = (
+    lm.SO3(), lm.UnitQuaternions(), lm.SE2(), lm.SE3(), lm.SE3().by_adjoint, lm.SE23(), lm.SGal3(), lm.VectorSpace(3),
+    Heisenberg(2), lm.SO(3), lm.SO(4), lm.SL(2), lm.GL(2), lm.SU(2), lm.SU(3), lm.U(2), lm.Sp(4), MatrixLieGroup.of(TRIANGULAR),
+    OnlyWhatItMust(), lm.ProductGroup(lm.SE2(), lm.SU(2), lm.VectorSpace(1)), lm.SemidirectProduct(lm.SO3()),
+    lm.SemidirectProduct(lm.UnitQuaternions()), lm.SemidirectProduct(lm.SL(2)),
+    lm.SemidirectProduct(lm.SE2(), AdjointAction(lm.SE2())), OppositeGroup(lm.SE3()), OppositeGroup(lm.SL(2)),
+)  # fmt: skip
+LONG = lm.SU(3), lm.Sp(4)  # the others have all their formulas
+BY_DEFAULT = [G if G not in LONG else pytest.param(G, marks=pytest.mark.slow) for G in GROUPS]
+SIZES = [0.12, pytest.param(0.9, marks=pytest.mark.slow), 3.3, pytest.param(5.4, marks=pytest.mark.slow)]
+
+
+def phi1(a: np.ndarray) -> np.ndarray:
+    """1 + a/2 + a^2/6 + ..."""
+    n = len(a)
+    return np.asarray(expm(np.block([[a, np.eye(n)], [np.zeros((n, 2 * n))]]))[:n, n:])
+
+
+def array(x: Any) -> np.ndarray:
+    return np.array(plain(x))
+
+
+@pytest.mark.parametrize("group", BY_DEFAULT, ids=repr)
+@pytest.mark.parametrize("size", SIZES)
+def test_the_exponential(group: lm.LieGroup, size: float) -> None:
+    """Of ad, its means, their duals and inverses; residuals; and what they say of the group."""
+    algebra, units = group.algebra, np.eye(group.dim)
+    rng = np.random.default_rng([group.dim, int(10 * size)])
+    xi, eta, mu, p = map(Vec.of, (rng.normal(size=(4, group.dim)) / group.dim**0.5).tolist())
+    xi = size * xi / lm.norm(xi)
+    ad = np.stack([array(group.ad(xi, Vec.of(e))) for e in units.tolist()], axis=1)
+    grown, phi, back = expm(ad), phi1(ad), phi1(-ad)
+    scale = max(np.abs(m).max() for m in (grown, expm(-ad), phi, back))
+    bound = 4000.0 * EPS * scale**2
+
+    def close(found: Any, wanted: Any, factor: float = 1.0) -> bool:
+        return bool(np.abs(array(found) - array(wanted)).max() <= factor * bound)
+
+    assert np.array_equal(array(algebra.ad_matrix(xi)), ad)
+    assert close(algebra.ad_star(xi, mu), ad.T @ mu)
+    assert close(group.exp_Ad_star(xi, mu), grown.T @ mu)
+    assert float(algebra.ad_size(xi)) >= np.linalg.norm(ad, 2) * (1.0 - 1e-12)
+    for side, mean in (("right", phi), ("left", back)):
+        assert close(group.dexp(xi, eta, side), mean @ eta)
+        assert close(algebra.dexp_dual(xi, mu, side), mean.T @ mu)
+        condition = float(np.linalg.cond(mean))
+        if algebra.is_exp_chart(xi) and condition < 1e6:
+            assert close(group.dexp_inv(xi, eta, side), np.linalg.solve(mean, eta), condition)
+            assert close(
+                algebra.dexp_inv_dual(xi, mu, side), np.linalg.solve(mean.T, mu), condition
+            )
+    r, by_p, by_xi = algebra.exp_residual(xi, p, mu)
+    by_p = by_p * units if isinstance(by_p, float) else array(by_p)
+    assert close(r, by_p @ (array(p) - phi.T @ mu))
+    slope = derivative(lambda s: algebra.exp_residual(xi + s * eta, p, mu)[0], 0.0)
+    assert np.abs(array(by_xi @ eta) - array(slope)).max() < 1e-8 * scale**2
+
+    g = group.exp(xi)
+    assert close(group.Ad_matrix(g), grown)
+    assert close(group.Ad_star(g, mu), grown.T @ mu)
+    assert close(group.K(g, mu), expm(-ad).T @ mu)
+    assert close(group.compose(g, group.exp(-xi)), array(group.identity()))
+    assert close(group.inverse(g), array(group.exp(-xi)))
+    assert close(group.compose_exp(g, eta), array(group.compose(g, group.exp(eta))))
+    rate = derivative(lambda s: group.exp(xi + s * eta), 0.0)
+    assert close(group.body_velocity(g, rate), back @ eta)
+    assert group.defect(g) <= bound and group.contains(g)
+    if not isinstance(group, OnlyWhatItMust):
+        assert close(group.nearest(g), g)
+    if size < 2.0:
+        assert close(group.log(g), xi)
+    here, there = array(group.casimirs(mu)), array(group.casimirs(group.Ad_star(g, mu)))
+    assert np.abs(here - there).max(initial=0.0) <= 10.0 * bound * scale**2
+
+
+@pytest.mark.parametrize("group", [G for G in GROUPS if G.why_no_cayley() is None], ids=repr)
+@pytest.mark.parametrize("size", [pytest.param(0.12, marks=pytest.mark.slow), 1.6])
+def test_the_cayley_map(group: lm.LieGroup, size: float) -> None:
+    """It agrees with exp to the second order; its differential is its derivative; all else follows."""
+    algebra, units = group.algebra, identity(group.dim)
+    rng = np.random.default_rng([group.dim, int(10 * size)])
+    xi, eta, mu, p = map(Vec.of, (rng.normal(size=(4, group.dim)) / group.dim**0.5).tolist())
+    xi = size * xi / lm.norm(xi)
+    g = group.cayley(xi)
+
+    def close(found: Any, wanted: Any) -> bool:
+        return bool(np.abs(array(found) - array(wanted)).max() <= 1e-12)
+
+    small = group.log(group.cayley(1e-3 * xi))
+    assert np.abs(array(small) - 1e-3 * array(xi)).max() < 1e-8
+    assert close(group.cayley_inv(g), xi)
+    assert close(group.compose(g, group.cayley(-xi)), group.identity())
+    assert close(group.compose_cayley(g, eta), group.compose(g, group.cayley(eta)))
+    for side in ("right", "left"):
+        mean = np.stack([array(algebra.dcayley(xi, e, side)) for e in units], axis=1)
+        inverse = np.stack([array(algebra.dcayley_inv(xi, e, side)) for e in units], axis=1)
+        assert close(inverse @ mean, np.eye(group.dim))
+        assert close(algebra.dcayley_dual(xi, mu, side), mean.T @ mu)
+        assert close(algebra.dcayley_inv_dual(xi, mu, side), inverse.T @ mu)
+        if side == "left":
+            rate = derivative(lambda s: group.cayley(xi + s * eta), 0.0)
+            assert close(group.body_velocity(g, rate), mean @ eta)
+        else:
+            r, by_p, by_xi = algebra.cayley_residual(xi, p, mu)
+            by_p = by_p * np.eye(group.dim) if isinstance(by_p, float) else array(by_p)
+            assert close(r, by_p @ (array(p) - mean.T @ mu))
+            slope = derivative(lambda s: algebra.cayley_residual(xi + s * eta, p, mu)[0], 0.0)
+            assert close(by_xi @ eta, slope)
+    assert close(algebra.cayley_Ad_star(xi, mu), group.Ad_star(g, mu))
+    assert group.contains(g)
+
+
+def identity(n: int) -> list[Vec]:
+    return [Vec.of(row) for row in np.eye(n).tolist()]

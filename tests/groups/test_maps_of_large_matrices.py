@@ -1,0 +1,78 @@
+"""The maps of large matrices, through NumPy, beside the formulas of the same groups in small."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import liemech as lm
+from liemech.groups import matrix_basis
+from liemech.groups.heisenberg import Heisenberg
+from liemech.groups.matrix_group import MatrixLieGroup
+
+SMALL_ONES = {
+    "SO(3)": lm.SO(3),
+    "SU(2)": lm.SU(2),
+    "SL(2)": lm.SL(2),
+    "H_3": Heisenberg(1),  # nilpotent: no eigenvectors
+    "triangular": MatrixLieGroup.of(
+        [[[1.0, 0.0], [0.0, 0.0]], [[0.0, 1.0], [0.0, 0.0]], [[0.0, 0.0], [0.0, 1.0]]]
+    ),
+}
+
+
+@pytest.mark.parametrize("name", SMALL_ONES)
+def test_large_matrices_are_moved_as_small_ones(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    small = SMALL_ONES[name]
+    generators = np.array(small.generated.generators)
+    monkeypatch.setattr(matrix_basis, "SMALL", 1)
+    monkeypatch.setattr(matrix_basis, "_known", {})
+    large = MatrixLieGroup.of(generators)
+    assert large.is_large and not small.is_large
+    xi, eta, mu = 0.7 * np.random.default_rng(2).normal(size=(3, 2, small.dim))
+    g, h = np.array(small.exp(eta)), np.array(small.exp(-0.4 * xi))
+
+    def same(owner: str, method: str, *args: Any) -> None:
+        ours, theirs = (
+            getattr(G if owner == "group" else G.algebra, method)(*args) for G in (large, small)
+        )
+        assert np.allclose(ours, theirs, rtol=1e-13, atol=1e-13), method
+
+    for method in ("exp", "cayley"):
+        same("group", method, xi)
+        same("group", f"compose_{method}", g, xi)
+    for method in ("inverse", "log", "cayley_inv", "contains"):
+        same("group", method, g)
+    for method in ("compose", "distance"):
+        same("group", method, g, h)
+    same("group", "Ad", g, xi)
+    for method in ("Ad_star", "K"):
+        same("group", method, g, mu)
+    for method in ("hat", "covector"):
+        same("algebra", method, xi)
+    same("algebra", "vee", np.array(small.algebra.hat(xi)))
+    same("algebra", "pairing", g)
+    for method in ("bracket", "ad_star", "exp_Ad_star", "cayley_Ad_star"):
+        same("algebra", method, xi, mu)
+    for method in ("dexp", "dexp_inv", "dcayley", "dcayley_inv"):
+        for side in ("right", "left"):
+            same("algebra", method, xi, eta, side)
+            same("algebra", f"{method}_dual", xi, mu, side)
+    away = g.copy()
+    away[..., -1, 0] += 0.01
+    assert np.abs(large.defect(g)).max() < 1e-13 and (large.defect(away) > 1e-4).all()
+    assert not large.contains(away).any()
+
+
+def test_what_is_off_or_has_no_logarithm_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(matrix_basis, "SMALL", 1)
+    monkeypatch.setattr(matrix_basis, "_known", {})
+    slow_plane = MatrixLieGroup.of([[[1.0, 0.0], [0.0, 0.0]]])
+    with pytest.raises(lm.errors.InvalidInput, match="no principal logarithm"):
+        slow_plane.log(np.diag([-1.0, 1.0]))
+    jordan = MatrixLieGroup.of([[[1.0, 1.0], [0.0, 1.0]], [[0.0, 1.0], [0.0, 0.0]]])
+    with pytest.raises(lm.errors.LawViolation, match=r"linearly dependent: 2 matrices of rank 1"):
+        MatrixLieGroup.of([[[1.0, 1.0], [0.0, 1.0]], [[0.0, 0.0], [0.0, 0.0]]])
+    assert np.allclose(jordan.dexp_inv([40.0, 3.0], [1.0, 2.0]), [1.0, 2.0])
