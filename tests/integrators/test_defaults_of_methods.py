@@ -1,0 +1,99 @@
+"""Methods of which nothing is said, the orders that they offer, and what they are called."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import pytest
+
+import liemech as lm
+
+METHODS: dict[type, dict[str, Any]] = {
+    lm.AdaptiveVerlet: {"order": 2},
+    lm.Boris: {"order": 2},
+    lm.ClassFunction: {"reach": 1.0},
+    lm.CommutatorFree: {"order": 4},
+    lm.Composition: {"order": 4},
+    lm.ConstrainedEuler: {"order": 1},
+    lm.DarbouxLieChart: {"steps": 4},
+    lm.DiscreteLagrangian: {"order": 1},
+    lm.FirstKindHamiltonJacobi: {"order": 2},
+    lm.GalerkinVariational: {"order": 4},
+    lm.HamiltonJacobi: {"order": 4},
+    lm.ImplicitMidpoint: {"order": 2},
+    lm.Isospectral: {"order": 4},
+    lm.KickDrift: {"order": 2},
+    lm.LagrangeDAlembert: {"order": 2},
+    lm.LiePoissonHamiltonJacobi: {"order": 4},
+    lm.LieRATTLE: {"order": 2},
+    lm.LieVerlet: {"order": 2},
+    lm.LobattoPair: {"order": 4},
+    lm.Magnus: {"order": 4},
+    lm.MoserVeselov: {"order": 2},
+    lm.MultipleTimeSteps: {"order": 2, "ratios": (10,)},
+    lm.PoissonEuler: {"order": 1},
+    lm.PoissonVerlet: {"order": 2},
+    lm.QuadratureLagrangian: {"order": 4, "nodes": 2},
+    lm.RATTLE: {"order": 2, "shares": (0.5, 0.5)},
+    lm.RKMK: {"order": 4},
+    lm.SphericalMidpoint: {"order": 2},
+    lm.SymmetricHamiltonJacobi: {"order": 4},
+    lm.Splitting: {"order": 2},
+    lm.Taylor: {"order": 12},
+    lm.ThreeRotations: {"order": 2},
+    lm.TraceOfAd: {"reach": 0.5},
+    lm.Andoyer: {"degrees": 1},
+    lm.DistancePower: {"power": 1.5},
+}
+OFFERED: list[tuple[Any, list[int]]] = [
+    (lm.GalerkinVariational, [2, 4, 6, 8]),
+    (lm.LiePoissonHamiltonJacobi, [2, 4, 6, 8]),
+    (lm.LobattoPair, [2, 4, 6, 8]),
+    (lm.FirstKindHamiltonJacobi, [1, 2, 3, 4]),
+    (lm.HamiltonJacobi, [*range(1, 11)]),
+    (lambda p: lm.HamiltonJacobi(p, kind="qQ"), [1, 2, 3, 4]),
+    (lambda p: lm.HamiltonJacobi(p, kind="pP"), [1, 2, 3, 4]),
+    (lm.SymmetricHamiltonJacobi, [2, 4, 6, 8, 10]),
+    (lambda p: lm.SymmetricHamiltonJacobi(p, "qQ"), [2, 4]),
+    (lm.Magnus, [2, 4, 6]),
+    (lm.Taylor, [*range(2, 31)]),
+    (lambda p: lm.QuadratureLagrangian(nodes=p), [2, 3, 4]),
+]
+NAMES = {
+    lm.HamiltonJacobi(3): "Hamilton-Jacobi 3",
+    lm.HamiltonJacobi(3, True): "Hamilton-Jacobi 3, adjoint",
+    lm.HamiltonJacobi(3, kind="qQ"): "Hamilton-Jacobi 3 (q, Q)",
+    lm.SymmetricHamiltonJacobi(4, "pP"): "Symmetric Hamilton-Jacobi 4 (p, P)",
+    lm.ConstrainedEuler(): "Constrained Euler",
+    lm.ConstrainedEuler("drift"): "Constrained Euler, drift first",
+    lm.StormerVerlet(): "Stormer-Verlet",
+    lm.StormerVerlet(first="drift"): "Stormer-Verlet, drift first",
+    lm.MultipleTimeSteps((4, 10)): "Impulse 4:10",
+    lm.MultipleTimeSteps((4,), mollified=True): "Mollified impulse 4",
+}
+
+
+@pytest.mark.parametrize("method", METHODS, ids=lambda method: method.__name__)
+def test_what_a_method_is_when_nothing_is_said(method: type) -> None:
+    said = {f.name: f.default for f in dataclasses.fields(method)}
+    assert {name: said.get(name, getattr(method, name, None)) for name in METHODS[method]} == (
+        METHODS[method]
+    )
+
+
+@pytest.mark.parametrize(("made", "wanted"), OFFERED)
+def test_which_orders_a_method_offers(made: Any, wanted: list[int]) -> None:
+    found = []
+    for order in range(-1, 40):
+        try:
+            made(order)
+        except lm.errors.InvalidInput:
+            continue
+        found.append(order)
+    assert found == wanted
+
+
+@pytest.mark.parametrize("method", NAMES, ids=repr)
+def test_what_a_method_is_called(method: lm.Method) -> None:
+    assert method.name == NAMES[method]
