@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..errors import IncompatibleSystem, InvalidInput, NoConvergence
-from ..formulas import Element, Mat, Record, Vec, dot, norm, plain, record, sqrt, vec, vectors, where
+from ..formulas import Element, Mat, Record, Vec, dot, norm, plain, record, vec, vectors, where
 from ..formulas.sizes import EPSILON
 from ..retractions import Exponential, Retraction
 from ..solvers import NOISE
