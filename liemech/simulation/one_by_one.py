@@ -16,7 +16,7 @@ from ..errors import (
     is_mistake,
     warn,
 )
-from ..systems.system import member, small_state
+from ..systems.system import State, member, small_state, state_of
 from . import arguments
 from .carry import AdaptiveCarry, Carries, Carry, Ended, Waiting, each, stacked
 from .checkpoint import Checkpoint
@@ -101,13 +101,9 @@ class OneByOne:
     def _begun(self) -> Callable[[int], Any]:
         """The state of a body with its time, or what it carries along."""
         start, t0 = self._start, self._t0
-        if isinstance(start, Carries):
-            return start.members.__getitem__
-        if isinstance(start, Carry):
-            return each(start).__getitem__
-        if isinstance(start, FictiveCarry):
-            return each_in_fictive_time(start).__getitem__
-        return lambda i: Waiting(member(start, i), t0)
+        if isinstance(start, State):
+            return lambda i: Waiting(member(start, i), t0)
+        return members(start).__getitem__
 
     def _asked(self, i: int) -> np.ndarray | None:
         """When samples of a body are asked for."""
@@ -158,13 +154,13 @@ class OneByOne:
                 except Exception as error:
                     if is_mistake(error) and hasattr(error, "trajectory"):
                         error.add_note(f"[integrate: body {i}]")
-                        error.trajectory = self._joined(error.trajectory)
+                        error.trajectory = self.joined(error.trajectory)
                     raise
                 if self.kept is not None and self.kept.due():
-                    self.kept.save(self._joined())
+                    self.kept.save(self.joined())
                 bar.advance(1)
         try:
-            run = self._joined()
+            run = self.joined()
         except KeyboardInterrupt:
             raise self._interrupted(self.count) from None
         ended: Any = run.stopped
@@ -181,7 +177,7 @@ class OneByOne:
         """Ctrl-C after so many bodies.  unfinished : the run of the next one as far as it has come."""
         told = f"integrate: interrupted after {after} of {self.count} bodies"
         stopped = IntegrationInterrupted(f"{told}; the samples are in `.trajectory`")
-        stopped.trajectory = self._joined(unfinished)
+        stopped.trajectory = self.joined(unfinished)
         return stopped
 
     def _side_by_side(self, first: int, bar: Bar) -> bool:
@@ -196,7 +192,7 @@ class OneByOne:
         if kept is None:
             return self._alone(i, begun, None)
         shown = kept.shown
-        kept.shown = lambda run: shown(self._joined(run))
+        kept.shown = lambda run: shown(self.joined(run))
         try:
             return self._alone(i, begun, kept)
         finally:
@@ -235,7 +231,7 @@ class OneByOne:
 
     # ---------------------------------------------------------------- all of them as one
 
-    def _joined(self, unfinished: Trajectory | None = None) -> Trajectory:
+    def joined(self, unfinished: Trajectory | None = None) -> Trajectory:
         """The runs of all bodies; those that have not begun stand at their starts.
 
         unfinished : the run of the next body as far as it has come.
@@ -372,15 +368,26 @@ class OneByOne:
         """Of every event what every body has met."""
         if not self.plan.events:
             return ()
-        begun = self.begun(0).state
-        empty = {name: x[None][:0] for name, x in begun.arrays.items()}
-        none = np.empty(0), type(begun)(*(empty.get(name) for name in begun.parts))
+        none = no_events(self.begun(0).state)
         return tuple(
             [
                 tuple([run.events[k] if run.events else none for run in runs])
                 for k in range(len(self.plan.events))
             ]
         )
+
+
+def no_events(state: Any) -> tuple[np.ndarray, Any]:
+    """What a body has met of an event, with states like this one: nothing."""
+    empty = {name: x[None][:0] for name, x in state.arrays.items()}
+    return np.empty(0), state_of(type(state), empty)
+
+
+def members(carry: Carry | FictiveCarry | Carries) -> tuple[Any, ...]:
+    """What every body of an ensemble carries along."""
+    if isinstance(carry, Carries):
+        return carry.members
+    return each(carry) if isinstance(carry, Carry) else each_in_fictive_time(carry)
 
 
 def each_in_fictive_time(carry: FictiveCarry) -> tuple[Any, ...]:
