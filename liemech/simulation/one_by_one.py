@@ -282,8 +282,10 @@ class OneByOne:
         times = self.times_of(i)
         if times is not None:
             return max(len(run), len(times))
-        beyond = self._reached(i) is not None and len(run) > 0 and carry.t != run.t[-1]
-        return len(run) + beyond
+        if self._reached(i) is None or not len(run):
+            return len(run)
+        fictive = isinstance(run, TransformedTrajectory)
+        return len(run) + int(carry.tau != run.tau[-1] if fictive else carry.t != run.t[-1])
 
     def _inner_systems(self, runs: list[Trajectory]) -> Any:
         """Of a run in fictive time the systems that move in it."""
@@ -321,12 +323,15 @@ class OneByOne:
             t = self._counted(self.begun(i))[0] + steps * self.plan_of(i)._steps.h
         if not isinstance(run, TransformedTrajectory):
             return Ended(state, t, steps, error)
+        if reached is not None:
+            t, tau, z = error.clock  # type: ignore[union-attr]
+            return Ended(state, t, steps, error, tau, z, run.origin)
         z = None if run.z is None else float(run.z[-1])
         return Ended(state, t, steps, error, float(run.tau[-1]), z, run.origin)
 
     def _reached(self, i: int) -> Any:
         """The state of a body that failed after its last accepted step."""
-        return None if self.plan.fictive else getattr(self.errors.get(i), "reached", None)
+        return getattr(self.errors.get(i), "reached", None)
 
     def _state(self, run: Trajectory) -> Any:
         """The last state of a body's run."""
@@ -351,10 +356,10 @@ class OneByOne:
             last = {"": t[-1:], **{name: x[-1:] for name, x in (states | clocks).items()}}
             sampled = times is not None and isinstance(carry, (AdaptiveCarry, Waiting, Ended))
             sampled = sampled or self._reached(i) is not None
-            if not len(t) or (sampled and not isinstance(run, TransformedTrajectory)):
+            if not len(t) or sampled:
                 last = {name: x[None] for name, x in carry.state.arrays.items()}
                 last[""] = np.array([carry.t])
-                last |= {name: np.zeros(1) for name in clocks}
+                last |= {name: np.array([getattr(carry, name, 0.0)]) for name in clocks}
             t = np.concatenate([t, np.repeat(last[""], more)])
             both = {name: np.concatenate([x, np.repeat(last[name], more, axis=0)])
                     for name, x in (states | clocks).items()}  # fmt: skip
