@@ -92,11 +92,12 @@ class NotCompiledWarning(UserWarning):
 
 class IntegrationFailure(LiemechError, ArithmeticError):
     """A run ended before its last step; `trajectory` holds every sample that was accepted, `reached`
-    the state after the last step that was.
+    the state after the last step that was, and `clock`, in fictive time, when: t, tau and z.
     """
 
     trajectory: Any = None  # a Trajectory
-    reached: Any = None  # a State; None if there was no step, and in fictive time
+    reached: Any = None  # a State; None if there was no step
+    clock: Any = None
 
 
 class NoConvergence(IntegrationFailure):

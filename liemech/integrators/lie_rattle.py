@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, ClassVar
 
+import numpy as np
+
 from ..errors import IncompatibleSystem, InvalidInput, NoConvergence
-from ..formulas import Element, Mat, Record, Vec, dot, norm, plain, record, sqrt, vec, vectors, where
+from ..formulas import Element, Mat, Record, Vec, dot, norm, plain, record, vec, vectors, where
 from ..formulas.sizes import EPSILON
 from ..retractions import Exponential, Retraction
 from ..solvers import NOISE
 from ..systems.conditions import joint, led, pulled, solved_sparse, speeds, times
 from ..systems.constrained_body import ConstrainedBody
 from ..systems.lie_poisson import BodyState
-from ..systems.system import member
 from .implicit import extrapolated
 from .method import Method, alternatives
 from .solvability import CONTRACTION, INFINITY, SHORTEST
@@ -98,21 +100,28 @@ class LieRATTLE(Method):
         return self.resume(system, state, (unknown, unknown, unknown), h)
 
     def step_warning(self, system: Any, start: BodyState, h: float) -> str | None:
-        """Refuse a step that the configuration would not notice, as RATTLE does; of an ensemble that
-        of the first body.
-        """
-        one = start if start.bodies is None else member(start, 0)
-        moved = sqrt(self._square(system, h * system.velocity(one.mu)))
-        least = EPSILON * sqrt(self._size(system, one.g))
-        if moved >= least:
+        """Refuse a step that the configuration of a body would not notice, as RATTLE does."""
+        mu, count = np.asarray(start.mu), start.bodies or 1
+        speed = self._speeds(system, mu, count)
+        largest = np.abs(np.asarray(start.g)).reshape(count, -1).max(axis=1)
+        least = EPSILON * math.sqrt(system.trace) * largest
+        if np.all(abs(h) * speed >= least):
             return None
-        fallen = sqrt(self._square(system, h * system.velocity(h * system.force(one.g))))
-        if 0.0 < moved + fallen / EPSILON < least:
+        kicked = self._speeds(system, np.asarray(h * np.asarray(system.force(start.g))), count)
+        moved = abs(h) * (speed + kicked / EPSILON)
+        lost = np.flatnonzero((abs(h) * speed < least) & (moved > 0.0) & (moved < least))
+        if len(lost):
+            which = "" if start.bodies is None else f" (body {lost[0]})"
             raise InvalidInput(
                 f"{self!r}: in a step of h = {h:g} the configuration moves by less than its "
-                "rounding; give a larger h"
+                f"rounding{which}; give a larger h"
             )
         return None
+
+    def _speeds(self, system: Any, mu: np.ndarray, count: int) -> np.ndarray:
+        """sqrt(xi . J xi) of momenta, (count,)."""
+        xi = np.asarray(system.velocity(mu))
+        return np.sqrt(np.einsum("ij,ij->i", xi.reshape(count, -1), mu.reshape(count, -1)))
 
     def observe(self, memory: Bound) -> BodyState:
         """Momentum and configuration at the node."""

@@ -190,12 +190,12 @@ class AdaptiveEnsemble(OneByOne):
             told = f"integrate: interrupted before {left} of {self.count} bodies came to the end"
             self._move()
             stopped = IntegrationInterrupted(f"{told}; the samples are in `.trajectory`")
-            stopped.trajectory = self._joined()
+            stopped.trajectory = self.joined()
             raise stopped from None
         if self.mistaken:
             error = self._error(min(self.mistaken))
             error.add_note(f"[integrate: body {min(self.mistaken)}]")
-            error.trajectory = self._joined()
+            error.trajectory = self.joined()
             raise error
         return True
 
@@ -436,9 +436,9 @@ class AdaptiveEnsemble(OneByOne):
             self.numbers[:, i].copy(), self.clocks[:, i].copy(), self.samples[: self.told[i], i]
         )
 
-    def _joined(self, unfinished: Trajectory | None = None) -> Trajectory:
+    def joined(self, unfinished: Trajectory | None = None) -> Trajectory:
         if self.first is None:
-            return super()._joined(unfinished)
+            return super().joined(unfinished)
         lanes: Any = self.lanes
         count, alone, width = self.count, self.first, lanes.state.width
         final, t = self.numbers[:width].T, np.array(self.asked)

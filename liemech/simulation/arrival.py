@@ -11,7 +11,7 @@ from ..compiler.driver import accepted, attempt, itself, read, reason, write
 from ..errors import InvalidInput, failure, is_mistake
 from ..formulas.pytree import NUMBER, layout_of, rounded
 from ..systems.system import small_state, state_of
-from .dense import Between, one_or_many, unpacked
+from .dense import Between, flat, one_or_many, unpacked
 from .execution import Execution
 
 TURNS = 60
@@ -115,7 +115,7 @@ class FictiveMotion(Between):
     h: float
     t: np.ndarray
     points: np.ndarray
-    compiled: bool | None
+    wanted: bool | None
     begun: np.ndarray | None = None
     shape: ClassVar[Any] = None
 
@@ -157,7 +157,7 @@ class FictiveMotion(Between):
         arguments, array, shape = (self.method, self.system, shown, self.h), np.empty(1), self.shape
         call = *arguments, 1, array, array, None
         execution = (
-            Execution(self.compiled, False, arrive, *call)
+            Execution(self.wanted, False, arrive, *call)
             if shape is None
             else shape.other(arrive, *call)
         )
@@ -191,6 +191,12 @@ class FictiveMotion(Between):
         states = self._own(self.numbers(np.atleast_1d(at).ravel()))
         one = 0 if at.ndim == 0 else slice(None)
         return state_of(self.kind, {name: x[one] for name, x in states.items()})
+
+    def seen(self, numbers: np.ndarray) -> tuple[Any, np.ndarray]:
+        """Of the numbers of states with their clock the layout and the numbers of what formulas
+        take.
+        """
+        return layout_of(self._small(numbers[:1])), flat(self._own(numbers), len(numbers))
 
     def state(self, t: float) -> Any:
         """The state at a time as formulas take it."""

@@ -130,6 +130,10 @@ class Between:
             *(arrays[name][one] if name in arrays else None for name in self.example.parts)
         )
 
+    def seen(self, numbers: np.ndarray) -> tuple[Any, np.ndarray]:
+        """Of the numbers of states, (m, ...), the layout and the numbers of what formulas take."""
+        return layout_of(self.example), numbers
+
     def state(self, t: float) -> Any:
         """The state at a time as formulas take it."""
         return build(layout_of(self.example), iter(self.numbers(np.array([t]))[0].tolist()))
@@ -245,10 +249,8 @@ def evaluated(
     what : what has failed if a row does, and where, by the number of the row.
     """
     many = len(given)
-    execution, constants = _execution(driver, arguments, wanted)
-    lanes = execution.lanes
-    columns = -(-many // lanes) * lanes
-    found, done = np.empty((columns, width + 1)), 0
+    execution, constants = execution_of(driver, arguments, wanted)
+    found, done = np.empty((many, width + 1)), 0
     while done < many and not execution.ready(done / many):
         end = min(done + 8, many)
         with execution.plain():
@@ -256,16 +258,30 @@ def evaluated(
                 _one(driver, arguments, given[k], found[k], what, k)
         done = end
     if done < many:
-        rows = np.empty((given.shape[1], columns))
-        rows[:, :many], rows[:, many:] = given.T, given[-1][:, None]
-        out = np.empty((width + 1, columns))
-        run: Any = execution.native
-        run.run(constants, (), (rows, out), columns, done // lanes * lanes, columns)
-        found[done:] = out.T[done:]
+        found[done:many] = natively(execution, constants, given[done:], width)
         if not found[:many, -1].all():
             for k in np.flatnonzero(found[:many, -1] == 0.0).tolist():  # say why
                 _one(driver, arguments, given[k], found[k], what, k)
     return found[:many, :-1].copy()
+
+
+def natively(execution: Execution, constants: bytes, given: np.ndarray, width: int) -> np.ndarray:
+    """What the native code of a driver makes of every row of numbers, and behind it a one, or a zero
+    for a formula that failed, (m, width + 1).
+    """
+    many, lanes = len(given), execution.lanes
+    columns = -(-many // lanes) * lanes
+    rows, out = np.empty((given.shape[1], columns)), np.empty((width + 1, columns))
+    rows[:, :many], rows[:, many:] = given.T, given[-1][:, None]
+    run: Any = execution.native
+    run.run(constants, (), (rows, out), columns, 0, columns)
+    return out.T[:many]
+
+
+def observe(function: Any, point: Any, result: Any, given: Any, out: Any, failures: Any) -> None:
+    """The driver: a function of a state and, behind it, a time."""
+    state, t = read(given, 0, point), read(given, point.width, NUMBER)
+    told(attempt(function, t, state), result, out, failures)
 
 
 _executions: dict[Any, tuple[Execution, bytes]] = {}
@@ -273,14 +289,14 @@ FEW = 64
 """So many are remembered."""
 
 
-def _execution(
-    driver: Any, arguments: tuple[Any, ...], wanted: bool | None
+def execution_of(
+    driver: Any, arguments: tuple[Any, ...], wanted: bool | None, silent: bool = False
 ) -> tuple[Execution, bytes]:
     """Who runs such a driver for these very arguments, perhaps not for the first time, and their
     numbers.
     """
     native = wanted is not False and kernel.available() is None
-    key = driver, native, *map(id, arguments)
+    key = driver, native, silent, *map(id, arguments)
     known = _executions.get(key)
     if known is not None:
         known[0].used(wanted)
@@ -288,7 +304,8 @@ def _execution(
     array = np.empty((1, 1))
     lanes = kernel.lanes() if native else 1
     call = driver, *arguments, array, array, None
-    made = Execution(None if native else False, None, *call, lanes=lanes), numbers_of(*arguments)
+    asked = None if native else False
+    made = Execution(asked, None, *call, lanes=lanes, silent=silent), numbers_of(*arguments)
     if len(_executions) >= FEW:
         _executions.clear()
     _executions[key] = made  # which has the arguments, so that their identities remain theirs

@@ -16,7 +16,7 @@ from ..errors import (
     is_mistake,
     warn,
 )
-from ..systems.system import member, small_state
+from ..systems.system import State, member, small_state, state_of
 from . import arguments
 from .carry import AdaptiveCarry, Carries, Carry, Ended, Waiting, each, stacked
 from .checkpoint import Checkpoint
@@ -101,13 +101,9 @@ class OneByOne:
     def _begun(self) -> Callable[[int], Any]:
         """The state of a body with its time, or what it carries along."""
         start, t0 = self._start, self._t0
-        if isinstance(start, Carries):
-            return start.members.__getitem__
-        if isinstance(start, Carry):
-            return each(start).__getitem__
-        if isinstance(start, FictiveCarry):
-            return each_in_fictive_time(start).__getitem__
-        return lambda i: Waiting(member(start, i), t0)
+        if isinstance(start, State):
+            return lambda i: Waiting(member(start, i), t0)
+        return members(start).__getitem__
 
     def _asked(self, i: int) -> np.ndarray | None:
         """When samples of a body are asked for."""
@@ -158,13 +154,13 @@ class OneByOne:
                 except Exception as error:
                     if is_mistake(error) and hasattr(error, "trajectory"):
                         error.add_note(f"[integrate: body {i}]")
-                        error.trajectory = self._joined(error.trajectory)
+                        error.trajectory = self.joined(error.trajectory)
                     raise
                 if self.kept is not None and self.kept.due():
-                    self.kept.save(self._joined())
+                    self.kept.save(self.joined())
                 bar.advance(1)
         try:
-            run = self._joined()
+            run = self.joined()
         except KeyboardInterrupt:
             raise self._interrupted(self.count) from None
         ended: Any = run.stopped
@@ -181,7 +177,7 @@ class OneByOne:
         """Ctrl-C after so many bodies.  unfinished : the run of the next one as far as it has come."""
         told = f"integrate: interrupted after {after} of {self.count} bodies"
         stopped = IntegrationInterrupted(f"{told}; the samples are in `.trajectory`")
-        stopped.trajectory = self._joined(unfinished)
+        stopped.trajectory = self.joined(unfinished)
         return stopped
 
     def _side_by_side(self, first: int, bar: Bar) -> bool:
@@ -196,7 +192,7 @@ class OneByOne:
         if kept is None:
             return self._alone(i, begun, None)
         shown = kept.shown
-        kept.shown = lambda run: shown(self._joined(run))
+        kept.shown = lambda run: shown(self.joined(run))
         try:
             return self._alone(i, begun, kept)
         finally:
@@ -235,7 +231,7 @@ class OneByOne:
 
     # ---------------------------------------------------------------- all of them as one
 
-    def _joined(self, unfinished: Trajectory | None = None) -> Trajectory:
+    def joined(self, unfinished: Trajectory | None = None) -> Trajectory:
         """The runs of all bodies; those that have not begun stand at their starts.
 
         unfinished : the run of the next body as far as it has come.
@@ -286,8 +282,10 @@ class OneByOne:
         times = self.times_of(i)
         if times is not None:
             return max(len(run), len(times))
-        beyond = self._reached(i) is not None and len(run) > 0 and carry.t != run.t[-1]
-        return len(run) + beyond
+        if self._reached(i) is None or not len(run):
+            return len(run)
+        fictive = isinstance(run, TransformedTrajectory)
+        return len(run) + int(carry.tau != run.tau[-1] if fictive else carry.t != run.t[-1])
 
     def _inner_systems(self, runs: list[Trajectory]) -> Any:
         """Of a run in fictive time the systems that move in it."""
@@ -325,12 +323,15 @@ class OneByOne:
             t = self._counted(self.begun(i))[0] + steps * self.plan_of(i)._steps.h
         if not isinstance(run, TransformedTrajectory):
             return Ended(state, t, steps, error)
+        if reached is not None:
+            t, tau, z = error.clock  # type: ignore[union-attr]
+            return Ended(state, t, steps, error, tau, z, run.origin)
         z = None if run.z is None else float(run.z[-1])
         return Ended(state, t, steps, error, float(run.tau[-1]), z, run.origin)
 
     def _reached(self, i: int) -> Any:
         """The state of a body that failed after its last accepted step."""
-        return None if self.plan.fictive else getattr(self.errors.get(i), "reached", None)
+        return getattr(self.errors.get(i), "reached", None)
 
     def _state(self, run: Trajectory) -> Any:
         """The last state of a body's run."""
@@ -355,10 +356,10 @@ class OneByOne:
             last = {"": t[-1:], **{name: x[-1:] for name, x in (states | clocks).items()}}
             sampled = times is not None and isinstance(carry, (AdaptiveCarry, Waiting, Ended))
             sampled = sampled or self._reached(i) is not None
-            if not len(t) or (sampled and not isinstance(run, TransformedTrajectory)):
+            if not len(t) or sampled:
                 last = {name: x[None] for name, x in carry.state.arrays.items()}
                 last[""] = np.array([carry.t])
-                last |= {name: np.zeros(1) for name in clocks}
+                last |= {name: np.array([getattr(carry, name, 0.0)]) for name in clocks}
             t = np.concatenate([t, np.repeat(last[""], more)])
             both = {name: np.concatenate([x, np.repeat(last[name], more, axis=0)])
                     for name, x in (states | clocks).items()}  # fmt: skip
@@ -372,15 +373,26 @@ class OneByOne:
         """Of every event what every body has met."""
         if not self.plan.events:
             return ()
-        begun = self.begun(0).state
-        empty = {name: x[None][:0] for name, x in begun.arrays.items()}
-        none = np.empty(0), type(begun)(*(empty.get(name) for name in begun.parts))
+        none = no_events(self.begun(0).state)
         return tuple(
             [
                 tuple([run.events[k] if run.events else none for run in runs])
                 for k in range(len(self.plan.events))
             ]
         )
+
+
+def no_events(state: Any) -> tuple[np.ndarray, Any]:
+    """What a body has met of an event, with states like this one: nothing."""
+    empty = {name: x[None][:0] for name, x in state.arrays.items()}
+    return np.empty(0), state_of(type(state), empty)
+
+
+def members(carry: Carry | FictiveCarry | Carries) -> tuple[Any, ...]:
+    """What every body of an ensemble carries along."""
+    if isinstance(carry, Carries):
+        return carry.members
+    return each(carry) if isinstance(carry, Carry) else each_in_fictive_time(carry)
 
 
 def each_in_fictive_time(carry: FictiveCarry) -> tuple[Any, ...]:

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ..compiler.driver import attempt, read, reason
+from ..compiler.driver import attempt, reason
 from ..errors import (
     IntegrationInterrupted,
     InvalidInput,
@@ -22,11 +22,11 @@ from ..errors import (
 )
 from ..formulas import Record
 from ..formulas.broadcasting import small
-from ..formulas.pytree import NUMBER, layout_of
+from ..formulas.pytree import layout_of
 from ..systems.system import State
 from .carry import Carry
 from .checkpoint import Checkpoint
-from .dense import evaluated, flat, told
+from .dense import evaluated, flat, observe
 from .drift import RECORDED
 from .fixed_run import FixedRun
 from .prepared import Steps, times
@@ -41,12 +41,6 @@ COMPUTED = *RECORDED, "multipliers"
 
 PLAIN = ("number", "vec", "mat")
 """What a function may give."""
-
-
-def observe(function: Any, point: Any, result: Any, given: Any, out: Any, failures: Any) -> None:
-    """The driver: a function of a state and, behind it, a time."""
-    state, t = read(given, 0, point), read(given, point.width, NUMBER)
-    told(attempt(function, t, state), result, out, failures)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -6,19 +6,22 @@ from __future__ import annotations
 
 import dataclasses
 from concurrent import futures
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
 from ..errors import IntegrationInterrupted, InvalidInput, InvalidType, warn
-from ..systems.system import State
+from ..systems.system import State, member
 from . import arguments
-from .carry import Carries, Carry
-from .fictive import FictiveCarry
+from .carry import Carries, Carry, Waiting
+from .fictive import FictiveCarry, Origin
+from .one_by_one import OneByOne, apart, members, no_events
+from .prepared import shown_step
 from .progress import Bar
-from .stopped import Stopped
+from .stopped import NONE, Stopped
 from .systems import OfBodies, Systems
-from .trajectory import TransformedTrajectory
+from .trajectory import Trajectory, TransformedTrajectory
 
 CHUNK = 2**22
 """Steps of all bodies of a chunk together, at least: some tenths of a second in native code."""
@@ -103,12 +106,21 @@ def spread(plan: Any, start: Any, executor: Any, **how: Any) -> Any:
                     if i in found:
                         bar.advance(chunks[i][1] - chunks[i][0])
     except BaseException as error:
-        for future in running:
-            future.cancel()
-        if isinstance(error, KeyboardInterrupt):
-            told = f"integrate: interrupted; {len(found)} of {len(jobs)} chunks of bodies were done"
-            raise IntegrationInterrupted(told) from None
-        raise
+        for future, i in running.items():
+            if not future.cancel() and future.done() and future.exception() is None:
+                found[i] = future.result()
+        if not isinstance(error, KeyboardInterrupt):
+            raise
+        whole = {i: run for i, run in found.items() if isinstance(run, Trajectory)}
+        stopped = IntegrationInterrupted(
+            f"integrate: interrupted; {len(whole)} of {len(jobs)} chunks of bodies were done; they "
+            "are in `.trajectory`, where the other bodies stand at their starts"
+        )
+        parts = [whole[i] if i in whole else _waiting(*jobs[i]) for i in range(len(jobs))]
+        if isinstance(parts[0], TransformedTrajectory):
+            parts = [_of_their_own(run) for run in parts]
+        stopped.trajectory = _joined(plan, chunks, parts)
+        raise stopped from None
     for i, result in sorted(found.items()):
         if isinstance(result, Exception):
             first, end = chunks[i]
@@ -128,6 +140,51 @@ def _run(plan: Any, start: Any, how: dict[str, Any]) -> Any:
         return plan.run(start, **how)
     except Exception as error:
         return error
+
+
+def _waiting(plan: Any, start: Any, how: dict[str, Any]) -> Any:
+    """A chunk that is not done: every body stands at its start."""
+    t0, t_end, t_eval = how["t0"], how["t_end"], how["t_eval"]
+    start, steps = plan._started(start), plan._steps
+    if plan.fictive:  # they have a clock, too
+        if apart(plan, start, t_end, t_eval):
+            run = OneByOne(plan, start, t0, how["steps"], t_end, t_eval, None).joined()
+        else:
+            run = plan._transformed(start, 0, None, t0, None, None)
+    else:
+        run = Trajectory.promised(
+            SimpleNamespace(
+                carry=lambda: Carries(
+                    tuple([Waiting(member(start, i), t0) for i in range(start.bodies)])
+                )
+            ),
+            system=plan.system,
+            method=plan.method,
+            h=0.0 if plan.adaptive else shown_step(steps.h),
+            t=np.array([t0]),
+            states={name: x[None] for name, x in start.arrays.items()},
+            bodies=start.bodies,
+            steps=0,
+            compiled=True,
+            stopped=NONE,
+            rejected=0 if plan.adaptive else None,
+            dense=None,
+            events=tuple([(no_events(start),) * start.bodies for _ in plan.events]),
+            observed=(),
+        )
+    recorder = plan.recorder
+    return run if recorder is None else recorder.presented(run, type(start), steps.compiled)
+
+
+def _of_their_own(run: Any) -> Any:
+    """A chunk in fictive time beside others that are not as far: every body has its own clock."""
+    if isinstance(run.origin, tuple):
+        return run
+    given, method, start = run.origin.given, run.origin.method, run.origin.start
+    origin = tuple([Origin(given, method, member(start, i)) for i in range(run.bodies)])
+    carry = None if run.carry is None else Carries(members(run.carry))
+    tau = np.repeat(run.tau[:, None], run.bodies, axis=1)
+    return dataclasses.replace(run, origin=origin, tau=tau, carry=carry)
 
 
 def _chunks(bodies: int, steps: int, workers: int | None) -> list[tuple[int, int]]:
@@ -188,8 +245,12 @@ def _joined(plan: Any, chunks: list[tuple[int, int]], runs: list[Any]) -> Any:
             more["origin"] = dataclasses.replace(
                 first.origin, start=_all([run.origin.start for run in runs])
             )
-    return dataclasses.replace(
-        first,
+    own = {name: x for name, x in vars(first).items() if name not in ("_rest", "carry")}
+    rest = SimpleNamespace(
+        carry=lambda: _carry(chunks, [run.carry for run in runs], more.get("origin"))
+    )
+    known = own | dict(
+        t=first.t,
         system=_systems(plan, runs),
         method=plan.method,
         states={
@@ -202,9 +263,8 @@ def _joined(plan: Any, chunks: list[tuple[int, int]], runs: list[Any]) -> Any:
         stopped=stopped,
         rejected=None if first.rejected is None else sum(run.rejected for run in runs),
         events=tuple([sum(found, ()) for found in zip(*(run.events for run in runs))]),
-        carry=_carry(chunks, [run.carry for run in runs], more.get("origin")),
-        **more,
     )
+    return type(first).promised(rest, **known | more)
 
 
 def _systems(plan: Any, runs: list[Any]) -> Any:
@@ -247,7 +307,7 @@ def _carry(chunks: list[tuple[int, int]], carries: list[Any], origin: Any = None
     if any(isinstance(carry, Carries) for carry in carries):
         if None in carries:
             return None
-        return Carries(sum([carry.members for carry in carries], ()))
+        return Carries(sum([members(carry) for carry in carries], ()))
     if origin is not None and None not in carries:
         return FictiveCarry(origin, _carry(chunks, [carry.inner for carry in carries]))
     if not all(isinstance(carry, Carry) for carry in carries):

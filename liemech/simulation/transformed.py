@@ -16,6 +16,7 @@ import numpy as np
 
 from ..compiler.driver import accepted, attempt, itself, read, reason, write
 from ..errors import (
+    IntegrationFailure,
     IntegrationInterrupted,
     InvalidInput,
     InvalidTimeScale,
@@ -203,8 +204,19 @@ class TransformedRun:
             yield
         except BaseException as error:
             if isinstance(getattr(error, "trajectory", None), Trajectory):
-                error.trajectory = self.presented(error.trajectory)  # type: ignore[attr-defined]
+                run = error.trajectory = self.presented(error.trajectory)  # type: ignore[attr-defined]
+                if isinstance(error, IntegrationFailure) and error.reached is not None:
+                    self.stopped(error, error.reached, self.before + run.steps)
             raise
+
+    def stopped(self, error: IntegrationFailure, there: Any, steps: int) -> None:
+        """Tell of a failure where the last step that was accepted led: a state of the extended
+        system, after so many steps.
+        """
+        t, states, z = self.whole.apart({name: x[None] for name, x in there.arrays.items()})
+        kind = type(self.origin.start)
+        error.reached = small_state(kind, {name: x[0] for name, x in states.items()})
+        error.clock = float(t[0]), steps * self.h, None if z is None else float(z[0])
 
     def march(
         self, t_end: float | None, limit: int, t_eval: Any, events: tuple[Event, ...]
@@ -391,7 +403,7 @@ class March:
                         if math.isinf(self.t_end):
                             break
                         reached = f"{self.limit - self.run.before} steps led to t = {self._time():g} only, not to {self.t_end:g}"
-                        raise self._ended(
+                        raise self._stopped(
                             StepTooSmall(
                                 f"integrate: {reached}; give a larger h or allow more `steps`"
                             )
@@ -548,10 +560,16 @@ class March:
     def _failed(self) -> Any:
         """The error of a run that a step ended: a mistake in a formula, or a failure."""
         error = self.failures[0] if self.failures else None
-        at = f"step {int(self.mark.steps) + 1}, t = {self._time():g}; {sum(map(len, self.rows))} samples are in `.trajectory`"
-        return self._ended(
-            error if is_mistake(error) else failure(error, repr(self.run.method), at)
-        )
+        if is_mistake(error):
+            return self._ended(error)
+        samples, steps = sum(map(len, self.rows)), int(self.mark.steps)
+        at = f"step {steps + 1}, t = {self._time():g}; {samples} samples are in `.trajectory`"
+        return self._stopped(failure(error, repr(self.run.method), at))
+
+    def _stopped(self, error: IntegrationFailure) -> Any:
+        there = sample(self.run.method, read(self.states, 0, self.layout))
+        self.run.stopped(error, there, int(self.mark.steps))
+        return self._ended(error)
 
     def _ended(self, error: Any) -> Any:
         if self.looking is not None:  # an event itself failed: keep the steps up to it

@@ -91,3 +91,8 @@ def test_a_step_that_configurations_on_groups_do_not_notice():
             lm.integrate(body, lm.LieRATTLE(), start, h=least, **how)
     still = lm.ConstrainedBody(lm.MechanicalSystem(free, Height(0.0)), OnSphere())
     lm.integrate(still, lm.LieRATTLE(), still.state([0.0] * 3, [0.6, 0.0, -0.8]), h=1e-40, **how)
+    # of an ensemble whichever body it is, by its number
+    many = still.state([[0.0, 1.2, 0.0], [0.0, 1.2e-9, 0.0]], [[0.6, 0.0, -0.8]] * 2)
+    lm.integrate(still, lm.LieRATTLE(), many, h=1e-6, **how)
+    with pytest.raises(errors.InvalidInput, match=r"less than its rounding \(body 1\)"):
+        lm.integrate(still, lm.LieRATTLE(), many, h=1e-8, **how)

@@ -250,3 +250,18 @@ def test_a_run_goes_on_to_the_time_where_it_stands() -> None:
         assert len(still) == 1 and np.array_equal(still.q[-1], run.q[-1])
     many = lm.Plan(BODY, lm.RKMK(order=4), 0.1)
     assert many._count(None, 0.1 * (10**8 + 3), 0.0, 10**8) == 3
+
+
+@pytest.mark.parametrize("how", [{}, {"t_eval": [0.0, 0.2, 3.0]}], ids=["ends", "times"])
+def test_a_body_that_stops_in_fictive_time_stands_after_its_last_step(how: dict[str, Any]) -> None:
+    # 45 steps lead the nearest body not to t = 3; samples are kept every 7.
+    start = KEPLER.state(q=[[0.9, 0.0], [0.3, 0.0]], p=[[0.0, 1.1], [0.0, 1.4]])
+    plan = lm.Plan(KEPLER, TIMED[1], 0.1, every=7, compiled=False)
+    with pytest.warns(RuntimeWarning, match="body 1 after 45 steps"):
+        runs = plan.run(start, steps=45, t_end=3.0, **how)
+    single = plan.replace(every=1).run(KEPLER.state(q=[0.3, 0.0], p=[0.0, 1.4]), steps=45)
+    error = runs.stopped[1].error
+    assert runs.stopped[1].steps == 45 and error.clock == (single.t[-1], single.tau[-1], single.z[-1])
+    for found in (runs.q[-1, 1], runs.carry.members[1].state.q, error.reached.q):
+        assert np.array_equal(found, single.q[-1])
+    assert runs.tau[-1, 1] == single.tau[-1] and runs.t[-1].max() == 3.0

@@ -151,7 +151,7 @@ def test_a_mistake_in_a_formula_is_raised_whatever_bodies_before_it_failed_of(
 
 
 @pytest.mark.compiled
-@pytest.mark.parametrize("where", ["lanes", "_begin", "_joined"])
+@pytest.mark.parametrize("where", ["lanes", "_begin", "joined"])
 def test_ctrl_c_between_the_bodies_keeps_those_that_have_run(
     where: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -6,6 +6,8 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
+import sys
 import threading
 import time
 from concurrent import futures
@@ -187,3 +189,85 @@ def test_a_cluster_of_dask_of_which_a_worker_is_killed():
         client.wait_for_workers(2, timeout=120)
         # one was killed, and replaced
         assert set(client.run(os.getpid).values()) != set(before.values())
+
+
+KEPLER = lm.Kepler()
+ORBITS = KEPLER.state(
+    q=np.stack([RNG.uniform(0.6, 1.0, 37), np.zeros(37)], axis=1),
+    p=np.stack([np.zeros(37), RNG.uniform(1.0, 1.2, 37)], axis=1),
+)
+SLOWER = lm.ReversibleController(lm.StormerVerlet(), sigma=lm.DistancePower(1.5))
+
+
+def axis(t, state):
+    return state.q[1]
+
+
+@pytest.mark.parametrize(
+    ("plan", "starts", "how"),
+    [
+        (PLAN.replace(every=1), STARTS, {"t_end": 0.6}),
+        (PLAN.replace(record=("energy",)), STARTS, {"t_end": 1.0, "t_eval": [0.33, 1.0]}),
+        (lm.Plan(BODY, lm.RKMK(order=5), rtol=1e-6), STARTS, {"t_end": 0.1}),
+        (lm.Plan(KEPLER, lm.StormerVerlet(), h=0.1, events=axis), ORBITS, {"t_end": 4.0}),
+        (lm.Plan(KEPLER, SLOWER, h=0.1), ORBITS, {"steps": 3}),
+        (lm.Plan(KEPLER, SLOWER, h=0.1), ORBITS, {"t_end": 0.5}),
+    ],
+)
+def test_an_interrupt_keeps_the_chunks_that_are_done(plan, starts, how):
+    # The first of three chunks is done.  The others wait, and all go on from where they stand.
+    whole = plan.run(starts, **how)
+    with pytest.raises(errors.IntegrationInterrupted, match=r"1 of 3 chunks") as stop:
+        plan.run(starts, executor=Losing(None, KeyboardInterrupt, KeyboardInterrupt), **how)
+    part = stop.value.trajectory
+    assert part.bodies == 37 and len(part.carry.members) == 37
+    for name, values in part.states.items():
+        assert np.array_equal(values[-1, :16], whole.states[name][-1, :16]), name
+        assert np.array_equal(values[-1, 16:], whole.states[name][0, 16:]) or "t_eval" in how
+    if "t_end" in how:
+        rest = plan.resume(part, t_end=how["t_end"])
+        for name, values in rest.states.items():
+            assert np.array_equal(values[-1], whole.states[name][-1]), name
+
+
+ALONE = """
+import os, signal, threading, time
+from concurrent import futures
+import numpy as np
+import liemech as lm
+from liemech import errors
+from liemech.simulation import spread
+
+body = lm.RigidBody([1.0, 1.5, 2.0])
+plan = lm.Plan(body, lm.RKMK(order=2), h=1e-3, every=10**6)
+
+if __name__ == "__main__":
+    spread.CHUNK = 1
+    starts = body.state(mu=np.random.default_rng(0).normal(size=(128, 3)))
+    with futures.ProcessPoolExecutor(2) as pool:
+        plan.run(starts, steps=2000, executor=pool)
+        pressed = []
+
+        def press():
+            pressed.append(time.perf_counter())
+            os.kill(os.getpid(), signal.SIGINT)
+
+        threading.Timer(1.0, press).start()
+        try:
+            plan.run(starts, steps=10**9, executor=pool)
+        except errors.IntegrationInterrupted as stop:
+            print(time.perf_counter() - pressed[0], stop.trajectory.bodies)
+        for process in pool._processes.values():
+            process.kill()
+"""
+
+
+@pytest.mark.slow
+def test_an_interrupt_does_not_wait_for_processes(tmp_path):
+    # Ctrl-C comes to this process; the chunks of the others would take minutes.
+    (tmp_path / "alone.py").write_text(ALONE)
+    ran = subprocess.run(
+        [sys.executable, tmp_path / "alone.py"], capture_output=True, text=True, timeout=120
+    )
+    seconds, bodies = ran.stdout.split()
+    assert float(seconds) < 1.0 and bodies == "128", ran.stderr
