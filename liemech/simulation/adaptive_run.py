@@ -32,9 +32,10 @@ from .checkpoint import Checkpoint
 from .dense import DenseOutput, unpacked
 from .events import Event, Watch, name_of
 from .execution import LOOK, Execution, numbers_of
+from .first_piece import FirstPiece, first_piece
 from .prepared import Prepared
 from .progress import Bar
-from .sampled import FirstPiece, at_start, between, sampled_steps
+from .sampled import SAMPLES, at_start, between, sampled_steps
 from .trajectory import Trajectory
 
 ROOM = 512
@@ -98,6 +99,10 @@ class AdaptiveSteps:
         first = None if h is None else arguments.step(h)
         return cls(system, method, first, *tolerances, longest, breaks, dense, compiled, progress)
 
+    def first(self, t0: float, t_end: float) -> float:
+        """The first step, signed; zero if it is to be found."""
+        return 0.0 if self.h is None else math.copysign(self.h, t_end - t0)
+
     def begun(self, t: np.ndarray) -> np.ndarray:
         """The times at which the steps to t[1:] begin: where the velocity jumps, beyond that."""
         begun = t[:-1].copy()
@@ -130,11 +135,12 @@ class AdaptiveSteps:
                 "integrate: dense=True keeps the states; record no functions of them"
             )
         first = None
-        if not (times is None or events or self.breaks or kept or recorder or self.dense):
-            first = None if self.progress else FirstPiece.of(self, start, t0, t_end, times, limit)
-            run = None if first is None else first.trajectory(self)
-            if run is not None:
-                return run
+        if not (events or self.breaks or kept or recorder or self.progress) and (
+            times is None or not self.dense
+        ):
+            first = first_piece(self, start, t0, t_end, times, limit)
+            if first is not None and first.complete:
+                return first.trajectory()
         return AdaptiveRun(
             self, start, t0, t_end, limit, times, events, kept, recorder, first
         ).trajectory()
@@ -145,6 +151,8 @@ class Shape(Prepared):
 
     example : a state.  layout : of state and velocity; row : of time, state and the way to it.
     curves : is the way there?  sampled : does native code find the states at times, too?
+    clock, kept : how many bytes lie before the clock in the memory of a first piece, and how many
+    numbers before what is kept.  before : of the latter, those before the states at times.
     """
 
     def __init__(
@@ -161,10 +169,13 @@ class Shape(Prepared):
         if sampled:
             call = sampled_steps, *self.arguments, *[0.0] * 4, curves, 1, 1, *[none] * 6, None
         self.stepping = Execution(plan.compiled, plan.progress, *call)
-        carried, width = self.layout.width, self.state.width
+        carried, width, row = self.layout.width, self.state.width, self.row.width
         self.gather, self.rest = gatherer(self.state), (0.0,) * (carried - width)
-        self.begun = struct.Struct(f"{carried + CLOCK.width}d")
-        self.call = struct.Struct(f"11q{len(self.constants)}s4d").pack
+        self.no_curve = (0.0,) * (row - 1 - width)
+        self.clock, self.kept = 8 * carried, carried + CLOCK.width
+        self.before = SAMPLES.width + row + 1 + width
+        self.begun = struct.Struct(f"{self.kept + (0 if sampled else row)}d")
+        self.call = struct.Struct(f"{11 if sampled else 7}q{len(self.constants)}s4d").pack
 
 
 def velocity(system: Any, t: float, state: Any) -> Any:
@@ -226,14 +237,9 @@ class AdaptiveRun:
         else:
             self.states = np.zeros(shape.layout.width)
             self.states[: self.width] = self.rows[0, 1 : 1 + self.width]
-            h = 0.0 if plan.h is None else math.copysign(plan.h, t_end - t0)
-            self.clock = np.array([t0, h, *FRESH])
-        if first is not None and first.written is not None:
-            self.states, self.clock, self.asked = first.carried, first.clock, first.written
-            self.found = first.samples
-            self.sampled.append(self.found[: self.asked])
-            self.rows[0, : 1 + self.width] = self.clock[0], *self.states[: self.width]
-            self.compiled = True
+            self.clock = np.array([t0, plan.first(t0, t_end), *FRESH])
+        if first is not None:
+            first.handed_over(self)
         self.watch: Any = None
         carry = start if isinstance(start, AdaptiveCarry) else None
         met = None if carry is None else carry.met

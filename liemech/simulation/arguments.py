@@ -215,10 +215,11 @@ def times(t_eval: Any, t0: float, t_end: float) -> np.ndarray | None:
             f"integrate: t_eval has shape {times.shape}; it is a list of times, (n,)"
         )
     low, high = min(t0, t_end), max(t0, t_end)
-    rising = times[1:] >= times[:-1] if t_end >= t0 else times[1:] <= times[:-1]
-    ends = (times.item(0), times.item(-1)) if len(times) else ()
-    if ends and rising.all() and low <= min(ends) <= max(ends) <= high:  # so are all between them
-        return times
+    if len(times):
+        early, late = (times[:-1], times[1:]) if t_end >= t0 else (times[1:], times[:-1])
+        inside = low <= times.item(0) <= high and low <= times.item(-1) <= high
+        if inside and np.count_nonzero(early <= late) == len(late):  # so are all between them
+            return times
     check_finite(times, "integrate: t_eval")
     margin = 4.0 * sys.float_info.epsilon * max(abs(low), abs(high))
     outside = (times < low - margin) | (times > high + margin)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..compiler.kernel import address
+from ..compiler.kernel import Kernel, address
 from ..formulas.pytree import layout_of
 from ..systems.system import State
 from .carry import Carry
@@ -49,7 +49,8 @@ def of_shape(
     carried, shown, samples = shape.carried, shape.sampled, steps // every
     if steps <= 0 or steps % every or plan.progress or samples * shown > LARGEST:
         return None
-    if not in_one_call(shape, steps):
+    native = in_one_call(shape, steps)
+    if native is None:
         return None
     memory = np.empty(carried + (samples + 1) * shown)  # what is carried along, and the samples
     if isinstance(start, Carry):
@@ -58,7 +59,8 @@ def of_shape(
     elif not shape.begin(start, memory):
         return None
     reached, place = step + steps, address(memory)
-    shape.native_steps(t0, plan.h, step, every, samples, place, place + 8 * (carried + shown))
+    out = place + 8 * (carried + shown)
+    shape.native_steps(native, t0, plan.h, step, every, samples, place, out)
     if step % every or memory.item(carried - 1) != reached:
         return None
     return Trajectory.promised(
@@ -76,12 +78,15 @@ def of_shape(
 def advanced(plan: Steps, carry: Carry, steps: int) -> Carry:
     """Where a run stands some steps later, without samples between."""
     shape: Any = carry.shape
-    if plan.owns(shape) and carry.bodies is None and in_one_call(shape, steps):
+    alone = plan.owns(shape) and carry.bodies is None
+    native = in_one_call(shape, steps) if alone else None
+    if native is not None:
         carried, reached = shape.carried, carry.step + steps
         memory = np.empty(carried + shape.sampled)
         memory[:carried] = carry.numbers
         place = address(memory)
-        shape.native_steps(carry.t0, carry.h, carry.step, steps, 1, place, place + 8 * carried)
+        out = place + 8 * carried
+        shape.native_steps(native, carry.t0, carry.h, carry.step, steps, 1, place, out)
         if memory.item(carried - 1) == reached:
             return Carry.quickly(
                 shape, carry.t0, carry.h, reached, memory[:carried], memory[carried:]
@@ -90,14 +95,14 @@ def advanced(plan: Steps, carry: Carry, steps: int) -> Carry:
     return FixedRun(dataclasses.replace(plan, every=steps), carry, steps).trajectory().carry
 
 
-def in_one_call(shape: Shape, steps: int) -> bool:
-    """Can so many steps be made at once: in native code, which is there and says what the formulas
-    say now, and in milliseconds?
+def in_one_call(shape: Shape | None, steps: int) -> Kernel | None:
+    """The native code for so many steps at once, in milliseconds, if it is there and says what the
+    formulas say now.
     """
-    if steps * shape.carried * shape.carried > LONGEST:
-        return False
+    if shape is None or steps * shape.carried * shape.carried > LONGEST:
+        return None
     shape.stepping.refresh()
-    return shape.stepping.native is not None
+    return shape.stepping.native
 
 
 class _Found:

@@ -27,6 +27,7 @@ from .fixed_run import FixedRun
 from .one_by_one import OneByOne, apart
 from .prepared import Steps
 from .recorded import Recorder, recorder_of
+from .stepper import Stepper
 from .systems import OfBodies, Systems, each_of, methods_of, of_body, systems_of
 from .trajectory import TangentTrajectory, Trajectory, TransformedTrajectory
 
@@ -101,6 +102,8 @@ class Plan:
         self.recorder = recorder_of(record, one)
         self.method: Any = method if kinds is None else kinds
         self.record, self._one = record, one
+        # are the steps equal in a fictive time, and not in time?
+        self.fictive = bool(of_body(self.method, 0).fictive or one.fictive)
         events = self.events = arguments.events(events)
         self._given = dict(
             system=system, method=method, h=h, rtol=rtol, atol=atol, max_step=max_step, breaks=breaks, every=every, record=record,
@@ -176,8 +179,9 @@ class Plan:
                 progress,
                 workers,
             )
+        self.adaptive = not isinstance(self._steps, Steps)  # are they chosen by an error estimate?
         self._plain = (  # is there nothing to do but to step, with one length, and for one system?
-            isinstance(self._steps, Steps)
+            not self.adaptive
             and not (self.of_each or events or self.fictive or self.recorder is not None)
         )
 
@@ -187,11 +191,6 @@ class Plan:
         if values is None:
             return self._given[name]
         return values[0] if isinstance(values, OfBodies) else arguments.first(values, name)
-
-    @property
-    def adaptive(self) -> bool:
-        """Are its steps chosen by an error estimate?"""
-        return not isinstance(self._steps, Steps)
 
     def replace(self, **changed: Any) -> Plan:
         """This plan with other arguments: another `system`, another `h`, ...
@@ -271,8 +270,8 @@ class Plan:
         if self.events:
             arguments.events(self.events)  # whose attributes may have changed
         start, t0 = self._started(start), arguments.real(t0, "t0")
-        kept = self._kept(checkpoint, checkpoint_every)
-        one_by_one = start.bodies is not None and apart(self, start, t_end, t_eval)
+        kept = None if checkpoint is None else self._kept(checkpoint, checkpoint_every)
+        one_by_one = apart(self, start, t_end, t_eval)
         if one_by_one and (self.fictive or self.adaptive):
             return self._one_by_one(start, t0, steps, t_end, t_eval, kept)
         if self.fictive:
@@ -403,7 +402,7 @@ class Plan:
 
     def resume(
         self,
-        run: Trajectory,
+        run: Trajectory | Stepper,
         *,
         steps: int | None = None,
         t_end: Any = None,
@@ -419,9 +418,14 @@ class Plan:
         Raises InvalidInput if the run was of another system, method or step, which it names, or if
         it was interrupted.
         """
-        if not isinstance(run, Trajectory):
+        kept = self._kept(checkpoint, checkpoint_every)
+        if isinstance(run, Stepper):
+            carry = run.carry
+            self._require_mine(carry)
+        elif isinstance(run, Trajectory):
+            carry = self._of_this_plan(run)
+        else:
             raise InvalidType(f"Plan.resume goes on with a Trajectory; got {type(run).__name__}")
-        carry, kept = self._of_this_plan(run), self._kept(checkpoint, checkpoint_every)
         if apart(self, carry, t_end, t_eval):
             return self._one_by_one(carry, 0.0, steps, t_end, t_eval, kept)
         if self.fictive:
@@ -433,11 +437,6 @@ class Plan:
         return self._stepped(
             carry, self._count(steps, t_end, carry.t0, carry.step), carry.t0, t_eval, kept
         )
-
-    @property
-    def fictive(self) -> bool:
-        """Are its steps equal in a fictive time, and not in time?"""
-        return bool(self.method.fictive or self._one.fictive)
 
     @property
     def _inner(self) -> Any:
@@ -725,6 +724,25 @@ class Plan:
                 inner = advanced(given.origin.steps(self._steps), given.inner, steps)
                 return FictiveCarry(given.origin, inner)  # type: ignore[return-value]
         return advanced(self._steps, carry, steps)
+
+    def stepper(self, start: Any, t0: float = 0.0) -> Stepper:
+        """A run that is advanced by hand, a step or some at a time, at a cost of a microsecond.
+
+        start : a state; or a run, or what `begin` and `step` gave, to go on from there.
+
+            body = plan.stepper(start)
+            body.step()
+            print(body.t, body.mu)
+
+        What formulas read counts as it is now, until `body.refresh()`.
+        Raises what `step` and `resume` raise.
+        """
+        self._one_length("stepper")
+        if isinstance(start, State):
+            return Stepper(self, self.begin(start, t0))
+        carry = self._of_this_plan(start) if isinstance(start, Trajectory) else start
+        self._require_mine(carry)
+        return Stepper(self, carry)
 
     def _require_mine(self, carry: Any) -> None:
         """Refuse what `step` does not go on from."""

@@ -248,12 +248,12 @@ class Shape(Prepared):
         return bool(states[-1] == 0.0)
 
     def native_steps(
-        self, t0: float, h: float, first: int, every: int, samples: int, states: int, out: int
-    ) -> None:
-        """`fixed_steps` of one body, in native code that is there.  states, out : the addresses of
-        the arrays.
+        self, native: Any, t0: float, h: float, first: int, every: int, samples: int, states: int,
+        out: int,
+    ) -> None:  # fmt: skip
+        """`fixed_steps` of one body.  native : its code.  states, out : the addresses of the
+        arrays.
         """
-        native: Any = self.stepping.native
         native.call(self._call(1, 0, 1, first, every, samples, states, out, self.constants, t0, h))
 
     def beginning(self, steps: Steps) -> Execution:

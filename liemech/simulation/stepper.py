@@ -1,0 +1,168 @@
+"""One run that is advanced by hand: for control loops, filters and live pictures."""
+
+from __future__ import annotations
+
+import threading
+from typing import Any
+
+import numpy as np
+
+from ..compiler.kernel import Kernel, address
+from ..systems.system import State
+from . import arguments
+from .at_once import LONGEST, in_one_call
+from .carry import Carry
+from .dense import unpacked
+from .fictive import FictiveCarry
+
+
+class Stepper:
+    """One run with steps of one length, advanced by hand; `Plan.stepper` makes it.
+
+    It stands at a time and in a state, whose parts are attributes, arrays: `mu`, `g`, ...  All of
+    it is what `Plan.run` gives, to the bit.
+
+    What formulas read from outside counts as it is when the run begins, as in any other, and not
+    anew at every step, of which it would be the larger part.  `refresh` looks at it again.
+
+    Threads may share it: one steps at a time.  It can be pickled, and goes on where it stood.
+    """
+
+    def __init__(self, plan: Any, carry: Any) -> None:
+        self._plan, self._lock = plan, threading.RLock()
+        self._stand(carry)
+
+    def step(self, steps: int = 1) -> None:
+        """Go on by so many steps.
+
+        Raises what `integrate` raises.  Then it stands before the step that failed.
+        """
+        if type(steps) is not int or steps < 1:
+            steps = arguments.count(steps, "steps", 1)
+        with self._lock:
+            here = self._here
+            if here is not None:
+                before = here.taken
+                if steps <= here.most:
+                    here.advance(before, steps)
+                steps -= here.taken - before
+            if steps:
+                self._slowly(steps)
+
+    def refresh(self) -> None:
+        """Look again at what formulas read from outside: the next steps are made with what is there
+        now.
+        """
+        with self._lock:
+            self._stand(self.carry)
+
+    @property
+    def carry(self) -> Any:
+        """What the method carries along here, for `Plan.step`; it does not change."""
+        with self._lock:
+            if self._here is None:
+                return self._carry
+            inner, given = self._here.carry, self._carry
+            return FictiveCarry(given.origin, inner) if self._fictive else inner
+
+    @property
+    def t(self) -> Any:
+        """The time, in s: t0 + n h after n steps; in fictive time the physical one."""
+        here = self._here
+        return self.carry.t if here is None or self._fictive else here.t
+
+    @property
+    def steps(self) -> int:
+        """How many steps were taken, from the start on."""
+        return int(self.carry.step)
+
+    @property
+    def state(self) -> State:
+        """The state at this time."""
+        state: State = self.carry.state
+        return state
+
+    def __getattr__(self, name: str) -> Any:
+        """A part of the state, an array of its own."""
+        if name.startswith("_"):
+            raise AttributeError(name)
+        with self._lock:
+            if self._here is not None and not self._fictive and name in self._here.parts:
+                return self._here.parts[name].copy()
+            parts = self.state.parts
+        if name not in parts:
+            raise AttributeError(f"a Stepper has no {name!r}; its state has {', '.join(parts)}")
+        return None if parts[name] is None else np.array(parts[name])
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Stepper, (self._plan, self.carry)
+
+    def __repr__(self) -> str:
+        return f"Stepper({self._plan.method!r}: {self.steps} steps to t = {self.t})"
+
+    # ---------------------------------------------------------------- how it steps
+
+    def _stand(self, carry: Any) -> None:
+        """Stand where this carry does; if there is native code, it goes on from there in place."""
+        self._carry, self._fictive = carry, isinstance(carry, FictiveCarry)
+        self._here: InPlace | None = None
+        inner: Carry = carry.inner if self._fictive else carry
+        native = None if inner.bodies is not None else in_one_call(inner.shape, 1)
+        if native is not None:
+            self._here = InPlace(native, inner)
+
+    def _slowly(self, steps: int) -> None:
+        """The same by `Plan.step`: in plain Python, for an ensemble, for very many steps, and for a
+        step that fails.
+        """
+        carry = self.carry
+        try:
+            self._stand(self._plan.step(carry, steps))
+        except (Exception, KeyboardInterrupt) as error:
+            run = getattr(error, "trajectory", None)
+            if run is not None and 0 < run.steps < steps:
+                there = run.carry
+                if there is None and isinstance(error, Exception):
+                    there = self._plan.step(carry, run.steps)
+                self._stand(there or carry)
+            raise
+
+
+class InPlace:
+    """Where one body stands, in memory that native code advances in place.
+
+    memory : the numbers that the method carries along, that of the steps behind them, and the
+    sample.  parts : views of the sample.  most : so many steps come back in milliseconds.
+    """
+
+    __slots__ = ("begun", "last", "memory", "most", "native", "parts", "places")
+
+    def __init__(self, native: Kernel, begun: Carry) -> None:
+        shape: Any = begun.shape
+        self.native, self.begun, self.last = native, begun, shape.carried - 1
+        self.memory = np.concatenate([begun.numbers, begun.last])
+        self.most = LONGEST // shape.carried**2
+        self.parts = unpacked(shape.shown, self.memory[shape.carried :])
+        self.places = address(self.memory), address(self.memory) + 8 * shape.carried
+
+    @property
+    def taken(self) -> int:
+        """How many steps were taken."""
+        return int(self.memory.item(self.last))
+
+    @property
+    def t(self) -> float:
+        """The time, in s."""
+        return float(self.begun.t0 + self.taken * self.begun.h)  # type: ignore[operator]
+
+    def advance(self, first: int, steps: int) -> None:
+        """Go on by so many steps, from this one on, as far as they can be made."""
+        begun: Any = self.begun
+        begun.shape.native_steps(self.native, begun.t0, begun.h, first, steps, 1, *self.places)
+
+    @property
+    def carry(self) -> Carry:
+        """A copy."""
+        begun: Any = self.begun
+        now, end = self.memory.copy(), self.last + 1
+        return Carry.quickly(begun.shape, begun.t0, begun.h, self.taken, now[:end], now[end:])

@@ -1,0 +1,208 @@
+"""A run advanced by hand: the bits of `Plan.run`, wherever it stands, and nothing lost."""
+
+from __future__ import annotations
+
+import copy
+import pickle
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+import pytest
+
+import liemech as lm
+from liemech.errors import IntegrationFailure, InvalidInput, InvalidType
+from liemech.simulation import at_once
+
+BODY = lm.RigidBody([1.0, 1.6, 2.3])
+START = BODY.state(mu=[0.5, -0.3, 0.75], g=np.eye(3))
+TOP, KEPLER = lm.HeavyTop([1.0, 1.5, 0.7], 1.3, [0.6, 0.0, 0.8]), lm.Kepler()
+FALL = KEPLER.state(q=[0.4, 0.0], p=[0.0, 2.0])
+PENDULUM = lm.SphericalPendulum()
+CLOCKED = lm.ReversibleController(lm.StormerVerlet(), lm.DistancePower(1.5))
+CASES: dict[str, tuple[Any, Any, Any, dict[str, Any]]] = {
+    "explicit": (BODY, lm.RKMK(order=4), START, {}),
+    "compensated": (BODY, lm.CovariantVariational(lm.Cayley()), START, {}),
+    "with first guesses": (BODY, lm.CovariantVariational(lm.Exponential()), START, {}),
+    "with a force": (KEPLER, lm.StormerVerlet(), FALL, {}),
+    "constrained": (PENDULUM, lm.RATTLE(), PENDULUM.state([1.0, 0.0, 0.0], [0.0, 0.5, 0.3]), {}),
+    "kicks": (TOP, lm.KickDrift(order=4), TOP.state(mu=[0.1, 0.2, 3.0], g=np.eye(3)), {}),
+    "of two doubles": (BODY, lm.RKMK(order=4), START, {"precision": "double-double"}),
+    "only mu": (BODY, lm.RKMK(order=4), START, {"record": "mu", "h": -0.05}),
+    "in fictive time": (KEPLER, CLOCKED, FALL, {}),
+}
+WORLDS = pytest.mark.parametrize(
+    "compiled", [False, pytest.param(True, marks=pytest.mark.compiled)], ids=["plain", "compiled"]
+)
+
+
+def plan_of(case: str, compiled: bool | None) -> tuple[lm.Plan, Any]:
+    system, method, start, options = CASES[case]
+    return lm.Plan(system, method, **{"h": 0.05, "compiled": compiled} | options), start
+
+
+def stands(stepper: Any, run: Any, row: int) -> None:
+    """It is where the run was after so many steps, to the bit."""
+    assert stepper.t == run.t[row] and stepper.steps == row
+    for name, x in run.states.items():
+        assert np.array_equal(getattr(stepper, name), x[row])
+        assert np.array_equal(np.array(getattr(stepper.state, name)), x[row])
+
+
+@pytest.mark.sample(4)
+@pytest.mark.parametrize("case", CASES)
+@WORLDS
+def test_it_stands_where_the_run_was(case: str, compiled: bool) -> None:
+    """After one step, some, and those of a copy, a pickled one, and of a run that goes on."""
+    plan, start = plan_of(case, compiled)
+    run, stepper = plan.run(start, steps=12), plan.stepper(start)
+    stands(stepper, run, 0)
+    for k in range(1, 4):
+        stepper.step()
+        stands(stepper, run, k)
+    kept = stepper.carry
+    stepper.step(4)
+    stands(stepper, run, 7)
+    others = pickle.loads(pickle.dumps(stepper)), copy.copy(stepper), plan.stepper(stepper.carry)
+    for other in (*others, plan.stepper(plan.run(start, steps=7))):
+        other.step(5)
+        stands(other, run, 12)
+    stands(stepper, run, 7)
+    rest = plan.resume(stepper, steps=5)
+    for name, x in rest.states.items():
+        assert np.array_equal(x, run.states[name][7:])
+    again = plan.stepper(kept)  # what it carried along before is as it was
+    again.step(9)
+    stands(again, run, 12)
+
+
+def test_an_ensemble_is_stepped_too() -> None:
+    plan = lm.Plan(BODY, lm.RKMK(order=4), 0.05, compiled=False)
+    starts = BODY.state(mu=np.random.default_rng(1).normal(size=(5, 3)))
+    stepper = plan.stepper(starts, t0=2.0)
+    stepper.step(3)
+    run = plan.run(starts, steps=3, t0=2.0)
+    assert np.array_equal(stepper.mu, run.mu[-1]) and stepper.t == run.t[-1]
+    assert stepper.g is None
+
+
+@pytest.mark.compiled
+def test_native_code_takes_over_when_it_is_there(monkeypatch: pytest.MonkeyPatch) -> None:
+    plan, start = plan_of("explicit", None)
+    run = plan.replace(compiled=False).run(start, steps=9)
+    stepper = plan.stepper(start)
+    stepper.step(2)
+    plan.replace(compiled=True).run(start, steps=1)
+    stepper.step(3)
+    monkeypatch.setattr(at_once, "LONGEST", 1000)  # more steps than native code makes at once
+    stepper.refresh()
+    stepper.step(4)
+    stands(stepper, run, 9)
+
+
+def test_what_it_gives_is_its_own() -> None:
+    stepper = lm.Plan(BODY, lm.RKMK(order=4), 0.05, compiled=False).stepper(START)
+    stepper.mu[:] = 7.0
+    assert np.array_equal(stepper.mu, START.mu)
+    with pytest.raises(AttributeError, match="its state has mu, g"):
+        stepper.q  # noqa: B018
+
+
+# ------------------------------------------------------------------ steps that fail
+
+
+@lm.record
+class Fenced(lm.RKMK):
+    """Steps that end where mu_2 becomes large."""
+
+    def step(self, system: Any, t: float, state: Any, h: float) -> Any:
+        if state.mu[1] > 0.6:
+            raise ValueError("beyond the fence")
+        return super().step(system, t, state, h)
+
+
+@WORLDS
+@pytest.mark.parametrize("at_a_time", [1, 200])
+def test_a_step_that_fails_says_why_and_those_before_it_count(
+    compiled: bool, at_a_time: int
+) -> None:
+    body = lm.RigidBody([1.0, 1.5, 2.0])
+    start = body.state(mu=[0.3, 0.4, 0.75])
+    plan = lm.Plan(body, Fenced(order=4), 0.1, compiled=compiled)
+    with pytest.raises(IntegrationFailure, match="beyond the fence") as caught:
+        plan.run(start, steps=200)
+    run, stepper = caught.value.trajectory, plan.stepper(start)
+    for _ in range(2):  # nor does it go on when it is asked again
+        with pytest.raises(IntegrationFailure, match=f"beyond the fence .step {run.steps + 1} of"):
+            while True:
+                stepper.step(at_a_time)
+        stands(stepper, run, run.steps)
+
+
+# ------------------------------------------------------------------ what it reads, and threads
+
+GAIN = 1.0
+
+
+@lm.record
+class Gained(lm.Hamiltonian):
+    """Reads a name of this module."""
+
+    inertia: lm.Vec
+
+    def energy(self, mu: Any) -> Any:
+        return 0.5 * GAIN * lm.dot(mu, mu / self.inertia)
+
+
+@pytest.mark.compiled
+def test_formulas_count_as_they_were_when_it_was_made(monkeypatch: pytest.MonkeyPatch) -> None:
+    system = lm.LiePoissonSystem(lm.SO3(), Gained([1.0, 0.5, 0.4]))
+    plan = lm.Plan(system, lm.RKMK(order=4), 0.05, compiled=True)
+    start = system.state(mu=[0.5, -0.3, 0.75])
+    before, stepper = plan.run(start, steps=4), plan.stepper(start)
+    stepper.step(2)
+    middle = plan.stepper(stepper.carry)
+    monkeypatch.setitem(globals(), "GAIN", 1.25)
+    stepper.step(2)
+    stands(stepper, before, 4)
+    middle.refresh()
+    middle.step(2)
+    wanted = plan.run(system.state(mu=before.mu[2]), steps=2).mu[-1]
+    assert np.array_equal(middle.mu, wanted) and not np.array_equal(middle.mu, before.mu[4])
+
+
+@pytest.mark.compiled
+def test_threads_may_share_it() -> None:
+    plan, start = plan_of("explicit", True)
+    stepper, run = plan.stepper(start), plan.run(start, steps=2000)
+
+    def hundred(_: int) -> bool:
+        for _ in range(100):
+            stepper.step()
+            state = stepper.carry
+            assert np.array_equal(np.array(state.state.mu), run.mu[state.step])
+        return True
+
+    with ThreadPoolExecutor(4) as pool:
+        assert all(pool.map(hundred, range(20)))
+    stands(stepper, run, 2000)
+
+
+def test_what_is_no_step_of_this_plan_is_refused() -> None:
+    plan, start = plan_of("explicit", False)
+    stepper = plan.stepper(start)
+    with pytest.raises(InvalidInput, match="another system or method"):
+        plan.replace(system=lm.RigidBody([1.0, 1.2, 2.0])).resume(stepper, steps=1)
+    with pytest.raises(InvalidInput, match=r"steps of h = 0\.05"):
+        plan.replace(h=0.1).stepper(stepper.carry)
+    with pytest.raises(InvalidInput, match="another method"):
+        plan.replace(method=lm.RKMK(order=2)).stepper(plan.run(start, steps=1))
+    with pytest.raises(InvalidInput, match="steps of one length"):
+        lm.Plan(BODY, lm.RKMK(order=5), rtol=1e-6).stepper(start)
+    with pytest.raises(InvalidType, match="what `begin` or `step` gave"):
+        plan.stepper([0.5, -0.3, 0.75])
+    for steps in (0, -1, 1.0):
+        with pytest.raises((InvalidInput, InvalidType), match="steps must be"):
+            stepper.step(steps)  # type: ignore[arg-type]
+    with pytest.raises(InvalidType, match="another kind of system"):
+        plan.stepper(KEPLER.state([1.0, 0.0], [0.0, 1.0]))
