@@ -13,6 +13,7 @@ from races import BLOCKS, FOUR, MOMENTS, PULL, SUNS, TOP_LOAD, TOP_MOMENTS, Race
 from rivals import Entry, Run, doubled, tolerances
 
 import liemech as lm
+from liemech import formulas
 from liemech.formulas import cos, sin
 from liemech.tableaus import DOP853, KAHAN_LI8, SPLITTINGS, VERNER6, SplittingTableau
 
@@ -95,6 +96,29 @@ def adaptive(
         prepare,
         lambda found: outputs(*[x[1:] for x in found]),
     )
+
+
+def plain(race: Race, orders: dict[int, int], times: int) -> list[Entry]:
+    """Taylor series of the equations in R^n as all other packages have them: no group, and nothing
+    kept but what the order keeps.
+
+    orders : the number of steps between two outputs to begin with, by order.
+    """
+
+    @lm.record
+    class Plain(lm.GroupEquation):
+        def velocity(self, t: float, y: lm.Vec) -> lm.Vec:
+            return lm.vec(*race.rates(formulas, t, y))
+
+    n = len(race.start)
+    system = Plain(lm.VectorSpace(n))
+    at = system, system.state(race.start)
+    return [
+        fixed(
+            race, f"Taylor {k}, R^{n}", at, lm.Taylor(k), doubled(first, times), race.outputs, ("g",)
+        )
+        for k, first in orders.items()
+    ]
 
 
 def exact(
