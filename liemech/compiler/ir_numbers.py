@@ -12,7 +12,7 @@ import functools
 import math
 import numbers
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, NoReturn
 
 import numpy as np
@@ -46,6 +46,8 @@ class Emitter:
         self.calls = 0  # of the C library so far: a branch that has some is the rare one
         # have NumPy's numbers come in?  Truth values that are made of them add up as `or`
         self.of_numpy = False
+        self.rows: dict[int, Emitter] = {}  # of numbers side by side, by how many they are
+        self.single = self  # of one number of a row
         # what to do where Python raises
         self.fail_if: Callable[[Any], None] = lambda condition: None
 
@@ -119,6 +121,28 @@ class Emitter:
         kind = max([kind, *map(kind_of, items)], key="bif".index)
         varying = varying or any(isinstance(x, Num) and x.varying for x in items)
         return kind, [self.cast(x, kind, varying) for x in items]
+
+    def beside(self, numbers: Sequence[Any]) -> Num | None:
+        """Floats as the lanes of one number, if they do not have lanes themselves."""
+        if self.lanes > 1 or not all(
+            type(x) is float or (type(x) is Num and x.kind == "f" and not x.mixed) for x in numbers
+        ):
+            return None
+        n = len(numbers)
+        if n not in self.rows:
+            self.rows[n] = Emitter(self.builder, n, n)
+            self.rows[n].single = self
+        row = self.rows[n]
+        value: ir.Value = ir.Constant(row.vectors["f"], ir.Undefined)
+        for i, x in enumerate(numbers):
+            value = self.builder.insert_element(value, self.lift(x).value, ir.Constant(I32, i))
+        return row.num([value])
+
+    def apart(self, row: Num) -> list[Num]:
+        """The numbers that lie side by side in one."""
+        extract = self.builder.extract_element
+        places = [ir.Constant(I32, i) for i in range(row.emitter.lanes)]
+        return [self.num([extract(row.value, place)]) for place in places]
 
     def arithmetic(self, op: str, a: Any, b: Any) -> Num:
         """a + b, a - b, a * b, a / b, as Python has them: integers are exact, and nothing is
@@ -420,6 +444,13 @@ class Num(StandIn):
 
     def elementary(self, name: str, *x: Any) -> Num:
         return self.emitter.call(f"llvm.{name}" if name in (*INSTRUCTIONS, "fma") else name, *x)
+
+    def beside(self, numbers: Sequence[Any]) -> Num | None:
+        return self.emitter.beside(numbers)
+
+    def apart(self) -> list[Num]:
+        """The numbers that lie side by side in this one."""
+        return self.emitter.single.apart(self)
 
     def __add__(self, other: Any) -> Any:
         return self._binary("add", self, other)

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidInput, InvalidType, NotCompilable
-from ..formulas import functions, series, sums, tables, vectors
+from ..formulas import functions, products, series, sums, tables, vectors
 from ..formulas.derivatives import axes, tangent
 from ..formulas.dual import Dual
 from ..formulas.fields import converters
@@ -57,7 +57,7 @@ from .tokens import of_python
 DEPTH = 40  # nested calls
 
 # modules of classes whose methods run as they stand
-_ARITHMETIC = vectors.__name__, series.__name__
+_ARITHMETIC = vectors.__name__, series.__name__, products.__name__
 _OUTSIDE = {vars(builtins)[name] for name in OUTSIDE.split()}
 _PYTHON = {f for f in vars(builtins).values() if callable(f) and f not in _OUTSIDE}
 _READING = (

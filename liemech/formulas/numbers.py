@@ -4,7 +4,7 @@ by a value, whole powers.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -34,6 +34,12 @@ class StandIn:
     def elementary(self, name: str, *x: Any) -> Any:
         """The elementary function of this name, of numbers of which one is `self`."""
         raise NotImplementedError
+
+    def beside(self, numbers: Sequence[Any]) -> Any:
+        """Numbers, `self` among them, as one number whose sums and products are those of each, and
+        whose `apart()` are the numbers; None if they cannot lie side by side.
+        """
+        return None
 
 
 def of_an_int(x: Any) -> Any:

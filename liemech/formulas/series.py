@@ -21,6 +21,7 @@ from ..errors import InvalidType, NotCompilable
 from . import functions as f
 from .functions import LOG_2, LOG_10
 from .numbers import INTEGER_POWER, Operand, Pair, StandIn, whole_power
+from .products import Products, cauchy, plus
 from .pytree import build, layout_of, leaves
 from .vectors import vec
 
@@ -32,11 +33,13 @@ class Series(Operand):
     operation.
     """
 
-    __slots__ = ("_rule", "_terms")
+    __slots__ = ("_products", "_rank", "_rule", "_terms")
 
     def __init__(self, *terms: Any) -> None:
         self._terms: list[Any] = list(terms)  # None: there is no such term
         self._rule: Callable[[int], Any] | None = None
+        self._rank = 0  # so many products of order k are made one after another for c_k
+        self._products: Products | None = None  # among which those of this series are
 
     def term(self, k: int) -> Any:
         """c_k, a number; None if there is no such term."""
@@ -56,9 +59,9 @@ class Series(Operand):
 
     def __add__(self, other: Any) -> Any:
         if isinstance(other, Series):
-            return _made(lambda k: _sum(self.term(k), other.term(k)))
+            return _made(lambda k: plus(self.term(k), other.term(k)), self, other)
         return (
-            _made(lambda k: self.term(k) if k else _sum(self.term(0), other))
+            _made(lambda k: self.term(k) if k else plus(self.term(0), other), self)
             if _is_number(other)
             else NotImplemented
         )
@@ -67,9 +70,9 @@ class Series(Operand):
 
     def __sub__(self, other: Any) -> Any:
         if isinstance(other, Series):
-            return _made(lambda k: _difference(self.term(k), other.term(k)))
+            return _made(lambda k: _difference(self.term(k), other.term(k)), self, other)
         return (
-            _made(lambda k: self.term(k) if k else _difference(self.term(0), other))
+            _made(lambda k: self.term(k) if k else _difference(self.term(0), other), self)
             if _is_number(other)
             else NotImplemented
         )
@@ -79,16 +82,16 @@ class Series(Operand):
 
     def __mul__(self, other: Any) -> Any:
         if isinstance(other, Series):
-            return _made(lambda k: _product(self, other, k))
+            return _multiplied(self, other)
         return (
-            _made(lambda k: _each(lambda c: c * other, self.term(k)))
+            _made(lambda k: _each(lambda c: c * other, self.term(k)), self)
             if _is_number(other)
             else NotImplemented
         )
 
     def __rmul__(self, other: Any) -> Any:
         return (
-            _made(lambda k: _each(lambda c: other * c, self.term(k)))
+            _made(lambda k: _each(lambda c: other * c, self.term(k)), self)
             if _is_number(other)
             else NotImplemented
         )
@@ -96,14 +99,15 @@ class Series(Operand):
     def __truediv__(self, other: Any) -> Any:
         if not isinstance(other, Series):
             return (
-                _made(lambda k: _each(lambda c: c / other, self.term(k)))
+                _made(lambda k: _each(lambda c: c / other, self.term(k)), self)
                 if _is_number(other)
                 else NotImplemented
             )
-        quotient = Series()
+        quotient = _undetermined(self, other)
+        quotient._rank += 1
 
         def rule(k: int) -> Any:  # a_k = sum_j b_j q_(k-j)
-            rest = _difference(self.term(k), _product(other, quotient, k, first=1))
+            rest = _difference(self.term(k), cauchy(other, quotient, k, first=1))
             return _each(lambda c: c / other[0], rest)
 
         return quotient.by(rule)
@@ -133,7 +137,7 @@ class Series(Operand):
         return _integral(Series(base ** self[0]), lambda power: f.log(base) * power, self)
 
     def __neg__(self) -> Series:
-        return _made(lambda k: _each(lambda c: -c, self.term(k)))
+        return _made(lambda k: _each(lambda c: -c, self.term(k)), self)
 
     def __pos__(self) -> Series:
         return self
@@ -177,11 +181,13 @@ class Series(Operand):
         """Term by term one or the other."""
         a, b = (x if isinstance(x, Series) else Series(x) for x in (yes, no))
         return _made(
-            lambda k: None if a.term(k) is None and b.term(k) is None else choose(a[k], b[k])
+            lambda k: None if a.term(k) is None and b.term(k) is None else choose(a[k], b[k]),
+            a,
+            b,
         )
 
     @staticmethod
-    def unknown(start: Any) -> Any:
+    def unknown(start: Any, products: Products) -> Any:
         """A value whose numbers are unknown series that begin with those of `start`; `follow`
         determines them.
         """
@@ -191,7 +197,7 @@ class Series(Operand):
                 "precision: power series have numbers of one double; "
                 "take precision='double' or another method"
             )
-        return build(layout, iter([Series(x) for x in leaves(start, layout)]))
+        return build(layout, iter([Series(x).among(products) for x in leaves(start, layout)]))
 
     @staticmethod
     def follow(start: Any, unknown: Any, rates: Any, h: Any) -> None:
@@ -201,12 +207,12 @@ class Series(Operand):
             y.grow(rate, h)
 
     @staticmethod
-    def unset(rates: Any) -> Any:
+    def unset(rates: Any, products: Products) -> Any:
         """Unknowns for a vector of rates, beginning with zero: series, or numbers that carry a
         derivative made of series, if one of the rates is.
         """
         pair = next((x for x in rates if isinstance(x, Pair)), None)
-        return vec(*[_unset(pair) for _ in rates])
+        return vec(*[_unset(pair, products) for _ in rates])
 
     @staticmethod
     def grown(unknown: Any, rate: Any, h: Any) -> None:
@@ -237,6 +243,11 @@ class Series(Operand):
         series = rate if isinstance(rate, Series) else Series(rate)
         self.by(lambda k: _each(lambda c: h * (1.0 / k) * c, series.term(k - 1)))
 
+    def among(self, products: Products) -> Series:
+        """This series, its products and those of what is made of it among these."""
+        self._products = products
+        return self
+
     def by(self, rule: Callable[[int], Any]) -> Series:
         """This series, its further terms made by a rule; the first is computed at once."""
         self._rule = rule
@@ -245,16 +256,32 @@ class Series(Operand):
         return self
 
 
-def _unset(pair: Any) -> Any:
+def _unset(pair: Any, products: Products) -> Any:
     """An unknown that begins with zero, of the kind of a number."""
     if not isinstance(pair, Pair):
-        return Series(None)
+        return Series(None).among(products)
     kind, *more = pair.form
-    return kind(*[_unset(part) for part in pair.parts], *more)
+    return kind(*[_unset(part, products) for part in pair.parts], *more)
 
 
-def _made(rule: Callable[[int], Any]) -> Series:
-    return Series().by(rule)
+def _made(rule: Callable[[int], Any], *of: Series) -> Series:
+    return _undetermined(*of).by(rule)
+
+
+def _undetermined(*of: Series) -> Series:
+    """A series of which the term k is made of the terms k of others, by sums."""
+    found = Series()
+    found._rank = max(x._rank for x in of)
+    found._products = next((x._products for x in of if x._products), None)
+    return found
+
+
+def _multiplied(a: Series, b: Series) -> Series:
+    product = _undetermined(a, b)
+    product._rank += 1
+    if product._products is None:
+        return product.by(lambda k: cauchy(a, b, k))
+    return product.by(product._products.joined(a, b, product._rank))
 
 
 def _is_number(x: Any) -> bool:
@@ -265,10 +292,6 @@ def _head(x: Any) -> Any:
     return x[0] if isinstance(x, Series) else x
 
 
-def _sum(a: Any, b: Any) -> Any:
-    return b if a is None else a if b is None else a + b
-
-
 def _difference(a: Any, b: Any) -> Any:
     return a if b is None else -b if a is None else a - b
 
@@ -277,38 +300,18 @@ def _each(function: Callable[[Any], Any], c: Any) -> Any:
     return None if c is None else function(c)
 
 
-def _product(a: Series, b: Series, k: int, first: int = 0) -> Any:
-    """The Cauchy product, sum_j a_j b_(k-j) over j >= first; a term of b is not looked at where a
-    has none.
-    """
-    total = None
-    if a is b and not first:  # a square: every mixed product occurs twice
-        for j in range((k + 1) // 2):
-            total = _sum(total, _times(a, j, b, k - j))
-        half = _times(a, k // 2, b, k // 2) if k % 2 == 0 else None
-        return _sum(_each(lambda c: c + c, total), half)
-    for j in range(first, k + 1):
-        total = _sum(total, _times(a, j, b, k - j))
-    return total
-
-
-def _times(a: Series, i: int, b: Series, j: int) -> Any:
-    x = a.term(i)
-    y = None if x is None else b.term(j)
-    return None if y is None else x * y
-
-
 # ------------------------------------------------------------------ elementary functions:
 # f(x)' = f'(x) x'
 
 
 def _integral(y: Series, slope: Callable[[Series], Any], x: Series) -> Series:
     """y, given its first term, with y' = slope(y) x'."""
+    y._rank, y._products = x._rank + 1, x._products
     given, weighted = slope(y), Series()
     g = given if isinstance(given, Series) else Series(given)
     # s x', no term before its time
     weighted._rule = lambda k: _each(lambda c: float(k) * c, x.term(k) if k else None)
-    return y.by(lambda k: _each(lambda c: c / k, _product(weighted, g, k)))
+    return y.by(lambda k: _each(lambda c: c * (1.0 / k), cauchy(weighted, g, k)))
 
 
 def _rule(

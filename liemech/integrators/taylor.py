@@ -7,6 +7,7 @@ from typing import Any
 
 from ..errors import InvalidInput
 from ..formulas import Vec, derivative, plain, record, sqrt, vec
+from ..formulas.products import Products
 from ..formulas.series import Series
 from ..groups.bernoulli import TERMS
 from ..retractions import Cayley, Exponential, Retraction
@@ -73,10 +74,11 @@ class Taylor(Method):
     def _terms(self, system: System, t: float, state: Any, h: float) -> tuple[Vec, ...]:
         """Omega_1, ..., Omega_order: along the step Omega = sum_k s^k Omega_k, 0 <= s <= 1."""
         start = plain(system.essential_part(state))
-        y = Series.unknown(start)
-        time: Any = Series(t, h)
+        products = Products()
+        y = Series.unknown(start, products)
+        time: Any = Series(t, h).among(products)
         xi = system.rate(time, y)
-        omega = Series.unset(xi)
+        omega = Series.unset(xi, products)
         rest = vec(*[Series() for _ in xi])
         # dtau_0 = 1: this is xi . y
         rates = derivative(lambda v: system.displaced(self.retraction, y, v), rest, xi)

@@ -13,6 +13,7 @@ from races import BLOCKS, FOUR, MOMENTS, PULL, SUNS, TOP_LOAD, TOP_MOMENTS, Race
 from rivals import Entry, Run, doubled, tolerances
 
 import liemech as lm
+from liemech import formulas
 from liemech.formulas import cos, sin
 from liemech.tableaus import DOP853, KAHAN_LI8, SPLITTINGS, VERNER6, SplittingTableau
 
@@ -97,6 +98,29 @@ def adaptive(
     )
 
 
+def plain(race: Race, orders: dict[int, int], times: int) -> list[Entry]:
+    """Taylor series of the equations in R^n as all other packages have them: no group, and nothing
+    kept but what the order keeps.
+
+    orders : the number of steps between two outputs to begin with, by order.
+    """
+
+    @lm.record
+    class Plain(lm.GroupEquation):
+        def velocity(self, t: float, y: lm.Vec) -> lm.Vec:
+            return lm.vec(*race.rates(formulas, t, y))
+
+    n = len(race.start)
+    system = Plain(lm.VectorSpace(n))
+    at = system, system.state(race.start)
+    return [
+        fixed(
+            race, f"Taylor {k}, R^{n}", at, lm.Taylor(k), doubled(first, times), race.outputs, ("g",)
+        )
+        for k, first in orders.items()
+    ]
+
+
 def exact(
     race: Race, at: Start, outputs: Callable[..., np.ndarray], parts: tuple[str, ...]
 ) -> Entry:
@@ -149,6 +173,7 @@ def free(race: Race) -> list[Entry]:
         add("Taylor 18", lm.Taylor(18), 4, 4),
         add("Taylor 12", lm.Taylor(12), 4, 5),
         *([] if far else [add("Galerkin 8", lm.GalerkinVariational(8), 4, 4)]),
+        *([] if far else plain(race, {8: 4, 12: 2, 18: 2}, 4)),
     ]
 
 
@@ -175,6 +200,7 @@ def heavy_top(race: Race) -> list[Entry]:
         add("RKMK Verner 6, se(3)*", lm.RKMK(tableau=VERNER6), 4, 5, dual),
         add("Taylor 12, se(3)*", lm.Taylor(12), 2, 5, dual),
         add("Taylor 18, se(3)*", lm.Taylor(18), 1, 5, dual),
+        *plain(race, {8: 2, 12: 1, 18: 1}, 4),
     ]
 
 
@@ -203,6 +229,7 @@ def kirchhoff(race: Race) -> list[Entry]:
         fixed(race, "RKMK Verner 6", at, lm.RKMK(tableau=VERNER6), doubled(4, 5), outputs),
         fixed(race, "Taylor 12", at, lm.Taylor(12), doubled(2, 5), outputs),
         fixed(race, "Taylor 18", at, lm.Taylor(18), doubled(2, 5), outputs),
+        *plain(race, {8: 2, 12: 2, 18: 1}, 4),
     ]
 
 
@@ -226,16 +253,20 @@ def four_dimensions(race: Race) -> list[Entry]:
         fixed(race, "Galerkin 6, exp", at, lm.GalerkinVariational(6), doubled(8, 4), outputs),
         fixed(race, "RKMK DOP853", at, lm.RKMK(tableau=DOP853), doubled(4, 6), outputs),
         fixed(race, "Taylor 12", at, lm.Taylor(12), doubled(4, 5), outputs),
+        *plain(race, {12: 2, 18: 2}, 4),
     ]
 
 
 def driven(race: Race) -> list[Entry]:
     """A rotation driven by a velocity that is given."""
     matrix, unit = Drive(lm.SO3()), Drive(lm.UnitQuaternions())
-    at, turn = (matrix, matrix.state(g=np.eye(3))), (unit, unit.state(g=race.start))
+    at, turn = (matrix, matrix.state(g=np.eye(3))), (unit, unit.state(unit.group.identity()))
+
+    def rotations(g: np.ndarray) -> np.ndarray:
+        return matrices(np.roll(g, 1, axis=1))  # here the scalar part is the last
 
     def add(name: str, where: Start, method: Any, first: int, times: int) -> Entry:
-        outputs = partial(square, n=3) if where is at else matrices
+        outputs = partial(square, n=3) if where is at else rotations
         return fixed(race, name, where, method, doubled(first, times), outputs, ("g",))
 
     return [
@@ -245,6 +276,7 @@ def driven(race: Race) -> list[Entry]:
         add("RKMK DOP853", at, lm.RKMK(tableau=DOP853), 8, 5),
         add("Taylor 12, quaternion", turn, lm.Taylor(12), 8, 4),
         add("Taylor 18, quaternion", turn, lm.Taylor(18), 4, 4),
+        *plain(race, {12: 8, 18: 8}, 4),
     ]
 
 
@@ -311,6 +343,7 @@ def spherical_pendulum(race: Race) -> list[Entry]:
         ],
         add("RATTLE, order 8", lm.Composition(lm.RATTLE(), order=8), 4, 6),
         add("Lobatto 6", lm.LobattoPair(order=6), 8, 6),
+        *plain(race, {12: 4, 18: 4}, 4),
     ]
 
 

@@ -51,7 +51,7 @@ def turning(problem: Problem) -> Place:
     """The rigid body with a quaternion for its attitude."""
     with warnings.catch_warnings(action="ignore", category=lm.errors.InertiaWarning):
         body = lm.RigidBody(problem.inertia, group=lm.UnitQuaternions())
-    return Place(body, body.state(mu=problem.mu, g=problem.quaternion))
+    return Place(body, body.state(mu=problem.mu, g=np.roll(problem.quaternion, -1)))
 
 
 def reduced(problem: Problem) -> Place:
@@ -258,10 +258,15 @@ def _run(
             motion: Any = plan.run(start, **length)
             mu, g = motion.mu[-1], motion.g[-1]
             found.append(
-                (mu[:3], g[:3, :3] if g.ndim == 2 else peers.result(np.array([*mu, *g]))[1])
+                (mu[:3], g[:3, :3] if g.ndim == 2 else _matrix(g))
             )
             if end < problem.times[-1]:
                 start = at.system.state(mu=mu, g=g)
         return found
 
     return run
+
+
+def _matrix(quaternion: np.ndarray) -> np.ndarray:
+    """The rotation matrix; here the scalar part is the last, with other packages the first."""
+    return peers.result(np.array([0.0, 0.0, 0.0, *np.roll(quaternion, 1)]))[1]

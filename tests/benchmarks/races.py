@@ -145,7 +145,9 @@ def top(m: Any, t: Any, y: Numbers) -> list[Any]:
     return [turn[0] + pull[0], turn[1] + pull[1], turn[2] + pull[2], *turning(y[3:7], rate)]
 
 
-BLOCKS = [[row[:] for row in numbers(FISH, name).tolist()] for name in "ADM"]
+BLOCKS = tuple(
+    tuple(tuple(row) for row in numbers(FISH, name).tolist()) for name in "ADM"
+)
 
 
 def fish(m: Any, t: Any, y: Numbers) -> list[Any]:
@@ -189,24 +191,27 @@ PLANES = ((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3))
 FOUR_MU = (0.5, -0.3, 0.4, 0.7, 0.2, -0.6)
 
 
+def skew(m: Numbers, i: int, j: int) -> Any:
+    """The entry (i, j), i unlike j, of the skew matrix with the numbers m below the diagonal."""
+    return -m[PLANES.index((i, j))] if i < j else m[PLANES.index((j, i))]
+
+
 def four(m: Any, t: Any, y: Numbers) -> list[Any]:
     """M' = [M, W], g' = g W on SO(4), W_ji = -W_ij = mu_ij/I_ij for i < j."""
-    zero = 0.0 * y[0]
-    M = [[zero] * 4 for _ in range(4)]
-    W = [[zero] * 4 for _ in range(4)]
-    for n in range(6):
-        i, j = PLANES[n]
-        rate = y[n] * (1.0 / FOUR[n])
-        M[j][i], M[i][j], W[j][i], W[i][j] = y[n], -y[n], rate, -rate
-    rates = []
-    for i, j in PLANES:
-        rates.append(
-            sum([M[j][k] * W[k][i] - W[j][k] * M[k][i] for k in range(4) if k not in (i, j)], zero)
-        )
-    for i in range(4):
-        for j in range(4):
-            rates.append(sum([y[6 + 4 * i + k] * W[k][j] for k in range(4) if k != j], zero))
-    return rates
+    M, every = y[:6], range(4)
+    W = [M[n] * (1.0 / FOUR[n]) for n in range(6)]
+    turn = [
+        [
+            skew(M, j, k) * skew(W, k, i) - skew(W, j, k) * skew(M, k, i)
+            for k in every
+            if k not in (i, j)
+        ]
+        for i, j in PLANES
+    ]
+    move = [
+        [y[6 + 4 * i + k] * skew(W, k, j) for k in every if k != j] for i in every for j in every
+    ]
+    return [sum(terms[1:], terms[0]) for terms in [*turn, *move]]
 
 
 def driven(m: Any, t: Any, y: Numbers) -> list[Any]:

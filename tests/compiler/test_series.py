@@ -12,6 +12,8 @@ import pytest
 
 import liemech as lm
 from liemech.formulas import Complex, Dual, functions, vec
+from liemech.formulas.numbers import StandIn
+from liemech.formulas.products import FIRST, LEAST, Products
 from liemech.formulas.series import Series
 from liemech.formulas.vectors import Vec
 
@@ -188,3 +190,80 @@ def test_they_are_those_of_plain_python() -> None:
     ]
     assert runs[0].q.max() > 0.31
     assert np.array_equal(runs[0].q, runs[1].q)
+
+
+# ------------------------------------------------------------------ products side by side
+
+
+class Number(StandIn):
+    """A float that can lie beside others; `made` counts the sums and products of rows."""
+
+    made = 0
+
+    def __init__(self, *x: float) -> None:
+        self.x = x
+
+    def beside(self, numbers: list[Number | float]) -> Number:
+        return Number(*[x.x[0] if isinstance(x, Number) else x for x in numbers])
+
+    def apart(self) -> list[Number]:
+        return [Number(x) for x in self.x]
+
+    def __add__(self, other: Number) -> Number:
+        return self._each(float.__add__, other)
+
+    def __mul__(self, other: Number) -> Number:
+        return self._each(float.__mul__, other)
+
+    __radd__, __rmul__ = __add__, __mul__
+
+    def _each(self, operation: object, other: Number | float) -> Number:
+        Number.made += len(self.x) > 1
+        theirs = other.x if isinstance(other, Number) else (other,)
+        return Number(*[operation(a, b) for a, b in zip(self.x, theirs, strict=True)])
+
+
+def unknowns(x: list[float], products: Products | None) -> list[Series]:
+    """Nine numbers that follow each other's products, some of two ranks, and of a series that ends
+    in some, and in some of one that begins late.
+    """
+    y = [Series(Number(a)) for a in x]
+    line, late = Series(Number(0.3), Number(0.1)), Series(None, Number(0.7))
+    if products:
+        for series in (*y, line, late):
+            series.among(products)
+    pairs = [y[i] * y[(i + 1) % 9] for i in range(9)]
+    squares = [a * a for a in y[:5]]
+    late.grow(pairs[0], 0.5)
+    for i in range(9):
+        further = pairs[i] * y[i] + squares[i % 5]
+        y[i].grow((further + line * y[i] if i % 2 else further) + late * y[(i + 2) % 9], 0.5)
+    return y
+
+
+def test_products_side_by_side_are_those_of_each_alone() -> None:
+    x = [0.1 * k - 0.43 for k in range(9)]
+    alone = unknowns(x, None)
+    Number.made = 0
+    expected = [[y[k].x[0] for k in range(9)] for y in alone]
+    assert not Number.made
+    found = [[y[k].x[0] for k in range(9)] for y in unknowns(x, Products())]
+    assert Number.made and found == expected
+
+
+def test_a_product_of_unlike_terms_is_computed_alone() -> None:
+    """From the term on that only some of the products have."""
+    products = Products()
+    cubes = [Series(*map(Number, (1.5, 2.0, 0.5, 1.0)[:n])).among(products) for n in (3, 3, 4, 4)]
+    wholes = [Series(*map(Number, X)).among(products) for _ in range(LEAST)]
+    found = [a * b for a, b in zip(cubes, wholes, strict=True)]
+    for k in range(FIRST + 2):
+        for a, b, product in zip(cubes, wholes, found, strict=True):
+            terms = [(a.term(j), b.term(k - j)) for j in range(k + 1)]
+            exact = sum(p.x[0] * q.x[0] for p, q in terms if p is not None and q is not None)
+            assert product[k].x[0] == pytest.approx(exact, rel=1e-15)
+
+
+def test_factors_may_change_places() -> None:
+    x, y = Series(*X), Series(*Y)
+    assert (terms(x * y) == terms(y * x)).all()

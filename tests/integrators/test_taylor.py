@@ -49,6 +49,18 @@ class OnSphere(lm.HomogeneousEquation):
 
 
 @record
+class Plain(lm.GroupEquation):
+    """Equations in R^9 with products of many forms: enough of them to lie side by side."""
+
+    def velocity(self, t: float, y: Any) -> Any:
+        line = 0.3 + 0.1 * t
+        pairs = [y[i] * y[(i + 1) % 9] for i in range(9)]
+        bent = [pairs[i] * y[i] - line * y[(i + 4) % 9] for i in range(9)]
+        others = [y[0] * y[0], y[1] * y[1], y[2] / (2.0 + y[3] * y[3]), sin(t) * y[4], sqrt(y[5])]
+        return vec(*[bent[i] - 0.1 * others[i % 5] for i in range(9)])
+
+
+@record
 class Rotor(lm.Hamiltonian):
     """An energy that is not quadratic, and whose gradient nobody writes."""
 
@@ -76,7 +88,7 @@ def moving(name: str) -> tuple[lm.System, Any, lm.Retraction]:
     volume = lm.LiePoissonSystem(
         lm.SL(3), lm.KineticEnergy([1.0, 1.5, 2.0, 1.2, 1.4, 1.7, 1.1, 1.9])
     )
-    ball = OnSphere(lm.SphereAction(3))
+    ball, plain = OnSphere(lm.SphereAction(3)), Plain(lm.VectorSpace(9))
     return {
         "body": (asymmetric_body()[0], asymmetric_body()[1], cayley),
         "body, exponential": (asymmetric_body()[0], asymmetric_body()[1], exponential),
@@ -88,6 +100,7 @@ def moving(name: str) -> tuple[lm.System, Any, lm.Retraction]:
         "energy alone": (hidden, hidden.state([0.3, 0.9, 1.4], g), cayley),
         "Kirchhoff": (submarine, submarine.state(six, np.eye(4)), cayley),
         "SU(2)": (quantum, quantum.state([0.3, 0.4, 1.0], np.eye(2)), cayley),
+        "plain": (plain, plain.state([*six, 0.1, 0.9, 0.4]), cayley),
         "SL(3)": (volume, volume.state([*six, 0.1, 0.1], np.eye(3)), exponential),
     }[name]
 
@@ -104,6 +117,7 @@ NAMES = (
     "Kirchhoff",
     "SU(2)",
     "SL(3)",
+    "plain",
 )
 
 
