@@ -37,9 +37,16 @@ def _by_components(op: Callable[[Any, Any], Any], scalars: bool = False) -> Any:
     def reflected(self: Vec, other: Any) -> Any:
         if scalars and not isinstance(other, _VECTORS):
             return _make(Vec, [op(other, x) for x in self])
+        if _begins_a_sum(other, op):
+            return self
         return _make(Vec, map(op, _same_length(self, other), self))
 
     return method, reflected
+
+
+def _begins_a_sum(x: Any, op: Callable[[Any, Any], Any]) -> bool:
+    """The 0 from which Python's `sum` starts."""
+    return op is operator.add and type(x) is int and x == 0
 
 
 def _are_samples(x: Any, axes: int) -> bool:
@@ -103,6 +110,19 @@ class Vec(tuple[Any, ...], Operand):
 
     def __rmatmul__(self, other: Any) -> Any:
         return small(other) @ self
+
+    @property
+    def T(self) -> Vec:
+        """The vector itself: rows and columns are told apart by where they stand."""
+        return self
+
+    @property
+    def shape(self) -> tuple[int]:
+        return (len(self),)
+
+    def dot(self, other: Any) -> Any:
+        """x @ other."""
+        return self @ other
 
     def sum(self) -> Any:
         """x_1 + x_2 + ..., from left to right."""
@@ -204,10 +224,18 @@ class Mat(Operand):
         return iter(self.rows)
 
     def __getitem__(self, index: Any) -> Any:
-        if isinstance(index, tuple):
-            i, j = index
+        """An entry A[i, j], a row A[i], a column A[:, j], a block A[:2, 1:]."""
+        if not isinstance(index, tuple):
+            return Mat(*self.rows[index]) if index.__class__ is slice else self.rows[index]
+        i, j = index
+        if i.__class__ is not slice:
             return self.rows[i][j]
-        return self.rows[index]
+        block = [row[j] for row in self.rows[i]]
+        return Mat(*block) if j.__class__ is slice else _make(Vec, block)
+
+    def dot(self, other: Any) -> Any:
+        """A @ other."""
+        return self @ other
 
     def _by_rows(self, op: Callable[[Any, Any], Any], other: Any) -> Any:
         if _are_samples(other, 2):
@@ -227,6 +255,8 @@ class Mat(Operand):
         return self._by_rows(operator.add, other)
 
     def __radd__(self, other: Any) -> Mat:
+        if _begins_a_sum(other, operator.add):
+            return self
         return small(other) + self if isinstance(other, _VECTORS) else self + other
 
     def __sub__(self, other: Any) -> Mat:
@@ -271,8 +301,8 @@ class Mat(Operand):
     def __rmatmul__(self, other: Any) -> Any:
         return small(other) @ self
 
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, Mat) and self.rows == other.rows
+    def __eq__(self, other: object) -> Any:
+        return self.rows == other.rows if isinstance(other, Mat) else NotImplemented
 
     def __hash__(self) -> int:
         return hash(self.rows)

@@ -135,3 +135,31 @@ def test_slices_of_vectors_are_vectors() -> None:
     v = vec(1.0, 2.0, 3.0, 4.0)
     assert type(v[:2]) is Vec and v[:2] + v[2:] == vec(4.0, 6.0) and 2 * v[1:3] == vec(4.0, 6.0)
     assert v[::-1] == vec(4.0, 3.0, 2.0, 1.0) and v[-1] == 4.0
+
+
+def test_rows_columns_and_blocks_of_matrices_are_those_of_arrays() -> None:
+    array = np.asarray(TALL)
+    for index in (1, -1, (2, 0), (2, slice(None)), (slice(None), 1), (slice(1, None), 0)):
+        assert [*np.ravel(TALL[index])] == [*np.ravel(array[index])]
+        assert type(TALL[index]) is (Vec if np.ndim(array[index]) else float)
+    for index in (slice(1, None), (slice(None, 2), slice(1, 2)), (slice(None, None, -1), slice(2))):
+        assert type(TALL[index]) is Mat and np.array_equal(np.asarray(TALL[index]), array[index])
+
+
+def test_what_arrays_have_too() -> None:
+    assert V.T @ M @ V == V.dot(M.dot(V)) == dot(V, M @ V)
+    assert V.shape == (3,) and TALL.shape == (3, 2)
+    assert sum([V, V, V]) == 3.0 * V and sum([M, M]) == 2.0 * M
+    assert (mat(vec(1.0, 2.0)) == np.array([[1.0, 3.0]])).tolist() == [[True, False]]
+    with pytest.raises(InvalidType, match="cannot be combined with int"):
+        1 + V
+
+
+@pytest.mark.compiled
+def test_columns_blocks_and_sums_in_all_worlds() -> None:
+    def formula(a: float, b: float, n: int) -> Any:
+        m = mat(vec(a, b, 1.0), vec(b, 2.0 * a, -1.0), vec(0.5, a * b, b))
+        v = m[:, 1]
+        return v, m[1:, :2][0], m[0:2][1], sum([v, m[:, 2]]), v.T @ m @ v, m.dot(v), v[1:] + v[:2]
+
+    same_in_all_worlds(formula, ROWS)
