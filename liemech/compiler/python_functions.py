@@ -92,18 +92,18 @@ class PythonFunctions:
             math.degrees: self.plain_number(functions.degrees, math.degrees),
             math.sqrt: self.of_math(math.sqrt, "llvm.sqrt"),
             math.log: self.log,
-            math.fsum: self.refused("math.fsum", "liemech.sum"),
+            math.fsum: self.refused(math.fsum, "liemech.sum"),
             math.prod: lambda items, start=1: functools.reduce(
                 operator.mul, self.t.iterate(items), start
             ),
             np.sqrt: self.plain_number(lambda x: self.e.call("llvm.sqrt", x), np.sqrt),
             np.abs: self.plain_number(abs, np.abs),
             np.fabs: self.plain_number(lambda x: self.e.call("llvm.fabs", x), np.fabs),
-            np.array: self.refused("np.array", "liemech.vec or liemech.mat"),
-            np.where: self.refused("np.where", "liemech.formulas.where"),
+            np.array: self.refused(np.array, "liemech.vec or liemech.mat"),
+            np.where: self.refused(np.where, "liemech.formulas.where"),
         }
         if hasattr(math, "sumprod"):  # from Python 3.12 on
-            self.table[math.sumprod] = self.refused("math.sumprod", "liemech.dot")
+            self.table[math.sumprod] = self.refused(math.sumprod, "liemech.dot")
         for f in (getattr(functions, name) for name in functions.INSTRUCTIONS):
             self.table[f] = _elementary(f)
         self.table[functions.fma] = functions.fma
@@ -370,13 +370,25 @@ class PythonFunctions:
         self.t.fail_if(self.e.logic("or_", wrong, self.e.overflowed(result, *x)))
         return result
 
-    def refused(self, name: str, instead: str) -> Callable[..., Any]:
+    def refused(self, function: Any, instead: str) -> Callable[..., Any]:
+        """A function of what is known now only."""
+
         def value(*x: Any, **options: Any) -> Any:
-            raise NotCompilable(
-                f"`{name}` rounds or returns arrays in ways of its own: use {instead}"
-            )
+            if holds_number((x, options)) or any(isinstance(a, Operand) for a in _inside(x)):
+                home = "math" if function.__module__ == "math" else "np"
+                raise NotCompilable(
+                    f"`{home}.{function.__name__}` rounds or returns arrays in ways of its own: "
+                    f"use {instead}"
+                )
+            return self.t.known(function, x, options)
 
         return value
+
+
+def _inside(items: Any) -> Iterator[Any]:
+    """What lists and tuples hold, whatever their depth, and what is neither."""
+    for x in items:
+        yield from _inside(x) if type(x) in (list, tuple) else (x,)
 
 
 def _kind(x: Any) -> str | None:

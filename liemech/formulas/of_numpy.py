@@ -30,6 +30,26 @@ def square(x: Any) -> Any:
     return x * x
 
 
+def maximum(x: Any, y: Any) -> Any:
+    """The larger number; nan if one is nan."""
+    return functions.where(x < y, y, functions.where(y != y, y, x))
+
+
+def minimum(x: Any, y: Any) -> Any:
+    """The smaller number; nan if one is nan."""
+    return functions.where(y < x, y, functions.where(y != y, y, x))
+
+
+def clip(x: Any, least: Any, most: Any) -> Any:
+    """x, or the bound that it is beyond."""
+    return minimum(maximum(x, least), most)
+
+
+def sign(x: Any) -> Any:
+    """1, -1, or 0 for 0; nan for nan."""
+    return functions.where(x > 0.0, 1.0, functions.where(x < 0.0, -1.0, 0.0 * x))
+
+
 def _solve(m: Mat, rhs: Any) -> Any:
     return solve(m, rhs) if isinstance(rhs, Vec) else solve_matrix(m, rhs)
 
@@ -54,6 +74,7 @@ BY_COMPONENTS: dict[Any, Callable[..., Any]] = {
     np.arcsinh: functions.asinh, np.arccosh: functions.acosh, np.arctanh: functions.atanh,
     np.exp: functions.exp, np.exp2: functions.exp2, np.expm1: functions.expm1,
     np.log: functions.log, np.log2: functions.log2, np.log10: functions.log10, np.log1p: functions.log1p,
+    np.maximum: maximum, np.minimum: minimum, np.clip: clip, np.sign: sign,
     np.hypot: functions.hypot, np.copysign: functions.copysign,
     np.radians: functions.radians, np.deg2rad: functions.radians, np.degrees: functions.degrees, np.rad2deg: functions.degrees,
 }  # fmt: skip

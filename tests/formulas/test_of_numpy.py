@@ -5,6 +5,7 @@ meaning; what meets samples of a run, NumPy computes.
 from __future__ import annotations
 
 import functools
+import math
 import operator
 from typing import Any
 
@@ -21,11 +22,14 @@ TABLE, FIELD = np.array([[2.0, -1.0, 0.5], [0.25, 3.0, 1.0]]), np.array([0.5, -2
 X, STEP = 0.4, 1e-3
 
 
-@pytest.mark.parametrize("function", of_numpy.BY_COMPONENTS, ids=lambda f: f.__name__)
+SMOOTH = [f for f in of_numpy.BY_COMPONENTS if f not in (np.clip, np.sign)]
+
+
+@pytest.mark.parametrize("function", SMOOTH, ids=lambda f: f.__name__)
 def test_functions_of_numbers_know_their_derivative(function: Any) -> None:
     """Against differences of order 6 of NumPy's own values."""
     shift = 1.0 if function is np.arccosh else 0.0
-    others = [0.7] * (function.nin - 1)
+    others = [0.2 if function is np.maximum else 0.7] * (function.nin - 1)
     found = function(Dual(X + shift, 1.0), *others)
     around = [function(X + shift + k * STEP, *others) for k in (-3, -2, -1, 1, 2, 3)]
     slope = np.dot([-1, 9, -45, 45, -9, 1], around) / (60 * STEP)
@@ -33,8 +37,10 @@ def test_functions_of_numbers_know_their_derivative(function: Any) -> None:
     assert found.slope == pytest.approx(slope, rel=1e-11)
     of_vector = function(Vec(0.7, Dual(X + shift, 1.0)), *others)
     assert (of_vector[1].value, of_vector[1].slope) == (found.value, found.slope)
-    if others and function is not np.copysign:
-        assert function(0.7, Dual(X, 1.0)).slope != 0.0
+    if others:
+        slopes = {np.copysign: 0.0, np.maximum: None, np.minimum: 1.0}
+        of_second = getattr(function(0.7, Dual(X, 1.0)), "slope", None)
+        assert of_second == slopes[function] if function in slopes else of_second != 0.0
 
 
 @pytest.mark.parametrize("function", of_numpy.OPERATORS, ids=lambda f: f.__name__)
@@ -127,6 +133,8 @@ FORMULAS = {
         np.arctan2(vec(a, b), c),
         np.hypot(vec(a, b), vec(b, c)),
         np.exp(lm.mat(vec(a, b), vec(b, c)))[1],
+        np.clip(vec(a, b, c), -0.5, FIELD) + np.maximum(vec(a, b, c), b) * np.sign(vec(c, a, b)),
+        np.minimum(c, vec(a, b)) - np.array([0.25, 0.5]),
         np.abs(vec(a, b)) + np.square(vec(b, c)) + np.add(FIELD[:2], vec(a, b)),
     ),
     "of derivatives": lambda a, b, c, n: lm.gradient(
@@ -147,6 +155,18 @@ FORMULAS = {
 def test_same_bits_in_all_worlds(what: str) -> None:
     rows = np.random.default_rng(5).normal(size=(40, 3)).tolist()
     same_in_all_worlds(FORMULAS[what], rows)
+
+
+def test_steps_and_bounds_are_those_of_arrays() -> None:
+    x = [-2.0, -0.0, 0.0, 0.5, 3.0, math.nan, math.inf]
+    for formula in (
+        lambda v: np.sign(v),
+        lambda v: np.clip(v, -1.0, 2.0),
+        lambda v: np.maximum(v, 0.25),
+        lambda v: np.minimum(0.25, v),
+        lambda v: np.maximum(v, np.array(x[::-1])),
+    ):
+        assert np.array_equal(formula(Vec(*x)), formula(np.array(x)), equal_nan=True)
 
 
 def test_numbers_of_two_doubles_keep_their_digits() -> None:
