@@ -77,11 +77,12 @@ def place(item: pytest.Item) -> int:
 
 
 def pytest_collection_finish() -> None:
-    """What thousands of tests keep for good is not searched for garbage again and again while
-    kernels are made.
+    """What thousands of tests keep for good is not searched for garbage again and again, and the
+    numbers of plain Python's steps less often: an eighth of the time of all tests.
     """
     gc.collect()
     gc.freeze()
+    gc.set_threshold(50_000, 20, 50)
 
 
 def pytest_sessionfinish() -> None:

@@ -151,6 +151,7 @@ def test_the_count_of_an_adaptive_run_goes_on_and_begins_anew_after_its_end(tmp_
 # ---------------------------------------------------------------- checkpoints
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize(
     ("record", "events", "t_eval"),
     [(None, Equator(), None), ("energy", (), True), (None, Equator(), True)],
