@@ -478,7 +478,7 @@ class NotANumberAtZero(lm.SO3):
         return lm.SO3().exp((sin(th) / th) / (sin(th) / th) * xi)
 
 
-@pytest.mark.sample(5)
+@pytest.mark.sample(3)
 @pytest.mark.parametrize(
     ("group", "law", "hint"), SLIPS, ids=[type(group).__name__ for group, _, _ in SLIPS]
 )

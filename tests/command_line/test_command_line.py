@@ -54,9 +54,9 @@ every = 5
 def test_every_scene_runs_and_its_method_keeps_the_energy(
     name: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["run", name, "--steps", "12", "--json"]) == 0
+    assert main(["run", name, "--steps", "6", "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
-    assert told["steps"] == 12 and told["files"] == []
+    assert told["steps"] == 6 and told["files"] == []
     (energy,) = [kept for kept in told["kept"] if kept["name"] == "energy"]
     assert energy["largest change"] < 1e-2
 

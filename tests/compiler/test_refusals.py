@@ -320,7 +320,7 @@ def test_a_run_goes_on_in_plain_python_with_one_warning(gyrostat) -> None:
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         run = lm.integrate(
-            gyrostat.system, lm.RKMK(order=4), gyrostat.start, h=0.1, steps=800, every=800
+            gyrostat.system, lm.RKMK(order=4), gyrostat.start, h=0.1, steps=80, every=80
         )
     assert [w.category for w in caught] == [NotCompiledWarning]
     assert "Gyrostat.gradient (gyrostat.py, line 14) cannot be compiled" in str(caught[0].message)
@@ -330,8 +330,8 @@ def test_a_run_goes_on_in_plain_python_with_one_warning(gyrostat) -> None:
         lm.RKMK(order=4),
         gyrostat.start,
         h=0.1,
-        steps=800,
-        every=800,
+        steps=80,
+        every=80,
         compiled=False,
     )
     assert np.array_equal(run.mu, plain.mu) and not run.compiled

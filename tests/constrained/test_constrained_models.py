@@ -67,7 +67,7 @@ STEPS = {
 }
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     "name", [slow(name) if name in ("spatial chain", "linkage 2") else name for name in STEPS]
 )

@@ -199,12 +199,12 @@ def test_a_product_moves_as_its_factors_do_on_their_own() -> None:
     ):
         both = lm.LiePoissonSystem(group, lm.KineticEnergy(moments))
         run = lm.integrate(
-            both, method, both.state(mu, group.identity()), h=0.1, steps=50, compiled=False
+            both, method, both.state(mu, group.identity()), h=0.1, steps=20, compiled=False
         )
         for half in (slice(0, 3), slice(3, 6)):
             one = lm.LiePoissonSystem(SO3, lm.KineticEnergy(moments[half]))
             alone = lm.integrate(
-                one, method, one.state(mu[half], np.eye(3)), h=0.1, steps=50, compiled=False
+                one, method, one.state(mu[half], np.eye(3)), h=0.1, steps=20, compiled=False
             )
             assert np.abs(alone.mu - run.mu[:, half]).max() <= 64 * EPS
             assert np.abs(alone.g - group.split(run.g)[half.start // 3]).max() <= 64 * EPS
@@ -503,7 +503,7 @@ def heavy_top(group: lm.LieGroup) -> tuple[lm.LiePoissonSystem, np.ndarray, np.n
 @each([RIGID, lm.SemidirectProduct(Q)])
 def test_heavy_top_converges_with_order_4_to_the_exact_motion(group: lm.SemidirectProduct) -> None:
     system, start, exact = heavy_top(group)
-    errors, steps = [], [20, 40, 80, 160]
+    errors, steps = [], [20, 40, 80]
     for n in steps:
         run = lm.integrate(
             system, lm.RKMK(order=4), system.state(start), h=2.0 / n, steps=n, compiled=False
@@ -512,7 +512,7 @@ def test_heavy_top_converges_with_order_4_to_the_exact_motion(group: lm.Semidire
         kept = group.casimirs(run.mu)
         assert np.abs(kept - kept[0]).max() <= 64 * EPS
     assert slope([2.0 / n for n in steps], errors) == pytest.approx(4.0, abs=0.15)
-    assert errors[-1] < 1e-6
+    assert errors[-1] < 1e-5
 
 
 def test_energy_and_casimirs_of_the_heavy_top() -> None:

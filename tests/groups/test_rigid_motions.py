@@ -253,7 +253,7 @@ def mp_dcayley_adjoint(motion: Motion, xi: list) -> mp.matrix:
     return mp.matrix(columns).T ** -1
 
 
-@pytest.mark.sample(6)
+@pytest.mark.sample(4)
 @pytest.mark.parametrize("side", SIDES)
 def test_dexp_and_its_relatives_by_definition(motion: Motion, side: str) -> None:
     G, xi = motion.group, motion.xi

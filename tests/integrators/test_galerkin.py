@@ -330,7 +330,7 @@ def test_order_of_a_lagrangian_that_is_not_quadratic(order: int) -> None:
         ).max()
         < 1e-15
     )
-    end = lm.integrate(system, lm.RKMK(order=8), start, h=0.05, steps=80).last
+    end = lm.integrate(system, lm.RKMK(order=8), start, h=0.1, steps=40).last
     assert_order(system, EXPS[order], start, (end.mu, end.g), 4.0, {4: (8, 16), 6: (6, 12)}[order])
 
 

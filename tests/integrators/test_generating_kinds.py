@@ -4,6 +4,7 @@ time.
 
 from __future__ import annotations
 
+import functools
 from typing import Any, ClassVar
 
 import numpy as np
@@ -277,11 +278,17 @@ def turned(method: lm.Method, h: float, steps: int = 1) -> lm.BodyState:
     ).last
 
 
+@functools.cache
+def flow(h: float) -> lm.BodyState:
+    """Where the satellite is after h, by a series of order 12."""
+    return turned(lm.Taylor(12, lm.Exponential()), h)
+
+
 @FAMILIES
 def test_order_and_structure_of_driven_bodies(method: Any) -> None:
     errors = []
     for h in 0.1, 0.05:
-        found, wanted = turned(method, h), turned(lm.Taylor(12, lm.Exponential()), h)
+        found, wanted = turned(method, h), flow(h)
         errors.append(
             max(
                 np.abs(np.array(a) - np.array(b)).max()
@@ -312,7 +319,7 @@ def test_a_drive_that_stands_still_changes_nothing() -> None:
     system = lm.DrivenLiePoissonSystem(lm.SO3(), Still())
     for method in lm.LiePoissonHamiltonJacobi(4), lm.FirstKindHamiltonJacobi(2):
         runs = [
-            lm.integrate(s, method, s.state(start), h=0.2, steps=2, compiled=False)
+            lm.integrate(s, method, s.state(start), h=0.2, steps=1, compiled=False)
             for s in (system, still)
         ]
         assert np.abs(runs[0].mu - runs[1].mu).max() < 1e-15

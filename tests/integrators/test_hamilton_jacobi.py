@@ -262,7 +262,7 @@ def jacobian(system: HamiltonianSystem, method: lm.Method, h: float, y: np.ndarr
     return (64 * three - 20 * two + one) / 45
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @SOME
 @SYSTEMS
 def test_steps_are_symplectic(system: HamiltonianSystem, method: HamiltonJacobi) -> None:
@@ -446,7 +446,7 @@ def test_where_there_is_no_derivative_the_run_ends() -> None:
             )
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @SYSTEMS
 def test_a_step_that_is_too_large_is_told(system: HamiltonianSystem) -> None:
     with pytest.raises(

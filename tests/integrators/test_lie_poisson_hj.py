@@ -356,7 +356,7 @@ def test_displacements_are_gradients(retraction: lm.Retraction, group: lm.LieGro
 COUNTS = {2: (80, 160, 320), 4: (20, 40, 80), 6: (16, 32)}
 
 
-@pytest.mark.sample(3)
+@pytest.mark.sample(2)
 @ALL
 @pytest.mark.parametrize("t_end", [2.0, -2.0])
 def test_order_of_momentum_and_attitude(method: LiePoissonHamiltonJacobi, t_end: float) -> None:

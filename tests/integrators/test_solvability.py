@@ -414,7 +414,7 @@ def test_a_run_with_a_large_step_warns_once() -> None:
 @BOTH
 def test_up_to_the_largest_step_every_direction_has_one(method: lm.CovariantVariational) -> None:
     rng = np.random.default_rng(11)
-    for J in shapes(rng, 30):
+    for J in shapes(rng, 15):
         body = quiet_body(J)
         mu = rng.normal(size=3)
         start = body.state(mu / np.linalg.norm(mu))

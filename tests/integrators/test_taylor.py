@@ -159,7 +159,7 @@ def test_order_on_the_asymmetric_body(order: int, counts: tuple[int, ...]) -> No
 def test_order_on_every_kind_of_system(name: str, order: int, counts: tuple[int, int]) -> None:
     system, start, retraction = moving(name)
     method = Taylor(order=order, retraction=retraction)
-    reference = last(system, lm.RKMK(order=8), start, 1.5, 150)
+    reference = last(system, lm.RKMK(order=8), start, 1.5, 60)
     coarse, fine = (
         np.abs(last(system, method, start, 1.5, n, compiled=False) - reference).max()
         for n in counts

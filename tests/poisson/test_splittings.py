@@ -85,7 +85,7 @@ def test_splittings_are_poisson_maps_and_keep_casimirs(system: Any, start: Any, 
 def test_orders_of_parts(system: Any, order: int) -> None:
     """Slopes against RKMK of order 8; four parts, whose turns do not commute."""
     start = START if system is SPECIES else TOP_START
-    exact = end(system, lm.RKMK(order=8), start, 1.0, 60)
+    exact = end(system, lm.RKMK(order=8), start, 1.0, 30)
     coarse = {1: 20, 2: 10, 3: 10, 4: 4, 6: 3, 8: 2}[order]
     errors = [
         np.abs(end(system, lm.Splitting(order=order), start, 1.0, n) - exact).max()

@@ -41,6 +41,7 @@ def alone(i: int, plan: lm.Plan = PLAN, **how: Any) -> lm.Trajectory:
     return plan.run(BODY.state(mu=MU[i]), **how)
 
 
+@pytest.mark.sample(5)
 @pytest.mark.parametrize("workers", [1, 2])
 @pytest.mark.parametrize("bodies", [1, 3, 8, 17, 40])
 def test_every_body_is_what_it_is_alone(bodies: int, workers: int) -> None:
@@ -59,6 +60,7 @@ def test_every_body_is_what_it_is_alone(bodies: int, workers: int) -> None:
         assert runs.h == np.mean([one.h for one in whole])
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 @pytest.mark.parametrize("own", [False, True])
 def test_samples_between_the_steps(sign: float, own: bool) -> None:
@@ -151,6 +153,7 @@ UNBOUNDED = lm.LiePoissonSystem(lm.SO3(), Blowing())
 STARTS = np.array([[0.0, 0.0, 1.0], [1.0, 2.0, 3.0], [0.0, 1.0, 0.0], [0.3, 0.2, 0.1]])
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("compiled", [True, False])
 @pytest.mark.parametrize("t_eval", [None, [0.0, 0.1, 50.0]])
 def test_a_body_that_fails_stands_at_its_last_accepted_state(compiled: bool, t_eval: Any) -> None:

@@ -25,6 +25,7 @@ def alone(body: int, method: lm.Method, **options: Any) -> lm.Trajectory:
     )
 
 
+@pytest.mark.sample(2)
 @WORLDS
 @pytest.mark.parametrize(
     "method", [lm.RKMK(order=4), lm.CovariantVariational(lm.Cayley())], ids=repr
@@ -73,13 +74,13 @@ def test_what_the_systems_of_an_ensemble_must_be() -> None:
 @pytest.mark.sample(1)
 @WORLDS
 def test_every_body_chooses_its_steps(compiled: bool) -> None:
-    method, given = lm.RKMK(order=5), dict(t_end=3.0, rtol=1e-8, t_eval=[0.5, 3.0])
+    method, given = lm.RKMK(order=5), dict(t_end=1.0, rtol=1e-8, t_eval=[0.5, 1.0])
     run = lm.integrate(BODIES, method, STARTS, compiled=compiled, **given)
     assert run.mu.shape == (2, 19, 3)
-    for i in range(0, 19, 5):
+    for i in range(0, 19, 6):
         assert np.array_equal(run.mu[:, i], alone(i, method, **given).mu)
-    ends = lm.integrate(BODIES[2], method, STARTS, t_end=3.0, rtol=1e-8, compiled=compiled)
-    assert np.array_equal(ends.t, [0.0, 3.0])
+    ends = lm.integrate(BODIES[2], method, STARTS, t_end=1.0, rtol=1e-8, compiled=compiled)
+    assert np.array_equal(ends.t, [0.0, 1.0])
     assert np.array_equal(ends.g[0], np.tile(np.eye(3), (19, 1, 1)))
 
 

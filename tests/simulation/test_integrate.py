@@ -415,7 +415,7 @@ def test_a_body_that_stopped_does_not_start_again(
     assert np.array_equal(run.mu[:, 1, 0], np.minimum(np.arange(201.0), 3.0))
 
 
-@pytest.mark.sample(6)
+@pytest.mark.sample(4)
 @ALL
 @BOTH_WORLDS
 def test_no_result_holds_what_is_no_number(method: lm.Method, compiled: bool) -> None:

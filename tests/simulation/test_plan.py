@@ -327,19 +327,20 @@ def test_a_symplectic_method_finds_events() -> None:
     assert 12.0 < errors[0] / errors[1] < 20.0
     rising = [t for t in times if BODY.exact(start, [t + 1e-3]).mu[0, 1] > 0.0]
     assert np.array_equal(run.events[1][0], rising)
-    assert same(run, lm.integrate(BODY, method, start, h=0.04, steps=1200, compiled=True))
+    alone = lm.integrate(BODY, method, start, h=0.04, steps=40, compiled=False)
+    assert np.array_equal(run.mu[:41], alone.mu) and np.array_equal(run.g[:41], alone.g)
 
 
 def test_a_terminal_event_ends_steps_of_one_length() -> None:
     start = BODY.state(mu=[0.4, 1.0, 0.1], g=np.eye(3))
     method = lm.RKMK(order=4)
-    free = lm.integrate(BODY, method, start, h=0.05, steps=400, events=crossing(), compiled=False)
+    free = lm.integrate(BODY, method, start, h=0.1, steps=200, events=crossing(), compiled=False)
     ended = lm.integrate(
         BODY,
         method,
         start,
-        h=0.05,
-        steps=400,
+        h=0.1,
+        steps=200,
         every=10,
         events=crossing(terminal=2),
         compiled=False,

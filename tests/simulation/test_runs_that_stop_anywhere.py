@@ -112,9 +112,9 @@ def test_a_mistake_in_a_recorded_formula_leaves_the_samples_before_it(how, t_eva
 # ---------------------------------------------------------------- events
 
 RUNS = {
-    "fixed": (KEPLER, lm.StormerVerlet(), PLANET, dict(h=0.04, events=Node()), 150, 250),
-    "fictive": (KEPLER, CLOCK, PLANET, dict(h=0.04, events=Node()), 150, 250),
-    "ensemble": (KEPLER, lm.StormerVerlet(), PLANETS, dict(h=0.04, events=Node()), 150, 250),
+    "fixed": (KEPLER, lm.StormerVerlet(), PLANET, dict(h=0.08, events=Node()), 75, 125),
+    "fictive": (KEPLER, CLOCK, PLANET, dict(h=0.08, events=Node()), 75, 125),
+    "ensemble": (KEPLER, lm.StormerVerlet(), PLANETS, dict(h=0.08, events=Node()), 75, 125),
 }
 
 
@@ -151,6 +151,7 @@ def test_the_count_of_an_adaptive_run_goes_on_and_begins_anew_after_its_end(tmp_
 # ---------------------------------------------------------------- checkpoints
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize(
     ("record", "events", "t_eval"),
     [(None, Equator(), None), ("energy", (), True), (None, Equator(), True)],

@@ -98,7 +98,7 @@ def test_sizes_whatever_the_number_of_samples() -> None:
 
     assert len(scene(600).html()) < 1_300_000
     assert len(scene(600).html(compressed=True)) < 550_000
-    many, few = scene(1_000_000).html(), scene(900).html()
+    many, few = scene(200_000).html(), scene(900).html()
     assert abs(len(many) - len(few)) < 100 and len(few) < 1_300_000
 
 
