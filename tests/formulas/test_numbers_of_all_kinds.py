@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 from liemech import formulas as f
-from liemech.formulas import Complex, derivative, record, vec
+from liemech.errors import InvalidInput
+from liemech.formulas import Complex, Mat, Vec, derivative, record, vec
 from liemech.formulas.anything import Anything, choice, degree, made_of
 from liemech.formulas.derivatives import tangent
 from liemech.formulas.functions import fma
@@ -32,8 +33,9 @@ def test_complex_numbers(operation: Any) -> None:
         assert abs(complex(operation(a, b)) - wanted) <= 4e-16 * abs(wanted)
     assert abs(z) == abs(complex(z)) and complex(z.conjugate()) == complex(z).conjugate()
     same, other = Complex(0.3, -0.7), Complex(0.3, 0.7)
-    assert (z == same) and (z != other) and not (z != same) and not (z == other)
-    assert Complex(2.0) == 2.0 and Complex(2.0) != 2.0 + 1e-9j and not Complex(1.0, 0.7) == other
+    for a, equal in ((same, True), (other, False), (Complex(0.4, -0.7), False), (0.3, False)):
+        assert (operator.eq(z, a), operator.ne(z, a)) == (equal, not equal)
+    assert Complex(2.0) == 2.0 and Complex(2.0) != 2.0 + 1e-9j
 
 
 @pytest.mark.parametrize("operation", COMPARISONS, ids=lambda o: o.__name__)
@@ -63,8 +65,9 @@ def test_remainders_of_numbers_with_derivatives(a: float) -> None:
         ):  # fmt: skip
             if formula(2.0, 3.0) == 8.0 and a < 0.0:
                 continue  # a power of a negative number
-            both = derivative(lambda x: derivative(lambda y: formula(x, y) * x, b), a)
-            other = derivative(lambda y: derivative(lambda x: formula(x, y) * x, a), b)
+            g = lambda x, y, formula=formula: formula(x, y) * x  # noqa: E731
+            both = derivative(lambda x, b=b, g=g: derivative(lambda y: g(x, y), b), a)
+            other = derivative(lambda y, g=g: derivative(lambda x: g(x, y), a), b)
             assert both == pytest.approx(other, rel=1e-14, abs=1e-14)
 
 
@@ -113,3 +116,28 @@ def test_sizes_and_fused_products() -> None:
         with mp.workdps(60):
             assert fma(x, y, z) == float(mp.mpf(x) * mp.mpf(y) + mp.mpf(z))
     assert fma(0.0, -1.0, -0.0) == 0.0 and fma(1e-200, 1e-200, 1e-310) == 1e-310
+
+
+def test_vectors_and_matrices_of_any_shape_as_fields_and_arguments() -> None:
+    @record
+    class Form(Record):
+        matrix: Mat
+        vector: Vec
+
+        def value(self, m: Mat, v: Vec) -> float:
+            """v . m v."""
+            return f.dot(v, m @ v)
+
+    rng = np.random.default_rng(2)
+    m, v = rng.normal(size=(4, 2, 2)), rng.normal(size=(4, 2))
+    form = Form(m[0], v[0].tolist())
+    assert isinstance(form.matrix, Mat) and form.matrix.shape == (2, 2)
+    assert isinstance(form.vector, Vec) and len(form.vector) == 2
+    assert np.allclose(form.value(m, v), np.einsum("bi,bij,bj->b", v, m, v), rtol=1e-14)
+    assert np.allclose(form.value(m[0], v), np.einsum("bi,ij,bj->b", v, m[0], v), rtol=1e-14)
+    assert form.value(m[0], v[0]) == pytest.approx(v[0] @ m[0] @ v[0], rel=1e-14)
+    for wrong in (v[0], m):
+        with pytest.raises(InvalidInput, match="matrix is a matrix; got an array of shape"):
+            Form(wrong, v[0])
+    with pytest.raises(InvalidInput, match=r"m has shape \(2,\); its last axes must be \('n', 'n'\)"):
+        form.value(v[0], v[0])

@@ -135,7 +135,7 @@ def test_null_vectors_in_any_units() -> None:
         assert np.allclose(found, exact / np.abs(exact).max(), rtol=1e-12, atol=0.0)
         d = like_sizes(B)
         rows = np.abs(d[:, None] * B * d).max(axis=1)
-        assert np.array_equal(d, 2.0 ** np.round(np.log2(d))) and (0.25 < rows).all() and (rows < 4.0).all()
+        assert np.array_equal(d, 2.0 ** np.round(np.log2(d))) and (rows > 0.25).all() and (rows < 4.0).all()
     assert len(null_vectors(np.zeros((2, 2)))) == 2 and len(null_vectors(np.zeros((1, 1)))) == 1
     four = np.zeros((4, 4))
     four[0, 1], four[1, 0], four[2, 3], four[3, 2] = 1.0, -1.0, 1e-9, -1e-9

@@ -82,7 +82,9 @@ def test_formulas_and_arrays_measure_the_same(group: lm.MatrixLieGroup) -> None:
 
 @pytest.mark.parametrize("group", SHIPPED, ids=repr)
 def test_constants_of_formulas(group: lm.MatrixLieGroup) -> None:
-    """x y x and its dual from terms; brackets begin with no minus."""
+    """x y x and its dual from terms; brackets begin with no minus; the bound of ad is its norm, or
+    the half of its square where singular values come in pairs.
+    """
     basis = group.generated
     x, y = np.random.default_rng(5).normal(size=(2, group.dim))
     if basis.without_cayley is None:
@@ -92,6 +94,9 @@ def test_constants_of_formulas(group: lm.MatrixLieGroup) -> None:
         dual = [sum(c * x[i] * x[j] * y[k] for c, i, j, k in t) for t in basis.triple_dual_terms]
         assert dual @ y == pytest.approx(y @ wanted, abs=1e-12)
     assert all(c > 0.0 for terms in basis.bracket_terms for c, _, _ in terms)
+    ad = np.array(group.algebra.ad_matrix(x))
+    half = 0.5 if np.array_equal(ad, -ad.T) else 1.0
+    assert group.algebra.ad_size2(x) == pytest.approx(half * np.sum(ad * ad), rel=1e-13)
 
 
 def test_terms_with_positive_coefficients_come_first() -> None:
