@@ -400,17 +400,13 @@ def null_vectors(array: np.ndarray) -> tuple[Vec, ...]:
 
 
 def like_sizes(array: np.ndarray) -> np.ndarray:
-    """Powers of two d for which all entries of d_i b_ij d_j are near one, as far as that can be,
-    and then the largest of each row; 1 for rows of zeros.
+    """Powers of two d for which the largest entries of all rows of d_i b_ij d_j are near one; 1 for
+    rows of zeros.
 
-    Source: Curtis and Reid, On the automatic scaling of matrices for Gaussian elimination, IMA J.
-    Appl. Math. 10 (1972), 118; Ruiz, A scaling algorithm to equilibrate both rows and columns norms
-    in matrices, RAL-TR-2001-034.
+    Source: Ruiz, A scaling algorithm to equilibrate both rows and columns norms in matrices,
+    RAL-TR-2001-034.
     """
-    i, j = np.nonzero(np.triu(array))
-    both = np.eye(len(array))[i] + np.eye(len(array))[j]
-    logarithms, *_ = np.linalg.lstsq(both, -np.log2(np.abs(array[i, j])))
-    units = np.exp2(np.round(logarithms))
+    units = np.ones(len(array))
     for _ in range(TURNS):
         largest = np.abs(units[:, None] * array * units).max(axis=1)
         largest[largest == 0.0] = 1.0
