@@ -141,7 +141,7 @@ def changes(file: Path) -> list[Change]:
             ("import ", "from ", "@", "class ", "def ", "raise ", "__all__", '"', 'f"')
         ):
             continue
-        if token.line[:column].endswith("reshape(-"):
+        if re.search(r"reshape\(.*-$", token.line[:column]):
             continue  # any negative length is the one that NumPy finds
         if token.type == tokenize.NUMBER and token.string.replace(".", "").isdigit():
             value = float(token.string)

@@ -136,7 +136,7 @@ def _freedom(laws: Invariants, n: int, complex_: bool) -> int:
     if laws.determinant == "1":
         ask(trace)
     elif laws.determinant == "unit":
-        ask(trace.real + 0.0j if complex_ else trace)
+        ask(trace.real)
     return len(space) - int(np.linalg.matrix_rank(np.concatenate(conditions, axis=1), tol=1e-9))
 
 

@@ -66,6 +66,31 @@ def test_large_matrices_are_moved_as_small_ones(name: str, monkeypatch: pytest.M
     assert not large.contains(away).any()
 
 
+def test_brackets_and_bounds_without_structure_constants(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Products of matrices; |[x, y]|^2 <= 2 |x|^2 |y|^2 of matrices, in coordinates."""
+    for name, value in (("SMALL", 1), ("TABLED", 0), ("_known", {})):
+        monkeypatch.setattr(matrix_basis, name, value)
+    for small, scale in ((lm.SL(2), [1.0, 2.0, 3.0]), (lm.SU(2), [1.0, 0.5, 3.0])):
+        generators = np.array(scale)[:, None, None] * np.array(small.generated.generators)
+        algebra = MatrixLieGroup.of(generators).algebra
+        assert algebra.generated.large and not algebra.generated.tabled
+        xi, eta = map(lm.Vec.of, np.random.default_rng(3).normal(size=(2, 3)).tolist())
+        x, y = (np.einsum("i,iab->ab", v, generators) for v in (xi, eta))
+        assert np.allclose(algebra.generated.hat(np.array(algebra.bracket(xi, eta))), x @ y - y @ x)
+        assert lm.dot(algebra.ad_star(xi, eta), xi) == pytest.approx(0.0, abs=1e-14)
+        ad = np.array([algebra.bracket(xi, lm.Vec.of(e)) for e in np.eye(3).tolist()]).T
+        assert np.allclose(algebra.ad_star(xi, eta), ad.T @ np.array(eta))
+        lengths = np.linalg.eigvalsh(np.einsum("iab,jab->ij", generators.conj(), generators).real)
+        bound = 2.0 * np.linalg.norm(x) ** 2 * lengths[-1] / lengths[0]
+        assert algebra.ad_size2(xi) == pytest.approx(bound, rel=1e-12)
+    for wrong, words in (
+        (lm.SL(2).generators[:2], "closed under the bracket: the bracket of two generic elements"),
+        ([[[0.0, 1.0], [0.0, 0.0]], np.zeros((2, 2))], "linearly dependent: 2 matrices of rank 1"),
+    ):
+        with pytest.raises(lm.errors.LawViolation, match=words):
+            MatrixLieGroup.of(wrong)
+
+
 def test_what_is_off_or_has_no_logarithm_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(matrix_basis, "SMALL", 1)
     monkeypatch.setattr(matrix_basis, "_known", {})

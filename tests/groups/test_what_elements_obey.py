@@ -13,7 +13,7 @@ import liemech as lm
 from liemech.groups.heisenberg import Heisenberg
 from liemech.groups.matrix_basis import linear_terms, products
 from liemech.groups.matrix_group import MatrixLieGroup
-from liemech.groups.matrix_invariants import objections
+from liemech.groups.matrix_invariants import null_space, objections
 from liemech.groups.nearest import nearest_unitary
 
 PLANE = lm.SE2().algebra.basis
@@ -52,6 +52,8 @@ def test_all_laws_are_found(group: lm.MatrixLieGroup) -> None:
         assert len(laws.hermitian) == kept([np.kron(np.conj(m).T, m.T) for m in g])
         if not any(np.linalg.cond(b) < 1e6 for b in laws.hermitian):
             assert len(laws.cohermitian) == kept([np.kron(m, np.conj(m)) for m in g])
+    for law in (*laws.forms, *laws.hermitian, *laws.coforms, *laws.vectors, *laws.covectors):
+        assert np.abs(law).max() == pytest.approx(1.0, rel=1e-15)
     det = np.linalg.det(g[0])
     assert laws.determinant == (
         "1" if abs(det - 1.0) < 1e-9 else "unit" if abs(abs(det) - 1.0) < 1e-9 else "any"
@@ -80,7 +82,9 @@ def test_formulas_and_arrays_measure_the_same(group: lm.MatrixLieGroup) -> None:
 
 @pytest.mark.parametrize("group", SHIPPED, ids=repr)
 def test_constants_of_formulas(group: lm.MatrixLieGroup) -> None:
-    """x y x and its dual from terms; brackets begin with no minus."""
+    """x y x and its dual from terms; brackets begin with no minus; the bound of ad is its norm, or
+    the half of its square where singular values come in pairs.
+    """
     basis = group.generated
     x, y = np.random.default_rng(5).normal(size=(2, group.dim))
     if basis.without_cayley is None:
@@ -90,6 +94,9 @@ def test_constants_of_formulas(group: lm.MatrixLieGroup) -> None:
         dual = [sum(c * x[i] * x[j] * y[k] for c, i, j, k in t) for t in basis.triple_dual_terms]
         assert dual @ y == pytest.approx(y @ wanted, abs=1e-12)
     assert all(c > 0.0 for terms in basis.bracket_terms for c, _, _ in terms)
+    ad = np.array(group.algebra.ad_matrix(x))
+    half = 0.5 if np.array_equal(ad, -ad.T) else 1.0
+    assert group.algebra.ad_size2(x) == pytest.approx(half * np.sum(ad * ad), rel=1e-13)
 
 
 def test_terms_with_positive_coefficients_come_first() -> None:
@@ -114,3 +121,45 @@ def test_the_nearest_orthogonal_matrix_is_refused_where_there_are_several() -> N
     assert nearest_unitary(np.diag([1.0, 1.0, 0.0]), oriented=False) is None
     assert nearest_unitary(np.diag([1.0, 1.0, 1e-9]), oriented=False) is not None
     assert np.array_equal(nearest_unitary(np.array([[3.0]]), oriented=True), [[1.0]])
+
+
+@pytest.mark.parametrize("complex_", [False, True])
+@pytest.mark.parametrize("size", [1.0, 1e-13, 1e13])
+def test_solutions_of_linear_equations_look_simple(complex_: bool, size: float) -> None:
+    """In reduced form, the largest entry of each 1, in whatever unit the equations are."""
+    rng = np.random.default_rng(7)
+    for m, k in ((3, 7), (2, 3), (6, 4), (1, 5)):
+        equations = rng.normal(size=(m, k)) + (1j * rng.normal(size=(m, k)) if complex_ else 0.0)
+        rows = null_space(size * equations)
+        assert len(rows) == max(k - m, 0) and np.allclose(equations @ rows.T, 0.0, atol=1e-13)
+        for row in rows:
+            first = int(np.flatnonzero(row)[0])
+            assert np.abs(row).max() == pytest.approx(1.0, rel=1e-15)
+            assert np.count_nonzero(rows[:, first]) == 1
+    assert np.array_equal(null_space(np.array([[0.0, 0.0, 3.0]])), [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+
+
+@pytest.mark.parametrize(
+    ("group", "g", "words"),
+    [
+        (lm.SO(2), [[1.0, 0.0], [0.0, -1.0]], "its determinant is -1, it is a reflection"),
+        (lm.SO(2), [[2.0, 0.0], [0.0, 2.0]], "g^T g differs from the unit matrix by 3.0e+00"),
+        (lm.SU(2), [[1j, 0.0], [0.0, 1j]], "its determinant is -1, not 1"),
+        (lm.SL(2), [[-1.0, 0.0], [0.0, 1.0]], "its determinant is -1, not 1"),
+        (lm.SL(2), [[2.0, 0.0], [0.0, 1.25]], "its determinant is 2.5, not 1"),
+        (lm.SU(2), [[1.0, 0.0], [0.0, 1j]], "its determinant is 0+1j, not 1"),
+        (lm.U(2), [[2.0, 0.0], [0.0, 1.0]], "g^H g differs from the unit matrix by 3.0e+00"),
+        (lm.GL(2), [[1.0, 1.0], [1.0, 1.0]], "it is singular"),
+        (MatrixLieGroup.of(lm.Sp(2).generators), [[2.0, 0.0], [0.0, 1.0]],
+         "g^T B g differs from B by 1.0e+00, with the antisymmetric form B = [[ 0.,  1.], [-1.,  0.]] of the group"),
+        (MatrixLieGroup.of([[[0.0, 1.0], [1.0, 0.0]]]), [[2.0, 0.0], [0.0, 1.0]], "with the symmetric form B = "),
+        (MatrixLieGroup.of(PLANE), [[1, 0, 0], [0, 1, 0], [0, 0, 2]], "g^T B g differs from B by 3.0e+00"),
+        (MatrixLieGroup.of(COMPLEX_PLANE), [[2, 0], [0, 1]], "g C g^H differs from C = "),
+        (MatrixLieGroup.of(TRIANGULAR), [[1, 0], [1, 1]], "g E_1 g^-1 sticks out of the algebra by"),
+        (MatrixLieGroup.of([np.diag([1.0, 2.0, 0.0])]), [[1, 0, 0], [0, 1, 0], [0, 1, 1]],
+         "it does not commute with"),
+    ],
+)  # fmt: skip
+def test_words(group: lm.MatrixLieGroup, g: list[list[float]], words: str) -> None:
+    laws = objections(group.invariants, group.generated, np.array(g))
+    assert any(words in text for off, text in laws if off > 1e-6)
