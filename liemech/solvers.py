@@ -36,7 +36,7 @@ LIMIT = 50
 def newton(
     equation: Callable[[Vec], tuple[Vec, Mat, float]],
     guess: Vec,
-    data: float,
+    data: float = 1.0,
     rate: float = 1.0,
     tolerance: float = TOLERANCE,
     solved: Callable[[Mat, Vec], Vec] | None = None,
@@ -46,7 +46,7 @@ def newton(
     asks for applied once more.
 
     equation : gives at x the residual r, its derivative and the factor w that |r|^2 has over the
-    data.  data : a square.
+    data.  data : a square; one where residuals are numbers without a unit.
     tolerance : smaller for a derivative that is not exact, with which the last correction gains
     fewer digits.
     solved : the solution of a linear system, if `correction` is not the best way to it.

@@ -104,7 +104,7 @@ class Projected(OnConstraints):
             slope = cross_products(system.constraint_jacobian(there), pushed(system, q, ph, G))
             return system.constraint(there), -h * slope, 1.0
 
-        x, size, enough, _ = newton(equation, guess, 1.0, solved=in_order, weights=weights)
+        x, size, enough, _ = newton(equation, guess, solved=in_order, weights=weights)
         pull = -(x @ G)
         drift = h * system.velocity(q, p + (free + pull))
         return q + drift, drift, free, pull, x, size, enough
@@ -127,7 +127,7 @@ class Projected(OnConstraints):
                 1.0,
             )
 
-        x, size, enough, _ = newton(equation, guess, 1.0, solved=in_order, weights=weights)
+        x, size, enough, _ = newton(equation, guess, solved=in_order, weights=weights)
         moved = x @ normals
         return aim - moved, drift - moved, free, -(x @ G), x, size, enough
 
@@ -160,7 +160,7 @@ class Projected(OnConstraints):
 
         guesses = vec(*drift, *kick, *guess)
         z, size, enough, _ = newton(
-            lambda z: (residual(z), jacobian(residual, z), 1.0), guesses, 1.0, solved=in_order
+            lambda z: (residual(z), jacobian(residual, z), 1.0), guesses, solved=in_order
         )
         drift, kick = vec(*[z[i] for i in range(n)]), vec(*[z[n + i] for i in range(n)])
         impulses = vec(*[z[2 * n + k] for k in range(m)])

@@ -114,7 +114,9 @@ def is_always_solvable(moments: Vec) -> bool:
 
         k_ij = 4 J_i J_j (J_i + J_j) + 8 J_1 J_2 J_3 - J_k (J_i^2 + J_j^2),   beside   k_i = J_i (4 J_i^2 + 3 J_j J_k)   of x_i^4,
 
-    can be negative.  The condition is that this quadratic form is not negative where no x_i^2 is.
+    can be negative.  The condition is that this quadratic form is not negative where no x_i^2 is,
+    for which k_ij >= -2 (k_i k_j)^(1/2) is enough here: where two of the k_ij come near that bound,
+    the third is at least 2 (k_i k_j)^(1/2).
     It holds for all bodies that obey the triangle inequality and whose moments differ by a factor
     of less than 70; det DF does vanish for rods beyond 1:135.
 
@@ -129,10 +131,7 @@ def is_always_solvable(moments: Vec) -> bool:
         sqrt(c * (4.0 * c * c + 3.0 * a * b)),
     )
     ab, bc, ca = _mixed(a, b, c), _mixed(b, c, a), _mixed(c, a, b)
-    p, q, r = ab + ra * rb, bc + rb * rc, ca + rc * ra
-    if min(p, min(q, r)) < 0.0:
-        return False
-    return ra * rb * rc + ab * rc + bc * ra + ca * rb + sqrt(2.0 * p * q * r) >= 0.0
+    return min(ab + ra * rb, min(bc + rb * rc, ca + rc * ra)) >= 0.0
 
 
 def _mixed(a: float, b: float, c: float) -> float:

@@ -168,7 +168,7 @@ class ConstrainedSystem(CanonicalSystem):
                 1.0,
             )
 
-        x, size, enough, _ = newton(equation, vec(*zero), 1.0, solved=in_order)
+        x, size, enough, _ = newton(equation, vec(*zero), solved=in_order)
         if not size <= enough:
             raise NoConvergence(
                 f"{type(self).__name__}: no position with g(q) = 0 was found near q = {tuple(q)}"
@@ -204,7 +204,7 @@ class ConstrainedSystem(CanonicalSystem):
             products = cross_products(G, self.normals(q, there))
             return weights * (G @ self.velocity(q, there)), -scaled(products, weights), 1.0
 
-        x, size, enough, _ = newton(equation, x, 1.0, solved=in_order)
+        x, size, enough, _ = newton(equation, x, solved=in_order)
         if not size <= enough:
             raise NoConvergence(
                 f"{type(self).__name__}: no momentum with G(q) H_p "

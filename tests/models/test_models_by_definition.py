@@ -10,7 +10,7 @@ from scenes import numbers
 from scipy.spatial.transform import Rotation
 
 import liemech as lm
-from liemech.models import poses
+from liemech.models import planetary_system, poses
 from liemech.models.kepler import kepler_equation
 
 RNG = np.random.default_rng(3)
@@ -221,6 +221,83 @@ def test_the_centre_of_gyration() -> None:
     wanted = np.r_[y[3] * star + np.cross(b, pull), -star @ pull] / (b @ star)
     moved = numbers(system.structure.sharp(lm.vec(*y), system.gradient(lm.vec(*y))))
     assert np.allclose(moved, wanted, rtol=1e-7, atol=1e-8)
+
+
+def test_planets_in_coordinates_of_jacobi() -> None:
+    """Energies and slopes of both parts, with four bodies: together those of points; places, and
+    the way back of whole arrays.
+    """
+    masses = np.array([1.0, 0.3, 0.2, 0.4])
+    system, points = lm.PlanetarySystem(masses, 1.7), lm.NBody(masses, 1.7)
+    q = RNG.normal(size=(4, 3)) + 2.0 * np.arange(4)[:, None]
+    p = RNG.normal(size=(4, 3))
+    q, p = q - masses @ q / masses.sum(), p - masses[:, None] * p.sum(axis=0) / masses.sum()
+    start = system.state_of(q.ravel(), p.ravel())
+    y = numbers(start.y)
+    energy = points.energy(lm.vec(*q.ravel()), lm.vec(*p.ravel()))
+    assert system.energy(start.y) == pytest.approx(energy, rel=1e-13)
+    for part in (system.hamiltonian, *system.hamiltonian.parts):
+        energy_of = part.energy
+        slopes = [
+            (energy_of(lm.vec(*(y + 1e-5 * e))) - energy_of(lm.vec(*(y - 1e-5 * e)))) / 2e-5
+            for e in np.eye(18)
+        ]
+        assert np.allclose(part.gradient(start.y), slopes, rtol=1e-6, atol=1e-8)
+    assert np.abs(slopes[:3]).max() > 1e-3 and np.abs(slopes[3:9]).max() > 1e-3
+    back = system.bodies(np.array([y, y]))
+    assert np.allclose(back[0], [q.ravel()] * 2, atol=1e-14) and back[0].shape == (2, 12)
+    assert np.allclose(back[1], [p.ravel()] * 2, atol=1e-14) and back[1].shape == (2, 12)
+
+
+def test_few_turns_solve_keplers_equation_for_all_orbits(monkeypatch: Any) -> None:
+    """Laguerre's iteration, of degree five, from t/r_0."""
+    seen = [0]
+    stumpff = planetary_system.stumpff
+
+    def counted(z: float) -> Any:
+        seen[0] += 1
+        return stumpff(z)
+
+    monkeypatch.setattr(planetary_system, "stumpff", counted)
+    counts = []
+    for speed in (0.3, 0.9, 1.2, np.sqrt(2.0), 1.8):  # ellipses, a parabola, a hyperbola
+        for t in (0.1, -2.0, 6.0):
+            seen[0] = 0
+            planetary_system.kepler_step(lm.vec(1.0, 0.0, 0.2), lm.vec(0.1, speed, 0.0), 1.0, t)
+            counts.append(seen[0])
+    assert counts == [3, 5, 7, 3, 6, 5, 3, 4, 7, 3, 4, 4, 4, 5, 9]
+
+
+def test_a_top_by_its_vertical() -> None:
+    """Energies and slopes of its parts; turns about the axes move both vectors."""
+    J, w, c = np.array([1.2, 1.5, 0.7]), 2.0, np.array([0.3, -0.2, 0.5])
+    top = lm.PoissonTop(J, w, c)
+    y = np.array([0.4, -0.7, 0.9, 0.36, 0.48, 0.8])
+    wanted = [0.5 * y[i] ** 2 / J[i] for i in range(3)] + [w * c @ y[3:]]
+    slopes = [y[i] / J[i] * np.eye(6)[i] for i in range(3)] + [np.r_[0.0, 0.0, 0.0, w * c]]
+    for part, energy, slope in zip(top.hamiltonian.parts, wanted, slopes, strict=True):
+        assert part.energy(lm.vec(*y)) == pytest.approx(energy, rel=1e-14)
+        assert np.allclose(part.gradient(lm.vec(*y)), slope, rtol=1e-14)
+    assert top.energy(lm.vec(*y)) == pytest.approx(sum(wanted), rel=1e-14)
+    kept = top.constants({"y": y[None]})
+    assert sorted(kept) == ["Casimir 1", "Casimir 2", "energy"]
+    for axis in range(3):
+        turned = top.hamiltonian.parts[axis].flow(top.structure, lm.vec(*y), 0.6)
+        R = Rotation.from_rotvec(-0.6 * y[axis] / J[axis] * np.eye(3)[axis]).as_matrix()
+        assert np.allclose(turned, np.r_[R @ y[:3], R @ y[3:]], atol=1e-15)
+
+
+def test_how_a_ball_rolls() -> None:
+    """v = (R w) x r e3, seen from space."""
+    g = np.r_[TURNS[1].ravel(), 0.3, 0.4, 0.5]
+    rows = numbers(lm.Rolling(0.7).matrix(lm.vec(*g)))
+    w, v = RNG.normal(size=(2, 3))
+    wanted = v - np.cross(TURNS[1] @ w, [0.0, 0.0, 0.7])
+    assert np.allclose(rows @ np.r_[w, v], wanted, rtol=1e-14)
+    w, v = RNG.normal(size=(2, 3))
+    assert np.allclose(lm.Suslov([0.0, 0.0, 2.0]).matrix(lm.Mat.of(TURNS[0].tolist())), [[0, 0, 2.0]])
+    blade = numbers(lm.Blade(0.4).matrix(lm.Mat.of(np.eye(3).tolist())))
+    assert np.allclose(blade, [[-0.4, 0.0, 1.0]])
 
 
 # ---------------------------------------------------------------- where they are drawn

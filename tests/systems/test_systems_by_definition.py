@@ -11,6 +11,7 @@ from scipy.interpolate import BPoly, CubicSpline, make_interp_spline
 
 import liemech as lm
 from liemech.formulas import sin, vec
+from liemech.systems.parts import OfCoordinate, recognised, second_degree
 from liemech.systems.time_scales import EqualArc, EqualChange, EqualPath, OfState
 
 # ---------------------------------------------------------------- time scales
@@ -213,3 +214,92 @@ def test_whether_a_kinetic_energy_is_of_second_degree(power: int, wanted: bool) 
             return 0.5 * (q @ q)
 
     assert Power().quadratic is wanted and Oscillator(2.0).quadratic
+
+
+# ---------------------------------------------------------------- inertias
+
+
+@pytest.mark.parametrize("factor", [1e-3, 1.0, 1e9])
+def test_which_inertias_are_singular_or_not_symmetric(factor: float) -> None:
+    """Entries beside their mirror images to 1e-12 of their row and column; the least singular value
+    beside the largest, in units in which rows can be compared.
+    """
+    mixed = np.array([[4.0, 1.0, 0.5], [1.0, 9.0, 2.0], [0.5, 2.0, 1.0]])
+    units = np.array([factor, 1.0, 1.0 / factor])
+    for off, refused in ((0.5e-12, False), (2e-12, True)):
+        m = mixed.copy()
+        m[0, 1] += off * 6.0
+        if refused:
+            with pytest.raises(lm.errors.InvalidInput, match="not symmetric: \\[0, 1\\]"):
+                lm.KineticEnergy(units[:, None] * m * units)
+        else:
+            lm.KineticEnergy(units[:, None] * m * units)
+    e = np.array([0.6, 0.0, 0.8])
+    for least, refused in ((3.0 * 2.0**-49, False), (0.0, True)):
+        m = np.eye(3) - (1.0 - least) * np.outer(e, e)
+        m = 0.5 * (m + m.T)
+        if refused:
+            with pytest.raises(lm.errors.InvalidInput, match="singular up to rounding"):
+                lm.KineticEnergy(units[:, None] * m * units)
+        else:
+            lm.KineticEnergy(units[:, None] * m * units)
+    indefinite = np.array([[0.0, 2.0], [2.0, 0.0]])  # no zero on the diagonal is a unit
+    lm.KineticEnergy(factor * indefinite)
+
+
+# ---------------------------------------------------------------- parts whose motion is known
+
+
+@pytest.mark.parametrize("index", [0, 1, 2])
+def test_energies_of_one_coordinate(index: int) -> None:
+    @lm.record
+    class Of(lm.Hamiltonian):
+        def energy(self, mu: lm.Vec) -> float:
+            return mu[index] ** 3 + sin(mu[index])
+
+    part = recognised(lm.coadjoint(lm.SO3()).poisson_structure, Of())
+    assert isinstance(part, OfCoordinate) and part.index == index
+
+
+@pytest.mark.parametrize(
+    ("power", "field", "wanted"), [(2, 3, True), (3, 3, False), (2, 1, True), (4, 2, False)]
+)
+def test_which_splittings_are_of_second_degree(power: int, field: int, wanted: bool) -> None:
+    """{V, {V, {V, T}}} = 0 for T of second degree in the momenta, whatever V is; on rotations for
+    no such pair.
+    """
+
+    @lm.record
+    class Kinetic(lm.Hamiltonian):
+        def energy(self, mu: lm.Vec) -> float:
+            return mu[1] ** power + 0.5 * mu[1]
+
+    @lm.record
+    class Position(lm.Hamiltonian):
+        def energy(self, mu: lm.Vec) -> float:
+            return mu[0] ** field
+
+    assert second_degree(lm.Canonical(1), Kinetic(), Position()) is wanted
+
+
+def test_turns_make_no_pair_of_second_degree() -> None:
+    """On the dual of so(3), where the motion of V is no straight line."""
+
+    @lm.record
+    class Turn(lm.Hamiltonian):
+        def energy(self, mu: lm.Vec) -> float:
+            return 0.5 * mu[0] * mu[0] + mu[0]
+
+    @lm.record
+    class Square(lm.Hamiltonian):
+        def energy(self, mu: lm.Vec) -> float:
+            return mu @ mu + 0.5 * mu[1] * mu[1]
+
+    assert not second_degree(lm.coadjoint(lm.SO3()).poisson_structure, Square(), Turn())
+
+
+def test_the_time_scale_of_a_logarithm() -> None:
+    """-1/V."""
+    scale = lm.LogarithmicHamiltonian(lm.Kepler()).sigma
+    start = lm.Kepler(2.0).pericentre(0.5, 3.0)
+    assert scale.value(lm.Kepler(2.0), start) == pytest.approx(1.5 / 2.0, rel=1e-15)
