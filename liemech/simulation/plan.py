@@ -326,7 +326,7 @@ class Plan:
         if kept is not None and recorder is not None:
             kept.shown = functools.partial(recorder.presented, kind=kind, compiled=compiled)
         way = OneByOne
-        if self.adaptive and AdaptiveEnsemble.fits(self, kept):
+        if self.adaptive and AdaptiveEnsemble.fits(self):
             way = AdaptiveEnsemble
         run = way(self, start, t0, steps, t_end, t_eval, kept)
         if recorder is None:
