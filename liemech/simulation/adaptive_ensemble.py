@@ -23,7 +23,7 @@ from .adaptive import ASKED, CLOCK, FRESH, STUCK, adaptive_lanes, adaptive_steps
 from .adaptive_run import AdaptiveRun, stretches, velocity, watched
 from .carry import AdaptiveCarry, Carries, Ended, Waiting
 from .dense import DenseOutput, flat, packed, unpacked
-from .events import NativeEvents, Watch, Zero
+from .events import NativeEvents, Unseen, Watch, Watches
 from .execution import Execution, numbers_of
 from .fixed_run import PATIENCE, pool
 from .one_by_one import OneByOne, of_bodies
@@ -91,7 +91,7 @@ class AdaptiveEnsemble(OneByOne):
     """
 
     first: int | None = None
-    watches: dict[int, Watch]
+    watches: Watches | None = None
     alone = False
     """Are all bodies to go alone, because events are not seen side by side?"""
 
@@ -124,7 +124,6 @@ class AdaptiveEnsemble(OneByOne):
         )
         self.first_steps = np.copysign(numbers["h"], end - self.t0)
         self.asked = self._all_times(end)
-        self.watches = {}
 
     def _times_of_starts(self) -> np.ndarray:
         if isinstance(self._start, Carries):
@@ -229,18 +228,13 @@ class AdaptiveEnsemble(OneByOne):
         )
 
     def _watch(self) -> None:
-        """Begin to watch the events of all bodies.  Raises Unseen if they are not for native code."""
-        events = self.plan.events
-        self.values = np.zeros((len(events), self.count))  # of all events, where the bodies stand
-        if not events:
-            return
-        self.events = self._native_events()
-        for i in np.flatnonzero(~self.over).tolist():
-            begun = self.begun(i)
-            self.watches[i] = watch = watched(events, unseen, begun.t, begun, begun.state)
-            if not watch.floats:
-                raise Unseen
-            self.values[:, i] = watch.values
+        """Begin to watch the events of all bodies."""
+        if self.plan.events:
+            self.watches = Watches(self._native_events(), self.count)
+            for i in np.flatnonzero(~self.over).tolist():
+                begun = self.begun(i)
+                watch = watched(self.plan.events, unseen, begun.t, begun, begun.state)
+                self.watches.add(i, watch)
 
     def _begin(self) -> None:
         """Lay down where all bodies stand."""
@@ -370,7 +364,7 @@ class AdaptiveEnsemble(OneByOne):
         for k in np.flatnonzero(columns[clock, : len(bodies)] == columns[goal, : len(bodies)]).tolist():
             body = int(bodies[k])
             ways = self.left[body]
-            if not ways or (body in self.watches and self.watches[body].ended is not None):
+            if not ways or self._watch_of(body).ended is not None:
                 continue
             end, beyond = ways.pop()
             if end != beyond:
@@ -386,29 +380,25 @@ class AdaptiveEnsemble(OneByOne):
 
     # ---------------------------------------------------------------- events
 
+    def _watch_of(self, i: int) -> Any:
+        return UNWATCHED if self.watches is None else self.watches.each.get(i, UNWATCHED)
+
     def _look(self, bodies: np.ndarray, columns: np.ndarray, out: np.ndarray) -> None:
         """Look for events in the last trials; a terminal one ends the run of its body there, and
-        what came after it does not count.
-
-        out : as of `_sample`.  Raises Unseen if plain Python is to say why one failed.
+        what came after it does not count.  out : as of `_sample`.
         """
-        width = self.lanes.state.width  # type: ignore[union-attr]
+        width, watches = self.lanes.state.width, self.watches  # type: ignore[union-attr]
         sign = np.where(self.t_end[bodies] >= self.t0[bodies], 1.0, -1.0)
         t = sign * np.maximum.accumulate(sign * out[:, 0], axis=0)  # not all rows are written
         column, turn = np.nonzero((t[1:] != t[:-1]).T)  # the steps, body after body
-        if not len(turn):
+        if watches is None or not len(turn):
             return
         a, b, body = t[turn, column], t[turn + 1, column], bodies[column]
-        changed = column[1:] != column[:-1]
-        begins, ends = np.append(True, changed), np.append(changed, True)
         # as in a run of one body, rows begin where the last ones ended, before a jump
+        begins = np.append(True, column[1:] != column[:-1])
         for k in np.flatnonzero(begins & (self.rows_at[body] != a)).tolist():
             out[: turn[k] + 1, 0, column[k]] = a[k] = self.rows_at[body[k]]
-        self.rows_at[body[ends]] = b[ends]
-        new = self.events.values(out[turn + 1, 1 : 1 + width, column], b)
-        old = np.concatenate([new[:, :1], new[:, :-1]], axis=1)
-        old[:, begins] = self.values[:, body[begins]]
-        self.values[:, body[ends]] = new[:, ends]
+        self.rows_at[body] = b  # the last one of each
 
         def where(step: np.ndarray, times: np.ndarray) -> np.ndarray:
             found = out[turn[step] + 1, 1 : 1 + width, column[step]]
@@ -424,28 +414,12 @@ class AdaptiveEnsemble(OneByOne):
                 found[inside] = self._moved(given, times[inside], body[some])
             return found
 
-        first = np.full(len(bodies), len(column))  # of every body the first step that failed
-        failed = np.flatnonzero(np.isnan(new).any(axis=0))[::-1]
-        first[column[failed]] = failed
-        good = np.flatnonzero(np.arange(len(column)) < first[column])
-        zeros = self.events.zeros(
-            old[:, good], new[:, good], a[good], b[good], lambda k, times: where(good[k], times)
-        )
-        if zeros is None:
-            raise Unseen
-        of_each: dict[int, list[Zero]] = {}
-        for k, *rest in zeros:
-            step = int(good[k])
-            of_each.setdefault(int(column[step]), []).append((step, *rest))  # type: ignore[arg-type]
-        for k, own in of_each.items():
-            hit = self.watches[int(bodies[k])].meet(own)
-            if hit is not None:
-                step, at, numbers = hit
-                taken = int((column[: step + 1] == k).sum())
-                self._end_at(int(bodies[k]), columns[:, k], out[:, :, k], int(turn[step]), taken, at, numbers)
-        for k in column[failed].tolist():
-            if self.watches[int(bodies[k])].ended is None:
-                raise Unseen
+        points = out[turn + 1, 1 : 1 + width, column]
+        for step, at, numbers in watches.look(body, points, a, b, where).values():
+            k = int(column[step])
+            taken = int((column[: step + 1] == k).sum())
+            own = int(body[step]), columns[:, k], out[:, :, k]
+            self._end_at(*own, int(turn[step]), taken, at, numbers)
 
     def _end_at(
         self, body: int, column: np.ndarray, rows: np.ndarray, turn: int, taken: int, at: float,
@@ -626,7 +600,7 @@ class AdaptiveEnsemble(OneByOne):
         return Trajectory(
             system, method, (reached - float(self.t0[i])) / max(1, steps), self.asked[:told, i].copy(),
             unpacked(lanes.state, self.samples[:told, i].copy()), None, steps, True,
-            rejected=rejected, events=self.watches[i].shown(lanes.example, lanes.state),
+            rejected=rejected, events=self._watch_of(i).shown(lanes.example, lanes.state),
             carry=None if isinstance(carry, Ended) else carry,
         )  # fmt: skip
 
@@ -698,13 +672,12 @@ class AdaptiveEnsemble(OneByOne):
         state = build(lanes.state, iter(numbers[: lanes.state.width].tolist()))
         if self._failed[i]:
             return Ended(state, self.ends[i], steps, self._error(i))
-        watch = self.watches.get(i)
-        met = () if watch is None else (watch.ended, watch.met)
-        return AdaptiveCarry(numbers, clock, state, t, *met)
+        watch = self._watch_of(i)
+        return AdaptiveCarry(numbers, clock, state, t, watch.ended, watch.met)
 
 
-class Unseen(Exception):
-    """An event is to be looked at in plain Python: body after body."""
+UNWATCHED = Watch((), lambda error: error, 0.0, None)
+"""Of a body without events."""
 
 
 def unseen(error: Any) -> Any:

@@ -266,6 +266,58 @@ class NativeEvents:
         return [(int(step[k]), at.item(k), int(event[k]), numbers[k]) for k in order]
 
 
+class Unseen(Exception):
+    """An event is to be looked at in plain Python: body after body."""
+
+
+class Watches:
+    """Watches the events of many bodies side by side, in native code.
+
+    each : of every body its own watch.  values : (events, bodies) where the bodies stand.
+    """
+
+    def __init__(self, native: NativeEvents, bodies: int) -> None:
+        self.native, self.each = native, dict[int, Watch]()
+        self.values = np.zeros((len(native.events), bodies))
+
+    def add(self, body: int, watch: Watch) -> None:
+        """Watch a body, too.  Raises Unseen if its events are not for native code."""
+        if not watch.floats:
+            raise Unseen
+        self.each[body], self.values[:, body] = watch, watch.values
+
+    def look(
+        self, body: np.ndarray, points: np.ndarray, a: np.ndarray, b: np.ndarray, where: Any
+    ) -> dict[int, tuple[int, float, np.ndarray]]:
+        """Look at steps from the times a to b, where the states are `points`, of one body after
+        another: those of a terminal event the number of the step, the time and the state.
+
+        where : as in `NativeEvents.zeros`.  Raises Unseen if plain Python is to say why one failed.
+        """
+        new = self.native.values(points, b)
+        changed = body[1:] != body[:-1]
+        begins, ends = np.append(True, changed), np.append(changed, True)
+        old = np.concatenate([new[:, :1], new[:, :-1]], axis=1)
+        old[:, begins] = self.values[:, body[begins]]
+        self.values[:, body[ends]] = new[:, ends]
+        failed = np.flatnonzero(np.isnan(new).any(axis=0))[::-1]
+        first = np.full(self.values.shape[1], len(body))  # of every body the first step that failed
+        first[body[failed]] = failed
+        good = np.flatnonzero(np.arange(len(body)) < first[body])
+        given = old[:, good], new[:, good], a[good], b[good]
+        zeros = self.native.zeros(*given, lambda step, times: where(good[step], times))
+        if zeros is None:
+            raise Unseen
+        of_each: dict[int, list[Zero]] = {}
+        for k, at, event, numbers in zeros:
+            step = int(good[k])
+            of_each.setdefault(int(body[step]), []).append((step, at, event, numbers))
+        met = {i: self.each[i].meet(own) for i, own in of_each.items()}
+        if any(self.each[i].ended is None for i in body[failed].tolist()):
+            raise Unseen
+        return {i: hit for i, hit in met.items() if hit is not None}
+
+
 def roots(
     function: Callable[[np.ndarray, np.ndarray], np.ndarray],
     a: np.ndarray, b: np.ndarray, fa: np.ndarray, fb: np.ndarray,
