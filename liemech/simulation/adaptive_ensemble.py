@@ -23,7 +23,7 @@ from .adaptive import ASKED, CLOCK, FRESH, STUCK, adaptive_lanes, adaptive_steps
 from .adaptive_run import AdaptiveRun, stretches, velocity, watched
 from .carry import AdaptiveCarry, Carries, Ended, Waiting
 from .dense import DenseOutput, flat, packed, unpacked
-from .events import NativeEvents, Unseen, Watch, Watches
+from .events import NativeEvents, Unseen, Watch, Watches, unseen
 from .execution import Execution, numbers_of
 from .fixed_run import PATIENCE, pool
 from .one_by_one import OneByOne, of_bodies
@@ -202,6 +202,9 @@ class AdaptiveEnsemble(OneByOne):
             left = int((self._unfinished & ~self._failed).sum())
             told = f"integrate: interrupted before {left} of {self.count} bodies came to the end"
             self._move()
+            for i, watch in ({} if self.watches is None else self.watches.each).items():
+                end, goal = float(self.clocks[0, i]), float(self.goals[0, i])
+                watch.forget(end, self.t_end[i] - self.t0[i], end == goal)
             stopped = IntegrationInterrupted(f"{told}; the samples are in `.trajectory`")
             stopped.trajectory = self.joined()
             raise stopped from None
@@ -678,11 +681,6 @@ class AdaptiveEnsemble(OneByOne):
 
 UNWATCHED = Watch((), lambda error: error, 0.0, None)
 """Of a body without events."""
-
-
-def unseen(error: Any) -> Any:
-    """What ends a run whose event failed at the start, but for Ctrl-C."""
-    return error if isinstance(error, KeyboardInterrupt) else Unseen()
 
 
 def _padded(places: np.ndarray, side: int) -> np.ndarray:

@@ -134,6 +134,13 @@ class Watch:
                 return hit
         return None
 
+    def forget(self, t: float, direction: float, ended: bool) -> None:
+        """Forget the zeros that a run met after this time, to which it was interrupted."""
+        self.found = [
+            [(at, x) for at, x in found if (at - t) * direction <= 0.0] for found in self.found
+        ]
+        self.ended = self.ended if ended else None
+
     @property
     def met(self) -> Met:
         """With what a run goes on: the zeros so far, or none of the event that ended this one."""
@@ -268,6 +275,11 @@ class NativeEvents:
 
 class Unseen(Exception):
     """An event is to be looked at in plain Python: body after body."""
+
+
+def unseen(error: Any) -> Any:
+    """What ends a run whose event failed at the start, but for Ctrl-C."""
+    return error if isinstance(error, KeyboardInterrupt) else Unseen()
 
 
 class Watches:

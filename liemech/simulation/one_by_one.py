@@ -71,7 +71,7 @@ class OneByOne:
         kept: Checkpoint | None,
     ) -> None:
         self.plan, self.kept, self.count = plan, kept, start.bodies
-        self._start, self._t0, self._t_eval = start, t0, t_eval
+        self._start, self._t0, self._end, self._t_eval = start, t0, t_end, t_eval
         self.begun = functools.cache(self._begun())
         if plan.adaptive and plan._given["dense"]:
             raise InvalidInput("integrate: dense=True is for one body at a time")
