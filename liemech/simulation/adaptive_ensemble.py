@@ -20,9 +20,10 @@ from ..formulas.pytree import build, layout_of
 from ..systems.system import State
 from . import arguments
 from .adaptive import ASKED, CLOCK, FRESH, STUCK, adaptive_lanes, adaptive_steps
-from .adaptive_run import AdaptiveRun, velocity
+from .adaptive_run import AdaptiveRun, stretches, velocity, watched
 from .carry import AdaptiveCarry, Carries, Ended, Waiting
 from .dense import DenseOutput, flat, packed, unpacked
+from .events import NativeEvents, Unseen, Watch, Watches, unseen
 from .execution import Execution, numbers_of
 from .fixed_run import PATIENCE, pool
 from .one_by_one import OneByOne, of_bodies
@@ -42,6 +43,9 @@ bodies together.
 
 ROWS = 2**17
 """Samples inside of steps whose states are found at once."""
+
+FEW = 8
+"""Times that are compared one after another, and not looked for body after body."""
 
 TRIALS = 2**10
 """Trials of all bodies together that are worth a thread."""
@@ -87,12 +91,14 @@ class AdaptiveEnsemble(OneByOne):
     """
 
     first: int | None = None
+    watches: Watches | None = None
+    alone = False
+    """Are all bodies to go alone, because events are not seen side by side?"""
 
     @staticmethod
-    def fits(plan: Any, kept: Any) -> bool:
-        """Is there nothing to do but to step, in native code?"""
-        alone = plan.events or plan._given["breaks"] or plan._given["dense"] or kept is not None
-        return plan._given["compiled"] is not False and not alone and kernel.available() is None
+    def fits(plan: Any) -> bool:
+        """May there be native code?"""
+        return plan._given["compiled"] is not False and kernel.available() is None
 
     def _check(self) -> None:
         """Refuse what a body cannot be asked for; plans of single bodies are made if needed."""
@@ -112,7 +118,7 @@ class AdaptiveEnsemble(OneByOne):
         limit = arguments.MOST if limit is None else arguments.count(limit, "steps", 1)
         self.limit = limit
         self.t0 = self._times_of_starts()
-        end = np.array(self.ends, dtype=float)
+        end = self.t_end = np.array(self.ends, dtype=float)
         self.goals = np.array(
             [end, numbers["rtol"], numbers["atol"], numbers["max_step"], np.full(count, limit)]
         )
@@ -139,8 +145,8 @@ class AdaptiveEnsemble(OneByOne):
     @functools.cached_property
     def lanes(self) -> Lanes | None:
         """The code for bodies side by side; None if no body can begin, or if it is refused."""
-        inside = (self.asked != self.t0) & (self.asked != self.goals[0])
-        dense, steps = bool(inside.any()), self.plan._steps
+        inside = (self.asked != self.t0) & (self.asked != self.t_end)
+        dense, steps = bool(inside.any() or self.plan.events), self.plan._steps
         for i in range(self.count):
             begun = self.begun(i)
             system, _ = self._of_body(i)
@@ -176,19 +182,29 @@ class AdaptiveEnsemble(OneByOne):
 
     def _side_by_side(self, first: int, bar: Bar) -> bool:
         try:
-            if self.lanes is None or not self.lanes.stepping.ready(first / self.count):
+            if self.alone or self.lanes is None or not self._ready(first / self.count):
                 return False
             self._begin()
+            self._watch()
         except KeyboardInterrupt:
             raise self._interrupted(first) from None
+        except Unseen:
+            self.alone = True
+            return False
         self.first = first
         try:
             self._march(bar)
             self._move()
+        except Unseen:
+            self.first, self.alone = None, True
+            return False
         except KeyboardInterrupt:
             left = int((self._unfinished & ~self._failed).sum())
             told = f"integrate: interrupted before {left} of {self.count} bodies came to the end"
             self._move()
+            for i, watch in ({} if self.watches is None else self.watches.each).items():
+                end, goal = float(self.clocks[0, i]), float(self.goals[0, i])
+                watch.forget(end, self.t_end[i] - self.t0[i], end == goal)
             stopped = IntegrationInterrupted(f"{told}; the samples are in `.trajectory`")
             stopped.trajectory = self.joined()
             raise stopped from None
@@ -199,6 +215,30 @@ class AdaptiveEnsemble(OneByOne):
             raise error
         return True
 
+    def _ready(self, done: float) -> bool:
+        """Is there native code, of the steps and of all events?"""
+        lanes: Any = self.lanes
+        ready = lanes.stepping.ready(done)
+        return (not self.plan.events or self._native_events().ready()) and ready
+
+    def _native_events(self) -> NativeEvents:
+        lanes: Any = self.lanes
+        system, method = self._of_body(0)
+        rows, wanted = np.zeros((1, lanes.row.width)), self.plan._given["compiled"]
+        return NativeEvents(
+            self.plan.events,
+            DenseOutput(system, method.retraction, lanes.example, rows, method.dense_order, wanted),
+        )
+
+    def _watch(self) -> None:
+        """Begin to watch the events of all bodies."""
+        if self.plan.events:
+            self.watches = Watches(self._native_events(), self.count)
+            for i in np.flatnonzero(~self.over).tolist():
+                begun = self.begun(i)
+                watch = watched(self.plan.events, unseen, begun.t, begun, begun.state)
+                self.watches.add(i, watch)
+
     def _begin(self) -> None:
         """Lay down where all bodies stand."""
         lanes: Any = self.lanes
@@ -207,7 +247,7 @@ class AdaptiveEnsemble(OneByOne):
         parts += [self.goals, *lanes.own]
         self.table = np.concatenate(parts)
         self.parts = np.cumsum([len(part) for part in parts[:-1]])
-        self.numbers, self.clocks, *_ = np.split(self.table, self.parts)
+        self.numbers, self.clocks, self.goals, *_ = np.split(self.table, self.parts)
         self.over = np.zeros(count, dtype=bool)  # bodies that had ended before
         self.mistaken: list[int] = []  # bodies that a mistake in a formula has ended
         # rows of samples inside of steps, of which the states are still to be found
@@ -223,7 +263,17 @@ class AdaptiveEnsemble(OneByOne):
         else:
             for i in range(count):
                 self._take_up(i, self.begun(i))
-        for i in np.flatnonzero((self.goals[0] == self.t0) & ~self.over).tolist():  # no steps to make
+        self.rows_at = self.t0.copy()  # when the last row of each was
+        self.left: dict[int, list[tuple[float, float]]] = {}  # where each is to go on, last ones first
+        if self.plan._steps.breaks:
+            for i in range(count):
+                start, ways = stretches(self.plan._steps.breaks, self.t0[i], self.ends[i])
+                self.left[i] = ways[::-1]
+                if ways:
+                    self.goals[0, i] = ways[0][0]
+                if start != self.t0[i]:
+                    self._jump(self.clocks[:, i], start)
+        for i in np.flatnonzero((self.t_end == self.t0) & ~self.over).tolist():  # no steps to make
             begun, (system, _) = self.begun(i), self._of_body(i)
             if not accepted(velocity(system, begun.t, begun.state), itself):
                 self.clocks[5, i] = STUCK
@@ -240,7 +290,7 @@ class AdaptiveEnsemble(OneByOne):
     def _take_up(self, i: int, begun: Any) -> None:
         """A body where another run left it."""
         if isinstance(begun, AdaptiveCarry):
-            self.numbers[:, i], self.clocks[:, i] = begun.taken_up(float(self.goals[0, i]))
+            self.numbers[:, i], self.clocks[:, i] = begun.taken_up(float(self.t_end[i]))
             return
         lanes: Any = self.lanes
         self.numbers[: lanes.state.width, i] = packed(begun.state)
@@ -263,8 +313,9 @@ class AdaptiveEnsemble(OneByOne):
     def _march(self, bar: Bar) -> None:
         """Trials of as many bodies as the lanes hold, again and again, until all have ended."""
         lanes: Any = self.lanes
-        side, workers = lanes.stepping.lanes, self.plan._given["workers"]
-        width, changed = lanes.state.width, lanes.layout.width + CLOCK.width
+        side, workers, kept = lanes.stepping.lanes, self.plan._given["workers"], self.kept
+        width, clock = lanes.state.width, lanes.layout.width
+        changed = clock + CLOCK.width + 1  # with the time to which they go
         room, least, work = ROOM * workers, TURNS, WORK * workers
         queue = np.flatnonzero(self._unfinished)
         bodies, queue = queue[:room], queue[room:]
@@ -272,31 +323,125 @@ class AdaptiveEnsemble(OneByOne):
         while len(bodies):
             m, padded = len(bodies), columns.shape[1]
             turns = max(least, min(LONGEST, work // padded))
+            if kept is not None:
+                turns = max(1, min(turns, kept.within(turns * m) // m))
             out = np.empty((turns + 1 if lanes.curves else 0, lanes.row.width, padded))
             if lanes.curves:
-                out[:, 0] = columns[lanes.layout.width]
+                out[:, 0] = columns[clock]
                 out[0, 1 : 1 + width] = columns[:width]
-            begun = time.perf_counter()
+            begun, taken = time.perf_counter(), columns[clock + 3, :m].sum()
             self._piece(columns, out[1:], turns)
-            for k in np.flatnonzero(columns[lanes.layout.width + 5, :m] == ASKED).tolist():
+            for k in np.flatnonzero(columns[clock + 5, :m] == ASKED).tolist():
                 self._by_python(int(bodies[k]), columns[:, k], out[-2:, :, k])
             if time.perf_counter() - begun > PATIENCE:  # somebody may want to interrupt it
                 room, least, work = max(side, room // 4), max(1, least // 2), work // 4
+            if self.watches:
+                self._look(bodies, columns, out[:, :, :m])
             if lanes.curves:
                 self._sample(bodies, out[:, :, :m])
+            if self.left:
+                self._go_on(bodies, columns)
             # only now: of what an interrupt leaves out, the samples would be missing
             self.table[:changed, bodies] = columns[:changed, :m]
             if self.rows > ROWS:
                 self._move()
-            going = ~self._ended(columns[lanes.layout.width :, :m])
+            if kept is not None and kept.due(int(columns[clock + 3, :m].sum() - taken)):
+                self._move()
+                kept.save(self.joined())
+            going = ~self._ended(columns[clock:, :m])
             ended = m - int(going.sum())
-            if (ended and (len(queue) or 4 * ended >= m)) or m > room:
+            at_once = len(queue) or self.watches or self.left  # what stands at a jump is to stay so
+            if (ended and (at_once or 4 * ended >= m)) or m > room:
                 bodies = bodies[going]
                 queue = np.concatenate([bodies[room:], queue]) if len(bodies) > room else queue
                 free = max(0, room - len(bodies))
                 bodies, queue = np.concatenate([bodies[:room], queue[:free]]), queue[free:]
                 columns = self.table.take(_padded(bodies, side), axis=1)
                 bar.advance(ended)
+
+    def _go_on(self, bodies: np.ndarray, columns: np.ndarray) -> None:
+        """Of bodies that have come to a jump of the velocity: on beyond it, to the next one."""
+        lanes: Any = self.lanes
+        clock = lanes.layout.width
+        goal = clock + CLOCK.width
+        for k in np.flatnonzero(columns[clock, : len(bodies)] == columns[goal, : len(bodies)]).tolist():
+            body = int(bodies[k])
+            ways = self.left[body]
+            if not ways or self._watch_of(body).ended is not None:
+                continue
+            end, beyond = ways.pop()
+            if end != beyond:
+                self._jump(columns[clock:goal, k], beyond)
+                columns[goal, k] = ways[-1][0] if ways else self.t_end[body]
+                if beyond == self.t_end[body]:
+                    self.rows_at[body] = beyond
+
+    @staticmethod
+    def _jump(clock: np.ndarray, beyond: float) -> None:
+        """On to the other side: the state is the same, the step is found anew."""
+        clock[0], clock[1], clock[6] = beyond, 0.0, 1.0
+
+    # ---------------------------------------------------------------- events
+
+    def _watch_of(self, i: int) -> Any:
+        return UNWATCHED if self.watches is None else self.watches.each.get(i, UNWATCHED)
+
+    def _look(self, bodies: np.ndarray, columns: np.ndarray, out: np.ndarray) -> None:
+        """Look for events in the last trials; a terminal one ends the run of its body there, and
+        what came after it does not count.  out : as of `_sample`.
+        """
+        width, watches = self.lanes.state.width, self.watches  # type: ignore[union-attr]
+        sign = np.where(self.t_end[bodies] >= self.t0[bodies], 1.0, -1.0)
+        t = sign * np.maximum.accumulate(sign * out[:, 0], axis=0)  # not all rows are written
+        column, turn = np.nonzero((t[1:] != t[:-1]).T)  # the steps, body after body
+        if watches is None or not len(turn):
+            return
+        a, b, body = t[turn, column], t[turn + 1, column], bodies[column]
+        # as in a run of one body, rows begin where the last ones ended, before a jump
+        begins = np.append(True, column[1:] != column[:-1])
+        for k in np.flatnonzero(begins & (self.rows_at[body] != a)).tolist():
+            out[: turn[k] + 1, 0, column[k]] = a[k] = self.rows_at[body[k]]
+        self.rows_at[body] = b  # the last one of each
+
+        def where(step: np.ndarray, times: np.ndarray) -> np.ndarray:
+            found = out[turn[step] + 1, 1 : 1 + width, column[step]]
+            before = times == a[step]
+            found[before] = out[turn[step[before]], 1 : 1 + width, column[step[before]]]
+            inside = np.flatnonzero((times != b[step]) & ~before)
+            some = step[inside]
+            given = np.empty((len(some), out.shape[1]))
+            given[:, :width] = out[turn[some], 1 : 1 + width, column[some]]
+            given[:, width:-1] = out[turn[some] + 1, 1 + width :, column[some]]
+            given[:, -1] = (times[inside] - a[some]) / (b[some] - a[some])
+            if len(some):
+                found[inside] = self._moved(given, times[inside], body[some])
+            return found
+
+        points = out[turn + 1, 1 : 1 + width, column]
+        for step, at, numbers in watches.look(body, points, a, b, where).values():
+            k = int(column[step])
+            taken = int((column[: step + 1] == k).sum())
+            own = int(body[step]), columns[:, k], out[:, :, k]
+            self._end_at(*own, int(turn[step]), taken, at, numbers)
+
+    def _end_at(
+        self, body: int, column: np.ndarray, rows: np.ndarray, turn: int, taken: int, at: float,
+        numbers: np.ndarray,
+    ) -> None:  # fmt: skip
+        """End the run of a body inside of a step: the one of this trial, after so many in these
+        trials.
+        """
+        lanes: Any = self.lanes
+        width, clock = lanes.state.width, lanes.layout.width
+        begun, end = rows[turn : turn + 2, 0].tolist()
+        curve = rows[turn + 1, 1 + width :].reshape(-1, self._of_body(0)[0].group.dim)
+        curve = curve * ((at - begun) / (end - begun)) ** np.arange(1, len(curve) + 1)[:, None]
+        rows[turn + 1 :, 0], rows[turn + 1, 1 + width :] = at, curve.ravel()
+        rows[turn + 1, 1 : 1 + width] = column[:width] = numbers
+        steps, rejected = self.clocks[3:5, body]
+        rejected = min(column[clock + 4], rejected + turn + 1 - taken)
+        column[clock : clock + CLOCK.width] = at, 0.0, 0.0, steps + taken, rejected, 0.0, 1.0
+        column[clock + CLOCK.width] = self.rows_at[body] = at
 
     def _ended(self, rows: np.ndarray) -> np.ndarray:
         """Which bodies have come to the end, or fail?  rows : clocks, and goals below them."""
@@ -389,10 +534,14 @@ class AdaptiveEnsemble(OneByOne):
 
     def _passed(self, bodies: np.ndarray, t: np.ndarray) -> np.ndarray:
         """How many of the times that are asked for lie before these, (turns, bodies)?"""
-        sign = np.where(self.goals[0, bodies] >= self.t0[bodies], 1.0, -1.0)
+        sign = np.where(self.t_end[bodies] >= self.t0[bodies], 1.0, -1.0)
         if self.asked.strides[1] == 0:  # all are asked for at the same
             return np.searchsorted(sign[0] * self.asked[:, 0], sign[0] * t, "right")
-        found = np.empty(t.shape, dtype=np.intp)
+        found = np.zeros(t.shape, dtype=np.intp)
+        if len(self.asked) <= FEW:
+            for asked in self.asked:
+                found += sign * asked[bodies] <= sign * t
+            return found
         for i, body in enumerate(bodies):
             found[:, i] = np.searchsorted(sign[i] * self.asked[:, body], sign[i] * t[:, i], "right")
         return found
@@ -436,8 +585,30 @@ class AdaptiveEnsemble(OneByOne):
             self.numbers[:, i].copy(), self.clocks[:, i].copy(), self.samples[: self.told[i], i]
         )
 
-    def joined(self, unfinished: Trajectory | None = None) -> Trajectory:
+    def _all_runs(self, unfinished: Trajectory | None) -> list[Trajectory]:
         if self.first is None:
+            return super()._all_runs(unfinished)
+        return [*self.runs, *map(self._run_of, range(self.first, self.count))]
+
+    def _run_of(self, i: int) -> Trajectory:
+        """The run of one of those that step side by side, as it would be alone."""
+        lanes: Any = self.lanes
+        told, carry, reached = self.told[i], self._member(i), float(self.clocks[0, i])
+        if isinstance(carry, Waiting) or self.over[i]:
+            return self._still(i, self.begun(i))
+        steps, rejected = self.clocks[3:5, i].astype(int).tolist()
+        if isinstance(carry, Ended) and carry.error is not None:
+            self.errors[i] = carry.error
+        system, method = self._of_body(i)
+        return Trajectory(
+            system, method, (reached - float(self.t0[i])) / max(1, steps), self.asked[:told, i].copy(),
+            unpacked(lanes.state, self.samples[:told, i].copy()), None, steps, True,
+            rejected=rejected, events=self._watch_of(i).shown(lanes.example, lanes.state),
+            carry=None if isinstance(carry, Ended) else carry,
+        )  # fmt: skip
+
+    def joined(self, unfinished: Trajectory | None = None) -> Trajectory:
+        if self.first is None or self.watches:
             return super().joined(unfinished)
         lanes: Any = self.lanes
         count, alone, width = self.count, self.first, lanes.state.width
@@ -490,22 +661,26 @@ class AdaptiveEnsemble(OneByOne):
     def _carries(self) -> Carries | None:
         """Where all bodies stand."""
         members: list[Any] = [self._carried(i, run) for i, run in enumerate(self.runs)]
-        lanes: Any = self.lanes
-        failed = self._failed
-        for i in range(len(members), self.count):
-            begun = self.begun(i)
-            if self.over[i]:
-                members.append(begun)
-                continue
-            numbers, clock = self.numbers[:, i].copy(), self.clocks[:, i].copy()
-            state = build(lanes.state, iter(numbers[: lanes.state.width].tolist()))
-            if failed[i]:
-                members.append(Ended(state, self.ends[i], int(clock[3]), self._error(i)))
-            elif isinstance(begun, Waiting) and clock[6] > 0.0 and clock[0] != self.goals[0, i]:
-                members.append(begun)
-            else:
-                members.append(AdaptiveCarry(numbers, clock, state, float(clock[0])))
+        members += map(self._member, range(len(members), self.count))
         return None if all(isinstance(one, Ended) for one in members) else Carries(tuple(members))
+
+    def _member(self, i: int) -> Any:
+        """Where one of those stands that step side by side."""
+        lanes: Any = self.lanes
+        begun, numbers, clock = self.begun(i), self.numbers[:, i].copy(), self.clocks[:, i].copy()
+        t, steps = float(clock[0]), int(clock[3])
+        fresh = clock[6] > 0.0 and not steps and clock[5] == 0.0
+        if self.over[i] or (isinstance(begun, Waiting) and fresh and t != self.t_end[i]):
+            return begun
+        state = build(lanes.state, iter(numbers[: lanes.state.width].tolist()))
+        if self._failed[i]:
+            return Ended(state, self.ends[i], steps, self._error(i))
+        watch = self._watch_of(i)
+        return AdaptiveCarry(numbers, clock, state, t, watch.ended, watch.met)
+
+
+UNWATCHED = Watch((), lambda error: error, 0.0, None)
+"""Of a body without events."""
 
 
 def _padded(places: np.ndarray, side: int) -> np.ndarray:

@@ -186,6 +186,40 @@ def velocity(system: Any, t: float, state: Any) -> Any:
     return math.nan if accepted(xi, itself) and any(type(x) is complex for x in xi) else xi
 
 
+def stretches(
+    breaks: tuple[float, ...], t0: float, t_end: float
+) -> tuple[float, list[tuple[float, float]]]:
+    """Where steps begin, to which times they lead, and where they go on: from jump to jump of the
+    velocity, to the end.
+    """
+    if t0 == t_end:
+        return t0, []
+    jumps = [b for b in breaks if min(t0, t_end) <= b <= max(t0, t_end) and b != t0]
+    margin = {b: math.copysign(MARGIN, t_end - t0) * float(np.spacing(abs(b))) for b in (*jumps, t0)}
+    ways = [
+        (b - margin[b], t_end if b == t_end else b + margin[b])
+        for b in (jumps if t_end > t0 else jumps[::-1])
+    ]
+    if t_end not in jumps:
+        ways.append((t_end, t_end))
+    return t0 + margin[t0] if t0 in breaks else t0, ways
+
+
+def watched(
+    events: tuple[Event, ...], ended: Callable[[Any], Any], t0: float, start: Any, state: Any
+) -> Watch:
+    """Watches events from a start, or from where another run stands: a zero that ended that one is
+    none of this one.
+    """
+    carry = start if isinstance(start, AdaptiveCarry) else None
+    watch = Watch(events, ended, t0, state, None if carry is None else carry.met)
+    if carry is not None and carry.ended is not None and carry.ended < len(events):
+        known = [name for name, _ in carry.met] or [name_of(event) for event in events]
+        if known[carry.ended] == name_of(events[carry.ended]):
+            watch.values[carry.ended] = 0.0
+    return watch
+
+
 class AdaptiveRun:
     """One motion to a last time."""
 
@@ -241,13 +275,7 @@ class AdaptiveRun:
         if first is not None:
             first.handed_over(self)
         self.watch: Any = None
-        carry = start if isinstance(start, AdaptiveCarry) else None
-        met = None if carry is None else carry.met
-        self.watch = Watch(events, self._ended, t0, self.start, met)
-        if carry is not None and carry.ended is not None and carry.ended < len(events):
-            known = [name for name, _ in carry.met] or [name_of(event) for event in events]
-            if known[carry.ended] == name_of(events[carry.ended]):
-                self.watch.values[carry.ended] = 0.0  # the zero that ended the run before
+        self.watch = watched(events, self._ended, t0, start, self.start)
 
     def _shape(self, curves: bool) -> Shape:
         """The layouts of this run, from other runs of the plan if their starts were like this one."""
@@ -288,13 +316,10 @@ class AdaptiveRun:
             if not self.kept:
                 self._sample(1 if self.recorder is None or self.t_eval is not None else 0)
             with Bar(self.plan.progress, 1000) as bar:
-                if self.t0 in self.plan.breaks and self.t0 != self.t_end:
-                    self._jump(
-                        self.t0
-                        + math.copysign(MARGIN, self.t_end - self.t0)
-                        * float(np.spacing(abs(self.t0)))
-                    )
-                for end, beyond in self._stretches():
+                start, ways = stretches(self.plan.breaks, self.t0, self.t_end)
+                if start != self.t0:
+                    self._jump(start)
+                for end, beyond in ways:
                     if self._stepped(end, bar):
                         break
                     if end != beyond:
@@ -311,19 +336,6 @@ class AdaptiveRun:
         if self.kept and len(self.rows) > self.filled:
             self.rows.resize((self.filled, self.rows.shape[1]), refcheck=False)
         return self._result()
-
-    def _stretches(self) -> list[tuple[float, float]]:
-        """The times to which steps lead, and where they go on: from jump to jump, to the end."""
-        t0, t_end = self.t0, self.t_end
-        jumps = [b for b in self.plan.breaks if min(t0, t_end) <= b <= max(t0, t_end) and b != t0]
-        away = math.copysign(MARGIN, t_end - t0)
-        stretches = []
-        for b in jumps if t_end > t0 else jumps[::-1]:
-            margin = away * float(np.spacing(abs(b)))
-            stretches.append((b - margin, t_end if b == t_end else b + margin))
-        if t_end not in jumps:
-            stretches.append((t_end, t_end))
-        return stretches if t0 != t_end else []
 
     def _jump(self, beyond: float) -> None:
         """On to the other side of a jump of the velocity: the state is the same, the step is found

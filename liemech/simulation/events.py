@@ -89,16 +89,23 @@ class Watch:
         Returns, if a terminal event ends the run, the number of the step in which it does, the
         time, and the numbers of the state.
         """
-        if len(motion.t) < 2:
+        t, n = motion.t, len(motion.t) - 1
+        if not n:
             return None
         self.looking, self.looked = True, 0
-        native = NativeEvents(self.events, motion)
-        zeros = self._natively(native, motion) if self.floats and native.ready() else None
-        if zeros is None:
+        native, found, first = NativeEvents(self.events, motion), None, 0
+        if self.floats and native.ready():
+            values = native.values(motion.points[1:], t[1:])
+            failed = np.isnan(values).any(axis=0)
+            some = int(failed.argmax()) if failed.any() else n  # steps before an event fails
+            old = np.concatenate([np.array(self.values)[:, None], values], axis=1)
+            steps = old[:, :some], values[:, :some], t[:some], t[1 : some + 1]
+            zeros = native.zeros(*steps, lambda step, times: motion.numbers(times))
+            if zeros is not None:
+                found, first, self.values = self.meet(zeros), some, old[:, some].tolist()
+        if found is None and first < n:
             with native.plain():
-                found = self._plainly(motion)
-        else:
-            found = self.meet(zeros)
+                found = self._plainly(motion, first)
         self.looking = False
         return found
 
@@ -111,20 +118,10 @@ class Watch:
                 return k, at, numbers
         return None
 
-    def _natively(self, native: NativeEvents, motion: Between) -> list[Zero] | None:
-        """All zeros in some steps; None if plain Python is to say what fails there."""
-        t, old = motion.t[:, None], np.array(self.values)[:, None]
-        values = native.values(motion.points[1:, None], t[1:])
-        if values is None:
-            return None
-        found = native.zeros(values, old, t, lambda step, body, times: motion.numbers(times))
-        if found is not None:
-            self.values = values[:, -1, 0].tolist()
-        return None if found is None else [zero for _, zero in found]
-
-    def _plainly(self, motion: Between) -> tuple[int, float, np.ndarray] | None:
-        """Find zeros in some steps, one event after another."""
-        for k, (a, b) in enumerate(zip(motion.t[:-1].tolist(), motion.t[1:].tolist(), strict=True)):
+    def _plainly(self, motion: Between, first: int) -> tuple[int, float, np.ndarray] | None:
+        """Find zeros in the steps from this one on, one event after another."""
+        ends = zip(motion.t[first:-1].tolist(), motion.t[first + 1 :].tolist(), strict=True)
+        for k, (a, b) in enumerate(ends, first):
             self.looked = k
             hits, state = [], motion.end(k + 1)
             for i, (event, old) in enumerate(zip(self.events, self.values, strict=True)):
@@ -136,6 +133,13 @@ class Watch:
             if hit is not None:
                 return hit
         return None
+
+    def forget(self, t: float, direction: float, ended: bool) -> None:
+        """Forget the zeros that a run met after this time, to which it was interrupted."""
+        self.found = [
+            [(at, x) for at, x in found if (at - t) * direction <= 0.0] for found in self.found
+        ]
+        self.ended = self.ended if ended else None
 
     @property
     def met(self) -> Met:
@@ -221,7 +225,8 @@ class NativeEvents:
 
     def ready(self) -> bool:
         """Is there native code of all of them?"""
-        return all([execution.ready(0.0) for execution, _ in self.kernels])  # noqa: C419 (all are asked)
+        found = [execution.ready(0.0) for execution, _ in self.kernels]  # each is looked for
+        return all(found)
 
     @contextmanager
     def plain(self) -> Iterator[None]:
@@ -231,59 +236,98 @@ class NativeEvents:
                 stack.enter_context(execution.plain())
             yield
 
-    def values(self, points: np.ndarray, t: np.ndarray) -> np.ndarray | None:
-        """Of every event its values at states, (n, bodies, width), and times, (n, bodies); None if one
-        failed.
-        """
-        found = np.empty((len(self.events), *t.shape))
-        for i in range(len(self.events)):
-            one = self._value(i, points.reshape(t.size, -1), t.ravel())
-            if one is None:
-                return None
-            found[i] = one.reshape(t.shape)
-        return found
-
-    def _value(self, i: int, numbers: np.ndarray, times: np.ndarray) -> np.ndarray | None:
-        execution, constants = self.kernels[i]
-        given = np.column_stack([self.seen(numbers)[1], times])
-        found = natively(execution, constants, given, 1)
-        return found[:, 0] if found[:, 1].all() else None
+    def values(self, points: np.ndarray, t: np.ndarray) -> np.ndarray:
+        """Their values at states, (n, width), and times, (n,): (events, n), nan where one failed."""
+        given = np.column_stack([self.seen(points)[1], t])
+        found = [natively(*kernel, given, 1) for kernel in self.kernels]
+        return np.array([np.where(one[:, 1] == 1.0, one[:, 0], np.nan) for one in found])
 
     def zeros(
-        self, values: np.ndarray, before: np.ndarray, t: np.ndarray, where: Any
-    ) -> list[tuple[int, Zero]] | None:
-        """The zeros in some steps, each with the number of its body, in the order in which the
-        motions meet them; None if an event or a motion failed.
+        self, old: np.ndarray, new: np.ndarray, a: np.ndarray, b: np.ndarray, where: Any
+    ) -> list[Zero] | None:
+        """The zeros in some steps, in the order in which motions meet them; None if an event or a
+        motion failed, which plain Python says again.
 
-        values : (events, n, bodies) at the ends of the steps.  before : (events, bodies) where they
-        begin.  t : (n + 1, bodies).  where : the numbers of states inside of steps, by the numbers
-        of the steps and of the bodies, and times.
+        old, new : (events, n) their values where the steps begin and end, at the times a and b.
+        where : the numbers of states inside of steps, by the numbers of these and times.
         """
-        old = np.concatenate([before[:, None], values[:, :-1]], axis=1)
-        changes = [crossed(*one) for one in zip(self.events, old, values, strict=True)]
-        event, step, body = np.nonzero(changes)
+        changes = [crossed(*one) for one in zip(self.events, old, new, strict=True)]
+        event, step = np.nonzero(changes)
         if not len(event):
             return []
 
         def value(some: np.ndarray, times: np.ndarray) -> np.ndarray:
-            numbers, found = where(step[some], body[some], times), np.empty(len(some))
-            for i in np.unique(event[some]).tolist():
-                of = event[some] == i
-                one = self._value(i, numbers[of], times[of])
-                if one is None:
-                    raise FloatingPointError
-                found[of] = one
+            values = self.values(where(step[some], times), times)
+            found = np.take_along_axis(values, event[None, some], axis=0)[0]
+            if np.isnan(found).any():
+                raise ArithmeticError
             return found
 
-        ends = t[step, body], t[step + 1, body]
         try:
-            at = roots(value, *ends, old[event, step, body], values[event, step, body])
-            numbers = self.seen(where(step, body, at))[1]
-        except Exception:  # plain Python finds it again, and says what it is
+            at = roots(value, a[step], b[step], old[event, step], new[event, step])
+            numbers = self.seen(where(step, at))[1]
+        except Exception:
             return None
-        later = np.where(ends[1] >= ends[0], 1.0, -1.0)
-        order = np.lexsort((later * event, later * at, step, body))
-        return [(int(body[k]), (int(step[k]), float(at[k]), int(event[k]), numbers[k])) for k in order]
+        later = np.where(b[step] >= a[step], 1.0, -1.0)
+        order = np.lexsort((later * event, later * at, step)).tolist()
+        return [(int(step[k]), at.item(k), int(event[k]), numbers[k]) for k in order]
+
+
+class Unseen(Exception):
+    """An event is to be looked at in plain Python: body after body."""
+
+
+def unseen(error: Any) -> Any:
+    """What ends a run whose event failed at the start, but for Ctrl-C."""
+    return error if isinstance(error, KeyboardInterrupt) else Unseen()
+
+
+class Watches:
+    """Watches the events of many bodies side by side, in native code.
+
+    each : of every body its own watch.  values : (events, bodies) where the bodies stand.
+    """
+
+    def __init__(self, native: NativeEvents, bodies: int) -> None:
+        self.native, self.each = native, dict[int, Watch]()
+        self.values = np.zeros((len(native.events), bodies))
+
+    def add(self, body: int, watch: Watch) -> None:
+        """Watch a body, too.  Raises Unseen if its events are not for native code."""
+        if not watch.floats:
+            raise Unseen
+        self.each[body], self.values[:, body] = watch, watch.values
+
+    def look(
+        self, body: np.ndarray, points: np.ndarray, a: np.ndarray, b: np.ndarray, where: Any
+    ) -> dict[int, tuple[int, float, np.ndarray]]:
+        """Look at steps from the times a to b, where the states are `points`, of one body after
+        another: those of a terminal event the number of the step, the time and the state.
+
+        where : as in `NativeEvents.zeros`.  Raises Unseen if plain Python is to say why one failed.
+        """
+        new = self.native.values(points, b)
+        changed = body[1:] != body[:-1]
+        begins, ends = np.append(True, changed), np.append(changed, True)
+        old = np.concatenate([new[:, :1], new[:, :-1]], axis=1)
+        old[:, begins] = self.values[:, body[begins]]
+        self.values[:, body[ends]] = new[:, ends]
+        failed = np.flatnonzero(np.isnan(new).any(axis=0))[::-1]
+        first = np.full(self.values.shape[1], len(body))  # of every body the first step that failed
+        first[body[failed]] = failed
+        good = np.flatnonzero(np.arange(len(body)) < first[body])
+        given = old[:, good], new[:, good], a[good], b[good]
+        zeros = self.native.zeros(*given, lambda step, times: where(good[step], times))
+        if zeros is None:
+            raise Unseen
+        of_each: dict[int, list[Zero]] = {}
+        for k, at, event, numbers in zeros:
+            step = int(good[k])
+            of_each.setdefault(int(body[step]), []).append((step, at, event, numbers))
+        met = {i: self.each[i].meet(own) for i, own in of_each.items()}
+        if any(self.each[i].ended is None for i in body[failed].tolist()):
+            raise Unseen
+        return {i: hit for i, hit in met.items() if hit is not None}
 
 
 def roots(

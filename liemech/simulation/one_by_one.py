@@ -13,7 +13,6 @@ from ..errors import (
     IntegrationInterrupted,
     InvalidInput,
     InvalidType,
-    is_mistake,
     warn,
 )
 from ..systems.system import State, member, small_state, state_of
@@ -72,7 +71,7 @@ class OneByOne:
         kept: Checkpoint | None,
     ) -> None:
         self.plan, self.kept, self.count = plan, kept, start.bodies
-        self._start, self._t0, self._t_eval = start, t0, t_eval
+        self._start, self._t0, self._end, self._t_eval = start, t0, t_end, t_eval
         self.begun = functools.cache(self._begun())
         if plan.adaptive and plan._given["dense"]:
             raise InvalidInput("integrate: dense=True is for one body at a time")
@@ -152,7 +151,7 @@ class OneByOne:
                 except KeyboardInterrupt as error:
                     raise self._interrupted(i, getattr(error, "trajectory", None)) from None
                 except Exception as error:
-                    if is_mistake(error) and hasattr(error, "trajectory"):
+                    if hasattr(error, "trajectory"):
                         error.add_note(f"[integrate: body {i}]")
                         error.trajectory = self.joined(error.trajectory)
                     raise
@@ -236,8 +235,7 @@ class OneByOne:
 
         unfinished : the run of the next body as far as it has come.
         """
-        runs = [*self.runs, unfinished] if unfinished is not None else [*self.runs]
-        runs += [self._not_begun(i) for i in range(len(runs), self.count)]
+        runs = self._all_runs(unfinished)
         members = tuple([self._carried(i, run) for i, run in enumerate(runs)])
         n = max([self._samples_of(i, *one) for i, one in enumerate(zip(runs, members))])
         ways = [
@@ -276,6 +274,11 @@ class OneByOne:
             clocks["tau"] = clocks["tau"][:, 0].copy()
         origins = tuple([getattr(run, "origin", None) for run in runs])
         return TransformedTrajectory(**known, **clocks, origin=origins)  # type: ignore[arg-type]
+
+    def _all_runs(self, unfinished: Trajectory | None) -> list[Trajectory]:
+        """Those of all bodies so far."""
+        runs = [*self.runs, unfinished] if unfinished is not None else [*self.runs]
+        return runs + [self._not_begun(i) for i in range(len(runs), self.count)]
 
     def _samples_of(self, i: int, run: Trajectory, carry: Any) -> int:
         """How many samples a body has, with that where it failed."""

@@ -30,6 +30,7 @@ from .recorded import Recorder, recorder_of
 from .stepper import Stepper
 from .systems import OfBodies, Systems, each_of, methods_of, of_body, systems_of
 from .trajectory import TangentTrajectory, Trajectory, TransformedTrajectory
+from .watched_ensemble import WatchedEnsemble
 
 ROUNDING = 1e-9
 """Part of a step by which a last time may miss the end of one: more than rounding of h and t_end
@@ -324,9 +325,11 @@ class Plan:
         compiled = self._steps.compiled
         if kept is not None and recorder is not None:
             kept.shown = functools.partial(recorder.presented, kind=kind, compiled=compiled)
-        way = OneByOne
-        if self.adaptive and AdaptiveEnsemble.fits(self, kept):
+        way: type[OneByOne] = OneByOne
+        if self.adaptive and AdaptiveEnsemble.fits(self):
             way = AdaptiveEnsemble
+        elif not self.fictive and WatchedEnsemble.fits(self, start, t_end, t_eval):
+            way = WatchedEnsemble
         run = way(self, start, t0, steps, t_end, t_eval, kept)
         if recorder is None:
             return run.trajectory()

@@ -4,6 +4,7 @@ bit for bit the single runs.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -14,7 +15,9 @@ import pytest
 from scenes import slow
 
 import liemech as lm
-from liemech.errors import InvalidInput
+from liemech.errors import IntegrationFailure, InvalidInput
+from liemech.formulas import sqrt, where
+from liemech.simulation.one_by_one import OneByOne
 
 BODY = lm.RigidBody([1.0, 1.5, 2.0])
 MU = np.random.default_rng(0).normal(size=(4, 3))
@@ -266,3 +269,99 @@ def test_a_body_that_stops_in_fictive_time_stands_after_its_last_step(how: dict[
     for found in (runs.q[-1, 1], runs.carry.members[1].state.q, error.reached.q):
         assert np.array_equal(found, single.q[-1])
     assert runs.tau[-1, 1] == single.tau[-1] and runs.t[-1].max() == 3.0
+
+
+# ------------------------------------------------------------------ events, looked at side by side
+
+
+def rising(t: float, state: Any) -> float:
+    return state.q[0]
+
+
+rising.direction = 1.0  # type: ignore[attr-defined]
+
+
+def third(t: float, state: Any) -> float:
+    return state.q[1]
+
+
+third.terminal = 3  # type: ignore[attr-defined]
+
+
+def below(t: float, state: Any) -> float:
+    """A bound that is defined above it only: it fails in the steps after its zero."""
+    return (state.q[1] + 0.3) / sqrt(where(state.q[1] > -0.6, 1.0, -1.0))
+
+
+below.terminal = True  # type: ignore[attr-defined]
+
+MANY = 19
+RNG = np.random.default_rng(3)
+# one falls into the sun, and one meets nothing
+MANY_Q = np.stack([RNG.uniform(0.5, 1.0, MANY), 0.1 * RNG.normal(size=MANY)], axis=1)
+MANY_P = np.stack([0.1 * RNG.normal(size=MANY), RNG.uniform(1.0, 1.3, MANY)], axis=1)
+MANY_Q[5], MANY_P[5] = [0.5, 0.0], [0.0, 0.0]
+MANY_Q[9], MANY_P[9] = [3.0, 1.0], [0.1, 0.4]
+ENDS = np.where(np.arange(MANY) % 3 == 0, -4.0, np.linspace(2.0, 9.0, MANY))
+ADAPTIVE = {"rtol": 1e-6, "max_step": 0.1}
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize(
+    ("method", "stepping", "how"),
+    [
+        (DP5, ADAPTIVE, {"t_end": 9.0, "t_eval": [0.0, 0.5, 2.0, 4.4, 9.0]}),
+        (DP5, ADAPTIVE | {"breaks": (0.0, 2.0, 5.0)}, {"t_end": ENDS}),
+        (lm.StormerVerlet(), {"h": 0.03, "every": 7}, {"steps": 300}),
+        slow(lm.RKMK(order=4), {"h": -0.03}, {"t_end": -6.0}),
+    ],
+)
+@pytest.mark.parametrize("events", [(rising, third), slow((below, rising))])
+@pytest.mark.parametrize("several", [False, slow(True)])
+def test_events_of_bodies_side_by_side(
+    method: Any, stepping: dict[str, Any], how: dict[str, Any], events: Any, several: bool,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    went, run_of = [], OneByOne._run
+    monkeypatch.setattr(OneByOne, "_run", lambda self, i: went.append(i) or run_of(self, i))
+    suns: Any = [lm.Kepler(1.0 + 0.01 * i) for i in range(MANY)] if several else KEPLER
+    plan = lm.Plan(suns, method, **stepping, events=events, compiled=True)
+    starts = KEPLER.state(MANY_Q, MANY_P)
+    with warnings.catch_warnings(action="ignore"):
+        runs = plan.run(starts, **how)
+    assert len(went) < 5  # until there is native code of the events
+    for i in range(MANY):
+        own = {n: x[i] if n == "t_end" and np.ndim(x) else x for n, x in how.items()}
+        single, error = plan.replace(system=suns[i] if several else KEPLER), None
+        try:
+            alone = single.run(KEPLER.state(MANY_Q[i], MANY_P[i]), **own)
+        except IntegrationFailure as caught:
+            error, alone = caught, caught.trajectory
+        t = runs.t if runs.t.ndim == 1 else runs.t[:, i]
+        shown = len(alone)
+        if plan.adaptive and "t_eval" not in how:  # of an ensemble the start and the end
+            shown = 0
+            last = alone.last if error is None else error.reached
+            assert np.array_equal(runs.q[-1, i], last.q)
+            assert error is not None or t[-1] == alone.t[-1]
+        assert np.array_equal(runs.q[:shown, i], alone.q[:shown])
+        assert np.array_equal(t[:shown], alone.t[:shown])
+        assert (i in runs.stopped) == (error is not None)
+        for k in range(len(events)):
+            (times, states), (found, then) = alone.events[k], runs.events[k][i]
+            assert np.array_equal(times, found) and np.array_equal(states.p, then.p)
+
+
+def test_an_event_that_fails_is_raised_as_its_body_alone_raises_it() -> None:
+    def broken(t: float, state: Any) -> float:
+        if state.q[0] < -0.2:
+            raise ValueError("too far")
+        return state.q[1]
+
+    starts = KEPLER.state(MANY_Q[:4], MANY_P[:4])
+    for method, how in (DP5, {"rtol": 1e-6}), (lm.StormerVerlet(), {"h": 0.03}):
+        plan = lm.Plan(KEPLER, method, **how, events=broken)
+        with pytest.raises(ValueError, match="too far") as raised:
+            plan.run(starts, t_end=9.0)
+        assert any("[integrate: body 0]" in note for note in raised.value.__notes__)
+        assert raised.value.trajectory.bodies == 4  # type: ignore[attr-defined]
