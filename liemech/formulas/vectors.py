@@ -146,8 +146,9 @@ def _small(x: Any) -> Any:
 
 
 def _same_length(v: Vec, other: Any) -> Any:
-    if type(other) is not Vec:
-        other = _small(other)
+    if type(other) is Vec and len(other) == len(v):
+        return other
+    other = _small(other)
     if isinstance(other, Vec) and len(other) == len(v):
         return other
     kind = (

@@ -168,6 +168,10 @@ class SO3Algebra(LieAlgebra):
         return r, 4.0 + square, outer(2.0 * p, xi) - self.hat(twice)
 
 
+SO3_ALGEBRA = SO3Algebra()
+"""One for all: it remembers the shapes of what its methods are given."""
+
+
 @record
 class SO3(LieGroup):
     """Rotations: g is the orthogonal matrix that turns body coordinates into space coordinates.
@@ -181,7 +185,7 @@ class SO3(LieGroup):
     @property
     def algebra(self) -> SO3Algebra:
         """so(3)."""
-        return SO3Algebra()
+        return SO3_ALGEBRA
 
     def identity(self) -> Element:
         """The unit matrix."""
