@@ -196,7 +196,7 @@ def layout_of(value: Any, number: Callable[[Any], bool] = is_number) -> Layout:
     if number(value):
         return NUMBER
     if isinstance(value, Vec):
-        ordinary = all(map(is_any_number, value))
+        ordinary = _FLOAT.issuperset(map(type, value)) or all(map(is_any_number, value))
         return (
             _vector(len(value))
             if ordinary
@@ -215,6 +215,8 @@ def layout_of(value: Any, number: Callable[[Any], bool] = is_number) -> Layout:
         return _sequence(type(value).__name__, tuple([layout_of(x, number) for x in value]))
     return Layout("static", (), value)
 
+
+_FLOAT = frozenset([float])
 
 _known, _know = Record._layout.__get__, Record._layout.__set__  # type: ignore[attr-defined]
 

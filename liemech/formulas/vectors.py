@@ -161,8 +161,9 @@ def small(x: Any) -> Any:
 
 
 def _same_length(v: Vec, other: Any) -> Any:
-    if type(other) is not Vec:
-        other = small(other)
+    if type(other) is Vec and len(other) == len(v):
+        return other
+    other = small(other)
     if isinstance(other, Vec) and len(other) == len(v):
         return other
     kind = (

@@ -169,6 +169,10 @@ class SO3Algebra(LieAlgebra):
         return r, 4.0 + square, outer(2.0 * p, xi) - self.hat(twice)
 
 
+SO3_ALGEBRA = SO3Algebra()
+"""One for all: it remembers the shapes of what its methods are given."""
+
+
 @record
 class SO3(LieGroup):
     """Rotations: g is the orthogonal matrix that turns body coordinates into space coordinates.
@@ -182,7 +186,7 @@ class SO3(LieGroup):
     @cached_property
     def algebra(self) -> SO3Algebra:
         """so(3)."""
-        return SO3Algebra()
+        return SO3_ALGEBRA
 
     def identity(self) -> Element:
         """The unit matrix."""

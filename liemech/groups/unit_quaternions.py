@@ -13,7 +13,7 @@ from ..formulas.broadcasting import MEMBERSHIP
 from .lie_group import LieGroup
 from .rotation_coefficients import LIMIT, exp_coefficients, lost_in_square, sin_cos_root
 from .rotation_logarithm import rotation_quaternion
-from .so3 import HALF_TURN, HUGE, SO3, TINY, SO3Algebra
+from .so3 import HALF_TURN, HUGE, SO3, SO3_ALGEBRA, TINY, SO3Algebra
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -43,7 +43,7 @@ class UnitQuaternions(LieGroup):
     @cached_property
     def algebra(self) -> SO3Algebra:
         """so(3): a velocity is half a pure quaternion."""
-        return SO3Algebra()
+        return SO3_ALGEBRA
 
     def identity(self) -> Element:
         """(0, 0, 0, 1)."""

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
 from typing import Any, ClassVar
 
 from ..errors import IncompatibleSystem, InvalidType
 from ..formulas import Record, record
+from ..formulas.pytree import fields_of
 from ..retractions import Retraction
 from ..systems.system import State, System
 
@@ -32,16 +32,12 @@ class Method(Record):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name, given in self._fields():
+        for name, given in fields_of(self).items():
             if name == "retraction" and not isinstance(given, Retraction):
                 raise InvalidType(
                     f"{type(self).__name__}: retraction must be Exponential(), "
                     f"Cayley() or one of yours; got {given!r}"
                 )
-
-    def _fields(self) -> list[tuple[str, Any]]:
-        """The names and values of the fields."""
-        return [(f.name, getattr(self, f.name)) for f in fields(self)]
 
     @property
     def error_order(self) -> int:
@@ -95,7 +91,7 @@ class Method(Record):
                     f"{self!r} needs a system with a {need}; "
                     f"{system!r} has none. {system.alternatives}."
                 )
-        for _, value in self._fields():
+        for _, value in fields_of(self).items():
             if isinstance(value, Retraction):
                 value.require(system.group)
 

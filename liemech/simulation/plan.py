@@ -219,9 +219,8 @@ class Plan:
         what is prepared is shared.
         """
         arguments.matching(system, of_body(self.method, 0))
-        other: Plan = like(self)
-        other.system = other._one = system
-        other._given, other._steps = self._given | {"system": system}, self._steps.of_system(system)
+        given, steps = self._given | {"system": system}, self._steps.of_system(system)
+        other: Plan = like(self, system=system, _one=system, _given=given, _steps=steps)
         return other
 
     def __reduce__(self) -> tuple[Any, ...]:

@@ -65,10 +65,10 @@ class Steps:
 
     def of_system(self, system: System) -> Steps:
         """The same for a system of the same layout; what is laid out and compiled is shared."""
-        return Steps(
-            system, self.method, self.h, self.every, self.compensated, self.precision, self.compiled, self.progress, self.workers,
-            {key: shape.of_system(system) for key, shape in [*self.shapes.items()]},
-        )  # fmt: skip
+        shapes = {key: shape.of_system(system) for key, shape in [*self.shapes.items()]}
+        own = {"system": system, "shapes": shapes}
+        other: Steps = like(self, of_origins=WeakKeyDictionary(), of_layouts={}, **own)
+        return other
 
     @property
     def one(self) -> System:
@@ -124,14 +124,13 @@ class Prepared:
 
     def of_system(self, system: System) -> Any:
         """The same for another system of the same layout."""
-        other = like(self)
-        method, _, first, second = self.arguments
-        other.arguments, other.constants = (
-            (method, system, first, second),
-            numbers_of(method, system),
+        method, _, *layouts = self.arguments
+        return like(
+            self,
+            arguments=(method, system, *layouts),
+            constants=numbers_of(method, system),
+            stepping=self.stepping.of(system),
         )
-        other.stepping = self.stepping.of(system)
-        return other
 
 
 class Shape(Prepared):

@@ -16,7 +16,16 @@ from ..errors import IncompatibleSystem, InvalidInput, InvalidType
 from ..formulas import Record, Vec, derivative, record
 from ..formulas.broadcasting import small
 from ..formulas.dual import Dual
-from ..formulas.pytree import NUMBER, Layout, build, fitted, layout_of, leaves, with_slopes
+from ..formulas.pytree import (
+    NUMBER,
+    Layout,
+    build,
+    fields_of,
+    fitted,
+    layout_of,
+    leaves,
+    with_slopes,
+)
 from ..integrators.lie_poisson_first_kind import FirstKindHamiltonJacobi
 from ..integrators.lie_poisson_hj import LiePoissonHamiltonJacobi
 from ..integrators.method import Method
@@ -155,7 +164,7 @@ def with_step(method: Any, h: float, t0: float) -> WithStep:
 def expands(method: Any) -> bool:
     """Is a method, or one that it is made of, a power series in its step?"""
     own = isinstance(method, (FirstKindHamiltonJacobi, LiePoissonHamiltonJacobi))
-    inner = [x for _, x in method._fields() if isinstance(x, Method)]
+    inner = [x for x in fields_of(method).values() if isinstance(x, Method)]
     return (own and method.order > 2) or any(map(expands, inner))
 
 

@@ -44,7 +44,7 @@ from .progress import Bar
 from .stopped import NONE
 from .trajectory import Trajectory, TransformedTrajectory
 
-SOME = 512
+SOME = 4096
 """Steps in the first piece of a run, in native code."""
 
 STILL = 1000.0

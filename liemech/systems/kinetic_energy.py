@@ -10,7 +10,7 @@ import numpy as np
 
 from ..errors import InvalidInput
 from ..formulas import Mat, Vec, check_finite, dot, real_array, record, vectors
-from ..formulas.pytree import fill
+from ..formulas.pytree import fill, laid_out
 from .hamiltonian import Hamiltonian
 from .lagrangian import Lagrangian
 
@@ -69,7 +69,8 @@ def kinetic_energy(inertia: Vec | Mat) -> KineticEnergy:
     inertia : (dim,) or (dim, dim).
     """
     if isinstance(inertia, vectors.Vec) and _invertible(inertia):
-        return fill(KineticEnergy, {"inertia": inertia, "inverse": 1.0 / inertia})
+        made = fill(KineticEnergy, {"inertia": inertia, "inverse": 1.0 / inertia})
+        return laid_out(made, len(inertia))
     return KineticEnergy(inertia)
 
 

@@ -54,10 +54,11 @@ class Pen(Drawing):
 class Live:
     """A scene in a browser on this machine, moved state by state; a context manager.
 
+        motion = plan.stepper(start)
         with lm.viewer.live(body, start) as view:
-            for n in range(1000):
-                state = method.step(body, n * h, state, h)
-                view.display(state, (n + 1) * h)
+            for _ in range(1000):
+                motion.step()
+                view.display(motion.state, motion.t)
 
     The page listens to one thread of this process, on 127.0.0.1 and a port that the system chooses;
     nothing else runs, and nothing is left behind.  `display` only hands over the state: drawing is

@@ -181,7 +181,7 @@ def calls(found: Any) -> list[Row]:
     names = {
         "plan.run, 200 steps and samples": "a prepared run of 200 steps, beyond the steps",
         "integrate, the same": "`integrate` repeated, beyond the steps",
-        "plan.step, one step": "a single compiled step",
+        "stepper.step, one step": "a single compiled step, by hand",
     }
     return [
         at_most(text, f"{found[n]['goal']:g} us", [found[n]["beyond"]], found[n]["goal"], " us")

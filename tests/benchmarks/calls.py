@@ -27,6 +27,9 @@ def least(call: Callable[[], Any], repeat: int) -> float:
 
 PARTS = ("mu",), ("mu", "g")
 
+WARM = 1.5
+"""Seconds of this process after which native code that is made when it pays is there."""
+
 
 def in_native_code(call: Callable[[], Any]) -> float:
     """Microseconds of a call that are native code."""
@@ -58,7 +61,7 @@ def main() -> None:
     body, method = lm.RigidBody([1.0, 1.5, 2.0]), lm.RKMK(order=4)
     start = body.state(mu=[0.5, 0.0, 0.75**0.5], g=np.eye(3))
     plan = lm.Plan(body, method, 0.1, compiled=True)
-    carry, run = plan.begin(start), plan.run(start, steps=400)
+    carry, run, stepper = plan.begin(start), plan.run(start, steps=400), plan.stepper(start)
     adaptive = lm.Plan(body, lm.RKMK(order=5), rtol=1e-9, compiled=True)
     times = np.linspace(0.0, 20.0, 201)
     end, ten = np.array([10.0]), np.linspace(0.0, 10.0, 11)
@@ -78,7 +81,9 @@ def main() -> None:
     grid = np.linspace(0.0, 60.0, 11)
     calls: dict[str, tuple[Callable[[], Any], float]] = {
         "plan.step, 200 steps": (lambda: plan.step(carry, 200), 0.0),
-        "plan.step, one step": (lambda: plan.step(carry), 3.0),
+        "plan.step, one step": (lambda: plan.step(carry), 0.0),
+        "stepper.step, one step": (stepper.step, 3.0),
+        "the same, and its mu": (lambda: (stepper.step(), stepper.mu), 3.0),
         "plan.run, 200 steps and samples": (lambda: plan.run(start, steps=200), 10.0),
         "the same, and its t, mu, g": (
             lambda: (run := plan.run(start, steps=200), run.t, run.mu, run.g),
@@ -117,7 +122,8 @@ def main() -> None:
     results = {}
     print(f"{'call':<36}{'us':>10}{'beyond the steps':>20}{'goal':>8}")
     for name, (call, goal) in calls.items():
-        for _ in range(5):  # native code that is made after some calls is there
+        begun = time.process_time()
+        while time.process_time() - begun < WARM:
             call()
         beyond = least(call, max(5, int(min(repeat, 2e5 / max(1.0, least(call, 3))))))
         spent, steps = beyond, in_native_code(call)
