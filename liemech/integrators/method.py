@@ -18,7 +18,8 @@ class Method(Record):
     must:     `step`, and the claims `order`, `symmetric`, `symplectic`
     may:      `needs` and `require`, what systems it accepts; a field `retraction`, which must fit the group;
               `start`, `observe`, `past`, `resume`, a memory from step to step;
-              `error_order` with an adaptive `trial`, and its dense output; `step_warning`; `name`
+              `error_order` with an adaptive `trial`, which may shorten its step (`shortens`), and its dense
+              output; `step_warning`; `name`
     follows:  `integrate` and whoever else owns a loop call `start` once and `step` again and again
 
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., II.1 and V.
@@ -29,6 +30,8 @@ class Method(Record):
     needs: ClassVar[tuple[str, ...]] = ()
     # are its steps those of a fictive time, and is physical time carried along?
     fictive: ClassVar[bool] = False
+    # does a trial make its step as long as the tolerance allows, so that none is too long?
+    shortens: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         super().__post_init__()

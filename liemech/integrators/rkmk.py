@@ -21,12 +21,15 @@ from .method import Method
 class Trial(Record):
     """A step on probation: the new state and the velocity there, the error over the tolerance, the
     way in between.
+
+    share : the part of the step that was made, less than 1 only of methods that shorten theirs.
     """
 
     state: Any
     velocity: Vec
     error: float
     curve: tuple[Vec, ...]
+    share: float = 1.0
 
 
 @record

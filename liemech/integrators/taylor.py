@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, ClassVar
 
 from ..errors import InvalidInput
-from ..formulas import Vec, derivative, plain, record, sqrt, vec
+from ..formulas import Vec, derivative, exp, log, plain, record, vec
 from ..formulas.products import Products
 from ..formulas.series import Series
 from ..groups.bernoulli import TERMS
@@ -17,6 +17,9 @@ from .rkmk import Trial, mean_square
 
 ORDERS = 2, 30
 """The lowest order and the highest one."""
+
+SAFETY = 0.8
+"""A step is so much of the one whose last terms would be as large as the tolerance."""
 
 
 @record
@@ -44,6 +47,8 @@ class Taylor(Method):
     high-order Taylor methods, Experimental Mathematics 14 (2005); Hairer, Lubich, Wanner, IV.8 (the
     equation for Omega).
     """
+
+    shortens: ClassVar[bool] = True
 
     order: int = 12
     retraction: Retraction = Cayley()
@@ -125,22 +130,26 @@ class Taylor(Method):
         atol: float,
         dense: bool,
     ) -> Trial:
-        """One step with an estimate of its error, the last two terms, and with the way there if it
-        is `dense`.
+        """One step as long as its last two terms allow, at most h, and with the way there if it is
+        `dense`.
 
         With e_k the root mean square of what Omega_k changes, over atol + rtol |what it changes|,
-        the error is the larger one of e_p and e_(p-1)^(p/(p-1)), which is as if h = min(e_p^(-1/p),
-        e_(p-1)^(-1/(p-1))) were the step for an error of 1.
+        the step for an error of 1 is h/r, r = max(e_p^(1/p), e_(p-1)^(1/(p-1))).  The terms of a
+        step s h are s^k Omega_k: they need not be computed again, so no step is rejected.  The
+        velocity is passed on as it came; no step needs it.
         """
         p, terms = self.order, self._terms(system, t, state, h)
-        new = system.displaced(self.retraction, state, total(terms))
         last, before = (
-            mean_square(system, state, new, terms[k], rtol, atol) for k in (p - 1, p - 2)
+            mean_square(system, state, state, terms[k], rtol, atol) for k in (p - 1, p - 2)
         )
-        error = max(last, before ** (p / (p - 1.0)))
-        return Trial(
-            new, system.rate(t + h, system.essential_part(new)), sqrt(error), terms if dense else ()
-        )
+        log_r = max((0.5 / p) * log(last), (0.5 / (p - 1.0)) * log(before))
+        share = min(SAFETY * exp(-log_r), 1.0)
+        power, way = share, [share * terms[0]]
+        for k in range(1, p):
+            power = power * share
+            way.append(power * terms[k])
+        new = system.displaced(self.retraction, state, total(way))
+        return Trial(new, first, exp(p * log_r), tuple(way) if dense else (), share)
 
 
 def total(terms: Sequence[Vec]) -> Vec:

@@ -99,12 +99,12 @@ def adaptive_steps(
         if failures is None and not accepted(trial, itself):
             stuck = ASKED
             break
-        error = UNUSABLE
+        error, made = UNUSABLE, step
         if accepted(trial, itself):
-            error = max(trial.error, LEAST)
-        h, root = following(step, error, before, power)
+            error, made = judged(method, trial, t, step)
+        h, root = following(method, made, error, before, power)
         if error <= 1.0:
-            t = t_end if last else t + step
+            t = t_end if last and made == step else t + made
             state, xi = trial.state, trial.velocity
             write(out, n * row.width, (t, state, trial.curve), row)
             n = n + 1
@@ -174,14 +174,15 @@ def adaptive_lanes(
             break
         step, last, small = to_try(t, h, t_end, goal.longest)
         trial = attempt(method.trial, system, t, state, xi, step, rtol, atol, dense)
-        made, small = accepted(trial, itself), running and small
-        error = where(made, max(trial.error, LEAST), UNUSABLE)
-        failed, tried = running and not small and not made, running and not small and made
+        done, small = accepted(trial, itself), running and small
+        found = judged(method, trial, t, step)
+        error, made = where(done, found[0], UNUSABLE), where(done, found[1], step)
+        failed, tried = running and not small and not done, running and not small and done
         good = tried and error <= 1.0
-        new, root = following(step, error, before, power)
+        new, root = following(method, made, error, before, power)
         h = where(tried, new, where(small, step, h))
         stuck = where(small, STUCK, where(failed, ASKED, stuck))
-        t = where(good, where(last, t_end, t + step), t)
+        t = where(good, where(last and made == step, t_end, t + made), t)
         state, xi = where(good, trial.state, state), where(good, trial.velocity, xi)
         before = where(good, root, before)
         n = n + where(good, 1.0, 0.0)
@@ -200,9 +201,19 @@ def to_try(t: float, h: float, t_end: float, longest: float) -> tuple[float, boo
     return step, last, t + 0.125 * step == t
 
 
-def following(step: float, error: float, before: float, power: float) -> tuple[float, float]:
+def judged(method: Any, trial: Any, t: float, step: float) -> tuple[float, float]:
+    """The error over the tolerance of the step that a trial has made, and its length."""
+    if not method.shortens:
+        return max(trial.error, LEAST), step
+    made = trial.share * step
+    return where(t + made == t, UNUSABLE, LEAST), made
+
+
+def following(
+    method: Any, step: float, error: float, before: float, power: float
+) -> tuple[float, float]:
     """The step after one with this error over the tolerance, and r = err^(1/(10 q)), which controls
-    it; `before` is that of the last step.
+    it; `before` is that of the last step.  A method that shortens its steps may try any.
 
     A proportional-integral controller, h <- 0.9 h err_n^(-0.7/q) err_(n-1)^(0.4/q), that is
     0.9 h r_(n-1)^4 / r_n^7; after a step that was rejected h <- 0.9 h err^(-1/q).  A power in lanes
@@ -211,6 +222,8 @@ def following(step: float, error: float, before: float, power: float) -> tuple[f
     Source: Hairer and Wanner, Solving Ordinary Differential Equations II, 2nd ed., IV.2, equation
     (2.43c).
     """
+    if method.shortens:
+        return step * where(error <= 1.0, FASTEST, SLOWEST), before
     root = error ** (0.1 * power)
     cube, old = root * root * root, before * before
     if error <= 1.0:

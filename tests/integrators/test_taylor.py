@@ -12,7 +12,13 @@ import pytest
 from scenes import asymmetric_body, rotation, same_bits, slope
 
 import liemech as lm
-from liemech.errors import IncompatibleSystem, InvalidInput, InvalidType, NotCompilable
+from liemech.errors import (
+    IncompatibleSystem,
+    InvalidInput,
+    InvalidType,
+    NotCompilable,
+    StepTooSmall,
+)
 from liemech.formulas import cos, dot, exp, log, record, sin, sqrt, tanh, vec, where
 from liemech.integrators.taylor import Taylor
 
@@ -292,6 +298,35 @@ def test_adaptive_steps_on_other_systems(name: str) -> None:
         system, Taylor(order=10, retraction=retraction), start, t_end=1.5, rtol=1e-11, atol=1e-11
     )
     assert np.abs(ends(run) - last(system, lm.RKMK(order=8), start, 1.5, 150)).max() < 1e-10
+
+
+def test_every_step_is_as_long_as_its_terms_allow() -> None:
+    """Also where a motion slows down quickly: past the pericentre of a long ellipse."""
+    kepler = lm.Kepler()
+    start = kepler.state([0.1, 0.0], [0.0, np.sqrt(19.0)])
+    runs = [
+        lm.integrate(
+            kepler, Taylor(order), start, t_end=2.0 * np.pi, rtol=1e-9, atol=1e-9, compiled=False
+        )
+        for order in (12, 24)
+    ]
+    for run in runs:
+        assert run.rejected == 0 and run.t[-1] == 2.0 * np.pi
+        assert np.abs(run.q[-1] - np.array(start.q)).max() < 1e-8
+    assert runs[1].steps < 0.5 * runs[0].steps
+
+
+def test_steps_that_end_at_a_singularity() -> None:
+    @record
+    class Explosive(lm.GroupEquation):
+        def velocity(self, t: float, y: Any) -> Any:
+            return y * y[0]
+
+    system = Explosive(lm.VectorSpace(1))
+    with pytest.raises(StepTooSmall, match="at t = 1 the step fell") as caught:
+        lm.integrate(system, Taylor(24), system.state([1.0]), t_end=2.0, compiled=False)
+    times = caught.value.trajectory.t
+    assert (np.diff(times) > 0.0).all() and 1.0 - times[-1] < 1e-14
 
 
 def test_a_body_that_turns_about_an_axis_of_symmetry_has_no_error_to_estimate() -> None:
