@@ -63,9 +63,11 @@ class Branches(Phis):
                 ends.append(lanes)
                 certain.append({n for n in before if has(n) not in before})
                 continue
-            some, skip, calls = e.any(lanes), b.block, e.calls
-            start = b.append_basic_block()
-            b.position_at_end(start)
+            aside = not _only_leaves(statements)
+            if aside:
+                some, skip, calls = e.any(lanes), b.block, e.calls
+                start = b.append_basic_block()
+                b.position_at_end(start)
             inside = dict(before)
             inside |= {n: merged[n] for n in LEFT if n in merged}
             self.base = lanes
@@ -92,16 +94,18 @@ class Branches(Phis):
             after = skipped | after
             if isinstance(left, Num):
                 after["<end>"], skipped["<end>"] = left, lanes
-            end_of_body = b.block
-            merged = {}
             self.base = outer
-            self.join(
-                [
-                    Open(end_of_body, after),
-                    Open(skip, skipped, self._entering(some, start, e.calls > calls)),
-                ],
-                merged,
-            )
+            if aside:
+                end_of_body, merged = b.block, {}
+                self.join(
+                    [
+                        Open(end_of_body, after),
+                        Open(skip, skipped, self._entering(some, start, e.calls > calls)),
+                    ],
+                    merged,
+                )
+            else:
+                merged = after
             someone_left |= left is not None
             if left is not NO_LANE:
                 ends.append(merged.pop("<end>", lanes))
@@ -118,3 +122,8 @@ class Branches(Phis):
 
     def _entering(self, some: Num, start: ir.Block, rare: bool) -> Callable[[ir.Block], None]:
         return lambda into: self._weigh(self.builder.cbranch(some.value, start, into), rare, False)
+
+
+def _only_leaves(statements: list[ast.stmt]) -> bool:
+    """Is this `break` or `continue` alone, which changes masks and needs no way of its own?"""
+    return all(isinstance(statement, (ast.Break, ast.Continue)) for statement in statements)

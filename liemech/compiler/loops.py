@@ -118,6 +118,7 @@ class Loops(Branches):
                 del env[name]
         changed = {*changed_names(body), *counters}
         carried = sorted((changed | {*map(has, changed)}) & env.keys())
+        self.emitter.calls += 1
         form = self.frames[-1].node, forms(env), self.active(env) is None
         masked, types, grown = self.loop_forms.get(form, (self._parting(body), {}, {}))
         types, grown = dict(types), dict(grown)
@@ -125,7 +126,7 @@ class Loops(Branches):
         while True:
             forget = self.mark()
             try:
-                going_on = self._loop(test, step, body, env, carried, types, masked, bool(counters))
+                going_on = self._loop(test, step, body, env, carried, types, masked, counters)
                 # an int that becomes a float may do so in this call only
                 if not any(mixed for *_, mixed in types.values()):
                     self.loop_forms[form] = masked, types, grown
@@ -192,7 +193,7 @@ class Loops(Branches):
         carried: list[str],
         types: dict[int, tuple[str, bool, bool]],
         masked: bool,
-        counted: bool,
+        counters: tuple[str, ...],
     ) -> bool:
         e, b, frame = self.emitter, self.builder, self.frames[-1]
         before, head, outer = b.block, b.append_basic_block(), self.base
@@ -200,10 +201,10 @@ class Loops(Branches):
         layouts = {name: layout_of(env[name], is_any_number) for name in carried}
         phis: list[Num] = []
 
-        def entering(x: Any) -> Num:
+        def entering(x: Any, counts: bool = False) -> Num:
             x = e.lift(x)
-            # as it nearly always will in the loop
-            differs = x.varying or (e.lanes > 1 and (masked or x.kind == "f"))
+            # as it nearly always will in the loop; the turns are counted for all lanes at once
+            differs = x.varying or (e.lanes > 1 and not counts and (masked or x.kind == "f"))
             kind, varying, mixed = types.get(len(phis), (x.kind, differs, x.mixed))
             b.position_at_end(before)
             value = e.cast(x, kind, varying)
@@ -217,7 +218,8 @@ class Loops(Branches):
         at_head = {n: v for n, v in env.items() if n not in masks}
         for name in carried:
             at_head[name] = build(
-                layouts[name], iter([entering(x) for x in leaves(env[name], layouts[name])])
+                layouts[name],
+                iter([entering(x, name in counters) for x in leaves(env[name], layouts[name])]),
             )
             self.sharing.meet(name, at_head[name], [(env[name], env)])
         active: Any = None
@@ -272,7 +274,8 @@ class Loops(Branches):
                     )
                 for x, y in zip(leaves(new, layout), leaves(old, layout), strict=True):
                     phi = phis[index]
-                    leaf = e.lift(x if not masked or x is y else e.select(lanes, x, y))
+                    alone = masked and x is not y and not (name in counters and not phi.varying)
+                    leaf = e.lift(e.select(lanes, x, y) if alone else x)
                     kind = max(leaf.kind, phi.kind, key="bif".index)
                     varying = leaf.varying or phi.varying
                     mixed = kind == "f" and (
@@ -293,13 +296,13 @@ class Loops(Branches):
             if masked:
                 broken = inside.get(BROKEN, False)
                 # a lane that has failed might never end
-                if self.raises - raises > (self.marks - marks if counted else 0):
+                if self.raises - raises > (self.marks - marks if counters else 0):
                     broken = e.logic("or_", broken, e.load(self.failed))
                 come_from(
                     active, e.cast(e.logic("and_", lanes, e.negation(broken)), "b", True), b.block
                 )
             # what has failed everywhere might never end
-            if self.raises > raises and not masked and not counted:
+            if self.raises > raises and not masked and not counters:
                 going, given_up = e.any(e.negation(e.load(self.failed))), b.append_basic_block()
                 b.cbranch(going.value, head, given_up)
                 self.escapes[-1].append(Open(given_up, {}))

@@ -159,14 +159,14 @@ class SO3Algebra(LieAlgebra):
         return self.dcayley_inv(xi, mu, "left" if side == "right" else "right")
 
     def cayley_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
-        """r = 4 (p - mu) + |xi|^2 p + 2 xi x mu,  dr/dp = 4 + |xi|^2,  dr/dxi = 2 p xi^T - 2 hat(mu).
+        """r = 2 (p - mu) + (|xi|^2/2) p + xi x mu,  dr/dp = 2 + |xi|^2/2,  dr/dxi = p xi^T - hat(mu).
 
         p - mu is small and rounds by its own size, so r rounds by the size of xi and not by that of
         mu.
         """
-        square, twice = dot(xi, xi), 2.0 * mu
-        r = 4.0 * (p - mu) + (square * p + cross(xi, twice))
-        return r, 4.0 + square, outer(2.0 * p, xi) - self.hat(twice)
+        half = 0.5 * dot(xi, xi)
+        r = 2.0 * (p - mu) + (half * p + cross(xi, mu))
+        return r, 2.0 + half, outer(p, xi) - self.hat(mu)
 
 
 SO3_ALGEBRA = SO3Algebra()
