@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import builtins
+import functools
 import operator
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -19,6 +20,7 @@ from .advice import instead_of_syntax
 from .ir_numbers import Num
 from .iterators import Stream
 from .loops import Loops
+from .reads import varies
 from .scopes import Closure, Env, Frame, Function, Undefined
 
 OPERATORS: dict[type, Callable[..., Any]] = {
@@ -167,10 +169,7 @@ class Expressions(Loops):
                 return "".join(self.expression(part, env) for part in node.values)
             case ast.FormattedValue():
                 value = self.expression(node.value, env)
-                if holds_number(value):
-                    raise NotCompilable(
-                        "a text of numbers known only at run time (`raise` may have one)"
-                    )
+                self.textual(value)
                 if node.conversion != -1:
                     value = getattr(
                         builtins, {"s": "str", "r": "repr", "a": "ascii"}[chr(node.conversion)]
@@ -194,12 +193,20 @@ class Expressions(Loops):
                 "and quotients, `not x` for `~x`, `!=` for `^`"
             )
         self.reads.settled(*operands)
+        if isinstance(node.op, ast.Mod) and isinstance(operands[0], (str, bytes)):
+            self.textual(operands[1])
         try:
             return large.matmul(self.emitter, operator_, operands)
         except NotCompilable:
             raise
         except TypeError as error:
             raise NotCompilable(f"`{ast.unparse(node)}`: {in_words(error)}") from None
+
+    def textual(self, value: Any) -> None:
+        """Refuse a text of what only the run knows, or of what says itself how it looks."""
+        if varies(value):
+            raise NotCompilable("a text of numbers known only at run time (`raise` may have one)")
+        self.reads.settled(value, inside=True)
 
     def items(self, nodes: list[ast.expr], env: Env) -> list[Any]:
         found: list[Any] = []
@@ -335,7 +342,12 @@ class Expressions(Loops):
 
     def attribute(self, value: Any, name: str) -> Any:
         if isinstance(value, Num):
-            raise NotCompilable(f"a number has no attribute `{name}`")
+            raise NotCompilable(f"`{name}` of a number known only at run time: use functions")
+        if isinstance(value, (Closure, Stream)):
+            raise NotCompilable(
+                f"`{name}` of {'an inner function' if isinstance(value, Closure) else 'an iterator'}"
+                ": leave it out, or define it at the top of the module"
+            )
         if name.startswith("__") and not name.endswith("__"):
             raise NotCompilable(f"`{name}`: a private name with two underscores; use one")
         return self.reads.attribute(value, name, self.call)
@@ -349,7 +361,12 @@ class Expressions(Loops):
         ):
             return self.item(self.item(value, index[0]), index[1])
         if not holds_number(index):
-            self.reads.settled(value)
+            self.reads.settled(value, index)
+            if hasattr(type(value), "__missing__") and index not in value:
+                raise NotCompilable(
+                    f"`{index!r}` is not in this {type(value).__name__}, which would make an entry: "
+                    "use a dict that has it"
+                )
             return value[index]
         if not isinstance(index, Num) or index.kind == "f":
             raise NotCompilable(
@@ -358,8 +375,12 @@ class Expressions(Loops):
             )
         if isinstance(value, dict):
             raise NotCompilable("a key of a dict must be known now: write `if` and `elif`, or a list")
+        if index.kind == "b":
+            if isinstance(value, np.ndarray):
+                raise NotCompilable("a truth value as an index of an array is a mask: write int(x)")
+            self.emitter.unless_numpy("a truth value as an index")
         if isinstance(value, np.ndarray):
-            self.emitter.of_numpy = True
+            self.emitter.meet_numpy()
         result, *others = _entries(value)  # an index known at run time: pick by comparison
         count = len(others) + 1
         self.fail_if(
@@ -383,9 +404,12 @@ class Expressions(Loops):
             return value if test is either else self.expression(rest, env)
         if rest not in self.branching:
             forget, block, raises, before = self.mark(), self.builder.block, self.raises, dict(env)
+            taken = [(stream, stream.taken) for stream in self.streams]
             other = self.expression(rest, env)
-            walrus = any(isinstance(n, ast.NamedExpr) for n in ast.walk(rest))
-            if self.builder.block is block and self.raises == raises and not walrus:
+            acts = any(isinstance(n, ast.NamedExpr) for n in ast.walk(rest)) or any(
+                stream.taken != before for stream, before in taken
+            )
+            if self.builder.block is block and self.raises == raises and not acts:
                 if all(
                     isinstance(x, bool) or (isinstance(x, Num) and x.kind == "b")
                     for x in (value, other)
@@ -420,7 +444,7 @@ class Expressions(Loops):
         else:
             self.reads.settled(left, right, inside=True)
             if isinstance(node.ops[0], (ast.In, ast.NotIn)) and (
-                isinstance(left, Num) or (is_any_number(left) and holds_number(right))
+                holds_number(left) or (is_any_number(left) and holds_number(right))
             ):
                 first = self.among(left, right)
                 if isinstance(node.ops[0], ast.NotIn):
@@ -443,15 +467,28 @@ class Expressions(Loops):
         """`x in items`: is it equal to one of them?  (Of nan, identity would decide.)"""
         if isinstance(items, (str, bytes, Stream)):
             raise NotCompilable("`in` a text or an iterator, of a number known only at run time")
-        if isinstance(x, Num) and x.kind == "f":
-            self.fail_if(x != x)
         found: Any = False
         for item in list(items):
-            equal = x == item
-            if not isinstance(equal, (Num, bool)):
-                raise NotCompilable(f"`in` items that are {type(item).__name__}")
-            found = self.emitter.logic("or_", found, equal)
+            found = self.emitter.logic("or_", found, self.equal(x, item))
         return found
+
+    def equal(self, x: Any, item: Any) -> Any:
+        """Is a number, or a tuple of some, equal to an item?  (Of nan, identity would decide.)"""
+        if isinstance(x, tuple) and isinstance(item, tuple):
+            if len(x) != len(item):
+                return False
+            return functools.reduce(
+                lambda all_, pair: self.emitter.logic("and_", all_, self.equal(*pair)),
+                zip(x, item, strict=True),
+                True,
+            )
+        for n in (x, item):
+            if isinstance(n, Num) and n.kind == "f":
+                self.fail_if(n != n)
+        equal = x == item
+        if not isinstance(equal, (Num, bool)):
+            raise NotCompilable(f"`in` items that are {type(item).__name__}")
+        return equal
 
     def identity(self, left: Any, right: Any, same: bool) -> Any:
         """`left is right` or `left is not right`: a truth value of the run is True or False, and no
@@ -459,9 +496,12 @@ class Expressions(Loops):
         """
         if isinstance(right, Num):
             left, right = right, left
-        if not isinstance(left, Num) or not isinstance(right, (Num, bool, int, float)):
-            return (left is right) is same
+        if not isinstance(left, Num):
+            return self.reads.identical(left, right) is same
+        if not isinstance(right, (Num, bool, int, float)):
+            return not same
         if left.kind == "b" and isinstance(right, bool):
+            self.emitter.unless_numpy("`is` of a truth value")
             return left if right is same else self.emitter.negation(left)
         raise NotCompilable("`is` between numbers: use `==`")
 

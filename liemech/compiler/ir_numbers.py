@@ -44,12 +44,29 @@ class Emitter:
         self.width = width if lanes % width == 0 else lanes
         self.vectors = {kind: ir.VectorType(t, self.width) for kind, t in TYPES.items()}
         self.calls = 0  # of the C library so far: a branch that has some is the rare one
-        # have NumPy's numbers come in?  Truth values that are made of them add up as `or`
-        self.of_numpy = False
+        self.of_numpy = False  # have NumPy's numbers come in?
+        self.python_only: list[str] = []  # why they must not
         self.rows: dict[int, Emitter] = {}  # of numbers side by side, by how many they are
         self.single = self  # of one number of a row
         # what to do where Python raises
         self.fail_if: Callable[[Any], None] = lambda condition: None
+
+    def meet_numpy(self) -> None:
+        """From here on any number may be one of NumPy's."""
+        if self.python_only:
+            raise NotCompilable(self.python_only[0])
+        self.of_numpy = True
+
+    def unless_numpy(self, what: str) -> None:
+        """Refuse what is otherwise with NumPy's numbers, where they have come in or will: a loop may
+        bring them back to here.
+        """
+        self.python_only.append(
+            f"{what}, in a formula with NumPy's numbers: there Python asks which of them are NumPy's; "
+            "write int(x > a) of a truth value, float(x) and int(k) of numbers"
+        )
+        if self.of_numpy:
+            self.meet_numpy()
 
     def type(self, kind: str, varying: bool) -> ir.Type:
         return self.vectors[kind] if varying else TYPES[kind]
@@ -156,11 +173,8 @@ class Emitter:
                 self, tuple([self.builder.floats(f"f{op}", x, y) for x, y in zip(*floats)]), "f"
             )
         kind, pair = self.alike(a, b, kind="f" if op == "div" else "i")
-        if self.of_numpy and op in ("add", "sub") and kind_of(a) == kind_of(b) == "b":
-            raise NotCompilable(
-                "a sum of truth values where NumPy's numbers are compared, which add up as `or`: "
-                "write int(x > a) + int(x > b)"
-            )
+        if op in ("add", "sub") and kind_of(a) == kind_of(b) == "b":
+            self.unless_numpy("a sum of truth values")
         if kind == "i":
             return self.integer(op, *map(self.num, pair))
         mixed = op in ("add", "sub") and all(kind_of(x) != "f" or is_mixed(x) for x in (a, b))
@@ -169,14 +183,23 @@ class Emitter:
         if op == "div":
             self.fail_if(self.zero(b))
             # Python rounds the quotient of integers once
-            if kind_of(a) != "f" and kind_of(b) != "f":
-                for x in (a, b):
-                    self.fail_if(
-                        self.logic("or_", self.compare("<", x, -EXACT), self.compare(">", x, EXACT))
-                    )
+            if all(kind_of(x) != "f" or is_mixed(x) for x in (a, b)):
+                self.fail_if(self.inexact(a))
+                self.fail_if(self.inexact(b))
         result = self.each(getattr(self.builder, "f" + op), *pair)
-        result.mixed = mixed
+        if mixed:  # of integers Python's is exact
+            result.mixed = True
+            for x in (a, b, result):
+                if not is_mixed(x) or x is result:
+                    self.fail_if(self.inexact(x))
         return result
+
+    def inexact(self, x: Any) -> Any:
+        """Is it so large that a float may not be the integer?"""
+        known = getattr(x.value, "constant", None) if isinstance(x, Num) else x
+        if isinstance(known, (int, float)):
+            return not -EXACT <= known <= EXACT
+        return self.logic("or_", self.compare("<", x, -EXACT), self.compare(">", x, EXACT))
 
     def _floats(self, a: Any, b: Any) -> tuple[Values, Values] | None:
         """The registers of two floats of one type, one of which may be known now; None of all else."""
@@ -286,14 +309,12 @@ class Emitter:
                 if not -HUGE <= b < HUGE:
                     return {"==": False, "!=": True}.get(op, (op in ("<", "<=")) is (b > 0))
             elif _float_below(b) != b:
+                self.unless_numpy("a comparison with an integer that is no float")
                 if op in ("==", "!="):
                     return self.constant(op == "!=", "b", a.varying)
                 op, b = "<=" if op in ("<", "<=") else ">", _float_below(b)
         elif isinstance(b, Num) and {a.kind, b.kind} == {"i", "f"}:
-            n = a if a.kind == "i" else b
-            self.fail_if(
-                self.logic("or_", self.compare("<", n, -EXACT), self.compare(">", n, EXACT))
-            )
+            self.fail_if(self.inexact(a if a.kind == "i" else b))
         kind, pair = self.alike(a, b)
         if kind == "f":
             compare = self.builder.fcmp_unordered if op == "!=" else self.builder.fcmp_ordered
@@ -313,13 +334,19 @@ class Emitter:
         return not a if isinstance(a, bool) else self.each(self.builder.not_, a.values)
 
     def select(self, condition: Num, yes: Any, no: Any) -> Num:
-        _, (x, y) = self.alike(yes, no, varying=condition.varying)
+        kind, (x, y) = self.alike(yes, no, varying=condition.varying)
+        for n in (yes, no):
+            self.fail_if(self.rounded(n, kind))
         conditions = condition.values * (len(x) // len(condition.values))
         result = self.each(self.builder.select, conditions, x, y)
         result.mixed = result.kind == "f" and any(
             kind_of(x) != "f" or is_mixed(x) for x in (yes, no)
         )
         return result
+
+    def rounded(self, n: Any, kind: str) -> Any:
+        """Is it an integer that is rounded where it becomes one of this kind?"""
+        return kind == "f" and kind_of(n) == "i" and self.inexact(n)
 
     def any(self, condition: Any) -> Any:
         """Does the condition hold in any lane?"""
@@ -487,7 +514,7 @@ class Num(StandIn):
         """
         for x in items:
             if isinstance(x, np.generic):
-                self.emitter.of_numpy = True
+                self.emitter.meet_numpy()
             if not isinstance(x, (Num, int, float)):
                 if not isinstance(x, (np.integer, np.bool_)):
                     return NotImplemented
@@ -514,6 +541,8 @@ class Num(StandIn):
         return found
 
     def __pow__(self, other: Any) -> Any:
+        if isinstance(other, np.integer) and other < 0 and self.kind != "f":
+            raise NotCompilable("NumPy has no negative powers of integers: write float(k) ** -1.0")
         return self._of(self.emitter.power, self, other)
 
     def __rpow__(self, other: Any) -> Any:
@@ -540,6 +569,8 @@ class Num(StandIn):
     def __neg__(self) -> Num:
         e = self.emitter
         e.unmixed("the negative", self)
+        if self.kind == "b":
+            e.unless_numpy("the negative of a truth value")
         return (
             e.each(e.builder.fneg, self.values)
             if self.kind == "f"
@@ -547,14 +578,14 @@ class Num(StandIn):
         )
 
     def __pos__(self) -> Num:
-        return self
+        return 1 * self if self.kind == "b" else self
 
     def __abs__(self) -> Num:
-        return (
-            self.emitter.call("llvm.fabs", self)
-            if self.kind == "f"
-            else self.emitter.select(self < 0, -self, 1 * self)
-        )
+        if self.kind != "f":
+            return self.emitter.select(self < 0, -self, 1 * self)
+        size = self.emitter.call("llvm.fabs", self)
+        size.mixed = self.mixed
+        return size
 
     def __lt__(self, other: Any) -> Any:
         return self._of(functools.partial(self.emitter.compare, "<"), self, other)

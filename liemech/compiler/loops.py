@@ -207,6 +207,7 @@ class Loops(Branches):
             differs = x.varying or (e.lanes > 1 and not counts and (masked or x.kind == "f"))
             kind, varying, mixed = types.get(len(phis), (x.kind, differs, x.mixed))
             b.position_at_end(before)
+            self.fail_if(e.rounded(x, kind), everywhere=True)
             value = e.cast(x, kind, varying)
             b.position_at_end(head)
             phis.append(self.phi(kind, varying))
@@ -284,6 +285,7 @@ class Loops(Branches):
                     if (kind, varying, mixed) != (phi.kind, phi.varying, phi.mixed):
                         retyped[index] = kind, varying, mixed
                     else:
+                        self.fail_if(e.rounded(leaf, kind), everywhere=True)
                         come_from(phi, e.cast(leaf, kind, varying), b.block)
                     index += 1
             if grown:

@@ -175,16 +175,15 @@ class Phis:
         yield
         self.region = outer
 
-    def fail_if(self, condition: Any) -> None:
-        """Python raises here if the condition holds: the attempt has failed.  Outside of attempts
-        numbers go on as they are.
+    def fail_if(self, condition: Any, everywhere: bool = False) -> None:
+        """Python raises here if the condition holds: the attempt has failed, in the lanes that run
+        or `everywhere`.  Outside of attempts numbers go on as they are.
         """
         if condition is False or not self.escapes:
             return
         self.raises, self.marks = self.raises + 1, self.marks + 1
-        lanes = self.emitter.logic(
-            "and_", condition, self.everyone(self.active(self.frames[-1].env))
-        )
+        mask = None if everywhere else self.active(self.frames[-1].env)
+        lanes = self.emitter.logic("and_", condition, self.everyone(mask))
         self.emitter.store(
             self.emitter.logic("or_", self.emitter.load(self.failed), lanes), self.failed
         )
@@ -250,6 +249,7 @@ class Phis:
         incoming = []
         for block, x in zip(blocks, lifted, strict=True):
             self.builder.position_at_end(block)
+            self.fail_if(self.emitter.rounded(x, kind), everywhere=True)
             incoming.append((self.emitter.cast(x, kind, varying), block))
         self.builder.position_at_end(into)
         phi = self.phi(kind, varying)

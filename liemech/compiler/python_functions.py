@@ -26,8 +26,10 @@ from ..formulas.series import Series
 from . import large
 from .callbacks import FUNCTIONS
 from .expressions import holds_number
-from .ir_numbers import HUGE, Num, kind_of
+from .ir_numbers import HUGE, Num, is_mixed, kind_of
 from .iterators import Stream
+from .scopes import Closure
+from .tokens import is_own
 
 if TYPE_CHECKING:
     from .translation import Interpreter
@@ -36,10 +38,11 @@ COMPENSATED_SUMS = sys.version_info >= (3, 12)
 """From Python 3.12 on, `sum` of floats carries the rounding errors of the additions along."""
 
 TYPES = {"f": float, "i": int, "b": bool}
+NUMPYS: dict[str, type] = {"f": np.float64, "i": np.int64, "b": np.bool_}
 OUTSIDE = "print input open eval exec compile setattr delattr globals locals vars dir id hash memoryview breakpoint object"
 """Functions that have no place in a formula, whatever their arguments."""
 
-STRUCTURE = {isinstance, type, hasattr, getattr, super, next, map, filter}
+STRUCTURE = {isinstance, type, callable, hasattr, getattr, super, next, map, filter}
 """Functions that look at the structure of their arguments only."""
 COMPUTING = {min, max, sum, any, all, sorted}
 """Functions that compute with what is inside of their arguments."""
@@ -52,7 +55,9 @@ class PythonFunctions:
         self.t, self.e = translator, translator.emitter
         self.table: dict[Any, Callable[..., Any]] = {
             isinstance: self.isinstance,
-            type: lambda x: TYPES[x.kind] if isinstance(x, Num) else self.t.reads.class_of(x),
+            type: self.type,
+            hasattr: self.hasattr,
+            callable: lambda x: isinstance(x, Closure) or callable(x),
             bool: lambda x=False: self.t.truth(x),
             float: self.float,
             int: self.cut,
@@ -96,9 +101,9 @@ class PythonFunctions:
             math.prod: lambda items, start=1: functools.reduce(
                 operator.mul, self.t.iterate(items), start
             ),
-            np.sqrt: self.plain_number(lambda x: self.e.call("llvm.sqrt", x), np.sqrt),
-            np.abs: self.plain_number(abs, np.abs),
-            np.fabs: self.plain_number(lambda x: self.e.call("llvm.fabs", x), np.fabs),
+            np.sqrt: self.of_numpy(lambda x: self.e.call("llvm.sqrt", x), np.sqrt),
+            np.abs: self.of_numpy(lambda x: self.e.call("llvm.fabs", x), np.abs),
+            np.fabs: self.of_numpy(lambda x: self.e.call("llvm.fabs", x), np.fabs),
             np.array: self.refused(np.array, "liemech.vec or liemech.mat"),
             np.where: self.refused(np.where, "liemech.formulas.where"),
         }
@@ -115,15 +120,48 @@ class PythonFunctions:
         for python, symbol in FUNCTIONS.items():
             self.table.setdefault(python, self.called_back(python, symbol))
         for function in OF_NUMPY:
-            self.table[function] = self.of_numpy(function, self.table.get(function))
+            self.table[function] = self.or_formula(function, self.table.get(function))
+        for f in [f for f in self.table if isinstance(f, types.FunctionType) and not is_own(f)]:
+            del self.table[f]  # put into `math` or NumPy by the user
 
     # -------------------------------------------------------------- kinds
 
-    def isinstance(self, value: Any, kind: Any) -> bool:
-        if isinstance(value, Num):
-            return issubclass(TYPES[value.kind], kind)
-        self.t.reads.class_of(value)
-        return isinstance(value, kind)
+    def type(self, value: Any) -> Any:
+        if isinstance(value, (Num, Closure, Stream)):
+            return self.of_class("type", value, lambda cls: cls)
+        return self.t.reads.class_of(value)
+
+    def isinstance(self, value: Any, kind: Any) -> Any:
+        if isinstance(value, (Num, Closure, Stream)):
+            return self.of_class("isinstance", value, lambda cls: issubclass(cls, kind))
+        return self.t.reads.instance(value, kind)
+
+    def hasattr(self, value: Any, name: str) -> Any:
+        if isinstance(value, (Num, Closure, Stream)):
+            return self.of_class("hasattr", value, lambda cls: hasattr(cls, name))
+        return self.t.reads.has(value, name)
+
+    def of_class(self, name: str, value: Any, question: Callable[..., Any]) -> Any:
+        """The answer to a question about the class of what the compiler computes with, if it is one
+        for all classes that it may have in Python.
+        """
+        if isinstance(value, Stream):
+            raise NotCompilable(f"`{name}` of an iterator")
+        if isinstance(value, Closure):
+            return question(types.FunctionType)
+        own, of_numpy = TYPES[value.kind], NUMPYS[value.kind]
+        answer = question(own)
+        # an integer may be a truth value on another way
+        if value.kind == "i" or value.mixed:
+            for other in (int, bool) if value.mixed else (bool,):
+                if question(other) is not answer:
+                    raise NotCompilable(
+                        f"`{name}` of a number that may be {own.__name__} or {other.__name__}: give "
+                        "it one kind on every way, by float(x) or int(x), and ask before the run"
+                    )
+        if question(of_numpy) is not answer:
+            self.e.unless_numpy(f"`{name}` of a number known only at run time")
+        return answer
 
     def float(self, x: Any = 0.0) -> Any:
         if isinstance(x, Num):
@@ -302,6 +340,26 @@ class PythonFunctions:
 
         return value
 
+    def of_numpy(
+        self, native: Callable[..., Any], function: Callable[..., Any]
+    ) -> Callable[..., Any]:
+        """A function of NumPy's, of floats: of truth values it has half precision, and some of them
+        are others for integers.
+        """
+        of_integers = any(form.startswith("l") for form in function.types)  # type: ignore[attr-defined]
+
+        def value(*x: Any) -> Any:
+            floats = [kind_of(a) == "f" and not is_mixed(a) for a in x]
+            if any(kind_of(a) == "b" for a in x) or (of_integers and not any(floats)):
+                raise NotCompilable(
+                    f"`np.{function.__name__}` of integers or truth values: write float(x), or use "
+                    "Python's own functions"
+                )
+            self.e.meet_numpy()
+            return native(*x)
+
+        return self.plain_number(value, function)
+
     def stepwise(self, rounding: str, function: Callable[..., Any]) -> Callable[..., Any]:
         """A function of `math` whose values are whole, so that its derivative is zero."""
         native = self.plain_number(lambda x: self.whole(x, rounding), function)
@@ -321,7 +379,7 @@ class PythonFunctions:
             else one(x)
         )
 
-    def of_numpy(self, function: Any, of_numbers: Any) -> Callable[..., Any]:
+    def or_formula(self, function: Any, of_numbers: Any) -> Callable[..., Any]:
         """A function of NumPy: the formula of the same meaning, of vectors, matrices and numbers
         that carry more.
         """
@@ -352,12 +410,11 @@ class PythonFunctions:
                     f"`{function.__name__}` of more than two numbers: use liemech.norm, or call it twice"
                 )
             result = self.e.call(f"{symbol.removeprefix('liemech_')}_{len(x)}", *x)
-            if isinstance(function, np.ufunc):
-                self.e.of_numpy = True
-                return result
-            return self.raising(result, *x)
+            return result if isinstance(function, np.ufunc) else self.raising(result, *x)
 
-        return self.plain_number(native, function)
+        return (self.of_numpy if isinstance(function, np.ufunc) else self.plain_number)(
+            native, function
+        )
 
     def raising(self, result: Num, *x: Any) -> Num:
         """The result of a function of `math`: it raises where there is none, nan or infinite, and

@@ -12,9 +12,13 @@ from __future__ import annotations
 import abc
 import collections
 import dataclasses
+import decimal
+import enum
 import functools
 import keyword
+import operator
 import types
+import typing
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -24,7 +28,7 @@ from ..formulas.numbers import StandIn
 from ..formulas.records import Record
 from . import tokens
 from .source import Source
-from .tokens import ATOMS, digest, is_mutable, is_own, of_python, parts, same
+from .tokens import ATOMS, Known, digest, is_mutable, is_own, of_python, parts, same
 
 Step = tuple[int, str, Any]
 """The number of the read that leads to the holder (-1: none), how it is asked, and for what."""
@@ -47,6 +51,7 @@ class Reads:
         # by the identity of the compiler's copy of an argument: the argument
         self._given: dict[int, Any] = {}
         self._alive: list[Any] = [entry]
+        self.known: Known = {}
         self._spaces: dict[int, Any] = {}  # a function for each module
         self._guard: Guard | None = None
         self._origins[id(entry)] = None, "entry", 0
@@ -116,6 +121,47 @@ class Reads:
         )
         return self._read(value, "has", name) if outside else hasattr(value, name)
 
+    def identical(self, left: Any, right: Any) -> bool:
+        """`left is right`.  Of records and containers it is written down: nothing else tells that
+        two names have one.
+        """
+        pair, kinds = (left, right), (type(left), type(right))
+        if any(x is None or isinstance(x, _OF_ONE_NAME) for x in pair) or kinds[0] is not kinds[1]:
+            return left is right
+        paths = [id(x) in self._origins for x in pair]
+        if left is right and (id(left) in self._given or not any(paths)):
+            return True
+        if not tokens.has_content(left) and all(paths):
+            return left is right  # its token says which object it is
+        if not all(paths) or left is right or kinds[0] in ATOMS:
+            raise NotCompilable(
+                f"`is` between two of {kinds[0].__name__}: native code has values, not objects; "
+                "compare a field, a name or an index"
+            )
+        return self._related(left, "is", right)
+
+    def instance(self, value: Any, kinds: Any) -> bool:
+        """`isinstance(value, kinds)`.  Of classes that decide it themselves (abstract ones, protocols)
+        it is written down.
+        """
+        self.class_of(value)
+        found = False
+        for kind in kinds if isinstance(kinds, tuple) else typing.get_args(kinds) or (kinds,):
+            decides = isinstance(kind, type) and type(kind) is not type
+            if decides and self.from_outside(value) and self.from_outside(kind):
+                found = found or self._related(value, "isinstance", kind)
+            else:
+                found = found or isinstance(value, kind)
+        return found
+
+    def _related(self, left: Any, how: str, right: Any) -> bool:
+        """The relation of two things from outside, written down."""
+        step = self._number(left), how, self._number(right)
+        if step not in self._numbers:
+            value = _RELATIONS[how](self.values[step[0]], self.values[step[2]])
+            self._note(step, value, digest(value, self.known))
+        return bool(self.values[self._numbers[step]])
+
     def settled(self, *values: Any, inside: bool = False) -> None:
         """Refuse to let Python compute with objects (`inside`: or containers of such) whose code or
         content nobody has read.
@@ -123,6 +169,8 @@ class Reads:
         for value in values:
             if isinstance(value, StandIn) or type(value) in ATOMS:
                 continue
+            if isinstance(value, decimal.Decimal):
+                self._read(self.entry, "decimals", "")
             foreign = (
                 id(value) in self._origins
                 or of_python(type(value))
@@ -193,7 +241,7 @@ class Reads:
         if isinstance(member, property) and member.fget is not None:
             made = call(member.fget, owner)
             # a constant of the owner
-            if isinstance(made, Record) and id(owner) in self._origins and not _varies(made):
+            if isinstance(made, Record) and id(owner) in self._origins and not varies(made):
                 self._admit(made, made, owner, "property", name)
             return made
         if isinstance(member, functools.cached_property):
@@ -208,13 +256,13 @@ class Reads:
             return call(member.func, owner)
         if self._is_made(owner):
             self._glance(member.func, type(owner), set())
-        if id(owner) in self._given and _varies(owner):
+        if id(owner) in self._given and varies(owner):
             try:
                 value = getattr(owner, name)
             except NotCompilable:  # Python cannot compute it of numbers of the run
                 return call(member.func, owner)
             vars(owner).pop(name, None)
-            if _varies(value):
+            if varies(value):
                 return call(member.func, owner)
         return self._read(owner, "attribute", name)
 
@@ -263,7 +311,7 @@ class Reads:
             return _asked(holder, how, name)
         if step not in self._numbers:
             value = _asked(self.values[step[0]], how, name)
-            self._note(step, value, digest(value))
+            self._note(step, value, digest(value, self.known))
             self._admit(value, value, holder, how, name)
         return self.values[self._numbers[step]]
 
@@ -337,37 +385,40 @@ class Reads:
 
     def follow(self, args: Sequence[Any]) -> bool:
         """Follow all paths from these arguments: are the tokens of what is there the same?"""
-        values = self._found_from(args)
-        if values is None:
+        found = self._found_from(args)
+        if found is None:
             return False
-        self.values, self._guard = values, None
+        (self.values, self.known), self._guard = found, None
         return True
 
-    def _found_from(self, args: Sequence[Any]) -> list[Any] | None:
+    def _found_from(self, args: Sequence[Any]) -> tuple[list[Any], Known] | None:
         """What the paths from these arguments lead to; None if some of it is not what was read."""
         values: list[Any] = []
+        known: Known = {}
         try:
             for (parent, how, name), token in zip(self.steps, self.tokens, strict=True):
                 values.append(
-                    _asked(values[parent] if parent >= 0 else (self.entry, args), how, name)
+                    _RELATIONS[how](values[parent], values[name])
+                    if how in _RELATIONS
+                    else _asked(values[parent] if parent >= 0 else (self.entry, args), how, name)
                 )
-                if token and digest(values[-1]) != token:
+                if token and digest(values[-1], known) != token:
                     return None
         except Exception:  # whatever a path meets that is no longer there
             return None
-        return values
+        return values, known
 
     @property
     def guard(self) -> Guard:
         """Compares what was read with what is there now."""
         if self._guard is None:
-            self._guard = Guard(self.steps, self.values, self.tokens)
+            self._guard = Guard(self.steps, self.values, self.tokens, self.known)
         return self._guard
 
     def guard_of(self, args: Sequence[Any]) -> Guard | None:
         """A guard of their own for other arguments that lead to the same; None if they do not."""
-        values = self._found_from(args)
-        return None if values is None else Guard(self.steps, values, self.tokens)
+        found = self._found_from(args)
+        return None if found is None else Guard(self.steps, found[0], self.tokens, found[1])
 
     def unchanged(self, args: Sequence[Any]) -> bool:
         """Is all that was read what it was?  The same objects, in a few microseconds, or others
@@ -385,19 +436,28 @@ class Guard:
     different.
     """
 
-    def __init__(self, steps: list[Step], values: list[Any], all_tokens: list[str]) -> None:
-        self.steps, self.values, self.tokens = steps, values, all_tokens
+    def __init__(
+        self, steps: list[Step], values: list[Any], all_tokens: list[str], known: Known
+    ) -> None:
+        self.steps, self.values, self.tokens, self.known = steps, values, all_tokens, known
+        # relations: the reads that lead to the two
+        self.pairs: list[tuple[tuple[int, int], int]] = []
         self.compared: list[int] = []
         self.others: list[Any] = []  # what the comparisons need beside the values
         self.mutable: list[int] = []
         self.of_arguments: list[tuple[list[tuple[str, Any]], int]] = []
         self.parents = collections.Counter(parent for parent, *_ in steps)
         # from the arguments, of what is a part of them
-        paths: list[list[tuple[str, Any]] | None] = []
+        self.paths: list[list[tuple[str, Any]] | None] = []
+        paths = self.paths
         # by properties: only `_glance` looks at what Python computed from them
         made: set[int] = set()
         for i, (parent, how, name) in enumerate(steps):
             above = [] if how == "argument" else paths[parent] if parent >= 0 else None
+            if how in _RELATIONS:
+                self.pairs.append(((parent, name), i))
+                paths.append(None)
+                continue
             named = isinstance(values[i], (type, types.FunctionType))
             if how == "property" or (parent in made and not named):
                 made.add(i)
@@ -431,24 +491,30 @@ class Guard:
             if how == "global" and "__builtins__" in holder.__globals__:
                 space = id(holder.__globals__), id(holder.__builtins__)
                 modules.setdefault(space, (holder, []))[1].append(f"{name} is _values[{i}]")
-            # of a method only its formula counts
-            elif name == "__formula__" and parent in general and self.parents[parent] == 1:
-                general[i] = (
-                    f"{general.pop(parent).removesuffix(f' is v{parent}')}.__formula__ is v{i}"
-                )
-            else:
+            # a method has its formula for ever
+            elif name != "__formula__" or parent not in general:
                 general[i] = self._comparison(i, holder, how, name)
         found = [*general.values()]
         for path, i in self.of_arguments:
-            now = "_args"
-            for how, name in path:
-                now = f"{now}[{name}]" if how == "argument" else self._asked(now, how, name)
-            found.append(f"{now} is _values[{i}]")
+            found.append(f"{self._along(path)} is _values[{i}]")
+        for pair, i in self.pairs:
+            left, right = [
+                f"_values[{k}]" if self.paths[k] is None else self._along(self.paths[k]) for k in pair
+            ]
+            related = self._other(_RELATIONS[self.steps[i][1]])
+            found.append(f"{related}({left}, {right}) is {self.values[i]}")
         same = [_expression(found, known | {f"o{i}": value for i, value in enumerate(self.others)})]
         for holder, names in modules.values():
             made = _expression(names, holder.__globals__)
             same.append(made if made.__builtins__ is holder.__builtins__ else _never)
         return same
+
+    def _along(self, path: Any) -> str:
+        """What a path from the arguments leads to, as a text."""
+        now = "_args"
+        for how, name in path:
+            now = f"{now}[{name}]" if how == "argument" else self._asked(now, how, name)
+        return now
 
     def _comparison(self, i: int, holder: Any, how: str, name: Any) -> str:
         """What read number i asks for is what it was, as a text."""
@@ -487,7 +553,7 @@ class Guard:
                     break
             else:
                 return not self.mutable or all(
-                    digest(self.values[i]) == self.tokens[i] for i in self.mutable
+                    digest(self.values[i], self.known) == self.tokens[i] for i in self.mutable
                 )
         except Exception:  # something is no longer there; which, does not matter yet
             pass
@@ -508,19 +574,29 @@ class Guard:
         if unknown:
             return None
         for i in self.mutable:
-            if digest(self.values[i]) != self.tokens[i]:
+            if digest(self.values[i], self.known) != self.tokens[i]:
                 return False
         for path, i in self.of_arguments:
-            value: Any = (None, args)
-            for how, name in path:
-                value = _asked(value, how, name)
+            value = self._now(path, args)
             if value is not self.values[i]:
-                if digest(value) != self.tokens[i]:
-                    return False
-                if i in self.parents:
+                if i in self.parents or digest(value, self.known) != self.tokens[i]:
                     return None
                 self.values[i] = value
+        for pair, i in self.pairs:
+            left, right = [
+                self.values[k] if self.paths[k] is None else self._now(self.paths[k], args)
+                for k in pair
+            ]
+            if _RELATIONS[self.steps[i][1]](left, right) is not self.values[i]:
+                return False
         return True
+
+    @staticmethod
+    def _now(path: Any, args: Sequence[Any]) -> Any:
+        value: Any = (None, args)
+        for how, name in path:
+            value = _asked(value, how, name)
+        return value
 
 
 def _expression(comparisons: list[str], names: dict[str, Any]) -> Any:
@@ -539,11 +615,15 @@ def _never(*_: Any) -> bool:
 _OWN: Any = object()
 _LIBRARY = f"{__name__.partition('.')[0]}."
 _PLAIN_CLASSES = {type, abc.ABCMeta}
+_RELATIONS: dict[str, Callable[[Any, Any], bool]] = {"is": operator.is_, "isinstance": isinstance}
+"""Reads of two things, each known by its number."""
+_OF_ONE_NAME = bool, type, enum.Enum, types.ModuleType, types.FunctionType, types.BuiltinFunctionType
+"""What `is` may compare: their tokens say which object it is."""
 
 
-def _varies(value: Any) -> bool:
-    """Is a number of the run in it?"""
-    return isinstance(value, StandIn) or any(_varies(x) for *_, x in parts(value))
+def varies(value: Any) -> bool:
+    """Is a number of the run in it, in a field of a record too?"""
+    return isinstance(value, StandIn) or any(varies(x) for *_, x in parts(value))
 
 
 def _member(cls: type, after: int, name: str) -> Any:
@@ -588,4 +668,6 @@ def _asked(holder: Any, how: str, name: Any) -> Any:
             return holder[1][name]
         case "entry":
             return holder[0]
+        case "decimals":  # how they are rounded
+            return str(decimal.getcontext())
     raise NotCompilable(f"a read of an unknown kind, {how}")

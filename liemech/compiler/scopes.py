@@ -158,9 +158,26 @@ def stored_names(body: list[Any]) -> set[str]:
     names: set[str] = set()
     for n in _of_scope(body):
         match n:
-            case ast.Name(id=name, ctx=ast.Store()) | ast.FunctionDef(name=name):
+            case (
+                ast.Name(id=name, ctx=ast.Store() | ast.Del())
+                | ast.FunctionDef(name=name)
+                | ast.ClassDef(name=name)
+                | ast.ExceptHandler(name=str(name))
+                | ast.MatchAs(name=str(name))
+                | ast.MatchStar(name=str(name))
+                | ast.MatchMapping(rest=str(name))
+            ):
                 names.add(name)
+            case ast.alias():
+                names.add((n.asname or n.name).partition(".")[0])
     return names
+
+
+@functools.cache
+def acts_unexecuted(node: Function) -> ast.AST | None:
+    """What makes of a function another thing although control may never come to it."""
+    kinds = ast.Global, ast.Nonlocal, ast.Yield, ast.YieldFrom, ast.Await
+    return next((n for n in _of_scope(_body(node)) if isinstance(n, kinds)), None)
 
 
 def changed_names(body: list[Any]) -> set[str]:

@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 from ..errors import NotCompilable
-from .tokens import code_token
+from .tokens import code_token, names
 
 if TYPE_CHECKING:
     from .reads import Reads
@@ -36,6 +36,10 @@ class Source:
         if name in code.co_varnames or (name in code.co_cellvars and name not in code.co_freevars):
             raise NotCompilable(
                 f"`{name}` may have no value here: give it one on every way to this line"
+            )
+        if name not in (*names(code), *code.co_freevars):
+            raise NotCompilable(
+                f"`{name}`: in a class Python gives private names with two underscores others; use one"
             )
         return self.reads.outer(self.function, name)
 

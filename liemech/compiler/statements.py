@@ -9,7 +9,7 @@ from typing import Any
 
 from ..errors import NotCompilable
 from .advice import instead_of_syntax
-from .expressions import Expressions, Later
+from .expressions import OPERATORS, Expressions, Later
 from .ir_numbers import Num
 from .iterators import Stream
 from .loops import UNROLL, forms
@@ -61,12 +61,7 @@ class Statements(Expressions):
                 if node.value:
                     self.assign(node.target, self.expression(node.value, env), env)
             case ast.AugAssign():
-                old = self.expression(node.target, env)
-                if isinstance(old, list):
-                    self.sharing.require_own(old, node.target, env)
-                self.assign(
-                    node.target, self.operate(node, old, self.expression(node.value, env)), env
-                )
+                self.augmented(node, env)
             case ast.Expr(ast.Call(ast.Attribute(ast.Name(id=name), method), [item], [])) if (
                 method in CHANGES and isinstance(env.get(name), list)
             ):
@@ -110,6 +105,22 @@ class Statements(Expressions):
                 )
         return True
 
+    def augmented(self, node: ast.AugAssign, env: Env) -> None:
+        """`x += y` and its like; the index of `x[i] += y` is computed once."""
+        target = node.target
+        if isinstance(target, ast.Subscript):
+            index = self.expression(target.slice, env)
+            target = ast.Subscript(target.value, Later(lambda: index), ast.Store())
+        old = self.expression(target, env)
+        if isinstance(old, list):
+            self.sharing.require_own(old, target, env)
+        elif _changes_in_place(old, node.op):
+            raise NotCompilable(
+                f"`{ast.unparse(node)}` changes an object of {type(old).__name__} in place, under "
+                "all of its names: write `x = x + ...`"
+            )
+        self.assign(target, self.operate(node, old, self.expression(node.value, env)), env)
+
     def assign(self, target: ast.expr, value: Any, env: Env) -> None:
         match target:
             case ast.Name(id=name):
@@ -141,7 +152,9 @@ class Statements(Expressions):
                         for i in places
                     ]
                 else:
-                    changed[index] = value
+                    changed[index] = (
+                        list(self.iterate(value)) if isinstance(index, slice) else value
+                    )
                 self.assign(target.value, changed, env)
             case _:
                 raise NotCompilable(
@@ -220,6 +233,7 @@ class Statements(Expressions):
         iterable = node.iter
         if (
             isinstance(iterable, ast.Call)
+            and isinstance(iterable.func, ast.Name)
             and not iterable.keywords
             and self.expression(iterable.func, env) is range
         ):
@@ -306,6 +320,12 @@ class _Breaks(ast.NodeTransformer):
 
     def visit_FunctionDef(self, node: Any) -> Any:
         return node
+
+
+def _changes_in_place(value: Any, operator: ast.operator) -> bool:
+    """Has an object a method of its own for `x += y` and its like?"""
+    name = getattr(OPERATORS.get(type(operator)), "__name__", "").strip("_")
+    return hasattr(type(value), f"__i{name}__")
 
 
 def _lines(found: Any) -> list[Any]:

@@ -43,17 +43,27 @@ ATOMS = {
 }
 """Types whose values are known by their text."""
 
+_NUMBERS_AND_TEXTS = (int, float, complex, str, bytes)  # which may have subclasses
+
 Part = tuple[str, Any, Any]  # how it is reached, by which name or index, and the value
 
 
-def digest(value: Any) -> str:
-    """The token of a value, as a short text."""
-    return hashlib.sha256(repr(_token(value)).encode()).hexdigest()[:32]
+Known = dict[Any, list[Any]]
+"""By what they have in common: the classes, functions and objects met so far that only their
+identity tells apart.
+"""
+
+
+def digest(value: Any, known: Known | None = None) -> str:
+    """The token of a value, as a short text; the first of its name has no number, another one has."""
+    return hashlib.sha256(
+        repr(_token(value, {} if known is None else known)).encode()
+    ).hexdigest()[:32]
 
 
 def same(a: Any, b: Any) -> bool:
     """Have two values one token?"""
-    return a is b or _token(a) == _token(b)
+    return a is b or _token(a, {}) == _token(b, {})
 
 
 def parts(value: Any) -> Iterator[Part]:
@@ -116,7 +126,7 @@ def known(value: Any, inside: bool = True) -> bool:
     if isinstance(value, Record):
         return True
     if (
-        _head(value) is None
+        not has_content(value)
         or isinstance(value, types.ModuleType)
         or (isinstance(value, type) and of_python(value))
     ):
@@ -124,12 +134,17 @@ def known(value: Any, inside: bool = True) -> bool:
     return not inside or all(known(x) for *_, x in parts(value))
 
 
+def has_content(value: Any) -> bool:
+    """Is it more than an object of some class?"""
+    return _head(value, {}) is not None
+
+
 def of_python(cls: type) -> bool:
     """Is it a class of the user or of liemech, whose methods are formulas?"""
     return (
         bool(cls.__flags__ & _HEAP)
         and not is_own(cls)
-        and cls.__module__.partition(".")[0] not in _SETTLED
+        and str(cls.__module__).partition(".")[0] not in _SETTLED
     )
 
 
@@ -198,56 +213,60 @@ _OWN = f"{__package__}.", f"{__package__.rpartition('.')[0]}.formulas."
 # ------------------------------------------------------------------ tokens
 
 
-def _token(value: Any) -> Any:
+def _token(value: Any, known: Known) -> Any:
     """Nested tuples of texts; no two of different values look the same."""
-    head = _head(value)
+    head = _head(value, known)
     if head is None:
-        return "object", _named(type(value))
+        return "object", _one_of(("object", _named(type(value), known)), value, known)
     if type(value) in ATOMS:
         return head
-    return *head, *[_token(x) for *_, x in parts(value)]
+    return *head, *[_token(x, known) for *_, x in parts(value)]
 
 
-def _head(value: Any) -> tuple[Any, ...] | None:
+def _head(value: Any, known: Known) -> tuple[Any, ...] | None:
     """The token of a value without its parts; None for an object of unknown content."""
     kind = type(value)
     if kind is float and value != value:
         return "nan", struct.pack("<d", value).hex()
     if kind in ATOMS:
         return kind.__name__, repr(value)
+    for base in _NUMBERS_AND_TEXTS:
+        if isinstance(value, base) and not isinstance(value, (enum.Enum, np.generic)):
+            return "of", _named(kind, known), base.__repr__(value)
     if isinstance(value, types.FunctionType):
-        return "function", _named(value), code_token(value.__code__)
+        head = "function", _named(value, known), code_token(value.__code__)
+        return *head, _one_of(head, value, known)
     if isinstance(value, type):
-        return "class", *map(_named, value.__mro__)
+        return "class", *[_named(c, known) for c in value.__mro__]
     if isinstance(value, types.ModuleType):
         return "module", value.__name__
     if isinstance(value, enum.Enum):
-        return "member", _named(kind), value.name, _token(value.value)
+        return "member", _named(kind, known), value.name, _token(value.value, known)
     if isinstance(value, dict):
-        return _named(kind), *map(_token, value)
+        return _named(kind, known), *[_token(x, known) for x in value]
     if isinstance(value, Record):
-        return _named(kind), *[f.name for f in dataclasses.fields(value)]  # type: ignore[arg-type]
+        return _named(kind, known), *[f.name for f in dataclasses.fields(value)]  # type: ignore[arg-type]
     if isinstance(value, (tuple, list, *_ATTRIBUTES)):
-        return _named(kind), str(len(value)) if isinstance(value, (tuple, list)) else ""
+        return _named(kind, known), str(len(value)) if isinstance(value, (tuple, list)) else ""
     if isinstance(value, (set, frozenset)):  # in the order in which a loop takes them
-        return _named(kind), *map(_token, value)
+        return _named(kind, known), *[_token(x, known) for x in value]
     if isinstance(value, (np.ndarray, np.generic)) and not value.dtype.hasobject:
         return (
-            _named(kind),
+            _named(kind, known),
             value.dtype.str,
             str(value.shape),
             hashlib.sha256(value.tobytes()).hexdigest(),
         )
     if isinstance(value, (fractions.Fraction, decimal.Decimal, np.dtype)):
-        return _named(kind), repr(value)
+        return _named(kind, known), repr(value)
     if isinstance(value, types.CodeType):
         return "code", code_token(value)
     if isinstance(value, np.ufunc) or (
         isinstance(value, types.BuiltinFunctionType) and _of_module(value)
     ):
-        return "builtin", _named(value)
+        return "builtin", _named(value, known)
     if isinstance(value, _DESCRIPTORS):
-        return "descriptor", _named(value.__objclass__), value.__name__
+        return "descriptor", _named(value.__objclass__, known), value.__name__
     return None
 
 
@@ -263,8 +282,18 @@ def _of_module(function: types.BuiltinFunctionType) -> bool:
     return function.__self__ is None or isinstance(function.__self__, types.ModuleType)
 
 
-def _named(value: Any) -> str:
-    return f"{getattr(value, '__module__', '')}.{getattr(value, '__qualname__', None) or getattr(value, '__name__', '')}"
+def _named(value: Any, known: Known) -> str:
+    name = f"{getattr(value, '__module__', '')}.{getattr(value, '__qualname__', None) or getattr(value, '__name__', '')}"
+    return name + _one_of(name, value, known) if isinstance(value, type) else name
+
+
+def _one_of(common: Any, value: Any, known: Known) -> str:
+    """Which one it is of those that have this in common: '' for the first."""
+    met = known.setdefault(common, [])
+    number = next((i for i, x in enumerate(met) if x is value), len(met))
+    if number == len(met):
+        met.append(value)
+    return f"#{number}" if number else ""
 
 
 @functools.lru_cache(4096)
@@ -299,8 +328,8 @@ def _constant(value: Any) -> Any:
     if isinstance(value, types.CodeType):
         return _code(value)
     if isinstance(value, frozenset):  # of a test `x in {...}`: the order says nothing
-        return "frozenset", *sorted(repr(_token(x)) for x in value)
-    return _token(value)
+        return "frozenset", *sorted(repr(_token(x, {})) for x in value)
+    return _token(value, {})
 
 
 def _has_docstring(code: types.CodeType) -> bool:

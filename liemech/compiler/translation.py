@@ -12,6 +12,8 @@ from __future__ import annotations
 import ast
 import builtins
 import dataclasses
+import decimal
+import fractions
 import functools
 import inspect
 import types
@@ -42,14 +44,14 @@ from ..formulas.records import Record
 from ..formulas.series import Series
 from ..formulas.vectors import Mat, Vec
 from . import driver, large
-from .advice import instead_of
-from .expressions import holds_number, in_words
+from .advice import instead_of, instead_of_syntax
+from .expressions import in_words
 from .ir_numbers import Emitter, Num
 from .outlined import Outliner
 from .phi import Open, leveled
 from .python_functions import COMPUTING, OUTSIDE, STRUCTURE, PythonFunctions
-from .reads import Reads
-from .scopes import RETURN, Closure, Env, Frame, Undefined, bound
+from .reads import Reads, varies
+from .scopes import RETURN, Closure, Env, Frame, Undefined, acts_unexecuted, bound
 from .source import Source
 from .statements import Statements
 from .tokens import of_python
@@ -60,6 +62,8 @@ DEPTH = 40  # nested calls
 _ARITHMETIC = vectors.__name__, series.__name__, products.__name__
 _OUTSIDE = {vars(builtins)[name] for name in OUTSIDE.split()}
 _PYTHON = {f for f in vars(builtins).values() if callable(f) and f not in _OUTSIDE}
+_UNSEEN = "fromfile save savez savez_compressed savetxt empty empty_like copyto put putmask place fill_diagonal"
+"""NumPy's functions that act outside or look there."""
 _READING = (
     "index count get keys values items copy sum dot min max mean any all astype reshape transpose "
     "flatten ravel tolist item bit_length conjugate as_integer_ratio is_integer hex join split "
@@ -81,7 +85,6 @@ class Interpreter(Statements):
             functions.where: self.where,
             super: self.super,
             getattr: self.named,
-            hasattr: reads.has,
             dataclasses.replace: self.replaced,
             **{f: f for f in (layout_of, compensated, double_double, plain, rounded, fitted, axes)},
             tangent: lambda formula, *x: tangent(functools.partial(self.call, formula), *x),
@@ -151,17 +154,16 @@ class Interpreter(Statements):
         if not (
             name.rpartition(".")[2] in _READING.split()
             if method
-            else function in _PYTHON or _of_numbers(function)
+            else (isinstance(function, Hashable) and function in _PYTHON) or _of_numbers(function)
         ):
             raise NotCompilable(f"`{name}` is not known to native code: {instead_of(function)}")
-        if holds_number([*args, *options.values(), *([function.__self__] if method else [])]):
+        if "out" in options or (isinstance(function, np.ufunc) and len(args) > function.nin):
+            raise NotCompilable(f"`{name}` changes an array in place: assign its result to a name")
+        if varies([*args, *options.values(), *([function.__self__] if method else [])]):
             raise NotCompilable(
                 f"`{name}` of numbers known only at run time: {instead_of(function)}"
             )
-        if function is not callable:
-            self.reads.settled(
-                *args, *options.values(), inside=function not in (dict, range, slice)
-            )
+        self.reads.settled(*args, *options.values(), inside=function not in (dict, range, slice))
         return function(*args, **options)
 
     def deeper(self) -> None:
@@ -177,6 +179,14 @@ class Interpreter(Statements):
 
     def enter(self, frame: Frame) -> Any:
         """The value that a function returns, its body translated in a frame of its own."""
+
+        never = acts_unexecuted(frame.scope)
+        if never is not None:
+            frame.node = never
+            raise NotCompilable(
+                f"`{ast.unparse(never)}`: this {'statement' if isinstance(never, ast.stmt) else 'expression'} "
+                f"has no place in a formula: {instead_of_syntax(never)}"
+            )
 
         def result() -> Any:
             if not isinstance(frame.scope, ast.FunctionDef):
@@ -238,9 +248,11 @@ class Interpreter(Statements):
     def super(self, *args: Any) -> Any:
         if args:
             return super(*args)
-        source = self.frames[-1].source
-        code = source.function.__code__
-        return super(source.outer("__class__"), self.frames[-1].env[code.co_varnames[0]])
+        frame = self.frames[-1]
+        if frame.scope is not frame.source.node:
+            raise NotCompilable("`super()` in an inner function: call it in the method itself")
+        own = frame.source.function.__code__.co_varnames[0]
+        return super(frame.source.outer("__class__"), frame.env[own])
 
     def where(self, condition: Any, yes: Any, no: Any) -> Any:
         if isinstance(yes, Series) or isinstance(no, Series):
@@ -254,7 +266,7 @@ class Interpreter(Statements):
     def named(self, value: Any, name: str, *default: Any) -> Any:
         return (
             default[0]
-            if default and not self.reads.has(value, name)
+            if default and not self.call(hasattr, value, name)
             else self.attribute(value, name)
         )
 
@@ -307,11 +319,16 @@ def _parameters(source: Source, args: tuple[Any, ...], options: dict[str, Any]) 
 
 def _of_numbers(function: Any) -> bool:
     """A function of `math` or NumPy, or a type of numbers."""
-    home = getattr(function, "__module__", None) or ""
-    return isinstance(function, np.ufunc) or home.partition(".")[0] in (
-        "math",
-        "numpy",
-        "fractions",
-        "decimal",
-        "operator",
+    if isinstance(function, type):
+        return not of_python(function) and issubclass(
+            function, (np.generic, fractions.Fraction, decimal.Decimal)
+        )
+    name = getattr(function, "__name__", "")
+    if isinstance(function, np.ufunc):
+        return getattr(np, name, None) is function
+    home = str(getattr(function, "__module__", None)).partition(".")[0]
+    return (
+        isinstance(function, (types.BuiltinFunctionType, type(np.dot)))
+        and home in ("math", "numpy")
+        and name not in _UNSEEN.split()
     )

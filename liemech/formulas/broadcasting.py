@@ -365,7 +365,8 @@ def _broadcasting(signature: Signature) -> Callable[..., Any]:
 
 def bare(method: Any) -> Any:
     """The formula behind a method that broadcasts; anything else is what it is."""
-    return getattr(method, "__formula__", method)
+    formula = getattr(method, "__formula__", method)  # which a decorator may have copied
+    return formula if formula is getattr(method, "__wrapped__", method) else method
 
 
 # ------------------------------------------------------------------ arguments

@@ -475,7 +475,7 @@ def endless_loops_with_a_way_out(a, b, c, d, n):
 def numbers_that_change_their_kind(a, b, c, d, n):
     total, flag, product = 0, False, 1
     for i in range(n):
-        total = total + (a if i > 0 else 1)
+        total = total + (atan(a) if i > 0 else 1)  # beyond 2**53 an integer is no float
         flag = flag or total > b
         product = product * 2
     if a > b:

@@ -520,7 +520,7 @@ def a_list_from_outside_that_a_copy_returns(x: Any, y: Any, n: Any) -> Any:
     ("formula", "lanes", "told"),
     [
         (a_column_by_a_run_time_index, 1, r"a\.T\[i\] for a\[:, i\]"),
-        (interval, 1, r"add up as `or`: write int\(x > a\) \+ int\(x > b\)"),
+        (interval, 1, r"a sum of truth values, in a formula with NumPy's .* write int\(x > a\)"),
         (a_list_that_the_caller_has_too, 1, r"change a copy"),
         (a_list_that_the_caller_has_too, 4, r"change a copy"),
         (a_list_from_outside_that_a_copy_returns, 1, r"change a copy"),

@@ -68,7 +68,7 @@ REFUSALS = {
     ),
     "printing": ("print(a)", "`print` is not known to native code"),
     "an undefined name": ("x = a + oops", "`oops` is not defined"),
-    "an attribute of a number": ("x = a.real", "a number has no attribute `real`"),
+    "an attribute of a number": ("x = a.real", "`real` of a number known only at run time"),
     "a text of numbers": ("x = len(f'{a}')", "text of numbers known only at run time"),
     "str of a number": ("x = len(str(a))", "`str` of numbers known only at run time"),
     "rounding to digits": ("x = round(a, 2)", "`round` to a number of digits"),
