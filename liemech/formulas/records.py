@@ -88,7 +88,8 @@ def _then_checked(initialise: Callable[..., None]) -> Callable[..., None]:
     @functools.wraps(initialise)
     def method(self: Any, *args: Any, **options: Any) -> None:
         initialise(self, *args, **options)
-        if method in (vars(type(self)).get("__init__"), type(self).__post_init__):
+        cls = type(self)
+        if method is cls.__post_init__ or method is vars(cls).get("__init__"):
             _convert(self, True)
             for name in Record.__slots__:  # it was looked at before it was ready
                 if hasattr(self, name):

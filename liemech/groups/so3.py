@@ -356,11 +356,8 @@ def _cayley_turn(xi: Vec) -> Mat:
 
 def plus(m: Mat, s: float) -> Mat:
     """m + s 1."""
-    return mat(
-        vec(m[0, 0] + s, m[0, 1], m[0, 2]),
-        vec(m[1, 0], m[1, 1] + s, m[1, 2]),
-        vec(m[2, 0], m[2, 1], m[2, 2] + s),
-    )
+    a, b, c = m
+    return mat(vec(a[0] + s, a[1], a[2]), vec(b[0], b[1] + s, b[2]), vec(c[0], c[1], c[2] + s))
 
 
 def turn(s: float, b: float, w: Vec) -> Mat:

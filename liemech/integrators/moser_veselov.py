@@ -91,11 +91,12 @@ def _equation(inertia: Vec | Mat, algebra: Any, y: Vec, x: Vec) -> tuple[Vec, Ma
     r = (inertia @ x if isinstance(inertia, vectors.Mat) else inertia * x) - (
         y + (s * x - 0.5 * cross(x, y))
     )
-    return (
-        r,
-        with_inertia(_minus(outer(0.25 * x, y) + algebra.hat(0.5 * y), s), inertia),
-        1.0,
-    )
+    return r, _slope(inertia, algebra, y, x, s), 1.0
+
+
+def _slope(inertia: Vec | Mat, algebra: Any, y: Vec, x: Vec, s: float) -> Mat:
+    """Its derivative by x, where s = x.y/4."""
+    return with_inertia(_minus(outer(0.25 * x, y) + algebra.hat(0.5 * y), s), inertia)
 
 
 NAN = math.nan
@@ -158,10 +159,12 @@ class ExactMoserVeselov(MoserVeselov):
             )
         inverse, mu, unit = _in_the_plane(body, start.mu)
         x, y = _exact_displacement(inverse, mu, unit * h), (unit * h) * mu
-        r = y + ((0.25 * dot(x, y)) * x - 0.5 * cross(x, y))
-        s, d, off = _combined(inverse * r, r, x - inverse * r)
+        quarter = 0.25 * dot(x, y)
+        r = y + (quarter * x - 0.5 * cross(x, y))
+        slow = inverse * r
+        s, d, off = _combined(slow, r, x - slow)
         moments = 1.0 / vec(*[(1.0 + s) * k + d for k in inverse])
-        folded = beyond_fold(_equation(moments, body.group.algebra, y, x)[1], 1.0)
+        folded = beyond_fold(_slope(moments, body.group.algebra, y, x, quarter), 1.0)
         if folded or not (norm(off) <= FITTED * norm(x) and min(moments) > 0.0):
             raise NoConvergence(
                 "ExactMoserVeselov: no moments found whose steps are exact, they are off by "
@@ -240,10 +243,12 @@ _EXACT = ExactFreeBody()
 def _exact_displacement(inverse: Vec, mu: Vec, h: float) -> Vec:
     """The x with cay(x) the exact step of h, of more than half a turn no number at all."""
     orbit, parts, unit = _EXACT._cut(inverse, mu, h)
-    z = vec(0.0, 0.0, 0.0)
-    for _ in range(int(parts)):
+    x = orbit.displacement(mu, unit)
+    z = 0.5 * x
+    for _ in range(int(parts) - 1):
+        mu = SO3().algebra.cayley_Ad_star(x, mu)
         x = orbit.displacement(mu, unit)
-        mu, more = SO3().algebra.cayley_Ad_star(x, mu), 0.5 * x
+        more = 0.5 * x
         left = 1.0 - dot(z, more)  # tan of half the angle, times the axis: Rodrigues' formula
         z = (1.0 / left if left > 0.0 else NAN) * (z + more + cross(z, more))
     return 2.0 * z

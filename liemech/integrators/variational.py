@@ -303,7 +303,7 @@ def with_inertia(m: Mat, inertia: Mat | Vec) -> Mat:
         return m + inertia
     return mat(
         *[
-            vec(*[m[i, j] + inertia[i] if i == j else m[i, j] for j in range(len(m))])
-            for i in range(len(m))
+            vec(*[x + inertia[i] if i == j else x for j, x in enumerate(row)])
+            for i, row in enumerate(m)
         ]
     )

@@ -25,6 +25,7 @@ class Samples(Record):
 
 SAMPLES = layout_of(Samples(0.0, 0.0))
 
+
 def sampled_steps(
     method: Any,
     system: Any,

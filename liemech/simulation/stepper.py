@@ -107,7 +107,9 @@ class Stepper:
         self._carry, self._fictive = carry, isinstance(carry, FictiveCarry)
         self._here: InPlace | None = None
         inner: Carry = carry.inner if self._fictive else carry
-        native = None if inner.bodies is not None else in_one_call(inner.shape, 1)
+        steps = carry.origin.steps(self._plan._steps) if self._fictive else self._plan._steps
+        alone = inner.bodies is None and steps.owns(inner.shape)
+        native = in_one_call(inner.shape, 1) if alone else None
         if native is not None:
             self._here = InPlace(native, inner)
 

@@ -98,6 +98,8 @@ def test_native_code_takes_over_when_it_is_there(monkeypatch: pytest.MonkeyPatch
     stepper.refresh()
     stepper.step(4)
     stands(stepper, run, 9)
+    with pytest.raises(InvalidInput, match="another `compensated` or `precision`"):
+        plan.replace(compensated=True).stepper(stepper.carry).step()
 
 
 def test_what_it_gives_is_its_own() -> None:
