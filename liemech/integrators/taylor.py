@@ -144,17 +144,22 @@ class Taylor(Method):
         )
         log_r = max((0.5 / p) * log(last), (0.5 / (p - 1.0)) * log(before))
         share = min(SAFETY * exp(-log_r), 1.0)
-        power, way = share, [share * terms[0]]
-        for k in range(1, p):
-            power = power * share
-            way.append(power * terms[k])
+        powers = [share]
+        for k in range(2, p + 1):  # each of two of half its exponent: no long chain of products
+            powers.append(powers[k // 2 - 1] * powers[k - k // 2 - 1])
+        way = tuple([power * term for power, term in zip(powers, terms)])
         new = system.displaced(self.retraction, state, total(way))
-        return Trial(new, first, exp(p * log_r), tuple(way) if dense else (), share)
+        return Trial(new, first, exp(p * log_r), way if dense else (), share)
 
 
 def total(terms: Sequence[Vec]) -> Vec:
-    """The sum of the terms, the last one first."""
-    found = terms[len(terms) - 1]
-    for k in range(len(terms) - 2, -1, -1):
+    """The sum of the terms: of the first half from its last to its first, and of the small rest as
+    they come, so that nothing waits for the last one but two additions.
+    """
+    half = (len(terms) + 1) // 2
+    found, rest = terms[half - 1], terms[half]
+    for k in range(half - 2, -1, -1):
         found = found + terms[k]
-    return found
+    for k in range(half + 1, len(terms)):
+        rest = rest + terms[k]
+    return found + rest
