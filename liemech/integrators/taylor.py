@@ -6,20 +6,26 @@ from collections.abc import Sequence
 from typing import Any, ClassVar
 
 from ..errors import InvalidInput
-from ..formulas import Vec, derivative, exp, log, plain, record, vec
+from ..formulas import Vec, derivative, exp, log, plain, record, vec, where
 from ..formulas.products import Products
 from ..formulas.series import Series
 from ..groups.bernoulli import TERMS
 from ..retractions import Cayley, Exponential, Retraction
 from ..systems.system import System
 from .method import Method
-from .rkmk import Trial, mean_square
+from .rkmk import LEAST, Trial
 
 ORDERS = 2, 30
 """The lowest order and the highest one."""
 
 SAFETY = 0.8
 """A step is so much of the one whose last terms would be as large as the tolerance."""
+WHOLE = 0.999
+"""A step that may be nearly as long as it was to be is made whole, lest a tiny one is left."""
+NEAR = 0.1
+"""A number that is zero counts with what it becomes in a tenth of the step to try; steps to try are
+ten times the last one.
+"""
 
 
 @record
@@ -139,22 +145,40 @@ class Taylor(Method):
         velocity is passed on as it came; no step needs it.
         """
         p, terms = self.order, self._terms(system, t, state, h)
-        last, before = (
-            mean_square(system, state, state, terms[k], rtol, atol) for k in (p - 1, p - 2)
+        moved, size = system.variation(state, terms[0])
+        weights = [
+            1.0 / (atol + rtol * max(s, abs(NEAR * c)) + LEAST) for c, s in zip(moved, size)
+        ]
+        before, last = (
+            mean_square(weights, system.variation(state, term)[0]) for term in terms[p - 2 :]
         )
         log_r = max((0.5 / p) * log(last), (0.5 / (p - 1.0)) * log(before))
-        share = min(SAFETY * exp(-log_r), 1.0)
-        power, way = share, [share * terms[0]]
-        for k in range(1, p):
-            power = power * share
-            way.append(power * terms[k])
+        share = SAFETY * exp(-log_r)
+        share = where(share < WHOLE, share, 1.0)
+        powers = [share]
+        for k in range(2, p + 1):  # each of two of half its exponent: no long chain of products
+            powers.append(powers[k // 2 - 1] * powers[k - k // 2 - 1])
+        way = tuple([power * term for power, term in zip(powers, terms)])
         new = system.displaced(self.retraction, state, total(way))
-        return Trial(new, first, exp(p * log_r), tuple(way) if dense else (), share)
+        return Trial(new, first, exp(p * log_r), way if dense else (), share)
+
+
+def mean_square(weights: Sequence[float], x: Vec) -> float:
+    """The mean square of the components of a vector times their weights."""
+    total = 0.0
+    for w, a in zip(weights, x):
+        total = total + (w * a) * (w * a)
+    return total / len(x)
 
 
 def total(terms: Sequence[Vec]) -> Vec:
-    """The sum of the terms, the last one first."""
-    found = terms[len(terms) - 1]
-    for k in range(len(terms) - 2, -1, -1):
+    """The sum of the terms: of the first half from its last to its first, and of the small rest as
+    they come, so that nothing waits for the last one but two additions.
+    """
+    half = (len(terms) + 1) // 2
+    found, rest = terms[half - 1], terms[half]
+    for k in range(half - 2, -1, -1):
         found = found + terms[k]
-    return found
+    for k in range(half + 1, len(terms)):
+        rest = rest + terms[k]
+    return found + rest

@@ -185,7 +185,8 @@ def main() -> None:
             ]
         share = 60.0 * chosen.minutes / (len(RACES) + 2)
         curves = measure(race, everybody, 1 if chosen.quick else ROUNDS, share)
-        kept["races"][race.key] = {"name": race.name, "curves": curves}
+        here = harness.machine()["cpu"]
+        kept["races"][race.key] = {"name": race.name, "curves": curves, "machine": here}
         rows = [
             [
                 c["package"],
@@ -203,7 +204,7 @@ def main() -> None:
             kept["versions"] = {**versions, "numbalsoda": rivals.version("numbalsoda")}
             keep(kept)
     if chosen.quick or not chosen.only or "crowds" in chosen.only:
-        kept["crowds"] = crowds.measure(chosen.quick)
+        kept["crowds"] = crowds.measure(chosen.quick) | {"machine": harness.machine()["cpu"]}
     if not chosen.quick:
         keep(kept)
         write_pages(kept)
