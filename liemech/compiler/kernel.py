@@ -349,6 +349,17 @@ def lanes() -> int:
     return 2 * width()
 
 
+def side_by_side(bodies: int | None) -> int:
+    """How many of so many bodies run side by side: for a few, such as the directions of a tangent
+    map, one register is enough.  None for one body alone: 0.
+    """
+    if bodies is None:
+        return 0
+    if available() is not None:
+        return 1
+    return width() if bodies <= width() else lanes()
+
+
 # ------------------------------------------------------------------ translation
 
 

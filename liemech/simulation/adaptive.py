@@ -49,6 +49,9 @@ FRESH = 1.0, 0.0, 0.0, 0.0, 1.0
 
 CLOCK = layout_of(Clock(0.0, 0.0, *FRESH))
 
+TIME, STEP, ERROR, TAKEN, REJECTED, MARK, ANEW = range(CLOCK.width)
+"""The places of these numbers among those of a clock."""
+
 
 def adaptive_steps(
     method: Any,
@@ -69,6 +72,9 @@ def adaptive_steps(
     """The driver: accepted steps, a row of numbers for each, until t_end is reached, the room is
     full or the step underflows.
 
+    layout, row : of what is carried along, state and velocity, and of a row: time, state and the
+    way there, if it is wanted (`dense`).  longest : the longest step.  room : steps at most.
+    states, clocks, out : what is carried along, before and after; the clock of it; the rows.
     failures : None in native code; in plain Python a list for what rejected steps raised, which a
     mistake in a formula ends.
     """

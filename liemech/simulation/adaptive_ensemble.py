@@ -8,7 +8,6 @@ import functools
 import os
 import time
 from contextlib import nullcontext
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -19,15 +18,27 @@ from ..errors import IntegrationFailure, IntegrationInterrupted, NotCompilable, 
 from ..formulas.pytree import build, layout_of
 from ..systems.system import State
 from . import arguments
-from .adaptive import ASKED, CLOCK, FRESH, STUCK, adaptive_lanes, adaptive_steps
-from .adaptive_run import AdaptiveRun, stretches, velocity, watched
+from .adaptive import (
+    ANEW,
+    ASKED,
+    CLOCK,
+    FRESH,
+    MARK,
+    REJECTED,
+    STEP,
+    STUCK,
+    TAKEN,
+    TIME,
+    adaptive_lanes,
+    adaptive_steps,
+)
+from .adaptive_run import AdaptiveRun, Laid, stretches, velocity, watched
 from .carry import AdaptiveCarry, Carries, Ended, Waiting
 from .dense import DenseOutput, flat, packed, unpacked
 from .events import NativeEvents, Unseen, Watch, Watches, unseen
 from .execution import Execution, numbers_of
 from .fixed_run import PATIENCE, pool
 from .one_by_one import OneByOne, of_bodies
-from .prepared import Prepared
 from .progress import Bar
 from .stopped import Stopped
 from .systems import OfBodies
@@ -51,17 +62,15 @@ TRIALS = 2**10
 """Trials of all bodies together that are worth a thread."""
 
 
-class Lanes(Prepared):
+class Lanes(Laid):
     """The layouts of bodies side by side, and the code that makes their steps.
 
-    own : numbers of systems and methods of which every body has its own.  Others as in `Shape`.
+    own : numbers of systems and methods of which every body has its own.
     """
 
     def __init__(self, plan: Any, example: State, xi: Any, curves: bool) -> None:
         method, system = plan.method, plan.system
-        self.example, self.curves = example, curves
-        self.state, self.layout = layout_of(example), layout_of((example, xi))
-        self.row = layout_of((0.0, example, (xi,) * method.curve_terms if curves else ()))
+        self.lay_out(method, example, xi, curves)
         self.own: list[np.ndarray] = []
         self.constants, things = b"", []
         for thing in (method, system):
@@ -203,7 +212,7 @@ class AdaptiveEnsemble(OneByOne):
             told = f"integrate: interrupted before {left} of {self.count} bodies came to the end"
             self._move()
             for i, watch in ({} if self.watches is None else self.watches.each).items():
-                end, goal = float(self.clocks[0, i]), float(self.goals[0, i])
+                end, goal = float(self.clocks[TIME, i]), float(self.goals[0, i])
                 watch.forget(end, self.t_end[i] - self.t0[i], end == goal)
             stopped = IntegrationInterrupted(f"{told}; the samples are in `.trajectory`")
             stopped.trajectory = self.joined()
@@ -276,7 +285,7 @@ class AdaptiveEnsemble(OneByOne):
         for i in np.flatnonzero((self.t_end == self.t0) & ~self.over).tolist():  # no steps to make
             begun, (system, _) = self.begun(i), self._of_body(i)
             if not accepted(velocity(system, begun.t, begun.state), itself):
-                self.clocks[5, i] = STUCK
+                self.clocks[MARK, i] = STUCK
         self.samples = np.empty((len(self.asked), count, width))
         at_start = self.asked == self.t0
         self.told = np.logical_and.accumulate(at_start, axis=0).sum(axis=0)  # the first ones
@@ -285,7 +294,7 @@ class AdaptiveEnsemble(OneByOne):
     def _fresh(self, some: Any) -> None:
         """Bodies at their starts."""
         self.clocks[:, some] = np.array([0.0, 0.0, *FRESH])[:, None]
-        self.clocks[0, some], self.clocks[1, some] = self.t0[some], self.first_steps[some]
+        self.clocks[TIME, some], self.clocks[STEP, some] = self.t0[some], self.first_steps[some]
 
     def _take_up(self, i: int, begun: Any) -> None:
         """A body where another run left it."""
@@ -301,7 +310,7 @@ class AdaptiveEnsemble(OneByOne):
     def _unfinished(self) -> np.ndarray:
         """Which bodies are not at the end?"""
         alone: Any = self.first
-        left = ((self.clocks[0] != self.goals[0]) | (self.clocks[5] == STUCK)) & ~self.over
+        left = ((self.clocks[TIME] != self.goals[0]) | (self.clocks[MARK] == STUCK)) & ~self.over
         left[:alone] = False
         return left
 
@@ -327,11 +336,11 @@ class AdaptiveEnsemble(OneByOne):
                 turns = max(1, min(turns, kept.within(turns * m) // m))
             out = np.empty((turns + 1 if lanes.curves else 0, lanes.row.width, padded))
             if lanes.curves:
-                out[:, 0] = columns[clock]
+                out[:, 0] = columns[clock + TIME]
                 out[0, 1 : 1 + width] = columns[:width]
-            begun, taken = time.perf_counter(), columns[clock + 3, :m].sum()
+            begun, taken = time.perf_counter(), columns[clock + TAKEN, :m].sum()
             self._piece(columns, out[1:], turns)
-            for k in np.flatnonzero(columns[clock + 5, :m] == ASKED).tolist():
+            for k in np.flatnonzero(columns[clock + MARK, :m] == ASKED).tolist():
                 self._by_python(int(bodies[k]), columns[:, k], out[-2:, :, k])
             if time.perf_counter() - begun > PATIENCE:  # somebody may want to interrupt it
                 room, least, work = max(side, room // 4), max(1, least // 2), work // 4
@@ -345,7 +354,7 @@ class AdaptiveEnsemble(OneByOne):
             self.table[:changed, bodies] = columns[:changed, :m]
             if self.rows > ROWS:
                 self._move()
-            if kept is not None and kept.due(int(columns[clock + 3, :m].sum() - taken)):
+            if kept is not None and kept.due(int(columns[clock + TAKEN, :m].sum() - taken)):
                 self._move()
                 kept.save(self.joined())
             going = ~self._ended(columns[clock:, :m])
@@ -364,7 +373,7 @@ class AdaptiveEnsemble(OneByOne):
         lanes: Any = self.lanes
         clock = lanes.layout.width
         goal = clock + CLOCK.width
-        for k in np.flatnonzero(columns[clock, : len(bodies)] == columns[goal, : len(bodies)]).tolist():
+        for k in np.flatnonzero(columns[clock + TIME, : len(bodies)] == columns[goal, : len(bodies)]).tolist():
             body = int(bodies[k])
             ways = self.left[body]
             if not ways or self._watch_of(body).ended is not None:
@@ -379,7 +388,7 @@ class AdaptiveEnsemble(OneByOne):
     @staticmethod
     def _jump(clock: np.ndarray, beyond: float) -> None:
         """On to the other side: the state is the same, the step is found anew."""
-        clock[0], clock[1], clock[6] = beyond, 0.0, 1.0
+        clock[TIME], clock[STEP], clock[ANEW] = beyond, 0.0, 1.0
 
     # ---------------------------------------------------------------- events
 
@@ -438,17 +447,17 @@ class AdaptiveEnsemble(OneByOne):
         curve = curve * ((at - begun) / (end - begun)) ** np.arange(1, len(curve) + 1)[:, None]
         rows[turn + 1 :, 0], rows[turn + 1, 1 + width :] = at, curve.ravel()
         rows[turn + 1, 1 : 1 + width] = column[:width] = numbers
-        steps, rejected = self.clocks[3:5, body]
-        rejected = min(column[clock + 4], rejected + turn + 1 - taken)
+        steps, rejected = self.clocks[[TAKEN, REJECTED], body]
+        rejected = min(column[clock + REJECTED], rejected + turn + 1 - taken)
         column[clock : clock + CLOCK.width] = at, 0.0, 0.0, steps + taken, rejected, 0.0, 1.0
         column[clock + CLOCK.width] = self.rows_at[body] = at
 
     def _ended(self, rows: np.ndarray) -> np.ndarray:
         """Which bodies have come to the end, or fail?  rows : clocks, and goals below them."""
         return (
-            (rows[0] == rows[CLOCK.width])  # the time is the last one
-            | (rows[5] > 0.0)
-            | (rows[3] >= self.limit)
+            (rows[TIME] == rows[CLOCK.width])  # the time is the last one
+            | (rows[MARK] > 0.0)
+            | (rows[TAKEN] >= self.limit)
         )
 
     def _piece(self, columns: np.ndarray, out: np.ndarray, turns: int) -> None:
@@ -478,7 +487,7 @@ class AdaptiveEnsemble(OneByOne):
         system, method = self._of_body(i)
         width, changed = lanes.layout.width, lanes.layout.width + CLOCK.width
         numbers, clock, row = column[:width].copy(), column[width:changed].copy(), lanes.row.width
-        taken, before, after = clock[3], (clock[0], *numbers[: lanes.state.width]), np.empty(row)
+        taken, before, after = clock[TAKEN], (clock[TIME], *numbers[: lanes.state.width]), np.empty(row)
         t_end, rtol, atol, longest, _ = self.goals[:, i].tolist()
         failures: list[Exception] = []
         with lanes.stepping.plain():
@@ -489,7 +498,7 @@ class AdaptiveEnsemble(OneByOne):
         if any(map(is_mistake, failures)):
             self.mistaken.append(i)
         column[:width], column[width:changed] = numbers, clock
-        if lanes.curves and clock[3] > taken:
+        if lanes.curves and clock[TAKEN] > taken:
             rows[0, : len(before)], rows[1] = before, after
 
     # ---------------------------------------------------------------- samples
@@ -593,10 +602,10 @@ class AdaptiveEnsemble(OneByOne):
     def _run_of(self, i: int) -> Trajectory:
         """The run of one of those that step side by side, as it would be alone."""
         lanes: Any = self.lanes
-        told, carry, reached = self.told[i], self._member(i), float(self.clocks[0, i])
+        told, carry, reached = self.told[i], self._member(i), float(self.clocks[TIME, i])
         if isinstance(carry, Waiting) or self.over[i]:
             return self._still(i, self.begun(i))
-        steps, rejected = self.clocks[3:5, i].astype(int).tolist()
+        steps, rejected = self.clocks[[TAKEN, REJECTED], i].astype(int).tolist()
         if isinstance(carry, Ended) and carry.error is not None:
             self.errors[i] = carry.error
         system, method = self._of_body(i)
@@ -608,16 +617,16 @@ class AdaptiveEnsemble(OneByOne):
         )  # fmt: skip
 
     def joined(self, unfinished: Trajectory | None = None) -> Trajectory:
-        if self.first is None or self.watches:
+        if self.first is None or self.watches is not None:
             return super().joined(unfinished)
         lanes: Any = self.lanes
-        count, alone, width = self.count, self.first, lanes.state.width
+        alone, width = self.first, lanes.state.width
         final, t = self.numbers[:width].T, np.array(self.asked)
         left = np.arange(len(t))[:, None] >= self.told
         np.copyto(self.samples, final, where=left[..., None])
         failed, unfinished_ones = self._failed, self._unfinished
         standing = unfinished_ones & ~failed  # it was interrupted
-        np.copyto(t, self.clocks[0], where=left & standing)
+        np.copyto(t, self.clocks[TIME], where=left & standing)
         for i in np.flatnonzero(self.over).tolist():
             self.samples[:, i] = final[i]
             begun: Ended = self.begun(i)
@@ -629,10 +638,8 @@ class AdaptiveEnsemble(OneByOne):
             way = self._filled(i, run, len(t), self._carried(i, run))
             t[:, i] = way.pop("")
             self.samples[:, i] = flat(way, len(t))
-        if not self.own_times and (t == t[:, :1]).all():
-            t = t[:, 0].copy()
-        steps, rejected = self.clocks[3].astype(int), self.clocks[4].astype(int)
-        reached = self.clocks[0].copy()
+        steps, rejected = self.clocks[TAKEN].astype(int), self.clocks[REJECTED].astype(int)
+        reached = self.clocks[TIME].copy()
         steps[self.over], rejected[self.over], reached[self.over] = 0, 0, self.t0[self.over]
         h = (reached - self.t0) / np.maximum(1, steps)
         for i, run in enumerate(self.runs):
@@ -640,36 +647,29 @@ class AdaptiveEnsemble(OneByOne):
         stopped = {int(i): int(steps[i]) for i in np.flatnonzero(failed)}
         stopped |= {i: self._taken(i, self.runs[i]) for i in self.errors if i < alone}
         stopped |= {i: self.begun(i).steps for i in self.errors if i >= alone and self.over[i]}
-        states = unpacked(lanes.state, self.samples)
-        return Trajectory.promised(
-            SimpleNamespace(carry=functools.cache(self._carries)),
-            system=self.plan.system,
-            method=self.plan.method,
+        return self._shown(
+            t,
+            unpacked(lanes.state, self.samples),
+            self._carries,
             h=float(np.mean(h)),
-            t=t,
-            states=states,
-            bodies=count,
             steps=int(steps.max()),
             compiled=all(run.compiled for run in self.runs),
             stopped=Stopped(dict(sorted(stopped.items())), self._error),
             rejected=int(rejected.sum()),
-            dense=None,
-            events=(),
-            observed=(),
         )
 
-    def _carries(self) -> Carries | None:
+    def _carries(self) -> tuple[Any, ...]:
         """Where all bodies stand."""
         members: list[Any] = [self._carried(i, run) for i, run in enumerate(self.runs)]
         members += map(self._member, range(len(members), self.count))
-        return None if all(isinstance(one, Ended) for one in members) else Carries(tuple(members))
+        return tuple(members)
 
     def _member(self, i: int) -> Any:
         """Where one of those stands that step side by side."""
         lanes: Any = self.lanes
         begun, numbers, clock = self.begun(i), self.numbers[:, i].copy(), self.clocks[:, i].copy()
-        t, steps = float(clock[0]), int(clock[3])
-        fresh = clock[6] > 0.0 and not steps and clock[5] == 0.0
+        t, steps = float(clock[TIME]), int(clock[TAKEN])
+        fresh = clock[ANEW] > 0.0 and not steps and clock[MARK] == 0.0
         if self.over[i] or (isinstance(begun, Waiting) and fresh and t != self.t_end[i]):
             return begun
         state = build(lanes.state, iter(numbers[: lanes.state.width].tolist()))

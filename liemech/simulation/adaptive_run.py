@@ -26,7 +26,20 @@ from ..errors import (
 from ..formulas.pytree import build, gatherer, layout_of
 from ..systems.system import State
 from . import arguments
-from .adaptive import ASKED, CLOCK, FRESH, STUCK, adaptive_steps, noted
+from .adaptive import (
+    ANEW,
+    ASKED,
+    CLOCK,
+    FRESH,
+    MARK,
+    REJECTED,
+    STEP,
+    STUCK,
+    TAKEN,
+    TIME,
+    adaptive_steps,
+    noted,
+)
 from .carry import AdaptiveCarry
 from .checkpoint import Checkpoint
 from .dense import DenseOutput, unpacked
@@ -146,11 +159,24 @@ class AdaptiveSteps:
         ).trajectory()
 
 
-class Shape(Prepared):
-    """The layouts of a run, and the code that makes its steps.
+class Laid(Prepared):
+    """How adaptive steps are laid out, of one body or of many.
 
     example : a state.  layout : of state and velocity; row : of time, state and the way to it.
-    curves : is the way there?  sampled : does native code find the states at times, too?
+    curves : is the way there?
+    """
+
+    def lay_out(self, method: Any, example: State, xi: Any, curves: bool) -> None:
+        """From a state and its velocity."""
+        self.example, self.curves = example, curves
+        self.state, self.layout = layout_of(example), layout_of((example, xi))
+        self.row = layout_of((0.0, example, (xi,) * method.curve_terms if curves else ()))
+
+
+class Shape(Laid):
+    """The layouts of a run, and the code that makes its steps.
+
+    sampled : does native code find the states at times, too?
     clock, kept : how many bytes lie before the clock in the memory of a first piece, and how many
     numbers before what is kept.  before : of the latter, those before the states at times.
     """
@@ -159,9 +185,7 @@ class Shape(Prepared):
         self, plan: AdaptiveSteps, start: State, xi: Any, curves: bool, sampled: bool
     ) -> None:
         method, system = plan.method, plan.system
-        self.example, self.curves = start, curves
-        self.state, self.layout = layout_of(start), layout_of((start, xi))
-        self.row = layout_of((0.0, start, (xi,) * method.curve_terms if curves else ()))
+        self.lay_out(method, start, xi, curves)
         self.constants = numbers_of(method, system)
         self.arguments = method, system, self.layout, self.row
         none = np.empty(0)
@@ -330,7 +354,7 @@ class AdaptiveRun:
             raise
         except KeyboardInterrupt:
             stopped = IntegrationInterrupted(
-                f"integrate: interrupted at t = {self.clock[0]:g}; the samples are in `.trajectory`"
+                f"integrate: interrupted at t = {self.clock[TIME]:g}; the samples are in `.trajectory`"
             )
             raise self._ended(stopped) from None
         if self.kept and len(self.rows) > self.filled:
@@ -341,7 +365,7 @@ class AdaptiveRun:
         """On to the other side of a jump of the velocity: the state is the same, the step is found
         anew.
         """
-        self.clock[0], self.clock[1], self.clock[6] = beyond, 0.0, 1.0
+        self.clock[TIME], self.clock[STEP], self.clock[ANEW] = beyond, 0.0, 1.0
 
     def _arrived(self) -> None:
         """At a t_end where the velocity jumps, which steps keep away from: their last state is
@@ -360,9 +384,9 @@ class AdaptiveRun:
     def _stepped(self, end: float, bar: Bar) -> bool:
         """Steps to this time; did a terminal event end the run?"""
         room = 8
-        while self.clock[0] != end:
+        while self.clock[TIME] != end:
             begun = time.perf_counter()
-            before, taken = self.filled, self.clock[3]
+            before, taken = self.filled, self.clock[TAKEN]
             there = (self.states.copy(), self.clock.copy()) if self.events else None
             self._more(end, room if self.shape.stepping.native is None else ROOM)
             if time.perf_counter() - begun < 0.5 * LOOK:
@@ -371,27 +395,27 @@ class AdaptiveRun:
             ended = there is not None and self._terminated(before, end, *there)
             if not self.kept:
                 self._sample(before)
-            more = int(self.clock[3] - taken)
+            more = int(self.clock[TAKEN] - taken)
             if self.checkpoint is not None and self.checkpoint.due(more):
                 self.checkpoint.save(self._result())
             if ended:
                 return True
-            if self.clock[0] == end:
+            if self.clock[TIME] == end:
                 break
-            if self.clock[5] == STUCK:
+            if self.clock[MARK] == STUCK:
                 raise self._failure()
-            if self.clock[3] >= self.limit:
+            if self.clock[TAKEN] >= self.limit:
                 raise self._unfinished()
         return False
 
     def _part(self) -> float:
         """How much of the run is done."""
-        return float((self.clock[0] - self.t0) / (self.t_end - self.t0))
+        return float((self.clock[TIME] - self.t0) / (self.t_end - self.t0))
 
     def _more(self, end: float, room: int) -> None:
         """Up to this many more steps; one in plain Python where native code has asked for it."""
-        native = self.clock[5] != ASKED
-        room = min(room if native else 1, int(self.limit - self.clock[3]))
+        native = self.clock[MARK] != ASKED
+        room = min(room if native else 1, int(self.limit - self.clock[TAKEN]))
         if self.checkpoint is not None:
             room = self.checkpoint.within(room)
         if self.at_times:
@@ -400,11 +424,11 @@ class AdaptiveRun:
         if self.filled + room > len(self.rows):
             wanted = max(len(self.rows) + len(self.rows) // 4, self.filled + room)
             self._make_room(wanted)
-        before = int(self.clock[3])
+        before = int(self.clock[TAKEN])
         native = native and self.shape.stepping.ready(self._part())
         arrays = self.states, self.clock, self.rows[self.filled :].reshape(-1)
         self._drive(adaptive_steps, native, end, (room,), arrays)
-        self.filled += int(self.clock[3]) - before
+        self.filled += int(self.clock[TAKEN]) - before
 
     def _drive(
         self, driver: Callable[..., None], native: bool, end: float, counts: tuple[int, ...],
@@ -434,7 +458,7 @@ class AdaptiveRun:
         arrays = states, clock, out, times, samples.reshape(-1), done
         native = native and self.shape.stepping.ready(self._part())
         self._drive(sampled_steps, native, end, (room, len(times)), arrays)
-        if clock[3] > self.clock[3]:
+        if clock[TAKEN] > self.clock[TAKEN]:
             self.rows[0, : 1 + self.width], self.rows[1] = out[row:], out[:row]
             self.filled = 2
         written = int(done[0])
@@ -484,7 +508,7 @@ class AdaptiveRun:
 
     def _at_times(self, before: int, times: np.ndarray) -> None:
         """Keep the states that t_eval asks for in the last steps."""
-        reached, left = self.clock[0], times[self.asked :]
+        reached, left = self.clock[TIME], times[self.asked :]
         inside = left[left <= reached if self.t_end >= self.t0 else left >= reached]
         if len(inside):
             last = self.rows[self.filled - 1]
@@ -516,7 +540,7 @@ class AdaptiveRun:
         k, at, numbers = hit
         # the steps up to the event once more: those beyond do not count, nor what became of them
         self.watch.looking = True
-        native = clock[5] != ASKED and self.shape.stepping.native is not None
+        native = clock[MARK] != ASKED and self.shape.stepping.native is not None
         rows = np.empty((k + 1, self.rows.shape[1]))
         arrays = states, clock, rows.reshape(-1)
         self._drive(adaptive_steps, native, end, (k + 1,), arrays)
@@ -525,8 +549,8 @@ class AdaptiveRun:
         curve = row[1 + self.width :].reshape(-1, self.system.group.dim)
         curve *= ((at - begun) / (row[0] - begun)) ** np.arange(1, len(curve) + 1)[:, None]
         row[0], row[1 : 1 + self.width] = at, numbers
-        self.filled, self.clock[0] = before + k + 1, at
-        self.clock[1], self.clock[5], self.clock[6] = 0.0, 0.0, 1.0  # from here a start anew
+        self.filled, self.clock[TIME] = before + k + 1, at
+        self.clock[STEP], self.clock[MARK], self.clock[ANEW] = 0.0, 0.0, 1.0  # from here a start anew
         return True
 
     # ---------------------------------------------------------------- results
@@ -540,7 +564,7 @@ class AdaptiveRun:
         )
 
     def _result(self) -> Trajectory:
-        reached, steps = float(self.clock[0]), int(self.clock[3])
+        reached, steps = float(self.clock[TIME]), int(self.clock[TAKEN])
         dense = self._dense() if self.kept and self.shape.curves else None
         kept = dense if self.dense else None
         # samples may be written to, and the last row is needed for the carry
@@ -564,7 +588,7 @@ class AdaptiveRun:
             bodies=None,
             steps=steps,
             compiled=self.compiled,
-            rejected=int(self.clock[4]),
+            rejected=int(self.clock[REJECTED]),
             dense=kept,
             events=self.watch.shown(self.shape.example, self.shape.state) if self.watch else (),
             stopped={},
@@ -574,13 +598,13 @@ class AdaptiveRun:
     def _carry(self, last: np.ndarray) -> AdaptiveCarry | None:
         """What to go on with from the last row: all of it, or after a terminal event a start anew."""
         numbers, clock = self.states.copy(), self.clock.copy()
-        if self.watch is None or self.watch.looking or clock[5] == STUCK or clock[0] != last[0]:
+        if self.watch is None or self.watch.looking or clock[MARK] == STUCK or clock[TIME] != last[0]:
             return None
         if self.watch.ended is not None:
             numbers[: self.width] = last[1 : 1 + self.width]
         state = build(self.shape.state, iter(last[1 : 1 + self.width].tolist()))
         own = self.watch.ended, self.watch.met
-        return AdaptiveCarry(numbers, clock, state, float(clock[0]), *own)
+        return AdaptiveCarry(numbers, clock, state, float(clock[TIME]), *own)
 
     def _samples(self, dense: DenseOutput | None) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         """Times and parts of the state."""
@@ -610,13 +634,13 @@ class AdaptiveRun:
     def failed(self, states: np.ndarray, clock: np.ndarray, samples: np.ndarray) -> Exception:
         """Why a run ended that native code has led so far, beside others."""
         self.states, self.clock, self.compiled = states, clock, True
-        self.rows[0, 0], self.rows[0, 1 : 1 + self.width] = clock[0], states[: self.width]
+        self.rows[0, 0], self.rows[0, 1 : 1 + self.width] = clock[TIME], states[: self.width]
         self.sampled = [samples]
-        return self._failure() if clock[5] == STUCK else self._unfinished()
+        return self._failure() if clock[MARK] == STUCK else self._unfinished()
 
     def _unfinished(self) -> Exception:
         """Why a run ended that has made all its steps."""
-        told = f"{self.limit} steps led to t = {self.clock[0]:g} only, not to {self.t_end:g}"
+        told = f"{self.limit} steps led to t = {self.clock[TIME]:g} only, not to {self.t_end:g}"
         return self._ended(
             StepTooSmall(f"integrate: {told}; loosen rtol and atol or allow more `steps`")
         )
@@ -625,7 +649,7 @@ class AdaptiveRun:
         """Why the steps became too small to go on: what the last trial had to say.  A mistake in a
         formula is raised itself.
         """
-        t, h = float(self.clock[0]), float(self.clock[1])
+        t, h = float(self.clock[TIME]), float(self.clock[STEP])
         state, xi = build(self.shape.layout, iter(self.states.tolist()))
         if t == self.t0:
             first = velocity(self.system, t, state)
@@ -666,7 +690,7 @@ class AdaptiveRun:
             f"{self.method!r}: at t = {t:g} the step fell to {abs(h):.1e}, too small to advance "
             f"the time: {why}. The motion may have a singularity there, or rtol = "
             f"{self.plan.rtol:g}, atol = {self.plan.atol:g} ask for more than rounding allows; "
-            f"{int(self.clock[3])} steps are in `.trajectory`"
+            f"{int(self.clock[TAKEN])} steps are in `.trajectory`"
         )
         made.__cause__ = error
         return self._ended(made)

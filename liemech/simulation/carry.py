@@ -11,6 +11,7 @@ import numpy as np
 from ..errors import IntegrationFailure, failure
 from ..formulas.pytree import build
 from ..systems.system import State, member, state_of
+from .adaptive import MARK, REJECTED, STEP, TAKEN
 from .dense import unpacked
 from .events import NO_EVENTS, Met
 from .prepared import Shape
@@ -100,9 +101,9 @@ class AdaptiveCarry:
     def taken_up(self, t_end: float) -> tuple[np.ndarray, np.ndarray]:
         """Numbers and clock with which a run to t_end goes on: it counts its own steps."""
         numbers, clock = self.numbers.copy(), self.clock.copy()
-        clock[3:6] = 0.0
-        if clock[1] * (t_end - self.t) < 0.0:
-            clock[1] = -clock[1]
+        clock[[TAKEN, REJECTED, MARK]] = 0.0
+        if clock[STEP] * (t_end - self.t) < 0.0:
+            clock[STEP] = -clock[STEP]
         return numbers, clock
 
 

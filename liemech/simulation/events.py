@@ -225,8 +225,7 @@ class NativeEvents:
 
     def ready(self) -> bool:
         """Is there native code of all of them?"""
-        found = [execution.ready(0.0) for execution, _ in self.kernels]  # each is looked for
-        return all(found)
+        return all([execution.ready(0.0) for execution, _ in self.kernels])  # noqa: C419 (all are asked)
 
     @contextmanager
     def plain(self) -> Iterator[None]:

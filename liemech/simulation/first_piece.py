@@ -11,7 +11,7 @@ import numpy as np
 
 from ..compiler.kernel import address
 from ..formulas.pytree import build, known_layout
-from .adaptive import CLOCK, FRESH
+from .adaptive import CLOCK, FRESH, TAKEN, TIME
 from .carry import AdaptiveCarry
 from .dense import DenseOutput, unpacked
 from .sampled import SAMPLES, between
@@ -81,7 +81,7 @@ class FirstPiece:
     @property
     def complete(self) -> bool:
         """Is it all of the run?"""
-        return bool(self.clock[0] == self.t_end)
+        return bool(self.clock[TIME] == self.t_end)
 
     def trajectory(self, dense: DenseOutput | None = None) -> Trajectory:
         """The run, if this was all of it."""
@@ -129,12 +129,12 @@ class EveryStep(FirstPiece):
     def rows(self) -> np.ndarray:
         """Of the start and every end of a step the time, the state and the way there."""
         width, begin = self.shape.row.width, self.shape.kept
-        return self.memory[begin : begin + width * (1 + int(self.clock[3]))].reshape(-1, width)
+        return self.memory[begin : begin + width * (1 + int(self.clock[TAKEN]))].reshape(-1, width)
 
     def trajectory(self, dense: DenseOutput | None = None) -> Trajectory:
         """With the motion between the steps."""
         plan, shape = self.plan, self.shape
-        used = shape.kept + shape.row.width * (1 + int(self.clock[3]))
+        used = shape.kept + shape.row.width * (1 + int(self.clock[TAKEN]))
         self.memory.resize((used,), refcheck=False)  # nobody else has seen it
         if shape.curves:
             method = plan.method
@@ -183,7 +183,7 @@ class AtTimes(FirstPiece):
 
     @property
     def complete(self) -> bool:
-        return self.clock[0] == self.t_end and self.written == len(self.times)
+        return self.clock[TIME] == self.t_end and self.written == len(self.times)
 
     @property
     def samples(self) -> np.ndarray:
@@ -205,4 +205,4 @@ class AtTimes(FirstPiece):
         super().handed_over(run)
         run.found, run.asked = self.samples, self.written
         run.sampled.append(run.found[: run.asked])
-        run.rows[0, : 1 + run.width] = run.clock[0], *run.states[: run.width]
+        run.rows[0, : 1 + run.width] = run.clock[TIME], *run.states[: run.width]

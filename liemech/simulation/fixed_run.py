@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from ..compiler import kernel
 from ..compiler.driver import Rejected, attempt, read, reason
 from ..compiler.kernel import Several
 from ..errors import (
@@ -107,14 +108,14 @@ class FixedRun:
     def _shape(self) -> Shape:
         """The layouts of this run, from other runs of the plan if their starts were like this one."""
         one = self._member(0)
-        given, many = layout_of(one), self.bodies is not None
-        shape = self.plan.shapes.get((given, many))
+        given, side = layout_of(one), kernel.side_by_side(self.bodies)
+        shape = self.plan.shapes.get((given, side))
         if shape is None:
             remembering = self.plan.remembering(one)
             started = layout_of(remembering)
             first, example = self._first(remembering, started)
-            shape = self.plan.shapes[given, many] = Shape(
-                self.plan, given, started, first, example, many
+            shape = self.plan.shapes[given, side] = Shape(
+                self.plan, given, started, first, example, side
             )
         else:
             shape.stepping.refresh()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Iterable
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -243,37 +244,47 @@ class OneByOne:
             for i, (run, carry) in enumerate(zip(runs, members, strict=True))
         ]
         t = np.stack([way.pop("") for way in ways], axis=1)
-        if not self.own_times and (t == t[:, :1]).all():
-            t = t[:, 0].copy()
-        clocks = {name: np.stack([w.pop(name) for w in ways], axis=1) for name in ("tau", "z")
+        clocks: dict[str, Any] = {name: np.stack([w.pop(name) for w in ways], axis=1) for name in ("tau", "z")
                   if name in ways[0]}  # fmt: skip
         states = {name: np.stack([way[name] for way in ways], axis=1) for name in ways[0]}
-        first, adaptive = runs[0], self.plan.adaptive
+        adaptive = self.plan.adaptive
         steps = {i: self._taken(i, runs[i]) for i in self.errors}
         own: Any = None  # the step, or those of all bodies
         if not adaptive:
             steps_of = tuple([self.plan_of(i)._steps.h for i in range(self.count)])
             own = steps_of if "h" in self.plan.of_each else steps_of[0]
         known: dict[str, Any] = {
-            "system": self.plan.system if not self.plan.fictive else self._inner_systems(runs),
-            "method": self.plan.method,
             "h": float(np.mean([run.h for run in runs])) if adaptive else shown_step(own),
-            "t": t,
-            "states": states,
-            "bodies": len(runs),
             "steps": max(run.steps for run in runs),
             "compiled": all(run.compiled for run in runs),
             "stopped": Stopped(steps, self.errors.__getitem__),
             "rejected": sum(run.rejected or 0 for run in runs) if adaptive else None,
             "events": self._events(runs),
-            "carry": None if all(isinstance(m, Ended) for m in members) else Carries(members),
         }
-        if not isinstance(first, TransformedTrajectory):
-            return Trajectory(**known)
-        if (clocks["tau"] == clocks["tau"][:, :1]).all():
-            clocks["tau"] = clocks["tau"][:, 0].copy()
-        origins = tuple([getattr(run, "origin", None) for run in runs])
-        return TransformedTrajectory(**known, **clocks, origin=origins)  # type: ignore[arg-type]
+        if isinstance(runs[0], TransformedTrajectory):
+            if (clocks["tau"] == clocks["tau"][:, :1]).all():
+                clocks["tau"] = clocks["tau"][:, 0].copy()
+            origins = tuple([getattr(run, "origin", None) for run in runs])
+            known |= {"z": None} | clocks
+            known |= {"system": self._inner_systems(runs), "origin": origins}
+        return self._shown(t, states, lambda: members, **known)
+
+    def _shown(
+        self, t: np.ndarray, states: Any, members: Callable[[], tuple[Any, ...]], **known: Any
+    ) -> Trajectory:
+        """All bodies as one run.  t : (n, bodies).  members : what they carry along."""
+        if not self.own_times and (t == t[:, :1]).all():
+            t = t[:, 0].copy()
+
+        def carry() -> Carries | None:
+            each = members()
+            return None if all(isinstance(one, Ended) for one in each) else Carries(each)
+
+        own = {"system": self.plan.system, "method": self.plan.method, "bodies": self.count}
+        kind = TransformedTrajectory if "tau" in known else Trajectory
+        rest = SimpleNamespace(carry=carry)
+        same = {"t": t, "states": states, "dense": None, "events": (), "observed": ()}
+        return kind.promised(rest, **own | same | known)
 
     def _all_runs(self, unfinished: Trajectory | None) -> list[Trajectory]:
         """Those of all bodies so far."""

@@ -150,13 +150,13 @@ class Shape(Prepared):
     column: int | None = None
 
     def __init__(
-        self, steps: Steps, given: Layout, started: Layout, first: Any, example: State, many: bool
+        self, steps: Steps, given: Layout, started: Layout, first: Any, example: State, side: int
     ) -> None:
         method, system = steps.method, steps.system
         self.given, self.started, self.example = given, started, example
         self.layout, self.shown = layout_of(first), layout_of(example)
-        native = steps.compiled is not False and many and kernel.available() is None
-        self.lanes = kernel.lanes() if native else 1
+        native = steps.compiled is not False and side and kernel.available() is None
+        self.lanes = side if native else 1
         self.own: list[np.ndarray] = []
         self.constants, things = b"", []
         for thing in (method, system):

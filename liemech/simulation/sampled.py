@@ -46,8 +46,8 @@ def sampled_steps(
     done: Any,
     failures: Any,
 ) -> None:
-    """The driver: adaptive steps one by one, and the states at those of `count` times, sorted in
-    their direction, that they have passed.
+    """The driver: `adaptive_steps`, whose arguments are these, one by one, and the states at those of
+    `count` times, sorted in their direction, that they have passed.
 
     out : the row of the last step, and behind it time and state before that step.
     done : `Samples`; a state that fails ends the piece, before it.

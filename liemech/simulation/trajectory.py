@@ -316,7 +316,7 @@ class Trajectory:
 
     def then(self, rest: Trajectory) -> Trajectory:
         """This run and the one that `Plan.resume` made of it, as one: the samples of both, the one
-        that they share once.
+        that they share once.  Where they meet is a sample, also between two multiples of `every`.
 
         Raises InvalidInput if the second begins at another time than this one's `carry` has.
         """

@@ -202,24 +202,23 @@ class WatchedEnsemble(OneByOne):
         if self.first is None:
             return super()._all_runs(unfinished)
         rows = tuple(np.concatenate(some) for some in zip(*self.kept_rows, strict=True))
-        members = (None,) * self.count if self.now is None else self._members()
+        members = (None,) * self.count  # none goes on, or none has begun
+        if self.done and self.now is not None:
+            members = each(self.now)
         first = range(self.first, self.count)
         return [*self.runs, *(self._run_of(i, rows, members[i]) for i in first)]
 
-    def _members(self) -> tuple[Any, ...]:
-        """Where all bodies stand."""
-        return each(self.now) if isinstance(self.now, Carry) else tuple(map(self.begun, range(self.count)))
-
     def _run_of(self, i: int, rows: Any, member: Any) -> Trajectory:
         """The run of one body, as it would be alone."""
-        if i in self.own:
-            return self.own[i]
+        if i in self.own or not self.done:
+            return self.own[i] if i in self.own else self._not_begun(i)
         t, number, points = rows
         plan, cut, watch, steps = self.plan_of(i)._steps, self.cuts.get(i), self.watches.each[i], self.done
         t, points = t if t.ndim == 1 else t[:, i], points[:, i]
+        some = number <= self.before + (steps if cut is None else cut.steps)
+        t, points = t[some], points[some]
         if cut is not None:
-            some = number <= self.before + cut.steps
-            steps, t, points = cut.steps + 1, t[some], points[some]
+            steps = cut.steps + 1
             reached = self.before + steps
             if not cut.whole or reached % plan.every == 0 or reached == self.before + self.whole:
                 t, points = np.append(t, cut.t), np.concatenate([points, cut.numbers[None]])

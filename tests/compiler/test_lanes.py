@@ -143,7 +143,7 @@ def test_a_method_of_fewer_stages_is_shorter_code() -> None:
 def march_assembly(order: int, lanes: int) -> str:
     """The machine code of steps of a rigid body."""
     body, method = lm.RigidBody([1.0, 1.5, 2.0]), lm.RKMK(order=order)
-    start = body.state(mu=np.full(3 if lanes == 1 else (1, 3), 0.5))
+    start = body.state(mu=np.full(3 if lanes == 1 else (lanes, 3), 0.5))
     lm.integrate(body, method, start, h=0.1, steps=1, compiled=True)
     mine = [k for k in kernel.alive() if k.entry is fixed_steps and k.kinds[0] == layout_of(method)]
     # momentum alone is shown

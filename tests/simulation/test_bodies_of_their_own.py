@@ -15,8 +15,9 @@ import pytest
 from scenes import slow
 
 import liemech as lm
-from liemech.errors import IntegrationFailure, InvalidInput
+from liemech.errors import IntegrationFailure, IntegrationInterrupted, InvalidInput
 from liemech.formulas import sqrt, where
+from liemech.simulation.events import NativeEvents, Watches
 from liemech.simulation.one_by_one import OneByOne
 
 BODY = lm.RigidBody([1.0, 1.5, 2.0])
@@ -365,3 +366,44 @@ def test_an_event_that_fails_is_raised_as_its_body_alone_raises_it() -> None:
             plan.run(starts, t_end=9.0)
         assert any("[integrate: body 0]" in note for note in raised.value.__notes__)
         assert raised.value.trajectory.bodies == 4  # type: ignore[attr-defined]
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("nth", [2, slow(3)])
+@pytest.mark.parametrize("of", [(Watches, "look"), slow((NativeEvents, "zeros"))])
+@pytest.mark.parametrize(
+    ("method", "stepping", "end"),
+    [(DP5, ADAPTIVE, {"t_end": 6.0}), (lm.StormerVerlet(), {"h": 0.02}, {"steps": 300})],
+)
+def test_an_interrupt_between_events_loses_and_repeats_none(
+    method: Any, stepping: Any, end: dict[str, Any], of: Any, nth: int,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    monkeypatch.setattr("liemech.simulation.watched_ensemble.LARGEST", 100)
+    monkeypatch.setattr("liemech.simulation.adaptive_ensemble.LONGEST", 16)
+    starts = KEPLER.state(MANY_Q[6:], MANY_P[6:])
+    plan = lm.Plan(KEPLER, method, **stepping, events=(rising, third), compiled=True)
+    whole = plan.run(starts, **end)
+    asked, calls = getattr(*of), []
+
+    def pressed(*given: Any) -> Any:
+        calls.append(asked(*given))
+        if len(calls) == nth:
+            raise KeyboardInterrupt
+        return calls[-1]
+
+    with monkeypatch.context() as during:
+        during.setattr(*of, pressed)
+        with pytest.raises(IntegrationInterrupted) as stop:
+            plan.run(starts, **end)
+    part = stop.value.trajectory
+    for k, of_each in enumerate(part.events):
+        for i, (times, _) in enumerate(of_each):
+            assert np.array_equal(times, whole.events[k][i][0][: len(times)])
+            assert len(times) == 0 or times[-1] <= part.carry.members[i].t
+    left = {"t_end": 6.0}
+    going, through = plan.replace(events=(rising,)), lm.Plan(KEPLER, method, **stepping).run(starts, **left)
+    ends = going.resume(part, **left).q[-1]
+    for i, (times, _) in enumerate(part.events[1]):
+        assert len(times) == 3 or np.array_equal(ends[i], through.q[-1, i])
+    assert sum(len(times) < 3 for times, _ in part.events[1]) > 5
