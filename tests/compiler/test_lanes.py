@@ -194,8 +194,8 @@ def test_calls_of_the_c_library_leave_all_registers_of_all_lanes_alone(lanes: in
 def turns_until_small(a, b, c, d, n):
     """Lanes leave one after the other, and each remembers when."""
     x, k = a, -1
-    for k in range(60):
-        x = 0.5 * x
+    for turn in range(60):
+        x, k = 0.5 * x, turn
         if abs(x) < 1.0:
             break
     return vec(x, k + 0.0)
