@@ -118,7 +118,6 @@ class Loops(Branches):
                 del env[name]
         changed = {*changed_names(body), *counters}
         carried = sorted((changed | {*map(has, changed)}) & env.keys())
-        self.emitter.calls += 1
         form = self.frames[-1].node, forms(env), self.active(env) is None
         masked, types, grown = self.loop_forms.get(form, (self._parting(body), {}, {}))
         types, grown = dict(types), dict(grown)

@@ -261,7 +261,9 @@ class Outliner:
         self.copied: set[Any] = set()  # formulas of which some call was worth a copy
         # by form of the call, what LLVM copies; None: there was one call; False: it has no copies
         self.copies: dict[Any, Outlined | bool | None] = {}
-        self.patience, self.huge = (ALONE, ALONE * HUGE) if self.e.lanes == 1 else (1, WHOLE * HUGE)
+        # in lanes a formula has as many instructions more as its numbers take registers
+        self.patience = ALONE if self.e.lanes == 1 else self.e.registers(True)
+        self.huge = (ALONE if self.e.lanes == 1 else WHOLE) * HUGE
         # by its identity, a constant and what tells it from others
         self.kept: dict[int, tuple[Any, Any]] = {}
         self.grown: set[Any] = set()  # formulas that were too large to be written out

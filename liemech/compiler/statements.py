@@ -187,7 +187,6 @@ class Statements(Expressions):
             raise NotCompilable("`raise` outside an attempted step")
         self.raises += 1
         e = self.emitter
-        e.calls += 1
         e.store(True if mask is None else e.logic("or_", e.load(self.failed), mask), self.failed)
         if self.depth == 0 and mask is None:
             self.escapes[-1].append(Open(b.block, {}))

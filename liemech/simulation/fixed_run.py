@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import collections
 import functools
 import os
 import time
@@ -81,7 +82,7 @@ class FixedRun:
         else:
             shape.stepping.refresh()
         self.shape = shape
-        self.columns = -(-self.count // shape.lanes) * shape.lanes
+        self.columns = shape.columns(self.count)
         rows = self._rows(steps)
         _affordable(rows * shape.shown.width * self.columns * 8, steps, self.every)
         self.out = np.empty((rows, shape.shown.width, self.columns))
@@ -399,23 +400,26 @@ class FixedRun:
             return 1
         if self.columns > self.count:  # the lanes that are left over follow the last body
             self.states[:, self.count :] = self.states[:, self.count - 1 : self.count]
-        lanes, workers = self.shape.lanes, self.plan.workers
-        block = max(lanes, pace // more // lanes * lanes)
-        block *= workers
-        call = functools.partial(native.run, numbers, integers, arrays, self.columns)
-        blocks = range(start, self.columns, block)
-        for first in blocks:
-            end = min(first + block, self.columns)
-            threads = max(1, min(workers, (end - first) * more // WORTH))
-            share = -(-(end - first) // (threads * lanes)) * lanes
-            others = [
-                pool(workers, os.getpid()).submit(call, i, min(i + share, end))
-                for i in range(first + share, end, share)
-            ]
-            call(first, min(first + share, end))  # native code does not hold the interpreter's lock
+        lanes, columns, workers = self.shape.lanes, self.columns, self.plan.workers
+        threads = max(1, min(workers, (columns - start) * more // WORTH))
+        share = -(-(columns - start) // (threads * lanes)) * lanes
+        size = min(share, max(lanes, pace // more // lanes * lanes))
+        call = functools.partial(native.run, numbers, integers, arrays, columns)
+        blocks = range(start, columns, size)
+        waiting = iter(blocks)  # each thread takes the next block as soon as it has done one
+
+        def work() -> None:
+            for first in waiting:
+                call(first, min(first + size, columns))  # without the interpreter's lock
+
+        others = [pool(workers, os.getpid()).submit(work) for _ in range(threads - 1)]
+        try:
+            work()
+        finally:
+            collections.deque(waiting, 0)  # interrupted, nobody begins another block
             for other in others:
                 other.result()
-        return len(blocks)
+        return -(-len(blocks) // threads)
 
     # ---------------------------------------------------------------- results
 

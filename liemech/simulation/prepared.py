@@ -32,6 +32,11 @@ from .systems import OfBodies, of_body
 
 TIME = struct.Struct("d")
 
+FAR, PAGE, APART = 2**13, 2**8, 2**6
+"""Bodies whose numbers do not stay in the cache.  Where the numbers of a body lie multiples of so
+many columns apart (2 KiB), few of them find room in the cache at once: so many columns are added.
+"""
+
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Steps:
@@ -161,8 +166,7 @@ class Shape(Prepared):
         self.constants, things = b"", []
         for thing in (method, system):
             if isinstance(thing, OfBodies):
-                columns = -(-len(thing) // self.lanes) * self.lanes
-                things.append(kernel.Several.of(thing.members, columns))
+                things.append(kernel.Several.of(thing.members, self.columns(len(thing))))
                 self.own.append(things[-1].columns)
             else:
                 things.append(thing)
@@ -170,7 +174,7 @@ class Shape(Prepared):
         method, system = things
         self.h: Any = steps.h
         if isinstance(steps.h, tuple):
-            self.h = kernel.Several.of(steps.h, -(-len(steps.h) // self.lanes) * self.lanes)
+            self.h = kernel.Several.of(steps.h, self.columns(len(steps.h)))
             self.own.append(self.h.columns)
         self.carried, self.sampled, self.gather = (
             self.layout.width + 1,
@@ -195,6 +199,13 @@ class Shape(Prepared):
             self.order = [int(x) - 1 for x in leaves(numbered, self.layout)]
             self._first = struct.Struct(f"{self.carried + self.sampled}d")
             self._picked: Any = operator.itemgetter(*[*self.order, -1, *range(given.width)])
+
+    def columns(self, bodies: int) -> int:
+        """The columns that so many bodies take: whole lanes, and of large ensembles some more where
+        all numbers of a body would want the same place in the cache.
+        """
+        whole = -(-bodies // self.lanes) * self.lanes
+        return whole + APART if whole >= FAR and whole % PAGE == 0 else whole
 
     def of_system(self, system: System) -> Shape:
         other: Shape = super().of_system(system)

@@ -1,5 +1,5 @@
 """Throughput of ensembles: 10^5 bodies beside the C++ in SIMD lanes, attitudes beside momenta
-alone, two workers beside one.
+alone, two workers beside one, and beside them the C++ in two threads and in one.
 
     python tests/benchmarks/throughput.py [--quick] [--write] [--out results.json]
 
@@ -12,6 +12,7 @@ from __future__ import annotations
 import argparse
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -65,10 +66,12 @@ def ours(
     return lambda: plan.run(start, steps=steps)
 
 
-def theirs(build: baseline.Baseline, name: str, steps: int, attitude: bool) -> Callable[[], Any]:
+def theirs(
+    build: baseline.Baseline, name: str, steps: int, attitude: bool, bodies: int = BODIES
+) -> Callable[[], Any]:
     """The same in C++: its arrays are laid out as its lanes want them, and copied before each run."""
-    mu = np.ascontiguousarray(np.random.default_rng(0).normal(size=(BODIES, 3)).T)
-    g = np.ascontiguousarray(np.eye(3).reshape(9, 1).repeat(BODIES, axis=1)) if attitude else None
+    mu = np.ascontiguousarray(np.random.default_rng(0).normal(size=(bodies, 3)).T)
+    g = np.ascontiguousarray(np.eye(3).reshape(9, 1).repeat(bodies, axis=1)) if attitude else None
     inertia, lanes = np.array([1.0, 1.5, 2.0]), build.lanes()
 
     def run() -> None:
@@ -81,6 +84,19 @@ def theirs(build: baseline.Baseline, name: str, steps: int, attitude: bool) -> C
             STEP,
             steps,
         )
+
+    return run
+
+
+def at_once(*runs: Callable[[], Any]) -> Callable[[], Any]:
+    """A call that makes these, each in a thread."""
+    others = ThreadPoolExecutor(len(runs) - 1)
+
+    def run() -> None:
+        waiting = [others.submit(other) for other in runs[1:]]
+        runs[0]()
+        for other in waiting:
+            other.result()
 
     return run
 
@@ -117,15 +133,23 @@ def beside_cpp(repetitions: int) -> list[dict[str, Any]]:
 
 
 def by_workers(repetitions: int) -> list[dict[str, Any]]:
-    """How many times as fast two workers are as one."""
-    rows = []
+    """How many times as fast two workers are as one, and two threads of C++, with half of the
+    bodies each, as one.
+    """
+    build, rows, name = baseline.build().get("off"), [], "Algorithm 1, Cayley"
     for bodies, steps in ((17, 1000), (1000, 1000), (BODIES, 20), (BODIES, 200)):
-        one, two = (
-            ours(METHODS["Algorithm 1, Cayley"], bodies, steps, workers) for workers in (1, 2)
-        )
-        found = timed({"one": one, "two": two}, repetitions)
-        gain = [found["one"].over(found["two"]), found["one"].best / found["two"].best]
-        rows.append({"bodies": bodies, "steps": steps, "gain": gain})
+        runs = {str(w): ours(METHODS[name], bodies, steps, w) for w in (1, 2)}
+        halves = bodies // 2 // 24 * 24
+        if build is not None and halves:
+            first, second = (theirs(build, name, steps, False, halves) for _ in range(2))
+            runs |= {"C++ 1": theirs(build, name, steps, False, 2 * halves)}
+            runs |= {"C++ 2": at_once(first, second)}
+        found = timed(runs, repetitions)
+        row: dict[str, Any] = {"bodies": bodies, "steps": steps}
+        for key, one, two in (("gain", "1", "2"), ("gain of C++", "C++ 1", "C++ 2")):
+            if two in found:
+                row[key] = [found[one].over(found[two]), found[one].best / found[two].best]
+        rows.append(row)
     return rows
 
 
@@ -149,9 +173,12 @@ def page(results: dict[str, Any]) -> str:
             for r in results["beside C++"]
         ),
         "",
-        "| bodies | steps | two workers: times as fast as one |",
-        "| --- | --- | --- |",
-        *(f"| {r['bodies']} | {r['steps']} | {pair(r['gain'])} |" for r in results["workers"]),
+        "| bodies | steps | two workers: times as fast as one | two threads of C++ |",
+        "| --- | --- | --- | --- |",
+        *(
+            f"| {r['bodies']} | {r['steps']} | {pair(r['gain'])} | {pair(r.get('gain of C++'))} |"
+            for r in results["workers"]
+        ),
     ]
     return "\n".join(lines)
 

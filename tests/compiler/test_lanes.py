@@ -191,6 +191,29 @@ def test_calls_of_the_c_library_leave_all_registers_of_all_lanes_alone(lanes: in
     worlds.same_in_all_worlds(keeps_everything_across_calls, ROWS, lanes=[lanes])
 
 
+def turns_until_small(a, b, c, d, n):
+    """Lanes leave one after the other, and each remembers when."""
+    x, k = a, -1
+    for turn in range(60):
+        x, k = 0.5 * x, turn
+        if abs(x) < 1.0:
+            break
+    return vec(x, k + 0.0)
+
+
+def test_the_turns_of_a_loop_are_counted_once_for_all_lanes() -> None:
+    """A vector of counters would take a register and a mask; only `k`, which is asked for later,
+    needs one.
+    """
+    worlds.same_in_all_worlds(turns_until_small, ROWS, lanes=[1, 4, kernel.lanes()])
+    lines = instructions(turns_until_small, kernel.width())
+    scalar, vectors = (
+        len([line for line in lines if re.search(form, line)])
+        for form in (r"= phi i64", r"= phi <\d+ x i64>")
+    )
+    assert scalar == 2 * vectors, "the counters of bodies and of turns, beside k"
+
+
 @pytest.mark.slow
 def test_every_body_of_an_ensemble_is_the_body_run_alone() -> None:
     """Fast and slow bodies side by side: large steps leave the polynomials and call the C library,
@@ -248,10 +271,11 @@ def test_threads_that_compile_and_run_at_once_do_not_mix(monkeypatch: pytest.Mon
 
 
 def test_workers_share_an_ensemble_without_changing_it() -> None:
+    """A thread is worth 2^15 steps: here are three."""
     body = lm.RigidBody([1.0, 1.5, 2.0])
-    starts = body.state(mu=np.random.default_rng(3).normal(size=(100, 3)))
+    starts = body.state(mu=np.random.default_rng(3).normal(size=(1000, 3)))
     runs = [
-        lm.integrate(body, lm.RKMK(order=4), starts, h=0.1, steps=50, compiled=True, workers=w)
+        lm.integrate(body, lm.RKMK(order=4), starts, h=0.1, steps=100, compiled=True, workers=w)
         for w in (1, 2, 5)
     ]
     assert all(np.array_equal(run.mu, runs[0].mu) for run in runs)
