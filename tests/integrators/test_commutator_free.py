@@ -47,7 +47,7 @@ METHODS = [
     *(CrouchGrossman(order=p) for p in (3, 4)),
     *(CommutatorFree(tableau=t) for t in (LUSCHER3, CARPENTER_KENNEDY4)),
 ]
-COUNTS = {1: (400, 800, 1600), 2: (80, 160, 320, 640), 3: (40, 80, 160, 320), 4: (20, 40, 80, 160)}
+COUNTS = {1: (200, 400, 800), 2: (80, 160, 320), 3: (40, 80, 160), 4: (20, 40, 80)}
 by_name = pytest.mark.parametrize("method", METHODS, ids=lambda m: m.name)
 
 

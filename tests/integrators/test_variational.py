@@ -35,7 +35,7 @@ REFERENCE = json.loads(
 )
 pytestmark = pytest.mark.filterwarnings("ignore::liemech.errors.StepWarning")
 BOTH = pytest.mark.parametrize("method", [EXP, CAYLEY], ids=named)
-COUNTS = {EXP: (40, 80, 160, 320), CAYLEY: (160, 320, 640, 1280)}
+COUNTS = {EXP: (40, 80, 160), CAYLEY: (160, 320, 640)}
 
 
 # ---------------------------------------------------------------- the method itself
