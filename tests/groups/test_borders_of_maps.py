@@ -145,3 +145,37 @@ def test_null_vectors_in_any_units() -> None:
     noisy = np.outer(u, v) - np.outer(v, u)  # an entry of 1e-17 is a rounding error, and no unit
     noisy[0, 1], noisy[1, 0] = 1e-17, -1e-17
     assert len(null_vectors(noisy)) == 2
+
+
+@pytest.mark.parametrize("group", (*TURNING[:6], lm.Heisenberg(2), lm.SO(3), lm.SL(2)), ids=repr)
+def test_an_array_is_an_element_up_to_a_millionth(group: lm.LieGroup) -> None:
+    """Entry by entry: an objection, a defect and another nearest element all say so."""
+    g = np.array(group.exp(0.4 * np.random.default_rng(3).normal(size=group.dim)))
+    for place in np.ndindex(g.shape):
+        for off in (-1e-7, 1e-7, -1e-4, 1e-4):
+            h = g.copy()
+            h[place] += off
+            free = bool(np.abs(np.array(group.nearest(h)) - h).max() < 1e-12)
+            small = free or abs(off) < 1e-6
+            assert group.contains(h) is small and (group.objection(h) is None) is small
+            assert (group.defect(h) < 1e-12) == free
+            assert free or 0.01 * abs(off) < group.defect(h) < 10.0 * abs(off)
+    mirrored = g.copy()
+    mirrored[..., 0] *= -1.0
+    assert isinstance(group, lm.UnitQuaternions) or not group.contains(mirrored)
+    assert isinstance(group, lm.UnitQuaternions) or group.objection(mirrored)
+
+
+def test_words_for_rows_that_are_none() -> None:
+    for group, row, words in (
+        (lm.SE2(), 2, "its last row is [0.0, 1.0, 1.0], not 0 0 1"),
+        (lm.SE3(), 3, "its last row is [0.0, 1.0, 0.0, 1.0], not 0 0 0 1"),
+        (lm.SE23(), 3, "its last rows begin [0.0, 1.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 0.0, 1.0], not 0 0 0 1 and 0 0 0 0 1"),
+    ):
+        g = np.array(group.identity())
+        g[row, 1] = 1.0
+        assert group.objection(g) == words
+    g = np.eye(5)
+    g[3, 4] = -1e-5
+    assert lm.SE23().objection(g) == "its fourth row is [0.0, 0.0, 0.0, 1.0, -1e-05], not 0 0 0 1 0"
+    assert lm.SGal3().objection(g) is None
