@@ -163,3 +163,13 @@ def test_solutions_of_linear_equations_look_simple(complex_: bool, size: float) 
 def test_words(group: lm.MatrixLieGroup, g: list[list[float]], words: str) -> None:
     laws = objections(group.invariants, group.generated, np.array(g))
     assert any(words in text for off, text in laws if off > 1e-6)
+
+
+def test_the_nearest_element_is_refused_beyond_a_quarter_of_the_size() -> None:
+    for group in (MatrixLieGroup.of(lm.SL(2).generators), lm.Sp(2)):
+        g = np.diag([1.0, 1.5])
+        h = np.array(group.nearest(g))
+        assert np.linalg.det(h) == pytest.approx(1.0)
+        assert 0.1 * np.linalg.norm(g) < np.linalg.norm(h - g) < 0.25 * np.linalg.norm(g)
+        with pytest.raises(lm.errors.InvalidInput, match="too far from the group"):
+            group.nearest([[2.0, 0.3], [0.1, 1.5]])  # 0.36 of its size away
