@@ -179,3 +179,20 @@ def test_words_for_rows_that_are_none() -> None:
     g[3, 4] = -1e-5
     assert lm.SE23().objection(g) == "its fourth row is [0.0, 0.0, 0.0, 1.0, -1e-05], not 0 0 0 1 0"
     assert lm.SGal3().objection(g) is None
+
+
+def test_reflections_are_told_from_turns_at_every_angle() -> None:
+    """On the plane and in space, whichever axis is mirrored."""
+    for angle in np.linspace(-3.0, 3.0, 13).tolist():
+        for group, n, xi in (
+            (lm.SE2(), 2, [angle, 0.3, -0.7]),
+            (lm.SO3(), 3, [0.3, 0.4, angle]),
+            (lm.SE3(), 3, [angle, 0.4, 0.2, 1.0, 2.0, 3.0]),
+        ):
+            g = np.array(group.exp(xi))
+            assert group.objection(g) is None
+            for k in range(n):
+                mirrored = g.copy()
+                mirrored[:n, k] *= -1.0
+                assert "it is a reflection" in group.objection(mirrored)
+                assert not group.contains(mirrored)
