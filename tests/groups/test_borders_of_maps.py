@@ -25,7 +25,14 @@ TURNING = (
 @pytest.mark.parametrize("group", TURNING, ids=repr)
 def test_the_chart_of_the_exponential_ends_at_a_full_turn(group: lm.LieGroup) -> None:
     """Whatever the displacement; there its inverse differential is refused."""
-    for angle, inside in ((0.9, True), (6.2831, True), (-6.2831, True), (6.2833, False), (9.0, False), (-9.0, False)):
+    for angle, inside in (
+        (0.9, True),
+        (6.2831, True),
+        (-6.2831, True),
+        (6.2833, False),
+        (9.0, False),
+        (-9.0, False),
+    ):
         xi = [angle, *[0.0] * (group.dim - 1)]
         assert group.algebra.is_exp_chart(xi) is inside
         far = [angle, *[0.0] * (group.dim - 1)]
@@ -46,7 +53,9 @@ def test_the_cayley_map_of_any_velocity(size: float) -> None:
     sine, cosine = 4.0 / size / (1.0 + 4.0 / size**2 if size < 1e100 else 1.0), -1.0
     for g in (rotation, plane):
         assert g[1, 0] == pytest.approx(sine, rel=1e-14) and g[0, 1] == -g[1, 0]
-        assert g[0, 0] == g[1, 1] == pytest.approx(cosine, abs=9.0 / size**2 if size < 1e100 else 0.0)
+        assert (
+            g[0, 0] == g[1, 1] == pytest.approx(cosine, abs=9.0 / size**2 if size < 1e100 else 0.0)
+        )
     half = np.array([[1.0, 0.5 * size], [-0.5 * size, 1.0]])  # (1 - w J/2)
     assert half @ (plane[:2, 2] / 1.0) == pytest.approx([3.0, -5.0], rel=1e-5)
     moved = np.array(lm.SE2().compose_cayley(np.eye(3), [size, 3.0, -5.0]))
@@ -170,7 +179,11 @@ def test_words_for_rows_that_are_none() -> None:
     for group, row, words in (
         (lm.SE2(), 2, "its last row is [0.0, 1.0, 1.0], not 0 0 1"),
         (lm.SE3(), 3, "its last row is [0.0, 1.0, 0.0, 1.0], not 0 0 0 1"),
-        (lm.SE23(), 3, "its last rows begin [0.0, 1.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 0.0, 1.0], not 0 0 0 1 and 0 0 0 0 1"),
+        (
+            lm.SE23(),
+            3,
+            "its last rows begin [0.0, 1.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 0.0, 1.0], not 0 0 0 1 and 0 0 0 0 1",
+        ),
     ):
         g = np.array(group.identity())
         g[row, 1] = 1.0

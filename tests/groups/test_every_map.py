@@ -102,7 +102,12 @@ GROUPS: tuple[lm.LieGroup, ...] = (
 )  # fmt: skip
 LONG = lm.SU(3), lm.Sp(4)  # the others have all their formulas
 BY_DEFAULT = [G if G not in LONG else pytest.param(G, marks=pytest.mark.slow) for G in GROUPS]
-SIZES = [0.12, pytest.param(0.9, marks=pytest.mark.slow), 3.3, pytest.param(5.4, marks=pytest.mark.slow)]
+SIZES = [
+    0.12,
+    pytest.param(0.9, marks=pytest.mark.slow),
+    3.3,
+    pytest.param(5.4, marks=pytest.mark.slow),
+]
 
 
 def phi1(a: np.ndarray) -> np.ndarray:
