@@ -2,8 +2,8 @@
 it must notice.
 
 `python tests/mutation.py 200 --seed 1` tries two hundred changes in a copy of the tree; `--list`
-only shows them.  Numbers, signs, operators, comparisons and small indices of groups, methods,
-tableaus, systems, models and formulas are changed.
+only shows them, `--under groups` takes those of some folders.  Numbers, signs, operators,
+comparisons and small indices of groups, methods, tableaus, systems, models and formulas are changed.
 
 First all tests run once in plain Python, and which lines each of them reaches is kept (`--reach`
 names the file).  Then each change is put into the functions of a process that has collected all
@@ -464,8 +464,8 @@ def test_files(change: Change, reached: Reach) -> list[str]:
         if yes
     }
     points = {}
-    for path in sorted((ROOT / "tests").rglob("test_*.py")):
-        name, text = str(path.relative_to(ROOT)), path.read_text(encoding="utf-8")
+    for path in sorted(Path("tests").rglob("test_*.py")):  # those of the copy
+        name, text = str(path), path.read_text(encoding="utf-8")
         points[name] = (
             2 * (change.file.stem in path.stem) + 3 * name.startswith(home) + 2 * (module in text)
         )

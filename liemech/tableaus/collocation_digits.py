@@ -42,7 +42,7 @@ def _exact(name: str, s: int) -> tuple[list[list[Decimal]], list[Decimal], list[
     b = [_value(p, Decimal(1)) for p in integrals]
     if name == "Lobatto IIIB":
         A = [[b[j] - b[j] * A[j][i] / b[i] for j in range(s)] for i in range(s)]
-        c = c if s > 2 else [sum(row, Decimal(0)) for row in A]
+        c = [sum(row, Decimal(0)) for row in A]
     if name == "Lobatto IIIC":
         A = [[b[0], *(_value(_integral(p), x) - b[0] * p[0] for p in _lagrange(c[1:]))] for x in c]
     return A, b, c

@@ -15,8 +15,19 @@ from liemech import formulas as f
 from liemech.errors import InvalidInput
 from liemech.formulas import Complex, Mat, Vec, derivative, record, vec
 from liemech.formulas.anything import Anything, choice, degree, made_of
+from liemech.formulas.compensated import Compensated
 from liemech.formulas.derivatives import tangent
+from liemech.formulas.dual import Dual
 from liemech.formulas.functions import fma
+from liemech.formulas.pytree import (
+    build,
+    double_double,
+    fitted,
+    layout_of,
+    leaves,
+    rounded,
+    with_slopes,
+)
 from liemech.formulas.records import Record
 from liemech.formulas.series import Series
 from liemech.formulas.sizes import one_norm
@@ -47,7 +58,9 @@ def test_comparisons_look_at_the_value(operation: Any) -> None:
             wanted = operation(a, b)
             assert operation(x, y) is operation(x, b) is operation(a, y) is wanted
             seen = []
-            derivative(lambda s, a=a, b=b, seen=seen: seen.append(operation(a + s, b - s)) or s, 0.0)
+            derivative(
+                lambda s, a=a, b=b, seen=seen: seen.append(operation(a + s, b - s)) or s, 0.0
+            )
             assert seen == [wanted]
 
 
@@ -139,5 +152,26 @@ def test_vectors_and_matrices_of_any_shape_as_fields_and_arguments() -> None:
     for wrong in (v[0], m):
         with pytest.raises(InvalidInput, match="matrix is a matrix; got an array of shape"):
             Form(wrong, v[0])
-    with pytest.raises(InvalidInput, match=r"m has shape \(2,\); its last axes must be \('n', 'n'\)"):
+    with pytest.raises(
+        InvalidInput, match=r"m has shape \(2,\); its last axes must be \('n', 'n'\)"
+    ):
         form.value(v[0], v[0])
+
+
+def test_values_in_other_numbers() -> None:
+    """With a rest, with a derivative, in two doubles, wherever numbers stand; and back."""
+    value = (vec(1.0, 2.0), [3.0, 4], Complex(5.0, 6.0), Mat.of([[7.0]]))
+    sloped, wide = with_slopes(value, 1), double_double(value)
+    remembering = (Compensated(1.5, 1e-17), vec(2.0, 3.0))
+    for model, plain, more in (
+        (sloped, value, 0.0), (wide, value, 0.0), (remembering, (1.5, vec(2.0, 3.0)), 0.0),
+        (with_slopes(with_slopes(2.0, 1), 1), 2.0, 0.0), (Dual(Dual(1.0, 2.0, 1), Dual(3.0, 4.0, 1), 2), 1.0, 0.0),
+    ):  # fmt: skip
+        layout = layout_of(model)
+        made = fitted(plain, layout)
+        assert layout_of(made) == layout
+        flat = leaves(made, layout)
+        assert sum(map(float, flat)) == sum(map(float, leaves(plain, layout_of(plain)))) + more
+        assert layout_of(build(layout, iter(flat))) == layout
+    assert isinstance(sloped[0][1], Dual) and sloped[0][1].parts == (2.0, 0.0)
+    assert rounded(wide) == rounded(value) == value

@@ -25,7 +25,14 @@ TURNING = (
 @pytest.mark.parametrize("group", TURNING, ids=repr)
 def test_the_chart_of_the_exponential_ends_at_a_full_turn(group: lm.LieGroup) -> None:
     """Whatever the displacement; there its inverse differential is refused."""
-    for angle, inside in ((0.9, True), (6.2831, True), (-6.2831, True), (6.2833, False), (9.0, False), (-9.0, False)):
+    for angle, inside in (
+        (0.9, True),
+        (6.2831, True),
+        (-6.2831, True),
+        (6.2833, False),
+        (9.0, False),
+        (-9.0, False),
+    ):
         xi = [angle, *[0.0] * (group.dim - 1)]
         assert group.algebra.is_exp_chart(xi) is inside
         far = [angle, *[0.0] * (group.dim - 1)]
@@ -46,7 +53,9 @@ def test_the_cayley_map_of_any_velocity(size: float) -> None:
     sine, cosine = 4.0 / size / (1.0 + 4.0 / size**2 if size < 1e100 else 1.0), -1.0
     for g in (rotation, plane):
         assert g[1, 0] == pytest.approx(sine, rel=1e-14) and g[0, 1] == -g[1, 0]
-        assert g[0, 0] == g[1, 1] == pytest.approx(cosine, abs=9.0 / size**2 if size < 1e100 else 0.0)
+        assert (
+            g[0, 0] == g[1, 1] == pytest.approx(cosine, abs=9.0 / size**2 if size < 1e100 else 0.0)
+        )
     half = np.array([[1.0, 0.5 * size], [-0.5 * size, 1.0]])  # (1 - w J/2)
     assert half @ (plane[:2, 2] / 1.0) == pytest.approx([3.0, -5.0], rel=1e-5)
     moved = np.array(lm.SE2().compose_cayley(np.eye(3), [size, 3.0, -5.0]))
@@ -145,3 +154,58 @@ def test_null_vectors_in_any_units() -> None:
     noisy = np.outer(u, v) - np.outer(v, u)  # an entry of 1e-17 is a rounding error, and no unit
     noisy[0, 1], noisy[1, 0] = 1e-17, -1e-17
     assert len(null_vectors(noisy)) == 2
+
+
+@pytest.mark.parametrize("group", (*TURNING[:6], lm.Heisenberg(2), lm.SO(3), lm.SL(2)), ids=repr)
+def test_an_array_is_an_element_up_to_a_millionth(group: lm.LieGroup) -> None:
+    """Entry by entry: an objection, a defect and another nearest element all say so."""
+    g = np.array(group.exp(0.4 * np.random.default_rng(3).normal(size=group.dim)))
+    for place in np.ndindex(g.shape):
+        for off in (-1e-7, 1e-7, -1e-4, 1e-4):
+            h = g.copy()
+            h[place] += off
+            free = bool(np.abs(np.array(group.nearest(h)) - h).max() < 1e-12)
+            small = free or abs(off) < 1e-6
+            assert group.contains(h) is small and (group.objection(h) is None) is small
+            assert (group.defect(h) < 1e-12) == free
+            assert free or 0.01 * abs(off) < group.defect(h) < 10.0 * abs(off)
+    mirrored = g.copy()
+    mirrored[..., 0] *= -1.0
+    assert isinstance(group, lm.UnitQuaternions) or not group.contains(mirrored)
+    assert isinstance(group, lm.UnitQuaternions) or group.objection(mirrored)
+
+
+def test_words_for_rows_that_are_none() -> None:
+    for group, row, words in (
+        (lm.SE2(), 2, "its last row is [0.0, 1.0, 1.0], not 0 0 1"),
+        (lm.SE3(), 3, "its last row is [0.0, 1.0, 0.0, 1.0], not 0 0 0 1"),
+        (
+            lm.SE23(),
+            3,
+            "its last rows begin [0.0, 1.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 0.0, 1.0], not 0 0 0 1 and 0 0 0 0 1",
+        ),
+    ):
+        g = np.array(group.identity())
+        g[row, 1] = 1.0
+        assert group.objection(g) == words
+    g = np.eye(5)
+    g[3, 4] = -1e-5
+    assert lm.SE23().objection(g) == "its fourth row is [0.0, 0.0, 0.0, 1.0, -1e-05], not 0 0 0 1 0"
+    assert lm.SGal3().objection(g) is None
+
+
+def test_reflections_are_told_from_turns_at_every_angle() -> None:
+    """On the plane and in space, whichever axis is mirrored."""
+    for angle in np.linspace(-3.0, 3.0, 13).tolist():
+        for group, n, xi in (
+            (lm.SE2(), 2, [angle, 0.3, -0.7]),
+            (lm.SO3(), 3, [0.3, 0.4, angle]),
+            (lm.SE3(), 3, [angle, 0.4, 0.2, 1.0, 2.0, 3.0]),
+        ):
+            g = np.array(group.exp(xi))
+            assert group.objection(g) is None
+            for k in range(n):
+                mirrored = g.copy()
+                mirrored[:n, k] *= -1.0
+                assert "it is a reflection" in group.objection(mirrored)
+                assert not group.contains(mirrored)

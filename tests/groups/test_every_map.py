@@ -65,17 +65,49 @@ class OnlyWhatItMust(lm.LieGroup):
         return lm.SO3().cayley_inv(g)
 
 
+@lm.record
+class WithoutMatrices(lm.LieAlgebra):
+    """so(3) as a bracket alone, with a differential of one's own."""
+
+    @property
+    def dim(self) -> int:
+        return 3
+
+    def bracket(self, xi: lm.Vec, eta: lm.Vec) -> lm.Vec:
+        return lm.cross(xi, eta)
+
+    def dexp_dual(self, xi: lm.Vec, mu: lm.Vec, side: str = "right") -> lm.Vec:
+        return lm.SO3().algebra.dexp_dual(xi, mu, side)
+
+
+@lm.record
+class Abstract(OnlyWhatItMust):
+    """SO(3) whose adjoint action and velocities come from differentiation."""
+
+    @property
+    def algebra(self) -> lm.LieAlgebra:
+        return WithoutMatrices()
+
+    def why_no_cayley(self) -> str:
+        return "there are no matrices"
+
+
 TRIANGULAR = [[[1.0, 0.0], [0.0, 0.0]], [[0.0, 1.0], [0.0, 0.0]], [[0.0, 0.0], [0.0, 1.0]]]
 GROUPS: tuple[lm.LieGroup, ...] = (
     lm.SO3(), lm.UnitQuaternions(), lm.SE2(), lm.SE3(), lm.SE3().by_adjoint, lm.SE23(), lm.SGal3(), lm.VectorSpace(3),
     Heisenberg(2), lm.SO(3), lm.SO(4), lm.SL(2), lm.GL(2), lm.SU(2), lm.SU(3), lm.U(2), lm.Sp(4), MatrixLieGroup.of(TRIANGULAR),
-    OnlyWhatItMust(), lm.ProductGroup(lm.SE2(), lm.SU(2), lm.VectorSpace(1)), lm.SemidirectProduct(lm.SO3()),
+    OnlyWhatItMust(), Abstract(), lm.ProductGroup(lm.SE2(), lm.SU(2), lm.VectorSpace(1)), lm.SemidirectProduct(lm.SO3()),
     lm.SemidirectProduct(lm.UnitQuaternions()), lm.SemidirectProduct(lm.SL(2)),
     lm.SemidirectProduct(lm.SE2(), AdjointAction(lm.SE2())), OppositeGroup(lm.SE3()), OppositeGroup(lm.SL(2)),
 )  # fmt: skip
 LONG = lm.SU(3), lm.Sp(4)  # the others have all their formulas
 BY_DEFAULT = [G if G not in LONG else pytest.param(G, marks=pytest.mark.slow) for G in GROUPS]
-SIZES = [0.12, pytest.param(0.9, marks=pytest.mark.slow), 3.3, pytest.param(5.4, marks=pytest.mark.slow)]
+SIZES = [
+    0.12,
+    pytest.param(0.9, marks=pytest.mark.slow),
+    3.3,
+    pytest.param(5.4, marks=pytest.mark.slow),
+]
 
 
 def phi1(a: np.ndarray) -> np.ndarray:
