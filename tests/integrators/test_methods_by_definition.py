@@ -11,7 +11,7 @@ from scenes import Oscillator, asymmetric_body, heavy_top, quiet_body, rotation
 
 import liemech as lm
 from liemech.formulas import vec
-from liemech.integrators import class_functions, lie_poisson_hj
+from liemech.integrators import class_functions, lie_poisson_hj, moser_veselov
 from liemech.integrators.class_functions import CayleySquare, InvariantForm, TraceOfAd
 from liemech.integrators.discrete_lagrangian import GroupLagrangian, _body_velocity
 from liemech.integrators.motion_series import _bernoulli
@@ -386,3 +386,165 @@ def test_steps_of_no_length() -> None:
         0.0,
         0.0,
     )
+
+
+# ---------------------------------------------------------------- what follows from an order
+
+
+def test_how_many_terms_a_series_has_by_default() -> None:
+    """q = p - 2 powers of ad; one less costs an order where Bernoulli's number is not zero."""
+    for order in (1, 2, 3, 4, 5, 6, 8):
+        method = lm.RKMK(order=order)
+        assert method.truncation == max(order - 2, 0)
+        assert repr(method) == f"RKMK(order={order})"
+    assert lm.RKMK(order=4, retraction=CAY).truncation == "closed"
+    for order, q, left in (
+        (3, 0, 2),
+        (4, 1, 3),
+        (4, 0, 2),
+        (6, 2, 5),
+        (6, 3, 5),
+        (8, 4, 7),
+        (8, 5, 7),
+        (5, 2, None),
+        (4, 2, None),
+        (6, 4, None),
+        (2, 0, None),
+    ):
+        if left is None:
+            lm.RKMK(order=order, truncation=q)
+        else:
+            words = f"of order {left}, not {order}; that takes {order - 2}"
+            with pytest.warns(lm.errors.OrderWarning, match=words):
+                lm.RKMK(order=order, truncation=q)
+
+
+@pytest.mark.parametrize("retraction", [EXP, CAY], ids=repr)
+@pytest.mark.parametrize("order", [2, 4, 6, 8])
+def test_one_step_errs_by_the_next_power(order: int, retraction: Any) -> None:
+    """Of methods of Lie-Poisson and Hamilton and Jacobi, in momentum and attitude."""
+    body, start = asymmetric_body()
+    method, errors = lm.LiePoissonHamiltonJacobi(order, retraction), []
+    for h in (0.3, 0.15) if order > 4 else (0.1, 0.05):
+        end = method.observe(method.step(body, 0.0, method.start(body, start, h), h))
+        exact = body.exact(start, h)
+        errors.append(
+            [np.abs(np.array(end.mu) - exact.mu).max(), np.abs(np.array(end.g) - exact.g).max()]
+        )
+    slopes = np.log2(np.array(errors[0]) / errors[1])
+    assert np.abs(slopes - (order + 1)).max() < 0.6
+
+
+# ---------------------------------------------------------------- units, parts, borders
+
+
+@pytest.mark.parametrize("h", [1e-5, 0.05, -1e-3])
+@pytest.mark.parametrize("kind", ["qP", "qQ", "pP"])
+@pytest.mark.parametrize("adjoint", [False, True])
+def test_generating_functions_in_short_steps(kind: str, adjoint: bool, h: float) -> None:
+    """Order 2, and the other kind of step backwards undoes it."""
+    system, method = Oscillator(2.0), lm.HamiltonJacobi(2, adjoint, kind)
+    start = system.state([0.3], [0.4])
+    end = method.step(system, 0.0, start, h)
+    other = lm.HamiltonJacobi(2, not adjoint, kind)
+    back = other.step(system, 0.0, end, -h)
+    assert abs(back.q[0] - 0.3) < 1e-14 and abs(back.p[0] - 0.4) < 1e-14
+    c, s = np.cos(2.0 * h), np.sin(2.0 * h)
+    assert abs(end.q[0] - (0.3 * c + 0.2 * s)) < 2.0 * abs(h) ** 3 + 1e-15
+    assert abs(end.p[0] - (0.4 * c - 0.6 * s)) < 4.0 * abs(h) ** 3 + 1e-15
+
+
+@pytest.mark.parametrize("h", [0.05, 0.7, 1.2, 2.4])
+def test_displacements_of_exact_steps_in_parts(h: float) -> None:
+    """cay(x) is the rotation of the whole step, of one part, of two and of four."""
+    body, start = asymmetric_body()
+    method = lm.ExactFreeBody()
+    parts = method._cut(body.hamiltonian.inverse, start.mu, h)[1]
+    assert parts == {0.05: 1.0, 0.7: 1.0, 1.2: 2.0, 2.4: 4.0}[h]
+    x = moser_veselov._exact_displacement(body.hamiltonian.inverse, start.mu, h)
+    turn = np.array(start.g).T @ np.array(body.exact(start, h).g)
+    assert np.abs(np.array(SO3.cayley(np.array(x))) - turn).max() < 1e-14
+    around = moser_veselov._exact_displacement(vec(1.0, 1.0, 1.0), vec(0.0, 0.0, 1.0), 4.0)
+    assert np.isnan(np.array(around)).all()
+
+
+def test_which_bodies_fly_straight() -> None:
+    """A mass that is the same along all axes, and none of the momentum in the turning part."""
+    method, coupled = lm.ExactFreeBody(), np.diag([1.0, 1.5, 2.0, 3.0, 3.0, 3.0])
+    coupled[0, 4] = coupled[4, 0] = 0.1
+    for inertia, straight in (
+        ([1.0, 1.5, 2.0, 3.0, 3.0, 3.0], True),
+        (np.diag([1.0, 1.5, 2.0, 3.0, 3.0, 3.0]) + np.pad(0.1 * np.ones((3, 3)), (0, 3)), True),
+        ([1.0, 1.5, 2.0, 3.0, 3.0, 3.1], False),
+        (np.diag([1.0, 1.5, 2.0, 3.0, 3.1, 3.0]), False),
+        (coupled, False),
+    ):
+        if straight:
+            method.require(lm.KirchhoffBody(inertia))
+        else:
+            with pytest.raises(lm.errors.IncompatibleSystem, match="does not fly straight on"):
+                method.require(lm.KirchhoffBody(inertia))
+    apart = lm.ProductGroup(SO3, lm.VectorSpace(3))
+    method.require(lm.LiePoissonSystem(apart, lm.KineticEnergy([1.0, 1.5, 2.0, 3.0, 3.1, 3.2])))
+
+
+def test_frequencies_of_several_fast_parts() -> None:
+    """All parts but the slowest count together."""
+
+    @lm.record
+    class Two(Sprung):
+        parts = ("stiff", "soft", "slow")
+
+        def soft(self, q: lm.Vec) -> float:
+            return 20.0 * q[0] * q[0]
+
+        def slow(self, q: lm.Vec) -> float:
+            return 0.5 * q[0] * q[0]
+
+    system = Two()
+    method, start = lm.MultipleTimeSteps((1, 2)), system.state([0.3], [0.2])
+    for phase, told in ((3.99, False), (4.01, True)):
+        warning = method.step_warning(system, start, phase / 11.0) or ""
+        assert ("unstable" in warning) is told
+
+
+# ---------------------------------------------------------------- what is told to try
+
+
+def too_far() -> list[Any]:
+    body, start = asymmetric_body()
+    sphere, species = lm.SphericalPendulum(), lm.LotkaVolterra()
+    swinging, some = sphere.state([0.6, 0.0, -0.8], [0.4, 0.9, 0.3]), species.state([1.3, 0.6])
+    return [
+        *((method, body, start) for method in FREE),
+        *((method, sphere, swinging) for method in (lm.RATTLE(), lm.LobattoPair(4))),
+        *((method, species, some) for method in (lm.PoissonEuler(), lm.PoissonVerlet())),
+        (lm.HamiltonJacobi(4), lm.Pendulum(), lm.Pendulum().state([2.0], [0.1])),
+    ]
+
+
+FREE = (
+    lm.MoserVeselov(),
+    lm.SphericalMidpoint(),
+    lm.Isospectral(4),
+    lm.GalerkinVariational(4),
+    lm.LiePoissonHamiltonJacobi(4),
+    lm.FirstKindHamiltonJacobi(2),
+    lm.RKMK(tableau=lm.tableaus.gauss(2)),
+)
+
+
+@pytest.mark.parametrize("case", range(12))
+def test_a_step_that_is_too_large_is_told_a_quarter(case: int) -> None:
+    method, system, start = too_far()[case]
+    told = None
+    for h in (5.0, 40.0):
+        try:
+            memory = method.start(system, start, h)
+            for _ in range(3):
+                memory = method.step(system, 0.0, memory, h)
+        except lm.errors.LiemechError as error:
+            told = re.search(r"[Tt]ry (?:h = )?([\d.e+-]+\d)", str(error))
+            break
+    half = isinstance(method, lm.PoissonVerlet)  # each of its halves is a step
+    assert told and float(told[1]) == pytest.approx(0.25 * h / (1 + half), rel=1e-5)
