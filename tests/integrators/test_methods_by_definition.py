@@ -535,16 +535,16 @@ def test_a_slow_body_steps_like_a_fast_one(method: Any, power: int) -> None:
     assert np.array_equal(np.array(ends[0].g), np.array(ends[1].g))
 
 
-@pytest.mark.parametrize("method", [lm.HamiltonJacobi(4), lm.HamiltonJacobi(4, True), lm.LobattoPair(4), lm.HamiltonJacobi(3, kind="qQ")], ids=repr)
+@pytest.mark.parametrize(
+    "method",
+    [lm.HamiltonJacobi(4), lm.HamiltonJacobi(4, True), lm.HamiltonJacobi(3, kind="qQ")],
+    ids=repr,
+)
 @pytest.mark.parametrize("power", [-60, 60])
 def test_small_swings_are_like_large_ones(method: Any, power: int) -> None:
     """A linear oscillator in any unit of length, bit for bit."""
     system, unit, h = Oscillator(2.0), 2.0**power, 0.2
     start = system.state([0.3], [0.4]), system.state([0.3 * unit], [0.4 * unit])
-    try:
-        method.require(system)
-    except lm.errors.IncompatibleSystem:
-        pytest.skip("another kind of system")
     one, other = (method.step(system, 0.0, method.start(system, s, h), h) for s in start)
     ends = method.observe(one), method.observe(other)
     assert unit * ends[0].q[0] == ends[1].q[0] and unit * ends[0].p[0] == ends[1].p[0]
