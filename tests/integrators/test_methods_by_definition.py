@@ -281,6 +281,22 @@ def test_loads_are_undone_by_a_way_back(order: int) -> None:
     assert np.abs(np.array(end.mu) - np.array(start.mu)).max() > 1e-3
 
 
+def test_a_force_is_carried_on_where_a_step_begins_with_a_kick() -> None:
+    """And nothing where it begins with a drift: the memory has one shape from the start on."""
+    top, start = heavy_top()
+    seen = set()
+    for name in lm.tableaus.__all__:
+        tableau = getattr(lm.tableaus, name)
+        if isinstance(tableau, lm.tableaus.SplittingTableau) and tableau.symmetric:
+            method = lm.KickDrift(tableau=tableau)
+            memory = method.start(top, start, 0.05)
+            after = method.step(top, 0.0, memory, 0.05)
+            kicks = tableau.kicks[0] != 0.0
+            assert (memory.force is not None) == (after.force is not None) == kicks
+            seen.add(kicks)
+    assert seen == {True, False}
+
+
 # ---------------------------------------------------------------- what is told of steps that fail
 
 
