@@ -163,3 +163,13 @@ def test_what_planar_euler_refuses(energy: Any, structure: Any, words: str | Non
         else:
             with pytest.raises(lm.errors.IncompatibleSystem, match=words):
                 method.require(system)
+
+
+@pytest.mark.parametrize("unit", [1e-4, 1e4])
+def test_defects_are_the_same_in_any_unit(unit: float) -> None:
+    found = []
+    for length in (1.0, unit):
+        ball = lm.SphericalPendulum(length=2.0 * length, gravity=9.8 * length)
+        q, p = np.array([1.2, 0.01, -1.6]), np.array([0.4, 0.9, 0.3])
+        found.append(np.array(ball.defects(vec(*(length * q)), vec(*(length * p)))))
+    assert np.allclose(found[0], found[1], rtol=1e-12) and (found[0] > 1e-6).all()
