@@ -190,7 +190,7 @@ def watched(
 
 
 EXP, CAY = lm.Exponential(), lm.Cayley()
-BALL = lm.SphericalPendulum()
+BALL, SPLIT = lm.SphericalPendulum(), lm.KickDrift(lm.CovariantVariational(EXP))
 COARSE = {
     (lm.LiePoissonHamiltonJacobi, 6): 2e-6,
     (lm.FirstKindHamiltonJacobi, 2): 0.06,
@@ -226,6 +226,8 @@ CASES: list[Any] = [
     (lm.ConstrainedEuler("drift"), on_a_sphere(Heavier()), 0.1, [4, 5, 4, 4, 4], (0.212, 0.0119)),
     (lm.LieRATTLE(), jointed, 0.05, [4, 3, 4, 3, 3], (0.0303, 0.00326)),
     (lm.LieRATTLE(CAY), jointed, 0.05, [4, 3, 4, 3, 3], (0.0303, 0.00325)),
+    (lm.LieRATTLE(), jointed, 0.2, [5, 5, 11], (0.12, 0.318)),
+    (SPLIT, heavy_top, 0.1, [3, 3, 3, 3, 3], (0.0282, 0.000599)),
     (lm.LagrangeDAlembert(), rolling, 0.1, [3, 2, 3, 2, 2], (0.00262, 2.59e-07)),
     (lm.KickDrift(), braked, 0.1, [3, 3, 3, 3, 3], (0.108, 0.0609)),
     (lm.Isospectral(4), full, 0.3, [15, 15, 15, 12, 11], (0.156, 3.93e-05)),

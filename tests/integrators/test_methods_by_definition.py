@@ -11,7 +11,7 @@ from scenes import Oscillator, asymmetric_body, heavy_top, quiet_body, rotation
 
 import liemech as lm
 from liemech.formulas import vec
-from liemech.integrators import class_functions, lie_poisson_hj
+from liemech.integrators import class_functions, lie_poisson_hj, moser_veselov
 from liemech.integrators.class_functions import CayleySquare, InvariantForm, TraceOfAd
 from liemech.integrators.discrete_lagrangian import GroupLagrangian, _body_velocity
 from liemech.integrators.motion_series import _bernoulli
@@ -281,6 +281,22 @@ def test_loads_are_undone_by_a_way_back(order: int) -> None:
     assert np.abs(np.array(end.mu) - np.array(start.mu)).max() > 1e-3
 
 
+def test_a_force_is_carried_on_where_a_step_begins_with_a_kick() -> None:
+    """And nothing where it begins with a drift: the memory has one shape from the start on."""
+    top, start = heavy_top()
+    seen = set()
+    for name in lm.tableaus.__all__:
+        tableau = getattr(lm.tableaus, name)
+        if isinstance(tableau, lm.tableaus.SplittingTableau) and tableau.symmetric:
+            method = lm.KickDrift(tableau=tableau)
+            memory = method.start(top, start, 0.05)
+            after = method.step(top, 0.0, memory, 0.05)
+            kicks = tableau.kicks[0] != 0.0
+            assert (memory.force is not None) == (after.force is not None) == kicks
+            seen.add(kicks)
+    assert seen == {True, False}
+
+
 # ---------------------------------------------------------------- what is told of steps that fail
 
 
@@ -386,3 +402,207 @@ def test_steps_of_no_length() -> None:
         0.0,
         0.0,
     )
+
+
+# ---------------------------------------------------------------- what follows from an order
+
+
+def test_how_many_terms_a_series_has_by_default() -> None:
+    """q = p - 2 powers of ad; one less costs an order where Bernoulli's number is not zero."""
+    for order in (1, 2, 3, 4, 5, 6, 8):
+        method = lm.RKMK(order=order)
+        assert method.truncation == max(order - 2, 0)
+        assert repr(method) == f"RKMK(order={order})"
+    assert lm.RKMK(order=4, retraction=CAY).truncation == "closed"
+    for order, q, left in (
+        (3, 0, 2),
+        (4, 1, 3),
+        (4, 0, 2),
+        (6, 2, 5),
+        (6, 3, 5),
+        (8, 4, 7),
+        (8, 5, 7),
+        (5, 2, None),
+        (4, 2, None),
+        (6, 4, None),
+        (2, 0, None),
+    ):
+        if left is None:
+            lm.RKMK(order=order, truncation=q)
+        else:
+            words = f"of order {left}, not {order}; that takes {order - 2}"
+            with pytest.warns(lm.errors.OrderWarning, match=words):
+                lm.RKMK(order=order, truncation=q)
+
+
+@pytest.mark.parametrize("retraction", [EXP, CAY], ids=repr)
+@pytest.mark.parametrize("order", [2, 4, 6, 8])
+def test_one_step_errs_by_the_next_power(order: int, retraction: Any) -> None:
+    """Of methods of Lie-Poisson and Hamilton and Jacobi, in momentum and attitude."""
+    body, start = asymmetric_body()
+    method, errors = lm.LiePoissonHamiltonJacobi(order, retraction), []
+    for h in (0.3, 0.15) if order > 4 else (0.1, 0.05):
+        end = method.observe(method.step(body, 0.0, method.start(body, start, h), h))
+        exact = body.exact(start, h)
+        errors.append(
+            [np.abs(np.array(end.mu) - exact.mu).max(), np.abs(np.array(end.g) - exact.g).max()]
+        )
+    slopes = np.log2(np.array(errors[0]) / errors[1])
+    assert np.abs(slopes - (order + 1)).max() < 0.6
+
+
+# ---------------------------------------------------------------- units, parts, borders
+
+
+@pytest.mark.parametrize("h", [1e-5, 0.05, -1e-3])
+@pytest.mark.parametrize("kind", ["qP", "qQ", "pP"])
+@pytest.mark.parametrize("adjoint", [False, True])
+def test_generating_functions_in_short_steps(kind: str, adjoint: bool, h: float) -> None:
+    """Order 2, and the other kind of step backwards undoes it."""
+    system, method = Oscillator(2.0), lm.HamiltonJacobi(2, adjoint, kind)
+    start = system.state([0.3], [0.4])
+    end = method.step(system, 0.0, start, h)
+    other = lm.HamiltonJacobi(2, not adjoint, kind)
+    back = other.step(system, 0.0, end, -h)
+    assert abs(back.q[0] - 0.3) < 1e-14 and abs(back.p[0] - 0.4) < 1e-14
+    c, s = np.cos(2.0 * h), np.sin(2.0 * h)
+    assert abs(end.q[0] - (0.3 * c + 0.2 * s)) < 2.0 * abs(h) ** 3 + 1e-15
+    assert abs(end.p[0] - (0.4 * c - 0.6 * s)) < 4.0 * abs(h) ** 3 + 1e-15
+
+
+@pytest.mark.parametrize("h", [0.05, 0.7, 1.2, 2.4])
+def test_displacements_of_exact_steps_in_parts(h: float) -> None:
+    """cay(x) is the rotation of the whole step, of one part, of two and of four."""
+    body, start = asymmetric_body()
+    method = lm.ExactFreeBody()
+    parts = method._cut(body.hamiltonian.inverse, start.mu, h)[1]
+    assert parts == {0.05: 1.0, 0.7: 1.0, 1.2: 2.0, 2.4: 4.0}[h]
+    x = moser_veselov._exact_displacement(body.hamiltonian.inverse, start.mu, h)
+    turn = np.array(start.g).T @ np.array(body.exact(start, h).g)
+    assert np.abs(np.array(SO3.cayley(np.array(x))) - turn).max() < 1e-14
+    around = moser_veselov._exact_displacement(vec(1.0, 1.0, 1.0), vec(0.0, 0.0, 1.0), 4.0)
+    assert np.isnan(np.array(around)).all()
+
+
+def test_which_bodies_fly_straight() -> None:
+    """A mass that is the same along all axes, and none of the momentum in the turning part."""
+    method, coupled = lm.ExactFreeBody(), np.diag([1.0, 1.5, 2.0, 3.0, 3.0, 3.0])
+    coupled[0, 4] = coupled[4, 0] = 0.1
+    for inertia, straight in (
+        ([1.0, 1.5, 2.0, 3.0, 3.0, 3.0], True),
+        (np.diag([1.0, 1.5, 2.0, 3.0, 3.0, 3.0]) + np.pad(0.1 * np.ones((3, 3)), (0, 3)), True),
+        ([1.0, 1.5, 2.0, 3.0, 3.0, 3.1], False),
+        (np.diag([1.0, 1.5, 2.0, 3.0, 3.1, 3.0]), False),
+        (coupled, False),
+    ):
+        if straight:
+            method.require(lm.KirchhoffBody(inertia))
+        else:
+            with pytest.raises(lm.errors.IncompatibleSystem, match="does not fly straight on"):
+                method.require(lm.KirchhoffBody(inertia))
+    apart = lm.ProductGroup(SO3, lm.VectorSpace(3))
+    method.require(lm.LiePoissonSystem(apart, lm.KineticEnergy([1.0, 1.5, 2.0, 3.0, 3.1, 3.2])))
+
+
+def test_frequencies_of_several_fast_parts() -> None:
+    """All parts but the slowest count together."""
+
+    @lm.record
+    class Two(Sprung):
+        parts = ("stiff", "soft", "slow")
+
+        def soft(self, q: lm.Vec) -> float:
+            return 20.0 * q[0] * q[0]
+
+        def slow(self, q: lm.Vec) -> float:
+            return 0.5 * q[0] * q[0]
+
+    system = Two()
+    method, start = lm.MultipleTimeSteps((1, 2)), system.state([0.3], [0.2])
+    for phase, told in ((3.99, False), (4.01, True)):
+        warning = method.step_warning(system, start, phase / 11.0) or ""
+        assert ("unstable" in warning) is told
+
+
+SCALED = [
+    lm.RKMK(tableau=lm.tableaus.gauss(2)),
+    lm.Isospectral(4),
+    lm.GalerkinVariational(4),
+    lm.MoserVeselov(),
+    lm.ImplicitMidpoint(),
+    lm.SphericalMidpoint(),
+    lm.LiePoissonHamiltonJacobi(4),
+    lm.CovariantVariational(EXP),
+]
+
+
+@pytest.mark.parametrize("method", SCALED, ids=lambda method: method.name)
+@pytest.mark.parametrize("power", [-60, 60])
+def test_a_slow_body_steps_like_a_fast_one(method: Any, power: int) -> None:
+    """A unit of time changes no bit: no number but zero is small by itself."""
+    body, start = asymmetric_body()
+    unit = 2.0**power
+    slow = body.state(unit * np.array(start.mu), start.g)
+    one, other = method.start(body, start, 0.3), method.start(body, slow, 0.3 / unit)
+    for _ in range(2):
+        one, other = method.step(body, 0.0, one, 0.3), method.step(body, 0.0, other, 0.3 / unit)
+    ends = method.observe(one), method.observe(other)
+    assert np.array_equal(unit * np.array(ends[0].mu), np.array(ends[1].mu))
+    assert np.array_equal(np.array(ends[0].g), np.array(ends[1].g))
+
+
+@pytest.mark.parametrize(
+    "method",
+    [lm.HamiltonJacobi(4), lm.HamiltonJacobi(4, True), lm.HamiltonJacobi(3, kind="qQ")],
+    ids=repr,
+)
+@pytest.mark.parametrize("power", [-60, 60])
+def test_small_swings_are_like_large_ones(method: Any, power: int) -> None:
+    """A linear oscillator in any unit of length, bit for bit."""
+    system, unit, h = Oscillator(2.0), 2.0**power, 0.2
+    start = system.state([0.3], [0.4]), system.state([0.3 * unit], [0.4 * unit])
+    one, other = (method.step(system, 0.0, method.start(system, s, h), h) for s in start)
+    ends = method.observe(one), method.observe(other)
+    assert unit * ends[0].q[0] == ends[1].q[0] and unit * ends[0].p[0] == ends[1].p[0]
+
+
+# ---------------------------------------------------------------- what is told to try
+
+
+def too_far() -> list[Any]:
+    body, start = asymmetric_body()
+    sphere, species = lm.SphericalPendulum(), lm.LotkaVolterra()
+    swinging, some = sphere.state([0.6, 0.0, -0.8], [0.4, 0.9, 0.3]), species.state([1.3, 0.6])
+    return [
+        *((method, body, start) for method in FREE),
+        *((method, sphere, swinging) for method in (lm.RATTLE(), lm.LobattoPair(4))),
+        *((method, species, some) for method in (lm.PoissonEuler(), lm.PoissonVerlet())),
+        (lm.HamiltonJacobi(4), lm.Pendulum(), lm.Pendulum().state([2.0], [0.1])),
+    ]
+
+
+FREE = (
+    lm.MoserVeselov(),
+    lm.SphericalMidpoint(),
+    lm.Isospectral(4),
+    lm.GalerkinVariational(4),
+    lm.LiePoissonHamiltonJacobi(4),
+    lm.FirstKindHamiltonJacobi(2),
+    lm.RKMK(tableau=lm.tableaus.gauss(2)),
+)
+
+
+@pytest.mark.parametrize("case", range(12))
+def test_a_step_that_is_too_large_is_told_a_quarter(case: int) -> None:
+    method, system, start = too_far()[case]
+    told = None
+    for h in (5.0, 40.0):
+        try:
+            memory = method.start(system, start, h)
+            for _ in range(3):
+                memory = method.step(system, 0.0, memory, h)
+        except lm.errors.LiemechError as error:
+            told = re.search(r"[Tt]ry (?:h = )?([\d.e+-]+\d)", str(error))
+            break
+    half = isinstance(method, lm.PoissonVerlet)  # each of its halves is a step
+    assert told and float(told[1]) == pytest.approx(0.25 * h / (1 + half), rel=1e-5)

@@ -142,6 +142,18 @@ def test_a_frame_without_field_keeps_its_angular_momentum() -> None:
     assert np.allclose(both["angular momentum"], [wanted, wanted], rtol=1e-12, atol=1e-13)
 
 
+def test_rods_of_a_chain_meet_at_their_ends() -> None:
+    """Hanging straight down, they hold together, and half a length further they do not."""
+    for axis in (None, [1.0, 0.0, 0.0]):
+        linkage = lm.models.linkage.chain(3, mass=2.0, length=0.8, axis=axis)
+        for step, zero in ((0.8, True), (0.4, False)):
+            places = np.array([[0.0, 0.0, -0.4 - step * b] for b in range(3)])
+            poses_there = poses_of(np.tile(np.eye(3), (3, 1, 1)), places).reshape(48)
+            value = numbers(linkage.constraint.value(lm.vec(*poses_there)))
+            assert bool(np.abs(value).max() < 1e-15) is zero
+        assert [link.mass for link in linkage.links] == [2.0] * 3
+
+
 # ---------------------------------------------------------------- points
 
 
@@ -169,6 +181,10 @@ def test_an_orbit_from_any_point_of_an_ellipse(axis: float) -> None:
     E = kepler_equation(0.6, 2.0 * np.pi * t / period)
     wanted = axis * np.stack([np.cos(E) - 0.6, 0.8 * np.sin(E)], axis=-1)
     assert np.allclose(first.q, wanted, rtol=0.0, atol=1e-13 * axis)
+    rate = 2.0 * np.pi / period / (1.0 - 0.6 * np.cos(E))
+    wanted = (axis * rate * np.stack([-np.sin(E), 0.8 * np.cos(E)])).T
+    assert np.allclose(first.p, wanted, rtol=1e-12)
+    assert np.allclose(elsewhere.p, first.p, rtol=1e-12)
 
 
 @pytest.mark.parametrize("e", [0.0, 0.3, 0.9, 0.999])
@@ -285,6 +301,18 @@ def test_a_top_by_its_vertical() -> None:
         turned = top.hamiltonian.parts[axis].flow(top.structure, lm.vec(*y), 0.6)
         R = Rotation.from_rotvec(-0.6 * y[axis] / J[axis] * np.eye(3)[axis]).as_matrix()
         assert np.allclose(turned, np.r_[R @ y[:3], R @ y[3:]], atol=1e-15)
+
+
+def test_the_momentum_about_the_vertical() -> None:
+    """sum x p_y - y p_x, of chains in space and in the plane of many samples."""
+    for dimension in (3, 2):
+        chain = lm.ChainPendulum([1.0, 0.5, 0.8], [1.0, 0.7, 0.4], 9.8, dimension)
+        q, p = RNG.normal(size=(2, 5, 3, dimension))
+        wanted = (q[..., 0] * p[..., 1] - q[..., 1] * p[..., 0]).sum(axis=-1)
+        kept = chain.constants({"q": q.reshape(5, -1), "p": p.reshape(5, -1)})
+        assert ("vertical momentum" in kept) is (dimension == 3)
+        if dimension == 3:
+            assert np.allclose(kept["vertical momentum"], wanted, rtol=1e-13)
 
 
 def test_how_a_ball_rolls() -> None:

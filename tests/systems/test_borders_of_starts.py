@@ -17,10 +17,11 @@ SIDES = pytest.mark.parametrize(("part", "refused"), [(0.9, False), (1.1, True)]
 
 
 @SIDES
-def test_consistent_positions_and_velocities(part: float, refused: bool) -> None:
-    """2^-40 of their terms."""
-    ball = lm.SphericalPendulum(length=2.0)
-    q, p = np.array([1.2, 0.0, -1.6]), np.array([0.4, 0.9, 0.3])
+@pytest.mark.parametrize("unit", [1e-4, 1.0, 1e4])
+def test_consistent_positions_and_velocities(part: float, refused: bool, unit: float) -> None:
+    """2^-40 of their terms, in any unit of length."""
+    ball = lm.SphericalPendulum(length=2.0 * unit, gravity=9.8 * unit)
+    q, p = unit * np.array([1.2, 0.0, -1.6]), unit * np.array([0.4, 0.9, 0.3])
     there = np.array(ball.defects(vec(*(q * (1.0 + 1e-6))), vec(*p)))[0]
     for at, impulse in (
         (q * (1.0 + part * 2.0**-40 * 1e-6 / there), p),
@@ -35,7 +36,7 @@ def test_consistent_positions_and_velocities(part: float, refused: bool) -> None
 
 def velocity_terms(ball: Any, q: np.ndarray, p: np.ndarray) -> float:
     """What a normal impulse of length one, times |q|, is divided by to fail by one."""
-    e = 1e-6
+    e = 1e-6 * float(q @ q)
     return e / np.array(ball.defects(vec(*q), vec(*(p + e * q / (q @ q)))))[1]
 
 
@@ -162,3 +163,13 @@ def test_what_planar_euler_refuses(energy: Any, structure: Any, words: str | Non
         else:
             with pytest.raises(lm.errors.IncompatibleSystem, match=words):
                 method.require(system)
+
+
+@pytest.mark.parametrize("unit", [1e-4, 1e4])
+def test_defects_are_the_same_in_any_unit(unit: float) -> None:
+    found = []
+    for length in (1.0, unit):
+        ball = lm.SphericalPendulum(length=2.0 * length, gravity=9.8 * length)
+        q, p = np.array([1.2, 0.01, -1.6]), np.array([0.4, 0.9, 0.3])
+        found.append(np.array(ball.defects(vec(*(length * q)), vec(*(length * p)))))
+    assert np.allclose(found[0], found[1], rtol=1e-12) and (found[0] > 1e-6).all()

@@ -1,0 +1,72 @@
+"""The motion of every part of every shipped energy is that of its energy, and its slopes are those
+of its energy.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import liemech as lm
+from liemech.formulas import vec
+
+RNG = np.random.default_rng(8)
+
+
+@lm.record
+class Well(lm.Hamiltonian):
+    """A potential of places."""
+
+    def energy(self, mu: lm.Vec) -> float:
+        return 0.3 * mu[0] * mu[0] + 0.2 * mu[1] * mu[2] + mu[2]
+
+
+SYSTEMS: dict[str, Any] = {
+    "two species": lm.LotkaVolterra(),
+    "species with weights": lm.LotkaVolterra(
+        [[0.0, 0.5, -0.3], [-0.5, 0.0, 0.8], [0.3, -0.8, 0.0]], [1.0, 2.0, 0.7], [0.4, 1.0, 1.5]
+    ),
+    "a lattice of species": lm.LotkaVolterra.volterra_lattice(4),
+    "open chain": lm.TodaLattice(4),
+    "ring": lm.TodaLattice(4, True),
+    "light": lm.MaxwellBloch(),
+    "a charge": lm.ChargedParticle(lm.AxialField(0.3), Well()),
+    "a free charge": lm.ChargedParticle(lm.UniformField([0.3, -0.4, 1.2])),
+    "in a tokamak": lm.ChargedParticle(lm.TokamakField(), Well()),
+    "a top": lm.PoissonTop([1.2, 1.5, 0.7], 2.0, [0.3, -0.2, 0.5]),
+    "planets": lm.PlanetarySystem([1.0, 0.3, 0.2, 0.4], 1.7),
+}
+
+
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_flows_are_motions(name: str) -> None:
+    system = SYSTEMS[name]
+    y, t, e = RNG.uniform(0.5, 1.2, system.structure.dim), 0.3, 1e-4
+    found = []
+    for part in system.parts:
+        energy = part.energy
+        slopes = [
+            (energy(vec(*(y + e * x))) - energy(vec(*(y - e * x)))) / (2.0 * e)
+            for x in np.eye(len(y))
+        ]
+        assert np.allclose(part.gradient(vec(*y)), slopes, rtol=1e-6, atol=1e-7)
+
+        def at(t: float, part: Any = part) -> np.ndarray:
+            return np.array(part.flow(system.structure, vec(*y), t))
+
+        rate = (8.0 * (at(t + e) - at(t - e)) - (at(t + 2 * e) - at(t - 2 * e))) / (12.0 * e)
+        there = vec(*at(t))
+        wanted = np.array(system.structure.sharp(there, part.gradient(there)))
+        assert np.allclose(rate, wanted, rtol=1e-8, atol=1e-9)
+        assert np.allclose(at(0.0), y, rtol=1e-15)
+        found.append(np.array(slopes))
+    assert len(found) > 1
+    whole = np.array(system.gradient(vec(*y)))
+    assert np.allclose(sum(found), whole, rtol=1e-6, atol=1e-7)
+    assert np.allclose(
+        system.velocity(vec(*y)), np.array(system.structure.matrix(vec(*y))) @ whole, rtol=1e-12
+    )
+    rank = np.linalg.matrix_rank(np.array(system.structure.matrix(vec(*y))), tol=1e-10)
+    assert system.structure.rank in (rank, None)
