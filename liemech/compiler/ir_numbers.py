@@ -432,6 +432,9 @@ class Num(StandIn):
     def __init__(self, emitter: Emitter, values: Values, kind: str, mixed: bool = False) -> None:
         self.emitter, self.values, self.kind, self.mixed = emitter, values, kind, mixed
 
+    def __repr__(self) -> str:
+        return "a number known only at run time"
+
     @property
     def value(self) -> ir.Value:
         """The only register, of a number that is the same for all lanes."""
