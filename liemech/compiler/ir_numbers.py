@@ -596,7 +596,12 @@ class Num(StandIn):
         return self._bits("or_", other)
 
     __ror__ = __or__
-    __hash__ = object.__hash__
+
+    def __hash__(self) -> int:
+        raise NotCompilable(
+            "a number known only at run time in a key of a set or a dict: compare it with the keys "
+            "one by one, or look up a tuple of numbers"
+        )
 
     def _refuse(self, *_: Any) -> NoReturn:
         raise NotCompilable(
