@@ -6,7 +6,7 @@ import ast
 import builtins
 import functools
 import operator
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Hashable, Iterator
 from typing import Any
 
 import numpy as np
@@ -467,6 +467,8 @@ class Expressions(Loops):
         """`x in items`: is it equal to one of them?  (Of nan, identity would decide.)"""
         if isinstance(items, (str, bytes, Stream)):
             raise NotCompilable("`in` a text or an iterator, of a number known only at run time")
+        if isinstance(items, (set, frozenset, dict)) and not _hashable(x):
+            raise NotCompilable("`in` a set or a dict, of what is no key: use a tuple of floats")
         found: Any = False
         for item in list(items):
             found = self.emitter.logic("or_", found, self.equal(x, item))
@@ -534,6 +536,12 @@ def _entries(value: Any) -> Any:
             "at run time: make it a tuple, or one of floats, of one or two axes"
         )
     return [Vec(*row) if isinstance(row, list) else row for row in value.tolist()]
+
+
+def _hashable(value: Any) -> bool:
+    if isinstance(value, tuple):
+        return all(map(_hashable, value))
+    return isinstance(value, Hashable)
 
 
 def _named(node: ast.Call) -> list[Any]:

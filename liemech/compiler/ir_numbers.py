@@ -456,6 +456,9 @@ class Num(StandIn):
     def __init__(self, emitter: Emitter, values: Values, kind: str, mixed: bool = False) -> None:
         self.emitter, self.values, self.kind, self.mixed = emitter, values, kind, mixed
 
+    def __repr__(self) -> str:
+        return "a number known only at run time"
+
     @property
     def value(self) -> ir.Value:
         """The only register, of a number that is the same for all lanes."""
@@ -624,7 +627,12 @@ class Num(StandIn):
         return self._bits("or_", other)
 
     __ror__ = __or__
-    __hash__ = object.__hash__
+
+    def __hash__(self) -> int:
+        raise NotCompilable(
+            "a number known only at run time in a key of a set or a dict: compare it with the keys "
+            "one by one, or look up a tuple of numbers"
+        )
 
     def _refuse(self, *_: Any) -> NoReturn:
         raise NotCompilable(

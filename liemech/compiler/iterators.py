@@ -31,6 +31,9 @@ class Stream:
         self.items, self.region, self.taken, self.sources = items, region, 0, sources
         self.refusal = ""
 
+    def __repr__(self) -> str:
+        return "an iterator"
+
     def take(self, region: Region) -> Any:
         """The next item; raises StopIteration."""
         between = region[len(self.region) :]

@@ -270,7 +270,7 @@ class Loops(Branches):
                 if self.sharing.meet(name, old, [(new, kept)]) and changes_lists(body, inside):
                     raise NotCompilable(
                         f"`{name}` has another name at the end of a turn of a loop that changes "
-                        f"lists in place: let it be a copy, `[*{name}]`"
+                        f"lists in place: let it be a copy{f', `[*{name}]`' if isinstance(new, list) else ' of these lists'}"
                     )
                 for x, y in zip(leaves(new, layout), leaves(old, layout), strict=True):
                     phi = phis[index]

@@ -50,6 +50,7 @@ class Reads:
         self._origins: dict[int, tuple[Any, str, Any]] = {}
         # by the identity of the compiler's copy of an argument: the argument
         self._given: dict[int, Any] = {}
+        self._twice: set[int] = set()  # what several paths lead to, by identity
         self._alive: list[Any] = [entry]
         self.known: Known = {}
         self._spaces: dict[int, Any] = {}  # a function for each module
@@ -129,7 +130,7 @@ class Reads:
         if any(x is None or isinstance(x, _OF_ONE_NAME) for x in pair) or kinds[0] is not kinds[1]:
             return left is right
         paths = [id(x) in self._origins for x in pair]
-        if left is right and (id(left) in self._given or not any(paths)):
+        if left is right and id(left) not in self._twice:
             return True
         if not tokens.has_content(left) and all(paths):
             return left is right  # its token says which object it is
@@ -352,6 +353,8 @@ class Reads:
             self._alive.append(value)
             self._given[id(copy)] = value
         if id(copy) in self._origins:
+            if self._origins[id(copy)] != (holder, how, name):
+                self._twice.add(id(copy))
             return
         self._origins[id(copy)] = holder, how, name
         for (way, key, part), (_, _, actual) in zip(parts(copy), parts(value), strict=True):
@@ -669,5 +672,6 @@ def _asked(holder: Any, how: str, name: Any) -> Any:
         case "entry":
             return holder[0]
         case "decimals":  # how they are rounded
-            return str(decimal.getcontext())
+            now = decimal.getcontext()
+            return f"{now.prec} {now.rounding} {now.Emin} {now.Emax} {now.clamp}"
     raise NotCompilable(f"a read of an unknown kind, {how}")

@@ -93,6 +93,9 @@ class Closure:
     defaults: tuple[Any, ...]
     options: dict[str, Any]  # of parameters that are given by name only
 
+    def __repr__(self) -> str:
+        return f"the inner function `{self.name}`"
+
     @property
     def name(self) -> str:
         return self.node.name if isinstance(self.node, ast.FunctionDef) else "lambda"

@@ -21,6 +21,9 @@ than are wanted.
 """
 
 TERMS, LONG = 14, 7
+"""Terms of the series, and how many of them have two doubles: the others leave an error of 1.1e-31
+of c_5 at x = 1, and 1e-32 of c_1 and c_2.
+"""
 C5 = tuple([quotient((-1) ** k, math.factorial(2 * k + 5)) for k in range(TERMS)])
 C6 = tuple([quotient((-1) ** k, math.factorial(2 * k + 6)) for k in range(TERMS)])
 ONE, HALF, SIXTH, TWENTY_FOURTH = [quotient(1, k) for k in (1, 2, 6, 24)]

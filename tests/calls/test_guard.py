@@ -13,7 +13,7 @@ import pytest
 
 import liemech as lm
 from liemech.compiler.reads import Guard, Reads, Step, _asked
-from liemech.compiler.tokens import digest
+from liemech.compiler.tokens import Known, digest
 
 TEXT = """
 import functools
@@ -86,7 +86,8 @@ def guarded(paths: tuple[Step, ...] = PATHS) -> tuple[Any, Guard]:
         values.append(
             _asked(values[parent] if parent >= 0 else (vars(module)["formula"], ()), how, name)
         )
-    return module, Guard(list(paths), values, ["", *map(digest, values[1:])])
+    known: Known = {}
+    return module, Guard(list(paths), values, ["", *[digest(x, known) for x in values[1:]]], known)
 
 
 def quick(guard: Guard, args: Any = ()) -> bool:
@@ -155,11 +156,11 @@ def test_parts_of_arguments_are_compared_by_their_tokens() -> None:
     """
     first, equal, other = (types.SimpleNamespace(b=(0.5, float(x))) for x in ("0.5", "0.5", "0.25"))
     paths: tuple[Step, ...] = ((-1, "argument", 0), (0, "attribute", "b"))
-    guard = Guard(list(paths), [first, first.b], ["", digest(first.b)])
+    guard = Guard(list(paths), [first, first.b], ["", digest(first.b)], {})
     assert quick(guard, (first,)) and guard.verdict((first,)) is True
     assert not quick(guard, (equal,)) and guard.verdict((equal,)) is True
     assert quick(guard, (equal,))
-    assert guard.verdict((other,)) is False
+    assert not guard.verdict((other,))
     assert guard.verdict((types.SimpleNamespace(),)) is False
 
 

@@ -40,6 +40,14 @@ TABLE = (0.5, -1.25, 3.0)
 BIG = 2**70
 STEPS = [0.25, 0.5]
 ROW = np.array([0.5, -1.25, 3.0])
+BONDS = {(0, 1), (1, 2), (2, 1), (2, 3)}
+
+
+class Temperature(float):
+    """A number with a name."""
+
+
+DEGREE = Temperature(0.25)
 
 
 def shifted(x):
@@ -122,6 +130,8 @@ GLOBAL_CHANGES = {
     "BIG": "2**70 + 2**20",
     "STEPS": "[0.25, 0.75]",
     "Base.rate": "1.75",
+    "DEGREE": "Temperature(0.75)",
+    "BONDS": "{(2, 1), (0, 2)}",
 }
 """What somebody may write to the module while the process runs."""
 
@@ -879,6 +889,132 @@ V1 = None
 if C:
     V1 = E
 X = E if V1 is None else V1
+""",
+    ),
+    one_of(
+        "what things are",
+        """
+X = E if hasattr(X, "__len__") else E
+X = E if hasattr(X, "real") and not hasattr(n, "shape") else E
+X = (lambda f: f(E) if callable(f) else f)(lambda x: x + E)
+X = (lambda f: f(E) if callable(f) else E)(self.function)
+X = 1.0 if isinstance(n, int) else E
+X = 1.0 if isinstance(C, bool) else E
+X = 1.0 if isinstance(n if C else E, int) else E
+X = 1.0 if type(X) is float else E
+X = 1.0 if (C) is True else E
+X = 1.0 if self.child is self.child else E
+X = 1.0 if self.colour is Colour.RED else E
+X = 1.0 if self.function is shifted else E
+X = 1.0 * len(f"{self.word} {self.count}")
+X = E * len("%s" % self.word)
+X = E * len("%d" % n)
+X = 1.0 * Temperature(0.5) + E
+X = DEGREE if C else E
+X = where(C, DEGREE, E)
+""",
+    ),
+    one_of(
+        "truth values beside NumPy's numbers",
+        """
+X = float((C) + (C))
+X = float(-(C))
+X = float(+(C))
+X = float((np.sqrt(abs(E)) > E) + (C))
+X = float((np.sin(E) > E) - (C))
+X = 1.0 if (np.cos(E) > 0.0) is True else E
+X = [E, E][C]
+X = [E, E][np.sin(E) > 0.0]
+X = float(np.maximum(n, 2)) + E
+X = float(-np.sign(n - 2))
+X = float(np.cos(C))
+X = abs(C) * E
+""",
+        """
+V1 = 0
+for V2 in range(n):
+    V1 = V1 + ((X > 0.0) + (C))
+    X = np.sin(X)
+Y = float(V1)
+
+V1 = lambda x, y: float((x > 0.0) + (y > 0.0))
+X = V1(E, E)
+Y = V1(np.sin(E), E)
+""",
+    ),
+    one_of(
+        "pairs among known ones",
+        """
+X = E if (n, 1) in BONDS else E
+X = E if (n - 1, n) not in BONDS else E
+X = E if (1, n) in {(1, 2): 0, (2, 3): 1} else E
+X = E if ((n, 1), "x") in (((2, 1), "x"), 3) else E
+X = E if (E, n) in [(0.5, 2), (1.0, 3)] else E
+X = E if (1, 2) in BONDS else E
+""",
+        """
+for V1 in range(3):
+    if (V1, n) in BONDS:
+        X = X + E
+""",
+    ),
+    one_of(
+        "what acts where it is computed",
+        """
+""",
+        """
+V1 = iter([E, E, E])
+V2 = E > 0.0 and next(V1) > E
+X = next(V1)
+
+V1 = iter([E, E, E])
+V2 = C or next(V1) > E
+X = next(V1)
+
+V1 = iter([E, E, E])
+V2 = E < E < next(V1)
+X = next(V1) + V2
+
+V1 = iter([E, E, E, E])
+V2 = any(next(V1) > V3 for V3 in (E, E))
+X = next(V1) + V2
+
+V1, V2 = iter([0, 2, 1]), [E, E, E]
+V2[next(V1)] += E
+X = V2[next(V1)] - V2[0]
+
+V1, V2 = 0, [E, E, E]
+V2[(V1 := V1 + 1)] *= E
+X = V2[1] + V1
+
+V1 = [E, E, E, E]
+V1[1:3] = (V2 * E for V2 in (E, E))
+X = V1[1] - V1[2]
+
+V1 = iter([lambda: (E, E), lambda: (E,)])
+for V2 in next(V1)():
+    X = X + V2
+""",
+    ),
+    one_of(
+        "whole numbers that become floats",
+        """
+""",
+        """
+V1 = n * 2**52 + 1 if C else 0.5
+X = float(V1 - n * 2**52)
+
+V1 = 0 if C else E
+X = -abs(V1)
+
+V1 = n if C else 0.5
+V1 = V1 + V1 + 1
+X = V1 / 3
+
+V1 = 3 if C else E
+for V2 in range(n):
+    V1 = V1 + V1
+X = V1 - 1
 """,
     ),
     one_of(

@@ -813,6 +813,27 @@ def formula(a, b, c, d, n):
     return sum(v * a for k, v in M.items() if k != "x") + len(M)
 #> order: M = {"y": 2.0, "x": 1.0, "q": 3.0}
 
+### record in a set | a key of a set or a dict
+@record
+class P(Record):
+    x: float = 1.0
+S = {P(0.5), P(1.0)}
+def formula(a, b, c, d, n):
+    return 1.0 if P(a) in S else 2.0
+
+### record among the keys of a dict | a key of a set or a dict
+@record
+class P(Record):
+    x: float = 1.0
+S = {P(0.5): 2.0}
+def formula(a, b, c, d, n):
+    return 1.0 if P(a) in S else 2.0
+
+### derivative in a set | of what is no key
+S = {(0.5, 2), (1.0, 3)}
+def formula(a, b, c, d, n):
+    return derivative(lambda x: x * 2.0 if (x, n) in S else x, a, 1.0)
+
 """
 
 
