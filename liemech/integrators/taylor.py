@@ -175,7 +175,9 @@ def total(terms: Sequence[Vec]) -> Vec:
     """The sum of the terms: of the first half from its last to its first, and of the small rest as
     they come, so that nothing waits for the last one but two additions.
     """
-    half = (len(terms) + 1) // 2
+    if len(terms) == 1:
+        return terms[0]
+    half = len(terms) // 2
     found, rest = terms[half - 1], terms[half]
     for k in range(half - 2, -1, -1):
         found = found + terms[k]
