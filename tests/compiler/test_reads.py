@@ -19,6 +19,8 @@ import worlds
 import liemech as lm
 from liemech.compiler import kernel, tokens
 from liemech.errors import NotCompilable
+from liemech.groups.product import ProductAlgebra
+from liemech.groups.so3 import SO3Algebra
 from liemech.simulation import execution
 
 pytestmark = pytest.mark.compiled
@@ -494,3 +496,37 @@ def test_tokens_tell_apart_what_looks_alike() -> None:
     found = [tokens.digest(x) for x in things]
     assert len(set(found)) == len(things)
     assert found == [tokens.digest(x) for x in things]
+
+
+class Slower(SO3Algebra):
+    """Rotations of which every velocity turns half as far."""
+
+    def exp_Ad_star(self, xi: lm.Vec, mu: lm.Vec) -> lm.Vec:
+        return super().exp_Ad_star(0.5 * xi, mu)
+
+
+@lm.record
+class Pairs(lm.ProductGroup):
+    """Pairs of rotations whose algebra a property makes anew at each use."""
+
+    @property
+    def algebra(self) -> ProductAlgebra:  # type: ignore[override]
+        return ProductAlgebra((SO3Algebra(), SO3Algebra()))
+
+
+def test_what_a_property_makes_anew_is_the_same_until_the_property_changes(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    group = Pairs((lm.SO3(), lm.SO3()))
+    system = lm.LiePoissonSystem(group, lm.KineticEnergy(np.linspace(1.0, 2.0, 6)))
+    start = system.state([0.3, 0.8, -0.5, 0.1, 0.2, 0.9])
+    plain, native = (lm.Plan(system, lm.RKMK(order=1), 0.1, compiled=c) for c in (False, True))
+    before = native.run(start, steps=3).mu
+    assert np.array_equal(before, plain.run(start, steps=3).mu)
+    made = len(kernel.alive())
+    assert np.array_equal(native.run(start, steps=3).mu, before) and len(kernel.alive()) == made
+    other = property(lambda self: ProductAlgebra((Slower(), SO3Algebra())))
+    monkeypatch.setattr(Pairs, "algebra", other)
+    after = native.run(start, steps=3).mu
+    assert np.array_equal(after, plain.run(start, steps=3).mu)
+    assert not np.array_equal(after, before)

@@ -58,7 +58,7 @@ def test_generic_orbits(group: lm.LieGroup, orbit: int, casimirs: int) -> None:
     )
 
 
-@pytest.mark.sample(4)
+@pytest.mark.sample(6)
 @each
 def test_random_momenta_of_one_orbit(group: lm.LieGroup, orbit: int, casimirs: int) -> None:
     action, rng = lm.coadjoint(group), np.random.default_rng(6)

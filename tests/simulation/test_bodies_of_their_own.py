@@ -187,7 +187,7 @@ def test_tolerances_of_every_body() -> None:
         lm.integrate(BODY, DP5, STARTS, t_end=2.0, rtol=[1e-3, 1e-3])
 
 
-@pytest.mark.sample(4)
+@pytest.mark.sample(6)
 @pytest.mark.parametrize("systems", [KEPLER, [lm.Kepler(1.0 + 0.1 * i) for i in range(3)]], ids=str)
 @pytest.mark.parametrize("methods", [TIMED[1], TIMED], ids=["one", "of each"])
 @pytest.mark.parametrize(
