@@ -319,6 +319,13 @@ def test_where_a_solution_is_told_to_end(unit: float) -> None:
     )
 
 
+def test_where_no_bound_is_known_a_quarter_is_told() -> None:
+    """Of rigid motions."""
+    body, mu = lm.KirchhoffBody([0.001, 1.0, 1.2, 1.0, 1.1, 1.3]), vec(0.3, 1.1, 0.4, 0.2, 0.5, 0.1)
+    with pytest.raises(lm.errors.NoConvergence, match=r"ends at h = .* try 1$"):
+        lm.CovariantVariational(EXP).displacement(body, 4.0, mu, 4.0 * body.velocity(mu))
+
+
 def test_numbers_that_newtons_method_bears() -> None:
     """J/h between 2^-960 and 2^960 and J below 2^510 where J is constant; the third powers of J/h
     where it is not.

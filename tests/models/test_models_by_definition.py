@@ -10,11 +10,13 @@ from scenes import numbers
 from scipy.spatial.transform import Rotation
 
 import liemech as lm
-from liemech.models import planetary_system, poses
+from liemech.models import exact_top, planetary_system, poses
 from liemech.models.kepler import kepler_equation
 
 RNG = np.random.default_rng(3)
 PLACES = RNG.normal(size=(4, 3))
+HALVES = [[0.1, 0.2, -0.1], [3.0, 0.2, 0.1], [0.2, 3.0, 0.3], [0.1, -0.2, 3.0]]
+"""Turns whose quaternions are largest in each of the four components."""
 TURNS = Rotation.random(4, random_state=4).as_matrix()
 
 
@@ -152,6 +154,17 @@ def test_rods_of_a_chain_meet_at_their_ends() -> None:
             value = numbers(linkage.constraint.value(lm.vec(*poses_there)))
             assert bool(np.abs(value).max() < 1e-15) is zero
         assert [link.mass for link in linkage.links] == [2.0] * 3
+
+
+def test_a_circular_orbit_begins_on_the_first_axis() -> None:
+    """x = r e1, p = m (k/r)^(1/2) e2 to leading order, and a spin that goes with it."""
+    body = lm.OrbitingBody([0.5e-6, 0.8e-6, 1.1e-6], mass=2.0, attraction=5.0)
+    start = body.circular_orbit(3.0, TURNS[0])
+    mu, g = numbers(start.mu), numbers(start.g)
+    assert np.array_equal(g[9:], [3.0, 0.0, 0.0]) and np.allclose(g[:9], TURNS[0].ravel())
+    assert np.allclose(mu[3:], [0.0, 2.0 * np.sqrt(5.0 / 3.0), 0.0], rtol=1e-5)
+    w = TURNS[0].T @ [0.0, 0.0, np.sqrt(5.0 / 27.0)]
+    assert np.allclose(mu[:3], [0.5e-6, 0.8e-6, 1.1e-6] * w, rtol=1e-5)
 
 
 # ---------------------------------------------------------------- points
@@ -333,10 +346,12 @@ def test_how_a_ball_rolls() -> None:
 
 def test_attitudes_as_quaternions() -> None:
     """Of all four rows: small turns, and half turns about each axis."""
-    turns = Rotation.from_rotvec([[0.1, 0.2, -0.1], [3.0, 0.2, 0.1], [0.2, 3.0, 0.3], [0.1, -0.2, 3.0]])
+    turns = Rotation.from_rotvec(HALVES)
     R = turns.as_matrix()
     found = poses.quaternions(R)
     assert np.allclose(np.abs((found * turns.as_quat()).sum(axis=1)), 1.0, atol=1e-15)
+    others = np.array([exact_top.quaternion(one) for one in R])[:, [1, 2, 3, 0]]
+    assert np.allclose(np.abs((others * turns.as_quat()).sum(axis=1)), 1.0, atol=1e-15)
     v = np.array([0.3, -0.5, 0.7])
     assert np.allclose(poses.rotated(found, v), R @ v, atol=1e-15)
 
