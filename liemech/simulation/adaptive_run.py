@@ -287,7 +287,7 @@ class AdaptiveRun:
             self.states, self.clock, self.asked = first.carried, first.clock, first.written
             self.found = first.samples
             self.sampled.append(self.found[: self.asked])
-            self.rows[0, : 1 + self.width] = self.clock[0], *self.states[: self.width]
+            self.rows[0, : 1 + self.width] = self.clock[TIME], *self.states[: self.width]
             self.compiled = True
         self.watch: Any = None
         self.watch = watched(events, self._ended, t0, start, self.start)
