@@ -65,7 +65,7 @@ TRIALS = 2**10
 class Lanes(Laid):
     """The layouts of bodies side by side, and the code that makes their steps.
 
-    own : numbers of systems and methods of which every body has its own.
+    own : numbers of systems and methods of which every body has its own.  Others as in `Shape`.
     """
 
     def __init__(self, plan: Any, example: State, xi: Any, curves: bool) -> None:

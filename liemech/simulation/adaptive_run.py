@@ -61,6 +61,16 @@ MARGIN = 4
 """Units in the last place by which steps keep away from a jump of the velocity, on both sides."""
 
 
+class Laid(Prepared):
+    """How adaptive steps are laid out, of one body, by a `Shape`, or of many."""
+
+    def lay_out(self, method: Any, example: State, xi: Any, curves: bool) -> None:
+        """From a state and its velocity."""
+        self.example, self.curves = example, curves
+        self.state, self.layout = layout_of(example), layout_of((example, xi))
+        self.row = layout_of((0.0, example, (xi,) * method.curve_terms if curves else ()))
+
+
 @dataclasses.dataclass(frozen=True, eq=False)
 class AdaptiveSteps:
     """Adaptive steps: what a plan was told of them.  h : the first step, None to find it;
@@ -159,24 +169,11 @@ class AdaptiveSteps:
         ).trajectory()
 
 
-class Laid(Prepared):
-    """How adaptive steps are laid out, of one body or of many.
-
-    example : a state.  layout : of state and velocity; row : of time, state and the way to it.
-    curves : is the way there?
-    """
-
-    def lay_out(self, method: Any, example: State, xi: Any, curves: bool) -> None:
-        """From a state and its velocity."""
-        self.example, self.curves = example, curves
-        self.state, self.layout = layout_of(example), layout_of((example, xi))
-        self.row = layout_of((0.0, example, (xi,) * method.curve_terms if curves else ()))
-
-
 class Shape(Laid):
     """The layouts of a run, and the code that makes its steps.
 
-    sampled : does native code find the states at times, too?
+    example : a state.  layout : of state and velocity; row : of time, state and the way to it.
+    curves : is the way there?  sampled : does native code find the states at times, too?
     clock, kept : how many bytes lie before the clock in the memory of a first piece, and how many
     numbers before what is kept.  before : of the latter, those before the states at times.
     """
