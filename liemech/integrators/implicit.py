@@ -104,4 +104,4 @@ class Implicit(Method):
 
 def extrapolated(last: Any, last_1: Any, last_2: Any) -> Any:
     """The value that continues three equidistant ones, by the parabola through them."""
-    return 3.0 * (last - last_1) + last_2
+    return 3.0 * last + (last_2 - 3.0 * last_1)
