@@ -10,7 +10,7 @@ names the file).  Then each change is put into the functions of a process that h
 tests, and those that reach its line run in a fork, the quickest and most particular first, until
 one fails.  What no function holds (a tableau, a default), and what was not noticed, meets whole
 files of tests in a new process, native code and all.  Survivors are listed, to be judged by a
-reader: some change nothing that can be observed.  Those that the table on docs/verification.md
+reader: some change nothing that can be observed.  Those that the table tests/unnoticed.md
 names, with a reason, are not tried and not counted.  Needs Python 3.12 and a system that can fork.
 """
 
@@ -168,7 +168,7 @@ def changes(file: Path) -> list[Change]:
 
 def judged() -> set[tuple[str, str]]:
     """The changes that a reader has found to change nothing that can be observed, of any line."""
-    page = (ROOT / "docs" / "verification.md").read_text(encoding="utf-8")
+    page = (ROOT / "tests" / "unnoticed.md").read_text(encoding="utf-8")
     rows = (JUDGED.fullmatch(line) for line in page.splitlines())
     return {(f"liemech/{row[1]}", row[2].replace("\\|", "|")) for row in rows if row}
 
