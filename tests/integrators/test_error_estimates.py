@@ -11,6 +11,7 @@ import pytest
 
 import liemech as lm
 from liemech.formulas import vec
+from liemech.integrators import taylor
 
 SHIPPED = [getattr(lm.tableaus, name) for name in lm.tableaus.__all__]
 PAIRS = [t for t in SHIPPED if isinstance(t, lm.tableaus.ButcherTableau) and t.b_hat and t.explicit]
@@ -76,20 +77,26 @@ def test_curves_of_runge_kutta_pairs(tableau: Any) -> None:
 
 @pytest.mark.parametrize("order", [2, 5, 12])
 def test_estimates_of_taylor_methods(order: int) -> None:
-    """The larger one of e_p and e_(p-1)^(p/(p-1)), of the last two terms of the series."""
+    """r^p, r = max(e_p^(1/p), e_(p-1)^(1/(p-1))), of the last two terms of the series of the whole
+    step; the step is the share of it that r allows.
+    """
     for rtol in (1e-2, 1e-9):
         found = trial(lm.Taylor(order), rtol, 1e-4)
-        terms = np.array([np.array(p) for p in found.curve])
-        assert len(terms) == order == lm.Taylor(order).curve_terms == lm.Taylor(order).error_order
-        new = Y + terms.sum(axis=0)
-        allowed = 1e-4 + rtol * np.maximum(np.abs(Y), np.abs(new))
+        way = np.array([np.array(p) for p in found.curve])
+        assert len(way) == order == lm.Taylor(order).curve_terms == lm.Taylor(order).error_order
+        terms = way / found.share ** np.arange(1, order + 1)[:, None]
+        allowed = 1e-4 + rtol * np.maximum(np.abs(Y), taylor.NEAR * np.abs(terms[0]))
         last, before = (np.sqrt(np.mean((terms[i] / allowed) ** 2)) for i in (-1, -2))
-        assert found.error == pytest.approx(max(last, before ** (order / (order - 1))), rel=1e-9)
+        r = max(last ** (1 / order), before ** (1 / (order - 1)))
+        assert found.error == pytest.approx(r**order, rel=1e-9)
+        wanted = taylor.SAFETY / r
+        assert found.share == (pytest.approx(wanted) if wanted < taylor.WHOLE else 1.0)
         # each term is the derivative of those before
         exact = lm.integrate(
-            SYSTEM, lm.RKMK(order=8), SYSTEM.state(Y), h=H / 20, steps=20, compiled=False
+            SYSTEM, lm.RKMK(order=8), SYSTEM.state(Y), h=found.share * H / 20, steps=20, compiled=False
         ).y[-1]
-        assert np.abs(new - exact).max() < {2: 3e-2, 5: 3e-4, 12: 1e-8}[order]
+        assert np.abs(Y + way.sum(axis=0) - exact).max() < {2: 3e-2, 5: 3e-4, 12: 1e-8}[order]
+        assert np.allclose(found.state.y, Y + way.sum(axis=0), rtol=1e-15)
 
 
 def test_methods_without_estimate_say_so() -> None:
