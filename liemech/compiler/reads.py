@@ -353,7 +353,8 @@ class Reads:
             self._alive.append(value)
             self._given[id(copy)] = value
         if id(copy) in self._origins:
-            if self._origins[id(copy)] != (holder, how, name):
+            before, *way = self._origins[id(copy)]
+            if before is not holder or way != [how, name]:
                 self._twice.add(id(copy))
             return
         self._origins[id(copy)] = holder, how, name
