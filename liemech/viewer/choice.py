@@ -9,6 +9,7 @@ from ..models.heavy_top import HeavyTop, ReducedHeavyTop
 from ..models.linkage import Linkage
 from ..models.poses import configurations, flies, is_pose, turns
 from ..systems.canonical import CanonicalSystem
+from ..systems.poisson import PoissonSystem
 from .body import Body, Path
 from .content import Content
 from .links import Links
@@ -32,6 +33,11 @@ def suited(system: Any, parts: frozenset[str], ensemble: bool) -> tuple[Content,
     """The contents that suit a system of which these parts of the state are known."""
     if isinstance(system, CanonicalSystem):
         return (Points(),)
+    if isinstance(system, PoissonSystem):
+        raise InvalidInput(
+            f"there is no moving picture of {system!r}, whose state is no place; `run.plot()`, or "
+            "--plot, draws it"
+        )
     group, one = configurations(system), "g" in parts and not ensemble
     if group is None:
         raise InvalidInput(

@@ -62,10 +62,14 @@ def test_every_scene_runs_and_its_method_keeps_the_energy(
 
 
 SHOWN = "flip", "heavy-top", "kirchhoff", "pendulum"
+NO_PLACE = "hares-and-foxes"
+"""Its state is no place, and there is nothing to show in space."""
 
 
 @pytest.mark.sample(2)
-@pytest.mark.parametrize("name", [name if name in SHOWN else slow(name) for name in SCENES])
+@pytest.mark.parametrize(
+    "name", [name if name in SHOWN else slow(name) for name in SCENES if name != NO_PLACE]
+)
 def test_every_scene_can_be_shown(
     name: str, folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -76,6 +80,17 @@ def test_every_scene_can_be_shown(
     assert {path.name for path in folder.iterdir()} == {
         f"{name}.{ending}" for ending in ("html", "png", "npz")
     }
+
+
+def test_a_scene_without_a_place_is_plotted_and_says_so(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit):
+        main(["run", NO_PLACE, "--steps", "8", "--quiet", "--view"])
+    assert "whose state is no place; `run.plot()`, or --plot, draws it" in capsys.readouterr().err
+    pytest.importorskip("matplotlib")
+    assert main(["run", NO_PLACE, "--steps", "8", "--quiet", "--plot"]) == 0
+    assert {path.name for path in folder.iterdir()} == {f"{NO_PLACE}.png"}
 
 
 def test_a_scene_computes_what_it_shows_and_nothing_else() -> None:
