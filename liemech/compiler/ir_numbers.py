@@ -182,16 +182,20 @@ class Emitter:
             self.unmixed("a product", a, b)
         if op == "div":
             self.fail_if(self.zero(b))
-            # Python rounds the quotient of integers once
+            # Python rounds the quotient of integers once; a mixed number so large is a float
             if all(kind_of(x) != "f" or is_mixed(x) for x in (a, b)):
-                self.fail_if(self.inexact(a))
-                self.fail_if(self.inexact(b))
+                for x in (a, b):
+                    if kind_of(x) != "f":
+                        self.fail_if(self.inexact(x))
         result = self.each(getattr(self.builder, "f" + op), *pair)
-        if mixed:  # of integers Python's is exact
-            result.mixed = True
-            for x in (a, b, result):
-                if not is_mixed(x) or x is result:
+        if mixed:  # of integers, which are no larger than EXACT, Python's is exact
+            result.mixed, of_integers = True, self.inexact(result)
+            for x in (a, b):
+                if is_mixed(x):
+                    of_integers = self.logic("and_", of_integers, self.negation(self.inexact(x)))
+                else:
                     self.fail_if(self.inexact(x))
+            self.fail_if(of_integers)
         return result
 
     def inexact(self, x: Any) -> Any:

@@ -394,10 +394,13 @@ class PythonFunctions:
                 return self.t.known(function, x, options)
             formula, operands = found
             if isinstance(formula, functools.partial):  # component by component
-                return by_components(functools.partial(self.t.call, *formula.args), *operands)
+                return by_components(functools.partial(applied, *formula.args), *operands)
+            return applied(formula, *operands)
+
+        def applied(formula: Any, *x: Any) -> Any:
             if isinstance(formula, types.FunctionType):
-                return self.t.call(formula, *operands)
-            return large.matmul(self.e, formula, tuple(operands))
+                return self.t.call(formula, *x)
+            return large.matmul(self.e, formula, x)
 
         return value
 

@@ -353,8 +353,8 @@ class Reads:
             self._alive.append(value)
             self._given[id(copy)] = value
         if id(copy) in self._origins:
-            before, *way = self._origins[id(copy)]
-            if before is not holder or way != [how, name]:
+            before = self._origins[id(copy)]
+            if before[0] is not holder or before[1:] != (how, name):
                 self._twice.add(id(copy))
             return
         self._origins[id(copy)] = holder, how, name

@@ -14,16 +14,11 @@ INFINITE = float("inf")
 
 def solve(m: Mat, rhs: Any) -> Vec:
     """The solution x of m x = rhs by Gaussian elimination with partial pivoting; a singular matrix
-    gives inf or nan.
+    is a division by zero.
 
     m : (n, n), rhs : (n,).  Raises InvalidType if m is not square or rhs has another length.
     """
-    n = len(rhs)
-    if len(m) != n or len(m[0]) != n:
-        raise InvalidType(
-            f"solve: a matrix of {len(m)} rows and {len(m[0])} "
-            f"columns, and a right side of {n} components"
-        )
+    n = _square("solve", m, rhs)
     rows = [vec(*m[i], rhs[i]) for i in range(n)]
     for k in range(n):
         # a compare-and-swap network brings the largest entry of the column to row k
@@ -67,9 +62,9 @@ def solve_matrix(m: Mat, rhs: Mat) -> Mat:
     """The solution X of m X = rhs by Gaussian elimination with partial pivoting; a singular matrix
     gives inf or nan.
 
-    m : (n, n), rhs : (n, k).
+    m : (n, n), rhs : (n, k).  Raises InvalidType if m is not square or rhs has another length.
     """
-    n = len(m)
+    n = _square("solve", m, rhs)
     rows = [vec(*m[i], *rhs[i]) for i in range(n)]
     for k in range(n):
         # a compare-and-swap network brings the largest entry of the column to row k
@@ -81,6 +76,15 @@ def solve_matrix(m: Mat, rhs: Mat) -> Mat:
             if i != k:
                 rows[i] = rows[i] - rows[k] * rows[i][k]
     return mat(*[row[n:] for row in rows])
+
+
+def _square(what: str, m: Mat, rhs: Any) -> int:
+    """n, of a matrix (n, n) and a right side of length n."""
+    n = len(m)
+    if len(m[0]) != n or len(rhs) != n:
+        side = "" if rhs is m else f", and a right side of {len(rhs)}"
+        raise InvalidType(f"{what}: a matrix of {n} rows and {len(m[0])} columns{side}")
+    return n
 
 
 def _size(x: Any) -> Any:
@@ -104,13 +108,20 @@ def unit(m: Mat) -> Mat:
 
 
 def inverse(m: Mat) -> Mat:
-    """The inverse of a matrix; a singular one gives inf or nan.  m : (n, n)."""
+    """The inverse of a matrix; a singular one gives inf or nan.
+
+    m : (n, n).  Raises InvalidType if it is not square.
+    """
+    _square("inverse", m, m)
     return solve_matrix(m, unit(m))
 
 
 def determinant(m: Mat) -> Any:
-    """The determinant, by elimination with partial pivoting.  m : (n, n)."""
-    n = len(m)
+    """The determinant, by elimination with partial pivoting.
+
+    m : (n, n).  Raises InvalidType if it is not square.
+    """
+    n = _square("determinant", m, m)
     rows, product = [*m], 1.0
     for k in range(n):
         for i in range(k + 1, n):

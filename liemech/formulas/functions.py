@@ -17,6 +17,7 @@ import numpy as np
 from .numbers import StandIn
 
 LOG_2, LOG_10 = math.log(2.0), math.log(10.0)
+DEGREE, RADIAN = math.pi / 180.0, 180.0 / math.pi
 
 RULES: dict[str, Callable[..., Any]] = {}
 """What the elementary functions do to numbers that carry a derivative; filled by `dual`."""
@@ -158,12 +159,12 @@ def fabs(x: Any) -> Any:
 
 def radians(x: Any) -> Any:
     """An angle in degrees, x pi/180."""
-    return x * (math.pi / 180.0)
+    return x * DEGREE
 
 
 def degrees(x: Any) -> Any:
     """An angle in radians, in degrees: 180 x/pi."""
-    return x * (180.0 / math.pi)
+    return x * RADIAN
 
 
 def hypot(*x: Any) -> Any:

@@ -123,12 +123,12 @@ def _require_methods_in_sight(cls: Any) -> None:
     """A method with the name of a field would never be called: the value of the field hides it."""
     for field in dataclasses.fields(cls) if dataclasses.is_dataclass(cls) else ():
         for base in cls.__mro__:
-            if field.name in own_annotations(base):
+            if field.name in own_annotations(base) or not field.init:
                 break
             if isinstance(vars(base).get(field.name), _METHODS):
                 raise InvalidType(
-                    f"{base.__name__}.{field.name} is a method, and {field.name} is a field, whose "
-                    f"value would hide it: give the field its value, {cls.__name__}(..., "
+                    f"{base.__name__}.{field.name} is a method or a property, and {field.name} is a "
+                    f"field: one would hide the other; give the field its value, {cls.__name__}(..., "
                     f"{field.name}=...), or name the method otherwise"
                 )
 

@@ -20,6 +20,9 @@ from .complex_numbers import Complex
 from .functions import sqrt
 from .numbers import Operand, of_an_int
 
+MANY = 1024
+"""An array of more numbers is none of a formula, but samples."""
+
 _make, _component_at = tuple.__new__, tuple.__getitem__
 
 
@@ -28,9 +31,11 @@ def _by_components(op: Callable[[Any, Any], Any], scalars: bool = False) -> Any:
 
     def method(self: Vec, other: Any) -> Any:
         if type(other) is not Vec:
+            if isinstance(other, np.ndarray) and not other.ndim:
+                other = other.item()
             if scalars and not isinstance(other, _VECTORS):
                 return NotImplemented if isinstance(other, Mat) else _make(Vec, [op(x, other) for x in self])
-            if _are_samples(other, 1):
+            if are_samples(other, 1):
                 return op(np.asarray(self), other)
         return _make(Vec, map(op, self, _same_length(self, other)))
 
@@ -49,9 +54,9 @@ def _begins_a_sum(x: Any, op: Callable[[Any, Any], Any]) -> bool:
     return op is operator.add and type(x) is int and x == 0
 
 
-def _are_samples(x: Any, axes: int) -> bool:
-    """An array of more axes than a formula can have beside a vector or matrix: NumPy's own."""
-    return isinstance(x, np.ndarray) and x.ndim > axes
+def are_samples(x: Any, axes: int) -> bool:
+    """An array of more axes or numbers than a formula has beside a vector or matrix: NumPy's own."""
+    return isinstance(x, np.ndarray) and (x.ndim > axes or x.size > MANY)
 
 
 class Vec(tuple[Any, ...], Operand):
@@ -96,7 +101,7 @@ class Vec(tuple[Any, ...], Operand):
         return _make(Vec, [abs(x) for x in self])
 
     def __matmul__(self, other: Any) -> Any:
-        if _are_samples(other, 2):
+        if are_samples(other, 2):
             return np.asarray(self) @ other
         other = small(other)
         if isinstance(other, Mat):
@@ -157,6 +162,8 @@ def small(x: Any) -> Any:
     """
     if not isinstance(x, _VECTORS) or isinstance(x, Vec):
         return x
+    if isinstance(x, np.ndarray) and not x.ndim:
+        return x.item()
     return Mat.of(x) if len(x) and isinstance(x[0], _VECTORS) else Vec.of(x)
 
 
@@ -212,7 +219,7 @@ class Mat(Operand):
 
     @property
     def shape(self) -> tuple[int, int]:
-        return len(self.rows), len(self.rows[0])
+        return len(self.rows), len(self.rows[0]) if self.rows else 0
 
     @property
     def T(self) -> Mat:
@@ -239,7 +246,7 @@ class Mat(Operand):
         return self @ other
 
     def _by_rows(self, op: Callable[[Any, Any], Any], other: Any) -> Any:
-        if _are_samples(other, 2):
+        if are_samples(other, 2):
             return op(np.asarray(self), other)
         other = small(other)
         if isinstance(other, Mat):
@@ -284,7 +291,7 @@ class Mat(Operand):
         return Mat(*map(abs, self.rows))
 
     def __matmul__(self, other: Any) -> Any:
-        if _are_samples(other, 2):
+        if are_samples(other, 2):
             return np.asarray(self) @ other
         other = small(other)
         if not isinstance(other, (Vec, Mat)) or self.shape[1] != len(other):
@@ -353,17 +360,18 @@ def dot(a: Any, b: Any) -> Any:
     """Scalar product a . b.  a, b : (n,).  Raises InvalidType if the lengths differ."""
     if len(a) != len(b):
         raise InvalidType(f"dot: the vectors have {len(a)} and {len(b)} components")
-    total = a[0] * b[0]
-    for i in range(1, len(a)):
-        total = total + a[i] * b[i]
-    return total
+    total: Any = None
+    for x, y in zip(a, b):
+        total = x * y if total is None else total + x * y
+    return 0.0 if total is None else total
 
 
 def cross(a: Any, b: Any) -> Vec:
     """Vector product a x b in R^3.  a, b : (3,).  Raises InvalidType if they have another length."""
     if len(a) != 3 or len(b) != 3:
         raise InvalidType(f"cross: the vectors have {len(a)} and {len(b)} components, not 3")
-    return vec(a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
+    (a1, a2, a3), (b1, b2, b3) = a, b
+    return vec(a2 * b3 - a3 * b2, a3 * b1 - a1 * b3, a1 * b2 - a2 * b1)
 
 
 def sum(terms: Any) -> Any:

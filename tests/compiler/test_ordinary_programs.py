@@ -920,3 +920,15 @@ class Doubled(Round):
 def test_a_decorator_around_an_inherited_method_counts() -> None:
     assert Doubled(1.0).energy([1.0, 1.0, 1.0]) == 6.0
     assert np.array_equal(Doubled(1.0).gradient([1.0, 1.0, 1.0]), [4.0, 4.0, 4.0])
+
+
+def test_large_floats_among_integers_are_no_failures() -> None:
+    """A number beyond 2^53 that is an integer on one way and a float on another is a float."""
+
+    def formula(a: float, b: float, n: int) -> Any:
+        x = 1
+        if a > 0.0:
+            x = a
+        return 1 / max(a, 1), max(a, 1) + max(b, 2), sum([max(b, 0), max(a, 1)]), 1 / x, max(a, 1) - b
+
+    worlds.same_in_all_worlds(formula, [(1e17, 3.0), (0.5, -2e300), (3e20, 4e20), (2.0, 5.0)])

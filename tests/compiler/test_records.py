@@ -458,10 +458,23 @@ def test_a_method_that_a_field_would_hide_is_refused() -> None:
         def weight(self) -> float:
             return 2.0
 
-    with pytest.raises(InvalidType, match=r"Pushed\.load is a method, and load is a field.*load=\.\.\."):
+    with pytest.raises(InvalidType, match=r"Pushed\.load is a method .* load is a field.*load=\.\.\."):
         Pushed([1.0, 1.0, 0.5], 2.0, [0.0, 0.0, 1.0])
-    with pytest.raises(InvalidType, match=r"Derived\.weight is a method"):
+    with pytest.raises(InvalidType, match=r"Derived\.weight is a method or a property"):
         Derived([1.0, 1.0, 0.5], 2.0, [0.0, 0.0, 1.0])
+    assert Given().n == 5
+
+
+@lm.record
+class Counted(lm.Record):
+    n: int = dataclasses.field(init=False)
+
+
+@lm.record
+class Given(Counted):
+    @property
+    def n(self) -> int:  # type: ignore[override]
+        return 5
 
 
 @pytest.mark.skipif(sys.version_info >= (3, 14), reason="no simulation where it is so")

@@ -15,6 +15,7 @@ from compiler.worlds import same_in_all_worlds
 
 import liemech as lm
 from liemech import formulas
+from liemech.errors import InvalidType
 from liemech.formulas import Dual, Mat, Vec, of_numpy, vec
 from liemech.formulas.double_double import DoubleDouble
 
@@ -22,7 +23,7 @@ TABLE, FIELD = np.array([[2.0, -1.0, 0.5], [0.25, 3.0, 1.0]]), np.array([0.5, -2
 X, STEP = 0.4, 1e-3
 
 
-SMOOTH = [f for f in of_numpy.BY_COMPONENTS if f not in (np.clip, np.sign)]
+SMOOTH = [f for f in of_numpy.BY_COMPONENTS if f not in (np.clip, np.sign, np.floor_divide)]
 
 
 @pytest.mark.parametrize("function", SMOOTH, ids=lambda f: f.__name__)
@@ -50,17 +51,12 @@ def test_operators_with_what_numpy_has_on_the_left(function: Any) -> None:
         assert [*function(Vec(X, -X))] == [*function(np.array([X, -X]))]
         return
     number, array = Dual(X, 1.0), np.array([1.5, 2.5])
-    if function is np.floor_divide:  # a step has no derivative, and vectors have no steps
-        assert function(np.float64(1.5), number) == 3.0
-        return
     found = function(np.float64(1.5), number)
     assert found.value == function(1.5, X)
     h = 1e-6
     slope = (function(1.5, X + h) - function(1.5, X - h)) / (2.0 * h)
     assert found.slope == pytest.approx(slope, abs=1e-8)
     assert [x.value for x in function(array, number)] == [*function(array, X)]
-    if function is np.remainder:
-        return
     both = function(array, Vec(X, 2.0))
     assert type(both) is Vec and [*both] == [*function(array, np.array([X, 2.0]))]
 
@@ -150,6 +146,26 @@ FORMULAS = {
 }
 
 
+OF_ONE = tuple(f for f in SMOOTH if f.nin == 1 and f is not np.arccosh)
+OF_TWO = (*(f for f in SMOOTH if f.nin == 2), np.floor_divide)
+
+
+@pytest.mark.compiled
+def test_every_function_by_components_in_native_code() -> None:
+    def formula(a: float, b: float, c: float, n: int) -> Any:
+        x = vec(0.4 + 0.1 * a, 0.5 + 0.1 * b)
+        return (
+            [f(x) for f in OF_ONE],
+            [f(x, 0.3 + c * c) for f in OF_TWO],
+            np.arccosh(3.0 * x),
+            np.sign(x - vec(0.5, c)),
+            np.clip(x, None, c),
+            np.clip(x, 0, 1),
+        )
+
+    same_in_all_worlds(formula, np.random.default_rng(3).uniform(0.8, 1.0, size=(8, 3)).tolist())
+
+
 @pytest.mark.compiled
 @pytest.mark.parametrize("what", FORMULAS)
 def test_same_bits_in_all_worlds(what: str) -> None:
@@ -167,6 +183,33 @@ def test_steps_and_bounds_are_those_of_arrays() -> None:
         lambda v: np.maximum(v, np.array(x[::-1])),
     ):
         assert np.array_equal(formula(Vec(*x)), formula(np.array(x)), equal_nan=True)
+
+
+def test_sizes_at_the_ends_of_the_numbers() -> None:
+    for x, y in ((3e200, -4e200), (3e-200, 4e-200), (0.0, 0.0), (math.inf, 1.0), (5e-324, 0.0)):
+        assert np.hypot(Vec(x), Vec(y))[0] == pytest.approx(math.hypot(x, y), rel=4e-16)
+    far = np.hypot(Dual(3e200, 1.0), 4e200)
+    assert (far.value, far.slope) == (pytest.approx(5e200, rel=4e-16), pytest.approx(0.6))
+
+
+def test_numbers_and_shapes_that_numpy_has() -> None:
+    v, m = Vec(0.3, 0.2), Mat((1.0, 2.0), (3.0, 4.0))
+    assert np.longdouble(2.0) * v == np.array(2.0) * v == v * np.array(2.0) == Vec(0.6, 0.4)
+    assert (np.longdouble(2.0) * Dual(0.5, 1.0)).slope == 2.0
+    assert np.clip(v, None, 0.25) == Vec(0.25, 0.2) and np.clip(v, 0, 1) == v
+    assert type(np.clip(v, 1, 2)[0]) is float
+    for formula in (
+        lambda: np.arctan2(v, Vec(1.0, 2.0, 3.0)),
+        lambda: np.linalg.det(m[:1]),
+        lambda: np.linalg.inv(m[:1].T),
+        lambda: np.linalg.solve(m, Mat((1.0,), (2.0,), (3.0,))),
+        lambda: np.linalg.solve(m[:1], v),
+    ):
+        with pytest.raises(InvalidType):
+            formula()
+    samples = np.random.default_rng(2).normal(size=(2000, 3))
+    for found in (np.dot(samples, vec(1.0, 2.0, 3.0)), np.cross(samples, vec(1.0, 2.0, 3.0))):
+        assert type(found) is np.ndarray
 
 
 def test_numbers_of_two_doubles_keep_their_digits() -> None:
