@@ -64,7 +64,7 @@ def why(part: lm.Hamiltonian) -> str:
 
 @pytest.mark.parametrize(
     "kind",
-    "where,if,max,abs,sign,floor,equal,loop,NumPy's maximum,NumPy's sign".split(","),
+    ["where", "if", "max", "abs", "sign", "floor", "equal", "loop", "NumPy's maximum", "NumPy's sign"],
 )
 def test_what_a_formula_does_somewhere_else_is_not_missed(kind: str) -> None:
     assert (
