@@ -10,7 +10,7 @@ from collections.abc import Callable
 from math import inf
 from typing import Any
 
-from .numbers import StandIn
+from .numbers import Operand, StandIn
 from .vectors import Vec
 
 
@@ -22,7 +22,7 @@ def _asked(self: Anything, *others: Any) -> Any:
     raise Asked("it depends on a comparison, a sign or a rounding")
 
 
-class Anything(StandIn):
+class Anything(Operand, StandIn):
     """Some number, nobody knows which.
 
     degree : as a polynomial of the numbers that count; 0 for what does not depend on them, infinite

@@ -5,7 +5,24 @@ record.
 from __future__ import annotations
 
 import weakref
-from typing import Any
+from typing import Any, TypeVar
+
+from .pytree import exact
+from .records import Record
+
+R = TypeVar("R", bound=Record)
+
+_in_common: weakref.WeakValueDictionary[Any, Any] = weakref.WeakValueDictionary()
+
+
+def common(record: R) -> R:
+    """This record, or the one of its class with the same fields, bit for bit, that is in use.
+
+    What systems make of their parts, such as T*G, they then have in common, and native code that was
+    prepared for one finds in the next the object that it has read.
+    """
+    found: R = _in_common.setdefault(exact(record), record)
+    return found
 
 
 class Remembered:

@@ -336,7 +336,7 @@ class AdaptiveRun:
         try:
             if not self.kept:
                 self._sample(1 if self.recorder is None or self.t_eval is not None else 0)
-            with Bar(self.plan.progress, 1000) as bar:
+            with Bar(self.plan.progress, 1000, "") as bar:
                 start, ways = stretches(self.plan.breaks, self.t0, self.t_end)
                 if start != self.t0:
                     self._jump(start)

@@ -140,7 +140,7 @@ class OneByOne:
 
     def trajectory(self) -> Trajectory:
         """All bodies in turn."""
-        with Bar(self.plan._given["progress"], self.count) as bar:
+        with Bar(self.plan._given["progress"], self.count, "body") as bar:
             for i in range(self.count):
                 if self._side_by_side(i, bar):
                     break

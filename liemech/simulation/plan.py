@@ -750,7 +750,10 @@ class Plan:
         """Refuse what `step` does not go on from."""
         self._one_length("step")
         if not isinstance(carry, FictiveCarry if self.fictive else Carry):
-            raise InvalidType(f"Plan.step goes on from what `begin` or `step` gave; got {carry!r}")
+            raise InvalidType(
+                "Plan.step goes on from what `begin` or `step` gave, or from the `carry` of a run or "
+                f"a stepper; got {carry!r}"
+            )
         inner: Any = carry.inner if isinstance(carry, FictiveCarry) else carry
         if inner.h != self._steps.h:
             raise InvalidInput(
@@ -768,7 +771,8 @@ class Plan:
         )
         if theirs is not None and exact(theirs) != exact(mine):
             raise InvalidInput(
-                "Plan.step: the carry is of another system or method; begin anew from carry.state"
+                "Plan.step: the carry is of another system or method; begin anew there, with "
+                "plan.begin(carry.state, carry.t), or plan.stepper for begin"
             )
 
     def _one_length(self, what: str) -> None:

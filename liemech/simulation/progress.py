@@ -15,10 +15,14 @@ NOTICE = 1.0
 """Seconds after which a run or a compilation shows itself."""
 
 class Bar:
-    """A progress bar that appears when the run takes longer than a second."""
+    """A progress bar that appears when the run takes longer than a second.
 
-    def __init__(self, wanted: bool | None, total: int) -> None:
+    unit : of what there are `total`; empty for parts of a time, whose number tells nothing.
+    """
+
+    def __init__(self, wanted: bool | None, total: int, unit: str = "step") -> None:
         self.wanted, self.total, self.done, self.begun = wanted, total, 0, time.perf_counter()
+        self.unit = unit
         self.bar: Any = None
 
     def __enter__(self) -> Bar:
@@ -30,7 +34,10 @@ class Bar:
             if self.wanted or time.perf_counter() - self.begun > NOTICE:
                 from tqdm.auto import tqdm
 
-                self.bar = tqdm(total=self.total, unit="step", unit_scale=True)
+                shape = None if self.unit else "{l_bar}{bar}| [{elapsed}<{remaining}]"
+                self.bar = tqdm(
+                    total=self.total, unit=self.unit, unit_scale=True, bar_format=shape
+                )
                 self.bar.update(self.done)
         elif self.bar is not None:
             self.bar.update(steps)

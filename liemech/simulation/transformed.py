@@ -397,7 +397,7 @@ class March:
         plan, kept = self.run.plan, self.run.kept
         steps = 16 if self.execution.native is None else SOME
         try:
-            with Bar(plan.progress, 1000) as bar:
+            with Bar(plan.progress, 1000, "") as bar:
                 while not self.mark.ended and self.at is None and self._time() != self.t_end:
                     if self.mark.steps >= self.limit:
                         if math.isinf(self.t_end):

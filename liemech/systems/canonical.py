@@ -9,6 +9,7 @@ import numpy as np
 
 from ..errors import InvalidInput, NotDefined
 from ..formulas import Vec, gradient, record, vec
+from ..formulas.remembered import common
 from ..groups.vector_space import VectorSpace
 from ..retractions import Retraction
 from .system import State, System, frozen, points
@@ -52,7 +53,7 @@ class PhaseSpace(System):
 
     @cached_property
     def _phase_space(self) -> VectorSpace:
-        return VectorSpace(2 * self.degrees)
+        return common(VectorSpace(2 * self.degrees))
 
     @final
     def displaced(

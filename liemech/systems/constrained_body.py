@@ -233,16 +233,17 @@ class BoundBody(System):
     # ---------------------------------------------------------------- checked input
 
     @final
-    def state(self, mu: Any, g: Any = None) -> BodyState:
-        """A start for `integrate`: body momentum mu and configuration g, which obey the constraint.
+    def state(self, mu: Any = None, g: Any = None, *, xi: Any = None) -> BodyState:
+        """A start for `integrate`: body momentum mu, or body velocity xi, and configuration g, which
+        obey the constraint.
 
-        mu : (dim,) for one body, (bodies, dim) for an ensemble;  g : an element, or one for each
-        body.
+        mu, xi : (dim,) for one body, (bodies, dim) for an ensemble;  g : an element, or one for
+        each body.
         Raises InvalidInput as MechanicalSystem.state does, and for redundant conditions;
         InconsistentState for a start off the constraint, with the cure: `consistent(mu, g)` is the
         nearest start on it.
         """
-        state = self._given("state", mu, g)
+        state = self._given("state", mu, g, xi)
         for k, (one, where) in enumerate(_members(state)):
             self._require_independent(
                 where,
@@ -277,9 +278,9 @@ class BoundBody(System):
                 f"{value[i]:.3g}. `consistent(mu, g)` gives the nearest start on the constraint"
             )
 
-    def _start(self, what: str, mu: Any, g: Any) -> tuple[np.ndarray, Any]:
+    def _start(self, what: str, mu: Any, g: Any, xi: Any) -> tuple[np.ndarray, Any]:
         """One start, with independent conditions."""
-        state = self._given(what, mu, g)
+        state = self._given(what, mu, g, xi)
         if state.bodies is not None:
             raise InvalidInput(
                 f"{type(self).__name__}.{what} takes one start at a time; loop over the ensemble"
@@ -297,14 +298,14 @@ class BoundBody(System):
             momentum = momentum - G.T @ _solved(G @ inverse @ G.T, G @ (inverse @ momentum))
         return momentum
 
-    def _given(self, what: str, mu: Any, g: Any) -> BodyState:
+    def _given(self, what: str, mu: Any, g: Any, xi: Any) -> BodyState:
         name = f"{type(self).__name__}.{what}"
         if g is None:
             raise InvalidInput(
                 f"{name}: g is missing; the constraint depends on where "
                 f"the body is, give {what}(mu=..., g=...)"
             )
-        return body_state(name, self.configurations, mu, g)
+        return body_state(name, self.configurations, self.body.body._momentum_of(name, mu, xi), g)
 
     @property
     def _sparse(self) -> bool:
@@ -458,16 +459,16 @@ class ConstrainedBody(BoundBody):
         return self.constraint.value(g), self.jacobian(g) @ self.velocity(mu)
 
     @final
-    def consistent(self, mu: Any, g: Any = None) -> BodyState:
+    def consistent(self, mu: Any = None, g: Any = None, *, xi: Any = None) -> BodyState:
         """The start on the constraint that is nearest, measured by the kinetic energy, to one that
-        is close to it.
+        is close to it: body momentum mu, or body velocity xi, and configuration g.
 
         The configuration moves by exp of the shortest displacement to c = 0, then the momentum
         loses G* (G J^-1 G*)^-1 G J^-1 mu.
-        mu : (dim,), g : an element.  Raises InvalidInput as `state` does, NoConvergence if g is too
-        far off.
+        mu, xi : (dim,), g : an element.  Raises InvalidInput as `state` does, NoConvergence if g is
+        too far off.
         """
-        momentum, start = self._start("consistent", mu, g)
+        momentum, start = self._start("consistent", mu, g, xi)
         group, inverse = self.configurations, self._inverse
         x, change = np.zeros(group.dim), np.inf
         for _ in range(PATIENCE):
@@ -571,12 +572,13 @@ class NonholonomicBody(BoundBody):
         return len(A)
 
     @final
-    def consistent(self, mu: Any, g: Any = None) -> BodyState:
-        """The start with the momentum nearest, measured by the kinetic energy, to mu.
+    def consistent(self, mu: Any = None, g: Any = None, *, xi: Any = None) -> BodyState:
+        """The start with the momentum nearest, measured by the kinetic energy, to mu, or to that of
+        the body velocity xi.
 
-        mu : (dim,), g : an element.  Raises InvalidInput as `state` does.
+        mu, xi : (dim,), g : an element.  Raises InvalidInput as `state` does.
         """
-        momentum, start = self._start("consistent", mu, g)
+        momentum, start = self._start("consistent", mu, g, xi)
         return self.state(self._projected(momentum, start), np.array(start))
 
 

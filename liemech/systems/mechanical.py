@@ -10,6 +10,7 @@ import numpy as np
 
 from ..errors import InvalidInput, InvalidType
 from ..formulas import Element, Vec, record, vec
+from ..formulas.remembered import common
 from ..groups.coadjoint import CoadjointAction
 from ..groups.lie_group import LieGroup
 from ..groups.semidirect import SemidirectProduct
@@ -78,7 +79,7 @@ class MechanicalSystem(System):
 
     @cached_property
     def _cotangent(self) -> SemidirectProduct:
-        return SemidirectProduct(self.body.group, CoadjointAction(self.body.group))
+        return common(SemidirectProduct(self.body.group, CoadjointAction(self.body.group)))
 
     # ---------------------------------------------------------------- formulas
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..errors import InvalidInput, InvalidType, NotDefined
 from ..formulas import Vec, gradient, record, vec
+from ..formulas.remembered import common
 from ..groups.poisson_structure import PoissonStructure
 from ..groups.vector_space import VectorSpace
 from ..retractions import Retraction
@@ -114,7 +115,7 @@ class PoissonSystem(System):
 
     @cached_property
     def _space(self) -> VectorSpace:
-        return VectorSpace(self.structure.dim)
+        return common(VectorSpace(self.structure.dim))
 
     @final
     def rate(self, t: float, state: PoissonState) -> Vec:

@@ -389,6 +389,8 @@ def test_what_is_no_start_is_refused():
         body.state([0.1, 1.2, 0.0], [0.6, 0.0, -0.8])
     with pytest.raises(lm.errors.InvalidInput, match="g is missing"):
         body.state([0.0, 1.2, 0.0])
+    with pytest.raises(lm.errors.InvalidInput, match="give mu, the momentum, or xi, the velocity, not"):
+        body.state([0.0, 1.2, 0.0], [0.6, 0.0, -0.8], xi=[0.0, 1.2, 0.0])
     with pytest.raises(lm.errors.InvalidInput, match="its derivative is zero"):
         body.state([0.0, 1.2, 0.0], [0.0, 0.0, 0.0])
     many = body.state([[0.0, 1.2, 0.0], [0.0, -0.2, 0.0]], [0.6, 0.0, -0.8])
@@ -462,6 +464,17 @@ def test_the_nearest_consistent_start():
     assert np.allclose(
         near.mu, [1.0, 1.2, 0.3] - (np.array([1.0, 1.2, 0.3]) @ q) * q, rtol=0.0, atol=1e-14
     )
+
+
+def test_a_start_from_a_velocity():
+    sleigh = lm.NonholonomicBody(
+        lm.LiePoissonSystem(lm.SE2(), lm.KineticEnergy([0.7, 1.3, 1.3])), lm.Blade(-0.4)
+    )
+    mu = np.array([0.77, -0.65, 0.5])
+    near = sleigh.consistent(mu, np.eye(3))
+    assert sleigh.consistent(xi=mu / [0.7, 1.3, 1.3], g=np.eye(3)) == near
+    velocity = sleigh.velocity(near.mu)
+    assert np.allclose(sleigh.state(xi=velocity, g=np.eye(3)).mu, near.mu, rtol=1e-14, atol=0.0)
 
 
 def test_methods_and_systems_that_do_not_fit_say_so():

@@ -46,6 +46,12 @@ class Potential(lm.Hamiltonian):
             while q > 1e9 + n:
                 n = n + 1
             return spring + n * p
+        if self.kind == "NumPy's maximum":
+            return spring + p * np.maximum(q - 1e9, 0.0)
+        if self.kind == "NumPy's sign":
+            return spring + p * (1.0 + np.copysign(1.0, q - 1e9))
+        if self.kind == "NumPy's":
+            return spring + 0.1 * np.cos(q) + np.log(np.hypot(q, 1.0)) + np.exp(-np.square(q))
         return spring + self.smooth(q)
 
     def smooth(self, q: Any) -> Any:
@@ -56,7 +62,10 @@ def why(part: lm.Hamiltonian) -> str:
     return lm.PoissonSystem(lm.Canonical(1), part).unknown_motion()
 
 
-@pytest.mark.parametrize("kind", ["where", "if", "max", "abs", "sign", "floor", "equal", "loop"])
+@pytest.mark.parametrize(
+    "kind",
+    ["where", "if", "max", "abs", "sign", "floor", "equal", "loop", "NumPy's maximum", "NumPy's sign"],
+)
 def test_what_a_formula_does_somewhere_else_is_not_missed(kind: str) -> None:
     assert (
         "is not known: its formula need not be the same at all points (it depends on a comparison"
@@ -64,8 +73,9 @@ def test_what_a_formula_does_somewhere_else_is_not_missed(kind: str) -> None:
     )
 
 
-def test_smooth_formulas_are_recognised() -> None:
-    assert not why(Potential("smooth"))
+@pytest.mark.parametrize("kind", ["smooth", "NumPy's"])
+def test_smooth_formulas_are_recognised(kind: str) -> None:
+    assert not why(Potential(kind))
 
 
 def test_a_part_with_a_wall_says_what_it_is() -> None:

@@ -8,12 +8,13 @@ import copy
 import dataclasses
 import pickle
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
 
 import liemech as lm
+from liemech.compiler.reads import Guard
 from liemech.errors import IncompatibleSystem, IntegrationFailure, InvalidInput
 from liemech.formulas.pytree import compensated, gatherer, layout_of, leaves
 from liemech.simulation.fixed_run import FixedRun
@@ -121,6 +122,66 @@ def test_bodies_of_one_layout_share_a_plan_and_nothing_else(method: lm.Method) -
         first.replace(system=body(0.1)).system.inertia == body(0.1).inertia
         and first.system.inertia == body(0.0).inertia
     )
+
+
+@lm.record
+class Held(lm.Force):
+    """A torque that a controller holds between two looks at the body."""
+
+    torque: lm.Vec
+
+    def covector(self, t: float, xi: lm.Vec, g: lm.Mat) -> lm.Vec:
+        return self.torque
+
+
+@lm.record
+class Spring(lm.SeparableSystem):
+    """A point on a spring."""
+
+    degrees: ClassVar[int] = 1
+    stiffness: float
+
+    def kinetic(self, p: lm.Vec) -> float:
+        return 0.5 * p[0] ** 2
+
+    def potential(self, q: lm.Vec) -> float:
+        return 0.5 * self.stiffness * q[0] ** 2
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize(
+    ("system", "start"),
+    [
+        (
+            lambda x: lm.MechanicalSystem(body(0.0), lm.NoPotential(), load=Held([x, 0.1, 0.0])),
+            {"mu": MOMENTA[0], "g": np.eye(3)},
+        ),
+        (lambda x: Spring(1.0 + x), {"q": [0.3], "p": [0.4]}),
+        (
+            lambda x: lm.PoissonSystem(
+                lm.coadjoint(lm.SO3()).poisson_structure, lm.RigidBody([1.0, 1.5 + x, 2.0]).hamiltonian
+            ),
+            {"y": MOMENTA[0]},
+        ),
+    ],
+    ids=["body in a field", "canonical", "Poisson"],
+)
+def test_numbers_of_a_system_change_and_nothing_is_prepared_anew(
+    system: Any, start: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What a system makes of its parts, T*G or R^2n, is one object for all of its kind: the guard of
+    the first one serves the others, and a control loop takes microseconds.
+    """
+    first = lm.Plan(system(0.0), RKMK4, 0.1, compiled=True)
+    begin = system(0.0).state(**start)
+    for _ in range(2):
+        first.run(begin, steps=3)
+    made: list[Guard] = []
+    monkeypatch.setattr(Guard, "__init__", lambda guard, *_: made.append(guard))
+    run = first.replace(system=system(0.1)).run(begin, steps=3)
+    monkeypatch.undo()
+    assert not made
+    assert run == lm.integrate(system(0.1), RKMK4, begin, h=0.1, steps=3, compiled=False)
 
 
 @pytest.mark.compiled
