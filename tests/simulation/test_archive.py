@@ -168,7 +168,7 @@ def test_a_class_of_another_script_is_told(
     run.save(tmp_path / "run.npz")
     assert lm.Trajectory.load(tmp_path / "run.npz") == run
     monkeypatch.undo()
-    with pytest.raises(lm.errors.InvalidInput, match="Scripted was a class of the script that saved"):
+    with pytest.raises(lm.errors.InvalidInput, match="Scripted was a class of the script that"):
         lm.Trajectory.load(tmp_path / "run.npz")
 
 
