@@ -4,25 +4,42 @@ record.
 
 from __future__ import annotations
 
+import functools
 import weakref
-from typing import Any, TypeVar
+from typing import Any
 
-from .pytree import exact
+from .pytree import exact, fields_of
 from .records import Record
 
-R = TypeVar("R", bound=Record)
 
-_in_common: weakref.WeakValueDictionary[Any, Any] = weakref.WeakValueDictionary()
+class common(functools.cached_property[Any]):
+    """A cached property, a record, that objects have in common for which it is the same.
 
-
-def common(record: R) -> R:
-    """This record, or the one of its class with the same fields, bit for bit, that is in use.
-
-    What systems make of their parts, such as T*G, they then have in common, and native code that was
-    prepared for one finds in the next the object that it has read.
+    What systems make of their parts, such as T*G, is then one object for all of a kind, and native
+    code that was prepared for one system finds in the next the object that it has read.  A record
+    with attributes beside its fields is that of its owner alone.
     """
-    found: R = _in_common.setdefault(exact(record), record)
-    return found
+
+    def __get__(self, owner: Any, cls: type | None = None) -> Any:  # type: ignore[override]
+        made = super().__get__(owner, cls)
+        if owner is not None and _is_its_fields(made):
+            made = vars(owner)[self.attrname] = _in_use.setdefault(exact(made), made)
+        return made
+
+
+_in_use: weakref.WeakValueDictionary[Any, Any] = weakref.WeakValueDictionary()
+
+
+def _is_its_fields(value: Any) -> bool:
+    """Do its fields say all about a value?"""
+    if isinstance(value, Record):
+        cls, fields = type(value), fields_of(value)
+        beside = [getattr(cls, name, None) for name in vars(value) if name not in fields]
+        cached = all(isinstance(x, functools.cached_property) for x in beside)
+        return cached and all(map(_is_its_fields, fields.values()))
+    if type(value) is tuple:
+        return all(map(_is_its_fields, value))
+    return type(value) in (bool, int, float, str, type(None))
 
 
 class Remembered:

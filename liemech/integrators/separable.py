@@ -147,7 +147,8 @@ class SeparableSplitting(OfTableau):
         if self.tableau.quadratic and not system.quadratic:  # type: ignore[attr-defined]
             raise IncompatibleSystem(
                 f"{self!r} is of its order for a T(p) of second degree only, and the `kinetic` of "
-                f"{system!r} is not seen to be a polynomial of second degree. "
+                f"{system!r} is not seen to be a polynomial of second degree, as dot(p, p) is and "
+                "norm(p)**2 is not. "
                 f"Splitting(order={self.order}, quadratic=False) is of this order for every T"
             )
 

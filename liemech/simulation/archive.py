@@ -359,8 +359,11 @@ def _class(path: str, modules: frozenset[str], where: str) -> Any:
         found = getattr(found, part, None)
     if not isinstance(found, type):
         raise InvalidInput(
-            f"{where}: there is no class {name} in {module}; import the module before, or load the "
-            f"file with modules=[{module!r}]"
+            f"{where}: {name} was a class of the script that saved the run, and {where} is loaded by "
+            "another one; define it there too, or save runs of a class of a module"
+            if module == "__main__"
+            else f"{where}: there is no class {name} in {module}; import the module before, or load "
+            f"the file with modules=[{module!r}]"
         )
     return found
 

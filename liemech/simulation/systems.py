@@ -65,7 +65,8 @@ class OfBodies:
                 one = cls.called.removesuffix("s")
                 raise InvalidInput(
                     f"integrate: the {cls.called} of an ensemble differ in numbers only; {one} {i},"
-                    f" {other!r}, is of another kind than {one} 0, {given[0]!r}"
+                    f" {other!r}, is of another kind than {one} 0, {given[0]!r} (numbers are floats,"
+                    " Vec and Mat; ints, texts and tuples are parts of the formulas)"
                 )
         return cls(tuple(given))
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cached_property
 from typing import Any, ClassVar, final
 
 import numpy as np
@@ -51,9 +50,9 @@ class PhaseSpace(System):
         """R^2n under addition."""
         return self._phase_space
 
-    @cached_property
+    @common
     def _phase_space(self) -> VectorSpace:
-        return common(VectorSpace(2 * self.degrees))
+        return VectorSpace(2 * self.degrees)
 
     @final
     def displaced(

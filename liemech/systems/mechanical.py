@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import field
-from functools import cached_property
 from typing import Any, ClassVar, final
 
 import numpy as np
@@ -77,9 +76,9 @@ class MechanicalSystem(System):
         """T*G, the group that moves momentum and configuration together."""
         return self._cotangent
 
-    @cached_property
+    @common
     def _cotangent(self) -> SemidirectProduct:
-        return common(SemidirectProduct(self.body.group, CoadjointAction(self.body.group)))
+        return SemidirectProduct(self.body.group, CoadjointAction(self.body.group))
 
     # ---------------------------------------------------------------- formulas
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import field
-from functools import cached_property
 from typing import Any, ClassVar, final
 
 import numpy as np
@@ -113,9 +112,9 @@ class PoissonSystem(System):
         """R^n under addition."""
         return self._space
 
-    @cached_property
+    @common
     def _space(self) -> VectorSpace:
-        return common(VectorSpace(self.structure.dim))
+        return VectorSpace(self.structure.dim)
 
     @final
     def rate(self, t: float, state: PoissonState) -> Vec:

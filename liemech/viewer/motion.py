@@ -56,8 +56,9 @@ class Motion:
                 "Motion: states must be a state or arrays by name, "
                 f"such as {{'mu': mu}}; got {self.states!r}"
             )
+        may_be_complex = self.system._complex("Element")
         checked = {
-            name: real_array(rows, f"Motion: {name}")
+            name: real_array(rows, f"Motion: {name}", name == "g" and may_be_complex)
             for name, rows in parts.items()
             if rows is not None
         }

@@ -155,6 +155,23 @@ def test_a_hostile_file_runs_no_code(tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert zipfile.is_zipfile(memory)
 
 
+def test_a_class_of_another_script_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Scripted(lm.RigidBody):
+        pass
+
+    Scripted.__module__, Scripted.__qualname__ = "__main__", "Scripted"
+    monkeypatch.setattr(sys.modules["__main__"], "Scripted", Scripted, raising=False)
+    body = Scripted([1.0, 1.5, 2.0])
+    run = lm.integrate(body, lm.RKMK(order=4), body.state(mu=[0.1, 0.2, 0.3]), h=0.1, steps=2)
+    run.save(tmp_path / "run.npz")
+    assert lm.Trajectory.load(tmp_path / "run.npz") == run
+    monkeypatch.undo()
+    with pytest.raises(lm.errors.InvalidInput, match="Scripted was a class of the script that"):
+        lm.Trajectory.load(tmp_path / "run.npz")
+
+
 def test_what_cannot_be_saved_is_refused(tmp_path: Path) -> None:
     (tmp_path / "run.npz").write_text("before")
     system = lm.LiePoissonSystem(lm.SO3(), Called(lambda mu: 0.5 * lm.dot(mu, mu)))

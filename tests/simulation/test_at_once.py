@@ -184,6 +184,35 @@ def test_numbers_of_a_system_change_and_nothing_is_prepared_anew(
     assert run == lm.integrate(system(0.1), RKMK4, begin, h=0.1, steps=3, compiled=False)
 
 
+class Shear(lm.MatrixLieGroup):
+    """A Heisenberg group whose scale is an attribute and no field."""
+
+    def __init__(self, scale: float) -> None:
+        object.__setattr__(self, "scale", scale)
+
+    @property
+    def generators(self) -> Any:
+        x, y, z = np.zeros((3, 3, 3))
+        x[0, 1] = y[1, 2] = 1.0
+        z[0, 2] = self.scale
+        return x, y, z
+
+
+def test_what_is_no_field_is_not_shared() -> None:
+    bodies = [
+        lm.MechanicalSystem(
+            lm.LiePoissonSystem(Shear(scale), lm.KineticEnergy([1.0, 1.0, 1.0])), lm.NoPotential()
+        )
+        for scale in (1.0, 2.0)
+    ]
+    groups = [body.group for body in bodies]
+    assert groups[0] is not groups[1]
+    assert [body.group is group for body, group in zip(bodies, groups, strict=True)] == [True, True]
+    assert lm.HeavyTop([1.0, 1.5, 2.0], 1.0, [0.0, 0.0, 1.0]).group is (
+        lm.HeavyTop([1.0, 1.6, 2.0], 2.0, [0.0, 0.0, 1.0]).group
+    )
+
+
 @pytest.mark.compiled
 def test_a_carry_of_another_body_is_refused() -> None:
     first = lm.Plan(body(0.0), RKMK4, 0.1, compiled=True)

@@ -357,6 +357,8 @@ def test_bad_input_is_named() -> None:
     mu, t = RUN.mu[:4], RUN.t[:4]
     spoilt = mu.copy()
     spoilt[2, 1] = np.nan
+    system = lm.LiePoissonSystem(lm.SU(2), lm.KineticEnergy([1.0, 2.0, 3.0]))
+    spin = Motion(system, t, {"mu": mu, "g": np.tile(np.eye(2, dtype=complex), (4, 1, 1))})
     calls: list[tuple[Any, str]] = [
         (lambda: Motion(BODY, t, {"mu": spoilt}), "mu"),
         (lambda: Motion(BODY, t, {"mu": mu[:3]}), r"mu has shape \(3, 3\)"),
@@ -367,6 +369,8 @@ def test_bad_input_is_named() -> None:
             lambda: Scene(RUN, show="momentums"),
             "'momentums' is not known; there are body, momentum",
         ),
+        (lambda: Scene(spin), "there is no picture of"),
+        (lambda: Motion(BODY, t, {"g": np.full((4, 3, 3), 1j)}), "g must be real numbers"),
         (lambda: Scene(RUN, show=()), "show is empty"),
         (lambda: Scene(RUN, show="nose"), "Nose shows the nose of a top"),
         (lambda: Scene(RUN, color="blue"), "#rrggbb"),
