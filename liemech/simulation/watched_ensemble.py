@@ -67,7 +67,7 @@ class WatchedEnsemble(OneByOne):
 
     first: int | None = None
     alone = False
-    """Are all bodies to go alone, because events are not seen side by side?"""
+    """Must every body run alone, because native code cannot look at the events?"""
 
     @staticmethod
     def fits(plan: Any, start: Any, t_end: Any, t_eval: Any) -> bool:
