@@ -164,6 +164,7 @@ class Loops(Branches):
         ]
         lengths = [len(items) for items in lists]
         state = self.base, self.depth, self.raises, self.marks, self.region, frame.env, frame.node
+        attempts = self.failed, self.outcome
         taken, emitted = (
             [(stream, stream.taken, stream.region) for stream in self.streams],
             b.emitted,
@@ -177,6 +178,7 @@ class Loops(Branches):
             self.base, self.depth, self.raises, self.marks, self.region, frame.env, frame.node = (
                 state
             )
+            self.failed, self.outcome = attempts
             for stream, before, region in taken:
                 stream.back_to(before, region)
             b.position_at_end(block)

@@ -545,7 +545,7 @@ class Outliner:
         active = t.active(t.frames[-1].env)
         call = self.call(frame.source.function, given)
         assert call is not None
-        state = t.base, t.depth, t.failed, t.escapes, t.raises, t.marks, t.region
+        state = t.base, t.depth, t.failed, t.outcome, t.escapes, t.raises, t.marks, t.region
         calls, spent = self.e.calls, self.spent
         patience, begun, room = (self.patience, self.huge), self.begun, b.room
         block, outer = b.block, b.emitted
@@ -584,7 +584,7 @@ class Outliner:
             ]
             arguments, parts = self._inside(given, active, call, inner, general, function)
             t.base, t.depth, t.raises, t.marks, self.e.calls = arguments.pop("<mask>"), 0, 0, 0, 0
-            t.failed, t.escapes = None, []
+            t.failed, t.outcome, t.escapes = None, None, []
             if slots:
                 t.failed, t.escapes = self.e.slot(), [escapes]
                 self.e.store(self.e.num(tuple(values)), t.failed)
@@ -615,7 +615,7 @@ class Outliner:
                 del module.globals[name]
             b.within.pop()
             del t.frames[frames:]
-            t.base, t.depth, t.failed, t.escapes, t.raises, t.marks, t.region = state
+            t.base, t.depth, t.failed, t.outcome, t.escapes, t.raises, t.marks, t.region = state
             self.e.calls, self.spent = calls, spent
             (self.patience, self.huge), self.begun, b.room = patience, begun, room
             if not copied:

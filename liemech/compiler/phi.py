@@ -94,7 +94,8 @@ class Phis:
         self.base: Any = None  # lanes for which the present code was entered (None: all)
         self.depth = 0  # enclosing conditions of the present call that differ between lanes
         self.escapes: list[list[Open]] = []  # where control goes when a formula raises
-        self.failed: Any = None  # where a formula that raises says so
+        self.failed: Any = None  # where a formula that raises in the present attempt says so
+        self.outcome: Any = None  # the same of the last attempt that is over, for `accepted`
         self.raises = 0  # places so far, in the present attempt, that may
         self.marks = 0  # those among them where control goes on
         self.region: Region = ()  # the branches and loops of unknown length around the present code

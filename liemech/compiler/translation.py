@@ -275,13 +275,13 @@ class Interpreter(Statements):
         did.
         """
         b, e = self.builder, self.emitter
-        if self.failed is None:
-            self.failed = e.slot()
+        outer, self.failed = self.failed, e.slot()  # one attempt may be a part of another
         e.store(False, self.failed)
         self.escapes.append([])
         before, self.raises, self.marks = (self.raises, self.marks), 0, 0
         result = self.call(function, *args)
         escapes, (self.raises, self.marks) = self.escapes.pop(), before
+        self.failed, self.outcome = outer, self.failed
         joined: Env = {}
         self.join(
             [
@@ -299,7 +299,7 @@ class Interpreter(Statements):
         part = self.call(shown, value)
         total = driver.pairwise_sum(leaves(part, layout_of(part)))
         finite = total - total == 0.0
-        failed = self.emitter.load(self.failed)
+        failed = self.emitter.load(self.outcome)
         return self.emitter.logic("and_", finite, self.emitter.negation(failed))
 
 

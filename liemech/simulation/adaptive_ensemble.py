@@ -102,7 +102,7 @@ class AdaptiveEnsemble(OneByOne):
     first: int | None = None
     watches: Watches | None = None
     alone = False
-    """Are all bodies to go alone, because events are not seen side by side?"""
+    """Must every body run alone, because native code cannot look at the events?"""
 
     @staticmethod
     def fits(plan: Any) -> bool:

@@ -295,6 +295,9 @@ class AdaptiveRun:
             self.clock = np.array([t0, plan.first(t0, t_end), *FRESH])
         if first is not None:
             first.handed_over(self)
+        # steps at whose events one is looking: their first row, to where they lead, and what was
+        # carried along before them
+        self.looking: tuple[int, float, np.ndarray, np.ndarray] | None = None
         self.watch: Any = None
         self.watch = watched(events, self._ended, t0, start, self.start)
 
@@ -531,17 +534,15 @@ class AdaptiveRun:
 
         states, clock : what was carried along before these steps.
         """
+        self.looking = before, end, states, clock
         hit = self.watch.look(self._dense(before - 1))
         if hit is None:
+            self.looking = None
             return False
         k, at, numbers = hit
-        # the steps up to the event once more: those beyond do not count, nor what became of them
-        self.watch.looking = True
-        native = clock[MARK] != ASKED and self.shape.stepping.native is not None
-        rows = np.empty((k + 1, self.rows.shape[1]))
-        arrays = states, clock, rows.reshape(-1)
-        self._drive(adaptive_steps, native, end, (k + 1,), arrays)
-        self.states, self.clock, self.watch.looking = states, clock, False
+        self.watch.looked = k
+        self._again(end, states.copy(), clock.copy(), k + 1)
+        self.looking = None
         row, begun = self.rows[before + k], self.rows[before + k - 1, 0]
         curve = row[1 + self.width :].reshape(-1, self.system.group.dim)
         curve *= ((at - begun) / (row[0] - begun)) ** np.arange(1, len(curve) + 1)[:, None]
@@ -549,6 +550,29 @@ class AdaptiveRun:
         self.filled, self.clock[TIME] = before + k + 1, at
         self.clock[STEP], self.clock[MARK], self.clock[ANEW] = 0.0, 0.0, 1.0  # from here a start anew
         return True
+
+    def _again(self, end: float, states: np.ndarray, clock: np.ndarray, steps: int) -> None:
+        """So many of the last steps once more, from what was carried along before them: those beyond
+        do not count, nor what became of them.
+        """
+        if steps:
+            native = clock[MARK] != ASKED and self.shape.stepping.native is not None
+            rows = np.empty((steps, self.rows.shape[1]))
+            arrays = states, clock, rows.reshape(-1)
+            self._drive(adaptive_steps, native, end, (steps,), arrays)
+        self.states, self.clock = states, clock
+
+    def _unlooked(self) -> None:
+        """Leave out the steps at whose events nobody has looked: an event has failed, or Ctrl-C."""
+        if self.looking is None:
+            return
+        before, end, states, clock = self.looking
+        self.looking = None
+        self._again(end, states, clock, self.watch.looked)
+        self.filled = before + self.watch.looked
+        self.watch.forget(float(self.rows[self.filled - 1, 0]), self.t_end - self.t0, False)
+        if not self.kept:
+            self._sample(before)
 
     # ---------------------------------------------------------------- results
 
@@ -595,7 +619,7 @@ class AdaptiveRun:
     def _carry(self, last: np.ndarray) -> AdaptiveCarry | None:
         """What to go on with from the last row: all of it, or after a terminal event a start anew."""
         numbers, clock = self.states.copy(), self.clock.copy()
-        if self.watch is None or self.watch.looking or clock[MARK] == STUCK or clock[TIME] != last[0]:
+        if self.watch is None or clock[MARK] == STUCK or clock[TIME] != last[0]:
             return None
         if self.watch.ended is not None:
             numbers[: self.width] = last[1 : 1 + self.width]
@@ -694,6 +718,7 @@ class AdaptiveRun:
 
     def _ended(self, error: Any, goes_on: bool = True) -> Any:
         """An error with the samples so far; may the run go on from where it stands?"""
+        self._unlooked()
         run = self._result()
         error.trajectory = run if goes_on else dataclasses.replace(run, carry=None)
         if isinstance(error, IntegrationFailure):

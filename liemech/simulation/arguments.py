@@ -144,7 +144,14 @@ def names(record: Any) -> Any:
         return record
 
 
-def only_adaptive(method: Any, every: int) -> None:
+def only_adaptive(method: Any, every: int, h: Any, **options: Any) -> None:
+    """Refuse what has no adaptive steps.  options : those of adaptive steps."""
+    asked = [name for name, x in options.items() if x is not None and np.size(x)]
+    if h is not None and asked and not chooses_steps(method):
+        raise IncompatibleSystem(
+            f"integrate: {method!r} makes no adaptive steps, and {asked[0]} is for these; "
+            f"leave out {' and '.join(asked)} for steps of length h"
+        )
     if alike(method):
         raise IncompatibleSystem(
             f"integrate: {method!r} keeps the structure because all its steps are alike, which an "

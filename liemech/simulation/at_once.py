@@ -88,11 +88,21 @@ def advanced(plan: Steps, carry: Carry, steps: int) -> Carry:
         out = place + 8 * carried
         shape.native_steps(native, carry.t0, carry.h, carry.step, steps, 1, place, out)
         if memory.item(carried - 1) == reached:
-            return Carry.quickly(
-                shape, carry.t0, carry.h, reached, memory[:carried], memory[carried:]
-            )
+            given = shape, carry.t0, carry.h, reached, memory[:carried], memory[carried:]
+            return Carry.quickly(*given, carry.met)
     # of a failing step it says why
-    return FixedRun(dataclasses.replace(plan, every=steps), carry, steps).trajectory().carry
+    run = Advance(dataclasses.replace(plan, every=steps), carry, steps).trajectory()
+    if run.carry is None:  # all bodies have stopped
+        raise run.stopped[min(run.stopped)].error
+    return dataclasses.replace(run.carry, met=carry.met)
+
+
+class Advance(FixedRun):
+    """Steps that warn of a body only when it stops."""
+
+    def _result(self, steps: int) -> Trajectory:
+        now = (self.taken >= self.before) & (self.taken < self.before + steps)
+        return super()._result(steps) if now.any() else self._so_far(steps)
 
 
 def in_one_call(shape: Shape | None, steps: int) -> Kernel | None:

@@ -15,6 +15,7 @@ from .adaptive import MARK, REJECTED, STEP, TAKEN
 from .dense import unpacked
 from .events import NO_EVENTS, Met
 from .prepared import Shape
+from .stopped import Stopped
 
 
 @dataclasses.dataclass(eq=False)
@@ -43,8 +44,9 @@ class Carry:
 
     @classmethod
     def quickly(
-        cls, shape: Shape, t0: float, h: Any, step: int, numbers: np.ndarray, last: np.ndarray
-    ) -> Carry:
+        cls, shape: Shape, t0: float, h: Any, step: int, numbers: np.ndarray, last: np.ndarray,
+        met: Met,
+    ) -> Carry:  # fmt: skip
         """Of one body that has not failed, in half the time that a dataclass takes."""
         made = object.__new__(cls)
         made.__dict__ = {
@@ -56,6 +58,7 @@ class Carry:
             "numbers": numbers,
             "last": last,
             "failures": {},
+            "met": met,
         }
         return made
 
@@ -72,6 +75,16 @@ class Carry:
             return build(shape.shown, iter(self.last.ravel().tolist()))
         parts = unpacked(shape.shown, self.last.T)
         return type(shape.example)(*(parts.get(name) for name in shape.example.parts))
+
+    @property
+    def stopped(self) -> Stopped:
+        """The bodies of an ensemble that go no further."""
+        taken = np.atleast_1d(self.numbers[-1])
+        steps = {int(i): max(0, int(taken[i])) for i in np.flatnonzero(taken < self.step)}
+        return Stopped(
+            steps,
+            lambda i: failure(self.failures.get(i), f"body {i}", f"step {int(taken[i]) + 1}"),
+        )
 
     def keep(self) -> None:
         """A copy of the last sample, before somebody gets the samples and may write to them."""
@@ -176,15 +189,15 @@ def each(carry: Carry) -> tuple[Any, ...]:
     """What every body of an ensemble with steps of one length carries along."""
     found: list[Any] = []
     h = carry.h if isinstance(carry.h, tuple) else (carry.h,) * len(carry.numbers[-1])
-    for i, taken in enumerate(carry.numbers[-1]):
-        state, error = member(carry.state, i), carry.failures.get(i)
-        if taken == carry.step:
+    stopped = carry.stopped
+    for i in range(len(h)):
+        state = member(carry.state, i)
+        if i not in stopped:
             own = Carry(
                 None, carry.t0, h[i], carry.step, None, carry.numbers[:, i], carry.last[:, i]
             )
             vars(own)["state"] = state
             found.append(own)
         else:
-            why = failure(error, f"body {i}", f"step {int(taken) + 1}")
-            found.append(Ended(state, carry.t0 + carry.step * h[i], max(0, int(taken)), why))
+            found.append(Ended(state, carry.t0 + carry.step * h[i], *stopped[i]))
     return tuple(found)

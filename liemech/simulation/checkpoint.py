@@ -38,7 +38,7 @@ class Checkpoint:
 
     def save(self, run: Any) -> None:
         """Write the run as far as it came."""
-        begun = time.perf_counter()
+        begun, self.taken = time.perf_counter(), 0
         self.shown(run).save(self.path)
         ended = time.perf_counter()
-        self.next, self.taken = ended + max(self.seconds, (ended - begun) / SHARE), 0
+        self.next = ended + max(self.seconds, (ended - begun) / SHARE)

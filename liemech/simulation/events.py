@@ -75,7 +75,7 @@ class Watch:
         before: Met | None = None,
     ) -> None:
         self.events, self._ended = events, ended
-        self.looking, self.looked = False, 0  # how many of the last steps have been looked at
+        self.looked = 0  # how many of the last steps have been looked at
         self.before = [0] * len(events) if before is None else before.counts(events)
         self.ended: int | None = None  # by which event
         self.found: list[list[tuple[float, np.ndarray]]] = [[] for _ in events]
@@ -92,7 +92,7 @@ class Watch:
         t, n = motion.t, len(motion.t) - 1
         if not n:
             return None
-        self.looking, self.looked = True, 0
+        self.looked = 0
         native, found, first = NativeEvents(self.events, motion), None, 0
         if self.floats and native.ready():
             values = native.values(motion.points[1:], t[1:])
@@ -106,7 +106,6 @@ class Watch:
         if found is None and first < n:
             with native.plain():
                 found = self._plainly(motion, first)
-        self.looking = False
         return found
 
     def meet(self, zeros: Iterable[Zero]) -> tuple[int, float, np.ndarray] | None:

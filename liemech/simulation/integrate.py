@@ -157,7 +157,8 @@ def integrate(
             or arguments.chooses_steps(way)
             or any(options[name] is not None for name in ("rtol", "atol", "max_step"))
         ):
-            arguments.only_adaptive(way, every)
+            asked = {name: options[name] for name in ("rtol", "atol", "max_step", "breaks")}
+            arguments.only_adaptive(way, every, h, **asked)
             options["rtol"] = arguments.RTOL if rtol is None else rtol
         plan = Plan(system, method, **options)
         if key is not None:

@@ -146,16 +146,20 @@ class OneByOne:
                     break
                 try:
                     self.runs.append(self._run(i))
-                except IntegrationFailure as error:
+                except (Exception, KeyboardInterrupt) as caught:
+                    error: Any = caught
+                    run = getattr(error, "trajectory", None)
+                    if run is not None and run.bodies is not None:
+                        raise  # of all bodies: a checkpoint could not record what it should
+                    if isinstance(error, KeyboardInterrupt):
+                        raise self._interrupted(i, run) from None
+                    if not isinstance(error, IntegrationFailure):
+                        if run is not None:
+                            error.add_note(f"[integrate: body {i}]")
+                            error.trajectory = self.joined(run)
+                        raise
                     self.errors[i] = error
                     self.runs.append(error.trajectory)
-                except KeyboardInterrupt as error:
-                    raise self._interrupted(i, getattr(error, "trajectory", None)) from None
-                except Exception as error:
-                    if hasattr(error, "trajectory"):
-                        error.add_note(f"[integrate: body {i}]")
-                        error.trajectory = self.joined(error.trajectory)
-                    raise
                 if self.kept is not None and self.kept.due():
                     self.kept.save(self.joined())
                 bar.advance(1)

@@ -148,7 +148,8 @@ class Plan:
         elif h is None or not (rtol is atol is max_step is None) or len(breaks):
             from .adaptive_run import AdaptiveSteps
 
-            arguments.only_adaptive(first("method"), every)
+            asked = {"rtol": rtol, "atol": atol, "max_step": max_step, "breaks": breaks}
+            arguments.only_adaptive(first("method"), every, h, **asked)
             if precision != "double":
                 raise InvalidInput(
                     f"integrate: precision={precision!r} is for "
@@ -423,9 +424,9 @@ class Plan:
         kept = self._kept(checkpoint, checkpoint_every)
         if isinstance(run, Stepper):
             carry = run.carry
-            self._require_mine(carry)
+            self._require_mine(carry, "resume")
         elif isinstance(run, Trajectory):
-            carry = self._of_this_plan(run)
+            carry = self._of_this_plan(run, "resume")
         else:
             raise InvalidType(f"Plan.resume goes on with a Trajectory; got {type(run).__name__}")
         if apart(self, carry, t_end, t_eval):
@@ -557,17 +558,19 @@ class Plan:
         assert times is not None
         return sampled(self._steps, start, steps, t0, times, kept)
 
-    def _of_this_plan(self, run: Trajectory) -> Any:
-        """What the run carries along, if it is this plan's to go on with."""
+    def _of_this_plan(self, run: Trajectory, what: str) -> Any:
+        """What the run carries along, if it is this plan's to go on with.  what : the method that was
+        called.
+        """
         carry: Any = run.carry
         if isinstance(run, TangentTrajectory):
             raise InvalidInput(
-                "Plan.resume: a run with its tangent map carries nothing on; go on with "
+                f"Plan.{what}: a run with its tangent map carries nothing on; go on with "
                 "plan.tangent(run.last, ...) and multiply the maps"
             )
         if carry is None:
             raise InvalidInput(
-                "Plan.resume: this run was interrupted, has failed or was ended "
+                f"Plan.{what}: this run was interrupted, has failed or was ended "
                 "by an event, and carries nothing on; start from run.last"
             )
         given = carry.origin.given if isinstance(carry, FictiveCarry) else run.system
@@ -585,7 +588,7 @@ class Plan:
             pairs = each_of(mine), each_of(theirs)
             if len(pairs[0]) != len(pairs[1]):
                 raise InvalidInput(
-                    f"Plan.resume: the run was made with {len(pairs[1])} "
+                    f"Plan.{what}: the run was made with {len(pairs[1])} "
                     f"{name}s, the plan with {len(pairs[0])}"
                 )
             of_bodies += [(name, *pair) for pair in zip(*pairs, strict=True)]
@@ -596,13 +599,13 @@ class Plan:
             run.observed and self.recorder is None
         ):
             raise InvalidInput(
-                "Plan.resume: the run recorded "
+                f"Plan.{what}: the run recorded "
                 f"{', '.join(run.states)}, the plan records {self.record}"
             )
         for name, mine, theirs in of_bodies:
             if mine is not theirs and exact(mine) != exact(theirs):
                 raise InvalidInput(
-                    f"Plan.resume: the run was made with another {name}: "
+                    f"Plan.{what}: the run was made with another {name}: "
                     f"{', '.join(differing(mine, theirs))}; start a new one from run.last, or make "
                     "a plan of what it was made with"
                 )
@@ -613,7 +616,7 @@ class Plan:
                 continue
             if not isinstance(one, wanted):
                 raise InvalidInput(
-                    "Plan.resume: the run was made with other steps; start a new one from run.last"
+                    f"Plan.{what}: the run was made with other steps; start a new one from run.last"
                 )
             inner: Any = one.inner if isinstance(one, FictiveCarry) else one
             h = getattr(self._steps, "h", None)
@@ -621,7 +624,7 @@ class Plan:
                 h = arguments.step(self.of_each["h"][body])
             if not self.adaptive and inner.h != h:
                 raise InvalidInput(
-                    f"Plan.resume: the run was made with h = {inner.h!r} instead of {h!r}; "
+                    f"Plan.{what}: the run was made with h = {inner.h!r} instead of {h!r}; "
                     "start a new one from run.last"
                 )
         return carry
@@ -720,17 +723,21 @@ class Plan:
         if type(steps) is not int or steps < 1:
             steps = arguments.count(steps, "steps", 1)
         given: Any = carry
-        if type(given) is not Carry or not self._steps.owns(carry.shape):
-            self._require_mine(given)
+        if isinstance(given, Stepper):
+            given = given.carry
+        if type(given) is not Carry or not self._steps.owns(given.shape):
+            self._require_mine(given, "step")
             if isinstance(given, FictiveCarry):
                 inner = advanced(given.origin.steps(self._steps), given.inner, steps)
-                return FictiveCarry(given.origin, inner)  # type: ignore[return-value]
-        return advanced(self._steps, carry, steps)
+                made: Any = FictiveCarry(given.origin, inner, met=given.met)
+                return made
+        return advanced(self._steps, given, steps)
 
-    def stepper(self, start: Any, t0: float = 0.0) -> Stepper:
+    def stepper(self, start: Any, t0: float | None = None) -> Stepper:
         """A run that is advanced by hand, a step or some at a time, at a cost of a microsecond.
 
-        start : a state; or a run, or what `begin` and `step` gave, to go on from there.
+        start : a state at the time t0, 0 by default; or a run, a stepper, or what `begin` and
+        `step` gave, to go on from there.
 
             body = plan.stepper(start)
             body.step()
@@ -741,23 +748,29 @@ class Plan:
         """
         self._one_length("stepper")
         if isinstance(start, State):
-            return Stepper(self, self.begin(start, t0))
-        carry = self._of_this_plan(start) if isinstance(start, Trajectory) else start
-        self._require_mine(carry)
+            return Stepper(self, self.begin(start, 0.0 if t0 is None else t0))
+        if t0 is not None:
+            raise InvalidInput(
+                f"Plan.stepper: t0 = {t0!r} is for a state; what goes on has its time"
+            )
+        carry = start.carry if isinstance(start, Stepper) else start
+        if isinstance(start, Trajectory):
+            carry = self._of_this_plan(start, "stepper")
+        self._require_mine(carry, "stepper")
         return Stepper(self, carry)
 
-    def _require_mine(self, carry: Any) -> None:
-        """Refuse what `step` does not go on from."""
-        self._one_length("step")
+    def _require_mine(self, carry: Any, what: str) -> None:
+        """Refuse what steps of one length do not go on from.  what : the method that was called."""
+        self._one_length(what)
         if not isinstance(carry, FictiveCarry if self.fictive else Carry):
             raise InvalidType(
-                "Plan.step goes on from what `begin` or `step` gave, or from the `carry` of a run or "
-                f"a stepper; got {carry!r}"
+                f"Plan.{what} goes on from what `begin` or `step` gave, or from the `carry` of a run "
+                f"or a stepper; got {carry!r}"
             )
         inner: Any = carry.inner if isinstance(carry, FictiveCarry) else carry
         if inner.h != self._steps.h:
             raise InvalidInput(
-                "Plan.step: the carry is of steps of h = "
+                f"Plan.{what}: the carry is of steps of h = "
                 f"{inner.h!r}, the plan has {self._steps.h!r}"
             )
         theirs: Any = None
@@ -771,7 +784,7 @@ class Plan:
         )
         if theirs is not None and exact(theirs) != exact(mine):
             raise InvalidInput(
-                "Plan.step: the carry is of another system or method; begin anew there, with "
+                f"Plan.{what}: the carry is of another system or method; begin anew there, with "
                 "plan.begin(carry.state, carry.t), or plan.stepper for begin"
             )
 

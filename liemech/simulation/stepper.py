@@ -8,12 +8,14 @@ from typing import Any
 import numpy as np
 
 from ..compiler.kernel import Kernel, address
+from ..errors import IntegrationInterrupted
 from ..systems.system import State
 from . import arguments
 from .at_once import LONGEST, in_one_call
 from .carry import Carry
 from .dense import unpacked
 from .fictive import FictiveCarry
+from .stopped import Stopped
 
 
 class Stepper:
@@ -35,17 +37,25 @@ class Stepper:
     def step(self, steps: int = 1) -> None:
         """Go on by so many steps.
 
-        Raises what `integrate` raises.  Then it stands before the step that failed.
+        Raises what `integrate` raises.  Then it stands before the step that failed, and after
+        Ctrl-C where it has come to.
         """
         if type(steps) is not int or steps < 1:
             steps = arguments.count(steps, "steps", 1)
         with self._lock:
             here = self._here
-            if here is not None:
-                before = here.taken
-                if steps <= here.most:
-                    here.advance(before, steps)
-                steps -= here.taken - before
+            while here is not None and steps:
+                before, some = here.taken, min(steps, here.most)
+                try:
+                    here.advance(before, some)
+                except KeyboardInterrupt:
+                    raise IntegrationInterrupted(
+                        f"Stepper.step: interrupted after {here.taken} steps, where it stands now"
+                    ) from None
+                made = here.taken - before
+                steps -= made
+                if made < some:
+                    break
             if steps:
                 self._slowly(steps)
 
@@ -63,18 +73,32 @@ class Stepper:
             if self._here is None:
                 return self._carry
             inner, given = self._here.carry, self._carry
-            return FictiveCarry(given.origin, inner) if self._fictive else inner
+            return FictiveCarry(given.origin, inner, met=given.met) if self._fictive else inner
 
     @property
     def t(self) -> Any:
         """The time, in s: t0 + n h after n steps; in fictive time the physical one."""
         here = self._here
-        return self.carry.t if here is None or self._fictive else here.t
+        if here is None:
+            return self._carry.t
+        if not self._fictive:
+            return here.t
+        with self._lock:
+            whole = self._carry.origin.whole
+            return float(whole.apart({name: x[None] for name, x in here.parts.items()})[0][0])
 
     @property
     def steps(self) -> int:
         """How many steps were taken, from the start on."""
-        return int(self.carry.step)
+        here = self._here
+        return int(self._carry.step) if here is None else here.taken
+
+    @property
+    def stopped(self) -> Stopped:
+        """The bodies of an ensemble that go no further: after how many steps, and why."""
+        carry: Any = self.carry
+        stopped: Stopped = (carry.inner if self._fictive else carry).stopped
+        return stopped
 
     @property
     def state(self) -> State:
@@ -93,6 +117,13 @@ class Stepper:
         if name not in parts:
             raise AttributeError(f"a Stepper has no {name!r}; its state has {', '.join(parts)}")
         return None if parts[name] is None else np.array(parts[name])
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if not name.startswith("_"):
+            raise AttributeError(
+                f"{name} of a Stepper cannot be set; begin anew: plan.stepper(start, t0)"
+            )
+        object.__setattr__(self, name, value)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Stepper, (self._plan, self.carry)
@@ -117,17 +148,21 @@ class Stepper:
         """The same by `Plan.step`: in plain Python, for an ensemble, for very many steps, and for a
         step that fails.
         """
-        carry = self.carry
-        try:
-            self._stand(self._plan.step(carry, steps))
-        except (Exception, KeyboardInterrupt) as error:
-            run = getattr(error, "trajectory", None)
-            if run is not None and 0 < run.steps < steps:
-                there = run.carry
-                if there is None and isinstance(error, Exception):
-                    there = self._plan.step(carry, run.steps)
-                self._stand(there or carry)
-            raise
+        while steps:
+            carry, some = self.carry, steps
+            try:
+                there = self._plan.step(carry, some)
+            except (Exception, KeyboardInterrupt) as error:
+                run = getattr(error, "trajectory", None)
+                if run is None or not 0 < run.steps < steps:
+                    raise
+                if isinstance(error, KeyboardInterrupt):
+                    self._stand(run.carry or carry)
+                    raise
+                some = run.steps  # to the last one that can be made, and fail there
+                there = self._plan.step(carry, some)
+            self._stand(there)
+            steps -= some
 
 
 class InPlace:
@@ -167,4 +202,5 @@ class InPlace:
         """A copy."""
         begun: Any = self.begun
         now, end = self.memory.copy(), self.last + 1
-        return Carry.quickly(begun.shape, begun.t0, begun.h, self.taken, now[:end], now[end:])
+        given = begun.shape, begun.t0, begun.h, self.taken, now[:end], now[end:]
+        return Carry.quickly(*given, begun.met)

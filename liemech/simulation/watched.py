@@ -66,8 +66,8 @@ def _between(
 ) -> Trajectory:
     """The samples at these times, of a run that has kept the whole steps before them.
 
-    after : how many steps there are before each.  at : the number of their sample.  exact : is it
-    the one at this time?
+    after : how many steps there are before each.  at : the number of the sample after these.
+    exact : does the last of these steps end at the time?
     """
     shape = run.shape
     numbers = np.moveaxis(run.out[at][..., : run.count], 1, -1).copy()  # (times, bodies, width)

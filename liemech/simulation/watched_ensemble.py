@@ -5,16 +5,18 @@ looked at together.
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..compiler import kernel
-from ..errors import IntegrationFailure, IntegrationInterrupted
+from ..errors import IntegrationFailure, IntegrationInterrupted, is_mistake
 from ..formulas.pytree import build
 from .carry import Carries, Carry, each
 from .dense import ShortSteps, unpacked
-from .events import NativeEvents, Watch, Watches, unseen
+from .events import NativeEvents, Unseen, Watch, Watches, unseen
 from .fixed_run import FixedRun
 from .one_by_one import OneByOne
 from .progress import Bar
@@ -43,6 +45,17 @@ class Part(FixedRun):
         return self._so_far(steps)
 
 
+@contextmanager
+def left_to_python() -> Iterator[None]:
+    """Around steps and events: of those that fail, plain Python says why, and of which body."""
+    try:
+        yield
+    except Exception as error:
+        if isinstance(error, IntegrationFailure) or is_mistake(error):
+            raise Unseen from error
+        raise
+
+
 class WatchedEnsemble(OneByOne):
     """A run of an ensemble with events: one body after another until native code of the events is
     there, then all at once.
@@ -54,7 +67,7 @@ class WatchedEnsemble(OneByOne):
 
     first: int | None = None
     alone = False
-    """Are all bodies to go alone, because events are not seen side by side?"""
+    """Must every body run alone, because native code cannot look at the events?"""
 
     @staticmethod
     def fits(plan: Any, start: Any, t_end: Any, t_eval: Any) -> bool:
@@ -68,10 +81,11 @@ class WatchedEnsemble(OneByOne):
         if self.alone:
             return False
         try:
-            native = self._native_events()
-            if not native.ready():
-                return False
-            self._begin(native, first)
+            with left_to_python():
+                native = self._native_events()
+                if not native.ready():
+                    return False
+                self._begin(native, first)
             self._march(bar)
         except KeyboardInterrupt:
             if self.first is None:
@@ -82,7 +96,7 @@ class WatchedEnsemble(OneByOne):
             stopped = IntegrationInterrupted(f"{told}; the samples are in `.trajectory`")
             stopped.trajectory = self.joined()
             raise stopped from None
-        except Exception:  # plain Python says what it is, and which body it was
+        except Unseen:
             self.first, self.alone = None, True
             return False
         return True
@@ -126,23 +140,28 @@ class WatchedEnsemble(OneByOne):
             n = max(1, min(LARGEST, self.whole - self.done, NUMBERS // size))
             if kept is not None:
                 n = max(1, min(n, kept.within(n * self.count) // self.count))
-            run = Part(self.inner, self.now, n, self._t0)
-            part = run.trajectory()
-            t = run.times(n + 1, n)
-            cuts = self._look(run, n, t if t.ndim == 2 else np.repeat(t[:, None], self.count, axis=1))
-            failed = self.alive & (run.taken[: self.count] < run.before + n)
-            failed[[*cuts]] = False
-            self._keep(run, n, t)
-            self.done, self.now, self.reached = self.done + n, part.carry, self.h * 0.0 + t[-1]
-            self.cuts |= cuts
-            self.alive[[*cuts]] = False
-            self.alive &= ~failed
-            self._fail(np.flatnonzero(failed))
+            with left_to_python():
+                self._piece(n)
             reached = self.first + (self.count - self.first) * self.done // self.whole
             bar.advance(reached - shown)
             shown = reached
             if kept is not None and kept.due(n * self.count):
                 kept.save(self.joined())
+
+    def _piece(self, n: int) -> None:
+        """So many steps of all bodies, with their events."""
+        run = Part(self.inner, self.now, n, self._t0)
+        part = run.trajectory()
+        t = run.times(n + 1, n)
+        cuts = self._look(run, n, t if t.ndim == 2 else np.repeat(t[:, None], self.count, axis=1))
+        failed = self.alive & (run.taken[: self.count] < run.before + n)
+        failed[[*cuts]] = False
+        self._keep(run, n, t)
+        self.done, self.now, self.reached = self.done + n, part.carry, self.h * 0.0 + t[-1]
+        self.cuts |= cuts
+        self.alive[[*cuts]] = False
+        self.alive &= ~failed
+        self._fail(np.flatnonzero(failed))
 
     def _look(self, run: FixedRun, n: int, t: np.ndarray) -> dict[int, Cut]:
         """Look for events in these steps; what terminal ones ended.  t : (n + 1, bodies)."""

@@ -19,6 +19,7 @@ import worlds
 
 import liemech as lm
 from liemech.compiler import kernel
+from liemech.compiler.driver import accepted, attempt, itself
 from liemech.formulas import Record, Vec, dot, record, sin, vec
 from liemech.formulas.pytree import layout_of
 from liemech.simulation.fixed import fixed_steps
@@ -212,6 +213,25 @@ def test_the_turns_of_a_loop_are_counted_once_for_all_lanes() -> None:
         for form in (r"= phi i64", r"= phi <\d+ x i64>")
     )
     assert scalar == 2 * vectors, "the counters of bodies and of turns, beside k"
+
+
+def risen(x):
+    if x < 0.0:
+        raise ValueError("negative")
+    return x + 1.0
+
+
+def with_a_part_that_is_tried(x, y, turns):
+    if x > 2.0:
+        raise ValueError("large")
+    part = attempt(risen, y)
+    return vec(x + part) if accepted(part, itself) else vec(x)
+
+
+def test_an_attempt_within_another_fails_by_itself() -> None:
+    """Neither makes the other fail, nor good."""
+    rows = [[x, y] for x in (1.0, 3.0) for y in (1.0, -1.0)]
+    worlds.same_in_all_worlds(with_a_part_that_is_tried, rows)
 
 
 @pytest.mark.slow

@@ -206,6 +206,34 @@ def test_a_body_that_cannot_begin() -> None:
     assert np.array_equal(runs.q[:, 0], np.zeros((2, 2)))
 
 
+@lm.record
+class Walled(lm.Hamiltonian):
+    """A free body that has no energy where mu_2 > 0.9."""
+
+    inertia: lm.Vec
+
+    def energy(self, mu: lm.Vec) -> float:
+        if mu[1] > 0.9:
+            raise ValueError("wall")
+        return 0.5 * lm.dot(mu, mu / self.inertia)
+
+
+WALLED = lm.LiePoissonSystem(lm.SO3(), Walled([1.0, 0.6, 0.4]))
+BEHIND = [-1.91, 0.9003, -0.48]
+
+
+@pytest.mark.parametrize("compiled", [True, False])
+def test_a_body_whose_formula_fails_at_its_start_makes_no_step(compiled: bool) -> None:
+    """Though the first step is found by a probe, which goes through the wall."""
+    plan = lm.Plan(WALLED, lm.RKMK(order=5), rtol=1e-6, compiled=compiled, progress=False)
+    with pytest.raises(IntegrationFailure, match="wall") as alone:
+        plan.run(WALLED.state(mu=BEHIND), t_end=1.0)
+    with pytest.warns(RuntimeWarning, match="body 1 after 0 steps"):
+        runs = plan.run(WALLED.state(mu=[[0.1, 0.2, 0.3], BEHIND]), t_end=1.0)
+    assert runs.stopped.steps == {1: 0} and str(runs.stopped[1].error) == str(alone.value)
+    assert np.array_equal(runs.mu[:, 1], [BEHIND, BEHIND])
+
+
 def test_an_interrupt_leaves_every_body_where_it_stands(monkeypatch: pytest.MonkeyPatch) -> None:
     """From there all go on, and come to the same bits."""
     piece, left = adaptive_ensemble.AdaptiveEnsemble._piece, [3]

@@ -4,6 +4,7 @@ are left.
 
 from __future__ import annotations
 
+import math
 import traceback
 import warnings
 from typing import Any
@@ -284,6 +285,36 @@ def test_an_event_that_raises_keeps_the_samples() -> None:
     with pytest.raises(ZeroDivisionError) as caught:
         lm.integrate(body, lm.RKMK(order=5), start, t_end=5.0, events=broken)
     assert len(caught.value.trajectory) > 1  # type: ignore[attr-defined]
+
+
+@pytest.mark.compiled
+def test_an_event_that_raises_ends_an_adaptive_run_before_its_step() -> None:
+    """Rows, samples, steps, zeros and ensembles end where it was last looked at, in both worlds: and
+    from there the run goes on as if nothing had happened.
+    """
+
+    def event(t: float, state: Any) -> float:
+        return math.sqrt(1.0 - t) - 0.5
+
+    body, mu, asked = lm.RigidBody([1.0, 1.6, 2.3]), [-2.2565, 1.4079, -0.0149], np.arange(11) / 5.0
+    whole = lm.integrate(body, lm.RKMK(order=5), body.state(mu=mu), rtol=3.75e-9, t_end=2.0)
+    last = whole.t[whole.t < 1.0][-1]
+    for compiled in (False, True):
+        plan = lm.Plan(body, lm.RKMK(order=5), rtol=3.75e-9, events=event, compiled=compiled)
+        for times, start in (None, mu), (asked, mu), (None, [mu, [0.1, 0.2, 0.3]]):
+            with pytest.raises(ValueError, match="math domain") as caught:
+                plan.run(body.state(mu=start), t_end=2.0, t_eval=times)
+            error: Any = caught.value
+            run = error.trajectory
+            if run.bodies is None:
+                wanted = whole.t[whole.t <= last] if times is None else asked[asked <= last]
+                assert np.array_equal(run.t, wanted) and run.steps == (whole.t <= last).sum() - 1
+                assert [*run.events[0][0]] == [0.75]
+                rest = plan.replace(events=()).resume(run, t_end=2.0)
+                assert np.array_equal(rest.mu[-1], whole.mu[-1])
+            else:
+                assert np.array_equal(run.t, [[0.0, 0.0], [last, 0.0]])
+                assert np.array_equal(run.mu[1, 0], whole.mu[run.steps])
 
 
 @WORLDS

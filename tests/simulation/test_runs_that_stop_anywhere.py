@@ -184,6 +184,48 @@ def test_a_checkpoint_of_adaptive_steps_with_events(tmp_path: Path):
     assert same(part.then(plan.resume(part, t_end=25.0)), whole)
 
 
+@pytest.mark.compiled
+def test_a_checkpoint_that_cannot_be_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Says why, and is not tried again: native code has the events from the third run on."""
+    asked = []
+
+    def full(run: Any, path: Any) -> None:
+        asked.append(path)
+        raise OSError("the disk is full")
+
+    monkeypatch.setattr(lm.Trajectory, "save", full)
+    plan = lm.Plan(BODY, lm.RKMK(order=4), 0.05, events=lambda t, s: s.mu[0], compiled=True)
+    for n in range(1, 5):
+        with pytest.raises(OSError, match="the disk is full"):
+            plan.run(MANY, steps=40, checkpoint=tmp_path / "run.npz", checkpoint_every="7 steps")
+        assert len(asked) == n
+
+
+@lm.record
+class Walled(lm.Hamiltonian):
+    """A free body that has no energy where mu_2 > 0.9."""
+
+    def energy(self, mu: lm.Vec) -> float:
+        if mu[1] > 0.9:
+            raise ValueError("wall")
+        return 0.5 * mu[0] ** 2 + mu[1] ** 2 + 1.5 * mu[2] ** 2
+
+
+@pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=pytest.mark.compiled)])
+@pytest.mark.parametrize("adaptive", [False, True])
+def test_a_checkpoint_of_what_cannot_be_recorded(compiled: bool, adaptive: bool, tmp_path: Path):
+    """The first error is raised, with what could be recorded of all bodies."""
+    system = lm.LiePoissonSystem(lm.SO3(), Walled())
+    how: Any = {"t_end": -2.0} if adaptive else {"steps": 45}
+    steps: Any = {"rtol": 1e-6} if adaptive else {"h": -0.05, "events": lambda t, s: s.mu[1]}
+    plan = lm.Plan(system, lm.RKMK(order=5), record="energy", compiled=compiled, **steps)
+    start = system.state(mu=[[0.1, 0.2, 0.3], [-1.91, 0.9003, -0.48]])
+    with pytest.raises(ValueError, match="wall") as caught:
+        plan.run(start, checkpoint=tmp_path / "run.npz", checkpoint_every="7 steps", **how)
+    error: Any = caught.value
+    assert error.trajectory.bodies == 2 and [*error.trajectory.states] == ["energy"]
+
+
 def test_how_often_a_checkpoint_is_written(tmp_path: Path):
     path = tmp_path / "run.npz"
     plan = lm.Plan(BODY, lm.RKMK(order=2), 0.1, compiled=False)

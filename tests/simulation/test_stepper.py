@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import pickle
+import warnings
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
@@ -11,8 +12,15 @@ import numpy as np
 import pytest
 
 import liemech as lm
-from liemech.errors import IntegrationFailure, InvalidInput, InvalidType
+from liemech.errors import (
+    IncompatibleSystem,
+    IntegrationFailure,
+    IntegrationInterrupted,
+    InvalidInput,
+    InvalidType,
+)
 from liemech.simulation import at_once
+from liemech.simulation.stepper import InPlace
 
 BODY = lm.RigidBody([1.0, 1.6, 2.3])
 START = BODY.state(mu=[0.5, -0.3, 0.75], g=np.eye(3))
@@ -108,6 +116,52 @@ def test_what_it_gives_is_its_own() -> None:
     assert np.array_equal(stepper.mu, START.mu)
     with pytest.raises(AttributeError, match="its state has mu, g"):
         stepper.q  # noqa: B018
+    for name, value in {"mu": START.mu, "h": 0.1, "t": 3.0}.items():
+        with pytest.raises(AttributeError, match=rf"{name} of a Stepper cannot be set; .*stepper\("):
+            setattr(stepper, name, value)
+
+
+class Equator:
+    """mu_1 passes zero."""
+
+    terminal = 3
+
+    def __call__(self, t: float, state: Any) -> float:
+        return state.mu[0]
+
+
+@WORLDS
+def test_the_count_of_an_event_goes_on(compiled: bool) -> None:
+    """Two zeros of three were met before the run is stepped by hand."""
+    plan = lm.Plan(BODY, lm.RKMK(order=4), 0.05, events=Equator(), compiled=compiled)
+    all_three = plan.run(START, steps=3000)
+    (times, _), = all_three.events
+    first = plan.run(START, steps=all_three.steps - 10)
+    assert len(times) == 3 and [len(t) for t, _ in first.events] == [2]
+    stepper = plan.stepper(first)
+    for steps in (1, 2, 1):
+        stepper.step(steps)
+    ended = plan.resume(stepper, steps=3000)
+    assert np.array_equal(ended.events[0][0], times[2:])
+
+
+@pytest.mark.compiled
+def test_an_interrupt_leaves_it_where_it_has_come_to(monkeypatch: pytest.MonkeyPatch) -> None:
+    plan, start = plan_of("explicit", True)
+    stepper, run, advance = plan.stepper(start), plan.run(start, steps=9), InPlace.advance
+
+    def interrupted(here: InPlace, first: int, steps: int) -> None:
+        advance(here, first, steps)
+        if here.taken == 6:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(InPlace, "advance", interrupted)
+    stepper._here.most = 2
+    with pytest.raises(IntegrationInterrupted, match="after 6 steps, where it stands now"):
+        stepper.step(9)
+    stands(stepper, run, 6)
+    stepper.step(3)
+    stands(stepper, run, 9)
 
 
 # ------------------------------------------------------------------ steps that fail
@@ -135,10 +189,30 @@ def test_a_step_that_fails_says_why_and_those_before_it_count(
         plan.run(start, steps=200)
     run, stepper = caught.value.trajectory, plan.stepper(start)
     for _ in range(2):  # nor does it go on when it is asked again
-        with pytest.raises(IntegrationFailure, match=f"beyond the fence .step {run.steps + 1} of"):
+        with pytest.raises(IntegrationFailure, match=f"beyond the fence .step {run.steps + 1} of") as caught:
             while True:
                 stepper.step(at_a_time)
         stands(stepper, run, run.steps)
+        assert np.array_equal(caught.value.trajectory.t, run.t[-1:])  # it failed from there
+
+
+def test_a_body_that_stops_is_told_once() -> None:
+    body = lm.RigidBody([1.0, 1.5, 2.0])
+    plan = lm.Plan(body, Fenced(order=4), 0.1, compiled=False)
+    stepper = plan.stepper(body.state(mu=[[0.3, 0.4, 0.75], [0.1, 0.0, 0.2], [0.3, 0.5, 0.75]]))
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        for _ in range(40):
+            stepper.step()
+    assert len(told) == len(stepper.stopped) == 2
+    run = plan.run(body.state(mu=[0.1, 0.0, 0.2]), steps=40)
+    assert np.array_equal(stepper.mu[1], run.mu[-1])
+    for i, stop in stepper.stopped.items():
+        assert f"body {i} after {stop.steps} steps" in " ".join(str(one.message) for one in told)
+        assert "beyond the fence" in str(stop.error)
+    nobody = plan.stepper(body.state(mu=[[0.3, 0.4, 0.75]]))
+    with pytest.warns(RuntimeWarning), pytest.raises(IntegrationFailure, match="beyond the fence"):
+        nobody.step(40)
 
 
 # ------------------------------------------------------------------ what it reads, and threads
@@ -208,3 +282,24 @@ def test_what_is_no_step_of_this_plan_is_refused() -> None:
             stepper.step(steps)  # type: ignore[arg-type]
     with pytest.raises(InvalidType, match="another kind of system"):
         plan.stepper(KEPLER.state([1.0, 0.0], [0.0, 1.0]))
+    with pytest.raises(InvalidInput, match=r"Plan\.stepper: t0 = 3\.0 is for a state"):
+        plan.stepper(stepper.carry, t0=3.0)
+    adaptive = lm.Plan(BODY, lm.RKMK(order=5), rtol=1e-6)
+    with pytest.raises(InvalidInput, match=r"Plan\.resume is for steps of one length"):
+        adaptive.resume(stepper, t_end=1.0)
+    ending = plan.replace(events=Equator())
+    with pytest.raises(InvalidInput, match=r"Plan\.stepper: this run was interrupted"):
+        ending.stepper(ending.run(start, steps=3000))
+    with pytest.raises(IncompatibleSystem, match="leave out max_step and breaks for steps of length h"):
+        lm.Plan(BODY, lm.RKMK(order=4), 0.1, max_step=0.1, breaks=[0.5])
+
+
+def test_it_goes_on_from_another_one() -> None:
+    plan, start = plan_of("explicit", False)
+    stepper, run = plan.stepper(start, t0=0.0), plan.run(start, steps=3)
+    stepper.step(2)
+    other = plan.stepper(stepper)
+    other.step()
+    stands(other, run, 3)
+    assert np.array_equal(plan.step(stepper).last, other.carry.last)
+    stands(stepper, run, 2)
