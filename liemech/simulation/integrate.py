@@ -8,7 +8,7 @@ from datetime import timedelta
 from typing import Any
 
 from ..errors import InvalidInput, NotCompilable
-from ..formulas.pytree import layout_of
+from ..formulas.pytree import exact, layout_of, leaves
 from ..integrators.method import Method
 from ..systems.system import State, System
 from . import arguments
@@ -131,11 +131,11 @@ def integrate(
         ),
         t_end is None,
     )
-    key: Any = (
-        (layout_of(system), id(method), *map(type, rest), *rest)
-        if isinstance(system, System)
-        else None
-    )
+    key: Any = None
+    if isinstance(system, System) and isinstance(method, Method):
+        layout = layout_of(method)
+        numbers = exact(tuple(leaves(method, layout))) if layout.width else ()
+        key = layout_of(system), layout, numbers, *map(type, rest), *rest
     try:
         plan = _plans.get(key)
     except TypeError:  # a list or an array among them

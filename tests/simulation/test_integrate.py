@@ -4,6 +4,7 @@ kept.
 
 from __future__ import annotations
 
+import importlib
 import os
 import signal
 import subprocess
@@ -532,3 +533,17 @@ def test_steps_to_a_time_for_methods_that_cannot_choose_them() -> None:
     assert adaptive.h is None or not np.allclose(np.diff(adaptive.t), 0.1)
     with pytest.raises(lm.errors.InvalidInput, match="lead to t_end"):
         lm.integrate(body, RKMK4, start, h=0.3, t_end=2.0)
+
+
+def test_a_method_made_anew_finds_the_plan_of_the_last() -> None:
+    body, start = asymmetric_body()
+    plans = importlib.import_module("liemech.simulation.integrate")._plans
+    first = lm.integrate(body, lm.RKMK(order=4), start, h=0.1, steps=3)
+    before = len(plans)
+    again = lm.integrate(body, lm.RKMK(order=4), start, h=0.1, steps=3)
+    assert len(plans) == before and same_run(first, again)
+    # and by its numbers
+    fitted = lm.ExactMoserVeselov.of(body, start, 0.1)
+    other = lm.ExactMoserVeselov(0.1, fitted.constants, [(1.0 + 1e-9) * x for x in fitted.moments])
+    runs = [lm.integrate(body, m, start, h=0.1, steps=3) for m in (fitted, other)]
+    assert not np.array_equal(runs[0].mu, runs[1].mu)
