@@ -235,6 +235,10 @@ class FixedRun:
             + (steps == self.steps and steps and reached % self.every > 0)
         )
 
+    def _kept(self, steps: int) -> int:
+        """How many of them the run has then."""
+        return self.earlier + self._rows(steps)
+
     def _pending(self, done: int) -> int:
         """How many steps there are to the next sample."""
         if self.marks is not None:
@@ -275,7 +279,7 @@ class FixedRun:
         except KeyboardInterrupt:
             stopped = IntegrationInterrupted(
                 f"integrate: interrupted after {self.before + done} of {self.before + self.whole} "
-                f"steps; {self.earlier + self._rows(done)} samples are in `.trajectory`"
+                f"steps; {self._kept(done)} samples are in `.trajectory`"
             )
             raise self._with_trajectory(stopped, self._result(done)) from None
         return self._result(self.steps)
@@ -512,7 +516,7 @@ class FixedRun:
             else self._at_start()
         )
         if self.bodies is None:
-            at += f"; {self.earlier + self._rows(step - self.before)} samples are in `.trajectory`"
+            at += f"; {self._kept(step - self.before)} samples are in `.trajectory`"
         return failure(self.failures.get(body), repr(self.plan.method_of(body)), at)
 
     def _ended(self, body: int) -> Exception:

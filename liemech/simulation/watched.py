@@ -40,19 +40,36 @@ def sampled(
     before = start.step if isinstance(start, Carry) else 0
     after, exact = _steps_before(times, t0, plan.h_of(0))
     row = after - before
+    needed = row + ~exact
     marks = np.unique(np.append(row[row > 0], [steps] if steps else []).astype(np.int64))
-    run = FixedRun(plan, start, steps, t0, marks, checkpoint)
+    run = SampledRun(plan, start, steps, t0, marks, checkpoint)
+    run.needed = needed
     at = np.searchsorted(np.concatenate([[0], marks]), row)
+
+    def so_far(part: Trajectory) -> Trajectory:
+        some = needed <= part.steps
+        return _between(plan, run, part, times[some], after[some], at[some], exact[some])
+
     if checkpoint is not None:
         shown = checkpoint.shown
+        checkpoint.shown = lambda part: shown(so_far(part))
+    try:
+        whole = run.trajectory()
+    except (Exception, IntegrationInterrupted) as caught:
+        error: Any = caught
+        if hasattr(error, "trajectory"):
+            error.trajectory = so_far(error.trajectory)
+        raise
+    return _between(plan, run, whole, times, after, at, exact)
 
-        def so_far(part: Trajectory) -> Trajectory:
-            some = row + ~exact <= part.steps
-            own = times[some], after[some], at[some], exact[some]
-            return shown(_between(plan, run, part, *own))
 
-        checkpoint.shown = so_far
-    return _between(plan, run, run.trajectory(), times, after, at, exact)
+class SampledRun(FixedRun):
+    """The whole steps of such a run.  needed : how many of them every sample needs."""
+
+    needed: np.ndarray
+
+    def _kept(self, steps: int) -> int:
+        return int((self.needed <= steps).sum())
 
 
 def _between(
@@ -97,7 +114,9 @@ def _between(
             try:
                 found[of] = motion.moved(np.arange(len(motion.t)), asked[of])
             except IntegrationFailure as error:
-                error.trajectory = whole
+                n = int(np.nonzero(moving)[0][of][getattr(error, "row", 0)])  # the first that failed
+                before = times[:n], after[:n], at[:n], exact[:n]
+                error.trajectory = _between(plan, run, whole, *before)
                 raise
         numbers[moving] = found
     states = unpacked(shape.shown, numbers[:, 0] if run.bodies is None else numbers)

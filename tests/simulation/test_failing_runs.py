@@ -15,7 +15,7 @@ from scenes import asymmetric_body
 
 import liemech as lm
 from liemech import errors
-from liemech.errors import InvalidInput, InvalidType, NotFinite
+from liemech.errors import IntegrationFailure, InvalidInput, InvalidType, NotFinite
 from liemech.formulas import dot, vec
 
 WORLDS = pytest.mark.parametrize(
@@ -368,8 +368,21 @@ def test_a_shorter_step_that_fails_tells_its_time():
         with pytest.raises(errors.IntegrationFailure, match=words):
             run.at(times)
     with pytest.raises(errors.IntegrationFailure, match=words) as caught:
-        lm.integrate(body, t_eval=[0.1, 0.57], **how)
-    assert caught.value.trajectory is not None
+        lm.integrate(body, t_eval=[0.1, 0.13, 0.57, 0.6], **how)
+    assert np.array_equal(caught.value.trajectory.t, [0.1, 0.13])
+
+
+@pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=pytest.mark.compiled)])
+def test_a_step_that_fails_leaves_the_samples_that_were_asked_for(compiled: bool) -> None:
+    """Not the whole steps before them; and it says how many there are."""
+    body = lm.MechanicalSystem(BODY, lm.NoPotential(), load=Gap())
+    plan = lm.Plan(body, lm.RKMK(order=4), 0.05, compiled=compiled)
+    start = body.state(mu=[1.0, 0.0, 0.2], g=np.eye(3))
+    times = [0.0, 0.03, 0.1, 0.42, 0.51, 0.9]
+    with pytest.raises(IntegrationFailure, match="no force here .*; 4 samples are in") as caught:
+        plan.run(start, t_end=1.0, t_eval=times)
+    run, before = caught.value.trajectory, plan.run(start, t_end=0.5, t_eval=times[:4])
+    assert np.array_equal(run.t, times[:4]) and np.array_equal(run.mu, before.mu)
 
 
 STARTS = BODY.state(np.array([[0.3, 0.4, 0.5], [0.1, 0.5, 0.9]]))
