@@ -354,7 +354,10 @@ def test_a_number_that_remembers_on_one_way_only(kind: str) -> None:
         runs = []
         for mode in (False, True):
             try:
-                runs.append(lm.integrate(system, Saturated(kind), system.state(x), h=0.1, steps=60, compiled=mode))
+                run = lm.integrate(
+                    system, Saturated(kind), system.state(x), h=0.1, steps=60, compiled=mode
+                )
+                runs.append(run)
             except lm.errors.NotCompilable as error:
                 assert kind == "sum" and "remembers on one way only" in str(error)
                 return
