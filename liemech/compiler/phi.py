@@ -124,11 +124,12 @@ class Phis:
         return result
 
     def blank(self, value: Any) -> Any:
-        """A value of the same structure whose numbers are arbitrary."""
+        """A value of the same structure whose numbers are arbitrary: those known now what they are."""
         e = self.emitter
 
-        def arbitrary(x: Any) -> Num:
-            x = e.lift(x)
+        def arbitrary(x: Any) -> Any:
+            if not isinstance(x, Num):
+                return x
             return e.each(lambda v: ir.Constant(v.type, ir.Undefined), x.values)
 
         return self._numberwise([value], arbitrary)
