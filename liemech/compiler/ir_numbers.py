@@ -308,6 +308,8 @@ class Emitter:
         """A comparison, exact like Python's of integers with floats."""
         if not isinstance(a, Num):
             a, b, op = b, a, {"<": ">", ">": "<", "<=": ">=", ">=": "<="}.get(op, op)
+        if a.kind != "f" and isinstance(b, float) and not isinstance(b, np.generic):
+            b = int(b) if EXACT <= abs(b) < math.inf else b
         if isinstance(b, int) and not -EXACT <= b <= EXACT:
             if a.kind != "f":
                 if not -HUGE <= b < HUGE:
@@ -475,6 +477,11 @@ class Num(StandIn):
     @property
     def is_integer(self) -> bool:
         return self.kind == "i"
+
+    def settled(self, what: str) -> Num:
+        if self.mixed:
+            raise NotCompilable(what)
+        return self
 
     def elementary(self, name: str, *x: Any) -> Num:
         return self.emitter.call(f"llvm.{name}" if name in (*INSTRUCTIONS, "fma") else name, *x)

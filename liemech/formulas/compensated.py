@@ -32,13 +32,18 @@ class Compensated(ByValue):
         """The two numbers, as they lie in memory."""
         return self.value, self.rest
 
+    def settled(self) -> Compensated:
+        """The number, from here on one that remembers, if only zero."""
+        known = not isinstance(self.rest, StandIn)
+        return self if known else Compensated(self.value, 1.0 * self.rest)
+
     def __add__(self, other: Any) -> Any:
         if not _is_operand(other):
             return NotImplemented
         increment = (
-            other.value + (self.rest + other.rest)
+            other.value + (_rest(self) + _rest(other))
             if isinstance(other, Compensated)
-            else other + self.rest
+            else other + _rest(self)
         )
         total = self.value + increment
         return Compensated(total, increment - (total - self.value))
@@ -52,7 +57,7 @@ class Compensated(ByValue):
         return -self + other if _is_operand(other) else NotImplemented
 
     def __neg__(self) -> Compensated:
-        return Compensated(-self.value, -self.rest)
+        return Compensated(-self.value, 0 - self.rest)  # of what is not there, 0, the same
 
     def __pos__(self) -> Compensated:
         return self
@@ -83,6 +88,18 @@ class Compensated(ByValue):
 
     def __repr__(self) -> str:
         return f"({self.value} + {self.rest})"
+
+
+def _rest(x: Compensated) -> Any:
+    """What x remembers, on whichever way it came here."""
+    rest = x.rest
+    return rest.settled(_ON_ONE_WAY) if isinstance(rest, StandIn) else rest
+
+
+_ON_ONE_WAY = (
+    "a sum of a number that remembers on one way only what rounding took from it: write "
+    "liemech.formulas.plain(x) before the branch, max or where"
+)
 
 
 def _is_operand(x: Any) -> bool:

@@ -31,6 +31,10 @@ class StandIn:
         """Does it take the place of an int?"""
         return False
 
+    def settled(self, what: str) -> Any:
+        """The number, which is a float on every way to this place."""
+        return self
+
     def elementary(self, name: str, *x: Any) -> Any:
         """The elementary function of this name, of numbers of which one is `self`."""
         raise NotImplementedError

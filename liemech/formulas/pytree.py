@@ -443,7 +443,7 @@ def fitted(value: Any, layout: Layout) -> Any:
     if layout.kind == "number":
         return rounded_number(value_of(value))
     if layout.kind == "pair" and layout.detail == _COMPENSATED:
-        return Compensated(value) if is_number(value) else value
+        return Compensated(value) if is_number(value) else value.settled()
     if layout.kind == "pair" and layout.detail == _DOUBLE_DOUBLE:
         return DoubleDouble(value, 0.0) if is_number(value) else value
     if layout.kind == "pair" and layout.detail[0] is Dual and not isinstance(value, Dual):

@@ -40,3 +40,17 @@ def test_a_derivative_that_begins_in_a_loop(tmp_path: Path) -> None:
     assert abs(of_a) < 1e-9 and abs(of_b - 0.5 / 1.1**0.5) < 1e-12
     assert (c, d) == (31.0, 32.0) or (c, d) == (15.0, 16.0)
     worlds.same_in_all_worlds(module.formula, [(2.0, 1.1), (0.7, 0.3), (3.1, 2.0)], lanes=[1, 4])
+
+
+CHOSEN = """
+import liemech as lm
+
+def formula(a, b, n):
+    return lm.gradient(lambda v: -(v[1] if v[0] > 1.0 else 0.5 * v[0]), lm.vec(a, b))
+"""
+
+
+def test_a_derivative_of_one_way_only(tmp_path: Path) -> None:
+    """In lanes it was refused, as the negative of a number that may be an integer."""
+    module = worlds.module_from(CHOSEN, tmp_path, "derivatives_of_one_way")
+    worlds.same_in_all_worlds(module.formula, [(2.0, 1.1), (0.7, 0.3), (3.1, 2.0)], lanes=[1, 4])

@@ -829,6 +829,37 @@ S = {P(0.5): 2.0}
 def formula(a, b, c, d, n):
     return 1.0 if P(a) in S else 2.0
 
+### whole number beside a large float
+def formula(a, b, c, d, n):
+    k = n * 2**52 + 1
+    truths = (k > 2.0**53, k >= 2.0**53, k == 2.0**53, k != 2.0**53, 2.0**53 < k, -k == -2.0**53,
+              k < 1e300, k < math.inf, k != math.nan, k > 2.0**64, k > 0.5)
+    return [1.0 if x else 0.0 for x in truths]
+
+### loop up to a large float
+def formula(a, b, c, d, n):
+    k, turns = n * 2**52 + 1, 0.0
+    while k <= 2.0**53 and turns < 40.0:
+        k, turns = k - 1, turns + 1.0
+    return turns
+
+### complex on one way | Complex\(x, 0.0\) on every way
+def formula(a, b, c, d, n):
+    z = Complex(a, b) if a > 0.0 else 0.1
+    v = Complex(d, 0.7) / z
+    return v.re, v.im
+
+### class of complex on one way | Complex\(x, 0.0\) on every way
+def formula(a, b, c, d, n):
+    z = Complex(a, b) if a > 0.0 else c
+    return 1.0 if isinstance(z, Complex) else 2.0
+
+### complex on both ways
+def formula(a, b, c, d, n):
+    z = Complex(a, b) if a > 0.0 else Complex(0.1, 0.0)
+    v = Complex(d, 0.7) / z
+    return v.re, v.im
+
 ### derivative in a set | of what is no key
 S = {(0.5, 2), (1.0, 3)}
 def formula(a, b, c, d, n):

@@ -316,3 +316,50 @@ def test_what_it_brings() -> None:
         off.append(np.abs(run.g[-1].T @ run.g[-1] - np.eye(3)).max())
     assert off[1] <= 6 * EPS
     assert off[0] >= 3 * off[1]
+
+
+# ---------------------------------------------------------------- on one way only
+
+
+@record
+class Turning(lm.GroupEquation):
+    """x' = (x_2, -x_1)."""
+
+    def velocity(self, t: float, x: Any) -> Any:
+        return vec(x[1], -x[0])
+
+
+@record
+class Saturated(lm.Method):
+    """A step with a bound on one of its numbers."""
+
+    order = 1
+    symmetric = True
+    kind: str
+
+    def step(self, system: Any, t: float, state: Any, h: float) -> Any:
+        x = state.g
+        bounded = max(plain(x[0]) if self.kind == "plain sum" else x[0], 0.1)
+        share = -bounded * x[1] if self.kind == "product" else bounded + x[1]
+        new = x + h * share * system.velocity(t, x)
+        return type(state)(vec(where(new[0] < 0.5, new[0], 0.5), new[1]))
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("kind", ["sum", "plain sum", "product"])
+def test_a_number_that_remembers_on_one_way_only(kind: str) -> None:
+    """Its sums are not those of an ordinary number; whatever else is done with it is."""
+    system = Turning(lm.VectorSpace(2))
+    for x in np.random.default_rng(5).normal(size=(8, 2)):
+        runs = []
+        for mode in (False, True):
+            try:
+                run = lm.integrate(
+                    system, Saturated(kind), system.state(x), h=0.1, steps=60, compiled=mode
+                )
+                runs.append(run)
+            except lm.errors.NotCompilable as error:
+                assert kind == "sum" and "remembers on one way only" in str(error)
+                return
+        assert np.array_equal(runs[0].g, runs[1].g)
+    assert kind != "sum"
