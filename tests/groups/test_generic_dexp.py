@@ -9,6 +9,7 @@ import pytest
 from scipy.linalg import expm
 
 import liemech as lm
+from liemech.errors import InvalidInput
 from liemech.formulas import Vec, derivative, vec
 from liemech.groups.ad_series import mean, mean_slope
 from liemech.groups.representations import averaged
@@ -147,3 +148,10 @@ def test_the_mean_of_a_long_motion_is_halved_until_its_series_is_short() -> None
     assert x == pytest.approx(np.sin(angle) / angle, abs=1e-14) and z == pytest.approx(
         1.0, rel=1e-14
     )
+
+
+def test_numbers_of_terms_that_series_have_not() -> None:
+    algebra, x = lm.SO(4).algebra, [0.1] * 6
+    for terms, told in ((-1, "got -1"), (99, "got 99"), (10**30, "got a huge number")):
+        with pytest.raises(InvalidInput, match=rf"terms must be from 0 to .*; {told}"):
+            algebra.dexp_inv_series(x, x, terms)
