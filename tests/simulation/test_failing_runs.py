@@ -379,7 +379,7 @@ def test_a_step_that_fails_leaves_the_samples_that_were_asked_for(compiled: bool
     plan = lm.Plan(body, lm.RKMK(order=4), 0.05, compiled=compiled)
     start = body.state(mu=[1.0, 0.0, 0.2], g=np.eye(3))
     times = [0.0, 0.03, 0.1, 0.42, 0.51, 0.9]
-    with pytest.raises(IntegrationFailure, match="no force here .*; 4 samples are in") as caught:
+    with pytest.raises(IntegrationFailure, match=r"no force here .*; 4 samples are in") as caught:
         plan.run(start, t_end=1.0, t_eval=times)
     run, before = caught.value.trajectory, plan.run(start, t_end=0.5, t_eval=times[:4])
     assert np.array_equal(run.t, times[:4]) and np.array_equal(run.mu, before.mu)
