@@ -344,6 +344,8 @@ class AdaptiveEnsemble(OneByOne):
                 self._by_python(int(bodies[k]), columns[:, k], out[-2:, :, k])
             if time.perf_counter() - begun > PATIENCE:  # somebody may want to interrupt it
                 room, least, work = max(side, room // 4), max(1, least // 2), work // 4
+            if self.left:
+                self._rows_begin(bodies, out[:, 0, :m])
             if self.watches:
                 self._look(bodies, columns, out[:, :, :m])
             if lanes.curves:
@@ -367,6 +369,18 @@ class AdaptiveEnsemble(OneByOne):
                 bodies, queue = np.concatenate([bodies[:room], queue[:free]]), queue[free:]
                 columns = self.table.take(_padded(bodies, side), axis=1)
                 bar.advance(ended)
+
+    def _rows_begin(self, bodies: np.ndarray, t: np.ndarray) -> None:
+        """Let rows begin where the last ones ended, before a jump, as in a run of one body.
+
+        t : (turns + 1, bodies) the times of the last trials, of which not all are written.
+        """
+        sign = np.where(self.t_end[bodies] >= self.t0[bodies], 1.0, -1.0)
+        reached = sign * np.maximum.accumulate(sign * t, axis=0)
+        for k in np.flatnonzero(reached[0] != self.rows_at[bodies]).tolist():
+            t[t[:, k] == t[0, k], k] = self.rows_at[bodies[k]]
+        moved = reached[-1] != reached[0]
+        self.rows_at[bodies[moved]] = reached[-1, moved]
 
     def _go_on(self, bodies: np.ndarray, columns: np.ndarray) -> None:
         """Of bodies that have come to a jump of the velocity: on beyond it, to the next one."""
@@ -406,11 +420,6 @@ class AdaptiveEnsemble(OneByOne):
         if watches is None or not len(turn):
             return
         a, b, body = t[turn, column], t[turn + 1, column], bodies[column]
-        # as in a run of one body, rows begin where the last ones ended, before a jump
-        begins = np.append(True, column[1:] != column[:-1])
-        for k in np.flatnonzero(begins & (self.rows_at[body] != a)).tolist():
-            out[: turn[k] + 1, 0, column[k]] = a[k] = self.rows_at[body[k]]
-        self.rows_at[body] = b  # the last one of each
 
         def where(step: np.ndarray, times: np.ndarray) -> np.ndarray:
             found = out[turn[step] + 1, 1 : 1 + width, column[step]]

@@ -454,6 +454,7 @@ class AdaptiveRun:
             self.found = np.empty((len(all_times), self.width))  # type: ignore[arg-type]
         times, samples = all_times[self.asked :], self.found[self.asked :]  # type: ignore[index]
         out, done = np.empty(row + 1 + self.width), np.empty(2)
+        out[row] = self.rows[self.filled - 1, 0]
         states, clock = self.states.copy(), self.clock.copy()
         arrays = states, clock, out, times, samples.reshape(-1), done
         native = native and self.shape.stepping.ready(self._part())

@@ -174,6 +174,7 @@ class AtTimes(FirstPiece):
         place = address(self.memory)
         done = place + 8 * shape.kept
         out, samples = done + 8 * SAMPLES.width, done + 8 * shape.before
+        self.memory[shape.kept + SAMPLES.width + shape.row.width] = t0
         self._run(limit, count, place, place + shape.clock, out, address(times), samples, done)
 
     @property

@@ -20,6 +20,7 @@ from ..systems.system import State, member, small_state, state_of
 from . import arguments
 from .carry import AdaptiveCarry, Carries, Carry, Ended, Waiting, each, stacked
 from .checkpoint import Checkpoint
+from .events import NO_EVENTS
 from .fictive import FictiveCarry, Origin
 from .prepared import shown_step
 from .progress import Bar
@@ -328,6 +329,9 @@ class OneByOne:
             return run.carry
         if isinstance(self.begun(i), Ended):
             return self.begun(i)
+        hit = None if isinstance(run, TransformedTrajectory) else self._hit(i, run)
+        if hit is not None:
+            return Ended(*hit, self._taken(i, run))
         # one that failed stays there for all times that were asked for
         end = self.ends[i] if i in self.errors and self.plan.adaptive else None
         if not len(run) and self._reached(i) is None:
@@ -346,6 +350,15 @@ class OneByOne:
             return Ended(state, t, steps, error, tau, z, run.origin)
         z = None if run.z is None else float(run.z[-1])
         return Ended(state, t, steps, error, float(run.tau[-1]), z, run.origin)
+
+    def _hit(self, i: int, run: Trajectory) -> tuple[State, float] | None:
+        """The state and the time in which a terminal event ended the run of a body, if one did."""
+        events = self.plan.events
+        before = getattr(self.begun(i), "met", NO_EVENTS).counts(events)
+        for event, n, (t, states) in zip(events, before, run.events, strict=False):
+            if len(t) and n + len(t) == int(getattr(event, "terminal", None) or 0):
+                return member(states, len(t) - 1), float(t[-1])
+        return None
 
     def _reached(self, i: int) -> Any:
         """The state of a body that failed after its last accepted step."""

@@ -49,18 +49,20 @@ def sampled_steps(
     """The driver: `adaptive_steps`, whose arguments are these, one by one, and the states at those of
     `count` times, sorted in their direction, that they have passed.
 
-    out : the row of the last step, and behind it time and state before that step.
+    out : the row of the last step, and behind it time and state before that step.  At a jump of the
+    velocity that time, given for the first step, is the one before the jump.
     done : `Samples`; a state that fails ends the piece, before it.
     """
     point = layout.parts[0]  # of state and velocity
     n, k, going, failed = 0, 0, True, 0.0
     clock, (start, _) = read(clocks, 0, CLOCK), read(states, 0, layout)
+    before = read(out, row.width, NUMBER)
     while k < count and read(times, k, NUMBER) == clock.t:
         write(samples, k * point.width, start, point)
         k = k + 1
     while n < room and going:
         begun, (state, _) = read(clocks, 0, CLOCK), read(states, 0, layout)
-        write(out, row.width, (begun.t, state))
+        write(out, row.width, (before, state))
         adaptive_steps(
             method, system, layout, row, t_end, rtol, atol, longest, dense, 1,
             states, clocks, out, failures,
@@ -72,7 +74,7 @@ def sampled_steps(
         while k < count and failed == 0.0 and sign * read(times, k, NUMBER) <= sign * clock.t:
             at, sample = read(times, k, NUMBER), after
             if dense and at != clock.t:
-                curve, theta = read(out, 0, row)[2], (at - begun.t) / (clock.t - begun.t)
+                curve, theta = read(out, 0, row)[2], (at - before) / (clock.t - before)
                 moved = attempt(on_the_way, method.retraction, system, state, curve, theta)
                 if accepted(moved, itself, point):
                     sample = moved
@@ -81,6 +83,7 @@ def sampled_steps(
             if failed == 0.0:
                 write(samples, k * point.width, sample, point)
                 k = k + 1
+        before = clock.t
     write(done, 0, Samples(float(k), failed), SAMPLES)
 
 

@@ -145,9 +145,7 @@ class Stepper:
             self._here = InPlace(native, inner)
 
     def _slowly(self, steps: int) -> None:
-        """The same by `Plan.step`: in plain Python, for an ensemble, for very many steps, and for a
-        step that fails.
-        """
+        """The same by `Plan.step`: in plain Python, for an ensemble, and for a step that fails."""
         while steps:
             carry, some = self.carry, steps
             try:

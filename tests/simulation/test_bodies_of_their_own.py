@@ -101,6 +101,19 @@ def test_an_adaptive_ensemble_that_was_interrupted_goes_on(tmp_path: Path) -> No
         assert np.array_equal(part.then(rest).t[-1], np.full(4, 4.0))
 
 
+@pytest.mark.parametrize("times", [[0.0, 1.0, 3.0], [2.9, 3.0]])
+@pytest.mark.parametrize("stepping", [{"h": 0.1}, {"rtol": 1e-6}])
+def test_a_body_that_an_event_has_ended_stays_there(stepping: Any, times: list[float]) -> None:
+    """At its place then, for all samples to come, and not at the last one that was asked for."""
+    method = lm.StormerVerlet() if "h" in stepping else DP5
+    plan = lm.Plan(KEPLER, method, events=axis(2), compiled=False, **stepping)
+    runs = plan.run(ORBITS, t_end=3.0, t_eval=times)
+    ended, place = runs.events[0][1]
+    assert len(ended) == 2 and ended[-1] < 2.9
+    assert runs.t[-1, 1] == ended[-1] and np.array_equal(runs.q[-1, 1], place.q[-1])
+    assert runs.t[-1, 0] == 3.0
+
+
 def test_events_of_every_body(tmp_path: Path) -> None:
     """The orbits end at their second crossing, each at its own time; those that went on go on."""
     for how, span in (

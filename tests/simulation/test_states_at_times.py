@@ -123,3 +123,21 @@ def test_at_a_jump_of_the_velocity_they_are_those_of_both_sides(compiled: bool) 
     assert np.array_equal(run.mu[0], to_it.mu[0])
     assert np.abs(run.mu - BODY.exact(START, times).mu).max() < 1e-4
     assert np.array_equal(run.t, times)
+
+
+@BOTH
+def test_at_a_jump_of_the_velocity_they_have_one_value(compiled: bool) -> None:
+    """Whatever else is asked for, and beside other bodies, to the bit."""
+    body = lm.RigidBody([1.0, 1.6, 2.3])
+    mu, times = [0.20212572, -0.44147812, -0.77740195], [0.0, 0.3, 0.30000001, 0.6, 0.62, 1.7]
+    plan = lm.Plan(body, METHOD, rtol=1.1e-6, breaks=[0.3, 0.6], compiled=compiled)
+    wanted = plan.run(body.state(mu=mu), t_end=1.7).at(times).mu
+    plans = [plan.replace(**how) for how in (
+        {}, {"record": ["mu", "energy"]}, {"dense": True}, {"events": lambda t, s: s.mu[0] - 9.0},
+    )]  # fmt: skip
+    for each in plans:
+        run = each.run(body.state(mu=mu), t_end=1.7, t_eval=times)
+        assert np.array_equal(run.mu, wanted)
+    for each in (plans[0], *[plans[3]] * 4):  # native code has the events from the third run on
+        runs = each.run(body.state(mu=[mu, mu]), t_end=1.7, t_eval=times)
+        assert np.array_equal(runs.mu[:, 1], wanted)
