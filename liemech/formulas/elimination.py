@@ -6,6 +6,8 @@ from typing import Any
 
 from ..errors import InvalidType
 from .complex_numbers import Complex
+from .double_double import DoubleDouble, is_long
+from .pytree import plain
 from .sums import abs2
 from .vectors import Mat, Vec, cross, dot, mat, vec
 
@@ -24,7 +26,7 @@ def solve(m: Mat, rhs: Any) -> Vec:
             f"solve: a matrix of {len(m)} rows and {len(m[0])} "
             f"columns, and a right side of {n} components"
         )
-    rows = [vec(*m[i], rhs[i]) for i in range(n)]
+    rows = _of_one_kind([vec(*m[i], rhs[i]) for i in range(n)])
     for k in range(n):
         # a compare-and-swap network brings the largest entry of the column to row k
         for i in range(k + 1, n):
@@ -39,6 +41,15 @@ def solve(m: Mat, rhs: Any) -> Vec:
             remainder = remainder - rows[k][j] * x[j]
         x[k] = remainder / rows[k][k]
     return vec(*x)
+
+
+def _of_one_kind(rows: list[Vec]) -> list[Vec]:
+    """The rows in numbers that round alike, as they may change places: of two doubles if one is,
+    and without what they remember of rounding.
+    """
+    if any([is_long(x) for row in rows for x in row]):
+        return [vec(*[x if is_long(x) else DoubleDouble(x, 0.0) for x in row]) for row in rows]
+    return [plain(row) for row in rows]
 
 
 def _exchange(condition: Any, a: Vec, b: Vec) -> tuple[Vec, Vec]:
@@ -70,7 +81,7 @@ def solve_matrix(m: Mat, rhs: Mat) -> Mat:
     m : (n, n), rhs : (n, k).
     """
     n = len(m)
-    rows = [vec(*m[i], *rhs[i]) for i in range(n)]
+    rows = _of_one_kind([vec(*m[i], *rhs[i]) for i in range(n)])
     for k in range(n):
         # a compare-and-swap network brings the largest entry of the column to row k
         for i in range(k + 1, n):
@@ -111,7 +122,7 @@ def inverse(m: Mat) -> Mat:
 def determinant(m: Mat) -> Any:
     """The determinant, by elimination with partial pivoting.  m : (n, n)."""
     n = len(m)
-    rows, product = [*m], 1.0
+    rows, product = _of_one_kind([*m]), 1.0
     for k in range(n):
         for i in range(k + 1, n):
             larger = _size(rows[i][k]) > _size(rows[k][k])
