@@ -578,7 +578,7 @@ def inverse_sizes(G: Mat, change: Vec, q: Vec) -> Vec:
     them, and far less of q itself.
     """
     sizes = [dot(abs(row), abs(change) + FAR * abs(q)) for row in G]
-    return vec(*[1.0 / where(s > 0.0, s, 1.0 + 0.0 * s) for s in sizes])
+    return vec(*[1.0 / where(s > 0.0, s, 1.0) for s in sizes])
 
 
 FAR = 2.0**-18
