@@ -47,7 +47,7 @@ def _of_one_kind(rows: list[Vec]) -> list[Vec]:
     """The rows in numbers that round alike, as they may change places: of two doubles if one is,
     and without what they remember of rounding.
     """
-    if any([is_long(x) for row in rows for x in row]):
+    if any(is_long(x) for row in rows for x in row):
         return [vec(*[x if is_long(x) else DoubleDouble(x, 0.0) for x in row]) for row in rows]
     return [plain(row) for row in rows]
 
