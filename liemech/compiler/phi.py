@@ -16,9 +16,8 @@ from typing import Any
 
 from llvmlite import ir
 
+from ..formulas.compensated import Compensated
 from ..formulas.complex_numbers import Complex
-from ..formulas.double_double import DoubleDouble
-from ..formulas.dual import Dual
 from ..formulas.pytree import PAIRS, build, is_any_number, layout_of, leaves, paired
 from ..formulas.vectors import Mat, Vec
 from .ir_numbers import Emitter, Num, Values
@@ -152,8 +151,6 @@ class Phis:
                 shapes += ": choose the item, and `append` it after the branch"
             if "Complex(" in shapes:
                 shapes += ": write liemech.formulas.Complex(x, 0.0) on every way"
-            if "DoubleDouble(" in shapes:
-                shapes += ": make it one of two doubles on every way, 0.1 + 0.0 * x instead of 0.1"
             if "None" in shapes or "'" in shapes:
                 shapes += ": let it be a number on every way, such as 0 or 1"
             return Undefined(f"it is one thing on one way and another on the other: {shapes}")
@@ -289,10 +286,6 @@ class Phis:
                 o.env.setdefault(RETURN, self.blank(returned))
 
 
-_OF_ONE_KIND = (Complex, DoubleDouble)
-"""Numbers that compute and round otherwise than a float, also where their second part is zero."""
-
-
 def leveled(items: list[Any]) -> list[Any]:
     """The same values, a number made a pair (of derivative, of what it remembers, zero) where it
     meets one.
@@ -312,11 +305,11 @@ def leveled(items: list[Any]) -> list[Any]:
     pairs = [v for v in items if isinstance(v, PAIRS)]
     if pairs and all(isinstance(v, PAIRS) or is_any_number(v) for v in items):
         form = max(pairs, key=lambda v: v.level).form
-        if form[0] in _OF_ONE_KIND and any(form != getattr(v, "form", None) for v in items):
-            return items
+        if form[0] is Complex and any(form != getattr(v, "form", None) for v in items):
+            return items  # its quotients round otherwise than a float's
         parts = [v.parts if isinstance(v, PAIRS) and v.form == form else (v, 0) for v in items]
         # a slope on one way at least; what is remembered on one way only stays 0 on the other
-        if form[0] is Dual and not all(type(second) is int for _, second in parts):
+        if form[0] is not Compensated and not all(type(second) is int for _, second in parts):
             parts = [(first, 0.0 if type(second) is int else second) for first, second in parts]
         return [
             paired(form, p)

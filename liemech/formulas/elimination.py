@@ -6,6 +6,8 @@ from typing import Any
 
 from ..errors import InvalidType
 from .complex_numbers import Complex
+from .double_double import DoubleDouble, is_long
+from .pytree import plain
 from .sums import abs2
 from .vectors import Mat, Vec, cross, dot, mat, vec
 
@@ -19,7 +21,7 @@ def solve(m: Mat, rhs: Any) -> Vec:
     m : (n, n), rhs : (n,).  Raises InvalidType if m is not square or rhs has another length.
     """
     n = _square("solve", m, rhs)
-    rows = [vec(*m[i], rhs[i]) for i in range(n)]
+    rows = _of_one_kind([vec(*m[i], rhs[i]) for i in range(n)])
     for k in range(n):
         # a compare-and-swap network brings the largest entry of the column to row k
         for i in range(k + 1, n):
@@ -34,6 +36,15 @@ def solve(m: Mat, rhs: Any) -> Vec:
             remainder = remainder - rows[k][j] * x[j]
         x[k] = remainder / rows[k][k]
     return vec(*x)
+
+
+def _of_one_kind(rows: list[Vec]) -> list[Vec]:
+    """The rows in numbers that round alike, as they may change places: of two doubles if one is,
+    and without what they remember of rounding.
+    """
+    if any(is_long(x) for row in rows for x in row):
+        return [vec(*[x if is_long(x) else DoubleDouble(x, 0.0) for x in row]) for row in rows]
+    return [plain(row) for row in rows]
 
 
 def _exchange(condition: Any, a: Vec, b: Vec) -> tuple[Vec, Vec]:
@@ -65,7 +76,7 @@ def solve_matrix(m: Mat, rhs: Mat) -> Mat:
     m : (n, n), rhs : (n, k).  Raises InvalidType if m is not square or rhs has another length.
     """
     n = _square("solve", m, rhs)
-    rows = [vec(*m[i], *rhs[i]) for i in range(n)]
+    rows = _of_one_kind([vec(*m[i], *rhs[i]) for i in range(n)])
     for k in range(n):
         # a compare-and-swap network brings the largest entry of the column to row k
         for i in range(k + 1, n):
@@ -122,7 +133,7 @@ def determinant(m: Mat) -> Any:
     m : (n, n).  Raises InvalidType if it is not square.
     """
     n = _square("determinant", m, m)
-    rows, product = [*m], 1.0
+    rows, product = _of_one_kind([*m]), 1.0
     for k in range(n):
         for i in range(k + 1, n):
             larger = _size(rows[i][k]) > _size(rows[k][k])

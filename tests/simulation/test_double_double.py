@@ -15,7 +15,7 @@ import pytest
 from scenes import CAYLEY, EXP, asymmetric_body, heavy_top, named, same_bits, slow
 
 import liemech as lm
-from liemech.errors import InvalidInput, InvalidType, NotCompilable
+from liemech.errors import InvalidInput, InvalidType
 from liemech.formulas import acos, asin, atan2, cbrt, cos, cosh, exp, log, pow, sin, sqrt, tanh
 from liemech.formulas.double_double import DoubleDouble
 from liemech.formulas.pytree import build, double_double, layout_of, leaves
@@ -330,33 +330,3 @@ def test_generating_functions_by_power_series_are_refused_in_plain_words(method:
             precision="double-double",
             compiled=False,
         )
-
-
-@lm.record
-class Switched(lm.GroupEquation):
-    """A coefficient that is an ordinary number on one way, or of two doubles on both."""
-
-    long: bool
-
-    def velocity(self, t: float, x: Any) -> Any:
-        k = (0.1 + 0.0 * x[0] if self.long else 0.1) if x[0] > 0.0 else x[1]
-        return lm.vec(k * k, -k * x[0])
-
-
-@pytest.mark.compiled
-def test_a_number_is_of_two_doubles_on_every_way_or_refused() -> None:
-    """The square of 0.1 is rounded, that of 0.1 in two doubles is not."""
-    for long in (False, True):
-        system = Switched(lm.VectorSpace(2), long)
-        for x in np.random.default_rng(5).normal(size=(4, 2)):
-            runs = []
-            for mode in (False, True):
-                try:
-                    runs.append(lm.integrate(
-                        system, lm.RKMK(order=4), system.state(x), h=0.1, steps=10,
-                        precision="double-double", compiled=mode,
-                    ))  # fmt: skip
-                except NotCompilable as error:
-                    assert not long and "0.1 + 0.0 * x instead of 0.1" in str(error)
-            assert len(runs) == 1 + long
-            assert np.array_equal(runs[0].g, runs[-1].g)
