@@ -330,3 +330,23 @@ def test_generating_functions_by_power_series_are_refused_in_plain_words(method:
             precision="double-double",
             compiled=False,
         )
+
+
+@lm.record
+class Kinked(lm.GroupEquation):
+    """A velocity that holds a float on one way and a number of two doubles on the other."""
+
+    def velocity(self, t: float, g: Any) -> Any:
+        k = 0.1 if g[0, 1] > -0.05 else g[0, 1]
+        return lm.vec(0.3 + k * k, 0.7, 1.1)
+
+
+@pytest.mark.compiled
+@pytest.mark.xfail(reason="the float becomes a number of two doubles in native code: 0.1 * 0.1 in 31 digits")
+def test_a_float_on_one_way_stays_a_float() -> None:
+    equation = Kinked(lm.SO3())
+    plan = lm.Plan(equation, lm.RKMK(order=4), 0.01, precision="double-double")
+    start = equation.state(np.eye(3))
+    plain, native = (plan.replace(compiled=c).run(start, steps=12) for c in (False, True))
+    assert np.abs(plain.g - native.g).max() < 1e-15
+    assert same_bits(plain.carry.numbers, native.carry.numbers)
