@@ -136,14 +136,15 @@ class FixedRun:
             self.failures[i] = reason(trial)
             if is_mistake(self.failures[i]):
                 break
-        none = "" if self.bodies is None else f"none of the {self.count} bodies can begin; body 0: "
-        raise self._not_begun(reason(trial), none + repr(self.plan.method))
+        raise self._nobody()
 
-    def _not_begun(self, error: Exception | None, what: str) -> Any:
-        """The error of a run that has no first state: a mistake in a formula, or a failure."""
-        raised = (
-            error if is_mistake(error) else failure(error, what, self._at_start())
-        )
+    def _nobody(self) -> Any:
+        """The error of a run in which no body can begin: a mistake in a formula, or a failure."""
+        last = self.failures.get(max(self.failures, default=0))
+        error = last if is_mistake(last) else self.failures.get(0)
+        none = "" if self.bodies is None else f"none of the {self.count} bodies can begin; body 0: "
+        what = none + repr(self.plan.method)
+        raised = error if is_mistake(error) else failure(error, what, self._at_start())
         return self._with_trajectory(raised, self._only_start())
 
     def _at_start(self) -> str:
@@ -182,8 +183,8 @@ class FixedRun:
         for i in np.flatnonzero(self.taken[: self.count] < 0.0):
             if i not in self.failures:
                 self._plain(begin, shape.beginner, arrays, int(i))
-        if self.bodies is None and self.taken[0] < 0.0:
-            raise self._not_begun(self.failures.get(0), repr(plan.method))
+        if (self.taken[: self.count] < 0.0).all():
+            raise self._nobody()
         if self.bodies is not None:
             self.states[:-1, self.taken < 0.0] = 0.0
         if beginning.native is not None and self.bodies is not None:

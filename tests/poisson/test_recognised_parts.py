@@ -51,7 +51,7 @@ class Potential(lm.Hamiltonian):
         if self.kind == "NumPy's sign":
             return spring + p * (1.0 + np.copysign(1.0, q - 1e9))
         if self.kind == "NumPy's":
-            return spring + 0.1 * np.cos(q) + np.log(np.hypot(q, 1.0)) + np.exp(-np.square(q))
+            return spring + 0.1 * np.cos(q) + np.log(np.sqrt(1.0 + np.square(q))) + np.exp(-np.square(q))
         return spring + self.smooth(q)
 
     def smooth(self, q: Any) -> Any:
