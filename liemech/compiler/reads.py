@@ -257,7 +257,7 @@ class Reads:
             return call(member.func, owner)
         if self._is_made(owner):
             self._glance(member.func, type(owner), set())
-        if id(owner) in self._given and varies(owner):
+        if varies(owner):
             try:
                 value = getattr(owner, name)
             except NotCompilable:  # Python cannot compute it of numbers of the run

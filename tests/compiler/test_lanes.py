@@ -146,7 +146,8 @@ def march_assembly(order: int, lanes: int) -> str:
     body, method = lm.RigidBody([1.0, 1.5, 2.0]), lm.RKMK(order=order)
     start = body.state(mu=np.full(3 if lanes == 1 else (lanes, 3), 0.5))
     lm.integrate(body, method, start, h=0.1, steps=1, compiled=True)
-    mine = [k for k in kernel.alive() if k.entry is fixed_steps and k.kinds[0] == layout_of(method)]
+    kinds = layout_of(method), layout_of(body)
+    mine = [k for k in kernel.alive() if k.entry is fixed_steps and k.kinds[:2] == kinds]
     # momentum alone is shown
     return next(k for k in mine if k.lanes == lanes and k.kinds[3].detail.width == 3).assembly()
 

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import collections
 import re
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -98,6 +99,7 @@ def no_kernels(patch: pytest.MonkeyPatch) -> None:
     patch.setattr(kernel, "_kept", collections.OrderedDict())
     patch.setattr(execution, "_histories", {})
     patch.setattr(execution, "_told", set())
+    patch.setattr(sys.modules["liemech.simulation.integrate"], "_plans", {})
 
 
 @pytest.fixture(params=["known", "general"])
