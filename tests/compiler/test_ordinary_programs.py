@@ -363,7 +363,7 @@ def formula(a, b, c, d, n):
 np.array([2.0]).tofile("numbers.bin")
 def formula(a, b, c, d, n):
     return a * np.fromfile("numbers.bin")[0]
-#> file changed: np.array([4.0]).tofile("/tmp/attack/t.bin")
+#> file changed: np.array([4.0]).tofile("numbers.bin")
 
 ### decimal context
 D1, D2 = decimal.Decimal(1), decimal.Decimal(3)
