@@ -25,6 +25,16 @@ CAYLEY = lm.CovariantVariational(lm.Cayley())
 METHODS = (RKMK4, EXP, CAYLEY)
 
 
+@lm.record
+class Fenced(lm.RKMK):
+    """Steps that end where mu_2 becomes large."""
+
+    def step(self, system: Any, t: float, state: Any, h: float) -> Any:
+        if state.mu[1] > 0.6:
+            raise ValueError("beyond the fence")
+        return super().step(system, t, state, h)
+
+
 def named(method: lm.Method) -> str:
     """For the names of tests."""
     return method.name

@@ -5,6 +5,8 @@ from __future__ import annotations
 import sys
 from typing import Any
 
+import numpy as np
+
 from ..compiler.driver import Rejected, accepted, any_body, attempt, itself, read, write
 from ..errors import is_mistake
 from ..formulas import Record, Vec, record, sqrt, where
@@ -51,6 +53,11 @@ CLOCK = layout_of(Clock(0.0, 0.0, *FRESH))
 
 TIME, STEP, ERROR, TAKEN, REJECTED, MARK, ANEW = range(CLOCK.width)
 """The places of these numbers among those of a clock."""
+
+
+def go_on(clock: np.ndarray, t: float) -> None:
+    """Go on at another time from the same state: the step is found anew."""
+    clock[TIME], clock[STEP], clock[ANEW] = t, 0.0, 1.0
 
 
 def adaptive_steps(

@@ -31,8 +31,9 @@ from .adaptive import (
     TIME,
     adaptive_lanes,
     adaptive_steps,
+    go_on,
 )
-from .adaptive_run import AdaptiveRun, Laid, stretches, velocity, watched
+from .adaptive_run import AdaptiveRun, Laid, cut, stretches, velocity, watched
 from .carry import AdaptiveCarry, Carries, Ended, Waiting
 from .dense import DenseOutput, flat, packed, unpacked
 from .events import NativeEvents, Unseen, Watch, Watches, unseen
@@ -281,7 +282,7 @@ class AdaptiveEnsemble(OneByOne):
                 if ways:
                     self.goals[0, i] = ways[0][0]
                 if start != self.t0[i]:
-                    self._jump(self.clocks[:, i], start)
+                    go_on(self.clocks[:, i], start)
         for i in np.flatnonzero((self.t_end == self.t0) & ~self.over).tolist():  # no steps to make
             begun, (system, _) = self.begun(i), self._of_body(i)
             if not accepted(velocity(system, begun.t, begun.state), itself):
@@ -370,13 +371,21 @@ class AdaptiveEnsemble(OneByOne):
                 columns = self.table.take(_padded(bodies, side), axis=1)
                 bar.advance(ended)
 
+    def _signs(self, bodies: np.ndarray) -> np.ndarray:
+        """1 of bodies that go forwards in time, -1 of others."""
+        return np.where(self.t_end[bodies] >= self.t0[bodies], 1.0, -1.0)
+
+    def _times_after(self, bodies: np.ndarray, t: np.ndarray) -> np.ndarray:
+        """The times that were reached after each trial, of which only those of steps are written."""
+        sign = self._signs(bodies)
+        return sign * np.maximum.accumulate(sign * t, axis=0)
+
     def _rows_begin(self, bodies: np.ndarray, t: np.ndarray) -> None:
         """Let rows begin where the last ones ended, before a jump, as in a run of one body.
 
         t : (turns + 1, bodies) the times of the last trials, of which not all are written.
         """
-        sign = np.where(self.t_end[bodies] >= self.t0[bodies], 1.0, -1.0)
-        reached = sign * np.maximum.accumulate(sign * t, axis=0)
+        reached = self._times_after(bodies, t)
         for k in np.flatnonzero(reached[0] != self.rows_at[bodies]).tolist():
             t[t[:, k] == t[0, k], k] = self.rows_at[bodies[k]]
         moved = reached[-1] != reached[0]
@@ -394,15 +403,10 @@ class AdaptiveEnsemble(OneByOne):
                 continue
             end, beyond = ways.pop()
             if end != beyond:
-                self._jump(columns[clock:goal, k], beyond)
+                go_on(columns[clock:goal, k], beyond)
                 columns[goal, k] = ways[-1][0] if ways else self.t_end[body]
                 if beyond == self.t_end[body]:
                     self.rows_at[body] = beyond
-
-    @staticmethod
-    def _jump(clock: np.ndarray, beyond: float) -> None:
-        """On to the other side: the state is the same, the step is found anew."""
-        clock[TIME], clock[STEP], clock[ANEW] = beyond, 0.0, 1.0
 
     # ---------------------------------------------------------------- events
 
@@ -414,8 +418,7 @@ class AdaptiveEnsemble(OneByOne):
         what came after it does not count.  out : as of `_sample`.
         """
         width, watches = self.lanes.state.width, self.watches  # type: ignore[union-attr]
-        sign = np.where(self.t_end[bodies] >= self.t0[bodies], 1.0, -1.0)
-        t = sign * np.maximum.accumulate(sign * out[:, 0], axis=0)  # not all rows are written
+        t = self._times_after(bodies, out[:, 0])
         column, turn = np.nonzero((t[1:] != t[:-1]).T)  # the steps, body after body
         if watches is None or not len(turn):
             return
@@ -451,11 +454,8 @@ class AdaptiveEnsemble(OneByOne):
         """
         lanes: Any = self.lanes
         width, clock = lanes.state.width, lanes.layout.width
-        begun, end = rows[turn : turn + 2, 0].tolist()
-        curve = rows[turn + 1, 1 + width :].reshape(-1, self._of_body(0)[0].group.dim)
-        curve = curve * ((at - begun) / (end - begun)) ** np.arange(1, len(curve) + 1)[:, None]
-        rows[turn + 1 :, 0], rows[turn + 1, 1 + width :] = at, curve.ravel()
-        rows[turn + 1, 1 : 1 + width] = column[:width] = numbers
+        cut(rows[turn + 1], rows.item(turn, 0), at, numbers, self._of_body(0)[0].group.dim)
+        rows[turn + 1 :, 0], column[:width] = at, numbers
         steps, rejected = self.clocks[[TAKEN, REJECTED], body]
         rejected = min(column[clock + REJECTED], rejected + turn + 1 - taken)
         column[clock : clock + CLOCK.width] = at, 0.0, 0.0, steps + taken, rejected, 0.0, 1.0
@@ -552,7 +552,7 @@ class AdaptiveEnsemble(OneByOne):
 
     def _passed(self, bodies: np.ndarray, t: np.ndarray) -> np.ndarray:
         """How many of the times that are asked for lie before these, (turns, bodies)?"""
-        sign = np.where(self.t_end[bodies] >= self.t0[bodies], 1.0, -1.0)
+        sign = self._signs(bodies)
         if self.asked.strides[1] == 0:  # all are asked for at the same
             return np.searchsorted(sign[0] * self.asked[:, 0], sign[0] * t, "right")
         found = np.zeros(t.shape, dtype=np.intp)

@@ -27,7 +27,6 @@ from ..formulas.pytree import build, gatherer, layout_of
 from ..systems.system import State
 from . import arguments
 from .adaptive import (
-    ANEW,
     ASKED,
     CLOCK,
     FRESH,
@@ -38,6 +37,7 @@ from .adaptive import (
     TAKEN,
     TIME,
     adaptive_steps,
+    go_on,
     noted,
 )
 from .carry import AdaptiveCarry
@@ -226,6 +226,17 @@ def stretches(
     return t0 + margin[t0] if t0 in breaks else t0, ways
 
 
+def cut(row: np.ndarray, begun: float, at: float, numbers: np.ndarray, dim: int) -> None:
+    """Let the step of a row, from the time `begun` on, end inside: at this time, in a state of these
+    numbers.  dim : of the displacements that the way there is made of.
+    """
+    width = len(numbers)
+    curve = row[1 + width :].reshape(-1, dim)
+    powers = ((at - begun) / (row[0] - begun)) ** np.arange(1, len(curve) + 1)
+    row[0], row[1 : 1 + width] = at, numbers
+    row[1 + width :] = (curve * powers[:, None]).ravel()
+
+
 def watched(
     events: tuple[Event, ...], ended: Callable[[Any], Any], t0: float, start: Any, state: Any
 ) -> Watch:
@@ -342,12 +353,12 @@ class AdaptiveRun:
             with Bar(self.plan.progress, 1000, "") as bar:
                 start, ways = stretches(self.plan.breaks, self.t0, self.t_end)
                 if start != self.t0:
-                    self._jump(start)
+                    go_on(self.clock, start)
                 for end, beyond in ways:
                     if self._stepped(end, bar):
                         break
                     if end != beyond:
-                        self._jump(beyond)
+                        go_on(self.clock, beyond)
                         if beyond == self.t_end:
                             self._arrived()
         except IntegrationInterrupted:
@@ -360,12 +371,6 @@ class AdaptiveRun:
         if self.kept and len(self.rows) > self.filled:
             self.rows.resize((self.filled, self.rows.shape[1]), refcheck=False)
         return self._result()
-
-    def _jump(self, beyond: float) -> None:
-        """On to the other side of a jump of the velocity: the state is the same, the step is found
-        anew.
-        """
-        self.clock[TIME], self.clock[STEP], self.clock[ANEW] = beyond, 0.0, 1.0
 
     def _arrived(self) -> None:
         """At a t_end where the velocity jumps, which steps keep away from: their last state is
@@ -545,11 +550,9 @@ class AdaptiveRun:
         self._again(end, states.copy(), clock.copy(), k + 1)
         self.looking = None
         row, begun = self.rows[before + k], self.rows[before + k - 1, 0]
-        curve = row[1 + self.width :].reshape(-1, self.system.group.dim)
-        curve *= ((at - begun) / (row[0] - begun)) ** np.arange(1, len(curve) + 1)[:, None]
-        row[0], row[1 : 1 + self.width] = at, numbers
-        self.filled, self.clock[TIME] = before + k + 1, at
-        self.clock[STEP], self.clock[MARK], self.clock[ANEW] = 0.0, 0.0, 1.0  # from here a start anew
+        cut(row, begun, at, numbers, self.system.group.dim)
+        self.filled, self.clock[MARK] = before + k + 1, 0.0
+        go_on(self.clock, at)
         return True
 
     def _again(self, end: float, states: np.ndarray, clock: np.ndarray, steps: int) -> None:

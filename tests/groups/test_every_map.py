@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from groups.bare import BareAlgebra, BareGroup, phi1
 from scipy.linalg import expm
 
 import liemech as lm
@@ -21,15 +22,8 @@ EPS = 2.0**-52
 
 
 @lm.record
-class OnlyBracket(lm.LieAlgebra):
+class WithMatrices(BareAlgebra):
     """so(3) from what an algebra must write, and matrices for a Cayley map."""
-
-    @property
-    def dim(self) -> int:
-        return 3
-
-    def bracket(self, xi: lm.Vec, eta: lm.Vec) -> lm.Vec:
-        return lm.cross(xi, eta)
 
     def hat(self, xi: lm.Vec) -> lm.Mat:
         return lm.SO3().algebra.hat(xi)
@@ -39,21 +33,12 @@ class OnlyBracket(lm.LieAlgebra):
 
 
 @lm.record
-class OnlyWhatItMust(lm.LieGroup):
+class OnlyWhatItMust(BareGroup):
     """SO(3) from what a group must write, with Cayley map and logarithm."""
 
     @property
     def algebra(self) -> lm.LieAlgebra:
-        return OnlyBracket()
-
-    def identity(self) -> lm.Element:
-        return lm.SO3().identity()
-
-    def inverse(self, g: lm.Element) -> lm.Element:
-        return lm.SO3().inverse(g)
-
-    def exp(self, xi: lm.Vec) -> lm.Element:
-        return lm.SO3().exp(xi)
+        return WithMatrices()
 
     def log(self, g: lm.Element) -> lm.Vec:
         return lm.SO3().log(g)
@@ -66,15 +51,8 @@ class OnlyWhatItMust(lm.LieGroup):
 
 
 @lm.record
-class WithoutMatrices(lm.LieAlgebra):
+class WithoutMatrices(BareAlgebra):
     """so(3) as a bracket alone, with a differential of one's own."""
-
-    @property
-    def dim(self) -> int:
-        return 3
-
-    def bracket(self, xi: lm.Vec, eta: lm.Vec) -> lm.Vec:
-        return lm.cross(xi, eta)
 
     def dexp_dual(self, xi: lm.Vec, mu: lm.Vec, side: str = "right") -> lm.Vec:
         return lm.SO3().algebra.dexp_dual(xi, mu, side)
@@ -108,12 +86,6 @@ SIZES = [
     3.3,
     pytest.param(5.4, marks=pytest.mark.slow),
 ]
-
-
-def phi1(a: np.ndarray) -> np.ndarray:
-    """1 + a/2 + a^2/6 + ..."""
-    n = len(a)
-    return np.asarray(expm(np.block([[a, np.eye(n)], [np.zeros((n, 2 * n))]]))[:n, n:])
 
 
 def array(x: Any) -> np.ndarray:

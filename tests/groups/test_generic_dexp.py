@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from scipy.linalg import expm
+from groups.bare import BareGroup, phi1
 
 import liemech as lm
 from liemech.errors import InvalidInput
@@ -18,41 +18,11 @@ EPS = 2.0**-52
 
 
 @lm.record
-class BareAlgebra(lm.LieAlgebra):
-    """so(3) from what an algebra of one's own must write, and nothing else."""
-
-    @property
-    def dim(self) -> int:
-        return 3
-
-    def bracket(self, xi: lm.Vec, eta: lm.Vec) -> lm.Vec:
-        return lm.cross(xi, eta)
-
-
-@lm.record
-class Rotations(lm.LieGroup):
-    """SO(3) from what a group of one's own must write, and nothing else."""
-
-    @property
-    def algebra(self) -> lm.LieAlgebra:
-        return BareAlgebra()
-
-    def identity(self) -> lm.Element:
-        return lm.SO3().identity()
-
-    def inverse(self, g: lm.Element) -> lm.Element:
-        return lm.SO3().inverse(g)
-
-    def exp(self, xi: lm.Vec) -> lm.Element:
-        return lm.SO3().exp(xi)
+class Rotations(BareGroup):
+    """SO(3) with an adjoint action."""
 
     def Ad(self, g: lm.Element, xi: lm.Vec) -> lm.Vec:
         return lm.SO3().Ad(g, xi)
-
-
-def phi1(a: np.ndarray) -> np.ndarray:
-    n = len(a)
-    return np.asarray(expm(np.block([[a, np.eye(n)], [np.zeros((n, 2 * n))]]))[:n, n:])
 
 
 @pytest.mark.parametrize("size", [0.0, 1e-8, 0.5, 2.8, 3.0, 10.0, 40.0, 1000.0])

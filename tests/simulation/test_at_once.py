@@ -12,6 +12,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pytest
+from scenes import Fenced
 
 import liemech as lm
 from liemech.compiler.reads import Guard
@@ -235,16 +236,6 @@ def test_what_formulas_read_is_seen_by_new_systems_too(monkeypatch: pytest.Monke
     assert np.array_equal(before, last(True)) and np.array_equal(before, last(False))
     monkeypatch.setitem(globals(), "GAIN", 1.25)
     assert np.array_equal(last(True), last(False)) and not np.array_equal(last(True), before)
-
-
-@lm.record
-class Fenced(lm.RKMK):
-    """Steps that end where mu_2 becomes large."""
-
-    def step(self, system: Any, t: float, state: Any, h: float) -> Any:
-        if state.mu[1] > 0.6:
-            raise ValueError("beyond the fence")
-        return super().step(system, t, state, h)
 
 
 @pytest.mark.compiled

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scenes import Fenced
 
 import liemech as lm
 from liemech.errors import (
@@ -165,16 +166,6 @@ def test_an_interrupt_leaves_it_where_it_has_come_to(monkeypatch: pytest.MonkeyP
 
 
 # ------------------------------------------------------------------ steps that fail
-
-
-@lm.record
-class Fenced(lm.RKMK):
-    """Steps that end where mu_2 becomes large."""
-
-    def step(self, system: Any, t: float, state: Any, h: float) -> Any:
-        if state.mu[1] > 0.6:
-            raise ValueError("beyond the fence")
-        return super().step(system, t, state, h)
 
 
 @WORLDS
