@@ -56,7 +56,7 @@ TIME, STEP, ERROR, TAKEN, REJECTED, MARK, ANEW = range(CLOCK.width)
 
 
 def go_on(clock: np.ndarray, t: float) -> None:
-    """Go on at another time from the same state: the step is found anew."""
+    """Go on at another time from the same state: velocity and step are found anew."""
     clock[TIME], clock[STEP], clock[ANEW] = t, 0.0, 1.0
 
 
