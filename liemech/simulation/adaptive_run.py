@@ -299,7 +299,7 @@ class AdaptiveRun:
         self.found: np.ndarray | None = None  # room for them, of native code
         self.asked = 0  # how many of t_eval are reached
         if isinstance(start, AdaptiveCarry):
-            self.states, self.clock = start.taken_up(t_end)
+            self.states, self.clock = start.taken_up(t_end, shape.layout.width)
         else:
             self.states = np.zeros(shape.layout.width)
             self.states[: self.width] = self.rows[0, 1 : 1 + self.width]

@@ -376,7 +376,7 @@ class Plan:
         """
         kept = arguments.checkpoint(path, seconds)
         if kept is not None:
-            from .archive import encoded
+            from .encoding import encoded
 
             for name, value in (("system", self._one), ("method", of_body(self.method, 0))):
                 try:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import json
 import os
 import signal
 import subprocess
@@ -17,7 +16,7 @@ import numpy as np
 import pytest
 
 import liemech as lm
-from liemech.simulation import archive
+from liemech.simulation import files
 
 BODY = lm.RigidBody([1.0, 1.6, 2.3])
 START = BODY.state(mu=[0.5, -0.3, 0.75], g=np.eye(3))
@@ -137,7 +136,7 @@ def test_a_hostile_file_runs_no_code(tmp_path: Path, monkeypatch: pytest.MonkeyP
     monkeypatch.syspath_prepend(tmp_path)
     path = tmp_path / "run.npz"
     CASES["body"][0].run(START, steps=3).save(path)
-    arrays, about = archive._unpacked(path)
+    arrays, about = files.read(path)
     hostile = (
         {"class": "evil:Body", "fields": {}},
         {"type": "os:system"},
@@ -146,7 +145,7 @@ def test_a_hostile_file_runs_no_code(tmp_path: Path, monkeypatch: pytest.MonkeyP
     )
     for system in hostile:
         about["system"] = system
-        path.write_bytes(archive._packed(arrays | {"about": np.array(json.dumps(about))}))
+        files.write(path, arrays, about)
         with pytest.raises(lm.errors.InvalidInput, match=r"run\.npz"):
             lm.Trajectory.load(path)
     assert not (tmp_path / "ran").exists()
@@ -155,21 +154,22 @@ def test_a_hostile_file_runs_no_code(tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert zipfile.is_zipfile(memory)
 
 
-def test_a_class_of_another_script_is_told(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    class Scripted(lm.RigidBody):
-        pass
-
-    Scripted.__module__, Scripted.__qualname__ = "__main__", "Scripted"
-    monkeypatch.setattr(sys.modules["__main__"], "Scripted", Scripted, raising=False)
-    body = Scripted([1.0, 1.5, 2.0])
-    run = lm.integrate(body, lm.RKMK(order=4), body.state(mu=[0.1, 0.2, 0.3]), h=0.1, steps=2)
-    run.save(tmp_path / "run.npz")
-    assert lm.Trajectory.load(tmp_path / "run.npz") == run
-    monkeypatch.undo()
+def test_a_class_of_another_script_is_told(tmp_path: Path) -> None:
+    program = (
+        "import sys, liemech as lm\n"
+        "class Scripted(lm.RigidBody):\n    pass\n"
+        "def local():\n    class Inner(lm.RigidBody):\n        pass\n    return Inner\n"
+        "for name, kind in (('run', Scripted), ('inner', local())):\n"
+        "    body = kind([1.0, 1.5, 2.0])\n"
+        "    run = lm.integrate(body, lm.RKMK(), body.state([0.1, 0.2, 0.3]), h=0.1, steps=2)\n"
+        "    run.save(f'{name}.npz')\n"
+        "assert lm.Trajectory.load('run.npz').system == Scripted([1.0, 1.5, 2.0])\n"
+    )
+    subprocess.run([sys.executable, "-c", program], cwd=tmp_path, check=True)
     with pytest.raises(lm.errors.InvalidInput, match="Scripted was a class of the script that"):
-        lm.Trajectory.load(tmp_path / "run.npz")
+        lm.Trajectory.load(tmp_path / "run.npz", trusted=True)
+    with pytest.raises(lm.errors.InvalidInput, match="Inner of __main__ was defined inside of a"):
+        lm.Trajectory.load(tmp_path / "inner.npz")
 
 
 def test_what_cannot_be_saved_is_refused(tmp_path: Path) -> None:
