@@ -22,6 +22,9 @@ import numpy as np
 
 import liemech as lm
 
+LARGEST = 10**6
+"""Sizes of systems beyond it would fill the memory before anything could be said of them."""
+
 
 def read(text: str, kind: type, where: str, own: bool = True) -> Any:
     """The object that a text describes, of some kind: `RKMK(order=4)`, `Cayley`,
@@ -39,6 +42,8 @@ def read(text: str, kind: type, where: str, own: bool = True) -> Any:
         raise lm.errors.InvalidInput(
             f"{where}: {_short(text)} cannot be read, {wrong.msg}; write it as RKMK(order=4)"
         ) from None
+    except lm.errors.LiemechError:
+        raise
     except (ValueError, ArithmeticError, RecursionError, MemoryError) as wrong:
         raise lm.errors.InvalidInput(
             f"{where}: {_short(text)} cannot be read, {wrong}; write it as RKMK(order=4)"
@@ -236,7 +241,14 @@ def _call(cls: Any, values: Any, options: Mapping[str, Any], where: str) -> Any:
     """An object; what its class says of wrong arguments begins with the place."""
     if not isinstance(cls, type):
         raise lm.errors.InvalidInput(f"{where}: {cls!r} is an object; write it without brackets")
-    allowed = list(inspect.signature(cls).parameters)
+    signature = inspect.signature(cls)
+    allowed = list(signature.parameters)
+    for key, value in [*zip(allowed, values, strict=False), *options.items()]:
+        size = type(value) is int and getattr(signature.parameters.get(key), "annotation", 0)
+        if size in (int, "int") and abs(value) > LARGEST:
+            raise lm.errors.InvalidInput(
+                f"{where}: {cls.__name__}: {key} = {value} is larger than {LARGEST}, and no size here"
+            )
     for key in options:
         if key not in allowed and cls not in (lm.Vec, lm.Mat):
             raise lm.errors.InvalidInput(

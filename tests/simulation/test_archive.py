@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import inspect
 import io
+import json
 import os
 import signal
 import subprocess
@@ -16,7 +18,11 @@ import numpy as np
 import pytest
 
 import liemech as lm
+from liemech.command_line.constructors import names, read
+from liemech.command_line.lists import EXAMPLES
+from liemech.command_line.scenes import SCENES
 from liemech.simulation import files
+from liemech.simulation.encoding import encoded
 
 BODY = lm.RigidBody([1.0, 1.6, 2.3])
 START = BODY.state(mu=[0.5, -0.3, 0.75], g=np.eye(3))
@@ -85,6 +91,25 @@ def test_a_saved_run_comes_back_and_goes_on(case: str, tmp_path: Path) -> None:
     assert all(np.array_equal(x, whole.states[name]) for name, x in joined.states.items())
     with np.load(tmp_path / "run.npz") as plain:  # without liemech
         assert np.array_equal(plain["t"], run.t)
+
+
+def test_whatever_the_library_has_can_be_in_files() -> None:
+    """Read in a process that knows nothing but the library."""
+    made = [getattr(scene(), part) for scene in SCENES.values() for part in ("system", "method", "start")]
+    made += [read(EXAMPLES.get(name, name), lm.Method, name) for name in names(lm.Method)
+             if name in EXAMPLES or not inspect.signature(getattr(lm, name)).parameters]  # fmt: skip
+    program = (
+        "import sys, json, liemech as lm\nfrom liemech.simulation.encoding import Decoder\n"
+        "print(*(repr(Decoder('file')(x)) for x in json.load(sys.stdin)), sep='\\n')"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program],
+        input=json.dumps([*map(encoded, made)]),
+        text=True,
+        capture_output=True,
+        check=True,
+    )
+    assert done.stdout == "\n".join(map(repr, made)) + "\n"
 
 
 def test_adaptive_runs_come_back_with_the_way_between_the_steps(tmp_path: Path) -> None:

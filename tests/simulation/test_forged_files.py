@@ -477,6 +477,8 @@ steps = 2
         f"\"{'9' * 5000}\"",
         f"{'[' * 50000}",
         "[inf, 1.0, 1.0]",
+        "\"TodaLattice(1000000000)\"",
+        "{ name = \"TodaLattice\", particles = 1000000000 }",
     ],
 )  # fmt: skip
 @pytest.mark.parametrize("trusted", [False, True])
